@@ -1,0 +1,133 @@
+//! The two clocks: `Monotonic` for the bench, `Virtual` for simulation. The only reader of the machine's clocks.
+//!
+//! Loops take `&dyn Clock`; physics takes `at`. On the virtual clock a run does not depend on the machine's speed.
+
+use crate::base::time::{Span, Tai};
+use core::sync::atomic::{AtomicI64, Ordering};
+use std::time::{Duration, Instant, SystemTime};
+
+/// A source of time that can also wait.
+pub trait Clock: Send + Sync {
+    /// The present instant.
+    fn now(&self) -> Tai;
+    /// Returns at `at` or just after it; at once when `at` has passed.
+    fn sleep_until(&self, at: Tai);
+    /// True when waiting takes wall time (a bench), false when time is only simulated.
+    fn is_real(&self) -> bool;
+}
+
+/// Wall time that never steps: set once from the system clock, then carried by the monotonic clock.
+#[derive(Debug)]
+pub struct Monotonic {
+    origin: Instant,
+    tai_at_origin: Tai,
+}
+
+impl Monotonic {
+    /// Starts from the system's idea of UTC (assumes it is right; TAI follows by the leap-second table).
+    #[must_use]
+    #[allow(clippy::disallowed_methods, reason = "the one place that reads the machine's clocks")]
+    pub fn start() -> Self {
+        let unix = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+        let epoch = hifitime::Epoch::from_unix_duration(unix.into());
+        let tai_at_origin = Tai::from_rfc3339(&epoch.to_rfc3339()).unwrap_or(Tai::from_ns(0));
+        Self { origin: Instant::now(), tai_at_origin }
+    }
+}
+
+impl Clock for Monotonic {
+    fn now(&self) -> Tai {
+        let elapsed_ns = i64::try_from(self.origin.elapsed().as_nanos()).unwrap_or(i64::MAX);
+        self.tai_at_origin + Span::from_ns(elapsed_ns)
+    }
+
+    fn sleep_until(&self, at: Tai) {
+        let left_ns = (at - self.now()).ns();
+        if let Ok(ns) = u64::try_from(left_ns) {
+            std::thread::sleep(Duration::from_nanos(ns));
+        }
+    }
+
+    fn is_real(&self) -> bool {
+        true
+    }
+}
+
+/// Time that moves only when told.
+#[derive(Debug)]
+pub struct Virtual {
+    now_ns: AtomicI64,
+}
+
+impl Virtual {
+    /// A virtual clock that stands at `start`.
+    #[must_use]
+    pub fn new(start: Tai) -> Self {
+        Self { now_ns: AtomicI64::new(start.ns()) }
+    }
+
+    /// Moves time forward to `at`; never back.
+    pub fn advance_to(&self, at: Tai) {
+        self.now_ns.fetch_max(at.ns(), Ordering::SeqCst);
+    }
+}
+
+impl Clock for Virtual {
+    fn now(&self) -> Tai {
+        Tai::from_ns(self.now_ns.load(Ordering::SeqCst))
+    }
+
+    fn sleep_until(&self, at: Tai) {
+        self.advance_to(at);
+    }
+
+    fn is_real(&self) -> bool {
+        false
+    }
+}
+
+/// Wall-clock stopwatch for measuring stages; never feeds physics.
+#[derive(Debug, Clone, Copy)]
+pub struct Stopwatch {
+    from: Instant,
+}
+
+impl Stopwatch {
+    /// Starts measuring.
+    #[must_use]
+    #[allow(clippy::disallowed_methods, reason = "the one place that reads the machine's clocks")]
+    pub fn start() -> Self {
+        Self { from: Instant::now() }
+    }
+
+    /// Wall time since the start (or the last lap), and starts the next lap.
+    #[allow(clippy::disallowed_methods, reason = "the one place that reads the machine's clocks")]
+    pub fn lap(&mut self) -> Span {
+        let now = Instant::now();
+        let ns = i64::try_from((now - self.from).as_nanos()).unwrap_or(i64::MAX);
+        self.from = now;
+        Span::from_ns(ns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn virtual_time_moves_only_forward_and_when_told() {
+        let clock = Virtual::new(Tai::from_ns(100));
+        assert_eq!(clock.now(), clock.now(), "stands still");
+        clock.sleep_until(Tai::from_ns(250));
+        clock.advance_to(Tai::from_ns(50));
+        assert_eq!(clock.now().ns(), 250);
+    }
+
+    #[test]
+    fn monotonic_time_agrees_with_the_leap_second_table() {
+        let clock = Monotonic::start();
+        let a = clock.now();
+        assert!(clock.now() >= a, "never goes back");
+        assert!(a > Tai::from_rfc3339("2024-01-01T00:00:00Z").expect("a valid instant"), "{a}");
+    }
+}
