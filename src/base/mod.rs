@@ -5,6 +5,7 @@
 pub mod accuracy;
 pub mod axes;
 pub mod clock;
+pub mod fused;
 pub mod image;
 pub mod random;
 pub mod time;

@@ -1,1 +1,13 @@
-//! (room being built)
+//! Point-spread function and radiometry.
+//!
+//! In: magnitude and colour, a PSF model. Out: electrons, and the share of a star's light in each pixel (f64, exact).
+//! Fast forms of the pixel integral live with the backends that use them and are measured against this room.
+
+pub mod airy;
+pub mod gaussian;
+pub mod psf;
+pub mod quadrature;
+pub mod radiometry;
+
+pub use psf::PsfModel;
+pub use radiometry::Radiometry;

@@ -1,1 +1,53 @@
-//! (room being built)
+//! Plan -> mean electrons per pixel, by one of three backends behind one trait.
+//!
+//! * `cpu`: all cores, vectorised; agrees with `reference` to the budget and repeats bit for bit.
+//! * `gpu`: wgpu compute; the same methods in the same order, integer accumulation, repeats bit for bit.
+//! * `reference`: f64, slow, integrates the exact motion: the truth in the house.
+
+pub mod cpu;
+pub mod erf;
+pub mod reference;
+pub mod spline;
+pub mod table;
+
+use crate::exposure::ExposurePlan;
+use crate::gpu::Electrons;
+
+/// Draws plans.
+pub trait Backend: Send {
+    /// The name people type: `cpu`, `gpu` or `reference`.
+    fn name(&self) -> &'static str;
+
+    /// The device behind it, for reports.
+    fn description(&self) -> String;
+
+    /// Draws `plan`; the image stays with the backend until the next call.
+    ///
+    /// # Errors
+    /// When the device failed.
+    fn render(&mut self, plan: &ExposurePlan) -> Result<(), RenderError>;
+
+    /// The latest image.
+    fn electrons(&self) -> Electrons<'_>;
+}
+
+/// Why a frame could not be drawn.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// no usable GPU
+    #[error("no GPU backend: {0}")]
+    NoGpu(String),
+    /// the GPU failed while it drew
+    #[error("the GPU failed while drawing: {0}")]
+    Device(String),
+    /// a plan is larger than the device's buffers
+    #[error("{what}: got {got}, the device takes at most {most}; lower the limiting magnitude or use the CPU backend")]
+    TooLarge {
+        /// What is too large.
+        what: &'static str,
+        /// How large it is.
+        got: usize,
+        /// The limit.
+        most: usize,
+    },
+}

@@ -1,0 +1,63 @@
+//! Detector parameters in the terms of EMVA 1288 and ECSS.
+
+/// One detector.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DetectorParams {
+    /// Saturation capacity, e-.
+    pub full_well_e: f64,
+    /// Electrons per digital number (the reciprocal of EMVA's K).
+    pub gain_e_per_dn: f64,
+    /// Bits of the ADC, 1 to 16.
+    pub bits: u32,
+    /// Digital number of zero electrons.
+    pub black_level_dn: f64,
+    /// Temporal noise of the readout, e- rms.
+    pub read_noise_e_rms: f64,
+    /// Dark current at the stated temperature, e-/s.
+    pub dark_e_per_s: f64,
+    /// Photo-response non-uniformity, rms share.
+    pub prnu: f64,
+    /// Dark-signal non-uniformity, e- rms.
+    pub dsnu_e_rms: f64,
+}
+
+impl DetectorParams {
+    /// Largest digital number.
+    #[must_use]
+    pub fn largest_dn(&self) -> u16 {
+        u16::try_from((1_u32 << self.bits.min(16)) - 1).unwrap_or(u16::MAX)
+    }
+}
+
+/// The parameters as the inner loops (and the GPU's uniform buffer) want them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Constants {
+    /// Dark signal of one exposure, e-.
+    pub dark_e: f32,
+    /// Saturation capacity, e-.
+    pub full_well_e: f32,
+    /// Read noise, e- rms.
+    pub read_noise_e: f32,
+    /// Digital numbers per electron.
+    pub dn_per_e: f32,
+    /// Black level, DN.
+    pub black_dn: f32,
+    /// Largest digital number.
+    pub largest_dn: f32,
+}
+
+impl Constants {
+    /// For one exposure.
+    #[must_use]
+    #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
+    pub fn new(params: &DetectorParams, exposure_s: f64) -> Self {
+        Self {
+            dark_e: (params.dark_e_per_s * exposure_s) as f32,
+            full_well_e: params.full_well_e as f32,
+            read_noise_e: params.read_noise_e_rms as f32,
+            dn_per_e: (1.0 / params.gain_e_per_dn) as f32,
+            black_dn: params.black_level_dn as f32,
+            largest_dn: f32::from(params.largest_dn()),
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! Lists of path nodes: midpoints in time, Gauss-Legendre in time, and the dense list the planner trusts.
+
+use crate::exposure::features::{FEATURES, Features, PathNode, features};
+use crate::exposure::motion::Motion;
+use crate::exposure::pixel_path::{PixelPath, PixelPoint};
+use crate::optics::quadrature::gauss_legendre_node;
+
+/// Dense nodes stand no further apart than this share of the PSF's sigma (midpoint error of variance: its square / 12).
+const DENSE_STEP_SIGMA: f64 = 0.1;
+/// Dense nodes per period of the fastest jitter line.
+const DENSE_PER_PERIOD: f64 = 24.0;
+/// Most dense nodes of a path with jitter (the frame path's buffers hold this many).
+pub const MOST_DENSE_NODES: usize = 4096;
+/// Most dense nodes of a commanded image path.
+pub const MOST_PATH_NODES: usize = 1 << 18;
+
+/// `k` midpoints in time, moved together so that their mean features are exactly `mean`: no centroid error is left.
+pub fn midpoints(motion: &Motion, k: usize, mean: &Features, out: &mut Vec<PathNode>) {
+    out.clear();
+    let weight = 1.0 / k as f64;
+    out.extend((0..k).map(|i| {
+        let tau = (i as f64 + 0.5) * weight - 0.5;
+        PathNode { weight, phi: motion.features_at(tau) }
+    }));
+    recentre(out, mean);
+}
+
+/// `n` Gauss-Legendre nodes in time (smooth motion only: jitter between nodes would be missed).
+pub fn gauss_legendre_in_time(motion: &Motion, n: usize, out: &mut Vec<PathNode>) {
+    out.clear();
+    out.extend((0..n).map(|i| {
+        let node = gauss_legendre_node(n, i);
+        PathNode { weight: node.weight, phi: motion.features_at(node.x) }
+    }));
+}
+
+/// One node at the mean of the path.
+pub fn single(mean: &Features, out: &mut Vec<PathNode>) {
+    out.clear();
+    out.push(PathNode { weight: 1.0, phi: *mean });
+}
+
+/// The list the planner measures other lists against. `reach_px`: length of the jittered path on the detector,
+/// `radius_px`: furthest star from the principal point.
+pub fn dense(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, out: &mut Vec<PathNode>) {
+    out.clear();
+    let step_px = DENSE_STEP_SIGMA * sigma_px;
+    let exposure_s = motion.los.exposure_s;
+    match &motion.image_path {
+        None => {
+            let by_period = motion.los.jitter.highest_line_hz() * exposure_s * DENSE_PER_PERIOD;
+            let by_samples = 4.0 * motion.los.jitter.points.len() as f64;
+            let wanted = (reach_px / step_px).max(by_period).max(by_samples);
+            let k = clamped(wanted, 16, MOST_DENSE_NODES);
+            let weight = 1.0 / k as f64;
+            out.extend((0..k).map(|i| {
+                let tau = (i as f64 + 0.5) * weight - 0.5;
+                PathNode { weight, phi: motion.features_at(tau) }
+            }));
+        }
+        Some(PixelPath::Samples(points)) => {
+            let weight = 1.0 / points.len() as f64;
+            out.extend(points.iter().enumerate().map(|(i, point)| {
+                let tau = (i as f64 + 0.5) * weight - 0.5;
+                PathNode { weight, phi: features(tau, point.shared()) }
+            }));
+        }
+        Some(PixelPath::Line(points)) => along_line(points, exposure_s, step_px, radius_px, out),
+    }
+}
+
+/// Midpoints of short pieces of every segment, weighted by their time.
+fn along_line(points: &[PixelPoint], exposure_s: f64, step_px: f64, radius_px: f64, out: &mut Vec<PathNode>) {
+    for_each_segment(points, exposure_s, |a, b| {
+        let left = MOST_PATH_NODES.saturating_sub(out.len()).max(1);
+        let pieces = clamped(a.distance_px(b, radius_px) / step_px, 1, left);
+        let weight = (b.t_s - a.t_s) / exposure_s / pieces as f64;
+        for piece in 0..pieces {
+            let point = a.towards(b, (piece as f64 + 0.5) / pieces as f64);
+            out.push(PathNode { weight, phi: features(point.t_s / exposure_s - 0.5, point.shared()) });
+        }
+    });
+}
+
+/// Calls `visit(from, to)` for every stretch of an exposure with positive duration, the held ends included.
+pub fn for_each_segment(points: &[PixelPoint], exposure_s: f64, mut visit: impl FnMut(&PixelPoint, &PixelPoint)) {
+    let (Some(first), Some(last)) = (points.first(), points.last()) else { return };
+    let start = PixelPoint { t_s: 0.0, ..*first };
+    let end = PixelPoint { t_s: exposure_s, ..*last };
+    let mut from = start;
+    for to in points.iter().chain([&end]) {
+        let to = PixelPoint { t_s: to.t_s.clamp(0.0, exposure_s), ..*to };
+        if to.t_s > from.t_s {
+            visit(&from, &to);
+        }
+        from = to;
+    }
+}
+
+fn recentre(nodes: &mut [PathNode], mean: &Features) {
+    let mut off: Features = *mean;
+    for node in nodes.iter() {
+        for i in 0..FEATURES {
+            off[i] -= node.weight * node.phi[i];
+        }
+    }
+    for node in nodes {
+        for i in 0..FEATURES {
+            node.phi[i] += off[i];
+        }
+    }
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to usize bounds first")]
+fn clamped(wanted: f64, least: usize, most: usize) -> usize {
+    wanted.ceil().clamp(least as f64, most.max(least) as f64) as usize
+}

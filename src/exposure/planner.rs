@@ -1,0 +1,375 @@
+//! The planner: the cheapest method whose error bounds fit the budget.
+//!
+//! In: motion, sources, instrument. Out: [`ExposurePlan`]. After the first frames it allocates nothing. Limits: one
+//! method for all stars of a frame; jitter enters through the projection's derivative. Bounds are held against the
+//! reference by `tests/physics`.
+
+use crate::astrometry::CameraGeometry;
+use crate::attitude::LosPath;
+use crate::base::accuracy::AccuracyBudget;
+use crate::exposure::cost::CostModel;
+use crate::exposure::features::PathNode;
+use crate::exposure::method::{Method, MethodChoice, MethodName};
+use crate::exposure::moments::{Moments, mean_features};
+use crate::exposure::motion::Motion;
+use crate::exposure::nodes;
+use crate::exposure::pixel_path::PixelPath;
+use crate::exposure::plan::{Assessment, ExposurePlan, PlannedStar, Verdict};
+use crate::exposure::share::Share;
+use crate::exposure::track::StarTrack;
+use crate::optics::PsfModel;
+use glam::DVec3;
+
+/// The instrument as the planner sees it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Instrument {
+    /// Projection and distortion.
+    pub camera: CameraGeometry,
+    /// PSF.
+    pub psf: PsfModel,
+    /// Electrons at which a pixel saturates: errors above it cannot be seen.
+    pub full_well_e: f64,
+    /// Noise floor of a pixel, e-.
+    pub read_noise_e_rms: f64,
+}
+
+/// A source to draw.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Source {
+    /// Identifier.
+    pub id: u32,
+    /// Electrons into the whole image plane during the exposure.
+    pub electrons: f64,
+    /// Where it is.
+    pub place: SourcePlace,
+}
+
+/// Where a source is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SourcePlace {
+    /// Apparent direction, ICRF axes, unit.
+    Icrf(DVec3),
+    /// Place on the detector at mid-exposure, px.
+    Pixel([f64; 2]),
+}
+
+/// Share of the budget's flux error that footprint truncation may use.
+const TRUNCATION_SHARE: f64 = 0.05;
+/// Share of the budget's centroid error that motion may use (the rest: PSF table, f32).
+const MOTION_SHARE: f64 = 0.5;
+/// Interpolation error of a tabulated PSF relative to its peak (`render::table` chooses its step for this).
+pub const TABLE_ERROR: f64 = 3e-5;
+/// Centroid error a table of that quality leaves, px (measured at most 3e-5 for sigma 0.3 to 1.2).
+const TABLE_CENTROID_PX: f64 = 1e-4;
+/// Rounding of single-precision drawing, px.
+const F32_CENTROID_PX: f64 = 1e-6;
+/// Most nodes the planner gives to a path on its own.
+const MOST_NODES: usize = 16_384;
+/// Stars a frame's buffers hold from the start.
+const STARS_RESERVED: usize = 16_384;
+
+/// Chooses methods; owns the buffers of the plan.
+#[derive(Debug)]
+pub struct Planner {
+    instrument: Instrument,
+    budget: AccuracyBudget,
+    cost: CostModel,
+    choice: MethodChoice,
+    plan: ExposurePlan,
+    dense: Vec<PathNode>,
+    trial: Vec<PathNode>,
+    probes: Vec<StarTrack>,
+    truths: Vec<Moments>,
+    share: Share,
+}
+
+impl Planner {
+    /// A planner for one instrument, budget and backend.
+    #[must_use]
+    pub fn new(
+        instrument: Instrument,
+        budget: AccuracyBudget,
+        cost: CostModel,
+        choice: MethodChoice,
+        los: LosPath,
+    ) -> Self {
+        let half_px = instrument.psf.half_px(budget.flux_rel * TRUNCATION_SHARE);
+        let plan = ExposurePlan {
+            camera: instrument.camera.clone(),
+            psf: instrument.psf.clone(),
+            half_px,
+            chosen: Assessment {
+                method: Method::Static,
+                centroid_px: 0.0,
+                flux_rel: 0.0,
+                pixel_sigma: 0.0,
+                cost_ms: 0.0,
+                verdict: Verdict::Fits,
+            },
+            assessed: Vec::with_capacity(MethodName::ALL.len()),
+            nodes: Vec::with_capacity(nodes::MOST_DENSE_NODES),
+            mean: [0.0; 6],
+            centre_response: [[0.0; 6]; 2],
+            reach_px: 0.0,
+            stars: Vec::with_capacity(STARS_RESERVED),
+            motion: Motion { los, image_path: None },
+        };
+        let share = Share::new(&instrument.psf, half_px, [instrument.camera.width_px, instrument.camera.height_px]);
+        Self {
+            instrument,
+            budget,
+            cost,
+            choice,
+            plan,
+            dense: Vec::with_capacity(nodes::MOST_DENSE_NODES),
+            trial: Vec::with_capacity(nodes::MOST_DENSE_NODES),
+            probes: Vec::with_capacity(8),
+            truths: Vec::with_capacity(8),
+            share,
+        }
+    }
+
+    /// The motion of the next exposure, to be filled in before [`Self::plan`].
+    pub fn motion_mut(&mut self) -> &mut Motion {
+        &mut self.plan.motion
+    }
+
+    /// The latest plan.
+    #[must_use]
+    pub fn latest(&self) -> &ExposurePlan {
+        &self.plan
+    }
+
+    /// Plans one exposure.
+    pub fn plan(&mut self, sources: &[Source]) -> &ExposurePlan {
+        self.place_probes();
+        self.measure_path();
+        self.place_stars(sources);
+        self.choose();
+        self.fill_nodes();
+        self.share_light();
+        &self.plan
+    }
+
+    /// Tracks of stars at the centre and the corners of the detector: they stand for all.
+    fn place_probes(&mut self) {
+        let camera = &self.instrument.camera;
+        let (right, bottom) = (camera.width_px as f64 - 1.0, camera.height_px as f64 - 1.0);
+        let places = [[0.5 * right, 0.5 * bottom], [0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]];
+        self.probes.clear();
+        for place in places {
+            let track = camera.unproject(place).and_then(|s| StarTrack::new(camera, &self.plan.motion, s));
+            self.probes.extend(track);
+        }
+        self.plan.centre_response = self.probes.first().map_or([[0.0; 6]; 2], |probe| probe.response);
+    }
+
+    /// Length of the path, the dense nodes, the mean features and the probes' moments.
+    fn measure_path(&mut self) {
+        let motion = &self.plan.motion;
+        let camera = &self.instrument.camera;
+        let radius_px = [0.0, camera.width_px as f64 - 1.0]
+            .iter()
+            .flat_map(|x| [0.0, camera.height_px as f64 - 1.0].map(|y| [*x, y]))
+            .map(|[x, y]| (x - camera.principal_point_px[0]).hypot(y - camera.principal_point_px[1]))
+            .fold(0.0, f64::max);
+        let reach_px = self.probes.iter().map(|probe| path_length_px(motion, probe, radius_px)).fold(0.0, f64::max);
+        let sigma_px = self.instrument.psf.core_sigma_px();
+        if motion.is_smooth() {
+            nodes::gauss_legendre_in_time(motion, gauss_legendre_count(reach_px, sigma_px) + 8, &mut self.dense);
+        } else {
+            nodes::dense(motion, sigma_px, reach_px, radius_px, &mut self.dense);
+        }
+        self.plan.reach_px = reach_px;
+        self.plan.mean = mean_features(&self.dense);
+        self.truths.clear();
+        self.truths.extend(self.probes.iter().map(|probe| Moments::of(probe, &self.dense)));
+    }
+
+    /// Tracks of all sources that can leave light on the detector.
+    fn place_stars(&mut self, sources: &[Source]) {
+        let Self { plan, instrument, .. } = self;
+        let camera = &instrument.camera;
+        let margin = plan.half_px as f64 + 1.0 + plan.reach_px;
+        let inside = |v: f64, size: usize| v > -margin && v < size as f64 - 1.0 + margin;
+        plan.stars.clear();
+        for source in sources {
+            let mid_sensor = match source.place {
+                SourcePlace::Icrf(direction) => Some(plan.motion.los.mid_sensor_from_icrf.apply(direction)),
+                SourcePlace::Pixel(px) => camera.unproject(px),
+            };
+            let Some(mid_sensor) = mid_sensor else { continue };
+            let Some(mut track) = StarTrack::new(camera, &plan.motion, mid_sensor) else { continue };
+            if let SourcePlace::Pixel(px) = source.place {
+                track.mid_px = px;
+            }
+            let shift = track.displacement_px(&plan.mean);
+            let mean_px = [track.mid_px[0] + shift[0], track.mid_px[1] + shift[1]];
+            if inside(mean_px[0], camera.width_px) && inside(mean_px[1], camera.height_px) {
+                let electrons = source.electrons;
+                let star =
+                    PlannedStar { id: source.id, electrons, electrons_on_detector: 0.0, mid_sensor, track, mean_px };
+                plan.stars.push(star);
+            }
+        }
+    }
+
+    /// Weighs every method and takes the cheapest that fits, or the one the user fixed.
+    fn choose(&mut self) {
+        self.plan.assessed.clear();
+        for name in MethodName::ALL {
+            let assessment = self.assess(name);
+            self.plan.assessed.push(assessment);
+        }
+        self.plan.assessed.sort_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
+        let fits = |a: &&Assessment| matches!(a.verdict, Verdict::Fits | Verdict::FluxOverBudget);
+        let assessed = &self.plan.assessed;
+        let chosen = match self.choice {
+            MethodChoice::Auto => assessed.iter().find(fits).or_else(|| {
+                let usable = assessed.iter().filter(|a| a.verdict != Verdict::NeedsSmoothMotion);
+                usable.min_by(|a, b| a.centroid_px.total_cmp(&b.centroid_px))
+            }),
+            MethodChoice::Fixed(name, _) => assessed.iter().find(|a| a.method.name() == name),
+        };
+        if let Some(chosen) = chosen {
+            self.plan.chosen = *chosen;
+        }
+    }
+
+    fn assess(&mut self, name: MethodName) -> Assessment {
+        let fixed = match self.choice {
+            MethodChoice::Fixed(fixed, nodes) if fixed == name => nodes,
+            _ => None,
+        };
+        match name {
+            MethodName::Static => {
+                nodes::single(&self.plan.mean, &mut self.trial);
+                self.verdict(Method::Static, self.probes.len())
+            }
+            MethodName::GaussLegendre => {
+                let sigma_px = self.instrument.psf.core_sigma_px();
+                let count = fixed.unwrap_or_else(|| gauss_legendre_count(self.plan.reach_px, sigma_px));
+                nodes::gauss_legendre_in_time(&self.plan.motion, count, &mut self.trial);
+                self.verdict(Method::GaussLegendre { nodes: count }, self.probes.len())
+            }
+            MethodName::Samples => self.smallest_sampling(fixed, self.probes.len(), |nodes| Method::Samples { nodes }),
+            MethodName::EffectivePsf => {
+                let nodes = self.smallest_sampling(fixed, 1, |nodes| Method::EffectivePsf { nodes }).method.nodes();
+                nodes::midpoints(&self.plan.motion, nodes, &self.plan.mean, &mut self.trial);
+                self.verdict(Method::EffectivePsf { nodes }, self.probes.len())
+            }
+        }
+    }
+
+    /// The fewest midpoints that fit for the first `probes` probes.
+    fn smallest_sampling(&mut self, fixed: Option<usize>, probes: usize, method: fn(usize) -> Method) -> Assessment {
+        let own = match &self.plan.motion.image_path {
+            Some(PixelPath::Samples(points)) => points.len(),
+            _ => MOST_NODES,
+        };
+        let mut count = fixed.unwrap_or(2).min(if fixed.is_some() { usize::MAX } else { own });
+        loop {
+            nodes::midpoints(&self.plan.motion, count, &self.plan.mean, &mut self.trial);
+            let assessment = self.verdict(method(count), probes);
+            if assessment.verdict == Verdict::Fits || fixed.is_some() || count >= own {
+                return assessment;
+            }
+            count = (2 * count).min(own);
+        }
+    }
+
+    /// Error bounds of the nodes in `trial`, over the first `probes` probes.
+    fn verdict(&self, method: Method, probes: usize) -> Assessment {
+        let psf = &self.instrument.psf;
+        let sigma_px = psf.core_sigma_px();
+        let tabulated = matches!(method, Method::EffectivePsf { .. }) || !matches!(psf, PsfModel::Gaussian { .. });
+        let (mut centroid_px, mut peak) = (0.0_f64, 0.0_f64);
+        for (i, (probe, truth)) in self.probes.iter().zip(&self.truths).take(probes).enumerate() {
+            let centre_shape = matches!(method, Method::EffectivePsf { .. }) && i > 0;
+            let mut drawn = Moments::of(if centre_shape { &self.probes[0] } else { probe }, &self.trial);
+            if centre_shape {
+                drawn.mean_px = truth.mean_px; // each star is drawn about its own mean
+            }
+            centroid_px = centroid_px.max(drawn.centroid_error_px(truth, sigma_px));
+            peak = peak.max(drawn.peak_error(truth, sigma_px));
+        }
+        centroid_px += self.cubic_error_px() + if tabulated { TABLE_CENTROID_PX } else { F32_CENTROID_PX };
+        let brightest_e = (self.brightest_e() * psf.peak()).min(self.instrument.full_well_e);
+        let noise_e = brightest_e.sqrt().hypot(self.instrument.read_noise_e_rms).max(1.0);
+        let pixel_sigma = (peak.min(1.0) + if tabulated { TABLE_ERROR } else { 0.0 }) * brightest_e / noise_e;
+        let flux_rel = psf.lost_flux(self.plan.half_px);
+        let cost_ms = self.cost.predict_ms(method, psf, self.plan.stars.len(), self.plan.half_px, self.plan.reach_px);
+        let verdict = if matches!(method, Method::GaussLegendre { .. }) && !self.plan.motion.is_smooth() {
+            Verdict::NeedsSmoothMotion
+        } else if centroid_px > MOTION_SHARE * self.budget.centroid_px {
+            Verdict::CentroidOverBudget
+        } else if pixel_sigma > self.budget.pixel_sigma {
+            Verdict::PixelOverBudget
+        } else if flux_rel > self.budget.flux_rel {
+            Verdict::FluxOverBudget
+        } else {
+            Verdict::Fits
+        };
+        Assessment { method, centroid_px, flux_rel, pixel_sigma, cost_ms, verdict }
+    }
+
+    /// Electrons of the brightest star in the plan.
+    fn brightest_e(&self) -> f64 {
+        self.plan.stars.iter().map(|star| star.electrons).fold(0.0, f64::max)
+    }
+
+    /// Cubic term that a parabola through three projections leaves out, px: `f |w T|^3 / (8 * 9 sqrt 3)` times the
+    /// 3 of the tangent's third derivative and 1.5 for the field's edge.
+    fn cubic_error_px(&self) -> f64 {
+        let los = &self.plan.motion.los;
+        let turn_rad = los.rate_rad_s.length() * los.exposure_s;
+        let focal_px = self.instrument.camera.focal_px[0].max(self.instrument.camera.focal_px[1]);
+        4.5 * focal_px * turn_rad.powi(3) / 124.7
+    }
+
+    /// Nodes of the chosen method, into the plan.
+    fn fill_nodes(&mut self) {
+        let plan = &mut self.plan;
+        match plan.chosen.method {
+            Method::Static => nodes::single(&plan.mean, &mut plan.nodes),
+            Method::GaussLegendre { nodes } => nodes::gauss_legendre_in_time(&plan.motion, nodes, &mut plan.nodes),
+            Method::EffectivePsf { nodes } | Method::Samples { nodes } => {
+                nodes::midpoints(&plan.motion, nodes, &plan.mean, &mut plan.nodes);
+            }
+        }
+    }
+
+    fn share_light(&mut self) {
+        let Self { plan, share, .. } = self;
+        for star in &mut plan.stars {
+            star.electrons_on_detector = star.electrons * share.on_detector(star, &plan.nodes, plan.reach_px);
+        }
+    }
+}
+
+/// Gauss-Legendre nodes for a smooth path of `reach_px`: 1.5 per sigma, and two for the ends.
+fn gauss_legendre_count(reach_px: f64, sigma_px: f64) -> usize {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 2..=512")]
+    let count = (1.5 * reach_px / sigma_px + 2.0).ceil().clamp(2.0, 512.0) as usize;
+    count
+}
+
+/// Upper bound of the length of a star's path on the detector, px.
+fn path_length_px(motion: &Motion, probe: &StarTrack, radius_px: f64) -> f64 {
+    let along = |i: usize| probe.response[0][i].hypot(probe.response[1][i]);
+    let smooth = along(0) + 0.5 * along(1);
+    let shared = match &motion.image_path {
+        Some(path) => path.points().windows(2).map(|pair| pair[0].distance_px(&pair[1], radius_px)).sum(),
+        None => {
+            let scale = (2..5).map(along).fold(0.0, f64::max);
+            let jitter = &motion.los.jitter;
+            let cycles = |hz: f64| hz * motion.los.exposure_s;
+            // A sinusoid's arc: 4 A per cycle; less than a cycle may still be crossed once: 2 A.
+            let lines: f64 =
+                jitter.lines.iter().map(|l| l.amplitude_rad.length() * 4.0 * cycles(l.frequency_hz).max(0.5)).sum();
+            let points: f64 = jitter.points.windows(2).map(|p| (p[1].rotation_rad - p[0].rotation_rad).length()).sum();
+            1.5 * scale * (lines + points)
+        }
+    };
+    smooth + shared
+}

@@ -1,0 +1,109 @@
+//! Airy pattern of an annular pupil, integrated over square pixels.
+//!
+//! `I(r) = pi / (4 L^2 (1 - e^2)) [2 J1(v)/v - e^2 2 J1(e v)/(e v)]^2`, `v = pi r / L`, `L = lambda N / pixel`
+//! (px), `e` the linear obscuration; unit flux over the infinite plane. Source: Born and Wolf, Principles of Optics,
+//! 7th ed., section 8.5.2 and 8.6.2. The pixel integral is a tensor Gauss-Legendre rule with as many nodes as the
+//! pattern's own scale asks (error < 1e-12 of the flux for `L >= 0.2`; held against truth in `tests/physics`).
+
+use crate::optics::quadrature::{Node, gauss_legendre};
+use core::f64::consts::PI;
+
+/// Airy pattern on a detector.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Airy {
+    lambda_n_px: f64,
+    obscuration: f64,
+    nodes: Vec<Node>,
+}
+
+impl Airy {
+    /// `lambda_n_px`: wavelength times F-number over pixel pitch; `obscuration`: linear ratio, `0 <= e < 1`.
+    #[must_use]
+    pub fn new(lambda_n_px: f64, obscuration: f64) -> Self {
+        // The pattern is band-limited at 1 / L cycles per pixel; n nodes integrate half that many oscillations and
+        // converge factorially beyond: 8 suffice for L = 1, 18 for L = 0.25.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive number")]
+        let n = (5.0 + 3.5 / lambda_n_px).ceil().clamp(8.0, 64.0) as usize;
+        Self { lambda_n_px, obscuration, nodes: gauss_legendre(n) }
+    }
+
+    /// Wavelength times F-number, px.
+    #[must_use]
+    pub fn lambda_n_px(&self) -> f64 {
+        self.lambda_n_px
+    }
+
+    /// Irradiance at distance `r_px` from the star, share of the flux per square pixel.
+    #[must_use]
+    pub fn irradiance(&self, r_px: f64) -> f64 {
+        let e2 = self.obscuration * self.obscuration;
+        let v = PI * r_px / self.lambda_n_px;
+        let amplitude = jinc(v) - e2 * jinc(self.obscuration * v);
+        let peak = PI / (4.0 * self.lambda_n_px * self.lambda_n_px * (1.0 - e2));
+        peak * amplitude * amplitude
+    }
+
+    /// Share of the light in the pixel whose centre lies (`x_px`, `y_px`) from the star.
+    #[must_use]
+    pub fn pixel(&self, x_px: f64, y_px: f64) -> f64 {
+        let mut sum = 0.0;
+        for row in &self.nodes {
+            for column in &self.nodes {
+                let r = (x_px + column.x).hypot(y_px + row.x);
+                sum += row.weight * column.weight * self.irradiance(r);
+            }
+        }
+        sum
+    }
+
+    /// Upper bound of the share outside a circle of `r_px`: envelope of the pattern's wings, `2 L (1 + e) /
+    /// (pi^2 r (1 - e^2))` (Born and Wolf 8.5.2, asymptotic form of `J0^2 + J1^2`, taken per annulus).
+    #[must_use]
+    pub fn lost_flux(&self, r_px: f64) -> f64 {
+        let e = self.obscuration;
+        2.0 * self.lambda_n_px * (1.0 + e) / (PI * PI * r_px * (1.0 - e * e))
+    }
+}
+
+/// `2 J1(v) / v`, 1 at 0.
+fn jinc(v: f64) -> f64 {
+    if v.abs() < 1e-6 { 1.0 - v * v / 8.0 } else { 2.0 * libm::j1(v) / v }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lost_flux_is_what_encircled_energy_leaves_and_not_much_more() {
+        for (l, e) in [(0.9789, 0.0), (0.2447, 0.3)] {
+            let airy = Airy::new(l, e);
+            let radius = 12.0;
+            let panels = 4000;
+            let inside: f64 = (0..panels)
+                .flat_map(|k| {
+                    let width = radius / f64::from(panels);
+                    gauss_legendre(4).into_iter().map(move |p| ((f64::from(k) + 0.5 + p.x) * width, p.weight * width))
+                })
+                .map(|(r, weight)| weight * 2.0 * PI * r * airy.irradiance(r))
+                .sum();
+            let (lost, bound) = (1.0 - inside, airy.lost_flux(radius));
+            assert!(lost < bound * 1.02 && bound < 1.5 * lost, "L {l}, e {e}: lost {lost}, bound {bound}");
+        }
+    }
+
+    #[test]
+    fn unobscured_encircled_energy_is_rayleighs() {
+        // EE(r) = 1 - J0(v)^2 - J1(v)^2 (Rayleigh 1881): 0.838 inside the first dark ring r = 1.2197 L.
+        let airy = Airy::new(1.0, 0.0);
+        let radius = 1.219_670;
+        let ring: f64 = gauss_legendre(40)
+            .iter()
+            .map(|p| (p.x + 0.5, p.weight))
+            .map(|(s, w)| w * radius * 2.0 * PI * s * radius * airy.irradiance(s * radius))
+            .sum();
+        let v = PI * radius;
+        let exact = 1.0 - libm::j0(v).powi(2) - libm::j1(v).powi(2);
+        assert!((ring - exact).abs() < 1e-12, "{ring} against {exact}");
+    }
+}

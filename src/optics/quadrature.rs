@@ -1,0 +1,68 @@
+//! Gauss-Legendre nodes and weights on [-1/2, 1/2], by Newton's method on the Legendre recurrence.
+//!
+//! Source: Abramowitz and Stegun, section 25.4.29. Exact for polynomials of degree `2 n - 1`; the tests below
+//! integrate such polynomials.
+
+/// One node: position in [-1/2, 1/2] and weight; weights sum to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Node {
+    /// Position in [-1/2, 1/2].
+    pub x: f64,
+    /// Weight.
+    pub weight: f64,
+}
+
+/// Newton steps; convergence is quadratic from the asymptotic start and needs at most six.
+const NEWTON_STEPS: usize = 12;
+
+/// Node `i` of `n` (ascending in x).
+#[must_use]
+pub fn gauss_legendre_node(n: usize, i: usize) -> Node {
+    let mut x = -(core::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
+    let mut slope = 1.0;
+    for _ in 0..NEWTON_STEPS {
+        let (value, derivative) = legendre(n, x);
+        slope = derivative;
+        let step = value / slope;
+        x -= step;
+        if step.abs() < f64::EPSILON {
+            slope = legendre(n, x).1;
+            break;
+        }
+    }
+    Node { x: 0.5 * x, weight: 1.0 / ((1.0 - x * x) * slope * slope) }
+}
+
+/// All `n` nodes, ascending.
+#[must_use]
+pub fn gauss_legendre(n: usize) -> Vec<Node> {
+    (0..n).map(|i| gauss_legendre_node(n, i)).collect()
+}
+
+/// Legendre polynomial of degree `n` and its derivative at `x` in (-1, 1).
+fn legendre(n: usize, x: f64) -> (f64, f64) {
+    let (mut before, mut value) = (1.0, x);
+    for k in 2..=n {
+        let k = k as f64;
+        (before, value) = (value, ((2.0 * k - 1.0) * x * value - (k - 1.0) * before) / k);
+    }
+    (value, n as f64 * (x * value - before) / (x * x - 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn integrates_polynomials_up_to_degree_2n_minus_1_and_no_further() {
+        for n in 1..=24_usize {
+            let integral = |degree: i32| gauss_legendre(n).iter().map(|p| p.weight * p.x.powi(degree)).sum::<f64>();
+            // Integral of x^d over [-1/2, 1/2] = 2^-d / (d + 1) for even d.
+            let exact = |degree: i32| 0.5_f64.powi(degree) / f64::from(degree + 1);
+            let highest_even = 2 * i32::try_from(n).expect("small") - 2;
+            assert!((integral(highest_even) - exact(highest_even)).abs() < 1e-15, "n {n} degree {highest_even}");
+            let beyond = highest_even + 2;
+            assert!((integral(beyond) - exact(beyond)).abs() > 1e-3 * exact(beyond) / 4.0_f64.powi(beyond), "n {n}");
+        }
+    }
+}

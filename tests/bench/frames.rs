@@ -1,0 +1,116 @@
+//! ms per frame: 1024 x 1024, {100, 2k, 10k} stars x {1, 16, 64} path samples, mean image and full noise, per backend.
+#![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
+
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use starloop::astrometry::CameraGeometry;
+use starloop::attitude::{JitterTrack, LosPath, PathOrigin};
+use starloop::base::accuracy::AccuracyBudget;
+use starloop::base::axes::Rotation;
+use starloop::base::image::DnImage;
+use starloop::base::random::philox;
+use starloop::base::time::{Span, Tai};
+use starloop::detector::{Detector, DetectorParams};
+use starloop::exposure::cost::CostModel;
+use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
+use starloop::exposure::{MethodChoice, PixelPath, PixelPoint};
+use starloop::gpu::Electrons;
+use starloop::optics::PsfModel;
+use starloop::render::Backend;
+use starloop::render::cpu::Cpu;
+
+const SIZE: usize = 1024;
+
+fn unit(i: u32, stream: u32) -> f64 {
+    f64::from(philox([i, stream, 0, 0], [1, 2])[0]) / 4_294_967_296.0
+}
+
+fn los() -> LosPath {
+    LosPath {
+        exposure_start: Tai::from_ns(0),
+        exposure_s: 0.1,
+        mid_sensor_from_icrf: Rotation::IDENTITY,
+        rate_rad_s: glam::DVec3::ZERO,
+        acceleration_rad_s2: glam::DVec3::ZERO,
+        jitter: JitterTrack::none(),
+        origin: PathOrigin::Commanded,
+        horizon: Span::ZERO,
+    }
+}
+
+fn planner(samples: u32, method: &str) -> Planner {
+    let camera =
+        CameraGeometry { width_px: SIZE, height_px: SIZE, focal_px: [2900.0; 2], principal_point_px: [511.5; 2] };
+    let instrument = Instrument { camera, psf: PsfModel::gaussian(0.8), full_well_e: 1e5, read_noise_e_rms: 10.0 };
+    let choice: MethodChoice = method.parse().expect("a method");
+    let mut planner = Planner::new(instrument, AccuracyBudget::default(), CostModel::CPU, choice, los());
+    let rms = if samples == 1 { 0.0 } else { 1.0 };
+    let point = |i| PixelPoint {
+        t_s: 0.0,
+        dx_px: rms * 1.7 * (2.0 * unit(i, 10) - 1.0),
+        dy_px: rms * 1.7 * (2.0 * unit(i, 11) - 1.0),
+        roll_rad: 0.0,
+    };
+    planner.motion_mut().image_path = Some(PixelPath::samples((0..samples).map(point).collect()).expect("a path"));
+    planner
+}
+
+fn sources(count: u32) -> Vec<Source> {
+    (0..count)
+        .map(|i| Source {
+            id: i,
+            electrons: 200.0 + 5000.0 * unit(i, 0).powi(4),
+            place: SourcePlace::Pixel([unit(i, 1) * SIZE as f64, unit(i, 2) * SIZE as f64]),
+        })
+        .collect()
+}
+
+fn detector() -> Detector {
+    let params = DetectorParams {
+        full_well_e: 1e5,
+        gain_e_per_dn: 2.0,
+        bits: 16,
+        black_level_dn: 100.0,
+        read_noise_e_rms: 10.0,
+        dark_e_per_s: 30.0,
+        prnu: 0.01,
+        dsnu_e_rms: 2.0,
+    };
+    Detector::new(params, SIZE, SIZE, 1)
+}
+
+fn frames(c: &mut Criterion) {
+    let mut cpu = Cpu::new(SIZE, SIZE);
+    let detector = detector();
+    let mut dn = DnImage::new(SIZE, SIZE);
+    let mut group = c.benchmark_group("cpu");
+    group.sample_size(20);
+    for stars in [100, 2_000, 10_000] {
+        let sources = sources(stars);
+        for samples in [1, 16, 64] {
+            for method in ["auto", "samples"] {
+                let method = if method == "samples" { format!("samples:{samples}") } else { method.into() };
+                let mut planner = planner(samples, &method);
+                let id = format!("{stars} stars x {samples}, {method}");
+                group.bench_function(BenchmarkId::new("mean", &id), |b| {
+                    b.iter(|| cpu.render(planner.plan(&sources)).expect("draws"));
+                });
+                group.bench_function(BenchmarkId::new("noise", &id), |b| {
+                    b.iter(|| {
+                        cpu.render(planner.plan(&sources)).expect("draws");
+                        let Electrons::Host(mean) = cpu.electrons() else { unreachable!("the CPU draws on the host") };
+                        detector.collect(mean, 1, 0.1, &mut dn);
+                    });
+                });
+            }
+        }
+    }
+    group.finish();
+    c.bench_function("plan 10000 stars x 64", |b| {
+        let sources = sources(10_000);
+        let mut planner = planner(64, "auto");
+        b.iter(|| planner.plan(&sources).stars.len());
+    });
+}
+
+criterion_group!(benches, frames);
+criterion_main!(benches);
