@@ -63,9 +63,6 @@ impl Timer {
     /// The first time not before `start_us`.
     fn starting(mut self, start_us: u64) -> Self {
         self.count = (start_us.saturating_sub(self.offset_us) * self.denominator).div_ceil(self.numerator_us.max(1));
-        if self.due_us() < start_us {
-            self.count += 1;
-        }
         self
     }
 }

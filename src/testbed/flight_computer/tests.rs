@@ -128,7 +128,7 @@ fn attitude_survives_every_wire_to_0_02_arcsec() {
 }
 
 #[test]
-fn a_tag_one_microsecond_off_would_be_noticed() {
+fn a_tag_ten_microseconds_off_is_noticed() {
     let mut bench = fd_bench(params());
     let records = records(&bench.run(Span::from_s(1.0)));
     let mut fastest = *records.iter().max_by(|a, b| a.rate_rad_s[1].total_cmp(&b.rate_rad_s[1])).unwrap();
@@ -158,6 +158,24 @@ fn time_marks_tell_when_the_sync_left() {
         }
         assert_eq!(marks, 10, "{format:?}");
     }
+}
+
+#[test]
+fn a_sync_that_waited_for_the_bus_is_told_as_it_left() {
+    let sync_left = |hogs: u8| {
+        let mut bench = fd_bench(params());
+        for frame in 0..hogs {
+            bench.far.send(&Message::Exposure(Exposure::new(frame, 0, 0, 0))).unwrap();
+        }
+        let told = bench.run(Span::from_ms(50)).into_iter().find_map(|message| match message.value {
+            Message::TimeFollowUp(told) => Some(told.scet.ns()),
+            _ => None,
+        });
+        told.unwrap()
+    };
+    // Three classic frames of 8 bytes at 500 kbit/s: 135 bits of 2 us each.
+    let waited_ns = sync_left(3) - sync_left(0);
+    assert!(waited_ns.abs_diff(3 * 270_000) <= 2 * MARK_NS, "{waited_ns} ns");
 }
 
 #[test]
