@@ -100,7 +100,7 @@ impl MessageId {
 /// One message. Values that come from a decoder are legal: finite, of unit norm, of known enumerations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Message {
-    /// Time mark, both directions of the two-step time correlation.
+    /// Time mark: the first of the two steps of time correlation.
     Sync(Sync),
     /// When the last [`Sync`] left.
     TimeFollowUp(TimeFollowUp),
