@@ -1,3 +1,52 @@
+//! Messages between flight firmware and the starloop star-sensor stimulator: no_std, no allocation, no dependency.
+//!
+//! ```text
+//! CAN frames   -> can::Decoder    \
+//!                                   -> Message -> can::encode / serial::Encoder -> frames, bytes
+//! serial bytes -> serial::Decoder /
+//! ```
+//!
+//! Conventions of the wire:
+//! * little-endian; layouts are given byte by byte in the documentation of each message;
+//! * attitude: Hamilton quaternion, scalar first (`w x y z`), passive `body_from_icrf`, that is
+//!   `v_body = q v_icrf conj(q)`; [`ATTITUDE_CONVENTION`] names this convention in the handshake;
+//! * rates and accelerations: body with respect to ICRF, body axes, rad/s and rad/s^2;
+//! * time tags: the sender's spacecraft elapsed time (SCET) in microseconds, modulo 2^32 (wraps every 71.6 min);
+//!   [`message::TimeFollowUp`] carries the whole SCET.
+//!
+//! Bad input never panics: each refusal is one [`Reject`], to be counted in [`RejectCounters`].
+//! `tests/frozen_v1.rs` holds the exact bytes, `tests/properties` the round trips, damage and arbitrary input.
+
 #![no_std]
 #![forbid(unsafe_code)]
-//! x
+#![cfg_attr(not(test), warn(clippy::indexing_slicing))]
+#![cfg_attr(
+    test,
+    allow(clippy::unwrap_used, clippy::panic, reason = "a test may stop at the first surprise and says what it was")
+)]
+
+mod bytes;
+/// CAN and CAN FD: identifiers, frames, the classic attitude group.
+pub mod can;
+/// CRC-16/IBM-3740.
+pub mod crc;
+mod encode_error;
+/// The receiving side of HELLO, INFO, RUN and STOP.
+pub mod handshake;
+/// What is said, whatever carries it.
+pub mod message;
+mod reject;
+mod scaled;
+mod sequence;
+/// Serial framing: COBS, header, CRC.
+pub mod serial;
+/// Protocol version and how it may change.
+pub mod version;
+
+pub use bytes::{PAYLOAD_MAX, Payload};
+pub use encode_error::EncodeError;
+pub use message::{Message, MessageId};
+pub use reject::{Reject, RejectCounters};
+
+/// The only attitude convention of this major version: Hamilton, scalar first, passive `body_from_icrf`.
+pub const ATTITUDE_CONVENTION: u8 = 1;

@@ -1,1 +1,79 @@
-//! (room being built)
+//! Bytes from and to the flight computer: packets stamped at the edge -> messages.
+//!
+//! ```text
+//! Link::receive -> Stamped<Packet> -> Port (codec, reject counters) -> Stamped<Message>
+//! ```
+//!
+//! A [`Link`] moves packets and knows nothing of messages; a [`Port`] knows the wire format. Wrappers (fault, capture)
+//! implement the trait they wrap. Nothing downstream of this room knows about CAN or serial.
+
+mod packet;
+mod port;
+#[cfg(test)]
+mod port_tests;
+/// A bus in memory, for CI and for benches without hardware.
+pub mod simulated;
+
+use crate::base::time::Tai;
+use firmware_protocol::EncodeError;
+
+pub use packet::{CHUNK_MAX, Packet, SerialChunk};
+pub use port::{Port, WireFormat};
+
+/// A value with the instant at which it was received.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stamped<T> {
+    /// Receive time at the edge: end of the frame on the wire, plus the link's constant latency.
+    pub at: Tai,
+    /// What was received.
+    pub value: T,
+}
+
+/// What went over a link so far.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LinkCounters {
+    /// Packets received.
+    pub received: u64,
+    /// Packets sent.
+    pub sent: u64,
+    /// Packets lost because the receive queue was full.
+    pub overflows: u64,
+}
+
+/// Why a link cannot do what is asked.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    /// The packet is of another kind than the link carries.
+    #[error("link {link}: wanted a {wanted} packet to send, got {got}; check the wire format of the port")]
+    WrongPacket {
+        /// Name of the link.
+        link: String,
+        /// Kind of packet it carries.
+        wanted: &'static str,
+        /// Kind of packet given.
+        got: &'static str,
+    },
+    /// The message has no form on this wire.
+    #[error("message cannot be sent: {0}")]
+    Encode(#[from] EncodeError),
+}
+
+/// One end of a connection that moves packets.
+pub trait Link: Send {
+    /// The next packet. On a real clock waits for it until `until` at most, without spinning; on the virtual clock
+    /// returns at once with what has arrived by now.
+    ///
+    /// # Errors
+    /// When the link is no longer able to receive.
+    fn receive(&mut self, until: Tai) -> Result<Option<Stamped<Packet>>, LinkError>;
+
+    /// Queues a packet, and returns the instant at which it leaves as well as the link knows: the end of the frame on
+    /// the simulated bus, the return of the write on a socket or a serial port.
+    ///
+    /// # Errors
+    /// When the link does not carry such packets, or is no longer able to send.
+    fn send(&mut self, packet: &Packet) -> Result<Tai, LinkError>;
+
+    /// What went over this end so far.
+    fn counters(&self) -> LinkCounters;
+}

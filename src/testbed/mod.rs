@@ -1,1 +1,4 @@
-//! (room being built)
+//! The other end of the cable. Shares no code with what it checks: imports `base`, `link` and `firmware_protocol` only.
+
+/// A simulated flight computer: scripted attitude and jitter onto the bus.
+pub mod flight_computer;

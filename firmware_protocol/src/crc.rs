@@ -1,0 +1,82 @@
+//! CRC-16/IBM-3740: polynomial 0x1021, start 0xFFFF, not reflected, no final inversion; check value 0x29B1.
+//!
+//! Every error burst of up to 16 bits, and every error of up to 3 bits in up to 4093 bytes, is detected.
+
+const POLYNOMIAL: u16 = 0x1021;
+const START: u16 = 0xFFFF;
+
+const TABLE: [u16; 256] = table();
+
+/// A CRC under way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Crc16(u16);
+
+/// CRC of one run of bytes.
+#[must_use]
+pub fn crc16(bytes: &[u8]) -> u16 {
+    Crc16::new().over(bytes).value()
+}
+
+impl Crc16 {
+    /// Before the first byte.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(START)
+    }
+
+    /// After further bytes.
+    #[must_use]
+    pub fn over(self, bytes: &[u8]) -> Self {
+        Self(bytes.iter().fold(self.0, |crc, byte| {
+            let [high, low] = crc.to_be_bytes();
+            let remainder = TABLE.get(usize::from(high ^ byte)).copied().unwrap_or(0);
+            (u16::from(low) << 8) ^ remainder
+        }))
+    }
+
+    /// The CRC.
+    #[must_use]
+    pub const fn value(self) -> u16 {
+        self.0
+    }
+}
+
+impl Default for Crc16 {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+const fn remainder(byte: u16) -> u16 {
+    let mut crc = byte << 8;
+    let mut bit = 0;
+    while bit < 8 {
+        crc = if crc & 0x8000 == 0 { crc << 1 } else { (crc << 1) ^ POLYNOMIAL };
+        bit += 1;
+    }
+    crc
+}
+
+#[allow(clippy::indexing_slicing, reason = "evaluated at compile time, where an index out of bounds is an error")]
+const fn table() -> [u16; 256] {
+    let mut table = [0; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        table[byte as usize] = remainder(byte);
+        byte += 1;
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn check_value() {
+        assert_eq!(crc16(b"123456789"), 0x29B1);
+        assert_eq!(Crc16::new().over(b"1234").over(b"56789").value(), 0x29B1, "in two runs");
+        assert_ne!(crc16(b"123456798"), 0x29B1, "the order of bytes counts");
+        assert_eq!(crc16(b""), 0xFFFF);
+    }
+}

@@ -1,0 +1,246 @@
+//! Commands of the flight computer, and the one answer each gets.
+
+use crate::Reject;
+use crate::bytes::{Reader, Writer};
+use crate::version::Version;
+
+/// First byte of commands and responses.
+pub mod opcode {
+    /// Exchange versions.
+    pub const HELLO: u8 = 1;
+    /// Ask for one page of facts.
+    pub const INFO: u8 = 2;
+    /// Start rendering.
+    pub const RUN: u8 = 3;
+    /// Stop rendering.
+    pub const STOP: u8 = 4;
+}
+
+/// `0x60n`, 8 bytes.
+///
+/// | byte | field |
+/// |---|---|
+/// | 0 | opcode |
+/// | 1 | token: a retry repeats it, a new command changes it |
+/// | 2..8 | arguments: HELLO major, minor; INFO page; the rest zero |
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Command {
+    /// Names this command; its response carries the same.
+    pub token: u8,
+    /// What is wanted.
+    pub request: Request,
+}
+
+/// What a command wants.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Request {
+    /// Exchange versions.
+    Hello(Version),
+    /// One page of facts: 0 the CRC-32 of the DBC file, 1 the highest rates.
+    Info {
+        /// Page.
+        page: u8,
+    },
+    /// Start rendering.
+    Run,
+    /// Stop rendering.
+    Stop,
+    /// An opcode of a later minor version: kept, so that it can be refused by name.
+    Unknown {
+        /// The opcode.
+        opcode: u8,
+    },
+}
+
+/// `0x58n`, 8 bytes.
+///
+/// | byte | field |
+/// |---|---|
+/// | 0 | opcode of the command |
+/// | 1 | token of the command |
+/// | 2 | code: 0 done, else the refusal |
+/// | 3..8 | HELLO: major, minor, capabilities u16, attitude convention; INFO: page, value u32; the rest zero |
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Response {
+    /// Token of the command.
+    pub token: u8,
+    /// The answer.
+    pub reply: Reply,
+}
+
+/// The answer to a command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reply {
+    /// To HELLO.
+    Hello(Identity),
+    /// To INFO.
+    Info(Info),
+    /// Rendering.
+    Run,
+    /// No longer rendering.
+    Stop,
+    /// Not done.
+    Refused {
+        /// Opcode of the command.
+        opcode: u8,
+        /// Why.
+        reason: Refusal,
+    },
+}
+
+/// Who answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Identity {
+    /// Protocol version.
+    pub version: Version,
+    /// One bit per capability; none is defined by version 1.0.
+    pub capabilities: u16,
+    /// [`crate::ATTITUDE_CONVENTION`].
+    pub attitude_convention: u8,
+}
+
+/// One page of facts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Info {
+    /// Page 0: CRC-32 of the DBC file that the answering side was built with.
+    DbcCrc32(u32),
+    /// Page 1: highest rates taken.
+    Rates(Rates),
+}
+
+/// Highest rates the stimulator takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Rates {
+    /// Attitude records per second.
+    pub attitude_hz: u16,
+    /// Jitter samples per second.
+    pub jitter_hz: u16,
+}
+
+/// Why a command was refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Refusal {
+    /// No such opcode.
+    UnknownOpcode = 1,
+    /// Another major version.
+    WrongMajor = 2,
+    /// RUN before a successful HELLO.
+    NoHandshake = 3,
+    /// No such page.
+    UnknownPage = 4,
+}
+
+impl Refusal {
+    const ALL: [Self; 4] = [Self::UnknownOpcode, Self::WrongMajor, Self::NoHandshake, Self::UnknownPage];
+}
+
+impl Request {
+    /// First byte of the command.
+    #[must_use]
+    pub const fn opcode(&self) -> u8 {
+        match self {
+            Self::Hello(_) => opcode::HELLO,
+            Self::Info { .. } => opcode::INFO,
+            Self::Run => opcode::RUN,
+            Self::Stop => opcode::STOP,
+            Self::Unknown { opcode } => *opcode,
+        }
+    }
+}
+
+impl Command {
+    pub(crate) fn write(&self, to: &mut Writer) {
+        let arguments = match self.request {
+            Request::Hello(version) => [version.major, version.minor],
+            Request::Info { page } => [page, 0],
+            Request::Run | Request::Stop | Request::Unknown { .. } => [0, 0],
+        };
+        to.u8(self.request.opcode()).u8(self.token).put(&arguments).u32(0);
+    }
+
+    pub(crate) fn read(from: &mut Reader<'_>) -> Result<Self, Reject> {
+        let [opcode, token, a, b] = from.take()?;
+        let request = match opcode {
+            opcode::HELLO => Request::Hello(Version { major: a, minor: b }),
+            opcode::INFO => Request::Info { page: a },
+            opcode::RUN => Request::Run,
+            opcode::STOP => Request::Stop,
+            _ => Request::Unknown { opcode },
+        };
+        Ok(Self { token, request })
+    }
+}
+
+impl Info {
+    fn page_and_value(self) -> (u8, u32) {
+        match self {
+            Self::DbcCrc32(crc) => (0, crc),
+            Self::Rates(rates) => (1, u32::from(rates.jitter_hz) << 16 | u32::from(rates.attitude_hz)),
+        }
+    }
+
+    fn read(from: &mut Reader<'_>) -> Result<Self, Reject> {
+        match from.u8()? {
+            0 => Ok(Self::DbcCrc32(from.u32()?)),
+            1 => Ok(Self::Rates(Rates { attitude_hz: from.u16()?, jitter_hz: from.u16()? })),
+            _ => Err(Reject::UnknownValue),
+        }
+    }
+}
+
+impl Identity {
+    fn read(from: &mut Reader<'_>) -> Result<Self, Reject> {
+        let version = Version { major: from.u8()?, minor: from.u8()? };
+        Ok(Self { version, capabilities: from.u16()?, attitude_convention: from.u8()? })
+    }
+}
+
+impl Reply {
+    const fn opcode(&self) -> u8 {
+        match self {
+            Self::Hello(_) => opcode::HELLO,
+            Self::Info(_) => opcode::INFO,
+            Self::Run => opcode::RUN,
+            Self::Stop => opcode::STOP,
+            Self::Refused { opcode, .. } => *opcode,
+        }
+    }
+
+    fn read(opcode: u8, code: u8, from: &mut Reader<'_>) -> Result<Self, Reject> {
+        if code != 0 {
+            let reason = Refusal::ALL.into_iter().find(|reason| *reason as u8 == code);
+            return reason.map(|reason| Self::Refused { opcode, reason }).ok_or(Reject::UnknownValue);
+        }
+        match opcode {
+            opcode::HELLO => Identity::read(from).map(Self::Hello),
+            opcode::INFO => Info::read(from).map(Self::Info),
+            opcode::RUN => Ok(Self::Run),
+            opcode::STOP => Ok(Self::Stop),
+            _ => Err(Reject::UnknownValue),
+        }
+    }
+}
+
+impl Response {
+    pub(crate) fn write(&self, to: &mut Writer) {
+        to.u8(self.reply.opcode()).u8(self.token);
+        match self.reply {
+            Reply::Hello(identity) => {
+                to.u8(0).u8(identity.version.major).u8(identity.version.minor);
+                to.u16(identity.capabilities).u8(identity.attitude_convention)
+            }
+            Reply::Info(info) => {
+                let (page, value) = info.page_and_value();
+                to.u8(0).u8(page).u32(value)
+            }
+            Reply::Run | Reply::Stop => to.u8(0).put(&[0; 5]),
+            Reply::Refused { reason, .. } => to.u8(reason as u8).put(&[0; 5]),
+        };
+    }
+
+    pub(crate) fn read(from: &mut Reader<'_>) -> Result<Self, Reject> {
+        let [opcode, token, code] = from.take()?;
+        Ok(Self { token, reply: Reply::read(opcode, code, from)? })
+    }
+}

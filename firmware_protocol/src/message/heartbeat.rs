@@ -1,0 +1,47 @@
+//! Sign of life of either side.
+
+use crate::Reject;
+use crate::bytes::{Reader, Writer};
+
+/// `0x70n`, 2 bytes.
+///
+/// | byte | field |
+/// |---|---|
+/// | 0 | state |
+/// | 1 | protocol major version |
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Heartbeat {
+    /// What the sender is doing.
+    pub state: NodeState,
+    /// Protocol major version of the sender.
+    pub major: u8,
+}
+
+/// What a node is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum NodeState {
+    /// Starting up.
+    Starting = 0,
+    /// Able to run.
+    Ready = 1,
+    /// Streaming or rendering.
+    Running = 2,
+    /// Not able to run.
+    Fault = 3,
+}
+
+impl NodeState {
+    const ALL: [Self; 4] = [Self::Starting, Self::Ready, Self::Running, Self::Fault];
+}
+
+impl Heartbeat {
+    pub(crate) fn write(&self, to: &mut Writer) {
+        to.u8(self.state as u8).u8(self.major);
+    }
+
+    pub(crate) fn read(from: &mut Reader<'_>) -> Result<Self, Reject> {
+        let state = NodeState::ALL.get(usize::from(from.u8()?)).copied().ok_or(Reject::UnknownValue)?;
+        Ok(Self { state, major: from.u8()? })
+    }
+}

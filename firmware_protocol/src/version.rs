@@ -1,0 +1,27 @@
+//! Protocol version, and the rule by which it changes.
+//!
+//! Within one major version:
+//! * lengths, offsets, units and the meaning of existing fields never change;
+//! * a minor version may add messages, STATUS pages, opcodes and flag bits; a receiver counts what it does not know
+//!   ([`crate::Reject::UnknownId`], [`crate::Reject::UnknownValue`]) and goes on; unknown flag bits are ignored;
+//! * reserved bytes and bits are sent as zero and not looked at.
+//!
+//! Anything else needs a new major version. Peers of different majors refuse to RUN (see [`crate::handshake`]), serial
+//! packets of another major are rejected, and each major keeps its own file of frozen bytes in `tests/`.
+
+/// Changes when a layout or a meaning changes.
+pub const MAJOR: u8 = 1;
+/// Changes when something is added.
+pub const MINOR: u8 = 0;
+
+/// A version as peers exchange it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Version {
+    /// Layouts and meanings.
+    pub major: u8,
+    /// Additions.
+    pub minor: u8,
+}
+
+/// The version of this crate.
+pub const CURRENT: Version = Version { major: MAJOR, minor: MINOR };

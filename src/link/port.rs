@@ -1,0 +1,153 @@
+//! A link with a codec: packets <-> messages, rejections counted.
+
+use super::{CHUNK_MAX, Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped};
+use crate::base::time::Tai;
+use firmware_protocol::can::{self, CanFrame, Format, IdMap};
+use firmware_protocol::{Message, Reject, RejectCounters, serial};
+
+/// How messages look on the wire.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WireFormat {
+    /// Classic CAN: attitude as a group of frames.
+    CanClassic,
+    /// CAN FD: attitude in one frame.
+    CanFd,
+    /// Serial: COBS packets.
+    Serial,
+}
+
+/// One port: sends and receives messages over one link.
+///
+/// On serial a message carries the stamp of the chunk in which it ended.
+pub struct Port {
+    link: Box<dyn Link>,
+    format: WireFormat,
+    ids: IdMap,
+    can: can::Decoder,
+    serial: SerialCodec,
+    rejects: RejectCounters,
+}
+
+struct SerialCodec {
+    encoder: serial::Encoder,
+    decoder: serial::Decoder,
+    chunk: Stamped<SerialChunk>,
+    taken: usize,
+}
+
+impl Port {
+    /// A port over `link`; `ids` matters on CAN only.
+    #[must_use]
+    pub fn new(link: Box<dyn Link>, format: WireFormat, ids: IdMap) -> Self {
+        let can = can::Decoder::new(ids);
+        Self { link, format, ids, can, serial: SerialCodec::new(), rejects: RejectCounters::default() }
+    }
+
+    /// How messages look on this port's wire.
+    #[must_use]
+    pub fn format(&self) -> WireFormat {
+        self.format
+    }
+
+    /// Why and how often input was refused.
+    #[must_use]
+    pub fn rejects(&self) -> &RejectCounters {
+        &self.rejects
+    }
+
+    /// What went over the link.
+    #[must_use]
+    pub fn counters(&self) -> LinkCounters {
+        self.link.counters()
+    }
+
+    /// The next message; waits as [`Link::receive`] does. Refused input is counted and skipped.
+    ///
+    /// # Errors
+    /// When the link is no longer able to receive.
+    pub fn receive(&mut self, until: Tai) -> Result<Option<Stamped<Message>>, LinkError> {
+        loop {
+            if let Some(message) = self.serial.next(&mut self.rejects) {
+                return Ok(Some(message));
+            }
+            let Some(packet) = self.link.receive(until)? else {
+                return Ok(None);
+            };
+            if let Some(message) = self.read(packet) {
+                return Ok(Some(message));
+            }
+        }
+    }
+
+    /// Sends a message; returns when its last packet leaves, as [`Link::send`] does.
+    ///
+    /// # Errors
+    /// When the wire format cannot carry it, or the link refuses it.
+    pub fn send(&mut self, message: &Message) -> Result<Tai, LinkError> {
+        match self.format {
+            WireFormat::CanClassic => self.send_frames(message, Format::Classic),
+            WireFormat::CanFd => self.send_frames(message, Format::Fd),
+            WireFormat::Serial => {
+                let chunk = self.serial.encode(message)?;
+                self.link.send(&Packet::Serial(chunk))
+            }
+        }
+    }
+
+    fn send_frames(&mut self, message: &Message, format: Format) -> Result<Tai, LinkError> {
+        let mut leaves = Tai::from_ns(i64::MIN);
+        for frame in can::encode(message, format, &self.ids)?.iter() {
+            leaves = self.link.send(&Packet::Can(*frame))?;
+        }
+        Ok(leaves)
+    }
+
+    /// A CAN frame gives its message at once; a chunk is put aside for [`SerialCodec::next`].
+    fn read(&mut self, packet: Stamped<Packet>) -> Option<Stamped<Message>> {
+        match packet.value {
+            Packet::Can(frame) => self.read_frame(packet.at, &frame),
+            Packet::Serial(chunk) => {
+                self.serial.put(Stamped { at: packet.at, value: chunk });
+                None
+            }
+        }
+    }
+
+    fn read_frame(&mut self, at: Tai, frame: &CanFrame) -> Option<Stamped<Message>> {
+        let message = self.can.read(frame);
+        message
+            .unwrap_or_else(|reject: Reject| {
+                self.rejects.count(reject);
+                None
+            })
+            .map(|value| Stamped { at, value })
+    }
+}
+
+impl SerialCodec {
+    fn new() -> Self {
+        let chunk = Stamped { at: Tai::from_ns(0), value: SerialChunk::EMPTY };
+        Self { encoder: serial::Encoder::new(), decoder: serial::Decoder::new(), chunk, taken: 0 }
+    }
+
+    fn put(&mut self, chunk: Stamped<SerialChunk>) {
+        self.chunk = chunk;
+        self.taken = 0;
+    }
+
+    /// The next message in the chunk at hand.
+    fn next(&mut self, rejects: &mut RejectCounters) -> Option<Stamped<Message>> {
+        let bytes = self.chunk.value.as_slice();
+        let mut rest = &bytes[self.taken..];
+        let message = core::iter::from_fn(|| self.decoder.read(&mut rest))
+            .find_map(|outcome| outcome.map_err(|reject| rejects.count(reject)).ok());
+        self.taken = bytes.len() - rest.len();
+        message.map(|value| Stamped { at: self.chunk.at, value })
+    }
+
+    fn encode(&mut self, message: &Message) -> Result<SerialChunk, LinkError> {
+        let mut line = [0; CHUNK_MAX];
+        let len = self.encoder.encode(message, &mut line)?;
+        Ok(SerialChunk::new(&line[..len]).unwrap_or(SerialChunk::EMPTY))
+    }
+}

@@ -1,0 +1,141 @@
+//! How long a packet occupies the wire.
+//!
+//! Source: ISO 11898-1:2015, frame formats; worst-case stuffing, so that a budget that holds here holds on a bench.
+
+use crate::base::time::Span;
+use crate::base::units::NS_PER_S;
+use crate::link::Packet;
+use firmware_protocol::can::CanFrame;
+
+/// Kind and speed of the wire.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BusTiming {
+    /// Classic CAN; carries no FD frames.
+    CanClassic {
+        /// Bit rate, bit/s.
+        bit_rate_bps: u32,
+    },
+    /// CAN FD with bit rate switching; carries classic frames at the arbitration rate.
+    CanFd {
+        /// Rate of arbitration and acknowledgement, bit/s.
+        arbitration_bps: u32,
+        /// Rate of data and CRC, bit/s.
+        data_bps: u32,
+    },
+    /// Asynchronous serial, 8N1, each direction on its own wire.
+    Serial {
+        /// Bit rate, bit/s.
+        baud: u32,
+    },
+}
+
+/// Bits of one serial byte: start, 8 data, stop.
+const BITS_PER_BYTE: u64 = 10;
+
+impl BusTiming {
+    /// True when both directions share the wire.
+    #[must_use]
+    pub fn is_shared(&self) -> bool {
+        !matches!(self, Self::Serial { .. })
+    }
+
+    /// Kind of packet carried, for messages.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::CanClassic { .. } => "classic CAN",
+            Self::CanFd { .. } => "CAN FD or classic CAN",
+            Self::Serial { .. } => "serial",
+        }
+    }
+
+    /// Time on the wire, rounded up to the nanosecond; `None` when this wire does not carry such packets.
+    #[must_use]
+    pub fn duration(&self, packet: &Packet) -> Option<Span> {
+        match (self, packet) {
+            (Self::CanClassic { bit_rate_bps }, Packet::Can(frame)) if !frame.is_fd() => {
+                Some(span(classic_bits(frame), *bit_rate_bps))
+            }
+            (Self::CanFd { arbitration_bps, data_bps }, Packet::Can(frame)) => {
+                let (arbitration, data) = if frame.is_fd() { fd_bits(frame) } else { (classic_bits(frame), 0) };
+                Some(span(arbitration, *arbitration_bps) + span(data, *data_bps))
+            }
+            (Self::Serial { baud }, Packet::Serial(chunk)) => {
+                Some(span(chunk.as_slice().len() as u64 * BITS_PER_BYTE, *baud))
+            }
+            _ => None,
+        }
+    }
+}
+
+fn span(bits: u64, bit_rate_bps: u32) -> Span {
+    let ns = (bits * NS_PER_S.unsigned_abs()).div_ceil(u64::from(bit_rate_bps.max(1)));
+    Span::from_ns(i64::try_from(ns).unwrap_or(i64::MAX))
+}
+
+/// A standard frame with the most stuff bits and the 3 bits of interframe space: 135 bits for 8 bytes.
+///
+/// 34 bits of header and CRC are subject to stuffing, 10 are not.
+fn classic_bits(frame: &CanFrame) -> u64 {
+    let data = 8 * frame.data().len() as u64;
+    let (stuffed, plain, interframe) = (34 + data, 10, 3);
+    stuffed + (stuffed - 1) / 4 + plain + interframe
+}
+
+/// A standard FD frame with the most stuff bits: bits at the arbitration rate, bits at the data rate.
+fn fd_bits(frame: &CanFrame) -> (u64, u64) {
+    let data = 8 * frame.data().len() as u64;
+    // Start, 11 identifier bits, RRS, IDE, FDF, reserved, BRS; then, after the CRC: delimiter, acknowledge slot and
+    // delimiter, 7 end-of-frame and 3 interframe bits.
+    let (head, tail) = (17, 13);
+    let head_stuff = (head - 1) / 4;
+    // ESI, 4 length bits and the data are stuffed where needed; the CRC field has a fixed stuff bit per 4.
+    let stuffed = 5 + data;
+    let stuff = (head + stuffed - 1) / 4 - head_stuff;
+    let (count, crc, fixed) = if frame.data().len() <= 16 { (4, 17, 6) } else { (4, 21, 7) };
+    (head + head_stuff + tail, stuffed + stuff + count + crc + fixed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::link::SerialChunk;
+
+    fn classic(len: usize) -> Packet {
+        Packet::Can(CanFrame::classic(1, &[0; 8][..len]).unwrap())
+    }
+
+    #[test]
+    fn classic_frames_take_their_worst_case_bits() {
+        let bus = BusTiming::CanClassic { bit_rate_bps: 500_000 };
+        // Davis, Burns, Bril and Lukkien, "CAN schedulability analysis" (2007): 55 + 10 n bits with interframe space.
+        for len in 0..=8 {
+            let wanted = Span::from_ns((55 + 10 * len as i64) * 2000);
+            assert_eq!(bus.duration(&classic(len)), Some(wanted), "{len} bytes");
+        }
+    }
+
+    #[test]
+    fn an_fd_attitude_at_100_hz_loads_the_bus_by_1_7_percent() {
+        let bus = BusTiming::CanFd { arbitration_bps: 500_000, data_bps: 5_000_000 };
+        let frame = Packet::Can(CanFrame::fd(1, &[0; 48]).unwrap());
+        // 34 bits of 2 us and 518 bits of 200 ns.
+        assert_eq!(bus.duration(&frame), Some(Span::from_ns(34 * 2000 + 518 * 200)));
+        assert_eq!(bus.duration(&classic(8)), Some(Span::from_ns(135 * 2000)));
+    }
+
+    #[test]
+    fn serial_bytes_take_ten_bits() {
+        let line = BusTiming::Serial { baud: 1_000_000 };
+        let chunk = Packet::Serial(SerialChunk::new(&[0; 7]).unwrap());
+        assert_eq!(line.duration(&chunk), Some(Span::from_ns(70_000)));
+    }
+
+    #[test]
+    fn packets_of_another_kind_have_no_duration() {
+        let fd = Packet::Can(CanFrame::fd(1, &[0; 8]).unwrap());
+        assert_eq!(BusTiming::CanClassic { bit_rate_bps: 500_000 }.duration(&fd), None);
+        assert_eq!(BusTiming::Serial { baud: 9600 }.duration(&fd), None);
+        assert!(BusTiming::Serial { baud: 0 }.duration(&Packet::Serial(SerialChunk::EMPTY)).is_some(), "no panic");
+    }
+}

@@ -1,0 +1,262 @@
+//! A simulated flight computer: a scripted slew, jitter and a clock of its own -> messages on a port, each when due.
+//!
+//! No rigid-body dynamics: the attitude is an analytic function of time, so its truth is known to f64. Deterministic:
+//! what is sent depends on the parameters and the order of steps only.
+//!
+//! `tests.rs` holds the wire round trip (0.02 arcsec), the time marks, jitter, faults and determinism.
+
+mod jitter;
+mod noise;
+mod received;
+mod remote_clock;
+mod runner;
+mod schedule;
+mod slew;
+#[cfg(test)]
+mod tests;
+
+pub use jitter::{JitterLineParams, JitterStream};
+pub use received::Received;
+pub use remote_clock::RemoteClock;
+pub use runner::run_until;
+pub use slew::{AttitudeTruth, RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
+
+use crate::base::time::{Span, Tai};
+use crate::base::units::ARCSEC;
+use crate::link::{LinkError, Port};
+use firmware_protocol::message::{
+    AttitudeFlags, AttitudeRecord, Heartbeat, JitterBurst, JitterPair, NodeState, Scet, Sync, TimeFollowUp,
+};
+use firmware_protocol::{Message, version};
+use glam::DVec3;
+use noise::Gaussian;
+use schedule::{Schedule, Stream};
+
+/// What the flight computer does.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FlightComputerParams {
+    /// Zero of its clock.
+    pub boot: Tai,
+    /// Error of its clock's rate, parts per million; positive runs fast.
+    pub clock_drift_ppm: f64,
+    /// When it begins to send; not before `boot`.
+    pub stream_start: Tai,
+    /// Attitude records per second.
+    pub attitude_hz: u32,
+    /// Attitude over time.
+    pub profile: SlewProfile,
+    /// Noise of the sent attitude, per axis, 1 sigma, arcsec.
+    pub attitude_noise_arcsec: f64,
+    /// Noise of the sent rate, per axis, 1 sigma, rad/s.
+    pub gyro_noise_rad_s: f64,
+    /// Seed of the noise.
+    pub seed: u64,
+    /// Jitter on top of the attitude: never in the attitude or rate that is sent.
+    pub jitter_lines: Vec<JitterLineParams>,
+    /// How the jitter is sent.
+    pub jitter: JitterStream,
+    /// What goes wrong.
+    pub faults: Faults,
+}
+
+/// What goes wrong, on purpose.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Faults {
+    /// No attitude and no jitter from here on; time marks and heartbeat go on.
+    pub stop_stream_at: Option<Tai>,
+    /// One attitude record is sent broken.
+    pub corrupt_record: Option<CorruptRecord>,
+}
+
+/// A broken attitude record.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CorruptRecord {
+    /// Which one, counted from boot; its sequence number is this modulo 256.
+    pub record: u64,
+    /// How it is broken.
+    pub corruption: Corruption,
+}
+
+/// How a quaternion is broken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Corruption {
+    /// The scalar is NaN.
+    NotANumber,
+    /// The norm is 1.01.
+    NotUnit,
+}
+
+/// A time mark that was sent and not yet told.
+#[derive(Debug, Clone, Copy)]
+struct SentSync {
+    counter: u8,
+    left_at: Tai,
+}
+
+/// The simulated flight computer.
+pub struct FlightComputer {
+    params: FlightComputerParams,
+    clock: RemoteClock,
+    schedule: Schedule,
+    noise: Gaussian,
+    sent_sync: Option<SentSync>,
+    received: Received,
+}
+
+impl FlightComputer {
+    /// A flight computer that has sent nothing.
+    #[must_use]
+    pub fn new(params: FlightComputerParams) -> Self {
+        let clock = RemoteClock::new(params.boot, params.clock_drift_ppm);
+        let schedule = Schedule::new(clock.elapsed_us(params.stream_start), params.attitude_hz, params.jitter);
+        let noise = Gaussian::new(params.seed);
+        Self { params, clock, schedule, noise, sent_sync: None, received: Received::default() }
+    }
+
+    /// Its clock.
+    #[must_use]
+    pub fn clock(&self) -> RemoteClock {
+        self.clock
+    }
+
+    /// When the next message is due.
+    #[must_use]
+    pub fn next_due(&self) -> Tai {
+        self.clock.at_us(self.schedule.next().1)
+    }
+
+    /// What the stimulator said so far.
+    #[must_use]
+    pub fn received(&self) -> &Received {
+        &self.received
+    }
+
+    /// The smooth attitude at `at`, without noise and jitter.
+    #[must_use]
+    pub fn truth(&self, at: Tai) -> AttitudeTruth {
+        self.params.profile.at(at)
+    }
+
+    /// Jitter at `at`: rotation vector of the body away from the smooth attitude, body axes, rad.
+    #[must_use]
+    pub fn jitter_truth(&self, at: Tai) -> DVec3 {
+        let t_s = (at - self.params.boot).s();
+        self.params.jitter_lines.iter().map(|line| line.rotation_rad(t_s)).sum()
+    }
+
+    /// Reads what has come in, and sends every message due by `now`.
+    ///
+    /// # Errors
+    /// When the port refuses a message or fails.
+    pub fn step(&mut self, now: Tai, port: &mut Port) -> Result<(), LinkError> {
+        while let Some(message) = port.receive(now)? {
+            self.received.count(message);
+        }
+        while self.next_due() <= now {
+            self.send_next(port)?;
+        }
+        Ok(())
+    }
+
+    fn send_next(&mut self, port: &mut Port) -> Result<(), LinkError> {
+        let (stream, due_us, count) = self.schedule.take();
+        match stream {
+            Stream::Sync => self.send_sync(count, port),
+            Stream::FollowUp => self.send_follow_up(port),
+            Stream::Heartbeat => {
+                let heartbeat = Heartbeat { state: NodeState::Running, major: version::MAJOR };
+                port.send(&Message::Heartbeat(heartbeat)).map(|_| ())
+            }
+            Stream::Attitude | Stream::Jitter if self.is_stopped(due_us) => Ok(()),
+            Stream::Attitude => {
+                let record = self.attitude_record(due_us, count);
+                port.send(&Message::Attitude(record)).map(|_| ())
+            }
+            Stream::Jitter => {
+                let Some(message) = self.jitter_message(count) else { return Ok(()) };
+                port.send(&message).map(|_| ())
+            }
+        }
+    }
+
+    fn is_stopped(&self, due_us: u64) -> bool {
+        self.params.faults.stop_stream_at.is_some_and(|stop| self.clock.at_us(due_us) >= stop)
+    }
+
+    fn send_sync(&mut self, count: u64, port: &mut Port) -> Result<(), LinkError> {
+        let counter = low_byte(count);
+        let left_at = port.send(&Message::Sync(Sync { counter }))?;
+        self.sent_sync = Some(SentSync { counter, left_at });
+        Ok(())
+    }
+
+    /// Tells when the last SYNC actually left, which is after it was due when the bus was busy.
+    fn send_follow_up(&mut self, port: &mut Port) -> Result<(), LinkError> {
+        let Some(SentSync { counter, left_at }) = self.sent_sync.take() else { return Ok(()) };
+        let scet = Scet::from_ns(self.clock.elapsed_ns(left_at));
+        port.send(&Message::TimeFollowUp(TimeFollowUp { scet, counter })).map(|_| ())
+    }
+
+    fn attitude_record(&mut self, due_us: u64, count: u64) -> AttitudeRecord {
+        let truth = self.truth(self.clock.at_us(due_us));
+        let turned = self.noise.vector(self.params.attitude_noise_arcsec * ARCSEC);
+        let rate = truth.rate_rad_s + self.noise.vector(self.params.gyro_noise_rad_s);
+        let mut q_wxyz = truth.body_from_icrf.rotated_by(turned).wxyz().map(single);
+        if let Some(fault) = self.params.faults.corrupt_record.filter(|fault| fault.record == count) {
+            fault.corruption.apply(&mut q_wxyz);
+        }
+        AttitudeRecord {
+            t_us: wrapped(due_us),
+            seq: low_byte(count),
+            flags: AttitudeFlags::ALL,
+            q_wxyz,
+            rate_rad_s: rate.to_array().map(single),
+            acceleration_rad_s2: truth.acceleration_rad_s2.to_array().map(single),
+        }
+    }
+
+    /// Samples `count * n ..` of the jitter, n per message.
+    fn jitter_message(&self, count: u64) -> Option<Message> {
+        let JitterStream { samples, period_us } = self.params.jitter;
+        let first_us = count * samples as u64 * u64::from(period_us);
+        let sample = |i: usize| self.jitter_sample_arcsec(first_us + i as u64 * u64::from(period_us));
+        if self.params.jitter == JitterStream::PAIRS {
+            let slot = low_byte(first_us / (2 * u64::from(period_us)));
+            return Some(Message::JitterPair(JitterPair { slot, samples_arcsec: [sample(0), sample(1)] }));
+        }
+        let samples_arcsec: [[f32; 2]; JitterStream::BURST_SAMPLES] = core::array::from_fn(sample);
+        JitterBurst::new(wrapped(first_us), period_us, low_byte(count), &samples_arcsec).map(Message::Jitter)
+    }
+
+    fn jitter_sample_arcsec(&self, t_us: u64) -> [f32; 2] {
+        let rotation_arcsec = self.jitter_truth(self.clock.at_us(t_us)) / ARCSEC;
+        [single(rotation_arcsec.x), single(rotation_arcsec.y)]
+    }
+}
+
+impl Corruption {
+    fn apply(self, q_wxyz: &mut [f32; 4]) {
+        match self {
+            Self::NotANumber => q_wxyz[0] = f32::NAN,
+            Self::NotUnit => *q_wxyz = q_wxyz.map(|value| value * 1.01),
+        }
+    }
+}
+
+/// Time after which the follow-up of a SYNC is due.
+const FOLLOW_UP_DELAY: Span = Span::from_ms(2);
+
+#[allow(clippy::cast_possible_truncation, reason = "the wire has f32: 0.02 arcsec")]
+fn single(value: f64) -> f32 {
+    value as f32
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "time tags and counters wrap by definition")]
+fn wrapped(t_us: u64) -> u32 {
+    t_us as u32
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "sequence numbers wrap by definition")]
+fn low_byte(count: u64) -> u8 {
+    count as u8
+}

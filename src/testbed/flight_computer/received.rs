@@ -1,0 +1,37 @@
+//! What the stimulator said.
+
+use crate::link::Stamped;
+use firmware_protocol::Message;
+use firmware_protocol::message::{Exposure, StatusPage};
+
+/// Counts of what came in, and the newest of each kind.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Received {
+    /// EXPOSURE messages.
+    pub exposures: u64,
+    /// The newest EXPOSURE.
+    pub last_exposure: Option<Stamped<Exposure>>,
+    /// STATUS pages.
+    pub status_pages: u64,
+    /// The newest STATUS page.
+    pub last_status: Option<Stamped<StatusPage>>,
+    /// Other messages.
+    pub others: u64,
+}
+
+impl Received {
+    pub(super) fn count(&mut self, message: Stamped<Message>) {
+        let at = message.at;
+        match message.value {
+            Message::Exposure(value) => {
+                self.exposures += 1;
+                self.last_exposure = Some(Stamped { at, value });
+            }
+            Message::Status(value) => {
+                self.status_pages += 1;
+                self.last_status = Some(Stamped { at, value });
+            }
+            _ => self.others += 1,
+        }
+    }
+}
