@@ -12,36 +12,64 @@ use std::path::{Path, PathBuf};
 
 /// One line of `frames.csv`; the fields are the columns. Units and meaning as in [`crate::sink::FrameMeta`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[allow(missing_docs, reason = "each field carries its unit in its name and is documented where it is made")]
 pub struct FrameRow {
+    /// Frame number in the run.
     pub frame: u32,
+    /// Mid-exposure, UTC, RFC 3339.
     pub mid_exposure_utc: String,
+    /// Mid-exposure, TAI since 1970-01-01T00:00:00 TAI, ns.
     pub mid_exposure_tai_ns: i64,
+    /// Integration time, s.
     pub exposure_s: f64,
+    /// Attitude `sensor_from_icrf` at mid-exposure, scalar part.
     pub qw: f64,
+    /// Its x part.
     pub qx: f64,
+    /// Its y part.
     pub qy: f64,
+    /// Its z part.
     pub qz: f64,
+    /// Boresight right ascension, deg.
     pub ra_deg: f64,
+    /// Boresight declination, deg.
     pub dec_deg: f64,
+    /// Image up, east of north, deg.
     pub roll_deg: f64,
+    /// Angular rate about sensor x, deg/s.
     pub rate_x_deg_s: f64,
+    /// Angular rate about sensor y, deg/s.
     pub rate_y_deg_s: f64,
+    /// Angular rate about the boresight, deg/s.
     pub rate_z_deg_s: f64,
+    /// Seed of every random number.
     pub seed: u64,
+    /// Completion minus deadline, ns.
     pub lateness_ns: i64,
+    /// Age of the newest attitude when planned, ns.
     pub attitude_age_ns: i64,
+    /// Newest attitude to mid-exposure, ns.
     pub horizon_ns: i64,
+    /// Render backend.
     pub backend: String,
+    /// Smear method.
     pub method: String,
+    /// Where the attitude came from.
     pub origin: String,
+    /// Active faults: `none`, or names joined by `+`.
     pub faults: String,
+    /// Camera name.
     pub camera: String,
+    /// Detector gain, e-/DN.
     pub gain_e_per_dn: f64,
+    /// Black level, DN.
     pub black_level_dn: f64,
+    /// Columns.
     pub width_px: usize,
+    /// Rows.
     pub height_px: usize,
+    /// Stars in the truth table.
     pub stars: usize,
+    /// CRC-32 of the pixels, eight hexadecimal digits.
     pub pixel_crc32: String,
 }
 

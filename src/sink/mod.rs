@@ -1,17 +1,17 @@
 //! Frames -> the world: trait `Sink` and what implements it.
 //!
-//! Input: [`SentFrame`], one finished exposure with its truth and its bookkeeping, owned by the sink thread while it
-//! is being sent and then handed back for reuse. Output: files ([`recorder::Recorder`]) or nothing but a count and a
-//! checksum ([`null::NullSink`]).
+//! Input: `SentFrame`, one finished exposure with its truth and its bookkeeping, owned by the sink thread while it
+//! is being sent and then handed back for reuse. Output: files (`recorder::Recorder`) or nothing but a count and a
+//! checksum (`null::NullSink`).
 //!
 //! Promises, held by the compliance suite that runs against every sink:
 //! * a frame that `send` accepted is counted once, one it refused is not;
 //! * `finish` may be called more than once; a frame sent after it is refused;
-//! * a full disk, a missing directory or a wrong frame number is a [`SinkError`], never a panic, and whatever was
+//! * a full disk, a missing directory or a wrong frame number is a `SinkError`, never a panic, and whatever was
 //!   complete before stays complete: every file gets its final name only when all of its bytes are written.
 //!
-//! Tour: [`frame`] (what is sent) -> [`fits`], [`png`], [`truth`], [`frame_log`] (its forms on disk) -> [`atomic`]
-//! (how a file appears) -> [`recorder`], [`null`] (the sinks).
+//! Tour: `frame` (what is sent) -> `fits`, `png`, `truth`, `frame_log` (its forms on disk) -> `atomic`
+//! (how a file appears) -> `recorder`, `null` (the sinks).
 
 pub mod atomic;
 #[cfg(test)]
