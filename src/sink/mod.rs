@@ -1,1 +1,73 @@
-//! (room being built)
+//! Frames -> the world: trait `Sink` and what implements it.
+//!
+//! Input: `SentFrame`, one finished exposure with its truth and its bookkeeping, owned by the sink thread while it
+//! is being sent and then handed back for reuse. Output: files (`recorder::Recorder`) or nothing but a count and a
+//! checksum (`null::NullSink`).
+//!
+//! Promises, held by the compliance suite that runs against every sink:
+//! * a frame that `send` accepted is counted once, one it refused is not;
+//! * `finish` may be called more than once; a frame sent after it is refused;
+//! * a full disk, a missing directory or a wrong frame number is a `SinkError`, never a panic, and whatever was
+//!   complete before stays complete: every file gets its final name only when all of its bytes are written.
+//!
+//! Tour: `frame` (what is sent) -> `fits`, `png`, `truth`, `frame_log` (its forms on disk) -> `atomic`
+//! (how a file appears) -> `recorder`, `null` (the sinks).
+
+pub mod atomic;
+#[cfg(test)]
+pub(crate) mod compliance;
+pub mod crc32;
+mod error;
+pub mod faults;
+pub mod fits;
+pub mod frame;
+pub mod frame_log;
+pub mod null;
+pub mod png;
+pub mod recorder;
+pub mod stretch;
+pub mod truth;
+
+pub use atomic::write_file_atomically;
+pub use error::SinkError;
+pub use faults::FaultFlags;
+pub use frame::{FrameMeta, SentFrame, TruthStar};
+pub use null::NullSink;
+pub use recorder::{Recorder, RecorderOptions};
+
+use std::path::PathBuf;
+
+/// Where finished frames go. One sink is owned by one thread.
+pub trait Sink: Send {
+    /// Short name for messages and the run summary.
+    fn name(&self) -> &'static str;
+
+    /// Sends one frame; returns when its buffers may be reused.
+    ///
+    /// # Errors
+    /// When the frame did not get out; frames sent before are not affected and the next may be tried.
+    fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError>;
+
+    /// Ends the run: everything accepted is out when this returns. May be called again, with the same answer.
+    ///
+    /// # Errors
+    /// When something accepted could not be brought out.
+    fn finish(&mut self) -> Result<SinkSummary, SinkError>;
+}
+
+/// What a sink did in one run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SinkSummary {
+    /// The sink's name.
+    pub sink: &'static str,
+    /// Frames accepted.
+    pub frames: u64,
+    /// Frames that `send` refused.
+    pub refused: u64,
+    /// Bytes brought out in all accepted frames (files or packets), 0 where nothing leaves.
+    pub bytes: u64,
+    /// CRC-32 over the number and the pixel CRC-32 of each accepted frame, in order: equal for equal runs.
+    pub run_crc32: u32,
+    /// Directory or address the frames went to.
+    pub output: Option<PathBuf>,
+}

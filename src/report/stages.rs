@@ -1,0 +1,142 @@
+//! Where the time of one frame goes: named stages, in the order a frame meets them.
+
+use crate::base::time::Span;
+use crate::report::histogram::{Quantiles, StageHistogram};
+
+macro_rules! stages {
+    ($($(#[$doc:meta])* $stage:ident = $name:literal,)*) => {
+        /// A stage of one frame.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        pub enum Stage {
+            $($(#[$doc])* $stage,)*
+        }
+
+        impl Stage {
+            /// Every stage in order.
+            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$stage),*];
+
+            /// Name in tables and files.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$stage => $name,)*
+                }
+            }
+        }
+    };
+}
+
+stages! {
+    /// Waiting for the frame's slot.
+    Wait = "wait",
+    /// Attitude history to line-of-sight path.
+    Attitude = "attitude",
+    /// Catalog and ephemerides to sources in view.
+    Sky = "sky",
+    /// Sources and path to an exposure plan.
+    Plan = "plan",
+    /// Plan to electrons.
+    Render = "render",
+    /// Electrons to DN.
+    Detector = "detector",
+    /// DN from the device to memory.
+    Readback = "readback",
+    /// Waiting for the sink thread.
+    Queue = "queue",
+    /// Sending.
+    Sink = "sink",
+    /// Release of the frame's slot to delivery: everything but the wait.
+    ReleaseToDelivered = "release_to_delivered",
+}
+
+impl Stage {
+    /// How many there are.
+    pub const COUNT: usize = Self::ALL.len();
+}
+
+/// Times of one frame, by stage; plain data, no allocation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct StageTimes {
+    spans: [Option<Span>; Stage::COUNT],
+}
+
+impl StageTimes {
+    /// Sets the time of a stage.
+    pub fn set(&mut self, stage: Stage, time: Span) {
+        self.spans[stage as usize] = Some(time);
+    }
+
+    /// The time of a stage; `None` when the frame did not go through it.
+    #[must_use]
+    pub fn get(&self, stage: Stage) -> Option<Span> {
+        self.spans[stage as usize]
+    }
+}
+
+/// Times of every stage over a run.
+#[derive(Debug, Clone)]
+pub struct StageHistograms {
+    histograms: [StageHistogram; Stage::COUNT],
+}
+
+impl Default for StageHistograms {
+    fn default() -> Self {
+        Self { histograms: core::array::from_fn(|_| StageHistogram::default()) }
+    }
+}
+
+impl StageHistograms {
+    /// Records one frame; stages it did not go through are left out. Takes no memory.
+    pub fn record(&mut self, times: &StageTimes) {
+        for (histogram, span) in self.histograms.iter_mut().zip(times.spans) {
+            if let Some(span) = span {
+                histogram.record(span);
+            }
+        }
+    }
+
+    /// Records the time of one stage alone (one that another thread measures).
+    pub fn record_stage(&mut self, stage: Stage, time: Span) {
+        self.histograms[stage as usize].record(time);
+    }
+
+    /// Summary of one stage so far.
+    #[must_use]
+    pub fn of(&self, stage: Stage) -> Quantiles {
+        self.histograms[stage as usize].quantiles()
+    }
+
+    /// Summary of every stage so far, in the order of [`Stage::ALL`].
+    #[must_use]
+    pub fn quantiles(&self) -> [Quantiles; Stage::COUNT] {
+        Stage::ALL.map(|stage| self.of(stage))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stages_are_in_order_with_names_of_their_own() {
+        for (i, stage) in Stage::ALL.into_iter().enumerate() {
+            assert_eq!(stage as usize, i, "{}", stage.name());
+            assert!(Stage::ALL.iter().filter(|other| other.name() == stage.name()).count() == 1, "{}", stage.name());
+        }
+    }
+
+    #[test]
+    fn a_stage_is_recorded_under_its_own_name_and_only_when_it_ran() {
+        let mut histograms = StageHistograms::default();
+        let mut times = StageTimes::default();
+        times.set(Stage::Render, Span::from_ms(7));
+        histograms.record(&times);
+        times.set(Stage::Sink, Span::from_ms(2));
+        histograms.record(&times);
+        assert_eq!(histograms.of(Stage::Render).count, 2);
+        assert_eq!(histograms.of(Stage::Render).max_ms, 7.0);
+        assert_eq!(histograms.of(Stage::Sink).count, 1);
+        assert_eq!(histograms.of(Stage::Detector).count, 0, "never ran");
+        assert_eq!(times.get(Stage::Detector), None);
+    }
+}

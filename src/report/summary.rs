@@ -1,0 +1,234 @@
+//! The run summary: everything a run is judged by, as one JSON object.
+//!
+//! Keys carry their unit; maps are sorted, stages are in flow order, so equal runs give equal text but for their times.
+//! The caller writes the text, whole or not at all.
+
+use crate::report::ReportError;
+use crate::report::histogram::{CountSpread, Quantiles};
+use crate::report::machine::Machine;
+use crate::report::stages::Stage;
+use serde::{Serialize, Serializer};
+use std::collections::BTreeMap;
+
+/// One run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RunSummary {
+    /// Version of starloop.
+    pub starloop_version: String,
+    /// Name of the bench.
+    pub bench: String,
+    /// Name of the camera.
+    pub camera: String,
+    /// Render backend.
+    pub backend: String,
+    /// What the backend ran on: adapter and driver, or the processor.
+    pub adapter: String,
+    /// `monotonic` or `virtual`.
+    pub clock: String,
+    /// The machine.
+    pub machine: Machine,
+    /// UTC of the first frame's slot on the run's clock, RFC 3339.
+    pub start_utc: String,
+    /// Length of the run on its own clock, s.
+    pub duration_s: f64,
+    /// Wall time the run took, s.
+    pub wall_s: f64,
+    /// Frame period, s.
+    pub frame_period_s: f64,
+    /// Seed of the run.
+    pub seed: u64,
+    /// What became of the frames.
+    pub frames: FrameCounts,
+    /// Wall time per stage, in the order of [`Stage::ALL`].
+    #[serde(serialize_with = "by_stage_name")]
+    pub stages: [Quantiles; Stage::COUNT],
+    /// Completion minus deadline (early counts as 0).
+    pub lateness: Quantiles,
+    /// Age of the newest attitude when the frame was planned.
+    pub attitude_age: Quantiles,
+    /// Newest attitude to mid-exposure (interpolated counts as 0).
+    pub horizon: Quantiles,
+    /// The link.
+    pub link: LinkCounts,
+    /// Commanded faults: frames in which each was active.
+    pub faults: BTreeMap<String, u64>,
+    /// Smear methods: frames drawn with each.
+    pub methods: BTreeMap<String, u64>,
+    /// Stars per frame.
+    pub stars: CountSpread,
+    /// Events of each kind; kept when the events themselves are overwritten.
+    pub event_counts: BTreeMap<String, u64>,
+    /// The last events, oldest first.
+    pub last_events: Vec<EventLine>,
+    /// Sink the frames went to.
+    pub sink: String,
+    /// Where the sink put them.
+    pub output: Option<String>,
+    /// CRC-32 over all frames, eight hexadecimal digits: equal for equal runs.
+    pub run_crc32: String,
+}
+
+/// What became of the frames of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct FrameCounts {
+    /// Slots that came up.
+    pub scheduled: u64,
+    /// Frames drawn.
+    pub rendered: u64,
+    /// Frames the sink accepted.
+    pub delivered: u64,
+    /// Frames delivered after their deadline.
+    pub late: u64,
+    /// Frames repeated because the new one was not ready.
+    pub held: u64,
+    /// Slots without a frame.
+    pub dropped: u64,
+    /// Frames whose attitude was extrapolated beyond the newest sample.
+    pub extrapolated: u64,
+    /// Frames sent without a scene.
+    pub blank: u64,
+}
+
+/// What came over the link.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+pub struct LinkCounts {
+    /// Named counters (frames and bytes received and sent, groups complete, ...).
+    pub counters: BTreeMap<String, u64>,
+    /// Messages rejected, by reason.
+    pub rejects: BTreeMap<String, u64>,
+}
+
+/// One event of the ledger.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct EventLine {
+    /// When, RFC 3339 on the run's clock.
+    pub at_utc: String,
+    /// The frame it belongs to.
+    pub frame: Option<u32>,
+    /// Kind of event.
+    pub kind: String,
+    /// The event in words and numbers.
+    pub detail: String,
+}
+
+impl RunSummary {
+    /// Summary of a run that has not begun: names empty, counts zero.
+    #[must_use]
+    pub fn empty(machine: Machine) -> Self {
+        Self {
+            starloop_version: env!("CARGO_PKG_VERSION").into(),
+            bench: String::new(),
+            camera: String::new(),
+            backend: String::new(),
+            adapter: String::new(),
+            clock: String::new(),
+            machine,
+            start_utc: String::new(),
+            duration_s: 0.0,
+            wall_s: 0.0,
+            frame_period_s: 0.0,
+            seed: 0,
+            frames: FrameCounts::default(),
+            stages: [Quantiles::default(); Stage::COUNT],
+            lateness: Quantiles::default(),
+            attitude_age: Quantiles::default(),
+            horizon: Quantiles::default(),
+            link: LinkCounts::default(),
+            faults: BTreeMap::new(),
+            methods: BTreeMap::new(),
+            stars: CountSpread::default(),
+            event_counts: BTreeMap::new(),
+            last_events: Vec::new(),
+            sink: String::new(),
+            output: None,
+            run_crc32: String::new(),
+        }
+    }
+
+    /// JSON for people and programs, ending in a line break. Numbers that are not finite become `null`.
+    ///
+    /// # Errors
+    /// [`ReportError::Json`] when it cannot be expressed.
+    pub fn to_json_pretty(&self) -> Result<String, ReportError> {
+        Ok(serde_json::to_string_pretty(self)? + "\n")
+    }
+}
+
+fn by_stage_name<S: Serializer>(stages: &[Quantiles; Stage::COUNT], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(Stage::ALL.iter().map(|stage| stage.name()).zip(stages))
+}
+
+/// A run with something in every field.
+#[cfg(test)]
+pub(crate) fn sample_summary() -> RunSummary {
+    let machine = Machine { cpu: "Example CPU".into(), cores: 8, system: "linux x86_64".into() };
+    let times =
+        |n: f64| Quantiles { count: 600, p50_ms: n, p99_ms: 2.0 * n, p999_ms: 3.0 * n, max_ms: 4.0 * n, mean_ms: n };
+    let count = |pairs: &[(&str, u64)]| pairs.iter().map(|&(name, n)| (name.to_owned(), n)).collect();
+    let mut summary = RunSummary::empty(machine);
+    (summary.bench, summary.camera) = ("loopback".into(), "wide field".into());
+    (summary.backend, summary.adapter, summary.clock) = ("cpu".into(), "AVX2, 8 threads".into(), "monotonic".into());
+    (summary.start_utc, summary.duration_s, summary.wall_s) = ("2026-03-01T12:00:00.000000Z".into(), 60.0, 60.2);
+    (summary.frame_period_s, summary.seed) = (0.1, u64::MAX);
+    summary.frames = FrameCounts {
+        scheduled: 600,
+        rendered: 599,
+        delivered: 598,
+        late: 3,
+        held: 2,
+        dropped: 1,
+        extrapolated: 590,
+        blank: 4,
+    };
+    summary.stages = core::array::from_fn(|i| times(0.1 * (i as f64 + 1.0)));
+    summary.stages[Stage::Readback as usize] = Quantiles::default();
+    (summary.lateness, summary.attitude_age, summary.horizon) = (times(0.5), times(12.0), times(38.0));
+    summary.link.counters = count(&[("rx_frames", 24_000), ("tx_frames", 1_200)]);
+    summary.link.rejects = count(&[("bad_crc", 2), ("stale", 5)]);
+    summary.faults = count(&[("hot_pixels", 600)]);
+    summary.methods = count(&[("kernel", 590), ("samples", 9)]);
+    summary.stars = CountSpread { min: 31, median: 44, max: 71 };
+    summary.event_counts = count(&[("late", 3), ("dropped", 1)]);
+    summary.last_events = vec![EventLine {
+        at_utc: "2026-03-01T12:00:59.900000Z".into(),
+        frame: Some(599),
+        kind: "late".into(),
+        detail: "1.25 ms after its deadline".into(),
+    }];
+    (summary.sink, summary.output) = ("recorder".into(), Some("runs/7".into()));
+    summary.run_crc32 = "0badcafe".into();
+    summary
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn json_holds_every_number_under_its_name() {
+        let text = sample_summary().to_json_pretty().unwrap();
+        let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(json["seed"].as_u64(), Some(u64::MAX), "exact");
+        assert_eq!(json["frames"]["extrapolated"], 590);
+        assert_eq!(json["stages"]["render"]["p99_ms"], 1.0);
+        assert_eq!(json["stages"].as_object().unwrap().len(), Stage::COUNT);
+        assert_eq!(json["link"]["rejects"]["stale"], 5);
+        assert_eq!(json["last_events"][0]["frame"], 599);
+        assert_eq!(json["output"], "runs/7");
+        assert!(text.ends_with("}\n"), "ends in a line break");
+    }
+
+    #[test]
+    fn stages_stand_in_flow_order() {
+        let text = sample_summary().to_json_pretty().unwrap();
+        let places: Vec<usize> = Stage::ALL.iter().map(|s| text.find(&format!("\"{}\":", s.name())).unwrap()).collect();
+        assert!(places.is_sorted(), "{places:?}");
+    }
+
+    #[test]
+    fn numbers_that_are_not_finite_are_null() {
+        let mut summary = sample_summary();
+        summary.duration_s = f64::NAN;
+        assert!(summary.to_json_pretty().unwrap().contains("\"duration_s\": null"));
+    }
+}

@@ -1,0 +1,213 @@
+//! The run summary as text for a terminal: aligned columns, units in the headings.
+
+use crate::report::histogram::Quantiles;
+use crate::report::stages::Stage;
+use crate::report::summary::RunSummary;
+use std::collections::BTreeMap;
+
+/// Fewer times than this and the 99.9 % quantile is simply the longest.
+const ENOUGH_FOR_P999: u64 = 1_000;
+/// Width of the first column.
+const NAME_WIDTH: usize = 22;
+/// Width of a column of numbers.
+const NUMBER_WIDTH: usize = 11;
+
+/// Lays out a summary; ends in a line break.
+#[must_use]
+pub fn summary_table(summary: &RunSummary) -> String {
+    let mut lines = Vec::new();
+    push_run(&mut lines, summary);
+    push_frames(&mut lines, summary);
+    push_times(&mut lines, summary);
+    push_counts(&mut lines, summary);
+    push_events(&mut lines, summary);
+    push_remarks(&mut lines, summary);
+    let trimmed: Vec<&str> = lines.iter().map(|line| line.trim_end()).collect();
+    trimmed.join("\n") + "\n"
+}
+
+fn push_run(lines: &mut Vec<String>, s: &RunSummary) {
+    let machine = format!("{}, {} hardware threads, {}", s.machine.cpu, s.machine.cores, s.machine.system);
+    let length = format!("{:.3} s on the {} clock, {:.3} s of wall time", s.duration_s, s.clock, s.wall_s);
+    let rows = [
+        ("bench", s.bench.clone()),
+        ("camera", s.camera.clone()),
+        ("backend", format!("{} ({})", s.backend, s.adapter)),
+        ("machine", machine),
+        ("start", s.start_utc.clone()),
+        ("length", length),
+        ("frame period", format!("{:.3} ms", s.frame_period_s * 1e3)),
+        ("seed", s.seed.to_string()),
+        ("output", format!("{} {}", s.sink, s.output.as_deref().unwrap_or("(nothing kept)"))),
+        ("run CRC-32", s.run_crc32.clone()),
+    ];
+    lines.extend(rows.into_iter().map(|(name, value)| format!("{name:<NAME_WIDTH$}{value}")));
+}
+
+fn push_frames(lines: &mut Vec<String>, s: &RunSummary) {
+    let f = &s.frames;
+    let counts = [
+        ("scheduled", f.scheduled),
+        ("rendered", f.rendered),
+        ("delivered", f.delivered),
+        ("late", f.late),
+        ("held", f.held),
+        ("dropped", f.dropped),
+        ("extrapolated", f.extrapolated),
+        ("blank", f.blank),
+    ];
+    // "extrapolated" is wider than a column of times.
+    const WIDTH: usize = NUMBER_WIDTH + 2;
+    let line = |name: &str, cells: Vec<String>| {
+        let cells: String = cells.iter().map(|cell| format!("{cell:>WIDTH$}")).collect();
+        format!("{name:<NAME_WIDTH$}{cells}")
+    };
+    for half in counts.chunks(4) {
+        lines.push(String::new());
+        lines.push(line("frames", half.iter().map(|(name, _)| (*name).to_owned()).collect()));
+        lines.push(line("", half.iter().map(|(_, n)| n.to_string()).collect()));
+    }
+}
+
+fn push_times(lines: &mut Vec<String>, s: &RunSummary) {
+    push_times_heading(lines, "wall time of");
+    lines.extend(Stage::ALL.iter().zip(&s.stages).map(|(stage, quantiles)| times_row(stage.name(), quantiles)));
+    push_times_heading(lines, "on the run's clock");
+    lines.push(times_row("lateness", &s.lateness));
+    lines.push(times_row("attitude age", &s.attitude_age));
+    lines.push(times_row("prediction horizon", &s.horizon));
+}
+
+fn push_times_heading(lines: &mut Vec<String>, name: &str) {
+    lines.push(String::new());
+    lines.push(row(name, &["count", "mean ms", "p50 ms", "p99 ms", "p99.9 ms", "max ms"].map(String::from)));
+}
+
+fn times_row(name: &str, q: &Quantiles) -> String {
+    if q.count == 0 {
+        return row(name, &["0", "-", "-", "-", "-", "-"].map(String::from));
+    }
+    let times = [q.mean_ms, q.p50_ms, q.p99_ms, q.p999_ms, q.max_ms].map(|ms| format!("{ms:.3}"));
+    row(name, &[&[q.count.to_string()], times.as_slice()].concat())
+}
+
+fn row(name: &str, cells: &[String]) -> String {
+    let cells: String = cells.iter().map(|cell| format!(" {cell:>NUMBER_WIDTH$}")).collect();
+    format!("{name:<NAME_WIDTH$}{cells}")
+}
+
+fn push_counts(lines: &mut Vec<String>, s: &RunSummary) {
+    let stars = format!("min {}, median {}, max {}", s.stars.min, s.stars.median, s.stars.max);
+    let rows = [
+        ("stars per frame", stars),
+        ("smear method, frames", joined(&s.methods)),
+        ("faults, frames", joined(&s.faults)),
+        ("link", joined(&s.link.counters)),
+        ("link rejects", joined(&s.link.rejects)),
+        ("events", joined(&s.event_counts)),
+    ];
+    lines.push(String::new());
+    lines.extend(rows.into_iter().map(|(name, value)| format!("{name:<NAME_WIDTH$}{value}")));
+}
+
+fn joined(counts: &BTreeMap<String, u64>) -> String {
+    let parts: Vec<String> = counts.iter().map(|(name, n)| format!("{name} {n}")).collect();
+    if parts.is_empty() { "none".into() } else { parts.join(", ") }
+}
+
+fn push_events(lines: &mut Vec<String>, s: &RunSummary) {
+    if s.last_events.is_empty() {
+        return;
+    }
+    lines.push(String::new());
+    lines.push(format!("last {} events", s.last_events.len()));
+    for event in &s.last_events {
+        let frame = event.frame.map_or_else(|| "-".into(), |n| n.to_string());
+        lines.push(format!("  {}  frame {frame:>6}  {:<14}{}", event.at_utc, event.kind, event.detail));
+    }
+}
+
+/// What a reader must know before believing a number above.
+fn push_remarks(lines: &mut Vec<String>, s: &RunSummary) {
+    let mut remarks = Vec::new();
+    if s.clock == "virtual" {
+        remarks.push(
+            "virtual clock: stage times are this machine's, lateness is simulated; neither predicts a bench".into(),
+        );
+    }
+    let delivered = s.stages[Stage::ReleaseToDelivered as usize].count;
+    if delivered < ENOUGH_FOR_P999 {
+        remarks.push(format!("{delivered} frames delivered: p99.9 is the longest of fewer than {ENOUGH_FOR_P999}"));
+    }
+    if s.frames.delivered < s.frames.scheduled {
+        remarks.push(format!(
+            "{} of {} scheduled frames were not delivered",
+            s.frames.scheduled - s.frames.delivered,
+            s.frames.scheduled
+        ));
+    }
+    if !remarks.is_empty() {
+        lines.push(String::new());
+        lines.extend(remarks.into_iter().map(|remark: String| format!("note: {remark}")));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::summary::sample_summary;
+
+    fn line_of<'a>(text: &'a str, name: &str) -> &'a str {
+        text.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("no line {name} in\n{text}"))
+    }
+
+    #[test]
+    fn numbers_stand_under_their_headings() {
+        let text = summary_table(&sample_summary());
+        let heading = line_of(&text, "wall time of");
+        let render = line_of(&text, "render");
+        let end = |line: &str, word: &str| line.find(word).map(|at| at + word.len());
+        for (name, value) in [("count", "600"), ("p99 ms", "1.000"), ("p99.9 ms", "1.500"), ("max ms", "2.000")] {
+            assert_eq!(end(heading, name), end(render, value), "{name}\n{heading}\n{render}");
+        }
+        assert_ne!(end(heading, "p99 ms"), end(render, "1.500"), "the comparison can fail");
+    }
+
+    #[test]
+    fn frame_counts_stand_under_their_names() {
+        let text = summary_table(&sample_summary());
+        let lines: Vec<&str> = text.lines().collect();
+        let at = lines.iter().position(|l| l.contains("extrapolated")).unwrap();
+        let end = |line: &str, word: &str| line.find(word).map(|at| at + word.len());
+        assert_eq!(end(lines[at], "extrapolated"), end(lines[at + 1], "590"), "{text}");
+    }
+
+    #[test]
+    fn no_line_is_wider_than_a_terminal_of_100_columns_or_ends_in_blanks() {
+        for line in summary_table(&sample_summary()).lines() {
+            assert!(line.chars().count() <= 100 && line == line.trim_end(), "{line:?}");
+        }
+    }
+
+    #[test]
+    fn a_stage_that_never_ran_has_no_times() {
+        let text = summary_table(&sample_summary());
+        assert!(line_of(&text, "readback").split_whitespace().eq(["readback", "0", "-", "-", "-", "-", "-"]), "{text}");
+    }
+
+    #[test]
+    fn remarks_appear_only_where_they_apply() {
+        let mut summary = sample_summary();
+        let text = summary_table(&summary);
+        assert!(text.contains("2 of 600 scheduled frames were not delivered"), "{text}");
+        assert!(text.contains("p99.9 is the longest") && !text.contains("virtual clock"), "{text}");
+        summary.clock = "virtual".into();
+        summary.frames.delivered = 600;
+        summary.stages[Stage::ReleaseToDelivered as usize].count = 5_000;
+        let text = summary_table(&summary);
+        assert!(
+            text.contains("virtual clock") && !text.contains("not delivered") && !text.contains("longest"),
+            "{text}"
+        );
+    }
+}

@@ -1,0 +1,103 @@
+//! What can go wrong on the way out.
+
+use std::io;
+use std::path::PathBuf;
+
+/// A frame or file that did not get out, or a recording that cannot be read back.
+#[derive(Debug, thiserror::Error)]
+pub enum SinkError {
+    /// The directory of a recording cannot be made.
+    #[error("recording directory {} cannot be made: {source}; try {}", path.display(), advice(source))]
+    Directory {
+        /// The directory.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// The directory holds an earlier recording.
+    #[error(
+        "recording directory {} already holds a recording (frames.csv); wanted a new or empty one, so that two runs do \
+         not mix; try another directory or remove this one",
+        path.display()
+    )]
+    Occupied {
+        /// The directory.
+        path: PathBuf,
+    },
+    /// A file could not be written.
+    #[error(
+        "{} could not be written: {source}; nothing half-written was left and earlier files are intact; try {}",
+        path.display(),
+        advice(source)
+    )]
+    Write {
+        /// The file under its final name.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// A frame number that does not follow the ones already recorded.
+    #[error("frame {got} after frame {last} in {}: wanted a larger number; give a repeated frame a number of its own", path.display())]
+    FrameOrder {
+        /// The recording.
+        path: PathBuf,
+        /// Last number recorded.
+        last: u32,
+        /// Number refused.
+        got: u32,
+    },
+    /// A frame sent after the end of the run.
+    #[error("frame {frame} was sent to the {sink} sink after it had finished; send every frame before finish")]
+    Finished {
+        /// The sink's name.
+        sink: &'static str,
+        /// The frame.
+        frame: u32,
+    },
+    /// Bytes that are not a FITS image this reader knows.
+    #[error("not a FITS image starloop can read: {what}: wanted {wanted}, got {got}")]
+    BadFits {
+        /// Where in the file.
+        what: &'static str,
+        /// What is readable.
+        wanted: &'static str,
+        /// What was there.
+        got: String,
+    },
+    /// A table (truth or frame log) that does not have the promised columns or values.
+    #[error("{table}, line {line}: wanted {wanted}, got {got}")]
+    BadTable {
+        /// Which table.
+        table: &'static str,
+        /// Line in the file, the header being 1.
+        line: u64,
+        /// What is readable.
+        wanted: &'static str,
+        /// What was there.
+        got: String,
+    },
+}
+
+/// What a person can do about an I/O error.
+fn advice(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "freeing space or another disk",
+        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => "a directory you may write to",
+        io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => "a path whose parent is an existing directory",
+        io::ErrorKind::IsADirectory => "a file name that is not a directory",
+        _ => "another path or disk",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_says_where_why_and_what_to_try() {
+        let source = io::Error::from(io::ErrorKind::StorageFull);
+        let text = SinkError::Write { path: "run/frame_000001.fits".into(), source }.to_string();
+        assert!(text.contains("run/frame_000001.fits"), "where: {text}");
+        assert!(text.contains("freeing space"), "what to try: {text}");
+    }
+}

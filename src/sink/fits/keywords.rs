@@ -1,0 +1,150 @@
+//! The truth keywords of a frame.
+//!
+//! `DATE-OBS` is the start of the exposure, `T-MID` its middle (the epoch of attitude and truth), both UTC; `MID_NS`
+//! is the middle again, exactly. Angles are in degrees, spans in milliseconds.
+
+use super::card::Header;
+use super::image::{Pixels, write_image};
+use crate::base::image::ElectronImage;
+use crate::base::time::Tai;
+use crate::base::units::DAY_S;
+use crate::sink::crc32::pixel_crc32;
+use crate::sink::frame::{FrameMeta, SentFrame};
+use std::io::{self, Write};
+
+/// Modified Julian date of 1970-01-01T00:00:00.
+const UNIX_EPOCH_MJD: f64 = 40_587.0;
+
+/// Writes the DN of a frame with its truth keywords.
+///
+/// # Errors
+/// When the output fails.
+pub fn write_frame(out: impl Write, frame: &SentFrame) -> io::Result<()> {
+    let mut header = Header::default();
+    header.push("BUNIT", "adu", "digital numbers (DN)");
+    push_meta(&mut header, &frame.meta);
+    header.push("NSTARS", frame.truth.len(), "stars in the truth table");
+    header.push("PIXCRC32", pixel_crc32(&frame.image), "CRC-32 of the DN, little-endian, row by row");
+    write_image(out, frame.image.width(), frame.image.height(), Pixels::U16(frame.image.pixels()), &header)
+}
+
+/// Writes mean electrons before the detector, with the keywords of the frame they belong to.
+///
+/// # Errors
+/// When the output fails.
+pub fn write_electrons(out: impl Write, image: &ElectronImage, meta: &FrameMeta) -> io::Result<()> {
+    let mut header = Header::default();
+    header.push("BUNIT", "electron", "mean electrons, before noise");
+    push_meta(&mut header, meta);
+    write_image(out, image.width(), image.height(), Pixels::F32(image.pixels()), &header)
+}
+
+/// Adds everything that is known about a frame.
+pub fn push_meta(header: &mut Header, meta: &FrameMeta) {
+    header.push("CREATOR", concat!("starloop ", env!("CARGO_PKG_VERSION")), "");
+    header.push("INSTRUME", &*meta.camera, "camera");
+    header.push("FRAME", meta.number, "frame number in the run");
+    push_time(header, meta);
+    push_attitude(header, meta);
+    push_origin(header, meta);
+}
+
+fn push_time(header: &mut Header, meta: &FrameMeta) {
+    let start = meta.exposure_start();
+    header.push("TIMESYS", "UTC", "");
+    header.push("DATE-OBS", utc_text(start), "[UTC] start of exposure");
+    header.push("MJD-OBS", UNIX_EPOCH_MJD + start.unix_s() / DAY_S, "[d] UTC, start of exposure");
+    header.push("T-MID", utc_text(meta.mid_exposure), "[UTC] mid-exposure");
+    header.push("MID_NS", meta.mid_exposure.ns(), "[ns] mid-exposure, TAI since 1970.0 TAI");
+    header.push("EXPTIME", meta.exposure_s, "[s] integration time");
+}
+
+fn push_attitude(header: &mut Header, meta: &FrameMeta) {
+    header.comment("Attitude at mid-exposure, sensor_from_icrf: Hamilton, scalar first,");
+    header.comment("passive: v_sensor = q v_icrf conj(q). +Z boresight, +X right, +Y down.");
+    for (keyword, q) in ["QW", "QX", "QY", "QZ"].into_iter().zip(meta.attitude_wxyz) {
+        header.push(keyword, q, "sensor_from_icrf");
+    }
+    header.push("RA_DEG", meta.ra_deg, "[deg] boresight, ICRF");
+    header.push("DEC_DEG", meta.dec_deg, "[deg] boresight, ICRF");
+    header.push("ROLL_DEG", meta.roll_deg, "[deg] image up, east of north");
+    for (keyword, rate) in ["RATE_X", "RATE_Y", "RATE_Z"].into_iter().zip(meta.rate_deg_s) {
+        header.push(keyword, rate, "[deg/s] sensor axes, w.r.t. ICRF");
+    }
+}
+
+fn push_origin(header: &mut Header, meta: &FrameMeta) {
+    header.push("SEED", meta.seed, "of every random number");
+    header.push("LATE_MS", meta.lateness.ms(), "[ms] completion - deadline");
+    header.push("AGE_MS", meta.attitude_age.ms(), "[ms] age of the newest attitude");
+    header.push("HORIZ_MS", meta.horizon.ms(), "[ms] newest attitude to mid-exposure");
+    header.push("BACKEND", meta.backend, "render backend");
+    header.push("METHOD", meta.method, "smear method");
+    header.push("ORIGIN", meta.origin, "of the attitude");
+    header.push("FAULTS", meta.faults.to_string(), "active faults");
+    header.push("FAULTBIT", meta.faults.bits(), "active faults as bits");
+    header.push("GAIN", meta.gain_e_per_dn, "[e-/DN]");
+    header.push("BLACKLVL", meta.black_level_dn, "[DN] black level");
+    header.push("ROWORDER", "TOP-DOWN", "first row is the top; FITS pixel = px + 1");
+}
+
+/// UTC as FITS writes it: no zone letter.
+fn utc_text(at: Tai) -> String {
+    at.to_rfc3339().trim_end_matches('Z').to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::read::OwnedPixels;
+    use super::super::read_image;
+    use super::*;
+    use crate::sink::frame::sample_frame;
+
+    fn round_trip(frame: &SentFrame) -> super::super::FitsImage {
+        let mut bytes = Vec::new();
+        write_frame(&mut bytes, frame).unwrap();
+        read_image(bytes.as_slice()).unwrap()
+    }
+
+    #[test]
+    fn a_frame_reads_back_with_every_number_exact() {
+        let frame = sample_frame(12);
+        let image = round_trip(&frame);
+        assert_eq!(image.pixels, OwnedPixels::U16(frame.image.pixels().to_vec()));
+        let (header, meta) = (&image.header, &frame.meta);
+        for (keyword, q) in ["QW", "QX", "QY", "QZ"].into_iter().zip(meta.attitude_wxyz) {
+            assert_eq!(header.real(keyword), Some(q), "{keyword}");
+        }
+        assert_eq!(header.integer("SEED"), Some(meta.seed.into()));
+        assert_eq!(header.integer("MID_NS"), Some(meta.mid_exposure.ns().into()));
+        assert_eq!(header.real("LATE_MS"), Some(meta.lateness.ms()));
+        assert_eq!(header.text("INSTRUME").as_deref(), Some(&*meta.camera));
+        assert_eq!(header.text("FAULTS").as_deref(), Some("link_drop+hot_pixels"));
+        assert_ne!(header.real("RATE_X"), header.real("RATE_Y"), "axes are not swapped for one another");
+    }
+
+    #[test]
+    fn date_obs_is_the_start_and_t_mid_the_middle() {
+        let mut frame = sample_frame(0);
+        frame.meta.mid_exposure = Tai::from_rfc3339("2026-03-01T12:00:00Z").unwrap();
+        frame.meta.exposure_s = 0.5;
+        let header = round_trip(&frame).header;
+        assert_eq!(header.text("DATE-OBS").as_deref(), Some("2026-03-01T11:59:59.750000"));
+        assert_eq!(header.text("T-MID").as_deref(), Some("2026-03-01T12:00:00.000000"));
+        // f64 resolves 0.6 us at MJD 61100.
+        const MJD_D: f64 = 1e-6 / DAY_S;
+        let mjd = header.real("MJD-OBS").unwrap();
+        assert!((mjd - (61_100.5 - 0.25 / DAY_S)).abs() < MJD_D, "{mjd}");
+    }
+
+    #[test]
+    fn electrons_read_back_in_single_precision() {
+        let mut image = ElectronImage::new(3, 2);
+        image.pixels_mut().copy_from_slice(&[0.0, 0.1, -1.5, 1e6, f32::MIN_POSITIVE, 7.0]);
+        let mut bytes = Vec::new();
+        write_electrons(&mut bytes, &image, &sample_frame(1).meta).unwrap();
+        let read = read_image(bytes.as_slice()).unwrap();
+        assert_eq!(read.pixels, OwnedPixels::F32(image.pixels().to_vec()));
+        assert_eq!(read.header.text("BUNIT").as_deref(), Some("electron"));
+    }
+}

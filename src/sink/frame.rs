@@ -1,0 +1,158 @@
+//! One frame on its way out: pixels, the stars that are truly in it, and how it came about.
+
+use crate::base::image::DnImage;
+use crate::base::time::{Span, Tai};
+use crate::sink::faults::FaultFlags;
+use std::sync::Arc;
+
+/// A finished frame. Its buffers are made once and travel between the frame thread and the sink thread.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SentFrame {
+    /// What the detector read out, DN.
+    pub image: DnImage,
+    /// The stars in the image; empty when the frame is blank.
+    pub truth: Vec<TruthStar>,
+    /// Everything else that is known about the frame.
+    pub meta: FrameMeta,
+}
+
+impl SentFrame {
+    /// Buffers for frames of `width` by `height` pixels; up to `max_stars` stars fit without allocation.
+    #[must_use]
+    pub fn with_capacity(width: usize, height: usize, max_stars: usize, camera: Arc<str>) -> Self {
+        Self {
+            image: DnImage::new(width, height),
+            truth: Vec::with_capacity(max_stars),
+            meta: FrameMeta::empty(camera),
+        }
+    }
+}
+
+/// One star as it was put into the image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TruthStar {
+    /// Catalog identifier.
+    pub id: u32,
+    /// Right ascension of the apparent direction at mid-exposure, ICRF axes, deg.
+    pub ra_deg: f64,
+    /// Declination of the apparent direction at mid-exposure, ICRF axes, deg.
+    pub dec_deg: f64,
+    /// Magnitude in the instrument's band.
+    pub mag: f32,
+    /// Mean column over the exposure, px (first pixel's centre is 0).
+    pub x_px: f64,
+    /// Mean row over the exposure, px, down.
+    pub y_px: f64,
+    /// Electrons collected in the exposure, mean, before noise.
+    pub electrons: f64,
+}
+
+/// How a frame came about.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameMeta {
+    /// Frame number in the run.
+    pub number: u32,
+    /// Middle of the exposure: the epoch of validity of attitude and truth.
+    pub mid_exposure: Tai,
+    /// Integration time, s.
+    pub exposure_s: f64,
+    /// Attitude at mid-exposure, `sensor_from_icrf`: Hamilton, passive (`v_sensor = q v_icrf q*`), scalar first.
+    pub attitude_wxyz: [f64; 4],
+    /// Right ascension of the boresight, deg.
+    pub ra_deg: f64,
+    /// Declination of the boresight, deg.
+    pub dec_deg: f64,
+    /// Position angle of the image's up direction, east of north, deg.
+    pub roll_deg: f64,
+    /// Angular rate with respect to ICRF in sensor axes, deg/s.
+    pub rate_deg_s: [f64; 3],
+    /// Seed of every random number in the frame.
+    pub seed: u64,
+    /// Completion minus deadline; negative when early.
+    pub lateness: Span,
+    /// Age of the newest attitude sample when the frame was planned.
+    pub attitude_age: Span,
+    /// Newest attitude sample to mid-exposure: how far the attitude was predicted; negative when it was interpolated.
+    pub horizon: Span,
+    /// Render backend.
+    pub backend: &'static str,
+    /// Smear method.
+    pub method: &'static str,
+    /// Where the attitude came from (measured, predicted, held, ...).
+    pub origin: &'static str,
+    /// Commanded faults active in this frame.
+    pub faults: FaultFlags,
+    /// Camera name.
+    pub camera: Arc<str>,
+    /// Detector gain, e-/DN.
+    pub gain_e_per_dn: f64,
+    /// Black level, DN.
+    pub black_level_dn: f64,
+}
+
+impl FrameMeta {
+    /// Metadata of a frame that has not been exposed yet.
+    #[must_use]
+    pub fn empty(camera: Arc<str>) -> Self {
+        Self {
+            number: 0,
+            mid_exposure: Tai::from_ns(0),
+            exposure_s: 0.0,
+            attitude_wxyz: [1.0, 0.0, 0.0, 0.0],
+            ra_deg: 0.0,
+            dec_deg: 0.0,
+            roll_deg: 0.0,
+            rate_deg_s: [0.0; 3],
+            seed: 0,
+            lateness: Span::ZERO,
+            attitude_age: Span::ZERO,
+            horizon: Span::ZERO,
+            backend: "none",
+            method: "none",
+            origin: "none",
+            faults: FaultFlags::NONE,
+            camera,
+            gain_e_per_dn: 1.0,
+            black_level_dn: 0.0,
+        }
+    }
+
+    /// Start of the exposure.
+    #[must_use]
+    pub fn exposure_start(&self) -> Tai {
+        self.mid_exposure - Span::from_s(self.exposure_s / 2.0)
+    }
+}
+
+/// A small frame with something in every field.
+#[cfg(test)]
+pub(crate) fn sample_frame(number: u32) -> SentFrame {
+    let mut frame = SentFrame::with_capacity(31, 17, 4, "test camera, \"A\"".into());
+    for (i, pixel) in frame.image.pixels_mut().iter_mut().enumerate() {
+        *pixel = (i as u16).wrapping_mul(2_477).wrapping_add(number as u16);
+    }
+    let star = TruthStar {
+        id: 424,
+        ra_deg: 37.954_560_671,
+        dec_deg: 89.264_109_444,
+        mag: 1.98,
+        x_px: 12.345_678_901,
+        y_px: -0.25,
+        electrons: 0.1 + 0.2,
+    };
+    frame.truth.extend([star, TruthStar { id: u32::MAX, mag: 6.5, electrons: 1e7 / 3.0, ..star }]);
+    frame.meta.number = number;
+    frame.meta.mid_exposure = Tai::from_ns(1_790_000_000_123_456_789) + Span::from_ms(100 * i64::from(number));
+    frame.meta.exposure_s = 0.1;
+    frame.meta.attitude_wxyz = [0.5, -0.5, 0.1_f64.sqrt(), -0.4_f64.sqrt()];
+    (frame.meta.ra_deg, frame.meta.dec_deg, frame.meta.roll_deg) = (359.999_999_999, -1.0 / 3.0, 1e-7);
+    frame.meta.rate_deg_s = [0.1, -0.02, 3.0];
+    frame.meta.seed = u64::MAX - u64::from(number);
+    frame.meta.lateness = Span::from_ns(-1_234_567);
+    frame.meta.attitude_age = Span::from_ms(12);
+    frame.meta.horizon = Span::from_ms(-38);
+    (frame.meta.backend, frame.meta.method, frame.meta.origin) = ("cpu", "kernel", "predicted");
+    frame.meta.faults = FaultFlags::HOT_PIXELS | FaultFlags::LINK_DROP;
+    (frame.meta.gain_e_per_dn, frame.meta.black_level_dn) = (2.5, 64.0);
+    frame
+}

@@ -1,0 +1,223 @@
+//! The sink that writes a directory per run.
+//!
+//! Per frame: `frame_000012.truth.csv`, `frame_000012.fits`, every so often `frame_000012.png`, then a line in
+//! `frames.csv`. The line comes last, so a frame listed there is complete; files of a frame that is not listed are
+//! left from a failure. A directory that already holds a recording is refused.
+
+use crate::sink::atomic::write_file_atomically;
+use crate::sink::crc32::{RunCrc32, pixel_crc32};
+use crate::sink::frame_log::{FrameLog, FrameRow, path_in};
+use crate::sink::{SentFrame, Sink, SinkError, SinkSummary, fits, png, truth};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What is recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RecorderOptions {
+    /// A FITS image per frame.
+    pub fits: bool,
+    /// A truth table per frame.
+    pub truth: bool,
+    /// A PNG for people with every frame whose number is a multiple of this; 0 for none.
+    pub png_every: u32,
+}
+
+impl Default for RecorderOptions {
+    fn default() -> Self {
+        Self { fits: true, truth: true, png_every: 0 }
+    }
+}
+
+/// A recording under way.
+#[derive(Debug)]
+pub struct Recorder {
+    directory: PathBuf,
+    options: RecorderOptions,
+    log: FrameLog,
+    last_number: Option<u32>,
+    frames: u64,
+    refused: u64,
+    bytes: u64,
+    run_crc32: RunCrc32,
+    finished: bool,
+}
+
+impl Recorder {
+    /// Makes the directory (and its parents) and an empty `frames.csv` in it.
+    ///
+    /// # Errors
+    /// When the directory cannot be made or already holds a recording.
+    pub fn create(directory: impl Into<PathBuf>, options: RecorderOptions) -> Result<Self, SinkError> {
+        let directory = directory.into();
+        if let Err(source) = fs::create_dir_all(&directory) {
+            return Err(SinkError::Directory { path: directory, source });
+        }
+        if fs::symlink_metadata(path_in(&directory)).is_ok() {
+            return Err(SinkError::Occupied { path: directory });
+        }
+        let log = FrameLog::create(path_in(&directory))?;
+        Ok(Self {
+            directory,
+            options,
+            log,
+            last_number: None,
+            frames: 0,
+            refused: 0,
+            bytes: 0,
+            run_crc32: RunCrc32::default(),
+            finished: false,
+        })
+    }
+
+    fn record(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        self.check(frame)?;
+        let crc32 = pixel_crc32(&frame.image);
+        let bytes = self.write_files(frame)? + self.log.append(&FrameRow::new(frame, crc32))?;
+        self.last_number = Some(frame.meta.number);
+        self.frames += 1;
+        self.bytes += bytes;
+        self.run_crc32.add(frame.meta.number, crc32);
+        Ok(())
+    }
+
+    fn check(&self, frame: &SentFrame) -> Result<(), SinkError> {
+        let got = frame.meta.number;
+        if self.finished {
+            return Err(SinkError::Finished { sink: self.name(), frame: got });
+        }
+        match self.last_number {
+            Some(last) if got <= last => Err(SinkError::FrameOrder { path: self.directory.clone(), last, got }),
+            _ => Ok(()),
+        }
+    }
+
+    fn write_files(&self, frame: &SentFrame) -> Result<u64, SinkError> {
+        let number = frame.meta.number;
+        let path = |ending: &str| frame_path(&self.directory, number, ending);
+        let mut bytes = 0;
+        if self.options.truth {
+            bytes += write_file_atomically(&path("truth.csv"), |out| truth::write_truth(out, &frame.truth))?;
+        }
+        if self.options.fits {
+            bytes += write_file_atomically(&path("fits"), |out| fits::write_frame(out, frame))?;
+        }
+        if self.options.png_every > 0 && number.is_multiple_of(self.options.png_every) {
+            bytes += write_file_atomically(&path("png"), |out| png::write_dn_for_people(out, &frame.image))?;
+        }
+        Ok(bytes)
+    }
+}
+
+/// Path of one file of a frame: `frame_000012.<ending>`.
+#[must_use]
+pub fn frame_path(directory: &Path, number: u32, ending: &str) -> PathBuf {
+    directory.join(format!("frame_{number:06}.{ending}"))
+}
+
+impl Sink for Recorder {
+    fn name(&self) -> &'static str {
+        "recorder"
+    }
+
+    fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        let recorded = self.record(frame);
+        self.refused += u64::from(recorded.is_err());
+        recorded
+    }
+
+    fn finish(&mut self) -> Result<SinkSummary, SinkError> {
+        self.finished = true;
+        self.log.finish()?;
+        Ok(SinkSummary {
+            sink: self.name(),
+            frames: self.frames,
+            refused: self.refused,
+            bytes: self.bytes,
+            run_crc32: self.run_crc32.value(),
+            output: Some(self.directory.clone()),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sink::frame::sample_frame;
+    use crate::sink::frame_log::read_frame_log;
+    use crate::sink::truth::read_truth;
+
+    const EVERYTHING: RecorderOptions = RecorderOptions { fits: true, truth: true, png_every: 2 };
+
+    fn listed(directory: &Path) -> Vec<FrameRow> {
+        read_frame_log(fs::File::open(path_in(directory)).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn a_run_reads_back() {
+        let directory = tempfile::tempdir().unwrap();
+        let run = directory.path().join("deep/run");
+        let mut recorder = Recorder::create(&run, EVERYTHING).unwrap();
+        for number in [3, 4, 8] {
+            recorder.send(&sample_frame(number)).unwrap();
+        }
+        let summary = recorder.finish().unwrap();
+        let on_disk: u64 = fs::read_dir(&run).unwrap().map(|e| e.unwrap().metadata().unwrap().len()).sum();
+        assert_eq!((summary.frames, summary.bytes), (3, on_disk), "every byte is counted");
+        let frame = sample_frame(4);
+        let image = fits::read_image(fs::File::open(run.join("frame_000004.fits")).unwrap()).unwrap();
+        assert_eq!(image.pixels.as_pixels(), fits::Pixels::U16(frame.image.pixels()));
+        let stars = read_truth(fs::File::open(run.join("frame_000004.truth.csv")).unwrap()).unwrap();
+        assert_eq!(stars, frame.truth);
+        assert_eq!(listed(&run)[1], FrameRow::new(&frame, pixel_crc32(&frame.image)));
+        assert!(run.join("frame_000008.png").exists() && !run.join("frame_000003.png").exists(), "every second");
+    }
+
+    #[test]
+    fn an_earlier_recording_is_not_touched() {
+        let directory = tempfile::tempdir().unwrap();
+        Recorder::create(directory.path(), EVERYTHING).unwrap().send(&sample_frame(1)).unwrap();
+        let error = Recorder::create(directory.path(), EVERYTHING).unwrap_err();
+        assert!(matches!(error, SinkError::Occupied { .. }), "{error}");
+        assert_eq!(listed(directory.path()).len(), 1);
+    }
+
+    #[test]
+    fn a_directory_that_cannot_be_made_is_named() {
+        let directory = tempfile::tempdir().unwrap();
+        let file = directory.path().join("a_file");
+        fs::write(&file, "in the way").unwrap();
+        let error = Recorder::create(file.join("run"), EVERYTHING).unwrap_err();
+        assert!(matches!(error, SinkError::Directory { .. }), "{error}");
+        assert!(error.to_string().contains("a_file"), "{error}");
+    }
+
+    #[test]
+    fn a_repeated_number_is_refused_and_the_first_stays() {
+        let directory = tempfile::tempdir().unwrap();
+        let mut recorder = Recorder::create(directory.path(), EVERYTHING).unwrap();
+        recorder.send(&sample_frame(5)).unwrap();
+        let before = fs::read(directory.path().join("frame_000005.fits")).unwrap();
+        let mut other = sample_frame(6);
+        other.meta.number = 5;
+        let error = recorder.send(&other).unwrap_err();
+        assert!(matches!(error, SinkError::FrameOrder { last: 5, got: 5, .. }), "{error}");
+        assert_eq!(fs::read(directory.path().join("frame_000005.fits")).unwrap(), before);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_disk_that_fills_up_loses_only_that_frame() {
+        let directory = tempfile::tempdir().unwrap();
+        let mut recorder = Recorder::create(directory.path(), EVERYTHING).unwrap();
+        recorder.send(&sample_frame(1)).unwrap();
+        let full = directory.path().join("frame_000002.fits");
+        std::os::unix::fs::symlink("/dev/full", &full).unwrap();
+        let error = recorder.send(&sample_frame(2)).unwrap_err();
+        assert!(error.to_string().contains("frame_000002.fits"), "{error}");
+        assert_eq!(listed(directory.path()).len(), 1, "not listed");
+        fs::remove_file(&full).unwrap();
+        recorder.send(&sample_frame(2)).expect("room again: the same frame may be tried again");
+        let summary = recorder.finish().unwrap();
+        assert_eq!((summary.frames, summary.refused), (2, 1));
+    }
+}
