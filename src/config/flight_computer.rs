@@ -1,7 +1,10 @@
 //! `[flight_computer]`: the simulated one at the other end of the link.
 
+use crate::attitude::JitterLine;
+use crate::base::units::{ARCSEC, DEG};
 use crate::config::check::{Checker, Rule};
 use crate::config::error::ConfigError;
+use glam::DVec3;
 use serde::Deserialize;
 
 /// Highest rate of attitude messages the protocol has room for, Hz.
@@ -27,6 +30,18 @@ pub struct JitterLineSettings {
     pub amplitude_arcsec: [f64; 3],
     /// Phase at the start of the run, deg.
     pub phase_deg: f64,
+}
+
+impl JitterLineSettings {
+    /// The line as the attitude room takes it, its epoch being the start of the run.
+    #[must_use]
+    pub fn line(&self) -> JitterLine {
+        JitterLine {
+            frequency_hz: self.frequency_hz,
+            amplitude_rad: DVec3::from_array(self.amplitude_arcsec) * ARCSEC,
+            phase_rad: self.phase_deg * DEG,
+        }
+    }
 }
 
 /// A rest-to-rest turn.

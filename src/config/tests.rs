@@ -76,6 +76,8 @@ fn the_built_in_bench_is_the_loopback() {
     assert_eq!((bench.name.as_str(), bench.camera.name.as_str()), ("loopback", "20 degree star tracker"));
     assert_eq!((bench.timing.frames(), bench.link.wire), (100, Wire::CanFd));
     assert_eq!(bench.flight_computer.jitter_lines.len(), 3);
+    let wheel = bench.flight_computer.jitter_lines[2].line();
+    assert_eq!((wheel.frequency_hz, wheel.amplitude_rad.x), (53.0, 6.0 * crate::base::units::ARCSEC));
     let slew = bench.flight_computer.slew.expect("a slew");
     assert_eq!((slew.axis, slew.angle_deg), ([0.0, -1.0, 0.0], 2.0));
 }
