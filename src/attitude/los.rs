@@ -38,7 +38,8 @@ pub struct JitterPoint {
     pub rotation_rad: DVec3,
 }
 
-/// Jitter that acts on top of the smooth attitude: spectral lines plus a polyline through samples.
+/// Motion on top of the smooth quadratic: spectral lines plus a polyline through samples (received jitter, and what
+/// of the attitude's own motion a quadratic cannot follow).
 #[derive(Debug, Clone, PartialEq)]
 pub struct JitterTrack {
     /// Spectral lines.
@@ -102,7 +103,7 @@ impl JitterTrack {
     }
 }
 
-fn polyline_at(points: &[JitterPoint], at: Tai) -> DVec3 {
+pub(super) fn polyline_at(points: &[JitterPoint], at: Tai) -> DVec3 {
     let after = points.partition_point(|point| point.at <= at);
     match (after.checked_sub(1).and_then(|i| points.get(i)), points.get(after)) {
         (Some(a), Some(b)) => {
@@ -115,6 +116,21 @@ fn polyline_at(points: &[JitterPoint], at: Tai) -> DVec3 {
 }
 
 impl LosPath {
+    /// A line of sight that stands still, as the user commanded it.
+    #[must_use]
+    pub fn commanded(sensor_from_icrf: Rotation<Sensor, Icrf>, exposure_start: Tai, exposure_s: f64) -> Self {
+        Self {
+            exposure_start,
+            exposure_s,
+            mid_sensor_from_icrf: sensor_from_icrf,
+            rate_rad_s: DVec3::ZERO,
+            acceleration_rad_s2: DVec3::ZERO,
+            jitter: JitterTrack::none(),
+            origin: PathOrigin::Commanded,
+            horizon: Span::ZERO,
+        }
+    }
+
     /// The instant in the middle of the exposure.
     #[must_use]
     pub fn mid_exposure(&self) -> Tai {

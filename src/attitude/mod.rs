@@ -1,7 +1,39 @@
-//! Attitude samples -> history -> interpolation or prediction -> [`LosPath`] of one exposure.
+//! Attitude samples -> history -> interpolation or prediction -> [`LosPath`](crate::attitude::LosPath) of one exposure.
+//!
+//! Input: `(AttitudeSample, received_at)` and jitter points, stamped at the link; remote tick counts. Output: the
+//! line of sight of one exposure, with the origin and age of what it is made from. Units: rad, s, TAI.
+//!
+//! ```text
+//! u32 ticks -> RemoteClock -> Tai                        (ticks)
+//! sample -> AttitudeHistory -> interpolate | predict | hold -> estimate
+//! burst | lines -> JitterHistory -> JitterTrack           (jitter)
+//! estimate + JitterTrack + mounting -> LosPath            (exposure_path, residual)
+//! ```
+//!
+//! After construction nothing here allocates: rings have a fixed capacity and the caller's buffers are reused.
+//! Refused input is a typed [`HistoryReject`](crate::attitude::HistoryReject), counted by reason.
 
+mod error;
+mod estimate;
+mod exposure_path;
+mod history;
+mod interpolate;
+mod jitter;
 pub mod los;
+mod predict;
+mod residual;
+mod ring;
 pub mod sample;
+mod ticks;
 
+pub use error::{AttitudeError, HistoryReject};
+pub use estimate::{Decision, EstimateLimits, EstimatedAttitude, StalePolicy, decide, state_at};
+pub use exposure_path::{PathOutcome, PathReport, compose};
+pub use history::AttitudeHistory;
+pub use interpolate::{hermite_error_bound_rad, interpolate};
+pub use jitter::{JitterCoverage, JitterHistory};
 pub use los::{JitterLine, JitterPoint, JitterTrack, LosPath, PathOrigin};
+pub use predict::{AttitudeState, PredictionErrors, held_state, predict};
+pub use ring::{HistoryCounts, HistoryLimits};
 pub use sample::AttitudeSample;
+pub use ticks::{ClockEstimate, Observed, RemoteClock, RemoteClockLimits, remote_ticks_us, scet_ns};

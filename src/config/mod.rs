@@ -1,1 +1,43 @@
-//! (room being built)
+//! TOML -> schema -> checked parameters; nothing after this room re-validates.
+//!
+//! Input: a bench file, which names a camera file and perhaps a link file. Output: [`Bench`](crate::config::Bench) and
+//! [`Camera`](crate::config::Camera), in the units of their field names, with every default that was taken listed by
+//! name ([`Defaulted`](crate::config::Defaulted)).
+//!
+//! Each section has one file: the keys as serde reads them (all optional), the checked struct, and the rules between
+//! them. Unknown keys are refused with file, line and the nearest known key; violated rules say file, line, key, wanted,
+//! got, and what to try. Input paths are relative to the file that names them. The output directory of a sink is relative
+//! to the working directory: a configuration may lie where nobody can write.
+//!
+//! The built-in bench and all it names are compiled in, so the binary runs from any directory.
+
+mod bench;
+mod camera;
+mod check;
+mod detector;
+mod document;
+mod error;
+mod flight_computer;
+mod link;
+mod observer;
+mod optics;
+mod radiometry;
+mod stages;
+mod timing;
+
+pub use bench::Bench;
+pub use camera::Camera;
+pub use check::Defaulted;
+pub use detector::Detector;
+pub use document::Document;
+pub use error::ConfigError;
+pub use flight_computer::{FlightComputer, JitterLineSettings, JitterSource, Slew};
+pub use link::{Link, Wire};
+pub use observer::Observer;
+pub use optics::{Distortion, Optics, Psf};
+pub use radiometry::{Exposure, Radiometry};
+pub use stages::{AttitudeSettings, Backend, Render, RenderMethod, Sink};
+pub use timing::{DeadlinePolicy, StartTime, Timing};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,54 @@
+//! What this room refuses, and why.
+
+use crate::base::time::Tai;
+
+/// Why a sample was not taken into a history; each has its own counter in
+/// [`HistoryCounts`](super::HistoryCounts).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, thiserror::Error)]
+pub enum HistoryReject {
+    /// A sample of the same epoch is already held.
+    #[error("a sample of the same epoch is already held")]
+    DuplicateEpoch,
+    /// The sequence number was accepted a moment ago: a replay, or a counter that is stuck.
+    #[error("the sequence number was among the last 64 accepted")]
+    ReplayedSequence,
+    /// The epoch is older than the limit allows at its receive time.
+    #[error("the epoch is older than the limit at receive time")]
+    Stale,
+    /// The epoch is further ahead of its receive time than the limit allows.
+    #[error("the epoch is ahead of the receive time by more than the limit")]
+    Future,
+    /// A rate, an acceleration or a jitter rotation is NaN or infinite.
+    #[error("a component is not finite")]
+    NotFinite,
+    /// The history is full of newer samples.
+    #[error("the history is full of newer samples")]
+    OlderThanHistory,
+}
+
+/// Why no line of sight could be made.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum AttitudeError {
+    /// Nothing has been received yet.
+    #[error("no attitude at {at}: the history is empty; wait for the first ATT message or check the link")]
+    NoSamples {
+        /// The instant that was asked for.
+        at: Tai,
+    },
+    /// The instant is older than everything the history still holds.
+    #[error(
+        "no attitude at {at}: the history begins at {oldest}; wanted a later exposure, or a history with more capacity"
+    )]
+    BeforeHistory {
+        /// The instant that was asked for.
+        at: Tai,
+        /// Epoch of the oldest sample held.
+        oldest: Tai,
+    },
+    /// An exposure time that is no time.
+    #[error("exposure of {exposure_s} s: wanted a finite time of zero or more")]
+    ExposureTime {
+        /// The exposure time that was asked for, s.
+        exposure_s: f64,
+    },
+}

@@ -1,0 +1,160 @@
+//! A bench file: one run of the stimulator.
+
+use crate::base::accuracy::AccuracyBudget;
+use crate::base::axes::{Body, Rotation, Sensor};
+use crate::config::camera::Camera;
+use crate::config::check::{Checker, Defaulted};
+use crate::config::document::Document;
+use crate::config::error::ConfigError;
+use crate::config::flight_computer::{FlightComputer, FlightComputerKeys};
+use crate::config::link::{Link, LinkKeys};
+use crate::config::observer::{Observer, ObserverKeys};
+use crate::config::stages::{
+    AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, Sink, SinkKeys, check_accuracy,
+};
+use crate::config::timing::{Timing, TimingKeys};
+use serde::Deserialize;
+use std::path::Path;
+
+const BUILT_IN_BENCH: &str = "benches/loopback.toml";
+const BUILT_IN_CAMERA: &str = "cameras/star_tracker_20deg.toml";
+/// Norm of a typed quaternion: four decimals of each component.
+const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
+
+/// A bench, checked, with the camera it names.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bench {
+    /// What people call it.
+    pub name: String,
+    /// The camera.
+    pub camera: Camera,
+    /// Seed of every random number of the run.
+    pub seed: u64,
+    /// Frames, duration, start.
+    pub timing: Timing,
+    /// The bus.
+    pub link: Link,
+    /// How the sensor is mounted.
+    pub sensor_from_body: Rotation<Sensor, Body>,
+    /// Where the sensor is.
+    pub observer: Observer,
+    /// The simulated flight computer.
+    pub flight_computer: FlightComputer,
+    /// History, prediction, time correlation.
+    pub attitude: AttitudeSettings,
+    /// How wrong a frame may be.
+    pub accuracy: AccuracyBudget,
+    /// Rendering.
+    pub render: Render,
+    /// Where frames go.
+    pub sink: Sink,
+    /// Values nobody gave in the bench (and link) file; the camera has its own list.
+    pub defaulted: Vec<Defaulted>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct BenchKeys {
+    name: Option<String>,
+    camera: Option<String>,
+    seed: Option<i64>,
+    timing: TimingKeys,
+    link: LinkKeys,
+    mounting: MountingKeys,
+    observer: ObserverKeys,
+    flight_computer: FlightComputerKeys,
+    attitude: AttitudeKeys,
+    accuracy: AccuracyKeys,
+    render: RenderKeys,
+    sink: SinkKeys,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MountingKeys {
+    sensor_from_body: Option<[f64; 4]>,
+}
+
+impl Bench {
+    /// Reads and checks a bench file and what it names.
+    ///
+    /// # Errors
+    /// The first thing that is wrong.
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        Self::from_document(&Document::open(path)?)
+    }
+
+    /// The bench of the binary: runs with no file, hardware or GPU.
+    ///
+    /// # Errors
+    /// Never, as a test holds.
+    pub fn built_in() -> Result<Self, ConfigError> {
+        Self::from_document(&Document::built_in(BUILT_IN_BENCH)?)
+    }
+
+    /// Checks a bench that is already text.
+    ///
+    /// # Errors
+    /// The first thing that is wrong.
+    pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
+        let keys: BenchKeys = document.read_as()?;
+        let mut check = Checker::new(document);
+        let name = check.given_or("name", keys.name, document.stem());
+        let camera = camera(keys.camera.as_deref(), &mut check)?;
+        let exposure_s = camera.exposure.exposure_s;
+        let timing = Timing::check(&keys.timing, exposure_s, &mut check)?;
+        let link = Link::check(&keys.link, &mut check)?;
+        let sensor_from_body = mounting(&keys.mounting, &mut check)?;
+        let observer = Observer::check(&keys.observer, &mut check)?;
+        let flight_computer = FlightComputer::check(&keys.flight_computer, &mut check)?;
+        let (attitude_hz, jitter_hz) = (flight_computer.attitude_hz, flight_computer.jitter_sample_hz);
+        let attitude = AttitudeSettings::check(&keys.attitude, attitude_hz, jitter_hz, exposure_s, &mut check)?;
+        let accuracy = check_accuracy(&keys.accuracy, &mut check)?;
+        let render = Render::check(&keys.render, &mut check)?;
+        let sink = Sink::check(&keys.sink, &name, &mut check)?;
+        Ok(Self {
+            seed: seed(keys.seed, &mut check)?,
+            name,
+            camera,
+            timing,
+            link,
+            sensor_from_body,
+            observer,
+            flight_computer,
+            attitude,
+            accuracy,
+            render,
+            sink,
+            defaulted: check.defaulted,
+        })
+    }
+}
+
+fn camera(given: Option<&str>, check: &mut Checker<'_>) -> Result<Camera, ConfigError> {
+    match given {
+        Some(path) => Camera::from_document(&check.document.named("camera", path)?),
+        None => {
+            check.given_or("camera", None, format!("built-in {BUILT_IN_CAMERA}"));
+            Camera::from_document(&Document::built_in(BUILT_IN_CAMERA)?)
+        }
+    }
+}
+
+fn seed(given: Option<i64>, check: &mut Checker<'_>) -> Result<u64, ConfigError> {
+    let seed = check.given_or("seed", given, 1);
+    u64::try_from(seed)
+        .map_err(|_| check.invalid("seed", seed, "a whole number, 0 or more", "any number repeats its own run"))
+}
+
+fn mounting(keys: &MountingKeys, check: &mut Checker<'_>) -> Result<Rotation<Sensor, Body>, ConfigError> {
+    let key = "mounting.sensor_from_body";
+    let Some(wxyz) = keys.sensor_from_body else {
+        check.given_or(key, None, "[1, 0, 0, 0]".to_owned());
+        return Ok(Rotation::IDENTITY);
+    };
+    Rotation::from_wxyz(wxyz, QUATERNION_NORM_TOLERANCE).ok_or_else(|| {
+        let wanted = "a unit quaternion [w, x, y, z], norm within 0.001 of 1";
+        let advice = "scalar first; [1.0, 0.0, 0.0, 0.0] when sensor and body axes are the same";
+        check.invalid(key, format!("{wxyz:?}"), wanted, advice)
+    })
+}

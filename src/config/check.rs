@@ -1,0 +1,159 @@
+//! The rules a value must meet, with one form of message, and the list of defaults that were taken.
+
+use crate::config::document::{Document, nearest};
+use crate::config::error::ConfigError;
+use core::fmt;
+use std::ops::RangeInclusive;
+
+/// A value nobody gave.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Defaulted {
+    /// The key with its tables.
+    pub key: String,
+    /// The value that was taken.
+    pub value: String,
+}
+
+/// What a number must be (and always finite).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Rule {
+    /// More than zero.
+    Positive,
+    /// More than zero, up to this.
+    PositiveUpTo(f64),
+    /// Zero or more.
+    NotNegative,
+    /// Between two numbers, both allowed.
+    Within(f64, f64),
+}
+
+impl Rule {
+    fn is_met_by(self, value: f64) -> bool {
+        value.is_finite()
+            && match self {
+                Self::Positive => value > 0.0,
+                Self::PositiveUpTo(most) => value > 0.0 && value <= most,
+                Self::NotNegative => value >= 0.0,
+                Self::Within(least, most) => (least..=most).contains(&value),
+            }
+    }
+}
+
+impl fmt::Display for Rule {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Positive => write!(f, "a finite number above 0"),
+            Self::PositiveUpTo(most) => write!(f, "a number above 0, up to {most}"),
+            Self::NotNegative => write!(f, "a finite number, 0 or more"),
+            Self::Within(least, most) => write!(f, "a number from {least} to {most}"),
+        }
+    }
+}
+
+/// Checks the values of one document.
+#[derive(Debug)]
+pub(super) struct Checker<'a> {
+    pub(super) document: &'a Document,
+    pub(super) defaulted: Vec<Defaulted>,
+}
+
+impl<'a> Checker<'a> {
+    pub(super) fn new(document: &'a Document) -> Self {
+        Self { document, defaulted: Vec::new() }
+    }
+
+    /// The error of a value that breaks a rule.
+    pub(super) fn invalid(
+        &self,
+        key: &str,
+        got: impl fmt::Display,
+        wanted: impl fmt::Display,
+        advice: &str,
+    ) -> ConfigError {
+        ConfigError::Invalid {
+            place: self.document.place(key),
+            key: key.into(),
+            wanted: wanted.to_string(),
+            got: got.to_string(),
+            advice: advice.into(),
+        }
+    }
+
+    /// What was given, or the default, which is noted.
+    pub(super) fn given_or<T: fmt::Display>(&mut self, key: &str, given: Option<T>, default: T) -> T {
+        given.unwrap_or_else(|| {
+            self.defaulted.push(Defaulted { key: key.into(), value: default.to_string() });
+            default
+        })
+    }
+
+    /// A number that meets the rule, or the default.
+    pub(super) fn number(
+        &mut self,
+        key: &str,
+        given: Option<f64>,
+        default: f64,
+        rule: Rule,
+        advice: &str,
+    ) -> Result<f64, ConfigError> {
+        let value = self.given_or(key, given, default);
+        self.meets(key, value, rule, advice)
+    }
+
+    /// A number that must be given, and meet the rule.
+    pub(super) fn required(&self, key: &str, given: Option<f64>, rule: Rule, advice: &str) -> Result<f64, ConfigError> {
+        let value = given.ok_or_else(|| self.invalid(key, "missing", rule, advice))?;
+        self.meets(key, value, rule, advice)
+    }
+
+    /// The number itself, when it meets the rule.
+    pub(super) fn meets(&self, key: &str, value: f64, rule: Rule, advice: &str) -> Result<f64, ConfigError> {
+        if rule.is_met_by(value) { Ok(value) } else { Err(self.invalid(key, value, rule, advice)) }
+    }
+
+    /// A whole number in the range, or the default; without a default it must be given.
+    pub(super) fn whole(
+        &mut self,
+        key: &str,
+        given: Option<i64>,
+        default: Option<u32>,
+        range: RangeInclusive<u32>,
+        advice: &str,
+    ) -> Result<u32, ConfigError> {
+        let wanted = format!("a whole number from {} to {}", range.start(), range.end());
+        let value = match (given, default) {
+            (Some(value), _) => value,
+            (None, Some(default)) => i64::from(self.given_or(key, None, default)),
+            (None, None) => return Err(self.invalid(key, "missing", wanted, advice)),
+        };
+        let in_range = u32::try_from(value).ok().filter(|value| range.contains(value));
+        in_range.ok_or_else(|| self.invalid(key, value, wanted, advice))
+    }
+
+    /// One of a few words, or the first of them.
+    pub(super) fn choice<T: Copy>(
+        &mut self,
+        key: &str,
+        given: Option<&str>,
+        choices: &[(&str, T)],
+        advice: &str,
+    ) -> Result<T, ConfigError> {
+        let default = choices.first().map_or("", |(word, _)| word).to_owned();
+        let word = self.given_or(key, given.map(str::to_owned), default);
+        let found = choices.iter().find(|(known, _)| *known == word).map(|(_, choice)| *choice);
+        found.ok_or_else(|| {
+            let words: Vec<&str> = choices.iter().map(|(word, _)| *word).collect();
+            let meant = nearest(&word, words.iter().copied()).map(|word| format!("did you mean \"{word}\"? "));
+            let wanted = format!("one of \"{}\"", words.join("\", \""));
+            self.invalid(key, format!("\"{word}\""), wanted, &format!("{}{advice}", meant.unwrap_or_default()))
+        })
+    }
+
+    /// Refuses a key that has a meaning only with another choice.
+    pub(super) fn unused(&self, key: &str, is_given: bool, belongs_to: &str) -> Result<(), ConfigError> {
+        if is_given {
+            return Err(self.invalid(key, "given", format!("no {key} here"), &format!("it belongs to {belongs_to}")));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,142 @@
+//! `[detector]`: geometry, charge, conversion.
+
+use crate::config::check::{Checker, Rule};
+use crate::config::error::ConfigError;
+use serde::Deserialize;
+
+const LARGEST_SIDE_PX: u32 = 16_384;
+const DEFAULT_PIXEL_PITCH_UM: f64 = 10.0;
+const DEFAULT_FULL_WELL_E: f64 = 30_000.0;
+const DEFAULT_BITS: u32 = 12;
+const DEFAULT_BLACK_LEVEL_DN: f64 = 64.0;
+
+/// The detector, checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Detector {
+    /// Columns.
+    pub width_px: u32,
+    /// Rows.
+    pub height_px: u32,
+    /// Pitch of the square pixels, um.
+    pub pixel_pitch_um: f64,
+    /// Saturation capacity, electrons.
+    pub full_well_e: f64,
+    /// Electrons per digital number.
+    pub gain_e_per_dn: f64,
+    /// Bits of the converter, 1 to 16.
+    pub bits: u32,
+    /// Digital number of no charge.
+    pub black_level_dn: f64,
+    /// Temporal noise of one read, electrons rms.
+    pub read_noise_e_rms: f64,
+    /// Mean dark current, electrons per second and pixel, at `dark_temperature_c`.
+    pub dark_e_per_s: f64,
+    /// Temperature at which the dark current holds, degrees Celsius (for the reader: nothing is scaled).
+    pub dark_temperature_c: f64,
+    /// Photo-response non-uniformity, rms fraction.
+    pub prnu: f64,
+    /// Dark-signal non-uniformity of one frame, electrons rms.
+    pub dsnu_e_rms: f64,
+    /// Electrons per photon, averaged over the band, fill factor included.
+    pub quantum_efficiency: f64,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct DetectorKeys {
+    width_px: Option<i64>,
+    height_px: Option<i64>,
+    pixel_pitch_um: Option<f64>,
+    full_well_e: Option<f64>,
+    gain_e_per_dn: Option<f64>,
+    bits: Option<i64>,
+    black_level_dn: Option<f64>,
+    read_noise_e_rms: Option<f64>,
+    dark_e_per_s: Option<f64>,
+    dark_temperature_c: Option<f64>,
+    prnu: Option<f64>,
+    dsnu_e_rms: Option<f64>,
+    quantum_efficiency: Option<f64>,
+}
+
+impl Detector {
+    /// The largest digital number.
+    #[must_use]
+    pub fn largest_dn(&self) -> u32 {
+        (1 << self.bits) - 1
+    }
+
+    /// Electrons at which the converter clips, when that is below the full well.
+    #[must_use]
+    pub fn converter_clips_at_e(&self) -> Option<f64> {
+        let range_e = (f64::from(self.largest_dn()) - self.black_level_dn) * self.gain_e_per_dn;
+        (range_e < self.full_well_e).then_some(range_e)
+    }
+
+    pub(super) fn check(keys: &DetectorKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+        let sides = 1..=LARGEST_SIDE_PX;
+        let width_px =
+            check.whole("detector.width_px", keys.width_px, None, sides.clone(), "give the number of columns")?;
+        let height_px = check.whole("detector.height_px", keys.height_px, None, sides, "give the number of rows")?;
+        let bits = "resolution of the converter, such as 12; above 16 does not fit the image";
+        let bits = check.whole("detector.bits", keys.bits, Some(DEFAULT_BITS), 1..=16, bits)?;
+        let largest_dn = f64::from((1_u32 << bits) - 1);
+        let black_default = DEFAULT_BLACK_LEVEL_DN.min((largest_dn / 8.0).floor());
+        let black_level_dn = check.number(
+            "detector.black_level_dn",
+            keys.black_level_dn,
+            black_default,
+            Rule::Within(0.0, largest_dn - 1.0),
+            "it must leave room for signal below the largest digital number",
+        )?;
+        let well = "saturation capacity from the data sheet, such as 30000";
+        let full_well_e =
+            check.number("detector.full_well_e", keys.full_well_e, DEFAULT_FULL_WELL_E, Rule::Positive, well)?;
+        let matching_gain = full_well_e / (largest_dn - black_level_dn);
+        let gain = "electrons per DN: full well / (2^bits - 1 - black level) uses the whole range";
+        let gain_e_per_dn =
+            check.number("detector.gain_e_per_dn", keys.gain_e_per_dn, matching_gain, Rule::Positive, gain)?;
+        let mut number = |key: &str, given, default, rule, advice| {
+            check.number(&format!("detector.{key}"), given, default, rule, advice)
+        };
+        Ok(Self {
+            width_px,
+            height_px,
+            pixel_pitch_um: number(
+                "pixel_pitch_um",
+                keys.pixel_pitch_um,
+                DEFAULT_PIXEL_PITCH_UM,
+                Rule::PositiveUpTo(1000.0),
+                "pixel pitch in micrometres, such as 5.5",
+            )?,
+            full_well_e,
+            gain_e_per_dn,
+            bits,
+            black_level_dn,
+            read_noise_e_rms: number(
+                "read_noise_e_rms",
+                keys.read_noise_e_rms,
+                10.0,
+                Rule::NotNegative,
+                "0 turns it off",
+            )?,
+            dark_e_per_s: number("dark_e_per_s", keys.dark_e_per_s, 10.0, Rule::NotNegative, "0 turns it off")?,
+            dark_temperature_c: number(
+                "dark_temperature_c",
+                keys.dark_temperature_c,
+                20.0,
+                Rule::Within(-273.15, 200.0),
+                "degrees Celsius at which dark_e_per_s was measured",
+            )?,
+            prnu: number("prnu", keys.prnu, 0.01, Rule::Within(0.0, 0.5), "an rms fraction: 1 % is 0.01")?,
+            dsnu_e_rms: number("dsnu_e_rms", keys.dsnu_e_rms, 1.0, Rule::NotNegative, "0 turns it off")?,
+            quantum_efficiency: number(
+                "quantum_efficiency",
+                keys.quantum_efficiency,
+                0.5,
+                Rule::PositiveUpTo(1.0),
+                "a fraction of the photons: 45 % is 0.45",
+            )?,
+        })
+    }
+}

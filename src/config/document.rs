@@ -1,0 +1,214 @@
+//! One TOML text and where it came from: a file, or compiled in.
+
+use crate::config::error::ConfigError;
+use serde::de::DeserializeOwned;
+use std::path::{Component, Path, PathBuf};
+use toml::de::{DeTable, DeValue};
+
+/// Configurations that are part of the binary, by their path below `configs/`.
+const BUILT_IN: [(&str, &str); 9] = [
+    ("benches/loopback.toml", include_str!("../../configs/benches/loopback.toml")),
+    ("benches/cubesat.toml", include_str!("../../configs/benches/cubesat.toml")),
+    ("benches/telescope.toml", include_str!("../../configs/benches/telescope.toml")),
+    ("cameras/star_tracker_20deg.toml", include_str!("../../configs/cameras/star_tracker_20deg.toml")),
+    ("cameras/cubesat_tracker.toml", include_str!("../../configs/cameras/cubesat_tracker.toml")),
+    ("cameras/wide_field_telescope.toml", include_str!("../../configs/cameras/wide_field_telescope.toml")),
+    ("links/simulated_can_fd.toml", include_str!("../../configs/links/simulated_can_fd.toml")),
+    ("links/simulated_can_classic.toml", include_str!("../../configs/links/simulated_can_classic.toml")),
+    ("links/simulated_serial.toml", include_str!("../../configs/links/simulated_serial.toml")),
+];
+
+/// Names nearer than this (Jaro-Winkler, 0 to 1) are offered as what was meant.
+const NEAR_ENOUGH: f64 = 0.75;
+
+/// A configuration text.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Document {
+    origin: Origin,
+    text: String,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Origin {
+    File(PathBuf),
+    BuiltIn(PathBuf),
+}
+
+impl Document {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn open(path: &Path) -> Result<Self, ConfigError> {
+        Self::read(path, String::new())
+    }
+
+    fn read(path: &Path, named_by: String) -> Result<Self, ConfigError> {
+        let refuse = |error: std::io::Error| ConfigError::Read {
+            file: path.display().to_string(),
+            why: error.to_string(),
+            named_by,
+        };
+        let text = std::fs::read_to_string(path).map_err(refuse)?;
+        Ok(Self { origin: Origin::File(path.into()), text })
+    }
+
+    /// A text that would stand in the file `path` (which need not exist).
+    #[must_use]
+    pub fn from_text(text: &str, path: &Path) -> Self {
+        Self { origin: Origin::File(path.into()), text: text.into() }
+    }
+
+    /// A configuration of the binary, by its path below `configs/`, such as `benches/loopback.toml`.
+    ///
+    /// # Errors
+    /// When the binary has none of that name; the message lists those it has.
+    pub fn built_in(path: &str) -> Result<Self, ConfigError> {
+        Self::find_built_in(Path::new(path), String::new())
+    }
+
+    /// Paths below `configs/` of all configurations of the binary.
+    pub fn built_in_paths() -> impl Iterator<Item = &'static str> {
+        BUILT_IN.iter().map(|(path, _)| *path)
+    }
+
+    fn find_built_in(path: &Path, named_by: String) -> Result<Self, ConfigError> {
+        let found = BUILT_IN.iter().find(|(known, _)| Path::new(known) == path);
+        let names = || Self::built_in_paths().collect::<Vec<_>>().join(", ");
+        let (known, text) = found.ok_or_else(|| ConfigError::Read {
+            file: format!("built-in {}", path.display()),
+            why: format!("no such configuration in the binary, which has: {}", names()),
+            named_by,
+        })?;
+        Ok(Self { origin: Origin::BuiltIn(known.into()), text: (*text).into() })
+    }
+
+    /// The document that the value of `key` names, relative to this one.
+    pub(super) fn named(&self, key: &str, path: &str) -> Result<Self, ConfigError> {
+        let named_by = format!("; named by {key} in {}: paths are relative to the file that names them", self.name());
+        let directory = |own: &PathBuf| own.parent().map(Path::to_path_buf).unwrap_or_default();
+        match &self.origin {
+            Origin::File(own) => Self::read(&directory(own).join(path), named_by),
+            Origin::BuiltIn(own) => Self::find_built_in(&without_dots(&directory(own).join(path)), named_by),
+        }
+    }
+
+    /// How messages call it.
+    #[must_use]
+    pub fn name(&self) -> String {
+        match &self.origin {
+            Origin::File(path) => path.display().to_string(),
+            Origin::BuiltIn(path) => format!("built-in {}", path.display()),
+        }
+    }
+
+    /// File name without its extension: the default name of what the document describes.
+    pub(super) fn stem(&self) -> String {
+        let (Origin::File(path) | Origin::BuiltIn(path)) = &self.origin;
+        path.file_stem().map_or_else(|| "unnamed".into(), |stem| stem.to_string_lossy().into_owned())
+    }
+
+    /// Reads the text as `S`, whose tables refuse unknown keys.
+    pub(super) fn read_as<S: DeserializeOwned>(&self) -> Result<S, ConfigError> {
+        toml::from_str(&self.text).map_err(|error| self.refuse(&error))
+    }
+
+    fn refuse(&self, error: &toml::de::Error) -> ConfigError {
+        let offset = error.span().map_or(0, |span| span.start);
+        let place = self.place_of_offset(offset);
+        match unknown_key(error.message()) {
+            Some((key, known)) => ConfigError::UnknownKey {
+                place,
+                key: key.into(),
+                nearest: nearest(key, known.iter().copied())
+                    .map(|name| format!(", did you mean `{name}`?"))
+                    .unwrap_or_default(),
+                known: if known.is_empty() { "nothing".into() } else { known.join(", ") },
+            },
+            None => {
+                let line = self.line_of_offset(offset);
+                let text = self.text.lines().nth(line - 1).unwrap_or_default().trim().to_owned();
+                ConfigError::Syntax { place, why: in_plain_words(error.message()), text }
+            }
+        }
+    }
+
+    /// File and line of a key such as `optics.focal_length_mm` or `flight_computer.jitter_line[1].phase_deg`; of the
+    /// innermost table that exists when the key does not.
+    pub(super) fn place(&self, key: &str) -> String {
+        let offset = DeTable::parse(&self.text).ok().and_then(|table| offset_of_key(table.get_ref(), key));
+        offset.map_or_else(|| self.name(), |offset| self.place_of_offset(offset))
+    }
+
+    fn place_of_offset(&self, offset: usize) -> String {
+        format!("{}:{}", self.name(), self.line_of_offset(offset))
+    }
+
+    fn line_of_offset(&self, offset: usize) -> usize {
+        1 + self.text.bytes().take(offset).filter(|byte| *byte == b'\n').count()
+    }
+}
+
+/// Of `known`, the name most like `name`, when any is like it.
+pub(super) fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    let scored = known.map(|candidate| (strsim::jaro_winkler(name, candidate), candidate));
+    scored.filter(|(score, _)| *score >= NEAR_ENOUGH).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, name)| name)
+}
+
+/// A reader's message without the names of our types.
+fn in_plain_words(message: &str) -> String {
+    let message = message.trim().replace('\n', ", ");
+    match message.rsplit_once("expected ") {
+        Some((found, "f64")) => format!("{found}expected a number"),
+        Some((found, "i64")) => format!("{found}expected a whole number"),
+        Some((found, wanted)) if wanted.starts_with("struct ") => format!("{found}expected a table"),
+        _ => message,
+    }
+}
+
+/// The key and its known neighbours out of serde's "unknown field `x`, expected one of `a`, `b`".
+fn unknown_key(message: &str) -> Option<(&str, Vec<&str>)> {
+    let quoted = message.strip_prefix("unknown field ")?;
+    let mut names = quoted.split('`').skip(1).step_by(2);
+    Some((names.next()?, names.collect()))
+}
+
+fn offset_of_key(root: &DeTable<'_>, key: &str) -> Option<usize> {
+    let mut offset = None;
+    let mut table = root;
+    for segment in key.split('.') {
+        let (name, place) = match segment.split_once('[') {
+            Some((name, rest)) => (name, rest.trim_end_matches(']').parse::<usize>().ok()),
+            None => (segment, None),
+        };
+        let Some((spanned_key, value)) = table.get_key_value(name) else { break };
+        offset = Some(spanned_key.span().start);
+        let value = match (value.get_ref(), place) {
+            (DeValue::Array(items), Some(place)) => match items.get(place) {
+                Some(item) => {
+                    offset = Some(item.span().start);
+                    item.get_ref()
+                }
+                None => break,
+            },
+            (value, _) => value,
+        };
+        let DeValue::Table(inner) = value else { break };
+        table = inner;
+    }
+    offset
+}
+
+/// The path with `.` and `..` resolved by name, as inside the binary there are no directories.
+fn without_dots(path: &Path) -> PathBuf {
+    path.components().fold(PathBuf::new(), |mut clean, component| {
+        match component {
+            Component::ParentDir => {
+                clean.pop();
+            }
+            Component::CurDir => {}
+            other => clean.push(other),
+        }
+        clean
+    })
+}

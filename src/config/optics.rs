@@ -1,0 +1,228 @@
+//! `[optics]`, `[distortion]`, `[psf]`.
+
+use crate::config::check::{Checker, Rule};
+use crate::config::detector::Detector;
+use crate::config::error::ConfigError;
+use serde::Deserialize;
+
+/// Shortest focal length, mm: a tenth of that, and one pixel sees most of the sky.
+const LEAST_FOCAL_MM: f64 = 0.1;
+/// Default f-number: a fast star-tracker lens.
+const DEFAULT_F_NUMBER: f64 = 2.0;
+/// Default PSF: the width at which centroids of 5 x 5 windows are near their best.
+const DEFAULT_SIGMA_PX: f64 = 0.7;
+/// Default wavelength, nm: near the pivot of the Gaia G band (622 nm).
+const DEFAULT_WAVELENGTH_NM: f64 = 620.0;
+/// Largest obscuration: more leaves no aperture worth the name.
+const LARGEST_OBSCURATION: f64 = 0.95;
+
+/// The optics, checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Optics {
+    /// Focal length, mm.
+    pub focal_length_mm: f64,
+    /// Diameter of the entrance pupil, mm.
+    pub aperture_mm: f64,
+    /// Diameter of the central obscuration over that of the aperture.
+    pub obscuration: f64,
+    /// Fraction of the light that the optics pass, band average.
+    pub transmission: f64,
+    /// Where the boresight meets the detector, px (x, y); the centre of the first pixel is (0, 0).
+    pub principal_point_px: [f64; 2],
+}
+
+/// Brown-Conrady distortion coefficients of normalised image coordinates (x / z, y / z), checked.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Distortion {
+    /// Radial, r^2.
+    pub k1: f64,
+    /// Radial, r^4.
+    pub k2: f64,
+    /// Radial, r^6.
+    pub k3: f64,
+    /// Tangential.
+    pub p1: f64,
+    /// Tangential.
+    pub p2: f64,
+}
+
+/// Point-spread function of the optics, checked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Psf {
+    /// A round Gaussian.
+    Gaussian {
+        /// Standard deviation on one axis, px.
+        sigma_px: f64,
+    },
+    /// Diffraction by a circular aperture.
+    Airy {
+        /// Focal length over aperture.
+        f_number: f64,
+        /// Wavelength, nm.
+        wavelength_nm: f64,
+        /// Linear central obscuration.
+        obscuration: f64,
+    },
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct OpticsKeys {
+    focal_length_mm: Option<f64>,
+    aperture_mm: Option<f64>,
+    obscuration: Option<f64>,
+    transmission: Option<f64>,
+    principal_point_px: Option<[f64; 2]>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct DistortionKeys {
+    k1: Option<f64>,
+    k2: Option<f64>,
+    k3: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PsfKeys {
+    model: Option<String>,
+    sigma_px: Option<f64>,
+    f_number: Option<f64>,
+    wavelength_nm: Option<f64>,
+    obscuration: Option<f64>,
+}
+
+impl Optics {
+    pub(super) fn check(keys: &OpticsKeys, detector: &Detector, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+        let focal = "give the focal length in millimetres, such as 50.0; it sets the scale of the image";
+        let focal_length_mm =
+            check.required("optics.focal_length_mm", keys.focal_length_mm, Rule::Within(LEAST_FOCAL_MM, 1e6), focal)?;
+        let mut number = |key: &str, given, default, rule, advice| {
+            check.number(&format!("optics.{key}"), given, default, rule, advice)
+        };
+        let aperture_mm = number(
+            "aperture_mm",
+            keys.aperture_mm,
+            focal_length_mm / DEFAULT_F_NUMBER,
+            Rule::PositiveUpTo(1e5),
+            "diameter of the entrance pupil in millimetres",
+        )?;
+        let obscuration = number(
+            "obscuration",
+            keys.obscuration,
+            0.0,
+            Rule::Within(0.0, LARGEST_OBSCURATION),
+            "a ratio of diameters; 0 for a lens",
+        )?;
+        let transmission =
+            number("transmission", keys.transmission, 0.8, Rule::PositiveUpTo(1.0), "a fraction: 80 % is 0.8")?;
+        let centre = [detector.width_px, detector.height_px].map(|side| (f64::from(side) - 1.0) / 2.0);
+        Ok(Self {
+            focal_length_mm,
+            aperture_mm,
+            obscuration,
+            transmission,
+            principal_point_px: principal_point(keys.principal_point_px, centre, check)?,
+        })
+    }
+}
+
+/// The principal point, not further outside the detector than its own size.
+fn principal_point(
+    given: Option<[f64; 2]>,
+    centre: [f64; 2],
+    check: &mut Checker<'_>,
+) -> Result<[f64; 2], ConfigError> {
+    let key = "optics.principal_point_px";
+    let Some(point) = given else {
+        check.given_or(key, None, format!("[{}, {}]", centre[0], centre[1]));
+        return Ok(centre);
+    };
+    for (coordinate, centre) in point.into_iter().zip(centre) {
+        let side = 2.0 * centre + 1.0;
+        let advice = "pixels from the centre of the first pixel; leave it out for the centre of the detector";
+        check.meets(key, coordinate, Rule::Within(-side, 2.0 * side), advice)?;
+    }
+    Ok(point)
+}
+
+impl Distortion {
+    /// None given: none. What is given must be finite and small enough to be a lens.
+    pub(super) fn check(keys: &DistortionKeys, check: &Checker<'_>) -> Result<Self, ConfigError> {
+        let coefficient = |key: &str, given: Option<f64>| {
+            let advice = "a coefficient for normalised image coordinates, such as -0.05";
+            check.meets(&format!("distortion.{key}"), given.unwrap_or(0.0), Rule::Within(-100.0, 100.0), advice)
+        };
+        Ok(Self {
+            k1: coefficient("k1", keys.k1)?,
+            k2: coefficient("k2", keys.k2)?,
+            k3: coefficient("k3", keys.k3)?,
+            p1: coefficient("p1", keys.p1)?,
+            p2: coefficient("p2", keys.p2)?,
+        })
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Model {
+    Gaussian,
+    Airy,
+}
+
+impl Psf {
+    pub(super) fn check(keys: &PsfKeys, optics: &Optics, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+        let models = [("gaussian", Model::Gaussian), ("airy", Model::Airy)];
+        let advice = "gaussian takes sigma_px; airy takes f_number, wavelength_nm, obscuration";
+        match check.choice("psf.model", keys.model.as_deref(), &models, advice)? {
+            Model::Gaussian => {
+                for (key, given) in [
+                    ("psf.f_number", keys.f_number),
+                    ("psf.wavelength_nm", keys.wavelength_nm),
+                    ("psf.obscuration", keys.obscuration),
+                ] {
+                    check.unused(key, given.is_some(), "model = \"airy\"")?;
+                }
+                let advice = "standard deviation in pixels, such as 0.7; a star must spread over a few pixels";
+                let rule = Rule::Within(0.05, 20.0);
+                let sigma_px = check.number("psf.sigma_px", keys.sigma_px, DEFAULT_SIGMA_PX, rule, advice)?;
+                Ok(Self::Gaussian { sigma_px })
+            }
+            Model::Airy => {
+                check.unused("psf.sigma_px", keys.sigma_px.is_some(), "model = \"gaussian\"")?;
+                Self::check_airy(keys, optics, check)
+            }
+        }
+    }
+
+    fn check_airy(keys: &PsfKeys, optics: &Optics, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+        let own_f_number = optics.focal_length_mm / optics.aperture_mm;
+        let mut number =
+            |key: &str, given, default, rule, advice| check.number(&format!("psf.{key}"), given, default, rule, advice);
+        Ok(Self::Airy {
+            f_number: number(
+                "f_number",
+                keys.f_number,
+                own_f_number,
+                Rule::Within(0.3, 1000.0),
+                "focal length over aperture; leave it out to take that of [optics]",
+            )?,
+            wavelength_nm: number(
+                "wavelength_nm",
+                keys.wavelength_nm,
+                DEFAULT_WAVELENGTH_NM,
+                Rule::Within(100.0, 20_000.0),
+                "effective wavelength in nanometres, such as 620",
+            )?,
+            obscuration: number(
+                "obscuration",
+                keys.obscuration,
+                optics.obscuration,
+                Rule::Within(0.0, LARGEST_OBSCURATION),
+                "a ratio of diameters; leave it out to take that of [optics]",
+            )?,
+        })
+    }
+}

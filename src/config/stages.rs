@@ -1,0 +1,227 @@
+//! `[attitude]`, `[accuracy]`, `[render]`, `[sink]`: how the stimulator does its work.
+
+use crate::attitude::{EstimateLimits, HistoryLimits, RemoteClockLimits, StalePolicy};
+use crate::base::accuracy::AccuracyBudget;
+use crate::base::time::Span;
+use crate::config::check::{Checker, Rule};
+use crate::config::error::ConfigError;
+use serde::Deserialize;
+use std::path::PathBuf;
+
+/// Seconds of samples kept beyond the exposure and the oldest tag.
+const HISTORY_MARGIN_S: f64 = 1.0;
+
+/// Parameters of the attitude room, checked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AttitudeSettings {
+    /// Prediction and the policy for a stopped stream.
+    pub estimate: EstimateLimits,
+    /// The history of attitudes; its capacity covers the exposure and the oldest tag at the attitude rate.
+    pub history: HistoryLimits,
+    /// The history of received jitter, likewise.
+    pub jitter_history: HistoryLimits,
+    /// Jitter points further than this outside an exposure are not used for it.
+    pub jitter_max_gap: Span,
+    /// Time correlation.
+    pub clock: RemoteClockLimits,
+}
+
+/// Which implementation renders.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Backend {
+    /// The GPU when there is one, else the CPU.
+    Auto,
+    /// The GPU, or an error.
+    Gpu,
+    /// The CPU.
+    Cpu,
+    /// The slow one that is right.
+    Reference,
+}
+
+/// How motion during the exposure is rendered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RenderMethod {
+    /// The planner decides by the accuracy budget.
+    Auto,
+    /// Each star along its own path.
+    PerStar,
+    /// One effective PSF (PSF along the path) for all stars.
+    EffectivePsf,
+}
+
+/// Rendering, checked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Render {
+    /// Which implementation.
+    pub backend: Backend,
+    /// Which method.
+    pub method: RenderMethod,
+}
+
+/// Where frames go, checked.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Sink {
+    /// Files.
+    Recorder {
+        /// Output directory, relative to the working directory.
+        directory: PathBuf,
+        /// One FITS file per frame.
+        fits: bool,
+        /// A PNG of every n-th frame; 0: none.
+        png_every: u32,
+    },
+    /// Nowhere (timing only).
+    Null,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct AttitudeKeys {
+    stale_after_ms: Option<f64>,
+    stale_policy: Option<String>,
+    max_horizon_ms: Option<f64>,
+    rate_decay_ms: Option<f64>,
+    max_age_ms: Option<f64>,
+    max_lead_ms: Option<f64>,
+    link_delay_us: Option<f64>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct AccuracyKeys {
+    centroid_px: Option<f64>,
+    flux_rel: Option<f64>,
+    pixel_sigma: Option<f64>,
+    los_arcsec: Option<f64>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RenderKeys {
+    backend: Option<String>,
+    method: Option<String>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SinkKeys {
+    kind: Option<String>,
+    directory: Option<String>,
+    fits: Option<bool>,
+    png_every: Option<i64>,
+}
+
+impl AttitudeSettings {
+    /// `attitude_hz`, `jitter_hz` and `exposure_s` size the histories.
+    pub(super) fn check(
+        keys: &AttitudeKeys,
+        attitude_hz: f64,
+        jitter_hz: f64,
+        exposure_s: f64,
+        check: &mut Checker<'_>,
+    ) -> Result<Self, ConfigError> {
+        let policies = [("hold", StalePolicy::Hold), ("blank", StalePolicy::Blank), ("stop", StalePolicy::Stop)];
+        let advice = "hold goes on from the last attitude, blank shows no stars, stop ends the run";
+        let policy = check.choice("attitude.stale_policy", keys.stale_policy.as_deref(), &policies, advice)?;
+        let mut ms = |key: &str, given, default, advice| {
+            let rule = Rule::Within(0.0, 3_600_000.0);
+            check.number(&format!("attitude.{key}"), given, default, rule, advice).map(|ms| Span::from_s(ms * 1e-3))
+        };
+        let period_ms = 1000.0 / attitude_hz;
+        let stale = "milliseconds without a new attitude after which stale_policy applies, such as 500";
+        let stale_after = ms("stale_after_ms", keys.stale_after_ms, 500_f64.max(5.0 * period_ms), stale)?;
+        let horizon = "milliseconds over which the angular acceleration is used to predict, such as 200";
+        let max_horizon = ms("max_horizon_ms", keys.max_horizon_ms, 200.0, horizon)?;
+        let decay = "time constant in milliseconds with which a held rate decays; 0 stops at once";
+        let rate_decay = ms("rate_decay_ms", keys.rate_decay_ms, 200.0, decay)?;
+        let age = "oldest time tag accepted, milliseconds before its arrival, such as 1000";
+        let max_age = ms("max_age_ms", keys.max_age_ms, 1000.0, age)?;
+        let lead = "latest time tag accepted, milliseconds after its arrival, such as 100";
+        let max_lead = ms("max_lead_ms", keys.max_lead_ms, 100.0, lead)?;
+        if stale_after.ms() <= period_ms {
+            let wanted = format!("more than {period_ms} (one period of flight_computer.attitude_hz)");
+            let advice = "a limit of several periods rides over a lost message";
+            return Err(check.invalid("attitude.stale_after_ms", stale_after.ms(), wanted, advice));
+        }
+        let delay = "calibrated microseconds from transmission to the receive stamp; 0 when unknown";
+        let delay_us =
+            check.number("attitude.link_delay_us", keys.link_delay_us, 0.0, Rule::Within(-1e6, 1e6), delay)?;
+        let limits = |rate_hz: f64| HistoryLimits {
+            capacity: capacity(rate_hz, exposure_s + max_age.s() + HISTORY_MARGIN_S),
+            max_age,
+            max_lead,
+        };
+        Ok(Self {
+            estimate: EstimateLimits { stale_after, policy, max_horizon, rate_decay },
+            history: limits(attitude_hz),
+            jitter_history: limits(jitter_hz),
+            jitter_max_gap: Span::from_ms(100),
+            clock: RemoteClockLimits { constant_delay: Span::from_s(delay_us * 1e-6), ..Default::default() },
+        })
+    }
+}
+
+/// Samples at a rate over a time, 64 at least; the rates and times are checked, so 10^6 is a limit on memory only.
+fn capacity(rate_hz: f64, time_s: f64) -> usize {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped first")]
+    let capacity = (rate_hz * time_s).ceil().clamp(64.0, 1e6) as usize;
+    capacity
+}
+
+pub(super) fn check_accuracy(keys: &AccuracyKeys, check: &mut Checker<'_>) -> Result<AccuracyBudget, ConfigError> {
+    let usual = AccuracyBudget::default();
+    let mut bound = |key: &str, given, default, advice| {
+        check.number(&format!("accuracy.{key}"), given, default, Rule::Positive, advice)
+    };
+    Ok(AccuracyBudget {
+        centroid_px: bound("centroid_px", keys.centroid_px, usual.centroid_px, "pixels, such as 0.002")?,
+        flux_rel: bound("flux_rel", keys.flux_rel, usual.flux_rel, "a fraction, such as 0.001")?,
+        pixel_sigma: bound("pixel_sigma", keys.pixel_sigma, usual.pixel_sigma, "of the pixel's noise, such as 0.1")?,
+        los_arcsec: bound("los_arcsec", keys.los_arcsec, usual.los_arcsec, "arcseconds, such as 0.1")?,
+    })
+}
+
+impl Render {
+    pub(super) fn check(keys: &RenderKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+        let backends =
+            [("auto", Backend::Auto), ("gpu", Backend::Gpu), ("cpu", Backend::Cpu), ("reference", Backend::Reference)];
+        let methods = [
+            ("auto", RenderMethod::Auto),
+            ("per_star", RenderMethod::PerStar),
+            ("effective_psf", RenderMethod::EffectivePsf),
+        ];
+        let advice = "auto is right for most benches";
+        Ok(Self {
+            backend: check.choice("render.backend", keys.backend.as_deref(), &backends, advice)?,
+            method: check.choice("render.method", keys.method.as_deref(), &methods, advice)?,
+        })
+    }
+}
+
+impl Sink {
+    pub(super) fn check(keys: &SinkKeys, bench: &str, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+        let advice = "recorder writes files, null writes nothing";
+        if !check.choice("sink.kind", keys.kind.as_deref(), &[("recorder", true), ("null", false)], advice)? {
+            for (key, is_given) in [
+                ("sink.directory", keys.directory.is_some()),
+                ("sink.fits", keys.fits.is_some()),
+                ("sink.png_every", keys.png_every.is_some()),
+            ] {
+                check.unused(key, is_given, "kind = \"recorder\"")?;
+            }
+            return Ok(Self::Null);
+        }
+        let directory = check.given_or("sink.directory", keys.directory.clone(), format!("out/{bench}"));
+        if directory.trim().is_empty() {
+            let advice = "relative to the working directory, such as \"out/run\"";
+            return Err(check.invalid("sink.directory", "empty", "a directory", advice));
+        }
+        let every = "a PNG of every n-th frame; 0 for none";
+        Ok(Self::Recorder {
+            directory: directory.into(),
+            fits: check.given_or("sink.fits", keys.fits, true),
+            png_every: check.whole("sink.png_every", keys.png_every, Some(0), 0..=1_000_000, every)?,
+        })
+    }
+}

@@ -1,0 +1,377 @@
+//! Shipped files load; every rule has a failing example; what is wrong is said with file, line, key and advice.
+
+use super::*;
+use crate::attitude::StalePolicy;
+use proptest::prelude::*;
+use std::path::Path;
+
+/// The least a camera needs.
+const MINIMAL_CAMERA: &str = "[detector]\nwidth_px = 640\nheight_px = 480\n[optics]\nfocal_length_mm = 25\n";
+
+fn camera(text: &str) -> Result<Camera, ConfigError> {
+    Camera::from_document(&Document::from_text(text, Path::new("lab/cam.toml")))
+}
+
+fn bench(text: &str) -> Result<Bench, ConfigError> {
+    Bench::from_document(&Document::from_text(text, Path::new("lab/bench.toml")))
+}
+
+/// The minimal camera with a section added.
+fn camera_with(section: &str, line: &str) -> Result<Camera, ConfigError> {
+    let header = format!("[{section}]\n");
+    let text = if MINIMAL_CAMERA.contains(&header) {
+        MINIMAL_CAMERA.replace(&header, &format!("{header}{line}\n"))
+    } else {
+        format!("{MINIMAL_CAMERA}{header}{line}\n")
+    };
+    camera(&text)
+}
+
+/// Asserts a refusal that names the file, the key, and each of `parts`.
+fn assert_refused<T: std::fmt::Debug>(outcome: Result<T, ConfigError>, key: &str, parts: &[&str]) {
+    let error = outcome.expect_err(key).to_string();
+    assert!(error.contains("lab/"), "names the file: {error}");
+    assert!(error.contains(key), "names {key}: {error}");
+    for part in parts {
+        assert!(error.contains(part), "says \"{part}\": {error}");
+    }
+}
+
+#[test]
+fn every_built_in_configuration_loads() {
+    for path in Document::built_in_paths() {
+        let document = Document::built_in(path).expect("in the list");
+        match path.split('/').next() {
+            Some("cameras") => drop(Camera::from_document(&document).expect(path)),
+            Some("benches") => drop(Bench::from_document(&document).expect(path)),
+            // Link files load with a bench; each is named by one.
+            other => assert_eq!(other, Some("links"), "{path}"),
+        }
+    }
+}
+
+#[test]
+fn every_shipped_file_is_built_in_and_loads_from_disk() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs");
+    let mut seen = 0;
+    for folder in ["benches", "cameras", "links"] {
+        for entry in std::fs::read_dir(root.join(folder)).expect("a folder of configs") {
+            let path = entry.expect("an entry").path();
+            let name = format!("{folder}/{}", path.file_name().expect("a file").to_string_lossy());
+            assert!(Document::built_in_paths().any(|known| known == name), "{name} is not compiled in");
+            match folder {
+                "benches" => drop(Bench::load(&path).expect(&name)),
+                "cameras" => drop(Camera::load(&path).expect(&name)),
+                _ => drop(bench(&format!("link = {:?}", path.display().to_string())).expect(&name)),
+            }
+            seen += 1;
+        }
+    }
+    assert_eq!(seen, Document::built_in_paths().count());
+}
+
+#[test]
+fn the_built_in_bench_is_the_loopback() {
+    let bench = Bench::built_in().expect("the built-in bench");
+    assert_eq!((bench.name.as_str(), bench.camera.name.as_str()), ("loopback", "20 degree star tracker"));
+    assert_eq!((bench.timing.frames(), bench.link.wire), (100, Wire::CanFd));
+    assert_eq!(bench.flight_computer.jitter_lines.len(), 3);
+    let wheel = bench.flight_computer.jitter_lines[2].line();
+    assert_eq!((wheel.frequency_hz, wheel.amplitude_rad.x), (53.0, 6.0 * crate::base::units::ARCSEC));
+    let slew = bench.flight_computer.slew.expect("a slew");
+    assert_eq!((slew.axis, slew.angle_deg), ([0.0, -1.0, 0.0], 2.0));
+}
+
+#[test]
+fn shipped_cameras_have_the_scale_they_claim_and_do_not_clip() {
+    let load = |name: &str| Camera::from_document(&Document::built_in(name).expect("built in")).expect(name);
+    let tracker = load("cameras/star_tracker_20deg.toml");
+    assert!((tracker.fov_deg()[0] - 20.0).abs() < 0.01, "{:?} deg", tracker.fov_deg());
+    let telescope = load("cameras/wide_field_telescope.toml");
+    assert!((telescope.ifov_arcsec() - 1.0).abs() < 1e-3, "{} arcsec", telescope.ifov_arcsec());
+    for camera in [tracker, telescope, load("cameras/cubesat_tracker.toml")] {
+        assert_eq!(camera.detector.converter_clips_at_e(), None, "{}", camera.name);
+        assert!(camera.zero_point_e_per_s() > 1e6, "{}: {}", camera.name, camera.zero_point_e_per_s());
+    }
+}
+
+#[test]
+fn a_minimal_camera_is_completed_and_says_so() {
+    let camera = camera(MINIMAL_CAMERA).expect("enough");
+    assert_eq!(camera.name, "cam");
+    assert_eq!(camera.optics.principal_point_px, [319.5, 239.5]);
+    assert_eq!(camera.psf, Psf::Gaussian { sigma_px: 0.7 });
+    assert_eq!(camera.detector.converter_clips_at_e(), None, "the default gain fits");
+    for key in ["name", "detector.gain_e_per_dn", "optics.aperture_mm", "psf.sigma_px", "exposure.exposure_s"] {
+        assert!(camera.defaulted.iter().any(|d| d.key == key), "{key} in {:?}", camera.defaulted);
+    }
+    assert!(camera.defaulted.iter().all(|d| d.key != "optics.focal_length_mm"), "what is given is not defaulted");
+}
+
+#[test]
+fn a_camera_that_clips_says_where() {
+    let camera = camera_with("detector", "gain_e_per_dn = 1.0").expect("allowed, and told");
+    assert_eq!(camera.detector.converter_clips_at_e(), Some(4095.0 - 64.0));
+}
+
+#[test]
+fn airy_takes_its_defaults_from_the_optics() {
+    let text = format!("{MINIMAL_CAMERA}aperture_mm = 10\nobscuration = 0.3\n[psf]\nmodel = \"airy\"\n");
+    let wanted = Psf::Airy { f_number: 2.5, wavelength_nm: 620.0, obscuration: 0.3 };
+    assert_eq!(camera(&text).expect("enough").psf, wanted);
+}
+
+#[test]
+fn an_unknown_key_has_file_line_and_the_nearest_known_one() {
+    let text = MINIMAL_CAMERA.replace("focal_length_mm", "focal_lenght_mm");
+    let wanted = ["lab/cam.toml:5", "did you mean `focal_length_mm`?", "aperture_mm"];
+    assert_refused(camera(&text), "`focal_lenght_mm`", &wanted);
+    let no_unit = MINIMAL_CAMERA.replace("focal_length_mm", "focal");
+    assert_refused(camera(&no_unit), "`focal`", &["did you mean `focal_length_mm`?"]);
+    assert_refused(bench("seed = 1\n[link]\nbitrate = 5"), "`bitrate`", &["bench.toml:3", "`bit_rate`?"]);
+    let jitter = "[[flight_computer.jitter_line]]\nfrequency = 3";
+    assert_refused(bench(jitter), "`frequency`", &["bench.toml:2", "`frequency_hz`?"]);
+    let far = camera_with("psf", "zzz = 1").expect_err("unknown").to_string();
+    assert!(!far.contains("did you mean") && far.contains("sigma_px"), "nothing is near, all are listed: {far}");
+}
+
+#[test]
+fn wrong_types_and_broken_toml_show_the_line() {
+    let quoted = MINIMAL_CAMERA.replace("= 25", "= \"25\"");
+    assert_refused(camera(&quoted), "focal_length_mm", &["cam.toml:5", "expected a number"]);
+    assert_refused(camera("[detector\nwidth_px = 3"), "[detector", &["cam.toml:1"]);
+    assert_refused(bench("[mounting]\nsensor_from_body = [1, 0, 0]"), "sensor_from_body", &["bench.toml:2", "4"]);
+    assert_refused(bench("timing = 3"), "timing", &["bench.toml:1", "expected a table"]);
+    assert_refused(bench("link = 7"), "link", &["[link] table or the path"]);
+}
+
+#[test]
+fn each_camera_rule_has_a_failing_example() {
+    assert_refused(camera(""), "detector.width_px", &["missing", "whole number"]);
+    let no_focal = MINIMAL_CAMERA.replace("focal_length_mm = 25", "");
+    assert_refused(camera(&no_focal), "optics.focal_length_mm", &["missing", "cam.toml:4"]);
+    for bad in ["0", "-3.5", "nan", "inf"] {
+        let text = MINIMAL_CAMERA.replace("= 25", &format!("= {bad}"));
+        assert_refused(camera(&text), "optics.focal_length_mm", &["cam.toml:5", "from 0.1 to 1000000", "millimetres"]);
+    }
+    let zero_width = MINIMAL_CAMERA.replace("= 640", "= 0");
+    assert_refused(camera(&zero_width), "detector.width_px", &["cam.toml:2", "is 0", "1 to 16384"]);
+    for (section, line, parts) in [
+        ("detector", "bits = 17", ["1 to 16", "converter"]),
+        ("detector", "black_level_dn = 4095", ["0 to 4094", "room for signal"]),
+        ("detector", "full_well_e = 0", ["above 0", "data sheet"]),
+        ("detector", "gain_e_per_dn = -1", ["above 0", "2^bits"]),
+        ("detector", "pixel_pitch_um = nan", ["above 0", "micrometres"]),
+        ("detector", "read_noise_e_rms = -1", ["0 or more", "turns it off"]),
+        ("detector", "dark_e_per_s = -1", ["0 or more", "turns it off"]),
+        ("detector", "dark_temperature_c = -300", ["-273.15", "Celsius"]),
+        ("detector", "prnu = 5", ["0 to 0.5", "0.01"]),
+        ("detector", "dsnu_e_rms = inf", ["0 or more", "turns it off"]),
+        ("detector", "quantum_efficiency = 45", ["up to 1", "0.45"]),
+        ("optics", "aperture_mm = 0", ["above 0", "millimetres"]),
+        ("optics", "obscuration = 1", ["0 to 0.95", "ratio"]),
+        ("optics", "transmission = 80", ["up to 1", "0.8"]),
+        ("optics", "principal_point_px = [9999.0, 0.0]", ["1280", "centre"]),
+        ("distortion", "k1 = nan", ["-100", "coefficient"]),
+        ("psf", "sigma_px = 0", ["0.05", "standard deviation"]),
+        ("psf", "model = \"gausian\"", ["did you mean \"gaussian\"?", "\"airy\""]),
+        ("psf", "f_number = 2", ["belongs to", "airy"]),
+        ("psf", "model = \"airy\"\nsigma_px = 1", ["belongs to", "gaussian"]),
+        ("psf", "model = \"airy\"\nwavelength_nm = 0.6", ["100 to", "nanometres"]),
+        ("psf", "model = \"airy\"\nf_number = 0", ["0.3", "aperture"]),
+        ("psf", "model = \"airy\"\nobscuration = -1", ["0.95", "ratio"]),
+        ("radiometry", "zero_magnitude_photons_per_s_m2 = 0", ["above 0", "3e10"]),
+        ("radiometry", "color_c1 = 50", ["-5 to 5", "BP-RP"]),
+        ("radiometry", "color_c2 = nan", ["-5 to 5", "BP-RP"]),
+        ("radiometry", "limiting_mag = 99", ["-2 to 25", "render"]),
+        ("exposure", "exposure_s = 0", ["above 0", "seconds"]),
+        ("exposure", "readout_s = -1", ["0 to", "seconds"]),
+    ] {
+        let key = line.lines().last().and_then(|line| line.split(' ').next()).expect("a key");
+        assert_refused(camera_with(section, line), &format!("{section}.{key}"), &parts);
+    }
+}
+
+#[test]
+fn each_bench_rule_has_a_failing_example() {
+    for (text, key, parts) in [
+        ("seed = -1", "seed", ["0 or more", "bench.toml:1"]),
+        ("[timing]\nframe_rate_hz = 0", "timing.frame_rate_hz", ["above 0", "bench.toml:2"]),
+        ("[timing]\nframe_rate_hz = 30", "timing.frame_rate_hz", ["one exposure", "shorten"]),
+        ("[timing]\nduration_s = nan", "timing.duration_s", ["above 0", "seconds"]),
+        ("[timing]\ndeadline_policy = \"skip\"", "timing.deadline_policy", ["\"drop\"", "leaves a gap"]),
+        ("[timing]\nstart_utc = \"noon\"", "timing.start_utc", ["RFC 3339", "noon"]),
+        ("[link]\nkind = \"telepathy\"", "link.kind", ["\"simulated\"", "bench.toml:2"]),
+        ("[link]\nwire = \"can\"", "link.wire", ["\"can_fd\"", "bench.toml:2"]),
+        ("[link]\nlatency_us = -1", "link.latency_us", ["0 to", "microseconds"]),
+        ("[link]\nbit_rate = 0", "link.bit_rate", ["1000 to", "bits per second"]),
+        ("[link]\ndata_bit_rate = 100", "link.data_bit_rate", ["500000", "not below"]),
+        ("[link]\nwire = \"serial\"\ndata_bit_rate = 1e6", "link.data_bit_rate", ["belongs to", "can_fd"]),
+        ("[link]\nqueue = 0", "link.queue", ["whole number", "wait"]),
+        ("[mounting]\nsensor_from_body = [nan, 0, 0, 0]", "mounting.sensor_from_body", ["unit quaternion", "NaN"]),
+        ("[mounting]\nsensor_from_body = [2, 0, 0, 0]", "mounting.sensor_from_body", ["unit quaternion", "scalar"]),
+        ("[observer]\nkind = \"mars\"", "observer.kind", ["\"geocentre\"", "altitude_km"]),
+        ("[observer]\naltitude_km = 500", "observer.altitude_km", ["belongs to", "circular_orbit"]),
+        ("[observer]\nline1 = \"1\"", "observer.line1", ["belongs to", "tle"]),
+        ("[observer]\nkind = \"circular_orbit\"\naltitude_km = 5", "observer.altitude_km", ["100 to", "550"]),
+        ("[observer]\nkind = \"circular_orbit\"\nraan_deg = inf", "observer.raan_deg", ["-360", "degrees"]),
+        ("[observer]\nkind = \"tle\"", "observer.line1", ["missing", "checksum"]),
+        ("[flight_computer]\nattitude_hz = 0", "flight_computer.attitude_hz", ["up to 100", "per second"]),
+        ("[flight_computer]\nattitude_hz = 400", "flight_computer.attitude_hz", ["up to 100", "room"]),
+        ("[flight_computer]\ndec_deg = 91", "flight_computer.dec_deg", ["-90 to 90", "degrees"]),
+        ("[flight_computer]\nra_deg = nan", "flight_computer.ra_deg", ["-360", "not hours"]),
+        ("[flight_computer.slew]\nangle_deg = 1", "flight_computer.slew.axis", ["missing", "body axes"]),
+        ("[flight_computer.slew]\naxis = [0, 0, 0]", "flight_computer.slew.axis", ["not all 0", "bench.toml:2"]),
+        ("[flight_computer.slew]\naxis = [1, 0, 0]", "flight_computer.slew.angle_deg", ["missing", "turn"]),
+        ("[attitude]\nstale_policy = \"panic\"", "attitude.stale_policy", ["\"blank\"", "shows no stars"]),
+        ("[attitude]\nstale_after_ms = 5", "attitude.stale_after_ms", ["more than 10", "lost message"]),
+        ("[attitude]\nmax_horizon_ms = -1", "attitude.max_horizon_ms", ["0 to", "milliseconds"]),
+        ("[accuracy]\ncentroid_px = 0", "accuracy.centroid_px", ["above 0", "0.002"]),
+        ("[render]\nbackend = \"cuda\"", "render.backend", ["\"reference\"", "auto"]),
+        ("[render]\nmethod = \"effective-psf\"", "render.method", ["did you mean \"effective_psf\"?", "auto"]),
+        ("[sink]\nkind = \"null\"\nfits = true", "sink.fits", ["belongs to", "recorder"]),
+        ("[sink]\ndirectory = \" \"", "sink.directory", ["empty", "working directory"]),
+        ("[sink]\npng_every = -1", "sink.png_every", ["whole number", "PNG"]),
+    ] {
+        assert_refused(bench(text), key, &parts);
+    }
+}
+
+#[test]
+fn jitter_lines_are_checked_one_by_one() {
+    let good = "[[flight_computer.jitter_line]]\nfrequency_hz = 50\namplitude_arcsec = [1, 0, 0]\n";
+    let bad = "[[flight_computer.jitter_line]]\nfrequency_hz = 50\namplitude_arcsec = [1, nan, 0]\n";
+    let wanted = ["bench.toml:6", "arcseconds"];
+    assert_refused(bench(&format!("{good}{bad}")), "flight_computer.jitter_line[1].amplitude_arcsec", &wanted);
+    let bare = "[[flight_computer.jitter_line]]\nfrequency_hz = 50\n";
+    assert_refused(bench(bare), "flight_computer.jitter_line[0].amplitude_arcsec", &["missing"]);
+    let sampled = format!("[flight_computer]\njitter_source = \"samples\"\njitter_sample_hz = 80\n{good}");
+    assert_refused(bench(&sampled), "flight_computer.jitter_sample_hz", &["twice the highest", "bench.toml:3"]);
+    assert!(bench(&sampled.replace("= 80", "= 101")).is_ok(), "enough samples");
+}
+
+#[test]
+fn element_sets_are_checked_by_their_checksums() {
+    let lines = [
+        "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927",
+        "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537",
+    ];
+    let text = |a: &str, b: &str| format!("[observer]\nkind = \"tle\"\nline1 = \"{a}\"\nline2 = \"{b}\"\n");
+    let observer = bench(&text(lines[0], lines[1])).expect("a valid set").observer;
+    assert_eq!(observer, Observer::Tle { line1: lines[0].into(), line2: lines[1].into() });
+    let typo = lines[1].replace("51.6416", "51.6417");
+    assert_refused(bench(&text(lines[0], &typo)), "observer.line2", &["checksum", "bench.toml:4"]);
+    let other = lines[1].replace("25544", "25553");
+    assert_refused(bench(&text(lines[0], &other)), "observer.line2", &["the catalogue number of line1"]);
+}
+
+#[test]
+fn a_bench_of_nothing_runs_on_the_built_in_camera() {
+    let bench = bench("").expect("all has a default");
+    assert_eq!(bench.camera.name, "20 degree star tracker");
+    assert_eq!(bench.attitude.estimate.policy, StalePolicy::Hold);
+    assert!(bench.attitude.history.capacity >= 210, "1 s of age, 1 s of margin, 0.1 s of exposure at 100 Hz");
+    assert!(bench.defaulted.iter().any(|d| d.key == "camera" && d.value.contains("built-in")), "and it is told");
+}
+
+#[test]
+fn paths_are_relative_to_the_file_that_names_them() {
+    let root = tempfile::tempdir().expect("a temporary directory");
+    let write = |name: &str, text: &str| {
+        let path = root.path().join(name);
+        std::fs::create_dir_all(path.parent().expect("a parent")).expect("a directory");
+        std::fs::write(&path, text).expect("a file");
+        path
+    };
+    write("cams/one.toml", MINIMAL_CAMERA);
+    write("links/slow.toml", "latency_us = 7.0\n");
+    let path = write("benches/b.toml", "camera = \"../cams/one.toml\"\nlink = \"../links/slow.toml\"\n");
+    let bench = Bench::load(&path).expect("both are found");
+    assert_eq!((bench.camera.name.as_str(), bench.link.latency_us), ("one", 7.0));
+    assert!(bench.defaulted.iter().any(|d| d.key == "link.wire"), "the link's defaults are told");
+    let lost = write("benches/c.toml", "camera = \"two.toml\"\n");
+    let error = Bench::load(&lost).expect_err("no such camera").to_string();
+    assert!(error.contains("two.toml") && error.contains("c.toml") && error.contains("camera"), "{error}");
+    write("links/slow.toml", "latency = 7.0\n");
+    let error = Bench::load(&path).expect_err("unknown key in the link").to_string();
+    assert!(error.contains("slow.toml:1") && error.contains("`latency_us`?"), "{error}");
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let error = Bench::load(Path::new("nowhere/b.toml")).expect_err("no file").to_string();
+    assert!(error.starts_with("nowhere/b.toml: cannot be read"), "{error}");
+    let error = Document::built_in("benches/x.toml").expect_err("no such").to_string();
+    assert!(error.contains("benches/loopback.toml"), "lists those there are: {error}");
+}
+
+/// Text that is nearly a configuration: keys of the schema with values of many kinds.
+fn nearly_toml() -> impl Strategy<Value = String> {
+    let sections = prop::sample::select(vec![
+        "detector",
+        "optics",
+        "psf",
+        "timing",
+        "link",
+        "mounting",
+        "observer",
+        "flight_computer",
+        "attitude",
+        "sink",
+        "flight_computer.slew",
+        "exposure",
+    ]);
+    let keys = prop::sample::select(vec![
+        "width_px",
+        "focal_length_mm",
+        "bits",
+        "model",
+        "frame_rate_hz",
+        "start_utc",
+        "kind",
+        "wire",
+        "line1",
+        "axis",
+        "sensor_from_body",
+        "attitude_hz",
+        "stale_after_ms",
+        "directory",
+        "exposure_s",
+        "black_level_dn",
+    ]);
+    let values = prop_oneof![
+        any::<f64>().prop_map(|v| format!("{v:?}").to_lowercase()),
+        any::<i64>().prop_map(|v| v.to_string()),
+        "[a-zé \\-:0-9]{0,12}".prop_map(|v| format!("\"{v}\"")),
+        Just("[1.0, nan, 0.0, inf]".to_owned()),
+        Just("{ a = 1 }".to_owned()),
+    ];
+    proptest::collection::vec((sections, keys, values), 0..6)
+        .prop_map(|lines| lines.iter().map(|(s, k, v)| format!("[{s}]\n{k} = {v}\n")).collect())
+}
+
+proptest! {
+    #[test]
+    fn random_text_never_panics(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+        let text = String::from_utf8_lossy(&bytes);
+        let _either = (camera(&text).is_ok(), bench(&text).is_ok());
+    }
+
+    #[test]
+    fn nearly_right_text_never_panics_and_never_yields_nonsense(text in nearly_toml()) {
+        if let Ok(camera) = camera(&format!("{MINIMAL_CAMERA}{text}")) {
+            prop_assert!(camera.optics.focal_length_mm > 0.0 && camera.exposure.exposure_s > 0.0);
+        }
+        match bench(&text) {
+            Ok(bench) => prop_assert!(bench.timing.frame_rate_hz > 0.0),
+            Err(error) => prop_assert!(error.to_string().contains("lab/bench.toml"), "{}", error),
+        }
+    }
+
+    #[test]
+    fn any_number_for_the_focal_length_is_checked(value in prop_oneof![any::<f64>(), -1.0..2e6]) {
+        let text = MINIMAL_CAMERA.replace("= 25", &format!("= {value:?}").to_lowercase());
+        let is_allowed = (0.1..=1e6).contains(&value) && value / 2.0 <= 1e5;
+        prop_assert_eq!(camera(&text).is_ok_and(|c| c.optics.focal_length_mm == value), is_allowed);
+    }
+}

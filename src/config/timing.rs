@@ -1,0 +1,89 @@
+//! `[timing]`: frames, duration, the simulated start.
+
+use crate::base::time::Tai;
+use crate::config::check::{Checker, Rule};
+use crate::config::error::ConfigError;
+use serde::Deserialize;
+
+const DEFAULT_START_UTC: &str = "2026-03-01T00:00:00Z";
+
+/// What happens to a frame that is not ready when it is due.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DeadlinePolicy {
+    /// The last frame is sent again.
+    Hold,
+    /// No frame is sent.
+    Drop,
+    /// The frame is sent late.
+    Late,
+}
+
+/// Sky time at which the run begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StartTime {
+    /// A given instant.
+    At(Tai),
+    /// The clock's own time (not repeatable).
+    Now,
+}
+
+/// Timing of a run, checked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Timing {
+    /// Frames per second.
+    pub frame_rate_hz: f64,
+    /// Length of the run, s.
+    pub duration_s: f64,
+    /// Late frames.
+    pub deadline_policy: DeadlinePolicy,
+    /// Sky time at the start.
+    pub start: StartTime,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TimingKeys {
+    frame_rate_hz: Option<f64>,
+    duration_s: Option<f64>,
+    deadline_policy: Option<String>,
+    start_utc: Option<String>,
+}
+
+impl Timing {
+    pub(super) fn check(keys: &TimingKeys, exposure_s: f64, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+        let frames = "frames per second, such as 10.0";
+        let frame_rate_hz =
+            check.number("timing.frame_rate_hz", keys.frame_rate_hz, 10.0, Rule::PositiveUpTo(10_000.0), frames)?;
+        if exposure_s * frame_rate_hz > 1.0 + f64::EPSILON {
+            let wanted = format!("at most {:.6} (one exposure of {exposure_s} s per frame)", 1.0 / exposure_s);
+            let advice = "lower the frame rate, or shorten exposure.exposure_s of the camera";
+            return Err(check.invalid("timing.frame_rate_hz", frame_rate_hz, wanted, advice));
+        }
+        let length = "length of the run in seconds";
+        let duration_s = check.number("timing.duration_s", keys.duration_s, 10.0, Rule::PositiveUpTo(1e7), length)?;
+        let policies = [("hold", DeadlinePolicy::Hold), ("drop", DeadlinePolicy::Drop), ("late", DeadlinePolicy::Late)];
+        let advice = "hold repeats the last frame, drop leaves a gap, late sends it when it is ready";
+        let deadline_policy =
+            check.choice("timing.deadline_policy", keys.deadline_policy.as_deref(), &policies, advice)?;
+        Ok(Self { frame_rate_hz, duration_s, deadline_policy, start: start(keys, check)? })
+    }
+
+    /// Frames in the run (at least one).
+    #[must_use]
+    pub fn frames(&self) -> u64 {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked: 0 to 1e11")]
+        let frames = (self.duration_s * self.frame_rate_hz + 1e-9).floor() as u64;
+        frames.max(1)
+    }
+}
+
+fn start(keys: &TimingKeys, check: &mut Checker<'_>) -> Result<StartTime, ConfigError> {
+    let text = check.given_or("timing.start_utc", keys.start_utc.clone(), DEFAULT_START_UTC.into());
+    if text.trim() == "now" {
+        return Ok(StartTime::Now);
+    }
+    let refuse = |error: crate::base::time::TimeError| {
+        check.invalid("timing.start_utc", format!("\"{text}\""), "RFC 3339 or \"now\"", &error.to_string())
+    };
+    Tai::from_rfc3339(&text).map(StartTime::At).map_err(refuse)
+}
