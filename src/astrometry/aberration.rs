@@ -31,16 +31,16 @@ mod tests {
     #[test]
     fn annual_constant() {
         // Constant of aberration 20.49551 arcsec (IAU 1976 system; Urban and Seidelmann, table 16.1): mean orbital speed
-        // 29.7847 km/s over c, divided by sqrt(1 - e^2) -> kappa = 20.4955 for 29.7891 km/s.
-        let seen = aberrated(DVec3::X, DVec3::Y * 29.789_1);
-        assert!((seen.angle_between(DVec3::X) / ARCSEC - 20.4955).abs() < 1e-3, "{}", seen.angle_between(DVec3::X));
+        // 29.7847 km/s over c, divided by sqrt(1 - e^2) -> kappa = 20.4955 for 29.7889 km/s.
+        let seen = aberrated(DVec3::X, DVec3::Y * 29.788_9);
+        assert!((seen.angle_between(DVec3::X) / ARCSEC - 20.495_51).abs() < 2e-4, "{}", seen.angle_between(DVec3::X));
         assert!(seen.y > 0.0, "towards the direction of motion");
     }
 
     #[test]
     fn agrees_with_erfa_ab() {
         // The vector of SOFA's test of iauAb (t_sofa_c), evaluated with erfa.ab of pyerfa 2.0.1.
-        let natural = DVec3::new(-0.763_219_685_467_379_51, -0.608_694_539_830_603_84, -0.216_764_085_806_398_83);
+        let natural = DVec3::new(-0.763_219_685_467_379_5, -0.608_694_539_830_603_8, -0.216_764_085_806_398_83);
         let beta = DVec3::new(2.104_401_889_365_378_6e-5, -8.910_892_330_442_932e-5, -3.863_371_479_771_657e-5);
         let wanted = DVec3::new(-0.763_163_109_421_955_6, -0.608_755_308_250_559_1, -0.216_792_626_936_847_12);
         let got = aberrated(natural, beta * SPEED_OF_LIGHT_KM_S);

@@ -1,11 +1,14 @@
 //! `starloop catalog`: pack a CSV, show what a packed catalog holds, query a cone.
 
+use crate::astrometry::{at_epoch, years_since};
 use crate::base::time::Tai;
-use crate::base::units::DEG;
-use crate::sky::catalog::CatalogSource;
-use crate::sky::catalog::{BANDS, Catalog, DEFAULT_CREDITS, direction_from_ra_dec, pack, ra_dec_rad};
+use crate::base::units::{DEG, MAS};
+use crate::sky::catalog::{
+    BANDS, Catalog, CatalogSource, DEFAULT_CREDITS, chord_squared, direction_from_ra_dec, pack, ra_dec_rad,
+};
 use anyhow::{Context, ensure};
 use clap::{Args, Subcommand};
+use glam::DVec3;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
@@ -120,8 +123,8 @@ fn info(catalog: &Catalog, out: &mut impl Write) -> anyhow::Result<()> {
     writeln!(
         out,
         "blank    {} proper motions, {} parallaxes",
-        blank(stars, |s| s.proper_motion.is_none()),
-        blank(stars, |s| s.parallax_mas.is_none())
+        count(stars, |s| s.proper_motion.is_none()),
+        count(stars, |s| s.parallax_mas.is_none())
     )?;
     writeln!(out, "fastest  {:.2} arcsec/yr", catalog.fastest_mas_yr() / 1000.0)?;
     writeln!(out, "crc32    {:08x}", catalog.crc32())?;
@@ -131,14 +134,14 @@ fn info(catalog: &Catalog, out: &mut impl Write) -> anyhow::Result<()> {
     let mut low = -2.0_f32;
     while low < faintest {
         let high = low + 1.0;
-        let within = blank(stars, |s| s.mag_g >= low && s.mag_g < high);
-        writeln!(out, "{low:>4} .. {high:<4} {within:>7}   {:>7}", blank(stars, |s| s.mag_g < high))?;
+        let within = count(stars, |s| s.mag_g >= low && s.mag_g < high);
+        writeln!(out, "{low:>4} .. {high:<4} {within:>7}   {:>7}", count(stars, |s| s.mag_g < high))?;
         low = high;
     }
     Ok(())
 }
 
-fn blank(stars: &[CatalogSource], is: impl Fn(&CatalogSource) -> bool) -> usize {
+fn count(stars: &[CatalogSource], is: impl Fn(&CatalogSource) -> bool) -> usize {
     stars.iter().filter(|star| is(star)).count()
 }
 
@@ -149,9 +152,9 @@ fn query(args: &QueryArgs, out: &mut impl Write) -> anyhow::Result<()> {
     ensure!(args.mag.is_finite(), "--mag: wanted a magnitude, got {}", args.mag);
     let at = args.at.as_deref().map(Tai::from_rfc3339).transpose().context("--at")?;
     let catalog = open(args.catalog.as_deref())?;
-    let years = at.map_or(0.0, |at| crate::astrometry::years_since(catalog.epoch_yr(), at));
+    let years = at.map_or(0.0, |at| years_since(catalog.epoch_yr(), at));
     let axis = direction_from_ra_dec(args.ra * DEG, args.dec * DEG);
-    let margin_rad = years.abs() * catalog.fastest_mas_yr() * crate::base::units::MAS;
+    let margin_rad = years.abs() * catalog.fastest_mas_yr() * MAS;
     let mut found = Vec::new();
     catalog.cone(axis, args.radius * DEG + margin_rad, args.mag, &mut found);
     write_csv(&found, axis, args.radius * DEG, years, out)
@@ -164,15 +167,15 @@ fn check(name: &str, low: f64, high: f64, got: f64) -> anyhow::Result<()> {
 
 fn write_csv(
     found: &[CatalogSource],
-    axis: glam::DVec3,
+    axis: DVec3,
     radius_rad: f64,
     years: f64,
     out: &mut impl Write,
 ) -> anyhow::Result<()> {
     writeln!(out, "id,ra_deg,dec_deg,pm_ra_cosdec_mas_yr,pm_dec_mas_yr,parallax_mas,mag_g,bp_rp")?;
     for star in found {
-        let direction = crate::astrometry::at_epoch(star.direction_icrf, star.proper_motion, years);
-        if direction.distance(axis) > 2.0 * (radius_rad / 2.0).sin() {
+        let direction = at_epoch(star.direction_icrf, star.proper_motion, years);
+        if direction.distance_squared(axis) > chord_squared(radius_rad) {
             continue;
         }
         let [ra_deg, dec_deg] = ra_dec_rad(direction).map(|rad| rad / DEG);

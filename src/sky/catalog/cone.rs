@@ -61,6 +61,7 @@ impl Catalog {
 }
 
 /// Squared chord of an angle on the unit sphere; more than any chord from pi on.
-fn chord_squared(angle_rad: f64) -> f64 {
+#[must_use]
+pub fn chord_squared(angle_rad: f64) -> f64 {
     if angle_rad >= PI { f64::INFINITY } else { 4.0 * (angle_rad / 2.0).sin().powi(2) }
 }

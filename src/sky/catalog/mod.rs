@@ -1,7 +1,7 @@
 //! Packed star catalog: CSV -> packed bytes -> cone queries.
 //!
 //! * [`pack()`] writes the format, once, by `starloop catalog pack`;
-//! * [`Catalog::from_bytes`] checks and decodes it, once, at start-up (about 10 ms for 106 000 stars);
+//! * [`Catalog::from_bytes`] checks and decodes it, once, at start-up (about 15 ms for 106 000 stars);
 //! * [`Catalog::cone`] copies the sources of a cone into the caller's buffer, without allocating once it has grown.
 //!
 //! Positions are ICRS at the catalog's epoch; [`crate::astrometry`] moves them to the time of observation. Decoded
@@ -15,6 +15,7 @@ mod layout;
 mod open;
 mod pack;
 
+pub use cone::chord_squared;
 pub use error::CatalogError;
 pub use layout::{BANDS, DEFAULT_CREDITS};
 pub use open::Catalog;
