@@ -1,4 +1,24 @@
 //! Catalog sources -> apparent directions (space motion, parallax, aberration) -> pixels (projection, distortion).
+//!
+//! [`apparent_places`](crate::astrometry::apparent_places) composes the first three, in ICRF axes and for one observer's
+//! position and velocity; [`CameraGeometry`](crate::astrometry::CameraGeometry) does the last two, in sensor axes.
+//! Between them stands the attitude, which is not this room's.
+
+mod aberration;
+mod apparent;
+mod camera;
+mod distortion;
+mod error;
+mod parallax;
+mod space_motion;
+
+pub use aberration::aberrated;
+pub use apparent::{MAX_ABERRATION_RAD, apparent_places, cone_margin_rad, years_since};
+pub use camera::{CameraGeometry, CameraParameters, PixelPosition};
+pub use distortion::BrownConrady;
+pub use error::AstrometryError;
+pub use parallax::parallax_shifted;
+pub use space_motion::at_epoch;
 
 use glam::DVec3;
 

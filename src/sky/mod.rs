@@ -1,1 +1,17 @@
-//! (room being built)
+//! Time and a cone on the sky -> catalog sources; time -> where the observer is and how fast it moves.
+//!
+//! Nothing here knows about cameras: directions and states are in ICRF axes, positions from the solar-system
+//! barycentre, km and km/s.
+//!
+//! * [`catalog`](crate::sky::catalog): the packed star catalog and its cone query;
+//! * [`earth`](crate::sky::earth): the Earth's barycentric state from VSOP87E;
+//! * [`orbit`](crate::sky::orbit): the spacecraft about the Earth (two-line elements, circular);
+//! * [`observer`](crate::sky::observer): both together.
+
+pub mod catalog;
+pub mod earth;
+mod error;
+pub mod observer;
+pub mod orbit;
+
+pub use error::ObserverError;

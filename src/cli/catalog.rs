@@ -1,0 +1,251 @@
+//! `starloop catalog`: pack a CSV, show what a packed catalog holds, query a cone.
+
+use crate::astrometry::{at_epoch, years_since};
+use crate::base::time::Tai;
+use crate::base::units::{DEG, MAS};
+use crate::sky::catalog::{
+    BANDS, Catalog, CatalogSource, DEFAULT_CREDITS, chord_squared, direction_from_ra_dec, pack, ra_dec_rad,
+};
+use anyhow::{Context, ensure};
+use clap::{Args, Subcommand};
+use glam::DVec3;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+
+/// Magnitude limit that lets every star pass.
+const EVERY_STAR: f32 = 99.0;
+/// Largest cone, deg: the whole sky.
+const WHOLE_SKY_DEG: f64 = 180.0;
+
+/// Arguments of `starloop catalog`.
+#[derive(Debug, Args)]
+pub struct CatalogArgs {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// Pack a CSV of stars into the format that starloop reads
+    Pack(PackArgs),
+    /// Show what a packed catalog holds: stars, epoch, bands, magnitudes, credits, checksum
+    Info(InfoArgs),
+    /// List the stars of a cone as CSV
+    Query(QueryArgs),
+}
+
+#[derive(Debug, Args)]
+struct PackArgs {
+    /// CSV with columns source_id, ra_deg, dec_deg, pmra_masyr, pmdec_masyr, parallax_mas, g_mag, bp_rp; `-` is stdin
+    input: PathBuf,
+    /// Packed file to write
+    #[arg(long)]
+    out: PathBuf,
+    /// Epoch of the positions, Julian year
+    #[arg(long, default_value_t = 2016.0)]
+    epoch: f64,
+    /// Credits that the data ask for, carried in the file
+    #[arg(long, default_value = DEFAULT_CREDITS)]
+    credits: String,
+}
+
+#[derive(Debug, Args)]
+struct InfoArgs {
+    /// Packed catalog; the built-in one when left out
+    file: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+struct QueryArgs {
+    /// Right ascension of the cone's axis, deg, 0..360 (ICRS)
+    #[arg(long)]
+    ra: f64,
+    /// Declination of the cone's axis, deg, -90..90 (ICRS)
+    #[arg(long, allow_negative_numbers = true)]
+    dec: f64,
+    /// Radius of the cone, deg, up to 180
+    #[arg(long)]
+    radius: f64,
+    /// Faintest Gaia G magnitude listed
+    #[arg(long, default_value_t = EVERY_STAR, allow_negative_numbers = true)]
+    mag: f32,
+    /// Time of the positions, RFC 3339; the catalog's epoch when left out
+    #[arg(long)]
+    at: Option<String>,
+    /// Packed catalog; the built-in one when left out
+    #[arg(long)]
+    catalog: Option<PathBuf>,
+}
+
+/// Runs `starloop catalog`.
+///
+/// # Errors
+/// When a file cannot be read or written, is no catalog, or an argument is out of range.
+pub fn run(args: CatalogArgs) -> anyhow::Result<()> {
+    let mut stdout = std::io::stdout().lock();
+    match args.action {
+        Action::Pack(args) => pack_file(&args, &mut stdout),
+        Action::Info(args) => info(&open(args.file.as_deref())?, &mut stdout),
+        Action::Query(args) => query(&args, &mut stdout),
+    }
+}
+
+fn open(file: Option<&Path>) -> anyhow::Result<Catalog> {
+    match file {
+        Some(path) => Catalog::open(path).with_context(|| format!("cannot use catalog {}", path.display())),
+        None => Ok(Catalog::built_in()?),
+    }
+}
+
+fn pack_file(args: &PackArgs, out: &mut impl Write) -> anyhow::Result<()> {
+    ensure!((1900.0..=2100.0).contains(&args.epoch), "--epoch: wanted a Julian year in 1900..2100, got {}", args.epoch);
+    let input: Box<dyn Read> = if args.input == Path::new("-") {
+        Box::new(std::io::stdin().lock())
+    } else {
+        let file = std::fs::File::open(&args.input);
+        Box::new(file.with_context(|| format!("cannot read {}", args.input.display()))?)
+    };
+    let (bytes, report) = pack(input, args.epoch, &args.credits)?;
+    std::fs::write(&args.out, &bytes).with_context(|| format!("cannot write {}", args.out.display()))?;
+    writeln!(out, "{}: {} stars, {} bytes", args.out.display(), report.stars, bytes.len())?;
+    writeln!(out, "  without proper motion  {}", report.without_proper_motion)?;
+    writeln!(out, "  without parallax       {}", report.without_parallax)?;
+    writeln!(out, "  negative parallax -> 0 {}", report.negative_parallaxes)?;
+    writeln!(out, "  colours clamped        {}", report.clamped_colours)?;
+    Ok(())
+}
+
+fn info(catalog: &Catalog, out: &mut impl Write) -> anyhow::Result<()> {
+    let stars = catalog.sources();
+    writeln!(out, "stars    {}", stars.len())?;
+    writeln!(out, "epoch    J{:.1}, ICRS", catalog.epoch_yr())?;
+    writeln!(out, "bands    {BANDS}")?;
+    writeln!(
+        out,
+        "blank    {} proper motions, {} parallaxes",
+        count(stars, |s| s.proper_motion.is_none()),
+        count(stars, |s| s.parallax_mas.is_none())
+    )?;
+    writeln!(out, "fastest  {:.2} arcsec/yr", catalog.fastest_mas_yr() / 1000.0)?;
+    writeln!(out, "crc32    {:08x}", catalog.crc32())?;
+    writeln!(out, "credits  {}", catalog.credits())?;
+    writeln!(out, "G magnitude   stars   brighter than the upper end")?;
+    let faintest = stars.iter().map(|s| s.mag_g).fold(f32::NEG_INFINITY, f32::max);
+    let mut low = -2.0_f32;
+    while low < faintest {
+        let high = low + 1.0;
+        let within = count(stars, |s| s.mag_g >= low && s.mag_g < high);
+        writeln!(out, "{low:>4} .. {high:<4} {within:>7}   {:>7}", count(stars, |s| s.mag_g < high))?;
+        low = high;
+    }
+    Ok(())
+}
+
+fn count(stars: &[CatalogSource], is: impl Fn(&CatalogSource) -> bool) -> usize {
+    stars.iter().filter(|star| is(star)).count()
+}
+
+fn query(args: &QueryArgs, out: &mut impl Write) -> anyhow::Result<()> {
+    check("--ra", 0.0, 360.0, args.ra)?;
+    check("--dec", -90.0, 90.0, args.dec)?;
+    check("--radius", 0.0, WHOLE_SKY_DEG, args.radius)?;
+    ensure!(args.mag.is_finite(), "--mag: wanted a magnitude, got {}", args.mag);
+    let at = args.at.as_deref().map(Tai::from_rfc3339).transpose().context("--at")?;
+    let catalog = open(args.catalog.as_deref())?;
+    let years = at.map_or(0.0, |at| years_since(catalog.epoch_yr(), at));
+    let axis = direction_from_ra_dec(args.ra * DEG, args.dec * DEG);
+    let margin_rad = years.abs() * catalog.fastest_mas_yr() * MAS;
+    let mut found = Vec::new();
+    catalog.cone(axis, args.radius * DEG + margin_rad, args.mag, &mut found);
+    write_csv(&found, axis, args.radius * DEG, years, out)
+}
+
+fn check(name: &str, low: f64, high: f64, got: f64) -> anyhow::Result<()> {
+    ensure!((low..=high).contains(&got), "{name}: wanted degrees in {low}..{high}, got {got}");
+    Ok(())
+}
+
+fn write_csv(
+    found: &[CatalogSource],
+    axis: DVec3,
+    radius_rad: f64,
+    years: f64,
+    out: &mut impl Write,
+) -> anyhow::Result<()> {
+    writeln!(out, "id,ra_deg,dec_deg,pm_ra_cosdec_mas_yr,pm_dec_mas_yr,parallax_mas,mag_g,bp_rp")?;
+    for star in found {
+        let direction = at_epoch(star.direction_icrf, star.proper_motion, years);
+        if direction.distance_squared(axis) > chord_squared(radius_rad) {
+            continue;
+        }
+        let [ra_deg, dec_deg] = ra_dec_rad(direction).map(|rad| rad / DEG);
+        let motion =
+            star.proper_motion.map_or(",".into(), |m| format!("{},{}", m.pm_ra_cosdec_mas_yr, m.pm_dec_mas_yr));
+        let parallax = star.parallax_mas.map_or(String::new(), |p| format!("{p:.2}"));
+        writeln!(out, "{},{ra_deg:.7},{dec_deg:.7},{motion},{parallax},{:.3},{:.3}", star.id, star.mag_g, star.bp_rp)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Debug, Parser)]
+    struct Program {
+        #[command(flatten)]
+        catalog: CatalogArgs,
+    }
+
+    const CSV: &str = "source_id,ra_deg,dec_deg,pmra_masyr,pmdec_masyr,parallax_mas,g_mag,bp_rp\n\
+        1,10.0,-20.0,1000.0,0.0,,4.0,1.0\n2,10.5,-20.0,,,3.2,5.0,1.0\n3,50.0,-20.0,,,,5.0,1.0\n";
+
+    fn parse(line: &[&str]) -> CatalogArgs {
+        Program::try_parse_from([&["x"], line].concat()).expect("a valid command line").catalog
+    }
+
+    fn query_text(line: &[&str]) -> anyhow::Result<String> {
+        let Action::Query(args) = parse(&[&["query"], line].concat()).action else { panic!("a query") };
+        let mut out = Vec::new();
+        query(&args, &mut out)?;
+        Ok(String::from_utf8(out)?)
+    }
+
+    #[test]
+    fn packs_shows_and_queries() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let (csv, packed) = (folder.path().join("in.csv"), folder.path().join("out.starcat"));
+        std::fs::write(&csv, CSV).expect("writable");
+        let (csv, packed) = (csv.to_str().expect("UTF-8"), packed.to_str().expect("UTF-8"));
+        run(parse(&["pack", csv, "--out", packed, "--epoch", "2000", "--credits", "me"])).expect("packs");
+
+        let mut text = Vec::new();
+        info(&open(Some(Path::new(packed))).expect("opens"), &mut text).expect("writes");
+        let text = String::from_utf8(text).expect("UTF-8");
+        assert!(text.contains("stars    3") && text.contains("J2000.0") && text.contains("credits  me"), "{text}");
+        assert!(text.contains("blank    2 proper motions, 2 parallaxes"), "{text}");
+
+        let cone = ["--ra", "10", "--dec", "-20", "--radius", "1", "--catalog", packed];
+        let all = query_text(&cone).expect("a valid query");
+        assert_eq!(all.lines().count(), 3, "header and two stars: {all}");
+        let bright = query_text(&[&cone[..], &["--mag", "4.5"]].concat()).expect("a valid query");
+        assert_eq!(bright.lines().count(), 2, "{bright}");
+        let later = query_text(&[&cone[..], &["--at", "2100-01-01T12:00:00Z"]].concat()).expect("a valid query");
+        // 1000 mas/yr for 100 years is 100 arcsec: 0.029560 deg of right ascension at dec -20.
+        assert!(later.contains(",10.0295603,") || later.contains(",10.029560"), "{later}");
+    }
+
+    #[test]
+    fn bad_arguments_are_named() {
+        let refuse = |line: &[&str]| format!("{:#}", query_text(line).expect_err("a bad argument"));
+        assert!(
+            refuse(&["--ra", "400", "--dec", "0", "--radius", "1"]).contains("--ra: wanted degrees in 0..360, got 400")
+        );
+        assert!(refuse(&["--ra", "1", "--dec", "NaN", "--radius", "1"]).contains("--dec"));
+        let at = refuse(&["--ra", "1", "--dec", "0", "--radius", "1", "--at", "noon"]);
+        assert!(at.contains("--at") && at.contains("RFC 3339"), "{at}");
+        let file = refuse(&["--ra", "1", "--dec", "0", "--radius", "1", "--catalog", "no/such.starcat"]);
+        assert!(file.contains("no/such.starcat"), "{file}");
+    }
+}

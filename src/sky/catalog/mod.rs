@@ -1,0 +1,67 @@
+//! Packed star catalog: CSV -> packed bytes -> cone queries.
+//!
+//! * [`pack()`] writes the format, once, by `starloop catalog pack`;
+//! * [`Catalog::from_bytes`] checks and decodes it, once, at start-up (about 15 ms for 106 000 stars);
+//! * [`Catalog::cone`] copies the sources of a cone into the caller's buffer, without allocating once it has grown.
+//!
+//! Positions are ICRS at the catalog's epoch; [`crate::astrometry`] moves them to the time of observation. Decoded
+//! positions differ from the CSV by at most 0.17 mas, proper motions by 0.25 mas/yr, parallaxes by 0.025 mas,
+//! magnitudes and colours by 0.5 mmag: half a step of each field (`layout`). Tests: `packing_keeps_every_field`
+//! (round trip within half steps), `cone_agrees_with_brute_force`.
+
+mod cone;
+mod error;
+mod layout;
+mod open;
+mod pack;
+
+pub use cone::chord_squared;
+pub use error::CatalogError;
+pub use layout::{BANDS, DEFAULT_CREDITS};
+pub use open::Catalog;
+pub use pack::{PackReport, pack};
+
+use glam::DVec3;
+
+/// Angular rates of a source across the sky, at the catalog's epoch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ProperMotion {
+    /// Towards east, including cos(dec), mas per Julian year.
+    pub pm_ra_cosdec_mas_yr: f32,
+    /// Towards north, mas per Julian year.
+    pub pm_dec_mas_yr: f32,
+}
+
+/// One source as the catalog lists it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CatalogSource {
+    /// Row in the packed catalog (stable for one file).
+    pub id: u32,
+    /// Barycentric direction at the catalog's epoch, unit vector in ICRF axes.
+    pub direction_icrf: DVec3,
+    /// Proper motion; `None` when the catalog has none (not the same as zero).
+    pub proper_motion: Option<ProperMotion>,
+    /// Parallax, mas; `None` when the catalog has none. Negative measurements are stored as zero.
+    pub parallax_mas: Option<f32>,
+    /// Gaia G magnitude.
+    pub mag_g: f32,
+    /// Gaia colour BP - RP, mag, clamped to the domain of the published photometric relations (-0.5..5).
+    pub bp_rp: f32,
+}
+
+/// Right ascension in 0..2 pi and declination (rad) of a direction of any length.
+#[must_use]
+pub fn ra_dec_rad(direction: DVec3) -> [f64; 2] {
+    let ra = direction.y.atan2(direction.x).rem_euclid(core::f64::consts::TAU);
+    [ra, direction.z.atan2(direction.x.hypot(direction.y))]
+}
+
+/// Unit vector towards a right ascension and declination (rad).
+#[must_use]
+pub fn direction_from_ra_dec(ra_rad: f64, dec_rad: f64) -> DVec3 {
+    let ((sin_ra, cos_ra), (sin_dec, cos_dec)) = (ra_rad.sin_cos(), dec_rad.sin_cos());
+    DVec3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
+}
+
+#[cfg(test)]
+mod tests;

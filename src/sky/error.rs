@@ -1,0 +1,60 @@
+//! What can be wrong with an observer.
+
+use crate::base::time::Tai;
+
+/// Why an observer's orbit was refused or could not be followed.
+#[derive(Debug, thiserror::Error)]
+pub enum ObserverError {
+    /// A line of a two-line element set has the wrong shape.
+    #[error("two-line elements, line {line}: {why}")]
+    TleLine {
+        /// Line, 1 or 2.
+        line: usize,
+        /// What is wrong, what was wanted and got.
+        why: String,
+    },
+    /// A field of a two-line element set is not a number.
+    #[error("two-line elements, line {line}, columns {first}-{last} ({field}): wanted a number, got \"{got}\"")]
+    TleField {
+        /// Line, 1 or 2.
+        line: usize,
+        /// First column, counted from 1 as in the format's description.
+        first: usize,
+        /// Last column, inclusive.
+        last: usize,
+        /// The field's name.
+        field: &'static str,
+        /// The text found there.
+        got: String,
+    },
+    /// The elements are well formed but describe no orbit that SGP4 can follow.
+    #[error("two-line elements of object {norad_id}: {why}")]
+    Elements {
+        /// Catalog number in the elements.
+        norad_id: u64,
+        /// SGP4's reason.
+        why: String,
+    },
+    /// SGP4 gave up at this time, usually because the object has decayed.
+    #[error(
+        "SGP4 has no position at {at} ({days_from_epoch:.1} days from the elements' epoch): {why}; try newer elements"
+    )]
+    Propagation {
+        /// The time asked for.
+        at: Tai,
+        /// Days since the elements' epoch.
+        days_from_epoch: f64,
+        /// SGP4's reason.
+        why: String,
+    },
+    /// A parameter of a circular orbit is out of range.
+    #[error("circular orbit: {parameter} wanted {wanted}, got {got}")]
+    CircularOrbit {
+        /// Name of the parameter, with its unit.
+        parameter: &'static str,
+        /// Accepted range.
+        wanted: &'static str,
+        /// Value given.
+        got: f64,
+    },
+}

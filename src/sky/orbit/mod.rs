@@ -1,0 +1,12 @@
+//! Time -> geocentric position and velocity of the spacecraft, ICRF axes, km and km/s.
+//!
+//! The orbit matters to a star sensor through aberration: 7.6 km/s is 5.2 arcsec. A velocity error of 1 m/s is
+//! 0.7 mas, so elements some days old (errors of km and m/s) are good enough. Stellar parallax from the orbit itself
+//! is below 0.1 mas.
+
+mod circular;
+mod precession;
+mod tle;
+
+pub use circular::CircularOrbit;
+pub use tle::TleOrbit;

@@ -1,0 +1,3 @@
+//! Physics: the stimulator against independent computations.
+
+mod apparent_places;
