@@ -5,7 +5,7 @@ use crate::base::random::{Stage, key};
 use crate::detector::block::{BLOCK, Words};
 use crate::detector::params::Constants;
 use crate::detector::{DetectorParams, Effect, ORDER, adc, full_well, pattern, poisson, read_noise};
-use pulp::Arch;
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 /// Blocks one thread takes at a time.
@@ -96,11 +96,32 @@ impl Detector {
         let task = BLOCK * BLOCKS_PER_TASK;
         let arch = self.arch;
         out.pixels_mut().par_chunks_mut(task).zip(mean.par_chunks(task)).enumerate().for_each(|(i, (out, mean))| {
-            arch.dispatch(|| match arch {
-                Arch::Scalar => exposure.read_out::<false, T>(i * task, mean, out, load),
-                _ => exposure.read_out::<true, T>(i * task, mean, out, load),
-            });
+            let fused = !matches!(arch, Arch::Scalar);
+            arch.dispatch(ReadOut { exposure: &exposure, first: i * task, mean, out, load, fused });
         });
+    }
+}
+
+/// One task's work, in the shape `pulp` compiles once per vector level.
+struct ReadOut<'a, T, L> {
+    exposure: &'a Exposure<'a>,
+    first: usize,
+    mean: &'a [T],
+    out: &'a mut [u16],
+    load: L,
+    fused: bool,
+}
+
+impl<T: Copy, L: Fn(&[T], &mut [f32; BLOCK])> NullaryFnOnce for ReadOut<'_, T, L> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let Self { exposure, first, mean, out, load, fused } = self;
+        if fused {
+            exposure.read_out::<true, T>(first, mean, out, load);
+        } else {
+            exposure.read_out::<false, T>(first, mean, out, load);
+        }
     }
 }
 

@@ -114,7 +114,7 @@ impl Planner {
             stars: Vec::with_capacity(STARS_RESERVED),
             motion: Motion { los, image_path: None },
         };
-        let share = Share::new(&instrument.psf, half_px, [instrument.camera.width_px, instrument.camera.height_px]);
+        let share = Share::new(&instrument.psf, half_px, [instrument.camera.width_px(), instrument.camera.height_px()]);
         Self {
             instrument,
             budget,
@@ -154,7 +154,7 @@ impl Planner {
     /// Tracks of stars at the centre and the corners of the detector: they stand for all.
     fn place_probes(&mut self) {
         let camera = &self.instrument.camera;
-        let (right, bottom) = (camera.width_px as f64 - 1.0, camera.height_px as f64 - 1.0);
+        let (right, bottom) = (camera.width_px() as f64 - 1.0, camera.height_px() as f64 - 1.0);
         let places = [[0.5 * right, 0.5 * bottom], [0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]];
         self.probes.clear();
         for place in places {
@@ -168,11 +168,7 @@ impl Planner {
     fn measure_path(&mut self) {
         let motion = &self.plan.motion;
         let camera = &self.instrument.camera;
-        let radius_px = [0.0, camera.width_px as f64 - 1.0]
-            .iter()
-            .flat_map(|x| [0.0, camera.height_px as f64 - 1.0].map(|y| [*x, y]))
-            .map(|[x, y]| (x - camera.principal_point_px[0]).hypot(y - camera.principal_point_px[1]))
-            .fold(0.0, f64::max);
+        let radius_px = furthest_corner_px(camera);
         let reach_px = self.probes.iter().map(|probe| path_length_px(motion, probe, radius_px)).fold(0.0, f64::max);
         let sigma_px = self.instrument.psf.core_sigma_px();
         if motion.is_smooth() {
@@ -205,7 +201,7 @@ impl Planner {
             }
             let shift = track.displacement_px(&plan.mean);
             let mean_px = [track.mid_px[0] + shift[0], track.mid_px[1] + shift[1]];
-            if inside(mean_px[0], camera.width_px) && inside(mean_px[1], camera.height_px) {
+            if inside(mean_px[0], camera.width_px()) && inside(mean_px[1], camera.height_px()) {
                 let electrons = source.electrons;
                 let star =
                     PlannedStar { id: source.id, electrons, electrons_on_detector: 0.0, mid_sensor, track, mean_px };
@@ -323,7 +319,8 @@ impl Planner {
     fn cubic_error_px(&self) -> f64 {
         let los = &self.plan.motion.los;
         let turn_rad = los.rate_rad_s.length() * los.exposure_s;
-        let focal_px = self.instrument.camera.focal_px[0].max(self.instrument.camera.focal_px[1]);
+        let [fx, fy] = self.instrument.camera.parameters().focal_px;
+        let focal_px = fx.max(fy);
         4.5 * focal_px * turn_rad.powi(3) / 124.7
     }
 
@@ -345,6 +342,13 @@ impl Planner {
             star.electrons_on_detector = star.electrons * share.on_detector(star, &plan.nodes, plan.reach_px);
         }
     }
+}
+
+/// Distance of the furthest pixel from the principal point, px.
+fn furthest_corner_px(camera: &CameraGeometry) -> f64 {
+    let [cx, cy] = camera.parameters().principal_point_px;
+    let furthest = |c: f64, size: usize| c.abs().max((size as f64 - 1.0 - c).abs());
+    furthest(cx, camera.width_px()).hypot(furthest(cy, camera.height_px()))
 }
 
 /// Gauss-Legendre nodes for a smooth path of `reach_px`: 1.5 per sigma, and two for the ends.

@@ -34,11 +34,12 @@ impl StarTrack {
             }
         }
         if motion.image_path.is_some() {
-            let [rx, ry] = [mid_px[0] - camera.principal_point_px[0], mid_px[1] - camera.principal_point_px[1]];
+            let [cx, cy] = camera.parameters().principal_point_px;
+            let (rx, ry) = (mid_px[0] - cx, mid_px[1] - cy);
             response[0][2..].copy_from_slice(&[1.0, 0.0, -ry, rx]);
             response[1][2..].copy_from_slice(&[0.0, 1.0, rx, ry]);
         } else if !motion.los.jitter.is_still() {
-            let jacobian = camera.jacobian(mid_sensor);
+            let jacobian = camera.jacobian(mid_sensor)?;
             for axis in 0..2 {
                 response[axis][2..5].copy_from_slice(&jacobian[axis]);
             }

@@ -14,7 +14,7 @@ use crate::optics::PsfModel;
 use crate::render::erf::erf;
 use crate::render::table::{LANES, PsfTable};
 use crate::render::{Backend, RenderError};
-use pulp::Arch;
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 /// Rows of one band.
@@ -149,12 +149,8 @@ impl Backend for Cpu {
             |(band, (pixels, members))| {
                 let target = Band { pixels, width, first_row: (band * BAND_ROWS) as i32 };
                 let draw = Draw { stars, members, nodes, half_px: half_px as i32, sigma_px };
-                arch.dispatch(|| match (table, matches!(arch, Arch::Scalar)) {
-                    (None, false) => draw.analytic::<true>(target),
-                    (None, true) => draw.analytic::<false>(target),
-                    (Some(table), false) => draw.tabulated::<true>(target, table),
-                    (Some(table), true) => draw.tabulated::<false>(target, table),
-                });
+                let fused = !matches!(arch, Arch::Scalar);
+                arch.dispatch(DrawBand { draw, target, table, fused });
             },
         );
         Ok(())
@@ -221,6 +217,27 @@ struct Draw<'a> {
     nodes: &'a [[f32; FEATURES + 1]],
     half_px: i32,
     sigma_px: f32,
+}
+
+/// One band's work, in the shape `pulp` compiles once per vector level.
+struct DrawBand<'a> {
+    draw: Draw<'a>,
+    target: Band<'a>,
+    table: Option<&'a PsfTable>,
+    fused: bool,
+}
+
+impl NullaryFnOnce for DrawBand<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        match (self.table, self.fused) {
+            (None, true) => self.draw.analytic::<true>(self.target),
+            (None, false) => self.draw.analytic::<false>(self.target),
+            (Some(table), true) => self.draw.tabulated::<true>(self.target, table),
+            (Some(table), false) => self.draw.tabulated::<false>(self.target, table),
+        }
+    }
 }
 
 impl Draw<'_> {

@@ -117,7 +117,7 @@ fn place(plan: &ExposurePlan, star: &PlannedStar, at: &Instant) -> [f64; 2] {
         star.track.mid_px
     };
     let Some(path) = at.path else { return px };
-    let [cx, cy] = plan.camera.principal_point_px;
+    let [cx, cy] = plan.camera.parameters().principal_point_px;
     let (sin, cos) = path.roll_rad.sin_cos();
     let (rx, ry) = (px[0] - cx, px[1] - cy);
     [cx + cos * rx - sin * ry + path.dx_px, cy + sin * rx + cos * ry + path.dy_px]
@@ -127,7 +127,7 @@ fn place(plan: &ExposurePlan, star: &PlannedStar, at: &Instant) -> [f64; 2] {
 fn instants(motion: &Motion, plan: &ExposurePlan) -> Vec<Instant> {
     let sigma_px = plan.psf.core_sigma_px();
     let exposure_s = motion.los.exposure_s;
-    let radius_px = (plan.camera.width_px as f64).hypot(plan.camera.height_px as f64);
+    let radius_px = (plan.camera.width_px() as f64).hypot(plan.camera.height_px() as f64);
     let mut out = Vec::new();
     match &motion.image_path {
         Some(PixelPath::Samples(points)) => {

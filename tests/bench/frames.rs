@@ -2,7 +2,7 @@
 #![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use starloop::astrometry::CameraGeometry;
+use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use starloop::attitude::{JitterTrack, LosPath, PathOrigin};
 use starloop::base::accuracy::AccuracyBudget;
 use starloop::base::axes::Rotation;
@@ -38,8 +38,14 @@ fn los() -> LosPath {
 }
 
 fn planner(samples: u32, method: &str) -> Planner {
-    let camera =
-        CameraGeometry { width_px: SIZE, height_px: SIZE, focal_px: [2900.0; 2], principal_point_px: [511.5; 2] };
+    let camera = CameraGeometry::new(CameraParameters {
+        width_px: SIZE,
+        height_px: SIZE,
+        focal_px: [2900.0; 2],
+        principal_point_px: [511.5; 2],
+        distortion: BrownConrady::default(),
+    })
+    .expect("a camera");
     let instrument = Instrument { camera, psf: PsfModel::gaussian(0.8), full_well_e: 1e5, read_noise_e_rms: 10.0 };
     let choice: MethodChoice = method.parse().expect("a method");
     let mut planner = Planner::new(instrument, AccuracyBudget::default(), CostModel::CPU, choice, los());
