@@ -3,7 +3,7 @@
 //! Rounding, not truncation: the black level then is the mean DN of a dark pixel. Quantisation noise 1/12 DN^2
 //! (EMVA 1288, section 2.5).
 
-use crate::base::fused::mul_add;
+use crate::base::fused::{mul_add, whole_bits};
 use crate::detector::block::BLOCK;
 use crate::detector::params::Constants;
 
@@ -12,8 +12,8 @@ use crate::detector::params::Constants;
 pub fn convert<const FUSED: bool>(electrons: &[f32; BLOCK], constants: &Constants, out: &mut [u16; BLOCK]) {
     for (dn, e) in out.iter_mut().zip(electrons) {
         let x = mul_add::<FUSED>(*e, constants.dn_per_e, constants.black_dn + 0.5).floor();
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=65535")]
-        let value = x.clamp(0.0, constants.largest_dn) as i32 as u16;
+        #[allow(clippy::cast_possible_truncation, reason = "the low 16 bits are wanted: 0..=65535 by the clamp")]
+        let value = whole_bits(x.max(0.0).min(constants.largest_dn)) as u16;
         *dn = value;
     }
 }

@@ -3,7 +3,7 @@
 //!
 //! Errors (tests below): `ln` 3e-7 relative to max(1, |ln|), `exp_negative` 4e-7 relative, `sin_cos_turns` 2e-7.
 
-use crate::base::fused::mul_add;
+use crate::base::fused::{mul_add, whole_bits};
 
 /// Natural logarithm of a positive normal number: exponent, then the series of `2 atanh((m - 1) / (m + 1))`.
 #[inline(always)]
@@ -37,9 +37,7 @@ pub fn exp_negative<const FUSED: bool>(x: f32) -> f32 {
     p = mul_add::<FUSED>(p, r, 0.5);
     p = mul_add::<FUSED>(p, r, 1.0);
     p = mul_add::<FUSED>(p, r, 1.0);
-    #[allow(clippy::cast_possible_truncation, reason = "-116 to 0 in the function's domain")]
-    let power = (k as i32 + 127) << 23;
-    p * f32::from_bits(power.cast_unsigned())
+    p * f32::from_bits(whole_bits(k + 127.0) << 23)
 }
 
 /// Sine and cosine of `u` turns, `0 <= u < 1`.
@@ -58,8 +56,7 @@ pub fn sin_cos_turns<const FUSED: bool>(u: f32) -> (f32, f32) {
     c = mul_add::<FUSED>(c, t, 1.0 / 24.0);
     c = mul_add::<FUSED>(c, t, -0.5);
     c = mul_add::<FUSED>(c, t, 1.0);
-    #[allow(clippy::cast_possible_truncation, reason = "0 to 4")]
-    let q = quarter as i32;
+    let q = whole_bits(quarter);
     let swap = q & 1 != 0;
     let (a, b) = if swap { (c, s) } else { (s, c) };
     let sin = if q & 2 != 0 { -a } else { a };

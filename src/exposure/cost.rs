@@ -30,16 +30,16 @@ impl CostModel {
     pub const REFERENCE: Self = Self { frame_ms: 20.0, splat_ns: 8_000.0, table_pixel_ns: 1e5, kernel_entry_ns: 1e3 };
 
     /// Milliseconds `method` should take for `stars` stars with footprint half-width `half_px`, when the path adds
-    /// `reach_px` to an effective PSF.
+    /// `extent_px` to every side of an effective PSF.
     #[must_use]
-    pub fn predict_ms(&self, method: Method, psf: &PsfModel, stars: usize, half_px: usize, reach_px: f64) -> f64 {
+    pub fn predict_ms(&self, method: Method, psf: &PsfModel, stars: usize, half_px: usize, extent_px: f64) -> f64 {
         let stars = stars as f64;
         let width = 2.0 * half_px as f64 + 1.0;
         let analytic = matches!(psf, PsfModel::Gaussian { .. });
         let per_star_node_ns = if analytic { self.splat_ns } else { self.table_pixel_ns * width * width };
         let work_ns = match method {
             Method::EffectivePsf { nodes } => {
-                let table_width = width + reach_px;
+                let table_width = width + 2.0 * extent_px.ceil();
                 let oversampling = if analytic { 8.0 } else { 16.0 };
                 let per_entry = if analytic { 1.0 } else { 16.0 };
                 let entries = (table_width * oversampling).powi(2) * per_entry;

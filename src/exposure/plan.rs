@@ -78,6 +78,8 @@ pub struct ExposurePlan {
     pub centre_response: [Features; 2],
     /// Bound of the path's length on the detector, px.
     pub reach_px: f64,
+    /// Furthest the path leads a star from its mean position, px.
+    pub extent_px: f64,
     /// The stars, in source order.
     pub stars: Vec<PlannedStar>,
     /// What moves the image, for backends that integrate it exactly.

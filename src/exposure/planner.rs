@@ -8,7 +8,7 @@ use crate::astrometry::CameraGeometry;
 use crate::attitude::LosPath;
 use crate::base::accuracy::AccuracyBudget;
 use crate::exposure::cost::CostModel;
-use crate::exposure::features::PathNode;
+use crate::exposure::features::{Features, PathNode};
 use crate::exposure::method::{Method, MethodChoice, MethodName};
 use crate::exposure::moments::{Moments, mean_features};
 use crate::exposure::motion::Motion;
@@ -111,6 +111,7 @@ impl Planner {
             mean: [0.0; 6],
             centre_response: [[0.0; 6]; 2],
             reach_px: 0.0,
+            extent_px: 0.0,
             stars: Vec::with_capacity(STARS_RESERVED),
             motion: Motion { los, image_path: None },
         };
@@ -178,6 +179,7 @@ impl Planner {
         }
         self.plan.reach_px = reach_px;
         self.plan.mean = mean_features(&self.dense);
+        self.plan.extent_px = extent_px(&self.probes, &self.dense, &self.plan.mean);
         self.truths.clear();
         self.truths.extend(self.probes.iter().map(|probe| Moments::of(probe, &self.dense)));
     }
@@ -186,7 +188,7 @@ impl Planner {
     fn place_stars(&mut self, sources: &[Source]) {
         let Self { plan, instrument, .. } = self;
         let camera = &instrument.camera;
-        let margin = plan.half_px as f64 + 1.0 + plan.reach_px;
+        let margin = plan.half_px as f64 + 1.0 + plan.extent_px;
         let inside = |v: f64, size: usize| v > -margin && v < size as f64 - 1.0 + margin;
         plan.stars.clear();
         for source in sources {
@@ -242,6 +244,19 @@ impl Planner {
                 nodes::single(&self.plan.mean, &mut self.trial);
                 self.verdict(Method::Static, self.probes.len())
             }
+            MethodName::GaussLegendre if !self.plan.motion.is_smooth() && fixed.is_none() => {
+                let method = Method::GaussLegendre { nodes: 0 };
+                let cost_ms = f64::INFINITY;
+                let verdict = Verdict::NeedsSmoothMotion;
+                Assessment {
+                    method,
+                    centroid_px: f64::NAN,
+                    flux_rel: f64::NAN,
+                    pixel_sigma: f64::NAN,
+                    cost_ms,
+                    verdict,
+                }
+            }
             MethodName::GaussLegendre => {
                 let sigma_px = self.instrument.psf.core_sigma_px();
                 let count = fixed.unwrap_or_else(|| gauss_legendre_count(self.plan.reach_px, sigma_px));
@@ -294,7 +309,7 @@ impl Planner {
         let noise_e = brightest_e.sqrt().hypot(self.instrument.read_noise_e_rms).max(1.0);
         let pixel_sigma = (peak.min(1.0) + if tabulated { TABLE_ERROR } else { 0.0 }) * brightest_e / noise_e;
         let flux_rel = psf.lost_flux(self.plan.half_px);
-        let cost_ms = self.cost.predict_ms(method, psf, self.plan.stars.len(), self.plan.half_px, self.plan.reach_px);
+        let cost_ms = self.cost.predict_ms(method, psf, self.plan.stars.len(), self.plan.half_px, self.plan.extent_px);
         let verdict = if matches!(method, Method::GaussLegendre { .. }) && !self.plan.motion.is_smooth() {
             Verdict::NeedsSmoothMotion
         } else if centroid_px > MOTION_SHARE * self.budget.centroid_px {
@@ -339,7 +354,7 @@ impl Planner {
     fn share_light(&mut self) {
         let Self { plan, share, .. } = self;
         for star in &mut plan.stars {
-            star.electrons_on_detector = star.electrons * share.on_detector(star, &plan.nodes, plan.reach_px);
+            star.electrons_on_detector = star.electrons * share.on_detector(star, &plan.nodes, plan.extent_px);
         }
     }
 }
@@ -356,6 +371,19 @@ fn gauss_legendre_count(reach_px: f64, sigma_px: f64) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 2..=512")]
     let count = (1.5 * reach_px / sigma_px + 2.0).ceil().clamp(2.0, 512.0) as usize;
     count
+}
+
+/// Furthest any probe is led from its mean position, px.
+fn extent_px(probes: &[StarTrack], nodes: &[PathNode], mean: &Features) -> f64 {
+    let mut extent: f64 = 0.0;
+    for probe in probes {
+        let [mx, my] = probe.displacement_px(mean);
+        for node in nodes {
+            let [x, y] = probe.displacement_px(&node.phi);
+            extent = extent.max((x - mx).abs()).max((y - my).abs());
+        }
+    }
+    extent
 }
 
 /// Upper bound of the length of a star's path on the detector, px.

@@ -33,8 +33,8 @@ impl Share {
 
     /// Share of `star`'s electrons on the detector.
     #[must_use]
-    pub fn on_detector(&self, star: &PlannedStar, nodes: &[PathNode], reach_px: f64) -> f64 {
-        let margin = self.half_px as f64 + 1.0 + reach_px;
+    pub fn on_detector(&self, star: &PlannedStar, nodes: &[PathNode], extent_px: f64) -> f64 {
+        let margin = self.half_px as f64 + 1.0 + extent_px;
         let well_inside = |v: f64, size: usize| v >= margin && v <= size as f64 - 1.0 - margin;
         if well_inside(star.mean_px[0], self.size_px[0]) && well_inside(star.mean_px[1], self.size_px[1]) {
             return self.footprint;

@@ -145,10 +145,11 @@ impl Backend for Cpu {
         let width = self.image.width().max(1);
         let (arch, stars, nodes, bands) = (self.arch, &self.stars, &self.nodes, &self.bands);
         let sigma_px = plan.psf.core_sigma_px() as f32;
+        let mask = core::array::from_fn(|lane| if lane <= 2 * half_px { 1.0 } else { 0.0 });
         self.image.pixels_mut().par_chunks_mut(BAND_ROWS * width).zip(bands).enumerate().for_each(
             |(band, (pixels, members))| {
                 let target = Band { pixels, width, first_row: (band * BAND_ROWS) as i32 };
-                let draw = Draw { stars, members, nodes, half_px: half_px as i32, sigma_px };
+                let draw = Draw { stars, members, nodes, half_px: half_px as i32, sigma_px, mask };
                 let fused = !matches!(arch, Arch::Scalar);
                 arch.dispatch(DrawBand { draw, target, table, fused });
             },
@@ -202,6 +203,12 @@ struct Band<'a> {
 }
 
 impl Band<'_> {
+    /// Rows in the band.
+    #[inline(always)]
+    fn rows(&self) -> i32 {
+        (self.pixels.len() / self.width) as i32
+    }
+
     /// The row at image height `row`, or `None` outside the band.
     #[inline(always)]
     fn row(&mut self, row: i32) -> Option<&mut [f32]> {
@@ -217,6 +224,8 @@ struct Draw<'a> {
     nodes: &'a [[f32; FEATURES + 1]],
     half_px: i32,
     sigma_px: f32,
+    /// 1 for lanes inside the footprint, else 0.
+    mask: [f32; LANES],
 }
 
 /// One band's work, in the shape `pulp` compiles once per vector level.
@@ -263,40 +272,53 @@ impl Draw<'_> {
         scale: f32,
     ) {
         let mut origin = [[0_i32; 2]; NODE_BLOCK];
-        let mut edges = [[[0.0_f32; LANES]; NODE_BLOCK]; 2];
+        // One row of edges per node; the last lane of a node reads the first of the next, and is masked.
+        let mut edges = [[0.0_f32; NODE_BLOCK * LANES + LANES]; 2];
         let half = self.half_px as f32 + 0.5;
         for (k, node) in block.iter().enumerate() {
-            let (columns, fractions) = node_place::<FUSED>(star, node);
-            origin[k] = columns;
-            for axis in 0..2 {
-                let start = -(half + fractions[axis]);
-                for (lane, edge) in edges[axis][k].iter_mut().enumerate() {
-                    *edge = (start + lane as f32) * scale;
+            let (pixel, fractions) = node_place::<FUSED>(star, node);
+            origin[k] = pixel;
+            for (edges, fraction) in edges.iter_mut().zip(fractions) {
+                let start = -(half + fraction);
+                for lane in 0..LANES {
+                    edges[k * LANES + lane] = (start + lane as f32) * scale;
                 }
             }
         }
-        for axis in &mut edges {
-            for edge in &mut axis[..block.len()] {
-                for value in edge.iter_mut() {
-                    *value = erf::<FUSED>(*value);
-                }
+        for edges in &mut edges {
+            for value in &mut edges[..block.len() * LANES] {
+                *value = erf::<FUSED>(*value);
             }
         }
-        let used = 2 * self.half_px as usize + 1;
         for (k, node) in block.iter().enumerate() {
             let gain = 0.25 * star.electrons * node[0];
-            let mut across = [0.0_f32; LANES];
-            for lane in 0..LANES - 1 {
-                across[lane] = if lane < used { gain * (edges[0][k][lane + 1] - edges[0][k][lane]) } else { 0.0 };
+            let [across, down] = &edges;
+            let (across, down) = (&across[k * LANES..k * LANES + LANES + 1], &down[k * LANES..k * LANES + LANES]);
+            let mut stamp = [0.0_f32; LANES];
+            for lane in 0..LANES {
+                stamp[lane] = gain * self.mask[lane] * (across[lane + 1] - across[lane]);
             }
-            let [column, row] = origin[k];
-            let first_column = column - self.half_px;
-            for r in 0..used {
-                let down = edges[1][k][r + 1] - edges[1][k][r];
-                if let Some(line) = band.row(row - self.half_px + r as i32) {
-                    add_lanes::<FUSED>(line, first_column, used, &across, down);
-                }
-            }
+            self.add_separable::<FUSED>(band, origin[k], &stamp, down);
+        }
+    }
+
+    /// Adds the outer product of a row and the differences of `down` around `origin`.
+    #[inline(always)]
+    fn add_separable<const FUSED: bool>(
+        &self,
+        band: &mut Band<'_>,
+        origin: [i32; 2],
+        across: &[f32; LANES],
+        down: &[f32],
+    ) {
+        let used = 2 * self.half_px + 1;
+        let top = origin[1] - self.half_px - band.first_row;
+        let left = origin[0] - self.half_px;
+        let (first, end) = ((-top).max(0), used.min(band.rows() - top));
+        for r in first..end {
+            let gain = down[r as usize + 1] - down[r as usize];
+            let at = (top + r) as usize * band.width;
+            add_lanes::<FUSED>(&mut band.pixels[at..at + band.width], left, used as usize, across, gain);
         }
     }
 
@@ -329,14 +351,13 @@ impl Draw<'_> {
 #[inline(always)]
 #[allow(clippy::cast_possible_truncation, reason = "the planner keeps displacements within a few detectors")]
 fn node_place<const FUSED: bool>(star: &BandStar, node: &[f32; FEATURES + 1]) -> ([i32; 2], [f32; 2]) {
-    let mut at = star.fraction;
-    for (at, response) in at.iter_mut().zip(&star.response) {
-        for (r, phi) in response.iter().zip(&node[1..]) {
-            *at = mul_add::<FUSED>(*r, *phi, *at);
-        }
+    let [mut x, mut y] = star.fraction;
+    for i in 0..FEATURES {
+        x = mul_add::<FUSED>(star.response[0][i], node[i + 1], x);
+        y = mul_add::<FUSED>(star.response[1][i], node[i + 1], y);
     }
-    let whole = at.map(|v| (v + 0.5).floor());
-    ([star.column + whole[0] as i32, star.row + whole[1] as i32], [at[0] - whole[0], at[1] - whole[1]])
+    let (column, row) = ((x + 0.5).floor(), (y + 0.5).floor());
+    ([star.column + column as i32, star.row + row as i32], [x - column, y - row])
 }
 
 /// `line[first + i] += gain * values[i]` for the used lanes that lie on the line.
