@@ -13,6 +13,8 @@ use glam::DVec3;
 pub struct PlannedStar {
     /// Identifier of the source.
     pub id: u32,
+    /// Magnitude in the instrument's band (NaN: not a star of a catalog).
+    pub mag: f32,
     /// Electrons the star sends into the whole image plane during the exposure.
     pub electrons: f64,
     /// Electrons of it that land on the detector within the footprint.

@@ -40,6 +40,8 @@ pub struct Source {
     pub id: u32,
     /// Electrons into the whole image plane during the exposure.
     pub electrons: f64,
+    /// Magnitude in the instrument's band, for the truth table (NaN: not a star of a catalog).
+    pub mag: f32,
     /// Where it is.
     pub place: SourcePlace,
 }
@@ -205,8 +207,15 @@ impl Planner {
             let mean_px = [track.mid_px[0] + shift[0], track.mid_px[1] + shift[1]];
             if inside(mean_px[0], camera.width_px()) && inside(mean_px[1], camera.height_px()) {
                 let electrons = source.electrons;
-                let star =
-                    PlannedStar { id: source.id, electrons, electrons_on_detector: 0.0, mid_sensor, track, mean_px };
+                let star = PlannedStar {
+                    id: source.id,
+                    mag: source.mag,
+                    electrons,
+                    electrons_on_detector: 0.0,
+                    mid_sensor,
+                    track,
+                    mean_px,
+                };
                 plan.stars.push(star);
             }
         }

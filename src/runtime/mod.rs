@@ -1,1 +1,28 @@
-//! (room being built)
+//! Wiring: receiver, frame engine, deadlines, ledger, delivery; one loop per clock.
+//!
+//! In: a port and parameters. Out: frames in sinks and a run's record. On the monotonic clock: one receiving thread, one
+//! frame thread, one sink thread, bounded queues between them. On the virtual clock: one thread, bit-identical.
+//! Nothing here parses, formats or draws.
+
+pub mod delivery;
+pub mod engine;
+pub mod error;
+pub mod imager;
+pub mod ledger;
+pub mod outcome;
+pub mod params;
+pub mod real_time;
+pub mod receiver;
+pub mod record;
+pub mod reply;
+pub mod sky_view;
+pub mod truth;
+pub mod virtual_time;
+
+pub use engine::{FrameEngine, Slot};
+pub use error::RunError;
+pub use imager::{BackendChoice, Imager};
+pub use ledger::{EventKind, Ledger};
+pub use outcome::RunOutcome;
+pub use params::{DeadlinePolicy, RunParams};
+pub use record::RunRecord;

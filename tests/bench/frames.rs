@@ -64,6 +64,7 @@ fn sources(count: u32) -> Vec<Source> {
     (0..count)
         .map(|i| Source {
             id: i,
+            mag: f32::NAN,
             electrons: 200.0 + 5000.0 * unit(i, 0).powi(4),
             place: SourcePlace::Pixel([unit(i, 1) * SIZE as f64, unit(i, 2) * SIZE as f64]),
         })

@@ -1,0 +1,203 @@
+//! The frame engine: one slot in, one finished frame out. Allocates nothing after its first frames, formats nothing,
+//! touches no file and takes no lock.
+
+use crate::attitude::{LosPath, PathOrigin, PathOutcome, compose};
+use crate::base::axes::{Rotation, ra_dec_roll};
+use crate::base::clock::Stopwatch;
+use crate::base::time::{Span, Tai};
+use crate::exposure::plan::Verdict;
+use crate::exposure::{ExposurePlan, Planner};
+use crate::report::{Stage, StageTimes};
+use crate::runtime::error::RunError;
+use crate::runtime::imager::Imager;
+use crate::runtime::ledger::{Event, EventKind, Ledger};
+use crate::runtime::params::RunParams;
+use crate::runtime::receiver::Receiver;
+use crate::runtime::sky_view::SkyView;
+use crate::runtime::truth::fill_truth;
+use crate::sink::{FaultFlags, FrameMeta, SentFrame};
+use glam::DVec3;
+
+/// One frame's place in time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Slot {
+    /// Frame number, from 0.
+    pub number: u32,
+    /// First instant of the exposure.
+    pub exposure_start: Tai,
+    /// Last instant of the exposure: work on the frame begins.
+    pub release: Tai,
+    /// The frame is due.
+    pub due: Tai,
+}
+
+/// Draws frames.
+pub struct FrameEngine {
+    params: RunParams,
+    planner: Planner,
+    sky: SkyView,
+    imager: Imager,
+}
+
+impl FrameEngine {
+    /// Everything that can be made before the first frame.
+    ///
+    /// # Errors
+    /// When the backend, the catalog or the observer cannot be had.
+    pub fn new(params: RunParams) -> Result<Self, RunError> {
+        let camera = &params.camera;
+        let size = [camera.geometry.width_px(), camera.geometry.height_px()];
+        let imager = Imager::new(params.backend, camera.detector, size, params.seed)?;
+        let los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
+        let planner = Planner::new(camera.instrument(), params.budget, imager.cost(), params.method, los);
+        let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure)?;
+        Ok(Self { planner, sky, imager, params })
+    }
+
+    /// Backend and detector.
+    #[must_use]
+    pub fn imager(&self) -> &Imager {
+        &self.imager
+    }
+
+    /// Parameters.
+    #[must_use]
+    pub fn params(&self) -> &RunParams {
+        &self.params
+    }
+
+    /// The slot of frame `number`.
+    #[must_use]
+    pub fn slot(&self, number: u32) -> Slot {
+        let start = self.params.first_exposure + Span::from_ns(self.params.frame_period.ns() * i64::from(number));
+        let release = start + Span::from_s(self.params.camera.exposure_s);
+        Slot { number, exposure_start: start, release, due: release + Span::from_s(self.params.camera.readout_s) }
+    }
+
+    /// Draws a frame into `frame` before the run, so that nothing is done for the first time during it.
+    ///
+    /// # Errors
+    /// When the backend failed.
+    pub fn warm_up(&mut self, frame: &mut SentFrame) -> Result<(), RunError> {
+        let at = self.params.first_exposure;
+        let sources = self.sky.sources(DVec3::X, 0.0, at)?;
+        let plan = self.planner.plan(sources);
+        self.imager.image(plan, 0, &mut frame.image)?;
+        Ok(())
+    }
+
+    /// Exposes one slot. `receiver` holds what had arrived at release.
+    ///
+    /// # Errors
+    /// When the backend failed or the policy for a stopped stream is to stop.
+    pub fn expose(
+        &mut self,
+        slot: Slot,
+        receiver: &mut Receiver,
+        ledger: &mut Ledger,
+        frame: &mut SentFrame,
+    ) -> Result<StageTimes, RunError> {
+        let mut times = StageTimes::default();
+        let mut watch = Stopwatch::start();
+        let has_stars = self.compose(slot, receiver, ledger)?;
+        times.set(Stage::Attitude, watch.lap());
+        let los = &self.planner.motion_mut().los;
+        let boresight = los.mid_sensor_from_icrf.inverse().apply(DVec3::Z);
+        let sweep_rad = los.rate_rad_s.length() * los.exposure_s;
+        let mid = los.mid_exposure();
+        let sources = if has_stars { self.sky.sources(boresight, sweep_rad, mid)? } else { &[] };
+        times.set(Stage::Sky, watch.lap());
+        let plan = self.planner.plan(sources);
+        times.set(Stage::Plan, watch.lap());
+        if !matches!(plan.chosen.verdict, Verdict::Fits | Verdict::FluxOverBudget) {
+            note(ledger, EventKind::OverBudget, slot, Span::ZERO);
+        }
+        let imaging = self.imager.image(plan, slot.number, &mut frame.image)?;
+        times.set(Stage::Render, imaging.render);
+        times.set(Stage::Detector, imaging.detector);
+        fill_truth(plan, &mut frame.truth);
+        fill_meta(plan, slot, &self.params, self.imager.name(), &mut frame.meta);
+        frame.meta.attitude_age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);
+        if !has_stars {
+            frame.meta.faults |= FaultFlags::BLANK;
+        }
+        if plan.motion.los.origin == PathOrigin::Held {
+            frame.meta.faults |= FaultFlags::LINK_STALE;
+        }
+        Ok(times)
+    }
+
+    /// Line of sight of the slot into the planner; false when there is nothing to show.
+    fn compose(&mut self, slot: Slot, receiver: &Receiver, ledger: &mut Ledger) -> Result<bool, RunError> {
+        let params = receiver.params();
+        let los = &mut self.planner.motion_mut().los;
+        let outcome = compose(
+            receiver.history(),
+            receiver.jitter(),
+            params.sensor_from_body,
+            slot.exposure_start,
+            self.params.camera.exposure_s,
+            &params.estimate,
+            los,
+        );
+        match outcome {
+            Ok(PathOutcome::Show(report)) => {
+                let age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);
+                match los.origin {
+                    PathOrigin::Held => note(ledger, EventKind::AttitudeHeld, slot, age),
+                    PathOrigin::Predicted => note(ledger, EventKind::Predicted, slot, report.horizon),
+                    PathOrigin::Interpolated | PathOrigin::Commanded => {}
+                }
+                Ok(true)
+            }
+            Ok(PathOutcome::Blank { age }) => {
+                note(ledger, EventKind::Blank, slot, age);
+                Ok(false)
+            }
+            Ok(PathOutcome::Stop { age }) => Err(RunError::AttitudeStopped { age }),
+            Err(_nothing_received_yet) => {
+                note(ledger, EventKind::NoAttitude, slot, Span::ZERO);
+                los.exposure_start = slot.exposure_start;
+                los.rate_rad_s = DVec3::ZERO;
+                los.acceleration_rad_s2 = DVec3::ZERO;
+                Ok(false)
+            }
+        }
+    }
+}
+
+fn note(ledger: &mut Ledger, kind: EventKind, slot: Slot, span: Span) {
+    ledger.note(Event { kind, at: slot.release, frame: Some(slot.number), span });
+}
+
+/// Name of an attitude's origin in files.
+#[must_use]
+pub fn origin_name(origin: PathOrigin) -> &'static str {
+    match origin {
+        PathOrigin::Interpolated => "interpolated",
+        PathOrigin::Predicted => "predicted",
+        PathOrigin::Held => "held",
+        PathOrigin::Commanded => "commanded",
+    }
+}
+
+/// Everything a plan says about a frame.
+fn fill_meta(plan: &ExposurePlan, slot: Slot, params: &RunParams, backend: &'static str, meta: &mut FrameMeta) {
+    let los = &plan.motion.los;
+    let [ra, dec, roll] = ra_dec_roll(&los.mid_sensor_from_icrf).map(f64::to_degrees);
+    meta.number = slot.number;
+    meta.mid_exposure = los.mid_exposure();
+    meta.exposure_s = los.exposure_s;
+    meta.attitude_wxyz = los.mid_sensor_from_icrf.wxyz();
+    (meta.ra_deg, meta.dec_deg, meta.roll_deg) = (ra, dec, roll);
+    meta.rate_deg_s = los.rate_rad_s.to_array().map(f64::to_degrees);
+    meta.seed = params.seed;
+    meta.lateness = Span::ZERO;
+    meta.horizon = los.horizon;
+    meta.backend = backend;
+    meta.method = plan.chosen.method.name().name();
+    meta.origin = origin_name(los.origin);
+    meta.faults = FaultFlags::NONE;
+    meta.gain_e_per_dn = params.camera.detector.gain_e_per_dn;
+    meta.black_level_dn = params.camera.detector.black_level_dn;
+}

@@ -1,0 +1,51 @@
+//! Why a run could not start or go on.
+
+use crate::base::time::Span;
+use crate::link::LinkError;
+use crate::render::RenderError;
+use crate::sink::SinkError;
+use crate::sky::ObserverError;
+use crate::sky::catalog::CatalogError;
+
+/// Errors of a run.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// the link failed
+    #[error("link: {0}")]
+    Link(#[from] LinkError),
+    /// the backend failed
+    #[error("backend: {0}")]
+    Render(#[from] RenderError),
+    /// the sink failed
+    #[error("sink: {0}")]
+    Sink(#[from] SinkError),
+    /// the catalog could not be read
+    #[error("catalog: {0}")]
+    Catalog(#[from] CatalogError),
+    /// the observer's orbit could not be computed
+    #[error("observer: {0}")]
+    Observer(#[from] ObserverError),
+    /// the jitter lines do not fit
+    #[error("jitter lines: {0}")]
+    Jitter(#[from] crate::attitude::HistoryReject),
+    /// the attitude stream stopped and the policy is to stop
+    #[error("the attitude stream stopped: newest attitude {} ms old, and stale_policy is \"stop\"", age.ms())]
+    AttitudeStopped {
+        /// Age of the newest attitude.
+        age: Span,
+    },
+    /// a thread could not be started
+    #[error("thread \"{name}\": {source}")]
+    Thread {
+        /// Name of the thread.
+        name: &'static str,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// a thread ended before the run did
+    #[error("thread \"{name}\" ended before the run did")]
+    ThreadLost {
+        /// Name of the thread.
+        name: &'static str,
+    },
+}

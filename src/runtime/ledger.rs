@@ -1,0 +1,128 @@
+//! The ledger: every late, held, dropped, predicted or refused thing, counted; the last few kept.
+//!
+//! Counts survive when entries are overwritten. No allocation after construction, no text.
+
+use crate::base::time::{Span, Tai};
+
+macro_rules! events {
+    ($($(#[$doc:meta])* $kind:ident = $name:literal,)*) => {
+        /// What happened.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum EventKind {
+            $($(#[$doc])* $kind,)*
+        }
+
+        impl EventKind {
+            /// Every kind.
+            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$kind),*];
+
+            /// Name in tables and files.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$kind => $name,)*
+                }
+            }
+        }
+    };
+}
+
+events! {
+    /// A frame was finished after its deadline; the span is its lateness.
+    Late = "late",
+    /// The previous image went out in place of a late one; the span is the lateness.
+    Held = "held",
+    /// A frame did not go out; the span is its lateness, or zero when it was never begun.
+    Dropped = "dropped",
+    /// The attitude at mid-exposure lay beyond the newest sample; the span is the horizon.
+    Predicted = "predicted",
+    /// The stream had stopped; the last attitude was held; the span is the newest sample's age.
+    AttitudeHeld = "attitude_held",
+    /// A frame without stars: the stream had stopped and the policy is `blank`; the span is the age.
+    Blank = "blank",
+    /// A frame without stars: no attitude had been received yet.
+    NoAttitude = "no_attitude",
+    /// The planner found no method inside the budget and took the best there is.
+    OverBudget = "over_budget",
+    /// The sink had no free buffer in time.
+    SinkBusy = "sink_busy",
+    /// An attitude arrived before the clocks were correlated.
+    NoTimeYet = "no_time_yet",
+    /// An attitude or jitter sample was refused by its history.
+    SampleRefused = "sample_refused",
+    /// The queue from the receiving thread was full.
+    QueueOverflow = "queue_overflow",
+}
+
+/// One event.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Event {
+    /// What happened.
+    pub kind: EventKind,
+    /// When.
+    pub at: Tai,
+    /// In which frame.
+    pub frame: Option<u32>,
+    /// How long (see the kind).
+    pub span: Span,
+}
+
+/// Events kept in full.
+pub const KEPT: usize = 64;
+
+/// Counts and the last [`KEPT`] events.
+#[derive(Debug, Clone)]
+pub struct Ledger {
+    counts: [u64; EventKind::ALL.len()],
+    last: Vec<Event>,
+    next: usize,
+}
+
+impl Default for Ledger {
+    fn default() -> Self {
+        Self { counts: [0; EventKind::ALL.len()], last: Vec::with_capacity(KEPT), next: 0 }
+    }
+}
+
+impl Ledger {
+    /// Writes an event down.
+    pub fn note(&mut self, event: Event) {
+        self.counts[event.kind as usize] += 1;
+        if self.last.len() < KEPT {
+            self.last.push(event);
+        } else {
+            self.last[self.next] = event;
+        }
+        self.next = (self.next + 1) % KEPT;
+    }
+
+    /// How often something happened.
+    #[must_use]
+    pub fn count(&self, kind: EventKind) -> u64 {
+        self.counts[kind as usize]
+    }
+
+    /// The last events, oldest first.
+    pub fn last(&self) -> impl Iterator<Item = &Event> {
+        let split = if self.last.len() < KEPT { 0 } else { self.next };
+        let (newer, older) = self.last.split_at(split);
+        older.iter().chain(newer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_survive_and_the_last_stay_in_order() {
+        let mut ledger = Ledger::default();
+        for i in 0..150_u32 {
+            let kind = if i % 3 == 0 { EventKind::Late } else { EventKind::Predicted };
+            ledger.note(Event { kind, at: Tai::from_ns(i64::from(i)), frame: Some(i), span: Span::ZERO });
+        }
+        assert_eq!((ledger.count(EventKind::Late), ledger.count(EventKind::Predicted)), (50, 100));
+        let frames: Vec<u32> = ledger.last().filter_map(|event| event.frame).collect();
+        assert_eq!(frames, (150 - KEPT as u32..150).collect::<Vec<_>>());
+    }
+}

@@ -1,0 +1,106 @@
+//! Everything a run needs to know, checked before it starts.
+
+use crate::astrometry::CameraGeometry;
+use crate::attitude::{EstimateLimits, HistoryLimits, JitterLine, RemoteClockLimits};
+use crate::base::accuracy::AccuracyBudget;
+use crate::base::axes::{Body, Rotation, Sensor};
+use crate::base::time::{Span, Tai};
+use crate::detector::DetectorParams;
+use crate::exposure::{Instrument, MethodChoice};
+use crate::optics::{PsfModel, Radiometry};
+use crate::runtime::imager::BackendChoice;
+use crate::sky::observer::Observer;
+use std::sync::Arc;
+
+/// What becomes of a frame that misses its deadline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DeadlinePolicy {
+    /// The previous image goes out again in its place.
+    Hold,
+    /// Nothing goes out.
+    Drop,
+    /// It goes out late.
+    Late,
+}
+
+/// One camera.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraParams {
+    /// Name, for files and tables.
+    pub name: Arc<str>,
+    /// Projection and distortion.
+    pub geometry: CameraGeometry,
+    /// PSF.
+    pub psf: PsfModel,
+    /// Magnitude to electrons.
+    pub radiometry: Radiometry,
+    /// Detector.
+    pub detector: DetectorParams,
+    /// Faintest Gaia G magnitude that is drawn.
+    pub limiting_mag: f32,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Readout time, s: a frame is due this long after its exposure ends.
+    pub readout_s: f64,
+}
+
+impl CameraParams {
+    /// The camera as the planner sees it.
+    #[must_use]
+    pub fn instrument(&self) -> Instrument {
+        Instrument {
+            camera: self.geometry.clone(),
+            psf: self.psf.clone(),
+            full_well_e: self.detector.full_well_e,
+            read_noise_e_rms: self.detector.read_noise_e_rms,
+        }
+    }
+}
+
+/// Parameters of the attitude room.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AttitudeParams {
+    /// Prediction and the policy for a stopped stream.
+    pub estimate: EstimateLimits,
+    /// History of attitudes.
+    pub history: HistoryLimits,
+    /// History of sampled jitter.
+    pub jitter_history: HistoryLimits,
+    /// Jitter points further than this outside an exposure are not used for it.
+    pub jitter_max_gap: Span,
+    /// Time correlation.
+    pub clock: RemoteClockLimits,
+    /// Jitter lines given as parameters, sensor axes, and the instant of their phases.
+    pub jitter_lines: Vec<JitterLine>,
+    /// When the lines' phases hold.
+    pub jitter_epoch: Tai,
+    /// Mounting.
+    pub sensor_from_body: Rotation<Sensor, Body>,
+}
+
+/// One run.
+#[derive(Debug, Clone)]
+pub struct RunParams {
+    /// Camera.
+    pub camera: CameraParams,
+    /// Attitude.
+    pub attitude: AttitudeParams,
+    /// Where the sensor is.
+    pub observer: Observer,
+    /// Accuracy budget.
+    pub budget: AccuracyBudget,
+    /// Which backend.
+    pub backend: BackendChoice,
+    /// Which method.
+    pub method: MethodChoice,
+    /// Seed of patterns and noise.
+    pub seed: u64,
+    /// Start of the first exposure.
+    pub first_exposure: Tai,
+    /// Time from one exposure's start to the next.
+    pub frame_period: Span,
+    /// Frames to expose.
+    pub frames: u32,
+    /// What becomes of a late frame.
+    pub deadline_policy: DeadlinePolicy,
+}

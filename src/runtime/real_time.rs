@@ -1,0 +1,238 @@
+//! The loop on the bench clock: a receiving thread, this (frame) thread and a sink thread, bounded queues between them.
+
+use crate::base::clock::Clock;
+use crate::base::time::{Span, Tai};
+use crate::link::{Port, Stamped};
+use crate::report::Stage;
+use crate::runtime::delivery::{Delivery, Parcel};
+use crate::runtime::engine::{FrameEngine, Slot};
+use crate::runtime::error::RunError;
+use crate::runtime::ledger::EventKind;
+use crate::runtime::outcome::RunOutcome;
+use crate::runtime::params::DeadlinePolicy;
+use crate::runtime::receiver::Receiver;
+use crate::runtime::record::{LinkReport, RunRecord};
+use crate::runtime::reply;
+use crate::sink::{FaultFlags, SentFrame, Sink};
+use core::sync::atomic::{AtomicBool, Ordering};
+use crossbeam_channel::{Receiver as Queue, Sender, bounded};
+use firmware_protocol::Message;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+/// Messages between the receiving thread and the frame thread: 4 s of a full CAN FD attitude and jitter stream.
+const RECEIVE_QUEUE: usize = 4096;
+/// Messages to the flight computer.
+const SEND_QUEUE: usize = 64;
+/// The receiving thread looks for something to send this often.
+const SEND_POLL: Span = Span::from_ms(2);
+/// A sleeping frame thread notices a stop within this.
+const STOP_POLL: Span = Span::from_ms(50);
+
+/// Runs every slot of the engine until the end, an error, or `stop`. `progress` is called after each frame and must
+/// not block.
+pub fn run(
+    engine: &mut FrameEngine,
+    receiver: &mut Receiver,
+    port: Port,
+    clock: &Arc<dyn Clock>,
+    sink: Box<dyn Sink>,
+    stop: &Arc<AtomicBool>,
+    progress: &mut dyn FnMut(&SentFrame, &RunRecord),
+) -> RunOutcome {
+    let mut record = RunRecord::default();
+    match start(engine, port, clock, sink) {
+        Err(error) => RunOutcome { record, link: None, sink: None, error: Some(error) },
+        Ok((prototype, radio, delivery)) => {
+            let mut bench = Bench {
+                engine,
+                receiver,
+                clock: &**clock,
+                radio: &radio,
+                delivery: &delivery,
+                spare: None,
+                previous: prototype,
+                has_previous: false,
+            };
+            let error = bench.frames(stop, &mut record, progress).err();
+            let (sink, sending) = delivery.finish(|times| record.stages.record(times));
+            record.frames.delivered = sink.as_ref().map_or(record.frames.delivered, |sink| sink.frames);
+            let link = radio.finish();
+            RunOutcome { record, link, sink, error: sending.or(error) }
+        }
+    }
+}
+
+/// Warms up, and starts the threads.
+fn start(
+    engine: &mut FrameEngine,
+    port: Port,
+    clock: &Arc<dyn Clock>,
+    sink: Box<dyn Sink>,
+) -> Result<(SentFrame, Radio, Delivery), RunError> {
+    let camera = &engine.params().camera;
+    let (width, height) = (camera.geometry.width_px(), camera.geometry.height_px());
+    let mut prototype = SentFrame::with_capacity(width, height, 16_384, camera.name.clone());
+    engine.warm_up(&mut prototype)?;
+    let radio = Radio::start(port, clock)?;
+    let delivery = Delivery::start(sink, &prototype)?;
+    Ok((prototype, radio, delivery))
+}
+
+/// The receiving thread and its queues.
+struct Radio {
+    received: Queue<Stamped<Message>>,
+    to_send: Sender<Message>,
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<Result<LinkReport, RunError>>,
+}
+
+impl Radio {
+    fn start(mut port: Port, clock: &Arc<dyn Clock>) -> Result<Self, RunError> {
+        let (arrived, received) = bounded(RECEIVE_QUEUE);
+        let (to_send, outgoing) = bounded::<Message>(SEND_QUEUE);
+        let stop = Arc::new(AtomicBool::new(false));
+        let (stopped, clock) = (Arc::clone(&stop), Arc::clone(clock));
+        let thread = std::thread::Builder::new()
+            .name("link".into())
+            .spawn(move || {
+                let mut overflows = 0;
+                while !stopped.load(Ordering::Relaxed) {
+                    for message in outgoing.try_iter() {
+                        port.send(&message)?;
+                    }
+                    if let Some(message) = port.receive(clock.now() + SEND_POLL)? {
+                        overflows += u64::from(arrived.try_send(message).is_err());
+                    }
+                }
+                Ok(LinkReport::of(&port, overflows))
+            })
+            .map_err(|source| RunError::Thread { name: "link", source })?;
+        Ok(Self { received, to_send, stop, thread })
+    }
+
+    fn finish(self) -> Option<LinkReport> {
+        self.stop.store(true, Ordering::Relaxed);
+        self.thread.join().ok().and_then(Result::ok)
+    }
+}
+
+/// The frame thread's own state.
+struct Bench<'a> {
+    engine: &'a mut FrameEngine,
+    receiver: &'a mut Receiver,
+    clock: &'a dyn Clock,
+    radio: &'a Radio,
+    delivery: &'a Delivery,
+    spare: Option<Parcel>,
+    previous: SentFrame,
+    has_previous: bool,
+}
+
+impl Bench<'_> {
+    fn frames(
+        &mut self,
+        stop: &AtomicBool,
+        record: &mut RunRecord,
+        progress: &mut dyn FnMut(&SentFrame, &RunRecord),
+    ) -> Result<(), RunError> {
+        for number in 0..self.engine.params().frames {
+            let slot = self.engine.slot(number);
+            let asked = self.clock.now();
+            if !self.wait_until(slot.release, stop) {
+                break;
+            }
+            record.frames.scheduled += 1;
+            let released = self.clock.now();
+            record.stages.record_stage(Stage::Wait, released - asked);
+            if released > slot.due {
+                // The slots before took so long that this one is over: nothing is drawn for it.
+                self.drop_slot(slot, released, EventKind::Dropped, record);
+                continue;
+            }
+            self.receive(record);
+            let spare = self.spare.take().or_else(|| self.delivery.take(|times| record.stages.record(times)));
+            let Some(mut parcel) = spare else {
+                self.drop_slot(slot, released, EventKind::SinkBusy, record);
+                continue;
+            };
+            let times = self.engine.expose(slot, self.receiver, &mut record.ledger, &mut parcel.frame)?;
+            let finished = self.clock.now();
+            parcel.frame.meta.lateness = finished - slot.due;
+            record.count_rendered(&parcel.frame, &times);
+            for message in reply::frame_messages(&parcel.frame.meta, self.receiver) {
+                let _full_queue_is_no_reason_to_wait = self.radio.to_send.try_send(message);
+            }
+            progress(&parcel.frame, record);
+            self.deliver(parcel, slot, finished - slot.release, record)?;
+        }
+        Ok(())
+    }
+
+    /// Sleeps, in short pieces, until `at`; false when the run is to stop.
+    fn wait_until(&self, at: Tai, stop: &AtomicBool) -> bool {
+        while !stop.load(Ordering::Relaxed) {
+            let now = self.clock.now();
+            if now >= at {
+                return true;
+            }
+            self.clock.sleep_until(at.min(now + STOP_POLL));
+        }
+        false
+    }
+
+    fn receive(&mut self, record: &mut RunRecord) {
+        for message in self.radio.received.try_iter() {
+            if let Some(answer) = self.receiver.accept(&message, &mut record.ledger) {
+                let _full_queue_is_no_reason_to_wait = self.radio.to_send.try_send(answer);
+            }
+        }
+    }
+
+    fn drop_slot(&self, slot: Slot, now: Tai, kind: EventKind, record: &mut RunRecord) {
+        record.frames.dropped += 1;
+        record.note(kind, now, slot.number, now - slot.due);
+    }
+
+    /// Sends a finished frame, or does with a late one what the policy says.
+    fn deliver(&mut self, mut parcel: Parcel, slot: Slot, taken: Span, record: &mut RunRecord) -> Result<(), RunError> {
+        let lateness = parcel.frame.meta.lateness;
+        let policy = self.engine.params().deadline_policy;
+        if lateness > Span::ZERO {
+            let at = slot.due + lateness;
+            match policy {
+                DeadlinePolicy::Late => {
+                    record.frames.late += 1;
+                    record.note(EventKind::Late, at, slot.number, lateness);
+                }
+                DeadlinePolicy::Hold if self.has_previous => {
+                    record.frames.late += 1;
+                    record.frames.held += 1;
+                    record.note(EventKind::Held, at, slot.number, lateness);
+                    copy_frame(&self.previous, &mut parcel.frame);
+                    parcel.frame.meta.number = slot.number;
+                    parcel.frame.meta.lateness = lateness;
+                    parcel.frame.meta.faults |= FaultFlags::FRAME_DUPLICATE;
+                }
+                DeadlinePolicy::Drop | DeadlinePolicy::Hold => {
+                    record.frames.late += 1;
+                    self.drop_slot(slot, at, EventKind::Dropped, record);
+                    self.spare = Some(parcel);
+                    return Ok(());
+                }
+            }
+        } else if policy == DeadlinePolicy::Hold {
+            copy_frame(&parcel.frame, &mut self.previous);
+            self.has_previous = true;
+        }
+        record.count_outgoing(&parcel.frame.meta);
+        self.delivery.send(parcel, taken)
+    }
+}
+
+/// Copies a frame into another's buffers.
+fn copy_frame(from: &SentFrame, to: &mut SentFrame) {
+    to.image.pixels_mut().copy_from_slice(from.image.pixels());
+    to.truth.clone_from(&from.truth);
+    to.meta.clone_from(&from.meta);
+}

@@ -1,0 +1,160 @@
+//! Messages -> time correlation, attitude history, jitter history, answers to commands.
+
+use crate::attitude::{AttitudeHistory, AttitudeSample, JitterHistory, JitterPoint, RemoteClock};
+use crate::base::axes::Rotation;
+use crate::base::time::{Span, Tai};
+use crate::base::units::ARCSEC;
+use crate::link::Stamped;
+use crate::runtime::error::RunError;
+use crate::runtime::ledger::{Event, EventKind, Ledger};
+use crate::runtime::params::AttitudeParams;
+use firmware_protocol::Message;
+use firmware_protocol::handshake::Handshake;
+use firmware_protocol::message::{AttitudeRecord, JitterBurst, JitterPair, Rates, TimeFollowUp};
+use glam::DVec3;
+
+/// Period of classic jitter pairs' samples.
+const PAIR_PERIOD: Span = Span::from_ms(1);
+/// Norm tolerance of a quaternion that the protocol has already checked.
+const NORM_TOLERANCE: f64 = 2e-3;
+
+/// The receiving half of the stimulator.
+pub struct Receiver {
+    params: AttitudeParams,
+    clock: RemoteClock,
+    history: AttitudeHistory,
+    jitter: JitterHistory,
+    handshake: Handshake,
+    sync: Option<(u8, Tai)>,
+    newest_epoch: Option<Tai>,
+}
+
+impl Receiver {
+    /// A receiver that has heard nothing.
+    ///
+    /// # Errors
+    /// When a jitter line is not finite.
+    pub fn new(params: AttitudeParams) -> Result<Self, RunError> {
+        let mut jitter = JitterHistory::new(params.jitter_history, params.jitter_max_gap);
+        jitter.set_lines(&params.jitter_lines, params.jitter_epoch)?;
+        Ok(Self {
+            clock: RemoteClock::new(params.clock),
+            history: AttitudeHistory::new(params.history),
+            jitter,
+            handshake: Handshake::new(0, Rates { attitude_hz: 100, jitter_hz: 1000 }),
+            sync: None,
+            newest_epoch: None,
+            params,
+        })
+    }
+
+    /// Attitudes so far.
+    #[must_use]
+    pub fn history(&self) -> &AttitudeHistory {
+        &self.history
+    }
+
+    /// Jitter so far.
+    #[must_use]
+    pub fn jitter(&self) -> &JitterHistory {
+        &self.jitter
+    }
+
+    /// Time correlation.
+    #[must_use]
+    pub fn clock(&self) -> &RemoteClock {
+        &self.clock
+    }
+
+    /// Parameters.
+    #[must_use]
+    pub fn params(&self) -> &AttitudeParams {
+        &self.params
+    }
+
+    /// Age at `at` of the newest attitude accepted.
+    #[must_use]
+    pub fn age_at(&self, at: Tai) -> Option<Span> {
+        self.newest_epoch.map(|epoch| at - epoch)
+    }
+
+    /// Takes one message in; an answer to send, if it wants one.
+    pub fn accept(&mut self, message: &Stamped<Message>, ledger: &mut Ledger) -> Option<Message> {
+        let at = message.at;
+        match &message.value {
+            Message::Sync(sync) => self.sync = Some((sync.counter, at)),
+            Message::TimeFollowUp(follow_up) => self.correlate(follow_up),
+            Message::Attitude(record) => self.take_attitude(record, at, ledger),
+            Message::Jitter(burst) => self.take_burst(burst, at, ledger),
+            Message::JitterPair(pair) => self.take_pair(pair, at, ledger),
+            Message::Command(command) => return Some(Message::Response(self.handshake.answer(command))),
+            _ => {}
+        }
+        None
+    }
+
+    fn correlate(&mut self, follow_up: &TimeFollowUp) {
+        let scet_ns = i64::try_from(follow_up.scet.ns()).unwrap_or(i64::MAX);
+        if let Some((counter, at)) = self.sync.take()
+            && counter == follow_up.counter
+        {
+            self.clock.observe(scet_ns, at);
+        }
+    }
+
+    fn take_attitude(&mut self, record: &AttitudeRecord, at: Tai, ledger: &mut Ledger) {
+        let Some(epoch) = self.clock.to_tai(record.t_us, at) else {
+            ledger.note(Event { kind: EventKind::NoTimeYet, at, frame: None, span: Span::ZERO });
+            return;
+        };
+        let sample = Rotation::from_wxyz(record.q_wxyz.map(f64::from), NORM_TOLERANCE).map(|body_from_icrf| {
+            let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
+            AttitudeSample {
+                at: epoch,
+                seq: record.seq,
+                body_from_icrf,
+                rate_rad_s: vector(record.rate_rad_s),
+                acceleration_rad_s2: vector(record.acceleration_rad_s2),
+            }
+        });
+        if sample.is_some_and(|sample| self.history.insert(sample, at).is_ok()) {
+            self.newest_epoch = self.newest_epoch.max(Some(epoch));
+        } else {
+            ledger.note(Event { kind: EventKind::SampleRefused, at, frame: None, span: at - epoch });
+        }
+    }
+
+    fn take_burst(&mut self, burst: &JitterBurst, at: Tai, ledger: &mut Ledger) {
+        let period = Span::from_ns(i64::from(burst.period_us) * 1000);
+        match self.clock.to_tai(burst.t_first_us, at) {
+            Some(first) => self.take_jitter(first, period, burst.samples_arcsec(), at, ledger),
+            None => ledger.note(Event { kind: EventKind::NoTimeYet, at, frame: None, span: Span::ZERO }),
+        }
+    }
+
+    /// A classic pair names its place in remote time only modulo 256 slots of 2 ms: the nearest one is meant.
+    fn take_pair(&mut self, pair: &JitterPair, at: Tai, ledger: &mut Ledger) {
+        let Some(estimate) = self.clock.estimate() else {
+            ledger.note(Event { kind: EventKind::NoTimeYet, at, frame: None, span: Span::ZERO });
+            return;
+        };
+        const SLOT_NS: i64 = 2_000_000;
+        let now_slot = estimate.to_remote_ns(at).div_euclid(SLOT_NS);
+        let behind = (now_slot - i64::from(pair.slot)).rem_euclid(256);
+        let behind = if behind > 128 { behind - 256 } else { behind };
+        let first = estimate.to_tai((now_slot - behind) * SLOT_NS);
+        self.take_jitter(first, PAIR_PERIOD, &pair.samples_arcsec, at, ledger);
+    }
+
+    /// Jitter on the wire is a rotation about body X and Y.
+    fn take_jitter(&mut self, first: Tai, period: Span, samples_arcsec: &[[f32; 2]], at: Tai, ledger: &mut Ledger) {
+        for (i, [x, y]) in (0_i64..).zip(samples_arcsec) {
+            let body_rad = DVec3::new(f64::from(*x), f64::from(*y), 0.0) * ARCSEC;
+            let rotation_rad = self.params.sensor_from_body.apply(body_rad);
+            let point = JitterPoint { at: first + Span::from_ns(period.ns() * i), rotation_rad };
+            if self.jitter.insert(point, at).is_err() {
+                ledger.note(Event { kind: EventKind::SampleRefused, at, frame: None, span: at - point.at });
+            }
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! The record of a run: counts, histograms and events while it goes on; a summary when it has ended.
+
+use crate::base::time::{Span, Tai};
+use crate::exposure::method::MethodName;
+use crate::link::{LinkCounters, Port};
+use crate::report::{
+    CountHistogram, EventLine, FrameCounts, LinkCounts, Machine, RunSummary, Stage, StageHistogram, StageHistograms,
+    StageTimes,
+};
+use crate::runtime::engine::FrameEngine;
+use crate::runtime::ledger::{Event, EventKind, Ledger};
+use crate::runtime::receiver::Receiver;
+use crate::sink::{FaultFlags, FrameMeta, SentFrame, SinkSummary};
+use firmware_protocol::{Reject, RejectCounters};
+use std::collections::BTreeMap;
+
+/// What a run leaves behind.
+pub struct RunRecord {
+    /// Frame counts.
+    pub frames: FrameCounts,
+    /// Events.
+    pub ledger: Ledger,
+    /// Wall time per stage.
+    pub stages: StageHistograms,
+    lateness: StageHistogram,
+    attitude_age: StageHistogram,
+    horizon: StageHistogram,
+    stars: CountHistogram,
+    methods: [u64; MethodName::ALL.len()],
+    faults: Vec<u64>,
+}
+
+/// What the receiving side counted.
+#[derive(Debug, Clone, Copy)]
+pub struct LinkReport {
+    /// Packets.
+    pub counters: LinkCounters,
+    /// Rejections by reason.
+    pub rejects: RejectCounters,
+    /// Messages lost between the receiving thread and the frame thread.
+    pub queue_overflows: u64,
+}
+
+impl LinkReport {
+    /// Of a port.
+    #[must_use]
+    pub fn of(port: &Port, queue_overflows: u64) -> Self {
+        Self { counters: port.counters(), rejects: *port.rejects(), queue_overflows }
+    }
+}
+
+impl Default for RunRecord {
+    fn default() -> Self {
+        Self {
+            frames: FrameCounts::default(),
+            ledger: Ledger::default(),
+            stages: StageHistograms::default(),
+            lateness: StageHistogram::default(),
+            attitude_age: StageHistogram::default(),
+            horizon: StageHistogram::default(),
+            stars: CountHistogram::default(),
+            methods: [0; MethodName::ALL.len()],
+            faults: vec![0; FaultFlags::NAMED.len()],
+        }
+    }
+}
+
+impl RunRecord {
+    /// Counts a frame that was drawn.
+    pub fn count_rendered(&mut self, frame: &SentFrame, times: &StageTimes) {
+        self.frames.rendered += 1;
+        self.frames.extrapolated += u64::from(matches!(frame.meta.origin, "predicted" | "held"));
+        self.frames.blank += u64::from(frame.meta.faults.contains(FaultFlags::BLANK));
+        self.stages.record(times);
+        self.stars.record(frame.truth.len() as u64);
+        self.attitude_age.record(frame.meta.attitude_age);
+        self.horizon.record(frame.meta.horizon);
+        if let Some(i) = MethodName::ALL.iter().position(|method| method.name() == frame.meta.method) {
+            self.methods[i] += 1;
+        }
+    }
+
+    /// Counts a frame that goes out.
+    pub fn count_outgoing(&mut self, meta: &FrameMeta) {
+        self.lateness.record(meta.lateness);
+        for (count, (flag, _)) in self.faults.iter_mut().zip(FaultFlags::NAMED) {
+            *count += u64::from(meta.faults.contains(*flag));
+        }
+    }
+
+    /// Writes an event down.
+    pub fn note(&mut self, kind: EventKind, at: Tai, frame: u32, span: Span) {
+        self.ledger.note(Event { kind, at, frame: Some(frame), span });
+    }
+
+    /// 99 % quantile of release to delivery, ms.
+    #[must_use]
+    pub fn p99_ms(&self) -> f64 {
+        self.stages.of(Stage::ReleaseToDelivered).p99_ms
+    }
+
+    /// The summary of the run (names of bench, clock and times are the caller's to fill in).
+    #[must_use]
+    pub fn summary(
+        &self,
+        engine: &FrameEngine,
+        receiver: &Receiver,
+        link: Option<&LinkReport>,
+        sink: Option<&SinkSummary>,
+    ) -> RunSummary {
+        let mut summary = RunSummary::empty(Machine::read());
+        let params = engine.params();
+        summary.camera = params.camera.name.to_string();
+        summary.backend = engine.imager().name().into();
+        summary.adapter = engine.imager().description();
+        summary.start_utc = params.first_exposure.to_rfc3339();
+        summary.frame_period_s = params.frame_period.s();
+        summary.duration_s = params.frame_period.s() * f64::from(params.frames);
+        summary.seed = params.seed;
+        summary.frames = self.frames;
+        summary.stages = self.stages.quantiles();
+        summary.lateness = self.lateness.quantiles();
+        summary.attitude_age = self.attitude_age.quantiles();
+        summary.horizon = self.horizon.quantiles();
+        summary.stars = self.stars.spread();
+        summary.link = link_counts(receiver, link);
+        summary.methods = named(MethodName::ALL.iter().map(|m| m.name()).zip(self.methods));
+        summary.faults = named(FaultFlags::NAMED.iter().map(|(_, name)| *name).zip(self.faults.iter().copied()));
+        summary.event_counts = named(EventKind::ALL.iter().map(|kind| (kind.name(), self.ledger.count(*kind))));
+        summary.last_events = self.ledger.last().map(event_line).collect();
+        if let Some(sink) = sink {
+            summary.sink = sink.sink.into();
+            summary.output = sink.output.as_ref().map(|path| path.display().to_string());
+            summary.run_crc32 = format!("{:08x}", sink.run_crc32);
+        }
+        summary
+    }
+}
+
+/// Names with counts above zero.
+fn named<'a>(counts: impl Iterator<Item = (&'a str, u64)>) -> BTreeMap<String, u64> {
+    counts.filter(|(_, count)| *count > 0).map(|(name, count)| (name.to_string(), count)).collect()
+}
+
+fn link_counts(receiver: &Receiver, link: Option<&LinkReport>) -> LinkCounts {
+    let history = receiver.history().counts();
+    let mut counts = LinkCounts::default();
+    let mut add = |name: &str, count: u64| counts.counters.insert(name.to_string(), count);
+    add("attitudes_accepted", history.accepted);
+    add("jitter_points_accepted", receiver.jitter().counts().accepted);
+    add("clock_pairs", receiver.clock().estimate().map_or(0, |estimate| estimate.pairs as u64));
+    if let Some(link) = link {
+        add("packets_received", link.counters.received);
+        add("packets_sent", link.counters.sent);
+        add("packets_overflowed", link.counters.overflows);
+        add("queue_overflowed", link.queue_overflows);
+        let rejects = link.rejects.iter().map(|(reason, count)| (reject_name(reason), u64::from(count)));
+        counts.rejects = rejects.filter(|(_, count)| *count > 0).collect();
+    }
+    let history = [
+        ("duplicate_epoch", history.duplicate_epoch),
+        ("replayed_sequence", history.replayed_sequence),
+        ("stale_time", history.stale),
+        ("future_time", history.future),
+        ("not_finite", history.not_finite),
+        ("older_than_history", history.older_than_history),
+    ];
+    for (name, count) in history.into_iter().filter(|(_, count)| *count > 0) {
+        *counts.rejects.entry(name.into()).or_default() += count;
+    }
+    counts
+}
+
+fn reject_name(reason: Reject) -> String {
+    format!("{reason:?}")
+}
+
+fn event_line(event: &Event) -> EventLine {
+    EventLine {
+        at_utc: event.at.to_rfc3339(),
+        frame: event.frame,
+        kind: event.kind.name().into(),
+        detail: format!("{:.3} ms", event.span.ms()),
+    }
+}
