@@ -1,2 +1,7 @@
-//! x
-fn main() {}
+//! The `starloop` command.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    starloop::cli::main()
+}

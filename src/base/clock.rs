@@ -24,6 +24,13 @@ pub struct Monotonic {
 }
 
 impl Monotonic {
+    /// A clock that reads `at` now: a bench that plays another time of the sky.
+    #[must_use]
+    #[allow(clippy::disallowed_methods, reason = "the one place that reads the machine's clocks")]
+    pub fn start_at(at: Tai) -> Self {
+        Self { origin: Instant::now(), tai_at_origin: at }
+    }
+
     /// Starts from the system's idea of UTC (assumes it is right; TAI follows by the leap-second table).
     #[must_use]
     #[allow(clippy::disallowed_methods, reason = "the one place that reads the machine's clocks")]

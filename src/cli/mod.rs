@@ -1,3 +1,67 @@
-//! (room being built)
+//! One file per command; parses the command line, wires rooms, prints.
 
+pub mod bench_parts;
+pub mod camera_parts;
 pub mod catalog;
+pub mod check;
+pub mod render;
+pub mod render_input;
+pub mod render_output;
+pub mod run;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Exit status: done.
+pub const EXIT_DONE: u8 = 0;
+/// Exit status: could not do what was asked (a file, a device, a link).
+pub const EXIT_FAILED: u8 = 1;
+/// Exit status: wrong command line (given by the argument parser).
+pub const EXIT_USAGE: u8 = 2;
+/// Exit status: stopped by Ctrl-C; everything finished by then is written.
+pub const EXIT_INTERRUPTED: u8 = 130;
+
+#[derive(Debug, Parser)]
+#[command(
+    name = "starloop",
+    version,
+    about = "Hardware-in-the-loop star-sensor stimulator: bus attitude in, star-sensor frames out, on a deadline",
+    after_help = "Exit status: 0 done; 1 could not do what was asked; 2 wrong command line; 130 stopped by Ctrl-C \
+                  (what was finished is written).\n\n\
+                  Start with `starloop run`: a simulated flight computer slews over a simulated bus, and ten seconds \
+                  of frames are recorded. No hardware, no GPU needed."
+)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run a bench: attitude from its link, frames into its sink, on a deadline
+    Run(run::RunArgs),
+    /// Render one image for a given attitude and time
+    Render(Box<render::RenderArgs>),
+    /// Check a bench: conventions, defaults, the plan with its predicted error and cost
+    Check(check::CheckArgs),
+    /// Pack, describe or query a star catalog
+    Catalog(catalog::CatalogArgs),
+}
+
+/// Runs the command line; errors are printed with their causes.
+#[must_use]
+pub fn main() -> ExitCode {
+    let done = match Arguments::parse().command {
+        Command::Run(arguments) => run::run(&arguments),
+        Command::Render(arguments) => render::run(&arguments).map(|()| EXIT_DONE),
+        Command::Check(arguments) => check::run(&arguments).map(|()| EXIT_DONE),
+        Command::Catalog(arguments) => catalog::run(arguments).map(|()| EXIT_DONE),
+    };
+    match done {
+        Ok(status) => ExitCode::from(status),
+        Err(error) => {
+            eprintln!("starloop: {error:#}");
+            ExitCode::from(EXIT_FAILED)
+        }
+    }
+}

@@ -36,7 +36,7 @@ pub use link::{Link, Wire};
 pub use observer::Observer;
 pub use optics::{Distortion, Optics, Psf};
 pub use radiometry::{Exposure, Radiometry};
-pub use stages::{AttitudeSettings, Backend, Render, RenderMethod, Sink};
+pub use stages::{AttitudeSettings, Backend, Render, Sink};
 pub use timing::{DeadlinePolicy, StartTime, Timing};
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use crate::base::accuracy::AccuracyBudget;
 use crate::base::time::Span;
 use crate::config::check::{Checker, Rule};
 use crate::config::error::ConfigError;
+use crate::exposure::MethodChoice;
 use serde::Deserialize;
 use std::path::PathBuf;
 
@@ -39,24 +40,13 @@ pub enum Backend {
     Reference,
 }
 
-/// How motion during the exposure is rendered.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum RenderMethod {
-    /// The planner decides by the accuracy budget.
-    Auto,
-    /// Each star along its own path.
-    PerStar,
-    /// One effective PSF (PSF along the path) for all stars.
-    EffectivePsf,
-}
-
 /// Rendering, checked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Render {
     /// Which implementation.
     pub backend: Backend,
     /// Which method.
-    pub method: RenderMethod,
+    pub method: MethodChoice,
 }
 
 /// Where frames go, checked.
@@ -186,17 +176,20 @@ impl Render {
     pub(super) fn check(keys: &RenderKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
         let backends =
             [("auto", Backend::Auto), ("gpu", Backend::Gpu), ("cpu", Backend::Cpu), ("reference", Backend::Reference)];
-        let methods = [
-            ("auto", RenderMethod::Auto),
-            ("per_star", RenderMethod::PerStar),
-            ("effective_psf", RenderMethod::EffectivePsf),
-        ];
         let advice = "auto is right for most benches";
         Ok(Self {
             backend: check.choice("render.backend", keys.backend.as_deref(), &backends, advice)?,
-            method: check.choice("render.method", keys.method.as_deref(), &methods, advice)?,
+            method: check_method(keys.method.as_deref(), check)?,
         })
     }
+}
+
+fn check_method(given: Option<&str>, check: &mut Checker<'_>) -> Result<MethodChoice, ConfigError> {
+    let word = check.given_or("render.method", given.map(str::to_owned), "auto".to_owned());
+    word.parse().map_err(|_| {
+        let wanted = "auto, static, gauss-legendre, effective-psf or samples, with :N for a number of nodes";
+        check.invalid("render.method", format!("\"{word}\""), wanted, "auto is right for most benches")
+    })
 }
 
 impl Sink {

@@ -1,0 +1,158 @@
+//! A checked bench file -> the parameters of a run, of its simulated bus and of its simulated flight computer.
+
+use crate::attitude::{JitterLine, RemoteClockLimits};
+use crate::base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
+use crate::base::time::{Span, Tai};
+use crate::cli::camera_parts::camera_params;
+use crate::config::{self, Bench, JitterSource, Wire};
+use crate::link::WireFormat;
+use crate::link::simulated::{BusParams, BusTiming};
+use crate::runtime::params::AttitudeParams;
+use crate::runtime::{BackendChoice, DeadlinePolicy, RunParams};
+use crate::sky::observer::Observer;
+use crate::sky::orbit::{CircularOrbit, TleOrbit};
+use crate::testbed::flight_computer::{
+    Faults, FlightComputerParams, JitterLineParams, JitterStream, RampShape, Slew, SlewProfile,
+};
+use anyhow::{Context, Result};
+use glam::DVec3;
+
+/// Time before the first exposure: the bus carries its first time marks and attitudes.
+const LEAD: Span = Span::from_ms(1000);
+
+/// Parameters of a run that begins when the clock reads `start`.
+///
+/// # Errors
+/// When the camera or the observer's orbit cannot be used.
+pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
+    let camera = camera_params(&bench.camera)?;
+    let first_exposure = start + LEAD;
+    Ok(RunParams {
+        attitude: attitude_params(bench, start),
+        observer: observer(&bench.observer, first_exposure)?,
+        budget: bench.accuracy,
+        backend: backend_choice(bench.render.backend),
+        method: bench.render.method,
+        seed: bench.seed,
+        first_exposure,
+        frame_period: Span::from_s(1.0 / bench.timing.frame_rate_hz),
+        frames: u32::try_from(bench.timing.frames()).context("timing.duration_s: more than 2^32 frames")?,
+        deadline_policy: match bench.timing.deadline_policy {
+            config::DeadlinePolicy::Hold => DeadlinePolicy::Hold,
+            config::DeadlinePolicy::Drop => DeadlinePolicy::Drop,
+            config::DeadlinePolicy::Late => DeadlinePolicy::Late,
+        },
+        camera,
+    })
+}
+
+/// The backend a bench or a user names.
+#[must_use]
+pub fn backend_choice(backend: config::Backend) -> BackendChoice {
+    match backend {
+        config::Backend::Auto => BackendChoice::Auto,
+        config::Backend::Gpu => BackendChoice::Gpu,
+        config::Backend::Cpu => BackendChoice::Cpu,
+        config::Backend::Reference => BackendChoice::Reference,
+    }
+}
+
+fn attitude_params(bench: &Bench, boot: Tai) -> AttitudeParams {
+    let settings = &bench.attitude;
+    let mount =
+        |line: JitterLine| JitterLine { amplitude_rad: bench.sensor_from_body.apply(line.amplitude_rad), ..line };
+    let known_lines = bench.flight_computer.jitter_source == JitterSource::Lines;
+    let lines = bench.flight_computer.jitter_lines.iter().filter(|_| known_lines);
+    // The simulated bus has a known latency: it stands for the calibrated constant delay of a real one.
+    let latency = Span::from_s(bench.link.latency_us * 1e-6);
+    let constant_delay = settings.clock.constant_delay.max(latency);
+    AttitudeParams {
+        estimate: settings.estimate,
+        history: settings.history,
+        jitter_history: settings.jitter_history,
+        jitter_max_gap: settings.jitter_max_gap,
+        clock: RemoteClockLimits { constant_delay, ..settings.clock },
+        jitter_lines: lines.map(|line| mount(line.line())).collect(),
+        jitter_epoch: boot,
+        sensor_from_body: bench.sensor_from_body,
+    }
+}
+
+fn observer(observer: &config::Observer, epoch: Tai) -> Result<Observer> {
+    Ok(match observer {
+        config::Observer::Geocentre => Observer::Geocentre,
+        config::Observer::Tle { line1, line2 } => {
+            Observer::Tle(Box::new(TleOrbit::parse(&format!("{line1}\n{line2}")).context("[observer]")?))
+        }
+        config::Observer::CircularOrbit { altitude_km, inclination_deg, raan_deg, argument_of_latitude_deg } => {
+            let angles = [*inclination_deg, *raan_deg, *argument_of_latitude_deg];
+            let [inclination, raan, latitude] = angles;
+            Observer::Circular(
+                CircularOrbit::new(*altitude_km, inclination, raan, latitude, epoch).context("[observer]")?,
+            )
+        }
+    })
+}
+
+/// The bus between the simulated flight computer and the stimulator, and the form of messages on it.
+#[must_use]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the config's bit rates are checked")]
+pub fn bus(bench: &Bench) -> (BusParams, WireFormat) {
+    let link = &bench.link;
+    let (timing, format) = match link.wire {
+        Wire::CanFd => {
+            let (arbitration_bps, data_bps) = (link.bit_rate as u32, link.data_bit_rate as u32);
+            (BusTiming::CanFd { arbitration_bps, data_bps }, WireFormat::CanFd)
+        }
+        Wire::CanClassic => (BusTiming::CanClassic { bit_rate_bps: link.bit_rate as u32 }, WireFormat::CanClassic),
+        Wire::Serial => (BusTiming::Serial { baud: link.bit_rate as u32 }, WireFormat::Serial),
+    };
+    let latency = Span::from_s(link.latency_us * 1e-6);
+    (BusParams { name: "simulated".into(), timing, latency, queue_packets: link.queue as usize }, format)
+}
+
+/// The simulated flight computer that boots at `boot`.
+#[must_use]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the config's rates are checked")]
+pub fn flight_computer(bench: &Bench, boot: Tai) -> FlightComputerParams {
+    let settings = &bench.flight_computer;
+    let [ra, dec, roll] = [settings.ra_deg, settings.dec_deg, settings.roll_deg].map(f64::to_radians);
+    let initial: Rotation<Body, Icrf> = bench.sensor_from_body.inverse() * sensor_from_ra_dec_roll(ra, dec, roll);
+    let profile = match &settings.slew {
+        None => SlewProfile::hold(initial),
+        Some(slew) => {
+            let turn = Slew {
+                axis_body: DVec3::from_array(slew.axis),
+                angle_rad: slew.angle_deg.to_radians(),
+                // A versine ramp up and one down: the mean of each is half the peak.
+                peak_rate_rad_s: 2.0 * slew.angle_deg.to_radians().abs() / slew.duration_s,
+                ramp_s: 0.5 * slew.duration_s,
+                shape: RampShape::Versine,
+            };
+            SlewProfile::slew(initial, boot + LEAD + Span::from_s(slew.start_s), &turn)
+        }
+    };
+    let line = |line: &config::JitterLineSettings| JitterLineParams {
+        frequency_hz: line.frequency_hz,
+        amplitude_arcsec: line.amplitude_arcsec,
+        phase_rad: line.phase_deg.to_radians(),
+    };
+    let jitter = match (settings.jitter_source, bench.link.wire) {
+        (JitterSource::Lines, _) => JitterStream::OFF,
+        (JitterSource::Samples, Wire::CanClassic) => JitterStream::PAIRS,
+        (JitterSource::Samples, _) => JitterStream::bursts(settings.jitter_sample_hz as u32),
+    };
+    FlightComputerParams {
+        boot,
+        clock_drift_ppm: settings.clock_drift_ppm,
+        stream_start: boot,
+        attitude_hz: settings.attitude_hz as u32,
+        profile,
+        attitude_noise_arcsec: 0.0,
+        gyro_noise_rad_s: 0.0,
+        seed: bench.seed,
+        jitter_lines: settings.jitter_lines.iter().map(line).collect(),
+        jitter,
+        faults: Faults::default(),
+    }
+}

@@ -1,0 +1,63 @@
+//! A checked camera file -> the parameters of the rooms.
+
+use crate::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
+use crate::config;
+use crate::detector::DetectorParams;
+use crate::optics::{PsfModel, Radiometry};
+use crate::runtime::params::CameraParams;
+use anyhow::{Context, Result};
+
+/// The camera as the rooms want it.
+///
+/// # Errors
+/// When the distortion model does not hold over the whole detector.
+pub fn camera_params(camera: &config::Camera) -> Result<CameraParams> {
+    let (detector, optics) = (&camera.detector, &camera.optics);
+    let focal_px = optics.focal_length_mm * 1e3 / detector.pixel_pitch_um;
+    let d = &camera.distortion;
+    let geometry = CameraGeometry::new(CameraParameters {
+        width_px: detector.width_px as usize,
+        height_px: detector.height_px as usize,
+        focal_px: [focal_px; 2],
+        principal_point_px: optics.principal_point_px,
+        distortion: BrownConrady { k1: d.k1, k2: d.k2, k3: d.k3, p1: d.p1, p2: d.p2 },
+    })
+    .with_context(|| format!("camera \"{}\"", camera.name))?;
+    Ok(CameraParams {
+        name: camera.name.as_str().into(),
+        geometry,
+        psf: psf(camera),
+        radiometry: Radiometry {
+            zero_magnitude_photons_per_s_m2: camera.radiometry.zero_magnitude_photons_per_s_m2,
+            aperture_mm: optics.aperture_mm,
+            obscuration: optics.obscuration,
+            transmission: optics.transmission,
+            quantum_efficiency: detector.quantum_efficiency,
+            color_c1: camera.radiometry.color_c1,
+            color_c2: camera.radiometry.color_c2,
+        },
+        detector: DetectorParams {
+            full_well_e: detector.full_well_e,
+            gain_e_per_dn: detector.gain_e_per_dn,
+            bits: detector.bits,
+            black_level_dn: detector.black_level_dn,
+            read_noise_e_rms: detector.read_noise_e_rms,
+            dark_e_per_s: detector.dark_e_per_s,
+            prnu: detector.prnu,
+            dsnu_e_rms: detector.dsnu_e_rms,
+        },
+        limiting_mag: camera.radiometry.limiting_mag as f32,
+        exposure_s: camera.exposure.exposure_s,
+        readout_s: camera.exposure.readout_s,
+    })
+}
+
+fn psf(camera: &config::Camera) -> PsfModel {
+    match camera.psf {
+        config::Psf::Gaussian { sigma_px } => PsfModel::gaussian(sigma_px),
+        config::Psf::Airy { f_number, wavelength_nm, obscuration } => {
+            let lambda_n_px = wavelength_nm * 1e-3 * f_number / camera.detector.pixel_pitch_um;
+            PsfModel::airy(lambda_n_px, obscuration)
+        }
+    }
+}

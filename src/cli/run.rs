@@ -1,0 +1,364 @@
+//! `starloop run`: a bench from its first frame to its summary.
+
+use crate::base::clock::{Clock, Monotonic, Stopwatch, Virtual};
+use crate::base::time::Tai;
+use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, bench_parts};
+use crate::config::{self, Bench, StartTime};
+use crate::link::simulated::simulated_pair;
+use crate::link::{LinkError, Port};
+use crate::report::{Progress, progress_line, summary_table};
+use crate::runtime::receiver::Receiver;
+use crate::runtime::{FrameEngine, RunOutcome, RunRecord, real_time, virtual_time};
+use crate::sink::{NullSink, Recorder, RecorderOptions, SentFrame, Sink, write_file_atomically};
+use crate::testbed::flight_computer::{FlightComputer, run_until};
+use anyhow::{Context, Result, bail};
+use clap::{Args, ValueEnum};
+use core::sync::atomic::{AtomicBool, Ordering};
+use crossbeam_channel::{Receiver as Queue, Sender, bounded};
+use firmware_protocol::can::IdMap;
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Command line of `run`.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// Bench file (TOML); without one: the built-in loopback bench
+    bench: Option<PathBuf>,
+    /// Which clock: `real` is the bench, `virtual` runs as fast as the machine allows and repeats bit for bit
+    #[arg(long, value_enum, default_value_t = ClockKind::Real)]
+    clock: ClockKind,
+    /// Run for this many seconds instead of the bench's duration
+    #[arg(long, value_name = "S")]
+    duration: Option<f64>,
+    /// Draw with this backend instead of the bench's
+    #[arg(long, value_enum)]
+    backend: Option<BackendName>,
+    /// Seed of patterns and noise instead of the bench's
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Where frames go instead of the bench's sink
+    #[arg(long, value_enum)]
+    sink: Option<SinkKind>,
+    /// Directory to record into (new or empty); without it a directory named by the time of the run
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print nothing but errors
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// A clock, by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ClockKind {
+    /// Wall time.
+    Real,
+    /// Simulated time.
+    Virtual,
+}
+
+/// A backend, by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum BackendName {
+    /// A hardware GPU when there is one, else the CPU
+    Auto,
+    /// The GPU (software Vulkan counts), or an error
+    Gpu,
+    /// All CPU cores
+    Cpu,
+    /// f64, slow, the truth
+    Reference,
+}
+
+/// A sink, by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum SinkKind {
+    /// FITS, truth tables and PNG files
+    Recorder,
+    /// Nothing is kept: timing only
+    Null,
+}
+
+impl BackendName {
+    /// The config's word for it.
+    #[must_use]
+    pub fn configured(self) -> config::Backend {
+        match self {
+            Self::Auto => config::Backend::Auto,
+            Self::Gpu => config::Backend::Gpu,
+            Self::Cpu => config::Backend::Cpu,
+            Self::Reference => config::Backend::Reference,
+        }
+    }
+}
+
+/// Runs the command; the exit status.
+///
+/// # Errors
+/// With what could not be done, and why.
+pub fn run(arguments: &RunArgs) -> Result<u8> {
+    let bench = bench(arguments)?;
+    let start = match bench.timing.start {
+        StartTime::At(at) => at,
+        StartTime::Now => Monotonic::start().now(),
+    };
+    let params = bench_parts::run_params(&bench, start)?;
+    let mut engine = FrameEngine::new(params.clone())?;
+    let mut receiver = Receiver::new(params.attitude)?;
+    let (sink, directory) = sink(arguments, &bench)?;
+    let say = !arguments.quiet;
+    if say {
+        announce(&bench, &engine);
+    }
+    let mut wall = Stopwatch::start();
+    let stop = Arc::new(AtomicBool::new(false));
+    let monitor = Monitor::start(Arc::clone(&stop), say)?;
+    let setup = Setup { bench: &bench, start, stop: &stop, updates: &monitor.updates };
+    let outcome = match arguments.clock {
+        ClockKind::Real => setup.real(&mut engine, &mut receiver, sink)?,
+        ClockKind::Virtual => setup.simulated(&mut engine, &mut receiver, sink)?,
+    };
+    let wall_s = wall.lap().s();
+    let interrupted = stop.load(Ordering::SeqCst);
+    monitor.finish();
+    report(arguments, &bench, &engine, &receiver, &outcome, wall_s, directory.as_deref())?;
+    match outcome.error {
+        Some(error) => Err(error).context("the run ended early; everything finished before is kept"),
+        None if interrupted => {
+            eprintln!("starloop: stopped by Ctrl-C; everything finished before is kept");
+            Ok(EXIT_INTERRUPTED)
+        }
+        None => Ok(EXIT_DONE),
+    }
+}
+
+/// The bench with the command line's changes.
+fn bench(arguments: &RunArgs) -> Result<Bench> {
+    let mut bench = match &arguments.bench {
+        Some(path) => Bench::load(path)?,
+        None => Bench::built_in()?,
+    };
+    if let Some(duration_s) = arguments.duration {
+        if !(duration_s.is_finite() && duration_s > 0.0) {
+            bail!("--duration: got {duration_s}, wanted seconds above 0");
+        }
+        bench.timing.duration_s = duration_s;
+    }
+    if let Some(backend) = arguments.backend {
+        bench.render.backend = backend.configured();
+    }
+    bench.seed = arguments.seed.unwrap_or(bench.seed);
+    Ok(bench)
+}
+
+fn sink(arguments: &RunArgs, bench: &Bench) -> Result<(Box<dyn Sink>, Option<PathBuf>)> {
+    let kept = match (&bench.sink, arguments.sink) {
+        (_, Some(SinkKind::Null)) | (config::Sink::Null, None) => None,
+        (config::Sink::Recorder { directory, fits, png_every }, _) => Some((directory.clone(), *fits, *png_every)),
+        (config::Sink::Null, Some(SinkKind::Recorder)) => Some((format!("out/{}", bench.name).into(), true, 10)),
+    };
+    let Some((directory, fits, png_every)) = kept else { return Ok((Box::new(NullSink::new()), None)) };
+    let directory = arguments.out.clone().unwrap_or_else(|| directory.join(stamp(Monotonic::start().now())));
+    let recorder = Recorder::create(&directory, RecorderOptions { fits, truth: true, png_every })?;
+    Ok((Box::new(recorder), Some(directory)))
+}
+
+/// `20261120T123456.789Z`: a directory name that sorts by time.
+fn stamp(at: Tai) -> String {
+    let text = at.to_rfc3339();
+    let seconds = text.split('.').next().unwrap_or_default();
+    let milliseconds = text.split('.').nth(1).and_then(|fraction| fraction.get(..3)).unwrap_or("000");
+    format!("{}.{milliseconds}Z", seconds.replace(['-', ':'], ""))
+}
+
+fn announce(bench: &Bench, engine: &FrameEngine) {
+    if let Some(note) = engine.imager().note() {
+        eprintln!("{note}");
+    }
+    eprintln!(
+        "bench \"{}\": {} frames at {} Hz, camera \"{}\", {} backend ({})",
+        bench.name,
+        engine.params().frames,
+        bench.timing.frame_rate_hz,
+        engine.params().camera.name,
+        engine.imager().name(),
+        engine.imager().description(),
+    );
+}
+
+struct Setup<'a> {
+    bench: &'a Bench,
+    start: Tai,
+    stop: &'a Arc<AtomicBool>,
+    updates: &'a Sender<Progress>,
+}
+
+impl Setup<'_> {
+    fn real(&self, engine: &mut FrameEngine, receiver: &mut Receiver, sink: Box<dyn Sink>) -> Result<RunOutcome> {
+        let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(self.start));
+        let (near, far) = self.ports(&clock)?;
+        let computer = FlightComputer::new(bench_parts::flight_computer(self.bench, self.start));
+        let over = Arc::new(AtomicBool::new(false));
+        let thread = far_end(computer, far, Arc::clone(&clock), Arc::clone(&over))?;
+        let mut send = self.sender(engine.params().frames);
+        let outcome = real_time::run(engine, receiver, near, &clock, sink, self.stop, &mut send);
+        over.store(true, Ordering::SeqCst);
+        match thread.join() {
+            Ok(Ok(())) => Ok(outcome),
+            Ok(Err(error)) => Err(error).context("the simulated flight computer"),
+            Err(_panicked) => bail!("the simulated flight computer's thread was lost"),
+        }
+    }
+
+    fn simulated(
+        &self,
+        engine: &mut FrameEngine,
+        receiver: &mut Receiver,
+        mut sink: Box<dyn Sink>,
+    ) -> Result<RunOutcome> {
+        let clock = Arc::new(Virtual::new(self.start));
+        let shared: Arc<dyn Clock> = clock.clone();
+        let (mut near, mut far) = self.ports(&shared)?;
+        let mut computer = FlightComputer::new(bench_parts::flight_computer(self.bench, self.start));
+        let mut far_end = |now: Tai| computer.step(now, &mut far).map(|()| computer.next_due());
+        let mut send = self.sender(engine.params().frames);
+        let mut progress = |frame: &SentFrame, record: &RunRecord| {
+            send(frame, record);
+            !self.stop.load(Ordering::Relaxed)
+        };
+        Ok(virtual_time::run(engine, receiver, &mut near, &clock, &mut *sink, &mut far_end, &mut progress))
+    }
+
+    fn ports(&self, clock: &Arc<dyn Clock>) -> Result<(Port, Port)> {
+        let (params, format) = bench_parts::bus(self.bench);
+        let (near, far) = simulated_pair(params, clock);
+        let ids = IdMap::new(0, 0).context("CAN identifiers")?;
+        Ok((Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids)))
+    }
+
+    /// Hands the monitor a frame's progress; drops it when the monitor is busy.
+    fn sender(&self, frames: u32) -> impl FnMut(&SentFrame, &RunRecord) + use<> {
+        let updates = self.updates.clone();
+        let mut watch = Stopwatch::start();
+        let mut elapsed_s = 0.0;
+        move |frame, record| {
+            elapsed_s += watch.lap().s();
+            let done = record.frames.rendered;
+            let update = Progress {
+                frame: done,
+                frames: Some(u64::from(frames)),
+                fps: done as f64 / f64::max(elapsed_s, 1e-9),
+                p99_ms: record.p99_ms(),
+                late: record.frames.late,
+                dropped: record.frames.dropped,
+                ra_deg: frame.meta.ra_deg,
+                dec_deg: frame.meta.dec_deg,
+                roll_deg: frame.meta.roll_deg,
+                stars: frame.truth.len(),
+                method: frame.meta.method,
+            };
+            let _monitor_is_busy = updates.try_send(update);
+        }
+    }
+}
+
+/// The simulated flight computer in a thread of its own.
+fn far_end(
+    mut computer: FlightComputer,
+    mut port: Port,
+    clock: Arc<dyn Clock>,
+    over: Arc<AtomicBool>,
+) -> Result<std::thread::JoinHandle<Result<(), LinkError>>> {
+    std::thread::Builder::new()
+        .name("flight computer".into())
+        .spawn(move || run_until(&over, &*clock, &mut computer, &mut port))
+        .context("cannot start the flight computer's thread")
+}
+
+/// Ctrl-C and the progress line: nothing real-time, so it lives on tokio.
+struct Monitor {
+    updates: Sender<Progress>,
+    over: Arc<AtomicBool>,
+    thread: std::thread::JoinHandle<()>,
+}
+
+impl Monitor {
+    fn start(stop: Arc<AtomicBool>, say: bool) -> Result<Self> {
+        let (updates, queue) = bounded(1);
+        let over = Arc::new(AtomicBool::new(false));
+        let ended = Arc::clone(&over);
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        let thread = std::thread::Builder::new()
+            .name("monitor".into())
+            .spawn(move || runtime.block_on(watch(&queue, &stop, &ended, say)))
+            .context("cannot start the monitor thread")?;
+        Ok(Self { updates, over, thread })
+    }
+
+    fn finish(self) {
+        self.over.store(true, Ordering::SeqCst);
+        drop(self.updates);
+        let _nothing_to_report = self.thread.join();
+    }
+}
+
+/// How often the progress line is drawn.
+const REDRAW: Duration = Duration::from_millis(100);
+
+async fn watch(queue: &Queue<Progress>, stop: &AtomicBool, over: &AtomicBool, say: bool) {
+    let terminal = std::io::stderr().is_terminal();
+    let mut redraw = tokio::time::interval(REDRAW);
+    let mut drawn = false;
+    while !over.load(Ordering::SeqCst) {
+        tokio::select! {
+            pressed = tokio::signal::ctrl_c() => if pressed.is_ok() { stop.store(true, Ordering::SeqCst) },
+            _ = redraw.tick() => {
+                if let (true, true, Some(update)) = (say, terminal, queue.try_iter().last()) {
+                    draw(&update);
+                    drawn = true;
+                }
+            }
+        }
+    }
+    if drawn {
+        eprintln!();
+    }
+}
+
+fn draw(update: &Progress) {
+    const WIDTH: usize = 120;
+    let mut out = std::io::stderr().lock();
+    let _a_closed_terminal_is_no_error = write!(out, "\r{:<WIDTH$}", progress_line(update, WIDTH));
+    let _ = out.flush();
+}
+
+/// Prints the table and writes `summary.json`.
+fn report(
+    arguments: &RunArgs,
+    bench: &Bench,
+    engine: &FrameEngine,
+    receiver: &Receiver,
+    outcome: &RunOutcome,
+    wall_s: f64,
+    directory: Option<&Path>,
+) -> Result<()> {
+    let mut summary = outcome.record.summary(engine, receiver, outcome.link.as_ref(), outcome.sink.as_ref());
+    summary.bench.clone_from(&bench.name);
+    summary.wall_s = wall_s;
+    summary.clock = match arguments.clock {
+        ClockKind::Real => "monotonic".into(),
+        ClockKind::Virtual => "virtual".into(),
+    };
+    if let Some(directory) = directory {
+        let path = directory.join("summary.json");
+        let json = summary.to_json_pretty()?;
+        if let Err(error) = write_file_atomically(&path, |out| out.write_all(json.as_bytes())) {
+            eprintln!("starloop: {error}");
+        }
+    }
+    if !arguments.quiet {
+        println!("{}", summary_table(&summary));
+    }
+    Ok(())
+}
