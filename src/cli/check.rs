@@ -1,8 +1,187 @@
-//! x
-/// x
-#[derive(Debug, clap::Args)]
-pub struct CheckArgs {}
-/// x
-pub fn run(_: &CheckArgs) -> anyhow::Result<()> {
+//! `starloop check`: is this bench sound, what does it mean, what will be drawn and at what error and cost.
+
+use crate::base::time::{Span, Tai};
+use crate::cli::bench_parts;
+use crate::config::{Bench, StartTime};
+use crate::exposure::plan::{Assessment, Verdict};
+use crate::exposure::{ExposurePlan, Planner};
+use crate::runtime::sky_view::SkyView;
+use crate::runtime::{Imager, RunParams};
+use crate::testbed::flight_computer::FlightComputer;
+use anyhow::Result;
+use clap::Args;
+use core::fmt::Write;
+use glam::DVec3;
+use std::path::PathBuf;
+
+/// Command line of `check`.
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    /// Bench file (TOML); without one: the built-in loopback bench
+    bench: Option<PathBuf>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// With what is wrong with the bench.
+pub fn run(arguments: &CheckArgs) -> Result<()> {
+    let bench = match &arguments.bench {
+        Some(path) => Bench::load(path)?,
+        None => Bench::built_in()?,
+    };
+    print!("{}", report(&bench)?);
     Ok(())
+}
+
+/// The conventions every number in files and on the wire follows.
+const CONVENTIONS: &str = "\
+conventions
+  axes         ICRF; body; sensor: +Z boresight, +X image right (columns), +Y image down (rows)
+  quaternion   Hamilton, scalar first (w x y z), passive: v_sensor = q v_icrf q*
+  rate         of the sensor with respect to ICRF, in sensor axes; a later attitude is exp(-w dt / 2) q
+  roll         position angle of the image's up direction, east of north; 0: north up, east left
+  pixels       x right, y down; the centre of the first pixel is (0, 0); FITS row 0 is the top row
+  time         frames carry mid-exposure; UTC in text, TAI inside; microseconds (32 bits) on the wire
+  truth        x, y: mean place over the exposure; electrons: what lands on the detector
+";
+
+/// The whole report.
+fn report(bench: &Bench) -> Result<String> {
+    let start = match bench.timing.start {
+        StartTime::At(at) => at,
+        StartTime::Now => Tai::from_rfc3339("2026-01-01T00:00:00Z")?,
+    };
+    let params = bench_parts::run_params(bench, start)?;
+    let size = [params.camera.geometry.width_px(), params.camera.geometry.height_px()];
+    let imager = Imager::new(params.backend, params.camera.detector, size, params.seed)?;
+    let mut text = String::new();
+    describe(&mut text, bench, &params, &imager)?;
+    text.push('\n');
+    text.push_str(CONVENTIONS);
+    text.push('\n');
+    plans(&mut text, bench, start, &params, &imager)?;
+    Ok(text)
+}
+
+fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Imager) -> Result<()> {
+    let camera = &bench.camera;
+    let [fov_x, fov_y] = camera.fov_deg();
+    writeln!(text, "bench \"{}\" is sound", bench.name)?;
+    writeln!(
+        text,
+        "  camera       \"{}\": {} x {} px, {fov_x:.2} x {fov_y:.2} deg, {:.2} arcsec/px",
+        camera.name,
+        camera.detector.width_px,
+        camera.detector.height_px,
+        camera.ifov_arcsec()
+    )?;
+    writeln!(
+        text,
+        "  light        {:.3e} e-/s at magnitude 0, drawn down to G = {}",
+        camera.zero_point_e_per_s(),
+        camera.radiometry.limiting_mag
+    )?;
+    let exposure = &camera.exposure;
+    writeln!(
+        text,
+        "  frames       {} at {} Hz, exposure {} s, due {} s after it ends, policy for late ones: {:?}",
+        params.frames, bench.timing.frame_rate_hz, exposure.exposure_s, exposure.readout_s, params.deadline_policy
+    )?;
+    writeln!(text, "  backend      {} ({})", imager.name(), imager.description())?;
+    if let Some(note) = imager.note() {
+        writeln!(text, "               {note}")?;
+    }
+    let budget = &params.budget;
+    writeln!(
+        text,
+        "  budget       centroid {} px, flux {}, pixel {} sigma, line of sight {} arcsec",
+        budget.centroid_px, budget.flux_rel, budget.pixel_sigma, budget.los_arcsec
+    )?;
+    for (what, list) in [("bench", &bench.defaulted), ("camera", &camera.defaulted)] {
+        for default in list {
+            writeln!(text, "  default      {what}: {} = {}", default.key, default.value)?;
+        }
+    }
+    Ok(())
+}
+
+/// Plans of the first, a middle and the last frame, from the simulated flight computer's own truth.
+fn plans(text: &mut String, bench: &Bench, start: Tai, params: &RunParams, imager: &Imager) -> Result<()> {
+    let computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
+    let mut sky = SkyView::new(&params.camera, params.observer.clone(), params.first_exposure)?;
+    let last = params.frames.saturating_sub(1);
+    let mut numbers = vec![0, last / 2, last];
+    numbers.dedup();
+    for number in numbers {
+        let begin = params.first_exposure + Span::from_ns(params.frame_period.ns() * i64::from(number));
+        let mut planner = planner(params, imager, begin);
+        let los = &mut planner.motion_mut().los;
+        let truth = computer.truth(los.mid_exposure());
+        let mount = params.attitude.sensor_from_body;
+        los.mid_sensor_from_icrf = mount * truth.body_from_icrf;
+        los.rate_rad_s = mount.apply(truth.rate_rad_s);
+        los.acceleration_rad_s2 = mount.apply(truth.acceleration_rad_s2);
+        los.jitter.lines.clone_from(&params.attitude.jitter_lines);
+        los.jitter.lines_epoch = params.attitude.jitter_epoch;
+        let boresight = los.mid_sensor_from_icrf.inverse().apply(DVec3::Z);
+        let (sweep_rad, mid) = (los.rate_rad_s.length() * los.exposure_s, los.mid_exposure());
+        let plan = planner.plan(sky.sources(boresight, sweep_rad, mid)?);
+        write_plan(text, number, plan, params)?;
+    }
+    Ok(())
+}
+
+fn planner(params: &RunParams, imager: &Imager, begin: Tai) -> Planner {
+    let los =
+        crate::attitude::LosPath::commanded(crate::base::axes::Rotation::IDENTITY, begin, params.camera.exposure_s);
+    Planner::new(params.camera.instrument(), params.budget, imager.cost(), params.method, los)
+}
+
+fn write_plan(text: &mut String, number: u32, plan: &ExposurePlan, params: &RunParams) -> Result<()> {
+    let (stars, reach) = (plan.stars.len(), plan.reach_px);
+    let rate_deg_s = plan.motion.los.rate_rad_s.length().to_degrees();
+    writeln!(text, "plan of frame {number}: {stars} stars, {rate_deg_s:.3} deg/s, path of at most {reach:.2} px")?;
+    writeln!(text, "  method                       centroid px    flux      pixel sigma  cost ms  verdict")?;
+    for assessment in &plan.assessed {
+        let mark = if assessment.method == plan.chosen.method { '>' } else { ' ' };
+        writeln!(text, "{mark} {}", assessment_line(assessment))?;
+    }
+    let (cost_ms, budget_ms) = (plan.chosen.cost_ms, params.camera.readout_s * 1e3);
+    writeln!(
+        text,
+        "  drawing is predicted to take {cost_ms:.1} ms (without detector and sink) of the {budget_ms:.0} ms there are\n"
+    )?;
+    Ok(())
+}
+
+fn assessment_line(a: &Assessment) -> String {
+    let verdict = match a.verdict {
+        Verdict::Fits => "fits",
+        Verdict::NeedsSmoothMotion => "refused: there is jitter, and it is for smooth motion",
+        Verdict::CentroidOverBudget => "refused: centroid error over the budget",
+        Verdict::PixelOverBudget => "refused: pixel error over the budget",
+        Verdict::FluxOverBudget => "loses more flux than the budget: the PSF's wings are cut (no method does better)",
+    };
+    if a.centroid_px.is_nan() {
+        return format!("{:<28} {:>11}  {:>9}  {:>10}  {:>7}  {verdict}", a.method.name().name(), "-", "-", "-", "-");
+    }
+    let method = a.method.to_string();
+    format!(
+        "{method:<28} {:>11.2e}  {:>9.1e}  {:>10.4}  {:>7.2}  {verdict}",
+        a.centroid_px, a.flux_rel, a.pixel_sigma, a.cost_ms
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_built_in_bench_is_explained() {
+        let text = report(&Bench::built_in().unwrap()).unwrap();
+        for word in ["is sound", "passive", "plan of frame 0", "fits", "> "] {
+            assert!(text.contains(word), "no \"{word}\" in:\n{text}");
+        }
+    }
 }

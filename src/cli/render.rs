@@ -1,8 +1,258 @@
-//! x
-/// x
-#[derive(Debug, clap::Args)]
-pub struct RenderArgs {}
-/// x
-pub fn run(_: &RenderArgs) -> anyhow::Result<()> {
+//! `starloop render`: one image for a given attitude and time.
+
+use crate::attitude::LosPath;
+use crate::base::accuracy::AccuracyBudget;
+use crate::base::axes::{Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
+use crate::base::clock::Stopwatch;
+use crate::base::time::{Span, Tai};
+use crate::cli::bench_parts::backend_choice;
+use crate::cli::camera_parts::camera_params;
+use crate::cli::render_input::{four, read_los, read_los_samples, read_sources, three};
+use crate::cli::render_output::{Format, format_of, write_dn, write_electrons, write_truth};
+use crate::cli::run::BackendName;
+use crate::config::Camera;
+use crate::exposure::{ExposurePlan, MethodChoice, Motion, Planner, Source};
+use crate::runtime::Imager;
+use crate::runtime::engine::fill_meta;
+use crate::runtime::params::CameraParams;
+use crate::runtime::sky_view::SkyView;
+use crate::runtime::truth::fill_truth;
+use crate::sink::SentFrame;
+use crate::sky::observer::Observer;
+use anyhow::{Context, Result, bail};
+use clap::{Args, ValueEnum};
+use glam::DVec3;
+use std::path::PathBuf;
+
+/// Command line of `render`.
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    /// Camera file (TOML)
+    #[arg(long, value_name = "FILE")]
+    camera: PathBuf,
+    /// Right ascension of the boresight, degrees (ICRF)
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, requires = "dec", conflicts_with = "attitude")]
+    ra: Option<f64>,
+    /// Declination of the boresight, degrees (ICRF)
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, requires = "ra")]
+    dec: Option<f64>,
+    /// Position angle of the image's up direction (towards row 0), east of north, degrees; 0: north up, east left
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, requires = "ra")]
+    roll: Option<f64>,
+    /// Attitude quaternion `sensor_from_icrf`: Hamilton, scalar first, passive (v_sensor = q v_icrf q*)
+    #[arg(long, value_name = "W,X,Y,Z", allow_hyphen_values = true, value_parser = four)]
+    attitude: Option<[f64; 4]>,
+    /// Middle of the exposure (UTC)
+    #[arg(long, value_name = "RFC3339", default_value = "2026-01-01T00:00:00Z", value_parser = Tai::from_rfc3339)]
+    time: Tai,
+    /// Angular rate of the sensor with respect to ICRF, sensor axes, deg/s
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = three)]
+    rate: Option<[f64; 3]>,
+    /// Displacement of the image on the detector during the exposure: t_s,dx_px,dy_px,roll_arcsec, linear between rows
+    #[arg(long, value_name = "FILE.csv", conflicts_with = "los_samples")]
+    los: Option<PathBuf>,
+    /// The same as a list of equally weighted positions: dx_px,dy_px,roll_arcsec
+    #[arg(long, value_name = "FILE.csv")]
+    los_samples: Option<PathBuf>,
+    /// Sources in place of the catalog: x_px,y_px,electrons (places at mid-exposure, electrons per exposure)
+    #[arg(long, value_name = "FILE.csv")]
+    sources: Option<PathBuf>,
+    /// What to write: mean electrons before the detector, or the digital numbers it reads out
+    #[arg(long, value_enum, default_value_t = StageName::Dn)]
+    stage: StageName,
+    /// Backend
+    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
+    backend: BackendName,
+    /// Method for motion: auto, static, gauss-legendre[:N], effective-psf[:N], samples[:N]
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    method: MethodChoice,
+    /// Seed of fixed patterns and noise
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Write the truth table: id,ra_deg,dec_deg,mag,x_px,y_px,electrons
+    #[arg(long, value_name = "FILE.csv")]
+    truth: Option<PathBuf>,
+    /// Print milliseconds per stage (median of several after a warm-up) as one JSON line
+    #[arg(long)]
+    timing: bool,
+    /// Image to write: .fits (numbers) or .png (for people)
+    #[arg(long, value_name = "FILE.fits|FILE.png")]
+    out: PathBuf,
+}
+
+/// A stage of the chain, by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum StageName {
+    /// Mean electrons before the detector: f32, f64 from the reference
+    Electrons,
+    /// Digital numbers
+    Dn,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// With what could not be done, and why.
+pub fn run(arguments: &RenderArgs) -> Result<()> {
+    let format = format_of(&arguments.out)?;
+    let camera = camera_params(&Camera::load(&arguments.camera)?)?;
+    let mut scene = Scene::new(arguments, camera)?;
+    if let Some(note) = scene.imager.note() {
+        eprintln!("{note}");
+    }
+    scene.draw(arguments.stage)?;
+    scene.write(arguments, format)?;
+    if let Some(path) = &arguments.truth {
+        write_truth(path, &scene.frame)?;
+    }
+    if arguments.timing {
+        println!("{}", scene.time(arguments.stage)?);
+    }
     Ok(())
+}
+
+/// Everything one image needs.
+struct Scene {
+    camera: CameraParams,
+    planner: Planner,
+    imager: Imager,
+    sky: Option<SkyView>,
+    sources: Vec<Source>,
+    frame: SentFrame,
+    seed: u64,
+}
+
+impl Scene {
+    fn new(arguments: &RenderArgs, camera: CameraParams) -> Result<Self> {
+        let size = [camera.geometry.width_px(), camera.geometry.height_px()];
+        let backend = backend_choice(arguments.backend.configured());
+        let imager = Imager::new(backend, camera.detector, size, arguments.seed)?;
+        let motion = motion(arguments, camera.exposure_s)?;
+        let instrument = camera.instrument();
+        let budget = AccuracyBudget::default();
+        let mut planner = Planner::new(instrument, budget, imager.cost(), arguments.method, motion.los.clone());
+        *planner.motion_mut() = motion;
+        let (sky, sources) = match &arguments.sources {
+            Some(path) => (None, read_sources(path)?),
+            None => (Some(SkyView::new(&camera, Observer::Geocentre, arguments.time)?), Vec::new()),
+        };
+        let frame = SentFrame::with_capacity(size[0], size[1], sources.len(), camera.name.clone());
+        Ok(Self { camera, planner, imager, sky, sources, frame, seed: arguments.seed })
+    }
+
+    /// Finds the sources and plans; the wall time of both.
+    fn plan(&mut self) -> Result<[Span; 2]> {
+        let mut watch = Stopwatch::start();
+        let los = &self.planner.motion_mut().los;
+        let boresight = los.mid_sensor_from_icrf.inverse().apply(DVec3::Z);
+        let (sweep_rad, mid) = (los.rate_rad_s.length() * los.exposure_s, los.mid_exposure());
+        let sources = match &mut self.sky {
+            Some(sky) => sky.sources(boresight, sweep_rad, mid)?,
+            None => &self.sources,
+        };
+        let sky = watch.lap();
+        self.planner.plan(sources);
+        Ok([sky, watch.lap()])
+    }
+
+    /// Draws up to `stage`; wall times: sky, plan, render, detector.
+    fn draw(&mut self, stage: StageName) -> Result<[Span; 4]> {
+        let [sky, planning] = self.plan()?;
+        let plan: &ExposurePlan = self.planner.latest();
+        let mut watch = Stopwatch::start();
+        let times = match stage {
+            StageName::Electrons => {
+                self.imager.render(plan)?;
+                [sky, planning, watch.lap(), Span::ZERO]
+            }
+            StageName::Dn => {
+                let times = self.imager.image(plan, 0, &mut self.frame.image)?;
+                [sky, planning, times.render, times.detector]
+            }
+        };
+        fill_truth(plan, &mut self.frame.truth);
+        fill_meta(plan, 0, self.seed, &self.camera.detector, self.imager.name(), &mut self.frame.meta);
+        Ok(times)
+    }
+
+    fn write(&mut self, arguments: &RenderArgs, format: Format) -> Result<()> {
+        match arguments.stage {
+            StageName::Dn => write_dn(&arguments.out, format, &self.frame)?,
+            StageName::Electrons => {
+                let mean = self.imager.render(self.planner.latest())?;
+                write_electrons(&arguments.out, format, &mean, &self.frame.meta)?
+            }
+        };
+        Ok(())
+    }
+
+    /// Median wall times as one JSON line.
+    fn time(&mut self, stage: StageName) -> Result<String> {
+        const MOST_REPEATS: usize = 21;
+        const LONG_ENOUGH_S: f64 = 5.0;
+        let mut repeats: Vec<[f64; 4]> = Vec::new();
+        let mut total_s = 0.0;
+        while repeats.len() < MOST_REPEATS && (repeats.len() < 3 || total_s < LONG_ENOUGH_S) {
+            let times = self.draw(stage)?.map(Span::ms);
+            total_s += times.iter().sum::<f64>() * 1e-3;
+            repeats.push(times);
+        }
+        let median = |mut values: Vec<f64>| {
+            values.sort_by(f64::total_cmp);
+            values[values.len() / 2]
+        };
+        let [sky, plan, render, detector] =
+            core::array::from_fn(|i| median(repeats.iter().map(|times| times[i]).collect()));
+        let total = median(repeats.iter().map(|times| times.iter().sum()).collect());
+        Ok(serde_json::json!({
+            "backend": self.imager.name(),
+            "device": self.imager.description(),
+            "method": self.planner.latest().chosen.method.to_string(),
+            "stars": self.planner.latest().stars.len(),
+            "sky_ms": sky,
+            "plan_ms": plan,
+            "render_ms": render,
+            "detector_ms": detector,
+            "total_ms": total,
+            "repeats": repeats.len(),
+        })
+        .to_string())
+    }
+}
+
+/// Motion of the image during the exposure.
+fn motion(arguments: &RenderArgs, exposure_s: f64) -> Result<Motion> {
+    let start = arguments.time - Span::from_s(0.5 * exposure_s);
+    let mut los = LosPath::commanded(attitude(arguments)?, start, exposure_s);
+    los.rate_rad_s = DVec3::from_array(arguments.rate.unwrap_or_default()) * 1_f64.to_radians();
+    let image_path = match (&arguments.los, &arguments.los_samples) {
+        (Some(path), _) => Some(read_los(path, exposure_s)?),
+        (None, Some(path)) => Some(read_los_samples(path)?),
+        (None, None) => None,
+    };
+    Ok(Motion { los, image_path })
+}
+
+/// Tolerance on the norm of a quaternion that was typed.
+const NORM_TOLERANCE: f64 = 1e-3;
+
+fn attitude(arguments: &RenderArgs) -> Result<Rotation<Sensor, Icrf>> {
+    if let Some(wxyz) = arguments.attitude {
+        return Rotation::from_wxyz(wxyz, NORM_TOLERANCE).with_context(|| {
+            let norm = wxyz.iter().map(|v| v * v).sum::<f64>().sqrt();
+            format!("--attitude: got a quaternion of norm {norm}, wanted 1 within {NORM_TOLERANCE}")
+        });
+    }
+    match (arguments.ra, arguments.dec, &arguments.sources) {
+        (Some(ra), Some(dec), _) => {
+            let roll = arguments.roll.unwrap_or(0.0);
+            if !(ra.is_finite() && roll.is_finite() && (-90.0..=90.0).contains(&dec)) {
+                bail!("--ra {ra} --dec {dec} --roll {roll}: wanted finite degrees and a declination from -90 to 90");
+            }
+            Ok(sensor_from_ra_dec_roll(ra.to_radians(), dec.to_radians(), roll.to_radians()))
+        }
+        // Sources given in pixels need no sky.
+        (_, _, Some(_)) => Ok(Rotation::IDENTITY),
+        _ => bail!("wanted --ra and --dec (and --roll), or --attitude, or --sources"),
+    }
 }

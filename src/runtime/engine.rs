@@ -5,6 +5,7 @@ use crate::attitude::{LosPath, PathOrigin, PathOutcome, compose};
 use crate::base::axes::{Rotation, ra_dec_roll};
 use crate::base::clock::Stopwatch;
 use crate::base::time::{Span, Tai};
+use crate::detector::DetectorParams;
 use crate::exposure::plan::Verdict;
 use crate::exposure::{ExposurePlan, Planner};
 use crate::report::{Stage, StageTimes};
@@ -116,7 +117,8 @@ impl FrameEngine {
         times.set(Stage::Render, imaging.render);
         times.set(Stage::Detector, imaging.detector);
         fill_truth(plan, &mut frame.truth);
-        fill_meta(plan, slot, &self.params, self.imager.name(), &mut frame.meta);
+        let (seed, detector) = (self.params.seed, &self.params.camera.detector);
+        fill_meta(plan, slot.number, seed, detector, self.imager.name(), &mut frame.meta);
         frame.meta.attitude_age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);
         if !has_stars {
             frame.meta.faults |= FaultFlags::BLANK;
@@ -182,22 +184,29 @@ pub fn origin_name(origin: PathOrigin) -> &'static str {
 }
 
 /// Everything a plan says about a frame.
-fn fill_meta(plan: &ExposurePlan, slot: Slot, params: &RunParams, backend: &'static str, meta: &mut FrameMeta) {
+pub fn fill_meta(
+    plan: &ExposurePlan,
+    number: u32,
+    seed: u64,
+    detector: &DetectorParams,
+    backend: &'static str,
+    meta: &mut FrameMeta,
+) {
     let los = &plan.motion.los;
     let [ra, dec, roll] = ra_dec_roll(&los.mid_sensor_from_icrf).map(f64::to_degrees);
-    meta.number = slot.number;
+    meta.number = number;
     meta.mid_exposure = los.mid_exposure();
     meta.exposure_s = los.exposure_s;
     meta.attitude_wxyz = los.mid_sensor_from_icrf.wxyz();
     (meta.ra_deg, meta.dec_deg, meta.roll_deg) = (ra, dec, roll);
     meta.rate_deg_s = los.rate_rad_s.to_array().map(f64::to_degrees);
-    meta.seed = params.seed;
+    meta.seed = seed;
     meta.lateness = Span::ZERO;
     meta.horizon = los.horizon;
     meta.backend = backend;
     meta.method = plan.chosen.method.name().name();
     meta.origin = origin_name(los.origin);
     meta.faults = FaultFlags::NONE;
-    meta.gain_e_per_dn = params.camera.detector.gain_e_per_dn;
-    meta.black_level_dn = params.camera.detector.black_level_dn;
+    meta.gain_e_per_dn = detector.gain_e_per_dn;
+    meta.black_level_dn = detector.black_level_dn;
 }

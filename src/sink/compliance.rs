@@ -122,7 +122,10 @@ fn every_writer_reports_a_disk_that_fills_up_at_any_byte() {
     type Writer<'a> = (&'a str, &'a dyn Fn(&mut dyn Write) -> io::Result<()>);
     let writers: [Writer<'_>; 6] = [
         ("fits", &|out| fits::write_frame(out, &frame)),
-        ("fits electrons", &|out| fits::write_electrons(out, &electrons, &frame.meta)),
+        ("fits electrons", &|out| {
+            let pixels = fits::Pixels::F32(electrons.pixels());
+            fits::write_electrons(out, electrons.width(), electrons.height(), pixels, &frame.meta)
+        }),
         ("png 8", &|out| png::write_dn_for_people(out, &frame.image)),
         ("png 16", &|out| png::write_dn_raw(out, &frame.image)),
         ("png electrons", &|out| png::write_electrons_for_people(out, &electrons)),

@@ -5,7 +5,6 @@
 
 use super::card::Header;
 use super::image::{Pixels, write_image};
-use crate::base::image::ElectronImage;
 use crate::base::time::Tai;
 use crate::base::units::DAY_S;
 use crate::sink::crc32::pixel_crc32;
@@ -32,11 +31,17 @@ pub fn write_frame(out: impl Write, frame: &SentFrame) -> io::Result<()> {
 ///
 /// # Errors
 /// When the output fails.
-pub fn write_electrons(out: impl Write, image: &ElectronImage, meta: &FrameMeta) -> io::Result<()> {
+pub fn write_electrons(
+    out: impl Write,
+    width: usize,
+    height: usize,
+    pixels: Pixels<'_>,
+    meta: &FrameMeta,
+) -> io::Result<()> {
     let mut header = Header::default();
     header.push("BUNIT", "electron", "mean electrons, before noise");
     push_meta(&mut header, meta);
-    write_image(out, image.width(), image.height(), Pixels::F32(image.pixels()), &header)
+    write_image(out, width, height, pixels, &header)
 }
 
 /// Adds everything that is known about a frame.
@@ -98,6 +103,7 @@ mod tests {
     use super::super::read::OwnedPixels;
     use super::super::read_image;
     use super::*;
+    use crate::base::image::ElectronImage;
     use crate::sink::frame::sample_frame;
 
     fn round_trip(frame: &SentFrame) -> super::super::FitsImage {
@@ -142,7 +148,8 @@ mod tests {
         let mut image = ElectronImage::new(3, 2);
         image.pixels_mut().copy_from_slice(&[0.0, 0.1, -1.5, 1e6, f32::MIN_POSITIVE, 7.0]);
         let mut bytes = Vec::new();
-        write_electrons(&mut bytes, &image, &sample_frame(1).meta).unwrap();
+        write_electrons(&mut bytes, image.width(), image.height(), Pixels::F32(image.pixels()), &sample_frame(1).meta)
+            .unwrap();
         let read = read_image(bytes.as_slice()).unwrap();
         assert_eq!(read.pixels, OwnedPixels::F32(image.pixels().to_vec()));
         assert_eq!(read.header.text("BUNIT").as_deref(), Some("electron"));
