@@ -16,6 +16,7 @@ use crate::exposure::nodes;
 use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::plan::{Assessment, ExposurePlan, PlannedStar, Verdict};
 use crate::exposure::share::Share;
+use crate::exposure::spectrum::{self, Sensitivity, Spectrum};
 use crate::exposure::track::StarTrack;
 use crate::optics::PsfModel;
 use glam::DVec3;
@@ -65,6 +66,8 @@ pub const TABLE_ERROR: f64 = 3e-5;
 const TABLE_CENTROID_PX: f64 = 1e-4;
 /// Rounding of single-precision drawing, px.
 const F32_CENTROID_PX: f64 = 1e-6;
+/// Side of the window in which a tracker measures, px.
+const WINDOW_PX: f64 = 5.0;
 /// Most nodes the planner gives to a path on its own.
 const MOST_NODES: usize = 16_384;
 /// Stars a frame's buffers hold from the start.
@@ -82,7 +85,16 @@ pub struct Planner {
     trial: Vec<PathNode>,
     probes: Vec<StarTrack>,
     truths: Vec<Moments>,
+    sensitivity: Sensitivity,
+    watched: [Watched; 2],
     share: Share,
+}
+
+/// A probe whose characteristic function is followed.
+#[derive(Debug, Clone, Copy)]
+struct Watched {
+    probe: usize,
+    truth: Spectrum,
 }
 
 impl Planner {
@@ -117,6 +129,7 @@ impl Planner {
             stars: Vec::with_capacity(STARS_RESERVED),
             motion: Motion { los, image_path: None },
         };
+        let sensitivity = Sensitivity::new(instrument.psf.core_sigma_px());
         let share = Share::new(&instrument.psf, half_px, [instrument.camera.width_px(), instrument.camera.height_px()]);
         Self {
             instrument,
@@ -128,6 +141,8 @@ impl Planner {
             trial: Vec::with_capacity(nodes::MOST_DENSE_NODES),
             probes: Vec::with_capacity(8),
             truths: Vec::with_capacity(8),
+            sensitivity,
+            watched: [Watched { probe: 0, truth: spectrum::NOTHING }; 2],
             share,
         }
     }
@@ -184,6 +199,12 @@ impl Planner {
         self.plan.extent_px = extent_px(&self.probes, &self.dense, &self.plan.mean);
         self.truths.clear();
         self.truths.extend(self.probes.iter().map(|probe| Moments::of(probe, &self.dense)));
+        let spread = |i: &usize| self.truths[*i].covariance_px2[0] + self.truths[*i].covariance_px2[2];
+        let widest = (0..self.truths.len()).max_by(|a, b| spread(a).total_cmp(&spread(b))).unwrap_or(0);
+        for (watched, probe) in self.watched.iter_mut().zip([0, widest]) {
+            let Some(track) = self.probes.get(probe) else { continue };
+            *watched = Watched { probe, truth: self.sensitivity.spectrum(track, &self.dense) };
+        }
     }
 
     /// Tracks of all sources that can leave light on the detector.
@@ -313,6 +334,9 @@ impl Planner {
             centroid_px = centroid_px.max(drawn.centroid_error_px(truth, sigma_px));
             peak = peak.max(drawn.peak_error(truth, sigma_px));
         }
+        let (long_path_px, long_path_peak) = self.long_path_error(method);
+        centroid_px = centroid_px.max(long_path_px);
+        peak = peak.max(long_path_peak);
         centroid_px += self.cubic_error_px() + if tabulated { TABLE_CENTROID_PX } else { F32_CENTROID_PX };
         let brightest_e = (self.brightest_e() * psf.peak()).min(self.instrument.full_well_e);
         let noise_e = brightest_e.sqrt().hypot(self.instrument.read_noise_e_rms).max(1.0);
@@ -331,6 +355,29 @@ impl Planner {
             Verdict::Fits
         };
         Assessment { method, centroid_px, flux_rel, pixel_sigma, cost_ms, verdict }
+    }
+
+    /// Centroid (px) and peak error of the nodes in `trial` by characteristic functions, for the watched probes.
+    fn long_path_error(&self, method: Method) -> (f64, f64) {
+        let shared = matches!(method, Method::EffectivePsf { .. });
+        let own = self.watched[0].probe == self.watched[1].probe;
+        let (mut centroid_px, mut peak) = (0.0_f64, 0.0_f64);
+        for watched in &self.watched[..if own { 1 } else { 2 }] {
+            let Some(track) = self.probes.get(if shared { 0 } else { watched.probe }) else { continue };
+            let drawn = self.sensitivity.spectrum(track, &self.trial);
+            let (moment, of_peak) = self.sensitivity.error(&drawn, &watched.truth);
+            centroid_px = centroid_px.max(moment / self.window_share());
+            peak = peak.max(of_peak);
+        }
+        (centroid_px, peak)
+    }
+
+    /// Least share of a star's light in the brightest 5 x 5 window: along a path of `reach_px`, or all over the square
+    /// that holds the path.
+    fn window_share(&self) -> f64 {
+        let along = WINDOW_PX / (WINDOW_PX + self.plan.reach_px);
+        let square = (WINDOW_PX / (WINDOW_PX + 2.0 * self.plan.extent_px)).powi(2);
+        along.max(square)
     }
 
     /// Electrons of the brightest star in the plan.

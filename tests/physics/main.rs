@@ -1,3 +1,6 @@
 //! Physics: the stimulator against independent computations.
+#![allow(clippy::panic, clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 mod apparent_places;
+mod scene;
+mod stamps;
