@@ -1,0 +1,171 @@
+#!/usr/bin/env bash
+# Every check of the project, in order, timed; works from a clean clone on a Debian machine with Rust installed.
+#
+#   hil_scripts/test.sh
+#
+# Installs what is missing of the software Vulkan driver, and a linker if there is none (apt, as root or through sudo),
+# and says so; with these present it needs neither apt nor root. All steps run, also after one has failed; the last line counts the tests.
+#
+#   STARLOOP_ALLOW_SKIPS=n   accept n skipped tests (default 0), for a machine without Vulkan
+#   CARGO_TARGET_DIR         where to build (default target/)
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+packages=(mesa-vulkan-drivers libvulkan1)             # software Vulkan, for the GPU tests
+command -v cc >/dev/null || packages+=(gcc libc6-dev) # the linker that Rust calls
+readonly allowed_skips="${STARLOOP_ALLOW_SKIPS:-0}"
+readonly target="${CARGO_TARGET_DIR:-target}"
+readonly log="$target/test.log"
+
+step_names=()
+step_seconds=()
+step_results=()
+failed_steps=0
+
+say() { printf '\n== %s\n' "$*"; }
+
+# --- the machine -----------------------------------------------------------------------------------------------------
+
+is_installed() { dpkg -s "$1" 2>/dev/null | grep -q '^Status: install ok installed'; }
+
+as_root() { if [[ $EUID -eq 0 ]]; then "$@"; else sudo "$@"; fi; }
+
+install_missing() {
+    local missing=() package
+    for package in "${packages[@]}"; do
+        is_installed "$package" || missing+=("$package")
+    done
+    if [[ ${#missing[@]} -eq 0 ]]; then
+        echo "nothing to install: ${packages[*]} are present"
+        return
+    fi
+    echo "installing with apt: ${missing[*]}"
+    as_root apt-get update -q &&
+        as_root env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends "${missing[@]}" ||
+        echo "could not install ${missing[*]}; going on with what the machine has"
+}
+
+# True when the Vulkan loader has a driver to load.
+has_vulkan() {
+    [[ -n "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ]] && return
+    compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null ||
+        compgen -G '/usr/local/share/vulkan/icd.d/*.json' >/dev/null ||
+        compgen -G '/etc/vulkan/icd.d/*.json' >/dev/null
+}
+
+# --- the steps -------------------------------------------------------------------------------------------------------
+
+format() { cargo fmt --all --check; }
+
+lint() { cargo clippy --locked --workspace --all-targets --release -- -D warnings; }
+
+build() { cargo test --locked --workspace --release --no-run; }
+
+# The whole output goes to the log; the terminal gets its course and what went wrong.
+run_tests() {
+    if has_vulkan; then
+        export STARLOOP_REQUIRE_GPU=1
+    else
+        echo "no Vulkan driver: GPU tests will be skipped"
+    fi
+    cargo test --locked --workspace --release --no-fail-fast -- --show-output 2>&1 | tee "$log" |
+        { grep -E '^ +(Running|Doc-tests)|^test result|^SKIPPED:|FAILED|panicked at' || true; }
+}
+
+skips_are_expected() {
+    local skipped
+    skipped=$(count_skipped)
+    grep '^SKIPPED:' "$log" || true
+    echo "$skipped skipped, $allowed_skips allowed"
+    [[ $(count_results passed) -gt 0 && $skipped -le $allowed_skips ]]
+}
+
+# The program on a machine without a GPU: every driver hidden, it says that it renders on the CPU and makes frames.
+run_without_gpu() {
+    local folder
+    folder=$(mktemp -d)
+    trap 'rm -rf "$folder"' EXIT
+    VK_DRIVER_FILES=/nonexistent VK_ICD_FILENAMES=/nonexistent VK_LOADER_DRIVERS_DISABLE='*' \
+        "$target/release/starloop" run --clock virtual --duration 1 --out "$folder/run" 2>&1 | tee "$folder/output"
+    grep -qi 'cpu' "$folder/output" || {
+        echo "no line says that the CPU renders"
+        return 1
+    }
+    [[ -n $(ls -A "$folder/run") ]]
+}
+
+document() { RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --release; }
+
+# --- counting --------------------------------------------------------------------------------------------------------
+
+# Sum over all test programs of one word of libtest's `test result:` lines.
+count_results() {
+    [[ -f $log ]] || { echo 0 && return; }
+    awk -v word="$1;" '/^test result:/ { for (i = 2; i <= NF; i++) if ($i == word) sum += $(i - 1) } END { print sum + 0 }' "$log"
+}
+
+# Tests that said so themselves, and tests that libtest ignored.
+count_skipped() {
+    local said=0
+    [[ -f $log ]] && said=$(grep -c '^SKIPPED:' "$log" || true)
+    echo $((said + $(count_results ignored)))
+}
+
+# Runs one step in a subshell, where the first failing command ends it, and notes time and result.
+step() {
+    local name=$1 started=$SECONDS status
+    say "$name"
+    set +e
+    (
+        set -e
+        "$2"
+    )
+    status=$?
+    set -e
+    step_names+=("$name")
+    step_seconds+=($((SECONDS - started)))
+    if [[ $status -eq 0 ]]; then
+        step_results+=(ok)
+    else
+        step_results+=(FAILED)
+        failed_steps=$((failed_steps + 1))
+    fi
+}
+
+print_failures() {
+    [[ -f $log && $(count_results failed) -gt 0 ]] || return 0
+    say "what the failed tests said (all output: $log)"
+    awk '/^failures:$/ { show = 1 } /^test result:/ { show = 0 } show' "$log"
+}
+
+print_table() {
+    local i
+    say "steps"
+    for i in "${!step_names[@]}"; do
+        printf '%-28s %6d s  %s\n' "${step_names[i]}" "${step_seconds[i]}" "${step_results[i]}"
+    done
+    printf '%-28s %6d s\n\n' total "$SECONDS"
+}
+
+main() {
+    command -v cargo >/dev/null || {
+        echo "cargo is missing: install Rust, https://rustup.rs" >&2
+        exit 1
+    }
+    mkdir -p "$target"
+    rm -f "$log"
+    step "system packages" install_missing
+    step "cargo fmt" format
+    step "cargo clippy" lint
+    step "build" build
+    step "tests" run_tests
+    step "no unexpected skip" skips_are_expected
+    step "run without a GPU" run_without_gpu
+    step "cargo doc" document
+    print_failures
+    print_table
+    echo "$(count_results passed) passed, $(count_results failed) failed, $(count_skipped) skipped"
+    [[ $failed_steps -eq 0 ]]
+}
+
+main

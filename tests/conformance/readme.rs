@@ -1,0 +1,206 @@
+//! The commands of README.md: each one parses, and those marked `<!-- test -->` run.
+//!
+//! A command is a line that begins with `$ ` in a fenced block marked `console`; a trailing `\` continues it. It
+//! concerns this test when it calls `starloop` or `cargo run --release --`. The marker stands on the line above the
+//! fence and speaks for the whole block. Marked commands run in order, in one empty folder, with `configs/` taken from
+//! the repository; so a later command may read what an earlier one wrote.
+
+use crate::source::root;
+use std::path::Path;
+use std::process::{Command, Output};
+use std::time::Duration;
+
+const MARK: &str = "<!-- test -->";
+const CALLS: &[&str] = &["cargo run --release -- ", "starloop "];
+/// Longest run of one command: README promises seconds, a busy machine takes longer.
+const LIMIT_S: u64 = 300;
+/// Characters with which a shell would do more than start the program.
+const SHELL: &[char] = &['|', '&', ';', '>', '<', '$', '`', '*', '~'];
+
+/// A call of the program.
+#[derive(Debug, PartialEq, Eq)]
+struct Call {
+    /// As written, continuation lines joined.
+    written: String,
+    arguments: Vec<String>,
+    is_marked: bool,
+}
+
+/// The calls of the program in `document`.
+fn calls(document: &str) -> Vec<Call> {
+    let mut calls = Vec::new();
+    let mut lines = document.lines();
+    let mut last_text = "";
+    while let Some(line) = lines.next() {
+        if let Some(language) = line.trim().strip_prefix("```") {
+            let block: Vec<_> = lines.by_ref().take_while(|line| line.trim() != "```").collect();
+            if language == "console" {
+                calls.extend(commands(&block).into_iter().filter_map(|command| call(command, last_text == MARK)));
+            }
+            last_text = "";
+        } else if !line.trim().is_empty() {
+            last_text = line.trim();
+        }
+    }
+    calls
+}
+
+/// The `$ ` lines of a block.
+fn commands(block: &[&str]) -> Vec<String> {
+    let mut commands: Vec<String> = Vec::new();
+    let mut is_continued = false;
+    for line in block {
+        let text = line.trim_end_matches('\\');
+        if is_continued {
+            commands.last_mut().unwrap().push_str(text);
+        } else if let Some(command) = text.trim_start().strip_prefix("$ ") {
+            commands.push(command.to_owned());
+        } else {
+            continue;
+        }
+        is_continued = line.ends_with('\\');
+    }
+    commands
+}
+
+fn call(written: String, is_marked: bool) -> Option<Call> {
+    let plain = written.split(" #").next().unwrap_or_default();
+    let arguments = CALLS.iter().find_map(|call| plain.strip_prefix(call))?;
+    let arguments = arguments.split_whitespace().map(str::to_owned).collect();
+    Some(Call { written, arguments, is_marked })
+}
+
+/// Why a marked call cannot run here, if it cannot.
+fn obstacle(call: &Call) -> Option<&'static str> {
+    let value = |argument: &str| argument.rsplit('=').next().is_some_and(|value| value.starts_with('/'));
+    if call.arguments.iter().any(|argument| value(argument) || argument.contains("..")) {
+        return Some("it names a path outside its folder");
+    }
+    let needs_shell = call.arguments.iter().any(|argument| argument.contains(SHELL) || argument.contains(['"', '\'']));
+    needs_shell.then_some("it needs a shell")
+}
+
+/// `configs/x` and `--flag=configs/x` from the repository, all else as written.
+fn from_root(argument: &str, root: &Path) -> String {
+    let (flag, value) = argument.split_at(argument.rfind('=').map_or(0, |at| at + 1));
+    let is_config = value == "configs" || value.starts_with("configs/");
+    if is_config { format!("{flag}{}", root.join(value).display()) } else { argument.to_owned() }
+}
+
+fn program() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_starloop"))
+}
+
+/// Runs a marked call in `folder`; gives what went wrong.
+fn run(call: &Call, folder: &Path) -> Option<String> {
+    if let Some(obstacle) = obstacle(call) {
+        return Some(format!("{obstacle}: $ {}", call.written));
+    }
+    let arguments = call.arguments.iter().map(|argument| from_root(argument, &root()));
+    failure(program().args(arguments).current_dir(folder), &call.written)
+}
+
+/// The written command and its last words, when it fails or does not end.
+fn failure(command: &mut Command, written: &str) -> Option<String> {
+    let output = match output_within(command, LIMIT_S) {
+        Ok(output) => output,
+        Err(error) => return Some(format!("{error}: $ {written}")),
+    };
+    let words = String::from_utf8_lossy(&output.stderr);
+    (!output.status.success()).then(|| format!("{}: $ {written}\n{words}", output.status))
+}
+
+/// Output goes to files, so that a talkative program never waits for a reader.
+fn output_within(command: &mut Command, limit_s: u64) -> std::io::Result<Output> {
+    const POLL: Duration = Duration::from_millis(20);
+    let logs = tempfile::tempdir()?;
+    let (out, err) = (logs.path().join("out"), logs.path().join("err"));
+    let (out_file, err_file) = (std::fs::File::create(&out)?, std::fs::File::create(&err)?);
+    let mut child = command.stdin(std::process::Stdio::null()).stdout(out_file).stderr(err_file).spawn()?;
+    for _ in 0..limit_s * 1000 / 20 {
+        if let Some(status) = child.try_wait()? {
+            return Ok(Output { status, stdout: std::fs::read(&out)?, stderr: std::fs::read(&err)? });
+        }
+        std::thread::sleep(POLL);
+    }
+    child.kill()?;
+    child.wait()?;
+    Err(std::io::Error::new(std::io::ErrorKind::TimedOut, format!("not over after {limit_s} s")))
+}
+
+fn readme_calls() -> Vec<Call> {
+    let path = root().join("README.md");
+    let document =
+        std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("README.md is needed at the root: {error}"));
+    calls(&document)
+}
+
+#[test]
+fn each_command_of_the_readme_parses() {
+    let calls = readme_calls();
+    assert!(!calls.is_empty(), "README.md has no ```console block with a `$ starloop` command");
+    let parse = |call: &Call| failure(program().args(&call.arguments).arg("--help"), &call.written);
+    let failures: Vec<_> = calls.iter().filter_map(parse).collect();
+    assert!(failures.is_empty(), "\n{}", failures.join("\n"));
+}
+
+#[test]
+fn marked_commands_of_the_readme_run() {
+    let calls = readme_calls();
+    let marked: Vec<_> = calls.iter().filter(|call| call.is_marked).collect();
+    assert!(!marked.is_empty(), "README.md has no {MARK} above a ```console block with a `$ starloop` command");
+    let folder = tempfile::tempdir().unwrap();
+    let failures: Vec<_> = marked.iter().filter_map(|call| run(call, folder.path())).collect();
+    assert!(failures.is_empty(), "\n{}", failures.join("\n"));
+}
+
+const SAMPLE: &str = "\
+<!-- test -->
+```console
+$ cargo run --release -- run --out run # seconds
+3 frames
+$ starloop run \\
+    --bench configs/benches/a.toml
+$ cargo test
+```
+<!-- test -->
+Prose parts the marker from its block.
+```console
+$ starloop doctor
+```
+```sh
+$ starloop hidden
+```
+";
+
+#[test]
+fn commands_are_found_in_console_blocks_alone() {
+    let calls = calls(SAMPLE);
+    let found: Vec<_> = calls.iter().map(|call| (call.arguments.join(" "), call.is_marked)).collect();
+    let wanted = [("run --out run", true), ("run --bench configs/benches/a.toml", true), ("doctor", false)];
+    assert_eq!(found, wanted.map(|(arguments, is_marked)| (arguments.to_owned(), is_marked)));
+}
+
+#[test]
+fn configs_come_from_the_repository() {
+    let root = Path::new("/house");
+    assert_eq!(from_root("configs/a.toml", root), "/house/configs/a.toml");
+    assert_eq!(from_root("--bench=configs/a.toml", root), "--bench=/house/configs/a.toml");
+    assert_eq!(from_root("my_configs/a.toml", root), "my_configs/a.toml");
+}
+
+#[test]
+fn a_command_that_cannot_run_alone_is_refused() {
+    let refused = |command: &str| obstacle(&call(command.to_owned(), true).unwrap()).is_some();
+    assert!(!refused("starloop run --out=run"), "control");
+    assert!(refused("starloop run --out /tmp/run"), "absolute path");
+    assert!(refused("starloop run --out=../run"), "path that climbs");
+    assert!(refused("starloop run | head"), "pipe");
+}
+
+#[test]
+fn a_failing_command_is_caught() {
+    assert!(failure(&mut Command::new("true"), "true").is_none(), "control");
+    assert!(failure(&mut Command::new("false"), "false").is_some(), "exit status");
+    assert!(output_within(Command::new("sleep").arg("5"), 0).is_err(), "no end");
+}
