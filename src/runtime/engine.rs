@@ -204,7 +204,8 @@ pub fn fill_meta(
     meta.lateness = Span::ZERO;
     meta.horizon = los.horizon;
     meta.backend = backend;
-    meta.method = plan.chosen.method.name().name();
+    // The reference integrates the exact motion, whatever method was planned.
+    meta.method = if backend == "reference" { "exact" } else { plan.chosen.method.name().name() };
     meta.origin = origin_name(los.origin);
     meta.faults = FaultFlags::NONE;
     meta.gain_e_per_dn = detector.gain_e_per_dn;

@@ -2,5 +2,6 @@
 #![allow(clippy::panic, clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 mod apparent_places;
+mod frames;
 mod scene;
 mod stamps;

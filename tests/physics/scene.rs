@@ -129,7 +129,7 @@ pub(crate) fn planner(size: usize, psf: &PsfModel, method: &str, los: LosPath, p
 
 /// A star on the detector.
 pub(crate) fn star(id: u32, electrons: f64, px: [f64; 2]) -> Source {
-    Source { id, electrons, place: SourcePlace::Pixel(px) }
+    Source { id, electrons, mag: f32::NAN, place: SourcePlace::Pixel(px) }
 }
 
 /// `plan` drawn by the CPU backend.

@@ -1,0 +1,88 @@
+//! The attitude rendered is the attitude sent, over every wire; runs repeat.
+
+use crate::bench::{built_in, over, run, run_changed};
+use starloop::base::axes::{Icrf, Rotation, Sensor};
+use starloop::base::time::Span;
+use starloop::base::units::ARCSEC;
+use starloop::config::{JitterSource, Wire};
+use starloop::runtime::EventKind;
+
+/// f32 quaternion on the wire 0.019 arcsec, interpolation of a 2 degree slew at 100 Hz < 0.001, time tag rounding
+/// (1 us at 0.5 deg/s) 0.002.
+const WIRE_ARCSEC: f64 = 0.03;
+
+#[test]
+fn the_attitude_rendered_is_the_attitude_sent() {
+    for wire in [Wire::CanFd, Wire::CanClassic, Wire::Serial] {
+        let run = run(&over(wire, 4.0));
+        assert!(run.outcome.error.is_none(), "{wire:?}: {:?}", run.outcome.error.map(|e| e.to_string()));
+        assert_eq!(run.frames.len(), 40, "{wire:?}");
+        for frame in &run.frames {
+            let truth = run.computer.truth(frame.meta.mid_exposure);
+            let rendered: Rotation<Sensor, Icrf> = Rotation::from_wxyz(frame.meta.attitude_wxyz, 1e-9).unwrap();
+            let sent = Rotation::<Sensor, Icrf>::from_quat(truth.body_from_icrf.quat());
+            let off_arcsec = sent.rotation_vector_to(&rendered).length() / ARCSEC;
+            assert!(off_arcsec < WIRE_ARCSEC, "{wire:?}, frame {}: {off_arcsec} arcsec", frame.meta.number);
+            assert!(frame.stars > 100, "{wire:?}: {} stars", frame.stars);
+        }
+        // The negative control: half a frame later the slew has moved on.
+        let (first, last) = (&run.frames[20], run.computer.truth(run.frames[20].meta.mid_exposure + Span::from_ms(50)));
+        let rendered: Rotation<Sensor, Icrf> = Rotation::from_wxyz(first.meta.attitude_wxyz, 1e-9).unwrap();
+        let later = Rotation::<Sensor, Icrf>::from_quat(last.body_from_icrf.quat());
+        assert!(later.rotation_vector_to(&rendered).length() / ARCSEC > WIRE_ARCSEC, "a shift of 50 ms is seen");
+    }
+}
+
+#[test]
+fn the_flight_computer_hears_every_frame() {
+    let run = run(&built_in(2.0));
+    let received = run.computer.received();
+    // The last frame's messages are still on the bus when the run ends.
+    assert_eq!(received.exposures, 19, "EXPOSURE per frame");
+    assert!(received.status_pages >= 38, "STATUS pages: {}", received.status_pages);
+}
+
+#[test]
+fn a_run_repeats_bit_for_bit_and_follows_its_seed() {
+    let (a, b) = (run(&built_in(1.0)), run(&built_in(1.0)));
+    assert_eq!(a.frames, b.frames, "the same run twice");
+    let mut bench = built_in(1.0);
+    bench.seed += 1;
+    let other = run(&bench);
+    assert_eq!(a.frames.len(), other.frames.len());
+    for (a, other) in a.frames.iter().zip(&other.frames) {
+        assert_ne!(a.dn_sum, other.dn_sum, "another seed is another frame");
+    }
+}
+
+#[test]
+fn jitter_sent_as_samples_is_drawn_like_jitter_known_as_lines() {
+    let mut bench = over(Wire::CanFd, 3.0);
+    bench.flight_computer.jitter_source = JitterSource::Samples;
+    let sampled = run(&bench);
+    assert!(sampled.outcome.error.is_none());
+    // A burst of 14 samples at 1 kHz is complete up to 14 ms after its first one: the end of an exposure is held.
+    let lines = run(&over(Wire::CanFd, 3.0));
+    let mut still = over(Wire::CanFd, 3.0);
+    still.flight_computer.jitter_lines.clear();
+    let still = run(&still);
+    let off = |a: &[crate::bench::Kept], b: &[crate::bench::Kept]| -> f64 {
+        a.iter().zip(b).skip(5).map(|(a, b)| (a.dn_sum as f64 - b.dn_sum as f64).abs()).sum()
+    };
+    assert!(off(&sampled.frames, &lines.frames) < 0.5 * off(&still.frames, &lines.frames), "samples carry the jitter");
+}
+
+#[test]
+fn a_stream_that_stops_is_held_and_said_so() {
+    let bench = built_in(3.0);
+    let stop = crate::bench::start(&bench) + Span::from_ms(2000);
+    let run = run_changed(&bench, |computer| computer.faults.stop_stream_at = Some(stop), usize::MAX);
+    assert!(run.outcome.error.is_none());
+    let ledger = &run.outcome.record.ledger;
+    assert!(ledger.count(EventKind::Predicted) > 0, "predicted while fresh");
+    assert!(ledger.count(EventKind::AttitudeHeld) > 0, "then held");
+    assert_eq!(run.frames.last().unwrap().meta.origin, "held");
+    assert_eq!(run.frames.len(), 30, "frames go on");
+    let counted = ledger.count(EventKind::Predicted) + ledger.count(EventKind::AttitudeHeld);
+    assert_eq!(counted, run.outcome.record.frames.extrapolated, "never silent");
+}

@@ -1,0 +1,113 @@
+//! The built-in bench on the virtual clock, with changes, and every frame it sends kept.
+
+use starloop::base::clock::{Clock, Virtual};
+use starloop::base::time::Tai;
+use starloop::cli::bench_parts;
+use starloop::config::{Bench, StartTime, Wire};
+use starloop::link::Port;
+use starloop::link::simulated::simulated_pair;
+use starloop::runtime::receiver::Receiver;
+use starloop::runtime::{FrameEngine, RunOutcome, virtual_time};
+use starloop::sink::{FrameMeta, SentFrame, Sink, SinkError, SinkSummary};
+use starloop::testbed::flight_computer::{FlightComputer, FlightComputerParams};
+use std::sync::{Arc, Mutex};
+
+/// What one run leaves behind.
+pub(crate) struct Run {
+    pub(crate) outcome: RunOutcome,
+    pub(crate) frames: Vec<Kept>,
+    pub(crate) computer: FlightComputer,
+}
+
+/// One frame as the sink got it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Kept {
+    pub(crate) meta: FrameMeta,
+    pub(crate) stars: usize,
+    pub(crate) dn_sum: u64,
+}
+
+/// A sink that keeps what it gets, and fails after `room` frames.
+struct Keeper {
+    frames: Arc<Mutex<Vec<Kept>>>,
+    room: usize,
+}
+
+impl Sink for Keeper {
+    fn name(&self) -> &'static str {
+        "keeper"
+    }
+
+    fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        let mut frames = self.frames.lock().unwrap();
+        if frames.len() == self.room {
+            return Err(SinkError::Finished { sink: "keeper" });
+        }
+        let dn_sum = frame.image.pixels().iter().enumerate().map(|(i, dn)| (i as u64 + 1) * u64::from(*dn)).sum();
+        frames.push(Kept { meta: frame.meta.clone(), stars: frame.truth.len(), dn_sum });
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<SinkSummary, SinkError> {
+        let frames = self.frames.lock().unwrap().len() as u64;
+        Ok(SinkSummary { sink: "keeper", frames, refused: 0, bytes: 0, run_crc32: 0, output: None })
+    }
+}
+
+/// The built-in bench, `seconds` long.
+pub(crate) fn built_in(seconds: f64) -> Bench {
+    let mut bench = Bench::built_in().unwrap();
+    bench.timing.duration_s = seconds;
+    bench
+}
+
+/// The same over another wire, at a rate that carries it.
+pub(crate) fn over(wire: Wire, seconds: f64) -> Bench {
+    let mut bench = built_in(seconds);
+    bench.link.wire = wire;
+    bench.link.bit_rate = if wire == Wire::Serial { 921_600.0 } else { 500_000.0 };
+    bench
+}
+
+/// When the bench's clock starts.
+pub(crate) fn start(bench: &Bench) -> Tai {
+    match bench.timing.start {
+        StartTime::At(at) => at,
+        StartTime::Now => panic!("the built-in bench starts at a fixed time"),
+    }
+}
+
+/// Runs a bench.
+pub(crate) fn run(bench: &Bench) -> Run {
+    run_changed(bench, |_| {}, usize::MAX)
+}
+
+/// Runs a bench with a changed flight computer and a sink with room for so many frames.
+pub(crate) fn run_changed(bench: &Bench, change: impl FnOnce(&mut FlightComputerParams), room: usize) -> Run {
+    let start = start(bench);
+    let params = bench_parts::run_params(bench, start).unwrap();
+    let mut computer_params = bench_parts::flight_computer(bench, start);
+    change(&mut computer_params);
+    let mut computer = FlightComputer::new(computer_params);
+    let mut engine = FrameEngine::new(params.clone()).unwrap();
+    let mut receiver = Receiver::new(params.attitude).unwrap();
+    let clock = Arc::new(Virtual::new(start));
+    let shared: Arc<dyn Clock> = clock.clone();
+    let (bus, format) = bench_parts::bus(bench);
+    let (near, far) = simulated_pair(bus, &shared);
+    let ids = firmware_protocol::can::IdMap::new(0, 0).unwrap();
+    let (mut near, mut far) = (Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids));
+    let frames = Arc::new(Mutex::new(Vec::new()));
+    let mut sink = Keeper { frames: Arc::clone(&frames), room };
+    let outcome = virtual_time::run(
+        &mut engine,
+        &mut receiver,
+        &mut near,
+        &clock,
+        &mut sink,
+        &mut |now| computer.step(now, &mut far).map(|()| computer.next_due()),
+        &mut |_, _| true,
+    );
+    let frames = frames.lock().unwrap().clone();
+    Run { outcome, frames, computer }
+}

@@ -1,0 +1,8 @@
+//! The whole loop over a simulated bus: on the virtual clock through the library, on the bench clock and as a program
+//! through the binary.
+#![allow(clippy::panic, clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+mod attitude;
+mod bad_input;
+mod bench;
+mod program;

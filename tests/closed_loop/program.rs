@@ -1,0 +1,149 @@
+//! The program as a person or a script meets it.
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+fn starloop(arguments: &[&str], folder: &Path) -> Output {
+    command(arguments, folder).output().unwrap()
+}
+
+fn command(arguments: &[&str], folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_starloop"));
+    command.args(arguments).current_dir(folder);
+    command
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// The value of a top-level key of `summary.json`.
+fn summary(folder: &Path) -> serde_json::Value {
+    serde_json::from_str(&std::fs::read_to_string(folder.join("summary.json")).unwrap()).unwrap()
+}
+
+#[test]
+fn virtual_runs_have_the_same_hash_and_files() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, threads) in [("a", "1"), ("b", "2")] {
+        let arguments = ["run", "--clock", "virtual", "--duration", "1", "--out", name, "--quiet"];
+        let output = command(&arguments, folder.path()).env("RAYON_NUM_THREADS", threads).output().unwrap();
+        assert!(output.status.success(), "{}", text(&output.stderr));
+    }
+    let [a, b] = ["a", "b"].map(|name| summary(&folder.path().join(name)));
+    assert_eq!(a["run_crc32"], b["run_crc32"], "whatever the number of threads");
+    assert_eq!(a["frames"]["delivered"], 10);
+    let bytes = |name: &str| std::fs::read(folder.path().join(name).join("frame_000003.fits")).unwrap();
+    assert_eq!(bytes("a"), bytes("b"), "files too");
+}
+
+#[test]
+fn the_bench_clock_accounts_for_every_slot() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = starloop(&["run", "--duration", "1", "--out", "run"], folder.path());
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).contains("release_to_delivered"), "{}", text(&output.stdout));
+    let frames = &summary(&folder.path().join("run"))["frames"];
+    let count = |key: &str| frames[key].as_u64().unwrap();
+    assert_eq!(count("scheduled"), 10);
+    // A loaded machine may miss slots; it may not lose count of them.
+    assert_eq!(count("delivered") + count("dropped"), 10, "{frames}");
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_cleanly_with_everything_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = command(&["run", "--duration", "60", "--out", "run"], folder.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let first_frame = folder.path().join("run/frame_000002.fits");
+    for _ in 0..600 {
+        if first_frame.exists() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    let status = child.wait().unwrap();
+    assert_eq!(status.code(), Some(130));
+    let summary = summary(&folder.path().join("run"));
+    let delivered = summary["frames"]["delivered"].as_u64().unwrap();
+    assert!(delivered >= 2, "{delivered}");
+    for number in 0..delivered {
+        assert!(folder.path().join(format!("run/frame_{number:06}.fits")).exists(), "frame {number} is whole");
+    }
+}
+
+#[test]
+fn without_a_vulkan_driver_the_cpu_draws_and_one_line_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = command(&["run", "--clock", "virtual", "--duration", "0.2", "--out", "run"], folder.path())
+        .env("VK_DRIVER_FILES", "/nonexistent")
+        .env("VK_ICD_FILENAMES", "/nonexistent")
+        .output()
+        .unwrap();
+    let stderr = text(&output.stderr);
+    assert!(output.status.success(), "{stderr}");
+    let lines = stderr.lines().filter(|line| line.contains("CPU backend")).count();
+    assert_eq!(lines, 1, "{stderr}");
+}
+
+#[test]
+fn errors_say_what_where_wanted_got() {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = folder.path().join("camera.toml");
+    let write = |focal: &str| {
+        let text = format!("[detector]\nwidth_px = 64\nheight_px = 64\n[optics]\nfocal_length_mm = {focal}\n");
+        std::fs::write(&camera, text).unwrap();
+    };
+    let camera_name = camera.to_str().unwrap();
+    let render = |extra: &[&str]| {
+        let mut arguments = vec!["render", "--camera", camera_name, "--out", "frame.fits"];
+        arguments.extend_from_slice(extra);
+        let output = starloop(&arguments, folder.path());
+        (output.status.code(), text(&output.stderr))
+    };
+    write("0");
+    let (code, error) = render(&["--ra", "10", "--dec", "-20"]);
+    assert_eq!(code, Some(1));
+    for part in ["camera.toml", "focal_length_mm", "0"] {
+        assert!(error.contains(part), "no \"{part}\" in: {error}");
+    }
+    write("50");
+    let cases: [(&[&str], Option<i32>, &str); 7] = [
+        (&["--attitude", "1,0,0,NaN"], Some(2), "4 finite numbers"),
+        (&["--attitude", "2,0,0,0"], Some(1), "norm 2"),
+        (&["--ra", "10", "--dec", "91"], Some(1), "-90 to 90"),
+        (&["--ra", "10", "--dec", "0", "--sources", "none.csv"], Some(1), "none.csv"),
+        (&["--ra", "10", "--dec", "0", "--time", "noon"], Some(2), "RFC 3339"),
+        (&["--ra", "10", "--dec", "0", "--method", "magic"], Some(2), "magic"),
+        (&[], Some(1), "wanted --ra"),
+    ];
+    for (arguments, wanted, part) in cases {
+        let (code, error) = render(arguments);
+        assert_eq!(code, wanted, "{arguments:?}: {error}");
+        assert!(error.contains(part), "no \"{part}\" in: {error}");
+    }
+    assert!(!folder.path().join("frame.fits").exists(), "nothing half-written");
+    let (code, error) = render(&["--ra", "10", "--dec", "-20", "--roll", "5"]);
+    assert_eq!(code, Some(0), "and a right one works: {error}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_a_clear_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = folder.path().join("camera.toml");
+    std::fs::write(&camera, "[detector]\nwidth_px = 64\nheight_px = 64\n[optics]\nfocal_length_mm = 50\n").unwrap();
+    std::os::unix::fs::symlink("/dev/full", folder.path().join("full.fits")).unwrap();
+    let camera = camera.to_str().unwrap();
+    let output =
+        starloop(&["render", "--camera", camera, "--ra", "1", "--dec", "2", "--out", "full.fits"], folder.path());
+    assert_eq!(output.status.code(), Some(1));
+    let error = text(&output.stderr);
+    assert!(error.contains("full.fits") && error.to_lowercase().contains("space"), "{error}");
+}
