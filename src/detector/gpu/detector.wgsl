@@ -148,13 +148,23 @@ fn invert(mean: vec2<f32>, words: vec2<u32>) -> vec2<f32> {
     // A sum that no longer grows has ended; once ended it stays so, and its terms go to zero before they are denormal.
     var on = u >= sum;
     for (var step = 0.0; any(on) && step < 64.0; step += 4.0) {
-        for (var i = 1.0; i < 4.5; i += 1.0) {
-            count += select(vec2<f32>(0.0), vec2<f32>(1.0), on);
-            term = select(vec2<f32>(0.0), term * (mean * (1.0 / (step + i))), on);
-            let before = sum;
-            sum += term;
-            on = (u >= sum) & (sum > before);
-        }
+        // Four steps, written out: nothing unrolls a loop whose bounds are checked at run time.
+        count += select(vec2<f32>(0.0), vec2<f32>(1.0), on);
+        term = select(vec2<f32>(0.0), term * (mean * (1.0 / (step + 1.0))), on);
+        let sum1 = sum + term;
+        on = (u >= sum1) & (sum1 > sum);
+        count += select(vec2<f32>(0.0), vec2<f32>(1.0), on);
+        term = select(vec2<f32>(0.0), term * (mean * (1.0 / (step + 2.0))), on);
+        let sum2 = sum1 + term;
+        on = (u >= sum2) & (sum2 > sum1);
+        count += select(vec2<f32>(0.0), vec2<f32>(1.0), on);
+        term = select(vec2<f32>(0.0), term * (mean * (1.0 / (step + 3.0))), on);
+        let sum3 = sum2 + term;
+        on = (u >= sum3) & (sum3 > sum2);
+        count += select(vec2<f32>(0.0), vec2<f32>(1.0), on);
+        term = select(vec2<f32>(0.0), term * (mean * (1.0 / (step + 4.0))), on);
+        sum = sum3 + term;
+        on = (u >= sum) & (sum > sum3);
     }
     return count;
 }

@@ -239,7 +239,7 @@ impl Gpu {
             if tabulated {
                 (columns * rows).div_ceil(WORKGROUP as usize)
             } else {
-                columns.div_ceil(16) * rows.div_ceil(4)
+                columns.div_ceil(16) * rows.div_ceil(8)
             }
         };
         let most_parts = self.stars.iter().map(parts).max().unwrap_or(0).min(MOST_BLOCK_GROUPS);
