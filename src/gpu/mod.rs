@@ -12,6 +12,7 @@ pub mod error;
 pub mod passes;
 pub mod readback;
 pub mod shader;
+pub mod texture;
 pub mod timing;
 
 pub use device::{AdapterChoice, GpuDevice};

@@ -8,7 +8,7 @@ pub const WORKGROUP: u32 = 64;
 /// Workgroups along one axis of a dispatch, by wgpu's default limits.
 pub const MOST_WORKGROUPS: u32 = 65_535;
 
-/// A compute pipeline with one bind group: bindings 0, 1, 2, ... in the order of the buffers given to `bind`.
+/// A compute pipeline with one bind group: bindings 0, 1, 2, ... in the order given to `bind`.
 #[derive(Debug)]
 pub struct ComputePass {
     name: &'static str,
@@ -38,13 +38,11 @@ impl ComputePass {
         Ok(Self { name, pipeline })
     }
 
-    /// Binds buffers.
+    /// Binds buffers and tables.
     #[must_use]
-    pub fn bind(&self, gpu: &GpuDevice, buffers: &[&wgpu::Buffer]) -> wgpu::BindGroup {
-        let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
-            .zip(buffers)
-            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
-            .collect();
+    pub fn bind<const N: usize>(&self, gpu: &GpuDevice, resources: [wgpu::BindingResource<'_>; N]) -> wgpu::BindGroup {
+        let entries: Vec<wgpu::BindGroupEntry<'_>> =
+            (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
         gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(self.name),
             layout: &self.pipeline.get_bind_group_layout(0),

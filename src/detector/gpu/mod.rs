@@ -162,7 +162,7 @@ impl GpuDetector {
         }
         let buffers =
             [self.params.buffer(), electrons.buffer(), self.prnu.buffer(), self.dsnu_e.buffer(), self.dn.buffer()];
-        let group = self.pass.bind(&self.gpu, &buffers);
+        let group = self.pass.bind(&self.gpu, buffers.map(wgpu::Buffer::as_entire_binding));
         self.bound = Some((electrons.buffer().clone(), group.clone()));
         group
     }

@@ -19,6 +19,7 @@ use crate::exposure::{ExposurePlan, Method};
 use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::passes::{ComputePass, MOST_WORKGROUPS, WORKGROUP};
 use crate::gpu::readback::ReadbackRing;
+use crate::gpu::texture::TableTexture;
 use crate::gpu::{DeviceElectrons, Electrons, GpuDevice, GpuError, shader};
 use crate::optics::PsfModel;
 use crate::render::erf::{ERF_CLAMP, ERF_P, ERF_Q};
@@ -50,9 +51,7 @@ struct FrameParams {
     scale: f32,
     edge_scale: f32,
     oversampling: i32,
-    stride: i32,
-    image_len: i32,
-    unused: i32,
+    unused: [i32; 3],
 }
 
 /// Which table the device holds.
@@ -69,7 +68,8 @@ struct Resources {
     params: GrowableBuffer,
     stars: GrowableBuffer,
     nodes: GrowableBuffer,
-    table: GrowableBuffer,
+    table: TableTexture,
+    texels: Vec<[f32; 4]>,
     splat: ComputePass,
     tabulated: ComputePass,
     groups: Option<[wgpu::BindGroup; 2]>,
@@ -225,9 +225,7 @@ impl Gpu {
             scale,
             edge_scale: core::f32::consts::FRAC_1_SQRT_2 / plan.psf.core_sigma_px() as f32,
             oversampling: table.map_or(0, |table| table.oversampling as i32),
-            stride: table.map_or(0, |table| table.stride as i32),
-            image_len: table.map_or(0, |table| table.image_len() as i32),
-            unused: 0,
+            unused: [0; 3],
         }
     }
 
@@ -277,15 +275,26 @@ impl Resources {
             params: GrowableBuffer::uniform(gpu, "frame parameters", size_of::<FrameParams>() as u64)?,
             stars: GrowableBuffer::storage(gpu, "stars", 4096 * size_of::<StarRecord>() as u64)?,
             nodes: GrowableBuffer::storage(gpu, "path nodes", 256 * size_of::<NodeRecord>() as u64)?,
-            table: GrowableBuffer::storage(gpu, "PSF table", 0)?,
+            table: TableTexture::new(gpu, "PSF table")?,
+            texels: Vec::new(),
             splat: ComputePass::new(gpu, "splat", format!("{head}{erf}{}", include_str!("splat.wgsl")))?,
             tabulated: ComputePass::new(gpu, "table", format!("{head}{}", include_str!("table.wgsl")))?,
             groups: None,
         })
     }
 
+    /// Brings a table to the device: texel (phase_x, column; phase_y, row) holds the taps of four phases along x.
     fn load_table(&mut self, gpu: &GpuDevice, table: &PsfTable) -> Result<(), GpuError> {
-        if self.table.write(gpu, &table.data)? {
+        let (phases, rows, len) = (table.phases(), table.rows(), table.image_len());
+        self.texels.clear();
+        for (phase_row, row) in (0..phases).flat_map(|phase| (0..rows).map(move |row| (phase, row))) {
+            for first in 0..phases - 3 {
+                let at = (phase_row * phases + first) * len + row * table.stride;
+                let taps: [&[f32]; 4] = core::array::from_fn(|n| &table.data[at + n * len..at + n * len + rows]);
+                self.texels.extend((0..rows).map(|column| taps.map(|tap| tap[column])));
+            }
+        }
+        if self.table.write(gpu, (phases - 3) * rows, &self.texels)? {
             self.groups = None;
         }
         Ok(())
@@ -308,11 +317,12 @@ impl Resources {
 
     /// Bind groups of both passes; made anew only after a buffer has grown.
     fn bind(&mut self, gpu: &GpuDevice, sums: &wgpu::Buffer) -> [wgpu::BindGroup; 2] {
-        let Self { params, stars, nodes, table, splat, tabulated, groups } = self;
+        let Self { params, stars, nodes, table, splat, tabulated, groups, .. } = self;
         let make = || {
-            let common = [params.buffer(), stars.buffer(), nodes.buffer(), sums];
-            let [a, b, c, d] = common;
-            [splat.bind(gpu, &common), tabulated.bind(gpu, &[a, b, c, d, table.buffer()])]
+            let common =
+                || [params.buffer(), stars.buffer(), nodes.buffer(), sums].map(wgpu::Buffer::as_entire_binding);
+            let [a, b, c, d] = common();
+            [splat.bind(gpu, common()), tabulated.bind(gpu, [a, b, c, d, table.binding()])]
         };
         groups.get_or_insert_with(make).clone()
     }

@@ -11,11 +11,11 @@ struct Frame {
     scale: f32,
     // 1 / (sqrt(2) sigma), for the analytic pass.
     edge_scale: f32,
-    // Of the table: grid points per pixel, floats per image row, floats per image.
+    // Grid points of the table per pixel.
     oversampling: i32,
-    stride: i32,
-    image_len: i32,
-    unused: i32,
+    unused_0: i32,
+    unused_1: i32,
+    unused_2: i32,
 }
 
 struct Star {

@@ -1,7 +1,8 @@
 // Stars from a table of the PSF, or of the PSF convolved with the path. One workgroup: one star; one invocation: one
 // pixel of the star's box, all nodes of a slice, added to the image once.
 
-@group(0) @binding(4) var<storage, read> table: array<f32>;
+// Texel (first phase along x, column; phase along y, row): the taps of four phases along x.
+@group(0) @binding(4) var table: texture_2d<f32>;
 
 struct Taps {
     first: i32,
@@ -21,21 +22,15 @@ fn taps(fraction: f32) -> Taps {
     return Taps(i32(j), vec4<f32>(sixth * (r * r * r), w1, w2, sixth * (t * t * t)));
 }
 
-fn four(at: i32, weights: vec4<f32>) -> f32 {
-    let step = frame.image_len;
-    let values = vec4<f32>(table[at], table[at + step], table[at + 2 * step], table[at + 3 * step]);
-    return dot(values, weights);
-}
-
 fn share(place: Place, pixel: vec2<i32>) -> f32 {
     let x = taps(place.fraction.x);
     let y = taps(place.fraction.y);
-    let phase_row = (frame.oversampling + 4) * frame.image_len;
-    let at = y.first * phase_row + x.first * frame.image_len + pixel.y * frame.stride + pixel.x;
-    return y.weights.x * four(at, x.weights)
-        + y.weights.y * four(at + phase_row, x.weights)
-        + y.weights.z * four(at + 2 * phase_row, x.weights)
-        + y.weights.w * four(at + 3 * phase_row, x.weights);
+    let rows = 2 * frame.half_px + 1;
+    let at = vec2<i32>(x.first, y.first) * rows + pixel;
+    return y.weights.x * dot(textureLoad(table, at, 0), x.weights)
+        + y.weights.y * dot(textureLoad(table, at + vec2<i32>(0, rows), 0), x.weights)
+        + y.weights.z * dot(textureLoad(table, at + vec2<i32>(0, 2 * rows), 0), x.weights)
+        + y.weights.w * dot(textureLoad(table, at + vec2<i32>(0, 3 * rows), 0), x.weights);
 }
 
 fn draw_pixel(star: Star, pixel: vec2<i32>, first: u32, end: u32) {
