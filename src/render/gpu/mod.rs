@@ -32,6 +32,10 @@ use std::sync::Arc;
 
 /// Widest footprint that is drawn analytically; wider Gaussians come from a table, whose cost per pixel is lower.
 const ANALYTIC_HALF_PX: usize = 15;
+/// Block of one invocation of the splat pass.
+const SPLAT_BLOCK_PX: [usize; 2] = [16, 8];
+/// Block of one invocation of the table pass.
+const TABLE_BLOCK_PX: [usize; 2] = [8, 1];
 /// Nodes one invocation takes: enough work to hide its set-up, and long paths spread over the device.
 const NODES_PER_SLICE: usize = 128;
 /// Additions to one pixel that the fixed point leaves room for.
@@ -232,17 +236,13 @@ impl Gpu {
     /// Workgroups along x (stars) and y (parts of the largest box).
     #[allow(clippy::cast_possible_truncation, reason = "clamped first")]
     fn workgroups(&self, tabulated: bool) -> [u32; 2] {
+        let [block_columns, block_rows] = if tabulated { TABLE_BLOCK_PX } else { SPLAT_BLOCK_PX };
         let parts = |star: &StarRecord| {
             let (_, [columns, rows]) = star.box_px();
-            if tabulated {
-                (columns * rows).div_ceil(WORKGROUP as usize)
-            } else {
-                columns.div_ceil(16) * rows.div_ceil(8)
-            }
+            columns.div_ceil(block_columns) * rows.div_ceil(block_rows)
         };
         let most_parts = self.stars.iter().map(parts).max().unwrap_or(0).min(MOST_BLOCK_GROUPS);
-        let per_group = if tabulated { 1 } else { WORKGROUP as usize };
-        let along_stars = self.stars.len().div_ceil(per_group).min(MOST_WORKGROUPS as usize);
+        let along_stars = self.stars.len().div_ceil(WORKGROUP as usize);
         [along_stars as u32, most_parts as u32]
     }
 }

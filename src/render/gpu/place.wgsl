@@ -70,3 +70,17 @@ fn place(star: Star, node: Node) -> Place {
 fn units(electrons: f32) -> i32 {
     return i32(floor(electrons * frame.scale + 0.5));
 }
+
+fn put1(x: i32, y: i32, electrons: f32) {
+    let value = units(electrons);
+    if (value != 0 && x < frame.size.x && y < frame.size.y) {
+        atomicAdd(&sums[y * frame.size.x + x], value);
+    }
+}
+
+fn put4(x: i32, y: i32, electrons: vec4<f32>) {
+    put1(x, y, electrons.x);
+    put1(x + 1, y, electrons.y);
+    put1(x + 2, y, electrons.z);
+    put1(x + 3, y, electrons.w);
+}

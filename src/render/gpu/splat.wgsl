@@ -48,20 +48,6 @@ fn edges1(edge: f32, fraction: f32) -> f32 {
     return erf1((clamp(edge, -reach, reach) - fraction) * frame.edge_scale);
 }
 
-fn put1(x: i32, y: i32, electrons: f32) {
-    let value = units(electrons);
-    if (value != 0 && x < frame.size.x && y < frame.size.y) {
-        atomicAdd(&sums[y * frame.size.x + x], value);
-    }
-}
-
-fn put4(x: i32, y: i32, electrons: vec4<f32>) {
-    put1(x, y, electrons.x);
-    put1(x + 1, y, electrons.y);
-    put1(x + 2, y, electrons.z);
-    put1(x + 3, y, electrons.w);
-}
-
 fn put16(x: i32, y: i32, e0: vec4<f32>, e1: vec4<f32>, e2: vec4<f32>, e3: vec4<f32>) {
     put4(x, y, e0);
     put4(x + 4, y, e1);
