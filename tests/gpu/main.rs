@@ -10,6 +10,7 @@
 )]
 
 mod detector;
+mod device;
 mod drawing;
 mod overflow;
 mod repeat;

@@ -2,7 +2,7 @@
 //!
 //! A star adds at most `electrons x peak share` to any pixel of its box and to no pixel outside. Summed per tile of
 //! [`TILE_PX`] px over the stars whose box touches it, this bounds every pixel; each addition may round up by half a
-//! unit. The scale is the largest power of two, at most [`LARGEST_SCALE`], that keeps the bound below 2^31. Its price
+//! unit. The scale is the largest power of two, at most [`crate::render::gpu::scale::LARGEST_SCALE`], that keeps the bound below 2^31. Its price
 //! is resolution: half a unit per star and pixel, 3e-5 e- at the largest scale, 1e-3 e- for a star of 7e6 e- in one
 //! pixel. `tests/gpu` draws 3e7 electrons.
 
