@@ -1,7 +1,9 @@
 //! The GPU: choice of an adapter, its device and queue, and the first thing that went wrong on it.
 //!
-//! Vulkan only; no validation layers, nothing printed. wgpu reports most mistakes and losses to callbacks: they are kept
-//! here and come back as [`crate::gpu::GpuError::Failed`] from [`crate::gpu::GpuDevice::check`], which every wait calls.
+//! Vulkan only; no validation layers; nothing is printed here (Mesa's device-select layer prints a line of its own when
+//! `XDG_RUNTIME_DIR` is not set; `NODEVICE_SELECT=1` keeps it quiet). wgpu reports most mistakes and losses to
+//! callbacks: they are kept here and come back as [`crate::gpu::GpuError::Failed`] from
+//! [`crate::gpu::GpuDevice::check`], which every wait calls.
 
 use crate::gpu::error::GpuError;
 use core::time::Duration;

@@ -1,9 +1,9 @@
 //! The detector on a GPU: electrons in fixed point on the device -> digital numbers on the host, in one pass.
 //!
-//! The same stages in the same order as [`crate::detector::Detector`], the same Philox words and the same steps of every
-//! elementary function, so both draw the same noise. Differences are rounding: where the mean differs by 1e-5 e- or the
-//! processor fuses a multiply-add, a Poisson count or the ADC's rounding may fall on the other side, one DN at most when
-//! the gain is 1 e-/DN or more. `tests/gpu` bounds how often.
+//! The same stages in the same order as [`crate::detector::Detector`], the same Philox words and the same steps of
+//! every elementary function, so both draw the same noise. Differences are rounding: where the mean differs by 1e-5 e-
+//! or the processor fuses a multiply-add, a Poisson count or the ADC's rounding may fall on the other side, one DN at
+//! most when the gain is 1 e-/DN or more. `tests/gpu` bounds how often.
 //!
 //! The numbers inside the shader's elementary functions are those of [`crate::detector::elementary`]; a slip in any of
 //! them shows in `tests/gpu` as a share of differing pixels far beyond the bound.

@@ -1,10 +1,10 @@
 //! How many units an electron is worth, so that no pixel's sum can wrap.
 //!
 //! A star adds at most `electrons x peak share` to any pixel of its box and to no pixel outside. Summed per tile of
-//! [`TILE_PX`] px over the stars whose box touches it, this bounds every pixel; each addition may round up by half a
-//! unit. The scale is the largest power of two, at most [`crate::render::gpu::scale::LARGEST_SCALE`], that keeps the bound below 2^31. Its price
-//! is resolution: half a unit per star and pixel, 3e-5 e- at the largest scale, 1e-3 e- for a star of 7e6 e- in one
-//! pixel. `tests/gpu` draws 3e7 electrons.
+//! 32 x 32 px over the stars whose box touches it, this bounds every pixel; each addition may round up by half a unit.
+//! The scale is the largest power of two, at most 2^14, that keeps the bound below 2^31. Its price is resolution: half
+//! a unit per star and pixel, 3e-5 e- at the largest scale, 2e-3 e- for a star of 7e6 e- in one pixel. `tests/gpu`
+//! draws 3e7 electrons.
 
 /// Largest scale: 2^14 units per electron, up to 131 ke- per pixel.
 pub const LARGEST_SCALE: f64 = 16_384.0;
