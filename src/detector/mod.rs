@@ -9,6 +9,7 @@ pub mod block;
 pub mod cpu;
 pub mod elementary;
 pub mod full_well;
+pub mod gpu;
 pub mod params;
 pub mod pattern;
 pub mod poisson;

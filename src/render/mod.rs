@@ -6,6 +6,7 @@
 
 pub mod cpu;
 pub mod erf;
+pub mod gpu;
 pub mod reference;
 pub mod spline;
 pub mod table;

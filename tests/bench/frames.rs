@@ -9,14 +9,16 @@ use starloop::base::axes::Rotation;
 use starloop::base::image::DnImage;
 use starloop::base::random::philox;
 use starloop::base::time::{Span, Tai};
+use starloop::detector::gpu::GpuDetector;
 use starloop::detector::{Detector, DetectorParams};
 use starloop::exposure::cost::CostModel;
 use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
 use starloop::exposure::{MethodChoice, PixelPath, PixelPoint};
-use starloop::gpu::Electrons;
+use starloop::gpu::{AdapterChoice, Electrons, GpuDevice};
 use starloop::optics::PsfModel;
 use starloop::render::Backend;
 use starloop::render::cpu::Cpu;
+use starloop::render::gpu::Gpu;
 
 const SIZE: usize = 1024;
 
@@ -37,7 +39,7 @@ fn los() -> LosPath {
     }
 }
 
-fn planner(samples: u32, method: &str) -> Planner {
+fn planner(cost: CostModel, samples: u32, method: &str) -> Planner {
     let camera = CameraGeometry::new(CameraParameters {
         width_px: SIZE,
         height_px: SIZE,
@@ -48,7 +50,7 @@ fn planner(samples: u32, method: &str) -> Planner {
     .expect("a camera");
     let instrument = Instrument { camera, psf: PsfModel::gaussian(0.8), full_well_e: 1e5, read_noise_e_rms: 10.0 };
     let choice: MethodChoice = method.parse().expect("a method");
-    let mut planner = Planner::new(instrument, AccuracyBudget::default(), CostModel::CPU, choice, los());
+    let mut planner = Planner::new(instrument, AccuracyBudget::default(), cost, choice, los());
     let rms = if samples == 1 { 0.0 } else { 1.0 };
     let point = |i| PixelPoint {
         t_s: 0.0,
@@ -85,6 +87,51 @@ fn detector() -> Detector {
     Detector::new(params, SIZE, SIZE, 1)
 }
 
+/// The cases every backend is measured with.
+fn cases() -> impl Iterator<Item = (u32, u32, String)> {
+    [100, 2_000, 10_000].into_iter().flat_map(|stars| {
+        [1, 16, 64].into_iter().flat_map(move |samples| {
+            ["auto".into(), format!("samples:{samples}")].into_iter().map(move |method| (stars, samples, method))
+        })
+    })
+}
+
+/// The GPU, whichever there is: drawing alone (waited for), and drawing, noise and readback.
+fn gpu_frames(c: &mut Criterion) {
+    let device = match GpuDevice::open(&AdapterChoice::Best) {
+        Ok(device) => device,
+        Err(error) => {
+            println!("SKIPPED: {error}");
+            return;
+        }
+    };
+    println!("GPU: {}", device.description());
+    let cost = if device.is_software() { CostModel::SOFTWARE_GPU } else { CostModel::GPU };
+    let mut gpu = Gpu::new(device.clone(), SIZE, SIZE).expect("a backend");
+    let mut readout = GpuDetector::new(device.clone(), &detector(), SIZE, SIZE).expect("a detector");
+    let mut dn = DnImage::new(SIZE, SIZE);
+    let mut group = c.benchmark_group("gpu");
+    group.sample_size(20);
+    for (stars, samples, method) in cases() {
+        let sources = sources(stars);
+        let mut planner = planner(cost, samples, &method);
+        let id = format!("{stars} stars x {samples}, {method}");
+        group.bench_function(BenchmarkId::new("mean", &id), |b| {
+            b.iter(|| {
+                gpu.render(planner.plan(&sources)).expect("draws");
+                device.wait().expect("finishes");
+            });
+        });
+        group.bench_function(BenchmarkId::new("noise", &id), |b| {
+            b.iter(|| {
+                gpu.render(planner.plan(&sources)).expect("draws");
+                readout.collect(gpu.device_electrons(), 1, 0.1, &mut dn).expect("reads out");
+            });
+        });
+    }
+    group.finish();
+}
+
 fn frames(c: &mut Criterion) {
     let mut cpu = Cpu::new(SIZE, SIZE);
     let detector = detector();
@@ -96,7 +143,7 @@ fn frames(c: &mut Criterion) {
         for samples in [1, 16, 64] {
             for method in ["auto", "samples"] {
                 let method = if method == "samples" { format!("samples:{samples}") } else { method.into() };
-                let mut planner = planner(samples, &method);
+                let mut planner = planner(CostModel::CPU, samples, &method);
                 let id = format!("{stars} stars x {samples}, {method}");
                 group.bench_function(BenchmarkId::new("mean", &id), |b| {
                     b.iter(|| cpu.render(planner.plan(&sources)).expect("draws"));
@@ -114,10 +161,10 @@ fn frames(c: &mut Criterion) {
     group.finish();
     c.bench_function("plan 10000 stars x 64", |b| {
         let sources = sources(10_000);
-        let mut planner = planner(64, "auto");
+        let mut planner = planner(CostModel::CPU, 64, "auto");
         b.iter(|| planner.plan(&sources).stars.len());
     });
 }
 
-criterion_group!(benches, frames);
+criterion_group!(benches, frames, gpu_frames);
 criterion_main!(benches);

@@ -1,0 +1,45 @@
+//! What can go wrong on a GPU.
+
+/// Why the GPU could not be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum GpuError {
+    /// no Vulkan adapter was found
+    #[error("no Vulkan adapter{wanted}: found {found}; install a driver (mesa-vulkan-drivers has a software one)")]
+    NoAdapter {
+        /// What was asked for beyond "any", as text after "adapter".
+        wanted: String,
+        /// What there is.
+        found: String,
+    },
+    /// the adapter is there but gives no device
+    #[error("adapter {adapter} gives no device: {reason}")]
+    NoDevice {
+        /// Name of the adapter.
+        adapter: String,
+        /// What the driver said.
+        reason: String,
+    },
+    /// a buffer is larger than the device takes
+    #[error("{what}: got {got} bytes, the device takes at most {most}")]
+    TooLarge {
+        /// What the buffer holds.
+        what: &'static str,
+        /// Bytes wanted.
+        got: u64,
+        /// Bytes allowed.
+        most: u64,
+    },
+    /// the device failed or was lost
+    #[error("the GPU failed: {0}")]
+    Failed(String),
+    /// an image of one size met a pass made for another
+    #[error("{what}: got an image of {got:?} px, wanted {wanted:?}")]
+    Size {
+        /// Which pass.
+        what: &'static str,
+        /// Width and height given.
+        got: [usize; 2],
+        /// Width and height it was made for.
+        wanted: [usize; 2],
+    },
+}

@@ -1,0 +1,45 @@
+//! Rust constants as WGSL text, so that a number exists once.
+
+use core::fmt::Write as _;
+
+/// `const NAME = value;` with the digits that give the same f32 back.
+#[must_use]
+pub fn constant(name: &str, value: f32) -> String {
+    format!("const {name} = {};\n", literal(value))
+}
+
+/// `const NAME: u32 = value;`
+#[must_use]
+pub fn constant_u32(name: &str, value: u32) -> String {
+    format!("const {name} = {value}u;\n")
+}
+
+/// `const NAME_0 = ...; const NAME_1 = ...;`: a polynomial's coefficients.
+#[must_use]
+pub fn coefficients(name: &str, values: &[f32]) -> String {
+    values.iter().enumerate().fold(String::new(), |mut text, (i, value)| {
+        // Writing into a string cannot fail.
+        let _ = writeln!(text, "const {name}_{i} = {};", literal(*value));
+        text
+    })
+}
+
+/// Shortest decimal that reads back as the same number (nine digits at most), with a WGSL suffix.
+fn literal(value: f32) -> String {
+    format!("{value:e}f")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn literals_give_the_same_number_back() {
+        for value in [1.0_f32, -0.1, 2.050_355_3e-6, 16_777_216.0, f32::MIN_POSITIVE, 0.333_333_34] {
+            let text = literal(value);
+            let back: f32 = text.trim_end_matches('f').parse().expect("a number");
+            assert_eq!(back.to_bits(), value.to_bits(), "{text}");
+        }
+        assert_eq!(coefficients("A", &[1.0, 0.5]), "const A_0 = 1e0f;\nconst A_1 = 5e-1f;\n");
+    }
+}

@@ -1,0 +1,20 @@
+//! Where the wall time of a frame went on the host's side.
+//!
+//! Device timestamps are not used: software adapters report nonsense for them, and the deadline is on the wall anyway.
+
+use crate::base::time::Span;
+
+/// Wall time of one frame's trip through the detector pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameTimes {
+    /// Writing parameters, recording and submitting.
+    pub submit: Span,
+    /// Waiting for the GPU (all it still had to do, drawing included) and copying out.
+    pub receive: Span,
+}
+
+impl Default for FrameTimes {
+    fn default() -> Self {
+        Self { submit: Span::ZERO, receive: Span::ZERO }
+    }
+}

@@ -1,0 +1,354 @@
+//! GPU backend: wgpu compute, the same methods and coefficients as the CPU backend.
+//!
+//! Plan -> electrons per pixel in fixed point on the device ([`crate::gpu::DeviceElectrons`]). Two passes:
+//!
+//! * `splat`: Gaussian PSFs, analytically. One invocation per star and block of 16 x 4 pixels of the star's box; it
+//!   sums all nodes in registers and adds the block to the image once.
+//! * `table`: tabulated and effective PSFs, from the tables of [`crate::render::table`]. One workgroup per star, one
+//!   invocation per pixel of the box, 16 taps per node.
+//!
+//! Additions are integer, so they commute: a repeated plan gives the same bits. The scale is chosen per frame so that
+//! no pixel can wrap ([`crate::render::gpu::scale`]). Error against the CPU backend: f32 rounding, 5e-7 of the peak;
+//! half a unit (3e-5 e-) per star and pixel. `tests/gpu` holds all of this.
+
+pub mod scale;
+mod stars;
+
+use crate::base::image::Image;
+use crate::exposure::{ExposurePlan, Method};
+use crate::gpu::buffers::GrowableBuffer;
+use crate::gpu::passes::{ComputePass, MOST_WORKGROUPS, WORKGROUP};
+use crate::gpu::readback::ReadbackRing;
+use crate::gpu::texture::TableTexture;
+use crate::gpu::{DeviceElectrons, Electrons, GpuDevice, GpuError, shader};
+use crate::optics::PsfModel;
+use crate::render::erf::{ERF_CLAMP, ERF_P, ERF_Q};
+use crate::render::table::PsfTable;
+use crate::render::{Backend, RenderError};
+use bytemuck::{Pod, Zeroable};
+use scale::TileBounds;
+use stars::{NodeRecord, StarRecord, fill_nodes, fill_stars};
+use std::sync::Arc;
+
+/// Widest footprint that is drawn analytically; wider Gaussians come from a table, whose cost per pixel is lower.
+const ANALYTIC_HALF_PX: usize = 15;
+/// Block of one invocation of the splat pass.
+const SPLAT_BLOCK_PX: [usize; 2] = [16, 8];
+/// Block of one invocation of the table pass.
+const TABLE_BLOCK_PX: [usize; 2] = [8, 1];
+/// Nodes one invocation takes: enough work to hide its set-up, and long paths spread over the device.
+const NODES_PER_SLICE: usize = 128;
+/// Additions to one pixel that the fixed point leaves room for.
+const MOST_ADDITIONS: usize = 1 << 28;
+/// Workgroups along y at most: a box with more blocks is walked through in strides.
+const MOST_BLOCK_GROUPS: usize = 4096;
+
+/// `Frame` of `place.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+struct FrameParams {
+    size: [i32; 2],
+    stars: u32,
+    nodes: u32,
+    nodes_per_slice: u32,
+    half_px: i32,
+    scale: f32,
+    edge_scale: f32,
+    oversampling: i32,
+    unused: [i32; 3],
+}
+
+/// Which table the device holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Loaded {
+    Nothing,
+    Base,
+    Effective,
+}
+
+/// Device buffers and what binds them.
+#[derive(Debug)]
+struct Resources {
+    params: GrowableBuffer,
+    stars: GrowableBuffer,
+    nodes: GrowableBuffer,
+    table: TableTexture,
+    texels: Vec<[f32; 4]>,
+    splat: ComputePass,
+    tabulated: ComputePass,
+    groups: Option<[wgpu::BindGroup; 2]>,
+}
+
+/// The GPU backend.
+#[derive(Debug)]
+pub struct Gpu {
+    gpu: Arc<GpuDevice>,
+    resources: Resources,
+    image: DeviceElectrons,
+    readback: Option<ReadbackRing>,
+    stars: Vec<StarRecord>,
+    nodes: Vec<NodeRecord>,
+    bounds: TileBounds,
+    base: Option<(PsfModel, PsfTable)>,
+    effective: PsfTable,
+    loaded: Loaded,
+}
+
+impl Gpu {
+    /// For a detector of this size.
+    ///
+    /// # Errors
+    /// When the device refuses the shaders or an image of this size.
+    pub fn new(gpu: Arc<GpuDevice>, width_px: usize, height_px: usize) -> Result<Self, RenderError> {
+        Ok(Self {
+            resources: Resources::new(&gpu)?,
+            image: DeviceElectrons::new(&gpu, width_px, height_px)?,
+            readback: None,
+            stars: Vec::new(),
+            nodes: Vec::new(),
+            bounds: TileBounds::new([width_px, height_px]),
+            base: None,
+            effective: PsfTable::default(),
+            loaded: Loaded::Nothing,
+            gpu,
+        })
+    }
+
+    /// The device, to share with a detector.
+    #[must_use]
+    pub fn device(&self) -> &Arc<GpuDevice> {
+        &self.gpu
+    }
+
+    /// The latest image, still on the device.
+    #[must_use]
+    pub fn device_electrons(&self) -> &DeviceElectrons {
+        &self.image
+    }
+
+    /// Waits for the latest image and copies it to the host.
+    ///
+    /// # Errors
+    /// When the device failed or `out` has another size.
+    pub fn read_electrons(&mut self, out: &mut Image<f32>) -> Result<(), RenderError> {
+        let ring = match &mut self.readback {
+            Some(ring) => ring,
+            none => none.insert(ReadbackRing::new(&self.gpu, 1, self.image.buffer().size())?),
+        };
+        Ok(self.image.read(&self.gpu, ring, out)?)
+    }
+
+    /// Builds the table this plan needs and brings it to the device.
+    fn prepare_table(&mut self, plan: &ExposurePlan) -> Result<(), GpuError> {
+        let effective = matches!(plan.chosen.method, Method::EffectivePsf { .. });
+        if !effective && is_analytic(plan) {
+            return Ok(());
+        }
+        let needs_base = !effective || !matches!(plan.psf, PsfModel::Gaussian { .. });
+        let fresh = |(psf, table): &(PsfModel, PsfTable)| *psf == plan.psf && table.half_px == plan.half_px;
+        if needs_base && !self.base.as_ref().is_some_and(fresh) {
+            self.base = Some((plan.psf.clone(), PsfTable::of_psf(&plan.psf, plan.half_px)));
+            self.loaded = Loaded::Nothing;
+        }
+        if effective {
+            match &self.base {
+                Some((_, base)) if needs_base => self.effective.rebuild_effective(plan, base),
+                _ => self.effective.rebuild_effective(plan, &PsfTable::default()),
+            }
+            self.loaded = Loaded::Effective;
+            return self.resources.load_table(&self.gpu, &self.effective);
+        }
+        match &self.base {
+            Some((_, base)) if self.loaded != Loaded::Base => {
+                self.loaded = Loaded::Base;
+                self.resources.load_table(&self.gpu, base)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The table to draw `plan` from, or `None` when it is drawn analytically.
+    fn table(&self, plan: &ExposurePlan) -> Option<&PsfTable> {
+        match plan.chosen.method {
+            Method::EffectivePsf { .. } => Some(&self.effective),
+            _ if is_analytic(plan) => None,
+            _ => self.base.as_ref().map(|(_, table)| table),
+        }
+    }
+
+    /// Nodes that one invocation takes.
+    fn nodes_per_slice(&self) -> usize {
+        let most_slices = (MOST_ADDITIONS / self.stars.len().max(1)).clamp(1, MOST_WORKGROUPS as usize);
+        self.nodes.len().div_ceil(most_slices).max(NODES_PER_SLICE)
+    }
+
+    /// Scale of the frame when no pixel of a star receives more than `peak` of its electrons.
+    fn choose_scale(&mut self, peak: f64, slices: usize) -> f32 {
+        self.bounds.clear();
+        for star in &self.stars {
+            self.bounds.add(star.box_px(), f64::from(star.electrons.abs()) * peak);
+        }
+        self.bounds.scale((self.stars.len() * slices) as f64)
+    }
+
+    fn submit(&mut self, plan: &ExposurePlan) -> Result<(), GpuError> {
+        self.prepare_table(plan)?;
+        let (half_px, peak) = match self.table(plan) {
+            Some(table) => (table.half_px, largest_coefficient(table)),
+            None => (plan.half_px, plan.psf.peak()),
+        };
+        let size = [self.image.width(), self.image.height()];
+        fill_nodes(plan, &mut self.nodes);
+        fill_stars(plan, &self.nodes, half_px, size, &mut self.stars);
+        let nodes_per_slice = self.nodes_per_slice();
+        let slices = self.nodes.len().div_ceil(nodes_per_slice);
+        let scale = self.choose_scale(peak, slices);
+        let params = self.params(plan, half_px, nodes_per_slice, scale);
+        let tabulated = self.table(plan).is_some();
+        let blocks = self.workgroups(tabulated);
+        let Self { gpu, resources, image, stars, nodes, .. } = self;
+        resources.write(gpu, &params, stars, nodes)?;
+        let mut encoder = gpu.encoder("draw");
+        image.clear(&mut encoder, scale);
+        let [splat_group, table_group] = resources.bind(gpu, image.buffer());
+        let (pass, group) =
+            if tabulated { (&resources.tabulated, table_group) } else { (&resources.splat, splat_group) };
+        pass.record(&mut encoder, &group, [blocks[0], blocks[1], u32::try_from(slices).unwrap_or(MOST_WORKGROUPS)]);
+        gpu.submit(encoder)
+    }
+
+    #[allow(clippy::cast_possible_truncation, reason = "counts and sizes are held by the device's buffer limits")]
+    fn params(&self, plan: &ExposurePlan, half_px: usize, nodes_per_slice: usize, scale: f32) -> FrameParams {
+        let table = self.table(plan);
+        FrameParams {
+            size: [self.image.width() as i32, self.image.height() as i32],
+            stars: self.stars.len() as u32,
+            nodes: self.nodes.len() as u32,
+            nodes_per_slice: nodes_per_slice as u32,
+            half_px: half_px as i32,
+            scale,
+            edge_scale: core::f32::consts::FRAC_1_SQRT_2 / plan.psf.core_sigma_px() as f32,
+            oversampling: table.map_or(0, |table| table.oversampling as i32),
+            unused: [0; 3],
+        }
+    }
+
+    /// Workgroups along x (stars) and y (parts of the largest box).
+    #[allow(clippy::cast_possible_truncation, reason = "clamped first")]
+    fn workgroups(&self, tabulated: bool) -> [u32; 2] {
+        let [block_columns, block_rows] = if tabulated { TABLE_BLOCK_PX } else { SPLAT_BLOCK_PX };
+        let parts = |star: &StarRecord| {
+            let (_, [columns, rows]) = star.box_px();
+            columns.div_ceil(block_columns) * rows.div_ceil(block_rows)
+        };
+        let most_parts = self.stars.iter().map(parts).max().unwrap_or(0).min(MOST_BLOCK_GROUPS);
+        let along_stars = self.stars.len().div_ceil(WORKGROUP as usize);
+        [along_stars as u32, most_parts as u32]
+    }
+}
+
+impl Backend for Gpu {
+    fn name(&self) -> &'static str {
+        "gpu"
+    }
+
+    fn description(&self) -> String {
+        self.gpu.description()
+    }
+
+    fn render(&mut self, plan: &ExposurePlan) -> Result<(), RenderError> {
+        Ok(self.submit(plan)?)
+    }
+
+    fn electrons(&self) -> Electrons<'_> {
+        Electrons::Device(&self.image)
+    }
+}
+
+impl Resources {
+    fn new(gpu: &GpuDevice) -> Result<Self, GpuError> {
+        let head = shader::constant_u32("WORKGROUP", WORKGROUP) + include_str!("place.wgsl");
+        let erf = shader::coefficients("ERF_P", &ERF_P)
+            + &shader::coefficients("ERF_Q", &ERF_Q)
+            + &shader::constant("ERF_CLAMP", ERF_CLAMP);
+        Ok(Self {
+            params: GrowableBuffer::uniform(gpu, "frame parameters", size_of::<FrameParams>() as u64)?,
+            stars: GrowableBuffer::storage(gpu, "stars", 4096 * size_of::<StarRecord>() as u64)?,
+            nodes: GrowableBuffer::storage(gpu, "path nodes", 256 * size_of::<NodeRecord>() as u64)?,
+            table: TableTexture::new(gpu, "PSF table")?,
+            texels: Vec::new(),
+            splat: ComputePass::new(gpu, "splat", format!("{head}{erf}{}", include_str!("splat.wgsl")))?,
+            tabulated: ComputePass::new(gpu, "table", format!("{head}{}", include_str!("table.wgsl")))?,
+            groups: None,
+        })
+    }
+
+    /// Brings a table to the device: texel (phase_x, column; phase_y, row) holds the taps of four phases along x.
+    fn load_table(&mut self, gpu: &GpuDevice, table: &PsfTable) -> Result<(), GpuError> {
+        let (phases, rows, len) = (table.phases(), table.rows(), table.image_len());
+        self.texels.clear();
+        for (phase_row, row) in (0..phases).flat_map(|phase| (0..rows).map(move |row| (phase, row))) {
+            for first in 0..phases - 3 {
+                let at = (phase_row * phases + first) * len + row * table.stride;
+                let taps: [&[f32]; 4] = core::array::from_fn(|n| &table.data[at + n * len..at + n * len + rows]);
+                self.texels.extend((0..rows).map(|column| taps.map(|tap| tap[column])));
+            }
+        }
+        if self.table.write(gpu, (phases - 3) * rows, &self.texels)? {
+            self.groups = None;
+        }
+        Ok(())
+    }
+
+    fn write(
+        &mut self,
+        gpu: &GpuDevice,
+        params: &FrameParams,
+        stars: &[StarRecord],
+        nodes: &[NodeRecord],
+    ) -> Result<(), GpuError> {
+        self.params.write(gpu, core::slice::from_ref(params))?;
+        let grew = [self.stars.write(gpu, stars)?, self.nodes.write(gpu, nodes)?];
+        if grew.contains(&true) {
+            self.groups = None;
+        }
+        Ok(())
+    }
+
+    /// Bind groups of both passes; made anew only after a buffer has grown.
+    fn bind(&mut self, gpu: &GpuDevice, sums: &wgpu::Buffer) -> [wgpu::BindGroup; 2] {
+        let Self { params, stars, nodes, table, splat, tabulated, groups, .. } = self;
+        let make = || {
+            let common =
+                || [params.buffer(), stars.buffer(), nodes.buffer(), sums].map(wgpu::Buffer::as_entire_binding);
+            let [a, b, c, d] = common();
+            [splat.bind(gpu, common()), tabulated.bind(gpu, [a, b, c, d, table.binding()])]
+        };
+        groups.get_or_insert_with(make).clone()
+    }
+}
+
+impl From<GpuError> for RenderError {
+    fn from(error: GpuError) -> Self {
+        match error {
+            GpuError::NoAdapter { .. } | GpuError::NoDevice { .. } => Self::NoGpu(error.to_string()),
+            GpuError::TooLarge { what, got, most } => Self::TooLarge {
+                what,
+                got: usize::try_from(got).unwrap_or(usize::MAX),
+                most: usize::try_from(most).unwrap_or(usize::MAX),
+            },
+            GpuError::Failed(message) => Self::Device(message),
+            GpuError::Size { .. } => Self::Device(error.to_string()),
+        }
+    }
+}
+
+/// True when the plan's PSF is drawn without a table.
+fn is_analytic(plan: &ExposurePlan) -> bool {
+    matches!(plan.psf, PsfModel::Gaussian { .. }) && plan.half_px <= ANALYTIC_HALF_PX
+}
+
+/// Bound of a table's values: spline weights are positive and sum to 1, so no value lies beyond the coefficients.
+fn largest_coefficient(table: &PsfTable) -> f64 {
+    f64::from(table.data.iter().fold(0.0_f32, |most, value| most.max(value.abs())))
+}

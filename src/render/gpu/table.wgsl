@@ -1,0 +1,90 @@
+// Stars from a table of the PSF, or of the PSF convolved with the path. One invocation: one star, one block
+// of 8 x 1 pixels, all nodes of a slice. The block is summed in registers and added to the image once.
+
+const BLOCK_COLUMNS: i32 = 8;
+
+// Texel (first phase along x, column; phase along y, row): the taps of four phases along x.
+@group(0) @binding(4) var table: texture_2d<f32>;
+
+struct Taps {
+    first: i32,
+    weights: vec4<f32>,
+}
+
+// First phase and cubic B-spline weights for a star fraction in [-1/2, 1/2].
+fn taps(fraction: f32) -> Taps {
+    let half = f32(frame.oversampling / 2);
+    let s = half - fraction * f32(frame.oversampling);
+    let j = clamp(floor(s), 0.0, 2.0 * half);
+    let t = s - j;
+    let r = 1.0 - t;
+    let sixth = 1.0 / 6.0;
+    let w1 = sixth * (4.0 - 3.0 * t * t * (2.0 - t));
+    let w2 = sixth * (4.0 - 3.0 * r * r * (2.0 - r));
+    return Taps(i32(j), vec4<f32>(sixth * (r * r * r), w1, w2, sixth * (t * t * t)));
+}
+
+fn share(at: vec2<i32>, rows: i32, x: vec4<f32>, y: vec4<f32>) -> f32 {
+    return y.x * dot(textureLoad(table, at, 0), x)
+        + y.y * dot(textureLoad(table, at + vec2<i32>(0, rows), 0), x)
+        + y.z * dot(textureLoad(table, at + vec2<i32>(0, 2 * rows), 0), x)
+        + y.w * dot(textureLoad(table, at + vec2<i32>(0, 3 * rows), 0), x);
+}
+
+// Four pixels from `column` of a table image; nothing beyond its ends.
+fn shares(column: i32, row: i32, x: Taps, y: Taps) -> vec4<f32> {
+    let rows = 2 * frame.half_px + 1;
+    let columns = vec4<i32>(column, column + 1, column + 2, column + 3);
+    let inside = (columns >= vec4<i32>(0)) & (columns < vec4<i32>(rows));
+    let held = clamp(columns, vec4<i32>(0), vec4<i32>(rows - 1)) + x.first * rows;
+    let down = y.first * rows + row;
+    let values = vec4<f32>(
+        share(vec2<i32>(held.x, down), rows, x.weights, y.weights),
+        share(vec2<i32>(held.y, down), rows, x.weights, y.weights),
+        share(vec2<i32>(held.z, down), rows, x.weights, y.weights),
+        share(vec2<i32>(held.w, down), rows, x.weights, y.weights),
+    );
+    return select(vec4<f32>(0.0), values, inside);
+}
+
+fn draw_block(star: Star, corner: vec2<i32>, first: u32, end: u32) {
+    let from_origin = corner - star.origin + frame.half_px;
+    let last = 2 * frame.half_px;
+    var a = vec4<f32>();
+    var b = vec4<f32>();
+    for (var k = first; k < end; k++) {
+        let node = nodes[k];
+        let at = place(star, node);
+        let in_image = from_origin - vec2<i32>(at.whole);
+        if (in_image.y < 0 || in_image.y > last || in_image.x <= -BLOCK_COLUMNS || in_image.x > last) {
+            continue;
+        }
+        let x = taps(at.fraction.x);
+        let y = taps(at.fraction.y);
+        a += node.rest.z * shares(in_image.x, in_image.y, x, y);
+        b += node.rest.z * shares(in_image.x + 4, in_image.y, x, y);
+    }
+    put4(corner.x, corner.y, star.electrons * a);
+    put4(corner.x + 4, corner.y, star.electrons * b);
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn main(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    if (id.x >= frame.stars) {
+        return;
+    }
+    let star = stars[id.x];
+    let size = box_of(star);
+    let columns = (size.x + BLOCK_COLUMNS - 1) / BLOCK_COLUMNS;
+    let blocks = columns * size.y;
+    let first = group.z * frame.nodes_per_slice;
+    let end = min(first + frame.nodes_per_slice, frame.nodes);
+    for (var block = i32(group.y); block < blocks; block += i32(groups.y)) {
+        let corner = vec2<i32>(BLOCK_COLUMNS * (block % columns), block / columns);
+        draw_block(star, star.box_start + corner, first, end);
+    }
+}

@@ -1,0 +1,17 @@
+//! The GPU backend and detector against the CPU's. Runs on any Vulkan adapter, software included; without one every
+//! test prints `SKIPPED: no Vulkan adapter`, or fails when `STARLOOP_REQUIRE_GPU=1`.
+#![allow(
+    clippy::panic,
+    clippy::float_cmp,
+    clippy::unwrap_used,
+    missing_docs,
+    unreachable_pub,
+    reason = "a test may stop at the first surprise, and compares exact values where exactness is the claim"
+)]
+
+mod detector;
+mod device;
+mod drawing;
+mod overflow;
+mod repeat;
+mod scene;

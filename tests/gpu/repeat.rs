@@ -1,0 +1,39 @@
+//! The same plan and frame number give the same bits, whatever was drawn in between.
+
+use crate::scene::{EXPOSURE_S, Motion, Scene, detector, device, draw_gpu};
+use starloop::base::image::DnImage;
+use starloop::detector::gpu::GpuDetector;
+use starloop::exposure::ExposurePlan;
+use starloop::optics::PsfModel;
+use starloop::render::Backend;
+use starloop::render::gpu::Gpu;
+
+#[test]
+fn frames_repeat_bit_for_bit() {
+    let Some(device) = device() else { return };
+    for method in ["samples:32", "effective-psf:32"] {
+        let scene = Scene::new(PsfModel::gaussian(0.8), Motion::Jitter(32, 1.7), method);
+        let [width, height] = scene.size;
+        let mut gpu = Gpu::new(device.clone(), width, height).expect("a backend");
+        let mut readout = GpuDetector::new(device.clone(), &detector(scene.size, 2.0, 9), width, height).expect("one");
+        let (mut planner, mut other) = (scene.planner(), scene.planner());
+        let plan = planner.plan(&scene.stars(500)).clone();
+        let mut shoot = |gpu: &mut Gpu, plan: &ExposurePlan, frame| {
+            gpu.render(plan).expect("draws");
+            let mut dn = DnImage::new(width, height);
+            readout.collect(gpu.device_electrons(), frame, EXPOSURE_S, &mut dn).expect("reads out");
+            dn
+        };
+        let first = shoot(&mut gpu, &plan, 5);
+        let electrons = draw_gpu(&mut gpu, &plan, scene.size);
+        assert_eq!(first, shoot(&mut gpu, &plan, 5), "{method}: at once");
+        // More stars than the buffers held so far, none, and another frame number in between.
+        for count in [6000, 0, 30] {
+            let between = shoot(&mut gpu, other.plan(&scene.stars(count)), 6);
+            assert_ne!(first, between, "{method}: the frame between is another one");
+        }
+        assert_eq!(first, shoot(&mut gpu, &plan, 5), "{method}: after other frames");
+        assert_eq!(electrons, draw_gpu(&mut gpu, &plan, scene.size), "{method}: electrons");
+        assert_ne!(first, shoot(&mut gpu, &plan, 7), "{method}: another frame number is other noise");
+    }
+}
