@@ -18,35 +18,37 @@
     )
 )]
 
-/// Catalog sources -> apparent directions -> pixels.
-pub mod astrometry;
-/// Attitude samples -> history -> prediction -> line-of-sight path of one exposure.
-pub mod attitude;
-/// Units, axes, rotations, time, images, random numbers, the accuracy budget: free to every room.
+// The rooms in the order of the flow, one line each; their own pages say more.
+
+// Units, axes, rotations, time, images, random numbers, the accuracy budget: free to every room.
 pub mod base;
-/// One file per command.
-pub mod cli;
-/// TOML -> checked parameters.
-pub mod config;
-/// Electrons -> digital numbers: one ordered list of stages.
-pub mod detector;
-/// The planner: which method, how many samples, which stars, at what predicted error and cost.
-pub mod exposure;
-/// wgpu machinery: device, buffers, passes, readback. No physics.
-pub mod gpu;
-/// Bytes from and to the flight computer, stamped at the edge: trait `Link`.
+// Bytes from and to the flight computer, stamped at the edge: trait `Link`.
 pub mod link;
-/// Point-spread function and radiometry: magnitude -> electrons.
-pub mod optics;
-/// Plan -> mean electrons: trait `Backend` (gpu, cpu, reference).
-pub mod render;
-/// Timing and accuracy tables, run summary.
-pub mod report;
-/// Wiring, threads, deadlines, ledger, shutdown.
-pub mod runtime;
-/// Frames -> the world: trait `Sink` (recorder, null).
-pub mod sink;
-/// Time and a cone -> catalog sources; ephemerides; the observer's orbit.
+// Attitude samples -> history -> prediction -> line-of-sight path of one exposure.
+pub mod attitude;
+// Time and a cone -> catalog sources; the Earth; the observer's orbit.
 pub mod sky;
-/// The other end of the cable: simulated flight computer.
+// Catalog sources -> apparent directions -> pixels.
+pub mod astrometry;
+// Point-spread function and radiometry: magnitude -> electrons.
+pub mod optics;
+// The planner: which method, how many samples, which stars, at what predicted error and cost.
+pub mod exposure;
+// wgpu machinery: device, buffers, passes, readback. No physics.
+pub mod gpu;
+// Plan -> mean electrons: trait `Backend` (gpu, cpu, reference).
+pub mod render;
+// Electrons -> digital numbers: one ordered list of stages.
+pub mod detector;
+// Frames -> the world: trait `Sink` (recorder, null).
+pub mod sink;
+// The other end of the cable: simulated flight computer.
 pub mod testbed;
+// Timing and accuracy tables, run summary.
+pub mod report;
+// Wiring, threads, deadlines, ledger, shutdown.
+pub mod runtime;
+// TOML -> checked parameters.
+pub mod config;
+// One file per command.
+pub mod cli;

@@ -1,7 +1,7 @@
 //! Catalog sources -> apparent directions (space motion, parallax, aberration) -> pixels (projection, distortion).
 //!
-//! [`apparent_places`](crate::astrometry::apparent_places) composes the first three, in ICRF axes and for one observer's
-//! position and velocity; [`CameraGeometry`](crate::astrometry::CameraGeometry) does the last two, in sensor axes.
+//! [`apparent_places`] composes the first three, in ICRF axes and for one observer's
+//! position and velocity; [`CameraGeometry`] does the last two, in sensor axes.
 //! Between them stands the attitude, which is not this room's.
 
 mod aberration;

@@ -1,4 +1,4 @@
-//! Attitude samples -> history -> interpolation or prediction -> [`LosPath`](crate::attitude::LosPath) of one exposure.
+//! Attitude samples -> history -> interpolation or prediction -> [`LosPath`] of one exposure.
 //!
 //! Input: `(AttitudeSample, received_at)` and jitter points, stamped at the link; remote tick counts. Output: the
 //! line of sight of one exposure, with the origin and age of what it is made from. Units: rad, s, TAI.
@@ -11,7 +11,7 @@
 //! ```
 //!
 //! After construction nothing here allocates: rings have a fixed capacity and the caller's buffers are reused.
-//! Refused input is a typed [`HistoryReject`](crate::attitude::HistoryReject), counted by reason.
+//! Refused input is a typed [`HistoryReject`], counted by reason.
 
 mod error;
 mod estimate;

@@ -52,6 +52,7 @@ pub fn write_electrons(path: &Path, format: Format, mean: &Electrons<'_>, meta: 
             let pixels = fits::Pixels::F64(image.pixels());
             fits::write_electrons(out, image.width(), image.height(), pixels, meta)
         }
+        (Electrons::Device(_), _) => Err(std::io::Error::other("the image is still on its device")),
         (Electrons::Host(image), Format::Png) => png::write_electrons_for_people(out, image),
         (Electrons::Precise(image), Format::Png) => {
             let mut single = Image::new(image.width(), image.height());

@@ -1,8 +1,8 @@
 //! TOML -> schema -> checked parameters; nothing after this room re-validates.
 //!
-//! Input: a bench file, which names a camera file and perhaps a link file. Output: [`Bench`](crate::config::Bench) and
-//! [`Camera`](crate::config::Camera), in the units of their field names, with every default that was taken listed by
-//! name ([`Defaulted`](crate::config::Defaulted)).
+//! Input: a bench file, which names a camera file and perhaps a link file. Output: [`Bench`] and
+//! [`Camera`], in the units of their field names, with every default that was taken listed by
+//! name ([`Defaulted`]).
 //!
 //! Each section has one file: the keys as serde reads them (all optional), the checked struct, and the rules between
 //! them. Unknown keys are refused with file, line and the nearest known key; violated rules say file, line, key, wanted,

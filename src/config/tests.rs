@@ -228,7 +228,7 @@ fn each_bench_rule_has_a_failing_example() {
         ("[attitude]\nmax_horizon_ms = -1", "attitude.max_horizon_ms", ["0 to", "milliseconds"]),
         ("[accuracy]\ncentroid_px = 0", "accuracy.centroid_px", ["above 0", "0.002"]),
         ("[render]\nbackend = \"cuda\"", "render.backend", ["\"reference\"", "auto"]),
-        ("[render]\nmethod = \"effective\"", "render.method", &["samples", "auto"]),
+        ("[render]\nmethod = \"effective\"", "render.method", ["samples", "auto"]),
         ("[sink]\nkind = \"null\"\nfits = true", "sink.fits", ["belongs to", "recorder"]),
         ("[sink]\ndirectory = \" \"", "sink.directory", ["empty", "working directory"]),
         ("[sink]\npng_every = -1", "sink.png_every", ["whole number", "PNG"]),

@@ -23,7 +23,7 @@ impl CostModel {
     /// CPU backend, two cores.
     pub const CPU: Self = Self { frame_ms: 0.4, splat_ns: 28.0, table_pixel_ns: 0.9, kernel_entry_ns: 0.12 };
     /// GPU backend on software Vulkan, two cores.
-    pub const SOFTWARE_GPU: Self = Self { frame_ms: 1.5, splat_ns: 150.0, table_pixel_ns: 3.0, kernel_entry_ns: 0.12 };
+    pub const SOFTWARE_GPU: Self = Self { frame_ms: 3.0, splat_ns: 55.0, table_pixel_ns: 35.0, kernel_entry_ns: 0.12 };
     /// GPU backend on a hardware adapter (an estimate until measured there).
     pub const GPU: Self = Self { frame_ms: 0.5, splat_ns: 1.0, table_pixel_ns: 0.02, kernel_entry_ns: 0.12 };
     /// Reference backend.

@@ -109,7 +109,7 @@ impl Planner {
     ) -> Self {
         let half_px = instrument.psf.half_px(budget.flux_rel * TRUNCATION_SHARE);
         let plan = ExposurePlan {
-            camera: instrument.camera.clone(),
+            camera: instrument.camera,
             psf: instrument.psf.clone(),
             half_px,
             chosen: Assessment {

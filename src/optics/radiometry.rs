@@ -82,7 +82,7 @@ mod tests {
     #[test]
     fn the_zero_point_is_the_product_of_the_chain() {
         // pi/4 * 0.01 m^2 * 0.75 * 4e10 * 0.8 * 0.5
-        let by_hand = 0.785_398_163_397_448_3 * 0.01 * 0.75 * 4e10 * 0.8 * 0.5;
+        let by_hand = core::f64::consts::FRAC_PI_4 * 0.01 * 0.75 * 4e10 * 0.8 * 0.5;
         assert!((plain().zero_point_e_per_s() / by_hand - 1.0).abs() < 1e-14, "{}", plain().zero_point_e_per_s());
     }
 

@@ -82,7 +82,7 @@ impl Backend for Reference {
 fn add_row(psf: &PsfModel, half: usize, row: &mut [f64], y: usize, px: [f64; 2], electrons: f64) {
     let dy = y as f64 - px[1];
     let reach = half as f64 + 0.5;
-    if !(dy.abs() <= reach) || !px[0].is_finite() {
+    if dy.abs() > reach || !px.iter().all(|v| v.is_finite()) {
         return;
     }
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the row")]

@@ -1,15 +1,18 @@
 //! Backend and detector together: plan -> DN.
 
 use crate::base::clock::Stopwatch;
-use crate::base::image::DnImage;
+use crate::base::image::{DnImage, Image};
 use crate::base::time::Span;
+use crate::detector::gpu::GpuDetector;
 use crate::detector::{Detector, DetectorParams};
 use crate::exposure::ExposurePlan;
 use crate::exposure::cost::CostModel;
-use crate::gpu::Electrons;
+use crate::gpu::{AdapterChoice, Electrons, GpuDevice};
 use crate::render::cpu::Cpu;
+use crate::render::gpu::Gpu;
 use crate::render::reference::Reference;
 use crate::render::{Backend, RenderError};
+use std::sync::Arc;
 
 /// Which backend the user asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -27,13 +30,20 @@ pub enum BackendChoice {
 
 /// A backend and the detector behind it.
 pub struct Imager {
-    backend: Box<dyn Backend>,
-    detector: Detector,
+    drawing: Drawing,
     cost: CostModel,
     note: Option<String>,
 }
 
-/// Wall time of the two halves of an image.
+/// Where images are drawn and read out.
+enum Drawing {
+    /// In memory, by the CPU or reference backend.
+    Host { backend: Box<dyn Backend>, detector: Box<Detector> },
+    /// On a GPU; `mean` is for those who ask for the mean image.
+    Device { backend: Box<Gpu>, detector: Box<GpuDetector>, mean: Image<f32> },
+}
+
+/// Wall time of the two halves of an image. On a GPU drawing is only submitted in the first; the second waits for both.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ImagingTimes {
     /// Plan to electrons.
@@ -55,25 +65,57 @@ impl Imager {
     ) -> Result<Self, RenderError> {
         let [width, height] = size_px;
         let detector = Detector::new(params, width, height, seed);
-        let cpu = || -> Box<dyn Backend> { Box::new(Cpu::new(width, height)) };
-        let (backend, cost, note): (Box<dyn Backend>, _, _) = match choice {
-            BackendChoice::Cpu | BackendChoice::Auto => (cpu(), CostModel::CPU, None),
-            BackendChoice::Reference => (Box::new(Reference::new(width, height)), CostModel::REFERENCE, None),
-            BackendChoice::Gpu => return Err(RenderError::NoGpu("not built".into())),
-        };
-        Ok(Self { backend, detector, cost, note })
+        match choice {
+            BackendChoice::Cpu => Ok(Self::on_host(Box::new(Cpu::new(width, height)), detector, CostModel::CPU, None)),
+            BackendChoice::Reference => {
+                let backend = Box::new(Reference::new(width, height));
+                Ok(Self::on_host(backend, detector, CostModel::REFERENCE, None))
+            }
+            BackendChoice::Gpu => Self::on_device(GpuDevice::open(&AdapterChoice::Best)?, &detector, size_px),
+            BackendChoice::Auto => {
+                let note = match GpuDevice::open(&AdapterChoice::Best) {
+                    Ok(gpu) if !gpu.is_software() => return Self::on_device(gpu, &detector, size_px),
+                    Ok(gpu) => format!(
+                        "only software Vulkan here ({}): using the CPU backend, which is faster",
+                        gpu.description()
+                    ),
+                    Err(error) => format!("no Vulkan driver ({error}): using the CPU backend"),
+                };
+                Ok(Self::on_host(Box::new(Cpu::new(width, height)), detector, CostModel::CPU, Some(note)))
+            }
+        }
+    }
+
+    fn on_host(backend: Box<dyn Backend>, detector: Detector, cost: CostModel, note: Option<String>) -> Self {
+        Self { drawing: Drawing::Host { backend, detector: Box::new(detector) }, cost, note }
+    }
+
+    fn on_device(gpu: Arc<GpuDevice>, detector: &Detector, size_px: [usize; 2]) -> Result<Self, RenderError> {
+        let [width, height] = size_px;
+        let cost = if gpu.is_software() { CostModel::SOFTWARE_GPU } else { CostModel::GPU };
+        let detector = Box::new(GpuDetector::new(Arc::clone(&gpu), detector, width, height)?);
+        let backend = Box::new(Gpu::new(gpu, width, height)?);
+        let drawing = Drawing::Device { backend, detector, mean: Image::new(width, height) };
+        Ok(Self { drawing, cost, note: None })
+    }
+
+    fn backend(&self) -> &dyn Backend {
+        match &self.drawing {
+            Drawing::Host { backend, .. } => &**backend,
+            Drawing::Device { backend, .. } => &**backend,
+        }
     }
 
     /// Name of the backend.
     #[must_use]
     pub fn name(&self) -> &'static str {
-        self.backend.name()
+        self.backend().name()
     }
 
     /// Device behind it.
     #[must_use]
     pub fn description(&self) -> String {
-        self.backend.description()
+        self.backend().description()
     }
 
     /// Why this backend and not another, in one line, when the choice was left to us.
@@ -88,13 +130,22 @@ impl Imager {
         self.cost
     }
 
-    /// Draws the mean image only.
+    /// Draws the mean image only; it comes back in memory whatever the backend.
     ///
     /// # Errors
     /// When the device failed.
     pub fn render(&mut self, plan: &ExposurePlan) -> Result<Electrons<'_>, RenderError> {
-        self.backend.render(plan)?;
-        Ok(self.backend.electrons())
+        match &mut self.drawing {
+            Drawing::Host { backend, .. } => {
+                backend.render(plan)?;
+                Ok(backend.electrons())
+            }
+            Drawing::Device { backend, mean, .. } => {
+                backend.render(plan)?;
+                backend.read_electrons(mean)?;
+                Ok(Electrons::Host(mean))
+            }
+        }
     }
 
     /// Draws and reads out frame `frame`.
@@ -103,12 +154,23 @@ impl Imager {
     /// When the device failed.
     pub fn image(&mut self, plan: &ExposurePlan, frame: u32, out: &mut DnImage) -> Result<ImagingTimes, RenderError> {
         let mut watch = Stopwatch::start();
-        self.backend.render(plan)?;
-        let render = watch.lap();
         let exposure_s = plan.motion.los.exposure_s;
-        match self.backend.electrons() {
-            Electrons::Host(mean) => self.detector.collect(mean, frame, exposure_s, out),
-            Electrons::Precise(mean) => self.detector.collect_precise(mean, frame, exposure_s, out),
+        let render;
+        match &mut self.drawing {
+            Drawing::Host { backend, detector } => {
+                backend.render(plan)?;
+                render = watch.lap();
+                match backend.electrons() {
+                    Electrons::Host(mean) => detector.collect(mean, frame, exposure_s, out),
+                    Electrons::Precise(mean) => detector.collect_precise(mean, frame, exposure_s, out),
+                    Electrons::Device(_) => return Err(RenderError::Device("a host backend drew on a device".into())),
+                }
+            }
+            Drawing::Device { backend, detector, .. } => {
+                backend.render(plan)?;
+                render = watch.lap();
+                detector.collect(backend.device_electrons(), frame, exposure_s, out)?;
+            }
         }
         Ok(ImagingTimes { render, detector: watch.lap() })
     }

@@ -49,7 +49,7 @@ impl CameraParams {
     #[must_use]
     pub fn instrument(&self) -> Instrument {
         Instrument {
-            camera: self.geometry.clone(),
+            camera: self.geometry,
             psf: self.psf.clone(),
             full_well_e: self.detector.full_well_e,
             read_noise_e_rms: self.detector.read_noise_e_rms,

@@ -3,10 +3,10 @@
 //! Nothing here knows about cameras: directions and states are in ICRF axes, positions from the solar-system
 //! barycentre, km and km/s.
 //!
-//! * [`catalog`](crate::sky::catalog): the packed star catalog and its cone query;
-//! * [`earth`](crate::sky::earth): the Earth's barycentric state from VSOP87E;
-//! * [`orbit`](crate::sky::orbit): the spacecraft about the Earth (two-line elements, circular);
-//! * [`observer`](crate::sky::observer): both together.
+//! * [`catalog`]: the packed star catalog and its cone query;
+//! * [`earth`]: the Earth's barycentric state from VSOP87E;
+//! * [`orbit`]: the spacecraft about the Earth (two-line elements, circular);
+//! * [`observer`]: both together.
 
 pub mod catalog;
 pub mod earth;

@@ -41,7 +41,7 @@ impl Sink for Keeper {
     fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
         let mut frames = self.frames.lock().unwrap();
         if frames.len() == self.room {
-            return Err(SinkError::Finished { sink: "keeper" });
+            return Err(SinkError::Finished { sink: "keeper", frame: frame.meta.number });
         }
         let dn_sum = frame.image.pixels().iter().enumerate().map(|(i, dn)| (i as u64 + 1) * u64::from(*dn)).sum();
         frames.push(Kept { meta: frame.meta.clone(), stars: frame.truth.len(), dn_sum });

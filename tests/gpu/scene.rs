@@ -119,7 +119,7 @@ impl Scene {
 
 /// A star at a place on the detector.
 pub fn star(id: u32, electrons: f64, px: [f64; 2]) -> Source {
-    Source { id, electrons, place: SourcePlace::Pixel(px) }
+    Source { id, electrons, mag: f32::NAN, place: SourcePlace::Pixel(px) }
 }
 
 /// Draws on the CPU.

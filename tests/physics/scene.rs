@@ -149,6 +149,7 @@ fn draw(backend: &mut dyn Backend, plan: &ExposurePlan) -> Picture {
             Picture { width: image.width(), pixels: image.pixels().iter().map(|e| f64::from(*e)).collect() }
         }
         Electrons::Precise(image) => Picture { width: image.width(), pixels: image.pixels().to_vec() },
+        Electrons::Device(_) => panic!("these backends draw in memory"),
     }
 }
 
