@@ -58,6 +58,7 @@ impl Sink for Keeper {
 pub(crate) fn built_in(seconds: f64) -> Bench {
     let mut bench = Bench::built_in().unwrap();
     bench.timing.duration_s = seconds;
+    bench.render.backend = starloop::config::Backend::Cpu;
     bench
 }
 

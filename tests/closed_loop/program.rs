@@ -93,6 +93,14 @@ fn without_a_vulkan_driver_the_cpu_draws_and_one_line_says_so() {
 }
 
 #[test]
+fn a_machine_without_a_display_session_is_no_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = command(&["check"], folder.path()).env_remove("XDG_RUNTIME_DIR").output().unwrap();
+    let stderr = text(&output.stderr);
+    assert!(output.status.success() && stderr.is_empty(), "{stderr}");
+}
+
+#[test]
 fn errors_say_what_where_wanted_got() {
     let folder = tempfile::tempdir().unwrap();
     let camera = folder.path().join("camera.toml");

@@ -23,11 +23,10 @@ const PLACE_PX: f64 = 0.02;
 const ELECTRONS_REL: f64 = 1e-4;
 /// Half-width of the centroid window, px.
 const WINDOW: i64 = 4;
-/// Another star within this many px, not fainter by this many magnitudes, pulls the centroid: such stars are left out.
+/// Another drawn star within this many px pulls the centroid: such stars are left out.
 const ALONE_PX: f64 = 12.0;
-const ALONE_MAG: f64 = 6.0;
-/// Brighter stars saturate this camera, fainter ones are lost in their own noise (0.004 px at magnitude 4.5).
-const MAGNITUDES: core::ops::Range<f64> = 1.4..4.6;
+/// Brighter stars saturate this camera, fainter ones are lost in their own noise (0.005 px at magnitude 5).
+const MAGNITUDES: core::ops::Range<f64> = 1.4..5.0;
 const SIZE: usize = 1024;
 const FOCAL_PX: f64 = 2903.6;
 const PRINCIPAL_PX: [f64; 2] = [510.2, 512.9];
@@ -68,7 +67,7 @@ fn camera() -> CameraParams {
             prnu: 0.0,
             dsnu_e_rms: 0.0,
         },
-        limiting_mag: 8.5,
+        limiting_mag: 6.0, // few neighbours, so that many stars stand alone
         exposure_s: 0.1,
         readout_s: 0.1,
     }
@@ -142,7 +141,7 @@ fn misses(frame: &Frame, stars: &[Star], ra_dec_roll_deg: [f64; 3]) -> Vec<(u32,
         let distance = |t: &[f64; 4]| (t[0] - place[0]).hypot(t[1] - place[1]);
         let own = frame.truth.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
         let crowded =
-            frame.truth.iter().any(|other| other != own && distance(other) < ALONE_PX && other[3] < own[3] + ALONE_MAG);
+            frame.truth.iter().any(|other| other != own && distance(other) < ALONE_PX);
         if MAGNITUDES.contains(&own[3]) && !crowded {
             let [x, y] = centroid(&frame.dn, place);
             out.push((star.hip, (x - place[0]).hypot(y - place[1])));
