@@ -15,6 +15,7 @@ pub mod pixel_path;
 pub mod plan;
 pub mod planner;
 pub mod share;
+pub mod spectrum;
 pub mod track;
 
 pub use method::{Method, MethodChoice};
