@@ -1,3 +1,8 @@
 //! Physics: the stimulator against independent computations.
+#![allow(clippy::panic, clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 mod apparent_places;
+mod bounds;
+mod noise;
+mod scene;
+mod stamps;
