@@ -5,7 +5,8 @@ use crate::exposure::motion::Motion;
 use crate::exposure::pixel_path::{PixelPath, PixelPoint};
 use crate::optics::quadrature::gauss_legendre_node;
 
-/// Dense nodes stand no further apart than this share of the PSF's sigma (midpoint error of variance: its square / 12).
+/// Mean distance of dense nodes, share of the PSF's sigma. They come in Gauss-Legendre pairs: variance along a straight
+/// piece is exact, and the characteristic function errs by `(k h)^4 / 270`.
 const DENSE_STEP_SIGMA: f64 = 0.1;
 /// Dense nodes per period of the fastest jitter line.
 const DENSE_PER_PERIOD: f64 = 24.0;
@@ -51,12 +52,21 @@ pub fn dense(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, out:
             let by_period = motion.los.jitter.highest_line_hz() * exposure_s * DENSE_PER_PERIOD;
             let by_samples = 4.0 * motion.los.jitter.points.len() as f64;
             let wanted = (reach_px / step_px).max(by_period).max(by_samples);
-            let k = clamped(wanted, 16, MOST_DENSE_NODES);
-            let weight = 1.0 / k as f64;
-            out.extend((0..k).map(|i| {
-                let tau = (i as f64 + 0.5) * weight - 0.5;
-                PathNode { weight, phi: motion.features_at(tau) }
-            }));
+            let panels = clamped(0.5 * wanted, 8, MOST_DENSE_NODES / 2) as f64;
+            // Panels end at the samples: the track has corners there.
+            let (mut from, mid) = (-0.5, motion.los.mid_exposure());
+            let corners = motion.los.jitter.points.iter().map(|point| (point.at - mid).s() / exposure_s);
+            for to in corners.chain([0.5]) {
+                let to = to.clamp(from, 0.5);
+                let share = to - from;
+                if share > 0.0 {
+                    let count = clamped(panels * share, 1, MOST_DENSE_NODES / 2);
+                    let step = share / count as f64;
+                    let taus = (0..count).flat_map(|panel| pair().map(|at| from + (panel as f64 + at) * step));
+                    out.extend(taus.map(|tau| PathNode { weight: 0.5 * step, phi: motion.features_at(tau) }));
+                }
+                from = to;
+            }
         }
         Some(PixelPath::Samples(points)) => {
             let weight = 1.0 / points.len() as f64;
@@ -69,14 +79,20 @@ pub fn dense(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, out:
     }
 }
 
-/// Midpoints of short pieces of every segment, weighted by their time.
+/// The two Gauss-Legendre nodes of a piece, as shares of it.
+fn pair() -> [f64; 2] {
+    const OFF: f64 = 0.288_675_134_594_812_9; // 1 / (2 sqrt 3)
+    [0.5 - OFF, 0.5 + OFF]
+}
+
+/// Node pairs of short pieces of every segment, weighted by their time.
 fn along_line(points: &[PixelPoint], exposure_s: f64, step_px: f64, radius_px: f64, out: &mut Vec<PathNode>) {
     for_each_segment(points, exposure_s, |a, b| {
-        let left = MOST_PATH_NODES.saturating_sub(out.len()).max(1);
-        let pieces = clamped(a.distance_px(b, radius_px) / step_px, 1, left);
-        let weight = (b.t_s - a.t_s) / exposure_s / pieces as f64;
-        for piece in 0..pieces {
-            let point = a.towards(b, (piece as f64 + 0.5) / pieces as f64);
+        let left = (MOST_PATH_NODES.saturating_sub(out.len()) / 2).max(1);
+        let pieces = clamped(0.5 * a.distance_px(b, radius_px) / step_px, 1, left);
+        let weight = 0.5 * (b.t_s - a.t_s) / exposure_s / pieces as f64;
+        for share in (0..pieces).flat_map(|piece| pair().map(|at| (piece as f64 + at) / pieces as f64)) {
+            let point = a.towards(b, share);
             out.push(PathNode { weight, phi: features(point.t_s / exposure_s - 0.5, point.shared()) });
         }
     });

@@ -68,6 +68,16 @@ const TABLE_CENTROID_PX: f64 = 1e-4;
 const F32_CENTROID_PX: f64 = 1e-6;
 /// Side of the window in which a tracker measures, px.
 const WINDOW_PX: f64 = 5.0;
+/// Share of the budget's centroid error left to the number of nodes.
+const NODE_SHARE: f64 = 0.4;
+/// Share of the budget's pixel error left to the number of nodes.
+const NODE_PIXEL_SHARE: f64 = 0.8;
+/// Mean of a smooth displacement over the exposure, share of its largest: a mean is what moves a centroid.
+const MEAN_SMOOTH: f64 = 0.5;
+/// Steepest slope of a Gaussian, peaks per sigma: `exp(-1/2)`.
+const STEEPEST: f64 = 0.607;
+/// Side of the square that holds a star's core, sigma.
+const CORE_SIGMAS: f64 = 2.5;
 /// Most nodes the planner gives to a path on its own.
 const MOST_NODES: usize = 16_384;
 /// Stars a frame's buffers hold from the start.
@@ -311,20 +321,21 @@ impl Planner {
         let mut count = fixed.unwrap_or(2).min(if fixed.is_some() { usize::MAX } else { own });
         loop {
             nodes::midpoints(&self.plan.motion, count, &self.plan.mean, &mut self.trial);
-            let assessment = self.verdict(method(count), probes);
-            if assessment.verdict == Verdict::Fits || fixed.is_some() || count >= own {
-                return assessment;
+            // Errors that no number of nodes cures do not ask for more of them.
+            let (node_px, node_peak) = self.node_error(method(count), probes);
+            let enough = node_px <= NODE_SHARE * self.budget.centroid_px
+                && self.pixel_sigma(node_peak.min(1.0)) <= NODE_PIXEL_SHARE * self.budget.pixel_sigma;
+            if enough || fixed.is_some() || count >= own {
+                return self.verdict(method(count), probes);
             }
             count = (2 * count).min(own);
         }
     }
 
-    /// Error bounds of the nodes in `trial`, over the first `probes` probes.
-    fn verdict(&self, method: Method, probes: usize) -> Assessment {
-        let psf = &self.instrument.psf;
-        let sigma_px = psf.core_sigma_px();
-        let tabulated = matches!(method, Method::EffectivePsf { .. }) || !matches!(psf, PsfModel::Gaussian { .. });
-        let (mut centroid_px, mut peak) = (0.0_f64, 0.0_f64);
+    /// Centroid (px) and peak error of the nodes in `trial` over the first `probes` probes: what more nodes can cure.
+    fn node_error(&self, method: Method, probes: usize) -> (f64, f64) {
+        let sigma_px = self.instrument.psf.core_sigma_px();
+        let (mut centroid_px, mut peak) = self.long_path_error(method);
         for (i, (probe, truth)) in self.probes.iter().zip(&self.truths).take(probes).enumerate() {
             let centre_shape = matches!(method, Method::EffectivePsf { .. }) && i > 0;
             let mut drawn = Moments::of(if centre_shape { &self.probes[0] } else { probe }, &self.trial);
@@ -334,13 +345,30 @@ impl Planner {
             centroid_px = centroid_px.max(drawn.centroid_error_px(truth, sigma_px));
             peak = peak.max(drawn.peak_error(truth, sigma_px));
         }
-        let (long_path_px, long_path_peak) = self.long_path_error(method);
-        centroid_px = centroid_px.max(long_path_px);
-        peak = peak.max(long_path_peak);
-        centroid_px += self.cubic_error_px() + if tabulated { TABLE_CENTROID_PX } else { F32_CENTROID_PX };
+        (centroid_px, peak)
+    }
+
+    /// Largest pixel error in units of its own noise when it is `peak` of the brightest star's peak.
+    fn pixel_sigma(&self, peak: f64) -> f64 {
+        let psf = &self.instrument.psf;
         let brightest_e = (self.brightest_e() * psf.peak()).min(self.instrument.full_well_e);
-        let noise_e = brightest_e.sqrt().hypot(self.instrument.read_noise_e_rms).max(1.0);
-        let pixel_sigma = (peak.min(1.0) + if tabulated { TABLE_ERROR } else { 0.0 }) * brightest_e / noise_e;
+        // Errors are largest on the flanks: a quarter of the smeared peak's light is there at least.
+        let light_e = 0.25 * brightest_e * self.light_share(CORE_SIGMAS * psf.core_sigma_px());
+        let noise_e = light_e.sqrt().hypot(self.instrument.read_noise_e_rms).max(1.0);
+        peak * brightest_e / noise_e
+    }
+
+    /// Error bounds of the nodes in `trial`, over the first `probes` probes.
+    fn verdict(&self, method: Method, probes: usize) -> Assessment {
+        let psf = &self.instrument.psf;
+        let sigma_px = psf.core_sigma_px();
+        let tabulated = matches!(method, Method::EffectivePsf { .. }) || !matches!(psf, PsfModel::Gaussian { .. });
+        let (node_px, node_peak) = self.node_error(method, probes);
+        let (model_px, dense) = (self.model_error_px(), self.dense_error());
+        let (drawn_px, drawn_peak) = if tabulated { (TABLE_CENTROID_PX, TABLE_ERROR) } else { (F32_CENTROID_PX, 0.0) };
+        let centroid_px = node_px + model_px + dense * sigma_px + self.rim_error_px() + drawn_px;
+        let peak = node_peak + STEEPEST * model_px / sigma_px + dense;
+        let pixel_sigma = self.pixel_sigma(peak.min(1.0) + drawn_peak);
         let flux_rel = psf.lost_flux(self.plan.half_px);
         let cost_ms = self.cost.predict_ms(method, psf, self.plan.stars.len(), self.plan.half_px, self.plan.extent_px);
         let verdict = if matches!(method, Method::GaussLegendre { .. }) && !self.plan.motion.is_smooth() {
@@ -366,18 +394,24 @@ impl Planner {
             let Some(track) = self.probes.get(if shared { 0 } else { watched.probe }) else { continue };
             let drawn = self.sensitivity.spectrum(track, &self.trial);
             let (moment, of_peak) = self.sensitivity.error(&drawn, &watched.truth);
-            centroid_px = centroid_px.max(moment / self.window_share());
+            centroid_px = centroid_px.max(moment / self.light_share(WINDOW_PX));
             peak = peak.max(of_peak);
         }
         (centroid_px, peak)
     }
 
-    /// Least share of a star's light in the brightest 5 x 5 window: along a path of `reach_px`, or all over the square
-    /// that holds the path.
-    fn window_share(&self) -> f64 {
-        let along = WINDOW_PX / (WINDOW_PX + self.plan.reach_px);
-        let square = (WINDOW_PX / (WINDOW_PX + 2.0 * self.plan.extent_px)).powi(2);
+    /// Least share of a star's light in the brightest square of `side_px`: along a path of `reach_px`, or all over the
+    /// square that holds the path.
+    fn light_share(&self, side_px: f64) -> f64 {
+        let along = side_px / (side_px + self.plan.reach_px);
+        let square = (side_px / (side_px + 2.0 * self.plan.extent_px)).powi(2);
         along.max(square)
+    }
+
+    /// Centroid error of light that the footprint drops, px: none while the footprint's rim stays outside the window.
+    fn rim_error_px(&self) -> f64 {
+        let rim_px = self.plan.half_px as f64 - 0.5 - self.plan.extent_px;
+        if rim_px > 0.5 * WINDOW_PX + 0.5 { 0.0 } else { 0.5 * self.instrument.psf.lost_flux(self.plan.half_px) }
     }
 
     /// Electrons of the brightest star in the plan.
@@ -385,14 +419,54 @@ impl Planner {
         self.plan.stars.iter().map(|star| star.electrons).fold(0.0, f64::max)
     }
 
-    /// Cubic term that a parabola through three projections leaves out, px: `f |w T|^3 / (8 * 9 sqrt 3)` times the
-    /// 3 of the tangent's third derivative and 1.5 for the field's edge.
-    fn cubic_error_px(&self) -> f64 {
-        let los = &self.plan.motion.los;
-        let turn_rad = los.rate_rad_s.length() * los.exposure_s;
+    /// What the linear model of motion leaves out, px; every method draws with it.
+    ///
+    /// Smooth: cubic term beside the parabola through three projections, `f |w T|^3 / (8 * 9 sqrt 3)` times the 3 of
+    /// the tangent's third derivative and 1.5 for the field's edge, at the largest rate of the exposure; a rotation that accelerates has cubic and quartic terms already in
+    /// second order, `f w T a T^2 / 2` (times `6 / 124.7`) and `f (a T^2)^2 / 8` (times `1 / 64`). Jitter:
+    /// second order in its own angle and its product with the smooth rotation (`z` about the line of sight, `J` and
+    /// `S` px across it, field radius `r`): `z_j (J + S) + z_s J + z_j^2 r / 2`, and the tangent's curvature
+    /// `2 r (J + S) J / f^2`. Image path: it rolls the smooth displacement too, `roll (S + z_s r)`.
+    fn model_error_px(&self) -> f64 {
+        let motion = &self.plan.motion;
+        let los = &motion.los;
         let [fx, fy] = self.instrument.camera.parameters().focal_px;
         let focal_px = fx.max(fy);
-        4.5 * focal_px * turn_rad.powi(3) / 124.7
+        let radius_px = furthest_corner_px(&self.instrument.camera);
+        let half_s = 0.5 * los.exposure_s;
+        let turn_rad = 2.0 * half_s * (los.rate_rad_s.length() + half_s * los.acceleration_rad_s2.length());
+        let (turn, bend) =
+            (los.rate_rad_s.length() * los.exposure_s, los.acceleration_rad_s2.length() * 4.0 * half_s * half_s);
+        let cubic_px = 4.5 * focal_px * turn_rad.powi(3) / 124.7 + focal_px * bend * (0.03 * turn + 0.002 * bend);
+        let smooth = los.rate_rad_s.abs() * half_s + los.acceleration_rad_s2.abs() * (0.5 * half_s * half_s);
+        let (smooth_px, smooth_roll) = (focal_px * smooth.x.hypot(smooth.y), smooth.z);
+        let second_px = match &motion.image_path {
+            Some(path) => {
+                let roll = path.points().iter().fold(0.0_f64, |most, point| most.max(point.roll_rad.abs()));
+                roll * MEAN_SMOOTH * (smooth_px + smooth_roll * radius_px)
+            }
+            None => {
+                let lines = los.jitter.lines.iter().fold(DVec3::ZERO, |sum, line| sum + line.amplitude_rad.abs());
+                let points = los.jitter.points.iter().fold(DVec3::ZERO, |most, p| most.max(p.rotation_rad.abs()));
+                let jitter = lines + points;
+                let jitter_px = focal_px * jitter.x.hypot(jitter.y);
+                jitter.z * (jitter_px + MEAN_SMOOTH * smooth_px + 0.5 * jitter.z * radius_px)
+                    + MEAN_SMOOTH * smooth_roll * jitter_px
+                    + 2.0 * radius_px * (jitter_px + smooth_px) * jitter_px / (focal_px * focal_px)
+            }
+        };
+        cubic_px + second_px
+    }
+
+    /// What the planner's own list of nodes leaves out, relative to its PSF: pairs `h` apart on average and up to
+    /// `pi / 2` times further where a sinusoid is fast err by `(h / sigma)^4 / 270`.
+    fn dense_error(&self) -> f64 {
+        let motion = &self.plan.motion;
+        if motion.is_smooth() || matches!(motion.image_path, Some(PixelPath::Samples(_))) {
+            return 0.0;
+        }
+        let step_px = core::f64::consts::FRAC_PI_2 * self.plan.reach_px / self.dense.len() as f64;
+        (step_px / self.instrument.psf.core_sigma_px()).powi(4) / 270.0
     }
 
     /// Nodes of the chosen method, into the plan.
@@ -449,14 +523,14 @@ fn path_length_px(motion: &Motion, probe: &StarTrack, radius_px: f64) -> f64 {
     let shared = match &motion.image_path {
         Some(path) => path.points().windows(2).map(|pair| pair[0].distance_px(&pair[1], radius_px)).sum(),
         None => {
-            let scale = (2..5).map(along).fold(0.0, f64::max);
             let jitter = &motion.los.jitter;
             let cycles = |hz: f64| hz * motion.los.exposure_s;
+            let moved = |v: DVec3| along(2) * v.x.abs() + along(3) * v.y.abs() + along(4) * v.z.abs();
             // A sinusoid's arc: 4 A per cycle; less than a cycle may still be crossed once: 2 A.
             let lines: f64 =
-                jitter.lines.iter().map(|l| l.amplitude_rad.length() * 4.0 * cycles(l.frequency_hz).max(0.5)).sum();
-            let points: f64 = jitter.points.windows(2).map(|p| (p[1].rotation_rad - p[0].rotation_rad).length()).sum();
-            1.5 * scale * (lines + points)
+                jitter.lines.iter().map(|l| moved(l.amplitude_rad) * 4.0 * cycles(l.frequency_hz).max(0.5)).sum();
+            let points: f64 = jitter.points.windows(2).map(|p| moved(p[1].rotation_rad - p[0].rotation_rad)).sum();
+            lines + points
         }
     };
     smooth + shared

@@ -140,8 +140,7 @@ fn misses(frame: &Frame, stars: &[Star], ra_dec_roll_deg: [f64; 3]) -> Vec<(u32,
         }
         let distance = |t: &[f64; 4]| (t[0] - place[0]).hypot(t[1] - place[1]);
         let own = frame.truth.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
-        let crowded =
-            frame.truth.iter().any(|other| other != own && distance(other) < ALONE_PX);
+        let crowded = frame.truth.iter().any(|other| other != own && distance(other) < ALONE_PX);
         if MAGNITUDES.contains(&own[3]) && !crowded {
             let [x, y] = centroid(&frame.dn, place);
             out.push((star.hip, (x - place[0]).hypot(y - place[1])));

@@ -2,6 +2,8 @@
 #![allow(clippy::panic, clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 mod apparent_places;
+mod bounds;
 mod frames;
+mod noise;
 mod scene;
 mod stamps;
