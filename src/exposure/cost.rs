@@ -21,11 +21,11 @@ pub struct CostModel {
 
 impl CostModel {
     /// CPU backend, two cores.
-    pub const CPU: Self = Self { frame_ms: 0.4, splat_ns: 28.0, table_pixel_ns: 0.9, kernel_entry_ns: 0.12 };
+    pub const CPU: Self = Self { frame_ms: 0.1, splat_ns: 44.0, table_pixel_ns: 1.2, kernel_entry_ns: 0.4 };
     /// GPU backend on software Vulkan, two cores.
-    pub const SOFTWARE_GPU: Self = Self { frame_ms: 3.0, splat_ns: 55.0, table_pixel_ns: 35.0, kernel_entry_ns: 0.12 };
+    pub const SOFTWARE_GPU: Self = Self { frame_ms: 3.0, splat_ns: 55.0, table_pixel_ns: 35.0, kernel_entry_ns: 0.4 };
     /// GPU backend on a hardware adapter (an estimate until measured there).
-    pub const GPU: Self = Self { frame_ms: 0.5, splat_ns: 1.0, table_pixel_ns: 0.02, kernel_entry_ns: 0.12 };
+    pub const GPU: Self = Self { frame_ms: 0.5, splat_ns: 1.0, table_pixel_ns: 0.02, kernel_entry_ns: 0.4 };
     /// Reference backend.
     pub const REFERENCE: Self = Self { frame_ms: 20.0, splat_ns: 8_000.0, table_pixel_ns: 1e5, kernel_entry_ns: 1e3 };
 

@@ -1,4 +1,4 @@
-//! Lists of path nodes: midpoints in time, Gauss-Legendre in time, and the dense list the planner trusts.
+//! Lists of path nodes: samples in time, Gauss-Legendre in time, and the dense list the planner trusts.
 
 use crate::exposure::features::{FEATURES, Features, PathNode, features};
 use crate::exposure::motion::Motion;
@@ -15,14 +15,20 @@ pub const MOST_DENSE_NODES: usize = 4096;
 /// Most dense nodes of a commanded image path.
 pub const MOST_PATH_NODES: usize = 1 << 18;
 
-/// `k` midpoints in time, moved together so that their mean features are exactly `mean`: no centroid error is left.
-pub fn midpoints(motion: &Motion, k: usize, mean: &Features, out: &mut Vec<PathNode>) {
+/// `k` equally weighted samples in time, moved together so that their mean features are exactly `mean`: no centroid
+/// error is left. Gauss-Legendre pairs (fourth order in the step); midpoints when `k` is odd or the path is itself a
+/// list of samples.
+pub fn samples(motion: &Motion, k: usize, mean: &Features, out: &mut Vec<PathNode>) {
     out.clear();
     let weight = 1.0 / k as f64;
-    out.extend((0..k).map(|i| {
-        let tau = (i as f64 + 0.5) * weight - 0.5;
-        PathNode { weight, phi: motion.features_at(tau) }
-    }));
+    let listed = matches!(motion.image_path, Some(PixelPath::Samples(_)));
+    let node = |tau: f64| PathNode { weight, phi: motion.features_at(tau) };
+    if listed || k % 2 == 1 {
+        out.extend((0..k).map(|i| node((i as f64 + 0.5) * weight - 0.5)));
+    } else {
+        let taus = (0..k / 2).flat_map(|panel| pair().map(|at| 2.0 * (panel as f64 + at) * weight - 0.5));
+        out.extend(taus.map(node));
+    }
     recentre(out, mean);
 }
 

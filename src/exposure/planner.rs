@@ -66,6 +66,10 @@ pub const TABLE_ERROR: f64 = 3e-5;
 const TABLE_CENTROID_PX: f64 = 1e-4;
 /// Rounding of single-precision drawing, px.
 const F32_CENTROID_PX: f64 = 1e-6;
+/// Bias of the single-precision error function in a star's sum.
+const F32_FLUX: f64 = 1e-6;
+/// Rounding of one addition in single precision; sums over nodes wander as the root of their number.
+const F32_ROUNDING: f64 = 6e-8;
 /// Side of the window in which a tracker measures, px.
 const WINDOW_PX: f64 = 5.0;
 /// Share of the budget's centroid error left to the number of nodes.
@@ -78,8 +82,12 @@ const MEAN_SMOOTH: f64 = 0.5;
 const STEEPEST: f64 = 0.607;
 /// Side of the square that holds a star's core, sigma.
 const CORE_SIGMAS: f64 = 2.5;
-/// Most nodes the planner gives to a path on its own.
+/// Part of the pixel budget that nodes get even where the model of motion has used it up.
+const LEAST_LEFT: f64 = 0.3;
+/// Most nodes the planner gives to a commanded path.
 const MOST_NODES: usize = 16_384;
+/// Most nodes it gives to jitter, on the frame path.
+const MOST_JITTER_NODES: usize = 1024;
 /// Stars a frame's buffers hold from the start.
 const STARS_RESERVED: usize = 16_384;
 
@@ -306,25 +314,30 @@ impl Planner {
             MethodName::Samples => self.smallest_sampling(fixed, self.probes.len(), |nodes| Method::Samples { nodes }),
             MethodName::EffectivePsf => {
                 let nodes = self.smallest_sampling(fixed, 1, |nodes| Method::EffectivePsf { nodes }).method.nodes();
-                nodes::midpoints(&self.plan.motion, nodes, &self.plan.mean, &mut self.trial);
+                nodes::samples(&self.plan.motion, nodes, &self.plan.mean, &mut self.trial);
                 self.verdict(Method::EffectivePsf { nodes }, self.probes.len())
             }
         }
     }
 
-    /// The fewest midpoints that fit for the first `probes` probes.
+    /// The fewest samples that fit for the first `probes` probes.
     fn smallest_sampling(&mut self, fixed: Option<usize>, probes: usize, method: fn(usize) -> Method) -> Assessment {
         let own = match &self.plan.motion.image_path {
             Some(PixelPath::Samples(points)) => points.len(),
-            _ => MOST_NODES,
+            Some(PixelPath::Line(_)) => MOST_NODES,
+            None => MOST_JITTER_NODES,
         };
         let mut count = fixed.unwrap_or(2).min(if fixed.is_some() { usize::MAX } else { own });
+        // What the model of motion takes of the pixel budget is not there for nodes.
+        let model_peak = STEEPEST * self.model_error_px() / self.instrument.psf.core_sigma_px() + self.dense_error();
+        let left = self.budget.pixel_sigma - self.pixel_sigma(model_peak.min(1.0));
+        let node_pixel_sigma = NODE_PIXEL_SHARE * left.max(LEAST_LEFT * self.budget.pixel_sigma);
         loop {
-            nodes::midpoints(&self.plan.motion, count, &self.plan.mean, &mut self.trial);
-            // Errors that no number of nodes cures do not ask for more of them.
-            let (node_px, node_peak) = self.node_error(method(count), probes);
+            nodes::samples(&self.plan.motion, count, &self.plan.mean, &mut self.trial);
+            // Errors that no number of nodes cures do not ask for more of them: each path is held against its own truth.
+            let (node_px, node_peak) = self.node_error(Method::Samples { nodes: count }, probes);
             let enough = node_px <= NODE_SHARE * self.budget.centroid_px
-                && self.pixel_sigma(node_peak.min(1.0)) <= NODE_PIXEL_SHARE * self.budget.pixel_sigma;
+                && self.pixel_sigma(node_peak.min(1.0)) <= node_pixel_sigma;
             if enough || fixed.is_some() || count >= own {
                 return self.verdict(method(count), probes);
             }
@@ -369,7 +382,7 @@ impl Planner {
         let centroid_px = node_px + model_px + dense * sigma_px + self.rim_error_px() + drawn_px;
         let peak = node_peak + STEEPEST * model_px / sigma_px + dense;
         let pixel_sigma = self.pixel_sigma(peak.min(1.0) + drawn_peak);
-        let flux_rel = psf.lost_flux(self.plan.half_px);
+        let flux_rel = psf.lost_flux(self.plan.half_px) + F32_FLUX + F32_ROUNDING * (method.nodes() as f64).sqrt();
         let cost_ms = self.cost.predict_ms(method, psf, self.plan.stars.len(), self.plan.half_px, self.plan.extent_px);
         let verdict = if matches!(method, Method::GaussLegendre { .. }) && !self.plan.motion.is_smooth() {
             Verdict::NeedsSmoothMotion
@@ -422,11 +435,12 @@ impl Planner {
     /// What the linear model of motion leaves out, px; every method draws with it.
     ///
     /// Smooth: cubic term beside the parabola through three projections, `f |w T|^3 / (8 * 9 sqrt 3)` times the 3 of
-    /// the tangent's third derivative and 1.5 for the field's edge, at the largest rate of the exposure; a rotation that accelerates has cubic and quartic terms already in
+    /// the tangent's third derivative and 1.5 for the field's edge, at the largest rate of the exposure; a rotation that
+    /// accelerates has cubic and quartic terms already in
     /// second order, `f w T a T^2 / 2` (times `6 / 124.7`) and `f (a T^2)^2 / 8` (times `1 / 64`). Jitter:
     /// second order in its own angle and its product with the smooth rotation (`z` about the line of sight, `J` and
     /// `S` px across it, field radius `r`): `z_j (J + S) + z_s J + z_j^2 r / 2`, and the tangent's curvature
-    /// `2 r (J + S) J / f^2`. Image path: it rolls the smooth displacement too, `roll (S + z_s r)`.
+    /// `2 r (J + S) J / f^2` with the mean of `S`. Image path: it rolls the smooth displacement too, `roll (S + z_s r)`.
     fn model_error_px(&self) -> f64 {
         let motion = &self.plan.motion;
         let los = &motion.los;
@@ -452,7 +466,7 @@ impl Planner {
                 let jitter_px = focal_px * jitter.x.hypot(jitter.y);
                 jitter.z * (jitter_px + MEAN_SMOOTH * smooth_px + 0.5 * jitter.z * radius_px)
                     + MEAN_SMOOTH * smooth_roll * jitter_px
-                    + 2.0 * radius_px * (jitter_px + smooth_px) * jitter_px / (focal_px * focal_px)
+                    + 2.0 * radius_px * (jitter_px + MEAN_SMOOTH * smooth_px) * jitter_px / (focal_px * focal_px)
             }
         };
         cubic_px + second_px
@@ -476,7 +490,7 @@ impl Planner {
             Method::Static => nodes::single(&plan.mean, &mut plan.nodes),
             Method::GaussLegendre { nodes } => nodes::gauss_legendre_in_time(&plan.motion, nodes, &mut plan.nodes),
             Method::EffectivePsf { nodes } | Method::Samples { nodes } => {
-                nodes::midpoints(&plan.motion, nodes, &plan.mean, &mut plan.nodes);
+                nodes::samples(&plan.motion, nodes, &plan.mean, &mut plan.nodes);
             }
         }
     }
