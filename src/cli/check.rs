@@ -7,6 +7,7 @@ use crate::exposure::plan::{Assessment, Verdict};
 use crate::exposure::{ExposurePlan, Planner};
 use crate::runtime::sky_view::SkyView;
 use crate::runtime::{Imager, RunParams};
+use crate::sky::catalog::Catalog;
 use crate::testbed::flight_computer::FlightComputer;
 use anyhow::Result;
 use clap::Args;
@@ -82,6 +83,13 @@ fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Image
         camera.zero_point_e_per_s(),
         camera.radiometry.limiting_mag
     )?;
+    let faintest = Catalog::built_in()?.sources().iter().map(|star| star.mag_g).fold(f32::MIN, f32::max);
+    if camera.radiometry.limiting_mag > f64::from(faintest) {
+        writeln!(
+            text,
+            "  WARNING      the catalog ends at G = {faintest:.1}: fainter stars are missing from the frames"
+        )?;
+    }
     let exposure = &camera.exposure;
     writeln!(
         text,
