@@ -84,7 +84,8 @@ skips_are_expected() {
 run_without_gpu() {
     local folder
     folder=$(mktemp -d)
-    trap 'rm -rf "$folder"' EXIT
+    # shellcheck disable=SC2064  # expanded now: the variable is gone when the subshell exits
+    trap "rm -rf '$folder'" EXIT
     VK_DRIVER_FILES=/nonexistent VK_ICD_FILENAMES=/nonexistent VK_LOADER_DRIVERS_DISABLE='*' \
         "$target/release/starloop" run --clock virtual --duration 1 --out "$folder/run" 2>&1 | tee "$folder/output"
     grep -qi 'cpu' "$folder/output" || {

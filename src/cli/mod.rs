@@ -48,6 +48,17 @@ enum Command {
     Catalog(catalog::CatalogArgs),
 }
 
+/// An error and its causes, without those that an error before them has already told.
+fn chain(error: &anyhow::Error) -> String {
+    let mut told = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if !told.contains(&cause) {
+            told = if told.is_empty() { cause } else { format!("{told}: {cause}") };
+        }
+    }
+    told
+}
+
 /// Runs the command line; errors are printed with their causes.
 #[must_use]
 pub fn main() -> ExitCode {
@@ -60,7 +71,7 @@ pub fn main() -> ExitCode {
     match done {
         Ok(status) => ExitCode::from(status),
         Err(error) => {
-            eprintln!("starloop: {error:#}");
+            eprintln!("starloop: {}", chain(&error));
             ExitCode::from(EXIT_FAILED)
         }
     }

@@ -5,4 +5,5 @@
 mod attitude;
 mod bad_input;
 mod bench;
+mod deadline;
 mod program;

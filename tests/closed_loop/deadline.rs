@@ -1,0 +1,55 @@
+//! Deadlines on the bench clock: frames that cannot be in time are treated as the policy says, and all are counted.
+//!
+//! No wall time is asserted: the readout time leaves 1 ms for a frame that the reference backend needs far more for.
+
+use crate::bench::{built_in, start};
+use starloop::base::clock::{Clock, Monotonic};
+use starloop::cli::bench_parts;
+use starloop::config::{Backend, DeadlinePolicy};
+use starloop::link::Port;
+use starloop::link::simulated::simulated_pair;
+use starloop::runtime::receiver::Receiver;
+use starloop::runtime::{EventKind, FrameEngine, RunOutcome, real_time};
+use starloop::sink::NullSink;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+const FRAMES: u64 = 4;
+
+/// Runs frames that are all late, with nobody at the other end of the bus.
+fn run_late(policy: DeadlinePolicy) -> RunOutcome {
+    let mut bench = built_in(0.1 * FRAMES as f64);
+    bench.render.backend = Backend::Reference;
+    bench.camera.exposure.readout_s = 1e-3;
+    bench.timing.deadline_policy = policy;
+    let start = start(&bench);
+    let params = bench_parts::run_params(&bench, start).unwrap();
+    let mut engine = FrameEngine::new(params.clone()).unwrap();
+    let mut receiver = Receiver::new(params.attitude).unwrap();
+    let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
+    let (bus, format) = bench_parts::bus(&bench);
+    let (near, _far) = simulated_pair(bus, &clock);
+    let port = Port::new(Box::new(near), format, firmware_protocol::can::IdMap::new(0, 0).unwrap());
+    let stop = Arc::new(AtomicBool::new(false));
+    let sink = Box::new(NullSink::new());
+    real_time::run(&mut engine, &mut receiver, port, &clock, sink, &stop, &mut |_, _| {})
+}
+
+#[test]
+fn late_frames_go_out_late_or_not_at_all_and_are_counted() {
+    for policy in [DeadlinePolicy::Late, DeadlinePolicy::Drop, DeadlinePolicy::Hold] {
+        let outcome = run_late(policy);
+        assert!(outcome.error.is_none(), "{policy:?}");
+        let (frames, ledger) = (outcome.record.frames, outcome.record.ledger);
+        assert_eq!(frames.scheduled, FRAMES, "{policy:?}");
+        assert_eq!(frames.delivered + frames.dropped, FRAMES, "{policy:?}: every slot is accounted for");
+        assert_eq!(ledger.count(EventKind::Dropped), frames.dropped, "{policy:?}: and is in the ledger");
+        match policy {
+            DeadlinePolicy::Late => {
+                assert_eq!((frames.late, ledger.count(EventKind::Late)), (frames.delivered, frames.delivered))
+            }
+            // Nothing was ever in time, so there is nothing to hold.
+            DeadlinePolicy::Drop | DeadlinePolicy::Hold => assert_eq!(frames.delivered, 0, "{policy:?}"),
+        }
+    }
+}
