@@ -15,6 +15,8 @@ pub enum PathOrigin {
     Held,
     /// Given by the user (`render`), not by a bus.
     Commanded,
+    /// Nothing received yet: no attitude at all.
+    Absent,
 }
 
 /// One line of a jitter spectrum: `amplitude_rad * sin(2 pi frequency_hz t + phase_rad)` with t in seconds TAI

@@ -167,6 +167,7 @@ fn assessment_line(a: &Assessment) -> String {
     let verdict = match a.verdict {
         Verdict::Fits => "fits",
         Verdict::NeedsSmoothMotion => "refused: there is jitter, and it is for smooth motion",
+        Verdict::PathTooLong => "refused: the path is too long for a kernel",
         Verdict::CentroidOverBudget => "refused: centroid error over the budget",
         Verdict::PixelOverBudget => "refused: pixel error over the budget",
         Verdict::FluxOverBudget => "loses more flux than the budget: the PSF's wings are cut (no method does better)",

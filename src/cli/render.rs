@@ -101,6 +101,7 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
         eprintln!("{note}");
     }
     scene.draw(arguments.stage)?;
+    scene.warn_of_error();
     scene.write(arguments, format)?;
     if let Some(path) = &arguments.truth {
         write_truth(path, &scene.frame)?;
@@ -175,6 +176,17 @@ impl Scene {
         Ok(times)
     }
 
+    /// Says so when no method meets the budget.
+    fn warn_of_error(&self) {
+        let chosen = self.planner.latest().chosen;
+        if !chosen.verdict.is_met() && self.imager.name() != "reference" {
+            eprintln!(
+                "WARNING: over the accuracy budget: {} may be off by {:.1e} px and {:.1e} sigma of a pixel's noise",
+                chosen.method, chosen.centroid_px, chosen.pixel_sigma
+            );
+        }
+    }
+
     fn write(&mut self, arguments: &RenderArgs, format: Format) -> Result<()> {
         match arguments.stage {
             StageName::Dn => write_dn(&arguments.out, format, &self.frame)?,
@@ -224,7 +236,11 @@ impl Scene {
 fn motion(arguments: &RenderArgs, exposure_s: f64) -> Result<Motion> {
     let start = arguments.time - Span::from_s(0.5 * exposure_s);
     let mut los = LosPath::commanded(attitude(arguments)?, start, exposure_s);
-    los.rate_rad_s = DVec3::from_array(arguments.rate.unwrap_or_default()) * 1_f64.to_radians();
+    let rate_deg_s = DVec3::from_array(arguments.rate.unwrap_or_default());
+    if rate_deg_s.length() > MOST_DEG_PER_S {
+        bail!("--rate: got {} deg/s, wanted at most {MOST_DEG_PER_S}", rate_deg_s.length());
+    }
+    los.rate_rad_s = rate_deg_s * 1_f64.to_radians();
     let image_path = match (&arguments.los, &arguments.los_samples) {
         (Some(path), _) => Some(read_los(path, exposure_s)?),
         (None, Some(path)) => Some(read_los_samples(path)?),
@@ -233,6 +249,8 @@ fn motion(arguments: &RenderArgs, exposure_s: f64) -> Result<Motion> {
     Ok(Motion { los, image_path })
 }
 
+/// Fastest turn that is drawn, deg/s.
+const MOST_DEG_PER_S: f64 = 1000.0;
 /// Tolerance on the norm of a quaternion that was typed.
 const NORM_TOLERANCE: f64 = 1e-3;
 

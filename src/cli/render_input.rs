@@ -60,14 +60,25 @@ fn read_columns<const N: usize>(path: &Path, columns: [&str; N]) -> Result<Vec<[
     Ok(rows)
 }
 
+/// Most electrons of a source: single precision still counts them.
+const MOST_ELECTRONS: f64 = 1e12;
+/// Furthest place of a source from the first pixel, px.
+const FURTHEST_PX: f64 = 1e6;
+
 /// A table `x_px,y_px,electrons`.
 ///
 /// # Errors
 /// When the file is no such table, or a source is negative.
 pub fn read_sources(path: &Path) -> Result<Vec<Source>> {
     let rows = read_columns(path, ["x_px", "y_px", "electrons"])?;
-    if let Some(i) = rows.iter().position(|[_, _, electrons]| *electrons < 0.0) {
-        bail!("{}: row {}, column electrons: got {}, wanted 0 or more", path.display(), i + 1, rows[i][2]);
+    for (i, [x, y, electrons]) in rows.iter().enumerate() {
+        let row = i + 1;
+        if !(0.0..=MOST_ELECTRONS).contains(electrons) {
+            bail!("{}: row {row}, column electrons: got {electrons}, wanted 0 to {MOST_ELECTRONS:e}", path.display());
+        }
+        if x.abs().max(y.abs()) > FURTHEST_PX {
+            bail!("{}: row {row}: got a place of ({x}, {y}) px, wanted at most {FURTHEST_PX:e}", path.display());
+        }
     }
     let source = |(i, [x, y, electrons]): (usize, [f64; 3])| -> Result<Source> {
         let id = u32::try_from(i).with_context(|| format!("{}: more than 2^32 rows", path.display()))?;
@@ -124,7 +135,7 @@ mod tests {
         assert!(wrong("x_px,electrons\n1,2\n").contains("no column \"y_px\""), "missing column");
         let error = wrong("x_px,y_px,electrons\n1,2,3\n1,nan,3\n");
         assert!(error.contains("row 2, column y_px: got \"nan\""), "{error}");
-        assert!(wrong("x_px,y_px,electrons\n1,2,-3\n").contains("wanted 0 or more"), "negative");
+        assert!(wrong("x_px,y_px,electrons\n1,2,-3\n").contains("wanted 0 to 1e12"), "negative");
         assert!(three("1,2").unwrap_err().contains("wanted 3 finite numbers"), "too few");
         assert!(four("1,2,3,inf").is_err(), "infinite");
     }

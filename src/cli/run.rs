@@ -41,7 +41,7 @@ pub struct RunArgs {
     /// Where frames go instead of the bench's sink
     #[arg(long, value_enum)]
     sink: Option<SinkKind>,
-    /// Directory to record into (new or empty); without it a directory named by the time of the run
+    /// Directory to record into (one without a recording); without it a directory named by the time of the run
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print nothing but errors

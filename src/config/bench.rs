@@ -6,8 +6,8 @@ use crate::config::camera::Camera;
 use crate::config::check::{Checker, Defaulted};
 use crate::config::document::Document;
 use crate::config::error::ConfigError;
-use crate::config::flight_computer::{FlightComputer, FlightComputerKeys};
-use crate::config::link::{Link, LinkKeys};
+use crate::config::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
+use crate::config::link::{Link, LinkKeys, Wire};
 use crate::config::observer::{Observer, ObserverKeys};
 use crate::config::stages::{
     AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, Sink, SinkKeys, check_accuracy,
@@ -75,6 +75,18 @@ struct MountingKeys {
     sensor_from_body: Option<[f64; 4]>,
 }
 
+/// Classic CAN carries jitter in pairs of one fixed rate.
+fn check_classic_jitter(link: &Link, computer: &FlightComputer, check: &Checker<'_>) -> Result<(), ConfigError> {
+    const PAIRS_HZ: f64 = 1000.0;
+    let hz = computer.jitter_sample_hz;
+    let paired = link.wire == Wire::CanClassic && computer.jitter_source == JitterSource::Samples;
+    if paired && (hz - PAIRS_HZ).abs() > 0.0 {
+        let advice = "classic CAN sends jitter at 1 kHz only; CAN FD and serial take other rates";
+        return Err(check.invalid("flight_computer.jitter_sample_hz", hz, "1000 on classic CAN", advice));
+    }
+    Ok(())
+}
+
 impl Bench {
     /// Reads and checks a bench file and what it names.
     ///
@@ -107,6 +119,7 @@ impl Bench {
         let sensor_from_body = mounting(&keys.mounting, &mut check)?;
         let observer = Observer::check(&keys.observer, &mut check)?;
         let flight_computer = FlightComputer::check(&keys.flight_computer, &mut check)?;
+        check_classic_jitter(&link, &flight_computer, &check)?;
         let (attitude_hz, jitter_hz) = (flight_computer.attitude_hz, flight_computer.jitter_sample_hz);
         let attitude = AttitudeSettings::check(&keys.attitude, attitude_hz, jitter_hz, exposure_s, &mut check)?;
         let accuracy = check_accuracy(&keys.accuracy, &mut check)?;

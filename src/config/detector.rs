@@ -117,10 +117,10 @@ impl Detector {
                 "read_noise_e_rms",
                 keys.read_noise_e_rms,
                 10.0,
-                Rule::NotNegative,
+                Rule::Within(0.0, 1e6),
                 "0 turns it off",
             )?,
-            dark_e_per_s: number("dark_e_per_s", keys.dark_e_per_s, 10.0, Rule::NotNegative, "0 turns it off")?,
+            dark_e_per_s: number("dark_e_per_s", keys.dark_e_per_s, 10.0, Rule::Within(0.0, 1e9), "0 turns it off")?,
             dark_temperature_c: number(
                 "dark_temperature_c",
                 keys.dark_temperature_c,

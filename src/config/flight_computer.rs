@@ -62,8 +62,6 @@ pub struct Slew {
 pub struct FlightComputer {
     /// Attitude messages per second.
     pub attitude_hz: f64,
-    /// Time messages (SYNC + TIME_FUP) per second.
-    pub time_hz: f64,
     /// Right ascension of the sensor's boresight at the start, deg.
     pub ra_deg: f64,
     /// Declination of the boresight at the start, deg.
@@ -87,7 +85,6 @@ pub struct FlightComputer {
 pub(super) struct FlightComputerKeys {
     kind: Option<String>,
     attitude_hz: Option<f64>,
-    time_hz: Option<f64>,
     ra_deg: Option<f64>,
     dec_deg: Option<f64>,
     roll_deg: Option<f64>,
@@ -133,7 +130,6 @@ impl FlightComputer {
         let rate = "messages per second; the protocol has room for 100";
         let checked = Self {
             attitude_hz: number("attitude_hz", keys.attitude_hz, 100.0, Rule::PositiveUpTo(HIGHEST_ATTITUDE_HZ), rate)?,
-            time_hz: number("time_hz", keys.time_hz, 10.0, Rule::PositiveUpTo(HIGHEST_ATTITUDE_HZ), rate)?,
             ra_deg: number("ra_deg", keys.ra_deg, 0.0, turn, "degrees, not hours: 5h 30m is 82.5")?,
             dec_deg: number("dec_deg", keys.dec_deg, 0.0, Rule::Within(-90.0, 90.0), "degrees")?,
             roll_deg: number("roll_deg", keys.roll_deg, 0.0, turn, "degrees")?,
@@ -161,6 +157,12 @@ impl FlightComputer {
 
     /// Samples must be able to carry the lines.
     fn check_sampling(&self, check: &Checker<'_>) -> Result<(), ConfigError> {
+        for (key, hz) in [("attitude_hz", self.attitude_hz), ("jitter_sample_hz", self.jitter_sample_hz)] {
+            if hz.fract() != 0.0 {
+                let key = format!("flight_computer.{key}");
+                return Err(check.invalid(&key, hz, "a whole number of messages per second", "such as 100"));
+            }
+        }
         let highest_hz = self.jitter_lines.iter().fold(0.0_f64, |highest, line| highest.max(line.frequency_hz));
         if self.jitter_source == JitterSource::Lines || self.jitter_sample_hz > 2.0 * highest_hz {
             return Ok(());

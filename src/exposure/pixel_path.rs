@@ -36,6 +36,14 @@ pub enum PixelPathError {
         /// Row, counted from 1.
         row: usize,
     },
+    /// a displacement leads nowhere near the detector
+    #[error("row {row}: got a displacement of {px:e} px, wanted at most {LARGEST_PX:e} px")]
+    TooFar {
+        /// Row, counted from 1.
+        row: usize,
+        /// The displacement, px.
+        px: f64,
+    },
     /// times go backwards or leave the exposure
     #[error("row {row}: got t_s = {t_s}, wanted a time not before the row above and within 0..{exposure_s} s")]
     Time {
@@ -48,6 +56,8 @@ pub enum PixelPathError {
     },
 }
 
+/// Displacements beyond this are refused: no detector is as large.
+const LARGEST_PX: f64 = 1e6;
 /// Times in files are rounded: this share of the exposure beyond its ends is accepted.
 const TIME_SLACK: f64 = 1e-9;
 
@@ -116,6 +126,10 @@ impl PixelPoint {
 
 fn check_finite(points: &[PixelPoint]) -> Result<(), PixelPathError> {
     let finite = |p: &PixelPoint| [p.t_s, p.dx_px, p.dy_px, p.roll_rad].iter().all(|v| v.is_finite());
+    let far = |p: &PixelPoint| p.dx_px.abs().max(p.dy_px.abs());
+    if let Some((i, point)) = points.iter().enumerate().find(|(_, point)| far(point) > LARGEST_PX) {
+        return Err(PixelPathError::TooFar { row: i + 1, px: far(point) });
+    }
     match points.iter().position(|point| !finite(point)) {
         Some(i) => Err(PixelPathError::NotFinite { row: i + 1 }),
         None if points.is_empty() => Err(PixelPathError::Empty),
@@ -139,6 +153,12 @@ mod tests {
         assert_eq!(error, PixelPathError::Time { row: 2, t_s: 0.4, exposure_s: 0.3 });
         assert_eq!(PixelPath::samples(vec![]), Err(PixelPathError::Empty));
         assert_eq!(PixelPath::samples(vec![at(0.0), at(f64::NAN)]), Err(PixelPathError::NotFinite { row: 2 }));
+    }
+
+    #[test]
+    fn a_displacement_beyond_all_detectors_is_refused() {
+        let far = PixelPoint { dx_px: 1e12, ..at(0.0) };
+        assert_eq!(PixelPath::samples(vec![at(0.0), far]), Err(PixelPathError::TooFar { row: 2, px: 1e12 }));
     }
 
     #[test]

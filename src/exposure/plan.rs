@@ -44,6 +44,9 @@ pub struct Assessment {
     pub verdict: Verdict,
 }
 
+/// Furthest an effective PSF may reach from a star's mean position, px: its table grows with the square.
+pub const LONGEST_KERNEL_PX: f64 = 256.0;
+
 /// Whether a method may be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
@@ -51,12 +54,22 @@ pub enum Verdict {
     Fits,
     /// Its domain is smooth motion, and there is jitter.
     NeedsSmoothMotion,
+    /// The path is too long for a kernel ([`LONGEST_KERNEL_PX`]).
+    PathTooLong,
     /// Its centroid error is over the budget.
     CentroidOverBudget,
     /// Its pixel error is over the budget.
     PixelOverBudget,
     /// Its flux error is over the budget (the footprint cap of a PSF with wide wings).
     FluxOverBudget,
+}
+
+impl Verdict {
+    /// True when motion is drawn inside the budget (light beyond a footprint's cap is told in `flux_rel`).
+    #[must_use]
+    pub fn is_met(self) -> bool {
+        matches!(self, Self::Fits | Self::FluxOverBudget)
+    }
 }
 
 /// Everything a backend needs to draw one exposure.

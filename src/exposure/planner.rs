@@ -14,7 +14,7 @@ use crate::exposure::moments::{Moments, mean_features};
 use crate::exposure::motion::Motion;
 use crate::exposure::nodes;
 use crate::exposure::pixel_path::PixelPath;
-use crate::exposure::plan::{Assessment, ExposurePlan, PlannedStar, Verdict};
+use crate::exposure::plan::{Assessment, ExposurePlan, LONGEST_KERNEL_PX, PlannedStar, Verdict};
 use crate::exposure::share::Share;
 use crate::exposure::spectrum::{self, Sensitivity, Spectrum};
 use crate::exposure::track::StarTrack;
@@ -272,7 +272,8 @@ impl Planner {
         let assessed = &self.plan.assessed;
         let chosen = match self.choice {
             MethodChoice::Auto => assessed.iter().find(fits).or_else(|| {
-                let usable = assessed.iter().filter(|a| a.verdict != Verdict::NeedsSmoothMotion);
+                let usable =
+                    assessed.iter().filter(|a| !matches!(a.verdict, Verdict::NeedsSmoothMotion | Verdict::PathTooLong));
                 usable.min_by(|a, b| a.centroid_px.total_cmp(&b.centroid_px))
             }),
             MethodChoice::Fixed(name, _) => assessed.iter().find(|a| a.method.name() == name),
@@ -379,13 +380,17 @@ impl Planner {
         let (node_px, node_peak) = self.node_error(method, probes);
         let (model_px, dense) = (self.model_error_px(), self.dense_error());
         let (drawn_px, drawn_peak) = if tabulated { (TABLE_CENTROID_PX, TABLE_ERROR) } else { (F32_CENTROID_PX, 0.0) };
-        let centroid_px = node_px + model_px + dense * sigma_px + self.rim_error_px() + drawn_px;
+        // Without a probe nothing is known of the motion, and nothing is promised.
+        let unknown_px = if self.probes.is_empty() { f64::INFINITY } else { 0.0 };
+        let centroid_px = node_px + model_px + dense * sigma_px + self.rim_error_px() + drawn_px + unknown_px;
         let peak = node_peak + STEEPEST * model_px / sigma_px + dense;
         let pixel_sigma = self.pixel_sigma(peak.min(1.0) + drawn_peak);
         let flux_rel = psf.lost_flux(self.plan.half_px) + F32_FLUX + F32_ROUNDING * (method.nodes() as f64).sqrt();
         let cost_ms = self.cost.predict_ms(method, psf, self.plan.stars.len(), self.plan.half_px, self.plan.extent_px);
         let verdict = if matches!(method, Method::GaussLegendre { .. }) && !self.plan.motion.is_smooth() {
             Verdict::NeedsSmoothMotion
+        } else if matches!(method, Method::EffectivePsf { .. }) && self.plan.extent_px > LONGEST_KERNEL_PX {
+            Verdict::PathTooLong
         } else if centroid_px > MOTION_SHARE * self.budget.centroid_px {
             Verdict::CentroidOverBudget
         } else if pixel_sigma > self.budget.pixel_sigma {

@@ -11,8 +11,6 @@ use crate::optics::airy::Airy;
 
 /// Step of the integral of an Airy line-spread function, px.
 const LINE_STEP: f64 = 1.0 / 16.0;
-/// Nodes used for a star at an edge (a path is averaged with no more than this many).
-const EDGE_NODES: usize = 64;
 
 /// Light on one detector.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,21 +49,27 @@ impl Share {
         self.footprint * self.at_edge(star, nodes)
     }
 
+    /// Mean over all nodes; only nodes whose footprint an edge cuts need the integral.
     fn at_edge(&self, star: &PlannedStar, nodes: &[PathNode]) -> f64 {
-        let stride = nodes.len().div_ceil(EDGE_NODES).max(1);
-        let (mut sum, mut weights) = (0.0, 0.0);
-        for node in nodes.iter().step_by(stride) {
-            let shift = star.track.displacement_px(&node.phi);
-            let inside: f64 = (0..2)
-                .map(|axis| {
-                    let v = star.track.mid_px[axis] + shift[axis];
-                    self.between(-0.5 - v, self.size_px[axis] as f64 - 0.5 - v)
-                })
-                .product();
-            sum += node.weight * inside;
-            weights += node.weight;
+        let [x, y] = star.track.mid_px;
+        let on = |node: &PathNode| {
+            let [dx, dy] = star.track.displacement_px(&node.phi);
+            self.along(x + dx, self.size_px[0]) * self.along(y + dy, self.size_px[1])
+        };
+        nodes.iter().map(|node| node.weight * on(node)).sum()
+    }
+
+    /// Share of the light at `v` px that lies on `size` pixels of one axis.
+    fn along(&self, v: f64, size: usize) -> f64 {
+        let clear_px = self.half_px as f64 + 1.0;
+        let (to_first, to_last) = (v + 0.5, size as f64 - 0.5 - v);
+        if to_first.min(to_last) > clear_px {
+            1.0
+        } else if to_first.min(to_last) < -clear_px {
+            0.0
+        } else {
+            self.between(-to_first, to_last)
         }
-        sum / weights
     }
 
     /// Share of the footprint's light between two distances along one axis.
@@ -117,4 +121,35 @@ fn square_sum(half_px: usize, value: impl Fn(f64, f64) -> f64) -> f64 {
     let half = half_px as f64;
     let side = 2 * half_px + 1;
     (0..side * side).map(|i| value((i % side) as f64 - half, (i / side) as f64 - half)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::exposure::track::StarTrack;
+
+    #[test]
+    fn a_long_path_across_an_edge_leaves_its_share_on_the_detector() {
+        let share = Share::new(&PsfModel::gaussian(0.8), 4, [100, 100]);
+        let mut response = [[0.0; 6]; 2];
+        response[0][0] = 60.0;
+        let track = StarTrack { mid_px: [10.0, 50.0], response };
+        let star = PlannedStar {
+            id: 0,
+            mag: 0.0,
+            electrons: 1.0,
+            electrons_on_detector: 0.0,
+            mid_sensor: glam::DVec3::Z,
+            track,
+            mean_px: [10.0, 50.0],
+        };
+        let node = |i: u32| {
+            let tau = (f64::from(i) + 0.5) / 1024.0 - 0.5;
+            PathNode { weight: 1.0 / 1024.0, phi: [tau, tau * tau, 0.0, 0.0, 0.0, 0.0] }
+        };
+        let nodes: Vec<PathNode> = (0..1024).map(node).collect();
+        // From x = -20 to 40: 40.5 of 60 px lie on the detector.
+        let on = share.on_detector(&star, &nodes, 30.0);
+        assert!((on - 40.5 / 60.0).abs() < 1e-6, "{on}");
+    }
 }

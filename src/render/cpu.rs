@@ -13,7 +13,7 @@ use crate::gpu::Electrons;
 use crate::optics::PsfModel;
 use crate::render::erf::erf;
 use crate::render::table::{LANES, PsfTable};
-use crate::render::{Backend, RenderError};
+use crate::render::{Backend, RenderError, check_kernel};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
@@ -128,6 +128,7 @@ impl Backend for Cpu {
     }
 
     fn render(&mut self, plan: &ExposurePlan) -> Result<(), RenderError> {
+        check_kernel(plan)?;
         self.prepare_tables(plan);
         let table = match plan.chosen.method {
             Method::EffectivePsf { .. } => Some(&self.effective),

@@ -11,7 +11,8 @@ pub mod reference;
 pub mod spline;
 pub mod table;
 
-use crate::exposure::ExposurePlan;
+use crate::exposure::plan::LONGEST_KERNEL_PX;
+use crate::exposure::{ExposurePlan, Method};
 use crate::gpu::Electrons;
 
 /// Draws plans.
@@ -32,6 +33,18 @@ pub trait Backend: Send {
     fn electrons(&self) -> Electrons<'_>;
 }
 
+/// Refuses a plan whose effective PSF would need a table beyond all bounds.
+///
+/// # Errors
+/// When the path leads further than [`LONGEST_KERNEL_PX`] from its mean.
+pub fn check_kernel(plan: &ExposurePlan) -> Result<(), RenderError> {
+    let long = plan.extent_px.is_nan() || plan.extent_px > LONGEST_KERNEL_PX;
+    if matches!(plan.chosen.method, Method::EffectivePsf { .. }) && long {
+        return Err(RenderError::KernelTooLong { extent_px: plan.extent_px });
+    }
+    Ok(())
+}
+
 /// Why a frame could not be drawn.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
@@ -41,6 +54,15 @@ pub enum RenderError {
     /// the GPU failed while it drew
     #[error("the GPU failed while drawing: {0}")]
     Device(String),
+    /// the path is too long for an effective PSF
+    #[error(
+        "effective-psf: the path leads {extent_px:.0} px from its mean, wanted at most {LONGEST_KERNEL_PX} px; use \
+         samples or auto"
+    )]
+    KernelTooLong {
+        /// How far it leads, px.
+        extent_px: f64,
+    },
     /// a plan is larger than the device's buffers
     #[error("{what}: got {got}, the device takes at most {most}; lower the limiting magnitude or use the CPU backend")]
     TooLarge {

@@ -23,11 +23,31 @@ pub struct Parcel {
     delivered: bool,
 }
 
+/// What the sink thread did.
+#[derive(Default)]
+struct Carried {
+    frames: u64,
+    lost: u64,
+    failure: Option<SinkError>,
+}
+
+/// What became of the frames that were sent.
+pub struct Delivered {
+    /// Frames the sink took.
+    pub frames: u64,
+    /// Frames it did not take: the one it failed on, and those behind it.
+    pub lost: u64,
+    /// What the sink wrote; `None` when it could not finish.
+    pub summary: Option<SinkSummary>,
+    /// The sink's first failure.
+    pub error: Option<RunError>,
+}
+
 /// The sink thread and its queues.
 pub struct Delivery {
     full: Sender<Parcel>,
     empty: Receiver<Parcel>,
-    thread: JoinHandle<(Result<SinkSummary, SinkError>, Option<SinkError>)>,
+    thread: JoinHandle<(Result<SinkSummary, SinkError>, Carried)>,
 }
 
 impl Delivery {
@@ -51,8 +71,8 @@ impl Delivery {
         let thread = std::thread::Builder::new()
             .name("sink".into())
             .spawn(move || {
-                let failure = carry(&mut *sink, &to_send, &sent);
-                (sink.finish(), failure)
+                let carried = carry(&mut *sink, &to_send, &sent);
+                (sink.finish(), carried)
             })
             .map_err(|source| RunError::Thread { name: "sink", source })?;
         Ok(Self { full, empty, thread })
@@ -80,28 +100,36 @@ impl Delivery {
     }
 
     /// Waits until everything is delivered. `visit` sees the times of the frames not yet seen.
-    /// Also returns the sink's first failure.
-    pub fn finish(self, mut visit: impl FnMut(&StageTimes)) -> (Option<SinkSummary>, Option<RunError>) {
+    pub fn finish(self, mut visit: impl FnMut(&StageTimes)) -> Delivered {
         drop(self.full);
         let joined = self.thread.join();
         for parcel in self.empty.try_iter().filter(|parcel| parcel.delivered) {
             visit(&parcel.times);
         }
-        match joined {
-            Ok((Ok(summary), failure)) => (Some(summary), failure.map(RunError::from)),
-            Ok((Err(error), failure)) => (None, Some(failure.unwrap_or(error).into())),
-            Err(_panicked) => (None, Some(RunError::ThreadLost { name: "sink" })),
-        }
+        let Ok((finished, carried)) = joined else {
+            return Delivered { frames: 0, lost: 0, summary: None, error: Some(RunError::ThreadLost { name: "sink" }) };
+        };
+        let (summary, finishing) = match finished {
+            Ok(summary) => (Some(summary), None),
+            Err(error) => (None, Some(error)),
+        };
+        let error = carried.failure.or(finishing).map(RunError::from);
+        Delivered { frames: carried.frames, lost: carried.lost, summary, error }
     }
 }
 
 /// The sink thread: sends until the queue closes or the sink fails.
-fn carry(sink: &mut dyn Sink, to_send: &Receiver<Parcel>, sent: &Sender<Parcel>) -> Option<SinkError> {
+fn carry(sink: &mut dyn Sink, to_send: &Receiver<Parcel>, sent: &Sender<Parcel>) -> Carried {
+    let mut carried = Carried::default();
     for mut parcel in to_send {
         let queue = parcel.watch.lap();
         if let Err(error) = sink.send(&parcel.frame) {
-            return Some(error);
+            // The frame thread notices when its queue is closed; what is in it by then is lost with this one.
+            carried.lost = 1 + to_send.try_iter().count() as u64;
+            carried.failure = Some(error);
+            return carried;
         }
+        carried.frames += 1;
         let sending = parcel.watch.lap();
         parcel.times.set(Stage::Queue, queue);
         parcel.times.set(Stage::Sink, sending);
@@ -109,5 +137,5 @@ fn carry(sink: &mut dyn Sink, to_send: &Receiver<Parcel>, sent: &Sender<Parcel>)
         parcel.delivered = true;
         let _frame_thread_has_ended = sent.send(parcel);
     }
-    None
+    carried
 }

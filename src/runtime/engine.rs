@@ -6,7 +6,6 @@ use crate::base::axes::{Rotation, ra_dec_roll};
 use crate::base::clock::Stopwatch;
 use crate::base::time::{Span, Tai};
 use crate::detector::DetectorParams;
-use crate::exposure::plan::Verdict;
 use crate::exposure::{ExposurePlan, Planner};
 use crate::report::{Stage, StageTimes};
 use crate::runtime::error::RunError;
@@ -81,7 +80,8 @@ impl FrameEngine {
     /// When the backend failed.
     pub fn warm_up(&mut self, frame: &mut SentFrame) -> Result<(), RunError> {
         let at = self.params.first_exposure;
-        let sources = self.sky.sources(DVec3::X, 0.0, at)?;
+        let sources = self.sky.sources(DVec3::Z, 0.0, at)?;
+        // The planner's attitude is still the identity: it looks along ICRF +Z, as the sources do.
         let plan = self.planner.plan(sources);
         self.imager.image(plan, 0, &mut frame.image)?;
         Ok(())
@@ -110,7 +110,7 @@ impl FrameEngine {
         times.set(Stage::Sky, watch.lap());
         let plan = self.planner.plan(sources);
         times.set(Stage::Plan, watch.lap());
-        if !matches!(plan.chosen.verdict, Verdict::Fits | Verdict::FluxOverBudget) {
+        if !plan.chosen.verdict.is_met() {
             note(ledger, EventKind::OverBudget, slot, Span::ZERO);
         }
         let imaging = self.imager.image(plan, slot.number, &mut frame.image)?;
@@ -148,7 +148,7 @@ impl FrameEngine {
                 match los.origin {
                     PathOrigin::Held => note(ledger, EventKind::AttitudeHeld, slot, age),
                     PathOrigin::Predicted => note(ledger, EventKind::Predicted, slot, report.horizon),
-                    PathOrigin::Interpolated | PathOrigin::Commanded => {}
+                    PathOrigin::Interpolated | PathOrigin::Commanded | PathOrigin::Absent => {}
                 }
                 Ok(true)
             }
@@ -159,9 +159,14 @@ impl FrameEngine {
             Ok(PathOutcome::Stop { age }) => Err(RunError::AttitudeStopped { age }),
             Err(_nothing_received_yet) => {
                 note(ledger, EventKind::NoAttitude, slot, Span::ZERO);
+                los.mid_sensor_from_icrf = Rotation::IDENTITY;
                 los.exposure_start = slot.exposure_start;
                 los.rate_rad_s = DVec3::ZERO;
                 los.acceleration_rad_s2 = DVec3::ZERO;
+                los.jitter.lines.clear();
+                los.jitter.points.clear();
+                los.origin = PathOrigin::Absent;
+                los.horizon = Span::ZERO;
                 Ok(false)
             }
         }
@@ -180,6 +185,7 @@ pub fn origin_name(origin: PathOrigin) -> &'static str {
         PathOrigin::Predicted => "predicted",
         PathOrigin::Held => "held",
         PathOrigin::Commanded => "commanded",
+        PathOrigin::Absent => "none",
     }
 }
 

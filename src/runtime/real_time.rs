@@ -55,10 +55,11 @@ pub fn run(
                 has_previous: false,
             };
             let error = bench.frames(stop, &mut record, progress).err();
-            let (sink, sending) = delivery.finish(|times| record.stages.record(times));
-            record.frames.delivered = sink.as_ref().map_or(record.frames.delivered, |sink| sink.frames);
-            let link = radio.finish();
-            RunOutcome { record, link, sink, error: sending.or(error) }
+            let delivered = delivery.finish(|times| record.stages.record(times));
+            record.frames.delivered = delivered.frames;
+            record.frames.dropped += delivered.lost;
+            let (link, receiving) = radio.finish();
+            RunOutcome { record, link, sink: delivered.summary, error: delivered.error.or(receiving).or(error) }
         }
     }
 }
@@ -111,9 +112,14 @@ impl Radio {
         Ok(Self { received, to_send, stop, thread })
     }
 
-    fn finish(self) -> Option<LinkReport> {
+    /// Counters of the port, or why the thread ended early.
+    fn finish(self) -> (Option<LinkReport>, Option<RunError>) {
         self.stop.store(true, Ordering::Relaxed);
-        self.thread.join().ok().and_then(Result::ok)
+        match self.thread.join() {
+            Ok(Ok(report)) => (Some(report), None),
+            Ok(Err(error)) => (None, Some(error)),
+            Err(_panicked) => (None, Some(RunError::ThreadLost { name: "link" })),
+        }
     }
 }
 
@@ -145,10 +151,8 @@ impl Bench<'_> {
             record.frames.scheduled += 1;
             let released = self.clock.now();
             record.stages.record_stage(Stage::Wait, released - asked);
-            if released > slot.due {
-                // The slots before took so long that this one is over: nothing is drawn for it.
-                self.drop_slot(slot, released, EventKind::Dropped, record);
-                continue;
+            if self.radio.thread.is_finished() {
+                break; // its error is told when the run ends
             }
             self.receive(record);
             let spare = self.spare.take().or_else(|| self.delivery.take(|times| record.stages.record(times)));
@@ -156,13 +160,16 @@ impl Bench<'_> {
                 self.drop_slot(slot, released, EventKind::SinkBusy, record);
                 continue;
             };
+            if self.is_over(slot, released) {
+                // The slots before took so long that this one is over: nothing is drawn for it.
+                parcel.frame.meta.lateness = released - slot.due;
+                self.deliver_late(parcel, slot, released - slot.release, record)?;
+                continue;
+            }
             let times = self.engine.expose(slot, self.receiver, &mut record.ledger, &mut parcel.frame)?;
             let finished = self.clock.now();
             parcel.frame.meta.lateness = finished - slot.due;
             record.count_rendered(&parcel.frame, &times);
-            for message in reply::frame_messages(&parcel.frame.meta, self.receiver) {
-                let _full_queue_is_no_reason_to_wait = self.radio.to_send.try_send(message);
-            }
             progress(&parcel.frame, record);
             self.deliver(parcel, slot, finished - slot.release, record)?;
         }
@@ -194,38 +201,61 @@ impl Bench<'_> {
         record.note(kind, now, slot.number, now - slot.due);
     }
 
+    /// True when drawing a slot makes no sense any more: it is past due, and under `late` by more than a frame.
+    fn is_over(&self, slot: Slot, now: Tai) -> bool {
+        let params = self.engine.params();
+        let grace = if params.deadline_policy == DeadlinePolicy::Late { params.frame_period } else { Span::ZERO };
+        now > slot.due + grace
+    }
+
     /// Sends a finished frame, or does with a late one what the policy says.
-    fn deliver(&mut self, mut parcel: Parcel, slot: Slot, taken: Span, record: &mut RunRecord) -> Result<(), RunError> {
-        let lateness = parcel.frame.meta.lateness;
+    fn deliver(&mut self, parcel: Parcel, slot: Slot, taken: Span, record: &mut RunRecord) -> Result<(), RunError> {
         let policy = self.engine.params().deadline_policy;
+        let lateness = parcel.frame.meta.lateness;
+        if lateness > Span::ZERO && policy != DeadlinePolicy::Late {
+            return self.deliver_late(parcel, slot, taken, record);
+        }
         if lateness > Span::ZERO {
-            let at = slot.due + lateness;
-            match policy {
-                DeadlinePolicy::Late => {
-                    record.frames.late += 1;
-                    record.note(EventKind::Late, at, slot.number, lateness);
-                }
-                DeadlinePolicy::Hold if self.has_previous => {
-                    record.frames.late += 1;
-                    record.frames.held += 1;
-                    record.note(EventKind::Held, at, slot.number, lateness);
-                    copy_frame(&self.previous, &mut parcel.frame);
-                    parcel.frame.meta.number = slot.number;
-                    parcel.frame.meta.lateness = lateness;
-                    parcel.frame.meta.faults |= FaultFlags::FRAME_DUPLICATE;
-                }
-                DeadlinePolicy::Drop | DeadlinePolicy::Hold => {
-                    record.frames.late += 1;
-                    self.drop_slot(slot, at, EventKind::Dropped, record);
-                    self.spare = Some(parcel);
-                    return Ok(());
-                }
-            }
+            record.frames.late += 1;
+            record.note(EventKind::Late, slot.due + lateness, slot.number, lateness);
         } else if policy == DeadlinePolicy::Hold {
             copy_frame(&parcel.frame, &mut self.previous);
             self.has_previous = true;
         }
+        self.send(parcel, taken, record)
+    }
+
+    /// A slot whose own frame does not go out: the previous one does under `hold`, else nothing.
+    fn deliver_late(
+        &mut self,
+        mut parcel: Parcel,
+        slot: Slot,
+        taken: Span,
+        record: &mut RunRecord,
+    ) -> Result<(), RunError> {
+        let lateness = parcel.frame.meta.lateness;
+        let at = slot.due + lateness;
+        record.frames.late += 1;
+        if self.engine.params().deadline_policy == DeadlinePolicy::Hold && self.has_previous {
+            record.frames.held += 1;
+            record.note(EventKind::Held, at, slot.number, lateness);
+            copy_frame(&self.previous, &mut parcel.frame);
+            parcel.frame.meta.number = slot.number;
+            parcel.frame.meta.lateness = lateness;
+            parcel.frame.meta.faults |= FaultFlags::FRAME_DUPLICATE;
+            return self.send(parcel, taken, record);
+        }
+        self.drop_slot(slot, at, EventKind::Dropped, record);
+        self.spare = Some(parcel);
+        Ok(())
+    }
+
+    /// Sends a frame out and tells the flight computer what was in it.
+    fn send(&mut self, parcel: Parcel, taken: Span, record: &mut RunRecord) -> Result<(), RunError> {
         record.count_outgoing(&parcel.frame.meta);
+        for message in reply::frame_messages(&parcel.frame.meta, self.receiver) {
+            let _full_queue_is_no_reason_to_wait = self.radio.to_send.try_send(message);
+        }
         self.delivery.send(parcel, taken)
     }
 }

@@ -15,6 +15,8 @@ use glam::DVec3;
 
 /// Period of classic jitter pairs' samples.
 const PAIR_PERIOD: Span = Span::from_ms(1);
+/// Faster turns (1000 deg/s) are no attitude of a spacecraft that a star sensor follows; NaN is not below it either.
+const MOST_RATE_RAD_S: f64 = 17.453_292_519_943_295;
 /// Norm tolerance of a quaternion that the protocol has already checked.
 const NORM_TOLERANCE: f64 = 2e-3;
 
@@ -117,7 +119,8 @@ impl Receiver {
                 acceleration_rad_s2: vector(record.acceleration_rad_s2),
             }
         });
-        if sample.is_some_and(|sample| self.history.insert(sample, at).is_ok()) {
+        let sane = |sample: &AttitudeSample| sample.rate_rad_s.length() <= MOST_RATE_RAD_S;
+        if sample.filter(sane).is_some_and(|sample| self.history.insert(sample, at).is_ok()) {
             self.newest_epoch = self.newest_epoch.max(Some(epoch));
         } else {
             ledger.note(Event { kind: EventKind::SampleRefused, at, frame: None, span: at - epoch });

@@ -69,8 +69,9 @@ impl RunRecord {
     /// Counts a frame that was drawn.
     pub fn count_rendered(&mut self, frame: &SentFrame, times: &StageTimes) {
         self.frames.rendered += 1;
-        self.frames.extrapolated += u64::from(matches!(frame.meta.origin, "predicted" | "held"));
-        self.frames.blank += u64::from(frame.meta.faults.contains(FaultFlags::BLANK));
+        let blank = frame.meta.faults.contains(FaultFlags::BLANK);
+        self.frames.blank += u64::from(blank);
+        self.frames.extrapolated += u64::from(!blank && matches!(frame.meta.origin, "predicted" | "held"));
         self.stages.record(times);
         self.stars.record(frame.truth.len() as u64);
         self.attitude_age.record(frame.meta.attitude_age);

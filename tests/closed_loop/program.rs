@@ -122,13 +122,20 @@ fn errors_say_what_where_wanted_got() {
         assert!(error.contains(part), "no \"{part}\" in: {error}");
     }
     write("50");
-    let cases: [(&[&str], Option<i32>, &str); 7] = [
+    std::fs::write(folder.path().join("far.csv"), "t_s,dx_px,dy_px,roll_arcsec\n0,0,0,0\n0.05,20000,0,0\n").unwrap();
+    std::fs::write(folder.path().join("farther.csv"), "t_s,dx_px,dy_px,roll_arcsec\n0,0,0,0\n0.05,1e12,0,0\n").unwrap();
+    std::fs::write(folder.path().join("bright.csv"), "x_px,y_px,electrons\n1,2,1e39\n").unwrap();
+    let cases: [(&[&str], Option<i32>, &str); 11] = [
         (&["--attitude", "1,0,0,NaN"], Some(2), "4 finite numbers"),
         (&["--attitude", "2,0,0,0"], Some(1), "norm 2"),
         (&["--ra", "10", "--dec", "91"], Some(1), "-90 to 90"),
         (&["--ra", "10", "--dec", "0", "--sources", "none.csv"], Some(1), "none.csv"),
         (&["--ra", "10", "--dec", "0", "--time", "noon"], Some(2), "RFC 3339"),
         (&["--ra", "10", "--dec", "0", "--method", "magic"], Some(2), "magic"),
+        (&["--ra", "1", "--dec", "0", "--los", "far.csv", "--method", "effective-psf"], Some(1), "use samples or auto"),
+        (&["--ra", "1", "--dec", "0", "--los", "farther.csv"], Some(1), "row 2"),
+        (&["--sources", "bright.csv"], Some(1), "wanted 0 to 1e12"),
+        (&["--ra", "1", "--dec", "0", "--rate", "1e9,0,0"], Some(1), "wanted at most 1000"),
         (&[], Some(1), "wanted --ra"),
     ];
     for (arguments, wanted, part) in cases {

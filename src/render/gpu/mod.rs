@@ -24,7 +24,7 @@ use crate::gpu::{DeviceElectrons, Electrons, GpuDevice, GpuError, shader};
 use crate::optics::PsfModel;
 use crate::render::erf::{ERF_CLAMP, ERF_P, ERF_Q};
 use crate::render::table::PsfTable;
-use crate::render::{Backend, RenderError};
+use crate::render::{Backend, RenderError, check_kernel};
 use bytemuck::{Pod, Zeroable};
 use scale::TileBounds;
 use stars::{NodeRecord, StarRecord, fill_nodes, fill_stars};
@@ -257,6 +257,7 @@ impl Backend for Gpu {
     }
 
     fn render(&mut self, plan: &ExposurePlan) -> Result<(), RenderError> {
+        check_kernel(plan)?;
         Ok(self.submit(plan)?)
     }
 
