@@ -269,6 +269,7 @@ impl Backend for Gpu {
 impl Resources {
     fn new(gpu: &GpuDevice) -> Result<Self, GpuError> {
         let head = shader::constant_u32("WORKGROUP", WORKGROUP) + include_str!("place.wgsl");
+        let tail = include_str!("blocks.wgsl");
         let erf = shader::coefficients("ERF_P", &ERF_P)
             + &shader::coefficients("ERF_Q", &ERF_Q)
             + &shader::constant("ERF_CLAMP", ERF_CLAMP);
@@ -278,8 +279,8 @@ impl Resources {
             nodes: GrowableBuffer::storage(gpu, "path nodes", 256 * size_of::<NodeRecord>() as u64)?,
             table: TableTexture::new(gpu, "PSF table")?,
             texels: Vec::new(),
-            splat: ComputePass::new(gpu, "splat", format!("{head}{erf}{}", include_str!("splat.wgsl")))?,
-            tabulated: ComputePass::new(gpu, "table", format!("{head}{}", include_str!("table.wgsl")))?,
+            splat: ComputePass::new(gpu, "splat", format!("{head}{erf}{}{tail}", include_str!("splat.wgsl")))?,
+            tabulated: ComputePass::new(gpu, "table", format!("{head}{}{tail}", include_str!("table.wgsl")))?,
             groups: None,
         })
     }

@@ -109,24 +109,3 @@ fn draw_block(star: Star, corner: vec2<i32>, first: u32, end: u32) {
     put16(x, y + 6, gain * r0, gain * r1, gain * r2, gain * r3);
     put16(x, y + 7, gain * s0, gain * s1, gain * s2, gain * s3);
 }
-
-@compute @workgroup_size(WORKGROUP)
-fn main(
-    @builtin(global_invocation_id) id: vec3<u32>,
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-) {
-    if (id.x >= frame.stars) {
-        return;
-    }
-    let star = stars[id.x];
-    let size = box_of(star);
-    let columns = (size.x + BLOCK_COLUMNS - 1) / BLOCK_COLUMNS;
-    let blocks = columns * ((size.y + BLOCK_ROWS - 1) / BLOCK_ROWS);
-    let first = group.z * frame.nodes_per_slice;
-    let end = min(first + frame.nodes_per_slice, frame.nodes);
-    for (var block = i32(group.y); block < blocks; block += i32(groups.y)) {
-        let corner = vec2<i32>(BLOCK_COLUMNS * (block % columns), BLOCK_ROWS * (block / columns));
-        draw_block(star, star.box_start + corner, first, end);
-    }
-}

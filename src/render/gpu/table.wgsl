@@ -2,6 +2,7 @@
 // of 8 x 1 pixels, all nodes of a slice. The block is summed in registers and added to the image once.
 
 const BLOCK_COLUMNS: i32 = 8;
+const BLOCK_ROWS: i32 = 1;
 
 // Texel (first phase along x, column; phase along y, row): the taps of four phases along x.
 @group(0) @binding(4) var table: texture_2d<f32>;
@@ -66,25 +67,4 @@ fn draw_block(star: Star, corner: vec2<i32>, first: u32, end: u32) {
     }
     put4(corner.x, corner.y, star.electrons * a);
     put4(corner.x + 4, corner.y, star.electrons * b);
-}
-
-@compute @workgroup_size(WORKGROUP)
-fn main(
-    @builtin(global_invocation_id) id: vec3<u32>,
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-) {
-    if (id.x >= frame.stars) {
-        return;
-    }
-    let star = stars[id.x];
-    let size = box_of(star);
-    let columns = (size.x + BLOCK_COLUMNS - 1) / BLOCK_COLUMNS;
-    let blocks = columns * size.y;
-    let first = group.z * frame.nodes_per_slice;
-    let end = min(first + frame.nodes_per_slice, frame.nodes);
-    for (var block = i32(group.y); block < blocks; block += i32(groups.y)) {
-        let corner = vec2<i32>(BLOCK_COLUMNS * (block % columns), block / columns);
-        draw_block(star, star.box_start + corner, first, end);
-    }
 }

@@ -1,0 +1,22 @@
+// One invocation per star and block of BLOCK_COLUMNS x BLOCK_ROWS pixels; `draw_block` is the pass that this follows.
+
+@compute @workgroup_size(WORKGROUP)
+fn main(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    if (id.x >= frame.stars) {
+        return;
+    }
+    let star = stars[id.x];
+    let size = box_of(star);
+    let columns = (size.x + BLOCK_COLUMNS - 1) / BLOCK_COLUMNS;
+    let blocks = columns * ((size.y + BLOCK_ROWS - 1) / BLOCK_ROWS);
+    let first = group.z * frame.nodes_per_slice;
+    let end = min(first + frame.nodes_per_slice, frame.nodes);
+    for (var block = i32(group.y); block < blocks; block += i32(groups.y)) {
+        let corner = vec2<i32>(BLOCK_COLUMNS * (block % columns), BLOCK_ROWS * (block / columns));
+        draw_block(star, star.box_start + corner, first, end);
+    }
+}
