@@ -240,15 +240,15 @@ impl Setup<'_> {
     /// Hands the monitor a frame's progress; drops it when the monitor is busy.
     fn sender(&self, frames: u32) -> impl FnMut(&SentFrame, &RunRecord) + use<> {
         let updates = self.updates.clone();
-        let mut watch = Stopwatch::start();
-        let mut elapsed_s = 0.0;
+        let mut since_first: Option<(Stopwatch, f64)> = None;
         move |frame, record| {
-            elapsed_s += watch.lap().s();
+            let (watch, elapsed_s) = since_first.get_or_insert_with(|| (Stopwatch::start(), 0.0));
+            *elapsed_s += watch.lap().s();
             let done = record.frames.rendered;
             let update = Progress {
                 frame: done,
                 frames: Some(u64::from(frames)),
-                fps: done as f64 / f64::max(elapsed_s, 1e-9),
+                fps: done.saturating_sub(1) as f64 / f64::max(*elapsed_s, 1e-3),
                 p99_ms: record.p99_ms(),
                 late: record.frames.late,
                 dropped: record.frames.dropped,
