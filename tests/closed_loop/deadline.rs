@@ -5,12 +5,12 @@
 use crate::bench::{built_in, start};
 use starloop::base::clock::{Clock, Monotonic};
 use starloop::cli::bench_parts;
-use starloop::config::{Backend, DeadlinePolicy};
+use starloop::config::{Backend, Bench, DeadlinePolicy};
 use starloop::link::Port;
 use starloop::link::simulated::simulated_pair;
 use starloop::runtime::receiver::Receiver;
-use starloop::runtime::{EventKind, FrameEngine, RunOutcome, real_time};
-use starloop::sink::NullSink;
+use starloop::runtime::{EventKind, FrameEngine, RunOutcome, RunRecord, real_time};
+use starloop::sink::{NullSink, SentFrame};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -22,17 +22,22 @@ fn run_late(policy: DeadlinePolicy) -> RunOutcome {
     bench.render.backend = Backend::Reference;
     bench.camera.exposure.readout_s = 1e-3;
     bench.timing.deadline_policy = policy;
-    let start = start(&bench);
-    let params = bench_parts::run_params(&bench, start).unwrap();
+    run(&bench, &mut |_, _| {})
+}
+
+/// Runs a bench on the bench clock with nobody at the other end of the bus.
+fn run(bench: &Bench, progress: &mut dyn FnMut(&SentFrame, &RunRecord)) -> RunOutcome {
+    let start = start(bench);
+    let params = bench_parts::run_params(bench, start).unwrap();
     let mut engine = FrameEngine::new(params.clone()).unwrap();
     let mut receiver = Receiver::new(params.attitude).unwrap();
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
-    let (bus, format) = bench_parts::bus(&bench);
+    let (bus, format) = bench_parts::bus(bench);
     let (near, _far) = simulated_pair(bus, &clock);
     let port = Port::new(Box::new(near), format, firmware_protocol::can::IdMap::new(0, 0).unwrap());
     let stop = Arc::new(AtomicBool::new(false));
     let sink = Box::new(NullSink::new());
-    real_time::run(&mut engine, &mut receiver, port, &clock, sink, &stop, &mut |_, _| {})
+    real_time::run(&mut engine, &mut receiver, port, &clock, sink, &stop, progress)
 }
 
 #[test]
@@ -52,4 +57,26 @@ fn late_frames_go_out_late_or_not_at_all_and_are_counted() {
             DeadlinePolicy::Drop | DeadlinePolicy::Hold => assert_eq!(frames.delivered, 0, "{policy:?}"),
         }
     }
+}
+
+/// A frame thread that is held up for three frames: the image before goes out again in their place.
+#[test]
+fn a_good_frame_is_repeated_while_new_ones_are_missing() {
+    let mut bench = built_in(0.6);
+    bench.timing.deadline_policy = DeadlinePolicy::Hold;
+    let (mut drawn, mut in_time) = (0, false);
+    let outcome = run(&bench, &mut |frame, _| {
+        drawn += 1;
+        if drawn == 1 {
+            in_time = frame.meta.lateness.ns() <= 0;
+        } else if drawn == 2 {
+            std::thread::sleep(std::time::Duration::from_millis(350));
+        }
+    });
+    let (frames, ledger) = (outcome.record.frames, outcome.record.ledger);
+    assert_eq!(frames.delivered + frames.dropped, 6, "every slot is accounted for");
+    assert_eq!(ledger.count(EventKind::Held), frames.held);
+    // On a machine that stalls for 100 ms at the first frame there is nothing good to repeat.
+    assert!(!in_time || frames.held >= 1, "{frames:?}");
+    assert!(!in_time || frames.dropped == 0, "hold leaves no gap: {frames:?}");
 }
