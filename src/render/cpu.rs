@@ -10,8 +10,8 @@ use crate::base::image::Image;
 use crate::exposure::features::FEATURES;
 use crate::exposure::{ExposurePlan, Method, PlannedStar};
 use crate::gpu::Electrons;
-use crate::optics::PsfModel;
 use crate::render::erf::erf;
+use crate::render::plan_tables::PlanTables;
 use crate::render::table::{LANES, PsfTable};
 use crate::render::{Backend, RenderError, check_kernel};
 use pulp::{Arch, NullaryFnOnce};
@@ -43,8 +43,7 @@ pub struct Cpu {
     image: Image<f32>,
     stars: Vec<BandStar>,
     nodes: Vec<[f32; FEATURES + 1]>,
-    base: Option<(PsfModel, PsfTable)>,
-    effective: PsfTable,
+    tables: PlanTables,
     bands: Vec<Vec<u32>>,
 }
 
@@ -57,28 +56,8 @@ impl Cpu {
             image: Image::new(width_px, height_px),
             stars: Vec::new(),
             nodes: Vec::new(),
-            base: None,
-            effective: PsfTable::default(),
+            tables: PlanTables::new(ANALYTIC_HALF_PX),
             bands: vec![Vec::new(); height_px.div_ceil(BAND_ROWS)],
-        }
-    }
-
-    /// Builds or rebuilds the tables this plan needs.
-    fn prepare_tables(&mut self, plan: &ExposurePlan) {
-        let effective = matches!(plan.chosen.method, Method::EffectivePsf { .. });
-        let analytic = is_analytic(plan);
-        if (effective && matches!(plan.psf, PsfModel::Gaussian { .. })) || (analytic && !effective) {
-            if effective {
-                self.effective.rebuild_effective(plan, &PsfTable::default());
-            }
-            return;
-        }
-        let stale = self.base.as_ref().is_none_or(|(psf, table)| *psf != plan.psf || table.half_px != plan.half_px);
-        if stale {
-            self.base = Some((plan.psf.clone(), PsfTable::of_psf(&plan.psf, plan.half_px)));
-        }
-        if let (true, Some((_, base))) = (effective, &self.base) {
-            self.effective.rebuild_effective(plan, base);
         }
     }
 
@@ -129,20 +108,10 @@ impl Backend for Cpu {
 
     fn render(&mut self, plan: &ExposurePlan) -> Result<(), RenderError> {
         check_kernel(plan)?;
-        self.prepare_tables(plan);
-        let table = match plan.chosen.method {
-            Method::EffectivePsf { .. } => Some(&self.effective),
-            _ if is_analytic(plan) => None,
-            _ => self.base.as_ref().map(|(_, table)| table),
-        };
-        let half_px = table.map_or(plan.half_px, |table| table.half_px);
-        // The borrow of the tables ends here: stars do not touch them.
+        self.tables.prepare(plan);
+        let half_px = self.tables.of(plan).map_or(plan.half_px, |table| table.half_px);
         self.prepare_stars(plan, half_px);
-        let table = match plan.chosen.method {
-            Method::EffectivePsf { .. } => Some(&self.effective),
-            _ if is_analytic(plan) => None,
-            _ => self.base.as_ref().map(|(_, table)| table),
-        };
+        let table = self.tables.of(plan);
         let width = self.image.width().max(1);
         let (arch, stars, nodes, bands) = (self.arch, &self.stars, &self.nodes, &self.bands);
         let sigma_px = plan.psf.core_sigma_px() as f32;
@@ -161,11 +130,6 @@ impl Backend for Cpu {
     fn electrons(&self) -> Electrons<'_> {
         Electrons::Host(&self.image)
     }
-}
-
-/// True when the plan's PSF is drawn without a table.
-fn is_analytic(plan: &ExposurePlan) -> bool {
-    matches!(plan.psf, PsfModel::Gaussian { .. }) && plan.half_px <= ANALYTIC_HALF_PX
 }
 
 /// Smallest and largest value of every feature over the nodes.

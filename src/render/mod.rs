@@ -7,6 +7,7 @@
 pub mod cpu;
 pub mod erf;
 pub mod gpu;
+pub mod plan_tables;
 pub mod reference;
 pub mod spline;
 pub mod table;

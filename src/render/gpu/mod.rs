@@ -2,10 +2,10 @@
 //!
 //! Plan -> electrons per pixel in fixed point on the device ([`crate::gpu::DeviceElectrons`]). Two passes:
 //!
-//! * `splat`: Gaussian PSFs, analytically. One invocation per star and block of 16 x 4 pixels of the star's box; it
-//!   sums all nodes in registers and adds the block to the image once.
-//! * `table`: tabulated and effective PSFs, from the tables of [`crate::render::table`]. One workgroup per star, one
-//!   invocation per pixel of the box, 16 taps per node.
+//! * `splat`: Gaussian PSFs, analytically. One invocation per star and block of 16 x 8 pixels of the star's box; it
+//!   sums its nodes in registers and adds the block to the image once.
+//! * `table`: tabulated and effective PSFs, from the tables of [`crate::render::table`]. One
+//!   invocation per star and block of 8 x 1 pixels, 16 taps per pixel and node.
 //!
 //! Additions are integer, so they commute: a repeated plan gives the same bits. The scale is chosen per frame so that
 //! no pixel can wrap ([`crate::render::gpu::scale`]). Error against the CPU backend: f32 rounding, 5e-7 of the peak;
@@ -15,14 +15,14 @@ pub mod scale;
 mod stars;
 
 use crate::base::image::Image;
-use crate::exposure::{ExposurePlan, Method};
+use crate::exposure::ExposurePlan;
 use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::passes::{ComputePass, MOST_WORKGROUPS, WORKGROUP};
 use crate::gpu::readback::ReadbackRing;
 use crate::gpu::texture::TableTexture;
 use crate::gpu::{DeviceElectrons, Electrons, GpuDevice, GpuError, shader};
-use crate::optics::PsfModel;
 use crate::render::erf::{ERF_CLAMP, ERF_P, ERF_Q};
+use crate::render::plan_tables::{PlanTables, Prepared};
 use crate::render::table::PsfTable;
 use crate::render::{Backend, RenderError, check_kernel};
 use bytemuck::{Pod, Zeroable};
@@ -89,8 +89,7 @@ pub struct Gpu {
     stars: Vec<StarRecord>,
     nodes: Vec<NodeRecord>,
     bounds: TileBounds,
-    base: Option<(PsfModel, PsfTable)>,
-    effective: PsfTable,
+    tables: PlanTables,
     loaded: Loaded,
 }
 
@@ -107,8 +106,7 @@ impl Gpu {
             stars: Vec::new(),
             nodes: Vec::new(),
             bounds: TileBounds::new([width_px, height_px]),
-            base: None,
-            effective: PsfTable::default(),
+            tables: PlanTables::new(ANALYTIC_HALF_PX),
             loaded: Loaded::Nothing,
             gpu,
         })
@@ -138,41 +136,17 @@ impl Gpu {
         Ok(self.image.read(&self.gpu, ring, out)?)
     }
 
-    /// Builds the table this plan needs and brings it to the device.
+    /// Builds the table this plan needs and brings it to the device, where it is not there yet.
     fn prepare_table(&mut self, plan: &ExposurePlan) -> Result<(), GpuError> {
-        let effective = matches!(plan.chosen.method, Method::EffectivePsf { .. });
-        if !effective && is_analytic(plan) {
-            return Ok(());
-        }
-        let needs_base = !effective || !matches!(plan.psf, PsfModel::Gaussian { .. });
-        let fresh = |(psf, table): &(PsfModel, PsfTable)| *psf == plan.psf && table.half_px == plan.half_px;
-        if needs_base && !self.base.as_ref().is_some_and(fresh) {
-            self.base = Some((plan.psf.clone(), PsfTable::of_psf(&plan.psf, plan.half_px)));
-            self.loaded = Loaded::Nothing;
-        }
-        if effective {
-            match &self.base {
-                Some((_, base)) if needs_base => self.effective.rebuild_effective(plan, base),
-                _ => self.effective.rebuild_effective(plan, &PsfTable::default()),
-            }
-            self.loaded = Loaded::Effective;
-            return self.resources.load_table(&self.gpu, &self.effective);
-        }
-        match &self.base {
-            Some((_, base)) if self.loaded != Loaded::Base => {
-                self.loaded = Loaded::Base;
-                self.resources.load_table(&self.gpu, base)
-            }
+        let (loaded, is_there) = match self.tables.prepare(plan) {
+            Prepared::Analytic => return Ok(()),
+            Prepared::Base { rebuilt } => (Loaded::Base, !rebuilt && self.loaded == Loaded::Base),
+            Prepared::Effective => (Loaded::Effective, false),
+        };
+        self.loaded = loaded;
+        match self.tables.of(plan) {
+            Some(table) if !is_there => self.resources.load_table(&self.gpu, table),
             _ => Ok(()),
-        }
-    }
-
-    /// The table to draw `plan` from, or `None` when it is drawn analytically.
-    fn table(&self, plan: &ExposurePlan) -> Option<&PsfTable> {
-        match plan.chosen.method {
-            Method::EffectivePsf { .. } => Some(&self.effective),
-            _ if is_analytic(plan) => None,
-            _ => self.base.as_ref().map(|(_, table)| table),
         }
     }
 
@@ -193,7 +167,7 @@ impl Gpu {
 
     fn submit(&mut self, plan: &ExposurePlan) -> Result<(), GpuError> {
         self.prepare_table(plan)?;
-        let (half_px, peak) = match self.table(plan) {
+        let (half_px, peak) = match self.tables.of(plan) {
             Some(table) => (table.half_px, largest_coefficient(table)),
             None => (plan.half_px, plan.psf.peak()),
         };
@@ -204,7 +178,7 @@ impl Gpu {
         let slices = self.nodes.len().div_ceil(nodes_per_slice);
         let scale = self.choose_scale(peak, slices);
         let params = self.params(plan, half_px, nodes_per_slice, scale);
-        let tabulated = self.table(plan).is_some();
+        let tabulated = self.tables.of(plan).is_some();
         let blocks = self.workgroups(tabulated);
         let Self { gpu, resources, image, stars, nodes, .. } = self;
         resources.write(gpu, &params, stars, nodes)?;
@@ -219,7 +193,7 @@ impl Gpu {
 
     #[allow(clippy::cast_possible_truncation, reason = "counts and sizes are held by the device's buffer limits")]
     fn params(&self, plan: &ExposurePlan, half_px: usize, nodes_per_slice: usize, scale: f32) -> FrameParams {
-        let table = self.table(plan);
+        let table = self.tables.of(plan);
         FrameParams {
             size: [self.image.width() as i32, self.image.height() as i32],
             stars: self.stars.len() as u32,
@@ -343,11 +317,6 @@ impl From<GpuError> for RenderError {
             GpuError::Size { .. } => Self::Device(error.to_string()),
         }
     }
-}
-
-/// True when the plan's PSF is drawn without a table.
-fn is_analytic(plan: &ExposurePlan) -> bool {
-    matches!(plan.psf, PsfModel::Gaussian { .. }) && plan.half_px <= ANALYTIC_HALF_PX
 }
 
 /// Bound of a table's values: spline weights are positive and sum to 1, so no value lies beyond the coefficients.
