@@ -1,6 +1,6 @@
 //! `starloop check`: is this bench sound, what does it mean, what will be drawn and at what error and cost.
 
-use crate::base::time::{Span, Tai};
+use crate::base::time::Tai;
 use crate::cli::bench_parts;
 use crate::config::{Bench, StartTime};
 use crate::exposure::plan::{Assessment, Verdict};
@@ -12,7 +12,6 @@ use crate::testbed::flight_computer::FlightComputer;
 use anyhow::Result;
 use clap::Args;
 use core::fmt::Write;
-use glam::DVec3;
 use std::path::PathBuf;
 
 /// Command line of `check`.
@@ -122,8 +121,7 @@ fn plans(text: &mut String, bench: &Bench, start: Tai, params: &RunParams, image
     let mut numbers = vec![0, last / 2, last];
     numbers.dedup();
     for number in numbers {
-        let begin = params.first_exposure + Span::from_ns(params.frame_period.ns() * i64::from(number));
-        let mut planner = planner(params, imager, begin);
+        let mut planner = planner(params, imager, params.exposure_start(number));
         let los = &mut planner.motion_mut().los;
         let truth = computer.truth(los.mid_exposure());
         let mount = params.attitude.sensor_from_body;
@@ -132,9 +130,7 @@ fn plans(text: &mut String, bench: &Bench, start: Tai, params: &RunParams, image
         los.acceleration_rad_s2 = mount.apply(truth.acceleration_rad_s2);
         los.jitter.lines.clone_from(&params.attitude.jitter_lines);
         los.jitter.lines_epoch = params.attitude.jitter_epoch;
-        let boresight = los.mid_sensor_from_icrf.inverse().apply(DVec3::Z);
-        let (sweep_rad, mid) = (los.rate_rad_s.length() * los.exposure_s, los.mid_exposure());
-        let plan = planner.plan(sky.sources(boresight, sweep_rad, mid)?);
+        let plan = planner.plan(sky.in_view(&planner.latest().motion.los)?);
         write_plan(text, number, plan, params)?;
     }
     Ok(())

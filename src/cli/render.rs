@@ -144,11 +144,8 @@ impl Scene {
     /// Finds the sources and plans; the wall time of both.
     fn plan(&mut self) -> Result<[Span; 2]> {
         let mut watch = Stopwatch::start();
-        let los = &self.planner.motion_mut().los;
-        let boresight = los.mid_sensor_from_icrf.inverse().apply(DVec3::Z);
-        let (sweep_rad, mid) = (los.rate_rad_s.length() * los.exposure_s, los.mid_exposure());
         let sources = match &mut self.sky {
-            Some(sky) => sky.sources(boresight, sweep_rad, mid)?,
+            Some(sky) => sky.in_view(&self.planner.latest().motion.los)?,
             None => &self.sources,
         };
         let sky = watch.lap();
@@ -187,12 +184,11 @@ impl Scene {
         }
     }
 
-    fn write(&mut self, arguments: &RenderArgs, format: Format) -> Result<()> {
+    fn write(&self, arguments: &RenderArgs, format: Format) -> Result<()> {
         match arguments.stage {
             StageName::Dn => write_dn(&arguments.out, format, &self.frame)?,
             StageName::Electrons => {
-                let mean = self.imager.render(self.planner.latest())?;
-                write_electrons(&arguments.out, format, &mean, &self.frame.meta)?
+                write_electrons(&arguments.out, format, &self.imager.latest_mean(), &self.frame.meta)?
             }
         };
         Ok(())

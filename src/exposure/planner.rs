@@ -268,10 +268,9 @@ impl Planner {
             self.plan.assessed.push(assessment);
         }
         self.plan.assessed.sort_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
-        let fits = |a: &&Assessment| matches!(a.verdict, Verdict::Fits | Verdict::FluxOverBudget);
         let assessed = &self.plan.assessed;
         let chosen = match self.choice {
-            MethodChoice::Auto => assessed.iter().find(fits).or_else(|| {
+            MethodChoice::Auto => assessed.iter().find(|a| a.verdict.is_met()).or_else(|| {
                 let usable =
                     assessed.iter().filter(|a| !matches!(a.verdict, Verdict::NeedsSmoothMotion | Verdict::PathTooLong));
                 usable.min_by(|a, b| a.centroid_px.total_cmp(&b.centroid_px))

@@ -69,7 +69,7 @@ impl FrameEngine {
     /// The slot of frame `number`.
     #[must_use]
     pub fn slot(&self, number: u32) -> Slot {
-        let start = self.params.first_exposure + Span::from_ns(self.params.frame_period.ns() * i64::from(number));
+        let start = self.params.exposure_start(number);
         let release = start + Span::from_s(self.params.camera.exposure_s);
         Slot { number, exposure_start: start, release, due: release + Span::from_s(self.params.camera.readout_s) }
     }
@@ -79,9 +79,7 @@ impl FrameEngine {
     /// # Errors
     /// When the backend failed.
     pub fn warm_up(&mut self, frame: &mut SentFrame) -> Result<(), RunError> {
-        let at = self.params.first_exposure;
-        let sources = self.sky.sources(DVec3::Z, 0.0, at)?;
-        // The planner's attitude is still the identity: it looks along ICRF +Z, as the sources do.
+        let sources = self.sky.in_view(&self.planner.latest().motion.los)?;
         let plan = self.planner.plan(sources);
         self.imager.image(plan, 0, &mut frame.image)?;
         Ok(())
@@ -102,11 +100,8 @@ impl FrameEngine {
         let mut watch = Stopwatch::start();
         let has_stars = self.compose(slot, receiver, ledger)?;
         times.set(Stage::Attitude, watch.lap());
-        let los = &self.planner.motion_mut().los;
-        let boresight = los.mid_sensor_from_icrf.inverse().apply(DVec3::Z);
-        let sweep_rad = los.rate_rad_s.length() * los.exposure_s;
-        let mid = los.mid_exposure();
-        let sources = if has_stars { self.sky.sources(boresight, sweep_rad, mid)? } else { &[] };
+        let los = &self.planner.latest().motion.los;
+        let sources = if has_stars { self.sky.in_view(los)? } else { &[] };
         times.set(Stage::Sky, watch.lap());
         let plan = self.planner.plan(sources);
         times.set(Stage::Plan, watch.lap());

@@ -136,15 +136,21 @@ impl Imager {
     /// When the device failed.
     pub fn render(&mut self, plan: &ExposurePlan) -> Result<Electrons<'_>, RenderError> {
         match &mut self.drawing {
-            Drawing::Host { backend, .. } => {
-                backend.render(plan)?;
-                Ok(backend.electrons())
-            }
+            Drawing::Host { backend, .. } => backend.render(plan)?,
             Drawing::Device { backend, mean, .. } => {
                 backend.render(plan)?;
                 backend.read_electrons(mean)?;
-                Ok(Electrons::Host(mean))
             }
+        }
+        Ok(self.latest_mean())
+    }
+
+    /// What the latest [`Self::render`] drew.
+    #[must_use]
+    pub fn latest_mean(&self) -> Electrons<'_> {
+        match &self.drawing {
+            Drawing::Host { backend, .. } => backend.electrons(),
+            Drawing::Device { mean, .. } => Electrons::Host(mean),
         }
     }
 

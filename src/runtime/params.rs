@@ -104,3 +104,11 @@ pub struct RunParams {
     /// What becomes of a late frame.
     pub deadline_policy: DeadlinePolicy,
 }
+
+impl RunParams {
+    /// First instant of frame `number`'s exposure.
+    #[must_use]
+    pub fn exposure_start(&self, number: u32) -> Tai {
+        self.first_exposure + Span::from_ns(self.frame_period.ns() * i64::from(number))
+    }
+}

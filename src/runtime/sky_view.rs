@@ -1,6 +1,7 @@
 //! Catalog, observer and radiometry -> the sources of one exposure. Reuses its buffers.
 
 use crate::astrometry::{ApparentSource, apparent_places, cone_margin_rad};
+use crate::attitude::LosPath;
 use crate::base::time::Tai;
 use crate::exposure::{Source, SourcePlace};
 use crate::runtime::error::RunError;
@@ -43,6 +44,15 @@ impl SkyView {
             apparent: Vec::with_capacity(STARS_RESERVED),
             sources: Vec::with_capacity(STARS_RESERVED),
         })
+    }
+
+    /// Sources in view during an exposure: about its boresight, at mid-exposure, as far as it sweeps.
+    ///
+    /// # Errors
+    /// When the observer's orbit cannot be computed at that time.
+    pub fn in_view(&mut self, los: &LosPath) -> Result<&[Source], RunError> {
+        let boresight = los.mid_sensor_from_icrf.inverse().apply(DVec3::Z);
+        self.sources(boresight, los.rate_rad_s.length() * los.exposure_s, los.mid_exposure())
     }
 
     /// Sources in view around `boresight_icrf` at `at`; `sweep_rad` widens the cone by the motion in the exposure.
