@@ -98,9 +98,7 @@ impl CameraGeometry {
     /// Unit direction in sensor axes of a pixel position; `None` where no direction of the domain is imaged.
     #[must_use]
     pub fn unproject(&self, px: [f64; 2]) -> Option<DVec3> {
-        let p = &self.parameters;
-        let distorted = DVec2::from_array([0, 1].map(|i| (px[i] - p.principal_point_px[i]) / p.focal_px[i]));
-        let ideal = self.domain.undistort(&p.distortion, distorted)?;
+        let ideal = self.tangent_of_pixel(px)?;
         Some(ideal.extend(1.0).normalize())
     }
 
@@ -117,6 +115,47 @@ impl CameraGeometry {
         let rates = ideal_rates.map(|rate| derivative * rate);
         let [fx, fy] = self.parameters.focal_px;
         Some([rates.map(|rate| fx * rate.x), rates.map(|rate| fy * rate.y)])
+    }
+
+    /// Tangents (X/Z, Y/Z) of a direction (sensor axes, any length); `None` as for [`Self::project`].
+    #[must_use]
+    pub fn tangent(&self, v_sensor: DVec3) -> Option<DVec2> {
+        self.ideal(v_sensor)
+    }
+
+    /// Pixel coordinates of tangents, distorted; they are not held against the domain.
+    #[must_use]
+    pub fn pixel_of_tangent(&self, tangent: DVec2) -> [f64; 2] {
+        self.pixel(if self.is_distorted() { self.parameters.distortion.distort(tangent) } else { tangent })
+    }
+
+    /// Tangents of a pixel position; `None` where no direction of the domain is imaged.
+    #[must_use]
+    pub fn tangent_of_pixel(&self, px: [f64; 2]) -> Option<DVec2> {
+        let p = &self.parameters;
+        let distorted = DVec2::from_array([0, 1].map(|i| (px[i] - p.principal_point_px[i]) / p.focal_px[i]));
+        if self.is_distorted() {
+            self.domain.undistort(&p.distortion, distorted)
+        } else {
+            (distorted.is_finite() && self.domain.contains(distorted)).then_some(distorted)
+        }
+    }
+
+    /// Derivative of the pixel coordinates by the tangents, px: rows x and y.
+    #[must_use]
+    pub fn px_per_tangent(&self, tangent: DVec2) -> [[f64; 2]; 2] {
+        let [fx, fy] = self.parameters.focal_px;
+        if !self.is_distorted() {
+            return [[fx, 0.0], [0.0, fy]];
+        }
+        let derivative = self.parameters.distortion.derivative(tangent);
+        [[fx * derivative.x_axis.x, fx * derivative.y_axis.x], [fy * derivative.x_axis.y, fy * derivative.y_axis.y]]
+    }
+
+    /// True when the lens distorts.
+    #[must_use]
+    pub fn is_distorted(&self) -> bool {
+        self.parameters.distortion != BrownConrady::default()
     }
 
     fn ideal(&self, v_sensor: DVec3) -> Option<DVec2> {

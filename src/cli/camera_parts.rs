@@ -3,6 +3,7 @@
 use crate::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use crate::config;
 use crate::detector::DetectorParams;
+use crate::exposure::Shutter;
 use crate::optics::{PsfModel, Radiometry};
 use crate::runtime::params::CameraParams;
 use anyhow::{Context, Result};
@@ -26,7 +27,9 @@ pub fn camera_params(camera: &config::Camera) -> Result<CameraParams> {
     Ok(CameraParams {
         name: camera.name.as_str().into(),
         geometry,
+        shutter: shutter(camera.exposure.rolling_line_us),
         psf: psf(camera),
+        sampling: camera.sampling,
         radiometry: Radiometry {
             zero_magnitude_photons_per_s_m2: camera.radiometry.zero_magnitude_photons_per_s_m2,
             aperture_mm: optics.aperture_mm,
@@ -50,6 +53,10 @@ pub fn camera_params(camera: &config::Camera) -> Result<CameraParams> {
         exposure_s: camera.exposure.exposure_s,
         readout_s: camera.exposure.readout_s,
     })
+}
+
+fn shutter(rolling_line_us: f64) -> Shutter {
+    if rolling_line_us > 0.0 { Shutter::Rolling { line_s: rolling_line_us * 1e-6 } } else { Shutter::Global }
 }
 
 fn psf(camera: &config::Camera) -> PsfModel {

@@ -7,6 +7,7 @@ use crate::config::document::Document;
 use crate::config::error::ConfigError;
 use crate::config::optics::{Distortion, DistortionKeys, Optics, OpticsKeys, Psf, PsfKeys};
 use crate::config::radiometry::{Exposure, ExposureKeys, Radiometry, RadiometryKeys};
+use crate::exposure::PsfSampling;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -23,6 +24,8 @@ pub struct Camera {
     pub distortion: Distortion,
     /// Point-spread function.
     pub psf: Psf,
+    /// How pixel values are had from it.
+    pub sampling: PsfSampling,
     /// Magnitudes to photons.
     pub radiometry: Radiometry,
     /// Exposure.
@@ -64,10 +67,11 @@ impl Camera {
         let optics = Optics::check(&keys.optics, &detector, &mut check)?;
         let distortion = Distortion::check(&keys.distortion, &check)?;
         let psf = Psf::check(&keys.psf, &optics, &mut check)?;
+        let sampling = Psf::check_sampling(&keys.psf, &mut check)?;
         let radiometry = Radiometry::check(&keys.radiometry, &mut check)?;
         let exposure = Exposure::check(&keys.exposure, &mut check)?;
         let defaulted = check.defaulted;
-        Ok(Self { name, detector, optics, distortion, psf, radiometry, exposure, defaulted })
+        Ok(Self { name, detector, optics, distortion, psf, sampling, radiometry, exposure, defaulted })
     }
 
     /// Angle of one pixel on the boresight, arcsec.

@@ -3,6 +3,7 @@
 use crate::config::check::{Checker, Rule};
 use crate::config::detector::Detector;
 use crate::config::error::ConfigError;
+use crate::exposure::PsfSampling;
 use serde::Deserialize;
 
 /// Shortest focal length, mm: a tenth of that, and one pixel sees most of the sky.
@@ -93,6 +94,7 @@ pub(super) struct PsfKeys {
     f_number: Option<f64>,
     wavelength_nm: Option<f64>,
     obscuration: Option<f64>,
+    pub(super) sampling: Option<String>,
 }
 
 impl Optics {
@@ -195,6 +197,15 @@ impl Psf {
                 Self::check_airy(keys, optics, check)
             }
         }
+    }
+
+    /// How pixel values are had from the PSF.
+    pub(super) fn check_sampling(keys: &PsfKeys, check: &mut Checker<'_>) -> Result<PsfSampling, ConfigError> {
+        let word = check.given_or("psf.sampling", keys.sampling.clone(), "auto".to_owned());
+        word.parse().map_err(|_| {
+            let wanted = "auto, table:S, supersampled:N, point or bicubic";
+            check.invalid("psf.sampling", format!("\"{word}\""), wanted, "auto is exact, and right for most cameras")
+        })
     }
 
     fn check_airy(keys: &PsfKeys, optics: &Optics, check: &mut Checker<'_>) -> Result<Self, ConfigError> {

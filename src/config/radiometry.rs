@@ -30,6 +30,8 @@ pub struct Exposure {
     pub exposure_s: f64,
     /// End of exposure to frame due, s.
     pub readout_s: f64,
+    /// Time from one row's exposure to the next, us; 0: all rows together.
+    pub rolling_line_us: f64,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -46,6 +48,7 @@ pub(super) struct RadiometryKeys {
 pub(super) struct ExposureKeys {
     exposure_s: Option<f64>,
     readout_s: Option<f64>,
+    rolling_line_us: Option<f64>,
 }
 
 impl Radiometry {
@@ -86,6 +89,13 @@ impl Exposure {
                 0.05,
                 Rule::PositiveUpTo(3600.0),
                 exposure,
+            )?,
+            rolling_line_us: check.number(
+                "exposure.rolling_line_us",
+                keys.rolling_line_us,
+                0.0,
+                Rule::Within(0.0, 1e6),
+                "microseconds from one row's exposure to the next, such as 15; 0 for a global shutter",
             )?,
             readout_s: check.number("exposure.readout_s", keys.readout_s, 0.02, Rule::Within(0.0, 3600.0), readout)?,
         })

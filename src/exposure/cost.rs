@@ -1,52 +1,155 @@
 //! What a frame costs, from a handful of constants per backend.
 //!
-//! The defaults were measured by `cargo bench` on a two-core AVX-512 machine (README); they order the methods and
-//! give `check` its prediction. Error: a factor of two on other machines.
+//! In: method, number of stars, sizes. Out: ms. The defaults were measured on a two-core AVX-512 machine (README);
+//! `starloop calibrate` measures those of the machine at hand. They order the methods, and give `check` and the
+//! degradation ladder their prediction.
 
 use crate::exposure::method::Method;
+use crate::exposure::sampling::{oversampling, table_images};
 use crate::optics::PsfModel;
+use serde::{Deserialize, Serialize};
 
 /// Cost constants of one backend.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct CostModel {
     /// Per frame, whatever is in it, ms.
     pub frame_ms: f64,
+    /// Per pixel of the detector: cleared and written, ns.
+    pub pixel_ns: f64,
+    /// Per star: placed, sorted, looked up, ns.
+    pub star_ns: f64,
     /// Per star and node of an analytic (Gaussian) PSF, ns.
     pub splat_ns: f64,
-    /// Per star, node and table pixel of a tabulated PSF, ns.
+    /// Per star, node and pixel of a table's padded rows, ns.
     pub table_pixel_ns: f64,
-    /// Per node and table entry while an effective PSF is built, ns.
+    /// Per node and grid point while an effective PSF is built, ns.
+    pub kernel_node_ns: f64,
+    /// Per entry of an effective PSF's images, whatever the nodes, ns.
     pub kernel_entry_ns: f64,
+    /// Kernels that are built side by side.
+    pub threads: f64,
+    /// Per pixel of the detector's noise and conversion, ns.
+    pub readout_pixel_ns: f64,
+}
+
+/// What is to be drawn, as far as its cost goes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Load<'a> {
+    /// The PSF.
+    pub psf: &'a PsfModel,
+    /// Footprint half-width, px.
+    pub half_px: usize,
+    /// What the path adds to every side of a kernel, px.
+    pub extent_px: f64,
+    /// Stars.
+    pub stars: usize,
 }
 
 impl CostModel {
     /// CPU backend, two cores.
-    pub const CPU: Self = Self { frame_ms: 0.1, splat_ns: 44.0, table_pixel_ns: 1.2, kernel_entry_ns: 0.4 };
+    pub const CPU: Self = Self {
+        frame_ms: 0.02,
+        pixel_ns: 0.06,
+        star_ns: 25.0,
+        splat_ns: 25.0,
+        table_pixel_ns: 0.6,
+        kernel_node_ns: 0.05,
+        kernel_entry_ns: 0.5,
+        threads: 2.0,
+        readout_pixel_ns: 2.6,
+    };
     /// GPU backend on software Vulkan, two cores.
-    pub const SOFTWARE_GPU: Self = Self { frame_ms: 3.0, splat_ns: 55.0, table_pixel_ns: 35.0, kernel_entry_ns: 0.4 };
+    pub const SOFTWARE_GPU: Self = Self {
+        frame_ms: 0.6,
+        pixel_ns: 0.1,
+        star_ns: 300.0,
+        splat_ns: 55.0,
+        table_pixel_ns: 35.0,
+        kernel_node_ns: 0.05,
+        kernel_entry_ns: 1.0,
+        threads: 2.0,
+        readout_pixel_ns: 13.0,
+    };
     /// GPU backend on a hardware adapter (an estimate until measured there).
-    pub const GPU: Self = Self { frame_ms: 0.5, splat_ns: 1.0, table_pixel_ns: 0.02, kernel_entry_ns: 0.4 };
+    pub const GPU: Self = Self {
+        frame_ms: 0.3,
+        pixel_ns: 0.001,
+        star_ns: 30.0,
+        splat_ns: 1.0,
+        table_pixel_ns: 0.02,
+        kernel_node_ns: 0.05,
+        kernel_entry_ns: 1.0,
+        threads: 2.0,
+        readout_pixel_ns: 0.05,
+    };
     /// Reference backend.
-    pub const REFERENCE: Self = Self { frame_ms: 20.0, splat_ns: 8_000.0, table_pixel_ns: 1e5, kernel_entry_ns: 1e3 };
+    pub const REFERENCE: Self = Self {
+        frame_ms: 5.0,
+        pixel_ns: 0.5,
+        star_ns: 1000.0,
+        splat_ns: 8_000.0,
+        table_pixel_ns: 1e5,
+        kernel_node_ns: 1e3,
+        kernel_entry_ns: 1e3,
+        threads: 1.0,
+        readout_pixel_ns: 4.0,
+    };
 
-    /// Milliseconds `method` should take for `stars` stars with footprint half-width `half_px`, when the path adds
-    /// `extent_px` to every side of an effective PSF.
+    /// Milliseconds a frame of `pixels` takes before any star is drawn.
     #[must_use]
-    pub fn predict_ms(&self, method: Method, psf: &PsfModel, stars: usize, half_px: usize, extent_px: f64) -> f64 {
-        let stars = stars as f64;
-        let width = 2.0 * half_px as f64 + 1.0;
-        let analytic = matches!(psf, PsfModel::Gaussian { .. });
-        let per_star_node_ns = if analytic { self.splat_ns } else { self.table_pixel_ns * width * width };
-        let work_ns = match method {
-            Method::EffectivePsf { nodes } => {
-                let table_width = width + 2.0 * extent_px.ceil();
-                let oversampling = if analytic { 8.0 } else { 16.0 };
-                let per_entry = if analytic { 1.0 } else { 16.0 };
-                let entries = (table_width * oversampling).powi(2) * per_entry;
-                entries * nodes as f64 * self.kernel_entry_ns + stars * table_width * table_width * self.table_pixel_ns
-            }
-            other => stars * other.nodes() as f64 * per_star_node_ns,
-        };
-        self.frame_ms + work_ns * 1e-6
+    pub fn empty_frame_ms(&self, pixels: usize) -> f64 {
+        self.frame_ms + pixels as f64 * self.pixel_ns * 1e-6
     }
+
+    /// Milliseconds the detector takes for `pixels`.
+    #[must_use]
+    pub fn readout_ms(&self, pixels: usize) -> f64 {
+        pixels as f64 * self.readout_pixel_ns * 1e-6
+    }
+
+    /// Milliseconds `method` takes for the stars of `load`, beyond an empty frame.
+    #[must_use]
+    pub fn stars_ms(&self, method: Method, load: &Load<'_>) -> f64 {
+        let stars = load.stars as f64;
+        let star_node_ns = if matches!(load.psf, PsfModel::Gaussian { .. }) {
+            self.splat_ns
+        } else {
+            self.table_pixel_ns * padded_pixels(load.half_px)
+        };
+        let drawing_ns = if method.kernels() > 0 {
+            let half_px = kernel_half_px(load.half_px, load.extent_px);
+            self.kernels_ns(method, load.psf, half_px) + stars * self.table_pixel_ns * padded_pixels(half_px)
+        } else {
+            stars * method.nodes() as f64 * star_node_ns
+        };
+        (drawing_ns + stars * self.star_ns) * 1e-6
+    }
+
+    /// Nanoseconds for building the kernels of `method`.
+    fn kernels_ns(&self, method: Method, psf: &PsfModel, half_px: usize) -> f64 {
+        let s = oversampling(psf);
+        let grid = ((2 * half_px + 1) * s) as f64;
+        // A shifted table is 16 taps; a Gaussian is an outer product.
+        let per_node = if matches!(psf, PsfModel::Gaussian { .. }) { 1.0 } else { 16.0 };
+        let entries = (table_images(s) as f64) * padded_pixels(half_px);
+        let each =
+            grid * grid * per_node * method.nodes() as f64 * self.kernel_node_ns + entries * self.kernel_entry_ns;
+        let kernels = method.kernels() as f64;
+        each * (kernels / self.threads).max(1.0)
+    }
+}
+
+/// Half-width of a kernel's footprint, px.
+#[must_use]
+pub fn kernel_half_px(half_px: usize, extent_px: f64) -> usize {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a path on a detector, px")]
+    let extent = extent_px.ceil().max(0.0) as usize;
+    half_px + extent
+}
+
+/// Pixels of a footprint whose rows are padded to whole vectors of 16.
+fn padded_pixels(half_px: usize) -> f64 {
+    let side = 2 * half_px + 1;
+    (side * side.next_multiple_of(16)) as f64
 }

@@ -8,8 +8,22 @@ use core::str::FromStr;
 pub enum Method {
     /// The PSF at the mean position. Domain: path much shorter than the PSF.
     Static,
+    /// PSF convolved with a Gaussian of the path's covariance. Domain: a path that looks like noise.
+    Gaussian,
     /// Gauss-Legendre nodes in time, per star. Domain: smooth motion.
     GaussLegendre {
+        /// Nodes.
+        nodes: usize,
+    },
+    /// Straight segments of equal time, per star. Domain: a path that is nearly straight in between.
+    Segments {
+        /// Segments.
+        segments: usize,
+        /// Gauss-Legendre nodes along each.
+        per_segment: usize,
+    },
+    /// Samples in time, per star. Domain: any path, when there are enough of them.
+    Samples {
         /// Nodes.
         nodes: usize,
     },
@@ -18,9 +32,12 @@ pub enum Method {
         /// Nodes from which the kernel is built.
         nodes: usize,
     },
-    /// Midpoints in time, per star. Domain: any path, when there are enough of them.
-    Samples {
-        /// Nodes.
+    /// PSF convolved with the path once per zone of the field. Domain: any path; roll, distortion and a rolling
+    /// shutter vary little within a zone.
+    ZonalPsf {
+        /// Zones along rows and columns.
+        zones: [u16; 2],
+        /// Nodes from which each kernel is built.
         nodes: usize,
     },
 }
@@ -40,27 +57,50 @@ pub enum MethodChoice {
 pub enum MethodName {
     /// See [`Method::Static`].
     Static,
+    /// See [`Method::Gaussian`].
+    Gaussian,
     /// See [`Method::GaussLegendre`].
     GaussLegendre,
-    /// See [`Method::EffectivePsf`].
-    EffectivePsf,
+    /// See [`Method::Segments`].
+    Segments,
     /// See [`Method::Samples`].
     Samples,
+    /// See [`Method::EffectivePsf`].
+    EffectivePsf,
+    /// See [`Method::ZonalPsf`].
+    ZonalPsf,
 }
 
 impl MethodName {
-    /// All methods, cheapest idea first.
-    pub const ALL: [Self; 4] = [Self::Static, Self::GaussLegendre, Self::EffectivePsf, Self::Samples];
+    /// All methods.
+    pub const ALL: [Self; 7] = [
+        Self::Static,
+        Self::Gaussian,
+        Self::GaussLegendre,
+        Self::Segments,
+        Self::Samples,
+        Self::EffectivePsf,
+        Self::ZonalPsf,
+    ];
 
     /// The name people type.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Static => "static",
+            Self::Gaussian => "gaussian",
             Self::GaussLegendre => "gauss-legendre",
-            Self::EffectivePsf => "effective-psf",
+            Self::Segments => "segments",
             Self::Samples => "samples",
+            Self::EffectivePsf => "effective-psf",
+            Self::ZonalPsf => "zonal-psf",
         }
+    }
+
+    /// True when a number of nodes (segments, for segments) can be asked for.
+    #[must_use]
+    pub fn takes_number(self) -> bool {
+        !matches!(self, Self::Static | Self::Gaussian)
     }
 }
 
@@ -70,9 +110,12 @@ impl Method {
     pub fn name(self) -> MethodName {
         match self {
             Self::Static => MethodName::Static,
+            Self::Gaussian => MethodName::Gaussian,
             Self::GaussLegendre { .. } => MethodName::GaussLegendre,
-            Self::EffectivePsf { .. } => MethodName::EffectivePsf,
+            Self::Segments { .. } => MethodName::Segments,
             Self::Samples { .. } => MethodName::Samples,
+            Self::EffectivePsf { .. } => MethodName::EffectivePsf,
+            Self::ZonalPsf { .. } => MethodName::ZonalPsf,
         }
     }
 
@@ -81,16 +124,36 @@ impl Method {
     pub fn nodes(self) -> usize {
         match self {
             Self::Static => 1,
-            Self::GaussLegendre { nodes } | Self::EffectivePsf { nodes } | Self::Samples { nodes } => nodes,
+            Self::Gaussian => 9,
+            Self::GaussLegendre { nodes }
+            | Self::EffectivePsf { nodes }
+            | Self::Samples { nodes }
+            | Self::ZonalPsf { nodes, .. } => nodes,
+            Self::Segments { segments, per_segment } => segments * per_segment,
+        }
+    }
+
+    /// Kernels that are built for a frame.
+    #[must_use]
+    pub fn kernels(self) -> usize {
+        match self {
+            Self::Gaussian | Self::EffectivePsf { .. } => 1,
+            Self::ZonalPsf { zones: [columns, rows], .. } => usize::from(columns) * usize::from(rows),
+            Self::Static | Self::GaussLegendre { .. } | Self::Segments { .. } | Self::Samples { .. } => 0,
         }
     }
 }
 
 impl fmt::Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = self.name().name();
         match self {
-            Self::Static => f.write_str("static"),
-            other => write!(f, "{} ({} nodes)", other.name().name(), other.nodes()),
+            Self::Static | Self::Gaussian => f.write_str(name),
+            Self::ZonalPsf { zones: [columns, rows], nodes } => {
+                write!(f, "{name} ({columns} x {rows}, {nodes} nodes)")
+            }
+            Self::Segments { segments, per_segment } => write!(f, "{name} ({segments} of {per_segment} nodes)"),
+            other => write!(f, "{name} ({} nodes)", other.nodes()),
         }
     }
 }
@@ -98,7 +161,8 @@ impl fmt::Display for Method {
 /// Text that names no method.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "method \"{got}\": wanted auto, static, gauss-legendre[:N], effective-psf[:N] or samples[:N] with N from 1 to 65536"
+    "method \"{got}\": wanted auto, static, gaussian, gauss-legendre[:N], segments[:N], samples[:N], effective-psf[:N] or \
+     zonal-psf[:N] with N from 1 to 65536"
 )]
 pub struct MethodError {
     got: String,
@@ -120,7 +184,7 @@ impl FromStr for MethodChoice {
         };
         let wanted = name.replace('_', "-");
         let found = MethodName::ALL.into_iter().find(|m| m.name() == wanted).ok_or_else(refuse)?;
-        if found == MethodName::Static && nodes.is_some() {
+        if !found.takes_number() && nodes.is_some() {
             return Err(refuse());
         }
         Ok(Self::Fixed(found, nodes))
@@ -136,7 +200,7 @@ mod tests {
         assert_eq!("auto".parse(), Ok(MethodChoice::Auto));
         assert_eq!("samples:64".parse(), Ok(MethodChoice::Fixed(MethodName::Samples, Some(64))));
         assert_eq!("gauss_legendre".parse(), Ok(MethodChoice::Fixed(MethodName::GaussLegendre, None)));
-        for wrong in ["", "fast", "samples:0", "samples:x", "static:3", "samples:99999999"] {
+        for wrong in ["", "fast", "samples:0", "samples:x", "static:3", "gaussian:2", "samples:99999999"] {
             assert!(wrong.parse::<MethodChoice>().is_err(), "{wrong}");
         }
     }

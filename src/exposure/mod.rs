@@ -1,25 +1,35 @@
 //! The planner: `LosPath` (or a path in pixels) and sources -> [`ExposurePlan`].
 //!
-//! During an exposure a star moves on the detector by `response * phi(t)`: six path features `phi` shared by all
-//! stars (linear and quadratic time, up to four components of jitter or of a commanded image path) and a 2 x 6
-//! response of its own. Every method for motion is a list of weighted nodes in `phi`, so its moments, and with them
-//! its error, are known before a single pixel is drawn. `starloop check` prints what was chosen and why.
+//! During an exposure the image moves through poses that all stars share: turn, roll, shift ([`pose`]). Every method for
+//! motion is a list of weighted poses, drawn star by star or folded into the PSF; its error against the true paths of a
+//! few probes is known before a single pixel is drawn ([`weigh`]). `starloop check` prints what was chosen and why.
 
+mod choice;
 pub mod cost;
-pub mod features;
+pub mod cut_off;
+pub mod ladder;
+pub mod lists;
+pub mod mean_field;
 pub mod method;
 pub mod moments;
 pub mod motion;
 pub mod nodes;
 pub mod pixel_path;
+mod place;
 pub mod plan;
 pub mod planner;
+pub mod pose;
+pub mod probes;
+pub mod sampling;
 pub mod share;
 pub mod spectrum;
 pub mod track;
+pub mod weigh;
 
+pub use ladder::Rung;
 pub use method::{Method, MethodChoice};
-pub use motion::Motion;
+pub use motion::{Motion, Shutter};
 pub use pixel_path::{PixelPath, PixelPoint};
-pub use plan::{ExposurePlan, PlannedStar};
+pub use plan::{Drawing, ExposurePlan, NodeList, PlannedStar};
 pub use planner::{Instrument, Planner, Source, SourcePlace};
+pub use sampling::PsfSampling;

@@ -1,44 +1,40 @@
 //! Moments of node lists, and what a difference in moments does to an image.
 //!
-//! For a star with response `R` the displaced image has mean `R E[phi]`, covariance `R Cov[phi] R^T`. Two node lists
+//! Two traces
 //! with the same mean but covariances that differ by `dC` (px^2) give images whose 5 x 5 centroids differ by at most
 //! [`window_sensitivity`] times `|dC|`; the third moment enters likewise. `tests/physics` holds these against the
 //! reference.
 
-use crate::exposure::features::{FEATURES, Features, PathNode};
-use crate::exposure::track::StarTrack;
+/// One instant of a star's path on the detector: weight, displacement about the path's mean along x and y, px.
+pub type TracePoint = [f64; 3];
 
-/// Mean and central moments of one star's displacement.
+/// Central moments of one star's displacement.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Moments {
-    /// Mean displacement, px.
-    pub mean_px: [f64; 2],
     /// Covariance xx, xy, yy, px^2.
     pub covariance_px2: [f64; 3],
     /// Third central moments along x and y, px^3.
     pub third_px3: [f64; 2],
 }
 
-/// Mean features of a node list.
-#[must_use]
-pub fn mean_features(nodes: &[PathNode]) -> Features {
-    nodes.iter().fold([0.0; FEATURES], |mut mean, node| {
-        for i in 0..FEATURES {
-            mean[i] += node.weight * node.phi[i];
-        }
-        mean
-    })
+/// Displacements about their mean; the mean comes back.
+pub fn trace(points: impl Iterator<Item = TracePoint>, out: &mut Vec<TracePoint>) -> [f64; 2] {
+    out.clear();
+    out.extend(points);
+    let mean = out.iter().fold([0.0; 2], |[x, y], [w, dx, dy]| [x + w * dx, y + w * dy]);
+    for point in out {
+        point[1] -= mean[0];
+        point[2] -= mean[1];
+    }
+    mean
 }
 
 impl Moments {
-    /// Moments of the displacement of `star` over `nodes`.
+    /// Central moments of a trace.
     #[must_use]
-    pub fn of(star: &StarTrack, nodes: &[PathNode]) -> Self {
-        let mean_px = star.displacement_px(&mean_features(nodes));
-        let mut m = Self { mean_px, ..Self::default() };
-        for node in nodes {
-            let [x, y] = star.displacement_px(&node.phi);
-            let (x, y, w) = (x - mean_px[0], y - mean_px[1], node.weight);
+    pub fn of(trace: &[TracePoint]) -> Self {
+        let mut m = Self::default();
+        for &[w, x, y] in trace {
             m.covariance_px2[0] += w * x * x;
             m.covariance_px2[1] += w * x * y;
             m.covariance_px2[2] += w * y * y;
@@ -64,9 +60,7 @@ impl Moments {
     /// Bound of the 5 x 5 centroid error of an image drawn with these moments where `truth` holds, px.
     #[must_use]
     pub fn centroid_error_px(&self, truth: &Self, sigma_px: f64) -> f64 {
-        let mean = (self.mean_px[0] - truth.mean_px[0]).hypot(self.mean_px[1] - truth.mean_px[1]);
-        let sensitivity = window_sensitivity(sigma_px);
-        mean + sensitivity * (self.covariance_difference(truth) + self.third_difference(truth) / sigma_px)
+        window_sensitivity(sigma_px) * (self.covariance_difference(truth) + self.third_difference(truth) / sigma_px)
     }
 
     /// Bound of the largest pixel error relative to the star's peak: `|dC| / sigma^2` (twice the second-order Taylor

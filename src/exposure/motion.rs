@@ -1,9 +1,22 @@
-//! What moves the image during one exposure.
+//! What moves the image during one exposure, and when each row of the detector sees it.
 
 use crate::attitude::LosPath;
-use crate::exposure::features::{Features, features};
 use crate::exposure::pixel_path::{PixelPath, PixelPoint};
-use glam::DVec3;
+use crate::exposure::pose::Pose;
+use glam::{DQuat, DVec3};
+
+/// How the rows of the detector are exposed.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Shutter {
+    /// All rows together.
+    #[default]
+    Global,
+    /// Row after row from the top, `line_s` apart; the exposure named by a frame is that of the middle of the image.
+    Rolling {
+        /// From one row's exposure to the next, s.
+        line_s: f64,
+    },
+}
 
 /// Smooth rotation and jitter of the line of sight; a commanded image path, when given, replaces the jitter.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,11 +27,28 @@ pub struct Motion {
     pub image_path: Option<PixelPath>,
 }
 
-impl Motion {
-    /// Smooth rotation vector `tau` of an exposure away from its middle, sensor axes, rad.
+impl Shutter {
+    /// Time from one row's exposure to the next, s (0: all together).
     #[must_use]
-    pub fn smooth_rotation_rad(&self, tau: f64) -> DVec3 {
-        self.los.smooth_rotation_rad(tau * self.los.exposure_s)
+    pub fn line_s(self) -> f64 {
+        match self {
+            Self::Global => 0.0,
+            Self::Rolling { line_s } => line_s,
+        }
+    }
+
+    /// How much later than the middle of an image of `height_px` rows the row at `y_px` is exposed, s.
+    #[must_use]
+    pub fn delay_s(self, y_px: f64, height_px: usize) -> f64 {
+        self.line_s() * (y_px - 0.5 * (height_px as f64 - 1.0))
+    }
+}
+
+impl Motion {
+    /// Smooth rotation vector `t_s` after mid-exposure, sensor axes, rad.
+    #[must_use]
+    pub fn smooth_rotation_rad(&self, t_s: f64) -> DVec3 {
+        self.los.smooth_rotation_rad(t_s)
     }
 
     /// True when nothing but smooth rotation moves the image.
@@ -27,22 +57,44 @@ impl Motion {
         self.image_path.is_none() && self.los.jitter.is_still()
     }
 
-    /// Features at `tau` in [-1/2, 1/2].
+    /// True when nothing moves at all.
     #[must_use]
-    pub fn features_at(&self, tau: f64) -> Features {
-        let shared = match &self.image_path {
+    pub fn is_still(&self) -> bool {
+        self.is_smooth() && self.los.rate_rad_s == DVec3::ZERO && self.los.acceleration_rad_s2 == DVec3::ZERO
+    }
+
+    /// Pose at `tau` in [-1/2, 1/2] of an exposure that is `delay_s` later than the frame's own.
+    #[must_use]
+    pub fn pose_at(&self, tau: f64, delay_s: f64) -> Pose {
+        let t_s = tau * self.los.exposure_s + delay_s;
+        let smooth = DQuat::from_scaled_axis(-self.smooth_rotation_rad(t_s));
+        match &self.image_path {
+            None if self.los.jitter.is_still() => Pose::new(smooth, 0.0, [0.0; 2]),
             None => {
-                let jitter = self.los.jitter_rotation_rad(tau * self.los.exposure_s);
-                [jitter.x, jitter.y, jitter.z, 0.0]
+                let jitter = DQuat::from_scaled_axis(-self.los.jitter_rotation_rad(t_s));
+                Pose::new(jitter * smooth, 0.0, [0.0; 2])
             }
-            Some(path) => point_at(path, tau, self.los.exposure_s).shared(),
-        };
-        features(tau, shared)
+            Some(path) => {
+                // Listed positions are the same for all rows; a path in time is not.
+                let listed = matches!(path, PixelPath::Samples(_));
+                let at = if listed { tau } else { t_s / self.los.exposure_s };
+                let point = point_at(path, at, self.los.exposure_s);
+                self.pose_on_path(t_s, &point)
+            }
+        }
+    }
+
+    /// Pose `t_s` after mid-exposure at a given point of the image path.
+    #[must_use]
+    pub fn pose_on_path(&self, t_s: f64, point: &PixelPoint) -> Pose {
+        let smooth = DQuat::from_scaled_axis(-self.smooth_rotation_rad(t_s));
+        Pose::new(smooth, point.roll_rad, [point.dx_px, point.dy_px])
     }
 }
 
-/// Position of a path at `tau`.
-fn point_at(path: &PixelPath, tau: f64, exposure_s: f64) -> PixelPoint {
+/// Position of a path at `tau`; held beyond its ends.
+#[must_use]
+pub fn point_at(path: &PixelPath, tau: f64, exposure_s: f64) -> PixelPoint {
     let points = path.points();
     let still = PixelPoint { t_s: 0.0, dx_px: 0.0, dy_px: 0.0, roll_rad: 0.0 };
     match path {

@@ -1,8 +1,11 @@
-//! Lists of path nodes: samples in time, Gauss-Legendre in time, and the dense list the planner trusts.
+//! Lists of path nodes: samples in time, Gauss-Legendre in time, straight segments, a Gaussian of the path's covariance,
+//! and the dense list the planner trusts. Every function appends to `out`; `delay_s` is how much later than the frame
+//! the rows in question are exposed.
 
-use crate::exposure::features::{FEATURES, Features, PathNode, features};
+use crate::base::time::Tai;
 use crate::exposure::motion::Motion;
 use crate::exposure::pixel_path::{PixelPath, PixelPoint};
+use crate::exposure::pose::{PathNode, Pose, SHIFT, recentre};
 use crate::optics::quadrature::gauss_legendre_node;
 
 /// Mean distance of dense nodes, share of the PSF's sigma. They come in Gauss-Legendre pairs: variance along a straight
@@ -14,43 +17,86 @@ const DENSE_PER_PERIOD: f64 = 24.0;
 pub const MOST_DENSE_NODES: usize = 4096;
 /// Most dense nodes of a commanded image path.
 pub const MOST_PATH_NODES: usize = 1 << 18;
+/// An axis of a Gaussian thinner than this share of the wider gets one node.
+const THIN_AXIS: f64 = 1e-3;
 
-/// `k` equally weighted samples in time, moved together so that their mean features are exactly `mean`: no centroid
-/// error is left. Gauss-Legendre pairs (fourth order in the step); midpoints when `k` is odd or the path is itself a
-/// list of samples.
-pub fn samples(motion: &Motion, k: usize, mean: &Features, out: &mut Vec<PathNode>) {
-    out.clear();
-    let weight = 1.0 / k as f64;
+/// `k` equally weighted samples in time, moved together so that their mean pose is exactly `mean`: no centroid error
+/// is left. Gauss-Legendre pairs (fourth order in the step); midpoints when `k` is odd or the path is itself a list of
+/// samples.
+pub fn samples(motion: &Motion, k: usize, delay_s: f64, mean: &Pose, out: &mut Vec<PathNode>) {
+    let (weight, first) = (1.0 / k as f64, out.len());
     let listed = matches!(motion.image_path, Some(PixelPath::Samples(_)));
-    let node = |tau: f64| PathNode { weight, phi: motion.features_at(tau) };
+    let node = |tau: f64| PathNode { weight, pose: motion.pose_at(tau, delay_s) };
     if listed || k % 2 == 1 {
         out.extend((0..k).map(|i| node((i as f64 + 0.5) * weight - 0.5)));
     } else {
         let taus = (0..k / 2).flat_map(|panel| pair().map(|at| 2.0 * (panel as f64 + at) * weight - 0.5));
         out.extend(taus.map(node));
     }
-    recentre(out, mean);
+    recentre(&mut out[first..], mean);
 }
 
 /// `n` Gauss-Legendre nodes in time (smooth motion only: jitter between nodes would be missed).
-pub fn gauss_legendre_in_time(motion: &Motion, n: usize, out: &mut Vec<PathNode>) {
-    out.clear();
+pub fn gauss_legendre_in_time(motion: &Motion, n: usize, delay_s: f64, out: &mut Vec<PathNode>) {
     out.extend((0..n).map(|i| {
         let node = gauss_legendre_node(n, i);
-        PathNode { weight: node.weight, phi: motion.features_at(node.x) }
+        PathNode { weight: node.weight, pose: motion.pose_at(node.x, delay_s) }
     }));
 }
 
+/// `count` straight segments of equal time between points of the path, `per_segment` Gauss-Legendre nodes along each,
+/// moved together to `mean`. Domain: a path that is nearly straight between the points.
+pub fn segments(motion: &Motion, count: usize, per_segment: usize, delay_s: f64, mean: &Pose, out: &mut Vec<PathNode>) {
+    let (share, first) = (1.0 / count as f64, out.len());
+    let mut from = motion.pose_at(-0.5, delay_s);
+    for segment in 1..=count {
+        let to = motion.pose_at(segment as f64 * share - 0.5, delay_s);
+        out.extend((0..per_segment).map(|i| {
+            let node = gauss_legendre_node(per_segment, i);
+            PathNode { weight: node.weight * share, pose: from.towards(&to, node.x + 0.5) }
+        }));
+        from = to;
+    }
+    recentre(&mut out[first..], mean);
+}
+
+/// A Gaussian of the path's own covariance (xx, xy, yy, px^2) about `mean`: three Gauss-Hermite nodes along each of its
+/// axes, the same shift for all stars. Domain: paths that look like noise, short against the PSF or crossed many times.
+pub fn gaussian(covariance_px2: [f64; 3], mean: &Pose, out: &mut Vec<PathNode>) {
+    let [xx, xy, yy] = covariance_px2;
+    let (middle, half) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
+    let (sin, cos) = (0.5 * xy.atan2(0.5 * (xx - yy))).sin_cos();
+    let long = (middle + half).max(0.0).sqrt();
+    let thin = (middle - half).max(0.0).sqrt();
+    for (wa, a) in hermite(long, long) {
+        for (wb, b) in hermite(thin, long) {
+            if wa * wb > 0.0 {
+                let mut pose = *mean;
+                pose.0[SHIFT] += a * cos - b * sin;
+                pose.0[SHIFT + 1] += a * sin + b * cos;
+                out.push(PathNode { weight: wa * wb, pose });
+            }
+        }
+    }
+}
+
+/// Three-point Gauss-Hermite rule for a normal of this deviation; one point when it is thin against `widest`.
+fn hermite(deviation: f64, widest: f64) -> [(f64, f64); 3] {
+    if deviation <= THIN_AXIS * widest || deviation == 0.0 {
+        return [(1.0, 0.0), (0.0, 0.0), (0.0, 0.0)];
+    }
+    let at = 3.0_f64.sqrt() * deviation;
+    [(1.0 / 6.0, -at), (2.0 / 3.0, 0.0), (1.0 / 6.0, at)]
+}
+
 /// One node at the mean of the path.
-pub fn single(mean: &Features, out: &mut Vec<PathNode>) {
-    out.clear();
-    out.push(PathNode { weight: 1.0, phi: *mean });
+pub fn single(mean: &Pose, out: &mut Vec<PathNode>) {
+    out.push(PathNode { weight: 1.0, pose: *mean });
 }
 
 /// The list the planner measures other lists against. `reach_px`: length of the jittered path on the detector,
 /// `radius_px`: furthest star from the principal point.
-pub fn dense(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, out: &mut Vec<PathNode>) {
-    out.clear();
+pub fn dense(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, delay_s: f64, out: &mut Vec<PathNode>) {
     let step_px = DENSE_STEP_SIGMA * sigma_px;
     let exposure_s = motion.los.exposure_s;
     match &motion.image_path {
@@ -61,7 +107,8 @@ pub fn dense(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, out:
             let panels = clamped(0.5 * wanted, 8, MOST_DENSE_NODES / 2) as f64;
             // Panels end at the samples: the track has corners there.
             let (mut from, mid) = (-0.5, motion.los.mid_exposure());
-            let corners = motion.los.jitter.points.iter().map(|point| (point.at - mid).s() / exposure_s);
+            let tau = |at: Tai| ((at - mid).s() - delay_s) / exposure_s;
+            let corners = motion.los.jitter.points.iter().map(|point| tau(point.at));
             for to in corners.chain([0.5]) {
                 let to = to.clamp(from, 0.5);
                 let share = to - from;
@@ -69,7 +116,7 @@ pub fn dense(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, out:
                     let count = clamped(panels * share, 1, MOST_DENSE_NODES / 2);
                     let step = share / count as f64;
                     let taus = (0..count).flat_map(|panel| pair().map(|at| from + (panel as f64 + at) * step));
-                    out.extend(taus.map(|tau| PathNode { weight: 0.5 * step, phi: motion.features_at(tau) }));
+                    out.extend(taus.map(|tau| PathNode { weight: 0.5 * step, pose: motion.pose_at(tau, delay_s) }));
                 }
                 from = to;
             }
@@ -77,11 +124,11 @@ pub fn dense(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, out:
         Some(PixelPath::Samples(points)) => {
             let weight = 1.0 / points.len() as f64;
             out.extend(points.iter().enumerate().map(|(i, point)| {
-                let tau = (i as f64 + 0.5) * weight - 0.5;
-                PathNode { weight, phi: features(tau, point.shared()) }
+                let t_s = ((i as f64 + 0.5) * weight - 0.5) * exposure_s + delay_s;
+                PathNode { weight, pose: motion.pose_on_path(t_s, point) }
             }));
         }
-        Some(PixelPath::Line(points)) => along_line(points, exposure_s, step_px, radius_px, out),
+        Some(PixelPath::Line(points)) => along_line(motion, points, step_px, radius_px, delay_s, out),
     }
 }
 
@@ -92,44 +139,46 @@ fn pair() -> [f64; 2] {
 }
 
 /// Node pairs of short pieces of every segment, weighted by their time.
-fn along_line(points: &[PixelPoint], exposure_s: f64, step_px: f64, radius_px: f64, out: &mut Vec<PathNode>) {
-    for_each_segment(points, exposure_s, |a, b| {
-        let left = (MOST_PATH_NODES.saturating_sub(out.len()) / 2).max(1);
+fn along_line(
+    motion: &Motion,
+    points: &[PixelPoint],
+    step_px: f64,
+    radius_px: f64,
+    delay_s: f64,
+    out: &mut Vec<PathNode>,
+) {
+    let exposure_s = motion.los.exposure_s;
+    let first = out.len();
+    for_each_segment(points, exposure_s, delay_s, |a, b| {
+        let left = (MOST_PATH_NODES.saturating_sub(out.len() - first) / 2).max(1);
         let pieces = clamped(0.5 * a.distance_px(b, radius_px) / step_px, 1, left);
         let weight = 0.5 * (b.t_s - a.t_s) / exposure_s / pieces as f64;
         for share in (0..pieces).flat_map(|piece| pair().map(|at| (piece as f64 + at) / pieces as f64)) {
             let point = a.towards(b, share);
-            out.push(PathNode { weight, phi: features(point.t_s / exposure_s - 0.5, point.shared()) });
+            out.push(PathNode { weight, pose: motion.pose_on_path(point.t_s - 0.5 * exposure_s, &point) });
         }
     });
 }
 
-/// Calls `visit(from, to)` for every stretch of an exposure with positive duration, the held ends included.
-pub fn for_each_segment(points: &[PixelPoint], exposure_s: f64, mut visit: impl FnMut(&PixelPoint, &PixelPoint)) {
+/// Calls `visit(from, to)` for every stretch with positive duration of an exposure that is `delay_s` late, the held
+/// ends included; times count from the start of the frame's own exposure.
+pub fn for_each_segment(
+    points: &[PixelPoint],
+    exposure_s: f64,
+    delay_s: f64,
+    mut visit: impl FnMut(&PixelPoint, &PixelPoint),
+) {
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return };
-    let start = PixelPoint { t_s: 0.0, ..*first };
-    let end = PixelPoint { t_s: exposure_s, ..*last };
-    let mut from = start;
-    for to in points.iter().chain([&end]) {
-        let to = PixelPoint { t_s: to.t_s.clamp(0.0, exposure_s), ..*to };
-        if to.t_s > from.t_s {
-            visit(&from, &to);
+    let (begin_s, end_s) = (delay_s, delay_s + exposure_s);
+    let ends = [PixelPoint { t_s: begin_s.min(first.t_s), ..*first }, PixelPoint { t_s: end_s.max(last.t_s), ..*last }];
+    let mut from = ends[0];
+    for to in points.iter().chain([&ends[1]]) {
+        let (a, b) = (from.t_s.max(begin_s), to.t_s.min(end_s));
+        if b > a {
+            let at = |t_s: f64| PixelPoint { t_s, ..from.towards(to, (t_s - from.t_s) / (to.t_s - from.t_s)) };
+            visit(&at(a), &at(b));
         }
-        from = to;
-    }
-}
-
-fn recentre(nodes: &mut [PathNode], mean: &Features) {
-    let mut off: Features = *mean;
-    for node in nodes.iter() {
-        for i in 0..FEATURES {
-            off[i] -= node.weight * node.phi[i];
-        }
-    }
-    for node in nodes {
-        for i in 0..FEATURES {
-            node.phi[i] += off[i];
-        }
+        from = *to;
     }
 }
 

@@ -1,12 +1,15 @@
 //! The plan of one exposure: plain data that any backend can draw.
 
 use crate::astrometry::CameraGeometry;
-use crate::exposure::features::{Features, PathNode};
+use crate::exposure::ladder::Rung;
 use crate::exposure::method::Method;
-use crate::exposure::motion::Motion;
-use crate::exposure::track::StarTrack;
+use crate::exposure::moments::TracePoint;
+use crate::exposure::motion::{Motion, Shutter};
+use crate::exposure::pose::{PathNode, Pose};
+use crate::exposure::sampling::PsfSampling;
+use crate::exposure::track::{StarPlace, StarTrack};
 use crate::optics::PsfModel;
-use glam::DVec3;
+use core::ops::Range;
 
 /// One star of a plan.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,12 +22,34 @@ pub struct PlannedStar {
     pub electrons: f64,
     /// Electrons of it that land on the detector within the footprint.
     pub electrons_on_detector: f64,
-    /// Direction at mid-exposure, sensor axes, unit.
-    pub mid_sensor: DVec3,
-    /// Place at mid-exposure and response to the path.
-    pub track: StarTrack,
+    /// Place at mid-exposure.
+    pub place: StarPlace,
     /// Exposure-averaged position: the star's true centroid, px.
     pub mean_px: [f64; 2],
+    /// The list of [`ExposurePlan::lists`] it is drawn with.
+    pub list: u32,
+}
+
+/// How the stars of one list are drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Drawing {
+    /// The PSF once, at the mean position.
+    Once,
+    /// The PSF at every node, each star by its own displacements.
+    Nodes,
+    /// The PSF convolved with the path of a star at this place, once at the mean position.
+    Kernel(StarTrack),
+}
+
+/// Path nodes and what is done with them, for some of the stars.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NodeList {
+    /// Among [`ExposurePlan::nodes`].
+    pub nodes: Range<usize>,
+    /// Their mean pose.
+    pub mean: Pose,
+    /// What is drawn.
+    pub drawing: Drawing,
 }
 
 /// What a method is predicted to do to a frame.
@@ -42,6 +67,21 @@ pub struct Assessment {
     pub cost_ms: f64,
     /// What the budget says.
     pub verdict: Verdict,
+}
+
+/// Stars of similar brightness, and the method that draws them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StarClass {
+    /// Electrons of its brightest star.
+    pub brightest_e: f64,
+    /// Stars fainter than this are in the next class, e-.
+    pub faintest_e: f64,
+    /// Stars in it.
+    pub stars: usize,
+    /// Bands of rows with a list of nodes each (more than one: rolling shutter).
+    pub bands: usize,
+    /// Its method.
+    pub chosen: Assessment,
 }
 
 /// Furthest an effective PSF may reach from a star's mean position, px: its table grows with the square.
@@ -70,6 +110,23 @@ impl Verdict {
     pub fn is_met(self) -> bool {
         matches!(self, Self::Fits | Self::FluxOverBudget)
     }
+
+    /// True when the method can be drawn at all.
+    #[must_use]
+    pub fn is_drawable(self) -> bool {
+        !matches!(self, Self::NeedsSmoothMotion | Self::PathTooLong)
+    }
+}
+
+/// Stars that were left out because they stay below a share of the noise.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct CutOff {
+    /// How many.
+    pub stars: usize,
+    /// Their electrons together.
+    pub electrons: f64,
+    /// Bound of what any pixel lacks, e-.
+    pub most_in_pixel_e: f64,
 }
 
 /// Everything a backend needs to draw one exposure.
@@ -77,20 +134,28 @@ impl Verdict {
 pub struct ExposurePlan {
     /// The camera.
     pub camera: CameraGeometry,
+    /// How its rows are exposed.
+    pub shutter: Shutter,
     /// The PSF.
     pub psf: PsfModel,
+    /// How pixel values are had from it.
+    pub sampling: PsfSampling,
     /// Footprint half-width, px: a star is drawn in the square of `2 half_px + 1` pixels around each node.
     pub half_px: usize,
-    /// The chosen method and its predicted error and cost.
+    /// The method of the brightest stars and its predicted error, with the cost of the whole frame.
     pub chosen: Assessment,
-    /// All methods that were weighed, cheapest first.
+    /// All methods that were weighed for the brightest stars, cheapest first.
     pub assessed: Vec<Assessment>,
-    /// Path nodes of the chosen method.
+    /// The stars by brightness, brightest first.
+    pub classes: Vec<StarClass>,
+    /// What was left out.
+    pub cut_off: CutOff,
+    /// How far the frame was degraded to keep its time budget.
+    pub rung: Rung,
+    /// Path nodes of all lists.
     pub nodes: Vec<PathNode>,
-    /// Mean features of the path.
-    pub mean: Features,
-    /// Response of a star at the centre of the detector: what an effective PSF is built with.
-    pub centre_response: [Features; 2],
+    /// Lists of nodes.
+    pub lists: Vec<NodeList>,
     /// Bound of the path's length on the detector, px.
     pub reach_px: f64,
     /// Furthest the path leads a star from its mean position, px.
@@ -101,16 +166,63 @@ pub struct ExposurePlan {
     pub motion: Motion,
 }
 
+impl CutOff {
+    /// Adds what else was left out.
+    pub fn add(&mut self, more: &Self) {
+        self.stars += more.stars;
+        self.electrons += more.electrons;
+        self.most_in_pixel_e += more.most_in_pixel_e;
+    }
+}
+
 impl ExposurePlan {
-    /// Displacement of a star with the centre's response, about the mean, for every node: the shape of an effective
-    /// PSF. Yields `(weight, dx_px, dy_px)`.
-    pub fn kernel_path(&self) -> impl Iterator<Item = (f64, f64, f64)> {
-        let centre = StarTrack { mid_px: [0.0; 2], response: self.centre_response };
-        let mean = centre.displacement_px(&self.mean);
-        self.nodes.iter().map(move |node| {
-            let [x, y] = centre.displacement_px(&node.phi);
-            (node.weight, x - mean[0], y - mean[1])
+    /// Electrons between which the stars of a class lie: below the first, from the second on.
+    #[must_use]
+    pub fn brightness_of(&self, class: usize) -> (f64, f64) {
+        let above_e = class.checked_sub(1).map_or(f64::INFINITY, |before| self.classes[before].faintest_e);
+        (above_e, self.classes[class].faintest_e)
+    }
+
+    /// Nodes of a list.
+    #[must_use]
+    pub fn nodes_of(&self, list: &NodeList) -> &[PathNode] {
+        &self.nodes[list.nodes.clone()]
+    }
+
+    /// The list a star is drawn with.
+    #[must_use]
+    pub fn list_of(&self, star: &PlannedStar) -> &NodeList {
+        &self.lists[star.list as usize]
+    }
+
+    /// Where a star's poses count from when it is drawn node by node: its mean comes out at `mean_px`.
+    #[must_use]
+    pub fn origin_px(&self, star: &PlannedStar, track: &StarTrack) -> [f64; 2] {
+        let [x, y] = track.displacement_px(&self.list_of(star).mean);
+        [star.mean_px[0] - x, star.mean_px[1] - y]
+    }
+
+    /// Displacement about its mean, for every node, of a star that stands where the kernel is made: the shape of an
+    /// effective PSF.
+    pub fn kernel_trace<'a>(
+        &'a self,
+        nodes: &'a [PathNode],
+        at: &'a StarTrack,
+    ) -> impl Iterator<Item = TracePoint> + 'a {
+        let mean = nodes.iter().fold([0.0; 2], |[x, y], node| {
+            let [dx, dy] = at.exact_px(&self.camera, &node.pose);
+            [x + node.weight * dx, y + node.weight * dy]
+        });
+        nodes.iter().map(move |node| {
+            let [x, y] = at.exact_px(&self.camera, &node.pose);
+            [node.weight, x - mean[0], y - mean[1]]
         })
+    }
+
+    /// True when any star is drawn from a kernel.
+    #[must_use]
+    pub fn has_kernel(&self) -> bool {
+        self.lists.iter().any(|list| matches!(list.drawing, Drawing::Kernel(_)))
     }
 
     /// Sum of the electrons that land on the detector.

@@ -4,8 +4,10 @@
 //! Gaussian: exact products of error functions. Airy: products of its line-spread function's integral, exact at one
 //! edge, at a corner off by what the pattern is not separable (< 3e-3 of the star; none for a star on the corner).
 
-use crate::exposure::features::PathNode;
+use crate::astrometry::CameraGeometry;
 use crate::exposure::plan::PlannedStar;
+use crate::exposure::pose::{PathNode, mean_pose};
+use crate::exposure::track::StarTrack;
 use crate::optics::PsfModel;
 use crate::optics::airy::Airy;
 
@@ -40,20 +42,21 @@ impl Share {
 
     /// Share of `star`'s electrons on the detector.
     #[must_use]
-    pub fn on_detector(&self, star: &PlannedStar, nodes: &[PathNode], extent_px: f64) -> f64 {
+    pub fn on_detector(&self, star: &PlannedStar, camera: &CameraGeometry, nodes: &[PathNode], extent_px: f64) -> f64 {
         let margin = self.half_px as f64 + 1.0 + extent_px;
         let well_inside = |v: f64, size: usize| v >= margin && v <= size as f64 - 1.0 - margin;
         if well_inside(star.mean_px[0], self.size_px[0]) && well_inside(star.mean_px[1], self.size_px[1]) {
             return self.footprint;
         }
-        self.footprint * self.at_edge(star, nodes)
+        self.footprint * self.at_edge(star, &StarTrack::new(camera, star.place), nodes)
     }
 
     /// Mean over all nodes; only nodes whose footprint an edge cuts need the integral.
-    fn at_edge(&self, star: &PlannedStar, nodes: &[PathNode]) -> f64 {
-        let [x, y] = star.track.mid_px;
+    fn at_edge(&self, star: &PlannedStar, track: &StarTrack, nodes: &[PathNode]) -> f64 {
+        let [mx, my] = track.displacement_px(&mean_pose(nodes));
+        let [x, y] = [star.mean_px[0] - mx, star.mean_px[1] - my];
         let on = |node: &PathNode| {
-            let [dx, dy] = star.track.displacement_px(&node.phi);
+            let [dx, dy] = track.displacement_px(&node.pose);
             self.along(x + dx, self.size_px[0]) * self.along(y + dy, self.size_px[1])
         };
         nodes.iter().map(|node| node.weight * on(node)).sum()
@@ -126,30 +129,38 @@ fn square_sum(half_px: usize, value: impl Fn(f64, f64) -> f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::exposure::track::StarTrack;
+    use crate::astrometry::{BrownConrady, CameraParameters};
+    use crate::exposure::pose::Pose;
+    use crate::exposure::track::StarPlace;
 
     #[test]
     fn a_long_path_across_an_edge_leaves_its_share_on_the_detector() {
         let share = Share::new(&PsfModel::gaussian(0.8), 4, [100, 100]);
-        let mut response = [[0.0; 6]; 2];
-        response[0][0] = 60.0;
-        let track = StarTrack { mid_px: [10.0, 50.0], response };
+        let camera = CameraGeometry::new(CameraParameters {
+            width_px: 100,
+            height_px: 100,
+            focal_px: [1000.0; 2],
+            principal_point_px: [49.5; 2],
+            distortion: BrownConrady::default(),
+        })
+        .unwrap();
+        let place = StarPlace::of_pixel(&camera, [10.0, 50.0]).unwrap();
         let star = PlannedStar {
             id: 0,
             mag: 0.0,
             electrons: 1.0,
             electrons_on_detector: 0.0,
-            mid_sensor: glam::DVec3::Z,
-            track,
+            place,
             mean_px: [10.0, 50.0],
+            list: 0,
         };
         let node = |i: u32| {
             let tau = (f64::from(i) + 0.5) / 1024.0 - 0.5;
-            PathNode { weight: 1.0 / 1024.0, phi: [tau, tau * tau, 0.0, 0.0, 0.0, 0.0] }
+            PathNode { weight: 1.0 / 1024.0, pose: Pose::new(glam::DQuat::IDENTITY, 0.0, [60.0 * tau, 0.0]) }
         };
         let nodes: Vec<PathNode> = (0..1024).map(node).collect();
         // From x = -20 to 40: 40.5 of 60 px lie on the detector.
-        let on = share.on_detector(&star, &nodes, 30.0);
+        let on = share.on_detector(&star, &camera, &nodes, 30.0);
         assert!((on - 40.5 / 60.0).abs() < 1e-6, "{on}");
     }
 }

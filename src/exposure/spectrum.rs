@@ -9,9 +9,7 @@
 //! cells, `|W|` averaged over each cell, the difference taken at its centre and the sum doubled (`CELL_SAFETY`).
 //! Held against the reference by `tests/physics`.
 
-use crate::exposure::features::PathNode;
-use crate::exposure::moments::mean_features;
-use crate::exposure::track::StarTrack;
+use crate::exposure::moments::TracePoint;
 use core::f64::consts::PI;
 
 /// Directions over half a turn (the other half is conjugate).
@@ -59,21 +57,18 @@ impl Sensitivity {
         Self { step, centroid, peak }
     }
 
-    /// Characteristic function of the displacement of `star` over `nodes`, about its mean.
+    /// Characteristic function of a trace.
     #[must_use]
-    pub fn spectrum(&self, star: &StarTrack, nodes: &[PathNode]) -> Spectrum {
+    pub fn spectrum(&self, trace: &[TracePoint]) -> Spectrum {
         let mut sum = NOTHING;
-        let mean = star.displacement_px(&mean_features(nodes));
         let along: [[f64; 2]; DIRECTIONS] = core::array::from_fn(|d| {
             let (sin, cos) = angle(d as f64).sin_cos();
             [self.step * cos, self.step * sin]
         });
-        for node in nodes {
-            let [x, y] = star.displacement_px(&node.phi);
-            let (x, y) = (x - mean[0], y - mean[1]);
+        for &[weight, x, y] in trace {
             for (sums, [kx, ky]) in sum.iter_mut().zip(along) {
                 let (sin, cos) = (kx * x + ky * y).sin_cos();
-                let (mut re, mut im) = (node.weight, 0.0);
+                let (mut re, mut im) = (weight, 0.0);
                 for [a, b] in sums {
                     (re, im) = (re * cos - im * sin, re * sin + im * cos);
                     *a += re;
@@ -121,10 +116,17 @@ fn cell_mean(d: usize, j: usize, step: f64, value: impl Fn(f64, f64) -> f64) -> 
 
 /// Modulus of the transform of the first moments of a 5 x 5 window of pixels, both axes together.
 fn window(kx: f64, ky: f64) -> f64 {
-    let box_of =
-        |k: f64| if k.abs() < 1e-9 { 2.0 * WINDOW_HALF + 1.0 } else { ((WINDOW_HALF + 0.5) * k).sin() / (0.5 * k) };
     let pixel = |k: f64| if k.abs() < 1e-9 { 1.0 } else { (0.5 * k).sin() / (0.5 * k) };
-    let ramp = |k: f64| 2.0 * (k.sin() + 2.0 * (2.0 * k).sin()) * pixel(k);
-    let moment = |k: f64| ramp(k).hypot(OFF_MIDDLE_PX * box_of(k));
-    (moment(kx) * box_of(ky)).hypot(box_of(kx) * moment(ky))
+    (pixel(kx) * pixel(ky)).abs() * window_of_points(kx, ky)
+}
+
+/// The same for values at the pixels' centres instead of integrals over pixels.
+pub(crate) fn window_of_points(kx: f64, ky: f64) -> f64 {
+    let wide = |k: f64| {
+        let small = (0.5 * k).sin();
+        if small.abs() < 1e-9 { 2.0 * WINDOW_HALF + 1.0 } else { ((WINDOW_HALF + 0.5) * k).sin() / small }
+    };
+    let ramp = |k: f64| 2.0 * (k.sin() + 2.0 * (2.0 * k).sin());
+    let moment = |k: f64| ramp(k).hypot(OFF_MIDDLE_PX * wide(k));
+    (moment(kx) * wide(ky)).hypot(wide(kx) * moment(ky))
 }

@@ -3,22 +3,22 @@
 use crate::gpu::device::GpuDevice;
 use crate::gpu::error::GpuError;
 
-/// A two-dimensional table of four floats each, kept from frame to frame; it only ever grows.
+/// Layers of two-dimensional tables of four floats each, kept from frame to frame; they only ever grow.
 #[derive(Debug)]
 pub struct TableTexture {
     what: &'static str,
-    size: [u32; 2],
+    size: [u32; 3],
     texture: wgpu::Texture,
     view: wgpu::TextureView,
 }
 
 impl TableTexture {
-    /// An empty table.
+    /// One empty layer.
     ///
     /// # Errors
     /// When the device failed.
     pub fn new(gpu: &GpuDevice, what: &'static str) -> Result<Self, GpuError> {
-        let size = [1, 1];
+        let size = [1, 1, 1];
         let (texture, view) = create(gpu, what, size)?;
         Ok(Self { what, size, texture, view })
     }
@@ -29,51 +29,62 @@ impl TableTexture {
         wgpu::BindingResource::TextureView(&self.view)
     }
 
-    /// Writes rows of `columns` texels from the corner; true when the texture is a new one (bind groups must be made
-    /// anew).
+    /// Makes room for `layers` tables of `size` texels; true when the texture is a new and empty one (bind groups must
+    /// be made anew).
     ///
     /// # Errors
     /// When the device takes no texture of this size.
-    pub fn write(&mut self, gpu: &GpuDevice, columns: usize, texels: &[[f32; 4]]) -> Result<bool, GpuError> {
+    pub fn reserve(&mut self, gpu: &GpuDevice, size: [usize; 2], layers: usize) -> Result<bool, GpuError> {
+        let wanted = [size[0], size[1], layers].map(|n| u32::try_from(n).unwrap_or(u32::MAX));
+        if (0..3).all(|i| wanted[i] <= self.size[i]) {
+            return Ok(false);
+        }
+        let size = core::array::from_fn(|i| wanted[i].max(self.size[i]));
+        (self.texture, self.view) = create(gpu, self.what, size)?;
+        self.size = size;
+        Ok(true)
+    }
+
+    /// Writes rows of `columns` texels from the corner of a layer for which there is room.
+    pub fn write(&self, gpu: &GpuDevice, layer: u32, columns: usize, texels: &[[f32; 4]]) {
         let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         let (width, height) = (side(columns), side(texels.len() / columns.max(1)));
         if width == 0 || height == 0 {
-            return Ok(false);
+            return;
         }
-        let grew = width > self.size[0] || height > self.size[1];
-        if grew {
-            let size = [width.max(self.size[0]), height.max(self.size[1])];
-            (self.texture, self.view) = create(gpu, self.what, size)?;
-            self.size = size;
-        }
-        let texel_bytes = side(size_of::<[f32; 4]>());
+        let mut target = self.texture.as_image_copy();
+        target.origin.z = layer;
         gpu.queue().write_texture(
-            self.texture.as_image_copy(),
+            target,
             bytemuck::cast_slice(texels),
             wgpu::TexelCopyBufferLayout {
                 offset: 0,
-                bytes_per_row: Some(width * texel_bytes),
+                bytes_per_row: Some(width * side(size_of::<[f32; 4]>())),
                 rows_per_image: Some(height),
             },
             wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
         );
-        Ok(grew)
     }
 }
 
 fn create(
     gpu: &GpuDevice,
     what: &'static str,
-    [width, height]: [u32; 2],
+    [width, height, layers]: [u32; 3],
 ) -> Result<(wgpu::Texture, wgpu::TextureView), GpuError> {
-    let most = gpu.device().limits().max_texture_dimension_2d;
+    let limits = gpu.device().limits();
+    let most = limits.max_texture_dimension_2d;
+    if layers > limits.max_texture_array_layers {
+        let (got, most) = (u64::from(layers), u64::from(limits.max_texture_array_layers));
+        return Err(GpuError::TooLarge { what, got, most });
+    }
     if width.max(height) > most {
         let bytes = |n: u32| u64::from(n) * size_of::<[f32; 4]>() as u64;
         return Err(GpuError::TooLarge { what, got: bytes(width.max(height)), most: bytes(most) });
     }
     let texture = gpu.device().create_texture(&wgpu::TextureDescriptor {
         label: Some(what),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: layers },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
@@ -81,7 +92,10 @@ fn create(
         usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
         view_formats: &[],
     });
-    let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+    let view = texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(wgpu::TextureViewDimension::D2Array),
+        ..Default::default()
+    });
     gpu.check()?;
     Ok((texture, view))
 }

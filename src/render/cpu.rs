@@ -1,50 +1,34 @@
 //! CPU backend: all cores, vectorised by the compiler for the processor it finds (AVX-512, AVX2 + FMA, NEON, SSE2).
 //!
 //! The image is cut into bands of rows; a band is cleared and drawn by one thread, its stars in source order, so a
-//! repeated plan gives the same bits whatever the number of threads. Positions are integer + fraction. A Gaussian is
-//! drawn analytically for every node (two vectors of erf, then one multiply-add per row); other PSFs and effective
-//! PSFs come from tables. Error: f32, < 2e-7 of the peak (Gaussian), `TABLE_ERROR` (tables); `tests/physics`.
+//! repeated plan gives the same bits whatever the number of threads. A Gaussian is drawn analytically for every node
+//! (two vectors of erf, then one multiply-add per row); other PSFs and effective PSFs come from tables. Error: f32,
+//! < 2e-7 of the peak (Gaussian), `TABLE_ERROR` (tables); `tests/physics`.
 
 use crate::base::fused::mul_add;
 use crate::base::image::Image;
-use crate::exposure::features::FEATURES;
-use crate::exposure::{ExposurePlan, Method, PlannedStar};
+use crate::exposure::ExposurePlan;
 use crate::gpu::Electrons;
-use crate::render::erf::erf;
+use crate::render::bands::{BAND_ROWS, Bands, Members, NO_KERNEL, NODE_LANES, NodeColumns, Spot, Trail};
 use crate::render::plan_tables::PlanTables;
-use crate::render::table::{LANES, PsfTable};
-use crate::render::{Backend, RenderError, check_kernel};
+use crate::render::profile::Profile;
+use crate::render::table::{LANES, PAD, PsfTable};
+use crate::render::{Backend, RenderError, check_kernel, check_sampling};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
-/// Rows of one band.
-const BAND_ROWS: usize = 32;
-/// Nodes drawn together.
-const NODE_BLOCK: usize = 8;
+/// Splats drawn together.
+const BLOCK: usize = 8;
 /// Widest analytic footprint: its edges must fit the lanes.
 const ANALYTIC_HALF_PX: usize = 7;
-
-/// One star as the inner loops want it.
-#[derive(Debug, Clone, Copy)]
-struct BandStar {
-    column: i32,
-    row: i32,
-    fraction: [f32; 2],
-    electrons: f32,
-    response: [[f32; FEATURES]; 2],
-    /// Displacements stay within these rows of `row`.
-    rows: (i32, i32),
-}
 
 /// The CPU backend.
 #[derive(Debug)]
 pub struct Cpu {
     arch: Arch,
     image: Image<f32>,
-    stars: Vec<BandStar>,
-    nodes: Vec<[f32; FEATURES + 1]>,
     tables: PlanTables,
-    bands: Vec<Vec<u32>>,
+    bands: Bands,
 }
 
 impl Cpu {
@@ -54,43 +38,8 @@ impl Cpu {
         Self {
             arch: Arch::new(),
             image: Image::new(width_px, height_px),
-            stars: Vec::new(),
-            nodes: Vec::new(),
             tables: PlanTables::new(ANALYTIC_HALF_PX),
-            bands: vec![Vec::new(); height_px.div_ceil(BAND_ROWS)],
-        }
-    }
-
-    /// Stars and nodes in single precision, and which band sees which star.
-    fn prepare_stars(&mut self, plan: &ExposurePlan, half_px: usize) {
-        let shared = matches!(plan.chosen.method, Method::EffectivePsf { .. } | Method::Static);
-        self.nodes.clear();
-        if shared {
-            self.nodes.push([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        } else {
-            self.nodes.extend(plan.nodes.iter().map(|node| {
-                let [a, b, c, d, e, f] = node.phi.map(|v| v as f32);
-                [node.weight as f32, a, b, c, d, e, f]
-            }));
-        }
-        let extent = feature_extent(&self.nodes);
-        self.stars.clear();
-        self.stars.extend(plan.stars.iter().map(|star| band_star(star, shared, &extent)));
-        let height = self.image.height();
-        for band in &mut self.bands {
-            band.clear();
-        }
-        let half = half_px.cast_signed() as i64;
-        for (i, star) in self.stars.iter().enumerate() {
-            let first = (i64::from(star.row + star.rows.0) - half).max(0);
-            let last = (i64::from(star.row + star.rows.1) + half).min(height as i64 - 1);
-            if first > last {
-                continue;
-            }
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the image's rows")]
-            for band in first as usize / BAND_ROWS..=last as usize / BAND_ROWS {
-                self.bands[band].push(i as u32);
-            }
+            bands: Bands::new(height_px),
         }
     }
 }
@@ -108,55 +57,32 @@ impl Backend for Cpu {
 
     fn render(&mut self, plan: &ExposurePlan) -> Result<(), RenderError> {
         check_kernel(plan)?;
+        check_sampling(plan, self.tables.is_analytic(plan))?;
         self.tables.prepare(plan);
-        let half_px = self.tables.of(plan).map_or(plan.half_px, |table| table.half_px);
-        self.prepare_stars(plan, half_px);
-        let table = self.tables.of(plan);
-        let width = self.image.width().max(1);
-        let (arch, stars, nodes, bands) = (self.arch, &self.stars, &self.nodes, &self.bands);
-        let sigma_px = plan.psf.core_sigma_px() as f32;
-        let mask = core::array::from_fn(|lane| if lane <= 2 * half_px { 1.0 } else { 0.0 });
-        self.image.pixels_mut().par_chunks_mut(BAND_ROWS * width).zip(bands).enumerate().for_each(
-            |(band, (pixels, members))| {
-                let target = Band { pixels, width, first_row: (band * BAND_ROWS) as i32 };
-                let draw = Draw { stars, members, nodes, half_px: half_px as i32, sigma_px, mask };
-                let fused = !matches!(arch, Arch::Scalar);
-                arch.dispatch(DrawBand { draw, target, table, fused });
-            },
-        );
+        let Self { arch, image, tables, bands } = self;
+        let kernel_half = tables.kernels().first().map_or(0, |kernel| kernel.half_px[1]);
+        let half_px = |list: usize| if tables.kernel_of(list).is_some() { kernel_half } else { plan.half_px };
+        bands.sort(plan, half_px, |list| tables.kernel_of(list));
+        let width = image.width().max(1);
+        let draw = Draw {
+            bands,
+            kernels: tables.kernels(),
+            base: tables.base(plan),
+            half_px: plan.half_px as i32,
+            profile: Profile::new(plan.sampling, plan.psf.core_sigma_px()),
+            mask: core::array::from_fn(|lane| if lane <= 2 * plan.half_px { 1.0 } else { 0.0 }),
+        };
+        let (arch, draw) = (*arch, &draw);
+        image.pixels_mut().par_chunks_mut(BAND_ROWS * width).enumerate().for_each(|(index, pixels)| {
+            let target = Band { pixels, width, first_row: (index * BAND_ROWS) as i32 };
+            let fused = !matches!(arch, Arch::Scalar);
+            arch.dispatch(DrawBand { draw, target, index, fused });
+        });
         Ok(())
     }
 
     fn electrons(&self) -> Electrons<'_> {
         Electrons::Host(&self.image)
-    }
-}
-
-/// Smallest and largest value of every feature over the nodes.
-fn feature_extent(nodes: &[[f32; FEATURES + 1]]) -> [(f32, f32); FEATURES] {
-    core::array::from_fn(|i| {
-        nodes.iter().fold((f32::MAX, f32::MIN), |(low, high), node| (low.min(node[i + 1]), high.max(node[i + 1])))
-    })
-}
-
-#[allow(clippy::cast_possible_truncation, reason = "the planner keeps positions within a few detectors of the origin")]
-fn band_star(star: &PlannedStar, shared: bool, extent: &[(f32, f32); FEATURES]) -> BandStar {
-    let px = if shared { star.mean_px } else { star.track.mid_px };
-    let response = star.track.response.map(|row| row.map(|v| v as f32));
-    let (mut low, mut high) = (0.0_f32, 0.0_f32);
-    for (r, (min, max)) in response[1].iter().zip(extent) {
-        let (a, b) = (r * min, r * max);
-        low += a.min(b);
-        high += a.max(b);
-    }
-    let (column, row) = ((px[0] + 0.5).floor(), (px[1] + 0.5).floor());
-    BandStar {
-        column: column as i32,
-        row: row as i32,
-        fraction: [(px[0] - column) as f32, (px[1] - row) as f32],
-        electrons: star.electrons as f32,
-        response,
-        rows: ((low - 1.0).floor() as i32, (high + 1.0).ceil() as i32),
     }
 }
 
@@ -173,31 +99,24 @@ impl Band<'_> {
     fn rows(&self) -> i32 {
         (self.pixels.len() / self.width) as i32
     }
-
-    /// The row at image height `row`, or `None` outside the band.
-    #[inline(always)]
-    fn row(&mut self, row: i32) -> Option<&mut [f32]> {
-        let y = usize::try_from(row - self.first_row).ok()?;
-        self.pixels.get_mut(y * self.width..(y + 1) * self.width)
-    }
 }
 
-/// What is drawn into a band.
+/// What is drawn into the bands.
 struct Draw<'a> {
-    stars: &'a [BandStar],
-    members: &'a [u32],
-    nodes: &'a [[f32; FEATURES + 1]],
+    bands: &'a Bands,
+    kernels: &'a [PsfTable],
+    base: Option<&'a PsfTable>,
     half_px: i32,
-    sigma_px: f32,
+    profile: Profile,
     /// 1 for lanes inside the footprint, else 0.
     mask: [f32; LANES],
 }
 
 /// One band's work, in the shape `pulp` compiles once per vector level.
 struct DrawBand<'a> {
-    draw: Draw<'a>,
+    draw: &'a Draw<'a>,
     target: Band<'a>,
-    table: Option<&'a PsfTable>,
+    index: usize,
     fused: bool,
 }
 
@@ -205,65 +124,135 @@ impl NullaryFnOnce for DrawBand<'_> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        match (self.table, self.fused) {
-            (None, true) => self.draw.analytic::<true>(self.target),
-            (None, false) => self.draw.analytic::<false>(self.target),
-            (Some(table), true) => self.draw.tabulated::<true>(self.target, table),
-            (Some(table), false) => self.draw.tabulated::<false>(self.target, table),
+        let Self { draw, mut target, index, fused } = self;
+        target.pixels.fill(0.0);
+        for members in draw.bands.members(index) {
+            if fused {
+                draw.members::<true>(&mut target, members);
+            } else {
+                draw.members::<false>(&mut target, members);
+            }
         }
     }
 }
 
+/// Splats waiting to be drawn: pixel, fraction and light.
+struct Splats {
+    count: usize,
+    origin: [[i32; 2]; BLOCK],
+    fraction: [[f32; 2]; BLOCK],
+    electrons: [f32; BLOCK],
+}
+
+impl Splats {
+    const NONE: Self = Self { count: 0, origin: [[0; 2]; BLOCK], fraction: [[0.0; 2]; BLOCK], electrons: [0.0; BLOCK] };
+}
+
+/// Displacements of one star at a block of nodes, px.
+struct Steps {
+    weight: [f32; NODE_LANES],
+    x: [f32; NODE_LANES],
+    y: [f32; NODE_LANES],
+}
+
 impl Draw<'_> {
-    /// Gaussian stars, every node by its own error functions.
     #[inline(always)]
-    fn analytic<const FUSED: bool>(&self, mut band: Band<'_>) {
-        band.pixels.fill(0.0);
-        let scale = core::f32::consts::FRAC_1_SQRT_2 / self.sigma_px;
-        for &member in self.members {
-            let star = &self.stars[member as usize];
-            for block in self.nodes.chunks(NODE_BLOCK) {
-                self.analytic_block::<FUSED>(&mut band, star, block, scale);
+    fn members<const FUSED: bool>(&self, band: &mut Band<'_>, members: &Members) {
+        let mut splats = Splats::NONE;
+        for spot in &members.spots {
+            self.spot::<FUSED>(band, &mut splats, spot);
+        }
+        for trail in &members.trails {
+            self.trail::<FUSED>(band, &mut splats, trail);
+        }
+        self.flush::<FUSED>(band, &mut splats);
+    }
+
+    #[inline(always)]
+    fn spot<const FUSED: bool>(&self, band: &mut Band<'_>, splats: &mut Splats, spot: &Spot) {
+        let table = if spot.kernel == NO_KERNEL { self.base } else { self.kernels.get(spot.kernel as usize) };
+        let origin = [spot.column, spot.row];
+        match table {
+            Some(table) => stamp::<FUSED>(band, table, origin, spot.fraction, spot.electrons),
+            None => self.push::<FUSED>(band, splats, origin, spot.fraction, spot.electrons),
+        }
+    }
+
+    /// A star at every node of its list.
+    #[inline(always)]
+    fn trail<const FUSED: bool>(&self, band: &mut Band<'_>, splats: &mut Splats, trail: &Trail) {
+        let Some(nodes) = self.bands.nodes.get(trail.list as usize) else { return };
+        let mut first = 0;
+        while first < nodes.count {
+            let steps = steps::<FUSED>(nodes, first, trail);
+            for k in 0..(nodes.count - first).min(NODE_LANES) {
+                let (x, y) = (trail.spot.fraction[0] + steps.x[k], trail.spot.fraction[1] + steps.y[k]);
+                let (column, row) = ((x + 0.5).floor(), (y + 0.5).floor());
+                #[allow(clippy::cast_possible_truncation, reason = "the planner keeps displacements on the detector")]
+                let origin = [trail.spot.column + column as i32, trail.spot.row + row as i32];
+                let electrons = trail.spot.electrons * steps.weight[k];
+                match self.base {
+                    Some(table) => stamp::<FUSED>(band, table, origin, [x - column, y - row], electrons),
+                    None => self.push::<FUSED>(band, splats, origin, [x - column, y - row], electrons),
+                }
             }
+            first += NODE_LANES;
         }
     }
 
     #[inline(always)]
-    fn analytic_block<const FUSED: bool>(
+    fn push<const FUSED: bool>(
         &self,
         band: &mut Band<'_>,
-        star: &BandStar,
-        block: &[[f32; FEATURES + 1]],
-        scale: f32,
+        splats: &mut Splats,
+        origin: [i32; 2],
+        fraction: [f32; 2],
+        electrons: f32,
     ) {
-        let mut origin = [[0_i32; 2]; NODE_BLOCK];
-        // One row of edges per node; the last lane of a node reads the first of the next, and is masked.
-        let mut edges = [[0.0_f32; NODE_BLOCK * LANES + LANES]; 2];
+        // Nodes that leave no light in this band are another band's.
+        let top = origin[1] - self.half_px - band.first_row;
+        if top >= band.rows() || top + 2 * self.half_px < 0 {
+            return;
+        }
+        let k = splats.count;
+        splats.origin[k] = origin;
+        splats.fraction[k] = fraction;
+        splats.electrons[k] = electrons;
+        splats.count += 1;
+        if splats.count == BLOCK {
+            self.flush::<FUSED>(band, splats);
+        }
+    }
+
+    /// Draws the waiting splats: all profiles in one vector loop, then row by row.
+    #[inline(always)]
+    fn flush<const FUSED: bool>(&self, band: &mut Band<'_>, splats: &mut Splats) {
+        let count = core::mem::take(&mut splats.count);
+        let used = (2 * self.half_px + 1) as usize;
+        // Edges of neighbours follow one another; the last may be read a vector past its own.
+        let stride = used + 1;
+        let mut values = [[0.0_f32; BLOCK * LANES + 2 * LANES]; 2];
         let half = self.half_px as f32 + 0.5;
-        for (k, node) in block.iter().enumerate() {
-            let (pixel, fractions) = node_place::<FUSED>(star, node);
-            origin[k] = pixel;
-            for (edges, fraction) in edges.iter_mut().zip(fractions) {
+        for k in 0..count {
+            for (values, fraction) in values.iter_mut().zip(splats.fraction[k]) {
                 let start = -(half + fraction);
                 for lane in 0..LANES {
-                    edges[k * LANES + lane] = (start + lane as f32) * scale;
+                    values[k * stride + lane] = start + lane as f32;
                 }
             }
         }
-        for edges in &mut edges {
-            for value in &mut edges[..block.len() * LANES] {
-                *value = erf::<FUSED>(*value);
-            }
+        for values in &mut values {
+            self.profile.apply::<FUSED>(&mut values[..(count * stride).next_multiple_of(LANES)]);
         }
-        for (k, node) in block.iter().enumerate() {
-            let gain = 0.25 * star.electrons * node[0];
-            let [across, down] = &edges;
-            let (across, down) = (&across[k * LANES..k * LANES + LANES + 1], &down[k * LANES..k * LANES + LANES]);
-            let mut stamp = [0.0_f32; LANES];
+        let [across, down] = &values;
+        for k in 0..count {
+            let at = k * stride;
+            let across = &across[at..at + LANES + 1];
+            let mut line = [0.0_f32; LANES];
             for lane in 0..LANES {
-                stamp[lane] = gain * self.mask[lane] * (across[lane + 1] - across[lane]);
+                line[lane] = splats.electrons[k] * self.mask[lane] * (across[lane + 1] - across[lane]);
             }
-            self.add_separable::<FUSED>(band, origin[k], &stamp, down);
+            self.add_separable::<FUSED>(band, splats.origin[k], &line, &down[at..at + used + 1]);
         }
     }
 
@@ -286,43 +275,30 @@ impl Draw<'_> {
             add_lanes::<FUSED>(&mut band.pixels[at..at + band.width], left, used as usize, across, gain);
         }
     }
-
-    /// Stars from a table of the PSF, or of the PSF convolved with the path.
-    #[inline(always)]
-    fn tabulated<const FUSED: bool>(&self, mut band: Band<'_>, table: &PsfTable) {
-        band.pixels.fill(0.0);
-        let rows = table.rows();
-        for &member in self.members {
-            let star = &self.stars[member as usize];
-            for node in self.nodes {
-                let ([column, row], fractions) = node_place::<FUSED>(star, node);
-                let taps = StarTaps::new(table, fractions, star.electrons * node[0]);
-                for r in 0..rows {
-                    let Some(line) = band.row(row - self.half_px + r as i32) else { continue };
-                    let mut done = 0;
-                    while done < rows {
-                        let values = taps.chunk::<FUSED>(table, r, done);
-                        let first = column - self.half_px + done as i32;
-                        add_lanes::<FUSED>(line, first, (rows - done).min(LANES), &values, 1.0);
-                        done += LANES;
-                    }
-                }
-            }
-        }
-    }
 }
 
-/// Integer pixel and fraction of a star at one node.
+/// Displacements of a star at the nodes from `first` (see [`crate::exposure::track`]).
 #[inline(always)]
-#[allow(clippy::cast_possible_truncation, reason = "the planner keeps displacements within a few detectors")]
-fn node_place<const FUSED: bool>(star: &BandStar, node: &[f32; FEATURES + 1]) -> ([i32; 2], [f32; 2]) {
-    let [mut x, mut y] = star.fraction;
-    for i in 0..FEATURES {
-        x = mul_add::<FUSED>(star.response[0][i], node[i + 1], x);
-        y = mul_add::<FUSED>(star.response[1][i], node[i + 1], y);
+fn steps<const FUSED: bool>(nodes: &NodeColumns, first: usize, trail: &Trail) -> Steps {
+    let pose: [&[f32; NODE_LANES]; 13] = core::array::from_fn(|k| nodes.lanes(k + 1, first));
+    let ([u, v], [rx, ry]) = (trail.tangent, trail.from_principal_px);
+    let [[xu, xv], [yu, yv]] = trail.px_per_tangent;
+    let mut steps = Steps { weight: *nodes.lanes(0, first), x: [0.0; NODE_LANES], y: [0.0; NODE_LANES] };
+    for k in 0..NODE_LANES {
+        let d = |row: usize| {
+            let [a, b, c] = [pose[3 * row][k], pose[3 * row + 1][k], pose[3 * row + 2][k]];
+            mul_add::<FUSED>(a, u, mul_add::<FUSED>(b, v, c))
+        };
+        let dz = d(2);
+        let scale = 1.0 / (1.0 + dz);
+        let (du, dv) = (mul_add::<FUSED>(-u, dz, d(0)) * scale, mul_add::<FUSED>(-v, dz, d(1)) * scale);
+        let (x, y) = (mul_add::<FUSED>(xu, du, xv * dv), mul_add::<FUSED>(yu, du, yv * dv));
+        let (sin, less) = (pose[9][k], pose[10][k]);
+        let (ax, ay) = (rx + x, ry + y);
+        steps.x[k] = x + mul_add::<FUSED>(less, ax, mul_add::<FUSED>(-sin, ay, pose[11][k]));
+        steps.y[k] = y + mul_add::<FUSED>(sin, ax, mul_add::<FUSED>(less, ay, pose[12][k]));
     }
-    let (column, row) = ((x + 0.5).floor(), (y + 0.5).floor());
-    ([star.column + column as i32, star.row + row as i32], [x - column, y - row])
+    steps
 }
 
 /// `line[first + i] += gain * values[i]` for the used lanes that lie on the line.
@@ -344,6 +320,34 @@ fn add_lanes<const FUSED: bool>(line: &mut [f32], first: i32, used: usize, value
     }
 }
 
+/// A star from a table: the weighted sum of sixteen of its images.
+#[inline(always)]
+fn stamp<const FUSED: bool>(
+    band: &mut Band<'_>,
+    table: &PsfTable,
+    origin: [i32; 2],
+    fraction: [f32; 2],
+    electrons: f32,
+) {
+    let taps = StarTaps::new(table, fraction, electrons);
+    let [columns, rows] = table.size_px();
+    let [left, top] = [
+        origin[0] - table.half_px[0].cast_signed() as i32,
+        origin[1] - table.half_px[1].cast_signed() as i32 - band.first_row,
+    ];
+    let (first, end) = ((-top).max(0), (rows as i32).min(band.rows() - top));
+    for r in first..end {
+        let at = (top + r) as usize * band.width;
+        let line = &mut band.pixels[at..at + band.width];
+        let mut done = 0;
+        while done < columns {
+            let values = taps.chunk::<FUSED>(table, r as usize, done);
+            add_lanes::<FUSED>(line, left + done as i32, (columns - done).min(LANES), &values, 1.0);
+            done += LANES;
+        }
+    }
+}
+
 /// The 16 table images a star is made of, and their weights.
 struct StarTaps {
     first: [usize; 4],
@@ -361,7 +365,7 @@ impl StarTaps {
         }
     }
 
-    /// Sixteen columns from `column` of row `row`.
+    /// Sixteen columns from `column` of row `row`; those beyond the row's padding are 0.
     #[inline(always)]
     fn chunk<const FUSED: bool>(&self, table: &PsfTable, row: usize, column: usize) -> [f32; LANES] {
         let mut sum = [0.0_f32; LANES];
@@ -374,6 +378,10 @@ impl StarTaps {
                     }
                 }
             }
+        }
+        if column + LANES > table.stride {
+            // Half a vector: the rest is the next row.
+            sum[PAD..].fill(0.0);
         }
         sum
     }

@@ -4,16 +4,19 @@
 //! * `gpu`: wgpu compute; the same methods in the same order, integer accumulation, repeats bit for bit.
 //! * `reference`: f64, slow, integrates the exact motion: the truth in the house.
 
+mod bands;
 pub mod cpu;
 pub mod erf;
 pub mod gpu;
+mod kernel;
 pub mod plan_tables;
+mod profile;
 pub mod reference;
 pub mod spline;
 pub mod table;
 
 use crate::exposure::plan::LONGEST_KERNEL_PX;
-use crate::exposure::{ExposurePlan, Method};
+use crate::exposure::{ExposurePlan, PsfSampling};
 use crate::gpu::Electrons;
 
 /// Draws plans.
@@ -40,10 +43,22 @@ pub trait Backend: Send {
 /// When the path leads further than [`LONGEST_KERNEL_PX`] from its mean.
 pub fn check_kernel(plan: &ExposurePlan) -> Result<(), RenderError> {
     let long = plan.extent_px.is_nan() || plan.extent_px > LONGEST_KERNEL_PX;
-    if matches!(plan.chosen.method, Method::EffectivePsf { .. }) && long {
+    if plan.has_kernel() && long {
         return Err(RenderError::KernelTooLong { extent_px: plan.extent_px });
     }
     Ok(())
+}
+
+/// Refuses a sampling of the PSF that only an analytic form has, where there is none.
+///
+/// # Errors
+/// When the sampling is neither automatic nor a table, and the PSF is not drawn analytically.
+pub fn check_sampling(plan: &ExposurePlan, is_analytic: bool) -> Result<(), RenderError> {
+    match plan.sampling {
+        PsfSampling::Auto | PsfSampling::Table { .. } => Ok(()),
+        _ if is_analytic => Ok(()),
+        sampling => Err(RenderError::Sampling { sampling }),
+    }
 }
 
 /// Why a frame could not be drawn.
@@ -63,6 +78,14 @@ pub enum RenderError {
     KernelTooLong {
         /// How far it leads, px.
         extent_px: f64,
+    },
+    /// a sampling of the PSF that this backend, or this PSF, does not have
+    #[error(
+        "PSF sampling \"{sampling}\" is for narrow Gaussian PSFs on the CPU backend; use auto or table:S, or the CPU backend"
+    )]
+    Sampling {
+        /// What was asked for.
+        sampling: PsfSampling,
     },
     /// a plan is larger than the device's buffers
     #[error("{what}: got {got}, the device takes at most {most}; lower the limiting magnitude or use the CPU backend")]

@@ -1,85 +1,150 @@
-//! Which table a plan is drawn from, and the tables themselves, kept from frame to frame.
+//! Which tables a plan is drawn from, and the tables themselves, kept from frame to frame.
 //!
 //! A Gaussian narrow enough for the backend's analytic form needs none; another PSF needs its own table, built once;
-//! an effective PSF is rebuilt for every plan. Held by the agreement tests of both backends.
+//! kernels are rebuilt for every plan, side by side. Held by the agreement tests of both backends.
 
-use crate::exposure::{ExposurePlan, Method};
+use crate::exposure::cost::kernel_half_px;
+use crate::exposure::sampling::oversampling;
+use crate::exposure::{Drawing, ExposurePlan, PsfSampling};
 use crate::optics::PsfModel;
 use crate::render::table::PsfTable;
+use rayon::prelude::*;
 
 /// The tables of one backend.
 #[derive(Debug)]
 pub struct PlanTables {
     analytic_half_px: usize,
     base: Option<(PsfModel, PsfTable)>,
-    effective: PsfTable,
+    kernels: Vec<PsfTable>,
+    /// Kernels of the latest plan, by list, and the lists they are of.
+    kernel_of_list: Vec<Option<usize>>,
+    list_of_kernel: Vec<usize>,
 }
 
 /// What [`PlanTables::prepare`] did.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Prepared {
-    /// The plan is drawn analytically.
-    Analytic,
-    /// The table of the PSF itself; built anew or still the one before.
-    Base {
-        /// Built anew.
-        rebuilt: bool,
-    },
-    /// The table of the PSF convolved with the plan's path.
-    Effective,
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Prepared {
+    /// The table of the PSF itself was built anew.
+    pub base_rebuilt: bool,
+    /// Kernels that were built.
+    pub kernels: usize,
 }
 
 impl PlanTables {
     /// For a backend that draws Gaussians of up to this half-width analytically.
     #[must_use]
     pub fn new(analytic_half_px: usize) -> Self {
-        Self { analytic_half_px, base: None, effective: PsfTable::default() }
+        Self {
+            analytic_half_px,
+            base: None,
+            kernels: Vec::new(),
+            kernel_of_list: Vec::new(),
+            list_of_kernel: Vec::new(),
+        }
     }
 
-    /// Builds or rebuilds the table this plan needs.
+    /// Builds or rebuilds the tables this plan needs.
     pub fn prepare(&mut self, plan: &ExposurePlan) -> Prepared {
-        let effective = is_effective(plan);
-        if !effective && self.is_analytic(plan) {
-            return Prepared::Analytic;
+        self.kernel_of_list.clear();
+        self.list_of_kernel.clear();
+        for (i, list) in plan.lists.iter().enumerate() {
+            let is_kernel = matches!(list.drawing, Drawing::Kernel(_));
+            self.kernel_of_list.push(is_kernel.then_some(self.list_of_kernel.len()));
+            if is_kernel {
+                self.list_of_kernel.push(i);
+            }
         }
-        // The effective PSF of a Gaussian is made of Gaussians.
-        let needs_base = !effective || !is_gaussian(plan);
-        let fresh = |(psf, table): &(PsfModel, PsfTable)| *psf == plan.psf && table.half_px == plan.half_px;
-        let rebuilt = needs_base && !self.base.as_ref().is_some_and(fresh);
+        let kernels = self.list_of_kernel.len();
+        let is_drawn = plan.lists.iter().any(|list| !matches!(list.drawing, Drawing::Kernel(_)));
+        // The kernel of a Gaussian is made of Gaussians.
+        let needs_base = (is_drawn && !self.is_analytic(plan)) || (kernels > 0 && !is_gaussian(plan));
+        let base_rebuilt = needs_base && self.rebuild_base(plan);
+        if kernels > 0 {
+            self.build_kernels(plan, kernels);
+        }
+        Prepared { base_rebuilt, kernels }
+    }
+
+    fn rebuild_base(&mut self, plan: &ExposurePlan) -> bool {
+        let s = grid_points(plan);
+        let fresh = |(psf, table): &(PsfModel, PsfTable)| {
+            *psf == plan.psf && table.half_px == [plan.half_px; 2] && table.oversampling == s
+        };
+        let rebuilt = !self.base.as_ref().is_some_and(fresh);
         if rebuilt {
-            self.base = Some((plan.psf.clone(), PsfTable::of_psf(&plan.psf, plan.half_px)));
+            self.base = Some((plan.psf.clone(), PsfTable::of_psf(&plan.psf, plan.half_px, s)));
         }
-        if !effective {
-            return Prepared::Base { rebuilt };
-        }
-        match &self.base {
-            Some((_, base)) if needs_base => self.effective.rebuild_effective(plan, base),
-            _ => self.effective.rebuild_effective(plan, &PsfTable::default()),
-        }
-        Prepared::Effective
+        rebuilt
     }
 
-    /// The table to draw a prepared plan from, or `None` when it is drawn analytically.
-    #[must_use]
-    pub fn of(&self, plan: &ExposurePlan) -> Option<&PsfTable> {
-        if is_effective(plan) {
-            Some(&self.effective)
-        } else if self.is_analytic(plan) {
-            None
+    fn build_kernels(&mut self, plan: &ExposurePlan, kernels: usize) {
+        if self.kernels.len() < kernels {
+            self.kernels.resize_with(kernels, PsfTable::default);
+        }
+        let half_px = kernel_reach(plan).map(|reach| kernel_half_px(plan.half_px, reach));
+        let s = grid_points(plan);
+        let base = self.base.as_ref().map(|(_, base)| base);
+        let lists = &self.list_of_kernel;
+        let build = |(i, table): (usize, &mut PsfTable)| {
+            let list = &plan.lists[lists[i]];
+            if let Drawing::Kernel(at) = &list.drawing {
+                table.rebuild_kernel(&plan.psf, half_px, s, plan.kernel_trace(plan.nodes_of(list), at), base);
+            }
+        };
+        if kernels == 1 {
+            self.kernels.iter_mut().take(1).enumerate().for_each(build);
         } else {
-            self.base.as_ref().map(|(_, table)| table)
+            self.kernels[..kernels].par_iter_mut().enumerate().for_each(build);
         }
     }
 
-    fn is_analytic(&self, plan: &ExposurePlan) -> bool {
-        is_gaussian(plan) && plan.half_px <= self.analytic_half_px
+    /// Table of the PSF itself, when stars that are not drawn from a kernel need one.
+    #[must_use]
+    pub fn base(&self, plan: &ExposurePlan) -> Option<&PsfTable> {
+        if self.is_analytic(plan) { None } else { self.base.as_ref().map(|(_, table)| table) }
+    }
+
+    /// Kernels of the latest plan.
+    #[must_use]
+    pub fn kernels(&self) -> &[PsfTable] {
+        &self.kernels[..self.list_of_kernel.len()]
+    }
+
+    /// Index of a list's kernel.
+    #[must_use]
+    pub fn kernel_of(&self, list: usize) -> Option<usize> {
+        self.kernel_of_list.get(list).copied().flatten()
+    }
+
+    /// True when stars without a kernel are drawn analytically.
+    #[must_use]
+    pub fn is_analytic(&self, plan: &ExposurePlan) -> bool {
+        let tabled = matches!(plan.sampling, PsfSampling::Table { .. });
+        is_gaussian(plan) && plan.half_px <= self.analytic_half_px && !tabled
+    }
+}
+
+/// Furthest any kernel's path leads from its mean along x and y, px.
+fn kernel_reach(plan: &ExposurePlan) -> [f64; 2] {
+    let mut reach = [0.0_f64; 2];
+    for list in &plan.lists {
+        if let Drawing::Kernel(at) = &list.drawing {
+            for [_, x, y] in plan.kernel_trace(plan.nodes_of(list), at) {
+                reach = [reach[0].max(x.abs()), reach[1].max(y.abs())];
+            }
+        }
+    }
+    reach
+}
+
+/// Grid points per pixel of the plan's tables.
+fn grid_points(plan: &ExposurePlan) -> usize {
+    match plan.sampling {
+        PsfSampling::Table { oversampling } => oversampling,
+        _ => oversampling(&plan.psf),
     }
 }
 
 fn is_gaussian(plan: &ExposurePlan) -> bool {
     matches!(plan.psf, PsfModel::Gaussian { .. })
-}
-
-fn is_effective(plan: &ExposurePlan) -> bool {
-    matches!(plan.chosen.method, Method::EffectivePsf { .. })
 }

@@ -1,14 +1,15 @@
 //! The f64 reference: integrates the exact motion with the exact PSF. Slow; the truth in the house.
 //!
 //! Time: composite Gauss-Legendre, panels short against the PSF and against the fastest jitter, broken where the
-//! path has corners; every node projects every star anew (no parabola, no derivative). Error: 1e-9 of the flux per
+//! path has corners; every node projects every star anew (no list of poses, no derivative), and under a rolling shutter
+//! every row has instants of its own. Error: 1e-9 of the flux per
 //! pixel and better for a Gaussian (tests against independent truth in `tests/physics`). An Airy pattern costs about
 //! 0.2 s per star and node.
 
 use crate::base::image::Image;
 use crate::exposure::nodes::for_each_segment;
 use crate::exposure::track::turned;
-use crate::exposure::{ExposurePlan, Motion, PixelPath, PixelPoint, PlannedStar};
+use crate::exposure::{ExposurePlan, Motion, PixelPath, PixelPoint, PlannedStar, Shutter};
 use crate::gpu::Electrons;
 use crate::optics::PsfModel;
 use crate::optics::gaussian;
@@ -22,6 +23,8 @@ const PANEL_NODES: usize = 8;
 const PANELS_PER_PERIOD: f64 = 6.0;
 /// A panel moves a star by at most this many sigma.
 const PANEL_SIGMA: f64 = 1.0;
+/// Rows that a rolling shutter may move a star by, beyond its own path, px.
+const ROLLING_SLACK_PX: f64 = 8.0;
 /// Light the reference may lose beyond its footprint (Gaussian).
 const LOST_FLUX: f64 = 1e-13;
 
@@ -29,7 +32,8 @@ const LOST_FLUX: f64 = 1e-13;
 #[derive(Debug, Clone, Copy)]
 struct Instant {
     weight: f64,
-    tau: f64,
+    /// Since the frame's mid-exposure, s.
+    t_s: f64,
     path: Option<PixelPoint>,
 }
 
@@ -57,8 +61,23 @@ impl Backend for Reference {
     }
 
     fn render(&mut self, plan: &ExposurePlan) -> Result<(), RenderError> {
-        let instants = instants(&plan.motion, plan);
         let half = plan.half_px.max(plan.psf.half_px(LOST_FLUX));
+        match plan.shutter {
+            Shutter::Global => self.render_at_once(plan, half),
+            Shutter::Rolling { .. } => self.render_by_row(plan, half),
+        }
+        Ok(())
+    }
+
+    fn electrons(&self) -> Electrons<'_> {
+        Electrons::Precise(&self.image)
+    }
+}
+
+impl Reference {
+    /// All rows see the same instants.
+    fn render_at_once(&mut self, plan: &ExposurePlan, half: usize) {
+        let instants = instants(&plan.motion, plan, 0.0);
         let places: Vec<Vec<[f64; 2]>> =
             plan.stars.par_iter().map(|star| instants.iter().map(|at| place(plan, star, at)).collect()).collect();
         let width = self.image.width();
@@ -70,11 +89,24 @@ impl Backend for Reference {
                 }
             }
         });
-        Ok(())
     }
 
-    fn electrons(&self) -> Electrons<'_> {
-        Electrons::Precise(&self.image)
+    /// Each row has its own exposure.
+    fn render_by_row(&mut self, plan: &ExposurePlan, half: usize) {
+        let (width, height) = (self.image.width(), self.image.height());
+        let reach = half as f64 + 2.0 * plan.extent_px + ROLLING_SLACK_PX;
+        self.image.pixels_mut().par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+            row.fill(0.0);
+            let near: Vec<_> = plan.stars.iter().filter(|star| (star.mean_px[1] - y as f64).abs() <= reach).collect();
+            if near.is_empty() {
+                return;
+            }
+            for at in instants(&plan.motion, plan, plan.shutter.delay_s(y as f64, height)) {
+                for star in &near {
+                    add_row(&plan.psf, half, row, y, place(plan, star, &at), star.electrons * at.weight);
+                }
+            }
+        });
     }
 }
 
@@ -105,16 +137,16 @@ fn add_row(psf: &PsfModel, half: usize, row: &mut [f64], y: usize, px: [f64; 2],
 /// Exact place of a star at one instant, px (NaN when it has left the camera's domain).
 fn place(plan: &ExposurePlan, star: &PlannedStar, at: &Instant) -> [f64; 2] {
     let motion = &plan.motion;
-    let smooth = motion.smooth_rotation_rad(at.tau);
+    let smooth = motion.smooth_rotation_rad(at.t_s);
     let moves = smooth != glam::DVec3::ZERO || (motion.image_path.is_none() && !motion.los.jitter.is_still());
     let px = if moves {
-        let mut direction = turned(star.mid_sensor, smooth);
+        let mut direction = turned(star.place.mid_sensor(), smooth);
         if motion.image_path.is_none() {
-            direction = turned(direction, motion.los.jitter_rotation_rad(at.tau * motion.los.exposure_s));
+            direction = turned(direction, motion.los.jitter_rotation_rad(at.t_s));
         }
         plan.camera.project(direction).unwrap_or([f64::NAN; 2])
     } else {
-        star.track.mid_px
+        star.place.mid_px
     };
     let Some(path) = at.path else { return px };
     let [cx, cy] = plan.camera.parameters().principal_point_px;
@@ -123,8 +155,8 @@ fn place(plan: &ExposurePlan, star: &PlannedStar, at: &Instant) -> [f64; 2] {
     [cx + cos * rx - sin * ry + path.dx_px, cy + sin * rx + cos * ry + path.dy_px]
 }
 
-/// The instants at which the exposure is sampled, with weights that sum to 1.
-fn instants(motion: &Motion, plan: &ExposurePlan) -> Vec<Instant> {
+/// The instants of an exposure that is `delay_s` late, with weights that sum to 1.
+fn instants(motion: &Motion, plan: &ExposurePlan, delay_s: f64) -> Vec<Instant> {
     let sigma_px = plan.psf.core_sigma_px();
     let exposure_s = motion.los.exposure_s;
     let radius_px = (plan.camera.width_px() as f64).hypot(plan.camera.height_px() as f64);
@@ -132,21 +164,17 @@ fn instants(motion: &Motion, plan: &ExposurePlan) -> Vec<Instant> {
     match &motion.image_path {
         Some(PixelPath::Samples(points)) => {
             let weight = 1.0 / points.len() as f64;
-            out.extend(points.iter().enumerate().map(|(i, point)| Instant {
-                weight,
-                tau: (i as f64 + 0.5) * weight - 0.5,
-                path: Some(*point),
-            }));
+            let t_s = |i: usize| ((i as f64 + 0.5) * weight - 0.5) * exposure_s + delay_s;
+            out.extend(points.iter().enumerate().map(|(i, p)| Instant { weight, t_s: t_s(i), path: Some(*p) }));
         }
         Some(PixelPath::Line(points)) => {
             let smooth_px = smooth_length_px(plan);
-            for_each_segment(points, exposure_s, |a, b| {
+            for_each_segment(points, exposure_s, delay_s, |a, b| {
                 let share = (b.t_s - a.t_s) / exposure_s;
                 let length_px = a.distance_px(b, radius_px) + share * smooth_px;
-                let start = a.t_s / exposure_s - 0.5;
-                panels(start, share, length_px / sigma_px, |weight, tau| {
-                    let path = a.towards(b, ((tau - start) / share).clamp(0.0, 1.0));
-                    out.push(Instant { weight, tau, path: Some(path) });
+                panels(0.0, share, length_px / sigma_px, |weight, at| {
+                    let path = a.towards(b, (at / share).clamp(0.0, 1.0));
+                    out.push(Instant { weight, t_s: path.t_s - 0.5 * exposure_s, path: Some(path) });
                 });
             });
         }
@@ -155,27 +183,29 @@ fn instants(motion: &Motion, plan: &ExposurePlan) -> Vec<Instant> {
             let sigmas = (plan.reach_px / sigma_px).max(periods * PANELS_PER_PERIOD * PANEL_SIGMA);
             let mut corners = vec![-0.5];
             let mid = motion.los.mid_exposure();
-            corners.extend(motion.los.jitter.points.iter().map(|p| (p.at - mid).s() / exposure_s));
+            corners.extend(motion.los.jitter.points.iter().map(|p| ((p.at - mid).s() - delay_s) / exposure_s));
             corners.retain(|tau| (-0.5..0.5).contains(tau));
             corners.push(0.5);
             for pair in corners.windows(2) {
                 let share = pair[1] - pair[0];
-                panels(pair[0], share, sigmas * share, |weight, tau| out.push(Instant { weight, tau, path: None }));
+                panels(pair[0], share, sigmas * share, |weight, tau| {
+                    out.push(Instant { weight, t_s: tau * exposure_s + delay_s, path: None });
+                });
             }
         }
     }
     out
 }
 
-/// Length of the smooth part of a corner star's path, px.
+/// Length of the smooth part of the longest path, px: chords from the middle to both ends, and a little for the arc.
 fn smooth_length_px(plan: &ExposurePlan) -> f64 {
-    plan.stars
-        .iter()
-        .map(|s| {
-            let r = &s.track.response;
-            r[0][0].hypot(r[1][0]) + 0.5 * r[0][1].hypot(r[1][1])
-        })
-        .fold(0.0, f64::max)
+    let half_s = 0.5 * plan.motion.los.exposure_s;
+    let chord = |star: &PlannedStar, t_s: f64| {
+        let moved = turned(star.place.mid_sensor(), plan.motion.smooth_rotation_rad(t_s));
+        let [x, y] = plan.camera.project(moved).unwrap_or(star.place.mid_px);
+        (x - star.place.mid_px[0]).hypot(y - star.place.mid_px[1])
+    };
+    plan.stars.iter().map(|star| 1.2 * (chord(star, -half_s) + chord(star, half_s))).fold(0.0, f64::max)
 }
 
 /// Composite Gauss-Legendre over `start .. start + share`, a panel per [`PANEL_SIGMA`] of motion.

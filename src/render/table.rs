@@ -4,20 +4,19 @@
 //! cubic B-spline coefficients. A star of fraction `f` needs `P(i - f)` for all pixels `i`: with integer `S` the four
 //! taps per axis are the same for every pixel, so the table is kept by phase, `[phase_y][phase_x][row][column]`, and a
 //! star is a weighted sum of 16 small images. Error: `3 / (384 (S sigma)^4)` of the peak; `S` is chosen to keep it
-//! below [`TABLE_ERROR`]. Tests below compare with the exact integral.
+//! below [`TABLE_ERROR`](crate::exposure::sampling::TABLE_ERROR). Tests below compare with the exact integral.
 
-use crate::exposure::ExposurePlan;
-use crate::exposure::planner::TABLE_ERROR;
+use crate::exposure::moments::TracePoint;
 use crate::optics::PsfModel;
 use crate::optics::airy::Airy;
 use crate::optics::quadrature::gauss_legendre;
-use crate::render::erf::erf;
+use crate::render::kernel::{GaussianPath, accumulate};
 use crate::render::spline;
 
-/// Columns of every stored image are a multiple of this.
+/// Columns of every stored image are a multiple of this, and images may be read this far past their rows.
 pub const LANES: usize = 16;
-/// Largest oversampling.
-const MOST_OVERSAMPLING: usize = 32;
+/// Columns are padded to a multiple of this.
+pub const PAD: usize = 8;
 /// Gauss-Legendre nodes per axis and subcell of an Airy table.
 const SUBCELL_NODES: usize = 4;
 
@@ -26,33 +25,38 @@ const SUBCELL_NODES: usize = 4;
 pub struct PsfTable {
     /// Grid points per pixel.
     pub oversampling: usize,
-    /// Half-width of the images, px.
-    pub half_px: usize,
-    /// Floats per row of an image (a multiple of [`LANES`]; beyond `2 half_px + 1` they are 0).
+    /// Half-width of the images along x and y, px.
+    pub half_px: [usize; 2],
+    /// Floats per row of an image (a multiple of [`PAD`]; beyond `2 half_px + 1` they are 0).
     pub stride: usize,
     /// Coefficients by phase.
     pub data: Vec<f32>,
     grid: Grid,
-    axes: [Vec<f32>; 2],
+    path: GaussianPath,
 }
 
-/// Samples or coefficients on the square grid of step `1 / S`, centre in the middle.
+/// Samples or coefficients on the grid of step `1 / S`, centre in the middle; rows padded to whole vectors.
 #[derive(Debug, Clone, PartialEq, Default)]
-struct Grid {
-    half: usize,
-    values: Vec<f32>,
+pub(super) struct Grid {
+    pub(super) half: [usize; 2],
+    pub(super) stride: usize,
+    pub(super) values: Vec<f32>,
 }
 
 impl Grid {
-    fn side(&self) -> usize {
-        2 * self.half + 1
+    pub(super) fn columns(&self) -> usize {
+        2 * self.half[0] + 1
     }
 
-    fn reset(&mut self, half: usize) {
+    pub(super) fn rows(&self) -> usize {
+        2 * self.half[1] + 1
+    }
+
+    fn reset(&mut self, half: [usize; 2]) {
         self.half = half;
-        let side = self.side();
+        self.stride = self.columns().next_multiple_of(LANES);
         self.values.clear();
-        self.values.resize(side * side, 0.0);
+        self.values.resize(self.rows() * self.stride, 0.0);
     }
 }
 
@@ -63,16 +67,16 @@ impl PsfTable {
         self.oversampling + 4
     }
 
-    /// Rows (and used columns) of an image.
+    /// Columns and rows of one image.
     #[must_use]
-    pub fn rows(&self) -> usize {
-        2 * self.half_px + 1
+    pub fn size_px(&self) -> [usize; 2] {
+        self.half_px.map(|half| 2 * half + 1)
     }
 
     /// Floats of one image.
     #[must_use]
     pub fn image_len(&self) -> usize {
-        self.rows() * self.stride
+        self.size_px()[1] * self.stride
     }
 
     /// First tap and the four weights for a star fraction in [-1/2, 1/2]: `(first phase, weights)`.
@@ -86,18 +90,18 @@ impl PsfTable {
         (j as usize, spline::weights(s - j))
     }
 
-    /// The PSF itself.
+    /// The PSF itself, `s` grid points per pixel.
     #[must_use]
-    pub fn of_psf(psf: &PsfModel, half_px: usize) -> Self {
-        let mut table = Self { oversampling: oversampling(psf), ..Self::default() };
+    pub fn of_psf(psf: &PsfModel, half_px: usize, s: usize) -> Self {
+        let mut table = Self::default();
+        table.size([half_px; 2], s);
         match psf {
             PsfModel::Gaussian { sigma_px } => {
-                table.size(half_px);
-                table.add_gaussian(*sigma_px, 1.0, 0.0, 0.0);
+                table.path.trace([[1.0, 0.0, 0.0]].into_iter());
+                accumulate(&mut table.path, &mut table.grid, *sigma_px, s);
             }
             PsfModel::Airy(airy) => {
-                table.size(half_px);
-                sample_airy(airy, table.oversampling, &mut table.grid);
+                sample_airy(airy, s, &mut table.grid);
                 table.prefilter();
             }
         }
@@ -105,55 +109,38 @@ impl PsfTable {
         table
     }
 
-    /// The PSF convolved with the plan's path, about the path's mean. `base` is the table of the PSF itself.
-    pub fn rebuild_effective(&mut self, plan: &ExposurePlan, base: &Self) {
-        let reach = plan.kernel_path().fold(0.0_f64, |reach, (_, x, y)| reach.max(x.abs()).max(y.abs()));
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a path on a detector, px")]
-        let half_px = plan.half_px + reach.ceil() as usize;
-        self.oversampling = oversampling(&plan.psf);
-        self.size(half_px);
-        match &plan.psf {
-            PsfModel::Gaussian { sigma_px } => {
-                for (weight, dx, dy) in plan.kernel_path() {
-                    self.add_gaussian(*sigma_px, weight, dx, dy);
-                }
+    /// The PSF convolved with a path about its mean. `base`: the table of the PSF itself, for PSFs that are not
+    /// Gaussian, with as many grid points.
+    pub fn rebuild_kernel(
+        &mut self,
+        psf: &PsfModel,
+        half_px: [usize; 2],
+        s: usize,
+        path: impl Iterator<Item = TracePoint>,
+        base: Option<&Self>,
+    ) {
+        self.size(half_px, s);
+        match (psf, base) {
+            (PsfModel::Gaussian { sigma_px }, _) => {
+                self.path.trace(path);
+                accumulate(&mut self.path, &mut self.grid, *sigma_px, s);
             }
-            PsfModel::Airy(_) => {
-                for (weight, dx, dy) in plan.kernel_path() {
+            (PsfModel::Airy(_), Some(base)) => {
+                for [weight, dx, dy] in path {
                     self.add_shifted(&base.grid, weight, dx, dy);
                 }
                 self.prefilter();
             }
+            (PsfModel::Airy(_), None) => {}
         }
         self.arrange();
     }
 
-    fn size(&mut self, half_px: usize) {
+    fn size(&mut self, half_px: [usize; 2], s: usize) {
+        self.oversampling = s;
         self.half_px = half_px;
-        self.stride = self.rows().next_multiple_of(LANES);
-        self.grid.reset(half_px * self.oversampling + self.oversampling / 2 + 2);
-    }
-
-    /// Adds a displaced Gaussian's coefficients: an outer product of two prefiltered axes.
-    fn add_gaussian(&mut self, sigma_px: f64, weight: f64, dx: f64, dy: f64) {
-        let side = self.grid.side();
-        let (half, step) = (self.grid.half as f64, 1.0 / self.oversampling as f64);
-        let scale = core::f64::consts::FRAC_1_SQRT_2 / sigma_px;
-        for (axis, (shift, gain)) in self.axes.iter_mut().zip([(dx, 1.0), (dy, weight)]) {
-            axis.clear();
-            axis.extend((0..side).map(|g| {
-                let u = (g as f64 - half) * step - shift;
-                let (low, high) = (((u - 0.5) * scale) as f32, ((u + 0.5) * scale) as f32);
-                0.5 * gain as f32 * (erf::<false>(high) - erf::<false>(low))
-            }));
-            spline::prefilter(axis);
-        }
-        let [along_x, along_y] = &self.axes;
-        for (row, y) in self.grid.values.chunks_exact_mut(side).zip(along_y) {
-            for (value, x) in row.iter_mut().zip(along_x) {
-                *value += y * x;
-            }
-        }
+        self.stride = (2 * half_px[0] + 1).next_multiple_of(PAD);
+        self.grid.reset(half_px.map(|half| half * s + s / 2 + 2));
     }
 
     /// Adds samples of a displaced base table (given as coefficients).
@@ -166,57 +153,66 @@ impl PsfTable {
             (j as isize, spline::weights((at - j) as f32))
         };
         let ((jx, wx), (jy, wy)) = (split(dx), split(dy));
-        let (side, base_side) = (self.grid.side(), base.side());
-        let offset = base.half.cast_signed() - self.grid.half.cast_signed();
-        for (gy, row) in self.grid.values.chunks_exact_mut(side).enumerate() {
+        let columns = self.grid.columns();
+        let offset: [isize; 2] = core::array::from_fn(|i| base.half[i].cast_signed() - self.grid.half[i].cast_signed());
+        for (gy, row) in self.grid.values.chunks_exact_mut(self.grid.stride).enumerate() {
             for (m, wy) in wy.iter().enumerate() {
-                let by = gy.cast_signed() + offset + jy + m.cast_signed() - 1;
-                let Some(source) = usize::try_from(by).ok().and_then(|by| base.values.chunks_exact(base_side).nth(by))
+                let by = gy.cast_signed() + offset[1] + jy + m.cast_signed() - 1;
+                let Some(source) =
+                    usize::try_from(by).ok().and_then(|by| base.values.chunks_exact(base.stride).nth(by))
                 else {
                     continue;
                 };
                 for (n, wx) in wx.iter().enumerate() {
                     let gain = weight as f32 * wy * wx;
-                    let first = offset + jx + n.cast_signed() - 1;
-                    add_scaled(row, source, first, gain);
+                    let first = offset[0] + jx + n.cast_signed() - 1;
+                    add_scaled(&mut row[..columns], &source[..base.columns()], first, gain);
                 }
             }
         }
     }
 
     fn prefilter(&mut self) {
-        let side = self.grid.side();
-        for row in self.grid.values.chunks_exact_mut(side) {
-            spline::prefilter(row);
+        let (columns, rows, stride) = (self.grid.columns(), self.grid.rows(), self.grid.stride);
+        for row in self.grid.values.chunks_exact_mut(stride) {
+            spline::prefilter(&mut row[..columns]);
         }
-        let mut column = vec![0.0; side];
-        for x in 0..side {
+        let mut column = vec![0.0; rows];
+        for x in 0..columns {
             for (y, value) in column.iter_mut().enumerate() {
-                *value = self.grid.values[y * side + x];
+                *value = self.grid.values[y * stride + x];
             }
             spline::prefilter(&mut column);
             for (y, value) in column.iter().enumerate() {
-                self.grid.values[y * side + x] = *value;
+                self.grid.values[y * stride + x] = *value;
             }
         }
     }
 
     /// Grid -> images by phase.
     fn arrange(&mut self) {
-        let (phases, rows, stride, side) = (self.phases(), self.rows(), self.stride, self.grid.side());
-        self.data.clear();
-        self.data.resize(phases * phases * rows * stride, 0.0);
+        let (phases, [columns, rows], stride) = (self.phases(), self.size_px(), self.stride);
+        let (grid_stride, s) = (self.grid.stride, self.oversampling);
+        // One vector past the last row: inner loops read whole vectors.
+        self.data.resize(phases * phases * rows * stride + LANES, 0.0);
         // Phase p at pixel 0 stands at grid point half_px * S + S / 2 + 2 + (p - S / 2 - 1); so pixel -half_px at p + 1.
-        for (image, data) in self.data.chunks_exact_mut(rows * stride).enumerate() {
+        for (image, data) in self.data.chunks_exact_mut(rows * stride).take(phases * phases).enumerate() {
             let (py, px) = (image / phases, image % phases);
             for (row, line) in data.chunks_exact_mut(stride).enumerate() {
-                let gy = py + 1 + row * self.oversampling;
+                line[columns..].fill(0.0);
+                let line = &mut line[..columns];
+                let gy = py + 1 + row * s;
                 // The last phase would read one past the grid's edge, where the PSF has ended.
-                let Some(source) = self.grid.values.get(gy * side..(gy + 1) * side) else { continue };
-                let taps = source.iter().skip(px + 1).step_by(self.oversampling);
-                for (value, tap) in line.iter_mut().take(rows).zip(taps) {
-                    *value = *tap;
+                let Some(source) = self.grid.values.get(gy * grid_stride..(gy + 1) * grid_stride) else {
+                    line.fill(0.0);
+                    continue;
+                };
+                let taps = &source[(px + 1).min(source.len())..];
+                let taken = if taps.is_empty() { 0 } else { taps.len().div_ceil(s).min(columns) };
+                for (i, value) in line[..taken].iter_mut().enumerate() {
+                    *value = taps[i * s];
                 }
+                line[taken..].fill(0.0);
             }
         }
     }
@@ -231,19 +227,9 @@ fn add_scaled(row: &mut [f32], source: &[f32], first: isize, gain: f32) {
     }
 }
 
-/// Grid points per pixel that keep the interpolation error below [`TABLE_ERROR`].
-fn oversampling(psf: &PsfModel) -> usize {
-    let error = |s: f64| match psf {
-        PsfModel::Gaussian { sigma_px } => 3.0 / (384.0 * (s * sigma_px).powi(4)),
-        // Band limit 1 / L cycles per px: the pattern's own fourth derivative at the peak, (2 pi / L)^4 / 24.
-        PsfModel::Airy(airy) => (2.0 * core::f64::consts::PI / (airy.lambda_n_px() * s)).powi(4) / (24.0 * 384.0),
-    };
-    [4, 8, 16].into_iter().find(|&s| error(s as f64) <= TABLE_ERROR).unwrap_or(MOST_OVERSAMPLING)
-}
-
 /// Pixel integrals of an Airy pattern on the grid, by summing subcells of side `1 / S`.
 fn sample_airy(airy: &Airy, oversampling: usize, grid: &mut Grid) {
-    let (side, half) = (grid.side(), grid.half);
+    let (side, half, stride) = (grid.columns(), grid.half[0], grid.stride);
     let margin = oversampling / 2;
     let cells = side - 1 + oversampling; // subcell c spans grid coordinate (c - half - margin) .. + 1
     let step = 1.0 / oversampling as f64;
@@ -290,7 +276,7 @@ fn sample_airy(airy: &Airy, oversampling: usize, grid: &mut Grid) {
     for x in 0..side {
         let mut sum: f64 = (0..oversampling).map(|y| along_x[y * side + x]).sum();
         for y in 0..side {
-            grid.values[y * side + x] = sum as f32;
+            grid.values[y * stride + x] = sum as f32;
             if y + 1 < side {
                 sum += along_x[(y + oversampling) * side + x] - along_x[y * side + x];
             }
@@ -302,16 +288,17 @@ fn sample_airy(airy: &Airy, oversampling: usize, grid: &mut Grid) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::exposure::sampling::{MOST_OVERSAMPLING, TABLE_ERROR, oversampling};
 
     /// Largest error over pixels and fractions, relative to the peak.
     fn worst(psf: &PsfModel, half_px: usize) -> f64 {
-        let table = PsfTable::of_psf(psf, half_px);
+        let table = PsfTable::of_psf(psf, half_px, oversampling(psf));
         let phases = table.phases();
         let mut worst = 0.0_f64;
         for fraction in [[0.0_f32, 0.0], [0.5, -0.5], [0.25, 0.4375], [-0.3, 0.11], [0.06, -0.44]] {
             let ((px, wx), (py, wy)) = (table.taps(fraction[0]), table.taps(fraction[1]));
-            for row in 0..table.rows() {
-                for column in 0..table.rows() {
+            for row in 0..table.size_px()[0] {
+                for column in 0..table.size_px()[0] {
                     let mut value = 0.0;
                     for (m, wy) in wy.iter().enumerate() {
                         for (n, wx) in wx.iter().enumerate() {

@@ -128,15 +128,20 @@ impl FrameEngine {
     fn compose(&mut self, slot: Slot, receiver: &Receiver, ledger: &mut Ledger) -> Result<bool, RunError> {
         let params = receiver.params();
         let los = &mut self.planner.motion_mut().los;
+        let camera = &self.params.camera;
+        // The rows of a rolling shutter are exposed one after another: the path must cover them all.
+        let rows_s = camera.shutter.line_s() * (camera.geometry.height_px() as f64 - 1.0);
         let outcome = compose(
             receiver.history(),
             receiver.jitter(),
             params.sensor_from_body,
-            slot.exposure_start,
-            self.params.camera.exposure_s,
+            slot.exposure_start - Span::from_s(0.5 * rows_s),
+            camera.exposure_s + rows_s,
             &params.estimate,
             los,
         );
+        los.exposure_start = slot.exposure_start;
+        los.exposure_s = camera.exposure_s;
         match outcome {
             Ok(PathOutcome::Show(report)) => {
                 let age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);

@@ -6,7 +6,7 @@ use crate::base::accuracy::AccuracyBudget;
 use crate::base::axes::{Body, Rotation, Sensor};
 use crate::base::time::{Span, Tai};
 use crate::detector::DetectorParams;
-use crate::exposure::{Instrument, MethodChoice};
+use crate::exposure::{Instrument, MethodChoice, PsfSampling, Shutter};
 use crate::optics::{PsfModel, Radiometry};
 use crate::runtime::imager::BackendChoice;
 use crate::sky::observer::Observer;
@@ -30,8 +30,12 @@ pub struct CameraParams {
     pub name: Arc<str>,
     /// Projection and distortion.
     pub geometry: CameraGeometry,
+    /// How the rows of the detector are exposed.
+    pub shutter: Shutter,
     /// PSF.
     pub psf: PsfModel,
+    /// How pixel values are had from it.
+    pub sampling: PsfSampling,
     /// Magnitude to electrons.
     pub radiometry: Radiometry,
     /// Detector.
@@ -50,7 +54,9 @@ impl CameraParams {
     pub fn instrument(&self) -> Instrument {
         Instrument {
             camera: self.geometry,
+            shutter: self.shutter,
             psf: self.psf.clone(),
+            sampling: self.sampling,
             full_well_e: self.detector.full_well_e,
             read_noise_e_rms: self.detector.read_noise_e_rms,
         }

@@ -9,7 +9,7 @@ pub fn fill_truth(plan: &ExposurePlan, out: &mut Vec<TruthStar>) {
     let icrf_from_sensor = plan.motion.los.mid_sensor_from_icrf.inverse();
     out.clear();
     out.extend(plan.stars.iter().map(|star| {
-        let [ra_rad, dec_rad] = ra_dec_rad(icrf_from_sensor.apply(star.mid_sensor));
+        let [ra_rad, dec_rad] = ra_dec_rad(icrf_from_sensor.apply(star.place.mid_sensor()));
         TruthStar {
             id: star.id,
             ra_deg: ra_rad.to_degrees(),

@@ -13,7 +13,7 @@ use starloop::detector::gpu::GpuDetector;
 use starloop::detector::{Detector, DetectorParams};
 use starloop::exposure::cost::CostModel;
 use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
-use starloop::exposure::{MethodChoice, PixelPath, PixelPoint};
+use starloop::exposure::{MethodChoice, PixelPath, PixelPoint, PsfSampling, Shutter};
 use starloop::gpu::{AdapterChoice, Electrons, GpuDevice};
 use starloop::optics::PsfModel;
 use starloop::render::Backend;
@@ -48,7 +48,14 @@ fn planner(cost: CostModel, samples: u32, method: &str) -> Planner {
         distortion: BrownConrady::default(),
     })
     .expect("a camera");
-    let instrument = Instrument { camera, psf: PsfModel::gaussian(0.8), full_well_e: 1e5, read_noise_e_rms: 10.0 };
+    let instrument = Instrument {
+        camera,
+        psf: PsfModel::gaussian(0.8),
+        full_well_e: 1e5,
+        read_noise_e_rms: 10.0,
+        shutter: Shutter::Global,
+        sampling: PsfSampling::Auto,
+    };
     let choice: MethodChoice = method.parse().expect("a method");
     let mut planner = Planner::new(instrument, AccuracyBudget::default(), cost, choice, los());
     let rms = if samples == 1 { 0.0 } else { 1.0 };

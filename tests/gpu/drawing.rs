@@ -72,7 +72,7 @@ fn wide_gaussian_analytic_and_from_a_table() {
     assert!((8..=15).contains(&plan.half_px), "half {}", plan.half_px);
     let difference = Difference::between(&draw_cpu(plan, scene.size), &draw_gpu(&mut gpu, plan, scene.size));
     // The table's own promise, and stars that overlap.
-    assert!(difference.within(2.0 * starloop::exposure::planner::TABLE_ERROR, 0.0, 1e-4), "{difference:?}");
+    assert!(difference.within(2.0 * starloop::exposure::sampling::TABLE_ERROR, 0.0, 1e-4), "{difference:?}");
 }
 
 #[test]

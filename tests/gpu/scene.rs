@@ -9,7 +9,9 @@ use starloop::base::random::philox;
 use starloop::base::time::{Span, Tai};
 use starloop::detector::{Detector, DetectorParams};
 use starloop::exposure::cost::CostModel;
-use starloop::exposure::{ExposurePlan, Instrument, PixelPath, PixelPoint, Planner, Source, SourcePlace};
+use starloop::exposure::{
+    ExposurePlan, Instrument, PixelPath, PixelPoint, Planner, PsfSampling, Shutter, Source, SourcePlace,
+};
 use starloop::gpu::{AdapterChoice, Electrons, GpuDevice};
 use starloop::optics::PsfModel;
 use starloop::render::Backend;
@@ -91,7 +93,14 @@ impl Scene {
             origin: PathOrigin::Commanded,
             horizon: Span::ZERO,
         };
-        let instrument = Instrument { camera, psf: self.psf.clone(), full_well_e: 1e5, read_noise_e_rms: 10.0 };
+        let instrument = Instrument {
+            camera,
+            psf: self.psf.clone(),
+            full_well_e: 1e5,
+            read_noise_e_rms: 10.0,
+            shutter: Shutter::Global,
+            sampling: PsfSampling::Auto,
+        };
         let method = self.method.parse().expect("a method");
         let mut planner = Planner::new(instrument, AccuracyBudget::default(), CostModel::CPU, method, los);
         if let Motion::Jitter(count, px) = self.motion {

@@ -10,6 +10,7 @@ use starloop::base::image::DnImage;
 use starloop::base::time::{Span, Tai};
 use starloop::detector::DetectorParams;
 use starloop::exposure::{Instrument, MethodChoice, Planner};
+use starloop::exposure::{PsfSampling, Shutter};
 use starloop::gpu::Electrons;
 use starloop::optics::{PsfModel, Radiometry};
 use starloop::runtime::params::CameraParams;
@@ -47,7 +48,9 @@ fn camera() -> CameraParams {
     CameraParams {
         name: "test".into(),
         geometry: geometry.unwrap(),
+        shutter: Shutter::Global,
         psf: PsfModel::gaussian(0.8),
+        sampling: PsfSampling::Auto,
         radiometry: Radiometry {
             zero_magnitude_photons_per_s_m2: 3.2e10,
             aperture_mm: 60.0,

@@ -10,7 +10,7 @@ use starloop::base::random::philox;
 use starloop::base::time::{Span, Tai};
 use starloop::exposure::cost::CostModel;
 use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
-use starloop::exposure::{ExposurePlan, MethodChoice, PixelPath};
+use starloop::exposure::{ExposurePlan, MethodChoice, PixelPath, PsfSampling, Shutter};
 use starloop::gpu::Electrons;
 use starloop::optics::PsfModel;
 use starloop::render::Backend;
@@ -120,7 +120,14 @@ pub(crate) fn los() -> LosPath {
 
 /// A planner with the default budget.
 pub(crate) fn planner(size: usize, psf: &PsfModel, method: &str, los: LosPath, path: Option<PixelPath>) -> Planner {
-    let instrument = Instrument { camera: camera(size), psf: psf.clone(), full_well_e: 1e5, read_noise_e_rms: 10.0 };
+    let instrument = Instrument {
+        camera: camera(size),
+        psf: psf.clone(),
+        full_well_e: 1e5,
+        read_noise_e_rms: 10.0,
+        shutter: Shutter::Global,
+        sampling: PsfSampling::Auto,
+    };
     let choice: MethodChoice = method.parse().expect("a method");
     let mut planner = Planner::new(instrument, AccuracyBudget::default(), CostModel::CPU, choice, los);
     planner.motion_mut().image_path = path;

@@ -6,15 +6,16 @@ fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
-    if (id.x >= frame.stars) {
+    let index = first_star() + id.x;
+    if (index >= end_star()) {
         return;
     }
-    let star = stars[id.x];
+    let star = stars[index];
     let size = box_of(star);
     let columns = (size.x + BLOCK_COLUMNS - 1) / BLOCK_COLUMNS;
     let blocks = columns * ((size.y + BLOCK_ROWS - 1) / BLOCK_ROWS);
-    let first = group.z * frame.nodes_per_slice;
-    let end = min(first + frame.nodes_per_slice, frame.nodes);
+    let first = star.first_node + group.z * frame.nodes_per_slice;
+    let end = min(first + frame.nodes_per_slice, star.first_node + star.nodes);
     for (var block = i32(group.y); block < blocks; block += i32(groups.y)) {
         let corner = vec2<i32>(BLOCK_COLUMNS * (block % columns), BLOCK_ROWS * (block / columns));
         draw_block(star, star.box_start + corner, first, end);

@@ -22,12 +22,12 @@ use crate::gpu::readback::ReadbackRing;
 use crate::gpu::texture::TableTexture;
 use crate::gpu::{DeviceElectrons, Electrons, GpuDevice, GpuError, shader};
 use crate::render::erf::{ERF_CLAMP, ERF_P, ERF_Q};
-use crate::render::plan_tables::{PlanTables, Prepared};
+use crate::render::plan_tables::PlanTables;
 use crate::render::table::PsfTable;
-use crate::render::{Backend, RenderError, check_kernel};
+use crate::render::{Backend, RenderError, check_kernel, check_sampling};
 use bytemuck::{Pod, Zeroable};
 use scale::TileBounds;
-use stars::{NodeRecord, StarRecord, fill_nodes, fill_stars};
+use stars::{NodeRecord, Source, StarRecord, fill_nodes, fill_stars};
 use std::sync::Arc;
 
 /// Widest footprint that is drawn analytically; wider Gaussians come from a table, whose cost per pixel is lower.
@@ -48,22 +48,12 @@ const MOST_BLOCK_GROUPS: usize = 4096;
 #[repr(C)]
 struct FrameParams {
     size: [i32; 2],
+    analytic: u32,
     stars: u32,
-    nodes: u32,
     nodes_per_slice: u32,
-    half_px: i32,
     scale: f32,
     edge_scale: f32,
     oversampling: i32,
-    unused: [i32; 3],
-}
-
-/// Which table the device holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Loaded {
-    Nothing,
-    Base,
-    Effective,
 }
 
 /// Device buffers and what binds them.
@@ -90,7 +80,8 @@ pub struct Gpu {
     nodes: Vec<NodeRecord>,
     bounds: TileBounds,
     tables: PlanTables,
-    loaded: Loaded,
+    /// The first layer of the texture holds the PSF's own table.
+    base_is_loaded: bool,
 }
 
 impl Gpu {
@@ -107,7 +98,7 @@ impl Gpu {
             nodes: Vec::new(),
             bounds: TileBounds::new([width_px, height_px]),
             tables: PlanTables::new(ANALYTIC_HALF_PX),
-            loaded: Loaded::Nothing,
+            base_is_loaded: false,
             gpu,
         })
     }
@@ -136,24 +127,45 @@ impl Gpu {
         Ok(self.image.read(&self.gpu, ring, out)?)
     }
 
-    /// Builds the table this plan needs and brings it to the device, where it is not there yet.
-    fn prepare_table(&mut self, plan: &ExposurePlan) -> Result<(), GpuError> {
-        let (loaded, is_there) = match self.tables.prepare(plan) {
-            Prepared::Analytic => return Ok(()),
-            Prepared::Base { rebuilt } => (Loaded::Base, !rebuilt && self.loaded == Loaded::Base),
-            Prepared::Effective => (Loaded::Effective, false),
-        };
-        self.loaded = loaded;
-        match self.tables.of(plan) {
-            Some(table) if !is_there => self.resources.load_table(&self.gpu, table),
-            _ => Ok(()),
+    /// Builds the tables this plan needs and brings them to the device, where they are not there yet: the PSF's own in
+    /// the first layer, kernels in the others.
+    fn prepare_tables(&mut self, plan: &ExposurePlan) -> Result<(), GpuError> {
+        let prepared = self.tables.prepare(plan);
+        let Self { gpu, resources, tables, base_is_loaded, .. } = self;
+        let base = tables.base(plan);
+        let all = base.into_iter().chain(tables.kernels());
+        let size = all.fold([0, 0], |[width, height]: [usize; 2], table| {
+            let [columns, rows] = texels_of(table);
+            [width.max(columns), height.max(rows)]
+        });
+        if size == [0, 0] {
+            return Ok(());
         }
+        if resources.table.reserve(gpu, size, tables.kernels().len() + 1)? {
+            resources.groups = None;
+            *base_is_loaded = false;
+        }
+        if let Some(table) = base
+            && (prepared.base_rebuilt || !*base_is_loaded)
+        {
+            resources.load_table(gpu, 0, table);
+            *base_is_loaded = true;
+        }
+        for (layer, table) in (1..).zip(tables.kernels()) {
+            resources.load_table(gpu, layer, table);
+        }
+        gpu.check()
     }
 
     /// Nodes that one invocation takes.
     fn nodes_per_slice(&self) -> usize {
         let most_slices = (MOST_ADDITIONS / self.stars.len().max(1)).clamp(1, MOST_WORKGROUPS as usize);
-        self.nodes.len().div_ceil(most_slices).max(NODES_PER_SLICE)
+        self.most_nodes().div_ceil(most_slices).max(NODES_PER_SLICE)
+    }
+
+    /// Nodes of the longest list of any star.
+    fn most_nodes(&self) -> usize {
+        self.stars.iter().map(|star| star.nodes as usize).max().unwrap_or(1)
     }
 
     /// Scale of the frame when no pixel of a star receives more than `peak` of its electrons.
@@ -166,59 +178,69 @@ impl Gpu {
     }
 
     fn submit(&mut self, plan: &ExposurePlan) -> Result<(), GpuError> {
-        self.prepare_table(plan)?;
-        let (half_px, peak) = match self.tables.of(plan) {
-            Some(table) => (table.half_px, largest_coefficient(table)),
-            None => (plan.half_px, plan.psf.peak()),
-        };
+        self.prepare_tables(plan)?;
         let size = [self.image.width(), self.image.height()];
         fill_nodes(plan, &mut self.nodes);
-        fill_stars(plan, &self.nodes, half_px, size, &mut self.stars);
+        let (tables, base) = (&self.tables, self.tables.base(plan));
+        let source = |list: usize| match tables.kernel_of(list).and_then(|i| tables.kernels().get(i).map(|k| (i, k))) {
+            Some((i, kernel)) => Source { layer: u32::try_from(i + 1).ok(), half_px: kernel.half_px },
+            None => Source { layer: base.map(|_| 0), half_px: [plan.half_px; 2] },
+        };
+        let analytic = fill_stars(plan, source, size, &mut self.stars);
+        let own = base.map_or_else(|| plan.psf.peak(), largest_coefficient);
+        let peak = self.tables.kernels().iter().map(largest_coefficient).fold(own, f64::max);
         let nodes_per_slice = self.nodes_per_slice();
-        let slices = self.nodes.len().div_ceil(nodes_per_slice);
+        let slices = self.most_nodes().div_ceil(nodes_per_slice);
         let scale = self.choose_scale(peak, slices);
-        let params = self.params(plan, half_px, nodes_per_slice, scale);
-        let tabulated = self.tables.of(plan).is_some();
-        let blocks = self.workgroups(tabulated);
+        let params = self.params(plan, analytic, nodes_per_slice, scale);
+        let (splat, tabulated) = self.stars.split_at(analytic);
+        let [splat, tabulated] = [workgroups(splat, SPLAT_BLOCK_PX), workgroups(tabulated, TABLE_BLOCK_PX)];
         let Self { gpu, resources, image, stars, nodes, .. } = self;
         resources.write(gpu, &params, stars, nodes)?;
         let mut encoder = gpu.encoder("draw");
         image.clear(&mut encoder, scale);
         let [splat_group, table_group] = resources.bind(gpu, image.buffer());
-        let (pass, group) =
-            if tabulated { (&resources.tabulated, table_group) } else { (&resources.splat, splat_group) };
-        pass.record(&mut encoder, &group, [blocks[0], blocks[1], u32::try_from(slices).unwrap_or(MOST_WORKGROUPS)]);
+        let slices = u32::try_from(slices).unwrap_or(MOST_WORKGROUPS);
+        for (pass, group, [x, y]) in
+            [(&resources.splat, splat_group, splat), (&resources.tabulated, table_group, tabulated)]
+        {
+            if x > 0 && y > 0 {
+                pass.record(&mut encoder, &group, [x, y, slices]);
+            }
+        }
         gpu.submit(encoder)
     }
 
     #[allow(clippy::cast_possible_truncation, reason = "counts and sizes are held by the device's buffer limits")]
-    fn params(&self, plan: &ExposurePlan, half_px: usize, nodes_per_slice: usize, scale: f32) -> FrameParams {
-        let table = self.tables.of(plan);
+    fn params(&self, plan: &ExposurePlan, analytic: usize, nodes_per_slice: usize, scale: f32) -> FrameParams {
+        let table = self.tables.base(plan).or_else(|| self.tables.kernels().first());
         FrameParams {
             size: [self.image.width() as i32, self.image.height() as i32],
+            analytic: analytic as u32,
             stars: self.stars.len() as u32,
-            nodes: self.nodes.len() as u32,
             nodes_per_slice: nodes_per_slice as u32,
-            half_px: half_px as i32,
             scale,
             edge_scale: core::f32::consts::FRAC_1_SQRT_2 / plan.psf.core_sigma_px() as f32,
             oversampling: table.map_or(0, |table| table.oversampling as i32),
-            unused: [0; 3],
         }
     }
+}
 
-    /// Workgroups along x (stars) and y (parts of the largest box).
-    #[allow(clippy::cast_possible_truncation, reason = "clamped first")]
-    fn workgroups(&self, tabulated: bool) -> [u32; 2] {
-        let [block_columns, block_rows] = if tabulated { TABLE_BLOCK_PX } else { SPLAT_BLOCK_PX };
-        let parts = |star: &StarRecord| {
-            let (_, [columns, rows]) = star.box_px();
-            columns.div_ceil(block_columns) * rows.div_ceil(block_rows)
-        };
-        let most_parts = self.stars.iter().map(parts).max().unwrap_or(0).min(MOST_BLOCK_GROUPS);
-        let along_stars = self.stars.len().div_ceil(WORKGROUP as usize);
-        [along_stars as u32, most_parts as u32]
-    }
+/// Workgroups along x (stars) and y (parts of the largest box).
+#[allow(clippy::cast_possible_truncation, reason = "clamped first")]
+fn workgroups(stars: &[StarRecord], [block_columns, block_rows]: [usize; 2]) -> [u32; 2] {
+    let parts = |star: &StarRecord| {
+        let (_, [columns, rows]) = star.box_px();
+        columns.div_ceil(block_columns) * rows.div_ceil(block_rows)
+    };
+    let most_parts = stars.iter().map(parts).max().unwrap_or(0).min(MOST_BLOCK_GROUPS);
+    [stars.len().div_ceil(WORKGROUP as usize) as u32, most_parts as u32]
+}
+
+/// Texels along x and y of a table on the device.
+fn texels_of(table: &PsfTable) -> [usize; 2] {
+    let [columns, rows] = table.size_px();
+    [(table.phases() - 3) * columns, table.phases() * rows]
 }
 
 impl Backend for Gpu {
@@ -232,6 +254,7 @@ impl Backend for Gpu {
 
     fn render(&mut self, plan: &ExposurePlan) -> Result<(), RenderError> {
         check_kernel(plan)?;
+        check_sampling(plan, false)?;
         Ok(self.submit(plan)?)
     }
 
@@ -259,21 +282,18 @@ impl Resources {
         })
     }
 
-    /// Brings a table to the device: texel (phase_x, column; phase_y, row) holds the taps of four phases along x.
-    fn load_table(&mut self, gpu: &GpuDevice, table: &PsfTable) -> Result<(), GpuError> {
-        let (phases, rows, len) = (table.phases(), table.rows(), table.image_len());
+    /// Brings a table to a layer: texel (phase_x, column; phase_y, row) holds the taps of four phases along x.
+    fn load_table(&mut self, gpu: &GpuDevice, layer: u32, table: &PsfTable) {
+        let (phases, [columns, rows], len) = (table.phases(), table.size_px(), table.image_len());
         self.texels.clear();
         for (phase_row, row) in (0..phases).flat_map(|phase| (0..rows).map(move |row| (phase, row))) {
             for first in 0..phases - 3 {
                 let at = (phase_row * phases + first) * len + row * table.stride;
-                let taps: [&[f32]; 4] = core::array::from_fn(|n| &table.data[at + n * len..at + n * len + rows]);
-                self.texels.extend((0..rows).map(|column| taps.map(|tap| tap[column])));
+                let taps: [&[f32]; 4] = core::array::from_fn(|n| &table.data[at + n * len..at + n * len + columns]);
+                self.texels.extend((0..columns).map(|column| taps.map(|tap| tap[column])));
             }
         }
-        if self.table.write(gpu, (phases - 3) * rows, &self.texels)? {
-            self.groups = None;
-        }
-        Ok(())
+        self.table.write(gpu, layer, (phases - 3) * columns, &self.texels);
     }
 
     fn write(

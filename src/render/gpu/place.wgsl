@@ -2,39 +2,43 @@
 
 struct Frame {
     size: vec2<i32>,
+    // Stars that are drawn analytically come first.
+    analytic: u32,
     stars: u32,
-    nodes: u32,
     // Nodes that one invocation takes; the rest go to the next z.
     nodes_per_slice: u32,
-    half_px: i32,
     // Fixed-point units per electron.
     scale: f32,
     // 1 / (sqrt(2) sigma), for the analytic pass.
     edge_scale: f32,
     // Grid points of the table per pixel.
     oversampling: i32,
-    unused_0: i32,
-    unused_1: i32,
-    unused_2: i32,
 }
 
 struct Star {
-    // Pixel of the mid-exposure position, and the rest of the position: |fraction| <= 1/2.
+    // Pixel of the position that poses count from, and the rest of the position: |fraction| <= 1/2.
     origin: vec2<i32>,
     fraction: vec2<f32>,
     // The star's light stays within this box, which lies on the image: first pixel, then width | height << 16.
     box_start: vec2<i32>,
     box_size: u32,
     electrons: f32,
-    // Displacement per unit of features 0 to 3 along x, along y; of features 4 and 5 along x, along y.
-    along_x: vec4<f32>,
-    along_y: vec4<f32>,
-    along_xy: vec4<f32>,
+    px_per_tangent: vec4<f32>,
+    tangent: vec2<f32>,
+    from_principal: vec2<f32>,
+    first_node: u32,
+    nodes: u32,
+    layer: u32,
+    // Half-width of the footprint: along x | along y << 16.
+    half_px: u32,
 }
 
 struct Node {
-    phi: vec4<f32>,
-    // Features 4 and 5, weight, nothing.
+    // Rows of R - I; then the sine of the roll, its cosine less one, the shift along x.
+    turn_x: vec4<f32>,
+    turn_y: vec4<f32>,
+    turn_z: vec4<f32>,
+    // Weight, the shift along y, nothing.
     rest: vec4<f32>,
 }
 
@@ -54,14 +58,18 @@ fn box_of(star: Star) -> vec2<i32> {
     return vec2<i32>(i32(star.box_size & 0xffffu), i32(star.box_size >> 16u));
 }
 
+fn half_of(star: Star) -> vec2<i32> {
+    return vec2<i32>(i32(star.half_px & 0xffffu), i32(star.half_px >> 16u));
+}
+
 fn place(star: Star, node: Node) -> Place {
-    var at = star.fraction;
-    at = fma(vec2<f32>(star.along_x.x, star.along_y.x), vec2<f32>(node.phi.x), at);
-    at = fma(vec2<f32>(star.along_x.y, star.along_y.y), vec2<f32>(node.phi.y), at);
-    at = fma(vec2<f32>(star.along_x.z, star.along_y.z), vec2<f32>(node.phi.z), at);
-    at = fma(vec2<f32>(star.along_x.w, star.along_y.w), vec2<f32>(node.phi.w), at);
-    at = fma(star.along_xy.xz, vec2<f32>(node.rest.x), at);
-    at = fma(star.along_xy.yw, vec2<f32>(node.rest.y), at);
+    let direction = vec3<f32>(star.tangent, 1.0);
+    let d = vec3<f32>(dot(node.turn_x.xyz, direction), dot(node.turn_y.xyz, direction), dot(node.turn_z.xyz, direction));
+    let step = (d.xy - star.tangent * d.z) / (1.0 + d.z);
+    let moved = vec2<f32>(dot(star.px_per_tangent.xy, step), dot(star.px_per_tangent.zw, step));
+    let arm = star.from_principal + moved;
+    let rolled = node.turn_y.w * arm + node.turn_x.w * vec2<f32>(-arm.y, arm.x);
+    let at = star.fraction + moved + rolled + vec2<f32>(node.turn_z.w, node.rest.y);
     let whole = floor(at + 0.5);
     return Place(whole, at - whole);
 }

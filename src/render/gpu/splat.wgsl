@@ -37,14 +37,14 @@ fn erf1(argument: f32) -> f32 {
 }
 
 // Four edges from `edge` (px from the node's pixel), held within the footprint: pixels beyond it get nothing.
-fn edges4(edge: f32, fraction: f32) -> vec4<f32> {
-    let reach = f32(frame.half_px) + 0.5;
+fn edges4(edge: f32, fraction: f32, half: f32) -> vec4<f32> {
+    let reach = half + 0.5;
     let edges = clamp(vec4<f32>(edge, edge + 1.0, edge + 2.0, edge + 3.0), vec4<f32>(-reach), vec4<f32>(reach));
     return erf4((edges - fraction) * frame.edge_scale);
 }
 
-fn edges1(edge: f32, fraction: f32) -> f32 {
-    let reach = f32(frame.half_px) + 0.5;
+fn edges1(edge: f32, fraction: f32, half: f32) -> f32 {
+    let reach = half + 0.5;
     return erf1((clamp(edge, -reach, reach) - fraction) * frame.edge_scale);
 }
 
@@ -55,9 +55,17 @@ fn put16(x: i32, y: i32, e0: vec4<f32>, e1: vec4<f32>, e2: vec4<f32>, e3: vec4<f
     put4(x + 12, y, e3);
 }
 
+fn first_star() -> u32 {
+    return 0u;
+}
+
+fn end_star() -> u32 {
+    return frame.analytic;
+}
+
 fn draw_block(star: Star, corner: vec2<i32>, first: u32, end: u32) {
     let to_origin = vec2<f32>(star.origin - corner);
-    let half = f32(frame.half_px);
+    let half = f32(half_of(star).x);
     var a0 = vec4<f32>(); var a1 = vec4<f32>(); var a2 = vec4<f32>(); var a3 = vec4<f32>();
     var b0 = vec4<f32>(); var b1 = vec4<f32>(); var b2 = vec4<f32>(); var b3 = vec4<f32>();
     var c0 = vec4<f32>(); var c1 = vec4<f32>(); var c2 = vec4<f32>(); var c3 = vec4<f32>();
@@ -74,20 +82,20 @@ fn draw_block(star: Star, corner: vec2<i32>, first: u32, end: u32) {
             continue;
         }
         let edge = -0.5 - o;
-        let e0 = edges4(edge.x, at.fraction.x);
-        let e1 = edges4(edge.x + 4.0, at.fraction.x);
-        let e2 = edges4(edge.x + 8.0, at.fraction.x);
-        let e3 = edges4(edge.x + 12.0, at.fraction.x);
-        let e4 = edges1(edge.x + 16.0, at.fraction.x);
-        let f0 = edges4(edge.y, at.fraction.y);
-        let f1 = edges4(edge.y + 4.0, at.fraction.y);
-        let f2 = edges1(edge.y + 8.0, at.fraction.y);
+        let e0 = edges4(edge.x, at.fraction.x, half);
+        let e1 = edges4(edge.x + 4.0, at.fraction.x, half);
+        let e2 = edges4(edge.x + 8.0, at.fraction.x, half);
+        let e3 = edges4(edge.x + 12.0, at.fraction.x, half);
+        let e4 = edges1(edge.x + 16.0, at.fraction.x, half);
+        let f0 = edges4(edge.y, at.fraction.y, half);
+        let f1 = edges4(edge.y + 4.0, at.fraction.y, half);
+        let f2 = edges1(edge.y + 8.0, at.fraction.y, half);
         let x0 = vec4<f32>(e0.yzw, e1.x) - e0;
         let x1 = vec4<f32>(e1.yzw, e2.x) - e1;
         let x2 = vec4<f32>(e2.yzw, e3.x) - e2;
         let x3 = vec4<f32>(e3.yzw, e4) - e3;
-        let upper = (vec4<f32>(f0.yzw, f1.x) - f0) * node.rest.z;
-        let lower = (vec4<f32>(f1.yzw, f2) - f1) * node.rest.z;
+        let upper = (vec4<f32>(f0.yzw, f1.x) - f0) * node.rest.x;
+        let lower = (vec4<f32>(f1.yzw, f2) - f1) * node.rest.x;
         a0 += upper.x * x0; a1 += upper.x * x1; a2 += upper.x * x2; a3 += upper.x * x3;
         b0 += upper.y * x0; b1 += upper.y * x1; b2 += upper.y * x2; b3 += upper.y * x3;
         c0 += upper.z * x0; c1 += upper.z * x1; c2 += upper.z * x2; c3 += upper.z * x3;

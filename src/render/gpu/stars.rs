@@ -1,7 +1,9 @@
 //! A plan's stars and nodes in the layout of the shaders, with the box each star stays in.
 
-use crate::exposure::features::FEATURES;
-use crate::exposure::{ExposurePlan, Method, PlannedStar};
+use crate::exposure::plan::NodeList;
+use crate::exposure::pose::{PathNode, ROLL, SHIFT};
+use crate::exposure::track::StarTrack;
+use crate::exposure::{Drawing, ExposurePlan, PlannedStar};
 use bytemuck::{Pod, Zeroable};
 
 /// `Star` of `place.wgsl`.
@@ -13,22 +15,32 @@ pub(super) struct StarRecord {
     box_start: [i32; 2],
     box_size: u32,
     pub(super) electrons: f32,
-    along_x: [f32; 4],
-    along_y: [f32; 4],
-    along_xy: [f32; 4],
+    px_per_tangent: [f32; 4],
+    tangent: [f32; 2],
+    from_principal_px: [f32; 2],
+    first_node: u32,
+    pub(super) nodes: u32,
+    pub(super) layer: u32,
+    half_px: u32,
 }
 
-/// `Node` of `place.wgsl`.
+/// `Node` of `place.wgsl`: rows of the turn with sine, cosine less one and shift x; then weight and shift y.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct NodeRecord {
-    phi: [f32; 4],
+    rows: [[f32; 4]; 3],
     rest: [f32; 4],
 }
 
-/// Pixels that two ends of a displacement may be off by rounding, and the share of its terms that may be.
-const SLACK_PX: f32 = 0.01;
-const SLACK_REL: f32 = 1e-5;
+/// What a star is drawn from: a layer of the table (or none: analytically) and its half-width, px.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Source {
+    pub(super) layer: Option<u32>,
+    pub(super) half_px: [usize; 2],
+}
+
+/// Rows and columns beyond the probes' extent of the path that a star may be led, px.
+const SLACK_PX: i64 = 2;
 
 impl StarRecord {
     /// First pixel and size of the star's box.
@@ -39,94 +51,83 @@ impl StarRecord {
 }
 
 impl NodeRecord {
-    fn new(weight: f64, phi: &[f64; FEATURES]) -> Self {
-        let [a, b, c, d, e, f] = phi.map(|v| v as f32);
-        Self { phi: [a, b, c, d], rest: [e, f, weight as f32, 0.0] }
-    }
+    /// The node of a star that is drawn once.
+    const ONCE: Self = Self { rows: [[0.0; 4]; 3], rest: [1.0, 0.0, 0.0, 0.0] };
 
-    fn feature(&self, i: usize) -> f32 {
-        if i < 4 { self.phi[i] } else { self.rest[i - 4] }
+    fn new(node: &PathNode) -> Self {
+        let p = node.pose.0.map(|v| v as f32);
+        Self {
+            rows: [[p[0], p[1], p[2], p[ROLL]], [p[3], p[4], p[5], p[ROLL + 1]], [p[6], p[7], p[8], p[SHIFT]]],
+            rest: [node.weight as f32, p[SHIFT + 1], 0.0, 0.0],
+        }
     }
 }
 
-/// True when all stars are drawn about their mean with one node: the path is in the PSF, or there is none.
-fn is_shared(method: Method) -> bool {
-    matches!(method, Method::EffectivePsf { .. } | Method::Static)
-}
-
-/// Nodes of a plan.
+/// Nodes of a plan: one for stars that are drawn once, then those of the lists that are drawn node by node.
 pub(super) fn fill_nodes(plan: &ExposurePlan, nodes: &mut Vec<NodeRecord>) {
     nodes.clear();
-    if is_shared(plan.chosen.method) {
-        nodes.push(NodeRecord::new(1.0, &[0.0; FEATURES]));
-    } else {
-        nodes.extend(plan.nodes.iter().map(|node| NodeRecord::new(node.weight, &node.phi)));
-    }
+    nodes.push(NodeRecord::ONCE);
+    nodes.extend(plan.nodes.iter().map(NodeRecord::new));
 }
 
-/// Stars of a plan that touch an image of `size` px when drawn in footprints of `half_px`.
+/// Stars of a plan that touch an image of `size` px, those without a table layer first; how many those are.
 pub(super) fn fill_stars(
     plan: &ExposurePlan,
-    nodes: &[NodeRecord],
-    half_px: usize,
+    source: impl Fn(usize) -> Source,
     size: [usize; 2],
     stars: &mut Vec<StarRecord>,
-) {
-    let shared = is_shared(plan.chosen.method);
-    let extent = core::array::from_fn(|i| {
-        nodes.iter().map(|node| node.feature(i)).fold((f32::MAX, f32::MIN), |(low, high), v| (low.min(v), high.max(v)))
-    });
+) -> usize {
     stars.clear();
-    stars.extend(plan.stars.iter().filter_map(|star| record(star, shared, &extent, half_px, size)));
+    let of_kind = |analytic: bool, stars: &mut Vec<StarRecord>| {
+        let members = plan.stars.iter().filter_map(|star| {
+            let source = source(star.list as usize);
+            if source.layer.is_none() == analytic { record(plan, star, source, size) } else { None }
+        });
+        stars.extend(members);
+    };
+    of_kind(true, stars);
+    let analytic = stars.len();
+    of_kind(false, stars);
+    analytic
 }
 
 #[allow(clippy::cast_possible_truncation, reason = "the planner keeps positions within a few detectors of the origin")]
-fn record(
-    star: &PlannedStar,
-    shared: bool,
-    extent: &[(f32, f32); FEATURES],
-    half_px: usize,
-    size: [usize; 2],
-) -> Option<StarRecord> {
-    let px = if shared { star.mean_px } else { star.track.mid_px };
+fn record(plan: &ExposurePlan, star: &PlannedStar, source: Source, size: [usize; 2]) -> Option<StarRecord> {
+    let list = plan.list_of(star);
+    let track = StarTrack::new(&plan.camera, star.place);
+    let by_nodes = matches!(list.drawing, Drawing::Nodes);
+    let px = if by_nodes { plan.origin_px(star, &track) } else { star.mean_px };
     let whole = px.map(|v| (v + 0.5).floor());
-    let origin = whole.map(|v| v as i32);
-    let fraction = [(px[0] - whole[0]) as f32, (px[1] - whole[1]) as f32];
-    let response = star.track.response.map(|row| row.map(|v| v as f32));
+    let path = if by_nodes { plan.extent_px.ceil() as i64 + SLACK_PX } else { 1 };
     let mut start = [0; 2];
     let mut box_size = 0;
     for axis in 0..2 {
-        let (low, high) = span(fraction[axis], &response[axis], extent);
-        let reach = half_px as i64;
-        let first = (i64::from(origin[axis]) + low - reach).max(0);
-        let last = (i64::from(origin[axis]) + high + reach).min(size[axis] as i64 - 1);
+        let (middle, reach) = (star.mean_px[axis].round() as i64, path + source.half_px[axis] as i64);
+        let (first, last) = ((middle - reach).max(0), (middle + reach).min(size[axis] as i64 - 1));
         start[axis] = i32::try_from(first).ok()?;
         // Empty boxes end here; 16 bits hold the longest side of an image the device takes.
         box_size |= u32::from(u16::try_from(last - first + 1).ok().filter(|n| *n > 0)?) << (16 * axis);
     }
-    let [rx, ry] = response;
+    let (first_node, nodes) = if by_nodes { node_range(list) } else { (0, 1) };
+    let [[xu, xv], [yu, yv]] = track.px_per_tangent.map(|row| row.map(|v| v as f32));
     Some(StarRecord {
-        origin,
-        fraction,
+        origin: whole.map(|v| v as i32),
+        fraction: [(px[0] - whole[0]) as f32, (px[1] - whole[1]) as f32],
         box_start: start,
         box_size,
         electrons: star.electrons as f32,
-        along_x: [rx[0], rx[1], rx[2], rx[3]],
-        along_y: [ry[0], ry[1], ry[2], ry[3]],
-        along_xy: [rx[4], rx[5], ry[4], ry[5]],
+        px_per_tangent: [xu, xv, yu, yv],
+        tangent: star.place.tangent.to_array().map(|v| v as f32),
+        from_principal_px: track.from_principal_px.map(|v| v as f32),
+        first_node,
+        nodes,
+        layer: source.layer.unwrap_or(0),
+        half_px: (source.half_px[0] as u32) | (source.half_px[1] as u32) << 16,
     })
 }
 
-/// Lowest and highest pixel, from the origin, in which any node can stand.
-#[allow(clippy::cast_possible_truncation, reason = "the planner keeps displacements within a few detectors")]
-fn span(fraction: f32, response: &[f32; FEATURES], extent: &[(f32, f32); FEATURES]) -> (i64, i64) {
-    let (mut low, mut high, mut terms) = (fraction, fraction, 0.0_f32);
-    for (r, (least, most)) in response.iter().zip(extent) {
-        let (a, b) = (r * least, r * most);
-        low += a.min(b);
-        high += a.max(b);
-        terms += a.abs().max(b.abs());
-    }
-    let slack = SLACK_PX + SLACK_REL * terms;
-    ((low - slack + 0.5).floor() as i64, (high + slack + 0.5).floor() as i64)
+/// First node and number of nodes of a list; the node of stars drawn once comes before all.
+fn node_range(list: &NodeList) -> (u32, u32) {
+    let count = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+    (count(list.nodes.start + 1), count(list.nodes.len()))
 }

@@ -1,0 +1,506 @@
+//! Weighing methods and choosing among them, class of stars by class.
+
+use crate::base::accuracy::AccuracyBudget;
+use crate::exposure::cost::{CostModel, Load};
+use crate::exposure::ladder::Rung;
+use crate::exposure::lists::fill_nodes;
+use crate::exposure::mean_field::MeanField;
+use crate::exposure::method::{Method, MethodChoice, MethodName};
+use crate::exposure::motion::{Motion, Shutter};
+use crate::exposure::pixel_path::PixelPath;
+use crate::exposure::plan::{Assessment, ExposurePlan, LONGEST_KERNEL_PX, StarClass, Verdict};
+use crate::exposure::planner::Instrument;
+use crate::exposure::pose::PathNode;
+use crate::exposure::probes::{Probes, SIDE, gauss_legendre_count};
+use crate::exposure::sampling::{SamplingError, TABLE_ERROR, sampling_error};
+use crate::exposure::weigh::{NodeError, Scales, ShapeOf, light_share, shear_error};
+use crate::optics::PsfModel;
+
+/// Share of the budget's centroid error that motion may use (the rest: PSF table, f32).
+const MOTION_SHARE: f64 = 0.5;
+/// Centroid error a table of [`TABLE_ERROR`] leaves, px (measured at most 3e-5 for sigma 0.3 to 1.2).
+const TABLE_CENTROID_PX: f64 = 1e-4;
+/// Rounding of single-precision drawing, px.
+const F32_CENTROID_PX: f64 = 1e-6;
+/// Bias of the single-precision error function in a star's sum.
+const F32_FLUX: f64 = 1e-6;
+/// Rounding of one addition in single precision; sums over nodes wander as the root of their number.
+const F32_ROUNDING: f64 = 6e-8;
+/// Side of the window in which a tracker measures, px.
+const WINDOW_PX: f64 = 5.0;
+/// Share of the budget's centroid error left to the number of nodes.
+const NODE_SHARE: f64 = 0.4;
+/// Share of the budget's pixel error left to the number of nodes.
+const NODE_PIXEL_SHARE: f64 = 0.8;
+/// Steepest slope of a Gaussian, peaks per sigma: `exp(-1/2)`.
+const STEEPEST: f64 = 0.607;
+/// Side of the square that holds a star's core, sigma.
+const CORE_SIGMAS: f64 = 2.5;
+/// Between probes the mean may be off by more than at the checks.
+const BETWEEN_CHECKS: f64 = 2.0;
+/// Most nodes the planner gives to a commanded path.
+const MOST_NODES: usize = 16_384;
+/// Most nodes it gives to jitter, on the frame path.
+const MOST_JITTER_NODES: usize = 1024;
+/// Gauss-Legendre nodes along a straight segment.
+const PER_SEGMENT: usize = 2;
+/// Zones along each side that are tried.
+const ZONES: [u16; 3] = [2, 4, 8];
+/// Row bands that are tried under a rolling shutter.
+const BANDS: [usize; 4] = [1, 4, 16, 64];
+/// Share of the budget that the windows of a band's rows may differ by.
+const BAND_SHARE: f64 = 0.15;
+/// A tracker uses stars whose brightest pixel stands this many sigma above the noise floor.
+const TRACKED_SIGMA: f64 = 3.0;
+/// Classes of stars differ by this factor in brightness.
+const CLASS_STEP: f64 = 8.0;
+/// Classes of stars at most.
+const CLASSES: usize = 3;
+
+/// A method and the error of its nodes, whatever the stars.
+#[derive(Debug, Clone, Copy)]
+struct Weighed {
+    method: Method,
+    error: NodeError,
+    verdict: Option<Verdict>,
+}
+
+/// Weighs and chooses; keeps its buffers.
+#[derive(Debug)]
+pub(super) struct Chooser {
+    instrument: Instrument,
+    budget: AccuracyBudget,
+    cost: CostModel,
+    choice: MethodChoice,
+    half_px: usize,
+    sampling: SamplingError,
+    scales: Scales,
+    lists: Vec<Vec<PathNode>>,
+    weighed: Vec<Weighed>,
+    /// Errors that every method has.
+    common: NodeError,
+    bands: usize,
+}
+
+impl Chooser {
+    /// For one instrument, budget and backend.
+    #[must_use]
+    pub(super) fn new(
+        instrument: &Instrument,
+        budget: AccuracyBudget,
+        cost: CostModel,
+        choice: MethodChoice,
+        half_px: usize,
+    ) -> Self {
+        Self {
+            sampling: sampling_error(&instrument.psf, instrument.sampling),
+            scales: Scales::new(instrument.psf.core_sigma_px()),
+            instrument: instrument.clone(),
+            budget,
+            cost,
+            choice,
+            half_px,
+            lists: (0..SIDE).map(|_| Vec::with_capacity(MOST_JITTER_NODES)).collect(),
+            weighed: Vec::with_capacity(64),
+            common: NodeError::default(),
+            bands: 1,
+        }
+    }
+
+    /// Errors that every method has: the mean field's, the dense list's own, a rolling shutter's.
+    pub(super) fn measure(&mut self, motion: &Motion, probes: &Probes, means: &MeanField) {
+        self.common = NodeError::default();
+        self.bands = 1;
+        self.weighed.clear();
+        if motion.is_still() {
+            return;
+        }
+        self.scales.watch(probes);
+        let sigma_px = self.instrument.psf.core_sigma_px();
+        let mean_px = BETWEEN_CHECKS * probes.mean_error_px(motion, sigma_px, |track| means.displacement_px(track));
+        let dense = dense_error(motion, probes, sigma_px);
+        self.common =
+            NodeError { centroid_px: mean_px + dense * sigma_px, peak: STEEPEST * mean_px / sigma_px + dense };
+        if let Shutter::Rolling { line_s } = self.instrument.shutter {
+            let speed_px_s = probes.reach_px / motion.los.exposure_s;
+            self.common = self.common.plus(shear_error(speed_px_s, line_s, sigma_px));
+            self.choose_bands(motion, probes);
+        }
+    }
+
+    /// The fewest bands of rows whose stars may share a list.
+    fn choose_bands(&mut self, motion: &Motion, probes: &Probes) {
+        let mut error = NodeError::default();
+        for bands in BANDS {
+            self.bands = bands;
+            error = self.band_error(motion, probes, bands);
+            let limit = BAND_SHARE * self.budget.centroid_px;
+            if error.centroid_px <= limit && error.peak <= STEEPEST * limit / self.instrument.psf.core_sigma_px() {
+                break;
+            }
+        }
+        self.common = self.common.plus(error);
+    }
+
+    /// Error of drawing rows at the edge of a band with the path of the band's middle.
+    fn band_error(&mut self, motion: &Motion, probes: &Probes, bands: usize) -> NodeError {
+        let height = self.instrument.camera.height_px();
+        let half_s = 0.5 * self.instrument.shutter.line_s() * height as f64 / bands as f64;
+        let count = probes.dense().len().clamp(64, 1024);
+        let mut worst = NodeError::default();
+        for side in [-half_s, half_s] {
+            for row in 0..SIDE {
+                self.lists[row].clear();
+                let delay_s = probes.delay_s(row)
+                    + if row == 0 {
+                        half_s
+                    } else if row + 1 == SIDE {
+                        -half_s
+                    } else {
+                        side
+                    };
+                fill_nodes(motion, Method::Samples { nodes: count }, delay_s, probes, &mut self.lists[row]);
+            }
+            worst = worst.worst(self.scales.error(&self.lists, ShapeOf::EachStar, probes));
+        }
+        worst
+    }
+
+    /// Chooses a method for every class of stars of `plan`, on a rung of the ladder.
+    pub(super) fn choose(&mut self, plan: &mut ExposurePlan, rung: Rung, probes: &Probes) {
+        let brightest_e = plan.stars.iter().map(|star| star.electrons).fold(0.0, f64::max);
+        if self.weighed.is_empty() {
+            self.weigh(&plan.motion, brightest_e, probes);
+        }
+        let budget = rung.loosened(&self.budget);
+        let pixels = self.instrument.camera.width_px() * self.instrument.camera.height_px();
+        let empty_ms = self.cost.empty_frame_ms(pixels);
+        let all = class_of(plan, f64::INFINITY, 0.0);
+        plan.assessed.clear();
+        plan.assessed.extend(self.weighed.iter().map(|weighed| {
+            let mut assessment = self.assess(weighed, &all, &budget, plan.extent_px, probes);
+            assessment.cost_ms += empty_ms;
+            assessment
+        }));
+        plan.assessed.sort_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
+        let together = self.best(&all, &budget, rung, plan.extent_px, probes);
+        plan.classes.clear();
+        if matches!(self.choice, MethodChoice::Auto) && rung < Rung::MotionOut && self.weighed.len() > 1 {
+            self.choose_by_class(plan, brightest_e, &budget, rung, probes);
+        }
+        let apart_ms: f64 = plan.classes.iter().map(|class| class.chosen.cost_ms).sum();
+        if plan.classes.is_empty() || together.chosen.cost_ms <= apart_ms || !together.chosen.verdict.is_met() {
+            plan.classes.clear();
+            plan.classes.push(together);
+        }
+        let stars_ms: f64 = plan.classes.iter().map(|class| class.chosen.cost_ms).sum();
+        plan.chosen = Assessment { cost_ms: empty_ms + stars_ms, ..plan.classes[0].chosen };
+    }
+
+    fn choose_by_class(
+        &self,
+        plan: &mut ExposurePlan,
+        brightest_e: f64,
+        budget: &AccuracyBudget,
+        rung: Rung,
+        probes: &Probes,
+    ) {
+        let mut above_e = f64::INFINITY;
+        for i in 0..CLASSES {
+            let last = i + 1 == CLASSES;
+            let faintest_e = if last { 0.0 } else { brightest_e * CLASS_STEP.powi(-(i as i32 + 1)) };
+            let class = class_of(plan, above_e, faintest_e);
+            above_e = faintest_e;
+            if class.stars == 0 {
+                continue;
+            }
+            let class = self.best(&class, budget, rung, plan.extent_px, probes);
+            match plan.classes.last_mut() {
+                Some(before) if before.chosen.method == class.chosen.method => {
+                    before.stars += class.stars;
+                    before.faintest_e = class.faintest_e;
+                    let load = self.load(before.stars, plan.extent_px);
+                    before.chosen.cost_ms = self.cost.stars_ms(before.chosen.method, &load);
+                }
+                _ => plan.classes.push(class),
+            }
+        }
+    }
+
+    /// The cheapest method for one class; its cost is that of its stars.
+    fn best(
+        &self,
+        class: &StarClass,
+        budget: &AccuracyBudget,
+        rung: Rung,
+        extent_px: f64,
+        probes: &Probes,
+    ) -> StarClass {
+        let assessed = || self.weighed.iter().map(|weighed| self.assess(weighed, class, budget, extent_px, probes));
+        let fixed = match self.choice {
+            MethodChoice::Fixed(name, _) => assessed().find(|a| a.method.name() == name),
+            MethodChoice::Auto if rung >= Rung::MotionOut => assessed().find(|a| a.method == Method::Static),
+            MethodChoice::Auto => None,
+        };
+        let cheapest = || assessed().filter(|a| a.verdict.is_met()).min_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
+        let least_wrong =
+            || assessed().filter(|a| a.verdict.is_drawable()).min_by(|a, b| a.centroid_px.total_cmp(&b.centroid_px));
+        let chosen = fixed.or_else(cheapest).or_else(least_wrong).unwrap_or(class.chosen);
+        StarClass { chosen, bands: if chosen.method.kernels() > 0 { 1 } else { self.bands }, ..*class }
+    }
+
+    /// How many of the plan's stars fit `limit_ms` with the method that the plan has now.
+    #[must_use]
+    pub(super) fn stars_within(&self, plan: &ExposurePlan, limit_ms: f64) -> usize {
+        let pixels = self.instrument.camera.width_px() * self.instrument.camera.height_px();
+        let left_ms = limit_ms - self.cost.empty_frame_ms(pixels);
+        let each_ms = self.cost.stars_ms(Method::Static, &self.load(1, 0.0));
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the stars there are")]
+        let keep = (left_ms / each_ms).clamp(0.0, plan.stars.len() as f64) as usize;
+        keep
+    }
+
+    /// Errors of all methods that the motion asks for.
+    fn weigh(&mut self, motion: &Motion, brightest_e: f64, probes: &Probes) {
+        self.weigh_method(Method::Static, ShapeOf::EachStar, motion, probes);
+        let wanted = match self.choice {
+            MethodChoice::Auto => None,
+            MethodChoice::Fixed(name, nodes) => Some((name, nodes)),
+        };
+        if motion.is_still() && wanted.is_none() {
+            return;
+        }
+        for name in MethodName::ALL.into_iter().skip(1) {
+            let fixed = wanted.filter(|(wanted, _)| *wanted == name).and_then(|(_, nodes)| nodes);
+            self.weigh_name(name, fixed, motion, brightest_e, probes);
+        }
+    }
+
+    fn weigh_name(
+        &mut self,
+        name: MethodName,
+        fixed: Option<usize>,
+        motion: &Motion,
+        brightest_e: f64,
+        probes: &Probes,
+    ) {
+        let smooth_count = gauss_legendre_count(probes.reach_px, self.instrument.psf.core_sigma_px());
+        match name {
+            MethodName::Static => {}
+            MethodName::Gaussian => self.weigh_method(Method::Gaussian, ShapeOf::Centre, motion, probes),
+            MethodName::GaussLegendre if !motion.is_smooth() && fixed.is_none() => {
+                let method = Method::GaussLegendre { nodes: 0 };
+                let error = NodeError { centroid_px: f64::NAN, peak: f64::NAN };
+                self.weighed.push(Weighed { method, error, verdict: Some(Verdict::NeedsSmoothMotion) });
+            }
+            MethodName::GaussLegendre => {
+                let nodes = fixed.unwrap_or(smooth_count);
+                self.weigh_method(Method::GaussLegendre { nodes }, ShapeOf::EachStar, motion, probes);
+            }
+            MethodName::Segments => {
+                let method = |segments| Method::Segments { segments, per_segment: PER_SEGMENT };
+                self.weigh_growing(method, ShapeOf::EachStar, fixed, 1, motion, brightest_e, probes);
+            }
+            MethodName::Samples => {
+                let method = |nodes| Method::Samples { nodes };
+                self.weigh_growing(method, ShapeOf::EachStar, fixed, 2, motion, brightest_e, probes);
+            }
+            MethodName::EffectivePsf => {
+                let nodes = fixed.unwrap_or_else(|| self.kernel_nodes(motion, smooth_count, brightest_e));
+                self.weigh_method(Method::EffectivePsf { nodes }, ShapeOf::Centre, motion, probes);
+            }
+            MethodName::ZonalPsf => {
+                let nodes = fixed.unwrap_or_else(|| self.kernel_nodes(motion, smooth_count, brightest_e));
+                self.weigh_zones(nodes, motion, brightest_e, probes);
+            }
+        }
+    }
+
+    /// Weighs a method with 1, 2, 4 ... of what it counts until its error is as small as the brightest star asks for.
+    #[allow(clippy::too_many_arguments, reason = "one loop for two methods")]
+    fn weigh_growing(
+        &mut self,
+        method: impl Fn(usize) -> Method,
+        shape: ShapeOf,
+        fixed: Option<usize>,
+        least: usize,
+        motion: &Motion,
+        brightest_e: f64,
+        probes: &Probes,
+    ) {
+        let own = match &motion.image_path {
+            Some(PixelPath::Samples(points)) => points.len(),
+            Some(PixelPath::Line(_)) => MOST_NODES,
+            None => MOST_JITTER_NODES,
+        };
+        let mut count = fixed.unwrap_or(least.min(own));
+        loop {
+            self.weigh_method(method(count), shape, motion, probes);
+            let error = self.weighed.last().map_or(NodeError::default(), |weighed| weighed.error);
+            if self.is_enough(error, brightest_e, probes) || fixed.is_some() || count >= own {
+                return;
+            }
+            count = (2 * count).min(own);
+        }
+    }
+
+    /// True when more nodes would not help: what the other errors leave of the budget is kept.
+    fn is_enough(&self, error: NodeError, brightest_e: f64, probes: &Probes) -> bool {
+        const LEAST_LEFT: f64 = 0.3;
+        let taken = self.pixel_sigma(self.common.peak.min(1.0), brightest_e, probes);
+        let left = (self.budget.pixel_sigma - taken).max(LEAST_LEFT * self.budget.pixel_sigma);
+        error.centroid_px <= NODE_SHARE * self.budget.centroid_px
+            && self.pixel_sigma(error.peak.min(1.0), brightest_e, probes) <= NODE_PIXEL_SHARE * left
+    }
+
+    /// Nodes from which a kernel is built: as many as samples need, or Gauss-Legendre's where motion is smooth.
+    fn kernel_nodes(&self, motion: &Motion, smooth_count: usize, _brightest_e: f64) -> usize {
+        if motion.is_smooth() {
+            return smooth_count;
+        }
+        let samples = self.weighed.iter().rev().find(|weighed| weighed.method.name() == MethodName::Samples);
+        samples.map_or(64, |weighed| weighed.method.nodes())
+    }
+
+    fn weigh_method(&mut self, method: Method, shape: ShapeOf, motion: &Motion, probes: &Probes) {
+        let error = if motion.is_still() {
+            NodeError::default()
+        } else {
+            self.fill_lists(method, motion, probes);
+            let lists = if self.instrument.shutter == Shutter::Global { &self.lists[..1] } else { &self.lists[..] };
+            let mut error = self.scales.error(lists, shape, probes);
+            if shape == ShapeOf::Centre && self.bands > 1 {
+                // One kernel for all rows: their windows differ by more than a band's.
+                error = error.plus(self.band_error(motion, probes, 1));
+            }
+            error
+        };
+        let verdict = match method {
+            Method::GaussLegendre { .. } if !motion.is_smooth() => Some(Verdict::NeedsSmoothMotion),
+            _ if method.kernels() > 0 && probes.extent_px > LONGEST_KERNEL_PX => Some(Verdict::PathTooLong),
+            _ => None,
+        };
+        self.weighed.push(Weighed { method, error, verdict });
+    }
+
+    /// Nodes of `method` for every row of probes.
+    fn fill_lists(&mut self, method: Method, motion: &Motion, probes: &Probes) {
+        let rows = if self.instrument.shutter == Shutter::Global { 1 } else { SIDE };
+        for row in 0..rows {
+            self.lists[row].clear();
+            fill_nodes(
+                motion,
+                method,
+                probes.delay_s(row) * f64::from(u8::from(rows > 1)),
+                probes,
+                &mut self.lists[row],
+            );
+        }
+    }
+
+    /// Weighs grids of zones, coarse to fine, until one is fine enough for the brightest star.
+    fn weigh_zones(&mut self, nodes: usize, motion: &Motion, brightest_e: f64, probes: &Probes) {
+        let one = Method::EffectivePsf { nodes };
+        self.fill_lists(one, motion, probes);
+        let rolling = self.instrument.shutter != Shutter::Global;
+        let lists = if rolling { &self.lists[..] } else { &self.lists[..1] };
+        // Sampling error of the nodes themselves: each star with its own path.
+        let sampled =
+            if motion.is_still() { NodeError::default() } else { self.scales.error(lists, ShapeOf::EachStar, probes) };
+        let verdict = (probes.extent_px > LONGEST_KERNEL_PX).then_some(Verdict::PathTooLong);
+        let camera = &self.instrument.camera;
+        let size = [camera.width_px() as f64, camera.height_px() as f64];
+        for zones in ZONES {
+            let rows = if rolling { zones.max(u16::try_from(self.bands).unwrap_or(u16::MAX)) } else { zones };
+            let half_px = [0.5 * size[0] / f64::from(zones), 0.5 * size[1] / f64::from(rows)];
+            let mut error = NodeError::default();
+            if !motion.is_still() {
+                for i in [probes.centre_index(), probes.widest_index()] {
+                    let (Some(probe), Some(list)) = (probes.probes.get(i), self.lists.first()) else { continue };
+                    error = error.worst(self.scales.zone_error(list, probe, half_px, probes));
+                }
+            }
+            let error = error.plus(sampled);
+            self.weighed.push(Weighed { method: Method::ZonalPsf { zones: [zones, rows], nodes }, error, verdict });
+            if self.is_enough(error, brightest_e, probes) {
+                return;
+            }
+        }
+    }
+
+    /// Largest pixel error in units of its own noise when it is `peak` of the peak of a star of `brightest_e`.
+    fn pixel_sigma(&self, peak: f64, brightest_e: f64, probes: &Probes) -> f64 {
+        let psf = &self.instrument.psf;
+        let peak_e = (brightest_e * psf.peak()).min(self.instrument.full_well_e);
+        // Errors are largest on the flanks: a quarter of the smeared peak's light is there at least.
+        let light_e = 0.25 * peak_e * light_share(CORE_SIGMAS * psf.core_sigma_px(), probes);
+        let noise_e = light_e.sqrt().hypot(self.instrument.read_noise_e_rms).max(1.0);
+        peak * peak_e / noise_e
+    }
+
+    fn load(&self, stars: usize, extent_px: f64) -> Load<'_> {
+        Load { psf: &self.instrument.psf, half_px: self.half_px, extent_px, stars }
+    }
+
+    /// Bounds of a method for one class of stars; its cost is that of the class's stars.
+    fn assess(
+        &self,
+        weighed: &Weighed,
+        class: &StarClass,
+        budget: &AccuracyBudget,
+        extent_px: f64,
+        probes: &Probes,
+    ) -> Assessment {
+        let Weighed { method, error, verdict } = *weighed;
+        let psf = &self.instrument.psf;
+        let tabulated = method.kernels() > 0 || !matches!(psf, PsfModel::Gaussian { .. }) || self.half_px > 7;
+        let (drawn_px, drawn_peak) = if tabulated { (TABLE_CENTROID_PX, TABLE_ERROR) } else { (F32_CENTROID_PX, 0.0) };
+        // Without probes nothing is known of the motion, and nothing is promised.
+        let unknown_px = if probes.probes.len() < SIDE * SIDE { f64::INFINITY } else { 0.0 };
+        let rim_px = self.rim_error_px(extent_px);
+        let centroid_px =
+            error.centroid_px + self.common.centroid_px + self.sampling.centroid_px + rim_px + drawn_px + unknown_px;
+        let peak = (error.peak + self.common.peak + self.sampling.peak).min(1.0) + drawn_peak;
+        let pixel_sigma = self.pixel_sigma(peak, class.brightest_e, probes);
+        let flux_rel = psf.lost_flux(self.half_px) + F32_FLUX + F32_ROUNDING * (method.nodes() as f64).sqrt();
+        let cost_ms = match verdict {
+            Some(Verdict::NeedsSmoothMotion) => f64::INFINITY,
+            _ => self.cost.stars_ms(method, &self.load(class.stars, extent_px)),
+        };
+        let tracked = class.brightest_e * psf.peak() >= TRACKED_SIGMA * self.instrument.read_noise_e_rms.max(1.0);
+        let verdict = verdict.unwrap_or(if tracked && centroid_px > MOTION_SHARE * budget.centroid_px {
+            Verdict::CentroidOverBudget
+        } else if pixel_sigma > budget.pixel_sigma {
+            Verdict::PixelOverBudget
+        } else if flux_rel > budget.flux_rel {
+            Verdict::FluxOverBudget
+        } else {
+            Verdict::Fits
+        });
+        Assessment { method, centroid_px, flux_rel, pixel_sigma, cost_ms, verdict }
+    }
+
+    /// Centroid error of light that the footprint drops, px: none while the footprint's rim stays outside the window.
+    fn rim_error_px(&self, extent_px: f64) -> f64 {
+        let rim_px = self.half_px as f64 - 0.5 - extent_px;
+        if rim_px > 0.5 * WINDOW_PX + 0.5 { 0.0 } else { 0.5 * self.instrument.psf.lost_flux(self.half_px) }
+    }
+}
+
+/// Stars of at least `faintest_e` and below `above_e`.
+fn class_of(plan: &ExposurePlan, above_e: f64, faintest_e: f64) -> StarClass {
+    let members = plan.stars.iter().filter(|star| star.electrons < above_e && star.electrons >= faintest_e);
+    let (stars, brightest_e) =
+        members.fold((0, 0.0_f64), |(count, brightest), star| (count + 1, brightest.max(star.electrons)));
+    StarClass { brightest_e, faintest_e, stars, bands: 1, chosen: plan.chosen }
+}
+
+/// What the planner's own list of nodes leaves out, relative to its PSF: pairs `h` apart on average and up to `pi / 2`
+/// times further where a sinusoid is fast err by `(h / sigma)^4 / 270`.
+fn dense_error(motion: &Motion, probes: &Probes, sigma_px: f64) -> f64 {
+    if motion.is_smooth() || matches!(motion.image_path, Some(PixelPath::Samples(_))) {
+        return 0.0;
+    }
+    let step_px = core::f64::consts::FRAC_PI_2 * probes.reach_px / probes.dense().len() as f64;
+    (step_px / sigma_px).powi(4) / 270.0
+}

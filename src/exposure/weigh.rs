@@ -1,0 +1,174 @@
+//! What a method's node list errs by, held against the true paths of the probes before anything is drawn.
+//!
+//! In: node lists, probes. Out: bounds of the centroid error (px) and of the pixel error (of the star's peak). Each
+//! star is drawn about its own exact mean, so lists err in the shape of the path only: moments tell short paths apart,
+//! characteristic functions long ones.
+
+use crate::astrometry::CameraGeometry;
+use crate::exposure::moments::{Moments, TracePoint, trace};
+use crate::exposure::pose::PathNode;
+use crate::exposure::probes::{Probe, Probes, SIDE};
+use crate::exposure::spectrum::{NOTHING, Sensitivity, Spectrum};
+use crate::exposure::track::{StarPlace, StarTrack};
+
+/// Side of the window in which a tracker measures, px.
+const WINDOW_PX: f64 = 5.0;
+
+/// Errors of a node list.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct NodeError {
+    /// 5 x 5 centroid, px.
+    pub centroid_px: f64,
+    /// Largest pixel error relative to the star's peak.
+    pub peak: f64,
+}
+
+impl NodeError {
+    /// The larger of each.
+    #[must_use]
+    pub fn worst(self, other: Self) -> Self {
+        Self { centroid_px: self.centroid_px.max(other.centroid_px), peak: self.peak.max(other.peak) }
+    }
+
+    /// The sum of each.
+    #[must_use]
+    pub fn plus(self, other: Self) -> Self {
+        Self { centroid_px: self.centroid_px + other.centroid_px, peak: self.peak + other.peak }
+    }
+}
+
+/// How a list is drawn, as far as its shape goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ShapeOf {
+    /// Each star's own.
+    EachStar,
+    /// That of a star at the detector's centre.
+    Centre,
+}
+
+/// Weighs lists; keeps its buffers.
+#[derive(Debug)]
+pub struct Scales {
+    sensitivity: Sensitivity,
+    sigma_px: f64,
+    scratch: [Vec<TracePoint>; 2],
+    watched: [(usize, Spectrum); 2],
+}
+
+impl Scales {
+    /// For a PSF with a core of `sigma_px`.
+    #[must_use]
+    pub fn new(sigma_px: f64) -> Self {
+        Self {
+            sensitivity: Sensitivity::new(sigma_px),
+            sigma_px,
+            scratch: Default::default(),
+            watched: [(0, NOTHING); 2],
+        }
+    }
+
+    /// Notes the true characteristic functions of the centre and the widest probe.
+    pub fn watch(&mut self, probes: &Probes) {
+        let (centre, widest) = (probes.centre_index(), probes.widest_index());
+        for (watched, i) in self.watched.iter_mut().zip([centre, widest]) {
+            let truth = probes.probes.get(i).map_or(NOTHING, |probe| self.sensitivity.spectrum(&probe.trace));
+            *watched = (i, truth);
+        }
+    }
+
+    /// Largest error of `lists` (one per row of probes, or one for all) over all probes.
+    pub fn error(&mut self, lists: &[Vec<PathNode>], shape: ShapeOf, probes: &Probes) -> NodeError {
+        let mut worst = NodeError::default();
+        let centre_track = probes.centre().map(|probe| probe.track);
+        for (i, probe) in probes.probes.iter().enumerate() {
+            let Some(nodes) = lists.get((i / SIDE).min(lists.len() - 1)) else { continue };
+            let drawn = &mut self.scratch[0];
+            match (shape, &centre_track) {
+                (ShapeOf::Centre, Some(centre)) => exact_trace(&probes.camera, centre, nodes, drawn),
+                _ => {
+                    let points = nodes.iter().map(|node| point(node, probe.track.displacement_px(&node.pose)));
+                    trace(points, drawn);
+                }
+            }
+            worst = worst.worst(self.moment_error(&Moments::of(&self.scratch[0]), &probe.moments));
+            if let Some((_, truth)) = self.watched.iter().find(|(watched, _)| *watched == i) {
+                let spectrum = self.sensitivity.spectrum(&self.scratch[0]);
+                worst = worst.worst(self.spectrum_error(&spectrum, truth, probes));
+            }
+        }
+        worst
+    }
+
+    /// Largest error of drawing stars at the corners of a zone of `half_px` half-sizes about `probe` (moved inside the
+    /// detector) with the path of the zone's middle. `delay_nodes` are nodes at the zone's upper and lower rows.
+    pub fn zone_error(&mut self, nodes: &[PathNode], probe: &Probe, half_px: [f64; 2], probes: &Probes) -> NodeError {
+        let camera = &probes.camera;
+        let size = [camera.width_px(), camera.height_px()].map(|side| side as f64 - 1.0);
+        let middle: [f64; 2] = core::array::from_fn(|i| {
+            let last = (size[i] - half_px[i]).max(half_px[i]);
+            probe.track.place.mid_px[i].clamp(half_px[i], last)
+        });
+        let Some(centre) = StarPlace::of_pixel(camera, middle) else { return UNKNOWN };
+        exact_trace(camera, &StarTrack::new(camera, centre), nodes, &mut self.scratch[0]);
+        let drawn = (Moments::of(&self.scratch[0]), self.sensitivity.spectrum(&self.scratch[0]));
+        let mut worst = NodeError::default();
+        for [sx, sy] in [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]] {
+            let corner = [middle[0] + sx * half_px[0], middle[1] + sy * half_px[1]];
+            let Some(place) = StarPlace::of_pixel(camera, corner) else { return UNKNOWN };
+            exact_trace(camera, &StarTrack::new(camera, place), nodes, &mut self.scratch[1]);
+            let moments = self.moment_error(&drawn.0, &Moments::of(&self.scratch[1]));
+            let spectrum = self.sensitivity.spectrum(&self.scratch[1]);
+            worst = worst.worst(moments).worst(self.spectrum_error(&drawn.1, &spectrum, probes));
+        }
+        worst
+    }
+
+    fn moment_error(&self, drawn: &Moments, truth: &Moments) -> NodeError {
+        NodeError {
+            centroid_px: drawn.centroid_error_px(truth, self.sigma_px),
+            peak: drawn.peak_error(truth, self.sigma_px),
+        }
+    }
+
+    fn spectrum_error(&self, drawn: &Spectrum, truth: &Spectrum, probes: &Probes) -> NodeError {
+        let (moment, peak) = self.sensitivity.error(drawn, truth);
+        NodeError { centroid_px: moment / light_share(WINDOW_PX, probes), peak }
+    }
+}
+
+/// Nothing is known, and nothing is promised.
+const UNKNOWN: NodeError = NodeError { centroid_px: f64::INFINITY, peak: f64::INFINITY };
+
+/// Least share of a star's light in the brightest square of `side_px`: along the path's length, or all over the square
+/// that holds the path.
+#[must_use]
+pub fn light_share(side_px: f64, probes: &Probes) -> f64 {
+    let along = side_px / (side_px + probes.reach_px);
+    let square = (side_px / (side_px + 2.0 * probes.extent_px)).powi(2);
+    along.max(square)
+}
+
+fn point(node: &PathNode, [x, y]: [f64; 2]) -> TracePoint {
+    [node.weight, x, y]
+}
+
+fn exact_trace(camera: &CameraGeometry, track: &StarTrack, nodes: &[PathNode], out: &mut Vec<TracePoint>) {
+    trace(nodes.iter().map(|node| point(node, track.exact_px(camera, &node.pose))), out);
+}
+
+/// Bound of the shear of a star's image by a rolling shutter within its own footprint, which no method draws: a path
+/// of `speed_px_s` moves by `speed_px_s * line_s` from row to row, and covariance with the rows is `sigma^2` times
+/// that.
+#[must_use]
+pub fn shear_error(speed_px_s: f64, line_s: f64, sigma_px: f64) -> NodeError {
+    let per_row = speed_px_s * line_s;
+    let sheared = Moments {
+        covariance_px2: [0.0, per_row * sigma_px * sigma_px, per_row * sigma_px * sigma_px],
+        third_px3: [0.0; 2],
+    };
+    let straight = Moments::default();
+    NodeError {
+        centroid_px: sheared.centroid_error_px(&straight, sigma_px) + per_row * sigma_px,
+        peak: sheared.peak_error(&straight, sigma_px),
+    }
+}

@@ -1,0 +1,214 @@
+//! A plan's stars in single precision, sorted into bands of image rows: what the CPU backend's threads read.
+//!
+//! Positions are integer + fraction, so that f32 keeps 1e-8 px of the fraction wherever the star stands. Stars are
+//! taken in chunks, each sorted by its own thread; a band reads the chunks in order, so its stars come in source order
+//! whatever the number of threads.
+
+use crate::exposure::pose::{POSE, PathNode};
+use crate::exposure::track::StarTrack;
+use crate::exposure::{Drawing, ExposurePlan, PlannedStar};
+use rayon::prelude::*;
+
+/// Rows of one band.
+pub(super) const BAND_ROWS: usize = 32;
+/// Stars one thread sorts at a time.
+const CHUNK: usize = 4096;
+/// A star that is drawn from the PSF itself.
+pub(super) const NO_KERNEL: u32 = u32::MAX;
+
+/// A star drawn once, at its mean position.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Spot {
+    pub(super) column: i32,
+    pub(super) row: i32,
+    pub(super) fraction: [f32; 2],
+    pub(super) electrons: f32,
+    /// Index of its kernel, or [`NO_KERNEL`].
+    pub(super) kernel: u32,
+}
+
+/// A star drawn at every node of its list.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Trail {
+    pub(super) spot: Spot,
+    pub(super) list: u32,
+    pub(super) tangent: [f32; 2],
+    pub(super) px_per_tangent: [[f32; 2]; 2],
+    pub(super) from_principal_px: [f32; 2],
+}
+
+/// One band's stars from one chunk.
+#[derive(Debug, Default)]
+pub(super) struct Members {
+    pub(super) spots: Vec<Spot>,
+    pub(super) trails: Vec<Trail>,
+}
+
+/// Nodes of one list, number by number: weight, then the thirteen of the pose; padded with weight 0.
+#[derive(Debug, Default)]
+pub(super) struct NodeColumns {
+    pub(super) count: usize,
+    pub(super) padded: usize,
+    pub(super) values: Vec<f32>,
+}
+
+/// All bands.
+#[derive(Debug)]
+pub(super) struct Bands {
+    rows: usize,
+    bands: usize,
+    chunks: Vec<Vec<Members>>,
+    used: usize,
+    pub(super) nodes: Vec<NodeColumns>,
+}
+
+/// Nodes that inner loops take together.
+pub(super) const NODE_LANES: usize = 16;
+
+impl Bands {
+    pub(super) fn new(rows: usize) -> Self {
+        Self { rows, bands: rows.div_ceil(BAND_ROWS), chunks: Vec::new(), used: 0, nodes: Vec::new() }
+    }
+
+    /// Sorts a plan. `half_px`: half-height of the footprint of a spot's list; `kernel_of`: its kernel.
+    pub(super) fn sort(
+        &mut self,
+        plan: &ExposurePlan,
+        half_px: impl Fn(usize) -> usize + Sync,
+        kernel_of: impl Fn(usize) -> Option<usize> + Sync,
+    ) {
+        self.fill_nodes(plan);
+        self.used = plan.stars.len().div_ceil(CHUNK);
+        let bands = self.bands;
+        if self.chunks.len() < self.used {
+            self.chunks.resize_with(self.used, || (0..bands).map(|_| Members::default()).collect());
+        }
+        let rows = self.rows;
+        let fill = |(chunk, stars): (&mut Vec<Members>, &[PlannedStar])| {
+            for members in chunk.iter_mut() {
+                members.spots.clear();
+                members.trails.clear();
+            }
+            for star in stars {
+                let list = star.list as usize;
+                sort_star(plan, star, half_px(list), kernel_of(list), rows, chunk);
+            }
+            for members in chunk.iter_mut() {
+                reserve(&mut members.spots);
+                reserve(&mut members.trails);
+            }
+        };
+        if self.used == 1 {
+            self.chunks.iter_mut().zip(plan.stars.chunks(CHUNK)).for_each(fill);
+        } else {
+            self.chunks[..self.used].par_iter_mut().zip(plan.stars.par_chunks(CHUNK)).for_each(fill);
+        }
+    }
+
+    /// Members of band `band`, chunk by chunk.
+    pub(super) fn members(&self, band: usize) -> impl Iterator<Item = &Members> {
+        self.chunks[..self.used].iter().map(move |chunk| &chunk[band])
+    }
+
+    fn fill_nodes(&mut self, plan: &ExposurePlan) {
+        if self.nodes.len() < plan.lists.len() {
+            self.nodes.resize_with(plan.lists.len(), NodeColumns::default);
+        }
+        for (columns, list) in self.nodes.iter_mut().zip(&plan.lists) {
+            let nodes = if matches!(list.drawing, Drawing::Nodes) { plan.nodes_of(list) } else { &[] };
+            columns.fill(nodes);
+        }
+    }
+}
+
+impl NodeColumns {
+    fn fill(&mut self, nodes: &[PathNode]) {
+        self.count = nodes.len();
+        self.padded = nodes.len().next_multiple_of(NODE_LANES);
+        self.values.clear();
+        self.values.resize((POSE + 1) * self.padded, 0.0);
+        for (i, node) in nodes.iter().enumerate() {
+            self.values[i] = node.weight as f32;
+            for (k, value) in node.pose.0.iter().enumerate() {
+                self.values[(k + 1) * self.padded + i] = *value as f32;
+            }
+        }
+    }
+
+    /// Number `k` (0: weight) of the nodes from `first`.
+    #[inline(always)]
+    pub(super) fn lanes(&self, k: usize, first: usize) -> &[f32; NODE_LANES] {
+        const NONE: [f32; NODE_LANES] = [0.0; NODE_LANES];
+        let at = k * self.padded + first;
+        self.values.get(at..at + NODE_LANES).and_then(|lanes| lanes.try_into().ok()).unwrap_or(&NONE)
+    }
+}
+
+/// Room for half as many again, so that a slowly changing field does not allocate in every frame.
+fn reserve<T>(members: &mut Vec<T>) {
+    if members.len() + members.len() / 4 > members.capacity() {
+        members.reserve(members.len() + 16);
+    }
+}
+
+/// Splits a position into pixel and fraction.
+#[allow(clippy::cast_possible_truncation, reason = "the planner keeps positions within a few detectors of the origin")]
+fn spot(px: [f64; 2], electrons: f64, kernel: u32) -> Spot {
+    let (column, row) = ((px[0] + 0.5).floor(), (px[1] + 0.5).floor());
+    Spot {
+        column: column as i32,
+        row: row as i32,
+        fraction: [(px[0] - column) as f32, (px[1] - row) as f32],
+        electrons: electrons as f32,
+        kernel,
+    }
+}
+
+fn sort_star(
+    plan: &ExposurePlan,
+    star: &PlannedStar,
+    half_px: usize,
+    kernel: Option<usize>,
+    rows: usize,
+    chunk: &mut [Members],
+) {
+    let list = plan.list_of(star);
+    let half = half_px.cast_signed() as i64;
+    if !matches!(list.drawing, Drawing::Nodes) {
+        let kernel = kernel.and_then(|kernel| u32::try_from(kernel).ok()).unwrap_or(NO_KERNEL);
+        let spot = spot(star.mean_px, star.electrons, kernel);
+        let row = i64::from(spot.row);
+        for band in bands_of(row - half, row + half, rows) {
+            chunk[band].spots.push(spot);
+        }
+        return;
+    }
+    let track = StarTrack::new(&plan.camera, star.place);
+    let origin_px = plan.origin_px(star, &track);
+    let trail = Trail {
+        spot: spot(origin_px, star.electrons, NO_KERNEL),
+        list: star.list,
+        tangent: star.place.tangent.to_array().map(|v| v as f32),
+        px_per_tangent: track.px_per_tangent.map(|row| row.map(|v| v as f32)),
+        from_principal_px: track.from_principal_px.map(|v| v as f32),
+    };
+    // The path stays within its extent of the mean; one pixel for what the probes did not see, one for rounding.
+    #[allow(clippy::cast_possible_truncation, reason = "a path on a detector, px")]
+    let reach = half + plan.extent_px.ceil() as i64 + 2;
+    #[allow(clippy::cast_possible_truncation, reason = "the planner keeps positions within a few detectors")]
+    let row = star.mean_px[1].round() as i64;
+    for band in bands_of(row - reach, row + reach, rows) {
+        chunk[band].trails.push(trail);
+    }
+}
+
+/// Bands that hold any of the rows `first..=last`.
+fn bands_of(first: i64, last: i64, rows: usize) -> core::ops::Range<usize> {
+    let (first, last) = (first.max(0), last.min(rows as i64 - 1));
+    if first > last {
+        return 0..0;
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the image's rows")]
+    let bands = first as usize / BAND_ROWS..last as usize / BAND_ROWS + 1;
+    bands
+}
