@@ -21,7 +21,7 @@ const MOTION_SHARE: f64 = 0.5;
 /// Centroid error a table of [`TABLE_ERROR`] leaves, px (measured at most 3e-5 for sigma 0.3 to 1.2).
 const TABLE_CENTROID_PX: f64 = 1e-4;
 /// Rounding of single-precision drawing, px.
-const F32_CENTROID_PX: f64 = 1e-6;
+const F32_CENTROID_PX: f64 = 5e-6;
 /// Bias of the single-precision error function in a star's sum.
 const F32_FLUX: f64 = 1e-6;
 /// Rounding of one addition in single precision; sums over nodes wander as the root of their number.
@@ -236,16 +236,18 @@ impl Chooser {
         extent_px: f64,
         probes: &Probes,
     ) -> StarClass {
-        let assessed = || self.weighed.iter().map(|weighed| self.assess(weighed, class, budget, extent_px, probes));
-        let fixed = match self.choice {
-            MethodChoice::Fixed(name, _) => assessed().find(|a| a.method.name() == name),
-            MethodChoice::Auto if rung >= Rung::MotionOut => assessed().find(|a| a.method == Method::Static),
+        let wanted = match self.choice {
+            MethodChoice::Fixed(name, _) => Some(name),
+            MethodChoice::Auto if rung >= Rung::MotionOut => Some(MethodName::Static),
             MethodChoice::Auto => None,
         };
-        let cheapest = || assessed().filter(|a| a.verdict.is_met()).min_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
+        let of_wanted = |weighed: &&Weighed| wanted.is_none_or(|name| weighed.method.name() == name);
+        let weighed = || self.weighed.iter().filter(of_wanted);
+        let assessed = || weighed().map(|weighed| self.assess(weighed, class, budget, extent_px, probes));
+        let cheapest = assessed().filter(|a| a.verdict.is_met()).min_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
         let least_wrong =
             || assessed().filter(|a| a.verdict.is_drawable()).min_by(|a, b| a.centroid_px.total_cmp(&b.centroid_px));
-        let chosen = fixed.or_else(cheapest).or_else(least_wrong).unwrap_or(class.chosen);
+        let chosen = cheapest.or_else(least_wrong).or_else(|| assessed().next()).unwrap_or(class.chosen);
         StarClass { chosen, bands: if chosen.method.kernels() > 0 { 1 } else { self.bands }, ..*class }
     }
 

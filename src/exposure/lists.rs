@@ -1,12 +1,13 @@
 //! The chosen methods' nodes, and which star is drawn with which list.
 
 use crate::astrometry::CameraGeometry;
+use crate::exposure::correction::Correction;
 use crate::exposure::method::Method;
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::nodes;
 use crate::exposure::plan::{Drawing, ExposurePlan, NodeList, PlannedStar};
 use crate::exposure::pose::{PathNode, Pose, mean_pose};
-use crate::exposure::probes::Probes;
+use crate::exposure::probes::{Probes, SIDE};
 use crate::exposure::track::{StarPlace, StarTrack};
 
 /// Buffers kept from frame to frame.
@@ -68,13 +69,29 @@ fn push_band(
         (Method::Gaussian | Method::EffectivePsf { .. }, Some(centre)) => Drawing::Kernel(centre.track),
         _ => Drawing::Nodes,
     };
-    push_list(plan, first, drawing);
+    push_list(plan, probes, first, drawing);
 }
 
-fn push_list(plan: &mut ExposurePlan, first: usize, drawing: Drawing) {
-    let nodes = first..plan.nodes.len();
-    let mean = mean_pose(&plan.nodes[nodes.clone()]);
-    plan.lists.push(NodeList { nodes, mean, drawing });
+fn push_list(plan: &mut ExposurePlan, probes: &Probes, first: usize, drawing: Drawing) {
+    let range = first..plan.nodes.len();
+    let nodes = &plan.nodes[range.clone()];
+    let mean = mean_pose(nodes);
+    let correction = if drawing == Drawing::Nodes { correction(nodes, &mean, probes) } else { Correction::none() };
+    plan.lists.push(NodeList { nodes: range, mean, correction, drawing });
+}
+
+/// What the mean displacement at the probes is more than that of the mean pose.
+fn correction(nodes: &[PathNode], mean: &Pose, probes: &Probes) -> Correction {
+    let camera = &probes.camera;
+    let mut off = [[0.0; 2]; SIDE * SIDE];
+    for (off, probe) in off.iter_mut().zip(&probes.probes) {
+        let [x, y] = probe.track.displacement_px(mean);
+        *off = nodes.iter().fold([-x, -y], |[x, y], node| {
+            let [dx, dy] = probe.track.displacement_px(&node.pose);
+            [x + node.weight * dx, y + node.weight * dy]
+        });
+    }
+    Correction::through([camera.width_px(), camera.height_px()].map(|side| (side as f64 - 1.0).max(1.0)), off)
 }
 
 /// Appends the nodes of `method` for rows that are exposed `delay_s` late.
@@ -160,7 +177,7 @@ fn fill_zones(
             let Some(place) = StarPlace::of_pixel(camera, [at(column, columns, width), y_px]) else { continue };
             used[zone] = u32::try_from(plan.lists.len()).unwrap_or(UNUSED);
             let drawing = Drawing::Kernel(StarTrack::new(camera, place));
-            plan.lists.push(NodeList { nodes, mean, drawing });
+            plan.lists.push(NodeList { nodes, mean, correction: Correction::none(), drawing });
         }
     }
     let used = core::mem::take(&mut buffers.used);

@@ -6,14 +6,13 @@
 //! [`Probes::mean_error_px`] measures what is left.
 
 use crate::astrometry::CameraGeometry;
+use crate::exposure::correction::{Correction, quadratic};
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::pose::Pose;
 use crate::exposure::probes::{Probes, SIDE};
 use crate::exposure::track::StarTrack;
 use crate::optics::quadrature::gauss_legendre_node;
 
-/// Corrections below this are nothing, px.
-const NOTHING_PX: f64 = 1e-9;
 /// Midpoints in time from which a row's mean pose is taken when there is jitter.
 const ROW_SAMPLES: usize = 256;
 /// Gauss-Legendre nodes in time for smooth motion.
@@ -27,8 +26,7 @@ pub struct MeanField {
     size_px: [f64; 2],
     /// Mean pose at equally spaced rows (one: the same for all rows).
     poses: Vec<Pose>,
-    corrections: [[f64; 2]; SIDE * SIDE],
-    is_corrected: bool,
+    correction: Correction,
     moves: bool,
 }
 
@@ -39,8 +37,7 @@ impl MeanField {
         Self {
             size_px: [camera.width_px(), camera.height_px()].map(|side| (side as f64 - 1.0).max(1.0)),
             poses: Vec::with_capacity(ROLLING_ROWS),
-            corrections: [[0.0; 2]; SIDE * SIDE],
-            is_corrected: false,
+            correction: Correction::none(),
             moves: false,
         }
     }
@@ -58,14 +55,12 @@ impl MeanField {
                 self.poses.extend((0..ROLLING_ROWS).map(|row| row_mean(motion, delay_s(row))));
             }
         }
-        self.is_corrected = false;
-        self.corrections = [[0.0; 2]; SIDE * SIDE];
-        for (i, probe) in probes.probes.iter().enumerate().take(SIDE * SIDE) {
+        let mut off = [[0.0; 2]; SIDE * SIDE];
+        for (off, probe) in off.iter_mut().zip(&probes.probes) {
             let [x, y] = probe.track.displacement_px(&self.pose_at(probe.track.place.mid_px[1]));
-            let off = [probe.mean_px[0] - x, probe.mean_px[1] - y];
-            self.is_corrected |= off[0].abs().max(off[1].abs()) > NOTHING_PX;
-            self.corrections[i] = off;
+            *off = [probe.mean_px[0] - x, probe.mean_px[1] - y];
         }
+        self.correction = Correction::through(self.size_px, off);
     }
 
     /// True when every star stays where it stands at mid-exposure.
@@ -103,24 +98,8 @@ impl MeanField {
             moved = track.displacement_px(&self.pose_at(y_px + moved[1]));
             moved = track.displacement_px(&self.pose_at(y_px + moved[1]));
         }
-        let [cx, cy] = self.correction(track.place.mid_px);
+        let [cx, cy] = self.correction.at(track.place.mid_px);
         [moved[0] + cx, moved[1] + cy]
-    }
-
-    fn correction(&self, px: [f64; 2]) -> [f64; 2] {
-        if !self.is_corrected {
-            return [0.0; 2];
-        }
-        let weights = |axis: usize| quadratic(2.0 * (px[axis] / self.size_px[axis]).clamp(-0.5, 1.5) - 1.0);
-        let (across, down) = (weights(0), weights(1));
-        let mut sum = [0.0; 2];
-        for (row, wy) in self.corrections.chunks_exact(SIDE).zip(down) {
-            for (value, wx) in row.iter().zip(across) {
-                sum[0] += wx * wy * value[0];
-                sum[1] += wx * wy * value[1];
-            }
-        }
-        sum
     }
 }
 
@@ -134,9 +113,4 @@ fn row_mean(motion: &Motion, delay_s: f64) -> Pose {
         let taus = (0..ROW_SAMPLES).map(|i| (i as f64 + 0.5) * share - 0.5);
         taus.fold(Pose::STILL, |mean, tau| mean.plus(share, &motion.pose_at(tau, delay_s)))
     }
-}
-
-/// Lagrange weights at `t` for points at -1, 0, 1.
-fn quadratic(t: f64) -> [f64; 3] {
-    [0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)]
 }

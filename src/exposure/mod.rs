@@ -5,6 +5,7 @@
 //! few probes is known before a single pixel is drawn ([`weigh`]). `starloop check` prints what was chosen and why.
 
 mod choice;
+pub mod correction;
 pub mod cost;
 pub mod cut_off;
 pub mod ladder;

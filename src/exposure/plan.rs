@@ -1,6 +1,7 @@
 //! The plan of one exposure: plain data that any backend can draw.
 
 use crate::astrometry::CameraGeometry;
+use crate::exposure::correction::Correction;
 use crate::exposure::ladder::Rung;
 use crate::exposure::method::Method;
 use crate::exposure::moments::TracePoint;
@@ -48,6 +49,8 @@ pub struct NodeList {
     pub nodes: Range<usize>,
     /// Their mean pose.
     pub mean: Pose,
+    /// What the mean of the nodes' displacements is more than the displacement of the mean pose.
+    pub correction: Correction,
     /// What is drawn.
     pub drawing: Drawing,
 }
@@ -198,8 +201,9 @@ impl ExposurePlan {
     /// Where a star's poses count from when it is drawn node by node: its mean comes out at `mean_px`.
     #[must_use]
     pub fn origin_px(&self, star: &PlannedStar, track: &StarTrack) -> [f64; 2] {
-        let [x, y] = track.displacement_px(&self.list_of(star).mean);
-        [star.mean_px[0] - x, star.mean_px[1] - y]
+        let list = self.list_of(star);
+        let ([x, y], [cx, cy]) = (track.displacement_px(&list.mean), list.correction.at(star.place.mid_px));
+        [star.mean_px[0] - x - cx, star.mean_px[1] - y - cy]
     }
 
     /// Displacement about its mean, for every node, of a star that stands where the kernel is made: the shape of an
