@@ -14,7 +14,7 @@ pub enum Stage {
     Prnu = 1,
     /// Dark-signal non-uniformity: fixed pattern, frame 0.
     Dsnu = 2,
-    /// Poisson draws beyond the block's own words (rare).
+    /// Words of one pixel's own, by attempt: Poisson draws by rejection.
     Overflow = 3,
 }
 
@@ -65,6 +65,13 @@ pub fn counter(frame: u32, block: u32, stage: Stage) -> [u32; 4] {
     [block, frame, stage as u32, 0]
 }
 
+/// Counter of attempt `attempt` of `block`, where one draw may need several blocks of words.
+#[inline(always)]
+#[must_use]
+pub fn attempt_counter(frame: u32, block: u32, stage: Stage, attempt: u32) -> [u32; 4] {
+    [block, frame, stage as u32, attempt]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -86,5 +93,6 @@ mod tests {
         assert_ne!(base, philox(counter(2, 2, Stage::Temporal), key(3)), "frame");
         assert_ne!(base, philox(counter(1, 2, Stage::Prnu), key(3)), "stage");
         assert_ne!(base, philox(counter(1, 2, Stage::Temporal), key(4)), "seed");
+        assert_ne!(base, philox(attempt_counter(1, 2, Stage::Temporal, 1), key(3)), "attempt");
     }
 }

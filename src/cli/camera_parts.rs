@@ -48,6 +48,7 @@ pub fn camera_params(camera: &config::Camera) -> Result<CameraParams> {
             dark_e_per_s: detector.dark_e_per_s,
             prnu: detector.prnu,
             dsnu_e_rms: detector.dsnu_e_rms,
+            poisson: detector.poisson,
         },
         limiting_mag: camera.radiometry.limiting_mag as f32,
         exposure_s: camera.exposure.exposure_s,

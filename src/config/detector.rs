@@ -2,6 +2,7 @@
 
 use crate::config::check::{Checker, Rule};
 use crate::config::error::ConfigError;
+use crate::detector::PoissonMethod;
 use serde::Deserialize;
 
 const LARGEST_SIDE_PX: u32 = 16_384;
@@ -39,6 +40,8 @@ pub struct Detector {
     pub dsnu_e_rms: f64,
     /// Electrons per photon, averaged over the band, fill factor included.
     pub quantum_efficiency: f64,
+    /// How shot noise is drawn.
+    pub poisson: PoissonMethod,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -57,6 +60,7 @@ pub(super) struct DetectorKeys {
     prnu: Option<f64>,
     dsnu_e_rms: Option<f64>,
     quantum_efficiency: Option<f64>,
+    poisson: Option<String>,
 }
 
 impl Detector {
@@ -96,6 +100,9 @@ impl Detector {
         let gain = "electrons per DN: full well / (2^bits - 1 - black level) uses the whole range";
         let gain_e_per_dn =
             check.number("detector.gain_e_per_dn", keys.gain_e_per_dn, matching_gain, Rule::Positive, gain)?;
+        let methods = PoissonMethod::ALL.map(|method| (method.name(), method));
+        let poisson = "how shot noise is drawn; \"auto\" serves all means, and is the only one on a GPU";
+        let poisson = check.choice("detector.poisson", keys.poisson.as_deref(), &methods, poisson)?;
         let mut number = |key: &str, given, default, rule, advice| {
             check.number(&format!("detector.{key}"), given, default, rule, advice)
         };
@@ -137,6 +144,7 @@ impl Detector {
                 Rule::PositiveUpTo(1.0),
                 "a fraction of the photons: 45 % is 0.45",
             )?,
+            poisson,
         })
     }
 }

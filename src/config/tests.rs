@@ -146,6 +146,16 @@ fn wrong_types_and_broken_toml_show_the_line() {
 }
 
 #[test]
+fn shot_noise_is_drawn_as_the_camera_file_says() {
+    use crate::detector::PoissonMethod;
+    let of = |line: &str| camera_with("detector", line).expect("a camera").detector.poisson;
+    assert_eq!(of(""), PoissonMethod::Auto, "the default");
+    for method in PoissonMethod::ALL {
+        assert_eq!(of(&format!("poisson = \"{method}\"")), method);
+    }
+}
+
+#[test]
 fn each_camera_rule_has_a_failing_example() {
     assert_refused(camera(""), "detector.width_px", &["missing", "whole number"]);
     let no_focal = MINIMAL_CAMERA.replace("focal_length_mm = 25", "");
@@ -167,6 +177,11 @@ fn each_camera_rule_has_a_failing_example() {
         ("detector", "dark_temperature_c = -300", ["-273.15", "Celsius"]),
         ("detector", "prnu = 5", ["0 to 0.5", "0.01"]),
         ("detector", "dsnu_e_rms = inf", ["0 or more", "turns it off"]),
+        (
+            "detector",
+            "poisson = \"cornish\"",
+            ["\"inversion\", \"cornish-fisher\", \"ptrs\"", "did you mean \"cornish-fisher\""],
+        ),
         ("detector", "quantum_efficiency = 45", ["up to 1", "0.45"]),
         ("optics", "aperture_mm = 0", ["above 0", "millimetres"]),
         ("optics", "obscuration = 1", ["0 to 0.95", "ratio"]),

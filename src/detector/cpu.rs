@@ -4,7 +4,8 @@ use crate::base::image::{DnImage, Image};
 use crate::base::random::{Stage, key};
 use crate::detector::block::{BLOCK, Words};
 use crate::detector::params::Constants;
-use crate::detector::{DetectorParams, Effect, ORDER, adc, full_well, pattern, poisson, read_noise};
+use crate::detector::poisson::{BlockPlace, draw_by};
+use crate::detector::{DetectorParams, Effect, ORDER, PoissonMethod, adc, full_well, pattern, read_noise};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
@@ -26,6 +27,7 @@ struct Exposure<'a> {
     constants: Constants,
     key: [u32; 2],
     frame: u32,
+    poisson: PoissonMethod,
     prnu: Option<&'a [f32]>,
     dsnu_e: Option<&'a [f32]>,
 }
@@ -90,6 +92,7 @@ impl Detector {
             constants: Constants::new(&self.params, exposure_s),
             key: key(self.seed),
             frame,
+            poisson: self.params.poisson,
             prnu: self.prnu.as_deref(),
             dsnu_e: self.dsnu_e.as_deref(),
         };
@@ -165,7 +168,10 @@ impl Exposure<'_> {
                 }
             }
             Effect::Dark => electrons.iter_mut().for_each(|e| *e += c.dark_e),
-            Effect::Shot => poisson::draw::<FUSED>(electrons, &words.shot),
+            Effect::Shot => {
+                let place = BlockPlace { first_pixel: first as u32, frame: self.frame, key: self.key };
+                draw_by::<FUSED>(self.poisson, electrons, &words.shot, place);
+            }
             Effect::FullWell => full_well::clip(electrons, c.full_well_e),
             Effect::Offset => {
                 if let Some(map) = self.dsnu_e {

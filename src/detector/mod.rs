@@ -17,6 +17,7 @@ pub mod read_noise;
 
 pub use cpu::Detector;
 pub use params::DetectorParams;
+pub use poisson::PoissonMethod;
 
 /// The stages, named.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

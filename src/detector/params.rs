@@ -1,5 +1,7 @@
 //! Detector parameters in the terms of EMVA 1288 and ECSS.
 
+use crate::detector::poisson::PoissonMethod;
+
 /// One detector.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DetectorParams {
@@ -19,6 +21,8 @@ pub struct DetectorParams {
     pub prnu: f64,
     /// Dark-signal non-uniformity, e- rms.
     pub dsnu_e_rms: f64,
+    /// How shot noise is drawn; a GPU knows [`PoissonMethod::Auto`] only.
+    pub poisson: PoissonMethod,
 }
 
 impl DetectorParams {

@@ -32,6 +32,16 @@ pub enum GpuError {
     /// the device failed or was lost
     #[error("the GPU failed: {0}")]
     Failed(String),
+    /// something that only the CPU can do
+    #[error("{what} \"{got}\" is not drawn on a GPU: wanted \"{wanted}\", or the CPU backend")]
+    CpuOnly {
+        /// The parameter.
+        what: &'static str,
+        /// Its value.
+        got: String,
+        /// The value that a GPU knows.
+        wanted: &'static str,
+    },
     /// an image of one size met a pass made for another
     #[error("{what}: got an image of {got:?} px, wanted {wanted:?}")]
     Size {

@@ -4,7 +4,7 @@ use crate::base::clock::Stopwatch;
 use crate::base::image::{DnImage, Image};
 use crate::base::time::Span;
 use crate::detector::gpu::GpuDetector;
-use crate::detector::{Detector, DetectorParams};
+use crate::detector::{Detector, DetectorParams, PoissonMethod};
 use crate::exposure::ExposurePlan;
 use crate::exposure::cost::CostModel;
 use crate::gpu::{AdapterChoice, Electrons, GpuDevice};
@@ -56,7 +56,7 @@ impl Imager {
     /// For a detector of this size.
     ///
     /// # Errors
-    /// When the GPU was asked for and there is none.
+    /// When the GPU was asked for and there is none, or it cannot draw by the detector's Poisson method.
     pub fn new(
         choice: BackendChoice,
         params: DetectorParams,
@@ -72,6 +72,10 @@ impl Imager {
                 Ok(Self::on_host(backend, detector, CostModel::REFERENCE, None))
             }
             BackendChoice::Gpu => Self::on_device(GpuDevice::open(&AdapterChoice::Best)?, &detector, size_px),
+            BackendChoice::Auto if params.poisson != PoissonMethod::Auto => {
+                let note = format!("only the CPU draws shot noise by \"{}\": using the CPU backend", params.poisson);
+                Ok(Self::on_host(Box::new(Cpu::new(width, height)), detector, CostModel::CPU, Some(note)))
+            }
             BackendChoice::Auto => {
                 let note = match GpuDevice::open(&AdapterChoice::Best) {
                     Ok(gpu) if !gpu.is_software() => return Self::on_device(gpu, &detector, size_px),

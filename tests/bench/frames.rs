@@ -10,7 +10,7 @@ use starloop::base::image::DnImage;
 use starloop::base::random::philox;
 use starloop::base::time::{Span, Tai};
 use starloop::detector::gpu::GpuDetector;
-use starloop::detector::{Detector, DetectorParams};
+use starloop::detector::{Detector, DetectorParams, PoissonMethod};
 use starloop::exposure::cost::CostModel;
 use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
 use starloop::exposure::{MethodChoice, PixelPath, PixelPoint, PsfSampling, Shutter};
@@ -90,6 +90,7 @@ fn detector() -> Detector {
         dark_e_per_s: 30.0,
         prnu: 0.01,
         dsnu_e_rms: 2.0,
+        poisson: PoissonMethod::Auto,
     };
     Detector::new(params, SIZE, SIZE, 1)
 }

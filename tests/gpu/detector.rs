@@ -3,7 +3,7 @@
 use crate::scene::{DnDifference, EXPOSURE_S, Motion, Scene, detector, device, draw_cpu, draw_gpu, star};
 use starloop::base::image::{DnImage, Image};
 use starloop::detector::gpu::GpuDetector;
-use starloop::detector::{Detector, DetectorParams};
+use starloop::detector::{Detector, DetectorParams, PoissonMethod};
 use starloop::exposure::Source;
 use starloop::gpu::{DeviceElectrons, GpuDevice, GpuError};
 use starloop::optics::PsfModel;
@@ -114,4 +114,21 @@ fn images_of_another_size_are_refused() {
     assert!(matches!(refused, Err(GpuError::Size { got: [64, 31], wanted: [64, 32], .. })), "{refused:?}");
     let mut gpu = Gpu::new(device, 64, 32).expect("a backend");
     assert!(gpu.read_electrons(&mut Image::new(32, 64)).is_err(), "rows and columns swapped");
+}
+
+#[test]
+fn a_poisson_method_of_the_cpu_alone_is_refused() {
+    let Some(device) = device() else { return };
+    for poisson in PoissonMethod::ALL {
+        let params = DetectorParams { poisson, ..*detector([64, 32], 1.0, 1).params() };
+        let made = GpuDetector::new(device.clone(), &Detector::new(params, 64, 32, 1), 64, 32);
+        match made.err() {
+            None => assert_eq!(poisson, PoissonMethod::Auto, "drawn as auto without a word"),
+            Some(error) => {
+                assert!(matches!(&error, GpuError::CpuOnly { got, .. } if got == poisson.name()), "{error}");
+                assert!(error.to_string().contains("wanted \"auto\", or the CPU backend"), "{error}");
+                assert_ne!(poisson, PoissonMethod::Auto);
+            }
+        }
+    }
 }

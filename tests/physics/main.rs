@@ -5,5 +5,6 @@ mod apparent_places;
 mod bounds;
 mod frames;
 mod noise;
+mod poisson_methods;
 mod scene;
 mod stamps;

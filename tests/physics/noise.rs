@@ -4,14 +4,14 @@
 //! [`STANDARD_ERRORS`] (false alarm 6e-7 each), chi-square at [`FALSE_ALARM_Z`].
 
 use starloop::base::image::{DnImage, ElectronImage, Image};
-use starloop::detector::{Detector, DetectorParams};
+use starloop::detector::{Detector, DetectorParams, PoissonMethod};
 
 /// Side of the images, px.
 const SIZE: usize = 512;
 /// Pixels of an image.
 const PIXELS: usize = SIZE * SIZE;
 /// Moments may be off by so many standard errors: false alarm 5.7e-7.
-const STANDARD_ERRORS: f64 = 5.0;
+pub(crate) const STANDARD_ERRORS: f64 = 5.0;
 /// Normal quantile of the chi-square tests' false-alarm rate, 1e-5.
 const FALSE_ALARM_Z: f64 = 4.265;
 /// Least expected count of a chi-square bin.
@@ -22,7 +22,7 @@ const EXPOSURE_S: f64 = 0.1;
 const SEED: u64 = 20_240_601;
 
 /// Nothing but shot noise, one electron per DN.
-fn shot_only() -> DetectorParams {
+pub(crate) fn shot_only() -> DetectorParams {
     DetectorParams {
         full_well_e: 1e7,
         gain_e_per_dn: 1.0,
@@ -32,6 +32,7 @@ fn shot_only() -> DetectorParams {
         dark_e_per_s: 0.0,
         prnu: 0.0,
         dsnu_e_rms: 0.0,
+        poisson: PoissonMethod::Auto,
     }
 }
 
@@ -70,8 +71,13 @@ fn central(values: &[f64], order: i32) -> f64 {
 
 /// Counted electrons at mean `lambda`: DN with the black level moved down so that 16 bits hold them.
 fn counts(lambda: f64, frames: u32) -> Vec<f64> {
+    counts_by(PoissonMethod::Auto, lambda, frames)
+}
+
+/// The same, drawn by `poisson`.
+pub(crate) fn counts_by(poisson: PoissonMethod, lambda: f64, frames: u32) -> Vec<f64> {
     let below = if lambda > 6e4 { (lambda - 3e4).round() } else { 0.0 };
-    let params = DetectorParams { black_level_dn: -below, ..shot_only() };
+    let params = DetectorParams { black_level_dn: -below, poisson, ..shot_only() };
     values(params, lambda, frames).into_iter().map(|dn| dn + below).collect()
 }
 
@@ -81,7 +87,7 @@ fn poisson(k: f64, lambda: f64) -> f64 {
 }
 
 /// Chi-square of `counts` against Poisson's law, and the value it must not pass.
-fn chi_square(counts: &[f64], lambda: f64) -> (f64, f64) {
+pub(crate) fn chi_square(counts: &[f64], lambda: f64) -> (f64, f64) {
     let n = counts.len() as f64;
     let spread = 8.0 * lambda.sqrt() + 12.0;
     let (low, high) = ((lambda - spread).floor().max(0.0), (lambda + spread).ceil());
@@ -112,7 +118,7 @@ fn chi_square(counts: &[f64], lambda: f64) -> (f64, f64) {
 }
 
 /// Standard errors by which mean and variance of `counts` are off Poisson's.
-fn moment_errors(counts: &[f64], lambda: f64) -> [f64; 2] {
+pub(crate) fn moment_errors(counts: &[f64], lambda: f64) -> [f64; 2] {
     let n = counts.len() as f64;
     // Variance of a sample variance: (mu4 - s^4) / n with mu4 = lambda + 3 lambda^2.
     let of_variance = ((lambda + 2.0 * lambda * lambda) / n).sqrt();

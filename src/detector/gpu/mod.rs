@@ -5,6 +5,8 @@
 //! or the processor fuses a multiply-add, a Poisson count or the ADC's rounding may fall on the other side, one DN at
 //! most when the gain is 1 e-/DN or more. `tests/gpu` bounds how often.
 //!
+//! Shot noise is drawn by `PoissonMethod::Auto` only; another method is refused when the detector is made.
+//!
 //! The numbers inside the shader's elementary functions are those of [`crate::detector::elementary`]; a slip in any of
 //! them shows in `tests/gpu` as a share of differing pixels far beyond the bound.
 
@@ -13,7 +15,7 @@ use crate::base::image::DnImage;
 use crate::base::random::{Stage, key};
 use crate::detector::params::Constants;
 use crate::detector::poisson::INVERSION_LIMIT;
-use crate::detector::{Detector, DetectorParams};
+use crate::detector::{Detector, DetectorParams, PoissonMethod};
 use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::passes::{ComputePass, WORKGROUP, grid};
 use crate::gpu::readback::ReadbackRing;
@@ -67,8 +69,13 @@ impl GpuDetector {
     /// `detector` on the device: its parameters, seed and fixed patterns, for images of this size.
     ///
     /// # Errors
-    /// When the device refuses the shader or an image of this size.
+    /// When the device refuses the shader or an image of this size, or the Poisson method is not `auto`.
     pub fn new(gpu: Arc<GpuDevice>, detector: &Detector, width_px: usize, height_px: usize) -> Result<Self, GpuError> {
+        let poisson = detector.params().poisson;
+        if poisson != PoissonMethod::Auto {
+            let wanted = PoissonMethod::Auto.name();
+            return Err(GpuError::CpuOnly { what: "Poisson method", got: poisson.to_string(), wanted });
+        }
         let pairs = (width_px * height_px).div_ceil(2) as u64;
         let (prnu, dsnu_e) = detector.patterns();
         let patterns = u32::from(prnu.is_some()) | u32::from(dsnu_e.is_some()) << 1;

@@ -327,7 +327,9 @@ impl Resources {
 impl From<GpuError> for RenderError {
     fn from(error: GpuError) -> Self {
         match error {
-            GpuError::NoAdapter { .. } | GpuError::NoDevice { .. } => Self::NoGpu(error.to_string()),
+            GpuError::NoAdapter { .. } | GpuError::NoDevice { .. } | GpuError::CpuOnly { .. } => {
+                Self::NoGpu(error.to_string())
+            }
             GpuError::TooLarge { what, got, most } => Self::TooLarge {
                 what,
                 got: usize::try_from(got).unwrap_or(usize::MAX),

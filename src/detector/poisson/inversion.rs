@@ -1,0 +1,106 @@
+//! Inversion: mean electrons and one 24-bit uniform -> the count at which the distribution function passes it.
+//!
+//! The function is summed term by term, `p(k) = p(k - 1) mean / k` from `p(0) = exp(-mean)`, in single precision.
+//! Domain: 0 to [`INVERSION_LIMIT`], beyond which the steps cost more than Cornish-Fisher (and from 87 on `exp(-mean)`
+//! is no normal f32); a mean above the limit is drawn as the limit. The tail ends at 4.8 sigma.
+//! Held by the tests below, `tests/physics/poisson_methods.rs` and `tests/physics/noise.rs`.
+
+use crate::detector::elementary::{exp_negative, unit};
+use crate::detector::poisson::GROUP;
+
+/// Mean from which Cornish-Fisher takes over (12 already fails a chi-square test; 20 passes).
+pub const INVERSION_LIMIT: f32 = 20.0;
+/// Steps between looks at whether all pixels are done.
+const STEPS: usize = 4;
+/// More steps than any mean below the limit needs (20 + 6 sqrt 20 = 47).
+const MOST_STEPS: f32 = 64.0;
+/// Uniforms end here: f32 sums of the distribution reach this in any order of rounding (50 steps of 2^-25).
+const LARGEST_UNIFORM: f32 = 1.0 - 1.0 / 1_048_576.0;
+/// What [`LARGEST_UNIFORM`] cuts off the tail.
+const TAIL: f64 = 1.0 / 1_048_576.0;
+/// Relative error of `exp_negative`, by its own test.
+const EXP_REL: f64 = 4e-7;
+
+/// Counts of a group; means at or above the limit are drawn as the limit.
+#[inline(always)]
+pub fn invert<const FUSED: bool>(electrons: &mut [f32; GROUP], words: &[u32; GROUP]) {
+    let mut mean = [0.0_f32; GROUP];
+    let mut u = [0.0_f32; GROUP];
+    let mut term = [0.0_f32; GROUP];
+    for i in 0..GROUP {
+        let uniform = unit(words[i]);
+        u[i] = if uniform < LARGEST_UNIFORM { uniform } else { LARGEST_UNIFORM };
+        mean[i] = if electrons[i] < INVERSION_LIMIT { electrons[i] } else { INVERSION_LIMIT };
+        term[i] = exp_negative::<FUSED>(mean[i]);
+    }
+    let mut sum = term;
+    let mut count = [0.0_f32; GROUP];
+    let mut step = 0.0_f32;
+    while step < MOST_STEPS {
+        for _ in 0..STEPS {
+            step += 1.0;
+            let reciprocal = 1.0 / step;
+            for i in 0..GROUP {
+                count[i] += if u[i] >= sum[i] { 1.0 } else { 0.0 };
+                term[i] *= mean[i] * reciprocal;
+                sum[i] += term[i];
+            }
+        }
+        let mut left = 0_u32;
+        for i in 0..GROUP {
+            left |= u32::from(u[i] >= sum[i]);
+        }
+        if left == 0 {
+            break;
+        }
+    }
+    *electrons = count;
+}
+
+/// Bound on the Kolmogorov distance: one word, the cut tail, the rounding of `exp`, three roundings of every term
+/// (`sum of k p(k) = mean`), half a unit of every sum up to 6 sigma. Beyond the limit nothing is promised.
+#[must_use]
+pub fn error_bound(lambda: f64) -> f64 {
+    const WORD: f64 = 1.0 / 16_777_216.0;
+    if lambda > f64::from(INVERSION_LIMIT) {
+        return 1.0;
+    }
+    let steps = lambda + 6.0 * lambda.sqrt() + 6.0;
+    WORD + TAIL + EXP_REL + 3.0 * lambda * WORD + 0.5 * steps * WORD
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn share_of_zero(lambda: f32) -> f64 {
+        let words: Vec<u32> = (0..1 << 16).map(|i: u32| i << 16).collect();
+        let (groups, _) = words.as_chunks::<GROUP>();
+        let zeros = groups.iter().map(|words| {
+            let mut counts = [lambda; GROUP];
+            invert::<false>(&mut counts, words);
+            counts.iter().filter(|k| **k < 0.5).count()
+        });
+        zeros.sum::<usize>() as f64 / 65_536.0
+    }
+
+    #[test]
+    fn no_count_comes_with_probability_exp_of_minus_the_mean() {
+        for lambda in [0.1_f32, 1.0, 3.0, 5.0] {
+            let wanted = (-f64::from(lambda)).exp();
+            let got = share_of_zero(lambda);
+            assert!((got - wanted).abs() < 2.0 / 65_536.0, "mean {lambda}: {got}, wanted {wanted}");
+            assert!((share_of_zero(lambda * 1.01) - wanted).abs() > 2.0 / 65_536.0, "1 % of mean {lambda} is seen");
+        }
+    }
+
+    #[test]
+    fn a_mean_beyond_the_limit_is_drawn_as_the_limit() {
+        let words = core::array::from_fn(|i| (i as u32) << 27);
+        let (mut at, mut beyond) = ([INVERSION_LIMIT; GROUP], [90.0; GROUP]);
+        invert::<false>(&mut at, &words);
+        invert::<false>(&mut beyond, &words);
+        assert_eq!(at, beyond);
+        assert!(error_bound(20.0) < 1e-5 && error_bound(20.1) >= 1.0);
+    }
+}
