@@ -2,6 +2,7 @@
 #![allow(clippy::panic, clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 mod apparent_places;
+mod attitude_methods;
 mod bounds;
 mod frames;
 mod noise;
