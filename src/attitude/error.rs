@@ -45,6 +45,16 @@ pub enum AttitudeError {
         /// Epoch of the oldest sample held.
         oldest: Tai,
     },
+    /// The instant is later than the newest sample, and the method needs one after it.
+    #[error(
+        "no attitude at {at} by interpolation: the newest sample is of {newest}; predict, or wait for the next one"
+    )]
+    AfterHistory {
+        /// The instant that was asked for.
+        at: Tai,
+        /// Epoch of the newest sample held.
+        newest: Tai,
+    },
     /// An exposure time that is no time.
     #[error("exposure of {exposure_s} s: wanted a finite time of zero or more")]
     ExposureTime {

@@ -8,6 +8,8 @@
 //! sample -> AttitudeHistory -> interpolate | predict | hold -> estimate
 //! burst | lines -> JitterHistory -> JitterTrack           (jitter)
 //! estimate + JitterTrack + mounting -> LosPath            (exposure_path, residual)
+//! MotionScale + Reach + budget -> which method is enough  (method, method_bound, motion_scale)
+//! AnalyticMotion -> errors found beside their bounds      (measured)
 //! ```
 //!
 //! After construction nothing here allocates: rings have a fixed capacity and the caller's buffers are reused.
@@ -20,6 +22,10 @@ mod history;
 mod interpolate;
 mod jitter;
 pub mod los;
+mod measured;
+mod method;
+mod method_bound;
+mod motion_scale;
 mod predict;
 mod residual;
 mod ring;
@@ -33,6 +39,9 @@ pub use history::AttitudeHistory;
 pub use interpolate::{hermite_error_bound_rad, interpolate};
 pub use jitter::{JitterCoverage, JitterHistory};
 pub use los::{JitterLine, JitterPoint, JitterTrack, LosPath, PathOrigin};
+pub use measured::{AnalyticMotion, MeasuredError, SinusoidTurn, measured_prediction_errors};
+pub use method::{AttitudeAssessment, AttitudeMethod, AttitudeVerdict, Reach, assess_methods, cheapest, state_by};
+pub use motion_scale::{MotionScale, Sinusoid};
 pub use predict::{AttitudeState, PredictionErrors, held_state, predict};
 pub use ring::{HistoryCounts, HistoryLimits};
 pub use sample::AttitudeSample;

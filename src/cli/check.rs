@@ -60,6 +60,7 @@ fn report(bench: &Bench) -> Result<String> {
     text.push('\n');
     text.push_str(CONVENTIONS);
     text.push('\n');
+    crate::cli::check_attitude::write_attitude(&mut text, bench)?;
     plans(&mut text, bench, start, &params, &imager)?;
     Ok(text)
 }

@@ -4,6 +4,7 @@ pub mod bench_parts;
 pub mod camera_parts;
 pub mod catalog;
 pub mod check;
+mod check_attitude;
 pub mod render;
 pub mod render_input;
 pub mod render_output;

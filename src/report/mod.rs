@@ -4,10 +4,12 @@
 //! (`summary::RunSummary`). Output: text. Nothing here reads a clock or knows another room.
 //!
 //! Tour: `stages` (where the time of a frame goes) -> `histogram` (quantiles, without allocation while running)
-//! -> `summary` and `machine` (JSON) -> `table` (the same for people) and `progress` (while it runs).
+//! -> `summary` and `machine` (JSON) -> `table` (the same for people) and `progress` (while it runs). Apart from a run:
+//! `plot` (charts as SVG).
 
 pub mod histogram;
 pub mod machine;
+pub mod plot;
 pub mod progress;
 pub mod stages;
 pub mod summary;
@@ -15,6 +17,7 @@ pub mod table;
 
 pub use histogram::{CountHistogram, CountSpread, Quantiles, StageHistogram};
 pub use machine::Machine;
+pub use plot::{Chart, pareto_front, to_svg};
 pub use progress::{Progress, progress_line};
 pub use stages::{Stage, StageHistograms, StageTimes};
 pub use summary::{EventLine, FrameCounts, LinkCounts, RunSummary};

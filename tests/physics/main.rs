@@ -1,7 +1,9 @@
 //! Physics: the stimulator against independent computations.
 #![allow(clippy::panic, clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+mod analytic_motion;
 mod apparent_places;
+mod attitude_methods;
 mod bounds;
 mod frames;
 mod noise;

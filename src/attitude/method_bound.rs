@@ -1,0 +1,142 @@
+//! Error bounds of the attitude methods: [`MotionScale`] and a time -> rad.
+//!
+//! *Prediction.* The angle between two attitudes grows no faster than their body rates differ, and the angle between
+//! products is at most the sum of the angles. So each part of a motion is bounded by itself: the smooth part by the
+//! first derivative that the method leaves out; a sinusoid by its worst phase, in closed form
+//! ([`worst_phase`]: it grows as `x^n / n!` first and much less once a period has passed, `x = w T`); what couples the
+//! parts by Leibniz' rule (`motion_scale.rs`), and the commutation of the prediction by
+//! [`PredictionErrors`].
+//!
+//! *Interpolation.* The cubic is that of the rotation vector `phi`. Hermite's remainder is `H^4 / 384` times the fourth
+//! derivative, or `H^3 / 96` times the third where only that is bounded (Peano kernel). A sinusoid takes the first, at
+//! most twice its amplitude and what its slopes add; all else takes the second. Third derivatives of `phi` follow
+//! from those of the rate through Bortz's equation, by majorants (its coefficients replaced by their magnitudes), up
+//! to a turn of 1 rad between samples.
+
+use crate::attitude::interpolate::hermite_error_bound_rad;
+use crate::attitude::motion_scale::MotionScale;
+use crate::attitude::predict::PredictionErrors;
+use glam::DVec3;
+
+/// Below this phase the closed forms lose digits (`cos x - 1 + x^2 / 2` keeps `1e-16 / x^4`) and the leading term of
+/// the series, which is never below them, is within 0.1 %.
+const SERIES_BELOW_RAD: f64 = 0.1;
+
+/// Largest error of a Taylor polynomial of a sinusoid of amplitude 1, over all phases, `x` radians after the point of
+/// expansion or less; `terms` of the polynomial are used (1 to 3).
+pub(super) fn worst_phase(terms: u32, x: f64) -> f64 {
+    if x < SERIES_BELOW_RAD {
+        return [x, x * x / 2.0, x.powi(3) / 6.0][terms as usize - 1];
+    }
+    let (sin, cos) = x.sin_cos();
+    match terms {
+        // |sin(p + x) - sin p| is largest at half a period and stays there.
+        1 if x >= core::f64::consts::PI => 2.0,
+        1 => 2.0 * (0.5 * x).sin(),
+        2 => (1.0 - cos).hypot(x - sin),
+        _ => (cos - 1.0 + 0.5 * x * x).hypot(x - sin),
+    }
+}
+
+fn sinusoids_rad(motion: &MotionScale, terms: u32, horizon_s: f64) -> f64 {
+    let worst = |x: f64| worst_phase(terms, x);
+    motion.sinusoids.iter().map(|s| s.amplitude_rad.abs() * worst(s.angular_rad_s() * horizon_s)).sum()
+}
+
+/// The last attitude, `t` seconds old.
+pub(super) fn hold_rad(motion: &MotionScale, t: f64) -> f64 {
+    motion.rate_rad_s * t + sinusoids_rad(motion, 1, t)
+}
+
+/// The last rate, `t` seconds old.
+pub(super) fn constant_rate_rad(motion: &MotionScale, t: f64) -> f64 {
+    let unused_acceleration_rad_s2 = motion.acceleration_rad_s2 + motion.coupled_acceleration();
+    let errors = PredictionErrors { unused_acceleration_rad_s2, ..Default::default() };
+    errors.bound_rad(DVec3::ZERO, DVec3::ZERO, t) + sinusoids_rad(motion, 2, t)
+}
+
+/// The last rate and acceleration, `t` seconds old.
+pub(super) fn constant_acceleration_rad(motion: &MotionScale, t: f64) -> f64 {
+    // A parabola that is as steep as the sinusoids goes on to this rate.
+    let tilt_rate = motion.sinusoid_sum(1) + motion.sinusoid_sum(2) * t;
+    let smooth_rate = motion.rate_rad_s + motion.acceleration_rad_s2 * t;
+    let jerk_rad_s3 = motion.jerk_rad_s3 + motion.coupled_jerk(tilt_rate, smooth_rate);
+    let errors = PredictionErrors { jerk_rad_s3, ..Default::default() };
+    let body = motion.body_extremes();
+    // Nothing says that rate and acceleration are parallel.
+    let [rate, acceleration] = [DVec3::X * body.rate, DVec3::Y * body.acceleration];
+    let next_term = body.rate * t / 4.0 + body.acceleration * t * t / 10.0;
+    let commutation = body.rate * body.acceleration * t.powi(3) / 12.0;
+    errors.bound_rad(rate, acceleration, t) + commutation * next_term + sinusoids_rad(motion, 3, t)
+}
+
+/// The cubic between samples `h` seconds apart, no more than 1 rad of turn between them.
+pub(super) fn interpolation_rad(motion: &MotionScale, h: f64) -> f64 {
+    let sinusoid = |amplitude_rad: f64, w: f64| {
+        let uncorrelated_rad = amplitude_rad * (2.0 + w * h / 4.0);
+        hermite_error_bound_rad(h, amplitude_rad * w.powi(4)).min(uncorrelated_rad)
+    };
+    let sinusoids: f64 = motion.sinusoids.iter().map(|s| sinusoid(s.amplitude_rad.abs(), s.angular_rad_s())).sum();
+    sinusoids + rotation_vector_jerk(motion, h) * h.powi(3) / 96.0
+}
+
+/// Largest third derivative of the rotation vector from the earlier sample, rad/s^3, without the sinusoids' own.
+fn rotation_vector_jerk(motion: &MotionScale, h: f64) -> f64 {
+    let body = motion.body_extremes();
+    // |Bernoulli numbers| / n! give 1 + x / 2 + x^2 / 12 + x^4 / 720 ..; below 1 rad x^2 / 10 covers the rest, and
+    // likewise for the two derivatives.
+    let x = body.rate * h;
+    let [f, slope, curvature] = [1.0 + x / 2.0 + x * x / 10.0, 0.5 + x / 5.0, 0.2];
+    let first = f * body.rate;
+    let second = f * body.acceleration + slope * first * body.rate;
+    let third = f * body.jerk
+        + 2.0 * slope * first * body.acceleration
+        + (curvature * first * first + slope * second) * body.rate;
+    // The sinusoids' own third derivative was taken with axes at rest: they tilt by g_1 h.
+    let own = motion.sinusoid_sum(3);
+    (third - own).max(0.0) + motion.sinusoid_sum(1) * h * own
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::f64::consts::TAU;
+
+    /// Error of `terms` of the Taylor polynomial, the worst of many phases.
+    fn scanned(terms: u32, x: f64) -> f64 {
+        let phases = (0..20_000).map(|i| f64::from(i) / 20_000.0 * TAU);
+        let error = |p: f64| {
+            let polynomial = [p.sin(), x * p.cos(), -0.5 * x * x * p.sin()];
+            (p + x).sin() - polynomial[..terms as usize].iter().sum::<f64>()
+        };
+        phases.map(error).fold(0.0, |worst, e| worst.max(e.abs()))
+    }
+
+    #[test]
+    fn the_closed_form_is_the_worst_phase() {
+        for terms in 1..=3 {
+            for x in [0.02, 0.09, 0.11, 0.5, 1.0, 3.0] {
+                let (bound, found) = (worst_phase(terms, x), scanned(terms, x));
+                assert!(found <= bound * (1.0 + 1e-9), "{terms} terms, {x}: {found} over {bound}");
+                assert!(found >= 0.997 * bound, "{terms} terms, {x}: {found} idle under {bound}");
+            }
+        }
+    }
+
+    #[test]
+    fn more_terms_help_only_well_within_a_period() {
+        assert!(worst_phase(3, 0.3) < 0.2 * worst_phase(2, 0.3));
+        assert!(worst_phase(2, 0.3) < 0.2 * worst_phase(1, 0.3));
+        assert!(worst_phase(3, 6.0) > worst_phase(2, 6.0), "a parabola goes on");
+        assert!(worst_phase(2, 6.0) > worst_phase(1, 6.0), "and so does a line");
+        assert_eq!(worst_phase(1, 100.0), 2.0);
+    }
+
+    #[test]
+    fn bounds_never_shrink_with_time() {
+        for terms in 1..=3 {
+            let bounds: Vec<f64> = (0..4000).map(|i| worst_phase(terms, f64::from(i) * 5e-3)).collect();
+            assert!(bounds.windows(2).all(|pair| pair[0] <= pair[1] * (1.0 + 1e-3)), "{terms} terms");
+        }
+    }
+}

@@ -1,0 +1,263 @@
+//! `starloop check`, attitude: how wrong the attitude at mid-exposure may be, by each method that could make it.
+//!
+//! Input: a bench. Output: text. The motion is that of the simulated flight computer: its slew (versine ramps) is what
+//! the records carry; its jitter is never part of them, and is judged by how it travels. Left out: waiting for other
+//! messages on the bus (a record takes its own time on an idle wire).
+
+use crate::attitude::{
+    AttitudeAssessment, AttitudeMethod, AttitudeVerdict, MotionScale, PredictionErrors, Reach, Sinusoid,
+    assess_methods, cheapest,
+};
+use crate::base::time::Span;
+use crate::base::units::{ARCSEC, DEG};
+use crate::cli::bench_parts;
+use crate::config::{Bench, JitterSource, Wire};
+use crate::link::{CHUNK_MAX, Packet, SerialChunk};
+use core::f64::consts::{PI, TAU};
+use core::fmt::{Error, Write};
+use firmware_protocol::can::CanFrame;
+use glam::DVec3;
+
+/// Four f32 of up to 1 are each wrong by up to 2^-25; an attitude turns by twice the error of its quaternion.
+const WIRE_QUATERNION_RAD: f64 = 4.0 / 33_554_432.0;
+/// Half of 1 urad/s per axis: the rate in a classic attitude group.
+const CLASSIC_RATE_ERROR_RAD_S: f64 = 0.87e-6;
+/// Time tags are whole microseconds, rounded down.
+const TAG_S: f64 = 1e-6;
+/// Frames of a classic attitude group.
+const CLASSIC_GROUP: i64 = 5;
+
+/// Everything the table is made from.
+struct Situation {
+    motion: MotionScale,
+    reach: Reach,
+    record_period_s: f64,
+    arrival_s: f64,
+    /// From mid-exposure to the moment a frame's drawing begins.
+    wait_s: f64,
+}
+
+/// Writes the section about attitude.
+///
+/// # Errors
+/// When the text cannot grow.
+pub(super) fn write_attitude(text: &mut String, bench: &Bench) -> Result<(), Error> {
+    let situation = Situation::of(bench);
+    let Situation { motion, reach, .. } = &situation;
+    let (total_rad, records_rad) = (bench.accuracy.los_arcsec * ARCSEC, record_error_rad(bench, &situation));
+    let left_rad = total_rad - records_rad;
+    write_situation(text, &situation)?;
+    writeln!(
+        text,
+        "  records      wrong by up to {:.4} arcsec (wire format, time tags): {:.4} of {} arcsec are left for the method",
+        records_rad / ARCSEC,
+        left_rad / ARCSEC,
+        bench.accuracy.los_arcsec
+    )?;
+    writeln!(text, "  method                 bound arcsec  verdict")?;
+    let assessed = assess_methods(left_rad, motion, *reach);
+    for assessment in &assessed {
+        let mark = if assessment.method == situation.used(bench) { '>' } else { ' ' };
+        writeln!(text, "{mark} {}", assessment_line(assessment))?;
+    }
+    let enough = cheapest(&assessed).map_or("none fits", AttitudeMethod::name);
+    writeln!(text, "  (> is what a run does; the least demanding that fits: {enough})")?;
+    write_jitter(text, bench, &situation)?;
+    text.write_char('\n')
+}
+
+impl Situation {
+    fn of(bench: &Bench) -> Self {
+        let record_period_s = 1.0 / bench.flight_computer.attitude_hz;
+        let arrival_s = bench.link.latency_us * 1e-6 + record_on_wire(bench).s();
+        let wait_s = 0.5 * bench.camera.exposure.exposure_s;
+        let is_next_there = record_period_s + arrival_s <= wait_s;
+        let reach = if is_next_there {
+            Reach { horizon_s: record_period_s, spacing_s: Some(record_period_s) }
+        } else {
+            Reach { horizon_s: record_period_s + arrival_s - wait_s, spacing_s: None }
+        };
+        Self { motion: slew_scale(bench), reach, record_period_s, arrival_s, wait_s }
+    }
+
+    /// What the frame engine does in this situation.
+    fn used(&self, bench: &Bench) -> AttitudeMethod {
+        match self.reach.spacing_s {
+            Some(_) => AttitudeMethod::Interpolation,
+            None if self.reach.horizon_s <= bench.attitude.estimate.max_horizon.s() => {
+                AttitudeMethod::ConstantAcceleration
+            }
+            None => AttitudeMethod::ConstantRate,
+        }
+    }
+}
+
+/// Time of one attitude record on an idle wire, no longer than this.
+fn record_on_wire(bench: &Bench) -> Span {
+    let (timing, frames) =
+        (bench_parts::bus(bench).0.timing, if bench.link.wire == Wire::CanClassic { CLASSIC_GROUP } else { 1 });
+    let packet = match bench.link.wire {
+        Wire::CanClassic => CanFrame::classic(0, &[0; 8]).map(Packet::Can),
+        Wire::CanFd => CanFrame::fd(0, &[0; 64]).map(Packet::Can),
+        Wire::Serial => SerialChunk::new(&[0; CHUNK_MAX]).map(Packet::Serial),
+    };
+    let one = packet.and_then(|packet| timing.duration(&packet)).unwrap_or(Span::ZERO);
+    Span::from_ns(one.ns().saturating_mul(frames))
+}
+
+/// The slew at its fastest: ramps of half its length, `rate = peak (1 - cos(pi t / ramp)) / 2`.
+fn slew_scale(bench: &Bench) -> MotionScale {
+    let Some(slew) = &bench.flight_computer.slew else { return MotionScale::default() };
+    let (peak_rad_s, ramp_s) = (2.0 * slew.angle_deg.abs() * DEG / slew.duration_s, 0.5 * slew.duration_s);
+    MotionScale {
+        rate_rad_s: peak_rad_s,
+        acceleration_rad_s2: 0.5 * peak_rad_s * PI / ramp_s,
+        jerk_rad_s3: 0.5 * peak_rad_s * (PI / ramp_s).powi(2),
+        sinusoids: Vec::new(),
+    }
+}
+
+/// What the records themselves are wrong by.
+fn record_error_rad(bench: &Bench, situation: &Situation) -> f64 {
+    let window_s = bench.attitude.clock.window.s();
+    let errors = PredictionErrors {
+        rate_error_rad_s: if bench.link.wire == Wire::CanClassic { CLASSIC_RATE_ERROR_RAD_S } else { 0.0 },
+        clock_error_s: TAG_S + window_s * bench.flight_computer.clock_drift_ppm.abs() * 1e-6,
+        ..Default::default()
+    };
+    let rate = DVec3::X * situation.motion.rate_rad_s;
+    WIRE_QUATERNION_RAD + errors.bound_rad(rate, DVec3::ZERO, situation.reach.horizon_s)
+}
+
+fn write_situation(text: &mut String, situation: &Situation) -> Result<(), Error> {
+    let Situation { motion, reach, record_period_s, arrival_s, wait_s } = situation;
+    writeln!(text, "attitude at mid-exposure")?;
+    writeln!(
+        text,
+        "  samples      every {:.1} ms, {:.2} ms to arrive; drawing begins {:.1} ms after mid-exposure",
+        record_period_s * 1e3,
+        arrival_s * 1e3,
+        wait_s * 1e3
+    )?;
+    match reach.spacing_s {
+        Some(_) => writeln!(text, "               so the samples on both sides are there")?,
+        None => writeln!(text, "               so it is predicted by up to {:.1} ms", reach.horizon_s * 1e3)?,
+    }
+    let [w, a, j] = [motion.rate_rad_s, motion.acceleration_rad_s2, motion.jerk_rad_s3].map(|v| v / DEG);
+    writeln!(text, "  motion       at most {w:.3} deg/s, {a:.3} deg/s^2, {j:.3} deg/s^3")
+}
+
+fn assessment_line(assessment: &AttitudeAssessment) -> String {
+    let (method, bound_arcsec) = (assessment.method, assessment.bound_rad / ARCSEC);
+    let verdict = match assessment.verdict {
+        AttitudeVerdict::Fits => "fits".to_owned(),
+        AttitudeVerdict::OverBudget { times } => format!("refused: {times:.1} times what is left of the budget"),
+        AttitudeVerdict::NeedsLaterSample => "refused: the next sample comes too late".to_owned(),
+        AttitudeVerdict::FasterThanSamples { frequency_hz } => {
+            format!("refused: {frequency_hz} Hz is above half the sample rate")
+        }
+        AttitudeVerdict::TurnsTooFar => "refused: more than a radian between samples".to_owned(),
+    };
+    let is_in_domain = matches!(assessment.verdict, AttitudeVerdict::Fits | AttitudeVerdict::OverBudget { .. });
+    let bound = if is_in_domain { format!("{bound_arcsec:.2e}") } else { "-".to_owned() };
+    format!("{method:<22} {bound:>12}  {verdict}")
+}
+
+/// Jitter by the way it travels, and what the methods would make of it if it were part of the records.
+fn write_jitter(text: &mut String, bench: &Bench, situation: &Situation) -> Result<(), Error> {
+    let lines: Vec<Sinusoid> = bench.flight_computer.jitter_lines.iter().map(|line| sinusoid(&line.line())).collect();
+    if lines.is_empty() {
+        return Ok(());
+    }
+    match bench.flight_computer.jitter_source {
+        JitterSource::Lines => {
+            writeln!(text, "  jitter       known as lines at both ends: not predicted, no error here")?
+        }
+        JitterSource::Samples => write_sampled_jitter(text, bench, situation, &lines)?,
+    }
+    let within = MotionScale { sinusoids: lines, ..situation.motion.clone() };
+    writeln!(text, "  were it part of the attitude records instead:")?;
+    for assessment in assess_methods(bench.accuracy.los_arcsec * ARCSEC, &within, situation.reach) {
+        writeln!(text, "  {}", assessment_line(&assessment))?;
+    }
+    Ok(())
+}
+
+fn sinusoid(line: &crate::attitude::JitterLine) -> Sinusoid {
+    Sinusoid { frequency_hz: line.frequency_hz, amplitude_rad: line.amplitude_rad.length() }
+}
+
+/// Straight lines between samples miss a sinusoid by `A (w dt)^2 / 8`, and by twice its amplitude at most; what has not
+/// arrived is held.
+fn write_sampled_jitter(
+    text: &mut String,
+    bench: &Bench,
+    situation: &Situation,
+    lines: &[Sinusoid],
+) -> Result<(), Error> {
+    let sample_s =
+        if bench.link.wire == Wire::CanClassic { 1e-3 } else { 1.0 / bench.flight_computer.jitter_sample_hz };
+    let chord = |line: &Sinusoid| line.amplitude_rad * ((TAU * line.frequency_hz * sample_s).powi(2) / 8.0).min(2.0);
+    let chords_rad: f64 = lines.iter().map(chord).sum();
+    let samples = if bench.link.wire == Wire::CanClassic { 2.0 } else { f64::from(BURST_SAMPLES) };
+    let held_s = (samples * sample_s + situation.arrival_s - situation.wait_s).max(0.0);
+    let jitter = MotionScale { sinusoids: lines.to_vec(), ..MotionScale::default() };
+    let held_rad = AttitudeMethod::Hold.bound_rad(&jitter, held_s);
+    writeln!(
+        text,
+        "  jitter       samples every {:.2} ms: {:.4} arcsec between them, {:.4} arcsec held over {:.1} ms",
+        sample_s * 1e3,
+        chords_rad / ARCSEC,
+        held_rad / ARCSEC,
+        held_s * 1e3
+    )
+}
+
+/// Samples in one burst on CAN FD and serial.
+const BURST_SAMPLES: u32 = 14;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(bench: &Bench) -> String {
+        let mut text = String::new();
+        write_attitude(&mut text, bench).unwrap();
+        text
+    }
+
+    fn line<'a>(text: &'a str, start: &str) -> &'a str {
+        text.lines().find(|line| line.starts_with(start)).unwrap_or_else(|| panic!("no \"{start}\" in\n{text}"))
+    }
+
+    #[test]
+    fn the_built_in_bench_interpolates_within_its_budget() {
+        let text = report(&Bench::built_in().unwrap());
+        assert!(line(&text, "> interpolation").ends_with("fits"), "{text}");
+        assert!(line(&text, "  hold").contains("refused"), "{text}");
+        assert!(text.contains("known as lines at both ends"), "{text}");
+        assert!(text.contains("53 Hz is above half the sample rate"), "{text}");
+    }
+
+    #[test]
+    fn a_short_exposure_is_predicted_and_a_long_horizon_refused() {
+        let mut bench = Bench::built_in().unwrap();
+        bench.camera.exposure.exposure_s = 0.01;
+        let text = report(&bench);
+        assert!(line(&text, "> constant-acceleration").ends_with("fits"), "{text}");
+        assert!(line(&text, "  interpolation").contains("comes too late"), "{text}");
+        bench.flight_computer.attitude_hz = 1.0;
+        let text = report(&bench);
+        assert!(line(&text, "> constant-rate").contains("refused"), "{text}");
+        assert!(text.contains("none fits"), "{text}");
+    }
+
+    #[test]
+    fn jitter_as_samples_has_errors_of_its_own() {
+        let mut bench = Bench::built_in().unwrap();
+        bench.flight_computer.jitter_source = JitterSource::Samples;
+        assert!(report(&bench).contains("samples every 1.00 ms"), "{}", report(&bench));
+        bench.flight_computer.jitter_lines.clear();
+        assert!(!report(&bench).contains("jitter"), "nothing to say without any");
+    }
+}

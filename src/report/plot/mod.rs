@@ -1,0 +1,117 @@
+//! Charts as SVG: accuracy against speed, error against a parameter.
+//!
+//! Input: plain numbers and names ([`Chart`]). Output: one SVG text, 760 px wide, on white, the same for the same input.
+//! Text is 12 px sans-serif; the colours are told apart by the colour-blind (Okabe and Ito 2008), and every group
+//! has a shape of its own besides. The legend stands above the frame, so it never covers a point.
+//!
+//! *Limits.* What has no place on a logarithmic axis (zero, negative) or on any (not finite) is left out and counted
+//! below the chart. Text widths are estimated (7 px a character). *Validation.* `tests.rs` reads the SVG back.
+//!
+//! Tour: `axis` (values -> px, ticks) -> `marks` (shapes and colours) -> `layout` (where things stand) -> `svg`.
+
+mod axis;
+mod front;
+mod layout;
+mod marks;
+mod svg;
+#[cfg(test)]
+mod tests;
+
+pub use front::pareto_front;
+pub use svg::to_svg;
+
+/// How values are spread along an axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scale {
+    /// Equal ratios, equal lengths; positive values only.
+    Log,
+    /// Equal differences, equal lengths.
+    Linear,
+}
+
+/// One axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    /// What it shows, with its unit.
+    pub label: String,
+    /// How values are spread.
+    pub scale: Scale,
+}
+
+/// How a series is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Style {
+    /// One mark per point.
+    Points,
+    /// A line through the points.
+    Line,
+    /// A dashed line: a bound, a budget.
+    DashedLine,
+    /// A broad band behind everything else: a Pareto front.
+    Front,
+}
+
+/// Points of one name.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Series {
+    /// Name in the legend.
+    pub name: String,
+    /// How it is drawn.
+    pub style: Style,
+    /// Series of one group share colour and shape (a method's error, and its bound).
+    pub group: usize,
+    /// `[x, y]`, in the order in which a line runs through them.
+    pub points: Vec<[f64; 2]>,
+    /// Indices of points that get a ring; those beyond the end are ignored.
+    pub marked: Vec<usize>,
+}
+
+/// A chart.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chart {
+    /// Title.
+    pub title: String,
+    /// Horizontal axis.
+    pub x: Axis,
+    /// Vertical axis.
+    pub y: Axis,
+    /// What is drawn.
+    pub series: Vec<Series>,
+    /// What a ring means, in the legend.
+    pub ring: String,
+    /// Lines below the chart.
+    pub notes: Vec<String>,
+}
+
+impl Axis {
+    /// A logarithmic axis.
+    #[must_use]
+    pub fn log(label: impl Into<String>) -> Self {
+        Self { label: label.into(), scale: Scale::Log }
+    }
+
+    /// A linear axis.
+    #[must_use]
+    pub fn linear(label: impl Into<String>) -> Self {
+        Self { label: label.into(), scale: Scale::Linear }
+    }
+
+    fn has_place_for(&self, value: f64) -> bool {
+        value.is_finite() && (self.scale == Scale::Linear || value > 0.0)
+    }
+}
+
+impl Chart {
+    fn has_place_for(&self, point: [f64; 2]) -> bool {
+        self.x.has_place_for(point[0]) && self.y.has_place_for(point[1])
+    }
+
+    /// All points that are drawn.
+    fn drawn(&self) -> impl Iterator<Item = [f64; 2]> {
+        self.series.iter().flat_map(|series| series.points.iter().copied()).filter(|point| self.has_place_for(*point))
+    }
+
+    fn left_out(&self) -> usize {
+        self.series.iter().map(|series| series.points.len()).sum::<usize>() - self.drawn().count()
+    }
+}
