@@ -80,6 +80,8 @@ pub(super) struct Chooser {
     /// Errors that every method has.
     common: NodeError,
     bands: usize,
+    /// Weigh every method.
+    pub(super) is_thorough: bool,
 }
 
 impl Chooser {
@@ -104,6 +106,7 @@ impl Chooser {
             weighed: Vec::with_capacity(64),
             common: NodeError::default(),
             bands: 1,
+            is_thorough: false,
         }
     }
 
@@ -167,15 +170,14 @@ impl Chooser {
     }
 
     /// Chooses a method for every class of stars of `plan`, on a rung of the ladder.
-    pub(super) fn choose(&mut self, plan: &mut ExposurePlan, rung: Rung, probes: &Probes) {
-        let brightest_e = plan.stars.iter().map(|star| star.electrons).fold(0.0, f64::max);
+    pub(super) fn choose(&mut self, plan: &mut ExposurePlan, rung: Rung, brightest_e: f64, probes: &Probes) {
         if self.weighed.is_empty() {
             self.weigh(&plan.motion, brightest_e, probes);
         }
         let budget = rung.loosened(&self.budget);
         let pixels = self.instrument.camera.width_px() * self.instrument.camera.height_px();
         let empty_ms = self.cost.empty_frame_ms(pixels);
-        let all = class_of(plan, f64::INFINITY, 0.0);
+        let all = StarClass { brightest_e, faintest_e: 0.0, stars: plan.stars.len(), bands: 1, chosen: plan.chosen };
         plan.assessed.clear();
         plan.assessed.extend(self.weighed.iter().map(|weighed| {
             let mut assessment = self.assess(weighed, &all, &budget, plan.extent_px, probes);
@@ -269,10 +271,23 @@ impl Chooser {
             MethodChoice::Auto => None,
             MethodChoice::Fixed(name, nodes) => Some((name, nodes)),
         };
-        if motion.is_still() && wanted.is_none() {
+        let is_enough = |chooser: &Self| {
+            chooser.weighed.last().is_some_and(|last| chooser.is_enough(last.error, brightest_e, probes))
+        };
+        if wanted.is_none() && (motion.is_still() || (is_enough(self) && !self.is_thorough)) {
             return;
         }
+        let listed = matches!(motion.image_path, Some(PixelPath::Samples(_)));
         for name in MethodName::ALL.into_iter().skip(1) {
+            // What cannot win is not weighed on the frame path.
+            let needless = match name {
+                MethodName::Segments => listed,
+                MethodName::ZonalPsf => is_enough(self),
+                _ => false,
+            };
+            if needless && wanted.is_none_or(|(wanted, _)| wanted != name) && !self.is_thorough {
+                continue;
+            }
             let fixed = wanted.filter(|(wanted, _)| *wanted == name).and_then(|(_, nodes)| nodes);
             self.weigh_name(name, fixed, motion, brightest_e, probes);
         }

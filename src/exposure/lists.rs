@@ -5,6 +5,7 @@ use crate::exposure::correction::Correction;
 use crate::exposure::method::Method;
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::nodes;
+use crate::exposure::place::for_each_star;
 use crate::exposure::plan::{Drawing, ExposurePlan, NodeList, PlannedStar};
 use crate::exposure::pose::{PathNode, Pose, mean_pose};
 use crate::exposure::probes::{Probes, SIDE};
@@ -33,6 +34,10 @@ pub fn fill(plan: &mut ExposurePlan, probes: &Probes, camera: &CameraGeometry, b
                 for band in 0..bands {
                     push_band(plan, probes, camera, method, [band, bands]);
                 }
+                // Stars come with the first list.
+                if first == 0 && bands == 1 && plan.classes.len() == 1 {
+                    continue;
+                }
                 let height = camera.height_px() as f64;
                 assign(plan, class, |star| first as u32 + band_of(star.mean_px[1], height, bands) as u32);
             }
@@ -41,14 +46,14 @@ pub fn fill(plan: &mut ExposurePlan, probes: &Probes, camera: &CameraGeometry, b
 }
 
 /// Gives the stars of a class the lists that `list` says.
-fn assign(plan: &mut ExposurePlan, class: usize, list: impl Fn(&PlannedStar) -> u32) {
+fn assign(plan: &mut ExposurePlan, class: usize, list: impl Fn(&PlannedStar) -> u32 + Sync) {
     let only = plan.classes.len() == 1;
     let (above, faintest) = plan.brightness_of(class);
-    for star in &mut plan.stars {
+    for_each_star(&mut plan.stars, |star| {
         if only || (star.electrons < above && star.electrons >= faintest) {
             star.list = list(star);
         }
-    }
+    });
 }
 
 /// One list of a method that is not zonal: `[band, bands]` of the rows.

@@ -92,8 +92,11 @@ impl MeanField {
             return [0.0; 2];
         }
         let y_px = track.place.mid_px[1];
-        let mut moved = track.displacement_px(&self.pose_at(y_px));
-        if self.poses.len() > 1 {
+        let mut moved;
+        if let [pose] = self.poses.as_slice() {
+            moved = track.displacement_px(pose);
+        } else {
+            moved = track.displacement_px(&self.pose_at(y_px));
             // The row in which the star spends its exposure, not the one in which it stands in the middle of it.
             moved = track.displacement_px(&self.pose_at(y_px + moved[1]));
             moved = track.displacement_px(&self.pose_at(y_px + moved[1]));

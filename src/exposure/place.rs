@@ -11,9 +11,32 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 /// Stars one thread takes at a time.
-const CHUNK: usize = 2048;
+const CHUNK: usize = 1024;
 /// A star that leaves no light on the detector.
 const NOWHERE: [f64; 2] = [f64::NAN; 2];
+
+/// The brightest and the faintest of the stars.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Brightness {
+    /// Electrons of the brightest (0 without stars).
+    pub(super) most_e: f64,
+    /// Electrons of the faintest (infinite without stars).
+    pub(super) least_e: f64,
+    /// Stars that are out of sight.
+    out: usize,
+}
+
+impl Brightness {
+    const NONE: Self = Self { most_e: 0.0, least_e: f64::INFINITY, out: 0 };
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            most_e: self.most_e.max(other.most_e),
+            least_e: self.least_e.min(other.least_e),
+            out: self.out + other.out,
+        }
+    }
+}
 
 /// Stars of all sources whose light can reach the detector: mean place within `margin_px` of it. A star is out of
 /// sight when its direction is outside the camera's domain.
@@ -24,19 +47,36 @@ pub(super) fn place_stars(
     means: &MeanField,
     margin_px: f64,
     stars: &mut Vec<PlannedStar>,
-) {
-    stars.clear();
+) -> Brightness {
+    // No clearing: every star is written.
     stars.resize(sources.len(), EMPTY);
-    let placed = |(star, source): (&mut PlannedStar, &Source)| *star = place(source, camera, los, means, margin_px);
-    if sources.len() <= CHUNK {
-        stars.iter_mut().zip(sources).for_each(placed);
+    let chunk = |(stars, sources): (&mut [PlannedStar], &[Source])| {
+        stars.iter_mut().zip(sources).fold(Brightness::NONE, |found, (star, source)| {
+            *star = place(source, camera, los, means, margin_px);
+            if star.mean_px[0].is_nan() {
+                return Brightness { out: found.out + 1, ..found };
+            }
+            found.and(Brightness { most_e: star.electrons, least_e: star.electrons, out: 0 })
+        })
+    };
+    let found = if sources.len() <= CHUNK {
+        chunk((stars, sources))
     } else {
-        stars.par_chunks_mut(CHUNK).zip(sources.par_chunks(CHUNK)).for_each(|(stars, sources)| {
-            stars.iter_mut().zip(sources).for_each(placed);
-        });
-    }
-    if stars.iter().any(|star| star.mean_px[0].is_nan()) {
+        let chunks = stars.par_chunks_mut(CHUNK).zip(sources.par_chunks(CHUNK));
+        chunks.map(chunk).reduce(|| Brightness::NONE, Brightness::and)
+    };
+    if found.out > 0 {
         stars.retain(|star| !star.mean_px[0].is_nan());
+    }
+    found
+}
+
+/// Runs `work` on all stars, side by side when there are many.
+pub(super) fn for_each_star(stars: &mut [PlannedStar], work: impl Fn(&mut PlannedStar) + Sync) {
+    if stars.len() <= CHUNK {
+        stars.iter_mut().for_each(work);
+    } else {
+        stars.par_chunks_mut(CHUNK).for_each(|stars| stars.iter_mut().for_each(&work));
     }
 }
 

@@ -15,7 +15,7 @@ use crate::exposure::mean_field::MeanField;
 use crate::exposure::method::{Method, MethodChoice};
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::nodes;
-use crate::exposure::place::place_stars;
+use crate::exposure::place::{Brightness, for_each_star, place_stars};
 use crate::exposure::plan::{Assessment, CutOff, ExposurePlan, Verdict};
 use crate::exposure::probes::Probes;
 use crate::exposure::sampling::PsfSampling;
@@ -134,6 +134,13 @@ impl Planner {
         self
     }
 
+    /// Weighs every method, also where a cheaper one has been found that fits: for reports.
+    #[must_use]
+    pub fn thorough(mut self) -> Self {
+        self.chooser.is_thorough = true;
+        self
+    }
+
     /// The motion of the next exposure, to be filled in before [`Self::plan`].
     pub fn motion_mut(&mut self) -> &mut Motion {
         &mut self.plan.motion
@@ -148,8 +155,8 @@ impl Planner {
     /// Plans one exposure.
     pub fn plan(&mut self, sources: &[Source]) -> &ExposurePlan {
         self.measure_path();
-        self.place(sources);
-        self.take_rungs();
+        let brightness = self.place(sources);
+        self.take_rungs(brightness);
         let Self { plan, probes, lists, instrument, .. } = self;
         lists::fill(plan, probes, &instrument.camera, lists);
         self.share_light();
@@ -166,27 +173,27 @@ impl Planner {
         chooser.measure(&plan.motion, probes, means);
     }
 
-    fn place(&mut self, sources: &[Source]) {
+    fn place(&mut self, sources: &[Source]) -> Brightness {
         let Self { plan, means, instrument, .. } = self;
         let margin_px = plan.half_px as f64 + 1.0 + plan.extent_px;
-        place_stars(sources, &instrument.camera, &plan.motion.los, means, margin_px, &mut plan.stars);
+        place_stars(sources, &instrument.camera, &plan.motion.los, means, margin_px, &mut plan.stars)
     }
 
     /// Down the ladder until the frame fits its time.
-    fn take_rungs(&mut self) {
+    fn take_rungs(&mut self, brightness: Brightness) {
         let mut rung = Rung::Full;
         self.plan.cut_off = CutOff::default();
-        self.leave_out_faint(rung);
+        self.leave_out_faint(rung, brightness.least_e);
         loop {
             self.plan.rung = rung;
-            self.chooser.choose(&mut self.plan, rung, &self.probes);
+            self.chooser.choose(&mut self.plan, rung, brightness.most_e, &self.probes);
             let Some(limit_ms) = self.time_budget_ms else { return };
             if self.plan.chosen.cost_ms <= limit_ms {
                 return;
             }
             let Some(next) = rung.next() else { return };
             if next.cut_off_sigma(&self.budget) > rung.cut_off_sigma(&self.budget) {
-                self.leave_out_faint(next);
+                self.leave_out_faint(next, brightness.least_e);
             }
             if next == Rung::BrightStarsOnly {
                 self.keep_brightest(limit_ms);
@@ -196,14 +203,13 @@ impl Planner {
     }
 
     /// Leaves out the stars that stay below the rung's share of the noise.
-    fn leave_out_faint(&mut self, rung: Rung) {
+    fn leave_out_faint(&mut self, rung: Rung, least_e: f64) {
         let Self { plan, cells, instrument, budget, .. } = self;
         let reach_px = plan.half_px as f64 + 1.0 + plan.extent_px;
         let camera = &instrument.camera;
         let allowed_e = rung.cut_off_sigma(budget) * instrument.read_noise_e_rms;
         let peak = plan.psf.peak();
-        // The common case costs one pass over the stars.
-        if !plan.stars.iter().any(|star| star.electrons * peak < allowed_e) {
+        if least_e * peak >= allowed_e {
             return;
         }
         cells.resize([camera.width_px(), camera.height_px()], reach_px);
@@ -244,10 +250,10 @@ impl Planner {
     fn share_light(&mut self) {
         let Self { plan, share, .. } = self;
         let ExposurePlan { stars, nodes, lists, extent_px, camera, .. } = plan;
-        for star in stars {
+        for_each_star(stars, |star| {
             let nodes = lists.get(star.list as usize).map_or(&nodes[..0], |list| &nodes[list.nodes.clone()]);
             star.electrons_on_detector = star.electrons * share.on_detector(star, camera, nodes, *extent_px);
-        }
+        });
     }
 }
 

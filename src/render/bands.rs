@@ -62,8 +62,8 @@ pub(super) struct Bands {
     pub(super) nodes: Vec<NodeColumns>,
 }
 
-/// Nodes that inner loops take together.
-pub(super) const NODE_LANES: usize = 16;
+/// Splats that inner loops take together.
+pub(super) const BLOCK: usize = 16;
 
 impl Bands {
     pub(super) fn new(rows: usize) -> Self {
@@ -124,7 +124,7 @@ impl Bands {
 impl NodeColumns {
     fn fill(&mut self, nodes: &[PathNode]) {
         self.count = nodes.len();
-        self.padded = nodes.len().next_multiple_of(NODE_LANES);
+        self.padded = nodes.len().next_multiple_of(BLOCK);
         self.values.clear();
         self.values.resize((POSE + 1) * self.padded, 0.0);
         for (i, node) in nodes.iter().enumerate() {
@@ -137,10 +137,10 @@ impl NodeColumns {
 
     /// Number `k` (0: weight) of the nodes from `first`.
     #[inline(always)]
-    pub(super) fn lanes(&self, k: usize, first: usize) -> &[f32; NODE_LANES] {
-        const NONE: [f32; NODE_LANES] = [0.0; NODE_LANES];
+    pub(super) fn lanes(&self, k: usize, first: usize) -> &[f32; BLOCK] {
+        const NONE: [f32; BLOCK] = [0.0; BLOCK];
         let at = k * self.padded + first;
-        self.values.get(at..at + NODE_LANES).and_then(|lanes| lanes.try_into().ok()).unwrap_or(&NONE)
+        self.values.get(at..at + BLOCK).and_then(|lanes| lanes.try_into().ok()).unwrap_or(&NONE)
     }
 }
 

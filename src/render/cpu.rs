@@ -5,20 +5,18 @@
 //! (two vectors of erf, then one multiply-add per row); other PSFs and effective PSFs come from tables. Error: f32,
 //! < 2e-7 of the peak (Gaussian), `TABLE_ERROR` (tables); `tests/physics`.
 
-use crate::base::fused::mul_add;
+use crate::base::fused::{mul_add, whole_bits};
 use crate::base::image::Image;
 use crate::exposure::ExposurePlan;
 use crate::gpu::Electrons;
-use crate::render::bands::{BAND_ROWS, Bands, Members, NO_KERNEL, NODE_LANES, NodeColumns, Spot, Trail};
+use crate::render::bands::{BAND_ROWS, BLOCK, Bands, Members, NO_KERNEL, NodeColumns, Trail};
 use crate::render::plan_tables::PlanTables;
 use crate::render::profile::Profile;
-use crate::render::table::{LANES, PAD, PsfTable};
+use crate::render::table::{LANES, PsfTable};
 use crate::render::{Backend, RenderError, check_kernel, check_sampling};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
-/// Splats drawn together.
-const BLOCK: usize = 8;
 /// Widest analytic footprint: its edges must fit the lanes.
 const ANALYTIC_HALF_PX: usize = 7;
 
@@ -139,20 +137,22 @@ impl NullaryFnOnce for DrawBand<'_> {
 /// Splats waiting to be drawn: pixel, fraction and light.
 struct Splats {
     count: usize,
-    origin: [[i32; 2]; BLOCK],
-    fraction: [[f32; 2]; BLOCK],
+    column: [i32; BLOCK],
+    row: [i32; BLOCK],
+    x: [f32; BLOCK],
+    y: [f32; BLOCK],
     electrons: [f32; BLOCK],
 }
 
 impl Splats {
-    const NONE: Self = Self { count: 0, origin: [[0; 2]; BLOCK], fraction: [[0.0; 2]; BLOCK], electrons: [0.0; BLOCK] };
-}
-
-/// Displacements of one star at a block of nodes, px.
-struct Steps {
-    weight: [f32; NODE_LANES],
-    x: [f32; NODE_LANES],
-    y: [f32; NODE_LANES],
+    const NONE: Self = Self {
+        count: 0,
+        column: [0; BLOCK],
+        row: [0; BLOCK],
+        x: [0.0; BLOCK],
+        y: [0.0; BLOCK],
+        electrons: [0.0; BLOCK],
+    };
 }
 
 impl Draw<'_> {
@@ -160,21 +160,25 @@ impl Draw<'_> {
     fn members<const FUSED: bool>(&self, band: &mut Band<'_>, members: &Members) {
         let mut splats = Splats::NONE;
         for spot in &members.spots {
-            self.spot::<FUSED>(band, &mut splats, spot);
+            let table = if spot.kernel == NO_KERNEL { self.base } else { self.kernels.get(spot.kernel as usize) };
+            if let Some(table) = table {
+                stamp::<FUSED>(band, table, [spot.column, spot.row], spot.fraction, spot.electrons);
+                continue;
+            }
+            let k = splats.count;
+            splats.column[k] = spot.column;
+            splats.row[k] = spot.row;
+            [splats.x[k], splats.y[k]] = spot.fraction;
+            splats.electrons[k] = spot.electrons;
+            splats.count += 1;
+            if splats.count == BLOCK {
+                self.splat::<FUSED>(band, &splats);
+                splats.count = 0;
+            }
         }
+        self.splat::<FUSED>(band, &splats);
         for trail in &members.trails {
             self.trail::<FUSED>(band, &mut splats, trail);
-        }
-        self.flush::<FUSED>(band, &mut splats);
-    }
-
-    #[inline(always)]
-    fn spot<const FUSED: bool>(&self, band: &mut Band<'_>, splats: &mut Splats, spot: &Spot) {
-        let table = if spot.kernel == NO_KERNEL { self.base } else { self.kernels.get(spot.kernel as usize) };
-        let origin = [spot.column, spot.row];
-        match table {
-            Some(table) => stamp::<FUSED>(band, table, origin, spot.fraction, spot.electrons),
-            None => self.push::<FUSED>(band, splats, origin, spot.fraction, spot.electrons),
         }
     }
 
@@ -184,107 +188,98 @@ impl Draw<'_> {
         let Some(nodes) = self.bands.nodes.get(trail.list as usize) else { return };
         let mut first = 0;
         while first < nodes.count {
-            let steps = steps::<FUSED>(nodes, first, trail);
-            for k in 0..(nodes.count - first).min(NODE_LANES) {
-                let (x, y) = (trail.spot.fraction[0] + steps.x[k], trail.spot.fraction[1] + steps.y[k]);
-                let (column, row) = ((x + 0.5).floor(), (y + 0.5).floor());
-                #[allow(clippy::cast_possible_truncation, reason = "the planner keeps displacements on the detector")]
-                let origin = [trail.spot.column + column as i32, trail.spot.row + row as i32];
-                let electrons = trail.spot.electrons * steps.weight[k];
-                match self.base {
-                    Some(table) => stamp::<FUSED>(band, table, origin, [x - column, y - row], electrons),
-                    None => self.push::<FUSED>(band, splats, origin, [x - column, y - row], electrons),
+            steps::<FUSED>(nodes, first, trail, splats);
+            splats.count = (nodes.count - first).min(BLOCK);
+            match self.base {
+                None => self.splat::<FUSED>(band, splats),
+                Some(table) => {
+                    for k in 0..splats.count {
+                        let origin = [splats.column[k], splats.row[k]];
+                        stamp::<FUSED>(band, table, origin, [splats.x[k], splats.y[k]], splats.electrons[k]);
+                    }
                 }
             }
-            first += NODE_LANES;
+            first += BLOCK;
         }
     }
 
+    /// Draws splats: all profiles in one vector loop, then row by row. Those of other bands cost their profile.
     #[inline(always)]
-    fn push<const FUSED: bool>(
-        &self,
-        band: &mut Band<'_>,
-        splats: &mut Splats,
-        origin: [i32; 2],
-        fraction: [f32; 2],
-        electrons: f32,
-    ) {
-        // Nodes that leave no light in this band are another band's.
-        let top = origin[1] - self.half_px - band.first_row;
-        if top >= band.rows() || top + 2 * self.half_px < 0 {
-            return;
-        }
-        let k = splats.count;
-        splats.origin[k] = origin;
-        splats.fraction[k] = fraction;
-        splats.electrons[k] = electrons;
-        splats.count += 1;
-        if splats.count == BLOCK {
-            self.flush::<FUSED>(band, splats);
-        }
-    }
-
-    /// Draws the waiting splats: all profiles in one vector loop, then row by row.
-    #[inline(always)]
-    fn flush<const FUSED: bool>(&self, band: &mut Band<'_>, splats: &mut Splats) {
-        let count = core::mem::take(&mut splats.count);
+    fn splat<const FUSED: bool>(&self, band: &mut Band<'_>, splats: &Splats) {
         let used = (2 * self.half_px + 1) as usize;
         // Edges of neighbours follow one another; the last may be read a vector past its own.
         let stride = used + 1;
-        let mut values = [[0.0_f32; BLOCK * LANES + 2 * LANES]; 2];
+        let mut across = [0.0_f32; BLOCK * LANES + LANES];
+        let mut down = [0.0_f32; BLOCK * LANES + LANES];
         let half = self.half_px as f32 + 0.5;
-        for k in 0..count {
-            for (values, fraction) in values.iter_mut().zip(splats.fraction[k]) {
-                let start = -(half + fraction);
-                for lane in 0..LANES {
-                    values[k * stride + lane] = start + lane as f32;
-                }
+        for k in 0..splats.count {
+            let (x, y) = (half + splats.x[k], half + splats.y[k]);
+            for lane in 0..LANES {
+                across[k * stride + lane] = lane as f32 - x;
+                down[k * stride + lane] = lane as f32 - y;
             }
         }
-        for values in &mut values {
-            self.profile.apply::<FUSED>(&mut values[..(count * stride).next_multiple_of(LANES)]);
-        }
-        let [across, down] = &values;
-        for k in 0..count {
+        let end = (splats.count * stride).next_multiple_of(LANES);
+        self.profile.apply::<FUSED>(&mut across[..end]);
+        self.profile.apply::<FUSED>(&mut down[..end]);
+        for k in 0..splats.count {
+            let top = splats.row[k] - self.half_px - band.first_row;
+            if top >= band.rows() || top + used as i32 <= 0 {
+                continue;
+            }
             let at = k * stride;
-            let across = &across[at..at + LANES + 1];
+            let (Some(across), Some(down)) = (across.get(at..at + LANES + 1), down.get(at..at + LANES + 1)) else {
+                continue;
+            };
             let mut line = [0.0_f32; LANES];
+            let mut gains = [0.0_f32; LANES];
             for lane in 0..LANES {
                 line[lane] = splats.electrons[k] * self.mask[lane] * (across[lane + 1] - across[lane]);
+                gains[lane] = down[lane + 1] - down[lane];
             }
-            self.add_separable::<FUSED>(band, splats.origin[k], &line, &down[at..at + used + 1]);
-        }
-    }
-
-    /// Adds the outer product of a row and the differences of `down` around `origin`.
-    #[inline(always)]
-    fn add_separable<const FUSED: bool>(
-        &self,
-        band: &mut Band<'_>,
-        origin: [i32; 2],
-        across: &[f32; LANES],
-        down: &[f32],
-    ) {
-        let used = 2 * self.half_px + 1;
-        let top = origin[1] - self.half_px - band.first_row;
-        let left = origin[0] - self.half_px;
-        let (first, end) = ((-top).max(0), used.min(band.rows() - top));
-        for r in first..end {
-            let gain = down[r as usize + 1] - down[r as usize];
-            let at = (top + r) as usize * band.width;
-            add_lanes::<FUSED>(&mut band.pixels[at..at + band.width], left, used as usize, across, gain);
+            add_separable::<FUSED>(band, top, splats.column[k] - self.half_px, used, &line, &gains);
         }
     }
 }
 
-/// Displacements of a star at the nodes from `first` (see [`crate::exposure::track`]).
+/// Adds the outer product of a row and `gains` from row `top` of the band.
 #[inline(always)]
-fn steps<const FUSED: bool>(nodes: &NodeColumns, first: usize, trail: &Trail) -> Steps {
-    let pose: [&[f32; NODE_LANES]; 13] = core::array::from_fn(|k| nodes.lanes(k + 1, first));
+fn add_separable<const FUSED: bool>(
+    band: &mut Band<'_>,
+    top: i32,
+    left: i32,
+    used: usize,
+    line: &[f32; LANES],
+    gains: &[f32; LANES],
+) {
+    let width = band.width;
+    let (first, end) = ((-top).max(0), (used as i32).min(band.rows() - top));
+    if left >= 0 && left as usize + LANES <= width {
+        let from = (top + first) as usize * width + left as usize;
+        let Some(pixels) = band.pixels.get_mut(from..) else { return };
+        let rows = pixels.chunks_mut(width).filter_map(|row| row.first_chunk_mut::<LANES>());
+        for (row, gain) in rows.zip(&gains[first as usize..end as usize]) {
+            for (pixel, value) in row.iter_mut().zip(line) {
+                *pixel = mul_add::<FUSED>(*gain, *value, *pixel);
+            }
+        }
+        return;
+    }
+    for r in first..end {
+        let at = (top + r) as usize * width;
+        add_clipped::<FUSED>(&mut band.pixels[at..at + width], left, used, line, gains[r as usize]);
+    }
+}
+
+/// Places of a star at the nodes from `first` (see [`crate::exposure::track`]).
+#[inline(always)]
+fn steps<const FUSED: bool>(nodes: &NodeColumns, first: usize, trail: &Trail, splats: &mut Splats) {
+    let pose: [&[f32; BLOCK]; 13] = core::array::from_fn(|k| nodes.lanes(k + 1, first));
+    let weight = nodes.lanes(0, first);
     let ([u, v], [rx, ry]) = (trail.tangent, trail.from_principal_px);
     let [[xu, xv], [yu, yv]] = trail.px_per_tangent;
-    let mut steps = Steps { weight: *nodes.lanes(0, first), x: [0.0; NODE_LANES], y: [0.0; NODE_LANES] };
-    for k in 0..NODE_LANES {
+    let [fx, fy] = trail.spot.fraction;
+    for k in 0..BLOCK {
         let d = |row: usize| {
             let [a, b, c] = [pose[3 * row][k], pose[3 * row + 1][k], pose[3 * row + 2][k]];
             mul_add::<FUSED>(a, u, mul_add::<FUSED>(b, v, c))
@@ -295,24 +290,28 @@ fn steps<const FUSED: bool>(nodes: &NodeColumns, first: usize, trail: &Trail) ->
         let (x, y) = (mul_add::<FUSED>(xu, du, xv * dv), mul_add::<FUSED>(yu, du, yv * dv));
         let (sin, less) = (pose[9][k], pose[10][k]);
         let (ax, ay) = (rx + x, ry + y);
-        steps.x[k] = x + mul_add::<FUSED>(less, ax, mul_add::<FUSED>(-sin, ay, pose[11][k]));
-        steps.y[k] = y + mul_add::<FUSED>(sin, ax, mul_add::<FUSED>(less, ay, pose[12][k]));
+        let x = fx + (x + mul_add::<FUSED>(less, ax, mul_add::<FUSED>(-sin, ay, pose[11][k])));
+        let y = fy + (y + mul_add::<FUSED>(sin, ax, mul_add::<FUSED>(less, ay, pose[12][k])));
+        let (column, row) = ((x + 0.5).floor(), (y + 0.5).floor());
+        splats.column[k] = trail.spot.column + whole_i32(column);
+        splats.row[k] = trail.spot.row + whole_i32(row);
+        splats.x[k] = x - column;
+        splats.y[k] = y - row;
+        splats.electrons[k] = trail.spot.electrons * weight[k];
     }
-    steps
+}
+
+/// A whole number within 2^22 as an integer; beyond, any number far off the detector. An `as` cast saturates, and so
+/// does not vectorise.
+#[inline(always)]
+fn whole_i32(whole: f32) -> i32 {
+    const FAR: f32 = 2_097_152.0;
+    (whole_bits(whole.clamp(-FAR, FAR)).wrapping_sub(0x4b40_0000)).cast_signed()
 }
 
 /// `line[first + i] += gain * values[i]` for the used lanes that lie on the line.
 #[inline(always)]
-fn add_lanes<const FUSED: bool>(line: &mut [f32], first: i32, used: usize, values: &[f32; LANES], gain: f32) {
-    if let Ok(first) = usize::try_from(first)
-        && let Some(target) = line.get_mut(first..first + LANES)
-    {
-        // Lanes beyond the footprint hold zeros.
-        for (pixel, value) in target.iter_mut().zip(values) {
-            *pixel = mul_add::<FUSED>(gain, *value, *pixel);
-        }
-        return;
-    }
+fn add_clipped<const FUSED: bool>(line: &mut [f32], first: i32, used: usize, values: &[f32; LANES], gain: f32) {
     for (i, value) in values.iter().take(used).enumerate() {
         if let Some(pixel) = usize::try_from(first + i as i32).ok().and_then(|x| line.get_mut(x)) {
             *pixel = mul_add::<FUSED>(gain, *value, *pixel);
@@ -329,61 +328,36 @@ fn stamp<const FUSED: bool>(
     fraction: [f32; 2],
     electrons: f32,
 ) {
-    let taps = StarTaps::new(table, fraction, electrons);
     let [columns, rows] = table.size_px();
-    let [left, top] = [
-        origin[0] - table.half_px[0].cast_signed() as i32,
-        origin[1] - table.half_px[1].cast_signed() as i32 - band.first_row,
-    ];
+    let left = origin[0] - table.half_px[0].cast_signed() as i32;
+    let top = origin[1] - table.half_px[1].cast_signed() as i32 - band.first_row;
     let (first, end) = ((-top).max(0), (rows as i32).min(band.rows() - top));
-    for r in first..end {
-        let at = (top + r) as usize * band.width;
-        let line = &mut band.pixels[at..at + band.width];
-        let mut done = 0;
-        while done < columns {
-            let values = taps.chunk::<FUSED>(table, r as usize, done);
-            add_lanes::<FUSED>(line, left + done as i32, (columns - done).min(LANES), &values, 1.0);
-            done += LANES;
-        }
+    if first >= end {
+        return;
     }
-}
-
-/// The 16 table images a star is made of, and their weights.
-struct StarTaps {
-    first: [usize; 4],
-    weights: [[f32; 4]; 4],
-}
-
-impl StarTaps {
-    #[inline(always)]
-    fn new(table: &PsfTable, fractions: [f32; 2], electrons: f32) -> Self {
-        let ((px, wx), (py, wy)) = (table.taps(fractions[0]), table.taps(fractions[1]));
-        let (phases, len) = (table.phases(), table.image_len());
-        Self {
-            first: core::array::from_fn(|m| ((py + m) * phases + px) * len),
-            weights: wy.map(|wy| wx.map(|wx| electrons * wy * wx)),
-        }
-    }
-
-    /// Sixteen columns from `column` of row `row`; those beyond the row's padding are 0.
-    #[inline(always)]
-    fn chunk<const FUSED: bool>(&self, table: &PsfTable, row: usize, column: usize) -> [f32; LANES] {
-        let mut sum = [0.0_f32; LANES];
-        for (first, weights) in self.first.iter().zip(&self.weights) {
-            for (n, weight) in weights.iter().enumerate() {
-                let at = first + n * table.image_len() + row * table.stride + column;
-                if let Some(values) = table.data.get(at..at + LANES) {
-                    for (sum, value) in sum.iter_mut().zip(values) {
-                        *sum = mul_add::<FUSED>(*weight, *value, *sum);
-                    }
+    let ((px, wx), (py, wy)) = (table.taps(fraction[0]), table.taps(fraction[1]));
+    let weights: [f32; 16] = core::array::from_fn(|i| electrons * wy[i / 4] * wx[i % 4]);
+    let Some(images) = table.images(px, py) else { return };
+    let (per_row, width) = (table.stride / LANES, band.width);
+    for r in first as usize..end as usize {
+        let at = (top + r as i32) as usize * width;
+        let line = &mut band.pixels[at..at + width];
+        for c in 0..per_row {
+            let mut sum = [0.0_f32; LANES];
+            for (image, weight) in images.iter().zip(weights) {
+                let Some(values) = image.get(r * per_row + c) else { continue };
+                for (sum, value) in sum.iter_mut().zip(values) {
+                    *sum = mul_add::<FUSED>(weight, *value, *sum);
                 }
             }
+            let from = left + (c * LANES) as i32;
+            let whole = usize::try_from(from).ok().and_then(|from| line.get_mut(from..)?.first_chunk_mut::<LANES>());
+            match whole {
+                // Lanes beyond the footprint hold zeros.
+                Some(target) => target.iter_mut().zip(&sum).for_each(|(pixel, value)| *pixel += value),
+                None => add_clipped::<FUSED>(line, from, columns - c * LANES, &sum, 1.0),
+            }
         }
-        if column + LANES > table.stride {
-            // Half a vector: the rest is the next row.
-            sum[PAD..].fill(0.0);
-        }
-        sum
     }
 }
 
@@ -392,16 +366,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_are_clipped_at_both_ends() {
-        let values: [f32; LANES] = core::array::from_fn(|i| if i < 3 { 1.0 } else { 0.0 });
-        let mut line = [0.0_f32; 20];
-        for first in [-2, 19, 5, -40, 400] {
-            add_lanes::<true>(&mut line, first, 3, &values, 2.0);
+    fn splats_are_clipped_at_both_ends() {
+        let line: [f32; LANES] = core::array::from_fn(|i| if i < 2 { 1.0 } else { 0.0 });
+        let mut pixels = vec![0.0_f32; 40];
+        for (top, left) in [(0, -2), (1, 19), (0, 2), (-1, 5), (0, -40), (0, 400)] {
+            let mut band = Band { pixels: &mut pixels, width: 20, first_row: 0 };
+            add_separable::<true>(&mut band, top, left, 2, &line, &[2.0; LANES]);
         }
-        let mut wanted = [0.0_f32; 20];
-        for x in [0, 5, 6, 7, 19] {
-            wanted[x] = 2.0;
+        let mut wanted = [0.0_f32; 40];
+        for at in [2, 3, 22, 23, 39, 5, 6] {
+            wanted[at] += 2.0;
         }
-        assert_eq!(line, wanted);
+        assert_eq!(pixels, wanted);
+    }
+
+    #[test]
+    fn whole_numbers_become_integers() {
+        for whole in [-3.0_f32, 0.0, 7.0, 100_000.0, -100_000.0] {
+            assert_eq!(f64::from(whole_i32(whole)), f64::from(whole));
+        }
+        assert!(whole_i32(f32::INFINITY) > 1_000_000 && whole_i32(-1e30) < -1_000_000);
     }
 }

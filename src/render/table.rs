@@ -13,10 +13,8 @@ use crate::optics::quadrature::gauss_legendre;
 use crate::render::kernel::{GaussianPath, accumulate};
 use crate::render::spline;
 
-/// Columns of every stored image are a multiple of this, and images may be read this far past their rows.
+/// Columns of every stored image are a multiple of this.
 pub const LANES: usize = 16;
-/// Columns are padded to a multiple of this.
-pub const PAD: usize = 8;
 /// Gauss-Legendre nodes per axis and subcell of an Airy table.
 const SUBCELL_NODES: usize = 4;
 
@@ -27,7 +25,7 @@ pub struct PsfTable {
     pub oversampling: usize,
     /// Half-width of the images along x and y, px.
     pub half_px: [usize; 2],
-    /// Floats per row of an image (a multiple of [`PAD`]; beyond `2 half_px + 1` they are 0).
+    /// Floats per row of an image (a multiple of [`LANES`]; beyond `2 half_px + 1` they are 0).
     pub stride: usize,
     /// Coefficients by phase.
     pub data: Vec<f32>,
@@ -90,6 +88,20 @@ impl PsfTable {
         (j as usize, spline::weights(s - j))
     }
 
+    /// The sixteen images from phases (`px`, `py`) on, row of phases by row, in whole vectors: all of one length.
+    #[inline(always)]
+    pub(super) fn images(&self, px: usize, py: usize) -> Option<[&[[f32; LANES]]; 16]> {
+        const NONE: &[[f32; LANES]] = &[];
+        let (len, phases) = (self.image_len() / LANES, self.phases());
+        let (vectors, _) = self.data.as_chunks::<LANES>();
+        let mut images = [NONE; 16];
+        for (i, image) in images.iter_mut().enumerate() {
+            let first = ((py + i / 4) * phases + px + i % 4) * len;
+            *image = vectors.get(first..first + len)?;
+        }
+        Some(images)
+    }
+
     /// The PSF itself, `s` grid points per pixel.
     #[must_use]
     pub fn of_psf(psf: &PsfModel, half_px: usize, s: usize) -> Self {
@@ -139,7 +151,7 @@ impl PsfTable {
     fn size(&mut self, half_px: [usize; 2], s: usize) {
         self.oversampling = s;
         self.half_px = half_px;
-        self.stride = (2 * half_px[0] + 1).next_multiple_of(PAD);
+        self.stride = (2 * half_px[0] + 1).next_multiple_of(LANES);
         self.grid.reset(half_px.map(|half| half * s + s / 2 + 2));
     }
 
@@ -193,8 +205,7 @@ impl PsfTable {
     fn arrange(&mut self) {
         let (phases, [columns, rows], stride) = (self.phases(), self.size_px(), self.stride);
         let (grid_stride, s) = (self.grid.stride, self.oversampling);
-        // One vector past the last row: inner loops read whole vectors.
-        self.data.resize(phases * phases * rows * stride + LANES, 0.0);
+        self.data.resize(phases * phases * rows * stride, 0.0);
         // Phase p at pixel 0 stands at grid point half_px * S + S / 2 + 2 + (p - S / 2 - 1); so pixel -half_px at p + 1.
         for (image, data) in self.data.chunks_exact_mut(rows * stride).take(phases * phases).enumerate() {
             let (py, px) = (image / phases, image % phases);
