@@ -336,18 +336,19 @@ fn stamp<const FUSED: bool>(
         return;
     }
     let ((px, wx), (py, wy)) = (table.taps(fraction[0]), table.taps(fraction[1]));
-    let weights: [f32; 16] = core::array::from_fn(|i| electrons * wy[i / 4] * wx[i % 4]);
-    let Some(images) = table.images(px, py) else { return };
+    let weights = wy.map(|wy| wx.map(|wx| electrons * wy * wx));
     let (per_row, width) = (table.stride / LANES, band.width);
     for r in first as usize..end as usize {
         let at = (top + r as i32) as usize * width;
         let line = &mut band.pixels[at..at + width];
         for c in 0..per_row {
             let mut sum = [0.0_f32; LANES];
-            for (image, weight) in images.iter().zip(weights) {
-                let Some(values) = image.get(r * per_row + c) else { continue };
-                for (sum, value) in sum.iter_mut().zip(values) {
-                    *sum = mul_add::<FUSED>(weight, *value, *sum);
+            for (m, weights) in weights.iter().enumerate() {
+                let Some(four) = table.four(py + m, r, c, px) else { continue };
+                for (values, weight) in four.iter().zip(weights) {
+                    for (sum, value) in sum.iter_mut().zip(values) {
+                        *sum = mul_add::<FUSED>(*weight, *value, *sum);
+                    }
                 }
             }
             let from = left + (c * LANES) as i32;

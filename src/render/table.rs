@@ -2,8 +2,9 @@
 //!
 //! `P(u)`: share of the light in the pixel whose centre lies `u` px from the star, sampled every `1 / S` px, stored as
 //! cubic B-spline coefficients. A star of fraction `f` needs `P(i - f)` for all pixels `i`: with integer `S` the four
-//! taps per axis are the same for every pixel, so the table is kept by phase, `[phase_y][phase_x][row][column]`, and a
-//! star is a weighted sum of 16 small images. Error: `3 / (384 (S sigma)^4)` of the peak; `S` is chosen to keep it
+//! taps per axis are the same for every pixel, so the table is kept by phase,
+//! `[phase_y][row][16 columns][phase_x][column]`, and a star is a weighted sum of 16 small images; the four phases along
+//! x that a pixel needs stand side by side. Error: `3 / (384 (S sigma)^4)` of the peak; `S` is chosen to keep it
 //! below [`TABLE_ERROR`](crate::exposure::sampling::TABLE_ERROR). Tests below compare with the exact integral.
 
 use crate::exposure::moments::TracePoint;
@@ -25,7 +26,7 @@ pub struct PsfTable {
     pub oversampling: usize,
     /// Half-width of the images along x and y, px.
     pub half_px: [usize; 2],
-    /// Floats per row of an image (a multiple of [`LANES`]; beyond `2 half_px + 1` they are 0).
+    /// Columns of an image, padded to a multiple of [`LANES`]; beyond `2 half_px + 1` they are 0.
     pub stride: usize,
     /// Coefficients by phase.
     pub data: Vec<f32>,
@@ -71,12 +72,6 @@ impl PsfTable {
         self.half_px.map(|half| 2 * half + 1)
     }
 
-    /// Floats of one image.
-    #[must_use]
-    pub fn image_len(&self) -> usize {
-        self.size_px()[1] * self.stride
-    }
-
     /// First tap and the four weights for a star fraction in [-1/2, 1/2]: `(first phase, weights)`.
     #[inline(always)]
     #[must_use]
@@ -88,18 +83,20 @@ impl PsfTable {
         (j as usize, spline::weights(s - j))
     }
 
-    /// The sixteen images from phases (`px`, `py`) on, row of phases by row, in whole vectors: all of one length.
+    /// Sixteen columns (the `c`-th) of a row at four phases along x, from `px` on.
     #[inline(always)]
-    pub(super) fn images(&self, px: usize, py: usize) -> Option<[&[[f32; LANES]]; 16]> {
-        const NONE: &[[f32; LANES]] = &[];
-        let (len, phases) = (self.image_len() / LANES, self.phases());
+    pub(super) fn four(&self, py: usize, row: usize, c: usize, px: usize) -> Option<&[[f32; LANES]; 4]> {
         let (vectors, _) = self.data.as_chunks::<LANES>();
-        let mut images = [NONE; 16];
-        for (i, image) in images.iter_mut().enumerate() {
-            let first = ((py + i / 4) * phases + px + i % 4) * len;
-            *image = vectors.get(first..first + len)?;
-        }
-        Some(images)
+        let at = ((py * self.size_px()[1] + row) * (self.stride / LANES) + c) * self.phases() + px;
+        vectors.get(at..)?.first_chunk::<4>()
+    }
+
+    /// One coefficient.
+    #[must_use]
+    pub fn value(&self, py: usize, px: usize, row: usize, column: usize) -> f32 {
+        let (c, lane) = (column / LANES, column % LANES);
+        let at = ((py * self.size_px()[1] + row) * (self.stride / LANES) + c) * self.phases() + px;
+        self.data.get(at * LANES + lane).copied().unwrap_or(0.0)
     }
 
     /// The PSF itself, `s` grid points per pixel.
@@ -203,27 +200,22 @@ impl PsfTable {
 
     /// Grid -> images by phase.
     fn arrange(&mut self) {
-        let (phases, [columns, rows], stride) = (self.phases(), self.size_px(), self.stride);
-        let (grid_stride, s) = (self.grid.stride, self.oversampling);
-        self.data.resize(phases * phases * rows * stride, 0.0);
+        let (phases, [columns, rows], per_row) = (self.phases(), self.size_px(), self.stride / LANES);
+        let (stride, s) = (self.grid.stride, self.oversampling);
+        self.data.resize(phases * rows * per_row * phases * LANES, 0.0);
+        let (vectors, _) = self.data.as_chunks_mut::<LANES>();
         // Phase p at pixel 0 stands at grid point half_px * S + S / 2 + 2 + (p - S / 2 - 1); so pixel -half_px at p + 1.
-        for (image, data) in self.data.chunks_exact_mut(rows * stride).take(phases * phases).enumerate() {
-            let (py, px) = (image / phases, image % phases);
-            for (row, line) in data.chunks_exact_mut(stride).enumerate() {
-                line[columns..].fill(0.0);
-                let line = &mut line[..columns];
-                let gy = py + 1 + row * s;
-                // The last phase would read one past the grid's edge, where the PSF has ended.
-                let Some(source) = self.grid.values.get(gy * grid_stride..(gy + 1) * grid_stride) else {
-                    line.fill(0.0);
-                    continue;
-                };
-                let taps = &source[(px + 1).min(source.len())..];
-                let taken = if taps.is_empty() { 0 } else { taps.len().div_ceil(s).min(columns) };
-                for (i, value) in line[..taken].iter_mut().enumerate() {
-                    *value = taps[i * s];
+        for (i, vectors) in vectors.chunks_exact_mut(phases).enumerate() {
+            let (py, row, c) = (i / per_row / rows, i / per_row % rows, i % per_row);
+            let gy = py + 1 + row * s;
+            // The last phase would read one past the grid's edge, where the PSF has ended.
+            let source = self.grid.values.get(gy * stride..(gy + 1) * stride).unwrap_or(&[]);
+            for (px, vector) in vectors.iter_mut().enumerate() {
+                let first = c * LANES;
+                for (lane, value) in vector.iter_mut().enumerate() {
+                    let taken = source.get(px + 1 + (first + lane) * s).filter(|_| first + lane < columns);
+                    *value = taken.copied().unwrap_or(0.0);
                 }
-                line[taken..].fill(0.0);
             }
         }
     }
@@ -304,7 +296,6 @@ mod tests {
     /// Largest error over pixels and fractions, relative to the peak.
     fn worst(psf: &PsfModel, half_px: usize) -> f64 {
         let table = PsfTable::of_psf(psf, half_px, oversampling(psf));
-        let phases = table.phases();
         let mut worst = 0.0_f64;
         for fraction in [[0.0_f32, 0.0], [0.5, -0.5], [0.25, 0.4375], [-0.3, 0.11], [0.06, -0.44]] {
             let ((px, wx), (py, wy)) = (table.taps(fraction[0]), table.taps(fraction[1]));
@@ -313,8 +304,7 @@ mod tests {
                     let mut value = 0.0;
                     for (m, wy) in wy.iter().enumerate() {
                         for (n, wx) in wx.iter().enumerate() {
-                            let image = ((py + m) * phases + px + n) * table.image_len();
-                            value += f64::from(wy * wx) * f64::from(table.data[image + row * table.stride + column]);
+                            value += f64::from(wy * wx) * f64::from(table.value(py + m, px + n, row, column));
                         }
                     }
                     let half = half_px as f64;

@@ -284,13 +284,12 @@ impl Resources {
 
     /// Brings a table to a layer: texel (phase_x, column; phase_y, row) holds the taps of four phases along x.
     fn load_table(&mut self, gpu: &GpuDevice, layer: u32, table: &PsfTable) {
-        let (phases, [columns, rows], len) = (table.phases(), table.size_px(), table.image_len());
+        let (phases, [columns, rows]) = (table.phases(), table.size_px());
         self.texels.clear();
         for (phase_row, row) in (0..phases).flat_map(|phase| (0..rows).map(move |row| (phase, row))) {
             for first in 0..phases - 3 {
-                let at = (phase_row * phases + first) * len + row * table.stride;
-                let taps: [&[f32]; 4] = core::array::from_fn(|n| &table.data[at + n * len..at + n * len + columns]);
-                self.texels.extend((0..columns).map(|column| taps.map(|tap| tap[column])));
+                let taps = |column| core::array::from_fn(|n| table.value(phase_row, first + n, row, column));
+                self.texels.extend((0..columns).map(taps));
             }
         }
         self.table.write(gpu, layer, (phases - 3) * columns, &self.texels);

@@ -98,11 +98,12 @@ fn record(plan: &ExposurePlan, star: &PlannedStar, source: Source, size: [usize;
     let by_nodes = matches!(list.drawing, Drawing::Nodes);
     let px = if by_nodes { plan.origin_px(star, &track) } else { star.mean_px };
     let whole = px.map(|v| (v + 0.5).floor());
-    let path = if by_nodes { plan.extent_px.ceil() as i64 + SLACK_PX } else { 1 };
+    let path = if by_nodes { plan.extent_px.ceil() as i64 + SLACK_PX } else { 0 };
     let mut start = [0; 2];
     let mut box_size = 0;
     for axis in 0..2 {
-        let (middle, reach) = (star.mean_px[axis].round() as i64, path + source.half_px[axis] as i64);
+        let middle = if by_nodes { (star.mean_px[axis] + 0.5).floor() } else { whole[axis] } as i64;
+        let reach = path + source.half_px[axis] as i64;
         let (first, last) = ((middle - reach).max(0), (middle + reach).min(size[axis] as i64 - 1));
         start[axis] = i32::try_from(first).ok()?;
         // Empty boxes end here; 16 bits hold the longest side of an image the device takes.
