@@ -45,7 +45,7 @@ const MOST_JITTER_NODES: usize = 1024;
 /// Gauss-Legendre nodes along a straight segment.
 const PER_SEGMENT: usize = 2;
 /// Zones along each side that are tried.
-const ZONES: [u16; 3] = [2, 4, 8];
+const ZONES: [u16; 4] = [1, 2, 4, 8];
 /// Row bands that are tried under a rolling shutter.
 const BANDS: [usize; 4] = [1, 4, 16, 64];
 /// Share of the budget that the windows of a band's rows may differ by.
@@ -429,12 +429,12 @@ impl Chooser {
         let size = [camera.width_px() as f64, camera.height_px() as f64];
         for zones in ZONES {
             let rows = if rolling { zones.max(u16::try_from(self.bands).unwrap_or(u16::MAX)) } else { zones };
-            let half_px = [0.5 * size[0] / f64::from(zones), 0.5 * size[1] / f64::from(rows)];
+            let cell_px = [size[0] / f64::from(zones), size[1] / f64::from(rows)];
             let mut error = NodeError::default();
             if !motion.is_still() {
                 for i in [probes.centre_index(), probes.widest_index()] {
                     let (Some(probe), Some(list)) = (probes.probes.get(i), self.lists.first()) else { continue };
-                    error = error.worst(self.scales.zone_error(list, probe, half_px, probes));
+                    error = error.worst(self.scales.cell_error(list, probe, cell_px, probes));
                 }
             }
             let error = error.plus(sampled);

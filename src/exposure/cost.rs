@@ -119,7 +119,8 @@ impl CostModel {
         };
         let drawing_ns = if method.kernels() > 0 {
             let half_px = kernel_half_px(load.half_px, load.extent_px);
-            self.kernels_ns(method, load.psf, half_px) + stars * self.table_pixel_ns * padded_pixels(half_px)
+            let stamp_ns = self.table_pixel_ns * padded_pixels(half_px);
+            self.kernels_ns(method, load.psf, half_px) + stars * method.stamps() as f64 * stamp_ns
         } else {
             stars * method.nodes() as f64 * star_node_ns
         };

@@ -6,7 +6,7 @@ use crate::exposure::method::Method;
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::nodes;
 use crate::exposure::place::for_each_star;
-use crate::exposure::plan::{Drawing, ExposurePlan, NodeList, PlannedStar};
+use crate::exposure::plan::{Cell, Drawing, ExposurePlan, NodeList, PlannedStar};
 use crate::exposure::pose::{PathNode, Pose, mean_pose};
 use crate::exposure::probes::{Probes, SIDE};
 use crate::exposure::track::{StarPlace, StarTrack};
@@ -15,6 +15,7 @@ use crate::exposure::track::{StarPlace, StarTrack};
 #[derive(Debug, Default)]
 pub struct Buffers {
     used: Vec<u32>,
+    corners: Vec<u32>,
 }
 
 /// No list.
@@ -135,7 +136,38 @@ fn band_of(y_px: f64, height: f64, bands: usize) -> usize {
     band
 }
 
-/// A kernel for every zone that holds a star of the class.
+/// Where the stars of a class stand on the grid of a zonal method.
+struct Grid {
+    cells: [usize; 2],
+    size_px: [f64; 2],
+}
+
+impl Grid {
+    fn new(camera: &CameraGeometry, zones: [u16; 2]) -> Self {
+        Self { cells: zones.map(usize::from), size_px: [camera.width_px() as f64, camera.height_px() as f64] }
+    }
+
+    /// The cell of a star: column and row.
+    fn cell_of(&self, star: &PlannedStar) -> [usize; 2] {
+        core::array::from_fn(|i| band_of(star.mean_px[i], self.size_px[i], self.cells[i]))
+    }
+
+    fn index(&self, [column, row]: [usize; 2]) -> usize {
+        row * self.cells[0] + column
+    }
+
+    /// The corner at the top left of a cell, px; the last corners stand at the detector's far edges.
+    fn corner_px(&self, at: [usize; 2]) -> [f64; 2] {
+        core::array::from_fn(|i| at[i] as f64 / self.cells[i] as f64 * self.size_px[i] - 0.5)
+    }
+
+    /// Corners of all cells, by index.
+    fn corner_index(&self, [column, row]: [usize; 2]) -> usize {
+        row * (self.cells[0] + 1) + column
+    }
+}
+
+/// A kernel for every corner of a cell that holds a star of the class, and a blend for every such cell.
 fn fill_zones(
     plan: &mut ExposurePlan,
     probes: &Probes,
@@ -144,48 +176,78 @@ fn fill_zones(
     zones: [u16; 2],
     buffers: &mut Buffers,
 ) {
-    let [columns, rows] = zones.map(usize::from);
-    let [width, height] = [camera.width_px(), camera.height_px()];
-    let zone_of = |star: &PlannedStar| {
-        band_of(star.mean_px[1], height as f64, rows) * columns + band_of(star.mean_px[0], width as f64, columns)
-    };
-    let used = &mut buffers.used;
+    let grid = Grid::new(camera, zones);
+    let Buffers { used, corners } = buffers;
     used.clear();
-    used.resize(columns * rows, UNUSED);
+    used.resize(grid.cells[0] * grid.cells[1], UNUSED);
+    corners.clear();
+    corners.resize((grid.cells[0] + 1) * (grid.cells[1] + 1), UNUSED);
     let only = plan.classes.len() == 1;
     let (above, faintest) = plan.brightness_of(class);
     for star in plan.stars.iter().filter(|star| only || (star.electrons < above && star.electrons >= faintest)) {
-        used[zone_of(star)] = 0;
+        used[grid.index(grid.cell_of(star))] = 0;
     }
     let method = plan.classes[class].chosen.method;
-    let mut shared = None;
-    for row in 0..rows {
-        let at = |i: usize, n: usize, side: usize| (i as f64 + 0.5) / n as f64 * side as f64 - 0.5;
-        let y_px = at(row, rows, height);
-        let delay_s = plan.shutter.delay_s(y_px, height);
-        let mut row_nodes = None;
-        for column in 0..columns {
-            let zone = row * columns + column;
-            if used[zone] == UNUSED {
-                continue;
+    for row in 0..grid.cells[1] {
+        for column in 0..grid.cells[0] {
+            let cell = grid.index([column, row]);
+            if used[cell] != UNUSED {
+                used[cell] = push_cell(plan, probes, &grid, corners, method, [column, row]);
             }
-            let known = if plan.shutter == Shutter::Global { &mut shared } else { &mut row_nodes };
-            let (nodes, mean): (_, Pose) = known
-                .get_or_insert_with(|| {
-                    let first = plan.nodes.len();
-                    fill_nodes(&plan.motion, method, delay_s, probes, &mut plan.nodes);
-                    let nodes = first..plan.nodes.len();
-                    let mean = mean_pose(&plan.nodes[nodes.clone()]);
-                    (nodes, mean)
-                })
-                .clone();
-            let Some(place) = StarPlace::of_pixel(camera, [at(column, columns, width), y_px]) else { continue };
-            used[zone] = u32::try_from(plan.lists.len()).unwrap_or(UNUSED);
-            let drawing = Drawing::Kernel(StarTrack::new(camera, place));
-            plan.lists.push(NodeList { nodes, mean, correction: Correction::none(), drawing });
         }
     }
-    let used = core::mem::take(&mut buffers.used);
-    assign(plan, class, |star| used[zone_of(star)]);
-    buffers.used = used;
+    let used = &*used;
+    assign(plan, class, |star| used[grid.index(grid.cell_of(star))]);
+}
+
+/// The blend of one cell and those of its kernels that are not there yet.
+fn push_cell(
+    plan: &mut ExposurePlan,
+    probes: &Probes,
+    grid: &Grid,
+    corners: &mut [u32],
+    method: Method,
+    [column, row]: [usize; 2],
+) -> u32 {
+    let kernels = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[right, down]| {
+        let at = [column + right, row + down];
+        let corner = &mut corners[grid.corner_index(at)];
+        if *corner == UNUSED {
+            *corner = push_kernel(plan, probes, grid.corner_px(at), method);
+        }
+        *corner
+    });
+    let (origin_px, end_px) = (grid.corner_px([column, row]), grid.corner_px([column + 1, row + 1]));
+    let size_px = [end_px[0] - origin_px[0], end_px[1] - origin_px[1]];
+    let Some(first) = plan.lists.get(kernels[0] as usize) else { return UNUSED };
+    let (nodes, mean) = (first.nodes.clone(), first.mean);
+    let drawing = Drawing::Blend(Cell { kernels, origin_px, size_px });
+    plan.lists.push(NodeList { nodes, mean, correction: Correction::none(), drawing });
+    list_number(plan.lists.len() - 1)
+}
+
+/// A kernel made at `px`.
+fn push_kernel(plan: &mut ExposurePlan, probes: &Probes, px: [f64; 2], method: Method) -> u32 {
+    let camera = &probes.camera;
+    // A corner outside the lens's domain cannot be: the detector's corners are inside it.
+    let place = StarPlace::of_pixel(camera, px);
+    let track = place.map(|place| StarTrack::new(camera, place)).or(probes.centre().map(|probe| probe.track));
+    let Some(track) = track else { return UNUSED };
+    let global = plan.shutter == Shutter::Global;
+    // With a global shutter all kernels share one list of poses.
+    let shared = plan.lists.iter().rev().find(|list| global && matches!(list.drawing, Drawing::Kernel(_)));
+    let (nodes, mean) = if let Some(list) = shared.filter(|list| list.nodes.len() == method.nodes()) {
+        (list.nodes.clone(), list.mean)
+    } else {
+        let first = plan.nodes.len();
+        let delay_s = plan.shutter.delay_s(px[1], camera.height_px());
+        fill_nodes(&plan.motion, method, delay_s, probes, &mut plan.nodes);
+        (first..plan.nodes.len(), mean_pose(&plan.nodes[first..]))
+    };
+    plan.lists.push(NodeList { nodes, mean, correction: Correction::none(), drawing: Drawing::Kernel(track) });
+    list_number(plan.lists.len() - 1)
+}
+
+fn list_number(list: usize) -> u32 {
+    u32::try_from(list).unwrap_or(UNUSED)
 }

@@ -32,10 +32,10 @@ pub enum Method {
         /// Nodes from which the kernel is built.
         nodes: usize,
     },
-    /// PSF convolved with the path once per zone of the field. Domain: any path; roll, distortion and a rolling
-    /// shutter vary little within a zone.
+    /// PSF convolved with the path at the corners of a grid of zones, blended between them. Domain: any path; roll,
+    /// distortion and a rolling shutter change it little, and evenly, within a zone.
     ZonalPsf {
-        /// Zones along rows and columns.
+        /// Zones along columns and rows.
         zones: [u16; 2],
         /// Nodes from which each kernel is built.
         nodes: usize,
@@ -133,12 +133,18 @@ impl Method {
         }
     }
 
+    /// Kernels that one star is made of.
+    #[must_use]
+    pub fn stamps(self) -> usize {
+        if matches!(self, Self::ZonalPsf { .. }) { 4 } else { 1 }
+    }
+
     /// Kernels that are built for a frame.
     #[must_use]
     pub fn kernels(self) -> usize {
         match self {
             Self::Gaussian | Self::EffectivePsf { .. } => 1,
-            Self::ZonalPsf { zones: [columns, rows], .. } => usize::from(columns) * usize::from(rows),
+            Self::ZonalPsf { zones: [columns, rows], .. } => (usize::from(columns) + 1) * (usize::from(rows) + 1),
             Self::Static | Self::GaussLegendre { .. } | Self::Segments { .. } | Self::Samples { .. } => 0,
         }
     }

@@ -44,6 +44,16 @@ impl Moments {
         m
     }
 
+    /// `self += share * other`: the moments of a blend of images with one mean.
+    pub fn add(&mut self, share: f64, other: &Self) {
+        for (sum, v) in self.covariance_px2.iter_mut().zip(other.covariance_px2) {
+            *sum += share * v;
+        }
+        for (sum, v) in self.third_px3.iter_mut().zip(other.third_px3) {
+            *sum += share * v;
+        }
+    }
+
     /// Largest difference of covariance from `other`, px^2.
     #[must_use]
     pub fn covariance_difference(&self, other: &Self) -> f64 {

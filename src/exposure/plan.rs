@@ -40,6 +40,28 @@ pub enum Drawing {
     Nodes,
     /// The PSF convolved with the path of a star at this place, once at the mean position.
     Kernel(StarTrack),
+    /// Four kernels, made at the corners of a cell of the field, blended by the star's place in it.
+    Blend(Cell),
+}
+
+/// A cell of the field between four kernels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cell {
+    /// Lists of the kernels: top left, top right, bottom left, bottom right.
+    pub kernels: [u32; 4],
+    /// Top left corner, px.
+    pub origin_px: [f64; 2],
+    /// Width and height, px.
+    pub size_px: [f64; 2],
+}
+
+impl Cell {
+    /// Shares of the four kernels for a star at `px`; they sum to 1.
+    #[must_use]
+    pub fn shares(&self, px: [f64; 2]) -> [f64; 4] {
+        let [x, y] = core::array::from_fn(|i| ((px[i] - self.origin_px[i]) / self.size_px[i]).clamp(0.0, 1.0));
+        [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y]
+    }
 }
 
 /// Path nodes and what is done with them, for some of the stars.
@@ -221,6 +243,18 @@ impl ExposurePlan {
             let [x, y] = at.exact_px(&self.camera, &node.pose);
             [node.weight, x - mean[0], y - mean[1]]
         })
+    }
+
+    /// What a star that is drawn once is made of: lists and shares of its light.
+    pub fn parts(&self, star: &PlannedStar) -> impl Iterator<Item = (usize, f64)> + use<> {
+        let parts = match self.list_of(star).drawing {
+            Drawing::Blend(cell) => {
+                let shares = cell.shares(star.mean_px);
+                core::array::from_fn(|i| (cell.kernels[i] as usize, shares[i]))
+            }
+            _ => [(star.list as usize, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)],
+        };
+        parts.into_iter().filter(|(_, share)| *share > 0.0)
     }
 
     /// True when any star is drawn from a kernel.

@@ -99,28 +99,41 @@ impl Scales {
         worst
     }
 
-    /// Largest error of drawing stars at the corners of a zone of `half_px` half-sizes about `probe` (moved inside the
-    /// detector) with the path of the zone's middle. `delay_nodes` are nodes at the zone's upper and lower rows.
-    pub fn zone_error(&mut self, nodes: &[PathNode], probe: &Probe, half_px: [f64; 2], probes: &Probes) -> NodeError {
+    /// Largest error of drawing stars in a cell of `size_px` about `probe` (moved inside the detector) with a blend of
+    /// the paths at its corners: at the cell's middle and the middles of its sides, where it is largest.
+    pub fn cell_error(&mut self, nodes: &[PathNode], probe: &Probe, size_px: [f64; 2], probes: &Probes) -> NodeError {
         let camera = &probes.camera;
-        let size = [camera.width_px(), camera.height_px()].map(|side| side as f64 - 1.0);
-        let middle: [f64; 2] = core::array::from_fn(|i| {
-            let last = (size[i] - half_px[i]).max(half_px[i]);
-            probe.track.place.mid_px[i].clamp(half_px[i], last)
+        let last = [camera.width_px(), camera.height_px()].map(|side| side as f64 - 0.5);
+        let origin: [f64; 2] = core::array::from_fn(|i| {
+            let most = (last[i] - size_px[i]).max(-0.5);
+            (probe.track.place.mid_px[i] - 0.5 * size_px[i]).clamp(-0.5, most)
         });
-        let Some(centre) = StarPlace::of_pixel(camera, middle) else { return UNKNOWN };
-        exact_trace(camera, &StarTrack::new(camera, centre), nodes, &mut self.scratch[0]);
-        let drawn = (Moments::of(&self.scratch[0]), self.sensitivity.spectrum(&self.scratch[0]));
+        let mut corners = [(Moments::default(), NOTHING); 4];
+        for (i, corner) in corners.iter_mut().enumerate() {
+            let px = [origin[0] + size_px[0] * (i % 2) as f64, origin[1] + size_px[1] * (i / 2) as f64];
+            let Some(shape) = self.shape_at(camera, px, nodes) else { return UNKNOWN };
+            *corner = shape;
+        }
         let mut worst = NodeError::default();
-        for [sx, sy] in [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]] {
-            let corner = [middle[0] + sx * half_px[0], middle[1] + sy * half_px[1]];
-            let Some(place) = StarPlace::of_pixel(camera, corner) else { return UNKNOWN };
-            exact_trace(camera, &StarTrack::new(camera, place), nodes, &mut self.scratch[1]);
-            let moments = self.moment_error(&drawn.0, &Moments::of(&self.scratch[1]));
-            let spectrum = self.sensitivity.spectrum(&self.scratch[1]);
-            worst = worst.worst(moments).worst(self.spectrum_error(&drawn.1, &spectrum, probes));
+        for [x, y] in [[0.5, 0.5], [0.5, 0.0], [0.0, 0.5]] {
+            let shares = [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y];
+            let px = [origin[0] + size_px[0] * x, origin[1] + size_px[1] * y];
+            let Some((moments, spectrum)) = self.shape_at(camera, px, nodes) else { return UNKNOWN };
+            let mut drawn = (Moments::default(), NOTHING);
+            for (share, corner) in shares.iter().zip(&corners) {
+                drawn.0.add(*share, &corner.0);
+                add_spectrum(&mut drawn.1, *share, &corner.1);
+            }
+            let by_moments = self.moment_error(&drawn.0, &moments);
+            worst = worst.worst(by_moments).worst(self.spectrum_error(&drawn.1, &spectrum, probes));
         }
         worst
+    }
+
+    fn shape_at(&mut self, camera: &CameraGeometry, px: [f64; 2], nodes: &[PathNode]) -> Option<(Moments, Spectrum)> {
+        let place = StarPlace::of_pixel(camera, px)?;
+        exact_trace(camera, &StarTrack::new(camera, place), nodes, &mut self.scratch[1]);
+        Some((Moments::of(&self.scratch[1]), self.sensitivity.spectrum(&self.scratch[1])))
     }
 
     fn moment_error(&self, drawn: &Moments, truth: &Moments) -> NodeError {
@@ -133,6 +146,14 @@ impl Scales {
     fn spectrum_error(&self, drawn: &Spectrum, truth: &Spectrum, probes: &Probes) -> NodeError {
         let (moment, peak) = self.sensitivity.error(drawn, truth);
         NodeError { centroid_px: moment / light_share(WINDOW_PX, probes), peak }
+    }
+}
+
+/// `sum += share * other`.
+fn add_spectrum(sum: &mut Spectrum, share: f64, other: &Spectrum) {
+    for (sum, other) in sum.iter_mut().flatten().zip(other.iter().flatten()) {
+        sum[0] += share * other[0];
+        sum[1] += share * other[1];
     }
 }
 

@@ -90,8 +90,7 @@ impl Bands {
                 members.trails.clear();
             }
             for star in stars {
-                let list = star.list as usize;
-                sort_star(plan, star, half_px(list), kernel_of(list), rows, chunk);
+                sort_star(plan, star, &half_px, &kernel_of, rows, chunk);
             }
             for members in chunk.iter_mut() {
                 reserve(&mut members.spots);
@@ -167,22 +166,25 @@ fn spot(px: [f64; 2], electrons: f64, kernel: u32) -> Spot {
 fn sort_star(
     plan: &ExposurePlan,
     star: &PlannedStar,
-    half_px: usize,
-    kernel: Option<usize>,
+    half_px: &impl Fn(usize) -> usize,
+    kernel_of: &impl Fn(usize) -> Option<usize>,
     rows: usize,
     chunk: &mut [Members],
 ) {
     let list = plan.list_of(star);
-    let half = half_px.cast_signed() as i64;
     if !matches!(list.drawing, Drawing::Nodes) {
-        let kernel = kernel.and_then(|kernel| u32::try_from(kernel).ok()).unwrap_or(NO_KERNEL);
-        let spot = spot(star.mean_px, star.electrons, kernel);
-        let row = i64::from(spot.row);
-        for band in bands_of(row - half, row + half, rows) {
-            chunk[band].spots.push(spot);
+        for (list, share) in plan.parts(star) {
+            let half = half_px(list).cast_signed() as i64;
+            let kernel = kernel_of(list).and_then(|kernel| u32::try_from(kernel).ok()).unwrap_or(NO_KERNEL);
+            let spot = spot(star.mean_px, share * star.electrons, kernel);
+            let row = i64::from(spot.row);
+            for band in bands_of(row - half, row + half, rows) {
+                chunk[band].spots.push(spot);
+            }
         }
         return;
     }
+    let half = half_px(star.list as usize).cast_signed() as i64;
     let track = StarTrack::new(&plan.camera, star.place);
     let origin_px = plan.origin_px(star, &track);
     let trail = Trail {

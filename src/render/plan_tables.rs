@@ -55,7 +55,7 @@ impl PlanTables {
             }
         }
         let kernels = self.list_of_kernel.len();
-        let is_drawn = plan.lists.iter().any(|list| !matches!(list.drawing, Drawing::Kernel(_)));
+        let is_drawn = plan.lists.iter().any(|list| matches!(list.drawing, Drawing::Once | Drawing::Nodes));
         // The kernel of a Gaussian is made of Gaussians.
         let needs_base = (is_drawn && !self.is_analytic(plan)) || (kernels > 0 && !is_gaussian(plan));
         let base_rebuilt = needs_base && self.rebuild_base(plan);

@@ -79,9 +79,10 @@ pub(super) fn fill_stars(
 ) -> usize {
     stars.clear();
     let of_kind = |analytic: bool, stars: &mut Vec<StarRecord>| {
-        let members = plan.stars.iter().filter_map(|star| {
-            let source = source(star.list as usize);
-            if source.layer.is_none() == analytic { record(plan, star, source, size) } else { None }
+        let parts = plan.stars.iter().flat_map(|star| plan.parts(star).map(move |part| (star, part)));
+        let members = parts.filter_map(|(star, (list, share))| {
+            let source = source(list);
+            if source.layer.is_none() == analytic { record(plan, star, share, source, size) } else { None }
         });
         stars.extend(members);
     };
@@ -92,7 +93,7 @@ pub(super) fn fill_stars(
 }
 
 #[allow(clippy::cast_possible_truncation, reason = "the planner keeps positions within a few detectors of the origin")]
-fn record(plan: &ExposurePlan, star: &PlannedStar, source: Source, size: [usize; 2]) -> Option<StarRecord> {
+fn record(plan: &ExposurePlan, star: &PlannedStar, share: f64, source: Source, size: [usize; 2]) -> Option<StarRecord> {
     let list = plan.list_of(star);
     let track = StarTrack::new(&plan.camera, star.place);
     let by_nodes = matches!(list.drawing, Drawing::Nodes);
@@ -116,7 +117,7 @@ fn record(plan: &ExposurePlan, star: &PlannedStar, source: Source, size: [usize;
         fraction: [(px[0] - whole[0]) as f32, (px[1] - whole[1]) as f32],
         box_start: start,
         box_size,
-        electrons: star.electrons as f32,
+        electrons: (share * star.electrons) as f32,
         px_per_tangent: [xu, xv, yu, yv],
         tangent: star.place.tangent.to_array().map(|v| v as f32),
         from_principal_px: track.from_principal_px.map(|v| v as f32),
