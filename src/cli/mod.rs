@@ -6,6 +6,7 @@ pub mod camera_parts;
 pub mod catalog;
 pub mod check;
 mod check_attitude;
+mod check_plan;
 pub mod render;
 pub mod render_input;
 pub mod render_output;

@@ -8,7 +8,7 @@ use crate::exposure::mean_field::MeanField;
 use crate::exposure::method::{Method, MethodChoice, MethodName};
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::pixel_path::PixelPath;
-use crate::exposure::plan::{Assessment, ExposurePlan, LONGEST_KERNEL_PX, StarClass, Verdict};
+use crate::exposure::plan::{Assessment, ExposurePlan, LONGEST_KERNEL_PX, MOTION_SHARE, StarClass, Verdict};
 use crate::exposure::planner::Instrument;
 use crate::exposure::pose::PathNode;
 use crate::exposure::probes::{Probes, SIDE, gauss_legendre_count};
@@ -16,8 +16,6 @@ use crate::exposure::sampling::{SamplingError, TABLE_ERROR, sampling_error};
 use crate::exposure::weigh::{NodeError, Scales, ShapeOf, light_share, shear_error};
 use crate::optics::PsfModel;
 
-/// Share of the budget's centroid error that motion may use (the rest: PSF table, f32).
-const MOTION_SHARE: f64 = 0.5;
 /// Centroid error a table of [`TABLE_ERROR`] leaves, px (measured at most 3e-5 for sigma 0.3 to 1.2).
 const TABLE_CENTROID_PX: f64 = 1e-4;
 /// Rounding of single-precision drawing, px.

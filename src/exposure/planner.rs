@@ -67,6 +67,9 @@ const TRUNCATION_SHARE: f64 = 0.05;
 /// Stars a frame's buffers hold from the start.
 const STARS_RESERVED: usize = 16_384;
 
+/// Stars that are drawn whatever the time: a frame without any is of no use, and hardly sooner ready.
+const LEAST_STARS: usize = 32;
+
 /// Chooses methods; owns the buffers of the plan.
 #[derive(Debug)]
 pub struct Planner {
@@ -218,7 +221,7 @@ impl Planner {
     /// Leaves as many of the brightest stars as fit the time.
     fn keep_brightest(&mut self, limit_ms: f64) {
         let Self { plan, chooser, .. } = self;
-        let keep = chooser.stars_within(plan, limit_ms);
+        let keep = chooser.stars_within(plan, limit_ms).max(LEAST_STARS);
         if keep >= plan.stars.len() {
             return;
         }
