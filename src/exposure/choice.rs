@@ -7,6 +7,7 @@ use crate::exposure::lists::fill_nodes;
 use crate::exposure::mean_field::MeanField;
 use crate::exposure::method::{Method, MethodChoice, MethodName};
 use crate::exposure::motion::{Motion, Shutter};
+use crate::exposure::nodes::MOST_DENSE_NODES;
 use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::plan::{Assessment, ExposurePlan, LONGEST_KERNEL_PX, MOTION_SHARE, StarClass, Verdict};
 use crate::exposure::planner::Instrument;
@@ -74,6 +75,8 @@ pub(super) struct Chooser {
     sampling: SamplingError,
     scales: Scales,
     lists: Vec<Vec<PathNode>>,
+    /// Room for the dense nodes of one row.
+    dense: Vec<PathNode>,
     weighed: Vec<Weighed>,
     /// Errors that every method has.
     common: NodeError,
@@ -99,6 +102,7 @@ impl Chooser {
             choice,
             half_px,
             lists: (0..SIDE).map(|_| Vec::with_capacity(MOST_JITTER_NODES)).collect(),
+            dense: Vec::with_capacity(MOST_DENSE_NODES),
             weighed: Vec::with_capacity(64),
             common: NodeError::default(),
             bands: 1,
@@ -115,7 +119,8 @@ impl Chooser {
         }
         self.scales.watch(probes);
         let sigma_px = self.instrument.psf.core_sigma_px();
-        let mean_px = BETWEEN_CHECKS * probes.mean_error_px(motion, sigma_px, |track| means.displacement_px(track));
+        let mean_px = |track: &_| means.displacement_px(track);
+        let mean_px = BETWEEN_CHECKS * probes.mean_error_px(motion, sigma_px, &mut self.dense, mean_px);
         let dense = dense_error(motion, probes, sigma_px);
         self.common =
             NodeError { centroid_px: mean_px + dense * sigma_px, peak: STEEPEST * mean_px / sigma_px + dense };

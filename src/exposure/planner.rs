@@ -83,6 +83,8 @@ pub struct Planner {
     cells: CutOffCells,
     lists: lists::Buffers,
     share: Share,
+    /// Room for the stars' electrons.
+    brightness_e: Vec<f64>,
 }
 
 impl Planner {
@@ -127,6 +129,7 @@ impl Planner {
             budget,
             plan,
             share,
+            brightness_e: Vec::with_capacity(STARS_RESERVED),
         }
     }
 
@@ -220,15 +223,16 @@ impl Planner {
 
     /// Leaves as many of the brightest stars as fit the time.
     fn keep_brightest(&mut self, limit_ms: f64) {
-        let Self { plan, chooser, .. } = self;
+        let Self { plan, chooser, brightness_e, .. } = self;
         let keep = chooser.stars_within(plan, limit_ms).max(LEAST_STARS);
         if keep >= plan.stars.len() {
             return;
         }
         let mut cut = CutOff::default();
-        let mut brightness: Vec<f64> = plan.stars.iter().map(|star| star.electrons).collect();
+        brightness_e.clear();
+        brightness_e.extend(plan.stars.iter().map(|star| star.electrons));
         let limit_e = match keep.checked_sub(1) {
-            Some(last) => *brightness.select_nth_unstable_by(last, |a, b| b.total_cmp(a)).1,
+            Some(last) => *brightness_e.select_nth_unstable_by(last, |a, b| b.total_cmp(a)).1,
             None => f64::INFINITY,
         };
         let peak = plan.psf.peak();

@@ -1,7 +1,7 @@
 //! The frame engine: one slot in, one finished frame out. Allocates nothing after its first frames, formats nothing,
 //! touches no file and takes no lock.
 
-use crate::attitude::{LosPath, PathOrigin, PathOutcome, compose};
+use crate::attitude::{JitterTrack, LosPath, PathOrigin, PathOutcome, compose};
 use crate::base::axes::{Rotation, ra_dec_roll};
 use crate::base::clock::Stopwatch;
 use crate::base::time::{Span, Tai};
@@ -57,7 +57,9 @@ impl FrameEngine {
     /// When the catalog or the observer cannot be had.
     pub fn with_imager(params: RunParams, imager: Imager) -> Result<Self, RunError> {
         let camera = &params.camera;
-        let los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
+        let mut los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
+        let attitude = &params.attitude;
+        los.jitter = JitterTrack::with_capacity(attitude.jitter_lines.len(), attitude.jitter_history.capacity);
         let cost = params.cost.unwrap_or(imager.cost());
         let mut planner = Planner::new(camera.instrument(), params.budget, cost, params.method, los);
         if params.degrade && imager.may_degrade() {
