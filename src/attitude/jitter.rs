@@ -6,7 +6,6 @@
 
 use crate::attitude::error::HistoryReject;
 use crate::attitude::los::{JitterLine, JitterPoint, JitterTrack};
-use crate::attitude::residual::KNOTS_MAX;
 use crate::attitude::ring::{EpochRing, HistoryCounts, HistoryLimits};
 use crate::base::time::{Span, Tai};
 use glam::DVec3;
@@ -107,11 +106,8 @@ impl JitterHistory {
     /// An empty track with room for all this history can put into it, so that filling never allocates.
     #[must_use]
     pub fn new_track(&self) -> JitterTrack {
-        JitterTrack {
-            lines: Vec::with_capacity(self.lines.len()),
-            lines_epoch: self.lines_epoch,
-            points: Vec::with_capacity(self.capacity + KNOTS_MAX),
-        }
+        let lines_epoch = self.lines_epoch;
+        JitterTrack { lines_epoch, ..JitterTrack::with_capacity(self.lines.len(), self.capacity) }
     }
 
     /// Replaces the track's content by the lines and the points that bear on `from..=until`: those inside, and the

@@ -80,6 +80,13 @@ impl JitterTrack {
         Self { lines: Vec::new(), lines_epoch: Tai::from_ns(0), points: Vec::new() }
     }
 
+    /// No jitter, and room for so many lines and received points, and for the knots of a long exposure.
+    #[must_use]
+    pub fn with_capacity(lines: usize, points: usize) -> Self {
+        let points = Vec::with_capacity(points + super::residual::KNOTS_MAX);
+        Self { lines: Vec::with_capacity(lines), lines_epoch: Tai::from_ns(0), points }
+    }
+
     /// True when there is nothing to integrate.
     #[must_use]
     pub fn is_still(&self) -> bool {

@@ -3,12 +3,13 @@
 use crate::attitude::{JitterLine, RemoteClockLimits};
 use crate::base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
 use crate::base::time::{Span, Tai};
+use crate::cli::calibrate::Costs;
 use crate::cli::camera_parts::camera_params;
 use crate::config::{self, Bench, JitterSource, Wire};
 use crate::link::WireFormat;
 use crate::link::simulated::{BusParams, BusTiming};
 use crate::runtime::params::AttitudeParams;
-use crate::runtime::{BackendChoice, DeadlinePolicy, RunParams};
+use crate::runtime::{BackendChoice, DeadlinePolicy, Imager, RunParams};
 use crate::sky::observer::Observer;
 use crate::sky::orbit::{CircularOrbit, TleOrbit};
 use crate::testbed::flight_computer::{
@@ -20,7 +21,7 @@ use glam::DVec3;
 /// Time before the first exposure: the bus carries its first time marks and attitudes.
 const LEAD: Span = Span::from_ms(1000);
 
-/// Parameters of a run that begins when the clock reads `start`.
+/// Parameters of a run on the virtual clock that begins when the clock reads `start`.
 ///
 /// # Errors
 /// When the camera or the observer's orbit cannot be used.
@@ -33,6 +34,8 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         budget: bench.accuracy,
         backend: backend_choice(bench.render.backend),
         method: bench.render.method,
+        cost: None,
+        degrade: bench.timing.degrade.applies(false),
         seed: bench.seed,
         first_exposure,
         frame_period: Span::from_s(1.0 / bench.timing.frame_rate_hz),
@@ -44,6 +47,21 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         },
         camera,
     })
+}
+
+/// The imager of a run.
+///
+/// # Errors
+/// When the backend cannot be had.
+pub fn imager(params: &RunParams) -> Result<Imager> {
+    let size = [params.camera.geometry.width_px(), params.camera.geometry.height_px()];
+    Ok(Imager::new(params.backend, params.camera.detector, size, params.seed)?)
+}
+
+/// What the real clock changes: costs are those of this machine, and frames may be degraded to be in time.
+pub fn take_real_clock(params: &mut RunParams, bench: &Bench, costs: &Costs) {
+    params.cost = costs.measured;
+    params.degrade = bench.timing.degrade.applies(true);
 }
 
 /// The backend a bench or a user names.

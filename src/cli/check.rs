@@ -2,9 +2,10 @@
 
 use crate::base::time::Tai;
 use crate::cli::bench_parts;
+use crate::cli::calibrate::{Costs, costs_here};
+use crate::cli::check_plan::{self, Planned};
 use crate::config::{Bench, StartTime};
-use crate::exposure::plan::{Assessment, Verdict};
-use crate::exposure::{ExposurePlan, Planner};
+use crate::exposure::Planner;
 use crate::runtime::sky_view::SkyView;
 use crate::runtime::{Imager, RunParams};
 use crate::sky::catalog::Catalog;
@@ -19,6 +20,9 @@ use std::path::PathBuf;
 pub struct CheckArgs {
     /// Bench file (TOML); without one: the built-in loopback bench
     bench: Option<PathBuf>,
+    /// Predict with the built-in costs, whatever `starloop calibrate` has measured
+    #[arg(long)]
+    built_in_costs: bool,
 }
 
 /// Runs the command.
@@ -30,7 +34,7 @@ pub fn run(arguments: &CheckArgs) -> Result<()> {
         Some(path) => Bench::load(path)?,
         None => Bench::built_in()?,
     };
-    print!("{}", report(&bench)?);
+    print!("{}", report(&bench, arguments.built_in_costs)?);
     Ok(())
 }
 
@@ -47,16 +51,17 @@ conventions
 ";
 
 /// The whole report.
-fn report(bench: &Bench) -> Result<String> {
+fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
     let start = match bench.timing.start {
         StartTime::At(at) => at,
         StartTime::Now => Tai::from_rfc3339("2026-01-01T00:00:00Z")?,
     };
-    let params = bench_parts::run_params(bench, start)?;
-    let size = [params.camera.geometry.width_px(), params.camera.geometry.height_px()];
-    let imager = Imager::new(params.backend, params.camera.detector, size, params.seed)?;
+    let mut params = bench_parts::run_params(bench, start)?;
+    let imager = bench_parts::imager(&params)?;
+    let costs = costs_here(&imager, only_built_in);
+    bench_parts::take_real_clock(&mut params, bench, &costs);
     let mut text = String::new();
-    describe(&mut text, bench, &params, &imager)?;
+    describe(&mut text, bench, &params, &imager, &costs)?;
     text.push('\n');
     text.push_str(CONVENTIONS);
     text.push('\n');
@@ -65,7 +70,7 @@ fn report(bench: &Bench) -> Result<String> {
     Ok(text)
 }
 
-fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Imager) -> Result<()> {
+fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Imager, costs: &Costs) -> Result<()> {
     let camera = &bench.camera;
     let [fov_x, fov_y] = camera.fov_deg();
     writeln!(text, "bench \"{}\" is sound", bench.name)?;
@@ -100,6 +105,7 @@ fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Image
     if let Some(note) = imager.note() {
         writeln!(text, "               {note}")?;
     }
+    writeln!(text, "  costs        {}", costs.origin)?;
     let budget = &params.budget;
     writeln!(
         text,
@@ -116,13 +122,16 @@ fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Image
 
 /// Plans of the first, a middle and the last frame, from the simulated flight computer's own truth.
 fn plans(text: &mut String, bench: &Bench, start: Tai, params: &RunParams, imager: &Imager) -> Result<()> {
+    let planned = Planned::new(bench, params, imager);
+    check_plan::write_sampling(text, params)?;
+    check_plan::write_ladder(text, &planned)?;
     let computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
     let mut sky = SkyView::new(&params.camera, params.observer.clone(), params.first_exposure)?;
     let last = params.frames.saturating_sub(1);
     let mut numbers = vec![0, last / 2, last];
     numbers.dedup();
     for number in numbers {
-        let mut planner = planner(params, imager, params.exposure_start(number));
+        let mut planner = planner(params, &planned, params.exposure_start(number));
         let los = &mut planner.motion_mut().los;
         let truth = computer.truth(los.mid_exposure());
         let mount = params.attitude.sensor_from_body;
@@ -132,51 +141,19 @@ fn plans(text: &mut String, bench: &Bench, start: Tai, params: &RunParams, image
         los.jitter.lines.clone_from(&params.attitude.jitter_lines);
         los.jitter.lines_epoch = params.attitude.jitter_epoch;
         let plan = planner.plan(sky.in_view(&planner.latest().motion.los)?);
-        write_plan(text, number, plan, params)?;
+        check_plan::write_plan(text, number, plan, &planned)?;
     }
     Ok(())
 }
 
-fn planner(params: &RunParams, imager: &Imager, begin: Tai) -> Planner {
+fn planner(params: &RunParams, planned: &Planned, begin: Tai) -> Planner {
     let los =
         crate::attitude::LosPath::commanded(crate::base::axes::Rotation::IDENTITY, begin, params.camera.exposure_s);
-    Planner::new(params.camera.instrument(), params.budget, imager.cost(), params.method, los)
-}
-
-fn write_plan(text: &mut String, number: u32, plan: &ExposurePlan, params: &RunParams) -> Result<()> {
-    let (stars, reach) = (plan.stars.len(), plan.reach_px);
-    let rate_deg_s = plan.motion.los.rate_rad_s.length().to_degrees();
-    writeln!(text, "plan of frame {number}: {stars} stars, {rate_deg_s:.3} deg/s, path of at most {reach:.2} px")?;
-    writeln!(text, "  method                       centroid px    flux      pixel sigma  cost ms  verdict")?;
-    for assessment in &plan.assessed {
-        let mark = if assessment.method == plan.chosen.method { '>' } else { ' ' };
-        writeln!(text, "{mark} {}", assessment_line(assessment))?;
+    let planner = Planner::new(params.camera.instrument(), params.budget, planned.cost, params.method, los);
+    match planned.limit_ms {
+        Some(limit_ms) => planner.within_ms(limit_ms),
+        None => planner,
     }
-    let (cost_ms, budget_ms) = (plan.chosen.cost_ms, params.camera.readout_s * 1e3);
-    writeln!(
-        text,
-        "  drawing is predicted to take {cost_ms:.1} ms (without detector and sink) of the {budget_ms:.0} ms there are\n"
-    )?;
-    Ok(())
-}
-
-fn assessment_line(a: &Assessment) -> String {
-    let verdict = match a.verdict {
-        Verdict::Fits => "fits",
-        Verdict::NeedsSmoothMotion => "refused: there is jitter, and it is for smooth motion",
-        Verdict::PathTooLong => "refused: the path is too long for a kernel",
-        Verdict::CentroidOverBudget => "refused: centroid error over the budget",
-        Verdict::PixelOverBudget => "refused: pixel error over the budget",
-        Verdict::FluxOverBudget => "loses more flux than the budget: the PSF's wings are cut (no method does better)",
-    };
-    if a.centroid_px.is_nan() {
-        return format!("{:<28} {:>11}  {:>9}  {:>10}  {:>7}  {verdict}", a.method.name().name(), "-", "-", "-", "-");
-    }
-    let method = a.method.to_string();
-    format!(
-        "{method:<28} {:>11.2e}  {:>9.1e}  {:>10.4}  {:>7.2}  {verdict}",
-        a.centroid_px, a.flux_rel, a.pixel_sigma, a.cost_ms
-    )
 }
 
 #[cfg(test)]
@@ -185,8 +162,10 @@ mod tests {
 
     #[test]
     fn the_built_in_bench_is_explained() {
-        let text = report(&Bench::built_in().unwrap()).unwrap();
-        for word in ["is sound", "passive", "plan of frame 0", "fits", "> "] {
+        let text = report(&Bench::built_in().unwrap(), true).unwrap();
+        for word in
+            ["is sound", "passive", "plan of frame 0", "fits", "> ", "bright-stars-only", "supersampled:5", "rung"]
+        {
             assert!(text.contains(word), "no \"{word}\" in:\n{text}");
         }
     }

@@ -1,10 +1,12 @@
 //! One file per command; parses the command line, wires rooms, prints.
 
 pub mod bench_parts;
+pub mod calibrate;
 pub mod camera_parts;
 pub mod catalog;
 pub mod check;
 mod check_attitude;
+mod check_plan;
 pub mod render;
 pub mod render_input;
 pub mod render_output;
@@ -45,6 +47,8 @@ enum Command {
     Render(Box<render::RenderArgs>),
     /// Check a bench: conventions, defaults, the plan with its predicted error and cost
     Check(check::CheckArgs),
+    /// Measure what frames cost on this machine, for runs on the real clock and `check`
+    Calibrate(calibrate::CalibrateArgs),
     /// Pack, describe or query a star catalog
     Catalog(catalog::CatalogArgs),
 }
@@ -67,6 +71,7 @@ pub fn main() -> ExitCode {
         Command::Run(arguments) => run::run(&arguments),
         Command::Render(arguments) => render::run(&arguments).map(|()| EXIT_DONE),
         Command::Check(arguments) => check::run(&arguments).map(|()| EXIT_DONE),
+        Command::Calibrate(arguments) => calibrate::run(&arguments).map(|()| EXIT_DONE),
         Command::Catalog(arguments) => catalog::run(arguments).map(|()| EXIT_DONE),
     };
     match done {

@@ -2,6 +2,7 @@
 
 use crate::base::clock::{Clock, Monotonic, Stopwatch, Virtual};
 use crate::base::time::Tai;
+use crate::cli::calibrate::costs_here;
 use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, bench_parts};
 use crate::config::{self, Bench, StartTime};
 use crate::link::simulated::simulated_pair;
@@ -44,6 +45,9 @@ pub struct RunArgs {
     /// Directory to record into (one without a recording); without it a directory named by the time of the run
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Predict with the built-in costs, whatever `starloop calibrate` has measured (real clock)
+    #[arg(long)]
+    built_in_costs: bool,
     /// Print nothing but errors
     #[arg(long)]
     quiet: bool,
@@ -103,8 +107,13 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
         StartTime::At(at) => at,
         StartTime::Now => Monotonic::start().now(),
     };
-    let params = bench_parts::run_params(&bench, start)?;
-    let mut engine = FrameEngine::new(params.clone())?;
+    let mut params = bench_parts::run_params(&bench, start)?;
+    let imager = bench_parts::imager(&params)?;
+    // The virtual clock never sees what this machine measured: its runs repeat everywhere.
+    if arguments.clock == ClockKind::Real {
+        bench_parts::take_real_clock(&mut params, &bench, &costs_here(&imager, arguments.built_in_costs));
+    }
+    let mut engine = FrameEngine::with_imager(params.clone(), imager)?;
     let mut receiver = Receiver::new(params.attitude)?;
     let (sink, directory) = sink(arguments, &bench)?;
     let say = !arguments.quiet;

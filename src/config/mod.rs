@@ -37,7 +37,7 @@ pub use observer::Observer;
 pub use optics::{Distortion, Optics, Psf};
 pub use radiometry::{Exposure, Radiometry};
 pub use stages::{AttitudeSettings, Backend, Render, Sink};
-pub use timing::{DeadlinePolicy, StartTime, Timing};
+pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 
 #[cfg(test)]
 mod tests;

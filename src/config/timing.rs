@@ -18,6 +18,29 @@ pub enum DeadlinePolicy {
     Late,
 }
 
+/// When frames that would not be ready in time are degraded, rung by rung.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Degrade {
+    /// On the real clock only: there alone does drawing take time.
+    OnRealClock,
+    /// On the virtual clock too, by the built-in costs: the same frames on every machine.
+    Always,
+    /// Never: frames are late instead.
+    Never,
+}
+
+impl Degrade {
+    /// Whether it applies to a run on the real (or else the virtual) clock.
+    #[must_use]
+    pub fn applies(self, on_real_clock: bool) -> bool {
+        match self {
+            Self::OnRealClock => on_real_clock,
+            Self::Always => true,
+            Self::Never => false,
+        }
+    }
+}
+
 /// Sky time at which the run begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StartTime {
@@ -36,6 +59,8 @@ pub struct Timing {
     pub duration_s: f64,
     /// Late frames.
     pub deadline_policy: DeadlinePolicy,
+    /// Frames that would be late.
+    pub degrade: Degrade,
     /// Sky time at the start.
     pub start: StartTime,
 }
@@ -46,6 +71,7 @@ pub(super) struct TimingKeys {
     frame_rate_hz: Option<f64>,
     duration_s: Option<f64>,
     deadline_policy: Option<String>,
+    degrade: Option<String>,
     start_utc: Option<String>,
 }
 
@@ -65,7 +91,10 @@ impl Timing {
         let advice = "hold repeats the last frame, drop leaves a gap, late sends it when it is ready";
         let deadline_policy =
             check.choice("timing.deadline_policy", keys.deadline_policy.as_deref(), &policies, advice)?;
-        Ok(Self { frame_rate_hz, duration_s, deadline_policy, start: start(keys, check)? })
+        let degrades = [("real_clock", Degrade::OnRealClock), ("always", Degrade::Always), ("never", Degrade::Never)];
+        let advice = "real_clock degrades frames that would be late, always does so on the virtual clock too";
+        let degrade = check.choice("timing.degrade", keys.degrade.as_deref(), &degrades, advice)?;
+        Ok(Self { frame_rate_hz, duration_s, deadline_policy, degrade, start: start(keys, check)? })
     }
 
     /// Frames in the run (at least one).

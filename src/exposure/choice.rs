@@ -7,8 +7,9 @@ use crate::exposure::lists::fill_nodes;
 use crate::exposure::mean_field::MeanField;
 use crate::exposure::method::{Method, MethodChoice, MethodName};
 use crate::exposure::motion::{Motion, Shutter};
+use crate::exposure::nodes::MOST_DENSE_NODES;
 use crate::exposure::pixel_path::PixelPath;
-use crate::exposure::plan::{Assessment, ExposurePlan, LONGEST_KERNEL_PX, StarClass, Verdict};
+use crate::exposure::plan::{Assessment, ExposurePlan, LONGEST_KERNEL_PX, MOTION_SHARE, StarClass, Verdict};
 use crate::exposure::planner::Instrument;
 use crate::exposure::pose::PathNode;
 use crate::exposure::probes::{Probes, SIDE, gauss_legendre_count};
@@ -16,8 +17,6 @@ use crate::exposure::sampling::{SamplingError, TABLE_ERROR, sampling_error};
 use crate::exposure::weigh::{NodeError, Scales, ShapeOf, light_share, shear_error};
 use crate::optics::PsfModel;
 
-/// Share of the budget's centroid error that motion may use (the rest: PSF table, f32).
-const MOTION_SHARE: f64 = 0.5;
 /// Centroid error a table of [`TABLE_ERROR`] leaves, px (measured at most 3e-5 for sigma 0.3 to 1.2).
 const TABLE_CENTROID_PX: f64 = 1e-4;
 /// Rounding of single-precision drawing, px.
@@ -76,6 +75,8 @@ pub(super) struct Chooser {
     sampling: SamplingError,
     scales: Scales,
     lists: Vec<Vec<PathNode>>,
+    /// Room for the dense nodes of one row.
+    dense: Vec<PathNode>,
     weighed: Vec<Weighed>,
     /// Errors that every method has.
     common: NodeError,
@@ -103,6 +104,7 @@ impl Chooser {
             choice,
             half_px,
             lists: (0..SIDE).map(|_| Vec::with_capacity(MOST_JITTER_NODES)).collect(),
+            dense: Vec::with_capacity(MOST_DENSE_NODES),
             weighed: Vec::with_capacity(64),
             common: NodeError::default(),
             bands: 1,
@@ -120,7 +122,8 @@ impl Chooser {
         }
         self.scales.watch(probes);
         let sigma_px = self.instrument.psf.core_sigma_px();
-        let mean_px = BETWEEN_CHECKS * probes.mean_error_px(motion, sigma_px, |track| means.displacement_px(track));
+        let mean_px = |track: &_| means.displacement_px(track);
+        let mean_px = BETWEEN_CHECKS * probes.mean_error_px(motion, sigma_px, &mut self.dense, mean_px);
         let dense = dense_error(motion, probes, sigma_px);
         self.common =
             NodeError { centroid_px: mean_px + dense * sigma_px, peak: STEEPEST * mean_px / sigma_px + dense };

@@ -96,6 +96,15 @@ impl CostModel {
         readout_pixel_ns: 4.0,
     };
 
+    /// True when every constant is finite and not negative, and something does the work.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        let Self { frame_ms, pixel_ns, star_ns, splat_ns, table_pixel_ns, kernel_node_ns, kernel_entry_ns, .. } = *self;
+        let constants = [frame_ms, pixel_ns, star_ns, splat_ns, table_pixel_ns, kernel_node_ns, kernel_entry_ns];
+        let rest = [self.readout_pixel_ns, self.threads - 1.0];
+        constants.into_iter().chain(rest).all(|constant| constant.is_finite() && constant >= 0.0)
+    }
+
     /// Milliseconds a frame of `pixels` takes before any star is drawn.
     #[must_use]
     pub fn empty_frame_ms(&self, pixels: usize) -> f64 {

@@ -40,6 +40,19 @@ impl Rung {
         }
     }
 
+    /// What it gives up, in words.
+    #[must_use]
+    pub fn gives_up(self) -> &'static str {
+        match self {
+            Self::Full => "nothing: every star that can be seen, inside the accuracy budget",
+            Self::FaintStarsOut => "stars that stay below half a sigma of the noise in every pixel",
+            Self::Budget3 => "accuracy: errors up to 3 times the budget",
+            Self::Budget10 => "more accuracy: errors up to 10 times the budget",
+            Self::MotionOut => "motion in the exposure: every star at its mean position",
+            Self::BrightStarsOnly => "all but the brightest stars that fit the time (32 at least)",
+        }
+    }
+
     /// The next rung down; `None` at the end.
     #[must_use]
     pub fn next(self) -> Option<Self> {

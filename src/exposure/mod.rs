@@ -7,6 +7,7 @@
 mod choice;
 pub mod correction;
 pub mod cost;
+pub mod cost_fit;
 pub mod cut_off;
 pub mod ladder;
 pub mod lists;

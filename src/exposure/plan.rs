@@ -112,6 +112,9 @@ pub struct StarClass {
 /// Furthest an effective PSF may reach from a star's mean position, px: its table grows with the square.
 pub const LONGEST_KERNEL_PX: f64 = 256.0;
 
+/// Share of the budget's centroid error that a method's bound may take; the rest is for what the bound does not cover.
+pub const MOTION_SHARE: f64 = 0.5;
+
 /// Whether a method may be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {

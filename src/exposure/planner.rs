@@ -67,6 +67,9 @@ const TRUNCATION_SHARE: f64 = 0.05;
 /// Stars a frame's buffers hold from the start.
 const STARS_RESERVED: usize = 16_384;
 
+/// Stars that are drawn whatever the time: a frame without any is of no use, and hardly sooner ready.
+const LEAST_STARS: usize = 32;
+
 /// Chooses methods; owns the buffers of the plan.
 #[derive(Debug)]
 pub struct Planner {
@@ -80,6 +83,8 @@ pub struct Planner {
     cells: CutOffCells,
     lists: lists::Buffers,
     share: Share,
+    /// Room for the stars' electrons.
+    brightness_e: Vec<f64>,
 }
 
 impl Planner {
@@ -124,6 +129,7 @@ impl Planner {
             budget,
             plan,
             share,
+            brightness_e: Vec::with_capacity(STARS_RESERVED),
         }
     }
 
@@ -223,15 +229,16 @@ impl Planner {
 
     /// Leaves as many of the brightest stars as fit the time.
     fn keep_brightest(&mut self, limit_ms: f64) {
-        let Self { plan, chooser, .. } = self;
-        let keep = chooser.stars_within(plan, limit_ms);
+        let Self { plan, chooser, brightness_e, .. } = self;
+        let keep = chooser.stars_within(plan, limit_ms).max(LEAST_STARS);
         if keep >= plan.stars.len() {
             return;
         }
         let mut cut = CutOff::default();
-        let mut brightness: Vec<f64> = plan.stars.iter().map(|star| star.electrons).collect();
+        brightness_e.clear();
+        brightness_e.extend(plan.stars.iter().map(|star| star.electrons));
         let limit_e = match keep.checked_sub(1) {
-            Some(last) => *brightness.select_nth_unstable_by(last, |a, b| b.total_cmp(a)).1,
+            Some(last) => *brightness_e.select_nth_unstable_by(last, |a, b| b.total_cmp(a)).1,
             None => f64::INFINITY,
         };
         let peak = plan.psf.peak();

@@ -148,11 +148,18 @@ impl Probes {
         self.shutter.delay_s(row as f64 / (SIDE - 1) as f64 * (height as f64 - 1.0), height)
     }
 
-    /// Largest distance of a mean position worked out by `mean_px` from the true one, between the probes, px.
+    /// Largest distance of a mean position worked out by `mean_px` from the true one, between the probes, px. `own` is
+    /// room for the nodes of a row.
     #[must_use]
-    pub fn mean_error_px(&self, motion: &Motion, sigma_px: f64, mean_px: impl Fn(&StarTrack) -> [f64; 2]) -> f64 {
+    pub fn mean_error_px(
+        &self,
+        motion: &Motion,
+        sigma_px: f64,
+        own: &mut Vec<PathNode>,
+        mean_px: impl Fn(&StarTrack) -> [f64; 2],
+    ) -> f64 {
         let radius_px = furthest_corner_px(&self.camera);
-        let (height, mut own) = (self.camera.height_px(), Vec::new());
+        let height = self.camera.height_px();
         let mut worst = 0.0_f64;
         for check in &self.checks {
             let track = &check.track;
@@ -161,8 +168,8 @@ impl Probes {
             } else {
                 own.clear();
                 let row_px = mean_px(track)[1] + track.place.mid_px[1];
-                dense_nodes(motion, sigma_px, self.reach_px, radius_px, self.shutter.delay_s(row_px, height), &mut own);
-                &own
+                dense_nodes(motion, sigma_px, self.reach_px, radius_px, self.shutter.delay_s(row_px, height), own);
+                &*own
             };
             let truth = nodes.iter().fold([0.0; 2], |[x, y], node| {
                 let [dx, dy] = track.exact_px(&self.camera, &node.pose);
@@ -183,7 +190,8 @@ impl Probe {
             let [x, y] = track.displacement_px(&turn);
             x.hypot(y) / SMALL_RAD
         });
-        Some(Self { track, px_per_rad, trace: Vec::new(), mean_px: [0.0; 2], moments: Moments::default() })
+        let trace = Vec::with_capacity(nodes::MOST_DENSE_NODES);
+        Some(Self { track, px_per_rad, trace, mean_px: [0.0; 2], moments: Moments::default() })
     }
 
     fn follow(&mut self, camera: &CameraGeometry, nodes: &[PathNode]) {

@@ -6,6 +6,7 @@
 
 use crate::astrometry::CameraGeometry;
 use crate::exposure::moments::{Moments, TracePoint, trace};
+use crate::exposure::nodes::MOST_DENSE_NODES;
 use crate::exposure::pose::PathNode;
 use crate::exposure::probes::{Probe, Probes, SIDE};
 use crate::exposure::spectrum::{NOTHING, Sensitivity, Spectrum};
@@ -62,7 +63,7 @@ impl Scales {
         Self {
             sensitivity: Sensitivity::new(sigma_px),
             sigma_px,
-            scratch: Default::default(),
+            scratch: [(); 2].map(|()| Vec::with_capacity(MOST_DENSE_NODES)),
             watched: [(0, NOTHING); 2],
         }
     }

@@ -13,6 +13,10 @@ use rayon::prelude::*;
 pub(super) const BAND_ROWS: usize = 32;
 /// Stars one thread sorts at a time.
 const CHUNK: usize = 4096;
+/// Chunks there is room for from the start.
+const CHUNKS_RESERVED: usize = 4;
+/// Room in a band of a chunk, as multiples of its share of the stars.
+const ROOM: usize = 8;
 /// A star that is drawn from the PSF itself.
 pub(super) const NO_KERNEL: u32 = u32::MAX;
 
@@ -67,7 +71,9 @@ pub(super) const BLOCK: usize = 16;
 
 impl Bands {
     pub(super) fn new(rows: usize) -> Self {
-        Self { rows, bands: rows.div_ceil(BAND_ROWS), chunks: Vec::new(), used: 0, nodes: Vec::new() }
+        let bands = rows.div_ceil(BAND_ROWS);
+        let chunks = (0..CHUNKS_RESERVED).map(|_| chunk(bands)).collect();
+        Self { rows, bands, chunks, used: 0, nodes: Vec::new() }
     }
 
     /// Sorts a plan. `half_px`: half-height of the footprint of a spot's list; `kernel_of`: its kernel.
@@ -81,7 +87,7 @@ impl Bands {
         self.used = plan.stars.len().div_ceil(CHUNK);
         let bands = self.bands;
         if self.chunks.len() < self.used {
-            self.chunks.resize_with(self.used, || (0..bands).map(|_| Members::default()).collect());
+            self.chunks.resize_with(self.used, || chunk(bands));
         }
         let rows = self.rows;
         let fill = |(chunk, stars): (&mut Vec<Members>, &[PlannedStar])| {
@@ -141,6 +147,13 @@ impl NodeColumns {
         let at = k * self.padded + first;
         self.values.get(at..at + BLOCK).and_then(|lanes| lanes.try_into().ok()).unwrap_or(&NONE)
     }
+}
+
+/// Empty bands of one chunk; memory that is never written is never taken.
+fn chunk(bands: usize) -> Vec<Members> {
+    let room = (ROOM * CHUNK).div_ceil(bands.max(1)).min(CHUNK);
+    let members = |_| Members { spots: Vec::with_capacity(room), trails: Vec::with_capacity(room) };
+    (0..bands).map(members).collect()
 }
 
 /// Room for half as many again, so that a slowly changing field does not allocate in every frame.

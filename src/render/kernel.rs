@@ -8,7 +8,7 @@
 use crate::base::fused::mul_add;
 use crate::exposure::moments::TracePoint;
 use crate::render::erf::erf;
-use crate::render::table::{Grid, LANES};
+use crate::render::table::{Grid, LANES, reserve_as};
 use pulp::{Arch, NullaryFnOnce};
 
 /// Taps on each side of the inverse filter.
@@ -31,6 +31,16 @@ impl GaussianPath {
     pub(super) fn trace(&mut self, path: impl Iterator<Item = TracePoint>) {
         self.nodes.clear();
         self.nodes.extend(path.map(|point| point.map(|v| v as f32)));
+    }
+
+    /// Makes room for a path like `other`.
+    pub(super) fn reserve_as(&mut self, other: &Self) {
+        reserve_as(&mut self.nodes, &other.nodes);
+        for (axis, other) in self.axes.iter_mut().zip(&other.axes) {
+            reserve_as(axis, other);
+        }
+        reserve_as(&mut self.edges, &other.edges);
+        reserve_as(&mut self.samples, &other.samples);
     }
 }
 

@@ -79,7 +79,7 @@ impl PlanTables {
 
     fn build_kernels(&mut self, plan: &ExposurePlan, kernels: usize) {
         if self.kernels.len() < kernels {
-            self.kernels.resize_with(kernels, PsfTable::default);
+            self.kernels.resize_with(kernels.next_power_of_two(), PsfTable::default);
         }
         let half_px = kernel_reach(plan).map(|reach| kernel_half_px(plan.half_px, reach));
         let s = grid_points(plan);
@@ -95,6 +95,10 @@ impl PlanTables {
             self.kernels.iter_mut().take(1).enumerate().for_each(build);
         } else {
             self.kernels[..kernels].par_iter_mut().enumerate().for_each(build);
+        }
+        // Zones that get their first star later find room.
+        if let Some((first, spare)) = self.kernels.split_first_mut() {
+            spare.iter_mut().skip(kernels - 1).for_each(|table| table.reserve_as(first));
         }
     }
 

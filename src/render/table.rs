@@ -32,6 +32,8 @@ pub struct PsfTable {
     pub data: Vec<f32>,
     grid: Grid,
     path: GaussianPath,
+    /// Room for one column of the grid.
+    column: Vec<f32>,
 }
 
 /// Samples or coefficients on the grid of step `1 / S`, centre in the middle; rows padded to whole vectors.
@@ -145,6 +147,14 @@ impl PsfTable {
         self.arrange();
     }
 
+    /// Makes room for a table like `other`.
+    pub(super) fn reserve_as(&mut self, other: &Self) {
+        reserve_as(&mut self.data, &other.data);
+        reserve_as(&mut self.grid.values, &other.grid.values);
+        reserve_as(&mut self.column, &other.column);
+        self.path.reserve_as(&other.path);
+    }
+
     fn size(&mut self, half_px: [usize; 2], s: usize) {
         self.oversampling = s;
         self.half_px = half_px;
@@ -186,7 +196,8 @@ impl PsfTable {
         for row in self.grid.values.chunks_exact_mut(stride) {
             spline::prefilter(&mut row[..columns]);
         }
-        let mut column = vec![0.0; rows];
+        let mut column = core::mem::take(&mut self.column);
+        column.resize(rows, 0.0);
         for x in 0..columns {
             for (y, value) in column.iter_mut().enumerate() {
                 *value = self.grid.values[y * stride + x];
@@ -196,6 +207,7 @@ impl PsfTable {
                 self.grid.values[y * stride + x] = *value;
             }
         }
+        self.column = column;
     }
 
     /// Grid -> images by phase.
@@ -219,6 +231,11 @@ impl PsfTable {
             }
         }
     }
+}
+
+/// Makes `room` hold as much as `other` could without growing.
+pub(super) fn reserve_as<T>(room: &mut Vec<T>, other: &Vec<T>) {
+    room.reserve_exact(other.capacity().saturating_sub(room.len()));
 }
 
 /// `row[x] += gain * source[x + first]` where both exist.

@@ -54,6 +54,8 @@ pub struct RunSummary {
     pub faults: BTreeMap<String, u64>,
     /// Smear methods: frames drawn with each.
     pub methods: BTreeMap<String, u64>,
+    /// Frames degraded to keep their time, by rung.
+    pub degraded: BTreeMap<String, u64>,
     /// Stars per frame.
     pub stars: CountSpread,
     /// Events of each kind; kept when the events themselves are overwritten.
@@ -136,6 +138,7 @@ impl RunSummary {
             link: LinkCounts::default(),
             faults: BTreeMap::new(),
             methods: BTreeMap::new(),
+            degraded: BTreeMap::new(),
             stars: CountSpread::default(),
             event_counts: BTreeMap::new(),
             last_events: Vec::new(),
@@ -187,6 +190,7 @@ pub(crate) fn sample_summary() -> RunSummary {
     summary.link.rejects = count(&[("bad_crc", 2), ("stale", 5)]);
     summary.faults = count(&[("hot_pixels", 600)]);
     summary.methods = count(&[("kernel", 590), ("samples", 9)]);
+    summary.degraded = count(&[("faint-stars-out", 12)]);
     summary.stars = CountSpread { min: 31, median: 44, max: 71 };
     summary.event_counts = count(&[("late", 3), ("dropped", 1)]);
     summary.last_events = vec![EventLine {
@@ -212,6 +216,7 @@ mod tests {
         assert_eq!(json["frames"]["extrapolated"], 590);
         assert_eq!(json["stages"]["render"]["p99_ms"], 1.0);
         assert_eq!(json["stages"].as_object().unwrap().len(), Stage::COUNT);
+        assert_eq!(json["degraded"]["faint-stars-out"], 12);
         assert_eq!(json["link"]["rejects"]["stale"], 5);
         assert_eq!(json["last_events"][0]["frame"], 599);
         assert_eq!(json["output"], "runs/7");

@@ -101,6 +101,7 @@ fn push_counts(lines: &mut Vec<String>, s: &RunSummary) {
     let rows = [
         ("stars per frame", stars),
         ("smear method, frames", joined(&s.methods)),
+        ("degraded, frames", joined(&s.degraded)),
         ("faults, frames", joined(&s.faults)),
         ("link", joined(&s.link.counters)),
         ("link rejects", joined(&s.link.rejects)),

@@ -1,12 +1,12 @@
 //! The frame engine: one slot in, one finished frame out. Allocates nothing after its first frames, formats nothing,
 //! touches no file and takes no lock.
 
-use crate::attitude::{LosPath, PathOrigin, PathOutcome, compose};
+use crate::attitude::{JitterTrack, LosPath, PathOrigin, PathOutcome, compose};
 use crate::base::axes::{Rotation, ra_dec_roll};
 use crate::base::clock::Stopwatch;
 use crate::base::time::{Span, Tai};
 use crate::detector::DetectorParams;
-use crate::exposure::{ExposurePlan, Planner};
+use crate::exposure::{ExposurePlan, Planner, Rung};
 use crate::report::{Stage, StageTimes};
 use crate::runtime::error::RunError;
 use crate::runtime::imager::Imager;
@@ -48,8 +48,23 @@ impl FrameEngine {
         let camera = &params.camera;
         let size = [camera.geometry.width_px(), camera.geometry.height_px()];
         let imager = Imager::new(params.backend, camera.detector, size, params.seed)?;
-        let los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
-        let planner = Planner::new(camera.instrument(), params.budget, imager.cost(), params.method, los);
+        Self::with_imager(params, imager)
+    }
+
+    /// The same with an imager that is already there, made for the same camera, backend and seed.
+    ///
+    /// # Errors
+    /// When the catalog or the observer cannot be had.
+    pub fn with_imager(params: RunParams, imager: Imager) -> Result<Self, RunError> {
+        let camera = &params.camera;
+        let mut los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
+        let attitude = &params.attitude;
+        los.jitter = JitterTrack::with_capacity(attitude.jitter_lines.len(), attitude.jitter_history.capacity);
+        let cost = params.cost.unwrap_or(imager.cost());
+        let mut planner = Planner::new(camera.instrument(), params.budget, cost, params.method, los);
+        if params.degrade && imager.may_degrade() {
+            planner = planner.within_ms(camera.drawing_budget_ms(&cost));
+        }
         let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure)?;
         Ok(Self { planner, sky, imager, params })
     }
@@ -107,6 +122,11 @@ impl FrameEngine {
         times.set(Stage::Plan, watch.lap());
         if !plan.chosen.verdict.is_met() {
             note(ledger, EventKind::OverBudget, slot, Span::ZERO);
+        }
+        if plan.rung > Rung::Full {
+            let predicted = Span::from_s(plan.chosen.cost_ms * 1e-3);
+            let (at, frame) = (slot.release, Some(slot.number));
+            ledger.note(Event { kind: EventKind::Degraded, at, frame, span: predicted, rung: plan.rung });
         }
         let imaging = self.imager.image(plan, slot.number, &mut frame.image)?;
         times.set(Stage::Render, imaging.render);
@@ -174,7 +194,7 @@ impl FrameEngine {
 }
 
 fn note(ledger: &mut Ledger, kind: EventKind, slot: Slot, span: Span) {
-    ledger.note(Event { kind, at: slot.release, frame: Some(slot.number), span });
+    ledger.note(Event::new(kind, slot.release, Some(slot.number), span));
 }
 
 /// Name of an attitude's origin in files.
@@ -212,6 +232,8 @@ pub fn fill_meta(
     meta.backend = backend;
     // The reference integrates the exact motion, whatever method was planned.
     meta.method = if backend == "reference" { "exact" } else { plan.chosen.method.name().name() };
+    meta.rung = plan.rung.name();
+    (meta.left_out_stars, meta.left_out_e) = (plan.cut_off.stars, plan.cut_off.electrons);
     meta.origin = origin_name(los.origin);
     meta.faults = FaultFlags::NONE;
     meta.gain_e_per_dn = detector.gain_e_per_dn;

@@ -6,6 +6,7 @@ use crate::render::RenderError;
 use crate::sink::SinkError;
 use crate::sky::ObserverError;
 use crate::sky::catalog::CatalogError;
+use std::path::PathBuf;
 
 /// Errors of a run.
 #[derive(Debug, thiserror::Error)]
@@ -42,10 +43,46 @@ pub enum RunError {
         /// Cause.
         source: std::io::Error,
     },
+    /// a calibration had no scene to measure
+    #[error("calibration: there was no scene to measure")]
+    NothingMeasured,
     /// a thread ended before the run did
     #[error("thread \"{name}\" ended before the run did")]
     ThreadLost {
         /// Name of the thread.
         name: &'static str,
+    },
+}
+
+/// Why cached cost constants are not used, or could not be kept.
+#[derive(Debug, thiserror::Error)]
+pub enum CostCacheError {
+    /// the file is not as `starloop calibrate` writes it
+    #[error("{}: damaged ({reason}); `starloop calibrate` makes a new one", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// the constants belong to another machine, adapter or version
+    #[error("{}: {what}: wanted \"{wanted}\", got \"{got}\"; `starloop calibrate` measures again", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// In what it differs.
+        what: &'static str,
+        /// What is here.
+        wanted: String,
+        /// What the file is of.
+        got: String,
+    },
+    /// the file could not be written
+    #[error("{}: {reason}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
     },
 }

@@ -128,10 +128,22 @@ impl Imager {
         self.note.as_deref()
     }
 
-    /// Cost constants of the backend.
+    /// Built-in cost constants of the backend.
     #[must_use]
     pub fn cost(&self) -> CostModel {
         self.cost
+    }
+
+    /// False for the reference: it is the truth, however long it takes.
+    #[must_use]
+    pub fn may_degrade(&self) -> bool {
+        self.name() != "reference"
+    }
+
+    /// True when drawing is only submitted in the first of a frame's [`ImagingTimes`].
+    #[must_use]
+    pub fn is_on_device(&self) -> bool {
+        matches!(self.drawing, Drawing::Device { .. })
     }
 
     /// Draws the mean image only; it comes back in memory whatever the backend.

@@ -3,6 +3,7 @@
 //! Counts survive when entries are overwritten. No allocation after construction, no text.
 
 use crate::base::time::{Span, Tai};
+use crate::exposure::Rung;
 
 macro_rules! events {
     ($($(#[$doc:meta])* $kind:ident = $name:literal,)*) => {
@@ -44,6 +45,8 @@ events! {
     NoAttitude = "no_attitude",
     /// The planner found no method inside the budget and took the best there is.
     OverBudget = "over_budget",
+    /// The frame would not have been drawn in time and was degraded to a rung; the span is its predicted drawing time.
+    Degraded = "degraded",
     /// The sink had no free buffer in time.
     SinkBusy = "sink_busy",
     /// An attitude arrived before the clocks were correlated.
@@ -65,6 +68,16 @@ pub struct Event {
     pub frame: Option<u32>,
     /// How long (see the kind).
     pub span: Span,
+    /// How far a frame was degraded; [`Rung::Full`] in events of other kinds.
+    pub rung: Rung,
+}
+
+impl Event {
+    /// An event that is no degradation.
+    #[must_use]
+    pub fn new(kind: EventKind, at: Tai, frame: Option<u32>, span: Span) -> Self {
+        Self { kind, at, frame, span, rung: Rung::Full }
+    }
 }
 
 /// Events kept in full.
@@ -119,7 +132,8 @@ mod tests {
         let mut ledger = Ledger::default();
         for i in 0..150_u32 {
             let kind = if i % 3 == 0 { EventKind::Late } else { EventKind::Predicted };
-            ledger.note(Event { kind, at: Tai::from_ns(i64::from(i)), frame: Some(i), span: Span::ZERO });
+            let at = Tai::from_ns(i64::from(i));
+            ledger.note(Event::new(kind, at, Some(i), Span::ZERO));
         }
         assert_eq!((ledger.count(EventKind::Late), ledger.count(EventKind::Predicted)), (50, 100));
         let frames: Vec<u32> = ledger.last().filter_map(|event| event.frame).collect();

@@ -4,6 +4,8 @@
 //! frame thread, one sink thread, bounded queues between them. On the virtual clock: one thread, bit-identical.
 //! Nothing here parses, formats or draws.
 
+pub mod calibrate;
+pub mod cost_cache;
 pub mod delivery;
 pub mod engine;
 pub mod error;

@@ -6,6 +6,7 @@ use crate::base::accuracy::AccuracyBudget;
 use crate::base::axes::{Body, Rotation, Sensor};
 use crate::base::time::{Span, Tai};
 use crate::detector::DetectorParams;
+use crate::exposure::cost::CostModel;
 use crate::exposure::{Instrument, MethodChoice, PsfSampling, Shutter};
 use crate::optics::{PsfModel, Radiometry};
 use crate::runtime::imager::BackendChoice;
@@ -99,6 +100,10 @@ pub struct RunParams {
     pub backend: BackendChoice,
     /// Which method.
     pub method: MethodChoice,
+    /// Cost constants measured on this machine; `None`: the backend's built-in ones, as on the virtual clock always.
+    pub cost: Option<CostModel>,
+    /// Whether frames that would not be drawn in time are degraded.
+    pub degrade: bool,
     /// Seed of patterns and noise.
     pub seed: u64,
     /// Start of the first exposure.
@@ -109,6 +114,18 @@ pub struct RunParams {
     pub frames: u32,
     /// What becomes of a late frame.
     pub deadline_policy: DeadlinePolicy,
+}
+
+/// Share of the readout time kept for attitude, sky, planning, the sink's queue and a busy machine.
+const TIME_MARGIN: f64 = 0.2;
+
+impl CameraParams {
+    /// Time in which a frame must be drawn, ms: the readout time without the detector's own and a margin.
+    #[must_use]
+    pub fn drawing_budget_ms(&self, cost: &CostModel) -> f64 {
+        let pixels = self.geometry.width_px() * self.geometry.height_px();
+        (1.0 - TIME_MARGIN) * self.readout_s * 1e3 - cost.readout_ms(pixels)
+    }
 }
 
 impl RunParams {

@@ -106,7 +106,7 @@ impl Receiver {
 
     fn take_attitude(&mut self, record: &AttitudeRecord, at: Tai, ledger: &mut Ledger) {
         let Some(epoch) = self.clock.to_tai(record.t_us, at) else {
-            ledger.note(Event { kind: EventKind::NoTimeYet, at, frame: None, span: Span::ZERO });
+            ledger.note(Event::new(EventKind::NoTimeYet, at, None, Span::ZERO));
             return;
         };
         let sample = Rotation::from_wxyz(record.q_wxyz.map(f64::from), NORM_TOLERANCE).map(|body_from_icrf| {
@@ -123,7 +123,7 @@ impl Receiver {
         if sample.filter(sane).is_some_and(|sample| self.history.insert(sample, at).is_ok()) {
             self.newest_epoch = self.newest_epoch.max(Some(epoch));
         } else {
-            ledger.note(Event { kind: EventKind::SampleRefused, at, frame: None, span: at - epoch });
+            ledger.note(Event::new(EventKind::SampleRefused, at, None, at - epoch));
         }
     }
 
@@ -131,14 +131,14 @@ impl Receiver {
         let period = Span::from_ns(i64::from(burst.period_us) * 1000);
         match self.clock.to_tai(burst.t_first_us, at) {
             Some(first) => self.take_jitter(first, period, burst.samples_arcsec(), at, ledger),
-            None => ledger.note(Event { kind: EventKind::NoTimeYet, at, frame: None, span: Span::ZERO }),
+            None => ledger.note(Event::new(EventKind::NoTimeYet, at, None, Span::ZERO)),
         }
     }
 
     /// A classic pair names its place in remote time only modulo 256 slots of 2 ms: the nearest one is meant.
     fn take_pair(&mut self, pair: &JitterPair, at: Tai, ledger: &mut Ledger) {
         let Some(estimate) = self.clock.estimate() else {
-            ledger.note(Event { kind: EventKind::NoTimeYet, at, frame: None, span: Span::ZERO });
+            ledger.note(Event::new(EventKind::NoTimeYet, at, None, Span::ZERO));
             return;
         };
         const SLOT_NS: i64 = 2_000_000;
@@ -156,7 +156,7 @@ impl Receiver {
             let rotation_rad = self.params.sensor_from_body.apply(body_rad);
             let point = JitterPoint { at: first + Span::from_ns(period.ns() * i), rotation_rad };
             if self.jitter.insert(point, at).is_err() {
-                ledger.note(Event { kind: EventKind::SampleRefused, at, frame: None, span: at - point.at });
+                ledger.note(Event::new(EventKind::SampleRefused, at, None, at - point.at));
             }
         }
     }

@@ -1,6 +1,7 @@
 //! The record of a run: counts, histograms and events while it goes on; a summary when it has ended.
 
 use crate::base::time::{Span, Tai};
+use crate::exposure::Rung;
 use crate::exposure::method::MethodName;
 use crate::link::{LinkCounters, Port};
 use crate::report::{
@@ -27,6 +28,7 @@ pub struct RunRecord {
     horizon: StageHistogram,
     stars: CountHistogram,
     methods: [u64; MethodName::ALL.len()],
+    rungs: [u64; Rung::ALL.len()],
     faults: Vec<u64>,
 }
 
@@ -60,6 +62,7 @@ impl Default for RunRecord {
             horizon: StageHistogram::default(),
             stars: CountHistogram::default(),
             methods: [0; MethodName::ALL.len()],
+            rungs: [0; Rung::ALL.len()],
             faults: vec![0; FaultFlags::NAMED.len()],
         }
     }
@@ -79,6 +82,9 @@ impl RunRecord {
         if let Some(i) = MethodName::ALL.iter().position(|method| method.name() == frame.meta.method) {
             self.methods[i] += 1;
         }
+        if let Some(i) = Rung::ALL.iter().position(|rung| rung.name() == frame.meta.rung) {
+            self.rungs[i] += 1;
+        }
     }
 
     /// Counts a frame that goes out.
@@ -91,7 +97,7 @@ impl RunRecord {
 
     /// Writes an event down.
     pub fn note(&mut self, kind: EventKind, at: Tai, frame: u32, span: Span) {
-        self.ledger.note(Event { kind, at, frame: Some(frame), span });
+        self.ledger.note(Event::new(kind, at, Some(frame), span));
     }
 
     /// 99 % quantile of release to delivery, ms.
@@ -126,6 +132,8 @@ impl RunRecord {
         summary.stars = self.stars.spread();
         summary.link = link_counts(receiver, link);
         summary.methods = named(MethodName::ALL.iter().map(|m| m.name()).zip(self.methods));
+        let degraded = Rung::ALL.iter().zip(self.rungs).filter(|(rung, _)| **rung > Rung::Full);
+        summary.degraded = named(degraded.map(|(rung, count)| (rung.name(), count)));
         summary.faults = named(FaultFlags::NAMED.iter().map(|(_, name)| *name).zip(self.faults.iter().copied()));
         summary.event_counts = named(EventKind::ALL.iter().map(|kind| (kind.name(), self.ledger.count(*kind))));
         summary.last_events = self.ledger.last().map(event_line).collect();
@@ -181,6 +189,9 @@ fn event_line(event: &Event) -> EventLine {
         at_utc: event.at.to_rfc3339(),
         frame: event.frame,
         kind: event.kind.name().into(),
-        detail: format!("{:.3} ms", event.span.ms()),
+        detail: match event.kind {
+            EventKind::Degraded => format!("{}, drawn in {:.3} ms as predicted", event.rung, event.span.ms()),
+            _ => format!("{:.3} ms", event.span.ms()),
+        },
     }
 }

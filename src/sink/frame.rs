@@ -78,6 +78,12 @@ pub struct FrameMeta {
     pub backend: &'static str,
     /// Smear method.
     pub method: &'static str,
+    /// How far the frame was degraded to be ready in time; `full`: not at all.
+    pub rung: &'static str,
+    /// Stars that were left out: too faint to be seen, or for want of time.
+    pub left_out_stars: usize,
+    /// Their electrons together.
+    pub left_out_e: f64,
     /// Where the attitude came from (measured, predicted, held, ...).
     pub origin: &'static str,
     /// Commanded faults active in this frame.
@@ -109,6 +115,9 @@ impl FrameMeta {
             horizon: Span::ZERO,
             backend: "none",
             method: "none",
+            rung: "full",
+            left_out_stars: 0,
+            left_out_e: 0.0,
             origin: "none",
             faults: FaultFlags::NONE,
             camera,
@@ -152,6 +161,7 @@ pub(crate) fn sample_frame(number: u32) -> SentFrame {
     frame.meta.attitude_age = Span::from_ms(12);
     frame.meta.horizon = Span::from_ms(-38);
     (frame.meta.backend, frame.meta.method, frame.meta.origin) = ("cpu", "kernel", "predicted");
+    (frame.meta.rung, frame.meta.left_out_stars, frame.meta.left_out_e) = ("budget-x3", 17, 12.25);
     frame.meta.faults = FaultFlags::HOT_PIXELS | FaultFlags::LINK_DROP;
     (frame.meta.gain_e_per_dn, frame.meta.black_level_dn) = (2.5, 64.0);
     frame

@@ -53,6 +53,12 @@ pub struct FrameRow {
     pub backend: String,
     /// Smear method.
     pub method: String,
+    /// How far the frame was degraded; `full`: not at all.
+    pub rung: String,
+    /// Stars left out.
+    pub left_out_stars: usize,
+    /// Their electrons together.
+    pub left_out_e: f64,
     /// Where the attitude came from.
     pub origin: String,
     /// Active faults: `none`, or names joined by `+`.
@@ -101,6 +107,9 @@ impl FrameRow {
             horizon_ns: meta.horizon.ns(),
             backend: meta.backend.into(),
             method: meta.method.into(),
+            rung: meta.rung.into(),
+            left_out_stars: meta.left_out_stars,
+            left_out_e: meta.left_out_e,
             origin: meta.origin.into(),
             faults: meta.faults.to_string(),
             camera: meta.camera.to_string(),

@@ -5,5 +5,7 @@
 mod attitude;
 mod bad_input;
 mod bench;
+mod calibrated;
 mod deadline;
+mod degraded;
 mod program;

@@ -85,6 +85,9 @@ fn push_origin(header: &mut Header, meta: &FrameMeta) {
     header.push("HORIZ_MS", meta.horizon.ms(), "[ms] newest attitude to mid-exposure");
     header.push("BACKEND", meta.backend, "render backend");
     header.push("METHOD", meta.method, "smear method");
+    header.push("RUNG", meta.rung, "degraded so far to be in time");
+    header.push("NLEFTOUT", meta.left_out_stars, "stars left out");
+    header.push("LEFTOUTE", meta.left_out_e, "[e-] of the stars left out");
     header.push("ORIGIN", meta.origin, "of the attitude");
     header.push("FAULTS", meta.faults.to_string(), "active faults");
     header.push("FAULTBIT", meta.faults.bits(), "active faults as bits");
@@ -126,6 +129,8 @@ mod tests {
         assert_eq!(header.real("LATE_MS"), Some(meta.lateness.ms()));
         assert_eq!(header.text("INSTRUME").as_deref(), Some(&*meta.camera));
         assert_eq!(header.text("FAULTS").as_deref(), Some("link_drop+hot_pixels"));
+        assert_eq!(header.text("RUNG").as_deref(), Some("budget-x3"));
+        assert_eq!((header.integer("NLEFTOUT"), header.real("LEFTOUTE")), (Some(17), Some(12.25)));
         assert_ne!(header.real("RATE_X"), header.real("RATE_Y"), "axes are not swapped for one another");
     }
 

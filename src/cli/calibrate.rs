@@ -1,0 +1,152 @@
+//! `starloop calibrate`: what frames cost on this machine, measured and kept for runs on the real clock and `check`.
+//!
+//! `starloop calibrate` alone means `starloop calibrate costs`: other things to calibrate get commands beside it.
+
+use crate::base::clock::{Clock, Monotonic, Stopwatch};
+use crate::cli::bench_parts::backend_choice;
+use crate::cli::run::BackendName;
+use crate::exposure::cost::CostModel;
+use crate::runtime::Imager;
+use crate::runtime::calibrate::{Calibration, Effort, calibrate};
+use crate::runtime::cost_cache::{self, CachedCost, CostOwner};
+use anyhow::{Context, Result};
+use clap::{Args, Subcommand};
+use core::fmt::Write as _;
+use std::io::{IsTerminal, Write};
+use std::path::PathBuf;
+
+/// Command line of `calibrate`.
+#[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct CalibrateArgs {
+    #[command(subcommand)]
+    what: Option<What>,
+    #[command(flatten)]
+    costs: CostArgs,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    /// Measure what frames cost on this machine (also what `calibrate` alone does)
+    Costs(CostArgs),
+}
+
+#[derive(Debug, Args)]
+struct CostArgs {
+    /// Backend to measure
+    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
+    backend: BackendName,
+    /// Write the constants to this file and leave the cache alone
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Smaller scenes, fewer repeats: about a second, less exact
+    #[arg(long)]
+    quick: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// When the backend cannot be had or the file cannot be written.
+pub fn run(arguments: &CalibrateArgs) -> Result<()> {
+    match &arguments.what {
+        None => costs(&arguments.costs),
+        Some(What::Costs(costs_arguments)) => costs(costs_arguments),
+    }
+}
+
+fn costs(arguments: &CostArgs) -> Result<()> {
+    let choice = backend_choice(arguments.backend.configured());
+    let mut watch = Stopwatch::start();
+    let found = calibrate(choice, &Effort::of(choice, arguments.quick), &mut tell_progress)?;
+    let owner = CostOwner::here(found.backend, &found.adapter);
+    print!("{}", table(&found, &owner));
+    let path = match (&arguments.out, cost_cache::folder()) {
+        (Some(path), _) => path.clone(),
+        (None, Some(folder)) => owner.file_in(&folder),
+        (None, None) => {
+            return Err(anyhow::anyhow!(
+                "no folder for the cache: neither XDG_CACHE_HOME nor HOME is an absolute path"
+            ))
+            .context("wanted --out FILE");
+        }
+    };
+    let cached = CachedCost { measured_utc: Monotonic::start().now().to_rfc3339(), owner, cost: found.cost };
+    cost_cache::write(&path, &cached)?;
+    println!("measured in {:.1} s, written to {}", watch.lap().s(), path.display());
+    Ok(())
+}
+
+fn tell_progress(scene: &str, number: usize, of: usize) {
+    let mut out = std::io::stderr().lock();
+    if out.is_terminal() {
+        let end = if number == of { "\n" } else { "" };
+        let _a_closed_terminal_is_no_error = write!(out, "\rmeasuring {number:>2} of {of}: {scene:<24}{end}");
+        let _ = out.flush();
+    }
+}
+
+/// Constants and scenes, for people.
+fn table(found: &Calibration, owner: &CostOwner) -> String {
+    let mut text = format!(
+        "{} backend ({}) on {}, {} threads\n\n  scene                  pixels   stars  measured ms  predicted ms\n",
+        found.backend, found.adapter, owner.cpu, owner.cores
+    );
+    let is_timed_whole = found.backend == "gpu";
+    for scene in &found.scenes {
+        let pixels = format!("{0} x {0}", scene.side_px);
+        let predicted_ms = scene.predicted_ms(&found.cost, is_timed_whole);
+        let _text_only_grows = writeln!(
+            text,
+            "  {:<18} {pixels:>11} {:>7} {:>12.3} {predicted_ms:>13.3}",
+            scene.name, scene.stars, scene.render_ms
+        );
+    }
+    let CostModel { frame_ms, pixel_ns, star_ns, splat_ns, .. } = found.cost;
+    let CostModel { table_pixel_ns, kernel_node_ns, kernel_entry_ns, threads, readout_pixel_ns, .. } = found.cost;
+    text.push('\n');
+    for (name, value, meaning) in [
+        ("frame_ms", frame_ms, "per frame"),
+        ("pixel_ns", pixel_ns, "per pixel, cleared and written"),
+        ("star_ns", star_ns, "per star, sorted"),
+        ("splat_ns", splat_ns, "per star and node, Gaussian"),
+        ("table_pixel_ns", table_pixel_ns, "per star, node and pixel of a table"),
+        ("kernel_node_ns", kernel_node_ns, "per node and grid point of an effective PSF"),
+        ("kernel_entry_ns", kernel_entry_ns, "per entry of an effective PSF"),
+        ("threads", threads, "kernels built side by side"),
+        ("readout_pixel_ns", readout_pixel_ns, "per pixel, detector"),
+    ] {
+        let _text_only_grows = writeln!(text, "  {name:<17} {value:>10.4}  {meaning}");
+    }
+    text
+}
+
+/// Cost constants and where they come from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Costs {
+    /// Constants measured on this machine; `None`: the backend's built-in ones.
+    pub measured: Option<CostModel>,
+    /// In words.
+    pub origin: String,
+}
+
+/// The constants measured for this backend on this machine, if there are any. A cache that cannot be used is told of
+/// in one line on the error stream.
+#[must_use]
+pub fn costs_here(imager: &Imager, only_built_in: bool) -> Costs {
+    let built_in = |why: &str| Costs { measured: None, origin: format!("built in ({why})") };
+    let Some(folder) = cost_cache::folder().filter(|_| !only_built_in) else { return built_in("as asked for") };
+    let owner = CostOwner::here(imager.name(), &imager.description());
+    let path = owner.file_in(&folder);
+    match cost_cache::read(&path, &owner) {
+        Ok(Some(cached)) => Costs {
+            measured: Some(cached.cost),
+            origin: format!("measured here on {}, {}", cached.measured_utc, path.display()),
+        },
+        Ok(None) => built_in("`starloop calibrate` measures those of this machine"),
+        Err(error) => {
+            eprintln!("starloop: the cached costs are not used: {error}");
+            built_in("the cache is not used")
+        }
+    }
+}

@@ -1,0 +1,198 @@
+//! `starloop check`, plans: how a frame would be drawn, how wrong that may be, and whether there is time for it.
+//!
+//! Input: a plan of the frame planner. Output: text. Predictions are for the real clock of this machine; nothing is
+//! drawn here.
+
+use crate::config::{Bench, Degrade};
+use crate::exposure::cost::CostModel;
+use crate::exposure::plan::{Assessment, MOTION_SHARE, Verdict};
+use crate::exposure::sampling::sampling_error;
+use crate::exposure::{ExposurePlan, PsfSampling, Rung};
+use crate::runtime::{Imager, RunParams};
+use core::fmt::{Error, Write};
+
+/// What the plans are judged by.
+pub(super) struct Planned {
+    pub(super) cost: CostModel,
+    /// Time for drawing before frames are degraded, ms; `None`: they never are.
+    pub(super) limit_ms: Option<f64>,
+    /// Time there is for drawing, ms.
+    budget_ms: f64,
+    readout_ms: f64,
+    due_ms: f64,
+    degrade: Degrade,
+}
+
+impl Planned {
+    pub(super) fn new(bench: &Bench, params: &RunParams, imager: &Imager) -> Self {
+        let cost = params.cost.unwrap_or(imager.cost());
+        let geometry = &params.camera.geometry;
+        let budget_ms = params.camera.drawing_budget_ms(&cost);
+        Self {
+            cost,
+            limit_ms: (params.degrade && imager.may_degrade()).then_some(budget_ms),
+            budget_ms,
+            readout_ms: cost.readout_ms(geometry.width_px() * geometry.height_px()),
+            due_ms: params.camera.readout_s * 1e3,
+            degrade: bench.timing.degrade,
+        }
+    }
+}
+
+/// How pixel values are had from the PSF, and how wrong the other ways would be.
+///
+/// # Errors
+/// When the text cannot grow.
+pub(super) fn write_sampling(text: &mut String, params: &RunParams) -> Result<(), Error> {
+    let (camera, budget) = (&params.camera, &params.budget);
+    let full_well_e = camera.detector.full_well_e;
+    let noise_e = full_well_e.sqrt().hypot(camera.detector.read_noise_e_rms);
+    writeln!(text, "PSF sampling: pixel values from the PSF; the noise is that of a pixel at full well")?;
+    writeln!(text, "  method            centroid px   pixel sigma  verdict")?;
+    let used = camera.sampling;
+    let uncharted = (!PsfSampling::CHARTED.contains(&used)).then_some(used);
+    for sampling in PsfSampling::CHARTED.into_iter().chain(uncharted) {
+        let error = sampling_error(&camera.psf, sampling);
+        let pixel_sigma = error.peak * full_well_e / noise_e;
+        let verdict = if error.centroid_px > MOTION_SHARE * budget.centroid_px {
+            "refused: centroid error over the budget"
+        } else if pixel_sigma > budget.pixel_sigma {
+            "refused: pixel error over the budget"
+        } else {
+            "fits"
+        };
+        let mark = if sampling == used { '>' } else { ' ' };
+        let name = sampling.to_string();
+        writeln!(text, "{mark} {name:<16} {:>12.2e}  {pixel_sigma:>12.2e}  {verdict}", error.centroid_px)?;
+    }
+    writeln!(text)
+}
+
+/// What is given up, in order, when there is no time.
+///
+/// # Errors
+/// When the text cannot grow.
+pub(super) fn write_ladder(text: &mut String, planned: &Planned) -> Result<(), Error> {
+    let when = match planned.degrade {
+        _ if planned.limit_ms.is_none() && planned.degrade != Degrade::Never => "never: the reference takes its time",
+        Degrade::OnRealClock => "on the real clock (timing.degrade = \"real_clock\")",
+        Degrade::Always => "on both clocks (timing.degrade = \"always\"; virtual: by the built-in costs)",
+        Degrade::Never => "never: frames are late instead (timing.degrade = \"never\")",
+    };
+    let Planned { budget_ms, readout_ms, due_ms, .. } = *planned;
+    writeln!(text, "degradation ladder: what is given up, in order, when drawing would take longer than there is")?;
+    writeln!(text, "  when         {when}")?;
+    writeln!(
+        text,
+        "  time         a frame is due {due_ms:.1} ms after its exposure: {budget_ms:.1} ms to draw it, {readout_ms:.1} ms for \
+         the detector, the rest for everything else"
+    )?;
+    if budget_ms <= 0.0 {
+        writeln!(
+            text,
+            "  WARNING      the detector alone takes longer than there is: frames will be late on any rung"
+        )?;
+    }
+    for rung in Rung::ALL {
+        writeln!(text, "  {:<18} {}", rung.name(), rung.gives_up())?;
+    }
+    writeln!(text)
+}
+
+/// One frame's plan.
+///
+/// # Errors
+/// When the text cannot grow.
+pub(super) fn write_plan(text: &mut String, number: u32, plan: &ExposurePlan, planned: &Planned) -> Result<(), Error> {
+    let (stars, reach) = (plan.stars.len(), plan.reach_px);
+    let rate_deg_s = plan.motion.los.rate_rad_s.length().to_degrees();
+    writeln!(text, "plan of frame {number}: {stars} stars, {rate_deg_s:.3} deg/s, path of at most {reach:.2} px")?;
+    writeln!(text, "  method                       centroid px    flux      pixel sigma  cost ms  verdict")?;
+    for assessment in plan.assessed.iter().filter(|assessment| is_told(assessment, plan)) {
+        let mark = if assessment.method == plan.chosen.method { '>' } else { ' ' };
+        writeln!(text, "{mark} {}", assessment_line(assessment))?;
+    }
+    write_classes(text, plan)?;
+    let side_px = 2 * plan.half_px + 1;
+    let lost = plan.psf.lost_flux(plan.half_px);
+    writeln!(
+        text,
+        "  footprint    {side_px} x {side_px} px about every node: {lost:.1e} of a star's light is lost at most"
+    )?;
+    let cut = &plan.cut_off;
+    if cut.stars > 0 {
+        writeln!(
+            text,
+            "  left out     {} stars with {:.3e} e- together: no pixel lacks more than {:.3e} e-",
+            cut.stars, cut.electrons, cut.most_in_pixel_e
+        )?;
+    }
+    write_time(text, plan, planned)
+}
+
+/// Of every method the cheapest variant that fits, or the least wrong one when none does; and what was chosen.
+fn is_told(assessment: &Assessment, plan: &ExposurePlan) -> bool {
+    let variants = || plan.assessed.iter().filter(|other| other.method.name() == assessment.method.name());
+    let least_wrong = || variants().min_by(|a, b| a.pixel_sigma.total_cmp(&b.pixel_sigma));
+    let best = variants().find(|other| other.verdict.is_met()).or_else(least_wrong);
+    assessment.method == plan.chosen.method || best.is_some_and(|best| best.method == assessment.method)
+}
+
+/// The stars by brightness, when they are drawn by more than one method.
+fn write_classes(text: &mut String, plan: &ExposurePlan) -> Result<(), Error> {
+    if plan.classes.len() < 2 {
+        return Ok(());
+    }
+    writeln!(text, "  stars by brightness, each class by its own method (costs without the empty frame)")?;
+    writeln!(
+        text,
+        "     stars   from e-     below e-   method                       centroid px  pixel sigma  cost ms"
+    )?;
+    for (i, class) in plan.classes.iter().enumerate() {
+        let (above_e, faintest_e) = plan.brightness_of(i);
+        let below = if above_e.is_finite() { format!("{above_e:.2e}") } else { "-".into() };
+        let chosen = &class.chosen;
+        writeln!(
+            text,
+            "  {:>8}  {faintest_e:>9.2e}  {below:>9}   {:<28} {:>11.2e}  {:>11.4}  {:>7.2}",
+            class.stars,
+            chosen.method.to_string(),
+            chosen.centroid_px,
+            chosen.pixel_sigma,
+            chosen.cost_ms
+        )?;
+    }
+    Ok(())
+}
+
+fn write_time(text: &mut String, plan: &ExposurePlan, planned: &Planned) -> Result<(), Error> {
+    let Planned { budget_ms, readout_ms, due_ms, .. } = *planned;
+    let draw_ms = plan.chosen.cost_ms;
+    writeln!(
+        text,
+        "  time         drawing {draw_ms:.1} ms of the {budget_ms:.1} ms there are, detector {readout_ms:.1} ms, due after \
+         {due_ms:.1} ms"
+    )?;
+    let rung = plan.rung;
+    let late = if draw_ms > budget_ms { "; WARNING: it will be late all the same" } else { "" };
+    writeln!(text, "  rung         {rung}: gives up {}{late}\n", rung.gives_up())
+}
+
+fn assessment_line(a: &Assessment) -> String {
+    let verdict = match a.verdict {
+        Verdict::Fits => "fits",
+        Verdict::NeedsSmoothMotion => "refused: there is jitter, and it is for smooth motion",
+        Verdict::PathTooLong => "refused: the path is too long for a kernel",
+        Verdict::CentroidOverBudget => "refused: centroid error over the budget",
+        Verdict::PixelOverBudget => "refused: pixel error over the budget",
+        Verdict::FluxOverBudget => "loses more flux than the budget: the PSF's wings are cut (no method does better)",
+    };
+    if a.centroid_px.is_nan() {
+        return format!("{:<28} {:>11}  {:>9}  {:>10}  {:>7}  {verdict}", a.method.name().name(), "-", "-", "-", "-");
+    }
+    let method = a.method.to_string();
+    format!(
+        "{method:<28} {:>11.2e}  {:>9.1e}  {:>10.4}  {:>7.2}  {verdict}",
+        a.centroid_px, a.flux_rel, a.pixel_sigma, a.cost_ms
+    )
+}

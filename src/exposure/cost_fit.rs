@@ -1,0 +1,159 @@
+//! Cost constants from timings: what a machine took for known frames -> [`CostModel`].
+//!
+//! The model is linear in its constants, so a timing's coefficients are what the model predicts with one constant set to
+//! 1 and all others to 0. Least squares of predicted / measured - 1 with no constant below 0, by projected Gauss-Seidel
+//! on the normal equations (convex: it converges from anywhere). Constants on which no timing depends, the number of
+//! threads and the readout stay as they were. Tests below: known constants are recovered, wrong timings are seen.
+
+use crate::exposure::cost::{CostModel, Load};
+use crate::exposure::method::Method;
+
+/// Constants that are fitted.
+const FITTED: usize = 7;
+/// Sweeps of Gauss-Seidel: enough for constants to 1e-3 on exact timings of [`FITTED`] unknowns.
+const SWEEPS: usize = 100_000;
+
+/// What one frame took.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Timing<'a> {
+    /// Pixels of the detector.
+    pub pixels: usize,
+    /// How its stars were drawn.
+    pub method: Method,
+    /// Its stars.
+    pub load: Load<'a>,
+    /// Measured time of drawing, ms.
+    pub ms: f64,
+}
+
+impl Timing<'_> {
+    /// What the model predicts for it, ms.
+    #[must_use]
+    pub fn predicted_ms(&self, cost: &CostModel) -> f64 {
+        let stars_ms = if self.load.stars == 0 { 0.0 } else { cost.stars_ms(self.method, &self.load) };
+        cost.empty_frame_ms(self.pixels) + stars_ms
+    }
+
+    /// Predicted / measured - 1, absolute.
+    #[must_use]
+    pub fn misfit(&self, cost: &CostModel) -> f64 {
+        (self.predicted_ms(cost) / self.ms - 1.0).abs()
+    }
+}
+
+/// The constants, none below 0, whose predictions come nearest to the timings.
+#[must_use]
+pub fn fit(timings: &[Timing<'_>], usual: &CostModel) -> CostModel {
+    let (mut normal, mut right) = ([[0.0; FITTED]; FITTED], [0.0; FITTED]);
+    for timing in timings.iter().filter(|timing| timing.ms.is_finite() && timing.ms > 0.0) {
+        let row: [f64; FITTED] = core::array::from_fn(|i| {
+            let mut unit = [0.0; FITTED];
+            unit[i] = 1.0;
+            timing.predicted_ms(&with(usual, unit)) / timing.ms
+        });
+        for i in 0..FITTED {
+            right[i] += row[i];
+            for j in 0..FITTED {
+                normal[i][j] += row[i] * row[j];
+            }
+        }
+    }
+    let mut constants = of(usual);
+    for _ in 0..SWEEPS {
+        for i in 0..FITTED {
+            if normal[i][i] > 0.0 {
+                let slope: f64 = normal[i].iter().zip(constants).map(|(a, x)| a * x).sum();
+                constants[i] = (constants[i] + (right[i] - slope) / normal[i][i]).max(0.0);
+            }
+        }
+    }
+    with(usual, constants)
+}
+
+fn of(cost: &CostModel) -> [f64; FITTED] {
+    let CostModel { frame_ms, pixel_ns, star_ns, splat_ns, table_pixel_ns, kernel_node_ns, kernel_entry_ns, .. } =
+        *cost;
+    [frame_ms, pixel_ns, star_ns, splat_ns, table_pixel_ns, kernel_node_ns, kernel_entry_ns]
+}
+
+fn with(usual: &CostModel, constants: [f64; FITTED]) -> CostModel {
+    let [frame_ms, pixel_ns, star_ns, splat_ns, table_pixel_ns, kernel_node_ns, kernel_entry_ns] = constants;
+    CostModel {
+        frame_ms,
+        pixel_ns,
+        star_ns,
+        splat_ns,
+        table_pixel_ns,
+        kernel_node_ns,
+        kernel_entry_ns,
+        threads: usual.threads,
+        readout_pixel_ns: usual.readout_pixel_ns,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optics::PsfModel;
+
+    const TRUE: CostModel = CostModel {
+        frame_ms: 0.3,
+        pixel_ns: 0.2,
+        star_ns: 90.0,
+        splat_ns: 12.0,
+        table_pixel_ns: 1.5,
+        kernel_node_ns: 0.08,
+        kernel_entry_ns: 0.9,
+        threads: 8.0,
+        readout_pixel_ns: 2.0,
+    };
+
+    /// Frames like those that are measured, as `cost` predicts them.
+    fn timings<'a>(cost: &CostModel, psf: &'a PsfModel) -> Vec<Timing<'a>> {
+        let frames = [
+            (1 << 18, Method::Static, 0),
+            (1 << 22, Method::Static, 0),
+            (1 << 20, Method::Static, 20_000),
+            (1 << 20, Method::Samples { nodes: 16 }, 5_000),
+            (1 << 20, Method::Samples { nodes: 64 }, 5_000),
+            (1 << 20, Method::EffectivePsf { nodes: 16 }, 16),
+            (1 << 20, Method::EffectivePsf { nodes: 256 }, 16),
+            (1 << 20, Method::EffectivePsf { nodes: 16 }, 20_000),
+        ];
+        let timing = |(pixels, method, stars)| {
+            let load = Load { psf, half_px: 5, extent_px: 1.5, stars };
+            let mut timing = Timing { pixels, method, load, ms: 1.0 };
+            timing.ms = timing.predicted_ms(cost);
+            timing
+        };
+        frames.into_iter().map(timing).collect()
+    }
+
+    #[test]
+    fn known_constants_are_recovered_from_a_wrong_start() {
+        /// Gauss-Seidel's own remainder.
+        const RELATIVE: f64 = 1e-3;
+        let psf = PsfModel::gaussian(0.8);
+        let timings = timings(&TRUE, &psf);
+        let usual = CostModel { threads: TRUE.threads, readout_pixel_ns: 2.0, ..CostModel::SOFTWARE_GPU };
+        let found = fit(&timings, &usual);
+        for (found, wanted) in of(&found).into_iter().zip(of(&TRUE)) {
+            assert!((found / wanted - 1.0).abs() < RELATIVE, "{found} for {wanted}");
+        }
+        assert_eq!((found.threads, found.readout_pixel_ns), (8.0, 2.0), "not fitted");
+    }
+
+    #[test]
+    fn another_machine_has_other_constants_and_a_wrong_timing_is_seen() {
+        let psf = PsfModel::gaussian(0.8);
+        let slower = CostModel { splat_ns: 24.0, ..TRUE };
+        let found = fit(&timings(&slower, &psf), &CostModel::CPU);
+        assert!((found.splat_ns / 24.0 - 1.0).abs() < 0.01, "{found:?}");
+        let mut disturbed = timings(&TRUE, &psf);
+        disturbed[1].ms *= 0.1;
+        let found = fit(&disturbed, &CostModel::CPU);
+        assert!(of(&found).into_iter().all(|constant| constant >= 0.0), "{found:?}");
+        let worst = disturbed.iter().map(|timing| timing.misfit(&found)).fold(0.0, f64::max);
+        assert!(worst > 0.1, "no constants explain these timings: {worst}");
+    }
+}

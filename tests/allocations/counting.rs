@@ -1,0 +1,91 @@
+//! An allocator that counts what every thread asks for while it is armed, and remembers where.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::backtrace::Backtrace;
+use std::cell::Cell;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+static ARMED: AtomicBool = AtomicBool::new(false);
+static FOUND: Mutex<Vec<Found>> = Mutex::new(Vec::new());
+
+/// Places that are remembered; more are one too many anyway.
+const REMEMBERED: usize = 32;
+
+thread_local! {
+    /// True while this thread writes an allocation down, which allocates.
+    static WRITING: Cell<bool> = const { Cell::new(false) };
+}
+
+/// One allocation.
+#[derive(Debug, Clone)]
+pub(crate) struct Found {
+    pub(crate) bytes: usize,
+    /// Call stack, as text.
+    pub(crate) stack: String,
+}
+
+impl Found {
+    /// True when a line of this repository is on the stack and the block is not one of rayon's queue of jobs from
+    /// threads outside its pool, which takes one for every 63 of them: it does not grow by what we draw, and cannot be
+    /// reserved. (The test harness's own thread may print a line while a test runs.)
+    pub(crate) fn is_ours(&self) -> bool {
+        self.stack.contains("at ./") && !self.stack.contains("crossbeam_deque::deque::Injector")
+    }
+
+    /// The innermost calls of starloop.
+    pub(crate) fn place(&self) -> String {
+        let ours = self.stack.lines().map(str::trim).filter(|line| line.starts_with("at ./src/"));
+        ours.take(4).collect::<Vec<_>>().join(" < ")
+    }
+}
+
+/// The system's allocator, watched.
+pub(crate) struct Counting;
+
+// SAFETY: every call is passed on to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        write_down(layout.size());
+        // SAFETY: the caller's promises are those of the system's allocator.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: as above.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        write_down(layout.size());
+        // SAFETY: as above.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, bytes: usize) -> *mut u8 {
+        write_down(bytes);
+        // SAFETY: as above.
+        unsafe { System.realloc(pointer, layout, bytes) }
+    }
+}
+
+fn write_down(bytes: usize) {
+    if !ARMED.load(Ordering::SeqCst) || WRITING.replace(true) {
+        return;
+    }
+    if let Ok(mut found) = FOUND.lock()
+        && found.len() < REMEMBERED
+    {
+        let stack = Backtrace::force_capture().to_string();
+        found.push(Found { bytes, stack });
+    }
+    WRITING.set(false);
+}
+
+/// What all threads allocate while `work` runs.
+pub(crate) fn allocations_in(work: impl FnOnce()) -> Vec<Found> {
+    ARMED.store(true, Ordering::SeqCst);
+    work();
+    ARMED.store(false, Ordering::SeqCst);
+    std::mem::take(&mut *FOUND.lock().unwrap())
+}

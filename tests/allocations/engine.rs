@@ -1,0 +1,84 @@
+//! The built-in bench's frame engine in its slew, fed over its simulated bus; only `expose` is watched.
+
+use crate::complaints;
+use crate::counting::{Found, allocations_in};
+use starloop::base::clock::{Clock, Virtual};
+use starloop::base::time::Tai;
+use starloop::cli::bench_parts;
+use starloop::config::{Backend, Bench, StartTime};
+use starloop::link::Port;
+use starloop::link::simulated::simulated_pair;
+use starloop::runtime::receiver::Receiver;
+use starloop::runtime::{FrameEngine, Ledger};
+use starloop::sink::SentFrame;
+use starloop::testbed::flight_computer::FlightComputer;
+use std::sync::Arc;
+
+const WARM_UP: u32 = 10;
+
+/// What exposing the bench's frames allocates.
+pub(crate) fn complaints_of_the_bench() -> Vec<String> {
+    let mut bench = Bench::built_in().unwrap();
+    bench.render.backend = Backend::Cpu;
+    let StartTime::At(start) = bench.timing.start else { panic!("the built-in bench starts at a fixed time") };
+    let params = bench_parts::run_params(&bench, start).unwrap();
+    let mut engine = FrameEngine::new(params.clone()).unwrap();
+    let mut receiver = Receiver::new(params.attitude).unwrap();
+    let mut ledger = Ledger::default();
+    let camera = &params.camera;
+    let (width, height) = (camera.geometry.width_px(), camera.geometry.height_px());
+    let mut frame = SentFrame::with_capacity(width, height, 16_384, camera.name.clone());
+    engine.warm_up(&mut frame).unwrap();
+    let mut cable = Cable::new(&bench, start);
+    let mut wrong = Vec::new();
+    for number in 0..params.frames {
+        let slot = engine.slot(number);
+        cable.carry_until(slot.release, &mut receiver, &mut ledger);
+        let mut expose = || {
+            engine.expose(slot, &mut receiver, &mut ledger, &mut frame).unwrap();
+        };
+        let found: Vec<Found> = if number < WARM_UP { (expose(), Vec::new()).1 } else { allocations_in(expose) };
+        wrong.extend(complaints(&format!("bench, frame {number}"), &found));
+        assert!(frame.truth.len() > 100, "frame {number} has stars");
+    }
+    wrong
+}
+
+/// The flight computer, the bus and the clock.
+struct Cable {
+    clock: Arc<Virtual>,
+    near: Port,
+    far: Port,
+    computer: FlightComputer,
+    next_due: Tai,
+}
+
+impl Cable {
+    fn new(bench: &Bench, start: Tai) -> Self {
+        let clock = Arc::new(Virtual::new(start));
+        let shared: Arc<dyn Clock> = clock.clone();
+        let (bus, format) = bench_parts::bus(bench);
+        let (near, far) = simulated_pair(bus, &shared);
+        let ids = firmware_protocol::can::IdMap::new(0, 0).unwrap();
+        let port = |link| Port::new(link, format, ids);
+        let computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
+        Self { clock, near: port(Box::new(near)), far: port(Box::new(far)), computer, next_due: start }
+    }
+
+    fn carry_until(&mut self, at: Tai, receiver: &mut Receiver, ledger: &mut Ledger) {
+        loop {
+            let now = self.next_due.min(at);
+            self.clock.advance_to(now);
+            while let Some(message) = self.near.receive(now).unwrap() {
+                if let Some(answer) = receiver.accept(&message, ledger) {
+                    self.near.send(&answer).unwrap();
+                }
+            }
+            if self.next_due > at {
+                break;
+            }
+            self.computer.step(now, &mut self.far).unwrap();
+            self.next_due = self.computer.next_due();
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! Scenes that slew, so that the number of stars changes from frame to frame, by every method and shutter.
+
+use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
+use starloop::attitude::LosPath;
+use starloop::base::accuracy::AccuracyBudget;
+use starloop::base::axes::Rotation;
+use starloop::base::image::DnImage;
+use starloop::base::random::philox;
+use starloop::base::time::Tai;
+use starloop::detector::{Detector, DetectorParams, PoissonMethod};
+use starloop::exposure::cost::CostModel;
+use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
+use starloop::exposure::{MethodChoice, PsfSampling, Shutter};
+use starloop::gpu::Electrons;
+use starloop::optics::PsfModel;
+use starloop::render::Backend;
+use starloop::render::cpu::Cpu;
+
+/// Frames after which nothing may be allocated any more.
+pub(crate) const WARM_UP: u32 = 10;
+/// Frames in all.
+pub(crate) const FRAMES: u32 = 40;
+const SIZE: usize = 256;
+const EXPOSURE_S: f64 = 0.1;
+
+/// What is drawn and how.
+pub(crate) struct Scene {
+    pub(crate) name: &'static str,
+    psf: PsfModel,
+    shutter: Shutter,
+    method: &'static str,
+    rate_rad_s: [f64; 3],
+    time_budget_ms: Option<f64>,
+}
+
+/// All scenes.
+pub(crate) fn all() -> Vec<Scene> {
+    let scene = |name, method| Scene {
+        name,
+        psf: PsfModel::gaussian(0.8),
+        shutter: Shutter::Global,
+        method,
+        rate_rad_s: [0.02, 0.05, 0.01],
+        time_budget_ms: None,
+    };
+    let rolling = Shutter::Rolling { line_s: 2e-4 };
+    let airy = PsfModel::airy(1.2, 0.0);
+    vec![
+        Scene { rate_rad_s: [0.0; 3], ..scene("still", "auto") },
+        scene("slewing", "auto"),
+        scene("samples", "samples:32"),
+        scene("segments", "segments:16"),
+        scene("gaussian", "gaussian"),
+        scene("effective PSF", "effective-psf:32"),
+        scene("zonal PSF", "zonal-psf:32"),
+        Scene { shutter: rolling, ..scene("rolling shutter", "auto") },
+        Scene { shutter: rolling, ..scene("rolling shutter, zonal PSF", "zonal-psf:32") },
+        Scene { psf: airy.clone(), rate_rad_s: [0.0; 3], ..scene("Airy, still", "auto") },
+        Scene { psf: airy, ..scene("Airy, effective PSF", "effective-psf:16") },
+        Scene { time_budget_ms: Some(0.1), ..scene("little time", "auto") },
+        Scene { time_budget_ms: Some(0.0), ..scene("no time", "auto") },
+    ]
+}
+
+/// A scene with everything that draws it.
+pub(crate) struct Drawn {
+    planner: Planner,
+    backend: Cpu,
+    detector: Detector,
+    sources: Vec<Source>,
+    image: DnImage,
+}
+
+impl Drawn {
+    pub(crate) fn new(scene: &Scene) -> Self {
+        let camera = CameraGeometry::new(CameraParameters {
+            width_px: SIZE,
+            height_px: SIZE,
+            focal_px: [800.0; 2],
+            principal_point_px: [127.5; 2],
+            distortion: BrownConrady { k1: -0.05, ..Default::default() },
+        })
+        .unwrap();
+        let instrument = Instrument {
+            camera,
+            shutter: scene.shutter,
+            psf: scene.psf.clone(),
+            sampling: PsfSampling::Auto,
+            full_well_e: 1e5,
+            read_noise_e_rms: 10.0,
+        };
+        let mut los = LosPath::commanded(Rotation::IDENTITY, Tai::from_ns(0), EXPOSURE_S);
+        los.rate_rad_s = glam::DVec3::from_array(scene.rate_rad_s);
+        let method: MethodChoice = scene.method.parse().unwrap();
+        let mut planner = Planner::new(instrument, AccuracyBudget::default(), CostModel::CPU, method, los);
+        if let Some(time_budget_ms) = scene.time_budget_ms {
+            planner = planner.within_ms(time_budget_ms);
+        }
+        let params = DetectorParams {
+            full_well_e: 1e5,
+            gain_e_per_dn: 2.0,
+            bits: 16,
+            black_level_dn: 100.0,
+            read_noise_e_rms: 10.0,
+            dark_e_per_s: 1.0,
+            prnu: 0.01,
+            dsnu_e_rms: 1.0,
+            poisson: PoissonMethod::Auto,
+        };
+        Self {
+            planner,
+            backend: Cpu::new(SIZE, SIZE),
+            detector: Detector::new(params, SIZE, SIZE, 1),
+            sources: (0..20_000).map(source).collect(),
+            image: DnImage::new(SIZE, SIZE),
+        }
+    }
+
+    /// Draws frame `number`: the field drifts, and its edges gain and lose stars.
+    pub(crate) fn frame(&mut self, number: u32) {
+        // More and fewer in turn, never more than in the first frames by much.
+        let stars = 3_000 + 750 * usize::try_from(number % 5).unwrap();
+        let drift_px = 0.7 * f64::from(number);
+        for (i, source) in self.sources.iter_mut().enumerate() {
+            let SourcePlace::Pixel(px) = &mut source.place else { continue };
+            px[0] = place(u32::try_from(i).unwrap(), 0) + drift_px - 60.0;
+        }
+        let plan = self.planner.plan(&self.sources[..stars]);
+        self.backend.render(plan).unwrap();
+        let Electrons::Host(mean) = self.backend.electrons() else { panic!("the CPU draws in memory") };
+        self.detector.collect(mean, number, EXPOSURE_S, &mut self.image);
+    }
+}
+
+/// Along one axis, from a good way outside the detector on one side to the other, px.
+fn place(i: u32, axis: usize) -> f64 {
+    philox([i, 0, 0, 0], [1, 2]).map(|word| f64::from(word) / 4_294_967_296.0)[axis] * 400.0 - 20.0
+}
+
+fn source(i: u32) -> Source {
+    // Brightness over four decades: several classes.
+    let light = f64::from(philox([i, 1, 0, 0], [1, 2])[0]) / 4_294_967_296.0;
+    Source {
+        id: i,
+        electrons: 30.0 * 1e4_f64.powf(light * light),
+        mag: 5.0,
+        place: SourcePlace::Pixel([place(i, 0), place(i, 1)]),
+    }
+}

@@ -1,0 +1,121 @@
+//! The degradation ladder: a frame that would not be drawn in time gives something up, and everything says so.
+
+use crate::bench::{Kept, built_in, over, run, start};
+use starloop::base::time::Span;
+use starloop::cli::bench_parts;
+use starloop::config::{Bench, Degrade, Wire};
+use starloop::exposure::Rung;
+use starloop::runtime::receiver::Receiver;
+use starloop::runtime::{EventKind, FrameEngine};
+use starloop::sink::fits::read_image;
+use starloop::sink::frame_log::{path_in, read_frame_log};
+use starloop::sink::{Recorder, RecorderOptions, SentFrame, Sink};
+use std::collections::BTreeMap;
+use std::fs::File;
+
+/// Readout time: drawing must be done in what the detector leaves of it, less than the stars of a frame take inside the
+/// accuracy budget.
+const SHORT_S: f64 = 4.1e-3;
+/// The detector alone takes longer.
+const IMPOSSIBLE_S: f64 = 1e-3;
+const FRAMES: u64 = 10;
+/// Stars that are drawn whatever the time.
+const LEAST_STARS: usize = 32;
+
+/// All stars of the catalog, and hardly time for any.
+fn without_time(readout_s: f64, degrade: Degrade) -> Bench {
+    let mut bench = over(Wire::CanFd, 1.0);
+    bench.camera.radiometry.limiting_mag = 12.0;
+    bench.camera.exposure.readout_s = readout_s;
+    bench.timing.degrade = degrade;
+    bench
+}
+
+fn by_rung(frames: &[Kept]) -> BTreeMap<String, u64> {
+    let mut counts = BTreeMap::new();
+    for frame in frames.iter().filter(|frame| frame.meta.rung != Rung::Full.name()) {
+        *counts.entry(frame.meta.rung.to_owned()).or_insert(0) += 1;
+    }
+    counts
+}
+
+#[test]
+fn a_frame_without_time_is_degraded_counted_and_told() {
+    for readout_s in [SHORT_S, IMPOSSIBLE_S] {
+        let bench = without_time(readout_s, Degrade::Always);
+        let run = run(&bench);
+        assert!(run.outcome.error.is_none());
+        let record = &run.outcome.record;
+        assert_eq!(record.ledger.count(EventKind::Degraded), FRAMES, "an event for every frame");
+        let events: Vec<_> = record.ledger.last().filter(|event| event.kind == EventKind::Degraded).collect();
+        for frame in &run.frames {
+            let event = events.iter().find(|event| event.frame == Some(frame.meta.number)).unwrap();
+            assert_eq!(event.rung.name(), frame.meta.rung, "the event names the frame's rung");
+            assert!(event.rung > Rung::Full && event.span > Span::ZERO, "{event:?}");
+        }
+        let params = bench_parts::run_params(&bench, start(&bench)).unwrap();
+        let engine = FrameEngine::new(params.clone()).unwrap();
+        let summary = record.summary(&engine, &Receiver::new(params.attitude).unwrap(), None, None);
+        assert_eq!(summary.degraded, by_rung(&run.frames), "the summary counts what the frames say");
+        assert_eq!(summary.degraded.values().sum::<u64>(), FRAMES);
+    }
+}
+
+#[test]
+fn when_even_the_detector_has_no_time_the_brightest_stars_stay_and_the_rest_is_accounted_for() {
+    let [whole, short, impossible] =
+        [(SHORT_S, Degrade::Never), (SHORT_S, Degrade::Always), (IMPOSSIBLE_S, Degrade::Always)]
+            .map(|(readout_s, degrade)| run(&without_time(readout_s, degrade)).frames);
+    for ((whole, short), impossible) in whole.iter().zip(&short).zip(&impossible) {
+        assert!(short.meta.rung < impossible.meta.rung || short.stars >= impossible.stars, "less time gives up more");
+        assert_eq!((impossible.stars, impossible.meta.rung), (LEAST_STARS, Rung::BrightStarsOnly.name()));
+        let all = |frame: &Kept| frame.stars + frame.meta.left_out_stars;
+        assert_eq!(all(impossible), all(whole), "every star is drawn or counted");
+        assert!(impossible.meta.left_out_e > whole.meta.left_out_e, "and its light");
+    }
+}
+
+#[test]
+fn without_the_key_the_virtual_clock_never_degrades() {
+    for degrade in [Degrade::OnRealClock, Degrade::Never] {
+        let run = run(&without_time(IMPOSSIBLE_S, degrade));
+        assert_eq!(run.outcome.record.ledger.count(EventKind::Degraded), 0, "{degrade:?}");
+        assert!(by_rung(&run.frames).is_empty(), "{degrade:?}");
+    }
+    let roomy = run(&Bench { timing: without_time(IMPOSSIBLE_S, Degrade::Always).timing, ..built_in(1.0) });
+    assert_eq!(roomy.outcome.record.ledger.count(EventKind::Degraded), 0, "time enough is no reason either");
+}
+
+#[test]
+fn degraded_runs_repeat_bit_for_bit() {
+    let [a, b] = [(); 2].map(|()| run(&without_time(IMPOSSIBLE_S, Degrade::Always)).frames);
+    assert_eq!(a, b);
+    let whole = run(&without_time(IMPOSSIBLE_S, Degrade::Never)).frames;
+    assert!(a.iter().zip(&whole).all(|(a, whole)| a.dn_sum != whole.dn_sum), "the comparison can fail");
+}
+
+#[test]
+fn files_say_what_the_frame_says() {
+    let frames = run(&without_time(IMPOSSIBLE_S, Degrade::Always)).frames;
+    let folder = tempfile::tempdir().unwrap();
+    let directory = folder.path().join("recording");
+    let options = RecorderOptions { fits: true, truth: true, png_every: 0 };
+    let mut recorder = Recorder::create(&directory, options).unwrap();
+    for kept in &frames {
+        let mut frame = SentFrame::with_capacity(8, 8, 0, kept.meta.camera.clone());
+        frame.meta = kept.meta.clone();
+        recorder.send(&frame).unwrap();
+    }
+    recorder.finish().unwrap();
+    let rows = read_frame_log(File::open(path_in(&directory)).unwrap()).unwrap();
+    assert_eq!(rows.len(), frames.len());
+    for (row, Kept { meta, .. }) in rows.iter().zip(&frames) {
+        assert_eq!((row.rung.as_str(), row.left_out_stars), (meta.rung, meta.left_out_stars), "frames.csv");
+        assert_eq!(row.left_out_e.to_bits(), meta.left_out_e.to_bits(), "frames.csv");
+        let file = File::open(directory.join(format!("frame_{:06}.fits", meta.number))).unwrap();
+        let header = read_image(file).unwrap().header;
+        assert_eq!(header.text("RUNG").as_deref(), Some(meta.rung), "FITS");
+        assert_eq!(header.integer("NLEFTOUT"), i128::try_from(meta.left_out_stars).ok(), "FITS");
+        assert_eq!(header.real("LEFTOUTE"), Some(meta.left_out_e), "FITS");
+    }
+}
