@@ -149,7 +149,7 @@ fn plans(text: &mut String, bench: &Bench, start: Tai, params: &RunParams, image
 fn planner(params: &RunParams, planned: &Planned, begin: Tai) -> Planner {
     let los =
         crate::attitude::LosPath::commanded(crate::base::axes::Rotation::IDENTITY, begin, params.camera.exposure_s);
-    let planner = Planner::new(params.camera.instrument(), params.budget, planned.cost, params.method, los);
+    let planner = Planner::new(params.camera.instrument(), params.budget, planned.cost, params.method, los).thorough();
     match planned.limit_ms {
         Some(limit_ms) => planner.within_ms(limit_ms),
         None => planner,
