@@ -3,6 +3,7 @@
 pub mod bench_parts;
 pub mod camera_parts;
 pub mod catalog;
+pub mod chart;
 pub mod check;
 mod check_attitude;
 pub mod render;
@@ -45,6 +46,8 @@ enum Command {
     Render(Box<render::RenderArgs>),
     /// Check a bench: conventions, defaults, the plan with its predicted error and cost
     Check(check::CheckArgs),
+    /// Measure error and time of every method: CSV tables and SVG charts
+    Chart(chart::ChartArgs),
     /// Pack, describe or query a star catalog
     Catalog(catalog::CatalogArgs),
 }
@@ -67,6 +70,7 @@ pub fn main() -> ExitCode {
         Command::Run(arguments) => run::run(&arguments),
         Command::Render(arguments) => render::run(&arguments).map(|()| EXIT_DONE),
         Command::Check(arguments) => check::run(&arguments).map(|()| EXIT_DONE),
+        Command::Chart(arguments) => chart::run(&arguments).map(|()| EXIT_DONE),
         Command::Catalog(arguments) => catalog::run(arguments).map(|()| EXIT_DONE),
     };
     match done {

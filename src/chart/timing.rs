@@ -1,0 +1,75 @@
+//! Medians of a few frames, after one that warms up, within a limit.
+
+use crate::base::clock::Stopwatch;
+
+/// How much time goes into one number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Effort {
+    /// No further repetition begins after this, ms.
+    pub most_ms: f64,
+    /// Repetitions at most.
+    pub most: usize,
+}
+
+impl Effort {
+    /// For a quick run, or a whole one.
+    #[must_use]
+    pub fn new(quick: bool) -> Self {
+        if quick { Self { most_ms: 12.0, most: 7 } } else { Self { most_ms: 60.0, most: 15 } }
+    }
+
+    /// As many times as much.
+    #[must_use]
+    pub fn times(self, factor: usize) -> Self {
+        Self { most_ms: self.most_ms * factor as f64, most: self.most * factor }
+    }
+
+    /// Median of what `frame` takes, ms.
+    ///
+    /// # Errors
+    /// Those of `frame`.
+    pub fn median_ms<E>(self, mut frame: impl FnMut() -> Result<(), E>) -> Result<f64, E> {
+        frame()?;
+        let mut taken_ms = Vec::with_capacity(self.most);
+        let (mut watch, mut spent_ms) = (Stopwatch::start(), 0.0);
+        while taken_ms.len() < self.most && spent_ms <= self.most_ms {
+            frame()?;
+            let ms = watch.lap().ms();
+            spent_ms += ms;
+            taken_ms.push(ms);
+        }
+        Ok(median(taken_ms))
+    }
+}
+
+/// Middle value; NaN of nothing.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_frame_does_not_count_and_the_limit_ends_it() {
+        let mut frames = 0;
+        let ms = Effort { most_ms: 1e9, most: 5 }.median_ms(|| -> Result<(), ()> {
+            frames += 1;
+            if frames == 1 {
+                std::thread::sleep(core::time::Duration::from_millis(20));
+            }
+            Ok(())
+        });
+        assert!(ms.unwrap() < 10.0 && frames == 6, "{ms:?} ms, {frames} frames");
+        frames = 0;
+        let ms = Effort { most_ms: 1.0, most: 50 }.median_ms(|| -> Result<(), ()> {
+            frames += 1;
+            std::thread::sleep(core::time::Duration::from_millis(2));
+            Ok(())
+        });
+        assert!(ms.unwrap() >= 2.0 && frames == 2, "{ms:?} ms, {frames} frames");
+        assert_eq!(median(vec![3.0, 1.0, 2.0]), 2.0);
+    }
+}
