@@ -64,6 +64,7 @@ fn lost_by_half_width(psf: &PsfModel, [fx, fy]: [f64; 2], most_half_px: usize) -
 pub fn chart(rows: &[FootprintRow]) -> Chart {
     let mut names: Vec<&str> = rows.iter().map(|row| row.psf.as_str()).collect();
     names.dedup();
+    let unseen = rows.iter().filter(|row| row.lost_flux < ROUNDING).count();
     let mut series = Vec::new();
     for (group, name) in names.into_iter().enumerate() {
         let points = |value: fn(&FootprintRow) -> f64| {
@@ -83,10 +84,9 @@ pub fn chart(rows: &[FootprintRow]) -> Chart {
         y: Axis::log("share of the star's light that is lost"),
         series,
         ring: String::new(),
-        notes: vec![
-            "Pixels summed in f64, worst of a star in the middle, on an edge and on a corner of its pixel; below 1e-13 \
-             nothing is told."
-                .into(),
-        ],
+        notes: vec![format!(
+            "Pixels summed in f64, worst of a star in the middle, on an edge and on a corner of its pixel; {unseen} \
+             footprints that lose less than 1e-13 are left out."
+        )],
     }
 }

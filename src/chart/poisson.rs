@@ -82,11 +82,11 @@ fn ns_per_pixel(detector: &Detector, lambda_e: f64, side_px: usize, effort: Effo
     let (mut mean, mut dn) = (Image::new(side_px, side_px), DnImage::new(side_px, side_px));
     #[allow(clippy::cast_possible_truncation, reason = "detectors draw from means in f32")]
     mean.pixels_mut().fill(lambda_e as f32);
-    let collected = effort.median_ms(|| {
+    let collected = effort.time(|| {
         detector.collect(&mean, 1, 0.1, &mut dn);
         Ok::<_, Infallible>(())
     });
-    collected.map_or(f64::NAN, |ms| ms * 1e6 / (side_px * side_px) as f64)
+    collected.map_or(f64::NAN, |time| time.median_ms * 1e6 / (side_px * side_px) as f64)
 }
 
 /// Distance against mean, with bounds; `auto` is inversion and Cornish-Fisher.

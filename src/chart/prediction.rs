@@ -77,6 +77,8 @@ fn chart(rows: &[PredictionRow], motion: &str, title: &str) -> Chart {
     names.dedup();
     // Half a turn stands for "no bound", and nothing is said of rounding.
     let has_place = |arcsec: f64| arcsec < 0.99 * PI / ARCSEC && arcsec > 1e-8;
+    let unseen = rows.iter().filter(|row| !has_place(row.error_arcsec)).count();
+    let unbound = rows.iter().filter(|row| !has_place(row.bound_arcsec)).count();
     let mut series = Vec::new();
     for (group, name) in names.into_iter().enumerate() {
         let points = |value: fn(&PredictionRow) -> f64| {
@@ -93,10 +95,10 @@ fn chart(rows: &[PredictionRow], motion: &str, title: &str) -> Chart {
         y: Axis::log("largest error, arcsec"),
         series,
         ring: String::new(),
-        notes: vec![
-            "Perfect samples, worst of 96 starts; dashed: the bound. Errors below 1e-8 arcsec are rounding and are left \
-             out; so are bounds outside a method's domain (interpolation: sinusoids below half the sample rate)."
-                .into(),
-        ],
+        notes: vec![format!(
+            "Perfect samples, worst of 96 starts; dashed: the bound. Left out: {unseen} errors below 1e-8 arcsec, which \
+             are rounding, and {unbound} bounds outside a method's domain (interpolation: sinusoids below half the \
+             sample rate)."
+        )],
     }
 }

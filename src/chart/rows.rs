@@ -47,6 +47,8 @@ pub struct MethodRow {
     pub plan_ms: f64,
     /// Drawing it (electrons), ms.
     pub draw_ms: f64,
+    /// Both, each at its fastest, ms.
+    pub least_ms: f64,
     /// Stars in the frame.
     pub stars: usize,
     /// Electrons of the brightest star.
