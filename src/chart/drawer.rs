@@ -28,7 +28,7 @@ pub enum Drawer {
         /// Side of the latest scene, px.
         size_px: usize,
         /// The backend.
-        backend: Cpu,
+        backend: Box<Cpu>,
     },
     /// A GPU.
     Gpu {
@@ -37,7 +37,7 @@ pub enum Drawer {
         /// Side of the latest scene, px.
         size_px: usize,
         /// The backend.
-        backend: Option<Gpu>,
+        backend: Option<Box<Gpu>>,
     },
 }
 
@@ -49,7 +49,7 @@ impl Drawer {
     pub fn open(backends: Backends) -> Result<(Vec<Self>, Option<String>), ChartError> {
         let mut drawers = Vec::new();
         if backends != Backends::Gpu {
-            drawers.push(Self::Cpu { size_px: 0, backend: Cpu::new(0, 0) });
+            drawers.push(Self::Cpu { size_px: 0, backend: Box::new(Cpu::new(0, 0)) });
         }
         if backends == Backends::Cpu {
             return Ok((drawers, None));
@@ -99,7 +99,7 @@ impl Drawer {
         match self {
             Self::Cpu { size_px, backend } => {
                 if *size_px != wanted_px {
-                    (*size_px, *backend) = (wanted_px, Cpu::new(wanted_px, plan.camera.height_px()));
+                    (*size_px, **backend) = (wanted_px, Cpu::new(wanted_px, plan.camera.height_px()));
                 }
                 backend.render(plan)
             }
@@ -110,7 +110,7 @@ impl Drawer {
                 }
                 let gpu = match backend {
                     Some(gpu) => gpu,
-                    none => none.insert(Gpu::new(Arc::clone(device), wanted_px, plan.camera.height_px())?),
+                    none => none.insert(Box::new(Gpu::new(Arc::clone(device), wanted_px, plan.camera.height_px())?)),
                 };
                 gpu.render(plan)?;
                 Ok(device.wait()?)

@@ -88,12 +88,6 @@ impl MethodRow {
         self.method == "auto"
     }
 
-    /// Time of a frame, planned and drawn, ms.
-    #[must_use]
-    pub fn frame_ms(&self) -> f64 {
-        self.plan_ms + self.draw_ms
-    }
-
     /// Fills in what the planner promised.
     pub fn promise(&mut self, chosen: &Assessment) {
         self.drawn = chosen.method.to_string();
