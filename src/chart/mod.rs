@@ -9,7 +9,8 @@
 //! sampling, poisson, prediction, footprint: tables and charts of their own
 //! ```
 //!
-//! *Limits.* Times are medians of a few frames on the machine at hand, whatever else it does; errors on fields of many
+//! *Limits.* Times are medians on the machine at hand, whatever else it does, with the fastest beside them; predicted
+//! times are those of drawing, without the planner's own. Errors on fields of many
 //! stars are those of a few stars that stand alone. *Validation.* `tests/physics/chart.rs` runs the quick form.
 
 pub mod drawer;

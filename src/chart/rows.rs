@@ -47,8 +47,8 @@ pub struct MethodRow {
     pub plan_ms: f64,
     /// Drawing it (electrons), ms.
     pub draw_ms: f64,
-    /// Both, each at its fastest, ms.
-    pub least_ms: f64,
+    /// The fastest drawing: what it takes when nothing else runs, ms.
+    pub fastest_ms: f64,
     /// Stars in the frame.
     pub stars: usize,
     /// Electrons of the brightest star.
