@@ -11,7 +11,7 @@ pub(super) fn summary(methods: &[MethodRow], samplings: &[MethodRow], scenes: &[
     let mut lines = notes.to_vec();
     lines.push(String::new());
     lines.push(format!(
-        "{:<16} {:<4} {:<34} {:>8} {:>8}   {:>8} {:>8} {:>12} {:>7} {:>7}",
+        "{:<16} {:<4} {:<34} {:>8} {:>8}   {:>8} {:>8} {:>10} {:>12} {:>7} {:>9}",
         "scene",
         "",
         "the planner's choice",
@@ -19,9 +19,10 @@ pub(super) fn summary(methods: &[MethodRow], samplings: &[MethodRow], scenes: &[
         "error px",
         "plan ms",
         "draw ms",
+        "fastest ms",
         "predicted ms",
         "/ draw",
-        "/ both"
+        "/ fastest"
     ));
     for scene in scenes {
         lines.extend(
