@@ -46,6 +46,8 @@ pub mod sink;
 pub mod testbed;
 // Timing and accuracy tables, run summary.
 pub mod report;
+// Accuracy against speed, measured: every method, scene and backend -> CSV and SVG.
+pub mod chart;
 // Wiring, threads, deadlines, ledger, shutdown.
 pub mod runtime;
 // TOML -> checked parameters.

@@ -4,6 +4,7 @@ pub mod bench_parts;
 pub mod calibrate;
 pub mod camera_parts;
 pub mod catalog;
+pub mod chart;
 pub mod check;
 mod check_attitude;
 mod check_plan;
@@ -49,6 +50,8 @@ enum Command {
     Check(check::CheckArgs),
     /// Measure what frames cost on this machine, for runs on the real clock and `check`
     Calibrate(calibrate::CalibrateArgs),
+    /// Measure error and time of every method: CSV tables and SVG charts
+    Chart(chart::ChartArgs),
     /// Pack, describe or query a star catalog
     Catalog(catalog::CatalogArgs),
 }
@@ -72,6 +75,7 @@ pub fn main() -> ExitCode {
         Command::Render(arguments) => render::run(&arguments).map(|()| EXIT_DONE),
         Command::Check(arguments) => check::run(&arguments).map(|()| EXIT_DONE),
         Command::Calibrate(arguments) => calibrate::run(&arguments).map(|()| EXIT_DONE),
+        Command::Chart(arguments) => chart::run(&arguments).map(|()| EXIT_DONE),
         Command::Catalog(arguments) => catalog::run(arguments).map(|()| EXIT_DONE),
     };
     match done {

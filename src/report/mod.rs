@@ -18,7 +18,7 @@ pub mod table;
 pub use histogram::{CountHistogram, CountSpread, Quantiles, StageHistogram};
 pub use machine::Machine;
 pub use plot::{Chart, pareto_front, to_svg};
-pub use progress::{Progress, progress_line};
+pub use progress::{Progress, progress_line, step_line};
 pub use stages::{Stage, StageHistograms, StageTimes};
 pub use summary::{EventLine, FrameCounts, LinkCounts, RunSummary};
 pub use table::summary_table;

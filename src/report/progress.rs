@@ -40,6 +40,17 @@ pub fn progress_line(p: &Progress, width: usize) -> String {
     cut(line, width)
 }
 
+/// One line about a job of `total` parts of which `done` are done after `elapsed_s`: what is next, and the time left where
+/// it can be guessed; at most `width` characters.
+#[must_use]
+pub fn step_line(done: usize, total: usize, elapsed_s: f64, next: &str, width: usize) -> String {
+    let left = match done {
+        0 => String::new(),
+        _ => format!(", about {:.0} s left", elapsed_s * total.saturating_sub(done) as f64 / done as f64),
+    };
+    cut(format!("{done}/{total} done in {elapsed_s:.0} s{left}; next: {next}"), width)
+}
+
 fn cut(line: String, width: usize) -> String {
     if line.chars().count() <= width {
         return line;
@@ -71,6 +82,13 @@ mod tests {
         let wanted = "frame 120/600  10.0 fps  p99 14.26 ms  late 2  dropped 0  RA 83.8221 Dec -5.3911 roll 12.00 deg  48 stars  kernel";
         assert_eq!(progress_line(&P, 200), wanted);
         assert!(progress_line(&Progress { frames: None, ..P }, 200).starts_with("frame 120/-  "));
+    }
+
+    #[test]
+    fn a_step_tells_what_is_left() {
+        assert_eq!(step_line(0, 4, 0.0, "S1", 80), "0/4 done in 0 s; next: S1");
+        assert_eq!(step_line(3, 4, 30.2, "S4", 80), "3/4 done in 30 s, about 10 s left; next: S4");
+        assert_eq!(step_line(3, 4, 30.2, "S4", 9), "3/4 done…");
     }
 
     #[test]

@@ -23,6 +23,10 @@ pub(crate) const ROOMS: &[Room] = &[
     Room { name: "detector", may_import: &["gpu"] },
     Room { name: "sink", may_import: &[] },
     Room { name: "report", may_import: &[] },
+    Room {
+        name: "chart",
+        may_import: &["attitude", "astrometry", "optics", "exposure", "render", "detector", "gpu", "report"],
+    },
     Room { name: "testbed", may_import: &["link", "firmware_protocol", "sky::catalog"] },
     Room {
         name: "runtime",
@@ -72,6 +76,7 @@ pub(crate) const ROOMS: &[Room] = &[
             "testbed",
             "runtime",
             "config",
+            "chart",
             // The type of an image that may live on a device, and the identifiers of the bus.
             "gpu",
             "firmware_protocol",

@@ -5,6 +5,7 @@ mod analytic_motion;
 mod apparent_places;
 mod attitude_methods;
 mod bounds;
+mod chart;
 mod frames;
 mod noise;
 mod poisson_methods;

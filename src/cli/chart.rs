@@ -1,0 +1,103 @@
+//! `starloop chart`: accuracy against speed, measured on this machine -> CSV tables and SVG charts in a folder.
+
+use crate::base::clock::Stopwatch;
+use crate::chart::{self, Backends, Settings, Step};
+use crate::report::step_line;
+use crate::sink::write_file_atomically;
+use anyhow::{Context, Result};
+use clap::{Args, ValueEnum};
+use std::io::{IsTerminal, Write};
+use std::path::PathBuf;
+
+/// Width of the progress line.
+const LINE_WIDTH: usize = 79;
+/// Without a terminal, a line every so many parts of the whole.
+const TOLD: usize = 10;
+
+/// Command line of `chart`.
+#[derive(Debug, Args)]
+#[command(after_help = "Writes methods.csv, sampling.csv, poisson.csv, prediction.csv and footprint.csv, and as SVG: \
+                  speed_accuracy_SCENE, error_by_nodes_SCENE, sampling, poisson, prediction and footprint. At the end \
+                  a table tells the planner's choice on every scene, its bound, the error found, and the time \
+                  predicted and measured.\n\n\
+                  Times are medians on this machine: leave it alone meanwhile. A whole run takes a few minutes on two \
+                  cores.")]
+pub struct ChartArgs {
+    /// Under a minute: fewer parameters and repetitions, a smaller S3
+    #[arg(long)]
+    quick: bool,
+    /// Folder for the tables and charts; made where it is missing
+    #[arg(long, value_name = "DIR", default_value = "out/chart")]
+    out: PathBuf,
+    /// What draws: all is the CPU, and the GPU where there is one
+    #[arg(long, value_enum, default_value_t = BackendName::All)]
+    backend: BackendName,
+    /// Random paths and star fields follow from it
+    #[arg(long, default_value_t = 1)]
+    seed: u32,
+}
+
+/// Backends by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum BackendName {
+    Cpu,
+    Gpu,
+    All,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// When the GPU asked for is not there, a backend fails or a file cannot be written.
+pub fn run(arguments: &ChartArgs) -> Result<()> {
+    let backends = match arguments.backend {
+        BackendName::Cpu => Backends::Cpu,
+        BackendName::Gpu => Backends::Gpu,
+        BackendName::All => Backends::All,
+    };
+    // A folder that cannot be made is told before minutes of measuring.
+    std::fs::create_dir_all(&arguments.out).with_context(|| format!("--out {}", arguments.out.display()))?;
+    let settings = Settings { quick: arguments.quick, backends, seed: arguments.seed };
+    let mut teller = Teller::new();
+    let charted = chart::run(&settings, &mut |step| teller.tell(step))?;
+    teller.end();
+    for file in &charted.files {
+        write_file_atomically(&arguments.out.join(&file.name), |out| out.write_all(file.text.as_bytes()))?;
+    }
+    print!("{}", charted.summary);
+    println!("{} files in {}", charted.files.len(), arguments.out.display());
+    Ok(())
+}
+
+/// The line of progress: over and over on a terminal, else a line now and then.
+struct Teller {
+    is_terminal: bool,
+    watch: Stopwatch,
+    elapsed_s: f64,
+    told: usize,
+}
+
+impl Teller {
+    fn new() -> Self {
+        let is_terminal = std::io::stderr().is_terminal();
+        Self { is_terminal, watch: Stopwatch::start(), elapsed_s: 0.0, told: 0 }
+    }
+
+    fn tell(&mut self, step: &Step) {
+        self.elapsed_s += self.watch.lap().s();
+        let line = step_line(step.done, step.total, self.elapsed_s, &step.next, LINE_WIDTH);
+        if self.is_terminal {
+            eprint!("\r{line:<LINE_WIDTH$}");
+            let _closed = std::io::stderr().flush();
+        } else if step.done == 0 || TOLD * step.done >= (self.told + 1) * step.total {
+            self.told = TOLD * step.done / step.total.max(1);
+            eprintln!("{line}");
+        }
+    }
+
+    fn end(&mut self) {
+        if self.is_terminal {
+            eprint!("\r{:<LINE_WIDTH$}\r", "");
+        }
+    }
+}
