@@ -11,4 +11,5 @@ mod noise;
 mod poisson_methods;
 mod random_scenes;
 mod scene;
+mod stability;
 mod stamps;

@@ -47,7 +47,7 @@ pub(crate) struct Scene {
 /// The scene of a number: the same on every machine.
 pub(crate) fn scene(number: u32) -> Scene {
     let mut dice = Dice::new(number);
-    let mut dice = &mut dice;
+    let dice = &mut dice;
     let focal_px = pick(dice, &[2900.0, 2900.0, 900.0, 150.0]);
     let sigma_px = if dice.unit() < 0.15 { 0.3 } else { dice.between(0.3, 1.5) };
     let shutter = if dice.unit() < 0.15 {
@@ -79,7 +79,7 @@ pub(crate) fn scene(number: u32) -> Scene {
             path = Some(PixelPath::samples(rows).expect("a path"));
         }
     }
-    let method = if dice.unit() < 0.67 { "auto" } else { pick(&mut dice, &METHODS) };
+    let method = if dice.unit() < 0.67 { "auto" } else { pick(dice, &METHODS) };
     Scene { instrument, los, path, stars: stars(dice), method, kind, sigma_px }
 }
 
