@@ -120,8 +120,10 @@ pub fn table_error(psf: &PsfModel, s: usize) -> f64 {
     let s = s as f64;
     match psf {
         PsfModel::Gaussian { sigma_px } => {
-            let variance = sigma_px * sigma_px + 1.0 / 12.0;
-            2.0 * 3.0 / (384.0 * (s * s * variance).powi(2))
+            let variance = sigma_px * sigma_px;
+            // A pixel much wider than the PSF has two edges instead: the Gaussian's own third derivative.
+            let fourth = (3.0 / (variance + 1.0 / 12.0).powi(2)).max(0.56 / variance.powi(2));
+            2.0 * fourth / (384.0 * s.powi(4))
         }
         // Band limit 1 / L cycles per px: the pattern's own fourth derivative at the peak, (2 pi / L)^4 / 24.
         PsfModel::Airy(airy) => (2.0 * PI / (airy.lambda_n_px() * s)).powi(4) / (24.0 * 384.0),
