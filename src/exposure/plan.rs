@@ -84,7 +84,7 @@ pub struct Assessment {
     pub method: Method,
     /// Bound of the 5 x 5 centroid error, px.
     pub centroid_px: f64,
-    /// Bound of the relative flux error.
+    /// Bound of the relative flux error of a star that no edge cuts.
     pub flux_rel: f64,
     /// Bound of the largest pixel error in units of that pixel's noise sigma.
     pub pixel_sigma: f64,
@@ -128,7 +128,8 @@ pub enum Verdict {
     CentroidOverBudget,
     /// Its pixel error is over the budget.
     PixelOverBudget,
-    /// Its flux error is over the budget (the footprint cap of a PSF with wide wings).
+    /// Its flux error is over the budget (the footprint cap of a PSF with wide wings, or a
+    /// rolling shutter that stretches a fast star).
     FluxOverBudget,
 }
 

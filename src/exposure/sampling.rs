@@ -1,13 +1,11 @@
 //! PSF sampling: how the light in a pixel is had from the PSF, and what that errs by.
 //!
-//! In: PSF, method. Out: bounds of the 5 x 5 centroid error and of the largest pixel error. A method turns the PSF's
-//! transform `G(k)` into `G(k) T(k)` where the pixel's integral is `G(k) sinc(kx / 2) sinc(ky / 2)`; the error is the
-//! integral of the difference, weighted by the window (`crate::exposure::spectrum`), plus, for a method that
-//! interpolates, the images of the spectrum that its grid brings. Held against drawn images by
-//! `tests/physics/sampling.rs`.
+//! In: PSF, method. Out: bounds of the 5 x 5 centroid error and of the largest pixel error. Methods that take points of
+//! the PSF are products of two axes, so they are tried on one: all phases of a star on its pixel, in f64. A table errs
+//! by its splines' fourth-order remainder. Held against drawn images by `tests/physics/stability/sampling.rs`.
 
-use crate::exposure::spectrum::window_of_points;
-use crate::optics::PsfModel;
+use crate::exposure::moments::window_sensitivity;
+use crate::optics::{PsfModel, gaussian};
 use core::f64::consts::PI;
 use core::fmt;
 use core::str::FromStr;
@@ -16,10 +14,16 @@ use core::str::FromStr;
 pub const TABLE_ERROR: f64 = 3e-5;
 /// Largest oversampling of a table.
 pub const MOST_OVERSAMPLING: usize = 32;
-/// Points per side of the integrals over spatial frequency.
-const GRID: usize = 96;
-/// Images of the spectrum on each side of the origin that are summed for interpolation.
-const IMAGES: i32 = 3;
+/// Phases of a star on its pixel that are tried, from one edge to the other.
+const PHASES: i32 = 64;
+/// For what happens between two phases (errors are smooth in the phase; their second difference is 1e-3 of them).
+const BETWEEN_PHASES: f64 = 1.05;
+/// Pixels on each side of a star that are compared: an analytic footprint's, and those it may lack.
+const REACH_PX: i32 = 9;
+/// Pixels on each side of the middle of a tracker's window.
+const WINDOW_HALF_PX: i32 = 2;
+/// Centroid error of a table per unit of its peak error and of the window's sensitivity (measured at most 0.8).
+const TABLE_CENTROID_SAFETY: f64 = 2.0;
 
 /// How pixel values are had from the PSF.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
@@ -109,12 +113,18 @@ pub fn oversampling(psf: &PsfModel) -> usize {
     [4, 8, 16].into_iter().find(|&s| table_error(psf, s) <= TABLE_ERROR).unwrap_or(MOST_OVERSAMPLING)
 }
 
-/// Interpolation error of a table with `s` grid points per pixel, relative to the peak: `h^4 |f''''| / 384`.
+/// Interpolation error of a table with `s` grid points per pixel, relative to the peak: `h^4 |f''''| / 384` along both
+/// axes. A Gaussian's `f''''` at its peak is `3 / sigma^4` of it, and a pixel adds its own variance.
 #[must_use]
 pub fn table_error(psf: &PsfModel, s: usize) -> f64 {
     let s = s as f64;
     match psf {
-        PsfModel::Gaussian { sigma_px } => 3.0 / (384.0 * (s * sigma_px).powi(4)),
+        PsfModel::Gaussian { sigma_px } => {
+            let variance = sigma_px * sigma_px;
+            // A pixel much wider than the PSF has two edges instead: the Gaussian's own third derivative.
+            let fourth = (3.0 / (variance + 1.0 / 12.0).powi(2)).max(0.56 / variance.powi(2));
+            2.0 * fourth / (384.0 * s.powi(4))
+        }
         // Band limit 1 / L cycles per px: the pattern's own fourth derivative at the peak, (2 pi / L)^4 / 24.
         PsfModel::Airy(airy) => (2.0 * PI / (airy.lambda_n_px() * s)).powi(4) / (24.0 * 384.0),
     }
@@ -143,84 +153,70 @@ pub fn sampling_error(psf: &PsfModel, sampling: PsfSampling) -> SamplingError {
         PsfSampling::Auto if matches!(psf, PsfModel::Gaussian { .. }) => return SamplingError::default(),
         PsfSampling::Auto => oversampling(psf),
         PsfSampling::Table { oversampling } => oversampling,
-        PsfSampling::Supersampled { n } => return transfer_error(sigma_px, |k| dirichlet(k, n), &[]),
-        PsfSampling::Point => return transfer_error(sigma_px, |_| 1.0, &[]),
-        PsfSampling::Bicubic => return bicubic_error(sigma_px),
+        PsfSampling::Supersampled { .. } | PsfSampling::Point | PsfSampling::Bicubic => {
+            return tried_error(sigma_px, sampling);
+        }
     };
-    // A table's error is periodic in the star's place, like an S-curve of slope error / step.
+    // A table's error moves the centroid as any other change of shape does.
     let peak = table_error(psf, s);
-    SamplingError { centroid_px: peak * TABLE_CENTROID_PER_PEAK, peak }
+    SamplingError { centroid_px: peak * TABLE_CENTROID_SAFETY * window_sensitivity(sigma_px), peak }
 }
 
-/// Centroid error of a table per unit of its peak error, px (measured at most 2 for sigma 0.3 to 1.5; doubled).
-const TABLE_CENTROID_PER_PEAK: f64 = 4.0;
-
-/// `sin(k / 2) / (k / 2)`.
-fn sinc(k: f64) -> f64 {
-    if k.abs() < 1e-9 { 1.0 } else { (0.5 * k).sin() / (0.5 * k) }
-}
-
-/// Transform of `n` points spread evenly over a pixel.
-fn dirichlet(k: f64, n: usize) -> f64 {
-    let step = k / n as f64;
-    if (0.5 * step).sin().abs() < 1e-9 { 1.0 } else { (0.5 * k).sin() / (n as f64 * (0.5 * step).sin()) }
-}
-
-/// Transform of the bicubic convolution kernel with a = -1/2: `sinc^3` forms (Keys 1981, eq. 21 rearranged).
-fn keys(k: f64) -> f64 {
-    if k.abs() < 1e-3 {
-        return 1.0;
+/// Light in the pixel whose centre lies `x` px from a star along one axis, by a method that takes points of the PSF.
+fn sampled(sigma_px: f64, sampling: PsfSampling, x: f64) -> f64 {
+    let density = |x: f64| (-0.5 * (x / sigma_px).powi(2)).exp() / (sigma_px * (2.0 * PI).sqrt());
+    let mean = |n: usize| (0..n).map(|i| density(x + (i as f64 + 0.5) / n as f64 - 0.5)).sum::<f64>() / n as f64;
+    match sampling {
+        PsfSampling::Point => density(x),
+        PsfSampling::Supersampled { n } => mean(n),
+        PsfSampling::Bicubic => {
+            let first = x.floor() - 1.0;
+            (0..4).map(|m| first + f64::from(m)).map(|at| density(at) * keys(x - at)).sum()
+        }
+        PsfSampling::Auto | PsfSampling::Table { .. } => gaussian::cell(x, sigma_px),
     }
-    // Piecewise cubic on [0, 1] and [1, 2], even: integrate by Simpson's rule, exact enough for a bound.
-    const STEPS: usize = 64;
-    let kernel = |x: f64| {
-        if x < 1.0 { (1.5 * x - 2.5) * x * x + 1.0 } else { ((-0.5 * x + 2.5) * x - 4.0) * x + 2.0 }
-    };
-    let h = 2.0 / STEPS as f64;
-    let term = |i: usize| {
-        let x = i as f64 * h;
-        let weight = if i == 0 || i == STEPS {
-            1.0
-        } else if i % 2 == 1 {
-            4.0
-        } else {
-            2.0
+}
+
+/// Bicubic convolution kernel with a = -1/2 (Keys 1981, eq. 4 with his optimal a).
+fn keys(x: f64) -> f64 {
+    let x = x.abs();
+    if x < 1.0 {
+        (1.5 * x - 2.5) * x * x + 1.0
+    } else if x < 2.0 {
+        ((-0.5 * x + 2.5) * x - 4.0) * x + 2.0
+    } else {
+        0.0
+    }
+}
+
+/// Largest errors over all phases. Along one axis the centroid of a window does not know the other; a pixel does.
+fn tried_error(sigma_px: f64, sampling: PsfSampling) -> SamplingError {
+    let mut pixels = Vec::new();
+    let mut centroid_px = 0.0_f64;
+    for phase in -PHASES / 2..=PHASES / 2 {
+        let at = f64::from(phase) / f64::from(PHASES);
+        let axis = |pixel: i32| {
+            let x = f64::from(pixel) - at;
+            [sampled(sigma_px, sampling, x), gaussian::cell(x, sigma_px)]
         };
-        weight * kernel(x) * (k * x).cos()
-    };
-    2.0 * h / 3.0 * (0..=STEPS).map(term).sum::<f64>()
-}
-
-/// The paper's shift: points of the PSF on whole pixels, convolved with Keys's kernel at the star's fraction.
-fn bicubic_error(sigma_px: f64) -> SamplingError {
-    let images: Vec<[i32; 2]> =
-        (-IMAGES..=IMAGES).flat_map(|m| (-IMAGES..=IMAGES).map(move |n| [m, n])).filter(|at| *at != [0, 0]).collect();
-    transfer_error(sigma_px, keys, &images)
-}
-
-/// Integral of `|W(k)| |G(k) (T(k) - sinc(k))|`, and of the images `|W(k)| |G(k + 2 pi m) T(k)|` of an interpolator.
-fn transfer_error(sigma_px: f64, transfer: impl Fn(f64) -> f64, images: &[[i32; 2]]) -> SamplingError {
-    let gauss = |k: f64| (-0.5 * (sigma_px * k).powi(2)).exp();
-    let reach = 5.0 / sigma_px;
-    let step = 2.0 * reach / GRID as f64;
-    let axis: Vec<f64> = (0..GRID).map(|i| (i as f64 + 0.5) * step - reach).collect();
-    let along: Vec<[f64; 3]> = axis.iter().map(|&k| [gauss(k), transfer(k), sinc(k)]).collect();
-    // With interpolation the pixel grid's own images: G(k + 2 pi m) for every m.
-    let shifted = |k: f64, m: i32| gauss(k + 2.0 * PI * f64::from(m));
-    let mut error = SamplingError::default();
-    for (&ky, [gy, ty, sy]) in axis.iter().zip(&along) {
-        for (&kx, [gx, tx, sx]) in axis.iter().zip(&along) {
-            let mut difference = (gx * gy * (tx * ty - sx * sy)).abs();
-            for [m, n] in images {
-                difference += (shifted(kx, *m) * shifted(ky, *n) * tx * ty).abs();
-            }
-            error.centroid_px += window_of_points(kx, ky) * difference;
-            error.peak += difference;
+        pixels.extend((-REACH_PX..=REACH_PX).map(axis));
+        let centroid = |k: usize| {
+            let window = (-WINDOW_HALF_PX..=WINDOW_HALF_PX).map(|pixel| (f64::from(pixel), axis(pixel)[k]));
+            let (first, sum) = window.fold((0.0, 0.0), |(first, sum), (x, light)| (first + x * light, sum + light));
+            first / sum
+        };
+        centroid_px = centroid_px.max((centroid(0) - centroid(1)).abs());
+    }
+    let mut peak = 0.0_f64;
+    for (i, [drawn_x, true_x]) in pixels.iter().enumerate() {
+        for [drawn_y, true_y] in &pixels[i..] {
+            peak = peak.max((drawn_x * drawn_y - true_x * true_y).abs());
         }
     }
-    let area = step * step / (4.0 * PI * PI);
-    let peak = libm::erf(0.5 / (sigma_px * core::f64::consts::SQRT_2)).powi(2);
-    SamplingError { centroid_px: error.centroid_px * area, peak: error.peak * area / peak }
+    SamplingError {
+        centroid_px: BETWEEN_PHASES * core::f64::consts::SQRT_2 * centroid_px,
+        peak: BETWEEN_PHASES * peak / gaussian::cell(0.0, sigma_px).powi(2),
+    }
 }
 
 #[cfg(test)]
@@ -238,13 +234,14 @@ mod tests {
     }
 
     #[test]
-    fn transforms_have_the_values_of_their_sums() {
-        // Five points, by hand.
-        let k = 1.3;
-        let by_hand: f64 = (0..5).map(|i| (k * (f64::from(i) - 2.0) / 5.0).cos()).sum::<f64>() / 5.0;
-        assert!((dirichlet(k, 5) - by_hand).abs() < 1e-12);
-        assert!((keys(0.002) - 1.0).abs() < 1e-6 && keys(2.0 * PI).abs() < 1e-6, "passes a constant, blocks the grid");
-        assert!((sinc(2.0 * PI)).abs() < 1e-12);
+    fn many_points_are_the_integral_and_keys_passes_constants() {
+        let by_points = sampled(0.8, PsfSampling::Supersampled { n: 9 }, 0.3);
+        let error = by_points - gaussian::cell(0.3, 0.8);
+        assert!(error.abs() < 1e-3 && error.abs() > 1e-6, "{error:e}");
+        let sum: f64 = (-2..3).map(|m| keys(0.2 + f64::from(m))).sum();
+        assert!((sum - 1.0).abs() < 1e-12, "{sum}");
+        let at_rest = sampled(0.8, PsfSampling::Bicubic, 1.0) - sampled(0.8, PsfSampling::Point, 1.0);
+        assert!(at_rest.abs() < 1e-12, "a whole shift interpolates nothing: {at_rest:e}");
     }
 
     #[test]

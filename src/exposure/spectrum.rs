@@ -117,16 +117,11 @@ fn cell_mean(d: usize, j: usize, step: f64, value: impl Fn(f64, f64) -> f64) -> 
 /// Modulus of the transform of the first moments of a 5 x 5 window of pixels, both axes together.
 fn window(kx: f64, ky: f64) -> f64 {
     let pixel = |k: f64| if k.abs() < 1e-9 { 1.0 } else { (0.5 * k).sin() / (0.5 * k) };
-    (pixel(kx) * pixel(ky)).abs() * window_of_points(kx, ky)
-}
-
-/// The same for values at the pixels' centres instead of integrals over pixels.
-pub(crate) fn window_of_points(kx: f64, ky: f64) -> f64 {
     let wide = |k: f64| {
         let small = (0.5 * k).sin();
         if small.abs() < 1e-9 { 2.0 * WINDOW_HALF + 1.0 } else { ((WINDOW_HALF + 0.5) * k).sin() / small }
     };
     let ramp = |k: f64| 2.0 * (k.sin() + 2.0 * (2.0 * k).sin());
     let moment = |k: f64| ramp(k).hypot(OFF_MIDDLE_PX * wide(k));
-    (moment(kx) * wide(ky)).hypot(wide(kx) * moment(ky))
+    (pixel(kx) * pixel(ky)).abs() * (moment(kx) * wide(ky)).hypot(wide(kx) * moment(ky))
 }

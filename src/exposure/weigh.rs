@@ -194,3 +194,13 @@ pub fn shear_error(speed_px_s: f64, line_s: f64, sigma_px: f64) -> NodeError {
         peak: sheared.peak_error(&straight, sigma_px),
     }
 }
+
+/// Bound of the relative flux error of a star that moves along the rows of a rolling shutter: it is seen by more rows
+/// when it goes with the lines, by fewer when it goes against them, by `speed_px_s * line_s` of its light. An
+/// undersampled star's S-curve steepens that by `2 exp(-2 pi^2 sigma^2)`.
+#[must_use]
+pub fn stretch_error(speed_px_s: f64, line_s: f64, sigma_px: f64) -> f64 {
+    let per_row = speed_px_s * line_s;
+    let steeper = 2.0 * (-2.0 * (core::f64::consts::PI * sigma_px).powi(2)).exp();
+    per_row * (1.0 + steeper + per_row)
+}

@@ -2,6 +2,7 @@
 
 use crate::scene::{Difference, Motion, Scene, device, draw_cpu, draw_gpu, star};
 use starloop::base::image::Image;
+use starloop::exposure::{Shutter, Source};
 use starloop::gpu::GpuDevice;
 use starloop::optics::PsfModel;
 use starloop::render::gpu::Gpu;
@@ -78,6 +79,52 @@ fn wide_gaussian_analytic_and_from_a_table() {
 #[test]
 fn jitter_by_effective_psf() {
     compare(&Scene::new(PsfModel::gaussian(0.8), Motion::Jitter(64, 1.7), "effective-psf:64"), 400);
+}
+
+#[test]
+fn roll_by_zonal_kernels() {
+    compare(&Scene::new(PsfModel::gaussian(0.8), Motion::Roll(0.04), "zonal-psf:64"), 400);
+}
+
+#[test]
+fn a_rolling_shutter_by_zonal_kernels_and_by_bands() {
+    let Some(device) = device() else { return };
+    let rolling = Shutter::Rolling { line_s: 1e-4 };
+    for (method, motion) in [
+        ("zonal-psf:64", Motion::Slew([0.008, -0.006, 0.02])),
+        ("zonal-psf:64", Motion::Jitter(64, 1.7)),
+        ("samples:32", Motion::Slew([0.008, -0.006, 0.02])),
+    ] {
+        let scene = Scene::new(PsfModel::gaussian(0.8), motion, method).with_shutter(rolling);
+        let lists = scene.planner().plan(&scene.stars(300)).lists.len();
+        assert!(lists > 1, "{method}: {lists} lists");
+        compare_on(&device, &scene, 300);
+    }
+}
+
+#[test]
+fn bright_and_faint_stars_by_methods_of_their_own() {
+    let Some(device) = device() else { return };
+    let scene = Scene::new(PsfModel::gaussian(0.8), Motion::Slew([0.02, -0.03, 0.05]), "auto");
+    let mut gpu = Gpu::new(device, scene.size[0], scene.size[1]).expect("a backend");
+    let mut planner = scene.planner();
+    let stars: Vec<_> =
+        scene.stars(300).into_iter().map(|s| Source { electrons: if s.id < 10 { 2e5 } else { 60.0 }, ..s }).collect();
+    let plan = planner.plan(&stars);
+    assert!(plan.classes.len() > 1, "classes: {:?}", plan.classes);
+    let truth = draw_cpu(plan, scene.size);
+    let difference = Difference::between(&truth, &draw_gpu(&mut gpu, plan, scene.size));
+    println!("{} classes: {difference:?}", plan.classes.len());
+    assert!(difference.within(PEAK_SHARE, FLOOR_E, FLUX_REL), "{difference:?}");
+    // Negative control: the faint stars by the bright ones' list, and the other way round.
+    let mut swapped = plan.clone();
+    let (first, last) = (swapped.stars[0].list, swapped.stars[swapped.stars.len() - 1].list);
+    assert_ne!(first, last, "each class has its list");
+    for star in &mut swapped.stars {
+        star.list = if star.list == first { last } else { first };
+    }
+    let wrong = Difference::between(&truth, &draw_gpu(&mut gpu, &swapped, scene.size));
+    assert!(!wrong.within(PEAK_SHARE, FLOOR_E, FLUX_REL), "{wrong:?}");
 }
 
 #[test]

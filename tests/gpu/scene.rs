@@ -49,6 +49,8 @@ pub enum Motion {
     Slew([f64; 3]),
     /// This many random displacements of up to this many px, with roll.
     Jitter(u32, f64),
+    /// A slow turn of the image about its middle, rad in all, in steps.
+    Roll(f64),
 }
 
 /// A detector, a PSF and a path.
@@ -57,11 +59,16 @@ pub struct Scene {
     pub psf: PsfModel,
     pub motion: Motion,
     pub method: String,
+    pub shutter: Shutter,
 }
 
 impl Scene {
     pub fn new(psf: PsfModel, motion: Motion, method: &str) -> Self {
-        Self { size: [320, 240], psf, motion, method: method.into() }
+        Self { size: [320, 240], psf, motion, method: method.into(), shutter: Shutter::Global }
+    }
+
+    pub fn with_shutter(self, shutter: Shutter) -> Self {
+        Self { shutter, ..self }
     }
 
     pub fn of_size(self, size: [usize; 2]) -> Self {
@@ -98,7 +105,7 @@ impl Scene {
             psf: self.psf.clone(),
             full_well_e: 1e5,
             read_noise_e_rms: 10.0,
-            shutter: Shutter::Global,
+            shutter: self.shutter,
             sampling: PsfSampling::Auto,
         };
         let method = self.method.parse().expect("a method");
@@ -112,6 +119,17 @@ impl Scene {
             };
             let path = PixelPath::samples((0..count).map(point).collect()).expect("a path");
             planner.motion_mut().image_path = Some(path);
+        }
+        if let Motion::Roll(turn_rad) = self.motion {
+            const STEPS: u32 = 48;
+            let point = |i: u32| PixelPoint {
+                t_s: 0.0,
+                dx_px: 0.0,
+                dy_px: 0.0,
+                roll_rad: turn_rad * (f64::from(i) / f64::from(STEPS - 1) - 0.5),
+            };
+            planner.motion_mut().image_path =
+                Some(PixelPath::samples((0..STEPS).map(point).collect()).expect("a path"));
         }
         planner
     }

@@ -21,10 +21,14 @@ use starloop::render::reference::Reference;
 pub(crate) const EXPOSURE_S: f64 = 0.1;
 /// Focal length of every scene, px.
 pub(crate) const FOCAL_PX: f64 = 2900.0;
+/// Electrons at which the scenes' pixels saturate.
+pub(crate) const FULL_WELL_E: f64 = 1e5;
+/// Read noise of the scenes' instrument, e-.
+pub(crate) const READ_NOISE_E: f64 = 10.0;
 /// Half-width of a tracker's window, px.
 const WINDOW_HALF: usize = 2;
 
-/// A square image in f64.
+/// An image in f64.
 #[derive(Debug, Clone)]
 pub(crate) struct Picture {
     pub(crate) width: usize,
@@ -118,16 +122,25 @@ pub(crate) fn los() -> LosPath {
     }
 }
 
-/// A planner with the default budget.
-pub(crate) fn planner(size: usize, psf: &PsfModel, method: &str, los: LosPath, path: Option<PixelPath>) -> Planner {
-    let instrument = Instrument {
-        camera: camera(size),
+/// An instrument with a full well of [`FULL_WELL_E`] and a read noise of [`READ_NOISE_E`].
+pub(crate) fn instrument(camera: CameraGeometry, psf: &PsfModel) -> Instrument {
+    Instrument {
+        camera,
         psf: psf.clone(),
-        full_well_e: 1e5,
-        read_noise_e_rms: 10.0,
+        full_well_e: FULL_WELL_E,
+        read_noise_e_rms: READ_NOISE_E,
         shutter: Shutter::Global,
         sampling: PsfSampling::Auto,
-    };
+    }
+}
+
+/// A planner with the default budget.
+pub(crate) fn planner(size: usize, psf: &PsfModel, method: &str, los: LosPath, path: Option<PixelPath>) -> Planner {
+    planner_of(instrument(camera(size), psf), method, los, path)
+}
+
+/// A planner for an instrument, with the default budget.
+pub(crate) fn planner_of(instrument: Instrument, method: &str, los: LosPath, path: Option<PixelPath>) -> Planner {
     let choice: MethodChoice = method.parse().expect("a method");
     let mut planner = Planner::new(instrument, AccuracyBudget::default(), CostModel::CPU, choice, los);
     planner.motion_mut().image_path = path;

@@ -1,0 +1,120 @@
+//! The degradation ladder: what a frame gives up, in order, as its time shrinks.
+
+use crate::scene::{Dice, camera, draw_cpu, instrument, star};
+use crate::stability::motion::zigzag;
+use starloop::base::accuracy::AccuracyBudget;
+use starloop::exposure::cost::CostModel;
+use starloop::exposure::plan::Verdict;
+use starloop::exposure::planner::Source;
+use starloop::exposure::{ExposurePlan, MethodChoice, Planner, Rung};
+use starloop::optics::PsfModel;
+
+/// Detector, px.
+const SIDE: usize = 256;
+/// Steps of the time budget.
+const STEPS: u32 = 60;
+/// From one step to the next.
+const SHRINK: f64 = 0.88;
+
+/// Drawing a star at a node is all that costs.
+const COST: CostModel = CostModel {
+    frame_ms: 0.01,
+    pixel_ns: 0.0,
+    star_ns: 10.0,
+    splat_ns: 1000.0,
+    table_pixel_ns: 100.0,
+    kernel_node_ns: 100.0,
+    kernel_entry_ns: 1000.0,
+    threads: 1.0,
+    readout_pixel_ns: 0.0,
+};
+
+/// Stars over four decades.
+fn stars() -> Vec<Source> {
+    let mut dice = Dice::new(21);
+    let mut place = || dice.between(5.0, SIDE as f64 - 6.0);
+    let places: Vec<[f64; 2]> = (0..200).map(|_| [place(), place()]).collect();
+    (0..).zip(places).map(|(id, px)| star(id, 4.0 * 10.0_f64.powf(f64::from(id % 50) / 12.5), px)).collect()
+}
+
+fn planner(cost: CostModel) -> Planner {
+    let instrument = instrument(camera(SIDE), &PsfModel::gaussian(0.8));
+    let scene = zigzag(0.8, 9, 1.5);
+    let mut planner = Planner::new(instrument, AccuracyBudget::default(), cost, MethodChoice::Auto, scene.los);
+    planner.motion_mut().image_path = scene.path;
+    planner
+}
+
+fn within(limit_ms: f64) -> ExposurePlan {
+    planner(COST).within_ms(limit_ms).plan(&stars()).clone()
+}
+
+#[test]
+fn rungs_are_taken_in_order_as_time_shrinks() {
+    let full = planner(COST).plan(&stars()).clone();
+    assert_eq!((full.rung, full.chosen.verdict), (Rung::Full, Verdict::Fits), "{:?}", full.chosen);
+    let mut seen = vec![Rung::Full];
+    let mut limit_ms = 1.1 * full.chosen.cost_ms;
+    let mut kept = full.stars.len();
+    for _ in 0..STEPS {
+        let plan = within(limit_ms);
+        let last = *seen.last().unwrap();
+        assert!(plan.rung >= last, "{limit_ms} ms: {} after {last}", plan.rung);
+        assert!(plan.stars.len() <= kept, "{limit_ms} ms: {} stars after {kept}", plan.stars.len());
+        assert!(
+            plan.chosen.cost_ms <= limit_ms || plan.rung == Rung::BrightStarsOnly,
+            "{limit_ms} ms: {:?}",
+            plan.chosen
+        );
+        assert_eq!(plan.stars.len() + plan.cut_off.stars, stars().len(), "every star is drawn or counted");
+        if plan.rung != last {
+            println!(
+                "{limit_ms:8.3} ms: {:18} {:3} stars, {} ({} classes), {:.3} ms",
+                plan.rung.name(),
+                plan.stars.len(),
+                plan.chosen.method,
+                plan.classes.len(),
+                plan.chosen.cost_ms
+            );
+            seen.push(plan.rung);
+        }
+        kept = plan.stars.len();
+        limit_ms *= SHRINK;
+    }
+    assert_eq!(seen, Rung::ALL, "every rung is worth its place");
+    assert!(kept < full.stars.len() / 2, "in the end stars go: {kept}");
+    assert!(kept == 0 || draw_cpu(&within(limit_ms)).sum() > 0.0, "the brightest are drawn");
+}
+
+#[test]
+fn each_rung_gives_up_what_it_says() {
+    let full = planner(COST).plan(&stars()).clone();
+    let mut limit_ms = full.chosen.cost_ms;
+    for _ in 0..STEPS {
+        let plan = within(limit_ms);
+        let budget = plan.rung.loosened(&AccuracyBudget::default());
+        match plan.rung {
+            Rung::Full => assert_eq!(plan.cut_off.stars, full.cut_off.stars),
+            Rung::FaintStarsOut | Rung::Budget3 | Rung::Budget10 => {
+                assert!(plan.cut_off.stars > full.cut_off.stars, "{}: {:?}", plan.rung, plan.cut_off);
+                assert!(plan.chosen.centroid_px <= budget.centroid_px, "{}: {:?}", plan.rung, plan.chosen);
+                assert!(plan.chosen.pixel_sigma <= budget.pixel_sigma, "{}: {:?}", plan.rung, plan.chosen);
+            }
+            Rung::MotionOut | Rung::BrightStarsOnly => {
+                assert_eq!(plan.chosen.method.nodes(), 1, "{}: {}", plan.rung, plan.chosen.method);
+                let told = plan.chosen.centroid_px > AccuracyBudget::default().centroid_px;
+                assert!(told, "it is told: {:?}", plan.chosen);
+            }
+        }
+        limit_ms *= SHRINK;
+    }
+}
+
+#[test]
+fn without_a_time_budget_nothing_is_ever_given_up() {
+    let dear = CostModel { splat_ns: 1e12, table_pixel_ns: 1e12, kernel_entry_ns: 1e12, ..COST };
+    let mut planner = planner(dear);
+    let plan = planner.plan(&stars());
+    assert_eq!((plan.rung, plan.chosen.verdict), (Rung::Full, Verdict::Fits), "{:?}", plan.chosen);
+    assert!(plan.chosen.cost_ms > 1e6, "dear it is: {:?}", plan.chosen);
+}

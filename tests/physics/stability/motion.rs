@@ -1,0 +1,124 @@
+//! Motion methods on both sides of their domains. Sinusoids have a fraction of a cycle left over: whole cycles flatter
+//! a method that samples.
+
+use crate::scene::{Dice, EXPOSURE_S, FOCAL_PX};
+use crate::stability::{Scene, assert_inside, assert_replaced, point};
+use core::f64::consts::TAU;
+use glam::DVec3;
+use starloop::astrometry::CameraGeometry;
+use starloop::attitude::JitterLine;
+use starloop::exposure::PixelPath;
+use starloop::exposure::method::MethodName;
+
+/// PSF of most scenes, px.
+const SIGMA_PX: f64 = 0.8;
+/// An undersampled PSF, px.
+const NARROW_PX: f64 = 0.3;
+/// Cycles per exposure of the sinusoids.
+const CYCLES: f64 = 10.3;
+
+/// A path with power up to 40 cycles per exposure, as a structure's modes have it: amplitudes fall with frequency.
+fn like_a_psd(sigma_px: f64, rms_px: f64) -> Scene {
+    const MODES: u32 = 24;
+    let mut dice = Dice::new(5);
+    let mut scene = Scene::still(sigma_px);
+    let modes: Vec<[f64; 4]> = (0..MODES)
+        .map(|i| {
+            let cycles = 0.7 * (40.0_f64 / 0.7).powf((f64::from(i) + dice.unit()) / f64::from(MODES));
+            [cycles, cycles.powf(-0.5), dice.between(0.0, TAU), dice.between(0.0, TAU)]
+        })
+        .collect();
+    let power: f64 = modes.iter().map(|mode| 0.5 * mode[1] * mode[1]).sum();
+    let line = |[cycles, amplitude, direction, phase_rad]: [f64; 4]| {
+        let (sin, cos) = direction.sin_cos();
+        let amplitude_rad = DVec3::new(sin, cos, 0.0) * (amplitude * rms_px / (power.sqrt() * FOCAL_PX));
+        JitterLine { frequency_hz: cycles / EXPOSURE_S, amplitude_rad, phase_rad }
+    };
+    scene.los.jitter.lines = modes.into_iter().map(line).collect();
+    scene
+}
+
+/// The same motion of the image in a telescope's field, where it is the same for all stars.
+pub(super) fn narrow_field(scene: &Scene) -> Scene {
+    const TIMES: f64 = 16.0;
+    let mut parameters = *scene.instrument.camera.parameters();
+    parameters.focal_px = parameters.focal_px.map(|focal_px| TIMES * focal_px);
+    let mut scene = scene.clone();
+    scene.instrument.camera = CameraGeometry::new(parameters).unwrap();
+    scene.los.rate_rad_s /= TIMES;
+    for line in &mut scene.los.jitter.lines {
+        line.amplitude_rad /= TIMES;
+    }
+    scene
+}
+
+/// A commanded path of straight legs.
+pub(super) fn zigzag(sigma_px: f64, legs: u32, size_px: f64) -> Scene {
+    let mut dice = Dice::new(8);
+    let corner = |i: u32| {
+        let mut around = || dice.between(-size_px, size_px);
+        point(EXPOSURE_S * f64::from(i) / f64::from(legs), [around(), around()], 0.0)
+    };
+    let path = PixelPath::line((0..=legs).map(corner).collect(), EXPOSURE_S).unwrap();
+    Scene { path: Some(path), ..Scene::still(sigma_px) }
+}
+
+#[test]
+fn every_method_has_a_scene_it_draws_and_one_it_is_refused() {
+    let shaken = Scene::shaken(SIGMA_PX, 3.0, CYCLES);
+    // Method, a scene inside, a method with its number and a scene outside.
+    let cases = [
+        ("static", Scene::straight(SIGMA_PX, 0.02), "static", Scene::straight(SIGMA_PX, 3.0)),
+        ("gaussian", Scene::straight(SIGMA_PX, 0.5), "gaussian", Scene::straight(SIGMA_PX, 6.0)),
+        ("gauss-legendre", Scene::drifting(SIGMA_PX, 3.0), "gauss-legendre:4", Scene::drifting(SIGMA_PX, 20.0)),
+        ("segments:64", zigzag(SIGMA_PX, 8, 2.0), "segments:16", shaken.clone()),
+        ("samples", shaken.clone(), "samples:16", shaken.clone()),
+        ("effective-psf", narrow_field(&shaken), "effective-psf", Scene::rolled(SIGMA_PX, 0.1)),
+        ("zonal-psf", Scene::rolled(SIGMA_PX, 0.0018), "zonal-psf", Scene::rolled(SIGMA_PX, 0.8)),
+    ];
+    assert_eq!(cases.len(), MethodName::ALL.len(), "every method");
+    for (method, inside, beyond, outside) in &cases {
+        assert_inside("its own", inside, method);
+        assert_replaced("beyond", outside, beyond);
+    }
+}
+
+#[test]
+fn gauss_legendre_is_refused_when_there_is_jitter() {
+    assert_replaced("jitter", &Scene::shaken(SIGMA_PX, 1.0, CYCLES), "gauss-legendre:4");
+}
+
+#[test]
+fn a_smear_of_twenty_pixels() {
+    for sigma_px in [NARROW_PX, SIGMA_PX] {
+        let scene = Scene::drifting(sigma_px, 20.0);
+        assert_inside("20 px", &scene, "gauss-legendre");
+        for method in ["static", "gaussian", "samples:16", "segments:1"] {
+            // A straight slew is one segment; two nodes along it are two dots.
+            assert_replaced("20 px", &scene, method);
+        }
+    }
+}
+
+#[test]
+fn an_undersampled_star_asks_for_more() {
+    let scene = Scene::shaken(NARROW_PX, 1.0, 2.3);
+    assert_inside("narrow", &scene, "samples");
+    assert_inside("narrow", &zigzag(NARROW_PX, 9, 1.0), "effective-psf");
+    // As many as do for the wide PSF.
+    assert_inside("wide", &Scene::straight(SIGMA_PX, 3.0), "samples:8");
+    assert_replaced("narrow", &Scene::straight(NARROW_PX, 3.0), "samples:8");
+    assert_replaced("narrow", &Scene::straight(NARROW_PX, 0.4), "static");
+}
+
+#[test]
+fn a_random_path_with_power_up_to_forty_cycles() {
+    let scene = like_a_psd(SIGMA_PX, 2.0);
+    assert_inside("2 px rms", &scene, "samples");
+    for method in ["effective-psf", "zonal-psf"] {
+        assert_inside("2 px rms, 4 arcsec pixels", &narrow_field(&scene), method);
+    }
+    for method in ["static", "gaussian", "samples:64", "segments:64"] {
+        assert_replaced("2 px rms", &scene, method);
+    }
+}
