@@ -103,14 +103,16 @@ fn table(found: &Calibration, owner: &CostOwner) -> String {
         );
     }
     let CostModel { frame_ms, pixel_ns, star_ns, splat_ns, .. } = found.cost;
-    let CostModel { table_pixel_ns, kernel_node_ns, kernel_entry_ns, threads, readout_pixel_ns, .. } = found.cost;
+    let CostModel { table_pixel_ns, base_pixel_ns, kernel_node_ns, kernel_entry_ns, threads, readout_pixel_ns, .. } =
+        found.cost;
     text.push('\n');
     for (name, value, meaning) in [
         ("frame_ms", frame_ms, "per frame"),
         ("pixel_ns", pixel_ns, "per pixel, cleared and written"),
         ("star_ns", star_ns, "per star, sorted"),
         ("splat_ns", splat_ns, "per star and node, Gaussian"),
-        ("table_pixel_ns", table_pixel_ns, "per star, node and pixel of a table"),
+        ("table_pixel_ns", table_pixel_ns, "per star and pixel of a kernel"),
+        ("base_pixel_ns", base_pixel_ns, "per star, node and pixel of the PSF's own table"),
         ("kernel_node_ns", kernel_node_ns, "per node and grid point of an effective PSF"),
         ("kernel_entry_ns", kernel_entry_ns, "per entry of an effective PSF"),
         ("threads", threads, "kernels built side by side"),

@@ -183,6 +183,7 @@ fn assessment_line(a: &Assessment) -> String {
         Verdict::Fits => "fits",
         Verdict::NeedsSmoothMotion => "refused: there is jitter, and it is for smooth motion",
         Verdict::PathTooLong => "refused: the path is too long for a kernel",
+        Verdict::TooManyKernels => "refused: its kernels would take too much memory",
         Verdict::CentroidOverBudget => "refused: centroid error over the budget",
         Verdict::PixelOverBudget => "refused: pixel error over the budget",
         Verdict::FluxOverBudget => "loses more flux than the budget: the PSF's wings are cut (no method does better)",

@@ -1,7 +1,7 @@
 //! Weighing methods and choosing among them, class of stars by class.
 
 use crate::base::accuracy::AccuracyBudget;
-use crate::exposure::cost::{CostModel, Load};
+use crate::exposure::cost::{CostModel, Load, kernel_bytes};
 use crate::exposure::ladder::Rung;
 use crate::exposure::lists::fill_nodes;
 use crate::exposure::mean_field::MeanField;
@@ -9,7 +9,9 @@ use crate::exposure::method::{Method, MethodChoice, MethodName};
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::nodes::MOST_DENSE_NODES;
 use crate::exposure::pixel_path::PixelPath;
-use crate::exposure::plan::{Assessment, ExposurePlan, LONGEST_KERNEL_PX, MOTION_SHARE, StarClass, Verdict};
+use crate::exposure::plan::{
+    Assessment, ExposurePlan, LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOTION_SHARE, StarClass, Verdict,
+};
 use crate::exposure::planner::Instrument;
 use crate::exposure::pose::PathNode;
 use crate::exposure::probes::{Probes, SIDE, gauss_legendre_count};
@@ -290,13 +292,15 @@ impl Chooser {
         }
         let listed = matches!(motion.image_path, Some(PixelPath::Samples(_)));
         for name in MethodName::ALL.into_iter().skip(1) {
-            // What cannot win is not weighed on the frame path.
-            let needless = match name {
-                MethodName::Segments => listed,
-                MethodName::ZonalPsf => is_enough(self),
-                _ => false,
+            // What cannot win, or was not asked for, is not weighed on the frame path.
+            let needless = match (wanted, name) {
+                (Some((MethodName::EffectivePsf | MethodName::ZonalPsf, None)), MethodName::Samples) => false,
+                (Some((wanted, _)), _) => wanted != name,
+                (None, MethodName::Segments) => listed,
+                (None, MethodName::ZonalPsf) => is_enough(self),
+                (None, _) => false,
             };
-            if needless && wanted.is_none_or(|(wanted, _)| wanted != name) && !self.is_thorough {
+            if needless && !self.is_thorough {
                 continue;
             }
             let fixed = wanted.filter(|(wanted, _)| *wanted == name).and_then(|(_, nodes)| nodes);
@@ -362,7 +366,15 @@ impl Chooser {
             None => MOST_JITTER_NODES,
         };
         let mut count = fixed.unwrap_or(least.min(own));
+        // As many nodes as another method needs are no gain.
+        let star_by_star = |weighed: &&Weighed| weighed.method.kernels() == 0 && weighed.verdict.is_none();
+        let enough = self.weighed.iter().filter(star_by_star);
+        let enough = enough.filter(|weighed| self.is_enough(weighed.error, brightest_e, probes));
+        let most = enough.map(|weighed| weighed.method.nodes()).min().unwrap_or(usize::MAX);
         loop {
+            if method(count).nodes() > most && fixed.is_none() && !self.is_thorough {
+                return;
+            }
             self.weigh_method(method(count), shape, motion, probes);
             let error = self.weighed.last().map_or(NodeError::default(), |weighed| weighed.error);
             if self.is_enough(error, brightest_e, probes) || fixed.is_some() || count >= own {
@@ -405,8 +417,7 @@ impl Chooser {
         };
         let verdict = match method {
             Method::GaussLegendre { .. } if !motion.is_smooth() => Some(Verdict::NeedsSmoothMotion),
-            _ if method.kernels() > 0 && probes.extent_px > LONGEST_KERNEL_PX => Some(Verdict::PathTooLong),
-            _ => None,
+            _ => self.kernel_verdict(method, probes),
         };
         self.weighed.push(Weighed { method, error, verdict });
     }
@@ -435,7 +446,6 @@ impl Chooser {
         // Sampling error of the nodes themselves: each star with its own path.
         let sampled =
             if motion.is_still() { NodeError::default() } else { self.scales.error(lists, ShapeOf::EachStar, probes) };
-        let verdict = (probes.extent_px > LONGEST_KERNEL_PX).then_some(Verdict::PathTooLong);
         let camera = &self.instrument.camera;
         let size = [camera.width_px() as f64, camera.height_px() as f64];
         for zones in ZONES {
@@ -449,10 +459,23 @@ impl Chooser {
                 }
             }
             let error = error.plus(sampled);
-            self.weighed.push(Weighed { method: Method::ZonalPsf { zones: [zones, rows], nodes }, error, verdict });
+            let method = Method::ZonalPsf { zones: [zones, rows], nodes };
+            self.weighed.push(Weighed { method, error, verdict: self.kernel_verdict(method, probes) });
             if self.is_enough(error, brightest_e, probes) {
                 return;
             }
+        }
+    }
+
+    /// Why the kernels of a method cannot be made.
+    fn kernel_verdict(&self, method: Method, probes: &Probes) -> Option<Verdict> {
+        if method.kernels() == 0 {
+            None
+        } else if probes.extent_px > LONGEST_KERNEL_PX {
+            Some(Verdict::PathTooLong)
+        } else {
+            let bytes = kernel_bytes(method, &self.instrument.psf, self.half_px, probes.extent_px);
+            (method.kernels() > 1 && bytes > MOST_KERNEL_BYTES).then_some(Verdict::TooManyKernels)
         }
     }
 

@@ -1,6 +1,6 @@
 //! What a frame costs, from a handful of constants per backend.
 //!
-//! In: method, number of stars, sizes. Out: ms. The defaults were measured on a two-core AVX-512 machine (README);
+//! In: method, number of stars, sizes. Out: ms of planning and drawing. The defaults were measured on a two-core AVX-512 machine (README);
 //! `starloop calibrate` measures those of the machine at hand. They order the methods, and give `check` and the
 //! degradation ladder their prediction.
 
@@ -17,12 +17,14 @@ pub struct CostModel {
     pub frame_ms: f64,
     /// Per pixel of the detector: cleared and written, ns.
     pub pixel_ns: f64,
-    /// Per star: placed, sorted, looked up, ns.
+    /// Per star: placed, planned, sorted, ns.
     pub star_ns: f64,
     /// Per star and node of an analytic (Gaussian) PSF, ns.
     pub splat_ns: f64,
-    /// Per star, node and pixel of a table's padded rows, ns.
+    /// Per star and pixel of a kernel's padded rows, ns.
     pub table_pixel_ns: f64,
+    /// Per star, node and pixel of the padded rows of a table of the PSF itself (wider, further from the cache), ns.
+    pub base_pixel_ns: f64,
     /// Per node and grid point while an effective PSF is built, ns.
     pub kernel_node_ns: f64,
     /// Per entry of an effective PSF's images, whatever the nodes, ns.
@@ -49,27 +51,29 @@ pub struct Load<'a> {
 impl CostModel {
     /// CPU backend, two cores.
     pub const CPU: Self = Self {
-        frame_ms: 0.02,
-        pixel_ns: 0.06,
-        star_ns: 25.0,
+        frame_ms: 0.0,
+        pixel_ns: 0.08,
+        star_ns: 30.0,
         splat_ns: 25.0,
-        table_pixel_ns: 0.6,
-        kernel_node_ns: 0.05,
-        kernel_entry_ns: 0.5,
+        table_pixel_ns: 0.5,
+        base_pixel_ns: 1.1,
+        kernel_node_ns: 0.08,
+        kernel_entry_ns: 1.2,
         threads: 2.0,
         readout_pixel_ns: 2.6,
     };
     /// GPU backend on software Vulkan, two cores.
     pub const SOFTWARE_GPU: Self = Self {
-        frame_ms: 0.6,
-        pixel_ns: 0.1,
-        star_ns: 300.0,
-        splat_ns: 55.0,
-        table_pixel_ns: 35.0,
-        kernel_node_ns: 0.05,
-        kernel_entry_ns: 1.0,
+        frame_ms: 1.4,
+        pixel_ns: 0.08,
+        star_ns: 1200.0,
+        splat_ns: 170.0,
+        table_pixel_ns: 18.0,
+        base_pixel_ns: 30.0,
+        kernel_node_ns: 0.08,
+        kernel_entry_ns: 1.2,
         threads: 2.0,
-        readout_pixel_ns: 13.0,
+        readout_pixel_ns: 10.0,
     };
     /// GPU backend on a hardware adapter (an estimate until measured there).
     pub const GPU: Self = Self {
@@ -78,6 +82,7 @@ impl CostModel {
         star_ns: 30.0,
         splat_ns: 1.0,
         table_pixel_ns: 0.02,
+        base_pixel_ns: 0.02,
         kernel_node_ns: 0.05,
         kernel_entry_ns: 1.0,
         threads: 2.0,
@@ -90,6 +95,7 @@ impl CostModel {
         star_ns: 1000.0,
         splat_ns: 8_000.0,
         table_pixel_ns: 1e5,
+        base_pixel_ns: 1e5,
         kernel_node_ns: 1e3,
         kernel_entry_ns: 1e3,
         threads: 1.0,
@@ -124,7 +130,7 @@ impl CostModel {
         let star_node_ns = if matches!(load.psf, PsfModel::Gaussian { .. }) {
             self.splat_ns
         } else {
-            self.table_pixel_ns * padded_pixels(load.half_px)
+            self.base_pixel_ns * padded_pixels(load.half_px)
         };
         let drawing_ns = if method.kernels() > 0 {
             let half_px = kernel_half_px(load.half_px, load.extent_px);
@@ -148,6 +154,13 @@ impl CostModel {
         let kernels = method.kernels() as f64;
         each * (kernels / self.threads).max(1.0)
     }
+}
+
+/// Bytes of the coefficients of all kernels of `method`.
+#[must_use]
+pub fn kernel_bytes(method: Method, psf: &PsfModel, half_px: usize, extent_px: f64) -> usize {
+    let side = 2 * kernel_half_px(half_px, extent_px) + 1;
+    method.kernels() * table_images(oversampling(psf)) * side * side.next_multiple_of(16) * size_of::<f32>()
 }
 
 /// Half-width of a kernel's footprint, px.

@@ -9,7 +9,7 @@ use crate::exposure::cost::{CostModel, Load};
 use crate::exposure::method::Method;
 
 /// Constants that are fitted.
-const FITTED: usize = 7;
+const FITTED: usize = 8;
 /// Sweeps of Gauss-Seidel: enough for constants to 1e-3 on exact timings of [`FITTED`] unknowns.
 const SWEEPS: usize = 100_000;
 
@@ -71,19 +71,30 @@ pub fn fit(timings: &[Timing<'_>], usual: &CostModel) -> CostModel {
 }
 
 fn of(cost: &CostModel) -> [f64; FITTED] {
-    let CostModel { frame_ms, pixel_ns, star_ns, splat_ns, table_pixel_ns, kernel_node_ns, kernel_entry_ns, .. } =
-        *cost;
-    [frame_ms, pixel_ns, star_ns, splat_ns, table_pixel_ns, kernel_node_ns, kernel_entry_ns]
+    let CostModel {
+        frame_ms,
+        pixel_ns,
+        star_ns,
+        splat_ns,
+        table_pixel_ns,
+        base_pixel_ns,
+        kernel_node_ns,
+        kernel_entry_ns,
+        ..
+    } = *cost;
+    [frame_ms, pixel_ns, star_ns, splat_ns, table_pixel_ns, base_pixel_ns, kernel_node_ns, kernel_entry_ns]
 }
 
 fn with(usual: &CostModel, constants: [f64; FITTED]) -> CostModel {
-    let [frame_ms, pixel_ns, star_ns, splat_ns, table_pixel_ns, kernel_node_ns, kernel_entry_ns] = constants;
+    let [frame_ms, pixel_ns, star_ns, splat_ns, table_pixel_ns, base_pixel_ns, kernel_node_ns, kernel_entry_ns] =
+        constants;
     CostModel {
         frame_ms,
         pixel_ns,
         star_ns,
         splat_ns,
         table_pixel_ns,
+        base_pixel_ns,
         kernel_node_ns,
         kernel_entry_ns,
         threads: usual.threads,
@@ -102,6 +113,7 @@ mod tests {
         star_ns: 90.0,
         splat_ns: 12.0,
         table_pixel_ns: 1.5,
+        base_pixel_ns: 3.0,
         kernel_node_ns: 0.08,
         kernel_entry_ns: 0.9,
         threads: 8.0,
@@ -109,7 +121,7 @@ mod tests {
     };
 
     /// Frames like those that are measured, as `cost` predicts them.
-    fn timings<'a>(cost: &CostModel, psf: &'a PsfModel) -> Vec<Timing<'a>> {
+    fn timings<'a>(cost: &CostModel, psf: &'a PsfModel, airy: &'a PsfModel) -> Vec<Timing<'a>> {
         let frames = [
             (1 << 18, Method::Static, 0),
             (1 << 22, Method::Static, 0),
@@ -126,15 +138,19 @@ mod tests {
             timing.ms = timing.predicted_ms(cost);
             timing
         };
-        frames.into_iter().map(timing).collect()
+        let mut timings: Vec<_> = frames.into_iter().map(timing).collect();
+        let mut last = Timing { load: Load { psf: airy, half_px: 40, extent_px: 0.0, stars: 500 }, ..timings[2] };
+        last.ms = last.predicted_ms(cost);
+        timings.push(last);
+        timings
     }
 
     #[test]
     fn known_constants_are_recovered_from_a_wrong_start() {
         /// Gauss-Seidel's own remainder.
         const RELATIVE: f64 = 1e-3;
-        let psf = PsfModel::gaussian(0.8);
-        let timings = timings(&TRUE, &psf);
+        let (psf, airy) = (PsfModel::gaussian(0.8), PsfModel::airy(1.5, 0.0));
+        let timings = timings(&TRUE, &psf, &airy);
         let usual = CostModel { threads: TRUE.threads, readout_pixel_ns: 2.0, ..CostModel::SOFTWARE_GPU };
         let found = fit(&timings, &usual);
         for (found, wanted) in of(&found).into_iter().zip(of(&TRUE)) {
@@ -145,11 +161,11 @@ mod tests {
 
     #[test]
     fn another_machine_has_other_constants_and_a_wrong_timing_is_seen() {
-        let psf = PsfModel::gaussian(0.8);
+        let (psf, airy) = (PsfModel::gaussian(0.8), PsfModel::airy(1.5, 0.0));
         let slower = CostModel { splat_ns: 24.0, ..TRUE };
-        let found = fit(&timings(&slower, &psf), &CostModel::CPU);
+        let found = fit(&timings(&slower, &psf, &airy), &CostModel::CPU);
         assert!((found.splat_ns / 24.0 - 1.0).abs() < 0.01, "{found:?}");
-        let mut disturbed = timings(&TRUE, &psf);
+        let mut disturbed = timings(&TRUE, &psf, &airy);
         disturbed[1].ms *= 0.1;
         let found = fit(&disturbed, &CostModel::CPU);
         assert!(of(&found).into_iter().all(|constant| constant >= 0.0), "{found:?}");

@@ -115,6 +115,9 @@ pub const LONGEST_KERNEL_PX: f64 = 256.0;
 /// Share of the budget's centroid error that a method's bound may take; the rest is for what the bound does not cover.
 pub const MOTION_SHARE: f64 = 0.5;
 
+/// Largest kernels of a frame together, bytes of coefficients (a device holds four times as much).
+pub const MOST_KERNEL_BYTES: usize = 64 << 20;
+
 /// Whether a method may be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
@@ -124,6 +127,8 @@ pub enum Verdict {
     NeedsSmoothMotion,
     /// The path is too long for a kernel ([`LONGEST_KERNEL_PX`]).
     PathTooLong,
+    /// Its kernels together are too large ([`MOST_KERNEL_BYTES`]).
+    TooManyKernels,
     /// Its centroid error is over the budget.
     CentroidOverBudget,
     /// Its pixel error is over the budget.
@@ -143,7 +148,7 @@ impl Verdict {
     /// True when the method can be drawn at all.
     #[must_use]
     pub fn is_drawable(self) -> bool {
-        !matches!(self, Self::NeedsSmoothMotion | Self::PathTooLong)
+        !matches!(self, Self::NeedsSmoothMotion | Self::PathTooLong | Self::TooManyKernels)
     }
 }
 

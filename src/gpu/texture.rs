@@ -3,7 +3,7 @@
 use crate::gpu::device::GpuDevice;
 use crate::gpu::error::GpuError;
 
-/// Layers of two-dimensional tables of four floats each, kept from frame to frame; they only ever grow.
+/// Layers of two-dimensional tables of four floats each, kept from frame to frame.
 #[derive(Debug)]
 pub struct TableTexture {
     what: &'static str,
@@ -39,9 +39,9 @@ impl TableTexture {
         if (0..3).all(|i| wanted[i] <= self.size[i]) {
             return Ok(false);
         }
-        let size = core::array::from_fn(|i| wanted[i].max(self.size[i]));
-        (self.texture, self.view) = create(gpu, self.what, size)?;
-        self.size = size;
+        // As large as is wanted now, not as any side ever was: sides multiply.
+        (self.texture, self.view) = create(gpu, self.what, wanted)?;
+        self.size = wanted;
         Ok(true)
     }
 

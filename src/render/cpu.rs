@@ -259,9 +259,7 @@ fn add_separable<const FUSED: bool>(
         let Some(pixels) = band.pixels.get_mut(from..) else { return };
         let rows = pixels.chunks_mut(width).filter_map(|row| row.first_chunk_mut::<LANES>());
         for (row, gain) in rows.zip(&gains[first as usize..end as usize]) {
-            for (pixel, value) in row.iter_mut().zip(line) {
-                *pixel = mul_add::<FUSED>(*gain, *value, *pixel);
-            }
+            add_lanes::<FUSED>(row, line, *gain);
         }
         return;
     }
@@ -269,6 +267,16 @@ fn add_separable<const FUSED: bool>(
         let at = (top + r) as usize * width;
         add_clipped::<FUSED>(&mut band.pixels[at..at + width], left, used, line, gains[r as usize]);
     }
+}
+
+/// `target += gain * values`, through a copy: the compiler need not ask whether the two overlap.
+#[inline(always)]
+fn add_lanes<const FUSED: bool>(target: &mut [f32; LANES], values: &[f32; LANES], gain: f32) {
+    let mut sum = *target;
+    for lane in 0..LANES {
+        sum[lane] = mul_add::<FUSED>(gain, values[lane], sum[lane]);
+    }
+    *target = sum;
 }
 
 /// Places of a star at the nodes from `first` (see [`crate::exposure::track`]).
@@ -355,7 +363,7 @@ fn stamp<const FUSED: bool>(
             let whole = usize::try_from(from).ok().and_then(|from| line.get_mut(from..)?.first_chunk_mut::<LANES>());
             match whole {
                 // Lanes beyond the footprint hold zeros.
-                Some(target) => target.iter_mut().zip(&sum).for_each(|(pixel, value)| *pixel += value),
+                Some(target) => add_lanes::<FUSED>(target, &sum, 1.0),
                 None => add_clipped::<FUSED>(line, from, columns - c * LANES, &sum, 1.0),
             }
         }

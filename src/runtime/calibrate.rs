@@ -71,7 +71,7 @@ pub struct MeasuredScene {
     pub stars: usize,
     /// Method.
     pub method: Method,
-    /// Median time of drawing, ms (on a GPU: of drawing and readout).
+    /// Median time of planning and drawing, ms (on a GPU: and of readout).
     pub render_ms: f64,
     /// Median time of readout, ms (on a GPU: of waiting for both).
     pub readout_ms: f64,
@@ -182,19 +182,23 @@ impl MeasuredScene {
 
 fn measure(scene: &Scene, side_px: usize, repeats: usize, imager: &mut Imager) -> Result<MeasuredScene, RunError> {
     let mut planner = planner(scene, side_px, imager.cost())?;
-    let plan = planner.plan(&sources(scene.stars, side_px));
+    let sources = sources(scene.stars, side_px);
     let mut out = DnImage::new(side_px, side_px);
     let mut times: Vec<[f64; 2]> = Vec::with_capacity(repeats);
     for number in 0..WARM_UP {
-        imager.image(plan, number, &mut out)?;
+        imager.image(planner.plan(&sources), number, &mut out)?;
     }
-    let (mut watch, mut spent_s) = (Stopwatch::start(), 0.0);
+    let mut spent_s = 0.0;
     while times.len() < repeats && (times.len() < 3 || spent_s < SCENE_S) {
+        let mut watch = Stopwatch::start();
+        let plan = planner.plan(&sources);
+        let plan_ms = watch.lap().ms();
         let taken = imager.image(plan, WARM_UP, &mut out)?;
-        let (render_ms, readout_ms) = (taken.render.ms(), taken.detector.ms());
+        let (render_ms, readout_ms) = (plan_ms + taken.render.ms(), taken.detector.ms());
         times.push([if imager.is_on_device() { render_ms + readout_ms } else { render_ms }, readout_ms]);
-        spent_s += watch.lap().s();
+        spent_s += plan_ms * 1e-3 + watch.lap().s();
     }
+    let plan = planner.latest();
     let [render_ms, readout_ms] = [0, 1].map(|i| median(times.iter().map(|times| times[i]).collect()));
     Ok(MeasuredScene {
         name: scene.name,

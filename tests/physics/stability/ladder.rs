@@ -23,6 +23,7 @@ const COST: CostModel = CostModel {
     star_ns: 10.0,
     splat_ns: 1000.0,
     table_pixel_ns: 100.0,
+    base_pixel_ns: 100.0,
     kernel_node_ns: 100.0,
     kernel_entry_ns: 1000.0,
     threads: 1.0,
