@@ -177,7 +177,7 @@ mod tests {
         write(&path, &here).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         let half = text[..text.len() / 2].to_owned();
-        let negative = text.replace("pixel_ns = 0.06", "pixel_ns = -0.06");
+        let negative = text.replace("frame_ms = ", "frame_ms = -1");
         assert_ne!(text, negative, "the comparison can fail");
         for wrong in [half, negative, text.replace("threads = 2.0", "threads = nan"), "\u{0}".into(), String::new()] {
             std::fs::write(&path, wrong).unwrap();

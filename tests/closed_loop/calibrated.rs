@@ -36,7 +36,7 @@ fn the_virtual_clock_ignores_what_was_measured_and_check_does_not() {
     std::fs::write(
         folder.path().join("camera.toml"),
         "[detector]\nwidth_px = 256\nheight_px = 256\n[optics]\nfocal_length_mm = 10\naperture_mm = 20\n\
-         [radiometry]\nlimiting_mag = 12\n[exposure]\nreadout_s = 2.6e-4\n",
+         [radiometry]\nlimiting_mag = 12\n[exposure]\nreadout_s = 2.2e-4\n",
     )
     .unwrap();
     let bench =
