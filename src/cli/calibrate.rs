@@ -102,14 +102,16 @@ fn table(found: &Calibration, owner: &CostOwner) -> String {
             scene.name, scene.stars, scene.render_ms
         );
     }
-    let CostModel { frame_ms, pixel_ns, star_ns, splat_ns, .. } = found.cost;
+    let CostModel { frame_ms, pixel_ns, star_ns, motion_ms, motion_star_ns, splat_ns, .. } = found.cost;
     let CostModel { table_pixel_ns, base_pixel_ns, kernel_node_ns, kernel_entry_ns, threads, readout_pixel_ns, .. } =
         found.cost;
     text.push('\n');
     for (name, value, meaning) in [
         ("frame_ms", frame_ms, "per frame"),
         ("pixel_ns", pixel_ns, "per pixel, cleared and written"),
-        ("star_ns", star_ns, "per star, sorted"),
+        ("star_ns", star_ns, "per star, placed and sorted"),
+        ("motion_ms", motion_ms, "per frame in which something moves"),
+        ("motion_star_ns", motion_star_ns, "per star when something moves"),
         ("splat_ns", splat_ns, "per star and node, Gaussian"),
         ("table_pixel_ns", table_pixel_ns, "per star and pixel of a kernel"),
         ("base_pixel_ns", base_pixel_ns, "per star, node and pixel of the PSF's own table"),

@@ -86,6 +86,7 @@ pub(super) struct Chooser {
     /// Flux error of a rolling shutter.
     rolling_flux: f64,
     bands: usize,
+    moves: bool,
     /// Weigh every method.
     pub(super) is_thorough: bool,
 }
@@ -114,6 +115,7 @@ impl Chooser {
             common: NodeError::default(),
             rolling_flux: 0.0,
             bands: 1,
+            moves: false,
             is_thorough: false,
         }
     }
@@ -124,7 +126,8 @@ impl Chooser {
         self.rolling_flux = 0.0;
         self.bands = 1;
         self.weighed.clear();
-        if motion.is_still() {
+        self.moves = !motion.is_still();
+        if !self.moves {
             return;
         }
         self.scales.watch(probes);
@@ -189,7 +192,7 @@ impl Chooser {
         }
         let budget = rung.loosened(&self.budget);
         let pixels = self.instrument.camera.width_px() * self.instrument.camera.height_px();
-        let empty_ms = self.cost.empty_frame_ms(pixels);
+        let empty_ms = self.cost.empty_frame_ms(pixels, self.moves);
         let all = StarClass { brightest_e, faintest_e: 0.0, stars: plan.stars.len(), bands: 1, chosen: plan.chosen };
         plan.assessed.clear();
         plan.assessed.extend(self.weighed.iter().map(|weighed| {
@@ -270,7 +273,7 @@ impl Chooser {
     #[must_use]
     pub(super) fn stars_within(&self, plan: &ExposurePlan, limit_ms: f64) -> usize {
         let pixels = self.instrument.camera.width_px() * self.instrument.camera.height_px();
-        let left_ms = limit_ms - self.cost.empty_frame_ms(pixels);
+        let left_ms = limit_ms - self.cost.empty_frame_ms(pixels, self.moves);
         let each_ms = self.cost.stars_ms(Method::Static, &self.load(1, 0.0));
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the stars there are")]
         let keep = (left_ms / each_ms).clamp(0.0, plan.stars.len() as f64) as usize;
@@ -490,7 +493,7 @@ impl Chooser {
     }
 
     fn load(&self, stars: usize, extent_px: f64) -> Load<'_> {
-        Load { psf: &self.instrument.psf, half_px: self.half_px, extent_px, stars }
+        Load { psf: &self.instrument.psf, half_px: self.half_px, extent_px, stars, moves: self.moves }
     }
 
     /// Bounds of a method for one class of stars; its cost is that of the class's stars.

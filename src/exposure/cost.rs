@@ -19,6 +19,10 @@ pub struct CostModel {
     pub pixel_ns: f64,
     /// Per star: placed, planned, sorted, ns.
     pub star_ns: f64,
+    /// Per frame in which something moves: methods are weighed, ms.
+    pub motion_ms: f64,
+    /// Per star when something moves: its mean place, ns.
+    pub motion_star_ns: f64,
     /// Per star and node of an analytic (Gaussian) PSF, ns.
     pub splat_ns: f64,
     /// Per star and pixel of a kernel's padded rows, ns.
@@ -46,6 +50,8 @@ pub struct Load<'a> {
     pub extent_px: f64,
     /// Stars.
     pub stars: usize,
+    /// True when anything moves during the exposure.
+    pub moves: bool,
 }
 
 impl CostModel {
@@ -54,6 +60,8 @@ impl CostModel {
         frame_ms: 0.0,
         pixel_ns: 0.08,
         star_ns: 30.0,
+        motion_ms: 0.2,
+        motion_star_ns: 40.0,
         splat_ns: 25.0,
         table_pixel_ns: 0.5,
         base_pixel_ns: 1.1,
@@ -67,6 +75,8 @@ impl CostModel {
         frame_ms: 1.4,
         pixel_ns: 0.08,
         star_ns: 1200.0,
+        motion_ms: 0.2,
+        motion_star_ns: 40.0,
         splat_ns: 170.0,
         table_pixel_ns: 18.0,
         base_pixel_ns: 30.0,
@@ -80,6 +90,8 @@ impl CostModel {
         frame_ms: 0.3,
         pixel_ns: 0.001,
         star_ns: 30.0,
+        motion_ms: 0.2,
+        motion_star_ns: 40.0,
         splat_ns: 1.0,
         table_pixel_ns: 0.02,
         base_pixel_ns: 0.02,
@@ -93,6 +105,8 @@ impl CostModel {
         frame_ms: 5.0,
         pixel_ns: 0.5,
         star_ns: 1000.0,
+        motion_ms: 0.2,
+        motion_star_ns: 40.0,
         splat_ns: 8_000.0,
         table_pixel_ns: 1e5,
         base_pixel_ns: 1e5,
@@ -113,8 +127,9 @@ impl CostModel {
 
     /// Milliseconds a frame of `pixels` takes before any star is drawn.
     #[must_use]
-    pub fn empty_frame_ms(&self, pixels: usize) -> f64 {
-        self.frame_ms + pixels as f64 * self.pixel_ns * 1e-6
+    pub fn empty_frame_ms(&self, pixels: usize, moves: bool) -> f64 {
+        let motion_ms = if moves { self.motion_ms } else { 0.0 };
+        self.frame_ms + motion_ms + pixels as f64 * self.pixel_ns * 1e-6
     }
 
     /// Milliseconds the detector takes for `pixels`.
@@ -139,7 +154,8 @@ impl CostModel {
         } else {
             stars * method.nodes() as f64 * star_node_ns
         };
-        (drawing_ns + stars * self.star_ns) * 1e-6
+        let moved_ns = if load.moves { stars * self.motion_star_ns } else { 0.0 };
+        (drawing_ns + stars * self.star_ns + moved_ns) * 1e-6
     }
 
     /// Nanoseconds for building the kernels of `method`.

@@ -9,7 +9,7 @@ use crate::exposure::cost::{CostModel, Load};
 use crate::exposure::method::Method;
 
 /// Constants that are fitted.
-const FITTED: usize = 8;
+const FITTED: usize = 10;
 /// Sweeps of Gauss-Seidel: enough for constants to 1e-3 on exact timings of [`FITTED`] unknowns.
 const SWEEPS: usize = 100_000;
 
@@ -31,7 +31,7 @@ impl Timing<'_> {
     #[must_use]
     pub fn predicted_ms(&self, cost: &CostModel) -> f64 {
         let stars_ms = if self.load.stars == 0 { 0.0 } else { cost.stars_ms(self.method, &self.load) };
-        cost.empty_frame_ms(self.pixels) + stars_ms
+        cost.empty_frame_ms(self.pixels, self.load.moves) + stars_ms
     }
 
     /// Predicted / measured - 1, absolute.
@@ -75,6 +75,8 @@ fn of(cost: &CostModel) -> [f64; FITTED] {
         frame_ms,
         pixel_ns,
         star_ns,
+        motion_ms,
+        motion_star_ns,
         splat_ns,
         table_pixel_ns,
         base_pixel_ns,
@@ -82,16 +84,39 @@ fn of(cost: &CostModel) -> [f64; FITTED] {
         kernel_entry_ns,
         ..
     } = *cost;
-    [frame_ms, pixel_ns, star_ns, splat_ns, table_pixel_ns, base_pixel_ns, kernel_node_ns, kernel_entry_ns]
+    [
+        frame_ms,
+        pixel_ns,
+        star_ns,
+        motion_ms,
+        motion_star_ns,
+        splat_ns,
+        table_pixel_ns,
+        base_pixel_ns,
+        kernel_node_ns,
+        kernel_entry_ns,
+    ]
 }
 
 fn with(usual: &CostModel, constants: [f64; FITTED]) -> CostModel {
-    let [frame_ms, pixel_ns, star_ns, splat_ns, table_pixel_ns, base_pixel_ns, kernel_node_ns, kernel_entry_ns] =
-        constants;
+    let [
+        frame_ms,
+        pixel_ns,
+        star_ns,
+        motion_ms,
+        motion_star_ns,
+        splat_ns,
+        table_pixel_ns,
+        base_pixel_ns,
+        kernel_node_ns,
+        kernel_entry_ns,
+    ] = constants;
     CostModel {
         frame_ms,
         pixel_ns,
         star_ns,
+        motion_ms,
+        motion_star_ns,
         splat_ns,
         table_pixel_ns,
         base_pixel_ns,
@@ -111,6 +136,8 @@ mod tests {
         frame_ms: 0.3,
         pixel_ns: 0.2,
         star_ns: 90.0,
+        motion_ms: 0.15,
+        motion_star_ns: 30.0,
         splat_ns: 12.0,
         table_pixel_ns: 1.5,
         base_pixel_ns: 3.0,
@@ -126,6 +153,7 @@ mod tests {
             (1 << 18, Method::Static, 0),
             (1 << 22, Method::Static, 0),
             (1 << 20, Method::Static, 20_000),
+            (1 << 20, Method::Samples { nodes: 2 }, 20),
             (1 << 20, Method::Samples { nodes: 16 }, 5_000),
             (1 << 20, Method::Samples { nodes: 64 }, 5_000),
             (1 << 20, Method::EffectivePsf { nodes: 16 }, 16),
@@ -133,13 +161,14 @@ mod tests {
             (1 << 20, Method::EffectivePsf { nodes: 16 }, 20_000),
         ];
         let timing = |(pixels, method, stars)| {
-            let load = Load { psf, half_px: 5, extent_px: 1.5, stars };
+            let load = Load { psf, half_px: 5, extent_px: 1.5, stars, moves: method != Method::Static };
             let mut timing = Timing { pixels, method, load, ms: 1.0 };
             timing.ms = timing.predicted_ms(cost);
             timing
         };
         let mut timings: Vec<_> = frames.into_iter().map(timing).collect();
-        let mut last = Timing { load: Load { psf: airy, half_px: 40, extent_px: 0.0, stars: 500 }, ..timings[2] };
+        let mut last =
+            Timing { load: Load { psf: airy, half_px: 40, extent_px: 0.0, stars: 500, moves: false }, ..timings[2] };
         last.ms = last.predicted_ms(cost);
         timings.push(last);
         timings

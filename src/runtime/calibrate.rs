@@ -20,11 +20,12 @@ use crate::detector::{DetectorParams, PoissonMethod};
 use crate::exposure::cost::{CostModel, Load};
 use crate::exposure::cost_fit::{Timing, fit};
 use crate::exposure::method::{Method, MethodName};
-use crate::exposure::{Instrument, MethodChoice, Planner, PsfSampling, Shutter, Source, SourcePlace};
+use crate::exposure::{
+    Instrument, MethodChoice, PixelPath, PixelPoint, Planner, PsfSampling, Shutter, Source, SourcePlace,
+};
 use crate::optics::PsfModel;
 use crate::runtime::error::RunError;
 use crate::runtime::imager::{BackendChoice, Imager};
-use glam::DVec3;
 
 /// Exposure of every scene, s.
 const EXPOSURE_S: f64 = 0.1;
@@ -78,6 +79,7 @@ pub struct MeasuredScene {
     psf: PsfModel,
     half_px: usize,
     extent_px: f64,
+    moves: bool,
 }
 
 /// Constants of one backend on this machine.
@@ -168,7 +170,13 @@ fn constants(scenes: &[MeasuredScene], imager: &Imager) -> CostModel {
 
 impl MeasuredScene {
     fn timing(&self) -> Timing<'_> {
-        let load = Load { psf: &self.psf, half_px: self.half_px, extent_px: self.extent_px, stars: self.stars };
+        let load = Load {
+            psf: &self.psf,
+            half_px: self.half_px,
+            extent_px: self.extent_px,
+            stars: self.stars,
+            moves: self.moves,
+        };
         Timing { pixels: self.side_px * self.side_px, method: self.method, load, ms: self.render_ms }
     }
 
@@ -210,6 +218,7 @@ fn measure(scene: &Scene, side_px: usize, repeats: usize, imager: &mut Imager) -
         psf: plan.psf.clone(),
         half_px: plan.half_px,
         extent_px: plan.extent_px,
+        moves: !plan.motion.is_still(),
     })
 }
 
@@ -250,11 +259,21 @@ fn planner(scene: &Scene, side_px: usize, cost: CostModel) -> Result<Planner, Ru
         full_well_e: detector.full_well_e,
         read_noise_e_rms: detector.read_noise_e_rms,
     };
-    let mut los = LosPath::commanded(Rotation::IDENTITY, Tai::from_ns(0), EXPOSURE_S);
-    if scene.stars > 0 && !matches!(scene.method, MethodChoice::Fixed(MethodName::Static, _)) {
-        los.rate_rad_s = DVec3::Y * (PATH_PX / FOCAL_PX / EXPOSURE_S);
+    let los = LosPath::commanded(Rotation::IDENTITY, Tai::from_ns(0), EXPOSURE_S);
+    let mut planner = Planner::new(instrument, AccuracyBudget::default(), cost, scene.method, los);
+    match scene.method {
+        MethodChoice::Fixed(MethodName::Static, _) | MethodChoice::Auto => {}
+        // As jitter is drawn: from samples, not from the nodes of smooth motion.
+        MethodChoice::Fixed(_, nodes) => planner.motion_mut().image_path = path(nodes.unwrap_or(1)),
     }
-    Ok(Planner::new(instrument, AccuracyBudget::default(), cost, scene.method, los))
+    Ok(planner)
+}
+
+/// A path along a line, as a list of positions.
+fn path(positions: usize) -> Option<PixelPath> {
+    let at = |i: usize| PATH_PX * ((i as f64 + 0.5) / positions as f64 - 0.5);
+    let point = |i| PixelPoint { t_s: 0.0, dx_px: at(i), dy_px: 0.3 * at(i), roll_rad: 0.0 };
+    PixelPath::samples((0..positions).map(point).collect()).ok()
 }
 
 /// Stars all over the detector, none of them faint.

@@ -21,6 +21,8 @@ const COST: CostModel = CostModel {
     frame_ms: 0.01,
     pixel_ns: 0.0,
     star_ns: 10.0,
+    motion_ms: 0.0,
+    motion_star_ns: 0.0,
     splat_ns: 1000.0,
     table_pixel_ns: 100.0,
     base_pixel_ns: 100.0,
