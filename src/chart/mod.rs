@@ -10,7 +10,7 @@
 //! ```
 //!
 //! *Limits.* Times are medians on the machine at hand, whatever else it does, with the fastest beside them; predicted
-//! times are those of drawing, without the planner's own. Errors on fields of many stars are those of a few stars that
+//! times are those of planning and drawing. Errors on fields of many stars are those of a few stars that
 //! stand alone. *Validation.* `tests/physics/chart.rs` runs the quick form.
 
 pub mod drawer;

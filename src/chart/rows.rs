@@ -113,6 +113,7 @@ pub fn verdict_name(verdict: Verdict) -> &'static str {
         Verdict::Fits => FITS,
         Verdict::NeedsSmoothMotion => "needs-smooth-motion",
         Verdict::PathTooLong => "path-too-long",
+        Verdict::OtherSampling => "other-sampling",
         Verdict::TooManyKernels => "too-many-kernels",
         Verdict::CentroidOverBudget => "centroid-over-budget",
         Verdict::PixelOverBudget => "pixel-over-budget",

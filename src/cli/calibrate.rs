@@ -139,7 +139,10 @@ pub struct Costs {
 #[must_use]
 pub fn costs_here(imager: &Imager, only_built_in: bool) -> Costs {
     let built_in = |why: &str| Costs { measured: None, origin: format!("built in ({why})") };
-    let Some(folder) = cost_cache::folder().filter(|_| !only_built_in) else { return built_in("as asked for") };
+    if only_built_in {
+        return built_in("as asked for");
+    }
+    let Some(folder) = cost_cache::folder() else { return built_in("there is no home folder to keep others in") };
     let owner = CostOwner::here(imager.name(), &imager.description());
     let path = owner.file_in(&folder);
     match cost_cache::read(&path, &owner) {

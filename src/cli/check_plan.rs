@@ -183,6 +183,7 @@ fn assessment_line(a: &Assessment) -> String {
         Verdict::Fits => "fits",
         Verdict::NeedsSmoothMotion => "refused: there is jitter, and it is for smooth motion",
         Verdict::PathTooLong => "refused: the path is too long for a kernel",
+        Verdict::OtherSampling => "refused: its kernels are exact, and psf.sampling asks for another",
         Verdict::TooManyKernels => "refused: its kernels would take too much memory",
         Verdict::CentroidOverBudget => "refused: centroid error over the budget",
         Verdict::PixelOverBudget => "refused: pixel error over the budget",

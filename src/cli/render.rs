@@ -63,7 +63,7 @@ pub struct RenderArgs {
     /// Backend
     #[arg(long, value_enum, default_value_t = BackendName::Auto)]
     backend: BackendName,
-    /// Method for motion: auto, static, gauss-legendre[:N], effective-psf[:N], samples[:N]
+    /// Method for motion: auto, static, gaussian, gauss-legendre[:N], segments[:N], samples[:N], effective-psf[:N], zonal-psf[:N]
     #[arg(long, value_name = "NAME", default_value = "auto")]
     method: MethodChoice,
     /// Seed of fixed patterns and noise
@@ -177,10 +177,9 @@ impl Scene {
     fn warn_of_error(&self) {
         let chosen = self.planner.latest().chosen;
         if !chosen.verdict.is_met() && self.imager.name() != "reference" {
-            eprintln!(
-                "WARNING: over the accuracy budget: {} may be off by {:.1e} px and {:.1e} sigma of a pixel's noise",
-                chosen.method, chosen.centroid_px, chosen.pixel_sigma
-            );
+            let (method, px, sigma) = (chosen.method, chosen.centroid_px, chosen.pixel_sigma);
+            let why = if chosen.verdict.is_drawable() { "over the accuracy budget" } else { "outside its domain" };
+            eprintln!("WARNING: {why}: {method} may be off by {px:.1e} px and {sigma:.1e} sigma of a pixel's noise");
         }
     }
 

@@ -10,7 +10,7 @@ use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::nodes::MOST_DENSE_NODES;
 use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::plan::{
-    Assessment, ExposurePlan, LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOTION_SHARE, StarClass, Verdict,
+    Assessment, ExposurePlan, LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOST_KERNELS, MOTION_SHARE, StarClass, Verdict,
 };
 use crate::exposure::planner::Instrument;
 use crate::exposure::pose::PathNode;
@@ -269,14 +269,21 @@ impl Chooser {
         StarClass { chosen, bands: if chosen.method.kernels() > 0 { 1 } else { self.bands }, ..*class }
     }
 
+    /// True when the user fixed the method.
+    pub(super) fn is_fixed(&self) -> bool {
+        matches!(self.choice, MethodChoice::Fixed(..))
+    }
+
     /// How many of the plan's stars fit `limit_ms` with the method that the plan has now.
     #[must_use]
     pub(super) fn stars_within(&self, plan: &ExposurePlan, limit_ms: f64) -> usize {
         let pixels = self.instrument.camera.width_px() * self.instrument.camera.height_px();
         let left_ms = limit_ms - self.cost.empty_frame_ms(pixels, self.moves);
-        let each_ms = self.cost.stars_ms(Method::Static, &self.load(1, 0.0));
+        let method = plan.chosen.method;
+        let ms = |stars| self.cost.stars_ms(method, &self.load(stars, plan.extent_px));
+        let (kernels_ms, each_ms) = (ms(0), (ms(1000) - ms(0)) * 1e-3);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the stars there are")]
-        let keep = (left_ms / each_ms).clamp(0.0, plan.stars.len() as f64) as usize;
+        let keep = ((left_ms - kernels_ms) / each_ms).clamp(0.0, plan.stars.len() as f64) as usize;
         keep
     }
 
@@ -323,10 +330,13 @@ impl Chooser {
         match name {
             MethodName::Static => {}
             MethodName::Gaussian => self.weigh_method(Method::Gaussian, ShapeOf::Centre, motion, probes),
-            MethodName::GaussLegendre if !motion.is_smooth() && fixed.is_none() => {
-                let method = Method::GaussLegendre { nodes: 0 };
-                let error = NodeError { centroid_px: f64::NAN, peak: f64::NAN };
-                self.weighed.push(Weighed { method, error, verdict: Some(Verdict::NeedsSmoothMotion) });
+            MethodName::GaussLegendre if !motion.is_smooth() && matches!(self.choice, MethodChoice::Auto) => {
+                // For reports: it is not weighed where it is never taken.
+                if self.is_thorough {
+                    let method = Method::GaussLegendre { nodes: 0 };
+                    let error = NodeError { centroid_px: f64::NAN, peak: f64::NAN };
+                    self.weighed.push(Weighed { method, error, verdict: Some(Verdict::NeedsSmoothMotion) });
+                }
             }
             MethodName::GaussLegendre => {
                 let nodes = fixed.unwrap_or(smooth_count);
@@ -341,11 +351,11 @@ impl Chooser {
                 self.weigh_growing(method, ShapeOf::EachStar, fixed, 2, motion, brightest_e, probes);
             }
             MethodName::EffectivePsf => {
-                let nodes = fixed.unwrap_or_else(|| self.kernel_nodes(motion, smooth_count, brightest_e));
+                let nodes = fixed.unwrap_or_else(|| self.kernel_nodes(motion, smooth_count, brightest_e, probes));
                 self.weigh_method(Method::EffectivePsf { nodes }, ShapeOf::Centre, motion, probes);
             }
             MethodName::ZonalPsf => {
-                let nodes = fixed.unwrap_or_else(|| self.kernel_nodes(motion, smooth_count, brightest_e));
+                let nodes = fixed.unwrap_or_else(|| self.kernel_nodes(motion, smooth_count, brightest_e, probes));
                 self.weigh_zones(nodes, motion, brightest_e, probes);
             }
         }
@@ -397,12 +407,17 @@ impl Chooser {
     }
 
     /// Nodes from which a kernel is built: as many as samples need, or Gauss-Legendre's where motion is smooth.
-    fn kernel_nodes(&self, motion: &Motion, smooth_count: usize, _brightest_e: f64) -> usize {
+    fn kernel_nodes(&self, motion: &Motion, smooth_count: usize, brightest_e: f64, probes: &Probes) -> usize {
+        const USUAL: usize = 64;
         if motion.is_smooth() {
             return smooth_count;
         }
         let samples = self.weighed.iter().rev().find(|weighed| weighed.method.name() == MethodName::Samples);
-        samples.map_or(64, |weighed| weighed.method.nodes())
+        match samples {
+            Some(samples) if self.is_enough(samples.error, brightest_e, probes) => samples.method.nodes(),
+            Some(samples) => USUAL.max(2 * samples.method.nodes()),
+            None => USUAL,
+        }
     }
 
     fn weigh_method(&mut self, method: Method, shape: ShapeOf, motion: &Motion, probes: &Probes) {
@@ -474,11 +489,13 @@ impl Chooser {
     fn kernel_verdict(&self, method: Method, probes: &Probes) -> Option<Verdict> {
         if method.kernels() == 0 {
             None
+        } else if !self.instrument.sampling.is_exact() {
+            Some(Verdict::OtherSampling)
         } else if probes.extent_px > LONGEST_KERNEL_PX {
             Some(Verdict::PathTooLong)
         } else {
             let bytes = kernel_bytes(method, &self.instrument.psf, self.half_px, probes.extent_px);
-            (method.kernels() > 1 && bytes > MOST_KERNEL_BYTES).then_some(Verdict::TooManyKernels)
+            (method.kernels() > MOST_KERNELS || bytes > MOST_KERNEL_BYTES).then_some(Verdict::TooManyKernels)
         }
     }
 

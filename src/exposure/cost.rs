@@ -119,9 +119,11 @@ impl CostModel {
     /// True when every constant is finite and not negative, and something does the work.
     #[must_use]
     pub fn is_sound(&self) -> bool {
-        let Self { frame_ms, pixel_ns, star_ns, splat_ns, table_pixel_ns, kernel_node_ns, kernel_entry_ns, .. } = *self;
-        let constants = [frame_ms, pixel_ns, star_ns, splat_ns, table_pixel_ns, kernel_node_ns, kernel_entry_ns];
-        let rest = [self.readout_pixel_ns, self.threads - 1.0];
+        // Every constant by name: a new one cannot be forgotten.
+        let Self { frame_ms, pixel_ns, star_ns, motion_ms, motion_star_ns, splat_ns, table_pixel_ns, .. } = *self;
+        let Self { base_pixel_ns, kernel_node_ns, kernel_entry_ns, threads, readout_pixel_ns, .. } = *self;
+        let constants = [frame_ms, pixel_ns, star_ns, motion_ms, motion_star_ns, splat_ns, table_pixel_ns];
+        let rest = [base_pixel_ns, kernel_node_ns, kernel_entry_ns, threads - 1.0, readout_pixel_ns];
         constants.into_iter().chain(rest).all(|constant| constant.is_finite() && constant >= 0.0)
     }
 
@@ -172,11 +174,14 @@ impl CostModel {
     }
 }
 
-/// Bytes of the coefficients of all kernels of `method`.
+/// Bytes of all kernels of `method`: images by phase, the grid they are taken from, and both axes of every node.
 #[must_use]
 pub fn kernel_bytes(method: Method, psf: &PsfModel, half_px: usize, extent_px: f64) -> usize {
-    let side = 2 * kernel_half_px(half_px, extent_px) + 1;
-    method.kernels() * table_images(oversampling(psf)) * side * side.next_multiple_of(16) * size_of::<f32>()
+    let (side, s) = (2 * kernel_half_px(half_px, extent_px) + 1, oversampling(psf));
+    let grid = (side * s + s + 5).next_multiple_of(64);
+    let images = table_images(s) * side * side.next_multiple_of(16);
+    let each = images + grid * grid + 2 * grid * method.nodes();
+    method.kernels().saturating_mul(each).saturating_mul(size_of::<f32>())
 }
 
 /// Half-width of a kernel's footprint, px.

@@ -42,7 +42,7 @@ impl CutOffCells {
             return (0.0, CutOff::default());
         }
         for _ in 0..HALVINGS {
-            let cut = self.leave_out(limit_e, peak, stars.clone());
+            let cut = self.left_out(peak, stars.clone().filter(|(electrons, _)| *electrons < limit_e));
             if cut.stars == 0 {
                 break;
             }
@@ -54,10 +54,11 @@ impl CutOffCells {
         (0.0, CutOff::default())
     }
 
-    fn leave_out(&mut self, limit_e: f64, peak: f64, stars: impl Iterator<Item = (f64, [f64; 2])>) -> CutOff {
+    /// What leaving `stars` out costs.
+    pub fn left_out(&mut self, peak: f64, stars: impl Iterator<Item = (f64, [f64; 2])>) -> CutOff {
         self.sums.fill(0.0);
         let mut cut = CutOff::default();
-        for (electrons, [x, y]) in stars.filter(|(electrons, _)| *electrons < limit_e) {
+        for (electrons, [x, y]) in stars {
             let at = |v: f64, cells: usize| {
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
                 let i = ((v / self.cell_px) + 1.0).floor().clamp(0.0, cells as f64 - 1.0) as usize;

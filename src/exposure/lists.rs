@@ -80,7 +80,12 @@ fn push_band(
 
 fn push_list(plan: &mut ExposurePlan, probes: &Probes, first: usize, drawing: Drawing) {
     let range = first..plan.nodes.len();
-    let nodes = &plan.nodes[range.clone()];
+    let nodes = &mut plan.nodes[range.clone()];
+    // A shift that all nodes share is the star's mean place already; in single precision it would cost digits.
+    let shared = mean_pose(nodes).only_shift();
+    for node in &mut *nodes {
+        node.pose = node.pose.plus(-1.0, &shared);
+    }
     let mean = mean_pose(nodes);
     let correction = if drawing == Drawing::Nodes { correction(nodes, &mean, probes) } else { Correction::none() };
     plan.lists.push(NodeList { nodes: range, mean, correction, drawing });
@@ -187,12 +192,12 @@ fn fill_zones(
     for star in plan.stars.iter().filter(|star| only || (star.electrons < above && star.electrons >= faintest)) {
         used[grid.index(grid.cell_of(star))] = 0;
     }
-    let method = plan.classes[class].chosen.method;
+    let (method, first_list) = (plan.classes[class].chosen.method, plan.lists.len());
     for row in 0..grid.cells[1] {
         for column in 0..grid.cells[0] {
             let cell = grid.index([column, row]);
             if used[cell] != UNUSED {
-                used[cell] = push_cell(plan, probes, &grid, corners, method, [column, row]);
+                used[cell] = push_cell(plan, probes, &grid, corners, (method, first_list), [column, row]);
             }
         }
     }
@@ -206,14 +211,14 @@ fn push_cell(
     probes: &Probes,
     grid: &Grid,
     corners: &mut [u32],
-    method: Method,
+    (method, first_list): (Method, usize),
     [column, row]: [usize; 2],
 ) -> u32 {
     let kernels = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[right, down]| {
         let at = [column + right, row + down];
         let corner = &mut corners[grid.corner_index(at)];
         if *corner == UNUSED {
-            *corner = push_kernel(plan, probes, grid.corner_px(at), method);
+            *corner = push_kernel(plan, probes, grid.corner_px(at), method, first_list);
         }
         *corner
     });
@@ -227,16 +232,18 @@ fn push_cell(
 }
 
 /// A kernel made at `px`.
-fn push_kernel(plan: &mut ExposurePlan, probes: &Probes, px: [f64; 2], method: Method) -> u32 {
+fn push_kernel(plan: &mut ExposurePlan, probes: &Probes, px: [f64; 2], method: Method, first_list: usize) -> u32 {
     let camera = &probes.camera;
-    // A corner outside the lens's domain cannot be: the detector's corners are inside it.
-    let place = StarPlace::of_pixel(camera, px);
+    // On the pixel grid, where the lens's domain holds; half a pixel is nothing to a zone.
+    let last = [camera.width_px(), camera.height_px()].map(|side| side as f64 - 1.0);
+    let place = StarPlace::of_pixel(camera, [px[0].clamp(0.0, last[0]), px[1].clamp(0.0, last[1])]);
     let track = place.map(|place| StarTrack::new(camera, place)).or(probes.centre().map(|probe| probe.track));
     let Some(track) = track else { return UNUSED };
     let global = plan.shutter == Shutter::Global;
     // With a global shutter all kernels share one list of poses.
-    let shared = plan.lists.iter().rev().find(|list| global && matches!(list.drawing, Drawing::Kernel(_)));
-    let (nodes, mean) = if let Some(list) = shared.filter(|list| list.nodes.len() == method.nodes()) {
+    let own = plan.lists.get(first_list..).unwrap_or_default();
+    let shared = own.iter().rev().find(|list| global && matches!(list.drawing, Drawing::Kernel(_)));
+    let (nodes, mean) = if let Some(list) = shared {
         (list.nodes.clone(), list.mean)
     } else {
         let first = plan.nodes.len();

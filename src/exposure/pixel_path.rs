@@ -97,14 +97,6 @@ impl PixelPath {
 }
 
 impl PixelPoint {
-    /// Displacement as shared path features.
-    #[must_use]
-    pub fn shared(&self) -> [f64; 4] {
-        // cos - 1 without cancellation.
-        let half = (0.5 * self.roll_rad).sin();
-        [self.dx_px, self.dy_px, self.roll_rad.sin(), -2.0 * half * half]
-    }
-
     /// The point a share `s` of the way to `next`.
     #[must_use]
     pub fn towards(&self, next: &Self, s: f64) -> Self {
@@ -159,11 +151,5 @@ mod tests {
     fn a_displacement_beyond_all_detectors_is_refused() {
         let far = PixelPoint { dx_px: 1e12, ..at(0.0) };
         assert_eq!(PixelPath::samples(vec![at(0.0), far]), Err(PixelPathError::TooFar { row: 2, px: 1e12 }));
-    }
-
-    #[test]
-    fn roll_features_keep_small_angles() {
-        let s = PixelPoint { t_s: 0.0, dx_px: 0.0, dy_px: 0.0, roll_rad: 1e-9 }.shared();
-        assert!((s[3] + 0.5e-18).abs() < 1e-30, "cos - 1 of 1e-9 rad: {}", s[3]);
     }
 }

@@ -115,8 +115,11 @@ pub const LONGEST_KERNEL_PX: f64 = 256.0;
 /// Share of the budget's centroid error that a method's bound may take; the rest is for what the bound does not cover.
 pub const MOTION_SHARE: f64 = 0.5;
 
-/// Largest kernels of a frame together, bytes of coefficients (a device holds four times as much).
-pub const MOST_KERNEL_BYTES: usize = 64 << 20;
+/// Largest kernels of a frame together, bytes (a device holds up to four times as much).
+pub const MOST_KERNEL_BYTES: usize = 256 << 20;
+
+/// Most kernels of a frame: with the PSF's own table, the layers of a texture.
+pub const MOST_KERNELS: usize = 255;
 
 /// Whether a method may be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -129,6 +132,8 @@ pub enum Verdict {
     PathTooLong,
     /// Its kernels together are too large ([`MOST_KERNEL_BYTES`]).
     TooManyKernels,
+    /// Its kernels are made of exact pixel integrals, and another sampling was asked for.
+    OtherSampling,
     /// Its centroid error is over the budget.
     CentroidOverBudget,
     /// Its pixel error is over the budget.
@@ -148,7 +153,7 @@ impl Verdict {
     /// True when the method can be drawn at all.
     #[must_use]
     pub fn is_drawable(self) -> bool {
-        !matches!(self, Self::NeedsSmoothMotion | Self::PathTooLong | Self::TooManyKernels)
+        !matches!(self, Self::NeedsSmoothMotion | Self::PathTooLong | Self::TooManyKernels | Self::OtherSampling)
     }
 }
 

@@ -197,7 +197,11 @@ impl Planner {
             if self.plan.chosen.cost_ms <= limit_ms {
                 return;
             }
-            let Some(next) = rung.next() else { return };
+            let Some(mut next) = rung.next() else { return };
+            if next == Rung::MotionOut && self.chooser.is_fixed() {
+                // A method that the user fixed stays.
+                next = Rung::BrightStarsOnly;
+            }
             if next.cut_off_sigma(&self.budget) > rung.cut_off_sigma(&self.budget) {
                 self.leave_out_faint(next, brightness.least_e);
             }
@@ -213,7 +217,8 @@ impl Planner {
         let Self { plan, cells, instrument, budget, .. } = self;
         let reach_px = plan.half_px as f64 + 1.0 + plan.extent_px;
         let camera = &instrument.camera;
-        let allowed_e = rung.cut_off_sigma(budget) * instrument.read_noise_e_rms;
+        // What an earlier rung left out counts too.
+        let allowed_e = rung.cut_off_sigma(budget) * instrument.read_noise_e_rms - plan.cut_off.most_in_pixel_e;
         let peak = plan.psf.peak();
         if least_e * peak >= allowed_e {
             return;
@@ -229,28 +234,27 @@ impl Planner {
 
     /// Leaves as many of the brightest stars as fit the time.
     fn keep_brightest(&mut self, limit_ms: f64) {
-        let Self { plan, chooser, brightness_e, .. } = self;
+        let Self { plan, chooser, brightness_e, cells, instrument, .. } = self;
         let keep = chooser.stars_within(plan, limit_ms).max(LEAST_STARS);
         if keep >= plan.stars.len() {
             return;
         }
-        let mut cut = CutOff::default();
         brightness_e.clear();
         brightness_e.extend(plan.stars.iter().map(|star| star.electrons));
-        let limit_e = match keep.checked_sub(1) {
-            Some(last) => *brightness_e.select_nth_unstable_by(last, |a, b| b.total_cmp(a)).1,
-            None => f64::INFINITY,
-        };
-        let peak = plan.psf.peak();
-        plan.stars.retain(|star| {
-            let stays = star.electrons >= limit_e;
-            if !stays {
-                cut.stars += 1;
-                cut.electrons += star.electrons;
-                cut.most_in_pixel_e = cut.most_in_pixel_e.max(star.electrons * peak);
-            }
-            stays
-        });
+        let limit_e = *brightness_e.select_nth_unstable_by(keep - 1, |a, b| b.total_cmp(a)).1;
+        // Of stars as bright as the last one kept, the first in order stay.
+        let mut ties = keep - brightness_e.iter().filter(|electrons| **electrons > limit_e).count();
+        for star in &mut plan.stars {
+            let ties_left = star.electrons == limit_e && ties > 0;
+            ties -= usize::from(ties_left);
+            star.list = if star.electrons > limit_e || ties_left { STAYS } else { GOES };
+        }
+        let camera = &instrument.camera;
+        let reach_px = plan.half_px as f64 + 1.0 + plan.extent_px;
+        cells.resize([camera.width_px(), camera.height_px()], reach_px);
+        let gone = plan.stars.iter().filter(|star| star.list == GOES);
+        let cut = cells.left_out(plan.psf.peak(), gone.map(|star| (star.electrons, star.mean_px)));
+        plan.stars.retain(|star| star.list == STAYS);
         plan.cut_off.add(&cut);
     }
 
@@ -263,6 +267,10 @@ impl Planner {
         });
     }
 }
+
+/// Marks of stars while some are left out; lists are given afterwards.
+const STAYS: u32 = 0;
+const GOES: u32 = 1;
 
 const NOTHING_CHOSEN: Assessment = Assessment {
     method: Method::Static,

@@ -55,6 +55,14 @@ impl Pose {
         ])
     }
 
+    /// The shift alone.
+    #[must_use]
+    pub fn only_shift(&self) -> Self {
+        let mut pose = Self::STILL;
+        pose.0[SHIFT..].copy_from_slice(&self.0[SHIFT..]);
+        pose
+    }
+
     /// `self + share * other`, number by number.
     #[must_use]
     pub fn plus(&self, share: f64, other: &Self) -> Self {

@@ -49,6 +49,12 @@ pub enum PsfSampling {
 }
 
 impl PsfSampling {
+    /// True for exact pixel integrals and tables of them.
+    #[must_use]
+    pub fn is_exact(self) -> bool {
+        matches!(self, Self::Auto | Self::Table { .. })
+    }
+
     /// The methods a chart compares.
     pub const CHARTED: [Self; 9] = [
         Self::Auto,
@@ -178,7 +184,8 @@ fn sampled(sigma_px: f64, sampling: PsfSampling, x: f64) -> f64 {
 }
 
 /// Bicubic convolution kernel with a = -1/2 (Keys 1981, eq. 4 with his optimal a).
-fn keys(x: f64) -> f64 {
+#[must_use]
+pub fn keys(x: f64) -> f64 {
     let x = x.abs();
     if x < 1.0 {
         (1.5 * x - 2.5) * x * x + 1.0

@@ -3,6 +3,9 @@
 use crate::gpu::device::GpuDevice;
 use crate::gpu::error::GpuError;
 
+/// Times what is wanted that a texture may keep of earlier sizes.
+const MOST_GROWTH: u64 = 2;
+
 /// Layers of two-dimensional tables of four floats each, kept from frame to frame.
 #[derive(Debug)]
 pub struct TableTexture {
@@ -39,9 +42,12 @@ impl TableTexture {
         if (0..3).all(|i| wanted[i] <= self.size[i]) {
             return Ok(false);
         }
-        // As large as is wanted now, not as any side ever was: sides multiply.
-        (self.texture, self.view) = create(gpu, self.what, wanted)?;
-        self.size = wanted;
+        // As large as any side ever was, so that sizes that come and go do not make textures; but sides multiply.
+        let grown: [u32; 3] = core::array::from_fn(|i| wanted[i].max(self.size[i]));
+        let texels = |size: [u32; 3]| size.into_iter().map(u64::from).product::<u64>();
+        let size = if texels(grown) <= MOST_GROWTH * texels(wanted) { grown } else { wanted };
+        (self.texture, self.view) = create(gpu, self.what, size)?;
+        self.size = size;
         Ok(true)
     }
 

@@ -15,8 +15,8 @@ pub mod reference;
 pub mod spline;
 pub mod table;
 
-use crate::exposure::plan::LONGEST_KERNEL_PX;
-use crate::exposure::{ExposurePlan, PsfSampling};
+use crate::exposure::plan::{LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOST_KERNELS, StarClass, Verdict};
+use crate::exposure::{ExposurePlan, Method, PsfSampling};
 use crate::gpu::Electrons;
 
 /// Draws plans.
@@ -40,11 +40,15 @@ pub trait Backend: Send {
 /// Refuses a plan whose effective PSF would need a table beyond all bounds.
 ///
 /// # Errors
-/// When the path leads further than [`LONGEST_KERNEL_PX`] from its mean.
+/// When the path leads further than [`LONGEST_KERNEL_PX`] from its mean, or there are too many kernels.
 pub fn check_kernel(plan: &ExposurePlan) -> Result<(), RenderError> {
     let long = plan.extent_px.is_nan() || plan.extent_px > LONGEST_KERNEL_PX;
     if plan.has_kernel() && long {
         return Err(RenderError::KernelTooLong { extent_px: plan.extent_px });
+    }
+    let too_many = |class: &StarClass| class.chosen.verdict == Verdict::TooManyKernels;
+    if let Some(class) = plan.classes.iter().find(|class| too_many(class)) {
+        return Err(RenderError::TooManyKernels { method: class.chosen.method });
     }
     Ok(())
 }
@@ -56,7 +60,7 @@ pub fn check_kernel(plan: &ExposurePlan) -> Result<(), RenderError> {
 pub fn check_sampling(plan: &ExposurePlan, is_analytic: bool) -> Result<(), RenderError> {
     match plan.sampling {
         PsfSampling::Auto | PsfSampling::Table { .. } => Ok(()),
-        _ if is_analytic => Ok(()),
+        _ if is_analytic && !plan.has_kernel() => Ok(()),
         sampling => Err(RenderError::Sampling { sampling }),
     }
 }
@@ -79,9 +83,16 @@ pub enum RenderError {
         /// How far it leads, px.
         extent_px: f64,
     },
+    /// the kernels of a method take too much memory
+    #[error("{method}: its kernels would take more than {} MiB or {MOST_KERNELS} tables; use samples or auto", MOST_KERNEL_BYTES >> 20)]
+    TooManyKernels {
+        /// The method.
+        method: Method,
+    },
     /// a sampling of the PSF that this backend, or this PSF, does not have
     #[error(
-        "PSF sampling \"{sampling}\" is for narrow Gaussian PSFs on the CPU backend; use auto or table:S, or the CPU backend"
+        "PSF sampling \"{sampling}\" is for narrow Gaussian PSFs on the CPU backend, drawn star by star: use auto or table:S, \
+         or another method"
     )]
     Sampling {
         /// What was asked for.

@@ -6,6 +6,7 @@
 //! whole pixels, convolved with Keys's kernel.
 
 use crate::exposure::PsfSampling;
+use crate::exposure::sampling::keys;
 use crate::render::erf::erf;
 
 /// How one axis is sampled.
@@ -73,18 +74,6 @@ impl Profile {
     fn density(&self, x: f64) -> f64 {
         let sigma = f64::from(self.sigma_px);
         (-0.5 * (x / sigma).powi(2)).exp() / (sigma * core::f64::consts::TAU.sqrt())
-    }
-}
-
-/// Bicubic convolution kernel with a = -1/2 (Keys 1981, eq. 4 with his optimal a).
-fn keys(x: f64) -> f64 {
-    let x = x.abs();
-    if x < 1.0 {
-        (1.5 * x - 2.5) * x * x + 1.0
-    } else if x < 2.0 {
-        ((-0.5 * x + 2.5) * x - 4.0) * x + 2.0
-    } else {
-        0.0
     }
 }
 

@@ -179,7 +179,14 @@ mod tests {
         let half = text[..text.len() / 2].to_owned();
         let negative = text.replace("frame_ms = ", "frame_ms = -1");
         assert_ne!(text, negative, "the comparison can fail");
-        for wrong in [half, negative, text.replace("threads = 2.0", "threads = nan"), "\u{0}".into(), String::new()] {
+        let numbers =
+            text.lines().skip_while(|line| *line != "[cost]").skip(1).filter_map(|line| line.split_once(" = "));
+        let not_a_number =
+            numbers.map(|(key, value)| text.replace(&format!("{key} = {value}"), &format!("{key} = nan")));
+        let mut wrong: Vec<String> = not_a_number.collect();
+        assert_eq!(wrong.len(), 12, "every constant");
+        wrong.extend([half, negative, "\u{0}".into(), String::new()]);
+        for wrong in wrong {
             std::fs::write(&path, wrong).unwrap();
             let told = read(&path, &here.owner).unwrap_err().to_string();
             assert!(told.contains("costs.toml") && told.lines().count() == 1, "{told}");
