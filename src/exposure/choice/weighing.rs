@@ -1,0 +1,255 @@
+//! Weighing: every method that may win, with as many nodes or zones as the brightest star asks for.
+
+use super::{Chooser, MOST_JITTER_NODES, Weighed};
+use crate::exposure::cost::kernel_bytes;
+use crate::exposure::lists::fill_nodes;
+use crate::exposure::method::{Method, MethodChoice, MethodName};
+use crate::exposure::motion::{Motion, Shutter};
+use crate::exposure::pixel_path::PixelPath;
+use crate::exposure::plan::{LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOST_KERNELS, Verdict};
+use crate::exposure::probes::{Probes, SIDE, gauss_legendre_count};
+use crate::exposure::weigh::{NodeError, ShapeOf};
+
+/// The order in which methods are weighed: those whose need of nodes tells that of others come first.
+const ORDER: [MethodName; 6] = [
+    MethodName::Gaussian,
+    MethodName::GaussLegendre,
+    MethodName::Samples,
+    MethodName::Segments,
+    MethodName::EffectivePsf,
+    MethodName::ZonalPsf,
+];
+/// Most nodes the planner gives to a commanded path.
+const MOST_NODES: usize = 16_384;
+/// Gauss-Legendre nodes along a straight segment.
+const PER_SEGMENT: usize = 2;
+/// Zones along each side that are tried.
+const ZONES: [u16; 4] = [1, 2, 4, 8];
+/// Share of the budget's centroid error left to the number of nodes.
+const NODE_SHARE: f64 = 0.4;
+/// Share of the budget's pixel error left to the number of nodes.
+const NODE_PIXEL_SHARE: f64 = 0.8;
+
+impl Chooser {
+    /// Errors of all methods that the motion asks for.
+    pub(super) fn weigh(&mut self, motion: &Motion, brightest_e: f64, probes: &Probes) {
+        self.weigh_method(Method::Static, ShapeOf::EachStar, motion, probes);
+        let wanted = match self.choice {
+            MethodChoice::Auto => None,
+            MethodChoice::Fixed(name, nodes) => Some((name, nodes)),
+        };
+        let is_enough = |chooser: &Self| {
+            chooser.weighed.last().is_some_and(|last| chooser.is_enough(last.error, brightest_e, probes))
+        };
+        if wanted.is_none() && (motion.is_still() || (is_enough(self) && !self.is_thorough)) {
+            return;
+        }
+        let listed = matches!(motion.image_path, Some(PixelPath::Samples(_)));
+        for name in ORDER {
+            // What cannot win, or was not asked for, is not weighed on the frame path.
+            let needless = match (wanted, name) {
+                (Some((MethodName::EffectivePsf | MethodName::ZonalPsf, None)), MethodName::Samples) => false,
+                (Some((wanted, _)), _) => wanted != name,
+                (None, MethodName::Segments) => listed,
+                (None, MethodName::ZonalPsf) => is_enough(self),
+                (None, _) => false,
+            };
+            if needless && !self.is_thorough {
+                continue;
+            }
+            let fixed = wanted.filter(|(wanted, _)| *wanted == name).and_then(|(_, nodes)| nodes);
+            self.weigh_name(name, fixed, motion, brightest_e, probes);
+        }
+    }
+
+    fn weigh_name(
+        &mut self,
+        name: MethodName,
+        fixed: Option<usize>,
+        motion: &Motion,
+        brightest_e: f64,
+        probes: &Probes,
+    ) {
+        let smooth_count = gauss_legendre_count(probes.reach_px, self.instrument.psf.core_sigma_px());
+        match name {
+            MethodName::Static => {}
+            MethodName::Gaussian => self.weigh_method(Method::Gaussian, ShapeOf::Centre, motion, probes),
+            MethodName::GaussLegendre if !motion.is_smooth() && matches!(self.choice, MethodChoice::Auto) => {
+                // For reports: it is not weighed where it is never taken.
+                if self.is_thorough {
+                    let method = Method::GaussLegendre { nodes: 0 };
+                    let error = NodeError { centroid_px: f64::NAN, peak: f64::NAN };
+                    self.weighed.push(Weighed { method, error, verdict: Some(Verdict::NeedsSmoothMotion) });
+                }
+            }
+            MethodName::GaussLegendre => {
+                let nodes = fixed.unwrap_or(smooth_count);
+                self.weigh_method(Method::GaussLegendre { nodes }, ShapeOf::EachStar, motion, probes);
+            }
+            MethodName::Segments => {
+                let method = |segments| Method::Segments { segments, per_segment: PER_SEGMENT };
+                self.weigh_growing(method, ShapeOf::EachStar, fixed, 1, motion, brightest_e, probes);
+            }
+            MethodName::Samples => {
+                let method = |nodes| Method::Samples { nodes };
+                self.weigh_growing(method, ShapeOf::EachStar, fixed, 2, motion, brightest_e, probes);
+            }
+            MethodName::EffectivePsf => {
+                let nodes = fixed.unwrap_or_else(|| self.kernel_nodes(motion, smooth_count, brightest_e, probes));
+                self.weigh_method(Method::EffectivePsf { nodes }, ShapeOf::Centre, motion, probes);
+            }
+            MethodName::ZonalPsf => {
+                let nodes = fixed.unwrap_or_else(|| self.kernel_nodes(motion, smooth_count, brightest_e, probes));
+                self.weigh_zones(nodes, motion, brightest_e, probes);
+            }
+        }
+    }
+
+    /// Weighs a method with 1, 2, 4 ... of what it counts until its error is as small as the brightest star asks for.
+    #[allow(clippy::too_many_arguments, reason = "one loop for two methods")]
+    fn weigh_growing(
+        &mut self,
+        method: impl Fn(usize) -> Method,
+        shape: ShapeOf,
+        fixed: Option<usize>,
+        least: usize,
+        motion: &Motion,
+        brightest_e: f64,
+        probes: &Probes,
+    ) {
+        let own = match &motion.image_path {
+            Some(PixelPath::Samples(points)) => points.len(),
+            Some(PixelPath::Line(_)) => MOST_NODES,
+            None => MOST_JITTER_NODES,
+        };
+        let mut count = fixed.unwrap_or(least.min(own));
+        // As many nodes as another method needs are no gain.
+        let star_by_star = |weighed: &&Weighed| weighed.method.kernels() == 0 && weighed.verdict.is_none();
+        let enough = self.weighed.iter().filter(star_by_star);
+        let enough = enough.filter(|weighed| self.is_enough(weighed.error, brightest_e, probes));
+        let most = enough.map(|weighed| weighed.method.nodes()).min().unwrap_or(usize::MAX);
+        loop {
+            if method(count).nodes() > most && fixed.is_none() && !self.is_thorough {
+                return;
+            }
+            self.weigh_method(method(count), shape, motion, probes);
+            let error = self.weighed.last().map_or(NodeError::default(), |weighed| weighed.error);
+            if self.is_enough(error, brightest_e, probes) || fixed.is_some() || count >= own {
+                return;
+            }
+            count = (2 * count).min(own);
+        }
+    }
+
+    /// True when more nodes would not help: what the other errors leave of the budget is kept.
+    fn is_enough(&self, error: NodeError, brightest_e: f64, probes: &Probes) -> bool {
+        const LEAST_LEFT: f64 = 0.3;
+        let taken = self.pixel_sigma(self.common.peak.min(1.0), brightest_e, probes);
+        let left = (self.budget.pixel_sigma - taken).max(LEAST_LEFT * self.budget.pixel_sigma);
+        error.centroid_px <= NODE_SHARE * self.budget.centroid_px
+            && self.pixel_sigma(error.peak.min(1.0), brightest_e, probes) <= NODE_PIXEL_SHARE * left
+    }
+
+    /// Nodes from which a kernel is built: as many as samples need, or Gauss-Legendre's where motion is smooth.
+    fn kernel_nodes(&self, motion: &Motion, smooth_count: usize, brightest_e: f64, probes: &Probes) -> usize {
+        const USUAL: usize = 64;
+        if motion.is_smooth() {
+            return smooth_count;
+        }
+        let samples = self.weighed.iter().rev().find(|weighed| weighed.method.name() == MethodName::Samples);
+        match samples {
+            Some(samples) if self.is_enough(samples.error, brightest_e, probes) => samples.method.nodes(),
+            Some(samples) => USUAL.max(2 * samples.method.nodes()),
+            None => USUAL,
+        }
+    }
+
+    fn weigh_method(&mut self, method: Method, shape: ShapeOf, motion: &Motion, probes: &Probes) {
+        let error = if motion.is_still() {
+            NodeError::default()
+        } else {
+            self.fill_lists(method, motion, probes);
+            let lists = if self.instrument.shutter == Shutter::Global { &self.lists[..1] } else { &self.lists[..] };
+            let mut error = self.scales.error(lists, shape, probes);
+            if shape == ShapeOf::Centre && self.bands > 1 {
+                // One kernel for all rows: their windows differ by more than a band's.
+                error = error.plus(self.band_error(motion, probes, 1));
+            }
+            error
+        };
+        let verdict = match method {
+            Method::GaussLegendre { .. } if !motion.is_smooth() => Some(Verdict::NeedsSmoothMotion),
+            _ => self.kernel_verdict(method, probes),
+        };
+        self.weighed.push(Weighed { method, error, verdict });
+    }
+
+    /// Nodes of `method` for every row of probes.
+    fn fill_lists(&mut self, method: Method, motion: &Motion, probes: &Probes) {
+        let rows = if self.instrument.shutter == Shutter::Global { 1 } else { SIDE };
+        for row in 0..rows {
+            self.lists[row].clear();
+            fill_nodes(
+                motion,
+                method,
+                probes.delay_s(row) * f64::from(u8::from(rows > 1)),
+                probes,
+                &mut self.lists[row],
+            );
+        }
+    }
+
+    /// Weighs grids of zones, coarse to fine, until one is fine enough for the brightest star.
+    fn weigh_zones(&mut self, nodes: usize, motion: &Motion, brightest_e: f64, probes: &Probes) {
+        let one = Method::EffectivePsf { nodes };
+        self.fill_lists(one, motion, probes);
+        let rolling = self.instrument.shutter != Shutter::Global;
+        let lists = if rolling { &self.lists[..] } else { &self.lists[..1] };
+        // Sampling error of the nodes themselves: each star with its own path.
+        let sampled =
+            if motion.is_still() { NodeError::default() } else { self.scales.error(lists, ShapeOf::EachStar, probes) };
+        let camera = &self.instrument.camera;
+        let size = [camera.width_px() as f64, camera.height_px() as f64];
+        let enough = self.weighed.iter().filter(|weighed| self.is_enough(weighed.error, brightest_e, probes));
+        let cheapest_ms = enough.map(|weighed| self.stars_ms(weighed.method, probes)).fold(f64::INFINITY, f64::min);
+        for zones in ZONES {
+            let rows = if rolling { zones.max(u16::try_from(self.bands).unwrap_or(u16::MAX)) } else { zones };
+            let method = Method::ZonalPsf { zones: [zones, rows], nodes };
+            if !self.is_thorough && !self.is_fixed() && self.stars_ms(method, probes) >= cheapest_ms {
+                return;
+            }
+            let cell_px = [size[0] / f64::from(zones), size[1] / f64::from(rows)];
+            let mut error = NodeError::default();
+            if !motion.is_still() {
+                for i in [probes.centre_index(), probes.widest_index()] {
+                    let (Some(probe), Some(list)) = (probes.probes.get(i), self.lists.first()) else { continue };
+                    error = error.worst(self.scales.cell_error(list, probe, cell_px, probes));
+                }
+            }
+            let error = error.plus(sampled);
+            self.weighed.push(Weighed { method, error, verdict: self.kernel_verdict(method, probes) });
+            if self.is_enough(error, brightest_e, probes) {
+                return;
+            }
+        }
+    }
+
+    /// Predicted time of all stars by `method`.
+    fn stars_ms(&self, method: Method, probes: &Probes) -> f64 {
+        self.cost.stars_ms(method, &self.load(self.stars, probes.extent_px))
+    }
+
+    /// Why the kernels of a method cannot be made.
+    fn kernel_verdict(&self, method: Method, probes: &Probes) -> Option<Verdict> {
+        if method.kernels() == 0 {
+            None
+        } else if !self.instrument.sampling.is_exact() {
+            Some(Verdict::OtherSampling)
+        } else if probes.extent_px > LONGEST_KERNEL_PX {
+            Some(Verdict::PathTooLong)
+        } else {
+            let bytes = kernel_bytes(method, &self.instrument.psf, self.half_px, probes.extent_px);
+            (method.kernels() > MOST_KERNELS || bytes > MOST_KERNEL_BYTES).then_some(Verdict::TooManyKernels)
+        }
+    }
+}
