@@ -72,7 +72,7 @@ impl CostModel {
     };
     /// GPU backend on software Vulkan, two cores.
     pub const SOFTWARE_GPU: Self = Self {
-        frame_ms: 1.4,
+        frame_ms: 0.3,
         pixel_ns: 0.08,
         star_ns: 1200.0,
         motion_ms: 0.2,
