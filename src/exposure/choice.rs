@@ -15,8 +15,8 @@ use crate::exposure::plan::{Assessment, ExposurePlan, MOTION_SHARE, StarClass, V
 use crate::exposure::planner::Instrument;
 use crate::exposure::pose::PathNode;
 use crate::exposure::probes::{Probes, SIDE};
-use crate::exposure::sampling::{SamplingError, TABLE_ERROR, sampling_error};
-use crate::exposure::weigh::{NodeError, Scales, ShapeOf, light_share, shear_error, stretch_error};
+use crate::exposure::sampling::{ANALYTIC_HALF_PX, SamplingError, TABLE_ERROR, sampling_error};
+use crate::exposure::weigh::{NodeError, Scales, ShapeOf, WINDOW_PX, light_share, shear_error, stretch_error};
 use crate::optics::PsfModel;
 
 /// Centroid error a table of [`TABLE_ERROR`] leaves, px (measured at most 3e-5 for sigma 0.3 to 1.2).
@@ -28,8 +28,6 @@ const F32_FLUX: f64 = 1e-6;
 /// Rounding of one addition in single precision; sums over nodes wander as the root of their number, and a little more:
 /// the light of neighbouring nodes is rounded alike (measured 1.1e-7 with 32,768 nodes; doubled).
 const F32_ROUNDING: f64 = 2.4e-7;
-/// Side of the window in which a tracker measures, px.
-const WINDOW_PX: f64 = 5.0;
 /// Steepest slope of a Gaussian, peaks per sigma: `exp(-1/2)`.
 const STEEPEST: f64 = 0.607;
 /// Side of the square that holds a star's core, sigma.
@@ -76,6 +74,8 @@ pub(super) struct Chooser {
     /// Flux error of a rolling shutter.
     rolling_flux: f64,
     bands: usize,
+    /// Error of one list for all rows under a rolling shutter.
+    one_band: NodeError,
     /// Stars of the frame.
     stars: usize,
     moves: bool,
@@ -107,6 +107,7 @@ impl Chooser {
             common: NodeError::default(),
             rolling_flux: 0.0,
             bands: 1,
+            one_band: NodeError::default(),
             stars: 0,
             moves: false,
             is_thorough: false,
@@ -144,6 +145,9 @@ impl Chooser {
         for bands in BANDS {
             self.bands = bands;
             error = self.band_error(motion, probes, bands);
+            if bands == 1 {
+                self.one_band = error;
+            }
             let limit = BAND_SHARE * self.budget.centroid_px;
             if error.centroid_px <= limit && error.peak <= STEEPEST * limit / self.instrument.psf.core_sigma_px() {
                 break;
@@ -306,7 +310,8 @@ impl Chooser {
     ) -> Assessment {
         let Weighed { method, error, verdict } = *weighed;
         let psf = &self.instrument.psf;
-        let tabulated = method.kernels() > 0 || !matches!(psf, PsfModel::Gaussian { .. }) || self.half_px > 7;
+        let tabulated =
+            method.kernels() > 0 || !matches!(psf, PsfModel::Gaussian { .. }) || self.half_px > ANALYTIC_HALF_PX;
         let (drawn_px, drawn_peak) = if tabulated { (TABLE_CENTROID_PX, TABLE_ERROR) } else { (F32_CENTROID_PX, 0.0) };
         // Without probes nothing is known of the motion, and nothing is promised.
         let unknown_px = if probes.probes.len() < SIDE * SIDE { f64::INFINITY } else { 0.0 };

@@ -70,61 +70,32 @@ pub fn fit(timings: &[Timing<'_>], usual: &CostModel) -> CostModel {
     with(usual, constants)
 }
 
-fn of(cost: &CostModel) -> [f64; FITTED] {
-    let CostModel {
-        frame_ms,
-        pixel_ns,
-        star_ns,
-        motion_ms,
-        motion_star_ns,
-        splat_ns,
-        table_pixel_ns,
-        base_pixel_ns,
-        kernel_node_ns,
-        kernel_entry_ns,
-        ..
-    } = *cost;
+/// The constants that are fitted.
+fn fitted(cost: &mut CostModel) -> [&mut f64; FITTED] {
     [
-        frame_ms,
-        pixel_ns,
-        star_ns,
-        motion_ms,
-        motion_star_ns,
-        splat_ns,
-        table_pixel_ns,
-        base_pixel_ns,
-        kernel_node_ns,
-        kernel_entry_ns,
+        &mut cost.frame_ms,
+        &mut cost.pixel_ns,
+        &mut cost.star_ns,
+        &mut cost.motion_ms,
+        &mut cost.motion_star_ns,
+        &mut cost.splat_ns,
+        &mut cost.table_pixel_ns,
+        &mut cost.base_pixel_ns,
+        &mut cost.kernel_node_ns,
+        &mut cost.kernel_entry_ns,
     ]
 }
 
+fn of(cost: &CostModel) -> [f64; FITTED] {
+    fitted(&mut cost.clone()).map(|constant| *constant)
+}
+
 fn with(usual: &CostModel, constants: [f64; FITTED]) -> CostModel {
-    let [
-        frame_ms,
-        pixel_ns,
-        star_ns,
-        motion_ms,
-        motion_star_ns,
-        splat_ns,
-        table_pixel_ns,
-        base_pixel_ns,
-        kernel_node_ns,
-        kernel_entry_ns,
-    ] = constants;
-    CostModel {
-        frame_ms,
-        pixel_ns,
-        star_ns,
-        motion_ms,
-        motion_star_ns,
-        splat_ns,
-        table_pixel_ns,
-        base_pixel_ns,
-        kernel_node_ns,
-        kernel_entry_ns,
-        threads: usual.threads,
-        readout_pixel_ns: usual.readout_pixel_ns,
+    let mut cost = *usual;
+    for (to, constant) in fitted(&mut cost).into_iter().zip(constants) {
+        *to = constant;
     }
+    cost
 }
 
 #[cfg(test)]

@@ -48,10 +48,9 @@ pub fn fill(plan: &mut ExposurePlan, probes: &Probes, camera: &CameraGeometry, b
 
 /// Gives the stars of a class the lists that `list` says.
 fn assign(plan: &mut ExposurePlan, class: usize, list: impl Fn(&PlannedStar) -> u32 + Sync) {
-    let only = plan.classes.len() == 1;
-    let (above, faintest) = plan.brightness_of(class);
+    let is_member = plan.is_member(class);
     for_each_star(&mut plan.stars, |star| {
-        if only || (star.electrons < above && star.electrons >= faintest) {
+        if is_member(star) {
             star.list = list(star);
         }
     });
@@ -107,14 +106,8 @@ fn correction(nodes: &[PathNode], mean: &Pose, probes: &Probes) -> Correction {
 
 /// Appends the nodes of `method` for rows that are exposed `delay_s` late.
 pub fn fill_nodes(motion: &Motion, method: Method, delay_s: f64, probes: &Probes, out: &mut Vec<PathNode>) {
-    let own;
-    let mean = if delay_s == 0.0 {
-        probes.mean()
-    } else {
-        // Off the middle only shapes are drawn from nodes: any mean near the list's own will do.
-        own = motion.pose_at(0.0, delay_s);
-        own
-    };
+    // Off the middle only shapes are drawn from nodes: any mean near the list's own will do.
+    let mean = if delay_s == 0.0 { probes.mean() } else { motion.pose_at(0.0, delay_s) };
     match method {
         Method::Static => nodes::single(&mean, out),
         Method::Gaussian => {
@@ -187,9 +180,8 @@ fn fill_zones(
     used.resize(grid.cells[0] * grid.cells[1], UNUSED);
     corners.clear();
     corners.resize((grid.cells[0] + 1) * (grid.cells[1] + 1), UNUSED);
-    let only = plan.classes.len() == 1;
-    let (above, faintest) = plan.brightness_of(class);
-    for star in plan.stars.iter().filter(|star| only || (star.electrons < above && star.electrons >= faintest)) {
+    let is_member = plan.is_member(class);
+    for star in plan.stars.iter().filter(|star| is_member(star)) {
         used[grid.index(grid.cell_of(star))] = 0;
     }
     let (method, first_list) = (plan.classes[class].chosen.method, plan.lists.len());

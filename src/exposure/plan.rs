@@ -215,6 +215,13 @@ impl CutOff {
 }
 
 impl ExposurePlan {
+    /// The test for stars of a class.
+    pub fn is_member(&self, class: usize) -> impl Fn(&PlannedStar) -> bool + Copy + Sync + use<> {
+        let only = self.classes.len() == 1;
+        let (above, faintest) = self.brightness_of(class);
+        move |star| only || (star.electrons < above && star.electrons >= faintest)
+    }
+
     /// Electrons between which the stars of a class lie: below the first, from the second on.
     #[must_use]
     pub fn brightness_of(&self, class: usize) -> (f64, f64) {

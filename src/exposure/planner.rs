@@ -181,7 +181,7 @@ impl Planner {
 
     fn place(&mut self, sources: &[Source]) -> Brightness {
         let Self { plan, means, instrument, .. } = self;
-        let margin_px = plan.half_px as f64 + 1.0 + plan.extent_px;
+        let margin_px = light_reach_px(plan);
         place_stars(sources, &instrument.camera, &plan.motion.los, means, margin_px, &mut plan.stars)
     }
 
@@ -215,7 +215,7 @@ impl Planner {
     /// Leaves out the stars that stay below the rung's share of the noise.
     fn leave_out_faint(&mut self, rung: Rung, least_e: f64) {
         let Self { plan, cells, instrument, budget, .. } = self;
-        let reach_px = plan.half_px as f64 + 1.0 + plan.extent_px;
+        let reach_px = light_reach_px(plan);
         let camera = &instrument.camera;
         // What an earlier rung left out counts too.
         let allowed_e = rung.cut_off_sigma(budget) * instrument.read_noise_e_rms - plan.cut_off.most_in_pixel_e;
@@ -250,7 +250,7 @@ impl Planner {
             star.list = if star.electrons > limit_e || ties_left { STAYS } else { GOES };
         }
         let camera = &instrument.camera;
-        let reach_px = plan.half_px as f64 + 1.0 + plan.extent_px;
+        let reach_px = light_reach_px(plan);
         cells.resize([camera.width_px(), camera.height_px()], reach_px);
         let gone = plan.stars.iter().filter(|star| star.list == GOES);
         let cut = cells.left_out(plan.psf.peak(), gone.map(|star| (star.electrons, star.mean_px)));
@@ -266,6 +266,11 @@ impl Planner {
             star.electrons_on_detector = star.electrons * share.on_detector(star, camera, nodes, *extent_px);
         });
     }
+}
+
+/// How far from its mean place a star leaves light, px.
+fn light_reach_px(plan: &ExposurePlan) -> f64 {
+    plan.half_px as f64 + 1.0 + plan.extent_px
 }
 
 /// Marks of stars while some are left out; lists are given afterwards.

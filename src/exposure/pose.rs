@@ -28,6 +28,12 @@ pub struct PathNode {
     pub pose: Pose,
 }
 
+impl Default for Pose {
+    fn default() -> Self {
+        Self::STILL
+    }
+}
+
 impl Pose {
     /// The image as it stands at mid-exposure.
     pub const STILL: Self = Self([0.0; POSE]);

@@ -59,12 +59,6 @@ struct Row {
     mean: Pose,
 }
 
-impl Default for Pose {
-    fn default() -> Self {
-        Self::STILL
-    }
-}
-
 impl Probes {
     /// Probes on `camera`'s detector.
     #[must_use]

@@ -12,6 +12,8 @@ use core::str::FromStr;
 
 /// Interpolation error of a tabulated PSF relative to its peak.
 pub const TABLE_ERROR: f64 = 3e-5;
+/// Widest footprint of a Gaussian that is drawn from error functions rather than a table, px (the CPU backend's vectors).
+pub const ANALYTIC_HALF_PX: usize = 7;
 /// Largest oversampling of a table.
 pub const MOST_OVERSAMPLING: usize = 32;
 /// Phases of a star on its pixel that are tried, from one edge to the other.

@@ -13,7 +13,7 @@ use crate::exposure::spectrum::{NOTHING, Sensitivity, Spectrum};
 use crate::exposure::track::{StarPlace, StarTrack};
 
 /// Side of the window in which a tracker measures, px.
-const WINDOW_PX: f64 = 5.0;
+pub const WINDOW_PX: f64 = 5.0;
 
 /// Errors of a node list.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

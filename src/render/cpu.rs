@@ -8,6 +8,7 @@
 use crate::base::fused::{mul_add, whole_bits};
 use crate::base::image::Image;
 use crate::exposure::ExposurePlan;
+use crate::exposure::sampling::ANALYTIC_HALF_PX;
 use crate::gpu::Electrons;
 use crate::render::bands::{BAND_ROWS, BLOCK, Bands, Members, NO_KERNEL, NodeColumns, Trail};
 use crate::render::plan_tables::PlanTables;
@@ -16,9 +17,6 @@ use crate::render::table::{LANES, PsfTable};
 use crate::render::{Backend, RenderError, check_kernel, check_sampling};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
-
-/// Widest analytic footprint: its edges must fit the lanes.
-const ANALYTIC_HALF_PX: usize = 7;
 
 /// The CPU backend.
 #[derive(Debug)]

@@ -173,7 +173,7 @@ impl Chooser {
             let mut error = self.scales.error(lists, shape, probes);
             if shape == ShapeOf::Centre && self.bands > 1 {
                 // One kernel for all rows: their windows differ by more than a band's.
-                error = error.plus(self.band_error(motion, probes, 1));
+                error = error.plus(self.one_band);
             }
             error
         };
@@ -189,13 +189,7 @@ impl Chooser {
         let rows = if self.instrument.shutter == Shutter::Global { 1 } else { SIDE };
         for row in 0..rows {
             self.lists[row].clear();
-            fill_nodes(
-                motion,
-                method,
-                probes.delay_s(row) * f64::from(u8::from(rows > 1)),
-                probes,
-                &mut self.lists[row],
-            );
+            fill_nodes(motion, method, probes.delay_s(row), probes, &mut self.lists[row]);
         }
     }
 
