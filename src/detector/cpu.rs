@@ -17,6 +17,7 @@ const BLOCKS_PER_TASK: usize = 64;
 pub struct Detector {
     params: DetectorParams,
     seed: u64,
+    stray_light_e: f32,
     prnu: Option<Vec<f32>>,
     dsnu_e: Option<Vec<f32>>,
     arch: Arch,
@@ -40,6 +41,7 @@ impl Detector {
         Self {
             params,
             seed,
+            stray_light_e: 0.0,
             prnu: pattern::normal_map(pixels, params.prnu, seed, Stage::Prnu),
             dsnu_e: pattern::normal_map(pixels, params.dsnu_e_rms, seed, Stage::Dsnu),
             arch: Arch::new(),
@@ -50,6 +52,11 @@ impl Detector {
     #[must_use]
     pub fn params(&self) -> &DetectorParams {
         &self.params
+    }
+
+    /// Stray light of the frames from here on: mean electrons more in every pixel.
+    pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
+        self.stray_light_e = stray_light_e;
     }
 
     /// Seed.
@@ -89,7 +96,7 @@ impl Detector {
         load: impl Fn(&[T], &mut [f32; BLOCK]) + Sync + Copy,
     ) {
         let exposure = Exposure {
-            constants: Constants::new(&self.params, exposure_s),
+            constants: Constants::new(&self.params, exposure_s, self.stray_light_e),
             key: key(self.seed),
             frame,
             poisson: self.params.poisson,
@@ -162,6 +169,8 @@ impl Exposure<'_> {
     ) {
         let c = &self.constants;
         match effect {
+            Effect::StrayLight if c.stray_light_e > 0.0 => electrons.iter_mut().for_each(|e| *e += c.stray_light_e),
+            Effect::StrayLight => {}
             Effect::PhotoResponse => {
                 if let Some(map) = self.prnu {
                     electrons.iter_mut().zip(&map[first..]).for_each(|(e, prnu)| *e += *e * prnu);

@@ -22,6 +22,8 @@ pub use poisson::PoissonMethod;
 /// The stages, named.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Effect {
+    /// Stray light: the same mean electrons more in every pixel, set frame by frame.
+    StrayLight,
     /// Photo-response non-uniformity: mean electrons times `1 + prnu`.
     PhotoResponse,
     /// Dark signal: plus `dark_e_per_s * exposure_s`.
@@ -39,7 +41,8 @@ pub enum Effect {
 }
 
 /// The order in which light becomes numbers: the same on every backend.
-pub const ORDER: [Effect; 7] = [
+pub const ORDER: [Effect; 8] = [
+    Effect::StrayLight,
     Effect::PhotoResponse,
     Effect::Dark,
     Effect::Shot,

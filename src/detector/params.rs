@@ -36,6 +36,8 @@ impl DetectorParams {
 /// The parameters as the inner loops (and the GPU's uniform buffer) want them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Constants {
+    /// Stray light of one exposure, e-.
+    pub stray_light_e: f32,
     /// Dark signal of one exposure, e-.
     pub dark_e: f32,
     /// Saturation capacity, e-.
@@ -51,11 +53,12 @@ pub struct Constants {
 }
 
 impl Constants {
-    /// For one exposure.
+    /// For one exposure with so many electrons of stray light in every pixel.
     #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
-    pub fn new(params: &DetectorParams, exposure_s: f64) -> Self {
+    pub fn new(params: &DetectorParams, exposure_s: f64, stray_light_e: f32) -> Self {
         Self {
+            stray_light_e,
             dark_e: (params.dark_e_per_s * exposure_s) as f32,
             full_well_e: params.full_well_e as f32,
             read_noise_e: params.read_noise_e_rms as f32,

@@ -75,6 +75,11 @@ impl FrameEngine {
         &self.imager
     }
 
+    /// Stray light of the frames from here on: mean electrons more in every pixel.
+    pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
+        self.imager.set_stray_light_e(stray_light_e);
+    }
+
     /// Parameters.
     #[must_use]
     pub fn params(&self) -> &RunParams {

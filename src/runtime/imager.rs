@@ -146,6 +146,14 @@ impl Imager {
         matches!(self.drawing, Drawing::Device { .. })
     }
 
+    /// Stray light of the frames from here on: mean electrons more in every pixel.
+    pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.set_stray_light_e(stray_light_e),
+            Drawing::Device { detector, .. } => detector.set_stray_light_e(stray_light_e),
+        }
+    }
+
     /// Draws the mean image only; it comes back in memory whatever the backend.
     ///
     /// # Errors

@@ -1,96 +1,288 @@
 //! The loop on the virtual clock: one thread, events in order of time, bit-identical whatever the machine does.
 //!
-//! Drawing takes no simulated time, so nothing is late; wall times per stage are measured all the same.
+//! Three kinds of events: the other end of the cable has something to do; a slot's exposure ends and its frame is drawn;
+//! a frame has been read out and goes out. At one instant they come in that order, save that a frame goes out before the
+//! next one is drawn. Drawing takes no simulated time, so nothing is late; wall times per stage are measured all the same.
+//! [`VirtualLoop`] can be advanced step by step; [`run`] takes it to the end.
 
 use crate::base::clock::{Clock, Stopwatch, Virtual};
 use crate::base::time::{Span, Tai};
 use crate::link::{LinkError, Port};
 use crate::report::Stage;
-use crate::runtime::engine::FrameEngine;
+use crate::runtime::engine::{FrameEngine, Slot};
 use crate::runtime::error::RunError;
+use crate::runtime::frame_faults::{Fate, FrameFaults};
 use crate::runtime::outcome::RunOutcome;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::{LinkReport, RunRecord};
 use crate::runtime::reply;
 use crate::sink::{SentFrame, Sink};
+use std::collections::VecDeque;
+use std::sync::Arc;
 
-/// Runs every slot of the engine. `far_end` steps the other end of the cable to an instant and says when it next has
+/// One camera head: what draws its frames, what it has heard, where its frames go, and what goes wrong with them.
+pub struct Head<'a> {
+    /// Draws.
+    pub engine: &'a mut FrameEngine,
+    /// Hears.
+    pub receiver: &'a mut Receiver,
+    /// Takes the frames.
+    pub sink: &'a mut dyn Sink,
+    /// Spoils them; `None`: nothing does.
+    pub faults: Option<&'a mut FrameFaults>,
+}
+
+/// The world around a [`VirtualLoop`].
+pub struct World<'a> {
+    /// The stimulator's end of the cable.
+    pub port: &'a mut Port,
+    /// Steps the other end to an instant and says when it next has something to do.
+    pub far_end: &'a mut dyn FnMut(Tai) -> Result<Tai, LinkError>,
+    /// Called with every frame that goes out; false ends the run.
+    pub progress: &'a mut dyn FnMut(&SentFrame, &RunRecord) -> bool,
+}
+
+/// A frame between its exposure and its delivery.
+struct Pending {
+    deliver_at: Tai,
+    head: usize,
+    frame: SentFrame,
+    drawn: Span,
+}
+
+/// The loop's own state.
+pub struct VirtualLoop {
+    clock: Arc<Virtual>,
+    record: RunRecord,
+    /// When the other end next has something to do; `None` before the start.
+    far_due: Option<Tai>,
+    /// Each head's next slot.
+    slots: Vec<u32>,
+    pending: VecDeque<Pending>,
+    spare: Vec<SentFrame>,
+    stopped: bool,
+}
+
+/// What comes next.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Next {
+    FarEnd,
+    Deliver,
+    Draw(usize),
+}
+
+impl VirtualLoop {
+    /// A loop in which nothing has happened.
+    #[must_use]
+    pub fn new(clock: Arc<Virtual>) -> Self {
+        Self {
+            clock,
+            record: RunRecord::default(),
+            far_due: None,
+            slots: Vec::new(),
+            pending: VecDeque::new(),
+            spare: Vec::new(),
+            stopped: false,
+        }
+    }
+
+    /// Simulated time.
+    #[must_use]
+    pub fn now(&self) -> Tai {
+        self.clock.now()
+    }
+
+    /// Counts and events so far.
+    #[must_use]
+    pub fn record(&self) -> &RunRecord {
+        &self.record
+    }
+
+    /// True when `progress` ended the run.
+    #[must_use]
+    pub fn is_stopped(&self) -> bool {
+        self.stopped
+    }
+
+    /// True when every slot of every head has been drawn and every frame is out.
+    #[must_use]
+    pub fn is_finished(&self, heads: &[Head<'_>]) -> bool {
+        let drawn = |(head, slot): (&Head<'_>, &u32)| *slot >= head.engine.params().frames;
+        self.far_due.is_some() && self.pending.is_empty() && heads.iter().zip(&self.slots).all(drawn)
+    }
+
+    /// Does everything that is due up to and including `until`, and leaves the clock there.
+    ///
+    /// # Errors
+    /// When the link, the backend or a sink failed.
+    pub fn advance_to(&mut self, until: Tai, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
+        if self.far_due.is_none() {
+            self.start(heads, world)?;
+        }
+        while let Some((at, next)) = self.next(heads).filter(|(at, _)| *at <= until && !self.stopped) {
+            self.clock.advance_to(at);
+            receive(at, heads, world.port, &mut self.record)?;
+            match next {
+                Next::FarEnd => self.far_due = Some((world.far_end)(at)?),
+                Next::Deliver => self.deliver(at, heads, world)?,
+                Next::Draw(head) => self.draw(head, heads, world.port)?,
+            }
+        }
+        if !self.stopped {
+            self.clock.advance_to(until);
+            receive(until, heads, world.port, &mut self.record)?;
+        }
+        Ok(())
+    }
+
+    /// Advances until the last frame of every head is out.
+    ///
+    /// # Errors
+    /// As [`Self::advance_to`].
+    pub fn finish(&mut self, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
+        loop {
+            let last_release =
+                |head: &Head<'_>| head.engine.slot(head.engine.params().frames.saturating_sub(1)).release;
+            let last_pending = self.pending.iter().map(|pending| pending.deliver_at).max();
+            let until = heads.iter().map(last_release).chain(last_pending).max().unwrap_or(self.clock.now());
+            self.advance_to(until, heads, world)?;
+            if self.stopped || self.is_finished(heads) {
+                return Ok(());
+            }
+        }
+    }
+
+    /// The record, when the run is over.
+    #[must_use]
+    pub fn into_record(self) -> RunRecord {
+        self.record
+    }
+
+    fn start(&mut self, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
+        self.slots = vec![0; heads.len()];
+        for head in heads.iter_mut() {
+            let mut frame = empty_frame(head.engine);
+            head.engine.warm_up(&mut frame)?;
+            self.spare.push(frame);
+        }
+        self.far_due = Some((world.far_end)(self.clock.now())?);
+        Ok(())
+    }
+
+    /// The earliest event; of simultaneous ones the first by kind.
+    fn next(&self, heads: &[Head<'_>]) -> Option<(Tai, Next)> {
+        let far_end = self.far_due.map(|at| (at, Next::FarEnd));
+        let delivery = self.pending.iter().map(|pending| pending.deliver_at).min().map(|at| (at, Next::Deliver));
+        let draw = |(i, (head, slot)): (usize, (&Head<'_>, &u32))| {
+            (*slot < head.engine.params().frames).then(|| (head.engine.slot(*slot).release, Next::Draw(i)))
+        };
+        let draws = heads.iter().zip(&self.slots).enumerate().filter_map(draw);
+        draws.chain(delivery).chain(far_end).min()
+    }
+
+    fn draw(&mut self, i: usize, heads: &mut [Head<'_>], port: &mut Port) -> Result<(), RunError> {
+        let head = &mut heads[i];
+        let slot = head.engine.slot(self.slots[i]);
+        self.slots[i] += 1;
+        self.record.frames.scheduled += 1;
+        let mut frame = self.take_buffer(head.engine);
+        let fate = head.faults.as_mut().map_or(Fate::SEND, |faults| faults.begin(slot.release, head.engine));
+        let mut watch = Stopwatch::start();
+        let times = head.engine.expose(slot, head.receiver, &mut self.record.ledger, &mut frame)?;
+        frame.meta.lateness = Span::ZERO;
+        if let Some(faults) = head.faults.as_mut() {
+            faults.spoil(&fate, &mut frame);
+        }
+        let drawn = watch.lap();
+        self.record.count_rendered(&frame, &times);
+        // Heads share one exposure time: the first speaks for all.
+        if i == 0 {
+            for message in reply::frame_messages(&frame.meta, head.receiver) {
+                port.send(&message)?;
+            }
+        }
+        self.queue(i, slot, frame, fate, drawn);
+        Ok(())
+    }
+
+    fn queue(&mut self, head: usize, slot: Slot, frame: SentFrame, fate: Fate, drawn: Span) {
+        if fate.is_dropped {
+            self.record.frames.dropped += 1;
+            self.spare.push(frame);
+            return;
+        }
+        let deliver_at = slot.due.max(slot.release) + fate.delay;
+        self.pending.push_back(Pending { deliver_at, head, frame, drawn });
+    }
+
+    fn deliver(&mut self, at: Tai, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
+        while let Some(place) = self.pending.iter().position(|pending| pending.deliver_at <= at) {
+            let Some(pending) = self.pending.remove(place) else { break };
+            let head = &mut heads[pending.head];
+            let mut watch = Stopwatch::start();
+            head.sink.send(&pending.frame)?;
+            self.record.count_outgoing(&pending.frame.meta);
+            self.record.frames.delivered += 1;
+            let sending = watch.lap();
+            self.record.stages.record_stage(Stage::Sink, sending);
+            self.record.stages.record_stage(Stage::ReleaseToDelivered, pending.drawn + sending);
+            self.stopped |= !(world.progress)(&pending.frame, &self.record);
+            self.spare.push(pending.frame);
+        }
+        // Whoever looks at the frames is at the other end.
+        self.far_due = Some((world.far_end)(at)?);
+        Ok(())
+    }
+
+    /// A buffer of the engine's size.
+    fn take_buffer(&mut self, engine: &FrameEngine) -> SentFrame {
+        let geometry = &engine.params().camera.geometry;
+        let size = [geometry.width_px(), geometry.height_px()];
+        let fits = |frame: &SentFrame| {
+            [frame.image.width(), frame.image.height()] == size && frame.meta.camera == engine.params().camera.name
+        };
+        let place = self.spare.iter().position(fits);
+        place.map_or_else(|| empty_frame(engine), |place| self.spare.swap_remove(place))
+    }
+}
+
+fn empty_frame(engine: &FrameEngine) -> SentFrame {
+    let camera = &engine.params().camera;
+    SentFrame::with_capacity(camera.geometry.width_px(), camera.geometry.height_px(), 0, camera.name.clone())
+}
+
+/// Takes in what has arrived by `now`: every head hears everything, the first one answers.
+fn receive(now: Tai, heads: &mut [Head<'_>], port: &mut Port, record: &mut RunRecord) -> Result<(), RunError> {
+    while let Some(message) = port.receive(now)? {
+        for (i, head) in heads.iter_mut().enumerate() {
+            let answer = head.receiver.accept(&message, &mut record.ledger);
+            if let Some(answer) = answer.filter(|_| i == 0) {
+                port.send(&answer)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Runs every slot of one engine. `far_end` steps the other end of the cable to an instant and says when it next has
 /// something to do; `progress` is called after each frame.
 pub fn run(
     engine: &mut FrameEngine,
     receiver: &mut Receiver,
     port: &mut Port,
-    clock: &Virtual,
+    clock: &Arc<Virtual>,
     sink: &mut dyn Sink,
     far_end: &mut dyn FnMut(Tai) -> Result<Tai, LinkError>,
     progress: &mut dyn FnMut(&SentFrame, &RunRecord) -> bool,
 ) -> RunOutcome {
-    let mut record = RunRecord::default();
-    let mut run = VirtualRun { engine, receiver, port, clock, sink, far_end, progress };
-    let error = run.frames(&mut record).err();
-    let (sink, finishing) = match run.sink.finish() {
+    let mut going = VirtualLoop::new(Arc::clone(clock));
+    let mut heads = [Head { engine, receiver, sink, faults: None }];
+    let error = going.finish(&mut heads, &mut World { port, far_end, progress }).err();
+    let [head] = heads;
+    let (sink, finishing) = match head.sink.finish() {
         Ok(summary) => (Some(summary), None),
         Err(error) => (None, Some(RunError::from(error))),
     };
-    let link = LinkReport::of(run.port, 0);
-    RunOutcome { record, link: Some(link), sink, error: error.or(finishing) }
-}
-
-struct VirtualRun<'a> {
-    engine: &'a mut FrameEngine,
-    receiver: &'a mut Receiver,
-    port: &'a mut Port,
-    clock: &'a Virtual,
-    sink: &'a mut dyn Sink,
-    far_end: &'a mut dyn FnMut(Tai) -> Result<Tai, LinkError>,
-    progress: &'a mut dyn FnMut(&SentFrame, &RunRecord) -> bool,
-}
-
-impl VirtualRun<'_> {
-    fn frames(&mut self, record: &mut RunRecord) -> Result<(), RunError> {
-        let camera = &self.engine.params().camera;
-        let (width, height) = (camera.geometry.width_px(), camera.geometry.height_px());
-        let mut frame = SentFrame::with_capacity(width, height, 0, camera.name.clone());
-        self.engine.warm_up(&mut frame)?;
-        let mut next_due = (self.far_end)(self.clock.now())?;
-        for number in 0..self.engine.params().frames {
-            let slot = self.engine.slot(number);
-            record.frames.scheduled += 1;
-            while next_due <= slot.release {
-                self.clock.advance_to(next_due);
-                self.receive(record)?;
-                next_due = (self.far_end)(next_due)?;
-            }
-            self.clock.advance_to(slot.release);
-            self.receive(record)?;
-            let mut watch = Stopwatch::start();
-            let mut times = self.engine.expose(slot, self.receiver, &mut record.ledger, &mut frame)?;
-            frame.meta.lateness = Span::ZERO;
-            let drawn = watch.lap();
-            self.sink.send(&frame)?;
-            let sending = watch.lap();
-            times.set(Stage::Sink, sending);
-            times.set(Stage::ReleaseToDelivered, drawn + sending);
-            record.count_rendered(&frame, &times);
-            record.count_outgoing(&frame.meta);
-            record.frames.delivered += 1;
-            for message in reply::frame_messages(&frame.meta, self.receiver) {
-                self.port.send(&message)?;
-            }
-            if !(self.progress)(&frame, record) {
-                break;
-            }
-        }
-        Ok(())
-    }
-
-    /// Takes in what has arrived by now.
-    fn receive(&mut self, record: &mut RunRecord) -> Result<(), RunError> {
-        while let Some(message) = self.port.receive(self.clock.now())? {
-            if let Some(answer) = self.receiver.accept(&message, &mut record.ledger) {
-                self.port.send(&answer)?;
-            }
-        }
-        Ok(())
-    }
+    let link = LinkReport::of(port, 0);
+    RunOutcome { record: going.into_record(), link: Some(link), sink, error: error.or(finishing) }
 }

@@ -11,7 +11,7 @@
 //!   complete before stays complete: every file gets its final name only when all of its bytes are written.
 //!
 //! Tour: `frame` (what is sent) -> `fits`, `png`, `truth`, `frame_log` (its forms on disk) -> `atomic`
-//! (how a file appears) -> `recorder`, `null` (the sinks).
+//! (how a file appears) -> `recorder`, `null`, `tap`, `tee` (the sinks).
 
 pub mod atomic;
 #[cfg(test)]
@@ -26,6 +26,8 @@ pub mod null;
 pub mod png;
 pub mod recorder;
 pub mod stretch;
+pub mod tap;
+pub mod tee;
 pub mod truth;
 
 pub use atomic::write_file_atomically;
@@ -34,6 +36,8 @@ pub use faults::FaultFlags;
 pub use frame::{FrameMeta, SentFrame, TruthStar};
 pub use null::NullSink;
 pub use recorder::{Recorder, RecorderOptions};
+pub use tap::{Tap, TapEnd, tap};
+pub use tee::Tee;
 
 use std::path::PathBuf;
 

@@ -15,6 +15,8 @@ struct Readout {
     largest_dn: f32,
     // 1: PRNU on, 2: DSNU on.
     patterns: u32,
+    stray_light_e: f32,
+    unused: u32,
 }
 
 @group(0) @binding(0) var<uniform> readout: Readout;
@@ -206,6 +208,7 @@ fn main(
     }
     let words = philox(vec4<u32>(pair, readout.frame, STAGE_TEMPORAL, 0u), readout.key);
     var e = vec2<f32>(sums[pair]) * readout.electrons_per_unit;
+    e += readout.stray_light_e;
     if ((readout.patterns & 1u) != 0u) {
         e += e * prnu[pair];
     }

@@ -45,6 +45,9 @@ struct ReadoutParams {
     black_dn: f32,
     largest_dn: f32,
     patterns: u32,
+    stray_light_e: f32,
+    /// Uniform structs are as long as a multiple of their alignment.
+    unused: u32,
 }
 
 /// A detector whose stages run on the device.
@@ -53,6 +56,7 @@ pub struct GpuDetector {
     gpu: Arc<GpuDevice>,
     model: DetectorParams,
     seed: u64,
+    stray_light_e: f32,
     patterns: u32,
     size: [usize; 2],
     pass: ComputePass,
@@ -93,9 +97,15 @@ impl GpuDetector {
             size: [width_px, height_px],
             model: *detector.params(),
             seed: detector.seed(),
+            stray_light_e: 0.0,
             patterns,
             gpu,
         })
+    }
+
+    /// Stray light of the frames from here on: mean electrons more in every pixel.
+    pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
+        self.stray_light_e = stray_light_e;
     }
 
     /// Wall time of the latest frame.
@@ -136,7 +146,7 @@ impl GpuDetector {
 
     #[allow(clippy::cast_possible_truncation, reason = "images hold fewer than 2^32 pixels")]
     fn submit(&mut self, electrons: &DeviceElectrons, frame: u32, exposure_s: f64) -> Result<(), GpuError> {
-        let constants = Constants::new(&self.model, exposure_s);
+        let constants = Constants::new(&self.model, exposure_s, self.stray_light_e);
         let pixels = (self.size[0] * self.size[1]) as u32;
         let params = ReadoutParams {
             pixels,
@@ -150,6 +160,8 @@ impl GpuDetector {
             black_dn: constants.black_dn + 0.5,
             largest_dn: constants.largest_dn,
             patterns: self.patterns,
+            stray_light_e: constants.stray_light_e,
+            unused: 0,
         };
         self.params.write(&self.gpu, &[params])?;
         let group = self.bind(electrons);
