@@ -13,6 +13,8 @@ mod port;
 mod port_tests;
 /// A bus in memory, for CI and for benches without hardware.
 pub mod simulated;
+/// Wrappers that see or change what passes.
+pub mod tap;
 
 use crate::base::time::Tai;
 use firmware_protocol::EncodeError;
