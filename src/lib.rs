@@ -52,5 +52,7 @@ pub mod chart;
 pub mod runtime;
 // TOML -> checked parameters.
 pub mod config;
+// Checked configurations -> the parts of a run; the closed loop.
+pub mod wiring;
 // One file per command.
 pub mod cli;

@@ -3,12 +3,12 @@
 //! `starloop calibrate` alone means `starloop calibrate costs`: other things to calibrate get commands beside it.
 
 use crate::base::clock::{Clock, Monotonic, Stopwatch};
-use crate::cli::bench_parts::backend_choice;
 use crate::cli::run::BackendName;
 use crate::exposure::cost::CostModel;
 use crate::runtime::Imager;
 use crate::runtime::calibrate::{Calibration, Effort, calibrate};
 use crate::runtime::cost_cache::{self, CachedCost, CostOwner};
+use crate::wiring::bench_parts::backend_choice;
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use core::fmt::Write as _;

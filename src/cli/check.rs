@@ -1,7 +1,6 @@
 //! `starloop check`: is this bench sound, what does it mean, what will be drawn and at what error and cost.
 
 use crate::base::time::Tai;
-use crate::cli::bench_parts;
 use crate::cli::calibrate::{Costs, costs_here};
 use crate::cli::check_plan::{self, Planned};
 use crate::config::{Bench, StartTime};
@@ -10,6 +9,7 @@ use crate::runtime::sky_view::SkyView;
 use crate::runtime::{Imager, RunParams};
 use crate::sky::catalog::Catalog;
 use crate::testbed::flight_computer::FlightComputer;
+use crate::wiring::bench_parts;
 use anyhow::Result;
 use clap::Args;
 use core::fmt::Write;
@@ -59,7 +59,7 @@ fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
     let mut params = bench_parts::run_params(bench, start)?;
     let imager = bench_parts::imager(&params)?;
     let costs = costs_here(&imager, only_built_in);
-    bench_parts::take_real_clock(&mut params, bench, &costs);
+    bench_parts::take_real_clock(&mut params, bench, costs.measured);
     let mut text = String::new();
     describe(&mut text, bench, &params, &imager, &costs)?;
     text.push('\n');

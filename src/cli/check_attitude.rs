@@ -10,9 +10,9 @@ use crate::attitude::{
 };
 use crate::base::time::Span;
 use crate::base::units::{ARCSEC, DEG};
-use crate::cli::bench_parts;
 use crate::config::{Bench, JitterSource, Wire};
 use crate::link::{CHUNK_MAX, Packet, SerialChunk};
+use crate::wiring::bench_parts;
 use core::f64::consts::{PI, TAU};
 use core::fmt::{Error, Write};
 use firmware_protocol::can::CanFrame;

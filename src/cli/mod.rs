@@ -1,8 +1,6 @@
 //! One file per command; parses the command line, wires rooms, prints.
 
-pub mod bench_parts;
 pub mod calibrate;
-pub mod camera_parts;
 pub mod catalog;
 pub mod chart;
 pub mod check;

@@ -3,7 +3,7 @@
 use crate::base::clock::{Clock, Monotonic, Stopwatch, Virtual};
 use crate::base::time::Tai;
 use crate::cli::calibrate::costs_here;
-use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, bench_parts};
+use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED};
 use crate::config::{self, Bench, StartTime};
 use crate::link::simulated::simulated_pair;
 use crate::link::{LinkError, Port};
@@ -12,6 +12,7 @@ use crate::runtime::receiver::Receiver;
 use crate::runtime::{FrameEngine, RunOutcome, RunRecord, real_time, virtual_time};
 use crate::sink::{NullSink, Recorder, RecorderOptions, SentFrame, Sink, write_file_atomically};
 use crate::testbed::flight_computer::{FlightComputer, run_until};
+use crate::wiring::bench_parts;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -111,7 +112,7 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
     let imager = bench_parts::imager(&params)?;
     // The virtual clock never sees what this machine measured: its runs repeat everywhere.
     if arguments.clock == ClockKind::Real {
-        bench_parts::take_real_clock(&mut params, &bench, &costs_here(&imager, arguments.built_in_costs));
+        bench_parts::take_real_clock(&mut params, &bench, costs_here(&imager, arguments.built_in_costs).measured);
     }
     let mut engine = FrameEngine::with_imager(params.clone(), imager)?;
     let mut receiver = Receiver::new(params.attitude)?;

@@ -4,7 +4,6 @@ use crate::complaints;
 use crate::counting::{Found, allocations_in};
 use starloop::base::clock::{Clock, Virtual};
 use starloop::base::time::Tai;
-use starloop::cli::bench_parts;
 use starloop::config::{Backend, Bench, StartTime};
 use starloop::link::Port;
 use starloop::link::simulated::simulated_pair;
@@ -12,6 +11,7 @@ use starloop::runtime::receiver::Receiver;
 use starloop::runtime::{FrameEngine, Ledger};
 use starloop::sink::SentFrame;
 use starloop::testbed::flight_computer::FlightComputer;
+use starloop::wiring::bench_parts;
 use std::sync::Arc;
 
 const WARM_UP: u32 = 10;

@@ -2,7 +2,6 @@
 
 use starloop::base::clock::{Clock, Virtual};
 use starloop::base::time::Tai;
-use starloop::cli::bench_parts;
 use starloop::config::{Bench, StartTime, Wire};
 use starloop::link::Port;
 use starloop::link::simulated::simulated_pair;
@@ -10,6 +9,7 @@ use starloop::runtime::receiver::Receiver;
 use starloop::runtime::{FrameEngine, RunOutcome, virtual_time};
 use starloop::sink::{FrameMeta, SentFrame, Sink, SinkError, SinkSummary};
 use starloop::testbed::flight_computer::{FlightComputer, FlightComputerParams};
+use starloop::wiring::bench_parts;
 use std::sync::{Arc, Mutex};
 
 /// What one run leaves behind.

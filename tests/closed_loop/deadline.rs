@@ -4,13 +4,13 @@
 
 use crate::bench::{built_in, start};
 use starloop::base::clock::{Clock, Monotonic};
-use starloop::cli::bench_parts;
 use starloop::config::{Backend, Bench, DeadlinePolicy};
 use starloop::link::Port;
 use starloop::link::simulated::simulated_pair;
 use starloop::runtime::receiver::Receiver;
 use starloop::runtime::{EventKind, FrameEngine, RunOutcome, RunRecord, real_time};
 use starloop::sink::{NullSink, SentFrame};
+use starloop::wiring::bench_parts;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 

@@ -2,7 +2,6 @@
 
 use crate::bench::{Kept, built_in, over, run, start};
 use starloop::base::time::Span;
-use starloop::cli::bench_parts;
 use starloop::config::{Bench, Degrade, Wire};
 use starloop::exposure::Rung;
 use starloop::runtime::receiver::Receiver;
@@ -10,6 +9,7 @@ use starloop::runtime::{EventKind, FrameEngine};
 use starloop::sink::fits::read_image;
 use starloop::sink::frame_log::{path_in, read_frame_log};
 use starloop::sink::{Recorder, RecorderOptions, SentFrame, Sink};
+use starloop::wiring::bench_parts;
 use std::collections::BTreeMap;
 use std::fs::File;
 

@@ -61,6 +61,24 @@ pub(crate) const ROOMS: &[Room] = &[
         ],
     },
     Room {
+        name: "wiring",
+        may_import: &[
+            "link",
+            "firmware_protocol",
+            "attitude",
+            "sky",
+            "astrometry",
+            "optics",
+            "exposure",
+            "detector",
+            "sink",
+            "report",
+            "testbed",
+            "runtime",
+            "config",
+        ],
+    },
+    Room {
         name: "cli",
         may_import: &[
             "link",
@@ -77,6 +95,7 @@ pub(crate) const ROOMS: &[Room] = &[
             "runtime",
             "config",
             "chart",
+            "wiring",
             // The type of an image that may live on a device, and the identifiers of the bus.
             "gpu",
             "firmware_protocol",

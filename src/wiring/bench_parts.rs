@@ -3,9 +3,8 @@
 use crate::attitude::{JitterLine, RemoteClockLimits};
 use crate::base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
 use crate::base::time::{Span, Tai};
-use crate::cli::calibrate::Costs;
-use crate::cli::camera_parts::camera_params;
 use crate::config::{self, Bench, JitterSource, Wire};
+use crate::exposure::cost::CostModel;
 use crate::link::WireFormat;
 use crate::link::simulated::{BusParams, BusTiming};
 use crate::runtime::params::AttitudeParams;
@@ -15,6 +14,7 @@ use crate::sky::orbit::{CircularOrbit, TleOrbit};
 use crate::testbed::flight_computer::{
     Faults, FlightComputerParams, JitterLineParams, JitterStream, RampShape, Slew, SlewProfile,
 };
+use crate::wiring::camera_parts::camera_params;
 use anyhow::{Context, Result};
 use glam::DVec3;
 
@@ -59,8 +59,8 @@ pub fn imager(params: &RunParams) -> Result<Imager> {
 }
 
 /// What the real clock changes: costs are those of this machine, and frames may be degraded to be in time.
-pub fn take_real_clock(params: &mut RunParams, bench: &Bench, costs: &Costs) {
-    params.cost = costs.measured;
+pub fn take_real_clock(params: &mut RunParams, bench: &Bench, measured: Option<CostModel>) {
+    params.cost = measured;
     params.degrade = bench.timing.degrade.applies(true);
 }
 

@@ -1,0 +1,7 @@
+//! Checked configurations -> the parts of a run.
+//!
+//! In: a [`crate::config::Bench`] or [`crate::config::Scenario`]. Out: parameters of every room, and the closed loop with
+//! both ends of its cable. Nothing here computes physics or prints.
+
+pub mod bench_parts;
+pub mod camera_parts;
