@@ -2,3 +2,8 @@
 
 /// A simulated flight computer: scripted attitude and jitter onto the bus.
 pub mod flight_computer;
+/// A simulated spacecraft: rigid body, wheels, flexible modes, disturbances, gyros, micro-vibration.
+pub mod spacecraft;
+
+mod attitude_truth;
+mod noise;

@@ -6,7 +6,6 @@
 //! `tests.rs` holds the wire round trip (0.02 arcsec), the time marks, jitter, faults and determinism.
 
 mod jitter;
-mod noise;
 mod received;
 mod remote_clock;
 mod runner;
@@ -15,21 +14,22 @@ mod slew;
 #[cfg(test)]
 mod tests;
 
+pub use crate::testbed::attitude_truth::AttitudeTruth;
 pub use jitter::{JitterLineParams, JitterStream};
 pub use received::Received;
 pub use remote_clock::RemoteClock;
 pub use runner::run_until;
-pub use slew::{AttitudeTruth, RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
+pub use slew::{RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
 
 use crate::base::time::{Span, Tai};
 use crate::base::units::ARCSEC;
 use crate::link::{LinkError, Port};
+use crate::testbed::noise::Gaussian;
 use firmware_protocol::message::{
     AttitudeFlags, AttitudeRecord, Heartbeat, JitterBurst, JitterPair, NodeState, Scet, Sync, TimeFollowUp,
 };
 use firmware_protocol::{Message, version};
 use glam::DVec3;
-use noise::Gaussian;
 use schedule::{Schedule, Stream};
 
 /// What the flight computer does.
