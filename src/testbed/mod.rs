@@ -2,3 +2,5 @@
 
 /// A simulated flight computer: scripted attitude and jitter onto the bus.
 pub mod flight_computer;
+/// Attitude and gyro bias from a gyro and star trackers: a multiplicative extended Kalman filter.
+pub mod estimator;
