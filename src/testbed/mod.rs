@@ -4,3 +4,6 @@
 pub mod flight_computer;
 /// Attitude and gyro bias from a gyro and star trackers: a multiplicative extended Kalman filter.
 pub mod estimator;
+
+/// Attitude control: modes, laws, slews past the Sun, and the loop on paper.
+pub mod acs;
