@@ -34,7 +34,7 @@ pub struct MicroVibration {
     start: Tai,
     period: Span,
     wheels: Vec<Wheel>,
-    lines: Vec<Line>,
+    pub(super) lines: Vec<Line>,
     oscillators: Vec<Oscillator>,
     samples: History<DVec3>,
 }
