@@ -15,7 +15,7 @@
 
 use super::check::reduced_inertia;
 use super::orbit::CircularOrbit;
-use super::params::{DisturbanceParams, MODES_MAX, SpacecraftParams, WHEELS_MAX};
+use super::params::{DisturbanceParams, FlexibleMode, MODES_MAX, SpacecraftParams, WHEELS_MAX, WheelParams};
 use core::f64::consts::TAU;
 use glam::{DMat3, DQuat, DVec3};
 
@@ -114,14 +114,14 @@ impl State {
 impl Equations {
     /// From checked parameters; `orbit_offset_s` is the start of the run less the orbit's epoch.
     pub(super) fn new(params: &SpacecraftParams, orbit_offset_s: f64) -> Self {
-        let rotor = |wheel: &super::params::WheelParams| Rotor {
+        let rotor = |wheel: &WheelParams| Rotor {
             axis: wheel.axis_body.normalize_or_zero(),
             inertia_kg_m2: wheel.inertia_kg_m2,
             inverse_inertia: wheel.inertia_kg_m2.recip(),
             viscous_n_m_s: wheel.viscous_n_m_s,
             coulomb_n_m: wheel.coulomb_n_m,
         };
-        let mode = |mode: &super::params::FlexibleMode| {
+        let mode = |mode: &FlexibleMode| {
             let o = TAU * mode.frequency_hz;
             Mode { coupling: mode.coupling, stiffness: o * o, damping: 2.0 * mode.damping * o }
         };

@@ -62,8 +62,6 @@ fn constant_speeds_give_the_frequency_response() {
     }
 }
 
-/// The same by Runge-Kutta: the two equations of motion about z under the torque itself, from the state of the steady
-/// response at `speeds.0`, while the speed jumps to `speeds.1`.
 #[test]
 fn a_jump_of_speed_shows_the_transient_that_runge_kutta_finds() {
     let (kappa, before, after_jump) = (0.2, 15.0, 21.0);
@@ -85,6 +83,7 @@ fn a_jump_of_speed_shows_the_transient_that_runge_kutta_finds() {
     }
 }
 
+/// Both equations of motion about z by Runge-Kutta under the torque itself:
 /// `eta'' (1 - kappa) + c eta' + o^2 eta = -delta T / J`, `theta = T2 / J - delta eta / J` with `T2 = -T / n^2`.
 struct Oracle {
     kappa: f64,
@@ -94,12 +93,12 @@ struct Oracle {
 }
 
 impl Oracle {
-    /// Steady at `speed`, with the phase read off the motion about y, which is rigid: across = [z, -y] or as it comes.
+    /// Steady at `speed`, settled into the phase that the torque of `vibration` has now.
     fn steady(kappa: f64, speed: f64, vibration: &MicroVibration) -> Self {
         let torque = vibration.lines[0].torque_direction();
         let phase = torque.y.atan2(torque.z);
         let mut oracle = Self { kappa, phase, speed, eta: DVec2::ZERO };
-        // A long settling: 60 s of damping 0.0056 at 21 rad/s leaves e^-7; 200 s leaves nothing.
+        // A free decay of 0.0056 at 21 rad/s: 200 s leave e^-23 of the start.
         oracle.phase -= speed * 200.0 * oracle.sense();
         for _ in 0..200_000 {
             oracle.advance(speed);

@@ -15,7 +15,7 @@ use glam::DMat3;
 /// Some instant.
 const START: Tai = Tai::from_ns(1_790_000_000_000_000_000);
 
-/// A body of 120 kg m^2 and nothing else: no wheels, modes or torques.
+/// A body and nothing else: no wheels, modes or torques.
 fn bare(inertia_kg_m2: DMat3, step: Span) -> SpacecraftParams {
     SpacecraftParams {
         inertia_kg_m2,
