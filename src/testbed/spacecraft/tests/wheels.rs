@@ -71,6 +71,20 @@ fn a_wheel_at_its_largest_speed_takes_no_more() {
 }
 
 #[test]
+fn at_its_largest_speed_the_motor_still_makes_up_for_friction() {
+    let mut params = bare(DMat3::IDENTITY * 50.0, Span::from_ms(10));
+    along_z(&mut params);
+    (params.wheels[0].initial_speed_rad_s, params.wheels[0].viscous_n_m_s) = (599.0, 1e-4);
+    let mut craft = at_rest(&params);
+    craft.command_torques(DVec3::Z * -0.1);
+    craft.advance_to(after(60.0));
+    // Without it the speed would settle where friction's 0.06 N m take in one step what is left: 0.03 rad/s lower.
+    assert!((craft.wheel_speeds_rad_s()[0] - 600.0).abs() < 1e-4, "{}", craft.wheel_speeds_rad_s()[0]);
+    let got = craft.command_torques(DVec3::Z * -0.1).z;
+    assert!((got + 0.06).abs() < 1e-3, "the motor holds against friction, the body feels nothing: {got}");
+}
+
+#[test]
 fn with_three_wheels_left_all_torques_remain_and_with_two_a_plane() {
     let params = SpacecraftParams { wheels: pyramid(), ..bare(lopsided(), Span::from_ms(10)) };
     let mut craft = at_rest(&params);
