@@ -15,7 +15,7 @@
 
 use super::check::reduced_inertia;
 use super::orbit::CircularOrbit;
-use super::params::{DisturbanceParams, MODES_MAX, SpacecraftParams, WHEELS_MAX};
+use super::params::{DisturbanceParams, FlexibleMode, MODES_MAX, SpacecraftParams, WHEELS_MAX, WheelParams};
 use core::f64::consts::TAU;
 use glam::{DMat3, DQuat, DVec3};
 
@@ -51,6 +51,7 @@ pub(super) struct Held {
 pub(super) struct Rotor {
     pub(super) axis: DVec3,
     pub(super) inertia_kg_m2: f64,
+    inverse_inertia: f64,
     viscous_n_m_s: f64,
     coulomb_n_m: f64,
 }
@@ -98,7 +99,7 @@ impl State {
     }
 
     fn add(&mut self, derivative: &Self, h_s: f64) {
-        self.q = self.q + derivative.q * h_s;
+        self.q += derivative.q * h_s;
         self.rate += derivative.rate * h_s;
         for i in 0..WHEELS_MAX {
             self.speeds[i] += derivative.speeds[i] * h_s;
@@ -113,13 +114,14 @@ impl State {
 impl Equations {
     /// From checked parameters; `orbit_offset_s` is the start of the run less the orbit's epoch.
     pub(super) fn new(params: &SpacecraftParams, orbit_offset_s: f64) -> Self {
-        let rotor = |wheel: &super::params::WheelParams| Rotor {
+        let rotor = |wheel: &WheelParams| Rotor {
             axis: wheel.axis_body.normalize_or_zero(),
             inertia_kg_m2: wheel.inertia_kg_m2,
+            inverse_inertia: wheel.inertia_kg_m2.recip(),
             viscous_n_m_s: wheel.viscous_n_m_s,
             coulomb_n_m: wheel.coulomb_n_m,
         };
-        let mode = |mode: &super::params::FlexibleMode| {
+        let mode = |mode: &FlexibleMode| {
             let o = TAU * mode.frequency_hz;
             Mode { coupling: mode.coupling, stiffness: o * o, damping: 2.0 * mode.damping * o }
         };
@@ -192,7 +194,7 @@ impl Equations {
     }
 
     fn derivative(&self, state: &State, held: &Held, radial: DVec3) -> State {
-        let mut torque = held.outside + self.from_outside(state.q, radial) - state.rate.cross(self.momentum(state));
+        let mut torque = held.outside + self.outside_torque(state.q, radial) - state.rate.cross(self.momentum(state));
         let mut rotor_torque = [0.0; WHEELS_MAX];
         for (i, rotor) in self.rotors.iter().enumerate() {
             rotor_torque[i] = held.motor[i] - rotor.friction_n_m(state.speeds[i]);
@@ -206,7 +208,7 @@ impl Equations {
         let acceleration = self.inverse_reduced * torque;
         let mut speeds = [0.0; WHEELS_MAX];
         for (i, rotor) in self.rotors.iter().enumerate() {
-            speeds[i] = rotor_torque[i] / rotor.inertia_kg_m2 - rotor.axis.dot(acceleration);
+            speeds[i] = rotor_torque[i] * rotor.inverse_inertia - rotor.axis.dot(acceleration);
         }
         let mut modal_acceleration = [0.0; MODES_MAX];
         for (i, mode) in self.modes.iter().enumerate() {
@@ -223,7 +225,7 @@ impl Equations {
     }
 
     /// Gravity gradient `3 mu / r^3  n x J n` (Hughes, chapter 8), solar pressure and the constant torque, body axes.
-    fn from_outside(&self, q: DQuat, radial: DVec3) -> DVec3 {
+    fn outside_torque(&self, q: DQuat, radial: DVec3) -> DVec3 {
         let mut torque = self.disturbance.constant_torque_n_m;
         if self.disturbance.gravity_gradient {
             let n = q * radial;

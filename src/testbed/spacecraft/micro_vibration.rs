@@ -12,7 +12,7 @@
 //! `tests/micro_vibration.rs`: frequency response against elimination by hand, transient against a Runge-Kutta
 //! integration, the sweep's amplification, sampling-independence.
 
-use super::check::{STEP_SMALLEST, check};
+use super::check::{STEP_SMALLEST, check, within};
 use super::error::SpacecraftError;
 use super::free_modes::free_modes;
 use super::history::History;
@@ -34,7 +34,7 @@ pub struct MicroVibration {
     start: Tai,
     period: Span,
     wheels: Vec<Wheel>,
-    lines: Vec<Line>,
+    pub(super) lines: Vec<Line>,
     oscillators: Vec<Oscillator>,
     samples: History<DVec3>,
 }
@@ -63,7 +63,7 @@ impl MicroVibration {
         for (index, mode) in modes.iter().enumerate() {
             let is_oscillating = mode.damping > 0.0 && mode.damping < 1.0;
             let wanted = "more than 0 and below 1";
-            super::check::within("free mode", index, "damping", mode.damping, wanted, is_oscillating)?;
+            within("free mode", index, "damping", mode.damping, wanted, is_oscillating)?;
         }
         let wheel = |speed| Wheel { told_rad_s: speed, speed_rad_s: speed };
         let mut new = Self {

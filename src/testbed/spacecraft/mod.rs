@@ -2,7 +2,7 @@
 //!
 //! Two scales of time. The smooth motion (rigid body, reaction wheels, flexible modes, torques from outside) is
 //! integrated here at a fixed step of 5 to 20 ms. What the wheels' imbalance adds above it is linear and small, and
-//! [`MicroVibration`] samples it apart, as a rotation vector on top. [`Gyro`] and [`SunSensor`] measure.
+//! `MicroVibration` samples it apart, as a rotation vector on top. `Gyro` and `SunSensor` measure.
 //!
 //! Assumptions: circular orbit, constant inertia, small deflections, commands take effect at step boundaries.
 //! Deterministic: the same parameters, seed and calls give the same bits. After `new` nothing is allocated.

@@ -5,6 +5,7 @@
 //! out. Limits are applied wheel by wheel, as in the hardware: a clipped wheel turns the direction of the torque, and
 //! the caller is told what was possible. `tests/wheels.rs` holds limits and failures.
 
+use super::check::outer;
 use super::equations::{Equations, State};
 use super::params::{SpacecraftParams, WHEELS_MAX};
 use glam::{DMat3, DVec3};
@@ -75,7 +76,7 @@ impl Motors {
         let axes = equations.rotors.iter().enumerate().map(|(i, rotor)| healthy(i, rotor.axis));
         let mut gram = DMat3::ZERO;
         for axis in axes.clone() {
-            gram += super::check::outer(axis, axis);
+            gram += outer(axis, axis);
         }
         if gram.determinant() < DEGENERATE {
             gram += DMat3::IDENTITY * DAMPING;

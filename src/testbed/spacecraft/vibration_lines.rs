@@ -103,6 +103,12 @@ impl Line {
         self.response[0] * self.phase.x + self.response[1] * self.phase.y
     }
 
+    /// Unit vector of the torque now: for the oracle of the tests.
+    #[cfg(test)]
+    pub(super) fn torque_direction(&self) -> DVec3 {
+        self.across[0] * self.phase.x + self.across[1] * self.phase.y
+    }
+
     /// Steady motion of mode `m`: coordinate and rate.
     pub(super) fn modal_motion(&self, m: usize) -> DVec2 {
         let now = self.phase.rotate(self.modal[m]);
