@@ -322,7 +322,8 @@ impl Acs {
 }
 
 impl Loop {
-    /// `F (kp e - kd w + ki int e)`. The integral stands still while the torque is at its limit, and is bounded.
+    /// `F (kp e - kd w + ki int e)`. The integral stands still while the torque is at its limit
+    /// (no wind-up) and where it would pass its own limit.
     fn torque(
         &mut self,
         error_rad: DVec3,
@@ -333,10 +334,12 @@ impl Loop {
     ) -> DVec3 {
         let (rate, deceleration) = (limits.largest_rate_rad_s, limits.largest_acceleration_rad_s2);
         let error = shortened(error_rad, &self.gains, rate, deceleration * DECELERATION_SHARE);
-        if !self.saturated && error == error_rad {
-            self.integral_rad_s += error * dt_s;
+        let longer = self.integral_rad_s + error * dt_s;
+        let possible = (self.gains.integral * longer).abs().cmple(integral_limit_n_m).all();
+        if !self.saturated && error == error_rad && possible {
+            self.integral_rad_s = longer;
         }
-        let held = (self.gains.integral * self.integral_rad_s).clamp(-integral_limit_n_m, integral_limit_n_m);
+        let held = self.gains.integral * self.integral_rad_s;
         let raw = self.gains.angle * error - self.gains.rate * rate_error_rad_s + held;
         if core::mem::take(&mut self.fresh) {
             self.filter.settle(raw);

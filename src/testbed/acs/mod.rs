@@ -17,16 +17,28 @@ pub mod complex;
 pub mod control;
 pub mod filter;
 pub mod laws;
+pub mod linear;
+#[cfg(test)]
+mod linear_tests;
 pub mod mode_logic;
+#[cfg(test)]
+mod mode_tests;
 pub mod params;
+pub mod pointing_error;
 pub mod slew;
 #[cfg(test)]
 mod slew_tests;
+#[cfg(test)]
+mod test_body;
+#[cfg(test)]
+mod tests;
 
 pub use avoidance::KeepOut;
 pub use control::{Acs, AcsInput, AcsOutput, Command};
 pub use filter::StructuralFilter;
 pub use laws::Gains;
+pub use linear::PointingLoop;
 pub use mode_logic::{Cause, Mode, ModeEvent, Thresholds};
 pub use params::{AcsError, AcsParams, SafeParams, UnloadParams};
+pub use pointing_error::{PointingNoise, PointingPrediction};
 pub use slew::{SlewLimits, SlewPath};
