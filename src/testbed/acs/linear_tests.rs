@@ -48,7 +48,7 @@ impl Axis {
 
     /// One physics step with errors of the measured angle and rate and a disturbing acceleration.
     fn step(&mut self, model: &PointingLoop, angle_error: f64, rate_error: f64, disturbance: f64) {
-        if self.steps % FINE == 0 {
+        if self.steps.is_multiple_of(FINE) {
             let wn = TAU * model.gains.bandwidth_hz;
             let angle = self.angle + angle_error;
             self.integral += angle * model.control_period_s;

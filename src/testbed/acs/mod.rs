@@ -15,7 +15,9 @@ pub mod avoidance;
 mod avoidance_tests;
 pub mod complex;
 pub mod control;
+mod feedback_loop;
 pub mod filter;
+pub mod interface;
 pub mod laws;
 pub mod linear;
 #[cfg(test)]
@@ -34,8 +36,9 @@ mod test_body;
 mod tests;
 
 pub use avoidance::KeepOut;
-pub use control::{Acs, AcsInput, AcsOutput, Command};
+pub use control::Acs;
 pub use filter::StructuralFilter;
+pub use interface::{AcsInput, AcsOutput, Command};
 pub use laws::Gains;
 pub use linear::PointingLoop;
 pub use mode_logic::{Cause, Mode, ModeEvent, Thresholds};

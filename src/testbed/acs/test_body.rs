@@ -1,8 +1,9 @@
 //! A rigid body with wheels for the tests of this room, and settings for it.
 
 use super::avoidance::KeepOut;
-use super::control::{Acs, AcsInput, AcsOutput};
+use super::control::Acs;
 use super::filter::StructuralFilter;
+use super::interface::{AcsInput, AcsOutput};
 use super::laws::Gains;
 use super::mode_logic::{ModeEvent, Thresholds};
 use super::params::{AcsParams, SafeParams, UnloadParams};
