@@ -234,7 +234,7 @@ fn the_predicted_pointing_error_is_the_simulated_one() {
         (40.0 * ARCSEC, gyro, Gains { bandwidth_hz: 0.02, ..GAINS }),
     ] {
         let model = PointingLoop { gains, ..real_loop() };
-        let noise = PointingNoise { nea_rad: nea, tracker_period_s: 0.5, gyro };
+        let noise = PointingNoise { nea_rad: nea, tracker_period_s: 0.5, latency_s: 0.0, gyro };
         let wanted = model.pointing_error(&noise);
         let (pointing, knowledge) = simulated_errors(&model, &noise, 20_000, 1);
         let ratios = (pointing / wanted.pointing_sigma_rad, knowledge / wanted.knowledge_sigma_rad);

@@ -10,6 +10,9 @@
 //! | rate | `s / D` | `(s^2 + k1 s) / D` |
 //! | bias | `1 / D` | `(s + k1) / D` |
 //!
+//! A measurement that comes `l` late, worked in where it holds, makes of them (`beta`: bias error, `m = exp(-s l)`)
+//! `d = noise - m beta`, `e = m e + int_{t-l}^t d`: the time since then is bridged by the gyro alone.
+//!
 //! The loop makes `-P (A e + B d) / (1 + L)` of them: `A` angle gain, `B` rate gain, `P` plant ([`PointingLoop`]).
 //! Variance: `(1 / pi) int |H|^2 density dw` by the trapezoidal rule over `ln w`.
 //!
@@ -31,6 +34,8 @@ pub struct PointingNoise {
     pub nea_rad: f64,
     /// Time between measurements, s.
     pub tracker_period_s: f64,
+    /// From the instant for which a measurement holds to its arrival, s.
+    pub latency_s: f64,
     /// Gyro about this axis.
     pub gyro: GyroNoise,
 }
@@ -54,6 +59,7 @@ pub struct PointingPrediction {
 struct Observer {
     k1: f64,
     k2: f64,
+    latency_s: f64,
 }
 
 impl PointingLoop {
@@ -64,6 +70,7 @@ impl PointingLoop {
         let observer = Observer {
             k1: steady.attitude_gain / noise.tracker_period_s,
             k2: -steady.bias_gain_per_s / noise.tracker_period_s,
+            latency_s: noise.latency_s,
         };
         let densities = [
             noise.nea_rad.powi(2) * noise.tracker_period_s,
@@ -113,11 +120,28 @@ impl Observer {
         let s = Complex::imaginary(w_rad_s);
         let (k1, k2) = (self.k1, Complex::real(self.k2));
         let d = s * s + s * k1 + k2;
-        [
-            ((s * k1 + k2) / d, s * self.k2 / d),
-            (s / d, (s * s + s * k1) / d),
-            (Complex::ONE / d, (s + Complex::real(k1)) / d),
-        ]
+        let attitude = [(s * k1 + k2) / d, s / d, Complex::ONE / d];
+        let bias = [-(s * self.k2 / d), k2 / d, -((s + Complex::real(k1)) / d)];
+        let late = Complex::unit(-w_rad_s * self.latency_s);
+        // What the gyro's noises have made of rate and angle since the instant of the last measurement.
+        let [once, twice] = self.since(s, late);
+        let rate_since = [Complex::real(0.0), Complex::ONE, once];
+        let angle_since = [Complex::real(0.0), once, twice];
+        core::array::from_fn(|k| {
+            let (attitude, bias) = (late * attitude[k], late * bias[k]);
+            (attitude - bias * self.latency_s + angle_since[k], rate_since[k] - bias)
+        })
+    }
+
+    /// White noise integrated once and twice over the latency: `(1 - m) / s` and `(l - (1 - m) / s) / s`.
+    fn since(&self, s: Complex, late: Complex) -> [Complex; 2] {
+        let l = self.latency_s;
+        if s.im * l < 1e-4 {
+            // The differences lose their digits; the next term is 1e-4 of these.
+            return [Complex::real(l), Complex::real(l * l / 2.0)];
+        }
+        let once = (Complex::ONE - late) / s;
+        [once, (Complex::real(l) - once) / s]
     }
 }
 
