@@ -72,10 +72,7 @@ impl Acs {
         match command {
             Command::Point(target) => {
                 self.check_target(&target)?;
-                self.target = Some(target);
-                if self.logic.mode() == Mode::Slew {
-                    self.asked = Some((Mode::CoarsePointing, None));
-                }
+                self.point(target);
             }
             Command::SlewTo(target) => {
                 let path = self.slew_to(&target)?;
@@ -83,7 +80,7 @@ impl Acs {
                 self.asked = Some((Mode::Slew, Some(path)));
             }
             Command::Safe => self.asked = Some((Mode::Safe, None)),
-            Command::Resume if self.logic.mode() == Mode::Safe => self.asked = Some((Mode::RateDamping, None)),
+            Command::Resume if self.mode_to_be() == Mode::Safe => self.asked = Some((Mode::RateDamping, None)),
             Command::Resume => {}
         }
         Ok(())
@@ -133,6 +130,33 @@ impl Acs {
         &self.limits
     }
 
+    /// The mode at the next step, as far as commands go: a later command does not undo one to safe mode.
+    fn mode_to_be(&self) -> Mode {
+        self.asked.map_or(self.logic.mode(), |(mode, _)| mode)
+    }
+
+    /// A new target: at once by a planned turn when it is far off; a slew under way ends.
+    fn point(&mut self, target: Rotation<Body, Icrf>) {
+        let pointing = matches!(self.mode_to_be(), Mode::CoarsePointing | Mode::FinePointing);
+        let start = self.attitude.filter(|attitude| pointing && self.is_far(attitude, &target));
+        if let Some(attitude) = start {
+            self.asked = Some((Mode::Slew, Some(self.planned(self.slew_start(attitude), &target))));
+        } else if self.mode_to_be() == Mode::Slew {
+            self.asked = Some((Mode::CoarsePointing, None));
+        }
+        self.target = Some(target);
+    }
+
+    fn is_far(&self, attitude: &Rotation<Body, Icrf>, target: &Rotation<Body, Icrf>) -> bool {
+        attitude.rotation_vector_to(target).length() > self.params.thresholds.slew_above_rad
+    }
+
+    /// In fine pointing the target, not the estimate, so that the reference goes on without a step.
+    fn slew_start(&self, attitude: Rotation<Body, Icrf>) -> Rotation<Body, Icrf> {
+        let is_fine = self.logic.mode() == Mode::FinePointing;
+        self.target.filter(|target| is_fine && !self.is_far(&attitude, target)).unwrap_or(attitude)
+    }
+
     fn check_target(&self, target: &Rotation<Body, Icrf>) -> Result<(), AcsError> {
         if !target.quat().is_finite() {
             return Err(AcsError::TargetNotFinite);
@@ -148,7 +172,7 @@ impl Acs {
     }
 
     fn slew_to(&self, target: &Rotation<Body, Icrf>) -> Result<SlewPath, AcsError> {
-        let mode = self.logic.mode();
+        let mode = self.mode_to_be();
         if !matches!(mode, Mode::CoarsePointing | Mode::FinePointing) {
             return Err(AcsError::ModeMakesNoSlew { mode });
         }
@@ -157,9 +181,7 @@ impl Acs {
             return Err(AcsError::SunUnknown);
         }
         self.check_target(target)?;
-        // In fine pointing the reference, not the estimate, goes on without a step.
-        let start = self.target.filter(|_| mode == Mode::FinePointing).unwrap_or(attitude);
-        Ok(self.planned(start, target))
+        Ok(self.planned(self.slew_start(attitude), target))
     }
 
     /// Around the Sun where there is a cone and the Sun is known; else straight.
@@ -214,6 +236,7 @@ impl Acs {
     fn reference(&self, at: Tai) -> Option<Reference> {
         match (self.logic.mode(), &self.slew) {
             (Mode::Slew, Some((start, path))) => Some(path.reference((at - *start).s())),
+            (Mode::Safe | Mode::RateDamping, _) => None,
             _ => self.target.map(Reference::at_rest),
         }
     }
@@ -238,7 +261,12 @@ impl Acs {
                 let search = if input.sun_body.is_some() { DVec3::ZERO } else { self.params.safe.search_rate_rad_s };
                 self.safe.torque(error, rate - search, dt_s, &limits, DVec3::ZERO)
             }
-            Mode::CoarsePointing => self.coarse.torque(error, rate, dt_s, &limits, self.integral_limit()),
+            Mode::CoarsePointing => {
+                // A far target is not turned to by feedback, blind to the Sun: stop, then a turn is planned.
+                let is_near = error.length() <= self.params.thresholds.slew_above_rad;
+                let error = if is_near { error } else { DVec3::ZERO };
+                self.coarse.torque(error, rate, dt_s, &limits, self.integral_limit())
+            }
             Mode::FinePointing => self.fine.torque(error, rate, dt_s, &limits, self.integral_limit()),
             Mode::Slew => {
                 let feedback = self.fine.torque(error, rate - wanted.rate_rad_s, dt_s, &limits, DVec3::ZERO);

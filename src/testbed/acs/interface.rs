@@ -43,7 +43,8 @@ pub struct AcsOutput {
     pub unload: bool,
     /// Mode of this step.
     pub mode: Mode,
-    /// Attitude followed now: the target, or the moving reference of a slew. `None` before the first target.
+    /// Attitude followed now: the target, or the moving reference of a slew. `None` in safe mode, in rate damping and
+    /// before the first target.
     pub target: Option<Rotation<Body, Icrf>>,
     /// Rotation vector from the attitude to what is followed (in safe mode: that turns the axis to the Sun), rad, body
     /// axes; zero when unknown.

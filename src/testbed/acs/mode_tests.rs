@@ -61,6 +61,7 @@ fn nothing_moves_without_a_cause() {
     for (mode, situation) in [
         (Mode::RateDamping, turning),
         (Mode::CoarsePointing, turning),
+        (Mode::CoarsePointing, Situation { error_rad: Some(1.0), ..turning }),
         (Mode::FinePointing, calm()),
         (Mode::Slew, calm()),
         (Mode::Safe, calm()),

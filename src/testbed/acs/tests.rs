@@ -222,9 +222,28 @@ fn a_point_during_a_slew_ends_it() {
     assert_eq!(acs.mode(), Mode::Slew);
     acs.command(Command::Point(first)).expect("accepted");
     let events = run(&mut acs, &mut body, 300.0, |_, _| {});
-    assert_eq!(events[0].to, Mode::CoarsePointing);
-    assert_eq!(acs.mode(), Mode::FinePointing, "{events:?}");
+    let changes: Vec<_> = events.iter().map(|event| (event.to, event.cause)).collect();
+    assert_eq!(
+        changes,
+        [
+            (Mode::CoarsePointing, Cause::Commanded),
+            (Mode::Slew, Cause::FarFromTarget),
+            (Mode::FinePointing, Cause::Settled),
+        ]
+    );
     assert!(off_target(&body, &first).length() < 1.0 * ARCSEC, "back");
+}
+
+#[test]
+fn a_command_to_safe_mode_is_not_undone_by_the_next_one() {
+    let mut body = TestBody::new(DVec3::ZERO);
+    let mut acs = settled(params(), &mut body);
+    let far = body.attitude.rotated_by(DVec3::X);
+    acs.command(Command::Safe).expect("accepted");
+    assert_eq!(acs.command(Command::SlewTo(far)), Err(AcsError::ModeMakesNoSlew { mode: Mode::Safe }));
+    acs.command(Command::Point(far)).expect("kept for later");
+    let events = run(&mut acs, &mut body, 10.0, |_, output| assert_eq!(output.target, None, "follows no attitude"));
+    assert_eq!((acs.mode(), events.len()), (Mode::Safe, 1));
 }
 
 #[test]
