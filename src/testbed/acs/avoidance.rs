@@ -7,7 +7,8 @@
 //! the Sun at that angle, roll about the boresight; the Sun's angle is monotone, then constant.
 //!
 //! Assumptions: the Sun stands still during a slew (0.04 deg/h); `margin_rad` covers the tracking error and the
-//! estimate's error. Starting or ending inside the margin is allowed and not made worse. Tests:
+//! estimate's error; a slew that is broken off stops within `rate / (2 zeta wn)` of the coarse loop, wherever that is.
+//! Starting or ending inside the margin is allowed and not made worse. Tests:
 //! `avoidance_tests.rs` (1000 random slews, dense samples).
 
 use super::slew::{Leg, SlewLimits, SlewPath};

@@ -4,8 +4,10 @@
 //! function of its inputs and time; nothing allocates.
 
 use super::avoidance::KeepOut;
-use super::filter::BiquadState;
-use super::laws::{Gains, LoopGains, error_to_direction, gyroscopic, limited, shortened};
+use super::feedback_loop::FeedbackLoop;
+use super::filter::StructuralFilter;
+use super::interface::{AcsInput, AcsOutput, Command};
+use super::laws::{Gains, error_to_direction, gyroscopic, limited};
 use super::mode_logic::{Cause, Mode, ModeEvent, ModeLogic, Situation};
 use super::params::{AcsError, AcsParams};
 use super::slew::{Leg, Reference, SlewLimits, SlewPath};
@@ -14,57 +16,6 @@ use crate::base::time::Tai;
 use crate::base::units::DEG;
 use core::f64::consts::TAU;
 use glam::DVec3;
-
-/// Part of the torque that a deceleration in a feedback turn may need; the rest is left for damping and coupling.
-const DECELERATION_SHARE: f64 = 0.5;
-
-/// What people may ask for.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Command {
-    /// Hold this attitude; by a planned turn when it is far off. In safe mode and rate damping: later.
-    Point(Rotation<Body, Icrf>),
-    /// Turn to this attitude now.
-    SlewTo(Rotation<Body, Icrf>),
-    /// To safe mode.
-    Safe,
-    /// Out of safe mode, by way of rate damping.
-    Resume,
-}
-
-/// What the control knows at one step.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AcsInput {
-    /// Estimated attitude.
-    pub attitude: Option<Rotation<Body, Icrf>>,
-    /// Estimated rate, rad/s, body axes.
-    pub rate_rad_s: DVec3,
-    /// Sigma of the attitude, rad, largest axis.
-    pub attitude_sigma_rad: f64,
-    /// Direction of the Sun, ICRF.
-    pub sun_icrf: Option<DVec3>,
-    /// Direction of the Sun as the coarse Sun sensor has it, body axes.
-    pub sun_body: Option<DVec3>,
-    /// Momentum of all wheels, N m s, body axes.
-    pub wheel_momentum_n_m_s: DVec3,
-}
-
-/// What the control wants.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AcsOutput {
-    /// Torque on the body, N m, body axes.
-    pub torque_n_m: DVec3,
-    /// Wheel momentum should be unloaded.
-    pub unload: bool,
-    /// Mode of this step.
-    pub mode: Mode,
-    /// Attitude followed now: the target, or the moving reference of a slew. `None` before the first target.
-    pub target: Option<Rotation<Body, Icrf>>,
-    /// Rotation vector from the attitude to what is followed (in safe mode: that turns the axis to the Sun), rad, body
-    /// axes; zero when unknown.
-    pub error_rad: DVec3,
-    /// Change of mode at this step.
-    pub event: Option<ModeEvent>,
-}
 
 /// The attitude control.
 #[derive(Debug, Clone)]
@@ -75,23 +26,13 @@ pub struct Acs {
     target: Option<Rotation<Body, Icrf>>,
     slew: Option<(Tai, SlewPath)>,
     asked: Option<(Mode, Option<SlewPath>)>,
-    fine: Loop,
-    coarse: Loop,
-    safe: Loop,
+    fine: FeedbackLoop,
+    coarse: FeedbackLoop,
+    safe: FeedbackLoop,
     unload: bool,
     last_at: Tai,
     attitude: Option<Rotation<Body, Icrf>>,
     sun_icrf: Option<DVec3>,
-}
-
-/// A pointing loop with its integral and filter.
-#[derive(Debug, Clone, Copy)]
-struct Loop {
-    gains: LoopGains,
-    filter: BiquadState,
-    integral_rad_s: DVec3,
-    saturated: bool,
-    fresh: bool,
 }
 
 impl Acs {
@@ -102,13 +43,10 @@ impl Acs {
     pub fn new(params: AcsParams, at: Tai) -> Result<Self, AcsError> {
         params.check()?;
         let period_s = params.control_period.s();
-        let make = |gains: &Gains, filter: super::filter::StructuralFilter| {
+        let make = |gains: &Gains, filter: StructuralFilter| {
             let refused = || AcsError::Params { name: "filter", got: format!("{filter:?}"), wanted: "in range" };
-            let filter = filter.section(period_s).ok_or_else(refused)?.at_rest();
-            let gains = gains.of(&params.inertia_kg_m2);
-            Ok(Loop { gains, filter, integral_rad_s: DVec3::ZERO, saturated: false, fresh: true })
+            Ok(FeedbackLoop::new(gains.of(&params.inertia_kg_m2), filter.section(period_s).ok_or_else(refused)?))
         };
-        let unfiltered = super::filter::StructuralFilter::None;
         Ok(Self {
             limits: torque_limited(&params),
             logic: ModeLogic::new(Mode::RateDamping, params.thresholds),
@@ -116,8 +54,8 @@ impl Acs {
             slew: None,
             asked: None,
             fine: make(&params.fine, params.filter)?,
-            coarse: make(&params.coarse, unfiltered)?,
-            safe: make(&params.safe.gains, unfiltered)?,
+            coarse: make(&params.coarse, StructuralFilter::None)?,
+            safe: make(&params.safe.gains, StructuralFilter::None)?,
             unload: false,
             last_at: at,
             attitude: None,
@@ -134,10 +72,7 @@ impl Acs {
         match command {
             Command::Point(target) => {
                 self.check_target(&target)?;
-                self.target = Some(target);
-                if self.logic.mode() == Mode::Slew {
-                    self.asked = Some((Mode::CoarsePointing, None));
-                }
+                self.point(target);
             }
             Command::SlewTo(target) => {
                 let path = self.slew_to(&target)?;
@@ -145,7 +80,7 @@ impl Acs {
                 self.asked = Some((Mode::Slew, Some(path)));
             }
             Command::Safe => self.asked = Some((Mode::Safe, None)),
-            Command::Resume if self.logic.mode() == Mode::Safe => self.asked = Some((Mode::RateDamping, None)),
+            Command::Resume if self.mode_to_be() == Mode::Safe => self.asked = Some((Mode::RateDamping, None)),
             Command::Resume => {}
         }
         Ok(())
@@ -153,7 +88,7 @@ impl Acs {
 
     /// One control period up to `at`.
     pub fn step(&mut self, at: Tai, input: &AcsInput) -> AcsOutput {
-        let input = finite(input);
+        let input = input.finite();
         self.attitude = input.attitude;
         self.sun_icrf = input.sun_icrf.or(self.sun_icrf);
         let event = self.change_mode(at, &input);
@@ -195,6 +130,33 @@ impl Acs {
         &self.limits
     }
 
+    /// The mode at the next step, as far as commands go: a later command does not undo one to safe mode.
+    fn mode_to_be(&self) -> Mode {
+        self.asked.map_or(self.logic.mode(), |(mode, _)| mode)
+    }
+
+    /// A new target: at once by a planned turn when it is far off; a slew under way ends.
+    fn point(&mut self, target: Rotation<Body, Icrf>) {
+        let pointing = matches!(self.mode_to_be(), Mode::CoarsePointing | Mode::FinePointing);
+        let start = self.attitude.filter(|attitude| pointing && self.is_far(attitude, &target));
+        if let Some(attitude) = start {
+            self.asked = Some((Mode::Slew, Some(self.planned(self.slew_start(attitude), &target))));
+        } else if self.mode_to_be() == Mode::Slew {
+            self.asked = Some((Mode::CoarsePointing, None));
+        }
+        self.target = Some(target);
+    }
+
+    fn is_far(&self, attitude: &Rotation<Body, Icrf>, target: &Rotation<Body, Icrf>) -> bool {
+        attitude.rotation_vector_to(target).length() > self.params.thresholds.slew_above_rad
+    }
+
+    /// In fine pointing the target, not the estimate, so that the reference goes on without a step.
+    fn slew_start(&self, attitude: Rotation<Body, Icrf>) -> Rotation<Body, Icrf> {
+        let is_fine = self.logic.mode() == Mode::FinePointing;
+        self.target.filter(|target| is_fine && !self.is_far(&attitude, target)).unwrap_or(attitude)
+    }
+
     fn check_target(&self, target: &Rotation<Body, Icrf>) -> Result<(), AcsError> {
         if !target.quat().is_finite() {
             return Err(AcsError::TargetNotFinite);
@@ -210,7 +172,7 @@ impl Acs {
     }
 
     fn slew_to(&self, target: &Rotation<Body, Icrf>) -> Result<SlewPath, AcsError> {
-        let mode = self.logic.mode();
+        let mode = self.mode_to_be();
         if !matches!(mode, Mode::CoarsePointing | Mode::FinePointing) {
             return Err(AcsError::ModeMakesNoSlew { mode });
         }
@@ -219,9 +181,7 @@ impl Acs {
             return Err(AcsError::SunUnknown);
         }
         self.check_target(target)?;
-        // In fine pointing the reference, not the estimate, goes on without a step.
-        let start = self.target.filter(|_| mode == Mode::FinePointing).unwrap_or(attitude);
-        Ok(self.planned(start, target))
+        Ok(self.planned(self.slew_start(attitude), target))
     }
 
     /// Around the Sun where there is a cone and the Sun is known; else straight.
@@ -247,7 +207,7 @@ impl Acs {
 
     fn enter(&mut self, at: Tai, event: &ModeEvent, input: &AcsInput) {
         for pointing in [&mut self.fine, &mut self.coarse, &mut self.safe] {
-            (pointing.integral_rad_s, pointing.saturated, pointing.fresh) = (DVec3::ZERO, false, true);
+            pointing.begin_anew();
         }
         if event.to == Mode::CoarsePointing && self.target.is_none() {
             self.target = input.attitude;
@@ -276,6 +236,7 @@ impl Acs {
     fn reference(&self, at: Tai) -> Option<Reference> {
         match (self.logic.mode(), &self.slew) {
             (Mode::Slew, Some((start, path))) => Some(path.reference((at - *start).s())),
+            (Mode::Safe | Mode::RateDamping, _) => None,
             _ => self.target.map(Reference::at_rest),
         }
     }
@@ -300,7 +261,12 @@ impl Acs {
                 let search = if input.sun_body.is_some() { DVec3::ZERO } else { self.params.safe.search_rate_rad_s };
                 self.safe.torque(error, rate - search, dt_s, &limits, DVec3::ZERO)
             }
-            Mode::CoarsePointing => self.coarse.torque(error, rate, dt_s, &limits, self.integral_limit()),
+            Mode::CoarsePointing => {
+                // A far target is not turned to by feedback, blind to the Sun: stop, then a turn is planned.
+                let is_near = error.length() <= self.params.thresholds.slew_above_rad;
+                let error = if is_near { error } else { DVec3::ZERO };
+                self.coarse.torque(error, rate, dt_s, &limits, self.integral_limit())
+            }
             Mode::FinePointing => self.fine.torque(error, rate, dt_s, &limits, self.integral_limit()),
             Mode::Slew => {
                 let feedback = self.fine.torque(error, rate - wanted.rate_rad_s, dt_s, &limits, DVec3::ZERO);
@@ -316,32 +282,8 @@ impl Acs {
 
     fn note_saturation(&mut self, saturated: bool) {
         for pointing in [&mut self.fine, &mut self.coarse, &mut self.safe] {
-            pointing.saturated = saturated;
+            pointing.note_saturation(saturated);
         }
-    }
-}
-
-impl Loop {
-    /// `F (kp e - kd w + ki int e)`. The integral stands still while the torque is at its limit, and is bounded.
-    fn torque(
-        &mut self,
-        error_rad: DVec3,
-        rate_error_rad_s: DVec3,
-        dt_s: f64,
-        limits: &SlewLimits,
-        integral_limit_n_m: DVec3,
-    ) -> DVec3 {
-        let (rate, deceleration) = (limits.largest_rate_rad_s, limits.largest_acceleration_rad_s2);
-        let error = shortened(error_rad, &self.gains, rate, deceleration * DECELERATION_SHARE);
-        if !self.saturated && error == error_rad {
-            self.integral_rad_s += error * dt_s;
-        }
-        let held = (self.gains.integral * self.integral_rad_s).clamp(-integral_limit_n_m, integral_limit_n_m);
-        let raw = self.gains.angle * error - self.gains.rate * rate_error_rad_s + held;
-        if core::mem::take(&mut self.fresh) {
-            self.filter.settle(raw);
-        }
-        self.filter.step(raw)
     }
 }
 
@@ -354,19 +296,5 @@ fn torque_limited(params: &AcsParams) -> SlewLimits {
     SlewLimits {
         largest_rate_rad_s: params.slew.largest_rate_rad_s,
         largest_acceleration_rad_s2: params.slew.largest_acceleration_rad_s2.min(possible),
-    }
-}
-
-/// Numbers that are not finite count as missing; a rate as none.
-fn finite(input: &AcsInput) -> AcsInput {
-    let direction = |v: &DVec3| v.is_finite() && v.length_squared() > 0.0;
-    let or_zero = |v: DVec3| if v.is_finite() { v } else { DVec3::ZERO };
-    AcsInput {
-        attitude: input.attitude.filter(|attitude| attitude.quat().is_finite()),
-        rate_rad_s: or_zero(input.rate_rad_s),
-        attitude_sigma_rad: if input.attitude_sigma_rad.is_nan() { f64::INFINITY } else { input.attitude_sigma_rad },
-        sun_icrf: input.sun_icrf.filter(direction),
-        sun_body: input.sun_body.filter(direction),
-        wheel_momentum_n_m_s: or_zero(input.wheel_momentum_n_m_s),
     }
 }

@@ -34,7 +34,7 @@ pub enum Cause {
     NoAttitude,
     /// No attitude for too long.
     AttitudeLost,
-    /// The target is so far off that a planned turn is needed.
+    /// The target is so far off that a planned turn is needed, and the body hardly turns.
     FarFromTarget,
     /// Error, rate error and the estimate's sigma are small.
     Settled,
@@ -118,6 +118,10 @@ impl Situation {
             && self.sigma_rad < t.fine_enter_sigma_rad
     }
 
+    fn far_and_stopped(&self, t: &Thresholds) -> bool {
+        self.rate_rad_s < t.rate_low_rad_s && self.further_than(t.slew_above_rad)
+    }
+
     fn further_than(&self, limit_rad: f64) -> bool {
         self.error_rad.is_some_and(|error| error > limit_rad)
     }
@@ -150,7 +154,7 @@ const TABLE: [Transition; ROWS] = [
     row!(CoarsePointing => Safe, AttitudeLost, |s, _| !s.known(), safe_without_attitude),
     row!(FinePointing => CoarsePointing, AttitudeLost, |s, _| !s.known(), coarse_without_attitude),
     row!(Slew => CoarsePointing, AttitudeLost, |s, _| !s.known(), coarse_without_attitude),
-    row!(CoarsePointing => Slew, FarFromTarget, |s, t| s.further_than(t.slew_above_rad), fine_leave_dwell),
+    row!(CoarsePointing => Slew, FarFromTarget, |s, t| s.far_and_stopped(t), fine_leave_dwell),
     row!(CoarsePointing => FinePointing, Settled, |s, t| s.settled(t), fine_enter_dwell),
     row!(FinePointing => CoarsePointing, ErrorLarge, |s, t| s.further_than(t.fine_leave_rad), fine_leave_dwell),
     row!(FinePointing => CoarsePointing, SigmaLarge, |s, t| s.sigma_rad > t.fine_leave_sigma_rad, fine_leave_dwell),

@@ -114,6 +114,8 @@ impl AcsParams {
         for (name, ti) in [("fine.integral_s", self.fine.integral_s), ("coarse.integral_s", self.coarse.integral_s)] {
             refuse_unless(ti.is_none_or(|ti| ti > 0.0), name, &ti, "positive")?;
         }
+        let share = self.integral_share;
+        refuse_unless((0.0..=1.0).contains(&share), "integral_share", &share, "between 0 and 1")?;
         let section = self.filter.section(self.control_period.s());
         refuse_unless(section.is_some(), "filter", &self.filter, "frequencies below half the control frequency")?;
         let sun_axis = self.safe.sun_axis_body;

@@ -163,3 +163,36 @@ fn gyro_noise(params: &MekfParams, dt_s: f64) -> Covariance6 {
 fn cross_product_matrix(v: DVec3) -> DMat3 {
     DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn step(at_ms: i64) -> Step {
+        let covariance = Covariance6::independent(DMat3::IDENTITY, DMat3::IDENTITY);
+        let after = Estimate { attitude: Rotation::IDENTITY, bias_rad_s: DVec3::ZERO, covariance };
+        let at = Tai::from_ns(at_ms * 1_000_000);
+        Step { at, rate_measured_rad_s: DVec3::ZERO, silent_for: None, fix: None, after }
+    }
+
+    #[test]
+    fn the_room_is_taken_once_and_time_stays_in_order() {
+        for room in [16, 300] {
+            let mut history = History::new(step(0), Span::from_ms(2000), room);
+            let taken = history.steps.capacity();
+            for k in 1..3000 {
+                history.push(step(20 * k));
+                let late = 20 * k - 210;
+                if let Some(before) = history.at_or_before(Tai::from_ns(late * 1_000_000)) {
+                    history.split_after(before, step(late));
+                    history.forget();
+                }
+                assert!(history.len() <= room, "room for {room}, held {}", history.len());
+            }
+            assert_eq!(history.steps.capacity(), taken, "nothing allocates later");
+            assert!(history.steps.iter().is_sorted_by_key(|step| step.at), "in order");
+            let reach = history.last().at - history.get(0).at;
+            assert!(room < 200 || reach >= Span::from_ms(2000), "reach {} ms", reach.ms());
+        }
+    }
+}
