@@ -9,6 +9,8 @@ pub mod estimator;
 pub mod flight_computer;
 /// A simulated spacecraft: rigid body, wheels, flexible modes, disturbances, gyros, micro-vibration.
 pub mod spacecraft;
+/// A star tracker that sees only pixels.
+pub mod tracker;
 
 mod attitude_truth;
 mod noise;
