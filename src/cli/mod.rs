@@ -10,6 +10,8 @@ pub mod render;
 pub mod render_input;
 pub mod render_output;
 pub mod run;
+pub mod run_scenario;
+pub mod scenario_report;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -20,6 +22,8 @@ pub const EXIT_DONE: u8 = 0;
 pub const EXIT_FAILED: u8 = 1;
 /// Exit status: wrong command line (given by the argument parser).
 pub const EXIT_USAGE: u8 = 2;
+/// Exit status: it ran, but an expectation or an invariant of the scenario did not hold.
+pub const EXIT_NOT_MET: u8 = 4;
 /// Exit status: stopped by Ctrl-C; everything finished by then is written.
 pub const EXIT_INTERRUPTED: u8 = 130;
 
@@ -28,7 +32,8 @@ pub const EXIT_INTERRUPTED: u8 = 130;
     name = "starloop",
     version,
     about = "Hardware-in-the-loop star-sensor stimulator: bus attitude in, star-sensor frames out, on a deadline",
-    after_help = "Exit status: 0 done; 1 could not do what was asked; 2 wrong command line; 130 stopped by Ctrl-C \
+    after_help = "Exit status: 0 done; 1 could not do what was asked; 2 wrong command line; 4 a scenario's \
+                  expectation or invariant did not hold; 130 stopped by Ctrl-C \
                   (what was finished is written).\n\n\
                   Start with `starloop run`: a simulated flight computer slews over a simulated bus, and ten seconds \
                   of frames are recorded. No hardware, no GPU needed."
@@ -40,7 +45,7 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Run a bench: attitude from its link, frames into its sink, on a deadline
+    /// Run a bench or a scenario: attitude from its link, frames into its sink, on a deadline
     Run(run::RunArgs),
     /// Render one image for a given attitude and time
     Render(Box<render::RenderArgs>),

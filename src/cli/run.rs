@@ -3,15 +3,15 @@
 use crate::base::clock::{Clock, Monotonic, Stopwatch, Virtual};
 use crate::base::time::Tai;
 use crate::cli::calibrate::costs_here;
-use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED};
-use crate::config::{self, Bench, StartTime};
+use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, run_scenario};
+use crate::config::{self, Bench, Document, Scenario, StartTime, is_scenario};
+use crate::link::Port;
 use crate::link::simulated::simulated_pair;
-use crate::link::{LinkError, Port};
 use crate::report::{Progress, progress_line, summary_table};
 use crate::runtime::receiver::Receiver;
 use crate::runtime::{FrameEngine, RunOutcome, RunRecord, real_time, virtual_time};
 use crate::sink::{NullSink, Recorder, RecorderOptions, SentFrame, Sink, write_file_atomically};
-use crate::testbed::flight_computer::{FlightComputer, run_until};
+use crate::testbed::flight_computer::{FlightComputer, FlightError, run_until};
 use crate::wiring::bench_parts;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
@@ -26,7 +26,7 @@ use std::time::Duration;
 /// Command line of `run`.
 #[derive(Debug, Args)]
 pub struct RunArgs {
-    /// Bench file (TOML); without one: the built-in loopback bench
+    /// Bench or scenario file (TOML); without one: the built-in loopback bench
     bench: Option<PathBuf>,
     /// Which clock: `real` is the bench, `virtual` runs as fast as the machine allows and repeats bit for bit
     #[arg(long, value_enum, default_value_t = ClockKind::Real)]
@@ -45,13 +45,34 @@ pub struct RunArgs {
     sink: Option<SinkKind>,
     /// Directory to record into (one without a recording); without it a directory named by the time of the run
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    pub(super) out: Option<PathBuf>,
     /// Predict with the built-in costs, whatever `starloop calibrate` has measured (real clock)
     #[arg(long)]
     built_in_costs: bool,
+    /// Print a scenario's report as one line of JSON instead of a table
+    #[arg(long)]
+    pub(super) json: bool,
     /// Print nothing but errors
     #[arg(long)]
-    quiet: bool,
+    pub(super) quiet: bool,
+}
+
+impl RunArgs {
+    /// Whether frames are recorded.
+    pub(super) fn wants_recorder(&self, bench: &Bench) -> bool {
+        match self.sink {
+            Some(sink) => sink == SinkKind::Recorder,
+            None => matches!(bench.sink, config::Sink::Recorder { .. }),
+        }
+    }
+
+    /// Whether FITS files are kept, and every how many frames a PNG.
+    pub(super) fn recorded(&self, bench: &Bench) -> (bool, u32) {
+        match &bench.sink {
+            config::Sink::Recorder { fits, png_every, .. } => (*fits, *png_every),
+            config::Sink::Null => (true, 10),
+        }
+    }
 }
 
 /// A clock, by name.
@@ -103,6 +124,16 @@ impl BackendName {
 /// # Errors
 /// With what could not be done, and why.
 pub fn run(arguments: &RunArgs) -> Result<u8> {
+    if let Some(scenario) = scenario(arguments)? {
+        if arguments.clock == ClockKind::Real {
+            bail!("a scenario runs on the virtual clock: add --clock virtual");
+        }
+        let stop = Arc::new(AtomicBool::new(false));
+        let monitor = Monitor::start(Arc::clone(&stop), false)?;
+        let status = run_scenario::run(&scenario, arguments, &stop);
+        monitor.finish();
+        return status;
+    }
     let bench = bench(arguments)?;
     let start = match bench.timing.start {
         StartTime::At(at) => at,
@@ -143,12 +174,29 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
     }
 }
 
+/// The scenario with the command line's changes, when the file is one.
+fn scenario(arguments: &RunArgs) -> Result<Option<Scenario>> {
+    let Some(path) = &arguments.bench else { return Ok(None) };
+    let document = Document::open(path)?;
+    if !is_scenario(&document) {
+        return Ok(None);
+    }
+    let mut scenario = Scenario::from_document(&document)?;
+    change_bench(&mut scenario.bench, arguments)?;
+    Ok(Some(scenario))
+}
+
 /// The bench with the command line's changes.
 fn bench(arguments: &RunArgs) -> Result<Bench> {
     let mut bench = match &arguments.bench {
         Some(path) => Bench::load(path)?,
         None => Bench::built_in()?,
     };
+    change_bench(&mut bench, arguments)?;
+    Ok(bench)
+}
+
+fn change_bench(bench: &mut Bench, arguments: &RunArgs) -> Result<()> {
     if let Some(duration_s) = arguments.duration {
         if !(duration_s.is_finite() && duration_s > 0.0) {
             bail!("--duration: got {duration_s}, wanted seconds above 0");
@@ -159,7 +207,7 @@ fn bench(arguments: &RunArgs) -> Result<Bench> {
         bench.render.backend = backend.configured();
     }
     bench.seed = arguments.seed.unwrap_or(bench.seed);
-    Ok(bench)
+    Ok(())
 }
 
 fn sink(arguments: &RunArgs, bench: &Bench) -> Result<(Box<dyn Sink>, Option<PathBuf>)> {
@@ -175,7 +223,7 @@ fn sink(arguments: &RunArgs, bench: &Bench) -> Result<(Box<dyn Sink>, Option<Pat
 }
 
 /// `20261120T123456.789Z`: a directory name that sorts by time.
-fn stamp(at: Tai) -> String {
+pub(super) fn stamp(at: Tai) -> String {
     let text = at.to_rfc3339();
     let seconds = text.split('.').next().unwrap_or_default();
     let milliseconds = text.split('.').nth(1).and_then(|fraction| fraction.get(..3)).unwrap_or("000");
@@ -231,7 +279,10 @@ impl Setup<'_> {
         let shared: Arc<dyn Clock> = clock.clone();
         let (mut near, mut far) = self.ports(&shared)?;
         let mut computer = FlightComputer::new(bench_parts::flight_computer(self.bench, self.start));
-        let mut far_end = |now: Tai| computer.step(now, &mut far).map(|()| computer.next_due());
+        let mut far_end = |now: Tai| {
+            computer.step(now, &mut far)?;
+            Ok(computer.next_due())
+        };
         let mut send = self.sender(engine.params().frames);
         let mut progress = |frame: &SentFrame, record: &RunRecord| {
             send(frame, record);
@@ -279,7 +330,7 @@ fn far_end(
     mut port: Port,
     clock: Arc<dyn Clock>,
     over: Arc<AtomicBool>,
-) -> Result<std::thread::JoinHandle<Result<(), LinkError>>> {
+) -> Result<std::thread::JoinHandle<Result<(), FlightError>>> {
     std::thread::Builder::new()
         .name("flight computer".into())
         .spawn(move || run_until(&over, &*clock, &mut computer, &mut port))

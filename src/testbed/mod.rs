@@ -11,6 +11,8 @@ pub mod flight_computer;
 pub mod spacecraft;
 /// A star tracker that sees only pixels.
 pub mod tracker;
+/// Spacecraft, sensors, estimator and control, closed over frames.
+pub mod vehicle;
 
 mod attitude_truth;
 mod noise;
