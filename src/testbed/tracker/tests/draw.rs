@@ -67,7 +67,6 @@ impl Camera {
 pub(super) struct Shot {
     pub(super) attitude: Rotation<Sensor, Icrf>,
     pub(super) rate_rad_s: DVec3,
-    pub(super) at: Tai,
     pub(super) beta: DVec3,
     /// Light everywhere, electrons.
     pub(super) sky_e: f64,
@@ -80,8 +79,8 @@ pub(super) struct Shot {
 }
 
 impl Shot {
-    pub(super) fn still(attitude: Rotation<Sensor, Icrf>, at: Tai, beta: DVec3) -> Self {
-        Self { attitude, rate_rad_s: DVec3::ZERO, at, beta, sky_e: 0.0, missing: 0.0, false_stars: 0, hot_pixels: 0 }
+    pub(super) fn still(attitude: Rotation<Sensor, Icrf>, beta: DVec3) -> Self {
+        Self { attitude, rate_rad_s: DVec3::ZERO, beta, sky_e: 0.0, missing: 0.0, false_stars: 0, hot_pixels: 0 }
     }
 }
 
@@ -146,7 +145,7 @@ impl Painter {
             self.add_star(*place, *flux_e);
         }
         let nowhere = Rotation::IDENTITY;
-        self.read_out(&Shot { sky_e, ..Shot::still(nowhere, Tai::from_ns(0), DVec3::ZERO) })
+        self.read_out(&Shot { sky_e, ..Shot::still(nowhere, DVec3::ZERO) })
     }
 
     fn add_trail(&mut self, seen: DVec3, rate_rad_s: DVec3, flux_e: f64) {
