@@ -15,6 +15,7 @@
 mod aberration;
 mod adjust;
 mod background;
+mod blend;
 mod centroid;
 mod detect;
 mod error;

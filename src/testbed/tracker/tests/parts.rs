@@ -269,19 +269,15 @@ fn fields_have_pattern_stars() {
 fn doubles_are_merged_or_left_out() {
     let params = Camera::wide().params;
     let guide = wide_guide();
-    // No two guide stars may be within one spot: 4 sigma of 0.71 px.
-    let reach = 4.0 * params.pixel_psf_sigma_px() * params.geometry.ifov_rad();
+    // A star within 2.5 spot widths of a brighter one is pulled by 0.2 px and more: it must be out.
+    let reach = 2.5 * params.pixel_psf_sigma_px() * params.geometry.ifov_rad();
     let mut sorted: Vec<_> = guide.stars().to_vec();
     sorted.sort_unstable_by(|a, b| a.direction_icrf.z.total_cmp(&b.direction_icrf.z));
     for (at, star) in sorted.iter().enumerate() {
         let close = sorted[at + 1..].iter().take_while(|other| other.direction_icrf.z - star.direction_icrf.z < reach);
         for other in close {
             let apart = other.direction_icrf.distance(star.direction_icrf);
-            assert!(
-                apart > 0.999 * reach || other.mag_g > star.mag_g + 2.0,
-                "{star:?} {other:?}: {} px",
-                apart / params.geometry.ifov_rad()
-            );
+            assert!(apart > reach, "{star:?} {other:?}: {} px", apart / params.geometry.ifov_rad());
         }
     }
     // Control: the catalog itself has such pairs, so stars must have gone.

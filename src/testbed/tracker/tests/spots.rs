@@ -1,10 +1,11 @@
 //! Background, detection and centroids on painted stars.
 
-use super::super::Reason;
 use super::super::background::BackgroundGrid;
+use super::super::blend::Blend;
 use super::super::centroid::{SpotModel, centre_of_gravity, gaussian_fit};
 use super::super::detect::{Detector, PEAK_SIGMA};
 use super::super::track::spot_model;
+use super::super::{Reason, TrackerParams};
 use super::draw::{Painter, gaussian};
 use super::*;
 use crate::base::image::DnImage;
@@ -131,6 +132,32 @@ fn a_saturated_star_keeps_its_place() {
     let image = painter.paint(&[(truth, 2e6)], 0.0);
     let spot = gaussian_fit(&image, truth.round(), &model_of(&camera)).expect("a star");
     assert!(spot.saturated && spot.place_px.distance(truth) < 0.01, "{spot:?}");
+}
+
+/// The predicted pull against the fit of painted pairs, for a faint and a bright star.
+#[test]
+fn a_neighbour_pulls_as_predicted() {
+    let camera = Camera { params: TrackerParams { psf_sigma_px: 0.65, ..Camera::coarse().params }, ..quiet() };
+    let blend = Blend::new(&camera.params);
+    let model = SpotModel { background_sigma_e: 55.0, prnu: 0.0, ..spot_model(&camera.params, DVec2::ZERO) };
+    let limit_e = 10.0 * 55.0 * 3.545 * camera.params.pixel_psf_sigma_px();
+    let mut painter = Painter::new(quiet(), catalog(), noon(), 10);
+    for (mag, ratio) in [(5.5, 0.05), (2.0, 0.02)] {
+        let flux_e = limit_e * 10f64.powf(-0.4 * (mag - camera.params.limiting_mag));
+        for distance_px in [0.4, 1.0, 1.6, 2.2] {
+            let mut measured = 0.0;
+            for phase in 0..200_u8 {
+                let truth = DVec2::new(20.0 + f64::from(phase % 10) * 0.1, 40.0 + f64::from(phase / 10) * 0.05);
+                let neighbour = (truth + DVec2::X * distance_px, ratio * flux_e);
+                let image = painter.paint_quietly(&[(truth, flux_e), neighbour]);
+                measured += (gaussian_fit(&image, truth.round(), &model).expect("a star").place_px - truth).x / 200.0;
+            }
+            let predicted = blend.pull_px(mag, ratio, distance_px);
+            println!("G {mag}, {distance_px} px: pull {measured:.4} px, predicted {predicted:.4}");
+            // First order: a fifth of the pull, and the converter's rounding.
+            assert!((measured - predicted).abs() < 0.2 * predicted + 0.001, "{measured} px, predicted {predicted}");
+        }
+    }
 }
 
 #[test]
