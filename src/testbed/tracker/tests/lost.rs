@@ -10,7 +10,7 @@ use glam::{DMat3, DVec2};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
-/// Further off than this is a wrong field: half a pixel of the camera, twenty times the noise.
+/// Further off than ten pixels is a wrong field; right ones are within one, roll included.
 fn is_wrong(camera: &Camera, error_rad: f64) -> bool {
     error_rad > 10.0 * camera.params.geometry.ifov_rad()
 }
@@ -80,27 +80,31 @@ fn random_attitudes_are_found() {
 
 #[test]
 fn random_attitudes_are_found_among_false_and_missing_stars() {
-    assert_found(&survey(Camera::coarse(), coarse_guide(), 300, 22, &dirty(), false));
+    assert_found(&survey(Camera::coarse(), coarse_guide(), 200, 22, &dirty(), false));
 }
 
 #[test]
 fn random_attitudes_are_found_on_a_large_detector() {
-    assert_found(&survey(Camera::wide(), wide_guide(), 40, 23, &still(), false));
-    assert_found(&survey(Camera::wide(), wide_guide(), 40, 24, &dirty(), false));
+    assert_found(&survey(Camera::wide(), wide_guide(), 20, 23, &still(), false));
+    assert_found(&survey(Camera::wide(), wide_guide(), 20, 24, &dirty(), false));
 }
 
 #[test]
 fn random_attitudes_are_found_through_a_distorted_narrow_lens() {
     let camera = Camera::narrow();
-    assert_found(&survey(camera, guide_of(&camera), 20, 25, &dirty(), false));
+    assert_found(&survey(camera, guide_of(&camera), 10, 25, &dirty(), false));
 }
 
+/// Trails of 2.5, 5 and 20 px on the coarse detector: solved when the rate is told, also guessed from the spots' shape;
+/// never wrong.
 #[test]
 fn trails_are_solved_or_refused() {
-    let camera = Camera { steps: 24, ..Camera::wide() };
-    for (deg_s, told, least) in [(0.5, true, 25), (1.0, true, 25), (1.0, false, 20), (4.0, true, 0), (4.0, false, 0)] {
+    for (deg_s, steps, told, least) in
+        [(2.0, 8, true, 20), (4.0, 12, true, 20), (4.0, 12, false, 16), (16.0, 40, false, 0)]
+    {
+        let camera = Camera { steps, ..Camera::coarse() };
         let shot = Shot { rate_rad_s: DVec3::new(0.6, 0.8, 0.3) * deg_s * DEG, ..still() };
-        let tally = survey(camera, wide_guide(), 25, 26, &shot, told);
+        let tally = survey(camera, coarse_guide(), 20, 26, &shot, told);
         assert!(tally.wrong == 0 && tally.solved >= least, "{deg_s} deg/s, told {told}: {tally:?}");
     }
 }
@@ -122,7 +126,7 @@ fn mirrored(image: &DnImage) -> DnImage {
 
 #[test]
 fn mirrored_skies_and_noise_are_refused() {
-    for (camera, guide, frames) in [(Camera::coarse(), coarse_guide(), 100), (Camera::wide(), wide_guide(), 10)] {
+    for (camera, guide, frames) in [(Camera::coarse(), coarse_guide(), 60), (Camera::wide(), wide_guide(), 6)] {
         let mut painter = Painter::new(camera, catalog(), noon(), 27);
         let mut random = StdRng::seed_from_u64(27);
         let skies =

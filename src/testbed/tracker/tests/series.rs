@@ -41,11 +41,11 @@ fn squared_error(solution: &Solution, truth: &Rotation<Sensor, Icrf>) -> f64 {
 #[test]
 fn tracking_follows_a_slew() {
     for with_gyro in [true, false] {
-        let camera = Camera { steps: 16, ..Camera::wide() };
+        let camera = Camera { steps: 10, ..Camera::wide() };
         let mut bench = Bench::new(camera, wide_guide(), 41);
         let mut attitude = random_attitude(&mut StdRng::seed_from_u64(41));
         let (mut worst, mut tracked) = (0.0_f64, 0);
-        for frame in 0..30_u32 {
+        for frame in 0..24_u32 {
             let speed = if with_gyro { (f64::from(frame) * 0.05).min(1.0) } else { 1.0 };
             let rate_rad_s = DVec3::new(0.5, -0.7, 0.5) * speed * DEG;
             let shot = Shot { rate_rad_s, ..Shot::still(attitude, beta()) };
@@ -56,8 +56,8 @@ fn tracking_follows_a_slew() {
             let next = DVec3::new(0.5, -0.7, 0.5) * (if with_gyro { speed + 0.025 } else { 1.0 }).min(1.0) * DEG;
             attitude = attitude.rotated_by(next * STEP_S);
         }
-        // Without a gyro the second frame is still lost in space: only two attitudes give a rate.
-        assert!(tracked >= 28, "gyro {with_gyro}: {tracked} of 30 tracked");
+        // Without a gyro the second frame may still be lost in space: only two attitudes give a rate.
+        assert!(tracked >= 22, "gyro {with_gyro}: {tracked} of 24 tracked");
         // Chi-square with 3 degrees of freedom exceeds 35 with a probability of 1e-7.
         assert!(worst < 35.0, "gyro {with_gyro}: squared error {worst} of its covariance");
     }
