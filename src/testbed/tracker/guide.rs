@@ -1,10 +1,8 @@
 //! Catalog, epoch -> the guide stars a tracker knows the sky by, brightest first, with their pair index.
 //!
 //! * proper motion carries each star to the epoch, linearly (for 60 years and the fastest star within 0.1 arcsec);
-//! * a star with a brighter neighbour in its spot is left out; a fainter neighbour pulls the spot's centre, by first
-//!   order of the least-squares fit of a Gaussian of width s to two Gaussians of flux ratio r at distance d:
-//!   `d r / (1 + r) exp(-d^2 / 4 s^2)`. That pull is added to the star's place when it is small or the two are merged,
-//!   and the star is left out otherwise;
+//! * a star with a brighter neighbour in its spot is left out; a fainter neighbour pulls the spot's centre ([`Blend`]).
+//!   That pull is added to the star's place when it is small or the two are merged; otherwise the star is left out;
 //! * the brightest stars, [`PATTERN_STARS_PER_FIELD`] to a field on average, are the pattern stars, whose pairs are
 //!   indexed.
 //!
@@ -12,6 +10,7 @@
 //! `doubles_are_merged_or_left_out`, `proper_motion_is_carried`, `fields_have_pattern_stars`.
 
 use super::aberration::{apparent, earth_beta};
+use super::blend::Blend;
 use super::error::TrackerError;
 use super::geometry::Geometry;
 use super::pairs::PairIndex;
@@ -31,12 +30,14 @@ const MOST_PATTERN_STARS: usize = 12_000;
 const FEWEST_GUIDE_STARS: usize = 100;
 /// Neighbours fainter than a guide star by more than this pull it by less than 0.02 spot widths, mag.
 const FAINTEST_NEIGHBOUR_MAG: f64 = 4.0;
-/// Reach of a brighter neighbour, in spot widths, beyond which spots are apart.
-const BLEND_SIGMA: f64 = 4.0;
-/// Largest pull that the first-order formula may correct, px.
-const MOST_PULL_PX: f64 = 0.05;
+/// Reach of a neighbour, in spot widths: the window and half a spot more.
+const BLEND_SIGMA: f64 = 5.0;
+/// Largest sum of pulls that is corrected, px: first order and the guessed flux leave a fifth of it.
+const MOST_PULL_PX: f64 = 0.03;
 /// Distance within which two stars count as one spot, px: there the formula is exact to first order.
 const MERGED_PX: f64 = 0.5;
+/// Most that merged neighbours add to a star's brightness, mag.
+const MERGER_MAG: f64 = 1.0;
 /// Width added to the field's cone for aberration, rad.
 const CONE_MARGIN_RAD: f64 = 2e-4;
 
@@ -170,10 +171,9 @@ fn guide_stars(catalog: &Catalog, params: &TrackerParams, years: f64) -> Vec<Gui
         .map(|source| GuideStar { id: source.id, direction_icrf: moved(source, years), mag_g: f64::from(source.mag_g) })
         .collect();
     stars.sort_unstable_by(|a, b| a.direction_icrf.z.total_cmp(&b.direction_icrf.z).then(a.id.cmp(&b.id)));
-    let spot = SpotOnSky {
-        sigma_rad: params.pixel_psf_sigma_px() * params.geometry.ifov_rad(),
-        pixel_rad: params.geometry.ifov_rad(),
-    };
+    let pixel_rad = params.geometry.ifov_rad();
+    let reach_rad = BLEND_SIGMA * params.pixel_psf_sigma_px() * pixel_rad;
+    let spot = SpotOnSky { blend: Blend::new(params), reach_rad, pixel_rad };
     (0..stars.len()).filter_map(|at| spot.photocentre(&stars, at, params.limiting_mag)).collect()
 }
 
@@ -187,7 +187,8 @@ fn moved(source: &CatalogSource, years: f64) -> DVec3 {
 }
 
 struct SpotOnSky {
-    sigma_rad: f64,
+    blend: Blend,
+    reach_rad: f64,
     pixel_rad: f64,
 }
 
@@ -195,27 +196,34 @@ impl SpotOnSky {
     /// The star `at` of a list sorted by z, where its spot's centre lies, or `None` when it cannot serve.
     fn photocentre(&self, stars: &[GuideStar], at: usize, limiting_mag: f64) -> Option<GuideStar> {
         let star = stars[at];
-        let reach = BLEND_SIGMA * self.sigma_rad;
-        let mut pull = DVec3::ZERO;
-        let mut flux = 1.0;
-        let near_in_z = |other: &&GuideStar| (other.direction_icrf.z - star.direction_icrf.z).abs() <= reach;
+        if star.mag_g > limiting_mag + MERGER_MAG {
+            return None;
+        }
+        let (mut pull, mut unsure_px, mut flux) = (DVec3::ZERO, 0.0, 1.0);
+        let near_in_z = |other: &&GuideStar| (other.direction_icrf.z - star.direction_icrf.z).abs() <= self.reach_rad;
         let before = stars[..at].iter().rev().take_while(near_in_z);
         for other in before.chain(stars[at + 1..].iter().take_while(near_in_z)) {
             let apart = other.direction_icrf - star.direction_icrf;
             let distance = apart.length();
-            if distance > reach {
+            if distance > self.reach_rad {
                 continue;
             }
-            if (other.mag_g, other.id) < (star.mag_g, star.id) {
-                return None;
-            }
             let ratio = 10f64.powf(-0.4 * (other.mag_g - star.mag_g));
-            let share = ratio / (1.0 + ratio) * (-0.25 * (distance / self.sigma_rad).powi(2)).exp();
-            if distance > MERGED_PX * self.pixel_rad && share * distance > MOST_PULL_PX * self.pixel_rad {
+            let distance_px = distance / self.pixel_rad;
+            // Within half the reach a brighter star pulls by 0.2 px and more: no need of the sum.
+            if (other.mag_g, other.id) < (star.mag_g, star.id) && distance < 0.5 * self.reach_rad {
                 return None;
             }
-            pull += share * apart;
-            flux += share * (1.0 + ratio);
+            let pull_px = self.blend.pull_px(star.mag_g, ratio, distance_px);
+            if distance_px < MERGED_PX {
+                flux += ratio;
+            } else {
+                unsure_px += pull_px;
+            }
+            if unsure_px > MOST_PULL_PX {
+                return None;
+            }
+            pull += pull_px / distance_px.max(f64::MIN_POSITIVE) * apart;
         }
         let mag_g = star.mag_g - 2.5 * flux.log10();
         (mag_g <= limiting_mag).then(|| GuideStar {

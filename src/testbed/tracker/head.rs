@@ -1,7 +1,7 @@
 //! One tracker head: image after image -> attitude or the reason why there is none.
 //!
 //! Lost in space until a frame is identified, then tracking; after too many frames without an attitude lost in space
-//! again. After its first frames it allocates nothing. Tests: `tests`.
+//! again. Its buffers are reused; richer fields than ever before may grow one once. Tests: `tests::lost`, `tests::series`.
 
 use super::adjust::{Adjusted, MatchedStar};
 use super::background::BackgroundGrid;
@@ -195,7 +195,14 @@ impl Tracker {
         let rate = known.unwrap_or(DVec3::ZERO);
         let attitude = track.attitude.rotated_by(rate * (at - track.at).s());
         let prediction = Prediction { attitude, rate_rad_s: rate, beta };
-        let followed = self.follower.follow(&self.params, &self.guide, image, &prediction, &mut self.matches);
+        let mut followed = self.follower.follow(&self.params, &self.guide, image, &prediction, &mut self.matches);
+        if let (Ok((found, _)), None) = (&followed, known) {
+            // The stars were measured as points; now that the motion is known, as trails.
+            let gap_s = (at - track.at).s().max(self.params.exposure_s);
+            let rate_rad_s = track.attitude.rotation_vector_to(&found.attitude) / gap_s;
+            let again = Prediction { attitude: found.attitude, rate_rad_s, beta };
+            followed = self.follower.follow(&self.params, &self.guide, image, &again, &mut self.matches);
+        }
         let solved = followed.and_then(|(found, background_dn)| self.accept(found, at, Mode::Tracking, background_dn));
         match solved {
             Ok(solution) => {

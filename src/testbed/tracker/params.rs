@@ -65,7 +65,7 @@ impl TrackerParams {
             search_radius_px: 8.0,
             most_misses: 3,
             false_match_probability: 1e-6,
-            centroid_floor_px: 0.003,
+            centroid_floor_px: 0.001,
             most_chi_square_per_dof: 6.0,
         }
     }

@@ -15,6 +15,8 @@ use rand::{RngExt, SeedableRng};
 const POOL: usize = 1 << 20;
 /// Half-width of a star's stamp, px: 6 sigma of the widest spot here.
 const STAMP_PX: i64 = 6;
+/// Width of a stamp, px.
+const STAMP_WIDTH: usize = 13;
 
 /// A camera as it is; the tracker knows only `params`.
 #[derive(Debug, Clone, Copy)]
@@ -67,7 +69,6 @@ impl Camera {
 pub(super) struct Shot {
     pub(super) attitude: Rotation<Sensor, Icrf>,
     pub(super) rate_rad_s: DVec3,
-    pub(super) at: Tai,
     pub(super) beta: DVec3,
     /// Light everywhere, electrons.
     pub(super) sky_e: f64,
@@ -80,8 +81,8 @@ pub(super) struct Shot {
 }
 
 impl Shot {
-    pub(super) fn still(attitude: Rotation<Sensor, Icrf>, at: Tai, beta: DVec3) -> Self {
-        Self { attitude, rate_rad_s: DVec3::ZERO, at, beta, sky_e: 0.0, missing: 0.0, false_stars: 0, hot_pixels: 0 }
+    pub(super) fn still(attitude: Rotation<Sensor, Icrf>, beta: DVec3) -> Self {
+        Self { attitude, rate_rad_s: DVec3::ZERO, beta, sky_e: 0.0, missing: 0.0, false_stars: 0, hot_pixels: 0 }
     }
 }
 
@@ -146,7 +147,23 @@ impl Painter {
             self.add_star(*place, *flux_e);
         }
         let nowhere = Rotation::IDENTITY;
-        self.read_out(&Shot { sky_e, ..Shot::still(nowhere, Tai::from_ns(0), DVec3::ZERO) })
+        self.read_out(&Shot { sky_e, ..Shot::still(nowhere, DVec3::ZERO) })
+    }
+
+    /// A frame of given stars without any noise.
+    pub(super) fn paint_quietly(&mut self, stars: &[(DVec2, f64)]) -> DnImage {
+        let Camera { params, .. } = self.camera;
+        let g = params.geometry;
+        self.electrons.clear();
+        self.electrons.resize(g.width_px * g.height_px, 0.0);
+        for (place, flux_e) in stars {
+            self.add_star(*place, *flux_e);
+        }
+        let mut image = DnImage::new(g.width_px, g.height_px);
+        for (dn, light) in image.pixels_mut().iter_mut().zip(&self.electrons) {
+            *dn = digital(params.detector.black_level_dn + light / params.detector.gain_e_per_dn, u16::MAX);
+        }
+        image
     }
 
     fn add_trail(&mut self, seen: DVec3, rate_rad_s: DVec3, flux_e: f64) {
@@ -170,12 +187,16 @@ impl Painter {
             let offset = pixel as f64 - centre;
             0.5 * (erf((offset + 0.5) * scale) - erf((offset - 0.5) * scale))
         };
-        let (middle_x, middle_y) = (whole(place.x), whole(place.y));
-        for y in (middle_y - STAMP_PX).max(0)..(middle_y + STAMP_PX + 1).min(g.height_px as i64) {
+        let (left, top) = (whole(place.x) - STAMP_PX, whole(place.y) - STAMP_PX);
+        let mut columns = [0.0; STAMP_WIDTH];
+        for (column, light) in (left..).zip(&mut columns) {
+            *light = share(column, place.x);
+        }
+        for y in top.max(0)..(top + 2 * STAMP_PX + 1).min(g.height_px as i64) {
             let row = flux_e * share(y, place.y);
-            for x in (middle_x - STAMP_PX).max(0)..(middle_x + STAMP_PX + 1).min(g.width_px as i64) {
+            for (x, light) in (left..).zip(&columns).filter(|(x, _)| (0..g.width_px as i64).contains(x)) {
                 let at = usize::try_from(y).unwrap() * g.width_px + usize::try_from(x).unwrap();
-                self.electrons[at] += row * share(x, place.x);
+                self.electrons[at] += row * light;
             }
         }
     }

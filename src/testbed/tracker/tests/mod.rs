@@ -1,7 +1,10 @@
 //! Whole frames drawn by `draw`, and each part by itself.
 
 mod draw;
-mod sky;
+mod lost;
+mod parts;
+mod series;
+mod spots;
 
 use super::{GuideStars, earth_beta};
 use crate::base::time::Tai;
