@@ -7,7 +7,7 @@
 use crate::base::axes::{Body, Icrf, Rotation, Sensor};
 use crate::base::clock::{Clock, Virtual};
 use crate::base::time::{Span, Tai};
-use crate::config::{ConfigError, Event, Scenario, StartTime};
+use crate::config::{Action, ConfigError, Event, Scenario, StartTime};
 use crate::link::Port;
 use crate::link::simulated::simulated_pair;
 use crate::link::tap::{FaultControl, FaultyLink};
@@ -20,7 +20,7 @@ use crate::runtime::{EventKind, FrameEngine, RunError, RunRecord};
 use crate::sink::{FrameMeta, SentFrame, Sink, SinkSummary, TapEnd, Tee, tap};
 use crate::testbed::acs::linear::PointingLoop;
 use crate::testbed::acs::pointing_error::PointingNoise;
-use crate::testbed::estimator::GyroNoise;
+use crate::testbed::estimator::{GyroNoise, MekfCounts};
 use crate::testbed::flight_computer::{FlightComputer, FlightError};
 use crate::testbed::vehicle::{TelemetryRow, Vehicle, VehicleError, VehicleParams};
 use crate::wiring::assessment::Assessment;
@@ -34,6 +34,8 @@ use std::sync::Arc;
 
 /// Frames on their way to a tracker.
 const TAP_FRAMES: usize = 8;
+/// Half a turn at half a degree per second, and settling: recovery counts from then on.
+const LONGEST_SLEW: Span = Span::from_ms(450_000);
 /// Streams of the seed, so that faults, frames and sensors do not share numbers.
 const BUS_SEED: u64 = 0x6275_7300;
 
@@ -106,6 +108,10 @@ pub struct LoopOutcome {
     pub assessment: Assessment,
     /// Every fault and what it hit.
     pub faults: Vec<FaultLine>,
+    /// What became of the attitudes that the estimator was given.
+    pub estimator: MekfCounts,
+    /// Frames that came without a time tag and were not used.
+    pub untagged: u64,
     /// What linear theory makes of the tracker's noise: rms error of the boresight's direction, rad.
     pub predicted_pointing_rad: Option<f64>,
 }
@@ -188,8 +194,12 @@ impl ClosedLoop {
         // A stable sort, latest first: what was added first comes first among simultaneous ones.
         far.aboard.reverse();
         far.aboard.sort_by_key(|(at, _)| core::cmp::Reverse(*at));
+        if matches!(event.action, Action::Slew(_)) {
+            let from = self.zero + event.at;
+            far.witness.expect_disturbance(from, from + LONGEST_SLEW);
+        }
         if let Some(fault) = self.faults.faults().get(before) {
-            far.witness.expect_fault(fault.from, fault.until);
+            far.witness.expect_disturbance(fault.from, fault.until);
             let span = fault.until - fault.from;
             self.going.record_mut().ledger.note(LedgerEvent::new(EventKind::Fault, fault.from, None, span));
         }
@@ -300,13 +310,16 @@ impl ClosedLoop {
         let record = self.going.into_record();
         let far = self.far.into_inner();
         let assessment = far.witness.finish(&record, &faults, now);
+        let estimator = far.computer.vehicle().map(Vehicle::estimator_counts).unwrap_or_default();
+        let reports = far.computer.vehicle().map(Vehicle::head_reports);
+        let untagged = reports.map_or(0, |reports| reports.map(|report| report.untagged).sum());
         let vehicle = far.computer.vehicle().map(Vehicle::params);
         let predicted = |vehicle| {
             let latency_s = 0.5 * exposure_s + readout_s;
             Some(predicted_pointing_rad(vehicle, assessment.nea_rad()?, period_s, latency_s))
         };
         let predicted_pointing_rad = vehicle.and_then(predicted);
-        Ok(LoopOutcome { record, sinks, assessment, faults, predicted_pointing_rad })
+        Ok(LoopOutcome { record, sinks, assessment, faults, estimator, untagged, predicted_pointing_rad })
     }
 
     fn go(
@@ -338,6 +351,7 @@ impl ClosedLoop {
 impl FarSide {
     /// Everything due by `now`; when the next thing is due.
     fn step(&mut self, now: Tai) -> Result<Tai, FarEndError> {
+        self.computer.listen(now, &mut self.port)?;
         self.take_frames(now);
         while let Some((_, action)) = self.aboard.last().copied().filter(|(at, _)| *at <= now) {
             self.aboard.pop();
@@ -451,7 +465,6 @@ fn predicted_pointing_rad(vehicle: &VehicleParams, nea_rad: f64, period_s: f64, 
 }
 
 fn check_event(event: &Event, heads: usize, wheels: usize) -> Result<(), LoopError> {
-    use crate::config::Action;
     let what = crate::wiring::faults::action_name(&event.action);
     let refuse = |why: String| Err(LoopError::Event { what, why });
     match event.action {

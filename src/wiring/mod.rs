@@ -7,6 +7,8 @@ pub mod assessment;
 pub mod bench_parts;
 pub mod camera_parts;
 pub mod closed_loop;
+pub mod campaign;
+pub mod fault_schedule;
 pub mod faults;
 pub mod seeded;
 pub mod vehicle_parts;

@@ -376,6 +376,10 @@ impl Vehicle {
             wheel_speed_rad_s: speeds.iter().fold(0.0, |most, speed| f64::max(most, speed.abs())),
             wheel_momentum_n_m_s: self.spacecraft.wheel_momentum_n_m_s().length(),
             heads_solved: u32::try_from(solved).unwrap_or(u32::MAX),
+            no_solution: match self.heads.first().and_then(|head| head.report.last) {
+                Some(Outcome::NoSolution(reason)) => Some(reason),
+                _ => None,
+            },
             stars: self.solution().map_or(0, |solution| solution.stars),
             tracker_sigma_rad: self.solution().map(|solution| {
                 let variance = solution.covariance_rad2;
