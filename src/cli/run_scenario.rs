@@ -125,7 +125,7 @@ fn telemetry_file(going: &mut ClosedLoop, directory: &Path) -> Result<TelemetryF
 }
 
 /// Columns of `telemetry.csv`; angles are rotation vectors in body axes.
-const COLUMNS: [&str; 25] = [
+const COLUMNS: [&str; 26] = [
     "t_s",
     "mode",
     "pointing_x_arcsec",
@@ -144,6 +144,7 @@ const COLUMNS: [&str; 25] = [
     "torque_x_n_m",
     "torque_y_n_m",
     "torque_z_n_m",
+    "vibration_arcsec",
     "wheel_speed_rad_s",
     "wheel_momentum_n_m_s",
     "heads_solved",
@@ -162,6 +163,7 @@ fn cells(row: &TelemetryRow, zero: crate::base::time::Tai) -> Vec<String> {
     cells.extend(arcsec(row.rate_rad_s));
     cells.extend(arcsec(row.bias_error_rad_s));
     cells.extend(row.torque_n_m.to_array().map(|x| format!("{x:.9}")));
+    cells.push(format!("{:.6}", row.vibration_rad / ARCSEC));
     cells.push(format!("{:.6}", row.wheel_speed_rad_s));
     cells.push(format!("{:.9}", row.wheel_momentum_n_m_s));
     cells.push(row.heads_solved.to_string());

@@ -54,6 +54,10 @@ pub struct ScenarioReport {
     pub largest_rendered_error_arcsec: f64,
     /// Smallest angle between the kept boresight and the Sun, deg.
     pub least_sun_angle_deg: Option<f64>,
+    /// Largest micro-vibration, arcsec.
+    pub largest_vibration_arcsec: Option<f64>,
+    /// Largest wheel speed when it was largest, revolutions per second.
+    pub wheel_speed_then_hz: Option<f64>,
     /// Mode changes (the first 256).
     pub modes: Vec<ModeLine>,
     /// Faults and what they hit.
@@ -106,6 +110,8 @@ impl ScenarioReport {
             frames_held_to_truth,
             largest_rendered_error_arcsec,
             least_sun_angle_deg: assessment.least_sun_angle_rad().map(f64::to_degrees),
+            largest_vibration_arcsec: assessment.vibration().map(|(arcsec, _)| arcsec),
+            wheel_speed_then_hz: assessment.vibration().map(|(_, hz)| hz),
             modes: assessment.mode_lines().to_vec(),
             faults: outcome.faults.clone(),
             refusals: assessment.refusals().to_vec(),
@@ -174,6 +180,9 @@ fn write_table(text: &mut String, report: &ScenarioReport) -> core::fmt::Result 
     }
     if let Some(angle) = report.least_sun_angle_deg {
         writeln!(text, "Sun       never nearer than {angle:.2} deg to the kept boresight")?;
+    }
+    if let (Some(arcsec), Some(hz)) = (report.largest_vibration_arcsec, report.wheel_speed_then_hz) {
+        writeln!(text, "vibration at most {arcsec:.3} arcsec, with a wheel at {hz:.2} revolutions per second")?;
     }
     for mode in report.modes.iter().take(20) {
         writeln!(text, "mode      {:9.1} s  {} -> {} ({})", mode.t_s, mode.from, mode.to, mode.cause)?;

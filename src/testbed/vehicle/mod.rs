@@ -90,6 +90,7 @@ pub struct Vehicle {
     known_since: Option<Tai>,
     /// What was commanded last; shown in telemetry whatever the control makes of it.
     target: Rotation<Body, Icrf>,
+    largest_vibration_rad: f64,
     telemetry: Telemetry,
 }
 
@@ -125,6 +126,7 @@ impl Vehicle {
             control_steps: 0,
             known_since: None,
             target: params.target,
+            largest_vibration_rad: 0.0,
             telemetry: Telemetry::default(),
             spacecraft,
             vibration,
@@ -158,7 +160,9 @@ impl Vehicle {
         let speeds = self.spacecraft.wheel_speeds_rad_s();
         let Some(vibration) = self.vibration.as_mut() else { return Ok(DVec3::ZERO) };
         vibration.advance_to(at, speeds);
-        Ok(vibration.sample(at.min(vibration.time()))?)
+        let sample = vibration.sample(at.min(vibration.time()))?;
+        self.largest_vibration_rad = self.largest_vibration_rad.max(sample.length());
+        Ok(sample)
     }
 
     /// Hears when a frame was exposed.
@@ -194,6 +198,7 @@ impl Vehicle {
         self.control_steps += 1;
         if self.control_steps % u64::from(self.params.telemetry_every.max(1)) == 0 {
             let row = self.row(at, &truth, &output);
+            self.largest_vibration_rad = 0.0;
             self.telemetry.rows.push(row);
         }
         Ok(())
@@ -373,6 +378,7 @@ impl Vehicle {
             rate_rad_s: truth.rate_rad_s,
             bias_error_rad_s: self.estimator.bias_rad_s() - self.gyro.bias_rad_s(),
             torque_n_m: output.torque_n_m,
+            vibration_rad: self.largest_vibration_rad,
             wheel_speed_rad_s: speeds.iter().fold(0.0, |most, speed| f64::max(most, speed.abs())),
             wheel_momentum_n_m_s: self.spacecraft.wheel_momentum_n_m_s().length(),
             heads_solved: u32::try_from(solved).unwrap_or(u32::MAX),

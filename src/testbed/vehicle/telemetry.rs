@@ -27,6 +27,8 @@ pub struct TelemetryRow {
     pub bias_error_rad_s: DVec3,
     /// Commanded torque, N m.
     pub torque_n_m: DVec3,
+    /// Largest micro-vibration that went over the bus since the last row, rad.
+    pub vibration_rad: f64,
     /// Largest wheel speed, rad/s.
     pub wheel_speed_rad_s: f64,
     /// Momentum of the wheels, N m s.
@@ -44,7 +46,7 @@ pub struct TelemetryRow {
 }
 
 /// Bytes of one row.
-pub const ROW_BYTES: usize = 8 * 24;
+pub const ROW_BYTES: usize = 8 * 25;
 
 impl TelemetryRow {
     /// The row as little-endian numbers of eight bytes.
@@ -63,7 +65,7 @@ impl TelemetryRow {
         let sigma = self.tracker_sigma_rad.unwrap_or(f64::NAN);
         let mut bytes = [0; ROW_BYTES];
         let words = [self.at.ns().cast_unsigned(), self.mode as u64].into_iter();
-        let words = words.chain(numbers.into_iter().flatten().chain([sigma]).map(f64::to_bits));
+        let words = words.chain(numbers.into_iter().flatten().chain([sigma, self.vibration_rad]).map(f64::to_bits));
         for (place, word) in bytes.chunks_exact_mut(8).zip(words) {
             place.copy_from_slice(&word.to_le_bytes());
         }
