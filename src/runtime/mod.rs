@@ -10,8 +10,10 @@ pub mod delivery;
 pub mod engine;
 pub mod error;
 pub mod frame_faults;
+pub mod hygiene;
 pub mod imager;
 pub mod ledger;
+pub mod load;
 pub mod outcome;
 pub mod params;
 pub mod real_time;
@@ -24,6 +26,7 @@ pub mod virtual_time;
 
 pub use engine::{FrameEngine, Slot};
 pub use error::RunError;
+pub use hygiene::{Hygiene, HygieneParams};
 pub use imager::{BackendChoice, Imager};
 pub use ledger::{EventKind, Ledger};
 pub use outcome::RunOutcome;
