@@ -8,6 +8,7 @@ use crate::cli::frame_plan::FramePlans;
 use crate::cli::run::Finished;
 use crate::exposure::{ExposurePlan, Rung};
 use crate::report::{BudgetLine, LineVerdict, Stage};
+use crate::runtime::load::ratio_of;
 use anyhow::Result;
 
 /// Lines of advice; none when nothing is broken.
@@ -34,10 +35,10 @@ pub(super) fn advice(finished: &Finished, lines: &[BudgetLine], render_limit_ms:
     let mut frames = FramePlans::new(&finished.bench, finished.start, params)?;
     let mut planner = frames.planner(cost, None);
     let whole = frames.plan(slowest.number, &mut planner)?;
-    // What was drawn may have been degraded already: its own cost is not kept, the whole frame's is an upper bound.
-    let times_as_long = (took.ms() / whole.chosen.cost_ms.max(1e-3)).max(1.0);
+    // What was drawn may have been degraded already; its own cost is not kept, so the load may be higher than this.
+    let times_as_long = ratio_of(whole.chosen.cost_ms, took.ms()).unwrap_or(1.0);
     advice.push(format!(
-        "frame {} took {:.2} ms to draw (rung {}, {}); whole: {}, {:.1} times as predicted on this run",
+        "frame {} took {:.2} ms to draw (rung {}, {}); whole: {}, about {:.1} times as long as predicted",
         slowest.number,
         took.ms(),
         slowest.rung,

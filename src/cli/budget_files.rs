@@ -14,12 +14,13 @@ const WORST: usize = 16;
 /// When the directory or a file cannot be written.
 pub(super) fn write(directory: &Path, report: &BudgetReport, ring: &FrameRing) -> Result<()> {
     std::fs::create_dir_all(directory).with_context(|| format!("--report: {}", directory.display()))?;
-    let title = format!("{}: the {WORST} worst of {} frames", report.bench, ring.total());
+    let worst = ring.worst(WORST);
+    let title = format!("{}: the {} worst of {} frames", report.bench, worst.len(), ring.total());
     let files = [
         ("budget.json", report.to_json_pretty()?.into_bytes()),
         ("frames_timing.csv", frames_csv(ring.last())?),
         ("junit.xml", to_junit(report).into_bytes()),
-        ("worst.svg", timeline_svg(&title, &ring.worst(WORST)).into_bytes()),
+        ("worst.svg", timeline_svg(&title, &worst).into_bytes()),
     ];
     for (name, bytes) in files {
         write_file_atomically(&directory.join(name), |out| out.write_all(&bytes))?;

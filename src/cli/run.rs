@@ -146,7 +146,7 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
         StartTime::Now => Monotonic::start().now(),
     };
     // First: whoever draws first starts the drawing threads.
-    let hygiene = (arguments.clock == ClockKind::Real).then(|| prepared_hygiene(&bench));
+    let hygiene = (arguments.clock == ClockKind::Real).then(|| prepared_hygiene(&bench, !arguments.quiet));
     let mut params = bench_parts::run_params(&bench, start)?;
     let imager = bench_parts::imager(&params)?;
     // The virtual clock never sees what this machine measured: its runs repeat everywhere.
@@ -177,14 +177,15 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
 }
 
 /// What the bench asks of the system, with what cannot be had told at once.
-fn prepared_hygiene(bench: &Bench) -> Arc<Hygiene> {
+fn prepared_hygiene(bench: &Bench, say: bool) -> Arc<Hygiene> {
     let config::Budget { realtime, priority, affinity, .. } = bench.budget.clone();
-    let say = |line: &HygieneLine| {
+    let tell: fn(&HygieneLine) = |line| {
         if !line.got {
             eprintln!("starloop: not had: {}: {}", line.what, line.detail);
         }
     };
-    let hygiene = Arc::new(Hygiene::new(HygieneParams { realtime, priority, affinity }).announcing(say));
+    let hygiene = Hygiene::new(HygieneParams { realtime, priority, affinity });
+    let hygiene = Arc::new(if say { hygiene.announcing(tell) } else { hygiene });
     hygiene.prepare();
     hygiene
 }

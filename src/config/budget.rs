@@ -49,6 +49,7 @@ pub(super) struct BudgetKeys {
     render_ms: Option<f64>,
     detector_ms: Option<f64>,
     readback_ms: Option<f64>,
+    handover_ms: Option<f64>,
     queue_ms: Option<f64>,
     sink_ms: Option<f64>,
     total_ms: Option<f64>,
@@ -62,7 +63,7 @@ pub(super) struct BudgetKeys {
 
 impl BudgetKeys {
     /// Stages by their names, and what was given for them.
-    fn stages(&self) -> [(&'static str, Option<f64>); 14] {
+    fn stages(&self) -> [(&'static str, Option<f64>); 15] {
         [
             ("wake", self.wake_ms),
             ("receive", self.receive_ms),
@@ -76,6 +77,7 @@ impl BudgetKeys {
             ("render", self.render_ms),
             ("detector", self.detector_ms),
             ("readback", self.readback_ms),
+            ("handover", self.handover_ms),
             ("queue", self.queue_ms),
             ("sink", self.sink_ms),
         ]

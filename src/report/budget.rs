@@ -180,13 +180,15 @@ impl BudgetReport {
         self.lines.iter().filter(|line| line.verdict == LineVerdict::Broken)
     }
 
-    /// What broke the budget: the first broken line that names a stage of work; else the cause of most misses; else the
-    /// first broken line. `None` when the budget is met.
+    /// What broke the budget: of the broken stages of work the one that is furthest over its limit; else the cause of most
+    /// misses; else the longest stage, or the first broken line. `None` when the budget is met.
     #[must_use]
     pub fn culprit(&self) -> Option<String> {
         let first = self.broken().next()?;
         let is_work = |line: &&BudgetLine| Stage::OF_A_FRAME.iter().any(|stage| stage.name() == line.name);
-        let stage = self.broken().find(is_work).map(|line| line.name.to_owned());
+        let over_ms = |line: &BudgetLine| line.times.map_or(0.0, |times| times.p99_ms) - line.limit.unwrap_or(0.0);
+        let furthest = self.broken().filter(is_work).max_by(|a, b| over_ms(a).total_cmp(&over_ms(b)));
+        let stage = furthest.map(|line| line.name.to_owned());
         let most_missed = self.misses.iter().max_by_key(|(_, count)| **count).map(|(cause, _)| cause.clone());
         Some(stage.or(most_missed).unwrap_or_else(|| self.longest_stage().unwrap_or(first.name).to_owned()))
     }

@@ -53,6 +53,8 @@ stages! {
     Detector = "detector",
     /// DN from the device to memory. Absent where memory is shared.
     Readback = "readback",
+    /// Finished image to the sink's queue: what the policy does, the copy that may be sent again.
+    Handover = "handover",
     /// Waiting for the sink thread.
     Queue = "queue",
     /// Sending.
@@ -66,7 +68,7 @@ impl Stage {
     pub const COUNT: usize = Self::ALL.len();
 
     /// The stages a frame goes through one after another, from its release to its delivery.
-    pub const OF_A_FRAME: [Self; 11] = [
+    pub const OF_A_FRAME: [Self; 12] = [
         Self::Wake,
         Self::Receive,
         Self::Attitude,
@@ -76,6 +78,7 @@ impl Stage {
         Self::Render,
         Self::Detector,
         Self::Readback,
+        Self::Handover,
         Self::Queue,
         Self::Sink,
     ];

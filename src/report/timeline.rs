@@ -1,8 +1,8 @@
 //! The worst frames as a chart: one row per frame, one bar per stage from its release, the deadline as a line.
 //!
 //! Input: frame records. Output: one SVG text on white, the same for the same input; colours of the other charts, the
-//! second round of them lighter. *Limits.* Bars stand one after another as the stages followed each other; between the
-//! end of drawing and the queue there may be a gap. Text widths are estimated. *Validation.* the tests parse it as XML
+//! second round of them lighter. *Limits.* Bars stand one after another as the stages followed each other; the queue
+//! begins where the frame was handed over. Text widths are estimated. *Validation.* the tests parse it as XML
 //! and measure the bars.
 
 use crate::base::time::{Span, Tai};
@@ -86,7 +86,7 @@ fn bars(record: &FrameRecord) -> Vec<Bar> {
 fn fill(stage: Stage) -> (&'static str, f64) {
     const COLOURS: usize = 7;
     // Drawing, reading out and sending come first: their colours are the strongest.
-    const ORDER: [Stage; 11] = [
+    const ORDER: [Stage; 12] = [
         Stage::Render,
         Stage::Wake,
         Stage::Detector,
@@ -95,6 +95,7 @@ fn fill(stage: Stage) -> (&'static str, f64) {
         Stage::Sky,
         Stage::Queue,
         Stage::Upload,
+        Stage::Handover,
         Stage::Readback,
         Stage::Receive,
         Stage::Attitude,

@@ -233,7 +233,8 @@ mod tests {
     fn told(params: HygieneParams, role: Role) -> Vec<HygieneLine> {
         let hygiene = Arc::new(Hygiene::new(params));
         let inside = Arc::clone(&hygiene);
-        std::thread::spawn(move || inside.enter(role)).join().unwrap();
+        let thread = std::thread::Builder::new().name("told".into());
+        thread.spawn(move || inside.enter(role)).unwrap().join().unwrap();
         hygiene.lines()
     }
 

@@ -14,9 +14,9 @@ pub const MOST: f64 = 10.0;
 /// Added to both times, ms.
 const SLACK_MS: f64 = 0.5;
 /// From here on the machine is called overloaded..
-const OVERLOADED: f64 = 1.5;
+const OVERLOADED: f64 = 2.0;
 /// ..until it is below this.
-const GONE: f64 = 1.2;
+const GONE: f64 = 1.5;
 
 /// The ratio, and what has been said about it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,6 +32,13 @@ pub enum LoadChange {
     Overloaded,
     /// It does no more.
     Gone,
+}
+
+/// Measured over predicted time of one frame, from 1 to [`MOST`]; `None` for times that are no numbers.
+#[must_use]
+pub fn ratio_of(predicted_ms: f64, measured_ms: f64) -> Option<f64> {
+    let seen = (measured_ms + SLACK_MS) / (predicted_ms + SLACK_MS);
+    (seen.is_finite() && predicted_ms >= 0.0).then(|| seen.clamp(1.0, MOST))
 }
 
 impl Default for LoadEstimate {
@@ -50,11 +57,7 @@ impl LoadEstimate {
 
     /// Takes a frame in, ms; says when the load begins or has gone. Times that are no numbers are left out.
     pub fn observe(&mut self, predicted_ms: f64, measured_ms: f64) -> Option<LoadChange> {
-        let seen = (measured_ms + SLACK_MS) / (predicted_ms + SLACK_MS);
-        if !seen.is_finite() || predicted_ms < 0.0 {
-            return None;
-        }
-        let seen = seen.clamp(1.0, MOST);
+        let seen = ratio_of(predicted_ms, measured_ms)?;
         self.ratio =
             if seen >= self.ratio { seen } else { seen + (self.ratio - seen) * (-1.0 / RECOVERY_FRAMES).exp() };
         let was_overloaded = self.is_overloaded;
@@ -105,7 +108,7 @@ mod tests {
     fn changes_are_told_once_and_not_for_every_flicker() {
         let mut load = LoadEstimate::default();
         let mut told = Vec::new();
-        let series = [1.0, 3.0, 1.0, 3.0, 1.0, 3.0].into_iter().chain([1.0; 60]).chain([2.0]);
+        let series = [1.0, 3.0, 1.0, 3.0, 1.0, 3.0].into_iter().chain([1.0; 60]).chain([3.0]);
         for (i, ratio) in series.enumerate() {
             told.extend(load.observe(19.5, 20.0 * ratio - 0.5).map(|change| (i, change)));
         }

@@ -336,8 +336,12 @@ impl Bench<'_> {
         parcel.record.mid_exposure = meta.mid_exposure;
         parcel.record.commanded =
             (meta.origin != origin_name(PathOrigin::Absent)).then(|| meta.mid_exposure - meta.horizon);
+        let now = self.clock.now();
+        if let Some(finished) = parcel.record.finished {
+            parcel.record.times.set(Stage::Handover, now - finished);
+        }
         record.ring.push(parcel.record);
-        self.delivery.send(parcel, self.clock.now())
+        self.delivery.send(parcel, now)
     }
 }
 

@@ -80,7 +80,7 @@ impl RunRecord {
 
     /// A frame has been delivered: what the sink thread measured.
     pub fn complete(&mut self, delivered: &FrameRecord) {
-        for stage in [Stage::Queue, Stage::Sink, Stage::ReleaseToDelivered] {
+        for stage in [Stage::Handover, Stage::Queue, Stage::Sink, Stage::ReleaseToDelivered] {
             if let Some(time) = delivered.times.get(stage) {
                 self.stages.record_stage(stage, time);
             }
