@@ -4,6 +4,7 @@
 //! No wall time is asserted: limits are either far beyond what any machine takes or far below, and load is injected.
 
 use crate::bench::{built_in, start};
+use starloop::attitude::MotionScale;
 use starloop::base::clock::{Clock, Monotonic, Virtual};
 use starloop::base::time::{Span, Tai};
 use starloop::config::{Bench, Degrade};
@@ -87,6 +88,53 @@ fn load_takes_frames_down_the_ladder_at_once_and_they_come_back_when_it_goes() {
     assert!(whole(&rungs(&bench, true, |_| FAST).0), "no load, no loss");
     bench.timing.degrade = Degrade::Never;
     assert!(whole(&rungs(&bench, true, load).0), "nor where frames may not be degraded");
+}
+
+/// Bounds of every frame's pointing error, rad, on the virtual clock, for a body that is said to move like this.
+fn bounds(bench: &Bench, motion: Option<MotionScale>) -> Vec<Option<f64>> {
+    let start = start(bench);
+    let params = bench_parts::run_params(bench, start).unwrap();
+    let mut engine = FrameEngine::new(params.clone()).unwrap();
+    if let Some(motion) = motion {
+        engine.expect_motion(motion);
+    }
+    let mut receiver = Receiver::new(params.attitude).unwrap();
+    let clock = Arc::new(Virtual::new(start));
+    let shared: Arc<dyn Clock> = clock.clone();
+    let [mut near, mut far] = ports(bench, &shared);
+    let mut computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
+    let (mut going, mut sink) = (VirtualLoop::new(clock), NullSink::new());
+    let mut heads = [Head { engine: &mut engine, receiver: &mut receiver, sink: &mut sink, faults: None }];
+    let mut bounds = Vec::new();
+    for number in 0..params.frames {
+        let slot = heads[0].engine.slot(number);
+        let mut far_end = |now: Tai| computer.step(now, &mut far).map(|()| computer.next_due());
+        let mut world = World { port: &mut near, far_end: &mut far_end, progress: &mut |_, _| true };
+        going.advance_to(slot.release, &mut heads, &mut world).unwrap();
+        bounds.push(heads[0].engine.pointing_bound_rad());
+    }
+    bounds
+}
+
+#[test]
+fn the_attitude_has_a_bound_where_the_motion_is_known_and_none_where_it_is_not() {
+    let mut bench = built_in(1.0);
+    let motion = |jerk_rad_s3| MotionScale { rate_rad_s: 0.01, jerk_rad_s3, ..MotionScale::default() };
+    let worst = |bench: &Bench, jerk| {
+        let bounds: Option<Vec<f64>> = bounds(bench, Some(motion(jerk))).into_iter().collect();
+        bounds.expect("every frame has a bound").into_iter().fold(0.0, f64::max)
+    };
+    // Interpolated between records 10 ms apart: `j H^3 / 96`, here 1 rad/s^3.
+    let interpolated = worst(&bench, 1.0);
+    assert!((interpolated / (1e-6 / 96.0) - 1.0).abs() < 0.05, "{interpolated} rad");
+    // The exposure ends 1 ms before the next record: predicted over half of it, `j T^3 / 6`.
+    bench.camera.exposure.exposure_s = 9e-3;
+    let predicted = worst(&bench, 1.0);
+    assert!((predicted / (4.5e-3_f64.powi(3) / 6.0) - 1.0).abs() < 0.05, "{predicted} rad");
+    assert!((worst(&bench, 2.0) / predicted - 2.0).abs() < 0.05, "the bound follows the motion");
+    assert!(bounds(&bench, None).iter().all(Option::is_none), "nothing is made up");
+    bench.attitude.estimate.max_horizon = Span::ZERO;
+    assert!(bounds(&bench, Some(motion(1.0))).iter().all(Option::is_none), "nor beyond the acceleration's horizon");
 }
 
 /// A bench on the real clock with nobody at the other end of the bus.
