@@ -185,7 +185,7 @@ impl FrameRecord {
     #[must_use]
     pub fn cause_of_lateness(&self, usual: &StageHistograms) -> MissCause {
         let run = || Stage::OF_A_FRAME.into_iter().filter_map(|stage| self.times.get(stage).map(|time| (stage, time)));
-        let beyond = |(stage, time): (Stage, Span)| (stage, time.ms() - usual.of(stage).p50_ms);
+        let beyond = |(stage, time): (Stage, Span)| (stage, time.ms() - usual.median_ms(stage));
         let worst = run().map(beyond).max_by(|a, b| a.1.total_cmp(&b.1));
         let explains = |excess_ms: f64| excess_ms >= 0.5 * self.lateness.ms().max(0.0) && excess_ms > 0.0;
         let stage = match worst {

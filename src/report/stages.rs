@@ -149,6 +149,12 @@ impl StageHistograms {
         self.histograms[stage as usize].quantiles()
     }
 
+    /// Median of one stage so far, ms.
+    #[must_use]
+    pub fn median_ms(&self, stage: Stage) -> f64 {
+        self.histograms[stage as usize].median_ms()
+    }
+
     /// Summary of every stage so far, in the order of [`Stage::ALL`].
     #[must_use]
     pub fn quantiles(&self) -> [Quantiles; Stage::COUNT] {

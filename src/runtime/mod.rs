@@ -16,6 +16,7 @@ pub mod ledger;
 pub mod load;
 pub mod outcome;
 pub mod params;
+mod radio;
 pub mod real_time;
 pub mod receiver;
 pub mod record;

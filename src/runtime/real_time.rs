@@ -1,9 +1,14 @@
 //! The loop on the bench clock: a receiving thread, this (frame) thread and a sink thread, bounded queues between them.
+//!
+//! In: an engine, a port, a sink. Out: a run's record. Every slot leaves a [`FrameRecord`], also those for which nothing is
+//! drawn: pushed when its fate is decided, completed when its buffer comes back from the sink thread. Limits: work begins
+//! at the release and not before; late frames are judged when finished, not when delivered (`[budget]` total is held
+//! against delivery). Tests: `tests/closed_loop/{deadline,budget}.rs`, which assert no wall time.
 
 use crate::attitude::PathOrigin;
 use crate::base::clock::Clock;
 use crate::base::time::{Span, Tai};
-use crate::link::{Port, Stamped};
+use crate::link::Port;
 use crate::report::{Fate, FrameRecord, MissCause, Stage, StageTimes};
 use crate::runtime::delivery::{Delivery, Parcel};
 use crate::runtime::engine::{FrameEngine, Slot, origin_name};
@@ -12,22 +17,14 @@ use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::ledger::EventKind;
 use crate::runtime::outcome::RunOutcome;
 use crate::runtime::params::DeadlinePolicy;
+use crate::runtime::radio::Radio;
 use crate::runtime::receiver::Receiver;
-use crate::runtime::record::{LinkReport, RunRecord};
+use crate::runtime::record::RunRecord;
 use crate::runtime::reply;
 use crate::sink::{FaultFlags, FrameMeta, SentFrame, Sink};
 use core::sync::atomic::{AtomicBool, Ordering};
-use crossbeam_channel::{Receiver as Queue, Sender, bounded};
-use firmware_protocol::Message;
 use std::sync::Arc;
-use std::thread::JoinHandle;
 
-/// Messages between the receiving thread and the frame thread: 4 s of a full CAN FD attitude and jitter stream.
-const RECEIVE_QUEUE: usize = 4096;
-/// Messages to the flight computer.
-const SEND_QUEUE: usize = 64;
-/// The receiving thread looks for something to send this often.
-const SEND_POLL: Span = Span::from_ms(2);
 /// A sleeping frame thread notices a stop within this.
 const STOP_POLL: Span = Span::from_ms(50);
 
@@ -103,60 +100,13 @@ fn start(
     let mut prototype = SentFrame::with_capacity(width, height, 16_384, camera.name.clone());
     engine.warm_up(&mut prototype)?;
     engine.follow_load();
-    let radio = Radio::start(port, setting)?;
+    let radio = Radio::start(port, setting.clock, setting.hygiene)?;
     let delivery = Delivery::start(sink, &prototype, setting.clock, setting.hygiene)?;
     // Last: threads are born with the policy of the thread that starts them.
     if let Some(hygiene) = setting.hygiene {
         hygiene.enter(Role::Frame);
     }
     Ok((prototype, radio, delivery))
-}
-
-/// The receiving thread and its queues.
-struct Radio {
-    received: Queue<Stamped<Message>>,
-    to_send: Sender<Message>,
-    stop: Arc<AtomicBool>,
-    thread: JoinHandle<Result<LinkReport, RunError>>,
-}
-
-impl Radio {
-    fn start(mut port: Port, setting: &Setting<'_>) -> Result<Self, RunError> {
-        let (arrived, received) = bounded(RECEIVE_QUEUE);
-        let (to_send, outgoing) = bounded::<Message>(SEND_QUEUE);
-        let stop = Arc::new(AtomicBool::new(false));
-        let (stopped, clock) = (Arc::clone(&stop), Arc::clone(setting.clock));
-        let hygiene = setting.hygiene.map(Arc::clone);
-        let thread = std::thread::Builder::new()
-            .name("link".into())
-            .spawn(move || {
-                if let Some(hygiene) = hygiene {
-                    hygiene.enter(Role::Link);
-                }
-                let mut overflows = 0;
-                while !stopped.load(Ordering::Relaxed) {
-                    for message in outgoing.try_iter() {
-                        port.send(&message)?;
-                    }
-                    if let Some(message) = port.receive(clock.now() + SEND_POLL)? {
-                        overflows += u64::from(arrived.try_send(message).is_err());
-                    }
-                }
-                Ok(LinkReport::of(&port, overflows))
-            })
-            .map_err(|source| RunError::Thread { name: "link", source })?;
-        Ok(Self { received, to_send, stop, thread })
-    }
-
-    /// Counters of the port, or why the thread ended early.
-    fn finish(self) -> (Option<LinkReport>, Option<RunError>) {
-        self.stop.store(true, Ordering::Relaxed);
-        match self.thread.join() {
-            Ok(Ok(report)) => (Some(report), None),
-            Ok(Err(error)) => (None, Some(error)),
-            Err(_panicked) => (None, Some(RunError::ThreadLost { name: "link" })),
-        }
-    }
 }
 
 /// The frame thread's own state.
@@ -186,7 +136,7 @@ impl Bench<'_> {
             }
             record.frames.scheduled += 1;
             let woken = self.clock.now();
-            if self.radio.thread.is_finished() {
+            if self.radio.is_finished() {
                 break; // its error is told when the run ends
             }
             let mut timed =
