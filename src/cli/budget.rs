@@ -80,6 +80,7 @@ fn run_arguments(arguments: &BudgetArgs) -> RunArgs {
         out: arguments.out.clone(),
         built_in_costs: arguments.built_in_costs,
         report: None,
+        json: false,
         quiet: false,
     }
 }

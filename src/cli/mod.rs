@@ -15,6 +15,8 @@ pub mod render;
 pub mod render_input;
 pub mod render_output;
 pub mod run;
+pub mod run_scenario;
+pub mod scenario_report;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -27,6 +29,8 @@ pub const EXIT_FAILED: u8 = 1;
 pub const EXIT_USAGE: u8 = 2;
 /// Exit status: a run was over its timing budget.
 pub const EXIT_OVER_BUDGET: u8 = 3;
+/// Exit status: it ran, but an expectation or an invariant of the scenario did not hold.
+pub const EXIT_NOT_MET: u8 = 4;
 /// Exit status: stopped by Ctrl-C; everything finished by then is written.
 pub const EXIT_INTERRUPTED: u8 = 130;
 
@@ -36,7 +40,7 @@ pub const EXIT_INTERRUPTED: u8 = 130;
     version,
     about = "Hardware-in-the-loop star-sensor stimulator: bus attitude in, star-sensor frames out, on a deadline",
     after_help = "Exit status: 0 done; 1 could not do what was asked; 2 wrong command line; 3 over the timing budget \
-                  (`budget`); 130 stopped by Ctrl-C \
+                  (`budget`); 4 a scenario's expectation or invariant did not hold; 130 stopped by Ctrl-C \
                   (what was finished is written).\n\n\
                   Start with `starloop run`: a simulated flight computer slews over a simulated bus, and ten seconds \
                   of frames are recorded. No hardware, no GPU needed."
@@ -48,7 +52,7 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Run a bench: attitude from its link, frames into its sink, on a deadline
+    /// Run a bench or a scenario: attitude from its link, frames into its sink, on a deadline
     Run(run::RunArgs),
     /// Run a bench on the real clock and hold the time of every stage against its budget
     Budget(budget::BudgetArgs),

@@ -6,16 +6,16 @@ use crate::cli::budget::budget_report;
 use crate::cli::budget_files;
 use crate::cli::calibrate::costs_here;
 use crate::cli::check_attitude::slew_scale;
-use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED};
-use crate::config::{self, Bench, StartTime};
+use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, run_scenario};
+use crate::config::{self, Bench, Document, Scenario, StartTime, is_scenario};
+use crate::link::Port;
 use crate::link::simulated::simulated_pair;
-use crate::link::{LinkError, Port};
 use crate::report::{HygieneLine, Progress, RunSummary, progress_line, summary_table};
 use crate::runtime::hygiene::Role;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::{FrameEngine, Hygiene, HygieneParams, RunOutcome, RunRecord, real_time, virtual_time};
 use crate::sink::{NullSink, Recorder, RecorderOptions, SentFrame, Sink, write_file_atomically};
-use crate::testbed::flight_computer::{FlightComputer, run_until};
+use crate::testbed::flight_computer::{FlightComputer, FlightError, run_until};
 use crate::wiring::bench_parts;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
@@ -30,7 +30,7 @@ use std::time::Duration;
 /// Command line of `run`.
 #[derive(Debug, Args)]
 pub struct RunArgs {
-    /// Bench file (TOML); without one: the built-in loopback bench
+    /// Bench or scenario file (TOML); without one: the built-in loopback bench
     pub(super) bench: Option<PathBuf>,
     /// Which clock: `real` is the bench, `virtual` runs as fast as the machine allows and repeats bit for bit
     #[arg(long, value_enum, default_value_t = ClockKind::Real)]
@@ -56,9 +56,30 @@ pub struct RunArgs {
     /// Write budget.json, frames_timing.csv, junit.xml and worst.svg into this directory (real clock)
     #[arg(long, value_name = "DIR")]
     pub(super) report: Option<PathBuf>,
+    /// Print a scenario's report as one line of JSON instead of a table
+    #[arg(long)]
+    pub(super) json: bool,
     /// Print nothing but errors
     #[arg(long)]
     pub(super) quiet: bool,
+}
+
+impl RunArgs {
+    /// Whether frames are recorded.
+    pub(super) fn wants_recorder(&self, bench: &Bench) -> bool {
+        match self.sink {
+            Some(sink) => sink == SinkKind::Recorder,
+            None => matches!(bench.sink, config::Sink::Recorder { .. }),
+        }
+    }
+
+    /// Whether FITS files are kept, and every how many frames a PNG.
+    pub(super) fn recorded(&self, bench: &Bench) -> (bool, u32) {
+        match &bench.sink {
+            config::Sink::Recorder { fits, png_every, .. } => (*fits, *png_every),
+            config::Sink::Null => (true, 10),
+        }
+    }
 }
 
 /// A clock, by name.
@@ -125,6 +146,16 @@ pub(super) struct Finished {
 pub fn run(arguments: &RunArgs) -> Result<u8> {
     if arguments.report.is_some() && arguments.clock == ClockKind::Virtual {
         bail!("--report: got the virtual clock, on which nothing takes time; wanted --clock real");
+    }
+    if let Some(scenario) = scenario(arguments)? {
+        if arguments.clock == ClockKind::Real {
+            bail!("a scenario runs on the virtual clock: add --clock virtual");
+        }
+        let stop = Arc::new(AtomicBool::new(false));
+        let monitor = Monitor::start(Arc::clone(&stop), false)?;
+        let status = run_scenario::run(&scenario, arguments, &stop);
+        monitor.finish();
+        return status;
     }
     let finished = perform(arguments)?;
     report(arguments, &finished)?;
@@ -217,12 +248,29 @@ impl Finished {
     }
 }
 
+/// The scenario with the command line's changes, when the file is one.
+fn scenario(arguments: &RunArgs) -> Result<Option<Scenario>> {
+    let Some(path) = &arguments.bench else { return Ok(None) };
+    let document = Document::open(path)?;
+    if !is_scenario(&document) {
+        return Ok(None);
+    }
+    let mut scenario = Scenario::from_document(&document)?;
+    change_bench(&mut scenario.bench, arguments)?;
+    Ok(Some(scenario))
+}
+
 /// The bench with the command line's changes.
 fn bench(arguments: &RunArgs) -> Result<Bench> {
     let mut bench = match &arguments.bench {
         Some(path) => Bench::load(path)?,
         None => Bench::built_in()?,
     };
+    change_bench(&mut bench, arguments)?;
+    Ok(bench)
+}
+
+fn change_bench(bench: &mut Bench, arguments: &RunArgs) -> Result<()> {
     if let Some(duration_s) = arguments.duration {
         if !(duration_s.is_finite() && duration_s > 0.0) {
             bail!("--duration: got {duration_s}, wanted seconds above 0");
@@ -233,7 +281,7 @@ fn bench(arguments: &RunArgs) -> Result<Bench> {
         bench.render.backend = backend.configured();
     }
     bench.seed = arguments.seed.unwrap_or(bench.seed);
-    Ok(bench)
+    Ok(())
 }
 
 fn sink(arguments: &RunArgs, bench: &Bench) -> Result<(Box<dyn Sink>, Option<PathBuf>)> {
@@ -249,7 +297,7 @@ fn sink(arguments: &RunArgs, bench: &Bench) -> Result<(Box<dyn Sink>, Option<Pat
 }
 
 /// `20261120T123456.789Z`: a directory name that sorts by time.
-fn stamp(at: Tai) -> String {
+pub(super) fn stamp(at: Tai) -> String {
     let text = at.to_rfc3339();
     let seconds = text.split('.').next().unwrap_or_default();
     let milliseconds = text.split('.').nth(1).and_then(|fraction| fraction.get(..3)).unwrap_or("000");
@@ -308,7 +356,10 @@ impl Setup<'_> {
         let shared: Arc<dyn Clock> = clock.clone();
         let (mut near, mut far) = self.ports(&shared)?;
         let mut computer = FlightComputer::new(bench_parts::flight_computer(self.bench, self.start));
-        let mut far_end = |now: Tai| computer.step(now, &mut far).map(|()| computer.next_due());
+        let mut far_end = |now: Tai| {
+            computer.step(now, &mut far)?;
+            Ok(computer.next_due())
+        };
         let mut send = self.sender(engine.params().frames);
         let mut progress = |frame: &SentFrame, record: &RunRecord| {
             send(frame, record);
@@ -357,7 +408,7 @@ fn far_end(
     clock: Arc<dyn Clock>,
     over: Arc<AtomicBool>,
     hygiene: Option<Arc<Hygiene>>,
-) -> Result<std::thread::JoinHandle<Result<(), LinkError>>> {
+) -> Result<std::thread::JoinHandle<Result<(), FlightError>>> {
     std::thread::Builder::new()
         .name("flight computer".into())
         .spawn(move || {

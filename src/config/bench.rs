@@ -171,6 +171,15 @@ fn mounting(keys: &MountingKeys, check: &mut Checker<'_>) -> Result<Rotation<Sen
         check.given_or(key, None, "[1, 0, 0, 0]".to_owned());
         return Ok(Rotation::IDENTITY);
     };
+    quaternion(key, wxyz, check)
+}
+
+/// A typed quaternion.
+pub(super) fn quaternion(
+    key: &str,
+    wxyz: [f64; 4],
+    check: &Checker<'_>,
+) -> Result<Rotation<Sensor, Body>, ConfigError> {
     Rotation::from_wxyz(wxyz, QUATERNION_NORM_TOLERANCE).ok_or_else(|| {
         let wanted = "a unit quaternion [w, x, y, z], norm within 0.001 of 1";
         let advice = "scalar first; [1.0, 0.0, 0.0, 0.0] when sensor and body axes are the same";

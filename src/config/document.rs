@@ -133,6 +133,11 @@ impl Document {
         }
     }
 
+    /// Whether the text has this top-level key; false when it cannot be parsed.
+    pub(super) fn has_key(&self, key: &str) -> bool {
+        DeTable::parse(&self.text).is_ok_and(|table| table.get_ref().contains_key(key))
+    }
+
     /// File and line of a key such as `optics.focal_length_mm` or `flight_computer.jitter_line[1].phase_deg`; of the
     /// innermost table that exists when the key does not.
     pub(super) fn place(&self, key: &str) -> String {

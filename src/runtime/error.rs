@@ -8,12 +8,18 @@ use crate::sky::ObserverError;
 use crate::sky::catalog::CatalogError;
 use std::path::PathBuf;
 
+/// Whatever went wrong at the other end of the cable.
+pub type FarEndError = Box<dyn core::error::Error + Send + Sync>;
+
 /// Errors of a run.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// the link failed
     #[error("link: {0}")]
     Link(#[from] LinkError),
+    /// the other end of the cable failed
+    #[error("the other end of the cable: {0}")]
+    FarEnd(FarEndError),
     /// the backend failed
     #[error("backend: {0}")]
     Render(#[from] RenderError),

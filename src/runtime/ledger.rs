@@ -59,6 +59,8 @@ events! {
     SampleRefused = "sample_refused",
     /// The queue from the receiving thread was full.
     QueueOverflow = "queue_overflow",
+    /// A commanded fault began; the span is how long it lasts.
+    Fault = "fault",
 }
 
 /// One event.

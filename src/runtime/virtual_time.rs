@@ -7,10 +7,10 @@
 
 use crate::base::clock::{Clock, Stopwatch, Virtual};
 use crate::base::time::{Span, Tai};
-use crate::link::{LinkError, Port};
+use crate::link::Port;
 use crate::report::Stage;
 use crate::runtime::engine::{FrameEngine, Slot};
-use crate::runtime::error::RunError;
+use crate::runtime::error::{FarEndError, RunError};
 use crate::runtime::frame_faults::{Fate, FrameFaults};
 use crate::runtime::outcome::RunOutcome;
 use crate::runtime::receiver::Receiver;
@@ -37,9 +37,9 @@ pub struct World<'a> {
     /// The stimulator's end of the cable.
     pub port: &'a mut Port,
     /// Steps the other end to an instant and says when it next has something to do.
-    pub far_end: &'a mut dyn FnMut(Tai) -> Result<Tai, LinkError>,
-    /// Called with every frame that goes out; false ends the run.
-    pub progress: &'a mut dyn FnMut(&SentFrame, &RunRecord) -> bool,
+    pub far_end: &'a mut dyn FnMut(Tai) -> Result<Tai, FarEndError>,
+    /// Called with every frame that goes out, and the number of its head; false ends the run.
+    pub progress: &'a mut dyn FnMut(usize, &SentFrame, &RunRecord) -> bool,
 }
 
 /// A frame between its exposure and its delivery.
@@ -98,6 +98,11 @@ impl VirtualLoop {
         &self.record
     }
 
+    /// The same, for events that others bring.
+    pub fn record_mut(&mut self) -> &mut RunRecord {
+        &mut self.record
+    }
+
     /// True when `progress` ended the run.
     #[must_use]
     pub fn is_stopped(&self) -> bool {
@@ -123,7 +128,7 @@ impl VirtualLoop {
             self.clock.advance_to(at);
             receive(at, heads, world.port, &mut self.record)?;
             match next {
-                Next::FarEnd => self.far_due = Some((world.far_end)(at)?),
+                Next::FarEnd => self.far_due = Some((world.far_end)(at).map_err(RunError::FarEnd)?),
                 Next::Deliver => self.deliver(at, heads, world)?,
                 Next::Draw(head) => self.draw(head, heads, world.port)?,
             }
@@ -165,7 +170,7 @@ impl VirtualLoop {
             head.engine.warm_up(&mut frame)?;
             self.spare.push(frame);
         }
-        self.far_due = Some((world.far_end)(self.clock.now())?);
+        self.far_due = Some((world.far_end)(self.clock.now()).map_err(RunError::FarEnd)?);
         Ok(())
     }
 
@@ -226,11 +231,11 @@ impl VirtualLoop {
             let sending = watch.lap();
             self.record.stages.record_stage(Stage::Sink, sending);
             self.record.stages.record_stage(Stage::ReleaseToDelivered, pending.drawn + sending);
-            self.stopped |= !(world.progress)(&pending.frame, &self.record);
+            self.stopped |= !(world.progress)(pending.head, &pending.frame, &self.record);
             self.spare.push(pending.frame);
         }
         // Whoever looks at the frames is at the other end.
-        self.far_due = Some((world.far_end)(at)?);
+        self.far_due = Some((world.far_end)(at).map_err(RunError::FarEnd)?);
         Ok(())
     }
 
@@ -272,11 +277,12 @@ pub fn run(
     port: &mut Port,
     clock: &Arc<Virtual>,
     sink: &mut dyn Sink,
-    far_end: &mut dyn FnMut(Tai) -> Result<Tai, LinkError>,
+    far_end: &mut dyn FnMut(Tai) -> Result<Tai, FarEndError>,
     progress: &mut dyn FnMut(&SentFrame, &RunRecord) -> bool,
 ) -> RunOutcome {
     let mut going = VirtualLoop::new(Arc::clone(clock));
     let mut heads = [Head { engine, receiver, sink, faults: None }];
+    let progress = &mut |_head: usize, frame: &SentFrame, record: &RunRecord| progress(frame, record);
     let error = going.finish(&mut heads, &mut World { port, far_end, progress }).err();
     let [head] = heads;
     let (sink, finishing) = match head.sink.finish() {

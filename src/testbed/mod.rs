@@ -1,4 +1,18 @@
-//! The other end of the cable. Shares no code with what it checks: imports `base`, `link` and `firmware_protocol` only.
+//! The other end of the cable. Shares no code with what it checks: imports `base`, `link`, `firmware_protocol` and
+//! `sky::catalog` only.
 
-/// A simulated flight computer: scripted attitude and jitter onto the bus.
+/// Attitude control: modes, laws, slews past the Sun, and the loop on paper.
+pub mod acs;
+/// Attitude and gyro bias from a gyro and star trackers: a multiplicative extended Kalman filter.
+pub mod estimator;
+/// A simulated flight computer: attitude and jitter onto the bus, scripted or flown.
 pub mod flight_computer;
+/// A simulated spacecraft: rigid body, wheels, flexible modes, disturbances, gyros, micro-vibration.
+pub mod spacecraft;
+/// A star tracker that sees only pixels.
+pub mod tracker;
+/// Spacecraft, sensors, estimator and control, closed over frames.
+pub mod vehicle;
+
+mod attitude_truth;
+mod noise;

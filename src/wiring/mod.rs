@@ -3,5 +3,11 @@
 //! In: a [`crate::config::Bench`] or [`crate::config::Scenario`]. Out: parameters of every room, and the closed loop with
 //! both ends of its cable. Nothing here computes physics or prints.
 
+pub mod assessment;
 pub mod bench_parts;
 pub mod camera_parts;
+pub mod closed_loop;
+pub mod faults;
+pub mod seeded;
+pub mod vehicle_parts;
+pub mod witness;

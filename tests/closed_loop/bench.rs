@@ -106,7 +106,10 @@ pub(crate) fn run_changed(bench: &Bench, change: impl FnOnce(&mut FlightComputer
         &mut near,
         &clock,
         &mut sink,
-        &mut |now| computer.step(now, &mut far).map(|()| computer.next_due()),
+        &mut |now| {
+            computer.step(now, &mut far)?;
+            Ok(computer.next_due())
+        },
         &mut |_, _| true,
     );
     let frames = frames.lock().unwrap().clone();

@@ -54,8 +54,8 @@ fn rungs(bench: &Bench, follow: bool, drawn: impl Fn(u32) -> Span) -> (Vec<&'sta
         let slot = heads[0].engine.slot(number);
         let mut world = World {
             port: &mut near,
-            far_end: &mut |now: Tai| computer.step(now, &mut far).map(|()| computer.next_due()),
-            progress: &mut |frame: &SentFrame, _| {
+            far_end: &mut |now: Tai| Ok(computer.step(now, &mut far).map(|()| computer.next_due())?),
+            progress: &mut |_, frame: &SentFrame, _| {
                 rungs.push(frame.meta.rung);
                 true
             },
@@ -108,8 +108,8 @@ fn bounds(bench: &Bench, motion: Option<MotionScale>) -> Vec<Option<f64>> {
     let mut bounds = Vec::new();
     for number in 0..params.frames {
         let slot = heads[0].engine.slot(number);
-        let mut far_end = |now: Tai| computer.step(now, &mut far).map(|()| computer.next_due());
-        let mut world = World { port: &mut near, far_end: &mut far_end, progress: &mut |_, _| true };
+        let mut far_end = |now: Tai| Ok(computer.step(now, &mut far).map(|()| computer.next_due())?);
+        let mut world = World { port: &mut near, far_end: &mut far_end, progress: &mut |_, _, _| true };
         going.advance_to(slot.release, &mut heads, &mut world).unwrap();
         bounds.push(heads[0].engine.pointing_bound_rad());
     }

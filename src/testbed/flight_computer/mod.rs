@@ -1,12 +1,12 @@
-//! A simulated flight computer: a scripted slew, jitter and a clock of its own -> messages on a port, each when due.
+//! A simulated flight computer: an attitude, jitter and a clock of its own -> messages on a port, each when due.
 //!
-//! No rigid-body dynamics: the attitude is an analytic function of time, so its truth is known to f64. Deterministic:
-//! what is sent depends on the parameters and the order of steps only.
+//! The attitude is scripted (an analytic function of time, so its truth is known to f64) or flown by a [`Vehicle`], which
+//! takes its control steps here, in order of time with the messages. Deterministic: what is sent depends on the
+//! parameters and the order of steps only.
 //!
 //! `tests.rs` holds the wire round trip (0.02 arcsec), the time marks, jitter, faults and determinism.
 
 mod jitter;
-mod noise;
 mod received;
 mod remote_clock;
 mod runner;
@@ -15,21 +15,23 @@ mod slew;
 #[cfg(test)]
 mod tests;
 
+pub use crate::testbed::attitude_truth::AttitudeTruth;
 pub use jitter::{JitterLineParams, JitterStream};
 pub use received::Received;
 pub use remote_clock::RemoteClock;
 pub use runner::run_until;
-pub use slew::{AttitudeTruth, RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
+pub use slew::{RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
 
 use crate::base::time::{Span, Tai};
 use crate::base::units::ARCSEC;
-use crate::link::{LinkError, Port};
+use crate::link::{LinkError, Port, Stamped};
+use crate::testbed::noise::Gaussian;
+use crate::testbed::vehicle::{Vehicle, VehicleError};
 use firmware_protocol::message::{
     AttitudeFlags, AttitudeRecord, Heartbeat, JitterBurst, JitterPair, NodeState, Scet, Sync, TimeFollowUp,
 };
 use firmware_protocol::{Message, version};
 use glam::DVec3;
-use noise::Gaussian;
 use schedule::{Schedule, Stream};
 
 /// What the flight computer does.
@@ -43,7 +45,7 @@ pub struct FlightComputerParams {
     pub stream_start: Tai,
     /// Attitude records per second.
     pub attitude_hz: u32,
-    /// Attitude over time.
+    /// Attitude over time, when no vehicle flies it.
     pub profile: SlewProfile,
     /// Noise of the sent attitude, per axis, 1 sigma, arcsec.
     pub attitude_noise_arcsec: f64,
@@ -93,9 +95,21 @@ struct SentSync {
     left_at: Tai,
 }
 
+/// Why a flight computer cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum FlightError {
+    /// the port refused a message or failed
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// the vehicle cannot be flown on
+    #[error("vehicle: {0}")]
+    Vehicle(#[from] VehicleError),
+}
+
 /// The simulated flight computer.
 pub struct FlightComputer {
     params: FlightComputerParams,
+    vehicle: Option<Box<Vehicle>>,
     clock: RemoteClock,
     schedule: Schedule,
     noise: Gaussian,
@@ -110,7 +124,24 @@ impl FlightComputer {
         let clock = RemoteClock::new(params.boot, params.clock_drift_ppm);
         let schedule = Schedule::new(clock.elapsed_us(params.stream_start), params.attitude_hz, params.jitter);
         let noise = Gaussian::new(params.seed);
-        Self { params, clock, schedule, noise, sent_sync: None, received: Received::default() }
+        Self { params, vehicle: None, clock, schedule, noise, sent_sync: None, received: Received::default() }
+    }
+
+    /// The same with a vehicle that flies the attitude. Jitter on the bus is the vehicle's micro-vibration.
+    #[must_use]
+    pub fn flying(params: FlightComputerParams, vehicle: Vehicle) -> Self {
+        Self { vehicle: Some(Box::new(vehicle)), ..Self::new(params) }
+    }
+
+    /// The vehicle, when one is flown.
+    #[must_use]
+    pub fn vehicle(&self) -> Option<&Vehicle> {
+        self.vehicle.as_deref()
+    }
+
+    /// The vehicle, when one is flown.
+    pub fn vehicle_mut(&mut self) -> Option<&mut Vehicle> {
+        self.vehicle.as_deref_mut()
     }
 
     /// Its clock.
@@ -119,10 +150,11 @@ impl FlightComputer {
         self.clock
     }
 
-    /// When the next message is due.
+    /// When the next message, or the vehicle's next control step, is due.
     #[must_use]
     pub fn next_due(&self) -> Tai {
-        self.clock.at_us(self.schedule.next().1)
+        let message = self.clock.at_us(self.schedule.next().1);
+        self.vehicle.as_ref().map_or(message, |vehicle| vehicle.next_due().min(message))
     }
 
     /// What the stimulator said so far.
@@ -131,52 +163,70 @@ impl FlightComputer {
         &self.received
     }
 
-    /// The smooth attitude at `at`, without noise and jitter.
+    /// The scripted attitude at `at`, without noise and jitter.
     #[must_use]
     pub fn truth(&self, at: Tai) -> AttitudeTruth {
         self.params.profile.at(at)
     }
 
-    /// Jitter at `at`: rotation vector of the body away from the smooth attitude, body axes, rad.
+    /// The scripted jitter at `at`: rotation vector of the body away from the smooth attitude, body axes, rad.
     #[must_use]
     pub fn jitter_truth(&self, at: Tai) -> DVec3 {
         let t_s = (at - self.params.boot).s();
         self.params.jitter_lines.iter().map(|line| line.rotation_rad(t_s)).sum()
     }
 
-    /// Reads what has come in, and sends every message due by `now`.
+    /// Reads what has come in, and does everything due by `now`, in order of time.
     ///
     /// # Errors
-    /// When the port refuses a message or fails.
-    pub fn step(&mut self, now: Tai, port: &mut Port) -> Result<(), LinkError> {
+    /// When the port refuses a message or fails, or the vehicle cannot be flown on.
+    pub fn step(&mut self, now: Tai, port: &mut Port) -> Result<(), FlightError> {
         while let Some(message) = port.receive(now)? {
+            self.tag_frame(&message);
             self.received.count(message);
         }
-        while self.next_due() <= now {
-            self.send_next(port)?;
+        loop {
+            let message_due = self.clock.at_us(self.schedule.next().1);
+            match self.vehicle.as_mut() {
+                Some(vehicle) if vehicle.next_due() <= message_due.min(now) => vehicle.act()?,
+                _ if message_due <= now => self.send_next(port)?,
+                _ => return Ok(()),
+            }
         }
-        Ok(())
     }
 
-    fn send_next(&mut self, port: &mut Port) -> Result<(), LinkError> {
+    /// An EXPOSURE message tells the vehicle's trackers when a frame was exposed.
+    fn tag_frame(&mut self, message: &Stamped<Message>) {
+        if let (Some(vehicle), Message::Exposure(exposure)) = (self.vehicle.as_mut(), &message.value) {
+            let now_us = self.clock.elapsed_us(message.at);
+            // The tag has the low 32 bits of its microseconds: the nearest such instant is meant.
+            let back_us = i64::from(wrapped(now_us).wrapping_sub(exposure.mid_exposure_us).cast_signed());
+            let mid_us = now_us.saturating_add_signed(-back_us);
+            vehicle.tag_frame(exposure.frame, self.clock.at_us(mid_us));
+        }
+    }
+
+    fn send_next(&mut self, port: &mut Port) -> Result<(), FlightError> {
         let (stream, due_us, count) = self.schedule.take();
         match stream {
-            Stream::Sync => self.send_sync(count, port),
-            Stream::FollowUp => self.send_follow_up(port),
+            Stream::Sync => self.send_sync(count, port)?,
+            Stream::FollowUp => self.send_follow_up(port)?,
             Stream::Heartbeat => {
                 let heartbeat = Heartbeat { state: NodeState::Running, major: version::MAJOR };
-                port.send(&Message::Heartbeat(heartbeat)).map(|_| ())
+                port.send(&Message::Heartbeat(heartbeat))?;
             }
-            Stream::Attitude | Stream::Jitter if self.is_stopped(due_us) => Ok(()),
+            Stream::Attitude | Stream::Jitter if self.is_stopped(due_us) => {}
             Stream::Attitude => {
-                let record = self.attitude_record(due_us, count);
-                port.send(&Message::Attitude(record)).map(|_| ())
+                let record = self.attitude_record(due_us, count)?;
+                port.send(&Message::Attitude(record))?;
             }
             Stream::Jitter => {
-                let Some(message) = self.jitter_message(count) else { return Ok(()) };
-                port.send(&message).map(|_| ())
+                if let Some(message) = self.jitter_message(count)? {
+                    port.send(&message)?;
+                }
             }
         }
+        Ok(())
     }
 
     fn is_stopped(&self, due_us: u64) -> bool {
@@ -197,40 +247,52 @@ impl FlightComputer {
         port.send(&Message::TimeFollowUp(TimeFollowUp { scet, counter })).map(|_| ())
     }
 
-    fn attitude_record(&mut self, due_us: u64, count: u64) -> AttitudeRecord {
-        let truth = self.truth(self.clock.at_us(due_us));
+    fn attitude_record(&mut self, due_us: u64, count: u64) -> Result<AttitudeRecord, FlightError> {
+        let at = self.clock.at_us(due_us);
+        let truth = match self.vehicle.as_mut() {
+            Some(vehicle) => vehicle.truth(at)?,
+            None => self.truth(at),
+        };
         let turned = self.noise.vector(self.params.attitude_noise_arcsec * ARCSEC);
         let rate = truth.rate_rad_s + self.noise.vector(self.params.gyro_noise_rad_s);
         let mut q_wxyz = truth.body_from_icrf.rotated_by(turned).wxyz().map(single);
         if let Some(fault) = self.params.faults.corrupt_record.filter(|fault| fault.record == count) {
             fault.corruption.apply(&mut q_wxyz);
         }
-        AttitudeRecord {
+        Ok(AttitudeRecord {
             t_us: wrapped(due_us),
             seq: low_byte(count),
             flags: AttitudeFlags::ALL,
             q_wxyz,
             rate_rad_s: rate.to_array().map(single),
             acceleration_rad_s2: truth.acceleration_rad_s2.to_array().map(single),
-        }
+        })
     }
 
     /// Samples `count * n ..` of the jitter, n per message.
-    fn jitter_message(&self, count: u64) -> Option<Message> {
+    fn jitter_message(&mut self, count: u64) -> Result<Option<Message>, FlightError> {
         let JitterStream { samples, period_us } = self.params.jitter;
         let first_us = count * samples as u64 * u64::from(period_us);
-        let sample = |i: usize| self.jitter_sample_arcsec(first_us + i as u64 * u64::from(period_us));
+        let mut samples_arcsec = [[0.0; 2]; JitterStream::BURST_SAMPLES];
+        for (place, sample) in samples_arcsec.iter_mut().enumerate().take(samples) {
+            *sample = self.jitter_sample_arcsec(first_us + place as u64 * u64::from(period_us))?;
+        }
         if self.params.jitter == JitterStream::PAIRS {
             let slot = low_byte(first_us / (2 * u64::from(period_us)));
-            return Some(Message::JitterPair(JitterPair { slot, samples_arcsec: [sample(0), sample(1)] }));
+            let samples_arcsec = [samples_arcsec[0], samples_arcsec[1]];
+            return Ok(Some(Message::JitterPair(JitterPair { slot, samples_arcsec })));
         }
-        let samples_arcsec: [[f32; 2]; JitterStream::BURST_SAMPLES] = core::array::from_fn(sample);
-        JitterBurst::new(wrapped(first_us), period_us, low_byte(count), &samples_arcsec).map(Message::Jitter)
+        Ok(JitterBurst::new(wrapped(first_us), period_us, low_byte(count), &samples_arcsec).map(Message::Jitter))
     }
 
-    fn jitter_sample_arcsec(&self, t_us: u64) -> [f32; 2] {
-        let rotation_arcsec = self.jitter_truth(self.clock.at_us(t_us)) / ARCSEC;
-        [single(rotation_arcsec.x), single(rotation_arcsec.y)]
+    fn jitter_sample_arcsec(&mut self, t_us: u64) -> Result<[f32; 2], FlightError> {
+        let at = self.clock.at_us(t_us);
+        let rotation_rad = match self.vehicle.as_mut() {
+            Some(vehicle) => vehicle.vibration(at)?,
+            None => self.jitter_truth(at),
+        };
+        let rotation_arcsec = rotation_rad / ARCSEC;
+        Ok([single(rotation_arcsec.x), single(rotation_arcsec.y)])
     }
 }
 

@@ -1,8 +1,8 @@
 //! The flight computer's loop, for a thread of its own.
 
-use super::FlightComputer;
+use super::{FlightComputer, FlightError};
 use crate::base::clock::Clock;
-use crate::link::{LinkError, Port};
+use crate::link::Port;
 use core::sync::atomic::{AtomicBool, Ordering};
 
 /// Sleeps to each due time and sends, until `stop` is set; notices that within 0.1 s, the period of SYNC.
@@ -14,7 +14,7 @@ pub fn run_until(
     clock: &dyn Clock,
     computer: &mut FlightComputer,
     port: &mut Port,
-) -> Result<(), LinkError> {
+) -> Result<(), FlightError> {
     while !stop.load(Ordering::Relaxed) {
         clock.sleep_until(computer.next_due());
         computer.step(clock.now(), port)?;

@@ -6,6 +6,7 @@
 
 use crate::base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
 use crate::base::time::Tai;
+use crate::testbed::attitude_truth::AttitudeTruth;
 use core::f64::consts::PI;
 use glam::DVec3;
 
@@ -43,17 +44,6 @@ pub struct SlewProfile {
     ramp_s: f64,
     cruise_s: f64,
     shape: RampShape,
-}
-
-/// Attitude, rate and acceleration at one instant.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AttitudeTruth {
-    /// Attitude of the body.
-    pub body_from_icrf: Rotation<Body, Icrf>,
-    /// Rate of the body with respect to ICRF, body axes.
-    pub rate_rad_s: DVec3,
-    /// Derivative of the rate.
-    pub acceleration_rad_s2: DVec3,
 }
 
 /// Attitude of a body whose +Z points at (`ra_rad`, `dec_rad`), rolled as a sensor's image would be: body and sensor

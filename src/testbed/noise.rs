@@ -1,4 +1,6 @@
 //! Gaussian noise from a seed: Box and Muller, "A note on the generation of random normal deviates" (1958).
+//!
+//! Input: a seed. Output: independent Gaussian numbers. The test below holds mean and variance.
 
 use core::f64::consts::TAU;
 use glam::DVec3;
@@ -7,17 +9,18 @@ use rand::{RngExt, SeedableRng};
 
 /// A seeded source of Gaussian numbers.
 #[derive(Debug)]
-pub(super) struct Gaussian {
+pub(crate) struct Gaussian {
     generator: StdRng,
 }
 
 impl Gaussian {
-    pub(super) fn new(seed: u64) -> Self {
+    /// The sequence of one seed.
+    pub(crate) fn new(seed: u64) -> Self {
         Self { generator: StdRng::seed_from_u64(seed) }
     }
 
     /// Three independent numbers of standard deviation `sigma`.
-    pub(super) fn vector(&mut self, sigma: f64) -> DVec3 {
+    pub(crate) fn vector(&mut self, sigma: f64) -> DVec3 {
         DVec3::new(self.unit(), self.unit(), self.unit()) * sigma
     }
 

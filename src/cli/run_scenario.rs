@@ -1,0 +1,216 @@
+//! `starloop run SCENARIO`: the closed loop on the virtual clock.
+
+use crate::base::clock::Stopwatch;
+use crate::base::units::ARCSEC;
+use crate::cli::run::{RunArgs, stamp};
+use crate::cli::scenario_report::{ScenarioReport, table};
+use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, EXIT_NOT_MET};
+use crate::config::Scenario;
+use crate::runtime::RunRecord;
+use crate::sink::{NullSink, Recorder, RecorderOptions, SentFrame, Sink, write_file_atomically};
+use crate::testbed::vehicle::TelemetryRow;
+use crate::wiring::assessment::mode_name;
+use crate::wiring::closed_loop::ClosedLoop;
+use anyhow::{Context, Result};
+use core::sync::atomic::{AtomicBool, Ordering};
+use std::io::{BufWriter, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Runs a scenario; the exit status.
+///
+/// # Errors
+/// With what could not be done.
+pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> Result<u8> {
+    let directory = directory(scenario, arguments)?;
+    let mut wall = Stopwatch::start();
+    let mut failed = None;
+    let mut going = ClosedLoop::new(scenario, |head| {
+        sink(scenario, arguments, directory.as_deref(), head).unwrap_or_else(|error| {
+            failed = Some(error);
+            Box::new(NullSink::new())
+        })
+    })?;
+    if let Some(error) = failed {
+        return Err(error);
+    }
+    let telemetry = directory.as_deref().map(|directory| telemetry_file(&mut going, directory)).transpose()?;
+    let say = !arguments.quiet;
+    if say {
+        let seconds = (going.end() - going.zero()).s();
+        eprintln!("scenario \"{}\": {seconds} s of simulated time, seed {}", scenario.name, scenario.bench.seed);
+    }
+    let mut progress = Progress::new(say && std::io::stderr().is_terminal(), going.zero());
+    let ended = going.run_to_end(&mut |_, frame, record| {
+        progress.show(frame, record);
+        !stop.load(Ordering::Relaxed)
+    });
+    progress.finish();
+    let wall_s = wall.lap().s();
+    ended.with_context(|| format!("seed {} repeats it", scenario.bench.seed))?;
+    if let Some(written) = telemetry {
+        written.finish()?;
+    }
+    let outcome = going.finish()?;
+    let report = ScenarioReport::of(scenario, &outcome, wall_s);
+    if let Some(directory) = &directory {
+        let json = serde_json::to_string_pretty(&report)?;
+        write_file_atomically(&directory.join("scenario.json"), |out| out.write_all(json.as_bytes()))?;
+    }
+    if arguments.json {
+        println!("{}", serde_json::to_string(&report)?);
+    } else if say {
+        print!("{}", table(&report));
+    }
+    if stop.load(Ordering::SeqCst) {
+        return Ok(EXIT_INTERRUPTED);
+    }
+    if !report.passed {
+        eprintln!("starloop: scenario \"{}\" did not hold; seed {} repeats it", scenario.name, scenario.bench.seed);
+        return Ok(EXIT_NOT_MET);
+    }
+    Ok(EXIT_DONE)
+}
+
+/// Where files go: only when the command line or the bench wants any.
+fn directory(scenario: &Scenario, arguments: &RunArgs) -> Result<Option<PathBuf>> {
+    let directory = match (&arguments.out, arguments.wants_recorder(&scenario.bench)) {
+        (Some(out), _) => out.clone(),
+        (None, true) => {
+            let now = crate::base::clock::Monotonic::start();
+            PathBuf::from("out").join(&scenario.name).join(stamp(crate::base::clock::Clock::now(&now)))
+        }
+        (None, false) => return Ok(None),
+    };
+    std::fs::create_dir_all(&directory).with_context(|| format!("cannot make {}", directory.display()))?;
+    Ok(Some(directory))
+}
+
+fn sink(scenario: &Scenario, arguments: &RunArgs, directory: Option<&Path>, head: usize) -> Result<Box<dyn Sink>> {
+    let Some(directory) = directory.filter(|_| arguments.wants_recorder(&scenario.bench)) else {
+        return Ok(Box::new(NullSink::new()));
+    };
+    let directory =
+        if scenario.heads.len() > 1 { directory.join(format!("head{head}")) } else { directory.to_path_buf() };
+    let (fits, png_every) = arguments.recorded(&scenario.bench);
+    Ok(Box::new(Recorder::create(directory, RecorderOptions { fits, truth: true, png_every })?))
+}
+
+/// The telemetry file while it is written.
+struct TelemetryFile {
+    failure: Arc<std::sync::Mutex<Option<csv::Error>>>,
+    path: PathBuf,
+}
+
+impl TelemetryFile {
+    fn finish(self) -> Result<()> {
+        let failure = self.failure.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
+        failure.map_or(Ok(()), |error| Err(error).with_context(|| format!("cannot write {}", self.path.display())))
+    }
+}
+
+fn telemetry_file(going: &mut ClosedLoop, directory: &Path) -> Result<TelemetryFile> {
+    let path = directory.join("telemetry.csv");
+    let file = std::fs::File::create_new(&path).with_context(|| format!("cannot make {}", path.display()))?;
+    let mut out = csv::Writer::from_writer(BufWriter::new(file));
+    out.write_record(COLUMNS)?;
+    let failure = Arc::new(std::sync::Mutex::new(None));
+    let (told, zero) = (Arc::clone(&failure), going.zero());
+    going.on_row(move |row| {
+        if let Err(error) = out.write_record(cells(row, zero)) {
+            told.lock().unwrap_or_else(std::sync::PoisonError::into_inner).get_or_insert(error);
+        }
+    });
+    Ok(TelemetryFile { failure, path })
+}
+
+/// Columns of `telemetry.csv`; angles are rotation vectors in body axes.
+const COLUMNS: [&str; 24] = [
+    "t_s",
+    "mode",
+    "pointing_x_arcsec",
+    "pointing_y_arcsec",
+    "pointing_z_arcsec",
+    "knowledge_x_arcsec",
+    "knowledge_y_arcsec",
+    "knowledge_z_arcsec",
+    "sigma_arcsec",
+    "rate_x_arcsec_s",
+    "rate_y_arcsec_s",
+    "rate_z_arcsec_s",
+    "bias_error_x_arcsec_s",
+    "bias_error_y_arcsec_s",
+    "bias_error_z_arcsec_s",
+    "torque_x_n_m",
+    "torque_y_n_m",
+    "torque_z_n_m",
+    "wheel_speed_rad_s",
+    "wheel_momentum_n_m_s",
+    "heads_solved",
+    "stars",
+    "sun_angle_deg",
+    "utc",
+];
+
+fn cells(row: &TelemetryRow, zero: crate::base::time::Tai) -> Vec<String> {
+    let mut cells = vec![format!("{:.3}", (row.at - zero).s()), mode_name(row.mode).to_owned()];
+    let arcsec = |v: glam::DVec3| v.to_array().map(|x| format!("{:.6}", x / ARCSEC));
+    cells.extend(arcsec(row.pointing_error_rad));
+    cells.extend(row.knowledge_error_rad.map_or([const { String::new() }; 3], arcsec));
+    cells.push(format!("{:.6}", row.sigma_rad / ARCSEC));
+    cells.extend(arcsec(row.rate_rad_s));
+    cells.extend(arcsec(row.bias_error_rad_s));
+    cells.extend(row.torque_n_m.to_array().map(|x| format!("{x:.9}")));
+    cells.push(format!("{:.6}", row.wheel_speed_rad_s));
+    cells.push(format!("{:.9}", row.wheel_momentum_n_m_s));
+    cells.push(row.heads_solved.to_string());
+    cells.push(row.stars.to_string());
+    cells.push(row.sun_angle_rad.map_or_else(String::new, |angle| format!("{:.6}", angle.to_degrees())));
+    cells.push(row.at.to_rfc3339());
+    cells
+}
+
+/// One line that is drawn over.
+struct Progress {
+    is_on: bool,
+    zero: crate::base::time::Tai,
+    watch: Stopwatch,
+    since_drawn_s: f64,
+    wall_s: f64,
+    drawn: bool,
+}
+
+impl Progress {
+    fn new(is_on: bool, zero: crate::base::time::Tai) -> Self {
+        Self { is_on, zero, watch: Stopwatch::start(), since_drawn_s: 0.0, wall_s: 0.0, drawn: false }
+    }
+
+    fn show(&mut self, frame: &SentFrame, record: &RunRecord) {
+        const REDRAW_S: f64 = 0.2;
+        if !self.is_on {
+            return;
+        }
+        let lap_s = self.watch.lap().s();
+        (self.since_drawn_s, self.wall_s) = (self.since_drawn_s + lap_s, self.wall_s + lap_s);
+        if self.since_drawn_s < REDRAW_S {
+            return;
+        }
+        (self.since_drawn_s, self.drawn) = (0.0, true);
+        let t_s = (frame.meta.mid_exposure - self.zero).s();
+        let [ra, dec, roll] = [frame.meta.ra_deg, frame.meta.dec_deg, frame.meta.roll_deg];
+        let text = format!(
+            "{t_s:9.1} s ({:5.1} times real time)  frame {}  RA {ra:8.4} Dec {dec:+8.4} roll {roll:+9.4}",
+            t_s / self.wall_s.max(1e-3),
+            record.frames.delivered,
+        );
+        let mut out = std::io::stderr().lock();
+        let _a_closed_terminal_is_no_error = write!(out, "\r{text:<110}");
+        let _ = out.flush();
+    }
+
+    fn finish(&self) {
+        if self.drawn {
+            eprintln!();
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! What a scenario came to: JSON for machines, a table for people.
+
+use crate::base::units::ARCSEC;
+use crate::config::Scenario;
+use crate::report::{FrameCounts, Machine};
+use crate::wiring::assessment::{ModeLine, Verdict, WindowErrors};
+use crate::wiring::closed_loop::LoopOutcome;
+use crate::wiring::faults::FaultLine;
+use core::fmt::Write;
+use serde::Serialize;
+
+/// The report of one scenario run.
+#[derive(Debug, Clone, Serialize)]
+pub struct ScenarioReport {
+    /// Scenario.
+    pub scenario: String,
+    /// Seed.
+    pub seed: u64,
+    /// Machine.
+    pub machine: Machine,
+    /// Simulated time, s.
+    pub simulated_s: f64,
+    /// Wall time, s.
+    pub wall_s: f64,
+    /// Simulated hours per wall hour.
+    pub speed: f64,
+    /// CRC-32 over all frames of each head.
+    pub frames_crc32: Vec<String>,
+    /// CRC-32 over all telemetry.
+    pub telemetry_crc32: String,
+    /// Frame counts, all heads together.
+    pub frames: FrameCounts,
+    /// Seconds from the first exposure to fine pointing.
+    pub fine_after_s: Option<f64>,
+    /// Pointing errors at the end.
+    pub pointing: WindowErrors,
+    /// Knowledge errors at the end.
+    pub knowledge: WindowErrors,
+    /// What linear theory says of the boresight's rms error, arcsec.
+    pub predicted_pointing_arcsec: Option<f64>,
+    /// Share of the telemetry in which a tracker had an attitude.
+    pub tracker_availability: f64,
+    /// Frames held against the true attitude, and the largest distance, arcsec.
+    pub frames_held_to_truth: u64,
+    /// Largest distance of such a frame's attitude from the truth, arcsec.
+    pub largest_rendered_error_arcsec: f64,
+    /// Smallest angle between the kept boresight and the Sun, deg.
+    pub least_sun_angle_deg: Option<f64>,
+    /// Mode changes (the first 256).
+    pub modes: Vec<ModeLine>,
+    /// Faults and what they hit.
+    pub faults: Vec<FaultLine>,
+    /// Commands that the flight computer refused.
+    pub refusals: Vec<String>,
+    /// Events of the stimulator, counted by name.
+    pub events: std::collections::BTreeMap<String, u64>,
+    /// Expectations.
+    pub verdicts: Vec<Verdict>,
+    /// Broken invariants.
+    pub violations: u64,
+    /// The first of them, in words.
+    pub violation_lines: Vec<String>,
+    /// Everything held.
+    pub passed: bool,
+}
+
+impl ScenarioReport {
+    /// Of a run.
+    #[must_use]
+    pub fn of(scenario: &Scenario, outcome: &LoopOutcome, wall_s: f64) -> Self {
+        let (record, assessment) = (&outcome.record, &outcome.assessment);
+        let simulated_s = scenario.bench.timing.duration_s;
+        let predicted = outcome.predicted_pointing_rad.map(|rad| rad / ARCSEC);
+        let verdicts = assessment.verdicts(predicted);
+        let (violations, lines) = assessment.violations();
+        let (frames_held_to_truth, largest_rendered_error_arcsec) = assessment.rendered();
+        let events =
+            crate::runtime::EventKind::ALL.iter().map(|kind| (kind.name().to_owned(), record.ledger.count(*kind)));
+        Self {
+            scenario: scenario.name.clone(),
+            seed: scenario.bench.seed,
+            machine: Machine::read(),
+            simulated_s,
+            wall_s,
+            speed: simulated_s / wall_s.max(1e-9),
+            frames_crc32: outcome.sinks.iter().map(|sink| format!("{:08x}", sink.run_crc32)).collect(),
+            telemetry_crc32: format!("{:08x}", assessment.telemetry_crc32()),
+            frames: record.frames,
+            fine_after_s: assessment.fine_after_s(),
+            pointing: assessment.pointing(),
+            knowledge: assessment.knowledge(),
+            predicted_pointing_arcsec: predicted,
+            tracker_availability: assessment.tracker_availability(),
+            frames_held_to_truth,
+            largest_rendered_error_arcsec,
+            least_sun_angle_deg: assessment.least_sun_angle_rad().map(f64::to_degrees),
+            modes: assessment.mode_lines().to_vec(),
+            faults: outcome.faults.clone(),
+            refusals: assessment.refusals().to_vec(),
+            events: events.filter(|(_, count)| *count > 0).collect(),
+            passed: violations == 0 && verdicts.iter().all(|verdict| verdict.passed),
+            verdicts,
+            violations,
+            violation_lines: lines.to_vec(),
+        }
+    }
+}
+
+/// The report for people.
+#[must_use]
+pub fn table(report: &ScenarioReport) -> String {
+    let mut text = String::new();
+    write_table(&mut text, report).expect("a string takes everything");
+    text
+}
+
+fn write_table(text: &mut String, report: &ScenarioReport) -> core::fmt::Result {
+    let frames = &report.frames;
+    writeln!(text, "scenario  {} (seed {})", report.scenario, report.seed)?;
+    writeln!(
+        text,
+        "time      {:.1} s simulated in {:.1} s: {:.1} simulated hours per hour",
+        report.simulated_s, report.wall_s, report.speed
+    )?;
+    writeln!(
+        text,
+        "frames    {} scheduled, {} delivered, {} dropped, {} blank; CRC-32 {}, telemetry {}",
+        frames.scheduled,
+        frames.delivered,
+        frames.dropped,
+        frames.blank,
+        report.frames_crc32.join(" "),
+        report.telemetry_crc32
+    )?;
+    writeln!(
+        text,
+        "truth     {} frames held to the true attitude, at most {:.4} arcsec from it",
+        report.frames_held_to_truth, report.largest_rendered_error_arcsec
+    )?;
+    writeln!(text, "tracker   attitude in {:.2} % of the telemetry", 100.0 * report.tracker_availability)?;
+    for (name, errors) in [("pointing ", report.pointing), ("knowledge", report.knowledge)] {
+        if let (Some(boresight), Some(roll), Some(largest)) =
+            (errors.boresight_arcsec, errors.roll_arcsec, errors.largest_boresight_arcsec)
+        {
+            writeln!(
+                text,
+                "{name} boresight {boresight:.3} arcsec rms (largest {largest:.3}), roll {roll:.3} arcsec rms"
+            )?;
+        }
+    }
+    if let Some(predicted) = report.predicted_pointing_arcsec {
+        writeln!(text, "predicted boresight {predicted:.3} arcsec rms by linear theory")?;
+    }
+    if let Some(angle) = report.least_sun_angle_deg {
+        writeln!(text, "Sun       never nearer than {angle:.2} deg to the kept boresight")?;
+    }
+    for mode in report.modes.iter().take(20) {
+        writeln!(text, "mode      {:9.1} s  {} -> {} ({})", mode.t_s, mode.from, mode.to, mode.cause)?;
+    }
+    for fault in report.faults.iter().take(40) {
+        writeln!(
+            text,
+            "fault     {:9.1} s .. {:9.1} s  {}: {} hit",
+            fault.from_s, fault.until_s, fault.name, fault.hits
+        )?;
+    }
+    for refusal in &report.refusals {
+        writeln!(text, "refused   {refusal}")?;
+    }
+    for verdict in &report.verdicts {
+        let mark = if verdict.passed { "ok    " } else { "FAILED" };
+        writeln!(text, "{mark}    {}: wanted {}, got {}", verdict.name, verdict.wanted, verdict.got)?;
+    }
+    for line in &report.violation_lines {
+        writeln!(text, "BROKEN    {line}")?;
+    }
+    let held = if report.violations == 0 { "all held".into() } else { format!("{} violations", report.violations) };
+    writeln!(text, "invariants: {held}")
+}

@@ -1,0 +1,280 @@
+//! `[[event]]`: commands to the flight computer and faults, each at its time.
+
+use crate::base::time::Span;
+use crate::base::units::DEG;
+use crate::config::check::{Checker, Rule};
+use crate::config::error::ConfigError;
+use crate::link::tap::LinkFault;
+use crate::sink::FrameFault;
+use glam::DVec3;
+use serde::Deserialize;
+
+/// Direction and roll of a sensor, deg.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pointing {
+    /// Right ascension of the boresight.
+    pub ra_deg: f64,
+    /// Declination of the boresight.
+    pub dec_deg: f64,
+    /// Position angle of the image's up direction, east of north.
+    pub roll_deg: f64,
+}
+
+/// A way a gyro fails.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum GyroFaultKind {
+    /// No reading.
+    Dropout,
+    /// The same reading again and again.
+    Stuck,
+    /// Its bias steps by this, rad/s.
+    BiasJump(DVec3),
+    /// Readings are off by this, rad/s, while it lasts.
+    Spike(DVec3),
+}
+
+/// What happens.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Action {
+    /// Command: slew there and stay.
+    Slew(Pointing),
+    /// Command: safe mode.
+    Safe,
+    /// Command: back to pointing.
+    Resume,
+    /// Fault on the bus towards the stimulator.
+    Bus(LinkFault),
+    /// Fault on the bus towards the flight computer.
+    BusBack(LinkFault),
+    /// Fault of the frames of one head, or of all.
+    Frame {
+        /// Which head; `None`: all.
+        head: Option<usize>,
+        /// What happens to them.
+        fault: FrameFault,
+    },
+    /// Fault of the gyro.
+    Gyro(GyroFaultKind),
+    /// One wheel fails for good.
+    WheelFailure {
+        /// Which, from 0.
+        wheel: usize,
+    },
+    /// A tracker gives nothing.
+    TrackerOff {
+        /// Which head; `None`: all.
+        head: Option<usize>,
+    },
+}
+
+/// Something at its time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Event {
+    /// After the first exposure.
+    pub at: Span,
+    /// How long it lasts; zero for commands.
+    pub lasts: Span,
+    /// What it is.
+    pub action: Action,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct EventKeys {
+    at_s: Option<f64>,
+    for_s: Option<f64>,
+    #[serde(rename = "do")]
+    action: Option<String>,
+    ra_deg: Option<f64>,
+    dec_deg: Option<f64>,
+    roll_deg: Option<f64>,
+    share: Option<f64>,
+    delay_ms: Option<f64>,
+    jitter_ms: Option<f64>,
+    late_ms: Option<f64>,
+    e_per_s: Option<f64>,
+    rate_deg_h: Option<[f64; 3]>,
+    head: Option<i64>,
+    wheel: Option<i64>,
+}
+
+/// Every word for `do`, what it is, and which keys go with it.
+const ACTIONS: [(&str, Kind); 21] = [
+    ("slew", Kind::Slew),
+    ("safe", Kind::Safe),
+    ("resume", Kind::Resume),
+    ("bus_loss", Kind::BusLoss),
+    ("bus_silence", Kind::BusSilence),
+    ("bus_delay", Kind::BusDelay),
+    ("bus_duplicate", Kind::BusDuplicate),
+    ("bus_wrong_bits", Kind::BusWrongBits),
+    ("bus_back_loss", Kind::BusBackLoss),
+    ("frame_drop", Kind::FrameDrop),
+    ("frame_duplicate", Kind::FrameDuplicate),
+    ("frame_late", Kind::FrameLate),
+    ("frame_torn", Kind::FrameTorn),
+    ("frame_blank", Kind::FrameBlank),
+    ("stray_light", Kind::StrayLight),
+    ("gyro_dropout", Kind::GyroDropout),
+    ("gyro_stuck", Kind::GyroStuck),
+    ("gyro_bias_jump", Kind::GyroBiasJump),
+    ("gyro_spike", Kind::GyroSpike),
+    ("wheel_failure", Kind::WheelFailure),
+    ("tracker_off", Kind::TrackerOff),
+];
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Slew,
+    Safe,
+    Resume,
+    BusLoss,
+    BusSilence,
+    BusDelay,
+    BusDuplicate,
+    BusWrongBits,
+    BusBackLoss,
+    FrameDrop,
+    FrameDuplicate,
+    FrameLate,
+    FrameTorn,
+    FrameBlank,
+    StrayLight,
+    GyroDropout,
+    GyroStuck,
+    GyroBiasJump,
+    GyroSpike,
+    WheelFailure,
+    TrackerOff,
+}
+
+impl Event {
+    /// Checks `keys`, the event number `place` of the document.
+    pub(super) fn check(keys: &EventKeys, place: usize, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+        let key = |name: &str| format!("event[{place}].{name}");
+        let after = "seconds after the first exposure";
+        let at_s = check.required(&key("at_s"), keys.at_s, Rule::NotNegative, after)?;
+        if keys.action.is_none() {
+            let words: Vec<&str> = ACTIONS.iter().map(|(word, _)| *word).collect();
+            let wanted = format!("one of \"{}\"", words.join("\", \""));
+            return Err(check.invalid(&key("do"), "missing", wanted, "what happens"));
+        }
+        let advice = "what happens";
+        let kind = check.choice(&key("do"), keys.action.as_deref(), &ACTIONS, advice)?;
+        let action = Reader { keys, place, check }.action(kind)?;
+        let lasts_s = if kind.lasts() {
+            check.required(&key("for_s"), keys.for_s, Rule::Positive, "how many seconds it lasts")?
+        } else {
+            check.unused(&key("for_s"), keys.for_s.is_some(), "faults that end by themselves")?;
+            0.0
+        };
+        Ok(Self { at: Span::from_s(at_s), lasts: Span::from_s(lasts_s), action })
+    }
+}
+
+impl Kind {
+    fn lasts(self) -> bool {
+        !matches!(self, Self::Slew | Self::Safe | Self::Resume | Self::WheelFailure | Self::GyroBiasJump)
+    }
+}
+
+/// Reads the keys of one event.
+struct Reader<'a, 'd> {
+    keys: &'a EventKeys,
+    place: usize,
+    check: &'a mut Checker<'d>,
+}
+
+impl Reader<'_, '_> {
+    fn action(&self, kind: Kind) -> Result<Action, ConfigError> {
+        let frame = |fault| Ok(Action::Frame { head: self.number("head", self.keys.head)?, fault });
+        Ok(match kind {
+            Kind::Slew => Action::Slew(self.pointing()?),
+            Kind::Safe => Action::Safe,
+            Kind::Resume => Action::Resume,
+            Kind::BusLoss => Action::Bus(LinkFault::Loss { share: self.share()? }),
+            Kind::BusSilence => Action::Bus(LinkFault::Silence),
+            Kind::BusDelay => Action::Bus(LinkFault::Delay {
+                by: self.milliseconds("delay_ms", self.keys.delay_ms)?,
+                jitter: self.milliseconds("jitter_ms", Some(self.keys.jitter_ms.unwrap_or(0.0)))?,
+            }),
+            Kind::BusDuplicate => Action::Bus(LinkFault::Duplicate { share: self.share()? }),
+            Kind::BusWrongBits => Action::Bus(LinkFault::WrongBits { share: self.share()? }),
+            Kind::BusBackLoss => Action::BusBack(LinkFault::Loss { share: self.share()? }),
+            Kind::FrameDrop => frame(FrameFault::Drop)?,
+            Kind::FrameDuplicate => frame(FrameFault::Duplicate)?,
+            Kind::FrameLate => frame(FrameFault::Late(self.milliseconds("late_ms", self.keys.late_ms)?))?,
+            Kind::FrameTorn => frame(FrameFault::Torn)?,
+            Kind::FrameBlank => frame(FrameFault::Blank)?,
+            Kind::StrayLight => {
+                let advice = "electrons per second in every pixel, such as 200000.0";
+                let e_per_s = self.required("e_per_s", self.keys.e_per_s, Rule::PositiveUpTo(1e12), advice)?;
+                frame(FrameFault::StrayLight { e_per_s })?
+            }
+            Kind::GyroDropout => Action::Gyro(GyroFaultKind::Dropout),
+            Kind::GyroStuck => Action::Gyro(GyroFaultKind::Stuck),
+            Kind::GyroBiasJump => Action::Gyro(GyroFaultKind::BiasJump(self.rate()?)),
+            Kind::GyroSpike => Action::Gyro(GyroFaultKind::Spike(self.rate()?)),
+            Kind::WheelFailure => {
+                let missing = || self.check.invalid(&self.key("wheel"), "missing", "its number, from 0", "such as 2");
+                Action::WheelFailure { wheel: self.number("wheel", self.keys.wheel)?.ok_or_else(missing)? }
+            }
+            Kind::TrackerOff => Action::TrackerOff { head: self.number("head", self.keys.head)? },
+        })
+    }
+
+    fn key(&self, name: &str) -> String {
+        format!("event[{}].{name}", self.place)
+    }
+
+    fn required(&self, name: &str, given: Option<f64>, rule: Rule, advice: &str) -> Result<f64, ConfigError> {
+        self.check.required(&self.key(name), given, rule, advice)
+    }
+
+    fn share(&self) -> Result<f64, ConfigError> {
+        self.required("share", self.keys.share, Rule::Within(0.0, 1.0), "a share of the packets, 0 to 1")
+    }
+
+    fn milliseconds(&self, name: &str, given: Option<f64>) -> Result<Span, ConfigError> {
+        let ms = self.required(name, given, Rule::Within(0.0, 60_000.0), "milliseconds")?;
+        Ok(Span::from_s(ms * 1e-3))
+    }
+
+    fn rate(&self) -> Result<DVec3, ConfigError> {
+        let advice = "degrees per hour about the body axes, such as [5.0, 0.0, 0.0]";
+        let missing = || self.check.invalid(&self.key("rate_deg_h"), "missing", "three finite numbers", advice);
+        let rate_deg_h = self.keys.rate_deg_h.ok_or_else(missing)?;
+        for component in rate_deg_h {
+            self.check.meets(&self.key("rate_deg_h"), component, Rule::Within(-1e6, 1e6), advice)?;
+        }
+        Ok(DVec3::from_array(rate_deg_h) * (DEG / 3600.0))
+    }
+
+    fn number(&self, name: &str, given: Option<i64>) -> Result<Option<usize>, ConfigError> {
+        let Some(number) = given else { return Ok(None) };
+        let refuse = || self.check.invalid(&self.key(name), number, "a number from 0 to 15", "counted from 0");
+        usize::try_from(number).ok().filter(|number| *number < 16).map(Some).ok_or_else(refuse)
+    }
+
+    fn pointing(&self) -> Result<Pointing, ConfigError> {
+        let key = |name: &str| self.key(name);
+        Pointing::check([self.keys.ra_deg, self.keys.dec_deg, self.keys.roll_deg], key, self.check)
+    }
+}
+
+impl Pointing {
+    /// Three angles; roll may be left out.
+    pub(super) fn check(
+        given: [Option<f64>; 3],
+        key: impl Fn(&str) -> String,
+        check: &Checker<'_>,
+    ) -> Result<Self, ConfigError> {
+        let [ra_deg, dec_deg, roll_deg] = given;
+        let turn = Rule::Within(-360.0, 360.0);
+        Ok(Self {
+            ra_deg: check.required(&key("ra_deg"), ra_deg, turn, "degrees, not hours: 5h 30m is 82.5")?,
+            dec_deg: check.required(&key("dec_deg"), dec_deg, Rule::Within(-90.0, 90.0), "degrees")?,
+            roll_deg: check.required(&key("roll_deg"), Some(roll_deg.unwrap_or(0.0)), turn, "degrees")?,
+        })
+    }
+}

@@ -1,0 +1,84 @@
+//! `[expect]`: what must come true for a scenario to have passed.
+
+use crate::config::check::{Checker, Rule};
+use crate::config::error::ConfigError;
+use serde::Deserialize;
+
+/// Expectations, checked. What is `None` is not expected.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Expect {
+    /// Fine pointing is reached within this, s after the first exposure.
+    pub fine_pointing_within_s: Option<f64>,
+    /// The last so many seconds are judged.
+    pub window_s: f64,
+    /// Largest rms pointing error of the first head's boresight in the window, arcsec.
+    pub pointing_arcsec: Option<f64>,
+    /// Largest rms error of the estimated attitude in the window, arcsec.
+    pub knowledge_arcsec: Option<f64>,
+    /// Largest ratio of the rms pointing error to what linear theory predicts from the tracker's noise.
+    pub pointing_over_predicted: Option<f64>,
+    /// After the last fault has ended the loop points again within this, s.
+    pub recovery_s: f64,
+    /// Pointing again means an error below this, arcsec.
+    pub recovered_arcsec: f64,
+    /// Mode at the end.
+    pub final_mode: Option<&'static str>,
+    /// The control must fail: at the end it points nowhere near its target.
+    pub diverges: bool,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ExpectKeys {
+    fine_pointing_within_s: Option<f64>,
+    window_s: Option<f64>,
+    pointing_arcsec: Option<f64>,
+    knowledge_arcsec: Option<f64>,
+    pointing_over_predicted: Option<f64>,
+    recovery_s: Option<f64>,
+    recovered_arcsec: Option<f64>,
+    final_mode: Option<String>,
+    diverges: Option<bool>,
+}
+
+impl Expect {
+    pub(super) fn check(keys: &ExpectKeys, duration_s: f64, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+        let modes = [
+            ("any", None),
+            ("fine_pointing", Some("fine_pointing")),
+            ("coarse_pointing", Some("coarse_pointing")),
+            ("rate_damping", Some("rate_damping")),
+            ("slew", Some("slew")),
+            ("safe", Some("safe")),
+        ];
+        let advice = "the flight computer's mode when the run ends";
+        let final_mode = check.choice("expect.final_mode", keys.final_mode.as_deref(), &modes, advice)?;
+        let window = "seconds at the end of the run that are judged";
+        let window_s = check.number(
+            "expect.window_s",
+            keys.window_s,
+            0.25 * duration_s,
+            Rule::PositiveUpTo(duration_s),
+            window,
+        )?;
+        let again = "seconds after the end of a fault";
+        let recovery_s = check.number("expect.recovery_s", keys.recovery_s, 120.0, Rule::Positive, again)?;
+        let near = "arcseconds off target that count as pointing again";
+        let recovered_arcsec =
+            check.number("expect.recovered_arcsec", keys.recovered_arcsec, 120.0, Rule::Positive, near)?;
+        let positive = |name: &str, given: Option<f64>, advice: &str| {
+            given.map(|value| check.meets(&format!("expect.{name}"), value, Rule::Positive, advice)).transpose()
+        };
+        Ok(Self {
+            fine_pointing_within_s: positive("fine_pointing_within_s", keys.fine_pointing_within_s, "seconds")?,
+            window_s,
+            pointing_arcsec: positive("pointing_arcsec", keys.pointing_arcsec, "arcseconds rms")?,
+            knowledge_arcsec: positive("knowledge_arcsec", keys.knowledge_arcsec, "arcseconds rms")?,
+            pointing_over_predicted: positive("pointing_over_predicted", keys.pointing_over_predicted, "such as 1.5")?,
+            recovery_s,
+            recovered_arcsec,
+            final_mode,
+            diverges: keys.diverges.unwrap_or(false),
+        })
+    }
+}

@@ -1,0 +1,243 @@
+//! A scenario file: a bench whose attitude is flown in closed loop, by a spacecraft with a flight computer and trackers.
+
+use crate::base::axes::{Body, Rotation, Sensor};
+use crate::base::time::Span;
+use crate::config::bench::{Bench, quaternion};
+use crate::config::check::{Checker, Defaulted, Rule};
+use crate::config::document::Document;
+use crate::config::error::ConfigError;
+use crate::config::event::{Event, EventKeys, Pointing};
+use crate::config::expect::{Expect, ExpectKeys};
+use crate::config::observer::Observer;
+use crate::config::spacecraft::Spacecraft;
+use glam::DVec3;
+use serde::Deserialize;
+use std::path::Path;
+
+/// Most camera heads of one spacecraft.
+const HEADS_MAX: usize = 8;
+
+/// A scenario, checked, with everything it names.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scenario {
+    /// What people call it.
+    pub name: String,
+    /// Camera, bus, clockwork. Its `[flight_computer]` is not flown: the spacecraft is.
+    pub bench: Bench,
+    /// What is flown.
+    pub spacecraft: Spacecraft,
+    /// Attitude of the first head at the start; `None`: a random one from the seed.
+    pub initial: Option<Pointing>,
+    /// Rate at the start, body axes, rad/s.
+    pub initial_rate_rad_s: DVec3,
+    /// Where the first head is to point.
+    pub target: Pointing,
+    /// Mounting of each head; at least one.
+    pub heads: Vec<Rotation<Sensor, Body>>,
+    /// How long a tracker thinks: end of readout to attitude.
+    pub tracker_delay: Span,
+    /// Most stars a tracker measures in a frame.
+    pub tracker_stars: usize,
+    /// From a control step to its torque, on top of nothing: latency injected to be studied.
+    pub actuation_delay: Span,
+    /// Control steps from one row of telemetry to the next.
+    pub telemetry_every: u32,
+    /// Commands and faults, in order of time.
+    pub events: Vec<Event>,
+    /// What must come true.
+    pub expect: Expect,
+    /// Values nobody gave in the scenario file.
+    pub defaulted: Vec<Defaulted>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct ScenarioKeys {
+    name: Option<String>,
+    bench: Option<String>,
+    spacecraft: Option<String>,
+    seed: Option<i64>,
+    duration_s: Option<f64>,
+    initial: InitialKeys,
+    target: PointingKeys,
+    head: Vec<HeadKeys>,
+    tracker: TrackerKeys,
+    control: ControlKeys,
+    telemetry: TelemetryKeys,
+    event: Vec<EventKeys>,
+    expect: ExpectKeys,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct InitialKeys {
+    attitude: Option<String>,
+    ra_deg: Option<f64>,
+    dec_deg: Option<f64>,
+    roll_deg: Option<f64>,
+    rate_deg_s: Option<[f64; 3]>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PointingKeys {
+    ra_deg: Option<f64>,
+    dec_deg: Option<f64>,
+    roll_deg: Option<f64>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct HeadKeys {
+    sensor_from_body: Option<[f64; 4]>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TrackerKeys {
+    delay_ms: Option<f64>,
+    stars: Option<i64>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ControlKeys {
+    delay_ms: Option<f64>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TelemetryKeys {
+    every: Option<i64>,
+}
+
+/// Whether a document is a scenario: it names a spacecraft. A file that cannot be parsed is not.
+#[must_use]
+pub fn is_scenario(document: &Document) -> bool {
+    document.has_key("spacecraft")
+}
+
+impl Scenario {
+    /// Reads and checks a scenario file and what it names.
+    ///
+    /// # Errors
+    /// The first thing that is wrong.
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        Self::from_document(&Document::open(path)?)
+    }
+
+    /// Checks a scenario that is already text.
+    ///
+    /// # Errors
+    /// The first thing that is wrong.
+    pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
+        let keys: ScenarioKeys = document.read_as()?;
+        let mut check = Checker::new(document);
+        let name = check.given_or("name", keys.name.clone(), document.stem());
+        let mut bench = named_bench(keys.bench.as_deref(), &check)?;
+        override_bench(&mut bench, &keys, &check)?;
+        let spacecraft = named_spacecraft(keys.spacecraft.as_deref(), &check)?;
+        let heads = heads(&keys.head, &bench, &check)?;
+        let initial = initial(&keys.initial, &mut check)?;
+        let target_key = |name: &str| format!("target.{name}");
+        let target =
+            Pointing::check([keys.target.ra_deg, keys.target.dec_deg, keys.target.roll_deg], target_key, &check)?;
+        let delay = "milliseconds from the end of readout to the attitude";
+        let delay_ms =
+            check.number("tracker.delay_ms", keys.tracker.delay_ms, 50.0, Rule::Within(0.0, 2000.0), delay)?;
+        let late = "milliseconds from a control step to its torque: latency to be studied";
+        let actuation_ms =
+            check.number("control.delay_ms", keys.control.delay_ms, 0.0, Rule::Within(0.0, 10_000.0), late)?;
+        let rows = "control steps from one row to the next";
+        let telemetry_every = check.whole("telemetry.every", keys.telemetry.every, Some(1), 1..=1_000_000, rows)?;
+        let tracker_stars = check.whole("tracker.stars", keys.tracker.stars, Some(40), 4..=200, "brightest first")?;
+        let mut events: Vec<Event> = Vec::with_capacity(keys.event.len());
+        for (place, event) in keys.event.iter().enumerate() {
+            events.push(Event::check(event, place, &mut check)?);
+        }
+        events.sort_by_key(|event| event.at);
+        let expect = Expect::check(&keys.expect, bench.timing.duration_s, &mut check)?;
+        Ok(Self {
+            name,
+            spacecraft,
+            initial,
+            initial_rate_rad_s: initial_rate_rad_s(&keys.initial, &check)?,
+            target,
+            heads,
+            tracker_delay: Span::from_s(delay_ms * 1e-3),
+            tracker_stars: tracker_stars as usize,
+            actuation_delay: Span::from_s(actuation_ms * 1e-3),
+            telemetry_every,
+            events,
+            expect,
+            bench,
+            defaulted: check.defaulted,
+        })
+    }
+}
+
+fn named_bench(path: Option<&str>, check: &Checker<'_>) -> Result<Bench, ConfigError> {
+    let advice = "the path of a bench file, relative to this one";
+    let path = path.ok_or_else(|| check.invalid("bench", "missing", "a path", advice))?;
+    let bench = Bench::from_document(&check.document.named("bench", path)?)?;
+    if !matches!(bench.observer, Observer::CircularOrbit { .. }) {
+        let advice = "the flown orbit is circular: gravity gradient and aberration follow it";
+        return Err(check.invalid("bench", path, "a bench whose observer.kind is \"circular_orbit\"", advice));
+    }
+    Ok(bench)
+}
+
+/// Seed and duration are the scenario's, when it gives them.
+fn override_bench(bench: &mut Bench, keys: &ScenarioKeys, check: &Checker<'_>) -> Result<(), ConfigError> {
+    if let Some(duration_s) = keys.duration_s {
+        let length = "length of the run in seconds";
+        bench.timing.duration_s = check.meets("duration_s", duration_s, Rule::PositiveUpTo(1e7), length)?;
+    }
+    if let Some(seed) = keys.seed {
+        let refuse = |_| check.invalid("seed", seed, "a whole number, 0 or more", "any number repeats its own run");
+        bench.seed = u64::try_from(seed).map_err(refuse)?;
+    }
+    Ok(())
+}
+
+fn named_spacecraft(path: Option<&str>, check: &Checker<'_>) -> Result<Spacecraft, ConfigError> {
+    let advice = "the path of a spacecraft file, relative to this one";
+    let path = path.ok_or_else(|| check.invalid("spacecraft", "missing", "a path", advice))?;
+    Spacecraft::from_document(&check.document.named("spacecraft", path)?)
+}
+
+fn heads(keys: &[HeadKeys], bench: &Bench, check: &Checker<'_>) -> Result<Vec<Rotation<Sensor, Body>>, ConfigError> {
+    if keys.is_empty() {
+        return Ok(vec![bench.sensor_from_body]);
+    }
+    if keys.len() > HEADS_MAX {
+        return Err(check.invalid("head", keys.len(), format!("at most {HEADS_MAX} heads"), "leave some out"));
+    }
+    let head = |(place, keys): (usize, &HeadKeys)| {
+        let key = format!("head[{place}].sensor_from_body");
+        let missing = || check.invalid(&key, "missing", "a unit quaternion [w, x, y, z]", "how the head is mounted");
+        quaternion(&key, keys.sensor_from_body.ok_or_else(missing)?, check)
+    };
+    keys.iter().enumerate().map(head).collect()
+}
+
+fn initial(keys: &InitialKeys, check: &mut Checker<'_>) -> Result<Option<Pointing>, ConfigError> {
+    let kinds = [("random", true), ("given", false)];
+    let advice = "random takes an attitude from the seed; given needs ra_deg, dec_deg, roll_deg";
+    let is_random = check.choice("initial.attitude", keys.attitude.as_deref(), &kinds, advice)?;
+    if is_random {
+        check.unused("initial.ra_deg", keys.ra_deg.is_some(), "attitude = \"given\"")?;
+        return Ok(None);
+    }
+    let key = |name: &str| format!("initial.{name}");
+    Pointing::check([keys.ra_deg, keys.dec_deg, keys.roll_deg], key, check).map(Some)
+}
+
+fn initial_rate_rad_s(keys: &InitialKeys, check: &Checker<'_>) -> Result<DVec3, ConfigError> {
+    let rate_deg_s = keys.rate_deg_s.unwrap_or_default();
+    for component in rate_deg_s {
+        let advice = "degrees per second about the body axes at the start";
+        check.meets("initial.rate_deg_s", component, Rule::Within(-20.0, 20.0), advice)?;
+    }
+    Ok(DVec3::from_array(rate_deg_s.map(f64::to_radians)))
+}

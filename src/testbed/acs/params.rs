@@ -1,0 +1,171 @@
+//! What the attitude control is told about its spacecraft, and what can be wrong with it.
+
+use super::avoidance::KeepOut;
+use super::filter::StructuralFilter;
+use super::laws::Gains;
+use super::mode_logic::{Mode, Thresholds};
+use super::slew::SlewLimits;
+use crate::base::time::Span;
+use glam::{DMat3, DVec3};
+
+/// Safe mode: a body axis to the Sun.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SafeParams {
+    /// Axis to turn to the Sun, body axes; of any length.
+    pub sun_axis_body: DVec3,
+    /// Loop.
+    pub gains: Gains,
+    /// Rate to turn with while no Sun is seen, rad/s, body axes.
+    pub search_rate_rad_s: DVec3,
+}
+
+/// When to ask for momentum unloading.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UnloadParams {
+    /// Begins above this wheel momentum, N m s.
+    pub above_n_m_s: f64,
+    /// Ends below this one, N m s.
+    pub below_n_m_s: f64,
+}
+
+/// Settings of the attitude control.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AcsParams {
+    /// Inertia of the body with its wheels' transverse inertia, body axes.
+    pub inertia_kg_m2: DMat3,
+    /// Time between steps; the structural filter is made for it.
+    pub control_period: Span,
+    /// Loop of fine pointing and of slews.
+    pub fine: Gains,
+    /// Loop of coarse pointing.
+    pub coarse: Gains,
+    /// Rate damping: torque `-2 pi f J w`, Hz.
+    pub damping_bandwidth_hz: f64,
+    /// Safe mode.
+    pub safe: SafeParams,
+    /// Largest torque about any body axis, N m.
+    pub largest_torque_n_m: f64,
+    /// Largest part of that torque that the integral may hold.
+    pub integral_share: f64,
+    /// Limits of planned turns. Feedback turns keep them too.
+    pub slew: SlewLimits,
+    /// Filter in the fine loop.
+    pub filter: StructuralFilter,
+    /// Momentum unloading.
+    pub unload: UnloadParams,
+    /// Mode logic.
+    pub thresholds: Thresholds,
+    /// A boresight to keep from the Sun.
+    pub exclusion: Option<KeepOut>,
+}
+
+/// Why the attitude control refuses.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum AcsError {
+    /// A setting out of range.
+    #[error("attitude control: {name} is {got}, wanted {wanted}")]
+    Params {
+        /// Which setting.
+        name: &'static str,
+        /// Its value.
+        got: String,
+        /// What it must be.
+        wanted: &'static str,
+    },
+    /// A target that would point the kept boresight at the Sun.
+    #[error("target puts the boresight {sun_angle_deg:.2} deg from the Sun, wanted at least {least_deg:.2} deg")]
+    TargetInKeepOut {
+        /// Angle between boresight and Sun at the target, degrees.
+        sun_angle_deg: f64,
+        /// Half angle of the cone, degrees.
+        least_deg: f64,
+    },
+    /// A slew asked for before the Sun's direction is known.
+    #[error("slew refused: the boresight must keep from the Sun, and no direction of the Sun came yet; try later")]
+    SunUnknown,
+    /// A slew asked for without attitude.
+    #[error("slew refused: no attitude is known; try later")]
+    AttitudeUnknown,
+    /// A slew asked for in a mode that makes none.
+    #[error("slew refused in mode {mode:?}, wanted CoarsePointing or FinePointing; try Point, or Resume before")]
+    ModeMakesNoSlew {
+        /// The mode.
+        mode: Mode,
+    },
+    /// A target that is no attitude.
+    #[error("target is not a finite quaternion")]
+    TargetNotFinite,
+}
+
+impl AcsParams {
+    /// Checks every setting.
+    ///
+    /// # Errors
+    /// The first setting out of range.
+    pub fn check(&self) -> Result<(), AcsError> {
+        let j = &self.inertia_kg_m2;
+        let second = j.x_axis.x * j.y_axis.y - j.x_axis.y * j.y_axis.x;
+        let positive_j = j.x_axis.x > 0.0 && second > 0.0 && j.determinant() > 0.0;
+        let symmetric = j.abs_diff_eq(j.transpose(), 1e-9 * j.x_axis.x.abs());
+        refuse_unless(positive_j && symmetric, "inertia_kg_m2", j, "symmetric and positive")?;
+        for (name, value) in self.positive_numbers() {
+            refuse_unless(value.is_finite() && value > 0.0, name, &value, "finite and positive")?;
+        }
+        for (name, ti) in [("fine.integral_s", self.fine.integral_s), ("coarse.integral_s", self.coarse.integral_s)] {
+            refuse_unless(ti.is_none_or(|ti| ti > 0.0), name, &ti, "positive")?;
+        }
+        let share = self.integral_share;
+        refuse_unless((0.0..=1.0).contains(&share), "integral_share", &share, "between 0 and 1")?;
+        let section = self.filter.section(self.control_period.s());
+        refuse_unless(section.is_some(), "filter", &self.filter, "frequencies below half the control frequency")?;
+        let sun_axis = self.safe.sun_axis_body;
+        let good = sun_axis.is_finite() && sun_axis.length() > 0.0 && self.safe.search_rate_rad_s.is_finite();
+        refuse_unless(good, "safe", &self.safe, "a finite axis and search rate")?;
+        if let Some(cone) = self.exclusion {
+            let good = cone.boresight_body.length() > 0.0 && cone.half_angle_rad > 0.0 && cone.margin_rad >= 0.0;
+            refuse_unless(good, "exclusion", &cone, "a boresight, a positive half angle, a margin")?;
+        }
+        self.check_hysteresis()
+    }
+
+    fn positive_numbers(&self) -> [(&'static str, f64); 11] {
+        [
+            ("control_period", self.control_period.s()),
+            ("fine.bandwidth_hz", self.fine.bandwidth_hz),
+            ("fine.damping", self.fine.damping),
+            ("coarse.bandwidth_hz", self.coarse.bandwidth_hz),
+            ("coarse.damping", self.coarse.damping),
+            ("damping_bandwidth_hz", self.damping_bandwidth_hz),
+            ("safe.gains.bandwidth_hz", self.safe.gains.bandwidth_hz),
+            ("safe.gains.damping", self.safe.gains.damping),
+            ("largest_torque_n_m", self.largest_torque_n_m),
+            ("slew.largest_rate_rad_s", self.slew.largest_rate_rad_s),
+            ("slew.largest_acceleration_rad_s2", self.slew.largest_acceleration_rad_s2),
+        ]
+    }
+
+    fn check_hysteresis(&self) -> Result<(), AcsError> {
+        let t = &self.thresholds;
+        let ordered = [
+            ("rate_low_rad_s below rate_high_rad_s", t.rate_low_rad_s, t.rate_high_rad_s),
+            ("slew rate below rate_high_rad_s", self.slew.largest_rate_rad_s, t.rate_high_rad_s),
+            ("fine_enter_rad below fine_leave_rad", t.fine_enter_rad, t.fine_leave_rad),
+            ("fine_enter_sigma_rad below fine_leave_sigma_rad", t.fine_enter_sigma_rad, t.fine_leave_sigma_rad),
+            ("fine_leave_rad below slew_above_rad", t.fine_leave_rad, t.slew_above_rad),
+            ("unload below under above", self.unload.below_n_m_s, self.unload.above_n_m_s),
+        ];
+        for (name, below, above) in ordered {
+            refuse_unless(below < above, "thresholds", &(below, above), name)?;
+        }
+        Ok(())
+    }
+}
+
+fn refuse_unless(
+    good: bool,
+    name: &'static str,
+    got: &dyn core::fmt::Debug,
+    wanted: &'static str,
+) -> Result<(), AcsError> {
+    if good { Ok(()) } else { Err(AcsError::Params { name, got: format!("{got:?}"), wanted }) }
+}

@@ -1,0 +1,191 @@
+//! Rest-to-rest turns about one axis with a smooth acceleration, and chains of them.
+//!
+//! Input: start and end attitude, limits. Output: attitude, rate and acceleration to follow, at any instant. The
+//! eigen-axis is fixed in the body and in inertial space (Euler's theorem; Wie, "Space Vehicle Dynamics and Control",
+//! section 7.3). Acceleration: `A (1 - cos(2 pi t / tr)) / 2` over the ramp `tr`, nothing, the same backwards: no
+//! steps in acceleration or jerk. With `w = A tr / 2` the rate reached: angle `w (tr + tc)`, duration `2 tr + tc`
+//! with coast `tc`. Tests: `slew_tests.rs`.
+
+use crate::base::axes::{Body, Icrf, Rotation};
+use core::f64::consts::TAU;
+use glam::DVec3;
+
+/// Most turns one slew is made of.
+pub const MOST_LEGS: usize = 3;
+
+/// What a slew may do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SlewLimits {
+    /// Largest rate, rad/s.
+    pub largest_rate_rad_s: f64,
+    /// Largest acceleration, rad/s^2.
+    pub largest_acceleration_rad_s2: f64,
+}
+
+/// What the body should do at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reference {
+    /// Attitude.
+    pub body_from_icrf: Rotation<Body, Icrf>,
+    /// Rate with respect to ICRF, body axes, rad/s.
+    pub rate_rad_s: DVec3,
+    /// Its derivative, rad/s^2.
+    pub acceleration_rad_s2: DVec3,
+}
+
+/// One turn from rest to rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Leg {
+    start: Rotation<Body, Icrf>,
+    axis: DVec3,
+    angle_rad: f64,
+    acceleration_rad_s2: f64,
+    ramp_s: f64,
+    coast_s: f64,
+}
+
+/// One to [`MOST_LEGS`] turns, one after the other.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SlewPath {
+    legs: [Leg; MOST_LEGS],
+    count: usize,
+}
+
+impl Reference {
+    /// At rest.
+    #[must_use]
+    pub fn at_rest(body_from_icrf: Rotation<Body, Icrf>) -> Self {
+        Self { body_from_icrf, rate_rad_s: DVec3::ZERO, acceleration_rad_s2: DVec3::ZERO }
+    }
+}
+
+impl Leg {
+    /// The turn by a rotation vector (rad, body axes; at most pi or, for a turn the long way, 2 pi).
+    #[must_use]
+    pub fn turn(start: Rotation<Body, Icrf>, vector_rad: DVec3, limits: &SlewLimits) -> Self {
+        let angle_rad = vector_rad.length();
+        let (rate, acceleration) = (limits.largest_rate_rad_s, limits.largest_acceleration_rad_s2);
+        let short_ramp_s = (2.0 * angle_rad / acceleration).sqrt();
+        let ramp_s = short_ramp_s.min(2.0 * rate / acceleration);
+        let coast_s = if short_ramp_s > ramp_s { angle_rad / rate - ramp_s } else { 0.0 };
+        let axis = vector_rad.normalize_or_zero();
+        Self { start, axis, angle_rad, acceleration_rad_s2: acceleration, ramp_s, coast_s }
+    }
+
+    /// The shortest turn between two attitudes.
+    #[must_use]
+    pub fn between(start: Rotation<Body, Icrf>, end: &Rotation<Body, Icrf>, limits: &SlewLimits) -> Self {
+        Self::turn(start, start.rotation_vector_to(end), limits)
+    }
+
+    /// Attitude at the beginning.
+    #[must_use]
+    pub fn start(&self) -> Rotation<Body, Icrf> {
+        self.start
+    }
+
+    /// Attitude at the end.
+    #[must_use]
+    pub fn end(&self) -> Rotation<Body, Icrf> {
+        self.start.rotated_by(self.axis * self.angle_rad)
+    }
+
+    /// Axis of the turn, body axes; zero when there is no turn.
+    #[must_use]
+    pub fn axis_body(&self) -> DVec3 {
+        self.axis
+    }
+
+    /// Angle of the turn, rad.
+    #[must_use]
+    pub fn angle_rad(&self) -> f64 {
+        self.angle_rad
+    }
+
+    /// Time from rest to rest, s: `2 sqrt(2 angle / A)` for a small turn, `angle / w + 2 w / A` for a large one.
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        2.0 * self.ramp_s + self.coast_s
+    }
+
+    /// What to follow `t_s` after the beginning; at rest before and after.
+    #[must_use]
+    pub fn reference(&self, t_s: f64) -> Reference {
+        let left_s = self.duration_s() - t_s;
+        if t_s <= 0.0 || self.angle_rad == 0.0 {
+            return Reference::at_rest(self.start);
+        }
+        if left_s <= 0.0 {
+            return Reference::at_rest(self.end());
+        }
+        let [angle, rate, acceleration] = if t_s < self.ramp_s {
+            self.ramp(t_s)
+        } else if left_s < self.ramp_s {
+            let [angle, rate, acceleration] = self.ramp(left_s);
+            [self.angle_rad - angle, rate, -acceleration]
+        } else {
+            let rate = self.acceleration_rad_s2 * self.ramp_s / 2.0;
+            [rate * (t_s - self.ramp_s / 2.0), rate, 0.0]
+        };
+        Reference {
+            body_from_icrf: self.start.rotated_by(self.axis * angle),
+            rate_rad_s: self.axis * rate,
+            acceleration_rad_s2: self.axis * acceleration,
+        }
+    }
+
+    /// Angle, rate and acceleration `t_s` into the rising ramp.
+    fn ramp(&self, t_s: f64) -> [f64; 3] {
+        let (k, half) = (TAU / self.ramp_s, self.acceleration_rad_s2 / 2.0);
+        let (sin, cos) = (k * t_s).sin_cos();
+        [half * (t_s * t_s / 2.0 + (cos - 1.0) / (k * k)), half * (t_s - sin / k), half * (1.0 - cos)]
+    }
+}
+
+impl SlewPath {
+    /// From the first one to [`MOST_LEGS`] of `legs`; `None` when there are none or too many.
+    #[must_use]
+    pub fn new(legs: &[Leg]) -> Option<Self> {
+        let first = *legs.first()?;
+        let mut kept = [first; MOST_LEGS];
+        kept.get_mut(..legs.len())?.copy_from_slice(legs);
+        Some(Self { legs: kept, count: legs.len() })
+    }
+
+    /// One turn.
+    #[must_use]
+    pub fn single(leg: Leg) -> Self {
+        Self { legs: [leg; MOST_LEGS], count: 1 }
+    }
+
+    /// The turns.
+    #[must_use]
+    pub fn legs(&self) -> &[Leg] {
+        &self.legs[..self.count]
+    }
+
+    /// Time of all turns, s.
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        self.legs().iter().map(Leg::duration_s).sum()
+    }
+
+    /// Attitude at the end.
+    #[must_use]
+    pub fn end(&self) -> Rotation<Body, Icrf> {
+        self.legs[self.count - 1].end()
+    }
+
+    /// What to follow `t_s` after the beginning; at rest before and after.
+    #[must_use]
+    pub fn reference(&self, t_s: f64) -> Reference {
+        let mut left_s = t_s;
+        for leg in &self.legs()[..self.count - 1] {
+            if left_s < leg.duration_s() {
+                return leg.reference(left_s);
+            }
+            left_s -= leg.duration_s();
+        }
+        self.legs[self.count - 1].reference(left_s)
+    }
+}

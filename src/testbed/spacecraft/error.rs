@@ -1,0 +1,91 @@
+//! What is refused, with what was wanted and what was got.
+
+use super::params::{MODES_MAX, WHEELS_MAX};
+use crate::base::time::{Span, Tai};
+use glam::DMat3;
+
+/// Parameters that are not physical, or a question about a time that is not kept.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SpacecraftError {
+    /// The matrix is no body's inertia.
+    #[error(
+        "inertia_kg_m2: wanted a symmetric, positive definite matrix whose principal moments obey the triangle \
+         inequality, got {got}"
+    )]
+    Inertia {
+        /// What was given.
+        got: DMat3,
+    },
+    /// More wheels than there is room for.
+    #[error("wheels: wanted at most {WHEELS_MAX}, got {got}")]
+    TooManyWheels {
+        /// How many were given.
+        got: usize,
+    },
+    /// More modes than there is room for.
+    #[error("modes: wanted at most {MODES_MAX}, got {got}")]
+    TooManyModes {
+        /// How many were given.
+        got: usize,
+    },
+    /// One number is out of its range.
+    #[error("{of} {index}: {field} = {got}, wanted {wanted}")]
+    OutOfRange {
+        /// The part: "wheel", "mode", "gyro axis", ...
+        of: &'static str,
+        /// Which one, from 0.
+        index: usize,
+        /// The field.
+        field: &'static str,
+        /// Its value.
+        got: f64,
+        /// Its range, in words.
+        wanted: &'static str,
+    },
+    /// Rotors and appendages hold more inertia than the whole.
+    #[error("wheels and modes couple more inertia than the whole body has: inertia without them is {got} kg m^2")]
+    TooStronglyCoupled {
+        /// Inertia less rotors and appendages.
+        got: DMat3,
+    },
+    /// The step is no length of time, or too long for what is to be integrated.
+    #[error("step: {step_s} s, wanted at least {smallest_s} s and at most {largest_s} s for {limited_by}")]
+    Step {
+        /// The step.
+        step_s: f64,
+        /// The smallest that is taken.
+        smallest_s: f64,
+        /// The largest that will do.
+        largest_s: f64,
+        /// Why.
+        limited_by: &'static str,
+    },
+    /// The truth of that instant is no longer, or not yet, kept.
+    #[error("no truth kept for {at}: kept are {first} to {last}")]
+    OutsideHistory {
+        /// When it was asked for.
+        at: Tai,
+        /// First instant kept.
+        first: Tai,
+        /// Last instant kept.
+        last: Tai,
+    },
+    /// There is no such wheel.
+    #[error("wheel {got}: wanted one of the {count}, counted from 0")]
+    NoSuchWheel {
+        /// The index.
+        got: usize,
+        /// How many there are.
+        count: usize,
+    },
+    /// The sampling period is no length of time, or too short or long to be kept.
+    #[error("micro-vibration period: {} s, wanted at least {} s and at most {} s", .got.s(), .smallest.s(), .largest.s())]
+    Period {
+        /// The period.
+        got: Span,
+        /// The shortest that is taken.
+        smallest: Span,
+        /// The longest that is taken.
+        largest: Span,
+    },
+}

@@ -1,0 +1,43 @@
+//! A reference star tracker that sees only pixels: DN image, time, velocity -> attitude with covariance.
+//!
+//! The other end of the cable for the images: what a real tracker would make of them. It knows what a real one knows,
+//! the figures of [`TrackerParams`] and a catalog, and shares no code with what draws the images.
+//!
+//! ```text
+//! image -> background -> detect -> centroid -> identify -> adjust -> Solution      lost in space
+//! image, last attitude, rate -> guide -> track (windows, centroid) -> adjust -> Solution      tracking
+//! ```
+//!
+//! Units: px with the first pixel's centre at (0, 0), DN and electrons, rad in sensor axes (+Z boresight, +X image
+//! right, +Y image down). Limits: round Gaussian spots drawn out along straight trails; parallax, light deflection and
+//! colour are left out. Tests: `tests`, and those each file names.
+
+mod aberration;
+mod adjust;
+mod background;
+mod blend;
+mod centroid;
+mod detect;
+mod error;
+mod errors;
+mod geometry;
+mod guide;
+mod head;
+mod identify;
+mod pairs;
+mod params;
+mod track;
+mod wahba;
+
+pub use aberration::{apparent, earth_beta};
+pub use adjust::MatchedStar;
+pub use centroid::Spot;
+pub use error::{Reason, TrackerError};
+pub use errors::{AttitudePair, ErrorTerms, error_terms, predicted_nea_rad};
+pub use geometry::Geometry;
+pub use guide::{GuideStar, GuideStars};
+pub use head::{Mode, Outcome, Solution, Tracker, TrackerCounts};
+pub use params::{DetectorFigures, TrackerParams};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,43 @@
+//! Whole frames drawn by `draw`, and each part by itself.
+
+mod draw;
+mod lost;
+mod parts;
+mod series;
+mod spots;
+
+use super::{GuideStars, earth_beta};
+use crate::base::time::Tai;
+use crate::sky::catalog::Catalog;
+use draw::Camera;
+use glam::DVec3;
+use std::sync::{Arc, OnceLock};
+
+/// Middle of every test exposure.
+fn noon() -> Tai {
+    Tai::from_rfc3339("2026-03-01T12:00:00Z").expect("a time")
+}
+
+fn catalog() -> &'static Catalog {
+    static CATALOG: OnceLock<Catalog> = OnceLock::new();
+    CATALOG.get_or_init(|| Catalog::built_in().expect("the built-in catalog"))
+}
+
+fn wide_guide() -> Arc<GuideStars> {
+    static GUIDE: OnceLock<Arc<GuideStars>> = OnceLock::new();
+    Arc::clone(GUIDE.get_or_init(|| guide_of(&Camera::wide())))
+}
+
+fn coarse_guide() -> Arc<GuideStars> {
+    static GUIDE: OnceLock<Arc<GuideStars>> = OnceLock::new();
+    Arc::clone(GUIDE.get_or_init(|| guide_of(&Camera::coarse())))
+}
+
+fn guide_of(camera: &Camera) -> Arc<GuideStars> {
+    Arc::new(GuideStars::new(catalog(), &camera.params, noon()).expect("guide stars"))
+}
+
+/// The Earth's velocity and 7.6 km/s of an orbit.
+fn beta() -> DVec3 {
+    earth_beta(noon()) + DVec3::new(1.0, 2.0, -1.5) * 1e-5
+}

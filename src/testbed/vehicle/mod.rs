@@ -1,0 +1,420 @@
+//! A vehicle: spacecraft, gyro, star trackers, estimator and control, closed over frames that come from outside.
+//!
+//! ```text
+//! spacecraft -> gyro ------------------------> estimator -> control -> wheels -> spacecraft
+//! frames + EXPOSURE time tags -> tracker heads -----^
+//! ```
+//!
+//! In: frames (pixels only), EXPOSURE messages, commands, faults. Out: the true attitude for the bus, telemetry.
+//! Deterministic: parameters, seed and inputs decide every bit. Time only moves forward: [`Vehicle::act`] does one control
+//! step, [`Vehicle::truth`] carries the smooth motion to an instant before the next one. Micro-vibration is on top of the
+//! smooth motion and not seen by gyro or control. Tests: `tests`, and the closed loop over pixels in
+//! `tests/closed_loop/pixels.rs`.
+
+mod fault;
+mod head;
+mod params;
+mod telemetry;
+
+pub use fault::VehicleFault;
+pub use head::HeadReport;
+pub use params::{HeadParams, VehicleParams};
+pub use telemetry::{ROW_BYTES, Telemetry, TelemetryRow};
+
+use crate::base::axes::{Body, Icrf, Rotation};
+use crate::base::image::DnImage;
+use crate::base::time::{Span, Tai};
+use crate::sky::catalog::{Catalog, CatalogError};
+use crate::testbed::acs::{Acs, AcsError, AcsInput, AcsOutput, Command, Mode};
+use crate::testbed::estimator::{Mekf, MekfCounts, MekfParamsError};
+use crate::testbed::spacecraft::{
+    AttitudeTruth, CircularOrbit, Gyro, GyroFault, MicroVibration, Spacecraft, SpacecraftError, SunSensor,
+    sun_direction_icrf,
+};
+use crate::testbed::tracker::{GuideStars, Outcome, Solution, TrackerError, TrackerParams, earth_beta};
+use glam::DVec3;
+use head::Head;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// Speed of light, m/s (exact).
+const LIGHT_M_S: f64 = 299_792_458.0;
+
+/// Why a vehicle cannot be made or go on.
+#[derive(Debug, thiserror::Error)]
+pub enum VehicleError {
+    /// the spacecraft
+    #[error("spacecraft: {0}")]
+    Spacecraft(#[from] SpacecraftError),
+    /// the estimator
+    #[error(transparent)]
+    Estimator(#[from] MekfParamsError),
+    /// the control
+    #[error(transparent)]
+    Acs(#[from] AcsError),
+    /// a tracker
+    #[error(transparent)]
+    Tracker(#[from] TrackerError),
+    /// the catalog
+    #[error("catalog: {0}")]
+    Catalog(#[from] CatalogError),
+    /// the control period
+    #[error("control period {} ms: wanted a whole number of the spacecraft's steps of {} ms", control.ms(), step.ms())]
+    Period {
+        /// Control period.
+        control: Span,
+        /// Integration step.
+        step: Span,
+    },
+}
+
+/// A vehicle in flight.
+#[derive(Debug)]
+pub struct Vehicle {
+    params: VehicleParams,
+    spacecraft: Spacecraft,
+    vibration: Option<MicroVibration>,
+    gyro: Gyro,
+    sun_sensor: SunSensor,
+    orbit: CircularOrbit,
+    estimator: Mekf,
+    acs: Acs,
+    heads: Vec<Head>,
+    /// Attitude at the last gyro sample, and when.
+    last: (Tai, Rotation<Body, Icrf>),
+    gyro_rate_rad_s: DVec3,
+    spike_rad_s: DVec3,
+    /// Torques on their way to the wheels.
+    torques: VecDeque<(Tai, DVec3)>,
+    control_steps: u64,
+    known_since: Option<Tai>,
+    /// What was commanded last; shown in telemetry whatever the control makes of it.
+    target: Rotation<Body, Icrf>,
+    telemetry: Telemetry,
+}
+
+impl Vehicle {
+    /// A vehicle at `start`; its first control step is one period later.
+    ///
+    /// # Errors
+    /// The first parameter that cannot be flown.
+    pub fn new(params: VehicleParams, start: Tai) -> Result<Self, VehicleError> {
+        let (control, step) = (params.acs.control_period, params.spacecraft.step);
+        if step.ns() <= 0 || control.ns() < step.ns() || control.ns() % step.ns() != 0 {
+            return Err(VehicleError::Period { control, step });
+        }
+        let seed = |stream: u64| params.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(stream);
+        let rate = params.initial_rate_rad_s;
+        let spacecraft = Spacecraft::new(&params.spacecraft, start, params.initial, rate, seed(1))?;
+        let vibration = params
+            .vibration_period
+            .map(|period| MicroVibration::new(&params.spacecraft, start, period, seed(2)))
+            .transpose()?;
+        let mut acs = Acs::new(params.acs, start)?;
+        acs.command(Command::Point(params.target))?;
+        Ok(Self {
+            gyro: Gyro::new(&params.gyro, seed(3))?,
+            sun_sensor: SunSensor::new(params.sun_sensor_noise_rad, seed(4)),
+            orbit: CircularOrbit::new(&params.spacecraft.orbit),
+            estimator: Mekf::new(params.estimator, start)?,
+            heads: heads(&params, start)?,
+            last: (start, params.initial),
+            gyro_rate_rad_s: DVec3::ZERO,
+            spike_rad_s: DVec3::ZERO,
+            torques: VecDeque::with_capacity(64),
+            control_steps: 0,
+            known_since: None,
+            target: params.target,
+            telemetry: Telemetry::default(),
+            spacecraft,
+            vibration,
+            acs,
+            params,
+        })
+    }
+
+    /// When the next control step is due.
+    #[must_use]
+    pub fn next_due(&self) -> Tai {
+        self.last.0 + self.params.acs.control_period
+    }
+
+    /// The smooth attitude at `at`: at most two seconds ago, at most the next control step.
+    ///
+    /// # Errors
+    /// When `at` is outside.
+    pub fn truth(&mut self, at: Tai) -> Result<AttitudeTruth, VehicleError> {
+        self.fly_to(at);
+        Ok(self.spacecraft.attitude_at(at)?)
+    }
+
+    /// Micro-vibration at `at`: rotation vector of the body away from its smooth attitude, body axes, rad. Zero when none
+    /// is computed.
+    ///
+    /// # Errors
+    /// When `at` is more than about two seconds ago.
+    pub fn vibration(&mut self, at: Tai) -> Result<DVec3, VehicleError> {
+        self.fly_to(at);
+        let speeds = self.spacecraft.wheel_speeds_rad_s();
+        let Some(vibration) = self.vibration.as_mut() else { return Ok(DVec3::ZERO) };
+        vibration.advance_to(at, speeds);
+        Ok(vibration.sample(at.min(vibration.time()))?)
+    }
+
+    /// Hears when a frame was exposed.
+    pub fn tag_frame(&mut self, frame: u8, mid_exposure: Tai) {
+        self.heads.iter_mut().for_each(|head| head.tag(frame, mid_exposure));
+    }
+
+    /// Takes a frame of head `head` that arrived at `at`; a head that does not exist is no error, its frame is not used.
+    pub fn take_frame(&mut self, head: usize, number: u32, image: &DnImage, at: Tai) {
+        let beta = self.beta(at);
+        let rate = if self.estimator.at() > self.last.0 { self.gyro_rate_rad_s } else { self.rate_rad_s() };
+        if let Some(head) = self.heads.get_mut(head) {
+            head.take_frame(number, image, at, beta, rate);
+        }
+    }
+
+    /// One control step, at [`Self::next_due`].
+    ///
+    /// # Errors
+    /// When the motion left what can be integrated.
+    pub fn act(&mut self) -> Result<(), VehicleError> {
+        let at = self.next_due();
+        let truth = self.truth(at)?;
+        self.sense(at, &truth);
+        self.take_attitudes(at);
+        let output = self.control(at, &truth);
+        let apply_at = at + self.params.actuation_delay;
+        self.torques.push_back((apply_at, output.torque_n_m));
+        self.fly_to(at);
+        self.spacecraft.command_unloading(output.unload);
+        self.telemetry.mode_events.extend(output.event);
+        self.resume(at, output.mode);
+        self.control_steps += 1;
+        if self.control_steps % u64::from(self.params.telemetry_every.max(1)) == 0 {
+            let row = self.row(at, &truth, &output);
+            self.telemetry.rows.push(row);
+        }
+        Ok(())
+    }
+
+    /// A command from the ground.
+    ///
+    /// # Errors
+    /// When the control refuses it.
+    pub fn command(&mut self, command: Command) -> Result<(), VehicleError> {
+        self.acs.command(command)?;
+        if let Command::Point(target) | Command::SlewTo(target) = command {
+            self.target = target;
+        }
+        Ok(())
+    }
+
+    /// Something goes wrong from now on.
+    ///
+    /// # Errors
+    /// When there is no such wheel.
+    pub fn inject(&mut self, fault: VehicleFault) -> Result<(), VehicleError> {
+        match fault {
+            VehicleFault::GyroDropout => self.gyro.inject(GyroFault::Dropout),
+            VehicleFault::GyroStuck => self.gyro.inject(GyroFault::Stuck),
+            VehicleFault::GyroBiasJump(jump) => self.gyro.inject(GyroFault::BiasJump(jump)),
+            VehicleFault::GyroSpike(spike) => self.spike_rad_s = spike,
+            VehicleFault::WheelFailure(wheel) => self.spacecraft.fail_wheel(wheel)?,
+            VehicleFault::TrackerOff(head) => self.switch_heads(head, true),
+        }
+        Ok(())
+    }
+
+    /// A fault that ends by itself has ended.
+    pub fn clear(&mut self, fault: VehicleFault) {
+        match fault {
+            VehicleFault::GyroDropout | VehicleFault::GyroStuck => self.gyro.clear_faults(),
+            VehicleFault::GyroSpike(_) => self.spike_rad_s = DVec3::ZERO,
+            VehicleFault::TrackerOff(head) => self.switch_heads(head, false),
+            VehicleFault::GyroBiasJump(_) | VehicleFault::WheelFailure(_) => {}
+        }
+    }
+
+    /// Telemetry not yet taken.
+    pub fn telemetry_mut(&mut self) -> &mut Telemetry {
+        &mut self.telemetry
+    }
+
+    /// What each head said last.
+    pub fn head_reports(&self) -> impl Iterator<Item = &HeadReport> {
+        self.heads.iter().map(|head| &head.report)
+    }
+
+    /// What the estimator counted.
+    #[must_use]
+    pub fn estimator_counts(&self) -> MekfCounts {
+        self.estimator.counts()
+    }
+
+    /// Mode of the control.
+    #[must_use]
+    pub fn mode(&self) -> Mode {
+        self.acs.mode()
+    }
+
+    /// Estimated attitude now, if there is one.
+    #[must_use]
+    pub fn estimate(&self) -> Option<Rotation<Body, Icrf>> {
+        self.estimator.attitude(self.last.0)
+    }
+
+    /// What the parts were made with.
+    #[must_use]
+    pub fn params(&self) -> &VehicleParams {
+        &self.params
+    }
+
+    /// Commanded target.
+    #[must_use]
+    pub fn target(&self) -> Rotation<Body, Icrf> {
+        self.target
+    }
+
+    /// Speeds of the wheels, rad/s.
+    #[must_use]
+    pub fn wheel_speeds_rad_s(&self) -> &[f64] {
+        self.spacecraft.wheel_speeds_rad_s()
+    }
+
+    /// Moves the smooth motion to the first step boundary not before `at`, with each torque from its time on.
+    fn fly_to(&mut self, at: Tai) {
+        while let Some((from, torque)) = self.torques.front().copied().filter(|(from, _)| *from <= at) {
+            self.spacecraft.advance_to(from);
+            self.spacecraft.command_torques(torque);
+            self.torques.pop_front();
+        }
+        self.spacecraft.advance_to(at);
+        if self.spacecraft.time() < at {
+            self.spacecraft.advance_to(at + self.params.spacecraft.step);
+        }
+    }
+
+    /// The gyro's sample over the control period into the estimator.
+    fn sense(&mut self, at: Tai, truth: &AttitudeTruth) {
+        let (last_at, last) = self.last;
+        if self.spike_rad_s != DVec3::ZERO {
+            self.gyro.inject(GyroFault::Spike(self.spike_rad_s));
+        }
+        let reading = self.gyro.measure(&last, &truth.body_from_icrf, at - last_at);
+        self.last = (at, truth.body_from_icrf);
+        let rate = reading.valid.then_some(reading.rate_rad_s);
+        self.gyro_rate_rad_s = rate.unwrap_or(self.gyro_rate_rad_s);
+        self.estimator.propagate(at, rate);
+    }
+
+    fn take_attitudes(&mut self, at: Tai) {
+        // Heads share one estimator: their attitudes go in by readiness, the first head first.
+        for head in &mut self.heads {
+            while let Some(measured) = head.next_ready(at) {
+                self.estimator.measure(measured.at, &measured.body_from_icrf, &measured.covariance_rad2);
+            }
+        }
+    }
+
+    fn control(&mut self, at: Tai, truth: &AttitudeTruth) -> AcsOutput {
+        let sun = sun_direction_icrf(at);
+        let is_sunlit = self.orbit.is_sunlit(at, sun);
+        let seen = self.sun_sensor.measure(&truth.body_from_icrf, sun, is_sunlit);
+        let sigma_rad = self.estimator.sigma_rad().max_element();
+        let is_known = sigma_rad < self.params.attitude_known_sigma_rad && !self.estimator.is_lost();
+        let attitude = self.estimator.attitude(at).filter(|_| is_known);
+        self.known_since = attitude.and(self.known_since.or(Some(at)));
+        let input = AcsInput {
+            attitude,
+            rate_rad_s: self.rate_rad_s(),
+            attitude_sigma_rad: sigma_rad,
+            sun_icrf: Some(sun),
+            sun_body: seen.valid.then_some(seen.direction_body),
+            wheel_momentum_n_m_s: self.spacecraft.wheel_momentum_n_m_s(),
+        };
+        self.acs.step(at, &input)
+    }
+
+    /// Ground control: safe mode is left once the attitude has been known for a while.
+    fn resume(&mut self, at: Tai, mode: Mode) {
+        let Some(wait) = self.params.resume_after.filter(|_| mode == Mode::Safe) else { return };
+        if self.known_since.is_some_and(|since| at - since >= wait) {
+            // Resume is refused in no mode.
+            let _accepted = self.acs.command(Command::Resume);
+        }
+    }
+
+    fn rate_rad_s(&self) -> DVec3 {
+        self.estimator.rate_rad_s()
+    }
+
+    fn switch_heads(&mut self, head: Option<usize>, is_off: bool) {
+        let chosen = |(i, _): &(usize, &mut Head)| head.is_none_or(|head| head == *i);
+        self.heads.iter_mut().enumerate().filter(chosen).for_each(|(_, head)| head.switch(is_off));
+    }
+
+    /// Velocity of the vehicle about the barycentre over the speed of light: what its ephemeris aboard says.
+    fn beta(&self, at: Tai) -> DVec3 {
+        earth_beta(at) + self.orbit.velocity_m_s(at) / LIGHT_M_S
+    }
+
+    fn row(&self, at: Tai, truth: &AttitudeTruth, output: &AcsOutput) -> TelemetryRow {
+        let solved = self.heads.iter().filter(|head| head.is_solved()).count();
+        let speeds = self.spacecraft.wheel_speeds_rad_s();
+        let estimate = self.estimator.attitude(at);
+        TelemetryRow {
+            at,
+            mode: output.mode,
+            pointing_error_rad: truth.body_from_icrf.rotation_vector_to(&self.target),
+            knowledge_error_rad: estimate.map(|estimate| truth.body_from_icrf.rotation_vector_to(&estimate)),
+            sigma_rad: self.estimator.sigma_rad().max_element(),
+            rate_rad_s: truth.rate_rad_s,
+            bias_error_rad_s: self.estimator.bias_rad_s() - self.gyro.bias_rad_s(),
+            torque_n_m: output.torque_n_m,
+            wheel_speed_rad_s: speeds.iter().fold(0.0, |most, speed| f64::max(most, speed.abs())),
+            wheel_momentum_n_m_s: self.spacecraft.wheel_momentum_n_m_s().length(),
+            heads_solved: u32::try_from(solved).unwrap_or(u32::MAX),
+            stars: self.solution().map_or(0, |solution| solution.stars),
+            tracker_sigma_rad: self.solution().map(|solution| {
+                let variance = solution.covariance_rad2;
+                (0.5 * (variance.x_axis.x + variance.y_axis.y)).sqrt()
+            }),
+            sun_angle_rad: self.sun_angle_rad(at, truth),
+        }
+    }
+
+    /// The first head's last attitude, when its last frame gave one.
+    fn solution(&self) -> Option<Solution> {
+        match self.heads.first()?.report.last? {
+            Outcome::Solved(solution) => Some(solution),
+            Outcome::NoSolution(_) => None,
+        }
+    }
+
+    fn sun_angle_rad(&self, at: Tai, truth: &AttitudeTruth) -> Option<f64> {
+        let cone = self.params.acs.exclusion?;
+        Some(cone.sun_angle_rad(&truth.body_from_icrf, sun_direction_icrf(at)))
+    }
+}
+
+/// The heads; equal trackers share one list of guide stars.
+fn heads(params: &VehicleParams, start: Tai) -> Result<Vec<Head>, VehicleError> {
+    let catalog = Catalog::built_in()?;
+    let mut guides: Vec<(TrackerParams, Arc<GuideStars>)> = Vec::new();
+    let mut heads = Vec::with_capacity(params.heads.len());
+    for head in &params.heads {
+        let known = guides.iter().find(|(tracker, _)| *tracker == head.tracker).map(|(_, guide)| Arc::clone(guide));
+        let guide = match known {
+            Some(guide) => guide,
+            None => {
+                let guide = Arc::new(GuideStars::new(&catalog, &head.tracker, start)?);
+                guides.push((head.tracker, Arc::clone(&guide)));
+                guide
+            }
+        };
+        heads.push(Head::new(*head, guide));
+    }
+    Ok(heads)
+}

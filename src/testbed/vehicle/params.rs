@@ -1,0 +1,55 @@
+//! What flies: spacecraft, sensors, estimator, control, heads.
+
+use crate::base::axes::{Body, Icrf, Rotation, Sensor};
+use crate::base::time::Span;
+use crate::testbed::acs::AcsParams;
+use crate::testbed::estimator::MekfParams;
+use crate::testbed::spacecraft::{GyroParams, SpacecraftParams};
+use crate::testbed::tracker::TrackerParams;
+use glam::DVec3;
+
+/// One vehicle.
+#[derive(Debug, Clone)]
+pub struct VehicleParams {
+    /// Body, wheels, modes, disturbances, orbit.
+    pub spacecraft: SpacecraftParams,
+    /// Attitude at the start.
+    pub initial: Rotation<Body, Icrf>,
+    /// Rate at the start, body axes.
+    pub initial_rate_rad_s: DVec3,
+    /// Gyro.
+    pub gyro: GyroParams,
+    /// Noise of the Sun sensor, rad, one sigma per axis.
+    pub sun_sensor_noise_rad: f64,
+    /// Estimator.
+    pub estimator: MekfParams,
+    /// Above this sigma the attitude counts as unknown, rad.
+    pub attitude_known_sigma_rad: f64,
+    /// Control; its period is that of the gyro and must be whole steps of the spacecraft.
+    pub acs: AcsParams,
+    /// Where to point from the start.
+    pub target: Rotation<Body, Icrf>,
+    /// Star tracker heads.
+    pub heads: Vec<HeadParams>,
+    /// Time between a control step and its torque: what is injected to study latency.
+    pub actuation_delay: Span,
+    /// Time between samples of micro-vibration; `None`: none is computed.
+    pub vibration_period: Option<Span>,
+    /// In safe mode with an attitude known for so long the ground sends `Resume`; `None`: never.
+    pub resume_after: Option<Span>,
+    /// Control steps from one row of telemetry to the next.
+    pub telemetry_every: u32,
+    /// Seed of every sensor's noise.
+    pub seed: u64,
+}
+
+/// One head.
+#[derive(Debug, Clone, Copy)]
+pub struct HeadParams {
+    /// Mounting.
+    pub sensor_from_body: Rotation<Sensor, Body>,
+    /// What the tracker knows of itself.
+    pub tracker: TrackerParams,
+    /// From the last pixel to the attitude.
+    pub delay: Span,
+}

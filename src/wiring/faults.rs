@@ -1,0 +1,187 @@
+//! A scenario's events, sorted into the places where they act: bus, frames, vehicle; and what became of each.
+
+use crate::base::time::{Span, Tai};
+use crate::config::{Action, Event, GyroFaultKind};
+use crate::link::tap::FaultControl;
+use crate::runtime::frame_faults::FrameFaults;
+use crate::sink::FrameFault;
+use crate::testbed::acs::Command;
+use crate::testbed::vehicle::VehicleFault;
+use crate::wiring::vehicle_parts::attitude;
+use serde::Serialize;
+
+/// What the vehicle's side does at an instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Aboard {
+    /// A fault begins.
+    Inject(VehicleFault),
+    /// A fault ends.
+    Clear(VehicleFault),
+    /// A command from the ground.
+    Command(Command),
+}
+
+/// Where a fault acts, and under which number.
+#[derive(Debug, Clone, PartialEq)]
+enum Place {
+    BusToStimulator(usize),
+    BusToComputer(usize),
+    /// Number per head; `None` for heads it does not touch.
+    Frames(Vec<Option<usize>>),
+    Aboard,
+}
+
+/// One fault with its time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LoggedFault {
+    /// What it is, in the words of a scenario file.
+    pub name: &'static str,
+    /// Begin.
+    pub from: Tai,
+    /// End; equal to the begin for faults that stay.
+    pub until: Tai,
+    place: Place,
+}
+
+/// A fault as a report has it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FaultLine {
+    /// What it is, in the words of a scenario file.
+    pub name: &'static str,
+    /// Begin, s after the first exposure.
+    pub from_s: f64,
+    /// End.
+    pub until_s: f64,
+    /// Packets, frames or times it hit.
+    pub hits: u64,
+}
+
+/// Every fault of a run.
+#[derive(Debug, Default)]
+pub struct FaultLog {
+    faults: Vec<LoggedFault>,
+}
+
+/// The places where faults act.
+pub struct Places<'a> {
+    /// Faults of what the stimulator receives.
+    pub to_stimulator: &'a FaultControl,
+    /// Faults of what the flight computer receives.
+    pub to_computer: &'a FaultControl,
+    /// Faults of each head's frames.
+    pub frames: Vec<&'a mut FrameFaults>,
+}
+
+impl FaultLog {
+    /// Puts one event where it acts, its time counted from `zero`. What the vehicle's side has to do is added to `aboard`.
+    pub fn place(
+        &mut self,
+        event: &Event,
+        zero: Tai,
+        head: &crate::base::axes::Rotation<crate::base::axes::Sensor, crate::base::axes::Body>,
+        places: &mut Places<'_>,
+        aboard: &mut Vec<(Tai, Aboard)>,
+    ) {
+        let (from, until) = (zero + event.at, zero + event.at + event.lasts);
+        let place = match event.action {
+            Action::Slew(pointing) => {
+                let target = head.inverse() * attitude(&pointing);
+                return aboard.push((from, Aboard::Command(Command::SlewTo(target))));
+            }
+            Action::Safe => return aboard.push((from, Aboard::Command(Command::Safe))),
+            Action::Resume => return aboard.push((from, Aboard::Command(Command::Resume))),
+            Action::Bus(fault) => Place::BusToStimulator(places.to_stimulator.add(from, until, fault)),
+            Action::BusBack(fault) => Place::BusToComputer(places.to_computer.add(from, until, fault)),
+            Action::Frame { head, fault } => {
+                let add = |(i, faults): (usize, &mut &mut FrameFaults)| {
+                    head.is_none_or(|head| head == i).then(|| faults.add(from, until, fault))
+                };
+                Place::Frames(places.frames.iter_mut().enumerate().map(add).collect())
+            }
+            Action::Gyro(_) | Action::WheelFailure { .. } | Action::TrackerOff { .. } => {
+                let Some(fault) = vehicle_fault(&event.action) else { return };
+                aboard.push((from, Aboard::Inject(fault)));
+                if event.lasts > Span::ZERO {
+                    aboard.push((until, Aboard::Clear(fault)));
+                }
+                Place::Aboard
+            }
+        };
+        self.faults.push(LoggedFault { name: action_name(&event.action), from, until, place });
+    }
+
+    /// Every fault so far.
+    #[must_use]
+    pub fn faults(&self) -> &[LoggedFault] {
+        &self.faults
+    }
+
+    /// How often a fault hit: packets, frames, or once aboard when its time had come by `now`.
+    #[must_use]
+    pub fn hits(&self, fault: &LoggedFault, places: &PlacesRead<'_>, now: Tai) -> u64 {
+        match &fault.place {
+            Place::BusToStimulator(i) => places.to_stimulator.timed().get(*i).map_or(0, |timed| timed.hits),
+            Place::BusToComputer(i) => places.to_computer.timed().get(*i).map_or(0, |timed| timed.hits),
+            Place::Frames(numbers) => {
+                let of = |(faults, number): (&&FrameFaults, &Option<usize>)| {
+                    number.and_then(|number| faults.timed().get(number)).map_or(0, |timed| timed.hits)
+                };
+                places.frames.iter().zip(numbers).map(of).sum()
+            }
+            Place::Aboard => u64::from(fault.from <= now),
+        }
+    }
+}
+
+/// The places, to be looked at only.
+pub struct PlacesRead<'a> {
+    /// As in [`Places`].
+    pub to_stimulator: &'a FaultControl,
+    /// As in [`Places`].
+    pub to_computer: &'a FaultControl,
+    /// As in [`Places`].
+    pub frames: Vec<&'a FrameFaults>,
+}
+
+fn vehicle_fault(action: &Action) -> Option<VehicleFault> {
+    Some(match *action {
+        Action::Gyro(GyroFaultKind::Dropout) => VehicleFault::GyroDropout,
+        Action::Gyro(GyroFaultKind::Stuck) => VehicleFault::GyroStuck,
+        Action::Gyro(GyroFaultKind::BiasJump(jump)) => VehicleFault::GyroBiasJump(jump),
+        Action::Gyro(GyroFaultKind::Spike(spike)) => VehicleFault::GyroSpike(spike),
+        Action::WheelFailure { wheel } => VehicleFault::WheelFailure(wheel),
+        Action::TrackerOff { head } => VehicleFault::TrackerOff(head),
+        _ => return None,
+    })
+}
+
+/// The word for an action in a scenario file.
+#[must_use]
+pub fn action_name(action: &Action) -> &'static str {
+    use crate::link::tap::LinkFault;
+    match action {
+        Action::Slew(_) => "slew",
+        Action::Safe => "safe",
+        Action::Resume => "resume",
+        Action::Bus(LinkFault::Loss { .. }) => "bus_loss",
+        Action::Bus(LinkFault::Silence) => "bus_silence",
+        Action::Bus(LinkFault::Delay { .. }) => "bus_delay",
+        Action::Bus(LinkFault::Duplicate { .. }) => "bus_duplicate",
+        Action::Bus(LinkFault::WrongBits { .. }) => "bus_wrong_bits",
+        Action::BusBack(_) => "bus_back_loss",
+        Action::Frame { fault, .. } => match fault {
+            FrameFault::Drop => "frame_drop",
+            FrameFault::Duplicate => "frame_duplicate",
+            FrameFault::Late(_) => "frame_late",
+            FrameFault::Torn => "frame_torn",
+            FrameFault::Blank => "frame_blank",
+            FrameFault::StrayLight { .. } => "stray_light",
+        },
+        Action::Gyro(GyroFaultKind::Dropout) => "gyro_dropout",
+        Action::Gyro(GyroFaultKind::Stuck) => "gyro_stuck",
+        Action::Gyro(GyroFaultKind::BiasJump(_)) => "gyro_bias_jump",
+        Action::Gyro(GyroFaultKind::Spike(_)) => "gyro_spike",
+        Action::WheelFailure { .. } => "wheel_failure",
+        Action::TrackerOff { .. } => "tracker_off",
+    }
+}

@@ -1,0 +1,144 @@
+//! The witness: holds every frame against the truth, every fault against its trace, and the loop against its recovery.
+//!
+//! Invariants, each a count of violations with words for the first few:
+//! * a frame whose attitude was interpolated shows the true attitude ([`RENDERED_ARCSEC`] and the bus's timing);
+//! * a frame that does not says so: predicted, held, blank, or a fault's flag (no silent staleness);
+//! * every fault that had its time hit something;
+//! * every frame scheduled went out, was dropped, or is on its way;
+//! * after the last of overlapping faults the loop points again within the stated time.
+
+use crate::base::axes::{Body, Icrf, Rotation, Sensor};
+use crate::base::time::{Span, Tai};
+use crate::base::units::ARCSEC;
+use crate::config::Scenario;
+use crate::runtime::RunRecord;
+use crate::sink::FrameMeta;
+use crate::testbed::acs::ModeEvent;
+use crate::testbed::vehicle::TelemetryRow;
+use crate::wiring::assessment::Assessment;
+use crate::wiring::faults::FaultLine;
+
+/// Attitude on the wire and interpolation between records: 0.03 arcsec, and room for the control's torque steps between
+/// two records.
+const RENDERED_ARCSEC: f64 = 0.5;
+/// Error of the time correlation that an interpolated frame may have, s: with the body's rate it is an angle.
+const CORRELATION_S: f64 = 200e-6;
+/// Faults shorter than this need not meet a packet or frame.
+const SHORTEST_FAULT_S: f64 = 1.0;
+
+/// The witness of one run.
+pub struct Witness {
+    assessment: Assessment,
+    heads: Vec<Rotation<Sensor, Body>>,
+    /// Begin and end of faults, in order of their begin.
+    faults: Vec<(Tai, Tai)>,
+    recovery: Span,
+    judged_faults: usize,
+}
+
+impl Witness {
+    /// A witness who has seen nothing.
+    #[must_use]
+    pub fn new(scenario: &Scenario, zero: Tai, end: Tai) -> Self {
+        let head = scenario.heads.first().copied().unwrap_or(Rotation::IDENTITY);
+        Self {
+            assessment: Assessment::new(scenario.expect, zero, end, head.quat()),
+            heads: scenario.heads.clone(),
+            faults: Vec::new(),
+            recovery: Span::from_s(scenario.expect.recovery_s),
+            judged_faults: 0,
+        }
+    }
+
+    /// What has been summed up.
+    #[must_use]
+    pub fn assessment(&self) -> &Assessment {
+        &self.assessment
+    }
+
+    /// A fault is going to act.
+    pub fn expect_fault(&mut self, from: Tai, until: Tai) {
+        self.faults.push((from, until));
+        self.faults.sort();
+    }
+
+    /// A command was refused by the flight computer.
+    pub fn refuse(&mut self, why: &str) {
+        self.assessment.note_refusal(why);
+    }
+
+    /// Takes one row of telemetry in.
+    pub fn take_row(&mut self, row: &TelemetryRow) {
+        self.assessment.take_row(row);
+        self.judge_recovery(row.at);
+    }
+
+    /// Takes a mode change in.
+    pub fn take_mode(&mut self, event: &ModeEvent) {
+        self.assessment.take_mode(event);
+    }
+
+    /// Holds one frame that went out against the true attitude (and rate, rad/s) at its mid-exposure.
+    pub fn take_frame(&mut self, head: usize, meta: &FrameMeta, truth: Option<(Rotation<Body, Icrf>, f64)>) {
+        let is_told = meta.origin != "interpolated" || !meta.faults.is_empty();
+        let (Some((body_from_icrf, rate_rad_s)), Some(mounting)) = (truth, self.heads.get(head)) else { return };
+        let Some(rendered) = Rotation::<Sensor, Icrf>::from_wxyz(meta.attitude_wxyz, 1e-6) else {
+            return self.assessment.violate(|| format!("frame {}: its attitude is no unit quaternion", meta.number));
+        };
+        let error_rad = (*mounting * body_from_icrf).rotation_vector_to(&rendered).length();
+        if is_told {
+            return;
+        }
+        self.assessment.note_rendered(error_rad);
+        let bound_rad = RENDERED_ARCSEC * ARCSEC + rate_rad_s * CORRELATION_S;
+        if error_rad > bound_rad {
+            let (got, wanted) = (error_rad / ARCSEC, bound_rad / ARCSEC);
+            self.assessment.violate(|| {
+                format!(
+                    "frame {} of head {head}: rendered {got:.3} arcsec from the truth (wanted {wanted:.3}) and nothing \
+                     says so",
+                    meta.number
+                )
+            });
+        }
+    }
+
+    /// Judges what can only be judged at the end.
+    #[must_use]
+    pub fn finish(mut self, record: &RunRecord, faults: &[FaultLine], now: Tai) -> Assessment {
+        let now_s = (now - self.assessment.zero()).s();
+        for fault in faults {
+            let lasted_s = now_s.min(fault.until_s) - fault.from_s;
+            if fault.hits == 0 && lasted_s >= SHORTEST_FAULT_S {
+                let (name, from_s) = (fault.name, fault.from_s);
+                self.assessment.violate(|| format!("{name} from {from_s:.3} s: nothing was hit by it"));
+            }
+        }
+        let frames = &record.frames;
+        if frames.delivered + frames.dropped != frames.scheduled {
+            self.assessment.violate(|| {
+                format!(
+                    "{} frames scheduled, but {} delivered and {} dropped",
+                    frames.scheduled, frames.delivered, frames.dropped
+                )
+            });
+        }
+        self.assessment
+    }
+
+    /// After the end of a fault, and before another begins, the loop must point again in time.
+    fn judge_recovery(&mut self, now: Tai) {
+        while let Some((_, until)) = self.faults.get(self.judged_faults).copied() {
+            let deadline = until + self.recovery;
+            if now < deadline {
+                return;
+            }
+            self.judged_faults += 1;
+            let is_disturbed_again = self.faults.iter().any(|(from, other)| *from < deadline && *other > until);
+            if !is_disturbed_again && !self.assessment.is_on_target() {
+                let after_s = (now - until).s();
+                self.assessment.violate(|| format!("not on target {after_s:.1} s after the end of a fault"));
+            }
+        }
+    }
+}
