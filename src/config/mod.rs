@@ -12,6 +12,7 @@
 //! The built-in bench and all it names are compiled in, so the binary runs from any directory.
 
 mod bench;
+mod budget;
 mod camera;
 mod check;
 mod detector;
@@ -30,6 +31,7 @@ mod stages;
 mod timing;
 
 pub use bench::Bench;
+pub use budget::Budget;
 pub use camera::Camera;
 pub use check::Defaulted;
 pub use detector::Detector;

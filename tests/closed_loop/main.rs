@@ -5,6 +5,7 @@
 mod attitude;
 mod bad_input;
 mod bench;
+mod budget;
 mod calibrated;
 mod deadline;
 mod degraded;
