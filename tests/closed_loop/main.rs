@@ -6,6 +6,7 @@ mod attitude;
 mod bad_input;
 mod bench;
 mod calibrated;
+mod control;
 mod deadline;
 mod degraded;
 mod program;
