@@ -38,6 +38,9 @@ import pyarrow.parquet
 STDERR_TAIL = 2000
 """Characters of standard error that are kept."""
 
+ATTITUDE_COUNTS = ("attitudes_used", "attitudes_gated", "frames_untagged", "estimator_starts")
+"""What became of the tracker's attitudes, as a report has it."""
+
 
 # --- what to run -----------------------------------------------------------------------------------------------------
 
@@ -82,12 +85,14 @@ def parse_setting(text: str) -> tuple[str, str]:
     return key.strip(), value.strip()
 
 
-def tasks_of(seeds: list[int], grid: dict[str, list[str]], fixed: dict[str, str]) -> list[dict]:
+def tasks_of(
+    seeds: list[int], grid: dict[str, list[str]], fixed: dict[str, str], random_faults: bool = False
+) -> list[dict]:
     """Every combination, in an order that gives each grid value early runs: seeds outermost."""
     tasks = []
     for seed, values in itertools.product(seeds, itertools.product(*grid.values())):
-        task = {"seed": seed, "grid": dict(zip(grid, values)), "fixed": fixed}
-        said = json.dumps([seed, sorted({**fixed, **task["grid"]}.items())])
+        task = {"seed": seed, "grid": dict(zip(grid, values)), "fixed": fixed, "random_faults": random_faults}
+        said = json.dumps([seed, sorted({**fixed, **task["grid"]}.items()), random_faults])
         tasks.append({**task, "id": f"seed{seed}_{hashlib.sha256(said.encode()).hexdigest()[:12]}"})
     return tasks
 
@@ -96,6 +101,7 @@ def command_of(task: dict, binary: str, scenario: str) -> list[str]:
     """The command that runs a task; it repeats it bit for bit anywhere."""
     settings = {**task["fixed"], **task["grid"]}
     command = [binary, "run", scenario, "--clock", "virtual", "--seed", str(task["seed"])]
+    command += ["--random-faults"] if task["random_faults"] else []
     return command + [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
 
 
@@ -148,6 +154,7 @@ def row_of(task: dict, result: dict, command: list[str]) -> dict:
     row = {
         "task": task["id"],
         "seed": task["seed"],
+        "random_faults": task["random_faults"],
         **{f"param.{key}": number(value) for key, value in {**task["fixed"], **task["grid"]}.items()},
         "exit_status": result["exit_status"],
         "has_report": result["report"] is not None,
@@ -162,7 +169,7 @@ def row_of(task: dict, result: dict, command: list[str]) -> dict:
         row[name] = real(report.get(name))
     for name in ("largest_rendered_error_arcsec", "least_sun_angle_deg"):
         row[name] = real(report.get(name))
-    for name in ("frames_held_to_truth", "violations"):
+    for name in ("frames_held_to_truth", "violations", *ATTITUDE_COUNTS):
         row[name] = report.get(name)
     for group in ("pointing", "knowledge"):
         for name in ("boresight_arcsec", "roll_arcsec", "largest_boresight_arcsec"):
@@ -437,6 +444,9 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument(
         "--set", type=parse_setting, action="append", default=[], metavar="KEY=VALUE", help="same in all; repeatable"
     )
+    parser.add_argument(
+        "--random-faults", action="store_true", help="add to each run the random faults that its seed decides"
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder of the results")
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--scheduler", help="address of a Dask scheduler, such as tcp://host:8786")
@@ -461,7 +471,7 @@ def parse_arguments() -> argparse.Namespace:
 def main() -> int:
     given = parse_arguments()
     grid, fixed = dict(given.grid), dict(given.set)
-    tasks = tasks_of(given.seeds, grid, fixed)
+    tasks = tasks_of(given.seeds, grid, fixed, given.random_faults)
     hold_to_folder(given.out, given.scenario, given.binary)
     there = rows_there(given.out, tasks, given.retry)
     waiting = [task for task in tasks if task["id"] not in there]

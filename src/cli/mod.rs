@@ -1,6 +1,7 @@
 //! One file per command; parses the command line, wires rooms, prints.
 
 pub mod calibrate;
+pub mod campaign;
 pub mod catalog;
 pub mod chart;
 pub mod check;
@@ -53,6 +54,8 @@ enum Command {
     Check(check::CheckArgs),
     /// Measure what frames cost on this machine, for runs on the real clock and `check`
     Calibrate(calibrate::CalibrateArgs),
+    /// Fly many simulated hours of random faults and check that the loop rides them through
+    Campaign(campaign::CampaignArgs),
     /// Measure error and time of every method: CSV tables and SVG charts
     Chart(chart::ChartArgs),
     /// Pack, describe or query a star catalog
@@ -78,6 +81,7 @@ pub fn main() -> ExitCode {
         Command::Render(arguments) => render::run(&arguments).map(|()| EXIT_DONE),
         Command::Check(arguments) => check::run(&arguments).map(|()| EXIT_DONE),
         Command::Calibrate(arguments) => calibrate::run(&arguments).map(|()| EXIT_DONE),
+        Command::Campaign(arguments) => campaign::run(&arguments),
         Command::Chart(arguments) => chart::run(&arguments).map(|()| EXIT_DONE),
         Command::Catalog(arguments) => catalog::run(arguments).map(|()| EXIT_DONE),
     };

@@ -13,6 +13,7 @@ use crate::runtime::{FrameEngine, RunOutcome, RunRecord, real_time, virtual_time
 use crate::sink::{NullSink, Recorder, RecorderOptions, SentFrame, Sink, write_file_atomically};
 use crate::testbed::flight_computer::{FlightComputer, FlightError, run_until};
 use crate::wiring::bench_parts;
+use crate::wiring::campaign::episode_scenario;
 use crate::wiring::control::ControlAddress;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
@@ -50,6 +51,9 @@ pub struct RunArgs {
     /// Predict with the built-in costs, whatever `starloop calibrate` has measured (real clock)
     #[arg(long)]
     built_in_costs: bool,
+    /// Add the random faults of a campaign's episode with this seed to a scenario
+    #[arg(long)]
+    random_faults: bool,
     /// Print a scenario's report as one line of JSON instead of a table
     #[arg(long)]
     pub(super) json: bool,
@@ -196,6 +200,9 @@ fn scenario(arguments: &RunArgs) -> Result<Option<Scenario>> {
     }
     let mut scenario = Scenario::from_document(&document)?;
     change_bench(&mut scenario.bench, arguments)?;
+    if arguments.random_faults {
+        scenario = episode_scenario(&scenario, scenario.bench.seed);
+    }
     Ok(Some(scenario))
 }
 

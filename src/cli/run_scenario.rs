@@ -172,7 +172,7 @@ fn telemetry_file(going: &mut ClosedLoop, directory: &Path) -> Result<TelemetryF
 }
 
 /// Columns of `telemetry.csv`; angles are rotation vectors in body axes.
-const COLUMNS: [&str; 24] = [
+const COLUMNS: [&str; 25] = [
     "t_s",
     "mode",
     "pointing_x_arcsec",
@@ -194,6 +194,7 @@ const COLUMNS: [&str; 24] = [
     "wheel_speed_rad_s",
     "wheel_momentum_n_m_s",
     "heads_solved",
+    "no_solution",
     "stars",
     "sun_angle_deg",
     "utc",
@@ -211,6 +212,7 @@ fn cells(row: &TelemetryRow, zero: crate::base::time::Tai) -> Vec<String> {
     cells.push(format!("{:.6}", row.wheel_speed_rad_s));
     cells.push(format!("{:.9}", row.wheel_momentum_n_m_s));
     cells.push(row.heads_solved.to_string());
+    cells.push(row.no_solution.map_or_else(String::new, |reason| format!("{reason:?}")));
     cells.push(row.stars.to_string());
     cells.push(row.sun_angle_rad.map_or_else(String::new, |angle| format!("{:.6}", angle.to_degrees())));
     cells.push(row.at.to_rfc3339());

@@ -40,6 +40,14 @@ pub struct ScenarioReport {
     pub predicted_pointing_arcsec: Option<f64>,
     /// Share of the telemetry in which a tracker had an attitude.
     pub tracker_availability: f64,
+    /// Attitudes that the estimator worked in.
+    pub attitudes_used: u64,
+    /// Attitudes that it refused: too far from what it expected.
+    pub attitudes_gated: u64,
+    /// Frames that came without a time tag and were not used.
+    pub frames_untagged: u64,
+    /// How often it started from an attitude, the first time included.
+    pub estimator_starts: u64,
     /// Frames held against the true attitude, and the largest distance, arcsec.
     pub frames_held_to_truth: u64,
     /// Largest distance of such a frame's attitude from the truth, arcsec.
@@ -91,6 +99,10 @@ impl ScenarioReport {
             knowledge: assessment.knowledge(),
             predicted_pointing_arcsec: predicted,
             tracker_availability: assessment.tracker_availability(),
+            attitudes_used: outcome.estimator.used,
+            attitudes_gated: outcome.estimator.gated,
+            frames_untagged: outcome.untagged,
+            estimator_starts: outcome.estimator.starts,
             frames_held_to_truth,
             largest_rendered_error_arcsec,
             least_sun_angle_deg: assessment.least_sun_angle_rad().map(f64::to_degrees),
@@ -137,7 +149,16 @@ fn write_table(text: &mut String, report: &ScenarioReport) -> core::fmt::Result 
         "truth     {} frames held to the true attitude, at most {:.4} arcsec from it",
         report.frames_held_to_truth, report.largest_rendered_error_arcsec
     )?;
-    writeln!(text, "tracker   attitude in {:.2} % of the telemetry", 100.0 * report.tracker_availability)?;
+    writeln!(
+        text,
+        "tracker   attitude in {:.2} % of the telemetry; {} used, {} gated, {} without time tag, {} starts of \
+         the estimator",
+        100.0 * report.tracker_availability,
+        report.attitudes_used,
+        report.attitudes_gated,
+        report.frames_untagged,
+        report.estimator_starts
+    )?;
     for (name, errors) in [("pointing ", report.pointing), ("knowledge", report.knowledge)] {
         if let (Some(boresight), Some(roll), Some(largest)) =
             (errors.boresight_arcsec, errors.roll_arcsec, errors.largest_boresight_arcsec)

@@ -7,7 +7,7 @@
 use crate::base::axes::{Body, Icrf, Rotation, Sensor};
 use crate::base::clock::{Clock, Virtual};
 use crate::base::time::{Span, Tai};
-use crate::config::{ConfigError, Event, Scenario, StartTime};
+use crate::config::{Action, ConfigError, Event, Scenario, StartTime};
 use crate::link::Port;
 use crate::link::simulated::simulated_pair;
 use crate::link::tap::{FaultControl, FaultyLink};
@@ -22,8 +22,8 @@ use crate::testbed::flight_computer::{FlightComputer, FlightError};
 use crate::testbed::vehicle::{TelemetryRow, Vehicle, VehicleError};
 use crate::wiring::assessment::Assessment;
 use crate::wiring::bench_parts;
-use crate::wiring::faults::{Aboard, FaultLine, FaultLog, LoggedFault, Places, PlacesRead};
-use crate::wiring::loop_outcome::{LoopOutcome, LoopView, predicted_pointing_rad};
+use crate::wiring::faults::{Aboard, FaultLine, FaultLog, LoggedFault, Places, PlacesRead, action_name, check_places};
+use crate::wiring::loop_outcome::{LoopOutcome, LoopView, predicted_pointing_rad, vehicle_counts};
 use crate::wiring::vehicle_parts::vehicle_params;
 use crate::wiring::witness::Witness;
 use core::cell::RefCell;
@@ -33,6 +33,8 @@ use std::sync::Arc;
 
 /// Frames on their way to a tracker.
 const TAP_FRAMES: usize = 8;
+/// Half a turn at half a degree per second, and settling: recovery counts from then on.
+const LONGEST_SLEW: Span = Span::from_ms(450_000);
 /// Streams of the seed, so that faults, frames and sensors do not share numbers.
 const BUS_SEED: u64 = 0x6275_7300;
 
@@ -160,7 +162,9 @@ impl ClosedLoop {
     /// When it names a head or wheel that is not there.
     pub fn inject(&mut self, event: &Event) -> Result<(), LoopError> {
         let far = self.far.get_mut();
-        check_event(event, self.heads.len(), far.computer.vehicle().map_or(0, |v| v.wheel_speeds_rad_s().len()))?;
+        let wheels = far.computer.vehicle().map_or(0, |vehicle| vehicle.wheel_speeds_rad_s().len());
+        check_places(event, self.heads.len(), wheels)
+            .map_err(|why| LoopError::Event { what: action_name(&event.action), why })?;
         let mut event = *event;
         event.at = event.at.max(self.clock.now() - self.zero);
         let mut places = Places {
@@ -173,8 +177,12 @@ impl ClosedLoop {
         // A stable sort, latest first: what was added first comes first among simultaneous ones.
         far.aboard.reverse();
         far.aboard.sort_by_key(|(at, _)| core::cmp::Reverse(*at));
+        if matches!(event.action, Action::Slew(_)) {
+            let from = self.zero + event.at;
+            far.witness.expect_disturbance(from, from + LONGEST_SLEW);
+        }
         if let Some(fault) = self.faults.faults().get(before) {
-            far.witness.expect_fault(fault.from, fault.until);
+            far.witness.expect_disturbance(fault.from, fault.until);
             let span = fault.until - fault.from;
             self.going.record_mut().ledger.note(LedgerEvent::new(EventKind::Fault, fault.from, None, span));
         }
@@ -300,11 +308,14 @@ impl ClosedLoop {
     pub fn look<T>(&self, frames_crc32: Vec<u32>, look: impl FnOnce(&LoopView<'_>) -> T) -> T {
         let far = self.far.borrow();
         let assessment = far.witness.assessment();
+        let (estimator, untagged) = vehicle_counts(far.computer.vehicle());
         look(&LoopView {
             record: self.record(),
             frames_crc32,
             assessment,
             faults: self.faults(),
+            estimator,
+            untagged,
             predicted_pointing_rad: self.predicted_pointing_rad(&far.computer, assessment),
             simulated_s: self.simulated_s(),
         })
@@ -351,8 +362,10 @@ impl ClosedLoop {
             self.predicted_pointing_rad(&far.computer, far.witness.assessment())
         };
         let record = self.going.into_record();
-        let assessment = self.far.into_inner().witness.finish(&record, &faults, now, on_the_way);
-        Ok(LoopOutcome { record, sinks, assessment, faults, predicted_pointing_rad, simulated_s })
+        let far = self.far.into_inner();
+        let (estimator, untagged) = vehicle_counts(far.computer.vehicle());
+        let assessment = far.witness.finish(&record, &faults, now, on_the_way);
+        Ok(LoopOutcome { record, sinks, assessment, faults, estimator, untagged, predicted_pointing_rad, simulated_s })
     }
 
     fn go(
@@ -384,6 +397,7 @@ impl ClosedLoop {
 impl FarSide {
     /// Everything due by `now`; when the next thing is due.
     fn step(&mut self, now: Tai) -> Result<Tai, FarEndError> {
+        self.computer.listen(now, &mut self.port)?;
         self.take_frames(now);
         while let Some((_, action)) = self.aboard.last().copied().filter(|(at, _)| *at <= now) {
             self.aboard.pop();
@@ -470,20 +484,4 @@ fn ports(
     let far = FaultyLink::new(Box::new(far), shared, to_computer.clone(), seed.wrapping_add(1));
     let ids = IdMap::new(0, 0).ok_or_else(|| LoopError::Parts("CAN identifiers".into()))?;
     Ok((Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids)))
-}
-
-fn check_event(event: &Event, heads: usize, wheels: usize) -> Result<(), LoopError> {
-    use crate::config::Action;
-    let what = crate::wiring::faults::action_name(&event.action);
-    let refuse = |why: String| Err(LoopError::Event { what, why });
-    match event.action {
-        Action::Frame { head: Some(head), .. } | Action::TrackerOff { head: Some(head) } if head >= heads => {
-            refuse(format!("head {head}: there are {heads}, counted from 0"))
-        }
-        Action::WheelFailure { wheel } if wheel >= wheels => {
-            refuse(format!("wheel {wheel}: there are {wheels}, counted from 0"))
-        }
-        _ if event.at < Span::ZERO => refuse("wanted a time not before the first exposure".into()),
-        _ => Ok(()),
-    }
 }

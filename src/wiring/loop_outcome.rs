@@ -4,8 +4,8 @@ use crate::runtime::RunRecord;
 use crate::sink::SinkSummary;
 use crate::testbed::acs::linear::PointingLoop;
 use crate::testbed::acs::pointing_error::PointingNoise;
-use crate::testbed::estimator::GyroNoise;
-use crate::testbed::vehicle::VehicleParams;
+use crate::testbed::estimator::{GyroNoise, MekfCounts};
+use crate::testbed::vehicle::{Vehicle, VehicleParams};
 use crate::wiring::assessment::Assessment;
 use crate::wiring::faults::FaultLine;
 
@@ -19,6 +19,10 @@ pub struct LoopOutcome {
     pub assessment: Assessment,
     /// Every fault and what it hit.
     pub faults: Vec<FaultLine>,
+    /// What became of the attitudes that the estimator was given.
+    pub estimator: MekfCounts,
+    /// Frames that came without a time tag and were not used.
+    pub untagged: u64,
     /// What linear theory makes of the tracker's noise: rms error of the boresight's direction, rad.
     pub predicted_pointing_rad: Option<f64>,
     /// Simulated time since the first exposure, s; the scenario's duration when it ran to its end.
@@ -36,6 +40,10 @@ pub struct LoopView<'a> {
     /// Every fault and what it hit.
     pub faults: Vec<FaultLine>,
     /// As in [`LoopOutcome`].
+    pub estimator: MekfCounts,
+    /// As in [`LoopOutcome`].
+    pub untagged: u64,
+    /// As in [`LoopOutcome`].
     pub predicted_pointing_rad: Option<f64>,
     /// As in [`LoopOutcome`].
     pub simulated_s: f64,
@@ -50,10 +58,18 @@ impl LoopOutcome {
             frames_crc32: self.sinks.iter().map(|sink| sink.run_crc32).collect(),
             assessment: &self.assessment,
             faults: self.faults.clone(),
+            estimator: self.estimator,
+            untagged: self.untagged,
             predicted_pointing_rad: self.predicted_pointing_rad,
             simulated_s: self.simulated_s,
         }
     }
+}
+
+/// What became of the estimator's attitudes, and frames without a time tag.
+pub(super) fn vehicle_counts(vehicle: Option<&Vehicle>) -> (MekfCounts, u64) {
+    let untagged = |vehicle: &Vehicle| vehicle.head_reports().map(|report| report.untagged).sum();
+    (vehicle.map(Vehicle::estimator_counts).unwrap_or_default(), vehicle.map_or(0, untagged))
 }
 
 /// Rms error of the boresight's direction (two axes) in fine pointing, as linear theory has it.

@@ -56,8 +56,8 @@ impl Witness {
         &self.assessment
     }
 
-    /// A fault is going to act.
-    pub fn expect_fault(&mut self, from: Tai, until: Tai) {
+    /// A fault is going to act, or a slew to be made.
+    pub fn expect_disturbance(&mut self, from: Tai, until: Tai) {
         self.faults.push((from, until));
         self.faults.sort();
     }

@@ -206,7 +206,7 @@ impl Vehicle {
         self.telemetry.mode_events.extend(output.event);
         self.resume(at, output.mode);
         self.control_steps += 1;
-        if self.control_steps % u64::from(self.params.telemetry_every.max(1)) == 0 {
+        if self.control_steps.is_multiple_of(u64::from(self.params.telemetry_every.max(1))) {
             let row = self.row(at, &truth, &output);
             self.telemetry.rows.push(row);
         }
@@ -402,6 +402,10 @@ impl Vehicle {
             wheel_speed_rad_s: speeds.iter().fold(0.0, |most, speed| f64::max(most, speed.abs())),
             wheel_momentum_n_m_s: self.spacecraft.wheel_momentum_n_m_s().length(),
             heads_solved: u32::try_from(solved).unwrap_or(u32::MAX),
+            no_solution: match self.heads.first().and_then(|head| head.report.last) {
+                Some(Outcome::NoSolution(reason)) => Some(reason),
+                _ => None,
+            },
             stars: self.solution().map_or(0, |solution| solution.stars),
             tracker_sigma_rad: self.solution().map(|solution| {
                 let variance = solution.covariance_rad2;

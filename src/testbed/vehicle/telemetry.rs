@@ -5,6 +5,7 @@
 
 use crate::base::time::Tai;
 use crate::testbed::acs::{Mode, ModeEvent};
+use crate::testbed::tracker::Reason;
 use glam::DVec3;
 
 /// One row.
@@ -32,6 +33,8 @@ pub struct TelemetryRow {
     pub wheel_momentum_n_m_s: f64,
     /// Heads whose last frame gave an attitude.
     pub heads_solved: u32,
+    /// Why the first head's last frame gave no attitude; `None`: it gave one, or there was no frame.
+    pub no_solution: Option<Reason>,
     /// Stars in the first head's last attitude.
     pub stars: u32,
     /// What the first head's tracker thinks of its last attitude: sigma across the boresight, per axis, rad.

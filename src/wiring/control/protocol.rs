@@ -75,7 +75,6 @@ const REQUESTS: [(&str, &[&str]); 8] = [
 ];
 
 /// Reads one line: the request's id, when there is one, and the request, or what is wrong with it in plain words.
-#[must_use]
 pub fn parse(line: &str) -> (Option<Value>, Result<Request, String>) {
     let value: Value = match serde_json::from_str(line) {
         Ok(value) => value,
