@@ -80,6 +80,9 @@ fn run_arguments(arguments: &BudgetArgs) -> RunArgs {
         out: arguments.out.clone(),
         built_in_costs: arguments.built_in_costs,
         report: None,
+        random_faults: false,
+        settings: Vec::new(),
+        control: None,
         json: false,
         quiet: false,
     }

@@ -7,7 +7,7 @@ use crate::cli::budget_files;
 use crate::cli::calibrate::costs_here;
 use crate::cli::check_attitude::slew_scale;
 use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, run_scenario};
-use crate::config::{self, Bench, Document, Scenario, StartTime, is_scenario};
+use crate::config::{self, Bench, Document, Scenario, Setting, StartTime, is_scenario};
 use crate::link::Port;
 use crate::link::simulated::simulated_pair;
 use crate::report::{HygieneLine, Progress, RunSummary, progress_line, summary_table};
@@ -18,6 +18,7 @@ use crate::sink::{NullSink, Recorder, RecorderOptions, SentFrame, Sink, write_fi
 use crate::testbed::flight_computer::{FlightComputer, FlightError, run_until};
 use crate::wiring::bench_parts;
 use crate::wiring::campaign::episode_scenario;
+use crate::wiring::control::ControlAddress;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -63,6 +64,13 @@ pub struct RunArgs {
     /// Print a scenario's report as one line of JSON instead of a table
     #[arg(long)]
     pub(super) json: bool,
+    /// Change a value of the file before it is checked, such as control.delay_ms=300, or of a file that it names, such as
+    /// bench.timing.frame_rate_hz=5; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(super) settings: Vec<String>,
+    /// Let a program outside advance the clock of a scenario: JSON lines over TCP; loopback only, port 0 takes a free one
+    #[arg(long, value_name = "ADDRESS")]
+    pub(super) control: Option<ControlAddress>,
     /// Print nothing but errors
     #[arg(long)]
     pub(super) quiet: bool,
@@ -161,6 +169,9 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
         monitor.finish();
         return status;
     }
+    if arguments.control.is_some() {
+        bail!("--control steps a scenario, and this is a bench: name a scenario file and add --clock virtual");
+    }
     let finished = perform(arguments)?;
     report(arguments, &finished)?;
     if let Some(directory) = &arguments.report {
@@ -254,8 +265,10 @@ impl Finished {
 
 /// The scenario with the command line's changes, when the file is one.
 fn scenario(arguments: &RunArgs) -> Result<Option<Scenario>> {
-    let Some(path) = &arguments.bench else { return Ok(None) };
-    let document = Document::open(path)?;
+    if arguments.bench.is_none() {
+        return Ok(None);
+    }
+    let document = document(arguments)?;
     if !is_scenario(&document) {
         return Ok(None);
     }
@@ -267,12 +280,19 @@ fn scenario(arguments: &RunArgs) -> Result<Option<Scenario>> {
     Ok(Some(scenario))
 }
 
+/// The file, or the bench of the binary, with the values that the command line sets.
+fn document(arguments: &RunArgs) -> Result<Document> {
+    let document = match &arguments.bench {
+        Some(path) => Document::open(path)?,
+        None => Bench::built_in_document()?,
+    };
+    let settings = arguments.settings.iter().map(|text| Setting::parse(text)).collect::<Result<Vec<_>, _>>()?;
+    Ok(document.with_settings(settings))
+}
+
 /// The bench with the command line's changes.
 fn bench(arguments: &RunArgs) -> Result<Bench> {
-    let mut bench = match &arguments.bench {
-        Some(path) => Bench::load(path)?,
-        None => Bench::built_in()?,
-    };
+    let mut bench = Bench::from_document(&document(arguments)?)?;
     change_bench(&mut bench, arguments)?;
     Ok(bench)
 }

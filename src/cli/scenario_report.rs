@@ -4,8 +4,8 @@ use crate::base::units::ARCSEC;
 use crate::config::Scenario;
 use crate::report::{FrameCounts, Machine};
 use crate::wiring::assessment::{ModeLine, Verdict, WindowErrors};
-use crate::wiring::closed_loop::LoopOutcome;
 use crate::wiring::faults::FaultLine;
+use crate::wiring::loop_outcome::LoopView;
 use core::fmt::Write;
 use serde::Serialize;
 
@@ -77,11 +77,11 @@ pub struct ScenarioReport {
 }
 
 impl ScenarioReport {
-    /// Of a run.
+    /// Of a run, over or under way.
     #[must_use]
-    pub fn of(scenario: &Scenario, outcome: &LoopOutcome, wall_s: f64) -> Self {
-        let (record, assessment) = (&outcome.record, &outcome.assessment);
-        let simulated_s = scenario.bench.timing.duration_s;
+    pub fn of(scenario: &Scenario, outcome: &LoopView<'_>, wall_s: f64) -> Self {
+        let (record, assessment) = (outcome.record, outcome.assessment);
+        let simulated_s = outcome.simulated_s;
         let predicted = outcome.predicted_pointing_rad.map(|rad| rad / ARCSEC);
         let verdicts = assessment.verdicts(predicted);
         let (violations, lines) = assessment.violations();
@@ -95,7 +95,7 @@ impl ScenarioReport {
             simulated_s,
             wall_s,
             speed: simulated_s / wall_s.max(1e-9),
-            frames_crc32: outcome.sinks.iter().map(|sink| format!("{:08x}", sink.run_crc32)).collect(),
+            frames_crc32: outcome.frames_crc32.iter().map(|crc32| format!("{crc32:08x}")).collect(),
             telemetry_crc32: format!("{:08x}", assessment.telemetry_crc32()),
             frames: record.frames,
             fine_after_s: assessment.fine_after_s(),

@@ -105,7 +105,15 @@ impl Bench {
     /// # Errors
     /// Never, as a test holds.
     pub fn built_in() -> Result<Self, ConfigError> {
-        Self::from_document(&Document::built_in(BUILT_IN_BENCH)?)
+        Self::from_document(&Self::built_in_document()?)
+    }
+
+    /// The text of that bench.
+    ///
+    /// # Errors
+    /// Never, as a test holds.
+    pub fn built_in_document() -> Result<Document, ConfigError> {
+        Document::built_in(BUILT_IN_BENCH)
     }
 
     /// Checks a bench that is already text.

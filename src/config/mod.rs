@@ -26,6 +26,7 @@ mod observer;
 mod optics;
 mod radiometry;
 mod scenario;
+mod setting;
 mod spacecraft;
 mod stages;
 mod timing;
@@ -45,9 +46,12 @@ pub use observer::Observer;
 pub use optics::{Distortion, Optics, Psf};
 pub use radiometry::{Exposure, Radiometry};
 pub use scenario::{Scenario, is_scenario};
+pub use setting::Setting;
 pub use spacecraft::{Control, Spacecraft};
 pub use stages::{AttitudeSettings, Backend, Render, Sink};
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 
+#[cfg(test)]
+mod setting_tests;
 #[cfg(test)]
 mod tests;

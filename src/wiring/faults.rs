@@ -162,6 +162,20 @@ fn link_flag(fault: &LinkFault) -> FaultFlags {
     }
 }
 
+/// Refuses an event that names a head or wheel that is not there, with why.
+pub(super) fn check_places(event: &Event, heads: usize, wheels: usize) -> Result<(), String> {
+    match event.action {
+        Action::Frame { head: Some(head), .. } | Action::TrackerOff { head: Some(head) } if head >= heads => {
+            Err(format!("head {head}: there are {heads}, counted from 0"))
+        }
+        Action::WheelFailure { wheel } if wheel >= wheels => {
+            Err(format!("wheel {wheel}: there are {wheels}, counted from 0"))
+        }
+        _ if event.at < Span::ZERO => Err("wanted a time not before the first exposure".into()),
+        _ => Ok(()),
+    }
+}
+
 fn vehicle_fault(action: &Action) -> Option<VehicleFault> {
     Some(match *action {
         Action::Gyro(GyroFaultKind::Dropout) => VehicleFault::GyroDropout,

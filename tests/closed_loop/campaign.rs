@@ -45,7 +45,10 @@ fn quiet() -> starloop::config::Scenario {
     quiet
 }
 
-fn meta(attitude: &Rotation<starloop::base::axes::Sensor, starloop::base::axes::Icrf>, origin: &'static str) -> FrameMeta {
+fn meta(
+    attitude: &Rotation<starloop::base::axes::Sensor, starloop::base::axes::Icrf>,
+    origin: &'static str,
+) -> FrameMeta {
     let mut meta = FrameMeta::empty("test".into());
     meta.attitude_wxyz = attitude.wxyz();
     meta.origin = origin;

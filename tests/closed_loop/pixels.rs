@@ -4,7 +4,8 @@ use starloop::base::clock::Stopwatch;
 use starloop::config::{Document, Scenario};
 use starloop::sink::NullSink;
 use starloop::testbed::acs::Mode;
-use starloop::wiring::closed_loop::{ClosedLoop, LoopOutcome};
+use starloop::wiring::closed_loop::ClosedLoop;
+use starloop::wiring::loop_outcome::LoopOutcome;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -71,9 +72,15 @@ fn without_the_tracker_the_same_loop_does_not_point() {
 #[test]
 fn every_scenario_holds() {
     let mut complained = Vec::new();
-    for name in
-        ["slew_and_settle", "sun_avoidance", "stray_light", "bus_dropouts", "three_heads", "wheel_sweep", "fine_pointing"]
-    {
+    for name in [
+        "slew_and_settle",
+        "sun_avoidance",
+        "stray_light",
+        "bus_dropouts",
+        "three_heads",
+        "wheel_sweep",
+        "fine_pointing",
+    ] {
         let (outcome, _) = fly(&scenario(name));
         complained.extend(complaints(name, &outcome));
         assert!(outcome.faults.iter().all(|fault| fault.hits > 0), "{name}: {:?}", outcome.faults);
@@ -125,7 +132,7 @@ fn crcs(seed: u64, step_s: Option<f64>) -> (Vec<u32>, u32) {
     if let Some(step_s) = step_s {
         let mut at = going.now();
         while at < going.end() {
-            at += starloop::base::time::Span::from_s(step_s);
+            at = at + starloop::base::time::Span::from_s(step_s);
             going.advance_to(at.min(going.end()), &mut |_, _, _| true).unwrap();
         }
     }

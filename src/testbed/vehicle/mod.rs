@@ -150,6 +150,20 @@ impl Vehicle {
         Ok(self.spacecraft.attitude_at(at)?)
     }
 
+    /// The same of what has been flown already: looking changes nothing. At most a bus record's time behind.
+    ///
+    /// # Errors
+    /// When `at` is outside.
+    pub fn flown_truth(&self, at: Tai) -> Result<AttitudeTruth, VehicleError> {
+        Ok(self.spacecraft.attitude_at(at)?)
+    }
+
+    /// Until when the motion has been flown.
+    #[must_use]
+    pub fn flown_until(&self) -> Tai {
+        self.spacecraft.time()
+    }
+
     /// Micro-vibration at `at`: rotation vector of the body away from its smooth attitude, body axes, rad. Zero when none
     /// is computed.
     ///
@@ -196,7 +210,7 @@ impl Vehicle {
         self.telemetry.mode_events.extend(output.event);
         self.resume(at, output.mode);
         self.control_steps += 1;
-        if self.control_steps % u64::from(self.params.telemetry_every.max(1)) == 0 {
+        if self.control_steps.is_multiple_of(u64::from(self.params.telemetry_every.max(1))) {
             let row = self.row(at, &truth, &output);
             self.largest_vibration_rad = 0.0;
             self.telemetry.rows.push(row);
@@ -268,6 +282,18 @@ impl Vehicle {
     #[must_use]
     pub fn estimate(&self) -> Option<Rotation<Body, Icrf>> {
         self.estimator.attitude(self.last.0)
+    }
+
+    /// One sigma of the estimated attitude per body axis, rad.
+    #[must_use]
+    pub fn estimate_sigma_rad(&self) -> DVec3 {
+        self.estimator.sigma_rad()
+    }
+
+    /// When the estimate holds: the last control step.
+    #[must_use]
+    pub fn estimate_at(&self) -> Tai {
+        self.last.0
     }
 
     /// What the parts were made with.
