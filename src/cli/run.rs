@@ -160,12 +160,15 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
         bail!("--report: got the virtual clock, on which nothing takes time; wanted --clock real");
     }
     if let Some(scenario) = scenario(arguments)? {
-        if arguments.clock == ClockKind::Real {
-            bail!("a scenario runs on the virtual clock: add --clock virtual");
+        if arguments.clock == ClockKind::Real && arguments.control.is_some() {
+            bail!("--control: got the real clock, which nobody can hold; wanted --clock virtual");
         }
         let stop = Arc::new(AtomicBool::new(false));
         let monitor = Monitor::start(Arc::clone(&stop), false)?;
-        let status = run_scenario::run(&scenario, arguments, &stop);
+        let status = match arguments.clock {
+            ClockKind::Real => run_scenario::run_on_real_clock(&scenario, arguments, &stop),
+            ClockKind::Virtual => run_scenario::run(&scenario, arguments, &stop),
+        };
         monitor.finish();
         return status;
     }
@@ -223,7 +226,7 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
 }
 
 /// What the bench asks of the system, with what cannot be had told at once.
-fn prepared_hygiene(bench: &Bench, say: bool) -> Arc<Hygiene> {
+pub(super) fn prepared_hygiene(bench: &Bench, say: bool) -> Arc<Hygiene> {
     let config::Budget { realtime, priority, affinity, .. } = bench.budget.clone();
     let tell: fn(&HygieneLine) = |line| {
         if !line.got {

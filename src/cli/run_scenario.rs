@@ -1,19 +1,23 @@
-//! `starloop run SCENARIO`: the closed loop on the virtual clock.
+//! `starloop run SCENARIO`: the closed loop, on the virtual clock or on the bench's.
 
 use crate::base::clock::Stopwatch;
+use crate::base::time::Tai;
 use crate::base::units::ARCSEC;
-use crate::cli::run::{RunArgs, stamp};
+use crate::cli::calibrate::costs_here;
+use crate::cli::run::{RunArgs, prepared_hygiene, stamp};
 use crate::cli::scenario_report::{ScenarioReport, table};
 use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_NOT_MET};
-use crate::config::Scenario;
-use crate::runtime::RunRecord;
+use crate::config::{Scenario, StartTime};
+use crate::runtime::{RunParams, RunRecord};
 use crate::sink::{NullSink, Recorder, RecorderOptions, SentFrame, Sink, write_file_atomically};
 use crate::testbed::vehicle::TelemetryRow;
 use crate::wiring::assessment::mode_name;
+use crate::wiring::bench_parts;
 use crate::wiring::closed_loop::ClosedLoop;
 use crate::wiring::control::{ControlAddress, ControlListener, ControlSession, SessionEnd, Stage};
 use crate::wiring::loop_outcome::LoopView;
-use anyhow::{Context, Result};
+use crate::wiring::real_loop::{RealSetting, run_real};
+use anyhow::{Context, Result, bail};
 use core::sync::atomic::{AtomicBool, Ordering};
 use std::io::{BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -38,12 +42,13 @@ pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> 
     if let Some(error) = failed {
         return Err(error);
     }
-    let telemetry = directory.as_deref().map(|directory| telemetry_file(&mut going, directory)).transpose()?;
+    let telemetry = directory.as_deref().map(|directory| telemetry_file(directory, going.zero())).transpose()?;
+    let telemetry = telemetry.map(|(file, on_row)| {
+        going.on_row(on_row);
+        file
+    });
     let say = !arguments.quiet;
-    if say {
-        let seconds = (going.end() - going.zero()).s();
-        eprintln!("scenario \"{}\": {seconds} s of simulated time, seed {}", scenario.name, scenario.bench.seed);
-    }
+    announce(scenario, say, "simulated");
     let (client, ended) = match listener {
         Some(listener) => serve(listener, scenario, &mut going, stop),
         None => (None, run_through(&mut going, say, stop)),
@@ -55,21 +60,9 @@ pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> 
     }
     let now_s = (going.now() - going.zero()).s();
     let report = ScenarioReport::of(scenario, &going.finish()?.view(), wall_s);
-    if let Some(directory) = &directory {
-        let json = serde_json::to_string_pretty(&report)?;
-        write_file_atomically(&directory.join("scenario.json"), |out| out.write_all(json.as_bytes()))?;
-    }
-    if arguments.json {
-        println!("{}", serde_json::to_string(&report)?);
-    } else if say {
-        print!("{}", table(&report));
-    }
-    if stop.load(Ordering::SeqCst) {
-        return Ok(EXIT_INTERRUPTED);
-    }
-    let status = if report.passed { EXIT_DONE } else { EXIT_NOT_MET };
-    if !report.passed {
-        eprintln!("starloop: scenario \"{}\" did not hold; seed {} repeats it", scenario.name, scenario.bench.seed);
+    let status = tell(&report, arguments, directory.as_deref(), stop)?;
+    if status == EXIT_INTERRUPTED {
+        return Ok(status);
     }
     match client {
         Some((session, SessionEnd::Finish(id))) => session.close(id, serde_json::to_value(&report)?, status),
@@ -80,6 +73,68 @@ pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> 
         Some((_, SessionEnd::Interrupted)) | None => {}
     }
     Ok(status)
+}
+
+/// Runs a scenario on the real clock; the exit status.
+///
+/// # Errors
+/// With what could not be done.
+pub fn run_on_real_clock(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> Result<u8> {
+    let say = !arguments.quiet;
+    let hygiene = prepared_hygiene(&scenario.bench, say);
+    let directory = directory(scenario, arguments)?;
+    let sink = sink(scenario, arguments, directory.as_deref(), 0)?;
+    announce(scenario, say, "real");
+    let StartTime::At(start) = scenario.bench.timing.start else {
+        bail!("a scenario needs a start_utc: \"now\" does not repeat");
+    };
+    let params = bench_parts::run_params(&scenario.bench, start)?;
+    let measured = costs_here(&bench_parts::imager(&params)?, arguments.built_in_costs).measured;
+    let telemetry =
+        directory.as_deref().map(|directory| telemetry_file(directory, params.first_exposure)).transpose()?;
+    let nobody: RowSink = Box::new(|_| {});
+    let (written, on_row) = telemetry.map_or((None, nobody), |(file, on_row)| (Some(file), on_row));
+    let ring_frames = usize::try_from(scenario.bench.budget.ring_frames)?;
+    let setting = RealSetting { stop, hygiene: Some(&hygiene), ring_frames };
+    let mut progress = Progress::new(say && std::io::stderr().is_terminal(), params.first_exposure);
+    let mut wall = Stopwatch::start();
+    let change = |params: &mut RunParams| bench_parts::take_real_clock(params, &scenario.bench, measured);
+    let mut show = |frame: &SentFrame, record: &RunRecord| progress.show(frame, record);
+    let outcome = run_real(scenario, sink, &setting, change, on_row, &mut show)?;
+    progress.finish();
+    if let Some(written) = written {
+        written.finish()?;
+    }
+    let report = ScenarioReport::of(scenario, &outcome.view(), wall.lap().s());
+    tell(&report, arguments, directory.as_deref(), stop)
+}
+
+fn announce(scenario: &Scenario, say: bool, kind: &str) {
+    if say {
+        let seconds = scenario.bench.timing.duration_s;
+        eprintln!("scenario \"{}\": {seconds} s of {kind} time, seed {}", scenario.name, scenario.bench.seed);
+    }
+}
+
+/// Writes and prints the report; the exit status.
+fn tell(report: &ScenarioReport, arguments: &RunArgs, directory: Option<&Path>, stop: &AtomicBool) -> Result<u8> {
+    if let Some(directory) = directory {
+        let json = serde_json::to_string_pretty(report)?;
+        write_file_atomically(&directory.join("scenario.json"), |out| out.write_all(json.as_bytes()))?;
+    }
+    if arguments.json {
+        println!("{}", serde_json::to_string(report)?);
+    } else if !arguments.quiet {
+        print!("{}", table(report));
+    }
+    if stop.load(Ordering::SeqCst) {
+        return Ok(EXIT_INTERRUPTED);
+    }
+    if !report.passed {
+        eprintln!("starloop: scenario \"{}\" did not hold; seed {} repeats it", report.scenario, report.seed);
+        return Ok(EXIT_NOT_MET);
+    }
+    Ok(EXIT_DONE)
 }
 
 /// From the first frame to the last.
@@ -156,19 +211,22 @@ impl TelemetryFile {
     }
 }
 
-fn telemetry_file(going: &mut ClosedLoop, directory: &Path) -> Result<TelemetryFile> {
+/// Takes rows of telemetry.
+type RowSink = Box<dyn FnMut(&TelemetryRow) + Send>;
+
+fn telemetry_file(directory: &Path, zero: Tai) -> Result<(TelemetryFile, RowSink)> {
     let path = directory.join("telemetry.csv");
     let file = std::fs::File::create_new(&path).with_context(|| format!("cannot make {}", path.display()))?;
     let mut out = csv::Writer::from_writer(BufWriter::new(file));
     out.write_record(COLUMNS)?;
     let failure = Arc::new(std::sync::Mutex::new(None));
-    let (told, zero) = (Arc::clone(&failure), going.zero());
-    going.on_row(move |row| {
+    let told = Arc::clone(&failure);
+    let on_row = move |row: &TelemetryRow| {
         if let Err(error) = out.write_record(cells(row, zero)) {
             told.lock().unwrap_or_else(std::sync::PoisonError::into_inner).get_or_insert(error);
         }
-    });
-    Ok(TelemetryFile { failure, path })
+    };
+    Ok((TelemetryFile { failure, path }, Box::new(on_row)))
 }
 
 /// Columns of `telemetry.csv`; angles are rotation vectors in body axes.
@@ -201,7 +259,7 @@ const COLUMNS: [&str; 26] = [
     "utc",
 ];
 
-fn cells(row: &TelemetryRow, zero: crate::base::time::Tai) -> Vec<String> {
+fn cells(row: &TelemetryRow, zero: Tai) -> Vec<String> {
     let mut cells = vec![format!("{:.3}", (row.at - zero).s()), mode_name(row.mode).to_owned()];
     let arcsec = |v: glam::DVec3| v.to_array().map(|x| format!("{:.6}", x / ARCSEC));
     cells.extend(arcsec(row.pointing_error_rad));
@@ -224,7 +282,7 @@ fn cells(row: &TelemetryRow, zero: crate::base::time::Tai) -> Vec<String> {
 /// One line that is drawn over.
 struct Progress {
     is_on: bool,
-    zero: crate::base::time::Tai,
+    zero: Tai,
     watch: Stopwatch,
     since_drawn_s: f64,
     wall_s: f64,
@@ -232,7 +290,7 @@ struct Progress {
 }
 
 impl Progress {
-    fn new(is_on: bool, zero: crate::base::time::Tai) -> Self {
+    fn new(is_on: bool, zero: Tai) -> Self {
         Self { is_on, zero, watch: Stopwatch::start(), since_drawn_s: 0.0, wall_s: 0.0, drawn: false }
     }
 

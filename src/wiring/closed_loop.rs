@@ -9,34 +9,24 @@ use crate::base::clock::{Clock, Virtual};
 use crate::base::time::{Span, Tai};
 use crate::config::{Action, ConfigError, Event, Scenario, StartTime};
 use crate::link::Port;
-use crate::link::simulated::simulated_pair;
-use crate::link::tap::{FaultControl, FaultyLink};
-use crate::runtime::error::FarEndError;
-use crate::runtime::frame_faults::FrameFaults;
+use crate::link::tap::FaultControl;
 use crate::runtime::ledger::Event as LedgerEvent;
-use crate::runtime::receiver::Receiver;
 use crate::runtime::virtual_time::{Head, VirtualLoop, World};
-use crate::runtime::{EventKind, FrameEngine, RunError, RunRecord};
-use crate::sink::{FrameMeta, SentFrame, Sink, TapEnd, Tee, tap};
-use crate::testbed::flight_computer::{FlightComputer, FlightError};
+use crate::runtime::{EventKind, RunError, RunRecord};
+use crate::sink::{SentFrame, Sink};
+use crate::testbed::flight_computer::FlightComputer;
 use crate::testbed::vehicle::{TelemetryRow, Vehicle, VehicleError};
 use crate::wiring::assessment::Assessment;
-use crate::wiring::bench_parts;
-use crate::wiring::faults::{Aboard, FaultLine, FaultLog, LoggedFault, Places, PlacesRead, action_name, check_places};
+use crate::wiring::far_side::FarSide;
+use crate::wiring::faults::{FaultLine, FaultLog, LoggedFault, Places, PlacesRead, action_name, check_places};
 use crate::wiring::loop_outcome::{LoopOutcome, LoopView, predicted_pointing_rad, vehicle_counts};
-use crate::wiring::vehicle_parts::vehicle_params;
-use crate::wiring::witness::Witness;
+use crate::wiring::loop_parts::{LoopHead, loop_head, ports};
 use core::cell::RefCell;
-use firmware_protocol::can::IdMap;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Frames on their way to a tracker.
-const TAP_FRAMES: usize = 8;
 /// Half a turn at half a degree per second, and settling: recovery counts from then on.
-const LONGEST_SLEW: Span = Span::from_ms(450_000);
-/// Streams of the seed, so that faults, frames and sensors do not share numbers.
-const BUS_SEED: u64 = 0x6275_7300;
+pub(super) const LONGEST_SLEW: Span = Span::from_ms(450_000);
 
 /// Why a closed loop cannot be made or go on.
 #[derive(Debug, thiserror::Error)]
@@ -61,25 +51,6 @@ pub enum LoopError {
         /// What is wrong.
         why: String,
     },
-}
-
-/// One head of the stimulator.
-struct LoopHead {
-    engine: FrameEngine,
-    receiver: Receiver,
-    sink: Box<dyn Sink>,
-    faults: FrameFaults,
-}
-
-/// The far end of the cable: flight computer, vehicle, and what looks at them.
-struct FarSide {
-    port: Port,
-    computer: FlightComputer,
-    taps: Vec<TapEnd>,
-    /// Faults and commands aboard, the next one last.
-    aboard: Vec<(Tai, Aboard)>,
-    witness: Witness,
-    on_row: Box<dyn FnMut(&TelemetryRow) + Send>,
 }
 
 /// A closed loop.
@@ -110,7 +81,7 @@ impl ClosedLoop {
         let clock = Arc::new(Virtual::new(start));
         let (mut heads, mut taps) = (Vec::new(), Vec::new());
         for (i, mounting) in scenario.heads.iter().enumerate() {
-            let (head, end) = loop_head(scenario, i, mounting, start, sink(i))?;
+            let (head, end) = loop_head(scenario, i, mounting, start, sink(i), |_| {})?;
             heads.push(head);
             taps.push(end);
         }
@@ -119,19 +90,9 @@ impl ClosedLoop {
         let zero = params.first_exposure;
         let end = params.exposure_start(params.frames);
         let [to_stimulator, to_computer] = [FaultControl::default(), FaultControl::default()];
-        let (near, far) = ports(scenario, &clock, &to_stimulator, &to_computer)?;
-        let vehicle = Vehicle::new(vehicle_params(scenario, zero), start)?;
-        let mut computer = bench_parts::flight_computer(bench, start);
-        computer.jitter_lines.clear();
-        let witness = Witness::new(scenario, zero, end);
-        let far = FarSide {
-            port: far,
-            computer: FlightComputer::flying(computer, vehicle),
-            taps,
-            aboard: Vec::new(),
-            witness,
-            on_row: Box::new(|_| {}),
-        };
+        let shared: Arc<dyn Clock> = Arc::<Virtual>::clone(&clock);
+        let (near, far) = ports(scenario, &shared, &to_stimulator, &to_computer)?;
+        let far = FarSide::new(scenario, far, taps, [start, zero, end])?;
         let mut made = Self {
             going: VirtualLoop::new(Arc::clone(&clock)),
             clock,
@@ -152,8 +113,8 @@ impl ClosedLoop {
     }
 
     /// Calls `on_row` with every row of telemetry from here on.
-    pub fn on_row(&mut self, on_row: impl FnMut(&TelemetryRow) + Send + 'static) {
-        self.far.get_mut().on_row = Box::new(on_row);
+    pub fn on_row(&mut self, on_row: Box<dyn FnMut(&TelemetryRow) + Send>) {
+        self.far.get_mut().on_row = on_row;
     }
 
     /// Adds an event; its time counts from the first exposure. One whose time has passed begins now.
@@ -174,9 +135,7 @@ impl ClosedLoop {
         };
         let before = self.faults.faults().len();
         self.faults.place(&event, self.zero, &self.mounting, &mut places, &mut far.aboard);
-        // A stable sort, latest first: what was added first comes first among simultaneous ones.
-        far.aboard.reverse();
-        far.aboard.sort_by_key(|(at, _)| core::cmp::Reverse(*at));
+        far.sort_aboard();
         if matches!(event.action, Action::Slew(_)) {
             let from = self.zero + event.at;
             far.witness.expect_disturbance(from, from + LONGEST_SLEW);
@@ -392,96 +351,4 @@ impl ClosedLoop {
         advance(going, &mut heads, &mut World { port: near, far_end: &mut far_end, progress: &mut progress })?;
         Ok(())
     }
-}
-
-impl FarSide {
-    /// Everything due by `now`; when the next thing is due.
-    fn step(&mut self, now: Tai) -> Result<Tai, FarEndError> {
-        self.computer.listen(now, &mut self.port)?;
-        self.take_frames(now);
-        while let Some((_, action)) = self.aboard.last().copied().filter(|(at, _)| *at <= now) {
-            self.aboard.pop();
-            self.do_aboard(action)?;
-        }
-        self.computer.step(now, &mut self.port)?;
-        if let Some(vehicle) = self.computer.vehicle_mut() {
-            let telemetry = vehicle.telemetry_mut();
-            for row in telemetry.rows.drain(..) {
-                self.witness.take_row(&row);
-                (self.on_row)(&row);
-            }
-            telemetry.mode_events.drain(..).for_each(|event| self.witness.take_mode(&event));
-        }
-        let next_aboard = self.aboard.last().map(|(at, _)| *at);
-        Ok(next_aboard.map_or(self.computer.next_due(), |at| at.min(self.computer.next_due())))
-    }
-
-    fn take_frames(&mut self, now: Tai) {
-        let Some(vehicle) = self.computer.vehicle_mut() else { return };
-        for (head, tap) in self.taps.iter().enumerate() {
-            while let Some(frame) = tap.take() {
-                vehicle.take_frame(head, frame.number, &frame.image, now);
-                tap.give_back(frame);
-            }
-        }
-    }
-
-    fn do_aboard(&mut self, action: Aboard) -> Result<(), FlightError> {
-        let Some(vehicle) = self.computer.vehicle_mut() else { return Ok(()) };
-        match action {
-            Aboard::Inject(fault) => vehicle.inject(fault)?,
-            Aboard::Clear(fault) => vehicle.clear(fault),
-            Aboard::Command(command) => {
-                if let Err(refused) = vehicle.command(command) {
-                    self.witness.refuse(&refused.to_string());
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Holds what was rendered against what is true.
-    fn witness_frame(&mut self, head: usize, meta: &FrameMeta) {
-        let truth = self.computer.vehicle_mut().and_then(|vehicle| vehicle.truth(meta.mid_exposure).ok());
-        self.witness.take_frame(head, meta, truth.map(|truth| (truth.body_from_icrf, truth.rate_rad_s.length())));
-    }
-}
-
-/// The stimulator's part of one head, and the tracker's end of its tap.
-fn loop_head(
-    scenario: &Scenario,
-    number: usize,
-    mounting: &Rotation<Sensor, Body>,
-    start: Tai,
-    sink: Box<dyn Sink>,
-) -> Result<(LoopHead, TapEnd), LoopError> {
-    let mut bench = scenario.bench.clone();
-    bench.sensor_from_body = *mounting;
-    // The jitter of a flown vehicle comes over the bus.
-    bench.flight_computer.jitter_lines.clear();
-    bench.seed = bench.seed.wrapping_add(number as u64);
-    let params = bench_parts::run_params(&bench, start).map_err(|error| LoopError::Parts(format!("{error:#}")))?;
-    let size = [params.camera.geometry.width_px(), params.camera.geometry.height_px()];
-    let receiver = Receiver::new(params.attitude.clone())?;
-    let engine = FrameEngine::new(params)?;
-    let (sender, end) = tap(size, TAP_FRAMES);
-    let sink = Box::new(Tee::new(sink, Box::new(sender)));
-    Ok((LoopHead { engine, receiver, sink, faults: FrameFaults::default() }, end))
-}
-
-/// Both ends of the bus, each behind its faults.
-fn ports(
-    scenario: &Scenario,
-    clock: &Arc<Virtual>,
-    to_stimulator: &FaultControl,
-    to_computer: &FaultControl,
-) -> Result<(Port, Port), LoopError> {
-    let shared: Arc<dyn Clock> = Arc::<Virtual>::clone(clock);
-    let (params, format) = bench_parts::bus(&scenario.bench);
-    let (near, far) = simulated_pair(params, &shared);
-    let seed = scenario.bench.seed ^ BUS_SEED;
-    let near = FaultyLink::new(Box::new(near), Arc::clone(&shared), to_stimulator.clone(), seed);
-    let far = FaultyLink::new(Box::new(far), shared, to_computer.clone(), seed.wrapping_add(1));
-    let ids = IdMap::new(0, 0).ok_or_else(|| LoopError::Parts("CAN identifiers".into()))?;
-    Ok((Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids)))
 }

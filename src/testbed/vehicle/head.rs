@@ -60,14 +60,18 @@ impl Head {
         }
     }
 
+    /// Middle of a frame's exposure, when its message has come. Numbers on the bus are modulo 256.
+    pub(super) fn tag_of(&self, number: u32) -> Option<Tai> {
+        self.tags.iter().find(|(tagged, _)| u32::from(*tagged) == number & 0xff).map(|(_, mid_exposure)| *mid_exposure)
+    }
+
     /// Measures a frame that arrived at `at`.
     pub(super) fn take_frame(&mut self, number: u32, image: &DnImage, at: Tai, beta: DVec3, rate_body: DVec3) {
         if self.is_off {
             self.report.ignored += 1;
             return;
         }
-        let low = u8::try_from(number & 0xff).unwrap_or(0);
-        let Some((_, mid_exposure)) = self.tags.iter().find(|(tagged, _)| *tagged == low).copied() else {
+        let Some(mid_exposure) = self.tag_of(number) else {
             self.report.untagged += 1;
             self.report.last = None;
             return;

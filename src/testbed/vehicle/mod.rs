@@ -184,6 +184,12 @@ impl Vehicle {
         self.heads.iter_mut().for_each(|head| head.tag(frame, mid_exposure));
     }
 
+    /// Whether the EXPOSURE message of a frame has come.
+    #[must_use]
+    pub fn has_tag(&self, head: usize, number: u32) -> bool {
+        self.heads.get(head).is_some_and(|head| head.tag_of(number).is_some())
+    }
+
     /// Takes a frame of head `head` that arrived at `at`; a head that does not exist is no error, its frame is not used.
     pub fn take_frame(&mut self, head: usize, number: u32, image: &DnImage, at: Tai) {
         let beta = self.beta(at);

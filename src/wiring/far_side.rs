@@ -1,0 +1,120 @@
+//! The far end of the cable with all that looks at it: flight computer, vehicle, trackers' frames, events, witness.
+//!
+//! Whoever has a clock steps it; it never reads one.
+
+use crate::base::time::{Span, Tai};
+use crate::config::Scenario;
+use crate::link::Port;
+use crate::runtime::error::FarEndError;
+use crate::sink::tap::TappedFrame;
+use crate::sink::{FrameMeta, TapEnd};
+use crate::testbed::flight_computer::{FlightComputer, FlightError};
+use crate::testbed::vehicle::{TelemetryRow, Vehicle, VehicleError};
+use crate::wiring::bench_parts;
+use crate::wiring::faults::Aboard;
+use crate::wiring::vehicle_parts::vehicle_params;
+use crate::wiring::witness::Witness;
+
+/// How long a frame waits for its time tag, which comes over the bus.
+const TAG_WAIT: Span = Span::from_ms(50);
+
+/// The far end of the cable: flight computer, vehicle, and what looks at them.
+pub(super) struct FarSide {
+    pub(super) port: Port,
+    pub(super) computer: FlightComputer,
+    pub(super) taps: Vec<TapEnd>,
+    /// Frames that came before their time tag: until when each waits, and whose it is.
+    waiting: Vec<(Tai, usize, TappedFrame)>,
+    /// Faults and commands aboard, the next one last.
+    pub(super) aboard: Vec<(Tai, Aboard)>,
+    pub(super) witness: Witness,
+    pub(super) on_row: Box<dyn FnMut(&TelemetryRow) + Send>,
+}
+
+impl FarSide {
+    /// A vehicle that is flown from `start` over frames that begin at `zero` and end at `end`.
+    pub(super) fn new(
+        scenario: &Scenario,
+        port: Port,
+        taps: Vec<TapEnd>,
+        [start, zero, end]: [Tai; 3],
+    ) -> Result<Self, VehicleError> {
+        let vehicle = Vehicle::new(vehicle_params(scenario, zero), start)?;
+        let mut computer = bench_parts::flight_computer(&scenario.bench, start);
+        computer.jitter_lines.clear();
+        Ok(Self {
+            port,
+            computer: FlightComputer::flying(computer, vehicle),
+            taps,
+            waiting: Vec::new(),
+            aboard: Vec::new(),
+            witness: Witness::new(scenario, zero, end),
+            on_row: Box::new(|_| {}),
+        })
+    }
+
+    /// Sorts what is to be done aboard: the next one last, and of simultaneous ones the first added.
+    pub(super) fn sort_aboard(&mut self) {
+        self.aboard.reverse();
+        self.aboard.sort_by_key(|(at, _)| core::cmp::Reverse(*at));
+    }
+
+    /// Everything due by `now`; when the next thing is due.
+    pub(super) fn step(&mut self, now: Tai) -> Result<Tai, FarEndError> {
+        self.computer.listen(now, &mut self.port)?;
+        self.take_frames(now);
+        while let Some((_, action)) = self.aboard.last().copied().filter(|(at, _)| *at <= now) {
+            self.aboard.pop();
+            self.do_aboard(action)?;
+        }
+        self.computer.step(now, &mut self.port)?;
+        if let Some(vehicle) = self.computer.vehicle_mut() {
+            let telemetry = vehicle.telemetry_mut();
+            for row in telemetry.rows.drain(..) {
+                self.witness.take_row(&row);
+                (self.on_row)(&row);
+            }
+            telemetry.mode_events.drain(..).for_each(|event| self.witness.take_mode(&event));
+        }
+        let next_aboard = self.aboard.last().map(|(at, _)| *at);
+        Ok(next_aboard.map_or(self.computer.next_due(), |at| at.min(self.computer.next_due())))
+    }
+
+    /// Hands frames to the trackers, each with its time tag; one that came before its tag waits a little for it.
+    fn take_frames(&mut self, now: Tai) {
+        let Some(vehicle) = self.computer.vehicle_mut() else { return };
+        for (head, tap) in self.taps.iter().enumerate() {
+            self.waiting.extend(core::iter::from_fn(|| tap.take()).map(|frame| (now + TAG_WAIT, head, frame)));
+        }
+        let is_ready = |(until, head, frame): &mut (Tai, usize, TappedFrame)| {
+            *until <= now || vehicle.has_tag(*head, frame.number)
+        };
+        let ready: Vec<_> = self.waiting.extract_if(.., is_ready).collect();
+        for (_, head, frame) in ready {
+            vehicle.take_frame(head, frame.number, &frame.image, now);
+            if let Some(tap) = self.taps.get(head) {
+                tap.give_back(frame);
+            }
+        }
+    }
+
+    fn do_aboard(&mut self, action: Aboard) -> Result<(), FlightError> {
+        let Some(vehicle) = self.computer.vehicle_mut() else { return Ok(()) };
+        match action {
+            Aboard::Inject(fault) => vehicle.inject(fault)?,
+            Aboard::Clear(fault) => vehicle.clear(fault),
+            Aboard::Command(command) => {
+                if let Err(refused) = vehicle.command(command) {
+                    self.witness.refuse(&refused.to_string());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Holds what was rendered against what is true.
+    pub(super) fn witness_frame(&mut self, head: usize, meta: &FrameMeta) {
+        let truth = self.computer.vehicle_mut().and_then(|vehicle| vehicle.truth(meta.mid_exposure).ok());
+        self.witness.take_frame(head, meta, truth.map(|truth| (truth.body_from_icrf, truth.rate_rad_s.length())));
+    }
+}

@@ -1,0 +1,70 @@
+//! The stimulator's part of a closed loop, and the bus between its ends; the same on both clocks.
+
+use crate::base::axes::{Body, Rotation, Sensor};
+use crate::base::clock::Clock;
+use crate::base::time::Tai;
+use crate::config::Scenario;
+use crate::link::Port;
+use crate::link::simulated::simulated_pair;
+use crate::link::tap::{FaultControl, FaultyLink};
+use crate::runtime::frame_faults::FrameFaults;
+use crate::runtime::receiver::Receiver;
+use crate::runtime::{FrameEngine, RunParams};
+use crate::sink::{Sink, TapEnd, Tee, tap};
+use crate::wiring::bench_parts;
+use crate::wiring::closed_loop::LoopError;
+use firmware_protocol::can::IdMap;
+use std::sync::Arc;
+
+/// Frames on their way to a tracker.
+const TAP_FRAMES: usize = 8;
+/// Streams of the seed, so that faults, frames and sensors do not share numbers.
+const BUS_SEED: u64 = 0x6275_7300;
+
+/// One head of the stimulator.
+pub(super) struct LoopHead {
+    pub(super) engine: FrameEngine,
+    pub(super) receiver: Receiver,
+    pub(super) sink: Box<dyn Sink>,
+    pub(super) faults: FrameFaults,
+}
+
+/// The stimulator's part of one head, and the tracker's end of its tap.
+pub(super) fn loop_head(
+    scenario: &Scenario,
+    number: usize,
+    mounting: &Rotation<Sensor, Body>,
+    start: Tai,
+    sink: Box<dyn Sink>,
+    change: impl FnOnce(&mut RunParams),
+) -> Result<(LoopHead, TapEnd), LoopError> {
+    let mut bench = scenario.bench.clone();
+    bench.sensor_from_body = *mounting;
+    // The jitter of a flown vehicle comes over the bus.
+    bench.flight_computer.jitter_lines.clear();
+    bench.seed = bench.seed.wrapping_add(number as u64);
+    let mut params = bench_parts::run_params(&bench, start).map_err(|error| LoopError::Parts(format!("{error:#}")))?;
+    change(&mut params);
+    let size = [params.camera.geometry.width_px(), params.camera.geometry.height_px()];
+    let receiver = Receiver::new(params.attitude.clone())?;
+    let engine = FrameEngine::new(params)?;
+    let (sender, end) = tap(size, TAP_FRAMES);
+    let sink = Box::new(Tee::new(sink, Box::new(sender)));
+    Ok((LoopHead { engine, receiver, sink, faults: FrameFaults::default() }, end))
+}
+
+/// Both ends of the bus, each behind its faults.
+pub(super) fn ports(
+    scenario: &Scenario,
+    shared: &Arc<dyn Clock>,
+    to_stimulator: &FaultControl,
+    to_computer: &FaultControl,
+) -> Result<(Port, Port), LoopError> {
+    let (params, format) = bench_parts::bus(&scenario.bench);
+    let (near, far) = simulated_pair(params, shared);
+    let seed = scenario.bench.seed ^ BUS_SEED;
+    let near = FaultyLink::new(Box::new(near), Arc::clone(shared), to_stimulator.clone(), seed);
+    let far = FaultyLink::new(Box::new(far), Arc::clone(shared), to_computer.clone(), seed.wrapping_add(1));
+    let ids = IdMap::new(0, 0).ok_or_else(|| LoopError::Parts("CAN identifiers".into()))?;
+    Ok((Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids)))
+}

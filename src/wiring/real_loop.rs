@@ -1,0 +1,197 @@
+//! The closed loop on the bench clock: the vehicle flies in a thread of its own, the frames are late when they are late.
+//!
+//! One head. Faults of the bus and aboard act as on the virtual clock; faults of frames do not, and are refused: on the
+//! bench clock nothing stands between the detector and the sink. Frames go to the tracker as the sink thread delivers
+//! them; the vehicle looks every [`POLL`].
+
+use crate::base::axes::Rotation;
+use crate::base::clock::{Clock, Monotonic};
+use crate::base::time::{Span, Tai};
+use crate::config::{Action, Scenario, StartTime};
+use crate::link::tap::FaultControl;
+use crate::runtime::error::FarEndError;
+use crate::runtime::hygiene::{Hygiene, Role};
+use crate::runtime::ledger::Event as LedgerEvent;
+use crate::runtime::{EventKind, RunError, RunParams, RunRecord, real_time};
+use crate::sink::{FrameMeta, SentFrame, Sink};
+use crate::testbed::vehicle::{TelemetryRow, Vehicle};
+use crate::wiring::closed_loop::{LONGEST_SLEW, LoopError};
+use crate::wiring::far_side::FarSide;
+use crate::wiring::faults::{FaultLine, FaultLog, LoggedFault, Places, PlacesRead, action_name, check_places};
+use crate::wiring::loop_outcome::{LoopOutcome, predicted_pointing_rad, vehicle_counts};
+use crate::wiring::loop_parts::{LoopHead, loop_head, ports};
+use core::sync::atomic::{AtomicBool, Ordering};
+use crossbeam_channel::{Receiver as Queue, bounded};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+/// The vehicle's thread looks for frames this often.
+const POLL: Span = Span::from_ms(2);
+/// Frames whose attitude waits to be held against the truth.
+const TOLD_FRAMES: usize = 64;
+
+/// What a run on the bench clock is given beside its scenario.
+pub struct RealSetting<'a> {
+    /// Set by whoever wants the run to end.
+    pub stop: &'a Arc<AtomicBool>,
+    /// What threads ask of the system; `None`: nothing.
+    pub hygiene: Option<&'a Arc<Hygiene>>,
+    /// Frames whose times are kept one by one.
+    pub ring_frames: usize,
+}
+
+/// Runs `scenario` on the bench clock. `change` sees the stimulator's parameters before they are used; `on_row` every row
+/// of telemetry; `progress` every frame.
+///
+/// # Errors
+/// When a part of the loop cannot be made or failed.
+pub fn run_real(
+    scenario: &Scenario,
+    sink: Box<dyn Sink>,
+    setting: &RealSetting<'_>,
+    change: impl FnOnce(&mut RunParams),
+    on_row: Box<dyn FnMut(&TelemetryRow) + Send>,
+    progress: &mut dyn FnMut(&SentFrame, &RunRecord),
+) -> Result<LoopOutcome, LoopError> {
+    let [mounting] = scenario.heads[..] else {
+        let heads = scenario.heads.len();
+        return Err(LoopError::Parts(format!(
+            "{heads} heads: wanted one on the real clock; several run on the virtual"
+        )));
+    };
+    let start = match scenario.bench.timing.start {
+        StartTime::At(at) => at,
+        StartTime::Now => Monotonic::start().now(),
+    };
+    let (head, tap) = loop_head(scenario, 0, &mounting, start, sink, change)?;
+    let LoopHead { mut engine, mut receiver, sink, .. } = head;
+    let params = engine.params().clone();
+    let (zero, end) = (params.first_exposure, params.exposure_start(params.frames));
+    let [to_stimulator, to_computer] = [FaultControl::default(), FaultControl::default()];
+    let mut made = Made { log: FaultLog::default(), to_stimulator, to_computer };
+    let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
+    let (near, far) = ports(scenario, &clock, &made.to_stimulator, &made.to_computer)?;
+    let mut far = FarSide::new(scenario, far, vec![tap], [start, zero, end])?;
+    far.on_row = on_row;
+    made.place_events(scenario, zero, &mut far)?;
+    let over = Arc::new(AtomicBool::new(false));
+    let (told, queue) = bounded::<FrameMeta>(TOLD_FRAMES);
+    let thread = fly(far, Arc::clone(&clock), Arc::clone(&over), queue, setting.hygiene.map(Arc::clone))?;
+    let real = real_time::Setting {
+        clock: &clock,
+        stop: setting.stop,
+        hygiene: setting.hygiene,
+        ring_frames: setting.ring_frames,
+    };
+    let mut seen = |frame: &SentFrame, record: &RunRecord| {
+        let _the_witness_may_be_busy = told.try_send(frame.meta.clone());
+        progress(frame, record);
+    };
+    let outcome = real_time::run_in(&real, &mut engine, &mut receiver, near, sink, &mut seen);
+    let now = clock.now().min(end);
+    over.store(true, Ordering::SeqCst);
+    let far = joined(thread)?;
+    let mut record = outcome.record;
+    made.note_events(&mut record);
+    if let Some(error) = outcome.error {
+        return Err(error.into());
+    }
+    let faults = made.lines(zero, now);
+    let (estimator, untagged) = vehicle_counts(far.computer.vehicle());
+    let latency_s = 0.5 * params.camera.exposure_s + params.camera.readout_s;
+    let predicted = |vehicle: &Vehicle, nea_rad| {
+        predicted_pointing_rad(vehicle.params(), nea_rad, params.frame_period.s(), latency_s)
+    };
+    let nea_rad = far.witness.assessment().nea_rad();
+    let predicted_pointing_rad = far.computer.vehicle().zip(nea_rad).map(|(vehicle, nea)| predicted(vehicle, nea));
+    let assessment = far.witness.finish(&record, &faults, now, 0);
+    let simulated_s = (now - zero).s().max(0.0);
+    let sinks = outcome.sink.into_iter().collect();
+    Ok(LoopOutcome { record, sinks, assessment, faults, estimator, untagged, predicted_pointing_rad, simulated_s })
+}
+
+/// The faults of a run and where they act.
+struct Made {
+    log: FaultLog,
+    to_stimulator: FaultControl,
+    to_computer: FaultControl,
+}
+
+impl Made {
+    fn place_events(&mut self, scenario: &Scenario, zero: Tai, far: &mut FarSide) -> Result<(), LoopError> {
+        let head = scenario.heads.first().copied().unwrap_or(Rotation::IDENTITY);
+        let wheels = far.computer.vehicle().map_or(0, |vehicle| vehicle.wheel_speeds_rad_s().len());
+        for event in &scenario.events {
+            let what = action_name(&event.action);
+            check_places(event, 1, wheels).map_err(|why| LoopError::Event { what, why })?;
+            if matches!(event.action, Action::Frame { .. }) {
+                let why = "faults of frames act on the virtual clock only: add --clock virtual".into();
+                return Err(LoopError::Event { what, why });
+            }
+            let Self { log, to_stimulator, to_computer } = self;
+            let mut places = Places { to_stimulator, to_computer, frames: Vec::new() };
+            let before = log.faults().len();
+            log.place(event, zero, &head, &mut places, &mut far.aboard);
+            if matches!(event.action, Action::Slew(_)) {
+                let from = zero + event.at;
+                far.witness.expect_disturbance(from, from + LONGEST_SLEW);
+            }
+            if let Some(fault) = log.faults().get(before) {
+                far.witness.expect_disturbance(fault.from, fault.until);
+            }
+        }
+        far.sort_aboard();
+        Ok(())
+    }
+
+    fn note_events(&self, record: &mut RunRecord) {
+        for fault in self.log.faults() {
+            let span = fault.until - fault.from;
+            record.ledger.note(LedgerEvent::new(EventKind::Fault, fault.from, None, span));
+        }
+    }
+
+    fn lines(&self, zero: Tai, now: Tai) -> Vec<FaultLine> {
+        let places =
+            PlacesRead { to_stimulator: &self.to_stimulator, to_computer: &self.to_computer, frames: Vec::new() };
+        let line = |fault: &LoggedFault| FaultLine {
+            name: fault.name,
+            from_s: (fault.from - zero).s(),
+            until_s: (fault.until - zero).s(),
+            hits: self.log.hits(fault, &places, now),
+        };
+        self.log.faults().iter().map(line).collect()
+    }
+}
+
+/// The vehicle's thread: flies until it is over, and comes back with all it has seen.
+fn fly(
+    mut far: FarSide,
+    clock: Arc<dyn Clock>,
+    over: Arc<AtomicBool>,
+    told: Queue<FrameMeta>,
+    hygiene: Option<Arc<Hygiene>>,
+) -> Result<JoinHandle<Result<FarSide, FarEndError>>, LoopError> {
+    let flight = move || {
+        if let Some(hygiene) = hygiene {
+            hygiene.enter(Role::FarEnd);
+        }
+        while !over.load(Ordering::Relaxed) {
+            let now = clock.now();
+            let next = far.step(now)?;
+            told.try_iter().for_each(|meta| far.witness_frame(0, &meta));
+            clock.sleep_until(next.min(now + POLL));
+        }
+        Ok(far)
+    };
+    let thread = std::thread::Builder::new().name("vehicle".into()).spawn(flight);
+    thread.map_err(|source| RunError::Thread { name: "vehicle", source }.into())
+}
+
+fn joined(thread: JoinHandle<Result<FarSide, FarEndError>>) -> Result<FarSide, LoopError> {
+    match thread.join() {
+        Ok(Ok(far)) => Ok(far),
+        Ok(Err(error)) => Err(RunError::FarEnd(error).into()),
+        Err(_panicked) => Err(RunError::ThreadLost { name: "vehicle" }.into()),
+    }
+}
