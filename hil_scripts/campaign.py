@@ -185,6 +185,15 @@ def row_of(task: dict, result: dict, command: list[str]) -> dict:
     return row
 
 
+def why_not(row: dict) -> str:
+    """Why a run did not hold or gave no report, in a few words."""
+    if row["error"]:
+        return "; ".join([row["error"], *row["stderr_tail"].strip().splitlines()[-1:]])
+    verdicts = [name[len("verdict.") : -len(".passed")] for name in row if name.endswith(".passed") and not row[name]]
+    told = [f"{v.replace('_', ' ')}: wanted {row[f'verdict.{v}.wanted']}, got {row[f'verdict.{v}.got']}" for v in verdicts]
+    return "; ".join(told + json.loads(row["violation_lines"] or "[]")[:3]) or "did not hold"
+
+
 def real(value: float | None) -> float | None:
     """Whole numbers too become real ones, so that a column has one type."""
     return None if value is None else float(value)
@@ -330,9 +339,7 @@ def run_all(client, tasks: list[dict], given: argparse.Namespace, progress: Prog
         path = given.out / "tasks" / f"{task['id']}.parquet"
         write_whole(path, lambda beside: pyarrow.parquet.write_table(table_of([row]), beside))
         if not row["passed"]:
-            last = row["stderr_tail"].strip().splitlines()[-1:] or [""]
-            what = row["error"] or "did not hold"
-            progress.say(f"seed {task['seed']}: {what}; {last[0]}\n    {shlex.join(command)}")
+            progress.say(f"seed {task['seed']}: {why_not(row)}\n    {shlex.join(command)}")
         progress.add(row)
     return rows
 
@@ -386,7 +393,7 @@ def summary_of(rows: list[dict], grid: dict[str, list[str]]) -> dict:
         for key, values in grid.items()
     }
     failed = [
-        {"seed": row["seed"], "error": row["error"], "exit_status": row["exit_status"], "command": row["command"]}
+        {"seed": row["seed"], "why": why_not(row), "exit_status": row["exit_status"], "command": row["command"]}
         for row in rows
         if not row["passed"]
     ]

@@ -106,6 +106,7 @@ class Campaign(unittest.TestCase):
         self.assertEqual(summary["by_value"]["control.delay_ms"]["100"]["tasks"], 4)
         self.assertAlmostEqual(summary["simulated_h"], 8 * 3.0 / 3600.0)
         self.assertEqual(len(summary["not_passed"]), 8)
+        self.assertIn("fine pointing reached after: wanted at most", summary["not_passed"][0]["why"])
 
     def check_repeats(self, rows):
         """One seed in another campaign, and by the command in its row, has the bits of the first."""
@@ -117,6 +118,18 @@ class Campaign(unittest.TestCase):
         crcs = (first["frames_crc32"], first["telemetry_crc32"])
         self.assertEqual((other["frames_crc32"], other["telemetry_crc32"]), crcs)
         self.assertEqual(("+".join(by_hand["frames_crc32"]), by_hand["telemetry_crc32"]), crcs)
+
+    def test_runs_that_hold_are_status_0_and_random_faults_are_told_apart(self):
+        # This scenario expects nothing but its invariants.
+        calm = str(ROOT / "configs/scenarios/campaign.toml")
+        arguments = [calm if word == SCENARIO else word for word in command(self.out, "--seeds", "1..2")]
+        ended = subprocess.run(arguments, capture_output=True, text=True, timeout=300)
+        self.assertEqual(ended.returncode, 0, ended.stderr)
+        rows = pyarrow.parquet.read_table(self.out / "results.parquet").to_pylist()
+        self.assertEqual([(row["passed"], row["exit_status"]) for row in rows], [(True, 0)] * 2)
+        with_faults = campaign.tasks_of([1], {}, {}, True)[0]
+        self.assertIn("--random-faults", campaign.command_of(with_faults, "starloop", calm))
+        self.assertNotEqual(with_faults["id"], campaign.tasks_of([1], {}, {})[0]["id"], "not the same run")
 
     def test_a_task_that_cannot_run_is_told_with_its_command_and_the_others_go_on(self):
         ended = run(self.out, "--seeds", "3", "--grid", "tracker.delay_ms=50,-1")
