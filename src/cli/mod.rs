@@ -12,6 +12,7 @@ pub mod render_output;
 pub mod run;
 pub mod run_scenario;
 pub mod scenario_report;
+pub mod study;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -22,7 +23,7 @@ pub const EXIT_DONE: u8 = 0;
 pub const EXIT_FAILED: u8 = 1;
 /// Exit status: wrong command line (given by the argument parser).
 pub const EXIT_USAGE: u8 = 2;
-/// Exit status: it ran, but an expectation or an invariant of the scenario did not hold.
+/// Exit status: it ran, but an expectation or an invariant of the scenario, or a study's prediction, did not hold.
 pub const EXIT_NOT_MET: u8 = 4;
 /// Exit status: stopped by Ctrl-C; everything finished by then is written.
 pub const EXIT_INTERRUPTED: u8 = 130;
@@ -33,7 +34,7 @@ pub const EXIT_INTERRUPTED: u8 = 130;
     version,
     about = "Hardware-in-the-loop star-sensor stimulator: bus attitude in, star-sensor frames out, on a deadline",
     after_help = "Exit status: 0 done; 1 could not do what was asked; 2 wrong command line; 4 a scenario's \
-                  expectation or invariant did not hold; 130 stopped by Ctrl-C \
+                  expectation or invariant, or a study's prediction, did not hold; 130 stopped by Ctrl-C \
                   (what was finished is written).\n\n\
                   Start with `starloop run`: a simulated flight computer slews over a simulated bus, and ten seconds \
                   of frames are recorded. No hardware, no GPU needed."
@@ -55,6 +56,8 @@ enum Command {
     Calibrate(calibrate::CalibrateArgs),
     /// Measure error and time of every method: CSV tables and SVG charts
     Chart(chart::ChartArgs),
+    /// Inject latency and jitter into the closed loop and hold it against linear theory: CSV table and SVG charts
+    Study(study::StudyArgs),
     /// Pack, describe or query a star catalog
     Catalog(catalog::CatalogArgs),
 }
@@ -79,6 +82,7 @@ pub fn main() -> ExitCode {
         Command::Check(arguments) => check::run(&arguments).map(|()| EXIT_DONE),
         Command::Calibrate(arguments) => calibrate::run(&arguments).map(|()| EXIT_DONE),
         Command::Chart(arguments) => chart::run(&arguments).map(|()| EXIT_DONE),
+        Command::Study(arguments) => study::run(&arguments),
         Command::Catalog(arguments) => catalog::run(arguments).map(|()| EXIT_DONE),
     };
     match done {

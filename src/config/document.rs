@@ -6,13 +6,19 @@ use std::path::{Component, Path, PathBuf};
 use toml::de::{DeTable, DeValue};
 
 /// Configurations that are part of the binary, by their path below `configs/`.
-const BUILT_IN: [(&str, &str); 9] = [
+const BUILT_IN: [(&str, &str); 15] = [
     ("benches/loopback.toml", include_str!("../../configs/benches/loopback.toml")),
     ("benches/cubesat.toml", include_str!("../../configs/benches/cubesat.toml")),
     ("benches/telescope.toml", include_str!("../../configs/benches/telescope.toml")),
     ("cameras/star_tracker_20deg.toml", include_str!("../../configs/cameras/star_tracker_20deg.toml")),
     ("cameras/cubesat_tracker.toml", include_str!("../../configs/cameras/cubesat_tracker.toml")),
     ("cameras/wide_field_telescope.toml", include_str!("../../configs/cameras/wide_field_telescope.toml")),
+    ("scenarios/acquisition.toml", include_str!("../../configs/scenarios/acquisition.toml")),
+    ("scenarios/study.toml", include_str!("../../configs/scenarios/study.toml")),
+    ("spacecraft/smallsat.toml", include_str!("../../configs/spacecraft/smallsat.toml")),
+    ("cameras/small_tracker.toml", include_str!("../../configs/cameras/small_tracker.toml")),
+    ("benches/closed_loop.toml", include_str!("../../configs/benches/closed_loop.toml")),
+    ("benches/closed_loop_small.toml", include_str!("../../configs/benches/closed_loop_small.toml")),
     ("links/simulated_can_fd.toml", include_str!("../../configs/links/simulated_can_fd.toml")),
     ("links/simulated_can_classic.toml", include_str!("../../configs/links/simulated_can_classic.toml")),
     ("links/simulated_serial.toml", include_str!("../../configs/links/simulated_serial.toml")),

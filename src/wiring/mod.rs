@@ -9,5 +9,6 @@ pub mod camera_parts;
 pub mod closed_loop;
 pub mod faults;
 pub mod seeded;
+pub mod study;
 pub mod vehicle_parts;
 pub mod witness;
