@@ -400,3 +400,17 @@ proptest! {
         prop_assert_eq!(camera(&text).is_ok_and(|c| c.optics.focal_length_mm == value), is_allowed);
     }
 }
+
+#[test]
+fn a_date_error_of_the_trackers_is_read_and_held_to_its_range() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenarios");
+    let text = std::fs::read_to_string(folder.join("study.toml")).expect("shipped");
+    let with = |line: &str| {
+        let text = text.replace("delay_ms = 50.0", &format!("delay_ms = 50.0\n{line}"));
+        Scenario::from_document(&Document::from_text(&text, &folder.join("lab.toml")))
+    };
+    assert_eq!(with("").expect("sound").tag_error, crate::base::time::Span::ZERO);
+    assert_eq!(with("tag_error_ms = -20.0").expect("sound").tag_error, crate::base::time::Span::from_ms(-20));
+    let refused = with("tag_error_ms = 1001.0").expect_err("refused").to_string();
+    assert!(refused.contains("tracker.tag_error_ms"), "{refused}");
+}

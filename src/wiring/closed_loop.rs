@@ -338,6 +338,7 @@ impl ClosedLoop {
 impl FarSide {
     /// Everything due by `now`; when the next thing is due.
     fn step(&mut self, now: Tai) -> Result<Tai, FarEndError> {
+        self.computer.listen(now, &mut self.port)?;
         self.take_frames(now);
         while let Some((_, action)) = self.aboard.last().copied().filter(|(at, _)| *at <= now) {
             self.aboard.pop();

@@ -9,3 +9,4 @@ mod calibrated;
 mod deadline;
 mod degraded;
 mod program;
+mod study;

@@ -181,10 +181,7 @@ impl FlightComputer {
     /// # Errors
     /// When the port refuses a message or fails, or the vehicle cannot be flown on.
     pub fn step(&mut self, now: Tai, port: &mut Port) -> Result<(), FlightError> {
-        while let Some(message) = port.receive(now)? {
-            self.tag_frame(&message);
-            self.received.count(message);
-        }
+        self.listen(now, port)?;
         loop {
             let message_due = self.clock.at_us(self.schedule.next().1);
             match self.vehicle.as_mut() {
@@ -193,6 +190,18 @@ impl FlightComputer {
                 _ => return Ok(()),
             }
         }
+    }
+
+    /// Reads what has come in by `now`. Whoever hands frames to the vehicle does this first: their time tags are messages.
+    ///
+    /// # Errors
+    /// When the port failed.
+    pub fn listen(&mut self, now: Tai, port: &mut Port) -> Result<(), FlightError> {
+        while let Some(message) = port.receive(now)? {
+            self.tag_frame(&message);
+            self.received.count(message);
+        }
+        Ok(())
     }
 
     /// An EXPOSURE message tells the vehicle's trackers when a frame was exposed.

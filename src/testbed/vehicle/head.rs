@@ -69,6 +69,7 @@ impl Head {
         let low = u8::try_from(number & 0xff).unwrap_or(0);
         let Some((_, mid_exposure)) = self.tags.iter().find(|(tagged, _)| *tagged == low).copied() else {
             self.report.untagged += 1;
+            self.report.last = None;
             return;
         };
         let rate = self.params.sensor_from_body.apply(rate_body);
