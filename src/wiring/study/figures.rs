@@ -135,7 +135,8 @@ fn pointing_error(points: &[StudyPoint]) -> Chart {
             series("measured, delay of the tracker", Style::Points, 2, found(TRACKER_DELAY)),
         ],
         ring: String::new(),
-        notes: vec!["Both axes together. Theory: tracker and gyro noise through estimator and loop.".into()],
+        notes: vec!["Both axes together. Theory: tracker and gyro noise through estimator and loop. All points have the same seeds, so \
+                     they share their scatter of some percent.".into()],
     }
 }
 

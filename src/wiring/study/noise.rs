@@ -11,9 +11,11 @@ use crate::config::{Action, Event, Pointing};
 use crate::wiring::closed_loop::LoopError;
 use glam::DVec3;
 
-/// A pointing error may be off by this share: the scatter of the record (4 sigma) and ...
+/// A pointing error may be off by this share: two axes of noise within about 0.05 Hz over one record of 600 s are 120
+/// independent values, whose rms scatters by 6.5 %; three sigmas. Points share their seeds, and so their scatter.
 pub const POINTING_SHARE: f64 = 0.2;
-/// The estimate's lag in a turn may be off by this share.
+/// The estimate's lag in a turn may be off by this share: noise of the tracker (1 arcsec over a window of 20 s) against
+/// 14 arcsec for 20 ms.
 pub const TAG_SHARE: f64 = 0.05;
 
 /// Until the gyro's bias is known to the steady state, s.

@@ -120,7 +120,8 @@ fn a_margin_is_read_from_tones_about_the_crossover() {
         let left = tones.map(|tone| model.sensitivity(TAU * tone.frequency_hz));
         let (w, read) = margin_of(&tones, &left).expect("three tones");
         assert!((w / crossover - 1.0).abs() < 0.002, "crossover {w} for {crossover}");
-        assert!((read - margin).abs() < 0.2 * DEG, "margin {} for {}", read / DEG, margin / DEG);
+        // Straight lines between tones 20 % apart; the study's middle tone stands at the crossover itself.
+        assert!((read - margin).abs() < 0.3 * DEG, "margin {} for {}", read / DEG, margin / DEG);
     }
     let wrong = tones(1.0).map(|tone| paper(0.9).sensitivity(TAU * tone.frequency_hz));
     let (_, other) = margin_of(&tones(1.0), &wrong).expect("three tones");
@@ -135,9 +136,9 @@ fn margins_fall_with_delay_to_zero_at_the_delay_margin() {
     let found_s = delay_margin_s(&points).expect("a line");
     assert!((found_s / whole_s - 1.0).abs() < 1e-9, "{found_s} for {whole_s}");
     assert!(paper(1.1 * whole_s).phase_margin_rad().expect("one") < 0.0, "beyond it the loop is unstable");
-    let textbook_s = paper(0.0).textbook.delay_margin_s().expect("one");
-    let lag_s = textbook_s - whole_s;
-    assert!(lag_s > 0.0 && lag_s < 0.5 * PERIOD_S, "the gyro costs less than half a period: {lag_s}");
+    let (model, w) = (paper(0.0), paper(0.0).crossover_rad_s().expect("one"));
+    let lag_s = -(model.open_loop(w) / model.textbook.open_loop(w)).argument_rad() / w;
+    assert!(lag_s > 0.0 && lag_s < 0.5 * PERIOD_S, "the gyro costs less than half a period of phase: {lag_s}");
 }
 
 #[test]

@@ -92,8 +92,8 @@ impl LoopOnPaper {
         Some(self.phase_margin_rad()? / self.crossover_rad_s()?)
     }
 
-    /// Sigma of the pointing error about one axis, rad. The gyro's lateness counts as the delay that costs the same phase
-    /// at the crossover.
+    /// Sigma of the pointing error about one axis, rad. The gyro's lateness counts as the delay that costs as much of
+    /// the delay margin.
     #[must_use]
     pub fn pointing_sigma_rad(&self, noise: &PointingNoise) -> f64 {
         let lag_s = self.textbook.delay_margin_s().zip(self.delay_margin_s()).map_or(0.0, |(all, left)| all - left);
