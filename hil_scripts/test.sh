@@ -3,8 +3,9 @@
 #
 #   hil_scripts/test.sh
 #
-# Installs what is missing of the software Vulkan driver, and a linker if there is none (apt, as root or through sudo),
-# and says so; with these present it needs neither apt nor root. All steps run, also after one has failed; the last line counts the tests.
+# Installs what is missing of the software Vulkan driver, and a linker and Python's venv if there are none (apt, as root
+# or through sudo), and says so; with these present it needs neither apt nor root. What the Python scripts need comes from
+# PyPI into target/python and is kept there. All steps run, also after one has failed; the last line counts the tests.
 #
 #   STARLOOP_ALLOW_SKIPS=n   accept n skipped tests (default 0), for a machine without Vulkan
 #   CARGO_TARGET_DIR         where to build (default target/)
@@ -13,9 +14,11 @@ cd "$(dirname "$0")/.."
 
 packages=(mesa-vulkan-drivers libvulkan1)             # software Vulkan, for the GPU tests
 command -v cc >/dev/null || packages+=(gcc libc6-dev) # the linker that Rust calls
+python3 -c 'import ensurepip, venv' 2>/dev/null || packages+=(python3-venv) # for campaigns
 readonly allowed_skips="${STARLOOP_ALLOW_SKIPS:-0}"
 readonly target="${CARGO_TARGET_DIR:-target}"
 readonly log="$target/test.log"
+readonly python="$target/python"
 
 step_names=()
 step_seconds=()
@@ -70,6 +73,56 @@ run_tests() {
     fi
     cargo test --locked --workspace --release --no-fail-fast -- --show-output 2>&1 | tee "$log" |
         { grep -E '^ +(Running|Doc-tests)|^test result|^SKIPPED:|FAILED' || true; }
+}
+
+# What the Python scripts need, from PyPI, in an environment of its own; made anew when the list has changed.
+python_environment() {
+    local wanted=hil_scripts/requirements.txt
+    if cmp -s "$wanted" "$python/requirements.txt" && "$python/bin/python" -c ''; then
+        echo "$python has it all"
+        return
+    fi
+    rm -rf "$python"
+    python3 -m venv "$python"
+    "$python/bin/python" -m pip install -q --disable-pip-version-check -r "$wanted"
+    # The list comes last: without it the environment is not whole.
+    cp "$wanted" "$python/requirements.txt"
+}
+
+# unittest's last lines as libtest's `test result:`, so that one count has them all.
+as_libtest() {
+    awk '
+        /^Ran [0-9]+ test/ { ran = $2 }
+        /^(OK|FAILED)/ {
+            gsub(/[(),]/, " ")
+            for (i = 1; i <= NF; i++) if (split($i, part, "=") == 2) count[part[1]] = part[2]
+        }
+        END {
+            failed = count["failures"] + count["errors"]
+            if (!ran) failed = 1
+            passed = ran - failed - count["skipped"]
+            if (passed < 0) passed = 0
+            word = failed ? "FAILED" : "ok"
+            printf "test result: %s. %d passed; %d failed; %d ignored;\n", word, passed, failed, count["skipped"]
+        }'
+}
+
+# The client against the program, and campaigns on a cluster of two workers.
+run_python_tests() {
+    local script output status=0
+    output=$(mktemp)
+    # shellcheck disable=SC2064  # expanded now: the variable is gone when the subshell exits
+    trap "rm -f '$output'" EXIT
+    for script in hil_scripts/test_*.py; do
+        echo "     Running $script"
+        if ! STARLOOP_BINARY="$(realpath "$target/release/starloop")" "$python/bin/python" "$script" >"$output" 2>&1; then
+            status=1
+            cat "$output"
+        fi
+        cat "$output" >>"$log"
+        as_libtest <"$output" | tee -a "$log"
+    done
+    return $status
 }
 
 skips_are_expected() {
@@ -160,6 +213,8 @@ main() {
     step "cargo clippy" lint
     step "build" build
     step "tests" run_tests
+    step "python environment" python_environment
+    step "python tests" run_python_tests
     step "no unexpected skip" skips_are_expected
     step "run without a GPU" run_without_gpu
     step "cargo doc" document

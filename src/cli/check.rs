@@ -3,12 +3,10 @@
 use crate::base::time::Tai;
 use crate::cli::calibrate::{Costs, costs_here};
 use crate::cli::check_plan::{self, Planned};
+use crate::cli::frame_plan::FramePlans;
 use crate::config::{Bench, StartTime};
-use crate::exposure::Planner;
-use crate::runtime::sky_view::SkyView;
 use crate::runtime::{Imager, RunParams};
 use crate::sky::catalog::Catalog;
-use crate::testbed::flight_computer::FlightComputer;
 use crate::wiring::bench_parts;
 use anyhow::Result;
 use clap::Args;
@@ -125,35 +123,16 @@ fn plans(text: &mut String, bench: &Bench, start: Tai, params: &RunParams, image
     let planned = Planned::new(bench, params, imager);
     check_plan::write_sampling(text, params)?;
     check_plan::write_ladder(text, &planned)?;
-    let computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
-    let mut sky = SkyView::new(&params.camera, params.observer.clone(), params.first_exposure)?;
+    let mut frames = FramePlans::new(bench, start, params)?;
     let last = params.frames.saturating_sub(1);
     let mut numbers = vec![0, last / 2, last];
     numbers.dedup();
     for number in numbers {
-        let mut planner = planner(params, &planned, params.exposure_start(number));
-        let los = &mut planner.motion_mut().los;
-        let truth = computer.truth(los.mid_exposure());
-        let mount = params.attitude.sensor_from_body;
-        los.mid_sensor_from_icrf = mount * truth.body_from_icrf;
-        los.rate_rad_s = mount.apply(truth.rate_rad_s);
-        los.acceleration_rad_s2 = mount.apply(truth.acceleration_rad_s2);
-        los.jitter.lines.clone_from(&params.attitude.jitter_lines);
-        los.jitter.lines_epoch = params.attitude.jitter_epoch;
-        let plan = planner.plan(sky.in_view(&planner.latest().motion.los)?);
+        let mut planner = frames.planner(planned.cost, planned.limit_ms);
+        let plan = frames.plan(number, &mut planner)?;
         check_plan::write_plan(text, number, plan, &planned)?;
     }
     Ok(())
-}
-
-fn planner(params: &RunParams, planned: &Planned, begin: Tai) -> Planner {
-    let los =
-        crate::attitude::LosPath::commanded(crate::base::axes::Rotation::IDENTITY, begin, params.camera.exposure_s);
-    let planner = Planner::new(params.camera.instrument(), params.budget, planned.cost, params.method, los).thorough();
-    match planned.limit_ms {
-        Some(limit_ms) => planner.within_ms(limit_ms),
-        None => planner,
-    }
 }
 
 #[cfg(test)]

@@ -106,7 +106,7 @@ fn record_on_wire(bench: &Bench) -> Span {
 }
 
 /// The slew at its fastest: ramps of half its length, `rate = peak (1 - cos(pi t / ramp)) / 2`.
-fn slew_scale(bench: &Bench) -> MotionScale {
+pub(super) fn slew_scale(bench: &Bench) -> MotionScale {
     let Some(slew) = &bench.flight_computer.slew else { return MotionScale::default() };
     let (peak_rad_s, ramp_s) = (2.0 * slew.angle_deg.abs() * DEG / slew.duration_s, 0.5 * slew.duration_s);
     MotionScale {

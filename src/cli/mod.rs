@@ -1,11 +1,17 @@
 //! One file per command; parses the command line, wires rooms, prints.
 
+pub mod budget;
+mod budget_advice;
+mod budget_files;
 pub mod calibrate;
+pub mod campaign;
 pub mod catalog;
 pub mod chart;
 pub mod check;
 mod check_attitude;
 mod check_plan;
+mod frame_plan;
+mod load_threads;
 pub mod render;
 pub mod render_input;
 pub mod render_output;
@@ -23,6 +29,8 @@ pub const EXIT_DONE: u8 = 0;
 pub const EXIT_FAILED: u8 = 1;
 /// Exit status: wrong command line (given by the argument parser).
 pub const EXIT_USAGE: u8 = 2;
+/// Exit status: a run was over its timing budget.
+pub const EXIT_OVER_BUDGET: u8 = 3;
 /// Exit status: it ran, but an expectation or an invariant of the scenario, or a study's prediction, did not hold.
 pub const EXIT_NOT_MET: u8 = 4;
 /// Exit status: stopped by Ctrl-C; everything finished by then is written.
@@ -33,8 +41,9 @@ pub const EXIT_INTERRUPTED: u8 = 130;
     name = "starloop",
     version,
     about = "Hardware-in-the-loop star-sensor stimulator: bus attitude in, star-sensor frames out, on a deadline",
-    after_help = "Exit status: 0 done; 1 could not do what was asked; 2 wrong command line; 4 a scenario's \
-                  expectation or invariant, or a study's prediction, did not hold; 130 stopped by Ctrl-C \
+    after_help = "Exit status: 0 done; 1 could not do what was asked; 2 wrong command line; 3 over the timing budget \
+                  (`budget`); 4 a scenario's expectation or invariant, or a study's prediction, did not hold; \
+                  130 stopped by Ctrl-C \
                   (what was finished is written).\n\n\
                   Start with `starloop run`: a simulated flight computer slews over a simulated bus, and ten seconds \
                   of frames are recorded. No hardware, no GPU needed."
@@ -48,12 +57,16 @@ struct Arguments {
 enum Command {
     /// Run a bench or a scenario: attitude from its link, frames into its sink, on a deadline
     Run(run::RunArgs),
+    /// Run a bench on the real clock and hold the time of every stage against its budget
+    Budget(budget::BudgetArgs),
     /// Render one image for a given attitude and time
     Render(Box<render::RenderArgs>),
     /// Check a bench: conventions, defaults, the plan with its predicted error and cost
     Check(check::CheckArgs),
     /// Measure what frames cost on this machine, for runs on the real clock and `check`
     Calibrate(calibrate::CalibrateArgs),
+    /// Fly many simulated hours of random faults and check that the loop rides them through
+    Campaign(campaign::CampaignArgs),
     /// Measure error and time of every method: CSV tables and SVG charts
     Chart(chart::ChartArgs),
     /// Inject latency and jitter into the closed loop and hold it against linear theory: CSV table and SVG charts
@@ -78,9 +91,11 @@ fn chain(error: &anyhow::Error) -> String {
 pub fn main() -> ExitCode {
     let done = match Arguments::parse().command {
         Command::Run(arguments) => run::run(&arguments),
+        Command::Budget(arguments) => budget::run(&arguments),
         Command::Render(arguments) => render::run(&arguments).map(|()| EXIT_DONE),
         Command::Check(arguments) => check::run(&arguments).map(|()| EXIT_DONE),
         Command::Calibrate(arguments) => calibrate::run(&arguments).map(|()| EXIT_DONE),
+        Command::Campaign(arguments) => campaign::run(&arguments),
         Command::Chart(arguments) => chart::run(&arguments).map(|()| EXIT_DONE),
         Command::Study(arguments) => study::run(&arguments),
         Command::Catalog(arguments) => catalog::run(arguments).map(|()| EXIT_DONE),

@@ -2,24 +2,30 @@
 
 use crate::base::clock::{Clock, Monotonic, Stopwatch, Virtual};
 use crate::base::time::Tai;
+use crate::cli::budget::budget_report;
+use crate::cli::budget_files;
 use crate::cli::calibrate::costs_here;
+use crate::cli::check_attitude::slew_scale;
 use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, run_scenario};
-use crate::config::{self, Bench, Document, Scenario, StartTime, is_scenario};
+use crate::config::{self, Bench, Document, Scenario, Setting, StartTime, is_scenario};
 use crate::link::Port;
 use crate::link::simulated::simulated_pair;
-use crate::report::{Progress, progress_line, summary_table};
+use crate::report::{HygieneLine, Progress, RunSummary, progress_line, summary_table};
+use crate::runtime::hygiene::Role;
 use crate::runtime::receiver::Receiver;
-use crate::runtime::{FrameEngine, RunOutcome, RunRecord, real_time, virtual_time};
+use crate::runtime::{FrameEngine, Hygiene, HygieneParams, RunOutcome, RunRecord, real_time, virtual_time};
 use crate::sink::{NullSink, Recorder, RecorderOptions, SentFrame, Sink, write_file_atomically};
 use crate::testbed::flight_computer::{FlightComputer, FlightError, run_until};
 use crate::wiring::bench_parts;
+use crate::wiring::campaign::episode_scenario;
+use crate::wiring::control::ControlAddress;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::{Receiver as Queue, Sender, bounded};
 use firmware_protocol::can::IdMap;
 use std::io::{IsTerminal, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -27,31 +33,44 @@ use std::time::Duration;
 #[derive(Debug, Args)]
 pub struct RunArgs {
     /// Bench or scenario file (TOML); without one: the built-in loopback bench
-    bench: Option<PathBuf>,
+    pub(super) bench: Option<PathBuf>,
     /// Which clock: `real` is the bench, `virtual` runs as fast as the machine allows and repeats bit for bit
     #[arg(long, value_enum, default_value_t = ClockKind::Real)]
-    clock: ClockKind,
+    pub(super) clock: ClockKind,
     /// Run for this many seconds instead of the bench's duration
     #[arg(long, value_name = "S")]
-    duration: Option<f64>,
+    pub(super) duration: Option<f64>,
     /// Draw with this backend instead of the bench's
     #[arg(long, value_enum)]
-    backend: Option<BackendName>,
+    pub(super) backend: Option<BackendName>,
     /// Seed of patterns and noise instead of the bench's
     #[arg(long)]
-    seed: Option<u64>,
+    pub(super) seed: Option<u64>,
     /// Where frames go instead of the bench's sink
     #[arg(long, value_enum)]
-    sink: Option<SinkKind>,
+    pub(super) sink: Option<SinkKind>,
     /// Directory to record into (one without a recording); without it a directory named by the time of the run
     #[arg(long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,
     /// Predict with the built-in costs, whatever `starloop calibrate` has measured (real clock)
     #[arg(long)]
-    built_in_costs: bool,
+    pub(super) built_in_costs: bool,
+    /// Write budget.json, frames_timing.csv, junit.xml and worst.svg into this directory (real clock)
+    #[arg(long, value_name = "DIR")]
+    pub(super) report: Option<PathBuf>,
+    /// Add the random faults of a campaign's episode with this seed to a scenario
+    #[arg(long)]
+    pub(super) random_faults: bool,
     /// Print a scenario's report as one line of JSON instead of a table
     #[arg(long)]
     pub(super) json: bool,
+    /// Change a value of the file before it is checked, such as control.delay_ms=300, or of a file that it names, such as
+    /// bench.timing.frame_rate_hz=5; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(super) settings: Vec<String>,
+    /// Let a program outside advance the clock of a scenario: JSON lines over TCP; loopback only, port 0 takes a free one
+    #[arg(long, value_name = "ADDRESS")]
+    pub(super) control: Option<ControlAddress>,
     /// Print nothing but errors
     #[arg(long)]
     pub(super) quiet: bool,
@@ -77,7 +96,7 @@ impl RunArgs {
 
 /// A clock, by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum ClockKind {
+pub(super) enum ClockKind {
     /// Wall time.
     Real,
     /// Simulated time.
@@ -99,7 +118,7 @@ pub enum BackendName {
 
 /// A sink, by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum SinkKind {
+pub(super) enum SinkKind {
     /// FITS, truth tables and PNG files
     Recorder,
     /// Nothing is kept: timing only
@@ -119,11 +138,27 @@ impl BackendName {
     }
 }
 
+/// A run that has ended, and everything it ran with.
+pub(super) struct Finished {
+    pub(super) bench: Bench,
+    pub(super) start: Tai,
+    pub(super) engine: FrameEngine,
+    pub(super) receiver: Receiver,
+    pub(super) outcome: RunOutcome,
+    pub(super) hygiene: Vec<HygieneLine>,
+    wall_s: f64,
+    was_interrupted: bool,
+    directory: Option<PathBuf>,
+}
+
 /// Runs the command; the exit status.
 ///
 /// # Errors
 /// With what could not be done, and why.
 pub fn run(arguments: &RunArgs) -> Result<u8> {
+    if arguments.report.is_some() && arguments.clock == ClockKind::Virtual {
+        bail!("--report: got the virtual clock, on which nothing takes time; wanted --clock real");
+    }
     if let Some(scenario) = scenario(arguments)? {
         if arguments.clock == ClockKind::Real {
             bail!("a scenario runs on the virtual clock: add --clock virtual");
@@ -134,11 +169,30 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
         monitor.finish();
         return status;
     }
+    if arguments.control.is_some() {
+        bail!("--control steps a scenario, and this is a bench: name a scenario file and add --clock virtual");
+    }
+    let finished = perform(arguments)?;
+    report(arguments, &finished)?;
+    if let Some(directory) = &arguments.report {
+        let report = budget_report(&finished, 0)?;
+        budget_files::write(directory, &report, &finished.outcome.record.ring)?;
+    }
+    finished.status()
+}
+
+/// Runs a bench from its first frame to its last.
+///
+/// # Errors
+/// When the run could not begin.
+pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let bench = bench(arguments)?;
     let start = match bench.timing.start {
         StartTime::At(at) => at,
         StartTime::Now => Monotonic::start().now(),
     };
+    // First: whoever draws first starts the drawing threads.
+    let hygiene = (arguments.clock == ClockKind::Real).then(|| prepared_hygiene(&bench, !arguments.quiet));
     let mut params = bench_parts::run_params(&bench, start)?;
     let imager = bench_parts::imager(&params)?;
     // The virtual clock never sees what this machine measured: its runs repeat everywhere.
@@ -146,6 +200,7 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
         bench_parts::take_real_clock(&mut params, &bench, costs_here(&imager, arguments.built_in_costs).measured);
     }
     let mut engine = FrameEngine::with_imager(params.clone(), imager)?;
+    engine.expect_motion(slew_scale(&bench));
     let mut receiver = Receiver::new(params.attitude)?;
     let (sink, directory) = sink(arguments, &bench)?;
     let say = !arguments.quiet;
@@ -155,43 +210,89 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
     let mut wall = Stopwatch::start();
     let stop = Arc::new(AtomicBool::new(false));
     let monitor = Monitor::start(Arc::clone(&stop), say)?;
-    let setup = Setup { bench: &bench, start, stop: &stop, updates: &monitor.updates };
+    let setup = Setup { bench: &bench, start, stop: &stop, updates: &monitor.updates, hygiene: hygiene.as_ref() };
     let outcome = match arguments.clock {
         ClockKind::Real => setup.real(&mut engine, &mut receiver, sink)?,
         ClockKind::Virtual => setup.simulated(&mut engine, &mut receiver, sink)?,
     };
     let wall_s = wall.lap().s();
-    let interrupted = stop.load(Ordering::SeqCst);
+    let was_interrupted = stop.load(Ordering::SeqCst);
     monitor.finish();
-    report(arguments, &bench, &engine, &receiver, &outcome, wall_s, directory.as_deref())?;
-    match outcome.error {
-        Some(error) => Err(error).context("the run ended early; everything finished before is kept"),
-        None if interrupted => {
-            eprintln!("starloop: stopped by Ctrl-C; everything finished before is kept");
-            Ok(EXIT_INTERRUPTED)
+    let hygiene = hygiene.map(|hygiene| hygiene.lines()).unwrap_or_default();
+    Ok(Finished { bench, start, engine, receiver, outcome, hygiene, wall_s, was_interrupted, directory })
+}
+
+/// What the bench asks of the system, with what cannot be had told at once.
+fn prepared_hygiene(bench: &Bench, say: bool) -> Arc<Hygiene> {
+    let config::Budget { realtime, priority, affinity, .. } = bench.budget.clone();
+    let tell: fn(&HygieneLine) = |line| {
+        if !line.got {
+            eprintln!("starloop: not had: {}: {}", line.what, line.detail);
         }
-        None => Ok(EXIT_DONE),
+    };
+    let hygiene = Hygiene::new(HygieneParams { realtime, priority, affinity });
+    let hygiene = Arc::new(if say { hygiene.announcing(tell) } else { hygiene });
+    hygiene.prepare();
+    hygiene
+}
+
+impl Finished {
+    /// The exit status.
+    ///
+    /// # Errors
+    /// With why the run ended early, if it did.
+    pub(super) fn status(self) -> Result<u8> {
+        match self.outcome.error {
+            Some(error) => Err(error).context("the run ended early; everything finished before is kept"),
+            None if self.was_interrupted => {
+                eprintln!("starloop: stopped by Ctrl-C; everything finished before is kept");
+                Ok(EXIT_INTERRUPTED)
+            }
+            None => Ok(EXIT_DONE),
+        }
+    }
+
+    /// Counts, times and events.
+    pub(super) fn summary(&self, clock: &str) -> RunSummary {
+        let RunOutcome { record, link, sink, .. } = &self.outcome;
+        let mut summary = record.summary(&self.engine, &self.receiver, link.as_ref(), sink.as_ref());
+        summary.bench.clone_from(&self.bench.name);
+        summary.wall_s = self.wall_s;
+        summary.clock = clock.into();
+        summary
     }
 }
 
 /// The scenario with the command line's changes, when the file is one.
 fn scenario(arguments: &RunArgs) -> Result<Option<Scenario>> {
-    let Some(path) = &arguments.bench else { return Ok(None) };
-    let document = Document::open(path)?;
+    if arguments.bench.is_none() {
+        return Ok(None);
+    }
+    let document = document(arguments)?;
     if !is_scenario(&document) {
         return Ok(None);
     }
     let mut scenario = Scenario::from_document(&document)?;
     change_bench(&mut scenario.bench, arguments)?;
+    if arguments.random_faults {
+        scenario = episode_scenario(&scenario, scenario.bench.seed);
+    }
     Ok(Some(scenario))
+}
+
+/// The file, or the bench of the binary, with the values that the command line sets.
+fn document(arguments: &RunArgs) -> Result<Document> {
+    let document = match &arguments.bench {
+        Some(path) => Document::open(path)?,
+        None => Bench::built_in_document()?,
+    };
+    let settings = arguments.settings.iter().map(|text| Setting::parse(text)).collect::<Result<Vec<_>, _>>()?;
+    Ok(document.with_settings(settings))
 }
 
 /// The bench with the command line's changes.
 fn bench(arguments: &RunArgs) -> Result<Bench> {
-    let mut bench = match &arguments.bench {
-        Some(path) => Bench::load(path)?,
-        None => Bench::built_in()?,
-    };
+    let mut bench = Bench::from_document(&document(arguments)?)?;
     change_bench(&mut bench, arguments)?;
     Ok(bench)
 }
@@ -250,6 +351,7 @@ struct Setup<'a> {
     start: Tai,
     stop: &'a Arc<AtomicBool>,
     updates: &'a Sender<Progress>,
+    hygiene: Option<&'a Arc<Hygiene>>,
 }
 
 impl Setup<'_> {
@@ -258,9 +360,11 @@ impl Setup<'_> {
         let (near, far) = self.ports(&clock)?;
         let computer = FlightComputer::new(bench_parts::flight_computer(self.bench, self.start));
         let over = Arc::new(AtomicBool::new(false));
-        let thread = far_end(computer, far, Arc::clone(&clock), Arc::clone(&over))?;
+        let thread = far_end(computer, far, Arc::clone(&clock), Arc::clone(&over), self.hygiene.map(Arc::clone))?;
         let mut send = self.sender(engine.params().frames);
-        let outcome = real_time::run(engine, receiver, near, &clock, sink, self.stop, &mut send);
+        let ring_frames = usize::try_from(self.bench.budget.ring_frames)?;
+        let setting = real_time::Setting { clock: &clock, stop: self.stop, hygiene: self.hygiene, ring_frames };
+        let outcome = real_time::run_in(&setting, engine, receiver, near, sink, &mut send);
         over.store(true, Ordering::SeqCst);
         match thread.join() {
             Ok(Ok(())) => Ok(outcome),
@@ -330,10 +434,16 @@ fn far_end(
     mut port: Port,
     clock: Arc<dyn Clock>,
     over: Arc<AtomicBool>,
+    hygiene: Option<Arc<Hygiene>>,
 ) -> Result<std::thread::JoinHandle<Result<(), FlightError>>> {
     std::thread::Builder::new()
         .name("flight computer".into())
-        .spawn(move || run_until(&over, &*clock, &mut computer, &mut port))
+        .spawn(move || {
+            if let Some(hygiene) = hygiene {
+                hygiene.enter(Role::FarEnd);
+            }
+            run_until(&over, &*clock, &mut computer, &mut port)
+        })
         .context("cannot start the flight computer's thread")
 }
 
@@ -395,23 +505,12 @@ fn draw(update: &Progress) {
 }
 
 /// Prints the table and writes `summary.json`.
-fn report(
-    arguments: &RunArgs,
-    bench: &Bench,
-    engine: &FrameEngine,
-    receiver: &Receiver,
-    outcome: &RunOutcome,
-    wall_s: f64,
-    directory: Option<&Path>,
-) -> Result<()> {
-    let mut summary = outcome.record.summary(engine, receiver, outcome.link.as_ref(), outcome.sink.as_ref());
-    summary.bench.clone_from(&bench.name);
-    summary.wall_s = wall_s;
-    summary.clock = match arguments.clock {
-        ClockKind::Real => "monotonic".into(),
-        ClockKind::Virtual => "virtual".into(),
-    };
-    if let Some(directory) = directory {
+fn report(arguments: &RunArgs, finished: &Finished) -> Result<()> {
+    let summary = finished.summary(match arguments.clock {
+        ClockKind::Real => "monotonic",
+        ClockKind::Virtual => "virtual",
+    });
+    if let Some(directory) = &finished.directory {
         let path = directory.join("summary.json");
         let json = summary.to_json_pretty()?;
         if let Err(error) = write_file_atomically(&path, |out| out.write_all(json.as_bytes())) {

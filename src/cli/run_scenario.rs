@@ -4,13 +4,15 @@ use crate::base::clock::Stopwatch;
 use crate::base::units::ARCSEC;
 use crate::cli::run::{RunArgs, stamp};
 use crate::cli::scenario_report::{ScenarioReport, table};
-use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, EXIT_NOT_MET};
+use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_NOT_MET};
 use crate::config::Scenario;
 use crate::runtime::RunRecord;
 use crate::sink::{NullSink, Recorder, RecorderOptions, SentFrame, Sink, write_file_atomically};
 use crate::testbed::vehicle::TelemetryRow;
 use crate::wiring::assessment::mode_name;
 use crate::wiring::closed_loop::ClosedLoop;
+use crate::wiring::control::{ControlAddress, ControlListener, ControlSession, SessionEnd, Stage};
+use crate::wiring::loop_outcome::LoopView;
 use anyhow::{Context, Result};
 use core::sync::atomic::{AtomicBool, Ordering};
 use std::io::{BufWriter, IsTerminal, Write};
@@ -22,6 +24,8 @@ use std::sync::Arc;
 /// # Errors
 /// With what could not be done.
 pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> Result<u8> {
+    // An address that cannot be had is told before anything is made.
+    let listener = arguments.control.map(listen).transpose()?;
     let directory = directory(scenario, arguments)?;
     let mut wall = Stopwatch::start();
     let mut failed = None;
@@ -40,19 +44,17 @@ pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> 
         let seconds = (going.end() - going.zero()).s();
         eprintln!("scenario \"{}\": {seconds} s of simulated time, seed {}", scenario.name, scenario.bench.seed);
     }
-    let mut progress = Progress::new(say && std::io::stderr().is_terminal(), going.zero());
-    let ended = going.run_to_end(&mut |_, frame, record| {
-        progress.show(frame, record);
-        !stop.load(Ordering::Relaxed)
-    });
-    progress.finish();
+    let (client, ended) = match listener {
+        Some(listener) => serve(listener, scenario, &mut going, stop),
+        None => (None, run_through(&mut going, say, stop)),
+    };
     let wall_s = wall.lap().s();
     ended.with_context(|| format!("seed {} repeats it", scenario.bench.seed))?;
     if let Some(written) = telemetry {
         written.finish()?;
     }
-    let outcome = going.finish()?;
-    let report = ScenarioReport::of(scenario, &outcome, wall_s);
+    let now_s = (going.now() - going.zero()).s();
+    let report = ScenarioReport::of(scenario, &going.finish()?.view(), wall_s);
     if let Some(directory) = &directory {
         let json = serde_json::to_string_pretty(&report)?;
         write_file_atomically(&directory.join("scenario.json"), |out| out.write_all(json.as_bytes()))?;
@@ -65,11 +67,56 @@ pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> 
     if stop.load(Ordering::SeqCst) {
         return Ok(EXIT_INTERRUPTED);
     }
+    let status = if report.passed { EXIT_DONE } else { EXIT_NOT_MET };
     if !report.passed {
         eprintln!("starloop: scenario \"{}\" did not hold; seed {} repeats it", scenario.name, scenario.bench.seed);
-        return Ok(EXIT_NOT_MET);
     }
-    Ok(EXIT_DONE)
+    match client {
+        Some((session, SessionEnd::Finish(id))) => session.close(id, serde_json::to_value(&report)?, status),
+        Some((_, SessionEnd::Gone)) => {
+            eprintln!("starloop: the control client went away at {now_s} s; what was finished by then is written");
+            return Ok(EXIT_FAILED);
+        }
+        Some((_, SessionEnd::Interrupted)) | None => {}
+    }
+    Ok(status)
+}
+
+/// From the first frame to the last.
+fn run_through(going: &mut ClosedLoop, say: bool, stop: &AtomicBool) -> Result<()> {
+    let mut progress = Progress::new(say && std::io::stderr().is_terminal(), going.zero());
+    let ended = going.run_to_end(&mut |_, frame, record| {
+        progress.show(frame, record);
+        !stop.load(Ordering::Relaxed)
+    });
+    progress.finish();
+    Ok(ended?)
+}
+
+/// Says where, also when quiet: a port that the system chose is known nowhere else.
+fn listen(address: ControlAddress) -> Result<ControlListener> {
+    let (listener, here) = ControlListener::bind(address)?;
+    eprintln!("control: listening on {here}");
+    Ok(listener)
+}
+
+/// In steps, as a client asks; the client with what ended its session, when one came.
+fn serve(
+    listener: ControlListener,
+    scenario: &Scenario,
+    going: &mut ClosedLoop,
+    stop: &AtomicBool,
+) -> (Option<(ControlSession, SessionEnd)>, Result<()>) {
+    let Some(mut session) = listener.accept(scenario, stop) else { return (None, Ok(())) };
+    let (mut watch, mut wall_s) = (Stopwatch::start(), 0.0);
+    let mut report = |view: &LoopView<'_>| {
+        wall_s += watch.lap().s();
+        serde_json::to_value(ScenarioReport::of(scenario, view, wall_s)).unwrap_or_default()
+    };
+    match session.serve(&mut Stage { scenario, going, report: &mut report, stop }) {
+        Ok(end) => (Some((session, end)), Ok(())),
+        Err(error) => (None, Err(error.into())),
+    }
 }
 
 /// Where files go: only when the command line or the bench wants any.
@@ -125,7 +172,7 @@ fn telemetry_file(going: &mut ClosedLoop, directory: &Path) -> Result<TelemetryF
 }
 
 /// Columns of `telemetry.csv`; angles are rotation vectors in body axes.
-const COLUMNS: [&str; 24] = [
+const COLUMNS: [&str; 26] = [
     "t_s",
     "mode",
     "pointing_x_arcsec",
@@ -144,9 +191,11 @@ const COLUMNS: [&str; 24] = [
     "torque_x_n_m",
     "torque_y_n_m",
     "torque_z_n_m",
+    "vibration_arcsec",
     "wheel_speed_rad_s",
     "wheel_momentum_n_m_s",
     "heads_solved",
+    "no_solution",
     "stars",
     "sun_angle_deg",
     "utc",
@@ -161,9 +210,11 @@ fn cells(row: &TelemetryRow, zero: crate::base::time::Tai) -> Vec<String> {
     cells.extend(arcsec(row.rate_rad_s));
     cells.extend(arcsec(row.bias_error_rad_s));
     cells.extend(row.torque_n_m.to_array().map(|x| format!("{x:.9}")));
+    cells.push(format!("{:.6}", row.vibration_rad / ARCSEC));
     cells.push(format!("{:.6}", row.wheel_speed_rad_s));
     cells.push(format!("{:.9}", row.wheel_momentum_n_m_s));
     cells.push(row.heads_solved.to_string());
+    cells.push(row.no_solution.map_or_else(String::new, |reason| format!("{reason:?}")));
     cells.push(row.stars.to_string());
     cells.push(row.sun_angle_rad.map_or_else(String::new, |angle| format!("{:.6}", angle.to_degrees())));
     cells.push(row.at.to_rfc3339());

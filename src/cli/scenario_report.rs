@@ -4,8 +4,8 @@ use crate::base::units::ARCSEC;
 use crate::config::Scenario;
 use crate::report::{FrameCounts, Machine};
 use crate::wiring::assessment::{ModeLine, Verdict, WindowErrors};
-use crate::wiring::closed_loop::LoopOutcome;
 use crate::wiring::faults::FaultLine;
+use crate::wiring::loop_outcome::LoopView;
 use core::fmt::Write;
 use serde::Serialize;
 
@@ -40,12 +40,24 @@ pub struct ScenarioReport {
     pub predicted_pointing_arcsec: Option<f64>,
     /// Share of the telemetry in which a tracker had an attitude.
     pub tracker_availability: f64,
+    /// Attitudes that the estimator worked in.
+    pub attitudes_used: u64,
+    /// Attitudes that it refused: too far from what it expected.
+    pub attitudes_gated: u64,
+    /// Frames that came without a time tag and were not used.
+    pub frames_untagged: u64,
+    /// How often it started from an attitude, the first time included.
+    pub estimator_starts: u64,
     /// Frames held against the true attitude, and the largest distance, arcsec.
     pub frames_held_to_truth: u64,
     /// Largest distance of such a frame's attitude from the truth, arcsec.
     pub largest_rendered_error_arcsec: f64,
     /// Smallest angle between the kept boresight and the Sun, deg.
     pub least_sun_angle_deg: Option<f64>,
+    /// Largest micro-vibration, arcsec.
+    pub largest_vibration_arcsec: Option<f64>,
+    /// Largest wheel speed when it was largest, revolutions per second.
+    pub wheel_speed_then_hz: Option<f64>,
     /// Mode changes (the first 256).
     pub modes: Vec<ModeLine>,
     /// Faults and what they hit.
@@ -65,11 +77,11 @@ pub struct ScenarioReport {
 }
 
 impl ScenarioReport {
-    /// Of a run.
+    /// Of a run, over or under way.
     #[must_use]
-    pub fn of(scenario: &Scenario, outcome: &LoopOutcome, wall_s: f64) -> Self {
-        let (record, assessment) = (&outcome.record, &outcome.assessment);
-        let simulated_s = scenario.bench.timing.duration_s;
+    pub fn of(scenario: &Scenario, outcome: &LoopView<'_>, wall_s: f64) -> Self {
+        let (record, assessment) = (outcome.record, outcome.assessment);
+        let simulated_s = outcome.simulated_s;
         let predicted = outcome.predicted_pointing_rad.map(|rad| rad / ARCSEC);
         let verdicts = assessment.verdicts(predicted);
         let (violations, lines) = assessment.violations();
@@ -83,7 +95,7 @@ impl ScenarioReport {
             simulated_s,
             wall_s,
             speed: simulated_s / wall_s.max(1e-9),
-            frames_crc32: outcome.sinks.iter().map(|sink| format!("{:08x}", sink.run_crc32)).collect(),
+            frames_crc32: outcome.frames_crc32.iter().map(|crc32| format!("{crc32:08x}")).collect(),
             telemetry_crc32: format!("{:08x}", assessment.telemetry_crc32()),
             frames: record.frames,
             fine_after_s: assessment.fine_after_s(),
@@ -91,9 +103,15 @@ impl ScenarioReport {
             knowledge: assessment.knowledge(),
             predicted_pointing_arcsec: predicted,
             tracker_availability: assessment.tracker_availability(),
+            attitudes_used: outcome.estimator.used,
+            attitudes_gated: outcome.estimator.gated,
+            frames_untagged: outcome.untagged,
+            estimator_starts: outcome.estimator.starts,
             frames_held_to_truth,
             largest_rendered_error_arcsec,
             least_sun_angle_deg: assessment.least_sun_angle_rad().map(f64::to_degrees),
+            largest_vibration_arcsec: assessment.vibration().map(|(arcsec, _)| arcsec),
+            wheel_speed_then_hz: assessment.vibration().map(|(_, hz)| hz),
             modes: assessment.mode_lines().to_vec(),
             faults: outcome.faults.clone(),
             refusals: assessment.refusals().to_vec(),
@@ -137,7 +155,16 @@ fn write_table(text: &mut String, report: &ScenarioReport) -> core::fmt::Result 
         "truth     {} frames held to the true attitude, at most {:.4} arcsec from it",
         report.frames_held_to_truth, report.largest_rendered_error_arcsec
     )?;
-    writeln!(text, "tracker   attitude in {:.2} % of the telemetry", 100.0 * report.tracker_availability)?;
+    writeln!(
+        text,
+        "tracker   attitude in {:.2} % of the telemetry; {} used, {} gated, {} without time tag, {} starts of \
+         the estimator",
+        100.0 * report.tracker_availability,
+        report.attitudes_used,
+        report.attitudes_gated,
+        report.frames_untagged,
+        report.estimator_starts
+    )?;
     for (name, errors) in [("pointing ", report.pointing), ("knowledge", report.knowledge)] {
         if let (Some(boresight), Some(roll), Some(largest)) =
             (errors.boresight_arcsec, errors.roll_arcsec, errors.largest_boresight_arcsec)
@@ -153,6 +180,9 @@ fn write_table(text: &mut String, report: &ScenarioReport) -> core::fmt::Result 
     }
     if let Some(angle) = report.least_sun_angle_deg {
         writeln!(text, "Sun       never nearer than {angle:.2} deg to the kept boresight")?;
+    }
+    if let (Some(arcsec), Some(hz)) = (report.largest_vibration_arcsec, report.wheel_speed_then_hz) {
+        writeln!(text, "vibration at most {arcsec:.3} arcsec, with a wheel at {hz:.2} revolutions per second")?;
     }
     for mode in report.modes.iter().take(20) {
         writeln!(text, "mode      {:9.1} s  {} -> {} ({})", mode.t_s, mode.from, mode.to, mode.cause)?;

@@ -2,6 +2,7 @@
 
 use crate::base::accuracy::AccuracyBudget;
 use crate::base::axes::{Body, Rotation, Sensor};
+use crate::config::budget::{Budget, BudgetKeys};
 use crate::config::camera::Camera;
 use crate::config::check::{Checker, Defaulted};
 use crate::config::document::Document;
@@ -44,6 +45,8 @@ pub struct Bench {
     pub attitude: AttitudeSettings,
     /// How wrong a frame may be.
     pub accuracy: AccuracyBudget,
+    /// How long it may take, and what its threads ask of the system.
+    pub budget: Budget,
     /// Rendering.
     pub render: Render,
     /// Where frames go.
@@ -65,6 +68,7 @@ struct BenchKeys {
     flight_computer: FlightComputerKeys,
     attitude: AttitudeKeys,
     accuracy: AccuracyKeys,
+    budget: BudgetKeys,
     render: RenderKeys,
     sink: SinkKeys,
 }
@@ -101,7 +105,15 @@ impl Bench {
     /// # Errors
     /// Never, as a test holds.
     pub fn built_in() -> Result<Self, ConfigError> {
-        Self::from_document(&Document::built_in(BUILT_IN_BENCH)?)
+        Self::from_document(&Self::built_in_document()?)
+    }
+
+    /// The text of that bench.
+    ///
+    /// # Errors
+    /// Never, as a test holds.
+    pub fn built_in_document() -> Result<Document, ConfigError> {
+        Document::built_in(BUILT_IN_BENCH)
     }
 
     /// Checks a bench that is already text.
@@ -123,6 +135,7 @@ impl Bench {
         let (attitude_hz, jitter_hz) = (flight_computer.attitude_hz, flight_computer.jitter_sample_hz);
         let attitude = AttitudeSettings::check(&keys.attitude, attitude_hz, jitter_hz, exposure_s, &mut check)?;
         let accuracy = check_accuracy(&keys.accuracy, &mut check)?;
+        let budget = Budget::check(&keys.budget, camera.exposure.readout_s, &mut check)?;
         let render = Render::check(&keys.render, &mut check)?;
         let sink = Sink::check(&keys.sink, &name, &mut check)?;
         Ok(Self {
@@ -136,6 +149,7 @@ impl Bench {
             flight_computer,
             attitude,
             accuracy,
+            budget,
             render,
             sink,
             defaulted: check.defaulted,

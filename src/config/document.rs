@@ -1,37 +1,53 @@
 //! One TOML text and where it came from: a file, or compiled in.
 
 use crate::config::error::ConfigError;
+use crate::config::setting::Setting;
 use serde::de::DeserializeOwned;
 use std::path::{Component, Path, PathBuf};
 use toml::de::{DeTable, DeValue};
 
 /// Configurations that are part of the binary, by their path below `configs/`.
-const BUILT_IN: [(&str, &str); 15] = [
+const BUILT_IN: [(&str, &str); 28] = [
     ("benches/loopback.toml", include_str!("../../configs/benches/loopback.toml")),
     ("benches/cubesat.toml", include_str!("../../configs/benches/cubesat.toml")),
-    ("benches/telescope.toml", include_str!("../../configs/benches/telescope.toml")),
-    ("cameras/star_tracker_20deg.toml", include_str!("../../configs/cameras/star_tracker_20deg.toml")),
-    ("cameras/cubesat_tracker.toml", include_str!("../../configs/cameras/cubesat_tracker.toml")),
-    ("cameras/wide_field_telescope.toml", include_str!("../../configs/cameras/wide_field_telescope.toml")),
-    ("scenarios/acquisition.toml", include_str!("../../configs/scenarios/acquisition.toml")),
-    ("scenarios/study.toml", include_str!("../../configs/scenarios/study.toml")),
-    ("spacecraft/smallsat.toml", include_str!("../../configs/spacecraft/smallsat.toml")),
-    ("cameras/small_tracker.toml", include_str!("../../configs/cameras/small_tracker.toml")),
     ("benches/closed_loop.toml", include_str!("../../configs/benches/closed_loop.toml")),
     ("benches/closed_loop_small.toml", include_str!("../../configs/benches/closed_loop_small.toml")),
+    ("benches/telescope.toml", include_str!("../../configs/benches/telescope.toml")),
+    ("benches/closed_loop_jitter.toml", include_str!("../../configs/benches/closed_loop_jitter.toml")),
+    ("benches/closed_loop_small_jitter.toml", include_str!("../../configs/benches/closed_loop_small_jitter.toml")),
+    ("cameras/star_tracker_20deg.toml", include_str!("../../configs/cameras/star_tracker_20deg.toml")),
+    ("cameras/cubesat_tracker.toml", include_str!("../../configs/cameras/cubesat_tracker.toml")),
+    ("cameras/small_tracker.toml", include_str!("../../configs/cameras/small_tracker.toml")),
+    ("cameras/wide_field_telescope.toml", include_str!("../../configs/cameras/wide_field_telescope.toml")),
     ("links/simulated_can_fd.toml", include_str!("../../configs/links/simulated_can_fd.toml")),
     ("links/simulated_can_classic.toml", include_str!("../../configs/links/simulated_can_classic.toml")),
     ("links/simulated_serial.toml", include_str!("../../configs/links/simulated_serial.toml")),
+    ("scenarios/acquisition.toml", include_str!("../../configs/scenarios/acquisition.toml")),
+    ("scenarios/campaign.toml", include_str!("../../configs/scenarios/campaign.toml")),
+    ("scenarios/study.toml", include_str!("../../configs/scenarios/study.toml")),
+    ("scenarios/bus_dropouts.toml", include_str!("../../configs/scenarios/bus_dropouts.toml")),
+    ("scenarios/fine_pointing.toml", include_str!("../../configs/scenarios/fine_pointing.toml")),
+    ("scenarios/no_tracker.toml", include_str!("../../configs/scenarios/no_tracker.toml")),
+    ("scenarios/slew_and_settle.toml", include_str!("../../configs/scenarios/slew_and_settle.toml")),
+    ("scenarios/stray_light.toml", include_str!("../../configs/scenarios/stray_light.toml")),
+    ("scenarios/sun_avoidance.toml", include_str!("../../configs/scenarios/sun_avoidance.toml")),
+    ("scenarios/three_heads.toml", include_str!("../../configs/scenarios/three_heads.toml")),
+    ("scenarios/wheel_sweep.toml", include_str!("../../configs/scenarios/wheel_sweep.toml")),
+    ("spacecraft/smallsat.toml", include_str!("../../configs/spacecraft/smallsat.toml")),
+    ("spacecraft/smallsat_keep_out.toml", include_str!("../../configs/spacecraft/smallsat_keep_out.toml")),
+    ("spacecraft/smallsat_stiff_array.toml", include_str!("../../configs/spacecraft/smallsat_stiff_array.toml")),
 ];
 
 /// Names nearer than this (Jaro-Winkler, 0 to 1) are offered as what was meant.
 const NEAR_ENOUGH: f64 = 0.75;
 
 /// A configuration text.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Document {
     origin: Origin,
     text: String,
+    /// Values that are changed before they are read.
+    settings: Vec<Setting>,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -56,13 +72,19 @@ impl Document {
             named_by,
         };
         let text = std::fs::read_to_string(path).map_err(refuse)?;
-        Ok(Self { origin: Origin::File(path.into()), text })
+        Ok(Self { origin: Origin::File(path.into()), text, settings: Vec::new() })
     }
 
     /// A text that would stand in the file `path` (which need not exist).
     #[must_use]
     pub fn from_text(text: &str, path: &Path) -> Self {
-        Self { origin: Origin::File(path.into()), text: text.into() }
+        Self { origin: Origin::File(path.into()), text: text.into(), settings: Vec::new() }
+    }
+
+    /// The same with values changed, in this order; those of a file that it names are changed there.
+    #[must_use]
+    pub fn with_settings(self, settings: Vec<Setting>) -> Self {
+        Self { settings, ..self }
     }
 
     /// A configuration of the binary, by its path below `configs/`, such as `benches/loopback.toml`.
@@ -86,17 +108,19 @@ impl Document {
             why: format!("no such configuration in the binary, which has: {}", names()),
             named_by,
         })?;
-        Ok(Self { origin: Origin::BuiltIn(known.into()), text: (*text).into() })
+        Ok(Self { origin: Origin::BuiltIn(known.into()), text: (*text).into(), settings: Vec::new() })
     }
 
     /// The document that the value of `key` names, relative to this one.
     pub(super) fn named(&self, key: &str, path: &str) -> Result<Self, ConfigError> {
         let named_by = format!("; named by {key} in {}: paths are relative to the file that names them", self.name());
         let directory = |own: &PathBuf| own.parent().map(Path::to_path_buf).unwrap_or_default();
-        match &self.origin {
+        let document = match &self.origin {
             Origin::File(own) => Self::read(&directory(own).join(path), named_by),
             Origin::BuiltIn(own) => Self::find_built_in(&without_dots(&directory(own).join(path)), named_by),
-        }
+        };
+        let settings = self.settings.iter().filter_map(|setting| setting.below(key)).collect();
+        document.map(|document| document.with_settings(settings))
     }
 
     /// How messages call it.
@@ -116,37 +140,40 @@ impl Document {
 
     /// Reads the text as `S`, whose tables refuse unknown keys.
     pub(super) fn read_as<S: DeserializeOwned>(&self) -> Result<S, ConfigError> {
-        toml::from_str(&self.text).map_err(|error| self.refuse(&error))
+        let as_written = toml::from_str(&self.text).map_err(|error| self.refuse(&error))?;
+        if self.settings.is_empty() {
+            return Ok(as_written);
+        }
+        let mut table: toml::Table = toml::from_str(&self.text).map_err(|error| self.refuse(&error))?;
+        let mut read = as_written;
+        for setting in &self.settings {
+            // Read after each change: the first that cannot be read is the one to blame.
+            if setting.apply(&mut table)? {
+                let told = setting.told();
+                read = table.clone().try_into().map_err(|error| refusal(&error, told.to_owned(), told))?;
+            }
+        }
+        Ok(read)
     }
 
     fn refuse(&self, error: &toml::de::Error) -> ConfigError {
         let offset = error.span().map_or(0, |span| span.start);
-        let place = self.place_of_offset(offset);
-        match unknown_key(error.message()) {
-            Some((key, known)) => ConfigError::UnknownKey {
-                place,
-                key: key.into(),
-                nearest: nearest(key, known.iter().copied())
-                    .map(|name| format!(", did you mean `{name}`?"))
-                    .unwrap_or_default(),
-                known: if known.is_empty() { "nothing".into() } else { known.join(", ") },
-            },
-            None => {
-                let line = self.line_of_offset(offset);
-                let text = self.text.lines().nth(line - 1).unwrap_or_default().trim().to_owned();
-                ConfigError::Syntax { place, why: in_plain_words(error.message()), text }
-            }
-        }
+        let text = self.text.lines().nth(self.line_of_offset(offset) - 1).unwrap_or_default();
+        refusal(error, self.place_of_offset(offset), text.trim())
     }
 
     /// Whether the text has this top-level key; false when it cannot be parsed.
     pub(super) fn has_key(&self, key: &str) -> bool {
-        DeTable::parse(&self.text).is_ok_and(|table| table.get_ref().contains_key(key))
+        let is_set = self.settings.iter().any(|setting| setting.is_for(key));
+        is_set || DeTable::parse(&self.text).is_ok_and(|table| table.get_ref().contains_key(key))
     }
 
-    /// File and line of a key such as `optics.focal_length_mm` or `flight_computer.jitter_line[1].phase_deg`; of the
+    /// The setting that gives a key, else file and line of a key such as `optics.focal_length_mm` or `flight_computer.jitter_line[1].phase_deg`; of the
     /// innermost table that exists when the key does not.
     pub(super) fn place(&self, key: &str) -> String {
+        if let Some(setting) = self.settings.iter().rev().find(|setting| setting.gives(key)) {
+            return format!("{} ({})", setting.told(), self.name());
+        }
         let offset = DeTable::parse(&self.text).ok().and_then(|table| offset_of_key(table.get_ref(), key));
         offset.map_or_else(|| self.name(), |offset| self.place_of_offset(offset))
     }
@@ -157,6 +184,21 @@ impl Document {
 
     fn line_of_offset(&self, offset: usize) -> usize {
         1 + self.text.bytes().take(offset).filter(|byte| *byte == b'\n').count()
+    }
+}
+
+/// What a reader found in `text`, which stands at `place`.
+fn refusal(error: &toml::de::Error, place: String, text: &str) -> ConfigError {
+    match unknown_key(error.message()) {
+        Some((key, known)) => ConfigError::UnknownKey {
+            place,
+            key: key.into(),
+            nearest: nearest(key, known.iter().copied())
+                .map(|name| format!(", did you mean `{name}`?"))
+                .unwrap_or_default(),
+            known: if known.is_empty() { "nothing".into() } else { known.join(", ") },
+        },
+        None => ConfigError::Syntax { place, why: in_plain_words(error.message()), text: text.into() },
     }
 }
 

@@ -3,11 +3,13 @@
 use crate::base::time::Span;
 use crate::base::units::DEG;
 use crate::config::check::{Checker, Rule};
+use crate::config::document::Document;
 use crate::config::error::ConfigError;
 use crate::link::tap::LinkFault;
 use crate::sink::FrameFault;
 use glam::DVec3;
 use serde::Deserialize;
+use std::path::Path;
 
 /// Direction and roll of a sensor, deg.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -149,6 +151,23 @@ enum Kind {
 }
 
 impl Event {
+    /// Checks one event that comes from outside a file, with the keys of `[[event]]`; without `at_s` it is `now_s`.
+    ///
+    /// # Errors
+    /// The first thing that is wrong.
+    pub fn from_json(event: &serde_json::Map<String, serde_json::Value>, now_s: f64) -> Result<Self, ConfigError> {
+        let place = Path::new("injected event");
+        let text = toml::to_string(event).map_err(|error| ConfigError::Syntax {
+            place: place.display().to_string(),
+            why: format!("{error}; leave out what has no value"),
+            text: serde_json::to_string(event).unwrap_or_default(),
+        })?;
+        let document = Document::from_text(&text, place);
+        let mut keys: EventKeys = document.read_as()?;
+        keys.at_s = keys.at_s.or(Some(now_s.max(0.0)));
+        Self::check(&keys, 0, &mut Checker::new(&document))
+    }
+
     /// Checks `keys`, the event number `place` of the document.
     pub(super) fn check(keys: &EventKeys, place: usize, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
         let key = |name: &str| format!("event[{place}].{name}");

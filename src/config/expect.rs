@@ -21,6 +21,8 @@ pub struct Expect {
     pub recovery_s: f64,
     /// Pointing again means an error below this, arcsec.
     pub recovered_arcsec: f64,
+    /// The kept boresight never comes nearer to the Sun than this, deg.
+    pub least_sun_angle_deg: Option<f64>,
     /// Mode at the end.
     pub final_mode: Option<&'static str>,
     /// The control must fail: at the end it points nowhere near its target.
@@ -37,6 +39,7 @@ pub(super) struct ExpectKeys {
     pointing_over_predicted: Option<f64>,
     recovery_s: Option<f64>,
     recovered_arcsec: Option<f64>,
+    least_sun_angle_deg: Option<f64>,
     final_mode: Option<String>,
     diverges: Option<bool>,
 }
@@ -77,6 +80,7 @@ impl Expect {
             pointing_over_predicted: positive("pointing_over_predicted", keys.pointing_over_predicted, "such as 1.5")?,
             recovery_s,
             recovered_arcsec,
+            least_sun_angle_deg: positive("least_sun_angle_deg", keys.least_sun_angle_deg, "degrees")?,
             final_mode,
             diverges: keys.diverges.unwrap_or(false),
         })

@@ -12,6 +12,7 @@
 //! The built-in bench and all it names are compiled in, so the binary runs from any directory.
 
 mod bench;
+mod budget;
 mod camera;
 mod check;
 mod detector;
@@ -25,11 +26,13 @@ mod observer;
 mod optics;
 mod radiometry;
 mod scenario;
+mod setting;
 mod spacecraft;
 mod stages;
 mod timing;
 
 pub use bench::Bench;
+pub use budget::Budget;
 pub use camera::Camera;
 pub use check::Defaulted;
 pub use detector::Detector;
@@ -43,9 +46,12 @@ pub use observer::Observer;
 pub use optics::{Distortion, Optics, Psf};
 pub use radiometry::{Exposure, Radiometry};
 pub use scenario::{Scenario, is_scenario};
+pub use setting::Setting;
 pub use spacecraft::{Control, Spacecraft};
 pub use stages::{AttitudeSettings, Backend, Render, Sink};
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 
+#[cfg(test)]
+mod setting_tests;
 #[cfg(test)]
 mod tests;

@@ -140,6 +140,11 @@ impl Planner {
         self
     }
 
+    /// Another such time from the next plan on.
+    pub fn set_time_budget_ms(&mut self, time_budget_ms: f64) {
+        self.time_budget_ms = Some(time_budget_ms);
+    }
+
     /// Weighs every method, also where a cheaper one has been found that fits: for reports.
     #[must_use]
     pub fn thorough(mut self) -> Self {

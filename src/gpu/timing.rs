@@ -9,12 +9,14 @@ use crate::base::time::Span;
 pub struct FrameTimes {
     /// Writing parameters, recording and submitting.
     pub submit: Span,
-    /// Waiting for the GPU (all it still had to do, drawing included) and copying out.
-    pub receive: Span,
+    /// Waiting for the GPU: all it still had to do, drawing included.
+    pub wait: Span,
+    /// Copying out.
+    pub copy: Span,
 }
 
 impl Default for FrameTimes {
     fn default() -> Self {
-        Self { submit: Span::ZERO, receive: Span::ZERO }
+        Self { submit: Span::ZERO, wait: Span::ZERO, copy: Span::ZERO }
     }
 }

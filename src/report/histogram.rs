@@ -58,6 +58,20 @@ impl StageHistogram {
         self.sum_ns += u128::from(ns);
     }
 
+    /// Half of the times so far were at most this, ms; 0 when nothing was recorded. Cheaper than all quantiles.
+    #[must_use]
+    pub fn median_ms(&self) -> f64 {
+        self.at_ms(0.5)
+    }
+
+    fn at_ms(&self, quantile: f64) -> f64 {
+        // The histogram answers with the upper end of a bin: for zeros, and for the longest time, that is too much.
+        match self.histogram.value_at_quantile(quantile).min(self.max_ns) {
+            0..LOW_NS => 0.0,
+            ns => ns as f64 / 1e6,
+        }
+    }
+
     /// Summary of the times so far.
     #[must_use]
     pub fn quantiles(&self) -> Quantiles {
@@ -65,16 +79,11 @@ impl StageHistogram {
         if count == 0 {
             return Quantiles::default();
         }
-        // The histogram answers with the upper end of a bin: for zeros, and for the longest time, that is too much.
-        let at = |q: f64| match self.histogram.value_at_quantile(q).min(self.max_ns) {
-            0..LOW_NS => 0.0,
-            ns => ns as f64 / 1e6,
-        };
         Quantiles {
             count,
-            p50_ms: at(0.5),
-            p99_ms: at(0.99),
-            p999_ms: at(0.999),
+            p50_ms: self.at_ms(0.5),
+            p99_ms: self.at_ms(0.99),
+            p999_ms: self.at_ms(0.999),
             max_ms: self.max_ns as f64 / 1e6,
             mean_ms: self.sum_ns as f64 / count as f64 / 1e6,
         }
@@ -145,6 +154,7 @@ mod tests {
             assert!(within_resolution(got, wanted), "{got} ms for {wanted} ms");
         }
         assert!(!within_resolution(q.p50_ms, 5.02), "the comparison can fail");
+        assert_eq!((histogram.median_ms(), StageHistogram::default().median_ms()), (q.p50_ms, 0.0));
         assert_eq!((q.max_ms, q.mean_ms), (10.0, 5.000_5), "exact");
     }
 

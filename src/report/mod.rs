@@ -6,22 +6,40 @@
 //! Tour: `stages` (where the time of a frame goes) -> `histogram` (quantiles, without allocation while running)
 //! -> `summary` and `machine` (JSON) -> `table` (the same for people) and `progress` (while it runs). Apart from a run:
 //! `plot` (charts as SVG).
+//!
+//! Frame by frame: `frame_record` (one frame's times, fate and cause) -> `frame_ring` (the last frames, counts of all) ->
+//! `budget` (verdict per line) -> `budget_table`, `junit`, `frames_csv`, `timeline`.
 
+pub mod budget;
+pub mod budget_table;
+pub mod frame_record;
+pub mod frame_ring;
+pub mod frames_csv;
 pub mod histogram;
+pub mod junit;
 pub mod machine;
 pub mod plot;
 pub mod progress;
 pub mod stages;
 pub mod summary;
 pub mod table;
+pub mod timeline;
+mod xml;
 
+pub use budget::{BudgetLimits, BudgetLine, BudgetReport, HygieneLine, LineVerdict, budget_lines};
+pub use budget_table::budget_table;
+pub use frame_record::{Fate, FrameRecord, MissCause};
+pub use frame_ring::{FrameRing, Latency};
+pub use frames_csv::frames_csv;
 pub use histogram::{CountHistogram, CountSpread, Quantiles, StageHistogram};
+pub use junit::to_junit;
 pub use machine::Machine;
 pub use plot::{Chart, pareto_front, to_svg};
 pub use progress::{Progress, progress_line, step_line};
 pub use stages::{Stage, StageHistograms, StageTimes};
 pub use summary::{EventLine, FrameCounts, LinkCounts, RunSummary};
 pub use table::summary_table;
+pub use timeline::timeline_svg;
 
 /// A report that could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -29,4 +47,7 @@ pub enum ReportError {
     /// The summary does not go into JSON.
     #[error("the run summary cannot be written as JSON: {0}; the frames and their log are not affected")]
     Json(#[from] serde_json::Error),
+    /// The frames' times do not go into CSV.
+    #[error("the frames' times cannot be written as CSV: {0}; the frames are not affected")]
+    Csv(#[from] csv::Error),
 }

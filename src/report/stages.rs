@@ -29,18 +29,32 @@ macro_rules! stages {
 stages! {
     /// Waiting for the frame's slot.
     Wait = "wait",
+    /// Release of the slot to the moment the frame thread ran: the system's delay, or the frames before.
+    Wake = "wake",
+    /// Taking in what the bus brought.
+    Receive = "receive",
+    /// No work: epoch of the newest attitude to the release.
+    BusAge = "bus_age",
+    /// No work: arrival of the newest attitude to the release.
+    ArrivalAge = "arrival_age",
+    /// No work: how unsteady the time correlation is (largest less smallest delay in its window).
+    Correlation = "correlation",
     /// Attitude history to line-of-sight path.
     Attitude = "attitude",
     /// Catalog and ephemerides to sources in view.
     Sky = "sky",
     /// Sources and path to an exposure plan.
     Plan = "plan",
-    /// Plan to electrons.
+    /// Plan to a device: buffers written, work recorded and submitted. Absent where memory is shared.
+    Upload = "upload",
+    /// Plan to electrons. On a device: waiting for drawing and detector together, which it does in one go.
     Render = "render",
-    /// Electrons to DN.
+    /// Electrons to DN. Absent on a device (see `render`).
     Detector = "detector",
-    /// DN from the device to memory.
+    /// DN from the device to memory. Absent where memory is shared.
     Readback = "readback",
+    /// Finished image to the sink's queue: what the policy does, the copy that may be sent again.
+    Handover = "handover",
     /// Waiting for the sink thread.
     Queue = "queue",
     /// Sending.
@@ -52,6 +66,28 @@ stages! {
 impl Stage {
     /// How many there are.
     pub const COUNT: usize = Self::ALL.len();
+
+    /// The stages a frame goes through one after another, from its release to its delivery.
+    pub const OF_A_FRAME: [Self; 12] = [
+        Self::Wake,
+        Self::Receive,
+        Self::Attitude,
+        Self::Sky,
+        Self::Plan,
+        Self::Upload,
+        Self::Render,
+        Self::Detector,
+        Self::Readback,
+        Self::Handover,
+        Self::Queue,
+        Self::Sink,
+    ];
+
+    /// The stage of that name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|stage| stage.name() == name)
+    }
 }
 
 /// Times of one frame, by stage; plain data, no allocation.
@@ -64,6 +100,13 @@ impl StageTimes {
     /// Sets the time of a stage.
     pub fn set(&mut self, stage: Stage, time: Span) {
         self.spans[stage as usize] = Some(time);
+    }
+
+    /// Takes over every stage that `other` has.
+    pub fn merge(&mut self, other: &Self) {
+        for (span, newer) in self.spans.iter_mut().zip(other.spans) {
+            *span = newer.or(*span);
+        }
     }
 
     /// The time of a stage; `None` when the frame did not go through it.
@@ -104,6 +147,12 @@ impl StageHistograms {
     #[must_use]
     pub fn of(&self, stage: Stage) -> Quantiles {
         self.histograms[stage as usize].quantiles()
+    }
+
+    /// Median of one stage so far, ms.
+    #[must_use]
+    pub fn median_ms(&self, stage: Stage) -> f64 {
+        self.histograms[stage as usize].median_ms()
     }
 
     /// Summary of every stage so far, in the order of [`Stage::ALL`].

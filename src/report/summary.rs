@@ -4,6 +4,7 @@
 //! The caller writes the text, whole or not at all.
 
 use crate::report::ReportError;
+use crate::report::frame_ring::Latency;
 use crate::report::histogram::{CountSpread, Quantiles};
 use crate::report::machine::Machine;
 use crate::report::stages::Stage;
@@ -48,6 +49,10 @@ pub struct RunSummary {
     pub attitude_age: Quantiles,
     /// Newest attitude to mid-exposure (interpolated counts as 0).
     pub horizon: Quantiles,
+    /// From the attitude on the bus to the frame that shows it (real clock).
+    pub latency: Latency,
+    /// Slots missed, by cause (real clock).
+    pub misses: BTreeMap<String, u64>,
     /// The link.
     pub link: LinkCounts,
     /// Commanded faults: frames in which each was active.
@@ -135,6 +140,8 @@ impl RunSummary {
             lateness: Quantiles::default(),
             attitude_age: Quantiles::default(),
             horizon: Quantiles::default(),
+            latency: Latency::default(),
+            misses: BTreeMap::new(),
             link: LinkCounts::default(),
             faults: BTreeMap::new(),
             methods: BTreeMap::new(),
@@ -184,7 +191,10 @@ pub(crate) fn sample_summary() -> RunSummary {
         blank: 4,
     };
     summary.stages = core::array::from_fn(|i| times(0.1 * (i as f64 + 1.0)));
+    summary.stages[Stage::Render as usize] = times(0.5);
     summary.stages[Stage::Readback as usize] = Quantiles::default();
+    summary.latency = Latency { epoch_to_delivered: times(60.0), ..Latency::default() };
+    summary.misses = count(&[("sink busy", 1)]);
     (summary.lateness, summary.attitude_age, summary.horizon) = (times(0.5), times(12.0), times(38.0));
     summary.link.counters = count(&[("rx_frames", 24_000), ("tx_frames", 1_200)]);
     summary.link.rejects = count(&[("bad_crc", 2), ("stale", 5)]);
@@ -219,6 +229,8 @@ mod tests {
         assert_eq!(json["degraded"]["faint-stars-out"], 12);
         assert_eq!(json["link"]["rejects"]["stale"], 5);
         assert_eq!(json["last_events"][0]["frame"], 599);
+        assert_eq!(json["latency"]["epoch_to_delivered"]["p999_ms"], 180.0);
+        assert_eq!(json["misses"]["sink busy"], 1);
         assert_eq!(json["output"], "runs/7");
         assert!(text.ends_with("}\n"), "ends in a line break");
     }

@@ -76,6 +76,10 @@ fn push_times(lines: &mut Vec<String>, s: &RunSummary) {
     lines.push(times_row("lateness", &s.lateness));
     lines.push(times_row("attitude age", &s.attitude_age));
     lines.push(times_row("prediction horizon", &s.horizon));
+    // Two of the names are wider than their column: they go without what is the same in all of them.
+    const NAMES: [&str; 4] = ["epoch-submitted", "submitted-delivered", "epoch-delivered", "mid-exp.-delivered"];
+    let latency = NAMES.into_iter().zip(s.latency.named()).filter(|(_, (_, q))| q.count > 0);
+    lines.extend(latency.map(|(name, (_, q))| times_row(name, q)));
 }
 
 fn push_times_heading(lines: &mut Vec<String>, name: &str) {
@@ -102,6 +106,7 @@ fn push_counts(lines: &mut Vec<String>, s: &RunSummary) {
         ("stars per frame", stars),
         ("smear method, frames", joined(&s.methods)),
         ("degraded, frames", joined(&s.degraded)),
+        ("missed, slots", joined(&s.misses)),
         ("faults, frames", joined(&s.faults)),
         ("link", joined(&s.link.counters)),
         ("link rejects", joined(&s.link.rejects)),

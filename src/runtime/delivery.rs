@@ -1,25 +1,24 @@
 //! Finished frames -> the sink thread and back: a fixed number of buffers that go round.
 
-use crate::base::clock::Stopwatch;
-use crate::base::time::Span;
-use crate::report::{Stage, StageTimes};
+use crate::base::clock::Clock;
+use crate::base::time::Tai;
+use crate::report::{FrameRecord, Stage};
 use crate::runtime::error::RunError;
-use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
+use crate::runtime::hygiene::{Hygiene, Role};
+use crate::sink::{SentFrame, Sink, SinkError, SinkSummary, TruthStar};
 use crossbeam_channel::{Receiver, Sender, bounded};
+use std::sync::Arc;
 use std::thread::JoinHandle;
 
 /// Frames in flight between the frame thread and the sink thread.
 pub const BUFFERS: usize = 4;
 
-/// A frame with the times measured on its way.
+/// A frame with its times.
 pub struct Parcel {
     /// The frame.
     pub frame: SentFrame,
-    /// From release to the queue.
-    pub since_release: Span,
-    /// Measured by the sink thread.
-    pub times: StageTimes,
-    watch: Stopwatch,
+    /// Its times: the frame thread begins them, the sink thread completes them.
+    pub record: FrameRecord,
     delivered: bool,
 }
 
@@ -51,27 +50,32 @@ pub struct Delivery {
 }
 
 impl Delivery {
-    /// Starts the sink thread; `prototype` is copied into every buffer.
+    /// Starts the sink thread; `prototype` is copied into every buffer, and all their memory is touched.
     ///
     /// # Errors
     /// When the thread cannot be started.
-    pub fn start(mut sink: Box<dyn Sink>, prototype: &SentFrame) -> Result<Self, RunError> {
+    pub fn start(
+        mut sink: Box<dyn Sink>,
+        prototype: &SentFrame,
+        clock: &Arc<dyn Clock>,
+        hygiene: Option<&Arc<Hygiene>>,
+    ) -> Result<Self, RunError> {
         let (full, to_send) = bounded::<Parcel>(BUFFERS);
         let (sent, empty) = bounded::<Parcel>(BUFFERS);
         for _ in 0..BUFFERS {
-            let parcel = Parcel {
-                frame: prototype.clone(),
-                since_release: Span::ZERO,
-                times: StageTimes::default(),
-                watch: Stopwatch::start(),
-                delivered: false,
-            };
+            let at = clock.now();
+            let record = FrameRecord::released(0, [at; 3], [at; 2]);
+            let parcel = Parcel { frame: touched_copy(prototype), record, delivered: false };
             let _room_for_all = sent.try_send(parcel);
         }
+        let (clock, hygiene) = (Arc::clone(clock), hygiene.map(Arc::clone));
         let thread = std::thread::Builder::new()
             .name("sink".into())
             .spawn(move || {
-                let carried = carry(&mut *sink, &to_send, &sent);
+                if let Some(hygiene) = hygiene {
+                    hygiene.enter(Role::Sink);
+                }
+                let carried = carry(&mut *sink, &*clock, &to_send, &sent);
                 (sink.finish(), carried)
             })
             .map_err(|source| RunError::Thread { name: "sink", source })?;
@@ -79,32 +83,31 @@ impl Delivery {
     }
 
     /// A free buffer, if there is one now. `visit` sees the times of a frame that was delivered in it.
-    pub fn take(&self, mut visit: impl FnMut(&StageTimes)) -> Option<Parcel> {
+    pub fn take(&self, mut visit: impl FnMut(&FrameRecord)) -> Option<Parcel> {
         let parcel = self.empty.try_recv().ok()?;
         if parcel.delivered {
-            visit(&parcel.times);
+            visit(&parcel.record);
         }
         Some(parcel)
     }
 
-    /// Puts a frame into the queue; `since_release` is the time it has taken so far.
+    /// Puts a frame into the queue; `now` is when.
     ///
     /// # Errors
     /// When the sink thread has ended.
-    pub fn send(&self, mut parcel: Parcel, since_release: Span) -> Result<(), RunError> {
-        parcel.since_release = since_release;
-        parcel.times = StageTimes::default();
-        parcel.watch = Stopwatch::start();
+    pub fn send(&self, mut parcel: Parcel, now: Tai) -> Result<(), RunError> {
+        parcel.record.submitted = Some(now);
+        parcel.delivered = false;
         // There are as many places as buffers: this waits for nothing.
         self.full.send(parcel).map_err(|_| RunError::ThreadLost { name: "sink" })
     }
 
     /// Waits until everything is delivered. `visit` sees the times of the frames not yet seen.
-    pub fn finish(self, mut visit: impl FnMut(&StageTimes)) -> Delivered {
+    pub fn finish(self, mut visit: impl FnMut(&FrameRecord)) -> Delivered {
         drop(self.full);
         let joined = self.thread.join();
         for parcel in self.empty.try_iter().filter(|parcel| parcel.delivered) {
-            visit(&parcel.times);
+            visit(&parcel.record);
         }
         let Ok((finished, carried)) = joined else {
             return Delivered { frames: 0, lost: 0, summary: None, error: Some(RunError::ThreadLost { name: "sink" }) };
@@ -118,11 +121,21 @@ impl Delivery {
     }
 }
 
+/// A copy with the same room for stars, every page of it written to.
+fn touched_copy(prototype: &SentFrame) -> SentFrame {
+    const STAR: TruthStar =
+        TruthStar { id: 0, ra_deg: 0.0, dec_deg: 0.0, mag: 0.0, x_px: 0.0, y_px: 0.0, electrons: 0.0 };
+    let mut copy = prototype.clone();
+    copy.truth.resize(prototype.truth.capacity(), STAR);
+    copy.truth.clear();
+    copy
+}
+
 /// The sink thread: sends until the queue closes or the sink fails.
-fn carry(sink: &mut dyn Sink, to_send: &Receiver<Parcel>, sent: &Sender<Parcel>) -> Carried {
+fn carry(sink: &mut dyn Sink, clock: &dyn Clock, to_send: &Receiver<Parcel>, sent: &Sender<Parcel>) -> Carried {
     let mut carried = Carried::default();
     for mut parcel in to_send {
-        let queue = parcel.watch.lap();
+        let taken = clock.now();
         if let Err(error) = sink.send(&parcel.frame) {
             // The frame thread notices when its queue is closed; what is in it by then is lost with this one.
             carried.lost = 1 + to_send.try_iter().count() as u64;
@@ -130,10 +143,12 @@ fn carry(sink: &mut dyn Sink, to_send: &Receiver<Parcel>, sent: &Sender<Parcel>)
             return carried;
         }
         carried.frames += 1;
-        let sending = parcel.watch.lap();
-        parcel.times.set(Stage::Queue, queue);
-        parcel.times.set(Stage::Sink, sending);
-        parcel.times.set(Stage::ReleaseToDelivered, parcel.since_release + queue + sending);
+        let delivered = clock.now();
+        let record = &mut parcel.record;
+        record.times.set(Stage::Queue, taken - record.submitted.unwrap_or(taken));
+        record.times.set(Stage::Sink, delivered - taken);
+        record.times.set(Stage::ReleaseToDelivered, delivered - record.release);
+        record.delivered = Some(delivered);
         parcel.delivered = true;
         let _frame_thread_has_ended = sent.send(parcel);
     }

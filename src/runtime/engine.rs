@@ -1,16 +1,20 @@
 //! The frame engine: one slot in, one finished frame out. Allocates nothing after its first frames, formats nothing,
 //! touches no file and takes no lock.
 
-use crate::attitude::{JitterTrack, LosPath, PathOrigin, PathOutcome, compose};
+use crate::attitude::{
+    AttitudeMethod, EstimateLimits, JitterTrack, LosPath, MotionScale, PathOrigin, PathOutcome, PathReport, compose,
+};
 use crate::base::axes::{Rotation, ra_dec_roll};
 use crate::base::clock::Stopwatch;
 use crate::base::time::{Span, Tai};
 use crate::detector::DetectorParams;
+use crate::exposure::cost::CostModel;
 use crate::exposure::{ExposurePlan, Planner, Rung};
 use crate::report::{Stage, StageTimes};
 use crate::runtime::error::RunError;
 use crate::runtime::imager::Imager;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
+use crate::runtime::load::{LoadChange, LoadEstimate};
 use crate::runtime::params::RunParams;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::sky_view::SkyView;
@@ -37,6 +41,12 @@ pub struct FrameEngine {
     planner: Planner,
     sky: SkyView,
     imager: Imager,
+    cost: CostModel,
+    /// Followed on the real clock only.
+    load: Option<LoadEstimate>,
+    /// How the body may move, where that is known.
+    motion: Option<MotionScale>,
+    pointing_bound_rad: Option<f64>,
 }
 
 impl FrameEngine {
@@ -66,7 +76,45 @@ impl FrameEngine {
             planner = planner.within_ms(camera.drawing_budget_ms(&cost));
         }
         let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure)?;
-        Ok(Self { planner, sky, imager, params })
+        Ok(Self { planner, sky, imager, params, cost, load: None, motion: None, pointing_bound_rad: None })
+    }
+
+    /// From here on the planner's time follows the measured load: for runs on the real clock. Frames that may not be
+    /// degraded are drawn as before.
+    pub fn follow_load(&mut self) {
+        let may_degrade = self.params.degrade && self.imager.may_degrade();
+        self.load = may_degrade.then(LoadEstimate::default);
+    }
+
+    /// Measured over predicted drawing time; 1 where it is not followed.
+    #[must_use]
+    pub fn load(&self) -> f64 {
+        self.load.map_or(1.0, |load| load.ratio())
+    }
+
+    /// Takes in how long the latest frame took to draw and read out; `at` is when. Tells the ledger when a load begins or
+    /// has gone.
+    pub fn learn_load(&mut self, drawn: Span, at: Tai, slot: Slot, ledger: &mut Ledger) {
+        let predicted_ms = self.planner.latest().chosen.cost_ms + self.params.camera.predicted_readout_ms(&self.cost);
+        let kind = match self.load.as_mut().and_then(|load| load.observe(predicted_ms, drawn.ms())) {
+            None => return,
+            Some(LoadChange::Overloaded) => EventKind::Overloaded,
+            Some(LoadChange::Gone) => EventKind::LoadGone,
+        };
+        ledger.note(Event::new(kind, at, Some(slot.number), drawn));
+    }
+
+    /// The largest motion that the body may make, as far as it is in the attitude records: with it the error of every
+    /// frame's attitude has a bound.
+    pub fn expect_motion(&mut self, motion: MotionScale) {
+        self.motion = Some(motion);
+    }
+
+    /// Bound of the latest frame's pointing error, rad, by the attitude method that made it; `None` when nothing is known
+    /// of the motion, or the method has no bound (held, or predicted beyond the acceleration's horizon).
+    #[must_use]
+    pub fn pointing_bound_rad(&self) -> Option<f64> {
+        self.pointing_bound_rad
     }
 
     /// Backend and detector.
@@ -116,7 +164,11 @@ impl FrameEngine {
         ledger: &mut Ledger,
         frame: &mut SentFrame,
     ) -> Result<StageTimes, RunError> {
-        let mut times = StageTimes::default();
+        let mut times = bus_times(slot, receiver);
+        if let Some(load) = self.load {
+            let limit_ms = self.params.camera.drawing_budget_under_ms(&self.cost, load.ratio());
+            self.planner.set_time_budget_ms(limit_ms);
+        }
         let mut watch = Stopwatch::start();
         let has_stars = self.compose(slot, receiver, ledger)?;
         times.set(Stage::Attitude, watch.lap());
@@ -134,8 +186,7 @@ impl FrameEngine {
             ledger.note(Event { kind: EventKind::Degraded, at, frame, span: predicted, rung: plan.rung });
         }
         let imaging = self.imager.image(plan, slot.number, &mut frame.image)?;
-        times.set(Stage::Render, imaging.render);
-        times.set(Stage::Detector, imaging.detector);
+        times.merge(&imaging.by_stage());
         fill_truth(plan, &mut frame.truth);
         let (seed, detector) = (self.params.seed, &self.params.camera.detector);
         fill_meta(plan, slot.number, seed, detector, self.imager.name(), &mut frame.meta);
@@ -167,6 +218,10 @@ impl FrameEngine {
         );
         los.exposure_start = slot.exposure_start;
         los.exposure_s = camera.exposure_s;
+        self.pointing_bound_rad = match (&outcome, &self.motion) {
+            (Ok(PathOutcome::Show(report)), Some(motion)) => bound_rad(los.origin, report, motion, &params.estimate),
+            _ => None,
+        };
         match outcome {
             Ok(PathOutcome::Show(report)) => {
                 let age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);
@@ -196,6 +251,35 @@ impl FrameEngine {
             }
         }
     }
+}
+
+/// How old what the bus brought is at the slot's release, and how well its time is known.
+fn bus_times(slot: Slot, receiver: &Receiver) -> StageTimes {
+    let mut times = StageTimes::default();
+    let known = [
+        (Stage::BusAge, receiver.age_at(slot.release)),
+        (Stage::ArrivalAge, receiver.arrival_age_at(slot.release)),
+        (Stage::Correlation, receiver.clock().estimate().map(|estimate| estimate.spread)),
+    ];
+    for (stage, span) in known {
+        if let Some(span) = span {
+            times.set(stage, span);
+        }
+    }
+    times
+}
+
+/// Bound of the error at mid-exposure, rad, where the method that was used has one.
+fn bound_rad(origin: PathOrigin, report: &PathReport, motion: &MotionScale, limits: &EstimateLimits) -> Option<f64> {
+    let bound_rad = match origin {
+        PathOrigin::Interpolated => AttitudeMethod::Interpolation.bound_rad(motion, report.gap.s()),
+        PathOrigin::Predicted if report.horizon <= limits.max_horizon => {
+            AttitudeMethod::ConstantAcceleration.bound_rad(motion, report.horizon.s())
+        }
+        PathOrigin::Predicted | PathOrigin::Held | PathOrigin::Commanded | PathOrigin::Absent => return None,
+    };
+    // Half a turn says: outside the method's domain.
+    (bound_rad < core::f64::consts::PI).then_some(bound_rad)
 }
 
 fn note(ledger: &mut Ledger, kind: EventKind, slot: Slot, span: Span) {

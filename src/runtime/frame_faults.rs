@@ -45,10 +45,19 @@ impl Fate {
     };
 }
 
+/// A fault elsewhere that frames exposed in its time are marked with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Mark {
+    from: Tai,
+    until: Tai,
+    flag: FaultFlags,
+}
+
 /// The faults of one head.
 #[derive(Debug, Default)]
 pub struct FrameFaults {
     timed: Vec<TimedFrameFault>,
+    marks: Vec<Mark>,
     previous: Vec<u16>,
 }
 
@@ -57,6 +66,11 @@ impl FrameFaults {
     pub fn add(&mut self, from: Tai, until: Tai, fault: FrameFault) -> usize {
         self.timed.push(TimedFrameFault { from, until, fault, hits: 0 });
         self.timed.len() - 1
+    }
+
+    /// Marks frames whose exposure ends in a time at which something else is faulty: the bus.
+    pub fn mark(&mut self, from: Tai, until: Tai, flag: FaultFlags) {
+        self.marks.push(Mark { from, until, flag });
     }
 
     /// Every fault, in the order in which they were added.
@@ -69,6 +83,9 @@ impl FrameFaults {
     pub fn begin(&mut self, release: Tai, engine: &mut FrameEngine) -> Fate {
         let mut fate = Fate::SEND;
         let mut stray_e_per_s = 0.0;
+        for mark in self.marks.iter().filter(|mark| mark.from <= release && release < mark.until) {
+            fate.flags |= mark.flag;
+        }
         for timed in self.timed.iter_mut().filter(|timed| timed.from <= release && release < timed.until) {
             timed.hits += 1;
             fate.flags |= timed.fault.flag();

@@ -12,6 +12,7 @@ use crate::render::cpu::Cpu;
 use crate::render::gpu::Gpu;
 use crate::render::reference::Reference;
 use crate::render::{Backend, RenderError};
+use crate::report::{Stage, StageTimes};
 use std::sync::Arc;
 
 /// Which backend the user asked for.
@@ -50,6 +51,39 @@ pub struct ImagingTimes {
     pub render: Span,
     /// Electrons to DN.
     pub detector: Span,
+    /// The same time otherwise divided; `None` where memory is shared.
+    pub device: Option<DeviceTimes>,
+}
+
+/// Wall time of an image that was made on a device, which draws and reads out in one go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DeviceTimes {
+    /// Writing buffers, recording and submitting.
+    pub upload: Span,
+    /// Waiting for the device.
+    pub wait: Span,
+    /// Copying DN to memory.
+    pub readback: Span,
+}
+
+impl ImagingTimes {
+    /// By stage: what did not run is absent.
+    #[must_use]
+    pub fn by_stage(&self) -> StageTimes {
+        let mut times = StageTimes::default();
+        match self.device {
+            None => {
+                times.set(Stage::Render, self.render);
+                times.set(Stage::Detector, self.detector);
+            }
+            Some(device) => {
+                times.set(Stage::Upload, device.upload);
+                times.set(Stage::Render, device.wait);
+                times.set(Stage::Readback, device.readback);
+            }
+        }
+        times
+    }
 }
 
 impl Imager {
@@ -186,6 +220,7 @@ impl Imager {
         let mut watch = Stopwatch::start();
         let exposure_s = plan.motion.los.exposure_s;
         let render;
+        let mut on_device = None;
         match &mut self.drawing {
             Drawing::Host { backend, detector } => {
                 backend.render(plan)?;
@@ -200,8 +235,11 @@ impl Imager {
                 backend.render(plan)?;
                 render = watch.lap();
                 detector.collect(backend.device_electrons(), frame, exposure_s, out)?;
+                let times = detector.times();
+                let upload = render + times.submit;
+                on_device = Some(DeviceTimes { upload, wait: times.wait, readback: times.copy });
             }
         }
-        Ok(ImagingTimes { render, detector: watch.lap() })
+        Ok(ImagingTimes { render, detector: watch.lap(), device: on_device })
     }
 }

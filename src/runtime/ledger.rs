@@ -47,6 +47,10 @@ events! {
     OverBudget = "over_budget",
     /// The frame would not have been drawn in time and was degraded to a rung; the span is its predicted drawing time.
     Degraded = "degraded",
+    /// Drawing takes much longer than predicted: the planner has less time; the span is what the frame took to draw.
+    Overloaded = "overloaded",
+    /// Drawing takes about as long as predicted again; the span is what the frame took to draw.
+    LoadGone = "load_gone",
     /// The sink had no free buffer in time.
     SinkBusy = "sink_busy",
     /// An attitude arrived before the clocks were correlated.

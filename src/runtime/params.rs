@@ -123,8 +123,19 @@ impl CameraParams {
     /// Time in which a frame must be drawn, ms: the readout time without the detector's own and a margin.
     #[must_use]
     pub fn drawing_budget_ms(&self, cost: &CostModel) -> f64 {
-        let pixels = self.geometry.width_px() * self.geometry.height_px();
-        (1.0 - TIME_MARGIN) * self.readout_s * 1e3 - cost.readout_ms(pixels)
+        self.drawing_budget_under_ms(cost, 1.0)
+    }
+
+    /// The same, in predicted time, on a machine on which drawing and detector take `load` times as long as predicted.
+    #[must_use]
+    pub fn drawing_budget_under_ms(&self, cost: &CostModel, load: f64) -> f64 {
+        (1.0 - TIME_MARGIN) * self.readout_s * 1e3 / load - self.predicted_readout_ms(cost)
+    }
+
+    /// Predicted time of the detector, ms.
+    #[must_use]
+    pub fn predicted_readout_ms(&self, cost: &CostModel) -> f64 {
+        cost.readout_ms(self.geometry.width_px() * self.geometry.height_px())
     }
 }
 

@@ -1,33 +1,44 @@
 //! The loop on the bench clock: a receiving thread, this (frame) thread and a sink thread, bounded queues between them.
+//!
+//! In: an engine, a port, a sink. Out: a run's record. Every slot leaves a [`FrameRecord`], also those for which nothing is
+//! drawn: pushed when its fate is decided, completed when its buffer comes back from the sink thread. Limits: work begins
+//! at the release and not before; late frames are judged when finished, not when delivered (`[budget]` total is held
+//! against delivery). Tests: `tests/closed_loop/{deadline,budget}.rs`, which assert no wall time.
 
+use crate::attitude::PathOrigin;
 use crate::base::clock::Clock;
 use crate::base::time::{Span, Tai};
-use crate::link::{Port, Stamped};
-use crate::report::Stage;
+use crate::link::Port;
+use crate::report::{Fate, FrameRecord, MissCause, Stage, StageTimes};
 use crate::runtime::delivery::{Delivery, Parcel};
-use crate::runtime::engine::{FrameEngine, Slot};
+use crate::runtime::engine::{FrameEngine, Slot, origin_name};
 use crate::runtime::error::RunError;
+use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::ledger::EventKind;
 use crate::runtime::outcome::RunOutcome;
 use crate::runtime::params::DeadlinePolicy;
+use crate::runtime::radio::Radio;
 use crate::runtime::receiver::Receiver;
-use crate::runtime::record::{LinkReport, RunRecord};
+use crate::runtime::record::RunRecord;
 use crate::runtime::reply;
-use crate::sink::{FaultFlags, SentFrame, Sink};
+use crate::sink::{FaultFlags, FrameMeta, SentFrame, Sink};
 use core::sync::atomic::{AtomicBool, Ordering};
-use crossbeam_channel::{Receiver as Queue, Sender, bounded};
-use firmware_protocol::Message;
 use std::sync::Arc;
-use std::thread::JoinHandle;
 
-/// Messages between the receiving thread and the frame thread: 4 s of a full CAN FD attitude and jitter stream.
-const RECEIVE_QUEUE: usize = 4096;
-/// Messages to the flight computer.
-const SEND_QUEUE: usize = 64;
-/// The receiving thread looks for something to send this often.
-const SEND_POLL: Span = Span::from_ms(2);
 /// A sleeping frame thread notices a stop within this.
 const STOP_POLL: Span = Span::from_ms(50);
+
+/// What a run on the bench clock runs in.
+pub struct Setting<'a> {
+    /// The bench clock.
+    pub clock: &'a Arc<dyn Clock>,
+    /// Set by whoever wants the run to end.
+    pub stop: &'a Arc<AtomicBool>,
+    /// What threads ask of the system; `None`: nothing.
+    pub hygiene: Option<&'a Arc<Hygiene>>,
+    /// Frames whose times are kept one by one.
+    pub ring_frames: usize,
+}
 
 /// Runs every slot of the engine until the end, an error, or `stop`. `progress` is called after each frame and must
 /// not block.
@@ -40,22 +51,35 @@ pub fn run(
     stop: &Arc<AtomicBool>,
     progress: &mut dyn FnMut(&SentFrame, &RunRecord),
 ) -> RunOutcome {
-    let mut record = RunRecord::default();
-    match start(engine, port, clock, sink) {
+    let setting = Setting { clock, stop, hygiene: None, ring_frames: 0 };
+    run_in(&setting, engine, receiver, port, sink, progress)
+}
+
+/// The same in a setting of choice. The calling thread becomes the frame thread and stays what it is made.
+pub fn run_in(
+    setting: &Setting<'_>,
+    engine: &mut FrameEngine,
+    receiver: &mut Receiver,
+    port: Port,
+    sink: Box<dyn Sink>,
+    progress: &mut dyn FnMut(&SentFrame, &RunRecord),
+) -> RunOutcome {
+    let mut record = RunRecord::with_ring(setting.ring_frames);
+    match start(setting, engine, port, sink) {
         Err(error) => RunOutcome { record, link: None, sink: None, error: Some(error) },
         Ok((prototype, radio, delivery)) => {
             let mut bench = Bench {
                 engine,
                 receiver,
-                clock: &**clock,
+                clock: &**setting.clock,
                 radio: &radio,
                 delivery: &delivery,
                 spare: None,
                 previous: prototype,
                 has_previous: false,
             };
-            let error = bench.frames(stop, &mut record, progress).err();
-            let delivered = delivery.finish(|times| record.stages.record(times));
+            let error = bench.frames(setting.stop, &mut record, progress).err();
+            let delivered = delivery.finish(|done| record.complete(done));
             record.frames.delivered = delivered.frames;
             record.frames.dropped += delivered.lost;
             let (link, receiving) = radio.finish();
@@ -66,61 +90,23 @@ pub fn run(
 
 /// Warms up, and starts the threads.
 fn start(
+    setting: &Setting<'_>,
     engine: &mut FrameEngine,
     port: Port,
-    clock: &Arc<dyn Clock>,
     sink: Box<dyn Sink>,
 ) -> Result<(SentFrame, Radio, Delivery), RunError> {
     let camera = &engine.params().camera;
     let (width, height) = (camera.geometry.width_px(), camera.geometry.height_px());
     let mut prototype = SentFrame::with_capacity(width, height, 16_384, camera.name.clone());
     engine.warm_up(&mut prototype)?;
-    let radio = Radio::start(port, clock)?;
-    let delivery = Delivery::start(sink, &prototype)?;
+    engine.follow_load();
+    let radio = Radio::start(port, setting.clock, setting.hygiene)?;
+    let delivery = Delivery::start(sink, &prototype, setting.clock, setting.hygiene)?;
+    // Last: threads are born with the policy of the thread that starts them.
+    if let Some(hygiene) = setting.hygiene {
+        hygiene.enter(Role::Frame);
+    }
     Ok((prototype, radio, delivery))
-}
-
-/// The receiving thread and its queues.
-struct Radio {
-    received: Queue<Stamped<Message>>,
-    to_send: Sender<Message>,
-    stop: Arc<AtomicBool>,
-    thread: JoinHandle<Result<LinkReport, RunError>>,
-}
-
-impl Radio {
-    fn start(mut port: Port, clock: &Arc<dyn Clock>) -> Result<Self, RunError> {
-        let (arrived, received) = bounded(RECEIVE_QUEUE);
-        let (to_send, outgoing) = bounded::<Message>(SEND_QUEUE);
-        let stop = Arc::new(AtomicBool::new(false));
-        let (stopped, clock) = (Arc::clone(&stop), Arc::clone(clock));
-        let thread = std::thread::Builder::new()
-            .name("link".into())
-            .spawn(move || {
-                let mut overflows = 0;
-                while !stopped.load(Ordering::Relaxed) {
-                    for message in outgoing.try_iter() {
-                        port.send(&message)?;
-                    }
-                    if let Some(message) = port.receive(clock.now() + SEND_POLL)? {
-                        overflows += u64::from(arrived.try_send(message).is_err());
-                    }
-                }
-                Ok(LinkReport::of(&port, overflows))
-            })
-            .map_err(|source| RunError::Thread { name: "link", source })?;
-        Ok(Self { received, to_send, stop, thread })
-    }
-
-    /// Counters of the port, or why the thread ended early.
-    fn finish(self) -> (Option<LinkReport>, Option<RunError>) {
-        self.stop.store(true, Ordering::Relaxed);
-        match self.thread.join() {
-            Ok(Ok(report)) => (Some(report), None),
-            Ok(Err(error)) => (None, Some(error)),
-            Err(_panicked) => (None, Some(RunError::ThreadLost { name: "link" })),
-        }
-    }
 }
 
 /// The frame thread's own state.
@@ -149,31 +135,62 @@ impl Bench<'_> {
                 break;
             }
             record.frames.scheduled += 1;
-            let released = self.clock.now();
-            record.stages.record_stage(Stage::Wait, released - asked);
-            if self.radio.thread.is_finished() {
+            let woken = self.clock.now();
+            if self.radio.is_finished() {
                 break; // its error is told when the run ends
             }
+            let mut timed =
+                FrameRecord::released(slot.number, [slot.exposure_start, slot.release, slot.due], [asked, woken]);
             self.receive(record);
-            let spare = self.spare.take().or_else(|| self.delivery.take(|times| record.stages.record(times)));
+            timed.times.set(Stage::Receive, self.clock.now() - woken);
+            record.stages.record(&timed.times);
+            let spare = self.spare.take().or_else(|| self.delivery.take(|done| record.complete(done)));
             let Some(mut parcel) = spare else {
-                self.drop_slot(slot, released, EventKind::SinkBusy, record);
+                self.drop_slot(slot, &mut timed, EventKind::SinkBusy, MissCause::SinkBusy, record);
                 continue;
             };
-            if self.is_over(slot, released) {
+            if self.is_over(slot, woken) {
                 // The slots before took so long that this one is over: nothing is drawn for it.
-                parcel.frame.meta.lateness = released - slot.due;
-                self.deliver_late(parcel, slot, released - slot.release, record)?;
+                parcel.frame.meta.lateness = timed.lateness;
+                timed.cause = Some(timed.cause_of_late_start());
+                parcel.record = timed;
+                self.deliver_late(parcel, slot, record)?;
                 continue;
             }
+            timed.load = self.engine.load();
             let times = self.engine.expose(slot, self.receiver, &mut record.ledger, &mut parcel.frame)?;
             let finished = self.clock.now();
             parcel.frame.meta.lateness = finished - slot.due;
+            self.engine.learn_load(drawn(&times), finished, slot, &mut record.ledger);
             record.count_rendered(&parcel.frame, &times);
+            self.finish_record(&mut timed, &times, &parcel.frame.meta, finished, record);
+            parcel.record = timed;
             progress(&parcel.frame, record);
-            self.deliver(parcel, slot, finished - slot.release, record)?;
+            self.deliver(parcel, slot, record)?;
         }
         Ok(())
+    }
+
+    /// Writes down how a frame came about, and why it is missed if it is.
+    fn finish_record(
+        &self,
+        timed: &mut FrameRecord,
+        times: &StageTimes,
+        meta: &FrameMeta,
+        finished: Tai,
+        record: &RunRecord,
+    ) {
+        timed.times.merge(times);
+        timed.finished = Some(finished);
+        timed.lateness = meta.lateness;
+        (timed.rung, timed.method, timed.origin) = (meta.rung, meta.method, meta.origin);
+        timed.horizon = meta.horizon;
+        timed.pointing_bound_rad = self.engine.pointing_bound_rad();
+        timed.cause = if meta.faults.contains(FaultFlags::BLANK) {
+            Some(MissCause::AwaitingAttitude)
+        } else {
+            (timed.lateness > Span::ZERO).then(|| timed.cause_of_lateness(&record.stages))
+        };
     }
 
     /// Sleeps, in short pieces, until `at`; false when the run is to stop.
@@ -196,9 +213,19 @@ impl Bench<'_> {
         }
     }
 
-    fn drop_slot(&self, slot: Slot, now: Tai, kind: EventKind, record: &mut RunRecord) {
+    fn drop_slot(
+        &self,
+        slot: Slot,
+        timed: &mut FrameRecord,
+        kind: EventKind,
+        cause: MissCause,
+        record: &mut RunRecord,
+    ) {
         record.frames.dropped += 1;
-        record.note(kind, now, slot.number, now - slot.due);
+        record.note(kind, slot.due + timed.lateness, slot.number, timed.lateness);
+        timed.fate = Fate::Dropped;
+        timed.cause = timed.cause.or(Some(cause));
+        record.ring.push(*timed);
     }
 
     /// True when drawing a slot makes no sense any more: it is past due, and under `late` by more than a frame.
@@ -209,30 +236,26 @@ impl Bench<'_> {
     }
 
     /// Sends a finished frame, or does with a late one what the policy says.
-    fn deliver(&mut self, parcel: Parcel, slot: Slot, taken: Span, record: &mut RunRecord) -> Result<(), RunError> {
+    fn deliver(&mut self, mut parcel: Parcel, slot: Slot, record: &mut RunRecord) -> Result<(), RunError> {
         let policy = self.engine.params().deadline_policy;
         let lateness = parcel.frame.meta.lateness;
         if lateness > Span::ZERO && policy != DeadlinePolicy::Late {
-            return self.deliver_late(parcel, slot, taken, record);
+            return self.deliver_late(parcel, slot, record);
         }
+        parcel.record.fate = Fate::Sent;
         if lateness > Span::ZERO {
             record.frames.late += 1;
             record.note(EventKind::Late, slot.due + lateness, slot.number, lateness);
+            parcel.record.fate = Fate::Late;
         } else if policy == DeadlinePolicy::Hold {
             copy_frame(&parcel.frame, &mut self.previous);
             self.has_previous = true;
         }
-        self.send(parcel, taken, record)
+        self.send(parcel, record)
     }
 
     /// A slot whose own frame does not go out: the previous one does under `hold`, else nothing.
-    fn deliver_late(
-        &mut self,
-        mut parcel: Parcel,
-        slot: Slot,
-        taken: Span,
-        record: &mut RunRecord,
-    ) -> Result<(), RunError> {
+    fn deliver_late(&mut self, mut parcel: Parcel, slot: Slot, record: &mut RunRecord) -> Result<(), RunError> {
         let lateness = parcel.frame.meta.lateness;
         let at = slot.due + lateness;
         record.frames.late += 1;
@@ -243,21 +266,39 @@ impl Bench<'_> {
             parcel.frame.meta.number = slot.number;
             parcel.frame.meta.lateness = lateness;
             parcel.frame.meta.faults |= FaultFlags::FRAME_DUPLICATE;
-            return self.send(parcel, taken, record);
+            parcel.record.fate = Fate::Held;
+            return self.send(parcel, record);
         }
-        self.drop_slot(slot, at, EventKind::Dropped, record);
+        let cause = parcel.record.cause.unwrap_or(MissCause::FramesBefore);
+        self.drop_slot(slot, &mut parcel.record, EventKind::Dropped, cause, record);
         self.spare = Some(parcel);
         Ok(())
     }
 
     /// Sends a frame out and tells the flight computer what was in it.
-    fn send(&mut self, parcel: Parcel, taken: Span, record: &mut RunRecord) -> Result<(), RunError> {
+    fn send(&mut self, mut parcel: Parcel, record: &mut RunRecord) -> Result<(), RunError> {
         record.count_outgoing(&parcel.frame.meta);
         for message in reply::frame_messages(&parcel.frame.meta, self.receiver) {
             let _full_queue_is_no_reason_to_wait = self.radio.to_send.try_send(message);
         }
-        self.delivery.send(parcel, taken)
+        let meta = &parcel.frame.meta;
+        // A held image is as old as when it was made: latency is that of what is seen.
+        parcel.record.mid_exposure = meta.mid_exposure;
+        parcel.record.commanded =
+            (meta.origin != origin_name(PathOrigin::Absent)).then(|| meta.mid_exposure - meta.horizon);
+        let now = self.clock.now();
+        if let Some(finished) = parcel.record.finished {
+            parcel.record.times.set(Stage::Handover, now - finished);
+        }
+        record.ring.push(parcel.record);
+        self.delivery.send(parcel, now)
     }
+}
+
+/// Drawing and detector together, on whichever side of a device.
+fn drawn(times: &StageTimes) -> Span {
+    let stages = [Stage::Upload, Stage::Render, Stage::Detector, Stage::Readback];
+    stages.into_iter().filter_map(|stage| times.get(stage)).fold(Span::ZERO, |sum, time| sum + time)
 }
 
 /// Copies a frame into another's buffers.

@@ -29,6 +29,7 @@ pub struct Receiver {
     handshake: Handshake,
     sync: Option<(u8, Tai)>,
     newest_epoch: Option<Tai>,
+    newest_arrival: Option<Tai>,
 }
 
 impl Receiver {
@@ -46,6 +47,7 @@ impl Receiver {
             handshake: Handshake::new(0, Rates { attitude_hz: 100, jitter_hz: 1000 }),
             sync: None,
             newest_epoch: None,
+            newest_arrival: None,
             params,
         })
     }
@@ -78,6 +80,12 @@ impl Receiver {
     #[must_use]
     pub fn age_at(&self, at: Tai) -> Option<Span> {
         self.newest_epoch.map(|epoch| at - epoch)
+    }
+
+    /// Time from the arrival of the attitude accepted last to `at`.
+    #[must_use]
+    pub fn arrival_age_at(&self, at: Tai) -> Option<Span> {
+        self.newest_arrival.map(|arrival| at - arrival)
     }
 
     /// Takes one message in; an answer to send, if it wants one.
@@ -122,6 +130,7 @@ impl Receiver {
         let sane = |sample: &AttitudeSample| sample.rate_rad_s.length() <= MOST_RATE_RAD_S;
         if sample.filter(sane).is_some_and(|sample| self.history.insert(sample, at).is_ok()) {
             self.newest_epoch = self.newest_epoch.max(Some(epoch));
+            self.newest_arrival = self.newest_arrival.max(Some(at));
         } else {
             ledger.note(Event::new(EventKind::SampleRefused, at, None, at - epoch));
         }

@@ -5,8 +5,8 @@ use crate::exposure::Rung;
 use crate::exposure::method::MethodName;
 use crate::link::{LinkCounters, Port};
 use crate::report::{
-    CountHistogram, EventLine, FrameCounts, LinkCounts, Machine, RunSummary, Stage, StageHistogram, StageHistograms,
-    StageTimes,
+    CountHistogram, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, RunSummary, Stage,
+    StageHistogram, StageHistograms, StageTimes,
 };
 use crate::runtime::engine::FrameEngine;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
@@ -23,6 +23,8 @@ pub struct RunRecord {
     pub ledger: Ledger,
     /// Wall time per stage.
     pub stages: StageHistograms,
+    /// The last frames' times, and why slots were missed (real clock).
+    pub ring: FrameRing,
     lateness: StageHistogram,
     attitude_age: StageHistogram,
     horizon: StageHistogram,
@@ -57,6 +59,7 @@ impl Default for RunRecord {
             frames: FrameCounts::default(),
             ledger: Ledger::default(),
             stages: StageHistograms::default(),
+            ring: FrameRing::default(),
             lateness: StageHistogram::default(),
             attitude_age: StageHistogram::default(),
             horizon: StageHistogram::default(),
@@ -69,6 +72,22 @@ impl Default for RunRecord {
 }
 
 impl RunRecord {
+    /// A record that keeps the times of the last `frames` frames.
+    #[must_use]
+    pub fn with_ring(frames: usize) -> Self {
+        Self { ring: FrameRing::with_capacity(frames), ..Self::default() }
+    }
+
+    /// A frame has been delivered: what the sink thread measured.
+    pub fn complete(&mut self, delivered: &FrameRecord) {
+        for stage in [Stage::Handover, Stage::Queue, Stage::Sink, Stage::ReleaseToDelivered] {
+            if let Some(time) = delivered.times.get(stage) {
+                self.stages.record_stage(stage, time);
+            }
+        }
+        self.ring.complete(*delivered);
+    }
+
     /// Counts a frame that was drawn.
     pub fn count_rendered(&mut self, frame: &SentFrame, times: &StageTimes) {
         self.frames.rendered += 1;
@@ -129,6 +148,8 @@ impl RunRecord {
         summary.lateness = self.lateness.quantiles();
         summary.attitude_age = self.attitude_age.quantiles();
         summary.horizon = self.horizon.quantiles();
+        summary.latency = self.ring.latency();
+        summary.misses = self.ring.misses();
         summary.stars = self.stars.spread();
         summary.link = link_counts(receiver, link);
         summary.methods = named(MethodName::ALL.iter().map(|m| m.name()).zip(self.methods));

@@ -109,6 +109,13 @@ impl VirtualLoop {
         self.stopped
     }
 
+    /// Frames drawn that have not gone out, and when the last of them will.
+    #[must_use]
+    pub fn on_the_way(&self) -> (u64, Option<Tai>) {
+        let last = self.pending.iter().map(|pending| pending.deliver_at).max();
+        (self.pending.len() as u64, last)
+    }
+
     /// True when every slot of every head has been drawn and every frame is out.
     #[must_use]
     pub fn is_finished(&self, heads: &[Head<'_>]) -> bool {

@@ -1,79 +1,39 @@
 //! CRC-32 (the IEEE 802.3 polynomial, as in zlib, PNG and Ethernet) of pixels, to compare runs bit by bit.
 //!
 //! The pixels are taken as little-endian 16-bit words, row by row from the top, so that a script can repeat it with
-//! any zlib: `zlib.crc32(pixels.astype('<u2').tobytes())`. Eight bytes per step (table "slicing").
-//! Source of the parameters: ITU-T V.42 (reflected polynomial 0xEDB88320, start and final xor 0xFFFFFFFF).
+//! any zlib: `zlib.crc32(pixels.astype('<u2').tobytes())`.
 
 use crate::base::image::DnImage;
-
-const POLYNOMIAL: u32 = 0xEDB8_8320;
-const SLICES: usize = 8;
-const TABLES: [[u32; 256]; SLICES] = tables();
-
-const fn tables() -> [[u32; 256]; SLICES] {
-    let mut tables = [[0; 256]; SLICES];
-    let mut byte = 0;
-    while byte < 256 {
-        let mut crc = byte as u32;
-        let mut slice = 0;
-        while slice < SLICES {
-            let mut bit = 0;
-            while bit < 8 {
-                crc = (crc >> 1) ^ (POLYNOMIAL * (crc & 1));
-                bit += 1;
-            }
-            tables[slice][byte] = crc;
-            slice += 1;
-        }
-        byte += 1;
-    }
-    tables
-}
+use crc32fast::Hasher;
 
 /// A CRC-32 under way.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Crc32 {
-    state: u32,
-}
-
-impl Default for Crc32 {
-    fn default() -> Self {
-        Self { state: u32::MAX }
-    }
+    value: u32,
 }
 
 impl Crc32 {
     /// Takes in more bytes.
     pub fn update(&mut self, bytes: &[u8]) {
-        for &byte in bytes {
-            self.state = (self.state >> 8) ^ TABLES[0][((self.state ^ u32::from(byte)) & 0xFF) as usize];
-        }
+        let mut hasher = Hasher::new_with_initial(self.value);
+        hasher.update(bytes);
+        self.value = hasher.finalize();
     }
 
     /// Takes in more 16-bit words, low byte first.
     pub fn update_words(&mut self, words: &[u16]) {
-        let mut fours = words.chunks_exact(4);
-        for four in &mut fours {
-            let low = self.state ^ (u32::from(four[0]) | u32::from(four[1]) << 16);
-            let high = u32::from(four[2]) | u32::from(four[3]) << 16;
-            self.state = fold(low, 4) ^ fold(high, 0);
-        }
-        for word in fours.remainder() {
-            self.update(&word.to_le_bytes());
+        if cfg!(target_endian = "little") {
+            self.update(bytemuck::cast_slice(words));
+        } else {
+            words.iter().for_each(|word| self.update(&word.to_le_bytes()));
         }
     }
 
     /// The checksum of everything taken in so far.
     #[must_use]
     pub fn value(self) -> u32 {
-        !self.state
+        self.value
     }
-}
-
-/// Carries four bytes over themselves and `bytes_after` bytes that follow.
-fn fold(word: u32, bytes_after: usize) -> u32 {
-    let at = |slice: usize, shift: u32| TABLES[slice][((word >> shift) & 0xFF) as usize];
-    at(bytes_after + 3, 0) ^ at(bytes_after + 2, 8) ^ at(bytes_after + 1, 16) ^ at(bytes_after, 24)
 }
 
 /// CRC-32 of an image's pixels.

@@ -98,6 +98,8 @@ pub struct Assessment {
     solved_rows: u64,
     /// Sum of the tracker's variances in the window, and their number.
     tracker_variance: (f64, u64),
+    /// Largest micro-vibration, rad, with the wheel speed then, rad/s.
+    vibration: (f64, f64),
     violations: u64,
     violation_lines: Vec<String>,
     refusals: Vec<String>,
@@ -139,6 +141,7 @@ impl Assessment {
             least_sun_angle_rad: None,
             solved_rows: 0,
             tracker_variance: (0.0, 0),
+            vibration: (0.0, 0.0),
             violations: 0,
             violation_lines: Vec::new(),
             refusals: Vec::new(),
@@ -156,6 +159,9 @@ impl Assessment {
         self.last_boresight_rad = sensor.truncate().length();
         if self.last_boresight_rad > self.expect.recovered_arcsec * ARCSEC {
             self.last_off = row.at;
+        }
+        if row.vibration_rad > self.vibration.0 {
+            self.vibration = (row.vibration_rad, row.wheel_speed_rad_s);
         }
         self.solved_rows += u64::from(row.heads_solved > 0);
         self.least_sun_angle_rad = match (self.least_sun_angle_rad, row.sun_angle_rad) {
@@ -265,6 +271,13 @@ impl Assessment {
         (count > 0).then(|| (sum / count as f64).sqrt())
     }
 
+    /// Largest micro-vibration, arcsec, and the largest wheel speed then, in revolutions per second; `None`: none.
+    #[must_use]
+    pub fn vibration(&self) -> Option<(f64, f64)> {
+        let (vibration_rad, speed_rad_s) = self.vibration;
+        (vibration_rad > 0.0).then(|| (vibration_rad / ARCSEC, speed_rad_s / core::f64::consts::TAU))
+    }
+
     /// Smallest angle between the kept boresight and the Sun, rad.
     #[must_use]
     pub fn least_sun_angle_rad(&self) -> Option<f64> {
@@ -327,6 +340,15 @@ impl Assessment {
                 wanted: format!("rms pointing error above {limit} arcsec"),
                 got: pointing.map_or_else(|| "none".into(), |got| format!("{got:.3} arcsec")),
                 passed: pointing.is_none_or(|got| got > limit),
+            });
+        }
+        if let Some(least) = expect.least_sun_angle_deg {
+            let got = self.least_sun_angle_rad.map(f64::to_degrees);
+            verdicts.push(Verdict {
+                name: "smallest angle to the Sun",
+                wanted: format!("at least {least} deg"),
+                got: got.map_or_else(|| "no boresight is kept from it".into(), |got| format!("{got:.3} deg")),
+                passed: got.is_some_and(|got| got >= least),
             });
         }
         if let Some(mode) = expect.final_mode {

@@ -7,7 +7,7 @@
 use crate::base::axes::{Body, Icrf, Rotation, Sensor};
 use crate::base::clock::{Clock, Virtual};
 use crate::base::time::{Span, Tai};
-use crate::config::{ConfigError, Event, Scenario, StartTime};
+use crate::config::{Action, ConfigError, Event, Scenario, StartTime};
 use crate::link::Port;
 use crate::link::simulated::simulated_pair;
 use crate::link::tap::{FaultControl, FaultyLink};
@@ -17,23 +17,24 @@ use crate::runtime::ledger::Event as LedgerEvent;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::virtual_time::{Head, VirtualLoop, World};
 use crate::runtime::{EventKind, FrameEngine, RunError, RunRecord};
-use crate::sink::{FrameMeta, SentFrame, Sink, SinkSummary, TapEnd, Tee, tap};
-use crate::testbed::acs::linear::PointingLoop;
-use crate::testbed::acs::pointing_error::PointingNoise;
-use crate::testbed::estimator::GyroNoise;
+use crate::sink::{FrameMeta, SentFrame, Sink, TapEnd, Tee, tap};
 use crate::testbed::flight_computer::{FlightComputer, FlightError};
-use crate::testbed::vehicle::{TelemetryRow, Vehicle, VehicleError, VehicleParams};
+use crate::testbed::vehicle::{TelemetryRow, Vehicle, VehicleError};
 use crate::wiring::assessment::Assessment;
 use crate::wiring::bench_parts;
-use crate::wiring::faults::{Aboard, FaultLine, FaultLog, LoggedFault, Places, PlacesRead};
+use crate::wiring::faults::{Aboard, FaultLine, FaultLog, LoggedFault, Places, PlacesRead, action_name, check_places};
+use crate::wiring::loop_outcome::{LoopOutcome, LoopView, predicted_pointing_rad, vehicle_counts};
 use crate::wiring::vehicle_parts::vehicle_params;
 use crate::wiring::witness::Witness;
 use core::cell::RefCell;
 use firmware_protocol::can::IdMap;
+use glam::DVec3;
 use std::sync::Arc;
 
 /// Frames on their way to a tracker.
 const TAP_FRAMES: usize = 8;
+/// Half a turn at half a degree per second, and settling: recovery counts from then on.
+const LONGEST_SLEW: Span = Span::from_ms(450_000);
 /// Streams of the seed, so that faults, frames and sensors do not share numbers.
 const BUS_SEED: u64 = 0x6275_7300;
 
@@ -94,20 +95,6 @@ pub struct ClosedLoop {
     mounting: Rotation<Sensor, Body>,
     zero: Tai,
     end: Tai,
-}
-
-/// What stands after a run.
-pub struct LoopOutcome {
-    /// Counts, times and events of the stimulator.
-    pub record: RunRecord,
-    /// What each head's sink wrote.
-    pub sinks: Vec<SinkSummary>,
-    /// Telemetry summed up, invariants.
-    pub assessment: Assessment,
-    /// Every fault and what it hit.
-    pub faults: Vec<FaultLine>,
-    /// What linear theory makes of the tracker's noise: rms error of the boresight's direction, rad.
-    pub predicted_pointing_rad: Option<f64>,
 }
 
 impl ClosedLoop {
@@ -175,7 +162,9 @@ impl ClosedLoop {
     /// When it names a head or wheel that is not there.
     pub fn inject(&mut self, event: &Event) -> Result<(), LoopError> {
         let far = self.far.get_mut();
-        check_event(event, self.heads.len(), far.computer.vehicle().map_or(0, |v| v.wheel_speeds_rad_s().len()))?;
+        let wheels = far.computer.vehicle().map_or(0, |vehicle| vehicle.wheel_speeds_rad_s().len());
+        check_places(event, self.heads.len(), wheels)
+            .map_err(|why| LoopError::Event { what: action_name(&event.action), why })?;
         let mut event = *event;
         event.at = event.at.max(self.clock.now() - self.zero);
         let mut places = Places {
@@ -188,8 +177,12 @@ impl ClosedLoop {
         // A stable sort, latest first: what was added first comes first among simultaneous ones.
         far.aboard.reverse();
         far.aboard.sort_by_key(|(at, _)| core::cmp::Reverse(*at));
+        if matches!(event.action, Action::Slew(_)) {
+            let from = self.zero + event.at;
+            far.witness.expect_disturbance(from, from + LONGEST_SLEW);
+        }
         if let Some(fault) = self.faults.faults().get(before) {
-            far.witness.expect_fault(fault.from, fault.until);
+            far.witness.expect_disturbance(fault.from, fault.until);
             let span = fault.until - fault.from;
             self.going.record_mut().ledger.note(LedgerEvent::new(EventKind::Fault, fault.from, None, span));
         }
@@ -248,19 +241,43 @@ impl ClosedLoop {
         look(self.far.borrow().witness.assessment())
     }
 
-    /// The true attitude of the first head at `at`, at most two seconds ago.
+    /// The true attitude of the first head and the body's rate (body axes, rad/s) at `at`, at most two seconds ago.
+    /// Looking changes nothing.
     ///
     /// # Errors
-    /// When it is longer ago.
-    pub fn truth(&self, at: Tai) -> Result<Rotation<Sensor, Icrf>, LoopError> {
-        let mut far = self.far.borrow_mut();
+    /// When it is longer ago, or has not been flown.
+    pub fn truth(&self, at: Tai) -> Result<(Rotation<Sensor, Icrf>, DVec3), LoopError> {
         let no_vehicle = || LoopError::Parts("nothing is flown".into());
-        let truth = far.computer.vehicle_mut().ok_or_else(no_vehicle)?.truth(at)?;
-        Ok(self.mounting * truth.body_from_icrf)
+        let truth = self.with_vehicle(|vehicle| vehicle.flown_truth(at)).ok_or_else(no_vehicle)??;
+        Ok((self.mounting * truth.body_from_icrf, truth.rate_rad_s))
     }
 
-    /// Advances simulated time to `at`, and does everything that is due by then. `on_frame` sees each frame of each head
-    /// as it goes out; false ends the run.
+    /// Mounting of the first head.
+    #[must_use]
+    pub fn mounting(&self) -> Rotation<Sensor, Body> {
+        self.mounting
+    }
+
+    /// The end of a frame's readout, the number counted from 0; the same for all heads.
+    #[must_use]
+    pub fn frame_due(&self, number: u32) -> Tai {
+        self.heads[0].engine.slot(number).due
+    }
+
+    /// Frames of each head in the whole run.
+    #[must_use]
+    pub fn frames_per_head(&self) -> u32 {
+        self.heads[0].engine.params().frames
+    }
+
+    /// True when the last frame is out.
+    #[must_use]
+    pub fn is_finished(&self) -> bool {
+        self.now() >= self.last_release() && self.going.on_the_way().0 == 0
+    }
+
+    /// Advances simulated time to `at`, and does everything that is due by then; at the latest to the end of the run, so
+    /// that a run in steps is the run in one. `on_frame` sees each frame of each head as it goes out; false ends the run.
     ///
     /// # Errors
     /// When a part of the loop failed.
@@ -269,7 +286,52 @@ impl ClosedLoop {
         at: Tai,
         on_frame: &mut dyn FnMut(usize, &SentFrame, &RunRecord) -> bool,
     ) -> Result<(), LoopError> {
-        self.go(on_frame, |going, heads, world| going.advance_to(at, heads, world))
+        let drawn = self.last_release();
+        self.go(on_frame, |going, heads, world| going.advance_to(at.min(drawn), heads, world))?;
+        // Everything is drawn: the run is over when the last frame is out, whatever else would happen later.
+        match self.going.on_the_way() {
+            _ if at < drawn => Ok(()),
+            (_, Some(last_out)) if at < last_out && at < self.end => {
+                self.go(on_frame, |going, heads, world| going.advance_to(at, heads, world))
+            }
+            _ => self.run_to_end(on_frame),
+        }
+    }
+
+    /// When the last frame of the run has been drawn.
+    fn last_release(&self) -> Tai {
+        let last = |head: &LoopHead| head.engine.slot(head.engine.params().frames.saturating_sub(1)).release;
+        self.heads.iter().map(last).max().unwrap_or(self.end)
+    }
+
+    /// Shows the run as it stands; the frames' CRC-32 of each head are the caller's.
+    pub fn look<T>(&self, frames_crc32: Vec<u32>, look: impl FnOnce(&LoopView<'_>) -> T) -> T {
+        let far = self.far.borrow();
+        let assessment = far.witness.assessment();
+        let (estimator, untagged) = vehicle_counts(far.computer.vehicle());
+        look(&LoopView {
+            record: self.record(),
+            frames_crc32,
+            assessment,
+            faults: self.faults(),
+            estimator,
+            untagged,
+            predicted_pointing_rad: self.predicted_pointing_rad(&far.computer, assessment),
+            simulated_s: self.simulated_s(),
+        })
+    }
+
+    /// Since the first exposure, s; the last frame's readout is not counted.
+    fn simulated_s(&self) -> f64 {
+        let until = if self.is_finished() { self.end } else { self.now().min(self.end) };
+        (until - self.zero).s().max(0.0)
+    }
+
+    fn predicted_pointing_rad(&self, computer: &FlightComputer, assessment: &Assessment) -> Option<f64> {
+        let params = self.heads[0].engine.params();
+        let latency_s = 0.5 * params.camera.exposure_s + params.camera.readout_s;
+        let vehicle = computer.vehicle()?.params();
+        Some(predicted_pointing_rad(vehicle, assessment.nea_rad()?, params.frame_period.s(), latency_s))
     }
 
     /// Advances until the last frame is out.
@@ -293,20 +355,17 @@ impl ClosedLoop {
         for head in &mut self.heads {
             sinks.push(head.sink.finish().map_err(RunError::from)?);
         }
-        let now = self.now();
-        let camera = &self.heads[0].engine.params().camera;
-        let (exposure_s, readout_s) = (camera.exposure_s, camera.readout_s);
-        let period_s = self.heads[0].engine.params().frame_period.s();
+        let (now, simulated_s) = (self.now(), self.simulated_s());
+        let (on_the_way, _) = self.going.on_the_way();
+        let predicted_pointing_rad = {
+            let far = self.far.borrow();
+            self.predicted_pointing_rad(&far.computer, far.witness.assessment())
+        };
         let record = self.going.into_record();
         let far = self.far.into_inner();
-        let assessment = far.witness.finish(&record, &faults, now);
-        let vehicle = far.computer.vehicle().map(Vehicle::params);
-        let predicted = |vehicle| {
-            let latency_s = 0.5 * exposure_s + readout_s;
-            Some(predicted_pointing_rad(vehicle, assessment.nea_rad()?, period_s, latency_s))
-        };
-        let predicted_pointing_rad = vehicle.and_then(predicted);
-        Ok(LoopOutcome { record, sinks, assessment, faults, predicted_pointing_rad })
+        let (estimator, untagged) = vehicle_counts(far.computer.vehicle());
+        let assessment = far.witness.finish(&record, &faults, now, on_the_way);
+        Ok(LoopOutcome { record, sinks, assessment, faults, estimator, untagged, predicted_pointing_rad, simulated_s })
     }
 
     fn go(
@@ -425,44 +484,4 @@ fn ports(
     let far = FaultyLink::new(Box::new(far), shared, to_computer.clone(), seed.wrapping_add(1));
     let ids = IdMap::new(0, 0).ok_or_else(|| LoopError::Parts("CAN identifiers".into()))?;
     Ok((Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids)))
-}
-
-/// Rms error of the boresight's direction (two axes) in fine pointing, as linear theory has it.
-fn predicted_pointing_rad(vehicle: &VehicleParams, nea_rad: f64, period_s: f64, latency_s: f64) -> f64 {
-    let pointing = PointingLoop {
-        gains: vehicle.acs.fine,
-        delay_s: vehicle.actuation_delay.s(),
-        control_period_s: vehicle.acs.control_period.s(),
-        filter: vehicle.acs.filter,
-        inertia_ratio: 1.0,
-    };
-    let gyro = GyroNoise {
-        arw_rad_sqrt_s: vehicle.gyro.angle_random_walk_rad_sqrt_s,
-        rrw_rad_s_sqrt_s: vehicle.gyro.rate_random_walk_rad_s_sqrt_s,
-    };
-    let heads = vehicle.heads.len().max(1) as f64;
-    let delay_s = vehicle.heads.first().map_or(0.0, |head| head.delay.s());
-    let noise = PointingNoise {
-        nea_rad: nea_rad / heads.sqrt(),
-        tracker_period_s: period_s,
-        latency_s: latency_s + delay_s,
-        gyro,
-    };
-    core::f64::consts::SQRT_2 * pointing.pointing_error(&noise).pointing_sigma_rad
-}
-
-fn check_event(event: &Event, heads: usize, wheels: usize) -> Result<(), LoopError> {
-    use crate::config::Action;
-    let what = crate::wiring::faults::action_name(&event.action);
-    let refuse = |why: String| Err(LoopError::Event { what, why });
-    match event.action {
-        Action::Frame { head: Some(head), .. } | Action::TrackerOff { head: Some(head) } if head >= heads => {
-            refuse(format!("head {head}: there are {heads}, counted from 0"))
-        }
-        Action::WheelFailure { wheel } if wheel >= wheels => {
-            refuse(format!("wheel {wheel}: there are {wheels}, counted from 0"))
-        }
-        _ if event.at < Span::ZERO => refuse("wanted a time not before the first exposure".into()),
-        _ => Ok(()),
-    }
 }

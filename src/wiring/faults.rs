@@ -2,13 +2,16 @@
 
 use crate::base::time::{Span, Tai};
 use crate::config::{Action, Event, GyroFaultKind};
-use crate::link::tap::FaultControl;
+use crate::link::tap::{FaultControl, LinkFault};
 use crate::runtime::frame_faults::FrameFaults;
-use crate::sink::FrameFault;
+use crate::sink::{FaultFlags, FrameFault};
 use crate::testbed::acs::Command;
 use crate::testbed::vehicle::VehicleFault;
 use crate::wiring::vehicle_parts::attitude;
 use serde::Serialize;
+
+/// Delayed packets and the estimate of the flight computer's clock outlive a fault of the bus by this.
+const BUS_AFTERMATH: Span = Span::from_ms(2000);
 
 /// What the vehicle's side does at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -90,7 +93,12 @@ impl FaultLog {
             }
             Action::Safe => return aboard.push((from, Aboard::Command(Command::Safe))),
             Action::Resume => return aboard.push((from, Aboard::Command(Command::Resume))),
-            Action::Bus(fault) => Place::BusToStimulator(places.to_stimulator.add(from, until, fault)),
+            Action::Bus(fault) => {
+                for frames in &mut places.frames {
+                    frames.mark(from, until + BUS_AFTERMATH, link_flag(&fault));
+                }
+                Place::BusToStimulator(places.to_stimulator.add(from, until, fault))
+            }
             Action::BusBack(fault) => Place::BusToComputer(places.to_computer.add(from, until, fault)),
             Action::Frame { head, fault } => {
                 let add = |(i, faults): (usize, &mut &mut FrameFaults)| {
@@ -143,6 +151,31 @@ pub struct PlacesRead<'a> {
     pub frames: Vec<&'a FrameFaults>,
 }
 
+/// The flag of a fault of the bus in the frames of its time.
+fn link_flag(fault: &LinkFault) -> FaultFlags {
+    match fault {
+        LinkFault::Loss { .. } => FaultFlags::LINK_DROP,
+        LinkFault::Silence => FaultFlags::LINK_STALE,
+        LinkFault::Delay { .. } => FaultFlags::LINK_DELAY,
+        LinkFault::Duplicate { .. } => FaultFlags::LINK_DUPLICATE,
+        LinkFault::WrongBits { .. } => FaultFlags::LINK_CORRUPT,
+    }
+}
+
+/// Refuses an event that names a head or wheel that is not there, with why.
+pub(super) fn check_places(event: &Event, heads: usize, wheels: usize) -> Result<(), String> {
+    match event.action {
+        Action::Frame { head: Some(head), .. } | Action::TrackerOff { head: Some(head) } if head >= heads => {
+            Err(format!("head {head}: there are {heads}, counted from 0"))
+        }
+        Action::WheelFailure { wheel } if wheel >= wheels => {
+            Err(format!("wheel {wheel}: there are {wheels}, counted from 0"))
+        }
+        _ if event.at < Span::ZERO => Err("wanted a time not before the first exposure".into()),
+        _ => Ok(()),
+    }
+}
+
 fn vehicle_fault(action: &Action) -> Option<VehicleFault> {
     Some(match *action {
         Action::Gyro(GyroFaultKind::Dropout) => VehicleFault::GyroDropout,
@@ -158,7 +191,6 @@ fn vehicle_fault(action: &Action) -> Option<VehicleFault> {
 /// The word for an action in a scenario file.
 #[must_use]
 pub fn action_name(action: &Action) -> &'static str {
-    use crate::link::tap::LinkFault;
     match action {
         Action::Slew(_) => "slew",
         Action::Safe => "safe",

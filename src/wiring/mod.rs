@@ -6,8 +6,12 @@
 pub mod assessment;
 pub mod bench_parts;
 pub mod camera_parts;
+pub mod campaign;
 pub mod closed_loop;
+pub mod control;
+pub mod fault_schedule;
 pub mod faults;
+pub mod loop_outcome;
 pub mod seeded;
 pub mod study;
 pub mod vehicle_parts;

@@ -56,8 +56,8 @@ impl Witness {
         &self.assessment
     }
 
-    /// A fault is going to act.
-    pub fn expect_fault(&mut self, from: Tai, until: Tai) {
+    /// A fault is going to act, or a slew to be made.
+    pub fn expect_disturbance(&mut self, from: Tai, until: Tai) {
         self.faults.push((from, until));
         self.faults.sort();
     }
@@ -103,9 +103,9 @@ impl Witness {
         }
     }
 
-    /// Judges what can only be judged at the end.
+    /// Judges what can only be judged at the end, when so many frames are still on their way.
     #[must_use]
-    pub fn finish(mut self, record: &RunRecord, faults: &[FaultLine], now: Tai) -> Assessment {
+    pub fn finish(mut self, record: &RunRecord, faults: &[FaultLine], now: Tai, on_the_way: u64) -> Assessment {
         let now_s = (now - self.assessment.zero()).s();
         for fault in faults {
             let lasted_s = now_s.min(fault.until_s) - fault.from_s;
@@ -115,10 +115,10 @@ impl Witness {
             }
         }
         let frames = &record.frames;
-        if frames.delivered + frames.dropped != frames.scheduled {
+        if frames.delivered + frames.dropped + on_the_way != frames.scheduled {
             self.assessment.violate(|| {
                 format!(
-                    "{} frames scheduled, but {} delivered and {} dropped",
+                    "{} frames scheduled, but {} delivered, {} dropped and {on_the_way} on their way",
                     frames.scheduled, frames.delivered, frames.dropped
                 )
             });

@@ -3,12 +3,13 @@
 use crate::complaints;
 use crate::counting::{Found, allocations_in};
 use starloop::base::clock::{Clock, Virtual};
-use starloop::base::time::Tai;
+use starloop::base::time::{Span, Tai};
 use starloop::config::{Backend, Bench, StartTime};
 use starloop::link::Port;
 use starloop::link::simulated::simulated_pair;
+use starloop::report::FrameRecord;
 use starloop::runtime::receiver::Receiver;
-use starloop::runtime::{FrameEngine, Ledger};
+use starloop::runtime::{FrameEngine, Ledger, RunRecord};
 use starloop::sink::SentFrame;
 use starloop::testbed::flight_computer::FlightComputer;
 use starloop::wiring::bench_parts;
@@ -29,17 +30,29 @@ pub(crate) fn complaints_of_the_bench() -> Vec<String> {
     let (width, height) = (camera.geometry.width_px(), camera.geometry.height_px());
     let mut frame = SentFrame::with_capacity(width, height, 16_384, camera.name.clone());
     engine.warm_up(&mut frame).unwrap();
+    // Fewer than frames: records are overwritten too.
+    let mut record = RunRecord::with_ring(16);
+    engine.follow_load();
     let mut cable = Cable::new(&bench, start);
     let mut wrong = Vec::new();
     for number in 0..params.frames {
         let slot = engine.slot(number);
         cable.carry_until(slot.release, &mut receiver, &mut ledger);
         let mut expose = || {
-            engine.expose(slot, &mut receiver, &mut ledger, &mut frame).unwrap();
+            let times = engine.expose(slot, &mut receiver, &mut ledger, &mut frame).unwrap();
+            engine.learn_load(Span::from_ms(i64::from(number % 40)), slot.due, slot, &mut ledger);
+            let at = [slot.exposure_start, slot.release, slot.due];
+            let mut timed = FrameRecord::released(number, at, [slot.release, slot.release]);
+            timed.times.merge(&times);
+            timed.cause = Some(timed.cause_of_lateness(&record.stages));
+            record.count_rendered(&frame, &times);
+            record.ring.push(timed);
+            timed.delivered = Some(slot.due);
+            record.complete(&timed);
         };
         let found: Vec<Found> = if number < WARM_UP { (expose(), Vec::new()).1 } else { allocations_in(expose) };
         wrong.extend(complaints(&format!("bench, frame {number}"), &found));
-        assert!(frame.truth.len() > 100, "frame {number} has stars");
+        assert!(!frame.truth.is_empty(), "frame {number} has stars");
     }
     wrong
 }

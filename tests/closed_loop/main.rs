@@ -5,8 +5,12 @@
 mod attitude;
 mod bad_input;
 mod bench;
+mod budget;
 mod calibrated;
+mod campaign;
+mod control;
 mod deadline;
 mod degraded;
+mod pixels;
 mod program;
 mod study;

@@ -130,13 +130,15 @@ impl GpuDetector {
         let mut watch = Stopwatch::start();
         self.submit(electrons, frame, exposure_s)?;
         let submit = watch.lap();
-        self.readback.receive(&self.gpu, |bytes| {
+        let wait = self.readback.receive(&self.gpu, |bytes| {
+            let wait = watch.lap();
             let pixels: &mut [u8] = bytemuck::cast_slice_mut(out.pixels_mut());
             // The device's copy is rounded up to whole words.
             let count = pixels.len().min(bytes.len());
             pixels[..count].copy_from_slice(&bytes[..count]);
+            wait
         })?;
-        self.times = FrameTimes { submit, receive: watch.lap() };
+        self.times = FrameTimes { submit, wait, copy: watch.lap() };
         Ok(())
     }
 

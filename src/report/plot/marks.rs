@@ -15,7 +15,7 @@ const SHAPES: [&str; 7] = [
 ];
 
 /// Colour of a group; the eighth begins again.
-pub(super) fn colour(group: usize) -> &'static str {
+pub(in crate::report) fn colour(group: usize) -> &'static str {
     COLOURS[group % COLOURS.len()]
 }
 

@@ -18,6 +18,7 @@ mod svg;
 mod tests;
 
 pub use front::pareto_front;
+pub(super) use marks::colour;
 pub use svg::to_svg;
 
 /// How values are spread along an axis.

@@ -4,6 +4,7 @@ use super::axis::Tick;
 use super::layout::{Entry, LINE_PX, Layout, SWATCH_PX, WIDTH_PX};
 use super::marks::{colour, shape};
 use super::{Chart, Series, Style};
+use crate::report::xml::escaped;
 
 /// Lines of an SVG under construction.
 struct Page {
@@ -155,21 +156,4 @@ fn write_entry(page: &mut Page, entry: &Entry) {
     }
     let text_px = x_px + SWATCH_PX;
     page.line(&format!(r#"<text x="{text_px:.1}" y="{y_px:.1}">{}</text>"#, escaped(name)));
-}
-
-/// Text as XML wants it; characters that XML does not allow become spaces.
-fn escaped(text: &str) -> String {
-    let mut escaped = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => escaped.push_str("&amp;"),
-            '<' => escaped.push_str("&lt;"),
-            '>' => escaped.push_str("&gt;"),
-            '"' => escaped.push_str("&quot;"),
-            '\u{fffe}' | '\u{ffff}' => escaped.push(' '),
-            c if c.is_control() => escaped.push(' '),
-            c => escaped.push(c),
-        }
-    }
-    escaped
 }

@@ -90,6 +90,7 @@ pub struct Vehicle {
     known_since: Option<Tai>,
     /// What was commanded last; shown in telemetry whatever the control makes of it.
     target: Rotation<Body, Icrf>,
+    largest_vibration_rad: f64,
     telemetry: Telemetry,
 }
 
@@ -126,6 +127,7 @@ impl Vehicle {
             control_steps: 0,
             known_since: None,
             target: params.target,
+            largest_vibration_rad: 0.0,
             telemetry: Telemetry::default(),
             spacecraft,
             vibration,
@@ -149,6 +151,20 @@ impl Vehicle {
         Ok(self.spacecraft.attitude_at(at)?)
     }
 
+    /// The same of what has been flown already: looking changes nothing. At most a bus record's time behind.
+    ///
+    /// # Errors
+    /// When `at` is outside.
+    pub fn flown_truth(&self, at: Tai) -> Result<AttitudeTruth, VehicleError> {
+        Ok(self.spacecraft.attitude_at(at)?)
+    }
+
+    /// Until when the motion has been flown.
+    #[must_use]
+    pub fn flown_until(&self) -> Tai {
+        self.spacecraft.time()
+    }
+
     /// Micro-vibration at `at`: rotation vector of the body away from its smooth attitude, body axes, rad. Zero when none
     /// is computed.
     ///
@@ -159,7 +175,9 @@ impl Vehicle {
         let speeds = self.spacecraft.wheel_speeds_rad_s();
         let Some(vibration) = self.vibration.as_mut() else { return Ok(DVec3::ZERO) };
         vibration.advance_to(at, speeds);
-        Ok(vibration.sample(at.min(vibration.time()))?)
+        let sample = vibration.sample(at.min(vibration.time()))?;
+        self.largest_vibration_rad = self.largest_vibration_rad.max(sample.length());
+        Ok(sample)
     }
 
     /// Hears when a frame was exposed.
@@ -194,8 +212,9 @@ impl Vehicle {
         self.telemetry.mode_events.extend(output.event);
         self.resume(at, output.mode);
         self.control_steps += 1;
-        if self.control_steps % u64::from(self.params.telemetry_every.max(1)) == 0 {
+        if self.control_steps.is_multiple_of(u64::from(self.params.telemetry_every.max(1))) {
             let row = self.row(at, &truth, &output);
+            self.largest_vibration_rad = 0.0;
             self.telemetry.rows.push(row);
         }
         Ok(())
@@ -265,6 +284,18 @@ impl Vehicle {
     #[must_use]
     pub fn estimate(&self) -> Option<Rotation<Body, Icrf>> {
         self.estimator.attitude(self.last.0)
+    }
+
+    /// One sigma of the estimated attitude per body axis, rad.
+    #[must_use]
+    pub fn estimate_sigma_rad(&self) -> DVec3 {
+        self.estimator.sigma_rad()
+    }
+
+    /// When the estimate holds: the last control step.
+    #[must_use]
+    pub fn estimate_at(&self) -> Tai {
+        self.last.0
     }
 
     /// What the parts were made with.
@@ -375,9 +406,14 @@ impl Vehicle {
             rate_rad_s: truth.rate_rad_s,
             bias_error_rad_s: self.estimator.bias_rad_s() - self.gyro.bias_rad_s(),
             torque_n_m: output.torque_n_m,
+            vibration_rad: self.largest_vibration_rad,
             wheel_speed_rad_s: speeds.iter().fold(0.0, |most, speed| f64::max(most, speed.abs())),
             wheel_momentum_n_m_s: self.spacecraft.wheel_momentum_n_m_s().length(),
             heads_solved: u32::try_from(solved).unwrap_or(u32::MAX),
+            no_solution: match self.heads.first().and_then(|head| head.report.last) {
+                Some(Outcome::NoSolution(reason)) => Some(reason),
+                _ => None,
+            },
             stars: self.solution().map_or(0, |solution| solution.stars),
             tracker_sigma_rad: self.solution().map(|solution| {
                 let variance = solution.covariance_rad2;

@@ -5,6 +5,7 @@
 
 use crate::base::time::Tai;
 use crate::testbed::acs::{Mode, ModeEvent};
+use crate::testbed::tracker::Reason;
 use glam::DVec3;
 
 /// One row.
@@ -26,12 +27,16 @@ pub struct TelemetryRow {
     pub bias_error_rad_s: DVec3,
     /// Commanded torque, N m.
     pub torque_n_m: DVec3,
+    /// Largest micro-vibration that went over the bus since the last row, rad.
+    pub vibration_rad: f64,
     /// Largest wheel speed, rad/s.
     pub wheel_speed_rad_s: f64,
     /// Momentum of the wheels, N m s.
     pub wheel_momentum_n_m_s: f64,
     /// Heads whose last frame gave an attitude.
     pub heads_solved: u32,
+    /// Why the first head's last frame gave no attitude; `None`: it gave one, or there was no frame.
+    pub no_solution: Option<Reason>,
     /// Stars in the first head's last attitude.
     pub stars: u32,
     /// What the first head's tracker thinks of its last attitude: sigma across the boresight, per axis, rad.
@@ -41,7 +46,7 @@ pub struct TelemetryRow {
 }
 
 /// Bytes of one row.
-pub const ROW_BYTES: usize = 8 * 24;
+pub const ROW_BYTES: usize = 8 * 25;
 
 impl TelemetryRow {
     /// The row as little-endian numbers of eight bytes.
@@ -60,7 +65,7 @@ impl TelemetryRow {
         let sigma = self.tracker_sigma_rad.unwrap_or(f64::NAN);
         let mut bytes = [0; ROW_BYTES];
         let words = [self.at.ns().cast_unsigned(), self.mode as u64].into_iter();
-        let words = words.chain(numbers.into_iter().flatten().chain([sigma]).map(f64::to_bits));
+        let words = words.chain(numbers.into_iter().flatten().chain([sigma, self.vibration_rad]).map(f64::to_bits));
         for (place, word) in bytes.chunks_exact_mut(8).zip(words) {
             place.copy_from_slice(&word.to_le_bytes());
         }

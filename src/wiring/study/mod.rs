@@ -47,7 +47,7 @@ pub enum StudyError {
         /// Which point.
         point: String,
         /// Why.
-        why: LoopError,
+        why: Box<LoopError>,
     },
     /// the scenario's control has no crossover
     #[error("the control's gain is one at no frequency: wanted a fine pointing loop within its control period")]
@@ -209,7 +209,8 @@ impl Study {
         let done = AtomicUsize::new(0);
         let measure = |part: &Part| {
             let name = part.name();
-            let points = self.measure(part).map_err(|why| StudyError::Run { point: name.clone(), why })?;
+            let points =
+                self.measure(part).map_err(|why| StudyError::Run { point: name.clone(), why: Box::new(why) })?;
             tell(done.fetch_add(1, Ordering::Relaxed) + 1, parts.len(), &name);
             Ok(points)
         };

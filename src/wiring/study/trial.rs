@@ -16,7 +16,7 @@ use crate::testbed::spacecraft::TestTorque;
 use crate::wiring::closed_loop::{ClosedLoop, LoopError};
 use core::f64::consts::TAU;
 use glam::DVec3;
-use std::sync::mpsc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// First attitude, mode changes and the first correction of the gyro's bias take less than this, s.
 pub const QUIET_S: f64 = 30.0;
@@ -120,7 +120,8 @@ pub fn at_rest(scenario: &Scenario, duration_s: f64, window_s: f64, injection: &
 pub fn fly(scenario: &Scenario) -> Result<Trace, LoopError> {
     let mut going = ClosedLoop::new(scenario, |_| Box::new(NullSink::new()))?;
     let start = going.now();
-    let (tell, heard) = mpsc::channel();
+    let heard = Arc::new(Mutex::new(Vec::new()));
+    let told = Arc::clone(&heard);
     going.on_row(move |row| {
         let sample = Sample {
             t_s: (row.at - start).s(),
@@ -129,12 +130,12 @@ pub fn fly(scenario: &Scenario) -> Result<Trace, LoopError> {
             rate_rad_s: row.rate_rad_s,
             is_fine: row.mode == Mode::FinePointing,
         };
-        // The other end lives until the loop is over.
-        let _ = tell.send(sample);
+        told.lock().unwrap_or_else(PoisonError::into_inner).push(sample);
     });
     going.run_to_end(&mut |_, _, _| true)?;
     let outcome = going.finish()?;
-    Ok(Trace { samples: heard.try_iter().collect(), nea_rad: outcome.assessment.nea_rad() })
+    let samples = core::mem::take(&mut *heard.lock().unwrap_or_else(PoisonError::into_inner));
+    Ok(Trace { samples, nea_rad: outcome.assessment.nea_rad() })
 }
 
 impl Trace {

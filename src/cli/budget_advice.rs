@@ -1,0 +1,81 @@
+//! What the planner would change when a run was over its time: for the frame that took longest to draw, the first rung of
+//! the ladder and the method that would bring it inside, with cost and error as predicted.
+//!
+//! The planner's costs are scaled by what the frame really took: on a loaded machine they are too low. The planner changes
+//! drawing only; other stages are told to be beyond it.
+
+use crate::cli::frame_plan::FramePlans;
+use crate::cli::run::Finished;
+use crate::exposure::{ExposurePlan, Rung};
+use crate::report::{BudgetLine, LineVerdict, Stage};
+use crate::runtime::load::ratio_of;
+use anyhow::Result;
+
+/// Lines of advice; none when nothing is broken.
+///
+/// # Errors
+/// When the frame cannot be planned again.
+pub(super) fn advice(finished: &Finished, lines: &[BudgetLine], render_limit_ms: f64) -> Result<Vec<String>> {
+    let broken: Vec<&BudgetLine> = lines.iter().filter(|line| line.verdict == LineVerdict::Broken).collect();
+    if broken.is_empty() {
+        return Ok(Vec::new());
+    }
+    let works_by_itself = |line: &&BudgetLine| {
+        Stage::OF_A_FRAME.iter().any(|stage| stage.name() == line.name) && line.name != Stage::Render.name()
+    };
+    let beyond = broken.iter().copied().filter(works_by_itself);
+    let mut advice: Vec<String> = beyond
+        .map(|line| format!("{}: the planner shortens drawing only; this is not its to change", line.name))
+        .collect();
+    let drawn =
+        finished.outcome.record.ring.last().filter_map(|record| Some((record, record.times.get(Stage::Render)?)));
+    let Some((slowest, took)) = drawn.max_by_key(|(_, time)| *time) else { return Ok(advice) };
+    let params = finished.engine.params();
+    let cost = params.cost.unwrap_or(finished.engine.imager().cost());
+    let mut frames = FramePlans::new(&finished.bench, finished.start, params)?;
+    let mut planner = frames.planner(cost, None);
+    let whole = frames.plan(slowest.number, &mut planner)?;
+    // What was drawn may have been degraded already; its own cost is not kept, so the load may be higher than this.
+    let times_as_long = ratio_of(whole.chosen.cost_ms, took.ms()).unwrap_or(1.0);
+    advice.push(format!(
+        "frame {} took {:.2} ms to draw (rung {}, {}); whole: {}, about {:.1} times as long as predicted",
+        slowest.number,
+        took.ms(),
+        slowest.rung,
+        slowest.method,
+        told(whole),
+        times_as_long
+    ));
+    let mut planner = frames.planner(cost, Some(render_limit_ms / times_as_long));
+    let plan = frames.plan(slowest.number, &mut planner)?;
+    advice.push(verdict(plan, render_limit_ms, times_as_long));
+    Ok(advice)
+}
+
+fn verdict(plan: &ExposurePlan, limit_ms: f64, times_as_long: f64) -> String {
+    let expected_ms = plan.chosen.cost_ms * times_as_long;
+    let told = told(plan);
+    if expected_ms > limit_ms {
+        format!(
+            "no rung brings drawing inside {limit_ms:.2} ms at this load; the last one: {told}, {expected_ms:.2} ms here"
+        )
+    } else if plan.rung == Rung::Full {
+        format!("drawing fits {limit_ms:.2} ms whole ({told}, {expected_ms:.2} ms here): the time went elsewhere")
+    } else {
+        let rung = plan.rung;
+        format!("inside {limit_ms:.2} ms: {told}, {expected_ms:.2} ms here; it gives up {}", rung.gives_up())
+    }
+}
+
+fn told(plan: &ExposurePlan) -> String {
+    let chosen = &plan.chosen;
+    format!(
+        "rung {}, {}, {} stars, predicted {:.2} ms, at most {:.1e} px and {:.1e} sigma wrong",
+        plan.rung,
+        chosen.method,
+        plan.stars.len(),
+        chosen.cost_ms,
+        chosen.centroid_px,
+        chosen.pixel_sigma
+    )
+}

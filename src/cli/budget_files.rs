@@ -1,0 +1,29 @@
+//! What `--report DIR` writes: budget.json, frames_timing.csv, junit.xml, worst.svg. Each whole or not at all.
+
+use crate::report::{BudgetReport, FrameRing, frames_csv, timeline_svg, to_junit};
+use crate::sink::write_file_atomically;
+use anyhow::{Context, Result};
+use std::path::Path;
+
+/// Frames in worst.svg.
+const WORST: usize = 16;
+
+/// Writes the four files.
+///
+/// # Errors
+/// When the directory or a file cannot be written.
+pub(super) fn write(directory: &Path, report: &BudgetReport, ring: &FrameRing) -> Result<()> {
+    std::fs::create_dir_all(directory).with_context(|| format!("--report: {}", directory.display()))?;
+    let worst = ring.worst(WORST);
+    let title = format!("{}: the {} worst of {} frames", report.bench, worst.len(), ring.total());
+    let files = [
+        ("budget.json", report.to_json_pretty()?.into_bytes()),
+        ("frames_timing.csv", frames_csv(ring.last())?),
+        ("junit.xml", to_junit(report).into_bytes()),
+        ("worst.svg", timeline_svg(&title, &worst).into_bytes()),
+    ];
+    for (name, bytes) in files {
+        write_file_atomically(&directory.join(name), |out| out.write_all(&bytes))?;
+    }
+    Ok(())
+}

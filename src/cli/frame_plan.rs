@@ -1,0 +1,63 @@
+//! The plan of one frame of a bench, without drawing it: from the simulated flight computer's own truth.
+
+use crate::attitude::LosPath;
+use crate::base::axes::Rotation;
+use crate::base::time::Tai;
+use crate::config::Bench;
+use crate::exposure::cost::CostModel;
+use crate::exposure::{ExposurePlan, Planner};
+use crate::runtime::RunParams;
+use crate::runtime::sky_view::SkyView;
+use crate::testbed::flight_computer::FlightComputer;
+use crate::wiring::bench_parts;
+use anyhow::Result;
+
+/// Everything but the planner.
+pub(super) struct FramePlans<'a> {
+    params: &'a RunParams,
+    computer: FlightComputer,
+    sky: SkyView,
+}
+
+impl<'a> FramePlans<'a> {
+    /// For the frames of a bench whose clock starts at `start`.
+    ///
+    /// # Errors
+    /// When the catalog or the observer cannot be had.
+    pub(super) fn new(bench: &Bench, start: Tai, params: &'a RunParams) -> Result<Self> {
+        Ok(Self {
+            params,
+            computer: FlightComputer::new(bench_parts::flight_computer(bench, start)),
+            sky: SkyView::new(&params.camera, params.observer.clone(), params.first_exposure)?,
+        })
+    }
+
+    /// A planner that weighs every method; with a limit, one that goes down the ladder.
+    pub(super) fn planner(&self, cost: CostModel, limit_ms: Option<f64>) -> Planner {
+        let RunParams { camera, budget, method, .. } = self.params;
+        let los = LosPath::commanded(Rotation::IDENTITY, self.params.first_exposure, camera.exposure_s);
+        let planner = Planner::new(camera.instrument(), *budget, cost, *method, los).thorough();
+        match limit_ms {
+            Some(limit_ms) => planner.within_ms(limit_ms),
+            None => planner,
+        }
+    }
+
+    /// Plans frame `number`.
+    ///
+    /// # Errors
+    /// When the observer's orbit cannot be computed.
+    pub(super) fn plan<'p>(&mut self, number: u32, planner: &'p mut Planner) -> Result<&'p ExposurePlan> {
+        let attitude = &self.params.attitude;
+        let los = &mut planner.motion_mut().los;
+        los.exposure_start = self.params.exposure_start(number);
+        let truth = self.computer.truth(los.mid_exposure());
+        let mount = attitude.sensor_from_body;
+        los.mid_sensor_from_icrf = mount * truth.body_from_icrf;
+        los.rate_rad_s = mount.apply(truth.rate_rad_s);
+        los.acceleration_rad_s2 = mount.apply(truth.acceleration_rad_s2);
+        los.jitter.lines.clone_from(&attitude.jitter_lines);
+        los.jitter.lines_epoch = attitude.jitter_epoch;
+        Ok(planner.plan(self.sky.in_view(&planner.latest().motion.los)?))
+    }
+}

@@ -1,0 +1,216 @@
+//! The timing budget: what was allowed, what was measured, and what that means, line by line.
+//!
+//! In: limits, stage histograms and the frame ring. Out: [`BudgetLine`]s and the whole [`BudgetReport`] as JSON. A line
+//! compares the 99 % quantile (below 100 frames: the longest). A stage that did not run breaks no limit; that nothing was
+//! delivered breaks those of delivery.
+
+use crate::report::ReportError;
+use crate::report::frame_ring::{FrameRing, Latency};
+use crate::report::histogram::Quantiles;
+use crate::report::machine::Machine;
+use crate::report::stages::{Stage, StageHistograms};
+use crate::report::summary::FrameCounts;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// What is allowed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BudgetLimits {
+    /// 99 % quantile of each stage, ms; `None`: any.
+    pub stage_p99_ms: [Option<f64>; Stage::COUNT],
+    /// 99 % quantile from the epoch of the newest attitude in an image to its delivery, ms; `None`: any.
+    pub latency_p99_ms: Option<f64>,
+    /// Slots that may be missed.
+    pub missed_frames: u64,
+}
+
+impl Default for BudgetLimits {
+    /// No frame may be missed; times may be any.
+    fn default() -> Self {
+        Self { stage_p99_ms: [None; Stage::COUNT], latency_p99_ms: None, missed_frames: 0 }
+    }
+}
+
+/// What one line says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LineVerdict {
+    /// Inside the limit.
+    Met,
+    /// Over the limit.
+    Broken,
+    /// There is no limit.
+    NoLimit,
+    /// There is a limit and nothing to hold against it: the stage did not run on this backend.
+    NotRun,
+}
+
+impl LineVerdict {
+    /// In words.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Met => "met",
+            Self::Broken => "BROKEN",
+            Self::NoLimit => "-",
+            Self::NotRun => "did not run",
+        }
+    }
+}
+
+/// One line of the budget: times of a stage, or a count of slots.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct BudgetLine {
+    /// What it is about.
+    pub name: &'static str,
+    /// Limit of the 99 % quantile, ms, or of the count; `None`: any.
+    pub limit: Option<f64>,
+    /// Times measured; `None` for a count.
+    pub times: Option<Quantiles>,
+    /// Slots counted; `None` for times.
+    pub slots: Option<u64>,
+    /// Verdict.
+    pub verdict: LineVerdict,
+}
+
+/// Name of the line of missed slots.
+pub const MISSED: &str = "missed_frames";
+/// Name of the line of latency.
+pub const LATENCY: &str = "latency";
+
+impl BudgetLine {
+    fn of_times(name: &'static str, limit: Option<f64>, times: Quantiles, must_run: bool) -> Self {
+        let verdict = match limit {
+            None => LineVerdict::NoLimit,
+            Some(_) if times.count == 0 && must_run => LineVerdict::Broken,
+            Some(_) if times.count == 0 => LineVerdict::NotRun,
+            Some(limit) if times.p99_ms <= limit => LineVerdict::Met,
+            Some(_) => LineVerdict::Broken,
+        };
+        Self { name, limit, times: Some(times), slots: None, verdict }
+    }
+
+    /// What is wrong with it, in one sentence; `None` unless it is broken.
+    #[must_use]
+    pub fn complaint(&self) -> Option<String> {
+        if self.verdict != LineVerdict::Broken {
+            return None;
+        }
+        let limit = self.limit.unwrap_or(0.0);
+        Some(match (&self.times, self.slots) {
+            (Some(times), _) if times.count == 0 => format!("{}: nothing was delivered", self.name),
+            (Some(times), _) => {
+                format!("{}: p99 {:.3} ms, allowed {limit:.3} ms (max {:.3} ms)", self.name, times.p99_ms, times.max_ms)
+            }
+            (None, slots) => format!("{}: {} slots, allowed {limit:.0}", self.name, slots.unwrap_or(0)),
+        })
+    }
+}
+
+/// Every line: the stages in order (but for the wait), the latency, the missed slots.
+#[must_use]
+pub fn budget_lines(limits: &BudgetLimits, stages: &StageHistograms, ring: &FrameRing) -> Vec<BudgetLine> {
+    let of_stage = |stage: &Stage| {
+        let limit = limits.stage_p99_ms[*stage as usize];
+        BudgetLine::of_times(stage.name(), limit, stages.of(*stage), *stage == Stage::ReleaseToDelivered)
+    };
+    let mut lines: Vec<_> = Stage::ALL.iter().filter(|stage| **stage != Stage::Wait).map(of_stage).collect();
+    let latency = ring.latency().epoch_to_delivered;
+    lines.push(BudgetLine::of_times(LATENCY, limits.latency_p99_ms, latency, true));
+    let missed = ring.missed();
+    lines.push(BudgetLine {
+        name: MISSED,
+        limit: Some(limits.missed_frames as f64),
+        times: None,
+        slots: Some(missed),
+        verdict: if missed <= limits.missed_frames { LineVerdict::Met } else { LineVerdict::Broken },
+    });
+    lines
+}
+
+/// Something that makes a thread or its memory real-time, and whether it was had.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct HygieneLine {
+    /// What was asked for.
+    pub what: String,
+    /// Whether it was had.
+    pub got: bool,
+    /// How, or why not.
+    pub detail: String,
+}
+
+/// Everything a run on the real clock says about its time.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct BudgetReport {
+    /// Version of starloop.
+    pub starloop_version: String,
+    /// Name of the bench.
+    pub bench: String,
+    /// Name of the camera.
+    pub camera: String,
+    /// Render backend.
+    pub backend: String,
+    /// What the backend ran on.
+    pub adapter: String,
+    /// The machine.
+    pub machine: Machine,
+    /// Length of the run, s.
+    pub duration_s: f64,
+    /// Busy threads beside the run.
+    pub load_threads: usize,
+    /// What became of the frames.
+    pub frames: FrameCounts,
+    /// The lines.
+    pub lines: Vec<BudgetLine>,
+    /// Latency of delivered frames.
+    pub latency: Latency,
+    /// Slots missed, by cause.
+    pub misses: BTreeMap<String, u64>,
+    /// Frames degraded to keep their time, by rung.
+    pub degraded: BTreeMap<String, u64>,
+    /// What was had of real-time scheduling and memory.
+    pub hygiene: Vec<HygieneLine>,
+    /// What the planner would change to bring a broken stage inside.
+    pub advice: Vec<String>,
+}
+
+impl BudgetReport {
+    /// The lines that are broken.
+    pub fn broken(&self) -> impl Iterator<Item = &BudgetLine> {
+        self.lines.iter().filter(|line| line.verdict == LineVerdict::Broken)
+    }
+
+    /// What broke the budget: of the broken stages of work the one that is furthest over its limit; else the cause of most
+    /// misses; else the longest stage, or the first broken line. `None` when the budget is met.
+    #[must_use]
+    pub fn culprit(&self) -> Option<String> {
+        let first = self.broken().next()?;
+        let is_work = |line: &&BudgetLine| Stage::OF_A_FRAME.iter().any(|stage| stage.name() == line.name);
+        let over_ms = |line: &BudgetLine| line.times.map_or(0.0, |times| times.p99_ms) - line.limit.unwrap_or(0.0);
+        let furthest = self.broken().filter(is_work).max_by(|a, b| over_ms(a).total_cmp(&over_ms(b)));
+        let stage = furthest.map(|line| line.name.to_owned());
+        let most_missed = self.misses.iter().max_by_key(|(_, count)| **count).map(|(cause, _)| cause.clone());
+        Some(stage.or(most_missed).unwrap_or_else(|| self.longest_stage().unwrap_or(first.name).to_owned()))
+    }
+
+    /// The stage of work with the largest 99 % quantile.
+    fn longest_stage(&self) -> Option<&'static str> {
+        let is_work = |line: &&BudgetLine| Stage::OF_A_FRAME.iter().any(|stage| stage.name() == line.name);
+        let p99_ms = |line: &BudgetLine| line.times.map_or(0.0, |times| times.p99_ms);
+        let is_delivery = self.broken().any(|line| line.name == Stage::ReleaseToDelivered.name());
+        let longest = self.lines.iter().filter(is_work).max_by(|a, b| p99_ms(a).total_cmp(&p99_ms(b)));
+        longest.filter(|line| is_delivery && p99_ms(line) > 0.0).map(|line| line.name)
+    }
+
+    /// JSON, ending in a line break. Numbers that are not finite become `null`.
+    ///
+    /// # Errors
+    /// [`ReportError::Json`] when it cannot be expressed.
+    pub fn to_json_pretty(&self) -> Result<String, ReportError> {
+        Ok(serde_json::to_string_pretty(self)? + "\n")
+    }
+}
+
+#[cfg(test)]
+#[path = "budget_tests.rs"]
+pub(crate) mod tests;

@@ -1,0 +1,42 @@
+//! The budget as JUnit XML: one test case per line, for the systems that collect test results.
+//!
+//! The form is the common one (testsuite, testcase, failure, skipped). A line without a limit is skipped, as is one
+//! whose stage did not run.
+
+use crate::report::budget::{BudgetLine, BudgetReport, LineVerdict};
+use crate::report::xml::escaped;
+use core::fmt::Write;
+
+/// The report as an XML document.
+#[must_use]
+pub fn to_junit(report: &BudgetReport) -> String {
+    let count = |wanted: &[LineVerdict]| report.lines.iter().filter(|line| wanted.contains(&line.verdict)).count();
+    let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
+    let _text_only_grows = writeln!(
+        text,
+        "<testsuites>\n<testsuite name=\"{}\" tests=\"{}\" failures=\"{}\" errors=\"0\" skipped=\"{}\" time=\"{:.3}\">",
+        escaped(&format!("timing budget of {}", report.bench)),
+        report.lines.len(),
+        count(&[LineVerdict::Broken]),
+        count(&[LineVerdict::NoLimit, LineVerdict::NotRun]),
+        report.duration_s
+    );
+    report.lines.iter().for_each(|line| write_case(&mut text, line, &report.advice));
+    text + "</testsuite>\n</testsuites>\n"
+}
+
+fn write_case(text: &mut String, line: &BudgetLine, advice: &[String]) {
+    let seconds = line.times.map_or(0.0, |times| times.p99_ms * 1e-3);
+    let head = format!("<testcase classname=\"timing_budget\" name=\"{}\" time=\"{seconds:.6}\"", escaped(line.name));
+    let body = match (line.verdict, line.complaint()) {
+        (LineVerdict::NoLimit, _) => "<skipped message=\"no limit\"/>".to_owned(),
+        (LineVerdict::NotRun, _) => "<skipped message=\"the stage did not run\"/>".to_owned(),
+        (_, Some(complaint)) => {
+            let (complaint, advice) = (escaped(&complaint), escaped(&advice.join("; ")));
+            format!("<failure type=\"over budget\" message=\"{complaint}\">{complaint}. {advice}</failure>")
+        }
+        (_, None) => String::new(),
+    };
+    let _text_only_grows =
+        if body.is_empty() { writeln!(text, "{head}/>") } else { writeln!(text, "{head}>{body}</testcase>") };
+}

@@ -1,0 +1,135 @@
+//! Measured over predicted drawing time: how much slower the machine is than the costs say, frame by frame.
+//!
+//! In: what a frame was predicted to take and what it took (drawing and detector). Out: a ratio, 1 without load, by which
+//! the planner's time is divided, on the real clock only. Up at once: one slow frame, and the next one is planned for
+//! a machine as slow. Down slowly: exponentially, with a time constant of [`RECOVERY_FRAMES`], so that a load that comes
+//! and goes does not make frames late each time it comes. *Limits.* Never below 1: a fast machine is no reason to
+//! give up the margin; `starloop calibrate` is. A half millisecond is added to both times, so that fixed costs of small
+//! frames are no load. *Validation.* the tests below, and `tests/closed_loop/budget.rs`.
+
+/// Frames in which what is left of a load that has gone falls to 1/e (37 %).
+pub const RECOVERY_FRAMES: f64 = 10.0;
+/// Highest ratio: one frame that stood still for seconds must not blind the stimulator for minutes.
+pub const MOST: f64 = 10.0;
+/// Added to both times, ms.
+const SLACK_MS: f64 = 0.5;
+/// From here on the machine is called overloaded..
+const OVERLOADED: f64 = 2.0;
+/// ..until it is below this.
+const GONE: f64 = 1.5;
+
+/// The ratio, and what has been said about it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LoadEstimate {
+    ratio: f64,
+    is_overloaded: bool,
+}
+
+/// A change worth telling.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LoadChange {
+    /// Drawing takes much longer than predicted.
+    Overloaded,
+    /// It does no more.
+    Gone,
+}
+
+/// Measured over predicted time of one frame, from 1 to [`MOST`]; `None` for times that are no numbers.
+#[must_use]
+pub fn ratio_of(predicted_ms: f64, measured_ms: f64) -> Option<f64> {
+    let seen = (measured_ms + SLACK_MS) / (predicted_ms + SLACK_MS);
+    (seen.is_finite() && predicted_ms >= 0.0).then(|| seen.clamp(1.0, MOST))
+}
+
+impl Default for LoadEstimate {
+    /// No load.
+    fn default() -> Self {
+        Self { ratio: 1.0, is_overloaded: false }
+    }
+}
+
+impl LoadEstimate {
+    /// Measured over predicted time, from 1 to [`MOST`].
+    #[must_use]
+    pub fn ratio(&self) -> f64 {
+        self.ratio
+    }
+
+    /// Takes a frame in, ms; says when the load begins or has gone. Times that are no numbers are left out.
+    pub fn observe(&mut self, predicted_ms: f64, measured_ms: f64) -> Option<LoadChange> {
+        let seen = ratio_of(predicted_ms, measured_ms)?;
+        self.ratio =
+            if seen >= self.ratio { seen } else { seen + (self.ratio - seen) * (-1.0 / RECOVERY_FRAMES).exp() };
+        let was_overloaded = self.is_overloaded;
+        self.is_overloaded = self.ratio > if was_overloaded { GONE } else { OVERLOADED };
+        match (was_overloaded, self.is_overloaded) {
+            (false, true) => Some(LoadChange::Overloaded),
+            (true, false) => Some(LoadChange::Gone),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ratios after each (predicted, measured).
+    fn ratios(load: &mut LoadEstimate, frames: impl IntoIterator<Item = (f64, f64)>) -> Vec<f64> {
+        let mut observe = |(predicted_ms, measured_ms)| {
+            load.observe(predicted_ms, measured_ms);
+            load.ratio()
+        };
+        frames.into_iter().map(&mut observe).collect()
+    }
+
+    #[test]
+    fn one_slow_frame_is_enough_and_the_load_is_forgotten_slowly() {
+        let mut load = LoadEstimate::default();
+        assert_eq!(ratios(&mut load, [(19.5, 19.5), (19.5, 12.0)]), [1.0, 1.0], "fast is no load");
+        assert_eq!(ratios(&mut load, [(19.5, 59.5)]), [3.0], "at once");
+        let falling = ratios(&mut load, [(19.5, 19.5); 40]);
+        assert!(falling.windows(2).all(|pair| pair[1] < pair[0]), "{falling:?}");
+        // After one time constant 1/e of the excess is left, by definition.
+        let left = (falling[9] - 1.0) / 2.0;
+        assert!((left - (-1.0_f64).exp()).abs() < 1e-12, "{left}");
+        assert!(falling[0] > 2.5 && falling[39] < 1.05, "{falling:?}");
+    }
+
+    #[test]
+    fn a_steady_load_stays_and_a_smaller_one_is_reached_from_above() {
+        let mut load = LoadEstimate::default();
+        assert!(ratios(&mut load, [(9.5, 39.5); 5]).iter().all(|ratio| *ratio == 4.0));
+        let towards = *ratios(&mut load, [(9.5, 19.5); 100]).last().unwrap();
+        assert!((towards - 2.0).abs() < 1e-3, "{towards}");
+    }
+
+    #[test]
+    fn changes_are_told_once_and_not_for_every_flicker() {
+        let mut load = LoadEstimate::default();
+        let mut told = Vec::new();
+        let series = [1.0, 3.0, 1.0, 3.0, 1.0, 3.0].into_iter().chain([1.0; 60]).chain([3.0]);
+        for (i, ratio) in series.enumerate() {
+            told.extend(load.observe(19.5, 20.0 * ratio - 0.5).map(|change| (i, change)));
+        }
+        assert_eq!(
+            told.iter().map(|(_, change)| *change).collect::<Vec<_>>(),
+            [LoadChange::Overloaded, LoadChange::Gone, LoadChange::Overloaded]
+        );
+        assert_eq!((told[0].0, told[2].0), (1, 66), "at once");
+    }
+
+    #[test]
+    fn small_frames_and_nonsense_are_no_load() {
+        let mut load = LoadEstimate::default();
+        load.observe(0.0, 0.2);
+        assert!(load.ratio() < 1.5, "0.2 ms of fixed costs: {}", load.ratio());
+        let before = load;
+        for (predicted_ms, measured_ms) in [(f64::NAN, 1.0), (1.0, f64::NAN), (-0.5, 1.0), (1.0, f64::INFINITY)] {
+            load.observe(predicted_ms, measured_ms);
+        }
+        assert_eq!(load, before);
+        load.observe(0.1, 60_000.0);
+        assert_eq!(load.ratio(), MOST, "one frame that stood still");
+    }
+}

@@ -1,0 +1,208 @@
+//! Lines of JSON -> requests, and replies -> JSON. Version 1.
+//!
+//! ```text
+//! {"id": 1, "request": "hello"}
+//! {"request": "step", "s": 0.5}                    or "frames": 3, or "until_s": 12.0
+//! {"request": "inject", "event": {"do": "gyro_dropout", "for_s": 2.0}}
+//! {"request": "truth", "at_s": 11.9}               at_s may be left out
+//! {"request": "estimate"}
+//! {"request": "frame", "head": 0, "path": "f.fits"}    path may be left out: pixels come as base64
+//! {"request": "summary"}
+//! {"request": "finish"}
+//! ```
+//!
+//! Times are seconds after the first exposure. An event has the keys of `[[event]]` in a scenario file; without `at_s` it
+//! begins now.
+
+use serde_json::{Map, Value, json};
+
+/// Version of the protocol: a client that meets another one should not go on.
+pub const PROTOCOL_VERSION: u32 = 1;
+
+/// Longest line of a request, bytes without its end.
+pub const LINE_BYTES_MAX: usize = 64 * 1024;
+
+/// What a client may ask for.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Request {
+    /// What is run, by which protocol.
+    Hello,
+    /// Advance the clock.
+    Step(StepBy),
+    /// Add an event: the keys of `[[event]]`.
+    Inject(Map<String, Value>),
+    /// True attitude.
+    Truth {
+        /// When; `None`: now.
+        at_s: Option<f64>,
+    },
+    /// What the flight computer thinks.
+    Estimate,
+    /// Newest frame.
+    Frame {
+        /// Of this head.
+        head: usize,
+        /// FITS file to write; `None`: pixels in the reply.
+        path: Option<String>,
+    },
+    /// Report so far.
+    Summary,
+    /// End of the run.
+    Finish,
+}
+
+/// How far to step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum StepBy {
+    /// Seconds.
+    Seconds(f64),
+    /// Until so many more frames of the first head have gone out.
+    Frames(u64),
+    /// To a time.
+    Until(f64),
+}
+
+/// Every request by name, with the keys that it takes.
+const REQUESTS: [(&str, &[&str]); 8] = [
+    ("hello", &[]),
+    ("step", &["s", "frames", "until_s"]),
+    ("inject", &["event"]),
+    ("truth", &["at_s"]),
+    ("estimate", &[]),
+    ("frame", &["head", "path"]),
+    ("summary", &[]),
+    ("finish", &[]),
+];
+
+/// Reads one line: the request's id, when there is one, and the request, or what is wrong with it in plain words.
+pub fn parse(line: &str) -> (Option<Value>, Result<Request, String>) {
+    let value: Value = match serde_json::from_str(line) {
+        Ok(value) => value,
+        Err(error) => return (None, Err(format!("the line is not JSON: {error}; wanted {EXAMPLE}"))),
+    };
+    let Value::Object(keys) = value else {
+        return (None, Err(format!("the line is {}; wanted an object such as {EXAMPLE}", kind(&value))));
+    };
+    let id = keys.get("id").cloned();
+    (id, Keys { keys }.request())
+}
+
+/// A reply that says what went wrong.
+#[must_use]
+pub fn refused(id: Option<Value>, why: &str) -> Value {
+    let mut reply = json!({ "ok": false, "error": why });
+    echo(id, &mut reply);
+    reply
+}
+
+/// A reply with an answer, which must be an object.
+#[must_use]
+pub fn told(id: Option<Value>, answer: Value) -> Value {
+    let mut reply = answer;
+    reply["ok"] = Value::Bool(true);
+    echo(id, &mut reply);
+    reply
+}
+
+fn echo(id: Option<Value>, reply: &mut Value) {
+    if let Some(id) = id {
+        reply["id"] = id;
+    }
+}
+
+const EXAMPLE: &str = "{\"request\": \"step\", \"s\": 0.5}";
+
+/// The keys of one request.
+struct Keys {
+    keys: Map<String, Value>,
+}
+
+impl Keys {
+    fn request(mut self) -> Result<Request, String> {
+        let names = || REQUESTS.map(|(name, _)| name).join(", ");
+        let name = match self.keys.remove("request") {
+            Some(Value::String(name)) => name,
+            Some(other) => return Err(format!("request is {}; wanted one of: {}", shown(&other), names())),
+            None => return Err(format!("request is missing; wanted one of: {}", names())),
+        };
+        let found = REQUESTS.iter().find(|(known, _)| *known == name);
+        let (_, takes) = found.ok_or_else(|| format!("request is \"{name}\"; wanted one of: {}", names()))?;
+        if let Some(key) = self.keys.keys().find(|key| *key != "id" && !takes.contains(&key.as_str())) {
+            let known = if takes.is_empty() { "nothing else".to_owned() } else { takes.join(", ") };
+            return Err(format!("unknown key \"{key}\" in {name}; wanted {known}"));
+        }
+        Ok(match name.as_str() {
+            "hello" => Request::Hello,
+            "step" => Request::Step(self.step()?),
+            "inject" => Request::Inject(self.event()?),
+            "truth" => Request::Truth { at_s: self.number("at_s")? },
+            "estimate" => Request::Estimate,
+            "frame" => Request::Frame { head: self.head()?, path: self.path()? },
+            "summary" => Request::Summary,
+            _ => Request::Finish,
+        })
+    }
+
+    fn step(&self) -> Result<StepBy, String> {
+        let given = ["s", "frames", "until_s"].iter().filter(|key| self.keys.contains_key(**key)).count();
+        if given != 1 {
+            return Err(format!("step has {given} of s, frames and until_s; wanted exactly one"));
+        }
+        if let Some(s) = self.number("s")? {
+            let is_ahead = s > 0.0;
+            return if is_ahead { Ok(StepBy::Seconds(s)) } else { Err(format!("s is {s}; wanted seconds above 0")) };
+        }
+        if let Some(frames) = self.keys.get("frames") {
+            let count = frames.as_u64().filter(|count| *count > 0);
+            let refuse = || format!("frames is {}; wanted a whole number above 0", shown(frames));
+            return count.map(StepBy::Frames).ok_or_else(refuse);
+        }
+        self.number("until_s")?.map(StepBy::Until).ok_or_else(|| "until_s is missing".into())
+    }
+
+    fn event(&mut self) -> Result<Map<String, Value>, String> {
+        let example = "an object with the keys of [[event]], such as {\"do\": \"gyro_dropout\", \"for_s\": 2.0}";
+        match self.keys.remove("event") {
+            Some(Value::Object(event)) => Ok(event),
+            Some(other) => Err(format!("event is {}; wanted {example}", shown(&other))),
+            None => Err(format!("event is missing; wanted {example}")),
+        }
+    }
+
+    fn head(&self) -> Result<usize, String> {
+        let Some(head) = self.keys.get("head") else { return Ok(0) };
+        let number = head.as_u64().and_then(|head| usize::try_from(head).ok());
+        number.ok_or_else(|| format!("head is {}; wanted its number, counted from 0", shown(head)))
+    }
+
+    fn path(&self) -> Result<Option<String>, String> {
+        match self.keys.get("path") {
+            None => Ok(None),
+            Some(Value::String(path)) if !path.is_empty() => Ok(Some(path.clone())),
+            Some(other) => Err(format!("path is {}; wanted the path of a FITS file to write", shown(other))),
+        }
+    }
+
+    /// JSON has no infinite numbers, so one that is there is finite.
+    fn number(&self, key: &str) -> Result<Option<f64>, String> {
+        let Some(value) = self.keys.get(key) else { return Ok(None) };
+        value.as_f64().map(Some).ok_or_else(|| format!("{key} is {}; wanted a number", shown(value)))
+    }
+}
+
+fn kind(value: &Value) -> &'static str {
+    match value {
+        Value::Null => "null",
+        Value::Bool(_) => "true or false",
+        Value::Number(_) => "a number",
+        Value::String(_) => "a string",
+        Value::Array(_) => "a list",
+        Value::Object(_) => "an object",
+    }
+}
+
+/// A value for a message: itself when short, else what it is.
+fn shown(value: &Value) -> String {
+    let text = value.to_string();
+    if text.len() <= 60 { text } else { kind(value).into() }
+}

@@ -1,0 +1,121 @@
+//! Every line is a request or a refusal in plain words; lines of any bytes are told apart; base64 as published.
+
+use super::base64::encode;
+use super::lines::{ControlAddress, Incoming, LineSocket};
+use super::protocol::{LINE_BYTES_MAX, Request, StepBy, parse};
+use core::sync::atomic::AtomicBool;
+use serde_json::json;
+use std::io::Write;
+use std::net::{TcpListener, TcpStream};
+
+#[test]
+fn base64_is_that_of_rfc_4648_section_10() {
+    let published = [
+        ("", ""),
+        ("f", "Zg=="),
+        ("fo", "Zm8="),
+        ("foo", "Zm9v"),
+        ("foob", "Zm9vYg=="),
+        ("fooba", "Zm9vYmE="),
+        ("foobar", "Zm9vYmFy"),
+    ];
+    for (bytes, text) in published {
+        assert_eq!(encode(bytes.as_bytes()), text, "{bytes}");
+    }
+    assert_eq!(encode(&[0xfb, 0xff, 0xfe]), "+//+", "both signs of the alphabet");
+}
+
+#[test]
+fn requests_are_read() {
+    let read = |line| parse(line).1.expect(line);
+    assert_eq!(read(r#"{"request": "hello"}"#), Request::Hello);
+    assert_eq!(read(r#"{"request": "step", "s": 2}"#), Request::Step(StepBy::Seconds(2.0)));
+    assert_eq!(read(r#"{"request": "step", "frames": 3}"#), Request::Step(StepBy::Frames(3)));
+    assert_eq!(read(r#"{"request": "step", "until_s": -0.5}"#), Request::Step(StepBy::Until(-0.5)));
+    assert_eq!(read(r#"{"request": "truth"}"#), Request::Truth { at_s: None });
+    assert_eq!(read(r#"{"request": "frame", "head": 1}"#), Request::Frame { head: 1, path: None });
+    let (id, _) = parse(r#"{"id": [1, "a"], "request": "dance"}"#);
+    assert_eq!(id, Some(json!([1, "a"])), "an id is echoed whatever it is and whatever is wrong");
+}
+
+#[test]
+fn what_is_wrong_with_a_request_is_said() {
+    let cases = [
+        ("hello", "not JSON"),
+        ("[1]", "the line is a list"),
+        ("{}", "request is missing; wanted one of: hello, step"),
+        (r#"{"request": 1}"#, "request is 1"),
+        (r#"{"request": "dance"}"#, "request is \"dance\""),
+        (r#"{"request": "hello", "s": 1}"#, "unknown key \"s\" in hello"),
+        (r#"{"request": "step"}"#, "step has 0 of"),
+        (r#"{"request": "step", "s": 1, "frames": 1}"#, "step has 2 of"),
+        (r#"{"request": "step", "s": "1"}"#, "s is \"1\"; wanted a number"),
+        (r#"{"request": "step", "s": -1}"#, "s is -1; wanted seconds above 0"),
+        (r#"{"request": "step", "s": 0}"#, "above 0"),
+        (r#"{"request": "step", "s": 1e999}"#, "not JSON"),
+        (r#"{"request": "step", "frames": 1.5}"#, "frames is 1.5; wanted a whole number"),
+        (r#"{"request": "step", "frames": -2}"#, "frames is -2"),
+        (r#"{"request": "inject"}"#, "event is missing"),
+        (r#"{"request": "inject", "event": 3}"#, "event is 3"),
+        (r#"{"request": "truth", "at_s": null}"#, "at_s is null"),
+        (r#"{"request": "frame", "head": -1}"#, "head is -1"),
+        (r#"{"request": "frame", "path": ""}"#, "path is \"\""),
+    ];
+    for (line, part) in cases {
+        let error = parse(line).1.expect_err(line);
+        assert!(error.contains(part), "{line}: no \"{part}\" in: {error}");
+    }
+}
+
+#[test]
+fn only_loopback_addresses_are_taken() {
+    for good in ["127.0.0.1:0", "127.8.8.8:99", "[::1]:4000", "localhost:7"] {
+        assert!(good.parse::<ControlAddress>().is_ok(), "{good}");
+    }
+    for (bad, part) in [("0.0.0.0:0", "not a loopback"), ("192.168.1.2:5", "not a loopback"), ("[::]:0", "not a")] {
+        let error = bad.parse::<ControlAddress>().expect_err(bad);
+        assert!(error.contains(part), "{bad}: {error}");
+    }
+    for bad in ["", "127.0.0.1", "localhost:port", "example.org:1"] {
+        assert!(bad.parse::<ControlAddress>().expect_err(bad).contains("such as 127.0.0.1:0"), "{bad}");
+    }
+}
+
+/// A server's socket and a client's stream.
+fn connected() -> (LineSocket, TcpStream) {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let client = TcpStream::connect(listener.local_addr().expect("bound")).expect("a listener");
+    (LineSocket::new(listener.accept().expect("a client").0).expect("options"), client)
+}
+
+#[test]
+fn lines_of_any_length_and_bytes_are_told_apart() {
+    let (mut socket, mut client) = connected();
+    let longest = "x".repeat(LINE_BYTES_MAX);
+    let mut sent = b"one\n\r\n  two\r\n\xff\xfe\x00\n".to_vec();
+    sent.extend_from_slice(longest.as_bytes());
+    sent.extend_from_slice(b"\n");
+    sent.extend_from_slice("y".repeat(LINE_BYTES_MAX + 1).as_bytes());
+    sent.extend_from_slice(b"\n");
+    sent.extend_from_slice("z".repeat(5 * LINE_BYTES_MAX).as_bytes());
+    sent.extend_from_slice(b"\nlast\nunfinished");
+    let writer = std::thread::Builder::new().name("client".into()).spawn(move || client.write_all(&sent).is_ok());
+    let stop = AtomicBool::new(false);
+    let mut next = || socket.read_line(&stop);
+    assert_eq!(next(), Incoming::Line("one".into()));
+    assert_eq!(next(), Incoming::Line("two".into()), "empty lines ask for nothing");
+    assert!(matches!(next(), Incoming::Unusable(why) if why.contains("UTF-8")));
+    assert_eq!(next(), Incoming::Line(longest), "the longest line that is allowed");
+    for _ in 0..2 {
+        assert!(matches!(next(), Incoming::Unusable(why) if why.contains("longer than 65536 bytes")));
+    }
+    assert_eq!(next(), Incoming::Line("last".into()));
+    assert_eq!(next(), Incoming::Gone, "half a line is none");
+    assert!(writer.expect("a thread").join().expect("no panic"), "everything was taken");
+}
+
+#[test]
+fn ctrl_c_ends_a_wait() {
+    let (mut socket, _client) = connected();
+    assert_eq!(socket.read_line(&AtomicBool::new(true)), Incoming::Stopped);
+}

@@ -1,0 +1,230 @@
+//! The timing budget: every slot has a record and a cause, load takes the planner down the ladder and back, and the program
+//! says with its exit status what its table says.
+//!
+//! No wall time is asserted: limits are either far beyond what any machine takes or far below, and load is injected.
+
+use crate::bench::{built_in, start};
+use starloop::attitude::MotionScale;
+use starloop::base::clock::{Clock, Monotonic, Virtual};
+use starloop::base::time::{Span, Tai};
+use starloop::config::{Bench, Degrade};
+use starloop::link::Port;
+use starloop::link::simulated::simulated_pair;
+use starloop::report::{Fate, FrameRecord};
+use starloop::runtime::receiver::Receiver;
+use starloop::runtime::virtual_time::{Head, VirtualLoop, World};
+use starloop::runtime::{EventKind, FrameEngine, Ledger, real_time};
+use starloop::sink::{NullSink, SentFrame};
+use starloop::testbed::flight_computer::FlightComputer;
+use starloop::wiring::bench_parts;
+use std::path::Path;
+use std::process::{Command, Output};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// Drawing that takes ten times what is predicted, or more: the estimate ends there.
+const SLOW: Span = Span::from_ms(5_000);
+const FAST: Span = Span::from_ms(0);
+
+fn ports(bench: &Bench, clock: &Arc<dyn Clock>) -> [Port; 2] {
+    let (bus, format) = bench_parts::bus(bench);
+    let (near, far) = simulated_pair(bus, clock);
+    let ids = firmware_protocol::can::IdMap::new(0, 0).unwrap();
+    [Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids)]
+}
+
+/// Rungs of the frames of a bench on the virtual clock, each frame said to have taken `drawn` of its number; and the
+/// ledger of the load. Where it is not followed, nothing is said.
+fn rungs(bench: &Bench, follow: bool, drawn: impl Fn(u32) -> Span) -> (Vec<&'static str>, Ledger) {
+    let start = start(bench);
+    let params = bench_parts::run_params(bench, start).unwrap();
+    let mut engine = FrameEngine::new(params.clone()).unwrap();
+    let mut receiver = Receiver::new(params.attitude).unwrap();
+    if follow {
+        engine.follow_load();
+    }
+    let clock = Arc::new(Virtual::new(start));
+    let shared: Arc<dyn Clock> = clock.clone();
+    let [mut near, mut far] = ports(bench, &shared);
+    let mut computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
+    let (mut rungs, mut ledger, mut sink) = (Vec::new(), Ledger::default(), NullSink::new());
+    let mut going = VirtualLoop::new(clock);
+    let mut heads = [Head { engine: &mut engine, receiver: &mut receiver, sink: &mut sink, faults: None }];
+    for number in 0..params.frames {
+        let slot = heads[0].engine.slot(number);
+        let mut world = World {
+            port: &mut near,
+            far_end: &mut |now: Tai| Ok(computer.step(now, &mut far).map(|()| computer.next_due())?),
+            progress: &mut |_, frame: &SentFrame, _| {
+                rungs.push(frame.meta.rung);
+                true
+            },
+        };
+        going.advance_to(slot.due, &mut heads, &mut world).unwrap();
+        heads[0].engine.learn_load(drawn(number), slot.due, slot, &mut ledger);
+    }
+    (rungs, ledger)
+}
+
+#[test]
+fn load_takes_frames_down_the_ladder_at_once_and_they_come_back_when_it_goes() {
+    let mut bench = built_in(8.0);
+    bench.camera.radiometry.limiting_mag = 12.0;
+    bench.camera.exposure.readout_s = 0.04;
+    bench.timing.degrade = Degrade::Always;
+    let (begins, ends) = (10, 15);
+    let load = |number: u32| if (begins..ends).contains(&number) { SLOW } else { FAST };
+    let (found, ledger) = rungs(&bench, true, load);
+    let whole = |frames: &[&str]| frames.iter().all(|rung| *rung == "full");
+    // Frame `begins` is the first slow one: the next is planned for it.
+    let after = usize::try_from(begins).unwrap() + 1;
+    assert!(whole(&found[..after]), "{found:?}");
+    assert!(found[after..after + 5].iter().all(|rung| *rung != "full"), "{found:?}");
+    assert!(whole(&found[found.len() - 20..]), "recovered: {found:?}");
+    let back = found.iter().rposition(|rung| *rung != "full").unwrap();
+    assert!(back > usize::try_from(ends).unwrap(), "slower down than up: {found:?}");
+    assert_eq!((ledger.count(EventKind::Overloaded), ledger.count(EventKind::LoadGone)), (1, 1), "announced");
+    assert!(whole(&rungs(&bench, false, load).0), "where it is not followed, load changes nothing");
+    assert!(whole(&rungs(&bench, true, |_| FAST).0), "no load, no loss");
+    bench.timing.degrade = Degrade::Never;
+    assert!(whole(&rungs(&bench, true, load).0), "nor where frames may not be degraded");
+}
+
+/// Bounds of every frame's pointing error, rad, on the virtual clock, for a body that is said to move like this.
+fn bounds(bench: &Bench, motion: Option<MotionScale>) -> Vec<Option<f64>> {
+    let start = start(bench);
+    let params = bench_parts::run_params(bench, start).unwrap();
+    let mut engine = FrameEngine::new(params.clone()).unwrap();
+    if let Some(motion) = motion {
+        engine.expect_motion(motion);
+    }
+    let mut receiver = Receiver::new(params.attitude).unwrap();
+    let clock = Arc::new(Virtual::new(start));
+    let shared: Arc<dyn Clock> = clock.clone();
+    let [mut near, mut far] = ports(bench, &shared);
+    let mut computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
+    let (mut going, mut sink) = (VirtualLoop::new(clock), NullSink::new());
+    let mut heads = [Head { engine: &mut engine, receiver: &mut receiver, sink: &mut sink, faults: None }];
+    let mut bounds = Vec::new();
+    for number in 0..params.frames {
+        let slot = heads[0].engine.slot(number);
+        let mut far_end = |now: Tai| Ok(computer.step(now, &mut far).map(|()| computer.next_due())?);
+        let mut world = World { port: &mut near, far_end: &mut far_end, progress: &mut |_, _, _| true };
+        going.advance_to(slot.release, &mut heads, &mut world).unwrap();
+        bounds.push(heads[0].engine.pointing_bound_rad());
+    }
+    bounds
+}
+
+#[test]
+fn the_attitude_has_a_bound_where_the_motion_is_known_and_none_where_it_is_not() {
+    let mut bench = built_in(1.0);
+    let motion = |jerk_rad_s3| MotionScale { rate_rad_s: 0.01, jerk_rad_s3, ..MotionScale::default() };
+    let worst = |bench: &Bench, jerk| {
+        let bounds: Option<Vec<f64>> = bounds(bench, Some(motion(jerk))).into_iter().collect();
+        bounds.expect("every frame has a bound").into_iter().fold(0.0, f64::max)
+    };
+    // Interpolated between records 10 ms apart: `j H^3 / 96`, here 1 rad/s^3.
+    let interpolated = worst(&bench, 1.0);
+    assert!((interpolated / (1e-6 / 96.0) - 1.0).abs() < 0.05, "{interpolated} rad");
+    // The exposure ends 1 ms before the next record: predicted over half of it, `j T^3 / 6`.
+    bench.camera.exposure.exposure_s = 9e-3;
+    let predicted = worst(&bench, 1.0);
+    assert!((predicted / (4.5e-3_f64.powi(3) / 6.0) - 1.0).abs() < 0.05, "{predicted} rad");
+    assert!((worst(&bench, 2.0) / predicted - 2.0).abs() < 0.05, "the bound follows the motion");
+    assert!(bounds(&bench, None).iter().all(Option::is_none), "nothing is made up");
+    bench.attitude.estimate.max_horizon = Span::ZERO;
+    assert!(bounds(&bench, Some(motion(1.0))).iter().all(Option::is_none), "nor beyond the acceleration's horizon");
+}
+
+/// A bench on the real clock with nobody at the other end of the bus.
+fn alone(bench: &Bench, ring_frames: usize) -> (Vec<FrameRecord>, starloop::runtime::RunOutcome) {
+    let start = start(bench);
+    let params = bench_parts::run_params(bench, start).unwrap();
+    let mut engine = FrameEngine::new(params.clone()).unwrap();
+    let mut receiver = Receiver::new(params.attitude).unwrap();
+    let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
+    let [near, _far] = ports(bench, &clock);
+    let stop = Arc::new(AtomicBool::new(false));
+    let setting = real_time::Setting { clock: &clock, stop: &stop, hygiene: None, ring_frames };
+    let sink = Box::new(NullSink::new());
+    let outcome = real_time::run_in(&setting, &mut engine, &mut receiver, near, sink, &mut |_, _| {});
+    (outcome.record.ring.last().copied().collect(), outcome)
+}
+
+#[test]
+fn every_slot_has_a_record_in_order_and_what_is_missed_has_a_cause() {
+    let bench = built_in(0.5);
+    let (records, outcome) = alone(&bench, 64);
+    assert!(outcome.error.is_none());
+    let ring = &outcome.record.ring;
+    assert_eq!(records.iter().map(|record| record.number).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+    let fates: u64 = Fate::ALL.iter().map(|fate| ring.count(*fate)).sum();
+    assert_eq!((fates, ring.total()), (5, outcome.record.frames.scheduled));
+    assert_eq!(ring.missed(), 5, "a frame without attitude is missed, however early it is");
+    for record in &records {
+        assert!(record.is_missed() && record.commanded.is_none() && record.pointing_bound_rad.is_none(), "{record:?}");
+        assert!(record.woken >= record.release && record.due > record.release, "{record:?}");
+        if let (Some(finished), Some(submitted), Some(delivered)) =
+            (record.finished, record.submitted, record.delivered)
+        {
+            assert!(record.woken <= finished && finished <= submitted && submitted <= delivered, "{record:?}");
+        }
+        assert_eq!(record.submitted.is_some(), record.fate != Fate::Dropped, "{record:?}");
+    }
+    let latency = ring.latency();
+    assert_eq!(latency.submitted_to_delivered.count, outcome.record.frames.delivered);
+    assert_eq!(latency.epoch_to_delivered.count, 0, "no attitude, no latency");
+    let (short, again) = alone(&bench, 2);
+    assert_eq!((short.len(), again.record.ring.total()), (2, 5), "counts survive");
+}
+
+/// Runs `starloop budget` in `folder` on a bench with this budget.
+fn budget(folder: &Path, limits: &str, extra: &[&str]) -> Output {
+    let bench = format!("[timing]\nduration_s = 0.5\n[render]\nbackend = \"cpu\"\n[sink]\nkind = \"null\"\n{limits}\n");
+    std::fs::write(folder.join("bench.toml"), bench).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_starloop"));
+    command.arg("budget").arg("bench.toml").arg("--built-in-costs").args(extra);
+    command.current_dir(folder).output().unwrap()
+}
+
+/// More than any machine takes.
+const ROOMY: &str = "[budget]\ntotal_ms = 1e8\nrender_ms = 1e8\nmissed_frames = 1000\nlatency_ms = 1e8";
+
+#[test]
+fn the_program_says_with_its_exit_status_what_its_table_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let met = budget(folder.path(), ROOMY, &["--report", "met", "--load", "1"]);
+    let said = text(&met.stdout);
+    assert_eq!(met.status.code(), Some(0), "{said}{}", text(&met.stderr));
+    assert!(said.contains("the budget is met") && said.contains("busy threads beside the run: 1"), "{said}");
+    // Less than any machine takes.
+    let limits = ROOMY.replace("render_ms = 1e8", "render_ms = 1e-5");
+    let broken = budget(folder.path(), &limits, &["--report", "broken"]);
+    let said = text(&broken.stdout);
+    assert_eq!(broken.status.code(), Some(3), "{said}{}", text(&broken.stderr));
+    assert!(said.contains("BROKEN: render") && said.contains("predicted"), "names the stage, asks the planner: {said}");
+    for (name, failures) in [("met", "0"), ("broken", "1")] {
+        let read = |file: &str| std::fs::read_to_string(folder.path().join(name).join(file)).unwrap();
+        let junit = read("junit.xml");
+        let junit = roxmltree::Document::parse(&junit).unwrap();
+        let suite = junit.descendants().find(|node| node.has_tag_name("testsuite")).unwrap();
+        assert_eq!(suite.attribute("failures"), Some(failures), "{name}");
+        let json: serde_json::Value = serde_json::from_str(&read("budget.json")).unwrap();
+        assert!(json["lines"].as_array().is_some_and(|lines| lines.len() > 15), "{json}");
+        assert_eq!(read("frames_timing.csv").lines().count(), 6, "a heading and five frames");
+        roxmltree::Document::parse(&read("worst.svg")).unwrap();
+    }
+}
+
+#[test]
+fn a_report_of_simulated_time_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_starloop"));
+    let output =
+        command.args(["run", "--clock", "virtual", "--report", "r"]).current_dir(folder.path()).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("--clock real"));
+    assert!(!folder.path().join("r").exists());
+}

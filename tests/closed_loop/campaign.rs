@@ -1,0 +1,124 @@
+//! Fault campaigns: the invariants hold over simulated hours, the seed replays, and the witness can see.
+
+use crate::pixels::scenario;
+use starloop::base::axes::Rotation;
+use starloop::base::time::{Span, Tai};
+use starloop::config::{Action, Event};
+use starloop::link::tap::LinkFault;
+use starloop::sink::{FrameFault, FrameMeta, NullSink};
+use starloop::wiring::campaign::{episode_scenario, run_episode};
+use starloop::wiring::closed_loop::ClosedLoop;
+use starloop::wiring::witness::Witness;
+
+/// Episodes of an hour flown here; `starloop campaign --hours 100` flies a hundred.
+const SEEDS: core::ops::Range<u64> = 101..105;
+
+#[test]
+fn hours_of_random_faults_break_no_invariant() {
+    let base = scenario("campaign");
+    let mut faults = 0;
+    for seed in SEEDS {
+        let episode = run_episode(&base, seed).unwrap();
+        assert_eq!(episode.violation_lines, Vec::<String>::new(), "seed {seed}");
+        assert!(episode.hits > 0 && episode.frames > 6000, "{episode:?}");
+        faults += episode.events;
+    }
+    assert!(faults > 20, "{faults} events in {} hours", SEEDS.count());
+}
+
+#[test]
+fn the_seed_replays_an_episode() {
+    let mut base = scenario("campaign");
+    base.bench.timing.duration_s = 1500.0;
+    let (first, again, other) =
+        (run_episode(&base, 7).unwrap(), run_episode(&base, 7).unwrap(), run_episode(&base, 8).unwrap());
+    assert_eq!(first, again);
+    assert_ne!(first.frames_crc32, other.frames_crc32);
+    assert_eq!(episode_scenario(&base, 7).events, episode_scenario(&base, 7).events);
+}
+
+fn quiet() -> starloop::config::Scenario {
+    let mut quiet = scenario("bus_dropouts");
+    quiet.events.clear();
+    quiet.bench.timing.duration_s = 60.0;
+    quiet.expect.window_s = 10.0;
+    quiet
+}
+
+fn meta(
+    attitude: &Rotation<starloop::base::axes::Sensor, starloop::base::axes::Icrf>,
+    origin: &'static str,
+) -> FrameMeta {
+    let mut meta = FrameMeta::empty("test".into());
+    meta.attitude_wxyz = attitude.wxyz();
+    meta.origin = origin;
+    meta
+}
+
+#[test]
+fn a_frame_that_is_off_and_says_nothing_is_seen() {
+    let scenario = quiet();
+    let (zero, truth) = (Tai::from_ns(0), Rotation::IDENTITY);
+    let off = Rotation::IDENTITY.rotated_by(glam::DVec3::new(0.0, 5e-6, 0.0));
+    let violations = |meta: &FrameMeta, rate_rad_s: f64| {
+        let mut witness = Witness::new(&scenario, zero, zero + Span::from_s(60.0));
+        witness.take_frame(0, meta, Some((truth, rate_rad_s)));
+        witness.assessment().violations().0
+    };
+    assert_eq!(violations(&meta(&Rotation::IDENTITY, "interpolated"), 0.0), 0, "the control itself");
+    assert_eq!(violations(&meta(&off, "interpolated"), 0.0), 1, "one arcsecond off");
+    assert_eq!(violations(&meta(&off, "predicted"), 0.0), 0, "it says so");
+    assert_eq!(violations(&meta(&off, "interpolated"), 0.1), 0, "within 200 us of a fast turn");
+}
+
+#[test]
+fn a_fault_that_hits_nothing_is_seen() {
+    let mut scenario = quiet();
+    // No packet is spoilt by a share of nothing.
+    let action = Action::Bus(LinkFault::Loss { share: 0.0 });
+    scenario.events.push(Event { at: Span::from_s(10.0), lasts: Span::from_s(20.0), action });
+    let mut going = ClosedLoop::new(&scenario, |_| Box::new(NullSink::new())).unwrap();
+    going.run_to_end(&mut |_, _, _| true).unwrap();
+    let outcome = going.finish().unwrap();
+    let (count, lines) = outcome.assessment.violations();
+    assert!(count == 1 && lines[0].contains("nothing was hit"), "{lines:?}");
+}
+
+#[test]
+fn a_loop_that_does_not_recover_is_seen() {
+    let mut scenario = quiet();
+    scenario.bench.timing.duration_s = 400.0;
+    scenario.expect.recovery_s = 100.0;
+    // The trackers stay blind after the fault that counts: a bias jump then carries the pointing away.
+    let event = |at_s: f64, for_s: f64, action| Event { at: Span::from_s(at_s), lasts: Span::from_s(for_s), action };
+    let jump = glam::DVec3::new(0.0, 2e-5, 0.0);
+    scenario.events = vec![
+        event(100.0, 5.0, Action::Frame { head: None, fault: FrameFault::Drop }),
+        event(110.0, 0.0, Action::Gyro(starloop::config::GyroFaultKind::BiasJump(jump))),
+    ];
+    let control = {
+        let mut going = ClosedLoop::new(&scenario, |_| Box::new(NullSink::new())).unwrap();
+        going.run_to_end(&mut |_, _, _| true).unwrap();
+        going.finish().unwrap()
+    };
+    assert_eq!(control.assessment.violations().1, Vec::<String>::new(), "with its tracker it recovers");
+    scenario.spacecraft.gyro.initial_bias_rad_s = glam::DVec3::new(0.0, 3e-5, 0.0);
+    scenario.events[0] = event(100.0, 0.0, Action::TrackerOff { head: None });
+    let mut going = ClosedLoop::new(&scenario, |_| Box::new(NullSink::new())).unwrap();
+    going.run_to_end(&mut |_, _, _| true).unwrap();
+    let (count, lines) = (going.finish().unwrap().assessment.violations().0, "");
+    assert!(count > 0, "the tracker never comes back{lines}");
+}
+
+#[test]
+fn events_that_name_what_is_not_there_are_refused() {
+    for (action, wanted) in [
+        (Action::TrackerOff { head: Some(3) }, "head 3: there are 1"),
+        (Action::WheelFailure { wheel: 4 }, "wheel 4: there are 4"),
+    ] {
+        let mut scenario = quiet();
+        scenario.events.push(Event { at: Span::from_s(1.0), lasts: Span::from_s(1.0), action });
+        let refused = ClosedLoop::new(&scenario, |_| Box::new(NullSink::new())).err().unwrap().to_string();
+        assert!(refused.contains(wanted), "{refused}");
+    }
+}

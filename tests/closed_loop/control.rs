@@ -1,0 +1,284 @@
+//! The control socket as a client meets it: stepping has the bits of running, faults injected show in the report, what is
+//! wrong with a line is said and changes nothing, and a client that goes away ends the run cleanly.
+
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+
+/// A short run of the small tracker from an attitude near the target.
+const SHORT: [&str; 8] = [
+    "duration_s=4.0",
+    "expect.window_s=1.0",
+    "bench.camera=../cameras/small_tracker.toml",
+    "initial.attitude=given",
+    "initial.ra_deg=84.0",
+    "initial.dec_deg=-1.2",
+    "initial.roll_deg=0.0",
+    "initial.rate_deg_s=[0.01, -0.02, 0.01]",
+];
+
+fn command(arguments: &[&str]) -> Command {
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenarios/acquisition.toml");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_starloop"));
+    command.arg("run").arg(scenario).args(["--clock", "virtual", "--quiet", "--json"]);
+    command.args(SHORT.iter().flat_map(|setting| ["--set", setting])).args(arguments);
+    command
+}
+
+/// The report on standard output.
+fn report(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|error| panic!("{error}: {}", String::from_utf8_lossy(&output.stderr)))
+}
+
+/// The parts of a report that the bits of a run decide.
+fn bits(report: &Value) -> Value {
+    let mut bits = report.clone();
+    for of_the_machine in ["wall_s", "speed", "machine"] {
+        bits.as_object_mut().unwrap().remove(of_the_machine);
+    }
+    bits
+}
+
+/// A program under control, and its client's end.
+struct Stepped {
+    child: Child,
+    stream: TcpStream,
+    replies: BufReader<TcpStream>,
+}
+
+impl Stepped {
+    fn start(arguments: &[&str]) -> Self {
+        let mut child = command(&["--control", "127.0.0.1:0"])
+            .args(arguments)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        // Byte by byte, so that nothing after the line is taken away from `wait`.
+        let (mut line, mut byte) = (Vec::new(), [0]);
+        let stderr = child.stderr.as_mut().unwrap();
+        while stderr.read(&mut byte).unwrap() == 1 && byte[0] != b'\n' {
+            line.push(byte[0]);
+        }
+        let line = String::from_utf8(line).unwrap();
+        let address = line.strip_prefix("control: listening on ").unwrap_or_else(|| panic!("{line}"));
+        let stream = TcpStream::connect(address).unwrap();
+        let replies = BufReader::new(stream.try_clone().unwrap());
+        Self { child, stream, replies }
+    }
+
+    fn send(&mut self, line: &[u8]) -> Value {
+        self.stream.write_all(line).unwrap();
+        self.stream.write_all(b"\n").unwrap();
+        let mut reply = String::new();
+        self.replies.read_line(&mut reply).unwrap();
+        serde_json::from_str(&reply).unwrap_or_else(|error| panic!("{error}: {reply}"))
+    }
+
+    fn ask(&mut self, request: &Value) -> Value {
+        self.send(request.to_string().as_bytes())
+    }
+
+    /// Asks for what must be answered.
+    fn told(&mut self, request: Value) -> Value {
+        let reply = self.ask(&request);
+        assert_eq!(reply["ok"], true, "{request}: {reply}");
+        reply
+    }
+
+    /// Asks for what must be refused; why it was.
+    fn refused(&mut self, line: &[u8]) -> String {
+        let reply = self.send(line);
+        assert_eq!(reply["ok"], false, "{}: {reply}", String::from_utf8_lossy(&line[..line.len().min(80)]));
+        reply["error"].as_str().unwrap().to_owned()
+    }
+
+    /// Ends the run; the final reply and the program's output.
+    fn finish(mut self) -> (Value, Output) {
+        let reply = self.told(json!({ "request": "finish" }));
+        (reply, self.child.wait_with_output().unwrap())
+    }
+}
+
+#[test]
+fn a_run_in_steps_has_the_bits_of_the_run_in_one() {
+    let through = report(&command(&[]).output().unwrap());
+    step_oddly(&[], &through);
+    let other = report(&command(&["--seed", "2"]).output().unwrap());
+    assert_ne!(other["frames_crc32"], through["frames_crc32"], "control: another seed has other bits");
+    assert_ne!(other["telemetry_crc32"], through["telemetry_crc32"], "control");
+}
+
+/// A run that is over before the last frame's period, with torques that begin between the spacecraft's steps and frames
+/// that are late, dropped and doubled: neither the end nor looking at the truth in between shifts anything.
+#[test]
+fn steps_do_not_shift_what_falls_between_them() {
+    let faults = "event=[{ at_s = 1.0, do = \"frame_late\", late_ms = 333.3, for_s = 0.5 }, \
+                  { at_s = 2.0, do = \"frame_drop\", for_s = 0.2 }, \
+                  { at_s = 3.75, do = \"frame_late\", late_ms = 70.7, for_s = 1.0 }]";
+    for event in [faults, "event=[{ at_s = 3.75, do = \"frame_drop\", for_s = 1.0 }]"] {
+        let exposure = "bench.camera.exposure.exposure_s=0.03";
+        let arguments = ["--set", exposure, "--set", "control.delay_ms=33.37", "--set", event];
+        step_oddly(&arguments, &report(&command(&arguments).output().unwrap()));
+    }
+}
+
+/// Steps to the end in odd lengths, looks at everything in between, and holds the reports against the run in one piece.
+fn step_oddly(arguments: &[&str], through: &Value) {
+    let mut stepped = Stepped::start(arguments);
+    let hello = stepped.told(json!({ "id": 7, "request": "hello" }));
+    assert_eq!((&hello["id"], &hello["protocol"]), (&json!(7), &json!(1)));
+    assert_eq!((&hello["width"], &hello["frames"], &hello["seed"]), (&json!(256), &json!(40), &json!(1)));
+    // Odd lengths: between the events, on them, and across several frames.
+    let mut steps = [0.013, 0.1, 0.000_001, 0.251_3, 0.5, 0.037].iter().cycle();
+    while stepped.told(json!({ "request": "step", "s": steps.next() }))["now_s"].as_f64().unwrap() < 2.0 {
+        stepped.told(json!({ "request": "truth" }));
+        stepped.told(json!({ "request": "estimate" }));
+        stepped.told(json!({ "request": "summary" }));
+    }
+    let three = stepped.told(json!({ "request": "step", "frames": 3 }));
+    assert!(three["frames_out"].as_u64().unwrap() >= 3, "{three}");
+    for until_s in [3.9, 3.95, 3.985, 3.999, 4.0] {
+        if stepped.told(json!({ "request": "step", "until_s": until_s }))["finished"] == true {
+            break;
+        }
+        stepped.told(json!({ "request": "truth" }));
+    }
+    assert!(stepped.refused(br#"{"request": "step", "until_s": 4.0}"#).contains("reached its end"));
+    let so_far = stepped.told(json!({ "request": "summary" }));
+    let (last, output) = stepped.finish();
+    assert_eq!(bits(&report(&output)), bits(through), "stepped and run through");
+    assert_eq!(bits(&last["report"]), bits(through), "and told so to the client");
+    assert_eq!(so_far["report"]["frames_crc32"], through["frames_crc32"], "the sum so far is the sink's");
+    assert_eq!(last["exit_status"].as_i64().map(|code| code as i32), output.status.code());
+}
+
+#[test]
+fn an_injected_fault_shows_in_frames_and_report() {
+    let mut stepped = Stepped::start(&[]);
+    assert!(stepped.refused(br#"{"request": "frame"}"#).contains("no frame has gone out yet"));
+    stepped.told(json!({ "request": "step", "until_s": 1.05 }));
+    let seen = stepped.told(json!({ "request": "frame" }));
+    assert_eq!(seen["faults"], json!([]));
+    assert_eq!(seen["pixels_base64_u16_le"].as_str().unwrap().len(), (256 * 256 * 2_usize).div_ceil(3) * 4);
+    let event = json!({ "do": "frame_blank", "for_s": 1 });
+    let placed = stepped.told(json!({ "request": "inject", "event": event }));
+    assert_eq!((placed["event"].as_str(), placed["from_s"].as_f64()), (Some("frame_blank"), Some(1.05)));
+    stepped.told(json!({ "request": "step", "s": 0.5 }));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("blank.fits");
+    let blank = stepped.told(json!({ "request": "frame", "path": path.to_str().unwrap() }));
+    assert_ne!(blank["faults"], json!([]), "the frame says so");
+    assert_eq!(std::fs::metadata(&path).unwrap().len(), blank["bytes"].as_u64().unwrap());
+    let estimate = stepped.told(json!({ "request": "estimate" }));
+    assert_eq!(estimate["heads"][0]["outcome"], "no_attitude", "and the tracker has seen nothing: {estimate}");
+    let so_far = stepped.told(json!({ "request": "summary" }));
+    assert_eq!(so_far["finished"], false);
+    assert!(so_far["report"]["faults"][0]["hits"].as_u64().unwrap() >= 4, "{so_far}");
+    stepped.told(json!({ "request": "step", "until_s": 4 }));
+    let (last, output) = stepped.finish();
+    let fault = &last["report"]["faults"][0];
+    assert_eq!((fault["name"].as_str(), fault["hits"].as_u64()), (Some("frame_blank"), Some(10)), "{fault}");
+    assert_eq!(last["report"]["violations"], 0, "{last}");
+    assert_eq!(bits(&report(&output)), bits(&last["report"]));
+}
+
+#[test]
+fn truth_and_estimate_are_near_each_other_and_move_with_the_rate() {
+    let mut stepped = Stepped::start(&[]);
+    stepped.told(json!({ "request": "step", "until_s": 3.0 }));
+    let quaternion =
+        |reply: &Value| -> [f64; 4] { core::array::from_fn(|i| reply["sensor_from_icrf"][i].as_f64().unwrap()) };
+    // Half the angle between two attitudes: the scalar part of one over the other.
+    let angle_rad = |a: [f64; 4], b: [f64; 4]| {
+        let distance = |sign: f64| (0..4).map(|i| (a[i] - sign * b[i]).powi(2)).sum::<f64>().sqrt();
+        4.0 * (0.5 * distance(1.0).min(distance(-1.0))).asin()
+    };
+    let estimate = stepped.told(json!({ "request": "estimate" }));
+    let now = stepped.told(json!({ "request": "truth", "at_s": estimate["at_s"] }));
+    let error_arcsec = angle_rad(quaternion(&now), quaternion(&estimate["estimate"])).to_degrees() * 3600.0;
+    assert!(error_arcsec < 30.0, "a tracker knows better than {error_arcsec} arcsec: {estimate}");
+    let before = stepped.told(json!({ "request": "truth", "at_s": now["at_s"].as_f64().unwrap() - 0.1 }));
+    let rate = |i: usize| now["body_rate_rad_s"][i].as_f64().unwrap();
+    let turned = 0.1 * (rate(0).powi(2) + rate(1).powi(2) + rate(2).powi(2)).sqrt();
+    let moved = angle_rad(quaternion(&now), quaternion(&before));
+    // The rate changes by the control's torque over its inertia: well below 1 mrad/s^2 over 0.1 s.
+    assert!((moved - turned).abs() < 1e-5, "{moved} rad moved, {turned} rad by the rate");
+    let wheels = now["wheel_speeds_rad_s"].as_array().unwrap().len();
+    assert!(wheels >= 3, "{wheels} wheels");
+    for (at_s, part) in [(0.5, "the last two seconds"), (3.5, "not after now")] {
+        let line = json!({ "request": "truth", "at_s": at_s }).to_string();
+        assert!(stepped.refused(line.as_bytes()).contains(part));
+    }
+    let _ = stepped.finish();
+}
+
+#[test]
+fn wrong_lines_are_refused_in_words_and_the_session_goes_on() {
+    let through = report(&command(&[]).output().unwrap());
+    let mut stepped = Stepped::start(&[]);
+    let huge = vec![b'x'; 200_000];
+    let cases: [(&[u8], &str); 17] = [
+        (b"this is not JSON", "not JSON"),
+        (b"\xff\x00\xfe\x80garbage", "not UTF-8"),
+        (&huge, "longer than 65536 bytes"),
+        (b"[]", "the line is a list"),
+        (br#"{"request": "explode"}"#, "wanted one of: hello"),
+        (br#"{"request": "step", "s": -1}"#, "wanted seconds above 0"),
+        (br#"{"request": "step", "s": "soon"}"#, "wanted a number"),
+        (br#"{"request": "step", "s": 1e300}"#, "past the end"),
+        (br#"{"request": "step", "until_s": 4.5}"#, "past the end"),
+        (br#"{"request": "step", "until_s": -50}"#, "wanted a time after now"),
+        (br#"{"request": "step", "frames": 41}"#, "at most the 40"),
+        (br#"{"request": "frame", "head": 1}"#, "there are 1"),
+        (br#"{"request": "inject", "event": {"do": "bus_los", "for_s": 1}}"#, "did you mean \"bus_loss\""),
+        (br#"{"request": "inject", "event": {"do": "safe", "why": 1}}"#, "unknown key `why`"),
+        (br#"{"request": "inject", "event": {"do": "bus_loss", "for_s": 1, "share": 2}}"#, "0 to 1"),
+        (br#"{"request": "inject", "event": {"do": "wheel_failure", "wheel": 9}}"#, "wheel 9"),
+        (br#"{"request": "inject", "event": {"do": "safe", "at_s": null}}"#, "injected event"),
+    ];
+    for (line, part) in cases {
+        let error = stepped.refused(line);
+        assert!(error.contains(part), "no \"{part}\" in: {error}");
+    }
+    stepped.told(json!({ "request": "step", "until_s": 4.0 }));
+    assert!(stepped.refused(br#"{"request": "step", "s": 0.1}"#).contains("reached its end"));
+    let (last, _) = stepped.finish();
+    assert_eq!(bits(&last["report"]), bits(&through), "what was refused has changed nothing");
+}
+
+#[test]
+fn a_client_that_goes_away_ends_the_run_with_what_is_finished() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("run");
+    let mut stepped = Stepped::start(&["--sink", "recorder", "--out", out.to_str().unwrap()]);
+    stepped.told(json!({ "request": "step", "frames": 5 }));
+    let Stepped { child, stream, replies } = stepped;
+    drop((stream, replies));
+    let output = child.wait_with_output().unwrap();
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{error}");
+    assert!(error.contains("the control client went away at 0.52"), "{error}");
+    for number in 0..5 {
+        assert!(out.join(format!("frame_{number:06}.fits")).exists(), "frame {number} is whole");
+    }
+    let kept: Value = serde_json::from_str(&std::fs::read_to_string(out.join("scenario.json")).unwrap()).unwrap();
+    assert_eq!((&kept["frames"]["delivered"], &kept["violations"]), (&json!(5), &json!(0)), "{kept}");
+}
+
+#[test]
+fn other_addresses_and_benches_are_refused() {
+    for (address, part) in [("0.0.0.0:0", "not a loopback address"), ("127.0.0.1", "such as 127.0.0.1:0")] {
+        let output = command(&["--control", address]).output().unwrap();
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{error}");
+        assert!(error.contains(part), "{error}");
+    }
+    let mut bench = Command::new(env!("CARGO_BIN_EXE_starloop"));
+    let output = bench.args(["run", "--clock", "virtual", "--control", "127.0.0.1:0"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("--control steps a scenario"));
+}

@@ -1,0 +1,179 @@
+//! The loop closed over pixels: from lost in space to fine pointing, against theory and against its own control.
+
+use starloop::base::clock::Stopwatch;
+use starloop::config::{Document, Scenario};
+use starloop::sink::NullSink;
+use starloop::testbed::acs::Mode;
+use starloop::wiring::closed_loop::ClosedLoop;
+use starloop::wiring::loop_outcome::LoopOutcome;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// What the closed loop may err over what linear theory makes of the tracker's noise: star places err by more than noise
+/// (pixel phase, neighbours), and the window holds few independent values of a slow loop.
+const OVER_PREDICTION: f64 = 1.5;
+
+/// A scenario of `configs/scenarios`.
+pub(crate) fn scenario(name: &str) -> Scenario {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenarios").join(name);
+    Scenario::load(&path.with_extension("toml")).unwrap()
+}
+
+/// Runs a scenario to its end.
+pub(crate) fn fly(scenario: &Scenario) -> (LoopOutcome, Mode) {
+    let mut going = ClosedLoop::new(scenario, |_| Box::new(NullSink::new())).unwrap();
+    going.run_to_end(&mut |_, _, _| true).unwrap();
+    let mode = going.with_vehicle(|vehicle| vehicle.mode()).unwrap();
+    (going.finish().unwrap(), mode)
+}
+
+fn complaints(name: &str, outcome: &LoopOutcome) -> Vec<String> {
+    let predicted = outcome.predicted_pointing_rad.map(|rad| rad / starloop::base::units::ARCSEC);
+    let verdicts = outcome.assessment.verdicts(predicted);
+    let failed = verdicts.iter().filter(|verdict| !verdict.passed).map(|verdict| format!("{name}: {verdict:?}"));
+    let broken = outcome.assessment.violations().1.iter().map(|line| format!("{name}: {line}"));
+    failed.chain(broken).collect()
+}
+
+#[test]
+fn lost_in_space_becomes_fine_pointing_as_theory_predicts() {
+    let acquisition = scenario("acquisition");
+    let (outcome, mode) = fly(&acquisition);
+    assert_eq!(complaints("acquisition", &outcome), Vec::<String>::new());
+    assert_eq!(mode, Mode::FinePointing);
+    let predicted_arcsec = outcome.predicted_pointing_rad.unwrap() / starloop::base::units::ARCSEC;
+    let pointing_arcsec = outcome.assessment.pointing().boresight_arcsec.unwrap();
+    println!("pointing {pointing_arcsec:.3} arcsec rms, predicted {predicted_arcsec:.3}");
+    assert!(pointing_arcsec <= OVER_PREDICTION * predicted_arcsec, "{pointing_arcsec} for {predicted_arcsec} arcsec");
+    let (frames, worst_arcsec) = outcome.assessment.rendered();
+    assert!(frames > 5000 && worst_arcsec < 0.05, "{frames} frames, {worst_arcsec} arcsec from the truth");
+    assert_eq!(acquisition.heads.len(), 1);
+}
+
+#[test]
+fn without_the_tracker_the_same_loop_does_not_point() {
+    let acquisition = scenario("acquisition");
+    let mut blind = scenario("no_tracker");
+    // The same flight, but for the tracker and what is expected of it.
+    assert_eq!((blind.bench.seed, blind.initial), (acquisition.bench.seed, acquisition.initial));
+    assert_eq!(blind.initial_rate_rad_s, acquisition.initial_rate_rad_s);
+    assert_eq!((blind.target, &blind.spacecraft), (acquisition.target, &acquisition.spacecraft));
+    // Nobody looks at its frames: they may be small.
+    blind.bench = Scenario::from_document(&Document::built_in("scenarios/campaign.toml").unwrap()).unwrap().bench;
+    blind.bench.seed = acquisition.bench.seed;
+    blind.bench.timing.duration_s = acquisition.bench.timing.duration_s;
+    let (outcome, mode) = fly(&blind);
+    assert_eq!(complaints("no tracker", &outcome), Vec::<String>::new());
+    assert_ne!(mode, Mode::FinePointing);
+    assert_eq!(outcome.estimator.used, 0);
+}
+
+#[test]
+fn every_scenario_holds() {
+    let mut complained = Vec::new();
+    for name in [
+        "slew_and_settle",
+        "sun_avoidance",
+        "stray_light",
+        "bus_dropouts",
+        "three_heads",
+        "wheel_sweep",
+        "fine_pointing",
+    ] {
+        let (outcome, _) = fly(&scenario(name));
+        complained.extend(complaints(name, &outcome));
+        assert!(outcome.faults.iter().all(|fault| fault.hits > 0), "{name}: {:?}", outcome.faults);
+    }
+    assert_eq!(complained, Vec::<String>::new());
+}
+
+#[test]
+fn stray_light_takes_the_stars_and_gives_them_back() {
+    let mut light = scenario("stray_light");
+    light.events.retain(|event| event.at.s() > 190.0);
+    let mut going = ClosedLoop::new(&light, |_| Box::new(NullSink::new())).unwrap();
+    let zero = going.zero();
+    let mut stars_at = |seconds: f64| {
+        going.advance_to(zero + starloop::base::time::Span::from_s(seconds), &mut |_, _, _| true).unwrap();
+        let reports: Vec<_> = going.with_vehicle(|v| v.head_reports().copied().collect::<Vec<_>>()).unwrap();
+        match reports[0].last {
+            Some(starloop::testbed::tracker::Outcome::Solved(solution)) => solution.stars,
+            _ => 0,
+        }
+    };
+    let (before, during, after) = (stars_at(195.0), stars_at(250.0), stars_at(275.0));
+    assert!(before > 10 && after > 10, "{before} before, {after} after");
+    assert_eq!(during, 0, "saturated");
+}
+
+#[test]
+fn wheels_shake_the_line_of_sight_where_the_mode_is() {
+    let sweep = scenario("wheel_sweep");
+    let (outcome, _) = fly(&sweep);
+    let (arcsec, wheel_hz) = outcome.assessment.vibration().unwrap();
+    // Seen with the body free, a mode lies above its cantilever frequency: f / sqrt(1 - d J^-1 d), about 43 Hz here.
+    let mode = &sweep.spacecraft.params.modes[0];
+    let stiffening = 1.0 - mode.coupling.dot(sweep.spacecraft.params.inertia_kg_m2.inverse() * mode.coupling);
+    let free_hz = mode.frequency_hz / stiffening.sqrt();
+    assert!((wheel_hz / free_hz - 1.0).abs() < 0.03, "loudest at {wheel_hz} Hz, mode at {free_hz} Hz");
+    // The rigid body alone: imbalance over inertia for each of four wheels at most.
+    let rigid_arcsec = 4.0 * 5e-6 / 9.0 / starloop::base::units::ARCSEC;
+    assert!(arcsec > 3.0 * rigid_arcsec, "{arcsec} arcsec against {rigid_arcsec} without the mode");
+}
+
+/// CRCs of a short flight, run through or advanced in odd steps.
+fn crcs(seed: u64, step_s: Option<f64>) -> (Vec<u32>, u32) {
+    let mut short = scenario("bus_dropouts");
+    short.bench.seed = seed;
+    short.bench.timing.duration_s = 130.0;
+    short.expect.window_s = 10.0;
+    let mut going = ClosedLoop::new(&short, |_| Box::new(NullSink::new())).unwrap();
+    if let Some(step_s) = step_s {
+        let mut at = going.now();
+        while at < going.end() {
+            at = at + starloop::base::time::Span::from_s(step_s);
+            going.advance_to(at.min(going.end()), &mut |_, _, _| true).unwrap();
+        }
+    }
+    going.run_to_end(&mut |_, _, _| true).unwrap();
+    let outcome = going.finish().unwrap();
+    (outcome.sinks.iter().map(|sink| sink.run_crc32).collect(), outcome.assessment.telemetry_crc32())
+}
+
+#[test]
+fn one_seed_one_hash_whatever_the_other_core_does() {
+    let idle = crcs(11, None);
+    let over = Arc::new(AtomicBool::new(false));
+    let neighbours: Vec<_> = (0..2)
+        .map(|i| {
+            let over = Arc::clone(&over);
+            let spin = move || {
+                let mut turns = 0_u64;
+                while !over.load(Ordering::Relaxed) {
+                    turns = turns.wrapping_add(1);
+                }
+                turns
+            };
+            std::thread::Builder::new().name(format!("neighbour {i}")).spawn(spin).unwrap()
+        })
+        .collect();
+    let mut watch = Stopwatch::start();
+    let loaded = crcs(11, None);
+    println!("beside two busy threads: {:.1} s", watch.lap().s());
+    over.store(true, Ordering::Relaxed);
+    for neighbour in neighbours {
+        assert!(neighbour.join().unwrap() > 0);
+    }
+    assert_eq!(idle, loaded, "frames and telemetry");
+    let other = crcs(12, None);
+    assert_ne!(idle.0, other.0, "another seed, other frames");
+    assert_ne!(idle.1, other.1, "another seed, other telemetry");
+}
+
+#[test]
+fn steps_of_any_length_lead_to_the_same_bits() {
+    let through = crcs(11, None);
+    assert_eq!(through, crcs(11, Some(0.777)));
+    assert_eq!(through, crcs(11, Some(13.0)));
+}
