@@ -18,6 +18,7 @@ pub mod render_output;
 pub mod run;
 pub mod run_scenario;
 pub mod scenario_report;
+pub mod study;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -30,7 +31,7 @@ pub const EXIT_FAILED: u8 = 1;
 pub const EXIT_USAGE: u8 = 2;
 /// Exit status: a run was over its timing budget.
 pub const EXIT_OVER_BUDGET: u8 = 3;
-/// Exit status: it ran, but an expectation or an invariant of the scenario did not hold.
+/// Exit status: it ran, but an expectation or an invariant of the scenario, or a study's prediction, did not hold.
 pub const EXIT_NOT_MET: u8 = 4;
 /// Exit status: stopped by Ctrl-C; everything finished by then is written.
 pub const EXIT_INTERRUPTED: u8 = 130;
@@ -41,7 +42,8 @@ pub const EXIT_INTERRUPTED: u8 = 130;
     version,
     about = "Hardware-in-the-loop star-sensor stimulator: bus attitude in, star-sensor frames out, on a deadline",
     after_help = "Exit status: 0 done; 1 could not do what was asked; 2 wrong command line; 3 over the timing budget \
-                  (`budget`); 4 a scenario's expectation or invariant did not hold; 130 stopped by Ctrl-C \
+                  (`budget`); 4 a scenario's expectation or invariant, or a study's prediction, did not hold; \
+                  130 stopped by Ctrl-C \
                   (what was finished is written).\n\n\
                   Start with `starloop run`: a simulated flight computer slews over a simulated bus, and ten seconds \
                   of frames are recorded. No hardware, no GPU needed."
@@ -67,6 +69,8 @@ enum Command {
     Campaign(campaign::CampaignArgs),
     /// Measure error and time of every method: CSV tables and SVG charts
     Chart(chart::ChartArgs),
+    /// Inject latency and jitter into the closed loop and hold it against linear theory: CSV table and SVG charts
+    Study(study::StudyArgs),
     /// Pack, describe or query a star catalog
     Catalog(catalog::CatalogArgs),
 }
@@ -93,6 +97,7 @@ pub fn main() -> ExitCode {
         Command::Calibrate(arguments) => calibrate::run(&arguments).map(|()| EXIT_DONE),
         Command::Campaign(arguments) => campaign::run(&arguments),
         Command::Chart(arguments) => chart::run(&arguments).map(|()| EXIT_DONE),
+        Command::Study(arguments) => study::run(&arguments),
         Command::Catalog(arguments) => catalog::run(arguments).map(|()| EXIT_DONE),
     };
     match done {

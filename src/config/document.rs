@@ -7,12 +7,14 @@ use std::path::{Component, Path, PathBuf};
 use toml::de::{DeTable, DeValue};
 
 /// Configurations that are part of the binary, by their path below `configs/`.
-const BUILT_IN: [(&str, &str); 15] = [
+const BUILT_IN: [(&str, &str); 28] = [
     ("benches/loopback.toml", include_str!("../../configs/benches/loopback.toml")),
     ("benches/cubesat.toml", include_str!("../../configs/benches/cubesat.toml")),
     ("benches/closed_loop.toml", include_str!("../../configs/benches/closed_loop.toml")),
     ("benches/closed_loop_small.toml", include_str!("../../configs/benches/closed_loop_small.toml")),
     ("benches/telescope.toml", include_str!("../../configs/benches/telescope.toml")),
+    ("benches/closed_loop_jitter.toml", include_str!("../../configs/benches/closed_loop_jitter.toml")),
+    ("benches/closed_loop_small_jitter.toml", include_str!("../../configs/benches/closed_loop_small_jitter.toml")),
     ("cameras/star_tracker_20deg.toml", include_str!("../../configs/cameras/star_tracker_20deg.toml")),
     ("cameras/cubesat_tracker.toml", include_str!("../../configs/cameras/cubesat_tracker.toml")),
     ("cameras/small_tracker.toml", include_str!("../../configs/cameras/small_tracker.toml")),
@@ -22,7 +24,18 @@ const BUILT_IN: [(&str, &str); 15] = [
     ("links/simulated_serial.toml", include_str!("../../configs/links/simulated_serial.toml")),
     ("scenarios/acquisition.toml", include_str!("../../configs/scenarios/acquisition.toml")),
     ("scenarios/campaign.toml", include_str!("../../configs/scenarios/campaign.toml")),
+    ("scenarios/study.toml", include_str!("../../configs/scenarios/study.toml")),
+    ("scenarios/bus_dropouts.toml", include_str!("../../configs/scenarios/bus_dropouts.toml")),
+    ("scenarios/fine_pointing.toml", include_str!("../../configs/scenarios/fine_pointing.toml")),
+    ("scenarios/no_tracker.toml", include_str!("../../configs/scenarios/no_tracker.toml")),
+    ("scenarios/slew_and_settle.toml", include_str!("../../configs/scenarios/slew_and_settle.toml")),
+    ("scenarios/stray_light.toml", include_str!("../../configs/scenarios/stray_light.toml")),
+    ("scenarios/sun_avoidance.toml", include_str!("../../configs/scenarios/sun_avoidance.toml")),
+    ("scenarios/three_heads.toml", include_str!("../../configs/scenarios/three_heads.toml")),
+    ("scenarios/wheel_sweep.toml", include_str!("../../configs/scenarios/wheel_sweep.toml")),
     ("spacecraft/smallsat.toml", include_str!("../../configs/spacecraft/smallsat.toml")),
+    ("spacecraft/smallsat_keep_out.toml", include_str!("../../configs/spacecraft/smallsat_keep_out.toml")),
+    ("spacecraft/smallsat_stiff_array.toml", include_str!("../../configs/spacecraft/smallsat_stiff_array.toml")),
 ];
 
 /// Names nearer than this (Jaro-Winkler, 0 to 1) are offered as what was meant.

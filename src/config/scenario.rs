@@ -10,6 +10,7 @@ use crate::config::event::{Event, EventKeys, Pointing};
 use crate::config::expect::{Expect, ExpectKeys};
 use crate::config::observer::Observer;
 use crate::config::spacecraft::Spacecraft;
+use crate::testbed::spacecraft::TestTorque;
 use glam::DVec3;
 use serde::Deserialize;
 use std::path::Path;
@@ -36,10 +37,14 @@ pub struct Scenario {
     pub heads: Vec<Rotation<Sensor, Body>>,
     /// How long a tracker thinks: end of readout to attitude.
     pub tracker_delay: Span,
+    /// Error of the trackers' time tags, of which nobody aboard knows.
+    pub tag_error: Span,
     /// Most stars a tracker measures in a frame.
     pub tracker_stars: usize,
     /// From a control step to its torque, on top of nothing: latency injected to be studied.
     pub actuation_delay: Span,
+    /// Torques by which the loop is tested. Studies add them; files have none.
+    pub test_torques: Vec<TestTorque>,
     /// Control steps from one row of telemetry to the next.
     pub telemetry_every: u32,
     /// Commands and faults, in order of time.
@@ -96,6 +101,7 @@ struct HeadKeys {
 #[serde(deny_unknown_fields)]
 struct TrackerKeys {
     delay_ms: Option<f64>,
+    tag_error_ms: Option<f64>,
     stars: Option<i64>,
 }
 
@@ -145,6 +151,9 @@ impl Scenario {
         let delay = "milliseconds from the end of readout to the attitude";
         let delay_ms =
             check.number("tracker.delay_ms", keys.tracker.delay_ms, 50.0, Rule::Within(0.0, 2000.0), delay)?;
+        let tag = "milliseconds by which the trackers' time tags are late: a date error to be studied";
+        let tag_ms =
+            check.number("tracker.tag_error_ms", keys.tracker.tag_error_ms, 0.0, Rule::Within(-1000.0, 1000.0), tag)?;
         let late = "milliseconds from a control step to its torque: latency to be studied";
         let actuation_ms =
             check.number("control.delay_ms", keys.control.delay_ms, 0.0, Rule::Within(0.0, 10_000.0), late)?;
@@ -165,6 +174,8 @@ impl Scenario {
             target,
             heads,
             tracker_delay: Span::from_s(delay_ms * 1e-3),
+            tag_error: Span::from_s(tag_ms * 1e-3),
+            test_torques: Vec::new(),
             tracker_stars: tracker_stars as usize,
             actuation_delay: Span::from_s(actuation_ms * 1e-3),
             telemetry_every,

@@ -44,6 +44,8 @@ fn every_built_in_configuration_loads() {
         match path.split('/').next() {
             Some("cameras") => drop(Camera::from_document(&document).expect(path)),
             Some("benches") => drop(Bench::from_document(&document).expect(path)),
+            Some("scenarios") => drop(Scenario::from_document(&document).expect(path)),
+            Some("spacecraft") => drop(Spacecraft::from_document(&document).expect(path)),
             // Link files load with a bench; each is named by one.
             other => assert_eq!(other, Some("links"), "{path}"),
         }
@@ -54,7 +56,7 @@ fn every_built_in_configuration_loads() {
 fn every_shipped_file_is_built_in_and_loads_from_disk() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs");
     let mut seen = 0;
-    for folder in ["benches", "cameras", "links"] {
+    for folder in ["benches", "cameras", "links", "scenarios", "spacecraft"] {
         for entry in std::fs::read_dir(root.join(folder)).expect("a folder of configs") {
             let path = entry.expect("an entry").path();
             let name = format!("{folder}/{}", path.file_name().expect("a file").to_string_lossy());
@@ -62,6 +64,8 @@ fn every_shipped_file_is_built_in_and_loads_from_disk() {
             match folder {
                 "benches" => drop(Bench::load(&path).expect(&name)),
                 "cameras" => drop(Camera::load(&path).expect(&name)),
+                "scenarios" => drop(Scenario::load(&path).expect(&name)),
+                "spacecraft" => drop(Spacecraft::load(&path).expect(&name)),
                 _ => drop(bench(&format!("link = {:?}", path.display().to_string())).expect(&name)),
             }
             seen += 1;
@@ -395,4 +399,18 @@ proptest! {
         let is_allowed = (0.1..=1e6).contains(&value) && value / 2.0 <= 1e5;
         prop_assert_eq!(camera(&text).is_ok_and(|c| c.optics.focal_length_mm == value), is_allowed);
     }
+}
+
+#[test]
+fn a_date_error_of_the_trackers_is_read_and_held_to_its_range() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenarios");
+    let text = std::fs::read_to_string(folder.join("study.toml")).expect("shipped");
+    let with = |line: &str| {
+        let text = text.replace("delay_ms = 50.0", &format!("delay_ms = 50.0\n{line}"));
+        Scenario::from_document(&Document::from_text(&text, &folder.join("lab.toml")))
+    };
+    assert_eq!(with("").expect("sound").tag_error, crate::base::time::Span::ZERO);
+    assert_eq!(with("tag_error_ms = -20.0").expect("sound").tag_error, crate::base::time::Span::from_ms(-20));
+    let refused = with("tag_error_ms = 1001.0").expect_err("refused").to_string();
+    assert!(refused.contains("tracker.tag_error_ms"), "{refused}");
 }

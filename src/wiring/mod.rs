@@ -1,7 +1,7 @@
 //! Checked configurations -> the parts of a run.
 //!
 //! In: a [`crate::config::Bench`] or [`crate::config::Scenario`]. Out: parameters of every room, and the closed loop with
-//! both ends of its cable. Nothing here computes physics or prints.
+//! both ends of its cable. Nothing here computes physics or prints; [`study`] holds the loop against theory.
 
 pub mod assessment;
 pub mod bench_parts;
@@ -16,5 +16,6 @@ pub mod loop_outcome;
 mod loop_parts;
 pub mod real_loop;
 pub mod seeded;
+pub mod study;
 pub mod vehicle_parts;
 pub mod witness;

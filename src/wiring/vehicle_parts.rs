@@ -45,6 +45,8 @@ pub fn vehicle_params(scenario: &Scenario, first_exposure: Tai) -> VehicleParams
         target: body(&scenario.target),
         heads: head_params(scenario),
         actuation_delay: scenario.actuation_delay,
+        tag_error: scenario.tag_error,
+        test_torques: scenario.test_torques.clone(),
         vibration_period: samples.then(|| Span::from_s(1.0 / hz)),
         resume_after: Some(RESUME_AFTER),
         telemetry_every: scenario.telemetry_every,

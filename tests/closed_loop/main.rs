@@ -13,3 +13,4 @@ mod deadline;
 mod degraded;
 mod pixels;
 mod program;
+mod study;

@@ -42,7 +42,7 @@ pub(super) struct State {
 pub(super) struct Held {
     /// Motor torques, N m.
     pub(super) motor: [f64; WHEELS_MAX],
-    /// Torque from outside, body axes, N m: random walk and unloading.
+    /// Torque from outside, body axes, N m: random walk, unloading and tests.
     pub(super) outside: DVec3,
 }
 

@@ -20,6 +20,7 @@ mod motors;
 mod orbit;
 mod params;
 mod sun;
+mod test_torque;
 mod vibration_lines;
 #[cfg(test)]
 mod tests;
@@ -34,6 +35,7 @@ pub use params::{
     WHEELS_MAX, WheelParams,
 };
 pub use sun::{SunReading, SunSensor, sun_direction_icrf};
+pub use test_torque::TestTorque;
 
 use crate::base::axes::{Body, Icrf, Rotation};
 use crate::base::time::{Span, Tai};
@@ -63,6 +65,7 @@ pub struct Spacecraft {
     walk_per_step_n_m: f64,
     walk_torque_n_m: DVec3,
     noise: Gaussian,
+    test_torques: Vec<TestTorque>,
     start: Tai,
     step: Span,
     state: State,
@@ -97,6 +100,7 @@ impl Spacecraft {
             walk_per_step_n_m: params.disturbance.random_walk_n_m_sqrt_s * params.step.s().sqrt(),
             walk_torque_n_m: DVec3::ZERO,
             noise: Gaussian::new(seed),
+            test_torques: Vec::new(),
             start,
             step: params.step,
             state: State { q: body_from_icrf.quat(), rate: rate_rad_s, speeds, modal: still, modal_rate: still },
@@ -174,6 +178,17 @@ impl Spacecraft {
         Ok(())
     }
 
+    /// Adds torques from outside by which the loop is tested; each is held over an integration step at its value in the
+    /// middle.
+    ///
+    /// # Errors
+    /// When a number is not finite or a frequency or a time negative.
+    pub fn add_test_torques(&mut self, torques: &[TestTorque]) -> Result<(), SpacecraftError> {
+        torques.iter().enumerate().try_for_each(|(index, torque)| torque.check(index))?;
+        self.test_torques.extend_from_slice(torques);
+        Ok(())
+    }
+
     /// Speeds of the wheels relative to the body at [`Self::time`], rad/s.
     #[must_use]
     pub fn wheel_speeds_rad_s(&self) -> &[f64] {
@@ -219,8 +234,13 @@ impl Spacecraft {
         let unloading = if self.is_unloading { self.unloading_torque_n_m() } else { DVec3::ZERO };
         Held {
             motor: self.motors.torques(&self.equations, &self.state, self.step.s()),
-            outside: self.walk_torque_n_m + unloading,
+            outside: self.walk_torque_n_m + unloading + self.test_torque_n_m(),
         }
+    }
+
+    fn test_torque_n_m(&self) -> DVec3 {
+        let middle_s = self.since_start_s(self.time()) + 0.5 * self.step.s();
+        self.test_torques.iter().map(|torque| torque.at_n_m(middle_s)).sum()
     }
 
     fn unloading_torque_n_m(&self) -> DVec3 {

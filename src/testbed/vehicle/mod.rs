@@ -106,7 +106,8 @@ impl Vehicle {
         }
         let seed = |stream: u64| params.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(stream);
         let rate = params.initial_rate_rad_s;
-        let spacecraft = Spacecraft::new(&params.spacecraft, start, params.initial, rate, seed(1))?;
+        let mut spacecraft = Spacecraft::new(&params.spacecraft, start, params.initial, rate, seed(1))?;
+        spacecraft.add_test_torques(&params.test_torques)?;
         let vibration = params
             .vibration_period
             .map(|period| MicroVibration::new(&params.spacecraft, start, period, seed(2)))
@@ -181,7 +182,8 @@ impl Vehicle {
 
     /// Hears when a frame was exposed.
     pub fn tag_frame(&mut self, frame: u8, mid_exposure: Tai) {
-        self.heads.iter_mut().for_each(|head| head.tag(frame, mid_exposure));
+        let tagged = mid_exposure + self.params.tag_error;
+        self.heads.iter_mut().for_each(|head| head.tag(frame, tagged));
     }
 
     /// Whether the EXPOSURE message of a frame has come.

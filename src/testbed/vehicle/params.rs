@@ -4,7 +4,7 @@ use crate::base::axes::{Body, Icrf, Rotation, Sensor};
 use crate::base::time::Span;
 use crate::testbed::acs::AcsParams;
 use crate::testbed::estimator::MekfParams;
-use crate::testbed::spacecraft::{GyroParams, SpacecraftParams};
+use crate::testbed::spacecraft::{GyroParams, SpacecraftParams, TestTorque};
 use crate::testbed::tracker::TrackerParams;
 use glam::DVec3;
 
@@ -33,6 +33,11 @@ pub struct VehicleParams {
     pub heads: Vec<HeadParams>,
     /// Time between a control step and its torque: what is injected to study latency.
     pub actuation_delay: Span,
+    /// Time tags of frames are late by this: a date error of which the estimator knows nothing. It shows as rate times
+    /// error while the body turns, and not at rest.
+    pub tag_error: Span,
+    /// Torques from outside by which the loop is tested.
+    pub test_torques: Vec<TestTorque>,
     /// Time between samples of micro-vibration; `None`: none is computed.
     pub vibration_period: Option<Span>,
     /// In safe mode with an attitude known for so long the ground sends `Resume`; `None`: never.

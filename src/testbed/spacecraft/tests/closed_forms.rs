@@ -136,3 +136,38 @@ fn the_orbit_carries_the_radial_round_once() {
     let once = orbit.position_m(after(TAU / orbit.rate_rad_s()));
     assert!((once - orbit.position_m(START)).length() < 1e-3, "nanoseconds of 7.6 km/s");
 }
+
+#[test]
+fn a_sine_torque_turns_a_free_body_by_its_twofold_integral() {
+    // J theta'' = a sin(w t) from rest: theta = a / (J w) t - a / (J w^2) sin(w t).
+    let (inertia, frequency_hz, begins_s) = (50.0, 0.2, 3.0);
+    let mut craft = at_rest(&bare(DMat3::IDENTITY * inertia, Span::from_ms(10)));
+    let start = craft.attitude_at(START).expect("the start").body_from_icrf;
+    let sine = TestTorque { amplitude_n_m: DVec3::Y * 0.01, frequency_hz, begins_s, ramp_s: 0.0 };
+    craft.add_test_torques(&[sine]).expect("sound");
+    craft.advance_to(after(begins_s + 17.0));
+    let turned = start.rotation_vector_to(&craft.attitude_at(after(begins_s + 17.0)).expect("kept").body_from_icrf);
+    let wanted = |w: f64| 0.01 / inertia * (17.0 / w - (w * 17.0).sin() / (w * w));
+    let (w, step_s) = (TAU * frequency_hz, 0.01);
+    // Held at its middle, a sine loses (w h)^2 / 24 of its amplitude.
+    let allowed = wanted(w).abs() * (w * step_s).powi(2) / 12.0;
+    assert!((turned - DVec3::Y * wanted(w)).length() < allowed, "{turned} for {}", wanted(w));
+    assert!((turned.y - wanted(1.001 * w)).abs() > allowed, "negative control: another frequency");
+}
+
+#[test]
+fn a_test_torque_has_a_ramp_and_finite_numbers() {
+    let sine = TestTorque { amplitude_n_m: DVec3::X, frequency_hz: 0.25, begins_s: 2.0, ramp_s: 8.0 };
+    assert_eq!(sine.at_n_m(2.0), DVec3::ZERO);
+    assert!((sine.at_n_m(7.0).x - 0.5 * (1.0 - (PI * 5.0 / 8.0).cos())).abs() < 1e-12, "5 s of the ramp, at a peak");
+    assert!((sine.at_n_m(15.0).x - 1.0).abs() < 1e-12, "13 s after the begin, at a peak");
+    let mut craft = at_rest(&bare(lopsided(), Span::from_ms(10)));
+    for (spoilt, field) in [
+        (TestTorque { ramp_s: -1.0, ..sine }, "ramp_s"),
+        (TestTorque { frequency_hz: f64::NAN, ..sine }, "frequency_hz"),
+        (TestTorque { amplitude_n_m: DVec3::X * f64::INFINITY, ..sine }, "amplitude_n_m"),
+    ] {
+        let refused = craft.add_test_torques(&[sine, spoilt]).expect_err("refused").to_string();
+        assert!(refused.contains("test torque 1") && refused.contains(field), "{refused}");
+    }
+}

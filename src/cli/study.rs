@@ -1,0 +1,67 @@
+//! `starloop study`: latency and jitter injected into the closed loop, held against linear theory -> a table and charts.
+
+use crate::base::clock::Stopwatch;
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
+use crate::config::{Document, Scenario};
+use crate::sink::write_file_atomically;
+use crate::wiring::study::{Effort, Study};
+use anyhow::{Context, Result};
+use clap::Args;
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+
+/// Width of a progress line.
+const LINE_WIDTH: usize = 100;
+
+/// Command line of `study`.
+#[derive(Debug, Args)]
+#[command(after_help = "Writes study.csv (one row per point: measured, predicted, ratio, verdict) and as SVG: \
+                  phase_margin, jitter_rejection and pointing_error. Every point is a run of the closed loop over \
+                  pixels on the virtual clock; the same scenario and seed give the same files.\n\n\
+                  Exit status 4: a point below the bandwidth is further from linear theory than its tolerance. A whole \
+                  study takes some minutes on two cores.")]
+pub struct StudyArgs {
+    /// Scenario file (TOML) whose camera, bus, spacecraft and control are studied; without one: the built-in study
+    scenario: Option<PathBuf>,
+    /// Under a minute: fewer points, shorter records
+    #[arg(long)]
+    quick: bool,
+    /// Folder for the table and charts; made where it is missing
+    #[arg(long, value_name = "DIR", default_value = "out/study")]
+    out: PathBuf,
+    /// Seed of patterns and noise instead of the scenario's
+    #[arg(long)]
+    seed: Option<u64>,
+}
+
+/// Runs the command; the exit status.
+///
+/// # Errors
+/// When the scenario is refused, a run fails or a file cannot be written.
+pub fn run(arguments: &StudyArgs) -> Result<u8> {
+    let mut scenario = match &arguments.scenario {
+        Some(path) => Scenario::load(path)?,
+        None => Scenario::from_document(&Document::built_in("scenarios/study.toml")?)?,
+    };
+    scenario.bench.seed = arguments.seed.unwrap_or(scenario.bench.seed);
+    // A folder that cannot be made is told before minutes of measuring.
+    std::fs::create_dir_all(&arguments.out).with_context(|| format!("--out {}", arguments.out.display()))?;
+    let effort = if arguments.quick { Effort::quick() } else { Effort::full() };
+    let study = Study::new(&scenario, effort)?;
+    let watch = Mutex::new((Stopwatch::start(), 0.0));
+    let studied = study.run(&|done, total, name| {
+        let mut watch = watch.lock().unwrap_or_else(PoisonError::into_inner);
+        let lap_s = watch.0.lap().s();
+        watch.1 += lap_s;
+        let line = format!("{done}/{total} done in {:.0} s: {name}", watch.1);
+        eprintln!("{line:.LINE_WIDTH$}");
+    })?;
+    for file in &studied.files {
+        write_file_atomically(&arguments.out.join(&file.name), |out| {
+            std::io::Write::write_all(out, file.text.as_bytes())
+        })?;
+    }
+    print!("{}", studied.summary);
+    println!("{} files in {}", studied.files.len(), arguments.out.display());
+    Ok(if studied.is_met() { EXIT_DONE } else { EXIT_NOT_MET })
+}

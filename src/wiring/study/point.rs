@@ -1,0 +1,77 @@
+//! One point of a study: what was measured, what theory says, and whether they agree.
+
+use serde::Serialize;
+
+/// What became of a point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Agreement {
+    /// Within the tolerance.
+    Met,
+    /// Outside it.
+    NotMet,
+    /// Beyond what theory is held to: shown only.
+    Told,
+}
+
+/// One row of `study.csv`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StudyPoint {
+    /// What was measured, with its unit.
+    pub kind: &'static str,
+    /// What was varied, with its unit.
+    pub varied: &'static str,
+    /// To which value.
+    pub value: f64,
+    /// Measured on the true attitude; not a number when the loop did not stay in fine pointing.
+    pub measured: f64,
+    /// As theory has it.
+    pub predicted: f64,
+    /// Measured over predicted.
+    pub ratio: f64,
+    /// Largest difference that passes.
+    pub allowed: f64,
+    /// What became of it.
+    pub verdict: Agreement,
+}
+
+/// Phase margin, deg.
+pub const PHASE_MARGIN: &str = "phase_margin_deg";
+/// Frequency at which the open loop has gain one, Hz.
+pub const CROSSOVER: &str = "crossover_hz";
+/// Delay at which the phase margin is used up, ms.
+pub const DELAY_MARGIN: &str = "delay_margin_ms";
+/// What the loop leaves of base jitter, over what a free body would do.
+pub const REJECTION: &str = "jitter_left";
+/// Rms of the boresight's direction about its mean, arcsec.
+pub const POINTING_ERROR: &str = "pointing_error_arcsec";
+/// Error of the estimate in a turn by wrong time tags, arcsec.
+pub const TAG_ERROR: &str = "estimate_behind_arcsec";
+/// Largest pointing error beyond the delay margin, arcsec.
+pub const LARGEST_ERROR: &str = "largest_error_arcsec";
+
+/// Delay from control step to torque.
+pub const ACTUATION_DELAY: &str = "actuation_delay_ms";
+/// Delay from the last pixel to the attitude, known by its time tag.
+pub const TRACKER_DELAY: &str = "tracker_delay_ms";
+/// Error of the time tags.
+pub const TAG: &str = "tag_error_ms";
+/// Frequency of base jitter.
+pub const JITTER: &str = "jitter_hz";
+
+impl StudyPoint {
+    /// A point that passes when it is `allowed` or less from the prediction.
+    #[must_use]
+    pub fn judged(kind: &'static str, (varied, value): (&'static str, f64), got: [f64; 2], allowed: f64) -> Self {
+        let [measured, predicted] = got;
+        let is_met = (measured - predicted).abs() <= allowed;
+        let verdict = if is_met { Agreement::Met } else { Agreement::NotMet };
+        Self { kind, varied, value, measured, predicted, ratio: measured / predicted, allowed, verdict }
+    }
+
+    /// The same, shown but not judged.
+    #[must_use]
+    pub fn told(self) -> Self {
+        Self { verdict: Agreement::Told, ..self }
+    }
+}
