@@ -7,9 +7,11 @@ use std::path::{Component, Path, PathBuf};
 use toml::de::{DeTable, DeValue};
 
 /// Configurations that are part of the binary, by their path below `configs/`.
-const BUILT_IN: [(&str, &str); 28] = [
+const BUILT_IN: [(&str, &str); 30] = [
     ("benches/loopback.toml", include_str!("../../configs/benches/loopback.toml")),
     ("benches/cubesat.toml", include_str!("../../configs/benches/cubesat.toml")),
+    ("benches/bench_20hz.toml", include_str!("../../configs/benches/bench_20hz.toml")),
+    ("cameras/star_tracker_20deg_20hz.toml", include_str!("../../configs/cameras/star_tracker_20deg_20hz.toml")),
     ("benches/closed_loop.toml", include_str!("../../configs/benches/closed_loop.toml")),
     ("benches/closed_loop_small.toml", include_str!("../../configs/benches/closed_loop_small.toml")),
     ("benches/telescope.toml", include_str!("../../configs/benches/telescope.toml")),

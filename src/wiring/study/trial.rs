@@ -13,6 +13,7 @@ use crate::sink::NullSink;
 use crate::testbed::acs::Mode;
 use crate::testbed::acs::complex::Complex;
 use crate::testbed::spacecraft::TestTorque;
+use crate::testbed::vehicle::TelemetryRow;
 use crate::wiring::closed_loop::{ClosedLoop, LoopError};
 use core::f64::consts::TAU;
 use glam::DVec3;
@@ -122,7 +123,7 @@ pub fn fly(scenario: &Scenario) -> Result<Trace, LoopError> {
     let start = going.now();
     let heard = Arc::new(Mutex::new(Vec::new()));
     let told = Arc::clone(&heard);
-    going.on_row(move |row| {
+    going.on_row(Box::new(move |row: &TelemetryRow| {
         let sample = Sample {
             t_s: (row.at - start).s(),
             error_rad: -row.pointing_error_rad,
@@ -131,7 +132,7 @@ pub fn fly(scenario: &Scenario) -> Result<Trace, LoopError> {
             is_fine: row.mode == Mode::FinePointing,
         };
         told.lock().unwrap_or_else(PoisonError::into_inner).push(sample);
-    });
+    }));
     going.run_to_end(&mut |_, _, _| true)?;
     let outcome = going.finish()?;
     let samples = core::mem::take(&mut *heard.lock().unwrap_or_else(PoisonError::into_inner));
