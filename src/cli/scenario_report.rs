@@ -44,8 +44,12 @@ pub struct ScenarioReport {
     pub attitudes_used: u64,
     /// Attitudes that it refused: too far from what it expected.
     pub attitudes_gated: u64,
+    /// Attitudes that came too late for the estimator, or ahead of it.
+    pub attitudes_refused: u64,
     /// Frames that came without a time tag and were not used.
     pub frames_untagged: u64,
+    /// Frames that went out too late to be held against the truth.
+    pub frames_unchecked: u64,
     /// How often it started from an attitude, the first time included.
     pub estimator_starts: u64,
     /// Frames held against the true attitude, and the largest distance, arcsec.
@@ -105,7 +109,9 @@ impl ScenarioReport {
             tracker_availability: assessment.tracker_availability(),
             attitudes_used: outcome.estimator.used,
             attitudes_gated: outcome.estimator.gated,
+            attitudes_refused: outcome.estimator.refused,
             frames_untagged: outcome.untagged,
+            frames_unchecked: assessment.frames_unchecked(),
             estimator_starts: outcome.estimator.starts,
             frames_held_to_truth,
             largest_rendered_error_arcsec,

@@ -25,6 +25,8 @@ pub struct Expect {
     pub least_sun_angle_deg: Option<f64>,
     /// Mode at the end.
     pub final_mode: Option<&'static str>,
+    /// Commands may be refused: they come at random.
+    pub allows_refusals: bool,
     /// The control must fail: at the end it points nowhere near its target.
     pub diverges: bool,
 }
@@ -82,6 +84,7 @@ impl Expect {
             recovered_arcsec,
             least_sun_angle_deg: positive("least_sun_angle_deg", keys.least_sun_angle_deg, "degrees")?,
             final_mode,
+            allows_refusals: false,
             diverges: keys.diverges.unwrap_or(false),
         })
     }

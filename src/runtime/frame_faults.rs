@@ -86,7 +86,12 @@ impl FrameFaults {
         for mark in self.marks.iter().filter(|mark| mark.from <= release && release < mark.until) {
             fate.flags |= mark.flag;
         }
+        let has_previous = !self.previous.is_empty();
         for timed in self.timed.iter_mut().filter(|timed| timed.from <= release && release < timed.until) {
+            // The first frame of all has none before it to be repeated.
+            if !has_previous && matches!(timed.fault, FrameFault::Torn | FrameFault::Duplicate) {
+                continue;
+            }
             timed.hits += 1;
             fate.flags |= timed.fault.flag();
             match timed.fault {

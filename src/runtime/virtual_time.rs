@@ -202,9 +202,6 @@ impl VirtualLoop {
         let mut watch = Stopwatch::start();
         let times = head.engine.expose(slot, head.receiver, &mut self.record.ledger, &mut frame)?;
         frame.meta.lateness = Span::ZERO;
-        if let Some(faults) = head.faults.as_mut() {
-            faults.spoil(&fate, &mut frame);
-        }
         let drawn = watch.lap();
         self.record.count_rendered(&frame, &times);
         // Heads share one exposure time: the first speaks for all.
@@ -212,6 +209,10 @@ impl VirtualLoop {
             for message in reply::frame_messages(&frame.meta, head.receiver) {
                 port.send(&message)?;
             }
+        }
+        // What the stimulator says of itself it says before its frame is spoilt.
+        if let Some(faults) = head.faults.as_mut() {
+            faults.spoil(&fate, &mut frame);
         }
         self.queue(i, slot, frame, fate, drawn);
         Ok(())

@@ -104,6 +104,7 @@ pub struct Assessment {
     violation_lines: Vec<String>,
     refusals: Vec<String>,
     frames_held_to_truth: u64,
+    frames_unchecked: u64,
     largest_rendered_rad: f64,
 }
 
@@ -146,6 +147,7 @@ impl Assessment {
             violation_lines: Vec::new(),
             refusals: Vec::new(),
             frames_held_to_truth: 0,
+            frames_unchecked: 0,
             largest_rendered_rad: 0.0,
         }
     }
@@ -213,6 +215,17 @@ impl Assessment {
     pub fn note_rendered(&mut self, error_rad: f64) {
         self.frames_held_to_truth += 1;
         self.largest_rendered_rad = self.largest_rendered_rad.max(error_rad);
+    }
+
+    /// Notes a frame whose truth is not known any more: it went out seconds late.
+    pub fn note_unchecked(&mut self) {
+        self.frames_unchecked += 1;
+    }
+
+    /// Frames that could not be held against the truth.
+    #[must_use]
+    pub fn frames_unchecked(&self) -> u64 {
+        self.frames_unchecked
     }
 
     /// Frames held against the truth, and the largest distance from it, arcsec.
@@ -333,13 +346,17 @@ impl Assessment {
         at_most("rms knowledge error", expect.knowledge_arcsec, knowledge, "arcsec");
         let ratio = pointing.zip(predicted_arcsec).map(|(got, predicted)| got / predicted);
         at_most("pointing error over the linear prediction", expect.pointing_over_predicted, ratio, "times");
+        if !self.refusals.is_empty() && !expect.allows_refusals {
+            let got = self.refusals.join("; ");
+            verdicts.push(Verdict { name: "commands", wanted: "all taken".into(), got, passed: false });
+        }
         if expect.diverges {
             let limit = expect.pointing_arcsec.unwrap_or(expect.recovered_arcsec);
             verdicts.push(Verdict {
                 name: "the control fails, as it must here",
                 wanted: format!("rms pointing error above {limit} arcsec"),
                 got: pointing.map_or_else(|| "none".into(), |got| format!("{got:.3} arcsec")),
-                passed: pointing.is_none_or(|got| got > limit),
+                passed: pointing.is_some_and(|got| got > limit),
             });
         }
         if let Some(least) = expect.least_sun_angle_deg {

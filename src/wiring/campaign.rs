@@ -48,6 +48,7 @@ pub fn episode_scenario(base: &Scenario, seed: u64) -> Scenario {
         until_s: scenario.bench.timing.duration_s - QUIET_END_S,
         wheels: scenario.spacecraft.params.wheels.len(),
     };
+    scenario.expect.allows_refusals = true;
     scenario.events.extend(fault_schedule(seed, &limits));
     scenario.events.sort_by_key(|event| event.at);
     scenario

@@ -6,8 +6,8 @@
 
 use crate::base::axes::{Body, Icrf, Rotation, Sensor};
 use crate::base::clock::{Clock, Virtual};
-use crate::base::time::{Span, Tai};
-use crate::config::{Action, ConfigError, Event, Scenario, StartTime};
+use crate::base::time::Tai;
+use crate::config::{ConfigError, Event, Scenario, StartTime};
 use crate::link::Port;
 use crate::link::tap::FaultControl;
 use crate::runtime::ledger::Event as LedgerEvent;
@@ -24,9 +24,6 @@ use crate::wiring::loop_parts::{LoopHead, loop_head, ports};
 use core::cell::RefCell;
 use glam::DVec3;
 use std::sync::Arc;
-
-/// Half a turn at half a degree per second, and settling: recovery counts from then on.
-pub(super) const LONGEST_SLEW: Span = Span::from_ms(450_000);
 
 /// Why a closed loop cannot be made or go on.
 #[derive(Debug, thiserror::Error)]
@@ -134,12 +131,10 @@ impl ClosedLoop {
             frames: self.heads.iter_mut().map(|head| &mut head.faults).collect(),
         };
         let before = self.faults.faults().len();
-        self.faults.place(&event, self.zero, &self.mounting, &mut places, &mut far.aboard);
-        far.sort_aboard();
-        if matches!(event.action, Action::Slew(_)) {
-            let from = self.zero + event.at;
-            far.witness.expect_disturbance(from, from + LONGEST_SLEW);
-        }
+        let mut aboard = Vec::new();
+        self.faults.place(&event, self.zero, &self.mounting, &mut places, &mut aboard);
+        far.add_aboard(aboard);
+        far.tell_witness(&event, self.zero);
         if let Some(fault) = self.faults.faults().get(before) {
             far.witness.expect_disturbance(fault.from, fault.until);
             let span = fault.until - fault.from;
@@ -175,17 +170,18 @@ impl ClosedLoop {
     /// Every fault so far with the number of packets, frames or times it hit.
     #[must_use]
     pub fn faults(&self) -> Vec<FaultLine> {
+        let far = self.far.borrow();
         let places = PlacesRead {
             to_stimulator: &self.to_stimulator,
             to_computer: &self.to_computer,
             frames: self.heads.iter().map(|head| &head.faults).collect(),
+            aboard: &|number| far.hits_aboard(number),
         };
-        let now = self.now();
         let line = |fault: &LoggedFault| FaultLine {
             name: fault.name,
             from_s: (fault.from - self.zero).s(),
             until_s: (fault.until - self.zero).s(),
-            hits: self.faults.hits(fault, &places, now),
+            hits: self.faults.hits(fault, &places),
         };
         self.faults.faults().iter().map(line).collect()
     }

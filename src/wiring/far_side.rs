@@ -3,17 +3,26 @@
 //! Whoever has a clock steps it; it never reads one.
 
 use crate::base::time::{Span, Tai};
-use crate::config::Scenario;
+use crate::config::{Action, Event, Scenario};
 use crate::link::Port;
+use crate::link::tap::LinkFault;
 use crate::runtime::error::FarEndError;
 use crate::sink::tap::TappedFrame;
 use crate::sink::{FrameMeta, TapEnd};
 use crate::testbed::flight_computer::{FlightComputer, FlightError};
-use crate::testbed::vehicle::{TelemetryRow, Vehicle, VehicleError};
+use crate::testbed::vehicle::{TelemetryRow, Vehicle, VehicleError, VehicleFault};
 use crate::wiring::bench_parts;
 use crate::wiring::faults::Aboard;
 use crate::wiring::vehicle_parts::vehicle_params;
 use crate::wiring::witness::Witness;
+
+/// A fault aboard that has begun, with the count of its kind's hits then and at its end.
+struct Watched {
+    number: usize,
+    fault: VehicleFault,
+    began_at: u64,
+    ended_at: Option<u64>,
+}
 
 /// How long a frame waits for its time tag, which comes over the bus.
 const TAG_WAIT: Span = Span::from_ms(50);
@@ -23,6 +32,10 @@ pub(super) struct FarSide {
     pub(super) port: Port,
     pub(super) computer: FlightComputer,
     pub(super) taps: Vec<TapEnd>,
+    /// Half a turn and half of one more to go around the Sun, at the spacecraft's slew rate, and settling.
+    longest_slew: Span,
+    /// Faults aboard that have begun.
+    watched: Vec<Watched>,
     /// Frames that came before their time tag: until when each waits, and whose it is.
     waiting: Vec<(Tai, usize, TappedFrame)>,
     /// Faults and commands aboard, the next one last.
@@ -47,16 +60,39 @@ impl FarSide {
             computer: FlightComputer::flying(computer, vehicle),
             taps,
             waiting: Vec::new(),
+            watched: Vec::new(),
+            longest_slew: longest_slew(scenario),
             aboard: Vec::new(),
             witness: Witness::new(scenario, zero, end),
             on_row: Box::new(|_| {}),
         })
     }
 
-    /// Sorts what is to be done aboard: the next one last, and of simultaneous ones the first added.
-    pub(super) fn sort_aboard(&mut self) {
-        self.aboard.reverse();
-        self.aboard.sort_by_key(|(at, _)| core::cmp::Reverse(*at));
+    /// Adds what is to be done aboard: the next one stands last, and of simultaneous ones the first added.
+    pub(super) fn add_aboard(&mut self, actions: Vec<(Tai, Aboard)>) {
+        for (at, action) in actions {
+            let place = self.aboard.partition_point(|(other, _)| *other > at);
+            self.aboard.insert(place, (at, action));
+        }
+    }
+
+    /// Tells the witness what an event will do to pointing and time marks.
+    pub(super) fn tell_witness(&mut self, event: &Event, zero: Tai) {
+        let from = zero + event.at;
+        match event.action {
+            Action::Slew(_) => self.witness.expect_disturbance(from, from + self.longest_slew),
+            Action::Bus(LinkFault::Delay { by, jitter }) => {
+                self.witness.expect_delay(from, from + event.lasts, by + jitter);
+            }
+            _ => {}
+        }
+    }
+
+    /// How often the fault of this number has hit something aboard.
+    pub(super) fn hits_aboard(&self, number: usize) -> u64 {
+        let Some(watched) = self.watched.iter().find(|watched| watched.number == number) else { return 0 };
+        let now = self.computer.vehicle().map_or(0, |vehicle| vehicle.fault_hits(&watched.fault));
+        watched.ended_at.unwrap_or(now) - watched.began_at
     }
 
     /// Everything due by `now`; when the next thing is due.
@@ -101,8 +137,17 @@ impl FarSide {
     fn do_aboard(&mut self, action: Aboard) -> Result<(), FlightError> {
         let Some(vehicle) = self.computer.vehicle_mut() else { return Ok(()) };
         match action {
-            Aboard::Inject(fault) => vehicle.inject(fault)?,
-            Aboard::Clear(fault) => vehicle.clear(fault),
+            Aboard::Inject { fault, number } => {
+                let began_at = vehicle.fault_hits(&fault);
+                vehicle.inject(fault)?;
+                self.watched.push(Watched { number, fault, began_at, ended_at: None });
+            }
+            Aboard::Clear { fault, number } => {
+                vehicle.clear(fault);
+                let hits = vehicle.fault_hits(&fault);
+                let ended = self.watched.iter_mut().find(|watched| watched.number == number);
+                ended.map(|watched| watched.ended_at = Some(hits)).unwrap_or_default();
+            }
             Aboard::Command(command) => {
                 if let Err(refused) = vehicle.command(command) {
                     self.witness.refuse(&refused.to_string());
@@ -117,4 +162,12 @@ impl FarSide {
         let truth = self.computer.vehicle_mut().and_then(|vehicle| vehicle.truth(meta.mid_exposure).ok());
         self.witness.take_frame(head, meta, truth.map(|truth| (truth.body_from_icrf, truth.rate_rad_s.length())));
     }
+}
+
+fn longest_slew(scenario: &Scenario) -> Span {
+    const SETTLING_S: f64 = 90.0;
+    let control = &scenario.spacecraft.control;
+    let turning_s = 1.5 * core::f64::consts::PI / control.slew_rate_rad_s;
+    let ramps_s = 6.0 * control.slew_rate_rad_s / control.slew_acceleration_rad_s2;
+    Span::from_s(turning_s + ramps_s + SETTLING_S)
 }

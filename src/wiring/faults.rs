@@ -17,9 +17,19 @@ const BUS_AFTERMATH: Span = Span::from_ms(2000);
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Aboard {
     /// A fault begins.
-    Inject(VehicleFault),
+    Inject {
+        /// What goes wrong.
+        fault: VehicleFault,
+        /// Its number in the log.
+        number: usize,
+    },
     /// A fault ends.
-    Clear(VehicleFault),
+    Clear {
+        /// What ends.
+        fault: VehicleFault,
+        /// Its number in the log.
+        number: usize,
+    },
     /// A command from the ground.
     Command(Command),
 }
@@ -31,7 +41,7 @@ enum Place {
     BusToComputer(usize),
     /// Number per head; `None` for heads it does not touch.
     Frames(Vec<Option<usize>>),
-    Aboard,
+    Aboard(usize),
 }
 
 /// One fault with its time.
@@ -108,11 +118,12 @@ impl FaultLog {
             }
             Action::Gyro(_) | Action::WheelFailure { .. } | Action::TrackerOff { .. } => {
                 let Some(fault) = vehicle_fault(&event.action) else { return };
-                aboard.push((from, Aboard::Inject(fault)));
+                let number = self.faults.len();
+                aboard.push((from, Aboard::Inject { fault, number }));
                 if event.lasts > Span::ZERO {
-                    aboard.push((until, Aboard::Clear(fault)));
+                    aboard.push((until, Aboard::Clear { fault, number }));
                 }
-                Place::Aboard
+                Place::Aboard(number)
             }
         };
         self.faults.push(LoggedFault { name: action_name(&event.action), from, until, place });
@@ -124,9 +135,9 @@ impl FaultLog {
         &self.faults
     }
 
-    /// How often a fault hit: packets, frames, or once aboard when its time had come by `now`.
+    /// How often a fault hit: packets, frames, gyro samples.
     #[must_use]
-    pub fn hits(&self, fault: &LoggedFault, places: &PlacesRead<'_>, now: Tai) -> u64 {
+    pub fn hits(&self, fault: &LoggedFault, places: &PlacesRead<'_>) -> u64 {
         match &fault.place {
             Place::BusToStimulator(i) => places.to_stimulator.timed().get(*i).map_or(0, |timed| timed.hits),
             Place::BusToComputer(i) => places.to_computer.timed().get(*i).map_or(0, |timed| timed.hits),
@@ -136,7 +147,7 @@ impl FaultLog {
                 };
                 places.frames.iter().zip(numbers).map(of).sum()
             }
-            Place::Aboard => u64::from(fault.from <= now),
+            Place::Aboard(number) => (places.aboard)(*number),
         }
     }
 }
@@ -149,6 +160,8 @@ pub struct PlacesRead<'a> {
     pub to_computer: &'a FaultControl,
     /// As in [`Places`].
     pub frames: Vec<&'a FrameFaults>,
+    /// Hits of a fault aboard, by its number in the log.
+    pub aboard: &'a dyn Fn(usize) -> u64,
 }
 
 /// The flag of a fault of the bus in the frames of its time.

@@ -15,7 +15,7 @@ use crate::runtime::ledger::Event as LedgerEvent;
 use crate::runtime::{EventKind, RunError, RunParams, RunRecord, real_time};
 use crate::sink::{FrameMeta, SentFrame, Sink};
 use crate::testbed::vehicle::{TelemetryRow, Vehicle};
-use crate::wiring::closed_loop::{LONGEST_SLEW, LoopError};
+use crate::wiring::closed_loop::LoopError;
 use crate::wiring::far_side::FarSide;
 use crate::wiring::faults::{FaultLine, FaultLog, LoggedFault, Places, PlacesRead, action_name, check_places};
 use crate::wiring::loop_outcome::{LoopOutcome, predicted_pointing_rad, vehicle_counts};
@@ -76,7 +76,8 @@ pub fn run_real(
     made.place_events(scenario, zero, &mut far)?;
     let over = Arc::new(AtomicBool::new(false));
     let (told, queue) = bounded::<FrameMeta>(TOLD_FRAMES);
-    let thread = fly(far, Arc::clone(&clock), Arc::clone(&over), queue, setting.hygiene.map(Arc::clone))?;
+    let ends = Ends { over: Arc::clone(&over), stop: Arc::clone(setting.stop) };
+    let thread = fly(far, Arc::clone(&clock), ends, queue, setting.hygiene.map(Arc::clone))?;
     let real = real_time::Setting {
         clock: &clock,
         stop: setting.stop,
@@ -96,7 +97,7 @@ pub fn run_real(
     if let Some(error) = outcome.error {
         return Err(error.into());
     }
-    let faults = made.lines(zero, now);
+    let faults = made.lines(zero, &far);
     let (estimator, untagged) = vehicle_counts(far.computer.vehicle());
     let latency_s = 0.5 * params.camera.exposure_s + params.camera.readout_s;
     let predicted = |vehicle: &Vehicle, nea_rad| {
@@ -131,16 +132,14 @@ impl Made {
             let Self { log, to_stimulator, to_computer } = self;
             let mut places = Places { to_stimulator, to_computer, frames: Vec::new() };
             let before = log.faults().len();
-            log.place(event, zero, &head, &mut places, &mut far.aboard);
-            if matches!(event.action, Action::Slew(_)) {
-                let from = zero + event.at;
-                far.witness.expect_disturbance(from, from + LONGEST_SLEW);
-            }
+            let mut aboard = Vec::new();
+            log.place(event, zero, &head, &mut places, &mut aboard);
+            far.add_aboard(aboard);
+            far.tell_witness(event, zero);
             if let Some(fault) = log.faults().get(before) {
                 far.witness.expect_disturbance(fault.from, fault.until);
             }
         }
-        far.sort_aboard();
         Ok(())
     }
 
@@ -151,16 +150,35 @@ impl Made {
         }
     }
 
-    fn lines(&self, zero: Tai, now: Tai) -> Vec<FaultLine> {
-        let places =
-            PlacesRead { to_stimulator: &self.to_stimulator, to_computer: &self.to_computer, frames: Vec::new() };
+    fn lines(&self, zero: Tai, far: &FarSide) -> Vec<FaultLine> {
+        let places = PlacesRead {
+            to_stimulator: &self.to_stimulator,
+            to_computer: &self.to_computer,
+            frames: Vec::new(),
+            aboard: &|number| far.hits_aboard(number),
+        };
         let line = |fault: &LoggedFault| FaultLine {
             name: fault.name,
             from_s: (fault.from - zero).s(),
             until_s: (fault.until - zero).s(),
-            hits: self.log.hits(fault, &places, now),
+            hits: self.log.hits(fault, &places),
         };
         self.log.faults().iter().map(line).collect()
+    }
+}
+
+/// Tells the vehicle's thread that the run is over, and the run that the vehicle's thread is.
+struct Ends {
+    over: Arc<AtomicBool>,
+    stop: Arc<AtomicBool>,
+}
+
+impl Drop for Ends {
+    /// A vehicle that ends before the run, by an error or a panic, ends the run.
+    fn drop(&mut self) {
+        if !self.over.load(Ordering::SeqCst) {
+            self.stop.store(true, Ordering::SeqCst);
+        }
     }
 }
 
@@ -168,7 +186,7 @@ impl Made {
 fn fly(
     mut far: FarSide,
     clock: Arc<dyn Clock>,
-    over: Arc<AtomicBool>,
+    ends: Ends,
     told: Queue<FrameMeta>,
     hygiene: Option<Arc<Hygiene>>,
 ) -> Result<JoinHandle<Result<FarSide, FarEndError>>, LoopError> {
@@ -176,7 +194,7 @@ fn fly(
         if let Some(hygiene) = hygiene {
             hygiene.enter(Role::FarEnd);
         }
-        while !over.load(Ordering::Relaxed) {
+        while !ends.over.load(Ordering::Relaxed) {
             let now = clock.now();
             let next = far.step(now)?;
             told.try_iter().for_each(|meta| far.witness_frame(0, &meta));

@@ -39,7 +39,7 @@ pub fn vehicle_params(scenario: &Scenario, first_exposure: Tai) -> VehicleParams
         initial_rate_rad_s: scenario.initial_rate_rad_s,
         gyro: craft.gyro,
         sun_sensor_noise_rad: craft.sun_sensor_noise_rad,
-        estimator: estimator_params(craft),
+        estimator: estimator_params(scenario),
         attitude_known_sigma_rad: KNOWN_SIGMA_RAD,
         acs: acs_params(craft, &spacecraft),
         target: body(&scenario.target),
@@ -86,7 +86,14 @@ fn random_attitude(seed: u64) -> Rotation<Body, Icrf> {
     Rotation::from_quat(glam::DQuat::from_xyzw(a * s2, a * c2, b * s3, b * c3))
 }
 
-fn estimator_params(craft: &config::Spacecraft) -> MekfParams {
+fn estimator_params(scenario: &Scenario) -> MekfParams {
+    let (craft, camera) = (&scenario.spacecraft, &scenario.bench.camera.exposure);
+    // The oldest attitude that can come: an exposure, its readout, the tracker's thinking, and what a bus may add.
+    let history_s = camera.exposure_s + camera.readout_s + scenario.tracker_delay.s() + 2.0;
+    let heads = scenario.heads.len() as f64;
+    let steps = history_s * (1.0 / craft.control.period.s() + heads * scenario.bench.timing.frame_rate_hz);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few thousand at most")]
+    let history_steps = (2.0 * steps) as usize + 64;
     MekfParams {
         gyro_arw_rad_sqrt_s: DVec3::splat(craft.gyro.angle_random_walk_rad_sqrt_s),
         gyro_rrw_rad_s_sqrt_s: DVec3::splat(craft.gyro.rate_random_walk_rad_s_sqrt_s),
@@ -95,8 +102,8 @@ fn estimator_params(craft: &config::Spacecraft) -> MekfParams {
         dropout_acceleration_rad_s2: 1e-4,
         gate_sigma: 6.0,
         lost_after: 10,
-        history: Span::from_ms(2000),
-        history_steps: 512,
+        history: Span::from_s(history_s),
+        history_steps,
         converged_sigma_rad: 30.0 * ARCSEC,
     }
 }
@@ -156,14 +163,14 @@ fn thresholds(slew_rate_rad_s: f64) -> Thresholds {
     }
 }
 
-/// Largest torque that the wheels can give in every direction: the smallest motor over the longest row of the
-/// pseudo-inverse.
+/// Largest torque about each body axis that the wheels can give about all three at once: the smallest motor over the
+/// largest sum of a row of the pseudo-inverse.
 fn largest_torque_n_m(spacecraft: &SpacecraftParams) -> f64 {
     let axes = spacecraft.wheels.iter().map(|wheel| wheel.axis_body.normalize_or_zero());
     let square =
         axes.clone().fold(DMat3::ZERO, |sum, axis| sum + DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z));
     let inverse = if square.determinant().abs() > 1e-9 { square.inverse() } else { DMat3::IDENTITY };
-    let longest = axes.map(|axis| (inverse * axis).length()).fold(0.0, f64::max);
+    let longest = axes.map(|axis| (inverse * axis).abs().element_sum()).fold(0.0, f64::max);
     let weakest = spacecraft.wheels.iter().map(|wheel| wheel.largest_torque_n_m).fold(f64::INFINITY, f64::min);
     if longest > 0.0 && weakest.is_finite() { weakest / longest } else { 1e-3 }
 }

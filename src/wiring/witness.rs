@@ -2,7 +2,8 @@
 //!
 //! Invariants, each a count of violations with words for the first few:
 //! * a frame whose attitude was interpolated shows the true attitude ([`RENDERED_ARCSEC`] and the bus's timing);
-//! * a frame that does not says so: predicted, held, blank, or a fault's flag (no silent staleness);
+//! * a frame that does not says so by its attitude's origin: predicted, held, none (no silent staleness). A delay on the
+//!   bus cannot be told from an offset of the clock, so it widens the bound by its angle;
 //! * every fault that had its time hit something;
 //! * every frame scheduled went out, was dropped, or is on its way;
 //! * after the last of overlapping faults the loop points again within the stated time.
@@ -23,6 +24,8 @@ use crate::wiring::faults::FaultLine;
 const RENDERED_ARCSEC: f64 = 0.5;
 /// Error of the time correlation that an interpolated frame may have, s: with the body's rate it is an angle.
 const CORRELATION_S: f64 = 200e-6;
+/// Late packets and the estimate of the clock outlive a delay by this.
+const DELAY_AFTERMATH: Span = Span::from_ms(5000);
 /// Faults shorter than this need not meet a packet or frame.
 const SHORTEST_FAULT_S: f64 = 1.0;
 
@@ -32,6 +35,8 @@ pub struct Witness {
     heads: Vec<Rotation<Sensor, Body>>,
     /// Begin and end of faults, in order of their begin.
     faults: Vec<(Tai, Tai)>,
+    /// Begin and end of delays on the bus, and how large they are.
+    delays: Vec<(Tai, Tai, Span)>,
     recovery: Span,
     judged_faults: usize,
 }
@@ -45,6 +50,7 @@ impl Witness {
             assessment: Assessment::new(scenario.expect, zero, end, head.quat()),
             heads: scenario.heads.clone(),
             faults: Vec::new(),
+            delays: Vec::new(),
             recovery: Span::from_s(scenario.expect.recovery_s),
             judged_faults: 0,
         }
@@ -60,6 +66,16 @@ impl Witness {
     pub fn expect_disturbance(&mut self, from: Tai, until: Tai) {
         self.faults.push((from, until));
         self.faults.sort();
+    }
+
+    /// Packets are going to be late by as much as `by`: the time marks with them, so that the correlation may err by it.
+    pub fn expect_delay(&mut self, from: Tai, until: Tai, by: Span) {
+        self.delays.push((from, until + DELAY_AFTERMATH, by));
+    }
+
+    fn delay_s(&self, at: Tai) -> f64 {
+        let active = self.delays.iter().filter(|(from, until, _)| *from <= at && at < *until);
+        active.map(|(_, _, by)| by.s()).sum()
     }
 
     /// A command was refused by the flight computer.
@@ -80,8 +96,11 @@ impl Witness {
 
     /// Holds one frame that went out against the true attitude (and rate, rad/s) at its mid-exposure.
     pub fn take_frame(&mut self, head: usize, meta: &FrameMeta, truth: Option<(Rotation<Body, Icrf>, f64)>) {
-        let is_told = meta.origin != "interpolated" || !meta.faults.is_empty();
-        let (Some((body_from_icrf, rate_rad_s)), Some(mounting)) = (truth, self.heads.get(head)) else { return };
+        // What a fault's flag says is the injector's word: only the stimulator's own excuses a frame.
+        let is_told = meta.origin != "interpolated";
+        let (Some((body_from_icrf, rate_rad_s)), Some(mounting)) = (truth, self.heads.get(head)) else {
+            return self.assessment.note_unchecked();
+        };
         let Some(rendered) = Rotation::<Sensor, Icrf>::from_wxyz(meta.attitude_wxyz, 1e-6) else {
             return self.assessment.violate(|| format!("frame {}: its attitude is no unit quaternion", meta.number));
         };
@@ -90,7 +109,8 @@ impl Witness {
             return;
         }
         self.assessment.note_rendered(error_rad);
-        let bound_rad = RENDERED_ARCSEC * ARCSEC + rate_rad_s * CORRELATION_S;
+        let delay_s = self.delay_s(meta.mid_exposure);
+        let bound_rad = RENDERED_ARCSEC * ARCSEC + rate_rad_s * (CORRELATION_S + delay_s);
         if error_rad > bound_rad {
             let (got, wanted) = (error_rad / ARCSEC, bound_rad / ARCSEC);
             self.assessment.violate(|| {

@@ -122,3 +122,71 @@ fn events_that_name_what_is_not_there_are_refused() {
         assert!(refused.contains(wanted), "{refused}");
     }
 }
+
+/// A quiet flight of `seconds` with these events, small frames.
+fn flown(
+    seconds: f64,
+    events: Vec<Event>,
+) -> (starloop::wiring::loop_outcome::LoopOutcome, starloop::testbed::acs::Mode) {
+    let mut scenario = quiet();
+    scenario.bench.timing.duration_s = seconds;
+    scenario.events = events;
+    crate::pixels::fly(&scenario)
+}
+
+fn event(at_s: f64, for_s: f64, action: Action) -> Event {
+    Event { at: Span::from_s(at_s), lasts: Span::from_s(for_s), action }
+}
+
+#[test]
+fn a_commanded_safe_mode_stays_until_it_is_left_by_command() {
+    use starloop::testbed::acs::Mode;
+    let (_, mode) = flown(120.0, vec![event(40.0, 0.0, Action::Safe)]);
+    assert_eq!(mode, Mode::Safe, "nobody resumed");
+    let (outcome, mode) = flown(300.0, vec![event(40.0, 0.0, Action::Safe), event(45.0, 0.0, Action::Resume)]);
+    assert_ne!(mode, Mode::Safe, "{:?}", outcome.assessment.mode_lines());
+}
+
+#[test]
+fn overlapping_faults_aboard_end_one_by_one_whatever_is_added_later() {
+    let off = || Action::TrackerOff { head: None };
+    let dropout = Action::Gyro(starloop::config::GyroFaultKind::Dropout);
+    let stuck = Action::Gyro(starloop::config::GyroFaultKind::Stuck);
+    let events = vec![
+        event(20.0, 20.0, off()),
+        event(40.0, 10.0, off()),
+        event(30.0, 5.0, off()),
+        event(60.0, 4.0, dropout),
+        event(62.0, 1.0, stuck),
+        event(70.0, 0.0, Action::Resume),
+    ];
+    let (outcome, _) = flown(90.0, events);
+    // At 2 Hz and 10 Hz: 20 s, 10 s, 5 s of frames, 4 s and 1 s of gyro samples.
+    let hits: Vec<u64> = outcome.faults.iter().map(|fault| fault.hits).collect();
+    for (got, wanted) in hits.iter().zip([40_u64, 20, 10, 40, 10]) {
+        assert!(got.abs_diff(wanted) <= 1, "{hits:?}");
+    }
+    assert_eq!(outcome.assessment.violations().1, Vec::<String>::new());
+}
+
+#[test]
+fn a_refused_command_is_no_success() {
+    use starloop::config::Pointing;
+    let mut scenario = scenario("sun_avoidance");
+    scenario.bench.timing.duration_s = 130.0;
+    scenario.expect.window_s = 10.0;
+    scenario.expect.final_mode = None;
+    // The Sun stands near RA 342, Dec -7.6 on that day.
+    let to_the_sun = Pointing { ra_deg: 342.0, dec_deg: -7.6, roll_deg: 0.0 };
+    scenario.events = vec![event(100.0, 0.0, Action::Slew(to_the_sun))];
+    let (outcome, _) = crate::pixels::fly(&scenario);
+    let verdicts = outcome.assessment.verdicts(None);
+    assert!(
+        verdicts.iter().any(|v| v.name == "commands" && !v.passed && v.got.contains("from the Sun")),
+        "{verdicts:?}"
+    );
+    scenario.events.clear();
+    scenario.target = to_the_sun;
+    let refused = ClosedLoop::new(&scenario, |_| Box::new(NullSink::new())).err().unwrap().to_string();
+    assert!(refused.contains("deg from the Sun"), "the first target, too: {refused}");
+}

@@ -14,6 +14,9 @@ use rand::{RngExt, SeedableRng};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+/// Most copies of one packet, however many faults double it.
+const MOST_COPIES: u32 = 8;
+
 /// What goes wrong.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LinkFault {
@@ -120,7 +123,7 @@ impl FaultyLink {
                 LinkFault::Delay { by, jitter } => {
                     packet.at = packet.at + by + Span::from_s(jitter.s() * dice.random::<f64>());
                 }
-                LinkFault::Duplicate { .. } => copies *= 2,
+                LinkFault::Duplicate { .. } => copies = (copies * 2).min(MOST_COPIES),
                 LinkFault::WrongBits { .. } => flip_a_bit(&mut packet.value, dice),
             }
         }

@@ -6,14 +6,17 @@
 use super::params::HeadParams;
 use crate::base::axes::Rotation;
 use crate::base::image::DnImage;
-use crate::base::time::Tai;
-use crate::testbed::tracker::{GuideStars, Outcome, Reason, Solution, Tracker};
+use crate::base::time::{Span, Tai};
+use crate::testbed::tracker::{GuideStars, Outcome, Solution, Tracker};
 use glam::DVec3;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// Time tags kept: a frame that is later than so many others is not used.
 const TAGS: usize = 64;
+
+/// An attitude older than this says nothing of how the tracker does now.
+const FRESH: Span = Span::from_ms(1500);
 
 /// What a head said last.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,7 +38,9 @@ pub(super) struct Head {
     tags: VecDeque<(u8, Tai)>,
     /// When each is ready.
     ready: VecDeque<(Tai, Solution)>,
-    pub(super) is_off: bool,
+    /// How many faults keep it off.
+    off: u32,
+    last_frame: Option<Tai>,
     pub(super) report: HeadReport,
 }
 
@@ -46,7 +51,8 @@ impl Head {
             params,
             tags: VecDeque::with_capacity(TAGS + 1),
             ready: VecDeque::with_capacity(TAGS),
-            is_off: false,
+            off: 0,
+            last_frame: None,
             report: HeadReport { last: None, untagged: 0, ignored: 0 },
         }
     }
@@ -67,7 +73,8 @@ impl Head {
 
     /// Measures a frame that arrived at `at`.
     pub(super) fn take_frame(&mut self, number: u32, image: &DnImage, at: Tai, beta: DVec3, rate_body: DVec3) {
-        if self.is_off {
+        self.last_frame = Some(at);
+        if self.off > 0 {
             self.report.ignored += 1;
             return;
         }
@@ -97,17 +104,19 @@ impl Head {
         })
     }
 
-    /// Whether the last frame gave an attitude.
-    pub(super) fn is_solved(&self) -> bool {
-        matches!(self.report.last, Some(Outcome::Solved(_)))
+    /// Whether the last frame gave an attitude, and came lately.
+    pub(super) fn is_solved(&self, now: Tai) -> bool {
+        let is_fresh = self.last_frame.is_some_and(|at| now - at < FRESH);
+        is_fresh && matches!(self.report.last, Some(Outcome::Solved(_)))
     }
 
+    /// Off once more, or once less.
     pub(super) fn switch(&mut self, is_off: bool) {
-        self.is_off = is_off;
+        self.off = if is_off { self.off + 1 } else { self.off.saturating_sub(1) };
         if is_off {
             self.ready.clear();
             self.tracker.forget();
-            self.report.last = Some(Outcome::NoSolution(Reason::NoMatch));
+            self.report.last = None;
         }
     }
 }

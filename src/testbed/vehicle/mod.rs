@@ -16,6 +16,7 @@ mod head;
 mod params;
 mod telemetry;
 
+use fault::ActiveFaults;
 pub use fault::VehicleFault;
 pub use head::HeadReport;
 pub use params::{HeadParams, VehicleParams};
@@ -24,6 +25,7 @@ pub use telemetry::{ROW_BYTES, Telemetry, TelemetryRow};
 use crate::base::axes::{Body, Icrf, Rotation};
 use crate::base::image::DnImage;
 use crate::base::time::{Span, Tai};
+use crate::base::units::DEG;
 use crate::sky::catalog::{Catalog, CatalogError};
 use crate::testbed::acs::{Acs, AcsError, AcsInput, AcsOutput, Command, Mode};
 use crate::testbed::estimator::{Mekf, MekfCounts, MekfParamsError};
@@ -83,11 +85,13 @@ pub struct Vehicle {
     /// Attitude at the last gyro sample, and when.
     last: (Tai, Rotation<Body, Icrf>),
     gyro_rate_rad_s: DVec3,
-    spike_rad_s: DVec3,
+    faults: ActiveFaults,
     /// Torques on their way to the wheels.
     torques: VecDeque<(Tai, DVec3)>,
     control_steps: u64,
     known_since: Option<Tai>,
+    safe_since: Option<Tai>,
+    safe_by_command: bool,
     /// What was commanded last; shown in telemetry whatever the control makes of it.
     target: Rotation<Body, Icrf>,
     largest_vibration_rad: f64,
@@ -113,6 +117,7 @@ impl Vehicle {
             .map(|period| MicroVibration::new(&params.spacecraft, start, period, seed(2)))
             .transpose()?;
         let mut acs = Acs::new(params.acs, start)?;
+        keep_out_holds(&params, start)?;
         acs.command(Command::Point(params.target))?;
         Ok(Self {
             gyro: Gyro::new(&params.gyro, seed(3))?,
@@ -122,10 +127,12 @@ impl Vehicle {
             heads: heads(&params, start)?,
             last: (start, params.initial),
             gyro_rate_rad_s: DVec3::ZERO,
-            spike_rad_s: DVec3::ZERO,
+            faults: ActiveFaults::default(),
             torques: VecDeque::with_capacity(64),
             control_steps: 0,
             known_since: None,
+            safe_since: None,
+            safe_by_command: false,
             target: params.target,
             largest_vibration_rad: 0.0,
             telemetry: Telemetry::default(),
@@ -174,8 +181,10 @@ impl Vehicle {
         self.fly_to(at);
         let speeds = self.spacecraft.wheel_speeds_rad_s();
         let Some(vibration) = self.vibration.as_mut() else { return Ok(DVec3::ZERO) };
-        vibration.advance_to(at, speeds);
-        let sample = vibration.sample(at.min(vibration.time()))?;
+        let Some(period) = self.params.vibration_period else { return Ok(DVec3::ZERO) };
+        // A sample further, so that any instant lies between two.
+        vibration.advance_to(at + period, speeds);
+        let sample = vibration.sample(at)?;
         self.largest_vibration_rad = self.largest_vibration_rad.max(sample.length());
         Ok(sample)
     }
@@ -232,6 +241,11 @@ impl Vehicle {
     /// When the control refuses it.
     pub fn command(&mut self, command: Command) -> Result<(), VehicleError> {
         self.acs.command(command)?;
+        match command {
+            Command::Safe => self.safe_by_command = true,
+            Command::Resume => self.safe_by_command = false,
+            Command::Point(_) | Command::SlewTo(_) => {}
+        }
         if let Command::Point(target) | Command::SlewTo(target) = command {
             self.target = target;
         }
@@ -243,24 +257,33 @@ impl Vehicle {
     /// # Errors
     /// When there is no such wheel.
     pub fn inject(&mut self, fault: VehicleFault) -> Result<(), VehicleError> {
+        self.faults.begin(&fault);
         match fault {
-            VehicleFault::GyroDropout => self.gyro.inject(GyroFault::Dropout),
-            VehicleFault::GyroStuck => self.gyro.inject(GyroFault::Stuck),
             VehicleFault::GyroBiasJump(jump) => self.gyro.inject(GyroFault::BiasJump(jump)),
-            VehicleFault::GyroSpike(spike) => self.spike_rad_s = spike,
             VehicleFault::WheelFailure(wheel) => self.spacecraft.fail_wheel(wheel)?,
             VehicleFault::TrackerOff(head) => self.switch_heads(head, true),
+            VehicleFault::GyroDropout | VehicleFault::GyroStuck | VehicleFault::GyroSpike(_) => {}
         }
         Ok(())
     }
 
-    /// A fault that ends by itself has ended.
+    /// A fault that ends by itself has ended; another of its kind may go on.
     pub fn clear(&mut self, fault: VehicleFault) {
+        self.faults.end(&fault);
+        if let VehicleFault::TrackerOff(head) = fault {
+            self.switch_heads(head, false);
+        }
+    }
+
+    /// How often faults of this kind have hit something so far: gyro samples, frames not looked at, things broken.
+    #[must_use]
+    pub fn fault_hits(&self, fault: &VehicleFault) -> u64 {
         match fault {
-            VehicleFault::GyroDropout | VehicleFault::GyroStuck => self.gyro.clear_faults(),
-            VehicleFault::GyroSpike(_) => self.spike_rad_s = DVec3::ZERO,
-            VehicleFault::TrackerOff(head) => self.switch_heads(head, false),
-            VehicleFault::GyroBiasJump(_) | VehicleFault::WheelFailure(_) => {}
+            VehicleFault::TrackerOff(head) => {
+                let chosen = |(i, _): &(usize, &Head)| head.is_none_or(|head| head == *i);
+                self.heads.iter().enumerate().filter(chosen).map(|(_, head)| head.report.ignored).sum()
+            }
+            _ => self.faults.hits(fault),
         }
     }
 
@@ -338,9 +361,7 @@ impl Vehicle {
     /// The gyro's sample over the control period into the estimator.
     fn sense(&mut self, at: Tai, truth: &AttitudeTruth) {
         let (last_at, last) = self.last;
-        if self.spike_rad_s != DVec3::ZERO {
-            self.gyro.inject(GyroFault::Spike(self.spike_rad_s));
-        }
+        self.faults.spoil(&mut self.gyro);
         let reading = self.gyro.measure(&last, &truth.body_from_icrf, at - last_at);
         self.last = (at, truth.body_from_icrf);
         let rate = reading.valid.then_some(reading.rate_rad_s);
@@ -376,10 +397,12 @@ impl Vehicle {
         self.acs.step(at, &input)
     }
 
-    /// Ground control: safe mode is left once the attitude has been known for a while.
+    /// Ground control: safe mode that nobody commanded is left once the attitude has been known in it for a while.
     fn resume(&mut self, at: Tai, mode: Mode) {
-        let Some(wait) = self.params.resume_after.filter(|_| mode == Mode::Safe) else { return };
-        if self.known_since.is_some_and(|since| at - since >= wait) {
+        self.safe_since = (mode == Mode::Safe).then(|| self.safe_since.unwrap_or(at));
+        let (Some(wait), Some(safe_since)) = (self.params.resume_after, self.safe_since) else { return };
+        let is_known = self.known_since.is_some_and(|since| at - since.max(safe_since) >= wait);
+        if is_known && !self.safe_by_command {
             // Resume is refused in no mode.
             let _accepted = self.acs.command(Command::Resume);
         }
@@ -400,7 +423,7 @@ impl Vehicle {
     }
 
     fn row(&self, at: Tai, truth: &AttitudeTruth, output: &AcsOutput) -> TelemetryRow {
-        let solved = self.heads.iter().filter(|head| head.is_solved()).count();
+        let solved = self.heads.iter().filter(|head| head.is_solved(at)).count();
         let speeds = self.spacecraft.wheel_speeds_rad_s();
         let estimate = self.estimator.attitude(at);
         TelemetryRow {
@@ -441,6 +464,17 @@ impl Vehicle {
         let cone = self.params.acs.exclusion?;
         Some(cone.sun_angle_rad(&truth.body_from_icrf, sun_direction_icrf(at)))
     }
+}
+
+/// The first target is held against the Sun here: the control does not know the Sun before its first step.
+fn keep_out_holds(params: &VehicleParams, start: Tai) -> Result<(), AcsError> {
+    let Some(cone) = params.acs.exclusion else { return Ok(()) };
+    let angle_rad = cone.sun_angle_rad(&params.target, sun_direction_icrf(start));
+    if angle_rad >= cone.half_angle_rad {
+        return Ok(());
+    }
+    let (sun_angle_deg, least_deg) = (angle_rad / DEG, cone.half_angle_rad / DEG);
+    Err(AcsError::TargetInKeepOut { sun_angle_deg, least_deg })
 }
 
 /// The heads; equal trackers share one list of guide stars.
