@@ -10,6 +10,9 @@
 //! Error: the smallest queueing delay in the window, plus drift times the window (2 s at 20 ppm: 40 us). It answers with
 //! a [`ClockEstimate`] that has room for a drift, so a hull or Kalman estimator changes nothing outside this file.
 //!
+//! *Lonely marks.* A pair that lies further below the window's smallest than delays and drift explain (a damaged mark: one
+//! such would be believed for the whole window) is used only when a second one within the window agrees with it.
+//!
 //! *Steps.* A remote clock that jumps (reboot) restarts the window: at once when the difference shrinks by more than
 //! the limit or remote time runs backwards, after three pairs when it grows (one late message is no step).
 
@@ -33,6 +36,13 @@ pub fn scet_ns(seconds: u32, fraction_2_24: u32) -> i64 {
 pub fn remote_ticks_us(remote_ns: i64) -> u32 {
     u32::try_from(remote_ns.div_euclid(1000).rem_euclid(WRAP_US)).unwrap_or_default()
 }
+
+/// A difference may fall this far below the window's smallest, and two that agree may differ by it: at the rate of a fast
+/// slew (0.5 deg/s) it is 0.2 arcsec.
+const EARLY: Span = Span::from_ns(100_000);
+
+/// Lonely pairs that are kept.
+const LONELY_MAX: usize = 16;
 
 /// How pairs are believed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,6 +71,8 @@ pub enum Observed {
     Used,
     /// Left out: too late to be of use.
     Late,
+    /// Left out for now: earlier than can be, and no other says so yet.
+    Lonely,
     /// The remote clock stepped: the window begins again with this pair.
     Restarted,
 }
@@ -103,6 +115,9 @@ pub struct RemoteClock {
     limits: RemoteClockLimits,
     pairs: VecDeque<Pair>,
     late_in_a_row: u32,
+    /// Pairs of the window that were left out as too early.
+    lonely: VecDeque<Pair>,
+    lonely_count: u64,
     steps: u64,
 }
 
@@ -118,7 +133,14 @@ impl RemoteClock {
     #[must_use]
     pub fn new(limits: RemoteClockLimits) -> Self {
         let limits = RemoteClockLimits { capacity: limits.capacity.max(1), ..limits };
-        Self { limits, pairs: VecDeque::with_capacity(limits.capacity), late_in_a_row: 0, steps: 0 }
+        Self {
+            limits,
+            pairs: VecDeque::with_capacity(limits.capacity),
+            late_in_a_row: 0,
+            lonely: VecDeque::with_capacity(LONELY_MAX),
+            lonely_count: 0,
+            steps: 0,
+        }
     }
 
     /// Takes one pair: remote time of SYNC's transmission (ns, from TIME_FUP's SCET), local time of its reception.
@@ -127,18 +149,43 @@ impl RemoteClock {
         let outcome = self.judge(&pair);
         match outcome {
             Observed::Late => return outcome,
+            Observed::Lonely => {
+                if self.lonely.len() >= LONELY_MAX {
+                    self.lonely.pop_front();
+                }
+                self.lonely.push_back(pair);
+                self.lonely_count += 1;
+                return outcome;
+            }
             Observed::Restarted => {
                 self.pairs.clear();
+                self.lonely.clear();
                 self.steps += 1;
             }
             Observed::Used => self.forget_before(local - self.limits.window),
         }
         self.late_in_a_row = 0;
+        self.join_lonely(&pair);
+        self.keep(pair);
+        outcome
+    }
+
+    /// Takes in what was left out as too early and is not earlier than `pair`, which is believed.
+    fn join_lonely(&mut self, pair: &Pair) {
+        while let Some(place) = self.lonely.iter().position(|lonely| lonely.difference_ns >= pair.difference_ns - EARLY.ns())
+        {
+            if let Some(lonely) = self.lonely.remove(place) {
+                self.keep(lonely);
+            }
+        }
+    }
+
+    fn keep(&mut self, pair: Pair) {
         if self.pairs.len() >= self.limits.capacity {
             self.pairs.pop_front();
         }
-        self.pairs.push_back(pair);
-        outcome
+        let place = self.pairs.partition_point(|other| other.local <= pair.local);
+        self.pairs.insert(place, pair);
     }
 
     fn judge(&mut self, pair: &Pair) -> Observed {
@@ -149,6 +196,10 @@ impl RemoteClock {
         let above_smallest_ns = pair.difference_ns.saturating_sub(smallest);
         if pair.remote_ns < last.remote_ns || above_smallest_ns < -step_ns {
             return Observed::Restarted;
+        }
+        let agrees = |lonely: &Pair| (pair.difference_ns - lonely.difference_ns).abs() <= EARLY.ns();
+        if above_smallest_ns < -EARLY.ns() && !self.lonely.iter().any(agrees) {
+            return Observed::Lonely;
         }
         if above_smallest_ns <= step_ns {
             return Observed::Used;
@@ -161,6 +212,7 @@ impl RemoteClock {
         while self.pairs.front().is_some_and(|pair| pair.local < oldest) {
             self.pairs.pop_front();
         }
+        self.lonely.retain(|pair| pair.local >= oldest);
     }
 
     /// Smallest and largest difference in the window, ns.
@@ -181,6 +233,12 @@ impl RemoteClock {
             spread: Span::from_ns(largest.saturating_sub(smallest)),
             pairs: self.pairs.len(),
         })
+    }
+
+    /// Pairs that were earlier than can be when they came alone.
+    #[must_use]
+    pub fn lonely(&self) -> u64 {
+        self.lonely_count
     }
 
     /// Times the remote clock was found to have stepped.
@@ -283,6 +341,21 @@ mod tests {
         assert_eq!(jumped, Observed::Restarted, "remote time jumped ahead");
         let slow = [9, 10, 11].map(|s| clock.observe(s * SECOND_NS, local((s + 1) * SECOND_NS, 0)));
         assert_eq!(slow, [Observed::Late, Observed::Late, Observed::Restarted], "a growing step needs three pairs");
+    }
+
+    #[test]
+    fn a_damaged_mark_is_not_believed_and_a_shorter_delay_is_as_soon_as_it_is_seen_twice() {
+        let mut clock = clock_after((0..10).map(|i| (i * SECOND_NS / 10, 50_000)), RemoteClockLimits::default());
+        let offset_ns = |clock: &RemoteClock| clock.estimate().expect("pairs").offset.ns() - LOCAL_AT_BOOT_NS;
+        // A bit of its fraction is wrong: 4 ms early.
+        assert_eq!(clock.observe(SECOND_NS, local(SECOND_NS, -4_000_000)), Observed::Lonely);
+        let again = clock.observe(11 * SECOND_NS / 10, local(11 * SECOND_NS / 10, -9_000_000));
+        assert_eq!(again, Observed::Lonely, "another bit");
+        assert_eq!((offset_ns(&clock), clock.lonely()), (50_000, 2), "unmoved, and counted");
+        // The bus has become faster by 4 ms: believed with the second mark.
+        let marks = [12, 13].map(|i| clock.observe(i * SECOND_NS / 10, local(i * SECOND_NS / 10, -3_990_000)));
+        assert_eq!(marks, [Observed::Used, Observed::Used], "the first agrees with the one before");
+        assert_eq!(offset_ns(&clock), -4_000_000);
     }
 
     #[test]

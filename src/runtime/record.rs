@@ -195,7 +195,8 @@ fn link_counts(receiver: &Receiver, link: Option<&LinkReport>) -> LinkCounts {
         ("not_finite", history.not_finite),
         ("older_than_history", history.older_than_history),
     ];
-    for (name, count) in history.into_iter().filter(|(_, count)| *count > 0) {
+    let lonely = ("lonely_time_mark", receiver.clock().lonely());
+    for (name, count) in history.into_iter().chain([lonely]).filter(|(_, count)| *count > 0) {
         *counts.rejects.entry(name.into()).or_default() += count;
     }
     counts
