@@ -21,7 +21,7 @@ use anyhow::{Context, Result, bail};
 use core::sync::atomic::{AtomicBool, Ordering};
 use std::io::{BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Runs a scenario; the exit status.
 ///
@@ -200,14 +200,23 @@ fn sink(scenario: &Scenario, arguments: &RunArgs, directory: Option<&Path>, head
 
 /// The telemetry file while it is written.
 struct TelemetryFile {
-    failure: Arc<std::sync::Mutex<Option<csv::Error>>>,
+    rows: Arc<Mutex<Rows>>,
     path: PathBuf,
 }
 
+/// Where rows go, and the first error of one.
+struct Rows {
+    out: csv::Writer<Box<dyn Write + Send>>,
+    failure: Option<csv::Error>,
+}
+
 impl TelemetryFile {
+    /// Writes what is still buffered.
     fn finish(self) -> Result<()> {
-        let failure = self.failure.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
-        failure.map_or(Ok(()), |error| Err(error).with_context(|| format!("cannot write {}", self.path.display())))
+        let mut rows = self.rows.lock().unwrap_or_else(PoisonError::into_inner);
+        let written = rows.failure.take().map_or(Ok(()), Err);
+        let written = written.and_then(|()| rows.out.flush().map_err(csv::Error::from));
+        written.with_context(|| format!("cannot write {}", self.path.display()))
     }
 }
 
@@ -217,16 +226,21 @@ type RowSink = Box<dyn FnMut(&TelemetryRow) + Send>;
 fn telemetry_file(directory: &Path, zero: Tai) -> Result<(TelemetryFile, RowSink)> {
     let path = directory.join("telemetry.csv");
     let file = std::fs::File::create_new(&path).with_context(|| format!("cannot make {}", path.display()))?;
-    let mut out = csv::Writer::from_writer(BufWriter::new(file));
+    telemetry_into(Box::new(BufWriter::new(file)), path, zero)
+}
+
+fn telemetry_into(out: Box<dyn Write + Send>, path: PathBuf, zero: Tai) -> Result<(TelemetryFile, RowSink)> {
+    let mut out = csv::Writer::from_writer(out);
     out.write_record(COLUMNS)?;
-    let failure = Arc::new(std::sync::Mutex::new(None));
-    let told = Arc::clone(&failure);
+    let rows = Arc::new(Mutex::new(Rows { out, failure: None }));
+    let shared = Arc::clone(&rows);
     let on_row = move |row: &TelemetryRow| {
-        if let Err(error) = out.write_record(cells(row, zero)) {
-            told.lock().unwrap_or_else(std::sync::PoisonError::into_inner).get_or_insert(error);
+        let mut rows = shared.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Err(error) = rows.out.write_record(cells(row, zero)) {
+            rows.failure.get_or_insert(error);
         }
     };
-    Ok((TelemetryFile { failure, path }, Box::new(on_row)))
+    Ok((TelemetryFile { rows, path }, Box::new(on_row)))
 }
 
 /// Columns of `telemetry.csv`; angles are rotation vectors in body axes.
@@ -321,5 +335,34 @@ impl Progress {
         if self.drawn {
             eprintln!();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A disk with no room left.
+    struct Full;
+
+    impl Write for Full {
+        fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {
+            Err(std::io::ErrorKind::StorageFull.into())
+        }
+
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn telemetry_that_only_the_last_flush_writes_is_written_or_told() {
+        let into =
+            |out: Box<dyn Write + Send>| telemetry_into(out, "lab/telemetry.csv".into(), Tai::from_ns(0)).unwrap();
+        let (file, _on_row) = into(Box::new(Full));
+        let error = format!("{:#}", file.finish().unwrap_err());
+        assert!(error.contains("cannot write lab/telemetry.csv"), "{error}");
+        let (file, _on_row) = into(Box::new(Vec::new()));
+        file.finish().unwrap();
     }
 }
