@@ -182,7 +182,6 @@ mod tests {
             "pointing error in the window: at most 5 arcsec rms",
             "mode at the end: fine_pointing",
             "default      scenario: tracker.stars = 40",
-            "default      spacecraft: ",
             "plan of frame 0",
         ] {
             assert!(text.contains(word), "no \"{word}\" in:\n{text}");
