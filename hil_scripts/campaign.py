@@ -38,6 +38,12 @@ import pyarrow.parquet
 STDERR_TAIL = 2000
 """Characters of standard error that are kept."""
 
+RESULTS = (0, 4)
+"""Exit statuses of a run that came to its end: it held, or it did not."""
+
+INTERRUPTED = 130
+"""Exit status of a run that was stopped: its report is of the part that was flown."""
+
 ATTITUDE_COUNTS = ("attitudes_used", "attitudes_gated", "frames_untagged", "estimator_starts")
 """What became of the tracker's attitudes, as a report has it."""
 
@@ -127,6 +133,8 @@ def run_task(task: dict, binary: str, scenario: str, timeout_s: float) -> dict:
         report = json.loads(out) if out.strip() else None
     except json.JSONDecodeError as failed:
         error = f"its report is not JSON: {failed}"
+    if status is not None and status not in RESULTS:
+        report, error = None, f"no result, exit status {status}"
     if report is None and error is None:
         error = f"no report, exit status {status}"
     return {
@@ -276,9 +284,10 @@ def hold_to_folder(out: Path, scenario: Path, binary: Path) -> None:
 
 
 def rows_there(out: Path, tasks: list[dict], retry: bool) -> dict[str, dict]:
-    """Rows of tasks that need not be run again."""
+    """Rows of tasks that need not be run again: not those that were stopped, nor, to retry, those without report."""
     rows = {task["id"]: read_row(out / "tasks" / f"{task['id']}.parquet") for task in tasks}
-    return {task: row for task, row in rows.items() if row and (row["has_report"] or not retry)}
+    there = {task: row for task, row in rows.items() if row and row["exit_status"] != INTERRUPTED}
+    return {task: row for task, row in there.items() if row["has_report"] or not retry}
 
 
 # --- running ---------------------------------------------------------------------------------------------------------

@@ -160,6 +160,30 @@ class Arguments(unittest.TestCase):
         as_fixed = campaign.tasks_of([1], {}, {"a": "0", "b": "2"})
         self.assertEqual(as_fixed[0]["id"], tasks[0]["id"], "the same run, however it was asked for")
 
+    def test_only_runs_that_came_to_their_end_are_results(self):
+        with tempfile.TemporaryDirectory(prefix="campaign") as folder:
+            out, program = Path(folder), Path(folder) / "program"
+            task = campaign.tasks_of([1], {}, {})[0]
+            for status, is_result, is_there, is_retried in (
+                (0, True, True, False),
+                (4, True, True, False),
+                (1, False, True, True),
+                (3, False, True, True),
+                (130, False, False, True),
+            ):
+                # A program that prints a report, however it ends.
+                report = '{"passed": true, "frames_crc32": ["0"]}'
+                program.write_text(f"#!/bin/sh\necho '{report}'\nexit {status}\n")
+                program.chmod(0o755)
+                result = campaign.run_task(task, str(program), "scenario", 10.0)
+                self.assertEqual((result["report"] is not None, result["error"] is None), (is_result,) * 2, result)
+                row = campaign.row_of(task, result, [])
+                self.assertEqual((row["has_report"], row["passed"]), (is_result,) * 2)
+                path = out / "tasks" / f"{task['id']}.parquet"
+                campaign.write_whole(path, lambda beside: pyarrow.parquet.write_table(campaign.table_of([row]), beside))
+                self.assertEqual(bool(campaign.rows_there(out, [task], False)), is_there, status)
+                self.assertEqual(bool(campaign.rows_there(out, [task], True)), not is_retried, status)
+
     def test_columns_of_numbers_and_words_are_one_table(self):
         table = campaign.table_of([{"a": 1.0, "b": None}, {"a": "off", "c": True}])
         self.assertEqual(table.to_pylist(), [{"a": "1.0", "b": None, "c": None}, {"a": "off", "b": None, "c": True}])

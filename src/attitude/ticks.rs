@@ -172,7 +172,8 @@ impl RemoteClock {
 
     /// Takes in what was left out as too early and is not earlier than `pair`, which is believed.
     fn join_lonely(&mut self, pair: &Pair) {
-        while let Some(place) = self.lonely.iter().position(|lonely| lonely.difference_ns >= pair.difference_ns - EARLY.ns())
+        while let Some(place) =
+            self.lonely.iter().position(|lonely| lonely.difference_ns >= pair.difference_ns - EARLY.ns())
         {
             if let Some(lonely) = self.lonely.remove(place) {
                 self.keep(lonely);

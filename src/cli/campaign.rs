@@ -3,7 +3,7 @@
 use crate::base::clock::Stopwatch;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
 use crate::config::{Document, Scenario};
-use crate::wiring::campaign::{Episode, run_episode};
+use crate::wiring::campaign::{Episode, check_room_for_faults, random_faults, run_episode};
 use crate::wiring::closed_loop::LoopError;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -31,7 +31,7 @@ pub struct CampaignArgs {
     /// Only the N-th of M equal parts, as 2/4: the parts may run on different machines
     #[arg(long, value_name = "N/M", default_value = "1/1")]
     shard: Shard,
-    /// Write one line of JSON per episode here (a new file)
+    /// Write one line of JSON per episode here (a new file); of one that failed: seed and error
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
@@ -65,11 +65,15 @@ pub fn run(arguments: &CampaignArgs) -> Result<u8> {
     if !(arguments.hours.is_finite() && arguments.hours > 0.0 && arguments.hours <= 1e6) {
         bail!("--hours: got {}, wanted hours above 0, up to a million", arguments.hours);
     }
+    check_room_for_faults(&scenario).with_context(|| format!("scenario \"{}\"", scenario.name))?;
     let episode_s = scenario.bench.timing.duration_s;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked: at most 1e10")]
-    let episodes = (arguments.hours * 3600.0 / episode_s).ceil() as u64;
-    let Shard { number, of } = arguments.shard;
-    let seeds: Vec<u64> = (0..episodes).filter(|i| i % of == number - 1).map(|i| arguments.seed + i).collect();
+    let episodes = ((arguments.hours * 3600.0 / episode_s).ceil() as u64).max(1);
+    let seeds = seeds(arguments.seed, episodes, arguments.shard)?;
+    // A run that is hardly long enough may draw none at all: that would be no campaign.
+    if seeds.iter().all(|seed| random_faults(&scenario, *seed).is_empty()) {
+        bail!("duration_s is {episode_s}; wanted a longer run: no fault is drawn in it from any of these seeds");
+    }
     eprintln!(
         "campaign \"{}\": {} episodes of {episode_s} s, seeds {} to {}",
         scenario.name,
@@ -79,6 +83,33 @@ pub fn run(arguments: &CampaignArgs) -> Result<u8> {
     );
     let results = fly(&scenario, &seeds, arguments)?;
     Ok(report(&results, episode_s, arguments))
+}
+
+/// Seeds of the episodes of one part.
+fn seeds(first: u64, episodes: u64, Shard { number, of }: Shard) -> Result<Vec<u64>> {
+    if first.checked_add(episodes - 1).is_none() {
+        let most = u64::MAX - (episodes - 1);
+        bail!("--seed: got {first}, wanted at most {most}: the seeds of {episodes} episodes count up from it");
+    }
+    let seeds: Vec<u64> = (0..episodes).filter(|i| i % of == number - 1).map(|i| first + i).collect();
+    if seeds.is_empty() {
+        bail!("--shard: got {number}/{of}, wanted at most {episodes} parts: there are {episodes} episodes in all");
+    }
+    Ok(seeds)
+}
+
+/// The line of `--out` for an episode that gave no results.
+#[derive(serde::Serialize)]
+struct FailedEpisode {
+    seed: u64,
+    error: String,
+}
+
+fn line((seed, flown): &Flown) -> Result<String> {
+    Ok(match flown {
+        Ok(episode) => serde_json::to_string(episode)?,
+        Err(error) => serde_json::to_string(&FailedEpisode { seed: *seed, error: error.to_string() })?,
+    })
 }
 
 type Flown = (u64, Result<Episode, LoopError>);
@@ -100,12 +131,11 @@ fn fly(scenario: &Scenario, seeds: &[u64], arguments: &CampaignArgs) -> Result<(
             Err(error) => format!("FAILED: {error}"),
         };
         eprintln!("  {count}/{} seed {seed}: {verdict}", seeds.len());
-        if let (Ok(episode), Some(file)) =
-            (&flown, out.lock().unwrap_or_else(std::sync::PoisonError::into_inner).as_mut())
-        {
-            writeln!(file, "{}", serde_json::to_string(episode)?)?;
+        let flown = (*seed, flown);
+        if let Some(file) = out.lock().unwrap_or_else(std::sync::PoisonError::into_inner).as_mut() {
+            writeln!(file, "{}", line(&flown)?).context("--out")?;
         }
-        Ok((*seed, flown))
+        Ok(flown)
     };
     let mut results = seeds.par_iter().map(fly_one).collect::<Result<Vec<_>>>()?;
     results.sort_by_key(|(seed, _)| *seed);
@@ -141,4 +171,58 @@ fn report((results, wall_s): &(Vec<Flown>, f64), episode_s: f64, arguments: &Cam
         results.len()
     );
     if failed == 0 { EXIT_DONE } else { EXIT_NOT_MET }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Setting;
+
+    const WHOLE: Shard = Shard { number: 1, of: 1 };
+
+    #[test]
+    fn parts_are_disjoint_and_together_the_whole() {
+        let of = |number| seeds(10, 5, Shard { number, of: 2 }).unwrap();
+        assert_eq!((of(1), of(2)), (vec![10, 12, 14], vec![11, 13]));
+    }
+
+    #[test]
+    fn a_part_without_episodes_is_refused() {
+        let error = seeds(1, 2, Shard { number: 3, of: 4 }).unwrap_err().to_string();
+        assert!(error.contains("--shard: got 3/4") && error.contains("there are 2 episodes"), "{error}");
+        assert_eq!(seeds(1, 3, Shard { number: 3, of: 4 }).unwrap(), [3]);
+    }
+
+    #[test]
+    fn seeds_that_cannot_count_up_are_refused() {
+        let error = seeds(u64::MAX - 1, 3, WHOLE).unwrap_err().to_string();
+        assert!(error.contains(&format!("wanted at most {}", u64::MAX - 2)), "{error}");
+        assert_eq!(seeds(u64::MAX - 1, 2, WHOLE).unwrap(), [u64::MAX - 1, u64::MAX]);
+    }
+
+    #[test]
+    fn an_episode_that_failed_has_its_line_and_a_campaign_without_faults_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut arguments = CampaignArgs {
+            scenario: None,
+            hours: 1.0,
+            seed: 7,
+            shard: WHOLE,
+            out: Some(folder.path().join("a.jsonl")),
+        };
+        // No head 9: known only when the loop is made.
+        let event = "event=[{ at_s = 1.0, do = \"tracker_off\", head = 9, for_s = 1.0 }]";
+        let settings = vec![Setting::parse(event).unwrap()];
+        let document = Document::built_in(BUILT_IN_SCENARIO).unwrap().with_settings(settings);
+        let (flown, _) = fly(&Scenario::from_document(&document).unwrap(), &[7], &arguments).unwrap();
+        assert!(flown[0].1.is_err());
+        let lines = std::fs::read_to_string(folder.path().join("a.jsonl")).unwrap();
+        let line: serde_json::Value = serde_json::from_str(lines.trim()).unwrap();
+        assert_eq!(line["seed"], 7);
+        assert!(line["error"].as_str().unwrap().contains("head 9"), "{line}");
+        let short = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/scenarios/bus_dropouts.toml");
+        arguments.scenario = Some(short.into());
+        let error = format!("{:#}", run(&arguments).unwrap_err());
+        assert!(error.contains("bus dropouts") && error.contains("wanted more than 1200"), "{error}");
+    }
 }

@@ -1,10 +1,11 @@
-//! `starloop check`: is this bench sound, what does it mean, what will be drawn and at what error and cost.
+//! `starloop check`: is this bench or scenario sound, what does it mean, what will be drawn and at what error and cost.
 
 use crate::base::time::Tai;
 use crate::cli::calibrate::{Costs, costs_here};
 use crate::cli::check_plan::{self, Planned};
+use crate::cli::check_scenario;
 use crate::cli::frame_plan::FramePlans;
-use crate::config::{Bench, StartTime};
+use crate::config::{Bench, Document, Event, Scenario, StartTime, is_scenario};
 use crate::runtime::{Imager, RunParams};
 use crate::sky::catalog::Catalog;
 use crate::wiring::bench_parts;
@@ -15,25 +16,44 @@ use std::path::PathBuf;
 
 /// Command line of `check`.
 #[derive(Debug, Args)]
+#[command(after_help = event_help())]
 pub struct CheckArgs {
-    /// Bench file (TOML); without one: the built-in loopback bench
+    /// Bench or scenario file (TOML); without one: the built-in loopback bench
     bench: Option<PathBuf>,
     /// Predict with the built-in costs, whatever `starloop calibrate` has measured
     #[arg(long)]
     built_in_costs: bool,
 }
 
+/// The keys of `[[event]]`, from the list that files are checked by.
+fn event_help() -> String {
+    format!(
+        "An [[event]] of a scenario has at_s, seconds after the first exposure, do, one of these words, and the word's \
+         keys; those in brackets may be left out:\n\n{}",
+        Event::described_words()
+    )
+}
+
 /// Runs the command.
 ///
 /// # Errors
-/// With what is wrong with the bench.
+/// With what is wrong with the bench or the scenario.
 pub fn run(arguments: &CheckArgs) -> Result<()> {
-    let bench = match &arguments.bench {
-        Some(path) => Bench::load(path)?,
-        None => Bench::built_in()?,
+    let document = match &arguments.bench {
+        Some(path) => Document::open(path)?,
+        None => Bench::built_in_document()?,
     };
-    print!("{}", report(&bench, arguments.built_in_costs)?);
+    print!("{}", checked(&document, arguments.built_in_costs)?);
     Ok(())
+}
+
+/// Everything there is to say about the file.
+fn checked(document: &Document, only_built_in: bool) -> Result<String> {
+    if !is_scenario(document) {
+        return report(&Bench::from_document(document)?, only_built_in);
+    }
+    let scenario = Scenario::from_document(document)?;
+    Ok(check_scenario::report(&scenario)? + "\n" + &report(&scenario.bench, only_built_in)?)
 }
 
 /// The conventions every number in files and on the wire follows.
@@ -147,5 +167,40 @@ mod tests {
         {
             assert!(text.contains(word), "no \"{word}\" in:\n{text}");
         }
+    }
+
+    #[test]
+    fn a_scenario_is_explained_with_its_bench() {
+        let of = |name: &str| checked(&Document::built_in(name).unwrap(), true).unwrap();
+        let text = of("scenarios/three_heads.toml");
+        for word in [
+            "scenario \"three heads\" is sound",
+            "bench \"closed loop",
+            "3, sensor_from_body",
+            "    150.0      60.0  stray_light     5000000 e-/s, head 0",
+            "    180.0      60.0  tracker_off     head 1",
+            "pointing error in the window: at most 5 arcsec rms",
+            "mode at the end: fine_pointing",
+            "default      scenario: tracker.stars = 40",
+            "plan of frame 0",
+        ] {
+            assert!(text.contains(word), "no \"{word}\" in:\n{text}");
+        }
+        assert!(of("scenarios/acquisition.toml").contains("random"), "attitude at the start");
+    }
+
+    #[test]
+    fn a_scenario_that_cannot_be_flown_is_refused() {
+        let event = "event=[{ at_s = 1.0, do = \"wheel_failure\", wheel = 9 }]";
+        let settings = vec![crate::config::Setting::parse(event).unwrap()];
+        let document = Document::built_in("scenarios/acquisition.toml").unwrap().with_settings(settings);
+        let error = format!("{:#}", checked(&document, true).unwrap_err());
+        assert!(error.contains("wheel_failure") && error.contains("wheel 9"), "{error}");
+    }
+
+    #[test]
+    fn help_lists_the_keys_of_every_event() {
+        let help = event_help();
+        assert!(help.contains("\n  stray_light     for_s, e_per_s, [head]\n"), "{help}");
     }
 }

@@ -10,13 +10,17 @@ pub mod chart;
 pub mod check;
 mod check_attitude;
 mod check_plan;
+mod check_scenario;
 mod frame_plan;
 mod load_threads;
+mod monitor;
 pub mod render;
 pub mod render_input;
 pub mod render_output;
 pub mod run;
+mod run_input;
 pub mod run_scenario;
+pub mod scenario_plot;
 pub mod scenario_report;
 pub mod study;
 
@@ -61,7 +65,7 @@ enum Command {
     Budget(budget::BudgetArgs),
     /// Render one image for a given attitude and time
     Render(Box<render::RenderArgs>),
-    /// Check a bench: conventions, defaults, the plan with its predicted error and cost
+    /// Check a bench or a scenario: conventions, defaults, events, the plan with its predicted error and cost
     Check(check::CheckArgs),
     /// Measure what frames cost on this machine, for runs on the real clock and `check`
     Calibrate(calibrate::CalibrateArgs),

@@ -6,28 +6,27 @@ use crate::cli::budget::budget_report;
 use crate::cli::budget_files;
 use crate::cli::calibrate::costs_here;
 use crate::cli::check_attitude::slew_scale;
+use crate::cli::monitor::Monitor;
+use crate::cli::run_input::{bench, scenario};
 use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, run_scenario};
-use crate::config::{self, Bench, Document, Scenario, Setting, StartTime, is_scenario};
+use crate::config::{self, Bench, Scenario, StartTime};
 use crate::link::Port;
 use crate::link::simulated::simulated_pair;
-use crate::report::{HygieneLine, Progress, RunSummary, progress_line, summary_table};
+use crate::report::{HygieneLine, Progress, RunSummary, summary_table};
 use crate::runtime::hygiene::Role;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::{FrameEngine, Hygiene, HygieneParams, RunOutcome, RunRecord, real_time, virtual_time};
 use crate::sink::{NullSink, Recorder, RecorderOptions, SentFrame, Sink, write_file_atomically};
 use crate::testbed::flight_computer::{FlightComputer, FlightError, run_until};
 use crate::wiring::bench_parts;
-use crate::wiring::campaign::episode_scenario;
 use crate::wiring::control::ControlAddress;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use core::sync::atomic::{AtomicBool, Ordering};
-use crossbeam_channel::{Receiver as Queue, Sender, bounded};
+use crossbeam_channel::Sender;
 use firmware_protocol::can::IdMap;
-use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
 
 /// Command line of `run`.
 #[derive(Debug, Args)]
@@ -55,7 +54,7 @@ pub struct RunArgs {
     /// Predict with the built-in costs, whatever `starloop calibrate` has measured (real clock)
     #[arg(long)]
     pub(super) built_in_costs: bool,
-    /// Write budget.json, frames_timing.csv, junit.xml and worst.svg into this directory (real clock)
+    /// Write budget.json, frames_timing.csv, junit.xml and worst.svg into this directory (a bench on the real clock)
     #[arg(long, value_name = "DIR")]
     pub(super) report: Option<PathBuf>,
     /// Add the random faults of a campaign's episode with this seed to a scenario
@@ -160,20 +159,16 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
         bail!("--report: got the virtual clock, on which nothing takes time; wanted --clock real");
     }
     if let Some(scenario) = scenario(arguments)? {
-        if arguments.clock == ClockKind::Real && arguments.control.is_some() {
-            bail!("--control: got the real clock, which nobody can hold; wanted --clock virtual");
-        }
-        let stop = Arc::new(AtomicBool::new(false));
-        let monitor = Monitor::start(Arc::clone(&stop), false)?;
-        let status = match arguments.clock {
-            ClockKind::Real => run_scenario::run_on_real_clock(&scenario, arguments, &stop),
-            ClockKind::Virtual => run_scenario::run(&scenario, arguments, &stop),
-        };
-        monitor.finish();
-        return status;
+        return run_as_scenario(&scenario, arguments);
     }
     if arguments.control.is_some() {
         bail!("--control steps a scenario, and this is a bench: name a scenario file and add --clock virtual");
+    }
+    if arguments.json {
+        bail!("--json: got a bench; wanted a scenario file: the results of a bench are in summary.json in --out DIR");
+    }
+    if arguments.random_faults {
+        bail!("--random-faults: got a bench; wanted a scenario file: nothing flies in a bench that faults could upset");
     }
     let finished = perform(arguments)?;
     report(arguments, &finished)?;
@@ -182,6 +177,29 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
         budget_files::write(directory, &report, &finished.outcome.record.ring)?;
     }
     finished.status()
+}
+
+fn run_as_scenario(scenario: &Scenario, arguments: &RunArgs) -> Result<u8> {
+    if arguments.clock == ClockKind::Real && arguments.control.is_some() {
+        bail!("--control: got the real clock, which nobody can hold; wanted --clock virtual");
+    }
+    if arguments.report.is_some() {
+        bail!(
+            "--report: got a scenario; wanted a bench, such as the one it names: --out DIR keeps a scenario's report"
+        );
+    }
+    if scenario.events_left_out > 0 {
+        let all = scenario.events_left_out + scenario.events.len();
+        eprintln!("starloop: {} of {all} events come after the end of this run: left out", scenario.events_left_out);
+    }
+    let stop = Arc::new(AtomicBool::new(false));
+    let monitor = Monitor::start(Arc::clone(&stop), false)?;
+    let status = match arguments.clock {
+        ClockKind::Real => run_scenario::run_on_real_clock(scenario, arguments, &stop),
+        ClockKind::Virtual => run_scenario::run(scenario, arguments, &stop),
+    };
+    monitor.finish();
+    status
 }
 
 /// Runs a bench from its first frame to its last.
@@ -264,54 +282,6 @@ impl Finished {
         summary.clock = clock.into();
         summary
     }
-}
-
-/// The scenario with the command line's changes, when the file is one.
-fn scenario(arguments: &RunArgs) -> Result<Option<Scenario>> {
-    if arguments.bench.is_none() {
-        return Ok(None);
-    }
-    let document = document(arguments)?;
-    if !is_scenario(&document) {
-        return Ok(None);
-    }
-    let mut scenario = Scenario::from_document(&document)?;
-    change_bench(&mut scenario.bench, arguments)?;
-    if arguments.random_faults {
-        scenario = episode_scenario(&scenario, scenario.bench.seed);
-    }
-    Ok(Some(scenario))
-}
-
-/// The file, or the bench of the binary, with the values that the command line sets.
-fn document(arguments: &RunArgs) -> Result<Document> {
-    let document = match &arguments.bench {
-        Some(path) => Document::open(path)?,
-        None => Bench::built_in_document()?,
-    };
-    let settings = arguments.settings.iter().map(|text| Setting::parse(text)).collect::<Result<Vec<_>, _>>()?;
-    Ok(document.with_settings(settings))
-}
-
-/// The bench with the command line's changes.
-fn bench(arguments: &RunArgs) -> Result<Bench> {
-    let mut bench = Bench::from_document(&document(arguments)?)?;
-    change_bench(&mut bench, arguments)?;
-    Ok(bench)
-}
-
-fn change_bench(bench: &mut Bench, arguments: &RunArgs) -> Result<()> {
-    if let Some(duration_s) = arguments.duration {
-        if !(duration_s.is_finite() && duration_s > 0.0) {
-            bail!("--duration: got {duration_s}, wanted seconds above 0");
-        }
-        bench.timing.duration_s = duration_s;
-    }
-    if let Some(backend) = arguments.backend {
-        bench.render.backend = backend.configured();
-    }
-    bench.seed = arguments.seed.unwrap_or(bench.seed);
-    Ok(())
 }
 
 fn sink(arguments: &RunArgs, bench: &Bench) -> Result<(Box<dyn Sink>, Option<PathBuf>)> {
@@ -450,63 +420,6 @@ fn far_end(
         .context("cannot start the flight computer's thread")
 }
 
-/// Ctrl-C and the progress line: nothing real-time, so it lives on tokio.
-struct Monitor {
-    updates: Sender<Progress>,
-    over: Arc<AtomicBool>,
-    thread: std::thread::JoinHandle<()>,
-}
-
-impl Monitor {
-    fn start(stop: Arc<AtomicBool>, say: bool) -> Result<Self> {
-        let (updates, queue) = bounded(1);
-        let over = Arc::new(AtomicBool::new(false));
-        let ended = Arc::clone(&over);
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-        let thread = std::thread::Builder::new()
-            .name("monitor".into())
-            .spawn(move || runtime.block_on(watch(&queue, &stop, &ended, say)))
-            .context("cannot start the monitor thread")?;
-        Ok(Self { updates, over, thread })
-    }
-
-    fn finish(self) {
-        self.over.store(true, Ordering::SeqCst);
-        drop(self.updates);
-        let _nothing_to_report = self.thread.join();
-    }
-}
-
-/// How often the progress line is drawn.
-const REDRAW: Duration = Duration::from_millis(100);
-
-async fn watch(queue: &Queue<Progress>, stop: &AtomicBool, over: &AtomicBool, say: bool) {
-    let terminal = std::io::stderr().is_terminal();
-    let mut redraw = tokio::time::interval(REDRAW);
-    let mut drawn = false;
-    while !over.load(Ordering::SeqCst) {
-        tokio::select! {
-            pressed = tokio::signal::ctrl_c() => if pressed.is_ok() { stop.store(true, Ordering::SeqCst) },
-            _ = redraw.tick() => {
-                if let (true, true, Some(update)) = (say, terminal, queue.try_iter().last()) {
-                    draw(&update);
-                    drawn = true;
-                }
-            }
-        }
-    }
-    if drawn {
-        eprintln!();
-    }
-}
-
-fn draw(update: &Progress) {
-    const WIDTH: usize = 120;
-    let mut out = std::io::stderr().lock();
-    let _a_closed_terminal_is_no_error = write!(out, "\r{:<WIDTH$}", progress_line(update, WIDTH));
-    let _ = out.flush();
-}
-
 /// Prints the table and writes `summary.json`.
 fn report(arguments: &RunArgs, finished: &Finished) -> Result<()> {
     let summary = finished.summary(match arguments.clock {
@@ -525,3 +438,7 @@ fn report(arguments: &RunArgs, finished: &Finished) -> Result<()> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+#[path = "run_tests.rs"]
+mod tests;

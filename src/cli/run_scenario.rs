@@ -5,6 +5,7 @@ use crate::base::time::Tai;
 use crate::base::units::ARCSEC;
 use crate::cli::calibrate::costs_here;
 use crate::cli::run::{RunArgs, prepared_hygiene, stamp};
+use crate::cli::scenario_plot::TelemetryPlot;
 use crate::cli::scenario_report::{ScenarioReport, table};
 use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_NOT_MET};
 use crate::config::{Scenario, StartTime};
@@ -21,7 +22,7 @@ use anyhow::{Context, Result, bail};
 use core::sync::atomic::{AtomicBool, Ordering};
 use std::io::{BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Runs a scenario; the exit status.
 ///
@@ -56,7 +57,7 @@ pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> 
     let wall_s = wall.lap().s();
     ended.with_context(|| format!("seed {} repeats it", scenario.bench.seed))?;
     if let Some(written) = telemetry {
-        written.finish()?;
+        written.finish(&title(scenario))?;
     }
     let now_s = (going.now() - going.zero()).s();
     let report = ScenarioReport::of(scenario, &going.finish()?.view(), wall_s);
@@ -103,7 +104,7 @@ pub fn run_on_real_clock(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<At
     let outcome = run_real(scenario, sink, &setting, change, on_row, &mut show)?;
     progress.finish();
     if let Some(written) = written {
-        written.finish()?;
+        written.finish(&title(scenario))?;
     }
     let report = ScenarioReport::of(scenario, &outcome.view(), wall.lap().s());
     tell(&report, arguments, directory.as_deref(), stop)
@@ -198,16 +199,33 @@ fn sink(scenario: &Scenario, arguments: &RunArgs, directory: Option<&Path>, head
     Ok(Box::new(Recorder::create(directory, RecorderOptions { fits, truth: true, png_every })?))
 }
 
+fn title(scenario: &Scenario) -> String {
+    format!("{}: seed {}", scenario.name, scenario.bench.seed)
+}
+
 /// The telemetry file while it is written.
 struct TelemetryFile {
-    failure: Arc<std::sync::Mutex<Option<csv::Error>>>,
+    rows: Arc<Mutex<Rows>>,
     path: PathBuf,
 }
 
+/// Where rows go, and the first error of one.
+struct Rows {
+    out: csv::Writer<Box<dyn Write + Send>>,
+    failure: Option<csv::Error>,
+    plot: TelemetryPlot,
+}
+
 impl TelemetryFile {
-    fn finish(self) -> Result<()> {
-        let failure = self.failure.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
-        failure.map_or(Ok(()), |error| Err(error).with_context(|| format!("cannot write {}", self.path.display())))
+    /// Writes what is still buffered, and the picture beside it.
+    fn finish(self, title: &str) -> Result<()> {
+        let mut rows = self.rows.lock().unwrap_or_else(PoisonError::into_inner);
+        let written = rows.failure.take().map_or(Ok(()), Err);
+        let written = written.and_then(|()| rows.out.flush().map_err(csv::Error::from));
+        written.with_context(|| format!("cannot write {}", self.path.display()))?;
+        let svg = rows.plot.svg(title);
+        write_file_atomically(&self.path.with_extension("svg"), |out| out.write_all(svg.as_bytes()))?;
+        Ok(())
     }
 }
 
@@ -217,16 +235,22 @@ type RowSink = Box<dyn FnMut(&TelemetryRow) + Send>;
 fn telemetry_file(directory: &Path, zero: Tai) -> Result<(TelemetryFile, RowSink)> {
     let path = directory.join("telemetry.csv");
     let file = std::fs::File::create_new(&path).with_context(|| format!("cannot make {}", path.display()))?;
-    let mut out = csv::Writer::from_writer(BufWriter::new(file));
+    telemetry_into(Box::new(BufWriter::new(file)), path, zero)
+}
+
+fn telemetry_into(out: Box<dyn Write + Send>, path: PathBuf, zero: Tai) -> Result<(TelemetryFile, RowSink)> {
+    let mut out = csv::Writer::from_writer(out);
     out.write_record(COLUMNS)?;
-    let failure = Arc::new(std::sync::Mutex::new(None));
-    let told = Arc::clone(&failure);
+    let rows = Arc::new(Mutex::new(Rows { out, failure: None, plot: TelemetryPlot::new(zero) }));
+    let shared = Arc::clone(&rows);
     let on_row = move |row: &TelemetryRow| {
-        if let Err(error) = out.write_record(cells(row, zero)) {
-            told.lock().unwrap_or_else(std::sync::PoisonError::into_inner).get_or_insert(error);
+        let mut rows = shared.lock().unwrap_or_else(PoisonError::into_inner);
+        rows.plot.take(row);
+        if let Err(error) = rows.out.write_record(cells(row, zero)) {
+            rows.failure.get_or_insert(error);
         }
     };
-    Ok((TelemetryFile { failure, path }, Box::new(on_row)))
+    Ok((TelemetryFile { rows, path }, Box::new(on_row)))
 }
 
 /// Columns of `telemetry.csv`; angles are rotation vectors in body axes.
@@ -321,5 +345,36 @@ impl Progress {
         if self.drawn {
             eprintln!();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A disk with no room left.
+    struct Full;
+
+    impl Write for Full {
+        fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {
+            Err(std::io::ErrorKind::StorageFull.into())
+        }
+
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn telemetry_that_only_the_last_flush_writes_is_written_or_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("telemetry.csv");
+        let into = |out: Box<dyn Write + Send>| telemetry_into(out, path.clone(), Tai::from_ns(0)).unwrap();
+        let (file, _on_row) = into(Box::new(Full));
+        let error = format!("{:#}", file.finish("a flight").unwrap_err());
+        assert!(error.contains(&format!("cannot write {}", path.display())), "{error}");
+        let (file, _on_row) = into(Box::new(std::io::sink()));
+        file.finish("a flight").unwrap();
+        assert!(folder.path().join("telemetry.svg").exists(), "and the picture");
     }
 }

@@ -1,4 +1,6 @@
 //! `[[event]]`: commands to the flight computer and faults, each at its time.
+//!
+//! A key that a word has no use for is refused: it would be given in vain. Tests: `event_tests`.
 
 use crate::base::time::Span;
 use crate::base::units::DEG;
@@ -100,7 +102,7 @@ pub(super) struct EventKeys {
     wheel: Option<i64>,
 }
 
-/// Every word for `do`, what it is, and which keys go with it.
+/// Every word for `do`, and what it is.
 const ACTIONS: [(&str, Kind); 21] = [
     ("slew", Kind::Slew),
     ("safe", Kind::Safe),
@@ -174,26 +176,89 @@ impl Event {
         let after = "seconds after the first exposure";
         let at_s = check.required(&key("at_s"), keys.at_s, Rule::NotNegative, after)?;
         if keys.action.is_none() {
-            let words: Vec<&str> = ACTIONS.iter().map(|(word, _)| *word).collect();
-            let wanted = format!("one of \"{}\"", words.join("\", \""));
+            let wanted = format!("one of {}", words(|_| true));
             return Err(check.invalid(&key("do"), "missing", wanted, "what happens"));
         }
         let advice = "what happens";
         let kind = check.choice(&key("do"), keys.action.as_deref(), &ACTIONS, advice)?;
+        for (name, is_given) in keys.given() {
+            if !kind.has_key(name) {
+                check.unused(&key(name), is_given, &format!("do = {}", words(|kind| kind.has_key(name))))?;
+            }
+        }
         let action = Reader { keys, place, check }.action(kind)?;
-        let lasts_s = if kind.lasts() {
+        let lasts_s = if kind.has_key("for_s") {
             check.required(&key("for_s"), keys.for_s, Rule::Positive, "how many seconds it lasts")?
         } else {
-            check.unused(&key("for_s"), keys.for_s.is_some(), "faults that end by themselves")?;
             0.0
         };
         Ok(Self { at: Span::from_s(at_s), lasts: Span::from_s(lasts_s), action })
     }
+
+    /// Every word for `do` with its keys, a line each; keys that may be left out stand in brackets.
+    #[must_use]
+    pub fn described_words() -> String {
+        let mut text = String::new();
+        for (word, kind) in ACTIONS {
+            let (needed, optional) = kind.keys();
+            let optional = optional.iter().map(|name| format!("[{name}]"));
+            let keys: Vec<String> = needed.iter().map(|name| (*name).to_owned()).chain(optional).collect();
+            text.push_str(format!("  {word:<15} {}", keys.join(", ")).trim_end());
+            text.push('\n');
+        }
+        text
+    }
+}
+
+impl EventKeys {
+    /// Every key that belongs to some words only, and whether it is given.
+    fn given(&self) -> [(&'static str, bool); 12] {
+        [
+            ("for_s", self.for_s.is_some()),
+            ("ra_deg", self.ra_deg.is_some()),
+            ("dec_deg", self.dec_deg.is_some()),
+            ("roll_deg", self.roll_deg.is_some()),
+            ("share", self.share.is_some()),
+            ("delay_ms", self.delay_ms.is_some()),
+            ("jitter_ms", self.jitter_ms.is_some()),
+            ("late_ms", self.late_ms.is_some()),
+            ("e_per_s", self.e_per_s.is_some()),
+            ("rate_deg_h", self.rate_deg_h.is_some()),
+            ("head", self.head.is_some()),
+            ("wheel", self.wheel.is_some()),
+        ]
+    }
+}
+
+/// The words whose kind is wanted, each in quotes.
+fn words(is_wanted: impl Fn(Kind) -> bool) -> String {
+    let wanted = ACTIONS.iter().filter(|(_, kind)| is_wanted(*kind));
+    wanted.map(|(word, _)| format!("\"{word}\"")).collect::<Vec<_>>().join(", ")
 }
 
 impl Kind {
-    fn lasts(self) -> bool {
-        !matches!(self, Self::Slew | Self::Safe | Self::Resume | Self::WheelFailure | Self::GyroBiasJump)
+    /// The keys that go with it beside `at_s` and `do`: those it needs, and those that may be left out.
+    fn keys(self) -> (&'static [&'static str], &'static [&'static str]) {
+        match self {
+            Self::Slew => (&["ra_deg", "dec_deg"], &["roll_deg"]),
+            Self::Safe | Self::Resume => (&[], &[]),
+            Self::BusLoss | Self::BusDuplicate | Self::BusWrongBits | Self::BusBackLoss => (&["for_s", "share"], &[]),
+            Self::BusSilence | Self::GyroDropout | Self::GyroStuck => (&["for_s"], &[]),
+            Self::BusDelay => (&["for_s", "delay_ms"], &["jitter_ms"]),
+            Self::FrameDrop | Self::FrameDuplicate | Self::FrameTorn | Self::FrameBlank | Self::TrackerOff => {
+                (&["for_s"], &["head"])
+            }
+            Self::FrameLate => (&["for_s", "late_ms"], &["head"]),
+            Self::StrayLight => (&["for_s", "e_per_s"], &["head"]),
+            Self::GyroBiasJump => (&["rate_deg_h"], &[]),
+            Self::GyroSpike => (&["for_s", "rate_deg_h"], &[]),
+            Self::WheelFailure => (&["wheel"], &[]),
+        }
+    }
+
+    fn has_key(self, name: &str) -> bool {
+        let (needed, optional) = self.keys();
+        needed.contains(&name) || optional.contains(&name)
     }
 }
 
@@ -297,3 +362,7 @@ impl Pointing {
         })
     }
 }
+
+#[cfg(test)]
+#[path = "event_tests.rs"]
+mod tests;

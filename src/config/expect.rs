@@ -58,14 +58,7 @@ impl Expect {
         ];
         let advice = "the flight computer's mode when the run ends";
         let final_mode = check.choice("expect.final_mode", keys.final_mode.as_deref(), &modes, advice)?;
-        let window = "seconds at the end of the run that are judged";
-        let window_s = check.number(
-            "expect.window_s",
-            keys.window_s,
-            0.25 * duration_s,
-            Rule::PositiveUpTo(duration_s),
-            window,
-        )?;
+        let window_s = window_s(keys.window_s, duration_s, check)?;
         let again = "seconds after the end of a fault";
         let recovery_s = check.number("expect.recovery_s", keys.recovery_s, 120.0, Rule::Positive, again)?;
         let near = "arcseconds off target that count as pointing again";
@@ -88,4 +81,10 @@ impl Expect {
             diverges: keys.diverges.unwrap_or(false),
         })
     }
+}
+
+/// The judged end of the run: at most the whole of it, by default its last quarter.
+fn window_s(given: Option<f64>, duration_s: f64, check: &mut Checker<'_>) -> Result<f64, ConfigError> {
+    let advice = format!("seconds at the end of the run that are judged, and the run lasts {duration_s} s");
+    check.number("expect.window_s", given, 0.25 * duration_s, Rule::PositiveUpTo(duration_s), &advice)
 }

@@ -49,6 +49,8 @@ pub struct Scenario {
     pub telemetry_every: u32,
     /// Commands and faults, in order of time.
     pub events: Vec<Event>,
+    /// Events of the file that do not come, because a setting made the run shorter than the file has it.
+    pub events_left_out: usize,
     /// What must come true.
     pub expect: Expect,
     /// Values nobody gave in the scenario file.
@@ -160,11 +162,7 @@ impl Scenario {
         let rows = "control steps from one row to the next";
         let telemetry_every = check.whole("telemetry.every", keys.telemetry.every, Some(1), 1..=1_000_000, rows)?;
         let tracker_stars = check.whole("tracker.stars", keys.tracker.stars, Some(40), 4..=200, "brightest first")?;
-        let mut events: Vec<Event> = Vec::with_capacity(keys.event.len());
-        for (place, event) in keys.event.iter().enumerate() {
-            events.push(Event::check(event, place, &mut check)?);
-        }
-        events.sort_by_key(|event| event.at);
+        let events = events(&keys.event, bench.timing.duration_s, &mut check)?;
         let expect = Expect::check(&keys.expect, bench.timing.duration_s, &mut check)?;
         Ok(Self {
             name,
@@ -179,6 +177,7 @@ impl Scenario {
             tracker_stars: tracker_stars as usize,
             actuation_delay: Span::from_s(actuation_ms * 1e-3),
             telemetry_every,
+            events_left_out: keys.event.len() - events.len(),
             events,
             expect,
             bench,
@@ -196,6 +195,33 @@ fn named_bench(path: Option<&str>, check: &Checker<'_>) -> Result<Bench, ConfigE
         return Err(check.invalid("bench", path, "a bench whose observer.kind is \"circular_orbit\"", advice));
     }
     Ok(bench)
+}
+
+/// Events in order of time. One that comes after the end is refused, unless the file's own run lasts long enough for it:
+/// then a setting cut the run short, and the event is left out.
+fn events(keys: &[EventKeys], duration_s: f64, check: &mut Checker<'_>) -> Result<Vec<Event>, ConfigError> {
+    let mut events: Vec<Event> = Vec::with_capacity(keys.len());
+    for (place, keys) in keys.iter().enumerate() {
+        let event = Event::check(keys, place, check)?;
+        let at_s = event.at.s();
+        if at_s < duration_s {
+            events.push(event);
+        } else if !written_duration_s(check.document).is_some_and(|written_s| at_s < written_s) {
+            let advice = "it would never come: make duration_s longer, or leave it out";
+            let wanted = format!("a time before the run ends, at {duration_s} s");
+            return Err(check.invalid(&format!("event[{place}].at_s"), at_s, wanted, advice));
+        }
+    }
+    events.sort_by_key(|event| event.at);
+    Ok(events)
+}
+
+/// How long the run lasts by the files alone, without settings; `None` when they do not say.
+fn written_duration_s(document: &Document) -> Option<f64> {
+    let document = document.clone().with_settings(Vec::new());
+    let keys: ScenarioKeys = document.read_as().ok()?;
+    let of_bench = || Some(named_bench(keys.bench.as_deref(), &Checker::new(&document)).ok()?.timing.duration_s);
+    keys.duration_s.or_else(of_bench)
 }
 
 /// Seed and duration are the scenario's, when it gives them.
@@ -237,7 +263,9 @@ fn initial(keys: &InitialKeys, check: &mut Checker<'_>) -> Result<Option<Pointin
     let advice = "random takes an attitude from the seed; given needs ra_deg, dec_deg, roll_deg";
     let is_random = check.choice("initial.attitude", keys.attitude.as_deref(), &kinds, advice)?;
     if is_random {
-        check.unused("initial.ra_deg", keys.ra_deg.is_some(), "attitude = \"given\"")?;
+        for (name, given) in [("ra_deg", keys.ra_deg), ("dec_deg", keys.dec_deg), ("roll_deg", keys.roll_deg)] {
+            check.unused(&format!("initial.{name}"), given.is_some(), "attitude = \"given\"")?;
+        }
         return Ok(None);
     }
     let key = |name: &str| format!("initial.{name}");

@@ -414,3 +414,53 @@ fn a_date_error_of_the_trackers_is_read_and_held_to_its_range() {
     let refused = with("tag_error_ms = 1001.0").expect_err("refused").to_string();
     assert!(refused.contains("tracker.tag_error_ms"), "{refused}");
 }
+
+/// A shipped scenario after some of its text was replaced, with settings.
+fn scenario(name: &str, replaced: [&str; 2], settings: &[&str]) -> Result<Scenario, ConfigError> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenarios");
+    let text = std::fs::read_to_string(folder.join(name)).expect("shipped");
+    let document = Document::from_text(&text.replace(replaced[0], replaced[1]), &folder.join("../scenarios/lab.toml"));
+    let settings = settings.iter().map(|text| Setting::parse(text).expect("sound")).collect();
+    Scenario::from_document(&document.with_settings(settings))
+}
+
+#[test]
+fn a_random_attitude_refuses_the_angles_of_a_given_one() {
+    for name in ["ra_deg", "dec_deg", "roll_deg"] {
+        let with = format!("attitude = \"random\"\n{name} = 1.0 #");
+        let error = scenario("acquisition.toml", ["attitude = \"random\"", &with], &[]).expect_err(name).to_string();
+        assert!(error.contains(&format!("initial.{name} is given")) && error.contains("lab.toml:12"), "{error}");
+    }
+}
+
+#[test]
+fn the_judged_window_is_held_to_the_duration_of_this_run() {
+    let sound = ["", ""];
+    let error = scenario("stray_light.toml", sound, &["duration_s=50.0"]).expect_err("60 s of 50 s").to_string();
+    for part in ["lab.toml:37", "expect.window_s is 60", "up to 50", "the run lasts 50 s"] {
+        assert!(error.contains(part), "{part}: {error}");
+    }
+    let free = scenario("stray_light.toml", ["window_s = 60.0", ""], &["duration_s=50.0"]).expect("a default");
+    assert_eq!(free.expect.window_s, 12.5, "follows the run");
+}
+
+#[test]
+fn an_event_after_the_end_is_refused_unless_a_setting_cut_the_run_short() {
+    let whole = scenario("stray_light.toml", ["", ""], &[]).expect("shipped");
+    assert_eq!((whole.events.len(), whole.events_left_out), (3, 0));
+    let error = scenario("stray_light.toml", ["at_s = 200.0", "at_s = 420.0"], &[]).expect_err("never").to_string();
+    for part in ["lab.toml:31", "event[2].at_s is 420", "before the run ends, at 420 s", "never come"] {
+        assert!(error.contains(part), "{part}: {error}");
+    }
+    let short = ["duration_s=170.0", "expect.window_s=60.0"];
+    let cut = scenario("stray_light.toml", ["", ""], &short).expect("cut short");
+    assert_eq!((cut.events.len(), cut.events_left_out), (1, 2));
+    let moved = [&short[..], &["event[2].at_s=500.0"]].concat();
+    let error = scenario("stray_light.toml", ["", ""], &moved).expect_err("not of the file's run").to_string();
+    assert!(error.contains("--set event[2].at_s=500.0") && error.contains("at 170 s"), "{error}");
+    // The bench's duration, 600 s, counts where the scenario has none.
+    let of_bench = ["duration_s = 420.0", ""];
+    assert_eq!(scenario("stray_light.toml", of_bench, &[]).expect("600 s").events_left_out, 0);
+    let short = ["bench.timing.duration_s=180.0"];
+    assert_eq!(scenario("stray_light.toml", of_bench, &short).expect("cut short").events_left_out, 1);
+}

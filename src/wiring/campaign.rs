@@ -3,7 +3,7 @@
 //! In: a scenario, seeds. Out: per episode what held and what did not. An episode is one [`ClosedLoop`] whose events are
 //! the scenario's own and those of [`fault_schedule`]; its seed alone repeats it.
 
-use crate::config::Scenario;
+use crate::config::{Event, Scenario};
 use crate::sink::NullSink;
 use crate::testbed::acs::Mode;
 use crate::wiring::closed_loop::{ClosedLoop, LoopError};
@@ -38,18 +38,52 @@ pub struct Episode {
     pub violation_lines: Vec<String>,
 }
 
+/// A run too short for random faults.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error(
+    "duration_s is {duration_s}; wanted more than {least_s}: random faults come between {QUIET_START_S} s after the \
+     first exposure and {QUIET_END_S} s before the end"
+)]
+pub struct NoRoomForFaults {
+    /// How long the run is, s.
+    pub duration_s: f64,
+    /// It must be longer than this, s.
+    pub least_s: f64,
+}
+
+/// Refuses a scenario in which no random fault would ever come: flown as an episode, it would hold and say nothing.
+///
+/// # Errors
+/// With the least duration.
+pub fn check_room_for_faults(base: &Scenario) -> Result<(), NoRoomForFaults> {
+    let limits = schedule_limits(base);
+    if limits.until_s > limits.from_s {
+        return Ok(());
+    }
+    Err(NoRoomForFaults { duration_s: base.bench.timing.duration_s, least_s: QUIET_START_S + QUIET_END_S })
+}
+
+fn schedule_limits(base: &Scenario) -> ScheduleLimits {
+    ScheduleLimits {
+        from_s: QUIET_START_S,
+        until_s: base.bench.timing.duration_s - QUIET_END_S,
+        wheels: base.spacecraft.params.wheels.len(),
+    }
+}
+
+/// The random faults of `seed` in the scenario `base`.
+#[must_use]
+pub fn random_faults(base: &Scenario, seed: u64) -> Vec<Event> {
+    fault_schedule(seed, &schedule_limits(base))
+}
+
 /// The scenario of one episode: `base` with the faults of `seed`.
 #[must_use]
 pub fn episode_scenario(base: &Scenario, seed: u64) -> Scenario {
     let mut scenario = base.clone();
     scenario.bench.seed = seed;
-    let limits = ScheduleLimits {
-        from_s: QUIET_START_S,
-        until_s: scenario.bench.timing.duration_s - QUIET_END_S,
-        wheels: scenario.spacecraft.params.wheels.len(),
-    };
     scenario.expect.allows_refusals = true;
-    scenario.events.extend(fault_schedule(seed, &limits));
+    scenario.events.extend(random_faults(base, seed));
     scenario.events.sort_by_key(|event| event.at);
     scenario
 }
@@ -83,4 +117,21 @@ pub fn run_episode(base: &Scenario, seed: u64) -> Result<Episode, LoopError> {
         violations,
         violation_lines: lines.to_vec(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Document;
+
+    #[test]
+    fn a_run_without_time_for_faults_is_refused_with_the_least_duration() {
+        let mut base = Scenario::from_document(&Document::built_in("scenarios/campaign.toml").unwrap()).unwrap();
+        assert_eq!(check_room_for_faults(&base), Ok(()));
+        assert!(!random_faults(&base, 1).is_empty());
+        base.bench.timing.duration_s = 1200.0;
+        let error = check_room_for_faults(&base).expect_err("600 s and 600 s").to_string();
+        assert!(error.contains("duration_s is 1200; wanted more than 1200"), "{error}");
+        assert!(random_faults(&base, 1).is_empty(), "what is refused is empty");
+    }
 }

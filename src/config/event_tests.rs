@@ -1,0 +1,88 @@
+//! Every word takes its own keys, asks for those it needs, and refuses all others.
+
+use super::*;
+
+/// A value that is right for each key.
+const VALUES: [(&str, &str); 12] = [
+    ("for_s", "2.0"),
+    ("ra_deg", "84.0"),
+    ("dec_deg", "-1.0"),
+    ("roll_deg", "5.0"),
+    ("share", "0.3"),
+    ("delay_ms", "20.0"),
+    ("jitter_ms", "5.0"),
+    ("late_ms", "300.0"),
+    ("e_per_s", "2e5"),
+    ("rate_deg_h", "[5.0, 0.0, 0.0]"),
+    ("head", "1"),
+    ("wheel", "2"),
+];
+
+fn checked(word: &str, names: &[&str]) -> Result<Event, String> {
+    let line =
+        |name: &&str| VALUES.iter().find(|(key, _)| key == name).map(|(key, value)| format!("{key} = {value}\n"));
+    let lines: String = names.iter().filter_map(line).collect();
+    let document = Document::from_text(&format!("at_s = 1.0\ndo = \"{word}\"\n{lines}"), Path::new("lab/event.toml"));
+    let keys: EventKeys = document.read_as().map_err(|error| error.to_string())?;
+    Event::check(&keys, 0, &mut Checker::new(&document)).map_err(|error| error.to_string())
+}
+
+#[test]
+fn every_word_takes_its_keys_and_needs_those_it_says() {
+    for (word, kind) in ACTIONS {
+        let (needed, optional) = kind.keys();
+        checked(word, needed).expect(word);
+        let all = [needed, optional].concat();
+        checked(word, &all).expect(word);
+        for left_out in needed {
+            let rest: Vec<&str> = all.iter().copied().filter(|name| name != left_out).collect();
+            let error = checked(word, &rest).expect_err(word);
+            assert!(error.contains(&format!("event[0].{left_out} is missing")), "{word}: {error}");
+        }
+    }
+}
+
+#[test]
+fn a_key_of_another_word_is_refused_and_says_whose_it_is() {
+    for (word, kind) in ACTIONS {
+        let (needed, _) = kind.keys();
+        for (other, _) in VALUES.iter().filter(|(name, _)| !kind.has_key(name)) {
+            let error = checked(word, &[needed, &[*other]].concat()).expect_err(word);
+            assert!(error.contains(&format!("event[0].{other} is given")), "{word}: {error}");
+            assert!(error.contains("it belongs to do = \""), "{word}: {error}");
+        }
+    }
+    let error = checked("frame_drop", &["for_s", "share"]).expect_err("share is of the bus");
+    assert!(error.contains("\"bus_loss\"") && !error.contains("\"frame_drop\""), "{error}");
+}
+
+/// An optional key that nothing reads would pass the tests above.
+#[test]
+fn optional_keys_change_the_event() {
+    for (word, kind) in ACTIONS {
+        let (needed, optional) = kind.keys();
+        for name in optional {
+            let with = checked(word, &[needed, &[*name]].concat()).expect(word);
+            assert_ne!(with, checked(word, needed).expect(word), "{word}: nothing reads {name}");
+        }
+    }
+}
+
+#[test]
+fn the_list_of_keys_is_that_of_the_reader() {
+    // serde lists every key it knows when it refuses one.
+    let document = Document::from_text("no_such_key = 1\n", Path::new("lab/event.toml"));
+    let error = document.read_as::<EventKeys>().expect_err("unknown").to_string();
+    let (_, known) = error.split_once("known here: ").expect("a list");
+    let known: Vec<&str> = known.split(", ").filter(|name| !["at_s", "do"].contains(name)).collect();
+    let listed: Vec<&str> = EventKeys::default().given().iter().map(|(name, _)| *name).collect();
+    assert_eq!(listed, known, "a new key is refused where it does not belong");
+}
+
+#[test]
+fn help_has_a_line_for_every_word() {
+    let help = Event::described_words();
+    assert_eq!(help.lines().count(), ACTIONS.len());
+    assert!(help.contains("\n  bus_delay       for_s, delay_ms, [jitter_ms]\n"), "{help}");
+    assert!(help.contains("\n  safe\n"), "{help}");
+}
