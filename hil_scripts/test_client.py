@@ -68,7 +68,9 @@ class AgainstTheProgram(unittest.TestCase):
             self.assertEqual((placed["event"], placed["from_s"]), ("gyro_spike", 1.0))
             self.assertTrue(loop.step(until_s=3.0)["finished"])
             report = loop.finish()
-            self.assertEqual([(f["name"], f["hits"]) for f in report["faults"]], [("gyro_spike", 1)])
+            (fault,) = report["faults"]
+            self.assertEqual(fault["name"], "gyro_spike")
+            self.assertIn(fault["hits"], (9, 10), "gyro samples of a second at 10 Hz")
             self.assertIn(loop.exit_status, (0, 4))
 
     def test_refusals_are_exceptions_and_the_session_goes_on(self):

@@ -1,6 +1,6 @@
 //! `telemetry.svg`: pointing and knowledge of a flight over time, as people look at it.
 //!
-//! Rows are gathered into at most [`BINS`] bins of equal length that double when they run out, each with its largest
+//! Rows are gathered into at most `BINS` bins of equal length that double when they run out, each with its largest
 //! values, so that a flight of any length is one small picture and no spike is lost.
 
 use crate::base::time::Tai;

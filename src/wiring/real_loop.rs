@@ -2,7 +2,7 @@
 //!
 //! One head. Faults of the bus and aboard act as on the virtual clock; faults of frames do not, and are refused: on the
 //! bench clock nothing stands between the detector and the sink. Frames go to the tracker as the sink thread delivers
-//! them; the vehicle looks every [`POLL`].
+//! them; the vehicle looks every `POLL`.
 
 use crate::base::axes::Rotation;
 use crate::base::clock::{Clock, Monotonic};

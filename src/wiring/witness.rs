@@ -1,7 +1,7 @@
 //! The witness: holds every frame against the truth, every fault against its trace, and the loop against its recovery.
 //!
 //! Invariants, each a count of violations with words for the first few:
-//! * a frame whose attitude was interpolated shows the true attitude ([`RENDERED_ARCSEC`] and the bus's timing);
+//! * a frame whose attitude was interpolated shows the true attitude (`RENDERED_ARCSEC` and the bus's timing);
 //! * a frame that does not says so by its attitude's origin: predicted, held, none (no silent staleness). A delay on the
 //!   bus cannot be told from an offset of the clock, so it widens the bound by its angle;
 //! * every fault that had its time hit something;

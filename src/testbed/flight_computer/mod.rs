@@ -1,6 +1,6 @@
 //! A simulated flight computer: an attitude, jitter and a clock of its own -> messages on a port, each when due.
 //!
-//! The attitude is scripted (an analytic function of time, so its truth is known to f64) or flown by a [`Vehicle`], which
+//! The attitude is scripted (an analytic function of time, so its truth is known to f64) or flown by a `Vehicle`, which
 //! takes its control steps here, in order of time with the messages. Deterministic: what is sent depends on the
 //! parameters and the order of steps only.
 //!

@@ -1,7 +1,7 @@
 //! A reference star tracker that sees only pixels: DN image, time, velocity -> attitude with covariance.
 //!
 //! The other end of the cable for the images: what a real tracker would make of them. It knows what a real one knows,
-//! the figures of [`TrackerParams`] and a catalog, and shares no code with what draws the images.
+//! the figures of `TrackerParams` and a catalog, and shares no code with what draws the images.
 //!
 //! ```text
 //! image -> background -> detect -> centroid -> identify -> adjust -> Solution      lost in space

@@ -14,12 +14,12 @@ use crate::wiring::closed_loop::LoopError;
 use core::f64::consts::TAU;
 
 /// A phase margin may be off by this, deg. Pointing noise of 0.55 arcsec rms about an axis, within about 0.1 Hz, is 0.3
-/// arcsec in the amplitude of a tone over a record of 120 s: 0.5 % of [`TONE_RAD`], or 0.3 deg; three sigmas.
+/// arcsec in the amplitude of a tone over a record of 120 s: 0.5 % of `TONE_RAD`, or 0.3 deg; three sigmas.
 pub const PHASE_MARGIN_DEG: f64 = 1.0;
 /// The crossover may be off by this share: the same noise is 0.4 % of frequency where the gain falls as `w^-1.2`; three
 /// sigmas, and 0.1 % for what flexible modes and free rotors take from the inertia.
 pub const CROSSOVER_SHARE: f64 = 0.015;
-/// What is left of jitter may be off by this share below the bandwidth: 0.75 % of noise in tones of [`JITTER_RAD`] over a
+/// What is left of jitter may be off by this share below the bandwidth: 0.75 % of noise in tones of `JITTER_RAD` over a
 /// record of 120 s; four sigmas, as there are dozens of points.
 pub const REJECTION_SHARE: f64 = 0.03;
 
