@@ -27,6 +27,7 @@ pub mod null;
 pub mod png;
 pub mod recorder;
 pub mod stretch;
+mod tally;
 pub mod tap;
 pub mod tee;
 pub mod truth;

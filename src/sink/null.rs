@@ -1,15 +1,12 @@
 //! The sink that keeps nothing: counts frames and sums up their pixels, to compare runs and to measure without a disk.
 
-use crate::sink::crc32::{RunCrc32, pixel_crc32};
+use crate::sink::tally::Tally;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 
 /// Counts and checksums.
 #[derive(Debug, Default)]
 pub struct NullSink {
-    frames: u64,
-    refused: u64,
-    run_crc32: RunCrc32,
-    finished: bool,
+    tally: Tally,
 }
 
 impl NullSink {
@@ -26,24 +23,10 @@ impl Sink for NullSink {
     }
 
     fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
-        if self.finished {
-            self.refused += 1;
-            return Err(SinkError::Finished { sink: self.name(), frame: frame.meta.number });
-        }
-        self.run_crc32.add(frame.meta.number, pixel_crc32(&frame.image));
-        self.frames += 1;
-        Ok(())
+        self.tally.take(self.name(), frame)
     }
 
     fn finish(&mut self) -> Result<SinkSummary, SinkError> {
-        self.finished = true;
-        Ok(SinkSummary {
-            sink: self.name(),
-            frames: self.frames,
-            refused: self.refused,
-            bytes: 0,
-            run_crc32: self.run_crc32.value(),
-            output: None,
-        })
+        Ok(self.tally.finish(self.name()))
     }
 }

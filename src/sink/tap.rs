@@ -4,7 +4,7 @@
 //! go round. When the other end is too slow the new frame is lost and counted, and the sender never waits.
 
 use crate::base::image::DnImage;
-use crate::sink::crc32::{RunCrc32, pixel_crc32};
+use crate::sink::tally::Tally;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 use crossbeam_channel::{Receiver, Sender, bounded};
 
@@ -22,11 +22,8 @@ pub struct TappedFrame {
 pub struct Tap {
     full: Sender<TappedFrame>,
     empty: Receiver<TappedFrame>,
-    frames: u64,
-    refused: u64,
+    tally: Tally,
     lost: u64,
-    run_crc32: RunCrc32,
-    finished: bool,
 }
 
 /// The receiving end.
@@ -45,7 +42,7 @@ pub fn tap(size_px: [usize; 2], room: usize) -> (Tap, TapEnd) {
         let buffer = TappedFrame { number: 0, image: DnImage::new(size_px[0], size_px[1]) };
         let _there_is_room_for_all = given_back.try_send(buffer);
     }
-    let tap = Tap { full, empty, frames: 0, refused: 0, lost: 0, run_crc32: RunCrc32::default(), finished: false };
+    let tap = Tap { full, empty, tally: Tally::default(), lost: 0 };
     (tap, TapEnd { full: to_take, empty: given_back })
 }
 
@@ -76,12 +73,7 @@ impl Sink for Tap {
     }
 
     fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
-        if self.finished {
-            self.refused += 1;
-            return Err(SinkError::Finished { sink: self.name(), frame: frame.meta.number });
-        }
-        self.run_crc32.add(frame.meta.number, pixel_crc32(&frame.image));
-        self.frames += 1;
+        self.tally.take(self.name(), frame)?;
         let Ok(mut buffer) = self.empty.try_recv() else {
             self.lost += 1;
             return Ok(());
@@ -97,15 +89,7 @@ impl Sink for Tap {
     }
 
     fn finish(&mut self) -> Result<SinkSummary, SinkError> {
-        self.finished = true;
-        Ok(SinkSummary {
-            sink: self.name(),
-            frames: self.frames,
-            refused: self.refused,
-            bytes: 0,
-            run_crc32: self.run_crc32.value(),
-            output: None,
-        })
+        Ok(self.tally.finish(self.name()))
     }
 }
 

@@ -10,15 +10,13 @@ use crate::base::time::Tai;
 use crate::config::{ConfigError, Event, Scenario, StartTime};
 use crate::link::Port;
 use crate::link::tap::FaultControl;
-use crate::runtime::ledger::Event as LedgerEvent;
 use crate::runtime::virtual_time::{Head, VirtualLoop, World};
-use crate::runtime::{EventKind, RunError, RunRecord};
+use crate::runtime::{RunError, RunParams, RunRecord};
 use crate::sink::{SentFrame, Sink};
-use crate::testbed::flight_computer::FlightComputer;
 use crate::testbed::vehicle::{TelemetryRow, Vehicle, VehicleError};
 use crate::wiring::assessment::Assessment;
 use crate::wiring::far_side::FarSide;
-use crate::wiring::faults::{FaultLine, FaultLog, LoggedFault, Places, PlacesRead, action_name, check_places};
+use crate::wiring::faults::{FaultLine, FaultLog, Places, PlacesRead, action_name, check_places};
 use crate::wiring::loop_outcome::{LoopOutcome, LoopView, predicted_pointing_rad, vehicle_counts};
 use crate::wiring::loop_parts::{LoopHead, loop_head, ports};
 use core::cell::RefCell;
@@ -130,15 +128,9 @@ impl ClosedLoop {
             to_computer: &self.to_computer,
             frames: self.heads.iter_mut().map(|head| &mut head.faults).collect(),
         };
-        let before = self.faults.faults().len();
-        let mut aboard = Vec::new();
-        self.faults.place(&event, self.zero, &self.mounting, &mut places, &mut aboard);
-        far.add_aboard(aboard);
-        far.tell_witness(&event, self.zero);
-        if let Some(fault) = self.faults.faults().get(before) {
-            far.witness.expect_disturbance(fault.from, fault.until);
-            let span = fault.until - fault.from;
-            self.going.record_mut().ledger.note(LedgerEvent::new(EventKind::Fault, fault.from, None, span));
+        let fault = far.take_event(&event, self.zero, &self.mounting, &mut self.faults, &mut places);
+        if let Some(fault) = fault {
+            self.going.record_mut().ledger.note(fault.ledger_event());
         }
         Ok(())
     }
@@ -177,13 +169,7 @@ impl ClosedLoop {
             frames: self.heads.iter().map(|head| &head.faults).collect(),
             aboard: &|number| far.hits_aboard(number),
         };
-        let line = |fault: &LoggedFault| FaultLine {
-            name: fault.name,
-            from_s: (fault.from - self.zero).s(),
-            until_s: (fault.until - self.zero).s(),
-            hits: self.faults.hits(fault, &places),
-        };
-        self.faults.faults().iter().map(line).collect()
+        self.faults.lines(self.zero, &places)
     }
 
     /// Looks at the vehicle.
@@ -271,22 +257,20 @@ impl ClosedLoop {
             faults: self.faults(),
             estimator,
             untagged,
-            predicted_pointing_rad: self.predicted_pointing_rad(&far.computer, assessment),
+            predicted_pointing_rad: predicted_pointing_rad(far.computer.vehicle(), assessment, self.params()),
             simulated_s: self.simulated_s(),
         })
+    }
+
+    /// Parameters of the first head.
+    fn params(&self) -> &RunParams {
+        self.heads[0].engine.params()
     }
 
     /// Since the first exposure, s; the last frame's readout is not counted.
     fn simulated_s(&self) -> f64 {
         let until = if self.is_finished() { self.end } else { self.now().min(self.end) };
         (until - self.zero).s().max(0.0)
-    }
-
-    fn predicted_pointing_rad(&self, computer: &FlightComputer, assessment: &Assessment) -> Option<f64> {
-        let params = self.heads[0].engine.params();
-        let latency_s = 0.5 * params.camera.exposure_s + params.camera.readout_s;
-        let vehicle = computer.vehicle()?.params();
-        Some(predicted_pointing_rad(vehicle, assessment.nea_rad()?, params.frame_period.s(), latency_s))
     }
 
     /// Advances until the last frame is out.
@@ -314,7 +298,7 @@ impl ClosedLoop {
         let (on_the_way, _) = self.going.on_the_way();
         let predicted_pointing_rad = {
             let far = self.far.borrow();
-            self.predicted_pointing_rad(&far.computer, far.witness.assessment())
+            predicted_pointing_rad(far.computer.vehicle(), far.witness.assessment(), self.params())
         };
         let record = self.going.into_record();
         let far = self.far.into_inner();

@@ -2,6 +2,7 @@
 //!
 //! Whoever has a clock steps it; it never reads one.
 
+use crate::base::axes::{Body, Rotation, Sensor};
 use crate::base::time::{Span, Tai};
 use crate::config::{Action, Event, Scenario};
 use crate::link::Port;
@@ -12,7 +13,7 @@ use crate::sink::{FrameMeta, TapEnd};
 use crate::testbed::flight_computer::{FlightComputer, FlightError};
 use crate::testbed::vehicle::{TelemetryRow, Vehicle, VehicleError, VehicleFault};
 use crate::wiring::bench_parts;
-use crate::wiring::faults::Aboard;
+use crate::wiring::faults::{Aboard, FaultLog, LoggedFault, Places};
 use crate::wiring::vehicle_parts::vehicle_params;
 use crate::wiring::witness::Witness;
 
@@ -68,8 +69,26 @@ impl FarSide {
         })
     }
 
+    /// Puts an event where it acts and tells whoever has to know; the fault it is, if it is one.
+    pub(super) fn take_event<'a>(
+        &mut self,
+        event: &Event,
+        zero: Tai,
+        head: &Rotation<Sensor, Body>,
+        log: &'a mut FaultLog,
+        places: &mut Places<'_>,
+    ) -> Option<&'a LoggedFault> {
+        let (before, mut aboard) = (log.faults().len(), Vec::new());
+        log.place(event, zero, head, places, &mut aboard);
+        self.add_aboard(aboard);
+        self.tell_witness(event, zero);
+        let fault = log.faults().get(before)?;
+        self.witness.expect_disturbance(fault.from, fault.until);
+        Some(fault)
+    }
+
     /// Adds what is to be done aboard: the next one stands last, and of simultaneous ones the first added.
-    pub(super) fn add_aboard(&mut self, actions: Vec<(Tai, Aboard)>) {
+    fn add_aboard(&mut self, actions: Vec<(Tai, Aboard)>) {
         for (at, action) in actions {
             let place = self.aboard.partition_point(|(other, _)| *other > at);
             self.aboard.insert(place, (at, action));
@@ -77,7 +96,7 @@ impl FarSide {
     }
 
     /// Tells the witness what an event will do to pointing and time marks.
-    pub(super) fn tell_witness(&mut self, event: &Event, zero: Tai) {
+    fn tell_witness(&mut self, event: &Event, zero: Tai) {
         let from = zero + event.at;
         match event.action {
             Action::Slew(_) => self.witness.expect_disturbance(from, from + self.longest_slew),

@@ -3,7 +3,9 @@
 use crate::base::time::{Span, Tai};
 use crate::config::{Action, Event, GyroFaultKind};
 use crate::link::tap::{FaultControl, LinkFault};
+use crate::runtime::EventKind;
 use crate::runtime::frame_faults::FrameFaults;
+use crate::runtime::ledger::Event as LedgerEvent;
 use crate::sink::{FaultFlags, FrameFault};
 use crate::testbed::acs::Command;
 use crate::testbed::vehicle::VehicleFault;
@@ -135,6 +137,18 @@ impl FaultLog {
         &self.faults
     }
 
+    /// Every fault as a report has it, its times counted from `zero`.
+    #[must_use]
+    pub fn lines(&self, zero: Tai, places: &PlacesRead<'_>) -> Vec<FaultLine> {
+        let line = |fault: &LoggedFault| FaultLine {
+            name: fault.name,
+            from_s: (fault.from - zero).s(),
+            until_s: (fault.until - zero).s(),
+            hits: self.hits(fault, places),
+        };
+        self.faults.iter().map(line).collect()
+    }
+
     /// How often a fault hit: packets, frames, gyro samples.
     #[must_use]
     pub fn hits(&self, fault: &LoggedFault, places: &PlacesRead<'_>) -> u64 {
@@ -149,6 +163,14 @@ impl FaultLog {
             }
             Place::Aboard(number) => (places.aboard)(*number),
         }
+    }
+}
+
+impl LoggedFault {
+    /// What the ledger says of it.
+    #[must_use]
+    pub fn ledger_event(&self) -> LedgerEvent {
+        LedgerEvent::new(EventKind::Fault, self.from, None, self.until - self.from)
     }
 }
 

@@ -1,11 +1,11 @@
 //! What a closed loop came to, over or under way, and what linear theory says it should have come to.
 
-use crate::runtime::RunRecord;
+use crate::runtime::{RunParams, RunRecord};
 use crate::sink::SinkSummary;
 use crate::testbed::acs::linear::PointingLoop;
 use crate::testbed::acs::pointing_error::PointingNoise;
 use crate::testbed::estimator::{GyroNoise, MekfCounts};
-use crate::testbed::vehicle::{Vehicle, VehicleParams};
+use crate::testbed::vehicle::Vehicle;
 use crate::wiring::assessment::Assessment;
 use crate::wiring::faults::FaultLine;
 
@@ -72,8 +72,15 @@ pub(super) fn vehicle_counts(vehicle: Option<&Vehicle>) -> (MekfCounts, u64) {
     (vehicle.map(Vehicle::estimator_counts).unwrap_or_default(), vehicle.map_or(0, untagged))
 }
 
-/// Rms error of the boresight's direction (two axes) in fine pointing, as linear theory has it.
-pub(super) fn predicted_pointing_rad(vehicle: &VehicleParams, nea_rad: f64, period_s: f64, latency_s: f64) -> f64 {
+/// Rms error of the boresight's direction (two axes) in fine pointing, as linear theory has it from the tracker's noise;
+/// `None` when nothing is flown or no attitude fell into the window.
+pub(super) fn predicted_pointing_rad(
+    vehicle: Option<&Vehicle>,
+    assessment: &Assessment,
+    params: &RunParams,
+) -> Option<f64> {
+    let (vehicle, nea_rad) = (vehicle?.params(), assessment.nea_rad()?);
+    let latency_s = 0.5 * params.camera.exposure_s + params.camera.readout_s;
     let pointing = PointingLoop {
         gains: vehicle.acs.fine,
         delay_s: vehicle.actuation_delay.s(),
@@ -89,9 +96,9 @@ pub(super) fn predicted_pointing_rad(vehicle: &VehicleParams, nea_rad: f64, peri
     let delay_s = vehicle.heads.first().map_or(0.0, |head| head.delay.s());
     let noise = PointingNoise {
         nea_rad: nea_rad / heads.sqrt(),
-        tracker_period_s: period_s,
+        tracker_period_s: params.frame_period.s(),
         latency_s: latency_s + delay_s,
         gyro,
     };
-    core::f64::consts::SQRT_2 * pointing.pointing_error(&noise).pointing_sigma_rad
+    Some(core::f64::consts::SQRT_2 * pointing.pointing_error(&noise).pointing_sigma_rad)
 }

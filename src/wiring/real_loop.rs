@@ -11,13 +11,12 @@ use crate::config::{Action, Scenario, StartTime};
 use crate::link::tap::FaultControl;
 use crate::runtime::error::FarEndError;
 use crate::runtime::hygiene::{Hygiene, Role};
-use crate::runtime::ledger::Event as LedgerEvent;
-use crate::runtime::{EventKind, RunError, RunParams, RunRecord, real_time};
+use crate::runtime::{RunError, RunParams, RunRecord, real_time};
 use crate::sink::{FrameMeta, SentFrame, Sink};
-use crate::testbed::vehicle::{TelemetryRow, Vehicle};
+use crate::testbed::vehicle::TelemetryRow;
 use crate::wiring::closed_loop::LoopError;
 use crate::wiring::far_side::FarSide;
-use crate::wiring::faults::{FaultLine, FaultLog, LoggedFault, Places, PlacesRead, action_name, check_places};
+use crate::wiring::faults::{FaultLine, FaultLog, Places, PlacesRead, action_name, check_places};
 use crate::wiring::loop_outcome::{LoopOutcome, predicted_pointing_rad, vehicle_counts};
 use crate::wiring::loop_parts::{LoopHead, loop_head, ports};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -99,12 +98,7 @@ pub fn run_real(
     }
     let faults = made.lines(zero, &far);
     let (estimator, untagged) = vehicle_counts(far.computer.vehicle());
-    let latency_s = 0.5 * params.camera.exposure_s + params.camera.readout_s;
-    let predicted = |vehicle: &Vehicle, nea_rad| {
-        predicted_pointing_rad(vehicle.params(), nea_rad, params.frame_period.s(), latency_s)
-    };
-    let nea_rad = far.witness.assessment().nea_rad();
-    let predicted_pointing_rad = far.computer.vehicle().zip(nea_rad).map(|(vehicle, nea)| predicted(vehicle, nea));
+    let predicted_pointing_rad = predicted_pointing_rad(far.computer.vehicle(), far.witness.assessment(), &params);
     let assessment = far.witness.finish(&record, &faults, now, 0);
     let simulated_s = (now - zero).s().max(0.0);
     let sinks = outcome.sink.into_iter().collect();
@@ -131,22 +125,14 @@ impl Made {
             }
             let Self { log, to_stimulator, to_computer } = self;
             let mut places = Places { to_stimulator, to_computer, frames: Vec::new() };
-            let before = log.faults().len();
-            let mut aboard = Vec::new();
-            log.place(event, zero, &head, &mut places, &mut aboard);
-            far.add_aboard(aboard);
-            far.tell_witness(event, zero);
-            if let Some(fault) = log.faults().get(before) {
-                far.witness.expect_disturbance(fault.from, fault.until);
-            }
+            far.take_event(event, zero, &head, log, &mut places);
         }
         Ok(())
     }
 
     fn note_events(&self, record: &mut RunRecord) {
         for fault in self.log.faults() {
-            let span = fault.until - fault.from;
-            record.ledger.note(LedgerEvent::new(EventKind::Fault, fault.from, None, span));
+            record.ledger.note(fault.ledger_event());
         }
     }
 
@@ -157,13 +143,7 @@ impl Made {
             frames: Vec::new(),
             aboard: &|number| far.hits_aboard(number),
         };
-        let line = |fault: &LoggedFault| FaultLine {
-            name: fault.name,
-            from_s: (fault.from - zero).s(),
-            until_s: (fault.until - zero).s(),
-            hits: self.log.hits(fault, &places),
-        };
-        self.log.faults().iter().map(line).collect()
+        self.log.lines(zero, &places)
     }
 }
 

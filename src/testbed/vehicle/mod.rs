@@ -84,7 +84,6 @@ pub struct Vehicle {
     heads: Vec<Head>,
     /// Attitude at the last gyro sample, and when.
     last: (Tai, Rotation<Body, Icrf>),
-    gyro_rate_rad_s: DVec3,
     faults: ActiveFaults,
     /// Torques on their way to the wheels.
     torques: VecDeque<(Tai, DVec3)>,
@@ -126,7 +125,6 @@ impl Vehicle {
             estimator: Mekf::new(params.estimator, start)?,
             heads: heads(&params, start)?,
             last: (start, params.initial),
-            gyro_rate_rad_s: DVec3::ZERO,
             faults: ActiveFaults::default(),
             torques: VecDeque::with_capacity(64),
             control_steps: 0,
@@ -204,7 +202,7 @@ impl Vehicle {
     /// Takes a frame of head `head` that arrived at `at`; a head that does not exist is no error, its frame is not used.
     pub fn take_frame(&mut self, head: usize, number: u32, image: &DnImage, at: Tai) {
         let beta = self.beta(at);
-        let rate = if self.estimator.at() > self.last.0 { self.gyro_rate_rad_s } else { self.rate_rad_s() };
+        let rate = self.rate_rad_s();
         if let Some(head) = self.heads.get_mut(head) {
             head.take_frame(number, image, at, beta, rate);
         }
@@ -365,7 +363,6 @@ impl Vehicle {
         let reading = self.gyro.measure(&last, &truth.body_from_icrf, at - last_at);
         self.last = (at, truth.body_from_icrf);
         let rate = reading.valid.then_some(reading.rate_rad_s);
-        self.gyro_rate_rad_s = rate.unwrap_or(self.gyro_rate_rad_s);
         self.estimator.propagate(at, rate);
     }
 

@@ -1,0 +1,33 @@
+//! What every sink that keeps no files counts: frames taken and refused, the checksum of the run, whether it is over.
+
+use crate::sink::crc32::{RunCrc32, pixel_crc32};
+use crate::sink::{SentFrame, SinkError, SinkSummary};
+
+/// The counts of one sink.
+#[derive(Debug, Default)]
+pub(super) struct Tally {
+    frames: u64,
+    refused: u64,
+    run_crc32: RunCrc32,
+    finished: bool,
+}
+
+impl Tally {
+    /// Counts a frame that `sink` takes; after the end it is refused.
+    pub(super) fn take(&mut self, sink: &'static str, frame: &SentFrame) -> Result<(), SinkError> {
+        if self.finished {
+            self.refused += 1;
+            return Err(SinkError::Finished { sink, frame: frame.meta.number });
+        }
+        self.run_crc32.add(frame.meta.number, pixel_crc32(&frame.image));
+        self.frames += 1;
+        Ok(())
+    }
+
+    /// Ends the run, or answers again.
+    pub(super) fn finish(&mut self, sink: &'static str) -> SinkSummary {
+        self.finished = true;
+        let (frames, refused, run_crc32) = (self.frames, self.refused, self.run_crc32.value());
+        SinkSummary { sink, frames, refused, bytes: 0, run_crc32, output: None }
+    }
+}
