@@ -38,8 +38,18 @@ pub struct LinkCounters {
     pub received: u64,
     /// Packets sent.
     pub sent: u64,
-    /// Packets lost because the receive queue was full.
+    /// Packets lost because a receive queue was full, the kernel's included.
     pub overflows: u64,
+    /// Packets given up because they could not be sent.
+    pub unsent: u64,
+    /// Errors that the controller or the line reported: bit, stuffing, form, acknowledge, CRC, framing, parity.
+    pub errors: u64,
+    /// Times the controller went bus-off.
+    pub bus_off: u64,
+    /// Times the interface or port was lost.
+    pub lost: u64,
+    /// Times it came back.
+    pub regained: u64,
 }
 
 /// Why a link cannot do what is asked.
@@ -54,6 +64,18 @@ pub enum LinkError {
         wanted: &'static str,
         /// Kind of packet given.
         got: &'static str,
+    },
+    /// The system refused something for good (what may come back is no error: it is counted and waited for).
+    #[error("link {link}: cannot {doing}: {source}{advice}")]
+    System {
+        /// Name of the link.
+        link: String,
+        /// What was tried.
+        doing: &'static str,
+        /// What the system said.
+        source: std::io::Error,
+        /// What to try, after a semicolon; or nothing.
+        advice: &'static str,
     },
     /// The message has no form on this wire.
     #[error("message cannot be sent: {0}")]
