@@ -11,7 +11,6 @@ use crate::cli::run_input::{bench, scenario};
 use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, run_scenario};
 use crate::config::{self, Bench, Scenario, StartTime};
 use crate::link::Port;
-use crate::link::simulated::simulated_pair;
 use crate::report::{HygieneLine, Progress, RunSummary, summary_table};
 use crate::runtime::hygiene::Role;
 use crate::runtime::receiver::Receiver;
@@ -20,11 +19,11 @@ use crate::sink::{NullSink, Recorder, RecorderOptions, SentFrame, Sink, write_fi
 use crate::testbed::flight_computer::{FlightComputer, FlightError, run_until};
 use crate::wiring::bench_parts;
 use crate::wiring::control::ControlAddress;
+use crate::wiring::ports::{Ports, needs_real_clock, open_ports};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::Sender;
-use firmware_protocol::can::IdMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -222,7 +221,7 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     }
     let mut engine = FrameEngine::with_imager(params.clone(), imager)?;
     engine.expect_motion(slew_scale(&bench));
-    let mut receiver = Receiver::new(params.attitude)?;
+    let mut receiver = Receiver::new(params.attitude)?.with_session(bench_parts::session_params(&bench));
     let (sink, directory) = sink(arguments, &bench)?;
     let say = !arguments.quiet;
     if say {
@@ -275,8 +274,8 @@ impl Finished {
 
     /// Counts, times and events.
     pub(super) fn summary(&self, clock: &str) -> RunSummary {
-        let RunOutcome { record, link, sink, .. } = &self.outcome;
-        let mut summary = record.summary(&self.engine, &self.receiver, link.as_ref(), sink.as_ref());
+        let RunOutcome { record, ports, sink, .. } = &self.outcome;
+        let mut summary = record.summary(&self.engine, &self.receiver, ports, sink.as_ref());
         summary.bench.clone_from(&self.bench.name);
         summary.wall_s = self.wall_s;
         summary.clock = clock.into();
@@ -330,19 +329,22 @@ struct Setup<'a> {
 impl Setup<'_> {
     fn real(&self, engine: &mut FrameEngine, receiver: &mut Receiver, sink: Box<dyn Sink>) -> Result<RunOutcome> {
         let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(self.start));
-        let (near, far) = self.ports(&clock)?;
-        let computer = FlightComputer::new(bench_parts::flight_computer(self.bench, self.start));
+        let Ports { near, far } = open_ports(self.bench, &clock)?;
         let over = Arc::new(AtomicBool::new(false));
-        let thread = far_end(computer, far, Arc::clone(&clock), Arc::clone(&over), self.hygiene.map(Arc::clone))?;
+        let begin = |far| {
+            let computer = FlightComputer::new(bench_parts::flight_computer(self.bench, self.start));
+            far_end(computer, far, Arc::clone(&clock), Arc::clone(&over), self.hygiene.map(Arc::clone))
+        };
+        let thread = far.map(begin).transpose()?;
         let mut send = self.sender(engine.params().frames);
         let ring_frames = usize::try_from(self.bench.budget.ring_frames)?;
         let setting = real_time::Setting { clock: &clock, stop: self.stop, hygiene: self.hygiene, ring_frames };
         let outcome = real_time::run_in(&setting, engine, receiver, near, sink, &mut send);
         over.store(true, Ordering::SeqCst);
-        match thread.join() {
-            Ok(Ok(())) => Ok(outcome),
-            Ok(Err(error)) => Err(error).context("the simulated flight computer"),
-            Err(_panicked) => bail!("the simulated flight computer's thread was lost"),
+        match thread.map(std::thread::JoinHandle::join) {
+            None | Some(Ok(Ok(()))) => Ok(outcome),
+            Some(Ok(Err(error))) => Err(error).context("the simulated flight computer"),
+            Some(Err(_panicked)) => bail!("the simulated flight computer's thread was lost"),
         }
     }
 
@@ -354,7 +356,11 @@ impl Setup<'_> {
     ) -> Result<RunOutcome> {
         let clock = Arc::new(Virtual::new(self.start));
         let shared: Arc<dyn Clock> = clock.clone();
-        let (mut near, mut far) = self.ports(&shared)?;
+        if let Some(what) = needs_real_clock(self.bench) {
+            bail!("--clock virtual: got a bench with {what}, which has a time of its own; wanted --clock real");
+        }
+        let Ports { mut near, far } = open_ports(self.bench, &shared)?;
+        let (Some(near), Some(mut far)) = (near.first_mut(), far) else { bail!("the bench has no two ends") };
         let mut computer = FlightComputer::new(bench_parts::flight_computer(self.bench, self.start));
         let mut far_end = |now: Tai| {
             computer.step(now, &mut far)?;
@@ -365,14 +371,7 @@ impl Setup<'_> {
             send(frame, record);
             !self.stop.load(Ordering::Relaxed)
         };
-        Ok(virtual_time::run(engine, receiver, &mut near, &clock, &mut *sink, &mut far_end, &mut progress))
-    }
-
-    fn ports(&self, clock: &Arc<dyn Clock>) -> Result<(Port, Port)> {
-        let (params, format) = bench_parts::bus(self.bench);
-        let (near, far) = simulated_pair(params, clock);
-        let ids = IdMap::new(0, 0).context("CAN identifiers")?;
-        Ok((Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids)))
+        Ok(virtual_time::run(engine, receiver, near, &clock, &mut *sink, &mut far_end, &mut progress))
     }
 
     /// Hands the monitor a frame's progress; drops it when the monitor is busy.

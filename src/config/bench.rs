@@ -8,8 +8,10 @@ use crate::config::check::{Checker, Defaulted};
 use crate::config::document::Document;
 use crate::config::error::ConfigError;
 use crate::config::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
-use crate::config::link::{Link, LinkKeys, Wire};
+use crate::config::link::{Carrier, Link, Wire};
+use crate::config::link_keys::LinkKeys;
 use crate::config::observer::{Observer, ObserverKeys};
+use crate::config::session::{Session, SessionKeys};
 use crate::config::stages::{
     AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, Sink, SinkKeys, check_accuracy,
 };
@@ -35,6 +37,10 @@ pub struct Bench {
     pub timing: Timing,
     /// The bus.
     pub link: Link,
+    /// Further buses, listened to as well.
+    pub extra_links: Vec<Link>,
+    /// The conversation with the flight computer.
+    pub session: Session,
     /// How the sensor is mounted.
     pub sensor_from_body: Rotation<Sensor, Body>,
     /// Where the sensor is.
@@ -63,6 +69,8 @@ struct BenchKeys {
     seed: Option<i64>,
     timing: TimingKeys,
     link: LinkKeys,
+    extra_link: Vec<LinkKeys>,
+    session: SessionKeys,
     mounting: MountingKeys,
     observer: ObserverKeys,
     flight_computer: FlightComputerKeys,
@@ -87,6 +95,20 @@ fn check_classic_jitter(link: &Link, computer: &FlightComputer, check: &Checker<
     if paired && (hz - PAIRS_HZ).abs() > 0.0 {
         let advice = "classic CAN sends jitter at 1 kHz only; CAN FD and serial take other rates";
         return Err(check.invalid("flight_computer.jitter_sample_hz", hz, "1000 on classic CAN", advice));
+    }
+    Ok(())
+}
+
+/// A serial line has two ends, and this program has only one of them.
+fn check_both_ends(link: &Link, computer: &FlightComputer, check: &Checker<'_>) -> Result<(), ConfigError> {
+    if matches!(link.carrier, Carrier::SerialPort(_)) && !computer.is_external {
+        let advice = "a serial port has another program, or machine, at its other end";
+        return Err(check.invalid(
+            "flight_computer.kind",
+            "\"simulated\"",
+            "\"external\" with link.kind = \"serial\"",
+            advice,
+        ));
     }
     Ok(())
 }
@@ -128,10 +150,13 @@ impl Bench {
         let exposure_s = camera.exposure.exposure_s;
         let timing = Timing::check(&keys.timing, exposure_s, &mut check)?;
         let link = Link::check(&keys.link, &mut check)?;
+        let extra_links = Link::check_extra(&keys.extra_link, &mut check)?;
+        let session = Session::check(&keys.session, &mut check)?;
         let sensor_from_body = mounting(&keys.mounting, &mut check)?;
         let observer = Observer::check(&keys.observer, &mut check)?;
         let flight_computer = FlightComputer::check(&keys.flight_computer, &mut check)?;
         check_classic_jitter(&link, &flight_computer, &check)?;
+        check_both_ends(&link, &flight_computer, &check)?;
         let (attitude_hz, jitter_hz) = (flight_computer.attitude_hz, flight_computer.jitter_sample_hz);
         let attitude = AttitudeSettings::check(&keys.attitude, attitude_hz, jitter_hz, exposure_s, &mut check)?;
         let accuracy = check_accuracy(&keys.accuracy, &mut check)?;
@@ -144,6 +169,8 @@ impl Bench {
             camera,
             timing,
             link,
+            extra_links,
+            session,
             sensor_from_body,
             observer,
             flight_computer,

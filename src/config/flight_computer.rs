@@ -60,6 +60,8 @@ pub struct Slew {
 /// The simulated flight computer, checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlightComputer {
+    /// True when it is no part of this program; the rates are then those expected of it.
+    pub is_external: bool,
     /// Attitude messages per second.
     pub attitude_hz: f64,
     /// Right ascension of the sensor's boresight at the start, deg.
@@ -113,10 +115,29 @@ struct JitterLineKeys {
     phase_deg: Option<f64>,
 }
 
+impl FlightComputerKeys {
+    /// Who is not simulated has no script.
+    fn check_unused(&self, is_external: bool, check: &Checker<'_>) -> Result<(), ConfigError> {
+        for (key, is_given) in [
+            ("ra_deg", self.ra_deg.is_some()),
+            ("dec_deg", self.dec_deg.is_some()),
+            ("roll_deg", self.roll_deg.is_some()),
+            ("slew", self.slew.is_some()),
+            ("clock_drift_ppm", self.clock_drift_ppm.is_some()),
+        ] {
+            check.unused(&format!("flight_computer.{key}"), is_given && is_external, "kind = \"simulated\"")?;
+        }
+        Ok(())
+    }
+}
+
 impl FlightComputer {
     pub(super) fn check(keys: &FlightComputerKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
         let kind = keys.kind.as_deref();
-        check.choice("flight_computer.kind", kind, &[("simulated", ())], "the one inside this program")?;
+        let kinds = [("simulated", false), ("external", true)];
+        let advice = "simulated is the one inside this program, external the one at the other end of the link";
+        let is_external = check.choice("flight_computer.kind", kind, &kinds, advice)?;
+        keys.check_unused(is_external, check)?;
         let sources = [("lines", JitterSource::Lines), ("samples", JitterSource::Samples)];
         let advice = "lines are known to both ends; samples travel over the bus";
         let jitter_source =
@@ -129,6 +150,7 @@ impl FlightComputer {
         let turn = Rule::Within(-360.0, 360.0);
         let rate = "messages per second; the protocol has room for 100";
         let checked = Self {
+            is_external,
             attitude_hz: number("attitude_hz", keys.attitude_hz, 100.0, Rule::PositiveUpTo(HIGHEST_ATTITUDE_HZ), rate)?,
             ra_deg: number("ra_deg", keys.ra_deg, 0.0, turn, "degrees, not hours: 5h 30m is 82.5")?,
             dec_deg: number("dec_deg", keys.dec_deg, 0.0, Rule::Within(-90.0, 90.0), "degrees")?,

@@ -8,7 +8,9 @@ use crate::config::document::Document;
 use crate::config::error::ConfigError;
 use crate::config::event::{Event, EventKeys, Pointing};
 use crate::config::expect::{Expect, ExpectKeys};
+use crate::config::link::{Carrier, Doors};
 use crate::config::observer::Observer;
+use crate::config::session::SessionStart;
 use crate::config::spacecraft::Spacecraft;
 use crate::testbed::spacecraft::TestTorque;
 use glam::DVec3;
@@ -193,6 +195,15 @@ fn named_bench(path: Option<&str>, check: &Checker<'_>) -> Result<Bench, ConfigE
     if !matches!(bench.observer, Observer::CircularOrbit { .. }) {
         let advice = "the flown orbit is circular: gravity gradient and aberration follow it";
         return Err(check.invalid("bench", path, "a bench whose observer.kind is \"circular_orbit\"", advice));
+    }
+    let is_simulated = matches!(&bench.link.carrier, Carrier::Simulated(doors) if *doors == Doors::default());
+    if !is_simulated || !bench.extra_links.is_empty() || bench.flight_computer.is_external {
+        let advice = "the spacecraft is flown inside this program, over a bus inside it";
+        return Err(check.invalid("bench", path, "a bench with one simulated link and flight computer", advice));
+    }
+    if bench.session.start == SessionStart::OnRun {
+        let advice = "nobody in a scenario says RUN";
+        return Err(check.invalid("bench", path, "a bench whose session.start is \"at_once\"", advice));
     }
     Ok(bench)
 }

@@ -20,7 +20,7 @@ use crate::base::time::Tai;
 use firmware_protocol::EncodeError;
 
 pub use packet::{CHUNK_MAX, Packet, SerialChunk};
-pub use port::{Port, WireFormat};
+pub use port::{Polled, Port, WireFormat};
 
 /// A value with the instant at which it was received.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -16,6 +16,17 @@ pub enum WireFormat {
     Serial,
 }
 
+/// What [`Port::poll`] came back with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Polled {
+    /// A message.
+    Message(Stamped<Message>),
+    /// A packet that is no message yet, or was refused and counted.
+    Packet,
+    /// Nothing came in time.
+    Nothing,
+}
+
 /// One port: sends and receives messages over one link.
 ///
 /// On serial a message carries the stamp of the chunk in which it ended.
@@ -67,16 +78,26 @@ impl Port {
     /// When the link is no longer able to receive.
     pub fn receive(&mut self, until: Tai) -> Result<Option<Stamped<Message>>, LinkError> {
         loop {
-            if let Some(message) = self.serial.next(&mut self.rejects) {
-                return Ok(Some(message));
-            }
-            let Some(packet) = self.link.receive(until)? else {
-                return Ok(None);
-            };
-            if let Some(message) = self.read(packet) {
-                return Ok(Some(message));
+            match self.poll(until)? {
+                Polled::Message(message) => return Ok(Some(message)),
+                Polled::Packet => {}
+                Polled::Nothing => return Ok(None),
             }
         }
+    }
+
+    /// As [`Self::receive`], for one packet at most: a bus that is full of what is not for this port holds nobody up.
+    ///
+    /// # Errors
+    /// When the link is no longer able to receive.
+    pub fn poll(&mut self, until: Tai) -> Result<Polled, LinkError> {
+        if let Some(message) = self.serial.next(&mut self.rejects) {
+            return Ok(Polled::Message(message));
+        }
+        let Some(packet) = self.link.receive(until)? else {
+            return Ok(Polled::Nothing);
+        };
+        Ok(self.read(packet).map_or(Polled::Packet, Polled::Message))
     }
 
     /// Sends a message; returns when its last packet leaves, as [`Link::send`] does.

@@ -49,6 +49,8 @@ pub struct RunSummary {
     pub attitude_age: Quantiles,
     /// Newest attitude to mid-exposure (interpolated counts as 0).
     pub horizon: Quantiles,
+    /// From the arrival of a message at the edge to its place in the history (real clock).
+    pub intake: Quantiles,
     /// From the attitude on the bus to the frame that shows it (real clock).
     pub latency: Latency,
     /// Slots missed, by cause (real clock).
@@ -140,6 +142,7 @@ impl RunSummary {
             lateness: Quantiles::default(),
             attitude_age: Quantiles::default(),
             horizon: Quantiles::default(),
+            intake: Quantiles::default(),
             latency: Latency::default(),
             misses: BTreeMap::new(),
             link: LinkCounts::default(),
@@ -196,6 +199,7 @@ pub(crate) fn sample_summary() -> RunSummary {
     summary.latency = Latency { epoch_to_delivered: times(60.0), ..Latency::default() };
     summary.misses = count(&[("sink busy", 1)]);
     (summary.lateness, summary.attitude_age, summary.horizon) = (times(0.5), times(12.0), times(38.0));
+    summary.intake = times(0.02);
     summary.link.counters = count(&[("rx_frames", 24_000), ("tx_frames", 1_200)]);
     summary.link.rejects = count(&[("bad_crc", 2), ("stale", 5)]);
     summary.faults = count(&[("hot_pixels", 600)]);

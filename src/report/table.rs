@@ -76,6 +76,9 @@ fn push_times(lines: &mut Vec<String>, s: &RunSummary) {
     lines.push(times_row("lateness", &s.lateness));
     lines.push(times_row("attitude age", &s.attitude_age));
     lines.push(times_row("prediction horizon", &s.horizon));
+    if s.intake.count > 0 {
+        lines.push(times_row("bus to history", &s.intake));
+    }
     // Two of the names are wider than their column: they go without what is the same in all of them.
     const NAMES: [&str; 4] = ["epoch-submitted", "submitted-delivered", "epoch-delivered", "mid-exp.-delivered"];
     let latency = NAMES.into_iter().zip(s.latency.named()).filter(|(_, (_, q))| q.count > 0);

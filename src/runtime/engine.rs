@@ -204,6 +204,12 @@ impl FrameEngine {
     fn compose(&mut self, slot: Slot, receiver: &Receiver, ledger: &mut Ledger) -> Result<bool, RunError> {
         let params = receiver.params();
         let los = &mut self.planner.motion_mut().los;
+        if !receiver.session().is_rendering() {
+            note(ledger, EventKind::NotRunning, slot, Span::ZERO);
+            self.pointing_bound_rad = None;
+            show_nothing(los, slot.exposure_start);
+            return Ok(false);
+        }
         let camera = &self.params.camera;
         // The rows of a rolling shutter are exposed one after another: the path must cover them all.
         let rows_s = camera.shutter.line_s() * (camera.geometry.height_px() as f64 - 1.0);
@@ -239,18 +245,23 @@ impl FrameEngine {
             Ok(PathOutcome::Stop { age }) => Err(RunError::AttitudeStopped { age }),
             Err(_nothing_received_yet) => {
                 note(ledger, EventKind::NoAttitude, slot, Span::ZERO);
-                los.mid_sensor_from_icrf = Rotation::IDENTITY;
-                los.exposure_start = slot.exposure_start;
-                los.rate_rad_s = DVec3::ZERO;
-                los.acceleration_rad_s2 = DVec3::ZERO;
-                los.jitter.lines.clear();
-                los.jitter.points.clear();
-                los.origin = PathOrigin::Absent;
-                los.horizon = Span::ZERO;
+                show_nothing(los, slot.exposure_start);
                 Ok(false)
             }
         }
     }
+}
+
+/// A line of sight that stands still and is nobody's.
+fn show_nothing(los: &mut LosPath, exposure_start: Tai) {
+    los.mid_sensor_from_icrf = Rotation::IDENTITY;
+    los.exposure_start = exposure_start;
+    los.rate_rad_s = DVec3::ZERO;
+    los.acceleration_rad_s2 = DVec3::ZERO;
+    los.jitter.lines.clear();
+    los.jitter.points.clear();
+    los.origin = PathOrigin::Absent;
+    los.horizon = Span::ZERO;
 }
 
 /// How old what the bus brought is at the slot's release, and how well its time is known.

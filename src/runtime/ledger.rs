@@ -59,6 +59,30 @@ events! {
     SampleRefused = "sample_refused",
     /// The queue from the receiving thread was full.
     QueueOverflow = "queue_overflow",
+    /// The interface or port of the bus was lost.
+    LinkLost = "link_lost",
+    /// It came back.
+    LinkRegained = "link_regained",
+    /// The CAN controller went bus-off.
+    BusOff = "bus_off",
+    /// The controller or the line reported errors.
+    LinkErrors = "link_errors",
+    /// Packets were lost in a full queue of the link, or could not be sent.
+    LinkOverflow = "link_overflow",
+    /// Frames show stars from here on: a RUN was accepted.
+    SessionRun = "session_run",
+    /// Frames show no stars from here on: a STOP, or a peer of another major version.
+    SessionHalt = "session_halt",
+    /// A frame without stars: the session is not running.
+    NotRunning = "not_running",
+    /// A peer of another major version was refused.
+    VersionRefused = "version_refused",
+    /// A command was refused.
+    CommandRefused = "command_refused",
+    /// The flight computer's heartbeat has stopped; the span is the silence.
+    HeartbeatLost = "heartbeat_lost",
+    /// The flight computer's heartbeat is back; the span is the silence.
+    HeartbeatBack = "heartbeat_back",
     /// A commanded fault began; the span is how long it lasts.
     Fault = "fault",
 }

@@ -1,85 +1,179 @@
-//! The receiving thread of the bench clock: a port and a bounded queue each way.
+//! The receiving threads of the bench clock: one per port, a bounded queue each way.
 //!
-//! In: a port. Out: messages stamped where they arrived. When the queue is full, messages are lost and counted: the thread
-//! waits for nobody.
+//! In: ports. Out: messages stamped where they arrived, with the port they came by. When a queue is full, messages are lost
+//! and counted: the threads wait for nobody. What a port counts is published after each packet.
 
 use crate::base::clock::Clock;
 use crate::base::time::Span;
-use crate::link::{Port, Stamped};
+use crate::link::{Polled, Port, Stamped};
 use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
-use crate::runtime::record::LinkReport;
+use crate::runtime::port_reading::{PortReading, SharedReading};
 use core::sync::atomic::{AtomicBool, Ordering};
-use crossbeam_channel::{Receiver as Queue, Sender, bounded};
+use crossbeam_channel::{Receiver as Queue, RecvTimeoutError, Sender, TryIter, bounded};
 use firmware_protocol::Message;
 use std::sync::Arc;
 use std::thread::JoinHandle;
+use std::time::Duration;
 
-/// Messages between the receiving thread and the frame thread: 4 s of a full CAN FD attitude and jitter stream.
+/// Messages between the receiving threads and the frame thread: 0.3 s of a full 1 Mbit/s bus and a full 3 Mbaud line.
 const RECEIVE_QUEUE: usize = 4096;
 /// Messages to the flight computer.
 const SEND_QUEUE: usize = 64;
-/// The receiving thread looks for something to send this often.
+/// A receiving thread looks for something to send this often.
 const SEND_POLL: Span = Span::from_ms(2);
 
-/// The receiving thread and its queues.
+/// A message and the port by which it came.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Heard {
+    /// Number of the port, from 0.
+    pub(super) port: usize,
+    /// The message.
+    pub(super) message: Stamped<Message>,
+}
+
+/// The receiving threads and their queues.
 pub(super) struct Radio {
-    /// What has arrived.
-    pub(super) received: Queue<Stamped<Message>>,
-    /// What is to go out.
-    pub(super) to_send: Sender<Message>,
+    received: Queue<Heard>,
+    stations: Vec<Station>,
+}
+
+/// One port's thread.
+struct Station {
+    to_send: Sender<Message>,
+    shared: Arc<SharedReading>,
     stop: Arc<AtomicBool>,
-    thread: JoinHandle<Result<LinkReport, RunError>>,
+    thread: Option<JoinHandle<Result<PortReading, RunError>>>,
 }
 
 impl Radio {
-    /// Starts the thread.
+    /// Starts one thread per port.
     ///
     /// # Errors
-    /// When it cannot be started.
+    /// When one cannot be started; those before it are ended.
     pub(super) fn start(
-        mut port: Port,
+        ports: Vec<Port>,
         clock: &Arc<dyn Clock>,
         hygiene: Option<&Arc<Hygiene>>,
     ) -> Result<Self, RunError> {
         let (arrived, received) = bounded(RECEIVE_QUEUE);
-        let (to_send, outgoing) = bounded::<Message>(SEND_QUEUE);
-        let stop = Arc::new(AtomicBool::new(false));
-        let (stopped, clock) = (Arc::clone(&stop), Arc::clone(clock));
-        let hygiene = hygiene.map(Arc::clone);
-        let thread = std::thread::Builder::new()
-            .name("link".into())
-            .spawn(move || {
-                if let Some(hygiene) = hygiene {
-                    hygiene.enter(Role::Link);
-                }
-                let mut overflows = 0;
-                while !stopped.load(Ordering::Relaxed) {
-                    for message in outgoing.try_iter() {
-                        port.send(&message)?;
-                    }
-                    if let Some(message) = port.receive(clock.now() + SEND_POLL)? {
-                        overflows += u64::from(arrived.try_send(message).is_err());
-                    }
-                }
-                Ok(LinkReport::of(&port, overflows))
-            })
-            .map_err(|source| RunError::Thread { name: "link", source })?;
-        Ok(Self { received, to_send, stop, thread })
-    }
-
-    /// True when the thread has ended early.
-    pub(super) fn is_finished(&self) -> bool {
-        self.thread.is_finished()
-    }
-
-    /// Counters of the port, or why the thread ended early.
-    pub(super) fn finish(self) -> (Option<LinkReport>, Option<RunError>) {
-        self.stop.store(true, Ordering::Relaxed);
-        match self.thread.join() {
-            Ok(Ok(report)) => (Some(report), None),
-            Ok(Err(error)) => (None, Some(error)),
-            Err(_panicked) => (None, Some(RunError::ThreadLost { name: "link" })),
+        let mut radio = Self { received, stations: Vec::with_capacity(ports.len()) };
+        for (number, port) in ports.into_iter().enumerate() {
+            let own = Own { number, port, arrived: arrived.clone(), clock: Arc::clone(clock) };
+            radio.stations.push(Station::start(own, hygiene.map(Arc::clone))?);
         }
+        Ok(radio)
+    }
+
+    /// What has arrived.
+    pub(super) fn arrived(&self) -> TryIter<'_, Heard> {
+        self.received.try_iter()
+    }
+
+    /// Waits for a message, this long at most.
+    pub(super) fn wait(&self, at_most: Duration) -> Option<Heard> {
+        match self.received.recv_timeout(at_most) {
+            Ok(heard) => Some(heard),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => {
+                std::thread::sleep(at_most);
+                None
+            }
+        }
+    }
+
+    /// Queues a message for a port; a full queue is no reason to wait.
+    pub(super) fn send(&self, port: usize, message: Message) {
+        if let Some(station) = self.stations.get(port) {
+            let _lost_when_full = station.to_send.try_send(message);
+        }
+    }
+
+    /// What each port counted.
+    pub(super) fn readings(&self) -> impl Iterator<Item = PortReading> + '_ {
+        self.stations.iter().map(|station| station.shared.read())
+    }
+
+    /// True when a thread has ended early.
+    pub(super) fn is_finished(&self) -> bool {
+        self.stations.iter().any(|station| station.thread.as_ref().is_none_or(JoinHandle::is_finished))
+    }
+
+    /// Counters of the ports, and why a thread ended early.
+    pub(super) fn finish(mut self) -> (Vec<PortReading>, Option<RunError>) {
+        let mut failure = None;
+        let mut readings = Vec::new();
+        for station in &mut self.stations {
+            match station.finish() {
+                Ok(reading) => readings.push(reading),
+                Err(error) => {
+                    readings.push(station.shared.read());
+                    failure = failure.or(Some(error));
+                }
+            }
+        }
+        (readings, failure)
+    }
+}
+
+impl Station {
+    fn start(own: Own, hygiene: Option<Arc<Hygiene>>) -> Result<Self, RunError> {
+        let (to_send, outgoing) = bounded::<Message>(SEND_QUEUE);
+        let (stop, shared) = (Arc::new(AtomicBool::new(false)), Arc::new(SharedReading::default()));
+        let (stopped, published) = (Arc::clone(&stop), Arc::clone(&shared));
+        let listen = move || {
+            if let Some(hygiene) = hygiene {
+                hygiene.enter(Role::Link);
+            }
+            own.listen(&outgoing, &stopped, &published)
+        };
+        let thread = std::thread::Builder::new().name("link".into()).spawn(listen);
+        let thread = Some(thread.map_err(|source| RunError::Thread { name: "link", source })?);
+        Ok(Self { to_send, shared, stop, thread })
+    }
+
+    fn finish(&mut self) -> Result<PortReading, RunError> {
+        self.stop.store(true, Ordering::Relaxed);
+        let lost = || RunError::ThreadLost { name: "link" };
+        self.thread.take().ok_or_else(lost)?.join().map_err(|_panicked| lost())?
+    }
+}
+
+impl Drop for Station {
+    /// A run that could not start leaves no thread behind.
+    fn drop(&mut self) {
+        if self.thread.is_some() {
+            let _nobody_asks = self.finish();
+        }
+    }
+}
+
+/// What a port's thread has.
+struct Own {
+    number: usize,
+    port: Port,
+    arrived: Sender<Heard>,
+    clock: Arc<dyn Clock>,
+}
+
+impl Own {
+    fn listen(
+        mut self,
+        outgoing: &Queue<Message>,
+        stop: &AtomicBool,
+        shared: &SharedReading,
+    ) -> Result<PortReading, RunError> {
+        let mut overflows = 0;
+        while !stop.load(Ordering::Relaxed) {
+            for message in outgoing.try_iter() {
+                self.port.send(&message)?;
+            }
+            let polled = self.port.poll(self.clock.now() + SEND_POLL)?;
+            if let Polled::Message(message) = polled {
+                overflows += u64::from(self.arrived.try_send(Heard { port: self.number, message }).is_err());
+            }
+            shared.publish(&PortReading::of(&self.port, overflows));
+        }
+        Ok(PortReading::of(&self.port, overflows))
     }
 }

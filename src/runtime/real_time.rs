@@ -17,13 +17,15 @@ use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::ledger::EventKind;
 use crate::runtime::outcome::RunOutcome;
 use crate::runtime::params::DeadlinePolicy;
-use crate::runtime::radio::Radio;
+use crate::runtime::port_reading::{PortReading, REASONS};
+use crate::runtime::radio::{Heard, Radio};
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
-use crate::runtime::reply;
+use crate::runtime::reply::{Reply, ToldFrame};
 use crate::sink::{FaultFlags, FrameMeta, SentFrame, Sink};
 use core::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
+use std::time::Duration;
 
 /// A sleeping frame thread notices a stop within this.
 const STOP_POLL: Span = Span::from_ms(50);
@@ -52,7 +54,7 @@ pub fn run(
     progress: &mut dyn FnMut(&SentFrame, &RunRecord),
 ) -> RunOutcome {
     let setting = Setting { clock, stop, hygiene: None, ring_frames: 0 };
-    run_in(&setting, engine, receiver, port, sink, progress)
+    run_in(&setting, engine, receiver, vec![port], sink, progress)
 }
 
 /// The same in a setting of choice. The calling thread becomes the frame thread and stays what it is made.
@@ -60,13 +62,13 @@ pub fn run_in(
     setting: &Setting<'_>,
     engine: &mut FrameEngine,
     receiver: &mut Receiver,
-    port: Port,
+    ports: Vec<Port>,
     sink: Box<dyn Sink>,
     progress: &mut dyn FnMut(&SentFrame, &RunRecord),
 ) -> RunOutcome {
     let mut record = RunRecord::with_ring(setting.ring_frames);
-    match start(setting, engine, port, sink) {
-        Err(error) => RunOutcome { record, link: None, sink: None, error: Some(error) },
+    match start(setting, engine, ports, sink) {
+        Err(error) => RunOutcome { record, ports: Vec::new(), sink: None, error: Some(error) },
         Ok((prototype, radio, delivery)) => {
             let mut bench = Bench {
                 engine,
@@ -77,13 +79,15 @@ pub fn run_in(
                 spare: None,
                 previous: prototype,
                 has_previous: false,
+                readings: vec![PortReading::default(); radio.readings().count()],
+                reply: Reply::default(),
             };
             let error = bench.frames(setting.stop, &mut record, progress).err();
             let delivered = delivery.finish(|done| record.complete(done));
             record.frames.delivered = delivered.frames;
             record.frames.dropped += delivered.lost;
-            let (link, receiving) = radio.finish();
-            RunOutcome { record, link, sink: delivered.summary, error: delivered.error.or(receiving).or(error) }
+            let (ports, receiving) = radio.finish();
+            RunOutcome { record, ports, sink: delivered.summary, error: delivered.error.or(receiving).or(error) }
         }
     }
 }
@@ -92,7 +96,7 @@ pub fn run_in(
 fn start(
     setting: &Setting<'_>,
     engine: &mut FrameEngine,
-    port: Port,
+    ports: Vec<Port>,
     sink: Box<dyn Sink>,
 ) -> Result<(SentFrame, Radio, Delivery), RunError> {
     let camera = &engine.params().camera;
@@ -100,7 +104,7 @@ fn start(
     let mut prototype = SentFrame::with_capacity(width, height, 16_384, camera.name.clone());
     engine.warm_up(&mut prototype)?;
     engine.follow_load();
-    let radio = Radio::start(port, setting.clock, setting.hygiene)?;
+    let radio = Radio::start(ports, setting.clock, setting.hygiene)?;
     let delivery = Delivery::start(sink, &prototype, setting.clock, setting.hygiene)?;
     // Last: threads are born with the policy of the thread that starts them.
     if let Some(hygiene) = setting.hygiene {
@@ -119,6 +123,9 @@ struct Bench<'a> {
     spare: Option<Parcel>,
     previous: SentFrame,
     has_previous: bool,
+    /// What each port had counted at the frame before.
+    readings: Vec<PortReading>,
+    reply: Reply,
 }
 
 impl Bench<'_> {
@@ -131,7 +138,7 @@ impl Bench<'_> {
         for number in 0..self.engine.params().frames {
             let slot = self.engine.slot(number);
             let asked = self.clock.now();
-            if !self.wait_until(slot.release, stop) {
+            if !self.listen_until(slot.release, stop, record) {
                 break;
             }
             record.frames.scheduled += 1;
@@ -193,24 +200,40 @@ impl Bench<'_> {
         };
     }
 
-    /// Sleeps, in short pieces, until `at`; false when the run is to stop.
-    fn wait_until(&self, at: Tai, stop: &AtomicBool) -> bool {
+    /// Takes messages in as they come, and sleeps in between, until `at`; false when the run is to stop.
+    fn listen_until(&mut self, at: Tai, stop: &AtomicBool, record: &mut RunRecord) -> bool {
         while !stop.load(Ordering::Relaxed) {
             let now = self.clock.now();
             if now >= at {
                 return true;
             }
-            self.clock.sleep_until(at.min(now + STOP_POLL));
+            let span = at.min(now + STOP_POLL) - now;
+            if let Some(heard) = self.radio.wait(Duration::from_nanos(span.ns().unsigned_abs())) {
+                self.take_in(&heard, record);
+            }
         }
         false
     }
 
+    /// What has arrived and was not waited for; and what became of the ports.
     fn receive(&mut self, record: &mut RunRecord) {
-        for message in self.radio.received.try_iter() {
-            if let Some(answer) = self.receiver.accept(&message, &mut record.ledger) {
-                let _full_queue_is_no_reason_to_wait = self.radio.to_send.try_send(answer);
-            }
+        let radio = self.radio;
+        for heard in radio.arrived() {
+            self.take_in(&heard, record);
         }
+        let now = self.clock.now();
+        self.receiver.watch(now, &mut record.ledger);
+        for (earlier, reading) in self.readings.iter_mut().zip(radio.readings()) {
+            reading.tell(earlier, now, &mut record.ledger);
+            *earlier = reading;
+        }
+    }
+
+    fn take_in(&mut self, heard: &Heard, record: &mut RunRecord) {
+        if let Some(answer) = self.receiver.accept(&heard.message, &mut record.ledger) {
+            self.radio.send(heard.port, answer);
+        }
+        record.count_intake(self.clock.now() - heard.message.at);
     }
 
     fn drop_slot(
@@ -278,8 +301,12 @@ impl Bench<'_> {
     /// Sends a frame out and tells the flight computer what was in it.
     fn send(&mut self, mut parcel: Parcel, record: &mut RunRecord) -> Result<(), RunError> {
         record.count_outgoing(&parcel.frame.meta);
-        for message in reply::frame_messages(&parcel.frame.meta, self.receiver) {
-            let _full_queue_is_no_reason_to_wait = self.radio.to_send.try_send(message);
+        let (meta, now) = (&parcel.frame.meta, self.clock.now());
+        let pointing_bound_rad = self.engine.pointing_bound_rad();
+        let rejects = self.readings.first().map_or([0; REASONS], |reading| reading.rejects);
+        let told = ToldFrame { meta, pointing_bound_rad, rejects: &rejects, now };
+        for message in self.reply.messages(&told, self.receiver) {
+            self.radio.send(0, message);
         }
         let meta = &parcel.frame.meta;
         // A held image is as old as when it was made: latency is that of what is seen.

@@ -8,9 +8,9 @@ use crate::link::Stamped;
 use crate::runtime::error::RunError;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::params::AttitudeParams;
+use crate::runtime::session::{Session, SessionParams};
 use firmware_protocol::Message;
-use firmware_protocol::handshake::Handshake;
-use firmware_protocol::message::{AttitudeRecord, JitterBurst, JitterPair, Rates, TimeFollowUp};
+use firmware_protocol::message::{AttitudeRecord, JitterBurst, JitterPair, TimeFollowUp};
 use glam::DVec3;
 
 /// Period of classic jitter pairs' samples.
@@ -26,7 +26,7 @@ pub struct Receiver {
     clock: RemoteClock,
     history: AttitudeHistory,
     jitter: JitterHistory,
-    handshake: Handshake,
+    session: Session,
     sync: Option<(u8, Tai)>,
     newest_epoch: Option<Tai>,
     newest_arrival: Option<Tai>,
@@ -44,12 +44,30 @@ impl Receiver {
             clock: RemoteClock::new(params.clock),
             history: AttitudeHistory::new(params.history),
             jitter,
-            handshake: Handshake::new(0, Rates { attitude_hz: 100, jitter_hz: 1000 }),
+            session: Session::new(SessionParams::default(), 0),
             sync: None,
             newest_epoch: None,
             newest_arrival: None,
             params,
         })
+    }
+
+    /// The same with a session kept in another way than the default; before anything is heard.
+    #[must_use]
+    pub fn with_session(mut self, params: SessionParams) -> Self {
+        self.session = Session::new(params, 0);
+        self
+    }
+
+    /// The conversation with the flight computer.
+    #[must_use]
+    pub fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// Notices what time alone brings: heartbeats that have stopped.
+    pub fn watch(&mut self, now: Tai, ledger: &mut Ledger) {
+        self.session.watch(now, ledger);
     }
 
     /// Attitudes so far.
@@ -97,7 +115,8 @@ impl Receiver {
             Message::Attitude(record) => self.take_attitude(record, at, ledger),
             Message::Jitter(burst) => self.take_burst(burst, at, ledger),
             Message::JitterPair(pair) => self.take_pair(pair, at, ledger),
-            Message::Command(command) => return Some(Message::Response(self.handshake.answer(command))),
+            Message::Command(command) => return Some(Message::Response(self.session.answer(command, at, ledger))),
+            Message::Heartbeat(heartbeat) => self.session.hear(heartbeat, at, ledger),
             _ => {}
         }
         None

@@ -3,16 +3,17 @@
 use crate::base::time::{Span, Tai};
 use crate::exposure::Rung;
 use crate::exposure::method::MethodName;
-use crate::link::{LinkCounters, Port};
+use crate::link::LinkCounters;
 use crate::report::{
     CountHistogram, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, RunSummary, Stage,
     StageHistogram, StageHistograms, StageTimes,
 };
 use crate::runtime::engine::FrameEngine;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
+use crate::runtime::port_reading::PortReading;
 use crate::runtime::receiver::Receiver;
 use crate::sink::{FaultFlags, FrameMeta, SentFrame, SinkSummary};
-use firmware_protocol::{Reject, RejectCounters};
+use firmware_protocol::Reject;
 use std::collections::BTreeMap;
 
 /// What a run leaves behind.
@@ -28,29 +29,12 @@ pub struct RunRecord {
     lateness: StageHistogram,
     attitude_age: StageHistogram,
     horizon: StageHistogram,
+    /// From the bus into the history (real clock).
+    intake: StageHistogram,
     stars: CountHistogram,
     methods: [u64; MethodName::ALL.len()],
     rungs: [u64; Rung::ALL.len()],
     faults: Vec<u64>,
-}
-
-/// What the receiving side counted.
-#[derive(Debug, Clone, Copy)]
-pub struct LinkReport {
-    /// Packets.
-    pub counters: LinkCounters,
-    /// Rejections by reason.
-    pub rejects: RejectCounters,
-    /// Messages lost between the receiving thread and the frame thread.
-    pub queue_overflows: u64,
-}
-
-impl LinkReport {
-    /// Of a port.
-    #[must_use]
-    pub fn of(port: &Port, queue_overflows: u64) -> Self {
-        Self { counters: port.counters(), rejects: *port.rejects(), queue_overflows }
-    }
 }
 
 impl Default for RunRecord {
@@ -63,6 +47,7 @@ impl Default for RunRecord {
             lateness: StageHistogram::default(),
             attitude_age: StageHistogram::default(),
             horizon: StageHistogram::default(),
+            intake: StageHistogram::default(),
             stars: CountHistogram::default(),
             methods: [0; MethodName::ALL.len()],
             rungs: [0; Rung::ALL.len()],
@@ -106,6 +91,11 @@ impl RunRecord {
         }
     }
 
+    /// A message was taken in this long after it had arrived at the edge.
+    pub fn count_intake(&mut self, after: Span) {
+        self.intake.record(after);
+    }
+
     /// Counts a frame that goes out.
     pub fn count_outgoing(&mut self, meta: &FrameMeta) {
         self.lateness.record(meta.lateness);
@@ -131,7 +121,7 @@ impl RunRecord {
         &self,
         engine: &FrameEngine,
         receiver: &Receiver,
-        link: Option<&LinkReport>,
+        ports: &[PortReading],
         sink: Option<&SinkSummary>,
     ) -> RunSummary {
         let mut summary = RunSummary::empty(Machine::read());
@@ -151,7 +141,8 @@ impl RunRecord {
         summary.latency = self.ring.latency();
         summary.misses = self.ring.misses();
         summary.stars = self.stars.spread();
-        summary.link = link_counts(receiver, link);
+        summary.intake = self.intake.quantiles();
+        summary.link = link_counts(receiver, ports);
         summary.methods = named(MethodName::ALL.iter().map(|m| m.name()).zip(self.methods));
         let degraded = Rung::ALL.iter().zip(self.rungs).filter(|(rung, _)| **rung > Rung::Full);
         summary.degraded = named(degraded.map(|(rung, count)| (rung.name(), count)));
@@ -172,20 +163,15 @@ fn named<'a>(counts: impl Iterator<Item = (&'a str, u64)>) -> BTreeMap<String, u
     counts.filter(|(_, count)| *count > 0).map(|(name, count)| (name.to_string(), count)).collect()
 }
 
-fn link_counts(receiver: &Receiver, link: Option<&LinkReport>) -> LinkCounts {
+fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
     let history = receiver.history().counts();
     let mut counts = LinkCounts::default();
     let mut add = |name: &str, count: u64| counts.counters.insert(name.to_string(), count);
     add("attitudes_accepted", history.accepted);
     add("jitter_points_accepted", receiver.jitter().counts().accepted);
     add("clock_pairs", receiver.clock().estimate().map_or(0, |estimate| estimate.pairs as u64));
-    if let Some(link) = link {
-        add("packets_received", link.counters.received);
-        add("packets_sent", link.counters.sent);
-        add("packets_overflowed", link.counters.overflows);
-        add("queue_overflowed", link.queue_overflows);
-        let rejects = link.rejects.iter().map(|(reason, count)| (reject_name(reason), u64::from(count)));
-        counts.rejects = rejects.filter(|(_, count)| *count > 0).collect();
+    for (number, port) in ports.iter().enumerate() {
+        count_port(&mut counts, number, port);
     }
     let history = [
         ("duplicate_epoch", history.duplicate_epoch),
@@ -200,6 +186,30 @@ fn link_counts(receiver: &Receiver, link: Option<&LinkReport>) -> LinkCounts {
         *counts.rejects.entry(name.into()).or_default() += count;
     }
     counts
+}
+
+/// Counters of one port: the first has plain names, further ones have their number before them.
+fn count_port(counts: &mut LinkCounts, number: usize, port: &PortReading) {
+    let LinkCounters { received, sent, overflows, unsent, errors, bus_off, lost, regained } = port.counters;
+    let name = |what: &str| if number == 0 { what.to_string() } else { format!("port_{number}_{what}") };
+    let always = [
+        ("packets_received", received),
+        ("packets_sent", sent),
+        ("packets_overflowed", overflows),
+        ("queue_overflowed", port.queue_overflows),
+    ];
+    let sometimes = [
+        ("packets_unsent", unsent),
+        ("bus_errors", errors),
+        ("bus_off", bus_off),
+        ("link_lost", lost),
+        ("link_regained", regained),
+    ];
+    let sometimes = sometimes.into_iter().filter(|(_, count)| *count > 0);
+    counts.counters.extend(always.into_iter().chain(sometimes).map(|(what, count)| (name(what), count)));
+    for (reason, count) in port.rejects().filter(|(_, count)| *count > 0) {
+        *counts.rejects.entry(reject_name(reason)).or_default() += u64::from(count);
+    }
 }
 
 fn reject_name(reason: Reject) -> String {

@@ -1,47 +1,160 @@
-//! What the stimulator tells the flight computer after each frame: EXPOSURE, and STATUS with the pointing rendered.
+//! What the stimulator tells the flight computer after each frame: EXPOSURE, the pointing rendered, its own state.
+//!
+//! In: a frame's truth, the receiver, what the port refused. Out: at most eight messages, most urgent first: EXPOSURE,
+//! STATUS state, right ascension, declination and roll of this frame, one of STATUS prediction and clock in turn, one
+//! STATUS rejects (each reason when its count has risen, once a second at most), HEARTBEAT once a second. Nothing before
+//! the clocks are correlated has a time tag. Tests: `tests/closed_loop/session.rs`.
 
-use crate::base::time::Span;
+use crate::base::time::{Span, Tai};
+use crate::base::units::ARCSEC;
+use crate::runtime::port_reading::REASONS;
 use crate::runtime::receiver::Receiver;
 use crate::sink::{FaultFlags, FrameMeta};
-use firmware_protocol::Message;
-use firmware_protocol::message::{Exposure, PointingAngle, StatusPage, StimulatorMode};
+use firmware_protocol::message::{Exposure, Heartbeat, PointingAngle, StatusPage, StimulatorMode};
+use firmware_protocol::{Message, Reject, version};
 
-/// Messages for one frame: EXPOSURE, state, and one pointing angle in turn. Nothing before the clocks are correlated.
-pub fn frame_messages(meta: &FrameMeta, receiver: &Receiver) -> impl Iterator<Item = Message> + use<> {
-    let estimate = receiver.clock().estimate();
-    let exposure = estimate.map(|estimate| {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "time on the wire wraps at 2^32 us")]
-        let mid_exposure_us = estimate.to_remote_ns(meta.mid_exposure).div_euclid(1000) as u32;
-        let seq = receiver.history().newest().map_or(0, |sample| sample.seq);
-        let age_us = meta.horizon.max(Span::ZERO).ns() / 1000;
-        let age_us = u32::try_from(age_us).unwrap_or(u32::MAX);
-        Message::Exposure(Exposure::new(low_byte(meta.number), seq, mid_exposure_us, age_us))
-    });
-    let state = Message::Status(StatusPage::State {
-        mode: mode(meta.faults),
-        frames: u16::try_from(meta.number & 0xffff).unwrap_or(0),
-        latency_us: u32::try_from(meta.attitude_age.ns().max(0) / 1000).unwrap_or(u32::MAX),
-    });
-    let (angle, degrees) = match meta.number % 3 {
-        0 => (PointingAngle::RightAscension, meta.ra_deg),
-        1 => (PointingAngle::Declination, meta.dec_deg),
-        _ => (PointingAngle::Roll, meta.roll_deg),
-    };
+/// Heartbeats, and events of one reason, are this far apart at least.
+const ONCE: Span = Span::from_ms(1000);
+
+/// Who says what, and when it was last said.
+#[derive(Debug, Clone, Default)]
+pub struct Reply {
+    frames: u64,
+    heartbeat: Option<Tai>,
+    rejects: [Told; REASONS],
+}
+
+/// What the flight computer knows of one reason's count.
+#[derive(Debug, Clone, Copy, Default)]
+struct Told {
+    count: u32,
+    at: Option<Tai>,
+}
+
+/// One frame as it is told of.
+#[derive(Debug, Clone, Copy)]
+pub struct ToldFrame<'a> {
+    /// The frame's truth.
+    pub meta: &'a FrameMeta,
+    /// Bound of its pointing error, where one is known.
+    pub pointing_bound_rad: Option<f64>,
+    /// How often the port refused input, by the reason's code.
+    pub rejects: &'a [u32; REASONS],
+    /// Now.
+    pub now: Tai,
+}
+
+impl Reply {
+    /// Messages for one frame.
+    pub fn messages(&mut self, frame: &ToldFrame<'_>, receiver: &Receiver) -> impl Iterator<Item = Message> + use<> {
+        let ToldFrame { meta, now, .. } = *frame;
+        let state = StatusPage::State {
+            mode: mode(meta, receiver),
+            frames: u16::try_from(meta.number & 0xffff).unwrap_or(0),
+            latency_us: u32::try_from(meta.attitude_age.ns().max(0) / 1000).unwrap_or(u32::MAX),
+        };
+        self.frames += 1;
+        let in_turn = if self.frames.is_multiple_of(2) { prediction(frame) } else { clock(receiver) };
+        [
+            exposure(meta, receiver).map(Message::Exposure),
+            Some(Message::Status(state)),
+            Some(pointing(meta, PointingAngle::RightAscension, meta.ra_deg)),
+            Some(pointing(meta, PointingAngle::Declination, meta.dec_deg)),
+            Some(pointing(meta, PointingAngle::Roll, meta.roll_deg)),
+            in_turn.map(Message::Status),
+            self.reject(frame.rejects, now).map(Message::Status),
+            self.heartbeat(receiver, now),
+        ]
+        .into_iter()
+        .flatten()
+    }
+
+    fn heartbeat(&mut self, receiver: &Receiver, now: Tai) -> Option<Message> {
+        if self.heartbeat.is_some_and(|last| now - last < ONCE) {
+            return None;
+        }
+        self.heartbeat = Some(now);
+        Some(Message::Heartbeat(Heartbeat { state: receiver.session().state(), major: version::MAJOR }))
+    }
+
+    /// The reason told longest ago of those whose count has risen and that may be told again.
+    fn reject(&mut self, counts: &[u32; REASONS], now: Tai) -> Option<StatusPage> {
+        let is_due = |told: &Told| told.at.is_none_or(|last| now - last >= ONCE);
+        let risen = self.rejects.iter_mut().zip(counts).zip(Reject::ALL);
+        let ((told, count), reason) = risen
+            .filter(|((told, count), _)| **count > told.count && is_due(told))
+            .min_by_key(|((told, _), _)| told.at)?;
+        *told = Told { count: *count, at: Some(now) };
+        Some(StatusPage::Rejects { reason, count: *count })
+    }
+}
+
+fn exposure(meta: &FrameMeta, receiver: &Receiver) -> Option<Exposure> {
+    let estimate = receiver.clock().estimate()?;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "time on the wire wraps at 2^32 us")]
+    let mid_exposure_us = estimate.to_remote_ns(meta.mid_exposure).div_euclid(1000) as u32;
+    let seq = receiver.history().newest().map_or(0, |sample| sample.seq);
+    let age_us = meta.horizon.max(Span::ZERO).ns() / 1000;
+    let age_us = u32::try_from(age_us).unwrap_or(u32::MAX);
+    Some(Exposure::new(low_byte(meta.number), seq, mid_exposure_us, age_us))
+}
+
+fn pointing(meta: &FrameMeta, angle: PointingAngle, degrees: f64) -> Message {
     let turns_2_32 = PointingAngle::to_turns(degrees.to_radians());
-    let pointing = Message::Status(StatusPage::Pointing { angle, frame: low_byte(meta.number), turns_2_32 });
-    exposure.into_iter().chain([state, pointing])
+    Message::Status(StatusPage::Pointing { angle, frame: low_byte(meta.number), turns_2_32 })
+}
+
+/// How far the attitude was predicted, and how well, where that is known.
+fn prediction(frame: &ToldFrame<'_>) -> Option<StatusPage> {
+    let ten_us = (frame.meta.horizon.ns() / 10_000).clamp(i64::from(i16::MIN), i64::from(i16::MAX));
+    let horizon_10us = i16::try_from(ten_us).unwrap_or(i16::MAX);
+    #[allow(clippy::cast_possible_truncation, reason = "an error in f32 is as good")]
+    let error_arcsec = (frame.pointing_bound_rad? / ARCSEC) as f32;
+    Some(StatusPage::Prediction { horizon_10us, error_arcsec })
+}
+
+fn clock(receiver: &Receiver) -> Option<StatusPage> {
+    let estimate = receiver.clock().estimate()?;
+    // The drift is local seconds per remote second; the flight computer wants its own rate against ours.
+    #[allow(clippy::cast_possible_truncation, reason = "float-to-int casts saturate")]
+    let drift_0_1ppm = (-estimate.drift * 1e7).round() as i16;
+    let residual_ns = i32::try_from(estimate.spread.ns()).unwrap_or(i32::MAX);
+    Some(StatusPage::Clock { drift_0_1ppm, residual_ns })
 }
 
 fn low_byte(number: u32) -> u8 {
     u8::try_from(number & 0xff).unwrap_or(0)
 }
 
-fn mode(faults: FaultFlags) -> StimulatorMode {
-    if faults.contains(FaultFlags::BLANK) {
+fn mode(meta: &FrameMeta, receiver: &Receiver) -> StimulatorMode {
+    if !receiver.session().is_rendering() {
+        StimulatorMode::Idle
+    } else if meta.faults.contains(FaultFlags::BLANK) {
         StimulatorMode::Blank
-    } else if faults.contains(FaultFlags::LINK_STALE) {
+    } else if meta.faults.contains(FaultFlags::LINK_STALE) {
         StimulatorMode::Holding
     } else {
         StimulatorMode::Running
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reason_is_told_when_its_count_has_risen_and_once_a_second() {
+        let mut reply = Reply::default();
+        let mut counts = [0; REASONS];
+        let mut told = |counts: &[u32; REASONS], ms: i64| reply.reject(counts, Tai::from_ns(ms * 1_000_000));
+        assert_eq!(told(&counts, 0), None);
+        counts[Reject::BadCrc as usize] = 3;
+        counts[Reject::TornGroup as usize] = 1;
+        assert_eq!(told(&counts, 100), Some(StatusPage::Rejects { reason: Reject::BadCrc, count: 3 }));
+        assert_eq!(told(&counts, 200), Some(StatusPage::Rejects { reason: Reject::TornGroup, count: 1 }));
+        counts[Reject::BadCrc as usize] = 4;
+        assert_eq!(told(&counts, 1099), None, "within the second");
+        assert_eq!(told(&counts, 1100), Some(StatusPage::Rejects { reason: Reject::BadCrc, count: 4 }));
+        assert_eq!(told(&counts, 5000), None, "nothing new");
     }
 }

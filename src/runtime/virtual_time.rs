@@ -13,9 +13,10 @@ use crate::runtime::engine::{FrameEngine, Slot};
 use crate::runtime::error::{FarEndError, RunError};
 use crate::runtime::frame_faults::{Fate, FrameFaults};
 use crate::runtime::outcome::RunOutcome;
+use crate::runtime::port_reading::PortReading;
 use crate::runtime::receiver::Receiver;
-use crate::runtime::record::{LinkReport, RunRecord};
-use crate::runtime::reply;
+use crate::runtime::record::RunRecord;
+use crate::runtime::reply::{Reply, ToldFrame};
 use crate::sink::{SentFrame, Sink};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -61,6 +62,9 @@ pub struct VirtualLoop {
     pending: VecDeque<Pending>,
     spare: Vec<SentFrame>,
     stopped: bool,
+    reply: Reply,
+    /// What the port had counted at the frame before.
+    reading: PortReading,
 }
 
 /// What comes next.
@@ -83,6 +87,8 @@ impl VirtualLoop {
             pending: VecDeque::new(),
             spare: Vec::new(),
             stopped: false,
+            reply: Reply::default(),
+            reading: PortReading::default(),
         }
     }
 
@@ -206,15 +212,27 @@ impl VirtualLoop {
         self.record.count_rendered(&frame, &times);
         // Heads share one exposure time: the first speaks for all.
         if i == 0 {
-            for message in reply::frame_messages(&frame.meta, head.receiver) {
-                port.send(&message)?;
-            }
+            self.tell(&frame, slot.release, head, port)?;
         }
         // What the stimulator says of itself it says before its frame is spoilt.
         if let Some(faults) = head.faults.as_mut() {
             faults.spoil(&fate, &mut frame);
         }
         self.queue(i, slot, frame, fate, drawn);
+        Ok(())
+    }
+
+    /// Tells the flight computer what was drawn, and the ledger what became of the link.
+    fn tell(&mut self, frame: &SentFrame, now: Tai, head: &mut Head<'_>, port: &mut Port) -> Result<(), RunError> {
+        head.receiver.watch(now, &mut self.record.ledger);
+        let reading = PortReading::of(port, 0);
+        reading.tell(&self.reading, now, &mut self.record.ledger);
+        self.reading = reading;
+        let pointing_bound_rad = head.engine.pointing_bound_rad();
+        let told = ToldFrame { meta: &frame.meta, pointing_bound_rad, rejects: &reading.rejects, now };
+        for message in self.reply.messages(&told, head.receiver) {
+            port.send(&message)?;
+        }
         Ok(())
     }
 
@@ -297,6 +315,6 @@ pub fn run(
         Ok(summary) => (Some(summary), None),
         Err(error) => (None, Some(RunError::from(error))),
     };
-    let link = LinkReport::of(port, 0);
-    RunOutcome { record: going.into_record(), link: Some(link), sink, error: error.or(finishing) }
+    let ports = vec![PortReading::of(port, 0)];
+    RunOutcome { record: going.into_record(), ports, sink, error: error.or(finishing) }
 }

@@ -8,7 +8,7 @@ use crate::exposure::cost::CostModel;
 use crate::link::WireFormat;
 use crate::link::simulated::{BusParams, BusTiming};
 use crate::runtime::params::AttitudeParams;
-use crate::runtime::{BackendChoice, DeadlinePolicy, Imager, RunParams};
+use crate::runtime::{BackendChoice, DeadlinePolicy, Imager, RunParams, SessionParams, SessionStart};
 use crate::sky::observer::Observer;
 use crate::sky::orbit::{CircularOrbit, TleOrbit};
 use crate::testbed::flight_computer::{
@@ -112,11 +112,26 @@ fn observer(observer: &config::Observer, epoch: Tai) -> Result<Observer> {
     })
 }
 
+/// How the session is kept.
+#[must_use]
+pub fn session_params(bench: &Bench) -> SessionParams {
+    let start = match bench.session.start {
+        config::SessionStart::AtOnce => SessionStart::AtOnce,
+        config::SessionStart::OnRun => SessionStart::OnRun,
+    };
+    SessionParams { start, heartbeat_timeout: bench.session.heartbeat_timeout }
+}
+
 /// The bus between the simulated flight computer and the stimulator, and the form of messages on it.
 #[must_use]
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the config's bit rates are checked")]
 pub fn bus(bench: &Bench) -> (BusParams, WireFormat) {
-    let link = &bench.link;
+    bus_of(&bench.link)
+}
+
+/// The simulated bus of a link, and the form of messages on it.
+#[must_use]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the config's bit rates are checked")]
+pub fn bus_of(link: &config::Link) -> (BusParams, WireFormat) {
     let (timing, format) = match link.wire {
         Wire::CanFd => {
             let (arbitration_bps, data_bps) = (link.bit_rate as u32, link.data_bit_rate as u32);

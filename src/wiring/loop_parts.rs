@@ -13,7 +13,7 @@ use crate::runtime::{FrameEngine, RunParams};
 use crate::sink::{Sink, TapEnd, Tee, tap};
 use crate::wiring::bench_parts;
 use crate::wiring::closed_loop::LoopError;
-use firmware_protocol::can::IdMap;
+use crate::wiring::ports::identifiers;
 use std::sync::Arc;
 
 /// Frames on their way to a tracker.
@@ -46,7 +46,7 @@ pub(super) fn loop_head(
     let mut params = bench_parts::run_params(&bench, start).map_err(|error| LoopError::Parts(format!("{error:#}")))?;
     change(&mut params);
     let size = [params.camera.geometry.width_px(), params.camera.geometry.height_px()];
-    let receiver = Receiver::new(params.attitude.clone())?;
+    let receiver = Receiver::new(params.attitude.clone())?.with_session(bench_parts::session_params(&bench));
     let engine = FrameEngine::new(params)?;
     let (sender, end) = tap(size, TAP_FRAMES);
     let sink = Box::new(Tee::new(sink, Box::new(sender)));
@@ -65,6 +65,6 @@ pub(super) fn ports(
     let seed = scenario.bench.seed ^ BUS_SEED;
     let near = FaultyLink::new(Box::new(near), Arc::clone(shared), to_stimulator.clone(), seed);
     let far = FaultyLink::new(Box::new(far), Arc::clone(shared), to_computer.clone(), seed.wrapping_add(1));
-    let ids = IdMap::new(0, 0).ok_or_else(|| LoopError::Parts("CAN identifiers".into()))?;
+    let ids = identifiers(&scenario.bench.link).map_err(|error| LoopError::Parts(format!("{error:#}")))?;
     Ok((Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids)))
 }

@@ -16,6 +16,7 @@ pub mod loop_outcome;
 mod loop_parts;
 pub mod real_loop;
 pub mod seeded;
+pub mod ports;
 pub mod study;
 pub mod vehicle_parts;
 pub mod witness;

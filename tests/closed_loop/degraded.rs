@@ -55,7 +55,7 @@ fn a_frame_without_time_is_degraded_counted_and_told() {
         }
         let params = bench_parts::run_params(&bench, start(&bench)).unwrap();
         let engine = FrameEngine::new(params.clone()).unwrap();
-        let summary = record.summary(&engine, &Receiver::new(params.attitude).unwrap(), None, None);
+        let summary = record.summary(&engine, &Receiver::new(params.attitude).unwrap(), &[], None);
         assert_eq!(summary.degraded, by_rung(&run.frames), "the summary counts what the frames say");
         assert_eq!(summary.degraded.values().sum::<u64>(), FRAMES);
     }

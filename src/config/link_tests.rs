@@ -1,0 +1,47 @@
+//! Links of every kind: what is taken, and what is refused with which words.
+
+use super::*;
+use crate::config::{Bench, Document};
+use std::path::Path;
+
+fn link(text: &str) -> Result<Link, String> {
+    let text = format!("[flight_computer]\nkind = \"external\"\n[link]\n{text}");
+    let document = Document::from_text(&text, Path::new("lab/bench.toml"));
+    Bench::from_document(&document).map(|bench| bench.link).map_err(|error| error.to_string())
+}
+
+#[test]
+fn each_kind_is_read_with_its_own_keys() {
+    let can =
+        link("kind = \"socketcan\"\ninterface = \"can1\"\nwire = \"can_classic\"\nnode = 3\nid_base = 128").unwrap();
+    assert_eq!(can.carrier, Carrier::SocketCan { interface: "can1".into() });
+    assert_eq!((can.wire, can.node, can.id_base), (Wire::CanClassic, 3, 128));
+    let serial = link("kind = \"serial\"\nport = \"/dev/ttyS0\"\nparity = \"even\"\nbit_rate = 115200.0").unwrap();
+    let Carrier::SerialPort(port) = &serial.carrier else { panic!("{serial:?}") };
+    assert_eq!((port.parity, port.stop_bits, serial.wire), (Parity::Even, 1, Wire::Serial));
+    let simulated = link("slcan_tcp = \"0\"\nsocketcand = \"10.0.0.1:29536\"").unwrap();
+    let Carrier::Simulated(doors) = &simulated.carrier else { panic!("{simulated:?}") };
+    assert_eq!(doors.slcan_tcp, Some("127.0.0.1:0".parse().unwrap()), "a bare port is on loopback");
+    assert_eq!(doors.socketcand, Some("10.0.0.1:29536".parse().unwrap()));
+}
+
+#[test]
+fn what_does_not_belong_or_is_missing_is_refused_by_name() {
+    for (text, words) in [
+        ("kind = \"socketcan\"", "link.interface"),
+        ("kind = \"socketcan\"\ninterface = \" \"", "empty"),
+        ("kind = \"socketcan\"\ninterface = \"can0\"\nwire = \"serial\"", "can_fd"),
+        ("kind = \"serial\"", "link.port"),
+        ("kind = \"serial\"\nport = \"/dev/x\"\nstop_bits = 3", "1 to 2"),
+        ("interface = \"can0\"", "socketcan"),
+        ("kind = \"socketcan\"\ninterface = \"can0\"\nslcan_tcp = \"0\"", "simulated"),
+        ("slcan_tcp = \"nowhere\"", "address:port"),
+        ("id_base = 8", "multiple of 16"),
+        ("node = 16", "0 to 15"),
+        ("wire = \"serial\"\nnode = 1", "a CAN wire"),
+        ("pps = \"/sys/class/pps/pps0\"", "link.pps"),
+    ] {
+        let error = link(text).unwrap_err();
+        assert!(error.contains(words), "{text}: {error}");
+    }
+}

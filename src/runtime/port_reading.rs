@@ -1,0 +1,125 @@
+//! What a port counted, across threads: the link's thread publishes, the frame thread reads and tells the ledger.
+//!
+//! In: a port. Out: a [`PortReading`], and events where a count has risen. Each value is exact; values of one reading may
+//! be a packet apart. No lock, no allocation. Tests: below.
+
+use crate::base::time::{Span, Tai};
+use crate::link::{LinkCounters, Port};
+use crate::runtime::ledger::{Event, EventKind, Ledger};
+use core::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use firmware_protocol::Reject;
+
+/// Reasons to refuse input.
+pub const REASONS: usize = Reject::ALL.len();
+const COUNTS: usize = 9;
+
+/// What a port counted so far.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct PortReading {
+    /// Packets, and what became of the link.
+    pub counters: LinkCounters,
+    /// Rejections, by the reason's code.
+    pub rejects: [u32; REASONS],
+    /// Messages lost between the receiving thread and the frame thread.
+    pub queue_overflows: u64,
+}
+
+impl PortReading {
+    /// Of a port.
+    #[must_use]
+    pub fn of(port: &Port, queue_overflows: u64) -> Self {
+        let mut rejects = [0; REASONS];
+        for (count, (_, counted)) in rejects.iter_mut().zip(port.rejects().iter()) {
+            *count = counted;
+        }
+        Self { counters: port.counters(), rejects, queue_overflows }
+    }
+
+    /// Each reason with its count.
+    pub fn rejects(&self) -> impl Iterator<Item = (Reject, u32)> + '_ {
+        Reject::ALL.into_iter().zip(self.rejects)
+    }
+
+    fn counts(&self) -> [u64; COUNTS] {
+        let LinkCounters { received, sent, overflows, unsent, errors, bus_off, lost, regained } = self.counters;
+        [received, sent, overflows, unsent, errors, bus_off, lost, regained, self.queue_overflows]
+    }
+
+    /// Tells the ledger what has happened to the link since `earlier`.
+    pub fn tell(&self, earlier: &Self, at: Tai, ledger: &mut Ledger) {
+        let (now, then) = (&self.counters, &earlier.counters);
+        let risen = [
+            (EventKind::LinkLost, now.lost, then.lost),
+            (EventKind::LinkRegained, now.regained, then.regained),
+            (EventKind::BusOff, now.bus_off, then.bus_off),
+            (EventKind::LinkErrors, now.errors, then.errors),
+            (EventKind::LinkOverflow, now.overflows + now.unsent, then.overflows + then.unsent),
+            (EventKind::QueueOverflow, self.queue_overflows, earlier.queue_overflows),
+        ];
+        for (kind, _, _) in risen.into_iter().filter(|(_, now, then)| now > then) {
+            ledger.note(Event::new(kind, at, None, Span::ZERO));
+        }
+    }
+}
+
+/// A reading that one thread writes and others read.
+#[derive(Debug, Default)]
+pub struct SharedReading {
+    counts: [AtomicU64; COUNTS],
+    rejects: [AtomicU32; REASONS],
+}
+
+impl SharedReading {
+    /// Makes a reading known.
+    pub fn publish(&self, reading: &PortReading) {
+        for (shared, count) in self.counts.iter().zip(reading.counts()) {
+            shared.store(count, Ordering::Relaxed);
+        }
+        for (shared, count) in self.rejects.iter().zip(reading.rejects) {
+            shared.store(count, Ordering::Relaxed);
+        }
+    }
+
+    /// What was last made known.
+    #[must_use]
+    pub fn read(&self) -> PortReading {
+        let [received, sent, overflows, unsent, errors, bus_off, lost, regained, queue_overflows] =
+            self.counts.each_ref().map(|count| count.load(Ordering::Relaxed));
+        let counters = LinkCounters { received, sent, overflows, unsent, errors, bus_off, lost, regained };
+        let rejects = self.rejects.each_ref().map(|count| count.load(Ordering::Relaxed));
+        PortReading { counters, rejects, queue_overflows }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reading() -> PortReading {
+        let counters =
+            LinkCounters { received: 1, sent: 2, overflows: 3, unsent: 4, errors: 5, bus_off: 6, lost: 7, regained: 8 };
+        let mut rejects = [0; REASONS];
+        rejects[Reject::BadCrc as usize] = 9;
+        PortReading { counters, rejects, queue_overflows: 10 }
+    }
+
+    #[test]
+    fn every_value_crosses() {
+        let shared = SharedReading::default();
+        assert_eq!(shared.read(), PortReading::default());
+        shared.publish(&reading());
+        assert_eq!(shared.read(), reading());
+    }
+
+    #[test]
+    fn only_what_has_risen_is_told() {
+        let mut ledger = Ledger::default();
+        reading().tell(&reading(), Tai::from_ns(0), &mut ledger);
+        assert!(EventKind::ALL.iter().all(|kind| ledger.count(*kind) == 0), "nothing has happened");
+        let mut later = reading();
+        later.counters.bus_off += 1;
+        later.counters.received += 100;
+        later.tell(&reading(), Tai::from_ns(0), &mut ledger);
+        assert_eq!((ledger.count(EventKind::BusOff), ledger.count(EventKind::LinkLost)), (1, 0));
+    }
+}

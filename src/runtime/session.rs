@@ -1,0 +1,196 @@
+//! The conversation with the flight computer: HELLO, RUN, STOP, heartbeats either way.
+//!
+//! In: commands and heartbeats, stamped. Out: answers, whether frames show stars, events when a peer is refused, falls
+//! silent or speaks again. One answer per command; a retry gets the same answer and changes nothing (the protocol's
+//! `handshake`). Limits: on one bus every sender of commands for this node is the same flight computer. Tests: below, and
+//! `tests/closed_loop/session.rs`.
+
+use crate::base::time::{Span, Tai};
+use crate::runtime::ledger::{Event, EventKind, Ledger};
+use firmware_protocol::handshake::Handshake;
+use firmware_protocol::message::{Command, Heartbeat, NodeState, Rates, Reply, Request, Response};
+use firmware_protocol::version;
+
+/// Highest rates taken: what the protocol has room for.
+const RATES: Rates = Rates { attitude_hz: 100, jitter_hz: 1000 };
+
+/// When frames begin to show stars.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SessionStart {
+    /// With the first attitude. A STOP, or a HELLO of another major version, ends it until the next RUN.
+    AtOnce,
+    /// With an accepted RUN.
+    OnRun,
+}
+
+/// How the session is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SessionParams {
+    /// When frames begin to show stars.
+    pub start: SessionStart,
+    /// A flight computer that has sent heartbeats and sends none for this long has fallen silent.
+    pub heartbeat_timeout: Span,
+}
+
+impl Default for SessionParams {
+    /// At once; three missed heartbeats.
+    fn default() -> Self {
+        Self { start: SessionStart::AtOnce, heartbeat_timeout: Span::from_ms(3500) }
+    }
+}
+
+/// The state of the conversation.
+#[derive(Debug, Clone)]
+pub struct Session {
+    params: SessionParams,
+    handshake: Handshake,
+    /// Stopped, or refused, since the last RUN.
+    is_halted: bool,
+    /// The last heartbeat heard.
+    heard: Option<Tai>,
+    is_silent: bool,
+}
+
+impl Session {
+    /// Before the first word. `dbc_crc32` is told to whoever asks.
+    #[must_use]
+    pub fn new(params: SessionParams, dbc_crc32: u32) -> Self {
+        let handshake = Handshake::new(dbc_crc32, RATES);
+        Self { params, handshake, is_halted: false, heard: None, is_silent: false }
+    }
+
+    /// True when frames show what is received.
+    #[must_use]
+    pub fn is_rendering(&self) -> bool {
+        match self.params.start {
+            SessionStart::AtOnce => !self.is_halted,
+            SessionStart::OnRun => self.handshake.is_running(),
+        }
+    }
+
+    /// What the stimulator's own heartbeat says.
+    #[must_use]
+    pub fn state(&self) -> NodeState {
+        if self.is_rendering() { NodeState::Running } else { NodeState::Ready }
+    }
+
+    /// The one answer to a command that arrived at `at`.
+    pub fn answer(&mut self, command: &Command, at: Tai, ledger: &mut Ledger) -> Response {
+        let was_rendering = self.is_rendering();
+        let response = self.handshake.answer(command);
+        match (command.request, response.reply) {
+            (Request::Hello(_), Reply::Refused { .. }) => {
+                self.is_halted = true;
+                ledger.note(Event::new(EventKind::VersionRefused, at, None, Span::ZERO));
+            }
+            (Request::Stop, Reply::Stop) => self.is_halted = true,
+            (Request::Run, Reply::Run) => self.is_halted = false,
+            (_, Reply::Refused { .. }) => ledger.note(Event::new(EventKind::CommandRefused, at, None, Span::ZERO)),
+            _ => {}
+        }
+        match (was_rendering, self.is_rendering()) {
+            (false, true) => ledger.note(Event::new(EventKind::SessionRun, at, None, Span::ZERO)),
+            (true, false) => ledger.note(Event::new(EventKind::SessionHalt, at, None, Span::ZERO)),
+            _ => {}
+        }
+        response
+    }
+
+    /// Takes a heartbeat of the flight computer in.
+    pub fn hear(&mut self, heartbeat: &Heartbeat, at: Tai, ledger: &mut Ledger) {
+        if heartbeat.major != version::MAJOR {
+            ledger.note(Event::new(EventKind::VersionRefused, at, None, Span::ZERO));
+        }
+        if let (true, Some(last)) = (self.is_silent, self.heard) {
+            ledger.note(Event::new(EventKind::HeartbeatBack, at, None, at - last));
+        }
+        self.is_silent = false;
+        self.heard = self.heard.max(Some(at));
+    }
+
+    /// Notices, once each time, that heartbeats have stopped.
+    pub fn watch(&mut self, now: Tai, ledger: &mut Ledger) {
+        let silence = self.heard.map_or(Span::ZERO, |last| now - last);
+        if !self.is_silent && silence > self.params.heartbeat_timeout {
+            self.is_silent = true;
+            ledger.note(Event::new(EventKind::HeartbeatLost, now, None, silence));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use firmware_protocol::version::Version;
+
+    fn at_ms(ms: i64) -> Tai {
+        Tai::from_ns(ms * 1_000_000)
+    }
+
+    struct Talk {
+        session: Session,
+        ledger: Ledger,
+        token: u8,
+    }
+
+    fn talk(start: SessionStart) -> Talk {
+        let params = SessionParams { start, ..SessionParams::default() };
+        Talk { session: Session::new(params, 7), ledger: Ledger::default(), token: 0 }
+    }
+
+    impl Talk {
+        fn say(&mut self, request: Request) -> Reply {
+            self.token += 1;
+            let command = Command { token: self.token, request };
+            self.session.answer(&command, at_ms(0), &mut self.ledger).reply
+        }
+
+        fn count(&self, kind: EventKind) -> u64 {
+            self.ledger.count(kind)
+        }
+    }
+
+    #[test]
+    fn on_run_nothing_is_shown_before_hello_and_run_and_nothing_after_stop() {
+        let mut talk = talk(SessionStart::OnRun);
+        assert!(!talk.session.is_rendering());
+        assert!(matches!(talk.say(Request::Run), Reply::Refused { .. }), "no HELLO yet");
+        assert_eq!((talk.session.is_rendering(), talk.count(EventKind::CommandRefused)), (false, 1));
+        talk.say(Request::Hello(version::CURRENT));
+        assert_eq!(talk.session.state(), NodeState::Ready);
+        talk.say(Request::Run);
+        assert_eq!((talk.session.is_rendering(), talk.session.state()), (true, NodeState::Running));
+        talk.say(Request::Stop);
+        assert!(!talk.session.is_rendering());
+        assert_eq!((talk.count(EventKind::SessionRun), talk.count(EventKind::SessionHalt)), (1, 1));
+    }
+
+    #[test]
+    fn at_once_stars_are_shown_until_a_stop_or_a_peer_of_another_major() {
+        let mut talk = talk(SessionStart::AtOnce);
+        assert!(talk.session.is_rendering());
+        talk.say(Request::Hello(Version { major: version::MAJOR + 1, minor: 0 }));
+        assert_eq!((talk.session.is_rendering(), talk.count(EventKind::VersionRefused)), (false, 1));
+        assert!(matches!(talk.say(Request::Run), Reply::Refused { .. }), "another major may not run");
+        assert!(!talk.session.is_rendering());
+        talk.say(Request::Hello(version::CURRENT));
+        talk.say(Request::Run);
+        assert!(talk.session.is_rendering());
+    }
+
+    #[test]
+    fn silence_is_told_once_and_so_is_its_end() {
+        let mut talk = talk(SessionStart::AtOnce);
+        let beat = Heartbeat { state: NodeState::Running, major: version::MAJOR };
+        talk.session.watch(at_ms(60_000), &mut talk.ledger);
+        assert_eq!(talk.count(EventKind::HeartbeatLost), 0, "who never spoke is not silent");
+        talk.session.hear(&beat, at_ms(0), &mut talk.ledger);
+        for ms in [3_500, 3_501, 9_000] {
+            talk.session.watch(at_ms(ms), &mut talk.ledger);
+            assert_eq!(talk.count(EventKind::HeartbeatLost), u64::from(ms > 3_500), "{ms} ms");
+        }
+        talk.session.hear(&beat, at_ms(10_000), &mut talk.ledger);
+        talk.session.hear(&beat, at_ms(11_000), &mut talk.ledger);
+        assert_eq!(talk.count(EventKind::HeartbeatBack), 1);
+    }
+}
