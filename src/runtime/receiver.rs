@@ -8,9 +8,10 @@ use crate::link::Stamped;
 use crate::runtime::error::RunError;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::params::AttitudeParams;
-use firmware_protocol::Message;
 use firmware_protocol::handshake::Handshake;
-use firmware_protocol::message::{AttitudeRecord, JitterBurst, JitterPair, Rates, TimeFollowUp};
+use firmware_protocol::message::{AttitudeRecord, JitterBurst, JitterPair, Rates, TimeFollowUp, capability};
+use firmware_protocol::tables::TableStore;
+use firmware_protocol::{DBC_CRC32, Message};
 use glam::DVec3;
 
 /// Period of classic jitter pairs' samples.
@@ -27,6 +28,7 @@ pub struct Receiver {
     history: AttitudeHistory,
     jitter: JitterHistory,
     handshake: Handshake,
+    tables: TableStore,
     sync: Option<(u8, Tai)>,
     newest_epoch: Option<Tai>,
     newest_arrival: Option<Tai>,
@@ -44,7 +46,9 @@ impl Receiver {
             clock: RemoteClock::new(params.clock),
             history: AttitudeHistory::new(params.history),
             jitter,
-            handshake: Handshake::new(0, Rates { attitude_hz: 100, jitter_hz: 1000 }),
+            handshake: Handshake::new(DBC_CRC32, Rates { attitude_hz: 100, jitter_hz: 1000 })
+                .with_capabilities(capability::JITTER_SAMPLES),
+            tables: TableStore::new(),
             sync: None,
             newest_epoch: None,
             newest_arrival: None,
@@ -97,7 +101,9 @@ impl Receiver {
             Message::Attitude(record) => self.take_attitude(record, at, ledger),
             Message::Jitter(burst) => self.take_burst(burst, at, ledger),
             Message::JitterPair(pair) => self.take_pair(pair, at, ledger),
-            Message::Command(command) => return Some(Message::Response(self.handshake.answer(command))),
+            Message::Command(command) => {
+                return Some(Message::Response(self.handshake.answer(command, &mut self.tables).response));
+            }
             _ => {}
         }
         None
