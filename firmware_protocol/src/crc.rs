@@ -1,3 +1,5 @@
+//! CRC-16/IBM-3740 of the wire; CRC-32 of the DBC file.
+//!
 //! CRC-16/IBM-3740: polynomial 0x1021, start 0xFFFF, not reflected, no final inversion; check value 0x29B1.
 //!
 //! Every error burst of up to 16 bits, and every error of up to 3 bits in up to 4093 bytes, is detected.
@@ -47,6 +49,23 @@ impl Default for Crc16 {
     }
 }
 
+/// CRC-32/ISO-HDLC, bit by bit, at compile time: of the DBC file.
+#[allow(clippy::indexing_slicing, reason = "evaluated at compile time, where an index out of bounds is an error")]
+pub(crate) const fn crc32(bytes: &[u8]) -> u32 {
+    let mut crc = u32::MAX;
+    let mut at = 0;
+    while at < bytes.len() {
+        crc ^= bytes[at] as u32;
+        let mut bit = 0;
+        while bit < 8 {
+            crc = if crc & 1 == 0 { crc >> 1 } else { (crc >> 1) ^ 0xEDB8_8320 };
+            bit += 1;
+        }
+        at += 1;
+    }
+    !crc
+}
+
 const fn remainder(byte: u16) -> u16 {
     let mut crc = byte << 8;
     let mut bit = 0;
@@ -78,5 +97,12 @@ mod tests {
         assert_eq!(Crc16::new().over(b"1234").over(b"56789").value(), 0x29B1, "in two runs");
         assert_ne!(crc16(b"123456798"), 0x29B1, "the order of bytes counts");
         assert_eq!(crc16(b""), 0xFFFF);
+    }
+
+    #[test]
+    fn check_value_of_the_crc_32() {
+        assert_eq!(crc32(b"123456789"), 0xCBF4_3926);
+        assert_ne!(crc32(b"123456798"), 0xCBF4_3926, "the order of bytes counts");
+        assert_eq!(crc32(b""), 0);
     }
 }

@@ -1,9 +1,10 @@
-//! The receiving side of HELLO, INFO, RUN and STOP.
+//! The receiving side of HELLO, INFO, RUN, STOP and APPLY.
 //!
-//! A retry with the token of the last command gets the same answer and changes nothing. RUN needs a HELLO of the same
-//! major version first.
+//! A retry with the token of the last command gets the same answer and changes nothing. RUN and APPLY need a HELLO of
+//! the same major version first. Without the capability of parameter tables, APPLY is an unknown opcode, as in 1.0.
 
-use crate::message::{Command, Identity, Info, Rates, Refusal, Reply, Request, Response};
+use crate::message::{Command, Identity, Info, Rates, Refusal, Reply, Request, Response, Table, capability};
+use crate::tables::TableStore;
 use crate::{ATTITUDE_CONVENTION, version};
 
 /// What the answering side knows of itself and of its peer.
@@ -11,16 +12,44 @@ use crate::{ATTITUDE_CONVENTION, version};
 pub struct Handshake {
     dbc_crc32: u32,
     rates: Rates,
+    capabilities: u16,
     agreed: bool,
     running: bool,
     last: Option<(Command, Response)>,
 }
 
+/// What to send, and what has changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Answer {
+    /// The one response to the command.
+    pub response: Response,
+    /// What this command changed now; `None` for a retry, a refusal, and what was so already.
+    pub did: Option<Did>,
+}
+
+/// A change that a command made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Did {
+    /// Rendering is wanted from now on.
+    Run,
+    /// Rendering is no longer wanted: STOP, or a HELLO of another major version.
+    Stop,
+    /// Other rows of this table are in effect, or none.
+    Applied(Table),
+}
+
 impl Handshake {
-    /// Before the first HELLO.
+    /// Before the first HELLO; [`crate::DBC_CRC32`] is this crate's own file.
     #[must_use]
     pub const fn new(dbc_crc32: u32, rates: Rates) -> Self {
-        Self { dbc_crc32, rates, agreed: false, running: false, last: None }
+        Self { dbc_crc32, rates, capabilities: 0, agreed: false, running: false, last: None }
+    }
+
+    /// The same with [`capability`] bits to tell; none without this.
+    #[must_use]
+    pub const fn with_capabilities(mut self, capabilities: u16) -> Self {
+        self.capabilities = capabilities;
+        self
     }
 
     /// True between an accepted RUN and the next STOP or refused HELLO.
@@ -29,26 +58,36 @@ impl Handshake {
         self.running
     }
 
-    /// The one answer to a command.
-    pub fn answer(&mut self, command: &Command) -> Response {
+    /// The one answer to a command; APPLY puts uploaded rows of `tables` into effect.
+    pub fn answer(&mut self, command: &Command, tables: &mut TableStore) -> Answer {
         if let Some((last, response)) = self.last
             && last == *command
         {
-            return response;
+            return Answer { response, did: None };
         }
-        let reply = self.reply(command.request);
+        let was_running = self.running;
+        let reply = self.reply(command.request, tables);
         let response = Response { token: command.token, reply };
         self.last = Some((*command, response));
-        response
+        Answer { response, did: self.did(&reply, was_running) }
     }
 
-    fn reply(&mut self, request: Request) -> Reply {
+    fn did(&self, reply: &Reply, was_running: bool) -> Option<Did> {
+        match (reply, was_running, self.running) {
+            (Reply::Applied(applied), ..) => Some(Did::Applied(applied.table)),
+            (_, false, true) => Some(Did::Run),
+            (_, true, false) => Some(Did::Stop),
+            _ => None,
+        }
+    }
+
+    fn reply(&mut self, request: Request, tables: &mut TableStore) -> Reply {
         let refused = |reason| Reply::Refused { opcode: request.opcode(), reason };
         match request {
             Request::Hello(peer) => {
                 self.agreed = peer.major == version::MAJOR;
                 self.running &= self.agreed;
-                if self.agreed { Reply::Hello(identity()) } else { refused(Refusal::WrongMajor) }
+                if self.agreed { Reply::Hello(self.identity()) } else { refused(Refusal::WrongMajor) }
             }
             Request::Info { page: 0 } => Reply::Info(Info::DbcCrc32(self.dbc_crc32)),
             Request::Info { page: 1 } => Reply::Info(Info::Rates(self.rates)),
@@ -61,13 +100,24 @@ impl Handshake {
                 self.running = false;
                 Reply::Stop
             }
+            Request::Apply { .. } if self.capabilities & capability::PARAMETER_TABLES == 0 => {
+                refused(Refusal::UnknownOpcode)
+            }
+            Request::Apply { .. } if !self.agreed => refused(Refusal::NoHandshake),
+            Request::Apply { table, rows, crc, seed } => {
+                tables.apply(table, rows, crc, seed).map_or_else(refused, Reply::Applied)
+            }
             Request::Unknown { .. } => refused(Refusal::UnknownOpcode),
         }
     }
-}
 
-fn identity() -> Identity {
-    Identity { version: version::CURRENT, capabilities: 0, attitude_convention: ATTITUDE_CONVENTION }
+    const fn identity(&self) -> Identity {
+        Identity {
+            version: version::CURRENT,
+            capabilities: self.capabilities,
+            attitude_convention: ATTITUDE_CONVENTION,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -76,9 +126,9 @@ mod tests {
     use crate::version::Version;
 
     fn ask(handshake: &mut Handshake, token: u8, request: Request) -> Reply {
-        let response = handshake.answer(&Command { token, request });
-        assert_eq!(response.token, token);
-        response.reply
+        let answer = handshake.answer(&Command { token, request }, &mut TableStore::new());
+        assert_eq!(answer.response.token, token);
+        answer.response.reply
     }
 
     fn new() -> Handshake {
@@ -94,7 +144,7 @@ mod tests {
         assert_eq!(ask(&mut handshake, 2, other), refused(1, Refusal::WrongMajor));
         assert_eq!(ask(&mut handshake, 3, Request::Run), refused(3, Refusal::NoHandshake));
         let later_minor = Request::Hello(Version { major: version::MAJOR, minor: 9 });
-        assert_eq!(ask(&mut handshake, 4, later_minor), Reply::Hello(identity()));
+        assert_eq!(ask(&mut handshake, 4, later_minor), Reply::Hello(handshake.identity()));
         assert_eq!(ask(&mut handshake, 5, Request::Run), Reply::Run);
         assert!(handshake.is_running());
         assert_eq!(ask(&mut handshake, 6, other), refused(1, Refusal::WrongMajor));
@@ -103,15 +153,28 @@ mod tests {
 
     #[test]
     fn a_retry_gets_the_same_answer_and_changes_nothing() {
-        let mut handshake = new();
+        let (mut handshake, mut tables) = (new(), TableStore::new());
         ask(&mut handshake, 1, Request::Hello(version::CURRENT));
         let run = Command { token: 2, request: Request::Run };
-        let first = handshake.answer(&run);
+        let first = handshake.answer(&run, &mut tables);
+        assert_eq!(first.did, Some(Did::Run));
         handshake.running = false;
-        assert_eq!(handshake.answer(&run), first);
+        assert_eq!(handshake.answer(&run, &mut tables), Answer { did: None, ..first });
         assert!(!handshake.is_running(), "answered from memory, not done twice");
         ask(&mut handshake, 3, Request::Run);
         assert!(handshake.is_running(), "a new token is a new command");
+        let stop = Command { token: 4, request: Request::Stop };
+        assert_eq!(handshake.answer(&stop, &mut tables).did, Some(Did::Stop));
+    }
+
+    #[test]
+    fn a_hello_of_another_major_tells_that_it_stopped() {
+        let (mut handshake, mut tables) = (new(), TableStore::new());
+        ask(&mut handshake, 1, Request::Hello(version::CURRENT));
+        ask(&mut handshake, 2, Request::Run);
+        let other = Request::Hello(Version { major: version::MAJOR + 1, minor: 0 });
+        assert_eq!(handshake.answer(&Command { token: 3, request: other }, &mut tables).did, Some(Did::Stop));
+        assert_eq!(handshake.answer(&Command { token: 4, request: other }, &mut tables).did, None, "so already");
     }
 
     #[test]

@@ -15,6 +15,8 @@
 //!   [`message::TimeFollowUp`] carries the whole SCET.
 //!
 //! Bad input never panics: each refusal is one [`Reject`], to be counted in [`RejectCounters`].
+//! For other languages: `INTERFACE.md` (byte tables), `dbc/`, `c/` (C99), `staticlib/` (this crate behind the C header),
+//! `vectors.json` (bytes of every message).
 //! `tests/frozen_v1.rs` holds the exact bytes, `tests/properties` the round trips, damage and arbitrary input.
 
 #![no_std]
@@ -31,7 +33,7 @@ pub mod can;
 /// CRC-16/IBM-3740.
 pub mod crc;
 mod encode_error;
-/// The receiving side of HELLO, INFO, RUN and STOP.
+/// The receiving side of HELLO, INFO, RUN, STOP and APPLY.
 pub mod handshake;
 /// What is said, whatever carries it.
 pub mod message;
@@ -40,6 +42,8 @@ mod scaled;
 mod sequence;
 /// Serial framing: COBS, header, CRC.
 pub mod serial;
+/// Parameter tables of jitter: upload, checks, rows in effect.
+pub mod tables;
 /// Protocol version and how it may change.
 pub mod version;
 
@@ -50,3 +54,6 @@ pub use reject::{Reject, RejectCounters};
 
 /// The only attitude convention of this major version: Hamilton, scalar first, passive `body_from_icrf`.
 pub const ATTITUDE_CONVENTION: u8 = 1;
+
+/// CRC-32/ISO-HDLC of `dbc/starloop.dbc`, which INFO tells: both ends can see that they speak from the same file.
+pub const DBC_CRC32: u32 = crc::crc32(include_bytes!("../dbc/starloop.dbc"));

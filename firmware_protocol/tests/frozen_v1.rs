@@ -7,9 +7,10 @@
 use firmware_protocol::can::{self, CanFrame, Format, IdMap};
 use firmware_protocol::message::{
     AttitudeFlags, AttitudeRecord, Command, Exposure, Heartbeat, Identity, Info, JitterBurst, JitterPair, NodeState,
-    PointingAngle, Rates, Refusal, Reply, Request, Response, Scet, StatusPage, StimulatorMode, Sync, TimeFollowUp,
-    Wheels,
+    PointingAngle, Rates, Refusal, Reply, Request, Response, Scet, StatusPage, StimulatorMode, Sync, Table, TableCell,
+    TimeFollowUp, Wheels,
 };
+use firmware_protocol::tables::{self, Applied, LineRow};
 use firmware_protocol::version::{self, Version};
 use firmware_protocol::{Message, Reject, serial};
 
@@ -57,8 +58,8 @@ fn attitude(flags: AttitudeFlags) -> AttitudeRecord {
 }
 
 #[test]
-fn version_is_1_0() {
-    assert_eq!((version::MAJOR, version::MINOR), (1, 0));
+fn version_is_1_1() {
+    assert_eq!((version::MAJOR, version::MINOR), (1, 1));
 }
 
 #[test]
@@ -104,6 +105,8 @@ fn commands() {
     command(6, Request::Info { page: 1 }, "02 06 01 00 00 00 00 00");
     command(8, Request::Run, "03 08 00 00 00 00 00 00");
     command(9, Request::Stop, "04 09 00 00 00 00 00 00");
+    let apply = Request::Apply { table: 2, rows: 32, crc: 0xBEEF, seed: 0x1234 };
+    command(10, apply, "05 0a 02 20 ef be 34 12");
     command(9, Request::Unknown { opcode: 200 }, "c8 09 00 00 00 00 00 00");
 }
 
@@ -117,8 +120,29 @@ fn responses() {
     let rates = Rates { attitude_hz: 100, jitter_hz: 1000 };
     response(7, Reply::Info(Info::Rates(rates)), "02 07 00 01 64 00 e8 03");
     response(8, Reply::Run, "03 08 00 00 00 00 00 00");
+    response(10, Reply::Applied(Applied { table: Table::Psd, rows: 32 }), "05 0a 00 02 20 00 00 00");
+    let incomplete = Reply::Refused { opcode: 5, reason: Refusal::TableIncomplete };
+    response(10, incomplete, "05 0a 05 00 00 00 00 00");
     let refused = Reply::Refused { opcode: 3, reason: Refusal::NoHandshake };
     response(9, refused, "03 09 03 00 00 00 00 00");
+}
+
+#[test]
+fn table_cells() {
+    for (table, row, column, value, hex) in [
+        (Table::Lines, 31, 4, -0.5, "01 1f 04 00 00 00 00 bf"),
+        (Table::Psd, 0, 0, 10.0, "02 00 00 00 00 00 20 41"),
+        (Table::WheelHarmonics, 63, 6, 1.0, "03 3f 06 00 00 00 80 3f"),
+    ] {
+        single(Message::Table(TableCell { table, row, column, value }), 0x483, hex);
+    }
+}
+
+/// What APPLY carries for a table: 10 Hz, amplitudes 1, 2, 3 arcsec, phase 0.5 rad.
+#[test]
+fn table_crc() {
+    let row = LineRow { frequency_hz: 10.0, amplitude_xyz_arcsec: [1.0, 2.0, 3.0], phase_rad: 0.5 };
+    assert_eq!(tables::crc(&[row]), 0x256C);
 }
 
 const ATTITUDE_48: &str = "01 02 03 04 2a 03 6e 4a 00 00 00 3f 00 00 00 bf 00 00 00 3f 00 00 00 bf \

@@ -44,7 +44,7 @@ impl Receiver {
             clock: RemoteClock::new(params.clock),
             history: AttitudeHistory::new(params.history),
             jitter,
-            session: Session::new(SessionParams::default(), 0),
+            session: Session::new(SessionParams::default()),
             sync: None,
             newest_epoch: None,
             newest_arrival: None,
@@ -55,7 +55,7 @@ impl Receiver {
     /// The same with a session kept in another way than the default; before anything is heard.
     #[must_use]
     pub fn with_session(mut self, params: SessionParams) -> Self {
-        self.session = Session::new(params, 0);
+        self.session = Session::new(params);
         self
     }
 
@@ -115,7 +115,10 @@ impl Receiver {
             Message::Attitude(record) => self.take_attitude(record, at, ledger),
             Message::Jitter(burst) => self.take_burst(burst, at, ledger),
             Message::JitterPair(pair) => self.take_pair(pair, at, ledger),
-            Message::Command(command) => return Some(Message::Response(self.session.answer(command, at, ledger))),
+            Message::Command(command) => {
+                return Some(Message::Response(self.session.answer(command, at, ledger).response));
+            }
+            Message::Table(cell) => self.session.put(cell),
             Message::Heartbeat(heartbeat) => self.session.hear(heartbeat, at, ledger),
             _ => {}
         }

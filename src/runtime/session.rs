@@ -7,12 +7,15 @@
 
 use crate::base::time::{Span, Tai};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use firmware_protocol::handshake::Handshake;
-use firmware_protocol::message::{Command, Heartbeat, NodeState, Rates, Reply, Request, Response};
-use firmware_protocol::version;
+use firmware_protocol::handshake::{Answer, Handshake};
+use firmware_protocol::message::{Command, Heartbeat, NodeState, Rates, Reply, Request, TableCell, capability};
+use firmware_protocol::tables::TableStore;
+use firmware_protocol::{DBC_CRC32, version};
 
 /// Highest rates taken: what the protocol has room for.
 const RATES: Rates = Rates { attitude_hz: 100, jitter_hz: 1000 };
+/// What the stimulator takes beside attitude.
+const CAPABILITIES: u16 = capability::JITTER_SAMPLES;
 
 /// When frames begin to show stars.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,6 +47,7 @@ impl Default for SessionParams {
 pub struct Session {
     params: SessionParams,
     handshake: Handshake,
+    tables: TableStore,
     /// Stopped, or refused, since the last RUN.
     is_halted: bool,
     /// The last heartbeat heard.
@@ -52,11 +56,22 @@ pub struct Session {
 }
 
 impl Session {
-    /// Before the first word. `dbc_crc32` is told to whoever asks.
+    /// Before the first word.
     #[must_use]
-    pub fn new(params: SessionParams, dbc_crc32: u32) -> Self {
-        let handshake = Handshake::new(dbc_crc32, RATES);
-        Self { params, handshake, is_halted: false, heard: None, is_silent: false }
+    pub fn new(params: SessionParams) -> Self {
+        let handshake = Handshake::new(DBC_CRC32, RATES).with_capabilities(CAPABILITIES);
+        Self { params, handshake, tables: TableStore::new(), is_halted: false, heard: None, is_silent: false }
+    }
+
+    /// The parameter tables in effect.
+    #[must_use]
+    pub fn tables(&self) -> &TableStore {
+        &self.tables
+    }
+
+    /// Takes one cell of a table in; it has no effect before APPLY.
+    pub fn put(&mut self, cell: &TableCell) {
+        self.tables.put(cell);
     }
 
     /// True when frames show what is received.
@@ -75,10 +90,10 @@ impl Session {
     }
 
     /// The one answer to a command that arrived at `at`.
-    pub fn answer(&mut self, command: &Command, at: Tai, ledger: &mut Ledger) -> Response {
+    pub fn answer(&mut self, command: &Command, at: Tai, ledger: &mut Ledger) -> Answer {
         let was_rendering = self.is_rendering();
-        let response = self.handshake.answer(command);
-        match (command.request, response.reply) {
+        let answer = self.handshake.answer(command, &mut self.tables);
+        match (command.request, answer.response.reply) {
             (Request::Hello(_), Reply::Refused { .. }) => {
                 self.is_halted = true;
                 ledger.note(Event::new(EventKind::VersionRefused, at, None, Span::ZERO));
@@ -93,7 +108,7 @@ impl Session {
             (true, false) => ledger.note(Event::new(EventKind::SessionHalt, at, None, Span::ZERO)),
             _ => {}
         }
-        response
+        answer
     }
 
     /// Takes a heartbeat of the flight computer in.
@@ -135,14 +150,14 @@ mod tests {
 
     fn talk(start: SessionStart) -> Talk {
         let params = SessionParams { start, ..SessionParams::default() };
-        Talk { session: Session::new(params, 7), ledger: Ledger::default(), token: 0 }
+        Talk { session: Session::new(params), ledger: Ledger::default(), token: 0 }
     }
 
     impl Talk {
         fn say(&mut self, request: Request) -> Reply {
             self.token += 1;
             let command = Command { token: self.token, request };
-            self.session.answer(&command, at_ms(0), &mut self.ledger).reply
+            self.session.answer(&command, at_ms(0), &mut self.ledger).response.reply
         }
 
         fn count(&self, kind: EventKind) -> u64 {

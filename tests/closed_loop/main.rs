@@ -13,4 +13,5 @@ mod deadline;
 mod degraded;
 mod pixels;
 mod program;
+mod session;
 mod study;

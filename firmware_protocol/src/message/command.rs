@@ -1,7 +1,9 @@
 //! Commands of the flight computer, and the one answer each gets.
 
+use super::table::Table;
 use crate::Reject;
 use crate::bytes::{Reader, Writer};
+use crate::tables::Applied;
 use crate::version::Version;
 
 /// First byte of commands and responses.
@@ -14,6 +16,18 @@ pub mod opcode {
     pub const RUN: u8 = 3;
     /// Stop rendering.
     pub const STOP: u8 = 4;
+    /// Put uploaded rows of a parameter table into effect. Since protocol 1.1.
+    pub const APPLY: u8 = 5;
+}
+
+/// Bits of [`Identity::capabilities`]. A 1.0 stimulator sends none.
+pub mod capability {
+    /// TABLE and APPLY are taken.
+    pub const PARAMETER_TABLES: u16 = 1;
+    /// JITTER and JITTER_FD are taken.
+    pub const JITTER_SAMPLES: u16 = 1 << 1;
+    /// WHEELS is taken.
+    pub const WHEELS: u16 = 1 << 2;
 }
 
 /// `0x60n`, 8 bytes.
@@ -22,7 +36,7 @@ pub mod opcode {
 /// |---|---|
 /// | 0 | opcode |
 /// | 1 | token: a retry repeats it, a new command changes it |
-/// | 2..8 | arguments: HELLO major, minor; INFO page; the rest zero |
+/// | 2..8 | arguments: HELLO major, minor; INFO page; APPLY table, rows, CRC-16, seed u16; the rest zero |
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Command {
     /// Names this command; its response carries the same.
@@ -45,6 +59,17 @@ pub enum Request {
     Run,
     /// Stop rendering.
     Stop,
+    /// Rows `0..rows` of a parameter table become effective: [`crate::tables::TableStore::apply`].
+    Apply {
+        /// Number of the table; kept as it came, so that an unknown one can be refused by name.
+        table: u8,
+        /// Rows; 0 clears the table.
+        rows: u8,
+        /// CRC-16 over the values: [`crate::tables::crc`].
+        crc: u16,
+        /// Seed of the noise; for [`Table::Psd`] only.
+        seed: u16,
+    },
     /// An opcode of a later minor version: kept, so that it can be refused by name.
     Unknown {
         /// The opcode.
@@ -59,7 +84,7 @@ pub enum Request {
 /// | 0 | opcode of the command |
 /// | 1 | token of the command |
 /// | 2 | code: 0 done, else the refusal |
-/// | 3..8 | HELLO: major, minor, capabilities u16, attitude convention; INFO: page, value u32; the rest zero |
+/// | 3..8 | HELLO: major, minor, capabilities u16, attitude convention; INFO: page, value u32; APPLY: table, rows; the rest zero |
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Response {
     /// Token of the command.
@@ -79,6 +104,8 @@ pub enum Reply {
     Run,
     /// No longer rendering.
     Stop,
+    /// The table is in effect.
+    Applied(Applied),
     /// Not done.
     Refused {
         /// Opcode of the command.
@@ -93,7 +120,7 @@ pub enum Reply {
 pub struct Identity {
     /// Protocol version.
     pub version: Version,
-    /// One bit per capability; none is defined by version 1.0.
+    /// One bit per capability: [`capability`].
     pub capabilities: u16,
     /// [`crate::ATTITUDE_CONVENTION`].
     pub attitude_convention: u8,
@@ -125,14 +152,35 @@ pub enum Refusal {
     UnknownOpcode = 1,
     /// Another major version.
     WrongMajor = 2,
-    /// RUN before a successful HELLO.
+    /// RUN or APPLY before a successful HELLO.
     NoHandshake = 3,
     /// No such page.
     UnknownPage = 4,
+    /// APPLY before every cell of its rows has come.
+    TableIncomplete = 5,
+    /// The CRC-16 of APPLY does not match the cells received.
+    TableCrc = 6,
+    /// No such table, too many rows, or a value that its column forbids.
+    TableValue = 7,
 }
 
 impl Refusal {
-    const ALL: [Self; 4] = [Self::UnknownOpcode, Self::WrongMajor, Self::NoHandshake, Self::UnknownPage];
+    /// Every refusal, in the order of the codes, which begin with 1.
+    pub const ALL: [Self; 7] = [
+        Self::UnknownOpcode,
+        Self::WrongMajor,
+        Self::NoHandshake,
+        Self::UnknownPage,
+        Self::TableIncomplete,
+        Self::TableCrc,
+        Self::TableValue,
+    ];
+
+    /// The code in RSP.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        self as u8
+    }
 }
 
 impl Request {
@@ -144,6 +192,7 @@ impl Request {
             Self::Info { .. } => opcode::INFO,
             Self::Run => opcode::RUN,
             Self::Stop => opcode::STOP,
+            Self::Apply { .. } => opcode::APPLY,
             Self::Unknown { opcode } => *opcode,
         }
     }
@@ -151,12 +200,13 @@ impl Request {
 
 impl Command {
     pub(crate) fn write(&self, to: &mut Writer) {
-        let arguments = match self.request {
-            Request::Hello(version) => [version.major, version.minor],
-            Request::Info { page } => [page, 0],
-            Request::Run | Request::Stop | Request::Unknown { .. } => [0, 0],
+        to.u8(self.request.opcode()).u8(self.token);
+        match self.request {
+            Request::Hello(version) => to.u8(version.major).u8(version.minor).u32(0),
+            Request::Info { page } => to.u8(page).u8(0).u32(0),
+            Request::Apply { table, rows, crc, seed } => to.u8(table).u8(rows).u16(crc).u16(seed),
+            Request::Run | Request::Stop | Request::Unknown { .. } => to.u16(0).u32(0),
         };
-        to.u8(self.request.opcode()).u8(self.token).put(&arguments).u32(0);
     }
 
     pub(crate) fn read(from: &mut Reader<'_>) -> Result<Self, Reject> {
@@ -166,6 +216,7 @@ impl Command {
             opcode::INFO => Request::Info { page: a },
             opcode::RUN => Request::Run,
             opcode::STOP => Request::Stop,
+            opcode::APPLY => Request::Apply { table: a, rows: b, crc: from.u16()?, seed: from.u16()? },
             _ => Request::Unknown { opcode },
         };
         Ok(Self { token, request })
@@ -203,6 +254,7 @@ impl Reply {
             Self::Info(_) => opcode::INFO,
             Self::Run => opcode::RUN,
             Self::Stop => opcode::STOP,
+            Self::Applied(_) => opcode::APPLY,
             Self::Refused { opcode, .. } => *opcode,
         }
     }
@@ -217,6 +269,10 @@ impl Reply {
             opcode::INFO => Info::read(from).map(Self::Info),
             opcode::RUN => Ok(Self::Run),
             opcode::STOP => Ok(Self::Stop),
+            opcode::APPLY => {
+                let table = Table::from_number(from.u8()?).ok_or(Reject::UnknownValue)?;
+                Ok(Self::Applied(Applied { table, rows: from.u8()? }))
+            }
             _ => Err(Reject::UnknownValue),
         }
     }
@@ -235,6 +291,7 @@ impl Response {
                 to.u8(0).u8(page).u32(value)
             }
             Reply::Run | Reply::Stop => to.u8(0).put(&[0; 5]),
+            Reply::Applied(Applied { table, rows }) => to.u8(0).u8(table.number()).u8(rows).put(&[0; 3]),
             Reply::Refused { reason, .. } => to.u8(reason as u8).put(&[0; 5]),
         };
     }

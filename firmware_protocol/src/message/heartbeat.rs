@@ -1,4 +1,4 @@
-//! Sign of life of either side.
+//! Sign of life of the flight computer. The stimulator's is STATUS: two nodes must not send one identifier.
 
 use crate::Reject;
 use crate::bytes::{Reader, Writer};

@@ -6,15 +6,17 @@ mod exposure;
 mod heartbeat;
 mod jitter;
 mod status;
+mod table;
 mod time;
 mod wheels;
 
 pub use attitude::{AttitudeFlags, AttitudeRecord, NORM_TOLERANCE};
-pub use command::{Command, Identity, Info, Rates, Refusal, Reply, Request, Response, opcode};
+pub use command::{Command, Identity, Info, Rates, Refusal, Reply, Request, Response, capability, opcode};
 pub use exposure::Exposure;
 pub use heartbeat::{Heartbeat, NodeState};
 pub use jitter::{JITTER_BURST_MAX, JitterBurst, JitterPair, PAIR_PERIOD_US};
 pub use status::{PointingAngle, StatusPage, StimulatorMode};
+pub use table::{Table, TableCell};
 pub use time::{Scet, Sync, TimeFollowUp};
 pub use wheels::Wheels;
 
@@ -53,6 +55,8 @@ pub enum MessageId {
     Attitude = 0x30,
     /// [`JitterBurst`].
     Jitter = 0x31,
+    /// [`TableCell`].
+    Table = 0x48,
     /// [`Response`].
     Response = 0x58,
     /// [`Command`].
@@ -63,7 +67,7 @@ pub enum MessageId {
 
 impl MessageId {
     /// Every message number, ascending.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::Sync,
         Self::Exposure,
         Self::Status,
@@ -77,6 +81,7 @@ impl MessageId {
         Self::JitterPair,
         Self::Attitude,
         Self::Jitter,
+        Self::Table,
         Self::Response,
         Self::Command,
         Self::Heartbeat,
@@ -95,6 +100,31 @@ impl MessageId {
     pub const fn number(self) -> u8 {
         self as u8
     }
+
+    /// Bytes of its frame on CAN; of its payload on a serial line, where the message travels in one piece.
+    #[must_use]
+    pub const fn len_bytes(self) -> usize {
+        match self {
+            Self::Sync => 1,
+            Self::Heartbeat => 2,
+            Self::Attitude => 48,
+            Self::Jitter => 64,
+            _ => 8,
+        }
+    }
+
+    /// False for the parts of the classic attitude group, which only classic CAN has.
+    #[must_use]
+    pub const fn is_whole(self) -> bool {
+        !matches!(
+            self,
+            Self::AttitudeQ01
+                | Self::AttitudeQ23
+                | Self::AttitudeRate
+                | Self::AttitudeAcceleration
+                | Self::AttitudeCommit
+        )
+    }
 }
 
 /// One message. Values that come from a decoder are legal: finite, of unit norm, of known enumerations.
@@ -112,6 +142,8 @@ pub enum Message {
     JitterPair(JitterPair),
     /// Reaction wheel speeds.
     Wheels(Wheels),
+    /// One cell of a parameter table.
+    Table(TableCell),
     /// One exposure as the stimulator rendered it.
     Exposure(Exposure),
     /// One page of the stimulator's state.
@@ -135,6 +167,7 @@ impl Message {
             Self::Jitter(_) => MessageId::Jitter,
             Self::JitterPair(_) => MessageId::JitterPair,
             Self::Wheels(_) => MessageId::Wheels,
+            Self::Table(_) => MessageId::Table,
             Self::Exposure(_) => MessageId::Exposure,
             Self::Status(_) => MessageId::Status,
             Self::Command(_) => MessageId::Command,
@@ -157,6 +190,7 @@ impl Message {
             Self::Jitter(burst) => burst.write(&mut to)?,
             Self::JitterPair(pair) => pair.write(&mut to)?,
             Self::Wheels(wheels) => wheels.write(&mut to)?,
+            Self::Table(cell) => cell.write(&mut to),
             Self::Exposure(exposure) => exposure.write(&mut to),
             Self::Status(page) => page.write(&mut to),
             Self::Command(command) => command.write(&mut to),
@@ -171,7 +205,10 @@ impl Message {
     /// # Errors
     /// The reason why it is no legal message.
     pub fn from_payload(id: MessageId, bytes: &[u8]) -> Result<Self, Reject> {
-        let from = &mut Reader::exact(bytes, payload_len(id).ok_or(Reject::UnknownId)?)?;
+        if !id.is_whole() {
+            return Err(Reject::UnknownId);
+        }
+        let from = &mut Reader::exact(bytes, id.len_bytes())?;
         match id {
             MessageId::Sync => Sync::read(from).map(Self::Sync),
             MessageId::TimeFollowUp => TimeFollowUp::read(from).map(Self::TimeFollowUp),
@@ -179,6 +216,7 @@ impl Message {
             MessageId::Jitter => JitterBurst::read(from).map(Self::Jitter),
             MessageId::JitterPair => JitterPair::read(from).map(Self::JitterPair),
             MessageId::Wheels => Wheels::read(from).map(Self::Wheels),
+            MessageId::Table => TableCell::read(from).map(Self::Table),
             MessageId::Exposure => Exposure::read(from).map(Self::Exposure),
             MessageId::Status => StatusPage::read(from).map(Self::Status),
             MessageId::Command => Command::read(from).map(Self::Command),
@@ -190,21 +228,5 @@ impl Message {
             | MessageId::AttitudeAcceleration
             | MessageId::AttitudeCommit => Err(Reject::UnknownId),
         }
-    }
-}
-
-/// Bytes of a message that travels in one piece; `None` for the parts of the classic attitude group.
-fn payload_len(id: MessageId) -> Option<usize> {
-    match id {
-        MessageId::Sync => Some(1),
-        MessageId::Heartbeat => Some(2),
-        MessageId::Attitude => Some(48),
-        MessageId::Jitter => Some(64),
-        MessageId::AttitudeQ01
-        | MessageId::AttitudeQ23
-        | MessageId::AttitudeRate
-        | MessageId::AttitudeAcceleration
-        | MessageId::AttitudeCommit => None,
-        _ => Some(8),
     }
 }

@@ -2,8 +2,9 @@
 
 use firmware_protocol::message::{
     AttitudeFlags, AttitudeRecord, Command, Exposure, Heartbeat, JitterBurst, JitterPair, NodeState, PointingAngle,
-    Reply, Request, Response, Scet, StatusPage, Sync, TimeFollowUp, Wheels,
+    Reply, Request, Response, Scet, StatusPage, Sync, Table, TableCell, TimeFollowUp, Wheels,
 };
+use firmware_protocol::tables::Applied;
 use firmware_protocol::{Message, Reject};
 use proptest::array::{uniform2, uniform3, uniform4};
 use proptest::prelude::*;
@@ -59,6 +60,27 @@ fn status() -> impl Strategy<Value = StatusPage> {
     ]
 }
 
+fn cell() -> impl Strategy<Value = TableCell> {
+    let value = prop::num::f32::NORMAL | prop::num::f32::ZERO;
+    (prop::sample::select(&Table::ALL[..]), any::<u8>(), any::<u8>(), value).prop_map(|(table, row, column, value)| {
+        TableCell { table, row: row % table.rows_max(), column: column % table.columns(), value }
+    })
+}
+
+fn apply() -> impl Strategy<Value = Request> {
+    (any::<u8>(), any::<u8>(), any::<u16>(), any::<u16>()).prop_map(|(table, rows, crc, seed)| Request::Apply {
+        table,
+        rows,
+        crc,
+        seed,
+    })
+}
+
+fn applied() -> impl Strategy<Value = Reply> {
+    (prop::sample::select(&Table::ALL[..]), any::<u8>())
+        .prop_map(|(table, rows)| Reply::Applied(Applied { table, rows }))
+}
+
 /// Any message except a jitter burst, which classic CAN does not carry.
 pub(crate) fn classic_message() -> impl Strategy<Value = Message> {
     let follow_up = (any::<u32>(), 0_u32..1 << 24, any::<u8>());
@@ -77,7 +99,10 @@ pub(crate) fn classic_message() -> impl Strategy<Value = Message> {
         status().prop_map(Message::Status),
         (any::<u8>(), any::<u8>())
             .prop_map(|(token, page)| Message::Command(Command { token, request: Request::Info { page } })),
+        (any::<u8>(), apply()).prop_map(|(token, request)| Message::Command(Command { token, request })),
         any::<u8>().prop_map(|token| Message::Response(Response { token, reply: Reply::Stop })),
+        (any::<u8>(), applied()).prop_map(|(token, reply)| Message::Response(Response { token, reply })),
+        cell().prop_map(Message::Table),
         any::<u8>().prop_map(|major| Message::Heartbeat(Heartbeat { state: NodeState::Fault, major })),
     ]
 }

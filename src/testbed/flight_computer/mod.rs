@@ -12,6 +12,7 @@ mod remote_clock;
 mod runner;
 mod schedule;
 mod slew;
+mod talk;
 #[cfg(test)]
 mod tests;
 
@@ -33,6 +34,7 @@ use firmware_protocol::message::{
 use firmware_protocol::{Message, version};
 use glam::DVec3;
 use schedule::{Schedule, Stream};
+use talk::Talk;
 
 /// What the flight computer does.
 #[derive(Debug, Clone, PartialEq)]
@@ -112,6 +114,7 @@ pub struct FlightComputer {
     vehicle: Option<Box<Vehicle>>,
     clock: RemoteClock,
     schedule: Schedule,
+    talk: Talk,
     noise: Gaussian,
     sent_sync: Option<SentSync>,
     received: Received,
@@ -122,9 +125,10 @@ impl FlightComputer {
     #[must_use]
     pub fn new(params: FlightComputerParams) -> Self {
         let clock = RemoteClock::new(params.boot, params.clock_drift_ppm);
-        let schedule = Schedule::new(clock.elapsed_us(params.stream_start), params.attitude_hz, params.jitter);
-        let noise = Gaussian::new(params.seed);
-        Self { params, vehicle: None, clock, schedule, noise, sent_sync: None, received: Received::default() }
+        let start_us = clock.elapsed_us(params.stream_start);
+        let schedule = Schedule::new(start_us, params.attitude_hz, params.jitter);
+        let (talk, noise) = (Talk::new(start_us), Gaussian::new(params.seed));
+        Self { params, vehicle: None, clock, schedule, talk, noise, sent_sync: None, received: Received::default() }
     }
 
     /// The same with a vehicle that flies the attitude. Jitter on the bus is the vehicle's micro-vibration.
@@ -153,7 +157,7 @@ impl FlightComputer {
     /// When the next message, or the vehicle's next control step, is due.
     #[must_use]
     pub fn next_due(&self) -> Tai {
-        let message = self.clock.at_us(self.schedule.next().1);
+        let message = self.clock.at_us(self.schedule.next().1.min(self.talk.next_us()));
         self.vehicle.as_ref().map_or(message, |vehicle| vehicle.next_due().min(message))
     }
 
@@ -161,6 +165,12 @@ impl FlightComputer {
     #[must_use]
     pub fn received(&self) -> &Received {
         &self.received
+    }
+
+    /// True when the stimulator has accepted its RUN.
+    #[must_use]
+    pub fn is_running(&self) -> bool {
+        self.talk.is_running()
     }
 
     /// The scripted attitude at `at`, without noise and jitter.
@@ -182,6 +192,9 @@ impl FlightComputer {
     /// When the port refuses a message or fails, or the vehicle cannot be flown on.
     pub fn step(&mut self, now: Tai, port: &mut Port) -> Result<(), FlightError> {
         self.listen(now, port)?;
+        if let Some(command) = self.talk.take(self.clock.elapsed_us(now)) {
+            port.send(&Message::Command(command))?;
+        }
         loop {
             let message_due = self.clock.at_us(self.schedule.next().1);
             match self.vehicle.as_mut() {
@@ -199,6 +212,9 @@ impl FlightComputer {
     pub fn listen(&mut self, now: Tai, port: &mut Port) -> Result<(), FlightError> {
         while let Some(message) = port.receive(now)? {
             self.tag_frame(&message);
+            if let Message::Response(response) = &message.value {
+                self.talk.hear(response, self.clock.elapsed_us(message.at));
+            }
             self.received.count(message);
         }
         Ok(())

@@ -1,0 +1,339 @@
+#!/usr/bin/env python3
+"""Byte-exact test vectors of the wire protocol: python3 firmware_protocol/vectors.py > firmware_protocol/vectors.json
+
+Written from the byte tables of INTERFACE.md with struct alone, so that it shares nothing with the codecs that are held
+to its output. Each vector gives a message by its physical values, and its bytes on CAN FD, on classic CAN (null where
+classic CAN does not carry it) and on a serial line with the packet's sequence number. The vectors under "rejected" give
+the input, in order, and the reason for which its last piece is refused; what comes before is accepted.
+"""
+
+import json
+import math
+import struct
+
+MAJOR, MINOR = 1, 1
+REJECTS = ["NotFinite", "QuaternionNorm", "BadCrc", "WrongLength", "TornGroup", "UnknownId", "UnknownValue",
+           "WrongVersion", "ReplayedSequence", "StaleTime", "FutureTime", "BadFraming", "Oversize"]
+NUMBERS = {"SYNC": 0x08, "EXPOSURE": 0x18, "STATUS": 0x19, "TIME_FUP": 0x20, "ATT_Q01": 0x21, "ATT_Q23": 0x22,
+           "ATT_W": 0x23, "ATT_A": 0x24, "ATT_T": 0x25, "WHEELS": 0x28, "JITTER": 0x2A, "ATT_FD": 0x30,
+           "JITTER_FD": 0x31, "TABLE": 0x48, "RSP": 0x58, "CMD": 0x60, "HEARTBEAT": 0x70}
+
+
+def crc16(data):
+    """CRC-16/IBM-3740, bit by bit."""
+    crc = 0xFFFF
+    for byte in data:
+        crc ^= byte << 8
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x1021 if crc & 0x8000 else crc << 1) & 0xFFFF
+    return crc
+
+
+def cobs(plain):
+    """Each run between zeros with its length + 1 before it. No packet is long enough for a run of 254."""
+    runs = plain.split(b"\0")
+    assert all(len(run) < 254 for run in runs)
+    return b"".join(bytes([len(run) + 1]) + run for run in runs)
+
+
+def counts(value, lsb):
+    """Nearest count, halves away from zero, of the value as f32."""
+    exact = struct.unpack("<f", struct.pack("<f", value))[0] / lsb
+    return int(math.copysign(math.floor(abs(exact) + 0.5), exact))
+
+
+def packed(values, lsb, bits, shift=0):
+    """Two's complement fields from bit `shift` of a 64-bit word upwards."""
+    word = 0
+    for i, value in enumerate(values):
+        word |= (counts(value, lsb) & (1 << bits) - 1) << shift + bits * i
+    return word
+
+
+def attitude_flags(f):
+    return f["rate_valid"] | f["acceleration_valid"] << 1
+
+
+def attitude(f):
+    head = struct.pack("<IBB", f["t_us"], f["seq"], attitude_flags(f))
+    values = struct.pack("<10f", *f["q_wxyz"], *f["rate_rad_s"], *f["acceleration_rad_s2"])
+    return head + struct.pack("<H", crc16(head + values)) + values
+
+
+def attitude_group(f):
+    parts = [("ATT_Q01", struct.pack("<2f", *f["q_wxyz"][:2])), ("ATT_Q23", struct.pack("<2f", *f["q_wxyz"][2:]))]
+    if f["rate_valid"]:
+        parts.append(("ATT_W", struct.pack("<Q", packed(f["rate_rad_s"], 1e-6, 21))))
+    if f["acceleration_valid"]:
+        parts.append(("ATT_A", struct.pack("<Q", packed(f["acceleration_rad_s2"], 1e-6, 21))))
+    head = struct.pack("<IBB", f["t_us"], f["seq"], attitude_flags(f))
+    crc = crc16(b"".join(data for _, data in parts) + head)
+    return [*parts, ("ATT_T", head + struct.pack("<H", crc))]
+
+
+def jitter_fd(f):
+    samples = [counts(value, 0.01) for sample in f["samples_arcsec"] for value in sample]
+    head = struct.pack("<IHBB", f["t_first_us"], f["period_us"], f["seq"], len(f["samples_arcsec"]))
+    return head + struct.pack("<28h", *samples, *[0] * (28 - len(samples)))
+
+
+def jitter(f):
+    flat = [value for sample in f["samples_arcsec"] for value in sample]
+    return struct.pack("<Q", packed(flat, 0.02, 14, 8) | f["slot"])
+
+
+def status(f):
+    page = f["page"]
+    if page == 0:
+        return struct.pack("<BBHI", 0, f["mode"], f["frames"], f["latency_us"])
+    if page == 1:
+        return struct.pack("<BBhf", 1, 0, f["horizon_10us"], f["error_arcsec"])
+    if page == 2:
+        return struct.pack("<BBhi", 2, 0, f["drift_0_1ppm"], f["residual_ns"])
+    if page == 3:
+        return struct.pack("<BBHI", 3, f["reason"], 0, f["count"])
+    return struct.pack("<BBHI", page, f["frame"], 0, f["turns_2_32"])
+
+
+def command(f):
+    arguments = {1: lambda: struct.pack("<BBI", f["major"], f["minor"], 0),
+                 2: lambda: struct.pack("<B5x", f["page"]),
+                 5: lambda: struct.pack("<BBHH", f["table"], f["rows"], f["crc16"], f["seed"])}
+    return bytes([f["opcode"], f["token"]]) + arguments.get(f["opcode"], lambda: bytes(6))()
+
+
+def response(f):
+    results = {1: lambda: struct.pack("<BBHB", f["major"], f["minor"], f["capabilities"], f["attitude_convention"]),
+               2: lambda: (struct.pack("<BI", 0, f["dbc_crc32"]) if f["page"] == 0
+                           else struct.pack("<BHH", 1, f["attitude_hz"], f["jitter_hz"])),
+               5: lambda: struct.pack("<BB3x", f["table"], f["rows"])}
+    done = results.get(f["opcode"], lambda: bytes(5)) if f["code"] == 0 else lambda: bytes(5)
+    return bytes([f["opcode"], f["token"], f["code"]]) + done()
+
+
+PAYLOADS = {
+    "SYNC": lambda f: struct.pack("<B", f["counter"]),
+    "TIME_FUP": lambda f: struct.pack("<II", f["seconds"], f["fraction_2_24"])[:7] + bytes([f["counter"]]),
+    "EXPOSURE": lambda f: struct.pack("<BBIH", f["frame"], f["attitude_seq"], f["mid_exposure_us"], f["age_us"] // 10),
+    "STATUS": status,
+    "WHEELS": lambda f: struct.pack("<4h", *[counts(value, 0.25) for value in f["speed_rpm"]]),
+    "JITTER": jitter,
+    "ATT_FD": attitude,
+    "JITTER_FD": jitter_fd,
+    "TABLE": lambda f: struct.pack("<BBBBf", f["table"], f["row"], f["column"], 0, f["value"]),
+    "RSP": response,
+    "CMD": command,
+    "HEARTBEAT": lambda f: struct.pack("<BB", f["state"], f["major"]),
+}
+
+
+def identifier(name, base, node):
+    return base + (NUMBERS[name] << 4 | (0 if name == "SYNC" else node))
+
+
+def frame(name, data, base=0, node=0):
+    return {"id": f"{identifier(name, base, node):03X}", "data": data.hex()}
+
+
+def line(number, seq, payload, major=MAJOR):
+    packet = bytes([major, number, seq, len(payload)]) + payload
+    return cobs(packet + struct.pack("<H", crc16(packet))) + b"\0"
+
+
+def vector(name, message, seq, fields, base=0, node=0):
+    data = PAYLOADS[message](fields)
+    if message == "ATT_FD":
+        classic = [frame(part, bytes_, base, node) for part, bytes_ in attitude_group(fields)]
+    else:
+        classic = [frame(message, data, base, node)] if len(data) <= 8 else None
+    return {"name": name, "message": message, "fields": fields, "base": base, "node": node,
+            "fd": frame(message, data, base, node), "classic": classic,
+            "serial": {"seq": seq, "data": line(NUMBERS[message], seq, data).hex()}}
+
+
+def attitude_fields(**changes):
+    s, c = math.sin(0.3), math.cos(0.3)
+    return {"t_us": 123456789, "seq": 42, "rate_valid": True, "acceleration_valid": True,
+            "q_wxyz": [c, 0.6 * s, 0.0, -0.8 * s], "rate_rad_s": [0.0125, -0.5, 1.0],
+            "acceleration_rad_s2": [-0.001, 0.25, 0.0], **changes}
+
+
+def burst_fields(count, **changes):
+    samples = [[round(0.37 * i - 1.5, 2), round(-2.11 * i + 0.04, 2)] for i in range(count)]
+    return {"t_first_us": 4294967000, "period_us": 1000, "seq": 255, "samples_arcsec": samples, **changes}
+
+
+def messages():
+    zero3 = [0.0, 0.0, 0.0]
+    turns = {4: 0x40000000, 5: 0xE0000000, 6: 0x12345678}
+    out = [
+        vector("sync", "SYNC", 0, {"counter": 254}),
+        vector("sync of another base keeps node 0", "SYNC", 1, {"counter": 0}, 0x40, 5),
+        vector("time follow-up", "TIME_FUP", 2, {"seconds": 0x11223344, "fraction_2_24": 0x556677, "counter": 254}),
+        vector("time follow-up at the end of a second", "TIME_FUP", 3,
+               {"seconds": 4294967295, "fraction_2_24": 16777215, "counter": 255}),
+        vector("attitude, whole", "ATT_FD", 4, attitude_fields()),
+        vector("attitude of another base and node", "ATT_FD", 5, attitude_fields(seq=43), 0xF0, 15),
+        vector("attitude without acceleration", "ATT_FD", 6,
+               attitude_fields(t_us=0, seq=0, acceleration_valid=False, acceleration_rad_s2=zero3)),
+        vector("attitude without rate", "ATT_FD", 7,
+               attitude_fields(t_us=4294967295, seq=255, rate_valid=False, rate_rad_s=zero3)),
+        vector("attitude alone, negative scalar", "ATT_FD", 8,
+               attitude_fields(rate_valid=False, acceleration_valid=False, q_wxyz=[-1.0, 0.0, 0.0, 0.0],
+                               rate_rad_s=zero3, acceleration_rad_s2=zero3)),
+        vector("attitude, largest classic rates", "ATT_FD", 9,
+               attitude_fields(rate_rad_s=[1.048575, -1.048575, 1e-6], acceleration_rad_s2=[-1e-6, 1.048575, -1.048575])),
+        vector("attitude, norm within tolerance", "ATT_FD", 10, attitude_fields(q_wxyz=[1.0009, 0.0, 0.0, 0.0])),
+        vector("jitter burst, one sample", "JITTER_FD", 11, burst_fields(1)),
+        vector("jitter burst, full", "JITTER_FD", 12, burst_fields(14, seq=0)),
+        vector("jitter burst, largest", "JITTER_FD", 13,
+               burst_fields(0, samples_arcsec=[[327.67, -327.67], [0.01, -0.01]], period_us=65535, t_first_us=0, seq=7)),
+        vector("jitter pair", "JITTER", 14, {"slot": 128, "samples_arcsec": [[1.0, -1.0], [163.82, -163.82]]}),
+        vector("jitter pair, smallest steps", "JITTER", 15, {"slot": 0, "samples_arcsec": [[0.02, -0.02], [0.0, 0.04]]}),
+        vector("wheels", "WHEELS", 16, {"speed_rpm": [6000.0, -6000.0, 0.25, -8191.75]}),
+        vector("exposure", "EXPOSURE", 17, {"frame": 9, "attitude_seq": 42, "mid_exposure_us": 67305985, "age_us": 46600}),
+        vector("exposure, longest age", "EXPOSURE", 18,
+               {"frame": 255, "attitude_seq": 0, "mid_exposure_us": 4294967295, "age_us": 655350}),
+        vector("status: prediction", "STATUS", 19, {"page": 1, "horizon_10us": -300, "error_arcsec": 0.75}),
+        vector("status: clock", "STATUS", 20, {"page": 2, "drift_0_1ppm": -25, "residual_ns": -123456}),
+    ]
+    add = lambda name, message, **fields: out.append(vector(name, message, len(out), fields))
+    for mode in range(5):
+        add(f"status: state, mode {mode}", "STATUS", page=0, mode=mode, frames=0x1234 + mode, latency_us=0xABCDEF)
+    for reason, name in enumerate(REJECTS):
+        add(f"status: rejects, {name}", "STATUS", page=3, reason=reason, count=70000 + reason)
+    for page, turn in turns.items():
+        add(f"status: pointing, page {page}", "STATUS", page=page, frame=200, turns_2_32=turn)
+    add("hello", "CMD", opcode=1, token=5, major=1, minor=1)
+    add("hello of a 1.0 peer", "CMD", opcode=1, token=6, major=1, minor=0)
+    add("info", "CMD", opcode=2, token=7, page=1)
+    add("run", "CMD", opcode=3, token=8)
+    add("stop", "CMD", opcode=4, token=9)
+    add("apply", "CMD", opcode=5, token=10, table=2, rows=32, crc16=0xBEEF, seed=0x1234)
+    add("apply, clearing", "CMD", opcode=5, token=11, table=3, rows=0, crc16=0, seed=0)
+    add("an opcode of a later version", "CMD", opcode=200, token=12)
+    add("hello done", "RSP", opcode=1, token=5, code=0, major=1, minor=1, capabilities=7, attitude_convention=1)
+    add("DBC checksum", "RSP", opcode=2, token=6, code=0, page=0, dbc_crc32=0xDEADBEEF)
+    add("rates", "RSP", opcode=2, token=7, code=0, page=1, attitude_hz=100, jitter_hz=1000)
+    add("running", "RSP", opcode=3, token=8, code=0)
+    add("stopped", "RSP", opcode=4, token=9, code=0)
+    add("applied", "RSP", opcode=5, token=10, code=0, table=2, rows=32)
+    for code in range(1, 8):
+        add(f"refused, code {code}", "RSP", opcode=5, token=10, code=code)
+    add("an unknown opcode refused", "RSP", opcode=200, token=12, code=1)
+    for state in range(4):
+        add(f"heartbeat, state {state}", "HEARTBEAT", state=state, major=1)
+    for table, (rows, columns) in {1: (32, 5), 2: (32, 4), 3: (64, 7)}.items():
+        for column in range(columns):
+            add(f"cell of table {table}, column {column}", "TABLE", table=table, row=rows - 1, column=column,
+                value=1.5 * column - 2.25)
+    return out
+
+
+def changed(data, at, value):
+    return data[:at] + bytes([value]) + data[at + 1:]
+
+
+def can_rejected():
+    """(name, [(message, data)], reason)"""
+    whole = attitude_fields()
+    fd, group = attitude(whole), attitude_group(whole)
+    later = attitude_group(attitude_fields(seq=44, t_us=123476789, q_wxyz=[1.0, 0.0, 0.0, 0.0]))
+    bad_q = lambda q: attitude_fields(q_wxyz=q)
+    burst = jitter_fd(burst_fields(14))
+    table = lambda t, row, column, value=1.0: struct.pack("<BBBBf", t, row, column, 0, value)
+    yield "sync too long", [("SYNC", b"\1\2")], "WrongLength"
+    yield "sync empty", [("SYNC", b"")], "WrongLength"
+    yield "command too short", [("CMD", bytes(7))], "WrongLength"
+    yield "attitude too long", [("ATT_FD", fd + bytes(16))], "WrongLength"
+    yield "group part too short", [("ATT_Q01", bytes(7))], "WrongLength"
+    yield "commit too short", [("ATT_T", bytes(7))], "WrongLength"
+    for at in (0, 4, 5, 6, 8, 47):
+        yield f"attitude, bit of byte {at} flipped", [("ATT_FD", changed(fd, at, fd[at] ^ 1))], "BadCrc"
+    for name, value in (("NaN", math.nan), ("infinity", math.inf)):
+        yield f"quaternion with {name}", [("ATT_FD", attitude(bad_q([value, 0.0, 0.0, 0.0])))], "NotFinite"
+        yield f"group with {name}", attitude_group(bad_q([0.0, 0.0, value, 0.0])), "NotFinite"
+        yield f"rate of {name}", [("ATT_FD", attitude(attitude_fields(rate_rad_s=[0.0, value, 0.0])))], "NotFinite"
+        yield f"cell of {name}", [("TABLE", table(1, 0, 0, value))], "NotFinite"
+        yield f"status with {name}", [("STATUS", struct.pack("<BBhf", 1, 0, 0, value))], "NotFinite"
+    for name, q in (("long", [1.0011, 0.0, 0.0, 0.0]), ("short", [0.0, 0.9989, 0.0, 0.0]), ("zero", [0.0] * 4)):
+        yield f"quaternion {name}", [("ATT_FD", attitude(bad_q(q)))], "QuaternionNorm"
+        yield f"group {name}", attitude_group(bad_q(q)), "QuaternionNorm"
+    yield "attitude received twice", [("ATT_FD", fd), ("ATT_FD", fd)], "ReplayedSequence"
+    yield "group after its FD form", [("ATT_FD", fd), *group], "ReplayedSequence"
+    behind = attitude(attitude_fields(seq=42 - 15))
+    yield "attitude 15 behind", [("ATT_FD", fd), ("ATT_FD", behind)], "ReplayedSequence"
+    yield "burst received twice", [("JITTER_FD", burst), ("JITTER_FD", burst)], "ReplayedSequence"
+    pair = jitter({"slot": 3, "samples_arcsec": [[0.0, 0.0], [0.0, 0.0]]})
+    yield "pair received twice", [("JITTER", pair), ("JITTER", pair)], "ReplayedSequence"
+    for lost in range(4):
+        yield f"group without part {lost}", [part for i, part in enumerate(group) if i != lost], "TornGroup"
+        swapped = [later[i] if i == lost else part for i, part in enumerate(group)]
+        yield f"group with part {lost} of another epoch", swapped, "TornGroup"
+        yield f"part {lost} twice", [group[lost], group[lost]], "TornGroup"
+    yield "commit alone", [group[-1]], "TornGroup"
+    yield "commit twice", [*group, group[-1]], "TornGroup"
+    bare = attitude_group(attitude_fields(rate_valid=False, acceleration_valid=False))
+    yield "a rate that the flags deny", [*bare[:2], group[2], bare[-1]], "TornGroup"
+    yield "burst without samples", [("JITTER_FD", changed(burst, 7, 0))], "UnknownValue"
+    yield "burst of 15", [("JITTER_FD", changed(burst, 7, 15))], "UnknownValue"
+    yield "burst without period", [("JITTER_FD", changed(changed(burst, 4, 0), 5, 0))], "UnknownValue"
+    yield "status page 7", [("STATUS", changed(bytes(8), 0, 7))], "UnknownValue"
+    yield "status mode 5", [("STATUS", changed(bytes(8), 1, 5))], "UnknownValue"
+    yield "status reason 13", [("STATUS", b"\3\x0d" + bytes(6))], "UnknownValue"
+    yield "response of opcode 6", [("RSP", b"\6" + bytes(7))], "UnknownValue"
+    yield "response with code 8", [("RSP", b"\5\0\x08" + bytes(5))], "UnknownValue"
+    yield "response with page 2", [("RSP", b"\2\0\0\2" + bytes(4))], "UnknownValue"
+    yield "response for table 4", [("RSP", b"\5\0\0\4" + bytes(4))], "UnknownValue"
+    yield "heartbeat state 4", [("HEARTBEAT", b"\4\1")], "UnknownValue"
+    yield "table 0", [("TABLE", table(0, 0, 0))], "UnknownValue"
+    yield "table 4", [("TABLE", table(4, 0, 0))], "UnknownValue"
+    for number, (rows, columns) in {1: (32, 5), 2: (32, 4), 3: (64, 7)}.items():
+        yield f"table {number}, row too high", [("TABLE", table(number, rows, 0))], "UnknownValue"
+        yield f"table {number}, column too high", [("TABLE", table(number, 0, columns))], "UnknownValue"
+
+
+def serial_rejected():
+    """(name, bytes, reason)"""
+    good = line(0x08, 0, b"\xfe")
+    packet = bytes([1, 0x08, 0, 1, 0xFE])
+    sealed = lambda body: cobs(body + struct.pack("<H", crc16(body))) + b"\0"
+    yield "a byte changed", changed(good, 6, good[6] ^ 0x10), "BadCrc"
+    yield "CRC of another start", cobs(packet + b"\0\0") + b"\0", "BadCrc"
+    yield "run beyond the packet", changed(good, 0, 0x20), "BadFraming"
+    yield "shorter than a header", b"\2\1\0", "WrongLength"
+    yield "a byte missing", sealed(packet[:-1]), "WrongLength"
+    yield "a byte too many", sealed(packet + b"\0"), "WrongLength"
+    yield "no delimiter in 72 bytes", b"\1" * 72 + b"\0", "Oversize"
+    yield "another major version", line(0x08, 0, b"\xfe", major=2), "WrongVersion"
+    yield "an unknown type", line(0x09, 0, b"\xfe"), "UnknownId"
+    yield "a part of the classic group", line(0x21, 0, bytes(8)), "UnknownId"
+    yield "payload of another length", line(0x08, 0, b"\1\2"), "WrongLength"
+    fd = attitude(attitude_fields())
+    yield "attitude with its own CRC wrong", line(0x30, 0, changed(fd, 6, fd[6] ^ 1)), "BadCrc"
+    yield "attitude received twice", line(0x30, 0, fd) + line(0x30, 1, fd), "ReplayedSequence"
+
+
+def rejected():
+    out = []
+    for name, frames, reason in can_rejected():
+        out.append({"name": name, "frames": [frame(message, data) for message, data in frames], "reason": reason})
+    for name, id_, reason in (("an unknown identifier", 0x7FF, "UnknownId"), ("another node", 0x201, "UnknownId"),
+                              ("sync of another node", 0x081, "UnknownId")):
+        out.append({"name": name, "frames": [{"id": f"{id_:03X}", "data": bytes(8).hex()}], "reason": reason})
+    for name, data, reason in serial_rejected():
+        out.append({"name": name, "serial": data.hex(), "reason": reason})
+    return out
+
+
+def main():
+    assert crc16(b"123456789") == 0x29B1
+    document = {"version": {"major": MAJOR, "minor": MINOR}, "messages": messages(), "rejected": rejected()}
+    blocks = [f' "version": {json.dumps(document["version"])}']
+    for key in ("messages", "rejected"):
+        blocks.append(f' "{key}": [\n  ' + ",\n  ".join(json.dumps(entry) for entry in document[key]) + "\n ]")
+    print("{\n" + ",\n".join(blocks) + "\n}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,212 @@
+//! The session over the simulated bus: HELLO and RUN begin it, STOP ends it, STATUS echoes what is rendered.
+
+use crate::bench::{built_in, start};
+use firmware_protocol::can::IdMap;
+use firmware_protocol::message::{
+    Command, NodeState, PointingAngle, Refusal, Reply, Request, Response, StatusPage, StimulatorMode,
+};
+use firmware_protocol::version::Version;
+use firmware_protocol::{DBC_CRC32, Message, Reject};
+use starloop::base::axes::{Icrf, Rotation, Sensor, ra_dec_roll};
+use starloop::base::clock::{Clock, Virtual};
+use starloop::base::time::{Span, Tai};
+use starloop::base::units::ARCSEC;
+use starloop::config::{Bench, SessionStart};
+use starloop::link::simulated::simulated_bus;
+use starloop::link::{Link, Packet, Port, Stamped};
+use starloop::runtime::receiver::Receiver;
+use starloop::runtime::{EventKind, FrameEngine, RunOutcome, virtual_time};
+use starloop::sink::NullSink;
+use starloop::testbed::flight_computer::FlightComputer;
+use starloop::wiring::bench_parts;
+use std::sync::Arc;
+
+/// The echo's own resolution is 0.3 mas; f32 on the wire 0.019 arcsec, time tags of 1 us at 0.5 deg/s 0.002.
+const ECHO_ARCSEC: f64 = 0.03;
+
+/// A run with somebody else on the bus, who says what a script says and hears everything.
+struct Overheard {
+    outcome: RunOutcome,
+    computer: FlightComputer,
+    heard: Vec<Stamped<Message>>,
+}
+
+/// What the somebody does: at this time, this message or these raw bytes.
+enum Says {
+    Message(Message),
+    Garbage,
+}
+
+fn overhear(bench: &Bench, script: &[(f64, Says)]) -> Overheard {
+    let start = start(bench);
+    let params = bench_parts::run_params(bench, start).unwrap();
+    let mut engine = FrameEngine::new(params.clone()).unwrap();
+    let session = bench_parts::session_params(bench);
+    let mut receiver = Receiver::new(params.attitude).unwrap().with_session(session);
+    let clock = Arc::new(Virtual::new(start));
+    let shared: Arc<dyn Clock> = clock.clone();
+    let (bus, format) = bench_parts::bus(bench);
+    let ids = IdMap::new(0, 0).unwrap();
+    let mut links = simulated_bus(bus, &shared, 4).into_iter();
+    let mut port = || Port::new(Box::new(links.next().unwrap()), format, ids);
+    let (mut near, mut far, mut ear) = (port(), port(), port());
+    let mut mouth = links.next().unwrap();
+    let mut speaker = Speaker { script, next: 0, start };
+    let mut computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
+    let mut heard = Vec::new();
+    let outcome = virtual_time::run(
+        &mut engine,
+        &mut receiver,
+        &mut near,
+        &clock,
+        &mut NullSink::new(),
+        &mut |now| {
+            computer.step(now, &mut far)?;
+            while let Some(message) = ear.receive(now)? {
+                heard.push(message);
+            }
+            speaker.speak(now, &mut mouth, ids);
+            Ok(computer.next_due().min(speaker.next_due()))
+        },
+        &mut |_, _| true,
+    );
+    assert!(outcome.error.is_none(), "{:?}", outcome.error.map(|error| error.to_string()));
+    Overheard { outcome, computer, heard }
+}
+
+struct Speaker<'a> {
+    script: &'a [(f64, Says)],
+    next: usize,
+    start: Tai,
+}
+
+impl Speaker<'_> {
+    fn next_due(&self) -> Tai {
+        self.script.get(self.next).map_or(Tai::from_ns(i64::MAX), |(s, _)| self.start + Span::from_s(*s))
+    }
+
+    fn speak(&mut self, now: Tai, link: &mut impl Link, ids: IdMap) {
+        while self.next_due() <= now {
+            match &self.script[self.next].1 {
+                Says::Message(message) => {
+                    let frames =
+                        firmware_protocol::can::encode(message, firmware_protocol::can::Format::Fd, &ids).unwrap();
+                    frames.iter().for_each(|frame| drop(link.send(&Packet::Can(*frame)).unwrap()));
+                }
+                Says::Garbage => {
+                    let frame = firmware_protocol::can::CanFrame::fd(0x300, &[0xFF; 48]).unwrap();
+                    link.send(&Packet::Can(frame)).unwrap();
+                }
+            }
+            self.next += 1;
+        }
+    }
+}
+
+fn command(token: u8, request: Request) -> Says {
+    Says::Message(Message::Command(Command { token, request }))
+}
+
+impl Overheard {
+    fn count(&self, kind: EventKind) -> u64 {
+        self.outcome.record.ledger.count(kind)
+    }
+
+    fn responses(&self) -> Vec<Response> {
+        let response = |message: &Stamped<Message>| match message.value {
+            Message::Response(response) => Some(response),
+            _ => None,
+        };
+        self.heard.iter().filter_map(response).collect()
+    }
+
+    fn modes(&self) -> Vec<StimulatorMode> {
+        let mode = |message: &Stamped<Message>| match message.value {
+            Message::Status(StatusPage::State { mode, .. }) => Some(mode),
+            _ => None,
+        };
+        self.heard.iter().filter_map(mode).collect()
+    }
+}
+
+#[test]
+fn hello_and_run_begin_a_session_and_stop_ends_it() {
+    let mut bench = built_in(4.0);
+    bench.session.start = SessionStart::OnRun;
+    let run = overhear(&bench, &[(3.0, command(200, Request::Stop)), (3.1, command(200, Request::Stop))]);
+    assert!(run.computer.is_running(), "the flight computer was told RUN is accepted");
+    assert_eq!((run.count(EventKind::SessionRun), run.count(EventKind::SessionHalt)), (1, 1));
+    // Frames are exposed from 1 s on, every 0.1 s; STOP comes at 3 s.
+    assert!((19..=21).contains(&run.count(EventKind::NotRunning)), "{}", run.count(EventKind::NotRunning));
+    let modes = run.modes();
+    assert_eq!((modes[5], modes[35]), (StimulatorMode::Running, StimulatorMode::Idle));
+    let responses = run.responses();
+    assert_eq!(responses.iter().filter(|response| response.token == 200).count(), 2, "a retry is answered again");
+    let dbc = responses.iter().find_map(|response| match response.reply {
+        Reply::Info(firmware_protocol::message::Info::DbcCrc32(crc)) => Some(crc),
+        _ => None,
+    });
+    assert_eq!(dbc, Some(DBC_CRC32));
+}
+
+#[test]
+fn another_major_version_is_refused_and_may_not_run() {
+    let other = Version { major: firmware_protocol::version::MAJOR + 1, minor: 0 };
+    let script = [(1.5, command(100, Request::Hello(other))), (1.6, command(101, Request::Run))];
+    let run = overhear(&built_in(2.0), &script);
+    let refused =
+        |token: u8| run.responses().iter().find(|response| response.token == token).map(|response| response.reply);
+    assert_eq!(refused(100), Some(Reply::Refused { opcode: 1, reason: Refusal::WrongMajor }));
+    assert_eq!(refused(101), Some(Reply::Refused { opcode: 3, reason: Refusal::NoHandshake }));
+    assert_eq!((run.count(EventKind::VersionRefused), run.count(EventKind::SessionHalt)), (1, 1));
+    assert!(run.count(EventKind::NotRunning) >= 14, "{}", run.count(EventKind::NotRunning));
+}
+
+#[test]
+fn status_echoes_the_pointing_of_each_frame_at_the_time_told_for_it() {
+    let run = overhear(&built_in(4.0), &[]);
+    let (mut angles, mut compared) = ([f64::NAN; 3], 0);
+    let mut told: Option<(u8, Tai)> = None;
+    for message in &run.heard {
+        match message.value {
+            Message::Exposure(exposure) => {
+                // The run is shorter than the wrap of 71.6 min: the tag is the time since boot.
+                let boot = start(&built_in(4.0));
+                told = Some((exposure.frame, boot + Span::from_ns(i64::from(exposure.mid_exposure_us) * 1000)));
+            }
+            Message::Status(StatusPage::Pointing { angle, frame, turns_2_32 }) => {
+                let Some((number, at)) = told else { continue };
+                assert_eq!(frame, number, "pages follow the EXPOSURE of their frame");
+                angles[angle as usize - PointingAngle::RightAscension as usize] = angle.to_rad(turns_2_32);
+                if angle != PointingAngle::Roll {
+                    continue;
+                }
+                let truth = run.computer.truth(at).body_from_icrf;
+                let [ra, dec, roll] = ra_dec_roll(&Rotation::<Sensor, Icrf>::from_quat(truth.quat()));
+                let wrapped = |angle: f64| angle.sin().atan2(angle.cos()).abs() / ARCSEC;
+                let off = [(angles[0] - ra) * dec.cos(), angles[1] - dec, angles[2] - roll].map(wrapped);
+                assert!(off.iter().all(|off| *off < ECHO_ARCSEC), "frame {number}: {off:?} arcsec");
+                compared += 1;
+            }
+            _ => {}
+        }
+    }
+    assert_eq!(compared, 40, "every frame");
+}
+
+#[test]
+fn rejections_are_told_once_a_second_at_most_and_heartbeats_once_a_second() {
+    let garbage = (0..200).map(|i| (1.0 + 0.01 * f64::from(i), Says::Garbage)).collect::<Vec<_>>();
+    let run = overhear(&built_in(4.0), &garbage);
+    let told = |is: &dyn Fn(&Message) -> bool| run.heard.iter().filter(|message| is(&message.value)).count();
+    let rejects =
+        |message: &Message| matches!(message, Message::Status(StatusPage::Rejects { reason: Reject::BadCrc, .. }));
+    assert!((2..=4).contains(&told(&rejects)), "{} of 200 bad packets in 2 s", told(&rejects));
+    let last = run.heard.iter().rev().find_map(|message| match message.value {
+        Message::Status(StatusPage::Rejects { reason: Reject::BadCrc, count }) => Some(count),
+        _ => None,
+    });
+    assert_eq!(last, Some(200), "the last one has them all");
+    let beats = |message: &Message| matches!(message, Message::Heartbeat(beat) if beat.state == NodeState::Running);
+    assert!((4..=10).contains(&told(&beats)), "{} of both nodes in 5 s", told(&beats));
+}
