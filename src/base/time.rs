@@ -228,12 +228,20 @@ mod tests {
         assert_eq!(midnight.to_unix_ns(), 1_483_228_800 * NS_PER_S);
         let before_leap = midnight - Span::from_ns(NS_PER_S + 1);
         assert_eq!(before_leap.to_unix_ns(), 1_483_228_799_999_999_999);
-        assert_eq!((midnight - Span::from_ns(1)).to_unix_ns(), 1_483_228_800_999_999_999, "inside: as the second after");
+        assert_eq!(
+            (midnight - Span::from_ns(1)).to_unix_ns(),
+            1_483_228_800_999_999_999,
+            "inside: as the second after"
+        );
         for at in [midnight, before_leap, Tai::from_ns(1_790_000_000_123_456_789)] {
             assert_eq!(Tai::from_unix_ns(at.to_unix_ns()), at);
         }
         let inside = midnight - Span::from_ns(1);
-        assert_eq!(Tai::from_unix_ns(inside.to_unix_ns()) - inside, Span::from_ns(NS_PER_S), "the second after is meant");
+        assert_eq!(
+            Tai::from_unix_ns(inside.to_unix_ns()) - inside,
+            Span::from_ns(NS_PER_S),
+            "the second after is meant"
+        );
     }
 
     #[test]

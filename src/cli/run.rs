@@ -7,11 +7,12 @@ use crate::cli::budget_files;
 use crate::cli::calibrate::costs_here;
 use crate::cli::check_attitude::slew_scale;
 use crate::cli::monitor::Monitor;
-use crate::cli::run_input::{bench, scenario};
+use crate::cli::run_input::{bench, document, scenario};
 use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, run_scenario};
 use crate::config::{self, Bench, Scenario, StartTime};
-use crate::link::Port;
+use crate::link::capture::CaptureFormat;
 use crate::link::simulated::simulated_pair;
+use crate::link::{Link, Port};
 use crate::report::{HygieneLine, Progress, RunSummary, summary_table};
 use crate::runtime::hygiene::Role;
 use crate::runtime::receiver::Receiver;
@@ -20,6 +21,7 @@ use crate::sink::{NullSink, Recorder, RecorderOptions, SentFrame, Sink, write_fi
 use crate::testbed::flight_computer::{FlightComputer, FlightError, run_until};
 use crate::wiring::bench_parts;
 use crate::wiring::control::ControlAddress;
+use crate::wiring::replay::{Recording, SessionParams};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -70,6 +72,12 @@ pub struct RunArgs {
     /// Let a program outside advance the clock of a scenario: JSON lines over TCP; loopback only, port 0 takes a free one
     #[arg(long, value_name = "ADDRESS")]
     pub(super) control: Option<ControlAddress>,
+    /// Capture the bus and what each frame was drawn from into this directory, for `starloop replay` (a bench)
+    #[arg(long, value_name = "DIR")]
+    pub(super) capture: Option<PathBuf>,
+    /// Form of the captured packets: pcapng holds CAN and serial, candump is text and holds CAN only
+    #[arg(long, value_enum, default_value_t = CaptureFormatName::Pcapng)]
+    pub(super) capture_format: CaptureFormatName,
     /// Print nothing but errors
     #[arg(long)]
     pub(super) quiet: bool,
@@ -100,6 +108,15 @@ pub(super) enum ClockKind {
     Real,
     /// Simulated time.
     Virtual,
+}
+
+/// A form of captured packets, by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum CaptureFormatName {
+    /// Packets for Wireshark and tshark, exact to the bit
+    Pcapng,
+    /// Text for can-utils and python-can
+    Candump,
 }
 
 /// A backend, by name.
@@ -159,6 +176,9 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
         bail!("--report: got the virtual clock, on which nothing takes time; wanted --clock real");
     }
     if let Some(scenario) = scenario(arguments)? {
+        if arguments.capture.is_some() {
+            bail!("--capture: got a scenario; wanted a bench, such as the one it names");
+        }
         return run_as_scenario(&scenario, arguments);
     }
     if arguments.control.is_some() {
@@ -223,7 +243,11 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let mut engine = FrameEngine::with_imager(params.clone(), imager)?;
     engine.expect_motion(slew_scale(&bench));
     let mut receiver = Receiver::new(params.attitude)?;
-    let (sink, directory) = sink(arguments, &bench)?;
+    let (mut sink, directory) = sink(arguments, &bench)?;
+    let recording = recording(arguments, &bench, start, &engine)?;
+    if let Some(recording) = &recording {
+        sink = recording.tap_frames(&mut engine, sink)?;
+    }
     let say = !arguments.quiet;
     if say {
         announce(&bench, &engine);
@@ -231,11 +255,23 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let mut wall = Stopwatch::start();
     let stop = Arc::new(AtomicBool::new(false));
     let monitor = Monitor::start(Arc::clone(&stop), say)?;
-    let setup = Setup { bench: &bench, start, stop: &stop, updates: &monitor.updates, hygiene: hygiene.as_ref() };
+    let setup = Setup {
+        bench: &bench,
+        start,
+        stop: &stop,
+        updates: &monitor.updates,
+        hygiene: hygiene.as_ref(),
+        recording: recording.as_ref(),
+    };
     let outcome = match arguments.clock {
         ClockKind::Real => setup.real(&mut engine, &mut receiver, sink)?,
         ClockKind::Virtual => setup.simulated(&mut engine, &mut receiver, sink)?,
     };
+    if let Some(recording) = recording {
+        let lost = outcome.link.map_or(0, |link| link.queue_overflows);
+        let session = recording.finish(lost)?;
+        session.doubts().iter().for_each(|doubt| eprintln!("starloop: capture: {doubt}"));
+    }
     let wall_s = wall.lap().s();
     let was_interrupted = stop.load(Ordering::SeqCst);
     monitor.finish();
@@ -255,6 +291,29 @@ pub(super) fn prepared_hygiene(bench: &Bench, say: bool) -> Arc<Hygiene> {
     let hygiene = Arc::new(if say { hygiene.announcing(tell) } else { hygiene });
     hygiene.prepare();
     hygiene
+}
+
+/// The capture that is asked for.
+fn recording(arguments: &RunArgs, bench: &Bench, start: Tai, engine: &FrameEngine) -> Result<Option<Recording>> {
+    let Some(directory) = &arguments.capture else { return Ok(None) };
+    let format = match arguments.capture_format {
+        CaptureFormatName::Pcapng => CaptureFormat::Pcapng,
+        CaptureFormatName::Candump => CaptureFormat::Candump,
+    };
+    if format == CaptureFormat::Candump && bench.link.wire == config::Wire::Serial {
+        bail!("--capture-format candump: got a serial bench; wanted pcapng: a candump log holds CAN only");
+    }
+    let params = SessionParams {
+        document: &document(arguments)?,
+        settings: &arguments.settings,
+        bench,
+        start,
+        is_real: arguments.clock == ClockKind::Real,
+        backend: engine.imager().name(),
+        adapter: engine.imager().description(),
+        cost: engine.params().cost,
+    };
+    Ok(Some(Recording::start(directory, format, &params).context("--capture")?))
 }
 
 impl Finished {
@@ -325,6 +384,7 @@ struct Setup<'a> {
     stop: &'a Arc<AtomicBool>,
     updates: &'a Sender<Progress>,
     hygiene: Option<&'a Arc<Hygiene>>,
+    recording: Option<&'a Recording>,
 }
 
 impl Setup<'_> {
@@ -372,7 +432,12 @@ impl Setup<'_> {
         let (params, format) = bench_parts::bus(self.bench);
         let (near, far) = simulated_pair(params, clock);
         let ids = IdMap::new(0, 0).context("CAN identifiers")?;
-        Ok((Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids)))
+        let near: Box<dyn Link> = Box::new(near);
+        let near = match self.recording {
+            Some(recording) => recording.tap(near),
+            None => near,
+        };
+        Ok((Port::new(near, format, ids), Port::new(Box::new(far), format, ids)))
     }
 
     /// Hands the monitor a frame's progress; drops it when the monitor is busy.

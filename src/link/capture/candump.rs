@@ -61,8 +61,7 @@ pub fn parse_line(line: &[u8]) -> Result<Line, &'static str> {
     if words.next().is_some() {
         return Err("something follows the direction");
     }
-    let captured =
-        |frame| CapturedPacket { at: Tai::from_unix_ns(unix_ns), direction, packet: Packet::Can(frame) };
+    let captured = |frame| CapturedPacket { at: Tai::from_unix_ns(unix_ns), direction, packet: Packet::Can(frame) };
     Ok(frame.map_or(Line::Skipped, |frame| Line::Packet(captured(frame))))
 }
 

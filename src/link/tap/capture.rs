@@ -47,11 +47,7 @@ impl Capture {
     ///
     /// # Errors
     /// When its beginning cannot be written or no thread can be had.
-    pub fn start(
-        out: Box<dyn Write + Send>,
-        format: CaptureFormat,
-        waits: bool,
-    ) -> Result<Self, CaptureError> {
+    pub fn start(out: Box<dyn Write + Send>, format: CaptureFormat, waits: bool) -> Result<Self, CaptureError> {
         Self::with_room(out, format, waits, QUEUE_PACKETS)
     }
 

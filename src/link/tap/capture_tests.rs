@@ -116,7 +116,9 @@ fn a_full_queue_loses_packets_and_counts_them() {
     let capture = Capture::with_room(Box::new(hanging), CaptureFormat::Candump, false, 4).unwrap();
     let mut near = capture.tap(Box::new(near));
     let closed = gate.lock().unwrap();
-    (0..100).for_each(|n| drop(near.send(&packet(n)).unwrap()));
+    for n in 0..100 {
+        near.send(&packet(n)).unwrap();
+    }
     drop(closed);
     let outcome = capture.finish();
     assert_eq!(outcome.written + outcome.lost, 100, "{outcome:?}");

@@ -131,7 +131,9 @@ impl<R: Read> PcapngReader<R> {
         self.is_big_endian = match magic {
             magic if u32::from_le_bytes(magic) == ORDER_MAGIC => false,
             magic if u32::from_be_bytes(magic) == ORDER_MAGIC => true,
-            other => return self.refuse(format!("its byte order is told by {other:02X?}, wanted 1A 2B 3C 4D in an order")),
+            other => {
+                return self.refuse(format!("its byte order is told by {other:02X?}, wanted 1A 2B 3C 4D in an order"));
+            }
         };
         self.interfaces.clear();
         let length = self.word(length);
@@ -259,7 +261,9 @@ impl<R: Read> PcapngReader<R> {
         }
         let at = match instant.or_else(|| unix_ns(ticks, &interface).map(Tai::from_unix_ns)) {
             Some(at) => at,
-            None => return self.refuse(format!("a stamp of {ticks} units (code {}): beyond 2262", interface.resolution)),
+            None => {
+                return self.refuse(format!("a stamp of {ticks} units (code {}): beyond 2262", interface.resolution));
+            }
         };
         let (ready, data) = (&mut self.ready, &self.body[HEADER..HEADER + length]);
         let captured = |packet| CapturedPacket { at, direction, packet };
