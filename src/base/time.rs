@@ -6,6 +6,7 @@
 use crate::base::units::{DAY_S, JULIAN_YEAR_D, NS_PER_S};
 use core::fmt;
 use core::ops::{Add, Sub};
+use hifitime::leap_seconds::LatestLeapSeconds;
 use hifitime::{Duration, Epoch, TimeScale};
 use std::str::FromStr;
 
@@ -126,9 +127,33 @@ impl Tai {
         self.epoch().to_unix_seconds()
     }
 
+    /// Unix time, ns: exact. A leap second reads as the second after it.
+    #[must_use]
+    pub fn to_unix_ns(self) -> i64 {
+        let begins = |unix_ns: i64, ahead_ns: i64| self.ns >= unix_ns.saturating_add(ahead_ns);
+        self.ns.saturating_sub(tai_ahead_ns(begins))
+    }
+
+    /// From Unix time, ns: exact. Of a leap second and the second after it, which have one Unix time, the second is meant.
+    #[must_use]
+    pub fn from_unix_ns(unix_ns: i64) -> Self {
+        Self { ns: unix_ns.saturating_add(tai_ahead_ns(|begin_ns, _| unix_ns >= begin_ns)) }
+    }
+
     fn epoch(self) -> Epoch {
         ptp_epoch() + Duration::from_truncated_nanoseconds(self.ns)
     }
+}
+
+/// How far TAI is ahead of UTC, ns, by the last step that `has_come`: told when it came (Unix time, ns) and what holds then.
+fn tai_ahead_ns(has_come: impl Fn(i64, i64) -> bool) -> i64 {
+    /// From 1900, where the table counts from, to 1970.
+    const UNIX_FROM_1900_S: f64 = 2_208_988_800.0;
+    let steps = LatestLeapSeconds::default().filter(|step| step.announced_by_iers).map(|step| {
+        let ns = |s: f64| Span::from_s(s).ns();
+        (ns(step.timestamp_tai_s - UNIX_FROM_1900_S), ns(step.delta_at))
+    });
+    steps.filter(|(unix_ns, ahead_ns)| has_come(*unix_ns, *ahead_ns)).last().map_or(0, |(_, ahead_ns)| ahead_ns)
 }
 
 fn ptp_epoch() -> Epoch {
@@ -193,6 +218,30 @@ mod tests {
         // J2000.0 TT = 2000-01-01T12:00:00 TT = 11:59:27.816 TAI = 11:58:55.816 UTC; TDB differs by < 2 ms.
         let at = Tai::from_rfc3339("2000-01-01T11:58:55.816Z").expect("a valid instant");
         assert!(at.days_tdb_since_j2000().abs() * DAY_S < 2e-3, "{} d", at.days_tdb_since_j2000());
+    }
+
+    #[test]
+    fn unix_time_is_exact_on_both_sides_of_a_leap_second() {
+        // IERS Bulletin C 52: TAI - UTC = 36 s until 2016-12-31T23:59:60 UTC, 37 s from 2017-01-01T00:00:00 on,
+        // which is Unix time 1483228800.
+        let midnight = Tai::from_ns((1_483_228_800 + 37) * NS_PER_S);
+        assert_eq!(midnight.to_unix_ns(), 1_483_228_800 * NS_PER_S);
+        let before_leap = midnight - Span::from_ns(NS_PER_S + 1);
+        assert_eq!(before_leap.to_unix_ns(), 1_483_228_799_999_999_999);
+        assert_eq!(
+            (midnight - Span::from_ns(1)).to_unix_ns(),
+            1_483_228_800_999_999_999,
+            "inside: as the second after"
+        );
+        for at in [midnight, before_leap, Tai::from_ns(1_790_000_000_123_456_789)] {
+            assert_eq!(Tai::from_unix_ns(at.to_unix_ns()), at);
+        }
+        let inside = midnight - Span::from_ns(1);
+        assert_eq!(
+            Tai::from_unix_ns(inside.to_unix_ns()) - inside,
+            Span::from_ns(NS_PER_S),
+            "the second after is meant"
+        );
     }
 
     #[test]

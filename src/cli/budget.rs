@@ -5,7 +5,7 @@
 
 use crate::cli::budget_advice::advice;
 use crate::cli::load_threads::LoadThreads;
-use crate::cli::run::{self, BackendName, ClockKind, Finished, RunArgs, SinkKind};
+use crate::cli::run::{self, BackendName, CaptureFormatName, ClockKind, Finished, RunArgs, SinkKind};
 use crate::cli::{EXIT_DONE, EXIT_OVER_BUDGET, budget_files};
 use crate::config::Bench;
 use crate::report::{BudgetLimits, BudgetReport, Stage, budget_lines, budget_table};
@@ -83,6 +83,8 @@ fn run_arguments(arguments: &BudgetArgs) -> RunArgs {
         random_faults: false,
         settings: Vec::new(),
         control: None,
+        capture: None,
+        capture_format: CaptureFormatName::Pcapng,
         json: false,
         quiet: false,
     }

@@ -17,6 +17,7 @@ mod monitor;
 pub mod render;
 pub mod render_input;
 pub mod render_output;
+pub mod replay;
 pub mod run;
 mod run_input;
 pub mod run_scenario;
@@ -46,7 +47,7 @@ pub const EXIT_INTERRUPTED: u8 = 130;
     version,
     about = "Hardware-in-the-loop star-sensor stimulator: bus attitude in, star-sensor frames out, on a deadline",
     after_help = "Exit status: 0 done; 1 could not do what was asked; 2 wrong command line; 3 over the timing budget \
-                  (`budget`); 4 a scenario's expectation or invariant, or a study's prediction, did not hold; \
+                  (`budget`); 4 a scenario's expectation or invariant, or a study's prediction, did not hold, or a replayed frame differs; \
                   130 stopped by Ctrl-C \
                   (what was finished is written).\n\n\
                   Start with `starloop run`: a simulated flight computer slews over a simulated bus, and ten seconds \
@@ -63,6 +64,8 @@ enum Command {
     Run(run::RunArgs),
     /// Run a bench on the real clock and hold the time of every stage against its budget
     Budget(budget::BudgetArgs),
+    /// Draw the frames of a captured run again and compare them bit by bit, or those of a capture of the bus
+    Replay(replay::ReplayArgs),
     /// Render one image for a given attitude and time
     Render(Box<render::RenderArgs>),
     /// Check a bench or a scenario: conventions, defaults, events, the plan with its predicted error and cost
@@ -96,6 +99,7 @@ pub fn main() -> ExitCode {
     let done = match Arguments::parse().command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Budget(arguments) => budget::run(&arguments),
+        Command::Replay(arguments) => replay::run(&arguments),
         Command::Render(arguments) => render::run(&arguments).map(|()| EXIT_DONE),
         Command::Check(arguments) => check::run(&arguments).map(|()| EXIT_DONE),
         Command::Calibrate(arguments) => calibrate::run(&arguments).map(|()| EXIT_DONE),

@@ -7,10 +7,11 @@ use crate::cli::budget_files;
 use crate::cli::calibrate::costs_here;
 use crate::cli::check_attitude::slew_scale;
 use crate::cli::monitor::Monitor;
-use crate::cli::run_input::{bench, scenario};
+use crate::cli::run_input::{bench, document, scenario};
 use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, run_scenario};
 use crate::config::{self, Bench, Scenario, StartTime};
-use crate::link::Port;
+use crate::link::capture::CaptureFormat;
+use crate::link::{Link, Port};
 use crate::report::{HygieneLine, Progress, RunSummary, summary_table};
 use crate::runtime::hygiene::Role;
 use crate::runtime::receiver::Receiver;
@@ -20,6 +21,7 @@ use crate::testbed::flight_computer::{FlightComputer, FlightError, run_until};
 use crate::wiring::bench_parts;
 use crate::wiring::control::ControlAddress;
 use crate::wiring::ports::{Ports, needs_real_clock, open_ports};
+use crate::wiring::replay::{Recording, SessionParams};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -69,6 +71,12 @@ pub struct RunArgs {
     /// Let a program outside advance the clock of a scenario: JSON lines over TCP; loopback only, port 0 takes a free one
     #[arg(long, value_name = "ADDRESS")]
     pub(super) control: Option<ControlAddress>,
+    /// Capture the bus and what each frame was drawn from into this directory, for `starloop replay` (a bench)
+    #[arg(long, value_name = "DIR")]
+    pub(super) capture: Option<PathBuf>,
+    /// Form of the captured packets: pcapng holds CAN and serial, candump is text and holds CAN only
+    #[arg(long, value_enum, default_value_t = CaptureFormatName::Pcapng)]
+    pub(super) capture_format: CaptureFormatName,
     /// Print nothing but errors
     #[arg(long)]
     pub(super) quiet: bool,
@@ -99,6 +107,15 @@ pub(super) enum ClockKind {
     Real,
     /// Simulated time.
     Virtual,
+}
+
+/// A form of captured packets, by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum CaptureFormatName {
+    /// Packets for Wireshark and tshark, exact to the bit
+    Pcapng,
+    /// Text for can-utils and python-can
+    Candump,
 }
 
 /// A backend, by name.
@@ -158,6 +175,9 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
         bail!("--report: got the virtual clock, on which nothing takes time; wanted --clock real");
     }
     if let Some(scenario) = scenario(arguments)? {
+        if arguments.capture.is_some() {
+            bail!("--capture: got a scenario; wanted a bench, such as the one it names");
+        }
         return run_as_scenario(&scenario, arguments);
     }
     if arguments.control.is_some() {
@@ -222,7 +242,11 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let mut engine = FrameEngine::with_imager(params.clone(), imager)?;
     engine.expect_motion(slew_scale(&bench));
     let mut receiver = Receiver::new(params.attitude)?.with_session(bench_parts::session_params(&bench));
-    let (sink, directory) = sink(arguments, &bench)?;
+    let (mut sink, directory) = sink(arguments, &bench)?;
+    let recording = recording(arguments, &bench, start, &engine)?;
+    if let Some(recording) = &recording {
+        sink = recording.tap_frames(&mut engine, sink)?;
+    }
     let say = !arguments.quiet;
     if say {
         announce(&bench, &engine);
@@ -230,11 +254,23 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let mut wall = Stopwatch::start();
     let stop = Arc::new(AtomicBool::new(false));
     let monitor = Monitor::start(Arc::clone(&stop), say)?;
-    let setup = Setup { bench: &bench, start, stop: &stop, updates: &monitor.updates, hygiene: hygiene.as_ref() };
+    let setup = Setup {
+        bench: &bench,
+        start,
+        stop: &stop,
+        updates: &monitor.updates,
+        hygiene: hygiene.as_ref(),
+        recording: recording.as_ref(),
+    };
     let outcome = match arguments.clock {
         ClockKind::Real => setup.real(&mut engine, &mut receiver, sink)?,
         ClockKind::Virtual => setup.simulated(&mut engine, &mut receiver, sink)?,
     };
+    if let Some(recording) = recording {
+        let lost = outcome.ports.iter().map(|port| port.queue_overflows).sum();
+        let session = recording.finish(lost)?;
+        session.doubts().iter().for_each(|doubt| eprintln!("starloop: capture: {doubt}"));
+    }
     let wall_s = wall.lap().s();
     let was_interrupted = stop.load(Ordering::SeqCst);
     monitor.finish();
@@ -254,6 +290,29 @@ pub(super) fn prepared_hygiene(bench: &Bench, say: bool) -> Arc<Hygiene> {
     let hygiene = Arc::new(if say { hygiene.announcing(tell) } else { hygiene });
     hygiene.prepare();
     hygiene
+}
+
+/// The capture that is asked for.
+fn recording(arguments: &RunArgs, bench: &Bench, start: Tai, engine: &FrameEngine) -> Result<Option<Recording>> {
+    let Some(directory) = &arguments.capture else { return Ok(None) };
+    let format = match arguments.capture_format {
+        CaptureFormatName::Pcapng => CaptureFormat::Pcapng,
+        CaptureFormatName::Candump => CaptureFormat::Candump,
+    };
+    if format == CaptureFormat::Candump && bench.link.wire == config::Wire::Serial {
+        bail!("--capture-format candump: got a serial bench; wanted pcapng: a candump log holds CAN only");
+    }
+    let params = SessionParams {
+        document: &document(arguments)?,
+        settings: &arguments.settings,
+        bench,
+        start,
+        is_real: arguments.clock == ClockKind::Real,
+        backend: engine.imager().name(),
+        adapter: engine.imager().description(),
+        cost: engine.params().cost,
+    };
+    Ok(Some(Recording::start(directory, format, &params).context("--capture")?))
 }
 
 impl Finished {
@@ -324,12 +383,13 @@ struct Setup<'a> {
     stop: &'a Arc<AtomicBool>,
     updates: &'a Sender<Progress>,
     hygiene: Option<&'a Arc<Hygiene>>,
+    recording: Option<&'a Recording>,
 }
 
 impl Setup<'_> {
     fn real(&self, engine: &mut FrameEngine, receiver: &mut Receiver, sink: Box<dyn Sink>) -> Result<RunOutcome> {
         let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(self.start));
-        let Ports { near, far } = open_ports(self.bench, &clock)?;
+        let Ports { near, far } = open_ports(self.bench, &clock, &mut |link| self.tapped(link))?;
         let over = Arc::new(AtomicBool::new(false));
         let begin = |far| {
             let computer = FlightComputer::new(bench_parts::flight_computer(self.bench, self.start));
@@ -359,7 +419,7 @@ impl Setup<'_> {
         if let Some(what) = needs_real_clock(self.bench) {
             bail!("--clock virtual: got a bench with {what}, which has a time of its own; wanted --clock real");
         }
-        let Ports { mut near, far } = open_ports(self.bench, &shared)?;
+        let Ports { mut near, far } = open_ports(self.bench, &shared, &mut |link| self.tapped(link))?;
         let (Some(near), Some(mut far)) = (near.first_mut(), far) else { bail!("the bench has no two ends") };
         let mut computer = FlightComputer::new(bench_parts::flight_computer(self.bench, self.start));
         let mut far_end = |now: Tai| {
@@ -372,6 +432,14 @@ impl Setup<'_> {
             !self.stop.load(Ordering::Relaxed)
         };
         Ok(virtual_time::run(engine, receiver, near, &clock, &mut *sink, &mut far_end, &mut progress))
+    }
+
+    /// What a link of the stimulator is behind, when the run is captured.
+    fn tapped(&self, link: Box<dyn Link>) -> Box<dyn Link> {
+        match self.recording {
+            Some(recording) => recording.tap(link),
+            None => link,
+        }
     }
 
     /// Hands the monitor a frame's progress; drops it when the monitor is busy.

@@ -29,7 +29,7 @@ pub(super) fn scenario(arguments: &RunArgs) -> Result<Option<Scenario>> {
 }
 
 /// The file, or the bench of the binary, with the values that the command line sets.
-fn document(arguments: &RunArgs) -> Result<Document> {
+pub(super) fn document(arguments: &RunArgs) -> Result<Document> {
     let document = match &arguments.bench {
         Some(path) => Document::open(path)?,
         None => Bench::built_in_document()?,

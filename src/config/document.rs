@@ -1,9 +1,12 @@
 //! One TOML text and where it came from: a file, or compiled in.
 
 use crate::config::error::ConfigError;
-use crate::config::setting::Setting;
+use crate::config::setting::{NAMES_A_FILE, Setting};
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
 use toml::de::{DeTable, DeValue};
 
 /// Configurations that are part of the binary, by their path below `configs/`.
@@ -56,6 +59,27 @@ pub struct Document {
 enum Origin {
     File(PathBuf),
     BuiltIn(PathBuf),
+    /// One of a packed set, by the keys that led to it.
+    Packed {
+        set: Arc<PackedDocuments>,
+        keys: String,
+    },
+}
+
+/// A document with every file that it names: what it says whatever becomes of the files.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct PackedDocuments {
+    /// By the keys that name them, joined by dots: "" is the document itself.
+    documents: BTreeMap<String, PackedText>,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PackedText {
+    /// How messages call it.
+    name: String,
+    text: String,
 }
 
 impl Document {
@@ -120,6 +144,7 @@ impl Document {
         let document = match &self.origin {
             Origin::File(own) => Self::read(&directory(own).join(path), named_by),
             Origin::BuiltIn(own) => Self::find_built_in(&without_dots(&directory(own).join(path)), named_by),
+            Origin::Packed { set, keys } => Self::unpack(set, &joined(keys, key), named_by),
         };
         let settings = self.settings.iter().filter_map(|setting| setting.below(key)).collect();
         document.map(|document| document.with_settings(settings))
@@ -131,13 +156,56 @@ impl Document {
         match &self.origin {
             Origin::File(path) => path.display().to_string(),
             Origin::BuiltIn(path) => format!("built-in {}", path.display()),
+            Origin::Packed { set, keys } => {
+                set.documents.get(keys).map_or_else(String::new, |packed| packed.name.clone())
+            }
         }
+    }
+
+    /// This document and every file it names, its settings included in what it names but not in what it says.
+    ///
+    /// # Errors
+    /// When a file that it names cannot be read.
+    pub fn pack(&self) -> Result<PackedDocuments, ConfigError> {
+        let mut documents = BTreeMap::new();
+        self.pack_into(&mut documents, String::new())?;
+        Ok(PackedDocuments { documents })
+    }
+
+    fn pack_into(&self, documents: &mut BTreeMap<String, PackedText>, keys: String) -> Result<(), ConfigError> {
+        let table: toml::Table = self.read_as()?;
+        for key in NAMES_A_FILE {
+            if let Some(path) = table.get(key).and_then(toml::Value::as_str) {
+                self.named(key, path)?.pack_into(documents, joined(&keys, key))?;
+            }
+        }
+        documents.insert(keys, PackedText { name: self.name(), text: self.text.clone() });
+        Ok(())
+    }
+
+    /// The document that was packed.
+    ///
+    /// # Errors
+    /// When it is not there.
+    pub fn packed(set: PackedDocuments) -> Result<Self, ConfigError> {
+        Self::unpack(&Arc::new(set), "", String::new())
+    }
+
+    fn unpack(set: &Arc<PackedDocuments>, keys: &str, named_by: String) -> Result<Self, ConfigError> {
+        let missing =
+            || ConfigError::Read { file: format!("packed \"{keys}\""), why: "it was not packed".into(), named_by };
+        let packed = set.documents.get(keys).ok_or_else(missing)?;
+        let origin = Origin::Packed { set: Arc::clone(set), keys: keys.into() };
+        Ok(Self { origin, text: packed.text.clone(), settings: Vec::new() })
     }
 
     /// File name without its extension: the default name of what the document describes.
     pub(super) fn stem(&self) -> String {
-        let (Origin::File(path) | Origin::BuiltIn(path)) = &self.origin;
-        path.file_stem().map_or_else(|| "unnamed".into(), |stem| stem.to_string_lossy().into_owned())
+        let name = match &self.origin {
+            Origin::Packed { .. } => PathBuf::from(self.name().trim_start_matches("built-in ")),
+            Origin::File(path) | Origin::BuiltIn(path) => path.clone(),
+        };
+        name.file_stem().map_or_else(|| "unnamed".into(), |stem| stem.to_string_lossy().into_owned())
     }
 
     /// Reads the text as `S`, whose tables refuse unknown keys.
@@ -252,6 +320,11 @@ fn offset_of_key(root: &DeTable<'_>, key: &str) -> Option<usize> {
         table = inner;
     }
     offset
+}
+
+/// A key below those that led to a document.
+fn joined(keys: &str, key: &str) -> String {
+    if keys.is_empty() { key.into() } else { format!("{keys}.{key}") }
 }
 
 /// The path with `.` and `..` resolved by name, as inside the binary there are no directories.

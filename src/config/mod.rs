@@ -38,7 +38,7 @@ pub use budget::Budget;
 pub use camera::Camera;
 pub use check::Defaulted;
 pub use detector::Detector;
-pub use document::Document;
+pub use document::{Document, PackedDocuments};
 pub use error::ConfigError;
 pub use event::{Action, Event, GyroFaultKind, Pointing};
 pub use expect::Expect;

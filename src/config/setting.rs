@@ -7,7 +7,7 @@
 use crate::config::error::ConfigError;
 
 /// Keys whose value may be the path of a file that is read in their place.
-const NAMES_A_FILE: [&str; 4] = ["bench", "camera", "link", "spacecraft"];
+pub(super) const NAMES_A_FILE: [&str; 4] = ["bench", "camera", "link", "spacecraft"];
 
 /// One change of a configuration.
 #[derive(Debug, Clone, PartialEq)]

@@ -15,6 +15,7 @@ use crate::runtime::error::RunError;
 use crate::runtime::imager::Imager;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::load::{LoadChange, LoadEstimate};
+use crate::runtime::marks::{FrameMark, FrameMarks};
 use crate::runtime::params::RunParams;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::sky_view::SkyView;
@@ -47,6 +48,8 @@ pub struct FrameEngine {
     /// How the body may move, where that is known.
     motion: Option<MotionScale>,
     pointing_bound_rad: Option<f64>,
+    /// Where it says what each frame was drawn from, when a run is captured.
+    marks: Option<FrameMarks>,
 }
 
 impl FrameEngine {
@@ -76,7 +79,7 @@ impl FrameEngine {
             planner = planner.within_ms(camera.drawing_budget_ms(&cost));
         }
         let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure)?;
-        Ok(Self { planner, sky, imager, params, cost, load: None, motion: None, pointing_bound_rad: None })
+        Ok(Self { planner, sky, imager, params, cost, load: None, motion: None, pointing_bound_rad: None, marks: None })
     }
 
     /// From here on the planner's time follows the measured load: for runs on the real clock. Frames that may not be
@@ -84,6 +87,16 @@ impl FrameEngine {
     pub fn follow_load(&mut self) {
         let may_degrade = self.params.degrade && self.imager.may_degrade();
         self.load = may_degrade.then(LoadEstimate::default);
+    }
+
+    /// The next frame is planned under this load, where it is followed at all: a replay's word instead of a measurement.
+    pub fn assume_load(&mut self, ratio: f64) {
+        self.load = self.load.map(|_| LoadEstimate::standing_at(ratio));
+    }
+
+    /// From here on says of each frame what it was drawn from.
+    pub fn mark_frames(&mut self, marks: FrameMarks) {
+        self.marks = Some(marks);
     }
 
     /// Measured over predicted drawing time; 1 where it is not followed.
@@ -196,6 +209,10 @@ impl FrameEngine {
         }
         if plan.motion.los.origin == PathOrigin::Held {
             frame.meta.faults |= FaultFlags::LINK_STALE;
+        }
+        if let Some(marks) = &self.marks {
+            let (load, rung) = (self.load(), frame.meta.rung);
+            marks.put(FrameMark { frame: slot.number, messages: receiver.messages(), load, rung });
         }
         Ok(times)
     }

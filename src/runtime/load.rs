@@ -55,6 +55,12 @@ impl LoadEstimate {
         self.ratio
     }
 
+    /// An estimate that stands at `ratio`, as one that was written down.
+    #[must_use]
+    pub fn standing_at(ratio: f64) -> Self {
+        Self { ratio: ratio.clamp(1.0, MOST), ..Self::default() }
+    }
+
     /// Takes a frame in, ms; says when the load begins or has gone. Times that are no numbers are left out.
     pub fn observe(&mut self, predicted_ms: f64, measured_ms: f64) -> Option<LoadChange> {
         let seen = ratio_of(predicted_ms, measured_ms)?;

@@ -30,6 +30,7 @@ pub struct Receiver {
     sync: Option<(u8, Tai)>,
     newest_epoch: Option<Tai>,
     newest_arrival: Option<Tai>,
+    messages: u64,
 }
 
 impl Receiver {
@@ -48,6 +49,7 @@ impl Receiver {
             sync: None,
             newest_epoch: None,
             newest_arrival: None,
+            messages: 0,
             params,
         })
     }
@@ -94,6 +96,12 @@ impl Receiver {
         &self.params
     }
 
+    /// Messages taken in, all kinds.
+    #[must_use]
+    pub fn messages(&self) -> u64 {
+        self.messages
+    }
+
     /// Age at `at` of the newest attitude accepted.
     #[must_use]
     pub fn age_at(&self, at: Tai) -> Option<Span> {
@@ -109,6 +117,7 @@ impl Receiver {
     /// Takes one message in; an answer to send, if it wants one.
     pub fn accept(&mut self, message: &Stamped<Message>, ledger: &mut Ledger) -> Option<Message> {
         let at = message.at;
+        self.messages += 1;
         match &message.value {
             Message::Sync(sync) => self.sync = Some((sync.counter, at)),
             Message::TimeFollowUp(follow_up) => self.correlate(follow_up),

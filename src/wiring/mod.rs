@@ -15,6 +15,7 @@ pub mod faults;
 pub mod loop_outcome;
 mod loop_parts;
 pub mod real_loop;
+pub mod replay;
 pub mod seeded;
 pub mod ports;
 pub mod study;

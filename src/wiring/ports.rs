@@ -2,7 +2,7 @@
 
 use crate::base::clock::Clock;
 use crate::config::{Bench, Carrier, Link};
-use crate::link::Port;
+use crate::link::{Link as LinkEnd, Port};
 use crate::link::simulated::simulated_pair;
 use crate::wiring::bench_parts;
 use anyhow::{Context, Result, bail};
@@ -17,29 +17,32 @@ pub struct Ports {
     pub far: Option<Port>,
 }
 
-/// Opens every link of a bench.
+/// What stands between a link of the stimulator and its port.
+pub type Tap<'a> = &'a mut dyn FnMut(Box<dyn LinkEnd>) -> Box<dyn LinkEnd>;
+
+/// Opens every link of a bench; `tap` stands before the first one's port.
 ///
 /// # Errors
 /// When a link cannot be opened, with what to try.
-pub fn open_ports(bench: &Bench, clock: &Arc<dyn Clock>) -> Result<Ports> {
+pub fn open_ports(bench: &Bench, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result<Ports> {
     let wants_far = !bench.flight_computer.is_external;
-    let (first, far) = open(&bench.link, wants_far, clock).context("[link]")?;
+    let (first, far) = open(&bench.link, wants_far, clock, tap).context("[link]")?;
     let mut near = vec![first];
     for (i, link) in bench.extra_links.iter().enumerate() {
-        let (port, _) = open(link, false, clock).with_context(|| format!("[[extra_link]] {i}"))?;
+        let (port, _) = open(link, false, clock, &mut |link| link).with_context(|| format!("[[extra_link]] {i}"))?;
         near.push(port);
     }
     Ok(Ports { near, far })
 }
 
-fn open(link: &Link, wants_far: bool, clock: &Arc<dyn Clock>) -> Result<(Port, Option<Port>)> {
+fn open(link: &Link, wants_far: bool, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result<(Port, Option<Port>)> {
     let ids = identifiers(link)?;
     let (params, format) = bench_parts::bus_of(link);
     match &link.carrier {
         Carrier::Simulated(_) => {
             let (near, far) = simulated_pair(params, clock);
             let far = wants_far.then(|| Port::new(Box::new(far), format, ids));
-            Ok((Port::new(Box::new(near), format, ids), far))
+            Ok((Port::new(tap(Box::new(near)), format, ids), far))
         }
         Carrier::SocketCan { .. } | Carrier::SerialPort(_) => bail!("not yet"),
     }

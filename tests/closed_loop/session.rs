@@ -91,7 +91,9 @@ impl Speaker<'_> {
                 Says::Message(message) => {
                     let frames =
                         firmware_protocol::can::encode(message, firmware_protocol::can::Format::Fd, &ids).unwrap();
-                    frames.iter().for_each(|frame| drop(link.send(&Packet::Can(*frame)).unwrap()));
+                    for frame in frames.iter() {
+                        link.send(&Packet::Can(*frame)).unwrap();
+                    }
                 }
                 Says::Garbage => {
                     let frame = firmware_protocol::can::CanFrame::fd(0x300, &[0xFF; 48]).unwrap();

@@ -1,0 +1,64 @@
+//! Captured packets in files: candump log text and pcapng, written and read.
+//!
+//! ```text
+//! CapturedPacket -> CaptureWriter -> bus.log, bus.pcapng -> CaptureReader -> CapturedPacket
+//! ```
+//!
+//! In and out: packets with the instant and the direction in which they passed. Stamps are Unix time to the nanosecond in
+//! both formats; pcapng keeps the instant (TAI) beside it, a candump log cannot tell a leap second from the second after
+//! it. A candump log holds CAN only; pcapng holds CAN (link type 227, SocketCAN) and serial bytes (link type 147, USER0).
+//! Readers take any bytes: what they refuse they refuse with line or offset, a file that was cut off is read up to the
+//! cut, memory is bounded by [`BLOCK_MAX`] and [`LINE_MAX`] whatever a file says. Frames that have no [`Packet`] (29-bit
+//! identifiers, remote and error frames) are skipped and counted.
+//! Sources: candump's log format as written by can-utils; pcapng, IETF draft-ietf-opsawg-pcapng; LINKTYPE_CAN_SOCKETCAN as
+//! registered by tcpdump.org. Tests: `tests`, and `hil_scripts` against can-utils, python-can and tshark.
+
+mod candump;
+mod error;
+mod pcapng;
+mod reader;
+#[cfg(test)]
+mod tests;
+mod writer;
+
+use crate::base::time::Tai;
+use crate::link::Packet;
+
+pub use candump::{Line, parse_line};
+pub use error::CaptureError;
+pub use reader::CaptureReader;
+pub use writer::CaptureWriter;
+
+/// Longest line of a candump log, bytes.
+pub const LINE_MAX: usize = 1024;
+/// Longest pcapng block that is read, bytes; blocks of other kinds are skipped whatever their length.
+pub const BLOCK_MAX: usize = 256 * 1024;
+
+/// Form of a capture file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CaptureFormat {
+    /// candump's log text: CAN only.
+    Candump,
+    /// pcapng: CAN and serial.
+    Pcapng,
+}
+
+/// Which way a packet went, as the capturing side saw it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Direction {
+    /// It came.
+    Received,
+    /// It went.
+    Sent,
+}
+
+/// A packet that passed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CapturedPacket {
+    /// Receive stamp, or the instant at which it left.
+    pub at: Tai,
+    /// Which way it went.
+    pub direction: Direction,
+    /// What passed.
+    pub packet: Packet,
+}

@@ -1,0 +1,139 @@
+//! Packets -> pcapng, little-endian.
+
+use super::{
+    CAN_BRS, CAN_FDF, ENHANCED_PACKET, INBOUND, INTERFACE, LINK_CAN, LINK_SERIAL, OPTION_COMMENT, OPTION_END,
+    OPTION_FLAGS, OPTION_NAME, OPTION_PROGRAM, OPTION_RESOLUTION, ORDER_MAGIC, OUTBOUND, SECTION, TAI_AFTER,
+    TAI_BEFORE,
+};
+use crate::link::Packet;
+use crate::link::capture::{CapturedPacket, Direction};
+use firmware_protocol::can::CanFrame;
+use std::io::{self, Write};
+
+/// Units of stamps: 10^-9 s.
+const NANOSECONDS: u8 = 9;
+
+/// Writes blocks; its buffers are made once.
+pub(in crate::link::capture) struct PcapngWriter<W> {
+    out: W,
+    body: Vec<u8>,
+    data: Vec<u8>,
+    /// Numbers of the CAN and the serial interface, once they have been described.
+    can: Option<u32>,
+    serial: Option<u32>,
+}
+
+impl<W: Write> PcapngWriter<W> {
+    /// Begins a section.
+    pub(in crate::link::capture) fn new(out: W) -> Result<Self, io::Error> {
+        let (body, data) = (Vec::with_capacity(256), Vec::with_capacity(128));
+        let mut writer = Self { out, body, data, can: None, serial: None };
+        writer.body.extend(ORDER_MAGIC.to_le_bytes());
+        writer.body.extend([1, 0, 0, 0]); // version 1.0
+        writer.body.extend(u64::MAX.to_le_bytes()); // length of the section: not given
+        put_option(&mut writer.body, OPTION_PROGRAM, concat!("starloop ", env!("CARGO_PKG_VERSION")).as_bytes());
+        put_option(&mut writer.body, OPTION_END, &[]);
+        writer.finish_block(SECTION)?;
+        Ok(writer)
+    }
+
+    pub(in crate::link::capture) fn out(&mut self) -> &mut W {
+        &mut self.out
+    }
+
+    /// Writes one packet, and its interface before the first of its kind.
+    pub(in crate::link::capture) fn write(&mut self, captured: &CapturedPacket) -> Result<(), io::Error> {
+        let interface = match captured.packet {
+            Packet::Can(_) => self.can,
+            Packet::Serial(_) => self.serial,
+        };
+        let interface = match interface {
+            Some(number) => number,
+            None => self.describe_interface(&captured.packet)?,
+        };
+        self.data.clear();
+        match &captured.packet {
+            Packet::Can(frame) => put_can(&mut self.data, frame),
+            Packet::Serial(chunk) => self.data.extend(chunk.as_slice()),
+        }
+        self.put_packet(interface, captured);
+        self.finish_block(ENHANCED_PACKET)
+    }
+
+    fn put_packet(&mut self, interface: u32, captured: &CapturedPacket) {
+        let body = &mut self.body;
+        let unix_ns = captured.at.to_unix_ns().max(0).unsigned_abs();
+        body.extend(interface.to_le_bytes());
+        // The upper half of the stamp comes first.
+        body.extend(unix_ns.to_le_bytes()[4..].iter());
+        body.extend(unix_ns.to_le_bytes()[..4].iter());
+        #[allow(clippy::cast_possible_truncation, reason = "a packet has at most 80 bytes")]
+        let length = (self.data.len() as u32).to_le_bytes();
+        body.extend(length); // captured
+        body.extend(length); // on the wire
+        body.extend(&self.data);
+        pad(body);
+        let flags = if captured.direction == Direction::Sent { OUTBOUND } else { INBOUND };
+        put_option(body, OPTION_FLAGS, &flags.to_le_bytes());
+        let mut comment = [0; 40];
+        let mut rest = &mut comment[..];
+        let _forty_bytes_hold_it = write!(rest, "{TAI_BEFORE}{}{TAI_AFTER}", captured.at.ns());
+        let unused = rest.len();
+        put_option(body, OPTION_COMMENT, &comment[..comment.len() - unused]);
+        put_option(body, OPTION_END, &[]);
+    }
+
+    fn describe_interface(&mut self, packet: &Packet) -> Result<u32, io::Error> {
+        let number = u32::from(self.can.is_some()) + u32::from(self.serial.is_some());
+        let (link_type, name) = match packet {
+            Packet::Can(_) => {
+                self.can = Some(number);
+                (LINK_CAN, "can0")
+            }
+            Packet::Serial(_) => {
+                self.serial = Some(number);
+                (LINK_SERIAL, "serial0")
+            }
+        };
+        self.body.extend(link_type.to_le_bytes());
+        self.body.extend([0; 6]); // reserved; no limit to a packet's length
+        put_option(&mut self.body, OPTION_NAME, name.as_bytes());
+        put_option(&mut self.body, OPTION_RESOLUTION, &[NANOSECONDS]);
+        put_option(&mut self.body, OPTION_END, &[]);
+        self.finish_block(INTERFACE)?;
+        Ok(number)
+    }
+
+    /// Writes the body with its type and its length on both sides.
+    fn finish_block(&mut self, kind: u32) -> Result<(), io::Error> {
+        #[allow(clippy::cast_possible_truncation, reason = "blocks of ours are below 1 KiB")]
+        let length = (self.body.len() as u32 + 12).to_le_bytes();
+        self.out.write_all(&kind.to_le_bytes())?;
+        self.out.write_all(&length)?;
+        self.out.write_all(&self.body)?;
+        self.body.clear();
+        self.out.write_all(&length)
+    }
+}
+
+fn put_option(body: &mut Vec<u8>, code: u16, value: &[u8]) {
+    body.extend(code.to_le_bytes());
+    #[allow(clippy::cast_possible_truncation, reason = "options of ours are below 256 bytes")]
+    body.extend((value.len() as u16).to_le_bytes());
+    body.extend(value);
+    pad(body);
+}
+
+fn pad(body: &mut Vec<u8>) {
+    body.resize(body.len().next_multiple_of(4), 0);
+}
+
+/// The SocketCAN header, big-endian, and the data.
+fn put_can(data: &mut Vec<u8>, frame: &CanFrame) {
+    data.extend(u32::from(frame.id()).to_be_bytes());
+    #[allow(clippy::cast_possible_truncation, reason = "a frame has at most 64 bytes")]
+    data.push(frame.data().len() as u8);
+    data.push(if frame.is_fd() { CAN_FDF | CAN_BRS } else { 0 });
+    data.extend([0, 0]);
+    data.extend(frame.data());
+}

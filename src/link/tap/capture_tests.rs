@@ -1,0 +1,126 @@
+//! What passes is passed on unchanged and is in the capture; what is not in it is counted.
+
+use super::capture::Capture;
+use crate::base::clock::{Clock, Virtual};
+use crate::base::time::{Span, Tai};
+use crate::link::capture::{CaptureError, CaptureFormat, CaptureReader, Direction};
+use crate::link::simulated::{BusParams, BusTiming, simulated_pair};
+use crate::link::{Link, Packet};
+use firmware_protocol::can::CanFrame;
+use std::io::{self, Write};
+use std::sync::{Arc, Mutex};
+
+const START: Tai = Tai::from_ns(1_790_000_000_000_000_000);
+
+/// An output that can be looked at, that takes `room` bytes and then has none left.
+#[derive(Clone)]
+struct Disk {
+    bytes: Arc<Mutex<Vec<u8>>>,
+    room: usize,
+}
+
+impl Disk {
+    fn new(room: usize) -> Self {
+        Self { bytes: Arc::default(), room }
+    }
+}
+
+impl Write for Disk {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let mut disk = self.bytes.lock().unwrap();
+        if disk.len() + bytes.len() > self.room {
+            return Err(io::ErrorKind::StorageFull.into());
+        }
+        disk.extend(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+fn packet(n: u16) -> Packet {
+    Packet::Can(CanFrame::classic(0x100, &n.to_le_bytes()).unwrap())
+}
+
+/// Sends `packets` through a tap, answers each, and finishes.
+fn run(disk: &Disk, waits: bool, room: usize, packets: u16) -> super::CaptureOutcome {
+    let clock = Arc::new(Virtual::new(START));
+    let shared: Arc<dyn Clock> = Arc::<Virtual>::clone(&clock);
+    let timing = BusTiming::CanClassic { bit_rate_bps: 1_000_000 };
+    let bus = BusParams { name: "test".into(), timing, latency: Span::ZERO, queue_packets: 64 };
+    let (near, mut far) = simulated_pair(bus, &shared);
+    let capture = Capture::with_room(Box::new(disk.clone()), CaptureFormat::Candump, waits, room).unwrap();
+    let mut near = capture.tap(Box::new(near));
+    for n in 0..packets {
+        clock.advance_to(START + Span::from_ms(i64::from(n)));
+        far.send(&packet(n)).unwrap();
+        clock.advance_to(START + Span::from_ms(i64::from(n)) + Span::from_ns(500_000));
+        let got = near.receive(START).unwrap().expect("it has arrived");
+        assert_eq!(got.value, packet(n), "unchanged");
+        near.send(&packet(n)).unwrap();
+    }
+    assert_eq!(near.counters().received, u64::from(packets));
+    capture.finish()
+}
+
+#[test]
+fn everything_that_passes_is_written_in_order() {
+    let disk = Disk::new(usize::MAX);
+    let outcome = run(&disk, true, 1, 500);
+    assert!(outcome.error.is_none() && outcome.lost == 0 && outcome.written == 1000, "{outcome:?}");
+    let bytes = disk.bytes.lock().unwrap().clone();
+    let mut reader = CaptureReader::new(&bytes[..]).unwrap();
+    for n in 0..500 {
+        for direction in [Direction::Received, Direction::Sent] {
+            let captured = reader.read().unwrap().expect("a packet");
+            assert_eq!((captured.direction, captured.packet), (direction, packet(n)));
+            // 111 bits at most of a frame with two bytes at 1 Mbit/s.
+            let after = captured.at - (START + Span::from_ms(i64::from(n)));
+            assert!(after > Span::ZERO && after < Span::from_ms(1), "{} ms", after.ms());
+        }
+    }
+    assert!(reader.read().unwrap().is_none());
+}
+
+#[test]
+fn a_full_disk_ends_the_capture_and_not_the_run() {
+    let disk = Disk::new(1000);
+    let outcome = run(&disk, true, 8, 100);
+    assert!(matches!(outcome.error, Some(CaptureError::Write(_))), "{outcome:?}");
+    assert_eq!(outcome.written + outcome.lost, 200, "what is not written is counted");
+    assert!(outcome.written > 20, "what there was room for is written: {outcome:?}");
+}
+
+#[test]
+fn a_full_queue_loses_packets_and_counts_them() {
+    // A disk that hangs until it is let go.
+    struct Hanging(Arc<Mutex<()>>, Disk);
+    impl Write for Hanging {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let _go = self.0.lock().unwrap();
+            self.1.write(bytes)
+        }
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+    let gate = Arc::new(Mutex::new(()));
+    let hanging = Hanging(Arc::clone(&gate), Disk::new(usize::MAX));
+    let clock = Arc::new(Virtual::new(START));
+    let shared: Arc<dyn Clock> = clock;
+    let timing = BusTiming::CanClassic { bit_rate_bps: 1_000_000 };
+    let bus = BusParams { name: "test".into(), timing, latency: Span::ZERO, queue_packets: 64 };
+    let (near, _far) = simulated_pair(bus, &shared);
+    let capture = Capture::with_room(Box::new(hanging), CaptureFormat::Candump, false, 4).unwrap();
+    let mut near = capture.tap(Box::new(near));
+    let closed = gate.lock().unwrap();
+    for n in 0..100 {
+        near.send(&packet(n)).unwrap();
+    }
+    drop(closed);
+    let outcome = capture.finish();
+    assert_eq!(outcome.written + outcome.lost, 100, "{outcome:?}");
+    assert!((94..=96).contains(&outcome.lost), "four wait, one hangs: {outcome:?}");
+}
