@@ -13,4 +13,5 @@ mod deadline;
 mod degraded;
 mod pixels;
 mod program;
+mod replay;
 mod study;
