@@ -13,5 +13,6 @@ mod deadline;
 mod degraded;
 mod pixels;
 mod program;
+mod replay;
 mod session;
 mod study;

@@ -1,0 +1,299 @@
+//! A captured run is drawn again to the same bits, on both clocks; a changed bit, a lost packet and a cut file are told;
+//! captures are what other people's programs read.
+
+use starloop::link::Packet;
+use starloop::link::capture::{CaptureFormat, CaptureReader, CaptureWriter, CapturedPacket, Direction};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// A run of 20 small frames at 10 Hz that slews, so that no two frames are alike.
+const FRAMES: usize = 20;
+
+fn starloop(arguments: &[&str]) -> (i32, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_starloop")).args(arguments).output().unwrap();
+    (output.status.code().unwrap(), told(&output))
+}
+
+fn told(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+fn bench_file() -> String {
+    format!("{}/configs/benches/loopback.toml", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Captures a run into `folder/name`.
+fn capture(folder: &Path, name: &str, extra: &[&str]) -> PathBuf {
+    let directory = folder.join(name);
+    let (bench, camera) = (bench_file(), format!("{}/configs/cameras/small_tracker.toml", env!("CARGO_MANIFEST_DIR")));
+    let camera = format!("camera={camera}");
+    let target = directory.to_str().unwrap();
+    let fixed = ["run", &bench, "--set", &camera, "--duration", "2", "--backend", "cpu", "--sink", "null", "--quiet"];
+    let (status, text) = starloop(&[&fixed, extra, &["--capture", target][..]].concat());
+    assert_eq!(status, 0, "{text}");
+    directory
+}
+
+fn replay(directory: &Path, extra: &[&str]) -> (i32, String) {
+    starloop(&[&["replay", directory.to_str().unwrap()], extra].concat())
+}
+
+fn packets(path: &Path) -> Vec<CapturedPacket> {
+    let mut reader = CaptureReader::new(std::fs::File::open(path).unwrap()).unwrap();
+    core::iter::from_fn(|| reader.read().unwrap()).collect()
+}
+
+fn rewrite(path: &Path, format: CaptureFormat, packets: &[CapturedPacket]) {
+    let mut writer = CaptureWriter::new(std::fs::File::create(path).unwrap(), format).unwrap();
+    packets.iter().for_each(|packet| writer.write(packet).unwrap());
+}
+
+fn rows(directory: &Path) -> Vec<Vec<String>> {
+    let text = std::fs::read_to_string(directory.join("frames.csv")).unwrap();
+    text.lines().skip(1).map(|line| line.split(',').map(str::to_owned).collect()).collect()
+}
+
+/// The place of the attitude record that decides frame 10: the last one that arrived before it.
+fn decisive(directory: &Path, packets: &[CapturedPacket]) -> usize {
+    let messages: usize = rows(directory)[10][1].parse().unwrap();
+    let received = packets.iter().enumerate().filter(|(_, packet)| packet.direction == Direction::Received);
+    // On CAN FD each frame is one message, and attitude has 48 bytes.
+    let is_attitude = |packet: &CapturedPacket| matches!(packet.packet, Packet::Can(frame) if frame.data().len() == 48);
+    received.take(messages).filter(|(_, packet)| is_attitude(packet)).last().unwrap().0
+}
+
+#[test]
+fn a_run_on_the_virtual_clock_replays_bit_by_bit_in_both_formats_and_over_serial() {
+    let folder = tempfile::tempdir().unwrap();
+    let link = format!("link={}/configs/links/simulated_serial.toml", env!("CARGO_MANIFEST_DIR"));
+    let serial = ["--set", &link];
+    for (name, extra) in [
+        ("pcapng", &["--capture-format", "pcapng"][..]),
+        ("candump", &["--capture-format", "candump"]),
+        ("serial", &serial),
+    ] {
+        let directory = capture(folder.path(), name, &[&["--clock", "virtual"], extra].concat());
+        let (status, text) = replay(&directory, &[]);
+        assert_eq!(status, 0, "{name}: {text}");
+        assert_eq!(text.trim(), format!("{FRAMES} of {FRAMES} frames bit-identical"), "{name}: and no doubt");
+        let checksums: Vec<String> = rows(&directory).into_iter().map(|row| row[5].clone()).collect();
+        assert!(checksums.windows(2).all(|pair| pair[0] != pair[1]), "the frames differ: {checksums:?}");
+    }
+}
+
+#[test]
+fn a_run_on_the_real_clock_replays_bit_by_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let directory = capture(folder.path(), "real", &["--clock", "real", "--set", "timing.deadline_policy=hold"]);
+    let (status, text) = replay(&directory, &[]);
+    assert_eq!(status, 0, "{text}");
+    // A loaded machine may give up frames; those that went out are compared.
+    let delivered = rows(&directory).iter().filter(|row| !row[5].is_empty()).count();
+    assert!(delivered > 0 && text.contains(&format!("{delivered} of {delivered} frames bit-identical")), "{text}");
+}
+
+#[test]
+fn degraded_frames_replay_under_the_load_that_was_written_down() {
+    let folder = tempfile::tempdir().unwrap();
+    // The planner's time is cut below what the frame costs: frames go down the ladder.
+    let extra = ["--clock", "virtual", "--set", "timing.degrade=always", "--set", "camera.exposure.readout_s=0.0003"];
+    let directory = capture(folder.path(), "degraded", &extra);
+    let degraded = rows(&directory).iter().filter(|row| row[3] != "full").count();
+    assert!(degraded > 0, "{:?}", rows(&directory));
+    assert_eq!(replay(&directory, &[]).0, 0);
+    // On the real clock the load is measured, and goes into the time that the planner has.
+    let extra = ["--clock", "real", "--set", "timing.deadline_policy=late", "--set", "camera.exposure.readout_s=0.001"];
+    let directory = capture(folder.path(), "loaded", &extra);
+    let (status, text) = replay(&directory, &[]);
+    assert_eq!(status, 0, "{text} {:?}", rows(&directory));
+}
+
+#[test]
+fn a_bit_a_packet_and_a_tail_that_are_not_as_captured_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let directory = capture(folder.path(), "run", &["--clock", "virtual"]);
+    let bus = directory.join("bus.pcapng");
+    let whole = packets(&bus);
+    let place = decisive(&directory, &whole);
+    let Packet::Can(frame) = whole[place].packet else { panic!("CAN") };
+
+    // One bit of the quaternion's first number: the record's own checksum refuses it.
+    let mut changed = whole.clone();
+    let mut data = frame.data().to_vec();
+    data[8] ^= 1;
+    changed[place].packet = Packet::Can(firmware_protocol::can::CanFrame::fd(frame.id(), &data).unwrap());
+    rewrite(&bus, CaptureFormat::Pcapng, &changed);
+    let (status, text) = replay(&directory, &[]);
+    assert_eq!(status, 4, "{text}");
+    assert!(text.contains("the first that is not: frame 10,") || text.contains("frame 9,"), "{text}");
+
+    // The packet is missing.
+    let mut missing = whole.clone();
+    missing.remove(place);
+    rewrite(&bus, CaptureFormat::Pcapng, &missing);
+    let (status, text) = replay(&directory, &[]);
+    assert_eq!(status, 4, "{text}");
+
+    // Stamps are off by a millisecond: time marks come from stamps.
+    let mut shifted = whole.clone();
+    for packet in &mut shifted[..place] {
+        packet.at = packet.at + starloop::base::time::Span::from_ms(1);
+    }
+    rewrite(&bus, CaptureFormat::Pcapng, &shifted);
+    assert_eq!(replay(&directory, &[]).0, 4, "stamps count");
+
+    // The file was cut off in the middle of a block.
+    rewrite(&bus, CaptureFormat::Pcapng, &whole);
+    let bytes = std::fs::read(&bus).unwrap();
+    std::fs::write(&bus, &bytes[..bytes.len() / 2 + 1]).unwrap();
+    let (status, text) = replay(&directory, &[]);
+    assert!(status == 4 && text.contains("cut off at byte ") && text.contains("the capture holds"), "{text}");
+
+    // And as it was, it replays.
+    rewrite(&bus, CaptureFormat::Pcapng, &whole);
+    assert_eq!(replay(&directory, &[]).0, 0);
+}
+
+#[test]
+fn some_frames_are_replayed_and_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let directory = capture(folder.path(), "run", &["--clock", "virtual"]);
+    let out = folder.path().join("out");
+    let (status, text) = replay(&directory, &["--frames", "5..8", "--out", out.to_str().unwrap()]);
+    assert_eq!((status, text.trim()), (0, "3 of 3 frames bit-identical"));
+    let files = std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let mut images: Vec<String> = files.filter(|name| name.ends_with(".fits")).collect();
+    images.sort();
+    assert_eq!(images, ["frame_000005.fits", "frame_000006.fits", "frame_000007.fits"]);
+    assert_eq!(replay(&directory, &["--frames", "8..5"]).0, 2);
+}
+
+#[test]
+fn a_capture_of_someone_else_is_drawn_with_a_bench() {
+    let folder = tempfile::tempdir().unwrap();
+    let directory = capture(folder.path(), "run", &["--clock", "virtual", "--capture-format", "candump"]);
+    let log = directory.join("bus.log");
+    let log = log.to_str().unwrap();
+    let camera = format!("{}/configs/cameras/small_tracker.toml", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(bench_file()).unwrap();
+    let bench = folder.path().join("bench.toml");
+    let named = text.lines().find(|line| line.starts_with("camera")).unwrap();
+    let text = text.replace(named, &format!("camera = \"{camera}\""));
+    let links = format!("link = \"{}/configs/links/", env!("CARGO_MANIFEST_DIR"));
+    std::fs::write(&bench, text.replace("link = \"../links/", &links)).unwrap();
+    let (status, text) = starloop(&["replay", log, "--bench", bench.to_str().unwrap()]);
+    assert_eq!(status, 0, "{text}");
+    assert!(text.contains(" frames drawn; nothing to compare"), "{text}");
+    let drawn: usize = text.split(' ').next().unwrap().parse().unwrap();
+    assert!((FRAMES - 2..=FRAMES).contains(&drawn), "the run had {FRAMES}: {text}");
+    for (arguments, part) in [
+        (vec!["replay", log], "wanted --bench FILE"),
+        (vec!["replay", directory.to_str().unwrap(), "--bench", bench.to_str().unwrap()], "holds its own bench"),
+        (vec!["replay", "/nonexistent", "--bench", bench.to_str().unwrap()], "cannot read the packets"),
+        (vec!["replay", bench.to_str().unwrap(), "--bench", bench.to_str().unwrap()], "capture line 1: "),
+    ] {
+        let (status, text) = starloop(&arguments);
+        assert!(status == 1 && text.contains(part), "{arguments:?}: {text}");
+    }
+}
+
+#[test]
+fn a_damaged_directory_is_refused_with_what_is_wrong() {
+    let folder = tempfile::tempdir().unwrap();
+    let directory = capture(folder.path(), "run", &["--clock", "virtual"]);
+    let target = directory.to_str().unwrap();
+    let (status, text) =
+        starloop(&["run", "--clock", "virtual", "--duration", "1", "--sink", "null", "--capture", target]);
+    assert!(status == 1 && text.contains("holds a captured run already"), "{text}");
+    let keep = |name: &str| std::fs::read_to_string(directory.join(name)).unwrap();
+    let (session, frames) = (keep("session.json"), keep("frames.csv"));
+    let bad_row = frames.replacen(",full,", ",full;", 1);
+    for (name, text, part) in [
+        ("session.json", "{", "session.json: EOF"),
+        ("session.json", &session.replace("\"form\": 1", "\"form\": 9"), "form 9, wanted 1"),
+        ("session.json", &session.replace("bus.pcapng", "../bus.pcapng"), "without a folder"),
+        ("session.json", &session.replace("bus.pcapng", "none.pcapng"), "none.pcapng: cannot read"),
+        ("session.json", &session.replace("\"cpu\"", "\"abacus\""), "wanted cpu, gpu or reference"),
+        ("frames.csv", "", "frames.csv:1: wanted frame,messages"),
+        ("frames.csv", &bad_row, "frames.csv:2: wanted six fields"),
+    ] {
+        std::fs::write(directory.join(name), text).unwrap();
+        let (status, told) = replay(&directory, &[]);
+        assert!(status == 1 && told.contains(part), "{name}: {told}");
+        std::fs::write(directory.join("session.json"), &session).unwrap();
+        std::fs::write(directory.join("frames.csv"), &frames).unwrap();
+    }
+    // A run that was cut off: no end in its session, a row and a packet less.
+    let end = session.find("\"end\"").unwrap();
+    std::fs::write(directory.join("session.json"), format!("{}\"end\": null\n}}", &session[..end])).unwrap();
+    std::fs::write(directory.join("frames.csv"), &frames[..frames.len() - 5]).unwrap();
+    let (status, text) = replay(&directory, &[]);
+    assert!(status == 0 && text.contains("19 of 19") && text.contains("the run was cut off"), "{text}");
+    std::fs::remove_file(directory.join("frames.csv")).unwrap();
+    assert!(replay(&directory, &[]).1.contains("frames.csv: cannot read the frames"));
+}
+
+/// Runs someone else's program; `None`, and a line that says so, when it is not there.
+fn tool(program: &str, arguments: &[&str]) -> Option<String> {
+    match Command::new(program).args(arguments).output() {
+        Ok(output) if output.status.success() => Some(String::from_utf8_lossy(&output.stdout).into_owned()),
+        Ok(output) => panic!("{program}: {}", told(&output)),
+        Err(error) => {
+            println!("SKIPPED: {program}: {error}");
+            None
+        }
+    }
+}
+
+#[test]
+fn others_read_what_is_captured() {
+    let folder = tempfile::tempdir().unwrap();
+    let pcapng = capture(folder.path(), "pcapng", &["--clock", "virtual"]).join("bus.pcapng");
+    let candump =
+        capture(folder.path(), "candump", &["--clock", "virtual", "--capture-format", "candump"]).join("bus.log");
+    let wanted = packets(&pcapng);
+    assert!(wanted == packets(&candump) && wanted.len() > 200, "{}", wanted.len());
+    let seconds = |packet: &CapturedPacket| {
+        let ns = packet.at.to_unix_ns();
+        format!("{}.{:09}", ns / 1_000_000_000, ns % 1_000_000_000)
+    };
+    let Packet::Can(first) = wanted[0].packet else { panic!("CAN") };
+    let fields = ["-e", "frame.time_epoch", "-e", "can.id", "-e", "can.len", "-e", "frame.packet_flags_direction"];
+    let file = pcapng.to_str().unwrap();
+    if let Some(text) = tool("tshark", &[&["-r", file, "-T", "fields"][..], &fields].concat()) {
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), wanted.len());
+        let direction = if wanted[0].direction == Direction::Received { 1 } else { 2 };
+        let line = format!("{}\t{}\t{}\t0x{direction:08x}", seconds(&wanted[0]), first.id(), first.data().len());
+        assert_eq!(lines[0], line);
+    }
+    if let Some(text) = tool("capinfos", &["-M", "-c", "-E", file]) {
+        assert!(text.contains(&wanted.len().to_string()) && text.contains("socketcan"), "{text}");
+    }
+    let log = std::fs::File::open(&candump).unwrap();
+    match Command::new("log2long").stdin(log).output() {
+        Ok(output) => {
+            let text = told(&output);
+            assert_eq!(text.lines().count(), wanted.len());
+            assert!(text.starts_with(&format!("({})  can0", seconds(&wanted[0]))), "{}", text.lines().next().unwrap());
+        }
+        Err(error) => println!("SKIPPED: log2long: {error}"),
+    }
+    let script = "import can,sys\nfor m in can.CanutilsLogReader(sys.argv[1]):\n \
+                  print(f'{m.arbitration_id:03X}#{m.data.hex().upper()} {\"R\" if m.is_rx else \"T\"} {m.timestamp:.5f}')";
+    let has_python_can =
+        Command::new("python3").args(["-c", "import can"]).status().is_ok_and(|status| status.success());
+    if !has_python_can {
+        return println!("SKIPPED: python3 has no package \"can\"");
+    }
+    if let Some(text) = tool("python3", &["-c", script, candump.to_str().unwrap()]) {
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), wanted.len());
+        for (line, packet) in lines.iter().zip(&wanted) {
+            let Packet::Can(frame) = packet.packet else { panic!("CAN") };
+            let data: String = frame.data().iter().map(|byte| format!("{byte:02X}")).collect();
+            let direction = if packet.direction == Direction::Sent { 'T' } else { 'R' };
+            assert!(line.starts_with(&format!("{:03X}#{data} {direction} ", frame.id())), "{line}");
+        }
+    }
+}
