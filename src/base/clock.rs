@@ -93,6 +93,47 @@ impl Clock for Virtual {
     }
 }
 
+/// One instant on two clocks: a clock of ours and the system's CLOCK_REALTIME.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PairedReading {
+    /// Reading of our clock.
+    pub bench: Tai,
+    /// CLOCK_REALTIME at that instant, nanoseconds since 1970-01-01 UTC, as it stands: it may step at any time.
+    pub realtime_ns: i64,
+    /// The two readings are at most half of this apart: time that passed while both were read.
+    pub window: Span,
+}
+
+impl PairedReading {
+    /// A window no longer than this is good enough.
+    const GOOD_WINDOW: Span = Span::from_ns(5_000);
+    const MOST_TRIES: u32 = 4;
+
+    /// Reads both clocks. When the reader was interrupted in between it tries again, and keeps the closest pair of at
+    /// most four.
+    #[must_use]
+    pub fn take(clock: &dyn Clock) -> Self {
+        let mut best = Self::once(clock);
+        for _ in 1..Self::MOST_TRIES {
+            if best.window <= Self::GOOD_WINDOW {
+                break;
+            }
+            let again = Self::once(clock);
+            best = if again.window < best.window { again } else { best };
+        }
+        best
+    }
+
+    #[allow(clippy::disallowed_methods, reason = "the one place that reads the machine's clocks")]
+    fn once(clock: &dyn Clock) -> Self {
+        let before = clock.now();
+        let unix = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+        let window = clock.now() - before;
+        let realtime_ns = i64::try_from(unix.as_nanos()).unwrap_or(i64::MAX);
+        Self { bench: before + Span::from_ns(window.ns() / 2), realtime_ns, window }
+    }
+}
+
 /// Wall-clock stopwatch for measuring stages; never feeds physics.
 #[derive(Debug, Clone, Copy)]
 pub struct Stopwatch {
@@ -128,6 +169,17 @@ mod tests {
         clock.sleep_until(Tai::from_ns(250));
         clock.advance_to(Tai::from_ns(50));
         assert_eq!(clock.now().ns(), 250);
+    }
+
+    #[test]
+    fn paired_readings_are_of_one_instant() {
+        let clock = Monotonic::start();
+        let (before, pair, after) = (clock.now(), PairedReading::take(&clock), clock.now());
+        assert!(before <= pair.bench && pair.bench <= after, "{pair:?}");
+        assert!(pair.window >= Span::ZERO && pair.window <= after - before, "{pair:?}");
+        let stands = PairedReading::take(&Virtual::new(Tai::from_ns(7)));
+        assert_eq!((stands.bench.ns(), stands.window), (7, Span::ZERO), "a virtual clock stands still");
+        assert!(stands.realtime_ns >= pair.realtime_ns || stands.realtime_ns > 0, "the system's clock is read");
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod check_attitude;
 mod check_plan;
 mod check_scenario;
 mod frame_plan;
+pub mod link_check;
 mod load_threads;
 mod monitor;
 pub mod render;
@@ -78,6 +79,8 @@ enum Command {
     Chart(chart::ChartArgs),
     /// Inject latency and jitter into the closed loop and hold it against linear theory: CSV table and SVG charts
     Study(study::StudyArgs),
+    /// Hold a bus or serial port of this machine to what links promise, or echo what arrives on it
+    LinkCheck(link_check::LinkCheckArgs),
     /// Pack, describe or query a star catalog
     Catalog(catalog::CatalogArgs),
 }
@@ -106,6 +109,7 @@ pub fn main() -> ExitCode {
         Command::Campaign(arguments) => campaign::run(&arguments),
         Command::Chart(arguments) => chart::run(&arguments).map(|()| EXIT_DONE),
         Command::Study(arguments) => study::run(&arguments),
+        Command::LinkCheck(arguments) => link_check::run(&arguments),
         Command::Catalog(arguments) => catalog::run(arguments).map(|()| EXIT_DONE),
     };
     match done {

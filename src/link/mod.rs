@@ -9,12 +9,22 @@
 
 /// Files of captured packets.
 pub mod capture;
+/// One suite for every link.
+pub mod conformance;
+mod kernel_stamp;
 mod packet;
 mod port;
 #[cfg(test)]
 mod port_tests;
+/// Pulses per second from the kernel.
+pub mod pps;
+mod readiness;
+/// Serial ports and pseudo terminals.
+pub mod serial;
 /// A bus in memory, for CI and for benches without hardware.
 pub mod simulated;
+/// CAN and CAN FD through the kernel.
+pub mod socketcan;
 /// Wrappers that see or change what passes.
 pub mod tap;
 
@@ -48,6 +58,10 @@ pub struct LinkCounters {
     pub errors: u64,
     /// Times the controller went bus-off.
     pub bus_off: u64,
+    /// Times the controller came back from bus-off.
+    pub restarted: u64,
+    /// Packets stamped when they were read, because the kernel gave no stamp or an impossible one (a step of its clock).
+    pub unstamped: u64,
     /// Times the interface or port was lost.
     pub lost: u64,
     /// Times it came back.

@@ -1,0 +1,193 @@
+//! `starloop link-check`: holds a link of this machine to what links promise, or stands at one end of it and sends back
+//! what arrives.
+
+use crate::base::clock::{Clock, Monotonic};
+use crate::base::time::Span;
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
+use crate::link::conformance::{Check, Ends, check_filters, check_link};
+use crate::link::serial::{PseudoTerminal, SerialLink, SerialParams};
+use crate::link::simulated::{BusParams, BusTiming, simulated_pair};
+use crate::link::socketcan::{Hears, SocketCanLink, SocketCanParams};
+use crate::link::{Link, LinkCounters, LinkError, WireFormat};
+use anyhow::{Context, Result};
+use clap::{Args, ValueEnum};
+use firmware_protocol::can::IdMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// The suite's node.
+const NODE: u8 = 5;
+/// Counters are looked at this often while echoing.
+const LOOK: Span = Span::from_ms(20);
+
+/// Command line of `link-check`.
+#[derive(Debug, Args)]
+pub struct LinkCheckArgs {
+    /// Kind of link
+    #[arg(long, value_enum)]
+    kind: Kind,
+    /// CAN interface, such as vcan0
+    #[arg(long, value_name = "NAME", required_if_eq("kind", "socketcan"))]
+    interface: Option<String>,
+    /// CAN FD instead of classic CAN (socketcan, simulated)
+    #[arg(long)]
+    fd: bool,
+    /// Serial port; without it a pseudo terminal of its own
+    #[arg(long, value_name = "PATH", conflicts_with = "pty")]
+    port: Option<PathBuf>,
+    /// A pseudo terminal of its own
+    #[arg(long)]
+    pty: bool,
+    /// Interface or port at the other end of the cable (default: the same interface)
+    #[arg(long, value_name = "NAME")]
+    peer: Option<String>,
+    /// Baud rate of serial ports
+    #[arg(long, default_value_t = 115_200)]
+    baud: u32,
+    /// No checks: send back whatever arrives and print the counters when they change
+    #[arg(long, conflicts_with = "peer")]
+    echo: bool,
+    /// With --echo: seconds until the end
+    #[arg(long, value_name = "S", default_value_t = 10.0, requires = "echo")]
+    duration: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Kind {
+    /// The bus in memory
+    Simulated,
+    /// CAN through the kernel
+    Socketcan,
+    /// A serial port
+    Serial,
+}
+
+/// Runs the command: exit status 4 when a promise is broken.
+///
+/// # Errors
+/// When the link cannot be opened.
+pub fn run(arguments: &LinkCheckArgs) -> Result<u8> {
+    let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
+    if arguments.echo {
+        return echo(arguments, &clock).map(|()| EXIT_DONE);
+    }
+    // What cannot be opened is no broken promise.
+    drop(arguments.ends(&clock)?);
+    Ok(match arguments.check(&clock) {
+        Ok(()) => EXIT_DONE,
+        Err(broken) => {
+            println!("BROKEN  {broken}");
+            EXIT_NOT_MET
+        }
+    })
+}
+
+impl LinkCheckArgs {
+    fn format(&self) -> WireFormat {
+        match (self.kind, self.fd) {
+            (Kind::Serial, _) => WireFormat::Serial,
+            (_, true) => WireFormat::CanFd,
+            (_, false) => WireFormat::CanClassic,
+        }
+    }
+
+    fn check(&self, clock: &Arc<dyn Clock>) -> Result<(), String> {
+        let report = check_link(&format!("{:?}", self.kind), self.format(), clock, || self.ends(clock))?;
+        report.checks.iter().for_each(print_check);
+        if self.kind == Kind::Socketcan {
+            print_check(&check_filters(clock, |hears| self.can(self.interface.as_deref(), hears, clock))?);
+        }
+        Ok(())
+    }
+
+    fn ends(&self, clock: &Arc<dyn Clock>) -> Result<Ends, LinkError> {
+        match self.kind {
+            Kind::Simulated => Ok(self.simulated(clock)),
+            Kind::Socketcan => {
+                let near = self.can(self.interface.as_deref(), Hears::Everything, clock)?;
+                let peer = self.peer.as_deref().or(self.interface.as_deref());
+                Ok((near, self.can(peer, Hears::Everything, clock)?))
+            }
+            Kind::Serial => self.serial(clock),
+        }
+    }
+
+    fn simulated(&self, clock: &Arc<dyn Clock>) -> Ends {
+        let timing = match self.format() {
+            WireFormat::CanFd => BusTiming::CanFd { arbitration_bps: 1_000_000, data_bps: 8_000_000 },
+            _ => BusTiming::CanClassic { bit_rate_bps: 1_000_000 },
+        };
+        let params = BusParams { name: "simulated".into(), timing, latency: Span::ZERO, queue_packets: 2048 };
+        let (near, far) = simulated_pair(params, clock);
+        (Box::new(near), Box::new(far))
+    }
+
+    fn can(&self, interface: Option<&str>, hears: Hears, clock: &Arc<dyn Clock>) -> Result<Box<dyn Link>, LinkError> {
+        let ids = IdMap::new(0, NODE).unwrap_or_default();
+        let interface = interface.unwrap_or_default().to_owned();
+        let params = SocketCanParams { interface, ids, hears, fd: self.fd, bit_rate_switch: true };
+        Ok(Box::new(SocketCanLink::open(params, clock)?))
+    }
+
+    /// Two ports with a cable between them, or a pseudo terminal.
+    fn serial(&self, clock: &Arc<dyn Clock>) -> Result<Ends, LinkError> {
+        let open = |path| SerialLink::open(SerialParams::new(path, self.baud), clock).map(Box::new);
+        match (&self.port, &self.peer) {
+            (Some(port), Some(peer)) => Ok((open(port.clone())?, open(peer.into())?)),
+            _ => {
+                let terminal = PseudoTerminal::open()?;
+                let near = open(terminal.path().to_owned())?;
+                Ok((near, Box::new(SerialLink::of_terminal(terminal, self.baud, clock))))
+            }
+        }
+    }
+
+    /// The one end that echoes, and what others open to talk to it.
+    fn one_end(&self, clock: &Arc<dyn Clock>) -> Result<(Box<dyn Link>, String), LinkError> {
+        match (self.kind, &self.port) {
+            (Kind::Serial, Some(port)) => {
+                let params = SerialParams::new(port, self.baud);
+                Ok((Box::new(SerialLink::open(params, clock)?), port.display().to_string()))
+            }
+            (Kind::Serial, None) => {
+                let terminal = PseudoTerminal::open()?;
+                let path = terminal.path().display().to_string();
+                Ok((Box::new(SerialLink::of_terminal(terminal, self.baud, clock)), path))
+            }
+            _ => {
+                let name = self.interface.as_deref();
+                Ok((self.can(name, Hears::Everything, clock)?, name.unwrap_or_default().to_owned()))
+            }
+        }
+    }
+}
+
+fn echo(arguments: &LinkCheckArgs, clock: &Arc<dyn Clock>) -> Result<()> {
+    anyhow::ensure!(arguments.kind != Kind::Simulated, "nobody else can reach a simulated bus; choose another --kind");
+    let (mut link, name) = arguments.one_end(clock)?;
+    println!("ready {name}");
+    let end = clock.now() + Span::from_s(arguments.duration);
+    let mut told = LinkCounters::default();
+    while clock.now() < end {
+        let got = link.receive(end.min(clock.now() + LOOK)).context("echo")?;
+        if let Some(packet) = got {
+            link.send(&packet.value).context("echo")?;
+        }
+        if link.counters() != told {
+            told = link.counters();
+            println!("{}", line(&told));
+        }
+    }
+    Ok(())
+}
+
+fn line(c: &LinkCounters) -> String {
+    format!(
+        "received={} sent={} overflows={} unsent={} errors={} bus_off={} restarted={} unstamped={} lost={} regained={}",
+        c.received, c.sent, c.overflows, c.unsent, c.errors, c.bus_off, c.restarted, c.unstamped, c.lost, c.regained
+    )
+}
+
+fn print_check(check: &Check) {
+    println!("held  {:<62}{}", check.promise, check.seen);
+}

@@ -1,0 +1,57 @@
+//! Ends of a bus that hear one side of one node only.
+
+use super::Check;
+use crate::base::clock::Clock;
+use crate::link::conformance::PATIENCE;
+use crate::link::socketcan::Hears;
+use crate::link::{Link, LinkError, Packet};
+use firmware_protocol::can::CanFrame;
+use std::sync::Arc;
+
+/// Identifiers of node 5 that a stimulator hears, ascending: SYNC for all nodes, then what its flight computer sends.
+const HEARD_BY_STIMULATOR: [u16; 13] =
+    [0x080, 0x205, 0x215, 0x225, 0x235, 0x245, 0x255, 0x285, 0x2A5, 0x305, 0x315, 0x605, 0x705];
+/// The same for the flight computer.
+const HEARD_BY_FLIGHT_COMPUTER: [u16; 4] = [0x185, 0x195, 0x585, 0x705];
+
+/// Sends a frame of every identifier, and wants each end to hear its own; `open` gives an end of node 5 on one bus that
+/// hears what is asked for.
+///
+/// # Errors
+/// What was heard instead, or why an end could not be opened.
+pub fn check_filters(
+    clock: &Arc<dyn Clock>,
+    mut open: impl FnMut(Hears) -> Result<Box<dyn Link>, LinkError>,
+) -> Result<Check, String> {
+    let mut opened = |hears| open(hears).map_err(|error| error.to_string());
+    let mut from = opened(Hears::Everything)?;
+    let mut ends = [
+        (opened(Hears::FlightComputer)?, &HEARD_BY_STIMULATOR[..]),
+        (opened(Hears::Stimulator)?, &HEARD_BY_FLIGHT_COMPUTER[..]),
+    ];
+    let frames = (0..=0x7FF).filter_map(|id| CanFrame::classic(id, &id.to_be_bytes()));
+    for frame in frames {
+        from.send(&Packet::Can(frame)).map_err(|error| error.to_string())?;
+    }
+    for (end, wanted) in &mut ends {
+        let heard = heard_by(&mut **end, wanted.len(), clock)?;
+        if heard != *wanted {
+            return Err(format!("wanted identifiers {wanted:03x?}, heard {heard:03x?}"));
+        }
+    }
+    let seen = "of 2048 identifiers 13 reach the stimulator and 4 the flight computer".into();
+    Ok(Check { promise: "each side of a node hears the other and nobody else", seen })
+}
+
+/// Identifiers of the next `count` frames, and of what else is there.
+fn heard_by(link: &mut dyn Link, count: usize, clock: &Arc<dyn Clock>) -> Result<Vec<u16>, String> {
+    let mut ids = Vec::new();
+    loop {
+        let until = if ids.len() < count { clock.now() + PATIENCE } else { clock.now() };
+        match link.receive(until).map_err(|error| error.to_string())?.map(|packet| packet.value) {
+            Some(Packet::Can(frame)) => ids.push(frame.id()),
+            Some(other) => return Err(format!("a {} packet", other.kind())),
+            None => return Ok(ids),
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! One suite for every link: what [`Link`] promises, held against two ends of it on the real clock.
+//!
+//! Input: a maker of fresh, connected pairs of ends. Output: a [`Report`], or what was broken first. The suite knows
+//! nothing of how a link works; on serial links the borders of chunks mean nothing, and bytes are compared.
+//! `tests/links` runs it on simulated buses and pseudo terminals, and on links broken on purpose, each of which it must
+//! refuse; `starloop link-check` runs it on real interfaces and ports.
+
+mod exchange;
+mod filters;
+mod protocol;
+mod raw;
+
+use super::{Link, LinkError, WireFormat};
+use crate::base::clock::Clock;
+use crate::base::time::Span;
+use std::sync::Arc;
+
+pub use filters::check_filters;
+
+/// Two connected ends.
+pub type Ends = (Box<dyn Link>, Box<dyn Link>);
+
+/// A packet that has not arrived after this long is lost.
+const PATIENCE: Span = Span::from_ms(3000);
+/// Packets sent without a pause.
+pub const BURST: usize = 1000;
+
+/// What the suite found, all of it as promised.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Report {
+    /// Name of the link.
+    pub link: String,
+    /// How messages look on its wire.
+    pub format: WireFormat,
+    /// Every check, in the order in which they were made.
+    pub checks: Vec<Check>,
+}
+
+/// One check that held.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Check {
+    /// What is promised.
+    pub promise: &'static str,
+    /// What was seen.
+    pub seen: String,
+}
+
+/// What every check needs.
+struct Suite<'a> {
+    format: WireFormat,
+    clock: &'a Arc<dyn Clock>,
+    make: &'a mut dyn FnMut() -> Result<Ends, LinkError>,
+}
+
+/// Checks everything; `make` gives a fresh pair each time, `clock` is the one that the links have.
+///
+/// # Errors
+/// The first promise that was broken, and how. Also when a pair cannot be made.
+pub fn check_link(
+    link: &str,
+    format: WireFormat,
+    clock: &Arc<dyn Clock>,
+    mut make: impl FnMut() -> Result<Ends, LinkError>,
+) -> Result<Report, String> {
+    type Step = (&'static str, fn(&mut Suite<'_>) -> Result<String, String>);
+    let steps: [Step; 9] = [
+        ("bytes of every length arrive whole and in order, both ways", raw::lengths_and_order),
+        ("stamps lie between sending and receiving, and never go back", raw::stamps),
+        ("a wait ends at its limit, and not before", raw::timeouts),
+        ("a waiting packet is given at once, whatever the limit", raw::waiting_packet),
+        ("packets of another kind are refused", raw::wrong_kind),
+        ("a burst arrives without loss; counters are exact", raw::burst),
+        ("an echo on another thread comes back", raw::echo),
+        ("every message arrives as it was, both ways", protocol::messages),
+        ("damage is rejected by reason, and nothing of it accepted", protocol::damage),
+    ];
+    if !clock.is_real() {
+        return Err("the suite needs a real clock: it waits".into());
+    }
+    let mut suite = Suite { format, clock, make: &mut make };
+    let mut checks = Vec::new();
+    for (promise, step) in steps {
+        let seen = step(&mut suite).map_err(|broken| format!("{link}: not so: {promise}: {broken}"))?;
+        checks.push(Check { promise, seen });
+    }
+    Ok(Report { link: link.into(), format, checks })
+}
+
+impl Suite<'_> {
+    fn pair(&mut self) -> Result<Ends, String> {
+        (self.make)().map_err(|error| error.to_string())
+    }
+}

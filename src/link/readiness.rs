@@ -1,0 +1,29 @@
+//! Waiting for a descriptor with a limit: sleeps in `ppoll`, to the nanosecond of the limit, and never spins.
+
+use crate::base::time::Span;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use std::io;
+use std::os::fd::BorrowedFd;
+
+/// What is waited for. Hang-ups and errors end every wait.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Readiness {
+    /// Something can be read.
+    Read,
+    /// Something can be written.
+    Write,
+}
+
+/// Returns when it is so, after `span` at the latest, or when a signal came.
+pub(super) fn wait_for(fd: BorrowedFd<'_>, wanted: Readiness, span: Span) -> io::Result<()> {
+    let flags = match wanted {
+        Readiness::Read => PollFlags::IN,
+        Readiness::Write => PollFlags::OUT,
+    };
+    let ns = span.ns().max(0);
+    let limit = Timespec { tv_sec: ns / 1_000_000_000, tv_nsec: ns % 1_000_000_000 };
+    match poll(&mut [PollFd::from_borrowed_fd(fd, flags)], Some(&limit)) {
+        Ok(_) | Err(rustix::io::Errno::INTR) => Ok(()),
+        Err(error) => Err(error.into()),
+    }
+}

@@ -1,0 +1,225 @@
+//! `Link` over a serial port or the master of a pseudo terminal.
+
+use super::opening::{name, open_port};
+use super::{PseudoTerminal, RETRY, SerialParams};
+use crate::base::clock::Clock;
+use crate::base::time::{Span, Tai};
+use crate::base::units::NS_PER_S;
+use crate::link::readiness::{Readiness, wait_for};
+use crate::link::{CHUNK_MAX, Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped};
+use rustix::io::Errno;
+use std::io;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::sync::Arc;
+
+const DELIMITER: u8 = 0;
+/// The shortest limit of a write, whatever the baud rate: a wake-up may take this long.
+const WRITE_LIMIT_MIN: Span = Span::from_ms(2);
+
+/// One end of a serial line.
+pub struct SerialLink {
+    params: SerialParams,
+    clock: Arc<dyn Clock>,
+    /// `None` while the port is lost.
+    port: Option<Port>,
+    retry_at: Tai,
+    write_limit: Span,
+    /// The last packet was cut off: a delimiter is due.
+    is_torn: bool,
+    counters: LinkCounters,
+}
+
+enum Port {
+    Device(OwnedFd),
+    Master(PseudoTerminal),
+}
+
+impl AsFd for Port {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        match self {
+            Self::Device(fd) => fd.as_fd(),
+            Self::Master(terminal) => terminal.as_fd(),
+        }
+    }
+}
+
+/// How a write ended.
+enum Written {
+    Whole,
+    /// Given up; true when a part of it is out.
+    GivenUp(bool),
+    Lost,
+}
+
+impl SerialLink {
+    /// Opens a port.
+    ///
+    /// # Errors
+    /// When it is absent (the ports that exist are listed), in use or forbidden, or its driver does not take the
+    /// settings; each with what to do about it.
+    pub fn open(params: SerialParams, clock: &Arc<dyn Clock>) -> Result<Self, LinkError> {
+        let port = Port::Device(open_port(&params)?);
+        Ok(Self::over(port, params, clock))
+    }
+
+    /// The master's end of a pseudo terminal; `baud` is that of the line it stands for and limits the time of a write.
+    #[must_use]
+    pub fn of_terminal(terminal: PseudoTerminal, baud: u32, clock: &Arc<dyn Clock>) -> Self {
+        let params = SerialParams::new(terminal.path(), baud);
+        Self::over(Port::Master(terminal), params, clock)
+    }
+
+    fn over(port: Port, params: SerialParams, clock: &Arc<dyn Clock>) -> Self {
+        let bits = 2 * CHUNK_MAX as i64 * params.bits_per_byte();
+        let two_chunks = Span::from_ns(bits * NS_PER_S / i64::from(params.baud.max(1)));
+        Self {
+            params,
+            clock: Arc::clone(clock),
+            port: Some(port),
+            retry_at: Tai::from_ns(i64::MIN),
+            write_limit: two_chunks.max(WRITE_LIMIT_MIN),
+            is_torn: false,
+            counters: LinkCounters::default(),
+        }
+    }
+
+    /// True while the port is there.
+    #[must_use]
+    pub fn is_up(&self) -> bool {
+        self.port.is_some()
+    }
+
+    /// Looks for a lost port when it is time to.
+    fn regain(&mut self) {
+        let now = self.clock.now();
+        if self.port.is_some() || now < self.retry_at {
+            return;
+        }
+        self.retry_at = now + RETRY;
+        // Whatever is wrong may pass: the port was there once.
+        if let Ok(port) = open_port(&self.params) {
+            self.port = Some(Port::Device(port));
+            self.is_torn = false;
+            self.counters.regained += 1;
+        }
+    }
+
+    fn lose(&mut self) {
+        self.port = None;
+        self.counters.lost += 1;
+        self.retry_at = self.clock.now() + RETRY;
+    }
+
+    fn failed(&self, doing: &'static str, source: io::Error) -> LinkError {
+        LinkError::System { link: name(&self.params), doing, source, advice: "" }
+    }
+
+    /// One read: everything that has arrived, up to a chunk.
+    fn read(&mut self) -> Result<Option<Stamped<Packet>>, LinkError> {
+        self.regain();
+        let Some(port) = &self.port else { return Ok(None) };
+        let mut bytes = [0; CHUNK_MAX];
+        let got = rustix::io::read(port, &mut bytes);
+        let at = self.clock.now();
+        match got {
+            // The end of a file is a hang-up here.
+            Ok(0) => self.lose(),
+            Ok(len) => {
+                self.counters.received += 1;
+                let chunk = SerialChunk::new(bytes.get(..len).unwrap_or(&[])).unwrap_or(SerialChunk::EMPTY);
+                return Ok(Some(Stamped { at, value: Packet::Serial(chunk) }));
+            }
+            Err(Errno::AGAIN | Errno::INTR) => {}
+            Err(error) if is_unplugged(error) => self.lose(),
+            Err(error) => return Err(self.failed("receive", error.into())),
+        }
+        Ok(None)
+    }
+
+    fn wait(&mut self, now: Tai, until: Tai) -> Result<(), LinkError> {
+        let Some(port) = &self.port else {
+            self.clock.sleep_until(until.min(self.retry_at));
+            return Ok(());
+        };
+        wait_for(port.as_fd(), Readiness::Read, until - now).map_err(|error| self.failed("wait for bytes", error))
+    }
+
+    /// Writes all of `bytes`, or what goes out before `limit`.
+    fn write(&self, mut bytes: &[u8], limit: Tai) -> Result<Written, LinkError> {
+        let Some(port) = &self.port else { return Ok(Written::GivenUp(false)) };
+        let whole = bytes.len();
+        while !bytes.is_empty() {
+            match rustix::io::write(port, bytes) {
+                Ok(len) => bytes = bytes.get(len..).unwrap_or(&[]),
+                Err(Errno::INTR) => {}
+                Err(Errno::AGAIN) => {
+                    let left = limit - self.clock.now();
+                    if left <= Span::ZERO || !self.clock.is_real() {
+                        return Ok(Written::GivenUp(bytes.len() < whole));
+                    }
+                    wait_for(port.as_fd(), Readiness::Write, left)
+                        .map_err(|error| self.failed("wait to send", error))?;
+                }
+                Err(error) if is_unplugged(error) => return Ok(Written::Lost),
+                Err(error) => return Err(self.failed("send", error.into())),
+            }
+        }
+        Ok(Written::Whole)
+    }
+
+    /// Ends a packet that was cut off; then sends.
+    fn write_packet(&mut self, bytes: &[u8]) -> Result<Written, LinkError> {
+        let limit = self.clock.now() + self.write_limit;
+        if self.is_torn {
+            match self.write(&[DELIMITER], limit)? {
+                Written::Whole => self.is_torn = false,
+                stuck => return Ok(stuck),
+            }
+        }
+        self.write(bytes, limit)
+    }
+}
+
+impl Link for SerialLink {
+    fn receive(&mut self, until: Tai) -> Result<Option<Stamped<Packet>>, LinkError> {
+        loop {
+            if let Some(chunk) = self.read()? {
+                return Ok(Some(chunk));
+            }
+            let now = self.clock.now();
+            if !self.clock.is_real() || now >= until {
+                return Ok(None);
+            }
+            self.wait(now, until)?;
+        }
+    }
+
+    fn send(&mut self, packet: &Packet) -> Result<Tai, LinkError> {
+        let Packet::Serial(chunk) = packet else {
+            let (wanted, got) = ("serial", packet.kind());
+            return Err(LinkError::WrongPacket { link: name(&self.params), wanted, got });
+        };
+        self.regain();
+        match self.write_packet(chunk.as_slice())? {
+            Written::Whole => self.counters.sent += 1,
+            Written::GivenUp(is_torn) => {
+                self.is_torn |= is_torn;
+                self.counters.unsent += 1;
+            }
+            Written::Lost => {
+                self.counters.unsent += 1;
+                self.lose();
+            }
+        }
+        Ok(self.clock.now())
+    }
+
+    fn counters(&self) -> LinkCounters {
+        self.counters
+    }
+}
+
+/// The port is gone, or nobody holds its other end.
+fn is_unplugged(error: Errno) -> bool {
+    matches!(error, Errno::IO | Errno::NODEV | Errno::NXIO | Errno::PIPE | Errno::BADF)
+}

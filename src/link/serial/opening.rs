@@ -1,0 +1,56 @@
+//! Path of a port -> an open one, set and for us alone, or the reason and what to do about it.
+
+use super::SerialParams;
+use super::settings::apply;
+use crate::link::LinkError;
+use rustix::fs::{FlockOperation, Mode, OFlags, flock, open};
+use rustix::io::Errno;
+use rustix::termios::{QueueSelector, ioctl_tiocexcl, tcflush};
+use std::io;
+use std::os::fd::{AsFd, OwnedFd};
+
+const ABSENT: &str = "; check the cable and the name (names under /dev/serial/by-id survive replugging)";
+const FORBIDDEN: &str = "; add the user to the group of the port: `usermod -aG dialout USER`, then log in again";
+const BUSY: &str = "; another program has it open: `fuser -v` on the port shows which";
+const NOT_TAKEN: &str = "; choose settings that the adapter has";
+
+/// Opens without waiting for a carrier, non-blocking; input that arrived before is thrown away.
+pub(super) fn open_port(params: &SerialParams) -> Result<OwnedFd, LinkError> {
+    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let port = open(&params.path, flags, Mode::empty()).map_err(|error| refused(params, error))?;
+    let failed = |doing, source, advice| LinkError::System { link: name(params), doing, source, advice };
+    flock(&port, FlockOperation::NonBlockingLockExclusive)
+        .and_then(|()| ioctl_tiocexcl(&port))
+        .map_err(|error| failed("have the port alone", error.into(), if is_busy(error) { BUSY } else { "" }))?;
+    apply(port.as_fd(), params).map_err(|error| failed("set the port", error, NOT_TAKEN))?;
+    tcflush(&port, QueueSelector::IOFlush).map_err(|error| failed("empty the port", error.into(), ""))?;
+    Ok(port)
+}
+
+/// Name of a link, for messages.
+pub(super) fn name(params: &SerialParams) -> String {
+    params.path.display().to_string()
+}
+
+fn is_busy(error: Errno) -> bool {
+    matches!(error, Errno::BUSY | Errno::WOULDBLOCK)
+}
+
+fn refused(params: &SerialParams, error: Errno) -> LinkError {
+    let advice = match error {
+        Errno::NOENT | Errno::NODEV | Errno::NXIO | Errno::IO => ABSENT,
+        Errno::ACCESS | Errno::PERM => FORBIDDEN,
+        Errno::BUSY => BUSY,
+        _ => "",
+    };
+    let system = io::Error::from(error);
+    let source = io::Error::new(system.kind(), format!("{system} (ports here: {})", ports()));
+    LinkError::System { link: name(params), doing: "open the port", source, advice }
+}
+
+/// The ports of this machine, as text.
+fn ports() -> String {
+    let ports = serialport::available_ports().unwrap_or_default();
+    let names: Vec<_> = ports.into_iter().map(|port| port.port_name).collect();
+    if names.is_empty() { "none".into() } else { names.join(", ") }
+}

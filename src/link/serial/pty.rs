@@ -1,0 +1,58 @@
+//! A pseudo terminal: the far end of a serial port without a cable.
+//!
+//! It has no bit times and no parity, and holds 4 KiB each way. Closing it throws away what is under way.
+
+use crate::link::LinkError;
+use rustix::fs::{Mode, OFlags, fcntl_setfl, open};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::path::{Path, PathBuf};
+
+/// The master's side of a pseudo terminal. Dropping it unplugs whoever has opened [`Self::path`].
+#[derive(Debug)]
+pub struct PseudoTerminal {
+    master: OwnedFd,
+    path: PathBuf,
+    /// Kept open: without any opener of the port the master would read errors, not silence.
+    _port: OwnedFd,
+}
+
+impl PseudoTerminal {
+    /// A new pseudo terminal in raw mode.
+    ///
+    /// # Errors
+    /// When the system has none left.
+    pub fn open() -> Result<Self, LinkError> {
+        Self::make().map_err(|error| LinkError::System {
+            link: "pseudo terminal".into(),
+            doing: "make one",
+            source: error.into(),
+            advice: "; is /dev/pts mounted?",
+        })
+    }
+
+    fn make() -> rustix::io::Result<Self> {
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
+        fcntl_setfl(&master, OFlags::RDWR | OFlags::NONBLOCK)?;
+        grantpt(&master)?;
+        unlockpt(&master)?;
+        let path = PathBuf::from(ptsname(&master, Vec::new())?.to_string_lossy().into_owned());
+        let port = open(&path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?;
+        let mut modes = rustix::termios::tcgetattr(&port)?;
+        modes.make_raw();
+        rustix::termios::tcsetattr(&port, rustix::termios::OptionalActions::Now, &modes)?;
+        Ok(Self { master, path, _port: port })
+    }
+
+    /// The port that others open.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl AsFd for PseudoTerminal {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.master.as_fd()
+    }
+}

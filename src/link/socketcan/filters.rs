@@ -1,0 +1,48 @@
+//! Identifiers of a node -> the kernel's receive filters.
+
+use firmware_protocol::MessageId;
+use firmware_protocol::can::IdMap;
+use socketcan::CanFilter;
+use socketcan::id::{CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_SFF_MASK};
+
+/// Whose messages an end lets through.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Hears {
+    /// What the flight computer of the node sends: the stimulator's side.
+    FlightComputer,
+    /// What the stimulator of the node sends: the flight computer's side.
+    Stimulator,
+    /// Every standard data frame: monitors and tests.
+    Everything,
+}
+
+const FROM_FLIGHT_COMPUTER: [MessageId; 13] = [
+    MessageId::Sync,
+    MessageId::TimeFollowUp,
+    MessageId::AttitudeQ01,
+    MessageId::AttitudeQ23,
+    MessageId::AttitudeRate,
+    MessageId::AttitudeAcceleration,
+    MessageId::AttitudeCommit,
+    MessageId::Wheels,
+    MessageId::JitterPair,
+    MessageId::Attitude,
+    MessageId::Jitter,
+    MessageId::Command,
+    MessageId::Heartbeat,
+];
+
+const FROM_STIMULATOR: [MessageId; 4] =
+    [MessageId::Exposure, MessageId::Status, MessageId::Response, MessageId::Heartbeat];
+
+/// One filter per identifier: the kernel finds single standard identifiers in a table, whatever their number. Extended
+/// and remote frames never match.
+pub(super) fn filters(ids: &IdMap, hears: Hears) -> Vec<CanFilter> {
+    let data_frames = CAN_EFF_FLAG | CAN_RTR_FLAG;
+    let one = |message: &MessageId| CanFilter::new(u32::from(ids.id(*message)), CAN_SFF_MASK | data_frames);
+    match hears {
+        Hears::FlightComputer => FROM_FLIGHT_COMPUTER.iter().map(one).collect(),
+        Hears::Stimulator => FROM_STIMULATOR.iter().map(one).collect(),
+        Hears::Everything => vec![CanFilter::new(0, data_frames)],
+    }
+}

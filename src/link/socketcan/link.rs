@@ -1,0 +1,200 @@
+//! `Link` over one CAN interface: waits, stamps, counts, survives the loss of the interface.
+
+use super::hardware_clock::HardwareClock;
+use super::raw_frame::RawFrame;
+use super::socket::{Heard, Socket};
+use super::{RETRY, SocketCanParams};
+use crate::base::clock::{Clock, PairedReading};
+use crate::base::time::Tai;
+use crate::link::kernel_stamp::StampMap;
+use crate::link::{Link, LinkCounters, LinkError, Packet, Stamped};
+use firmware_protocol::can::CanFrame;
+use nix::errno::Errno;
+use std::io;
+use std::sync::Arc;
+
+/// Error frames read in a row before the limit is looked at again: a storm of them ends no wait late.
+const REPORTS_MAX: u32 = 64;
+
+/// One CAN interface.
+pub struct SocketCanLink {
+    params: SocketCanParams,
+    clock: Arc<dyn Clock>,
+    /// `None` while the interface is lost.
+    socket: Option<Socket>,
+    retry_at: Tai,
+    stamps: StampMap,
+    hardware: HardwareClock,
+    counters: LinkCounters,
+}
+
+/// What one look at the socket came to.
+enum Look {
+    Packet(Stamped<Packet>),
+    /// An error frame, or a frame that is none of ours.
+    Nothing,
+    Empty,
+}
+
+impl SocketCanLink {
+    /// Opens the interface.
+    ///
+    /// # Errors
+    /// When the kernel has no CAN, the interface is absent, down or no CAN interface, or `fd` is wanted and its MTU
+    /// is that of classic CAN; each with what to do about it.
+    pub fn open(params: SocketCanParams, clock: &Arc<dyn Clock>) -> Result<Self, LinkError> {
+        let socket = Some(Socket::open(&params)?);
+        let stamps = StampMap::new(PairedReading::take(&**clock));
+        let (clock, retry_at) = (Arc::clone(clock), Tai::from_ns(i64::MIN));
+        let (hardware, counters) = (HardwareClock::default(), LinkCounters::default());
+        Ok(Self { params, clock, socket, retry_at, stamps, hardware, counters })
+    }
+
+    /// True while the interface is there and up.
+    #[must_use]
+    pub fn is_up(&self) -> bool {
+        self.socket.is_some()
+    }
+
+    /// Looks for a lost interface when it is time to.
+    fn regain(&mut self) {
+        let now = self.clock.now();
+        if self.socket.is_some() || now < self.retry_at {
+            return;
+        }
+        self.retry_at = now + RETRY;
+        // Whatever is wrong may pass: the interface was there once.
+        if let Ok(socket) = Socket::open(&self.params) {
+            self.socket = Some(socket);
+            self.stamps = StampMap::new(PairedReading::take(&*self.clock));
+            self.hardware = HardwareClock::default();
+            self.counters.regained += 1;
+        }
+    }
+
+    fn look(&mut self) -> Result<Look, LinkError> {
+        self.regain();
+        let Some(socket) = &mut self.socket else { return Ok(Look::Empty) };
+        match socket.read() {
+            Ok(Some(heard)) => Ok(self.take(&heard)),
+            Ok(None) => {
+                self.stamps.drained();
+                Ok(Look::Empty)
+            }
+            Err(error) => self.lose("receive", error).map(|()| Look::Empty),
+        }
+    }
+
+    fn take(&mut self, heard: &Heard) -> Look {
+        self.counters.overflows += heard.drops;
+        match heard.frame {
+            RawFrame::Data(frame) => {
+                self.counters.received += 1;
+                Look::Packet(Stamped { at: self.stamp(heard), value: Packet::Can(frame) })
+            }
+            RawFrame::Report(report) => {
+                self.counters.errors += u64::from(report.error);
+                self.counters.bus_off += u64::from(report.bus_off);
+                self.counters.restarted += u64::from(report.restarted);
+                self.counters.overflows += u64::from(report.overflow);
+                Look::Nothing
+            }
+            RawFrame::Foreign => Look::Nothing,
+        }
+    }
+
+    fn stamp(&mut self, heard: &Heard) -> Tai {
+        let placed = self.stamps.place(heard.kernel_ns, PairedReading::take(&*self.clock));
+        if !placed.is_kernels {
+            self.counters.unstamped += 1;
+            return placed.at;
+        }
+        heard.hardware_ns.map_or(placed.at, |hardware_ns| self.hardware.place(hardware_ns, placed.at))
+    }
+
+    /// An interface that went is counted and looked for again; anything else is for good.
+    fn lose(&mut self, doing: &'static str, source: io::Error) -> Result<(), LinkError> {
+        if !is_lost(&source) {
+            return Err(LinkError::System { link: self.params.interface.clone(), doing, source, advice: "" });
+        }
+        self.socket = None;
+        self.counters.lost += 1;
+        self.retry_at = self.clock.now() + RETRY;
+        Ok(())
+    }
+
+    fn wait(&mut self, now: Tai, until: Tai) -> Result<(), LinkError> {
+        let Some(socket) = &self.socket else {
+            self.clock.sleep_until(until.min(self.retry_at));
+            return Ok(());
+        };
+        match socket.wait(until - now) {
+            Ok(()) => Ok(()),
+            Err(error) => self.lose("wait for a frame", error),
+        }
+    }
+
+    fn frame_of<'a>(&self, packet: &'a Packet) -> Result<&'a CanFrame, LinkError> {
+        match packet {
+            Packet::Can(frame) if self.params.fd || !frame.is_fd() => Ok(frame),
+            _ => Err(LinkError::WrongPacket {
+                link: self.params.interface.clone(),
+                wanted: if self.params.fd { "CAN FD or classic CAN" } else { "classic CAN" },
+                got: packet.kind(),
+            }),
+        }
+    }
+}
+
+impl Link for SocketCanLink {
+    fn receive(&mut self, until: Tai) -> Result<Option<Stamped<Packet>>, LinkError> {
+        let mut reports = 0;
+        loop {
+            match self.look()? {
+                Look::Packet(packet) => return Ok(Some(packet)),
+                Look::Nothing if reports < REPORTS_MAX => reports += 1,
+                Look::Nothing | Look::Empty => {
+                    let now = self.clock.now();
+                    if !self.clock.is_real() || now >= until {
+                        return Ok(None);
+                    }
+                    self.wait(now, until)?;
+                }
+            }
+        }
+    }
+
+    fn send(&mut self, packet: &Packet) -> Result<Tai, LinkError> {
+        let frame = self.frame_of(packet)?;
+        self.regain();
+        match self.socket.as_ref().map(|socket| socket.write(frame)) {
+            Some(Ok(())) => self.counters.sent += 1,
+            None => self.counters.unsent += 1,
+            Some(Err(error)) => {
+                self.counters.unsent += 1;
+                if !is_full(&error) {
+                    self.lose("send", error)?;
+                }
+            }
+        }
+        Ok(self.clock.now())
+    }
+
+    fn counters(&self) -> LinkCounters {
+        self.counters
+    }
+}
+
+/// The interface's queue, or the socket's, has no room.
+fn is_full(error: &io::Error) -> bool {
+    matches!(errno(error), Errno::ENOBUFS | Errno::EAGAIN | Errno::EINTR)
+}
+
+/// The interface is down or gone.
+fn is_lost(error: &io::Error) -> bool {
+    matches!(errno(error), Errno::ENETDOWN | Errno::ENODEV | Errno::ENXIO | Errno::ENETUNREACH)
+}
+
+fn errno(error: &io::Error) -> Errno {
+    Errno::from_raw(error.raw_os_error().unwrap_or(0))
+}

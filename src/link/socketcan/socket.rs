@@ -1,0 +1,95 @@
+//! One raw socket: frames with the kernel's stamps and its count of drops.
+
+use super::SocketCanParams;
+use super::opening::open;
+use super::raw_frame::{self, FD_BYTES, RawFrame};
+use crate::base::time::Span;
+use crate::link::LinkError;
+use crate::link::readiness::{Readiness, wait_for};
+use firmware_protocol::can::CanFrame;
+use nix::sys::socket::{ControlMessageOwned, MsgFlags, Timestamps, recvmsg};
+use nix::sys::time::TimeSpec;
+use socketcan::CanFdSocket;
+use std::io::{self, IoSliceMut};
+use std::os::fd::{AsFd, AsRawFd};
+
+/// Room for the control messages asked for: three stamps and the count of drops.
+const CONTROL_BYTES: usize = 256;
+
+/// An open socket, bound to one interface that is up.
+pub(super) struct Socket {
+    inner: CanFdSocket,
+    control: Box<[u8; CONTROL_BYTES]>,
+    drops: u32,
+    bit_rate_switch: bool,
+}
+
+/// What one look at the socket gave.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Heard {
+    pub(super) frame: RawFrame,
+    /// CLOCK_REALTIME at which the kernel got it, ns.
+    pub(super) kernel_ns: Option<i64>,
+    /// The adapter's own clock, ns.
+    pub(super) hardware_ns: Option<i64>,
+    /// Frames the kernel dropped since the last look, for want of room.
+    pub(super) drops: u64,
+}
+
+impl Socket {
+    pub(super) fn open(params: &SocketCanParams) -> Result<Self, LinkError> {
+        let (inner, bit_rate_switch) = (open(params)?, params.bit_rate_switch);
+        Ok(Self { inner, control: Box::new([0; CONTROL_BYTES]), drops: 0, bit_rate_switch })
+    }
+
+    /// The next frame in the kernel's queue; `None` when it is empty.
+    pub(super) fn read(&mut self) -> io::Result<Option<Heard>> {
+        let mut bytes = [0; FD_BYTES];
+        let mut slices = [IoSliceMut::new(&mut bytes)];
+        let control = Some(&mut self.control[..]);
+        let message = match recvmsg::<()>(self.inner.as_raw_fd(), &mut slices, control, MsgFlags::MSG_DONTWAIT) {
+            Ok(message) => message,
+            Err(nix::Error::EAGAIN | nix::Error::EINTR) => return Ok(None),
+            Err(error) => return Err(error.into()),
+        };
+        let mut heard = Heard { frame: RawFrame::Foreign, kernel_ns: None, hardware_ns: None, drops: 0 };
+        for control in message.cmsgs()? {
+            match control {
+                ControlMessageOwned::ScmTimestampsns(stamps) => heard.stamp(&stamps),
+                ControlMessageOwned::RxqOvfl(total) => {
+                    heard.drops = u64::from(total.wrapping_sub(self.drops));
+                    self.drops = total;
+                }
+                _ => {}
+            }
+        }
+        let len = message.bytes;
+        heard.frame = raw_frame::read(bytes.get(..len).unwrap_or(&[]));
+        Ok(Some(heard))
+    }
+
+    /// Hands a frame to the interface's queue.
+    pub(super) fn write(&self, frame: &CanFrame) -> io::Result<()> {
+        let mut bytes = [0; FD_BYTES];
+        let bytes = raw_frame::write(frame, self.bit_rate_switch, &mut bytes);
+        rustix::io::write(&self.inner, bytes).map(|_| ()).map_err(Into::into)
+    }
+
+    /// Waits until there is something to read or to be told, for `span` at most.
+    pub(super) fn wait(&self, span: Span) -> io::Result<()> {
+        wait_for(self.inner.as_fd(), Readiness::Read, span)
+    }
+}
+
+impl Heard {
+    /// All zero means that no such stamp was taken.
+    fn stamp(&mut self, stamps: &Timestamps) {
+        self.kernel_ns = nonzero_ns(stamps.system);
+        self.hardware_ns = nonzero_ns(stamps.hw_raw);
+    }
+}
+
+fn nonzero_ns(stamp: TimeSpec) -> Option<i64> {
+    let ns = stamp.tv_sec().checked_mul(1_000_000_000)?.checked_add(stamp.tv_nsec())?;
+    (ns != 0).then_some(ns)
+}

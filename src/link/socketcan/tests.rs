@@ -1,0 +1,133 @@
+//! Byte layouts, filters and error frames, held against the socketcan crate's own types and by hand.
+
+use super::errors::ErrorReport;
+use super::filters::{Hears, filters};
+use super::raw_frame::{CLASSIC_BYTES, FD_BYTES, RawFrame, read, write};
+use super::*;
+use crate::base::clock::{Clock, Monotonic};
+use crate::link::LinkError;
+use firmware_protocol::MessageId;
+use firmware_protocol::can::CanFrame;
+use std::sync::Arc;
+
+fn ids(node: u8) -> IdMap {
+    IdMap::new(0, node).unwrap()
+}
+
+/// A kernel frame written by hand.
+fn raw(id: u32, len: u8, data: &[u8], size: usize) -> Vec<u8> {
+    let mut bytes = vec![0; size];
+    bytes[..4].copy_from_slice(&id.to_ne_bytes());
+    bytes[4] = len;
+    bytes[8..8 + data.len()].copy_from_slice(data);
+    bytes
+}
+
+#[test]
+fn frames_have_the_kernels_layout() {
+    let mut buffer = [0xEE; FD_BYTES];
+    let classic = CanFrame::classic(0x123, &[1, 2, 3]).unwrap();
+    let bytes = write(&classic, true, &mut buffer);
+    assert_eq!(bytes, raw(0x123, 3, &[1, 2, 3], 16), "nothing of what was in the buffer before");
+    let fd = CanFrame::fd(0x7FF, &[7; 48]).unwrap();
+    let mut wanted = raw(0x7FF, 48, &[7; 48], 72);
+    assert_eq!(write(&fd, false, &mut buffer), wanted);
+    wanted[5] = 1; // CANFD_BRS
+    assert_eq!(write(&fd, true, &mut buffer), wanted);
+    assert_eq!((CLASSIC_BYTES, FD_BYTES), (socketcan::socket::CAN_MTU, socketcan::socket::CANFD_MTU));
+}
+
+#[test]
+fn every_frame_comes_back() {
+    let data: Vec<u8> = (1..=64).collect();
+    for len in 0..=64 {
+        let frames = [CanFrame::classic(0x30F, &data[..len]), CanFrame::fd(0x30F, &data[..len])];
+        for frame in frames.into_iter().flatten() {
+            let mut buffer = [0; FD_BYTES];
+            assert_eq!(read(write(&frame, true, &mut buffer)), RawFrame::Data(frame));
+        }
+    }
+}
+
+#[test]
+fn what_is_no_standard_data_frame_is_foreign() {
+    let foreign = [
+        raw(0x123 | 0x8000_0000, 1, &[1], 16), // extended
+        raw(0x123 | 0x4000_0000, 1, &[1], 16), // remote
+        raw(0x800, 1, &[1], 16),               // 12 bits
+        raw(0x123, 9, &[], 16),                // longer than its data
+        raw(0x123, 9, &[], 72),                // no such FD length
+        raw(0x123, 65, &[], 72),
+        raw(0x123, 1, &[], 40), // neither size
+        vec![1; 7],
+        vec![],
+    ];
+    for bytes in foreign {
+        assert_eq!(read(&bytes), RawFrame::Foreign, "{bytes:?}");
+    }
+}
+
+#[test]
+fn error_frames_are_counted_by_what_they_say() {
+    let report = |class: u32, data: [u8; 8]| match read(&raw(0x2000_0000 | class, 8, &data, 16)) {
+        RawFrame::Report(report) => report,
+        other => panic!("{other:?}"),
+    };
+    let none = ErrorReport::default();
+    let error = ErrorReport { error: true, ..none };
+    let with_problem = |problem| [0, problem, 0, 0, 0, 0, 0, 0];
+    // Classes of linux/can/error.h, written out.
+    assert_eq!(report(0x001, [0; 8]), error, "transmit timeout");
+    assert_eq!(report(0x008, [0; 8]), error, "protocol violation");
+    assert_eq!(report(0x020, [0; 8]), error, "no acknowledge");
+    assert_eq!(report(0x040, [0; 8]), ErrorReport { bus_off: true, ..error }, "bus-off");
+    assert_eq!(report(0x080, [0; 8]), error, "bus error");
+    assert_eq!(report(0x100, [0; 8]), ErrorReport { restarted: true, ..none }, "restarted is no error");
+    assert_eq!(report(0x200, [0; 8]), none, "counters alone are no error");
+    assert_eq!(report(0x208, [0; 8]), error, "counters with a violation");
+    assert_eq!(report(0x004, with_problem(0x01)), ErrorReport { overflow: true, ..error }, "controller overflow");
+    assert_eq!(report(0x004, with_problem(0x0C)), error, "error warning");
+    assert_eq!(report(0x004, with_problem(0x40)), none, "back to error-active");
+    assert_eq!(report(0x1000_0000, [0; 8]), error, "a class of a later kernel");
+}
+
+#[test]
+fn filters_let_through_one_side_of_one_node() {
+    let passes = |hears, node, id: u32| {
+        filters(&ids(node), hears).iter().any(|filter| {
+            let filter = filter.as_ref();
+            id & filter.can_mask == filter.can_id & filter.can_mask
+        })
+    };
+    let either = [Hears::FlightComputer, Hears::Stimulator];
+    for message in MessageId::ALL {
+        let id = u32::from(ids(3).id(message));
+        let heard = either.map(|hears| passes(hears, 3, id));
+        assert!(heard.contains(&true), "{message:?} is sent by nobody");
+        assert_eq!(heard == [true, true], message == MessageId::Heartbeat, "{message:?}: one sender");
+        for hears in either {
+            let other = passes(hears, 4, id);
+            assert_eq!(other, message == MessageId::Sync && hears == Hears::FlightComputer, "{message:?}: node 4");
+            assert!(!passes(hears, 3, id | 0x8000_0000), "{message:?}: extended");
+        }
+        assert!(passes(Hears::Everything, 3, id), "{message:?}");
+    }
+    assert!(!passes(Hears::Everything, 3, 0x8000_0123), "extended");
+    assert!(!passes(Hears::Everything, 3, 0x4000_0123), "remote");
+}
+
+#[test]
+fn an_absent_interface_is_a_clear_error() {
+    let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
+    let params = SocketCanParams {
+        interface: "can_none".into(),
+        ids: ids(0),
+        hears: Hears::FlightComputer,
+        fd: false,
+        bit_rate_switch: false,
+    };
+    let error = SocketCanLink::open(params, &clock).err().expect("there is no such interface");
+    assert!(matches!(error, LinkError::System { .. }), "{error}");
+    let text = error.to_string();
+    assert!(text.contains("can_none") && (text.contains("modprobe") || text.contains("ip link")), "{text}");
+}
