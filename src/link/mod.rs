@@ -98,6 +98,19 @@ pub enum LinkError {
     Encode(#[from] EncodeError),
 }
 
+/// What became of a packet that was sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Departure {
+    /// The link knows no better than what [`Link::send`] returned.
+    AsTold,
+    /// It waits, or is on its way.
+    Waiting,
+    /// Its last bit left at this instant.
+    At(Tai),
+    /// It was given up.
+    Never,
+}
+
 /// One end of a connection that moves packets.
 pub trait Link: Send {
     /// The next packet. On a real clock waits for it until `until` at most, without spinning; on the virtual clock
@@ -116,4 +129,11 @@ pub trait Link: Send {
 
     /// What went over this end so far.
     fn counters(&self) -> LinkCounters;
+
+    /// What became of the packet before which [`Link::send`] had returned `Ok` `sent` times: on a bus with arbitration a
+    /// packet may leave later than `send` could know. Wrappers pass the question on.
+    fn departure(&mut self, sent: u64) -> Departure {
+        let _no_better_than_told = sent;
+        Departure::AsTold
+    }
 }

@@ -1,10 +1,13 @@
-//! The bus and its ends.
+//! The bus, its ends, and who waits for what.
 
-use super::BusTiming;
+use super::control::BusControl;
+use super::error_counters::ErrorCounters;
+use super::medium::Medium;
+use super::statistics::BusStatistics;
+use super::{BusTiming, Stuffing};
 use crate::base::clock::Clock;
 use crate::base::time::{Span, Tai};
-use crate::link::{Link, LinkCounters, LinkError, Packet, Stamped};
-use std::collections::VecDeque;
+use crate::link::{Departure, Link, LinkCounters, LinkError, Packet, Stamped};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -21,139 +24,204 @@ pub struct BusParams {
     pub queue_packets: usize,
 }
 
-/// One end of a simulated bus. Packets of one end reach every other end.
+/// How closely the controllers are modelled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BusModel {
+    /// Stuff bits of each frame.
+    pub stuffing: Stuffing,
+    /// Packets an end holds until they are on the wire; more are given up and counted as unsent.
+    pub transmit_packets: usize,
+    /// Seed of what bit errors hit.
+    pub seed: u64,
+}
+
+impl Default for BusModel {
+    fn default() -> Self {
+        Self { stuffing: Stuffing::Worst, transmit_packets: 256, seed: 0 }
+    }
+}
+
+/// A bus in memory. Clones are the same bus.
+#[derive(Clone)]
+pub struct SimulatedBus {
+    bus: Arc<Bus>,
+}
+
+/// One end of a simulated bus. Packets of one end reach every other end. Dropped, it leaves the bus: what it has queued
+/// still goes out, and it receives nothing.
 pub struct SimulatedLink {
     bus: Arc<Bus>,
     end: usize,
 }
 
-struct Bus {
+pub(super) struct Bus {
     params: BusParams,
     clock: Arc<dyn Clock>,
-    state: Mutex<State>,
-    arrived: Condvar,
-}
-
-struct State {
-    ends: Vec<End>,
-    /// When each wire is free again: one per end, all the same on a shared wire.
-    wire_free: Vec<Tai>,
-}
-
-struct End {
-    inbox: VecDeque<Stamped<Packet>>,
-    counters: LinkCounters,
+    medium: Mutex<Medium>,
+    changed: Condvar,
 }
 
 /// The two ends of a bus.
 #[must_use]
 pub fn simulated_pair(params: BusParams, clock: &Arc<dyn Clock>) -> (SimulatedLink, SimulatedLink) {
-    let bus = Bus::new(params, clock, 2);
-    (SimulatedLink { bus: Arc::clone(&bus), end: 0 }, SimulatedLink { bus, end: 1 })
+    let bus = SimulatedBus::new(params, clock);
+    (bus.attach(), bus.attach())
 }
 
 /// A bus with `ends` ends.
 #[must_use]
 pub fn simulated_bus(params: BusParams, clock: &Arc<dyn Clock>, ends: usize) -> Vec<SimulatedLink> {
-    let bus = Bus::new(params, clock, ends);
-    (0..ends).map(|end| SimulatedLink { bus: Arc::clone(&bus), end }).collect()
+    let bus = SimulatedBus::new(params, clock);
+    (0..ends).map(|_| bus.attach()).collect()
+}
+
+impl SimulatedBus {
+    /// A bus without ends.
+    #[must_use]
+    pub fn new(params: BusParams, clock: &Arc<dyn Clock>) -> Self {
+        Self::with_model(params, BusModel::default(), clock)
+    }
+
+    /// The same, modelled otherwise than by default.
+    #[must_use]
+    pub fn with_model(params: BusParams, model: BusModel, clock: &Arc<dyn Clock>) -> Self {
+        let medium = Mutex::new(Medium::new(params.clone(), model, clock.now()));
+        Self { bus: Arc::new(Bus { params, clock: Arc::clone(clock), medium, changed: Condvar::new() }) }
+    }
+
+    /// One more end, at any time. The number of an end that has left is given again.
+    #[must_use]
+    pub fn attach(&self) -> SimulatedLink {
+        let end = self.bus.settled().attach();
+        SimulatedLink { bus: Arc::clone(&self.bus), end }
+    }
+
+    /// What the bus is.
+    #[must_use]
+    pub fn params(&self) -> &BusParams {
+        &self.bus.params
+    }
+
+    /// Commands its faults.
+    #[must_use]
+    pub fn control(&self) -> BusControl {
+        BusControl { bus: Arc::clone(&self.bus) }
+    }
+
+    /// What went over it so far.
+    #[must_use]
+    pub fn statistics(&self) -> BusStatistics {
+        let now = self.bus.clock.now();
+        let mut medium = self.bus.lock();
+        medium.settle(now);
+        medium.statistics(now)
+    }
 }
 
 impl Bus {
-    fn new(params: BusParams, clock: &Arc<dyn Clock>, ends: usize) -> Arc<Self> {
-        let inbox = || VecDeque::with_capacity(params.queue_packets);
-        let state = State {
-            ends: (0..ends).map(|_| End { inbox: inbox(), counters: LinkCounters::default() }).collect(),
-            wire_free: vec![Tai::from_ns(i64::MIN); ends],
-        };
-        Arc::new(Self { params, clock: Arc::clone(clock), state: Mutex::new(state), arrived: Condvar::new() })
-    }
-
     /// A thread that panicked while it held the lock left counters and queues whole.
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, Medium> {
+        self.medium.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn wait<'a>(&self, state: MutexGuard<'a, State>, span: Span) -> MutexGuard<'a, State> {
+    /// The wire as it is now.
+    pub(super) fn settled(&self) -> MutexGuard<'_, Medium> {
+        let mut medium = self.lock();
+        medium.settle(self.clock.now());
+        medium
+    }
+
+    pub(super) fn notify(&self) {
+        self.changed.notify_all();
+    }
+
+    fn wait<'a>(&self, medium: MutexGuard<'a, Medium>, span: Span) -> MutexGuard<'a, Medium> {
         let limit = Duration::from_nanos(span.ns().unsigned_abs());
-        self.arrived.wait_timeout(state, limit).unwrap_or_else(PoisonError::into_inner).0
+        self.changed.wait_timeout(medium, limit).unwrap_or_else(PoisonError::into_inner).0
     }
 }
 
-impl State {
-    /// Occupies the sender's wire from `now` or when it is free; the end of the last bit.
-    fn occupy(&mut self, end: usize, now: Tai, duration: Span, shared: bool) -> Tai {
-        let done = self.wire_free[end].max(now) + duration;
-        if shared {
-            self.wire_free.fill(done);
-        } else {
-            self.wire_free[end] = done;
-        }
-        done
+impl SimulatedLink {
+    /// Number of this end on its bus, from 0 in the order of attaching.
+    #[must_use]
+    pub fn end(&self) -> usize {
+        self.end
     }
 
-    /// Puts a packet in the inbox of every other end, in the order of arrival.
-    fn deliver(&mut self, from: usize, packet: Stamped<Packet>, queue_packets: usize) {
-        self.ends[from].counters.sent += 1;
-        for (end, receiver) in self.ends.iter_mut().enumerate() {
-            if end != from {
-                receiver.take(packet, queue_packets);
+    /// Error counters of its controller.
+    #[must_use]
+    pub fn error_counters(&self) -> ErrorCounters {
+        self.bus.settled().ends[self.end].errors
+    }
+
+    /// Packets that [`Link::send`] would still queue.
+    #[must_use]
+    pub fn room(&self) -> usize {
+        let medium = self.bus.settled();
+        medium.model.transmit_packets.saturating_sub(medium.ends[self.end].outbox.len())
+    }
+
+    /// As [`Link::receive`], for an end that several threads share.
+    #[must_use]
+    pub fn take(&self, until: Tai) -> Option<Stamped<Packet>> {
+        let mut medium = self.bus.lock();
+        loop {
+            let now = self.bus.clock.now();
+            medium.settle(now);
+            let end = &mut medium.ends[self.end];
+            if let Some(packet) = end.due_by(now) {
+                return Some(packet);
             }
+            if !self.bus.clock.is_real() || now >= until {
+                return None;
+            }
+            let here = end.inbox.front().map(|first| first.at);
+            let wake = here.into_iter().chain(medium.next_arrival()).fold(until, Tai::min);
+            // At an instant, nothing has begun that begins at it: at least a nanosecond of waiting.
+            medium = self.bus.wait(medium, (wake - now).max(Span::from_ns(1)));
         }
+    }
+
+    /// As [`Link::send`], for an end that several threads share.
+    ///
+    /// # Errors
+    /// When the bus does not carry such packets.
+    pub fn put(&self, packet: &Packet) -> Result<Tai, LinkError> {
+        let now = self.bus.clock.now();
+        let mut medium = self.bus.lock();
+        medium.settle(now);
+        let Some(duration) = medium.duration(packet) else {
+            let params = &self.bus.params;
+            let (link, wanted, got) = (params.name.clone(), params.timing.kind(), packet.kind());
+            return Err(LinkError::WrongPacket { link, wanted, got });
+        };
+        let done = medium.queue(self.end, packet, duration, now);
+        drop(medium);
+        self.bus.notify();
+        Ok(done)
     }
 }
 
-impl End {
-    fn take(&mut self, packet: Stamped<Packet>, queue_packets: usize) {
-        if self.inbox.len() >= queue_packets {
-            self.counters.overflows += 1;
-            return;
-        }
-        let place = self.inbox.partition_point(|earlier| earlier.at <= packet.at);
-        self.inbox.insert(place, packet);
-    }
-
-    fn due_by(&mut self, now: Tai) -> Option<Stamped<Packet>> {
-        let is_due = self.inbox.front().is_some_and(|first| first.at <= now);
-        let packet = if is_due { self.inbox.pop_front() } else { None };
-        self.counters.received += u64::from(is_due);
-        packet
+impl Drop for SimulatedLink {
+    fn drop(&mut self) {
+        self.bus.settled().ends[self.end].has_left = true;
     }
 }
 
 impl Link for SimulatedLink {
     fn receive(&mut self, until: Tai) -> Result<Option<Stamped<Packet>>, LinkError> {
-        let mut state = self.bus.lock();
-        loop {
-            let now = self.bus.clock.now();
-            let inbox = &mut state.ends[self.end];
-            if let Some(packet) = inbox.due_by(now) {
-                return Ok(Some(packet));
-            }
-            if !self.bus.clock.is_real() || now >= until {
-                return Ok(None);
-            }
-            let wake = inbox.inbox.front().map_or(until, |first| first.at.min(until));
-            state = self.bus.wait(state, wake - now);
-        }
+        Ok(self.take(until))
     }
 
     fn send(&mut self, packet: &Packet) -> Result<Tai, LinkError> {
-        let params = &self.bus.params;
-        let Some(duration) = params.timing.duration(packet) else {
-            let (link, wanted, got) = (params.name.clone(), params.timing.kind(), packet.kind());
-            return Err(LinkError::WrongPacket { link, wanted, got });
-        };
-        let mut state = self.bus.lock();
-        let done = state.occupy(self.end, self.bus.clock.now(), duration, params.timing.is_shared());
-        let arrival = Stamped { at: done + params.latency, value: *packet };
-        state.deliver(self.end, arrival, params.queue_packets);
-        drop(state);
-        self.bus.arrived.notify_all();
-        Ok(done)
+        self.put(packet)
     }
 
     fn counters(&self) -> LinkCounters {
-        self.bus.lock().ends[self.end].counters
+        self.bus.settled().ends[self.end].counters
+    }
+
+    fn departure(&mut self, sent: u64) -> Departure {
+        self.bus.settled().ends[self.end].departure(sent)
     }
 }

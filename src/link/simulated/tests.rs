@@ -53,10 +53,11 @@ fn a_late_look_does_not_change_the_stamp() {
 }
 
 #[test]
-fn frames_queue_for_a_shared_wire_in_the_order_of_sending() {
+fn a_frame_on_the_wire_is_waited_for() {
     let (clock, shared) = virtual_clock();
     let mut ends = simulated_bus(params(CAN), &shared, 3);
     assert_eq!(ends[0].send(&frame(7)).unwrap(), START + FRAME);
+    clock.advance_to(START + Span::from_ns(1));
     assert_eq!(ends[1].send(&frame(3)).unwrap(), START + FRAME + FRAME, "waits for the wire");
     clock.advance_to(START + Span::from_ms(5));
     let last = received(&mut ends[2], START).unwrap();

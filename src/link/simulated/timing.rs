@@ -1,7 +1,9 @@
 //! How long a packet occupies the wire.
 //!
-//! Source: ISO 11898-1:2015, frame formats; worst-case stuffing, so that a budget that holds here holds on a bench.
+//! Source: ISO 11898-1:2015, frame formats. Worst-case stuffing unless asked otherwise, so that a budget that holds here
+//! holds on a bench; exact stuffing is counted in `stuffing`.
 
+use super::stuffing::{self, Stuffing};
 use crate::base::time::Span;
 use crate::base::units::NS_PER_S;
 use crate::link::Packet;
@@ -49,15 +51,33 @@ impl BusTiming {
         }
     }
 
-    /// Time on the wire, rounded up to the nanosecond; `None` when this wire does not carry such packets.
+    /// Time of one bit outside the data phase of FD frames, rounded up to the nanosecond.
+    #[must_use]
+    pub fn bit_time(&self) -> Span {
+        match self {
+            Self::CanClassic { bit_rate_bps: rate } | Self::CanFd { arbitration_bps: rate, .. } => span(1, *rate),
+            Self::Serial { baud } => span(1, *baud),
+        }
+    }
+
+    /// Time on the wire with the most stuff bits, rounded up to the nanosecond; `None` when this wire does not carry
+    /// such packets.
     #[must_use]
     pub fn duration(&self, packet: &Packet) -> Option<Span> {
+        self.duration_with(packet, Stuffing::Worst)
+    }
+
+    /// Time on the wire with these stuff bits, rounded up to the nanosecond; `None` when this wire does not carry such
+    /// packets.
+    #[must_use]
+    pub fn duration_with(&self, packet: &Packet, stuffing: Stuffing) -> Option<Span> {
         match (self, packet) {
             (Self::CanClassic { bit_rate_bps }, Packet::Can(frame)) if !frame.is_fd() => {
-                Some(span(classic_bits(frame), *bit_rate_bps))
+                Some(span(classic_bits(frame, stuffing), *bit_rate_bps))
             }
             (Self::CanFd { arbitration_bps, data_bps }, Packet::Can(frame)) => {
-                let (arbitration, data) = if frame.is_fd() { fd_bits(frame) } else { (classic_bits(frame), 0) };
+                let (arbitration, data) =
+                    if frame.is_fd() { fd_bits(frame, stuffing) } else { (classic_bits(frame, stuffing), 0) };
                 Some(span(arbitration, *arbitration_bps) + span(data, *data_bps))
             }
             (Self::Serial { baud }, Packet::Serial(chunk)) => {
@@ -73,25 +93,31 @@ fn span(bits: u64, bit_rate_bps: u32) -> Span {
     Span::from_ns(i64::try_from(ns).unwrap_or(i64::MAX))
 }
 
-/// A standard frame with the most stuff bits and the 3 bits of interframe space: 135 bits for 8 bytes.
+/// Bits of a standard frame with its stuff bits and the 3 bits of interframe space: at most 135 for 8 bytes.
 ///
 /// 34 bits of header and CRC are subject to stuffing, 10 are not.
-fn classic_bits(frame: &CanFrame) -> u64 {
+fn classic_bits(frame: &CanFrame, stuffing: Stuffing) -> u64 {
     let data = 8 * frame.data().len() as u64;
     let (stuffed, plain, interframe) = (34 + data, 10, 3);
-    stuffed + (stuffed - 1) / 4 + plain + interframe
+    let stuff = match stuffing {
+        Stuffing::Worst => (stuffed - 1) / 4,
+        Stuffing::Exact => stuffing::classic(frame),
+    };
+    stuffed + stuff + plain + interframe
 }
 
-/// A standard FD frame with the most stuff bits: bits at the arbitration rate, bits at the data rate.
-fn fd_bits(frame: &CanFrame) -> (u64, u64) {
+/// Bits of a standard FD frame with its stuff bits: at the arbitration rate, at the data rate.
+fn fd_bits(frame: &CanFrame, stuffing: Stuffing) -> (u64, u64) {
     let data = 8 * frame.data().len() as u64;
     // Start, 11 identifier bits, RRS, IDE, FDF, reserved, BRS; then, after the CRC: delimiter, acknowledge slot and
     // delimiter, 7 end-of-frame and 3 interframe bits.
     let (head, tail) = (17, 13);
-    let head_stuff = (head - 1) / 4;
     // ESI, 4 length bits and the data are stuffed where needed; the CRC field has a fixed stuff bit per 4.
     let stuffed = 5 + data;
-    let stuff = (head + stuffed - 1) / 4 - head_stuff;
+    let (head_stuff, stuff) = match stuffing {
+        Stuffing::Worst => ((head - 1) / 4, (head + stuffed - 1) / 4 - (head - 1) / 4),
+        Stuffing::Exact => stuffing::fd(frame),
+    };
     let (count, crc, fixed) = if frame.data().len() <= 16 { (4, 17, 6) } else { (4, 21, 7) };
     (head + head_stuff + tail, stuffed + stuff + count + crc + fixed)
 }

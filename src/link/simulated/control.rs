@@ -1,0 +1,76 @@
+//! What goes wrong on the wire itself: bit errors, a babbling node, controllers put off the bus; timed and counted.
+
+use super::bus::Bus;
+use crate::base::time::Tai;
+use std::sync::Arc;
+
+/// What goes wrong on the wire. CAN only: a serial line has no such faults.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum BusFault {
+    /// A share of the frames is destroyed by an error flag, and sent again.
+    BitErrors {
+        /// 0 to 1.
+        share: f64,
+    },
+    /// A node that is no end of ours sends 8 zero bytes under one identifier, over and over.
+    Babble {
+        /// 11-bit identifier; more bits are cut off.
+        id: u16,
+        /// Share of the time that its frames would take on a wire of their own: 1 is back to back.
+        share_of_bandwidth: f64,
+    },
+    /// A controller is put off the bus, and comes back 128 times 11 recessive bits after the end of the fault.
+    BusOff {
+        /// Number of the end, as `SimulatedLink::end` tells it.
+        end: usize,
+    },
+}
+
+/// A fault with its time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TimedBusFault {
+    /// Begin.
+    pub from: Tai,
+    /// End, exclusive.
+    pub until: Tai,
+    /// What goes wrong.
+    pub fault: BusFault,
+    /// Frames destroyed, frames babbled, or times a controller was put off the bus.
+    pub hits: u64,
+    /// When a babbling node sends next.
+    pub(super) next_at: Tai,
+}
+
+impl TimedBusFault {
+    pub(super) fn is_active(&self, at: Tai) -> bool {
+        self.from <= at && at < self.until
+    }
+}
+
+/// Commands the faults of one bus; clones command the same bus.
+///
+/// A fault acts on the frames that start within its time. Added before its begin, it acts the same whenever anybody
+/// looks at the bus.
+#[derive(Clone)]
+pub struct BusControl {
+    pub(super) bus: Arc<Bus>,
+}
+
+impl BusControl {
+    /// Adds a fault; the number under which [`Self::timed`] lists it.
+    pub fn add(&self, from: Tai, until: Tai, fault: BusFault) -> usize {
+        let mut medium = self.bus.settled();
+        medium.faults.push(TimedBusFault { from, until, fault, hits: 0, next_at: from });
+        let number = medium.faults.len() - 1;
+        drop(medium);
+        // Who waits on the real clock looks again: a babbling node is something to wait for.
+        self.bus.notify();
+        number
+    }
+
+    /// Every fault, in the order in which they were added, with its hits.
+    #[must_use]
+    pub fn timed(&self) -> Vec<TimedBusFault> {
+        self.bus.settled().faults.clone()
+    }
+}

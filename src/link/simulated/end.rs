@@ -1,0 +1,214 @@
+//! One controller on the bus: what it has to send, what it has received, its error counters.
+
+use super::error_counters::{ErrorCounters, ErrorState};
+use crate::base::time::{Span, Tai};
+use crate::link::{Departure, LinkCounters, Packet, Stamped};
+use std::collections::VecDeque;
+
+/// Departures that are remembered for whoever asks.
+const DEPARTURES: usize = 64;
+/// Sequences of 11 recessive bits that a controller sees before it is back from bus-off.
+const RECOVERY_SEQUENCES: i64 = 128;
+
+/// A packet that waits for the wire.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Queued {
+    /// How many were sent from this end before it.
+    pub(super) number: u64,
+    /// When it was sent.
+    pub(super) at: Tai,
+    pub(super) packet: Packet,
+    /// Its time on the wire, interframe space included.
+    pub(super) duration: Span,
+}
+
+/// The way back from bus-off.
+#[derive(Debug, Clone, Copy)]
+struct Recovery {
+    /// Up to here the bus was watched; later than now while a fault holds the controller off.
+    watched: Tai,
+    /// Sequences still to see.
+    left: i64,
+}
+
+/// One controller.
+pub(super) struct End {
+    pub(super) inbox: VecDeque<Stamped<Packet>>,
+    pub(super) outbox: VecDeque<Queued>,
+    pub(super) counters: LinkCounters,
+    pub(super) errors: ErrorCounters,
+    /// Not before this does it start a frame: the pause of an error-passive controller.
+    pub(super) not_before: Tai,
+    /// Its user is gone; what it queued still goes out.
+    pub(super) has_left: bool,
+    /// Next to look at in the outbox, for estimates.
+    pub(super) cursor: usize,
+    sent: u64,
+    departures: VecDeque<(u64, Departure)>,
+    recovery: Option<Recovery>,
+}
+
+impl End {
+    pub(super) fn new(inbox_packets: usize, outbox_packets: usize) -> Self {
+        Self {
+            inbox: VecDeque::with_capacity(inbox_packets),
+            // One more: a destroyed frame goes back to the head.
+            outbox: VecDeque::with_capacity(outbox_packets + 1),
+            counters: LinkCounters::default(),
+            errors: ErrorCounters::default(),
+            not_before: Tai::from_ns(i64::MIN),
+            has_left: false,
+            cursor: 0,
+            sent: 0,
+            departures: VecDeque::with_capacity(DEPARTURES),
+            recovery: None,
+        }
+    }
+
+    /// True when nobody uses it and nothing of it is left to send.
+    pub(super) fn is_free(&self) -> bool {
+        self.has_left && self.outbox.is_empty()
+    }
+
+    pub(super) fn is_off(&self) -> bool {
+        self.recovery.is_some()
+    }
+
+    /// When the first packet that waits could start on an idle wire.
+    pub(super) fn ready_at(&self) -> Option<Tai> {
+        self.outbox.front().map(|first| first.at.max(self.not_before))
+    }
+
+    /// Queues a packet; false when there is no room or the controller is off the bus: counted, and never sent.
+    pub(super) fn queue(&mut self, packet: &Packet, at: Tai, duration: Span, room: usize) -> bool {
+        let number = self.sent;
+        self.sent += 1;
+        if self.is_off() || self.outbox.len() >= room {
+            self.give_up(number);
+            return false;
+        }
+        self.outbox.push_back(Queued { number, at, packet: *packet, duration });
+        true
+    }
+
+    fn give_up(&mut self, number: u64) {
+        self.counters.unsent += 1;
+        self.remember(number, Departure::Never);
+    }
+
+    fn remember(&mut self, number: u64, departure: Departure) {
+        if self.departures.len() >= DEPARTURES {
+            self.departures.pop_front();
+        }
+        self.departures.push_back((number, departure));
+    }
+
+    /// What became of the packet before which `number` were sent.
+    pub(super) fn departure(&self, number: u64) -> Departure {
+        let known = self.departures.iter().rev().find(|(known, _)| *known == number);
+        let is_remembered = self.departures.front().is_none_or(|(oldest, _)| *oldest <= number);
+        match known {
+            Some((_, departure)) => *departure,
+            None if number < self.sent && is_remembered => Departure::Waiting,
+            None => Departure::AsTold,
+        }
+    }
+
+    /// A frame of this end went through.
+    pub(super) fn left(&mut self, number: u64, at: Tai, passive_pause: Span) {
+        self.counters.sent += 1;
+        self.remember(number, Departure::At(at));
+        self.errors.transmit_succeeded();
+        self.pause_if_passive(at, passive_pause);
+    }
+
+    /// A frame of this end was destroyed: it goes back to the head of the queue, unless that was one error too many.
+    pub(super) fn destroyed(&mut self, frame: Queued, at: Tai, passive_pause: Span) {
+        self.counters.errors += 1;
+        if self.is_off() {
+            self.give_up(frame.number);
+            return;
+        }
+        self.errors.transmit_failed();
+        self.outbox.push_front(frame);
+        self.pause_if_passive(at, passive_pause);
+        if self.errors.state() == ErrorState::BusOff {
+            self.go_off(at);
+        }
+    }
+
+    fn pause_if_passive(&mut self, at: Tai, pause: Span) {
+        if self.errors.state() == ErrorState::Passive {
+            self.not_before = at + pause;
+        }
+    }
+
+    /// Leaves the bus, gives up what waits, and begins to watch for the way back at `watch_from`.
+    pub(super) fn go_off(&mut self, watch_from: Tai) {
+        if !self.is_off() {
+            self.counters.bus_off += 1;
+        }
+        self.errors.force_off();
+        while let Some(frame) = self.outbox.pop_front() {
+            self.give_up(frame.number);
+        }
+        let watched = self.recovery.map_or(watch_from, |recovery| recovery.watched.max(watch_from));
+        self.recovery = Some(Recovery { watched, left: RECOVERY_SEQUENCES });
+    }
+
+    /// The wire was idle until `until`: every `sequence` of that counts for the way back.
+    pub(super) fn see_idle(&mut self, until: Tai, sequence: Span) {
+        let Some(recovery) = &mut self.recovery else { return };
+        let seen = ((until - recovery.watched).ns() / sequence.ns().max(1)).clamp(0, recovery.left);
+        recovery.left -= seen;
+        recovery.watched = recovery.watched + Span::from_ns(seen * sequence.ns());
+        self.come_back_if_seen_enough();
+    }
+
+    /// A frame or error frame ended at `done` with 11 recessive bits.
+    pub(super) fn see_frame(&mut self, done: Tai) {
+        let Some(recovery) = &mut self.recovery else { return };
+        if recovery.watched < done {
+            recovery.left -= 1;
+            recovery.watched = done;
+        }
+        self.come_back_if_seen_enough();
+    }
+
+    fn come_back_if_seen_enough(&mut self) {
+        if self.recovery.is_some_and(|recovery| recovery.left <= 0) {
+            self.recovery = None;
+            self.errors = ErrorCounters::default();
+        }
+    }
+
+    /// Another's frame went through.
+    pub(super) fn take(&mut self, packet: Stamped<Packet>, room: usize) {
+        if self.is_off() || self.has_left {
+            return;
+        }
+        self.errors.receive_succeeded();
+        if self.inbox.len() >= room {
+            self.counters.overflows += 1;
+            return;
+        }
+        let place = self.inbox.partition_point(|earlier| earlier.at <= packet.at);
+        self.inbox.insert(place, packet);
+    }
+
+    /// Another's frame was destroyed.
+    pub(super) fn saw_error(&mut self) {
+        if !self.is_off() && !self.has_left {
+            self.counters.errors += 1;
+            self.errors.receive_failed();
+        }
+    }
+
+    /// The oldest packet that has arrived by `now`.
+    pub(super) fn due_by(&mut self, now: Tai) -> Option<Stamped<Packet>> {
+        let is_due = self.inbox.front().is_some_and(|first| first.at <= now);
+        let packet = if is_due { self.inbox.pop_front() } else { None };
+        self.counters.received += u64::from(is_due);
+        packet
+    }
+}
