@@ -238,7 +238,8 @@ def can_rejected():
     """(name, [(message, data)], reason)"""
     whole = attitude_fields()
     fd, group = attitude(whole), attitude_group(whole)
-    later = attitude_group(attitude_fields(seq=44, t_us=123476789, q_wxyz=[1.0, 0.0, 0.0, 0.0]))
+    later = attitude_group(attitude_fields(seq=44, t_us=123476789, q_wxyz=[1.0, 0.0, 0.0, 0.0],
+                                           rate_rad_s=[0.5, 0.0, 0.0], acceleration_rad_s2=[0.0, 0.0, 0.5]))
     bad_q = lambda q: attitude_fields(q_wxyz=q)
     burst = jitter_fd(burst_fields(14))
     table = lambda t, row, column, value=1.0: struct.pack("<BBBBf", t, row, column, 0, value)

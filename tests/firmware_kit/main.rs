@@ -1,0 +1,30 @@
+//! The firmware kit holds together: Rust crate, DBC, C sources, static library, vectors and INTERFACE.md say the same.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test may stop at the first surprise and says what it was"
+)]
+
+mod c_codec;
+mod c_program;
+mod dbc;
+mod dbc_signals;
+mod documents;
+mod flat;
+mod rust_codec;
+mod samples;
+mod static_library;
+mod vectors;
+
+use std::path::PathBuf;
+
+/// Folder of the kit.
+fn kit() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("firmware_protocol")
+}
+
+/// A text file of the kit.
+fn text(path: &str) -> String {
+    std::fs::read_to_string(kit().join(path)).unwrap_or_else(|error| panic!("firmware_protocol/{path}: {error}"))
+}

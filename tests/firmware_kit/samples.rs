@@ -1,0 +1,272 @@
+//! Random messages and random damage, the same for the same seed.
+
+use firmware_protocol::can::CanFrame;
+use firmware_protocol::message::{
+    AttitudeFlags, AttitudeRecord, Command, Exposure, Heartbeat, Identity, Info, JitterBurst, JitterPair, NodeState,
+    PointingAngle, Rates, Refusal, Reply, Request, Response, Scet, StatusPage, StimulatorMode, Sync, Table, TableCell,
+    TimeFollowUp, Wheels,
+};
+use firmware_protocol::tables::Applied;
+use firmware_protocol::version::Version;
+use firmware_protocol::{Message, Reject};
+
+/// Kinds of message that [`Samples::message`] makes in turn.
+pub(crate) const KINDS: u64 = 12;
+
+/// SplitMix64 (Steele, Lea, Flood 2014).
+pub(crate) struct Samples {
+    state: u64,
+    turn: u64,
+}
+
+impl Samples {
+    pub(crate) fn new(seed: u64) -> Self {
+        Self { state: seed, turn: 0 }
+    }
+
+    pub(crate) fn bits(&mut self) -> u64 {
+        self.state = self.state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let z = (self.state ^ (self.state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    /// `0..limit`.
+    pub(crate) fn below(&mut self, limit: u64) -> u64 {
+        self.bits() % limit
+    }
+
+    fn int<T: TryFrom<u64>>(&mut self, bits: u32) -> T {
+        let value = self.bits() >> (64 - bits);
+        T::try_from(value).unwrap_or_else(|_| panic!("{bits} bits"))
+    }
+
+    pub(crate) fn u8(&mut self) -> u8 {
+        self.int(8)
+    }
+
+    /// -1 to 1.
+    #[allow(clippy::cast_possible_truncation, reason = "24 bits fit in f32")]
+    fn unit(&mut self) -> f32 {
+        (self.int::<u32>(24) as f32) / 8_388_608.0 - 1.0
+    }
+
+    /// A multiple of `lsb` up to `limit` counts, as a decoder gives it.
+    #[allow(clippy::cast_possible_truncation, reason = "the value a decoder gives")]
+    fn stepped(&mut self, limit: i32, lsb: f64) -> f32 {
+        let counts = self.int::<i32>(31) % (2 * limit + 1) - limit;
+        (f64::from(counts) * lsb) as f32
+    }
+
+    fn pick<T: Copy>(&mut self, from: &[T]) -> T {
+        from[usize::try_from(self.below(from.len() as u64)).unwrap()]
+    }
+
+    /// Every kind of message in turn.
+    pub(crate) fn message(&mut self) -> Message {
+        self.turn += 1;
+        match self.turn % KINDS {
+            0 => Message::Sync(Sync { counter: self.u8() }),
+            1 => Message::TimeFollowUp(TimeFollowUp {
+                scet: Scet::new(self.int(32), self.int(24)).unwrap(),
+                counter: self.u8(),
+            }),
+            2 => Message::Attitude(self.attitude()),
+            3 => Message::Jitter(self.burst()),
+            4 => Message::JitterPair(JitterPair {
+                slot: self.u8(),
+                samples_arcsec: [0; 2].map(|_| [0; 2].map(|_| self.stepped(8191, 0.02))),
+            }),
+            5 => Message::Wheels(Wheels {
+                speed_rpm: [0; 4].map(|_| self.stepped(32_767, 0.25)),
+            }),
+            6 => {
+                let (frame, seq, t_us, age_us) = (self.u8(), self.u8(), self.int(32), self.int::<u32>(16) * 10);
+                Message::Exposure(Exposure::new(frame, seq, t_us, age_us))
+            }
+            7 => Message::Status(self.status()),
+            8 => Message::Table(self.cell()),
+            9 => Message::Command(Command {
+                token: self.u8(),
+                request: self.request(),
+            }),
+            10 => Message::Response(Response {
+                token: self.u8(),
+                reply: self.reply(),
+            }),
+            _ => {
+                let states = [
+                    NodeState::Starting,
+                    NodeState::Ready,
+                    NodeState::Running,
+                    NodeState::Fault,
+                ];
+                Message::Heartbeat(Heartbeat {
+                    state: self.pick(&states),
+                    major: self.u8(),
+                })
+            }
+        }
+    }
+
+    fn attitude(&mut self) -> AttitudeRecord {
+        let q = [0; 4].map(|_| self.unit() + 0.01);
+        let norm = q.iter().map(|value| value * value).sum::<f32>().sqrt();
+        let flags = AttitudeFlags::from_bits(self.u8());
+        let vector = |holds: bool, samples: &mut Self| {
+            if holds {
+                [0; 3].map(|_| samples.unit())
+            } else {
+                [0.0; 3]
+            }
+        };
+        AttitudeRecord {
+            t_us: self.int(32),
+            seq: self.u8(),
+            flags,
+            q_wxyz: q.map(|value| value / norm),
+            rate_rad_s: vector(flags.rate, self),
+            acceleration_rad_s2: vector(flags.acceleration, self),
+        }
+    }
+
+    fn burst(&mut self) -> JitterBurst {
+        let count = usize::try_from(1 + self.below(14)).unwrap();
+        let samples: Vec<_> = (0..count).map(|_| [0; 2].map(|_| self.stepped(32_767, 0.01))).collect();
+        let (t_us, period_us, seq) = (self.int(32), self.int::<u16>(16).max(1), self.u8());
+        JitterBurst::new(t_us, period_us, seq, &samples).unwrap()
+    }
+
+    fn status(&mut self) -> StatusPage {
+        let modes = [
+            StimulatorMode::Idle,
+            StimulatorMode::Running,
+            StimulatorMode::Holding,
+            StimulatorMode::Blank,
+            StimulatorMode::Stopped,
+        ];
+        let angles = [
+            PointingAngle::RightAscension,
+            PointingAngle::Declination,
+            PointingAngle::Roll,
+        ];
+        match self.below(7) {
+            0 => StatusPage::State {
+                mode: self.pick(&modes),
+                frames: self.int(16),
+                latency_us: self.int(32),
+            },
+            1 => StatusPage::Prediction {
+                horizon_10us: self.int::<u16>(16).cast_signed(),
+                error_arcsec: self.unit() * 100.0,
+            },
+            2 => StatusPage::Clock {
+                drift_0_1ppm: self.int::<u16>(16).cast_signed(),
+                residual_ns: self.int::<u32>(32).cast_signed(),
+            },
+            3 => StatusPage::Rejects {
+                reason: self.pick(&Reject::ALL),
+                count: self.int(32),
+            },
+            _ => StatusPage::Pointing {
+                angle: self.pick(&angles),
+                frame: self.u8(),
+                turns_2_32: self.int(32),
+            },
+        }
+    }
+
+    fn cell(&mut self) -> TableCell {
+        let table = self.pick(&Table::ALL);
+        let (row, column) = (self.u8() % table.rows_max(), self.u8() % table.columns());
+        TableCell {
+            table,
+            row,
+            column,
+            value: self.unit() * 1000.0,
+        }
+    }
+
+    fn request(&mut self) -> Request {
+        match self.below(6) {
+            0 => Request::Hello(Version {
+                major: self.u8(),
+                minor: self.u8(),
+            }),
+            1 => Request::Info { page: self.u8() },
+            2 => Request::Run,
+            3 => Request::Stop,
+            4 => Request::Apply {
+                table: self.u8(),
+                rows: self.u8(),
+                crc: self.int(16),
+                seed: self.int(16),
+            },
+            _ => Request::Unknown {
+                opcode: self.u8() | 0x80,
+            },
+        }
+    }
+
+    fn reply(&mut self) -> Reply {
+        match self.below(7) {
+            0 => Reply::Hello(Identity {
+                version: Version {
+                    major: self.u8(),
+                    minor: self.u8(),
+                },
+                capabilities: self.int(16),
+                attitude_convention: self.u8(),
+            }),
+            1 => Reply::Info(Info::DbcCrc32(self.int(32))),
+            2 => Reply::Info(Info::Rates(Rates {
+                attitude_hz: self.int(16),
+                jitter_hz: self.int(16),
+            })),
+            3 => Reply::Run,
+            4 => Reply::Stop,
+            5 => Reply::Applied(Applied {
+                table: self.pick(&Table::ALL),
+                rows: self.u8(),
+            }),
+            _ => Reply::Refused {
+                opcode: self.u8(),
+                reason: self.pick(&Refusal::ALL),
+            },
+        }
+    }
+
+    /// The message; an attitude sometimes with values that no decoder lets through.
+    pub(crate) fn strange_message(&mut self) -> Message {
+        let mut message = self.message();
+        if let Message::Attitude(record) = &mut message {
+            let values = [record.q_wxyz[0], 1.0, 0.0, 1.01, f32::NAN, f32::INFINITY];
+            record.q_wxyz[0] = self.pick(&values);
+            record.rate_rad_s[2] = if self.below(8) == 0 {
+                f32::NAN
+            } else {
+                record.rate_rad_s[2]
+            };
+        }
+        message
+    }
+
+    /// The frame with some of its bits, its length or its identifier changed; half of the time as it was.
+    pub(crate) fn spoiled(&mut self, frame: &CanFrame) -> CanFrame {
+        let (mut id, mut data) = (frame.id(), frame.data().to_vec());
+        match self.below(8) {
+            0 => id ^= 1 << self.below(11),
+            1 => data.truncate(usize::try_from(self.below(9)).unwrap()),
+            2 | 3 => {
+                for _ in 0..=self.below(3) {
+                    let bit = usize::try_from(self.below(8 * data.len() as u64)).unwrap();
+                    data[bit / 8] ^= 1 << (bit % 8);
+                }
+            }
+            _ => {}
+        }
+        CanFrame::classic(id, &data)
+            .or_else(|| CanFrame::fd(id, &data))
+            .unwrap()
+    }
+}
