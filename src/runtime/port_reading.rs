@@ -11,7 +11,7 @@ use firmware_protocol::Reject;
 
 /// Reasons to refuse input.
 pub const REASONS: usize = Reject::ALL.len();
-const COUNTS: usize = 9;
+const COUNTS: usize = 11;
 
 /// What a port counted so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -41,8 +41,9 @@ impl PortReading {
     }
 
     fn counts(&self) -> [u64; COUNTS] {
-        let LinkCounters { received, sent, overflows, unsent, errors, bus_off, lost, regained } = self.counters;
-        [received, sent, overflows, unsent, errors, bus_off, lost, regained, self.queue_overflows]
+        let LinkCounters { received, sent, overflows, unsent, errors, bus_off, lost, regained, restarted, unstamped } =
+            self.counters;
+        [received, sent, overflows, unsent, errors, bus_off, lost, regained, restarted, unstamped, self.queue_overflows]
     }
 
     /// Tells the ledger what has happened to the link since `earlier`.
@@ -83,9 +84,10 @@ impl SharedReading {
     /// What was last made known.
     #[must_use]
     pub fn read(&self) -> PortReading {
-        let [received, sent, overflows, unsent, errors, bus_off, lost, regained, queue_overflows] =
+        let [received, sent, overflows, unsent, errors, bus_off, lost, regained, restarted, unstamped, queue_overflows] =
             self.counts.each_ref().map(|count| count.load(Ordering::Relaxed));
-        let counters = LinkCounters { received, sent, overflows, unsent, errors, bus_off, lost, regained };
+        let counters =
+            LinkCounters { received, sent, overflows, unsent, errors, bus_off, lost, regained, restarted, unstamped };
         let rejects = self.rejects.each_ref().map(|count| count.load(Ordering::Relaxed));
         PortReading { counters, rejects, queue_overflows }
     }
@@ -96,8 +98,18 @@ mod tests {
     use super::*;
 
     fn reading() -> PortReading {
-        let counters =
-            LinkCounters { received: 1, sent: 2, overflows: 3, unsent: 4, errors: 5, bus_off: 6, lost: 7, regained: 8 };
+        let counters = LinkCounters {
+            received: 1,
+            sent: 2,
+            overflows: 3,
+            unsent: 4,
+            errors: 5,
+            bus_off: 6,
+            lost: 7,
+            regained: 8,
+            restarted: 11,
+            unstamped: 12,
+        };
         let mut rejects = [0; REASONS];
         rejects[Reject::BadCrc as usize] = 9;
         PortReading { counters, rejects, queue_overflows: 10 }

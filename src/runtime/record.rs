@@ -190,7 +190,8 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
 
 /// Counters of one port: the first has plain names, further ones have their number before them.
 fn count_port(counts: &mut LinkCounts, number: usize, port: &PortReading) {
-    let LinkCounters { received, sent, overflows, unsent, errors, bus_off, lost, regained } = port.counters;
+    let LinkCounters { received, sent, overflows, unsent, errors, bus_off, lost, regained, restarted, unstamped } =
+        port.counters;
     let name = |what: &str| if number == 0 { what.to_string() } else { format!("port_{number}_{what}") };
     let always = [
         ("packets_received", received),
@@ -202,6 +203,8 @@ fn count_port(counts: &mut LinkCounts, number: usize, port: &PortReading) {
         ("packets_unsent", unsent),
         ("bus_errors", errors),
         ("bus_off", bus_off),
+        ("bus_restarted", restarted),
+        ("packets_unstamped", unstamped),
         ("link_lost", lost),
         ("link_regained", regained),
     ];

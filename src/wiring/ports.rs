@@ -1,11 +1,13 @@
 //! The links of a checked bench -> the stimulator's ports, and the far end's where it is simulated too.
 
 use crate::base::clock::Clock;
-use crate::config::{Bench, Carrier, Link};
-use crate::link::{Link as LinkEnd, Port};
+use crate::config::{self, Bench, Carrier, Link, Wire};
+use crate::link::serial::{FlowControl, Parity, SerialLink, SerialParams, StopBits};
 use crate::link::simulated::simulated_pair;
+use crate::link::socketcan::{Hears, SocketCanLink, SocketCanParams};
+use crate::link::{Link as LinkEnd, LinkError, Port};
 use crate::wiring::bench_parts;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use firmware_protocol::can::IdMap;
 use std::sync::Arc;
 
@@ -44,7 +46,46 @@ fn open(link: &Link, wants_far: bool, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> R
             let far = wants_far.then(|| Port::new(Box::new(far), format, ids));
             Ok((Port::new(tap(Box::new(near)), format, ids), far))
         }
-        Carrier::SocketCan { .. } | Carrier::SerialPort(_) => bail!("not yet"),
+        Carrier::SocketCan { interface } => {
+            let end = |hears| can_link(interface, ids, hears, link.wire, clock);
+            let near = tap(Box::new(end(Hears::FlightComputer)?));
+            let far = wants_far.then(|| end(Hears::Stimulator)).transpose()?;
+            Ok((Port::new(near, format, ids), far.map(|far| Port::new(Box::new(far), format, ids))))
+        }
+        Carrier::SerialPort(settings) => {
+            let near = SerialLink::open(serial_params(settings, link.bit_rate), clock)?;
+            Ok((Port::new(tap(Box::new(near)), format, ids), None))
+        }
+    }
+}
+
+fn can_link(
+    interface: &str,
+    ids: IdMap,
+    hears: Hears,
+    wire: Wire,
+    clock: &Arc<dyn Clock>,
+) -> Result<SocketCanLink, LinkError> {
+    let fd = wire == Wire::CanFd;
+    let params = SocketCanParams { interface: interface.into(), ids, hears, fd, bit_rate_switch: true };
+    SocketCanLink::open(params, clock)
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the config's rates are checked")]
+fn serial_params(settings: &config::SerialPort, bit_rate: f64) -> SerialParams {
+    SerialParams {
+        path: settings.port.clone(),
+        baud: bit_rate as u32,
+        parity: match settings.parity {
+            config::Parity::None => Parity::None,
+            config::Parity::Even => Parity::Even,
+            config::Parity::Odd => Parity::Odd,
+        },
+        stop_bits: if settings.stop_bits == 2 { StopBits::Two } else { StopBits::One },
+        flow: match settings.flow_control {
+            config::FlowControl::None => FlowControl::None,
+            config::FlowControl::Hardware => FlowControl::Hardware,
+        },
     }
 }
 

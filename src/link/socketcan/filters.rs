@@ -16,7 +16,7 @@ pub enum Hears {
     Everything,
 }
 
-const FROM_FLIGHT_COMPUTER: [MessageId; 13] = [
+const FROM_FLIGHT_COMPUTER: [MessageId; 14] = [
     MessageId::Sync,
     MessageId::TimeFollowUp,
     MessageId::AttitudeQ01,
@@ -28,6 +28,7 @@ const FROM_FLIGHT_COMPUTER: [MessageId; 13] = [
     MessageId::JitterPair,
     MessageId::Attitude,
     MessageId::Jitter,
+    MessageId::Table,
     MessageId::Command,
     MessageId::Heartbeat,
 ];
