@@ -10,7 +10,7 @@ use std::sync::Arc;
 use toml::de::{DeTable, DeValue};
 
 /// Configurations that are part of the binary, by their path below `configs/`.
-const BUILT_IN: [(&str, &str); 30] = [
+const BUILT_IN: [(&str, &str); 35] = [
     ("benches/loopback.toml", include_str!("../../configs/benches/loopback.toml")),
     ("benches/cubesat.toml", include_str!("../../configs/benches/cubesat.toml")),
     ("benches/bench_20hz.toml", include_str!("../../configs/benches/bench_20hz.toml")),
@@ -24,6 +24,11 @@ const BUILT_IN: [(&str, &str); 30] = [
     ("cameras/cubesat_tracker.toml", include_str!("../../configs/cameras/cubesat_tracker.toml")),
     ("cameras/small_tracker.toml", include_str!("../../configs/cameras/small_tracker.toml")),
     ("cameras/wide_field_telescope.toml", include_str!("../../configs/cameras/wide_field_telescope.toml")),
+    ("benches/gateways.toml", include_str!("../../configs/benches/gateways.toml")),
+    ("benches/serial.toml", include_str!("../../configs/benches/serial.toml")),
+    ("benches/socketcan.toml", include_str!("../../configs/benches/socketcan.toml")),
+    ("links/serial_port.toml", include_str!("../../configs/links/serial_port.toml")),
+    ("links/socketcan.toml", include_str!("../../configs/links/socketcan.toml")),
     ("links/simulated_can_fd.toml", include_str!("../../configs/links/simulated_can_fd.toml")),
     ("links/simulated_can_classic.toml", include_str!("../../configs/links/simulated_can_classic.toml")),
     ("links/simulated_serial.toml", include_str!("../../configs/links/simulated_serial.toml")),
