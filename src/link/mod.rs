@@ -7,6 +7,8 @@
 //! A [`Link`] moves packets and knows nothing of messages; a [`Port`] knows the wire format. Wrappers (fault, capture)
 //! implement the trait they wrap. Nothing downstream of this room knows about CAN or serial.
 
+/// Programs outside on a simulated bus: slcan and socketcand.
+pub mod gateway;
 mod packet;
 mod port;
 #[cfg(test)]

@@ -150,7 +150,8 @@ impl Medium {
     /// When the next frame starts as things stand, and whose it is.
     fn next_start(&self, wire: usize) -> Option<(Tai, Sender)> {
         let ends = self.senders(wire).filter_map(|end| self.ends[end].ready_at().map(|at| (at, Sender::End(end))));
-        let babblers = (0..self.faults.len()).filter_map(|fault| Some((self.babble_at(fault)?, Sender::Babbler(fault))));
+        let babblers =
+            (0..self.faults.len()).filter_map(|fault| Some((self.babble_at(fault)?, Sender::Babbler(fault))));
         let ready = || ends.clone().chain(babblers.clone());
         let start = ready().map(|(at, _)| at).min()?.max(self.wires[wire].free_at);
         // `min_by_key` takes the first of equals: the end with the lower number, and ends before babblers.
