@@ -3,6 +3,7 @@
 pub mod budget;
 mod budget_advice;
 mod budget_files;
+pub mod bus;
 pub mod calibrate;
 pub mod campaign;
 pub mod catalog;
@@ -73,6 +74,8 @@ enum Command {
     Check(check::CheckArgs),
     /// Measure what frames cost on this machine, for runs on the real clock and `check`
     Calibrate(calibrate::CalibrateArgs),
+    /// Host a simulated CAN bus that programs join over slcan (TCP, PTY) and socketcand
+    Bus(bus::BusArgs),
     /// Fly many simulated hours of random faults and check that the loop rides them through
     Campaign(campaign::CampaignArgs),
     /// Measure error and time of every method: CSV tables and SVG charts
@@ -106,6 +109,7 @@ pub fn main() -> ExitCode {
         Command::Render(arguments) => render::run(&arguments).map(|()| EXIT_DONE),
         Command::Check(arguments) => check::run(&arguments).map(|()| EXIT_DONE),
         Command::Calibrate(arguments) => calibrate::run(&arguments).map(|()| EXIT_DONE),
+        Command::Bus(arguments) => bus::run(&arguments),
         Command::Campaign(arguments) => campaign::run(&arguments),
         Command::Chart(arguments) => chart::run(&arguments).map(|()| EXIT_DONE),
         Command::Study(arguments) => study::run(&arguments),

@@ -11,6 +11,8 @@
 pub mod capture;
 /// One suite for every link.
 pub mod conformance;
+/// Programs outside on a simulated bus: slcan and socketcand.
+pub mod gateway;
 mod kernel_stamp;
 mod packet;
 mod port;

@@ -1,0 +1,265 @@
+//! `starloop bus`: a simulated CAN bus with gateways, so that programs without CAN in their kernel can talk.
+
+use crate::base::clock::{Clock, Monotonic, Stopwatch};
+use crate::base::time::Span;
+use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED};
+use crate::link::gateway::{GatewayCounters, GatewayKind, GatewayParams, Gateways};
+use crate::link::simulated::{BusModel, BusParams, BusStatistics, BusTiming, SimulatedBus, Stuffing};
+use anyhow::{Context, Result, bail};
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+use std::io::{IsTerminal, Write};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::signal::unix::{SignalKind, signal};
+
+/// Command line of `bus`.
+#[derive(Debug, Args)]
+pub struct BusArgs {
+    /// Serve slcan over TCP here: a port of 127.0.0.1 (0 takes a free one), or ADDRESS:PORT
+    #[arg(long, value_name = "PORT", value_parser = tcp_address)]
+    slcan_tcp: Option<SocketAddr>,
+    /// Serve slcan over a pseudo-terminal: a symbolic link to it is made here, and removed at the end
+    #[arg(long, value_name = "PATH")]
+    slcan_pty: Option<PathBuf>,
+    /// Serve socketcand here: a port of 127.0.0.1 (0 takes a free one), or ADDRESS:PORT
+    #[arg(long, value_name = "PORT", value_parser = tcp_address)]
+    socketcand: Option<SocketAddr>,
+    /// Name of the bus for socketcand's clients
+    #[arg(long, value_name = "NAME", default_value = "can0")]
+    name: String,
+    /// Kind of wire
+    #[arg(long, value_enum, default_value_t = Wire::CanFd)]
+    wire: Wire,
+    /// Bit rate, of the arbitration on CAN FD, bit/s
+    #[arg(long, value_name = "N", default_value_t = 500_000, value_parser = clap::value_parser!(u32).range(1000..=100_000_000))]
+    bit_rate: u32,
+    /// Bit rate of the data phase of CAN FD, bit/s
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1000..=100_000_000))]
+    data_bit_rate: Option<u32>,
+    /// Give frames the stuff bits that their bits ask for, instead of the most that they can have
+    #[arg(long)]
+    exact_stuffing: bool,
+    /// End after this many seconds instead of at Ctrl-C
+    #[arg(long, value_name = "S")]
+    duration: Option<f64>,
+    /// Print addresses and summary as lines of JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// A wire, by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "snake_case")]
+enum Wire {
+    /// CAN up to 8 bytes
+    CanClassic,
+    /// CAN FD with bit rate switching, and classic frames
+    CanFd,
+}
+
+/// Bit rate of the data phase when none is given, bit/s.
+const USUAL_DATA_BPS: u32 = 2_000_000;
+/// Packets that the end of a client holds.
+const QUEUE_PACKETS: usize = 4096;
+
+/// `PORT` on loopback, or `ADDRESS:PORT`.
+fn tcp_address(text: &str) -> Result<SocketAddr, String> {
+    if let Ok(port) = text.parse::<u16>() {
+        return Ok((IpAddr::V4(Ipv4Addr::LOCALHOST), port).into());
+    }
+    let found = text.to_socket_addrs().map(|mut found| found.next());
+    found.ok().flatten().ok_or_else(|| format!("got \"{text}\", wanted a port such as 29536, or ADDRESS:PORT"))
+}
+
+/// Where one gateway is found, as JSON.
+#[derive(Debug, Serialize)]
+struct AddressLine {
+    gateway: GatewayKind,
+    address: String,
+}
+
+/// What one gateway did, as JSON.
+#[derive(Debug, Serialize)]
+struct GatewayLine {
+    gateway: GatewayKind,
+    #[serde(flatten)]
+    counters: GatewayCounters,
+}
+
+/// What the bus and its gateways did, as JSON.
+#[derive(Debug, Serialize)]
+struct Summary {
+    duration_s: f64,
+    load: f64,
+    frames: u64,
+    error_frames: u64,
+    gateways: Vec<GatewayLine>,
+}
+
+/// Runs the command; the exit status.
+///
+/// # Errors
+/// With what could not be done, and why.
+pub fn run(arguments: &BusArgs) -> Result<u8> {
+    let params = arguments.gateways()?;
+    let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
+    let bus = arguments.bus(&clock)?;
+    // Signals are caught before anybody can know that there is something to stop.
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let (mut interrupt, mut terminate) = {
+        let _entered = runtime.enter();
+        (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?)
+    };
+    let gateways = Gateways::start(&bus, &params, &clock)?;
+    arguments.announce(&gateways)?;
+    let mut wall = Stopwatch::start();
+    let was_stopped = runtime.block_on(async {
+        let stopped = async {
+            tokio::select! { _ = interrupt.recv() => (), _ = terminate.recv() => () }
+        };
+        tokio::select! {
+            () = stopped => true,
+            () = passed(arguments.duration) => false,
+            () = watch(&bus, &gateways) => false,
+        }
+    });
+    if std::io::stderr().is_terminal() {
+        eprintln!();
+    }
+    let summary = summary(wall.lap(), &bus.statistics(), &gateways);
+    drop(gateways);
+    arguments.tell(&summary)?;
+    // Without a duration, Ctrl-C is how it ends.
+    Ok(if was_stopped && arguments.duration.is_some() { EXIT_INTERRUPTED } else { EXIT_DONE })
+}
+
+impl BusArgs {
+    fn gateways(&self) -> Result<GatewayParams> {
+        let (slcan_tcp, slcan_pty, socketcand) = (self.slcan_tcp, self.slcan_pty.clone(), self.socketcand);
+        if slcan_tcp.is_none() && slcan_pty.is_none() && socketcand.is_none() {
+            bail!("nobody could join this bus: wanted --slcan-tcp, --slcan-pty or --socketcand");
+        }
+        for address in [slcan_tcp, socketcand].into_iter().flatten().filter(|address| !address.ip().is_loopback()) {
+            eprintln!("starloop: {address} can be reached from other machines, and asks for no password");
+        }
+        Ok(GatewayParams { slcan_tcp, slcan_pty, socketcand, bus_name: self.name.clone(), ..GatewayParams::default() })
+    }
+
+    fn bus(&self, clock: &Arc<dyn Clock>) -> Result<SimulatedBus> {
+        let timing = match (self.wire, self.data_bit_rate) {
+            (Wire::CanClassic, Some(_)) => bail!("--data-bit-rate belongs to --wire can_fd"),
+            (Wire::CanClassic, None) => BusTiming::CanClassic { bit_rate_bps: self.bit_rate },
+            (Wire::CanFd, data_bps) => {
+                let data_bps = data_bps.unwrap_or(USUAL_DATA_BPS.max(self.bit_rate));
+                if data_bps < self.bit_rate {
+                    bail!("--data-bit-rate: got {data_bps}, wanted no less than --bit-rate ({})", self.bit_rate);
+                }
+                BusTiming::CanFd { arbitration_bps: self.bit_rate, data_bps }
+            }
+        };
+        if self.duration.is_some_and(|duration_s| !(duration_s > 0.0 && duration_s.is_finite())) {
+            bail!("--duration: wanted seconds above 0");
+        }
+        let stuffing = if self.exact_stuffing { Stuffing::Exact } else { Stuffing::Worst };
+        let params = BusParams { name: self.name.clone(), timing, latency: Span::ZERO, queue_packets: QUEUE_PACKETS };
+        Ok(SimulatedBus::with_model(params, BusModel { stuffing, ..BusModel::default() }, clock))
+    }
+
+    fn announce(&self, gateways: &Gateways) -> Result<()> {
+        let mut out = std::io::stdout().lock();
+        for (gateway, address) in gateways.addresses() {
+            if self.json {
+                let line = AddressLine { gateway, address: address.to_string() };
+                writeln!(out, "{}", serde_json::to_string(&line)?)?;
+            } else {
+                writeln!(out, "{:<12} {address}", kind_name(gateway))?;
+            }
+        }
+        out.flush().context("cannot print the addresses")
+    }
+
+    fn tell(&self, summary: &Summary) -> Result<()> {
+        let mut out = std::io::stdout().lock();
+        if self.json {
+            writeln!(out, "{}", serde_json::to_string(summary)?)?;
+            return Ok(());
+        }
+        let Summary { duration_s, load, frames, error_frames, gateways } = summary;
+        let load_percent = 100.0 * load;
+        writeln!(out, "{duration_s:.1} s: {frames} frames, load {load_percent:.1} %, {error_frames} error frames")?;
+        for GatewayLine { gateway, counters } in gateways {
+            writeln!(out, "{:<12} {}", kind_name(*gateway), sentence(counters))?;
+        }
+        Ok(())
+    }
+}
+
+fn kind_name(kind: GatewayKind) -> &'static str {
+    match kind {
+        GatewayKind::SlcanTcp => "slcan (TCP)",
+        GatewayKind::SlcanPty => "slcan (PTY)",
+        GatewayKind::Socketcand => "socketcand",
+    }
+}
+
+fn sentence(counters: &GatewayCounters) -> String {
+    let GatewayCounters { clients, refused, stalled, from_clients, to_clients, dropped, withheld, .. } = counters;
+    let mut text = format!("{clients} clients; {from_clients} frames from them, {to_clients} to them");
+    let losses = [
+        (*dropped, "frames dropped"),
+        (*withheld, "FD frames withheld"),
+        (*refused, "clients refused"),
+        (*stalled, "clients that did not read"),
+    ];
+    for (count, what) in losses.iter().filter(|(count, _)| *count > 0) {
+        text += &format!("; {count} {what}");
+    }
+    for (reason, count) in &counters.rejects {
+        text += &format!("; {count} times {reason}");
+    }
+    text
+}
+
+fn summary(wall: Span, statistics: &BusStatistics, gateways: &Gateways) -> Summary {
+    let lines = gateways.counters().into_iter().map(|(gateway, counters)| GatewayLine { gateway, counters });
+    Summary {
+        duration_s: wall.s(),
+        load: statistics.load(),
+        frames: statistics.frames,
+        error_frames: statistics.error_frames,
+        gateways: lines.collect(),
+    }
+}
+
+async fn passed(duration_s: Option<f64>) {
+    match duration_s.and_then(|duration_s| Duration::try_from_secs_f64(duration_s).ok()) {
+        Some(duration) => tokio::time::sleep(duration).await,
+        None => core::future::pending().await,
+    }
+}
+
+/// One line per second on a terminal; never ends.
+async fn watch(bus: &SimulatedBus, gateways: &Gateways) {
+    if !std::io::stderr().is_terminal() {
+        return core::future::pending().await;
+    }
+    let mut before = bus.statistics();
+    let mut second = tokio::time::interval(Duration::from_secs(1));
+    loop {
+        second.tick().await;
+        let now = bus.statistics();
+        let counters = gateways.counters();
+        let sum = |of: fn(&GatewayCounters) -> u64| counters.iter().map(|(_, counters)| of(counters)).sum::<u64>();
+        let (connected, dropped, rejected) = (sum(|c| c.connected), sum(|c| c.dropped), sum(GatewayCounters::rejected));
+        let (load_percent, rate) = (100.0 * now.load_since(&before), now.frames - before.frames);
+        let line = format!(
+            "load {load_percent:5.1} %  {rate} frames/s  {} frames  {connected} clients  {dropped} dropped  {rejected} rejected",
+            now.frames
+        );
+        let _a_closed_terminal_is_no_error = write!(std::io::stderr().lock(), "\r{line:<110}");
+        before = now;
+    }
+}

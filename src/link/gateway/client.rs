@@ -1,0 +1,283 @@
+//! One client of a gateway: a thread that reads from it and one that writes to it, on an end of the bus of its own.
+//!
+//! ```text
+//! descriptor -> Dialogue (parser, answers) -> end of the bus
+//! end of the bus (bounded) -> Scribe -> Outgoing (bounded) -> descriptor
+//! ```
+//!
+//! A client that sends faster than the bus takes is read more slowly. One that does not read loses frames, counted, and
+//! is hung up on when its patience is over. Neither holds a lock of the bus while it waits.
+
+use super::counters::Tally;
+use super::outgoing::{Flow, Outgoing};
+use crate::base::clock::Clock;
+use crate::base::time::{Span, Tai};
+use crate::link::simulated::{ErrorState, SimulatedLink};
+use crate::link::{Link, Packet, Stamped};
+use core::sync::atomic::{AtomicBool, AtomicI64, Ordering};
+use firmware_protocol::can::CanFrame;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use rustix::io::Errno;
+use rustix::termios::QueueSelector;
+use std::os::fd::{AsFd, OwnedFd};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+
+/// How often a thread that waits looks whether it is over.
+pub(super) const LOOK_MS: u16 = 100;
+/// Between two tries to write to a client that has not read.
+const RETRY: Span = Span::from_ms(2);
+/// Between two looks at a full transmit queue.
+const ROOM: Span = Span::from_ms(1);
+/// Frames formatted before they are written.
+const BATCH: usize = 64;
+
+/// The reading half of a protocol.
+pub(super) trait Dialogue: Send {
+    /// What a new client is told.
+    fn greeting(&self) -> &'static [u8] {
+        b""
+    }
+
+    /// Takes what the client said.
+    fn read(&mut self, bytes: &[u8], client: &Client);
+}
+
+/// The writing half: adds the text of a received frame; false when the protocol has none for it.
+pub(super) type Scribe = Box<dyn Fn(&Stamped<Packet>, &Listening, &mut Vec<u8>) -> bool + Send>;
+
+/// What becomes of a frame that a client sends.
+pub(super) enum Sending {
+    Queued,
+    Refused(&'static str),
+}
+
+/// What is done with a client that does not read.
+pub(super) enum OnStall {
+    /// The connection is closed.
+    HangUp,
+    /// The channel is closed and what the line holds is thrown away: it is stale by the time somebody reads it. The
+    /// device end of the line, which stays open so that the line outlives its users.
+    CloseChannel(OwnedFd),
+}
+
+/// Whether, and since when, a client wants frames.
+#[derive(Debug)]
+pub(super) struct Listening {
+    /// Frames received before this are not for the client; never, while it is closed.
+    from_ns: AtomicI64,
+    /// Time stamps of slcan.
+    pub(super) stamps: AtomicBool,
+}
+
+impl Listening {
+    pub(super) fn open(&self, from: Tai) {
+        self.from_ns.store(from.ns(), Ordering::Release);
+    }
+
+    pub(super) fn close(&self) {
+        self.from_ns.store(i64::MAX, Ordering::Release);
+    }
+
+    pub(super) fn is_open(&self) -> bool {
+        self.from_ns.load(Ordering::Acquire) != i64::MAX
+    }
+
+    /// How far `now` is before the first frame wanted; not positive when frames are wanted.
+    fn starts_in(&self, now: Tai) -> Span {
+        Tai::from_ns(self.from_ns.load(Ordering::Acquire)) - now
+    }
+}
+
+/// One client.
+pub(super) struct Client {
+    pub(super) link: SimulatedLink,
+    pub(super) clock: Arc<dyn Clock>,
+    pub(super) tally: Arc<Tally>,
+    pub(super) listening: Listening,
+    pub(super) on_stall: OnStall,
+    pub(super) patience: Span,
+    pub(super) ended: Arc<AtomicBool>,
+    is_gone: AtomicBool,
+    fd: OwnedFd,
+    outgoing: Mutex<Outgoing>,
+}
+
+/// What a client is made of.
+pub(super) struct ClientParts {
+    /// Does not block.
+    pub(super) fd: OwnedFd,
+    pub(super) link: SimulatedLink,
+    pub(super) clock: Arc<dyn Clock>,
+    pub(super) tally: Arc<Tally>,
+    pub(super) on_stall: OnStall,
+    pub(super) patience: Span,
+    /// Set when all gateways end.
+    pub(super) ended: Arc<AtomicBool>,
+}
+
+impl Client {
+    fn new(parts: ClientParts) -> std::io::Result<Self> {
+        let ClientParts { fd, link, clock, tally, on_stall, patience, ended } = parts;
+        let outgoing = Mutex::new(Outgoing::new(fd.try_clone()?));
+        let listening = Listening { from_ns: AtomicI64::new(i64::MAX), stamps: AtomicBool::new(false) };
+        let is_gone = AtomicBool::new(false);
+        Ok(Self { link, clock, tally, listening, on_stall, patience, ended, is_gone, fd, outgoing })
+    }
+
+    fn is_over(&self) -> bool {
+        self.is_gone.load(Ordering::Acquire) || self.ended.load(Ordering::Acquire)
+    }
+
+    fn outgoing(&self) -> MutexGuard<'_, Outgoing> {
+        self.outgoing.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Puts a frame on the bus; waits while the queue of its end is full.
+    pub(super) fn send(&self, frame: &CanFrame) -> Sending {
+        while self.link.room() == 0 && !self.is_over() {
+            self.clock.sleep_until(self.clock.now() + ROOM);
+        }
+        if self.link.error_counters().state() == ErrorState::BusOff {
+            return Sending::Refused("bus_off");
+        }
+        if self.link.put(&Packet::Can(*frame)).is_err() {
+            return Sending::Refused("fd_on_classic_bus");
+        }
+        self.tally.lock().from_clients += 1;
+        Sending::Queued
+    }
+
+    /// Writes an answer at once.
+    pub(super) fn answer(&self, bytes: &[u8]) {
+        if bytes.is_empty() {
+            return;
+        }
+        if !self.outgoing().add(bytes) {
+            self.tally.reject("answer_not_read");
+        }
+        self.flush();
+    }
+
+    /// Frames dropped and errors seen, of this gateway and this end.
+    pub(super) fn losses(&self) -> (u64, u64) {
+        (self.tally.lock().dropped, self.link.counters().errors)
+    }
+
+    fn flush(&self) -> Flow {
+        let flow = self.outgoing().flush(self.clock.now(), self.patience);
+        match flow {
+            Flow::Clear | Flow::Waiting => {}
+            Flow::Broken => self.is_gone.store(true, Ordering::Release),
+            Flow::Stalled => self.give_up(),
+        }
+        flow
+    }
+
+    fn give_up(&self) {
+        self.tally.lock().stalled += 1;
+        self.listening.close();
+        let mut outgoing = self.outgoing();
+        outgoing.clear();
+        match &self.on_stall {
+            OnStall::HangUp => self.is_gone.store(true, Ordering::Release),
+            OnStall::CloseChannel(device) => {
+                let _old_bytes_are_no_error = rustix::termios::tcflush(device, QueueSelector::IFlush);
+            }
+        }
+    }
+
+    fn read_until_over(&self, dialogue: &mut dyn Dialogue) {
+        let mut bytes = [0; 4096];
+        self.answer(dialogue.greeting());
+        while !self.is_over() {
+            if !is_readable(&self.fd) {
+                continue;
+            }
+            match rustix::io::read(&self.fd, &mut bytes) {
+                Ok(count) if count > 0 => dialogue.read(&bytes[..count], self),
+                Err(Errno::AGAIN | Errno::INTR) => {}
+                Ok(_) | Err(_) => self.is_gone.store(true, Ordering::Release),
+            }
+        }
+    }
+
+    fn write_until_over(&self, scribe: &Scribe) {
+        let mut text = Vec::with_capacity(256);
+        let (mut overflows, mut flow) = (0, Flow::Clear);
+        while !self.is_over() {
+            let now = self.clock.now();
+            let starts_in = self.listening.starts_in(now);
+            let look = Span::from_ms(i64::from(LOOK_MS));
+            if starts_in > Span::ZERO && starts_in < look {
+                // Opened, and quiet for a moment more: frames wait at the end of the bus.
+                self.clock.sleep_until(now + starts_in);
+            }
+            let wait = if flow == Flow::Clear { look } else { RETRY };
+            let mut next = self.link.take(now + wait);
+            for _ in 0..BATCH {
+                let Some(packet) = next else { break };
+                self.show(&packet, scribe, &mut text);
+                next = self.link.take(now);
+            }
+            if let Some(packet) = next {
+                self.show(&packet, scribe, &mut text);
+            }
+            flow = self.flush();
+            self.count_overflows(&mut overflows);
+        }
+    }
+
+    fn show(&self, packet: &Stamped<Packet>, scribe: &Scribe, text: &mut Vec<u8>) {
+        if !self.listening.is_open() {
+            return;
+        }
+        text.clear();
+        if !scribe(packet, &self.listening, text) {
+            self.tally.lock().withheld += 1;
+            return;
+        }
+        let fits = self.outgoing().add(text);
+        let mut counters = self.tally.lock();
+        counters.to_clients += u64::from(fits);
+        counters.dropped += u64::from(!fits);
+    }
+
+    /// Frames lost at the end of the bus, because this thread did not take them in time.
+    fn count_overflows(&self, counted: &mut u64) {
+        let overflows = self.link.counters().overflows;
+        if self.listening.is_open() {
+            self.tally.lock().dropped += overflows - *counted;
+        }
+        *counted = overflows;
+    }
+}
+
+/// Waits for input for a moment; true when there is some, or the other end is gone.
+pub(super) fn is_readable(fd: &impl AsFd) -> bool {
+    let mut fds = [PollFd::new(fd.as_fd(), PollFlags::POLLIN)];
+    poll(&mut fds, PollTimeout::from(LOOK_MS)).is_ok_and(|ready| ready > 0)
+}
+
+/// Serves a client in two threads; the one returned ends when both have.
+pub(super) fn serve(
+    parts: ClientParts,
+    mut dialogue: Box<dyn Dialogue>,
+    scribe: Scribe,
+) -> std::io::Result<JoinHandle<()>> {
+    let client = Arc::new(Client::new(parts)?);
+    {
+        let mut counters = client.tally.lock();
+        counters.clients += 1;
+        counters.connected += 1;
+    }
+    let writing = Arc::clone(&client);
+    let writer =
+        std::thread::Builder::new().name("gateway writer".into()).spawn(move || writing.write_until_over(&scribe))?;
+    std::thread::Builder::new().name("gateway reader".into()).spawn(move || {
+        client.read_until_over(&mut *dialogue);
+        client.is_gone.store(true, Ordering::Release);
+        let _a_lost_writer_is_gone_too = writer.join();
+        client.tally.lock().connected -= 1;
+    })
+}

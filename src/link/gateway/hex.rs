@@ -1,0 +1,27 @@
+//! Hexadecimal digits, without allocation.
+
+/// Value of one digit, in either case.
+pub(super) fn digit(character: u8) -> Option<u8> {
+    char::from(character).to_digit(16).and_then(|value| u8::try_from(value).ok())
+}
+
+/// Value of one to eight digits.
+pub(super) fn digits(text: &[u8]) -> Option<u32> {
+    if text.is_empty() || text.len() > 8 {
+        return None;
+    }
+    text.iter().try_fold(0_u32, |value, character| Some(value << 4 | u32::from(digit(*character)?)))
+}
+
+/// Adds `count` upper-case digits of `value`, the highest first.
+pub(super) fn put_digits(out: &mut Vec<u8>, value: u32, count: u32) {
+    for place in (0..count).rev() {
+        let digit = char::from_digit(value >> (4 * place) & 0xF, 16).unwrap_or('0');
+        out.push(digit.to_ascii_uppercase() as u8);
+    }
+}
+
+/// Adds two digits per byte.
+pub(super) fn put_bytes(out: &mut Vec<u8>, bytes: &[u8]) {
+    bytes.iter().for_each(|byte| put_digits(out, u32::from(*byte), 2));
+}

@@ -1,0 +1,224 @@
+//! Programs outside on a simulated bus: slcan over TCP and over a PTY, socketcand over TCP.
+//!
+//! ```text
+//! python-can, can-utils, a terminal <-> slcan or socketcand <-> one end of the bus per client
+//! ```
+//!
+//! Real clock only, and nothing real-time: threads that block, bounded queues, every loss and refusal counted. Listens
+//! where it is told, which should be loopback: there is no password. A frame of a client takes its place in the
+//! arbitration like any other; what one client sends reaches the others and not itself. `hil_scripts/test_gateways.py`
+//! holds python-can to all three; the parsers are tested beside their code.
+
+mod client;
+mod counters;
+mod hex;
+mod outgoing;
+mod pty;
+/// The protocol of serial CAN adapters.
+pub mod slcan;
+/// The protocol of the daemon of that name.
+pub mod socketcand;
+mod tcp;
+#[cfg(test)]
+mod tests;
+
+use crate::base::clock::Clock;
+use crate::base::time::Span;
+use crate::link::LinkError;
+use crate::link::simulated::SimulatedBus;
+use client::{Dialogue, Scribe};
+use core::sync::atomic::{AtomicBool, Ordering};
+use counters::Tally;
+use pty::Pty;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use tcp::{Hall, Protocol};
+
+pub use counters::GatewayCounters;
+
+/// Clients that socketcand serves at once.
+pub const SOCKETCAND_CLIENTS_MAX: usize = 4;
+/// What a second client of a serial line is told.
+const LINE_IN_USE: &[u8] = b"\x07in use: one client at a time\r";
+/// What a fifth client of socketcand is told.
+const DAEMON_FULL: &[u8] = b"< error too many clients >";
+
+/// Which gateways are wanted.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct GatewayParams {
+    /// slcan over TCP here; port 0 takes a free one.
+    pub slcan_tcp: Option<SocketAddr>,
+    /// slcan over a PTY: a symbolic link to it is made here, and removed at the end.
+    pub slcan_pty: Option<PathBuf>,
+    /// socketcand here; port 0 takes a free one.
+    pub socketcand: Option<SocketAddr>,
+    /// Name under which socketcand knows the bus.
+    pub bus_name: String,
+    /// A client that has read nothing for so long while something waited for it is dropped.
+    pub patience: Span,
+}
+
+impl Default for GatewayParams {
+    fn default() -> Self {
+        let (slcan_tcp, slcan_pty, socketcand) = (None, None, None);
+        Self { slcan_tcp, slcan_pty, socketcand, bus_name: "can0".into(), patience: Span::from_ms(2000) }
+    }
+}
+
+/// A kind of gateway.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GatewayKind {
+    /// slcan over TCP.
+    SlcanTcp,
+    /// slcan over a PTY.
+    SlcanPty,
+    /// socketcand over TCP.
+    Socketcand,
+}
+
+/// Where a gateway is found.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum GatewayAddress {
+    /// A TCP address.
+    Tcp(SocketAddr),
+    /// A link to a PTY.
+    Pty(PathBuf),
+}
+
+impl core::fmt::Display for GatewayAddress {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Tcp(address) => write!(f, "{address}"),
+            Self::Pty(path) => write!(f, "{}", path.display()),
+        }
+    }
+}
+
+/// Gateways at work. Dropped, they hang up, leave the bus and take their link away.
+pub struct Gateways {
+    ended: Arc<AtomicBool>,
+    listeners: Vec<JoinHandle<()>>,
+    pty: Option<Pty>,
+    at_work: Vec<(GatewayKind, GatewayAddress, Arc<Tally>)>,
+}
+
+impl Gateways {
+    /// Starts those that are wanted.
+    ///
+    /// # Errors
+    /// When the clock is virtual, the bus is a serial line, or the system refuses an address, a path or a thread.
+    pub fn start(bus: &SimulatedBus, params: &GatewayParams, clock: &Arc<dyn Clock>) -> Result<Self, LinkError> {
+        check(bus, clock)?;
+        let ended = Arc::new(AtomicBool::new(false));
+        let mut gateways = Self { ended, listeners: Vec::new(), pty: None, at_work: Vec::new() };
+        if let Some(address) = params.slcan_tcp {
+            let hall = gateways.hall("slcan over TCP", slcan_protocol(bus), bus, params, clock);
+            gateways.listen(GatewayKind::SlcanTcp, hall, address)?;
+        }
+        if let Some(address) = params.socketcand {
+            let hall = gateways.hall("socketcand", socketcand_protocol(params, clock), bus, params, clock);
+            gateways.listen(GatewayKind::Socketcand, hall, address)?;
+        }
+        if let Some(path) = &params.slcan_pty {
+            gateways.open_pty(path, bus, params, clock)?;
+        }
+        Ok(gateways)
+    }
+
+    fn hall(
+        &self,
+        name: &'static str,
+        protocol: Protocol,
+        bus: &SimulatedBus,
+        params: &GatewayParams,
+        clock: &Arc<dyn Clock>,
+    ) -> Hall {
+        let (bus, clock, ended) = (bus.clone(), Arc::clone(clock), Arc::clone(&self.ended));
+        Hall { name, protocol, bus, clock, tally: Arc::default(), patience: params.patience, ended }
+    }
+
+    fn listen(&mut self, kind: GatewayKind, hall: Hall, address: SocketAddr) -> Result<(), LinkError> {
+        let tally = Arc::clone(&hall.tally);
+        let (address, listener) = tcp::listen(hall, address)?;
+        self.listeners.push(listener);
+        self.at_work.push((kind, GatewayAddress::Tcp(address), tally));
+        Ok(())
+    }
+
+    fn open_pty(
+        &mut self,
+        path: &Path,
+        bus: &SimulatedBus,
+        params: &GatewayParams,
+        clock: &Arc<dyn Clock>,
+    ) -> Result<(), LinkError> {
+        let tally = Arc::default();
+        let pty = pty::open(path, bus, clock, &tally, params.patience, &self.ended)?;
+        self.at_work.push((GatewayKind::SlcanPty, GatewayAddress::Pty(pty.path.clone()), tally));
+        self.pty = Some(pty);
+        Ok(())
+    }
+
+    /// Where each gateway is found.
+    #[must_use]
+    pub fn addresses(&self) -> Vec<(GatewayKind, GatewayAddress)> {
+        self.at_work.iter().map(|(kind, address, _)| (*kind, address.clone())).collect()
+    }
+
+    /// What each gateway let through, lost and refused.
+    #[must_use]
+    pub fn counters(&self) -> Vec<(GatewayKind, GatewayCounters)> {
+        self.at_work.iter().map(|(kind, _, tally)| (*kind, tally.lock().clone())).collect()
+    }
+}
+
+impl Drop for Gateways {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Release);
+        for listener in self.listeners.drain(..) {
+            let _a_lost_listener_is_gone_too = listener.join();
+        }
+        if let Some(pty) = &mut self.pty {
+            pty.join();
+        }
+    }
+}
+
+fn slcan_protocol(bus: &SimulatedBus) -> Protocol {
+    let timing = bus.params().timing;
+    let new_client = Box::new(move || {
+        let channel: Box<dyn Dialogue> = Box::new(slcan::Channel::new(&timing));
+        (channel, pty::slcan_scribe())
+    });
+    Protocol { clients_max: 1, full: LINE_IN_USE, new_client }
+}
+
+fn socketcand_protocol(params: &GatewayParams, clock: &Arc<dyn Clock>) -> Protocol {
+    let (name, tai_minus_utc_s) = (params.bus_name.clone(), socketcand::tai_minus_utc_s(clock.now()));
+    let new_client = Box::new(move || {
+        let session: Box<dyn Dialogue> = Box::new(socketcand::Session::new(&name));
+        let scribe: Scribe = Box::new(move |packet, _, out| socketcand::element(packet, tai_minus_utc_s, out));
+        (session, scribe)
+    });
+    Protocol { clients_max: SOCKETCAND_CLIENTS_MAX, full: DAEMON_FULL, new_client }
+}
+
+fn check(bus: &SimulatedBus, clock: &Arc<dyn Clock>) -> Result<(), LinkError> {
+    let unsupported = |why: &str| std::io::Error::new(std::io::ErrorKind::Unsupported, why.to_owned());
+    if !clock.is_real() {
+        let advice = "; programs outside live on the real clock: use it";
+        return Err(system("gateways", "serve clients", unsupported("the clock is virtual"), advice));
+    }
+    if !bus.params().timing.is_shared() {
+        let advice = "; use a CAN wire";
+        return Err(system("gateways", "serve clients", unsupported("the bus is a serial line"), advice));
+    }
+    Ok(())
+}
+
+fn system(link: &str, doing: &'static str, source: std::io::Error, advice: &'static str) -> LinkError {
+    LinkError::System { link: link.into(), doing, source, advice }
+}

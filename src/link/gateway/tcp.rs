@@ -1,0 +1,106 @@
+//! TCP listeners: clients come and go; one too many is told so and hung up on.
+
+use super::client::{ClientParts, Dialogue, LOOK_MS, OnStall, Scribe, is_readable, serve};
+use super::counters::Tally;
+use super::system;
+use crate::base::clock::Clock;
+use crate::base::time::Span;
+use crate::link::LinkError;
+use crate::link::simulated::SimulatedBus;
+use core::sync::atomic::{AtomicBool, Ordering};
+use nix::sys::socket::{setsockopt, sockopt};
+use std::io::{Read, Write};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Bytes that the system may hold for a client: frames that wait longer are worth nothing to it.
+const KERNEL_BYTES: usize = 64 * 1024;
+
+/// What a listener needs to serve its clients.
+pub(super) struct Hall {
+    pub(super) name: &'static str,
+    pub(super) bus: SimulatedBus,
+    pub(super) clock: Arc<dyn Clock>,
+    pub(super) tally: Arc<Tally>,
+    pub(super) patience: Span,
+    pub(super) ended: Arc<AtomicBool>,
+    pub(super) protocol: Protocol,
+}
+
+/// What is spoken with clients.
+pub(super) struct Protocol {
+    pub(super) clients_max: usize,
+    /// What one client too many is told.
+    pub(super) full: &'static [u8],
+    pub(super) new_client: Box<dyn Fn() -> (Box<dyn Dialogue>, Scribe) + Send>,
+}
+
+/// Listens in a thread of its own; the address it got.
+pub(super) fn listen(hall: Hall, address: SocketAddr) -> Result<(SocketAddr, JoinHandle<()>), LinkError> {
+    let refuse = |doing, advice| move |source| system(hall.name, doing, source, advice);
+    let advice = "; another program may have the port: port 0 takes a free one";
+    let listener = TcpListener::bind(address).map_err(refuse("listen", advice))?;
+    listener.set_nonblocking(true).map_err(refuse("listen without blocking", ""))?;
+    let got = listener.local_addr().map_err(refuse("tell its address", ""))?;
+    let name = hall.name;
+    let thread = std::thread::Builder::new().name(name.into()).spawn(move || hall.welcome(&listener));
+    Ok((got, thread.map_err(|source| system(name, "start a thread", source, ""))?))
+}
+
+impl Hall {
+    fn welcome(&self, listener: &TcpListener) {
+        let mut clients: Vec<JoinHandle<()>> = Vec::with_capacity(self.protocol.clients_max);
+        while !self.ended.load(Ordering::Acquire) {
+            if !is_readable(listener) {
+                continue;
+            }
+            clients.retain(|client| !client.is_finished());
+            match listener.accept() {
+                Ok((stream, _)) if clients.len() >= self.protocol.clients_max => self.turn_away(stream),
+                Ok((stream, _)) => match self.serve(stream) {
+                    Ok(client) => clients.push(client),
+                    Err(_) => self.tally.reject("lost_on_arrival"),
+                },
+                // Nobody there any more, or no descriptors left: not to be asked again without a pause.
+                Err(_) => self.clock.sleep_until(self.clock.now() + Span::from_ms(1)),
+            }
+        }
+        for client in clients {
+            let _a_lost_client_is_gone_too = client.join();
+        }
+    }
+
+    fn serve(&self, stream: TcpStream) -> std::io::Result<JoinHandle<()>> {
+        stream.set_nodelay(true)?;
+        stream.set_nonblocking(true)?;
+        setsockopt(&stream, sockopt::SndBuf, &KERNEL_BYTES)?;
+        let parts = ClientParts {
+            fd: stream.into(),
+            link: self.bus.attach(),
+            clock: Arc::clone(&self.clock),
+            tally: Arc::clone(&self.tally),
+            on_stall: OnStall::HangUp,
+            patience: self.patience,
+            ended: Arc::clone(&self.ended),
+        };
+        let (dialogue, scribe) = (self.protocol.new_client)();
+        serve(parts, dialogue, scribe)
+    }
+
+    /// Reads what the client has said before it hangs up: else its system would throw away what it was told.
+    fn turn_away(&self, mut stream: TcpStream) {
+        self.tally.lock().refused += 1;
+        let mut tell = || {
+            stream.set_nonblocking(false)?;
+            stream.set_read_timeout(Some(Duration::from_millis(u64::from(LOOK_MS))))?;
+            stream.set_write_timeout(Some(Duration::from_millis(u64::from(LOOK_MS))))?;
+            stream.write_all(self.protocol.full)?;
+            stream.shutdown(Shutdown::Write)?;
+            let mut said = [0; 256];
+            stream.read(&mut said)
+        };
+        let _it_may_be_gone_already = tell();
+    }
+}
