@@ -13,23 +13,14 @@ const FUZZ_INPUTS: usize = 120_000;
 
 fn frames_text<'a>(frames: impl IntoIterator<Item = &'a CanFrame>) -> String {
     let text = |frame: &CanFrame| {
-        let data = if frame.data().is_empty() {
-            String::new()
-        } else {
-            hex(frame.data())
-        };
+        let data = if frame.data().is_empty() { String::new() } else { hex(frame.data()) };
         format!("{:03X}:{data}", frame.id())
     };
     frames.into_iter().map(text).collect::<Vec<_>>().join(" ")
 }
 
 fn frame_question(frame: &CanFrame) -> String {
-    format!(
-        "frame {:X} {} {}",
-        frame.id(),
-        u8::from(frame.is_fd()),
-        hex(frame.data())
-    )
+    format!("frame {:X} {} {}", frame.id(), u8::from(frame.is_fd()), hex(frame.data()))
 }
 
 fn outcome_text(outcome: &Result<Option<Message>, Reject>) -> String {
@@ -66,10 +57,7 @@ impl Exam {
         let answers = program.ask(&self.questions);
         let said = |(answer, (name, wanted)): (&String, &(String, String))| {
             let is_right = wanted.split(';').count() == answer.split(';').count()
-                && wanted
-                    .split(';')
-                    .zip(answer.split(';'))
-                    .all(|(wanted, got)| same_outcome(wanted, got));
+                && wanted.split(';').zip(answer.split(';')).all(|(wanted, got)| same_outcome(wanted, got));
             (!is_right).then(|| format!("{name}: wanted `{wanted}`, got `{answer}`"))
         };
         answers.iter().zip(&self.wanted).filter_map(said).collect()
@@ -82,16 +70,8 @@ impl Exam {
 
 /// One vector, both ways, on all three carriers.
 fn examine(exam: &mut Exam, vector: &Vector) {
-    let (name, flat, place) = (
-        &vector.name,
-        Flat::of(&vector.message).line(),
-        (vector.base, vector.node),
-    );
-    exam.put(
-        name,
-        format!("encode 1 {} {} {flat}", place.0, place.1),
-        frames_text([&vector.fd]),
-    );
+    let (name, flat, place) = (&vector.name, Flat::of(&vector.message).line(), (vector.base, vector.node));
+    exam.put(name, format!("encode 1 {} {} {flat}", place.0, place.1), frames_text([&vector.fd]));
     let classic = vector.classic.as_ref().map_or("error -2".to_owned(), frames_text);
     exam.put(name, format!("encode 0 {} {} {flat}", place.0, place.1), classic);
     exam.put(name, format!("line {} {flat}", vector.serial_seq), hex(&vector.serial));
@@ -103,21 +83,10 @@ fn examine(exam: &mut Exam, vector: &Vector) {
     exam.put(name, format!("bytes {}", hex(&vector.serial)), message);
     listen(exam);
     if let Some((last, parts)) = vector.classic.as_deref().and_then(<[_]>::split_last) {
-        parts
-            .iter()
-            .for_each(|part| exam.put(name, frame_question(part), "nothing".into()));
+        parts.iter().for_each(|part| exam.put(name, frame_question(part), "nothing".into()));
         let mut decoder = can::Decoder::new(IdMap::new(place.0, place.1).unwrap());
-        let got = parts
-            .iter()
-            .chain([last])
-            .map(|frame| decoder.read(frame).unwrap())
-            .last()
-            .flatten()
-            .unwrap();
-        assert!(
-            agrees(&vector.message, &got),
-            "{name}: what the Rust crate reads, to half a count"
-        );
+        let got = parts.iter().chain([last]).map(|frame| decoder.read(frame).unwrap()).last().flatten().unwrap();
+        assert!(agrees(&vector.message, &got), "{name}: what the Rust crate reads, to half a count");
         exam.put(name, frame_question(last), format!("message {}", Flat::of(&got).line()));
     }
 }
@@ -151,11 +120,7 @@ fn outcomes_of_line(decoder: &mut serial::Decoder, line: &[u8]) -> String {
     let mut rest = line;
     let outcomes = std::iter::from_fn(|| decoder.read(&mut rest));
     let outcomes: Vec<_> = outcomes.map(|outcome| outcome_text(&outcome.map(Some))).collect();
-    if outcomes.is_empty() {
-        "nothing".to_owned()
-    } else {
-        outcomes.join(";")
-    }
+    if outcomes.is_empty() { "nothing".to_owned() } else { outcomes.join(";") }
 }
 
 /// Random messages as the Rust crate sends them, damaged, and what it makes of them.
@@ -165,11 +130,7 @@ pub(crate) fn exam_of_frames(seed: u64, inputs: usize) -> Exam {
     let mut decoder = can::Decoder::new(ids);
     exam.put("frames", "listen 32 6".into(), "ok".into());
     while exam.len() < inputs {
-        let format = if samples.below(2) == 0 {
-            Format::Classic
-        } else {
-            Format::Fd
-        };
+        let format = if samples.below(2) == 0 { Format::Classic } else { Format::Fd };
         let Ok(frames) = can::encode(&samples.strange_message(), format, &ids) else {
             continue;
         };
@@ -197,18 +158,10 @@ pub(crate) fn exam_of_bytes(seed: u64, inputs: usize) -> Exam {
             1 => line.insert(usize::try_from(samples.below(len as u64)).unwrap(), samples.u8()),
             2 => line[usize::try_from(samples.below(len as u64)).unwrap()] ^= 1 << samples.below(8),
             3 => line = random_packet(&mut samples),
-            4 => {
-                line = (0..samples.below(100))
-                    .map(|_| samples.u8() & samples.u8() & samples.u8())
-                    .collect()
-            }
+            4 => line = (0..samples.below(100)).map(|_| samples.u8() & samples.u8() & samples.u8()).collect(),
             _ => {}
         }
-        exam.put(
-            "bytes",
-            format!("bytes {}", hex(&line)),
-            outcomes_of_line(&mut decoder, &line),
-        );
+        exam.put("bytes", format!("bytes {}", hex(&line)), outcomes_of_line(&mut decoder, &line));
     }
     exam
 }
@@ -222,9 +175,7 @@ fn random_packet(samples: &mut Samples) -> Vec<u8> {
     let mut packet = vec![major, number, samples.u8(), len];
     packet.extend((0..len).map(|_| samples.u8() & samples.u8() & samples.u8()));
     packet.extend(firmware_protocol::crc::crc16(&packet).to_le_bytes());
-    let runs = packet
-        .split(|byte| *byte == 0)
-        .map(|run| [&[u8::try_from(run.len() + 1).unwrap()], run].concat());
+    let runs = packet.split(|byte| *byte == 0).map(|run| [&[u8::try_from(run.len() + 1).unwrap()], run].concat());
     runs.chain([vec![0]]).flatten().collect()
 }
 
@@ -233,10 +184,7 @@ pub(crate) fn exam_of_payloads(seed: u64, inputs: usize) -> Exam {
     let (mut exam, mut samples) = (Exam::default(), Samples::new(seed));
     let mut decoder = can::Decoder::new(IdMap::default());
     exam.put("payloads", "listen 0 0".into(), "ok".into());
-    let ids: Vec<_> = firmware_protocol::MessageId::ALL
-        .iter()
-        .map(|id| IdMap::default().id(*id))
-        .collect();
+    let ids: Vec<_> = firmware_protocol::MessageId::ALL.iter().map(|id| IdMap::default().id(*id)).collect();
     while exam.len() < inputs {
         let id = ids[usize::try_from(samples.below(ids.len() as u64)).unwrap()];
         let len = [1, 2, 8, 8, 8, 8, 48, 64][usize::try_from(samples.below(8)).unwrap()];
@@ -249,9 +197,7 @@ pub(crate) fn exam_of_payloads(seed: u64, inputs: usize) -> Exam {
             // An infinity, or a NaN, where the value of a cell and of a STATUS page stands.
             data.iter_mut().skip(6).take(2).for_each(|byte| *byte = 0xFF);
         }
-        let frame = CanFrame::classic(id, &data)
-            .or_else(|| CanFrame::fd(id, &data))
-            .unwrap();
+        let frame = CanFrame::classic(id, &data).or_else(|| CanFrame::fd(id, &data)).unwrap();
         exam.put("payloads", frame_question(&frame), outcome_text(&decoder.read(&frame)));
     }
     exam
@@ -260,39 +206,13 @@ pub(crate) fn exam_of_payloads(seed: u64, inputs: usize) -> Exam {
 /// Values at and beyond the edges of scaled fields, and NaN: the same frames, or refused by both.
 fn exam_of_edges() -> Exam {
     let mut exam = Exam::default();
-    let limits = [
-        8191.75_f32,
-        8191.87,
-        8191.88,
-        8192.0,
-        163.82,
-        163.829,
-        163.831,
-        1.048_575,
-        1.048_575_4,
-        1.048_576,
-    ];
-    let more = [
-        327.67,
-        327.674,
-        327.676,
-        f32::MIN_POSITIVE,
-        0.125,
-        0.005,
-        f32::NAN,
-        f32::INFINITY,
-        1e30,
-    ];
+    let limits = [8191.75_f32, 8191.87, 8191.88, 8192.0, 163.82, 163.829, 163.831, 1.048_575, 1.048_575_4, 1.048_576];
+    let more = [327.67, 327.674, 327.676, f32::MIN_POSITIVE, 0.125, 0.005, f32::NAN, f32::INFINITY, 1e30];
     // The sign of a NaN does not survive as text.
     let both_signs = limits.into_iter().chain(more).flat_map(|value| [value, -value]);
     for value in both_signs.filter(|value| !value.is_nan() || value.is_sign_positive()) {
-        let wheels = firmware_protocol::message::Wheels {
-            speed_rpm: [0.0, value, 0.0, -0.25],
-        };
-        let pair = firmware_protocol::message::JitterPair {
-            slot: 1,
-            samples_arcsec: [[0.0, value], [0.02, 0.0]],
-        };
+        let wheels = firmware_protocol::message::Wheels { speed_rpm: [0.0, value, 0.0, -0.25] };
+        let pair = firmware_protocol::message::JitterPair { slot: 1, samples_arcsec: [[0.0, value], [0.02, 0.0]] };
         let burst = firmware_protocol::message::JitterBurst::new(0, 1, 0, &[[value, 0.0]]).unwrap();
         let attitude = firmware_protocol::message::AttitudeRecord {
             t_us: 0,
@@ -302,12 +222,8 @@ fn exam_of_edges() -> Exam {
             rate_rad_s: [0.0, 0.0, value],
             acceleration_rad_s2: [0.0; 3],
         };
-        let all = [
-            Message::Wheels(wheels),
-            Message::JitterPair(pair),
-            Message::Jitter(burst),
-            Message::Attitude(attitude),
-        ];
+        let all =
+            [Message::Wheels(wheels), Message::JitterPair(pair), Message::Jitter(burst), Message::Attitude(attitude)];
         for message in all {
             for (fd, format) in [(0, Format::Classic), (1, Format::Fd)] {
                 let wanted = match can::encode(&message, format, &IdMap::default()) {
@@ -315,11 +231,7 @@ fn exam_of_edges() -> Exam {
                     Err(EncodeError::NotCarried { .. }) => "error -2".into(),
                     Err(_) => "error -1".into(),
                 };
-                exam.put(
-                    "edges",
-                    format!("encode {fd} 0 0 {}", Flat::of(&message).line()),
-                    wanted,
-                );
+                exam.put("edges", format!("encode {fd} 0 0 {}", Flat::of(&message).line()), wanted);
             }
         }
     }
@@ -328,28 +240,14 @@ fn exam_of_edges() -> Exam {
         exam.put("address", format!("encode 1 {base} {node} 8 1"), "error -1".into());
     }
     // What the Rust types cannot say: illegal enumerations and counts.
-    for illegal in [
-        "25 0 5 0 0",
-        "25 3 13 0",
-        "25 7 0 0",
-        "88 6 0 0",
-        "88 5 0 8",
-        "88 2 0 0 2",
-        "88 5 0 0 4",
-        "112 4 1",
-    ] {
+    for illegal in
+        ["25 0 5 0 0", "25 3 13 0", "25 7 0 0", "88 6 0 0", "88 5 0 8", "88 2 0 0 2", "88 5 0 0 4", "112 4 1"]
+    {
         exam.put("illegal", format!("encode 1 0 0 {illegal}"), "error -1".into());
     }
-    for illegal in [
-        "32 0 16777216 0",
-        "49 0 0 0 1",
-        "49 0 1 0 0",
-        "49 0 1 0 15",
-        "72 0 0 0 1",
-        "72 1 32 0 1",
-        "72 2 0 4 1",
-        "9 0",
-    ] {
+    for illegal in
+        ["32 0 16777216 0", "49 0 0 0 1", "49 0 1 0 0", "49 0 1 0 15", "72 0 0 0 1", "72 1 32 0 1", "72 2 0 4 1", "9 0"]
+    {
         exam.put("illegal", format!("encode 1 0 0 {illegal}"), "error -1".into());
     }
     exam
@@ -370,40 +268,21 @@ pub(crate) fn failures(program: &Program, seed: u64, inputs: usize) -> Vec<Strin
 #[test]
 fn c_agrees_with_the_vectors_and_with_rust() {
     let failures = failures(&Program::of_c_sources("c"), 1, FUZZ_INPUTS);
-    assert!(
-        failures.is_empty(),
-        "{} differ:\n{}",
-        failures.len(),
-        failures[..failures.len().min(10)].join("\n")
-    );
+    assert!(failures.is_empty(), "{} differ:\n{}", failures.len(), failures[..failures.len().min(10)].join("\n"));
 }
 
 /// The inputs reach every reason and every kind of message, and mostly not the same one.
 #[test]
 fn random_input_reaches_all_there_is_to_reach() {
-    let exams = [
-        exam_of_frames(1, 20_000),
-        exam_of_bytes(1, 20_000),
-        exam_of_payloads(1, 20_000),
-    ];
-    let wanted: Vec<_> = exams
-        .iter()
-        .flat_map(|exam| &exam.wanted)
-        .flat_map(|(_, text)| text.split(';'))
-        .collect();
-    for reason in Reject::ALL
-        .into_iter()
-        .filter(|reason| !matches!(reason, Reject::StaleTime | Reject::FutureTime))
-    {
+    let exams = [exam_of_frames(1, 20_000), exam_of_bytes(1, 20_000), exam_of_payloads(1, 20_000)];
+    let wanted: Vec<_> = exams.iter().flat_map(|exam| &exam.wanted).flat_map(|(_, text)| text.split(';')).collect();
+    for reason in Reject::ALL.into_iter().filter(|reason| !matches!(reason, Reject::StaleTime | Reject::FutureTime)) {
         let text = format!("rejected {}", reason.code());
         assert!(wanted.contains(&text.as_str()), "{reason:?} never comes");
     }
     for id in firmware_protocol::MessageId::ALL.into_iter().filter(|id| id.is_whole()) {
         let start = format!("message {} ", id.number());
-        assert!(
-            wanted.iter().filter(|text| text.starts_with(&start)).count() > 100,
-            "{id:?} hardly comes"
-        );
+        assert!(wanted.iter().filter(|text| text.starts_with(&start)).count() > 100, "{id:?} hardly comes");
     }
 }
 
@@ -413,41 +292,24 @@ fn differences_are_noticed() {
     let program = Program::of_c_sources("control");
     let mut exam = exam_of_vectors();
     assert!(exam.failures(&program).is_empty());
-    let at = exam
-        .wanted
-        .iter()
-        .position(|(_, wanted)| wanted.starts_with("300:"))
-        .unwrap();
+    let at = exam.wanted.iter().position(|(_, wanted)| wanted.starts_with("300:")).unwrap();
     exam.wanted[at].1.replace_range(4..5, "f");
     assert_eq!(exam.failures(&program).len(), 1);
 
     let source = crate::text("c/starloop_protocol.c");
-    for (right, wrong) in [
-        ("to[6] = burst->seq;", "to[5] = burst->seq;"),
-        ("< REPLAY_WINDOW", "< REPLAY_WINDOW + 1"),
-        ("1e-3", "2e-3"),
-    ] {
+    for (right, wrong) in
+        [("to[6] = burst->seq;", "to[5] = burst->seq;"), ("< REPLAY_WINDOW", "< REPLAY_WINDOW + 1"), ("1e-3", "2e-3")]
+    {
         assert_eq!(source.matches(right).count(), 1, "{right}");
         let folder = folder("wrong");
         let path = folder.join("starloop_protocol.c");
         std::fs::write(&path, source.replace(right, wrong)).unwrap();
-        compile(
-            &[&crate::c_program::driver_source(), &path],
-            &folder.join("driver"),
-            &[],
-        );
-        assert!(
-            !failures(&Program::at(folder.join("driver")), 2, 20_000).is_empty(),
-            "{wrong} went unnoticed"
-        );
+        compile(&[&crate::c_program::driver_source(), &path], &folder.join("driver"), &[]);
+        assert!(!failures(&Program::at(folder.join("driver")), 2, 20_000).is_empty(), "{wrong} went unnoticed");
     }
 }
 
 #[test]
 fn the_example_compiles() {
-    compile(
-        &[&crate::kit().join("c/example.c")],
-        &folder("example").join("example.o"),
-        &["-c"],
-    );
+    compile(&[&crate::kit().join("c/example.c")], &folder("example").join("example.o"), &["-c"]);
 }

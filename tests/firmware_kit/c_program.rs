@@ -6,15 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// What C sources of ours compile with.
-const FLAGS: [&str; 7] = [
-    "-std=c99",
-    "-Wall",
-    "-Wextra",
-    "-Werror",
-    "-pedantic",
-    "-O2",
-    "-fsanitize=undefined",
-];
+const FLAGS: [&str; 7] = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O2", "-fsanitize=undefined"];
 
 /// A driver that runs.
 pub(crate) struct Program {
@@ -24,27 +16,14 @@ pub(crate) struct Program {
 /// Compiles with the C compiler of the machine; says why when it does not.
 pub(crate) fn compile(arguments: &[&Path], to: &Path, extra: &[&str]) {
     let include = format!("-I{}", crate::kit().join("c").display());
-    let output = Command::new("cc")
-        .args(FLAGS)
-        .arg(include)
-        .args(arguments)
-        .arg("-o")
-        .arg(to)
-        .args(extra)
-        .output()
-        .unwrap();
-    assert!(
-        output.status.success(),
-        "cc {arguments:?}:\n{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    let output =
+        Command::new("cc").args(FLAGS).arg(include).args(arguments).arg("-o").arg(to).args(extra).output().unwrap();
+    assert!(output.status.success(), "cc {arguments:?}:\n{}", String::from_utf8_lossy(&output.stderr));
 }
 
 /// A folder of this test's own.
 pub(crate) fn folder(name: &str) -> PathBuf {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR"))
-        .join("firmware_kit")
-        .join(name);
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("firmware_kit").join(name);
     std::fs::create_dir_all(&folder).unwrap();
     folder
 }
@@ -58,11 +37,7 @@ impl Program {
     pub(crate) fn of_c_sources(name: &str) -> Self {
         let path = folder(name).join("driver");
         let library = crate::kit().join("c/starloop_protocol.c");
-        compile(
-            &[&driver_source(), &library],
-            &path,
-            &["-fno-sanitize-recover=undefined"],
-        );
+        compile(&[&driver_source(), &library], &path, &["-fno-sanitize-recover=undefined"]);
         Self { path }
     }
 
@@ -73,11 +48,7 @@ impl Program {
 
     /// One answer per question.
     pub(crate) fn ask(&self, questions: &[String]) -> Vec<String> {
-        let mut child = Command::new(&self.path)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
+        let mut child = Command::new(&self.path).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
         let text = questions.join("\n") + "\n";
         let mut stdin = child.stdin.take().unwrap();
         let writer = std::thread::Builder::new()
@@ -87,11 +58,7 @@ impl Program {
         let output = child.wait_with_output().unwrap();
         writer.join().unwrap();
         assert!(output.status.success(), "the driver ended with {}", output.status);
-        let answers: Vec<_> = String::from_utf8(output.stdout)
-            .unwrap()
-            .lines()
-            .map(str::to_owned)
-            .collect();
+        let answers: Vec<_> = String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect();
         assert_eq!(answers.len(), questions.len(), "one answer per question");
         answers
     }

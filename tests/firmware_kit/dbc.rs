@@ -27,10 +27,7 @@ pub(crate) fn raw(id: &DbcId) -> u16 {
 
 /// The value of a message's attribute, or the default 0.
 pub(crate) fn attribute(dbc: &Dbc, name: &str, id: &DbcId) -> f64 {
-    let found = dbc
-        .attribute_values_message
-        .iter()
-        .find(|value| value.name == name && value.message_id == *id);
+    let found = dbc.attribute_values_message.iter().find(|value| value.name == name && value.message_id == *id);
     match found.map(|found| &found.value) {
         None => 0.0,
         Some(AttributeValue::Uint(value)) => *value as f64,
@@ -56,18 +53,12 @@ fn differences(dbc: &Dbc, message: &Message, frame: &CanFrame) -> Vec<String> {
         match read.iter().find(|(known, _)| known == name) {
             None => found.push(format!("{}.{name} is not read", described.name)),
             Some((_, got)) if (got - value).abs() > *tolerance => {
-                found.push(format!(
-                    "{}.{name}: wanted {value}, got {got} from {}",
-                    described.name,
-                    hex(frame.data())
-                ));
+                found.push(format!("{}.{name}: wanted {value}, got {got} from {}", described.name, hex(frame.data())));
             }
             Some(_) => {}
         }
     }
-    let unwanted = read
-        .iter()
-        .filter(|(name, _)| !wanted.iter().any(|(known, ..)| known == name));
+    let unwanted = read.iter().filter(|(name, _)| !wanted.iter().any(|(known, ..)| known == name));
     found.extend(unwanted.map(|(name, _)| format!("{}.{name} is read, unasked", described.name)));
     found
 }
@@ -90,12 +81,7 @@ fn all_differences(dbc: &Dbc) -> Vec<String> {
 #[test]
 fn every_field_of_random_messages_is_read_as_it_was_meant() {
     let found = all_differences(&dbc());
-    assert!(
-        found.is_empty(),
-        "{} differ:\n{}",
-        found.len(),
-        found[..found.len().min(10)].join("\n")
-    );
+    assert!(found.is_empty(), "{} differ:\n{}", found.len(), found[..found.len().min(10)].join("\n"));
 }
 
 /// Negative control: whichever signal is moved, scaled or retyped, some message shows it.
@@ -111,12 +97,7 @@ fn every_spoiled_signal_is_noticed() {
             } else {
                 signal.factor *= 2.0
             };
-            assert!(
-                !all_differences_of(&dbc, i).is_empty(),
-                "{}.{} moved",
-                message.name,
-                message.signals[j].name
-            );
+            assert!(!all_differences_of(&dbc, i).is_empty(), "{}.{} moved", message.name, message.signals[j].name);
         }
     }
     let mut dbc = good;
@@ -149,16 +130,9 @@ fn all_differences_of(dbc: &Dbc, index: usize) -> Vec<String> {
 #[test]
 fn identifiers_lengths_and_formats_are_those_of_the_crate() {
     let dbc = dbc();
-    let described: Vec<_> = dbc
-        .messages
-        .iter()
-        .map(|message| (raw(&message.id), message.size))
-        .collect();
+    let described: Vec<_> = dbc.messages.iter().map(|message| (raw(&message.id), message.size)).collect();
     let ids = IdMap::default();
-    let known: Vec<_> = MessageId::ALL
-        .iter()
-        .map(|id| (ids.id(*id), id.len_bytes() as u64))
-        .collect();
+    let known: Vec<_> = MessageId::ALL.iter().map(|id| (ids.id(*id), id.len_bytes() as u64)).collect();
     assert_eq!(described, known, "in the order of the identifiers");
     for message in &dbc.messages {
         let wanted = if message.size > 8 { FD_FORMAT } else { 0.0 };
@@ -172,9 +146,8 @@ fn every_message_and_signal_is_explained_and_has_a_sane_range() {
     let comments: BTreeSet<_> = dbc.comments.iter().map(|comment| format!("{comment:?}")).collect();
     let explains = |id: &DbcId, signal: Option<&str>| {
         comments.iter().any(|comment| {
-            let names_signal = signal.map_or(!comment.contains("signal_name"), |signal| {
-                comment.contains(&format!("{signal:?}"))
-            });
+            let names_signal =
+                signal.map_or(!comment.contains("signal_name"), |signal| comment.contains(&format!("{signal:?}")));
             comment.contains(&format!("{id:?}")) && names_signal
         })
     };
@@ -183,10 +156,7 @@ fn every_message_and_signal_is_explained_and_has_a_sane_range() {
         for signal in &message.signals {
             let place = format!("{}.{}", message.name, signal.name);
             assert!(explains(&message.id, Some(&signal.name)), "{place} has no comment");
-            assert!(
-                signal.start_bit + signal.size <= 8 * message.size,
-                "{place} does not fit"
-            );
+            assert!(signal.start_bit + signal.size <= 8 * message.size, "{place} does not fit");
             assert!(number(&signal.min) < number(&signal.max), "{place} has no range");
         }
     }
@@ -213,16 +183,9 @@ fn signals_do_not_overlap() {
                 continue;
             };
             for frame in frames.iter() {
-                let described = dbc
-                    .messages
-                    .iter()
-                    .find(|described| raw(&described.id) == frame.id())
-                    .unwrap();
+                let described = dbc.messages.iter().find(|described| raw(&described.id) == frame.id()).unwrap();
                 let mut taken = BTreeSet::new();
-                for signal in described
-                    .signals
-                    .iter()
-                    .filter(|signal| is_active(&dbc, described, signal, frame.data()))
+                for signal in described.signals.iter().filter(|signal| is_active(&dbc, described, signal, frame.data()))
                 {
                     for bit in signal.start_bit..signal.start_bit + signal.size {
                         assert!(taken.insert(bit), "{}.{}: bit {bit}", described.name, signal.name);
@@ -238,10 +201,7 @@ fn signals_do_not_overlap() {
 fn enumerations_have_the_names_of_the_crate() {
     let text = crate::text("dbc/starloop.dbc");
     let names = |start: &str| {
-        let line = text
-            .lines()
-            .find(|line| line.starts_with(start))
-            .unwrap_or_else(|| panic!("no {start}"));
+        let line = text.lines().find(|line| line.starts_with(start)).unwrap_or_else(|| panic!("no {start}"));
         let mut names: Vec<_> = line.split('"').skip(1).step_by(2).map(str::to_owned).collect();
         names.reverse();
         names

@@ -13,11 +13,7 @@ fn bits(data: &[u8], signal: &Signal) -> u64 {
 }
 
 /// Physical value of a signal.
-#[allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_precision_loss,
-    reason = "at most 32 bits"
-)]
+#[allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "at most 32 bits")]
 fn physical(dbc: &Dbc, described: &Described, signal: &Signal, data: &[u8]) -> f64 {
     let raw = bits(data, signal);
     let is_float = dbc.signal_extended_value_type_list.iter().any(|entry| {
@@ -48,12 +44,8 @@ pub(crate) fn is_active(dbc: &Dbc, described: &Described, signal: &Signal, data:
                 .extended_multiplex
                 .iter()
                 .find(|entry| entry.message_id == described.id && entry.signal_name == signal.name);
-            let first = || {
-                described
-                    .signals
-                    .iter()
-                    .find(|s| s.multiplexer_indicator == MultiplexIndicator::Multiplexor)
-            };
+            let first =
+                || described.signals.iter().find(|s| s.multiplexer_indicator == MultiplexIndicator::Multiplexor);
             match extended {
                 Some(entry) => selected_by(named(&entry.multiplexor_signal_name), value),
                 None => selected_by(first().unwrap(), value),
@@ -64,13 +56,8 @@ pub(crate) fn is_active(dbc: &Dbc, described: &Described, signal: &Signal, data:
 
 /// Every signal that the payload holds, by name.
 pub(crate) fn decode(dbc: &Dbc, described: &Described, data: &[u8]) -> Vec<(String, f64)> {
-    let active = described
-        .signals
-        .iter()
-        .filter(|signal| is_active(dbc, described, signal, data));
-    active
-        .map(|signal| (signal.name.clone(), physical(dbc, described, signal, data)))
-        .collect()
+    let active = described.signals.iter().filter(|signal| is_active(dbc, described, signal, data));
+    active.map(|signal| (signal.name.clone(), physical(dbc, described, signal, data))).collect()
 }
 
 /// Signals with their values and how far off they may be.
@@ -122,9 +109,7 @@ pub(crate) fn expected(message: &Message, frame: MessageId, data: &[u8]) -> Expe
             signals.extend((0..2).flat_map(|i| sample(i, pair.samples_arcsec[i])));
             signals
         }
-        Message::Wheels(wheels) => (0..4)
-            .map(|i| exact(&format!("Speed{i}"), wheels.speed_rpm[i]))
-            .collect(),
+        Message::Wheels(wheels) => (0..4).map(|i| exact(&format!("Speed{i}"), wheels.speed_rpm[i])).collect(),
         Message::Exposure(exposure) => vec![
             exact("Frame", exposure.frame),
             exact("AttitudeSeq", exposure.attitude_seq),
@@ -156,8 +141,7 @@ fn attitude(record: &AttitudeRecord, frame: MessageId, crc: u16) -> Expected {
     let q = |i: usize| exact(["Qw", "Qx", "Qy", "Qz"][i], record.q_wxyz[i]);
     let rates = |name: &str, values: [f32; 3], off: f64| -> Expected {
         let axes = ["X", "Y", "Z"].into_iter().zip(values);
-        axes.map(|(axis, value)| (format!("{name}{axis}"), f64::from(value), off))
-            .collect()
+        axes.map(|(axis, value)| (format!("{name}{axis}"), f64::from(value), off)).collect()
     };
     match frame {
         MessageId::AttitudeQ01 => vec![q(0), q(1)],
@@ -177,50 +161,27 @@ fn attitude(record: &AttitudeRecord, frame: MessageId, crc: u16) -> Expected {
 
 fn status(page: &StatusPage) -> Expected {
     match *page {
-        StatusPage::State {
-            mode,
-            frames,
-            latency_us,
-        } => vec![
-            exact("Page", 0),
-            exact("Mode", mode as u8),
-            exact("Frames", frames),
-            exact("Latency", latency_us),
-        ],
-        StatusPage::Prediction {
-            horizon_10us,
-            error_arcsec,
-        } => vec![
+        StatusPage::State { mode, frames, latency_us } => {
+            vec![exact("Page", 0), exact("Mode", mode as u8), exact("Frames", frames), exact("Latency", latency_us)]
+        }
+        StatusPage::Prediction { horizon_10us, error_arcsec } => vec![
             exact("Page", 1),
             exact("Horizon", f64::from(horizon_10us) * 10.0),
             exact("PredictionError", error_arcsec),
         ],
-        StatusPage::Clock {
-            drift_0_1ppm,
-            residual_ns,
-        } => vec![
-            exact("Page", 2),
-            exact("Drift", f64::from(drift_0_1ppm) / 10.0),
-            exact("Residual", residual_ns),
-        ],
+        StatusPage::Clock { drift_0_1ppm, residual_ns } => {
+            vec![exact("Page", 2), exact("Drift", f64::from(drift_0_1ppm) / 10.0), exact("Residual", residual_ns)]
+        }
         StatusPage::Rejects { reason, count } => {
             vec![exact("Page", 3), exact("Reason", reason.code()), exact("Count", count)]
         }
-        StatusPage::Pointing {
-            angle,
-            frame,
-            turns_2_32,
-        } => {
+        StatusPage::Pointing { angle, frame, turns_2_32 } => {
             let (name, turns) = match angle {
                 PointingAngle::RightAscension => ("RightAscension", f64::from(turns_2_32)),
                 PointingAngle::Declination => ("Declination", f64::from(turns_2_32.cast_signed())),
                 PointingAngle::Roll => ("Roll", f64::from(turns_2_32.cast_signed())),
             };
-            vec![
-                exact("Page", angle as u8),
-                exact(&format!("{name}Frame"), frame),
-                exact(name, turns_deg(turns)),
-            ]
+            vec![exact("Page", angle as u8), exact(&format!("{name}Frame"), frame), exact(name, turns_deg(turns))]
         }
     }
 }
@@ -232,18 +193,9 @@ fn table(cell: &TableCell) -> Expected {
             ("Line", names)
         }
         Table::Psd => ("Psd", &["Frequency", "DensityX", "DensityY", "DensityZ"]),
-        Table::WheelHarmonics => (
-            "Harmonic",
-            &[
-                "Wheel",
-                "Number",
-                "AmplitudeX",
-                "AmplitudeY",
-                "AmplitudeZ",
-                "Exponent",
-                "Phase",
-            ],
-        ),
+        Table::WheelHarmonics => {
+            ("Harmonic", &["Wheel", "Number", "AmplitudeX", "AmplitudeY", "AmplitudeZ", "Exponent", "Phase"])
+        }
     };
     vec![
         exact("TableNumber", cell.table.number()),
@@ -270,20 +222,12 @@ fn request(command: &Command) -> Expected {
 }
 
 fn reply(response: &Response) -> Expected {
-    let head = |opcode: u8, code: u8| {
-        vec![
-            exact("Opcode", opcode),
-            exact("Token", response.token),
-            exact("Code", code),
-        ]
-    };
+    let head =
+        |opcode: u8, code: u8| vec![exact("Opcode", opcode), exact("Token", response.token), exact("Code", code)];
     match response.reply {
-        Reply::Hello(identity) => hello(
-            head(1, 0),
-            identity.version,
-            identity.capabilities,
-            identity.attitude_convention,
-        ),
+        Reply::Hello(identity) => {
+            hello(head(1, 0), identity.version, identity.capabilities, identity.attitude_convention)
+        }
         Reply::Info(info) => {
             let mut signals = head(2, 0);
             signals.extend(match info {
@@ -300,10 +244,7 @@ fn reply(response: &Response) -> Expected {
         Reply::Stop => head(4, 0),
         Reply::Applied(applied) => {
             let mut signals = head(5, 0);
-            signals.extend([
-                exact("AppliedTable", applied.table.number()),
-                exact("AppliedRows", applied.rows),
-            ]);
+            signals.extend([exact("AppliedTable", applied.table.number()), exact("AppliedRows", applied.rows)]);
             signals
         }
         // A refusal has zeros where the answer would stand, and the DBC reads them as such.
@@ -324,11 +265,7 @@ fn hello(head: Expected, version: firmware_protocol::version::Version, capabilit
     let bit = |name: &str, at: u32| exact(name, u8::from(capabilities >> at & 1 == 1));
     let mut signals = head;
     signals.extend([exact("Major", version.major), exact("Minor", version.minor)]);
-    signals.extend([
-        bit("ParameterTables", 0),
-        bit("JitterSamples", 1),
-        bit("WheelSpeeds", 2),
-    ]);
+    signals.extend([bit("ParameterTables", 0), bit("JitterSamples", 1), bit("WheelSpeeds", 2)]);
     signals.push(exact("AttitudeConvention", convention));
     signals
 }

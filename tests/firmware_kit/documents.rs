@@ -169,11 +169,17 @@ fn every_reason_and_refusal_is_told_with_its_code() {
 #[test]
 fn a_wrong_document_is_noticed() {
     let text = interface();
-    for (right, wrong) in [("| ATT_FD | 48 |", "| ATT_FD | 44 |"), ("`0x28n`", "`0x29n`"), ("| 100 | all |", "| 50 | all |")] {
+    for (right, wrong) in
+        [("| ATT_FD | 48 |", "| ATT_FD | 44 |"), ("`0x28n`", "`0x29n`"), ("| 100 | all |", "| 50 | all |")]
+    {
         assert!(text.contains(right));
         assert!(!wrong_messages(&text.replacen(right, wrong, 1)).is_empty(), "{wrong}");
     }
-    for (right, wrong) in [("| 2..6 | u32 | middle", "| 2..5 | u32 | middle"), ("| 8..24 | f32", "| 8..25 | f32"), ("| 4..6 | u16 | CRC", "| 4..5 | u16 | CRC")] {
+    for (right, wrong) in [
+        ("| 2..6 | u32 | middle", "| 2..5 | u32 | middle"),
+        ("| 8..24 | f32", "| 8..25 | f32"),
+        ("| 4..6 | u16 | CRC", "| 4..5 | u16 | CRC"),
+    ] {
         assert_eq!(text.matches(right).count(), 1, "{right}");
         assert!(!wrong_layouts(&text.replace(right, wrong)).is_empty(), "{wrong}");
     }
@@ -187,5 +193,9 @@ fn vectors_are_what_their_program_makes() {
         return;
     };
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert_eq!(String::from_utf8(output.stdout).unwrap(), crate::text("vectors.json"), "python3 vectors.py > vectors.json");
+    assert_eq!(
+        String::from_utf8(output.stdout).unwrap(),
+        crate::text("vectors.json"),
+        "python3 vectors.py > vectors.json"
+    );
 }

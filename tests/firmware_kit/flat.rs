@@ -12,20 +12,15 @@ pub(crate) struct Flat {
 
 impl Flat {
     pub(crate) fn of(message: &Message) -> Self {
-        Self {
-            number: message.id().number(),
-            values: values(message),
-        }
+        Self { number: message.id().number(), values: values(message) }
     }
 
     /// `NUMBER VALUE ...`; every f32 with all its digits.
     pub(crate) fn line(&self) -> String {
-        self.values
-            .iter()
-            .fold(self.number.to_string(), |line, value| match value {
-                whole if whole.fract() == 0.0 && whole.abs() < 1e12 => format!("{line} {whole}"),
-                broken => format!("{line} {broken:?}"),
-            })
+        self.values.iter().fold(self.number.to_string(), |line, value| match value {
+            whole if whole.fract() == 0.0 && whole.abs() < 1e12 => format!("{line} {whole}"),
+            broken => format!("{line} {broken:?}"),
+        })
     }
 
     /// The inverse of [`Self::line`]; what is written with a point or an exponent was an f32.
@@ -34,16 +29,9 @@ impl Flat {
         let number = words.next().unwrap().parse().unwrap();
         let value = |word: &str| {
             let value: f64 = word.parse().unwrap();
-            if word.contains(['.', 'e']) {
-                f64::from(value as f32)
-            } else {
-                value
-            }
+            if word.contains(['.', 'e']) { f64::from(value as f32) } else { value }
         };
-        Self {
-            number,
-            values: words.map(value).collect(),
-        }
+        Self { number, values: words.map(value).collect() }
     }
 }
 
@@ -75,12 +63,9 @@ fn values(message: &Message) -> Vec<f64> {
             values
         }
         Message::Wheels(wheels) => all(wheels.speed_rpm).collect(),
-        Message::Exposure(exposure) => head(&[
-            exposure.frame.into(),
-            exposure.attitude_seq.into(),
-            exposure.mid_exposure_us,
-            exposure.age_us(),
-        ]),
+        Message::Exposure(exposure) => {
+            head(&[exposure.frame.into(), exposure.attitude_seq.into(), exposure.mid_exposure_us, exposure.age_us()])
+        }
         Message::Table(cell) => {
             let mut values = head(&[cell.table.number().into(), cell.row.into(), cell.column.into()]);
             values.push(cell.value.into());
@@ -103,27 +88,13 @@ fn values(message: &Message) -> Vec<f64> {
 
 fn status(page: &StatusPage) -> Vec<f64> {
     match *page {
-        StatusPage::State {
-            mode,
-            frames,
-            latency_us,
-        } => {
+        StatusPage::State { mode, frames, latency_us } => {
             vec![0.0, f64::from(mode as u8), frames.into(), latency_us.into()]
         }
-        StatusPage::Prediction {
-            horizon_10us,
-            error_arcsec,
-        } => vec![1.0, horizon_10us.into(), error_arcsec.into()],
-        StatusPage::Clock {
-            drift_0_1ppm,
-            residual_ns,
-        } => vec![2.0, drift_0_1ppm.into(), residual_ns.into()],
+        StatusPage::Prediction { horizon_10us, error_arcsec } => vec![1.0, horizon_10us.into(), error_arcsec.into()],
+        StatusPage::Clock { drift_0_1ppm, residual_ns } => vec![2.0, drift_0_1ppm.into(), residual_ns.into()],
         StatusPage::Rejects { reason, count } => vec![3.0, reason.code().into(), count.into()],
-        StatusPage::Pointing {
-            angle,
-            frame,
-            turns_2_32,
-        } => {
+        StatusPage::Pointing { angle, frame, turns_2_32 } => {
             vec![f64::from(angle as u8), frame.into(), turns_2_32.into()]
         }
     }

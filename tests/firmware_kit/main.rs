@@ -1,10 +1,6 @@
 //! The firmware kit holds together: Rust crate, DBC, C sources, static library, vectors and INTERFACE.md say the same.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::panic,
-    reason = "a test may stop at the first surprise and says what it was"
-)]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test may stop at the first surprise and says what it was")]
 
 mod c_codec;
 mod c_program;

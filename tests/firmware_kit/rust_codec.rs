@@ -10,9 +10,7 @@ pub(crate) const CLASSIC_RATE_RAD_S: f32 = 0.5e-6 + 6e-8;
 
 fn encoded(vector: &Vector, format: Format) -> Option<Vec<CanFrame>> {
     let ids = IdMap::new(vector.base, vector.node).unwrap();
-    can::encode(&vector.message, format, &ids)
-        .ok()
-        .map(|frames| frames.iter().copied().collect())
+    can::encode(&vector.message, format, &ids).ok().map(|frames| frames.iter().copied().collect())
 }
 
 fn decoded(vector: &Vector, frames: &[CanFrame]) -> Option<Message> {
@@ -35,15 +33,9 @@ pub(crate) fn agrees(sent: &Message, got: &Message) -> bool {
         return sent == got;
     };
     let rates = |record: &AttitudeRecord| [record.rate_rad_s, record.acceleration_rad_s2].concat();
-    let bare = |record: &AttitudeRecord| AttitudeRecord {
-        rate_rad_s: [0.0; 3],
-        acceleration_rad_s2: [0.0; 3],
-        ..*record
-    };
-    let are_near = rates(sent)
-        .iter()
-        .zip(rates(got))
-        .all(|(a, b)| (a - b).abs() <= CLASSIC_RATE_RAD_S);
+    let bare =
+        |record: &AttitudeRecord| AttitudeRecord { rate_rad_s: [0.0; 3], acceleration_rad_s2: [0.0; 3], ..*record };
+    let are_near = rates(sent).iter().zip(rates(got)).all(|(a, b)| (a - b).abs() <= CLASSIC_RATE_RAD_S);
     bare(sent) == bare(got) && are_near
 }
 
@@ -55,21 +47,13 @@ fn breaches(vector: &Vector) -> Vec<&'static str> {
             found.push(what)
         }
     };
-    check(
-        encoded(vector, Format::Fd) == Some(vec![vector.fd]),
-        "encoded for CAN FD",
-    );
-    check(
-        encoded(vector, Format::Classic) == vector.classic,
-        "encoded for classic CAN",
-    );
+    check(encoded(vector, Format::Fd) == Some(vec![vector.fd]), "encoded for CAN FD");
+    check(encoded(vector, Format::Classic) == vector.classic, "encoded for classic CAN");
     check(on_the_line(vector) == vector.serial, "encoded for serial");
     let read = |frames: &[CanFrame]| std::panic::catch_unwind(|| decoded(vector, frames)).ok().flatten();
     check(read(&[vector.fd]) == Some(vector.message), "decoded from CAN FD");
-    let classic = vector
-        .classic
-        .as_deref()
-        .is_none_or(|frames| read(frames).is_some_and(|got| agrees(&vector.message, &got)));
+    let classic =
+        vector.classic.as_deref().is_none_or(|frames| read(frames).is_some_and(|got| agrees(&vector.message, &got)));
     check(classic, "decoded from classic CAN");
     let read = serial::Decoder::new().read(&mut &vector.serial[..]);
     check(read == Some(Ok(vector.message)), "decoded from serial");
@@ -90,9 +74,7 @@ fn every_message_table_column_and_reason_has_a_vector() {
         assert!(all.iter().any(|vector| vector.message.id() == id), "{id:?}");
     }
     for table in Table::ALL {
-        let columns = all
-            .iter()
-            .filter(|vector| matches!(vector.message, Message::Table(cell) if cell.table == table));
+        let columns = all.iter().filter(|vector| matches!(vector.message, Message::Table(cell) if cell.table == table));
         assert_eq!(columns.count(), usize::from(table.columns()), "{table:?}");
     }
     let reasons: Vec<_> = rejected().iter().map(|input| input.reason).collect();
@@ -143,9 +125,7 @@ fn a_flipped_byte_in_a_vector_is_noticed() {
         for at in 0..good.fd.data().len() {
             let mut data = good.fd.data().to_vec();
             data[at] ^= 0x10;
-            let fd = CanFrame::classic(good.fd.id(), &data)
-                .or_else(|| CanFrame::fd(good.fd.id(), &data))
-                .unwrap();
+            let fd = CanFrame::classic(good.fd.id(), &data).or_else(|| CanFrame::fd(good.fd.id(), &data)).unwrap();
             assert!(
                 breaches(&Vector { fd, ..good.clone() }).contains(&"encoded for CAN FD"),
                 "{}: byte {at}",
@@ -154,11 +134,7 @@ fn a_flipped_byte_in_a_vector_is_noticed() {
         }
         let mut serial = good.serial.clone();
         serial[1] ^= 0x10;
-        assert!(
-            breaches(&Vector { serial, ..good.clone() }).contains(&"decoded from serial"),
-            "{}",
-            good.name
-        );
+        assert!(breaches(&Vector { serial, ..good.clone() }).contains(&"decoded from serial"), "{}", good.name);
     }
     let mut input = rejected().remove(0);
     input.reason = Reject::Oversize;

@@ -77,34 +77,18 @@ impl Samples {
                 slot: self.u8(),
                 samples_arcsec: [0; 2].map(|_| [0; 2].map(|_| self.stepped(8191, 0.02))),
             }),
-            5 => Message::Wheels(Wheels {
-                speed_rpm: [0; 4].map(|_| self.stepped(32_767, 0.25)),
-            }),
+            5 => Message::Wheels(Wheels { speed_rpm: [0; 4].map(|_| self.stepped(32_767, 0.25)) }),
             6 => {
                 let (frame, seq, t_us, age_us) = (self.u8(), self.u8(), self.int(32), self.int::<u32>(16) * 10);
                 Message::Exposure(Exposure::new(frame, seq, t_us, age_us))
             }
             7 => Message::Status(self.status()),
             8 => Message::Table(self.cell()),
-            9 => Message::Command(Command {
-                token: self.u8(),
-                request: self.request(),
-            }),
-            10 => Message::Response(Response {
-                token: self.u8(),
-                reply: self.reply(),
-            }),
+            9 => Message::Command(Command { token: self.u8(), request: self.request() }),
+            10 => Message::Response(Response { token: self.u8(), reply: self.reply() }),
             _ => {
-                let states = [
-                    NodeState::Starting,
-                    NodeState::Ready,
-                    NodeState::Running,
-                    NodeState::Fault,
-                ];
-                Message::Heartbeat(Heartbeat {
-                    state: self.pick(&states),
-                    major: self.u8(),
-                })
+                let states = [NodeState::Starting, NodeState::Ready, NodeState::Running, NodeState::Fault];
+                Message::Heartbeat(Heartbeat { state: self.pick(&states), major: self.u8() })
             }
         }
     }
@@ -114,11 +98,7 @@ impl Samples {
         let norm = q.iter().map(|value| value * value).sum::<f32>().sqrt();
         let flags = AttitudeFlags::from_bits(self.u8());
         let vector = |holds: bool, samples: &mut Self| {
-            if holds {
-                [0; 3].map(|_| samples.unit())
-            } else {
-                [0.0; 3]
-            }
+            if holds { [0; 3].map(|_| samples.unit()) } else { [0.0; 3] }
         };
         AttitudeRecord {
             t_us: self.int(32),
@@ -145,17 +125,9 @@ impl Samples {
             StimulatorMode::Blank,
             StimulatorMode::Stopped,
         ];
-        let angles = [
-            PointingAngle::RightAscension,
-            PointingAngle::Declination,
-            PointingAngle::Roll,
-        ];
+        let angles = [PointingAngle::RightAscension, PointingAngle::Declination, PointingAngle::Roll];
         match self.below(7) {
-            0 => StatusPage::State {
-                mode: self.pick(&modes),
-                frames: self.int(16),
-                latency_us: self.int(32),
-            },
+            0 => StatusPage::State { mode: self.pick(&modes), frames: self.int(16), latency_us: self.int(32) },
             1 => StatusPage::Prediction {
                 horizon_10us: self.int::<u16>(16).cast_signed(),
                 error_arcsec: self.unit() * 100.0,
@@ -164,75 +136,41 @@ impl Samples {
                 drift_0_1ppm: self.int::<u16>(16).cast_signed(),
                 residual_ns: self.int::<u32>(32).cast_signed(),
             },
-            3 => StatusPage::Rejects {
-                reason: self.pick(&Reject::ALL),
-                count: self.int(32),
-            },
-            _ => StatusPage::Pointing {
-                angle: self.pick(&angles),
-                frame: self.u8(),
-                turns_2_32: self.int(32),
-            },
+            3 => StatusPage::Rejects { reason: self.pick(&Reject::ALL), count: self.int(32) },
+            _ => StatusPage::Pointing { angle: self.pick(&angles), frame: self.u8(), turns_2_32: self.int(32) },
         }
     }
 
     fn cell(&mut self) -> TableCell {
         let table = self.pick(&Table::ALL);
         let (row, column) = (self.u8() % table.rows_max(), self.u8() % table.columns());
-        TableCell {
-            table,
-            row,
-            column,
-            value: self.unit() * 1000.0,
-        }
+        TableCell { table, row, column, value: self.unit() * 1000.0 }
     }
 
     fn request(&mut self) -> Request {
         match self.below(6) {
-            0 => Request::Hello(Version {
-                major: self.u8(),
-                minor: self.u8(),
-            }),
+            0 => Request::Hello(Version { major: self.u8(), minor: self.u8() }),
             1 => Request::Info { page: self.u8() },
             2 => Request::Run,
             3 => Request::Stop,
-            4 => Request::Apply {
-                table: self.u8(),
-                rows: self.u8(),
-                crc: self.int(16),
-                seed: self.int(16),
-            },
-            _ => Request::Unknown {
-                opcode: self.u8() | 0x80,
-            },
+            4 => Request::Apply { table: self.u8(), rows: self.u8(), crc: self.int(16), seed: self.int(16) },
+            _ => Request::Unknown { opcode: self.u8() | 0x80 },
         }
     }
 
     fn reply(&mut self) -> Reply {
         match self.below(7) {
             0 => Reply::Hello(Identity {
-                version: Version {
-                    major: self.u8(),
-                    minor: self.u8(),
-                },
+                version: Version { major: self.u8(), minor: self.u8() },
                 capabilities: self.int(16),
                 attitude_convention: self.u8(),
             }),
             1 => Reply::Info(Info::DbcCrc32(self.int(32))),
-            2 => Reply::Info(Info::Rates(Rates {
-                attitude_hz: self.int(16),
-                jitter_hz: self.int(16),
-            })),
+            2 => Reply::Info(Info::Rates(Rates { attitude_hz: self.int(16), jitter_hz: self.int(16) })),
             3 => Reply::Run,
             4 => Reply::Stop,
-            5 => Reply::Applied(Applied {
-                table: self.pick(&Table::ALL),
-                rows: self.u8(),
-            }),
-            _ => Reply::Refused {
-                opcode: self.u8(),
-                reason: self.pick(&Refusal::ALL),
-            },
+            5 => Reply::Applied(Applied { table: self.pick(&Table::ALL), rows: self.u8() }),
+            _ => Reply::Refused { opcode: self.u8(), reason: self.pick(&Refusal::ALL) },
         }
     }
 
@@ -242,11 +180,7 @@ impl Samples {
         if let Message::Attitude(record) = &mut message {
             let values = [record.q_wxyz[0], 1.0, 0.0, 1.01, f32::NAN, f32::INFINITY];
             record.q_wxyz[0] = self.pick(&values);
-            record.rate_rad_s[2] = if self.below(8) == 0 {
-                f32::NAN
-            } else {
-                record.rate_rad_s[2]
-            };
+            record.rate_rad_s[2] = if self.below(8) == 0 { f32::NAN } else { record.rate_rad_s[2] };
         }
         message
     }
@@ -265,8 +199,6 @@ impl Samples {
             }
             _ => {}
         }
-        CanFrame::classic(id, &data)
-            .or_else(|| CanFrame::fd(id, &data))
-            .unwrap()
+        CanFrame::classic(id, &data).or_else(|| CanFrame::fd(id, &data)).unwrap()
     }
 }

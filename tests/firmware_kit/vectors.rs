@@ -38,18 +38,13 @@ pub(crate) enum Input {
 }
 
 pub(crate) fn bytes(hex: &str) -> Vec<u8> {
-    (0..hex.len())
-        .step_by(2)
-        .map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap())
-        .collect()
+    (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap()).collect()
 }
 
 fn frame(value: &Value) -> CanFrame {
     let id = u16::from_str_radix(value["id"].as_str().unwrap(), 16).unwrap();
     let data = bytes(value["data"].as_str().unwrap());
-    CanFrame::classic(id, &data)
-        .or_else(|| CanFrame::fd(id, &data))
-        .unwrap()
+    CanFrame::classic(id, &data).or_else(|| CanFrame::fd(id, &data)).unwrap()
 }
 
 fn frames(value: &Value) -> Vec<CanFrame> {
@@ -85,18 +80,10 @@ pub(crate) fn rejected() -> Vec<Rejected> {
                 Some(hex) => Input::Serial(bytes(hex)),
                 None => Input::Frames(frames(&value["frames"])),
             },
-            reason: Reject::ALL
-                .into_iter()
-                .find(|known| format!("{known:?}") == reason)
-                .unwrap(),
+            reason: Reject::ALL.into_iter().find(|known| format!("{known:?}") == reason).unwrap(),
         }
     };
-    document()["rejected"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(rejected)
-        .collect()
+    document()["rejected"].as_array().unwrap().iter().map(rejected).collect()
 }
 
 /// The physical values of one message.
@@ -122,40 +109,26 @@ impl Fields<'_> {
     }
 
     fn samples(&self) -> Vec<[f32; 2]> {
-        self.0["samples_arcsec"]
-            .as_array()
-            .unwrap()
-            .iter()
-            .map(floats)
-            .collect()
+        self.0["samples_arcsec"].as_array().unwrap().iter().map(floats).collect()
     }
 
     fn message(&self, name: &str) -> Message {
         match name {
-            "SYNC" => Message::Sync(Sync {
-                counter: self.int("counter"),
-            }),
+            "SYNC" => Message::Sync(Sync { counter: self.int("counter") }),
             "TIME_FUP" => Message::TimeFollowUp(TimeFollowUp {
                 scet: Scet::new(self.int("seconds"), self.int("fraction_2_24")).unwrap(),
                 counter: self.int("counter"),
             }),
             "ATT_FD" => Message::Attitude(self.attitude()),
             "JITTER_FD" => Message::Jitter(
-                JitterBurst::new(
-                    self.int("t_first_us"),
-                    self.int("period_us"),
-                    self.int("seq"),
-                    &self.samples(),
-                )
-                .unwrap(),
+                JitterBurst::new(self.int("t_first_us"), self.int("period_us"), self.int("seq"), &self.samples())
+                    .unwrap(),
             ),
             "JITTER" => Message::JitterPair(JitterPair {
                 slot: self.int("slot"),
                 samples_arcsec: self.samples().try_into().unwrap(),
             }),
-            "WHEELS" => Message::Wheels(Wheels {
-                speed_rpm: self.floats("speed_rpm"),
-            }),
+            "WHEELS" => Message::Wheels(Wheels { speed_rpm: self.floats("speed_rpm") }),
             "EXPOSURE" => Message::Exposure(Exposure::new(
                 self.int("frame"),
                 self.int("attitude_seq"),
@@ -169,25 +142,11 @@ impl Fields<'_> {
                 column: self.int("column"),
                 value: self.float("value"),
             }),
-            "CMD" => Message::Command(Command {
-                token: self.int("token"),
-                request: self.request(),
-            }),
-            "RSP" => Message::Response(Response {
-                token: self.int("token"),
-                reply: self.reply(),
-            }),
+            "CMD" => Message::Command(Command { token: self.int("token"), request: self.request() }),
+            "RSP" => Message::Response(Response { token: self.int("token"), reply: self.reply() }),
             "HEARTBEAT" => {
-                let states = [
-                    NodeState::Starting,
-                    NodeState::Ready,
-                    NodeState::Running,
-                    NodeState::Fault,
-                ];
-                Message::Heartbeat(Heartbeat {
-                    state: states[self.int::<usize>("state")],
-                    major: self.int("major"),
-                })
+                let states = [NodeState::Starting, NodeState::Ready, NodeState::Running, NodeState::Fault];
+                Message::Heartbeat(Heartbeat { state: states[self.int::<usize>("state")], major: self.int("major") })
             }
             _ => panic!("no message {name}"),
         }
@@ -197,10 +156,7 @@ impl Fields<'_> {
         AttitudeRecord {
             t_us: self.int("t_us"),
             seq: self.int("seq"),
-            flags: AttitudeFlags {
-                rate: self.flag("rate_valid"),
-                acceleration: self.flag("acceleration_valid"),
-            },
+            flags: AttitudeFlags { rate: self.flag("rate_valid"), acceleration: self.flag("acceleration_valid") },
             q_wxyz: self.floats("q_wxyz"),
             rate_rad_s: self.floats("rate_rad_s"),
             acceleration_rad_s2: self.floats("acceleration_rad_s2"),
@@ -215,11 +171,7 @@ impl Fields<'_> {
             StimulatorMode::Blank,
             StimulatorMode::Stopped,
         ];
-        let angles = [
-            PointingAngle::RightAscension,
-            PointingAngle::Declination,
-            PointingAngle::Roll,
-        ];
+        let angles = [PointingAngle::RightAscension, PointingAngle::Declination, PointingAngle::Roll];
         match self.int::<usize>("page") {
             0 => StatusPage::State {
                 mode: modes[self.int::<usize>("mode")],
@@ -230,14 +182,10 @@ impl Fields<'_> {
                 horizon_10us: self.int("horizon_10us"),
                 error_arcsec: self.float("error_arcsec"),
             },
-            2 => StatusPage::Clock {
-                drift_0_1ppm: self.int("drift_0_1ppm"),
-                residual_ns: self.int("residual_ns"),
-            },
-            3 => StatusPage::Rejects {
-                reason: Reject::from_code(self.int("reason")).unwrap(),
-                count: self.int("count"),
-            },
+            2 => StatusPage::Clock { drift_0_1ppm: self.int("drift_0_1ppm"), residual_ns: self.int("residual_ns") },
+            3 => {
+                StatusPage::Rejects { reason: Reject::from_code(self.int("reason")).unwrap(), count: self.int("count") }
+            }
             page => StatusPage::Pointing {
                 angle: angles[page - 4],
                 frame: self.int("frame"),
@@ -247,10 +195,7 @@ impl Fields<'_> {
     }
 
     fn version(&self) -> Version {
-        Version {
-            major: self.int("major"),
-            minor: self.int("minor"),
-        }
+        Version { major: self.int("major"), minor: self.int("minor") }
     }
 
     fn request(&self) -> Request {
@@ -273,10 +218,7 @@ impl Fields<'_> {
         let code: u8 = self.int("code");
         if code != 0 {
             let reason = Refusal::ALL.into_iter().find(|reason| reason.code() == code).unwrap();
-            return Reply::Refused {
-                opcode: self.int("opcode"),
-                reason,
-            };
+            return Reply::Refused { opcode: self.int("opcode"), reason };
         }
         match (self.int::<u8>("opcode"), self.0["page"].as_u64()) {
             (1, _) => Reply::Hello(Identity {
@@ -302,10 +244,6 @@ impl Fields<'_> {
 
 #[allow(clippy::cast_possible_truncation, reason = "the wire carries f32")]
 fn floats<const N: usize>(value: &Value) -> [f32; N] {
-    let values = value
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|value| value.as_f64().unwrap() as f32);
+    let values = value.as_array().unwrap().iter().map(|value| value.as_f64().unwrap() as f32);
     values.collect::<Vec<_>>().try_into().unwrap()
 }
