@@ -26,6 +26,12 @@ impl Crc16 {
         Self(START)
     }
 
+    /// Under way, from the value so far.
+    #[must_use]
+    pub const fn from_value(value: u16) -> Self {
+        Self(value)
+    }
+
     /// After further bytes.
     #[must_use]
     pub fn over(self, bytes: &[u8]) -> Self {

@@ -1,1 +1,201 @@
-//! soon
+//! INTERFACE.md against the crate and the DBC; vectors.json against the program that made it.
+
+use crate::dbc::{attribute, dbc, raw};
+use crate::vectors::bytes;
+use firmware_protocol::can::{CanFrame, Decoder, IdMap};
+use firmware_protocol::message::{AttitudeFlags, MessageId, Refusal, Reply};
+use firmware_protocol::tables::{LineRow, TableStore};
+use firmware_protocol::{Message, Reject, serial};
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::process::Command;
+
+/// Cells of every table row between this heading and the next of the same or a higher level.
+fn rows(text: &str, heading: &str) -> Vec<Vec<String>> {
+    let level = heading.chars().take_while(|c| *c == '#').count();
+    let is_end = |line: &&str| {
+        let depth = line.chars().take_while(|c| *c == '#').count();
+        depth == 0 || depth > level
+    };
+    let body = text.lines().skip_while(|line| *line != heading).skip(1).take_while(is_end);
+    let cells = |line: &str| line.trim_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
+    let rows: Vec<_> = body.filter(|line| line.starts_with('|') && !line.starts_with("|---")).map(cells).collect();
+    assert!(!rows.is_empty(), "no table under `{heading}`");
+    rows
+}
+
+fn interface() -> String {
+    crate::text("INTERFACE.md")
+}
+
+/// What the table of messages says otherwise than crate and DBC.
+fn wrong_messages(text: &str) -> Vec<String> {
+    let dbc = dbc();
+    // The first table of section 2 has six columns, the byte tables fewer.
+    let rows = rows(text, "## 2. Messages").into_iter().filter(|row| row.len() == 6 && row[0].starts_with("`0x"));
+    let told: Vec<_> = rows.map(|row| row[..5].join(" ")).collect();
+    let wanted = MessageId::ALL.map(|id| {
+        let described = dbc.messages.iter().find(|message| raw(&message.id) == IdMap::default().id(id)).unwrap();
+        let digits = format!("{:02X}", id.number());
+        let node = if id == MessageId::Sync { "0" } else { "n" };
+        let (name, sender) = (&described.name, described.transmitter.as_deref().unwrap());
+        let cycle_ms = attribute(&dbc, "GenMsgCycleTime", &described.id);
+        format!("`0x{digits}{node}` {name} {} {sender} {cycle_ms}", id.len_bytes())
+    });
+    let missing = wanted.iter().filter(|row| !told.contains(row)).map(|row| format!("lacks {row}"));
+    let extra = told.iter().filter(|row| !wanted.contains(row)).map(|row| format!("has {row}"));
+    missing.chain(extra).collect()
+}
+
+/// Bits of `4`, `0..4` (bytes) or `0..63` (bits).
+fn bit_range(text: &str, bits_per_unit: u64) -> Range<u64> {
+    let (start, end): (u64, u64) = match text.split_once("..") {
+        Some((start, end)) => (start.parse().unwrap(), end.parse().unwrap()),
+        None => (text.parse().unwrap(), text.parse::<u64>().unwrap() + 1),
+    };
+    start * bits_per_unit..end * bits_per_unit
+}
+
+/// Byte tables whose rows leave gaps, or cut a signal of the DBC in two.
+fn wrong_layouts(text: &str) -> Vec<String> {
+    let dbc = dbc();
+    let mut found = Vec::new();
+    for message in &dbc.messages {
+        let table = rows(text, &format!("### {}", message.name));
+        let (head, body) = table.split_first().unwrap();
+        let place = head.iter().position(|cell| cell == "byte" || cell == "bit").unwrap();
+        let unit = if head[place] == "byte" { 8 } else { 1 };
+        let mut branches = BTreeMap::<&str, Vec<Range<u64>>>::new();
+        for row in body {
+            let branch = if place == 0 { "all" } else { row[0].as_str() };
+            branches.entry(branch).or_default().push(bit_range(&row[place], unit));
+        }
+        let ranges: Vec<_> = branches.values().flatten().collect();
+        for signal in message.signals.iter().filter(|signal| signal.name != "Page" || message.name != "STATUS") {
+            let bits = signal.start_bit..signal.start_bit + signal.size;
+            if !ranges.iter().any(|range| range.start <= bits.start && bits.end <= range.end) {
+                found.push(format!("{}.{} lies in no row", message.name, signal.name));
+            }
+        }
+        for (branch, ranges) in &branches {
+            let is_contiguous = ranges.windows(2).all(|pair| pair[0].end == pair[1].start);
+            let reaches_end = ranges.last().unwrap().end.div_ceil(8) == message.size;
+            // The pages of STATUS and the opcodes have reserved bytes in between.
+            if place == 0 && !(is_contiguous && reaches_end && ranges[0].start == 0) {
+                found.push(format!("{}, {branch}: rows {ranges:?}", message.name));
+            }
+        }
+    }
+    found
+}
+
+/// Lines of the worked example in order: identifier and bytes, or a serial packet.
+fn example(text: &str) -> Vec<(Option<u16>, Vec<u8>)> {
+    let body = text.lines().skip_while(|line| !line.starts_with("## 8.")).take_while(|line| !line.starts_with("## 9."));
+    let inside = body.scan(false, |is_code, line| {
+        *is_code ^= line.starts_with("```");
+        Some((*is_code && !line.starts_with("```")).then_some(line))
+    });
+    let read = |line: &str| {
+        let (start, hex) = line.split_once("  ").unwrap();
+        (u16::from_str_radix(start, 16).ok(), bytes(&hex.replace(' ', "")))
+    };
+    inside.flatten().map(read).collect()
+}
+
+#[test]
+fn messages_and_layouts_are_those_of_crate_and_dbc() {
+    let text = interface();
+    assert_eq!(wrong_messages(&text), Vec::<String>::new());
+    assert_eq!(wrong_layouts(&text), Vec::<String>::new());
+}
+
+#[test]
+fn the_worked_example_says_what_the_text_says() {
+    let mut decoder = Decoder::new(IdMap::default());
+    let mut messages = Vec::new();
+    for (id, data) in example(&interface()) {
+        let Some(id) = id else {
+            messages.push(serial::Decoder::new().read(&mut &data[..]).unwrap().unwrap());
+            continue;
+        };
+        let frame = CanFrame::classic(id, &data).or_else(|| CanFrame::fd(id, &data)).unwrap();
+        // The FD form has the sequence number of the group: another decoder, as if on another bus.
+        let mut fresh = Decoder::new(IdMap::default());
+        let reader = if frame.is_fd() { &mut fresh } else { &mut decoder };
+        messages.extend(reader.read(&frame).unwrap());
+    }
+    let attitudes: Vec<_> =
+        messages.iter().filter_map(|m| if let Message::Attitude(record) = m { Some(record) } else { None }).collect();
+    assert_eq!(attitudes.len(), 3, "classic, FD, serial");
+    let half_rad = 2.5_f64.to_radians();
+    for record in attitudes {
+        assert_eq!((record.t_us, record.seq), (1_000_000, 7));
+        assert_eq!(record.flags, AttitudeFlags { rate: true, acceleration: false });
+        assert_eq!(record.q_wxyz.map(f64::from)[..2], [half_rad.cos(), -half_rad.sin()].map(|v| f64::from(v as f32)));
+        assert!((f64::from(record.rate_rad_s[0]) - 0.5_f64.to_radians()).abs() < 0.5e-6);
+    }
+    let mut tables = TableStore::new();
+    let cells: Vec<_> = messages.iter().filter(|m| matches!(m, Message::Table(_))).collect();
+    for message in &messages {
+        if let Message::Table(cell) = message {
+            tables.put(cell);
+        }
+    }
+    assert_eq!(cells.len(), 10);
+    assert_eq!(tables.apply(1, 2, 0xA896, 0).unwrap().rows, 2);
+    let first = LineRow { frequency_hz: 42.0, amplitude_xyz_arcsec: [0.5, 0.25, 0.0], phase_rad: 0.0 };
+    assert_eq!(tables.lines().next(), Some(first));
+    let Some(Message::Response(last)) = messages.last() else { panic!("ends with RSP") };
+    assert!(matches!(last.reply, Reply::Applied(applied) if applied.rows == 2));
+}
+
+/// `CODE NAME` of a table's rows.
+fn coded(text: &str, heading: &str) -> Vec<String> {
+    let is_coded = |row: &Vec<String>| row[0].parse::<u8>().is_ok();
+    rows(text, heading).iter().filter(|row| is_coded(row)).map(|row| format!("{} {}", row[0], row[1])).collect()
+}
+
+#[test]
+fn every_reason_and_refusal_is_told_with_its_code() {
+    let text = interface();
+    let rejects: Vec<_> = Reject::ALL.iter().map(|reason| format!("{} {reason:?}", reason.code())).collect();
+    assert_eq!(coded(&text, "## 9. What is refused"), rejects);
+    let refusals: Vec<_> = Refusal::ALL.iter().map(|reason| format!("{} {reason:?}", reason.code())).collect();
+    assert_eq!(coded(&text, "## 6. Commands"), refusals);
+}
+
+/// Negative control: one digit of the document changed.
+#[test]
+fn a_wrong_document_is_noticed() {
+    let text = interface();
+    for (right, wrong) in
+        [("| ATT_FD | 48 |", "| ATT_FD | 44 |"), ("`0x28n`", "`0x29n`"), ("| 100 | all |", "| 50 | all |")]
+    {
+        assert!(text.contains(right));
+        assert!(!wrong_messages(&text.replacen(right, wrong, 1)).is_empty(), "{wrong}");
+    }
+    for (right, wrong) in [
+        ("| 2..6 | u32 | middle", "| 2..5 | u32 | middle"),
+        ("| 8..24 | f32", "| 8..25 | f32"),
+        ("| 4..6 | u16 | CRC", "| 4..5 | u16 | CRC"),
+    ] {
+        assert_eq!(text.matches(right).count(), 1, "{right}");
+        assert!(!wrong_layouts(&text.replace(right, wrong)).is_empty(), "{wrong}");
+    }
+    assert!(example(&text).len() > 15);
+}
+
+#[test]
+fn vectors_are_what_their_program_makes() {
+    let Ok(output) = Command::new("python3").arg("-B").arg(crate::kit().join("vectors.py")).output() else {
+        println!("SKIPPED: no python3, so vectors.py was not run");
+        return;
+    };
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(
+        String::from_utf8(output.stdout).unwrap(),
+        crate::text("vectors.json"),
+        "python3 vectors.py > vectors.json"
+    );
+}

@@ -33,6 +33,12 @@ pub enum NodeState {
 
 impl NodeState {
     const ALL: [Self; 4] = [Self::Starting, Self::Ready, Self::Running, Self::Fault];
+
+    /// The state of a code on the wire.
+    #[must_use]
+    pub fn from_code(code: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(code)).copied()
+    }
 }
 
 impl Heartbeat {
@@ -41,7 +47,7 @@ impl Heartbeat {
     }
 
     pub(crate) fn read(from: &mut Reader<'_>) -> Result<Self, Reject> {
-        let state = NodeState::ALL.get(usize::from(from.u8()?)).copied().ok_or(Reject::UnknownValue)?;
+        let state = NodeState::from_code(from.u8()?).ok_or(Reject::UnknownValue)?;
         Ok(Self { state, major: from.u8()? })
     }
 }

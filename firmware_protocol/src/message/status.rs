@@ -88,6 +88,12 @@ pub enum StimulatorMode {
 
 impl StimulatorMode {
     const ALL: [Self; 5] = [Self::Idle, Self::Running, Self::Holding, Self::Blank, Self::Stopped];
+
+    /// The mode of a code on the wire.
+    #[must_use]
+    pub fn from_code(code: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(code)).copied()
+    }
 }
 
 impl PointingAngle {
@@ -149,7 +155,7 @@ impl StatusPage {
     }
 
     fn read_state(from: &mut Reader<'_>) -> Result<Self, Reject> {
-        let mode = StimulatorMode::ALL.get(usize::from(from.u8()?)).copied().ok_or(Reject::UnknownValue)?;
+        let mode = StimulatorMode::from_code(from.u8()?).ok_or(Reject::UnknownValue)?;
         Ok(Self::State { mode, frames: from.u16()?, latency_us: from.u32()? })
     }
 

@@ -18,6 +18,12 @@ impl Encoder {
         Self { seq: 0 }
     }
 
+    /// An encoder whose first packet has this sequence number.
+    #[must_use]
+    pub const fn starting_at(seq: u8) -> Self {
+        Self { seq }
+    }
+
     /// Writes one packet with its delimiter to the front of `to`, which must hold [`ENCODED_MAX`] bytes; the number
     /// of bytes written.
     ///

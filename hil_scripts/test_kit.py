@@ -1,0 +1,193 @@
+"""The firmware kit in Python: cantools with the DBC against the byte-exact vectors: python3 hil_scripts/test_kit.py
+
+Needs cantools (hil_scripts/requirements.txt). Both directions, CAN FD and classic CAN, every page, opcode and table.
+"""
+
+import json
+import struct
+import sys
+import unittest
+from pathlib import Path
+
+import cantools
+
+KIT = Path(__file__).resolve().parent.parent / "firmware_protocol"
+VECTORS = json.loads((KIT / "vectors.json").read_text())
+# Half of 1e-6 rad/s, and the rounding of f32.
+CLASSIC_RATE_RAD_S = 0.51e-6
+# Rounding of f32 and of f64, relative.
+F32, F64 = 1.2e-7, 1e-12
+
+LINE = ["Frequency", "AmplitudeX", "AmplitudeY", "AmplitudeZ", "Phase"]
+PSD = ["Frequency", "DensityX", "DensityY", "DensityZ"]
+HARMONIC = ["Wheel", "Number", "AmplitudeX", "AmplitudeY", "AmplitudeZ", "Exponent", "Phase"]
+TABLES = {1: ("Line", LINE), 2: ("Psd", PSD), 3: ("Harmonic", HARMONIC)}
+
+
+def database():
+    return cantools.database.load_file(KIT / "dbc/starloop.dbc")
+
+
+def f32(value):
+    return struct.unpack("<f", struct.pack("<f", value))[0]
+
+
+def xyz(name, values):
+    return {name + axis: value for axis, value in zip("XYZ", values)}
+
+
+def attitude(fields, crc16):
+    head = {"TimeTag": fields["t_us"], "Seq": fields["seq"], "RateValid": int(fields["rate_valid"]),
+            "AccelerationValid": int(fields["acceleration_valid"]), "Crc16": crc16}
+    q = {"Q" + axis: f32(value) for axis, value in zip("wxyz", fields["q_wxyz"])}
+    rate, acceleration = xyz("Rate", fields["rate_rad_s"]), xyz("Acceleration", fields["acceleration_rad_s2"])
+    return {"ATT_Q01": {key: q[key] for key in ("Qw", "Qx")}, "ATT_Q23": {key: q[key] for key in ("Qy", "Qz")},
+            "ATT_W": rate, "ATT_A": acceleration, "ATT_T": head,
+            "ATT_FD": {**head, **q, **{key: f32(value) for key, value in {**rate, **acceleration}.items()}}}
+
+
+def samples(fields, count):
+    padded = fields["samples_arcsec"] + [[0.0, 0.0]] * (count - len(fields["samples_arcsec"]))
+    return {f"{axis}{i}": value for i, sample in enumerate(padded) for axis, value in zip("XY", sample)}
+
+
+def status(f):
+    page = f["page"]
+    if page == 0:
+        return {"Page": 0, "Mode": f["mode"], "Frames": f["frames"], "Latency": f["latency_us"]}
+    if page == 1:
+        return {"Page": 1, "Horizon": 10 * f["horizon_10us"], "PredictionError": f["error_arcsec"]}
+    if page == 2:
+        return {"Page": 2, "Drift": f["drift_0_1ppm"] / 10, "Residual": f["residual_ns"]}
+    if page == 3:
+        return {"Page": 3, "Reason": f["reason"], "Count": f["count"]}
+    name = {4: "RightAscension", 5: "Declination", 6: "Roll"}[page]
+    turns = f["turns_2_32"]
+    if page > 4 and turns >= 2**31:
+        turns -= 2**32
+    return {"Page": page, name + "Frame": f["frame"], name: turns * 360 / 2**32}
+
+
+def command(f):
+    arguments = {1: lambda: {"Major": f["major"], "Minor": f["minor"]}, 2: lambda: {"InfoPage": f["page"]},
+                 5: lambda: {"ApplyTable": f["table"], "ApplyRows": f["rows"], "ApplyCrc16": f["crc16"],
+                             "ApplySeed": f["seed"]}}
+    return {"Opcode": f["opcode"], "Token": f["token"], **arguments.get(f["opcode"], dict)()}
+
+
+def response(f):
+    signals = {"Opcode": f["opcode"], "Token": f["token"], "Code": f["code"]}
+    if f["opcode"] == 1:
+        bits = f["capabilities"]
+        signals |= {"Major": f["major"], "Minor": f["minor"], "ParameterTables": bits & 1, "JitterSamples": bits >> 1 & 1,
+                    "WheelSpeeds": bits >> 2 & 1, "AttitudeConvention": f["attitude_convention"]}
+    elif f["opcode"] == 2 and f["page"] == 0:
+        signals |= {"InfoPage": 0, "DbcCrc32": f["dbc_crc32"]}
+    elif f["opcode"] == 2:
+        signals |= {"InfoPage": 1, "AttitudeRate": f["attitude_hz"], "JitterRate": f["jitter_hz"]}
+    elif f["opcode"] == 5:
+        signals |= {"AppliedTable": f.get("table", 0), "AppliedRows": f.get("rows", 0)}
+    return signals
+
+
+def cell(f):
+    name, columns = TABLES[f["table"]]
+    return {"TableNumber": f["table"], "Row": f["row"], name + "Column": f["column"], name + columns[f["column"]]: f["value"]}
+
+
+def signals_of(vector, name, data):
+    """What the signals of one frame should be, from the vector's physical values. A CRC is taken from the bytes."""
+    f, message = vector["fields"], vector["message"]
+    if message == "ATT_FD":
+        return attitude(f, int.from_bytes(data[6:8], "little"))[name]
+    if message == "JITTER_FD":
+        head = {"TimeTag": f["t_first_us"], "Period": f["period_us"], "Seq": f["seq"], "Samples": len(f["samples_arcsec"])}
+        return head | samples(f, 14)
+    return {
+        "SYNC": lambda: {"Counter": f["counter"]},
+        "TIME_FUP": lambda: {"Seconds": f["seconds"], "Fraction": f["fraction_2_24"] / 2**24, "Counter": f["counter"]},
+        "EXPOSURE": lambda: {"Frame": f["frame"], "AttitudeSeq": f["attitude_seq"], "MidExposure": f["mid_exposure_us"],
+                             "Age": f["age_us"]},
+        "STATUS": lambda: status(f),
+        "WHEELS": lambda: {f"Speed{i}": speed for i, speed in enumerate(f["speed_rpm"])},
+        "JITTER": lambda: {"Slot": f["slot"], **samples(f, 2)},
+        "TABLE": lambda: cell(f),
+        "RSP": lambda: response(f),
+        "CMD": lambda: command(f),
+        "HEARTBEAT": lambda: {"State": f["state"], "Major": f["major"]},
+    }[message]()
+
+
+def frames(vectors=VECTORS["messages"]):
+    """(vector, frame) of everything at base 0, node 0, whose opcode the DBC names."""
+    for vector in vectors:
+        if vector["base"] == vector["node"] == 0 and vector["fields"].get("opcode", 0) <= 5:
+            for frame in [vector["fd"]] + (vector["classic"] or []):
+                yield vector, frame
+
+
+def differences(db, vector, frame):
+    message, data = db.get_message_by_frame_id(int(frame["id"], 16)), bytes.fromhex(frame["data"])
+    wanted = signals_of(vector, message.name, data)
+    found = [] if len(data) == message.length else [f"{message.name}: {message.length} bytes"]
+    if message.is_fd != (len(data) > 8):
+        found.append(f"{message.name}: FD is {message.is_fd}")
+    try:
+        got = message.decode(data, decode_choices=False)
+    except cantools.database.DecodeError as error:
+        return found + [f"{message.name}: {error}"]
+    if got.keys() != wanted.keys():
+        return found + [f"{message.name}: signals {sorted(got)}, wanted {sorted(wanted)}"]
+    for name, value in wanted.items():
+        tolerance = abs(value) * (F32 if message.get_signal_by_name(name).is_float else F64)
+        if message.name in ("ATT_W", "ATT_A"):
+            tolerance = CLASSIC_RATE_RAD_S
+        if abs(got[name] - value) > tolerance:
+            found.append(f"{message.name}.{name}: {got[name]}, wanted {value}")
+    return found
+
+
+class AgainstTheVectors(unittest.TestCase):
+    def test_every_frame_is_read_as_it_was_meant(self):
+        db, count = database(), 0
+        for vector, frame in frames():
+            self.assertEqual(differences(db, vector, frame), [], vector["name"])
+            count += 1
+        self.assertGreater(count, 100)
+
+    def test_every_frame_is_made_from_its_physical_values(self):
+        db = database()
+        for vector, frame in frames():
+            message, data = db.get_message_by_frame_id(int(frame["id"], 16)), bytes.fromhex(frame["data"])
+            encoded = message.encode(signals_of(vector, message.name, data), strict=False)
+            self.assertEqual(encoded.hex(), frame["data"], vector["name"])
+
+    def test_every_message_is_covered(self):
+        seen = {int(frame["id"], 16) for _, frame in frames()}
+        self.assertEqual(seen, {message.frame_id for message in database().messages})
+
+    def test_a_flipped_byte_is_noticed(self):
+        db = database()
+        for vector, frame in frames():
+            data = bytearray.fromhex(frame["data"])
+            data[0] ^= 0x10
+            self.assertNotEqual(differences(db, vector, {**frame, "data": data.hex()}), [], vector["name"])
+
+    def test_a_moved_signal_is_noticed(self):
+        text = (KIT / "dbc/starloop.dbc").read_text()
+        for right, wrong in [("Qw : 64|32", "Qw : 65|31"), ("Speed1 : 16|16@1- (0.25,0)", "Speed1 : 16|16@1- (0.5,0)"),
+                             ("SIG_VALTYPE_ 1152 PsdDensityX : 1;\n", "")]:
+            self.assertIn(right, text)
+            db = cantools.database.load_string(text.replace(right, wrong), "dbc", strict=False)
+            self.assertTrue(any(differences(db, *each) for each in frames()), wrong)
+
+    def test_cycles_and_senders_are_told(self):
+        db = database()
+        cycles = {message.name: message.cycle_time for message in db.messages if message.cycle_time}
+        self.assertEqual(cycles["ATT_FD"], 10)
+        self.assertEqual(db.get_message_by_name("STATUS").senders, ["STIMULATOR"])
+        self.assertTrue(all(message.comment for message in db.messages))
+
+
+if __name__ == "__main__":
+    unittest.main()
