@@ -131,7 +131,7 @@ fn the_wrapper_itself_breaks_nothing() {
 fn every_broken_link_is_refused_for_what_it_does() {
     let cases = [
         (Fault::Reorders, "in order"),
-        (Fault::Drops, "was lost"),
+        (Fault::Drops, "wanted"),
         (Fault::Duplicates, "wanted"),
         (Fault::Alters, "wanted"),
         (Fault::Truncates, "wanted"),

@@ -169,11 +169,11 @@ fn serial_damage() -> Result<Vec<Damage>, String> {
             *byte ^= 0x10;
         }
         pieces.push(Damage { packets: vec![chunk(&bytes)?], reason: None });
-        // Cut off after this byte.
-        pieces.push(Damage { packets: vec![chunk(good.get(..=at).unwrap_or(&[]))?], reason: None });
+        // Cut off after this byte. The mark's delimiter makes the packet whole when nothing else is missing.
+        if at + 2 < good.len() {
+            pieces.push(Damage { packets: vec![chunk(good.get(..=at).unwrap_or(&[]))?], reason: None });
+        }
     }
-    // Cut off after nothing but the delimiter is no damage.
-    pieces.pop();
     for (reason, record) in illegal_records() {
         let packets = vec![chunk(&encoded(&Message::Attitude(record))?)?];
         pieces.push(Damage { packets, reason: Some(reason) });

@@ -131,17 +131,21 @@ pub(super) fn burst(suite: &mut Suite<'_>) -> Result<String, String> {
 
 /// The far end is on a thread of its own, and each packet must wake it.
 pub(super) fn echo(suite: &mut Suite<'_>) -> Result<String, String> {
-    let (mut near, far) = suite.pair()?;
+    // The far end outlives the exchange: closing a pseudo terminal throws away what is under way.
+    let (mut near, mut far) = suite.pair()?;
     let len = lengths(suite.format).last().copied().unwrap_or(0);
     let packets: Result<Vec<_>, _> = (0..ECHOES).map(|number| packet(suite.format, number, len)).collect();
     let (packets, bytes, clock) = (packets?, ECHOES * len, suite.clock);
+    let far = &mut *far;
     let trips = std::thread::scope(|scope| {
         let thread = std::thread::Builder::new().name("echo".into());
         let echoing = thread.spawn_scoped(scope, move || send_back(far, bytes, || clock.now() + PATIENCE));
         let echoing = echoing.map_err(|error| error.to_string())?;
         let trips = packets.iter().map(|packet| round_trip(suite, &mut *near, packet)).collect::<Result<Vec<_>, _>>();
         let echoed = echoing.join().map_err(|_| "the echo panicked".to_owned());
-        trips.and_then(|trips| echoed?.map(|()| trips))
+        let with_echo = |broken: String| format!("{broken}; at the other end: {echoed:?}");
+        let trips = trips.map_err(with_echo)?;
+        echoed?.map(|()| trips)
     });
     let mut trips = trips?;
     trips.sort_unstable();
@@ -152,15 +156,20 @@ pub(super) fn echo(suite: &mut Suite<'_>) -> Result<String, String> {
 fn round_trip(suite: &Suite<'_>, near: &mut dyn Link, packet: &Packet) -> Result<Span, String> {
     let began = suite.clock.now();
     near.send(packet).map_err(|error| error.to_string())?;
-    suite.expect(near, core::slice::from_ref(packet))?;
+    suite
+        .expect(near, core::slice::from_ref(packet))
+        .map_err(|broken| format!("{broken}; at this end: {:?}", near.counters()))?;
     Ok(suite.clock.now() - began)
 }
 
 /// Sends back what arrives until that was `bytes` bytes.
-fn send_back(mut link: Box<dyn Link>, mut bytes: usize, limit: impl Fn() -> Tai) -> Result<(), String> {
+fn send_back(link: &mut dyn Link, mut bytes: usize, limit: impl Fn() -> Tai) -> Result<(), String> {
     while bytes > 0 {
         let packet = link.receive(limit()).map_err(|error| error.to_string())?.ok_or("nothing to send back")?;
         link.send(&packet.value).map_err(|error| error.to_string())?;
+        if link.counters().unsent != 0 || link.counters().lost != 0 {
+            return Err(format!("{:?}", link.counters()));
+        }
         let len = match &packet.value {
             Packet::Can(frame) => frame.data().len(),
             Packet::Serial(chunk) => chunk.as_slice().len(),

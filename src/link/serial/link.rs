@@ -104,10 +104,11 @@ impl SerialLink {
         }
     }
 
+    /// The master's end of a pseudo terminal has nothing to come back to.
     fn lose(&mut self) {
-        self.port = None;
+        let was_master = matches!(self.port.take(), Some(Port::Master(_)));
         self.counters.lost += 1;
-        self.retry_at = self.clock.now() + RETRY;
+        self.retry_at = if was_master { Tai::from_ns(i64::MAX) } else { self.clock.now() + RETRY };
     }
 
     fn failed(&self, doing: &'static str, source: io::Error) -> LinkError {
