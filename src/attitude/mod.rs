@@ -4,7 +4,7 @@
 //! line of sight of one exposure, with the origin and age of what it is made from. Units: rad, s, TAI.
 //!
 //! ```text
-//! u32 ticks -> RemoteClock -> Tai                        (ticks)
+//! u32 ticks -> RemoteClock -> Tai                        (remote_clock)
 //! sample -> AttitudeHistory -> interpolate | predict | hold -> estimate
 //! burst | lines -> JitterHistory -> JitterTrack           (jitter)
 //! estimate + JitterTrack + mounting -> LosPath            (exposure_path, residual)
@@ -27,10 +27,10 @@ mod method;
 mod method_bound;
 mod motion_scale;
 mod predict;
+mod remote_clock;
 mod residual;
 mod ring;
 pub mod sample;
-mod ticks;
 
 pub use error::{AttitudeError, HistoryReject};
 pub use estimate::{Decision, EstimateLimits, EstimatedAttitude, StalePolicy, decide, state_at};
@@ -43,6 +43,8 @@ pub use measured::{AnalyticMotion, MeasuredError, SinusoidTurn, measured_predict
 pub use method::{AttitudeAssessment, AttitudeMethod, AttitudeVerdict, Reach, assess_methods, cheapest, state_by};
 pub use motion_scale::{MotionScale, Sinusoid};
 pub use predict::{AttitudeState, PredictionErrors, held_state, predict};
+pub use remote_clock::{
+    ClockEstimate, MeasuredDelay, Observed, ObservedPps, RemoteClock, RemoteClockLimits, remote_ticks_us, scet_ns,
+};
 pub use ring::{HistoryCounts, HistoryLimits};
 pub use sample::AttitudeSample;
-pub use ticks::{ClockEstimate, Observed, RemoteClock, RemoteClockLimits, remote_ticks_us, scet_ns};

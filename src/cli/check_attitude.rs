@@ -24,6 +24,8 @@ const WIRE_QUATERNION_RAD: f64 = 4.0 / 33_554_432.0;
 const CLASSIC_RATE_ERROR_RAD_S: f64 = 0.87e-6;
 /// Time tags are whole microseconds, rounded down.
 const TAG_S: f64 = 1e-6;
+/// Time correlation at ten marks a second, 99 % (`tests/physics/time_correlation.rs`).
+const CORRELATION_S: f64 = 2e-6;
 /// Frames of a classic attitude group.
 const CLASSIC_GROUP: i64 = 5;
 
@@ -119,10 +121,9 @@ pub(super) fn slew_scale(bench: &Bench) -> MotionScale {
 
 /// What the records themselves are wrong by.
 fn record_error_rad(bench: &Bench, situation: &Situation) -> f64 {
-    let window_s = bench.attitude.clock.window.s();
     let errors = PredictionErrors {
         rate_error_rad_s: if bench.link.wire == Wire::CanClassic { CLASSIC_RATE_ERROR_RAD_S } else { 0.0 },
-        clock_error_s: TAG_S + window_s * bench.flight_computer.clock_drift_ppm.abs() * 1e-6,
+        clock_error_s: TAG_S + CORRELATION_S,
         ..Default::default()
     };
     let rate = DVec3::X * situation.motion.rate_rad_s;

@@ -75,6 +75,11 @@ pub(super) struct AttitudeKeys {
     max_age_ms: Option<f64>,
     max_lead_ms: Option<f64>,
     link_delay_us: Option<f64>,
+    clock_window_s: Option<f64>,
+    clock_step_ms: Option<f64>,
+    clock_max_drift_ppm: Option<f64>,
+    clock_allan_1s: Option<f64>,
+    pps_sigma_us: Option<f64>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -134,9 +139,7 @@ impl AttitudeSettings {
             let advice = "a limit of several periods rides over a lost message";
             return Err(check.invalid("attitude.stale_after_ms", stale_after.ms(), wanted, advice));
         }
-        let delay = "calibrated microseconds from transmission to the receive stamp; 0 when unknown";
-        let delay_us =
-            check.number("attitude.link_delay_us", keys.link_delay_us, 0.0, Rule::Within(-1e6, 1e6), delay)?;
+        let clock = check_clock(keys, check)?;
         let limits = |rate_hz: f64| HistoryLimits {
             capacity: capacity(rate_hz, exposure_s + max_age.s() + HISTORY_MARGIN_S),
             max_age,
@@ -147,9 +150,40 @@ impl AttitudeSettings {
             history: limits(attitude_hz),
             jitter_history: limits(jitter_hz),
             jitter_max_gap: Span::from_ms(100),
-            clock: RemoteClockLimits { constant_delay: Span::from_s(delay_us * 1e-6), ..Default::default() },
+            clock,
         })
     }
+}
+
+/// Time correlation: what the link and the remote clock are like.
+fn check_clock(keys: &AttitudeKeys, check: &mut Checker<'_>) -> Result<RemoteClockLimits, ConfigError> {
+    let usual = RemoteClockLimits::default();
+    let mut number = |key: &str, given, default, rule, advice| {
+        check.number(&format!("attitude.{key}"), given, default, rule, advice)
+    };
+    let delay = "calibrated microseconds from transmission to the receive stamp; 0 when unknown";
+    let delay_us = number("link_delay_us", keys.link_delay_us, 0.0, Rule::Within(-1e6, 1e6), delay)?;
+    let window = "seconds of time marks that offset and drift are drawn from, such as 30";
+    let window_s = number("clock_window_s", keys.clock_window_s, usual.window.s(), Rule::Within(2.0, 600.0), window)?;
+    let step = "milliseconds by which a time mark must be off to be a step of a clock, such as 250";
+    let step_ms = number("clock_step_ms", keys.clock_step_ms, usual.step.ms(), Rule::Within(1.0, 60_000.0), step)?;
+    let drift = "parts per million that a clock may be off, such as 200; more is no clock's drift";
+    let most_ppm = usual.most_drift * 1e6;
+    let most_ppm =
+        number("clock_max_drift_ppm", keys.clock_max_drift_ppm, most_ppm, Rule::Within(1.0, 10_000.0), drift)?;
+    let allan = "Allan deviation of the flight computer's oscillator at 1 s, such as 5e-9";
+    let allan_1s = number("clock_allan_1s", keys.clock_allan_1s, usual.allan_1s, Rule::Within(1e-13, 1e-5), allan)?;
+    let pps = "microseconds, one sigma, of the stamps of pulses per second, such as 1";
+    let pps_us = usual.pps_sigma.s() * 1e6;
+    let pps_us = number("pps_sigma_us", keys.pps_sigma_us, pps_us, Rule::Within(1e-3, 1000.0), pps)?;
+    Ok(RemoteClockLimits {
+        window: Span::from_s(window_s),
+        constant_delay: Span::from_s(delay_us * 1e-6),
+        step: Span::from_s(step_ms * 1e-3),
+        most_drift: most_ppm * 1e-6,
+        allan_1s,
+        pps_sigma: Span::from_s(pps_us * 1e-6),
+    })
 }
 
 /// Samples at a rate over a time, 64 at least; the rates and times are checked, so 10^6 is a limit on memory only.

@@ -23,7 +23,7 @@ use crate::wiring::faults::FaultLine;
 /// two records.
 const RENDERED_ARCSEC: f64 = 0.5;
 /// Error of the time correlation that an interpolated frame may have, s: with the body's rate it is an angle.
-const CORRELATION_S: f64 = 200e-6;
+const CORRELATION_S: f64 = 50e-6;
 /// Late packets and the estimate of the clock outlive a delay by this.
 const DELAY_AFTERMATH: Span = Span::from_ms(5000);
 /// Faults shorter than this need not meet a packet or frame.

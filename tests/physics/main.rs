@@ -14,3 +14,4 @@ mod random_scenes;
 mod scene;
 mod stability;
 mod stamps;
+mod time_correlation;

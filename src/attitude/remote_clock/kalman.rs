@@ -1,0 +1,217 @@
+//! Offset and drift with their covariance: a Kalman filter of two states.
+//!
+//! Input: measured offsets (ns) and rates (ns/s = ppb) with their variances, at remote times. Model: the offset is the
+//! integral of the rate, the rate walks at random with `q` (ns/s)^2/s. An oscillator whose frequency walks has the Allan
+//! variance `q tau / 3`, so `q = 3 a^2` with `a` the Allan deviation at 1 s. Measurements come one by one (their errors
+//! are independent). One that lies further out than [`BELIEVED_SIGMAS`] is either a bad measurement or the sign of a shock;
+//! [`Trust`] says which: the measurement's variance or the prior's is widened until it lies that far out. Tests: against textbook least squares, and consistency in `tests/physics/time_correlation.rs`.
+
+/// Deviations within which a measurement is believed as it is.
+const BELIEVED_SIGMAS: f64 = 4.0;
+
+/// What to doubt when a measurement is a surprise.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Trust {
+    /// The prior.
+    Measurement,
+    /// The measurement.
+    Prior,
+}
+
+/// The state at one remote time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct TwoState {
+    at_remote_ns: i64,
+    /// Whole nanoseconds that `offset_ns` counts from: f64 would lose them.
+    base_ns: i64,
+    offset_ns: f64,
+    rate_ns_per_s: f64,
+    offset_variance: f64,
+    covariance: f64,
+    rate_variance: f64,
+}
+
+impl TwoState {
+    /// An offset and a rate of 0, with deviations.
+    pub(super) fn new(remote_ns: i64, offset_ns: i64, offset_sigma_ns: f64, rate_sigma_ns_per_s: f64) -> Self {
+        Self {
+            at_remote_ns: remote_ns,
+            base_ns: offset_ns,
+            offset_ns: 0.0,
+            rate_ns_per_s: 0.0,
+            offset_variance: offset_sigma_ns * offset_sigma_ns,
+            covariance: 0.0,
+            rate_variance: rate_sigma_ns_per_s * rate_sigma_ns_per_s,
+        }
+    }
+
+    pub(super) fn at_remote_ns(&self) -> i64 {
+        self.at_remote_ns
+    }
+
+    /// Offset: whole nanoseconds and the rest.
+    pub(super) fn offset(&self) -> (i64, f64) {
+        (self.base_ns, self.offset_ns)
+    }
+
+    pub(super) fn rate_ns_per_s(&self) -> f64 {
+        self.rate_ns_per_s
+    }
+
+    pub(super) fn offset_sigma_ns(&self) -> f64 {
+        self.offset_variance.max(0.0).sqrt()
+    }
+
+    pub(super) fn rate_sigma_ns_per_s(&self) -> f64 {
+        self.rate_variance.max(0.0).sqrt()
+    }
+
+    /// How far an offset lies above this state's, ns.
+    pub(super) fn above_ns(&self, offset_ns: i64) -> f64 {
+        offset_ns.saturating_sub(self.base_ns) as f64 - self.offset_ns
+    }
+
+    /// The state at another time.
+    pub(super) fn at(mut self, remote_ns: i64, walk: f64) -> Self {
+        let t_s = remote_ns.saturating_sub(self.at_remote_ns) as f64 * 1e-9;
+        let age_s = t_s.abs();
+        self.at_remote_ns = remote_ns;
+        self.offset_ns += self.rate_ns_per_s * t_s;
+        self.offset_variance +=
+            t_s * (2.0 * self.covariance + t_s * self.rate_variance) + walk * age_s * age_s * age_s / 3.0;
+        self.covariance += t_s * self.rate_variance + 0.5 * walk * t_s * age_s;
+        self.rate_variance += walk * age_s;
+        self.rebased()
+    }
+
+    /// Takes a measured offset: `base_ns + rest_ns`.
+    pub(super) fn with_offset(mut self, base_ns: i64, rest_ns: f64, variance: f64, trust: Trust) -> Self {
+        let innovation = self.above_ns(base_ns) + rest_ns;
+        let variance = self.widen(innovation, self.offset_variance, variance, trust);
+        let share = 1.0 / (self.offset_variance + variance);
+        let (by_offset, by_rate) = (self.offset_variance * share, self.covariance * share);
+        self.offset_ns += by_offset * innovation;
+        self.rate_ns_per_s += by_rate * innovation;
+        self.rate_variance -= by_rate * self.covariance;
+        self.covariance -= by_offset * self.covariance;
+        self.offset_variance -= by_offset * self.offset_variance;
+        self.rebased()
+    }
+
+    /// Takes a measured rate.
+    pub(super) fn with_rate(mut self, rate_ns_per_s: f64, variance: f64, trust: Trust) -> Self {
+        let innovation = rate_ns_per_s - self.rate_ns_per_s;
+        let variance = self.widen(innovation, self.rate_variance, variance, trust);
+        let share = 1.0 / (self.rate_variance + variance);
+        let (by_offset, by_rate) = (self.covariance * share, self.rate_variance * share);
+        self.offset_ns += by_offset * innovation;
+        self.rate_ns_per_s += by_rate * innovation;
+        self.offset_variance -= by_offset * self.covariance;
+        self.covariance -= by_rate * self.covariance;
+        self.rate_variance -= by_rate * self.rate_variance;
+        self
+    }
+
+    /// The same rate, a little less sure of itself, with an offset of which nothing is known but its size.
+    pub(super) fn shifted_to(mut self, remote_ns: i64, offset_ns: i64, offset_sigma_ns: f64, rate_shock: f64) -> Self {
+        self.at_remote_ns = remote_ns;
+        self.base_ns = offset_ns;
+        self.offset_ns = 0.0;
+        self.offset_variance = offset_sigma_ns * offset_sigma_ns;
+        self.covariance = 0.0;
+        self.rate_variance += rate_shock * rate_shock;
+        self
+    }
+
+    /// A rate within its limit.
+    pub(super) fn limited(mut self, most_ns_per_s: f64) -> Self {
+        self.rate_ns_per_s = self.rate_ns_per_s.clamp(-most_ns_per_s, most_ns_per_s);
+        self
+    }
+
+    /// Widens what is doubted, and gives the measurement's variance.
+    fn widen(&mut self, innovation: f64, prior: f64, measured: f64, trust: Trust) -> f64 {
+        let total = (innovation / BELIEVED_SIGMAS).powi(2);
+        if total <= prior + measured {
+            return measured;
+        }
+        if trust == Trust::Prior || prior <= 0.0 {
+            return total - prior;
+        }
+        let factor = (total - measured).max(prior) / prior;
+        self.offset_variance *= factor;
+        self.covariance *= factor;
+        self.rate_variance *= factor;
+        measured
+    }
+
+    /// Keeps the fractional part small.
+    fn rebased(mut self) -> Self {
+        #[allow(clippy::cast_possible_truncation, reason = "float-to-int casts saturate")]
+        let whole = self.offset_ns.round() as i64;
+        self.base_ns = self.base_ns.saturating_add(whole);
+        self.offset_ns -= whole as f64;
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rounding of sums of numbers near 1e6.
+    const ROUNDING: f64 = 1e-6;
+
+    #[test]
+    fn without_a_walk_it_is_least_squares() {
+        // Offsets at 0..5 s, of variance 4 ns^2, no prior: the straight line by the textbook's formulae.
+        let measured = [103.0, 98.0, 111.0, 116.0, 113.0, 125.0];
+        let n = measured.len() as f64;
+        let (mean_t, mean_y) = (2.5, measured.iter().sum::<f64>() / n);
+        let t_variance: f64 = (0..6).map(|t| (f64::from(t) - mean_t).powi(2)).sum();
+        let slope = (0..6).zip(measured).map(|(t, y)| (f64::from(t) - mean_t) * (y - mean_y)).sum::<f64>() / t_variance;
+        let mut state = TwoState::new(0, 0, 1e6, 1e6);
+        for (t, y) in (0_i64..).zip(measured) {
+            state = state.at(t * 1_000_000_000, 0.0).with_offset(0, y, 4.0, Trust::Prior);
+        }
+        let (base_ns, rest_ns) = state.offset();
+        assert!((base_ns as f64 + rest_ns - (mean_y + slope * 2.5)).abs() < ROUNDING, "{state:?}");
+        assert!((state.rate_ns_per_s() - slope).abs() < ROUNDING, "{state:?}");
+        let variance = 4.0 * (1.0 / n + 2.5 * 2.5 / t_variance);
+        assert!((state.offset_sigma_ns() - variance.sqrt()).abs() < ROUNDING, "{state:?}");
+        assert!((state.rate_sigma_ns_per_s() - (4.0 / t_variance).sqrt()).abs() < ROUNDING, "{state:?}");
+    }
+
+    #[test]
+    fn a_walk_widens_by_its_integrals() {
+        let state = TwoState::new(0, 0, 0.0, 0.0).at(10_000_000_000, 3.0);
+        assert!((state.offset_sigma_ns() - 1000.0_f64.sqrt()).abs() < ROUNDING, "q t^3 / 3");
+        assert!((state.rate_sigma_ns_per_s() - 30.0_f64.sqrt()).abs() < ROUNDING, "q t");
+        let known = state.with_offset(0, 0.0, 0.0, Trust::Prior);
+        // What the offset does not tell of the rate: q t / 4.
+        assert!((known.rate_sigma_ns_per_s() - 7.5_f64.sqrt()).abs() < ROUNDING, "{known:?}");
+    }
+
+    #[test]
+    fn a_shock_widens_the_prior_and_an_ordinary_error_does_not() {
+        let sure = TwoState::new(0, 0, 1.0, 1.0);
+        let ordinary = sure.with_offset(0, 5.0, 1.0, Trust::Measurement);
+        assert!((ordinary.offset().0 as f64 + ordinary.offset().1 - 2.5).abs() < ROUNDING, "the mean: {ordinary:?}");
+        let shocked = sure.with_offset(0, 400.0, 1.0, Trust::Measurement);
+        assert!(shocked.offset().0 >= 370, "{shocked:?}");
+        let turned = sure.with_rate(400.0, 1.0, Trust::Measurement);
+        assert!(turned.rate_ns_per_s() > 370.0, "{turned:?}");
+        let doubted = sure.with_offset(0, 400.0, 1.0, Trust::Prior);
+        assert_eq!(doubted.offset().0, 0, "{doubted:?}");
+        assert!(doubted.offset_sigma_ns() > 0.99, "nothing was learnt: {doubted:?}");
+    }
+
+    #[test]
+    fn large_offsets_keep_their_nanoseconds() {
+        let base_ns = 1_800_000_000_000_000_005;
+        let state = TwoState::new(0, base_ns - 4, 1e3, 0.0).with_offset(base_ns, 0.25, 1.0, Trust::Prior);
+        let (found_ns, rest_ns) = state.offset();
+        let above = (found_ns - base_ns) as f64 + rest_ns;
+        assert!((above - 0.25).abs() < 1e-4, "{above}");
+    }
+}

@@ -1,0 +1,310 @@
+//! One line of offset and drift under the marks: what earlier windows left in the filter, and the hull of this one.
+//!
+//! Input: marks (remote time, local minus remote), already judged. Output: a [`TwoState`] at any remote time. A window's
+//! hull is used from its first mark on, and goes into the filter once, when the window is full: no mark counts twice.
+//! Memory is the hulls' and is taken at construction; a mark costs O(1) on the whole, an estimate O(log n).
+
+use super::floor::DelayFloor;
+use super::hull::{Edge, HEIGHT_MEAN, HEIGHT_SIGMA, LowerHull, SLOPE_SIGMA};
+use super::kalman::{Trust, TwoState};
+use super::marks::Mark;
+
+/// Deviation of the first mark's delay, ns; halved in decades by each pair of marks: the chance that all were late.
+const FIRST_DELAY_SIGMA_NS: f64 = 1e6;
+/// The link's delay becomes known by so many marks; before, the hull's mean height is not taken off.
+const MARKS_FOR_BIAS: usize = 16;
+/// Marks for a slope of their own.
+const MARKS_FOR_SLOPE: usize = 3;
+/// Marks this many scales above the line say nothing of the floor.
+const NEAR_SCALES: f64 = 8.0;
+/// Marks, and seconds, that all lie above the line before the line follows them.
+const RISEN: (usize, f64) = (16, 4.0);
+/// The least of n delays is above this many `s/n` with a chance of e^-20. Less than what 16 marks must show is no rise:
+/// the hull follows it by and by.
+const RISEN_SCALES: f64 = 20.0;
+/// The line then begins again with so many of the newest of them: a mark that was only late may have been the first.
+const RISEN_KEPT: usize = 8;
+/// What a shift may have to do with the drift, ns/s (2 ppm) at most.
+const MOST_RATE_SHOCK: f64 = 2000.0;
+
+/// What the line takes as given.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct LineParams {
+    /// Length of a window of remote time, s.
+    pub window_s: f64,
+    /// Random walk of the rate, (ns/s)^2/s.
+    pub walk: f64,
+    /// Steeper slopes are no drift, ns/s.
+    pub most_rate_ns_per_s: f64,
+}
+
+/// Marks from an origin on, as a hull.
+#[derive(Debug, Clone)]
+struct Window {
+    hull: LowerHull,
+    origin: Mark,
+}
+
+/// Marks in a row that all lie above the line.
+#[derive(Debug, Clone, Copy)]
+struct Rising {
+    first: Mark,
+    newest: [Mark; RISEN_KEPT],
+    count: usize,
+    least_above_ns: f64,
+}
+
+/// Extremes of differences, and how many.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Seen {
+    smallest_ns: i64,
+    largest_ns: i64,
+    marks: usize,
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Line {
+    params: LineParams,
+    /// What the windows before this one left, at the middle of the last of them.
+    before: TwoState,
+    /// The filter and this window, at the newest mark.
+    now: TwoState,
+    window: Window,
+    rising: Rising,
+    floor: DelayFloor,
+    newest: Mark,
+    residual_ns: f64,
+    settled: usize,
+    seen: [Seen; 2],
+}
+
+impl Window {
+    fn new() -> Self {
+        Self { hull: LowerHull::new(), origin: Mark::default() }
+    }
+
+    fn push(&mut self, mark: Mark) {
+        if self.hull.count() == 0 {
+            self.origin = mark;
+        }
+        let from = self.origin;
+        let y_ns = mark.difference_ns.saturating_sub(from.difference_ns) as f64;
+        self.hull.push(mark.since_s(&from), y_ns);
+    }
+}
+
+impl Rising {
+    const NONE: Self = {
+        let nothing = Mark { remote_ns: 0, difference_ns: 0 };
+        Self { first: nothing, newest: [nothing; RISEN_KEPT], count: 0, least_above_ns: f64::MAX }
+    };
+
+    fn push(&mut self, mark: Mark, above_ns: f64) {
+        if self.count == 0 {
+            self.first = mark;
+        }
+        self.newest[self.count % RISEN_KEPT] = mark;
+        self.count += 1;
+        self.least_above_ns = self.least_above_ns.min(above_ns);
+    }
+
+    /// The newest marks, oldest first.
+    fn kept(&self) -> impl Iterator<Item = Mark> + use<> {
+        let (marks, count) = (self.newest, self.count);
+        (count.saturating_sub(RISEN_KEPT)..count).map(move |i| marks[i % RISEN_KEPT])
+    }
+}
+
+impl Seen {
+    const NONE: Self = Self { smallest_ns: i64::MAX, largest_ns: i64::MIN, marks: 0 };
+
+    fn with(self, other: Self) -> Self {
+        Self {
+            smallest_ns: self.smallest_ns.min(other.smallest_ns),
+            largest_ns: self.largest_ns.max(other.largest_ns),
+            marks: self.marks + other.marks,
+        }
+    }
+
+    fn of(mark: &Mark) -> Self {
+        Self { smallest_ns: mark.difference_ns, largest_ns: mark.difference_ns, marks: 1 }
+    }
+}
+
+impl Line {
+    pub(super) fn new(params: LineParams) -> Self {
+        let nowhere = TwoState::new(0, 0, FIRST_DELAY_SIGMA_NS, 0.25 * params.most_rate_ns_per_s);
+        Self {
+            params,
+            before: nowhere,
+            now: nowhere,
+            window: Window::new(),
+            rising: Rising::NONE,
+            floor: DelayFloor::new(),
+            newest: Mark::default(),
+            residual_ns: 0.0,
+            settled: 0,
+            seen: [Seen::NONE; 2],
+        }
+    }
+
+    /// Begins at a mark of which nothing else is known. The prior of the drift: a quarter of its limit.
+    pub(super) fn begin(&mut self, mark: Mark) {
+        let rate_sigma = 0.25 * self.params.most_rate_ns_per_s;
+        self.before = TwoState::new(mark.remote_ns, mark.difference_ns, FIRST_DELAY_SIGMA_NS, rate_sigma);
+        self.floor = DelayFloor::new();
+        self.restart(mark);
+    }
+
+    /// Begins at a mark after a step of `other`: drift and delays are those that were.
+    pub(super) fn begin_after(&mut self, other: &Self, mark: Mark) {
+        self.floor = other.floor;
+        self.before = other.now.shifted_to(mark.remote_ns, mark.difference_ns, FIRST_DELAY_SIGMA_NS, MOST_RATE_SHOCK);
+        self.restart(mark);
+    }
+
+    fn restart(&mut self, mark: Mark) {
+        self.window.hull.clear();
+        self.rising = Rising::NONE;
+        self.settled = 1;
+        self.seen = [Seen::NONE, Seen::of(&mark)];
+        self.newest = mark;
+        self.residual_ns = 0.0;
+        self.window.push(mark);
+        self.now = self.fused(mark.remote_ns);
+    }
+
+    /// The newest mark taken.
+    pub(super) fn newest(&self) -> Mark {
+        self.newest
+    }
+
+    /// Mean of queueing delays near the floor, ns.
+    pub(super) fn scale_ns(&self) -> f64 {
+        self.floor.scale_ns()
+    }
+
+    /// Height of the newest mark over the line as it was before that mark, ns.
+    pub(super) fn residual_ns(&self) -> f64 {
+        self.residual_ns
+    }
+
+    /// Smallest and largest difference, and marks, of this window and the one before.
+    pub(super) fn seen(&self) -> (i64, i64, usize) {
+        let seen = self.seen[0].with(self.seen[1]);
+        (seen.smallest_ns, seen.largest_ns, seen.marks)
+    }
+
+    /// The line at a remote time.
+    pub(super) fn at(&self, remote_ns: i64) -> TwoState {
+        self.now.at(remote_ns, self.params.walk)
+    }
+
+    /// Deviations of offset (ns) and rate (ns/s) at the newest mark.
+    pub(super) fn sigmas(&self) -> (f64, f64) {
+        (self.now.offset_sigma_ns(), self.now.rate_sigma_ns_per_s())
+    }
+
+    /// Takes a mark that is not below the line by more than `gate_ns`. True when the line had to follow marks that
+    /// all lie above it.
+    pub(super) fn take(&mut self, mark: Mark, gate_ns: f64) -> bool {
+        let above_ns = self.at(mark.remote_ns).above_ns(mark.difference_ns);
+        let near_ns = gate_ns + NEAR_SCALES * self.scale_ns();
+        self.close_full_window(&mark);
+        self.newest = mark;
+        self.residual_ns = above_ns;
+        self.seen[1] = self.seen[1].with(Seen::of(&mark));
+        if above_ns <= near_ns {
+            self.floor.observe(above_ns);
+            self.window.push(mark);
+        }
+        self.settled = self.settled.saturating_add(usize::from(above_ns <= gate_ns));
+        if above_ns <= gate_ns + RISEN_SCALES / RISEN.0 as f64 * self.scale_ns() {
+            self.rising = Rising::NONE;
+        } else {
+            self.rising.push(mark, above_ns);
+        }
+        let has_risen = self.has_risen(gate_ns);
+        if has_risen {
+            self.begin_shifted(self.rising.kept());
+        } else {
+            self.now = self.fused(mark.remote_ns);
+        }
+        has_risen
+    }
+
+    /// The line is not where these marks are: it begins again with them, and keeps its drift.
+    pub(super) fn begin_shifted(&mut self, marks: impl Iterator<Item = Mark>) {
+        let walk = self.params.walk;
+        self.window.hull.clear();
+        self.rising = Rising::NONE;
+        for mark in marks {
+            if self.window.hull.count() == 0 {
+                self.shift(mark, self.now.at(mark.remote_ns, walk).above_ns(mark.difference_ns));
+            }
+            self.seen[1] = self.seen[1].with(Seen::of(&mark));
+            self.window.push(mark);
+            self.newest = mark;
+        }
+        self.settled = self.window.hull.count();
+        self.residual_ns = 0.0;
+        self.now = self.fused(self.newest.remote_ns);
+    }
+
+    fn has_risen(&self, gate_ns: f64) -> bool {
+        let Rising { first, count, least_above_ns, .. } = self.rising;
+        let (wanted, wanted_s) = RISEN;
+        let young = 3 * self.settled;
+        let is_long =
+            if young < wanted { count >= young } else { count >= wanted && self.newest.since_s(&first) >= wanted_s };
+        is_long && least_above_ns > gate_ns + RISEN_SCALES * self.scale_ns() / count as f64
+    }
+
+    /// A shift may be the link's or, when it is small, the sign of a drift that the filter did not follow.
+    fn shift(&mut self, mark: Mark, above_ns: f64) {
+        let shock = (above_ns / self.params.window_s).abs().min(MOST_RATE_SHOCK);
+        let there = self.now.at(mark.remote_ns, self.params.walk);
+        self.before = there.shifted_to(mark.remote_ns, mark.difference_ns, FIRST_DELAY_SIGMA_NS, shock);
+        self.seen = [Seen::NONE, Seen::of(&mark)];
+    }
+
+    fn close_full_window(&mut self, mark: &Mark) {
+        if self.window.hull.count() > 0 && mark.since_s(&self.window.origin) > self.params.window_s {
+            if let Some(edge) = self.window.hull.middle_edge() {
+                self.before = self.measured(&edge);
+            }
+            self.window.hull.clear();
+            self.seen = [self.seen[1], Seen::NONE];
+        }
+    }
+
+    fn fused(&self, remote_ns: i64) -> TwoState {
+        let known = self.window.hull.middle_edge().map_or(self.before, |edge| self.measured(&edge));
+        known.at(remote_ns, self.params.walk).limited(self.params.most_rate_ns_per_s)
+    }
+
+    /// What was known before with this window's edge, at the edge's middle.
+    fn measured(&self, edge: &Edge) -> TwoState {
+        let LineParams { walk, most_rate_ns_per_s, .. } = self.params;
+        let (hull, origin) = (&self.window.hull, &self.window.origin);
+        let (count, length_s) = (hull.count(), hull.length_s());
+        let unit_ns = self.scale_ns() / count as f64;
+        let late_ns = FIRST_DELAY_SIGMA_NS * 10_f64.powi(-i32::try_from(count / 2).unwrap_or(i32::MAX));
+        let bias_ns = HEIGHT_MEAN * unit_ns;
+        let is_known = count >= MARKS_FOR_BIAS;
+        let is_long = is_known && length_s >= 0.5 * self.params.window_s;
+        let trust = if is_long { Trust::Measurement } else { Trust::Prior };
+        // What a walking rate bends the true line by, in the middle of a chord and over its length.
+        let (bent, turned) = (walk * length_s.powi(3) / 192.0, walk * length_s / 12.0);
+        let doubt_ns = late_ns + if is_known { 0.0 } else { bias_ns };
+        let height_variance = (HEIGHT_SIGMA * unit_ns).powi(2) + doubt_ns * doubt_ns + bent;
+        let height_ns = edge.height_ns - if is_known { bias_ns } else { 0.0 };
+        let middle = self.before.at(origin.later_ns(edge.x_s), walk);
+        let raised = middle.with_offset(origin.difference_ns, height_ns, height_variance, trust);
+        if count < MARKS_FOR_SLOPE || length_s <= 0.0 || edge.slope_ns_per_s.abs() > most_rate_ns_per_s {
+            return raised;
+        }
+        let slope_variance = ((SLOPE_SIGMA * unit_ns + doubt_ns) / length_s).powi(2) + turned;
+        raised.with_rate(edge.slope_ns_per_s, slope_variance, trust)
+    }
+}

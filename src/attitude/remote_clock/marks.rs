@@ -1,0 +1,146 @@
+//! Time marks, and which of them to believe.
+//!
+//! Input: a mark and the line so far. Output: a [`Verdict`]. Early is judged against the predicted line: a gate of 3 us
+//! and six deviations of the prediction (100 us of them at most while the line is young), since no delay is below the
+//! floor. Limits: marks that are damaged alike as often as [`AGREEING`] are believed; the bus's own checksum is what
+//! keeps them rare.
+
+use super::line::Line;
+use std::collections::VecDeque;
+
+/// Lonely marks that a further one must agree with.
+pub(super) const AGREEING: usize = 2;
+/// Marks after which a lonely one is forgotten: when the link has become faster most marks say so, damage is rare.
+const LONELY_FOR: u64 = 16;
+/// Consecutive marks beyond the limit that make a growing step.
+const LATE_MARKS_FOR_STEP: u32 = 3;
+/// Early marks agree within this, ns: at the rate of a fast slew (0.5 deg/s) it is 0.2 arcsec. Or within
+/// [`AGREE_SCALES`] scales of the delays, where those are more.
+const AGREE_NS: f64 = 100_000.0;
+const AGREE_SCALES: f64 = 4.0;
+/// Nothing is early by less, ns: the grain of stamps, and floors that are not quite constant.
+const LEAST_GATE_NS: f64 = 3_000.0;
+/// Deviations of the prediction within which a mark is no surprise.
+const GATE_SIGMAS: f64 = 6.0;
+/// As much as these may add while a line is young, ns.
+const MOST_SIGMAS_NS: f64 = 95_000.0;
+
+/// One pair of stamps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Mark {
+    /// Remote time of SYNC's transmission, ns.
+    pub remote_ns: i64,
+    /// Local time of its reception less that, ns.
+    pub difference_ns: i64,
+}
+
+/// What a mark is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// One of the line's.
+    Fits,
+    /// Earlier than can be, as others before it.
+    Fell,
+    /// Earlier than can be.
+    Lonely,
+    /// Later than the limit.
+    Late,
+    /// Of a clock that stepped.
+    Stepped,
+}
+
+/// The memory of doubtful marks.
+#[derive(Debug, Clone)]
+pub(super) struct Doubts {
+    /// With the number of each.
+    lonely: VecDeque<(u64, Mark)>,
+    judged: u64,
+    late_in_a_row: u32,
+}
+
+impl Mark {
+    /// Remote seconds from another mark to this.
+    pub(super) fn since_s(&self, other: &Self) -> f64 {
+        self.remote_ns.saturating_sub(other.remote_ns) as f64 * 1e-9
+    }
+
+    /// Remote time so many seconds after this mark, ns.
+    pub(super) fn later_ns(&self, by_s: f64) -> i64 {
+        #[allow(clippy::cast_possible_truncation, reason = "float-to-int casts saturate")]
+        let by_ns = (by_s * 1e9).round() as i64;
+        self.remote_ns.saturating_add(by_ns)
+    }
+}
+
+/// How far below the line a mark may lie, ns.
+pub(super) fn gate_ns(line: &Line, mark: &Mark) -> f64 {
+    let (offset_sigma_ns, rate_sigma_ns_per_s) = line.sigmas();
+    let silent_s = mark.since_s(&line.newest()).abs();
+    let young_ns = (GATE_SIGMAS * offset_sigma_ns).min(MOST_SIGMAS_NS);
+    LEAST_GATE_NS + young_ns + GATE_SIGMAS * rate_sigma_ns_per_s * silent_s
+}
+
+/// Whether a mark is one of the former line's and none of the present one's: near the floor of the one and not of the
+/// other, or no step away from the one (late, perhaps) and a step away from the other.
+pub(super) fn belongs_rather(mark: &Mark, former: &Line, present: &Line, step_ns: f64) -> bool {
+    let is_near = |line: &Line| lies_within(line, mark, gate_ns(line, mark) + AGREE_SCALES * line.scale_ns());
+    let could_be = |line: &Line| lies_within(line, mark, step_ns);
+    (is_near(former) && !is_near(present)) || (could_be(former) && is_step_away(mark, present, step_ns))
+}
+
+fn lies_within(line: &Line, mark: &Mark, most_above_ns: f64) -> bool {
+    let above_ns = line.at(mark.remote_ns).above_ns(mark.difference_ns);
+    mark.remote_ns >= line.newest().remote_ns && (-gate_ns(line, mark)..=most_above_ns).contains(&above_ns)
+}
+
+fn is_step_away(mark: &Mark, line: &Line, step_ns: f64) -> bool {
+    let above_ns = line.at(mark.remote_ns).above_ns(mark.difference_ns);
+    mark.remote_ns < line.newest().remote_ns || above_ns.abs() > step_ns
+}
+
+impl Doubts {
+    pub(super) fn new() -> Self {
+        Self { lonely: VecDeque::with_capacity(LONELY_FOR as usize), judged: 0, late_in_a_row: 0 }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.lonely.clear();
+        self.late_in_a_row = 0;
+    }
+
+    /// Judges a mark against the line; lonely ones are kept for those that may follow.
+    pub(super) fn judge(&mut self, line: &Line, mark: &Mark, step_ns: f64) -> Verdict {
+        self.judged += 1;
+        while self.lonely.front().is_some_and(|(number, _)| self.judged - number >= LONELY_FOR) {
+            self.lonely.pop_front();
+        }
+        let above_ns = line.at(mark.remote_ns).above_ns(mark.difference_ns);
+        if mark.remote_ns < line.newest().remote_ns || above_ns < -step_ns {
+            return Verdict::Stepped;
+        }
+        if above_ns > step_ns {
+            self.late_in_a_row += 1;
+            return if self.late_in_a_row >= LATE_MARKS_FOR_STEP { Verdict::Stepped } else { Verdict::Late };
+        }
+        if above_ns >= -gate_ns(line, mark) {
+            self.late_in_a_row = 0;
+            return Verdict::Fits;
+        }
+        if self.agreeing(line, mark).count() >= AGREEING {
+            self.late_in_a_row = 0;
+            return Verdict::Fell;
+        }
+        self.lonely.push_back((self.judged, *mark));
+        Verdict::Lonely
+    }
+
+    /// Lonely marks that agree with this one, in order of time.
+    pub(super) fn agreeing<'a>(&'a self, line: &Line, mark: &'a Mark) -> impl Iterator<Item = Mark> + 'a {
+        let within_ns = AGREE_NS.max(AGREE_SCALES * line.scale_ns());
+        let rate = line.at(mark.remote_ns).rate_ns_per_s();
+        self.lonely.iter().map(|(_, lonely)| *lonely).filter(move |lonely| {
+            let between_ns = mark.difference_ns.saturating_sub(lonely.difference_ns) as f64;
+            (between_ns - rate * mark.since_s(lonely)).abs() <= within_ns
+        })
+    }
+}

@@ -1,0 +1,144 @@
+//! The simulated far end: an oscillator, and a link that delays its marks.
+
+use starloop::attitude::{RemoteClockLimits, scet_ns};
+use starloop::base::random::{key, philox};
+use starloop::base::time::{Span, Tai};
+
+const BOOT_NS: i64 = 1_800_000_000_000_000_000;
+/// The link's delay when nothing queues.
+pub(super) const CONSTANT_DELAY: Span = Span::from_ns(300_000);
+const DRIFT_NS_PER_S: f64 = 20_000.0;
+
+/// Uniform, exponential and normal numbers from a counter.
+pub(super) struct Dice {
+    seed: u64,
+    drawn: u32,
+}
+
+/// How marks are delayed beyond the constant delay.
+#[derive(Clone, Copy)]
+pub(super) struct Link {
+    pub floor_ns: f64,
+    pub late_share: f64,
+    pub very_late_share: f64,
+}
+
+/// Oscillator and link. The remote clock reads true elapsed time and `ahead_ns` more.
+pub(super) struct Bench {
+    pub dice: Dice,
+    link: Link,
+    elapsed_s: f64,
+    ahead_ns: f64,
+    rate_ns_per_s: f64,
+    walk: f64,
+    /// Steady change of the rate.
+    pub ramp_ns_per_s2: f64,
+    /// Steps of the remote clock so far.
+    pub stepped_ns: i64,
+    /// Steps of the local clock so far.
+    pub local_stepped_ns: i64,
+    /// More delay than calibrated.
+    pub slower: Span,
+}
+
+impl Dice {
+    pub(super) fn new(seed: u64) -> Self {
+        Self { seed, drawn: 0 }
+    }
+
+    pub(super) fn uniform(&mut self) -> f64 {
+        self.drawn += 1;
+        (f64::from(philox([self.drawn, 0, 0, 0], key(self.seed))[0]) + 0.5) / 4_294_967_296.0
+    }
+
+    pub(super) fn exponential(&mut self, mean: f64) -> f64 {
+        -mean * self.uniform().ln()
+    }
+
+    pub(super) fn normal(&mut self) -> f64 {
+        (-2.0 * self.uniform().ln()).sqrt() * (core::f64::consts::TAU * self.uniform()).cos()
+    }
+}
+
+impl Link {
+    pub(super) const USUAL: Self = Self { floor_ns: 20_000.0, late_share: 0.1, very_late_share: 0.002 };
+
+    fn queueing_ns(&self, dice: &mut Dice) -> f64 {
+        let (floor, chance, size) = (dice.exponential(self.floor_ns), dice.uniform(), dice.uniform());
+        if chance < self.very_late_share {
+            floor + 50e6
+        } else if chance < self.very_late_share + self.late_share {
+            floor + 5e6 * size
+        } else {
+            floor
+        }
+    }
+}
+
+impl Bench {
+    pub(super) fn new(seed: u64, allan_1s: f64, link: Link) -> Self {
+        Self {
+            dice: Dice::new(seed),
+            link,
+            elapsed_s: 0.0,
+            ahead_ns: 0.0,
+            rate_ns_per_s: DRIFT_NS_PER_S,
+            // A random walk of the rate with q (ns/s)^2/s has the Allan variance q tau / 3.
+            walk: 3.0 * (allan_1s * 1e9).powi(2),
+            ramp_ns_per_s2: 0.0,
+            stepped_ns: 0,
+            local_stepped_ns: 0,
+            slower: Span::ZERO,
+        }
+    }
+
+    pub(super) fn ppm_more(&mut self, ppm: f64) {
+        self.rate_ns_per_s += 1000.0 * ppm;
+    }
+
+    /// An exact step of the integrated random walk.
+    pub(super) fn advance_to(&mut self, elapsed_s: f64) {
+        let t_s = elapsed_s - self.elapsed_s;
+        let (a, b) = (self.dice.normal(), self.dice.normal());
+        let turned = (self.walk * t_s).sqrt() * a;
+        let wandered = t_s * (0.5 * turned + (self.walk * t_s / 12.0).sqrt() * b);
+        self.ahead_ns += self.rate_ns_per_s * t_s + wandered + 0.5 * self.ramp_ns_per_s2 * t_s * t_s;
+        self.rate_ns_per_s += turned + self.ramp_ns_per_s2 * t_s;
+        self.elapsed_s = elapsed_s;
+    }
+
+    /// The remote clock's reading, ns, and the true local time.
+    pub(super) fn truth(&self) -> (i64, Tai) {
+        let elapsed_ns = (self.elapsed_s * 1e9).round() as i64;
+        let remote_ns = elapsed_ns + self.ahead_ns.round() as i64 + self.stepped_ns;
+        (remote_ns, Tai::from_ns(BOOT_NS + elapsed_ns + self.local_stepped_ns))
+    }
+
+    /// A mark sent at `at_s`: SCET as it goes over the wire, and the receive stamp.
+    pub(super) fn mark(&mut self, at_s: f64) -> (i64, Tai) {
+        self.advance_to(at_s);
+        let (remote_ns, local) = self.truth();
+        let queueing = Span::from_ns(self.link.queueing_ns(&mut self.dice).round() as i64);
+        (as_on_the_wire(remote_ns), local + CONSTANT_DELAY + self.slower + queueing)
+    }
+}
+
+/// SCET of whole seconds and 2^-24 s, cut.
+pub(super) fn as_on_the_wire(remote_ns: i64) -> i64 {
+    let (seconds, fraction) = scet(remote_ns);
+    scet_ns(seconds, fraction)
+}
+
+pub(super) fn scet(remote_ns: i64) -> (u32, u32) {
+    let (seconds, rest_ns) = (remote_ns.div_euclid(1_000_000_000), remote_ns.rem_euclid(1_000_000_000));
+    (u32::try_from(seconds).unwrap(), u32::try_from((rest_ns << 24) / 1_000_000_000).unwrap())
+}
+
+pub(super) fn limits() -> RemoteClockLimits {
+    RemoteClockLimits { constant_delay: CONSTANT_DELAY, ..Default::default() }
+}
+
+pub(super) fn quantile(values: &mut [f64], share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[((values.len() - 1) as f64 * share) as usize]
+}
