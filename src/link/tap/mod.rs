@@ -4,8 +4,6 @@ mod capture;
 #[cfg(test)]
 mod capture_tests;
 mod fault;
-#[cfg(test)]
-mod fault_tests;
 
 pub use capture::{Capture, CaptureOutcome, CapturingLink};
 pub use fault::{FaultControl, FaultyLink, LinkFault, TimedLinkFault};

@@ -1,0 +1,68 @@
+//! Packets with a wrong bit, packets without their tail, packets of nonsense.
+
+use crate::link::{CHUNK_MAX, Packet, SerialChunk, WireFormat};
+use firmware_protocol::can::CanFrame;
+use rand::RngExt;
+use rand::rngs::StdRng;
+
+/// Longest payloads of CAN frames.
+const CLASSIC_MAX: usize = 8;
+const FD_MAX: usize = 64;
+
+/// Changes one bit of the content, if there is any.
+pub(super) fn flip_a_bit(packet: &mut Packet, dice: &mut StdRng) {
+    let flip = |bytes: &mut [u8], dice: &mut StdRng| {
+        if !bytes.is_empty() {
+            let bit = dice.random_range(0..8 * bytes.len());
+            bytes[bit / 8] ^= 1 << (bit % 8);
+        }
+    };
+    match packet {
+        Packet::Can(frame) => {
+            let mut bytes = frame.data().to_vec();
+            flip(&mut bytes, dice);
+            let make = if frame.is_fd() { CanFrame::fd } else { CanFrame::classic };
+            *frame = make(frame.id(), &bytes).unwrap_or(*frame);
+        }
+        Packet::Serial(chunk) => {
+            let mut bytes = chunk.as_slice().to_vec();
+            flip(&mut bytes, dice);
+            *chunk = SerialChunk::new(&bytes).unwrap_or(*chunk);
+        }
+    }
+}
+
+/// Cuts the content to a random shorter length (of those that a frame can have); false when there is nothing to cut.
+pub(super) fn cut_the_tail(packet: &mut Packet, dice: &mut StdRng) -> bool {
+    let length = match packet {
+        Packet::Can(frame) => frame.data().len(),
+        Packet::Serial(chunk) => chunk.as_slice().len(),
+    };
+    if length == 0 {
+        return false;
+    }
+    let kept = dice.random_range(0..length);
+    match packet {
+        Packet::Can(frame) => *frame = can(frame.id(), frame.is_fd(), &frame.data()[..kept]).unwrap_or(*frame),
+        Packet::Serial(chunk) => *chunk = SerialChunk::new(&chunk.as_slice()[..kept]).unwrap_or(*chunk),
+    }
+    true
+}
+
+/// A packet of random content; `None` when there is none of such an identifier.
+pub(super) fn babble(format: WireFormat, id: u16, bytes: u8, dice: &mut StdRng) -> Option<Packet> {
+    let mut content = [0; CHUNK_MAX];
+    dice.fill(&mut content[..]);
+    let content = |most: usize| &content[..usize::from(bytes).min(most)];
+    match format {
+        WireFormat::CanClassic => can(id, false, content(CLASSIC_MAX)).map(Packet::Can),
+        WireFormat::CanFd => can(id, true, content(FD_MAX)).map(Packet::Can),
+        WireFormat::Serial => SerialChunk::new(content(CHUNK_MAX)).map(Packet::Serial),
+    }
+}
+
+/// The frame with the longest legal length that the data fill.
+fn can(id: u16, is_fd: bool, data: &[u8]) -> Option<CanFrame> {
+    let make = if is_fd { CanFrame::fd } else { CanFrame::classic };
+    (0..=data.len()).rev().find_map(|length| make(id, &data[..length]))
+}

@@ -1,0 +1,212 @@
+//! The link that spoils what it receives, and loses what it sends while it is off the bus.
+//!
+//! On the virtual clock the order in which packets are spoilt, and so what the dice say, is that of their receive times,
+//! however often the receiver looks.
+
+use super::damage::{babble, cut_the_tail, flip_a_bit};
+use super::{FaultControl, LinkFault, TimedLinkFault};
+use crate::base::clock::Clock;
+use crate::base::time::{Span, Tai};
+use crate::link::{Link, LinkCounters, LinkError, Packet, Stamped, WireFormat};
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// Most copies of one packet, however many faults double it.
+const MOST_COPIES: u32 = 8;
+/// Most packets that wait to be handed on; more are lost and counted.
+const MOST_WAITING: usize = 65_536;
+
+/// A link that spoils what it receives.
+pub struct FaultyLink {
+    inner: Box<dyn Link>,
+    clock: Arc<dyn Clock>,
+    control: FaultControl,
+    dice: StdRng,
+    /// How babble looks.
+    format: WireFormat,
+    /// Received and not yet handed on, in order of when they are due.
+    waiting: VecDeque<Waiting>,
+    overflows: u64,
+    unsent: u64,
+}
+
+/// A stamp may be wrong on purpose: when a packet is handed on is kept beside it.
+#[derive(Clone, Copy)]
+struct Waiting {
+    due: Tai,
+    packet: Stamped<Packet>,
+}
+
+impl FaultyLink {
+    /// Faults of `control` on top of `inner`; babble is classic CAN.
+    #[must_use]
+    pub fn new(inner: Box<dyn Link>, clock: Arc<dyn Clock>, control: FaultControl, seed: u64) -> Self {
+        Self {
+            inner,
+            clock,
+            control,
+            dice: StdRng::seed_from_u64(seed),
+            format: WireFormat::CanClassic,
+            waiting: VecDeque::new(),
+            overflows: 0,
+            unsent: 0,
+        }
+    }
+
+    /// The same with babble of another wire.
+    #[must_use]
+    pub fn babbling_as(self, format: WireFormat) -> Self {
+        Self { format, ..self }
+    }
+
+    /// Takes a packet in, after the babble that was there before it.
+    fn admit(&mut self, packet: Stamped<Packet>) {
+        self.babble_until(packet.at);
+        self.spoil(packet);
+    }
+
+    fn babble_until(&mut self, until: Tai) {
+        while let Some(packet) = self.next_babble(until) {
+            self.spoil(packet);
+        }
+    }
+
+    /// The next packet of babble that is due by `until`.
+    fn next_babble(&mut self, until: Tai) -> Option<Stamped<Packet>> {
+        let Self { control, dice, format, .. } = self;
+        loop {
+            let mut timed = control.lock();
+            let due = timed.iter_mut().filter_map(|fault| Some((fault.babble_due()?, fault)));
+            let (at, fault) = due.min_by_key(|(at, _)| *at).filter(|(at, _)| *at <= until)?;
+            fault.hits += 1;
+            let LinkFault::Babble { id, bytes, .. } = fault.fault else { return None };
+            if let Some(value) = babble(*format, id, bytes, dice) {
+                return Some(Stamped { at, value });
+            }
+        }
+    }
+
+    fn babble_due(&self) -> Option<Tai> {
+        self.control.lock().iter().filter_map(TimedLinkFault::babble_due).min()
+    }
+
+    /// What becomes of one packet: none, one or more of it, perhaps later, damaged or with another stamp.
+    fn spoil(&mut self, packet: Stamped<Packet>) {
+        let mut spoilt = Spoilt { copies: 1, later: Span::ZERO, stamp_off: Span::ZERO, value: packet.value };
+        let Self { control, dice, .. } = self;
+        for timed in control.lock().iter_mut().filter(|timed| timed.is_active(packet.at)) {
+            if spoilt.hit(timed, packet.at, dice) {
+                timed.hits += 1;
+            }
+        }
+        let due = packet.at + spoilt.later;
+        let packet = Stamped { at: due + spoilt.stamp_off, value: spoilt.value };
+        let place = self.waiting.partition_point(|earlier| earlier.due <= due);
+        for _ in 0..spoilt.copies {
+            if self.waiting.len() >= MOST_WAITING {
+                self.overflows += 1;
+            } else {
+                self.waiting.insert(place, Waiting { due, packet });
+            }
+        }
+    }
+
+    /// Takes in everything that has arrived by `now`, without waiting.
+    fn take_in(&mut self, now: Tai) -> Result<(), LinkError> {
+        while let Some(packet) = self.inner.receive(now)? {
+            self.admit(packet);
+        }
+        self.babble_until(now);
+        Ok(())
+    }
+
+    fn due_by(&mut self, now: Tai) -> Option<Stamped<Packet>> {
+        let is_due = self.waiting.front().is_some_and(|first| first.due <= now);
+        if is_due { self.waiting.pop_front().map(|first| first.packet) } else { None }
+    }
+}
+
+/// A packet while faults act on it.
+struct Spoilt {
+    copies: u32,
+    later: Span,
+    stamp_off: Span,
+    value: Packet,
+}
+
+impl Spoilt {
+    /// Lets a fault act on a packet that arrived at `arrived`; false when it did nothing to it.
+    fn hit(&mut self, timed: &TimedLinkFault, arrived: Tai, dice: &mut StdRng) -> bool {
+        let is_hit = match timed.fault {
+            LinkFault::Loss { share }
+            | LinkFault::Duplicate { share }
+            | LinkFault::WrongBits { share }
+            | LinkFault::Reorder { share, .. }
+            | LinkFault::Truncate { share } => dice.random::<f64>() < share,
+            LinkFault::Babble { .. } => false,
+            _ => true,
+        };
+        if !is_hit {
+            return false;
+        }
+        match timed.fault {
+            LinkFault::Silence | LinkFault::Off | LinkFault::Loss { .. } => self.copies = 0,
+            LinkFault::Delay { by, jitter } => {
+                self.later = self.later + by + Span::from_s(jitter.s() * dice.random::<f64>());
+            }
+            LinkFault::Reorder { by, .. } => self.later = self.later + by,
+            LinkFault::Duplicate { .. } => self.copies = (self.copies * 2).min(MOST_COPIES),
+            LinkFault::WrongBits { .. } => flip_a_bit(&mut self.value, dice),
+            LinkFault::Truncate { .. } => return cut_the_tail(&mut self.value, dice),
+            LinkFault::ClockStep { by } => self.stamp_off = self.stamp_off + by,
+            LinkFault::ClockDrift { ppm } => {
+                self.stamp_off = self.stamp_off + Span::from_s((arrived - timed.from).s() * ppm * 1e-6);
+            }
+            LinkFault::Babble { .. } => {}
+        }
+        true
+    }
+}
+
+impl Link for FaultyLink {
+    fn receive(&mut self, until: Tai) -> Result<Option<Stamped<Packet>>, LinkError> {
+        loop {
+            let now = self.clock.now();
+            self.take_in(now)?;
+            let packet = self.due_by(now);
+            if packet.is_some() || !self.clock.is_real() || now >= until {
+                return Ok(packet);
+            }
+            let due = self.waiting.front().map(|first| first.due);
+            let wake = due.into_iter().chain(self.babble_due()).min().map_or(until, |due| due.min(until));
+            if let Some(packet) = self.inner.receive(wake)? {
+                self.admit(packet);
+            }
+        }
+    }
+
+    fn send(&mut self, packet: &Packet) -> Result<Tai, LinkError> {
+        let now = self.clock.now();
+        let is_off = |timed: &&mut TimedLinkFault| timed.fault == LinkFault::Off && timed.is_active(now);
+        if let Some(off) = self.control.lock().iter_mut().find(is_off) {
+            off.hits += 1;
+            self.unsent += 1;
+            return Ok(now);
+        }
+        self.inner.send(packet)
+    }
+
+    fn counters(&self) -> LinkCounters {
+        let inner = self.inner.counters();
+        let now = self.clock.now();
+        let offs = self.control.lock().iter().filter(|timed| timed.fault == LinkFault::Off && timed.from <= now).count();
+        LinkCounters {
+            overflows: inner.overflows + self.overflows,
+            unsent: inner.unsent + self.unsent,
+            bus_off: inner.bus_off + offs as u64,
+            ..inner
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! A link on which things go wrong on purpose: what can go wrong, when, and how often it did.
+//!
+//! ```text
+//! kinds and their times (here) -> link (what becomes of a packet) -> damage (wrong bits, cut tails, babble)
+//! ```
+//!
+//! Packets are spoilt where they are received, by their receive time, in order of the faults. Deterministic: what becomes
+//! of a packet depends on the seed and on the packets before it only. Limits: a delayed packet is delivered when the
+//! receiver next looks; on a real CAN bus wrong bits and cut frames are refused by the controllers, so they stand for what
+//! gets past them; babble takes no time on the wire, so it delays nobody. Tests: `tests`.
+
+mod damage;
+mod link;
+#[cfg(test)]
+mod tests;
+
+pub use link::FaultyLink;
+
+use crate::base::time::{Span, Tai};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// What goes wrong.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LinkFault {
+    /// A share of the packets is lost.
+    Loss {
+        /// 0 to 1.
+        share: f64,
+    },
+    /// Nothing arrives.
+    Silence,
+    /// Everything arrives later.
+    Delay {
+        /// Constant part.
+        by: Span,
+        /// Added at random, uniform from 0 to this: packets may overtake each other.
+        jitter: Span,
+    },
+    /// A share of the packets arrives twice.
+    Duplicate {
+        /// 0 to 1.
+        share: f64,
+    },
+    /// One bit is wrong in a share of the packets.
+    WrongBits {
+        /// 0 to 1.
+        share: f64,
+    },
+    /// A share of the packets is held back, so that later ones overtake them; they arrive, and are stamped, later.
+    Reorder {
+        /// 0 to 1.
+        share: f64,
+        /// How long they are held back.
+        by: Span,
+    },
+    /// A share of the packets loses its tail: fewer data bytes on CAN, the end of a chunk on serial.
+    Truncate {
+        /// 0 to 1.
+        share: f64,
+    },
+    /// Somebody talks nonsense: a packet of random content every period.
+    Babble {
+        /// CAN identifier, 11 bits; of no use on serial.
+        id: u16,
+        /// From one to the next, above zero.
+        period: Span,
+        /// Bytes of content, cut to what the wire carries in one packet.
+        bytes: u8,
+    },
+    /// The receiving side's clock is off by this while it lasts: so are the stamps. At the end it steps back.
+    ClockStep {
+        /// Added to each stamp; may be negative.
+        by: Span,
+    },
+    /// The receiving side's clock drifts while it lasts; at the end it steps back.
+    ClockDrift {
+        /// Parts per million; above zero: fast.
+        ppm: f64,
+    },
+    /// The controller is off the bus: nothing arrives, and what is sent is lost.
+    Off,
+}
+
+/// A fault with its time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TimedLinkFault {
+    /// Begin.
+    pub from: Tai,
+    /// End, exclusive.
+    pub until: Tai,
+    /// What goes wrong.
+    pub fault: LinkFault,
+    /// Packets hit so far: lost, changed, restamped; for babble, packets that were made.
+    pub hits: u64,
+}
+
+impl TimedLinkFault {
+    fn is_active(&self, at: Tai) -> bool {
+        self.from <= at && at < self.until
+    }
+
+    /// When the next packet of babble is due.
+    fn babble_due(&self) -> Option<Tai> {
+        let LinkFault::Babble { period, .. } = self.fault else { return None };
+        let count = i64::try_from(self.hits).unwrap_or(i64::MAX);
+        let due = self.from + Span::from_ns(period.ns().max(1).saturating_mul(count));
+        (due < self.until).then_some(due)
+    }
+}
+
+/// The list of faults, shared by a link and whoever commands it.
+#[derive(Debug, Clone, Default)]
+pub struct FaultControl {
+    timed: Arc<Mutex<Vec<TimedLinkFault>>>,
+}
+
+impl FaultControl {
+    fn lock(&self) -> MutexGuard<'_, Vec<TimedLinkFault>> {
+        self.timed.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Adds a fault; the number under which [`Self::timed`] lists it.
+    pub fn add(&self, from: Tai, until: Tai, fault: LinkFault) -> usize {
+        let mut timed = self.lock();
+        timed.push(TimedLinkFault { from, until, fault, hits: 0 });
+        timed.len() - 1
+    }
+
+    /// Every fault, in the order in which they were added, with its hits.
+    #[must_use]
+    pub fn timed(&self) -> Vec<TimedLinkFault> {
+        self.lock().clone()
+    }
+}
