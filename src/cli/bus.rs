@@ -197,7 +197,8 @@ impl BusArgs {
     }
 }
 
-fn kind_name(kind: GatewayKind) -> &'static str {
+/// A gateway in words.
+pub(super) fn kind_name(kind: GatewayKind) -> &'static str {
     match kind {
         GatewayKind::SlcanTcp => "slcan (TCP)",
         GatewayKind::SlcanPty => "slcan (PTY)",

@@ -75,11 +75,22 @@ fn told(action: &Action) -> String {
     match action {
         Action::Slew(target) => pointing(target),
         Action::Bus(fault) | Action::BusBack(fault) => match fault {
-            LinkFault::Loss { share } | LinkFault::Duplicate { share } | LinkFault::WrongBits { share } => {
+            LinkFault::Loss { share }
+            | LinkFault::Duplicate { share }
+            | LinkFault::WrongBits { share }
+            | LinkFault::Truncate { share } => {
                 format!("{} % of the packets", share * 100.0)
             }
             LinkFault::Delay { by, jitter } => format!("{} ms, jitter {} ms", by.s() * 1e3, jitter.s() * 1e3),
-            LinkFault::Silence => String::new(),
+            LinkFault::Reorder { share, by } => {
+                format!("{} % of the packets, held back {} ms", share * 100.0, by.s() * 1e3)
+            }
+            LinkFault::Babble { id, period, bytes } => {
+                format!("identifier 0x{id:03X}, {bytes} bytes, each {} ms", period.s() * 1e3)
+            }
+            LinkFault::ClockStep { by } => format!("{} ms", by.s() * 1e3),
+            LinkFault::ClockDrift { ppm } => format!("{ppm} ppm"),
+            LinkFault::Silence | LinkFault::Off => String::new(),
         },
         Action::Frame { head, fault: FrameFault::Late(by) } => format!("{} ms, {}", by.s() * 1e3, of_head(*head)),
         Action::Frame { head, fault: FrameFault::StrayLight { e_per_s } } => {

@@ -4,6 +4,7 @@ use crate::base::clock::{Clock, Monotonic, Stopwatch, Virtual};
 use crate::base::time::Tai;
 use crate::cli::budget::budget_report;
 use crate::cli::budget_files;
+use crate::cli::bus::kind_name;
 use crate::cli::calibrate::costs_here;
 use crate::cli::check_attitude::slew_scale;
 use crate::cli::monitor::Monitor;
@@ -11,9 +12,11 @@ use crate::cli::run_input::{bench, document, scenario};
 use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, run_scenario};
 use crate::config::{self, Bench, Scenario, StartTime};
 use crate::link::capture::CaptureFormat;
+use crate::link::gateway::Gateways;
 use crate::link::{Link, Port};
 use crate::report::{HygieneLine, Progress, RunSummary, summary_table};
 use crate::runtime::hygiene::Role;
+use crate::runtime::real_time::Sources;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::{FrameEngine, Hygiene, HygieneParams, RunOutcome, RunRecord, real_time, virtual_time};
 use crate::sink::{NullSink, Recorder, RecorderOptions, SentFrame, Sink, write_file_atomically};
@@ -389,7 +392,8 @@ struct Setup<'a> {
 impl Setup<'_> {
     fn real(&self, engine: &mut FrameEngine, receiver: &mut Receiver, sink: Box<dyn Sink>) -> Result<RunOutcome> {
         let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(self.start));
-        let Ports { near, far } = open_ports(self.bench, &clock, &mut |link| self.tapped(link))?;
+        let Ports { near, far, pulses, gateways } = open_ports(self.bench, &clock, &mut |link| self.tapped(link))?;
+        tell_doors(&gateways);
         let over = Arc::new(AtomicBool::new(false));
         let begin = |far| {
             let computer = FlightComputer::new(bench_parts::flight_computer(self.bench, self.start));
@@ -399,7 +403,7 @@ impl Setup<'_> {
         let mut send = self.sender(engine.params().frames);
         let ring_frames = usize::try_from(self.bench.budget.ring_frames)?;
         let setting = real_time::Setting { clock: &clock, stop: self.stop, hygiene: self.hygiene, ring_frames };
-        let outcome = real_time::run_in(&setting, engine, receiver, near, sink, &mut send);
+        let outcome = real_time::run_in(&setting, engine, receiver, Sources { ports: near, pulses }, sink, &mut send);
         over.store(true, Ordering::SeqCst);
         match thread.map(std::thread::JoinHandle::join) {
             None | Some(Ok(Ok(()))) => Ok(outcome),
@@ -419,7 +423,7 @@ impl Setup<'_> {
         if let Some(what) = needs_real_clock(self.bench) {
             bail!("--clock virtual: got a bench with {what}, which has a time of its own; wanted --clock real");
         }
-        let Ports { mut near, far } = open_ports(self.bench, &shared, &mut |link| self.tapped(link))?;
+        let Ports { mut near, far, .. } = open_ports(self.bench, &shared, &mut |link| self.tapped(link))?;
         let (Some(near), Some(mut far)) = (near.first_mut(), far) else { bail!("the bench has no two ends") };
         let mut computer = FlightComputer::new(bench_parts::flight_computer(self.bench, self.start));
         let mut far_end = |now: Tai| {
@@ -465,6 +469,13 @@ impl Setup<'_> {
             };
             let _monitor_is_busy = updates.try_send(update);
         }
+    }
+}
+
+/// Where programs outside find the bus.
+fn tell_doors(gateways: &[Gateways]) {
+    for (kind, address) in gateways.iter().flat_map(Gateways::addresses) {
+        eprintln!("gateway: {} at {address}", kind_name(kind));
     }
 }
 

@@ -95,6 +95,11 @@ pub(super) struct EventKeys {
     share: Option<f64>,
     delay_ms: Option<f64>,
     jitter_ms: Option<f64>,
+    can_id: Option<i64>,
+    period_ms: Option<f64>,
+    bytes: Option<i64>,
+    step_ms: Option<f64>,
+    ppm: Option<f64>,
     late_ms: Option<f64>,
     e_per_s: Option<f64>,
     rate_deg_h: Option<[f64; 3]>,
@@ -103,7 +108,7 @@ pub(super) struct EventKeys {
 }
 
 /// Every word for `do`, and what it is.
-const ACTIONS: [(&str, Kind); 21] = [
+const ACTIONS: [(&str, Kind); 27] = [
     ("slew", Kind::Slew),
     ("safe", Kind::Safe),
     ("resume", Kind::Resume),
@@ -112,6 +117,12 @@ const ACTIONS: [(&str, Kind); 21] = [
     ("bus_delay", Kind::BusDelay),
     ("bus_duplicate", Kind::BusDuplicate),
     ("bus_wrong_bits", Kind::BusWrongBits),
+    ("bus_reorder", Kind::BusReorder),
+    ("bus_truncate", Kind::BusTruncate),
+    ("bus_babble", Kind::BusBabble),
+    ("bus_off", Kind::BusOff),
+    ("clock_step", Kind::ClockStep),
+    ("clock_drift", Kind::ClockDrift),
     ("bus_back_loss", Kind::BusBackLoss),
     ("frame_drop", Kind::FrameDrop),
     ("frame_duplicate", Kind::FrameDuplicate),
@@ -137,6 +148,12 @@ enum Kind {
     BusDelay,
     BusDuplicate,
     BusWrongBits,
+    BusReorder,
+    BusTruncate,
+    BusBabble,
+    BusOff,
+    ClockStep,
+    ClockDrift,
     BusBackLoss,
     FrameDrop,
     FrameDuplicate,
@@ -212,7 +229,7 @@ impl Event {
 
 impl EventKeys {
     /// Every key that belongs to some words only, and whether it is given.
-    fn given(&self) -> [(&'static str, bool); 12] {
+    fn given(&self) -> [(&'static str, bool); 17] {
         [
             ("for_s", self.for_s.is_some()),
             ("ra_deg", self.ra_deg.is_some()),
@@ -221,6 +238,11 @@ impl EventKeys {
             ("share", self.share.is_some()),
             ("delay_ms", self.delay_ms.is_some()),
             ("jitter_ms", self.jitter_ms.is_some()),
+            ("can_id", self.can_id.is_some()),
+            ("period_ms", self.period_ms.is_some()),
+            ("bytes", self.bytes.is_some()),
+            ("step_ms", self.step_ms.is_some()),
+            ("ppm", self.ppm.is_some()),
             ("late_ms", self.late_ms.is_some()),
             ("e_per_s", self.e_per_s.is_some()),
             ("rate_deg_h", self.rate_deg_h.is_some()),
@@ -242,8 +264,14 @@ impl Kind {
         match self {
             Self::Slew => (&["ra_deg", "dec_deg"], &["roll_deg"]),
             Self::Safe | Self::Resume => (&[], &[]),
-            Self::BusLoss | Self::BusDuplicate | Self::BusWrongBits | Self::BusBackLoss => (&["for_s", "share"], &[]),
-            Self::BusSilence | Self::GyroDropout | Self::GyroStuck => (&["for_s"], &[]),
+            Self::BusLoss | Self::BusDuplicate | Self::BusWrongBits | Self::BusTruncate | Self::BusBackLoss => {
+                (&["for_s", "share"], &[])
+            }
+            Self::BusReorder => (&["for_s", "share", "delay_ms"], &[]),
+            Self::BusBabble => (&["for_s", "can_id", "period_ms"], &["bytes"]),
+            Self::ClockStep => (&["for_s", "step_ms"], &[]),
+            Self::ClockDrift => (&["for_s", "ppm"], &[]),
+            Self::BusSilence | Self::BusOff | Self::GyroDropout | Self::GyroStuck => (&["for_s"], &[]),
             Self::BusDelay => (&["for_s", "delay_ms"], &["jitter_ms"]),
             Self::FrameDrop | Self::FrameDuplicate | Self::FrameTorn | Self::FrameBlank | Self::TrackerOff => {
                 (&["for_s"], &["head"])
@@ -284,6 +312,23 @@ impl Reader<'_, '_> {
             }),
             Kind::BusDuplicate => Action::Bus(LinkFault::Duplicate { share: self.share()? }),
             Kind::BusWrongBits => Action::Bus(LinkFault::WrongBits { share: self.share()? }),
+            Kind::BusReorder => Action::Bus(LinkFault::Reorder {
+                share: self.share()?,
+                by: self.milliseconds("delay_ms", self.keys.delay_ms)?,
+            }),
+            Kind::BusTruncate => Action::Bus(LinkFault::Truncate { share: self.share()? }),
+            Kind::BusBabble => Action::Bus(self.babble()?),
+            Kind::BusOff => Action::Bus(LinkFault::Off),
+            Kind::ClockStep => {
+                let advice = "milliseconds, below zero for a clock that falls behind";
+                let ms = self.required("step_ms", self.keys.step_ms, Rule::Within(-60_000.0, 60_000.0), advice)?;
+                Action::Bus(LinkFault::ClockStep { by: Span::from_s(ms * 1e-3) })
+            }
+            Kind::ClockDrift => {
+                let advice = "parts per million, below zero for a slow clock";
+                let ppm = self.required("ppm", self.keys.ppm, Rule::Within(-10_000.0, 10_000.0), advice)?;
+                Action::Bus(LinkFault::ClockDrift { ppm })
+            }
             Kind::BusBackLoss => Action::BusBack(LinkFault::Loss { share: self.share()? }),
             Kind::FrameDrop => frame(FrameFault::Drop)?,
             Kind::FrameDuplicate => frame(FrameFault::Duplicate)?,
@@ -313,6 +358,27 @@ impl Reader<'_, '_> {
 
     fn required(&self, name: &str, given: Option<f64>, rule: Rule, advice: &str) -> Result<f64, ConfigError> {
         self.check.required(&self.key(name), given, rule, advice)
+    }
+
+    fn babble(&self) -> Result<LinkFault, ConfigError> {
+        let advice = "milliseconds from one packet to the next, such as 0.5";
+        let period_ms = self.required("period_ms", self.keys.period_ms, Rule::Within(0.05, 60_000.0), advice)?;
+        let id =
+            self.whole("can_id", self.keys.can_id, 0x7FF, "an identifier of 11 bits, such as 0x123; no use on serial")?;
+        let bytes = self.whole("bytes", Some(self.keys.bytes.unwrap_or(8)), 64, "bytes of content, 8 if left out")?;
+        Ok(LinkFault::Babble { id, period: Span::from_s(period_ms * 1e-3), bytes })
+    }
+
+    fn whole<N: TryFrom<i64>>(
+        &self,
+        name: &str,
+        given: Option<i64>,
+        most: i64,
+        advice: &str,
+    ) -> Result<N, ConfigError> {
+        let got = given.map_or_else(|| "missing".into(), |number| number.to_string());
+        let fits = given.filter(|number| (0..=most).contains(number)).and_then(|number| N::try_from(number).ok());
+        fits.ok_or_else(|| self.check.invalid(&self.key(name), got, format!("a whole number from 0 to {most}"), advice))
     }
 
     fn share(&self) -> Result<f64, ConfigError> {

@@ -3,7 +3,7 @@
 use super::*;
 
 /// A value that is right for each key.
-const VALUES: [(&str, &str); 12] = [
+const VALUES: [(&str, &str); 17] = [
     ("for_s", "2.0"),
     ("ra_deg", "84.0"),
     ("dec_deg", "-1.0"),
@@ -11,6 +11,11 @@ const VALUES: [(&str, &str); 12] = [
     ("share", "0.3"),
     ("delay_ms", "20.0"),
     ("jitter_ms", "5.0"),
+    ("can_id", "0x123"),
+    ("period_ms", "0.5"),
+    ("bytes", "5"),
+    ("step_ms", "-20.0"),
+    ("ppm", "50.0"),
     ("late_ms", "300.0"),
     ("e_per_s", "2e5"),
     ("rate_deg_h", "[5.0, 0.0, 0.0]"),
@@ -85,4 +90,35 @@ fn help_has_a_line_for_every_word() {
     assert_eq!(help.lines().count(), ACTIONS.len());
     assert!(help.contains("\n  bus_delay       for_s, delay_ms, [jitter_ms]\n"), "{help}");
     assert!(help.contains("\n  safe\n"), "{help}");
+}
+
+#[test]
+fn babble_and_clocks_have_edges() {
+    let event = |lines: &str| {
+        let document = Document::from_text(&format!("at_s = 1.0\nfor_s = 2.0\n{lines}"), Path::new("lab/event.toml"));
+        let keys: EventKeys = document.read_as().map_err(|error| error.to_string())?;
+        Event::check(&keys, 0, &mut Checker::new(&document)).map_err(|error| error.to_string())
+    };
+    let babble = |id: &str, period_ms: &str, bytes: &str| {
+        event(&format!("do = \"bus_babble\"\ncan_id = {id}\nperiod_ms = {period_ms}\nbytes = {bytes}\n"))
+    };
+    let period = Span::from_ns(50_000);
+    let wanted = Action::Bus(LinkFault::Babble { id: 0x7FF, period, bytes: 64 });
+    assert_eq!(babble("0x7FF", "0.05", "64").unwrap().action, wanted);
+    for (id, period_ms, bytes, key) in [
+        ("0x800", "1.0", "8", "can_id"),
+        ("-1", "1.0", "8", "can_id"),
+        ("1", "0.049", "8", "period_ms"),
+        ("1", "1.0", "65", "bytes"),
+    ] {
+        let error = babble(id, period_ms, bytes).unwrap_err();
+        assert!(error.contains(&format!("event[0].{key} is ")) && error.contains("wanted"), "{error}");
+    }
+    for (word, key, most) in [("clock_step", "step_ms", 60_000.0), ("clock_drift", "ppm", 10_000.0)] {
+        for sign in [1.0, -1.0] {
+            let of = |value: f64| event(&format!("do = \"{word}\"\n{key} = {value:?}\n"));
+            assert!(of(sign * most).is_ok(), "{word}");
+            assert!(of(sign * most * 1.001).unwrap_err().contains(key), "{word}");
+        }
+    }
 }

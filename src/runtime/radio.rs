@@ -3,8 +3,9 @@
 //! In: ports. Out: messages stamped where they arrived, with the port they came by. When a queue is full, messages are lost
 //! and counted: the threads wait for nobody. What a port counts is published after each packet.
 
-use crate::base::clock::Clock;
-use crate::base::time::Span;
+use crate::base::clock::{Clock, PairedReading};
+use crate::base::time::{Span, Tai};
+use crate::link::pps::Pps;
 use crate::link::{Polled, Port, Stamped};
 use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
@@ -23,19 +24,28 @@ const SEND_QUEUE: usize = 64;
 /// A receiving thread looks for something to send this often.
 const SEND_POLL: Span = Span::from_ms(2);
 
-/// A message and the port by which it came.
+/// Pulses come once a second and are looked for this often.
+const PULSE_POLL: Span = Span::from_ms(100);
+
+/// What the receiving threads bring.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Heard {
-    /// Number of the port, from 0.
-    pub(super) port: usize,
-    /// The message.
-    pub(super) message: Stamped<Message>,
+pub(super) enum Heard {
+    /// A message.
+    Message {
+        /// Number of the port by which it came, from 0.
+        port: usize,
+        /// The message.
+        message: Stamped<Message>,
+    },
+    /// A pulse of the flight computer's clock at one of its whole seconds.
+    Pulse(Tai),
 }
 
 /// The receiving threads and their queues.
 pub(super) struct Radio {
     received: Queue<Heard>,
     stations: Vec<Station>,
+    _pulses: Option<PulseThread>,
 }
 
 /// One port's thread.
@@ -47,17 +57,19 @@ struct Station {
 }
 
 impl Radio {
-    /// Starts one thread per port.
+    /// Starts one thread per port, and one for pulses where there is a source.
     ///
     /// # Errors
     /// When one cannot be started; those before it are ended.
     pub(super) fn start(
         ports: Vec<Port>,
+        pulses: Option<Pps>,
         clock: &Arc<dyn Clock>,
         hygiene: Option<&Arc<Hygiene>>,
     ) -> Result<Self, RunError> {
         let (arrived, received) = bounded(RECEIVE_QUEUE);
-        let mut radio = Self { received, stations: Vec::with_capacity(ports.len()) };
+        let pulses = pulses.map(|pulses| PulseThread::start(pulses, arrived.clone(), clock)).transpose()?;
+        let mut radio = Self { received, stations: Vec::with_capacity(ports.len()), _pulses: pulses };
         for (number, port) in ports.into_iter().enumerate() {
             let own = Own { number, port, arrived: arrived.clone(), clock: Arc::clone(clock) };
             radio.stations.push(Station::start(own, hygiene.map(Arc::clone))?);
@@ -170,10 +182,43 @@ impl Own {
             }
             let polled = self.port.poll(self.clock.now() + SEND_POLL)?;
             if let Polled::Message(message) = polled {
-                overflows += u64::from(self.arrived.try_send(Heard { port: self.number, message }).is_err());
+                overflows += u64::from(self.arrived.try_send(Heard::Message { port: self.number, message }).is_err());
             }
             shared.publish(&PortReading::of(&self.port, overflows));
         }
         Ok(PortReading::of(&self.port, overflows))
+    }
+}
+
+/// Looks for pulses; ends when dropped.
+struct PulseThread {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl PulseThread {
+    fn start(mut pulses: Pps, arrived: Sender<Heard>, clock: &Arc<dyn Clock>) -> Result<Self, RunError> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let (stopped, clock) = (Arc::clone(&stop), Arc::clone(clock));
+        let look = move || {
+            while !stopped.load(Ordering::Relaxed) {
+                clock.sleep_until(clock.now() + PULSE_POLL);
+                if let Some(at) = pulses.poll(PairedReading::take(&*clock)) {
+                    let _a_pulse_lost_is_followed_by_another = arrived.try_send(Heard::Pulse(at));
+                }
+            }
+        };
+        let thread = std::thread::Builder::new().name("pps".into()).spawn(look);
+        let thread = Some(thread.map_err(|source| RunError::Thread { name: "pps", source })?);
+        Ok(Self { stop, thread })
+    }
+}
+
+impl Drop for PulseThread {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _nobody_asks = thread.join();
+        }
     }
 }

@@ -9,6 +9,7 @@ use crate::attitude::PathOrigin;
 use crate::base::clock::Clock;
 use crate::base::time::{Span, Tai};
 use crate::link::Port;
+use crate::link::pps::Pps;
 use crate::report::{Fate, FrameRecord, MissCause, Stage, StageTimes};
 use crate::runtime::delivery::{Delivery, Parcel};
 use crate::runtime::engine::{FrameEngine, Slot, origin_name};
@@ -42,6 +43,20 @@ pub struct Setting<'a> {
     pub ring_frames: usize,
 }
 
+/// Where a run on the bench clock hears the flight computer.
+pub struct Sources {
+    /// The bench's ports; the first one is told of the frames.
+    pub ports: Vec<Port>,
+    /// Pulses of the flight computer's clock.
+    pub pulses: Option<Pps>,
+}
+
+impl From<Port> for Sources {
+    fn from(port: Port) -> Self {
+        Self { ports: vec![port], pulses: None }
+    }
+}
+
 /// Runs every slot of the engine until the end, an error, or `stop`. `progress` is called after each frame and must
 /// not block.
 pub fn run(
@@ -54,7 +69,7 @@ pub fn run(
     progress: &mut dyn FnMut(&SentFrame, &RunRecord),
 ) -> RunOutcome {
     let setting = Setting { clock, stop, hygiene: None, ring_frames: 0 };
-    run_in(&setting, engine, receiver, vec![port], sink, progress)
+    run_in(&setting, engine, receiver, port.into(), sink, progress)
 }
 
 /// The same in a setting of choice. The calling thread becomes the frame thread and stays what it is made.
@@ -62,12 +77,12 @@ pub fn run_in(
     setting: &Setting<'_>,
     engine: &mut FrameEngine,
     receiver: &mut Receiver,
-    ports: Vec<Port>,
+    sources: Sources,
     sink: Box<dyn Sink>,
     progress: &mut dyn FnMut(&SentFrame, &RunRecord),
 ) -> RunOutcome {
     let mut record = RunRecord::with_ring(setting.ring_frames);
-    match start(setting, engine, ports, sink) {
+    match start(setting, engine, sources, sink) {
         Err(error) => RunOutcome { record, ports: Vec::new(), sink: None, error: Some(error) },
         Ok((prototype, radio, delivery)) => {
             let mut bench = Bench {
@@ -96,7 +111,7 @@ pub fn run_in(
 fn start(
     setting: &Setting<'_>,
     engine: &mut FrameEngine,
-    ports: Vec<Port>,
+    sources: Sources,
     sink: Box<dyn Sink>,
 ) -> Result<(SentFrame, Radio, Delivery), RunError> {
     let camera = &engine.params().camera;
@@ -104,7 +119,7 @@ fn start(
     let mut prototype = SentFrame::with_capacity(width, height, 16_384, camera.name.clone());
     engine.warm_up(&mut prototype)?;
     engine.follow_load();
-    let radio = Radio::start(ports, setting.clock, setting.hygiene)?;
+    let radio = Radio::start(sources.ports, sources.pulses, setting.clock, setting.hygiene)?;
     let delivery = Delivery::start(sink, &prototype, setting.clock, setting.hygiene)?;
     // Last: threads are born with the policy of the thread that starts them.
     if let Some(hygiene) = setting.hygiene {
@@ -230,10 +245,15 @@ impl Bench<'_> {
     }
 
     fn take_in(&mut self, heard: &Heard, record: &mut RunRecord) {
-        if let Some(answer) = self.receiver.accept(&heard.message, &mut record.ledger) {
-            self.radio.send(heard.port, answer);
+        match heard {
+            Heard::Pulse(at) => self.receiver.accept_pulse(*at),
+            Heard::Message { port, message } => {
+                if let Some(answer) = self.receiver.accept(message, &mut record.ledger) {
+                    self.radio.send(*port, answer);
+                }
+                record.count_intake(self.clock.now() - message.at);
+            }
         }
-        record.count_intake(self.clock.now() - heard.message.at);
     }
 
     fn drop_slot(

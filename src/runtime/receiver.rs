@@ -134,6 +134,11 @@ impl Receiver {
         None
     }
 
+    /// Takes in a pulse at a whole second of the flight computer's clock.
+    pub fn accept_pulse(&mut self, at: Tai) {
+        let _of_no_use_before_the_first_mark = self.clock.observe_pps(at);
+    }
+
     fn correlate(&mut self, follow_up: &TimeFollowUp) {
         let scet_ns = i64::try_from(follow_up.scet.ns()).unwrap_or(i64::MAX);
         if let Some((counter, at)) = self.sync.take()

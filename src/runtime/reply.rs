@@ -118,7 +118,7 @@ fn clock(receiver: &Receiver) -> Option<StatusPage> {
     // The drift is local seconds per remote second; the flight computer wants its own rate against ours.
     #[allow(clippy::cast_possible_truncation, reason = "float-to-int casts saturate")]
     let drift_0_1ppm = (-estimate.drift * 1e7).round() as i16;
-    let residual_ns = i32::try_from(estimate.spread.ns()).unwrap_or(i32::MAX);
+    let residual_ns = i32::try_from(estimate.residual.ns()).unwrap_or(i32::MAX);
     Some(StatusPage::Clock { drift_0_1ppm, residual_ns })
 }
 

@@ -31,7 +31,7 @@ faults! {
     LINK_CORRUPT = 4, "link_corrupt";
     /// An attitude stream that repeats an old value or stops.
     LINK_STALE = 5, "link_stale";
-    /// A step of the flight computer's clock.
+    /// A step of a clock.
     CLOCK_STEP = 6, "clock_step";
     /// A quaternion that is not finite or not of unit norm.
     BAD_QUATERNION = 7, "bad_quaternion";
@@ -59,6 +59,12 @@ faults! {
     STRAY_LIGHT = 18, "stray_light";
     /// A blank image in place of the scene.
     BLANK = 19, "blank";
+    /// Packets of nonsense on the link.
+    LINK_BABBLE = 20, "link_babble";
+    /// The controller off the bus.
+    LINK_OFF = 21, "link_off";
+    /// A drift of a clock.
+    CLOCK_DRIFT = 22, "clock_drift";
 }
 
 impl FaultFlags {

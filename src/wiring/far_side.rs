@@ -103,6 +103,12 @@ impl FarSide {
             Action::Bus(LinkFault::Delay { by, jitter }) => {
                 self.witness.expect_delay(from, from + event.lasts, by + jitter);
             }
+            Action::Bus(LinkFault::Reorder { by, .. }) => self.witness.expect_delay(from, from + event.lasts, by),
+            Action::Bus(LinkFault::ClockStep { by }) => self.witness.expect_clock(from, from + event.lasts, by),
+            Action::Bus(LinkFault::ClockDrift { ppm }) => {
+                let by = Span::from_s(event.lasts.s() * ppm * 1e-6);
+                self.witness.expect_clock(from, from + event.lasts, by);
+            }
             _ => {}
         }
     }

@@ -193,7 +193,12 @@ fn link_flag(fault: &LinkFault) -> FaultFlags {
         LinkFault::Silence => FaultFlags::LINK_STALE,
         LinkFault::Delay { .. } => FaultFlags::LINK_DELAY,
         LinkFault::Duplicate { .. } => FaultFlags::LINK_DUPLICATE,
-        LinkFault::WrongBits { .. } => FaultFlags::LINK_CORRUPT,
+        LinkFault::WrongBits { .. } | LinkFault::Truncate { .. } => FaultFlags::LINK_CORRUPT,
+        LinkFault::Reorder { .. } => FaultFlags::LINK_REORDER,
+        LinkFault::Babble { .. } => FaultFlags::LINK_BABBLE,
+        LinkFault::Off => FaultFlags::LINK_OFF,
+        LinkFault::ClockStep { .. } => FaultFlags::CLOCK_STEP,
+        LinkFault::ClockDrift { .. } => FaultFlags::CLOCK_DRIFT,
     }
 }
 
@@ -235,6 +240,12 @@ pub fn action_name(action: &Action) -> &'static str {
         Action::Bus(LinkFault::Delay { .. }) => "bus_delay",
         Action::Bus(LinkFault::Duplicate { .. }) => "bus_duplicate",
         Action::Bus(LinkFault::WrongBits { .. }) => "bus_wrong_bits",
+        Action::Bus(LinkFault::Reorder { .. }) => "bus_reorder",
+        Action::Bus(LinkFault::Truncate { .. }) => "bus_truncate",
+        Action::Bus(LinkFault::Babble { .. }) => "bus_babble",
+        Action::Bus(LinkFault::Off) => "bus_off",
+        Action::Bus(LinkFault::ClockStep { .. }) => "clock_step",
+        Action::Bus(LinkFault::ClockDrift { .. }) => "clock_drift",
         Action::BusBack(_) => "bus_back_loss",
         Action::Frame { fault, .. } => match fault {
             FrameFault::Drop => "frame_drop",

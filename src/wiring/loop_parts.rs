@@ -63,8 +63,9 @@ pub(super) fn ports(
     let (params, format) = bench_parts::bus(&scenario.bench);
     let (near, far) = simulated_pair(params, shared);
     let seed = scenario.bench.seed ^ BUS_SEED;
-    let near = FaultyLink::new(Box::new(near), Arc::clone(shared), to_stimulator.clone(), seed);
-    let far = FaultyLink::new(Box::new(far), Arc::clone(shared), to_computer.clone(), seed.wrapping_add(1));
+    let near = FaultyLink::new(Box::new(near), Arc::clone(shared), to_stimulator.clone(), seed).babbling_as(format);
+    let far = FaultyLink::new(Box::new(far), Arc::clone(shared), to_computer.clone(), seed.wrapping_add(1))
+        .babbling_as(format);
     let ids = identifiers(&scenario.bench.link).map_err(|error| LoopError::Parts(format!("{error:#}")))?;
     Ok((Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids)))
 }

@@ -1,9 +1,11 @@
 //! The links of a checked bench -> the stimulator's ports, and the far end's where it is simulated too.
 
-use crate::base::clock::Clock;
-use crate::config::{self, Bench, Carrier, Link, Wire};
+use crate::base::clock::{Clock, PairedReading};
+use crate::config::{self, Bench, Carrier, Doors, Link, Wire};
+use crate::link::gateway::{GatewayParams, Gateways};
+use crate::link::pps::Pps;
 use crate::link::serial::{FlowControl, Parity, SerialLink, SerialParams, StopBits};
-use crate::link::simulated::simulated_pair;
+use crate::link::simulated::SimulatedBus;
 use crate::link::socketcan::{Hears, SocketCanLink, SocketCanParams};
 use crate::link::{Link as LinkEnd, LinkError, Port};
 use crate::wiring::bench_parts;
@@ -13,6 +15,10 @@ use std::sync::Arc;
 
 /// The ports of a run.
 pub struct Ports {
+    /// Doors to the simulated buses; they close when this is dropped.
+    pub gateways: Vec<Gateways>,
+    /// Pulses per second of the flight computer, where a link names a source.
+    pub pulses: Option<Pps>,
     /// The stimulator's: the bench's link, then its extra links.
     pub near: Vec<Port>,
     /// The simulated flight computer's; `None` for one that is no part of this program.
@@ -28,35 +34,58 @@ pub type Tap<'a> = &'a mut dyn FnMut(Box<dyn LinkEnd>) -> Box<dyn LinkEnd>;
 /// When a link cannot be opened, with what to try.
 pub fn open_ports(bench: &Bench, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result<Ports> {
     let wants_far = !bench.flight_computer.is_external;
-    let (first, far) = open(&bench.link, wants_far, clock, tap).context("[link]")?;
-    let mut near = vec![first];
+    let first = open(&bench.link, wants_far, clock, tap).context("[link]")?;
+    let mut ports = Ports { gateways: Vec::new(), pulses: None, near: Vec::new(), far: first.far };
+    ports.near.push(first.near);
+    ports.gateways.extend(first.gateways);
     for (i, link) in bench.extra_links.iter().enumerate() {
-        let (port, _) = open(link, false, clock, &mut |link| link).with_context(|| format!("[[extra_link]] {i}"))?;
-        near.push(port);
+        let opened = open(link, false, clock, &mut |link| link).with_context(|| format!("[[extra_link]] {i}"))?;
+        ports.near.push(opened.near);
+        ports.gateways.extend(opened.gateways);
     }
-    Ok(Ports { near, far })
+    let source = core::iter::once(&bench.link).chain(&bench.extra_links).find_map(|link| link.pps.as_ref());
+    ports.pulses = source.map(|path| Pps::open(path, PairedReading::take(&**clock))).transpose()?;
+    Ok(ports)
 }
 
-fn open(link: &Link, wants_far: bool, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result<(Port, Option<Port>)> {
+/// One link, opened.
+struct Opened {
+    near: Port,
+    far: Option<Port>,
+    gateways: Option<Gateways>,
+}
+
+fn open(link: &Link, wants_far: bool, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result<Opened> {
     let ids = identifiers(link)?;
     let (params, format) = bench_parts::bus_of(link);
     match &link.carrier {
-        Carrier::Simulated(_) => {
-            let (near, far) = simulated_pair(params, clock);
-            let far = wants_far.then(|| Port::new(Box::new(far), format, ids));
-            Ok((Port::new(tap(Box::new(near)), format, ids), far))
+        Carrier::Simulated(doors) => {
+            let bus = SimulatedBus::new(params, clock);
+            let near = Port::new(tap(Box::new(bus.attach())), format, ids);
+            let far = wants_far.then(|| Port::new(Box::new(bus.attach()), format, ids));
+            Ok(Opened { near, far, gateways: gateways(doors, &bus, clock)? })
         }
         Carrier::SocketCan { interface } => {
             let end = |hears| can_link(interface, ids, hears, link.wire, clock);
             let near = tap(Box::new(end(Hears::FlightComputer)?));
             let far = wants_far.then(|| end(Hears::Stimulator)).transpose()?;
-            Ok((Port::new(near, format, ids), far.map(|far| Port::new(Box::new(far), format, ids))))
+            let far = far.map(|far| Port::new(Box::new(far), format, ids));
+            Ok(Opened { near: Port::new(near, format, ids), far, gateways: None })
         }
         Carrier::SerialPort(settings) => {
             let near = SerialLink::open(serial_params(settings, link.bit_rate), clock)?;
-            Ok((Port::new(tap(Box::new(near)), format, ids), None))
+            Ok(Opened { near: Port::new(tap(Box::new(near)), format, ids), far: None, gateways: None })
         }
     }
+}
+
+fn gateways(doors: &Doors, bus: &SimulatedBus, clock: &Arc<dyn Clock>) -> Result<Option<Gateways>, LinkError> {
+    if *doors == Doors::default() {
+        return Ok(None);
+    }
+    let Doors { slcan_tcp, slcan_pty, socketcand } = doors.clone();
+    let params = GatewayParams { slcan_tcp, slcan_pty, socketcand, ..GatewayParams::default() };
+    Gateways::start(bus, &params, clock).map(Some)
 }
 
 fn can_link(
@@ -100,7 +129,7 @@ pub fn identifiers(link: &Link) -> Result<IdMap> {
 /// Why a bench cannot be run on the virtual clock, if it cannot.
 #[must_use]
 pub fn needs_real_clock(bench: &Bench) -> Option<&'static str> {
-    let has_doors = |link: &Link| matches!(&link.carrier, Carrier::Simulated(doors) if *doors != Default::default());
+    let has_doors = |link: &Link| matches!(&link.carrier, Carrier::Simulated(doors) if *doors != Doors::default());
     let is_real = |link: &Link| !matches!(link.carrier, Carrier::Simulated(_));
     let any = |is: &dyn Fn(&Link) -> bool| core::iter::once(&bench.link).chain(&bench.extra_links).any(is);
     if any(&is_real) {

@@ -87,7 +87,7 @@ pub fn run_real(
         let _the_witness_may_be_busy = told.try_send(frame.meta.clone());
         progress(frame, record);
     };
-    let outcome = real_time::run_in(&real, &mut engine, &mut receiver, vec![near], sink, &mut seen);
+    let outcome = real_time::run_in(&real, &mut engine, &mut receiver, near.into(), sink, &mut seen);
     let now = clock.now().min(end);
     over.store(true, Ordering::SeqCst);
     let far = joined(thread)?;

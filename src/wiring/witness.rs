@@ -3,7 +3,8 @@
 //! Invariants, each a count of violations with words for the first few:
 //! * a frame whose attitude was interpolated shows the true attitude (`RENDERED_ARCSEC` and the bus's timing);
 //! * a frame that does not says so by its attitude's origin: predicted, held, none (no silent staleness). A delay on the
-//!   bus cannot be told from an offset of the clock, so it widens the bound by its angle;
+//!   bus cannot be told from an offset of a clock, so either widens the bound by its angle while it lasts and 5 s (delay)
+//!   or 60 s (clock) more;
 //! * every fault that had its time hit something;
 //! * every frame scheduled went out, was dropped, or is on its way;
 //! * after the last of overlapping faults the loop points again within the stated time.
@@ -26,6 +27,8 @@ const RENDERED_ARCSEC: f64 = 0.5;
 const CORRELATION_S: f64 = 50e-6;
 /// Late packets and the estimate of the clock outlive a delay by this.
 const DELAY_AFTERMATH: Span = Span::from_ms(5000);
+/// Time marks of a clock that was wrong leave the correlation's window within this.
+const CLOCK_AFTERMATH: Span = Span::from_ms(60_000);
 /// Faults shorter than this need not meet a packet or frame.
 const SHORTEST_FAULT_S: f64 = 1.0;
 
@@ -71,6 +74,13 @@ impl Witness {
     /// Packets are going to be late by as much as `by`: the time marks with them, so that the correlation may err by it.
     pub fn expect_delay(&mut self, from: Tai, until: Tai, by: Span) {
         self.delays.push((from, until + DELAY_AFTERMATH, by));
+    }
+
+    /// The stimulator's clock is going to be off by as much as `by`, either way: it cannot be told from the flight
+    /// computer's, so that the correlation may err by it until its marks are gone.
+    pub fn expect_clock(&mut self, from: Tai, until: Tai, by: Span) {
+        let by = Span::from_ns(by.ns().saturating_abs());
+        self.delays.push((from, until + CLOCK_AFTERMATH, by));
     }
 
     fn delay_s(&self, at: Tai) -> f64 {

@@ -148,7 +148,7 @@ fn alone(bench: &Bench, ring_frames: usize) -> (Vec<FrameRecord>, starloop::runt
     let stop = Arc::new(AtomicBool::new(false));
     let setting = real_time::Setting { clock: &clock, stop: &stop, hygiene: None, ring_frames };
     let sink = Box::new(NullSink::new());
-    let outcome = real_time::run_in(&setting, &mut engine, &mut receiver, vec![near], sink, &mut |_, _| {});
+    let outcome = real_time::run_in(&setting, &mut engine, &mut receiver, near.into(), sink, &mut |_, _| {});
     (outcome.record.ring.last().copied().collect(), outcome)
 }
 

@@ -201,7 +201,8 @@ impl Link for FaultyLink {
     fn counters(&self) -> LinkCounters {
         let inner = self.inner.counters();
         let now = self.clock.now();
-        let offs = self.control.lock().iter().filter(|timed| timed.fault == LinkFault::Off && timed.from <= now).count();
+        let offs =
+            self.control.lock().iter().filter(|timed| timed.fault == LinkFault::Off && timed.from <= now).count();
         LinkCounters {
             overflows: inner.overflows + self.overflows,
             unsent: inner.unsent + self.unsent,

@@ -155,9 +155,7 @@ fn packets_that_are_held_back_are_overtaken_and_none_is_lost() {
     // Sent each millisecond: who is held back for 2.5 ms comes after the two that follow, unless they are held back too.
     let overtaken = numbers.windows(2).filter(|pair| pair[0] > pair[1]).count();
     assert!(overtaken > 100, "{overtaken}");
-    let late = arrived.iter().filter(|packet| {
-        packet.at - (START + Span::from_ms(i64::from(number_of(packet)))) >= by
-    });
+    let late = arrived.iter().filter(|packet| packet.at - (START + Span::from_ms(i64::from(number_of(packet)))) >= by);
     assert_eq!(late.count() as u64, bench.hits());
     assert!((bench.hits() as f64 - 300.0).abs() < FOUR_SIGMA, "{}", bench.hits());
     numbers.sort_unstable();
