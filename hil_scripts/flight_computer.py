@@ -41,20 +41,20 @@ def matrix(q):
     """Rows: the body's axes in ICRF."""
     w, x, y, z = q
     return (
-        (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)),
-        (2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)),
-        (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)),
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
     )
 
 
 def matrix_quaternion(rows):
-    """A quaternion of such rows, for a matrix whose trace is above -1."""
+    """The quaternion of such rows, from whichever component is largest."""
     (a, b, c), (d, e, f), (g, h, i) = rows
     candidates = [
-        (1 + a + e + i, (1 + a + e + i, f - h, g - c, b - d)),
-        (1 + a - e - i, (f - h, 1 + a - e - i, b + d, c + g)),
-        (1 - a + e - i, (g - c, b + d, 1 - a + e - i, f + h)),
-        (1 - a - e + i, (b - d, c + g, f + h, 1 - a - e + i)),
+        (1 + a + e + i, (1 + a + e + i, h - f, c - g, d - b)),
+        (1 + a - e - i, (h - f, 1 + a - e - i, b + d, c + g)),
+        (1 - a + e - i, (c - g, b + d, 1 - a + e - i, f + h)),
+        (1 - a - e + i, (d - b, c + g, f + h, 1 - a - e + i)),
     ]
     _, q = max(candidates)
     norm = math.sqrt(sum(part * part for part in q))
@@ -250,7 +250,7 @@ def arguments():
     parser.add_argument("--serial", metavar="PORT", help="a serial port instead of CAN")
     parser.add_argument("--baud", type=int, default=921600)
     parser.add_argument("--slew-deg", type=float, default=5.0, help="angle to turn (default 5)")
-    parser.add_argument("--slew-s", type=float, default=6.0, help="seconds the turn takes (default 6)")
+    parser.add_argument("--slew-s", type=float, default=8.0, help="seconds the turn takes (default 8)")
     parser.add_argument("--ra-deg", type=float, default=83.8)
     parser.add_argument("--dec-deg", type=float, default=-5.4)
     parser.add_argument("--roll-deg", type=float, default=20.0)
@@ -273,7 +273,10 @@ def connect(given):
 
 def main():
     given = arguments()
-    transport = connect(given)
+    try:
+        transport = connect(given)
+    except Exception as error:  # each interface of python-can has errors of its own
+        sys.exit(f"flight_computer: cannot connect: {error}")
     initial = pointed(*map(math.radians, (given.ra_deg, given.dec_deg, given.roll_deg)))
     # The axis leans against all three pointing angles.
     slew = Slew(initial, (0.3, 1.0, 0.2), math.radians(given.slew_deg), math.inf, given.slew_s)

@@ -2,7 +2,7 @@
 
 use crate::config::check::{Checker, Defaulted, Rule};
 use crate::config::error::ConfigError;
-use crate::config::link_keys::{LinkKeys, LinkTable};
+use crate::config::link_keys::{Address, LinkKeys, LinkTable};
 use core::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -189,9 +189,9 @@ fn carrier(keys: &LinkTable, kind: Kind, prefix: &str, check: &mut Checker<'_>) 
     }
     Ok(match kind {
         Kind::Simulated => Carrier::Simulated(Doors {
-            slcan_tcp: address(&key("slcan_tcp"), keys.slcan_tcp.as_deref(), check)?,
+            slcan_tcp: address(&key("slcan_tcp"), keys.slcan_tcp.as_ref(), check)?,
             slcan_pty: keys.slcan_pty.as_ref().map(PathBuf::from),
-            socketcand: address(&key("socketcand"), keys.socketcand.as_deref(), check)?,
+            socketcand: address(&key("socketcand"), keys.socketcand.as_ref(), check)?,
         }),
         Kind::SocketCan => {
             let advice = "the name of a CAN interface: `ip -br link` lists them";
@@ -232,12 +232,12 @@ fn named(
 }
 
 /// `PORT`, on loopback, or `ADDRESS:PORT`.
-fn address(key: &str, given: Option<&str>, check: &Checker<'_>) -> Result<Option<SocketAddr>, ConfigError> {
-    let Some(text) = given else { return Ok(None) };
-    let loopback = text.trim().parse::<u16>().map(|port| SocketAddr::from(([127, 0, 0, 1], port)));
-    let address = loopback.or_else(|_| text.trim().parse());
-    let wanted = "a port (on loopback) or address:port, as text";
-    let advice = "such as \"29536\"; \"0\" takes a free one";
+fn address(key: &str, given: Option<&Address>, check: &Checker<'_>) -> Result<Option<SocketAddr>, ConfigError> {
+    let Some(text) = given.map(ToString::to_string) else { return Ok(None) };
+    let loopback = text.parse::<u16>().map(|port| SocketAddr::from(([127, 0, 0, 1], port)));
+    let address = loopback.or_else(|_| text.parse());
+    let wanted = "a port (on loopback) or \"address:port\"";
+    let advice = "such as 29536; 0 takes a free one";
     address.map(Some).map_err(|_| check.invalid(key, format!("\"{text}\""), wanted, advice))
 }
 

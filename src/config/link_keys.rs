@@ -22,9 +22,26 @@ pub(super) struct LinkTable {
     pub(super) parity: Option<String>,
     pub(super) stop_bits: Option<i64>,
     pub(super) flow_control: Option<String>,
-    pub(super) slcan_tcp: Option<String>,
+    pub(super) slcan_tcp: Option<Address>,
     pub(super) slcan_pty: Option<String>,
-    pub(super) socketcand: Option<String>,
+    pub(super) socketcand: Option<Address>,
+}
+
+/// A port, or address and port.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(untagged)]
+pub(super) enum Address {
+    Port(i64),
+    Text(String),
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Port(port) => port.fmt(f),
+            Self::Text(text) => write!(f, "{}", text.trim()),
+        }
+    }
 }
 
 /// `link = "path"` or `[link]`.

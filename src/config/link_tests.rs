@@ -19,7 +19,7 @@ fn each_kind_is_read_with_its_own_keys() {
     let serial = link("kind = \"serial\"\nport = \"/dev/ttyS0\"\nparity = \"even\"\nbit_rate = 115200.0").unwrap();
     let Carrier::SerialPort(port) = &serial.carrier else { panic!("{serial:?}") };
     assert_eq!((port.parity, port.stop_bits, serial.wire), (Parity::Even, 1, Wire::Serial));
-    let simulated = link("slcan_tcp = \"0\"\nsocketcand = \"10.0.0.1:29536\"").unwrap();
+    let simulated = link("slcan_tcp = 0\nsocketcand = \"10.0.0.1:29536\"").unwrap();
     let Carrier::Simulated(doors) = &simulated.carrier else { panic!("{simulated:?}") };
     assert_eq!(doors.slcan_tcp, Some("127.0.0.1:0".parse().unwrap()), "a bare port is on loopback");
     assert_eq!(doors.socketcand, Some("10.0.0.1:29536".parse().unwrap()));
@@ -36,6 +36,7 @@ fn what_does_not_belong_or_is_missing_is_refused_by_name() {
         ("interface = \"can0\"", "socketcan"),
         ("kind = \"socketcan\"\ninterface = \"can0\"\nslcan_tcp = \"0\"", "simulated"),
         ("slcan_tcp = \"nowhere\"", "address:port"),
+        ("slcan_tcp = 70000", "got \"70000\""),
         ("id_base = 8", "multiple of 16"),
         ("node = 16", "0 to 15"),
         ("wire = \"serial\"\nnode = 1", "a CAN wire"),
