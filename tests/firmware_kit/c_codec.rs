@@ -305,7 +305,7 @@ fn differences_are_noticed() {
         let path = folder.join("starloop_protocol.c");
         std::fs::write(&path, source.replace(right, wrong)).unwrap();
         compile(&[&crate::c_program::driver_source(), &path], &folder.join("driver"), &[]);
-        assert!(!failures(&Program::at(folder.join("driver")), 2, 20_000).is_empty(), "{wrong} went unnoticed");
+        assert!(!failures(&Program::at(folder.join("driver")), 2, 5_000).is_empty(), "{wrong} went unnoticed");
     }
 }
 
