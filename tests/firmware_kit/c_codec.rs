@@ -310,6 +310,8 @@ fn differences_are_noticed() {
 }
 
 #[test]
-fn the_example_compiles() {
-    compile(&[&crate::kit().join("c/example.c")], &folder("example").join("example.o"), &["-c"]);
+fn the_sources_and_the_example_compile_optimised() {
+    let (kit, objects) = (crate::kit().join("c"), folder("objects"));
+    compile(&[&kit.join("starloop_protocol.c")], &objects.join("library.o"), &["-c", "-O2", "-Wconversion"]);
+    compile(&[&kit.join("example.c")], &objects.join("example.o"), &["-c", "-O2", "-Wconversion"]);
 }
