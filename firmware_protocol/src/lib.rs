@@ -42,7 +42,6 @@ mod scaled;
 mod sequence;
 /// Serial framing: COBS, header, CRC.
 pub mod serial;
-/// Parameter tables of jitter: upload, checks, rows in effect.
 pub mod tables;
 /// Protocol version and how it may change.
 pub mod version;

@@ -10,7 +10,7 @@
 //!
 //! Limits: [`LINES_MAX`], [`PSD_MAX`], [`HARMONICS_MAX`] rows; frequencies to [`FREQUENCY_MAX_HZ`], amplitudes to
 //! [`AMPLITUDE_MAX_ARCSEC`], harmonics to [`HARMONIC_MAX`], exponents to [`EXPONENT_MAX`], phases to one turn either way.
-//! No allocation: a store has a fixed size, about 6 KiB. `tests/tables.rs` holds the rules.
+//! No allocation: a store has a fixed size, about 9 KiB. `tests/tables.rs` holds the rules.
 
 use crate::crc::Crc16;
 use crate::message::{Refusal, Table, TableCell};

@@ -163,7 +163,7 @@ fn every_message_and_signal_is_explained_and_has_a_sane_range() {
     assert!(!explains(&dbc.messages[0].id, Some("Nothing")), "control");
 }
 
-fn number(value: &NumericValue) -> f64 {
+pub(crate) fn number(value: &NumericValue) -> f64 {
     match value {
         NumericValue::Uint(value) => *value as f64,
         NumericValue::Int(value) => *value as f64,

@@ -1,10 +1,10 @@
 //! INTERFACE.md against the crate and the DBC; vectors.json against the program that made it.
 
-use crate::dbc::{attribute, dbc, raw};
+use crate::dbc::{attribute, dbc, number, raw};
 use crate::vectors::bytes;
 use firmware_protocol::can::{CanFrame, Decoder, IdMap};
-use firmware_protocol::message::{AttitudeFlags, MessageId, Refusal, Reply};
-use firmware_protocol::tables::{LineRow, TableStore};
+use firmware_protocol::message::{AttitudeFlags, MessageId, Refusal, Reply, Table};
+use firmware_protocol::tables::{self, LineRow, TableStore};
 use firmware_protocol::{Message, Reject, serial};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -135,17 +135,17 @@ fn the_worked_example_says_what_the_text_says() {
         assert_eq!(record.q_wxyz.map(f64::from)[..2], [half_rad.cos(), -half_rad.sin()].map(|v| f64::from(v as f32)));
         assert!((f64::from(record.rate_rad_s[0]) - 0.5_f64.to_radians()).abs() < 0.5e-6);
     }
-    let mut tables = TableStore::new();
+    let mut store = TableStore::new();
     let cells: Vec<_> = messages.iter().filter(|m| matches!(m, Message::Table(_))).collect();
     for message in &messages {
         if let Message::Table(cell) = message {
-            tables.put(cell);
+            store.put(cell);
         }
     }
     assert_eq!(cells.len(), 10);
-    assert_eq!(tables.apply(1, 2, 0xA896, 0).unwrap().rows, 2);
+    assert_eq!(store.apply(1, 2, 0xA896, 0).unwrap().rows, 2);
     let first = LineRow { frequency_hz: 42.0, amplitude_xyz_arcsec: [0.5, 0.25, 0.0], phase_rad: 0.0 };
-    assert_eq!(tables.lines().next(), Some(first));
+    assert_eq!(store.lines().next(), Some(first));
     let Some(Message::Response(last)) = messages.last() else { panic!("ends with RSP") };
     assert!(matches!(last.reply, Reply::Applied(applied) if applied.rows == 2));
 }
@@ -163,6 +163,42 @@ fn every_reason_and_refusal_is_told_with_its_code() {
     assert_eq!(coded(&text, "## 9. What is refused"), rejects);
     let refusals: Vec<_> = Refusal::ALL.iter().map(|reason| format!("{} {reason:?}", reason.code())).collect();
     assert_eq!(coded(&text, "## 6. Commands"), refusals);
+}
+
+fn is_word(text: &str) -> bool {
+    text.starts_with(char::is_alphabetic)
+}
+
+/// Rows, columns and limits of section 7 as the crate has them; the DBC's ranges too.
+#[test]
+fn tables_have_the_limits_of_the_crate() {
+    let text = interface();
+    let told = rows(&text, "## 7. Parameter tables of jitter");
+    let dbc = dbc();
+    for table in Table::ALL {
+        let own: Vec<_> = told.iter().filter(|row| row[0].starts_with(&table.number().to_string())).collect();
+        assert!(own.iter().all(|row| row[1] == table.rows_max().to_string()), "{table:?}: rows");
+        // `1, 2, 3 amplitude about body x, y, z`: the numbers before the first word.
+        let columns = own.iter().flat_map(|row| row[2].split([' ', ',']).take_while(|word| !is_word(word)));
+        let columns: Vec<u8> = columns.filter_map(|number| number.parse().ok()).collect();
+        assert_eq!(columns, (0..table.columns()).collect::<Vec<_>>(), "{table:?}: columns");
+    }
+    for (signal, limit) in [
+        ("LineFrequency", tables::FREQUENCY_MAX_HZ),
+        ("PsdFrequency", tables::FREQUENCY_MAX_HZ),
+        ("LineAmplitudeX", tables::AMPLITUDE_MAX_ARCSEC),
+        ("HarmonicAmplitudeZ", tables::AMPLITUDE_MAX_ARCSEC),
+        ("LinePhase", tables::PHASE_MAX_RAD),
+        ("HarmonicPhase", tables::PHASE_MAX_RAD),
+        ("HarmonicNumber", tables::HARMONIC_MAX),
+        ("HarmonicExponent", tables::EXPONENT_MAX),
+    ] {
+        let found = dbc.messages.iter().flat_map(|message| &message.signals).find(|known| known.name == signal);
+        assert!((number(&found.unwrap().max) - f64::from(limit)).abs() < 1e-6, "{signal}");
+    }
+    for limit in [tables::FREQUENCY_MAX_HZ, tables::AMPLITUDE_MAX_ARCSEC, tables::HARMONIC_MAX, tables::EXPONENT_MAX] {
+        assert!(told.iter().any(|row| row[4].ends_with(&format!("to {limit}"))), "{limit}");
+    }
 }
 
 /// Negative control: one digit of the document changed.

@@ -197,14 +197,24 @@ unsafe extern "C" fn sl_payload_encode(message: &RawMessage, payload: &mut Maybe
 }
 
 #[unsafe(no_mangle)]
-unsafe extern "C" fn sl_payload_decode(number: u8, payload: *const u8, len: usize, raw: &mut MaybeUninit<RawMessage>) -> c_int {
+unsafe extern "C" fn sl_payload_decode(
+    number: u8,
+    payload: *const u8,
+    len: usize,
+    raw: &mut MaybeUninit<RawMessage>,
+) -> c_int {
     // SAFETY: the header asks for `len` readable bytes.
     let bytes = unsafe { bytes_at(payload, len) };
     let read = MessageId::from_number(number).and_then(|id| Message::from_payload(id, bytes));
     outcome(read.map(Some), raw)
 }
 
-fn encode_frames(raw: &RawMessage, fd: bool, ids: Option<IdMap>, to: &mut [MaybeUninit<RawFrame>]) -> Result<c_int, c_int> {
+fn encode_frames(
+    raw: &RawMessage,
+    fd: bool,
+    ids: Option<IdMap>,
+    to: &mut [MaybeUninit<RawFrame>],
+) -> Result<c_int, c_int> {
     let (message, ids) = read(raw).zip(ids).ok_or(ERROR_RANGE)?;
     let format = if fd { Format::Fd } else { Format::Classic };
     let frames = can::encode(&message, format, &ids).map_err(failed)?;
@@ -241,7 +251,11 @@ unsafe extern "C" fn sl_can_decoder_init(decoder: NonNull<CanRoom>, base: u16, n
 }
 
 #[unsafe(no_mangle)]
-unsafe extern "C" fn sl_can_read(decoder: NonNull<CanRoom>, frame: &RawFrame, raw: &mut MaybeUninit<RawMessage>) -> c_int {
+unsafe extern "C" fn sl_can_read(
+    decoder: NonNull<CanRoom>,
+    frame: &RawFrame,
+    raw: &mut MaybeUninit<RawMessage>,
+) -> c_int {
     // SAFETY: `sl_can_decoder_init` wrote a decoder there, and the caller uses it from one thread.
     let decoder = unsafe { decoder.cast::<can::Decoder>().as_mut() };
     let len = usize::from(frame.len).min(frame.data.len());
@@ -277,7 +291,11 @@ unsafe extern "C" fn sl_serial_decoder_init(decoder: NonNull<SerialRoom>) {
 }
 
 #[unsafe(no_mangle)]
-unsafe extern "C" fn sl_serial_read(decoder: NonNull<SerialRoom>, byte: u8, raw: &mut MaybeUninit<RawMessage>) -> c_int {
+unsafe extern "C" fn sl_serial_read(
+    decoder: NonNull<SerialRoom>,
+    byte: u8,
+    raw: &mut MaybeUninit<RawMessage>,
+) -> c_int {
     // SAFETY: `sl_serial_decoder_init` wrote a decoder there, and the caller uses it from one thread.
     let decoder = unsafe { decoder.cast::<serial::Decoder>().as_mut() };
     outcome(decoder.read_byte(byte), raw)

@@ -2,6 +2,7 @@
 //!
 //! A structure that no message of the crate can say (an unknown enumeration, a burst without samples) gives `None`.
 
+use firmware_protocol::Reject;
 use firmware_protocol::message::{
     AttitudeFlags, AttitudeRecord, Command, Exposure, Heartbeat, Identity, Info, JITTER_BURST_MAX, JitterBurst,
     JitterPair, NodeState, PointingAngle, Rates, Refusal, Reply, Request, Response, Scet, StatusPage, StimulatorMode,
@@ -9,7 +10,6 @@ use firmware_protocol::message::{
 };
 use firmware_protocol::tables::Applied;
 use firmware_protocol::version::Version;
-use firmware_protocol::Reject;
 
 macro_rules! structures {
     ($($(#[doc = $doc:literal])+ $name:ident { $($field:ident: $kind:ty,)+ })+) => {
@@ -227,9 +227,7 @@ impl RawCommand {
             opcode::INFO => Request::Info { page: self.page },
             opcode::RUN => Request::Run,
             opcode::STOP => Request::Stop,
-            opcode::APPLY => {
-                Request::Apply { table: self.table, rows: self.rows, crc: self.crc16, seed: self.seed }
-            }
+            opcode::APPLY => Request::Apply { table: self.table, rows: self.rows, crc: self.crc16, seed: self.seed },
             opcode => Request::Unknown { opcode },
         };
         Command { token: self.token, request }
