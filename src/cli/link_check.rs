@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 /// The suite's node.
 const NODE: u8 = 5;
-/// Counters are looked at this often while echoing.
+/// While echoing, counters are printed this often at most, with the age of the last packet when it was read.
 const LOOK: Span = Span::from_ms(20);
 
 /// Command line of `link-check`.
@@ -167,15 +167,16 @@ fn echo(arguments: &LinkCheckArgs, clock: &Arc<dyn Clock>) -> Result<()> {
     let (mut link, name) = arguments.one_end(clock)?;
     println!("ready {name}");
     let end = clock.now() + Span::from_s(arguments.duration);
-    let mut told = LinkCounters::default();
+    let (mut told, mut tell_at, mut age) = (LinkCounters::default(), clock.now(), Span::ZERO);
     while clock.now() < end {
-        let got = link.receive(end.min(clock.now() + LOOK)).context("echo")?;
-        if let Some(packet) = got {
+        if let Some(packet) = link.receive(end.min(clock.now() + LOOK)).context("echo")? {
+            age = clock.now() - packet.at;
             link.send(&packet.value).context("echo")?;
         }
-        if link.counters() != told {
+        if link.counters() != told && clock.now() >= tell_at {
             told = link.counters();
-            println!("{}", line(&told));
+            tell_at = clock.now() + LOOK;
+            println!("{} age_us={:.1}", line(&told), age.ns() as f64 / 1e3);
         }
     }
     Ok(())
