@@ -85,17 +85,17 @@ as_wanted() { printf 'ok      %-34s %s\n' "$1" "$2"; }
 
 absent() { printf 'none    %-34s %s\n' "$1" "$2"; }
 
-# differs WHAT NOW WANTED COMMAND...: told, and with --apply done.
+# differs WHAT NOW WANTED HOW COMMAND...: told with what would set it, and with --apply done.
 differs() {
-    local what=$1 now=$2 wanted=$3
-    shift 3
+    local what=$1 now=$2 wanted=$3 how=$4
+    shift 4
     if ! $apply; then
-        printf 'differs %-34s %s, wanted %s\n        %s\n' "$what" "$now" "$wanted" "$*"
+        printf 'differs %-34s %s, wanted %s\n        %s\n' "$what" "$now" "$wanted" "$how"
         unmet=$((unmet + 1))
     elif "$@"; then
         printf 'set     %-34s %s, was %s\n' "$what" "$wanted" "$now"
     else
-        printf 'FAILED  %-34s %s, wanted %s\n        %s\n' "$what" "$now" "$wanted" "$*"
+        printf 'FAILED  %-34s %s, wanted %s\n        %s\n' "$what" "$now" "$wanted" "$how"
         unmet=$((unmet + 1))
     fi
 }
@@ -107,9 +107,14 @@ write() { printf '%s\n' "$2" >"$1"; }
 # The number that follows WORD in the interface's details; empty where it is not told.
 detail() { sed -n "s/.*\\b$1 \\([0-9]*\\).*/\\1/p" <<<"$2" | head -1; }
 
+can_settings() {
+    printf 'bitrate %s restart-ms %s' "$bitrate" "$restart_ms"
+    if [[ $dbitrate -ne 0 ]]; then printf ' dbitrate %s fd on' "$dbitrate"; else printf ' fd off'; fi
+}
+
 bring_up() {
-    local name=$1 settings=(bitrate "$bitrate" restart-ms "$restart_ms")
-    [[ $dbitrate -eq 0 ]] || settings+=(dbitrate "$dbitrate" fd on)
+    local name=$1 settings
+    read -ra settings < <(can_settings)
     ip link set "$name" down &&
         ip link set "$name" txqueuelen "$txqueuelen" type can "${settings[@]}" &&
         ip link set "$name" up
@@ -120,30 +125,37 @@ bring_up_virtual() {
 }
 
 check_can() {
-    local name=$1 details now wanted
+    local name=$1 details now wanted how
     details=$(ip -details link show "$name" 2>/dev/null) || {
-        differs "CAN interface $name" "absent" "plugged in, its driver loaded" false
+        differs "CAN interface $name" "absent" "plugged in, its driver loaded" "ip link show type can" false
         return
     }
     if grep -qw vcan <<<"$details"; then
         now="$(grep -q 'UP' <<<"$details" && echo up || echo down) mtu $(detail mtu "$details")"
         wanted="up mtu 72"
-        [[ $now == "$wanted" ]] && as_wanted "CAN interface $name" "$now" ||
-            differs "CAN interface $name" "$now" "$wanted" bring_up_virtual "$name"
+        if [[ $now == "$wanted" ]]; then
+            as_wanted "CAN interface $name" "$now"
+        else
+            differs "CAN interface $name" "$now" "$wanted" "ip link set $name mtu 72, while it is down; then up" bring_up_virtual "$name"
+        fi
         return
     fi
     now="$(grep -q '[<,]UP[,>]' <<<"$details" && echo up || echo down)"
     now+=" bitrate $(detail bitrate "$details") dbitrate $(detail dbitrate "$details")"
     now+=" restart-ms $(detail restart-ms "$details") txqueuelen $(detail qlen "$details")"
-    wanted="up bitrate $bitrate dbitrate ${dbitrate#0} restart-ms $restart_ms txqueuelen $txqueuelen"
-    [[ $now == "$wanted" ]] && as_wanted "CAN interface $name" "$now" ||
-        differs "CAN interface $name" "$now" "$wanted" bring_up "$name"
+    wanted="up bitrate $bitrate dbitrate $([[ $dbitrate -eq 0 ]] || echo "$dbitrate") restart-ms $restart_ms txqueuelen $txqueuelen"
+    how="ip link set $name txqueuelen $txqueuelen type can $(can_settings), while it is down; then up"
+    if [[ $now == "$wanted" ]]; then
+        as_wanted "CAN interface $name" "$now"
+    else
+        differs "CAN interface $name" "$now" "$wanted" "$how" bring_up "$name"
+    fi
 }
 
 check_can_interfaces() {
     local name
     if ! command -v ip >/dev/null; then
-        differs "CAN interfaces" "no program ip" "iproute2 installed" apt-get install -y iproute2
+        differs "CAN interfaces" "no program ip" "iproute2 installed" "apt-get install iproute2" apt-get install -y iproute2
         return
     fi
     if [[ ${#interfaces[@]} -eq 0 ]]; then
@@ -163,7 +175,8 @@ check_receive_buffer() {
     if [[ $now -ge $receive_buffer_bytes ]]; then
         as_wanted "socket receive buffer, at most" "$now bytes"
     else
-        differs "socket receive buffer, at most" "$now bytes" "$receive_buffer_bytes" keep_receive_buffer
+        differs "socket receive buffer, at most" "$now bytes" "$receive_buffer_bytes" \
+            "sysctl net.core.rmem_max=$receive_buffer_bytes, and the same in /etc/sysctl.d/60-starloop.conf" keep_receive_buffer
     fi
 }
 
@@ -186,7 +199,7 @@ check_limits() {
     if [[ -r $file ]] && diff -q <(limits) "$file" >/dev/null; then
         as_wanted "$what" "rtprio $rtprio, memlock unlimited, from the next login"
     else
-        differs "$what" "not set" "rtprio $rtprio, memlock unlimited" write_limits
+        differs "$what" "not set" "rtprio $rtprio, memlock unlimited" "/etc/security/limits.d/60-starloop.conf" write_limits
     fi
 }
 
@@ -207,7 +220,7 @@ check_governor() {
     if [[ $now == performance ]]; then
         as_wanted "CPU frequency governor" "$now"
     else
-        differs "CPU frequency governor" "$now" performance set_governors
+        differs "CPU frequency governor" "$now" performance "echo performance > .../cpu*/cpufreq/scaling_governor" set_governors
     fi
 }
 
@@ -223,7 +236,7 @@ check_ftdi() {
         if [[ $now -eq 1 ]]; then
             as_wanted "latency timer of $name" "1 ms"
         else
-            differs "latency timer of $name" "$now ms" "1" write "$file" 1
+            differs "latency timer of $name" "$now ms" "1 ms" "echo 1 > $file" write "$file" 1
         fi
     done
     $found || absent "FTDI serial adapters" "none plugged in"
@@ -244,7 +257,7 @@ check_low_latency() {
         if grep -q low_latency <<<"$now"; then
             as_wanted "low latency of $name" "on"
         else
-            differs "low latency of $name" "off" "on" setserial "/dev/$name" low_latency
+            differs "low latency of $name" "off" "on" "setserial /dev/$name low_latency" setserial "/dev/$name" low_latency
         fi
     done
 }

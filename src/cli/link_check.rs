@@ -33,19 +33,19 @@ pub struct LinkCheckArgs {
     #[arg(long)]
     fd: bool,
     /// Serial port; without it a pseudo terminal of its own
-    #[arg(long, value_name = "PATH", conflicts_with = "pty")]
+    #[arg(long, value_name = "PATH", conflicts_with = "pty", requires = "other_end")]
     port: Option<PathBuf>,
     /// A pseudo terminal of its own
     #[arg(long)]
     pty: bool,
     /// Interface or port at the other end of the cable (default: the same interface)
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", group = "other_end")]
     peer: Option<String>,
     /// Baud rate of serial ports
     #[arg(long, default_value_t = 115_200)]
     baud: u32,
     /// No checks: send back whatever arrives and print the counters when they change
-    #[arg(long, conflicts_with = "peer")]
+    #[arg(long, conflicts_with = "peer", group = "other_end")]
     echo: bool,
     /// With --echo: seconds until the end
     #[arg(long, value_name = "S", default_value_t = 10.0, requires = "echo")]
