@@ -1,8 +1,8 @@
 """starloop on a kernel with CAN, against can-utils: python3 hil_scripts/test_vcan.py
 
 STARLOOP_BINARY names the program (default target/release/starloop). Where there is no vcan0 the script starts itself again
-inside user-mode Linux (uml_vcan.sh); exit status 125 and the reason where that cannot be had. STARLOOP_NO_VCAN=1 skips it
-all, and says so. The tests take interfaces down, set the system's clock and flood the bus: they run as root on a machine
+inside user-mode Linux (uml_vcan.sh); exit status 125 and the reason where that cannot be had. STARLOOP_NO_VCAN=1 skips every
+test. The tests take interfaces down, set the system's clock and flood the bus: they run as root on a machine
 of their own, which the guest is.
 """
 
@@ -19,6 +19,7 @@ sys.dont_write_bytecode = True
 
 ROOT = Path(__file__).resolve().parent.parent
 BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop"))
+NO_VCAN = os.environ.get("STARLOOP_NO_VCAN") == "1"
 # Promises of the suite, and the filters.
 CHECKS = 10
 # Longest wait for anything; nothing is expected to take a tenth of it.
@@ -107,7 +108,13 @@ class Dump(Lines):
         return self.frames()
 
 
-class Suite(unittest.TestCase):
+class OnVcan(unittest.TestCase):
+    def setUp(self):
+        if NO_VCAN:
+            self.skipTest("STARLOOP_NO_VCAN=1")
+
+
+class Suite(OnVcan):
     def hold(self, *arguments):
         done = link_check(*arguments)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
@@ -127,7 +134,7 @@ class Suite(unittest.TestCase):
         self.assertIn("BROKEN", done.stdout)
 
 
-class Refusals(unittest.TestCase):
+class Refusals(OnVcan):
     def refused(self, *arguments):
         done = link_check(*arguments)
         self.assertEqual(done.returncode, 1, done.stdout)
@@ -159,7 +166,7 @@ class Refusals(unittest.TestCase):
             run("ip", "link", "set", "vcan1", "up")
 
 
-class AgainstCanUtils(unittest.TestCase):
+class AgainstCanUtils(OnVcan):
     def test_frames_go_both_ways_as_they_are(self):
         sent = ["123#", "7FF#1122334455667788", "001##0AA", "123##1" + "5A" * 64]
         with Echo("vcan0", "--fd") as echo, Dump("vcan0") as dump:
@@ -193,7 +200,7 @@ class AgainstCanUtils(unittest.TestCase):
             self.assertEqual((counters["errors"], counters["bus_off"], counters["sent"]), (3, 1, 1))
 
 
-class Losses(unittest.TestCase):
+class Losses(OnVcan):
     def talk(self, echo, interface, received):
         run("cansend", interface, "123#55")
         return echo.wait_counters(received=received, sent=received)
@@ -267,7 +274,7 @@ class Losses(unittest.TestCase):
             print(f"{sent} frames: {counters}")
 
 
-class Clock(unittest.TestCase):
+class Clock(OnVcan):
     """Steps of CLOCK_REALTIME, which the kernel's stamps are of."""
 
     def test_steps_of_the_systems_clock_spoil_no_stamp(self):
@@ -286,11 +293,34 @@ class Clock(unittest.TestCase):
             self.assertEqual(counters["unstamped"], len(steps_s), counters)
 
 
+class Pulses(OnVcan):
+    """The kernel's own pulses, of a timer (pps-ktimer) that ticks in steps of 10 ms."""
+
+    def watch(self):
+        return Lines(BINARY, "link-check", "--pps", "/sys/class/pps/pps0", "--duration", "8")
+
+    def after_ms(self, pulses):
+        return [float(ms) for ms in re.findall(r"after_ms=([\d.]+)", pulses)]
+
+    def test_pulses_keep_their_distance_over_a_step_of_the_systems_clock(self):
+        with self.watch() as pulses:
+            pulses.wait_for("(pulse .*\n){2}")
+            time.clock_settime(time.CLOCK_REALTIME, time.time() + 1800.0)
+            pulses.wait_for("unreadable=0")
+            time.clock_settime(time.CLOCK_REALTIME, time.time() - 1800.0)
+        spans = self.after_ms(pulses.text)[1:]
+        self.assertGreaterEqual(len(spans), 3, pulses.text)
+        # A busy machine delays the timer; a step in a stamp is half an hour.
+        self.assertTrue(all(500.0 < ms < 4000.0 for ms in spans), pulses.text)
+
+    def test_a_missing_source_is_told(self):
+        done = subprocess.run([BINARY, "link-check", "--pps", "/sys/class/pps/pps9"], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("ls /sys/class/pps", done.stderr)
+
+
 def main():
-    if os.environ.get("STARLOOP_NO_VCAN") == "1":
-        print("SKIPPED: test_vcan.py: STARLOOP_NO_VCAN=1")
-        return
-    if not Path("/sys/class/net/vcan0").exists():
+    if not NO_VCAN and not Path("/sys/class/net/vcan0").exists():
         script = str(ROOT / "hil_scripts/uml_vcan.sh")
         os.execv(script, [script, sys.executable, str(Path(__file__).resolve()), *sys.argv[1:]])
     unittest.main()

@@ -26,6 +26,7 @@ fn what_cannot_be_opened_is_told_with_advice() {
         (&["--kind", "socketcan", "--interface", "can_none"][..], "can_none"),
         (&["--kind", "serial", "--port", "/dev/ttyNone9", "--peer", "/dev/ttyNone8"], "ports here"),
         (&["--kind", "simulated", "--echo"], "nobody else can reach"),
+        (&["--pps", "/nonexistent/pps0"], "ls /sys/class/pps"),
     ] {
         let done = link_check(arguments);
         let error = text(&done.stderr);
@@ -40,7 +41,7 @@ fn wrong_command_lines_are_refused() {
         &["--kind", "socketcan"][..],
         &["--kind", "telepathy"],
         &["--kind", "serial", "--pty", "--port", "/dev/null"],
-        &["--kind", "serial", "--duration", "3"],
+        &["--kind", "serial", "--pps", "/sys/class/pps/pps0"],
         &["--kind", "serial", "--port", "/dev/null"],
     ] {
         let done = link_check(arguments);
