@@ -4,9 +4,9 @@
 #   hil_scripts/uml_vcan.sh COMMAND [ARGUMENT...]
 #
 # The kernel is Debian's user-mode Linux: a program that runs a whole kernel as a process. It sees this machine's files
-# (read-only; /run and $TMPDIR are its own, in memory) and this shell's exported variables, and has two virtual CAN
-# interfaces, vcan0 and vcan1, both up and fit for CAN FD. The command runs there as root. What it prints, errors too,
-# comes out here, and its exit status is this script's. Starting takes 2 to 6 s.
+# (read-only; /run and $TMPDIR are its own, in memory) and this shell's exported variables. It has two virtual CAN
+# interfaces, vcan0 and vcan1, both up and fit for CAN FD, and a source of pulses, pps0. The command runs there as root.
+# What it prints, errors too, comes out here, and its exit status is this script's. Starting takes 2 to 6 s.
 #
 # Inside there is one CPU, a clock tick of 10 ms and no network. vcan has no bit times, no arbitration and no hardware
 # stamps: frames arrive when they are sent.
@@ -115,7 +115,8 @@ mount -t tmpfs run /run
 mkdir -p /run/tmp /dev/pts /dev/shm
 mount -t devpts devpts /dev/pts
 mount -t tmpfs shm /dev/shm
-for module in net/can/can net/can/can-raw net/can/can-bcm drivers/net/can/dev/can-dev drivers/net/can/vcan; do
+for module in net/can/can net/can/can-raw net/can/can-bcm drivers/net/can/dev/can-dev drivers/net/can/vcan \
+    drivers/pps/pps_core drivers/pps/clients/pps-ktimer; do
     insmod "$modules/kernel/\$module.ko" || echo "uml_vcan: no module \$module"
 done
 ip link set lo up
@@ -137,14 +138,20 @@ arguments=(
     "mem=${memory_mb}M" rootfstype=hostfs rootflags=/ ro "init=$work/init"
     con=null "con0=fd:0,fd:1" ssl=null quiet loglevel=3 "umid=vcan$$"
 )
-# A terminal makes line ends of two characters; its last words are the kernel's.
-TMPDIR=$memory LD_PRELOAD="$work/whole_registers.so" timeout -k 2 "$timeout_s" "$kernel" "${arguments[@]}" \
+# The kernel keeps a folder of its own under HOME. A terminal makes line ends of two characters; its last words are the
+# kernel's.
+set +e
+HOME=$work TMPDIR=$memory LD_PRELOAD="$work/whole_registers.so" timeout -k 2 "$timeout_s" "$kernel" "${arguments[@]}" \
     </dev/null 2>"$work/errors" | tee "$work/output" |
-    sed -u -e 's/\r$//' -e "/^$ended /d" -e '/^sysrq: Power Off$/d' -e '/^reboot: Power down$/d' || true
+    sed -u -e 's/\r$//' -e "/^$ended /d" -e '/^sysrq: Power Off$/d' -e '/^reboot: Power down$/d'
+kernel_status=${PIPESTATUS[0]}
+set -e
 
 status=$(sed -n "s/^$ended \([0-9]*\).*/\1/p" "$work/output" | tail -1)
 if [[ -z $status ]]; then
-    tail -20 "$work/errors" >&2
-    cannot "it ended without a word (limit: $timeout_s s); its last words are above"
+    [[ $kernel_status -ne 124 ]] || cannot "not done after $timeout_s s: UML_TIMEOUT_S=n gives it more"
+    grep -hE 'panic|Failed|error' "$work/errors" "$work/output" | head -5 >&2 || true
+    tail -5 "$work/errors" >&2
+    cannot "it ended with status $kernel_status before the command did; its last words are above"
 fi
 exit "$status"

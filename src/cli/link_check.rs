@@ -1,10 +1,11 @@
 //! `starloop link-check`: holds a link of this machine to what links promise, or stands at one end of it and sends back
-//! what arrives.
+//! what arrives, or shows the pulses of a PPS source.
 
-use crate::base::clock::{Clock, Monotonic};
-use crate::base::time::Span;
+use crate::base::clock::{Clock, Monotonic, PairedReading};
+use crate::base::time::{Span, Tai};
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
 use crate::link::conformance::{Check, Ends, check_filters, check_link};
+use crate::link::pps::Pps;
 use crate::link::serial::{PseudoTerminal, SerialLink, SerialParams};
 use crate::link::simulated::{BusParams, BusTiming, simulated_pair};
 use crate::link::socketcan::{Hears, SocketCanLink, SocketCanParams};
@@ -12,19 +13,22 @@ use crate::link::{Link, LinkCounters, LinkError, WireFormat};
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 use firmware_protocol::can::IdMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// The suite's node.
 const NODE: u8 = 5;
-/// Counters are looked at this often while echoing.
+/// While echoing, counters are printed this often at most, with the age of the last packet when it was read.
 const LOOK: Span = Span::from_ms(20);
+
+/// A PPS source is looked at this often.
+const PULSE_LOOK: Span = Span::from_ms(100);
 
 /// Command line of `link-check`.
 #[derive(Debug, Args)]
 pub struct LinkCheckArgs {
     /// Kind of link
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, default_value_t = Kind::Simulated)]
     kind: Kind,
     /// CAN interface, such as vcan0
     #[arg(long, value_name = "NAME", required_if_eq("kind", "socketcan"))]
@@ -33,22 +37,25 @@ pub struct LinkCheckArgs {
     #[arg(long)]
     fd: bool,
     /// Serial port; without it a pseudo terminal of its own
-    #[arg(long, value_name = "PATH", conflicts_with = "pty")]
+    #[arg(long, value_name = "PATH", conflicts_with = "pty", requires = "other_end")]
     port: Option<PathBuf>,
     /// A pseudo terminal of its own
     #[arg(long)]
     pty: bool,
     /// Interface or port at the other end of the cable (default: the same interface)
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", group = "other_end")]
     peer: Option<String>,
     /// Baud rate of serial ports
     #[arg(long, default_value_t = 115_200)]
     baud: u32,
     /// No checks: send back whatever arrives and print the counters when they change
-    #[arg(long, conflicts_with = "peer")]
+    #[arg(long, conflicts_with = "peer", group = "other_end")]
     echo: bool,
-    /// With --echo: seconds until the end
-    #[arg(long, value_name = "S", default_value_t = 10.0, requires = "echo")]
+    /// No checks: show the pulses of a source, such as /sys/class/pps/pps0
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["kind", "echo", "peer"])]
+    pps: Option<PathBuf>,
+    /// With --echo and --pps: seconds until the end
+    #[arg(long, value_name = "S", default_value_t = 10.0)]
     duration: f64,
 }
 
@@ -68,6 +75,9 @@ enum Kind {
 /// When the link cannot be opened.
 pub fn run(arguments: &LinkCheckArgs) -> Result<u8> {
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
+    if let Some(path) = &arguments.pps {
+        return pulses(path, arguments.duration, &*clock).map(|()| EXIT_DONE);
+    }
     if arguments.echo {
         return echo(arguments, &clock).map(|()| EXIT_DONE);
     }
@@ -167,17 +177,38 @@ fn echo(arguments: &LinkCheckArgs, clock: &Arc<dyn Clock>) -> Result<()> {
     let (mut link, name) = arguments.one_end(clock)?;
     println!("ready {name}");
     let end = clock.now() + Span::from_s(arguments.duration);
-    let mut told = LinkCounters::default();
+    let (mut told, mut tell_at, mut age) = (LinkCounters::default(), clock.now(), Span::ZERO);
     while clock.now() < end {
-        let got = link.receive(end.min(clock.now() + LOOK)).context("echo")?;
-        if let Some(packet) = got {
+        if let Some(packet) = link.receive(end.min(clock.now() + LOOK)).context("echo")? {
+            age = clock.now() - packet.at;
             link.send(&packet.value).context("echo")?;
         }
-        if link.counters() != told {
+        if link.counters() != told && clock.now() >= tell_at {
             told = link.counters();
-            println!("{}", line(&told));
+            tell_at = clock.now() + LOOK;
+            println!("{} age_us={:.1}", line(&told), age.ns() as f64 / 1e3);
         }
     }
+    Ok(())
+}
+
+/// One line per pulse: where it is on the bench clock, how old it was when read, how far from the one before it.
+fn pulses(path: &Path, duration_s: f64, clock: &dyn Clock) -> Result<()> {
+    let mut pps = Pps::open(path, PairedReading::take(clock))?;
+    println!("ready {}", path.display());
+    let end = clock.now() + Span::from_s(duration_s);
+    let mut last: Option<Tai> = None;
+    while clock.now() < end {
+        clock.sleep_until(end.min(clock.now() + PULSE_LOOK));
+        let now = PairedReading::take(clock);
+        if let Some(at) = pps.poll(now) {
+            let (age_us, after_ms) = ((now.bench - at).ns() as f64 / 1e3, last.map_or(0.0, |last| (at - last).ms()));
+            println!("pulse at={at} age_us={age_us:.1} after_ms={after_ms:.3}");
+            last = Some(at);
+        }
+    }
+    let c = pps.counters();
+    println!("pulses={} missed={} refused={} unreadable={}", c.pulses, c.missed, c.refused, c.unreadable);
     Ok(())
 }
 

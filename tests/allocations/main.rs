@@ -1,4 +1,5 @@
-//! After its first frames the frame path allocates nothing: planning, CPU drawing, detector, and the whole frame engine.
+//! After its first frames the frame path allocates nothing: planning, CPU drawing, detector, and the whole frame engine;
+//! nor do packets on real links.
 //!
 //! One test, so that no other one allocates beside it. Left out: the sink (files), the GPU driver, the link's threads.
 #![allow(
@@ -9,6 +10,7 @@
 
 mod counting;
 mod engine;
+mod links;
 mod scenes;
 
 use counting::{Counting, Found, allocations_in};
@@ -43,5 +45,6 @@ fn frames_allocate_nothing_once_warm() {
         wrong.extend(complaints(scene.name, &found));
     }
     wrong.extend(engine::complaints_of_the_bench());
+    wrong.extend(links::complaints_of_links());
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
 }

@@ -3,5 +3,6 @@
 
 mod broken;
 mod ends;
+mod program;
 mod simulated;
 mod terminal;

@@ -1,7 +1,8 @@
 //! `Link` over a serial port or the master of a pseudo terminal.
 
 use super::opening::{name, open_port};
-use super::{PseudoTerminal, RETRY, SerialParams};
+use super::unmark::Unmark;
+use super::{DELIMITER, PseudoTerminal, RETRY, SerialParams};
 use crate::base::clock::Clock;
 use crate::base::time::{Span, Tai};
 use crate::base::units::NS_PER_S;
@@ -12,7 +13,6 @@ use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::sync::Arc;
 
-const DELIMITER: u8 = 0;
 /// The shortest limit of a write, whatever the baud rate: a wake-up may take this long.
 const WRITE_LIMIT_MIN: Span = Span::from_ms(2);
 
@@ -24,6 +24,7 @@ pub struct SerialLink {
     port: Option<Port>,
     retry_at: Tai,
     write_limit: Span,
+    unmark: Unmark,
     /// The last packet was cut off: a delimiter is due.
     is_torn: bool,
     counters: LinkCounters,
@@ -78,6 +79,7 @@ impl SerialLink {
             port: Some(port),
             retry_at: Tai::from_ns(i64::MIN),
             write_limit: two_chunks.max(WRITE_LIMIT_MIN),
+            unmark: Unmark::default(),
             is_torn: false,
             counters: LinkCounters::default(),
         }
@@ -99,6 +101,7 @@ impl SerialLink {
         // Whatever is wrong may pass: the port was there once.
         if let Ok(port) = open_port(&self.params) {
             self.port = Some(Port::Device(port));
+            self.unmark = Unmark::default();
             self.is_torn = false;
             self.counters.regained += 1;
         }
@@ -125,16 +128,28 @@ impl SerialLink {
         match got {
             // The end of a file is a hang-up here.
             Ok(0) => self.lose(),
-            Ok(len) => {
-                self.counters.received += 1;
-                let chunk = SerialChunk::new(bytes.get(..len).unwrap_or(&[])).unwrap_or(SerialChunk::EMPTY);
-                return Ok(Some(Stamped { at, value: Packet::Serial(chunk) }));
-            }
+            Ok(len) => return Ok(self.take(at, &mut bytes[..len])),
             Err(Errno::AGAIN | Errno::INTR) => {}
             Err(error) if is_unplugged(error) => self.lose(),
             Err(error) => return Err(self.failed("receive", error.into())),
         }
         Ok(None)
+    }
+
+    /// `None` when nothing but the beginning of a mark was read.
+    fn take(&mut self, at: Tai, bytes: &mut [u8]) -> Option<Stamped<Packet>> {
+        let len = match self.port {
+            // The master reads what its port wrote: nothing is marked there.
+            Some(Port::Master(_)) => bytes.len(),
+            _ => {
+                let (len, errors) = self.unmark.take(bytes);
+                self.counters.errors += errors;
+                len
+            }
+        };
+        let chunk = SerialChunk::new(bytes.get(..len)?).filter(|_| len > 0)?;
+        self.counters.received += 1;
+        Some(Stamped { at, value: Packet::Serial(chunk) })
     }
 
     fn wait(&mut self, now: Tai, until: Tai) -> Result<(), LinkError> {

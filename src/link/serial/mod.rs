@@ -11,8 +11,9 @@
 //! * A write never waits longer than two full chunks take on the line. What is not written by then is given up and
 //!   counted; a packet cut off by that is ended with a delimiter before the next one, so that only it is lost.
 //! * A port that is unplugged is counted as lost and opened again every [`RETRY`] until it is back.
-//! * Bytes with parity or framing errors arrive as 0x00, the delimiter: their packet is rejected and the next one is
-//!   whole. Errors and overruns inside the driver are not counted here (`/proc/tty/driver` and `setserial` show them).
+//! * Bytes with parity or framing errors, and breaks, are counted and read as 0x00, the delimiter: their packet is rejected
+//!   and the next one is whole. Overruns inside the driver are not told (`/proc/tty/driver` shows them); their packets fail
+//!   their CRC.
 //! * RS-422 needs nothing special. On RS-485 with two wires the adapter or the driver must switch the direction.
 //!
 //! Settings go through `rustix`, because a port must be non-blocking to keep the promise about writes; ports are listed by
@@ -24,6 +25,7 @@ mod pty;
 mod settings;
 #[cfg(test)]
 mod tests;
+mod unmark;
 
 use crate::base::time::Span;
 use std::path::PathBuf;
@@ -31,6 +33,9 @@ use std::path::PathBuf;
 pub use link::SerialLink;
 pub use pty::PseudoTerminal;
 pub use serialport::{FlowControl, Parity, StopBits};
+
+/// What ends a packet.
+const DELIMITER: u8 = 0;
 
 /// A lost port is looked for this often.
 pub const RETRY: Span = Span::from_ms(500);

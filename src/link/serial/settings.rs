@@ -33,8 +33,8 @@ pub(super) fn apply(fd: BorrowedFd<'_>, params: &SerialParams) -> io::Result<()>
 
 fn write_modes(modes: &mut Termios, params: &SerialParams) -> io::Result<()> {
     modes.make_raw();
-    // Bytes with parity or framing errors are read as 0x00.
-    modes.input_modes.insert(InputModes::INPCK);
+    // Bytes with parity or framing errors, and breaks, are marked: `unmark` takes the marks out.
+    modes.input_modes.insert(InputModes::INPCK | InputModes::PARMRK);
     modes.input_modes.remove(InputModes::IXOFF | InputModes::IXANY | InputModes::IGNPAR);
     modes.control_modes.remove(LINE);
     modes.control_modes.insert(ControlModes::CREAD | ControlModes::CLOCAL | line(params));
@@ -60,6 +60,9 @@ fn compare(params: &SerialParams, wanted: &Termios, got: &Termios) -> io::Result
     let error = (f64::from(baud) - f64::from(params.baud)).abs();
     if error > BAUD_TOLERANCE * f64::from(params.baud) || got.input_speed() != baud {
         return differs("baud rate", params.baud.to_string(), baud.to_string());
+    }
+    if !got.input_modes.contains(InputModes::PARMRK) {
+        return differs("marking of damaged bytes", "PARMRK".into(), "none".into());
     }
     let (wanted, got) = (wanted.control_modes & LINE, got.control_modes & LINE);
     let names = [

@@ -131,3 +131,30 @@ fn an_absent_interface_is_a_clear_error() {
     let text = error.to_string();
     assert!(text.contains("can_none") && (text.contains("modprobe") || text.contains("ip link")), "{text}");
 }
+
+#[test]
+fn no_bytes_of_the_kernel_upset_the_reader() {
+    use rand::{RngExt, SeedableRng};
+    let mut dice = rand::rngs::StdRng::seed_from_u64(11);
+    let mut counts = [0; 3];
+    for _ in 0..200_000 {
+        let len = [16, 72, dice.random_range(0..100)][dice.random_range(0..3)];
+        let mut bytes: Vec<u8> = (0..len).map(|_| dice.random()).collect();
+        if let [_, high, top, flags, length, ..] = &mut bytes[..] {
+            // Often enough a standard identifier and a possible length.
+            if dice.random::<bool>() {
+                (*high, *top, *flags, *length) = (*high & 7, 0, 0, *length % 9);
+            }
+        }
+        counts[match read(&bytes) {
+            RawFrame::Data(frame) => {
+                assert_eq!(frame.data(), &bytes[8..8 + usize::from(bytes[4])], "{bytes:?}");
+                assert_eq!(frame.is_fd(), len == 72, "{bytes:?}");
+                0
+            }
+            RawFrame::Report(_) => 1,
+            RawFrame::Foreign => 2,
+        }] += 1;
+    }
+    assert!(counts.iter().all(|count| *count > 1000), "each kind is reached: {counts:?}");
+}

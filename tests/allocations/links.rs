@@ -1,0 +1,51 @@
+//! Packets through a serial port, over a pseudo terminal, and through SocketCAN where there is a vcan0.
+
+use crate::complaints;
+use crate::counting::allocations_in;
+use firmware_protocol::can::{CanFrame, IdMap};
+use starloop::base::clock::{Clock, Monotonic};
+use starloop::base::time::Span;
+use starloop::link::serial::{PseudoTerminal, SerialLink, SerialParams};
+use starloop::link::socketcan::{Hears, SocketCanLink, SocketCanParams};
+use starloop::link::{Link, Packet, SerialChunk};
+use std::path::Path;
+use std::sync::Arc;
+
+const PACKETS: usize = 200;
+
+/// What sending and receiving allocates.
+pub(crate) fn complaints_of_links() -> Vec<String> {
+    let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
+    let terminal = PseudoTerminal::open().unwrap();
+    let near = SerialLink::open(SerialParams::new(terminal.path(), 115_200), &clock).unwrap();
+    let far = SerialLink::of_terminal(terminal, 115_200, &clock);
+    let chunk = Packet::Serial(SerialChunk::new(&[0xFF; 64]).unwrap());
+    let mut wrong = exchange("serial port", [Box::new(near), Box::new(far)], &chunk, &*clock);
+    if Path::new("/sys/class/net/vcan0").exists() {
+        let open = || SocketCanLink::open(vcan0(), &clock).unwrap();
+        let frame = Packet::Can(CanFrame::fd(0x305, &[5; 48]).unwrap());
+        wrong.extend(exchange("SocketCAN", [Box::new(open()), Box::new(open())], &frame, &*clock));
+    }
+    wrong
+}
+
+fn vcan0() -> SocketCanParams {
+    let ids = IdMap::new(0, 5).unwrap();
+    SocketCanParams { interface: "vcan0".into(), ids, hears: Hears::Everything, fd: true, bit_rate_switch: true }
+}
+
+fn exchange(case: &str, [mut near, mut far]: [Box<dyn Link>; 2], packet: &Packet, clock: &dyn Clock) -> Vec<String> {
+    let mut received = 0;
+    let found = allocations_in(|| {
+        for _ in 0..PACKETS {
+            near.send(packet).unwrap();
+            received += usize::from(far.receive(clock.now() + Span::from_s(10.0)).unwrap().is_some());
+            far.send(packet).unwrap();
+            received += usize::from(near.receive(clock.now() + Span::from_s(10.0)).unwrap().is_some());
+            // And a wait that ends with nothing.
+            near.receive(clock.now() + Span::from_ns(10_000)).unwrap();
+        }
+    });
+    assert!(received >= 2 * PACKETS, "{case}: {received} received");
+    complaints(case, &found)
+}
