@@ -7,7 +7,7 @@
 
 use crate::base::clock::Clock;
 use crate::base::time::{Span, Tai};
-use crate::link::{Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped};
+use crate::link::{Departure, Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped};
 use firmware_protocol::can::CanFrame;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
@@ -181,5 +181,9 @@ impl Link for FaultyLink {
 
     fn counters(&self) -> LinkCounters {
         self.inner.counters()
+    }
+
+    fn departure(&mut self, sent: u64) -> Departure {
+        self.inner.departure(sent)
     }
 }
