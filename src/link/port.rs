@@ -1,6 +1,6 @@
 //! A link with a codec: packets <-> messages, rejections counted.
 
-use super::{CHUNK_MAX, Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped};
+use super::{CHUNK_MAX, Departure, Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped};
 use crate::base::time::Tai;
 use firmware_protocol::can::{self, CanFrame, Format, IdMap};
 use firmware_protocol::{Message, Reject, RejectCounters, serial};
@@ -37,6 +37,7 @@ pub struct Port {
     can: can::Decoder,
     serial: SerialCodec,
     rejects: RejectCounters,
+    packets_sent: u64,
 }
 
 struct SerialCodec {
@@ -51,7 +52,8 @@ impl Port {
     #[must_use]
     pub fn new(link: Box<dyn Link>, format: WireFormat, ids: IdMap) -> Self {
         let can = can::Decoder::new(ids);
-        Self { link, format, ids, can, serial: SerialCodec::new(), rejects: RejectCounters::default() }
+        let rejects = RejectCounters::default();
+        Self { link, format, ids, can, serial: SerialCodec::new(), rejects, packets_sent: 0 }
     }
 
     /// How messages look on this port's wire.
@@ -110,15 +112,33 @@ impl Port {
             WireFormat::CanFd => self.send_frames(message, Format::Fd),
             WireFormat::Serial => {
                 let chunk = self.serial.encode(message)?;
-                self.link.send(&Packet::Serial(chunk))
+                self.send_packet(&Packet::Serial(chunk))
             }
         }
+    }
+
+    /// Packets that the link took so far: right after [`Self::send`], the last packet of that message is number
+    /// `packets_sent() - 1` for [`Self::departure`].
+    #[must_use]
+    pub fn packets_sent(&self) -> u64 {
+        self.packets_sent
+    }
+
+    /// What became of packet number `packet`, as [`Link::departure`].
+    pub fn departure(&mut self, packet: u64) -> Departure {
+        self.link.departure(packet)
+    }
+
+    fn send_packet(&mut self, packet: &Packet) -> Result<Tai, LinkError> {
+        let leaves = self.link.send(packet)?;
+        self.packets_sent += 1;
+        Ok(leaves)
     }
 
     fn send_frames(&mut self, message: &Message, format: Format) -> Result<Tai, LinkError> {
         let mut leaves = Tai::from_ns(i64::MIN);
         for frame in can::encode(message, format, &self.ids)?.iter() {
-            leaves = self.link.send(&Packet::Can(*frame))?;
+            leaves = self.send_packet(&Packet::Can(*frame))?;
         }
         Ok(leaves)
     }

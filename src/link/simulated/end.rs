@@ -44,6 +44,8 @@ pub(super) struct End {
     /// Next to look at in the outbox, for estimates.
     pub(super) cursor: usize,
     sent: u64,
+    /// Number of the packet that is on the wire.
+    on_the_wire: Option<u64>,
     departures: VecDeque<(u64, Departure)>,
     recovery: Option<Recovery>,
 }
@@ -60,6 +62,7 @@ impl End {
             has_left: false,
             cursor: 0,
             sent: 0,
+            on_the_wire: None,
             departures: VecDeque::with_capacity(DEPARTURES),
             recovery: None,
         }
@@ -67,7 +70,7 @@ impl End {
 
     /// True when nobody uses it and nothing of it is left to send.
     pub(super) fn is_free(&self) -> bool {
-        self.has_left && self.outbox.is_empty()
+        self.has_left && self.outbox.is_empty() && self.on_the_wire.is_none()
     }
 
     pub(super) fn is_off(&self) -> bool {
@@ -91,6 +94,13 @@ impl End {
         true
     }
 
+    /// Takes the first packet from the queue onto the wire.
+    pub(super) fn start(&mut self) -> Option<Queued> {
+        let frame = self.outbox.pop_front();
+        self.on_the_wire = frame.map(|frame| frame.number);
+        frame
+    }
+
     fn give_up(&mut self, number: u64) {
         self.counters.unsent += 1;
         self.remember(number, Departure::Never);
@@ -106,16 +116,17 @@ impl End {
     /// What became of the packet before which `number` were sent.
     pub(super) fn departure(&self, number: u64) -> Departure {
         let known = self.departures.iter().rev().find(|(known, _)| *known == number);
-        let is_remembered = self.departures.front().is_none_or(|(oldest, _)| *oldest <= number);
+        let waits = || self.outbox.iter().any(|queued| queued.number == number) || self.on_the_wire == Some(number);
         match known {
             Some((_, departure)) => *departure,
-            None if number < self.sent && is_remembered => Departure::Waiting,
+            None if waits() => Departure::Waiting,
             None => Departure::AsTold,
         }
     }
 
     /// A frame of this end went through.
     pub(super) fn left(&mut self, number: u64, at: Tai, passive_pause: Span) {
+        self.on_the_wire = None;
         self.counters.sent += 1;
         self.remember(number, Departure::At(at));
         self.errors.transmit_succeeded();
@@ -124,6 +135,7 @@ impl End {
 
     /// A frame of this end was destroyed: it goes back to the head of the queue, unless that was one error too many.
     pub(super) fn destroyed(&mut self, frame: Queued, at: Tai, passive_pause: Span) {
+        self.on_the_wire = None;
         self.counters.errors += 1;
         if self.is_off() {
             self.give_up(frame.number);

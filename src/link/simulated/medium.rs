@@ -179,7 +179,7 @@ impl Medium {
     fn begin(&mut self, wire: usize, start: Tai, sender: Sender) {
         self.see_idle(start);
         let frame = match sender {
-            Sender::End(end) => self.ends[end].outbox.pop_front(),
+            Sender::End(end) => self.ends[end].start(),
             Sender::Babbler(fault) => self.babbled_frame(fault, start),
         };
         let Some(frame) = frame else { return };
@@ -227,23 +227,32 @@ impl Medium {
         let Transmission { sender, frame, begun, done, is_destroyed } = *current;
         self.wires[wire] = Wire { free_at: done, current: None };
         self.busy = self.busy + (done - begun);
-        self.ends.iter_mut().for_each(|end| end.see_frame(done));
-        let pause = self.bits(SUSPEND_BITS);
         if is_destroyed {
-            self.error_frames += 1;
-            self.others(sender).for_each(End::saw_error);
-            if let Sender::End(end) = sender {
-                self.ends[end].destroyed(frame, done, pause);
-            }
-            return;
+            self.destroy(sender, frame, done);
+        } else {
+            self.deliver(sender, &frame, done);
         }
+        // Last: who comes back with the end of this frame has not received it.
+        self.ends.iter_mut().for_each(|end| end.see_frame(done));
+    }
+
+    fn destroy(&mut self, sender: Sender, frame: Queued, done: Tai) {
+        self.error_frames += 1;
+        self.others(sender).for_each(End::saw_error);
+        let pause = self.bits(SUSPEND_BITS);
+        if let Sender::End(end) = sender {
+            self.ends[end].destroyed(frame, done, pause);
+        }
+    }
+
+    fn deliver(&mut self, sender: Sender, frame: &Queued, done: Tai) {
         self.frames += 1;
         self.babbled += u64::from(matches!(sender, Sender::Babbler(_)));
         let arrival = Stamped { at: done + self.params.latency, value: frame.packet };
         let room = self.params.queue_packets;
         self.others(sender).for_each(|end| end.take(arrival, room));
         if let Sender::End(end) = sender {
-            let pause = if self.params.timing.is_shared() { pause } else { Span::ZERO };
+            let pause = self.bits(SUSPEND_BITS);
             self.ends[end].left(frame.number, done, pause);
         }
     }
@@ -256,6 +265,9 @@ impl Medium {
     /// Ends that a fault puts off the bus by `at`; true when there was one.
     fn put_off(&mut self, at: Tai) -> bool {
         let mut any = false;
+        if !self.params.timing.is_shared() {
+            return any;
+        }
         for timed in &mut self.faults {
             let BusFault::BusOff { end } = timed.fault else { continue };
             if timed.hits == 0 && timed.from <= at {

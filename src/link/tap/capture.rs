@@ -8,7 +8,7 @@
 
 use crate::base::time::Tai;
 use crate::link::capture::{CaptureError, CaptureFormat, CaptureWriter, CapturedPacket, Direction};
-use crate::link::{Link, LinkCounters, LinkError, Packet, Stamped};
+use crate::link::{Departure, Link, LinkCounters, LinkError, Packet, Stamped};
 use core::sync::atomic::{AtomicU64, Ordering};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use std::io::Write;
@@ -144,5 +144,9 @@ impl Link for CapturingLink {
 
     fn counters(&self) -> LinkCounters {
         self.inner.counters()
+    }
+
+    fn departure(&mut self, sent: u64) -> Departure {
+        self.inner.departure(sent)
     }
 }

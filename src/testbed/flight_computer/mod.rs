@@ -25,7 +25,7 @@ pub use slew::{RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
 
 use crate::base::time::{Span, Tai};
 use crate::base::units::ARCSEC;
-use crate::link::{LinkError, Port, Stamped};
+use crate::link::{Departure, LinkError, Port, Stamped};
 use crate::testbed::noise::Gaussian;
 use crate::testbed::vehicle::{Vehicle, VehicleError};
 use firmware_protocol::message::{
@@ -94,7 +94,10 @@ pub enum Corruption {
 #[derive(Debug, Clone, Copy)]
 struct SentSync {
     counter: u8,
+    /// As the port told it when it was sent.
     left_at: Tai,
+    /// Its packet, to ask what became of it.
+    packet: u64,
 }
 
 /// Why a flight computer cannot go on.
@@ -261,13 +264,19 @@ impl FlightComputer {
     fn send_sync(&mut self, count: u64, port: &mut Port) -> Result<(), LinkError> {
         let counter = low_byte(count);
         let left_at = port.send(&Message::Sync(Sync { counter }))?;
-        self.sent_sync = Some(SentSync { counter, left_at });
+        self.sent_sync = Some(SentSync { counter, left_at, packet: port.packets_sent() - 1 });
         Ok(())
     }
 
-    /// Tells when the last SYNC actually left, which is after it was due when the bus was busy.
+    /// Tells when the last SYNC actually left, which is after it was due when the bus was busy. One that has not left by
+    /// now is not told: a wrong time would be worse than none.
     fn send_follow_up(&mut self, port: &mut Port) -> Result<(), LinkError> {
-        let Some(SentSync { counter, left_at }) = self.sent_sync.take() else { return Ok(()) };
+        let Some(SentSync { counter, left_at, packet }) = self.sent_sync.take() else { return Ok(()) };
+        let left_at = match port.departure(packet) {
+            Departure::AsTold => left_at,
+            Departure::At(left_at) => left_at,
+            Departure::Waiting | Departure::Never => return Ok(()),
+        };
         let scet = Scet::from_ns(self.clock.elapsed_ns(left_at));
         port.send(&Message::TimeFollowUp(TimeFollowUp { scet, counter })).map(|_| ())
     }

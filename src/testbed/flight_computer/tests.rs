@@ -4,7 +4,7 @@ use super::*;
 use crate::base::axes::{Body, Icrf, Rotation};
 use crate::base::clock::{Clock, Monotonic, Virtual};
 use crate::base::units::DEG;
-use crate::link::simulated::{BusParams, BusTiming, simulated_pair};
+use crate::link::simulated::{BusFault, BusParams, BusTiming, SimulatedBus, simulated_pair};
 use crate::link::{Stamped, WireFormat};
 use core::sync::atomic::{AtomicBool, Ordering};
 use firmware_protocol::Reject;
@@ -58,18 +58,24 @@ fn params() -> FlightComputerParams {
 
 struct Bench {
     clock: Arc<Virtual>,
+    bus: SimulatedBus,
     computer: FlightComputer,
     near: Port,
     far: Port,
 }
 
 fn bench(params: FlightComputerParams, format: WireFormat, timing: BusTiming) -> Bench {
-    let clock = Arc::new(Virtual::new(params.stream_start));
+    bench_at(params.stream_start, params, format, timing)
+}
+
+fn bench_at(start: Tai, params: FlightComputerParams, format: WireFormat, timing: BusTiming) -> Bench {
+    let clock = Arc::new(Virtual::new(start));
     let shared: Arc<dyn Clock> = Arc::<Virtual>::clone(&clock);
     let bus = BusParams { name: "test".into(), timing, latency: LATENCY, queue_packets: 256 };
-    let (near, far) = simulated_pair(bus, &shared);
+    let bus = SimulatedBus::new(bus, &shared);
     let port = |link| Port::new(Box::new(link), format, IdMap::new(0, 2).unwrap());
-    Bench { clock, computer: FlightComputer::new(params), near: port(near), far: port(far) }
+    let (near, far) = (port(bus.attach()), port(bus.attach()));
+    Bench { clock, bus, computer: FlightComputer::new(params), near, far }
 }
 
 fn fd_bench(params: FlightComputerParams) -> Bench {
@@ -160,22 +166,46 @@ fn time_marks_tell_when_the_sync_left() {
     }
 }
 
+/// Time on the FC's clock that the first follow-up within 50 ms tells, ns; and the counter of its SYNC.
+fn first_follow_up(bench: &mut Bench) -> (u64, u8) {
+    let told = bench.run(Span::from_ms(50)).into_iter().find_map(|message| match message.value {
+        Message::TimeFollowUp(told) => Some((told.scet.ns(), told.counter)),
+        _ => None,
+    });
+    told.unwrap_or_default()
+}
+
 #[test]
-fn a_sync_that_waited_for_the_bus_is_told_as_it_left() {
+fn a_sync_waits_for_the_frame_on_the_wire_and_is_told_as_it_left() {
     let sync_left = |hogs: u8| {
-        let mut bench = fd_bench(params());
+        let (format, timing, _) = FORMATS[1];
+        let mut bench = bench_at(BOOT - Span::from_ns(1), params(), format, timing);
         for frame in 0..hogs {
             bench.far.send(&Message::Exposure(Exposure::new(frame, 0, 0, 0))).unwrap();
         }
-        let told = bench.run(Span::from_ms(50)).into_iter().find_map(|message| match message.value {
-            Message::TimeFollowUp(told) => Some(told.scet.ns()),
-            _ => None,
-        });
-        told.unwrap()
+        first_follow_up(&mut bench).0
     };
-    // Three classic frames of 8 bytes at 500 kbit/s: 135 bits of 2 us each.
-    let waited_ns = sync_left(3) - sync_left(0);
-    assert!(waited_ns.abs_diff(3 * 270_000) <= 2 * MARK_NS, "{waited_ns} ns");
+    // A classic frame of 8 bytes at 500 kbit/s: 135 bits of 2 us. Those behind it have higher identifiers than SYNC.
+    for hogs in [1, 3] {
+        let waited_ns = sync_left(hogs) - sync_left(0);
+        assert!(waited_ns.abs_diff(270_000) <= 2 * MARK_NS, "{hogs}: {waited_ns} ns");
+    }
+}
+
+#[test]
+fn a_sync_that_lost_the_arbitration_is_told_as_it_left_or_not_at_all() {
+    let told = |babble: Span| {
+        let mut bench = fd_bench(params());
+        let fault = BusFault::Babble { id: 0, share_of_bandwidth: 1.0 };
+        bench.bus.control().add(BOOT, BOOT + babble, fault);
+        first_follow_up(&mut bench)
+    };
+    // Frames of 270 us start at 0, 270, 540 and 810 us; then the SYNC of one byte, 65 bits of 2 us.
+    let (left_ns, counter) = told(Span::from_ns(1_000_000));
+    assert_eq!(counter, 0);
+    // 15 ppm of the clock's drift are 18 ps.
+    assert!(left_ns.abs_diff(4 * 270_000 + 130_000) <= MARK_NS, "{left_ns} ns, and 130000 was known when it was sent");
+    assert_eq!(told(Span::from_ms(5)), (0, 0), "it has not left 2 ms after it was sent: no time is told");
 }
 
 #[test]

@@ -7,7 +7,7 @@ use super::damage::{babble, cut_the_tail, flip_a_bit};
 use super::{FaultControl, LinkFault, TimedLinkFault};
 use crate::base::clock::Clock;
 use crate::base::time::{Span, Tai};
-use crate::link::{Link, LinkCounters, LinkError, Packet, Stamped, WireFormat};
+use crate::link::{Departure, Link, LinkCounters, LinkError, Packet, Stamped, WireFormat};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use std::collections::VecDeque;
@@ -30,6 +30,9 @@ pub struct FaultyLink {
     waiting: VecDeque<Waiting>,
     overflows: u64,
     unsent: u64,
+    /// Packets that were sent, and lost here or not; the number of the last one that was lost here.
+    sent: u64,
+    last_unsent: Option<u64>,
 }
 
 /// A stamp may be wrong on purpose: when a packet is handed on is kept beside it.
@@ -52,6 +55,8 @@ impl FaultyLink {
             waiting: VecDeque::new(),
             overflows: 0,
             unsent: 0,
+            sent: 0,
+            last_unsent: None,
         }
     }
 
@@ -193,9 +198,21 @@ impl Link for FaultyLink {
         if let Some(off) = self.control.lock().iter_mut().find(is_off) {
             off.hits += 1;
             self.unsent += 1;
+            self.last_unsent = Some(self.sent);
+            self.sent += 1;
             return Ok(now);
         }
-        self.inner.send(packet)
+        let leaves = self.inner.send(packet)?;
+        self.sent += 1;
+        Ok(leaves)
+    }
+
+    /// Right for what was sent after the last packet that was lost here, and for that packet.
+    fn departure(&mut self, sent: u64) -> Departure {
+        if self.last_unsent.is_some_and(|lost| sent <= lost) {
+            return Departure::Never;
+        }
+        self.inner.departure(sent - self.unsent)
     }
 
     fn counters(&self) -> LinkCounters {
