@@ -5,6 +5,7 @@ mod analytic_motion;
 mod apparent_places;
 mod attitude_methods;
 mod bounds;
+mod bus_jitter;
 mod chart;
 mod frames;
 mod measure;
