@@ -6,6 +6,7 @@ mod apparent_places;
 mod attitude_methods;
 mod bounds;
 mod bus_jitter;
+mod bus_jitter_frames;
 mod chart;
 mod frames;
 mod measure;
