@@ -26,6 +26,33 @@ pub enum HistoryReject {
     OlderThanHistory,
 }
 
+/// Why a table of jitter was not put into effect.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum JitterReject {
+    /// More rows than there is room for.
+    #[error("{got} rows of jitter parameters: wanted {most} at most; join what is close together")]
+    TooMany {
+        /// Rows that came.
+        got: usize,
+        /// Rows that fit.
+        most: usize,
+    },
+    /// A row has a number that is not finite, or outside what it can be.
+    #[error(
+        "row {row} of jitter parameters has an illegal number: wanted finite ones, frequencies and harmonics above zero"
+    )]
+    Illegal {
+        /// The row, from 0.
+        row: usize,
+    },
+    /// The frequencies of a density do not rise.
+    #[error("row {row} of the jitter's density: wanted a frequency above that of the row before")]
+    NotRising {
+        /// The row, from 0.
+        row: usize,
+    },
+}
+
 /// Why no line of sight could be made.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum AttitudeError {

@@ -6,7 +6,7 @@
 //! ```text
 //! u32 ticks -> RemoteClock -> Tai                        (remote_clock)
 //! sample -> AttitudeHistory -> interpolate | predict | hold -> estimate
-//! burst | lines -> JitterHistory -> JitterTrack           (jitter)
+//! burst | lines | PSD | wheels -> JitterHistory -> JitterTrack           (jitter)
 //! estimate + JitterTrack + mounting -> LosPath            (exposure_path, residual)
 //! MotionScale + Reach + budget -> which method is enough  (method, method_bound, motion_scale)
 //! AnalyticMotion -> errors found beside their bounds      (measured)
@@ -32,12 +32,15 @@ mod residual;
 mod ring;
 pub mod sample;
 
-pub use error::{AttitudeError, HistoryReject};
+pub use error::{AttitudeError, HistoryReject, JitterReject};
 pub use estimate::{Decision, EstimateLimits, EstimatedAttitude, StalePolicy, decide, state_at};
 pub use exposure_path::{PathOutcome, PathReport, compose};
 pub use history::AttitudeHistory;
 pub use interpolate::{hermite_error_bound_rad, interpolate};
-pub use jitter::{JitterCoverage, JitterHistory};
+pub use jitter::{
+    BUS_LINES_MAX, HARMONICS_MAX, JitterCoverage, JitterHistory, LINES_PER_AXIS, PSD_POINTS_MAX, PsdPoint,
+    UPLOADED_LINES_MAX, WHEELS, WheelHarmonic, psd_variance,
+};
 pub use los::{JitterLine, JitterPoint, JitterTrack, LosPath, PathOrigin};
 pub use measured::{AnalyticMotion, MeasuredError, SinusoidTurn, measured_prediction_errors};
 pub use method::{AttitudeAssessment, AttitudeMethod, AttitudeVerdict, Reach, assess_methods, cheapest, state_by};

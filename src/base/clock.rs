@@ -36,9 +36,8 @@ impl Monotonic {
     #[allow(clippy::disallowed_methods, reason = "the one place that reads the machine's clocks")]
     pub fn start() -> Self {
         let unix = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-        let epoch = hifitime::Epoch::from_unix_duration(unix.into());
-        let tai_at_origin = Tai::from_rfc3339(&epoch.to_rfc3339()).unwrap_or(Tai::from_ns(0));
-        Self { origin: Instant::now(), tai_at_origin }
+        let unix_ns = i64::try_from(unix.as_nanos()).unwrap_or(i64::MAX);
+        Self { origin: Instant::now(), tai_at_origin: Tai::from_unix_ns(unix_ns) }
     }
 }
 

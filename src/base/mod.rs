@@ -7,6 +7,7 @@ pub mod axes;
 pub mod clock;
 pub mod fused;
 pub mod image;
+mod leap;
 pub mod random;
 pub mod time;
 pub mod units;

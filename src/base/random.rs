@@ -16,6 +16,8 @@ pub enum Stage {
     Dsnu = 2,
     /// Words of one pixel's own, by attempt: Poisson draws by rejection.
     Overflow = 3,
+    /// Frequencies and phases of line-of-sight noise: "frame" is the axis, "block" the line.
+    Jitter = 4,
 }
 
 const MULTIPLIER_0: u32 = 0xD251_1F53;

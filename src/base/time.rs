@@ -1,14 +1,31 @@
-//! Time inside starloop: i64 nanoseconds of TAI since 1970-01-01T00:00:00 TAI (the PTP epoch).
+//! Time inside starloop: i64 nanoseconds of TAI since 1970-01-01T00:00:00 TAI (the PTP epoch). All scales are here.
 //!
-//! Civil text (RFC 3339, UTC) and the dynamical scales are converted here and nowhere else, by `hifitime`, which
-//! carries the leap-second table. Range: years 1678 to 2262.
+//! | scale | relation | functions |
+//! |---|---|---|
+//! | TAI, PTP | the same count, by definition of the PTP epoch (IEEE 1588) | `ns`, `from_ns` |
+//! | UTC | TAI less leap seconds (table in `base::leap`) | `from_rfc3339`, `to_rfc3339`, `julian_date_utc` |
+//! | Unix | UTC without its leap seconds | `to_unix_ns`, `from_unix_ns`, `unix_s` |
+//! | TT | TAI + 32.184 s, exactly (IAU 1991) | `to_tt_ns`, `from_tt_ns` |
+//! | TDB | TT and at most 1.7 ms of periodic terms | `days_tdb_since_j2000` (by `hifitime`) |
+//! | GPS | TAI - 19 s, exactly, since 1980-01-06 (IS-GPS-200) | `to_gps_ns`, `from_gps_ns` |
+//!
+//! *Inside a leap second.* UTC text has 23:59:60. Unix time has no such second: it repeats the first one of the next
+//! day (the rule of POSIX), and of the two instants of a repeated count [`Tai::from_unix_ns`] gives the later.
+//! Range: years 1678 to 2262; UTC before 1972 is counted as TAI.
 
+use crate::base::leap;
 use crate::base::units::{DAY_S, JULIAN_YEAR_D, NS_PER_S};
 use core::fmt;
 use core::ops::{Add, Sub};
-use hifitime::leap_seconds::LatestLeapSeconds;
 use hifitime::{Duration, Epoch, TimeScale};
 use std::str::FromStr;
+
+/// TT - TAI, by definition (IAU 1991, Recommendation IV).
+const TT_LESS_TAI_NS: i64 = 32_184_000_000;
+/// 1980-01-06T00:00:00 UTC, when TAI - UTC was 19 s.
+const GPS_EPOCH_NS: i64 = (3657 * 86_400 + 19) * NS_PER_S;
+/// Julian date of 1970-01-01T00:00:00.
+const JULIAN_DATE_1970: f64 = 2_440_587.5;
 
 /// An instant: nanoseconds of TAI since 1970-01-01T00:00:00 TAI.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -85,22 +102,79 @@ impl Tai {
         self.ns
     }
 
-    /// Reads an RFC 3339 instant (UTC or with an offset).
+    /// Reads an RFC 3339 instant (UTC or with an offset). 23:59:60 is taken where there was one.
     ///
     /// # Errors
     /// When the text is not such an instant, with the text and the reason.
     pub fn from_rfc3339(text: &str) -> Result<Self, TimeError> {
         let refuse = |why: String| TimeError { got: text.into(), why };
-        let epoch = Epoch::from_str(text.trim()).map_err(|e| refuse(e.to_string()))?;
-        let ns = (epoch.to_time_scale(TimeScale::TAI) - ptp_epoch()).total_nanoseconds();
-        i64::try_from(ns).map(Self::from_ns).map_err(|_| refuse("outside the years 1678 to 2262".into()))
+        // The second 60 of a minute is the one after its second 59.
+        let (plain, is_60) = match text.trim().match_indices(":60").find(|(place, _)| *place >= 16) {
+            Some((place, _)) => (text.trim()[..place].to_owned() + ":59" + &text.trim()[place + 3..], true),
+            None => (text.trim().to_owned(), false),
+        };
+        let epoch = Epoch::from_str(&plain).map_err(|e| refuse(e.to_string()))?;
+        let seconds = epoch.to_time_scale(TimeScale::TAI) - ptp_epoch();
+        let tai = i64::try_from(seconds.total_nanoseconds()).map(Self::from_ns);
+        let tai = tai.map_err(|_| refuse("outside the years 1678 to 2262".into()))?;
+        if !is_60 {
+            return Ok(tai);
+        }
+        let leaped = tai + Span::from_ns(NS_PER_S);
+        if leap::is_leap_second(leaped.ns) { Ok(leaped) } else { Err(refuse("there was no leap second then".into())) }
     }
 
     /// UTC text, RFC 3339 with microseconds.
     #[must_use]
     pub fn to_rfc3339(self) -> String {
-        let (y, mo, d, h, mi, s, ns) = self.epoch().to_gregorian_utc();
+        let is_60 = leap::is_leap_second(self.ns);
+        // Civil text of a count without leap seconds: the scale TAI has none.
+        let counted = self.utc_count_ns().saturating_sub(if is_60 { NS_PER_S } else { 0 });
+        let civil = ptp_epoch() + Duration::from_truncated_nanoseconds(counted);
+        let (y, mo, d, h, mi, s, ns) = civil.to_gregorian(TimeScale::TAI);
+        let s = if is_60 { s + 1 } else { s };
         format!("{y:04}-{mo:02}-{d:02}T{h:02}:{mi:02}:{s:02}.{:06}Z", ns / 1000)
+    }
+
+    /// Nanoseconds UTC since 1970-01-01T00:00:00 UTC, as Unix time counts them: exact; a leap second and the second after
+    /// it have the same counts.
+    #[must_use]
+    pub fn to_unix_ns(self) -> i64 {
+        self.utc_count_ns()
+    }
+
+    /// The instant of a Unix time; the later of two where a leap second made it count twice.
+    #[must_use]
+    pub fn from_unix_ns(unix_ns: i64) -> Self {
+        Self { ns: unix_ns.saturating_add(leap::tai_less_utc_of_unix_s(unix_ns.div_euclid(NS_PER_S)) * NS_PER_S) }
+    }
+
+    /// Nanoseconds of terrestrial time since 1970-01-01T00:00:00 TT.
+    #[must_use]
+    pub const fn to_tt_ns(self) -> i64 {
+        self.ns.saturating_add(TT_LESS_TAI_NS)
+    }
+
+    /// The instant of a terrestrial time.
+    #[must_use]
+    pub const fn from_tt_ns(tt_ns: i64) -> Self {
+        Self { ns: tt_ns.saturating_sub(TT_LESS_TAI_NS) }
+    }
+
+    /// Nanoseconds of GPS time since its epoch, 1980-01-06T00:00:00 UTC.
+    #[must_use]
+    pub const fn to_gps_ns(self) -> i64 {
+        self.ns.saturating_sub(GPS_EPOCH_NS)
+    }
+
+    /// The instant of a GPS time.
+    #[must_use]
+    pub const fn from_gps_ns(gps_ns: i64) -> Self {
+        Self { ns: gps_ns.saturating_add(GPS_EPOCH_NS) }
+    }
+
+    fn utc_count_ns(self) -> i64 {
+        self.ns.saturating_sub(leap::tai_less_utc_s(self.ns) * NS_PER_S)
     }
 
     /// Julian years (TDB) since J2000.0: the argument of space motion and of ephemerides.
@@ -118,42 +192,18 @@ impl Tai {
     /// Julian date on the UTC scale (for SGP4 and displays; ambiguous inside a leap second).
     #[must_use]
     pub fn julian_date_utc(self) -> f64 {
-        self.epoch().to_jde_utc_days()
+        JULIAN_DATE_1970 + self.utc_count_ns() as f64 / (DAY_S * NS_PER_S as f64)
     }
 
     /// Seconds UTC since 1970-01-01T00:00:00 UTC, as Unix time counts them.
     #[must_use]
     pub fn unix_s(self) -> f64 {
-        self.epoch().to_unix_seconds()
-    }
-
-    /// Unix time, ns: exact. A leap second reads as the second after it.
-    #[must_use]
-    pub fn to_unix_ns(self) -> i64 {
-        let begins = |unix_ns: i64, ahead_ns: i64| self.ns >= unix_ns.saturating_add(ahead_ns);
-        self.ns.saturating_sub(tai_ahead_ns(begins))
-    }
-
-    /// From Unix time, ns: exact. Of a leap second and the second after it, which have one Unix time, the second is meant.
-    #[must_use]
-    pub fn from_unix_ns(unix_ns: i64) -> Self {
-        Self { ns: unix_ns.saturating_add(tai_ahead_ns(|begin_ns, _| unix_ns >= begin_ns)) }
+        self.to_unix_ns() as f64 / NS_PER_S as f64
     }
 
     fn epoch(self) -> Epoch {
         ptp_epoch() + Duration::from_truncated_nanoseconds(self.ns)
     }
-}
-
-/// How far TAI is ahead of UTC, ns, by the last step that `has_come`: told when it came (Unix time, ns) and what holds then.
-fn tai_ahead_ns(has_come: impl Fn(i64, i64) -> bool) -> i64 {
-    /// From 1900, where the table counts from, to 1970.
-    const UNIX_FROM_1900_S: f64 = 2_208_988_800.0;
-    let steps = LatestLeapSeconds::default().filter(|step| step.announced_by_iers).map(|step| {
-        let ns = |s: f64| Span::from_s(s).ns();
-        (ns(step.timestamp_tai_s - UNIX_FROM_1900_S), ns(step.delta_at))
-    });
-    steps.filter(|(unix_ns, ahead_ns)| has_come(*unix_ns, *ahead_ns)).last().map_or(0, |(_, ahead_ns)| ahead_ns)
 }
 
 fn ptp_epoch() -> Epoch {
@@ -221,27 +271,54 @@ mod tests {
     }
 
     #[test]
-    fn unix_time_is_exact_on_both_sides_of_a_leap_second() {
-        // IERS Bulletin C 52: TAI - UTC = 36 s until 2016-12-31T23:59:60 UTC, 37 s from 2017-01-01T00:00:00 on,
-        // which is Unix time 1483228800.
-        let midnight = Tai::from_ns((1_483_228_800 + 37) * NS_PER_S);
-        assert_eq!(midnight.to_unix_ns(), 1_483_228_800 * NS_PER_S);
-        let before_leap = midnight - Span::from_ns(NS_PER_S + 1);
-        assert_eq!(before_leap.to_unix_ns(), 1_483_228_799_999_999_999);
-        assert_eq!(
-            (midnight - Span::from_ns(1)).to_unix_ns(),
-            1_483_228_800_999_999_999,
-            "inside: as the second after"
-        );
-        for at in [midnight, before_leap, Tai::from_ns(1_790_000_000_123_456_789)] {
-            assert_eq!(Tai::from_unix_ns(at.to_unix_ns()), at);
+    fn tt_and_gps_differ_from_tai_by_constants() {
+        // J2000.0 TT = 2000-01-01T12:00:00 TT: 10957.5 days after 1970-01-01T00:00:00 TT.
+        let j2000 = Tai::from_rfc3339("2000-01-01T11:58:55.816Z").expect("a valid instant");
+        assert_eq!(j2000.to_tt_ns(), 10_957 * 86_400 * NS_PER_S + 43_200 * NS_PER_S);
+        assert_eq!(Tai::from_tt_ns(j2000.to_tt_ns()), j2000);
+        // GPS was ahead of UTC by 18 s at 2017-01-01; that day began week 1930 (IS-GPS-200 weeks begin on Sundays).
+        let at = Tai::from_rfc3339("2017-01-01T00:00:00Z").expect("a valid instant");
+        assert_eq!(at.to_gps_ns(), (1930 * 7 * 86_400 + 18) * NS_PER_S);
+        assert_eq!(Tai::from_gps_ns(0).to_rfc3339(), "1980-01-06T00:00:00.000000Z");
+    }
+
+    #[test]
+    fn unix_time_is_exact_and_repeats_a_second_at_a_leap_second() {
+        // `date -u -d 2017-01-01T00:00:00 +%s` says 1483228800.
+        const NEW_YEAR_NS: i64 = 1_483_228_800 * NS_PER_S;
+        let new_year = Tai::from_rfc3339("2017-01-01T00:00:00Z").expect("a valid instant");
+        assert_eq!(new_year.to_unix_ns(), NEW_YEAR_NS);
+        let before = |ns| new_year - Span::from_ns(ns);
+        assert_eq!(before(NS_PER_S + 1).to_unix_ns(), NEW_YEAR_NS - 1, "the last of 23:59:59");
+        assert_eq!(before(NS_PER_S).to_unix_ns(), NEW_YEAR_NS, "23:59:60 counts as the next second");
+        assert_eq!(before(1).to_unix_ns(), NEW_YEAR_NS + NS_PER_S - 1, "up to its end");
+        assert_eq!(Tai::from_unix_ns(NEW_YEAR_NS), new_year, "the later of the two");
+        assert_eq!(Tai::from_unix_ns(NEW_YEAR_NS - 1), before(NS_PER_S + 1));
+    }
+
+    #[test]
+    fn the_minute_of_a_leap_second_has_61_seconds_of_text() {
+        let at = Tai::from_rfc3339("2016-12-31T23:59:60.250Z").expect("a leap second");
+        assert_eq!(at.to_rfc3339(), "2016-12-31T23:59:60.250000Z");
+        for (text, before_s) in
+            [("2016-12-31T23:59:59Z", 1), ("2016-12-31T23:59:30Z", 30), ("2016-12-31T23:59:00Z", 60)]
+        {
+            let earlier = Tai::from_rfc3339(text).expect("a valid instant");
+            assert_eq!((at - earlier).ns(), before_s * NS_PER_S + 250_000_000, "{text}");
+            assert_eq!(earlier.to_rfc3339()[..19], text[..19], "and back");
         }
-        let inside = midnight - Span::from_ns(1);
-        assert_eq!(
-            Tai::from_unix_ns(inside.to_unix_ns()) - inside,
-            Span::from_ns(NS_PER_S),
-            "the second after is meant"
-        );
+        assert_eq!((at + Span::from_ms(750)).to_rfc3339(), "2017-01-01T00:00:00.000000Z");
+        for text in ["2016-12-30T23:59:60Z", "2026-06-30T23:59:60Z", "2016-12-31T12:30:60Z"] {
+            assert!(Tai::from_rfc3339(text).is_err(), "{text}: no leap second");
+        }
+    }
+
+    #[test]
+    fn unix_time_there_and_back_is_exact_away_from_leap_seconds() {
+        for i in 0..4000_i64 {
+            let unix_ns = i * 1_009 * 1_000_003_700_001 / 2;
+            assert_eq!(Tai::from_unix_ns(unix_ns).to_unix_ns(), unix_ns, "{unix_ns}");
+        }
     }
 
     #[test]

@@ -5,6 +5,8 @@ mod analytic_motion;
 mod apparent_places;
 mod attitude_methods;
 mod bounds;
+mod bus_jitter;
+mod bus_jitter_frames;
 mod chart;
 mod frames;
 mod measure;

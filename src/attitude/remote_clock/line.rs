@@ -9,7 +9,7 @@ use super::hull::{Edge, HEIGHT_MEAN, HEIGHT_SIGMA, LowerHull, SLOPE_SIGMA};
 use super::kalman::{Trust, TwoState};
 use super::marks::Mark;
 
-/// Deviation of the first mark's delay, ns; halved in decades by each pair of marks: the chance that all were late.
+/// Deviation of the first mark's delay, ns; each pair of marks leaves a tenth of it: the chance that all were late.
 const FIRST_DELAY_SIGMA_NS: f64 = 1e6;
 /// The link's delay becomes known by so many marks; before, the hull's mean height is not taken off.
 const MARKS_FOR_BIAS: usize = 16;
@@ -265,7 +265,7 @@ impl Line {
         let shock = (above_ns / self.params.window_s).abs().min(MOST_RATE_SHOCK);
         let there = self.now.at(mark.remote_ns, self.params.walk);
         self.before = there.shifted_to(mark.remote_ns, mark.difference_ns, FIRST_DELAY_SIGMA_NS, shock);
-        self.seen = [Seen::NONE, Seen::of(&mark)];
+        self.seen = [Seen::NONE; 2];
     }
 
     fn close_full_window(&mut self, mark: &Mark) {
@@ -289,7 +289,7 @@ impl Line {
         let (hull, origin) = (&self.window.hull, &self.window.origin);
         let (count, length_s) = (hull.count(), hull.length_s());
         let unit_ns = self.scale_ns() / count as f64;
-        let late_ns = FIRST_DELAY_SIGMA_NS * 10_f64.powi(-i32::try_from(count / 2).unwrap_or(i32::MAX));
+        let late_ns = (0..(count / 2).min(12)).fold(FIRST_DELAY_SIGMA_NS, |sigma_ns, _| 0.1 * sigma_ns);
         let bias_ns = HEIGHT_MEAN * unit_ns;
         let is_known = count >= MARKS_FOR_BIAS;
         let is_long = is_known && length_s >= 0.5 * self.params.window_s;

@@ -1,14 +1,43 @@
-//! Line-of-sight jitter: spectral lines set once, and sampled bursts received over the bus.
+//! Line-of-sight jitter: what was configured, and what came over the bus -> the track of one exposure.
+//!
+//! | source | what it is | in an exposure |
+//! |---|---|---|
+//! | configured lines | sinusoids, phases at a local instant | continuous, as they are |
+//! | uploaded lines | sinusoids, phases at remote time 0 | continuous; frequency and phase by the remote clock |
+//! | PSD and seed | Gaussian noise as 32 sinusoids per axis (`psd`) | continuous, by the remote clock |
+//! | wheel harmonics and speeds | sinusoids of the wheels' angles (`wheels`) | continuous; speed frozen at mid-exposure |
+//! | sampled bursts | points | linear between points |
+//!
+//! Nothing is averaged beforehand: all of it is a function of time ([`JitterTrack::rotation_at`]), integrated inside the image
+//! by the planner's quadrature. Its node count follows the highest line's frequency and every sampled point, and its
+//! bound (`exposure::weigh`) says what is left.
 //!
 //! Bursts arrive late and batched, so they are kept by epoch under the same rules as attitude samples, and an exposure
 //! takes what covers it. Jitter that stopped arriving is not held for ever: a point further than `max_gap` from the
 //! exposure is left out, and [`JitterCoverage`] says how much of the exposure had data.
+//!
+//! Uploaded tables need the remote clock ([`JitterHistory::follow_clock`]) and have no effect before it is known. Memory for
+//! all tables is taken at construction. Tests: `tests/physics/bus_jitter.rs`.
 
-use crate::attitude::error::HistoryReject;
+mod lines;
+mod psd;
+mod wheels;
+
+pub use psd::{LINES_PER_AXIS, PSD_POINTS_MAX, PsdPoint, psd_variance};
+pub use wheels::{HARMONICS_MAX, WHEELS, WheelHarmonic};
+
+use crate::attitude::error::{HistoryReject, JitterReject};
 use crate::attitude::los::{JitterLine, JitterPoint, JitterTrack};
+use crate::attitude::remote_clock::ClockEstimate;
 use crate::attitude::ring::{EpochRing, HistoryCounts, HistoryLimits};
 use crate::base::time::{Span, Tai};
 use glam::DVec3;
+use wheels::WheelHarmonics;
+
+/// Lines that can be uploaded.
+pub const UPLOADED_LINES_MAX: usize = 32;
+/// Lines that all tables of the bus can give an exposure.
+pub const BUS_LINES_MAX: usize = UPLOADED_LINES_MAX + 3 * LINES_PER_AXIS + HARMONICS_MAX;
 
 /// Jitter known so far.
 #[derive(Debug, Clone)]
@@ -19,6 +48,11 @@ pub struct JitterHistory {
     counts: HistoryCounts,
     lines: Vec<JitterLine>,
     lines_epoch: Tai,
+    /// Phases at remote time 0.
+    uploaded: Vec<JitterLine>,
+    noise: Vec<JitterLine>,
+    wheels: WheelHarmonics,
+    remote: Option<ClockEstimate>,
 }
 
 /// How much of a window the received points cover.
@@ -43,6 +77,10 @@ impl JitterHistory {
             counts: HistoryCounts::default(),
             lines: Vec::new(),
             lines_epoch: Tai::from_ns(0),
+            uploaded: Vec::with_capacity(UPLOADED_LINES_MAX),
+            noise: Vec::with_capacity(3 * LINES_PER_AXIS),
+            wheels: WheelHarmonics::new(),
+            remote: None,
         }
     }
 
@@ -51,16 +89,69 @@ impl JitterHistory {
     /// # Errors
     /// When a number is not finite; the former lines stay.
     pub fn set_lines(&mut self, lines: &[JitterLine], epoch: Tai) -> Result<(), HistoryReject> {
-        let is_finite = |line: &JitterLine| {
-            line.frequency_hz.is_finite() && line.amplitude_rad.is_finite() && line.phase_rad.is_finite()
-        };
-        if !lines.iter().all(is_finite) {
+        if !lines.iter().all(lines::is_finite) {
             return Err(self.counts.count(HistoryReject::NotFinite));
         }
         self.lines.clear();
         self.lines.extend_from_slice(lines);
         self.lines_epoch = epoch;
         Ok(())
+    }
+
+    /// Replaces the uploaded lines, whose phases hold at remote time 0 and whose frequencies are per remote second. An
+    /// empty set clears them.
+    ///
+    /// # Errors
+    /// Too many, or a number that is not finite; the former lines stay.
+    pub fn set_uploaded_lines(&mut self, lines: &[JitterLine]) -> Result<(), JitterReject> {
+        if lines.len() > UPLOADED_LINES_MAX {
+            return Err(JitterReject::TooMany { got: lines.len(), most: UPLOADED_LINES_MAX });
+        }
+        if let Some(row) = lines.iter().position(|line| !lines::is_finite(line) || line.frequency_hz < 0.0) {
+            return Err(JitterReject::Illegal { row });
+        }
+        self.uploaded.clear();
+        self.uploaded.extend_from_slice(lines);
+        Ok(())
+    }
+
+    /// Replaces the noise by one of this density; the seed names it. Fewer than two points: none. Takes about 1 ms: for
+    /// commands, not for every frame.
+    ///
+    /// # Errors
+    /// Too many points, frequencies that do not rise, or an illegal number; the former noise stays.
+    pub fn set_psd(&mut self, points: &[PsdPoint], seed: u64) -> Result<(), JitterReject> {
+        psd::check(points)?;
+        self.noise.clear();
+        psd::realise(points, seed, &mut self.noise);
+        Ok(())
+    }
+
+    /// Replaces the table of wheel harmonics.
+    ///
+    /// # Errors
+    /// Too many rows, or an illegal one; the former table stays.
+    pub fn set_wheel_harmonics(&mut self, table: &[WheelHarmonic]) -> Result<(), JitterReject> {
+        self.wheels.set_table(table)
+    }
+
+    /// Takes the wheels' speeds, rad/s, at an instant.
+    ///
+    /// # Errors
+    /// The reason of a refusal, which is also counted: not finite, or not later than the speeds before.
+    pub fn wheel_speeds(&mut self, rad_s: [f64; WHEELS], at: Tai) -> Result<(), HistoryReject> {
+        self.wheels.set_speeds(rad_s, at).map_err(|reject| self.counts.count(reject))
+    }
+
+    /// The remote clock, by which uploaded lines and noise run: to be told after every time mark.
+    pub fn follow_clock(&mut self, estimate: &ClockEstimate) {
+        self.remote = Some(*estimate);
+    }
+
+    /// What taking the wheels' speeds as constant during an exposure may err by, sensor axes, rad.
+    #[must_use]
+    pub fn frozen_speed_bound_rad(&self, from: Tai, until: Tai) -> DVec3 {
+        self.wheels.frozen_bound_rad(from, until)
     }
 
     /// Takes one point that arrived at `received_at`.
@@ -113,9 +204,7 @@ impl JitterHistory {
     /// Replaces the track's content by the lines and the points that bear on `from..=until`: those inside, and the
     /// nearest on each side.
     pub fn fill(&self, from: Tai, until: Tai, track: &mut JitterTrack) -> JitterCoverage {
-        track.lines.clear();
-        track.lines.extend_from_slice(&self.lines);
-        track.lines_epoch = self.lines_epoch;
+        self.fill_lines(from + Span::from_ns((until - from).ns() / 2), track);
         track.points.clear();
         let (earliest, latest) = (from - self.max_gap, until + self.max_gap);
         let first = self.ring.count_until(from).saturating_sub(1);
@@ -123,6 +212,29 @@ impl JitterHistory {
         let bearing = (first..=last).filter_map(|place| self.ring.get(place));
         track.points.extend(bearing.filter(|point| point.at >= earliest && point.at <= latest));
         coverage(&track.points, from, until)
+    }
+
+    /// With tables of the bus in effect all phases are moved to mid-exposure: short times keep their digits.
+    fn fill_lines(&self, mid_exposure: Tai, track: &mut JitterTrack) {
+        track.lines.clear();
+        let by_remote = self.remote.filter(|_| !(self.uploaded.is_empty() && self.noise.is_empty()));
+        if by_remote.is_none() && self.wheels.is_empty() {
+            track.lines.extend_from_slice(&self.lines);
+            track.lines_epoch = self.lines_epoch;
+            return;
+        }
+        track.lines_epoch = mid_exposure;
+        let since_epoch = mid_exposure - self.lines_epoch;
+        track.lines.extend(self.lines.iter().map(|line| lines::moved(line, since_epoch)));
+        if let Some(remote) = by_remote {
+            let since_boot = Span::from_ns(remote.to_remote_ns(mid_exposure));
+            let remote_s_per_s = 1.0 / (1.0 + remote.drift);
+            track.lines.extend(self.uploaded.iter().chain(&self.noise).map(|line| {
+                let there = lines::moved(line, since_boot);
+                JitterLine { frequency_hz: line.frequency_hz * remote_s_per_s, ..there }
+            }));
+        }
+        self.wheels.add_lines(mid_exposure, &mut track.lines);
     }
 }
 
