@@ -31,6 +31,13 @@ const GAPS_S: (f64, f64) = (5.0, 400.0);
 /// marks that are damaged alike outnumber the good ones of a window, and no receiver could tell.
 const MOST_WRONG: f64 = 0.2;
 
+/// Largest share of packets without their tail.
+const MOST_CUT: f64 = 0.3;
+
+/// Identifiers of babble: the attitude's own, which has a checksum, and one of nobody's. Time marks have none: nonsense
+/// under their identifiers that is as frequent as they are could not be told from them.
+const BABBLED: [u16; 2] = [0x300, 0x7FF];
+
 /// The events of `seed`.
 #[must_use]
 pub fn fault_schedule(seed: u64, limits: &ScheduleLimits) -> Vec<Event> {
@@ -76,7 +83,7 @@ impl Draw {
     /// What happens, and for how many seconds.
     fn action(&mut self) -> (Action, f64) {
         let frame = |fault| Action::Frame { head: None, fault };
-        match self.dice.random_range(0..18_u32) {
+        match self.dice.random_range(0..24_u32) {
             0 => (Action::Bus(LinkFault::Loss { share: self.between(0.1, 0.9) }), self.between(2.0, 60.0)),
             1 => (Action::Bus(LinkFault::Silence), self.between(1.0, 30.0)),
             2 => {
@@ -98,8 +105,30 @@ impl Draw {
             14 => (Action::Gyro(GyroFaultKind::BiasJump(self.rate(20.0 * DEG / 3600.0))), 0.0),
             15 => (Action::Gyro(GyroFaultKind::Spike(self.rate(0.02 * DEG))), self.between(1.0, 3.0)),
             16 => (Action::TrackerOff { head: None }, self.between(5.0, 200.0)),
+            17..23 => self.bus_or_clock(),
             _ => self.wheel_or_slew(),
         }
+    }
+
+    fn bus_or_clock(&mut self) -> (Action, f64) {
+        let fault = match self.dice.random_range(0..6_u32) {
+            0 => LinkFault::Reorder { share: self.between(0.05, 0.5), by: Span::from_s(self.scale(0.005, 0.1)) },
+            1 => LinkFault::Truncate { share: self.between(0.02, MOST_CUT) },
+            2 => {
+                let id = BABBLED[self.dice.random_range(0..BABBLED.len())];
+                LinkFault::Babble { id, period: Span::from_s(self.scale(0.001, 0.02)), bytes: 48 }
+            }
+            3 => return (Action::Bus(LinkFault::Off), self.between(1.0, 30.0)),
+            4 => LinkFault::ClockStep { by: Span::from_s(self.either_way(0.001, 0.05)) },
+            _ => LinkFault::ClockDrift { ppm: self.either_way(10.0, 200.0) },
+        };
+        (Action::Bus(fault), self.between(2.0, 60.0))
+    }
+
+    /// Uniform in the logarithm of its size, of either sign.
+    fn either_way(&mut self, least: f64, most: f64) -> f64 {
+        let size = self.scale(least, most);
+        if self.dice.random::<bool>() { size } else { -size }
     }
 
     fn wheel_or_slew(&mut self) -> (Action, f64) {
@@ -139,7 +168,7 @@ mod tests {
         let mut names: Vec<_> = events.iter().map(|event| crate::wiring::faults::action_name(&event.action)).collect();
         names.sort_unstable();
         names.dedup();
-        assert_eq!(names.len(), 19, "{names:?}");
+        assert_eq!(names.len(), 25, "{names:?}");
         let failures = events.iter().filter(|event| matches!(event.action, Action::WheelFailure { .. })).count();
         assert_eq!(failures, 1, "three wheels still control all axes");
     }

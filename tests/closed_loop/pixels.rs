@@ -77,6 +77,7 @@ fn every_scenario_holds() {
         "sun_avoidance",
         "stray_light",
         "bus_dropouts",
+        "bus_faults",
         "three_heads",
         "wheel_sweep",
         "fine_pointing",

@@ -245,6 +245,12 @@ fn tool(program: &str, arguments: &[&str]) -> Option<String> {
     }
 }
 
+/// The Python that has the packages of `hil_scripts/requirements.txt`, where it was made beside the build; else the system's.
+fn python() -> String {
+    let beside = std::env::current_exe().unwrap().ancestors().nth(3).unwrap().join("python/bin/python3");
+    if beside.exists() { beside.to_str().unwrap().into() } else { "python3".into() }
+}
+
 #[test]
 fn others_read_what_is_captured() {
     let folder = tempfile::tempdir().unwrap();
@@ -281,12 +287,13 @@ fn others_read_what_is_captured() {
     }
     let script = "import can,sys\nfor m in can.CanutilsLogReader(sys.argv[1]):\n \
                   print(f'{m.arbitration_id:03X}#{m.data.hex().upper()} {\"R\" if m.is_rx else \"T\"} {m.timestamp:.5f}')";
+    let python = python();
     let has_python_can =
-        Command::new("python3").args(["-c", "import can"]).status().is_ok_and(|status| status.success());
+        Command::new(&python).args(["-c", "import can"]).output().is_ok_and(|run| run.status.success());
     if !has_python_can {
-        return println!("SKIPPED: python3 has no package \"can\"");
+        return println!("SKIPPED: {python} has no package \"can\"");
     }
-    if let Some(text) = tool("python3", &["-c", script, candump.to_str().unwrap()]) {
+    if let Some(text) = tool(&python, &["-c", script, candump.to_str().unwrap()]) {
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), wanted.len());
         for (line, packet) in lines.iter().zip(&wanted) {
