@@ -79,6 +79,8 @@ events! {
     VersionRefused = "version_refused",
     /// A command was refused.
     CommandRefused = "command_refused",
+    /// A table of jitter parameters was put into effect.
+    TableApplied = "table_applied",
     /// The flight computer's heartbeat has stopped; the span is the silence.
     HeartbeatLost = "heartbeat_lost",
     /// The flight computer's heartbeat is back; the span is the silence.

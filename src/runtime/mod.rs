@@ -12,6 +12,7 @@ pub mod error;
 pub mod frame_faults;
 pub mod hygiene;
 pub mod imager;
+pub mod jitter_tables;
 pub mod ledger;
 pub mod load;
 pub mod marks;

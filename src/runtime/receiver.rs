@@ -6,17 +6,21 @@ use crate::base::time::{Span, Tai};
 use crate::base::units::ARCSEC;
 use crate::link::Stamped;
 use crate::runtime::error::RunError;
+use crate::runtime::jitter_tables;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::params::AttitudeParams;
 use crate::runtime::session::{Session, SessionParams};
 use firmware_protocol::Message;
-use firmware_protocol::message::{AttitudeRecord, JitterBurst, JitterPair, TimeFollowUp};
+use firmware_protocol::handshake::Did;
+use firmware_protocol::message::{AttitudeRecord, Command, JitterBurst, JitterPair, TimeFollowUp, Wheels};
 use glam::DVec3;
 
 /// Period of classic jitter pairs' samples.
 const PAIR_PERIOD: Span = Span::from_ms(1);
 /// Faster turns (1000 deg/s) are no attitude of a spacecraft that a star sensor follows; NaN is not below it either.
 const MOST_RATE_RAD_S: f64 = 17.453_292_519_943_295;
+/// Wheel speeds on the wire are in revolutions per minute.
+const RAD_S_PER_RPM: f64 = core::f64::consts::TAU / 60.0;
 /// Norm tolerance of a quaternion that the protocol has already checked.
 const NORM_TOLERANCE: f64 = 2e-3;
 
@@ -124,9 +128,8 @@ impl Receiver {
             Message::Attitude(record) => self.take_attitude(record, at, ledger),
             Message::Jitter(burst) => self.take_burst(burst, at, ledger),
             Message::JitterPair(pair) => self.take_pair(pair, at, ledger),
-            Message::Command(command) => {
-                return Some(Message::Response(self.session.answer(command, at, ledger).response));
-            }
+            Message::Command(command) => return Some(self.answer(command, at, ledger)),
+            Message::Wheels(wheels) => self.take_wheels(wheels, at, ledger),
             Message::Table(cell) => self.session.put(cell),
             Message::Heartbeat(heartbeat) => self.session.hear(heartbeat, at, ledger),
             _ => {}
@@ -134,9 +137,29 @@ impl Receiver {
         None
     }
 
+    fn answer(&mut self, command: &Command, at: Tai, ledger: &mut Ledger) -> Message {
+        let answer = self.session.answer(command, at, ledger);
+        if let Some(Did::Applied(table)) = answer.did {
+            let mounting = self.params.sensor_from_body;
+            let applied = jitter_tables::apply(table, self.session.tables(), mounting, &mut self.jitter);
+            let kind = if applied.is_ok() { EventKind::TableApplied } else { EventKind::SampleRefused };
+            ledger.note(Event::new(kind, at, None, Span::ZERO));
+        }
+        Message::Response(answer.response)
+    }
+
+    /// Speeds have no time tag: they hold when their message was sent.
+    fn take_wheels(&mut self, wheels: &Wheels, at: Tai, ledger: &mut Ledger) {
+        let rad_s = wheels.speed_rpm.map(|rpm| f64::from(rpm) * RAD_S_PER_RPM);
+        if self.jitter.wheel_speeds(rad_s, at - self.params.clock.constant_delay).is_err() {
+            ledger.note(Event::new(EventKind::SampleRefused, at, None, Span::ZERO));
+        }
+    }
+
     /// Takes in a pulse at a whole second of the flight computer's clock.
     pub fn accept_pulse(&mut self, at: Tai) {
         let _of_no_use_before_the_first_mark = self.clock.observe_pps(at);
+        self.tell_jitter();
     }
 
     fn correlate(&mut self, follow_up: &TimeFollowUp) {
@@ -145,6 +168,14 @@ impl Receiver {
             && counter == follow_up.counter
         {
             self.clock.observe(scet_ns, at);
+            self.tell_jitter();
+        }
+    }
+
+    /// Uploaded jitter runs by the flight computer's clock.
+    fn tell_jitter(&mut self) {
+        if let Some(estimate) = self.clock.estimate() {
+            self.jitter.follow_clock(&estimate);
         }
     }
 

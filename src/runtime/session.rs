@@ -15,7 +15,7 @@ use firmware_protocol::{DBC_CRC32, version};
 /// Highest rates taken: what the protocol has room for.
 const RATES: Rates = Rates { attitude_hz: 100, jitter_hz: 1000 };
 /// What the stimulator takes beside attitude.
-const CAPABILITIES: u16 = capability::JITTER_SAMPLES;
+const CAPABILITIES: u16 = capability::PARAMETER_TABLES | capability::JITTER_SAMPLES | capability::WHEELS;
 
 /// When frames begin to show stars.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,8 +3,9 @@
 use crate::bench::{built_in, start};
 use firmware_protocol::can::IdMap;
 use firmware_protocol::message::{
-    Command, NodeState, PointingAngle, Refusal, Reply, Request, Response, StatusPage, StimulatorMode,
+    Command, NodeState, PointingAngle, Refusal, Reply, Request, Response, StatusPage, StimulatorMode, Table,
 };
+use firmware_protocol::tables::{Applied, LineRow, cells, crc};
 use firmware_protocol::version::Version;
 use firmware_protocol::{DBC_CRC32, Message, Reject};
 use starloop::base::axes::{Icrf, Rotation, Sensor, ra_dec_roll};
@@ -194,6 +195,22 @@ fn status_echoes_the_pointing_of_each_frame_at_the_time_told_for_it() {
         }
     }
     assert_eq!(compared, 40, "every frame");
+}
+
+#[test]
+fn a_table_of_jitter_is_uploaded_and_applied_once() {
+    let lines = [LineRow { frequency_hz: 7.0, amplitude_xyz_arcsec: [10.0, 0.0, 0.0], phase_rad: 0.0 }];
+    let apply = |token, crc| command(token, Request::Apply { table: 1, rows: 1, crc, seed: 0 });
+    let mut script: Vec<(f64, Says)> = cells(&lines).map(|cell| (1.5, Says::Message(Message::Table(cell)))).collect();
+    script.extend([(1.6, apply(50, !crc(&lines))), (1.7, apply(51, crc(&lines))), (1.8, apply(51, crc(&lines)))]);
+    let run = overhear(&built_in(2.0), &script);
+    let replies = |token: u8| {
+        let of = |response: &Response| (response.token == token).then_some(response.reply);
+        run.responses().iter().filter_map(of).collect::<Vec<_>>()
+    };
+    assert_eq!(replies(50), [Reply::Refused { opcode: 5, reason: Refusal::TableCrc }]);
+    let done = Reply::Applied(Applied { table: Table::Lines, rows: 1 });
+    assert_eq!((replies(51), run.count(EventKind::TableApplied)), (vec![done, done], 1), "a retry is not done twice");
 }
 
 #[test]

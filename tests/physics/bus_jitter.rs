@@ -139,7 +139,7 @@ fn fine_power(points: &[PsdPoint], low_hz: f64, high_hz: f64, steps: i32) -> f64
 
 fn noise(seed: u64) -> JitterHistory {
     let mut history = history();
-    history.set_psd(&density(), seed).unwrap();
+    history.set_psd(&density(), seed, |body| body).unwrap();
     history.follow_clock(&estimate(0.0));
     history
 }
@@ -309,7 +309,7 @@ fn full_tables_fit_a_track_made_before_them() {
     let mut track = history.new_track();
     let room = track.lines.capacity();
     history.set_uploaded_lines(&[lines()[1]; UPLOADED_LINES_MAX]).unwrap();
-    history.set_psd(&density(), 7).unwrap();
+    history.set_psd(&density(), 7, |body| body).unwrap();
     history.set_wheel_harmonics(&[harmonic(3.0, 2.0); HARMONICS_MAX]).unwrap();
     history.wheel_speeds([100.0, 200.0, 300.0, 400.0], at(0.0)).unwrap();
     history.follow_clock(&estimate(1e-5));
@@ -321,7 +321,7 @@ fn full_tables_fit_a_track_made_before_them() {
     history.fill(at(1.0), at(1.1), &mut track);
     assert_eq!(track.lines.len(), wanted, "and the former ones stay");
     history.set_uploaded_lines(&[]).unwrap();
-    history.set_psd(&[], 0).unwrap();
+    history.set_psd(&[], 0, |body| body).unwrap();
     history.set_wheel_harmonics(&[]).unwrap();
     history.fill(at(1.0), at(1.1), &mut track);
     assert_eq!((track.lines.len(), track.lines_epoch), (lines().len(), BOOT), "cleared: as configured");

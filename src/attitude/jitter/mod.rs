@@ -115,15 +115,24 @@ impl JitterHistory {
         Ok(())
     }
 
-    /// Replaces the noise by one of this density; the seed names it. Fewer than two points: none. Takes about 1 ms: for
-    /// commands, not for every frame.
+    /// Replaces the noise by one of this density; the seed names it. Fewer than two points: none. The axes of the density
+    /// are those of whoever tells it: `turned` brings their vectors into sensor axes. Takes about 1 ms: for commands, not
+    /// for every frame.
     ///
     /// # Errors
     /// Too many points, frequencies that do not rise, or an illegal number; the former noise stays.
-    pub fn set_psd(&mut self, points: &[PsdPoint], seed: u64) -> Result<(), JitterReject> {
+    pub fn set_psd(
+        &mut self,
+        points: &[PsdPoint],
+        seed: u64,
+        turned: impl Fn(DVec3) -> DVec3,
+    ) -> Result<(), JitterReject> {
         psd::check(points)?;
         self.noise.clear();
         psd::realise(points, seed, &mut self.noise);
+        for line in &mut self.noise {
+            line.amplitude_rad = turned(line.amplitude_rad);
+        }
         Ok(())
     }
 

@@ -33,7 +33,7 @@ const HALVINGS: u32 = 52;
 pub struct PsdPoint {
     /// Frequency, Hz; above zero, rising from point to point.
     pub frequency_hz: f64,
-    /// One-sided density per axis of the sensor, rad^2/Hz, not negative.
+    /// One-sided density per axis, rad^2/Hz, not negative.
     pub density: DVec3,
 }
 
