@@ -129,8 +129,11 @@ impl End {
         self.on_the_wire = None;
         self.counters.sent += 1;
         self.remember(number, Departure::At(at));
-        self.errors.transmit_succeeded();
-        self.pause_if_passive(at, passive_pause);
+        // Put off the bus meanwhile: the frame is let through, and the counters stay where they are.
+        if !self.is_off() {
+            self.errors.transmit_succeeded();
+            self.pause_if_passive(at, passive_pause);
+        }
     }
 
     /// A frame of this end was destroyed: it goes back to the head of the queue, unless that was one error too many.

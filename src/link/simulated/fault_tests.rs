@@ -205,7 +205,9 @@ fn the_seed_decides_and_looking_does_not() {
             START + Span::from_ms(4),
             BusFault::Babble { id: 2, share_of_bandwidth: 0.7 },
         );
-        control.add(START + Span::from_ms(5), START + Span::from_ms(6), BusFault::BusOff { end: 1 });
+        // Mostly in the middle of a frame.
+        let off = START + Span::from_ns(5_000_000 + 41_000 * i64::try_from(seed).unwrap());
+        control.add(off, off + Span::from_ms(1), BusFault::BusOff { end: 1 });
         let mut all = Vec::new();
         for step in 0..40 {
             let next = START + bits(150 * step);
@@ -215,16 +217,24 @@ fn the_seed_decides_and_looking_does_not() {
             }
             bench.clock.advance_to(next);
             a.send(&frame(3)).unwrap();
-            b.send(&frame(1)).unwrap();
+            if step % 3 == 0 {
+                b.send(&frame(1)).unwrap();
+            }
         }
         bench.advance(Span::from_ms(50));
         all.extend(heard(&listener));
-        (all, a.counters(), b.counters())
+        let counters = (a.counters(), b.counters(), a.error_counters(), b.error_counters());
+        (all, heard(&a), heard(&b), counters)
     };
-    let wanted = run(1, Span::ZERO);
-    assert!(wanted.0.len() > 40 && wanted.1.errors > 0 && wanted.2.unsent > 0, "{wanted:?}");
-    assert_eq!(run(1, Span::from_ns(777)), wanted);
-    assert_ne!(run(2, Span::ZERO).0, wanted.0, "another seed");
+    for seed in 0..30 {
+        let wanted = run(seed, Span::ZERO);
+        let (all, _, _, (a, b, ..)) = &wanted;
+        assert!(all.len() > 40 && a.errors > 0 && b.unsent > 0, "{wanted:?}");
+        for look_ns in [777, 25_000, 111_111] {
+            assert_eq!(run(seed, Span::from_ns(look_ns)), wanted, "seed {seed}, looked every {look_ns} ns");
+        }
+        assert_ne!(run(seed + 1, Span::ZERO).0, wanted.0, "another seed");
+    }
 }
 
 #[test]

@@ -136,6 +136,8 @@ impl Medium {
                 if current.done > now {
                     return;
                 }
+                // In the order of time, whenever somebody looks.
+                self.put_off(current.done);
                 self.finish(wire, &current);
             }
             match self.next_start(wire) {
