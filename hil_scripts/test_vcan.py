@@ -319,6 +319,33 @@ class Pulses(OnVcan):
         self.assertIn("ls /sys/class/pps", done.stderr)
 
 
+class Flights(OnVcan):
+    """The Python flight computer slews the stimulator over the kernel's CAN."""
+
+    def fly(self, *arguments, wire):
+        # Imported here: python-can is needed for flights only.
+        from test_flight import Stimulator, fly
+
+        with Stimulator("socketcan.toml", "link.interface=vcan0", f"link.wire={wire}") as starloop:
+            starloop.wait_for("bench")
+            status, said = fly("--interface", "socketcan", "--channel", "vcan0", *arguments)
+            print(said, end="")
+            return status, said, starloop.stop()
+
+    def test_a_slew_over_can_fd(self):
+        status, said, summary = self.fly("--fd", wire="can_fd")
+        self.assertEqual(status, 0, said)
+        self.assertIn("session_run 1", summary)
+
+    def test_a_slew_over_classic_can(self):
+        status, said, _ = self.fly(wire="can_classic")
+        self.assertEqual(status, 0, said)
+
+    def test_a_flight_that_is_not_as_told_is_seen(self):
+        status, said, _ = self.fly("--fd", "--biased-deg", "0.0006", wire="can_fd")
+        self.assertEqual(status, 4, said)
+
+
 def main():
     if not NO_VCAN and not Path("/sys/class/net/vcan0").exists():
         script = str(ROOT / "hil_scripts/uml_vcan.sh")

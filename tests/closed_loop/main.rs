@@ -11,6 +11,7 @@ mod campaign;
 mod control;
 mod deadline;
 mod degraded;
+mod full_load;
 mod pixels;
 mod program;
 mod replay;

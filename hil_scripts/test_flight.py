@@ -1,0 +1,184 @@
+"""flight_computer.py against `starloop run`, over gateways and a serial line: python3 hil_scripts/test_flight.py
+
+STARLOOP_BINARY names the program (default target/release/starloop). Needs python-can, cantools and pyserial
+(requirements.txt). test_vcan.py flies over a kernel's CAN interface by the same functions.
+"""
+
+import math
+import os
+import pty
+import re
+import select
+import subprocess
+import sys
+import threading
+import tty
+import unittest
+from pathlib import Path
+
+sys.dont_write_bytecode = True
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import flight_computer
+
+ROOT = Path(__file__).resolve().parent.parent
+BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop"))
+# A small camera: the flight is what counts. Frames at 10 Hz for longer than any flight takes.
+SETTINGS = ["--set", "camera=../cameras/small_tracker.toml", "--set", "timing.duration_s=120"]
+PATIENCE_S = 20.0
+# A turn short enough for a test. A frame drawn from attitudes 50 ms old errs by jerk * t^3 / 6 = 0.1 arcsec then.
+TURN = ["--slew-s", "4", "--least-frames", "15"]
+
+
+class Stimulator:
+    """`starloop run` of a bench, from its first words to its end by Ctrl-C."""
+
+    def __init__(self, bench, *settings):
+        command = [BINARY, "run", str(ROOT / "configs/benches" / bench), *SETTINGS]
+        for setting in settings:
+            command += ["--set", setting]
+        self.program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.gateways, self.said = {}, []
+
+    def __enter__(self):
+        return self
+
+    def wait_for(self, words):
+        """Reads what it says until it says this."""
+        while words not in (line := self.program.stderr.readline()):
+            assert line, f"ended without saying {words!r}: {''.join(self.said)}"
+            self.said.append(line)
+            if found := re.match(r"gateway: (.*) at (.*)\n", line):
+                self.gateways[found[1]] = found[2]
+        if found := re.match(r"gateway: (.*) at (.*)\n", line):
+            self.gateways[found[1]] = found[2]
+        return line
+
+    def stop(self):
+        """The summary that it prints."""
+        self.program.send_signal(2)
+        out, _ = self.program.communicate(timeout=PATIENCE_S)
+        assert self.program.returncode == 130, self.program.returncode
+        return out
+
+    def __exit__(self, *_):
+        if self.program.poll() is None:
+            self.program.kill()
+            self.program.communicate()
+        self.program.stdout.close()
+        self.program.stderr.close()
+
+
+def fly(*arguments):
+    """One flight: exit status and what it said."""
+    script = str(Path(__file__).resolve().parent / "flight_computer.py")
+    done = subprocess.run([sys.executable, script, *TURN, *arguments], capture_output=True, text=True, timeout=120)
+    return done.returncode, done.stdout + done.stderr
+
+
+class Relay:
+    """Two pseudo terminals whose far ends are joined: what a null-modem cable is."""
+
+    def __init__(self):
+        self.pairs = [pty.openpty() for _ in range(2)]
+        for _, slave in self.pairs:
+            tty.setraw(slave)
+        self.paths = [os.ttyname(slave) for _, slave in self.pairs]
+        self.over = threading.Event()
+        self.thread = threading.Thread(target=self.carry)
+        self.thread.start()
+
+    def carry(self):
+        masters = [master for master, _ in self.pairs]
+        other = {masters[0]: masters[1], masters[1]: masters[0]}
+        while not self.over.is_set():
+            for readable in select.select(masters, [], [], 0.1)[0]:
+                os.write(other[readable], os.read(readable, 4096))
+
+    def close(self):
+        self.over.set()
+        self.thread.join()
+        for fd in (fd for pair in self.pairs for fd in pair):
+            os.close(fd)
+
+
+class Attitude(unittest.TestCase):
+    def test_pointing_and_quaternion_are_inverse_and_the_turn_is_the_rates(self):
+        for angles in [(1.4, -0.1, 0.35), (4.0, 1.2, -2.5), (0.1, -1.4, 3.0)]:
+            q = flight_computer.pointed(*angles)
+            for wanted, got in zip(angles, flight_computer.pointing(q)):
+                self.assertAlmostEqual(math.remainder(wanted - got, 2 * math.pi), 0.0, places=12)
+        slew = flight_computer.Slew(flight_computer.pointed(1.0, 0.5, 0.0), (0, 0, 2), math.radians(5), 0.0, 8.0)
+        before, rate, _ = slew.at(4.0)
+        after, _, _ = slew.at(4.0 + 1e-6)
+        # Body +Z stands still about itself; body +X of ICRF moves by -w x X in body axes.
+        moved = [(b - a) / 1e-6 for a, b in zip(column(before), column(after))]
+        x, y, z = column(before)
+        wanted = (y * rate[2], -x * rate[2], 0.0)
+        for m, w in zip(moved, wanted):
+            self.assertAlmostEqual(m, w, places=6)
+
+
+def column(q):
+    """The ICRF's first axis in body axes."""
+    return [row[0] for row in flight_computer.matrix(q)]
+
+
+class Flights(unittest.TestCase):
+    def check(self, status, said):
+        self.assertEqual(status, 0, said)
+        self.assertIn("(the same file)", said)
+        self.assertIn("largest error", said)
+
+    def test_slcan_with_can_fd(self):
+        with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0") as starloop:
+            starloop.wait_for("socketcand at")
+            channel = f"socket://{starloop.gateways['slcan (TCP)']}"
+            self.check(*fly("--interface", "slcan", "--channel", channel, "--fd"))
+            summary = starloop.stop()
+            self.assertRegex(summary, r"bus to history +\d{2,}", "latency from the bus into the history")
+            self.assertIn("session_run 1", summary)
+
+    def test_a_flight_that_is_not_as_told_is_seen(self):
+        with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0") as starloop:
+            starloop.wait_for("socketcand at")
+            channel = f"socket://{starloop.gateways['slcan (TCP)']}"
+            # Two arcseconds more than was sent: the comparison must fail.
+            status, said = fly("--interface", "slcan", "--channel", channel, "--fd", "--biased-deg", "0.0006")
+            self.assertEqual(status, 4, said)
+
+    def test_socketcand_with_classic_can(self):
+        with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0", "link.wire=can_classic") as starloop:
+            starloop.wait_for("socketcand at")
+            host, port = starloop.gateways["socketcand"].rsplit(":", 1)
+            self.check(*fly("--interface", "socketcand", "--host", host, "--port", port, "--channel", "can0"))
+
+    def test_serial_line(self):
+        relay = Relay()
+        try:
+            with Stimulator("serial.toml", f"link.port={relay.paths[0]}") as starloop:
+                starloop.wait_for("bench")
+                self.check(*fly("--serial", relay.paths[1]))
+        finally:
+            relay.close()
+
+    def test_nobody_there_is_said_plainly(self):
+        status, said = fly("--interface", "slcan", "--channel", "socket://127.0.0.1:1")
+        self.assertEqual(status, 1)
+        self.assertIn("cannot connect", said)
+        self.assertNotIn("Traceback", said)
+
+    def test_the_bus_report_has_load_and_latency(self):
+        with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0") as starloop:
+            starloop.wait_for("socketcand at")
+            channel = f"socket://{starloop.gateways['slcan (TCP)']}"
+            script = str(Path(__file__).resolve().parent / "bus_report.py")
+            wanted = ["--interface", "slcan", "--channel", channel, "--fd", "--seconds", "2", "--ask"]
+            said = subprocess.run([sys.executable, script, *wanted], capture_output=True, text=True, timeout=60)
+            self.assertEqual(said.returncode, 0, said.stderr)
+            self.assertRegex(said.stdout, r"STATUS +\d+\.\d +\d+\.\d\d")
+            self.assertRegex(said.stdout, r"command to response, \d+ times: p50 [\d.]+ ms")
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
