@@ -120,7 +120,7 @@ fn frame(word: &[u8]) -> Result<Option<CanFrame>, &'static str> {
 }
 
 fn hex_bytes(digits: &[u8], bytes: &mut [u8; DATA_MAX]) -> Result<usize, &'static str> {
-    if digits.len() % 2 != 0 || digits.len() > 2 * DATA_MAX {
+    if !digits.len().is_multiple_of(2) || digits.len() > 2 * DATA_MAX {
         return Err("the data are not whole bytes, 64 at most");
     }
     for (byte, pair) in bytes.iter_mut().zip(digits.chunks_exact(2)) {

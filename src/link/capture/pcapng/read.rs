@@ -147,7 +147,7 @@ impl<R: Read> PcapngReader<R> {
     /// Length of the block at hand.
     fn length(&mut self) -> Result<u32, CaptureError> {
         let length = self.read_word()?;
-        if length < EMPTY_BLOCK || length % 4 != 0 {
+        if length < EMPTY_BLOCK || !length.is_multiple_of(4) {
             return self.refuse(format!("length {length}, wanted a multiple of 4 from {EMPTY_BLOCK}"));
         }
         Ok(length)
