@@ -1,6 +1,6 @@
-//! One suite for every link: what [`Link`] promises, held against two ends of it on the real clock.
+//! One suite for every link: what `Link` promises, held against two ends of it on the real clock.
 //!
-//! Input: a maker of fresh, connected pairs of ends. Output: a [`Report`], or what was broken first. The suite knows
+//! Input: a maker of fresh, connected pairs of ends. Output: a `Report`, or what was broken first. The suite knows
 //! nothing of how a link works; on serial links the borders of chunks mean nothing, and bytes are compared.
 //! `tests/links` runs it on simulated buses and pseudo terminals, and on links broken on purpose, each of which it must
 //! refuse; `starloop link-check` runs it on real interfaces and ports.

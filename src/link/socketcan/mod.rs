@@ -1,14 +1,14 @@
 //! CAN and CAN FD through the kernel's raw sockets: frames of one interface, stamped by the kernel <-> `Link`.
 //!
 //! Stamps: the adapter's own where it gives any, the kernel's at the end of the receive interrupt otherwise
-//! ([`kernel_stamp`](super)); both are placed on the bench clock when the frame is fetched. A virtual interface (`vcan`)
+//! (`kernel_stamp`); both are placed on the bench clock when the frame is fetched. A virtual interface (`vcan`)
 //! has neither bit times nor an adapter: its stamp is the instant of sending.
 //!
-//! * The kernel lets through only the identifiers that this side hears ([`Hears`]), standard data frames, and error
+//! * The kernel lets through only the identifiers that this side hears (`Hears`), standard data frames, and error
 //!   frames. Error frames are counted and passed to nobody.
 //! * The receive buffer is enlarged; what the kernel drops all the same is counted as overflow.
 //! * A frame that finds the interface's queue full is given up and counted; nothing waits behind it.
-//! * An interface that is taken down or unplugged is counted as lost, and looked for every [`RETRY`] until it is back.
+//! * An interface that is taken down or unplugged is counted as lost, and looked for every `RETRY` until it is back.
 //!   Frames to be sent meanwhile are given up and counted. At the start its absence is an error.
 //! * Waiting is done in `poll`; nothing spins, and a frame costs no allocation.
 //!
