@@ -36,7 +36,7 @@ fn what_does_not_belong_or_is_missing_is_refused_by_name() {
         ("interface = \"can0\"", "socketcan"),
         ("kind = \"socketcan\"\ninterface = \"can0\"\nslcan_tcp = \"0\"", "simulated"),
         ("slcan_tcp = \"nowhere\"", "address:port"),
-        ("slcan_tcp = 70000", "got \"70000\""),
+        ("slcan_tcp = 70000", "is \"70000\""),
         ("id_base = 8", "multiple of 16"),
         ("node = 16", "0 to 15"),
         ("wire = \"serial\"\nnode = 1", "a CAN wire"),

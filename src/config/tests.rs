@@ -66,7 +66,11 @@ fn every_shipped_file_is_built_in_and_loads_from_disk() {
                 "cameras" => drop(Camera::load(&path).expect(&name)),
                 "scenarios" => drop(Scenario::load(&path).expect(&name)),
                 "spacecraft" => drop(Spacecraft::load(&path).expect(&name)),
-                _ => drop(bench(&format!("link = {:?}", path.display().to_string())).expect(&name)),
+                _ => {
+                    let link =
+                        format!("link = {:?}\n[flight_computer]\nkind = \"external\"", path.display().to_string());
+                    drop(bench(&link).expect(&name));
+                }
             }
             seen += 1;
         }

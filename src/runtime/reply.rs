@@ -1,26 +1,26 @@
 //! What the stimulator tells the flight computer after each frame: EXPOSURE, the pointing rendered, its own state.
 //!
-//! In: a frame's truth, the receiver, what the port refused. Out: at most eight messages, most urgent first: EXPOSURE,
+//! In: a frame's truth, the receiver, what the port refused. Out: at most seven messages, most urgent first: EXPOSURE,
 //! STATUS state, right ascension, declination and roll of this frame, one of STATUS prediction and clock in turn, one
-//! STATUS rejects (each reason when its count has risen, once a second at most), HEARTBEAT once a second. Nothing before
-//! the clocks are correlated has a time tag. Tests: `tests/closed_loop/session.rs`.
+//! STATUS rejects (each reason when its count has risen, once a second at most). Nothing before the clocks are correlated
+//! has a time tag. HEARTBEAT is the flight computer's: two senders of one identifier would collide on a real bus, and
+//! STATUS is sign of life enough. Tests: `tests/closed_loop/session.rs`.
 
 use crate::base::time::{Span, Tai};
 use crate::base::units::ARCSEC;
 use crate::runtime::port_reading::REASONS;
 use crate::runtime::receiver::Receiver;
 use crate::sink::{FaultFlags, FrameMeta};
-use firmware_protocol::message::{Exposure, Heartbeat, PointingAngle, StatusPage, StimulatorMode};
-use firmware_protocol::{Message, Reject, version};
+use firmware_protocol::message::{Exposure, PointingAngle, StatusPage, StimulatorMode};
+use firmware_protocol::{Message, Reject};
 
-/// Heartbeats, and events of one reason, are this far apart at least.
+/// Counts of one reason are told this far apart at least.
 const ONCE: Span = Span::from_ms(1000);
 
 /// Who says what, and when it was last said.
 #[derive(Debug, Clone, Default)]
 pub struct Reply {
     frames: u64,
-    heartbeat: Option<Tai>,
     rejects: [Told; REASONS],
 }
 
@@ -63,18 +63,9 @@ impl Reply {
             Some(pointing(meta, PointingAngle::Roll, meta.roll_deg)),
             in_turn.map(Message::Status),
             self.reject(frame.rejects, now).map(Message::Status),
-            self.heartbeat(receiver, now),
         ]
         .into_iter()
         .flatten()
-    }
-
-    fn heartbeat(&mut self, receiver: &Receiver, now: Tai) -> Option<Message> {
-        if self.heartbeat.is_some_and(|last| now - last < ONCE) {
-            return None;
-        }
-        self.heartbeat = Some(now);
-        Some(Message::Heartbeat(Heartbeat { state: receiver.session().state(), major: version::MAJOR }))
     }
 
     /// The reason told longest ago of those whose count has risen and that may be told again.

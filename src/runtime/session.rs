@@ -1,4 +1,4 @@
-//! The conversation with the flight computer: HELLO, RUN, STOP, heartbeats either way.
+//! The conversation with the flight computer: HELLO, RUN, STOP, tables of parameters, heartbeats.
 //!
 //! In: commands and heartbeats, stamped. Out: answers, whether frames show stars, events when a peer is refused, falls
 //! silent or speaks again. One answer per command; a retry gets the same answer and changes nothing (the protocol's
@@ -8,7 +8,7 @@
 use crate::base::time::{Span, Tai};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use firmware_protocol::handshake::{Answer, Handshake};
-use firmware_protocol::message::{Command, Heartbeat, NodeState, Rates, Reply, Request, TableCell, capability};
+use firmware_protocol::message::{Command, Heartbeat, Rates, Reply, Request, TableCell, capability};
 use firmware_protocol::tables::TableStore;
 use firmware_protocol::{DBC_CRC32, version};
 
@@ -83,12 +83,6 @@ impl Session {
         }
     }
 
-    /// What the stimulator's own heartbeat says.
-    #[must_use]
-    pub fn state(&self) -> NodeState {
-        if self.is_rendering() { NodeState::Running } else { NodeState::Ready }
-    }
-
     /// The one answer to a command that arrived at `at`.
     pub fn answer(&mut self, command: &Command, at: Tai, ledger: &mut Ledger) -> Answer {
         let was_rendering = self.is_rendering();
@@ -136,6 +130,7 @@ impl Session {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use firmware_protocol::message::NodeState;
     use firmware_protocol::version::Version;
 
     fn at_ms(ms: i64) -> Tai {
@@ -172,9 +167,9 @@ mod tests {
         assert!(matches!(talk.say(Request::Run), Reply::Refused { .. }), "no HELLO yet");
         assert_eq!((talk.session.is_rendering(), talk.count(EventKind::CommandRefused)), (false, 1));
         talk.say(Request::Hello(version::CURRENT));
-        assert_eq!(talk.session.state(), NodeState::Ready);
+        assert!(!talk.session.is_rendering(), "not yet");
         talk.say(Request::Run);
-        assert_eq!((talk.session.is_rendering(), talk.session.state()), (true, NodeState::Running));
+        assert!(talk.session.is_rendering());
         talk.say(Request::Stop);
         assert!(!talk.session.is_rendering());
         assert_eq!((talk.count(EventKind::SessionRun), talk.count(EventKind::SessionHalt)), (1, 1));

@@ -3,7 +3,7 @@
 use crate::bench::{built_in, start};
 use firmware_protocol::can::IdMap;
 use firmware_protocol::message::{
-    Command, NodeState, PointingAngle, Refusal, Reply, Request, Response, StatusPage, StimulatorMode, Table,
+    Command, PointingAngle, Refusal, Reply, Request, Response, StatusPage, StimulatorMode, Table,
 };
 use firmware_protocol::tables::{Applied, LineRow, cells, crc};
 use firmware_protocol::version::Version;
@@ -214,7 +214,7 @@ fn a_table_of_jitter_is_uploaded_and_applied_once() {
 }
 
 #[test]
-fn rejections_are_told_once_a_second_at_most_and_heartbeats_once_a_second() {
+fn rejections_are_told_once_a_second_at_most() {
     let garbage = (0..200).map(|i| (1.0 + 0.01 * f64::from(i), Says::Garbage)).collect::<Vec<_>>();
     let run = overhear(&built_in(4.0), &garbage);
     let told = |is: &dyn Fn(&Message) -> bool| run.heard.iter().filter(|message| is(&message.value)).count();
@@ -226,6 +226,4 @@ fn rejections_are_told_once_a_second_at_most_and_heartbeats_once_a_second() {
         _ => None,
     });
     assert_eq!(last, Some(200), "the last one has them all");
-    let beats = |message: &Message| matches!(message, Message::Heartbeat(beat) if beat.state == NodeState::Running);
-    assert!((4..=10).contains(&told(&beats)), "{} of both nodes in 5 s", told(&beats));
 }

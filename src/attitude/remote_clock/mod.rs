@@ -246,7 +246,8 @@ impl RemoteClock {
         ClockEstimate {
             offset: Span::from_ns(state.offset().0.saturating_sub(delay.ns())),
             reference_remote_ns: at_ns,
-            drift: state.rate_ns_per_s() * 1e-9,
+            // At instants centuries apart the filter itself may leave the limit.
+            drift: (state.rate_ns_per_s() * 1e-9).clamp(-self.limits.most_drift, self.limits.most_drift),
             offset_sigma: Span::from_s(state.offset_sigma_ns() * 1e-9),
             drift_sigma: state.rate_sigma_ns_per_s() * 1e-9,
             drift_walk_per_s: 3.0 * self.limits.allan_1s * self.limits.allan_1s,

@@ -76,10 +76,12 @@ pub fn simulated_bus(params: BusParams, clock: &Arc<dyn Clock>, ends: usize) -> 
 }
 
 impl SimulatedBus {
-    /// A bus without ends.
+    /// A bus without ends. What may wait to be received may wait to be sent as well.
     #[must_use]
     pub fn new(params: BusParams, clock: &Arc<dyn Clock>) -> Self {
-        Self::with_model(params, BusModel::default(), clock)
+        let usual = BusModel::default();
+        let transmit_packets = usual.transmit_packets.max(params.queue_packets);
+        Self::with_model(params, BusModel { transmit_packets, ..usual }, clock)
     }
 
     /// The same, modelled otherwise than by default.

@@ -130,7 +130,7 @@ impl FlightComputer {
         let clock = RemoteClock::new(params.boot, params.clock_drift_ppm);
         let start_us = clock.elapsed_us(params.stream_start);
         let schedule = Schedule::new(start_us, params.attitude_hz, params.jitter);
-        let (talk, noise) = (Talk::new(start_us), Gaussian::new(params.seed));
+        let (talk, noise) = (Talk::new(start_us + talk::BEGIN_US), Gaussian::new(params.seed));
         Self { params, vehicle: None, clock, schedule, talk, noise, sent_sync: None, received: Received::default() }
     }
 

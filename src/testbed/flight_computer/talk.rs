@@ -12,6 +12,9 @@ const RETRY_US: u64 = 500_000;
 /// What is said, in this order.
 const WORDS: [Request; 3] = [Request::Hello(version::CURRENT), Request::Info { page: 0 }, Request::Run];
 
+/// The first word comes this long after the stream's begin, behind the first time mark, us.
+pub(super) const BEGIN_US: u64 = 5_000;
+
 /// How far the talk is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Talk {
