@@ -23,7 +23,7 @@ NO_VCAN = os.environ.get("STARLOOP_NO_VCAN") == "1"
 # Promises of the suite, and the filters.
 CHECKS = 10
 # Longest wait for anything; nothing is expected to take a tenth of it.
-PATIENCE_S = 20.0
+PATIENCE_S = 120.0
 
 
 def run(*command):
@@ -230,26 +230,27 @@ class Losses(OnVcan):
             self.talk(echo, "vcan2", 2)
         run("ip", "link", "del", "vcan2")
 
-    def test_no_time_is_burnt_while_an_interface_is_lost(self):
+    def test_a_lost_interface_is_waited_for_asleep(self):
+        # Times of the CPU say little where ticks are counted and the host is busy; sleeps are counted exactly. A loop that
+        # spins sleeps never, or far too often. The program looks up every 20 ms.
         with Echo("vcan1") as echo:
             run("ip", "link", "set", "vcan1", "down")
             try:
                 echo.wait_counters(lost=1)
-                before = self.cpu_s(echo)
-                time.sleep(2.0)
-                used = self.cpu_s(echo) - before
+                before, since = self.sleeps(echo), time.monotonic()
+                wait_until(lambda: self.sleeps(echo) - before >= 50, lambda: f"{self.sleeps(echo) - before} sleeps")
+                slept, span_s = self.sleeps(echo) - before, time.monotonic() - since
             finally:
                 run("ip", "link", "set", "vcan1", "up")
-            # A loop that spins uses all of it.
-            self.assertLess(used, 0.5, "seconds of CPU time in two seconds")
+            self.assertLess(slept, 50 + 4 * span_s / 0.02, f"in {span_s:.2f} s")
 
     @staticmethod
-    def cpu_s(echo):
-        fields = Path(f"/proc/{echo.program.pid}/stat").read_text().rsplit(")", 1)[1].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    def sleeps(echo):
+        status = Path(f"/proc/{echo.program.pid}/status").read_text()
+        return int(re.search(r"^voluntary_ctxt_switches:\s+(\d+)", status, re.MULTILINE)[1])
 
     def test_what_the_kernel_drops_is_counted_exactly(self):
-        flood = 40_000
+        flood = 16_000
         with Echo("vcan0") as echo:
             echo.program.send_signal(signal.SIGSTOP)
             run("cangen", "vcan0", "-g", "0", "-I", "123", "-L", "8", "-D", "1122334455667788", "-n", str(flood))
@@ -349,6 +350,7 @@ class Flights(OnVcan):
 def main():
     if not NO_VCAN and not Path("/sys/class/net/vcan0").exists():
         script = str(ROOT / "hil_scripts/uml_vcan.sh")
+        os.environ.setdefault("UML_TIMEOUT_S", "1800")
         os.execv(script, [script, sys.executable, str(Path(__file__).resolve()), *sys.argv[1:]])
     unittest.main()
 
