@@ -1,0 +1,8 @@
+//! `starloop::base`, as far as the readers need it.
+
+#[path = "../../../src/base/leap.rs"]
+mod leap;
+#[path = "../../../src/base/time.rs"]
+pub mod time;
+#[path = "../../../src/base/units.rs"]
+pub mod units;

@@ -1,0 +1,29 @@
+//! What the fuzz targets share: the readers under test, taken in file by file, and the means to try them.
+//!
+//! The readers stand under the paths that they have in starloop (`base`, `link`). The whole crate is not a dependency:
+//! with its renderers a build with coverage counters would take ten minutes, this one takes one.
+//!
+//! | target | reads | asserts |
+//! |---|---|---|
+//! | `can_decode` | CAN frames | what is accepted is sent again as the same bytes; no accepted corruption |
+//! | `serial_resync` | serial bytes | a packet is received whatever came before; no accepted corruption; no allocation |
+//! | `slcan`, `socketcand` | text of clients | the same for any chunks, as an independent reading has it; no allocation |
+//! | `captures` | candump, pcapng | errors have a place, bounded memory; what was written is read, cut off it is a prefix |
+//! | `session` | commands, table cells | the answers and tables of a model |
+
+#![forbid(unsafe_code)]
+
+/// Time, as in starloop.
+pub mod base;
+/// Deliberate faults: does the fuzzer see them?
+pub mod control;
+/// Errors that a CRC-16 must detect, and that CRC written afresh.
+pub mod damage;
+/// Numbers from the front of the fuzzer's bytes.
+pub mod input;
+/// The readers, as in starloop.
+pub mod link;
+/// Legal messages from any bytes.
+pub mod samples;
+
+pub use input::Input;
