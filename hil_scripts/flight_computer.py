@@ -127,6 +127,8 @@ class FlightComputer:
         self.counter = self.sequence = self.token = 0
         self.frames, self.exposures, self.answers = {}, {}, {}
         self.clock_page, self.mode = None, None
+        # A frame drawn from an older attitude is a prediction, and says so: it is counted, not compared.
+        self.oldest_us, self.predicted_far = 100_000, 0
 
     def now_s(self):
         return (time.monotonic_ns() - self.boot_ns) * 1e-9
@@ -181,7 +183,7 @@ class FlightComputer:
         elif name == "EXPOSURE":
             # The frame's number has 8 bits: the newest is meant.
             self.exposures[fields["Frame"]] = (len(self.frames), fields["MidExposure"])
-            self.frames[len(self.frames)] = {"mid_us": fields["MidExposure"]}
+            self.frames[len(self.frames)] = {"mid_us": fields["MidExposure"], "age_us": fields["Age"]}
         elif name == "STATUS":
             self.hear_status(fields)
 
@@ -220,9 +222,12 @@ class FlightComputer:
 
     def errors_arcsec(self):
         """(mid-exposure s, largest of the three angles' errors) of each frame that showed the attitude."""
-        found = []
+        found, self.predicted_far = [], 0
         for frame in self.frames.values():
             if frame.get("mode") != 1 or not {"RightAscension", "Declination", "Roll"} <= frame.keys():
+                continue
+            if frame["age_us"] > self.oldest_us:
+                self.predicted_far += 1
                 continue
             t_s = self.unwrapped_s(frame["mid_us"])
             ra, dec, roll = pointing(self.slew.at(t_s)[0])
@@ -295,6 +300,8 @@ def main():
     errors = computer.errors_arcsec()
     turning = [off for t_s, off in errors if slew.start_s < t_s < slew.start_s + given.slew_s]
     worst = max((off for _, off in errors), default=math.inf)
+    if computer.predicted_far:
+        print(f"{computer.predicted_far} frames were drawn from attitudes older than 100 ms, as EXPOSURE told")
     print(f"slewed {given.slew_deg} deg in {given.slew_s} s; {len(errors)} frames compared, {len(turning)} while turning")
     print(f"echoed right ascension, declination, roll: largest error {worst:.4f} arcsec (limit {given.limit_arcsec})")
     if computer.clock_page:

@@ -28,7 +28,9 @@ readonly no_vcan
 
 packages=(mesa-vulkan-drivers libvulkan1)             # software Vulkan, for the GPU tests
 command -v cc >/dev/null || packages+=(gcc libc6-dev) # the linker that Rust calls, and the C kit's compiler
-[[ -n $no_vcan ]] || packages+=(user-mode-linux iproute2 kmod can-utils) # SocketCAN without CAN in this kernel
+command -v c++ >/dev/null || packages+=(g++)          # the fuzzer's runtime
+packages+=(can-utils tshark)                          # other people's readers of captures
+[[ -n $no_vcan ]] || packages+=(user-mode-linux iproute2 kmod) # SocketCAN without CAN in this kernel
 python3 -c 'import ensurepip, venv' 2>/dev/null || packages+=(python3-venv) # for campaigns
 readonly allowed_skips="${STARLOOP_ALLOW_SKIPS:-0}"
 readonly target="${CARGO_TARGET_DIR:-target}"
@@ -73,7 +75,10 @@ has_vulkan() {
 
 # --- the steps -------------------------------------------------------------------------------------------------------
 
-format() { cargo fmt --all --check; }
+format() {
+    cargo fmt --all --check
+    cargo fmt --check --manifest-path firmware_protocol/staticlib/Cargo.toml
+}
 
 lint() { cargo clippy --locked --workspace --all-targets --release -- -D warnings; }
 
@@ -141,6 +146,9 @@ run_python_tests() {
     done
     return $status
 }
+
+# Each for a few seconds from the committed corpus; hil_scripts/fuzz.sh says how to fuzz for longer.
+fuzz() { hil_scripts/fuzz.sh 3; }
 
 skips_are_expected() {
     local skipped
@@ -237,9 +245,10 @@ main() {
     step "cargo fmt" format
     step "cargo clippy" lint
     step "build" build
-    step "tests" run_tests
     step "python environment" python_environment
+    step "tests" run_tests
     step "python tests" run_python_tests
+    step "fuzz targets" fuzz
     step "no unexpected skip" skips_are_expected
     step "run without a GPU" run_without_gpu
     step "cargo doc" document

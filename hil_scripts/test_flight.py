@@ -26,8 +26,8 @@ BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop")
 # A small camera: the flight is what counts. Frames at 10 Hz for longer than any flight takes.
 SETTINGS = ["--set", "camera=../cameras/small_tracker.toml", "--set", "timing.duration_s=120"]
 PATIENCE_S = 20.0
-# A turn short enough for a test. A frame drawn from attitudes 50 ms old errs by jerk * t^3 / 6 = 0.1 arcsec then.
-TURN = ["--slew-s", "4", "--least-frames", "15"]
+# A turn short enough for a test. A frame drawn from an attitude 100 ms old errs by jerk * t^3 / 6 = 0.5 arcsec then.
+TURN = ["--slew-s", "6", "--least-frames", "15"]
 
 
 class Stimulator:
@@ -57,8 +57,8 @@ class Stimulator:
     def stop(self):
         """The summary that it prints."""
         self.program.send_signal(2)
-        out, _ = self.program.communicate(timeout=PATIENCE_S)
-        assert self.program.returncode == 130, self.program.returncode
+        out, errors = self.program.communicate(timeout=PATIENCE_S)
+        assert self.program.returncode == 130, f"exit status {self.program.returncode}: {errors}"
         return out
 
     def __exit__(self, *_):
@@ -157,7 +157,7 @@ class Flights(unittest.TestCase):
         relay = Relay()
         try:
             with Stimulator("serial.toml", f"link.port={relay.paths[0]}") as starloop:
-                starloop.wait_for("bench")
+                starloop.wait_for('bench "')
                 self.check(*fly("--serial", relay.paths[1]))
         finally:
             relay.close()

@@ -328,7 +328,7 @@ class Flights(OnVcan):
         from test_flight import Stimulator, fly
 
         with Stimulator("socketcan.toml", "link.interface=vcan0", f"link.wire={wire}") as starloop:
-            starloop.wait_for("bench")
+            starloop.wait_for('bench "')
             status, said = fly("--interface", "socketcan", "--channel", "vcan0", *arguments)
             print(said, end="")
             return status, said, starloop.stop()

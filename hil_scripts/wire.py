@@ -21,6 +21,8 @@ DBC = Path(__file__).resolve().parent.parent / "firmware_protocol/dbc/starloop.d
 MAJOR = 1
 # The packet's type on a serial line is the CAN identifier without its node.
 NODE_BITS = 4
+# Bytes without a delimiter that are kept: no packet is as long.
+HELD_MAX = 4096
 
 
 def crc16(data):
@@ -116,12 +118,14 @@ class CanTransport:
             else [(name, self.codec.payload(name, fields))]
         )
         for part, data in frames:
+            # As the interface document has it: what fits a classic frame goes as one.
+            fd = self.fd and len(data) > 8
             message = self.can.Message(
                 arbitration_id=self.codec.identifier(part),
                 data=data,
                 is_extended_id=False,
-                is_fd=self.fd,
-                bitrate_switch=self.fd,
+                is_fd=fd,
+                bitrate_switch=fd,
             )
             self.bus.send(message)
         return time.monotonic_ns()
@@ -177,6 +181,9 @@ class SerialTransport:
             left = until - time.monotonic()
             if left <= 0:
                 return None
+            if len(self.held) > HELD_MAX:
+                self.damaged += 1
+                self.held.clear()
             self.line.timeout = min(left, 0.02)
             self.held += self.line.read(max(1, self.line.in_waiting))
 

@@ -305,6 +305,9 @@ fn recording(arguments: &RunArgs, bench: &Bench, start: Tai, engine: &FrameEngin
     if format == CaptureFormat::Candump && bench.link.wire == config::Wire::Serial {
         bail!("--capture-format candump: got a serial bench; wanted pcapng: a candump log holds CAN only");
     }
+    if !bench.extra_links.is_empty() || bench.link.pps.is_some() {
+        bail!("--capture: got a bench with [[extra_link]] or pps; wanted one link without pulses: one bus is captured");
+    }
     let params = SessionParams {
         document: &document(arguments)?,
         settings: &arguments.settings,

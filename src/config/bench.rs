@@ -8,7 +8,7 @@ use crate::config::check::{Checker, Defaulted};
 use crate::config::document::Document;
 use crate::config::error::ConfigError;
 use crate::config::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
-use crate::config::link::{Carrier, Link, Wire};
+use crate::config::link::{Carrier, Doors, Link, Wire};
 use crate::config::link_keys::LinkKeys;
 use crate::config::observer::{Observer, ObserverKeys};
 use crate::config::session::{Session, SessionKeys};
@@ -99,8 +99,27 @@ fn check_classic_jitter(link: &Link, computer: &FlightComputer, check: &Checker<
     Ok(())
 }
 
-/// A serial line has two ends, and this program has only one of them.
-fn check_both_ends(link: &Link, computer: &FlightComputer, check: &Checker<'_>) -> Result<(), ConfigError> {
+/// Every link has somebody at its other end, and one link at most has pulses.
+fn check_both_ends(
+    link: &Link,
+    extra_links: &[Link],
+    computer: &FlightComputer,
+    check: &Checker<'_>,
+) -> Result<(), ConfigError> {
+    let has_no_door = |link: &Link| matches!(&link.carrier, Carrier::Simulated(doors) if *doors == Doors::default());
+    let doors = "slcan_tcp, slcan_pty or socketcand: nobody else is on a bus inside this program";
+    if computer.is_external && has_no_door(link) {
+        return Err(check.invalid("link.kind", "\"simulated\" without gateways", doors, "or a real bus"));
+    }
+    if let Some(i) = extra_links.iter().position(has_no_door) {
+        let key = format!("extra_link[{i}].kind");
+        return Err(check.invalid(&key, "\"simulated\" without gateways", doors, "or a real bus"));
+    }
+    let sources = core::iter::once(link).chain(extra_links).filter(|link| link.pps.is_some()).count();
+    if sources > 1 {
+        let advice = "the flight computer has one clock: name its pulses at one link";
+        return Err(check.invalid("link.pps", format!("{sources} sources of pulses"), "one", advice));
+    }
     if matches!(link.carrier, Carrier::SerialPort(_)) && !computer.is_external {
         let advice = "a serial port has another program, or machine, at its other end";
         return Err(check.invalid(
@@ -156,8 +175,13 @@ impl Bench {
         let observer = Observer::check(&keys.observer, &mut check)?;
         let flight_computer = FlightComputer::check(&keys.flight_computer, &mut check)?;
         check_classic_jitter(&link, &flight_computer, &check)?;
-        check_both_ends(&link, &flight_computer, &check)?;
+        check_both_ends(&link, &extra_links, &flight_computer, &check)?;
         let (attitude_hz, jitter_hz) = (flight_computer.attitude_hz, flight_computer.jitter_sample_hz);
+        if keys.attitude.link_delay_us.is_some() && link.latency_us > 0.0 {
+            let wanted = "not given beside link.latency_us";
+            let advice = "both are the constant delay of the bus: give one of them";
+            return Err(check.invalid("attitude.link_delay_us", "given", wanted, advice));
+        }
         let attitude = AttitudeSettings::check(&keys.attitude, attitude_hz, jitter_hz, exposure_s, &mut check)?;
         let accuracy = check_accuracy(&keys.accuracy, &mut check)?;
         let budget = Budget::check(&keys.budget, camera.exposure.readout_s, &mut check)?;

@@ -84,7 +84,8 @@ pub struct Link {
     pub wire: Wire,
     /// Constant delay on top of the time on the wire, us; of a real link: as calibrated.
     pub latency_us: f64,
-    /// Nominal (arbitration) bit rate of CAN, or baud rate, bit/s.
+    /// Nominal (arbitration) bit rate of CAN, or baud rate, bit/s. An interface of the system has its own: here it is for
+    /// estimates.
     pub bit_rate: f64,
     /// Bit rate of the data phase, bit/s; equal to `bit_rate` unless the wire is CAN FD.
     pub data_bit_rate: f64,
@@ -144,6 +145,9 @@ impl Link {
         let rates = Rule::Within(1_000.0, 1e9);
         let rate = "bits per second: 500000 on CAN, 921600 on a serial line";
         let bit_rate = check.number(&key("bit_rate"), keys.bit_rate, usual, rates, rate)?;
+        if kind == Kind::Serial && bit_rate.fract() != 0.0 {
+            return Err(check.invalid(&key("bit_rate"), bit_rate, "a whole number of baud", "such as 921600"));
+        }
         let data_bit_rate = if wire == Wire::CanFd {
             let rate = "bits per second of the data phase, not below bit_rate: 5000000 is usual";
             let usual = 5_000_000_f64.max(bit_rate);
@@ -153,6 +157,7 @@ impl Link {
             bit_rate
         };
         let depth = "messages that may wait, such as 64";
+        check.unused(&key("queue"), keys.queue.is_some() && kind != Kind::Simulated, "kind = \"simulated\"")?;
         let queue = check.whole(&key("queue"), keys.queue, Some(256), 1..=1_000_000, depth)?;
         let carrier = carrier(keys, kind, prefix, check)?;
         let (node, id_base) = identifiers(keys, wire, prefix, check)?;

@@ -74,7 +74,7 @@ pub(super) struct AttitudeKeys {
     rate_decay_ms: Option<f64>,
     max_age_ms: Option<f64>,
     max_lead_ms: Option<f64>,
-    link_delay_us: Option<f64>,
+    pub(super) link_delay_us: Option<f64>,
     clock_window_s: Option<f64>,
     clock_step_ms: Option<f64>,
     clock_max_drift_ppm: Option<f64>,

@@ -1,7 +1,7 @@
 //! A link with a codec: packets <-> messages, rejections counted.
 
 use super::{CHUNK_MAX, Departure, Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped};
-use crate::base::time::Tai;
+use crate::base::time::{Span, Tai};
 use firmware_protocol::can::{self, CanFrame, Format, IdMap};
 use firmware_protocol::{Message, Reject, RejectCounters, serial};
 
@@ -38,6 +38,8 @@ pub struct Port {
     serial: SerialCodec,
     rejects: RejectCounters,
     packets_sent: u64,
+    /// Taken off every stamp.
+    delay: Span,
 }
 
 struct SerialCodec {
@@ -53,7 +55,15 @@ impl Port {
     pub fn new(link: Box<dyn Link>, format: WireFormat, ids: IdMap) -> Self {
         let can = can::Decoder::new(ids);
         let rejects = RejectCounters::default();
-        Self { link, format, ids, can, serial: SerialCodec::new(), rejects, packets_sent: 0 }
+        Self { link, format, ids, can, serial: SerialCodec::new(), rejects, packets_sent: 0, delay: Span::ZERO }
+    }
+
+    /// The same with a constant delay taken off every stamp: how much longer this link's stamps are on their way than
+    /// those of the link that the clocks are correlated by.
+    #[must_use]
+    pub fn less_delay(mut self, delay: Span) -> Self {
+        self.delay = delay;
+        self
     }
 
     /// How messages look on this port's wire.
@@ -96,9 +106,10 @@ impl Port {
         if let Some(message) = self.serial.next(&mut self.rejects) {
             return Ok(Polled::Message(message));
         }
-        let Some(packet) = self.link.receive(until)? else {
+        let Some(mut packet) = self.link.receive(until)? else {
             return Ok(Polled::Nothing);
         };
+        packet.at = packet.at - self.delay;
         Ok(self.read(packet).map_or(Polled::Packet, Polled::Message))
     }
 

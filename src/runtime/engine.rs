@@ -259,7 +259,10 @@ impl FrameEngine {
                 note(ledger, EventKind::Blank, slot, age);
                 Ok(false)
             }
-            Ok(PathOutcome::Stop { age }) => Err(RunError::AttitudeStopped { age }),
+            Ok(PathOutcome::Stop { age }) => {
+                note(ledger, EventKind::AttitudeStopped, slot, age);
+                Err(RunError::AttitudeStopped { age })
+            }
             Err(_nothing_received_yet) => {
                 note(ledger, EventKind::NoAttitude, slot, Span::ZERO);
                 show_nothing(los, slot.exposure_start);

@@ -75,10 +75,14 @@ events! {
     SessionHalt = "session_halt",
     /// A frame without stars: the session is not running.
     NotRunning = "not_running",
-    /// A peer of another major version was refused.
+    /// A peer of another major version was refused, or tells so in its heartbeat.
     VersionRefused = "version_refused",
     /// A command was refused.
     CommandRefused = "command_refused",
+    /// A command came too soon after another like it and is to be said again.
+    CommandDeferred = "command_deferred",
+    /// The stream had stopped and the policy is `stop`: the run ends; the span is the newest sample's age.
+    AttitudeStopped = "attitude_stopped",
     /// A table of jitter parameters was put into effect.
     TableApplied = "table_applied",
     /// The flight computer's heartbeat has stopped; the span is the silence.

@@ -11,7 +11,7 @@ use firmware_protocol::Reject;
 
 /// Reasons to refuse input.
 pub const REASONS: usize = Reject::ALL.len();
-const COUNTS: usize = 11;
+const COUNTS: usize = 12;
 
 /// What a port counted so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -22,6 +22,8 @@ pub struct PortReading {
     pub rejects: [u32; REASONS],
     /// Messages lost between the receiving thread and the frame thread.
     pub queue_overflows: u64,
+    /// Messages to the flight computer lost between the frame thread and the sending thread.
+    pub send_overflows: u64,
 }
 
 impl PortReading {
@@ -32,7 +34,13 @@ impl PortReading {
         for (count, (_, counted)) in rejects.iter_mut().zip(port.rejects().iter()) {
             *count = counted;
         }
-        Self { counters: port.counters(), rejects, queue_overflows }
+        Self { counters: port.counters(), rejects, queue_overflows, send_overflows: 0 }
+    }
+
+    /// Rejections of several ports together.
+    #[must_use]
+    pub fn rejects_of_all(readings: &[Self]) -> [u32; REASONS] {
+        core::array::from_fn(|i| readings.iter().fold(0_u32, |sum, reading| sum.saturating_add(reading.rejects[i])))
     }
 
     /// Each reason with its count.
@@ -43,7 +51,20 @@ impl PortReading {
     fn counts(&self) -> [u64; COUNTS] {
         let LinkCounters { received, sent, overflows, unsent, errors, bus_off, lost, regained, restarted, unstamped } =
             self.counters;
-        [received, sent, overflows, unsent, errors, bus_off, lost, regained, restarted, unstamped, self.queue_overflows]
+        [
+            received,
+            sent,
+            overflows,
+            unsent,
+            errors,
+            bus_off,
+            lost,
+            regained,
+            restarted,
+            unstamped,
+            self.queue_overflows,
+            self.send_overflows,
+        ]
     }
 
     /// Tells the ledger what has happened to the link since `earlier`.
@@ -56,6 +77,7 @@ impl PortReading {
             (EventKind::LinkErrors, now.errors, then.errors),
             (EventKind::LinkOverflow, now.overflows + now.unsent, then.overflows + then.unsent),
             (EventKind::QueueOverflow, self.queue_overflows, earlier.queue_overflows),
+            (EventKind::LinkOverflow, self.send_overflows, earlier.send_overflows),
         ];
         for (kind, _, _) in risen.into_iter().filter(|(_, now, then)| now > then) {
             ledger.note(Event::new(kind, at, None, Span::ZERO));
@@ -84,12 +106,24 @@ impl SharedReading {
     /// What was last made known.
     #[must_use]
     pub fn read(&self) -> PortReading {
-        let [received, sent, overflows, unsent, errors, bus_off, lost, regained, restarted, unstamped, queue_overflows] =
-            self.counts.each_ref().map(|count| count.load(Ordering::Relaxed));
+        let [
+            received,
+            sent,
+            overflows,
+            unsent,
+            errors,
+            bus_off,
+            lost,
+            regained,
+            restarted,
+            unstamped,
+            queue_overflows,
+            send_overflows,
+        ] = self.counts.each_ref().map(|count| count.load(Ordering::Relaxed));
         let counters =
             LinkCounters { received, sent, overflows, unsent, errors, bus_off, lost, regained, restarted, unstamped };
         let rejects = self.rejects.each_ref().map(|count| count.load(Ordering::Relaxed));
-        PortReading { counters, rejects, queue_overflows }
+        PortReading { counters, rejects, queue_overflows, send_overflows }
     }
 }
 
@@ -112,7 +146,7 @@ mod tests {
         };
         let mut rejects = [0; REASONS];
         rejects[Reject::BadCrc as usize] = 9;
-        PortReading { counters, rejects, queue_overflows: 10 }
+        PortReading { counters, rejects, queue_overflows: 10, send_overflows: 13 }
     }
 
     #[test]

@@ -10,7 +10,7 @@ use crate::link::{Polled, Port, Stamped};
 use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::port_reading::{PortReading, SharedReading};
-use core::sync::atomic::{AtomicBool, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use crossbeam_channel::{Receiver as Queue, RecvTimeoutError, Sender, TryIter, bounded};
 use firmware_protocol::Message;
 use std::sync::Arc;
@@ -51,6 +51,7 @@ pub(super) struct Radio {
 /// One port's thread.
 struct Station {
     to_send: Sender<Message>,
+    send_overflows: AtomicU64,
     shared: Arc<SharedReading>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<Result<PortReading, RunError>>>,
@@ -96,14 +97,16 @@ impl Radio {
 
     /// Queues a message for a port; a full queue is no reason to wait.
     pub(super) fn send(&self, port: usize, message: Message) {
-        if let Some(station) = self.stations.get(port) {
-            let _lost_when_full = station.to_send.try_send(message);
+        if let Some(station) = self.stations.get(port)
+            && station.to_send.try_send(message).is_err()
+        {
+            station.send_overflows.fetch_add(1, Ordering::Relaxed);
         }
     }
 
     /// What each port counted.
     pub(super) fn readings(&self) -> impl Iterator<Item = PortReading> + '_ {
-        self.stations.iter().map(|station| station.shared.read())
+        self.stations.iter().map(Station::reading)
     }
 
     /// True when a thread has ended early.
@@ -117,9 +120,12 @@ impl Radio {
         let mut readings = Vec::new();
         for station in &mut self.stations {
             match station.finish() {
-                Ok(reading) => readings.push(reading),
+                Ok(reading) => {
+                    let send_overflows = station.reading().send_overflows;
+                    readings.push(PortReading { send_overflows, ..reading });
+                }
                 Err(error) => {
-                    readings.push(station.shared.read());
+                    readings.push(station.reading());
                     failure = failure.or(Some(error));
                 }
             }
@@ -141,7 +147,11 @@ impl Station {
         };
         let thread = std::thread::Builder::new().name("link".into()).spawn(listen);
         let thread = Some(thread.map_err(|source| RunError::Thread { name: "link", source })?);
-        Ok(Self { to_send, shared, stop, thread })
+        Ok(Self { to_send, send_overflows: AtomicU64::new(0), shared, stop, thread })
+    }
+
+    fn reading(&self) -> PortReading {
+        PortReading { send_overflows: self.send_overflows.load(Ordering::Relaxed), ..self.shared.read() }
     }
 
     fn finish(&mut self) -> Result<PortReading, RunError> {
@@ -185,6 +195,10 @@ impl Own {
                 overflows += u64::from(self.arrived.try_send(Heard::Message { port: self.number, message }).is_err());
             }
             shared.publish(&PortReading::of(&self.port, overflows));
+        }
+        // What was said last goes out.
+        for message in outgoing.try_iter() {
+            self.port.send(&message)?;
         }
         Ok(PortReading::of(&self.port, overflows))
     }

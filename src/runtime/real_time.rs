@@ -18,11 +18,11 @@ use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::ledger::EventKind;
 use crate::runtime::outcome::RunOutcome;
 use crate::runtime::params::DeadlinePolicy;
-use crate::runtime::port_reading::{PortReading, REASONS};
+use crate::runtime::port_reading::PortReading;
 use crate::runtime::radio::{Heard, Radio};
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
-use crate::runtime::reply::{Reply, ToldFrame};
+use crate::runtime::reply::{Reply, ToldFrame, stopped};
 use crate::sink::{FaultFlags, FrameMeta, SentFrame, Sink};
 use core::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
@@ -180,7 +180,11 @@ impl Bench<'_> {
                 continue;
             }
             timed.load = self.engine.load();
-            let times = self.engine.expose(slot, self.receiver, &mut record.ledger, &mut parcel.frame)?;
+            let exposed = self.engine.expose(slot, self.receiver, &mut record.ledger, &mut parcel.frame);
+            if matches!(exposed, Err(RunError::AttitudeStopped { .. })) {
+                self.radio.send(0, stopped(self.receiver, record.frames.rendered, woken));
+            }
+            let times = exposed?;
             let finished = self.clock.now();
             parcel.frame.meta.lateness = finished - slot.due;
             self.engine.learn_load(drawn(&times), finished, slot, &mut record.ledger);
@@ -248,7 +252,7 @@ impl Bench<'_> {
         match heard {
             Heard::Pulse(at) => self.receiver.accept_pulse(*at),
             Heard::Message { port, message } => {
-                if let Some(answer) = self.receiver.accept(message, &mut record.ledger) {
+                if let Some(answer) = self.receiver.accept_from(*port, message, &mut record.ledger) {
                     self.radio.send(*port, answer);
                 }
                 record.count_intake(self.clock.now() - message.at);
@@ -323,7 +327,7 @@ impl Bench<'_> {
         record.count_outgoing(&parcel.frame.meta);
         let (meta, now) = (&parcel.frame.meta, self.clock.now());
         let pointing_bound_rad = self.engine.pointing_bound_rad();
-        let rejects = self.readings.first().map_or([0; REASONS], |reading| reading.rejects);
+        let rejects = PortReading::rejects_of_all(&self.readings);
         let told = ToldFrame { meta, pointing_bound_rad, rejects: &rejects, now };
         for message in self.reply.messages(&told, self.receiver) {
             self.radio.send(0, message);

@@ -1,6 +1,6 @@
 //! Messages -> time correlation, attitude history, jitter history, answers to commands.
 
-use crate::attitude::{AttitudeHistory, AttitudeSample, JitterHistory, JitterPoint, RemoteClock};
+use crate::attitude::{AttitudeHistory, AttitudeSample, JitterHistory, JitterPoint, ObservedPps, RemoteClock};
 use crate::base::axes::Rotation;
 use crate::base::time::{Span, Tai};
 use crate::base::units::ARCSEC;
@@ -12,7 +12,7 @@ use crate::runtime::params::AttitudeParams;
 use crate::runtime::session::{Session, SessionParams};
 use firmware_protocol::Message;
 use firmware_protocol::handshake::Did;
-use firmware_protocol::message::{AttitudeRecord, Command, JitterBurst, JitterPair, TimeFollowUp, Wheels};
+use firmware_protocol::message::{AttitudeRecord, Command, JitterBurst, JitterPair, Request, TimeFollowUp, Wheels};
 use glam::DVec3;
 
 /// Period of classic jitter pairs' samples.
@@ -24,6 +24,20 @@ const RAD_S_PER_RPM: f64 = core::f64::consts::TAU / 60.0;
 /// Norm tolerance of a quaternion that the protocol has already checked.
 const NORM_TOLERANCE: f64 = 2e-3;
 
+/// Ports whose time marks are kept apart.
+const PORTS_MAX: usize = 8;
+/// Tables are put into effect this often at most.
+const APPLY_PERIOD: Span = Span::from_ms(50);
+
+/// What became of the pulses per second.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct PulseCounts {
+    /// Taken as a whole second of the flight computer's clock.
+    pub used: u64,
+    /// Of no use: before the first mark, or too far from a whole second.
+    pub refused: u64,
+}
+
 /// The receiving half of the stimulator.
 pub struct Receiver {
     params: AttitudeParams,
@@ -31,7 +45,10 @@ pub struct Receiver {
     history: AttitudeHistory,
     jitter: JitterHistory,
     session: Session,
-    sync: Option<(u8, Tai)>,
+    /// The last SYNC of each port that has not been told of.
+    syncs: [Option<(u8, Tai)>; PORTS_MAX],
+    pulses: PulseCounts,
+    applied: Option<Tai>,
     newest_epoch: Option<Tai>,
     newest_arrival: Option<Tai>,
     messages: u64,
@@ -50,7 +67,9 @@ impl Receiver {
             history: AttitudeHistory::new(params.history),
             jitter,
             session: Session::new(SessionParams::default()),
-            sync: None,
+            syncs: [None; PORTS_MAX],
+            pulses: PulseCounts::default(),
+            applied: None,
             newest_epoch: None,
             newest_arrival: None,
             messages: 0,
@@ -94,6 +113,12 @@ impl Receiver {
         &self.clock
     }
 
+    /// Pulses per second so far.
+    #[must_use]
+    pub fn pulses(&self) -> PulseCounts {
+        self.pulses
+    }
+
     /// Parameters.
     #[must_use]
     pub fn params(&self) -> &AttitudeParams {
@@ -118,17 +143,24 @@ impl Receiver {
         self.newest_arrival.map(|arrival| at - arrival)
     }
 
-    /// Takes one message in; an answer to send, if it wants one.
+    /// Takes one message of the first port in; an answer to send, if it wants one.
     pub fn accept(&mut self, message: &Stamped<Message>, ledger: &mut Ledger) -> Option<Message> {
+        self.accept_from(0, message, ledger)
+    }
+
+    /// Takes one message in; an answer to send by the same port, if it wants one. Time marks of ports beyond the first
+    /// [`PORTS_MAX`] share a place.
+    pub fn accept_from(&mut self, port: usize, message: &Stamped<Message>, ledger: &mut Ledger) -> Option<Message> {
         let at = message.at;
+        let port = port.min(PORTS_MAX - 1);
         self.messages += 1;
         match &message.value {
-            Message::Sync(sync) => self.sync = Some((sync.counter, at)),
-            Message::TimeFollowUp(follow_up) => self.correlate(follow_up),
+            Message::Sync(sync) => self.syncs[port] = Some((sync.counter, at)),
+            Message::TimeFollowUp(follow_up) => self.correlate(port, follow_up),
             Message::Attitude(record) => self.take_attitude(record, at, ledger),
             Message::Jitter(burst) => self.take_burst(burst, at, ledger),
             Message::JitterPair(pair) => self.take_pair(pair, at, ledger),
-            Message::Command(command) => return Some(self.answer(command, at, ledger)),
+            Message::Command(command) => return self.answer(command, at, ledger),
             Message::Wheels(wheels) => self.take_wheels(wheels, at, ledger),
             Message::Table(cell) => self.session.put(cell),
             Message::Heartbeat(heartbeat) => self.session.hear(heartbeat, at, ledger),
@@ -137,7 +169,17 @@ impl Receiver {
         None
     }
 
-    fn answer(&mut self, command: &Command, at: Tai, ledger: &mut Ledger) -> Message {
+    /// `None` for an APPLY that follows another too soon: noise takes a millisecond to be made, and whoever is not answered
+    /// asks again.
+    fn answer(&mut self, command: &Command, at: Tai, ledger: &mut Ledger) -> Option<Message> {
+        let is_apply = matches!(command.request, Request::Apply { .. });
+        if is_apply && self.applied.is_some_and(|last| at - last < APPLY_PERIOD) {
+            ledger.note(Event::new(EventKind::CommandDeferred, at, None, Span::ZERO));
+            return None;
+        }
+        if is_apply {
+            self.applied = Some(at);
+        }
         let answer = self.session.answer(command, at, ledger);
         if let Some(Did::Applied(table)) = answer.did {
             let mounting = self.params.sensor_from_body;
@@ -145,7 +187,7 @@ impl Receiver {
             let kind = if applied.is_ok() { EventKind::TableApplied } else { EventKind::SampleRefused };
             ledger.note(Event::new(kind, at, None, Span::ZERO));
         }
-        Message::Response(answer.response)
+        Some(Message::Response(answer.response))
     }
 
     /// Speeds have no time tag: they hold when their message was sent.
@@ -158,15 +200,19 @@ impl Receiver {
 
     /// Takes in a pulse at a whole second of the flight computer's clock.
     pub fn accept_pulse(&mut self, at: Tai) {
-        let _of_no_use_before_the_first_mark = self.clock.observe_pps(at);
+        match self.clock.observe_pps(at) {
+            ObservedPps::Used => self.pulses.used += 1,
+            ObservedPps::Odd | ObservedPps::Ambiguous | ObservedPps::NoTimeYet => self.pulses.refused += 1,
+        }
         self.tell_jitter();
     }
 
-    fn correlate(&mut self, follow_up: &TimeFollowUp) {
+    fn correlate(&mut self, port: usize, follow_up: &TimeFollowUp) {
         let scet_ns = i64::try_from(follow_up.scet.ns()).unwrap_or(i64::MAX);
-        if let Some((counter, at)) = self.sync.take()
+        if let Some((counter, at)) = self.syncs[port]
             && counter == follow_up.counter
         {
+            self.syncs[port] = None;
             self.clock.observe(scet_ns, at);
             self.tell_jitter();
         }

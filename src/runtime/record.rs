@@ -173,7 +173,19 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
     for (number, port) in ports.iter().enumerate() {
         count_port(&mut counts, number, port);
     }
+    let pulses = receiver.pulses();
+    for (name, count) in [("pulses_used", pulses.used), ("pulses_refused", pulses.refused)] {
+        if count > 0 {
+            counts.counters.insert(name.into(), count);
+        }
+    }
+    let jitter = receiver.jitter().counts();
     let history = [
+        ("jitter_duplicate_epoch", jitter.duplicate_epoch),
+        ("jitter_stale_time", jitter.stale),
+        ("jitter_future_time", jitter.future),
+        ("jitter_not_finite", jitter.not_finite),
+        ("jitter_older_than_history", jitter.older_than_history),
         ("duplicate_epoch", history.duplicate_epoch),
         ("replayed_sequence", history.replayed_sequence),
         ("stale_time", history.stale),
@@ -200,6 +212,7 @@ fn count_port(counts: &mut LinkCounts, number: usize, port: &PortReading) {
         ("queue_overflowed", port.queue_overflows),
     ];
     let sometimes = [
+        ("send_queue_overflowed", port.send_overflows),
         ("packets_unsent", unsent),
         ("bus_errors", errors),
         ("bus_off", bus_off),

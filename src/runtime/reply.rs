@@ -38,7 +38,7 @@ pub struct ToldFrame<'a> {
     pub meta: &'a FrameMeta,
     /// Bound of its pointing error, where one is known.
     pub pointing_bound_rad: Option<f64>,
-    /// How often the port refused input, by the reason's code.
+    /// How often the ports refused input, by the reason's code.
     pub rejects: &'a [u32; REASONS],
     /// Now.
     pub now: Tai,
@@ -48,12 +48,12 @@ impl Reply {
     /// Messages for one frame.
     pub fn messages(&mut self, frame: &ToldFrame<'_>, receiver: &Receiver) -> impl Iterator<Item = Message> + use<> {
         let ToldFrame { meta, now, .. } = *frame;
+        self.frames += 1;
         let state = StatusPage::State {
             mode: mode(meta, receiver),
-            frames: u16::try_from(meta.number & 0xffff).unwrap_or(0),
-            latency_us: u32::try_from(meta.attitude_age.ns().max(0) / 1000).unwrap_or(u32::MAX),
+            frames: u16::try_from(self.frames & 0xffff).unwrap_or(0),
+            latency_us: latency_us(receiver, now),
         };
-        self.frames += 1;
         let in_turn = if self.frames.is_multiple_of(2) { prediction(frame) } else { clock(receiver) };
         [
             exposure(meta, receiver).map(Message::Exposure),
@@ -62,7 +62,7 @@ impl Reply {
             Some(pointing(meta, PointingAngle::Declination, meta.dec_deg)),
             Some(pointing(meta, PointingAngle::Roll, meta.roll_deg)),
             in_turn.map(Message::Status),
-            self.reject(frame.rejects, now).map(Message::Status),
+            self.reject(&all_rejects(frame.rejects, receiver), now).map(Message::Status),
         ]
         .into_iter()
         .flatten()
@@ -78,6 +78,38 @@ impl Reply {
         *told = Told { count: *count, at: Some(now) };
         Some(StatusPage::Rejects { reason, count: *count })
     }
+}
+
+/// Said once, when the stream has stopped and the policy is to stop: no frame follows.
+#[must_use]
+pub fn stopped(receiver: &Receiver, frames: u64, now: Tai) -> Message {
+    let frames = u16::try_from(frames & 0xffff).unwrap_or(0);
+    let mode = StimulatorMode::Stopped;
+    Message::Status(StatusPage::State { mode, frames, latency_us: latency_us(receiver, now) })
+}
+
+/// From the epoch of the newest attitude to now, when the frame goes out.
+fn latency_us(receiver: &Receiver, now: Tai) -> u32 {
+    let age = receiver.age_at(now).unwrap_or(Span::ZERO);
+    u32::try_from(age.ns().max(0) / 1000).unwrap_or(u32::MAX)
+}
+
+/// What the ports refused, and what the histories did.
+fn all_rejects(ports: &[u32; REASONS], receiver: &Receiver) -> [u32; REASONS] {
+    let mut all = *ports;
+    let (attitude, jitter) = (receiver.history().counts(), receiver.jitter().counts());
+    for counts in [attitude, jitter] {
+        for (reason, count) in [
+            (Reject::StaleTime, counts.stale + counts.older_than_history),
+            (Reject::FutureTime, counts.future),
+            (Reject::ReplayedSequence, counts.replayed_sequence),
+            (Reject::NotFinite, counts.not_finite),
+        ] {
+            let total = &mut all[usize::from(reason.code())];
+            *total = total.saturating_add(u32::try_from(count).unwrap_or(u32::MAX));
+        }
+    }
+    all
 }
 
 fn exposure(meta: &FrameMeta, receiver: &Receiver) -> Option<Exposure> {
@@ -109,7 +141,8 @@ fn clock(receiver: &Receiver) -> Option<StatusPage> {
     // The drift is local seconds per remote second; the flight computer wants its own rate against ours.
     #[allow(clippy::cast_possible_truncation, reason = "float-to-int casts saturate")]
     let drift_0_1ppm = (-estimate.drift * 1e7).round() as i16;
-    let residual_ns = i32::try_from(estimate.residual.ns()).unwrap_or(i32::MAX);
+    let limits = (i64::from(i32::MIN), i64::from(i32::MAX));
+    let residual_ns = i32::try_from(estimate.residual.ns().clamp(limits.0, limits.1)).unwrap_or(i32::MAX);
     Some(StatusPage::Clock { drift_0_1ppm, residual_ns })
 }
 

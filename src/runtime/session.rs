@@ -53,6 +53,8 @@ pub struct Session {
     /// The last heartbeat heard.
     heard: Option<Tai>,
     is_silent: bool,
+    /// Its last heartbeat was of another major version.
+    is_foreign: bool,
 }
 
 impl Session {
@@ -60,7 +62,15 @@ impl Session {
     #[must_use]
     pub fn new(params: SessionParams) -> Self {
         let handshake = Handshake::new(DBC_CRC32, RATES).with_capabilities(CAPABILITIES);
-        Self { params, handshake, tables: TableStore::new(), is_halted: false, heard: None, is_silent: false }
+        Self {
+            params,
+            handshake,
+            tables: TableStore::new(),
+            is_halted: false,
+            heard: None,
+            is_silent: false,
+            is_foreign: false,
+        }
     }
 
     /// The parameter tables in effect.
@@ -107,9 +117,11 @@ impl Session {
 
     /// Takes a heartbeat of the flight computer in.
     pub fn hear(&mut self, heartbeat: &Heartbeat, at: Tai, ledger: &mut Ledger) {
-        if heartbeat.major != version::MAJOR {
+        let is_foreign = heartbeat.major != version::MAJOR;
+        if is_foreign && !self.is_foreign {
             ledger.note(Event::new(EventKind::VersionRefused, at, None, Span::ZERO));
         }
+        self.is_foreign = is_foreign;
         if let (true, Some(last)) = (self.is_silent, self.heard) {
             ledger.note(Event::new(EventKind::HeartbeatBack, at, None, at - last));
         }

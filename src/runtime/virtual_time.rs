@@ -16,7 +16,7 @@ use crate::runtime::outcome::RunOutcome;
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
-use crate::runtime::reply::{Reply, ToldFrame};
+use crate::runtime::reply::{Reply, ToldFrame, stopped};
 use crate::sink::{SentFrame, Sink};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -206,13 +206,17 @@ impl VirtualLoop {
         let mut frame = self.take_buffer(head.engine);
         let fate = head.faults.as_mut().map_or(Fate::SEND, |faults| faults.begin(slot.release, head.engine));
         let mut watch = Stopwatch::start();
-        let times = head.engine.expose(slot, head.receiver, &mut self.record.ledger, &mut frame)?;
+        let exposed = head.engine.expose(slot, head.receiver, &mut self.record.ledger, &mut frame);
+        if let (Err(RunError::AttitudeStopped { .. }), 0) = (&exposed, i) {
+            port.send(&stopped(head.receiver, self.record.frames.delivered, slot.release))?;
+        }
+        let times = exposed?;
         frame.meta.lateness = Span::ZERO;
         let drawn = watch.lap();
         self.record.count_rendered(&frame, &times);
         // Heads share one exposure time: the first speaks for all.
         if i == 0 {
-            self.tell(&frame, slot.release, head, port)?;
+            self.tell(&frame, slot.due, head, port)?;
         }
         // What the stimulator says of itself it says before its frame is spoilt.
         if let Some(faults) = head.faults.as_mut() {

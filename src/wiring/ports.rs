@@ -1,6 +1,7 @@
 //! The links of a checked bench -> the stimulator's ports, and the far end's where it is simulated too.
 
 use crate::base::clock::{Clock, PairedReading};
+use crate::base::time::Span;
 use crate::config::{self, Bench, Carrier, Doors, Link, Wire};
 use crate::link::gateway::{GatewayParams, Gateways};
 use crate::link::pps::Pps;
@@ -40,7 +41,8 @@ pub fn open_ports(bench: &Bench, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result
     ports.gateways.extend(first.gateways);
     for (i, link) in bench.extra_links.iter().enumerate() {
         let opened = open(link, false, clock, &mut |link| link).with_context(|| format!("[[extra_link]] {i}"))?;
-        ports.near.push(opened.near);
+        let longer_us = link.latency_us - bench.link.latency_us;
+        ports.near.push(opened.near.less_delay(Span::from_s(longer_us * 1e-6)));
         ports.gateways.extend(opened.gateways);
     }
     let source = core::iter::once(&bench.link).chain(&bench.extra_links).find_map(|link| link.pps.as_ref());

@@ -10,14 +10,14 @@ const AGE_LSB_US: u32 = 10;
 /// | byte | field |
 /// |---|---|
 /// | 0 | frame number, modulo 256 |
-/// | 1 | sequence number of the newest attitude used |
+/// | 1 | sequence number of the newest attitude received when the frame was drawn |
 /// | 2..6 | mid-exposure, us, u32 |
 /// | 6..8 | age of that attitude at mid-exposure, 10 us, u16; 0 when interpolated |
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Exposure {
     /// Frame number, modulo 256.
     pub frame: u8,
-    /// Sequence number of the newest attitude used.
+    /// Sequence number of the newest attitude received when the frame was drawn.
     pub attitude_seq: u8,
     /// Mid-exposure in the flight computer's time: SCET in microseconds, modulo 2^32.
     pub mid_exposure_us: u32,

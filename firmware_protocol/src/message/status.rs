@@ -21,9 +21,9 @@ pub enum StatusPage {
     State {
         /// What the stimulator is doing.
         mode: StimulatorMode,
-        /// Frames sent, modulo 2^16.
+        /// Frames told of so far, modulo 2^16.
         frames: u16,
-        /// Attitude epoch to light or last packet out.
+        /// Epoch of the newest attitude to the frame going out.
         latency_us: u32,
     },
     /// How far, and how well, attitude is predicted.

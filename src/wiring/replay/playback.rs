@@ -2,7 +2,7 @@
 
 use super::{CapturedFate, FRAMES_FILE, FrameRow, ReplayError, RowReader, Session};
 use crate::base::time::{Span, Tai};
-use crate::config::Bench;
+use crate::config::{Bench, Wire};
 use crate::link::capture::{CaptureReader, Direction};
 use crate::link::{Link, LinkCounters, LinkError, Packet, Port, Stamped};
 use crate::runtime::receiver::Receiver;
@@ -10,9 +10,9 @@ use crate::runtime::{FrameEngine, Ledger, RunParams};
 use crate::sink::crc32::pixel_crc32;
 use crate::sink::{SentFrame, Sink};
 use crate::wiring::bench_parts;
+use crate::wiring::ports::identifiers;
 use core::ops::Range;
 use firmware_protocol::Message;
-use firmware_protocol::can::IdMap;
 use std::fs::File;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -88,7 +88,8 @@ pub fn replay_bus(
     frames: Option<Range<u32>>,
     sink: Option<&mut dyn Sink>,
 ) -> Result<ReplayOutcome, ReplayError> {
-    let source = Source { bus, takes_sent: true };
+    // On a serial line both directions would be one stream of bytes.
+    let source = Source { bus, takes_sent: bench.link.wire != Wire::Serial };
     let first = source.open()?.read().map_err(|error| source.refuse(error))?;
     let first =
         first.ok_or_else(|| ReplayError::Parts(format!("{}: holds no packet that could be used", bus.display())))?;
@@ -213,8 +214,8 @@ impl<'a> Replay<'a> {
             played: Arc::clone(&played),
         };
         let (_, format) = bench_parts::bus(bench);
-        let ids = IdMap::new(0, 0).ok_or_else(|| ReplayError::Parts("CAN identifiers".into()))?;
-        let receiver = Receiver::new(params.attitude.clone())?;
+        let ids = identifiers(&bench.link).map_err(|error| ReplayError::Parts(format!("{error:#}")))?;
+        let receiver = Receiver::new(params.attitude.clone())?.with_session(bench_parts::session_params(bench));
         let mut engine = FrameEngine::new(params)?;
         let camera = &engine.params().camera;
         let size = [camera.geometry.width_px(), camera.geometry.height_px()];
