@@ -7,8 +7,8 @@
 #   hil_scripts/fuzz.sh --reproduce TARGET FILE   runs one input
 #
 # Needs Rust and a C++ compiler; installs cargo-fuzz into target/tools when it is not there (a minute, once). The stable
-# toolchain is enough: RUSTC_BOOTSTRAP=1 lets it take the flags of coverage. No sanitizer: there is no unsafe code to
-# watch, and inputs run ten times faster. Nothing is written into the source tree: corpora grow in a temporary folder.
+# toolchain is enough: RUSTC_BOOTSTRAP=1 lets it take cargo-fuzz's flags. No sanitizer: it would watch unsafe code, and the
+# readers have none. Nothing is written into the source tree: corpora grow in a temporary folder.
 # A target fails on a panic, an input that takes longer than 10 s, more than 512 MB, or memory that grows by more than
 # 32 MB between the first tenth of its inputs and the last.
 #
@@ -25,7 +25,9 @@ readonly max_len=4096
 target="$(realpath -m "${CARGO_TARGET_DIR:-target}")"
 readonly target
 readonly build="$target/fuzz"
-readonly programs="$build/x86_64-unknown-linux-gnu/release"
+host="$(rustc -vV | sed -n 's/^host: //p')"
+readonly host
+readonly programs="$build/$host/release"
 readonly crashes="$build/crashes"
 work="$(mktemp -d)"
 readonly work
@@ -36,7 +38,7 @@ build() {
     export PATH="$target/tools/bin:$PATH" RUSTC_BOOTSTRAP=1
     command -v cargo-fuzz >/dev/null ||
         CARGO_TARGET_DIR="$build" cargo install --quiet cargo-fuzz --version "$cargo_fuzz_version" --locked --root "$target/tools"
-    CARGO_TARGET_DIR="$build" cargo fuzz build --fuzz-dir tests/fuzz --sanitizer none --target x86_64-unknown-linux-gnu
+    CARGO_TARGET_DIR="$build" cargo fuzz build --fuzz-dir tests/fuzz --sanitizer none --target "$host"
     mkdir -p "$crashes"
 }
 
@@ -73,7 +75,7 @@ figures() {
 say_crash() {
     local file
     file="$(sed -n 's/.*Test unit written to //p' "$work/$1.log" | tail -1)"
-    grep -E 'panicked at|^(assertion|  left|  right| left|right)|ERROR: libFuzzer' -A 1 "$work/$1.log" | head -12 >&2
+    grep -E 'panicked at|^(assertion|  left|  right| left|right)|ERROR: libFuzzer' -A 1 "$work/$1.log" | cut -c 1-300 | head -12 >&2
     echo "fuzz: $1 failed; to reproduce: hil_scripts/fuzz.sh --reproduce $1 $file" >&2
 }
 

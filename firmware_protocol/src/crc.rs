@@ -2,7 +2,9 @@
 //!
 //! CRC-16/IBM-3740: polynomial 0x1021, start 0xFFFF, not reflected, no final inversion; check value 0x29B1.
 //!
-//! Every error burst of up to 16 bits, and every error of up to 3 bits in up to 4093 bytes, is detected.
+//! Every error of up to 3 bits in up to 4093 bytes is detected, and every burst of up to 16 bits in the order in which the
+//! CRC takes them: the highest bit of a byte first, the CRC last, its high byte first. The wire has its low byte first, and
+//! in ATT_FD before the values: there one in 700 000 of these bursts passes, all of them of 13 bits and more.
 
 const POLYNOMIAL: u16 = 0x1021;
 const START: u16 = 0xFFFF;
@@ -103,6 +105,40 @@ mod tests {
         assert_eq!(Crc16::new().over(b"1234").over(b"56789").value(), 0x29B1, "in two runs");
         assert_ne!(crc16(b"123456798"), 0x29B1, "the order of bytes counts");
         assert_eq!(crc16(b""), 0xFFFF);
+    }
+
+    /// What each flipped bit of a whole serial attitude packet does to the remainder; the CRC stands at the end.
+    fn syndromes(is_high_byte_first: bool) -> [u16; 8 * 54] {
+        let (zeros, undamaged) = ([0; 52], crc16(&[0; 52]));
+        core::array::from_fn(|bit| {
+            let (byte, mask) = (bit / 8, 0x80_u8 >> (bit % 8));
+            let mut damaged = zeros;
+            if let Some(slot) = damaged.get_mut(byte) {
+                *slot = mask;
+                return crc16(&damaged) ^ undamaged;
+            }
+            if (byte == 52) == is_high_byte_first { u16::from(mask) << 8 } else { u16::from(mask) }
+        })
+    }
+
+    /// Bursts of up to 16 bits that leave the remainder as it is: each pattern that begins and ends with a flipped bit.
+    fn undetected_bursts(syndromes: &[u16]) -> usize {
+        let of_burst = |bits: &[u16], pattern: u16| {
+            let is_flipped = |place: &usize| pattern >> place & 1 != 0;
+            bits.iter().take(16).enumerate().filter(|(place, _)| is_flipped(place)).fold(0, |sum, (_, bit)| sum ^ bit)
+        };
+        // Without the bits that a burst at the end has no room for; the lowest bit of a pattern is its first.
+        let patterns_at =
+            |begin: usize| (1..=u16::MAX).step_by(2).filter(move |p| 16 - p.leading_zeros() as usize <= 432 - begin);
+        (0..syndromes.len())
+            .map(|begin| patterns_at(begin).filter(|p| of_burst(&syndromes[begin..], *p) == 0).count())
+            .sum()
+    }
+
+    #[test]
+    fn every_burst_is_detected_in_the_order_of_the_crc() {
+        assert_eq!(undetected_bursts(&syndromes(true)), 0);
+        assert_eq!(undetected_bursts(&syndromes(false)), 12, "the wire has the low byte first");
     }
 
     #[test]

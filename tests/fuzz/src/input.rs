@@ -76,3 +76,13 @@ impl<'a> Input<'a> {
         if value.is_finite() { value } else { 0.0 }
     }
 }
+
+/// Cuts a stream into chunks of these lengths, less one, in turn; an empty stream has one empty chunk.
+pub fn chunks<'a>(stream: &'a [u8], lengths: &'a [u8]) -> impl Iterator<Item = &'a [u8]> {
+    let mut rest = Some(stream);
+    lengths.iter().cycle().map_while(move |length| {
+        let (chunk, after) = rest?.split_at((usize::from(*length) + 1).min(rest?.len()));
+        rest = Some(after).filter(|after| !after.is_empty());
+        Some(chunk)
+    })
+}

@@ -74,7 +74,11 @@ fn frame(ids: IdMap, parts: &Parts, input: &mut Input<'_>) -> Option<CanFrame> {
         }
         _ => {}
     }
-    if choice & 1 == 0 { CanFrame::classic(id, data).or_else(|| CanFrame::fd(id, data)) } else { CanFrame::fd(id, data) }
+    if choice & 1 == 0 {
+        CanFrame::classic(id, data).or_else(|| CanFrame::fd(id, data))
+    } else {
+        CanFrame::fd(id, data)
+    }
 }
 
 fn seal(record: &mut [u8]) {
@@ -89,7 +93,8 @@ fn judge(ids: IdMap, frame: &CanFrame, parts: &mut Parts, outcome: Result<Option
         assert_eq!(outcome, Err(Reject::UnknownId));
         return;
     };
-    let place = [MessageId::AttitudeQ01, MessageId::AttitudeQ23, MessageId::AttitudeRate, MessageId::AttitudeAcceleration];
+    let place =
+        [MessageId::AttitudeQ01, MessageId::AttitudeQ23, MessageId::AttitudeRate, MessageId::AttitudeAcceleration];
     if let Some(place) = place.iter().position(|part| *part == kind) {
         judge_part(place, data, parts, outcome);
     } else if kind == MessageId::AttitudeCommit {
@@ -131,7 +136,8 @@ fn judge_commit(ids: IdMap, data: &[u8], parts: Parts, outcome: Result<Option<Me
     let head = [&data[..FLAGS], &[data[FLAGS] & 3]].concat();
     let crc = crc16(sent.as_flattened().iter().chain(&head)).to_le_bytes();
     sent.push([head.as_slice(), &crc].concat().try_into().expect("8 bytes"));
-    let is_lowest = |part: &[u8; 8]| (0..3).any(|field| u64::from_le_bytes(*part) >> (21 * field) & 0x1F_FFFF == 1 << 20);
+    let is_lowest =
+        |part: &[u8; 8]| (0..3).any(|field| u64::from_le_bytes(*part) >> (21 * field) & 0x1F_FFFF == 1 << 20);
     match encode(&message, Format::Classic, &ids) {
         Ok(frames) => assert!(frames.iter().map(CanFrame::data).eq(sent.iter().map(<[u8; 8]>::as_slice))),
         Err(_) => assert!(sent[2..sent.len() - 1].iter().any(is_lowest), "{message:?} cannot be sent again"),

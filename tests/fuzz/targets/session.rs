@@ -3,7 +3,9 @@
 #![no_main]
 
 use firmware_protocol::handshake::{Answer, Did, Handshake};
-use firmware_protocol::message::{Command, Info, Rates, Refusal, Reply, Request, Response, Table, TableCell, capability};
+use firmware_protocol::message::{
+    Command, Info, Rates, Refusal, Reply, Request, Response, Table, TableCell, capability,
+};
 use firmware_protocol::tables::{Applied, Row, TableStore};
 use firmware_protocol::version::{self, Version};
 use firmware_protocol::{Message, MessageId};
@@ -49,8 +51,30 @@ fuzz_target!(|bytes: &[u8]| {
 /// Values at both sides of every limit of every column.
 fn value(input: &mut Input<'_>) -> f32 {
     const VALUES: [f32; 24] = [
-        1.0, 2.0, 3.0, 4.0, 0.0, -0.0, 0.5, -1.0, 1e-9, 4.000_001, 6.283_185_5, 6.283_186, -6.283_185_5, -6.283_186,
-        1000.0, 1000.000_1, 3600.0, 3600.000_3, -3600.0, 10_000.0, 10_000.001, f32::NAN, f32::INFINITY, f32::MAX,
+        1.0,
+        2.0,
+        3.0,
+        4.0,
+        0.0,
+        -0.0,
+        0.5,
+        -1.0,
+        1e-9,
+        4.000_001,
+        6.283_185_5,
+        6.283_186,
+        -6.283_185_5,
+        -6.283_186,
+        1000.0,
+        1000.000_1,
+        3600.0,
+        3600.000_3,
+        -3600.0,
+        10_000.0,
+        10_000.001,
+        f32::NAN,
+        f32::INFINITY,
+        f32::MAX,
     ];
     let choice = usize::from(input.u8());
     VALUES.get(choice % 32).copied().unwrap_or(choice as f32)

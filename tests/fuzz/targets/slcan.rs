@@ -4,14 +4,13 @@
 
 use libfuzzer_sys::fuzz_target;
 use starloop_fuzz::link::gateway::slcan::{Command, LINE_MAX, Parser, SlcanReject};
-use starloop_fuzz::{Input, control};
+use starloop_fuzz::{Input, control, input};
 
 const DATA_LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
 
 fuzz_target!(|bytes: &[u8]| {
-    let mut input = Input::new(bytes);
-    let chunks: [u8; 4] = input.array();
-    let stream = input.rest();
+    let mut rest = Input::new(bytes);
+    let (chunks, stream) = (rest.array::<4>(), rest.rest());
     let whole = read_in(stream, &[u8::MAX]);
     assert_eq!(read_in(stream, &[0]), whole, "byte by byte");
     assert_eq!(read_in(stream, &chunks), whole, "in chunks of {chunks:?}");
@@ -27,16 +26,11 @@ fuzz_target!(|bytes: &[u8]| {
     assert_takes_no_memory(stream);
 });
 
-/// Chunks of these lengths, less one, in turn. Broken: what a chunk leaves unfinished is lost.
+/// Broken: what a chunk leaves unfinished is lost.
 fn read_in(stream: &[u8], lengths: &[u8]) -> Vec<Result<Command, SlcanReject>> {
-    let (mut parser, mut all, mut rest) = (Parser::default(), Vec::new(), stream);
-    for length in lengths.iter().cycle() {
-        let (chunk, after) = rest.split_at((usize::from(*length) + 1).min(rest.len()));
+    let (mut parser, mut all) = (Parser::default(), Vec::new());
+    for chunk in input::chunks(stream, lengths) {
         parser.push(chunk, &mut |outcome| all.push(outcome));
-        rest = after;
-        if rest.is_empty() {
-            return all;
-        }
         if control::is_broken() {
             parser = Parser::default();
         }
