@@ -67,9 +67,11 @@ fn every_shipped_file_is_built_in_and_loads_from_disk() {
                 "scenarios" => drop(Scenario::load(&path).expect(&name)),
                 "spacecraft" => drop(Spacecraft::load(&path).expect(&name)),
                 _ => {
-                    let link =
-                        format!("link = {:?}\n[flight_computer]\nkind = \"external\"", path.display().to_string());
-                    drop(bench(&link).expect(&name));
+                    let is_simulated = std::fs::read_to_string(&path).expect(&name).contains("kind = \"simulated\"");
+                    let computer = if is_simulated { "simulated" } else { "external" };
+                    let path = path.display().to_string();
+                    let text = format!("link = {path:?}\n[flight_computer]\nkind = \"{computer}\"");
+                    drop(bench(&text).expect(&name));
                 }
             }
             seen += 1;

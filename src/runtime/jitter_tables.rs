@@ -115,7 +115,7 @@ mod tests {
             phase_rad: -6.0,
         };
         apply(Table::WheelHarmonics, &effective(&[harmonic; 64]), mounting(), &mut jitter).unwrap();
-        let line = LineRow { frequency_hz: 1e4, amplitude_xyz_arcsec: [3600.0; 3], phase_rad: 6.28 };
+        let line = LineRow { frequency_hz: 1e4, amplitude_xyz_arcsec: [3600.0; 3], phase_rad: 6.2 };
         apply(Table::Lines, &effective(&[line; 32]), mounting(), &mut jitter).unwrap();
         apply(Table::Lines, &TableStore::new(), mounting(), &mut jitter).expect("an empty table clears");
     }

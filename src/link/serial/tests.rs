@@ -91,9 +91,11 @@ fn a_full_line_gives_up_counts_and_ends_the_torn_packet() {
     }
     let until = clock.now() + Span::from_s(10.0);
     let whole = usize::try_from(accepted).unwrap() * (CHUNK_MAX - 3);
-    assert_eq!(bytes(&mut far, whole, until)[..whole], vec![7; whole][..], "what was accepted arrives");
+    let mut got = bytes(&mut far, whole, until);
+    // Reads have no borders: some of the torn packet may have come with the last whole one.
+    let mut rest = got.split_off(whole);
+    assert_eq!(got, vec![7; whole], "what was accepted arrives");
     near.send(&chunk(&[9; 4])).unwrap();
-    let mut rest = Vec::new();
     while !rest.ends_with(&[9; 4]) {
         rest.extend(bytes(&mut far, 1, until));
     }
