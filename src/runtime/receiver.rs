@@ -50,6 +50,8 @@ pub struct Receiver {
     pulses: PulseCounts,
     applied: Option<Tai>,
     newest_epoch: Option<Tai>,
+    /// The tag of the newest attitude, and the instant it was read as.
+    newest_tag: Option<(u32, Tai)>,
     newest_arrival: Option<Tai>,
     messages: u64,
 }
@@ -71,6 +73,7 @@ impl Receiver {
             pulses: PulseCounts::default(),
             applied: None,
             newest_epoch: None,
+            newest_tag: None,
             newest_arrival: None,
             messages: 0,
             params,
@@ -198,6 +201,16 @@ impl Receiver {
         }
     }
 
+    /// The flight computer's time of an instant, us modulo 2^32, by the tag of the newest attitude: the time by which the
+    /// attitudes about it were read, also when the clock's estimate has moved since. `None` before the first attitude.
+    #[must_use]
+    pub fn remote_us_at(&self, at: Tai) -> Option<u32> {
+        let ((t_us, epoch), estimate) = (self.newest_tag?, self.clock.estimate()?);
+        let since = (at - epoch).s();
+        let remote_ns = i64::from(t_us) * 1000 + Span::from_s(since - since * estimate.drift).ns();
+        u32::try_from((remote_ns + 500).div_euclid(1000).rem_euclid(1 << 32)).ok()
+    }
+
     /// Takes in a pulse at a whole second of the flight computer's clock.
     pub fn accept_pulse(&mut self, at: Tai) {
         match self.clock.observe_pps(at) {
@@ -242,6 +255,9 @@ impl Receiver {
         });
         let sane = |sample: &AttitudeSample| sample.rate_rad_s.length() <= MOST_RATE_RAD_S;
         if sample.filter(sane).is_some_and(|sample| self.history.insert(sample, at).is_ok()) {
+            if self.newest_epoch.is_none_or(|newest| newest <= epoch) {
+                self.newest_tag = Some((record.t_us, epoch));
+            }
             self.newest_epoch = self.newest_epoch.max(Some(epoch));
             self.newest_arrival = self.newest_arrival.max(Some(at));
         } else {

@@ -2,8 +2,7 @@
 //!
 //! In: a frame's truth, the receiver, what the port refused. Out: at most seven messages, most urgent first: EXPOSURE,
 //! STATUS state, right ascension, declination and roll of this frame, one of STATUS prediction and clock in turn, one
-//! STATUS rejects (each reason when its count has risen, once a second at most). Nothing before the clocks are correlated
-//! has a time tag. HEARTBEAT is the flight computer's: two senders of one identifier would collide on a real bus, and
+//! STATUS rejects (each reason when its count has risen, once a second at most). No EXPOSURE before the first attitude. HEARTBEAT is the flight computer's: two senders of one identifier would collide on a real bus, and
 //! STATUS is sign of life enough. Tests: `tests/closed_loop/session.rs`.
 
 use crate::base::time::{Span, Tai};
@@ -113,9 +112,7 @@ fn all_rejects(ports: &[u32; REASONS], receiver: &Receiver) -> [u32; REASONS] {
 }
 
 fn exposure(meta: &FrameMeta, receiver: &Receiver) -> Option<Exposure> {
-    let estimate = receiver.clock().estimate()?;
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "time on the wire wraps at 2^32 us")]
-    let mid_exposure_us = estimate.to_remote_ns(meta.mid_exposure).div_euclid(1000) as u32;
+    let mid_exposure_us = receiver.remote_us_at(meta.mid_exposure)?;
     let seq = receiver.history().newest().map_or(0, |sample| sample.seq);
     let age_us = meta.horizon.max(Span::ZERO).ns() / 1000;
     let age_us = u32::try_from(age_us).unwrap_or(u32::MAX);

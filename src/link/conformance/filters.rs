@@ -39,7 +39,8 @@ pub fn check_filters(
             return Err(format!("wanted identifiers {wanted:03x?}, heard {heard:03x?}"));
         }
     }
-    let seen = "of 2048 identifiers 13 reach the stimulator and 4 the flight computer".into();
+    let (stimulator, computer) = (HEARD_BY_STIMULATOR.len(), HEARD_BY_FLIGHT_COMPUTER.len());
+    let seen = format!("of 2048 identifiers {stimulator} reach the stimulator and {computer} the flight computer");
     Ok(Check { promise: "each side of a node hears the other and nobody else", seen })
 }
 
