@@ -78,6 +78,7 @@ has_vulkan() {
 format() {
     cargo fmt --all --check
     cargo fmt --check --manifest-path firmware_protocol/staticlib/Cargo.toml
+    cargo fmt --check --manifest-path tests/fuzz/Cargo.toml
 }
 
 lint() { cargo clippy --locked --workspace --all-targets --release -- -D warnings; }
@@ -148,7 +149,7 @@ run_python_tests() {
 }
 
 # Each for a few seconds from the committed corpus; hil_scripts/fuzz.sh says how to fuzz for longer.
-fuzz() { hil_scripts/fuzz.sh 3; }
+fuzz() { CARGO_TARGET_DIR="$target" hil_scripts/fuzz.sh 3; }
 
 skips_are_expected() {
     local skipped

@@ -2,8 +2,9 @@
 //!
 //! In: a frame's truth, the receiver, what the port refused. Out: at most seven messages, most urgent first: EXPOSURE,
 //! STATUS state, right ascension, declination and roll of this frame, one of STATUS prediction and clock in turn, one
-//! STATUS rejects (each reason when its count has risen, once a second at most). No EXPOSURE before the first attitude. HEARTBEAT is the flight computer's: two senders of one identifier would collide on a real bus, and
-//! STATUS is sign of life enough. Tests: `tests/closed_loop/session.rs`.
+//! STATUS rejects (each reason when its count has risen, once a second at most). No EXPOSURE before the first attitude.
+//! HEARTBEAT is the flight computer's: two senders of one identifier would collide on a real bus, and STATUS is sign of
+//! life enough. Tests: `tests/closed_loop/session.rs`.
 
 use crate::base::time::{Span, Tai};
 use crate::base::units::ARCSEC;
