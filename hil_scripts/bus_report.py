@@ -40,6 +40,8 @@ def main():
     parser.add_argument("--channel", default="can0")
     parser.add_argument("--host")
     parser.add_argument("--port", type=int)
+    parser.add_argument("--node", type=int, default=0)
+    parser.add_argument("--id-base", type=int, default=0)
     parser.add_argument("--fd", action="store_true")
     parser.add_argument("--bit-rate", type=float, default=500e3)
     parser.add_argument("--data-bit-rate", type=float, default=5e6)
@@ -47,7 +49,7 @@ def main():
     parser.add_argument("--ask", action="store_true", help="measure the round trip of INFO commands")
     given = parser.parse_args()
     options = {key: value for key, value in (("host", given.host), ("port", given.port)) if value is not None}
-    transport = CanTransport(given.interface, given.channel, given.fd, **options)
+    transport = CanTransport(given.interface, given.channel, given.fd, given.node, given.id_base, **options)
     counts, busy_s, trips_ms = Counter(), Counter(), []
     token, asked_at, next_ask = 0, None, time.monotonic()
     begin = time.monotonic()
@@ -59,7 +61,7 @@ def main():
         message = transport.bus.recv(0.01)
         if message is None or message.is_error_frame:
             continue
-        found = transport.codec.fields(message.arbitration_id, message.data)
+        found = transport.message(message)
         name = found[0] if found else f"0x{message.arbitration_id:03x}"
         counts[name] += 1
         length = len(message.data)

@@ -147,11 +147,13 @@ class Flights(unittest.TestCase):
             status, said = fly("--interface", "slcan", "--channel", channel, "--fd", "--biased-deg", "0.0006")
             self.assertEqual(status, 4, said)
 
-    def test_socketcand_with_classic_can(self):
-        with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0", "link.wire=can_classic") as starloop:
+    def test_socketcand_with_classic_can_at_another_node(self):
+        node = ["link.wire=can_classic", "link.node=5", "link.id_base=128"]
+        with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0", *node) as starloop:
             starloop.wait_for("socketcand at")
             host, port = starloop.gateways["socketcand"].rsplit(":", 1)
-            self.check(*fly("--interface", "socketcand", "--host", host, "--port", port, "--channel", "can0"))
+            channel = ["--interface", "socketcand", "--host", host, "--port", port, "--channel", "can0"]
+            self.check(*fly(*channel, "--node", "5", "--id-base", "128"))
 
     def test_serial_line(self):
         relay = Relay()

@@ -98,12 +98,13 @@ class Codec:
 
 
 class CanTransport:
-    """A node on a CAN bus, through python-can."""
+    """A node on a CAN bus, through python-can. The DBC is of node 0 and base 0; others are counted from there."""
 
-    def __init__(self, interface, channel, fd, **options):
+    def __init__(self, interface, channel, fd, node=0, base=0, **options):
         import can
 
         self.can, self.fd, self.codec = can, fd, Codec()
+        self.node, self.base = node, base
         # python-can's slcan takes no `fd`: it tells FD frames by the message.
         if fd and interface != "slcan":
             options["fd"] = True
@@ -121,7 +122,7 @@ class CanTransport:
             # As the interface document has it: what fits a classic frame goes as one.
             fd = self.fd and len(data) > 8
             message = self.can.Message(
-                arbitration_id=self.codec.identifier(part),
+                arbitration_id=self.identifier(part),
                 data=data,
                 is_extended_id=False,
                 is_fd=fd,
@@ -129,6 +130,15 @@ class CanTransport:
             )
             self.bus.send(message)
         return time.monotonic_ns()
+
+    def identifier(self, name):
+        """SYNC is for all nodes."""
+        return self.base + self.codec.identifier(name) + (0 if name == "SYNC" else self.node)
+
+    def message(self, message):
+        """Name and fields of a frame; None when it is not of this node."""
+        found = self.codec.fields(message.arbitration_id - self.base & ~0xF, message.data)
+        return found if found and self.identifier(found[0]) == message.arbitration_id else None
 
     def receive(self, timeout_s):
         """The next message of the DBC, as (name, fields), or None."""
@@ -139,7 +149,7 @@ class CanTransport:
                 return None
             if message.is_error_frame or message.is_remote_frame or message.is_extended_id:
                 continue
-            found = self.codec.fields(message.arbitration_id, message.data)
+            found = self.message(message)
             if found:
                 return found
 

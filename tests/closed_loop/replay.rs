@@ -63,14 +63,16 @@ fn decisive(directory: &Path, packets: &[CapturedPacket]) -> usize {
 }
 
 #[test]
-fn a_run_on_the_virtual_clock_replays_bit_by_bit_in_both_formats_and_over_serial() {
+fn a_run_on_the_virtual_clock_replays_bit_by_bit_in_both_formats_over_serial_and_at_another_node() {
     let folder = tempfile::tempdir().unwrap();
     let link = format!("link={}/configs/links/simulated_serial.toml", env!("CARGO_MANIFEST_DIR"));
     let serial = ["--set", &link];
+    let node = ["--set", "link.node=5", "--set", "link.id_base=128", "--set", "session.start=on_run"];
     for (name, extra) in [
         ("pcapng", &["--capture-format", "pcapng"][..]),
         ("candump", &["--capture-format", "candump"]),
         ("serial", &serial),
+        ("node", &node),
     ] {
         let directory = capture(folder.path(), name, &[&["--clock", "virtual"], extra].concat());
         let (status, text) = replay(&directory, &[]);
