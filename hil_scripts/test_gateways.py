@@ -337,6 +337,10 @@ class BadClients(unittest.TestCase):
                         line.sendall(os.urandom(1000))
                         while select.select([line], [], [], 0)[0]:
                             line.recv(65536)
+                    # A socket closed with answers unread would take back what has not been read over there.
+                    line.shutdown(socket.SHUT_WR)
+                    while line.recv(65536):
+                        pass
             settle(pty, daemon)
             pty.shutdown()
             gateways = program.stop()["gateways"]

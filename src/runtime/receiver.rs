@@ -152,7 +152,7 @@ impl Receiver {
     }
 
     /// Takes one message in; an answer to send by the same port, if it wants one. Time marks of ports beyond the first
-    /// [`PORTS_MAX`] share a place.
+    /// `PORTS_MAX` share a place.
     pub fn accept_from(&mut self, port: usize, message: &Stamped<Message>, ledger: &mut Ledger) -> Option<Message> {
         let at = message.at;
         let port = port.min(PORTS_MAX - 1);

@@ -8,7 +8,7 @@
 //! both formats; pcapng keeps the instant (TAI) beside it, a candump log cannot tell a leap second from the second after
 //! it. A candump log holds CAN only; pcapng holds CAN (link type 227, SocketCAN) and serial bytes (link type 147, USER0).
 //! Readers take any bytes: what they refuse they refuse with line or offset, a file that was cut off is read up to the
-//! cut, memory is bounded by [`BLOCK_MAX`] and [`LINE_MAX`] whatever a file says. Frames that have no [`Packet`] (29-bit
+//! cut, memory is bounded by `BLOCK_MAX` and `LINE_MAX` whatever a file says. Frames that have no [`Packet`] (29-bit
 //! identifiers, remote and error frames) are skipped and counted.
 //! Sources: candump's log format as written by can-utils; pcapng, IETF draft-ietf-opsawg-pcapng; LINKTYPE_CAN_SOCKETCAN as
 //! registered by tcpdump.org. Tests: `tests`, and `hil_scripts` against can-utils, python-can and tshark.
