@@ -14,6 +14,7 @@ use firmware_protocol::Message;
 use firmware_protocol::handshake::Did;
 use firmware_protocol::message::{AttitudeRecord, Command, JitterBurst, JitterPair, Request, TimeFollowUp, Wheels};
 use glam::DVec3;
+use std::collections::VecDeque;
 
 /// Period of classic jitter pairs' samples.
 const PAIR_PERIOD: Span = Span::from_ms(1);
@@ -24,6 +25,8 @@ const RAD_S_PER_RPM: f64 = core::f64::consts::TAU / 60.0;
 /// Norm tolerance of a quaternion that the protocol has already checked.
 const NORM_TOLERANCE: f64 = 2e-3;
 
+/// Attitudes whose tags are kept: more than an exposure and a readout bring.
+const TAGS: usize = 256;
 /// Ports whose time marks are kept apart.
 const PORTS_MAX: usize = 8;
 /// Tables are put into effect this often at most.
@@ -50,8 +53,8 @@ pub struct Receiver {
     pulses: PulseCounts,
     applied: Option<Tai>,
     newest_epoch: Option<Tai>,
-    /// The tag of the newest attitude, and the instant it was read as.
-    newest_tag: Option<(u32, Tai)>,
+    /// Tags of the newest attitudes, and the instants they were read as, by rising instant.
+    tags: VecDeque<(u32, Tai)>,
     newest_arrival: Option<Tai>,
     messages: u64,
 }
@@ -73,7 +76,7 @@ impl Receiver {
             pulses: PulseCounts::default(),
             applied: None,
             newest_epoch: None,
-            newest_tag: None,
+            tags: VecDeque::with_capacity(TAGS),
             newest_arrival: None,
             messages: 0,
             params,
@@ -201,14 +204,31 @@ impl Receiver {
         }
     }
 
-    /// The flight computer's time of an instant, us modulo 2^32, by the tag of the newest attitude: the time by which the
-    /// attitudes about it were read, also when the clock's estimate has moved since. `None` before the first attitude.
+    /// The flight computer's time of an instant, us modulo 2^32, by the tags of the attitudes about it: the time by which
+    /// they were read, also when the clock's estimate has moved since. `None` before the first attitude.
     #[must_use]
     pub fn remote_us_at(&self, at: Tai) -> Option<u32> {
-        let ((t_us, epoch), estimate) = (self.newest_tag?, self.clock.estimate()?);
-        let since = (at - epoch).s();
-        let remote_ns = i64::from(t_us) * 1000 + Span::from_s(since - since * estimate.drift).ns();
+        let after = self.tags.partition_point(|(_, epoch)| *epoch <= at);
+        let (t_us, epoch) = *self.tags.get(after.saturating_sub(1))?;
+        let since_ns = (at - epoch).ns();
+        let ahead_ns = match self.tags.get(after).filter(|_| after > 0) {
+            // Between two tags in proportion: the estimate may have moved between them.
+            Some((later_us, later)) => {
+                let (ticks_ns, span_ns) = (1000 * i64::from(later_us.wrapping_sub(t_us)), (*later - epoch).ns().max(1));
+                Span::from_s(ticks_ns as f64 * 1e-9 * (since_ns as f64 / span_ns as f64)).ns()
+            }
+            None => since_ns - Span::from_s(since_ns as f64 * 1e-9 * self.clock.estimate()?.drift).ns(),
+        };
+        let remote_ns = i64::from(t_us) * 1000 + ahead_ns;
         u32::try_from((remote_ns + 500).div_euclid(1000).rem_euclid(1 << 32)).ok()
+    }
+
+    fn keep_tag(&mut self, t_us: u32, epoch: Tai) {
+        if self.tags.len() >= TAGS {
+            self.tags.pop_front();
+        }
+        let place = self.tags.partition_point(|(_, other)| *other <= epoch);
+        self.tags.insert(place, (t_us, epoch));
     }
 
     /// Takes in a pulse at a whole second of the flight computer's clock.
@@ -255,9 +275,7 @@ impl Receiver {
         });
         let sane = |sample: &AttitudeSample| sample.rate_rad_s.length() <= MOST_RATE_RAD_S;
         if sample.filter(sane).is_some_and(|sample| self.history.insert(sample, at).is_ok()) {
-            if self.newest_epoch.is_none_or(|newest| newest <= epoch) {
-                self.newest_tag = Some((record.t_us, epoch));
-            }
+            self.keep_tag(record.t_us, epoch);
             self.newest_epoch = self.newest_epoch.max(Some(epoch));
             self.newest_arrival = self.newest_arrival.max(Some(at));
         } else {
