@@ -8,6 +8,8 @@ pub mod gaussian;
 pub mod psf;
 pub mod quadrature;
 pub mod radiometry;
+pub mod spectral_weight;
 
 pub use psf::PsfModel;
 pub use radiometry::Radiometry;
+pub use spectral_weight::SpectralWeight;
