@@ -26,6 +26,7 @@ pub mod run_scenario;
 pub mod scenario_plot;
 pub mod scenario_report;
 pub mod study;
+pub mod verify;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -80,6 +81,8 @@ enum Command {
     Campaign(campaign::CampaignArgs),
     /// Measure error and time of every method: CSV tables and SVG charts
     Chart(chart::ChartArgs),
+    /// Hold a camera's own frames against its file: photon transfer (EMVA 1288) and errors by brightness
+    Verify(verify::VerifyArgs),
     /// Inject latency and jitter into the closed loop and hold it against linear theory: CSV table and SVG charts
     Study(study::StudyArgs),
     /// Hold a bus or serial port of this machine to what links promise, or echo what arrives on it
@@ -112,6 +115,7 @@ pub fn main() -> ExitCode {
         Command::Bus(arguments) => bus::run(&arguments),
         Command::Campaign(arguments) => campaign::run(&arguments),
         Command::Chart(arguments) => chart::run(&arguments).map(|()| EXIT_DONE),
+        Command::Verify(arguments) => verify::run(&arguments),
         Command::Study(arguments) => study::run(&arguments),
         Command::LinkCheck(arguments) => link_check::run(&arguments),
         Command::Catalog(arguments) => catalog::run(arguments).map(|()| EXIT_DONE),

@@ -1,5 +1,7 @@
 //! What a laboratory would write down of a detector, and how it compares with what was asked for.
 
+use crate::report::plot::{Axis, Chart, Series, Style};
+
 /// One level of light, less the dark level.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LightPoint {
@@ -26,6 +28,8 @@ pub struct DataSheet {
     pub dark_e_per_s: f64,
     /// Spread of the pixels' dark means (EMVA: DSNU), e- rms.
     pub dsnu_e_rms: f64,
+    /// Standard error of its square, e-^2.
+    pub dsnu2_se: f64,
     /// Spread of the pixels' responses at half saturation (EMVA: PRNU), rms share.
     pub prnu: f64,
     /// Plateau over the dark level, e-.
@@ -36,4 +40,126 @@ pub struct DataSheet {
     pub linearity_error: f64,
     /// The photon transfer curve.
     pub points: Vec<LightPoint>,
+}
+
+/// A property that a file states and a sheet has measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Comparison {
+    /// Its name.
+    pub name: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// What the file says.
+    pub file: f64,
+    /// What was measured.
+    pub measured: f64,
+    /// How far they may differ, as a share of the file's value.
+    pub most: f64,
+    /// What the procedure resolves: one standard error, as a share of the file's value, where it is not small.
+    pub se: f64,
+}
+
+/// What statistics alone may add to a difference, standard errors.
+const STANDARD_ERRORS: f64 = 4.0;
+
+impl Comparison {
+    /// Measured over stated, less 1; the difference itself where the file says none.
+    #[must_use]
+    pub fn error(&self) -> f64 {
+        if self.file == 0.0 { self.measured } else { self.measured / self.file - 1.0 }
+    }
+
+    /// True when the two agree.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.error().abs() <= self.most.max(STANDARD_ERRORS * self.se)
+    }
+}
+
+/// What a file states, in the sheet's terms.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stated {
+    /// As in [`DataSheet`].
+    pub gain_e_per_dn: f64,
+    /// As in [`DataSheet`].
+    pub black_level_dn: f64,
+    /// As in [`DataSheet`].
+    pub read_noise_e_rms: f64,
+    /// As in [`DataSheet`].
+    pub dark_e_per_s: f64,
+    /// As in [`DataSheet`].
+    pub dsnu_e_rms: f64,
+    /// As in [`DataSheet`].
+    pub prnu: f64,
+    /// Full well, or what the converter holds of it, e-.
+    pub saturation_e: f64,
+}
+
+/// How far a sheet may be off its file; of the dark current [`DARK_REL`].
+pub const SHEET_REL: f64 = 0.01;
+/// The same for the dark current.
+pub const DARK_REL: f64 = 0.02;
+
+impl DataSheet {
+    /// The sheet beside its file.
+    #[must_use]
+    pub fn compare(&self, file: &Stated) -> [Comparison; 8] {
+        let line = |name, unit, file, measured| Comparison { name, unit, file, measured, most: SHEET_REL, se: 0.0 };
+        [
+            line("gain", "e-/DN", file.gain_e_per_dn, self.gain_e_per_dn),
+            line("black level", "DN", file.black_level_dn, self.black_level_dn),
+            line("read noise", "e- rms", file.read_noise_e_rms, self.read_noise_e_rms),
+            Comparison { most: DARK_REL, ..line("dark current", "e-/s", file.dark_e_per_s, self.dark_e_per_s) },
+            // Half of the square's own error; a file that says none may show as little as the square resolves.
+            Comparison {
+                se: if file.dsnu_e_rms > 0.0 {
+                    0.5 * self.dsnu2_se / file.dsnu_e_rms.powi(2)
+                } else {
+                    self.dsnu2_se.sqrt()
+                },
+                ..line("DSNU", "e- rms", file.dsnu_e_rms, self.dsnu_e_rms)
+            },
+            line("PRNU", "rms", file.prnu, self.prnu),
+            line("saturation", "e-", file.saturation_e, self.saturation_e),
+            line("e- counted per e-", "", 1.0, self.responsivity),
+        ]
+    }
+
+    /// Variance over signal, with the line of the gain.
+    #[must_use]
+    pub fn chart(&self, camera: &str) -> Chart {
+        let measured = self.points.iter().map(|p| [p.signal_dn, p.variance_dn2]).collect();
+        let line = |p: &LightPoint| [p.signal_dn, p.signal_dn / self.gain_e_per_dn];
+        let series =
+            |name: &str, style, group, points| Series { name: name.into(), style, group, points, marked: Vec::new() };
+        Chart {
+            title: format!("Photon transfer of {camera}"),
+            x: Axis::log("signal over the dark level, DN"),
+            y: Axis::log("temporal variance over that of the dark, DN^2"),
+            series: vec![
+                series("pairs of flats", Style::Points, 0, measured),
+                series(
+                    &format!("slope 1 / {:.4} e-/DN", self.gain_e_per_dn),
+                    Style::Line,
+                    1,
+                    self.points.iter().map(line).collect(),
+                ),
+            ],
+            ring: String::new(),
+            notes: vec!["EMVA 1288: the slope up to 70 % of saturation is the reciprocal gain.".into()],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_off_does_not_hold() {
+        let line = |file, measured| Comparison { name: "x", unit: "", file, measured, most: 0.01, se: 0.0 };
+        assert!(line(2.0, 2.019).holds() && !line(2.0, 2.021).holds() && !line(2.0, f64::NAN).holds());
+        assert!(line(0.0, 0.005).holds() && !line(0.0, 0.5).holds(), "a file that says none");
+        assert!(Comparison { se: 0.1, ..line(2.0, 2.7) }.holds(), "what cannot be resolved is no difference");
+    }
 }

@@ -13,7 +13,7 @@
 
 use crate::base::image::DnImage;
 use crate::optics::PsfModel;
-use crate::verify::star_field::{FieldStar, REGION_PX, StarField};
+use crate::verify::star_field::{FieldStar, HALF_PX, REGION_PX, StarField};
 
 /// What the frames are made with, as far as truth needs it.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,6 +39,14 @@ pub struct Truth {
 }
 
 impl Truth {
+    /// Electrons of a star whose window has this signal-to-noise ratio: the larger root of `S^2 = snr^2 (S + n v)`.
+    #[must_use]
+    pub fn electrons_for_snr(&self, snr: f64) -> f64 {
+        let pixels = (2 * HALF_PX + 1).pow(2) as f64;
+        let noise = self.dark_e + self.read_noise_e_rms.powi(2) + self.gain_e_per_dn.powi(2) / 12.0;
+        0.5 * (snr * snr + (snr.powi(4) + 4.0 * snr * snr * pixels * noise).sqrt())
+    }
+
     /// Response and offset of a pixel.
     fn own(&self, [x, y]: [usize; 2]) -> [f64; 2] {
         let at = |map: &[f32]| map.get(y * self.width_px + x).copied().map_or(0.0, f64::from);

@@ -50,6 +50,8 @@ pub struct Pattern {
     pub spatial_variance_dn2: f64,
     /// Mean temporal variance of a pixel, DN^2.
     pub temporal_variance_dn2: f64,
+    /// Standard error of the spatial variance, DN^2.
+    pub spatial_variance_se_dn2: f64,
 }
 
 impl Stack {
@@ -84,7 +86,9 @@ impl Stack {
         let (mean_dn, temporal_variance_dn2) = (sum / count, temporal / count);
         let spread: f64 = (0..self.sums.len()).map(|at| (self.pixel(at)[0] - mean_dn).powi(2)).sum();
         let spatial_variance_dn2 = spread / (count - 1.0) - temporal_variance_dn2 / f64::from(self.images);
-        Pattern { mean_dn, spatial_variance_dn2, temporal_variance_dn2 }
+        // A variance of `count` normal deviates errs by the root of 2 / count of itself.
+        let spatial_variance_se_dn2 = (2.0 / count).sqrt() * spread / (count - 1.0);
+        Pattern { mean_dn, spatial_variance_dn2, temporal_variance_dn2, spatial_variance_se_dn2 }
     }
 }
 

@@ -7,6 +7,7 @@
 //! * `flats`: moments of one image and of pairs, in time and in space.
 //! * `photon_transfer`: the procedure of EMVA 1288 -> [`DataSheet`].
 //! * `linear_fit`: the straight lines in it.
+//! * `table`: both as text.
 //! * `star_field`, `fidelity`: stars of known light in noisy frames -> [`Fidelity`], errors by brightness.
 
 pub mod data_sheet;
@@ -15,6 +16,7 @@ pub mod flats;
 pub mod linear_fit;
 pub mod photon_transfer;
 pub mod star_field;
+pub mod table;
 
 pub use data_sheet::DataSheet;
 pub use fidelity::Fidelity;

@@ -96,6 +96,7 @@ pub fn characterise(
         read_noise_e_rms: (noise.offset - QUANTISATION_DN2).max(0.0).sqrt() * gain_e_per_dn,
         dark_e_per_s: level.slope * gain_e_per_dn,
         dsnu_e_rms: darks.spatial_variance_dn2.max(0.0).sqrt() * gain_e_per_dn,
+        dsnu2_se: darks.spatial_variance_se_dn2 * gain_e_per_dn * gain_e_per_dn,
         prnu: prnu(&darks, &flats),
         saturation_e: (plateau_dn - dark.mean_dn) * gain_e_per_dn,
         responsivity: responsivity(&points, plateau_dn - dark.mean_dn).slope * gain_e_per_dn,
