@@ -91,7 +91,7 @@ pub fn run(arguments: &VerifyArgs) -> Result<u8> {
 /// The detector's data sheet.
 fn photon_transfer(camera: &CameraParams, seed: u64) -> DataSheet {
     let params = camera.detector;
-    let detector = Detector::new(params, FLAT_PX, FLAT_PX, seed);
+    let mut detector = Detector::new(params, FLAT_PX, FLAT_PX, seed);
     let mut light: ElectronImage = Image::new(FLAT_PX, FLAT_PX);
     let longest_dark_s = DARK_SIGNAL_E / params.dark_e_per_s.max(1e-6);
     characterise([FLAT_PX; 2], &Procedure::new(camera.exposure_s, longest_dark_s), &mut |flat, image| {

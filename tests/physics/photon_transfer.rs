@@ -26,7 +26,7 @@ pub(crate) fn built_in(name: &str) -> (DetectorParams, f64) {
 
 /// The data sheet of a detector from its frames.
 fn sheet(params: DetectorParams, exposure_s: f64, seed: u64) -> DataSheet {
-    let detector = Detector::new(params, SIZE, SIZE, seed);
+    let mut detector = Detector::new(params, SIZE, SIZE, seed);
     let mut light: ElectronImage = Image::new(SIZE, SIZE);
     let procedure = Procedure::new(exposure_s, DARK_SIGNAL_E / params.dark_e_per_s);
     characterise([SIZE; 2], &procedure, &mut |flat: Flat, image: &mut DnImage| {
