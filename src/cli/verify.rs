@@ -144,7 +144,6 @@ fn stars(camera: &CameraParams, arguments: &VerifyArgs) -> Result<String> {
 fn truth(camera: &CameraParams, seed: u64) -> Truth {
     let (width_px, detector) = (camera.geometry.width_px(), camera.detector);
     let patterns = Detector::new(detector, width_px, camera.geometry.height_px(), seed);
-    let own = |map: Option<&[f32]>| map.map_or(Vec::new(), <[f32]>::to_vec);
     Truth {
         psf: camera.psf.clone(),
         dark_e: detector.dark_e_per_s * camera.exposure_s,
@@ -152,8 +151,8 @@ fn truth(camera: &CameraParams, seed: u64) -> Truth {
         dsnu_e_rms: detector.dsnu_e_rms,
         gain_e_per_dn: detector.gain_e_per_dn,
         black_level_dn: detector.black_level_dn,
-        prnu: own(patterns.patterns().0),
-        dsnu_e: own(patterns.patterns().1),
+        prnu: patterns.patterns().prnu.clone().unwrap_or_default(),
+        dsnu_e: patterns.patterns().dsnu_e.clone().unwrap_or_default(),
         width_px,
     }
 }

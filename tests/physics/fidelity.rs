@@ -54,7 +54,6 @@ fn fidelity(drawn: (&PsfModel, DetectorParams), believed: (&PsfModel, DetectorPa
     let field = StarField::new([SIZE; 2], ELECTRONS.to_vec(), 21);
     let plan = planner.plan(&field.sources());
     let patterns = Detector::new(believed.1, SIZE, SIZE, SEED);
-    let own = |map: Option<&[f32]>| map.map_or(Vec::new(), <[f32]>::to_vec);
     let truth = Truth {
         psf: believed.0.clone(),
         dark_e: believed.1.dark_e_per_s * exposure_s,
@@ -62,8 +61,8 @@ fn fidelity(drawn: (&PsfModel, DetectorParams), believed: (&PsfModel, DetectorPa
         dsnu_e_rms: believed.1.dsnu_e_rms,
         gain_e_per_dn: believed.1.gain_e_per_dn,
         black_level_dn: believed.1.black_level_dn,
-        prnu: own(patterns.patterns().0),
-        dsnu_e: own(patterns.patterns().1),
+        prnu: patterns.patterns().prnu.clone().unwrap_or_default(),
+        dsnu_e: patterns.patterns().dsnu_e.clone().unwrap_or_default(),
         width_px: SIZE,
     };
     measure(&field, &truth, [SIZE; 2], FRAMES, |frame, image| imager.image(plan, frame, image).map(|_| ())).unwrap()
