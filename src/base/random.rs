@@ -18,6 +18,16 @@ pub enum Stage {
     Overflow = 3,
     /// Frequencies and phases of line-of-sight noise: "frame" is the axis, "block" the line.
     Jitter = 4,
+    /// Dark-current non-uniformity: fixed pattern, frame 0.
+    DarkCurrent = 10,
+    /// Offsets of columns: fixed pattern, frame 0; "pixel" is the column.
+    ColumnOffset = 11,
+    /// Gains of columns: fixed pattern, frame 0.
+    ColumnGain = 12,
+    /// Offsets of rows: fixed pattern, frame 0; "pixel" is the row.
+    RowOffset = 13,
+    /// Noise that a row shares, of one frame: "block" is three times the row and more, attempt 1 the state before row 0.
+    RowNoise = 14,
 }
 
 const MULTIPLIER_0: u32 = 0xD251_1F53;

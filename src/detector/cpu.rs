@@ -5,9 +5,10 @@ use crate::base::image::{DnImage, Image};
 use crate::base::random::key;
 use crate::detector::effect::{ORDER, Part, effects_of};
 use crate::detector::ends::{ChargeToDn, Mean, MeanToCharge, MeanToDn};
+use crate::detector::line_pattern::Lines;
 use crate::detector::neighbours::{self, FrameAt, NeighbourStage};
 use crate::detector::params::Constants;
-use crate::detector::pattern::Patterns;
+use crate::detector::pattern::{PatternSizeError, Patterns};
 use crate::detector::stages::Stages;
 use crate::detector::{DetectorParams, Effect};
 use core::marker::PhantomData;
@@ -20,6 +21,9 @@ pub struct Detector {
     seed: u64,
     stray_light_e: f32,
     patterns: Patterns,
+    lines: Lines,
+    /// Noise of the rows of the latest frame, e-; empty when off.
+    rows_e: Vec<f32>,
     neighbours: Vec<Box<dyn NeighbourStage>>,
     keeps_charge: bool,
     /// Electrons between the passes; no pixels while one pass does.
@@ -38,6 +42,8 @@ impl Detector {
             seed,
             stray_light_e: 0.0,
             patterns: Patterns::draw(&params, width_px * height_px, seed),
+            lines: Lines::draw(&params.line_pattern, size_px, seed),
+            rows_e: vec![0.0; if params.row_noise.is_on() { height_px } else { 0 }],
             neighbours: Vec::new(),
             keeps_charge: false,
             charge: Image::new(0, 0),
@@ -46,6 +52,16 @@ impl Detector {
         };
         made.prepare_passes();
         made
+    }
+
+    /// The same with patterns that are given instead of drawn.
+    ///
+    /// # Errors
+    /// When one has not as many pixels as the detector.
+    pub fn with_patterns(mut self, given: &Patterns) -> Result<Self, PatternSizeError> {
+        let [width, height] = self.size_px;
+        self.patterns = given.or(&self.patterns, width * height)?;
+        Ok(self)
     }
 
     /// Keeps every frame's charge for [`Self::charge`]: the stages run in two passes from here on, and draw the same.
@@ -71,6 +87,11 @@ impl Detector {
         self.stray_light_e = stray_light_e;
     }
 
+    /// The detector's temperature in the frames from here on, degrees Celsius: scales the dark current.
+    pub fn set_temperature_c(&mut self, operating_c: f64) {
+        self.params.dark_law.operating_c = operating_c;
+    }
+
     /// Seed.
     #[must_use]
     pub fn seed(&self) -> u64 {
@@ -81,6 +102,18 @@ impl Detector {
     #[must_use]
     pub fn patterns(&self) -> &Patterns {
         &self.patterns
+    }
+
+    /// Fixed patterns of columns and rows; empty where off.
+    #[must_use]
+    pub fn lines(&self) -> &Lines {
+        &self.lines
+    }
+
+    /// Columns and rows.
+    #[must_use]
+    pub fn size_px(&self) -> [usize; 2] {
+        self.size_px
     }
 
     /// Whether all stages run in one pass: no neighbour stage is on.
@@ -113,12 +146,18 @@ impl Detector {
 
     fn collect_from<T: Mean>(&mut self, mean: &Image<T>, frame: u32, exposure_s: f64, out: &mut DnImage) {
         let key = key(self.seed);
+        if !self.rows_e.is_empty() {
+            self.params.row_noise.draw(frame, key, &mut self.rows_e);
+        }
         let stages = Stages {
             constants: Constants::new(&self.params, exposure_s, self.stray_light_e),
             key,
             frame,
             poisson: self.params.poisson,
             patterns: &self.patterns,
+            lines: &self.lines,
+            rows_e: &self.rows_e,
+            width: self.size_px[0],
         };
         if self.neighbours.is_empty() {
             stages.run(MeanToDn(PhantomData::<T>), self.arch, &ORDER, mean.pixels(), out.pixels_mut());

@@ -57,6 +57,10 @@ fn charge(pair: u32, mean_e: vec2<f32>, words: vec2<u32>) -> vec2<f32> {
     if (PRNU) {
         e += e * prnu[pair];
     }
-    e += frame.dark_e;
+    if (DARK_FACTOR) {
+        e = fma(vec2<f32>(frame.dark_e), dark_factor[pair], e);
+    } else {
+        e += frame.dark_e;
+    }
     return shot(e, words);
 }

@@ -114,6 +114,11 @@ impl GpuDetector {
         self.stray_light_e = stray_light_e;
     }
 
+    /// The detector's temperature in the frames from here on, degrees Celsius: scales the dark current.
+    pub fn set_temperature_c(&mut self, operating_c: f64) {
+        self.model.dark_law.operating_c = operating_c;
+    }
+
     /// Wall time of the latest frame.
     #[must_use]
     pub fn times(&self) -> FrameTimes {
@@ -166,11 +171,12 @@ impl GpuDetector {
             full_well_e: constants.full_well_e,
             read_noise_e: constants.read_noise_e,
             dn_per_e: constants.dn_per_e,
-            black_dn: constants.black_dn + 0.5,
+            black_dn: constants.black_dn + constants.rounding_dn,
             largest_dn: constants.largest_dn,
             stray_light_e: constants.stray_light_e,
         };
         self.params.write(&self.gpu, &[uniform])?;
+        self.maps.draw(&self.gpu, &self.model, &at)?;
         let mut encoder = self.gpu.encoder("read out");
         let buffers = [self.params.buffer(), electrons.buffer(), self.dn.buffer()];
         self.passes.record(&self.gpu, &mut encoder, &self.maps, buffers, pixels, &at)?;
