@@ -5,6 +5,7 @@
 
 pub mod airy;
 pub mod gaussian;
+pub mod moffat;
 pub mod psf;
 pub mod psf_grid;
 pub mod quadrature;

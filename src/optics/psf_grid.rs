@@ -92,6 +92,7 @@ pub struct PsfGrid {
     peak: f64,
     flux: f64,
     core_sigma_px: f64,
+    third_step: f64,
     /// Share of the light outside a footprint of half-width 0, 1, ... px, wherever the star stands on its pixel.
     lost: Vec<f64>,
 }
@@ -136,9 +137,11 @@ impl PsfGrid {
         }
         let lost = lost_by_half_width(&samples, side, oversampling, half_px);
         let coefficients = prefilter(&samples, side);
-        let mut grid = Self { oversampling, half_px, coefficients, peak, flux, core_sigma_px: 0.0, lost };
+        let mut grid =
+            Self { oversampling, half_px, coefficients, peak, flux, core_sigma_px: 0.0, third_step: 0.0, lost };
         grid.peak = grid.highest_near(&samples);
         grid.core_sigma_px = core_sigma_px(grid.sharpest_curvature() / grid.peak);
+        grid.third_step = grid.largest_third_step() / grid.peak;
         Ok(grid)
     }
 
@@ -182,6 +185,13 @@ impl PsfGrid {
     #[must_use]
     pub fn core_sigma_px(&self) -> f64 {
         self.core_sigma_px
+    }
+
+    /// Largest step of the spline's third derivative at a knot along x or y, of the peak, 1 / px^3: what an
+    /// interpolation on other knots errs by.
+    #[must_use]
+    pub fn third_step(&self) -> f64 {
+        self.third_step
     }
 
     /// Share of the light outside a square footprint of half-width `half_px + 1/2` px (upper bound over all places of
@@ -246,6 +256,21 @@ impl PsfGrid {
         };
         let parts = (-PARTS..=PARTS).flat_map(|y| (-PARTS..=PARTS).map(move |x| (x, y)));
         parts.map(|(x, y)| self.pixel(place(best % side, x), place(best / side, y))).fold(0.0, f64::max)
+    }
+
+    /// Largest fourth difference of the coefficients along x or y, 1 / px^3.
+    fn largest_third_step(&self) -> f64 {
+        let (c, stride) = (&self.coefficients, self.stride());
+        let mut most = 0.0_f64;
+        for (at, middle) in c.iter().enumerate() {
+            for (step, place) in [(1, at % stride), (stride, at / stride)] {
+                if place >= 2 && place + 2 < stride {
+                    let sides = c[at - 2 * step] + c[at + 2 * step] - 4.0 * (c[at - step] + c[at + step]);
+                    most = most.max((sides + 6.0 * middle).abs());
+                }
+            }
+        }
+        most * (self.oversampling as f64).powi(3)
     }
 
     /// Largest second derivative in any direction at any sample, 1 / px^2.
