@@ -14,6 +14,7 @@ mod measure;
 mod noise;
 mod photon_transfer;
 mod poisson_methods;
+mod psf_models;
 mod random_scenes;
 mod scene;
 mod stability;
