@@ -49,6 +49,9 @@ const BUILT_IN: [(&str, &str); 36] = [
     ("spacecraft/smallsat_stiff_array.toml", include_str!("../../configs/spacecraft/smallsat_stiff_array.toml")),
 ];
 
+/// Keys of a camera that name a file of points.
+const NAMES_A_TABLE: [&str; 2] = ["band.qe_file", "band.transmission_file"];
+
 /// Names nearer than this (Jaro-Winkler, 0 to 1) are offered as what was meant.
 const NEAR_ENOUGH: f64 = 0.75;
 
@@ -180,8 +183,8 @@ impl Document {
 
     fn pack_into(&self, documents: &mut BTreeMap<String, PackedText>, keys: String) -> Result<(), ConfigError> {
         let table: toml::Table = self.read_as()?;
-        for key in NAMES_A_FILE {
-            if let Some(path) = table.get(key).and_then(toml::Value::as_str) {
+        for key in NAMES_A_FILE.into_iter().chain(NAMES_A_TABLE) {
+            if let Some(path) = value_of(&table, key).and_then(toml::Value::as_str) {
                 self.named(key, path)?.pack_into(documents, joined(&keys, key))?;
             }
         }
@@ -326,6 +329,14 @@ fn offset_of_key(root: &DeTable<'_>, key: &str) -> Option<usize> {
         table = inner;
     }
     offset
+}
+
+/// The value of a key such as `band.qe_file`.
+fn value_of<'a>(table: &'a toml::Table, key: &str) -> Option<&'a toml::Value> {
+    match key.split_once('.') {
+        Some((section, rest)) => value_of(table.get(section)?.as_table()?, rest),
+        None => table.get(key),
+    }
 }
 
 /// A key below those that led to a document.
