@@ -179,6 +179,7 @@ impl Bench<'_> {
                 self.deliver_late(parcel, slot, record)?;
                 continue;
             }
+            self.receiver.fire_triggers(slot, &mut record.ledger, &mut |_fired| {});
             timed.load = self.engine.load();
             let exposed = self.engine.expose(slot, self.receiver, &mut record.ledger, &mut parcel.frame);
             if matches!(exposed, Err(RunError::AttitudeStopped { .. })) {

@@ -174,7 +174,18 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
         count_port(&mut counts, number, port);
     }
     let pulses = receiver.pulses();
-    for (name, count) in [("pulses_used", pulses.used), ("pulses_refused", pulses.refused)] {
+    let triggers = receiver.session().triggers().counts();
+    let sometimes = [
+        ("pulses_used", pulses.used),
+        ("pulses_refused", pulses.refused),
+        ("triggers_accepted", triggers.accepted),
+        ("triggers_late", triggers.late),
+        ("triggers_repeated", triggers.repeated),
+        ("triggers_refused", triggers.refused),
+        ("triggers_forgotten", triggers.forgotten),
+        ("triggers_fired", triggers.fired),
+    ];
+    for (name, count) in sometimes {
         if count > 0 {
             counts.counters.insert(name.into(), count);
         }
