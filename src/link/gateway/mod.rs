@@ -14,6 +14,8 @@ mod counters;
 mod hex;
 mod outgoing;
 mod pty;
+#[cfg(test)]
+mod parser_checks;
 /// The protocol of serial CAN adapters.
 pub mod slcan;
 /// The protocol of the daemon of that name.
