@@ -26,6 +26,7 @@ pub mod record;
 pub mod reply;
 pub mod session;
 pub mod sky_view;
+pub mod triggers;
 pub mod truth;
 pub mod virtual_time;
 
@@ -40,3 +41,4 @@ pub use params::{DeadlinePolicy, RunParams};
 pub use port_reading::PortReading;
 pub use record::RunRecord;
 pub use session::{Session, SessionParams, SessionStart};
+pub use triggers::FiredTrigger;

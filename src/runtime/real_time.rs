@@ -22,7 +22,7 @@ use crate::runtime::port_reading::PortReading;
 use crate::runtime::radio::{Heard, Radio};
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
-use crate::runtime::reply::{Reply, ToldFrame, stopped};
+use crate::runtime::reply::{Reply, ToldFrame};
 use crate::sink::{FaultFlags, FrameMeta, SentFrame, Sink};
 use core::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
@@ -179,10 +179,11 @@ impl Bench<'_> {
                 self.deliver_late(parcel, slot, record)?;
                 continue;
             }
+            self.receiver.fire_triggers(slot, &mut record.ledger, &mut |_fired| {});
             timed.load = self.engine.load();
             let exposed = self.engine.expose(slot, self.receiver, &mut record.ledger, &mut parcel.frame);
             if matches!(exposed, Err(RunError::AttitudeStopped { .. })) {
-                self.radio.send(0, stopped(self.receiver, record.frames.rendered, woken));
+                self.radio.send(0, self.reply.stopped(self.receiver, woken));
             }
             let times = exposed?;
             let finished = self.clock.now();

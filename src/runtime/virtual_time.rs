@@ -16,7 +16,7 @@ use crate::runtime::outcome::RunOutcome;
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
-use crate::runtime::reply::{Reply, ToldFrame, stopped};
+use crate::runtime::reply::{Reply, ToldFrame};
 use crate::sink::{SentFrame, Sink};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -204,11 +204,13 @@ impl VirtualLoop {
         self.slots[i] += 1;
         self.record.frames.scheduled += 1;
         let mut frame = self.take_buffer(head.engine);
+        // Nothing is held ready under a trigger yet.
+        head.receiver.fire_triggers(slot, &mut self.record.ledger, &mut |_fired| {});
         let fate = head.faults.as_mut().map_or(Fate::SEND, |faults| faults.begin(slot.release, head.engine));
         let mut watch = Stopwatch::start();
         let exposed = head.engine.expose(slot, head.receiver, &mut self.record.ledger, &mut frame);
         if let (Err(RunError::AttitudeStopped { .. }), 0) = (&exposed, i) {
-            port.send(&stopped(head.receiver, self.record.frames.delivered, slot.release))?;
+            port.send(&self.reply.stopped(head.receiver, slot.release))?;
         }
         let times = exposed?;
         frame.meta.lateness = Span::ZERO;

@@ -17,3 +17,4 @@ mod program;
 mod replay;
 mod session;
 mod study;
+mod triggers;

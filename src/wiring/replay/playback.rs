@@ -319,6 +319,7 @@ impl<'a> Replay<'a> {
     /// Draws a frame and hands it on; its checksum.
     fn draw(&mut self, number: u32) -> Result<u32, ReplayError> {
         let slot = self.engine.slot(number);
+        self.receiver.fire_triggers(slot, &mut self.ledger, &mut |_fired| {});
         self.engine.expose(slot, &mut self.receiver, &mut self.ledger, &mut self.frame)?;
         self.frame.meta.lateness = Span::ZERO;
         self.outcome.drawn += 1;
