@@ -5,11 +5,13 @@
 
 pub mod airy;
 pub mod gaussian;
+pub mod illumination;
 pub mod psf;
 pub mod quadrature;
 pub mod radiometry;
 pub mod spectral_weight;
 
+pub use illumination::Illumination;
 pub use psf::PsfModel;
 pub use radiometry::Radiometry;
 pub use spectral_weight::SpectralWeight;
