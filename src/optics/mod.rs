@@ -4,11 +4,13 @@
 //! Fast forms of the pixel integral live with the backends that use them and are measured against this room.
 
 pub mod airy;
+pub mod baffle;
 pub mod gaussian;
 pub mod illumination;
 pub mod psf;
 pub mod quadrature;
 pub mod radiometry;
+pub mod sky_brightness;
 pub mod spectral_weight;
 
 pub use illumination::Illumination;
