@@ -16,14 +16,14 @@ use glam::{DMat2, DVec2};
 /// Highest sum of exponents.
 pub const DEGREE: usize = 5;
 /// Terms with 1 <= i + j <= [`DEGREE`].
-pub const TERMS: usize = (DEGREE + 1) * (DEGREE + 2) / 2 - 1;
+const TERMS: usize = (DEGREE + 1) * (DEGREE + 2) / 2 - 1;
 /// Places on a circle at which the Jacobian is evaluated.
 const ANGLES: u32 = 1024;
 
 /// Coefficients of one polynomial distortion, dimensionless. All zero: none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PolynomialDistortion {
-    /// Coefficients of x' and y', in the order of [`exponents`].
+    /// Coefficients of x' and y', in the order of `exponents`.
     terms: [DVec2; TERMS],
 }
 
@@ -34,7 +34,7 @@ impl Default for PolynomialDistortion {
 }
 
 /// Exponents (i, j) of every term in order: x, y, x^2, x y, y^2, x^3 ...
-pub fn exponents() -> impl Iterator<Item = (usize, usize)> {
+fn exponents() -> impl Iterator<Item = (usize, usize)> {
     (1..=DEGREE).flat_map(|degree| (0..=degree).map(move |j| (degree - j, j)))
 }
 

@@ -5,6 +5,7 @@
 //! Photon and dark shot noise are one Poisson draw: the sum of two Poisson variables is a Poisson variable.
 
 pub mod adc;
+pub mod background;
 pub mod block;
 pub mod cpu;
 pub mod effect;
@@ -19,6 +20,7 @@ pub mod poisson;
 pub mod read_noise;
 mod stages;
 
+pub use background::Background;
 pub use cpu::Detector;
 pub use effect::{Effect, ORDER};
 pub use params::DetectorParams;

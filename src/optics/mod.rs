@@ -4,6 +4,7 @@
 //! Fast forms of the pixel integral live with the backends that use them and are measured against this room.
 
 pub mod airy;
+pub mod background;
 pub mod baffle;
 pub mod gaussian;
 pub mod illumination;
@@ -13,6 +14,7 @@ pub mod radiometry;
 pub mod sky_brightness;
 pub mod spectral_weight;
 
+pub use background::BackgroundLight;
 pub use illumination::Illumination;
 pub use psf::PsfModel;
 pub use radiometry::Radiometry;

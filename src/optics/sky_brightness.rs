@@ -21,6 +21,8 @@ use glam::{DVec2, DVec3};
 
 /// V less Gaia G of a source of the Sun's colour (V -26.76, G -26.90).
 pub const SUN_V_LESS_G: f64 = 0.14;
+/// V magnitude per square arcsecond of 1 S10: 10 + 2.5 lg 3600^2.
+pub const S10_MAG_PER_ARCSEC2: f64 = 27.781_512_503_836_436;
 /// Obliquity of the ecliptic at J2000, arcsec (IAU 2006).
 const OBLIQUITY_ARCSEC: f64 = 84_381.406;
 /// North pole of the Galaxy, ICRF (ESA 1997, Hipparcos Catalogue vol. 1, 1.5.3): 192.859 48, 27.128 25 deg.
@@ -82,7 +84,7 @@ pub fn galactic_s10(direction_icrf: DVec3) -> f64 {
 /// V magnitude per square arcsecond of so many S10.
 #[must_use]
 pub fn mag_per_arcsec2(s10: f64) -> f64 {
-    10.0 + 2.5 * (3_600.0_f64 * 3_600.0).log10() - 2.5 * s10.log10()
+    S10_MAG_PER_ARCSEC2 - 2.5 * s10.log10()
 }
 
 /// Ecliptic longitude and latitude (J2000), rad.

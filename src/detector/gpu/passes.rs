@@ -16,6 +16,7 @@ const PHILOX: [(&str, u32); 4] =
 pub(super) struct Maps {
     prnu: GrowableBuffer,
     dsnu_e: GrowableBuffer,
+    illumination: GrowableBuffer,
 }
 
 impl Maps {
@@ -25,7 +26,14 @@ impl Maps {
         Ok(Self {
             prnu: pattern(gpu, "PRNU map", patterns.prnu.as_deref())?,
             dsnu_e: pattern(gpu, "DSNU map", patterns.dsnu_e.as_deref())?,
+            illumination: pattern(gpu, "illumination map", detector.illumination_map())?,
         })
+    }
+
+    /// Another map of the illumination; what was bound must be bound anew.
+    pub(super) fn set_illumination(&mut self, gpu: &GpuDevice, map: Option<&[f32]>) -> Result<(), GpuError> {
+        self.illumination = pattern(gpu, "illumination map", map)?;
+        Ok(())
     }
 }
 
@@ -66,6 +74,11 @@ impl ImagePass {
         Ok(Self { pass: ComputePass::new(gpu, name, text)?, bound: None })
     }
 
+    /// The next record binds its buffers anew.
+    pub(super) fn unbind(&mut self) {
+        self.bound = None;
+    }
+
     /// Records the pass over `pixels` from `image`; a bind group is made anew only for another image.
     pub(super) fn record<const N: usize>(
         &mut self,
@@ -87,13 +100,13 @@ impl ImagePass {
 
 impl Maps {
     /// Bindings of [`ImagePass::all`].
-    pub(super) fn for_all<'a>(&'a self, [frame, image, dn]: [&'a wgpu::Buffer; 3]) -> [&'a wgpu::Buffer; 5] {
-        [frame, image, self.prnu.buffer(), self.dsnu_e.buffer(), dn]
+    pub(super) fn for_all<'a>(&'a self, [frame, image, dn]: [&'a wgpu::Buffer; 3]) -> [&'a wgpu::Buffer; 6] {
+        [frame, image, self.prnu.buffer(), self.dsnu_e.buffer(), dn, self.illumination.buffer()]
     }
 
     /// Bindings of [`ImagePass::charge`].
-    pub(super) fn for_charge<'a>(&'a self, [frame, image, charge]: [&'a wgpu::Buffer; 3]) -> [&'a wgpu::Buffer; 4] {
-        [frame, image, self.prnu.buffer(), charge]
+    pub(super) fn for_charge<'a>(&'a self, [frame, image, charge]: [&'a wgpu::Buffer; 3]) -> [&'a wgpu::Buffer; 5] {
+        [frame, image, self.prnu.buffer(), charge, self.illumination.buffer()]
     }
 
     /// Bindings of [`ImagePass::readout`].
