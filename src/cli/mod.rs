@@ -10,6 +10,7 @@ pub mod catalog;
 pub mod chart;
 pub mod check;
 mod check_attitude;
+mod check_light;
 mod check_plan;
 mod check_scenario;
 mod frame_plan;

@@ -136,9 +136,10 @@ fn stars(camera: &CameraParams, arguments: &VerifyArgs) -> Result<String> {
     let measured = fidelity::measure(&field, &truth, size_px, arguments.frames, |frame, image: &mut DnImage| {
         imager.image(plan, frame, image).map(|_| ())
     })?;
-    let zero_e = camera.radiometry.zero_point_e_per_s() * camera.exposure_s;
+    let mag_of =
+        |electrons| camera.radiometry.mag_g_of_electrons(electrons, 0.0, camera.exposure_s).unwrap_or(f64::NAN);
     let head = format!("errors by brightness, {} frames, {} backend\n", measured.frames, imager.name());
-    Ok(head + &table::fidelity(&measured, |electrons| -2.5 * (electrons / zero_e).log10()))
+    Ok(head + &table::fidelity(&measured, mag_of))
 }
 
 fn truth(camera: &CameraParams, seed: u64) -> Truth {
@@ -151,8 +152,7 @@ fn truth(camera: &CameraParams, seed: u64) -> Truth {
         dsnu_e_rms: detector.dsnu_e_rms,
         gain_e_per_dn: detector.gain_e_per_dn,
         black_level_dn: detector.black_level_dn,
-        prnu: patterns.patterns().prnu.clone().unwrap_or_default(),
-        dsnu_e: patterns.patterns().dsnu_e.clone().unwrap_or_default(),
+        patterns: patterns.patterns().clone(),
         width_px,
     }
 }

@@ -1,15 +1,18 @@
 //! A camera file.
 
 use crate::base::units::{ARCSEC, DEG};
+use crate::config::background::{Background, BackgroundKeys};
+use crate::config::baffle::{Baffle, BaffleKeys};
 use crate::config::band::{BandKeys, check_band};
 use crate::config::check::{Checker, Defaulted};
 use crate::config::detector::{Detector, DetectorKeys};
 use crate::config::document::Document;
 use crate::config::error::ConfigError;
+use crate::config::illumination::IlluminationKeys;
 use crate::config::optics::{Distortion, DistortionKeys, Optics, OpticsKeys, Psf, PsfKeys};
 use crate::config::radiometry::{Exposure, ExposureKeys, Radiometry, RadiometryKeys, RadiometryModel};
 use crate::exposure::PsfSampling;
-use crate::optics::{Band, BandRadiometry, StarLight};
+use crate::optics::{Band, BandRadiometry, Illumination, StarLight};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -28,6 +31,12 @@ pub struct Camera {
     pub psf: Psf,
     /// How pixel values are had from it.
     pub sampling: PsfSampling,
+    /// How the image plane is lit.
+    pub illumination: Illumination,
+    /// Light that is not the stars'.
+    pub background: Background,
+    /// Stray light of Sun, Moon and Earth.
+    pub baffle: Option<Baffle>,
     /// Magnitudes to photons.
     pub radiometry: Radiometry,
     /// Quantum efficiency and transmission over wavelength, in place of mean values.
@@ -46,6 +55,9 @@ struct CameraKeys {
     optics: OpticsKeys,
     distortion: DistortionKeys,
     psf: PsfKeys,
+    illumination: IlluminationKeys,
+    background: BackgroundKeys,
+    baffle: Option<BaffleKeys>,
     radiometry: RadiometryKeys,
     band: Option<BandKeys>,
     exposure: ExposureKeys,
@@ -73,11 +85,28 @@ impl Camera {
         let distortion = Distortion::check(&keys.distortion, &check)?;
         let psf = Psf::check(&keys.psf, &optics, &mut check)?;
         let sampling = Psf::check_sampling(&keys.psf, &mut check)?;
+        let illumination = keys.illumination.check(&optics, &mut check)?;
+        let background = keys.background.check(&mut check)?;
+        let baffle = keys.baffle.as_ref().map(|keys| keys.check(&mut check)).transpose()?;
         let radiometry = Radiometry::check(&keys.radiometry, &detector, &mut check)?;
         let band = check_band(keys.band.as_ref(), optics.transmission, radiometry.model, &psf, &mut check)?;
         let exposure = Exposure::check(&keys.exposure, &mut check)?;
         let defaulted = check.defaulted;
-        Ok(Self { name, detector, optics, distortion, psf, sampling, radiometry, band, exposure, defaulted })
+        Ok(Self {
+            name,
+            detector,
+            optics,
+            distortion,
+            psf,
+            sampling,
+            illumination,
+            background,
+            baffle,
+            radiometry,
+            band,
+            exposure,
+            defaulted,
+        })
     }
 
     /// Angle of one pixel on the boresight, arcsec.

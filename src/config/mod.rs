@@ -11,17 +11,21 @@
 //!
 //! The built-in bench and all it names are compiled in, so the binary runs from any directory.
 
+mod background;
+mod baffle;
 mod band;
 mod bench;
 mod budget;
 mod camera;
 mod check;
 mod detector;
+mod distortion;
 mod document;
 mod error;
 mod event;
 mod expect;
 mod flight_computer;
+mod illumination;
 mod link;
 mod link_keys;
 mod observer;
@@ -34,6 +38,8 @@ mod spacecraft;
 mod stages;
 mod timing;
 
+pub use background::{Background, Sky};
+pub use baffle::Baffle;
 pub use bench::Bench;
 pub use budget::Budget;
 pub use camera::{Camera, is_camera};

@@ -3,6 +3,7 @@
 
 use crate::base::image::{DnImage, Image};
 use crate::base::random::key;
+use crate::detector::background::{Background, Shape};
 use crate::detector::effect::{ORDER, Part, effects_of};
 use crate::detector::ends::{ChargeToDn, Mean, MeanToCharge, MeanToDn};
 use crate::detector::line_pattern::Lines;
@@ -20,6 +21,9 @@ pub struct Detector {
     params: DetectorParams,
     seed: u64,
     stray_light_e: f32,
+    background: Background,
+    /// Relative illumination of every pixel, for the sky's part of the background; `None`: even.
+    illumination: Option<Vec<f32>>,
     patterns: Patterns,
     lines: Lines,
     /// Noise of the rows of the latest frame, e-; empty when off.
@@ -41,6 +45,8 @@ impl Detector {
             params,
             seed,
             stray_light_e: 0.0,
+            background: Background::DARK,
+            illumination: None,
             patterns: Patterns::draw(&params, width_px * height_px, seed),
             lines: Lines::draw(&params.line_pattern, size_px, seed),
             rows_e: vec![0.0; if params.row_noise.is_on() { height_px } else { 0 }],
@@ -82,7 +88,24 @@ impl Detector {
         &self.params
     }
 
-    /// Stray light of the frames from here on: mean electrons more in every pixel.
+    /// Background of the frames from here on. Does not allocate.
+    pub fn set_background(&mut self, background: Background) {
+        self.background = background;
+    }
+
+    /// Relative illumination of every pixel, row by row, for the sky's part of the background; `None`, or a map of
+    /// another size: even.
+    pub fn set_illumination_map(&mut self, map: Option<Vec<f32>>) {
+        self.illumination = map.filter(|map| map.len() == self.size_px[0] * self.size_px[1]);
+    }
+
+    /// The map, where there is one.
+    #[must_use]
+    pub fn illumination_map(&self) -> Option<&[f32]> {
+        self.illumination.as_deref()
+    }
+
+    /// Stray light of the frames from here on, on top of the background: mean electrons more in every pixel.
     pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
         self.stray_light_e = stray_light_e;
     }
@@ -149,8 +172,15 @@ impl Detector {
         if !self.rows_e.is_empty() {
             self.params.row_noise.draw(frame, key, &mut self.rows_e);
         }
+        let illumination = self.illumination.as_deref();
+        let background = self.background.and_uniform(self.stray_light_e);
         let stages = Stages {
-            constants: Constants::new(&self.params, exposure_s, self.stray_light_e),
+            constants: Constants::new(&self.params, exposure_s, background.level_e(illumination.is_some())),
+            background: background.is_shaped(illumination.is_some()).then_some(Shape {
+                background,
+                size_px: self.size_px,
+                illumination,
+            }),
             key,
             frame,
             poisson: self.params.poisson,

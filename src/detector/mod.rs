@@ -5,6 +5,7 @@
 //! Photon and dark shot noise are one Poisson draw: the sum of two Poisson variables is a Poisson variable.
 
 pub mod adc;
+pub mod background;
 pub mod block;
 pub mod cpu;
 pub mod dark_current;
@@ -24,6 +25,7 @@ pub mod row_noise;
 mod stages;
 
 pub use adc::Rounding;
+pub use background::Background;
 pub use cpu::Detector;
 pub use dark_current::DarkLaw;
 pub use effect::{Effect, ORDER};

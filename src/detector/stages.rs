@@ -2,6 +2,7 @@
 //!
 //! One pass may run all of [`ORDER`](crate::detector::ORDER), or the stages before or after the neighbours alone.
 
+use crate::detector::background::Shape;
 use crate::detector::block::{BLOCK, Words};
 use crate::detector::line_pattern::Lines;
 use crate::detector::params::Constants;
@@ -17,6 +18,8 @@ const BLOCKS_PER_TASK: usize = 64;
 /// Everything the stages of one frame read.
 pub(super) struct Stages<'a> {
     pub(super) constants: Constants,
+    /// The part of the background that differs from pixel to pixel.
+    pub(super) background: Option<Shape<'a>>,
     pub(super) key: [u32; 2],
     pub(super) frame: u32,
     pub(super) poisson: PoissonMethod,
@@ -83,7 +86,14 @@ impl Stages<'_> {
     ) {
         let c = &self.constants;
         match effect {
-            Effect::Background if c.stray_light_e > 0.0 => electrons.iter_mut().for_each(|e| *e += c.stray_light_e),
+            Effect::Background => {
+                if c.stray_light_e > 0.0 {
+                    electrons.iter_mut().for_each(|e| *e += c.stray_light_e);
+                }
+                if let Some(shape) = &self.background {
+                    shape.add(first, electrons);
+                }
+            }
             Effect::PhotoResponse => {
                 if let Some(map) = &self.patterns.prnu {
                     electrons.iter_mut().zip(&map[first..]).for_each(|(e, prnu)| *e += *e * prnu);

@@ -12,6 +12,7 @@ use crate::exposure::cost::CostModel;
 use crate::exposure::{ExposurePlan, Planner, Rung};
 use crate::report::{Stage, StageTimes};
 use crate::runtime::error::RunError;
+use crate::runtime::field_light::{FieldLight, light_pixels};
 use crate::runtime::imager::Imager;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::load::{LoadChange, LoadEstimate};
@@ -41,6 +42,7 @@ pub struct FrameEngine {
     params: RunParams,
     planner: Planner,
     sky: SkyView,
+    light: FieldLight,
     imager: Imager,
     cost: CostModel,
     /// Followed on the real clock only.
@@ -68,7 +70,7 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the catalog or the observer cannot be had.
-    pub fn with_imager(params: RunParams, imager: Imager) -> Result<Self, RunError> {
+    pub fn with_imager(params: RunParams, mut imager: Imager) -> Result<Self, RunError> {
         let camera = &params.camera;
         let mut los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
         let attitude = &params.attitude;
@@ -79,7 +81,20 @@ impl FrameEngine {
             planner = planner.within_ms(camera.drawing_budget_ms(&cost));
         }
         let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure)?;
-        Ok(Self { planner, sky, imager, params, cost, load: None, motion: None, pointing_bound_rad: None, marks: None })
+        let light = FieldLight::new(camera, params.observer.clone(), params.first_exposure);
+        light_pixels(camera, &mut imager)?;
+        Ok(Self {
+            planner,
+            sky,
+            light,
+            imager,
+            params,
+            cost,
+            load: None,
+            motion: None,
+            pointing_bound_rad: None,
+            marks: None,
+        })
     }
 
     /// From here on the planner's time follows the measured load: for runs on the real clock. Frames that may not be
@@ -187,6 +202,11 @@ impl FrameEngine {
         times.set(Stage::Attitude, watch.lap());
         let los = &self.planner.latest().motion.los;
         let sources = if has_stars { self.sky.in_view(los)? } else { &[] };
+        let (background, glare) = self.light.at(los)?;
+        self.imager.set_background(background);
+        if glare.excluded.contains(&true) {
+            note(ledger, EventKind::InsideExclusion, slot, Span::ZERO);
+        }
         times.set(Stage::Sky, watch.lap());
         let plan = self.planner.plan(sources);
         times.set(Stage::Plan, watch.lap());

@@ -4,7 +4,7 @@ use crate::base::clock::Stopwatch;
 use crate::base::image::{DnImage, Image};
 use crate::base::time::Span;
 use crate::detector::gpu::GpuDetector;
-use crate::detector::{Detector, DetectorParams, PoissonMethod};
+use crate::detector::{Background, Detector, DetectorParams, PoissonMethod};
 use crate::exposure::ExposurePlan;
 use crate::exposure::cost::CostModel;
 use crate::gpu::{AdapterChoice, Electrons, GpuDevice};
@@ -180,7 +180,27 @@ impl Imager {
         matches!(self.drawing, Drawing::Device { .. })
     }
 
-    /// Stray light of the frames from here on: mean electrons more in every pixel.
+    /// Background of the frames from here on.
+    pub fn set_background(&mut self, background: Background) {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.set_background(background),
+            Drawing::Device { detector, .. } => detector.set_background(background),
+        }
+    }
+
+    /// Relative illumination of every pixel, row by row, for the sky's part of the background.
+    ///
+    /// # Errors
+    /// When the device has no room for it.
+    pub fn set_illumination_map(&mut self, map: Vec<f32>) -> Result<(), RenderError> {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.set_illumination_map(Some(map)),
+            Drawing::Device { detector, .. } => detector.set_illumination_map(Some(&map))?,
+        }
+        Ok(())
+    }
+
+    /// Stray light of the frames from here on, on top of the background: mean electrons more in every pixel.
     pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
         match &mut self.drawing {
             Drawing::Host { detector, .. } => detector.set_stray_light_e(stray_light_e),

@@ -97,6 +97,8 @@ events! {
     HeartbeatLost = "heartbeat_lost",
     /// The flight computer's heartbeat is back; the span is the silence.
     HeartbeatBack = "heartbeat_back",
+    /// The boresight was nearer to Sun, Moon or Earth than the baffle's exclusion angle.
+    InsideExclusion = "inside_exclusion",
     /// A commanded fault began; the span is how long it lasts.
     Fault = "fault",
 }

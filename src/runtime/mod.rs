@@ -9,6 +9,7 @@ pub mod cost_cache;
 pub mod delivery;
 pub mod engine;
 pub mod error;
+pub mod field_light;
 pub mod frame_faults;
 pub mod hygiene;
 pub mod imager;

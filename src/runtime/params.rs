@@ -8,7 +8,7 @@ use crate::base::time::{Span, Tai};
 use crate::detector::DetectorParams;
 use crate::exposure::cost::CostModel;
 use crate::exposure::{Instrument, MethodChoice, PsfSampling, Shutter};
-use crate::optics::{PsfModel, StarLight};
+use crate::optics::{BackgroundLight, Illumination, PsfModel, StarLight};
 use crate::runtime::imager::BackendChoice;
 use crate::sky::observer::Observer;
 use std::sync::Arc;
@@ -37,6 +37,10 @@ pub struct CameraParams {
     pub psf: PsfModel,
     /// How pixel values are had from it.
     pub sampling: PsfSampling,
+    /// How the image plane is lit.
+    pub illumination: Illumination,
+    /// What lights the detector beside the stars.
+    pub background: BackgroundLight,
     /// Magnitude to electrons.
     pub radiometry: StarLight,
     /// Detector.
@@ -58,6 +62,7 @@ impl CameraParams {
             shutter: self.shutter,
             psf: self.psf.clone(),
             sampling: self.sampling,
+            illumination: self.illumination,
             full_well_e: self.detector.full_well_e,
             read_noise_e_rms: self.detector.read_noise_e_rms,
         }

@@ -12,8 +12,10 @@
 //! *Limits.* Stars stand still and apart; pixels stay below saturation. What statistics leave is told: `*_se` is one standard error. *Validation.* `tests/physics/fidelity.rs`.
 
 use crate::base::image::DnImage;
+use crate::detector::Patterns;
 use crate::optics::PsfModel;
 use crate::verify::star_field::{FieldStar, HALF_PX, REGION_PX, StarField};
+use std::sync::Arc;
 
 /// What the frames are made with, as far as truth needs it.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,10 +32,8 @@ pub struct Truth {
     pub gain_e_per_dn: f64,
     /// Digital number of no electrons.
     pub black_level_dn: f64,
-    /// Every pixel's response less 1, row by row; nothing: all alike.
-    pub prnu: Vec<f32>,
-    /// Every pixel's offset, e-; nothing: all alike.
-    pub dsnu_e: Vec<f32>,
+    /// What every pixel has of its own: response, dark current, offset.
+    pub patterns: Patterns,
     /// Columns.
     pub width_px: usize,
 }
@@ -47,10 +47,13 @@ impl Truth {
         0.5 * (snr * snr + (snr.powi(4) + 4.0 * snr * snr * pixels * noise).sqrt())
     }
 
-    /// Response and offset of a pixel.
-    fn own(&self, [x, y]: [usize; 2]) -> [f64; 2] {
-        let at = |map: &[f32]| map.get(y * self.width_px + x).copied().map_or(0.0, f64::from);
-        [1.0 + at(&self.prnu), at(&self.dsnu_e)]
+    /// Response, dark signal (e-) and offset (e-) of a pixel.
+    fn own(&self, [x, y]: [usize; 2]) -> [f64; 3] {
+        let at = |map: &Option<Arc<[f32]>>| {
+            map.as_ref().and_then(|map| map.get(y * self.width_px + x)).copied().map(f64::from)
+        };
+        let Patterns { prnu, dsnu_e, dark_factor } = &self.patterns;
+        [1.0 + at(prnu).unwrap_or(0.0), self.dark_e * at(dark_factor).unwrap_or(1.0), at(dsnu_e).unwrap_or(0.0)]
     }
 }
 
@@ -130,8 +133,8 @@ impl StarSums {
     fn new(star: &FieldStar, electrons: f64, truth: &Truth) -> Self {
         let pixel = |at: [usize; 2]| {
             let [x, y] = [at[0] as f64 - star.px[0], at[1] as f64 - star.px[1]];
-            let [response, offset_e] = truth.own(at);
-            (at, [electrons * truth.psf.pixel(x, y) * response, truth.dark_e + offset_e])
+            let [response, dark_e, offset_e] = truth.own(at);
+            (at, [electrons * truth.psf.pixel(x, y) * response, dark_e + offset_e])
         };
         let truth: Vec<_> = star.window().map(pixel).collect();
         let (signal_e, centroid_px) = moments(truth.iter().map(|(at, [light, _])| (*at, *light)));
@@ -158,7 +161,7 @@ impl StarSums {
         let mut variances = (0.0, [0.0; 2]);
         for (at, [light, _]) in &self.truth {
             // The offset is no charge: it has no shot noise.
-            let variance = light + truth.dark_e + noise;
+            let variance = light + truth.own(*at)[1] + noise;
             variances.0 += variance;
             for i in 0..2 {
                 variances.1[i] += ((at[i] as f64 - self.centroid_px[i]) / self.signal_e).powi(2) * variance;

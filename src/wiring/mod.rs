@@ -14,6 +14,7 @@ pub mod fault_schedule;
 pub mod faults;
 pub mod loop_outcome;
 mod loop_parts;
+pub mod light_parts;
 pub mod real_loop;
 pub mod replay;
 pub mod seeded;

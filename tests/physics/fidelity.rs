@@ -9,7 +9,7 @@ use starloop::base::axes::Rotation;
 use starloop::base::time::Tai;
 use starloop::detector::{Detector, DetectorParams};
 use starloop::exposure::{Instrument, MethodChoice, Planner, PsfSampling, Shutter};
-use starloop::optics::PsfModel;
+use starloop::optics::{Illumination, PsfModel};
 use starloop::runtime::{BackendChoice, Imager};
 use starloop::verify::fidelity::{Fidelity, LEAST_CENTROID_SNR, Truth, measure};
 use starloop::verify::star_field::StarField;
@@ -45,6 +45,7 @@ fn fidelity(drawn: (&PsfModel, DetectorParams), believed: (&PsfModel, DetectorPa
         shutter: Shutter::Global,
         psf: drawn.0.clone(),
         sampling: PsfSampling::Auto,
+        illumination: Illumination::EVEN,
         full_well_e: drawn.1.full_well_e,
         read_noise_e_rms: drawn.1.read_noise_e_rms,
     };
@@ -61,8 +62,7 @@ fn fidelity(drawn: (&PsfModel, DetectorParams), believed: (&PsfModel, DetectorPa
         dsnu_e_rms: believed.1.dsnu_e_rms,
         gain_e_per_dn: believed.1.gain_e_per_dn,
         black_level_dn: believed.1.black_level_dn,
-        prnu: patterns.patterns().prnu.clone().unwrap_or_default(),
-        dsnu_e: patterns.patterns().dsnu_e.clone().unwrap_or_default(),
+        patterns: patterns.patterns().clone(),
         width_px: SIZE,
     };
     measure(&field, &truth, [SIZE; 2], FRAMES, |frame, image| imager.image(plan, frame, image).map(|_| ())).unwrap()

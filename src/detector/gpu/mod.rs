@@ -17,6 +17,7 @@ mod passes;
 use crate::base::clock::Stopwatch;
 use crate::base::image::DnImage;
 use crate::base::random::key;
+use crate::detector::background::{Background, normalisation};
 use crate::detector::neighbours::FrameAt;
 use crate::detector::params::Constants;
 use crate::detector::{Detector, DetectorParams, PoissonMethod};
@@ -48,6 +49,13 @@ struct FrameUniform {
     largest_dn: f32,
     // Uniform structs are as long as a multiple of their alignment, 8 bytes.
     stray_light_e: f32,
+    width: u32,
+    offset: [f32; 2],
+    scale: f32,
+    gradient_e: [f32; 2],
+    quadratic_e: f32,
+    /// 0 without a map: the sky is in `stray_light_e` then.
+    sky_e: f32,
 }
 
 /// The passes of a frame.
@@ -73,6 +81,8 @@ pub struct GpuDetector {
     model: DetectorParams,
     seed: u64,
     stray_light_e: f32,
+    background: Background,
+    has_map: bool,
     size: [usize; 2],
     passes: Passes,
     params: GrowableBuffer,
@@ -105,11 +115,32 @@ impl GpuDetector {
             model: *detector.params(),
             seed: detector.seed(),
             stray_light_e: 0.0,
+            background: Background::DARK,
+            has_map: detector.illumination_map().is_some(),
             gpu,
         })
     }
 
-    /// Stray light of the frames from here on: mean electrons more in every pixel.
+    /// Background of the frames from here on.
+    pub fn set_background(&mut self, background: Background) {
+        self.background = background;
+    }
+
+    /// As [`Detector::set_illumination_map`].
+    ///
+    /// # Errors
+    /// When the device has no room for it.
+    pub fn set_illumination_map(&mut self, map: Option<&[f32]>) -> Result<(), GpuError> {
+        let map = map.filter(|map| map.len() == self.size[0] * self.size[1]);
+        self.maps.set_illumination(&self.gpu, map)?;
+        self.has_map = map.is_some();
+        match &mut self.passes {
+            Passes::One(pass) | Passes::Apart { charge: pass, .. } => pass.unbind(),
+        }
+        Ok(())
+    }
+
+    /// Stray light of the frames from here on, on top of the background: mean electrons more in every pixel.
     pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
         self.stray_light_e = stray_light_e;
     }
@@ -159,7 +190,9 @@ impl GpuDetector {
 
     #[allow(clippy::cast_possible_truncation, reason = "images hold fewer than 2^32 pixels")]
     fn submit(&mut self, electrons: &DeviceElectrons, frame: u32, exposure_s: f64) -> Result<(), GpuError> {
-        let constants = Constants::new(&self.model, exposure_s, self.stray_light_e);
+        let background = self.background.and_uniform(self.stray_light_e);
+        let constants = Constants::new(&self.model, exposure_s, background.level_e(self.has_map));
+        let (offset, scale) = normalisation(self.size);
         let pixels = (self.size[0] * self.size[1]) as u32;
         let at = FrameAt { frame, exposure_s, key: key(self.seed) };
         let uniform = FrameUniform {
@@ -174,6 +207,12 @@ impl GpuDetector {
             black_dn: constants.black_dn + constants.rounding_dn,
             largest_dn: constants.largest_dn,
             stray_light_e: constants.stray_light_e,
+            width: self.size[0] as u32,
+            offset,
+            scale,
+            gradient_e: background.gradient_e,
+            quadratic_e: background.quadratic_e,
+            sky_e: if self.has_map { background.sky_e } else { 0.0 },
         };
         self.params.write(&self.gpu, &[uniform])?;
         self.maps.draw(&self.gpu, &self.model, &at)?;

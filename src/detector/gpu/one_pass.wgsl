@@ -6,6 +6,7 @@
 @group(0) @binding(4) var<storage, read> dsnu_e: array<vec2<f32>>;
 @group(0) @binding(5) var<storage, read> lines: array<f32>;
 @group(0) @binding(6) var<storage, read_write> dn: array<u32>;
+@group(0) @binding(7) var<storage, read> illumination: array<vec2<f32>>;
 
 @compute @workgroup_size(WORKGROUP)
 fn main(

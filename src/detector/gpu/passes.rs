@@ -18,6 +18,7 @@ pub(super) struct Maps {
     prnu: GrowableBuffer,
     dark_factor: GrowableBuffer,
     dsnu_e: GrowableBuffer,
+    illumination: GrowableBuffer,
     /// Row noise of the frame, gains and offsets of the columns, offsets of the rows; a stub when all are off.
     lines: GrowableBuffer,
     rows_e: Vec<f32>,
@@ -33,7 +34,14 @@ impl Maps {
             dsnu_e: pattern(gpu, "DSNU map", patterns.dsnu_e.as_deref())?,
             lines: pattern(gpu, "columns and rows", lines(detector).as_deref())?,
             rows_e: vec![0.0; if detector.params().row_noise.is_on() { detector.size_px()[1] } else { 0 }],
+            illumination: pattern(gpu, "illumination map", detector.illumination_map())?,
         })
+    }
+
+    /// Another map of the illumination; what was bound must be bound anew.
+    pub(super) fn set_illumination(&mut self, gpu: &GpuDevice, map: Option<&[f32]>) -> Result<(), GpuError> {
+        self.illumination = pattern(gpu, "illumination map", map)?;
+        Ok(())
     }
 
     /// Draws what a frame has of its own.
@@ -99,6 +107,11 @@ impl ImagePass {
         Ok(Self { pass: ComputePass::new(gpu, name, text)?, bound: None })
     }
 
+    /// The next record binds its buffers anew.
+    pub(super) fn unbind(&mut self) {
+        self.bound = None;
+    }
+
     /// Records the pass over `pixels` from `image`; a bind group is made anew only for another image.
     pub(super) fn record<const N: usize>(
         &mut self,
@@ -120,14 +133,15 @@ impl ImagePass {
 
 impl Maps {
     /// Bindings of [`ImagePass::all`].
-    pub(super) fn for_all<'a>(&'a self, [frame, image, dn]: [&'a wgpu::Buffer; 3]) -> [&'a wgpu::Buffer; 7] {
+    pub(super) fn for_all<'a>(&'a self, [frame, image, dn]: [&'a wgpu::Buffer; 3]) -> [&'a wgpu::Buffer; 8] {
         let [prnu, dark_factor] = [self.prnu.buffer(), self.dark_factor.buffer()];
-        [frame, image, prnu, dark_factor, self.dsnu_e.buffer(), self.lines.buffer(), dn]
+        let [offsets, lines, illumination] = [self.dsnu_e.buffer(), self.lines.buffer(), self.illumination.buffer()];
+        [frame, image, prnu, dark_factor, offsets, lines, dn, illumination]
     }
 
     /// Bindings of [`ImagePass::charge`].
-    pub(super) fn for_charge<'a>(&'a self, [frame, image, charge]: [&'a wgpu::Buffer; 3]) -> [&'a wgpu::Buffer; 5] {
-        [frame, image, self.prnu.buffer(), self.dark_factor.buffer(), charge]
+    pub(super) fn for_charge<'a>(&'a self, [frame, image, charge]: [&'a wgpu::Buffer; 3]) -> [&'a wgpu::Buffer; 6] {
+        [frame, image, self.prnu.buffer(), self.dark_factor.buffer(), charge, self.illumination.buffer()]
     }
 
     /// Bindings of [`ImagePass::readout`].
