@@ -18,6 +18,12 @@ pub enum Stage {
     Overflow = 3,
     /// Frequencies and phases of line-of-sight noise: "frame" is the axis, "block" the line.
     Jitter = 4,
+    /// Level of a telegraph signal, by frame: "block" is its place.
+    Telegraph = 20,
+    /// Places of a random population of defects: "frame" is the kind, "block" the number.
+    DefectPlaces = 21,
+    /// Protons of one frame, two blocks each: "block" is the number, "attempt" which of the two.
+    Protons = 22,
 }
 
 const MULTIPLIER_0: u32 = 0xD251_1F53;
