@@ -229,7 +229,9 @@ impl Defects {
         self.next = self.next.wrapping_add(1);
         self.held_px += wanted_px;
         let signal = match defect.kind {
-            DefectKind::Rts { rates, .. } => Some(Telegraph::new(rates, self.frame_period_s, self.stream(defect.place))),
+            DefectKind::Rts { rates, .. } => {
+                Some(Telegraph::new(rates, self.frame_period_s, self.stream(defect.place)))
+            }
             _ => None,
         };
         self.entries.push(Entry { id, defect, signal });

@@ -49,10 +49,8 @@ impl DefectPopulation {
         let pixels = size_px[0] * size_px[1];
         let hot = move |word| DefectKind::Hot { extra_e_per_s: exponential(self.hot_e_per_s, word) };
         let dead = move |_| DefectKind::Dead { response: self.dead_response };
-        let rts = move |word| DefectKind::Rts {
-            extra_e_per_s: exponential(self.rts_e_per_s, word),
-            rates: self.rts_rates,
-        };
+        let rts =
+            move |word| DefectKind::Rts { extra_e_per_s: exponential(self.rts_e_per_s, word), rates: self.rts_rates };
         let some = move |kind: u32, share: f64| (0..share_of(share, pixels)).map(move |i| draw(size_px, seed, kind, i));
         let hot = some(0, self.hot_share).map(move |(place, word)| Defect { place, kind: hot(word) });
         let dead = some(1, self.dead_share).map(move |(place, word)| Defect { place, kind: dead(word) });

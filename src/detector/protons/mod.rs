@@ -98,7 +98,11 @@ impl ProtonFlux {
             return error("per_cm2_s", self.per_cm2_s, "a number from 0 to 1e9");
         }
         if !(DOMAIN_MEV[0]..=DOMAIN_MEV[1]).contains(&self.energy_mev) {
-            return error("energy_mev", self.energy_mev, "a number from 1 to 10000, where stopping powers are tabulated");
+            return error(
+                "energy_mev",
+                self.energy_mev,
+                "a number from 1 to 10000, where stopping powers are tabulated",
+            );
         }
         match self.direction {
             ProtonDirection::Beam { incidence_deg, .. } if !(0.0..=89.9).contains(&incidence_deg) => {
@@ -240,11 +244,8 @@ impl Protons {
         let length_px = path_um * (1.0 - cosine * cosine).sqrt() / self.layer.pixel_pitch_um;
         let electrons = log_normal(flux.deposit_e(path_um), words);
         let (dy, dx) = libm::sincos(azimuth_rad);
-        let whole = ProtonTrack {
-            start_px,
-            end_px: [start_px[0] + length_px * dx, start_px[1] + length_px * dy],
-            electrons,
-        };
+        let whole =
+            ProtonTrack { start_px, end_px: [start_px[0] + length_px * dx, start_px[1] + length_px * dy], electrons };
         whole.clipped([width, height])
     }
 }

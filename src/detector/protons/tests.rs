@@ -32,11 +32,7 @@ fn the_rate_is_that_of_the_flux() {
     // 0.512 cm squared, 200 per cm^2 and s, 0.5 s: 26.2 through the area of a beam, half of it isotropic.
     let area_cm2 = 0.512 * 0.512;
     let frames = 400;
-    for (direction, share) in [
-        (ProtonDirection::Isotropic, 0.5),
-        (beam(0.0), 1.0),
-        (beam(60.0), 0.5),
-    ] {
+    for (direction, share) in [(ProtonDirection::Isotropic, 0.5), (beam(0.0), 1.0), (beam(60.0), 0.5)] {
         let mut protons = protons();
         protons.set_flux(Some(flux(direction))).unwrap();
         assert!((protons.area_cm2() - area_cm2).abs() < 1e-12);
@@ -112,9 +108,7 @@ fn charge_is_what_the_tracks_say() {
         let list = protons.at_frame(frame, 0.5).to_vec();
         assert!(list.windows(2).all(|w| w[0].pixel < w[1].pixel), "sorted, one each");
         let charge_e: f64 = list.iter().map(|o| f64::from(o.charge_e)).sum();
-        let inside = |t: &&ProtonTrack| {
-            [t.start_px, t.end_px].iter().flatten().all(|at| (0.0..511.0).contains(at))
-        };
+        let inside = |t: &&ProtonTrack| [t.start_px, t.end_px].iter().flatten().all(|at| (0.0..511.0).contains(at));
         let all: f64 = protons.tracks().iter().map(|t| t.electrons).sum();
         let whole: f64 = protons.tracks().iter().filter(inside).map(|t| t.electrons).sum();
         assert!(charge_e <= all * (1.0 + 1e-6) && charge_e >= whole * (1.0 - 1e-6), "{whole} {charge_e} {all}");

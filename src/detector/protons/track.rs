@@ -39,7 +39,11 @@ impl ProtonTrack {
 }
 
 /// Adds a track's charge to `out`, in no order; false when it has no room for all of it (then it has none of it).
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of steps and pixels, not negative")]
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a number of steps and pixels, not negative"
+)]
 pub fn spread(track: &ProtonTrack, width_px: f64, size_px: [usize; 2], out: &mut Vec<Outlier>) -> bool {
     let [dx, dy] = [0, 1].map(|axis| track.end_px[axis] - track.start_px[axis]);
     let steps = ((dx * dx + dy * dy).sqrt() / STEP_PX).ceil().max(1.0);
