@@ -16,6 +16,7 @@ mod budget;
 mod camera;
 mod check;
 mod detector;
+mod detector_effects;
 mod document;
 mod error;
 mod event;

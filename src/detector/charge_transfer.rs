@@ -80,7 +80,8 @@ impl Trails {
             for (delay, share) in law.into_iter().enumerate() {
                 #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
                 let share = share as f32;
-                shares[delay * places + place] = share;
+                // Of a full well less than 1e-13 electrons; products with smaller shares would be denormal, and slow.
+                shares[delay * places + place] = if share < 1e-20 { 0.0 } else { share };
             }
         }
         Self { shares, places }

@@ -3,11 +3,15 @@
 
 use crate::base::image::{DnImage, Image};
 use crate::base::random::key;
+use crate::detector::defects::Defects;
+use crate::detector::disturbances::Disturbances;
 use crate::detector::effect::{ORDER, Part, effects_of};
 use crate::detector::ends::{ChargeToDn, Mean, MeanToCharge, MeanToDn};
 use crate::detector::neighbours::{self, FrameAt, NeighbourStage};
+use crate::detector::output::Output;
 use crate::detector::params::Constants;
 use crate::detector::pattern::Patterns;
+use crate::detector::protons::{ProtonFlux, ProtonFluxError, ProtonTrack};
 use crate::detector::stages::Stages;
 use crate::detector::{DetectorParams, Effect};
 use core::marker::PhantomData;
@@ -24,6 +28,8 @@ pub struct Detector {
     keeps_charge: bool,
     /// Electrons between the passes; no pixels while one pass does.
     charge: Image<f32>,
+    disturbances: Disturbances,
+    output: Output,
     size_px: [usize; 2],
     arch: Arch,
 }
@@ -41,6 +47,8 @@ impl Detector {
             neighbours: Vec::new(),
             keeps_charge: false,
             charge: Image::new(0, 0),
+            disturbances: Disturbances::new(&params, size_px, seed),
+            output: Output::new(&params.spatial, size_px),
             size_px,
             arch: Arch::new(),
         };
@@ -69,6 +77,42 @@ impl Detector {
     /// Stray light of the frames from here on: mean electrons more in every pixel.
     pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
         self.stray_light_e = stray_light_e;
+    }
+
+    /// Defects, to be changed from the next frame on.
+    pub fn defects_mut(&mut self) -> &mut Defects {
+        self.disturbances.defects_mut()
+    }
+
+    /// Protons of the frames from here on; `None`: none.
+    ///
+    /// # Errors
+    /// When a value means nothing; the flux stays as it was.
+    pub fn set_proton_flux(&mut self, flux: Option<ProtonFlux>) -> Result<(), ProtonFluxError> {
+        self.disturbances.protons_mut().set_flux(flux)
+    }
+
+    /// Proton tracks of the latest frame, in sensor pixels.
+    #[must_use]
+    pub fn proton_tracks(&self) -> &[ProtonTrack] {
+        self.disturbances.proton_tracks()
+    }
+
+    /// Defects and protons.
+    #[must_use]
+    pub fn disturbances(&self) -> &Disturbances {
+        &self.disturbances
+    }
+
+    /// How the image that is put out comes from that of the ADC, and where its pixels are on the sensor.
+    #[must_use]
+    pub fn output(&self) -> &Output {
+        &self.output
+    }
+
+    /// Forgets what is kept from frame to frame: the next frame is as the first.
+    pub fn reset(&mut self) {
+        self.neighbours.iter_mut().for_each(|stage| stage.reset());
     }
 
     /// Seed.
@@ -113,22 +157,27 @@ impl Detector {
 
     fn collect_from<T: Mean>(&mut self, mean: &Image<T>, frame: u32, exposure_s: f64, out: &mut DnImage) {
         let key = key(self.seed);
+        self.disturbances.advance(frame, exposure_s);
         let stages = Stages {
             constants: Constants::new(&self.params, exposure_s, self.stray_light_e),
             key,
             frame,
             poisson: self.params.poisson,
             patterns: &self.patterns,
+            outliers: self.disturbances.outliers(),
         };
+        let adc = self.output.adc_image(out);
         if self.neighbours.is_empty() {
-            stages.run(MeanToDn(PhantomData::<T>), self.arch, &ORDER, mean.pixels(), out.pixels_mut());
-            return;
+            stages.run(MeanToDn(PhantomData::<T>), self.arch, &ORDER, mean.pixels(), adc.pixels_mut());
+        } else {
+            let before = effects_of(Part::Charge);
+            stages.run(MeanToCharge(PhantomData::<T>), self.arch, before, mean.pixels(), self.charge.pixels_mut());
+            let at = FrameAt { frame, exposure_s, key };
+            let charge = self.neighbours.iter_mut().fold(&mut self.charge, |charge, stage| stage.apply(charge, &at));
+            stages.run(ChargeToDn, self.arch, effects_of(Part::Readout), charge.pixels(), adc.pixels_mut());
         }
-        let before = effects_of(Part::Charge);
-        stages.run(MeanToCharge(PhantomData::<T>), self.arch, before, mean.pixels(), self.charge.pixels_mut());
-        let at = FrameAt { frame, exposure_s, key };
-        let charge = self.neighbours.iter_mut().fold(&mut self.charge, |charge, stage| stage.apply(charge, &at));
-        stages.run(ChargeToDn, self.arch, effects_of(Part::Readout), charge.pixels(), out.pixels_mut());
+        self.disturbances.stick(adc);
+        self.output.finish(out);
     }
 }
 

@@ -19,6 +19,9 @@ pub struct ImageLag {
     pub share: f64,
 }
 
+/// Charge below this leaves nothing behind, e-: rests would fade into denormal numbers, which are slow.
+pub const LEAST_E: f32 = 1e-6;
+
 /// From which frame the rest is.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Memory {
@@ -68,7 +71,7 @@ impl NeighbourStage for ImageLagStage {
         let share = self.share as f32;
         for (e, rest) in charge.pixels_mut().iter_mut().zip(self.rest_e.pixels_mut()) {
             let all = *e + carried * *rest;
-            *rest = share * all;
+            *rest = if all < LEAST_E { 0.0 } else { share * all };
             *e = all - *rest;
         }
         charge

@@ -5,21 +5,34 @@
 //! Photon and dark shot noise are one Poisson draw: the sum of two Poisson variables is a Poisson variable.
 
 pub mod adc;
+pub mod binning;
 pub mod block;
+pub mod blooming;
+pub mod charge_transfer;
 pub mod cpu;
+pub mod defects;
+pub mod disturbances;
 pub mod effect;
 pub mod elementary;
 mod ends;
 pub mod full_well;
 pub mod gpu;
+pub mod image_lag;
 pub mod neighbours;
+pub mod outliers;
+pub mod output;
 pub mod params;
 pub mod pattern;
 pub mod poisson;
+pub mod protons;
 pub mod read_noise;
+pub mod spatial;
 mod stages;
+pub mod tdi;
+pub mod window;
 
 pub use cpu::Detector;
 pub use effect::{Effect, ORDER};
 pub use params::DetectorParams;
 pub use poisson::PoissonMethod;
+pub use spatial::SpatialParams;

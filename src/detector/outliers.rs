@@ -3,13 +3,10 @@
 //!
 //! The list is made once per frame on the host and read by the pixel-local stages of both backends, at the places the
 //! order of light gives: `response` with the photo response, `dark_e` with the dark signal (so it has shot noise),
-//! `charge_e` after the shot noise, `stuck_dn` after the ADC. An empty list costs one comparison per block of pixels.
+//! `charge_e` after the shot noise. An empty list costs one comparison per block of pixels.
 //! Limits: as many pixels as the list was made for; what does not fit is counted by those who put it there.
 
 use bytemuck::{Pod, Zeroable};
-
-/// `stuck_dn` of a pixel that is not stuck.
-pub const NOT_STUCK: u32 = u32::MAX;
 
 /// What is different in one pixel of one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -23,26 +20,23 @@ pub struct Outlier {
     pub dark_e: f32,
     /// Electrons more after the shot noise.
     pub charge_e: f32,
-    /// Digital number it is stuck at, or [`NOT_STUCK`].
-    pub stuck_dn: u32,
 }
 
 impl Outlier {
     /// A pixel in which nothing is different.
     #[must_use]
     pub fn none(pixel: u32) -> Self {
-        Self { pixel, response: 1.0, dark_e: 0.0, charge_e: 0.0, stuck_dn: NOT_STUCK }
+        Self { pixel, response: 1.0, dark_e: 0.0, charge_e: 0.0 }
     }
 
-    /// Both in one: responses multiply, electrons add, the later stuck number holds.
+    /// Both in one: responses multiply, electrons add.
     #[must_use]
-    pub fn with(self, later: Self) -> Self {
+    pub fn with(self, other: Self) -> Self {
         Self {
             pixel: self.pixel,
-            response: self.response * later.response,
-            dark_e: self.dark_e + later.dark_e,
-            charge_e: self.charge_e + later.charge_e,
-            stuck_dn: if later.stuck_dn == NOT_STUCK { self.stuck_dn } else { later.stuck_dn },
+            response: self.response * other.response,
+            dark_e: self.dark_e + other.dark_e,
+            charge_e: self.charge_e + other.charge_e,
         }
     }
 }
@@ -170,11 +164,11 @@ mod tests {
     }
 
     #[test]
-    fn equal_pixels_fold_in_order() {
-        let stuck = |dn| Outlier { stuck_dn: dn, ..Outlier::none(3) };
-        let mut list = [hot(1, 1.0), hot(3, 1.0), stuck(7), stuck(9), hot(3, 2.0)];
+    fn equal_pixels_fold_into_one() {
+        let dead = |response| Outlier { response, ..Outlier::none(3) };
+        let mut list = [hot(1, 1.0), hot(3, 1.0), dead(0.5), dead(0.25), hot(3, 2.0)];
         assert_eq!(fold_equal(&mut list), 2);
-        assert_eq!(list[1], Outlier { stuck_dn: 9, ..hot(3, 3.0) });
+        assert_eq!(list[1], Outlier { response: 0.125, ..hot(3, 3.0) });
         assert_eq!(fold_equal(&mut []), 0);
     }
 }

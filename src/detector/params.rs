@@ -1,6 +1,7 @@
 //! Detector parameters in the terms of EMVA 1288 and ECSS.
 
 use crate::detector::poisson::PoissonMethod;
+use crate::detector::spatial::SpatialParams;
 
 /// One detector.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,6 +24,8 @@ pub struct DetectorParams {
     pub dsnu_e_rms: f64,
     /// How shot noise is drawn; a GPU knows [`PoissonMethod::Auto`] only.
     pub poisson: PoissonMethod,
+    /// Defects, protons, and what needs more than one pixel or one frame.
+    pub spatial: SpatialParams,
 }
 
 impl DetectorParams {
@@ -37,6 +40,7 @@ impl DetectorParams {
         prnu: 0.0,
         dsnu_e_rms: 0.0,
         poisson: PoissonMethod::Auto,
+        spatial: SpatialParams::OFF,
     };
 
     /// Largest digital number.

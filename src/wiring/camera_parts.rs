@@ -49,6 +49,7 @@ pub fn camera_params(camera: &config::Camera) -> Result<CameraParams> {
             prnu: detector.prnu,
             dsnu_e_rms: detector.dsnu_e_rms,
             poisson: detector.poisson,
+            spatial: detector.spatial,
         },
         limiting_mag: camera.radiometry.limiting_mag as f32,
         exposure_s: camera.exposure.exposure_s,

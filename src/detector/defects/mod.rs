@@ -7,8 +7,8 @@
 //! | RTS | as hot, while a [`telegraph`] signal is high | dark signal |
 //! | stuck | always reads the same digital number | after the ADC |
 //!
-//! Places are pixels of the sensor (for stuck ones: of the image as the ADC makes it, before a window is cut). A column
-//! or row is one defect with one telegraph signal. The list has room for a number of pixels that is fixed when it is
+//! Places are pixels of the sensor; a stuck pixel that charge binning sums with others makes the sum stuck. A column or
+//! row is one defect with one telegraph signal. The list has room for a number of pixels that is fixed when it is
 //! made; inserting and removing allocate nothing. Terms: Janesick, "Scientific charge-coupled devices" (2001); RTS in
 //! dark current: Hopkins and Hopkinson, IEEE Trans. Nucl. Sci. 42 (1995) 2074.
 //! Held by the tests below, by `telegraph` and by `tests/physics/detector_defects.rs`.
@@ -19,7 +19,8 @@ pub mod telegraph;
 pub use population::DefectPopulation;
 pub use telegraph::Rates;
 
-use crate::detector::outliers::{NOT_STUCK, Outlier, fold_equal};
+use crate::base::image::DnImage;
+use crate::detector::outliers::{Outlier, fold_equal};
 use telegraph::Telegraph;
 
 /// Where a defect is.
@@ -113,16 +114,37 @@ struct Entry {
     signal: Option<Telegraph>,
 }
 
+/// A pixel of the ADC's image whose number never changes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Stuck {
+    pixel: u32,
+    dn: u16,
+}
+
+/// Size and room of a list of defects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DefectRoom {
+    /// Columns and rows of the sensor.
+    pub size_px: [usize; 2],
+    /// Sensor pixels, along each side, that the chip sums before the ADC.
+    pub charge_binning: u32,
+    /// Defects there is room for.
+    pub defects: usize,
+    /// Pixels of defects there is room for: a column has as many as the sensor has rows.
+    pub pixels: usize,
+}
+
 /// The defects of a detector.
 #[derive(Debug, Clone)]
 pub struct Defects {
+    room: DefectRoom,
     size_px: [u32; 2],
     seed: u64,
     frame_period_s: f64,
-    most_px: usize,
     held_px: usize,
     next: u32,
     entries: Vec<Entry>,
+    stuck: Vec<Stuck>,
     /// Fixed defects by pixel: `dark_e` per second. RTS pixels are in it with nothing more.
     fixed: Vec<Outlier>,
     /// The same with what this frame adds.
@@ -130,27 +152,36 @@ pub struct Defects {
 }
 
 impl Defects {
-    /// No defects yet, and room for so many pixels of them; the seed fixes the telegraph signals.
+    /// No defects yet; the seed fixes the telegraph signals, which are looked at every `frame_period_s`.
     #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "sides are below 2^16")]
-    pub fn new(size_px: [usize; 2], seed: u64, frame_period_s: f64, most_px: usize) -> Self {
+    pub fn new(room: DefectRoom, seed: u64, frame_period_s: f64) -> Self {
         Self {
-            size_px: size_px.map(|side| side as u32),
+            room,
+            size_px: room.size_px.map(|side| side as u32),
             seed,
             frame_period_s,
-            most_px,
             held_px: 0,
             next: 0,
-            entries: Vec::with_capacity(most_px),
-            fixed: Vec::with_capacity(most_px),
-            frame: Vec::with_capacity(most_px),
+            entries: Vec::with_capacity(room.defects),
+            stuck: Vec::with_capacity(room.pixels),
+            fixed: Vec::with_capacity(room.pixels),
+            frame: Vec::with_capacity(room.pixels),
         }
     }
 
-    /// Pixels there is room for.
+    /// What there is room for.
     #[must_use]
-    pub fn capacity_px(&self) -> usize {
-        self.most_px
+    pub fn room(&self) -> DefectRoom {
+        self.room
+    }
+
+    /// Frames come every so often from here on: how often telegraph pixels are looked at.
+    pub fn set_frame_period_s(&mut self, frame_period_s: f64) {
+        self.frame_period_s = frame_period_s;
+        for i in 0..self.entries.len() {
+            self.entries[i].signal = self.signal(&self.entries[i].defect);
+        }
     }
 
     /// Defects held, in the order they came.
@@ -219,23 +250,32 @@ impl Defects {
         &self.frame
     }
 
+    /// Writes the numbers of stuck pixels into the image that the ADC made.
+    pub fn stick(&self, adc: &mut DnImage) {
+        for stuck in &self.stuck {
+            if let Some(dn) = adc.pixels_mut().get_mut(stuck.pixel as usize) {
+                *dn = stuck.dn;
+            }
+        }
+    }
+
     fn put(&mut self, defect: Defect) -> Result<DefectId, DefectError> {
         self.check(&defect)?;
         let wanted_px = self.pixels_of(defect.place);
-        if self.held_px + wanted_px > self.most_px {
-            return Err(DefectError::Full { wanted_px, held_px: self.held_px, most_px: self.most_px });
+        if self.held_px + wanted_px > self.room.pixels || self.entries.len() == self.room.defects {
+            return Err(DefectError::Full { wanted_px, held_px: self.held_px, most_px: self.room.pixels });
         }
         let id = DefectId(self.next);
         self.next = self.next.wrapping_add(1);
         self.held_px += wanted_px;
-        let signal = match defect.kind {
-            DefectKind::Rts { rates, .. } => {
-                Some(Telegraph::new(rates, self.frame_period_s, self.stream(defect.place)))
-            }
-            _ => None,
-        };
+        let signal = self.signal(&defect);
         self.entries.push(Entry { id, defect, signal });
         Ok(id)
+    }
+
+    fn signal(&self, defect: &Defect) -> Option<Telegraph> {
+        let DefectKind::Rts { rates, .. } = defect.kind else { return None };
+        Some(Telegraph::new(rates, self.frame_period_s, self.stream(defect.place)))
     }
 
     fn check(&self, defect: &Defect) -> Result<(), DefectError> {
@@ -285,35 +325,44 @@ impl Defects {
 
     fn rebuild(&mut self) {
         self.fixed.clear();
+        self.stuck.clear();
         for entry in &self.entries {
-            let outlier = fixed_part(entry.defect.kind);
             let pixels = pixels(entry.defect.place, self.size_px);
-            self.fixed.extend(pixels.map(|pixel| Outlier { pixel, ..outlier }));
-        }
-        // A stable sort would allocate. Equal pixels keep no order, which matters for stuck numbers only: they follow.
-        self.fixed.sort_unstable_by_key(|outlier| outlier.pixel);
-        let kept = fold_equal(&mut self.fixed);
-        self.fixed.truncate(kept);
-        for entry in &self.entries {
-            let DefectKind::Stuck { dn } = entry.defect.kind else { continue };
-            for pixel in pixels(entry.defect.place, self.size_px) {
-                if let Ok(at) = self.fixed.binary_search_by_key(&pixel, |outlier| outlier.pixel) {
-                    self.fixed[at].stuck_dn = u32::from(dn);
+            match fixed_part(entry.defect.kind) {
+                Fixed::Outlier(outlier) => self.fixed.extend(pixels.map(|pixel| Outlier { pixel, ..outlier })),
+                Fixed::Stuck(dn) => {
+                    let by = self.room.charge_binning.max(1);
+                    let [width, height] = self.size_px;
+                    let adc = |pixel: u32| [pixel % width / by, pixel / width / by];
+                    // A rest that fills no sum is not read.
+                    let read = pixels.map(adc).filter(|[x, y]| *x < width / by && *y < height / by);
+                    self.stuck.extend(read.map(|[x, y]| Stuck { pixel: y * (width / by) + x, dn }));
                 }
             }
         }
+        // A stable sort would allocate, and the order of equal pixels matters to no sum or product of two.
+        self.fixed.sort_unstable_by_key(|outlier| outlier.pixel);
+        let kept = fold_equal(&mut self.fixed);
+        self.fixed.truncate(kept);
     }
 }
 
-/// What a defect adds to every frame alike; electrons per second.
+/// What a defect does to every frame alike.
+enum Fixed {
+    /// Electrons per second, and response.
+    Outlier(Outlier),
+    /// A number.
+    Stuck(u16),
+}
+
 #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
-fn fixed_part(kind: DefectKind) -> Outlier {
-    let none = Outlier { stuck_dn: NOT_STUCK, ..Outlier::none(0) };
+fn fixed_part(kind: DefectKind) -> Fixed {
+    let none = Outlier::none(0);
     match kind {
-        DefectKind::Hot { extra_e_per_s } => Outlier { dark_e: extra_e_per_s as f32, ..none },
-        DefectKind::Dead { response } => Outlier { response: response as f32, ..none },
-        DefectKind::Rts { .. } => none,
-        DefectKind::Stuck { dn } => Outlier { stuck_dn: u32::from(dn), ..none },
+        DefectKind::Hot { extra_e_per_s } => Fixed::Outlier(Outlier { dark_e: extra_e_per_s as f32, ..none }),
+        DefectKind::Dead { response } => Fixed::Outlier(Outlier { response: response as f32, ..none }),
+        DefectKind::Rts { .. } => Fixed::Outlier(none),
+        DefectKind::Stuck { dn } => Fixed::Stuck(dn),
     }
 }
 

@@ -1,9 +1,16 @@
 use super::*;
 
-const SIZE: [usize; 2] = [64, 32];
+const ROOM: DefectRoom = DefectRoom { size_px: [64, 32], charge_binning: 1, defects: 1000, pixels: 1000 };
 
 fn list() -> Defects {
-    Defects::new(SIZE, 7, 0.1, 1000)
+    Defects::new(ROOM, 7, 0.1)
+}
+
+/// An image of zeros with the stuck pixels in it.
+fn stuck_image(defects: &Defects, size_px: [usize; 2]) -> DnImage {
+    let mut image = DnImage::new(size_px[0], size_px[1]);
+    defects.stick(&mut image);
+    image
 }
 
 fn hot(place: DefectPlace, extra_e_per_s: f64) -> Defect {
@@ -34,13 +41,23 @@ fn columns_and_rows_cross() {
     let mut defects = list();
     defects.insert(stuck(DefectPlace::Column(5), 100)).unwrap();
     defects.insert(stuck(DefectPlace::Row(4), 200)).unwrap();
-    let frame = defects.at_frame(0, 1.0);
-    assert_eq!(frame.len(), 32 + 64 - 1);
-    let at = |pixel: u32| frame.iter().find(|o| o.pixel == pixel).expect("listed").stuck_dn;
-    assert_eq!(at(5), 100, "the column");
-    assert_eq!(at(4 * 64), 200, "the row");
-    assert_eq!(at(4 * 64 + 5), 200, "the later one where they cross");
-    assert!(frame.windows(2).all(|w| w[0].pixel < w[1].pixel), "sorted");
+    assert!(defects.at_frame(0, 1.0).is_empty(), "charge is as ever");
+    let image = stuck_image(&defects, [64, 32]);
+    assert_eq!(image.pixels().iter().filter(|dn| **dn != 0).count(), 32 + 64 - 1);
+    assert_eq!(image.get(5, 0), Some(100), "the column");
+    assert_eq!(image.get(0, 4), Some(200), "the row");
+    assert_eq!(image.get(5, 4), Some(200), "the later one where they cross");
+}
+
+#[test]
+fn a_sum_with_a_stuck_pixel_is_stuck() {
+    let mut defects = Defects::new(DefectRoom { charge_binning: 3, ..ROOM }, 7, 0.1);
+    defects.insert(stuck(DefectPlace::Pixel(5, 7), 100)).unwrap();
+    // 64 = 21 * 3 + 1 and 32 = 10 * 3 + 2: the rest is not read.
+    defects.insert(stuck(DefectPlace::Pixel(63, 31), 300)).unwrap();
+    let image = stuck_image(&defects, [21, 10]);
+    assert_eq!(image.get(1, 2), Some(100));
+    assert_eq!(image.pixels().iter().filter(|dn| **dn != 0).count(), 1);
 }
 
 #[test]
@@ -50,11 +67,10 @@ fn what_is_removed_is_gone_and_what_is_left_stays() {
     let pixel = defects.insert(stuck(DefectPlace::Pixel(5, 5), 300)).unwrap();
     assert!(defects.remove(pixel));
     assert!(!defects.remove(pixel), "once only");
-    let frame = defects.at_frame(0, 1.0);
-    assert_eq!(frame.len(), 32);
-    assert!(frame.iter().all(|o| o.stuck_dn == 100));
+    let image = stuck_image(&defects, [64, 32]);
+    assert_eq!(image.pixels().iter().filter(|dn| **dn == 100).count(), 32, "the column alone");
     assert!(defects.remove(column));
-    assert!(defects.at_frame(0, 1.0).is_empty() && defects.is_empty());
+    assert!(defects.is_empty() && stuck_image(&defects, [64, 32]).pixels().iter().all(|dn| *dn == 0));
     defects.insert(hot(DefectPlace::Row(1), 1.0)).unwrap();
     defects.clear();
     assert!(defects.at_frame(0, 1.0).is_empty() && defects.is_empty());
@@ -62,7 +78,7 @@ fn what_is_removed_is_gone_and_what_is_left_stays() {
 
 #[test]
 fn the_list_never_grows_past_its_room() {
-    let mut defects = Defects::new(SIZE, 7, 0.1, 40);
+    let mut defects = Defects::new(DefectRoom { pixels: 40, ..ROOM }, 7, 0.1);
     let column = defects.insert(hot(DefectPlace::Column(0), 1.0)).unwrap();
     let refused = defects.insert(hot(DefectPlace::Column(1), 1.0)).unwrap_err();
     assert_eq!(refused, DefectError::Full { wanted_px: 32, held_px: 32, most_px: 40 });
@@ -70,6 +86,10 @@ fn the_list_never_grows_past_its_room() {
     assert_eq!(defects.at_frame(0, 1.0).len(), 32, "as before");
     assert!(defects.remove(column));
     defects.insert(hot(DefectPlace::Column(1), 1.0)).unwrap();
+    let mut two = Defects::new(DefectRoom { defects: 2, ..ROOM }, 7, 0.1);
+    let three = [0, 1, 2].map(|x| hot(DefectPlace::Pixel(x, 0), 1.0));
+    assert!(matches!(two.insert_all(three), Err(DefectError::Full { .. })));
+    assert_eq!(two.at_frame(0, 1.0).len(), 2, "those before it are taken");
 }
 
 #[test]
