@@ -90,7 +90,8 @@ fn blooming(keys: &BloomingKeys, check: &mut Checker<'_>) -> Result<Blooming, Co
 }
 
 fn image_lag(keys: &ImageLagKeys, check: &Checker<'_>) -> Result<ImageLag, ConfigError> {
-    let advice = "share of a frame's charge that comes with the next frame, such as 0.001; leave the table out for none";
+    let advice =
+        "share of a frame's charge that comes with the next frame, such as 0.001; leave the table out for none";
     let rule = Rule::Within(1e-9, 0.9);
     Ok(ImageLag { share: check.required("detector.image_lag.share", keys.share, rule, advice)? })
 }
@@ -141,7 +142,9 @@ fn binning(keys: &BinningKeys, fits: Fits, check: &mut Checker<'_>) -> Result<Bi
         0 => {
             let advice = "charge that the summing node holds, electrons; at least one pixel's full well";
             let rule = Rule::Within(fits.full_well_e, 1e9);
-            BinningKind::Charge { full_well_e: check.number(well, keys.summing_well_e, fits.full_well_e, rule, advice)? }
+            BinningKind::Charge {
+                full_well_e: check.number(well, keys.summing_well_e, fits.full_well_e, rule, advice)?,
+            }
         }
         1 => BinningKind::DigitalSum,
         _ => BinningKind::DigitalMean,

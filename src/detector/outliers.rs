@@ -42,9 +42,15 @@ impl Outlier {
 }
 
 /// The outliers of a frame, sorted by pixel, one each.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub struct Outliers {
     list: Vec<Outlier>,
+}
+
+impl Clone for Outliers {
+    fn clone(&self) -> Self {
+        Self { list: with_room(&self.list) }
+    }
 }
 
 impl Outliers {
@@ -116,6 +122,14 @@ impl Outliers {
     }
 }
 
+/// A copy that has as much room: a plain clone has none to spare.
+#[must_use]
+pub fn with_room<T: Clone>(list: &Vec<T>) -> Vec<T> {
+    let mut copy = Vec::with_capacity(list.capacity());
+    copy.extend_from_slice(list);
+    copy
+}
+
 /// Makes one outlier of those that stand at the same pixel, in a sorted list, in place; the number that is left.
 pub fn fold_equal(list: &mut [Outlier]) -> usize {
     let mut kept = 0;
@@ -161,6 +175,8 @@ mod tests {
         assert_eq!(few.merge(&list, &[]), 100 - room);
         assert_eq!(few.list().len(), room);
         assert_eq!(few.capacity(), room, "never grows");
+        few.clear();
+        assert!(few.clone().capacity() >= room, "copies have the room too");
     }
 
     #[test]

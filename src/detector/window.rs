@@ -30,22 +30,26 @@ pub struct OutputGeometry {
     pub first_px: [u32; 2],
     /// Columns and rows of the output.
     pub size_px: [usize; 2],
+    /// Whether a window was cut: light may lie outside it.
+    pub is_cut: bool,
 }
 
 impl OutputGeometry {
     /// The whole sensor, pixel by pixel.
     #[must_use]
     pub fn whole(size_px: [usize; 2]) -> Self {
-        Self { binning: 1, first_px: [0; 2], size_px }
+        Self { binning: 1, first_px: [0; 2], size_px, is_cut: false }
     }
 
     /// A window of a sensor whose pixels are summed by `binning` in all; what does not fill a pixel is left out.
     #[must_use]
     pub fn new(sensor_px: [usize; 2], binning: u32, window: Option<Window>) -> Self {
         let by = binning.max(1) as usize;
-        let Some(w) = window else { return Self { binning, first_px: [0; 2], size_px: sensor_px.map(|s| s / by) } };
+        let Some(w) = window else {
+            return Self { binning, ..Self::whole(sensor_px.map(|side| side / by)) };
+        };
         let size_px = [w.width_px, w.height_px].map(|side| side as usize / by);
-        Self { binning, first_px: [w.left_px, w.top_px], size_px }
+        Self { binning, first_px: [w.left_px, w.top_px], size_px, is_cut: true }
     }
 
     /// A place on the sensor in output pixels.

@@ -20,7 +20,7 @@ pub use population::DefectPopulation;
 pub use telegraph::Rates;
 
 use crate::base::image::DnImage;
-use crate::detector::outliers::{Outlier, fold_equal};
+use crate::detector::outliers::{Outlier, fold_equal, with_room};
 use telegraph::Telegraph;
 
 /// Where a defect is.
@@ -135,7 +135,7 @@ pub struct DefectRoom {
 }
 
 /// The defects of a detector.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Defects {
     room: DefectRoom,
     size_px: [u32; 2],
@@ -149,6 +149,18 @@ pub struct Defects {
     fixed: Vec<Outlier>,
     /// The same with what this frame adds.
     frame: Vec<Outlier>,
+}
+
+impl Clone for Defects {
+    fn clone(&self) -> Self {
+        Self {
+            entries: with_room(&self.entries),
+            stuck: with_room(&self.stuck),
+            fixed: with_room(&self.fixed),
+            frame: with_room(&self.frame),
+            ..*self
+        }
+    }
 }
 
 impl Defects {

@@ -52,11 +52,14 @@ fn shot(mean_e: vec2<f32>, words: vec2<u32>) -> vec2<f32> {
 }
 
 fn charge(pair: u32, mean_e: vec2<f32>, words: vec2<u32>) -> vec2<f32> {
+    let special = pair_outliers(pair);
     var e = mean_e;
     e += frame.stray_light_e;
     if (PRNU) {
         e += e * prnu[pair];
     }
+    e *= special.response;
     e += frame.dark_e;
-    return shot(e, words);
+    e += special.dark_e;
+    return shot(e, words) + special.charge_e;
 }

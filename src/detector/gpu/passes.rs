@@ -1,6 +1,7 @@
 //! The passes of the detector on a device: one for all stages, or one before and one after the neighbours.
 
 use crate::base::random::Stage;
+use crate::detector::outliers::{Outlier, Outliers};
 use crate::detector::poisson::INVERSION_LIMIT;
 use crate::detector::{Detector, DetectorParams};
 use crate::gpu::buffers::GrowableBuffer;
@@ -11,21 +12,46 @@ use crate::gpu::{GpuDevice, GpuError, shader};
 const PHILOX: [(&str, u32); 4] =
     [("PHILOX_M0", 0xD251_1F53), ("PHILOX_M1", 0xCD9E_8D57), ("PHILOX_W0", 0x9E37_79B9), ("PHILOX_W1", 0xBB67_AE85)];
 
+/// `Outlier` of `outliers.wgsl`.
+const OUTLIER_BYTES: u64 = size_of::<Outlier>() as u64;
+
 /// Buffers that the pixel-local stages read.
 #[derive(Debug)]
 pub(super) struct Maps {
     prnu: GrowableBuffer,
     dsnu_e: GrowableBuffer,
+    outliers: GrowableBuffer,
+    /// Outliers on the device.
+    outlier_count: usize,
 }
 
 impl Maps {
     /// The patterns of `detector` on the device; a stub for each that is off.
     pub(super) fn new(gpu: &GpuDevice, detector: &Detector) -> Result<Self, GpuError> {
         let patterns = detector.patterns();
+        let outliers_capacity = detector.disturbances().outliers().capacity();
         Ok(Self {
             prnu: pattern(gpu, "PRNU map", patterns.prnu.as_deref())?,
             dsnu_e: pattern(gpu, "DSNU map", patterns.dsnu_e.as_deref())?,
+            // One more: the first element holds the number of the others.
+            outliers: GrowableBuffer::storage(gpu, "outliers", (outliers_capacity + 1) as u64 * OUTLIER_BYTES)?,
+            outlier_count: 0,
         })
+    }
+
+    /// Takes the outliers of a frame to the device; nothing when there were none and are none.
+    #[allow(clippy::cast_possible_truncation, reason = "fewer than there are pixels")]
+    pub(super) fn write_outliers(&mut self, gpu: &GpuDevice, outliers: &Outliers) {
+        let list = outliers.list();
+        if list.is_empty() && self.outlier_count == 0 {
+            return;
+        }
+        self.outlier_count = list.len();
+        let (queue, buffer) = (gpu.queue(), self.outliers.buffer());
+        queue.write_buffer(buffer, 0, bytemuck::bytes_of(&Outlier::none(list.len() as u32)));
+        if !list.is_empty() {
+            queue.write_buffer(buffer, OUTLIER_BYTES, bytemuck::cast_slice(list));
+        }
     }
 }
 
@@ -46,13 +72,19 @@ pub(super) struct ImagePass {
 impl ImagePass {
     /// All stages.
     pub(super) fn all(gpu: &GpuDevice, detector: &Detector) -> Result<Self, GpuError> {
-        let parts = [include_str!("charge.wgsl"), include_str!("readout.wgsl"), include_str!("one_pass.wgsl")];
+        let charge = [include_str!("outliers.wgsl"), include_str!("charge.wgsl")];
+        let parts = [charge[0], charge[1], include_str!("readout.wgsl"), include_str!("one_pass.wgsl")];
         Self::new(gpu, "detector", detector, &parts)
     }
 
     /// The stages before the neighbours.
     pub(super) fn charge(gpu: &GpuDevice, detector: &Detector) -> Result<Self, GpuError> {
-        Self::new(gpu, "charge", detector, &[include_str!("charge.wgsl"), include_str!("charge_pass.wgsl")])
+        Self::new(
+            gpu,
+            "charge",
+            detector,
+            &[include_str!("outliers.wgsl"), include_str!("charge.wgsl"), include_str!("charge_pass.wgsl")],
+        )
     }
 
     /// The stages after the neighbours.
@@ -87,13 +119,13 @@ impl ImagePass {
 
 impl Maps {
     /// Bindings of [`ImagePass::all`].
-    pub(super) fn for_all<'a>(&'a self, [frame, image, dn]: [&'a wgpu::Buffer; 3]) -> [&'a wgpu::Buffer; 5] {
-        [frame, image, self.prnu.buffer(), self.dsnu_e.buffer(), dn]
+    pub(super) fn for_all<'a>(&'a self, [frame, image, dn]: [&'a wgpu::Buffer; 3]) -> [&'a wgpu::Buffer; 6] {
+        [frame, image, self.prnu.buffer(), self.dsnu_e.buffer(), dn, self.outliers.buffer()]
     }
 
     /// Bindings of [`ImagePass::charge`].
-    pub(super) fn for_charge<'a>(&'a self, [frame, image, charge]: [&'a wgpu::Buffer; 3]) -> [&'a wgpu::Buffer; 4] {
-        [frame, image, self.prnu.buffer(), charge]
+    pub(super) fn for_charge<'a>(&'a self, [frame, image, charge]: [&'a wgpu::Buffer; 3]) -> [&'a wgpu::Buffer; 5] {
+        [frame, image, self.prnu.buffer(), charge, self.outliers.buffer()]
     }
 
     /// Bindings of [`ImagePass::readout`].
@@ -110,6 +142,10 @@ fn constants(detector: &Detector) -> String {
     text += &shader::constant_u32("WORKGROUP", WORKGROUP);
     text += &shader::constant_u32("STAGE_TEMPORAL", Stage::Temporal as u32);
     text += &shader::constant("INVERSION_LIMIT", INVERSION_LIMIT);
+    let [width, height] = detector.output().adc_px();
+    #[allow(clippy::cast_possible_truncation, reason = "images hold fewer than 2^32 pixels")]
+    let adc_pixels = (width * height) as u32;
+    text += &shader::constant_u32("ADC_PIXELS", adc_pixels);
     text += &shader::switch("PRNU", patterns.prnu.is_some());
     text += &shader::switch("DSNU", patterns.dsnu_e.is_some());
     text + &shader::switch("READ_NOISE", read_noise_e_rms > 0.0)

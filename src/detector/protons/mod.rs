@@ -20,7 +20,7 @@ pub mod track;
 pub use track::ProtonTrack;
 
 use crate::base::random::{Stage, attempt_counter, key, philox};
-use crate::detector::outliers::{Outlier, fold_equal};
+use crate::detector::outliers::{Outlier, fold_equal, with_room};
 use stopping_power::{DENSITY_G_CM3, DOMAIN_MEV, silicon_mev_cm2_g};
 
 /// Energy of one electron-hole pair in silicon, eV.
@@ -138,7 +138,7 @@ impl ProtonFlux {
 }
 
 /// The tracks of one frame after the other.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Protons {
     size_px: [usize; 2],
     layer: SensitiveLayer,
@@ -148,6 +148,12 @@ pub struct Protons {
     tracks: Vec<ProtonTrack>,
     charge: Vec<Outlier>,
     left_out: u64,
+}
+
+impl Clone for Protons {
+    fn clone(&self) -> Self {
+        Self { tracks: with_room(&self.tracks), charge: with_room(&self.charge), ..*self }
+    }
 }
 
 impl Protons {
