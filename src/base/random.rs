@@ -28,6 +28,12 @@ pub enum Stage {
     RowOffset = 13,
     /// Noise that a row shares, of one frame: "block" is three times the row and more, attempt 1 the state before row 0.
     RowNoise = 14,
+    /// Level of a telegraph signal, by frame: "block" is its place.
+    Telegraph = 20,
+    /// Places of a random population of defects: "frame" is the kind, "block" the number.
+    DefectPlaces = 21,
+    /// Protons of one frame, two blocks each: "block" is the number, "attempt" which of the two.
+    Protons = 22,
 }
 
 const MULTIPLIER_0: u32 = 0xD251_1F53;

@@ -9,6 +9,7 @@ use crate::cli::render_input::{four, read_los, read_los_samples, read_sources, t
 use crate::cli::render_output::{Format, format_of, write_dn, write_electrons, write_truth};
 use crate::cli::run::BackendName;
 use crate::config::Camera;
+use crate::detector::window::OutputGeometry;
 use crate::exposure::{ExposurePlan, MethodChoice, Motion, Planner, Source};
 use crate::runtime::Imager;
 use crate::runtime::engine::fill_meta;
@@ -127,9 +128,9 @@ struct Scene {
 
 impl Scene {
     fn new(arguments: &RenderArgs, camera: CameraParams) -> Result<Self> {
-        let size = [camera.geometry.width_px(), camera.geometry.height_px()];
+        let size = camera.output().size_px;
         let backend = backend_choice(arguments.backend.configured());
-        let mut imager = Imager::new(backend, camera.detector, size, arguments.seed)?;
+        let mut imager = Imager::new(backend, camera.detector, camera.sensor_px(), arguments.seed)?;
         light_pixels(&camera, &mut imager)?;
         let light = FieldLight::new(&camera, Observer::Geocentre, arguments.time);
         let motion = motion(arguments, camera.exposure_s)?;
@@ -173,8 +174,13 @@ impl Scene {
                 [sky, planning, times.render, times.detector]
             }
         };
-        fill_truth(plan, &mut self.frame.truth);
+        let output = match stage {
+            StageName::Electrons => OutputGeometry::whole(self.camera.sensor_px()),
+            StageName::Dn => self.camera.output(),
+        };
+        fill_truth(plan, &output, &mut self.frame.truth);
         fill_meta(plan, 0, self.seed, &self.camera.detector, self.imager.name(), &mut self.frame.meta);
+        (self.frame.meta.binning, self.frame.meta.window_px) = (output.binning, output.first_px);
         Ok(times)
     }
 

@@ -19,6 +19,7 @@ mod budget;
 mod camera;
 mod check;
 mod detector;
+mod detector_effects;
 mod distortion;
 mod document;
 mod error;

@@ -4,12 +4,16 @@
 use crate::base::image::{DnImage, Image};
 use crate::base::random::key;
 use crate::detector::background::{Background, Shape};
+use crate::detector::defects::Defects;
+use crate::detector::disturbances::Disturbances;
 use crate::detector::effect::{ORDER, Part, effects_of};
 use crate::detector::ends::{ChargeToDn, Mean, MeanToCharge, MeanToDn};
 use crate::detector::line_pattern::Lines;
 use crate::detector::neighbours::{self, FrameAt, NeighbourStage};
+use crate::detector::output::Output;
 use crate::detector::params::Constants;
 use crate::detector::pattern::{PatternSizeError, Patterns};
+use crate::detector::protons::{ProtonFlux, ProtonFluxError, ProtonTrack};
 use crate::detector::stages::Stages;
 use crate::detector::{DetectorParams, Effect};
 use core::marker::PhantomData;
@@ -32,6 +36,8 @@ pub struct Detector {
     keeps_charge: bool,
     /// Electrons between the passes; no pixels while one pass does.
     charge: Image<f32>,
+    disturbances: Disturbances,
+    output: Output,
     size_px: [usize; 2],
     arch: Arch,
 }
@@ -53,6 +59,8 @@ impl Detector {
             neighbours: Vec::new(),
             keeps_charge: false,
             charge: Image::new(0, 0),
+            disturbances: Disturbances::new(&params, size_px, seed),
+            output: Output::new(&params.spatial, size_px),
             size_px,
             arch: Arch::new(),
         };
@@ -115,6 +123,42 @@ impl Detector {
         self.params.dark_law.operating_c = operating_c;
     }
 
+    /// Defects, to be changed from the next frame on.
+    pub fn defects_mut(&mut self) -> &mut Defects {
+        self.disturbances.defects_mut()
+    }
+
+    /// Protons of the frames from here on; `None`: none.
+    ///
+    /// # Errors
+    /// When a value means nothing; the flux stays as it was.
+    pub fn set_proton_flux(&mut self, flux: Option<ProtonFlux>) -> Result<(), ProtonFluxError> {
+        self.disturbances.protons_mut().set_flux(flux)
+    }
+
+    /// Proton tracks of the latest frame, in sensor pixels.
+    #[must_use]
+    pub fn proton_tracks(&self) -> &[ProtonTrack] {
+        self.disturbances.proton_tracks()
+    }
+
+    /// Defects and protons.
+    #[must_use]
+    pub fn disturbances(&self) -> &Disturbances {
+        &self.disturbances
+    }
+
+    /// How the image that is put out comes from that of the ADC, and where its pixels are on the sensor.
+    #[must_use]
+    pub fn output(&self) -> &Output {
+        &self.output
+    }
+
+    /// Forgets what is kept from frame to frame: the next frame is as the first.
+    pub fn reset(&mut self) {
+        self.neighbours.iter_mut().for_each(|stage| stage.reset());
+    }
+
     /// Seed.
     #[must_use]
     pub fn seed(&self) -> u64 {
@@ -169,6 +213,7 @@ impl Detector {
 
     fn collect_from<T: Mean>(&mut self, mean: &Image<T>, frame: u32, exposure_s: f64, out: &mut DnImage) {
         let key = key(self.seed);
+        self.disturbances.advance(frame, exposure_s);
         if !self.rows_e.is_empty() {
             self.params.row_noise.draw(frame, key, &mut self.rows_e);
         }
@@ -187,17 +232,21 @@ impl Detector {
             patterns: &self.patterns,
             lines: &self.lines,
             rows_e: &self.rows_e,
-            width: self.size_px[0],
+            width: self.output.adc_px()[0],
+            outliers: self.disturbances.outliers(),
         };
+        let adc = self.output.adc_image(out);
         if self.neighbours.is_empty() {
-            stages.run(MeanToDn(PhantomData::<T>), self.arch, &ORDER, mean.pixels(), out.pixels_mut());
-            return;
+            stages.run(MeanToDn(PhantomData::<T>), self.arch, &ORDER, mean.pixels(), adc.pixels_mut());
+        } else {
+            let before = effects_of(Part::Charge);
+            stages.run(MeanToCharge(PhantomData::<T>), self.arch, before, mean.pixels(), self.charge.pixels_mut());
+            let at = FrameAt { frame, exposure_s, key };
+            let charge = self.neighbours.iter_mut().fold(&mut self.charge, |charge, stage| stage.apply(charge, &at));
+            stages.run(ChargeToDn, self.arch, effects_of(Part::Readout), charge.pixels(), adc.pixels_mut());
         }
-        let before = effects_of(Part::Charge);
-        stages.run(MeanToCharge(PhantomData::<T>), self.arch, before, mean.pixels(), self.charge.pixels_mut());
-        let at = FrameAt { frame, exposure_s, key };
-        let charge = self.neighbours.iter_mut().fold(&mut self.charge, |charge, stage| stage.apply(charge, &at));
-        stages.run(ChargeToDn, self.arch, effects_of(Part::Readout), charge.pixels(), out.pixels_mut());
+        self.disturbances.stick(adc);
+        self.output.finish(out);
     }
 }
 

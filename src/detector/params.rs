@@ -6,6 +6,7 @@ use crate::detector::line_pattern::LinePattern;
 use crate::detector::nonlinearity::{Nonlinearity, Pieces};
 use crate::detector::poisson::PoissonMethod;
 use crate::detector::row_noise::RowNoise;
+use crate::detector::spatial::SpatialParams;
 
 /// One detector.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,6 +43,8 @@ pub struct DetectorParams {
     pub rounding: Rounding,
     /// How shot noise is drawn; a GPU knows [`PoissonMethod::Auto`] only.
     pub poisson: PoissonMethod,
+    /// Defects, protons, and what needs more than one pixel or one frame.
+    pub spatial: SpatialParams,
 }
 
 impl DetectorParams {
@@ -63,6 +66,7 @@ impl DetectorParams {
         row_noise: RowNoise::OFF,
         rounding: Rounding::Nearest,
         poisson: PoissonMethod::Auto,
+        spatial: SpatialParams::OFF,
     };
 
     /// Largest digital number.

@@ -5,6 +5,7 @@
 use crate::detector::background::Shape;
 use crate::detector::block::{BLOCK, Words};
 use crate::detector::line_pattern::Lines;
+use crate::detector::outliers::{Outlier, Outliers};
 use crate::detector::params::Constants;
 use crate::detector::pattern::Patterns;
 use crate::detector::poisson::{BlockPlace, draw_by};
@@ -29,6 +30,7 @@ pub(super) struct Stages<'a> {
     pub(super) rows_e: &'a [f32],
     /// Columns of the image.
     pub(super) width: usize,
+    pub(super) outliers: &'a Outliers,
 }
 
 /// How a pass gets a block's electrons from its input, and what it puts out.
@@ -68,8 +70,9 @@ impl Stages<'_> {
             let first = first + b * BLOCK;
             E::load(from, &mut electrons);
             words.draw(first as u32, self.frame, self.key);
+            let outliers = self.outliers.within(first, BLOCK);
             for effect in effects {
-                self.apply::<FUSED>(*effect, first, &mut electrons, &words, &mut dn);
+                self.apply::<FUSED>(*effect, first, &mut electrons, &words, outliers, &mut dn);
             }
             E::store(&electrons, &dn, to);
         }
@@ -82,6 +85,7 @@ impl Stages<'_> {
         first: usize,
         electrons: &mut [f32; BLOCK],
         words: &Words,
+        outliers: &[Outlier],
         dn: &mut [u16; BLOCK],
     ) {
         let c = &self.constants;
@@ -98,6 +102,7 @@ impl Stages<'_> {
                 if let Some(map) = &self.patterns.prnu {
                     electrons.iter_mut().zip(&map[first..]).for_each(|(e, prnu)| *e += *e * prnu);
                 }
+                outliers.iter().for_each(|o| electrons[o.pixel as usize - first] *= o.response);
             }
             Effect::Dark => {
                 let factors = self.patterns.dark_factor.as_ref().map(|map| &map[first..]);
@@ -107,6 +112,8 @@ impl Stages<'_> {
                 let place = BlockPlace { first_pixel: first as u32, frame: self.frame, key: self.key };
                 draw_by::<FUSED>(self.poisson, electrons, &words.shot, place);
             }
+            Effect::Defects => outliers.iter().for_each(|o| electrons[o.pixel as usize - first] += o.dark_e),
+            Effect::ProtonTracks => outliers.iter().for_each(|o| electrons[o.pixel as usize - first] += o.charge_e),
             Effect::FullWell => full_well::clip(electrons, c.full_well_e),
             Effect::Nonlinearity => {
                 if let Some(pieces) = &c.nonlinearity {

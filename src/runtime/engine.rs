@@ -8,6 +8,7 @@ use crate::base::axes::{Rotation, ra_dec_roll};
 use crate::base::clock::Stopwatch;
 use crate::base::time::{Span, Tai};
 use crate::detector::DetectorParams;
+use crate::detector::binning::Levels;
 use crate::exposure::cost::CostModel;
 use crate::exposure::{ExposurePlan, Planner, Rung};
 use crate::report::{Stage, StageTimes};
@@ -61,8 +62,7 @@ impl FrameEngine {
     /// When the backend, the catalog or the observer cannot be had.
     pub fn new(params: RunParams) -> Result<Self, RunError> {
         let camera = &params.camera;
-        let size = [camera.geometry.width_px(), camera.geometry.height_px()];
-        let imager = Imager::new(params.backend, camera.detector, size, params.seed)?;
+        let imager = Imager::new(params.backend, camera.detector, camera.sensor_px(), params.seed)?;
         Self::with_imager(params, imager)
     }
 
@@ -71,6 +71,7 @@ impl FrameEngine {
     /// # Errors
     /// When the catalog or the observer cannot be had.
     pub fn with_imager(params: RunParams, mut imager: Imager) -> Result<Self, RunError> {
+        imager.set_frame_period(params.frame_period);
         let camera = &params.camera;
         let mut los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
         let attitude = &params.attitude;
@@ -151,6 +152,11 @@ impl FrameEngine {
         &self.imager
     }
 
+    /// Backend and detector, to be changed: defects and protons of the frames from here on.
+    pub fn imager_mut(&mut self) -> &mut Imager {
+        &mut self.imager
+    }
+
     /// Stray light of the frames from here on: mean electrons more in every pixel.
     pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
         self.imager.set_stray_light_e(stray_light_e);
@@ -178,6 +184,8 @@ impl FrameEngine {
         let sources = self.sky.in_view(&self.planner.latest().motion.los)?;
         let plan = self.planner.plan(sources);
         self.imager.image(plan, 0, &mut frame.image)?;
+        // What it left in the pixels is no frame's.
+        self.imager.reset_detector();
         Ok(())
     }
 
@@ -220,9 +228,11 @@ impl FrameEngine {
         }
         let imaging = self.imager.image(plan, slot.number, &mut frame.image)?;
         times.merge(&imaging.by_stage());
-        fill_truth(plan, &mut frame.truth);
+        let output = self.params.camera.output();
+        fill_truth(plan, &output, &mut frame.truth);
         let (seed, detector) = (self.params.seed, &self.params.camera.detector);
         fill_meta(plan, slot.number, seed, detector, self.imager.name(), &mut frame.meta);
+        (frame.meta.binning, frame.meta.window_px) = (output.binning, output.first_px);
         frame.meta.attitude_age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);
         if !has_stars {
             frame.meta.faults |= FaultFlags::BLANK;
@@ -376,6 +386,7 @@ pub fn fill_meta(
     (meta.left_out_stars, meta.left_out_e) = (plan.cut_off.stars, plan.cut_off.electrons);
     meta.origin = origin_name(los.origin);
     meta.faults = FaultFlags::NONE;
-    meta.gain_e_per_dn = detector.gain_e_per_dn;
-    meta.black_level_dn = detector.black_level_dn;
+    let levels = Levels::of_output(detector);
+    meta.gain_e_per_dn = levels.gain_e_per_dn;
+    meta.black_level_dn = levels.black_level_dn;
 }

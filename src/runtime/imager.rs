@@ -3,7 +3,9 @@
 use crate::base::clock::Stopwatch;
 use crate::base::image::{DnImage, Image};
 use crate::base::time::Span;
+use crate::detector::defects::Defects;
 use crate::detector::gpu::GpuDetector;
+use crate::detector::protons::{ProtonFlux, ProtonFluxError, ProtonTrack};
 use crate::detector::{Background, Detector, DetectorParams, PoissonMethod};
 use crate::exposure::ExposurePlan;
 use crate::exposure::cost::CostModel;
@@ -205,6 +207,47 @@ impl Imager {
         match &mut self.drawing {
             Drawing::Host { detector, .. } => detector.set_stray_light_e(stray_light_e),
             Drawing::Device { detector, .. } => detector.set_stray_light_e(stray_light_e),
+        }
+    }
+
+    /// Defects, to be changed from the next frame on; places are sensor pixels.
+    pub fn defects_mut(&mut self) -> &mut Defects {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.defects_mut(),
+            Drawing::Device { detector, .. } => detector.defects_mut(),
+        }
+    }
+
+    /// Protons of the frames from here on; `None`: none.
+    ///
+    /// # Errors
+    /// When a value means nothing; the flux stays as it was.
+    pub fn set_proton_flux(&mut self, flux: Option<ProtonFlux>) -> Result<(), ProtonFluxError> {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.set_proton_flux(flux),
+            Drawing::Device { detector, .. } => detector.set_proton_flux(flux),
+        }
+    }
+
+    /// Proton tracks of the latest frame, in sensor pixels.
+    #[must_use]
+    pub fn proton_tracks(&self) -> &[ProtonTrack] {
+        match &self.drawing {
+            Drawing::Host { detector, .. } => detector.proton_tracks(),
+            Drawing::Device { detector, .. } => detector.proton_tracks(),
+        }
+    }
+
+    /// Frames come every so often: how often telegraph pixels are looked at.
+    pub fn set_frame_period(&mut self, period: Span) {
+        self.defects_mut().set_frame_period_s(period.s());
+    }
+
+    /// Forgets what the detector keeps from frame to frame: the next frame is as the first.
+    pub fn reset_detector(&mut self) {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.reset(),
+            Drawing::Device { detector, .. } => detector.reset(),
         }
     }
 

@@ -6,6 +6,7 @@ use crate::base::accuracy::AccuracyBudget;
 use crate::base::axes::{Body, Rotation, Sensor};
 use crate::base::time::{Span, Tai};
 use crate::detector::DetectorParams;
+use crate::detector::window::OutputGeometry;
 use crate::exposure::cost::CostModel;
 use crate::exposure::{Instrument, MethodChoice, PsfSampling, Shutter};
 use crate::optics::{BackgroundLight, Illumination, PsfModel, StarLight};
@@ -125,6 +126,18 @@ pub struct RunParams {
 const TIME_MARGIN: f64 = 0.2;
 
 impl CameraParams {
+    /// Columns and rows of the sensor, on which light is drawn.
+    #[must_use]
+    pub fn sensor_px(&self) -> [usize; 2] {
+        [self.geometry.width_px(), self.geometry.height_px()]
+    }
+
+    /// Where the pixels of the image that is put out are on the sensor; its size.
+    #[must_use]
+    pub fn output(&self) -> OutputGeometry {
+        self.detector.spatial.output(self.sensor_px())
+    }
+
     /// Time in which a frame must be drawn, ms: the readout time without the detector's own and a margin.
     #[must_use]
     pub fn drawing_budget_ms(&self, cost: &CostModel) -> f64 {

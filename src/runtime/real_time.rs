@@ -115,7 +115,7 @@ fn start(
     sink: Box<dyn Sink>,
 ) -> Result<(SentFrame, Radio, Delivery), RunError> {
     let camera = &engine.params().camera;
-    let (width, height) = (camera.geometry.width_px(), camera.geometry.height_px());
+    let [width, height] = camera.output().size_px;
     let mut prototype = SentFrame::with_capacity(width, height, 16_384, camera.name.clone());
     engine.warm_up(&mut prototype)?;
     engine.follow_load();

@@ -273,8 +273,7 @@ impl VirtualLoop {
 
     /// A buffer of the engine's size.
     fn take_buffer(&mut self, engine: &FrameEngine) -> SentFrame {
-        let geometry = &engine.params().camera.geometry;
-        let size = [geometry.width_px(), geometry.height_px()];
+        let size = engine.params().camera.output().size_px;
         let fits = |frame: &SentFrame| {
             [frame.image.width(), frame.image.height()] == size && frame.meta.camera == engine.params().camera.name
         };
@@ -285,7 +284,8 @@ impl VirtualLoop {
 
 fn empty_frame(engine: &FrameEngine) -> SentFrame {
     let camera = &engine.params().camera;
-    SentFrame::with_capacity(camera.geometry.width_px(), camera.geometry.height_px(), 0, camera.name.clone())
+    let [width, height] = camera.output().size_px;
+    SentFrame::with_capacity(width, height, 0, camera.name.clone())
 }
 
 /// Takes in what has arrived by `now`: every head hears everything, the first one answers.

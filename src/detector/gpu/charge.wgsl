@@ -70,16 +70,19 @@ fn shaped_background(pair: u32, level_e: vec2<f32>) -> vec2<f32> {
 }
 
 fn charge(pair: u32, mean_e: vec2<f32>, words: vec2<u32>) -> vec2<f32> {
+    let special = pair_outliers(pair);
     var e = mean_e;
     e += frame.stray_light_e;
     e = shaped_background(pair, e);
     if (PRNU) {
         e += e * prnu[pair];
     }
+    e *= special.response;
     if (DARK_FACTOR) {
         e = fma(vec2<f32>(frame.dark_e), dark_factor[pair], e);
     } else {
         e += frame.dark_e;
     }
-    return shot(e, words);
+    e += special.dark_e;
+    return shot(e, words) + special.charge_e;
 }

@@ -7,6 +7,7 @@
 @group(0) @binding(5) var<storage, read> lines: array<f32>;
 @group(0) @binding(6) var<storage, read_write> dn: array<u32>;
 @group(0) @binding(7) var<storage, read> illumination: array<vec2<f32>>;
+@group(0) @binding(8) var<storage, read> outliers: array<Outlier>;
 
 @compute @workgroup_size(WORKGROUP)
 fn main(

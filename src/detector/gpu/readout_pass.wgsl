@@ -12,7 +12,7 @@ fn main(
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
     let pair = pair_of(group, groups, local);
-    if (2u * pair >= frame.pixels) {
+    if (2u * pair >= ADC_PIXELS) {
         return;
     }
     let words = temporal_words(pair);

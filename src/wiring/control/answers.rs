@@ -22,6 +22,8 @@ pub(super) enum Goal {
 
 pub(super) fn hello(scenario: &Scenario, going: &ClosedLoop) -> Value {
     let (camera, timing) = (&scenario.bench.camera, &scenario.bench.timing);
+    let sensor_px = [camera.detector.width_px, camera.detector.height_px].map(|side| side as usize);
+    let [width, height] = camera.detector.spatial.output(sensor_px).size_px;
     json!({
         "protocol": PROTOCOL_VERSION,
         "scenario": scenario.name,
@@ -32,8 +34,8 @@ pub(super) fn hello(scenario: &Scenario, going: &ClosedLoop) -> Value {
         "frames": going.frames_per_head(),
         "frame_rate_hz": timing.frame_rate_hz,
         "camera": camera.name,
-        "width": camera.detector.width_px,
-        "height": camera.detector.height_px,
+        "width": width,
+        "height": height,
         "heads": scenario.heads.len(),
     })
 }

@@ -218,7 +218,7 @@ impl<'a> Replay<'a> {
         let receiver = Receiver::new(params.attitude.clone())?.with_session(bench_parts::session_params(bench));
         let mut engine = FrameEngine::new(params)?;
         let camera = &engine.params().camera;
-        let size = [camera.geometry.width_px(), camera.geometry.height_px()];
+        let size = camera.output().size_px;
         let mut frame = SentFrame::with_capacity(size[0], size[1], 0, camera.name.clone());
         engine.warm_up(&mut frame)?;
         Ok(Self {
