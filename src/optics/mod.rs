@@ -5,6 +5,7 @@
 
 pub mod airy;
 pub mod gaussian;
+pub mod measured;
 pub mod moffat;
 pub mod psf;
 pub mod psf_grid;
