@@ -11,6 +11,7 @@ pub mod gaia_bands;
 pub mod gaussian;
 pub mod grey_map;
 pub mod illumination;
+pub mod measured;
 pub mod moffat;
 pub mod photometry_v;
 pub mod psf;
