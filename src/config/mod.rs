@@ -31,6 +31,7 @@ mod session;
 mod setting;
 mod spacecraft;
 mod stages;
+mod target;
 mod timing;
 
 pub use bench::Bench;
@@ -52,6 +53,7 @@ pub use session::{Session, SessionStart};
 pub use setting::Setting;
 pub use spacecraft::{Control, Spacecraft};
 pub use stages::{AttitudeSettings, Backend, Render, Sink};
+pub use target::{Overlap, TargetLight, TargetSettings};
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 
 #[cfg(test)]

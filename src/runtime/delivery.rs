@@ -123,10 +123,8 @@ impl Delivery {
 
 /// A copy with the same room for stars, every page of it written to.
 fn touched_copy(prototype: &SentFrame) -> SentFrame {
-    const STAR: TruthStar =
-        TruthStar { id: 0, ra_deg: 0.0, dec_deg: 0.0, mag: 0.0, x_px: 0.0, y_px: 0.0, electrons: 0.0 };
     let mut copy = prototype.clone();
-    copy.truth.resize(prototype.truth.capacity(), STAR);
+    copy.truth.resize(prototype.truth.capacity(), TruthStar::NONE);
     copy.truth.clear();
     copy
 }

@@ -78,6 +78,7 @@ impl FrameEngine {
         if params.degrade && imager.may_degrade() {
             planner = planner.within_ms(camera.drawing_budget_ms(&cost));
         }
+        planner.set_targets(params.targets.clone());
         let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure)?;
         Ok(Self { planner, sky, imager, params, cost, load: None, motion: None, pointing_bound_rad: None, marks: None })
     }

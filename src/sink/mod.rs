@@ -35,7 +35,7 @@ pub mod truth;
 pub use atomic::write_file_atomically;
 pub use error::SinkError;
 pub use faults::FaultFlags;
-pub use frame::{FrameMeta, SentFrame, TruthStar};
+pub use frame::{FrameMeta, SentFrame, TruthKind, TruthStar};
 pub use frame_fault::FrameFault;
 pub use null::NullSink;
 pub use recorder::{Recorder, RecorderOptions};
