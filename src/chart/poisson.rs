@@ -47,7 +47,7 @@ pub fn measure(quick: bool, effort: Effort) -> Result<Vec<PoissonRow>, ChartErro
     let thread = thread.map_err(|error| ChartError::Thread(error.to_string()))?;
     let mut rows = Vec::new();
     for method in PoissonMethod::ALL {
-        let detector = Detector::new(shot_only(method), side_px, side_px, 1);
+        let mut detector = Detector::new(shot_only(method), side_px, side_px, 1);
         for lambda_e in lambdas_e(quick).into_iter().filter(|lambda| method.is_within_domain(*lambda)) {
             let Some(distance) = distance(method, lambda_e) else { continue };
             rows.push(PoissonRow {
@@ -56,7 +56,7 @@ pub fn measure(quick: bool, effort: Effort) -> Result<Vec<PoissonRow>, ChartErro
                 distance,
                 bound: method.error_bound(lambda_e),
                 promise: method.promise(),
-                ns_per_pixel: thread.install(|| ns_per_pixel(&detector, lambda_e, side_px, effort)),
+                ns_per_pixel: thread.install(|| ns_per_pixel(&mut detector, lambda_e, side_px, effort)),
                 predicted_ns: method.cost_ns(lambda_e),
             });
         }
@@ -65,20 +65,10 @@ pub fn measure(quick: bool, effort: Effort) -> Result<Vec<PoissonRow>, ChartErro
 }
 
 fn shot_only(poisson: PoissonMethod) -> DetectorParams {
-    DetectorParams {
-        full_well_e: 1e7,
-        gain_e_per_dn: 100.0,
-        bits: 16,
-        black_level_dn: 0.0,
-        read_noise_e_rms: 0.0,
-        dark_e_per_s: 0.0,
-        prnu: 0.0,
-        dsnu_e_rms: 0.0,
-        poisson,
-    }
+    DetectorParams { gain_e_per_dn: 100.0, poisson, ..DetectorParams::QUIET }
 }
 
-fn ns_per_pixel(detector: &Detector, lambda_e: f64, side_px: usize, effort: Effort) -> f64 {
+fn ns_per_pixel(detector: &mut Detector, lambda_e: f64, side_px: usize, effort: Effort) -> f64 {
     let (mut mean, mut dn) = (Image::new(side_px, side_px), DnImage::new(side_px, side_px));
     #[allow(clippy::cast_possible_truncation, reason = "detectors draw from means in f32")]
     mean.pixels_mut().fill(lambda_e as f32);

@@ -1,51 +1,63 @@
-//! The detector on the CPU: every stage over a block of pixels while it is in the first-level cache.
+//! The detector on the CPU: in one pass, every stage over a block of pixels while it is in the first-level cache; or,
+//! when neighbour stages are on, a pass that makes charge, the neighbour stages, and a pass that reads out.
 
 use crate::base::image::{DnImage, Image};
-use crate::base::random::{Stage, key};
-use crate::detector::block::{BLOCK, Words};
+use crate::base::random::key;
+use crate::detector::effect::{ORDER, Part, effects_of};
+use crate::detector::ends::{ChargeToDn, Mean, MeanToCharge, MeanToDn};
+use crate::detector::neighbours::{self, FrameAt, NeighbourStage};
 use crate::detector::params::Constants;
-use crate::detector::poisson::{BlockPlace, draw_by};
-use crate::detector::{DetectorParams, Effect, ORDER, PoissonMethod, adc, full_well, pattern, read_noise};
-use pulp::{Arch, NullaryFnOnce};
-use rayon::prelude::*;
+use crate::detector::pattern::Patterns;
+use crate::detector::stages::Stages;
+use crate::detector::{DetectorParams, Effect};
+use core::marker::PhantomData;
+use pulp::Arch;
 
-/// Blocks one thread takes at a time.
-const BLOCKS_PER_TASK: usize = 64;
-
-/// A detector with its fixed patterns.
+/// A detector with its fixed patterns and what it keeps from frame to frame.
 #[derive(Debug)]
 pub struct Detector {
     params: DetectorParams,
     seed: u64,
     stray_light_e: f32,
-    prnu: Option<Vec<f32>>,
-    dsnu_e: Option<Vec<f32>>,
+    patterns: Patterns,
+    neighbours: Vec<Box<dyn NeighbourStage>>,
+    keeps_charge: bool,
+    /// Electrons between the passes; no pixels while one pass does.
+    charge: Image<f32>,
+    size_px: [usize; 2],
     arch: Arch,
-}
-
-/// Everything the stages of one frame read.
-struct Exposure<'a> {
-    constants: Constants,
-    key: [u32; 2],
-    frame: u32,
-    poisson: PoissonMethod,
-    prnu: Option<&'a [f32]>,
-    dsnu_e: Option<&'a [f32]>,
 }
 
 impl Detector {
     /// A detector of this size; `seed` fixes its patterns and its noise.
     #[must_use]
     pub fn new(params: DetectorParams, width_px: usize, height_px: usize, seed: u64) -> Self {
-        let pixels = width_px * height_px;
-        Self {
+        let size_px = [width_px, height_px];
+        let mut made = Self {
             params,
             seed,
             stray_light_e: 0.0,
-            prnu: pattern::normal_map(pixels, params.prnu, seed, Stage::Prnu),
-            dsnu_e: pattern::normal_map(pixels, params.dsnu_e_rms, seed, Stage::Dsnu),
+            patterns: Patterns::draw(&params, width_px * height_px, seed),
+            neighbours: Vec::new(),
+            keeps_charge: false,
+            charge: Image::new(0, 0),
+            size_px,
             arch: Arch::new(),
-        }
+        };
+        made.prepare_passes();
+        made
+    }
+
+    /// Keeps every frame's charge for [`Self::charge`]: the stages run in two passes from here on, and draw the same.
+    pub fn keep_charge(&mut self) {
+        self.keeps_charge = true;
+        self.prepare_passes();
+    }
+
+    fn prepare_passes(&mut self) {
+        self.neighbours = neighbours::stages(&self.params, self.size_px, self.keeps_charge);
+        let [width, height] = if self.neighbours.is_empty() { [0, 0] } else { self.size_px };
+        self.charge = Image::new(width, height);
     }
 
     /// Parameters.
@@ -65,131 +77,150 @@ impl Detector {
         self.seed
     }
 
-    /// Fixed patterns: PRNU (share) and DSNU (e-), where switched on.
+    /// Fixed patterns, where switched on.
     #[must_use]
-    pub fn patterns(&self) -> (Option<&[f32]>, Option<&[f32]>) {
-        (self.prnu.as_deref(), self.dsnu_e.as_deref())
+    pub fn patterns(&self) -> &Patterns {
+        &self.patterns
+    }
+
+    /// Whether all stages run in one pass: no neighbour stage is on.
+    #[must_use]
+    pub fn is_one_pass(&self) -> bool {
+        self.neighbours.is_empty()
+    }
+
+    /// The neighbour stages that are on, in order.
+    pub fn neighbour_effects(&self) -> impl Iterator<Item = Effect> + '_ {
+        self.neighbours.iter().map(|stage| stage.effect())
+    }
+
+    /// Charge of the latest frame in the pixels, e-, where two passes are run; after the neighbour stages that keep the
+    /// image's size.
+    #[must_use]
+    pub fn charge(&self) -> Option<&Image<f32>> {
+        (!self.neighbours.is_empty()).then_some(&self.charge)
     }
 
     /// Reads `mean` electrons out as frame `frame`.
-    pub fn collect(&self, mean: &Image<f32>, frame: u32, exposure_s: f64, out: &mut DnImage) {
-        self.collect_from(mean.pixels(), frame, exposure_s, out, |source, block| {
-            block[..source.len()].copy_from_slice(source);
-        });
+    pub fn collect(&mut self, mean: &Image<f32>, frame: u32, exposure_s: f64, out: &mut DnImage) {
+        self.collect_from(mean, frame, exposure_s, out);
     }
 
     /// The same from an image in double precision.
-    pub fn collect_precise(&self, mean: &Image<f64>, frame: u32, exposure_s: f64, out: &mut DnImage) {
-        self.collect_from(mean.pixels(), frame, exposure_s, out, |source, block| {
-            for (e, mean) in block.iter_mut().zip(source) {
-                *e = *mean as f32;
-            }
-        });
+    pub fn collect_precise(&mut self, mean: &Image<f64>, frame: u32, exposure_s: f64, out: &mut DnImage) {
+        self.collect_from(mean, frame, exposure_s, out);
     }
 
-    fn collect_from<T: Copy + Sync>(
-        &self,
-        mean: &[T],
-        frame: u32,
-        exposure_s: f64,
-        out: &mut DnImage,
-        load: impl Fn(&[T], &mut [f32; BLOCK]) + Sync + Copy,
-    ) {
-        let exposure = Exposure {
+    fn collect_from<T: Mean>(&mut self, mean: &Image<T>, frame: u32, exposure_s: f64, out: &mut DnImage) {
+        let key = key(self.seed);
+        let stages = Stages {
             constants: Constants::new(&self.params, exposure_s, self.stray_light_e),
-            key: key(self.seed),
+            key,
             frame,
             poisson: self.params.poisson,
-            prnu: self.prnu.as_deref(),
-            dsnu_e: self.dsnu_e.as_deref(),
+            patterns: &self.patterns,
         };
-        let task = BLOCK * BLOCKS_PER_TASK;
-        let arch = self.arch;
-        out.pixels_mut().par_chunks_mut(task).zip(mean.par_chunks(task)).enumerate().for_each(|(i, (out, mean))| {
-            let fused = !matches!(arch, Arch::Scalar);
-            arch.dispatch(ReadOut { exposure: &exposure, first: i * task, mean, out, load, fused });
-        });
-    }
-}
-
-/// One task's work, in the shape `pulp` compiles once per vector level.
-struct ReadOut<'a, T, L> {
-    exposure: &'a Exposure<'a>,
-    first: usize,
-    mean: &'a [T],
-    out: &'a mut [u16],
-    load: L,
-    fused: bool,
-}
-
-impl<T: Copy, L: Fn(&[T], &mut [f32; BLOCK])> NullaryFnOnce for ReadOut<'_, T, L> {
-    type Output = ();
-    #[inline(always)]
-    fn call(self) {
-        let Self { exposure, first, mean, out, load, fused } = self;
-        if fused {
-            exposure.read_out::<true, T>(first, mean, out, load);
-        } else {
-            exposure.read_out::<false, T>(first, mean, out, load);
+        if self.neighbours.is_empty() {
+            stages.run(MeanToDn(PhantomData::<T>), self.arch, &ORDER, mean.pixels(), out.pixels_mut());
+            return;
         }
+        let before = effects_of(Part::Charge);
+        stages.run(MeanToCharge(PhantomData::<T>), self.arch, before, mean.pixels(), self.charge.pixels_mut());
+        let at = FrameAt { frame, exposure_s, key };
+        let charge = self.neighbours.iter_mut().fold(&mut self.charge, |charge, stage| stage.apply(charge, &at));
+        stages.run(ChargeToDn, self.arch, effects_of(Part::Readout), charge.pixels(), out.pixels_mut());
     }
 }
 
-impl Exposure<'_> {
-    #[inline(always)]
-    fn read_out<const FUSED: bool, T: Copy>(
-        &self,
-        first: usize,
-        mean: &[T],
-        out: &mut [u16],
-        load: impl Fn(&[T], &mut [f32; BLOCK]),
-    ) {
-        let mut electrons = [0.0_f32; BLOCK];
-        let mut dn = [0_u16; BLOCK];
-        let mut words = Words::new();
-        for (b, (mean, out)) in mean.chunks(BLOCK).zip(out.chunks_mut(BLOCK)).enumerate() {
-            let first = first + b * BLOCK;
-            load(mean, &mut electrons);
-            words.draw(first as u32, self.frame, self.key);
-            for effect in ORDER {
-                self.apply::<FUSED>(effect, first, &mut electrons, &words, &mut dn);
-            }
-            out.copy_from_slice(&dn[..out.len()]);
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::detector::PoissonMethod;
+
+    const SIZE: [usize; 2] = [301, 203];
+
+    fn params(poisson: PoissonMethod) -> DetectorParams {
+        DetectorParams {
+            full_well_e: 3000.0,
+            gain_e_per_dn: 1.5,
+            bits: 11,
+            black_level_dn: 100.0,
+            read_noise_e_rms: 10.0,
+            dark_e_per_s: 30.0,
+            prnu: 0.01,
+            dsnu_e_rms: 2.0,
+            poisson,
+            ..DetectorParams::QUIET
         }
     }
 
-    #[inline(always)]
-    fn apply<const FUSED: bool>(
-        &self,
-        effect: Effect,
-        first: usize,
-        electrons: &mut [f32; BLOCK],
-        words: &Words,
-        dn: &mut [u16; BLOCK],
-    ) {
-        let c = &self.constants;
-        match effect {
-            Effect::StrayLight if c.stray_light_e > 0.0 => electrons.iter_mut().for_each(|e| *e += c.stray_light_e),
-            Effect::StrayLight => {}
-            Effect::PhotoResponse => {
-                if let Some(map) = self.prnu {
-                    electrons.iter_mut().zip(&map[first..]).for_each(|(e, prnu)| *e += *e * prnu);
-                }
+    /// Dark and bright pixels, below zero and above the full well.
+    fn mean() -> Image<f32> {
+        let mut mean = Image::new(SIZE[0], SIZE[1]);
+        for (i, e) in mean.pixels_mut().iter_mut().enumerate() {
+            *e = ((i * 7919) % 4001) as f32 * 0.9 - 2.0;
+            if i % 3 == 0 {
+                *e *= 0.004;
             }
-            Effect::Dark => electrons.iter_mut().for_each(|e| *e += c.dark_e),
-            Effect::Shot => {
-                let place = BlockPlace { first_pixel: first as u32, frame: self.frame, key: self.key };
-                draw_by::<FUSED>(self.poisson, electrons, &words.shot, place);
+        }
+        mean
+    }
+
+    fn read_out(detector: &mut Detector) -> DnImage {
+        let mut dn = DnImage::new(SIZE[0], SIZE[1]);
+        detector.set_stray_light_e(3.5);
+        detector.collect(&mean(), 5, 0.1, &mut dn);
+        dn
+    }
+
+    /// Fowler, Noll and Vo's hash.
+    fn hash(dn: &DnImage) -> u64 {
+        let bytes = dn.pixels().iter().flat_map(|dn| dn.to_le_bytes());
+        bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3))
+    }
+
+    fn quiet(poisson: PoissonMethod) -> DetectorParams {
+        DetectorParams { read_noise_e_rms: 0.0, prnu: 0.0, dsnu_e_rms: 0.0, dark_e_per_s: 0.0, ..params(poisson) }
+    }
+
+    #[test]
+    fn one_pass_and_two_draw_the_bits_that_were_always_drawn() {
+        // Taken before there were two passes, on a processor that fuses multiply-add.
+        for (params, wanted) in [
+            (params(PoissonMethod::Auto), 0x7f5d_97ae_9678_7a16),
+            (quiet(PoissonMethod::Auto), 0x97c3_41a8_7436_b8f6),
+            (params(PoissonMethod::Ptrs), 0x7e7c_511a_924c_3d1d),
+            (quiet(PoissonMethod::Ptrs), 0xe1f1_7c1f_4618_56d4),
+        ] {
+            let mut detector = Detector::new(params, SIZE[0], SIZE[1], 17);
+            assert!(detector.charge().is_none(), "one pass keeps no charge");
+            let one = read_out(&mut detector);
+            if matches!(detector.arch, Arch::Scalar) {
+                println!("SKIPPED: the bits of one pass: this processor does not fuse multiply-add");
+            } else {
+                assert_eq!(hash(&one), wanted, "{params:?}");
             }
-            Effect::FullWell => full_well::clip(electrons, c.full_well_e),
-            Effect::Offset => {
-                if let Some(map) = self.dsnu_e {
-                    electrons.iter_mut().zip(&map[first..]).for_each(|(e, offset)| *e += offset);
-                }
-            }
-            Effect::ReadNoise if c.read_noise_e > 0.0 => read_noise::add::<FUSED>(electrons, words, c.read_noise_e),
-            Effect::ReadNoise => {}
-            Effect::Adc => adc::convert::<FUSED>(electrons, c, dn),
+            detector.keep_charge();
+            assert_eq!(read_out(&mut detector), one, "two passes: {params:?}");
+            let most = detector.charge().expect("kept").pixels().iter().copied().fold(0.0, f32::max);
+            assert_eq!(most, 3000.0, "clipped between the passes");
+            // Negative control.
+            detector.seed = 18;
+            assert_ne!(read_out(&mut detector), one, "another seed");
+        }
+    }
+
+    #[test]
+    fn double_precision_goes_the_same_ways() {
+        let mut detector = Detector::new(params(PoissonMethod::Auto), SIZE[0], SIZE[1], 17);
+        let single = read_out(&mut detector);
+        let mut precise = Image::<f64>::new(SIZE[0], SIZE[1]);
+        precise.pixels_mut().iter_mut().zip(mean().pixels()).for_each(|(p, e)| *p = f64::from(*e));
+        let mut dn = DnImage::new(SIZE[0], SIZE[1]);
+        for _ in 0..2 {
+            detector.collect_precise(&precise, 5, 0.1, &mut dn);
+            assert_eq!(dn, single);
+            detector.keep_charge();
         }
     }
 }

@@ -7,47 +7,19 @@
 pub mod adc;
 pub mod block;
 pub mod cpu;
+pub mod effect;
 pub mod elementary;
+mod ends;
 pub mod full_well;
 pub mod gpu;
+pub mod neighbours;
 pub mod params;
 pub mod pattern;
 pub mod poisson;
 pub mod read_noise;
+mod stages;
 
 pub use cpu::Detector;
+pub use effect::{Effect, ORDER};
 pub use params::DetectorParams;
 pub use poisson::PoissonMethod;
-
-/// The stages, named.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Effect {
-    /// Stray light: the same mean electrons more in every pixel, set frame by frame.
-    StrayLight,
-    /// Photo-response non-uniformity: mean electrons times `1 + prnu`.
-    PhotoResponse,
-    /// Dark signal: plus `dark_e_per_s * exposure_s`.
-    Dark,
-    /// Shot noise of light and dark signal together.
-    Shot,
-    /// Saturation of the pixel.
-    FullWell,
-    /// Dark-signal non-uniformity: a fixed offset per pixel.
-    Offset,
-    /// Read noise.
-    ReadNoise,
-    /// Gain, black level, rounding, clipping.
-    Adc,
-}
-
-/// The order in which light becomes numbers: the same on every backend.
-pub const ORDER: [Effect; 8] = [
-    Effect::StrayLight,
-    Effect::PhotoResponse,
-    Effect::Dark,
-    Effect::Shot,
-    Effect::FullWell,
-    Effect::Offset,
-    Effect::ReadNoise,
-    Effect::Adc,
-];

@@ -26,6 +26,19 @@ pub struct DetectorParams {
 }
 
 impl DetectorParams {
+    /// Shot noise alone, one electron per number, 16 bits: every other effect is off. For `..` in literals.
+    pub const QUIET: Self = Self {
+        full_well_e: 1e7,
+        gain_e_per_dn: 1.0,
+        bits: 16,
+        black_level_dn: 0.0,
+        read_noise_e_rms: 0.0,
+        dark_e_per_s: 0.0,
+        prnu: 0.0,
+        dsnu_e_rms: 0.0,
+        poisson: PoissonMethod::Auto,
+    };
+
     /// Largest digital number.
     #[must_use]
     pub fn largest_dn(&self) -> u16 {

@@ -1,7 +1,28 @@
 //! Fixed patterns: photo-response (PRNU) and dark-signal (DSNU) non-uniformity, drawn once from the seed.
 
 use crate::base::random::{Stage, counter, key, philox};
+use crate::detector::DetectorParams;
 use crate::detector::read_noise::normal_pair;
+
+/// The fixed patterns of a detector, pixel by pixel; `None`: off.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Patterns {
+    /// Photo-response non-uniformity, share.
+    pub prnu: Option<Vec<f32>>,
+    /// Dark-signal non-uniformity, e-.
+    pub dsnu_e: Option<Vec<f32>>,
+}
+
+impl Patterns {
+    /// Drawn from the seed, as the parameters ask.
+    #[must_use]
+    pub fn draw(params: &DetectorParams, pixels: usize, seed: u64) -> Self {
+        Self {
+            prnu: normal_map(pixels, params.prnu, seed, Stage::Prnu),
+            dsnu_e: normal_map(pixels, params.dsnu_e_rms, seed, Stage::Dsnu),
+        }
+    }
+}
 
 /// One normal deviate per pixel times `rms`, or `None` when the effect is off. The same on every machine.
 #[must_use]

@@ -14,6 +14,18 @@ pub fn constant_u32(name: &str, value: u32) -> String {
     format!("const {name} = {value}u;\n")
 }
 
+/// `const NAME = true;`: an effect that is off costs nothing, as drivers drop what is behind a constant.
+#[must_use]
+pub fn switch(name: &str, on: bool) -> String {
+    format!("const {name} = {on};\n")
+}
+
+/// One shader of constants and parts: WGSL takes declarations in any order.
+#[must_use]
+pub fn assemble<'a>(constants: &str, parts: impl IntoIterator<Item = &'a str>) -> String {
+    parts.into_iter().fold(constants.to_owned(), |text, part| text + "\n" + part)
+}
+
 /// `const NAME_0 = ...; const NAME_1 = ...;`: a polynomial's coefficients.
 #[must_use]
 pub fn coefficients(name: &str, values: &[f32]) -> String {
@@ -40,6 +52,7 @@ mod tests {
             let back: f32 = text.trim_end_matches('f').parse().expect("a number");
             assert_eq!(back.to_bits(), value.to_bits(), "{text}");
         }
+        assert_eq!(assemble(&switch("ON", true), ["fn a() {}\n", "b"]), "const ON = true;\n\nfn a() {}\n\nb");
         assert_eq!(coefficients("A", &[1.0, 0.5]), "const A_0 = 1e0f;\nconst A_1 = 5e-1f;\n");
     }
 }

@@ -16,7 +16,7 @@ use crate::base::clock::Stopwatch;
 use crate::base::image::DnImage;
 use crate::base::random::philox;
 use crate::base::time::Tai;
-use crate::detector::{DetectorParams, PoissonMethod};
+use crate::detector::DetectorParams;
 use crate::exposure::cost::{CostModel, Load};
 use crate::exposure::cost_fit::{Timing, fit};
 use crate::exposure::method::{Method, MethodName};
@@ -237,7 +237,7 @@ fn detector() -> DetectorParams {
         dark_e_per_s: 1.0,
         prnu: 0.01,
         dsnu_e_rms: 1.0,
-        poisson: PoissonMethod::Auto,
+        ..DetectorParams::QUIET
     }
 }
 

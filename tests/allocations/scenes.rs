@@ -7,7 +7,7 @@ use starloop::base::axes::Rotation;
 use starloop::base::image::DnImage;
 use starloop::base::random::philox;
 use starloop::base::time::Tai;
-use starloop::detector::{Detector, DetectorParams, PoissonMethod};
+use starloop::detector::{Detector, DetectorParams};
 use starloop::exposure::cost::CostModel;
 use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
 use starloop::exposure::{MethodChoice, PsfSampling, Shutter};
@@ -105,7 +105,7 @@ impl Drawn {
             dark_e_per_s: 1.0,
             prnu: 0.01,
             dsnu_e_rms: 1.0,
-            poisson: PoissonMethod::Auto,
+            ..DetectorParams::QUIET
         };
         Self {
             planner,

@@ -10,7 +10,7 @@ use starloop::base::image::DnImage;
 use starloop::base::random::philox;
 use starloop::base::time::{Span, Tai};
 use starloop::detector::gpu::GpuDetector;
-use starloop::detector::{Detector, DetectorParams, PoissonMethod};
+use starloop::detector::{Detector, DetectorParams};
 use starloop::exposure::cost::CostModel;
 use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
 use starloop::exposure::{MethodChoice, PixelPath, PixelPoint, PsfSampling, Shutter};
@@ -90,7 +90,7 @@ fn detector() -> Detector {
         dark_e_per_s: 30.0,
         prnu: 0.01,
         dsnu_e_rms: 2.0,
-        poisson: PoissonMethod::Auto,
+        ..DetectorParams::QUIET
     };
     Detector::new(params, SIZE, SIZE, 1)
 }
@@ -142,7 +142,7 @@ fn gpu_frames(c: &mut Criterion) {
 
 fn frames(c: &mut Criterion) {
     let mut cpu = Cpu::new(SIZE, SIZE);
-    let detector = detector();
+    let mut detector = detector();
     let mut dn = DnImage::new(SIZE, SIZE);
     let mut group = c.benchmark_group("cpu");
     group.sample_size(20);

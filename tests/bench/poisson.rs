@@ -9,17 +9,7 @@ use starloop::detector::{Detector, DetectorParams, PoissonMethod};
 const SIZE: usize = 1000;
 
 fn detector(poisson: PoissonMethod) -> Detector {
-    let params = DetectorParams {
-        full_well_e: 1e7,
-        gain_e_per_dn: 100.0,
-        bits: 16,
-        black_level_dn: 0.0,
-        read_noise_e_rms: 0.0,
-        dark_e_per_s: 0.0,
-        prnu: 0.0,
-        dsnu_e_rms: 0.0,
-        poisson,
-    };
+    let params = DetectorParams { gain_e_per_dn: 100.0, poisson, ..DetectorParams::QUIET };
     Detector::new(params, SIZE, SIZE, 1)
 }
 
@@ -39,7 +29,7 @@ fn methods(c: &mut Criterion) {
         (PoissonMethod::Ptrs, 1e6),
         (PoissonMethod::RoundedNormal, 1000.0),
     ] {
-        let detector = detector(method);
+        let mut detector = detector(method);
         let mut mean = Image::new(SIZE, SIZE);
         mean.pixels_mut().fill(lambda);
         group.bench_function(BenchmarkId::new(method.name(), lambda), |b| {

@@ -15,7 +15,7 @@ use std::sync::Arc;
 const SHARE: f64 = 3e-4;
 
 /// Draws and reads out on both sides: (CPU, GPU).
-fn both(device: &Arc<GpuDevice>, scene: &Scene, stars: &[Source], detector: &Detector, frame: u32) -> [DnImage; 2] {
+fn both(device: &Arc<GpuDevice>, scene: &Scene, stars: &[Source], detector: &mut Detector, frame: u32) -> [DnImage; 2] {
     let [width, height] = scene.size;
     let mut gpu = Gpu::new(device.clone(), width, height).expect("a backend");
     let mut readout = GpuDetector::new(device.clone(), detector, width, height).expect("a detector");
@@ -35,8 +35,8 @@ fn full_noise_agrees_to_one_dn() {
         let scene = Scene::new(PsfModel::gaussian(0.8), Motion::Jitter(16, 1.2), method).of_size([512, 512]);
         let mut stars = scene.stars(2000);
         stars.push(star(9999, 3e6, [250.3, 250.2])); // saturates
-        let detector = detector(scene.size, gain, 11);
-        let [cpu, gpu] = both(&device, &scene, &stars, &detector, 3);
+        let mut detector = detector(scene.size, gain, 11);
+        let [cpu, gpu] = both(&device, &scene, &stars, &mut detector, 3);
         let difference = DnDifference::between(&cpu, &gpu);
         println!("gain {gain}, {method}: {difference:?}");
         assert!(difference.within(SHARE), "{method}: {difference:?}");
@@ -50,8 +50,8 @@ fn a_bright_background_goes_through_the_other_branch() {
     let Some(device) = device() else { return };
     let scene = Scene::new(PsfModel::gaussian(0.8), Motion::Still, "static");
     let params = DetectorParams { dark_e_per_s: 1000.0, bits: 12, ..*detector(scene.size, 1.5, 2).params() };
-    let detector = Detector::new(params, scene.size[0], scene.size[1], 2);
-    let [cpu, gpu] = both(&device, &scene, &scene.stars(300), &detector, 1);
+    let mut detector = Detector::new(params, scene.size[0], scene.size[1], 2);
+    let [cpu, gpu] = both(&device, &scene, &scene.stars(300), &mut detector, 1);
     let difference = DnDifference::between(&cpu, &gpu);
     println!("dark 100 e-: {difference:?}");
     assert!(difference.within(SHARE), "{difference:?}");
@@ -69,8 +69,8 @@ fn effects_that_are_off_cost_no_agreement() {
         dark_e_per_s: 0.0,
         ..*detector(scene.size, 1.0, 2).params()
     };
-    let detector = Detector::new(params, scene.size[0], scene.size[1], 2);
-    let [cpu, gpu] = both(&device, &scene, &scene.stars(300), &detector, 1);
+    let mut detector = Detector::new(params, scene.size[0], scene.size[1], 2);
+    let [cpu, gpu] = both(&device, &scene, &scene.stars(300), &mut detector, 1);
     let difference = DnDifference::between(&cpu, &gpu);
     println!("shot noise alone: {difference:?}");
     assert!(difference.within(SHARE), "{difference:?}");
@@ -81,7 +81,7 @@ fn images_of_odd_size_and_of_more_than_one_row_of_workgroups() {
     let Some(device) = device() else { return };
     for size in [[37, 23], [1, 1], [4096, 2100]] {
         let scene = Scene::new(PsfModel::gaussian(0.8), Motion::Still, "static").of_size(size);
-        let [cpu, gpu] = both(&device, &scene, &scene.stars(50), &detector(size, 2.0, 4), 8);
+        let [cpu, gpu] = both(&device, &scene, &scene.stars(50), &mut detector(size, 2.0, 4), 8);
         let difference = DnDifference::between(&cpu, &gpu);
         println!("{size:?}: {difference:?}");
         // One pixel of a small image is already a large share.
@@ -94,11 +94,11 @@ fn the_comparator_sees_another_seed_another_frame_and_one_pixel() {
     let Some(device) = device() else { return };
     let scene = Scene::new(PsfModel::gaussian(0.8), Motion::Still, "static");
     let stars = scene.stars(300);
-    let [cpu, gpu] = both(&device, &scene, &stars, &detector(scene.size, 2.0, 11), 3);
+    let [cpu, gpu] = both(&device, &scene, &stars, &mut detector(scene.size, 2.0, 11), 3);
     assert!(DnDifference::between(&cpu, &gpu).within(SHARE), "they agree to begin with");
-    let [_, seed] = both(&device, &scene, &stars, &detector(scene.size, 2.0, 12), 3);
+    let [_, seed] = both(&device, &scene, &stars, &mut detector(scene.size, 2.0, 12), 3);
     assert!(!DnDifference::between(&cpu, &seed).within(SHARE), "another seed");
-    let [_, frame] = both(&device, &scene, &stars, &detector(scene.size, 2.0, 11), 4);
+    let [_, frame] = both(&device, &scene, &stars, &mut detector(scene.size, 2.0, 11), 4);
     assert!(!DnDifference::between(&cpu, &frame).within(SHARE), "another frame");
     let mut pixel = gpu.clone();
     pixel.pixels_mut()[4321] ^= 2;

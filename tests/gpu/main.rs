@@ -13,5 +13,6 @@ mod detector;
 mod device;
 mod drawing;
 mod overflow;
+mod passes;
 mod repeat;
 mod scene;

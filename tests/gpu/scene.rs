@@ -7,7 +7,7 @@ use starloop::base::axes::Rotation;
 use starloop::base::image::{DnImage, Image};
 use starloop::base::random::philox;
 use starloop::base::time::{Span, Tai};
-use starloop::detector::{Detector, DetectorParams, PoissonMethod};
+use starloop::detector::{Detector, DetectorParams};
 use starloop::exposure::cost::CostModel;
 use starloop::exposure::{
     ExposurePlan, Instrument, PixelPath, PixelPoint, Planner, PsfSampling, Shutter, Source, SourcePlace,
@@ -226,7 +226,7 @@ pub fn detector([width, height]: [usize; 2], gain_e_per_dn: f64, seed: u64) -> D
         dark_e_per_s: 30.0,
         prnu: 0.01,
         dsnu_e_rms: 2.0,
-        poisson: PoissonMethod::Auto,
+        ..DetectorParams::QUIET
     };
     Detector::new(params, width, height, seed)
 }

@@ -8,7 +8,7 @@ use starloop::base::accuracy::AccuracyBudget;
 use starloop::base::axes::sensor_from_ra_dec_roll;
 use starloop::base::image::DnImage;
 use starloop::base::time::{Span, Tai};
-use starloop::detector::{DetectorParams, PoissonMethod};
+use starloop::detector::DetectorParams;
 use starloop::exposure::{Instrument, MethodChoice, Planner};
 use starloop::exposure::{PsfSampling, Shutter};
 use starloop::gpu::Electrons;
@@ -69,7 +69,7 @@ fn camera() -> CameraParams {
             dark_e_per_s: 50.0,
             prnu: 0.0,
             dsnu_e_rms: 0.0,
-            poisson: PoissonMethod::Auto,
+            ..DetectorParams::QUIET
         },
         limiting_mag: 6.0, // few neighbours, so that many stars stand alone
         exposure_s: 0.1,

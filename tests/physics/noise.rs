@@ -23,17 +23,7 @@ const SEED: u64 = 20_240_601;
 
 /// Nothing but shot noise, one electron per DN.
 pub(crate) fn shot_only() -> DetectorParams {
-    DetectorParams {
-        full_well_e: 1e7,
-        gain_e_per_dn: 1.0,
-        bits: 16,
-        black_level_dn: 0.0,
-        read_noise_e_rms: 0.0,
-        dark_e_per_s: 0.0,
-        prnu: 0.0,
-        dsnu_e_rms: 0.0,
-        poisson: PoissonMethod::Auto,
-    }
+    DetectorParams::QUIET
 }
 
 fn flat(electrons: f64) -> ElectronImage {
@@ -47,7 +37,7 @@ fn detector(params: DetectorParams) -> Detector {
     Detector::new(params, SIZE, SIZE, SEED)
 }
 
-fn read_out(detector: &Detector, mean: &ElectronImage, frame: u32) -> DnImage {
+fn read_out(detector: &mut Detector, mean: &ElectronImage, frame: u32) -> DnImage {
     let mut dn = DnImage::new(SIZE, SIZE);
     detector.collect(mean, frame, EXPOSURE_S, &mut dn);
     dn
@@ -55,8 +45,9 @@ fn read_out(detector: &Detector, mean: &ElectronImage, frame: u32) -> DnImage {
 
 /// DN of a flat image over `frames` frames.
 fn values(params: DetectorParams, electrons: f64, frames: u32) -> Vec<f64> {
-    let (detector, mean) = (detector(params), flat(electrons));
-    let frame = |frame| read_out(&detector, &mean, frame).pixels().iter().map(|dn| f64::from(*dn)).collect::<Vec<_>>();
+    let (mut detector, mean) = (detector(params), flat(electrons));
+    let frame =
+        |frame| read_out(&mut detector, &mean, frame).pixels().iter().map(|dn| f64::from(*dn)).collect::<Vec<_>>();
     (0..frames).flat_map(frame).collect()
 }
 
@@ -193,9 +184,9 @@ fn photon_transfer_slope_is_the_reciprocal_gain() {
         // Least squares of variance on mean, each level weighted by its standard error.
         let (mut w, mut x, mut y, mut xx, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
         // A frame of its own for every level: the draws of one frame are the same at all levels.
-        let detector = detector(params);
+        let mut detector = detector(params);
         for (frame, electrons) in (0..).zip([200.0, 1000.0, 3000.0, 8000.0, 15_000.0, 25_000.0]) {
-            let dn = read_out(&detector, &flat(electrons), frame);
+            let dn = read_out(&mut detector, &flat(electrons), frame);
             let values: Vec<f64> = dn.pixels().iter().map(|dn| f64::from(*dn)).collect();
             let (mean, variance) = (mean_of(&values), central(&values, 2));
             let weight = PIXELS as f64 / (2.0 * variance * variance);
@@ -215,7 +206,7 @@ fn photon_transfer_slope_is_the_reciprocal_gain() {
 }
 
 /// Mean DN of every pixel over `frames` frames of a flat image.
-fn averaged(detector: &Detector, electrons: f64, frames: u32) -> Vec<f64> {
+fn averaged(detector: &mut Detector, electrons: f64, frames: u32) -> Vec<f64> {
     let mean = flat(electrons);
     let mut sum = vec![0.0; PIXELS];
     for frame in 0..frames {
@@ -236,13 +227,14 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
 fn fixed_patterns_have_their_size_and_stay() {
     const FRAMES: u32 = 16;
     let check = |params: DetectorParams, electrons: f64, pattern_dn: f64, temporal_dn2: f64| {
-        let detector = detector(params);
-        let pixels = averaged(&detector, electrons, FRAMES);
+        let mut detector = detector(params);
+        let pixels = averaged(&mut detector, electrons, FRAMES);
         let wanted = pattern_dn * pattern_dn + temporal_dn2 / f64::from(FRAMES);
         let errors = (central(&pixels, 2) / wanted - 1.0) / (2.0 / PIXELS as f64).sqrt();
         assert!(errors.abs() < STANDARD_ERRORS, "spread: off by {errors} standard errors");
-        let (prnu, dsnu) = detector.patterns();
-        let map: Vec<f64> = prnu.or(dsnu).expect("one is on").iter().map(|v| f64::from(*v)).collect();
+        let patterns = detector.patterns();
+        let map = patterns.prnu.as_ref().or(patterns.dsnu_e.as_ref());
+        let map: Vec<f64> = map.expect("one is on").iter().map(|v| f64::from(*v)).collect();
         let expected = pattern_dn / wanted.sqrt();
         let found = correlation(&pixels, &map);
         // Standard error of a correlation r: (1 - r^2) / sqrt n.
@@ -309,9 +301,9 @@ fn pixels_and_frames_are_independent() {
     for (what, params, electrons) in
         [("read noise", read_noise(), 0.0), ("low light", shot_only(), 8.0), ("light", shot_only(), 900.0)]
     {
-        let (detector, mean) = (detector(params), flat(electrons));
+        let (mut detector, mean) = (detector(params), flat(electrons));
         let frames: Vec<Vec<f64>> = (0..3)
-            .map(|frame| read_out(&detector, &mean, frame).pixels().iter().map(|dn| f64::from(*dn)).collect())
+            .map(|frame| read_out(&mut detector, &mean, frame).pixels().iter().map(|dn| f64::from(*dn)).collect())
             .collect();
         for lag in [1, 2, 3, SIZE - 1, SIZE, SIZE + 1] {
             for r in lagged(&frames[0], lag) {
@@ -332,11 +324,11 @@ fn a_frame_replays_alone_and_bit_for_bit() {
     let params =
         DetectorParams { prnu: 0.01, dsnu_e_rms: 2.0, read_noise_e_rms: 10.0, black_level_dn: 100.0, ..shot_only() };
     let mean = flat(300.0);
-    let running = detector(params);
-    let in_order: Vec<DnImage> = (0..8).map(|frame| read_out(&running, &mean, frame)).collect();
-    assert_eq!(read_out(&running, &mean, 7), in_order[7], "again");
-    assert_eq!(read_out(&detector(params), &mean, 7), in_order[7], "alone");
+    let mut running = detector(params);
+    let in_order: Vec<DnImage> = (0..8).map(|frame| read_out(&mut running, &mean, frame)).collect();
+    assert_eq!(read_out(&mut running, &mean, 7), in_order[7], "again");
+    assert_eq!(read_out(&mut detector(params), &mean, 7), in_order[7], "alone");
     assert_ne!(in_order[6], in_order[7], "another frame is another draw");
-    let other = Detector::new(params, SIZE, SIZE, SEED + 1);
-    assert_ne!(read_out(&other, &mean, 7), in_order[7], "another seed is another draw");
+    let mut other = Detector::new(params, SIZE, SIZE, SEED + 1);
+    assert_ne!(read_out(&mut other, &mean, 7), in_order[7], "another seed is another draw");
 }

@@ -1,4 +1,5 @@
-//! The detector on a GPU: electrons in fixed point on the device -> digital numbers on the host, in one pass.
+//! The detector on a GPU: electrons in fixed point on the device -> digital numbers on the host, in one pass;
+//! or in a pass that makes charge, the neighbour stages, and a pass that reads out.
 //!
 //! The same stages in the same order as [`crate::detector::Detector`], the same Philox words and the same steps of
 //! every elementary function, so both draw the same noise. Differences are rounding: where the mean differs by 1e-5 e-
@@ -10,30 +11,31 @@
 //! The numbers inside the shader's elementary functions are those of [`crate::detector::elementary`]; a slip in any of
 //! them shows in `tests/gpu` as a share of differing pixels far beyond the bound.
 
+pub mod neighbours;
+mod passes;
+
 use crate::base::clock::Stopwatch;
 use crate::base::image::DnImage;
-use crate::base::random::{Stage, key};
+use crate::base::random::key;
+use crate::detector::neighbours::FrameAt;
 use crate::detector::params::Constants;
-use crate::detector::poisson::INVERSION_LIMIT;
 use crate::detector::{Detector, DetectorParams, PoissonMethod};
 use crate::gpu::buffers::GrowableBuffer;
-use crate::gpu::passes::{ComputePass, WORKGROUP, grid};
 use crate::gpu::readback::ReadbackRing;
 use crate::gpu::timing::FrameTimes;
-use crate::gpu::{DeviceElectrons, GpuDevice, GpuError, shader};
+use crate::gpu::{DeviceElectrons, GpuDevice, GpuError};
 use bytemuck::{Pod, Zeroable};
+use neighbours::GpuNeighbourStage;
+use passes::{ImagePass, Maps};
 use std::sync::Arc;
 
 /// Frames in flight between device and host.
 const RING_DEPTH: usize = 1;
-/// Multipliers and key steps of Philox (see [`crate::base::random`]).
-const PHILOX: [(&str, u32); 4] =
-    [("PHILOX_M0", 0xD251_1F53), ("PHILOX_M1", 0xCD9E_8D57), ("PHILOX_W0", 0x9E37_79B9), ("PHILOX_W1", 0xBB67_AE85)];
 
-/// `Readout` of `detector.wgsl`.
+/// `Frame` of `frame.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-struct ReadoutParams {
+struct FrameUniform {
     pixels: u32,
     frame: u32,
     key: [u32; 2],
@@ -44,10 +46,24 @@ struct ReadoutParams {
     dn_per_e: f32,
     black_dn: f32,
     largest_dn: f32,
-    patterns: u32,
+    // Uniform structs are as long as a multiple of their alignment, 8 bytes.
     stray_light_e: f32,
-    /// Uniform structs are as long as a multiple of their alignment.
-    unused: u32,
+}
+
+/// The passes of a frame.
+#[derive(Debug)]
+enum Passes {
+    /// All stages in one.
+    One(ImagePass),
+    /// With a charge image between them.
+    Apart { charge: ImagePass, charge_e: GrowableBuffer, neighbours: Neighbours, readout: ImagePass },
+}
+
+/// The stages between the passes, and the buffer they leave the charge in.
+#[derive(Debug)]
+struct Neighbours {
+    stages: Vec<Box<dyn GpuNeighbourStage>>,
+    charge_out: wgpu::Buffer,
 }
 
 /// A detector whose stages run on the device.
@@ -57,23 +73,20 @@ pub struct GpuDetector {
     model: DetectorParams,
     seed: u64,
     stray_light_e: f32,
-    patterns: u32,
     size: [usize; 2],
-    pass: ComputePass,
+    passes: Passes,
     params: GrowableBuffer,
-    prnu: GrowableBuffer,
-    dsnu_e: GrowableBuffer,
+    maps: Maps,
     dn: GrowableBuffer,
     readback: ReadbackRing,
-    bound: Option<(wgpu::Buffer, wgpu::BindGroup)>,
     times: FrameTimes,
 }
 
 impl GpuDetector {
-    /// `detector` on the device: its parameters, seed and fixed patterns, for images of this size.
+    /// `detector` on the device: its parameters, seed, fixed patterns and neighbour stages, for images of this size.
     ///
     /// # Errors
-    /// When the device refuses the shader or an image of this size, or the Poisson method is not `auto`.
+    /// When the device refuses a shader or an image of this size, or the Poisson method is not `auto`.
     pub fn new(gpu: Arc<GpuDevice>, detector: &Detector, width_px: usize, height_px: usize) -> Result<Self, GpuError> {
         let poisson = detector.params().poisson;
         if poisson != PoissonMethod::Auto {
@@ -81,24 +94,17 @@ impl GpuDetector {
             return Err(GpuError::CpuOnly { what: "Poisson method", got: poisson.to_string(), wanted });
         }
         let pairs = (width_px * height_px).div_ceil(2) as u64;
-        let (prnu, dsnu_e) = detector.patterns();
-        let patterns = u32::from(prnu.is_some()) | u32::from(dsnu_e.is_some()) << 1;
-        let prnu = pattern(&gpu, "PRNU map", prnu)?;
-        let dsnu_e = pattern(&gpu, "DSNU map", dsnu_e)?;
         Ok(Self {
-            pass: ComputePass::new(&gpu, "detector", wgsl())?,
-            params: GrowableBuffer::uniform(&gpu, "detector parameters", size_of::<ReadoutParams>() as u64)?,
-            prnu,
-            dsnu_e,
+            passes: Passes::new(&gpu, detector, [width_px, height_px])?,
+            params: GrowableBuffer::uniform(&gpu, "detector parameters", size_of::<FrameUniform>() as u64)?,
+            maps: Maps::new(&gpu, detector)?,
             dn: GrowableBuffer::storage(&gpu, "digital numbers", 4 * pairs)?,
             readback: ReadbackRing::new(&gpu, RING_DEPTH, 4 * pairs)?,
-            bound: None,
             times: FrameTimes::default(),
             size: [width_px, height_px],
             model: *detector.params(),
             seed: detector.seed(),
             stray_light_e: 0.0,
-            patterns,
             gpu,
         })
     }
@@ -150,10 +156,11 @@ impl GpuDetector {
     fn submit(&mut self, electrons: &DeviceElectrons, frame: u32, exposure_s: f64) -> Result<(), GpuError> {
         let constants = Constants::new(&self.model, exposure_s, self.stray_light_e);
         let pixels = (self.size[0] * self.size[1]) as u32;
-        let params = ReadoutParams {
+        let at = FrameAt { frame, exposure_s, key: key(self.seed) };
+        let uniform = FrameUniform {
             pixels,
             frame,
-            key: key(self.seed),
+            key: at.key,
             electrons_per_unit: 1.0 / electrons.scale(),
             dark_e: constants.dark_e,
             full_well_e: constants.full_well_e,
@@ -161,46 +168,57 @@ impl GpuDetector {
             dn_per_e: constants.dn_per_e,
             black_dn: constants.black_dn + 0.5,
             largest_dn: constants.largest_dn,
-            patterns: self.patterns,
             stray_light_e: constants.stray_light_e,
-            unused: 0,
         };
-        self.params.write(&self.gpu, &[params])?;
-        let group = self.bind(electrons);
+        self.params.write(&self.gpu, &[uniform])?;
         let mut encoder = self.gpu.encoder("read out");
-        self.pass.record(&mut encoder, &group, grid(pixels.div_ceil(2)));
+        let buffers = [self.params.buffer(), electrons.buffer(), self.dn.buffer()];
+        self.passes.record(&self.gpu, &mut encoder, &self.maps, buffers, pixels, &at)?;
         if !self.readback.record(&mut encoder, self.dn.buffer()) {
             return Err(GpuError::Failed("an earlier frame was never read back".into()));
         }
         self.gpu.submit(encoder)
     }
+}
 
-    /// The bind group for this image; made anew only for another image.
-    fn bind(&mut self, electrons: &DeviceElectrons) -> wgpu::BindGroup {
-        let fresh = self.bound.as_ref().filter(|(buffer, _)| buffer == electrons.buffer());
-        if let Some((_, group)) = fresh {
-            return group.clone();
+impl Passes {
+    fn new(gpu: &GpuDevice, detector: &Detector, size: [usize; 2]) -> Result<Self, GpuError> {
+        if detector.is_one_pass() {
+            return Ok(Self::One(ImagePass::all(gpu, detector)?));
         }
-        let buffers =
-            [self.params.buffer(), electrons.buffer(), self.prnu.buffer(), self.dsnu_e.buffer(), self.dn.buffer()];
-        let group = self.pass.bind(&self.gpu, buffers.map(wgpu::Buffer::as_entire_binding));
-        self.bound = Some((electrons.buffer().clone(), group.clone()));
-        group
+        let pairs = (size[0] * size[1]).div_ceil(2) as u64;
+        let charge_e = GrowableBuffer::storage(gpu, "charge", 8 * pairs)?;
+        let (stages, charge_out) = neighbours::stages(gpu, detector, size, charge_e.buffer())?;
+        Ok(Self::Apart {
+            charge: ImagePass::charge(gpu, detector)?,
+            charge_e,
+            neighbours: Neighbours { stages, charge_out },
+            readout: ImagePass::readout(gpu, detector)?,
+        })
     }
-}
 
-/// A fixed pattern on the device; a stub when it is off.
-fn pattern(gpu: &GpuDevice, what: &'static str, map: Option<&[f32]>) -> Result<GrowableBuffer, GpuError> {
-    let map = map.unwrap_or_default();
-    let mut buffer = GrowableBuffer::storage(gpu, what, size_of_val(map) as u64)?;
-    buffer.write(gpu, map)?;
-    Ok(buffer)
-}
-
-fn wgsl() -> String {
-    let mut text: String = PHILOX.iter().map(|(name, value)| shader::constant_u32(name, *value)).collect();
-    text += &shader::constant_u32("WORKGROUP", WORKGROUP);
-    text += &shader::constant_u32("STAGE_TEMPORAL", Stage::Temporal as u32);
-    text += &shader::constant("INVERSION_LIMIT", INVERSION_LIMIT);
-    text + include_str!("detector.wgsl")
+    /// Records all passes from `electrons` to `dn`.
+    fn record(
+        &mut self,
+        gpu: &GpuDevice,
+        encoder: &mut wgpu::CommandEncoder,
+        maps: &Maps,
+        [frame, electrons, dn]: [&wgpu::Buffer; 3],
+        pixels: u32,
+        at: &FrameAt,
+    ) -> Result<(), GpuError> {
+        match self {
+            Self::One(pass) => pass.record(gpu, encoder, pixels, electrons, maps.for_all([frame, electrons, dn])),
+            Self::Apart { charge, charge_e, neighbours, readout } => {
+                let bindings = maps.for_charge([frame, electrons, charge_e.buffer()]);
+                charge.record(gpu, encoder, pixels, electrons, bindings);
+                for stage in &mut neighbours.stages {
+                    stage.record(gpu, encoder, at)?;
+                }
+                let charge = &neighbours.charge_out;
+                readout.record(gpu, encoder, pixels, charge, maps.for_readout([frame, charge, dn]));
+            }
+        }
+        Ok(())
+    }
 }

@@ -1,0 +1,115 @@
+//! The effects, named, in the order in which light becomes numbers; and which of them need more than one pixel.
+//!
+//! What stands before the neighbour stages makes charge, what stands after them reads it out. When no neighbour stage
+//! is on, all runs in one pass, block by block. Random words are counted by (frame, pixel, stage), not by pass: both
+//! forms draw the same numbers (`detector::cpu`'s tests, `tests/gpu/passes.rs`).
+
+/// The stages, named.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Effect {
+    /// Stray light and background: mean electrons more in every pixel.
+    Background,
+    /// Photo-response non-uniformity: mean electrons times `1 + prnu`.
+    PhotoResponse,
+    /// Dark signal: plus dark current times exposure.
+    Dark,
+    /// Pixels with a dark signal or a response of their own.
+    Defects,
+    /// Shot noise of light and dark signal together.
+    Shot,
+    /// Charge that particles leave.
+    ProtonTracks,
+    /// Charge that an earlier frame left.
+    ImageLag,
+    /// Saturation of the pixel; what is too much is lost, or blooms.
+    FullWell,
+    /// Charge that a transfer leaves behind.
+    ChargeTransfer,
+    /// Sums of pixels, and of stages of time-delayed integration.
+    Binning,
+    /// Response of the output to charge.
+    Nonlinearity,
+    /// Gain and offset of every column, offset of every row: fixed patterns.
+    LinePattern,
+    /// Dark-signal non-uniformity: a fixed offset per pixel.
+    Offset,
+    /// Noise that a row shares.
+    RowNoise,
+    /// Read noise and amplifier noise.
+    ReadNoise,
+    /// Gain, black level, rounding, clipping.
+    Adc,
+    /// Pixels, columns and rows whose number never changes.
+    Stuck,
+    /// The part of the image that is put out.
+    Window,
+}
+
+/// The order in which light becomes numbers: the same on every backend.
+pub const ORDER: [Effect; 18] = [
+    Effect::Background,
+    Effect::PhotoResponse,
+    Effect::Dark,
+    Effect::Defects,
+    Effect::Shot,
+    Effect::ProtonTracks,
+    Effect::ImageLag,
+    Effect::FullWell,
+    Effect::ChargeTransfer,
+    Effect::Binning,
+    Effect::Nonlinearity,
+    Effect::LinePattern,
+    Effect::Offset,
+    Effect::RowNoise,
+    Effect::ReadNoise,
+    Effect::Adc,
+    Effect::Stuck,
+    Effect::Window,
+];
+
+/// The three parts of [`ORDER`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Part {
+    /// Light and dark signal -> counted electrons, pixel by pixel.
+    Charge,
+    /// Electrons -> electrons, from pixel to pixel or from frame to frame.
+    Neighbours,
+    /// Electrons -> digital numbers, pixel by pixel.
+    Readout,
+}
+
+impl Effect {
+    /// The part of the chain that it belongs to.
+    #[must_use]
+    pub const fn part(self) -> Part {
+        match self {
+            Self::Background | Self::PhotoResponse | Self::Dark | Self::Defects | Self::Shot => Part::Charge,
+            Self::ProtonTracks | Self::ImageLag | Self::FullWell | Self::ChargeTransfer | Self::Binning => {
+                Part::Neighbours
+            }
+            _ => Part::Readout,
+        }
+    }
+}
+
+/// The effects of one part, in order.
+#[must_use]
+pub fn effects_of(part: Part) -> &'static [Effect] {
+    let start = ORDER.iter().position(|effect| effect.part() == part).unwrap_or(ORDER.len());
+    let length = ORDER.iter().filter(|effect| effect.part() == part).count();
+    ORDER.get(start..start + length).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_follow_one_another_and_hold_all_effects() {
+        assert!(ORDER.is_sorted_by_key(|effect| effect.part()), "charge, neighbours, readout");
+        let parts = [Part::Charge, Part::Neighbours, Part::Readout].map(effects_of);
+        assert_eq!(parts.concat(), ORDER);
+        assert_eq!(parts[0].last(), Some(&Effect::Shot));
+        assert_eq!(parts[2].first(), Some(&Effect::Nonlinearity));
+    }
+}

@@ -1,0 +1,62 @@
+// Mean electrons -> counted electrons: the stages of `ORDER` before the neighbours.
+// Every function takes the same steps as its namesake in Rust.
+
+// Poisson counts below the limit, by inversion of the distribution function, four steps between looks.
+fn invert(mean: vec2<f32>, words: vec2<u32>) -> vec2<f32> {
+    let u = unit(words);
+    var term = exp_negative(mean);
+    var sum = term;
+    var count = vec2<f32>(0.0);
+    // A sum that no longer grows has ended; once ended it stays so, and its terms go to zero before they are denormal.
+    var on = u >= sum;
+    for (var step = 0.0; any(on) && step < 64.0; step += 4.0) {
+        // Four steps, written out: nothing unrolls a loop whose bounds are checked at run time.
+        count += select(vec2<f32>(0.0), vec2<f32>(1.0), on);
+        term = select(vec2<f32>(0.0), term * (mean * (1.0 / (step + 1.0))), on);
+        let sum1 = sum + term;
+        on = (u >= sum1) & (sum1 > sum);
+        count += select(vec2<f32>(0.0), vec2<f32>(1.0), on);
+        term = select(vec2<f32>(0.0), term * (mean * (1.0 / (step + 2.0))), on);
+        let sum2 = sum1 + term;
+        on = (u >= sum2) & (sum2 > sum1);
+        count += select(vec2<f32>(0.0), vec2<f32>(1.0), on);
+        term = select(vec2<f32>(0.0), term * (mean * (1.0 / (step + 3.0))), on);
+        let sum3 = sum2 + term;
+        on = (u >= sum3) & (sum3 > sum2);
+        count += select(vec2<f32>(0.0), vec2<f32>(1.0), on);
+        term = select(vec2<f32>(0.0), term * (mean * (1.0 / (step + 4.0))), on);
+        sum = sum3 + term;
+        on = (u >= sum) & (sum > sum3);
+    }
+    return count;
+}
+
+// Poisson counts above the limit, by Cornish and Fisher's expansion.
+fn cornish_fisher(mean_e: vec2<f32>, words: vec2<u32>) -> vec2<f32> {
+    let mean = max(mean_e, vec2<f32>(1.0));
+    let z = normal_quantile(open_unit(words));
+    let s = sqrt(mean - 1.0 / 12.0);
+    let skew = (z * z - 1.0) * (1.0 / 6.0);
+    let tail = (z - z * z * z) / (72.0 * s);
+    return max(floor(fma(s, z, mean) + skew + tail + 0.5), vec2<f32>(0.0));
+}
+
+fn shot(mean_e: vec2<f32>, words: vec2<u32>) -> vec2<f32> {
+    let mean = max(mean_e, vec2<f32>(0.0));
+    let bright = mean >= vec2<f32>(INVERSION_LIMIT);
+    var counts = invert(select(mean, vec2<f32>(0.0), bright), words);
+    if (any(bright)) {
+        counts = select(counts, cornish_fisher(mean, words), bright);
+    }
+    return counts;
+}
+
+fn charge(pair: u32, mean_e: vec2<f32>, words: vec2<u32>) -> vec2<f32> {
+    var e = mean_e;
+    e += frame.stray_light_e;
+    if (PRNU) {
+        e += e * prnu[pair];
+    }
+    e += frame.dark_e;
+    return shot(e, words);
+}

@@ -1,0 +1,27 @@
+// What every pass reads: `FrameUniform` of `mod.rs`. One invocation serves two pixels (they share one Philox block).
+
+struct Frame {
+    pixels: u32,
+    frame: u32,
+    key: vec2<u32>,
+    electrons_per_unit: f32,
+    dark_e: f32,
+    full_well_e: f32,
+    read_noise_e: f32,
+    dn_per_e: f32,
+    // Black level plus the half that makes a floor round.
+    black_dn: f32,
+    largest_dn: f32,
+    stray_light_e: f32,
+}
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+
+// The pair of pixels of this invocation; may pass the end.
+fn pair_of(group: vec3<u32>, groups: vec3<u32>, local: u32) -> u32 {
+    return (group.y * groups.x + group.x) * WORKGROUP + local;
+}
+
+fn temporal_words(pair: u32) -> vec4<u32> {
+    return philox(vec4<u32>(pair, frame.frame, STAGE_TEMPORAL, 0u), frame.key);
+}

@@ -1,0 +1,61 @@
+//! Stages that need more than one pixel or an earlier frame: charge image -> charge image, between shot noise and
+//! readout. The list is empty when none is on; the detector then runs in one pass and keeps no charge image.
+//!
+//! A stage is an object: what it keeps from frame to frame and its working memory are its own, made in
+//! [`stages`], never in a frame. [`crate::detector::gpu::neighbours`] has the same list on a device.
+
+use crate::base::image::Image;
+use crate::detector::{DetectorParams, Effect, full_well};
+use core::fmt::Debug;
+
+/// Which frame the charge belongs to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameAt {
+    /// Number of the frame: random words are counted by it.
+    pub frame: u32,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Key of the seed.
+    pub key: [u32; 2],
+}
+
+/// One stage.
+pub trait NeighbourStage: Debug + Send + Sync {
+    /// Which effect it is: stages run in the order of [`crate::detector::ORDER`].
+    fn effect(&self) -> Effect;
+
+    /// Changes the charge, e- per pixel, and returns the image that the next stage goes on with: the same one, or one
+    /// of the stage's own where the size changes.
+    fn apply<'a>(&'a mut self, charge: &'a mut Image<f32>, at: &FrameAt) -> &'a mut Image<f32>;
+}
+
+/// The stages that are on, in order; with `keep_charge` at least the full well, so that there is a charge image.
+#[must_use]
+pub fn stages(params: &DetectorParams, size_px: [usize; 2], keep_charge: bool) -> Vec<Box<dyn NeighbourStage>> {
+    // Stages that are on are pushed here by their constructors, whichever order they come in.
+    let mut stages: Vec<Box<dyn NeighbourStage>> = Vec::new();
+    let _ = size_px;
+    if keep_charge || !stages.is_empty() {
+        // In one pass the full well is clipped block by block; here it must stand between its neighbours.
+        stages.push(Box::new(ClipFullWell { full_well_e: full_well::limit_e(params) }));
+    }
+    stages.sort_by_key(|stage| crate::detector::ORDER.iter().position(|effect| *effect == stage.effect()));
+    stages
+}
+
+/// [`full_well::clip`] on a charge image.
+#[derive(Debug)]
+struct ClipFullWell {
+    full_well_e: f32,
+}
+
+impl NeighbourStage for ClipFullWell {
+    fn effect(&self) -> Effect {
+        Effect::FullWell
+    }
+
+    fn apply<'a>(&'a mut self, charge: &'a mut Image<f32>, _at: &FrameAt) -> &'a mut Image<f32> {
+        full_well::clip(charge.pixels_mut(), self.full_well_e);
+        charge
+    }
+}

@@ -1,0 +1,126 @@
+//! The pixel-local stages over blocks of pixels while they are in the first-level cache, compiled once per vector level.
+//!
+//! One pass may run all of [`ORDER`](crate::detector::ORDER), or the stages before or after the neighbours alone.
+
+use crate::detector::block::{BLOCK, Words};
+use crate::detector::params::Constants;
+use crate::detector::pattern::Patterns;
+use crate::detector::poisson::{BlockPlace, draw_by};
+use crate::detector::{Effect, PoissonMethod, adc, full_well, read_noise};
+use pulp::{Arch, NullaryFnOnce};
+use rayon::prelude::*;
+
+/// Blocks one thread takes at a time.
+const BLOCKS_PER_TASK: usize = 64;
+
+/// Everything the stages of one frame read.
+pub(super) struct Stages<'a> {
+    pub(super) constants: Constants,
+    pub(super) key: [u32; 2],
+    pub(super) frame: u32,
+    pub(super) poisson: PoissonMethod,
+    pub(super) patterns: &'a Patterns,
+}
+
+/// How a pass gets a block's electrons from its input, and what it puts out.
+pub(super) trait Ends: Copy + Sync {
+    /// Pixel of the input.
+    type In: Copy + Sync;
+    /// Pixel of the output.
+    type Out: Send;
+    /// Input -> the block's electrons.
+    fn load(from: &[Self::In], electrons: &mut [f32; BLOCK]);
+    /// The block's electrons and digital numbers -> output.
+    fn store(electrons: &[f32; BLOCK], dn: &[u16; BLOCK], to: &mut [Self::Out]);
+}
+
+impl Stages<'_> {
+    /// Runs `effects` over all pixels, on all threads.
+    pub(super) fn run<E: Ends>(&self, _: E, arch: Arch, effects: &[Effect], from: &[E::In], to: &mut [E::Out]) {
+        let task = BLOCK * BLOCKS_PER_TASK;
+        to.par_chunks_mut(task).zip(from.par_chunks(task)).enumerate().for_each(|(i, (to, from))| {
+            let fused = !matches!(arch, Arch::Scalar);
+            arch.dispatch(Task::<E> { stages: self, effects, first: i * task, from, to, fused });
+        });
+    }
+
+    #[inline(always)]
+    pub(super) fn run_task<const FUSED: bool, E: Ends>(
+        &self,
+        effects: &[Effect],
+        first: usize,
+        from: &[E::In],
+        to: &mut [E::Out],
+    ) {
+        let mut electrons = [0.0_f32; BLOCK];
+        let mut dn = [0_u16; BLOCK];
+        let mut words = Words::new();
+        for (b, (from, to)) in from.chunks(BLOCK).zip(to.chunks_mut(BLOCK)).enumerate() {
+            let first = first + b * BLOCK;
+            E::load(from, &mut electrons);
+            words.draw(first as u32, self.frame, self.key);
+            for effect in effects {
+                self.apply::<FUSED>(*effect, first, &mut electrons, &words, &mut dn);
+            }
+            E::store(&electrons, &dn, to);
+        }
+    }
+
+    #[inline(always)]
+    fn apply<const FUSED: bool>(
+        &self,
+        effect: Effect,
+        first: usize,
+        electrons: &mut [f32; BLOCK],
+        words: &Words,
+        dn: &mut [u16; BLOCK],
+    ) {
+        let c = &self.constants;
+        match effect {
+            Effect::Background if c.stray_light_e > 0.0 => electrons.iter_mut().for_each(|e| *e += c.stray_light_e),
+            Effect::PhotoResponse => {
+                if let Some(map) = &self.patterns.prnu {
+                    electrons.iter_mut().zip(&map[first..]).for_each(|(e, prnu)| *e += *e * prnu);
+                }
+            }
+            Effect::Dark => electrons.iter_mut().for_each(|e| *e += c.dark_e),
+            Effect::Shot => {
+                let place = BlockPlace { first_pixel: first as u32, frame: self.frame, key: self.key };
+                draw_by::<FUSED>(self.poisson, electrons, &words.shot, place);
+            }
+            Effect::FullWell => full_well::clip(electrons, c.full_well_e),
+            Effect::Offset => {
+                if let Some(map) = &self.patterns.dsnu_e {
+                    electrons.iter_mut().zip(&map[first..]).for_each(|(e, offset)| *e += offset);
+                }
+            }
+            Effect::ReadNoise if c.read_noise_e > 0.0 => read_noise::add::<FUSED>(electrons, words, c.read_noise_e),
+            Effect::Adc => adc::convert::<FUSED>(electrons, c, dn),
+            // Off, or stages of the neighbours' part, which run over whole images.
+            _ => {}
+        }
+    }
+}
+
+/// One task's work, in the shape `pulp` compiles once per vector level.
+struct Task<'a, E: Ends> {
+    stages: &'a Stages<'a>,
+    effects: &'a [Effect],
+    first: usize,
+    from: &'a [E::In],
+    to: &'a mut [E::Out],
+    fused: bool,
+}
+
+impl<E: Ends> NullaryFnOnce for Task<'_, E> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let Self { stages, effects, first, from, to, fused } = self;
+        if fused {
+            stages.run_task::<true, E>(effects, first, from, to);
+        } else {
+            stages.run_task::<false, E>(effects, first, from, to);
+        }
+    }
+}
