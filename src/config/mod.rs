@@ -19,6 +19,8 @@ mod detector;
 mod document;
 mod error;
 mod event;
+mod event_reader;
+mod event_word;
 mod expect;
 mod flight_computer;
 mod link;

@@ -19,6 +19,7 @@ pub struct Detector {
     params: DetectorParams,
     seed: u64,
     stray_light_e: f32,
+    dark_factor: f64,
     patterns: Patterns,
     neighbours: Vec<Box<dyn NeighbourStage>>,
     keeps_charge: bool,
@@ -37,6 +38,7 @@ impl Detector {
             params,
             seed,
             stray_light_e: 0.0,
+            dark_factor: 1.0,
             patterns: Patterns::draw(&params, width_px * height_px, seed),
             neighbours: Vec::new(),
             keeps_charge: false,
@@ -69,6 +71,11 @@ impl Detector {
     /// Stray light of the frames from here on: mean electrons more in every pixel.
     pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
         self.stray_light_e = stray_light_e;
+    }
+
+    /// How many times larger than the parameters' the dark current of the frames from here on is.
+    pub fn set_dark_factor(&mut self, factor: f64) {
+        self.dark_factor = factor;
     }
 
     /// Seed.
@@ -114,7 +121,7 @@ impl Detector {
     fn collect_from<T: Mean>(&mut self, mean: &Image<T>, frame: u32, exposure_s: f64, out: &mut DnImage) {
         let key = key(self.seed);
         let stages = Stages {
-            constants: Constants::new(&self.params, exposure_s, self.stray_light_e),
+            constants: Constants::new(&self.params, exposure_s, self.stray_light_e).warmed(self.dark_factor),
             key,
             frame,
             poisson: self.params.poisson,

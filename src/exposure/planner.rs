@@ -165,6 +165,11 @@ impl Planner {
         self.targets.set(targets);
     }
 
+    /// Share of the targets' light that comes through, from the next plan on.
+    pub fn set_target_light(&mut self, share: f64) {
+        self.targets.light_share = share;
+    }
+
     /// The motion of the next exposure, to be filled in before [`Self::plan`].
     pub fn motion_mut(&mut self) -> &mut Motion {
         &mut self.plan.motion

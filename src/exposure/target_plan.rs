@@ -66,13 +66,15 @@ pub(super) struct TargetPlanner {
     nodes: Vec<PlannedStar>,
     planned: Vec<PlannedTarget>,
     corners: Vec<f64>,
+    /// Share of their light that comes through.
+    pub(super) light_share: f64,
 }
 
 impl TargetPlanner {
     /// No targets.
     pub(super) fn new() -> Self {
         let (nodes, planned) = (Vec::new(), Vec::new());
-        Self { targets: Vec::new(), rules: Vec::new(), nodes, planned, corners: Vec::new() }
+        Self { targets: Vec::new(), rules: Vec::new(), nodes, planned, corners: Vec::new(), light_share: 1.0 }
     }
 
     /// From here on these targets; everything is allocated now.
@@ -97,13 +99,14 @@ impl TargetPlanner {
     pub(super) fn place(&mut self, plan: &ExposurePlan) {
         self.nodes.clear();
         self.planned.clear();
-        let Self { targets, rules, nodes, planned, corners } = self;
+        let Self { targets, rules, nodes, planned, corners, light_share } = self;
         if targets.is_empty() {
             return;
         }
         fill_corners(&plan.motion, corners);
         for target in targets {
-            planned.extend(place(target, plan, rules, corners, nodes));
+            let target = Target { e_per_s: target.e_per_s * *light_share, ..*target };
+            planned.extend(place(&target, plan, rules, corners, nodes));
         }
     }
 

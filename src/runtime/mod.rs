@@ -5,10 +5,12 @@
 //! Nothing here parses, formats or draws.
 
 pub mod calibrate;
+pub mod conditions;
 pub mod cost_cache;
 pub mod delivery;
 pub mod engine;
 pub mod error;
+mod frame_damage;
 pub mod frame_faults;
 pub mod hygiene;
 pub mod imager;

@@ -204,7 +204,8 @@ impl VirtualLoop {
         self.slots[i] += 1;
         self.record.frames.scheduled += 1;
         let mut frame = self.take_buffer(head.engine);
-        let fate = head.faults.as_mut().map_or(Fate::SEND, |faults| faults.begin(slot.release, head.engine));
+        let ledger = &mut self.record.ledger;
+        let fate = head.faults.as_mut().map_or(Fate::SEND, |faults| faults.begin(slot, head.engine, ledger));
         let mut watch = Stopwatch::start();
         let exposed = head.engine.expose(slot, head.receiver, &mut self.record.ledger, &mut frame);
         if let (Err(RunError::AttitudeStopped { .. }), 0) = (&exposed, i) {

@@ -2,6 +2,7 @@
 
 use crate::base::image::DnImage;
 use crate::base::time::{Span, Tai};
+use crate::sink::active_fault::ActiveFaults;
 use crate::sink::faults::FaultFlags;
 use std::sync::Arc;
 
@@ -145,6 +146,8 @@ pub struct FrameMeta {
     pub origin: &'static str,
     /// Commanded faults active in this frame.
     pub faults: FaultFlags,
+    /// Faults of frames and of the imaging chain, one by one.
+    pub active: ActiveFaults,
     /// Camera name.
     pub camera: Arc<str>,
     /// Detector gain, e-/DN.
@@ -177,6 +180,7 @@ impl FrameMeta {
             left_out_e: 0.0,
             origin: "none",
             faults: FaultFlags::NONE,
+            active: ActiveFaults::NONE,
             camera,
             gain_e_per_dn: 1.0,
             black_level_dn: 0.0,
@@ -193,6 +197,7 @@ impl FrameMeta {
 /// A small frame with something in every field.
 #[cfg(test)]
 pub(crate) fn sample_frame(number: u32) -> SentFrame {
+    use crate::sink::active_fault::{ActiveFault, Amount};
     let mut frame = SentFrame::with_capacity(31, 17, 4, "test camera, \"A\"".into());
     for (i, pixel) in frame.image.pixels_mut().iter_mut().enumerate() {
         *pixel = (i as u16).wrapping_mul(2_477).wrapping_add(number as u16);
@@ -221,6 +226,8 @@ pub(crate) fn sample_frame(number: u32) -> SentFrame {
     (frame.meta.backend, frame.meta.method, frame.meta.origin) = ("cpu", "kernel", "predicted");
     (frame.meta.rung, frame.meta.left_out_stars, frame.meta.left_out_e) = ("budget-x3", 17, 12.25);
     frame.meta.faults = FaultFlags::HOT_PIXELS | FaultFlags::LINK_DROP;
+    let amount = Amount { value: 31.25, unit: "e-/s" };
+    frame.meta.active.push(ActiveFault { name: "hot_pixels", number: 3, amount });
     (frame.meta.gain_e_per_dn, frame.meta.black_level_dn) = (2.5, 64.0);
     frame
 }

@@ -73,6 +73,7 @@ pub struct GpuDetector {
     model: DetectorParams,
     seed: u64,
     stray_light_e: f32,
+    dark_factor: f64,
     size: [usize; 2],
     passes: Passes,
     params: GrowableBuffer,
@@ -105,6 +106,7 @@ impl GpuDetector {
             model: *detector.params(),
             seed: detector.seed(),
             stray_light_e: 0.0,
+            dark_factor: 1.0,
             gpu,
         })
     }
@@ -112,6 +114,11 @@ impl GpuDetector {
     /// Stray light of the frames from here on: mean electrons more in every pixel.
     pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
         self.stray_light_e = stray_light_e;
+    }
+
+    /// How many times larger than the parameters' the dark current of the frames from here on is.
+    pub fn set_dark_factor(&mut self, factor: f64) {
+        self.dark_factor = factor;
     }
 
     /// Wall time of the latest frame.
@@ -154,7 +161,7 @@ impl GpuDetector {
 
     #[allow(clippy::cast_possible_truncation, reason = "images hold fewer than 2^32 pixels")]
     fn submit(&mut self, electrons: &DeviceElectrons, frame: u32, exposure_s: f64) -> Result<(), GpuError> {
-        let constants = Constants::new(&self.model, exposure_s, self.stray_light_e);
+        let constants = Constants::new(&self.model, exposure_s, self.stray_light_e).warmed(self.dark_factor);
         let pixels = (self.size[0] * self.size[1]) as u32;
         let at = FrameAt { frame, exposure_s, key: key(self.seed) };
         let uniform = FrameUniform {
