@@ -62,8 +62,9 @@ fn write_events(text: &mut String, events: &[Event]) -> Result<(), Error> {
     }
     writeln!(text, "  events        at s    for s  do")?;
     for event in events {
-        let line = format!("{:<15} {}", action_name(&event.action), told(&event.action));
-        writeln!(text, "            {:9.1} {:9.1}  {}", event.at.s(), event.lasts.s(), line.trim_end())?;
+        let line = format!("{:<20} {}", action_name(&event.action), told(&event.action));
+        let after = event.on_trigger.map_or_else(String::new, |number| format!(", after trigger {number}"));
+        writeln!(text, "            {:9.1} {:9.1}  {}{after}", event.at.s(), event.lasts.s(), line.trim_end())?;
     }
     Ok(())
 }
@@ -92,12 +93,18 @@ fn told(action: &Action) -> String {
             LinkFault::ClockDrift { ppm } => format!("{ppm} ppm"),
             LinkFault::Silence | LinkFault::Off => String::new(),
         },
-        Action::Frame { head, fault: FrameFault::Late(by) } => format!("{} ms, {}", by.s() * 1e3, of_head(*head)),
-        Action::Frame { head, fault: FrameFault::StrayLight { e_per_s } } => {
-            format!("{e_per_s} e-/s, {}", of_head(*head))
+        Action::Frame {
+            head,
+            fault: FrameFault::Drop | FrameFault::Duplicate | FrameFault::Torn | FrameFault::Blank,
         }
-        Action::Frame { head, .. } | Action::TrackerOff { head } => of_head(*head),
+        | Action::TrackerOff { head } => of_head(*head),
+        Action::Frame { head, fault } => {
+            let (begin, end) = (fault.amount(0.0), fault.amount(1.0));
+            let to = if begin == end { String::new() } else { format!(" to {}", end.value) };
+            format!("{}{to} {}, {}", begin.value, begin.unit, of_head(*head))
+        }
         Action::Gyro(GyroFaultKind::BiasJump(by) | GyroFaultKind::Spike(by)) => rate(*by),
+        Action::Trigger { number } => format!("trigger {number}"),
         Action::WheelFailure { wheel } => format!("wheel {wheel}"),
         Action::Safe | Action::Resume | Action::Gyro(GyroFaultKind::Dropout | GyroFaultKind::Stuck) => String::new(),
     }

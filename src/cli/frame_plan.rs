@@ -36,7 +36,8 @@ impl<'a> FramePlans<'a> {
     pub(super) fn planner(&self, cost: CostModel, limit_ms: Option<f64>) -> Planner {
         let RunParams { camera, budget, method, .. } = self.params;
         let los = LosPath::commanded(Rotation::IDENTITY, self.params.first_exposure, camera.exposure_s);
-        let planner = Planner::new(camera.instrument(), *budget, cost, *method, los).thorough();
+        let mut planner = Planner::new(camera.instrument(), *budget, cost, *method, los).thorough();
+        planner.set_targets(self.params.targets.clone());
         match limit_ms {
             Some(limit_ms) => planner.within_ms(limit_ms),
             None => planner,

@@ -71,7 +71,7 @@ pub struct RenderArgs {
     /// Seed of fixed patterns and noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Write the truth table: id,ra_deg,dec_deg,mag,x_px,y_px,electrons
+    /// Write the truth table: id,ra_deg,dec_deg,mag,x_px,y_px,electrons,kind,smear_px,smear_deg
     #[arg(long, value_name = "FILE.csv")]
     truth: Option<PathBuf>,
     /// Print milliseconds per stage (median of several after a warm-up) as one JSON line

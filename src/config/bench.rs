@@ -15,6 +15,7 @@ use crate::config::session::{Session, SessionKeys};
 use crate::config::stages::{
     AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, Sink, SinkKeys, check_accuracy,
 };
+use crate::config::target::{Overlap, TargetKeys, TargetSettings, check_overlap, check_targets};
 use crate::config::timing::{Timing, TimingKeys};
 use serde::Deserialize;
 use std::path::Path;
@@ -31,6 +32,10 @@ pub struct Bench {
     pub name: String,
     /// The camera.
     pub camera: Camera,
+    /// Targets that move over the detector.
+    pub targets: Vec<TargetSettings>,
+    /// What is seen where they cover stars.
+    pub target_overlap: Overlap,
     /// Seed of every random number of the run.
     pub seed: u64,
     /// Frames, duration, start.
@@ -66,6 +71,8 @@ pub struct Bench {
 struct BenchKeys {
     name: Option<String>,
     camera: Option<String>,
+    target: Vec<TargetKeys>,
+    target_overlap: Option<String>,
     seed: Option<i64>,
     timing: TimingKeys,
     link: LinkKeys,
@@ -187,7 +194,17 @@ impl Bench {
         let budget = Budget::check(&keys.budget, camera.exposure.readout_s, &mut check)?;
         let render = Render::check(&keys.render, &mut check)?;
         let sink = Sink::check(&keys.sink, &name, &mut check)?;
+        let targets = check_targets(&keys.target, &mut check)?;
+        let is_given_in_vain = keys.target_overlap.is_some() && targets.is_empty();
+        check.unused("target_overlap", is_given_in_vain, "a bench with a [[target]]")?;
+        let target_overlap = if targets.is_empty() {
+            Overlap::default()
+        } else {
+            check_overlap(keys.target_overlap.as_deref(), &mut check)?
+        };
         Ok(Self {
+            targets,
+            target_overlap,
             seed: seed(keys.seed, &mut check)?,
             name,
             camera,

@@ -1,9 +1,13 @@
 //! Every word takes its own keys, asks for those it needs, and refuses all others.
 
 use super::*;
+use crate::link::tap::LinkFault;
+
+/// From one frame to the next.
+const PERIOD: Span = Span::from_ms(100);
 
 /// A value that is right for each key.
-const VALUES: [(&str, &str); 17] = [
+const VALUES: [(&str, &str); 29] = [
     ("for_s", "2.0"),
     ("ra_deg", "84.0"),
     ("dec_deg", "-1.0"),
@@ -21,6 +25,18 @@ const VALUES: [(&str, &str); 17] = [
     ("rate_deg_h", "[5.0, 0.0, 0.0]"),
     ("head", "1"),
     ("wheel", "2"),
+    ("number", "3"),
+    ("bit", "9"),
+    ("px", "[10, 20]"),
+    ("count", "5"),
+    ("from_e_per_s", "1e4"),
+    ("to_e_per_s", "1e5"),
+    ("sigma_px", "1.5"),
+    ("throughput", "0.8"),
+    ("to_throughput", "0.4"),
+    ("by_k", "10.0"),
+    ("full_wells", "2.0"),
+    ("mag", "4.5"),
 ];
 
 fn checked(word: &str, names: &[&str]) -> Result<Event, String> {
@@ -29,7 +45,7 @@ fn checked(word: &str, names: &[&str]) -> Result<Event, String> {
     let lines: String = names.iter().filter_map(line).collect();
     let document = Document::from_text(&format!("at_s = 1.0\ndo = \"{word}\"\n{lines}"), Path::new("lab/event.toml"));
     let keys: EventKeys = document.read_as().map_err(|error| error.to_string())?;
-    Event::check(&keys, 0, &mut Checker::new(&document)).map_err(|error| error.to_string())
+    Event::check(&keys, 0, PERIOD, &mut Checker::new(&document)).map_err(|error| error.to_string())
 }
 
 #[test]
@@ -79,7 +95,10 @@ fn the_list_of_keys_is_that_of_the_reader() {
     let document = Document::from_text("no_such_key = 1\n", Path::new("lab/event.toml"));
     let error = document.read_as::<EventKeys>().expect_err("unknown").to_string();
     let (_, known) = error.split_once("known here: ").expect("a list");
-    let known: Vec<&str> = known.split(", ").filter(|name| !["at_s", "do"].contains(name)).collect();
+    let known: Vec<&str> = known
+        .split(", ")
+        .filter(|name| !["at_s", "at_frame", "on_trigger", "for_frames", "do"].contains(name))
+        .collect();
     let listed: Vec<&str> = EventKeys::default().given().iter().map(|(name, _)| *name).collect();
     assert_eq!(listed, known, "a new key is refused where it does not belong");
 }
@@ -88,7 +107,7 @@ fn the_list_of_keys_is_that_of_the_reader() {
 fn help_has_a_line_for_every_word() {
     let help = Event::described_words();
     assert_eq!(help.lines().count(), ACTIONS.len());
-    assert!(help.contains("\n  bus_delay       for_s, delay_ms, [jitter_ms]\n"), "{help}");
+    assert!(help.contains("\n  bus_delay            for_s, delay_ms, [jitter_ms]\n"), "{help}");
     assert!(help.contains("\n  safe\n"), "{help}");
 }
 
@@ -97,7 +116,7 @@ fn babble_and_clocks_have_edges() {
     let event = |lines: &str| {
         let document = Document::from_text(&format!("at_s = 1.0\nfor_s = 2.0\n{lines}"), Path::new("lab/event.toml"));
         let keys: EventKeys = document.read_as().map_err(|error| error.to_string())?;
-        Event::check(&keys, 0, &mut Checker::new(&document)).map_err(|error| error.to_string())
+        Event::check(&keys, 0, PERIOD, &mut Checker::new(&document)).map_err(|error| error.to_string())
     };
     let babble = |id: &str, period_ms: &str, bytes: &str| {
         event(&format!("do = \"bus_babble\"\ncan_id = {id}\nperiod_ms = {period_ms}\nbytes = {bytes}\n"))

@@ -24,6 +24,8 @@ mod distortion;
 mod document;
 mod error;
 mod event;
+mod event_reader;
+mod event_word;
 mod expect;
 mod flight_computer;
 mod illumination;
@@ -37,6 +39,7 @@ mod session;
 mod setting;
 mod spacecraft;
 mod stages;
+mod target;
 mod timing;
 
 pub use background::{Background, Sky};
@@ -60,6 +63,7 @@ pub use session::{Session, SessionStart};
 pub use setting::Setting;
 pub use spacecraft::{Control, Spacecraft};
 pub use stages::{AttitudeSettings, Backend, Render, Sink};
+pub use target::{Overlap, TargetLight, TargetSettings};
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 
 #[cfg(test)]

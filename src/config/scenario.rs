@@ -6,7 +6,8 @@ use crate::config::bench::{Bench, quaternion};
 use crate::config::check::{Checker, Defaulted, Rule};
 use crate::config::document::Document;
 use crate::config::error::ConfigError;
-use crate::config::event::{Event, EventKeys, Pointing};
+use crate::config::event::{Event, Pointing};
+use crate::config::event_word::EventKeys;
 use crate::config::expect::{Expect, ExpectKeys};
 use crate::config::link::{Carrier, Doors};
 use crate::config::observer::Observer;
@@ -164,7 +165,7 @@ impl Scenario {
         let rows = "control steps from one row to the next";
         let telemetry_every = check.whole("telemetry.every", keys.telemetry.every, Some(1), 1..=1_000_000, rows)?;
         let tracker_stars = check.whole("tracker.stars", keys.tracker.stars, Some(40), 4..=200, "brightest first")?;
-        let events = events(&keys.event, bench.timing.duration_s, &mut check)?;
+        let events = events(&keys.event, &bench, &mut check)?;
         let expect = Expect::check(&keys.expect, bench.timing.duration_s, &mut check)?;
         Ok(Self {
             name,
@@ -214,10 +215,12 @@ fn named_bench(path: Option<&str>, check: &Checker<'_>) -> Result<Bench, ConfigE
 
 /// Events in order of time. One that comes after the end is refused, unless the file's own run lasts long enough for it:
 /// then a setting cut the run short, and the event is left out.
-fn events(keys: &[EventKeys], duration_s: f64, check: &mut Checker<'_>) -> Result<Vec<Event>, ConfigError> {
+fn events(keys: &[EventKeys], bench: &Bench, check: &mut Checker<'_>) -> Result<Vec<Event>, ConfigError> {
+    let duration_s = bench.timing.duration_s;
+    let frame_period = Span::from_s(1.0 / bench.timing.frame_rate_hz);
     let mut events: Vec<Event> = Vec::with_capacity(keys.len());
     for (place, keys) in keys.iter().enumerate() {
-        let event = Event::check(keys, place, check)?;
+        let event = Event::check(keys, place, frame_period, check)?;
         let at_s = event.at.s();
         if at_s < duration_s {
             events.push(event);

@@ -28,6 +28,7 @@ pub struct Detector {
     background: Background,
     /// Relative illumination of every pixel, for the sky's part of the background; `None`: even.
     illumination: Option<Vec<f32>>,
+    dark_factor: f64,
     patterns: Patterns,
     lines: Lines,
     /// Noise of the rows of the latest frame, e-; empty when off.
@@ -53,6 +54,7 @@ impl Detector {
             stray_light_e: 0.0,
             background: Background::DARK,
             illumination: None,
+            dark_factor: 1.0,
             patterns: Patterns::draw(&params, width_px * height_px, seed),
             lines: Lines::draw(&params.line_pattern, size_px, seed),
             rows_e: vec![0.0; if params.row_noise.is_on() { height_px } else { 0 }],
@@ -159,6 +161,11 @@ impl Detector {
         self.neighbours.iter_mut().for_each(|stage| stage.reset());
     }
 
+    /// How many times larger than the parameters' the dark current of the frames from here on is.
+    pub fn set_dark_factor(&mut self, factor: f64) {
+        self.dark_factor = factor;
+    }
+
     /// Seed.
     #[must_use]
     pub fn seed(&self) -> u64 {
@@ -220,7 +227,8 @@ impl Detector {
         let illumination = self.illumination.as_deref();
         let background = self.background.and_uniform(self.stray_light_e);
         let stages = Stages {
-            constants: Constants::new(&self.params, exposure_s, background.level_e(illumination.is_some())),
+            constants: Constants::new(&self.params, exposure_s, background.level_e(illumination.is_some()))
+                .warmed(self.dark_factor),
             background: background.is_shaped(illumination.is_some()).then_some(Shape {
                 background,
                 size_px: self.size_px,

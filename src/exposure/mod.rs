@@ -25,6 +25,8 @@ pub mod probes;
 pub mod sampling;
 pub mod share;
 pub mod spectrum;
+pub mod target;
+pub mod target_plan;
 pub mod track;
 pub mod weigh;
 
@@ -35,3 +37,5 @@ pub use pixel_path::{PixelPath, PixelPoint};
 pub use plan::{Drawing, ExposurePlan, NodeList, PlannedStar};
 pub use planner::{Instrument, Planner, Source, SourcePlace};
 pub use sampling::PsfSampling;
+pub use target::{Target, TargetCurve, TargetPath};
+pub use target_plan::PlannedTarget;

@@ -8,6 +8,7 @@ use crate::exposure::moments::TracePoint;
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::pose::{PathNode, Pose};
 use crate::exposure::sampling::PsfSampling;
+use crate::exposure::target_plan::PlannedTarget;
 use crate::exposure::track::{StarPlace, StarTrack};
 use crate::optics::PsfModel;
 use core::ops::Range;
@@ -199,8 +200,10 @@ pub struct ExposurePlan {
     pub reach_px: f64,
     /// Furthest the path leads a star from its mean position, px.
     pub extent_px: f64,
-    /// The stars, in source order.
+    /// The stars, in source order; behind them the nodes of the targets.
     pub stars: Vec<PlannedStar>,
+    /// The targets that are seen.
+    pub targets: Vec<PlannedTarget>,
     /// What moves the image, for backends that integrate it exactly.
     pub motion: Motion,
 }
@@ -215,6 +218,13 @@ impl CutOff {
 }
 
 impl ExposurePlan {
+    /// The stars without the nodes of targets.
+    #[must_use]
+    pub fn sky_stars(&self) -> &[PlannedStar] {
+        let nodes = self.targets.first().map_or(self.stars.len(), |target| target.nodes.start);
+        &self.stars[..nodes.min(self.stars.len())]
+    }
+
     /// The test for stars of a class.
     pub fn is_member(&self, class: usize) -> impl Fn(&PlannedStar) -> bool + Copy + Sync + use<> {
         let only = self.classes.len() == 1;

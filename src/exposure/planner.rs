@@ -20,6 +20,8 @@ use crate::exposure::plan::{Assessment, CutOff, ExposurePlan, Verdict};
 use crate::exposure::probes::Probes;
 use crate::exposure::sampling::PsfSampling;
 use crate::exposure::share::Share;
+use crate::exposure::target::Target;
+use crate::exposure::target_plan::TargetPlanner;
 use crate::optics::{Illumination, PsfModel};
 use glam::DVec3;
 
@@ -85,6 +87,8 @@ pub struct Planner {
     cells: CutOffCells,
     lists: lists::Buffers,
     share: Share,
+    targets: TargetPlanner,
+    cost: CostModel,
     /// Room for the stars' electrons.
     brightness_e: Vec<f64>,
 }
@@ -116,6 +120,7 @@ impl Planner {
             reach_px: 0.0,
             extent_px: 0.0,
             stars: Vec::with_capacity(STARS_RESERVED),
+            targets: Vec::new(),
             motion: Motion { los, image_path: None },
         };
         let camera = &instrument.camera;
@@ -131,6 +136,8 @@ impl Planner {
             budget,
             plan,
             share,
+            targets: TargetPlanner::new(),
+            cost,
             brightness_e: Vec::with_capacity(STARS_RESERVED),
         }
     }
@@ -154,6 +161,17 @@ impl Planner {
         self
     }
 
+    /// Targets that move over the detector by their own script, from the next plan on.
+    pub fn set_targets(&mut self, targets: Vec<Target>) {
+        self.plan.targets.reserve(targets.len());
+        self.targets.set(targets);
+    }
+
+    /// Share of the targets' light that comes through, from the next plan on.
+    pub fn set_target_light(&mut self, share: f64) {
+        self.targets.light_share = share;
+    }
+
     /// The motion of the next exposure, to be filled in before [`Self::plan`].
     pub fn motion_mut(&mut self) -> &mut Motion {
         &mut self.plan.motion
@@ -169,10 +187,13 @@ impl Planner {
     pub fn plan(&mut self, sources: &[Source]) -> &ExposurePlan {
         self.measure_path();
         let brightness = self.place(sources);
+        self.targets.place(&self.plan);
         self.take_rungs(brightness);
         let Self { plan, probes, lists, instrument, .. } = self;
         lists::fill(plan, probes, &instrument.camera, lists);
         self.share_light();
+        let Self { plan, share, targets, .. } = self;
+        targets.append(plan, share);
         &self.plan
     }
 
@@ -196,11 +217,14 @@ impl Planner {
     /// Down the ladder until the frame fits its time.
     fn take_rungs(&mut self, brightness: Brightness) {
         let mut rung = Rung::Full;
+        // Targets are drawn whatever the time: they are what the frame is for.
+        let targets_ms = self.targets.cost_ms(&self.cost, &self.plan);
         self.plan.cut_off = CutOff::default();
         self.leave_out_faint(rung, brightness.least_e);
         loop {
             self.plan.rung = rung;
             self.chooser.choose(&mut self.plan, rung, brightness.most_e, &self.probes);
+            self.plan.chosen.cost_ms += targets_ms;
             let Some(limit_ms) = self.time_budget_ms else { return };
             if self.plan.chosen.cost_ms <= limit_ms {
                 return;
@@ -214,7 +238,7 @@ impl Planner {
                 self.leave_out_faint(next, brightness.least_e);
             }
             if next == Rung::BrightStarsOnly {
-                self.keep_brightest(limit_ms);
+                self.keep_brightest(limit_ms - targets_ms);
             }
             rung = next;
         }

@@ -8,8 +8,9 @@
 
 use crate::base::image::Image;
 use crate::exposure::nodes::for_each_segment;
-use crate::exposure::track::turned;
-use crate::exposure::{ExposurePlan, Motion, PixelPath, PixelPoint, PlannedStar, Shutter};
+use crate::exposure::target_plan::seen_after_mid_s;
+use crate::exposure::track::{StarPlace, turned};
+use crate::exposure::{ExposurePlan, Motion, PixelPath, PixelPoint, PlannedStar, PlannedTarget, Shutter};
 use crate::gpu::Electrons;
 use crate::optics::PsfModel;
 use crate::optics::gaussian;
@@ -78,15 +79,20 @@ impl Reference {
     /// All rows see the same instants.
     fn render_at_once(&mut self, plan: &ExposurePlan, half: usize) {
         let instants = instants(&plan.motion, plan, 0.0);
+        let stars = plan.sky_stars();
         let places: Vec<Vec<[f64; 2]>> =
-            plan.stars.par_iter().map(|star| instants.iter().map(|at| place(plan, star, at)).collect()).collect();
+            stars.par_iter().map(|star| instants.iter().map(|at| place(plan, &star.place, at)).collect()).collect();
+        let ways: Vec<Vec<Lit>> = plan.targets.iter().map(|target| target_way(plan, target, 0.0)).collect();
         let width = self.image.width();
         self.image.pixels_mut().par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
             row.fill(0.0);
-            for (star, places) in plan.stars.iter().zip(&places) {
+            for (star, places) in stars.iter().zip(&places) {
                 for (at, px) in instants.iter().zip(places) {
                     add_row(&plan.psf, half, row, y, *px, star.electrons * at.weight);
                 }
+            }
+            for (px, electrons) in ways.iter().flatten() {
+                add_row(&plan.psf, half, row, y, *px, *electrons);
             }
         });
     }
@@ -97,13 +103,18 @@ impl Reference {
         let reach = half as f64 + 2.0 * plan.extent_px + ROLLING_SLACK_PX;
         self.image.pixels_mut().par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
             row.fill(0.0);
-            let near: Vec<_> = plan.stars.iter().filter(|star| (star.mean_px[1] - y as f64).abs() <= reach).collect();
+            let near = |star: &&PlannedStar| (star.mean_px[1] - y as f64).abs() <= reach;
+            let near: Vec<_> = plan.sky_stars().iter().filter(near).collect();
+            let delay_s = plan.shutter.delay_s(y as f64, height);
+            for (px, electrons) in plan.targets.iter().flat_map(|target| target_way(plan, target, delay_s)) {
+                add_row(&plan.psf, half, row, y, px, electrons);
+            }
             if near.is_empty() {
                 return;
             }
-            for at in instants(&plan.motion, plan, plan.shutter.delay_s(y as f64, height)) {
+            for at in instants(&plan.motion, plan, delay_s) {
                 for star in &near {
-                    add_row(&plan.psf, half, row, y, place(plan, star, &at), star.electrons * at.weight);
+                    add_row(&plan.psf, half, row, y, place(plan, &star.place, &at), star.electrons * at.weight);
                 }
             }
         });
@@ -134,19 +145,41 @@ fn add_row(psf: &PsfModel, half: usize, row: &mut [f64], y: usize, px: [f64; 2],
     }
 }
 
+/// Light at a place: px, e-.
+type Lit = ([f64; 2], f64);
+
+/// A target's light along its way while rows that are `delay_s` late see it: its script and the camera's exact motion.
+fn target_way(plan: &ExposurePlan, planned: &PlannedTarget, delay_s: f64) -> Vec<Lit> {
+    let (target, motion) = (&planned.target, &plan.motion);
+    let Some([from_s, to_s]) = seen_after_mid_s(target, motion, delay_s) else { return Vec::new() };
+    let mid_s = (motion.los.mid_exposure() - target.begin).s();
+    let own_px = target.path.length_px(mid_s + from_s, mid_s + to_s);
+    let light_e = target.e_per_s * motion.los.exposure_s;
+    let [x, y] = [target.path.at(mid_s + from_s), target.path.at(mid_s + to_s)];
+    if !x.into_iter().chain(y).all(f64::is_finite) {
+        return Vec::new();
+    }
+    let instants = instants_along(motion, plan, delay_s, own_px, [from_s, to_s]);
+    let lit = |at: &Instant| {
+        let start = StarPlace::of_pixel(&plan.camera, target.path.at(mid_s + at.t_s))?;
+        Some((place(plan, &start, at), light_e * at.weight))
+    };
+    instants.iter().filter(|at| (from_s..=to_s).contains(&at.t_s)).filter_map(lit).collect()
+}
+
 /// Exact place of a star at one instant, px (NaN when it has left the camera's domain).
-fn place(plan: &ExposurePlan, star: &PlannedStar, at: &Instant) -> [f64; 2] {
+fn place(plan: &ExposurePlan, star: &StarPlace, at: &Instant) -> [f64; 2] {
     let motion = &plan.motion;
     let smooth = motion.smooth_rotation_rad(at.t_s);
     let moves = smooth != glam::DVec3::ZERO || (motion.image_path.is_none() && !motion.los.jitter.is_still());
     let px = if moves {
-        let mut direction = turned(star.place.mid_sensor(), smooth);
+        let mut direction = turned(star.mid_sensor(), smooth);
         if motion.image_path.is_none() {
             direction = turned(direction, motion.los.jitter_rotation_rad(at.t_s));
         }
         plan.camera.project(direction).unwrap_or([f64::NAN; 2])
     } else {
-        star.place.mid_px
+        star.mid_px
     };
     let Some(path) = at.path else { return px };
     let [cx, cy] = plan.camera.parameters().principal_point_px;
@@ -157,6 +190,11 @@ fn place(plan: &ExposurePlan, star: &PlannedStar, at: &Instant) -> [f64; 2] {
 
 /// The instants of an exposure that is `delay_s` late, with weights that sum to 1.
 fn instants(motion: &Motion, plan: &ExposurePlan, delay_s: f64) -> Vec<Instant> {
+    instants_along(motion, plan, delay_s, 0.0, [f64::NEG_INFINITY, f64::INFINITY])
+}
+
+/// The same for something that goes `own_px` by itself while it is seen, s after mid-exposure.
+fn instants_along(motion: &Motion, plan: &ExposurePlan, delay_s: f64, own_px: f64, seen_s: [f64; 2]) -> Vec<Instant> {
     let sigma_px = plan.psf.core_sigma_px();
     let exposure_s = motion.los.exposure_s;
     let radius_px = (plan.camera.width_px() as f64).hypot(plan.camera.height_px() as f64);
@@ -164,11 +202,20 @@ fn instants(motion: &Motion, plan: &ExposurePlan, delay_s: f64) -> Vec<Instant> 
     match &motion.image_path {
         Some(PixelPath::Samples(points)) => {
             let weight = 1.0 / points.len() as f64;
-            let t_s = |i: usize| ((i as f64 + 0.5) * weight - 0.5) * exposure_s + delay_s;
-            out.extend(points.iter().enumerate().map(|(i, p)| Instant { weight, t_s: t_s(i), path: Some(*p) }));
+            for (i, point) in points.iter().enumerate() {
+                let mut add = |weight, tau: f64| {
+                    out.push(Instant { weight, t_s: tau * exposure_s + delay_s, path: Some(*point) });
+                };
+                // What moves by itself does so while the path stands.
+                if own_px > 0.0 {
+                    panels(i as f64 * weight - 0.5, weight, own_px * weight / sigma_px, add);
+                } else {
+                    add(weight, (i as f64 + 0.5) * weight - 0.5);
+                }
+            }
         }
         Some(PixelPath::Line(points)) => {
-            let smooth_px = smooth_length_px(plan);
+            let smooth_px = smooth_length_px(plan) + own_px;
             for_each_segment(points, exposure_s, delay_s, |a, b| {
                 let share = (b.t_s - a.t_s) / exposure_s;
                 let length_px = a.distance_px(b, radius_px) + share * smooth_px;
@@ -180,11 +227,13 @@ fn instants(motion: &Motion, plan: &ExposurePlan, delay_s: f64) -> Vec<Instant> 
         }
         None => {
             let periods = motion.los.jitter.highest_line_hz() * exposure_s;
-            let sigmas = (plan.reach_px / sigma_px).max(periods * PANELS_PER_PERIOD * PANEL_SIGMA);
+            let sigmas = ((plan.reach_px + own_px) / sigma_px).max(periods * PANELS_PER_PERIOD * PANEL_SIGMA);
             let mut corners = vec![-0.5];
             let mid = motion.los.mid_exposure();
             corners.extend(motion.los.jitter.points.iter().map(|p| ((p.at - mid).s() - delay_s) / exposure_s));
+            corners.extend(seen_s.map(|t_s| (t_s - delay_s) / exposure_s));
             corners.retain(|tau| (-0.5..0.5).contains(tau));
+            corners.sort_by(f64::total_cmp);
             corners.push(0.5);
             for pair in corners.windows(2) {
                 let share = pair[1] - pair[0];
@@ -205,7 +254,7 @@ fn smooth_length_px(plan: &ExposurePlan) -> f64 {
         let [x, y] = plan.camera.project(moved).unwrap_or(star.place.mid_px);
         (x - star.place.mid_px[0]).hypot(y - star.place.mid_px[1])
     };
-    plan.stars.iter().map(|star| 1.2 * (chord(star, -half_s) + chord(star, half_s))).fold(0.0, f64::max)
+    plan.sky_stars().iter().map(|star| 1.2 * (chord(star, -half_s) + chord(star, half_s))).fold(0.0, f64::max)
 }
 
 /// Composite Gauss-Legendre over `start .. start + share`, a panel per [`PANEL_SIGMA`] of motion.

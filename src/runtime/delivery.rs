@@ -19,6 +19,8 @@ pub struct Parcel {
     pub frame: SentFrame,
     /// Its times: the frame thread begins them, the sink thread completes them.
     pub record: FrameRecord,
+    /// Held back until then, on purpose.
+    pub not_before: Option<Tai>,
     delivered: bool,
 }
 
@@ -65,7 +67,7 @@ impl Delivery {
         for _ in 0..BUFFERS {
             let at = clock.now();
             let record = FrameRecord::released(0, [at; 3], [at; 2]);
-            let parcel = Parcel { frame: touched_copy(prototype), record, delivered: false };
+            let parcel = Parcel { frame: touched_copy(prototype), record, not_before: None, delivered: false };
             let _room_for_all = sent.try_send(parcel);
         }
         let (clock, hygiene) = (Arc::clone(clock), hygiene.map(Arc::clone));
@@ -123,10 +125,8 @@ impl Delivery {
 
 /// A copy with the same room for stars, every page of it written to.
 fn touched_copy(prototype: &SentFrame) -> SentFrame {
-    const STAR: TruthStar =
-        TruthStar { id: 0, ra_deg: 0.0, dec_deg: 0.0, mag: 0.0, x_px: 0.0, y_px: 0.0, electrons: 0.0 };
     let mut copy = prototype.clone();
-    copy.truth.resize(prototype.truth.capacity(), STAR);
+    copy.truth.resize(prototype.truth.capacity(), TruthStar::NONE);
     copy.truth.clear();
     copy
 }
@@ -135,6 +135,9 @@ fn touched_copy(prototype: &SentFrame) -> SentFrame {
 fn carry(sink: &mut dyn Sink, clock: &dyn Clock, to_send: &Receiver<Parcel>, sent: &Sender<Parcel>) -> Carried {
     let mut carried = Carried::default();
     for mut parcel in to_send {
+        if let Some(at) = parcel.not_before.take() {
+            clock.sleep_until(at);
+        }
         let taken = clock.now();
         if let Err(error) = sink.send(&parcel.frame) {
             // The frame thread notices when its queue is closed; what is in it by then is lost with this one.

@@ -10,8 +10,10 @@ use crate::base::time::{Span, Tai};
 use crate::detector::DetectorParams;
 use crate::detector::binning::Levels;
 use crate::exposure::cost::CostModel;
-use crate::exposure::{ExposurePlan, Planner, Rung};
+use crate::exposure::{ExposurePlan, Instrument, Planner, Rung, Source, SourcePlace};
+use crate::optics::PsfModel;
 use crate::report::{Stage, StageTimes};
+use crate::runtime::conditions::Conditions;
 use crate::runtime::error::RunError;
 use crate::runtime::field_light::{FieldLight, light_pixels};
 use crate::runtime::imager::Imager;
@@ -22,7 +24,7 @@ use crate::runtime::params::RunParams;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::sky_view::SkyView;
 use crate::runtime::truth::fill_truth;
-use crate::sink::{FaultFlags, FrameMeta, SentFrame};
+use crate::sink::{ActiveFaults, FaultFlags, FrameMeta, SentFrame};
 use glam::DVec3;
 
 /// One frame's place in time.
@@ -42,6 +44,11 @@ pub struct Slot {
 pub struct FrameEngine {
     params: RunParams,
     planner: Planner,
+    /// Planners of other optics; the place of the one in use is empty.
+    optics: Vec<Option<Planner>>,
+    /// Which optics are in use.
+    in_use: usize,
+    conditions: Conditions,
     sky: SkyView,
     light: FieldLight,
     imager: Imager,
@@ -77,15 +84,15 @@ impl FrameEngine {
         let attitude = &params.attitude;
         los.jitter = JitterTrack::with_capacity(attitude.jitter_lines.len(), attitude.jitter_history.capacity);
         let cost = params.cost.unwrap_or(imager.cost());
-        let mut planner = Planner::new(camera.instrument(), params.budget, cost, params.method, los);
-        if params.degrade && imager.may_degrade() {
-            planner = planner.within_ms(camera.drawing_budget_ms(&cost));
-        }
+        let planner = new_planner(&params, &imager, los, None);
         let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure)?;
         let light = FieldLight::new(camera, params.observer.clone(), params.first_exposure);
         light_pixels(camera, &mut imager)?;
         Ok(Self {
             planner,
+            optics: vec![None],
+            in_use: 0,
+            conditions: Conditions::new(),
             sky,
             light,
             imager,
@@ -96,6 +103,51 @@ impl FrameEngine {
             pointing_bound_rad: None,
             marks: None,
         })
+    }
+
+    /// Makes other optics ready, with everything they need to be switched to within a frame; their number.
+    ///
+    /// # Errors
+    /// When the backend cannot have another set of tables.
+    pub fn add_optics(&mut self, psf: PsfModel) -> Result<usize, RunError> {
+        let los = self.planner.latest().motion.los.clone();
+        let mut planner = new_planner(&self.params, &self.imager, los, Some(psf));
+        self.imager.add_tables()?;
+        // One star, drawn once: all tables are built.
+        let camera = &self.params.camera.geometry;
+        let middle = [0.5 * camera.width_px() as f64, 0.5 * camera.height_px() as f64];
+        let star = Source { id: 0, electrons: 1e4, mag: f32::NAN, place: SourcePlace::Pixel(middle) };
+        let before = self.imager.use_tables(self.optics.len());
+        let drawn = self.imager.render(planner.plan(&[star])).map(|_| ());
+        self.imager.use_tables(before);
+        drawn?;
+        self.optics.push(Some(planner));
+        Ok(self.optics.len() - 1)
+    }
+
+    /// What the next frame is exposed under.
+    pub fn conditions_mut(&mut self) -> &mut Conditions {
+        &mut self.conditions
+    }
+
+    /// Brings the conditions to the planner and the detector.
+    pub fn take_conditions(&mut self) {
+        self.use_optics(self.conditions.optics);
+        let Conditions { stray_e_per_s, flood_e, throughput, .. } = self.conditions;
+        #[allow(clippy::cast_possible_truncation, reason = "electrons are single precision")]
+        let stray_light_e = (throughput * stray_e_per_s * self.params.camera.exposure_s + flood_e) as f32;
+        self.imager.set_stray_light_e(stray_light_e);
+        self.imager.set_dark_factor(self.conditions.dark_factor());
+        self.planner.set_target_light(throughput);
+    }
+
+    fn use_optics(&mut self, number: usize) {
+        if let Some(next) = self.optics.get_mut(number).and_then(Option::take) {
+            let before = core::mem::replace(&mut self.planner, next);
+            self.optics[self.in_use] = Some(before);
+            self.in_use = number;
+            self.imager.use_tables(number);
+        }
     }
 
     /// From here on the planner's time follows the measured load: for runs on the real clock. Frames that may not be
@@ -157,11 +209,6 @@ impl FrameEngine {
         &mut self.imager
     }
 
-    /// Stray light of the frames from here on: mean electrons more in every pixel.
-    pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
-        self.imager.set_stray_light_e(stray_light_e);
-    }
-
     /// Parameters.
     #[must_use]
     pub fn params(&self) -> &RunParams {
@@ -215,16 +262,22 @@ impl FrameEngine {
         if glare.excluded.contains(&true) {
             note(ledger, EventKind::InsideExclusion, slot, Span::ZERO);
         }
+        let (camera, sensor_from_icrf) = (&self.params.camera.geometry, los.mid_sensor_from_icrf);
+        let sources = if has_stars {
+            self.conditions.seen(sources, camera, &sensor_from_icrf, self.params.seed)
+        } else {
+            sources
+        };
         times.set(Stage::Sky, watch.lap());
         let plan = self.planner.plan(sources);
         times.set(Stage::Plan, watch.lap());
-        if !plan.chosen.verdict.is_met() {
+        if !plan.chosen.verdict.is_met() || plan.targets.iter().any(|target| target.is_coarse) {
             note(ledger, EventKind::OverBudget, slot, Span::ZERO);
         }
         if plan.rung > Rung::Full {
             let predicted = Span::from_s(plan.chosen.cost_ms * 1e-3);
             let (at, frame) = (slot.release, Some(slot.number));
-            ledger.note(Event { kind: EventKind::Degraded, at, frame, span: predicted, rung: plan.rung });
+            ledger.note(Event { kind: EventKind::Degraded, at, frame, span: predicted, rung: plan.rung, what: "" });
         }
         let imaging = self.imager.image(plan, slot.number, &mut frame.image)?;
         times.merge(&imaging.by_stage());
@@ -300,6 +353,19 @@ impl FrameEngine {
             }
         }
     }
+}
+
+/// A planner of the run, for the camera's own optics or for others.
+fn new_planner(params: &RunParams, imager: &Imager, los: LosPath, psf: Option<PsfModel>) -> Planner {
+    let (camera, cost) = (&params.camera, params.cost.unwrap_or(imager.cost()));
+    let own = camera.instrument();
+    let instrument = Instrument { psf: psf.unwrap_or_else(|| own.psf.clone()), ..own };
+    let mut planner = Planner::new(instrument, params.budget, cost, params.method, los);
+    if params.degrade && imager.may_degrade() {
+        planner = planner.within_ms(camera.drawing_budget_ms(&cost));
+    }
+    planner.set_targets(params.targets.clone());
+    planner
 }
 
 /// A line of sight that stands still and is nobody's.
@@ -386,6 +452,7 @@ pub fn fill_meta(
     (meta.left_out_stars, meta.left_out_e) = (plan.cut_off.stars, plan.cut_off.electrons);
     meta.origin = origin_name(los.origin);
     meta.faults = FaultFlags::NONE;
+    meta.active = ActiveFaults::NONE;
     let levels = Levels::of_output(detector);
     meta.gain_e_per_dn = levels.gain_e_per_dn;
     meta.black_level_dn = levels.black_level_dn;

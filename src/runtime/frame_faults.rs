@@ -1,16 +1,44 @@
-//! What goes wrong with frames, on purpose: withheld, repeated, late, torn, blank, or veiled by stray light.
+//! What goes wrong with frames and with the chain that images them, on purpose, and when.
 //!
-//! In: a list of faults, each with its begin and end. A frame is hit when its exposure ends inside a fault's time. Every
-//! hit is counted by fault and marked in the frame's own flags, so that nothing is spoilt in silence. Deterministic.
+//! In: a list of faults, each with its begin (an instant, or a trigger) and its length. A frame is hit when its exposure
+//! ends inside a fault's time. Every hit is counted by fault, marked in the frame's flags and written with its numbers
+//! into the frame's truth, so that nothing is spoilt in silence; begin and end go into the ledger. Deterministic. What a
+//! fault needs (tables of other optics, places of stars) is made before the run, by [`FrameFaults::prepare`].
+//! Tests: below, `conditions`, and `tests/closed_loop/imaging_faults.rs`.
 
+use crate::base::random::{key, philox};
 use crate::base::time::{Span, Tai};
-use crate::runtime::engine::FrameEngine;
-use crate::sink::{FaultFlags, FrameFault, SentFrame};
+use crate::exposure::target::FIRST_FALSE_STAR_ID;
+use crate::exposure::{Source, SourcePlace};
+use crate::optics::PsfModel;
+use crate::runtime::conditions::{Conditions, FALSE_STARS_MAX, FAULT_STREAM};
+use crate::runtime::engine::{FrameEngine, Slot};
+use crate::runtime::error::RunError;
+use crate::runtime::frame_damage::{self, Repeated, scaled};
+use crate::runtime::ledger::{Event, EventKind, Ledger};
+use crate::sink::{ActiveFault, ActiveFaults, FaultFlags, FaultPixels, FrameFault, SentFrame};
+
+/// The end of a fault that has not been triggered; so is its begin.
+pub const NEVER: Tai = Tai::from_ns(i64::MAX);
+
+/// When a fault begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Begin {
+    /// At this instant.
+    At(Tai),
+    /// So long after a trigger is fired, each time it is.
+    OnTrigger {
+        /// The trigger's number.
+        number: u16,
+        /// How long after it.
+        delay: Span,
+    },
+}
 
 /// A fault with its time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimedFrameFault {
-    /// Begin.
+    /// Begin; [`NEVER`] until it is triggered.
     pub from: Tai,
     /// End, exclusive.
     pub until: Tai,
@@ -18,6 +46,23 @@ pub struct TimedFrameFault {
     pub fault: FrameFault,
     /// Frames hit so far.
     pub hits: u64,
+    begin: Begin,
+    lasts: Span,
+    /// In the run's list of faults, from 1.
+    number: u16,
+    is_on: bool,
+    made: Made,
+}
+
+/// What was made for a fault before the run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Made {
+    NotYet,
+    Nothing,
+    /// Other optics of the engine.
+    Optics(usize),
+    /// A part of the list of false stars: first and number.
+    Stars(usize, usize),
 }
 
 /// What becomes of one frame.
@@ -27,10 +72,10 @@ pub struct Fate {
     pub is_dropped: bool,
     /// Sent later by this.
     pub delay: Span,
-    is_repeated: bool,
-    is_torn: bool,
+    repeated: Repeated,
     is_blank: bool,
     flags: FaultFlags,
+    active: ActiveFaults,
 }
 
 impl Fate {
@@ -38,10 +83,10 @@ impl Fate {
     pub const SEND: Self = Self {
         is_dropped: false,
         delay: Span::ZERO,
-        is_repeated: false,
-        is_torn: false,
+        repeated: Repeated::Nothing,
         is_blank: false,
         flags: FaultFlags::NONE,
+        active: ActiveFaults::NONE,
     };
 }
 
@@ -58,14 +103,41 @@ struct Mark {
 pub struct FrameFaults {
     timed: Vec<TimedFrameFault>,
     marks: Vec<Mark>,
+    false_stars: Vec<Source>,
     previous: Vec<u16>,
 }
 
 impl FrameFaults {
-    /// Adds a fault; the number under which [`Self::timed`] lists it.
+    /// Adds a fault between two instants; the index under which [`Self::timed`] lists it.
     pub fn add(&mut self, from: Tai, until: Tai, fault: FrameFault) -> usize {
-        self.timed.push(TimedFrameFault { from, until, fault, hits: 0 });
+        let number = u16::try_from(self.timed.len() + 1).unwrap_or(u16::MAX);
+        self.arm(Begin::At(from), until - from, fault, number)
+    }
+
+    /// Adds a fault that lasts so long from its begin, with its number in the run's list of faults.
+    pub fn arm(&mut self, begin: Begin, lasts: Span, fault: FrameFault, number: u16) -> usize {
+        let (from, until) = match begin {
+            Begin::At(from) => (from, from + lasts),
+            Begin::OnTrigger { .. } => (NEVER, NEVER),
+        };
+        let (is_on, made) = (false, Made::NotYet);
+        self.timed.push(TimedFrameFault { from, until, fault, hits: 0, begin, lasts, number, is_on, made });
         self.timed.len() - 1
+    }
+
+    /// Fires a trigger at `at`, now or later: the faults that wait for it begin then (again, if they have been before).
+    /// How many there are. Allocates nothing.
+    pub fn fire_trigger(&mut self, number: u16, at: Tai) -> usize {
+        let mut fired = 0;
+        for timed in &mut self.timed {
+            if let Begin::OnTrigger { number: own, delay } = timed.begin
+                && own == number
+            {
+                (timed.from, timed.until) = (at + delay, at + delay + timed.lasts);
+                fired += 1;
+            }
+        }
+        fired
     }
 
     /// Marks frames whose exposure ends in a time at which something else is faulty: the bus.
@@ -79,120 +151,180 @@ impl FrameFaults {
         &self.timed
     }
 
-    /// What becomes of the frame whose exposure ends at `release`; sets the stray light it is exposed with.
-    pub fn begin(&mut self, release: Tai, engine: &mut FrameEngine) -> Fate {
+    /// Makes everything the faults will need, so that none of it is made on the way of a frame.
+    ///
+    /// # Errors
+    /// When the tables of other optics cannot be had.
+    pub fn prepare(&mut self, engine: &mut FrameEngine) -> Result<(), RunError> {
+        let params = engine.params();
+        let (seed, exposure_s) = (params.seed, params.camera.exposure_s);
+        let size = [params.camera.geometry.width_px(), params.camera.geometry.height_px()];
+        let radiometry = params.camera.radiometry.clone();
+        if self.timed.iter().any(|timed| timed.made == Made::NotYet) {
+            engine.conditions_mut().reserve();
+            // The image before the first fault may be wanted by it.
+            self.previous.reserve(size[0] * size[1]);
+        }
+        for timed in self.timed.iter_mut().filter(|timed| timed.made == Made::NotYet) {
+            timed.made = match timed.fault {
+                FrameFault::Defocus { sigma_px } => Made::Optics(engine.add_optics(PsfModel::gaussian(sigma_px))?),
+                FrameFault::FalseStars { pixels, mag } => {
+                    let first = self.false_stars.len();
+                    let electrons = radiometry.electrons(mag, 0.0, exposure_s);
+                    add_false_stars(
+                        &mut self.false_stars,
+                        pixels,
+                        [mag, electrons],
+                        size,
+                        u32::from(timed.number),
+                        seed,
+                    );
+                    Made::Stars(first, self.false_stars.len() - first)
+                }
+                _ => Made::Nothing,
+            };
+        }
+        Ok(())
+    }
+
+    /// What becomes of the frame of `slot`; sets the conditions it is exposed under.
+    pub fn begin(&mut self, slot: Slot, engine: &mut FrameEngine, ledger: &mut Ledger) -> Fate {
+        let release = slot.release;
         let mut fate = Fate::SEND;
-        let mut stray_e_per_s = 0.0;
         for mark in self.marks.iter().filter(|mark| mark.from <= release && release < mark.until) {
             fate.flags |= mark.flag;
         }
         let has_previous = !self.previous.is_empty();
-        for timed in self.timed.iter_mut().filter(|timed| timed.from <= release && release < timed.until) {
+        let full_well_e = engine.params().camera.detector.full_well_e;
+        engine.conditions_mut().reset();
+        for timed in &mut self.timed {
+            let is_on = timed.from <= release && release < timed.until;
+            timed.tell(is_on, slot, ledger);
             // The first frame of all has none before it to be repeated.
-            if !has_previous && matches!(timed.fault, FrameFault::Torn | FrameFault::Duplicate) {
+            let needs_previous = matches!(timed.fault, FrameFault::Torn | FrameFault::Duplicate);
+            if !is_on || (needs_previous && !has_previous) {
                 continue;
             }
             timed.hits += 1;
             fate.flags |= timed.fault.flag();
-            match timed.fault {
-                FrameFault::Drop => fate.is_dropped = true,
-                FrameFault::Duplicate => fate.is_repeated = true,
-                FrameFault::Late(delay) => fate.delay = fate.delay.max(delay),
-                FrameFault::Torn => fate.is_torn = true,
-                FrameFault::Blank => fate.is_blank = true,
-                FrameFault::StrayLight { e_per_s } => stray_e_per_s += e_per_s,
-            }
+            let share = (release - timed.from).s() / (timed.until - timed.from).s();
+            let (name, number, amount) = (timed.fault.name(), timed.number, timed.fault.amount(share));
+            fate.active.push(ActiveFault { name, number, amount });
+            fate.take(&timed.fault);
+            let stars = match timed.made {
+                Made::Stars(first, count) => &self.false_stars[first..first + count],
+                _ => &[],
+            };
+            expose_under(engine.conditions_mut(), timed, amount.value, full_well_e, stars);
         }
-        #[allow(clippy::cast_possible_truncation, reason = "electrons are single precision")]
-        engine.set_stray_light_e((stray_e_per_s * engine.params().camera.exposure_s) as f32);
+        engine.take_conditions();
         fate
     }
 
-    /// Spoils the finished frame and says so in its flags.
+    /// Spoils the finished frame and says so in its flags and its truth.
     pub fn spoil(&mut self, fate: &Fate, frame: &mut SentFrame) {
         frame.meta.faults |= fate.flags;
+        frame.meta.active = fate.active;
         if fate.is_blank {
-            let black = frame.meta.black_level_dn.round().clamp(0.0, f64::from(u16::MAX));
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-            frame.image.pixels_mut().fill(black as u16);
-            frame.truth.clear();
+            frame_damage::blank(frame);
         }
         if self.needs_previous() {
-            self.repeat(fate, frame);
+            frame_damage::repeat(fate.repeated, frame, &mut self.previous);
+        }
+        for timed in self.timed.iter().filter(|timed| timed.is_on) {
+            if let FrameFault::BitFlip { bit, pixels } = timed.fault {
+                frame_damage::flip(bit, pixels, u32::from(timed.number), frame);
+            }
         }
     }
 
     fn needs_previous(&self) -> bool {
         self.timed.iter().any(|timed| matches!(timed.fault, FrameFault::Torn | FrameFault::Duplicate))
     }
+}
 
-    /// Puts all or half of the previous image into the frame, and keeps what the frame was.
-    fn repeat(&mut self, fate: &Fate, frame: &mut SentFrame) {
-        let pixels = frame.image.pixels_mut();
-        if self.previous.len() != pixels.len() {
-            self.previous.clear();
-            self.previous.extend_from_slice(pixels);
+impl Fate {
+    /// What a fault does to a frame when it is finished.
+    fn take(&mut self, fault: &FrameFault) {
+        match *fault {
+            FrameFault::Drop => self.is_dropped = true,
+            FrameFault::Duplicate => self.repeated = Repeated::All,
+            FrameFault::Torn if self.repeated == Repeated::Nothing => self.repeated = Repeated::UpperHalf,
+            FrameFault::Late(delay) => self.delay = self.delay.max(delay),
+            FrameFault::Blank => self.is_blank = true,
+            _ => {}
+        }
+    }
+}
+
+impl TimedFrameFault {
+    /// Tells the ledger when it begins and when it is over.
+    fn tell(&mut self, is_on: bool, slot: Slot, ledger: &mut Ledger) {
+        if is_on == self.is_on {
             return;
         }
-        let repeated = match fate {
-            Fate { is_repeated: true, .. } => pixels.len(),
-            Fate { is_torn: true, .. } => pixels.len() / 2,
-            _ => 0,
-        };
-        pixels[..repeated].swap_with_slice(&mut self.previous[..repeated]);
-        if !fate.is_repeated {
-            self.previous[repeated..].copy_from_slice(&pixels[repeated..]);
+        self.is_on = is_on;
+        let (kind, at) = if is_on { (EventKind::Fault, self.from) } else { (EventKind::FaultOver, slot.release) };
+        let event = Event::new(kind, at, Some(slot.number), self.lasts);
+        ledger.note(Event { what: self.fault.name(), ..event });
+    }
+}
+
+/// What a fault does to the exposure of a frame; `value` is its amount now.
+fn expose_under(
+    conditions: &mut Conditions,
+    timed: &TimedFrameFault,
+    value: f64,
+    full_well_e: f64,
+    false_stars: &[Source],
+) {
+    match timed.fault {
+        FrameFault::StrayLight { .. } | FrameFault::StrayLightRamp { .. } => conditions.stray_e_per_s += value,
+        FrameFault::Defocus { .. } => {
+            if let Made::Optics(optics) = timed.made {
+                conditions.optics = optics;
+            }
         }
+        FrameFault::Contamination { .. } => conditions.throughput *= value,
+        FrameFault::TemperatureStep { .. } => conditions.warmer_k += value,
+        FrameFault::Saturation { .. } => conditions.flood_e += value * full_well_e,
+        FrameFault::MissingStars { share } => {
+            conditions.missing.share = 1.0 - (1.0 - conditions.missing.share) * (1.0 - share);
+            conditions.missing.stream = u32::from(timed.number);
+        }
+        FrameFault::MissingBrightStars { count } => conditions.missing.brightest += count as usize,
+        FrameFault::FalseStars { .. } => {
+            let room = FALSE_STARS_MAX.saturating_sub(conditions.false_stars.len());
+            conditions.false_stars.extend_from_slice(&false_stars[..false_stars.len().min(room)]);
+        }
+        _ => {}
+    }
+}
+
+/// False stars of one fault: where it says, and at random places of the detector.
+fn add_false_stars(
+    out: &mut Vec<Source>,
+    pixels: FaultPixels,
+    [mag, electrons]: [f64; 2],
+    size: [usize; 2],
+    stream: u32,
+    seed: u64,
+) {
+    let given = pixels.at.map(|px| px.map(f64::from));
+    // To a thousandth of a pixel: a star stands anywhere between their centres.
+    let along = |word: u32, side: usize| scaled(word, 1000 * side) as f64 * 1e-3 - 0.5;
+    let random = (0..pixels.random).map(|i| {
+        let [a, b, ..] = philox([0, i, stream, FAULT_STREAM], key(seed));
+        [along(a, size[0]), along(b, size[1])]
+    });
+    for px in given.into_iter().chain(random) {
+        let id = FIRST_FALSE_STAR_ID + u32::try_from(out.len()).unwrap_or(0);
+        #[allow(clippy::cast_possible_truncation, reason = "magnitudes are single precision")]
+        let mag = mag as f32;
+        out.push(Source { id, electrons, mag, place: SourcePlace::Pixel(px) });
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn frame() -> SentFrame {
-        let mut frame = SentFrame::with_capacity(4, 4, 0, "test".into());
-        frame.image.pixels_mut().fill(7);
-        frame.meta.black_level_dn = 100.0;
-        frame
-    }
-
-    #[test]
-    fn a_torn_frame_has_the_upper_half_of_the_one_before() {
-        let mut faults = FrameFaults::default();
-        faults.add(Tai::from_ns(5), Tai::from_ns(9), FrameFault::Torn);
-        let mut first = frame();
-        faults.spoil(&Fate::SEND, &mut first);
-        let mut second = frame();
-        second.image.pixels_mut().fill(9);
-        faults.spoil(&Fate { is_torn: true, flags: FaultFlags::FRAME_TORN, ..Fate::SEND }, &mut second);
-        assert_eq!(second.image.pixels()[..8], [7; 8]);
-        assert_eq!(second.image.pixels()[8..], [9; 8]);
-        assert!(second.meta.faults.contains(FaultFlags::FRAME_TORN));
-        assert_eq!(first.image.pixels(), [7; 16], "a frame outside the fault is whole");
-    }
-
-    #[test]
-    fn a_repeated_frame_is_the_one_before() {
-        let mut faults = FrameFaults::default();
-        faults.add(Tai::from_ns(5), Tai::from_ns(9), FrameFault::Duplicate);
-        faults.spoil(&Fate::SEND, &mut frame());
-        let mut second = frame();
-        second.image.pixels_mut().fill(9);
-        faults.spoil(&Fate { is_repeated: true, ..Fate::SEND }, &mut second);
-        assert_eq!(second.image.pixels(), [7; 16]);
-        let mut third = frame();
-        third.image.pixels_mut().fill(11);
-        faults.spoil(&Fate { is_repeated: true, ..Fate::SEND }, &mut third);
-        assert_eq!(third.image.pixels(), [9; 16], "what the second would have been");
-    }
-
-    #[test]
-    fn a_blank_frame_is_black_and_has_no_truth() {
-        let mut faults = FrameFaults::default();
-        let mut spoilt = frame();
-        faults.spoil(&Fate { is_blank: true, ..Fate::SEND }, &mut spoilt);
-        assert_eq!(spoilt.image.pixels(), [100; 16]);
-        assert!(spoilt.truth.is_empty());
-    }
-}
+#[path = "frame_faults_tests.rs"]
+mod tests;

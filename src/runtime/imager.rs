@@ -34,6 +34,9 @@ pub enum BackendChoice {
 /// A backend and the detector behind it.
 pub struct Imager {
     drawing: Drawing,
+    /// Which tables are in use: 0 are the camera's own, others follow in the order in which they were added.
+    tables: usize,
+    size_px: [usize; 2],
     cost: CostModel,
     note: Option<String>,
 }
@@ -41,9 +44,9 @@ pub struct Imager {
 /// Where images are drawn and read out.
 enum Drawing {
     /// In memory, by the CPU or reference backend.
-    Host { backend: Box<dyn Backend>, detector: Box<Detector> },
+    Host { backend: Box<dyn Backend>, others: Vec<Box<dyn Backend>>, detector: Box<Detector> },
     /// On a GPU; `mean` is for those who ask for the mean image.
-    Device { backend: Box<Gpu>, detector: Box<GpuDetector>, mean: Image<f32> },
+    Device { backend: Box<Gpu>, others: Vec<Box<Gpu>>, detector: Box<GpuDetector>, mean: Image<f32> },
 }
 
 /// Wall time of the two halves of an image. On a GPU drawing is only submitted in the first; the second waits for both.
@@ -102,15 +105,17 @@ impl Imager {
         let [width, height] = size_px;
         let detector = Detector::new(params, width, height, seed);
         match choice {
-            BackendChoice::Cpu => Ok(Self::on_host(Box::new(Cpu::new(width, height)), detector, CostModel::CPU, None)),
+            BackendChoice::Cpu => {
+                Ok(Self::on_host(Box::new(Cpu::new(width, height)), detector, size_px, CostModel::CPU, None))
+            }
             BackendChoice::Reference => {
                 let backend = Box::new(Reference::new(width, height));
-                Ok(Self::on_host(backend, detector, CostModel::REFERENCE, None))
+                Ok(Self::on_host(backend, detector, size_px, CostModel::REFERENCE, None))
             }
             BackendChoice::Gpu => Self::on_device(GpuDevice::open(&AdapterChoice::Best)?, &detector, size_px),
             BackendChoice::Auto if params.poisson != PoissonMethod::Auto => {
                 let note = format!("only the CPU draws shot noise by \"{}\": using the CPU backend", params.poisson);
-                Ok(Self::on_host(Box::new(Cpu::new(width, height)), detector, CostModel::CPU, Some(note)))
+                Ok(Self::on_host(Box::new(Cpu::new(width, height)), detector, size_px, CostModel::CPU, Some(note)))
             }
             BackendChoice::Auto => {
                 let note = match GpuDevice::open(&AdapterChoice::Best) {
@@ -121,13 +126,20 @@ impl Imager {
                     ),
                     Err(error) => format!("no Vulkan driver ({error}): using the CPU backend"),
                 };
-                Ok(Self::on_host(Box::new(Cpu::new(width, height)), detector, CostModel::CPU, Some(note)))
+                Ok(Self::on_host(Box::new(Cpu::new(width, height)), detector, size_px, CostModel::CPU, Some(note)))
             }
         }
     }
 
-    fn on_host(backend: Box<dyn Backend>, detector: Detector, cost: CostModel, note: Option<String>) -> Self {
-        Self { drawing: Drawing::Host { backend, detector: Box::new(detector) }, cost, note }
+    fn on_host(
+        backend: Box<dyn Backend>,
+        detector: Detector,
+        size_px: [usize; 2],
+        cost: CostModel,
+        note: Option<String>,
+    ) -> Self {
+        let drawing = Drawing::Host { backend, others: Vec::new(), detector: Box::new(detector) };
+        Self { drawing, tables: 0, size_px, cost, note }
     }
 
     fn on_device(gpu: Arc<GpuDevice>, detector: &Detector, size_px: [usize; 2]) -> Result<Self, RenderError> {
@@ -135,8 +147,56 @@ impl Imager {
         let cost = if gpu.is_software() { CostModel::SOFTWARE_GPU } else { CostModel::GPU };
         let detector = Box::new(GpuDetector::new(Arc::clone(&gpu), detector, width, height)?);
         let backend = Box::new(Gpu::new(gpu, width, height)?);
-        let drawing = Drawing::Device { backend, detector, mean: Image::new(width, height) };
-        Ok(Self { drawing, cost, note: None })
+        let drawing = Drawing::Device { backend, others: Vec::new(), detector, mean: Image::new(width, height) };
+        Ok(Self { drawing, tables: 0, size_px, cost, note: None })
+    }
+
+    /// A second backend of the same kind with tables of its own, so that another PSF can be drawn without building any.
+    ///
+    /// # Errors
+    /// When the device cannot have it.
+    pub fn add_tables(&mut self) -> Result<(), RenderError> {
+        let [width, height] = self.size_px;
+        match &mut self.drawing {
+            Drawing::Host { backend, others, .. } => others.push(match backend.name() {
+                "reference" => Box::new(Reference::new(width, height)),
+                _ => Box::new(Cpu::new(width, height)),
+            }),
+            Drawing::Device { backend, others, .. } => {
+                others.push(Box::new(Gpu::new(Arc::clone(backend.device()), width, height)?));
+            }
+        }
+        Ok(())
+    }
+
+    /// Draws with these tables from here on, 0 for the camera's own; those before.
+    pub fn use_tables(&mut self, number: usize) -> usize {
+        let before = self.tables;
+        self.exchange(before);
+        self.exchange(number);
+        self.tables = number;
+        before
+    }
+
+    /// Exchanges the camera's own tables, when in use, and others.
+    fn exchange(&mut self, number: usize) {
+        let Some(place) = number.checked_sub(1) else { return };
+        match &mut self.drawing {
+            Drawing::Host { backend, others, .. } => {
+                others.get_mut(place).into_iter().for_each(|other| core::mem::swap(backend, other));
+            }
+            Drawing::Device { backend, others, .. } => {
+                others.get_mut(place).into_iter().for_each(|other| core::mem::swap(backend, other));
+            }
+        }
+    }
+
+    /// How many times larger than the camera's own the dark current of the frames from here on is.
+    pub fn set_dark_factor(&mut self, factor: f64) {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.set_dark_factor(factor),
+            Drawing::Device { detector, .. } => detector.set_dark_factor(factor),
+        }
     }
 
     fn backend(&self) -> &dyn Backend {
@@ -285,7 +345,7 @@ impl Imager {
         let render;
         let mut on_device = None;
         match &mut self.drawing {
-            Drawing::Host { backend, detector } => {
+            Drawing::Host { backend, detector, .. } => {
                 backend.render(plan)?;
                 render = watch.lap();
                 match backend.electrons() {

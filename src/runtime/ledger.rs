@@ -101,6 +101,8 @@ events! {
     InsideExclusion = "inside_exclusion",
     /// A commanded fault began; the span is how long it lasts.
     Fault = "fault",
+    /// A commanded fault of frames or of imaging is over; the span is how long it was to last.
+    FaultOver = "fault_over",
 }
 
 /// One event.
@@ -116,13 +118,15 @@ pub struct Event {
     pub span: Span,
     /// How far a frame was degraded; [`Rung::Full`] in events of other kinds.
     pub rung: Rung,
+    /// Which fault; empty in events of other kinds.
+    pub what: &'static str,
 }
 
 impl Event {
     /// An event that is no degradation.
     #[must_use]
     pub fn new(kind: EventKind, at: Tai, frame: Option<u32>, span: Span) -> Self {
-        Self { kind, at, frame, span, rung: Rung::Full }
+        Self { kind, at, frame, span, rung: Rung::Full, what: "" }
     }
 }
 

@@ -5,11 +5,13 @@
 //! Nothing here parses, formats or draws.
 
 pub mod calibrate;
+pub mod conditions;
 pub mod cost_cache;
 pub mod delivery;
 pub mod engine;
 pub mod error;
 pub mod field_light;
+mod frame_damage;
 pub mod frame_faults;
 pub mod hygiene;
 pub mod imager;

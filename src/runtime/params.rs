@@ -8,7 +8,7 @@ use crate::base::time::{Span, Tai};
 use crate::detector::DetectorParams;
 use crate::detector::window::OutputGeometry;
 use crate::exposure::cost::CostModel;
-use crate::exposure::{Instrument, MethodChoice, PsfSampling, Shutter};
+use crate::exposure::{Instrument, MethodChoice, PsfSampling, Shutter, Target};
 use crate::optics::{BackgroundLight, Illumination, PsfModel, StarLight};
 use crate::runtime::imager::BackendChoice;
 use crate::sky::observer::Observer;
@@ -98,6 +98,10 @@ pub struct RunParams {
     pub camera: CameraParams,
     /// Attitude.
     pub attitude: AttitudeParams,
+    /// Targets that move over the detector.
+    pub targets: Vec<Target>,
+    /// Of stars and targets each pixel shows the brighter only; otherwise their photons add.
+    pub keeps_brighter: bool,
     /// Where the sensor is.
     pub observer: Observer,
     /// Accuracy budget.

@@ -14,6 +14,7 @@ use crate::report::{Fate, FrameRecord, MissCause, Stage, StageTimes};
 use crate::runtime::delivery::{Delivery, Parcel};
 use crate::runtime::engine::{FrameEngine, Slot, origin_name};
 use crate::runtime::error::RunError;
+use crate::runtime::frame_faults::{Fate as Spoiling, FrameFaults};
 use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::ledger::EventKind;
 use crate::runtime::outcome::RunOutcome;
@@ -81,6 +82,19 @@ pub fn run_in(
     sink: Box<dyn Sink>,
     progress: &mut dyn FnMut(&SentFrame, &RunRecord),
 ) -> RunOutcome {
+    run_spoilt(setting, engine, receiver, None, sources, sink, progress)
+}
+
+/// The same with frames that are spoilt on purpose. `progress` sees them before that.
+pub fn run_spoilt(
+    setting: &Setting<'_>,
+    engine: &mut FrameEngine,
+    receiver: &mut Receiver,
+    faults: Option<&mut FrameFaults>,
+    sources: Sources,
+    sink: Box<dyn Sink>,
+    progress: &mut dyn FnMut(&SentFrame, &RunRecord),
+) -> RunOutcome {
     let mut record = RunRecord::with_ring(setting.ring_frames);
     match start(setting, engine, sources, sink) {
         Err(error) => RunOutcome { record, ports: Vec::new(), sink: None, error: Some(error) },
@@ -88,6 +102,8 @@ pub fn run_in(
             let mut bench = Bench {
                 engine,
                 receiver,
+                faults,
+                spoiling: Spoiling::SEND,
                 clock: &**setting.clock,
                 radio: &radio,
                 delivery: &delivery,
@@ -132,6 +148,9 @@ fn start(
 struct Bench<'a> {
     engine: &'a mut FrameEngine,
     receiver: &'a mut Receiver,
+    faults: Option<&'a mut FrameFaults>,
+    /// What becomes of the frame that is being made.
+    spoiling: Spoiling,
     clock: &'a dyn Clock,
     radio: &'a Radio,
     delivery: &'a Delivery,
@@ -179,8 +198,15 @@ impl Bench<'_> {
                 self.deliver_late(parcel, slot, record)?;
                 continue;
             }
-            self.receiver.fire_triggers(slot, &mut record.ledger, &mut |_fired| {});
+            let faults = &mut self.faults;
+            self.receiver.fire_triggers(slot, &mut record.ledger, &mut |fired| {
+                if let Some(faults) = faults.as_mut() {
+                    faults.fire_trigger(fired.number, fired.at);
+                }
+            });
             timed.load = self.engine.load();
+            let (engine, ledger) = (&mut *self.engine, &mut record.ledger);
+            self.spoiling = self.faults.as_mut().map_or(Spoiling::SEND, |faults| faults.begin(slot, engine, ledger));
             let exposed = self.engine.expose(slot, self.receiver, &mut record.ledger, &mut parcel.frame);
             if matches!(exposed, Err(RunError::AttitudeStopped { .. })) {
                 self.radio.send(0, self.reply.stopped(self.receiver, woken));
@@ -193,6 +219,10 @@ impl Bench<'_> {
             self.finish_record(&mut timed, &times, &parcel.frame.meta, finished, record);
             parcel.record = timed;
             progress(&parcel.frame, record);
+            if self.spoiling.is_dropped {
+                self.withhold(parcel, record);
+                continue;
+            }
             self.deliver(parcel, slot, record)?;
         }
         Ok(())
@@ -283,6 +313,18 @@ impl Bench<'_> {
         now > slot.due + grace
     }
 
+    /// Loses a frame on purpose: the flight computer hears of it, and nobody sees it.
+    fn withhold(&mut self, mut parcel: Parcel, record: &mut RunRecord) {
+        self.tell(&parcel.frame.meta);
+        if let Some(faults) = self.faults.as_mut() {
+            faults.spoil(&self.spoiling, &mut parcel.frame);
+        }
+        record.frames.dropped += 1;
+        parcel.record.fate = Fate::Dropped;
+        record.ring.push(parcel.record);
+        self.spare = Some(parcel);
+    }
+
     /// Sends a finished frame, or does with a late one what the policy says.
     fn deliver(&mut self, mut parcel: Parcel, slot: Slot, record: &mut RunRecord) -> Result<(), RunError> {
         let policy = self.engine.params().deadline_policy;
@@ -306,6 +348,7 @@ impl Bench<'_> {
     fn deliver_late(&mut self, mut parcel: Parcel, slot: Slot, record: &mut RunRecord) -> Result<(), RunError> {
         let lateness = parcel.frame.meta.lateness;
         let at = slot.due + lateness;
+        self.spoiling = Spoiling::SEND;
         record.frames.late += 1;
         if self.engine.params().deadline_policy == DeadlinePolicy::Hold && self.has_previous {
             record.frames.held += 1;
@@ -325,14 +368,13 @@ impl Bench<'_> {
 
     /// Sends a frame out and tells the flight computer what was in it.
     fn send(&mut self, mut parcel: Parcel, record: &mut RunRecord) -> Result<(), RunError> {
-        record.count_outgoing(&parcel.frame.meta);
-        let (meta, now) = (&parcel.frame.meta, self.clock.now());
-        let pointing_bound_rad = self.engine.pointing_bound_rad();
-        let rejects = PortReading::rejects_of_all(&self.readings);
-        let told = ToldFrame { meta, pointing_bound_rad, rejects: &rejects, now };
-        for message in self.reply.messages(&told, self.receiver) {
-            self.radio.send(0, message);
+        self.tell(&parcel.frame.meta);
+        // What the stimulator says of itself it says before its frame is spoilt.
+        if let Some(faults) = self.faults.as_mut() {
+            faults.spoil(&self.spoiling, &mut parcel.frame);
         }
+        parcel.not_before = (self.spoiling.delay > Span::ZERO).then(|| parcel.record.due + self.spoiling.delay);
+        record.count_outgoing(&parcel.frame.meta);
         let meta = &parcel.frame.meta;
         // A held image is as old as when it was made: latency is that of what is seen.
         parcel.record.mid_exposure = meta.mid_exposure;
@@ -344,6 +386,19 @@ impl Bench<'_> {
         }
         record.ring.push(parcel.record);
         self.delivery.send(parcel, now)
+    }
+}
+
+impl Bench<'_> {
+    /// Tells the flight computer what is in a frame.
+    fn tell(&mut self, meta: &FrameMeta) {
+        let now = self.clock.now();
+        let pointing_bound_rad = self.engine.pointing_bound_rad();
+        let rejects = PortReading::rejects_of_all(&self.readings);
+        let told = ToldFrame { meta, pointing_bound_rad, rejects: &rejects, now };
+        for message in self.reply.messages(&told, self.receiver) {
+            self.radio.send(0, message);
+        }
     }
 }
 

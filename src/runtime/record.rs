@@ -230,6 +230,7 @@ fn event_line(event: &Event) -> EventLine {
         kind: event.kind.name().into(),
         detail: match event.kind {
             EventKind::Degraded => format!("{}, drawn in {:.3} ms as predicted", event.rung, event.span.ms()),
+            _ if !event.what.is_empty() => format!("{}, {:.3} ms", event.what, event.span.ms()),
             _ => format!("{:.3} ms", event.span.ms()),
         },
     }

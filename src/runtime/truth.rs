@@ -1,15 +1,18 @@
 //! Plan -> truth table: which stars are in the image, where, and with how much light.
 
+use crate::base::axes::{Icrf, Rotation, Sensor};
 use crate::detector::window::OutputGeometry;
 use crate::exposure::ExposurePlan;
-use crate::sink::TruthStar;
+use crate::exposure::target::{FIRST_FALSE_STAR_ID, FIRST_TARGET_ID, Smear};
+use crate::exposure::track::StarPlace;
+use crate::sink::{TruthKind, TruthStar};
 use crate::sky::catalog::ra_dec_rad;
 
 /// Stars this far outside a window may still shine into it, sensor pixels.
 const MARGIN_PX: f64 = 32.0;
 
-/// Writes one row per planned star into `out`: places in pixels of the image that is put out, electrons on the whole
-/// sensor. Stars well outside a window are left out.
+/// Writes one row per planned star and target into `out`: places in pixels of the image that is put out, electrons on the
+/// whole sensor. Stars well outside a window are left out.
 pub fn fill_truth(plan: &ExposurePlan, output: &OutputGeometry, out: &mut Vec<TruthStar>) {
     let margin_px = MARGIN_PX / f64::from(output.binning);
     let is_near = |place_px: [f64; 2]| {
@@ -21,20 +24,42 @@ pub fn fill_truth(plan: &ExposurePlan, output: &OutputGeometry, out: &mut Vec<Tr
     };
     let icrf_from_sensor = plan.motion.los.mid_sensor_from_icrf.inverse();
     out.clear();
-    out.extend(plan.stars.iter().filter_map(|star| {
+    out.extend(plan.sky_stars().iter().filter_map(|star| {
         let [x_px, y_px] = output.output_from_sensor(star.mean_px);
-        if !is_near([x_px, y_px]) {
-            return None;
-        }
-        let [ra_rad, dec_rad] = ra_dec_rad(icrf_from_sensor.apply(star.place.mid_sensor()));
-        Some(TruthStar {
+        is_near([x_px, y_px]).then(|| TruthStar {
             id: star.id,
-            ra_deg: ra_rad.to_degrees(),
-            dec_deg: dec_rad.to_degrees(),
             mag: star.mag,
             x_px,
             y_px,
             electrons: star.electrons_on_detector,
+            kind: kind_of(star.id),
+            ..row_at(&star.place, &icrf_from_sensor)
         })
     }));
+    out.extend(plan.targets.iter().filter_map(|planned| {
+        let Smear { length_px, angle_rad } = planned.smear;
+        let [x_px, y_px] = output.output_from_sensor(planned.mean_px);
+        is_near([x_px, y_px]).then(|| TruthStar {
+            id: planned.target.id,
+            mag: planned.target.mag,
+            x_px,
+            y_px,
+            electrons: planned.electrons_on_detector,
+            kind: TruthKind::Target,
+            smear_px: length_px / f64::from(output.binning),
+            smear_deg: angle_rad.to_degrees(),
+            ..row_at(&planned.place, &icrf_from_sensor)
+        })
+    }));
+}
+
+/// What stands behind an identifier.
+fn kind_of(id: u32) -> TruthKind {
+    if (FIRST_FALSE_STAR_ID..FIRST_TARGET_ID).contains(&id) { TruthKind::FalseStar } else { TruthKind::Star }
+}
+
+/// A row with nothing but its direction.
+fn row_at(place: &StarPlace, icrf_from_sensor: &Rotation<Icrf, Sensor>) -> TruthStar {
+    let [ra_rad, dec_rad] = ra_dec_rad(icrf_from_sensor.apply(place.mid_sensor()));
+    TruthStar { ra_deg: ra_rad.to_degrees(), dec_deg: dec_rad.to_degrees(), ..TruthStar::NONE }
 }

@@ -204,9 +204,14 @@ impl VirtualLoop {
         self.slots[i] += 1;
         self.record.frames.scheduled += 1;
         let mut frame = self.take_buffer(head.engine);
-        // Nothing is held ready under a trigger yet.
-        head.receiver.fire_triggers(slot, &mut self.record.ledger, &mut |_fired| {});
-        let fate = head.faults.as_mut().map_or(Fate::SEND, |faults| faults.begin(slot.release, head.engine));
+        let ledger = &mut self.record.ledger;
+        let faults = &mut head.faults;
+        head.receiver.fire_triggers(slot, ledger, &mut |fired| {
+            if let Some(faults) = faults.as_mut() {
+                faults.fire_trigger(fired.number, fired.at);
+            }
+        });
+        let fate = head.faults.as_mut().map_or(Fate::SEND, |faults| faults.begin(slot, head.engine, ledger));
         let mut watch = Stopwatch::start();
         let exposed = head.engine.expose(slot, head.receiver, &mut self.record.ledger, &mut frame);
         if let (Err(RunError::AttitudeStopped { .. }), 0) = (&exposed, i) {

@@ -65,6 +65,18 @@ faults! {
     LINK_OFF = 21, "link_off";
     /// A drift of a clock.
     CLOCK_DRIFT = 22, "clock_drift";
+    /// Bits of pixels the other way.
+    FRAME_BIT_FLIP = 23, "frame_bit_flip";
+    /// Another point-spread function.
+    DEFOCUS = 24, "defocus";
+    /// Optics that let less light through.
+    CONTAMINATION = 25, "contamination";
+    /// A detector at another temperature.
+    TEMPERATURE = 26, "temperature";
+    /// Pixels flooded with light.
+    SATURATION = 27, "saturation";
+    /// Pixels that always read the same number.
+    STUCK_PIXELS = 28, "stuck_pixels";
 }
 
 impl FaultFlags {

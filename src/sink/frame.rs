@@ -2,6 +2,7 @@
 
 use crate::base::image::DnImage;
 use crate::base::time::{Span, Tai};
+use crate::sink::active_fault::ActiveFaults;
 use crate::sink::faults::FaultFlags;
 use std::sync::Arc;
 
@@ -28,10 +29,45 @@ impl SentFrame {
     }
 }
 
-/// One star as it was put into the image.
+/// What a row of the truth table is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum TruthKind {
+    /// A star of the catalog.
+    #[default]
+    Star,
+    /// A scripted target.
+    Target,
+    /// A star that is in no catalog, by a commanded fault.
+    FalseStar,
+    /// The track of a proton through the detector, by a commanded fault.
+    ProtonTrack,
+}
+
+impl TruthKind {
+    /// Every kind, with its word in files.
+    pub const NAMED: [(Self, &'static str); 4] = [
+        (Self::Star, "star"),
+        (Self::Target, "target"),
+        (Self::FalseStar, "false_star"),
+        (Self::ProtonTrack, "proton_track"),
+    ];
+
+    /// Its word in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Star => "star",
+            Self::Target => "target",
+            Self::FalseStar => "false_star",
+            Self::ProtonTrack => "proton_track",
+        }
+    }
+}
+
+/// One star, or whatever else left light in one place, as it was put into the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TruthStar {
-    /// Catalog identifier.
+    /// Identifier: the catalog's; false stars and targets have ranges of their own.
     pub id: u32,
     /// Right ascension of the apparent direction at mid-exposure, ICRF axes, deg.
     pub ra_deg: f64,
@@ -45,6 +81,28 @@ pub struct TruthStar {
     pub y_px: f64,
     /// Electrons collected in the exposure, mean, before noise.
     pub electrons: f64,
+    /// What it is.
+    pub kind: TruthKind,
+    /// Length of the smear by its own motion, px; 0 for what moves with the sky.
+    pub smear_px: f64,
+    /// Direction of its own motion, from columns towards rows, deg.
+    pub smear_deg: f64,
+}
+
+impl TruthStar {
+    /// A row with nothing in it.
+    pub const NONE: Self = Self {
+        id: 0,
+        ra_deg: 0.0,
+        dec_deg: 0.0,
+        mag: 0.0,
+        x_px: 0.0,
+        y_px: 0.0,
+        electrons: 0.0,
+        kind: TruthKind::Star,
+        smear_px: 0.0,
+        smear_deg: 0.0,
+    };
 }
 
 /// How a frame came about.
@@ -88,6 +146,8 @@ pub struct FrameMeta {
     pub origin: &'static str,
     /// Commanded faults active in this frame.
     pub faults: FaultFlags,
+    /// Faults of frames and of the imaging chain, one by one.
+    pub active: ActiveFaults,
     /// Camera name.
     pub camera: Arc<str>,
     /// Detector gain, e-/DN.
@@ -124,6 +184,7 @@ impl FrameMeta {
             left_out_e: 0.0,
             origin: "none",
             faults: FaultFlags::NONE,
+            active: ActiveFaults::NONE,
             camera,
             gain_e_per_dn: 1.0,
             black_level_dn: 0.0,
@@ -142,6 +203,7 @@ impl FrameMeta {
 /// A small frame with something in every field.
 #[cfg(test)]
 pub(crate) fn sample_frame(number: u32) -> SentFrame {
+    use crate::sink::active_fault::{ActiveFault, Amount};
     let mut frame = SentFrame::with_capacity(31, 17, 4, "test camera, \"A\"".into());
     for (i, pixel) in frame.image.pixels_mut().iter_mut().enumerate() {
         *pixel = (i as u16).wrapping_mul(2_477).wrapping_add(number as u16);
@@ -154,6 +216,7 @@ pub(crate) fn sample_frame(number: u32) -> SentFrame {
         x_px: 12.345_678_901,
         y_px: -0.25,
         electrons: 0.1 + 0.2,
+        ..TruthStar::NONE
     };
     frame.truth.extend([star, TruthStar { id: u32::MAX, mag: 6.5, electrons: 1e7 / 3.0, ..star }]);
     frame.meta.number = number;
@@ -169,6 +232,8 @@ pub(crate) fn sample_frame(number: u32) -> SentFrame {
     (frame.meta.backend, frame.meta.method, frame.meta.origin) = ("cpu", "kernel", "predicted");
     (frame.meta.rung, frame.meta.left_out_stars, frame.meta.left_out_e) = ("budget-x3", 17, 12.25);
     frame.meta.faults = FaultFlags::HOT_PIXELS | FaultFlags::LINK_DROP;
+    let amount = Amount { value: 31.25, unit: "e-/s" };
+    frame.meta.active.push(ActiveFault { name: "hot_pixels", number: 3, amount });
     (frame.meta.gain_e_per_dn, frame.meta.black_level_dn) = (2.5, 64.0);
     frame
 }

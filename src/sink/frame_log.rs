@@ -63,6 +63,8 @@ pub struct FrameRow {
     pub origin: String,
     /// Active faults: `none`, or names joined by `+`.
     pub faults: String,
+    /// Faults of frames and imaging with their numbers: `none`, or `word#number=amount unit` joined by `; `.
+    pub active_faults: String,
     /// Camera name.
     pub camera: String,
     /// Detector gain, e-/DN.
@@ -112,6 +114,7 @@ impl FrameRow {
             left_out_e: meta.left_out_e,
             origin: meta.origin.into(),
             faults: meta.faults.to_string(),
+            active_faults: meta.active.to_string(),
             camera: meta.camera.to_string(),
             gain_e_per_dn: meta.gain_e_per_dn,
             black_level_dn: meta.black_level_dn,

@@ -13,6 +13,7 @@
 //! Tour: `frame` (what is sent) -> `fits`, `png`, `truth`, `frame_log` (its forms on disk) -> `atomic`
 //! (how a file appears) -> `recorder`, `null`, `tap`, `tee` (the sinks).
 
+pub mod active_fault;
 pub mod atomic;
 #[cfg(test)]
 pub(crate) mod compliance;
@@ -32,11 +33,12 @@ pub mod tap;
 pub mod tee;
 pub mod truth;
 
+pub use active_fault::{ActiveFault, ActiveFaults, Amount};
 pub use atomic::write_file_atomically;
 pub use error::SinkError;
 pub use faults::FaultFlags;
-pub use frame::{FrameMeta, SentFrame, TruthStar};
-pub use frame_fault::FrameFault;
+pub use frame::{FrameMeta, SentFrame, TruthKind, TruthStar};
+pub use frame_fault::{DefectSpots, FaultPixels, FrameFault, PixelFault, ProtonStorm};
 pub use null::NullSink;
 pub use recorder::{Recorder, RecorderOptions};
 pub use tap::{Tap, TapEnd, tap};

@@ -3,11 +3,13 @@
 use crate::attitude::{JitterLine, RemoteClockLimits};
 use crate::base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
 use crate::base::time::{Span, Tai};
-use crate::config::{self, Bench, JitterSource, Wire};
+use crate::config::{self, Bench, JitterSource, Overlap, TargetLight, TargetSettings, Wire};
+use crate::exposure::Target;
 use crate::exposure::cost::CostModel;
+use crate::exposure::target::FIRST_TARGET_ID;
 use crate::link::WireFormat;
 use crate::link::simulated::{BusParams, BusTiming};
-use crate::runtime::params::AttitudeParams;
+use crate::runtime::params::{AttitudeParams, CameraParams};
 use crate::runtime::{BackendChoice, DeadlinePolicy, Imager, RunParams, SessionParams, SessionStart};
 use crate::sky::observer::Observer;
 use crate::sky::orbit::{CircularOrbit, TleOrbit};
@@ -30,6 +32,8 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
     let first_exposure = start + LEAD;
     Ok(RunParams {
         attitude: attitude_params(bench, start),
+        targets: targets(&bench.targets, &camera, first_exposure),
+        keeps_brighter: bench.target_overlap == Overlap::Brighter,
         observer: observer(&bench.observer, first_exposure)?,
         budget: bench.accuracy,
         backend: backend_choice(bench.render.backend),
@@ -47,6 +51,25 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         },
         camera,
     })
+}
+
+/// Targets with their light in electrons and their times in TAI.
+fn targets(settings: &[TargetSettings], camera: &CameraParams, first_exposure: Tai) -> Vec<Target> {
+    let target = |(id, settings): (u32, &TargetSettings)| {
+        let (mag, e_per_s) = match settings.light {
+            TargetLight::Electrons(electrons) => (f64::NAN, electrons / camera.exposure_s),
+            TargetLight::Mag { mag, bp_rp } => {
+                (camera.radiometry.mag_instrument(mag, bp_rp), camera.radiometry.electrons(mag, bp_rp, 1.0))
+            }
+        };
+        let begin = first_exposure + Span::from_s(settings.start_s);
+        // A century: spans end at 292 years.
+        let end = begin + Span::from_s(settings.for_s.min(3e9));
+        #[allow(clippy::cast_possible_truncation, reason = "magnitudes are single precision")]
+        let mag = mag as f32;
+        Target { id, mag, e_per_s, begin, end, path: settings.path }
+    };
+    (FIRST_TARGET_ID..).zip(settings).map(target).collect()
 }
 
 /// The imager of a run.

@@ -6,8 +6,8 @@
 
 use crate::base::axes::{Body, Icrf, Rotation, Sensor};
 use crate::base::clock::{Clock, Virtual};
-use crate::base::time::Tai;
-use crate::config::{ConfigError, Event, Scenario, StartTime};
+use crate::base::time::{Span, Tai};
+use crate::config::{Action, ConfigError, Event, Scenario, StartTime};
 use crate::link::Port;
 use crate::link::tap::FaultControl;
 use crate::runtime::virtual_time::{Head, VirtualLoop, World};
@@ -16,7 +16,9 @@ use crate::sink::{SentFrame, Sink};
 use crate::testbed::vehicle::{TelemetryRow, Vehicle, VehicleError};
 use crate::wiring::assessment::Assessment;
 use crate::wiring::far_side::FarSide;
-use crate::wiring::faults::{FaultLine, FaultLog, Places, PlacesRead, action_name, check_places};
+use crate::wiring::faults::{
+    FaultLine, FaultLog, Inventory, LoggedFault, Places, PlacesRead, action_name, check_places,
+};
 use crate::wiring::loop_outcome::{LoopOutcome, LoopView, predicted_pointing_rad, vehicle_counts};
 use crate::wiring::loop_parts::{LoopHead, loop_head, ports};
 use core::cell::RefCell;
@@ -101,7 +103,10 @@ impl ClosedLoop {
             zero,
             end,
         };
-        for event in &scenario.events {
+        // A trigger finds those that wait for it.
+        let is_trigger = |event: &&Event| matches!(event.action, Action::Trigger { .. });
+        let triggers = scenario.events.iter().filter(is_trigger);
+        for event in scenario.events.iter().filter(|event| !is_trigger(event)).chain(triggers) {
             made.inject(event)?;
         }
         Ok(made)
@@ -119,18 +124,23 @@ impl ClosedLoop {
     pub fn inject(&mut self, event: &Event) -> Result<(), LoopError> {
         let far = self.far.get_mut();
         let wheels = far.computer.vehicle().map_or(0, |vehicle| vehicle.wheel_speeds_rad_s().len());
-        check_places(event, self.heads.len(), wheels)
-            .map_err(|why| LoopError::Event { what: action_name(&event.action), why })?;
+        let there = Inventory { heads: self.heads.len(), wheels, size_px: self.heads[0].size_px() };
+        check_places(event, there).map_err(|why| LoopError::Event { what: action_name(&event.action), why })?;
         let mut event = *event;
-        event.at = event.at.max(self.clock.now() - self.zero);
+        if event.on_trigger.is_none() {
+            event.at = event.at.max(self.clock.now() - self.zero);
+        }
         let mut places = Places {
             to_stimulator: &self.to_stimulator,
             to_computer: &self.to_computer,
             frames: self.heads.iter_mut().map(|head| &mut head.faults).collect(),
         };
         let fault = far.take_event(&event, self.zero, &self.mounting, &mut self.faults, &mut places);
-        if let Some(fault) = fault {
-            self.going.record_mut().ledger.note(fault.ledger_event());
+        if let Some(event) = fault.and_then(LoggedFault::ledger_event) {
+            self.going.record_mut().ledger.note(event);
+        }
+        for head in &mut self.heads {
+            head.faults.prepare(&mut head.engine)?;
         }
         Ok(())
     }
@@ -143,6 +153,12 @@ impl ClosedLoop {
         let now = self.clock.now();
         let sent = self.far.get_mut().computer.send_trigger(number, at, now);
         sent.map_err(|error| LoopError::Event { what: "trigger", why: error.to_string() })
+    }
+
+    /// Time from one frame to the next.
+    #[must_use]
+    pub fn frame_period(&self) -> Span {
+        self.params().frame_period
     }
 
     /// First exposure: where scenario time is zero.

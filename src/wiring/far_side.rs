@@ -82,8 +82,13 @@ impl FarSide {
         log.place(event, zero, head, places, &mut aboard);
         self.add_aboard(aboard);
         self.tell_witness(event, zero);
+        if let Action::Trigger { number } = event.action {
+            log.triggered_by(number).for_each(|(from, until)| self.witness.expect_disturbance(from, until));
+        }
         let fault = log.faults().get(before)?;
-        self.witness.expect_disturbance(fault.from, fault.until);
+        if event.on_trigger.is_none() {
+            self.witness.expect_disturbance(fault.from, fault.until);
+        }
         Some(fault)
     }
 

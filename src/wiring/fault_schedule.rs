@@ -52,7 +52,7 @@ pub fn fault_schedule(seed: u64, limits: &ScheduleLimits) -> Vec<Event> {
         }
         // Whole milliseconds: a schedule reads well, and is the same in a file.
         let whole = |s: f64| Span::from_s((s * 1e3).round() * 1e-3);
-        events.push(Event { at: whole(at_s), lasts: whole(lasts_s), action });
+        events.push(Event { at: whole(at_s), on_trigger: None, lasts: whole(lasts_s), action });
     }
 }
 

@@ -4,9 +4,9 @@ use crate::base::time::{Span, Tai};
 use crate::config::{Action, Event, GyroFaultKind};
 use crate::link::tap::{FaultControl, LinkFault};
 use crate::runtime::EventKind;
-use crate::runtime::frame_faults::FrameFaults;
+use crate::runtime::frame_faults::{Begin, FrameFaults, NEVER};
 use crate::runtime::ledger::Event as LedgerEvent;
-use crate::sink::{FaultFlags, FrameFault};
+use crate::sink::{FaultFlags, FaultPixels, FrameFault};
 use crate::testbed::acs::Command;
 use crate::testbed::vehicle::VehicleFault;
 use crate::wiring::vehicle_parts::attitude;
@@ -55,6 +55,9 @@ pub struct LoggedFault {
     pub from: Tai,
     /// End; equal to the begin for faults that stay.
     pub until: Tai,
+    /// The trigger it waits for, and how long after that it begins.
+    trigger: Option<(u16, Span)>,
+    lasts: Span,
     place: Place,
 }
 
@@ -113,10 +116,21 @@ impl FaultLog {
             }
             Action::BusBack(fault) => Place::BusToComputer(places.to_computer.add(from, until, fault)),
             Action::Frame { head, fault } => {
+                let number = u16::try_from(self.faults.len() + 1).unwrap_or(u16::MAX);
+                let begin = match event.on_trigger {
+                    None => Begin::At(from),
+                    Some(number) => Begin::OnTrigger { number, delay: event.at },
+                };
                 let add = |(i, faults): (usize, &mut &mut FrameFaults)| {
-                    head.is_none_or(|head| head == i).then(|| faults.add(from, until, fault))
+                    head.is_none_or(|head| head == i).then(|| faults.arm(begin, event.lasts, fault, number))
                 };
                 Place::Frames(places.frames.iter_mut().enumerate().map(add).collect())
+            }
+            Action::Trigger { number } => {
+                for frames in &mut places.frames {
+                    frames.fire_trigger(number, from);
+                }
+                return self.fire(number, from);
             }
             Action::Gyro(_) | Action::WheelFailure { .. } | Action::TrackerOff { .. } => {
                 let Some(fault) = vehicle_fault(&event.action) else { return };
@@ -128,7 +142,27 @@ impl FaultLog {
                 Place::Aboard(number)
             }
         };
-        self.faults.push(LoggedFault { name: action_name(&event.action), from, until, place });
+        let trigger = event.on_trigger.map(|number| (number, event.at));
+        let (from, until) = if trigger.is_some() { (NEVER, NEVER) } else { (from, until) };
+        let (name, lasts) = (action_name(&event.action), event.lasts);
+        self.faults.push(LoggedFault { name, from, until, trigger, lasts, place });
+    }
+
+    /// Faults that wait for this trigger begin after `at`.
+    fn fire(&mut self, number: u16, at: Tai) {
+        for fault in &mut self.faults {
+            if let Some((own, delay)) = fault.trigger
+                && own == number
+            {
+                (fault.from, fault.until) = (at + delay, at + delay + fault.lasts);
+            }
+        }
+    }
+
+    /// Begin and end of the faults that wait for this trigger.
+    pub fn triggered_by(&self, number: u16) -> impl Iterator<Item = (Tai, Tai)> + '_ {
+        let waits = move |fault: &&LoggedFault| fault.trigger.is_some_and(|(own, _)| own == number);
+        self.faults.iter().filter(waits).map(|fault| (fault.from, fault.until))
     }
 
     /// Every fault so far.
@@ -140,11 +174,11 @@ impl FaultLog {
     /// Every fault as a report has it, its times counted from `zero`.
     #[must_use]
     pub fn lines(&self, zero: Tai, places: &PlacesRead<'_>) -> Vec<FaultLine> {
-        let line = |fault: &LoggedFault| FaultLine {
-            name: fault.name,
-            from_s: (fault.from - zero).s(),
-            until_s: (fault.until - zero).s(),
-            hits: self.hits(fault, places),
+        let after_zero_s = |at: Tai| if at == NEVER { f64::INFINITY } else { (at - zero).s() };
+        let line = |fault: &LoggedFault| {
+            let (from, until) = fault.times(places);
+            let hits = self.hits(fault, places);
+            FaultLine { name: fault.name, from_s: after_zero_s(from), until_s: after_zero_s(until), hits }
         };
         self.faults.iter().map(line).collect()
     }
@@ -168,9 +202,19 @@ impl FaultLog {
 
 impl LoggedFault {
     /// What the ledger says of it.
+    ///
+    /// `None` for faults of frames: those tell it themselves, with the frame in which they begin and end.
     #[must_use]
-    pub fn ledger_event(&self) -> LedgerEvent {
-        LedgerEvent::new(EventKind::Fault, self.from, None, self.until - self.from)
+    pub fn ledger_event(&self) -> Option<LedgerEvent> {
+        let event = LedgerEvent::new(EventKind::Fault, self.from, None, self.until - self.from);
+        (!matches!(self.place, Place::Frames(_))).then_some(LedgerEvent { what: self.name, ..event })
+    }
+
+    /// Begin and end; of one that waits for a trigger, as the frames have it.
+    fn times(&self, places: &PlacesRead<'_>) -> (Tai, Tai) {
+        let Place::Frames(numbers) = &self.place else { return (self.from, self.until) };
+        let timed = places.frames.iter().zip(numbers).find_map(|(faults, number)| faults.timed().get((*number)?));
+        timed.map_or((self.from, self.until), |timed| (timed.from, timed.until))
     }
 }
 
@@ -202,9 +246,24 @@ fn link_flag(fault: &LinkFault) -> FaultFlags {
     }
 }
 
-/// Refuses an event that names a head or wheel that is not there, with why.
-pub(super) fn check_places(event: &Event, heads: usize, wheels: usize) -> Result<(), String> {
+/// What there is in a loop.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Inventory {
+    pub(super) heads: usize,
+    pub(super) wheels: usize,
+    /// Columns and rows of the detectors.
+    pub(super) size_px: [usize; 2],
+}
+
+/// Refuses an event that names a head, wheel or pixel that is not there, with why.
+pub(super) fn check_places(event: &Event, there: Inventory) -> Result<(), String> {
+    let Inventory { heads, wheels, size_px: [width, height] } = there;
     match event.action {
+        Action::Frame { fault: FrameFault::BitFlip { pixels, .. } | FrameFault::FalseStars { pixels, .. }, .. }
+            if is_outside(pixels, there) =>
+        {
+            Err(format!("px {:?}: the detector has {width} x {height} pixels, counted from 0", pixels.at))
+        }
         Action::Frame { head: Some(head), .. } | Action::TrackerOff { head: Some(head) } if head >= heads => {
             Err(format!("head {head}: there are {heads}, counted from 0"))
         }
@@ -214,6 +273,11 @@ pub(super) fn check_places(event: &Event, heads: usize, wheels: usize) -> Result
         _ if event.at < Span::ZERO => Err("wanted a time not before the first exposure".into()),
         _ => Ok(()),
     }
+}
+
+fn is_outside(pixels: FaultPixels, there: Inventory) -> bool {
+    let beyond = |[x, y]: [u32; 2]| x as usize >= there.size_px[0] || y as usize >= there.size_px[1];
+    pixels.at.is_some_and(beyond)
 }
 
 fn vehicle_fault(action: &Action) -> Option<VehicleFault> {
@@ -247,19 +311,13 @@ pub fn action_name(action: &Action) -> &'static str {
         Action::Bus(LinkFault::ClockStep { .. }) => "clock_step",
         Action::Bus(LinkFault::ClockDrift { .. }) => "clock_drift",
         Action::BusBack(_) => "bus_back_loss",
-        Action::Frame { fault, .. } => match fault {
-            FrameFault::Drop => "frame_drop",
-            FrameFault::Duplicate => "frame_duplicate",
-            FrameFault::Late(_) => "frame_late",
-            FrameFault::Torn => "frame_torn",
-            FrameFault::Blank => "frame_blank",
-            FrameFault::StrayLight { .. } => "stray_light",
-        },
+        Action::Frame { fault, .. } => fault.name(),
         Action::Gyro(GyroFaultKind::Dropout) => "gyro_dropout",
         Action::Gyro(GyroFaultKind::Stuck) => "gyro_stuck",
         Action::Gyro(GyroFaultKind::BiasJump(_)) => "gyro_bias_jump",
         Action::Gyro(GyroFaultKind::Spike(_)) => "gyro_spike",
         Action::WheelFailure { .. } => "wheel_failure",
         Action::TrackerOff { .. } => "tracker_off",
+        Action::Trigger { .. } => "trigger",
     }
 }

@@ -29,6 +29,14 @@ pub(super) struct LoopHead {
     pub(super) faults: FrameFaults,
 }
 
+impl LoopHead {
+    /// Columns and rows of its detector.
+    pub(super) fn size_px(&self) -> [usize; 2] {
+        let geometry = &self.engine.params().camera.geometry;
+        [geometry.width_px(), geometry.height_px()]
+    }
+}
+
 /// The stimulator's part of one head, and the tracker's end of its tap.
 pub(super) fn loop_head(
     scenario: &Scenario,

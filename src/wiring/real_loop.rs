@@ -1,22 +1,25 @@
 //! The closed loop on the bench clock: the vehicle flies in a thread of its own, the frames are late when they are late.
 //!
-//! One head. Faults of the bus and aboard act as on the virtual clock; faults of frames do not, and are refused: on the
-//! bench clock nothing stands between the detector and the sink. Frames go to the tracker as the sink thread delivers
+//! One head. Faults act as on the virtual clock; frames that a fault delays keep their buffers, of which there are four:
+//! a delay beyond three frames loses some, counted. Frames go to the tracker as the sink thread delivers
 //! them; the vehicle looks every `POLL`.
 
 use crate::base::axes::Rotation;
 use crate::base::clock::{Clock, Monotonic};
 use crate::base::time::{Span, Tai};
-use crate::config::{Action, Scenario, StartTime};
+use crate::config::{Action, Event, Scenario, StartTime};
 use crate::link::tap::FaultControl;
 use crate::runtime::error::FarEndError;
+use crate::runtime::frame_faults::FrameFaults;
 use crate::runtime::hygiene::{Hygiene, Role};
 use crate::runtime::{RunError, RunParams, RunRecord, real_time};
 use crate::sink::{FrameMeta, SentFrame, Sink};
 use crate::testbed::vehicle::TelemetryRow;
 use crate::wiring::closed_loop::LoopError;
 use crate::wiring::far_side::FarSide;
-use crate::wiring::faults::{FaultLine, FaultLog, Places, PlacesRead, action_name, check_places};
+use crate::wiring::faults::{
+    FaultLine, FaultLog, Inventory, LoggedFault, Places, PlacesRead, action_name, check_places,
+};
 use crate::wiring::loop_outcome::{LoopOutcome, predicted_pointing_rad, vehicle_counts};
 use crate::wiring::loop_parts::{LoopHead, loop_head, ports};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -63,16 +66,18 @@ pub fn run_real(
         StartTime::Now => Monotonic::start().now(),
     };
     let (head, tap) = loop_head(scenario, 0, &mounting, start, sink, change)?;
-    let LoopHead { mut engine, mut receiver, sink, .. } = head;
+    let size_px = head.size_px();
+    let LoopHead { mut engine, mut receiver, sink, faults } = head;
     let params = engine.params().clone();
     let (zero, end) = (params.first_exposure, params.exposure_start(params.frames));
     let [to_stimulator, to_computer] = [FaultControl::default(), FaultControl::default()];
-    let mut made = Made { log: FaultLog::default(), to_stimulator, to_computer };
+    let mut made = Made { log: FaultLog::default(), to_stimulator, to_computer, frames: faults };
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
     let (near, far) = ports(scenario, &clock, &made.to_stimulator, &made.to_computer)?;
     let mut far = FarSide::new(scenario, far, vec![tap], [start, zero, end])?;
     far.on_row = on_row;
-    made.place_events(scenario, zero, &mut far)?;
+    made.place_events(scenario, zero, &mut far, size_px)?;
+    made.frames.prepare(&mut engine)?;
     let over = Arc::new(AtomicBool::new(false));
     let (told, queue) = bounded::<FrameMeta>(TOLD_FRAMES);
     let ends = Ends { over: Arc::clone(&over), stop: Arc::clone(setting.stop) };
@@ -87,7 +92,8 @@ pub fn run_real(
         let _the_witness_may_be_busy = told.try_send(frame.meta.clone());
         progress(frame, record);
     };
-    let outcome = real_time::run_in(&real, &mut engine, &mut receiver, near.into(), sink, &mut seen);
+    let outcome =
+        real_time::run_spoilt(&real, &mut engine, &mut receiver, Some(&mut made.frames), near.into(), sink, &mut seen);
     let now = clock.now().min(end);
     over.store(true, Ordering::SeqCst);
     let far = joined(thread)?;
@@ -110,29 +116,35 @@ struct Made {
     log: FaultLog,
     to_stimulator: FaultControl,
     to_computer: FaultControl,
+    frames: FrameFaults,
 }
 
 impl Made {
-    fn place_events(&mut self, scenario: &Scenario, zero: Tai, far: &mut FarSide) -> Result<(), LoopError> {
+    fn place_events(
+        &mut self,
+        scenario: &Scenario,
+        zero: Tai,
+        far: &mut FarSide,
+        size_px: [usize; 2],
+    ) -> Result<(), LoopError> {
         let head = scenario.heads.first().copied().unwrap_or(Rotation::IDENTITY);
         let wheels = far.computer.vehicle().map_or(0, |vehicle| vehicle.wheel_speeds_rad_s().len());
-        for event in &scenario.events {
+        let is_trigger = |event: &&Event| matches!(event.action, Action::Trigger { .. });
+        let triggers = scenario.events.iter().filter(is_trigger);
+        for event in scenario.events.iter().filter(|event| !is_trigger(event)).chain(triggers) {
             let what = action_name(&event.action);
-            check_places(event, 1, wheels).map_err(|why| LoopError::Event { what, why })?;
-            if matches!(event.action, Action::Frame { .. }) {
-                let why = "faults of frames act on the virtual clock only: add --clock virtual".into();
-                return Err(LoopError::Event { what, why });
-            }
-            let Self { log, to_stimulator, to_computer } = self;
-            let mut places = Places { to_stimulator, to_computer, frames: Vec::new() };
+            check_places(event, Inventory { heads: 1, wheels, size_px })
+                .map_err(|why| LoopError::Event { what, why })?;
+            let Self { log, to_stimulator, to_computer, frames } = self;
+            let mut places = Places { to_stimulator, to_computer, frames: vec![frames] };
             far.take_event(event, zero, &head, log, &mut places);
         }
         Ok(())
     }
 
     fn note_events(&self, record: &mut RunRecord) {
-        for fault in self.log.faults() {
-            record.ledger.note(fault.ledger_event());
+        for event in self.log.faults().iter().filter_map(LoggedFault::ledger_event) {
+            record.ledger.note(event);
         }
     }
 
@@ -140,7 +152,7 @@ impl Made {
         let places = PlacesRead {
             to_stimulator: &self.to_stimulator,
             to_computer: &self.to_computer,
-            frames: Vec::new(),
+            frames: vec![&self.frames],
             aboard: &|number| far.hits_aboard(number),
         };
         self.log.lines(zero, &places)

@@ -76,7 +76,7 @@ fn a_fault_that_hits_nothing_is_seen() {
     let mut scenario = quiet();
     // No packet is spoilt by a share of nothing.
     let action = Action::Bus(LinkFault::Loss { share: 0.0 });
-    scenario.events.push(Event { at: Span::from_s(10.0), lasts: Span::from_s(20.0), action });
+    scenario.events.push(Event { at: Span::from_s(10.0), on_trigger: None, lasts: Span::from_s(20.0), action });
     let mut going = ClosedLoop::new(&scenario, |_| Box::new(NullSink::new())).unwrap();
     going.run_to_end(&mut |_, _, _| true).unwrap();
     let outcome = going.finish().unwrap();
@@ -90,7 +90,12 @@ fn a_loop_that_does_not_recover_is_seen() {
     scenario.bench.timing.duration_s = 400.0;
     scenario.expect.recovery_s = 100.0;
     // The trackers stay blind after the fault that counts: a bias jump then carries the pointing away.
-    let event = |at_s: f64, for_s: f64, action| Event { at: Span::from_s(at_s), lasts: Span::from_s(for_s), action };
+    let event = |at_s: f64, for_s: f64, action| Event {
+        at: Span::from_s(at_s),
+        on_trigger: None,
+        lasts: Span::from_s(for_s),
+        action,
+    };
     let jump = glam::DVec3::new(0.0, 2e-5, 0.0);
     scenario.events = vec![
         event(100.0, 5.0, Action::Frame { head: None, fault: FrameFault::Drop }),
@@ -117,7 +122,7 @@ fn events_that_name_what_is_not_there_are_refused() {
         (Action::WheelFailure { wheel: 4 }, "wheel 4: there are 4"),
     ] {
         let mut scenario = quiet();
-        scenario.events.push(Event { at: Span::from_s(1.0), lasts: Span::from_s(1.0), action });
+        scenario.events.push(Event { at: Span::from_s(1.0), on_trigger: None, lasts: Span::from_s(1.0), action });
         let refused = ClosedLoop::new(&scenario, |_| Box::new(NullSink::new())).err().unwrap().to_string();
         assert!(refused.contains(wanted), "{refused}");
     }
@@ -135,7 +140,7 @@ fn flown(
 }
 
 fn event(at_s: f64, for_s: f64, action: Action) -> Event {
-    Event { at: Span::from_s(at_s), lasts: Span::from_s(for_s), action }
+    Event { at: Span::from_s(at_s), on_trigger: None, lasts: Span::from_s(for_s), action }
 }
 
 #[test]

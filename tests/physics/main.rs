@@ -19,4 +19,5 @@ mod random_scenes;
 mod scene;
 mod stability;
 mod stamps;
+mod targets;
 mod time_correlation;

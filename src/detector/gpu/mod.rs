@@ -91,6 +91,7 @@ pub struct GpuDetector {
     stray_light_e: f32,
     background: Background,
     has_map: bool,
+    dark_factor: f64,
     size: [usize; 2],
     disturbances: Disturbances,
     output: Output,
@@ -131,6 +132,7 @@ impl GpuDetector {
             stray_light_e: 0.0,
             background: Background::DARK,
             has_map: detector.illumination_map().is_some(),
+            dark_factor: 1.0,
             gpu,
         })
     }
@@ -190,6 +192,11 @@ impl GpuDetector {
         }
     }
 
+    /// How many times larger than the parameters' the dark current of the frames from here on is.
+    pub fn set_dark_factor(&mut self, factor: f64) {
+        self.dark_factor = factor;
+    }
+
     /// Wall time of the latest frame.
     #[must_use]
     pub fn times(&self) -> FrameTimes {
@@ -230,7 +237,8 @@ impl GpuDetector {
     #[allow(clippy::cast_possible_truncation, reason = "images hold fewer than 2^32 pixels")]
     fn submit(&mut self, electrons: &DeviceElectrons, frame: u32, exposure_s: f64) -> Result<(), GpuError> {
         let background = self.background.and_uniform(self.stray_light_e);
-        let constants = Constants::new(&self.model, exposure_s, background.level_e(self.has_map));
+        let constants =
+            Constants::new(&self.model, exposure_s, background.level_e(self.has_map)).warmed(self.dark_factor);
         let (offset, scale) = normalisation(self.size);
         let pixels = (self.size[0] * self.size[1]) as u32;
         self.disturbances.advance(frame, exposure_s);

@@ -91,6 +91,13 @@ fn push_origin(header: &mut Header, meta: &FrameMeta) {
     header.push("ORIGIN", meta.origin, "of the attitude");
     header.push("FAULTS", meta.faults.to_string(), "active faults");
     header.push("FAULTBIT", meta.faults.bits(), "active faults as bits");
+    header.push("NFAULTS", meta.active.count(), "faults of frames and imaging, numbers below");
+    for (place, fault) in (1..).zip(meta.active.named()) {
+        let (value, unit) = (fault.amount.value, fault.amount.unit);
+        header.push(&format!("FLT{place}"), fault.name, "commanded fault");
+        header.push(&format!("FLT{place}NUM"), u32::from(fault.number), "its number in the run's list");
+        header.push(&format!("FLT{place}VAL"), value, unit);
+    }
     header.push("GAIN", meta.gain_e_per_dn, "[e-/DN]");
     header.push("BLACKLVL", meta.black_level_dn, "[DN] black level");
     if meta.binning > 1 {
@@ -137,6 +144,8 @@ mod tests {
         assert_eq!(header.real("LATE_MS"), Some(meta.lateness.ms()));
         assert_eq!(header.text("INSTRUME").as_deref(), Some(&*meta.camera));
         assert_eq!(header.text("FAULTS").as_deref(), Some("link_drop+hot_pixels"));
+        assert_eq!((header.integer("NFAULTS"), header.text("FLT1").as_deref()), (Some(1), Some("hot_pixels")));
+        assert_eq!((header.integer("FLT1NUM"), header.real("FLT1VAL")), (Some(3), Some(31.25)));
         assert_eq!(header.text("RUNG").as_deref(), Some("budget-x3"));
         assert_eq!((header.integer("NLEFTOUT"), header.real("LEFTOUTE")), (Some(17), Some(12.25)));
         assert_ne!(header.real("RATE_X"), header.real("RATE_Y"), "axes are not swapped for one another");

@@ -77,7 +77,7 @@ pub(super) fn stepped(going: &ClosedLoop, frames_out: u64) -> Value {
 }
 
 pub(super) fn inject(keys: &Map<String, Value>, going: &mut ClosedLoop) -> Result<Value, String> {
-    let event = Event::from_json(keys, now_s(going)).map_err(|error| error.to_string())?;
+    let event = Event::from_json(keys, now_s(going), going.frame_period()).map_err(|error| error.to_string())?;
     going.inject(&event).map_err(|error| error.to_string())?;
     let from_s = event.at.s().max(now_s(going));
     Ok(json!({ "event": action_name(&event.action), "from_s": from_s, "for_s": event.lasts.s() }))

@@ -95,7 +95,12 @@ fn turning(study: &Study, tag_s: f64) -> Result<Trace, LoopError> {
     scenario.spacecraft.control.slew_rate_rad_s = TURN_RAD_S;
     let up = if scenario.target.dec_deg > 0.0 { -TURN_DEG } else { TURN_DEG };
     let target = Pointing { dec_deg: scenario.target.dec_deg + up, ..scenario.target };
-    scenario.events.push(Event { at: Span::from_s(TURN_AT_S), lasts: Span::ZERO, action: Action::Slew(target) });
+    scenario.events.push(Event {
+        at: Span::from_s(TURN_AT_S),
+        on_trigger: None,
+        lasts: Span::ZERO,
+        action: Action::Slew(target),
+    });
     fly(&scenario)
 }
 

@@ -1,0 +1,246 @@
+//! Keys of one event -> what happens, when, and for how long.
+
+use crate::base::time::Span;
+use crate::base::units::DEG;
+use crate::config::check::{Checker, Rule};
+use crate::config::error::ConfigError;
+use crate::config::event::{Action, GyroFaultKind, Pointing};
+use crate::config::event_word::{EventKeys, Kind};
+use crate::link::tap::LinkFault;
+use crate::sink::{FaultPixels, FrameFault};
+use glam::DVec3;
+
+/// Reads the keys of one event.
+pub(super) struct Reader<'a, 'd> {
+    pub(super) keys: &'a EventKeys,
+    pub(super) place: usize,
+    pub(super) check: &'a mut Checker<'d>,
+}
+
+impl Reader<'_, '_> {
+    pub(super) fn action(&self, kind: Kind) -> Result<Action, ConfigError> {
+        if kind.is_of_frames() {
+            return Ok(Action::Frame { head: self.number("head", self.keys.head)?, fault: self.frame_fault(kind)? });
+        }
+        Ok(match kind {
+            Kind::Slew => Action::Slew(self.pointing()?),
+            Kind::Safe => Action::Safe,
+            Kind::Resume => Action::Resume,
+            Kind::BusLoss => Action::Bus(LinkFault::Loss { share: self.share()? }),
+            Kind::BusSilence => Action::Bus(LinkFault::Silence),
+            Kind::BusDelay => Action::Bus(LinkFault::Delay {
+                by: self.milliseconds("delay_ms", self.keys.delay_ms)?,
+                jitter: self.milliseconds("jitter_ms", Some(self.keys.jitter_ms.unwrap_or(0.0)))?,
+            }),
+            Kind::BusDuplicate => Action::Bus(LinkFault::Duplicate { share: self.share()? }),
+            Kind::BusWrongBits => Action::Bus(LinkFault::WrongBits { share: self.share()? }),
+            Kind::BusReorder => Action::Bus(LinkFault::Reorder {
+                share: self.share()?,
+                by: self.milliseconds("delay_ms", self.keys.delay_ms)?,
+            }),
+            Kind::BusTruncate => Action::Bus(LinkFault::Truncate { share: self.share()? }),
+            Kind::BusBabble => Action::Bus(self.babble()?),
+            Kind::BusOff => Action::Bus(LinkFault::Off),
+            Kind::ClockStep => {
+                let advice = "milliseconds, below zero for a clock that falls behind";
+                let ms = self.required("step_ms", self.keys.step_ms, Rule::Within(-60_000.0, 60_000.0), advice)?;
+                Action::Bus(LinkFault::ClockStep { by: Span::from_s(ms * 1e-3) })
+            }
+            Kind::ClockDrift => {
+                let advice = "parts per million, below zero for a slow clock";
+                let ppm = self.required("ppm", self.keys.ppm, Rule::Within(-10_000.0, 10_000.0), advice)?;
+                Action::Bus(LinkFault::ClockDrift { ppm })
+            }
+            Kind::BusBackLoss => Action::BusBack(LinkFault::Loss { share: self.share()? }),
+            Kind::Trigger => Action::Trigger { number: self.trigger("number", self.keys.number)? },
+            Kind::GyroDropout => Action::Gyro(GyroFaultKind::Dropout),
+            Kind::GyroStuck => Action::Gyro(GyroFaultKind::Stuck),
+            Kind::GyroBiasJump => Action::Gyro(GyroFaultKind::BiasJump(self.rate()?)),
+            Kind::GyroSpike => Action::Gyro(GyroFaultKind::Spike(self.rate()?)),
+            Kind::WheelFailure => {
+                let missing = || self.check.invalid(&self.key("wheel"), "missing", "its number, from 0", "such as 2");
+                Action::WheelFailure { wheel: self.number("wheel", self.keys.wheel)?.ok_or_else(missing)? }
+            }
+            // The rest are faults of frames.
+            _ => Action::TrackerOff { head: self.number("head", self.keys.head)? },
+        })
+    }
+
+    /// What happens to frames, or to the chain that images them.
+    fn frame_fault(&self, kind: Kind) -> Result<FrameFault, ConfigError> {
+        let light = "electrons per second in every pixel, such as 200000.0";
+        let share = "a share of the light, 0 to 1";
+        let keys = self.keys;
+        Ok(match kind {
+            Kind::FrameDrop => FrameFault::Drop,
+            Kind::FrameDuplicate => FrameFault::Duplicate,
+            Kind::FrameLate => FrameFault::Late(self.milliseconds("late_ms", keys.late_ms)?),
+            Kind::FrameTorn => FrameFault::Torn,
+            Kind::BitFlip => {
+                let bit = self.whole("bit", keys.bit, 15, "which bit of the pixels' numbers, from 0")?;
+                FrameFault::BitFlip { bit, pixels: self.pixels(1_000_000)? }
+            }
+            Kind::StrayLight => FrameFault::StrayLight {
+                e_per_s: self.required("e_per_s", keys.e_per_s, Rule::PositiveUpTo(1e12), light)?,
+            },
+            Kind::StrayLightRamp => {
+                let number = |name, given| self.required(name, given, Rule::Within(0.0, 1e12), light);
+                let from_e_per_s = number("from_e_per_s", keys.from_e_per_s)?;
+                FrameFault::StrayLightRamp { from_e_per_s, to_e_per_s: number("to_e_per_s", keys.to_e_per_s)? }
+            }
+            Kind::Defocus => {
+                let advice = "sigma of the defocused, Gaussian spot, px";
+                FrameFault::Defocus {
+                    sigma_px: self.required("sigma_px", keys.sigma_px, Rule::Within(0.2, 12.0), advice)?,
+                }
+            }
+            Kind::Contamination => {
+                let number = |name, given| self.required(name, given, Rule::Within(0.0, 1.0), share);
+                let from_share = number("throughput", keys.throughput)?;
+                FrameFault::Contamination {
+                    from_share,
+                    to_share: number("to_throughput", keys.to_throughput.or(Some(from_share)))?,
+                }
+            }
+            Kind::TemperatureStep => {
+                let advice = "kelvin by which the detector is warmer, below zero for colder";
+                FrameFault::TemperatureStep {
+                    by_k: self.required("by_k", keys.by_k, Rule::Within(-100.0, 100.0), advice)?,
+                }
+            }
+            Kind::Saturation => {
+                let advice = "light in each exposure, full wells; 4 if left out";
+                let given = keys.full_wells.or(Some(4.0));
+                FrameFault::Saturation {
+                    full_wells: self.required("full_wells", given, Rule::PositiveUpTo(1e3), advice)?,
+                }
+            }
+            Kind::FalseStars => {
+                let mag =
+                    self.required("mag", keys.mag, Rule::Within(-30.0, 40.0), "magnitude in the instrument's band")?;
+                FrameFault::FalseStars { pixels: self.pixels(4096)?, mag }
+            }
+            Kind::MissingStars => {
+                let advice = "a share of the catalog's stars, 0 to 1";
+                FrameFault::MissingStars { share: self.required("share", keys.share, Rule::Within(0.0, 1.0), advice)? }
+            }
+            Kind::MissingBrightStars => FrameFault::MissingBrightStars {
+                count: self.whole("count", keys.count, 100_000, "how many of the brightest stars")?,
+            },
+            _ => FrameFault::Blank,
+        })
+    }
+
+    /// A pixel that is given and a number of random ones; one at random when neither is said.
+    fn pixels(&self, most: i64) -> Result<FaultPixels, ConfigError> {
+        let along = |given| self.whole("px", Some(given), 65_535, "column and row, from 0, such as [100, 200]");
+        let at = self.keys.px.map(|[x, y]| Ok([along(x)?, along(y)?])).transpose()?;
+        let random = match self.keys.count {
+            None => u32::from(at.is_none()),
+            given => self.whole("count", given, most, "how many at random")?,
+        };
+        Ok(FaultPixels { at, random })
+    }
+
+    fn trigger(&self, name: &str, given: Option<i64>) -> Result<u16, ConfigError> {
+        self.whole(name, given, 65_535, "the number of a trigger, such as 1")
+    }
+
+    /// When it happens: `at_s`, `at_frame`, or after a trigger; frames are `frame_period` apart.
+    pub(super) fn begin(&self, kind: Kind, frame_period: Span) -> Result<(Span, Option<u16>), ConfigError> {
+        let after = "seconds after the first exposure";
+        let EventKeys { at_s, at_frame, on_trigger, .. } = *self.keys;
+        if on_trigger.is_some() {
+            let trigger = self.trigger("on_trigger", on_trigger)?;
+            self.check.unused(&self.key("at_frame"), at_frame.is_some(), "events without on_trigger")?;
+            if !kind.is_of_frames() {
+                let wanted = "no on_trigger here";
+                let advice = "faults of frames and of imaging wait for triggers; give at_s or at_frame";
+                return Err(self.check.invalid(&self.key("on_trigger"), "given", wanted, advice));
+            }
+            let delay = "seconds after the trigger; at once if left out";
+            let at_s = self.required("at_s", at_s.or(Some(0.0)), Rule::NotNegative, delay)?;
+            return Ok((Span::from_s(at_s), Some(trigger)));
+        }
+        let Some(frame) = at_frame else {
+            return Ok((Span::from_s(self.required("at_s", at_s, Rule::NotNegative, after)?), None));
+        };
+        self.check.unused(&self.key("at_s"), at_s.is_some(), "events without at_frame")?;
+        let frame: u32 = self.whole("at_frame", Some(frame), 1_000_000_000, "the first frame that it hits, from 0")?;
+        // Just after the exposure's begin: the frame before has ended by then, however long it is exposed.
+        Ok((Span::from_ns(frame_period.ns() * i64::from(frame) + 1), None))
+    }
+
+    /// How long it lasts: `for_s`, or `for_frames`.
+    pub(super) fn lasts(&self, frame_period: Span) -> Result<Span, ConfigError> {
+        let Some(frames) = self.keys.for_frames else {
+            let for_s = self.required("for_s", self.keys.for_s, Rule::Positive, "how many seconds it lasts")?;
+            return Ok(Span::from_s(for_s));
+        };
+        self.check.unused(&self.key("for_s"), self.keys.for_s.is_some(), "events without for_frames")?;
+        let frames: u32 = self.whole("for_frames", Some(frames.max(-1)), 1_000_000_000, "how many frames it hits")?;
+        if frames == 0 {
+            return Err(self.check.invalid(&self.key("for_frames"), 0, "1 or more", "it would hit nothing"));
+        }
+        Ok(Span::from_ns(frame_period.ns() * i64::from(frames)))
+    }
+
+    fn key(&self, name: &str) -> String {
+        format!("event[{}].{name}", self.place)
+    }
+
+    fn required(&self, name: &str, given: Option<f64>, rule: Rule, advice: &str) -> Result<f64, ConfigError> {
+        self.check.required(&self.key(name), given, rule, advice)
+    }
+
+    fn babble(&self) -> Result<LinkFault, ConfigError> {
+        let advice = "milliseconds from one packet to the next, such as 0.5";
+        let period_ms = self.required("period_ms", self.keys.period_ms, Rule::Within(0.05, 60_000.0), advice)?;
+        let id =
+            self.whole("can_id", self.keys.can_id, 0x7FF, "an identifier of 11 bits, such as 0x123; no use on serial")?;
+        let bytes = self.whole("bytes", Some(self.keys.bytes.unwrap_or(8)), 64, "bytes of content, 8 if left out")?;
+        Ok(LinkFault::Babble { id, period: Span::from_s(period_ms * 1e-3), bytes })
+    }
+
+    fn whole<N: TryFrom<i64>>(
+        &self,
+        name: &str,
+        given: Option<i64>,
+        most: i64,
+        advice: &str,
+    ) -> Result<N, ConfigError> {
+        let got = given.map_or_else(|| "missing".into(), |number| number.to_string());
+        let fits = given.filter(|number| (0..=most).contains(number)).and_then(|number| N::try_from(number).ok());
+        fits.ok_or_else(|| self.check.invalid(&self.key(name), got, format!("a whole number from 0 to {most}"), advice))
+    }
+
+    fn share(&self) -> Result<f64, ConfigError> {
+        self.required("share", self.keys.share, Rule::Within(0.0, 1.0), "a share of the packets, 0 to 1")
+    }
+
+    fn milliseconds(&self, name: &str, given: Option<f64>) -> Result<Span, ConfigError> {
+        let ms = self.required(name, given, Rule::Within(0.0, 60_000.0), "milliseconds")?;
+        Ok(Span::from_s(ms * 1e-3))
+    }
+
+    fn rate(&self) -> Result<DVec3, ConfigError> {
+        let advice = "degrees per hour about the body axes, such as [5.0, 0.0, 0.0]";
+        let missing = || self.check.invalid(&self.key("rate_deg_h"), "missing", "three finite numbers", advice);
+        let rate_deg_h = self.keys.rate_deg_h.ok_or_else(missing)?;
+        for component in rate_deg_h {
+            self.check.meets(&self.key("rate_deg_h"), component, Rule::Within(-1e6, 1e6), advice)?;
+        }
+        Ok(DVec3::from_array(rate_deg_h) * (DEG / 3600.0))
+    }
+
+    fn number(&self, name: &str, given: Option<i64>) -> Result<Option<usize>, ConfigError> {
+        let Some(number) = given else { return Ok(None) };
+        let refuse = || self.check.invalid(&self.key(name), number, "a number from 0 to 15", "counted from 0");
+        usize::try_from(number).ok().filter(|number| *number < 16).map(Some).ok_or_else(refuse)
+    }
+
+    fn pointing(&self) -> Result<Pointing, ConfigError> {
+        let key = |name: &str| self.key(name);
+        Pointing::check([self.keys.ra_deg, self.keys.dec_deg, self.keys.roll_deg], key, self.check)
+    }
+}
