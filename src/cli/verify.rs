@@ -7,8 +7,9 @@ use crate::base::image::{DnImage, ElectronImage, Image};
 use crate::base::time::Tai;
 use crate::cli::run::BackendName;
 use crate::config::{Camera, Document};
-use crate::detector::{Detector, DetectorParams};
+use crate::detector::{Detector, DetectorParams, Nonlinearity, SpatialParams};
 use crate::exposure::{MethodChoice, Planner};
+use crate::optics::Illumination;
 use crate::report::to_svg;
 use crate::runtime::Imager;
 use crate::runtime::params::CameraParams;
@@ -71,11 +72,17 @@ pub fn run(arguments: &VerifyArgs) -> Result<u8> {
         Some(path) => Document::open(path)?,
         None => Document::built_in("cameras/cubesat_tracker.toml")?,
     };
-    let camera = camera_params(&Camera::from_document(&document)?)?;
+    let mut camera = camera_params(&Camera::from_document(&document)?)?;
+    let off;
+    (camera.detector, off) = plain(&camera.detector);
+    camera.illumination = Illumination::EVEN;
     let sheet = photon_transfer(&camera, arguments.seed);
-    let lines = sheet.compare(&stated(&camera.detector));
+    let lines = sheet.compare(&Stated::of(&camera.detector, camera.exposure_s));
     println!("\"{}\": photon transfer from flats of {FLAT_PX} x {FLAT_PX} px", camera.name);
     print!("{}", table::data_sheet(&lines));
+    for what in off {
+        println!("  switched off for the measurement: {what}");
+    }
     println!(
         "  largest deviation from a straight line, 5 to 95 % of saturation: {:.3} %\n",
         100.0 * sheet.linearity_error
@@ -101,18 +108,14 @@ fn photon_transfer(camera: &CameraParams, seed: u64) -> DataSheet {
     })
 }
 
-/// What the camera file says.
-fn stated(detector: &DetectorParams) -> Stated {
-    let converter_e = (f64::from(detector.largest_dn()) - detector.black_level_dn) * detector.gain_e_per_dn;
-    Stated {
-        gain_e_per_dn: detector.gain_e_per_dn,
-        black_level_dn: detector.black_level_dn,
-        read_noise_e_rms: detector.read_noise_e_rms,
-        dark_e_per_s: detector.dark_e_per_s,
-        dsnu_e_rms: detector.dsnu_e_rms,
-        prnu: detector.prnu,
-        saturation_e: detector.full_well_e.min(converter_e),
-    }
+/// The detector without what a laboratory would switch off to measure the rest, and what that is.
+fn plain(params: &DetectorParams) -> (DetectorParams, Vec<&'static str>) {
+    let plain = DetectorParams { spatial: SpatialParams::OFF, nonlinearity: Nonlinearity::OFF, ..*params };
+    let off = [
+        ("effects of neighbours, defects, protons, window and binning", params.spatial != SpatialParams::OFF),
+        ("bent response", params.nonlinearity.is_on()),
+    ];
+    (plain, off.into_iter().filter(|(_, is_on)| *is_on).map(|(what, _)| what).collect())
 }
 
 /// Errors by brightness, as text.
@@ -125,7 +128,11 @@ fn stars(camera: &CameraParams, arguments: &VerifyArgs) -> Result<String> {
             size_px[1]
         );
     }
-    let truth = truth(camera, arguments.seed);
+    let truth = Truth::of(
+        &Detector::new(camera.detector, size_px[0], size_px[1], arguments.seed),
+        camera.psf.clone(),
+        camera.exposure_s,
+    );
     let field = StarField::new(size_px, brightnesses(camera, &truth), 21);
     let backend = backend_choice(arguments.backend.configured());
     let mut imager = Imager::new(backend, camera.detector, size_px, arguments.seed)?;
@@ -142,25 +149,10 @@ fn stars(camera: &CameraParams, arguments: &VerifyArgs) -> Result<String> {
     Ok(head + &table::fidelity(&measured, mag_of))
 }
 
-fn truth(camera: &CameraParams, seed: u64) -> Truth {
-    let (width_px, detector) = (camera.geometry.width_px(), camera.detector);
-    let patterns = Detector::new(detector, width_px, camera.geometry.height_px(), seed);
-    Truth {
-        psf: camera.psf.clone(),
-        dark_e: detector.dark_e_per_s * camera.exposure_s,
-        read_noise_e_rms: detector.read_noise_e_rms,
-        dsnu_e_rms: detector.dsnu_e_rms,
-        gain_e_per_dn: detector.gain_e_per_dn,
-        black_level_dn: detector.black_level_dn,
-        patterns: patterns.patterns().clone(),
-        width_px,
-    }
-}
-
 /// Even steps of magnitude, from the least signal-to-noise ratio to well below saturation.
 fn brightnesses(camera: &CameraParams, truth: &Truth) -> Vec<f64> {
     let least_e = truth.electrons_for_snr(LEAST_SNR);
-    let most_e = MOST_WELL * stated(&camera.detector).saturation_e / camera.psf.peak();
+    let most_e = MOST_WELL * Stated::of(&camera.detector, camera.exposure_s).saturation_e / camera.psf.peak();
     let step = (most_e / least_e).max(1.0).powf(1.0 / f64::from(STEPS - 1));
     (0..STEPS).map(|i| least_e * step.powi(i)).collect()
 }

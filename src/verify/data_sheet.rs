@@ -1,5 +1,6 @@
 //! What a laboratory would write down of a detector, and how it compares with what was asked for.
 
+use crate::detector::{DetectorParams, LinePattern};
 use crate::report::plot::{Axis, Chart, Series, Style};
 
 /// One level of light, less the dark level.
@@ -76,6 +77,16 @@ impl Comparison {
     }
 }
 
+/// Largest relative difference between the response that points show and the one that a file states, from 5 to 95 % of
+/// saturation. Both are taken against their own slope at the first point of that range.
+#[must_use]
+pub fn response_error(points: &[LightPoint], saturation_e: f64, seen_e: impl Fn(f64) -> f64) -> f64 {
+    let judged = points.iter().filter(|p| (0.05..=0.95).contains(&(p.light_e / saturation_e)));
+    let ratio = |p: &LightPoint| p.signal_dn / seen_e(p.light_e);
+    let first = judged.clone().next().map_or(f64::NAN, ratio);
+    judged.map(|p| (ratio(p) / first - 1.0).abs()).fold(0.0, f64::max)
+}
+
 /// What a file states, in the sheet's terms.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stated {
@@ -93,6 +104,27 @@ pub struct Stated {
     pub prnu: f64,
     /// Full well, or what the converter holds of it, e-.
     pub saturation_e: f64,
+}
+
+impl Stated {
+    /// What detector parameters amount to in an exposure: noise and patterns of every kind together, as a laboratory finds them.
+    #[must_use]
+    pub fn of(params: &DetectorParams, exposure_s: f64) -> Self {
+        let dark_e_per_s = params.dark_e_per_s * params.dark_law.factor();
+        let LinePattern { column_e_rms, column_gain_rms, row_e_rms } = params.line_pattern;
+        let row_noise2 = if params.row_noise.is_on() { params.row_noise.variance_e2() } else { 0.0 };
+        let uneven_dark_e = params.dark_nonuniformity * dark_e_per_s * exposure_s;
+        let converter_e = (f64::from(params.largest_dn()) - params.black_level_dn) * params.gain_e_per_dn;
+        Self {
+            gain_e_per_dn: params.gain_e_per_dn,
+            black_level_dn: params.black_level_dn,
+            read_noise_e_rms: (params.readout_noise_e_rms().powi(2) + row_noise2).sqrt(),
+            dark_e_per_s,
+            dsnu_e_rms: params.dsnu_e_rms.hypot(column_e_rms).hypot(row_e_rms).hypot(uneven_dark_e),
+            prnu: params.prnu.hypot(column_gain_rms),
+            saturation_e: params.full_well_e.min(converter_e),
+        }
+    }
 }
 
 /// How far a sheet may be off its file; of the dark current [`DARK_REL`].

@@ -12,8 +12,10 @@
 //! *Limits.* Stars stand still and apart; pixels stay below saturation. What statistics leave is told: `*_se` is one standard error. *Validation.* `tests/physics/fidelity.rs`.
 
 use crate::base::image::DnImage;
-use crate::detector::Patterns;
+use crate::detector::line_pattern::Lines;
+use crate::detector::{Detector, Patterns};
 use crate::optics::PsfModel;
+use crate::verify::data_sheet::Stated;
 use crate::verify::star_field::{FieldStar, HALF_PX, REGION_PX, StarField};
 use std::sync::Arc;
 
@@ -24,8 +26,10 @@ pub struct Truth {
     pub psf: PsfModel,
     /// Electrons of a pixel without light.
     pub dark_e: f64,
-    /// Noise of a read, e- rms.
+    /// White noise of a pixel's readout, e- rms.
     pub read_noise_e_rms: f64,
+    /// Noise that a row shares, e- rms.
+    pub row_noise_e_rms: f64,
     /// Spread of the pixels' dark means, e- rms.
     pub dsnu_e_rms: f64,
     /// Electrons per digital number.
@@ -34,26 +38,66 @@ pub struct Truth {
     pub black_level_dn: f64,
     /// What every pixel has of its own: response, dark current, offset.
     pub patterns: Patterns,
+    /// What every column and row has of its own.
+    pub lines: Lines,
     /// Columns.
     pub width_px: usize,
 }
 
+/// What a pixel has of its own.
+struct Own {
+    response: f64,
+    dark_e: f64,
+    gain: f64,
+    offset_e: f64,
+}
+
 impl Truth {
+    /// Truth about the frames of `detector`, exposed for so long, whose stars have this PSF. Its response is straight, and
+    /// no effect of neighbours is on.
+    #[must_use]
+    pub fn of(detector: &Detector, psf: PsfModel, exposure_s: f64) -> Self {
+        let (params, stated) = (detector.params(), Stated::of(detector.params(), exposure_s));
+        Self {
+            psf,
+            dark_e: stated.dark_e_per_s * exposure_s,
+            read_noise_e_rms: params.readout_noise_e_rms(),
+            row_noise_e_rms: (stated.read_noise_e_rms.powi(2) - params.readout_noise_e_rms().powi(2)).max(0.0).sqrt(),
+            dsnu_e_rms: stated.dsnu_e_rms,
+            gain_e_per_dn: params.gain_e_per_dn,
+            black_level_dn: params.black_level_dn,
+            patterns: detector.patterns().clone(),
+            lines: detector.lines().clone(),
+            width_px: detector.size_px()[0],
+        }
+    }
+
     /// Electrons of a star whose window has this signal-to-noise ratio: the larger root of `S^2 = snr^2 (S + n v)`.
     #[must_use]
     pub fn electrons_for_snr(&self, snr: f64) -> f64 {
         let pixels = (2 * HALF_PX + 1).pow(2) as f64;
-        let noise = self.dark_e + self.read_noise_e_rms.powi(2) + self.gain_e_per_dn.powi(2) / 12.0;
-        0.5 * (snr * snr + (snr.powi(4) + 4.0 * snr * snr * pixels * noise).sqrt())
+        let noise = pixels * (self.dark_e + self.white_noise_e2());
+        0.5 * (snr * snr + (snr.powi(4) + 4.0 * snr * snr * noise).sqrt())
     }
 
-    /// Response, dark signal (e-) and offset (e-) of a pixel.
-    fn own(&self, [x, y]: [usize; 2]) -> [f64; 3] {
+    /// Variance of a pixel that does not come of its charge, e-^2.
+    fn white_noise_e2(&self) -> f64 {
+        self.read_noise_e_rms.powi(2) + self.gain_e_per_dn.powi(2) / 12.0
+    }
+
+    fn own(&self, [x, y]: [usize; 2]) -> Own {
         let at = |map: &Option<Arc<[f32]>>| {
             map.as_ref().and_then(|map| map.get(y * self.width_px + x)).copied().map(f64::from)
         };
+        let line = |lines: &[f32], i: usize| lines.get(i).copied().map(f64::from);
         let Patterns { prnu, dsnu_e, dark_factor } = &self.patterns;
-        [1.0 + at(prnu).unwrap_or(0.0), self.dark_e * at(dark_factor).unwrap_or(1.0), at(dsnu_e).unwrap_or(0.0)]
+        let Lines { column_gain, column_e, row_e } = &self.lines;
+        Own {
+            response: 1.0 + at(prnu).unwrap_or(0.0),
+            dark_e: self.dark_e * at(dark_factor).unwrap_or(1.0),
+            gain: line(column_gain, x).unwrap_or(1.0),
+            offset_e: at(dsnu_e).unwrap_or(0.0) + line(column_e, x).unwrap_or(0.0) + line(row_e, y).unwrap_or(0.0),
+        }
     }
 }
 
@@ -133,8 +177,9 @@ impl StarSums {
     fn new(star: &FieldStar, electrons: f64, truth: &Truth) -> Self {
         let pixel = |at: [usize; 2]| {
             let [x, y] = [at[0] as f64 - star.px[0], at[1] as f64 - star.px[1]];
-            let [response, dark_e, offset_e] = truth.own(at);
-            (at, [electrons * truth.psf.pixel(x, y) * response, dark_e + offset_e])
+            let own = truth.own(at);
+            let light_e = electrons * truth.psf.pixel(x, y) * own.response;
+            (at, [own.gain * light_e, own.gain * own.dark_e + own.offset_e])
         };
         let truth: Vec<_> = star.window().map(pixel).collect();
         let (signal_e, centroid_px) = moments(truth.iter().map(|(at, [light, _])| (*at, *light)));
@@ -157,14 +202,21 @@ impl StarSums {
 
     /// True variance of the window's signal, and of its centroid along both axes.
     fn variances(&self, truth: &Truth) -> (f64, [f64; 2]) {
-        let noise = truth.read_noise_e_rms.powi(2) + truth.gain_e_per_dn.powi(2) / 12.0;
         let mut variances = (0.0, [0.0; 2]);
+        // What a pixel's noise does to the centroid, along both axes.
+        let lever = |at: &[usize; 2], i: usize| (at[i] as f64 - self.centroid_px[i]) / self.signal_e;
         for (at, [light, _]) in &self.truth {
-            // The offset is no charge: it has no shot noise.
-            let variance = light + truth.own(*at)[1] + noise;
+            let own = truth.own(*at);
+            // The column's gain multiplies the noise of what it has counted.
+            let variance = own.gain * (light + own.gain * own.dark_e) + truth.white_noise_e2();
             variances.0 += variance;
+            (0..2).for_each(|i| variances.1[i] += lever(at, i).powi(2) * variance);
+        }
+        let row_variance = truth.row_noise_e_rms.powi(2);
+        for row in self.truth.chunk_by(|(a, _), (b, _)| a[1] == b[1]).filter(|_| row_variance > 0.0) {
+            variances.0 += (row.len() as f64).powi(2) * row_variance;
             for i in 0..2 {
-                variances.1[i] += ((at[i] as f64 - self.centroid_px[i]) / self.signal_e).powi(2) * variance;
+                variances.1[i] += row.iter().map(|(at, _)| lever(at, i)).sum::<f64>().powi(2) * row_variance;
             }
         }
         variances
@@ -237,7 +289,7 @@ fn spread(image: &DnImage, [left, top]: [usize; 2], truth: &Truth) -> [f64; 2] {
 fn background_row(sums: [f64; 2], places: usize, frames: u32, truth: &Truth) -> BackgroundRow {
     let count = places as f64 * f64::from(frames);
     let offset_e = truth.black_level_dn * truth.gain_e_per_dn;
-    let temporal = truth.dark_e + truth.read_noise_e_rms.powi(2) + truth.gain_e_per_dn.powi(2) / 12.0;
+    let temporal = truth.dark_e + truth.white_noise_e2() + truth.row_noise_e_rms.powi(2);
     let fixed = truth.dsnu_e_rms.powi(2);
     let sigma_e = (temporal + fixed).sqrt();
     let pixels = (REGION_PX * REGION_PX) as f64 * places as f64;

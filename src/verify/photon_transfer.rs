@@ -24,8 +24,6 @@ use crate::verify::linear_fit::Line;
 
 /// Variance of rounding to whole DN.
 pub const QUANTISATION_DN2: f64 = 1.0 / 12.0;
-/// Share of saturation up to which the photon transfer is fitted (EMVA 1288, section 6.6).
-const FITTED: f64 = 0.7;
 /// Shares of saturation between which linearity is judged (EMVA 1288, section 6.7).
 const JUDGED: [f64; 2] = [0.05, 0.95];
 /// A doubling of light that raises the mean by less than this share of it: saturated.
@@ -57,13 +55,15 @@ pub struct Procedure {
     pub darks: u32,
     /// Images of a stack.
     pub stacked: u32,
+    /// Share of saturation up to which the photon transfer is fitted (EMVA 1288, section 6.6: 0.7); less for a bent response.
+    pub fitted: f64,
 }
 
 impl Procedure {
     /// EMVA's 50 levels and its least of 16 stacked images.
     #[must_use]
     pub fn new(exposure_s: f64, longest_dark_s: f64) -> Self {
-        Self { exposure_s, longest_dark_s, levels: 50, darks: 8, stacked: 32 }
+        Self { exposure_s, longest_dark_s, levels: 50, darks: 8, stacked: 32, fitted: 0.7 }
     }
 }
 
@@ -86,7 +86,7 @@ pub fn characterise(
     let dark = lab.pair(0.0, procedure.exposure_s);
     let (plateau_dn, saturating_e) = lab.saturation(procedure.exposure_s);
     let points = lab.levels(procedure, saturating_e, dark);
-    let gain_e_per_dn = 1.0 / transfer(&points, plateau_dn - dark.mean_dn).slope;
+    let gain_e_per_dn = 1.0 / transfer(&points, procedure.fitted * (plateau_dn - dark.mean_dn)).slope;
     let [level, noise] = lab.dark_series(procedure);
     let (darks, flats) =
         (lab.stack(0.0, procedure), lab.stack(half_light(&points, plateau_dn - dark.mean_dn), procedure));
@@ -177,8 +177,8 @@ fn between(
 }
 
 /// Variance over mean.
-fn transfer(points: &[LightPoint], saturation_dn: f64) -> Line {
-    let fitted = between(points, saturation_dn, [0.0, FITTED]);
+fn transfer(points: &[LightPoint], most_dn: f64) -> Line {
+    let fitted = between(points, most_dn, [0.0, 1.0]);
     Line::through(fitted.map(|p| [p.signal_dn, p.variance_dn2, p.total_variance_dn2.powi(-2)]))
 }
 

@@ -7,7 +7,7 @@ use starloop::attitude::LosPath;
 use starloop::base::accuracy::AccuracyBudget;
 use starloop::base::axes::Rotation;
 use starloop::base::time::Tai;
-use starloop::detector::{Detector, DetectorParams};
+use starloop::detector::{Detector, DetectorParams, LinePattern, RowNoise};
 use starloop::exposure::{Instrument, MethodChoice, Planner, PsfSampling, Shutter};
 use starloop::optics::{Illumination, PsfModel};
 use starloop::runtime::{BackendChoice, Imager};
@@ -54,17 +54,7 @@ fn fidelity(drawn: (&PsfModel, DetectorParams), believed: (&PsfModel, DetectorPa
     let mut planner = Planner::new(instrument, AccuracyBudget::default(), imager.cost(), MethodChoice::Auto, los);
     let field = StarField::new([SIZE; 2], ELECTRONS.to_vec(), 21);
     let plan = planner.plan(&field.sources());
-    let patterns = Detector::new(believed.1, SIZE, SIZE, SEED);
-    let truth = Truth {
-        psf: believed.0.clone(),
-        dark_e: believed.1.dark_e_per_s * exposure_s,
-        read_noise_e_rms: believed.1.read_noise_e_rms,
-        dsnu_e_rms: believed.1.dsnu_e_rms,
-        gain_e_per_dn: believed.1.gain_e_per_dn,
-        black_level_dn: believed.1.black_level_dn,
-        patterns: patterns.patterns().clone(),
-        width_px: SIZE,
-    };
+    let truth = Truth::of(&Detector::new(believed.1, SIZE, SIZE, SEED), believed.0.clone(), exposure_s);
     measure(&field, &truth, [SIZE; 2], FRAMES, |frame, image| imager.image(plan, frame, image).map(|_| ())).unwrap()
 }
 
@@ -126,4 +116,22 @@ fn what_is_not_true_is_seen() {
     for what in ["SNR at 450", "scatter", "background sigma"] {
         assert!(missed.iter().any(|line| line.starts_with(what)), "{what}: {missed:?}");
     }
+}
+
+#[test]
+fn noise_that_rows_share_and_patterns_of_lines_are_in_the_truth() {
+    let (params, exposure_s) = camera();
+    let params = DetectorParams {
+        amplifier_noise_e_rms: 5.0,
+        line_pattern: LinePattern { column_e_rms: 4.0, column_gain_rms: 0.01, row_e_rms: 3.0 },
+        row_noise: RowNoise { e_rms: 2.0, corner_cycles_per_row: 0.01 },
+        dark_nonuniformity: 0.2,
+        dark_e_per_s: 200.0,
+        ..params
+    };
+    let psf = PsfModel::gaussian(0.8);
+    assert_eq!(misses(&fidelity((&psf, params), (&psf, params), exposure_s)), [""; 0]);
+    let believed = DetectorParams { row_noise: RowNoise::OFF, ..params };
+    let missed = misses(&fidelity((&psf, params), (&psf, believed), exposure_s));
+    assert!(missed.iter().any(|line| line.starts_with("SNR at 180")), "{missed:?}");
 }
