@@ -24,6 +24,16 @@ pub enum Stage {
     DefectPlaces = 21,
     /// Protons of one frame, two blocks each: "block" is the number, "attempt" which of the two.
     Protons = 22,
+    /// Dark-current non-uniformity: fixed pattern, frame 0.
+    DarkCurrent = 10,
+    /// Offsets of columns: fixed pattern, frame 0; "pixel" is the column.
+    ColumnOffset = 11,
+    /// Gains of columns: fixed pattern, frame 0.
+    ColumnGain = 12,
+    /// Offsets of rows: fixed pattern, frame 0; "pixel" is the row.
+    RowOffset = 13,
+    /// Noise that a row shares, of one frame: "block" is three times the row and more, attempt 1 the state before row 0.
+    RowNoise = 14,
 }
 
 const MULTIPLIER_0: u32 = 0xD251_1F53;

@@ -3,14 +3,16 @@
 
 use crate::base::image::{DnImage, Image};
 use crate::base::random::key;
+use crate::detector::binning::{Binning, BinningKind, sums_of_squares};
 use crate::detector::defects::Defects;
 use crate::detector::disturbances::Disturbances;
 use crate::detector::effect::{ORDER, Part, effects_of};
 use crate::detector::ends::{ChargeToDn, Mean, MeanToCharge, MeanToDn};
+use crate::detector::line_pattern::Lines;
 use crate::detector::neighbours::{self, FrameAt, NeighbourStage};
 use crate::detector::output::Output;
 use crate::detector::params::Constants;
-use crate::detector::pattern::Patterns;
+use crate::detector::pattern::{PatternSizeError, Patterns};
 use crate::detector::protons::{ProtonFlux, ProtonFluxError, ProtonTrack};
 use crate::detector::stages::Stages;
 use crate::detector::{DetectorParams, Effect};
@@ -24,6 +26,9 @@ pub struct Detector {
     seed: u64,
     stray_light_e: f32,
     patterns: Patterns,
+    lines: Lines,
+    /// Noise of the rows of the latest frame, e-; empty when off.
+    rows_e: Vec<f32>,
     neighbours: Vec<Box<dyn NeighbourStage>>,
     keeps_charge: bool,
     /// Electrons between the passes; no pixels while one pass does.
@@ -39,21 +44,45 @@ impl Detector {
     #[must_use]
     pub fn new(params: DetectorParams, width_px: usize, height_px: usize, seed: u64) -> Self {
         let size_px = [width_px, height_px];
+        let output = Output::new(&params.spatial, size_px);
+        let adc_px = output.adc_px();
+        let drawn = Patterns::draw(&params, width_px * height_px, seed);
         let mut made = Self {
             params,
             seed,
             stray_light_e: 0.0,
-            patterns: Patterns::draw(&params, width_px * height_px, seed),
+            patterns: params.spatial.tdi.map_or(drawn.clone(), |tdi| tdi.patterns(&drawn, width_px)),
+            lines: Lines::draw(&params.line_pattern, adc_px, seed),
+            rows_e: vec![0.0; if params.row_noise.is_on() { adc_px[1] } else { 0 }],
             neighbours: Vec::new(),
             keeps_charge: false,
             charge: Image::new(0, 0),
             disturbances: Disturbances::new(&params, size_px, seed),
-            output: Output::new(&params.spatial, size_px),
+            output,
             size_px,
             arch: Arch::new(),
         };
         made.prepare_passes();
         made
+    }
+
+    /// The same with patterns that are given instead of drawn, sensor pixel by sensor pixel: TDI averages them along its
+    /// stages, charge binning adds up offsets.
+    ///
+    /// # Errors
+    /// When one has not as many pixels as the detector.
+    pub fn with_patterns(mut self, given: &Patterns) -> Result<Self, PatternSizeError> {
+        let [width, height] = self.size_px;
+        let mut given = given.clone();
+        given.check(width * height)?;
+        if let Some(tdi) = &self.params.spatial.tdi {
+            given = tdi.patterns(&given, width);
+        }
+        if let Some(Binning { factor, kind: BinningKind::Charge { .. } }) = self.params.spatial.binning {
+            given.dsnu_e = given.dsnu_e.map(|map| sums_of_squares(&map, self.size_px, factor));
+        }
+        self.patterns = given.or(&self.patterns);
+        Ok(self)
     }
 
     /// Keeps every frame's charge for [`Self::charge`]: the stages run in two passes from here on, and draw the same.
@@ -104,6 +133,12 @@ impl Detector {
         &self.disturbances
     }
 
+    /// Columns and rows of the ADC's image: charge binning makes it smaller than the sensor.
+    #[must_use]
+    pub fn adc_px(&self) -> [usize; 2] {
+        self.output.adc_px()
+    }
+
     /// How the image that is put out comes from that of the ADC, and where its pixels are on the sensor.
     #[must_use]
     pub fn output(&self) -> &Output {
@@ -113,6 +148,11 @@ impl Detector {
     /// Forgets what is kept from frame to frame: the next frame is as the first.
     pub fn reset(&mut self) {
         self.neighbours.iter_mut().for_each(|stage| stage.reset());
+    }
+
+    /// The detector's temperature in the frames from here on, degrees Celsius: scales the dark current.
+    pub fn set_temperature_c(&mut self, operating_c: f64) {
+        self.params.dark_law.operating_c = operating_c;
     }
 
     /// Seed.
@@ -125,6 +165,18 @@ impl Detector {
     #[must_use]
     pub fn patterns(&self) -> &Patterns {
         &self.patterns
+    }
+
+    /// Fixed patterns of columns and rows; empty where off.
+    #[must_use]
+    pub fn lines(&self) -> &Lines {
+        &self.lines
+    }
+
+    /// Columns and rows.
+    #[must_use]
+    pub fn size_px(&self) -> [usize; 2] {
+        self.size_px
     }
 
     /// Whether all stages run in one pass: no neighbour stage is on.
@@ -158,6 +210,9 @@ impl Detector {
     fn collect_from<T: Mean>(&mut self, mean: &Image<T>, frame: u32, exposure_s: f64, out: &mut DnImage) {
         let key = key(self.seed);
         self.disturbances.advance(frame, exposure_s);
+        if !self.rows_e.is_empty() {
+            self.params.row_noise.draw(frame, key, &mut self.rows_e);
+        }
         let stages = Stages {
             constants: Constants::new(&self.params, exposure_s, self.stray_light_e),
             key,
@@ -165,6 +220,9 @@ impl Detector {
             poisson: self.params.poisson,
             patterns: &self.patterns,
             outliers: self.disturbances.outliers(),
+            lines: &self.lines,
+            rows_e: &self.rows_e,
+            width: self.output.adc_px()[0],
         };
         let adc = self.output.adc_image(out);
         if self.neighbours.is_empty() {

@@ -50,6 +50,7 @@ pub fn camera_params(camera: &config::Camera) -> Result<CameraParams> {
             dsnu_e_rms: detector.dsnu_e_rms,
             poisson: detector.poisson,
             spatial: detector.spatial,
+            ..DetectorParams::QUIET
         },
         limiting_mag: camera.radiometry.limiting_mag as f32,
         exposure_s: camera.exposure.exposure_s,

@@ -59,7 +59,11 @@ fn charge(pair: u32, mean_e: vec2<f32>, words: vec2<u32>) -> vec2<f32> {
         e += e * prnu[pair];
     }
     e *= special.response;
-    e += frame.dark_e;
+    if (DARK_FACTOR) {
+        e = fma(vec2<f32>(frame.dark_e), dark_factor[pair], e);
+    } else {
+        e += frame.dark_e;
+    }
     e += special.dark_e;
     return shot(e, words) + special.charge_e;
 }

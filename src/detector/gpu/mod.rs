@@ -154,6 +154,11 @@ impl GpuDetector {
         }
     }
 
+    /// The detector's temperature in the frames from here on, degrees Celsius: scales the dark current.
+    pub fn set_temperature_c(&mut self, operating_c: f64) {
+        self.model.dark_law.operating_c = operating_c;
+    }
+
     /// Wall time of the latest frame.
     #[must_use]
     pub fn times(&self) -> FrameTimes {
@@ -196,7 +201,6 @@ impl GpuDetector {
         let constants = Constants::new(&self.model, exposure_s, self.stray_light_e);
         let pixels = (self.size[0] * self.size[1]) as u32;
         self.disturbances.advance(frame, exposure_s);
-        self.maps.write_outliers(&self.gpu, self.disturbances.outliers());
         let [adc_width, adc_height] = self.output.adc_px();
         let adc_pixels = (adc_width * adc_height) as u32;
         let at = FrameAt { frame, exposure_s, key: key(self.seed) };
@@ -209,11 +213,12 @@ impl GpuDetector {
             full_well_e: constants.full_well_e,
             read_noise_e: constants.read_noise_e,
             dn_per_e: constants.dn_per_e,
-            black_dn: constants.black_dn + 0.5,
+            black_dn: constants.black_dn + constants.rounding_dn,
             largest_dn: constants.largest_dn,
             stray_light_e: constants.stray_light_e,
         };
         self.params.write(&self.gpu, &[uniform])?;
+        self.maps.draw(&self.gpu, &self.model, self.disturbances.outliers(), &at)?;
         let mut encoder = self.gpu.encoder("read out");
         let buffers = [self.params.buffer(), electrons.buffer(), self.dn.buffer()];
         self.passes.record(&self.gpu, &mut encoder, &self.maps, buffers, [pixels, adc_pixels], &at)?;

@@ -2,7 +2,8 @@
 
 @group(0) @binding(1) var<storage, read> charge_e: array<vec2<f32>>;
 @group(0) @binding(2) var<storage, read> dsnu_e: array<vec2<f32>>;
-@group(0) @binding(3) var<storage, read_write> dn: array<u32>;
+@group(0) @binding(3) var<storage, read> lines: array<f32>;
+@group(0) @binding(4) var<storage, read_write> dn: array<u32>;
 
 @compute @workgroup_size(WORKGROUP)
 fn main(
