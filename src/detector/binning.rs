@@ -13,6 +13,7 @@ use crate::base::image::{DnImage, Image};
 use crate::detector::neighbours::{FrameAt, NeighbourStage};
 use crate::detector::{DetectorParams, Effect};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Largest factor.
 pub const MOST: u32 = 8;
@@ -153,6 +154,15 @@ impl NeighbourStage for ChargeBinningStage {
     }
 }
 
+/// A map of offsets, summed as the charge is.
+#[must_use]
+pub fn sums_of_squares(map: &[f32], [width, height]: [usize; 2], factor: u32) -> Arc<[f32]> {
+    let by = factor.max(1) as usize;
+    let rows = |x: usize, y: usize| (0..by).map(move |dy| (y * by + dy) * width + x * by);
+    let sum = |x: usize, y: usize| rows(x, y).flat_map(|at| &map[at..at + by]).sum();
+    (0..height / by).flat_map(|y| (0..width / by).map(move |x| sum(x, y))).collect()
+}
+
 /// Bins digital numbers by `factor`, beginning at pixel `first_px` of `from`, into all of `to`.
 pub fn bin_digital(from: &DnImage, factor: u32, is_mean: bool, first_px: [usize; 2], to: &mut DnImage) {
     let (by, stride, width) = (factor.max(1) as usize, from.width(), to.width().max(1));
@@ -195,6 +205,13 @@ mod tests {
         assert_eq!(out.get(0, 0), Some(26.0), "0 + 1 + 12 + 13");
         assert_eq!(out.get(5, 0), Some(66.0), "10 + 11 + 22 + 23");
         assert_eq!(out.get(0, 3), Some(100.0), "clipped");
+    }
+
+    #[test]
+    fn maps_sum_as_charge_does() {
+        let map: Vec<f32> = ramp().pixels().to_vec();
+        let mut stage = ChargeBinningStage::new(4, 1e6, [12, 8]);
+        assert_eq!(*sums_of_squares(&map, [12, 8], 4), *stage.apply(&mut ramp(), &AT).pixels());
     }
 
     #[test]

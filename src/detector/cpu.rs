@@ -4,6 +4,7 @@
 use crate::base::image::{DnImage, Image};
 use crate::base::random::key;
 use crate::detector::background::{Background, Shape};
+use crate::detector::binning::{Binning, BinningKind, sums_of_squares};
 use crate::detector::defects::Defects;
 use crate::detector::disturbances::Disturbances;
 use crate::detector::effect::{ORDER, Part, effects_of};
@@ -48,6 +49,9 @@ impl Detector {
     #[must_use]
     pub fn new(params: DetectorParams, width_px: usize, height_px: usize, seed: u64) -> Self {
         let size_px = [width_px, height_px];
+        let output = Output::new(&params.spatial, size_px);
+        let adc_px = output.adc_px();
+        let drawn = Patterns::draw(&params, width_px * height_px, seed);
         let mut made = Self {
             params,
             seed,
@@ -55,14 +59,14 @@ impl Detector {
             background: Background::DARK,
             illumination: None,
             dark_factor: 1.0,
-            patterns: Patterns::draw(&params, width_px * height_px, seed),
-            lines: Lines::draw(&params.line_pattern, size_px, seed),
-            rows_e: vec![0.0; if params.row_noise.is_on() { height_px } else { 0 }],
+            patterns: params.spatial.tdi.map_or(drawn.clone(), |tdi| tdi.patterns(&drawn, width_px)),
+            lines: Lines::draw(&params.line_pattern, adc_px, seed),
+            rows_e: vec![0.0; if params.row_noise.is_on() { adc_px[1] } else { 0 }],
             neighbours: Vec::new(),
             keeps_charge: false,
             charge: Image::new(0, 0),
             disturbances: Disturbances::new(&params, size_px, seed),
-            output: Output::new(&params.spatial, size_px),
+            output,
             size_px,
             arch: Arch::new(),
         };
@@ -70,13 +74,22 @@ impl Detector {
         made
     }
 
-    /// The same with patterns that are given instead of drawn.
+    /// The same with patterns that are given instead of drawn, sensor pixel by sensor pixel: TDI averages them along its
+    /// stages, charge binning adds up offsets.
     ///
     /// # Errors
     /// When one has not as many pixels as the detector.
     pub fn with_patterns(mut self, given: &Patterns) -> Result<Self, PatternSizeError> {
         let [width, height] = self.size_px;
-        self.patterns = given.or(&self.patterns, width * height)?;
+        let mut given = given.clone();
+        given.check(width * height)?;
+        if let Some(tdi) = &self.params.spatial.tdi {
+            given = tdi.patterns(&given, width);
+        }
+        if let Some(Binning { factor, kind: BinningKind::Charge { .. } }) = self.params.spatial.binning {
+            given.dsnu_e = given.dsnu_e.map(|map| sums_of_squares(&map, self.size_px, factor));
+        }
+        self.patterns = given.or(&self.patterns);
         Ok(self)
     }
 
@@ -120,11 +133,6 @@ impl Detector {
         self.stray_light_e = stray_light_e;
     }
 
-    /// The detector's temperature in the frames from here on, degrees Celsius: scales the dark current.
-    pub fn set_temperature_c(&mut self, operating_c: f64) {
-        self.params.dark_law.operating_c = operating_c;
-    }
-
     /// Defects, to be changed from the next frame on.
     pub fn defects_mut(&mut self) -> &mut Defects {
         self.disturbances.defects_mut()
@@ -150,6 +158,12 @@ impl Detector {
         &self.disturbances
     }
 
+    /// Columns and rows of the ADC's image: charge binning makes it smaller than the sensor.
+    #[must_use]
+    pub fn adc_px(&self) -> [usize; 2] {
+        self.output.adc_px()
+    }
+
     /// How the image that is put out comes from that of the ADC, and where its pixels are on the sensor.
     #[must_use]
     pub fn output(&self) -> &Output {
@@ -164,6 +178,11 @@ impl Detector {
     /// How many times larger than the parameters' the dark current of the frames from here on is.
     pub fn set_dark_factor(&mut self, factor: f64) {
         self.dark_factor = factor;
+    }
+
+    /// The detector's temperature in the frames from here on, degrees Celsius: scales the dark current.
+    pub fn set_temperature_c(&mut self, operating_c: f64) {
+        self.params.dark_law.operating_c = operating_c;
     }
 
     /// Seed.
@@ -238,10 +257,10 @@ impl Detector {
             frame,
             poisson: self.params.poisson,
             patterns: &self.patterns,
+            outliers: self.disturbances.outliers(),
             lines: &self.lines,
             rows_e: &self.rows_e,
             width: self.output.adc_px()[0],
-            outliers: self.disturbances.outliers(),
         };
         let adc = self.output.adc_image(out);
         if self.neighbours.is_empty() {

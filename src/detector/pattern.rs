@@ -45,21 +45,28 @@ impl Patterns {
         }
     }
 
-    /// These, or where one is not given, that of `others`.
+    /// Whether all that are given have so many pixels.
     ///
     /// # Errors
-    /// When one has not so many pixels.
-    pub fn or(&self, others: &Self, pixels: usize) -> Result<Self, PatternSizeError> {
-        let either = |what, mine: &Option<Arc<[f32]>>, other: &Option<Arc<[f32]>>| match mine {
-            Some(map) if map.len() != pixels => Err(PatternSizeError { what, got: map.len(), wanted: pixels }),
-            Some(map) => Ok(Some(Arc::clone(map))),
-            None => Ok(other.clone()),
-        };
-        Ok(Self {
-            prnu: either("PRNU", &self.prnu, &others.prnu)?,
-            dsnu_e: either("DSNU", &self.dsnu_e, &others.dsnu_e)?,
-            dark_factor: either("dark current", &self.dark_factor, &others.dark_factor)?,
-        })
+    /// With the first that has not.
+    pub fn check(&self, pixels: usize) -> Result<(), PatternSizeError> {
+        for (what, map) in [("PRNU", &self.prnu), ("DSNU", &self.dsnu_e), ("dark current", &self.dark_factor)] {
+            if let Some(map) = map.as_ref().filter(|map| map.len() != pixels) {
+                return Err(PatternSizeError { what, got: map.len(), wanted: pixels });
+            }
+        }
+        Ok(())
+    }
+
+    /// These, or where one is not given, that of `others`.
+    #[must_use]
+    pub fn or(&self, others: &Self) -> Self {
+        let either = |mine: &Option<Arc<[f32]>>, other: &Option<Arc<[f32]>>| mine.as_ref().or(other.as_ref()).cloned();
+        Self {
+            prnu: either(&self.prnu, &others.prnu),
+            dsnu_e: either(&self.dsnu_e, &others.dsnu_e),
+            dark_factor: either(&self.dark_factor, &others.dark_factor),
+        }
     }
 }
 
@@ -107,9 +114,10 @@ mod tests {
         let stopped = factors.iter().filter(|factor| **factor == 0.0).count();
         assert!(factors.iter().all(|factor| *factor >= 0.0) && (60..160).contains(&stopped), "{stopped} at 0");
         let given = Patterns { prnu: Some(Arc::from([0.5_f32; 1000])), ..Patterns::default() };
-        let both = given.or(&drawn, 1000).expect("fits");
+        let both = given.or(&drawn);
         assert_eq!((&both.prnu, &both.dark_factor), (&given.prnu, &drawn.dark_factor));
-        let error = given.or(&drawn, 1001).expect_err("one pixel short").to_string();
+        assert!(given.check(1000).is_ok() && drawn.check(1000).is_ok());
+        let error = given.check(1001).expect_err("one pixel short").to_string();
         assert!(error.contains("PRNU map of 1000 pixels for a detector of 1001"), "{error}");
     }
 }

@@ -15,6 +15,9 @@
 //! Not modelled: that a frame's rows are exposed one after another (all rows share one exposure window), and the partly
 //! integrated rows at the start and end of a scan. Held by the tests below and `tests/physics/detector_output.rs`.
 
+use crate::detector::pattern::Patterns;
+use std::sync::Arc;
+
 /// A detector in TDI mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tdi {
@@ -29,6 +32,32 @@ impl Tdi {
     #[must_use]
     pub fn exposure_s(&self, line_s: f64) -> f64 {
         f64::from(self.stages) * line_s
+    }
+
+    /// Fixed patterns as a packet meets them: the same for all rows of a column, the mean over the stages. Where the
+    /// sensor has fewer rows than there are stages, the spread is that of so many stages all the same.
+    #[must_use]
+    pub fn patterns(&self, pixels: &Patterns, width: usize) -> Patterns {
+        let along = |map: &Option<Arc<[f32]>>, middle| map.as_ref().map(|map| self.along_columns(map, width, middle));
+        Patterns {
+            prnu: along(&pixels.prnu, 0.0),
+            dsnu_e: along(&pixels.dsnu_e, 0.0),
+            dark_factor: along(&pixels.dark_factor, 1.0),
+        }
+    }
+
+    fn along_columns(&self, map: &[f32], width: usize, middle: f64) -> Arc<[f32]> {
+        let rows = map.len() / width.max(1);
+        let averaged = rows.min(self.stages as usize).max(1);
+        let share = (averaged as f64 / f64::from(self.stages)).sqrt();
+        let column = |x: usize| {
+            let sum: f64 = (0..averaged).map(|y| f64::from(map[y * width + x]) - middle).sum();
+            #[allow(clippy::cast_possible_truncation, reason = "patterns are f32")]
+            let mean = (middle + share * sum / averaged as f64) as f32;
+            mean
+        };
+        let one: Vec<f32> = (0..width).map(column).collect();
+        (0..rows).flat_map(|_| one.iter().copied()).collect()
     }
 
     /// Spread of a fixed pattern over the columns, as a share of its spread over the pixels.
@@ -81,6 +110,24 @@ mod tests {
         }
         assert_eq!(TDI.step_mtf(0.0), 1.0);
         assert_eq!(TDI.mismatch_mtf(0.3, 0.0), 1.0);
+    }
+
+    #[test]
+    fn patterns_are_means_along_the_stages() {
+        let map: Arc<[f32]> = (0..64 * 50).map(|i| ((i * 7919) % 1009) as f32 - 504.0).collect();
+        let pixels = Patterns { prnu: Some(Arc::clone(&map)), ..Patterns::default() };
+        let columns = TDI.patterns(&pixels, 64);
+        let prnu = columns.prnu.expect("on");
+        assert!(columns.dsnu_e.is_none());
+        let by_hand = (0..32).map(|y| f64::from(map[y * 64 + 5])).sum::<f64>() / 32.0;
+        for y in [0, 20, 49] {
+            assert!((f64::from(prnu[y * 64 + 5]) - by_hand).abs() < 1e-4, "row {y}");
+        }
+        // More stages than rows: spread as of so many.
+        let spread = |of: &[f32]| (of[..64].iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / 64.0).sqrt();
+        let many = Tdi { stages: 200, phases: 4 }.patterns(&pixels, 64).prnu.expect("on");
+        let all = Tdi { stages: 50, phases: 4 }.patterns(&pixels, 64).prnu.expect("on");
+        assert!((spread(&many) / spread(&all) - 0.5).abs() < 1e-5);
     }
 
     #[test]

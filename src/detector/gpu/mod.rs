@@ -161,11 +161,6 @@ impl GpuDetector {
         self.stray_light_e = stray_light_e;
     }
 
-    /// The detector's temperature in the frames from here on, degrees Celsius: scales the dark current.
-    pub fn set_temperature_c(&mut self, operating_c: f64) {
-        self.model.dark_law.operating_c = operating_c;
-    }
-
     /// Defects, to be changed from the next frame on.
     pub fn defects_mut(&mut self) -> &mut Defects {
         self.disturbances.defects_mut()
@@ -195,6 +190,11 @@ impl GpuDetector {
     /// How many times larger than the parameters' the dark current of the frames from here on is.
     pub fn set_dark_factor(&mut self, factor: f64) {
         self.dark_factor = factor;
+    }
+
+    /// The detector's temperature in the frames from here on, degrees Celsius: scales the dark current.
+    pub fn set_temperature_c(&mut self, operating_c: f64) {
+        self.model.dark_law.operating_c = operating_c;
     }
 
     /// Wall time of the latest frame.
@@ -242,7 +242,6 @@ impl GpuDetector {
         let (offset, scale) = normalisation(self.size);
         let pixels = (self.size[0] * self.size[1]) as u32;
         self.disturbances.advance(frame, exposure_s);
-        self.maps.write_outliers(&self.gpu, self.disturbances.outliers());
         let [adc_width, adc_height] = self.output.adc_px();
         let adc_pixels = (adc_width * adc_height) as u32;
         let at = FrameAt { frame, exposure_s, key: key(self.seed) };
@@ -266,7 +265,7 @@ impl GpuDetector {
             sky_e: if self.has_map { background.sky_e } else { 0.0 },
         };
         self.params.write(&self.gpu, &[uniform])?;
-        self.maps.draw(&self.gpu, &self.model, &at)?;
+        self.maps.draw(&self.gpu, &self.model, self.disturbances.outliers(), &at)?;
         let mut encoder = self.gpu.encoder("read out");
         let buffers = [self.params.buffer(), electrons.buffer(), self.dn.buffer()];
         self.passes.record(&self.gpu, &mut encoder, &self.maps, buffers, [pixels, adc_pixels], &at)?;

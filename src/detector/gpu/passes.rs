@@ -23,12 +23,12 @@ pub(super) struct Maps {
     dark_factor: GrowableBuffer,
     dsnu_e: GrowableBuffer,
     illumination: GrowableBuffer,
-    /// Row noise of the frame, gains and offsets of the columns, offsets of the rows; a stub when all are off.
-    lines: GrowableBuffer,
-    rows_e: Vec<f32>,
     outliers: GrowableBuffer,
     /// Outliers on the device.
     outlier_count: usize,
+    /// Row noise of the frame, gains and offsets of the columns, offsets of the rows; a stub when all are off.
+    lines: GrowableBuffer,
+    rows_e: Vec<f32>,
 }
 
 impl Maps {
@@ -41,17 +41,36 @@ impl Maps {
             dark_factor: pattern(gpu, "dark current map", patterns.dark_factor.as_deref())?,
             dsnu_e: pattern(gpu, "DSNU map", patterns.dsnu_e.as_deref())?,
             lines: pattern(gpu, "columns and rows", lines(detector).as_deref())?,
-            rows_e: vec![0.0; if detector.params().row_noise.is_on() { detector.output().adc_px()[1] } else { 0 }],
             illumination: pattern(gpu, "illumination map", detector.illumination_map())?,
+            rows_e: vec![0.0; if detector.params().row_noise.is_on() { detector.adc_px()[1] } else { 0 }],
             // One more: the first element holds the number of the others.
             outliers: GrowableBuffer::storage(gpu, "outliers", (outliers_capacity + 1) as u64 * OUTLIER_BYTES)?,
             outlier_count: 0,
         })
     }
 
-    /// Takes the outliers of a frame to the device; nothing when there were none and are none.
+    /// Draws what a frame has of its own, and takes its outliers to the device.
+    ///
+    /// # Errors
+    /// When the device failed.
+    pub(super) fn draw(
+        &mut self,
+        gpu: &GpuDevice,
+        params: &DetectorParams,
+        outliers: &Outliers,
+        at: &FrameAt,
+    ) -> Result<(), GpuError> {
+        if !self.rows_e.is_empty() {
+            params.row_noise.draw(at.frame, at.key, &mut self.rows_e);
+            self.lines.write(gpu, &self.rows_e)?;
+        }
+        self.write_outliers(gpu, outliers);
+        Ok(())
+    }
+
+    /// Nothing when there were none and are none.
     #[allow(clippy::cast_possible_truncation, reason = "fewer than there are pixels")]
-    pub(super) fn write_outliers(&mut self, gpu: &GpuDevice, outliers: &Outliers) {
+    fn write_outliers(&mut self, gpu: &GpuDevice, outliers: &Outliers) {
         let list = outliers.list();
         if list.is_empty() && self.outlier_count == 0 {
             return;
@@ -69,23 +88,11 @@ impl Maps {
         self.illumination = pattern(gpu, "illumination map", map)?;
         Ok(())
     }
-
-    /// Draws what a frame has of its own.
-    ///
-    /// # Errors
-    /// When the device failed.
-    pub(super) fn draw(&mut self, gpu: &GpuDevice, params: &DetectorParams, at: &FrameAt) -> Result<(), GpuError> {
-        if !self.rows_e.is_empty() {
-            params.row_noise.draw(at.frame, at.key, &mut self.rows_e);
-            self.lines.write(gpu, &self.rows_e)?;
-        }
-        Ok(())
-    }
 }
 
 /// Contents of the buffer of lines, row noise first, as [`constants`] tells the shader; `None` when all are off.
 fn lines(detector: &Detector) -> Option<Vec<f32>> {
-    let ([width, height], lines) = (detector.output().adc_px(), detector.lines());
+    let ([width, height], lines) = (detector.adc_px(), detector.lines());
     let parts = [(height, &[][..]), (width, &lines.column_gain), (width, &lines.column_e), (height, &lines.row_e)];
     let is_on = detector.params().row_noise.is_on() || parts.iter().any(|(_, part)| !part.is_empty());
     let filled = |(length, part): (usize, &[f32])| {
@@ -191,7 +198,7 @@ fn constants(detector: &Detector) -> String {
     text += &shader::constant_u32("WORKGROUP", WORKGROUP);
     text += &shader::constant_u32("STAGE_TEMPORAL", Stage::Temporal as u32);
     text += &shader::constant("INVERSION_LIMIT", INVERSION_LIMIT);
-    let [width, height] = detector.output().adc_px();
+    let [width, height] = detector.adc_px();
     #[allow(clippy::cast_possible_truncation, reason = "images hold fewer than 2^32 pixels")]
     let adc_pixels = (width * height) as u32;
     text += &shader::constant_u32("ADC_PIXELS", adc_pixels);
@@ -202,7 +209,7 @@ fn constants(detector: &Detector) -> String {
     text += &shader::switch("ROWS", !lines.row_e.is_empty());
     text += &shader::switch("ROW_NOISE", params.row_noise.is_on());
     text += &shader::switch("READ_NOISE", params.readout_noise_e_rms() > 0.0);
-    text + &places(detector.output().adc_px()) + &response(&params.nonlinearity)
+    text + &places(detector.adc_px()) + &response(&params.nonlinearity)
 }
 
 /// Where the parts of the buffer of lines begin.

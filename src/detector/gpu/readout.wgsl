@@ -26,7 +26,7 @@ fn read_out(pair: u32, electrons: vec2<f32>, words: vec2<u32>) -> u32 {
         e = bend(e);
     }
     // The second pixel of an odd image's last pair lies past the end.
-    let pixel = min(vec2<u32>(2u * pair, 2u * pair + 1u), vec2<u32>(frame.pixels - 1u));
+    let pixel = min(vec2<u32>(2u * pair, 2u * pair + 1u), vec2<u32>(ADC_PIXELS - 1u));
     if (COLUMNS) {
         let column = pixel % vec2<u32>(WIDTH);
         e = fma(e, of_lines(COLUMN_GAIN, column), of_lines(COLUMN_E, column));
