@@ -58,9 +58,7 @@ impl FrameEngine {
     /// # Errors
     /// When the backend, the catalog or the observer cannot be had.
     pub fn new(params: RunParams) -> Result<Self, RunError> {
-        let camera = &params.camera;
-        let size = [camera.geometry.width_px(), camera.geometry.height_px()];
-        let imager = Imager::new(params.backend, camera.detector, size, params.seed)?;
+        let imager = Imager::of_detector(params.backend, params.camera.make_detector(params.seed)?)?;
         Self::with_imager(params, imager)
     }
 

@@ -54,8 +54,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
 /// # Errors
 /// When the backend cannot be had.
 pub fn imager(params: &RunParams) -> Result<Imager> {
-    let size = [params.camera.geometry.width_px(), params.camera.geometry.height_px()];
-    Ok(Imager::new(params.backend, params.camera.detector, size, params.seed)?)
+    Ok(Imager::of_detector(params.backend, params.camera.make_detector(params.seed)?)?)
 }
 
 /// What the real clock changes: costs are those of this machine, and frames may be degraded to be in time.
