@@ -130,7 +130,7 @@ impl Scene {
     fn new(arguments: &RenderArgs, camera: CameraParams) -> Result<Self> {
         let size = camera.output().size_px;
         let backend = backend_choice(arguments.backend.configured());
-        let mut imager = Imager::new(backend, camera.detector, camera.sensor_px(), arguments.seed)?;
+        let mut imager = Imager::of_detector(backend, camera.make_detector(arguments.seed)?)?;
         light_pixels(&camera, &mut imager)?;
         let light = FieldLight::new(&camera, Observer::Geocentre, arguments.time);
         let motion = motion(arguments, camera.exposure_s)?;

@@ -19,7 +19,10 @@ mod budget;
 mod camera;
 mod check;
 mod detector;
+mod detector_dark;
 mod detector_effects;
+mod detector_pattern;
+mod detector_readout;
 mod distortion;
 mod document;
 mod error;
@@ -29,6 +32,7 @@ mod event_word;
 mod expect;
 mod flight_computer;
 mod illumination;
+mod image_file;
 mod link;
 mod link_keys;
 mod observer;
@@ -66,6 +70,8 @@ pub use stages::{AttitudeSettings, Backend, Render, Sink};
 pub use target::{Overlap, TargetLight, TargetSettings};
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 
+#[cfg(test)]
+mod detector_tests;
 #[cfg(test)]
 mod setting_tests;
 #[cfg(test)]

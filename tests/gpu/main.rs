@@ -12,6 +12,7 @@
 mod detector;
 mod device;
 mod drawing;
+mod effects;
 mod overflow;
 mod passes;
 mod repeat;
