@@ -311,6 +311,15 @@ mod tests {
     }
 
     #[test]
+    fn the_two_published_cases_are_reproduced() {
+        for (name, limit) in [("15", "limiting magnitude at SNR 3: G = 15.00"), ("22", "at SNR 3: G = 22.00")] {
+            let (camera, sensitivity) = built_in(&format!("cameras/detection_limit_{name}mag.toml"));
+            let text = report(&camera, &sensitivity, &magnitudes(None, &sensitivity).unwrap()).unwrap();
+            assert!(text.contains(limit), "{text}");
+        }
+    }
+
+    #[test]
     fn ranges_are_read_and_senseless_ones_refused() {
         assert_eq!(parsed_range("-1:5:0.5").unwrap(), (-1.0, 5.0, 0.5));
         assert_eq!(parsed_range("0:8").unwrap(), (0.0, 8.0, 0.5));

@@ -132,3 +132,91 @@ fn wavelength_inside(psf: &Psf, band: &Band, check: &Checker<'_>) -> Result<(), 
     let advice = "the detector counts no light there: give a wavelength inside the tables of [band], or extend them";
     Err(check.invalid("psf.wavelength_nm", wavelength_nm, wanted, advice))
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::config::{Camera, Document};
+    use std::path::Path;
+
+    const OPTICS: &str = "[optics]\nfocal_length_mm = 25\n";
+    const QE: &str = "qe = [[400, 0.5], [700, 0.6], [1000, 0.1]]\n";
+
+    fn told(text: &str) -> Result<Camera, String> {
+        let text = format!("[detector]\nwidth_px = 640\nheight_px = 480\n{text}");
+        Camera::from_document(&Document::from_text(&text, Path::new("lab/cam.toml"))).map_err(|e| e.to_string())
+    }
+
+    fn band(lines: &str) -> Result<Camera, String> {
+        told(&format!("{OPTICS}[band]\n{lines}"))
+    }
+
+    #[test]
+    fn a_band_replaces_the_mean_values_and_their_defaults() {
+        let camera = band(QE).unwrap();
+        assert_eq!(camera.band.as_ref().unwrap().range_nm(), (400.0, 1000.0));
+        assert!((camera.band.as_ref().unwrap().response(700.0) - 0.8 * 0.6).abs() < 1e-12, "optics.transmission holds");
+        let defaults: Vec<&str> = camera.defaulted.iter().map(|d| d.key.as_str()).collect();
+        assert!(!defaults.contains(&"detector.quantum_efficiency") && !defaults.contains(&"radiometry.color_c1"));
+        assert!(defaults.contains(&"optics.transmission") && defaults.contains(&"radiometry.limiting_mag"));
+        let filtered = band(&format!("{QE}transmission = [[500, 0.9], [600, 0.9]]")).unwrap();
+        assert!(filtered.defaulted.iter().all(|d| d.key != "optics.transmission"), "the table replaces it");
+        let ratio = filtered.zero_point_e_per_s() / camera.zero_point_e_per_s();
+        assert!(ratio > 0.1 && ratio < 0.5, "a hundred nanometres of six hundred: {ratio}");
+    }
+
+    #[test]
+    fn each_rule_has_a_failing_example() {
+        let with = |section: &str, line: &str| told(&format!("{OPTICS}{section}\n{line}\n[band]\n{QE}"));
+        for (outcome, parts) in [
+            (band(""), ["band.qe is missing", "leave [band] out"]),
+            (band("qe = []"), ["band.qe", "at least two"]),
+            (band("qe = [[400, 0.5], [400, 0.6]]"), ["band.qe", "ascend"]),
+            (band("qe = [[400, 0.5], [700, 45]]"), ["45 at 700 nm", "a fraction"]),
+            (band("qe = [[400, -0.5], [700, 0.4]]"), ["-0.5 at 400 nm", "0 to 1"]),
+            (band("qe = [[0.4, 0.5], [0.7, 0.4]]"), ["0.4 nm", "0.55 um is 550"]),
+            (band("qe = [[400, 0], [700, 0]]"), ["no light passes", "passes light"]),
+            (band(&format!("{QE}transmission = [[350, 0.9], [600, 0.9]]")), ["350 to 600 nm", "extend band.qe"]),
+            (band(&format!("{QE}transmission = [[500, 0.9], [1001, 0.9]]")), ["stated from 400 to 1000 nm", "cut"]),
+            (band(&format!("{QE}qe_file = \"x.toml\"")), ["band.qe_file", "keep one"]),
+            (band("qe_file = \"none.toml\""), ["none.toml", "band.qe_file"]),
+            (
+                told(&format!("quantum_efficiency = 0.5\n{OPTICS}[band]\n{QE}")),
+                ["detector.quantum_efficiency", "band.qe replaces"],
+            ),
+            (with("[radiometry]", "color_c1 = 0"), ["radiometry.color_c1", "band.qe replaces"]),
+            (with("[radiometry]", "zero_magnitude_photons_per_s_m2 = 3e10"), ["radiometry.zero", "band.qe replaces"]),
+            (with("[radiometry]", "model = \"linear_grey\""), ["radiometry.model", "beside [band]"]),
+            (
+                told(&format!("{OPTICS}transmission = 0.5\n[band]\n{QE}transmission = [[500, 1], [600, 1]]")),
+                ["optics.transmission", "band.transmission replaces"],
+            ),
+            (with("[psf]", "model = \"airy\"\nwavelength_nm = 1050"), ["psf.wavelength_nm is 1050", "400 to 1000 nm"]),
+        ] {
+            let error = outcome.map(|camera| camera.name).expect_err(parts[0]);
+            assert!(error.contains("lab/") && parts.iter().all(|part| error.contains(part)), "{parts:?}: {error}");
+        }
+        assert!(with("[psf]", "model = \"airy\"\nwavelength_nm = 1000").is_ok(), "the edge itself");
+        assert!(told(&format!("{OPTICS}transmission = 0.5\n[band]\n{QE}")).is_ok(), "one transmission, one QE table");
+    }
+
+    #[test]
+    fn tables_may_stand_in_files_and_travel_with_what_is_packed() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        write("qe.toml", "points = [[400, 0.5], [1000, 0.1]]\n");
+        let camera = "[detector]\nwidth_px = 64\nheight_px = 64\n[optics]\nfocal_length_mm = 25\n[band]\nqe_file = \"qe.toml\"\n";
+        write("cam.toml", camera);
+        let document = Document::open(&folder.path().join("cam.toml")).unwrap();
+        let packed = document.pack().unwrap();
+        let from_files = Camera::from_document(&document).unwrap();
+        assert_eq!(from_files.band.as_ref().unwrap().range_nm(), (400.0, 1000.0));
+        write("qe.toml", "points = [[400, 0.5], [1000, 4]]\n");
+        let error = Camera::from_document(&document).unwrap_err().to_string();
+        assert!(error.contains("band.qe_file") && error.contains("4 at 1000 nm"), "{error}");
+        let from_pack = Camera::from_document(&Document::packed(packed).unwrap()).unwrap();
+        assert_eq!(from_pack.band, from_files.band, "the pack keeps what the file said");
+        write("qe.toml", "point = [[400, 0.5], [1000, 0.4]]\n");
+        let error = Camera::from_document(&document).unwrap_err().to_string();
+        assert!(error.contains("did you mean `points`"), "{error}");
+    }
+}

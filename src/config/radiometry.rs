@@ -195,3 +195,49 @@ impl Exposure {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{Camera, Document};
+    use crate::optics::StarLight;
+    use std::path::Path;
+
+    fn camera(radiometry: &str) -> Result<Camera, String> {
+        let text = format!(
+            "[detector]\nwidth_px = 640\nheight_px = 480\n[optics]\nfocal_length_mm = 25\n[radiometry]\n{radiometry}\n"
+        );
+        Camera::from_document(&Document::from_text(&text, Path::new("lab/cam.toml"))).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn the_model_chooses_where_electrons_come_from() {
+        assert!(matches!(camera("").unwrap().star_light(), StarLight::Parametric(_)));
+        assert!(matches!(camera("model = \"photons_v\"").unwrap().star_light(), StarLight::ParametricV(_)));
+        let grey =
+            camera("model = \"linear_grey\"\nbrightest_mag = 1\nfaintest_mag = 6\nbrightest_grey_dn = 1000").unwrap();
+        let light = grey.star_light();
+        assert_eq!(light.zero_point_e_per_s(), None);
+        let gain = grey.detector.gain_e_per_dn;
+        assert!((light.electrons(1.0, 0.0, 0.1) - 1000.0 * gain).abs() < 1e-6);
+        assert_eq!(light.electrons(1.0, 0.0, 0.1), light.electrons(1.0, 2.0, 9.0), "no exposure, no colour");
+    }
+
+    #[test]
+    fn keys_of_another_model_and_contradictions_are_refused() {
+        for (text, parts) in [
+            ("model = \"grey\"", ["radiometry.model", "\"linear_grey\""]),
+            ("brightest_mag = 1", ["radiometry.brightest_mag", "belongs to"]),
+            ("model = \"photons_v\"\ngrey_scale = \"magnitude\"", ["radiometry.grey_scale", "belongs to"]),
+            ("model = \"linear_grey\"\ncolor_c1 = 0.1", ["radiometry.color_c1", "belongs to"]),
+            ("model = \"linear_grey\"\nbrightest_mag = 6\nfaintest_mag = 6", ["radiometry.faintest_mag", "more than"]),
+            (
+                "model = \"linear_grey\"\nbrightest_grey_dn = 10\nfaintest_grey_dn = 11",
+                ["radiometry.faintest_grey_dn", "at most"],
+            ),
+        ] {
+            let error = camera(text).map(|camera| camera.name).expect_err(text);
+            assert!(error.contains("lab/") && parts.iter().all(|part| error.contains(part)), "{text}: {error}");
+        }
+    }
+}
