@@ -61,6 +61,8 @@ pub use stages::{AttitudeSettings, Backend, Render, Sink};
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 
 #[cfg(test)]
+mod light_tests;
+#[cfg(test)]
 mod setting_tests;
 #[cfg(test)]
 mod tests;

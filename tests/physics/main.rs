@@ -8,6 +8,7 @@ mod bounds;
 mod bus_jitter;
 mod bus_jitter_frames;
 mod chart;
+mod field_light;
 mod frames;
 mod measure;
 mod noise;
