@@ -73,6 +73,8 @@ pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 #[cfg(test)]
 mod detector_tests;
 #[cfg(test)]
+mod light_tests;
+#[cfg(test)]
 mod setting_tests;
 #[cfg(test)]
 mod tests;

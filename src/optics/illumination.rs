@@ -14,8 +14,8 @@
 //!
 //! Slope: `dA/dd` is minus the common chord, `K / d <= 2 min(R1, R2)`, so `|dv/dt| <= 2 L / (pi min(R1, R2))`, and
 //! `|d cos^4 / dt| <= 1.036` (at t = 1/sqrt 5); [`Illumination::steepest_per_tangent`] is their sum. A star keeps the value
-//! of its place at mid-exposure: over a path of `p` px it errs by at most `p / 2 / focal_px` times that slope, and by the
-//! square of it for a path that is even about its middle. Sources are multiplied once, where they are placed, so the
+//! of its place at mid-exposure: over a path of `p` px it errs by at most `p / 2 / focal_px` times that slope, and by far
+//! less on a path that is even about its middle. Sources are multiplied once, where they are placed, so that the
 //! reference and the fast backends draw the same electrons by definition.
 //!
 //! The slope is continuous save where R1 = R2, on the axis. Limits: circles, no pupil aberration; the beam is not traced.

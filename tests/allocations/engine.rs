@@ -4,7 +4,7 @@ use crate::complaints;
 use crate::counting::{Found, allocations_in};
 use starloop::base::clock::{Clock, Virtual};
 use starloop::base::time::{Span, Tai};
-use starloop::config::{Backend, Bench, StartTime};
+use starloop::config::{Backend, Bench, Setting, StartTime};
 use starloop::link::Port;
 use starloop::link::simulated::simulated_pair;
 use starloop::report::FrameRecord;
@@ -17,9 +17,20 @@ use std::sync::Arc;
 
 const WARM_UP: u32 = 10;
 
-/// What exposing the bench's frames allocates.
+/// What exposing the bench's frames allocates; and those of a camera whose field has light of every kind.
 pub(crate) fn complaints_of_the_bench() -> Vec<String> {
-    let mut bench = Bench::built_in().unwrap();
+    let lit = [
+        "observer={ kind = \"circular_orbit\", altitude_km = 500.0, inclination_deg = 97.0 }",
+        "camera.illumination={ cos4 = true, window_radius_mm = 20.0, window_distance_mm = 60.0 }",
+        "camera.background={ uniform_e_per_s = 30.0, gradient = [0.2, 0.1], sky = [\"zodiacal\", \"galactic\"] }",
+        "camera.baffle={ transmittance = [[10, 1e-6], [80, 1e-12]], gradient = 0.2, exclusion_sun_deg = 180 }",
+    ];
+    let lit = lit.map(|setting| Setting::parse(setting).unwrap()).to_vec();
+    let lit = Bench::from_document(&Bench::built_in_document().unwrap().with_settings(lit)).unwrap();
+    [Bench::built_in().unwrap(), lit].into_iter().flat_map(complaints_of).collect()
+}
+
+fn complaints_of(mut bench: Bench) -> Vec<String> {
     bench.render.backend = Backend::Cpu;
     let StartTime::At(start) = bench.timing.start else { panic!("the built-in bench starts at a fixed time") };
     let params = bench_parts::run_params(&bench, start).unwrap();

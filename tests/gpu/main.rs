@@ -9,6 +9,7 @@
     reason = "a test may stop at the first surprise, and compares exact values where exactness is the claim"
 )]
 
+mod background;
 mod detector;
 mod device;
 mod drawing;
