@@ -4,7 +4,9 @@
 //! HELLO of the same major version first. Without the capability of parameter tables, APPLY is an unknown opcode, as in
 //! 1.0; without that of triggers, TRIGGER is one, as in 1.1.
 
-use crate::message::{Command, Identity, Info, Rates, Refusal, Reply, Request, Response, Table, Trigger, Triggered, capability};
+use crate::message::{
+    Command, Identity, Info, Rates, Refusal, Reply, Request, Response, Table, Trigger, Triggered, capability,
+};
 use crate::tables::TableStore;
 use crate::{ATTITUDE_CONVENTION, version};
 

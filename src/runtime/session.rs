@@ -110,13 +110,7 @@ impl Session {
     }
 
     /// The one answer to a command that arrived at `at`; `clock` is what is known of the flight computer's.
-    pub fn answer(
-        &mut self,
-        command: &Command,
-        at: Tai,
-        clock: Option<&ClockEstimate>,
-        ledger: &mut Ledger,
-    ) -> Answer {
+    pub fn answer(&mut self, command: &Command, at: Tai, clock: Option<&ClockEstimate>, ledger: &mut Ledger) -> Answer {
         let was_rendering = self.is_rendering();
         let mut taken = None;
         let answer = self.handshake.answer_with(command, &mut self.tables, |trigger| {

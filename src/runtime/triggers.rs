@@ -84,12 +84,7 @@ impl Triggers {
     ///
     /// # Errors
     /// When all places are taken, no time is known yet, or the instant is too far away.
-    pub fn take(
-        &mut self,
-        trigger: Trigger,
-        clock: Option<&ClockEstimate>,
-        at: Tai,
-    ) -> Result<Taken, Refusal> {
+    pub fn take(&mut self, trigger: Trigger, clock: Option<&ClockEstimate>, at: Tai) -> Result<Taken, Refusal> {
         let taken = self.dated(trigger, clock, at).and_then(|(waiting, ahead)| {
             self.put(waiting)?;
             Ok(Taken { triggered: Triggered { number: trigger.number, is_late: ahead < Span::ZERO }, ahead })
@@ -191,7 +186,8 @@ mod tests {
     }
 
     fn clock_behind(offset_ns: i64) -> ClockEstimate {
-        let mut clock = RemoteClock::new(RemoteClockLimits { constant_delay: Span::ZERO, ..RemoteClockLimits::default() });
+        let mut clock =
+            RemoteClock::new(RemoteClockLimits { constant_delay: Span::ZERO, ..RemoteClockLimits::default() });
         for tenth in 0..20 {
             let local = at_s(9_990) + Span::from_ms(100 * tenth);
             clock.observe(local.ns() - offset_ns, local);
@@ -283,7 +279,8 @@ mod tests {
         // The mark's way was a millisecond shorter than was thought.
         triggers.follow_clock(&clock_behind(6000 * NS_PER_S - 1_000_000));
         let early = Span::from_ms(1);
-        let wanted = [(3, at_s(10_000)), (1, at_s(10_010) - early), (2, at_s(10_010) - early), (4, at_s(10_020) - early)];
+        let wanted =
+            [(3, at_s(10_000)), (1, at_s(10_010) - early), (2, at_s(10_010) - early), (4, at_s(10_020) - early)];
         assert_eq!(fired(&mut triggers, at_s(20_000)), wanted);
     }
 }

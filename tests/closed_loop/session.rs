@@ -236,7 +236,8 @@ fn a_trigger_is_answered_fired_once_and_refused_by_name() {
     assert_eq!(reply(51), [done(2), done(2)], "the repeat is answered");
     assert_eq!(reply(52), refused(Refusal::TriggerTime));
     assert_eq!(reply(53), [done(3)]);
-    let kinds = [EventKind::TriggerTaken, EventKind::TriggerFired, EventKind::TriggerForgotten, EventKind::CommandRefused];
+    let kinds =
+        [EventKind::TriggerTaken, EventKind::TriggerFired, EventKind::TriggerForgotten, EventKind::CommandRefused];
     assert_eq!(kinds.map(|kind| run.count(kind)), [2, 1, 1, 2], "fired once; the other is forgotten at STOP");
 }
 

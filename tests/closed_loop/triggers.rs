@@ -143,9 +143,7 @@ fn a_captured_run_has_the_same_triggers_when_it_is_replayed() {
     assert_eq!(numbers, [7, 3, 3, 9, 40_000]);
     assert_eq!(told, fired(&flown.outcome.record.ledger), "the same instants to the nanosecond, in the same frames");
     // Negative control: the first trigger's frame is missing (6 is its opcode, at node 0).
-    let is_trigger = |captured: &CapturedPacket| {
-        matches!(captured.packet, Packet::Can(frame) if frame.id() == 0x600 && frame.data()[0] == 6)
-    };
+    let is_trigger = |captured: &CapturedPacket| matches!(captured.packet, Packet::Can(frame) if frame.id() == 0x600 && frame.data()[0] == 6);
     let mut missing = flown.captured.clone();
     missing.remove(missing.iter().position(is_trigger).unwrap());
     assert_eq!(replay(&missing).0, [3, 3, 9, 40_000]);

@@ -238,10 +238,7 @@ impl Fields<'_> {
                 table: Table::from_number(self.int("table")).unwrap(),
                 rows: self.int("rows"),
             }),
-            (6, _) => Reply::Triggered(Triggered {
-                number: self.int("trigger"),
-                is_late: self.int::<u8>("late") == 1,
-            }),
+            (6, _) => Reply::Triggered(Triggered { number: self.int("trigger"), is_late: self.int::<u8>("late") == 1 }),
             other => panic!("no response {other:?}"),
         }
     }

@@ -107,9 +107,11 @@ pub(crate) fn classic_message() -> impl Strategy<Value = Message> {
         status().prop_map(Message::Status),
         (any::<u8>(), any::<u8>())
             .prop_map(|(token, page)| Message::Command(Command { token, request: Request::Info { page } })),
-        (any::<u8>(), prop_oneof![apply(), trigger()]).prop_map(|(token, request)| Message::Command(Command { token, request })),
+        (any::<u8>(), prop_oneof![apply(), trigger()])
+            .prop_map(|(token, request)| Message::Command(Command { token, request })),
         any::<u8>().prop_map(|token| Message::Response(Response { token, reply: Reply::Stop })),
-        (any::<u8>(), prop_oneof![applied(), triggered()]).prop_map(|(token, reply)| Message::Response(Response { token, reply })),
+        (any::<u8>(), prop_oneof![applied(), triggered()])
+            .prop_map(|(token, reply)| Message::Response(Response { token, reply })),
         cell().prop_map(Message::Table),
         any::<u8>().prop_map(|major| Message::Heartbeat(Heartbeat { state: NodeState::Fault, major })),
     ]

@@ -21,8 +21,8 @@ pub use jitter::{JitterLineParams, JitterStream};
 pub use received::Received;
 pub use remote_clock::RemoteClock;
 pub use runner::run_until;
-pub use talk::TriggerAnswers;
 pub use slew::{RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
+pub use talk::TriggerAnswers;
 
 use crate::base::time::{Span, Tai};
 use crate::base::units::ARCSEC;
