@@ -290,6 +290,19 @@ def can_rejected():
     yield "burst without samples", [("JITTER_FD", changed(burst, 7, 0))], "UnknownValue"
     yield "burst of 15", [("JITTER_FD", changed(burst, 7, 15))], "UnknownValue"
     yield "burst without period", [("JITTER_FD", changed(changed(burst, 4, 0), 5, 0))], "UnknownValue"
+    lowest = lambda bits, place, shift=0: struct.pack("<Q", 1 << shift + bits * place + bits - 1)
+    for place in range(4):
+        yield f"wheel {place}, lowest count", [("WHEELS", lowest(16, place))], "UnknownValue"
+        yield f"pair, lowest count {place}", [("JITTER", lowest(14, place, 8))], "UnknownValue"
+    for place in (0, 27):
+        raw = changed(changed(burst, 8 + 2 * place, 0), 9 + 2 * place, 0x80)
+        yield f"burst, lowest count {place}", [("JITTER_FD", raw)], "UnknownValue"
+    for flags, part in ((1, "ATT_W"), (2, "ATT_A")):
+        for place in range(3):
+            parts = [*bare[:2], (part, lowest(21, place))]
+            head = struct.pack("<IBB", 1, 1, flags)
+            crc = crc16(b"".join(data for _, data in parts) + head)
+            yield f"{part}, lowest count {place}", [*parts, ("ATT_T", head + struct.pack("<H", crc))], "UnknownValue"
     yield "status page 7", [("STATUS", changed(bytes(8), 0, 7))], "UnknownValue"
     yield "status mode 5", [("STATUS", changed(bytes(8), 1, 5))], "UnknownValue"
     yield "status reason 13", [("STATUS", b"\3\x0d" + bytes(6))], "UnknownValue"

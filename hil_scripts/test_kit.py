@@ -11,6 +11,8 @@ from pathlib import Path
 
 import cantools
 
+from wire import Codec
+
 KIT = Path(__file__).resolve().parent.parent / "firmware_protocol"
 VECTORS = json.loads((KIT / "vectors.json").read_text())
 # Half of 1e-6 rad/s, and the rounding of f32.
@@ -175,6 +177,19 @@ class AgainstTheVectors(unittest.TestCase):
             data = bytearray.fromhex(frame["data"])
             data[0] ^= 0x10
             self.assertNotEqual(differences(db, vector, {**frame, "data": data.hex()}), [], vector["name"])
+
+    def test_the_lowest_counts_of_scaled_integers_are_refused(self):
+        codec, count = Codec(), 0
+        for rejected in VECTORS["rejected"]:
+            if "lowest count" not in rejected["name"]:
+                continue
+            count += 1
+            refused = [codec.fields(int(frame["id"], 16), bytes.fromhex(frame["data"])) is None for frame in rejected["frames"]]
+            self.assertEqual(sum(refused), 1, rejected["name"])
+        self.assertEqual(count, 16)
+        # Negative control: everything that is sent is read.
+        for vector, frame in frames():
+            self.assertIsNotNone(codec.fields(int(frame["id"], 16), bytes.fromhex(frame["data"])), vector["name"])
 
     def test_a_moved_signal_is_noticed(self):
         text = (KIT / "dbc/starloop.dbc").read_text()

@@ -89,12 +89,19 @@ class Codec:
         return self.database.get_message_by_name(name).frame_id
 
     def fields(self, identifier, data):
-        """Name and fields of a payload; None for an identifier or a length that the DBC does not have."""
+        """Name and fields of a payload; None for an identifier or a length that the DBC does not have, or a scaled integer
+        at its lowest count, which is below the DBC's range: no sender of this protocol has it."""
         try:
             message = self.database.get_message_by_frame_id(identifier)
-            return message.name, message.decode(bytes(data), decode_choices=False)
+            fields = message.decode(bytes(data), decode_choices=False)
         except (KeyError, cantools.database.DecodeError):
             return None
+        is_lowest = any(self._is_below(message.get_signal_by_name(signal), value) for signal, value in fields.items())
+        return None if is_lowest else (message.name, fields)
+
+    @staticmethod
+    def _is_below(signal, value):
+        return signal.is_signed and not signal.is_float and value < signal.minimum - signal.scale / 2
 
 
 class CanTransport:

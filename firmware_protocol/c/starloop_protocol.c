@@ -106,12 +106,15 @@ static int pack(const float *values, size_t count, double lsb, unsigned bits, un
     return 1;
 }
 
-static void unpack(uint64_t word, double lsb, unsigned bits, unsigned shift, float *values, size_t count) {
+/* 0 when a field has its lowest count, which no encoder sends: it has no positive counterpart. */
+static int unpack(uint64_t word, double lsb, unsigned bits, unsigned shift, float *values, size_t count) {
     size_t i;
     for (i = 0; i < count; i++) {
         uint32_t field = (uint32_t)(word >> (shift + bits * i)) & (((uint32_t)1 << bits) - 1);
+        if (field == (uint32_t)1 << (bits - 1)) return 0;
         values[i] = (float)(sign_extended(field, bits) * lsb);
     }
+    return 1;
 }
 
 /* --- attitude ---------------------------------------------------------------------------------------------------- */
@@ -189,7 +192,8 @@ static int get_burst(const uint8_t *from, sl_jitter_burst *burst) {
     if (burst->period_us == 0 || burst->count == 0 || burst->count > SL_BURST_MAX)
         return SL_REJECTED(SL_UNKNOWN_VALUE);
     for (i = 0; i < 2 * burst->count; i++)
-        burst->samples_arcsec[i / 2][i % 2] = (float)(sign_extended(get16(from + 8 + 2 * i), 16) * BURST_LSB);
+        if (!unpack(get16(from + 8 + 2 * i), BURST_LSB, 16, 0, &burst->samples_arcsec[i / 2][i % 2], 1))
+            return SL_REJECTED(SL_UNKNOWN_VALUE);
     return SL_MESSAGE;
 }
 
@@ -470,9 +474,13 @@ int sl_payload_decode(uint8_t number, const uint8_t *payload, size_t len, sl_mes
     case SL_JITTER_BURST: return get_burst(payload, &message->as.jitter_burst);
     case SL_JITTER_PAIR:
         message->as.jitter_pair.slot = payload[0];
-        unpack(get64(payload), PAIR_LSB, PAIR_BITS, 8, &message->as.jitter_pair.samples_arcsec[0][0], 4);
+        if (!unpack(get64(payload), PAIR_LSB, PAIR_BITS, 8, &message->as.jitter_pair.samples_arcsec[0][0], 4))
+            return SL_REJECTED(SL_UNKNOWN_VALUE);
         break;
-    case SL_WHEELS: unpack(get64(payload), SPEED_LSB, 16, 0, message->as.wheels.speed_rpm, 4); break;
+    case SL_WHEELS:
+        if (!unpack(get64(payload), SPEED_LSB, 16, 0, message->as.wheels.speed_rpm, 4))
+            return SL_REJECTED(SL_UNKNOWN_VALUE);
+        break;
     case SL_EXPOSURE:
         message->as.exposure.frame = payload[0];
         message->as.exposure.attitude_seq = payload[1];
@@ -591,8 +599,9 @@ static int close_group(sl_can_decoder *decoder, const sl_frame *frame, sl_attitu
         return SL_REJECTED(SL_TORN_GROUP);
     if (!get_floats(parts[0], attitude->q_wxyz, 2) || !get_floats(parts[1], attitude->q_wxyz + 2, 2))
         return SL_REJECTED(SL_NOT_FINITE);
-    unpack(get64(parts[2]), RATE_LSB, RATE_BITS, 0, attitude->rate_rad_s, 3);
-    unpack(get64(parts[3]), RATE_LSB, RATE_BITS, 0, attitude->acceleration_rad_s2, 3);
+    if ((present & 4 && !unpack(get64(parts[2]), RATE_LSB, RATE_BITS, 0, attitude->rate_rad_s, 3)) ||
+        (present & 8 && !unpack(get64(parts[3]), RATE_LSB, RATE_BITS, 0, attitude->acceleration_rad_s2, 3)))
+        return SL_REJECTED(SL_UNKNOWN_VALUE);
     return judge_attitude(attitude);
 }
 

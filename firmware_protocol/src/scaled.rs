@@ -1,8 +1,9 @@
 //! Numbers as integers times a resolution, and integers packed into 64 bits.
 
-use crate::EncodeError;
+use crate::{EncodeError, Reject};
 
-/// One fixed-point field: signed, symmetric, `bits` wide, `lsb` per count.
+/// One fixed-point field: signed, symmetric, `bits` wide, `lsb` per count. The lowest count has no positive counterpart: it
+/// is not sent, and refused when it comes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Scale {
     pub(crate) field: &'static str,
@@ -28,11 +29,14 @@ impl Scale {
         }
     }
 
-    /// The value of a count.
-    pub(crate) fn value(self, counts: i32) -> f32 {
+    /// The value of a count; the lowest is no value.
+    pub(crate) fn value(self, counts: i32) -> Result<f32, Reject> {
+        if counts < -self.limit() {
+            return Err(Reject::UnknownValue);
+        }
         #[allow(clippy::cast_possible_truncation, reason = "the wire's resolution is coarser than f32 on its range")]
         let value = (f64::from(counts) * self.lsb) as f32;
-        value
+        Ok(value)
     }
 
     /// Values packed from bit 0 upwards, each in two's complement.
@@ -46,14 +50,14 @@ impl Scale {
     }
 
     /// The inverse of [`Self::pack`].
-    pub(crate) fn unpack<const N: usize>(self, word: u64) -> [f32; N] {
+    pub(crate) fn unpack<const N: usize>(self, word: u64) -> Result<[f32; N], Reject> {
         let mut values = [0.0; N];
         let mut rest = word;
         for value in &mut values {
-            *value = self.value(self.sign_extended(rest));
+            *value = self.value(self.sign_extended(rest))?;
             rest >>= self.bits;
         }
-        values
+        Ok(values)
     }
 
     #[allow(clippy::cast_possible_truncation, reason = "only the low bits are wanted")]
@@ -73,8 +77,19 @@ mod tests {
     fn packs_signs_and_rounds_to_nearest() {
         let word = RATE.pack([1e-6, -1e-6, 1.6e-6]).unwrap();
         assert_eq!(word, 1 | (0x1F_FFFF << 21) | (2 << 42));
-        assert_eq!(RATE.unpack::<3>(word), [1e-6, -1e-6, 2e-6]);
+        assert_eq!(RATE.unpack::<3>(word), Ok([1e-6, -1e-6, 2e-6]));
         assert_eq!(RATE.counts(1.048_575).unwrap(), 1_048_575, "the largest");
+    }
+
+    #[test]
+    fn the_lowest_count_is_no_value_and_the_next_is_the_lowest() {
+        for place in 0..3 {
+            let field = |counts: u64| counts << (21 * place);
+            assert_eq!(RATE.unpack::<3>(field(1 << 20)), Err(Reject::UnknownValue), "field {place}");
+            let lowest = RATE.unpack::<3>(field((1 << 20) + 1)).unwrap();
+            assert_eq!(lowest[place], -1.048_575, "field {place}");
+            assert_eq!(RATE.pack(lowest).unwrap(), field((1 << 20) + 1), "and is sent again");
+        }
     }
 
     #[test]

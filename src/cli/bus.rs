@@ -3,13 +3,12 @@
 use crate::base::clock::{Clock, Monotonic, Stopwatch};
 use crate::base::time::Span;
 use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED};
-use crate::link::gateway::{self, GatewayCounters, GatewayKind, GatewayParams, Gateways};
+use crate::link::gateway::{GatewayCounters, GatewayKind, GatewayParams, Gateways, TcpAddress};
 use crate::link::simulated::{BusModel, BusParams, BusStatistics, BusTiming, SimulatedBus, Stuffing};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
-use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -19,14 +18,14 @@ use tokio::signal::unix::{SignalKind, signal};
 #[derive(Debug, Args)]
 pub struct BusArgs {
     /// Serve slcan over TCP here: a port of 127.0.0.1 (0 takes a free one), or ADDRESS:PORT
-    #[arg(long, value_name = "PORT", value_parser = tcp_address)]
-    slcan_tcp: Option<SocketAddr>,
+    #[arg(long, value_name = "PORT")]
+    slcan_tcp: Option<TcpAddress>,
     /// Serve slcan over a pseudo-terminal: a symbolic link to it is made here, and removed at the end
     #[arg(long, value_name = "PATH")]
     slcan_pty: Option<PathBuf>,
     /// Serve socketcand here: a port of 127.0.0.1 (0 takes a free one), or ADDRESS:PORT
-    #[arg(long, value_name = "PORT", value_parser = tcp_address)]
-    socketcand: Option<SocketAddr>,
+    #[arg(long, value_name = "PORT")]
+    socketcand: Option<TcpAddress>,
     /// Name of the bus for socketcand's clients
     #[arg(long, value_name = "NAME", default_value = "can0")]
     name: String,
@@ -64,11 +63,6 @@ enum Wire {
 const USUAL_DATA_BPS: u32 = 2_000_000;
 /// Packets that the end of a client holds.
 const QUEUE_PACKETS: usize = 4096;
-
-/// `PORT` on loopback, or `ADDRESS:PORT`.
-fn tcp_address(text: &str) -> Result<SocketAddr, String> {
-    gateway::tcp_address(text).ok_or_else(|| format!("got \"{text}\", wanted a port such as 29536, or ADDRESS:PORT"))
-}
 
 /// Where one gateway is found, as JSON.
 #[derive(Debug, Serialize)]
@@ -135,7 +129,8 @@ pub fn run(arguments: &BusArgs) -> Result<u8> {
 
 impl BusArgs {
     fn gateways(&self) -> Result<GatewayParams> {
-        let (slcan_tcp, slcan_pty, socketcand) = (self.slcan_tcp, self.slcan_pty.clone(), self.socketcand);
+        let [slcan_tcp, socketcand] = [self.slcan_tcp, self.socketcand].map(|door| door.map(TcpAddress::socket));
+        let slcan_pty = self.slcan_pty.clone();
         if slcan_tcp.is_none() && slcan_pty.is_none() && socketcand.is_none() {
             bail!("nobody could join this bus: wanted --slcan-tcp, --slcan-pty or --socketcand");
         }

@@ -3,7 +3,7 @@
 use crate::config::check::{Checker, Defaulted, Rule};
 use crate::config::error::ConfigError;
 use crate::config::link_keys::{Address, LinkKeys, LinkTable};
-use crate::link::gateway::tcp_address;
+use crate::link::gateway::TcpAddress;
 use core::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -242,7 +242,8 @@ fn address(key: &str, given: Option<&Address>, check: &Checker<'_>) -> Result<Op
     let Some(text) = given.map(ToString::to_string) else { return Ok(None) };
     let wanted = "a port (on loopback) or \"address:port\"";
     let advice = "such as 29536; 0 takes a free one";
-    tcp_address(&text).map(Some).ok_or_else(|| check.invalid(key, format!("\"{text}\""), wanted, advice))
+    let address = text.parse::<TcpAddress>();
+    address.map(|address| Some(address.socket())).map_err(|_| check.invalid(key, format!("\"{text}\""), wanted, advice))
 }
 
 fn identifiers(keys: &LinkTable, wire: Wire, prefix: &str, check: &mut Checker<'_>) -> Result<(u8, u16), ConfigError> {

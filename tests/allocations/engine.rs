@@ -2,14 +2,16 @@
 
 use crate::complaints;
 use crate::counting::{Found, allocations_in};
+use firmware_protocol::Message;
+use firmware_protocol::message::{Command, Request, Trigger};
 use starloop::base::clock::{Clock, Virtual};
 use starloop::base::time::{Span, Tai};
 use starloop::config::{Backend, Bench, Setting, StartTime};
-use starloop::link::Port;
 use starloop::link::simulated::simulated_pair;
+use starloop::link::{Port, Stamped};
 use starloop::report::FrameRecord;
 use starloop::runtime::receiver::Receiver;
-use starloop::runtime::{FrameEngine, Ledger, RunRecord};
+use starloop::runtime::{FrameEngine, Ledger, RunRecord, Slot};
 use starloop::sink::SentFrame;
 use starloop::testbed::flight_computer::FlightComputer;
 use starloop::wiring::bench_parts;
@@ -50,6 +52,7 @@ fn complaints_of(mut bench: Bench) -> Vec<String> {
         let slot = engine.slot(number);
         cable.carry_until(slot.release, &mut receiver, &mut ledger);
         let mut expose = || {
+            fire(slot, &mut receiver, &mut ledger);
             let times = engine.expose(slot, &mut receiver, &mut ledger, &mut frame).unwrap();
             engine.learn_load(Span::from_ms(i64::from(number % 40)), slot.due, slot, &mut ledger);
             let at = [slot.exposure_start, slot.release, slot.due];
@@ -65,7 +68,20 @@ fn complaints_of(mut bench: Bench) -> Vec<String> {
         wrong.extend(complaints(&format!("bench, frame {number}"), &found));
         assert!(!frame.truth.is_empty(), "frame {number} has stars");
     }
+    let fired = receiver.session().triggers().counts().fired;
+    assert!(fired > u64::from(params.frames), "{fired} triggers, at once and ahead");
     wrong
+}
+
+/// A trigger at once and one three frames ahead; those whose instant has come are taken out.
+fn fire(slot: Slot, receiver: &mut Receiver, ledger: &mut Ledger) {
+    let Some(now_us) = receiver.remote_us_at(slot.release) else { return };
+    for (token, at_us) in [(1, 0), (2, now_us.wrapping_add(300_000))] {
+        let request = Request::Trigger(Trigger { number: 7, at_us });
+        let value = Message::Command(Command { token, request });
+        assert!(receiver.accept(&Stamped { at: slot.release, value }, ledger).is_some(), "is answered");
+    }
+    receiver.fire_triggers(slot, ledger, &mut |_| {});
 }
 
 /// The flight computer, the bus and the clock.

@@ -187,6 +187,30 @@ fn an_injected_fault_shows_in_frames_and_report() {
 }
 
 #[test]
+fn triggers_go_over_the_bus_and_show_in_the_report() {
+    let mut stepped = Stepped::start(&[]);
+    stepped.told(json!({ "request": "step", "until_s": 1.0 }));
+    for trigger in
+        [json!({ "number": 3 }), json!({ "number": 65_535, "at_s": 2.25 }), json!({ "number": 4, "at_s": 0.5 })]
+    {
+        let mut request = trigger;
+        request["request"] = "trigger".into();
+        let told = stepped.told(request.clone());
+        assert_eq!(told["number"], request["number"]);
+    }
+    let far = stepped.refused(br#"{"request": "trigger", "number": 3, "at_s": 3602}"#);
+    assert!(far.contains("wanted within an hour"), "{far}");
+    let events = |stepped: &mut Stepped, until_s: f64| {
+        stepped.told(json!({ "request": "step", "until_s": until_s }));
+        let report = stepped.told(json!({ "request": "summary" }))["report"].clone();
+        ["trigger_taken", "trigger_late", "trigger_fired"].map(|name| report["events"][name].as_u64().unwrap_or(0))
+    };
+    assert_eq!(events(&mut stepped, 2.0), [2, 1, 2], "the second waits");
+    assert_eq!(events(&mut stepped, 2.5), [2, 1, 3]);
+    let _ = stepped.finish();
+}
+
+#[test]
 fn truth_and_estimate_are_near_each_other_and_move_with_the_rate() {
     let mut stepped = Stepped::start(&[]);
     stepped.told(json!({ "request": "step", "until_s": 3.0 }));

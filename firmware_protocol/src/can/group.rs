@@ -81,8 +81,8 @@ impl Group {
             seq,
             flags,
             q_wxyz: [w, x, y, z],
-            rate_rad_s: RATE.unpack(group.word(Part::Rate)),
-            acceleration_rad_s2: ACCELERATION.unpack(group.word(Part::Acceleration)),
+            rate_rad_s: RATE.unpack(group.word(Part::Rate))?,
+            acceleration_rad_s2: ACCELERATION.unpack(group.word(Part::Acceleration))?,
         }
         .judged()
     }

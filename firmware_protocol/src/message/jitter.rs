@@ -84,7 +84,7 @@ impl JitterBurst {
         let mut samples = [[0.0; 2]; JITTER_BURST_MAX];
         let used = samples.get_mut(..usize::from(count)).ok_or(Reject::UnknownValue)?;
         for sample in used.as_flattened_mut() {
-            *sample = BURST.value(i32::from(from.i16()?));
+            *sample = BURST.value(i32::from(from.i16()?))?;
         }
         Self::new(t_first_us, period_us, seq, used).ok_or(Reject::UnknownValue)
     }
@@ -101,7 +101,7 @@ impl JitterPair {
     pub(crate) fn read(from: &mut Reader<'_>) -> Result<Self, Reject> {
         let word = from.take().map(u64::from_le_bytes)?;
         let [slot, ..] = word.to_le_bytes();
-        let [a, b, c, d] = PAIR.unpack(word >> 8);
+        let [a, b, c, d] = PAIR.unpack(word >> 8)?;
         Ok(Self { slot, samples_arcsec: [[a, b], [c, d]] })
     }
 }

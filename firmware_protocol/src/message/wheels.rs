@@ -24,6 +24,6 @@ impl Wheels {
     }
 
     pub(crate) fn read(from: &mut Reader<'_>) -> Result<Self, Reject> {
-        Ok(Self { speed_rpm: SPEED.unpack(from.take().map(u64::from_le_bytes)?) })
+        Ok(Self { speed_rpm: SPEED.unpack(from.take().map(u64::from_le_bytes)?)? })
     }
 }

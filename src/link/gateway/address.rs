@@ -1,5 +1,6 @@
 //! Where a gateway listens, as people write it, and where it is found.
 
+use core::str::FromStr;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 
@@ -29,13 +30,33 @@ impl core::fmt::Display for GatewayAddress {
     }
 }
 
-/// `PORT` on loopback, or `ADDRESS:PORT` (an address, or a name that the system knows); `None` for anything else.
-#[must_use]
-pub fn tcp_address(text: &str) -> Option<SocketAddr> {
-    if let Ok(port) = text.parse::<u16>() {
-        return Some((IpAddr::V4(Ipv4Addr::LOCALHOST), port).into());
+/// Where to listen, read from `PORT`, which is on loopback, or `ADDRESS:PORT` (an address, or a name that the system knows).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TcpAddress(SocketAddr);
+
+/// The text names no address.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("got \"{0}\", wanted a port such as 29536, or ADDRESS:PORT")]
+pub struct NoTcpAddress(String);
+
+impl TcpAddress {
+    /// As the system has it.
+    #[must_use]
+    pub fn socket(self) -> SocketAddr {
+        self.0
     }
-    text.to_socket_addrs().ok()?.next()
+}
+
+impl FromStr for TcpAddress {
+    type Err = NoTcpAddress;
+
+    fn from_str(text: &str) -> Result<Self, NoTcpAddress> {
+        if let Ok(port) = text.parse::<u16>() {
+            return Ok(Self((IpAddr::V4(Ipv4Addr::LOCALHOST), port).into()));
+        }
+        let found = text.to_socket_addrs().ok().and_then(|mut found| found.next());
+        found.map(Self).ok_or_else(|| NoTcpAddress(text.into()))
+    }
 }
 
 #[cfg(test)]
@@ -52,12 +73,13 @@ mod tests {
             ("0.0.0.0:5", "0.0.0.0:5", true),
             ("192.0.2.1:65535", "192.0.2.1:65535", true),
         ] {
-            let address = tcp_address(text).unwrap();
+            let address = text.parse::<TcpAddress>().unwrap().socket();
             assert_eq!(address, wanted.parse().unwrap(), "{text}");
             assert_eq!(GatewayAddress::Tcp(address).is_exposed(), is_exposed, "{text}");
         }
         for text in ["", "65536", "-1", "nowhere", "192.0.2.1", "192.0.2.1:65536", "/dev/pts/1"] {
-            assert_eq!(tcp_address(text), None, "{text}");
+            let error = text.parse::<TcpAddress>().unwrap_err().to_string();
+            assert!(error.starts_with(&format!("got \"{text}\", wanted")), "{error}");
         }
         assert!(!GatewayAddress::Pty("/tmp/slcan".into()).is_exposed());
     }

@@ -39,7 +39,7 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use tcp::{Hall, Protocol};
 
-pub use address::{GatewayAddress, tcp_address};
+pub use address::{GatewayAddress, NoTcpAddress, TcpAddress};
 pub use counters::GatewayCounters;
 
 /// Clients that socketcand serves at once.

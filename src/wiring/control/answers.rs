@@ -83,7 +83,7 @@ pub(super) fn inject(keys: &Map<String, Value>, going: &mut ClosedLoop) -> Resul
     Ok(json!({ "event": action_name(&event.action), "from_s": from_s, "for_s": event.lasts.s() }))
 }
 
-/// A trigger goes over the bus like any other: whether the stimulator takes it is told by its answer, and in its counts.
+/// A trigger goes over the bus: whether the stimulator takes it, the events in its report tell.
 pub(super) fn trigger(number: u16, at_s: Option<f64>, going: &mut ClosedLoop) -> Result<Value, String> {
     let at = at_s.map(|at_s| going.zero() + Span::from_s(at_s));
     going.send_trigger(number, at).map_err(|error| error.to_string())?;
