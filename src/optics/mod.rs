@@ -5,6 +5,7 @@
 
 pub mod airy;
 pub mod gaussian;
+pub mod mtf;
 pub mod psf;
 pub mod quadrature;
 pub mod radiometry;
