@@ -7,10 +7,12 @@ pub mod airy;
 pub mod gaussian;
 pub mod mtf;
 pub mod psf;
+pub mod psf_grid;
 pub mod quadrature;
 pub mod radiometry;
 pub mod spectral_weight;
 
 pub use psf::PsfModel;
+pub use psf_grid::{PsfGrid, PsfGridError};
 pub use radiometry::Radiometry;
 pub use spectral_weight::SpectralWeight;
