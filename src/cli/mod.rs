@@ -16,6 +16,8 @@ mod frame_plan;
 pub mod link_check;
 mod load_threads;
 mod monitor;
+pub mod psf;
+mod psf_plot;
 pub mod render;
 pub mod render_input;
 pub mod render_output;
@@ -84,6 +86,8 @@ enum Command {
     Study(study::StudyArgs),
     /// Hold a bus or serial port of this machine to what links promise, or echo what arrives on it
     LinkCheck(link_check::LinkCheckArgs),
+    /// Tell a camera's star: MTF of every link, width, encircled energy, what star colours change; and plot them
+    Psf(psf::PsfArgs),
     /// Pack, describe or query a star catalog
     Catalog(catalog::CatalogArgs),
 }
@@ -114,6 +118,7 @@ pub fn main() -> ExitCode {
         Command::Chart(arguments) => chart::run(&arguments).map(|()| EXIT_DONE),
         Command::Study(arguments) => study::run(&arguments),
         Command::LinkCheck(arguments) => link_check::run(&arguments),
+        Command::Psf(arguments) => psf::run(&arguments).map(|()| EXIT_DONE),
         Command::Catalog(arguments) => catalog::run(arguments).map(|()| EXIT_DONE),
     };
     match done {

@@ -5,6 +5,7 @@ use crate::config::check::{Checker, Defaulted};
 use crate::config::detector::{Detector, DetectorKeys};
 use crate::config::document::Document;
 use crate::config::error::ConfigError;
+use crate::config::mtf::{MtfKeys, belongs_to_chain};
 use crate::config::optics::{Distortion, DistortionKeys, Optics, OpticsKeys, Psf, PsfKeys};
 use crate::config::radiometry::{Exposure, ExposureKeys, Radiometry, RadiometryKeys};
 use crate::exposure::PsfSampling;
@@ -42,6 +43,7 @@ struct CameraKeys {
     optics: OpticsKeys,
     distortion: DistortionKeys,
     psf: PsfKeys,
+    mtf: Option<MtfKeys>,
     radiometry: RadiometryKeys,
     exposure: ExposureKeys,
 }
@@ -66,10 +68,14 @@ impl Camera {
         let detector = Detector::check(&keys.detector, &mut check)?;
         let optics = Optics::check(&keys.optics, &detector, &mut check)?;
         let distortion = Distortion::check(&keys.distortion, &check)?;
-        let psf = Psf::check(&keys.psf, &optics, &mut check)?;
+        let mut psf = Psf::check(&keys.psf, keys.mtf.as_ref(), &optics, detector.pixel_pitch_um, &mut check)?;
+        belongs_to_chain(keys.mtf.as_ref(), &psf, &check)?;
         let sampling = Psf::check_sampling(&keys.psf, &mut check)?;
         let radiometry = Radiometry::check(&keys.radiometry, &mut check)?;
         let exposure = Exposure::check(&keys.exposure, &mut check)?;
+        if let Psf::Chain(chain) = &mut psf {
+            chain.take_light(None, &check)?;
+        }
         let defaulted = check.defaulted;
         Ok(Self { name, detector, optics, distortion, psf, sampling, radiometry, exposure, defaulted })
     }

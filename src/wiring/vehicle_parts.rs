@@ -7,6 +7,7 @@ use crate::base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
 use crate::base::time::{Span, Tai};
 use crate::base::units::{ARCSEC, DEG};
 use crate::config::{self, JitterSource, Observer, Pointing, Scenario};
+use crate::optics::mtf::MtfChain;
 use crate::testbed::acs::{
     AcsParams, Gains, KeepOut, SafeParams, SlewLimits, StructuralFilter, Thresholds, UnloadParams,
 };
@@ -207,11 +208,13 @@ fn tracker_params(scenario: &Scenario) -> TrackerParams {
         read_noise_e_rms: detector.read_noise_e_rms.hypot(detector.dsnu_e_rms),
         saturation_dn,
     };
-    let psf_sigma_px = match camera.psf {
-        config::Psf::Gaussian { sigma_px } => sigma_px,
+    let psf_sigma_px = match &camera.psf {
+        config::Psf::Gaussian { sigma_px } => *sigma_px,
         config::Psf::Airy { f_number, wavelength_nm, .. } => {
             AIRY_SIGMA * wavelength_nm * 1e-3 * f_number / detector.pixel_pitch_um
         }
+        // A chain that cannot be has been refused with its camera.
+        config::Psf::Chain(chain) => MtfChain::new(chain.params.clone()).map_or(AIRY_SIGMA, |chain| chain.core_sigma_px()),
     };
     TrackerParams {
         prnu: detector.prnu,

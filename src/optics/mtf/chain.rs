@@ -254,6 +254,16 @@ impl MtfChain {
         self.colors.iter().map(of).sum()
     }
 
+    /// Standard deviation of the Gaussian that passes as much, without the pixel, at half the Nyquist frequency, px: the
+    /// scale of the star's core.
+    #[must_use]
+    pub fn core_sigma_px(&self) -> f64 {
+        let f = 0.25;
+        let seen = 0.5 * (self.product([f, 0.0]) + self.product([0.0, f]));
+        let passed = (seen / aperture::mtf([f, 0.0], self.params.aperture_px)).clamp(1e-9, 1.0);
+        (-0.5 * passed.ln()).sqrt() / (core::f64::consts::PI * f)
+    }
+
     /// Mean wavelength of the electrons, nm.
     #[must_use]
     pub fn mean_wavelength_nm(&self) -> f64 {
@@ -341,6 +351,9 @@ fn check_numbers(p: &ChainParams) -> Result<(), MtfError> {
 }
 
 fn check_band(band: &[SpectralWeight]) -> Result<(), MtfError> {
+    if band.is_empty() {
+        return Err(MtfError::Band { why: "missing".into() });
+    }
     let sum: f64 = band.iter().map(|light| light.weight).sum();
     let is_light = |light: &SpectralWeight| {
         light.weight >= 0.0 && light.wavelength_nm > 0.0 && (light.weight + light.wavelength_nm).is_finite()
@@ -349,4 +362,119 @@ fn check_band(band: &[SpectralWeight]) -> Result<(), MtfError> {
         return Err(MtfError::Band { why: format!("{} at {} nm", bad.weight, bad.wavelength_nm) });
     }
     if (sum - 1.0).abs() <= WEIGHT_SUM { Ok(()) } else { Err(MtfError::Band { why: format!("of sum {sum}") }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optics::mtf::diffusion::{Layers, Side};
+
+    fn plain() -> ChainParams {
+        ChainParams {
+            pixel_pitch_um: 5.0,
+            f_number: 4.0,
+            obscuration: 0.3,
+            wavefront: None,
+            defocus: None,
+            assembly_um: 0.0,
+            fabrication_um: 0.0,
+            diffusion: None,
+            aperture_px: 1.0,
+            circuit: None,
+            band: vec![SpectralWeight { wavelength_nm: 600.0, weight: 1.0 }],
+        }
+    }
+
+    fn two_colors() -> Vec<SpectralWeight> {
+        vec![
+            SpectralWeight { wavelength_nm: 500.0, weight: 0.25 },
+            SpectralWeight { wavelength_nm: 800.0, weight: 0.75 },
+        ]
+    }
+
+    #[test]
+    fn one_wavelength_is_the_product_of_its_terms() {
+        let chain = MtfChain::new(ChainParams {
+            wavefront: Some(Wavefront { rms_waves: 0.06, at_nm: 633.0 }),
+            defocus: Some(Defocus { defocus_um: 12.0, form: DefocusForm::Exact }),
+            assembly_um: 0.8,
+            fabrication_um: 0.6,
+            diffusion: Some(Diffusion::Gaussian { sigma_um: 1.0 }),
+            aperture_px: 0.9,
+            circuit: Some(Circuit { cutoff: 1.5, order: 2 }),
+            ..plain()
+        })
+        .unwrap();
+        assert_eq!(chain.terms().count(), Term::ALL.len(), "all are on");
+        for f in [[0.0, 0.0], [0.25, 0.0], [0.0, 0.5], [0.4, -0.3]] {
+            let terms: f64 = chain.terms().map(|term| chain.term(term, f)).product();
+            assert!((chain.product(f) - terms).abs() < 1e-14, "{f:?}: {} against {terms}", chain.product(f));
+        }
+        // By hand: 0.6 um x 4 / 5 um = 0.48 px, 12 um / (8 x 16 x 0.6 um) = 0.15625 waves.
+        let f = 0.5;
+        let by_hand = DefocusedPupil::new(0.156_25, 0.3).unwrap().mtf(f * 0.48)
+            * aberration::mtf(f * 0.48, 0.06 * 633.0 / 600.0).unwrap()
+            * gaussian::mtf(f, (0.64 + 0.36 + 1.0_f64).sqrt() / 5.0)
+            * aperture::sinc(0.9 * f);
+        assert!((chain.product([0.0, f]) - by_hand).abs() < 1e-14, "{} against {by_hand}", chain.product([0.0, f]));
+        assert!(chain.product([f, 0.0]) < 0.999 * by_hand, "the circuit blurs along x alone");
+        assert!((chain.product([0.0, 0.0]) - 1.0).abs() < 1e-14, "no light is lost");
+    }
+
+    #[test]
+    fn a_band_is_the_mean_of_its_wavelengths() {
+        let params = ChainParams {
+            wavefront: Some(Wavefront { rms_waves: 0.05, at_nm: 600.0 }),
+            diffusion: Some(Diffusion::Layered(Layers {
+                depletion_um: 5.0,
+                diffusion_length_um: 40.0,
+                side: Side::Front,
+            })),
+            ..plain()
+        };
+        let of = |band| MtfChain::new(ChainParams { band, ..params.clone() }).unwrap();
+        let alone = |wavelength_nm| of(vec![SpectralWeight { wavelength_nm, weight: 1.0 }]);
+        let (both, blue, red) = (of(two_colors()), alone(500.0), alone(800.0));
+        for f in [[0.2, 0.0], [0.5, 0.1], [1.7, 0.0]] {
+            let mean = 0.25 * blue.product(f) + 0.75 * red.product(f);
+            assert!((both.product(f) - mean).abs() < 1e-15, "{f:?}");
+            let terms: f64 = both.terms().map(|term| both.term(term, f)).product();
+            assert!((terms - mean).abs() > 1e-6, "the product of mean terms is another thing");
+        }
+        assert!((both.mean_wavelength_nm() - 725.0).abs() < 1e-9 && (both.cutoff() - 2.5).abs() < 1e-12, "ends");
+        let step = 1e-7;
+        let slope = (both.colored(step) - 1.0) / step;
+        assert!((slope / both.slope_at_zero() - 1.0).abs() < 1e-5, "{slope} against {}", both.slope_at_zero());
+        assert_eq!(both.in_light(vec![SpectralWeight { wavelength_nm: 500.0, weight: 1.0 }]).unwrap().colored(0.3), blue.colored(0.3));
+    }
+
+    #[test]
+    fn a_gaussian_chain_has_its_own_core() {
+        // Diffraction of 0.01 px leaves 0.7 px of blur.
+        let chain = MtfChain::new(ChainParams { f_number: 0.3, pixel_pitch_um: 18.0, obscuration: 0.0, assembly_um: 12.6, ..plain() });
+        assert!((chain.unwrap().core_sigma_px() - 0.7).abs() < 0.01);
+    }
+
+    #[test]
+    fn what_does_not_hold_is_refused_at_the_wavelength_where_it_does_not() {
+        let told = |params: ChainParams| MtfChain::new(params).unwrap_err().to_string();
+        let wavefront = Some(Wavefront { rms_waves: 0.15, at_nm: 800.0 });
+        let text = told(ChainParams { wavefront, band: two_colors(), ..plain() });
+        assert!(text.contains("0.240 waves rms at 500 nm"), "{text}");
+        let defocus = Some(Defocus { defocus_um: 12.0, form: DefocusForm::Geometric });
+        let text = told(ChainParams { defocus, ..plain() });
+        assert!(text.contains("0.156 waves") && text.contains("exact one"), "{text}");
+        let defocus = Some(Defocus { defocus_um: 1300.0, form: DefocusForm::Exact });
+        assert!(told(ChainParams { defocus, ..plain() }).contains("16.927 waves"), "too far");
+        assert!(told(ChainParams { obscuration: 1.0, ..plain() }).contains("obscuration is 1"), "no aperture left");
+        assert!(told(ChainParams { aperture_px: 1.1, ..plain() }).contains("sensitive width"), "wider than a pixel");
+        assert!(told(ChainParams { assembly_um: -1.0, ..plain() }).contains("assembly"), "negative");
+        assert!(told(ChainParams { assembly_um: f64::NAN, ..plain() }).contains("assembly"), "no number");
+        let circuit = Some(Circuit { cutoff: 0.09, order: 1 });
+        assert!(told(ChainParams { circuit, ..plain() }).contains("cutoff"), "too slow");
+        assert!(told(ChainParams { band: vec![], ..plain() }).contains("weights are missing"), "no light");
+        let mut band = two_colors();
+        band[0].weight = -0.25;
+        assert!(told(ChainParams { band, ..plain() }).contains("-0.25 at 500 nm"), "negative light");
+    }
 }
