@@ -5,6 +5,7 @@ use crate::cli::calibrate::{Costs, costs_here};
 use crate::cli::check_plan::{self, Planned};
 use crate::cli::check_scenario;
 use crate::cli::frame_plan::FramePlans;
+use crate::cli::radiometry_told::radiometry_told;
 use crate::config::{Bench, Document, Event, Scenario, StartTime, is_scenario};
 use crate::runtime::{Imager, RunParams};
 use crate::sky::catalog::Catalog;
@@ -100,12 +101,11 @@ fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Image
         camera.detector.height_px,
         camera.ifov_arcsec()
     )?;
-    writeln!(
-        text,
-        "  light        {:.3e} e-/s at magnitude 0, drawn down to G = {}",
-        camera.zero_point_e_per_s(),
-        camera.radiometry.limiting_mag
-    )?;
+    writeln!(text, "  radiometry   {}", radiometry_told(camera))?;
+    let zero_point = camera.star_light().zero_point_e_per_s();
+    let light =
+        zero_point.map_or_else(|| "no zero point".into(), |e_per_s| format!("{e_per_s:.3e} e-/s at magnitude 0"));
+    writeln!(text, "  light        {light}, drawn down to G = {}", camera.radiometry.limiting_mag)?;
     let faintest = Catalog::built_in()?.sources().iter().map(|star| star.mag_g).fold(f32::MIN, f32::max);
     if camera.radiometry.limiting_mag > f64::from(faintest) {
         writeln!(

@@ -18,6 +18,7 @@ mod load_threads;
 mod monitor;
 pub mod psf;
 mod psf_plot;
+mod radiometry_told;
 pub mod render;
 pub mod render_input;
 pub mod render_output;
@@ -27,6 +28,7 @@ mod run_input;
 pub mod run_scenario;
 pub mod scenario_plot;
 pub mod scenario_report;
+pub mod snr;
 pub mod study;
 
 use clap::{Parser, Subcommand};
@@ -82,6 +84,8 @@ enum Command {
     Campaign(campaign::CampaignArgs),
     /// Measure error and time of every method: CSV tables and SVG charts
     Chart(chart::ChartArgs),
+    /// Tell how faint and how bright a camera's stars may be: SNR against magnitude, limiting and saturation magnitudes
+    Snr(snr::SnrArgs),
     /// Inject latency and jitter into the closed loop and hold it against linear theory: CSV table and SVG charts
     Study(study::StudyArgs),
     /// Hold a bus or serial port of this machine to what links promise, or echo what arrives on it
@@ -116,6 +120,7 @@ pub fn main() -> ExitCode {
         Command::Bus(arguments) => bus::run(&arguments),
         Command::Campaign(arguments) => campaign::run(&arguments),
         Command::Chart(arguments) => chart::run(&arguments).map(|()| EXIT_DONE),
+        Command::Snr(arguments) => snr::run(&arguments).map(|()| EXIT_DONE),
         Command::Study(arguments) => study::run(&arguments),
         Command::LinkCheck(arguments) => link_check::run(&arguments),
         Command::Psf(arguments) => psf::run(&arguments).map(|()| EXIT_DONE),

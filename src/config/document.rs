@@ -10,7 +10,7 @@ use std::sync::Arc;
 use toml::de::{DeTable, DeValue};
 
 /// Configurations that are part of the binary, by their path below `configs/`.
-const BUILT_IN: [(&str, &str); 36] = [
+const BUILT_IN: [(&str, &str); 37] = [
     ("benches/loopback.toml", include_str!("../../configs/benches/loopback.toml")),
     ("benches/cubesat.toml", include_str!("../../configs/benches/cubesat.toml")),
     ("benches/bench_20hz.toml", include_str!("../../configs/benches/bench_20hz.toml")),
@@ -21,6 +21,7 @@ const BUILT_IN: [(&str, &str); 36] = [
     ("benches/closed_loop_jitter.toml", include_str!("../../configs/benches/closed_loop_jitter.toml")),
     ("benches/closed_loop_small_jitter.toml", include_str!("../../configs/benches/closed_loop_small_jitter.toml")),
     ("cameras/star_tracker_20deg.toml", include_str!("../../configs/cameras/star_tracker_20deg.toml")),
+    ("cameras/chain_tracker.toml", include_str!("../../configs/cameras/chain_tracker.toml")),
     ("cameras/cubesat_tracker.toml", include_str!("../../configs/cameras/cubesat_tracker.toml")),
     ("cameras/small_tracker.toml", include_str!("../../configs/cameras/small_tracker.toml")),
     ("cameras/wide_field_telescope.toml", include_str!("../../configs/cameras/wide_field_telescope.toml")),
@@ -48,6 +49,9 @@ const BUILT_IN: [(&str, &str); 36] = [
     ("spacecraft/smallsat_keep_out.toml", include_str!("../../configs/spacecraft/smallsat_keep_out.toml")),
     ("spacecraft/smallsat_stiff_array.toml", include_str!("../../configs/spacecraft/smallsat_stiff_array.toml")),
 ];
+
+/// Keys of a camera that name a file of points.
+const NAMES_A_TABLE: [&str; 2] = ["band.qe_file", "band.transmission_file"];
 
 /// Names nearer than this (Jaro-Winkler, 0 to 1) are offered as what was meant.
 const NEAR_ENOUGH: f64 = 0.75;
@@ -180,8 +184,8 @@ impl Document {
 
     fn pack_into(&self, documents: &mut BTreeMap<String, PackedText>, keys: String) -> Result<(), ConfigError> {
         let table: toml::Table = self.read_as()?;
-        for key in NAMES_A_FILE {
-            if let Some(path) = table.get(key).and_then(toml::Value::as_str) {
+        for key in NAMES_A_FILE.into_iter().chain(NAMES_A_TABLE) {
+            if let Some(path) = value_of(&table, key).and_then(toml::Value::as_str) {
                 self.named(key, path)?.pack_into(documents, joined(&keys, key))?;
             }
         }
@@ -326,6 +330,14 @@ fn offset_of_key(root: &DeTable<'_>, key: &str) -> Option<usize> {
         table = inner;
     }
     offset
+}
+
+/// The value of a key such as `band.qe_file`.
+fn value_of<'a>(table: &'a toml::Table, key: &str) -> Option<&'a toml::Value> {
+    match key.split_once('.') {
+        Some((section, rest)) => value_of(table.get(section)?.as_table()?, rest),
+        None => table.get(key),
+    }
 }
 
 /// A key below those that led to a document.

@@ -11,6 +11,7 @@
 //!
 //! The built-in bench and all it names are compiled in, so the binary runs from any directory.
 
+mod band;
 mod bench;
 mod budget;
 mod camera;
@@ -36,7 +37,7 @@ mod timing;
 
 pub use bench::Bench;
 pub use budget::Budget;
-pub use camera::Camera;
+pub use camera::{Camera, is_camera};
 pub use check::Defaulted;
 pub use detector::Detector;
 pub use document::{Document, PackedDocuments};
@@ -48,7 +49,7 @@ pub use link::{Carrier, Doors, FlowControl, Link, Parity, SerialPort, Wire};
 pub use mtf::{Chain, ChainLight, WAVELENGTHS};
 pub use observer::Observer;
 pub use optics::{Distortion, Optics, Psf};
-pub use radiometry::{Exposure, Radiometry};
+pub use radiometry::{Exposure, Radiometry, RadiometryModel};
 pub use scenario::{Scenario, is_scenario};
 pub use session::{Session, SessionStart};
 pub use setting::Setting;

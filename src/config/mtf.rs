@@ -107,6 +107,10 @@ impl Chain {
     /// The chain in its light; refuses what does not hold there.
     pub(super) fn take_light(&mut self, band: Option<&Band>, check: &Checker<'_>) -> Result<(), ConfigError> {
         self.params.band = match (self.light, band) {
+            (ChainLight::Wavelength(nm), Some(band)) if band.response(nm) <= 0.0 => {
+                let advice = "the detector counts no light there: give a wavelength of the band, or psf.bp_rp";
+                return Err(check.invalid("psf.wavelength_nm", nm, "a wavelength inside [band]", advice));
+            }
             (ChainLight::Wavelength(wavelength_nm), _) => vec![SpectralWeight { wavelength_nm, weight: 1.0 }],
             (ChainLight::Color(bp_rp), Some(band)) => spectral_weights(band, bp_rp, WAVELENGTHS),
             (ChainLight::Color(bp_rp), None) => {

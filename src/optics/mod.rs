@@ -5,6 +5,8 @@
 
 pub mod airy;
 pub mod band;
+pub mod chain_psf;
+pub mod energy;
 pub mod gaia_bands;
 pub mod gaussian;
 pub mod grey_map;

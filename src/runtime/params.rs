@@ -8,7 +8,7 @@ use crate::base::time::{Span, Tai};
 use crate::detector::DetectorParams;
 use crate::exposure::cost::CostModel;
 use crate::exposure::{Instrument, MethodChoice, PsfSampling, Shutter};
-use crate::optics::{PsfModel, Radiometry};
+use crate::optics::{PsfModel, StarLight};
 use crate::runtime::imager::BackendChoice;
 use crate::sky::observer::Observer;
 use std::sync::Arc;
@@ -38,7 +38,7 @@ pub struct CameraParams {
     /// How pixel values are had from it.
     pub sampling: PsfSampling,
     /// Magnitude to electrons.
-    pub radiometry: Radiometry,
+    pub radiometry: StarLight,
     /// Detector.
     pub detector: DetectorParams,
     /// Faintest Gaia G magnitude that is drawn.

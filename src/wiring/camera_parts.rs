@@ -4,9 +4,9 @@ use crate::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use crate::config;
 use crate::detector::DetectorParams;
 use crate::exposure::Shutter;
+use crate::optics::PsfModel;
 use crate::optics::chain_psf::{ChainPsf, Drawing};
 use crate::optics::mtf::MtfChain;
-use crate::optics::{PsfModel, Radiometry};
 use crate::runtime::params::CameraParams;
 use anyhow::{Context, Result};
 
@@ -32,15 +32,7 @@ pub fn camera_params(camera: &config::Camera) -> Result<CameraParams> {
         shutter: shutter(camera.exposure.rolling_line_us),
         psf: psf(camera)?,
         sampling: camera.sampling,
-        radiometry: Radiometry {
-            zero_magnitude_photons_per_s_m2: camera.radiometry.zero_magnitude_photons_per_s_m2,
-            aperture_mm: optics.aperture_mm,
-            obscuration: optics.obscuration,
-            transmission: optics.transmission,
-            quantum_efficiency: detector.quantum_efficiency,
-            color_c1: camera.radiometry.color_c1,
-            color_c2: camera.radiometry.color_c2,
-        },
+        radiometry: camera.star_light(),
         detector: DetectorParams {
             full_well_e: detector.full_well_e,
             gain_e_per_dn: detector.gain_e_per_dn,

@@ -17,6 +17,7 @@ mod loop_parts;
 pub mod real_loop;
 pub mod replay;
 pub mod seeded;
+pub mod sensitivity;
 pub mod ports;
 pub mod study;
 pub mod vehicle_parts;

@@ -59,7 +59,8 @@ fn camera() -> CameraParams {
             quantum_efficiency: 0.6,
             color_c1: 0.0,
             color_c2: 0.0,
-        },
+        }
+        .into(),
         detector: DetectorParams {
             full_well_e: 5e5,
             gain_e_per_dn: 8.0,
