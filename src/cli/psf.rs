@@ -109,7 +109,8 @@ impl Star {
             return Ok(Self { camera, psf, chain: None });
         };
         let chain = MtfChain::new(chain.params.clone())?;
-        let drawn = ChainPsf::draw(&chain, &Drawing::default()).with_context(|| format!("camera \"{}\"", camera.name))?;
+        let drawn =
+            ChainPsf::draw(&chain, &Drawing::default()).with_context(|| format!("camera \"{}\"", camera.name))?;
         Ok(Self { camera, psf: PsfModel::grid(drawn.grid.clone()), chain: Some((chain, drawn)) })
     }
 
@@ -159,9 +160,9 @@ fn head(text: &mut String, star: &Star) -> Result<()> {
         writeln!(text, "star         {}", model_told(&camera.psf))?;
         return Ok(());
     };
-    let band = &chain.params().band;
-    match (&camera.psf, band.as_slice()) {
-        (Psf::Chain(Chain { light: ChainLight::Color(bp_rp), .. }), [first, .., last]) => writeln!(
+    let light = if let Psf::Chain(chain) = &camera.psf { Some(chain.light) } else { None };
+    match (light, chain.params().band.as_slice()) {
+        (Some(ChainLight::Color(bp_rp)), band @ [first, .., last]) => writeln!(
             text,
             "light        the band for a star of BP-RP = {bp_rp}: {} wavelengths from {:.0} to {:.0} nm, mean {:.0} nm",
             band.len(),
@@ -230,10 +231,16 @@ fn energies(text: &mut String, star: &Star) -> Result<()> {
     let radius = radius.map_or_else(|| format!("over {LARGEST_RADIUS_PX} px"), |px| format!("{px:.3} px"));
     writeln!(text, "  {:<30}{:>16}{radius:>20}", format!("radius of {:.0} %", 100.0 * HELD), "")?;
     let energy = |name: &str, share: f64| format!("  {name:<46}{share:>22.4}\n");
-    text.push_str(&energy("energy on detector (one pixel), centred", energy::energy_on_detector(psf, Centring::Centre)));
+    text.push_str(&energy(
+        "energy on detector (one pixel), centred",
+        energy::energy_on_detector(psf, Centring::Centre),
+    ));
     text.push_str(&energy("energy on detector, star on a corner", energy::energy_on_detector(psf, Centring::Corner)));
     for side_px in [3, 5, 7] {
-        text.push_str(&energy(&format!("ensquared energy, {side_px} x {side_px} px"), energy::ensquared_energy(psf, side_px)));
+        text.push_str(&energy(
+            &format!("ensquared energy, {side_px} x {side_px} px"),
+            energy::ensquared_energy(psf, side_px),
+        ));
     }
     concentration(text, star)
 }
@@ -267,7 +274,11 @@ fn concentration(text: &mut String, star: &Star) -> Result<()> {
 
 /// What other colours than the reference make of the star.
 fn colors(text: &mut String, chain: &MtfChain, drawn: &ChainPsf, band: &Band) -> Result<()> {
-    writeln!(text, "{:<22}{:>10}{:>12}{:>14}{:>22}", "star colour", "mean nm", "seen FWHM", "EE 1 px", "largest difference")?;
+    writeln!(
+        text,
+        "{:<22}{:>10}{:>12}{:>14}{:>22}",
+        "star colour", "mean nm", "seen FWHM", "EE 1 px", "largest difference"
+    )?;
     let reference = PsfModel::grid(drawn.grid.clone());
     let same = Drawing {
         oversampling: Some(drawn.grid.oversampling()),

@@ -75,7 +75,9 @@ fn star_chart(star: &Star) -> Chart {
         x: Axis::linear("distance from the star, px"),
         y: Axis::linear("share"),
         series: vec![
-            curve("pixel's share over the largest, along rows", Style::Line, 0, FURTHEST_PX, &|r| psf.pixel(r, 0.0) / peak),
+            curve("pixel's share over the largest, along rows", Style::Line, 0, FURTHEST_PX, &|r| {
+                psf.pixel(r, 0.0) / peak
+            }),
             Series {
                 name: "encircled energy".into(),
                 style: Style::Line,

@@ -85,9 +85,9 @@ impl Chain {
         let assembly_um = blur("assembly_um", keys.assembly_um)?;
         let fabrication_um = blur("fabrication_um", keys.fabrication_um)?;
         let advice = "width of the sensitive square over the pitch: the square root of the fill factor";
-        let aperture_px = keys.pixel_aperture.map_or(Ok(1.0), |width_px| {
-            check.meets("mtf.pixel_aperture", width_px, Rule::PositiveUpTo(1.0), advice)
-        })?;
+        let aperture_px = keys
+            .pixel_aperture
+            .map_or(Ok(1.0), |width_px| check.meets("mtf.pixel_aperture", width_px, Rule::PositiveUpTo(1.0), advice))?;
         let params = ChainParams {
             pixel_pitch_um,
             f_number,
@@ -151,11 +151,7 @@ fn refused(error: &MtfError, check: &Checker<'_>) -> ConfigError {
     check.invalid(key, "refused", "a chain that holds in its light", &error.to_string())
 }
 
-fn wavefront(
-    keys: &MtfKeys,
-    light: ChainLight,
-    check: &mut Checker<'_>,
-) -> Result<Option<Wavefront>, ConfigError> {
+fn wavefront(keys: &MtfKeys, light: ChainLight, check: &mut Checker<'_>) -> Result<Option<Wavefront>, ConfigError> {
     let Some(rms_waves) = keys.wavefront_error_waves else {
         let owner = "mtf.wavefront_error_waves";
         check.unused("mtf.wavefront_wavelength_nm", keys.wavefront_wavelength_nm.is_some(), owner)?;

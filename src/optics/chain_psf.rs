@@ -253,7 +253,9 @@ impl<'a> Spectrum<'a> {
         let side = 2 * middle + 1;
         let scale = step * step;
         let from_middle = |i: usize| i.abs_diff(middle);
-        (0..side * side).map(|k| scale * quadrant[from_middle(k / side) * (middle + 1) + from_middle(k % side)]).collect()
+        (0..side * side)
+            .map(|k| scale * quadrant[from_middle(k / side) * (middle + 1) + from_middle(k % side)])
+            .collect()
     }
 }
 

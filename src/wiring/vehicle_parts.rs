@@ -214,7 +214,9 @@ fn tracker_params(scenario: &Scenario) -> TrackerParams {
             AIRY_SIGMA * wavelength_nm * 1e-3 * f_number / detector.pixel_pitch_um
         }
         // A chain that cannot be has been refused with its camera.
-        config::Psf::Chain(chain) => MtfChain::new(chain.params.clone()).map_or(AIRY_SIGMA, |chain| chain.core_sigma_px()),
+        config::Psf::Chain(chain) => {
+            MtfChain::new(chain.params.clone()).map_or(AIRY_SIGMA, |chain| chain.core_sigma_px())
+        }
     };
     TrackerParams {
         prnu: detector.prnu,

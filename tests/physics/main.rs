@@ -12,6 +12,7 @@ mod frames;
 mod measure;
 mod noise;
 mod poisson_methods;
+mod psf_chain;
 mod random_scenes;
 mod scene;
 mod stability;

@@ -445,13 +445,22 @@ mod tests {
         let step = 1e-7;
         let slope = (both.colored(step) - 1.0) / step;
         assert!((slope / both.slope_at_zero() - 1.0).abs() < 1e-5, "{slope} against {}", both.slope_at_zero());
-        assert_eq!(both.in_light(vec![SpectralWeight { wavelength_nm: 500.0, weight: 1.0 }]).unwrap().colored(0.3), blue.colored(0.3));
+        assert_eq!(
+            both.in_light(vec![SpectralWeight { wavelength_nm: 500.0, weight: 1.0 }]).unwrap().colored(0.3),
+            blue.colored(0.3)
+        );
     }
 
     #[test]
     fn a_gaussian_chain_has_its_own_core() {
         // Diffraction of 0.01 px leaves 0.7 px of blur.
-        let chain = MtfChain::new(ChainParams { f_number: 0.3, pixel_pitch_um: 18.0, obscuration: 0.0, assembly_um: 12.6, ..plain() });
+        let chain = MtfChain::new(ChainParams {
+            f_number: 0.3,
+            pixel_pitch_um: 18.0,
+            obscuration: 0.0,
+            assembly_um: 12.6,
+            ..plain()
+        });
         assert!((chain.unwrap().core_sigma_px() - 0.7).abs() < 0.01);
     }
 
