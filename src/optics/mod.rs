@@ -12,6 +12,8 @@ pub mod gaussian;
 pub mod grey_map;
 pub mod mtf;
 pub mod photometry_v;
+pub mod measured;
+pub mod moffat;
 pub mod psf;
 pub mod psf_grid;
 pub mod quadrature;

@@ -87,11 +87,11 @@ pub enum PsfGridError {
 pub struct PsfGrid {
     oversampling: usize,
     half_px: usize,
-    /// Spline coefficients with one more on every side, row by row.
-    coefficients: Vec<f64>,
+    spline: Spline,
     peak: f64,
     flux: f64,
     core_sigma_px: f64,
+    third_step: f64,
     /// Share of the light outside a footprint of half-width 0, 1, ... px, wherever the star stands on its pixel.
     lost: Vec<f64>,
 }
@@ -135,10 +135,11 @@ impl PsfGrid {
             return Err(PsfGridError::Negative { least, peak });
         }
         let lost = lost_by_half_width(&samples, side, oversampling, half_px);
-        let coefficients = prefilter(&samples, side);
-        let mut grid = Self { oversampling, half_px, coefficients, peak, flux, core_sigma_px: 0.0, lost };
+        let spline = Spline::new(&samples, side);
+        let mut grid = Self { oversampling, half_px, spline, peak, flux, core_sigma_px: 0.0, third_step: 0.0, lost };
         grid.peak = grid.highest_near(&samples);
         grid.core_sigma_px = core_sigma_px(grid.sharpest_curvature() / grid.peak);
+        grid.third_step = grid.largest_third_step() / grid.peak;
         Ok(grid)
     }
 
@@ -184,6 +185,13 @@ impl PsfGrid {
         self.core_sigma_px
     }
 
+    /// Largest step of the spline's third derivative at a knot along x or y, of the peak, 1 / px^3: what an
+    /// interpolation on other knots errs by.
+    #[must_use]
+    pub fn third_step(&self) -> f64 {
+        self.third_step
+    }
+
     /// Share of the light outside a square footprint of half-width `half_px + 1/2` px (upper bound over all places of
     /// the star on its pixel).
     #[must_use]
@@ -199,15 +207,9 @@ impl PsfGrid {
         if !(x_px.abs() <= reach && y_px.abs() <= reach) {
             return 0.0;
         }
-        let ((first_x, wx), (first_y, wy)) = (self.taps(x_px), self.taps(y_px));
-        let stride = self.stride();
-        let mut sum = 0.0;
-        for (m, wy) in wy.iter().enumerate() {
-            let at = (first_y + m) * stride + first_x;
-            let row = &self.coefficients[at..at + 4];
-            sum += wy * row.iter().zip(wx).map(|(c, wx)| c * wx).sum::<f64>();
-        }
-        sum
+        let last = (Self::side_of(self.oversampling, self.half_px) - 1) as f64;
+        let at = |v: f64| (v * self.oversampling as f64 + 0.5 * last).clamp(0.0, last);
+        self.spline.at(at(x_px), at(y_px))
     }
 
     /// Spline coefficient `column`, `row` steps of the grid from the star; beyond the grid's margin of one, 0.
@@ -216,7 +218,7 @@ impl PsfGrid {
         let middle = (self.stride() / 2).cast_signed();
         let at = |i: isize| usize::try_from(i + middle).ok().filter(|i| *i < self.stride());
         match (at(column), at(row)) {
-            (Some(column), Some(row)) => self.coefficients[row * self.stride() + column],
+            (Some(column), Some(row)) => self.spline.coefficients[row * self.stride() + column],
             _ => 0.0,
         }
     }
@@ -224,16 +226,6 @@ impl PsfGrid {
     /// Coefficients along each side.
     fn stride(&self) -> usize {
         Self::side_of(self.oversampling, self.half_px) + 2
-    }
-
-    /// First of four coefficients along an axis, and their weights.
-    fn taps(&self, at_px: f64) -> (usize, [f64; 4]) {
-        let side = Self::side_of(self.oversampling, self.half_px);
-        let s = at_px * self.oversampling as f64 + (side / 2) as f64;
-        // The last interval holds its own end.
-        let j = s.floor().clamp(0.0, side as f64 - 2.0);
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
-        (j as usize, weights(s - j))
     }
 
     /// Highest value about the highest sample.
@@ -246,6 +238,21 @@ impl PsfGrid {
         };
         let parts = (-PARTS..=PARTS).flat_map(|y| (-PARTS..=PARTS).map(move |x| (x, y)));
         parts.map(|(x, y)| self.pixel(place(best % side, x), place(best / side, y))).fold(0.0, f64::max)
+    }
+
+    /// Largest fourth difference of the coefficients along x or y, 1 / px^3.
+    fn largest_third_step(&self) -> f64 {
+        let (c, stride) = (&self.spline.coefficients, self.stride());
+        let mut most = 0.0_f64;
+        for (at, middle) in c.iter().enumerate() {
+            for (step, place) in [(1, at % stride), (stride, at / stride)] {
+                if place >= 2 && place + 2 < stride {
+                    let sides = c[at - 2 * step] + c[at + 2 * step] - 4.0 * (c[at - step] + c[at + step]);
+                    most = most.max((sides + 6.0 * middle).abs());
+                }
+            }
+        }
+        most * (self.oversampling as f64).powi(3)
     }
 
     /// Largest second derivative in any direction at any sample, 1 / px^2.
@@ -261,7 +268,7 @@ impl PsfGrid {
                     let mut sum = 0.0;
                     for (m, by) in B[by].iter().enumerate() {
                         let at = (row + m) * stride + column;
-                        let line = &self.coefficients[at..at + 3];
+                        let line = &self.spline.coefficients[at..at + 3];
                         sum += by * line.iter().zip(B[bx]).map(|(c, bx)| c * bx).sum::<f64>();
                     }
                     sum
@@ -306,21 +313,61 @@ fn lost_by_half_width(samples: &[f64], side: usize, oversampling: usize, half_px
     lost
 }
 
-/// Samples -> coefficients of the spline through them, with one more on every side (natural ends).
-fn prefilter(samples: &[f64], side: usize) -> Vec<f64> {
-    let stride = side + 2;
-    let mut out = vec![0.0; stride * stride];
-    for (row, line) in samples.chunks_exact(side).enumerate() {
-        natural(line.iter().copied(), &mut out[(row + 1) * stride..(row + 2) * stride]);
-    }
-    let mut column = vec![0.0; stride];
-    for x in 0..stride {
-        natural((1..=side).map(|y| out[y * stride + x]).collect::<Vec<_>>().into_iter(), &mut column);
-        for (y, value) in column.iter().enumerate() {
-            out[y * stride + x] = *value;
+/// The cubic B-spline with natural ends through an image, by sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spline {
+    /// Coefficients, with one more on every side.
+    coefficients: Vec<f64>,
+    columns: usize,
+    rows: usize,
+}
+
+impl Spline {
+    /// Through samples, row by row, `columns` in each.
+    #[must_use]
+    pub fn new(samples: &[f64], columns: usize) -> Self {
+        let rows = samples.len() / columns;
+        let stride = columns + 2;
+        let mut out = vec![0.0; stride * (rows + 2)];
+        for (row, line) in samples.chunks_exact(columns).enumerate() {
+            natural(line.iter().copied(), &mut out[(row + 1) * stride..(row + 2) * stride]);
         }
+        let mut column = vec![0.0; rows + 2];
+        for x in 0..stride {
+            natural((1..=rows).map(|y| out[y * stride + x]), &mut column);
+            for (y, value) in column.iter().enumerate() {
+                out[y * stride + x] = *value;
+            }
+        }
+        Self { coefficients: out, columns, rows }
     }
-    out
+
+    /// Its value at a place counted in samples from the first; 0 outside.
+    #[must_use]
+    pub fn at(&self, x: f64, y: f64) -> f64 {
+        // Negated, so that what is no number is outside.
+        let inside = |v: f64, n: usize| v >= 0.0 && v <= n as f64 - 1.0;
+        if !inside(x, self.columns) || !inside(y, self.rows) {
+            return 0.0;
+        }
+        let ((first_x, wx), (first_y, wy)) = (taps(x, self.columns), taps(y, self.rows));
+        let stride = self.columns + 2;
+        let mut sum = 0.0;
+        for (m, wy) in wy.iter().enumerate() {
+            let at = (first_y + m) * stride + first_x;
+            let row = &self.coefficients[at..at + 4];
+            sum += wy * row.iter().zip(wx).map(|(c, wx)| c * wx).sum::<f64>();
+        }
+        sum
+    }
+}
+
+/// First of four coefficients along an axis of `n` samples, and their weights.
+fn taps(at: f64, n: usize) -> (usize, [f64; 4]) {
+    // The last interval holds its own end.
+    let j = at.floor().clamp(0.0, n as f64 - 2.0);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the samples")]
+    (j as usize, weights(at - j))
 }
 
 /// One axis: `(c[i - 1] + 4 c[i] + c[i + 1]) / 6 = f[i]` with a vanishing second derivative at both ends, where

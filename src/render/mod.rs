@@ -11,6 +11,7 @@ pub mod gpu;
 mod kernel;
 pub mod plan_tables;
 mod profile;
+mod psf_samples;
 pub mod reference;
 pub mod spline;
 pub mod table;
