@@ -10,7 +10,7 @@ use std::sync::Arc;
 use toml::de::{DeTable, DeValue};
 
 /// Configurations that are part of the binary, by their path below `configs/`.
-const BUILT_IN: [(&str, &str); 37] = [
+const BUILT_IN: [(&str, &str); 39] = [
     ("benches/loopback.toml", include_str!("../../configs/benches/loopback.toml")),
     ("benches/cubesat.toml", include_str!("../../configs/benches/cubesat.toml")),
     ("benches/bench_20hz.toml", include_str!("../../configs/benches/bench_20hz.toml")),
@@ -25,6 +25,8 @@ const BUILT_IN: [(&str, &str); 37] = [
     ("cameras/cubesat_tracker.toml", include_str!("../../configs/cameras/cubesat_tracker.toml")),
     ("cameras/small_tracker.toml", include_str!("../../configs/cameras/small_tracker.toml")),
     ("cameras/wide_field_telescope.toml", include_str!("../../configs/cameras/wide_field_telescope.toml")),
+    ("cameras/detection_limit_15mag.toml", include_str!("../../configs/cameras/detection_limit_15mag.toml")),
+    ("cameras/detection_limit_22mag.toml", include_str!("../../configs/cameras/detection_limit_22mag.toml")),
     ("benches/gateways.toml", include_str!("../../configs/benches/gateways.toml")),
     ("benches/serial.toml", include_str!("../../configs/benches/serial.toml")),
     ("benches/socketcan.toml", include_str!("../../configs/benches/socketcan.toml")),
