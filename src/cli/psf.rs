@@ -1,7 +1,8 @@
 //! `starloop psf`: a camera's star -> MTF of every link, widths, energies, what a star's colour changes; plots.
 
 use crate::cli::psf_plot;
-use crate::config::{Bench, Camera, Chain, ChainLight, Document, Psf, is_camera};
+use crate::config::{Bench, Camera, Chain, Document, LightOfChain, Psf, is_camera};
+use crate::optics::chain_light::ChainLight;
 use crate::optics::chain_psf::{ChainPsf, Drawing};
 use crate::optics::energy::{self, Centring};
 use crate::optics::mtf::{MtfChain, Term};
@@ -19,8 +20,12 @@ pub(super) const NYQUIST: f64 = 0.5;
 const HELD: f64 = 0.9;
 /// Largest circle that is tried, px.
 const LARGEST_RADIUS_PX: f64 = 48.0;
-/// Radii whose circles are told, px.
-const RADII_PX: [f64; 3] = [1.0, 2.0, 3.0];
+/// Radii whose circles are told, px, with their energy before the pixel.
+const RADII_PX: [(f64, fn(&PsfModel) -> f64); 3] = [
+    (1.0, |psf| energy::encircled_energy(psf, 1.0)),
+    (2.0, |psf| energy::encircled_energy(psf, 2.0)),
+    (3.0, |psf| energy::encircled_energy(psf, 3.0)),
+];
 /// Colours that stars are held against, BP-RP: a hot star (O, B), the Sun, a cool dwarf (M4).
 const COLORS: [(&str, f64); 3] = [("blue", -0.3), ("Sun", 0.82), ("red", 3.0)];
 /// Largest difference between stars' colours with which one PSF is enough: the share of the flux per pixel that a
@@ -33,8 +38,8 @@ const ONE_PSF: f64 = 1e-3;
     after_help = "MTF: contrast that each link of the chain passes, 1 at frequency 0; the product is what pixels see. \
                   Nyquist is 0.5 cycles/px. Over a band every term is its mean weighted by electrons, and the product \
                   is the mean of the products. Motion is not in it: exposures integrate motion themselves.\n\n\
-                  Energies are shares of all of a star's light. \"On the detector\" is the light as it falls; \"as \
-                  pixels see it\" is blurred by a pixel, and what models are compared by. The envelope is the square \
+                  Energies are shares of all of a star's light. \"Before the pixel\" is the light, charge diffusion \
+                  included; \"as pixels see it\" is blurred by a pixel, and what models are compared by. The envelope is the square \
                   of whole pixels around the Airy disc at the longest wavelength; more than 90 % in it is the published \
                   figure of merit for energy concentration.\n\n\
                   Examples:\n  starloop psf cameras/chain_tracker.toml\n  starloop psf my_bench.toml --at 0.5,1,2 \
@@ -124,7 +129,7 @@ fn take_color(chain: &mut Chain, band: &Band, bp_rp: f64) -> Result<()> {
     if !(-1.0..=7.0).contains(&bp_rp) {
         bail!("--bp-rp is {bp_rp}; wanted a colour from -1 to 7, such as the Sun's, 0.82");
     }
-    chain.light = ChainLight::Color(bp_rp);
+    chain.light = LightOfChain::Color(bp_rp);
     chain.params.band = spectral_weights(band, bp_rp, crate::config::WAVELENGTHS);
     Ok(())
 }
@@ -162,7 +167,7 @@ fn head(text: &mut String, star: &Star) -> Result<()> {
     };
     let light = if let Psf::Chain(chain) = &camera.psf { Some(chain.light) } else { None };
     match (light, chain.params().band.as_slice()) {
-        (Some(ChainLight::Color(bp_rp)), band @ [first, .., last]) => writeln!(
+        (Some(LightOfChain::Color(bp_rp)), band @ [first, .., last]) => writeln!(
             text,
             "light        the band for a star of BP-RP = {bp_rp}: {} wavelengths from {:.0} to {:.0} nm, mean {:.0} nm",
             band.len(),
@@ -216,21 +221,25 @@ fn mtf_table(text: &mut String, star: &Star, chain: &MtfChain, shares: &[f64]) -
 
 fn energies(text: &mut String, star: &Star) -> Result<()> {
     let psf = &star.psf;
+    let chain = star.chain.as_ref().map(|(chain, _)| ChainLight::of(chain));
     // Samples of what pixels see say nothing of the light before.
-    let is_known = !matches!(psf, PsfModel::Grid(_));
-    let light = |value: f64, unit: &str| if is_known { format!("{value:.4}{unit}") } else { "-".into() };
-    writeln!(text, "{:<32}{:>16}{:>20}", "star on a pixel's centre", "on the detector", "as pixels see it")?;
-    let seen_px = energy::seen_fwhm_px(psf);
-    writeln!(text, "  {:<30}{:>16}{:>20}", "FWHM", light(energy::fwhm_px(psf), " px"), format!("{seen_px:.4} px"))?;
-    for radius_px in RADII_PX {
-        let name = format!("encircled energy, {radius_px} px");
+    let light = |of_model: fn(&PsfModel) -> f64, of_chain: &dyn Fn(&ChainLight) -> f64| match (&chain, psf) {
+        (Some(chain), _) => format!("{:.4}", of_chain(chain)),
+        (None, PsfModel::Grid(_)) => "-".into(),
+        _ => format!("{:.4}", of_model(psf)),
+    };
+    writeln!(text, "{:<32}{:>18}{:>20}", "star on a pixel's centre", "before the pixel", "as pixels see it")?;
+    let before = light(energy::fwhm_px, &|chain| chain.fwhm_px());
+    writeln!(text, "  {:<30}{before:>18}{:>20.4}", "FWHM, px", energy::seen_fwhm_px(psf))?;
+    for (radius_px, of_model) in RADII_PX {
+        let before = light(of_model, &|chain| chain.encircled_energy(radius_px));
         let seen = energy::seen_encircled_energy(psf, radius_px);
-        writeln!(text, "  {name:<30}{:>16}{seen:>20.4}", light(energy::encircled_energy(psf, radius_px), ""))?;
+        writeln!(text, "  {:<30}{before:>18}{seen:>20.4}", format!("encircled energy, {radius_px} px"))?;
     }
     let radius = energy::seen_radius_px(psf, HELD, LARGEST_RADIUS_PX);
-    let radius = radius.map_or_else(|| format!("over {LARGEST_RADIUS_PX} px"), |px| format!("{px:.3} px"));
-    writeln!(text, "  {:<30}{:>16}{radius:>20}", format!("radius of {:.0} %", 100.0 * HELD), "")?;
-    let energy = |name: &str, share: f64| format!("  {name:<46}{share:>22.4}\n");
+    let radius = radius.map_or_else(|| format!("over {LARGEST_RADIUS_PX}"), |px| format!("{px:.4}"));
+    writeln!(text, "  {:<30}{:>18}{radius:>20}", format!("radius of {:.0} %, px", 100.0 * HELD), "")?;
+    let energy = |name: &str, share: f64| format!("  {name:<48}{share:>20.4}\n");
     text.push_str(&energy(
         "energy on detector (one pixel), centred",
         energy::energy_on_detector(psf, Centring::Centre),
@@ -344,7 +353,7 @@ mod tests {
         let text = told("cameras/small_tracker.toml");
         assert!(text.contains("Gaussian, sigma 0.65 px") && !text.contains("diffraction"), "{text}");
         // 1 - exp(-1 / 2 / 0.65^2) and 2.35482 x 0.65.
-        assert!(text.contains("0.6937") && text.contains("1.5306 px"), "{text}");
+        assert!(text.contains("0.6937") && text.contains("1.5306"), "{text}");
     }
 
     #[test]

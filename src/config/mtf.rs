@@ -17,7 +17,7 @@ pub const WAVELENGTHS: usize = 16;
 
 /// Light in which the star is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum ChainLight {
+pub enum LightOfChain {
     /// One wavelength, nm.
     Wavelength(f64),
     /// The camera's band, for a star of this BP-RP.
@@ -30,7 +30,7 @@ pub struct Chain {
     /// Its links, in its light.
     pub params: ChainParams,
     /// The light.
-    pub light: ChainLight,
+    pub light: LightOfChain,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -107,13 +107,13 @@ impl Chain {
     /// The chain in its light; refuses what does not hold there.
     pub(super) fn take_light(&mut self, band: Option<&Band>, check: &Checker<'_>) -> Result<(), ConfigError> {
         self.params.band = match (self.light, band) {
-            (ChainLight::Wavelength(nm), Some(band)) if band.response(nm) <= 0.0 => {
+            (LightOfChain::Wavelength(nm), Some(band)) if band.response(nm) <= 0.0 => {
                 let advice = "the detector counts no light there: give a wavelength of the band, or psf.bp_rp";
                 return Err(check.invalid("psf.wavelength_nm", nm, "a wavelength inside [band]", advice));
             }
-            (ChainLight::Wavelength(wavelength_nm), _) => vec![SpectralWeight { wavelength_nm, weight: 1.0 }],
-            (ChainLight::Color(bp_rp), Some(band)) => spectral_weights(band, bp_rp, WAVELENGTHS),
-            (ChainLight::Color(bp_rp), None) => {
+            (LightOfChain::Wavelength(wavelength_nm), _) => vec![SpectralWeight { wavelength_nm, weight: 1.0 }],
+            (LightOfChain::Color(bp_rp), Some(band)) => spectral_weights(band, bp_rp, WAVELENGTHS),
+            (LightOfChain::Color(bp_rp), None) => {
                 let advice = "give the camera's [band], or psf.wavelength_nm in place of psf.bp_rp";
                 return Err(check.invalid("psf.bp_rp", bp_rp, "no colour without a [band]", advice));
             }
@@ -128,16 +128,16 @@ pub(super) fn belongs_to_chain(keys: Option<&MtfKeys>, psf: &Psf, check: &Checke
 }
 
 /// One wavelength, or a colour in the band.
-fn light(lens: &LensKeys, check: &mut Checker<'_>) -> Result<ChainLight, ConfigError> {
+fn light(lens: &LensKeys, check: &mut Checker<'_>) -> Result<LightOfChain, ConfigError> {
     if let Some(bp_rp) = lens.bp_rp {
         let owner = "one wavelength; psf.bp_rp asks for the whole band: keep one of the two";
         check.unused("psf.wavelength_nm", lens.wavelength_nm.is_some(), owner)?;
         let advice = "Gaia BP-RP of the star that the PSF is for, such as the Sun's, 0.82";
-        return check.meets("psf.bp_rp", bp_rp, Rule::Within(-1.0, 7.0), advice).map(ChainLight::Color);
+        return check.meets("psf.bp_rp", bp_rp, Rule::Within(-1.0, 7.0), advice).map(LightOfChain::Color);
     }
     let (rule, advice) = (Rule::Within(100.0, 20_000.0), "effective wavelength in nanometres, such as 620");
     let nm = check.number("psf.wavelength_nm", lens.wavelength_nm, DEFAULT_WAVELENGTH_NM, rule, advice)?;
-    Ok(ChainLight::Wavelength(nm))
+    Ok(LightOfChain::Wavelength(nm))
 }
 
 /// The key to blame for what a chain refuses.
@@ -151,7 +151,7 @@ fn refused(error: &MtfError, check: &Checker<'_>) -> ConfigError {
     check.invalid(key, "refused", "a chain that holds in its light", &error.to_string())
 }
 
-fn wavefront(keys: &MtfKeys, light: ChainLight, check: &mut Checker<'_>) -> Result<Option<Wavefront>, ConfigError> {
+fn wavefront(keys: &MtfKeys, light: LightOfChain, check: &mut Checker<'_>) -> Result<Option<Wavefront>, ConfigError> {
     let Some(rms_waves) = keys.wavefront_error_waves else {
         let owner = "mtf.wavefront_error_waves";
         check.unused("mtf.wavefront_wavelength_nm", keys.wavefront_wavelength_nm.is_some(), owner)?;
@@ -159,7 +159,7 @@ fn wavefront(keys: &MtfKeys, light: ChainLight, check: &mut Checker<'_>) -> Resu
     };
     let advice = "waves rms over the pupil, such as 0.05; the aberration term ends at 0.18";
     let rms_waves = check.meets("mtf.wavefront_error_waves", rms_waves, Rule::Within(0.0, 0.18), advice)?;
-    let default_nm = if let ChainLight::Wavelength(nm) = light { nm } else { 632.8 };
+    let default_nm = if let LightOfChain::Wavelength(nm) = light { nm } else { 632.8 };
     let advice = "wavelength of the measurement in nanometres, such as 632.8";
     let rule = Rule::Within(100.0, 20_000.0);
     let given = keys.wavefront_wavelength_nm;

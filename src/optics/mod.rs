@@ -5,6 +5,7 @@
 
 pub mod airy;
 pub mod band;
+pub mod chain_light;
 pub mod chain_psf;
 pub mod energy;
 pub mod gaia_bands;
