@@ -20,12 +20,8 @@ pub(super) const NYQUIST: f64 = 0.5;
 const HELD: f64 = 0.9;
 /// Largest circle that is tried, px.
 const LARGEST_RADIUS_PX: f64 = 48.0;
-/// Radii whose circles are told, px, with their energy before the pixel.
-const RADII_PX: [(f64, fn(&PsfModel) -> f64); 3] = [
-    (1.0, |psf| energy::encircled_energy(psf, 1.0)),
-    (2.0, |psf| energy::encircled_energy(psf, 2.0)),
-    (3.0, |psf| energy::encircled_energy(psf, 3.0)),
-];
+/// Radii whose circles are told, px.
+const RADII_PX: [f64; 3] = [1.0, 2.0, 3.0];
 /// Colours that stars are held against, BP-RP: a hot star (O, B), the Sun, a cool dwarf (M4).
 const COLORS: [(&str, f64); 3] = [("blue", -0.3), ("Sun", 0.82), ("red", 3.0)];
 /// Largest difference between stars' colours with which one PSF is enough: the share of the flux per pixel that a
@@ -223,16 +219,16 @@ fn energies(text: &mut String, star: &Star) -> Result<()> {
     let psf = &star.psf;
     let chain = star.chain.as_ref().map(|(chain, _)| ChainLight::of(chain));
     // Samples of what pixels see say nothing of the light before.
-    let light = |of_model: fn(&PsfModel) -> f64, of_chain: &dyn Fn(&ChainLight) -> f64| match (&chain, psf) {
+    let light = |of_model: &dyn Fn(&PsfModel) -> f64, of_chain: &dyn Fn(&ChainLight) -> f64| match (&chain, psf) {
         (Some(chain), _) => format!("{:.4}", of_chain(chain)),
         (None, PsfModel::Grid(_)) => "-".into(),
         _ => format!("{:.4}", of_model(psf)),
     };
     writeln!(text, "{:<32}{:>18}{:>20}", "star on a pixel's centre", "before the pixel", "as pixels see it")?;
-    let before = light(energy::fwhm_px, &|chain| chain.fwhm_px());
+    let before = light(&energy::fwhm_px, &|chain| chain.fwhm_px());
     writeln!(text, "  {:<30}{before:>18}{:>20.4}", "FWHM, px", energy::seen_fwhm_px(psf))?;
-    for (radius_px, of_model) in RADII_PX {
-        let before = light(of_model, &|chain| chain.encircled_energy(radius_px));
+    for radius_px in RADII_PX {
+        let before = light(&|psf| energy::encircled_energy(psf, radius_px), &|chain| chain.encircled_energy(radius_px));
         let seen = energy::seen_encircled_energy(psf, radius_px);
         writeln!(text, "  {:<30}{before:>18}{seen:>20.4}", format!("encircled energy, {radius_px} px"))?;
     }
@@ -337,6 +333,7 @@ mod tests {
     #[test]
     fn a_chain_tells_its_links_its_energies_and_its_colours() {
         let text = told("cameras/chain_tracker.toml");
+        println!("{text}");
         for word in ["diffraction", "aberration", "charge diffusion", "pixel", "product", "FWHM", "radius of 90 %"] {
             assert!(text.contains(word), "no \"{word}\" in\n{text}");
         }

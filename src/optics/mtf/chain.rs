@@ -12,7 +12,7 @@
 
 use crate::optics::SpectralWeight;
 use crate::optics::mtf::circuit::{Circuit, LOWEST_CUTOFF};
-use crate::optics::mtf::defocus::{self, DefocusedPupil, LARGEST_W20_WAVES};
+use crate::optics::mtf::defocus::{self, DefocusedPupil};
 use crate::optics::mtf::diffusion::Diffusion;
 use crate::optics::mtf::{MtfError, aberration, aperture, circuit, diffraction, gaussian};
 
@@ -288,7 +288,6 @@ impl Color {
             Err(MtfError::Defocus { defocus_um, w20_waves, wavelength_nm: nm, wanted, form, advice })
         };
         if is_exact && pupil.is_none() {
-            debug_assert!(!(w20_waves.abs() <= LARGEST_W20_WAVES), "the only reason");
             return refused("at most 16", "exact", "take the geometric form, which holds from 5 waves on");
         }
         if !is_exact && !defocus::holds_geometrically(w20_waves) {

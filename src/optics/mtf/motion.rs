@@ -42,7 +42,7 @@ pub fn tdi_mismatch(frequency: f64, stages: u32, mismatch_px: f64) -> f64 {
     // At whole numbers of cycles per step all stages agree; near them the ratio is one of small numbers.
     let off = angle - PI * (angle / PI).round();
     if (n * off).abs() < 1e-6 {
-        let sign = if stages % 2 == 0 && (angle / PI).round() % 2.0 != 0.0 { -1.0 } else { 1.0 };
+        let sign = if stages.is_multiple_of(2) && (angle / PI).round() % 2.0 != 0.0 { -1.0 } else { 1.0 };
         return sign * (1.0 - (n * n - 1.0) * off * off / 6.0);
     }
     (n * angle).sin() / (n * angle.sin())
