@@ -17,6 +17,8 @@ mod frame_plan;
 pub mod link_check;
 mod load_threads;
 mod monitor;
+pub mod psf;
+mod psf_plot;
 mod radiometry_told;
 pub mod render;
 pub mod render_input;
@@ -92,6 +94,8 @@ enum Command {
     Study(study::StudyArgs),
     /// Hold a bus or serial port of this machine to what links promise, or echo what arrives on it
     LinkCheck(link_check::LinkCheckArgs),
+    /// Tell a camera's star: MTF of every link, width, encircled energy, what star colours change; and plot them
+    Psf(psf::PsfArgs),
     /// Pack, describe or query a star catalog
     Catalog(catalog::CatalogArgs),
 }
@@ -124,6 +128,7 @@ pub fn main() -> ExitCode {
         Command::Snr(arguments) => snr::run(&arguments).map(|()| EXIT_DONE),
         Command::Study(arguments) => study::run(&arguments),
         Command::LinkCheck(arguments) => link_check::run(&arguments),
+        Command::Psf(arguments) => psf::run(&arguments).map(|()| EXIT_DONE),
         Command::Catalog(arguments) => catalog::run(arguments).map(|()| EXIT_DONE),
     };
     match done {

@@ -9,6 +9,7 @@ use crate::config::detector::{Detector, DetectorKeys};
 use crate::config::document::Document;
 use crate::config::error::ConfigError;
 use crate::config::illumination::IlluminationKeys;
+use crate::config::mtf::{MtfKeys, belongs_to_chain};
 use crate::config::optics::{Distortion, DistortionKeys, Optics, OpticsKeys, Psf, PsfKeys};
 use crate::config::radiometry::{Exposure, ExposureKeys, Radiometry, RadiometryKeys, RadiometryModel};
 use crate::exposure::PsfSampling;
@@ -58,6 +59,7 @@ struct CameraKeys {
     illumination: IlluminationKeys,
     background: BackgroundKeys,
     baffle: Option<BaffleKeys>,
+    mtf: Option<MtfKeys>,
     radiometry: RadiometryKeys,
     band: Option<BandKeys>,
     exposure: ExposureKeys,
@@ -83,7 +85,8 @@ impl Camera {
         let detector = Detector::check(&keys.detector, &mut check)?;
         let optics = Optics::check(&keys.optics, &detector, &mut check)?;
         let distortion = Distortion::check(&keys.distortion, &check)?;
-        let psf = Psf::check(&keys.psf, &optics, &mut check)?;
+        let mut psf = Psf::check(&keys.psf, keys.mtf.as_ref(), &optics, detector.pixel_pitch_um, &mut check)?;
+        belongs_to_chain(keys.mtf.as_ref(), &psf, &check)?;
         let sampling = Psf::check_sampling(&keys.psf, &mut check)?;
         let illumination = keys.illumination.check(&optics, &mut check)?;
         let background = keys.background.check(&mut check)?;
@@ -91,6 +94,9 @@ impl Camera {
         let radiometry = Radiometry::check(&keys.radiometry, &detector, &mut check)?;
         let band = check_band(keys.band.as_ref(), optics.transmission, radiometry.model, &psf, &mut check)?;
         let exposure = Exposure::check(&keys.exposure, &mut check)?;
+        if let Psf::Chain(chain) = &mut psf {
+            chain.take_light(band.as_ref(), &check)?;
+        }
         let defaulted = check.defaulted;
         Ok(Self {
             name,

@@ -5,6 +5,7 @@ use crate::config::check::{Checker, Rule};
 use crate::config::detector::Detector;
 use crate::config::distortion::{Terms, check_polynomial};
 use crate::config::error::ConfigError;
+use crate::config::mtf::{Chain, LensKeys, MtfKeys};
 use crate::exposure::PsfSampling;
 use serde::Deserialize;
 
@@ -15,9 +16,9 @@ const DEFAULT_F_NUMBER: f64 = 2.0;
 /// Default PSF: the width at which centroids of 5 x 5 windows are near their best.
 const DEFAULT_SIGMA_PX: f64 = 0.7;
 /// Default wavelength, nm: near the pivot of the Gaia G band (622 nm).
-const DEFAULT_WAVELENGTH_NM: f64 = 620.0;
+pub(super) const DEFAULT_WAVELENGTH_NM: f64 = 620.0;
 /// Largest obscuration: more leaves no aperture worth the name.
-const LARGEST_OBSCURATION: f64 = 0.95;
+pub(super) const LARGEST_OBSCURATION: f64 = 0.95;
 
 /// The optics, checked.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,7 +53,7 @@ pub struct Distortion {
 }
 
 /// Point-spread function of the optics, checked.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Psf {
     /// A round Gaussian.
     Gaussian {
@@ -68,6 +69,8 @@ pub enum Psf {
         /// Linear central obscuration.
         obscuration: f64,
     },
+    /// A chain of transfer functions.
+    Chain(Box<Chain>),
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -103,6 +106,7 @@ pub(super) struct PsfKeys {
     f_number: Option<f64>,
     wavelength_nm: Option<f64>,
     obscuration: Option<f64>,
+    bp_rp: Option<f64>,
     pub(super) sampling: Option<String>,
 }
 
@@ -200,13 +204,23 @@ impl Distortion {
 enum Model {
     Gaussian,
     Airy,
+    Chain,
 }
 
 impl Psf {
-    pub(super) fn check(keys: &PsfKeys, optics: &Optics, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
-        let models = [("gaussian", Model::Gaussian), ("airy", Model::Airy)];
-        let advice = "gaussian takes sigma_px; airy takes f_number, wavelength_nm, obscuration";
-        match check.choice("psf.model", keys.model.as_deref(), &models, advice)? {
+    pub(super) fn check(
+        keys: &PsfKeys,
+        mtf: Option<&MtfKeys>,
+        optics: &Optics,
+        pixel_pitch_um: f64,
+        check: &mut Checker<'_>,
+    ) -> Result<Self, ConfigError> {
+        let models = [("gaussian", Model::Gaussian), ("airy", Model::Airy), ("chain", Model::Chain)];
+        let advice = "gaussian takes sigma_px; airy takes f_number, wavelength_nm, obscuration; chain too, and [mtf]";
+        let model = check.choice("psf.model", keys.model.as_deref(), &models, advice)?;
+        let is_chain = matches!(model, Model::Chain);
+        check.unused("psf.bp_rp", keys.bp_rp.is_some() && !is_chain, "model = \"chain\"")?;
+        match model {
             Model::Gaussian => {
                 for (key, given) in [
                     ("psf.f_number", keys.f_number),
@@ -223,6 +237,16 @@ impl Psf {
             Model::Airy => {
                 check.unused("psf.sigma_px", keys.sigma_px.is_some(), "model = \"gaussian\"")?;
                 Self::check_airy(keys, optics, check)
+            }
+            Model::Chain => {
+                check.unused("psf.sigma_px", keys.sigma_px.is_some(), "model = \"gaussian\"")?;
+                let lens = LensKeys {
+                    f_number: keys.f_number,
+                    wavelength_nm: keys.wavelength_nm,
+                    obscuration: keys.obscuration,
+                    bp_rp: keys.bp_rp,
+                };
+                Ok(Self::Chain(Box::new(Chain::check(&lens, mtf, optics, pixel_pitch_um, check)?)))
             }
         }
     }

@@ -4,6 +4,8 @@ use crate::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use crate::config;
 use crate::detector::DetectorParams;
 use crate::exposure::Shutter;
+use crate::optics::chain_psf::{ChainPsf, Drawing};
+use crate::optics::mtf::MtfChain;
 use crate::optics::{BackgroundLight, PsfModel};
 use crate::runtime::params::CameraParams;
 use crate::wiring::light_parts::background_light;
@@ -33,7 +35,7 @@ pub fn camera_params(camera: &config::Camera) -> Result<CameraParams> {
         name: camera.name.as_str().into(),
         geometry,
         shutter: shutter(camera.exposure.rolling_line_us),
-        psf: psf(camera),
+        psf: psf(camera)?,
         sampling: camera.sampling,
         radiometry: camera.star_light(),
         illumination: camera.illumination,
@@ -72,12 +74,17 @@ fn shutter(rolling_line_us: f64) -> Shutter {
     if rolling_line_us > 0.0 { Shutter::Rolling { line_s: rolling_line_us * 1e-6 } } else { Shutter::Global }
 }
 
-fn psf(camera: &config::Camera) -> PsfModel {
-    match camera.psf {
-        config::Psf::Gaussian { sigma_px } => PsfModel::gaussian(sigma_px),
+fn psf(camera: &config::Camera) -> Result<PsfModel> {
+    Ok(match &camera.psf {
+        config::Psf::Gaussian { sigma_px } => PsfModel::gaussian(*sigma_px),
         config::Psf::Airy { f_number, wavelength_nm, obscuration } => {
             let lambda_n_px = wavelength_nm * 1e-3 * f_number / camera.detector.pixel_pitch_um;
-            PsfModel::airy(lambda_n_px, obscuration)
+            PsfModel::airy(lambda_n_px, *obscuration)
         }
-    }
+        config::Psf::Chain(chain) => {
+            let chain = MtfChain::new(chain.params.clone()).with_context(|| format!("camera \"{}\"", camera.name))?;
+            let drawn = ChainPsf::draw(&chain, &Drawing::default());
+            PsfModel::grid(drawn.with_context(|| format!("camera \"{}\"", camera.name))?.grid)
+        }
+    })
 }

@@ -8,6 +8,7 @@ use crate::base::time::{Span, Tai};
 use crate::base::units::{ARCSEC, DEG};
 use crate::config::{self, JitterSource, Observer, Pointing, Scenario};
 use crate::detector::binning::Levels;
+use crate::optics::mtf::MtfChain;
 use crate::testbed::acs::{
     AcsParams, Gains, KeepOut, SafeParams, SlewLimits, StructuralFilter, Thresholds, UnloadParams,
 };
@@ -218,10 +219,14 @@ fn tracker_params(scenario: &Scenario) -> TrackerParams {
         read_noise_e_rms: levels.read_noise_e_rms,
         saturation_dn,
     };
-    let psf_sigma_px = match camera.psf {
-        config::Psf::Gaussian { sigma_px } => sigma_px,
+    let psf_sigma_px = match &camera.psf {
+        config::Psf::Gaussian { sigma_px } => *sigma_px,
         config::Psf::Airy { f_number, wavelength_nm, .. } => {
             AIRY_SIGMA * wavelength_nm * 1e-3 * f_number / detector.pixel_pitch_um
+        }
+        // A chain that cannot be has been refused with its camera.
+        config::Psf::Chain(chain) => {
+            MtfChain::new(chain.params.clone()).map_or(AIRY_SIGMA, |chain| chain.core_sigma_px())
         }
     };
     TrackerParams {

@@ -18,6 +18,7 @@ mod measure;
 mod noise;
 mod photon_transfer;
 mod poisson_methods;
+mod psf_chain;
 mod psf_models;
 mod radiometry;
 mod random_scenes;

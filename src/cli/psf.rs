@@ -1,0 +1,372 @@
+//! `starloop psf`: a camera's star -> MTF of every link, widths, energies, what a star's colour changes; plots.
+
+use crate::cli::psf_plot;
+use crate::config::{Bench, Camera, Chain, Document, LightOfChain, Psf, is_camera};
+use crate::optics::chain_light::ChainLight;
+use crate::optics::chain_psf::{ChainPsf, Drawing};
+use crate::optics::energy::{self, Centring};
+use crate::optics::mtf::{MtfChain, Term};
+use crate::optics::{Band, PsfModel, spectral_weights};
+use crate::sink::write_file_atomically;
+use crate::wiring::camera_parts::camera_params;
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use core::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// Nyquist frequency, cycles/px.
+pub(super) const NYQUIST: f64 = 0.5;
+/// Share of the light whose circle is told.
+const HELD: f64 = 0.9;
+/// Largest circle that is tried, px.
+const LARGEST_RADIUS_PX: f64 = 48.0;
+/// Radii whose circles are told, px.
+const RADII_PX: [f64; 3] = [1.0, 2.0, 3.0];
+/// Colours that stars are held against, BP-RP: a hot star (O, B), the Sun, a cool dwarf (M4).
+const COLORS: [(&str, f64); 3] = [("blue", -0.3), ("Sun", 0.82), ("red", 3.0)];
+/// Largest difference between stars' colours with which one PSF is enough: the share of the flux per pixel that a
+/// drawn star may err by.
+const ONE_PSF: f64 = 1e-3;
+
+/// Command line of `psf`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "MTF: contrast that each link of the chain passes, 1 at frequency 0; the product is what pixels see. \
+                  Nyquist is 0.5 cycles/px. Over a band every term is its mean weighted by electrons, and the product \
+                  is the mean of the products. Motion is not in it: exposures integrate motion themselves.\n\n\
+                  Energies are shares of all of a star's light. \"Before the pixel\" is the light, charge diffusion \
+                  included; \"as pixels see it\" is blurred by a pixel, and what models are compared by. The envelope is the square \
+                  of whole pixels around the Airy disc at the longest wavelength; more than 90 % in it is the published \
+                  figure of merit for energy concentration.\n\n\
+                  Examples:\n  starloop psf cameras/chain_tracker.toml\n  starloop psf my_bench.toml --at 0.5,1,2 \
+                  --plot psf.svg"
+)]
+pub struct PsfArgs {
+    /// Camera or bench file (TOML), or the name of a built-in one; without it: the built-in loopback bench's camera
+    file: Option<PathBuf>,
+    /// Frequencies of the MTF table, shares of the Nyquist frequency
+    #[arg(long, value_name = "SHARES", value_delimiter = ',', default_values_t = [0.1, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0])]
+    at: Vec<f64>,
+    /// Colour of the star instead of the camera's, Gaia BP-RP (chains over a band only)
+    #[arg(long, value_name = "MAG", allow_negative_numbers = true)]
+    bp_rp: Option<f64>,
+    /// Draw the chain into this file, and the star's profile and encircled energy into FILE_energy.svg
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+}
+
+/// A camera's star and all that is known of it.
+#[derive(Debug)]
+pub(super) struct Star {
+    pub(super) camera: Camera,
+    pub(super) psf: PsfModel,
+    /// The chain, and what drawing it errs by; for chains.
+    pub(super) chain: Option<(MtfChain, ChainPsf)>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// When the file is refused, its PSF cannot be drawn, or a plot cannot be written.
+pub fn run(arguments: &PsfArgs) -> Result<()> {
+    if let Some(bad) = arguments.at.iter().find(|share| !(0.0..=1000.0).contains(*share)) {
+        bail!("--at has {bad}; wanted shares of the Nyquist frequency, 0 to 1000, such as 0.5,1");
+    }
+    let star = Star::new(named_camera(arguments.file.as_deref())?, arguments.bp_rp)?;
+    print!("{}", report(&star, &arguments.at)?);
+    if let Some(path) = &arguments.plot {
+        for (path, svg) in psf_plot::files(&star, path) {
+            write_file_atomically(&path, |out| std::io::Write::write_all(out, svg.as_bytes()))
+                .with_context(|| format!("--plot {}", path.display()))?;
+            println!("plot in {}", path.display());
+        }
+    }
+    Ok(())
+}
+
+/// The camera that was named, by itself or by its bench.
+fn named_camera(path: Option<&Path>) -> Result<Camera> {
+    let Some(path) = path else { return Ok(Bench::built_in()?.camera) };
+    let name = path.to_string_lossy();
+    let is_built_in = !path.exists() && Document::built_in_paths().any(|known| known == name);
+    let document = if is_built_in { Document::built_in(&name)? } else { Document::open(path)? };
+    if is_camera(&document) {
+        return Ok(Camera::from_document(&document)?);
+    }
+    Ok(Bench::from_document(&document)?.camera)
+}
+
+impl Star {
+    pub(super) fn new(mut camera: Camera, bp_rp: Option<f64>) -> Result<Self> {
+        if let Some(bp_rp) = bp_rp {
+            let band = camera.band.clone();
+            match (&mut camera.psf, band) {
+                (Psf::Chain(chain), Some(band)) => take_color(chain, &band, bp_rp)?,
+                _ => bail!("--bp-rp is {bp_rp}, but \"{}\" has no chain over a [band]: leave it out", camera.name),
+            }
+        }
+        let Psf::Chain(chain) = &camera.psf else {
+            let psf = camera_params(&camera)?.psf;
+            return Ok(Self { camera, psf, chain: None });
+        };
+        let chain = MtfChain::new(chain.params.clone())?;
+        let drawn =
+            ChainPsf::draw(&chain, &Drawing::default()).with_context(|| format!("camera \"{}\"", camera.name))?;
+        Ok(Self { camera, psf: PsfModel::grid(drawn.grid.clone()), chain: Some((chain, drawn)) })
+    }
+
+    /// Whether x and y differ.
+    fn has_circuit(&self) -> bool {
+        self.chain.as_ref().is_some_and(|(chain, _)| chain.terms().any(|term| term == Term::Circuit))
+    }
+}
+
+fn take_color(chain: &mut Chain, band: &Band, bp_rp: f64) -> Result<()> {
+    if !(-1.0..=7.0).contains(&bp_rp) {
+        bail!("--bp-rp is {bp_rp}; wanted a colour from -1 to 7, such as the Sun's, 0.82");
+    }
+    chain.light = LightOfChain::Color(bp_rp);
+    chain.params.band = spectral_weights(band, bp_rp, crate::config::WAVELENGTHS);
+    Ok(())
+}
+
+fn report(star: &Star, shares: &[f64]) -> Result<String> {
+    let mut text = String::new();
+    head(&mut text, star)?;
+    text.push('\n');
+    if let Some((chain, _)) = &star.chain {
+        mtf_table(&mut text, star, chain, shares)?;
+        text.push('\n');
+    }
+    energies(&mut text, star)?;
+    if let (Some((chain, drawn)), Some(band)) = (&star.chain, &star.camera.band) {
+        text.push('\n');
+        colors(&mut text, chain, drawn, band)?;
+    }
+    Ok(text)
+}
+
+fn head(text: &mut String, star: &Star) -> Result<()> {
+    let (camera, optics) = (&star.camera, &star.camera.optics);
+    let pitch_um = camera.detector.pixel_pitch_um;
+    writeln!(
+        text,
+        "camera       \"{}\": f = {} mm, f/{:.2}, obscuration {}, {pitch_um} um pixels",
+        camera.name,
+        optics.focal_length_mm,
+        optics.focal_length_mm / optics.aperture_mm,
+        optics.obscuration
+    )?;
+    let Some((chain, drawn)) = &star.chain else {
+        writeln!(text, "star         {}", model_told(&camera.psf))?;
+        return Ok(());
+    };
+    let light = if let Psf::Chain(chain) = &camera.psf { Some(chain.light) } else { None };
+    match (light, chain.params().band.as_slice()) {
+        (Some(LightOfChain::Color(bp_rp)), band @ [first, .., last]) => writeln!(
+            text,
+            "light        the band for a star of BP-RP = {bp_rp}: {} wavelengths from {:.0} to {:.0} nm, mean {:.0} nm",
+            band.len(),
+            first.wavelength_nm,
+            last.wavelength_nm,
+            chain.mean_wavelength_nm()
+        )?,
+        _ => writeln!(text, "light        {:.0} nm", chain.mean_wavelength_nm())?,
+    }
+    writeln!(
+        text,
+        "star         chain, drawn with {} samples per pixel to {} px; no pixel errs by more than {:.1e} of the flux",
+        drawn.grid.oversampling(),
+        drawn.grid.half_px(),
+        drawn.between + drawn.folded
+    )?;
+    Ok(())
+}
+
+fn model_told(psf: &Psf) -> String {
+    match psf {
+        Psf::Gaussian { sigma_px } => format!("Gaussian, sigma {sigma_px} px"),
+        Psf::Airy { f_number, wavelength_nm, obscuration } => {
+            format!("Airy, f/{f_number:.2}, obscuration {obscuration}, {wavelength_nm} nm")
+        }
+        _ => "as the camera file gives it".into(),
+    }
+}
+
+fn mtf_table(text: &mut String, star: &Star, chain: &MtfChain, shares: &[f64]) -> Result<()> {
+    write!(text, "{:<24}", "MTF at shares of Nyquist")?;
+    shares.iter().try_for_each(|share| write!(text, "{share:>9}"))?;
+    let mut row = |name: &str, of: &dyn Fn(f64) -> f64| -> Result<()> {
+        write!(text, "\n  {name:<22}")?;
+        Ok(shares.iter().try_for_each(|share| write!(text, "{:>9.5}", of(share * NYQUIST) + 0.0))?)
+    };
+    for term in chain.terms() {
+        row(term.name(), &|f| chain.term(term, [f, 0.0]))?;
+    }
+    if star.has_circuit() {
+        row("product along rows", &|f| chain.product([f, 0.0]))?;
+        row("product along columns", &|f| chain.product([0.0, f]))?;
+    } else {
+        row("product", &|f| chain.product([f, 0.0]))?;
+        row("product, 45 deg", &|f| chain.product([f * core::f64::consts::FRAC_1_SQRT_2; 2]))?;
+    }
+    text.push('\n');
+    writeln!(text, "  nothing passes beyond {:.2} cycles/px", chain.cutoff())?;
+    Ok(())
+}
+
+fn energies(text: &mut String, star: &Star) -> Result<()> {
+    let psf = &star.psf;
+    let chain = star.chain.as_ref().map(|(chain, _)| ChainLight::of(chain));
+    // Samples of what pixels see say nothing of the light before.
+    let light = |of_model: &dyn Fn(&PsfModel) -> f64, of_chain: &dyn Fn(&ChainLight) -> f64| match (&chain, psf) {
+        (Some(chain), _) => format!("{:.4}", of_chain(chain)),
+        (None, PsfModel::Grid(_)) => "-".into(),
+        _ => format!("{:.4}", of_model(psf)),
+    };
+    writeln!(text, "{:<32}{:>18}{:>20}", "star on a pixel's centre", "before the pixel", "as pixels see it")?;
+    let before = light(&energy::fwhm_px, &|chain| chain.fwhm_px());
+    writeln!(text, "  {:<30}{before:>18}{:>20.4}", "FWHM, px", energy::seen_fwhm_px(psf))?;
+    for radius_px in RADII_PX {
+        let before = light(&|psf| energy::encircled_energy(psf, radius_px), &|chain| chain.encircled_energy(radius_px));
+        let seen = energy::seen_encircled_energy(psf, radius_px);
+        writeln!(text, "  {:<30}{before:>18}{seen:>20.4}", format!("encircled energy, {radius_px} px"))?;
+    }
+    let radius = energy::seen_radius_px(psf, HELD, LARGEST_RADIUS_PX);
+    let radius = radius.map_or_else(|| format!("over {LARGEST_RADIUS_PX}"), |px| format!("{px:.4}"));
+    writeln!(text, "  {:<30}{:>18}{radius:>20}", format!("radius of {:.0} %, px", 100.0 * HELD), "")?;
+    let energy = |name: &str, share: f64| format!("  {name:<48}{share:>20.4}\n");
+    text.push_str(&energy(
+        "energy on detector (one pixel), centred",
+        energy::energy_on_detector(psf, Centring::Centre),
+    ));
+    text.push_str(&energy("energy on detector, star on a corner", energy::energy_on_detector(psf, Centring::Corner)));
+    for side_px in [3, 5, 7] {
+        text.push_str(&energy(
+            &format!("ensquared energy, {side_px} x {side_px} px"),
+            energy::ensquared_energy(psf, side_px),
+        ));
+    }
+    concentration(text, star)
+}
+
+/// The share within the square around the Airy disc at the longest wavelength.
+fn concentration(text: &mut String, star: &Star) -> Result<()> {
+    let lambda_n_px = match (&star.chain, &star.camera.psf) {
+        (Some((chain, _)), _) => {
+            let p = chain.params();
+            let longest_nm = p.band.iter().map(|light| light.wavelength_nm).fold(0.0, f64::max);
+            longest_nm * 1e-3 * p.f_number / p.pixel_pitch_um
+        }
+        (None, Psf::Airy { f_number, wavelength_nm, .. }) => {
+            wavelength_nm * 1e-3 * f_number / star.camera.detector.pixel_pitch_um
+        }
+        _ => return Ok(()),
+    };
+    let radius_px = energy::airy_radius_px(lambda_n_px);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive number")]
+    let side_px = (2.0 * (radius_px - 0.5).ceil().max(1.0)) as usize + 1;
+    let share = energy::ensquared_energy(&star.psf, side_px.min(97));
+    writeln!(
+        text,
+        "energy concentration: {:.1} % within {side_px} x {side_px} px, the envelope of the Airy disc (radius {radius_px:.2} \
+         px): {} the published 90 %",
+        100.0 * share,
+        if share > HELD { "above" } else { "not above" }
+    )?;
+    Ok(())
+}
+
+/// What other colours than the reference make of the star.
+fn colors(text: &mut String, chain: &MtfChain, drawn: &ChainPsf, band: &Band) -> Result<()> {
+    writeln!(
+        text,
+        "{:<22}{:>10}{:>12}{:>14}{:>22}",
+        "star colour", "mean nm", "seen FWHM", "EE 1 px", "largest difference"
+    )?;
+    let reference = PsfModel::grid(drawn.grid.clone());
+    let same = Drawing {
+        oversampling: Some(drawn.grid.oversampling()),
+        half_px: Some(drawn.grid.half_px()),
+        ..Drawing::default()
+    };
+    let mut worst = 0.0_f64;
+    for (name, bp_rp) in COLORS {
+        let other = chain.in_light(spectral_weights(band, bp_rp, crate::config::WAVELENGTHS))?;
+        let psf = PsfModel::grid(ChainPsf::draw(&other, &same)?.grid);
+        let difference = largest_difference(&psf, &reference);
+        worst = worst.max(difference);
+        writeln!(
+            text,
+            "  {:<20}{:>10.0}{:>9.4} px{:>14.4}{difference:>13.1e} of flux",
+            format!("{name}, BP-RP = {bp_rp}"),
+            other.mean_wavelength_nm(),
+            energy::seen_fwhm_px(&psf),
+            energy::seen_encircled_energy(&psf, 1.0)
+        )?;
+    }
+    let told = if worst <= ONE_PSF {
+        "one PSF is enough for all stars"
+    } else {
+        "one PSF for all stars errs by more than a pixel should: choose psf.bp_rp for the stars that matter"
+    };
+    writeln!(text, "  {told} (a pixel may err by {ONE_PSF:.0e} of the flux)")?;
+    Ok(())
+}
+
+/// Largest difference of a pixel's share between two stars at the same place.
+fn largest_difference(a: &PsfModel, b: &PsfModel) -> f64 {
+    // A pixel's share changes slowly against an eighth of a pixel, and fades beyond a few pixels.
+    let at = |i: i32| f64::from(i) / 8.0;
+    let places = (0..=64).flat_map(|y| (0..=y).map(move |x| (at(x), at(y))));
+    places.map(|(x, y)| (a.pixel(x, y) - b.pixel(x, y)).abs()).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(name: &str) -> String {
+        report(&Star::new(named_camera(Some(Path::new(name))).unwrap(), None).unwrap(), &[0.0, 0.5, 1.0]).unwrap()
+    }
+
+    #[test]
+    fn a_chain_tells_its_links_its_energies_and_its_colours() {
+        let text = told("cameras/chain_tracker.toml");
+        println!("{text}");
+        for word in ["diffraction", "aberration", "charge diffusion", "pixel", "product", "FWHM", "radius of 90 %"] {
+            assert!(text.contains(word), "no \"{word}\" in\n{text}");
+        }
+        for word in ["energy on detector", "ensquared energy, 3 x 3 px", "energy concentration", "blue", "red"] {
+            assert!(text.contains(word), "no \"{word}\" in\n{text}");
+        }
+        let product = text.lines().find(|line| line.starts_with("  product ")).unwrap();
+        assert!(product.contains(" 1.00000 "), "1 at frequency 0: {product}");
+        assert!(text.lines().map(str::len).max().unwrap() <= 130, "width\n{text}");
+    }
+
+    #[test]
+    fn a_gaussian_tells_its_closed_forms() {
+        let text = told("cameras/small_tracker.toml");
+        assert!(text.contains("Gaussian, sigma 0.65 px") && !text.contains("diffraction"), "{text}");
+        // 1 - exp(-1 / 2 / 0.65^2) and 2.35482 x 0.65.
+        assert!(text.contains("0.6937") && text.contains("1.5306"), "{text}");
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused() {
+        let camera = named_camera(Some(Path::new("cameras/small_tracker.toml"))).unwrap();
+        let error = Star::new(camera, Some(0.5)).unwrap_err().to_string();
+        assert!(error.contains("--bp-rp") && error.contains("no chain over a [band]"), "{error}");
+        let error = named_camera(Some(Path::new("cameras/none.toml"))).unwrap_err().to_string();
+        assert!(error.contains("cameras/none.toml"), "{error}");
+    }
+
+    #[test]
+    fn another_star_differs_and_the_same_does_not() {
+        let [narrow, wide] = [0.7, 0.71].map(PsfModel::gaussian);
+        assert_eq!(largest_difference(&narrow, &narrow), 0.0);
+        let peak = narrow.pixel(0.0, 0.0) - wide.pixel(0.0, 0.0);
+        assert!((largest_difference(&narrow, &wide) - peak).abs() < 1e-12, "the middle differs most");
+    }
+}

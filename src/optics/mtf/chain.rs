@@ -1,0 +1,488 @@
+//! The chain: optics, detector and circuit multiplied, for one wavelength or over a band.
+//!
+//! [`ChainParams`] (checked once) -> [`MtfChain`]: frequency `[fx, fy]` (cycles/px) -> each [`Term`] and the product.
+//! Over a band, what depends on the wavelength is averaged with the band's shares of electrons, as intensities add:
+//! `sum_k weight_k diffraction_k aberration_k defocus_k diffusion_k`, times the terms that do not. A table of terms shows
+//! each term's own mean; the product is the mean of the products, not the product of those means.
+//!
+//! Limits: linear and the same everywhere on the detector; all terms real. Aberration times diffraction times exact
+//! defocus takes the three as independent, which Shannon's fit does too. Source: Holst, Electro-Optical Imaging System
+//! Performance, 5th ed., for the product; Goodman, Introduction to Fourier Optics, 6.5, for the sum over a band. Unit
+//! tests hold products against terms by hand; `tests/physics/psf_chain.rs` holds the drawn PSF against all of it.
+
+use crate::optics::SpectralWeight;
+use crate::optics::mtf::circuit::{Circuit, LOWEST_CUTOFF};
+use crate::optics::mtf::defocus::{self, DefocusedPupil};
+use crate::optics::mtf::diffusion::Diffusion;
+use crate::optics::mtf::{MtfError, aberration, aperture, circuit, diffraction, gaussian};
+
+/// Shares of a band may miss 1 by this: what a table of printed weights loses.
+const WEIGHT_SUM: f64 = 1e-6;
+
+/// Which form defocus takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DefocusForm {
+    /// Autocorrelation of the defocused pupil.
+    Exact,
+    /// Diffraction times the transform of the blur disc.
+    Geometric,
+}
+
+/// A focus error.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Defocus {
+    /// Image plane to focus, um; either sign, the star is the same.
+    pub defocus_um: f64,
+    /// Its form.
+    pub form: DefocusForm,
+}
+
+/// Wavefront error of the optics besides defocus: the same path length at every wavelength.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wavefront {
+    /// RMS over the pupil, waves.
+    pub rms_waves: f64,
+    /// At this wavelength, nm.
+    pub at_nm: f64,
+}
+
+/// What a chain is made of; `None` and 0 are off.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChainParams {
+    /// Pixel pitch, um.
+    pub pixel_pitch_um: f64,
+    /// Focal length over aperture.
+    pub f_number: f64,
+    /// Linear central obscuration.
+    pub obscuration: f64,
+    /// Aberrations.
+    pub wavefront: Option<Wavefront>,
+    /// Focus error.
+    pub defocus: Option<Defocus>,
+    /// Blur of assembly, standard deviation on the detector, um.
+    pub assembly_um: f64,
+    /// Blur of fabrication, standard deviation on the detector, um.
+    pub fabrication_um: f64,
+    /// Charge diffusion.
+    pub diffusion: Option<Diffusion>,
+    /// Width of the pixel's sensitive square, px.
+    pub aperture_px: f64,
+    /// Bandwidth of the readout.
+    pub circuit: Option<Circuit>,
+    /// The light: one wavelength, or a band.
+    pub band: Vec<SpectralWeight>,
+}
+
+/// One link of the chain, in the order of light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Term {
+    /// Pupil.
+    Diffraction,
+    /// Wavefront error.
+    Aberration,
+    /// Focus error.
+    Defocus,
+    /// Assembly.
+    Assembly,
+    /// Fabrication.
+    Fabrication,
+    /// Charge diffusion.
+    Diffusion,
+    /// Pixel.
+    Aperture,
+    /// Readout.
+    Circuit,
+}
+
+impl Term {
+    /// All, in the order of light.
+    pub const ALL: [Self; 8] = [
+        Self::Diffraction,
+        Self::Aberration,
+        Self::Defocus,
+        Self::Assembly,
+        Self::Fabrication,
+        Self::Diffusion,
+        Self::Aperture,
+        Self::Circuit,
+    ];
+
+    /// Its name in tables.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Diffraction => "diffraction",
+            Self::Aberration => "aberration",
+            Self::Defocus => "defocus",
+            Self::Assembly => "assembly",
+            Self::Fabrication => "fabrication",
+            Self::Diffusion => "charge diffusion",
+            Self::Aperture => "pixel",
+            Self::Circuit => "circuit",
+        }
+    }
+}
+
+/// One wavelength of the band, ready to evaluate.
+#[derive(Debug, Clone)]
+struct Color {
+    light: SpectralWeight,
+    lambda_n_px: f64,
+    rms_waves: f64,
+    w20_waves: f64,
+    /// The exact form; `None`: in focus, or geometric.
+    pupil: Option<DefocusedPupil>,
+}
+
+/// A checked chain.
+#[derive(Debug, Clone)]
+pub struct MtfChain {
+    params: ChainParams,
+    colors: Vec<Color>,
+}
+
+impl MtfChain {
+    /// Checks the parameters.
+    ///
+    /// # Errors
+    /// What is outside its domain, at whichever wavelength of the band.
+    pub fn new(params: ChainParams) -> Result<Self, MtfError> {
+        check_numbers(&params)?;
+        check_band(&params.band)?;
+        let colors = params.band.iter().map(|light| Color::new(&params, *light)).collect::<Result<_, _>>()?;
+        Ok(Self { params, colors })
+    }
+
+    /// What it is made of.
+    #[must_use]
+    pub fn params(&self) -> &ChainParams {
+        &self.params
+    }
+
+    /// The same chain in other light.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn in_light(&self, band: Vec<SpectralWeight>) -> Result<Self, MtfError> {
+        Self::new(ChainParams { band, ..self.params.clone() })
+    }
+
+    /// Terms that are not off.
+    pub fn terms(&self) -> impl Iterator<Item = Term> {
+        Term::ALL.into_iter().filter(|term| self.is_on(*term))
+    }
+
+    fn is_on(&self, term: Term) -> bool {
+        let p = &self.params;
+        match term {
+            Term::Diffraction | Term::Aperture => true,
+            Term::Aberration => p.wavefront.is_some(),
+            Term::Defocus => p.defocus.is_some(),
+            Term::Assembly => p.assembly_um > 0.0,
+            Term::Fabrication => p.fabrication_um > 0.0,
+            Term::Diffusion => p.diffusion.is_some(),
+            Term::Circuit => p.circuit.is_some(),
+        }
+    }
+
+    /// Factor of one term alone at `[fx, fy]`, over the band. Exact defocus is what it makes of diffraction, as a
+    /// ratio; beyond the cutoff, where nothing is left to compare, it is 1.
+    #[must_use]
+    pub fn term(&self, term: Term, frequency: [f64; 2]) -> f64 {
+        let f = frequency[0].hypot(frequency[1]);
+        let p = &self.params;
+        let px = |um: f64| um / p.pixel_pitch_um;
+        let mean = |of: &dyn Fn(&Color) -> f64| self.colors.iter().map(|c| c.light.weight * of(c)).sum::<f64>();
+        match term {
+            Term::Diffraction => mean(&|c| diffraction::mtf(f, c.lambda_n_px, p.obscuration)),
+            Term::Aberration => mean(&|c| aberration::in_domain(f * c.lambda_n_px, c.rms_waves)),
+            Term::Defocus => {
+                let focused = mean(&|c| diffraction::mtf(f, c.lambda_n_px, p.obscuration));
+                if focused > 0.0 { mean(&|c| c.focus_and_diffraction(f, p.obscuration)) / focused } else { 1.0 }
+            }
+            Term::Assembly => gaussian::mtf(f, px(p.assembly_um)),
+            Term::Fabrication => gaussian::mtf(f, px(p.fabrication_um)),
+            Term::Diffusion => mean(&|c| c.diffusion(f, p)),
+            Term::Aperture => aperture::mtf(frequency, p.aperture_px),
+            Term::Circuit => p.circuit.map_or(1.0, |low_pass| circuit::mtf(frequency[0], low_pass)),
+        }
+    }
+
+    /// What depends on the wavelength, at the magnitude `f` of a frequency: round.
+    #[must_use]
+    pub fn colored(&self, f: f64) -> f64 {
+        let p = &self.params;
+        let of = |c: &Color| {
+            let optics = c.focus_and_diffraction(f, p.obscuration);
+            if optics == 0.0 {
+                return 0.0;
+            }
+            optics * aberration::in_domain(f * c.lambda_n_px, c.rms_waves) * c.diffusion(f, p)
+        };
+        self.colors.iter().map(|c| c.light.weight * of(c)).sum()
+    }
+
+    /// What does not: assembly, fabrication, the pixel and the circuit.
+    #[must_use]
+    pub fn colorless(&self, frequency: [f64; 2]) -> f64 {
+        let p = &self.params;
+        let blur_px = p.assembly_um.hypot(p.fabrication_um) / p.pixel_pitch_um;
+        gaussian::mtf(frequency[0].hypot(frequency[1]), blur_px)
+            * aperture::mtf(frequency, p.aperture_px)
+            * p.circuit.map_or(1.0, |low_pass| circuit::mtf(frequency[0], low_pass))
+    }
+
+    /// The whole chain at `[fx, fy]`, the pixel included: the transform of what pixels receive.
+    #[must_use]
+    pub fn product(&self, frequency: [f64; 2]) -> f64 {
+        self.colored(frequency[0].hypot(frequency[1])) * self.colorless(frequency)
+    }
+
+    /// Frequency from which on nothing passes the pupil at any wavelength, cycles/px.
+    #[must_use]
+    pub fn cutoff(&self) -> f64 {
+        self.colors.iter().map(|c| diffraction::cutoff(c.lambda_n_px)).fold(0.0, f64::max)
+    }
+
+    /// Slope of the product at frequency 0, per cycle/px: `-s |f|`, whose transform is a wing of `s / (4 pi^2 r^3)`.
+    #[must_use]
+    pub fn slope_at_zero(&self) -> f64 {
+        let of = |c: &Color| {
+            let aberration = if c.rms_waves > 0.0 { aberration::slope_at_zero(c.rms_waves) } else { 0.0 };
+            c.light.weight * c.lambda_n_px * (diffraction::slope_at_zero(self.params.obscuration) + aberration)
+        };
+        self.colors.iter().map(of).sum()
+    }
+
+    /// Standard deviation of the Gaussian that passes as much, without the pixel, at half the Nyquist frequency, px: the
+    /// scale of the star's core.
+    #[must_use]
+    pub fn core_sigma_px(&self) -> f64 {
+        let f = 0.25;
+        let seen = 0.5 * (self.product([f, 0.0]) + self.product([0.0, f]));
+        let passed = (seen / aperture::mtf([f, 0.0], self.params.aperture_px)).clamp(1e-9, 1.0);
+        (-0.5 * passed.ln()).sqrt() / (core::f64::consts::PI * f)
+    }
+
+    /// Mean wavelength of the electrons, nm.
+    #[must_use]
+    pub fn mean_wavelength_nm(&self) -> f64 {
+        self.colors.iter().map(|c| c.light.weight * c.light.wavelength_nm).sum()
+    }
+}
+
+impl Color {
+    fn new(p: &ChainParams, light: SpectralWeight) -> Result<Self, MtfError> {
+        let nm = light.wavelength_nm;
+        let lambda_n_px = nm * 1e-3 * p.f_number / p.pixel_pitch_um;
+        let rms_waves = p.wavefront.map_or(0.0, |w| w.rms_waves * w.at_nm / nm);
+        if aberration::mtf(0.0, rms_waves).is_none() {
+            let limit = aberration::LARGEST_RMS_WAVES;
+            return Err(MtfError::Wavefront { rms_waves, wavelength_nm: nm, limit });
+        }
+        let defocus_um = p.defocus.map_or(0.0, |d| d.defocus_um);
+        let w20_waves = defocus::w20_waves(defocus_um, p.f_number, nm);
+        let is_exact = p.defocus.is_some_and(|d| d.form == DefocusForm::Exact);
+        let pupil = is_exact.then(|| DefocusedPupil::new(w20_waves, p.obscuration)).flatten();
+        let refused = |wanted, form, advice| {
+            Err(MtfError::Defocus { defocus_um, w20_waves, wavelength_nm: nm, wanted, form, advice })
+        };
+        if is_exact && pupil.is_none() {
+            return refused("at most 16", "exact", "take the geometric form, which holds from 5 waves on");
+        }
+        if !is_exact && !defocus::holds_geometrically(w20_waves) {
+            return refused("at most 0.1, or at least 5,", "geometric", "take the exact one");
+        }
+        if p.diffusion.is_some_and(|d| d.mtf(0.0, nm).is_none()) {
+            return Err(MtfError::Number {
+                what: "the wavelength (nm) in a layered detector",
+                got: nm,
+                wanted: "300 to 1100",
+                advice: "silicon's absorption is known there; give charge diffusion as a Gaussian, or another band",
+            });
+        }
+        Ok(Self { light, lambda_n_px, rms_waves, w20_waves, pupil })
+    }
+
+    fn focus_and_diffraction(&self, f: f64, obscuration: f64) -> f64 {
+        let v = f * self.lambda_n_px;
+        match &self.pupil {
+            Some(pupil) => pupil.mtf(v),
+            None if self.w20_waves == 0.0 => diffraction::at_share_of_cutoff(v, obscuration),
+            None => {
+                diffraction::at_share_of_cutoff(v, obscuration) * defocus::blur_disc(v, self.w20_waves, obscuration)
+            }
+        }
+    }
+
+    fn diffusion(&self, f: f64, p: &ChainParams) -> f64 {
+        let at = |d: Diffusion| d.mtf(f / p.pixel_pitch_um, self.light.wavelength_nm);
+        p.diffusion.and_then(at).unwrap_or(1.0)
+    }
+}
+
+fn check_numbers(p: &ChainParams) -> Result<(), MtfError> {
+    let check = |what, got: f64, is_met: bool, wanted, advice| {
+        if is_met && got.is_finite() { Ok(()) } else { Err(MtfError::Number { what, got, wanted, advice }) }
+    };
+    let blur = "a standard deviation on the detector, such as 1.5; 0 for none";
+    check("the pixel pitch (um)", p.pixel_pitch_um, p.pixel_pitch_um > 0.0, "more than 0", "such as 5.5")?;
+    check("the F-number", p.f_number, p.f_number >= 0.3, "0.3 or more", "focal length over aperture")?;
+    let is_ring = (0.0..1.0).contains(&p.obscuration);
+    check("the obscuration", p.obscuration, is_ring, "0 to below 1", "a ratio of diameters; 0 for a lens")?;
+    check("the blur of assembly (um)", p.assembly_um, p.assembly_um >= 0.0, "0 or more", blur)?;
+    check("the blur of fabrication (um)", p.fabrication_um, p.fabrication_um >= 0.0, "0 or more", blur)?;
+    let is_pixel = p.aperture_px > 0.0 && p.aperture_px <= 1.0;
+    check("the pixel's sensitive width (px)", p.aperture_px, is_pixel, "above 0, up to 1", "1 for the whole pixel")?;
+    if let Some(low_pass) = p.circuit {
+        let is_wide = low_pass.cutoff >= LOWEST_CUTOFF;
+        check(
+            "the circuit's cutoff (cycles/px)",
+            low_pass.cutoff,
+            is_wide,
+            "0.1 or more",
+            "bandwidth over pixel rate",
+        )?;
+        let order = f64::from(low_pass.order);
+        check("the circuit's order", order, (1..=8).contains(&low_pass.order), "1 to 8", "1 for RC")?;
+    }
+    Ok(())
+}
+
+fn check_band(band: &[SpectralWeight]) -> Result<(), MtfError> {
+    if band.is_empty() {
+        return Err(MtfError::Band { why: "missing".into() });
+    }
+    let sum: f64 = band.iter().map(|light| light.weight).sum();
+    let is_light = |light: &SpectralWeight| {
+        light.weight >= 0.0 && light.wavelength_nm > 0.0 && (light.weight + light.wavelength_nm).is_finite()
+    };
+    if let Some(bad) = band.iter().find(|light| !is_light(light)) {
+        return Err(MtfError::Band { why: format!("{} at {} nm", bad.weight, bad.wavelength_nm) });
+    }
+    if (sum - 1.0).abs() <= WEIGHT_SUM { Ok(()) } else { Err(MtfError::Band { why: format!("of sum {sum}") }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optics::mtf::diffusion::{Layers, Side};
+
+    fn plain() -> ChainParams {
+        ChainParams {
+            pixel_pitch_um: 5.0,
+            f_number: 4.0,
+            obscuration: 0.3,
+            wavefront: None,
+            defocus: None,
+            assembly_um: 0.0,
+            fabrication_um: 0.0,
+            diffusion: None,
+            aperture_px: 1.0,
+            circuit: None,
+            band: vec![SpectralWeight { wavelength_nm: 600.0, weight: 1.0 }],
+        }
+    }
+
+    fn two_colors() -> Vec<SpectralWeight> {
+        vec![
+            SpectralWeight { wavelength_nm: 500.0, weight: 0.25 },
+            SpectralWeight { wavelength_nm: 800.0, weight: 0.75 },
+        ]
+    }
+
+    #[test]
+    fn one_wavelength_is_the_product_of_its_terms() {
+        let chain = MtfChain::new(ChainParams {
+            wavefront: Some(Wavefront { rms_waves: 0.06, at_nm: 633.0 }),
+            defocus: Some(Defocus { defocus_um: 12.0, form: DefocusForm::Exact }),
+            assembly_um: 0.8,
+            fabrication_um: 0.6,
+            diffusion: Some(Diffusion::Gaussian { sigma_um: 1.0 }),
+            aperture_px: 0.9,
+            circuit: Some(Circuit { cutoff: 1.5, order: 2 }),
+            ..plain()
+        })
+        .unwrap();
+        assert_eq!(chain.terms().count(), Term::ALL.len(), "all are on");
+        for f in [[0.0, 0.0], [0.25, 0.0], [0.0, 0.5], [0.4, -0.3]] {
+            let terms: f64 = chain.terms().map(|term| chain.term(term, f)).product();
+            assert!((chain.product(f) - terms).abs() < 1e-14, "{f:?}: {} against {terms}", chain.product(f));
+        }
+        // By hand: 0.6 um x 4 / 5 um = 0.48 px, 12 um / (8 x 16 x 0.6 um) = 0.15625 waves.
+        let f = 0.5;
+        let by_hand = DefocusedPupil::new(0.156_25, 0.3).unwrap().mtf(f * 0.48)
+            * aberration::mtf(f * 0.48, 0.06 * 633.0 / 600.0).unwrap()
+            * gaussian::mtf(f, (0.64 + 0.36 + 1.0_f64).sqrt() / 5.0)
+            * aperture::sinc(0.9 * f);
+        assert!((chain.product([0.0, f]) - by_hand).abs() < 1e-14, "{} against {by_hand}", chain.product([0.0, f]));
+        assert!(chain.product([f, 0.0]) < 0.999 * by_hand, "the circuit blurs along x alone");
+        assert!((chain.product([0.0, 0.0]) - 1.0).abs() < 1e-14, "no light is lost");
+    }
+
+    #[test]
+    fn a_band_is_the_mean_of_its_wavelengths() {
+        let params = ChainParams {
+            wavefront: Some(Wavefront { rms_waves: 0.05, at_nm: 600.0 }),
+            diffusion: Some(Diffusion::Layered(Layers {
+                depletion_um: 5.0,
+                diffusion_length_um: 40.0,
+                side: Side::Front,
+            })),
+            ..plain()
+        };
+        let of = |band| MtfChain::new(ChainParams { band, ..params.clone() }).unwrap();
+        let alone = |wavelength_nm| of(vec![SpectralWeight { wavelength_nm, weight: 1.0 }]);
+        let (both, blue, red) = (of(two_colors()), alone(500.0), alone(800.0));
+        for f in [[0.2, 0.0], [0.5, 0.1], [1.7, 0.0]] {
+            let mean = 0.25 * blue.product(f) + 0.75 * red.product(f);
+            assert!((both.product(f) - mean).abs() < 1e-15, "{f:?}");
+            let terms: f64 = both.terms().map(|term| both.term(term, f)).product();
+            assert!((terms - mean).abs() > 1e-6, "the product of mean terms is another thing");
+        }
+        assert!((both.mean_wavelength_nm() - 725.0).abs() < 1e-9 && (both.cutoff() - 2.5).abs() < 1e-12, "ends");
+        let step = 1e-7;
+        let slope = (both.colored(step) - 1.0) / step;
+        assert!((slope / both.slope_at_zero() - 1.0).abs() < 1e-5, "{slope} against {}", both.slope_at_zero());
+        assert_eq!(
+            both.in_light(vec![SpectralWeight { wavelength_nm: 500.0, weight: 1.0 }]).unwrap().colored(0.3),
+            blue.colored(0.3)
+        );
+    }
+
+    #[test]
+    fn a_gaussian_chain_has_its_own_core() {
+        // Diffraction of 0.01 px leaves 0.7 px of blur.
+        let chain = MtfChain::new(ChainParams {
+            f_number: 0.3,
+            pixel_pitch_um: 18.0,
+            obscuration: 0.0,
+            assembly_um: 12.6,
+            ..plain()
+        });
+        assert!((chain.unwrap().core_sigma_px() - 0.7).abs() < 0.01);
+    }
+
+    #[test]
+    fn what_does_not_hold_is_refused_at_the_wavelength_where_it_does_not() {
+        let told = |params: ChainParams| MtfChain::new(params).unwrap_err().to_string();
+        let wavefront = Some(Wavefront { rms_waves: 0.15, at_nm: 800.0 });
+        let text = told(ChainParams { wavefront, band: two_colors(), ..plain() });
+        assert!(text.contains("0.240 waves rms at 500 nm"), "{text}");
+        let defocus = Some(Defocus { defocus_um: 12.0, form: DefocusForm::Geometric });
+        let text = told(ChainParams { defocus, ..plain() });
+        assert!(text.contains("0.156 waves") && text.contains("exact one"), "{text}");
+        let defocus = Some(Defocus { defocus_um: 1300.0, form: DefocusForm::Exact });
+        assert!(told(ChainParams { defocus, ..plain() }).contains("16.927 waves"), "too far");
+        assert!(told(ChainParams { obscuration: 1.0, ..plain() }).contains("obscuration is 1"), "no aperture left");
+        assert!(told(ChainParams { aperture_px: 1.1, ..plain() }).contains("sensitive width"), "wider than a pixel");
+        assert!(told(ChainParams { assembly_um: -1.0, ..plain() }).contains("assembly"), "negative");
+        assert!(told(ChainParams { assembly_um: f64::NAN, ..plain() }).contains("assembly"), "no number");
+        let circuit = Some(Circuit { cutoff: 0.09, order: 1 });
+        assert!(told(ChainParams { circuit, ..plain() }).contains("cutoff"), "too slow");
+        assert!(told(ChainParams { band: vec![], ..plain() }).contains("weights are missing"), "no light");
+        let mut band = two_colors();
+        band[0].weight = -0.25;
+        assert!(told(ChainParams { band, ..plain() }).contains("-0.25 at 500 nm"), "negative light");
+    }
+}
