@@ -8,12 +8,14 @@ pub mod gaussian;
 pub mod measured;
 pub mod moffat;
 pub mod psf;
+pub mod psf_field;
 pub mod psf_grid;
 pub mod quadrature;
 pub mod radiometry;
 pub mod spectral_weight;
 
 pub use psf::PsfModel;
+pub use psf_field::{PsfField, PsfFieldError};
 pub use psf_grid::{PsfGrid, PsfGridError};
 pub use radiometry::Radiometry;
 pub use spectral_weight::SpectralWeight;

@@ -12,6 +12,7 @@ mod frames;
 mod measure;
 mod noise;
 mod poisson_methods;
+mod psf_field;
 mod psf_models;
 mod random_scenes;
 mod scene;
