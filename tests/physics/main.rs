@@ -19,6 +19,7 @@ mod noise;
 mod photon_transfer;
 mod poisson_methods;
 mod psf_chain;
+mod psf_field;
 mod psf_models;
 mod radiometry;
 mod random_scenes;
