@@ -198,7 +198,6 @@ impl Exposure {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::config::{Camera, Document};
     use crate::optics::StarLight;
     use std::path::Path;

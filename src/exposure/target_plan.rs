@@ -121,7 +121,13 @@ impl TargetPlanner {
         let nodes = first_node..first_node + 1;
         let list = u32::try_from(plan.lists.len()).unwrap_or(u32::MAX);
         let drawing = Drawing::Once;
-        plan.lists.push(NodeList { nodes, mean: Pose::STILL, correction: Correction::none(), drawing });
+        plan.lists.push(NodeList {
+            nodes,
+            mean: Pose::STILL,
+            correction: Correction::none(),
+            drawing,
+            psf_px: [0.0; 2],
+        });
         let first_star = plan.stars.len();
         for planned in &self.planned {
             let mut on_detector = 0.0;

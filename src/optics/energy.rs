@@ -30,7 +30,7 @@ pub fn encircled_energy(psf: &PsfModel, radius_px: f64) -> f64 {
         PsfModel::Gaussian { sigma_px } => -(-0.5 * (radius_px / sigma_px).powi(2)).exp_m1(),
         PsfModel::Moffat(moffat) => 1.0 - moffat.lost_flux(radius_px),
         PsfModel::Airy(airy) => ringed(radius_px, 0.25 * airy.lambda_n_px(), |r| TAU * airy.irradiance(r)),
-        PsfModel::Grid(_) => seen_encircled_energy(psf, radius_px),
+        PsfModel::Grid(_) | PsfModel::Field(_) => seen_encircled_energy(psf, radius_px),
     }
 }
 
@@ -90,7 +90,7 @@ pub fn fwhm_px(psf: &PsfModel) -> f64 {
         PsfModel::Gaussian { sigma_px } => 2.0 * (2.0 * core::f64::consts::LN_2).sqrt() * sigma_px,
         PsfModel::Moffat(moffat) => 2.0 * moffat.alpha_px() * (2.0_f64.powf(1.0 / moffat.beta()) - 1.0).sqrt(),
         PsfModel::Airy(airy) => 2.0 * half_width(0.05 * airy.lambda_n_px(), |r| airy.irradiance(r)),
-        PsfModel::Grid(_) => seen_fwhm_px(psf),
+        PsfModel::Grid(_) | PsfModel::Field(_) => seen_fwhm_px(psf),
     }
 }
 
