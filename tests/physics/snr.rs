@@ -111,7 +111,7 @@ fn drawn(electrons: f64) -> ElectronImage {
 
 /// Weighted sums over every star's window in every frame, e-, with the dark signal taken off.
 fn sums(params: DetectorParams, electrons: f64, side_px: usize, weight: impl Fn(usize) -> f64) -> Vec<f64> {
-    let (mean, detector) = (drawn(electrons), Detector::new(params, SIZE, SIZE, 99));
+    let (mean, mut detector) = (drawn(electrons), Detector::new(params, SIZE, SIZE, 99));
     let half = side_px / 2;
     let mut dn = DnImage::new(SIZE, SIZE);
     let mut out = Vec::new();
