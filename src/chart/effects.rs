@@ -8,12 +8,13 @@ use crate::base::clock::Stopwatch;
 use crate::base::image::{DnImage, Image};
 use crate::chart::ChartError;
 use crate::chart::drawer::Drawer;
+use crate::chart::effect_cases::{DETECTOR, DRAWING, DrawingSwitch, Switch};
 use crate::chart::scenes::{Movement, Psf, Scene, Stars};
 use crate::chart::stage::{EXPOSURE_S, Stage};
 use crate::chart::timing::median;
 use crate::detector::gpu::GpuDetector;
-use crate::detector::{Detector, DetectorParams};
-use crate::exposure::{ExposurePlan, Instrument, MethodChoice};
+use crate::detector::{Background, Detector, DetectorParams};
+use crate::exposure::MethodChoice;
 use crate::render::RenderError;
 use crate::render::gpu::Gpu;
 use serde::{Deserialize, Serialize};
@@ -35,25 +36,6 @@ pub struct EffectRow {
     /// The difference, ms.
     pub cost_ms: f64,
 }
-
-/// An effect of the detector: its name, and what switches it on.
-pub type DetectorCase = (&'static str, fn(&mut DetectorParams));
-/// An effect of the optics: its name, and what switches it on.
-pub type DrawingCase = (&'static str, fn(&mut Instrument));
-
-/// Everything a detector can do beyond shot noise and conversion.
-pub const DETECTOR: [DetectorCase; 4] = [
-    ("PRNU", |params| params.prnu = 0.01),
-    ("DSNU", |params| params.dsnu_e_rms = 2.0),
-    ("dark current", |params| params.dark_e_per_s = 100.0),
-    ("read noise", |params| params.read_noise_e_rms = 5.0),
-];
-
-/// What drawing can do beyond a round Gaussian.
-pub const DRAWING: [DrawingCase; 2] = [
-    ("Airy pattern", |instrument| instrument.psf = crate::optics::PsfModel::airy(1.5, 0.3)),
-    ("wide Gaussian (table)", |instrument| instrument.psf = crate::optics::PsfModel::gaussian(3.0)),
-];
 
 /// Light in every pixel, e-.
 const LIGHT_E: f32 = 20.0;
@@ -85,26 +67,41 @@ pub fn measure(quick: bool, drawers: &mut [Drawer]) -> Result<Vec<EffectRow>, Ch
     let mut rows = Vec::new();
     for drawer in drawers {
         for (effect, switch) in DRAWING {
-            let mut with = stage.clone();
-            switch(&mut with.instrument);
-            let plans = [&stage, &with].map(|stage| plan(stage, drawer));
-            let ms = by_turns(turns, |i| drawer.draw(&plans[i]).map_err(|error| failed(effect, &error)))?;
+            let ms = drawing(&stage, switch, drawer, turns).map_err(|error| failed(effect, &error))?;
             rows.push(row(drawer, "drawing", effect, ms));
         }
         for (effect, switch) in DETECTOR {
-            let mut with = DetectorParams::QUIET;
-            switch(&mut with);
-            let mut readouts = Vec::new();
-            for params in [DetectorParams::QUIET, with] {
-                let readout = Readout::new(params, scene.size_px, drawer).map_err(|error| failed(effect, &error))?;
-                readouts.push(readout);
-            }
-            let mut out = DnImage::new(scene.size_px, scene.size_px);
-            let ms = by_turns(turns, |i| readouts[i].collect(&mut out).map_err(|error| failed(effect, &error)))?;
+            let ms = detector(scene.size_px, switch, drawer, turns).map_err(|error| failed(effect, &error))?;
             rows.push(row(drawer, "detector", effect, ms));
         }
     }
     Ok(rows)
+}
+
+/// Planning and drawing without and with an effect, ms.
+fn drawing(stage: &Stage, switch: DrawingSwitch, drawer: &mut Drawer, turns: usize) -> Result<[f64; 2], RenderError> {
+    let mut with = stage.clone();
+    if let DrawingSwitch::Instrument(switch) = switch {
+        switch(&mut with.instrument);
+    }
+    let mut planners = [stage, &with].map(|stage| stage.planner(drawer.cost(), MethodChoice::Auto));
+    if let DrawingSwitch::Planner(switch) = switch {
+        switch(&mut planners[1]);
+    }
+    by_turns(turns, |i| drawer.draw(planners[i].plan(&stage.sources)))
+}
+
+/// Reading out without and with an effect, ms.
+fn detector(size_px: usize, switch: Switch, drawer: &Drawer, turns: usize) -> Result<[f64; 2], RenderError> {
+    let mut params = DetectorParams::QUIET;
+    if let Switch::Params(switch) = switch {
+        switch(&mut params);
+    }
+    let mut readouts = [Readout::new(DetectorParams::QUIET, size_px, drawer)?, Readout::new(params, size_px, drawer)?];
+    if let Switch::Background(background, is_uneven) = switch {
+        readouts[1].light_up(background, is_uneven.then_some(size_px))?;
+    }
+    by_turns(turns, |i| readouts[i].collect())
 }
 
 fn failed(effect: &'static str, error: &dyn core::fmt::Display) -> ChartError {
@@ -135,41 +132,64 @@ fn by_turns<E>(turns: usize, mut frame: impl FnMut(usize) -> Result<(), E>) -> R
 }
 
 /// A detector in front of the same light.
-enum Readout {
-    Cpu { detector: Box<Detector>, light: Image<f32>, frame: u32 },
-    Gpu { detector: Box<GpuDetector>, light: Box<Gpu>, frame: u32 },
+struct Readout {
+    detector: OnBackend,
+    out: DnImage,
+    frame: u32,
+}
+
+enum OnBackend {
+    Cpu { detector: Box<Detector>, light: Image<f32> },
+    Gpu { detector: Box<GpuDetector>, light: Box<Gpu> },
 }
 
 impl Readout {
     fn new(params: DetectorParams, size_px: usize, drawer: &Drawer) -> Result<Self, RenderError> {
-        let mut detector = Detector::new(params, size_px, size_px, 1);
-        match drawer {
+        let detector = Detector::new(params, size_px, size_px, 1);
+        let [width, height] = params.spatial.output([size_px; 2]).size_px;
+        let out = DnImage::new(width, height);
+        let detector = match drawer {
             Drawer::Cpu { .. } => {
                 let mut light = Image::new(size_px, size_px);
                 light.pixels_mut().fill(LIGHT_E);
-                Ok(Self::Cpu { detector: Box::new(detector), light, frame: 0 })
+                OnBackend::Cpu { detector: Box::new(detector), light }
             }
             Drawer::Gpu { device, .. } => {
-                detector.set_stray_light_e(0.0);
                 let mut on_device = GpuDetector::new(Arc::clone(device), &detector, size_px, size_px)?;
+                // Nothing is drawn: the light comes as stray light.
                 on_device.set_stray_light_e(LIGHT_E);
-                // Never drawn into: the light comes as stray light.
                 let light = Box::new(Gpu::new(Arc::clone(device), size_px, size_px)?);
-                Ok(Self::Gpu { detector: Box::new(on_device), light, frame: 0 })
+                OnBackend::Gpu { detector: Box::new(on_device), light }
             }
-        }
+        };
+        Ok(Self { detector, out, frame: 0 })
     }
 
-    fn collect(&mut self, out: &mut DnImage) -> Result<(), RenderError> {
-        match self {
-            Self::Cpu { detector, light, frame } => {
-                *frame += 1;
-                detector.collect(light, *frame, EXPOSURE_S, out);
+    /// Lights the detector; unevenly where a size is given.
+    fn light_up(&mut self, background: Background, uneven_px: Option<usize>) -> Result<(), RenderError> {
+        let map = uneven_px.map(|side| vec![0.9_f32; side * side]);
+        match &mut self.detector {
+            OnBackend::Cpu { detector, .. } => {
+                detector.set_background(background);
+                detector.set_illumination_map(map);
+            }
+            OnBackend::Gpu { detector, .. } => {
+                detector.set_background(background);
+                detector.set_illumination_map(map.as_deref())?;
+            }
+        }
+        Ok(())
+    }
+
+    fn collect(&mut self) -> Result<(), RenderError> {
+        self.frame += 1;
+        match &mut self.detector {
+            OnBackend::Cpu { detector, light } => {
+                detector.collect(light, self.frame, EXPOSURE_S, &mut self.out);
                 Ok(())
             }
-            Self::Gpu { detector, light, frame } => {
-                *frame += 1;
-                Ok(detector.collect(light.device_electrons(), *frame, EXPOSURE_S, out)?)
+            OnBackend::Gpu { detector, light } => {
+                Ok(detector.collect(light.device_electrons(), self.frame, EXPOSURE_S, &mut self.out)?)
             }
         }
     }
@@ -179,18 +199,14 @@ impl Readout {
 #[must_use]
 pub fn summary(rows: &[EffectRow]) -> String {
     let mut text = format!(
-        "\n{:<26} {:<9} {:<4} {:>12} {:>10} {:>10}\n",
+        "\n{:<32} {:<9} {:<4} {:>12} {:>10} {:>10}\n",
         "effect", "part", "", "without ms", "with ms", "costs ms"
     );
     for row in rows {
         text += &format!(
-            "{:<26} {:<9} {:<4} {:>12.3} {:>10.3} {:>+10.3}\n",
+            "{:<32} {:<9} {:<4} {:>12.3} {:>10.3} {:>+10.3}\n",
             row.effect, row.part, row.backend, row.without_ms, row.with_ms, row.cost_ms
         );
     }
     text
-}
-
-fn plan(stage: &Stage, drawer: &Drawer) -> ExposurePlan {
-    stage.planner(drawer.cost(), MethodChoice::Auto).plan(&stage.sources).clone()
 }

@@ -14,6 +14,7 @@
 //! stand alone. *Validation.* `tests/physics/chart.rs` runs the quick form.
 
 pub mod drawer;
+pub mod effect_cases;
 pub mod effects;
 mod error;
 pub mod error_by_nodes;

@@ -1,7 +1,8 @@
 //! `starloop chart` in its quick form: tables that parse, bounds that hold, fronts that nothing beats, charts that show
 //! what the tables say.
 
-use starloop::chart::effects::{self, EffectRow};
+use starloop::chart::effect_cases;
+use starloop::chart::effects::EffectRow;
 use starloop::chart::footprint::FootprintRow;
 use starloop::chart::poisson::PoissonRow;
 use starloop::chart::prediction::PredictionRow;
@@ -169,7 +170,8 @@ fn every_effect_has_its_cost_on_every_backend() {
     for backend in backends {
         let named: Vec<&str> =
             rows.iter().filter(|row| row.backend == backend).map(|row| row.effect.as_str()).collect();
-        let wanted = effects::DRAWING.iter().map(|case| case.0).chain(effects::DETECTOR.iter().map(|case| case.0));
+        let wanted =
+            effect_cases::DRAWING.iter().map(|case| case.0).chain(effect_cases::DETECTOR.iter().map(|case| case.0));
         assert_eq!(named, wanted.collect::<Vec<_>>(), "{backend}");
     }
     for row in &rows {
