@@ -15,6 +15,9 @@ pub(super) const BAND_ROWS: usize = 32;
 const CHUNK: usize = 4096;
 /// Chunks there is room for from the start.
 const CHUNKS_RESERVED: usize = 4;
+/// Lists of nodes there is room for from the start, and nodes in each.
+const LISTS_RESERVED: usize = 16;
+const NODES_RESERVED: usize = 256;
 /// Room in a band of a chunk, as multiples of its share of the stars.
 const ROOM: usize = 8;
 /// A star that is drawn from the PSF itself: this, less the PSF's number where it is one of several.
@@ -73,7 +76,10 @@ impl Bands {
     pub(super) fn new(rows: usize) -> Self {
         let bands = rows.div_ceil(BAND_ROWS);
         let chunks = (0..CHUNKS_RESERVED).map(|_| chunk(bands)).collect();
-        Self { rows, bands, chunks, used: 0, nodes: Vec::new() }
+        let columns =
+            || NodeColumns { values: Vec::with_capacity((POSE + 1) * NODES_RESERVED), ..NodeColumns::default() };
+        let nodes = core::iter::repeat_with(columns).take(LISTS_RESERVED).collect();
+        Self { rows, bands, chunks, used: 0, nodes }
     }
 
     /// Sorts a plan. `half_px`: half-height of the footprint of a list; `table_of`: its kernel or PSF ([`Spot::kernel`]).
