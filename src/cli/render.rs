@@ -128,7 +128,7 @@ impl Scene {
     fn new(arguments: &RenderArgs, camera: CameraParams) -> Result<Self> {
         let size = camera.output().size_px;
         let backend = backend_choice(arguments.backend.configured());
-        let imager = Imager::new(backend, camera.detector, camera.sensor_px(), arguments.seed)?;
+        let imager = Imager::of_detector(backend, camera.make_detector(arguments.seed)?)?;
         let motion = motion(arguments, camera.exposure_s)?;
         let instrument = camera.instrument();
         let budget = AccuracyBudget::default();

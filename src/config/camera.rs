@@ -3,6 +3,7 @@
 use crate::base::units::{ARCSEC, DEG};
 use crate::config::check::{Checker, Defaulted};
 use crate::config::detector::{Detector, DetectorKeys};
+use crate::config::detector_effects::tdi_exposure;
 use crate::config::document::Document;
 use crate::config::error::ConfigError;
 use crate::config::optics::{Distortion, DistortionKeys, Optics, OpticsKeys, Psf, PsfKeys};
@@ -70,6 +71,7 @@ impl Camera {
         let sampling = Psf::check_sampling(&keys.psf, &mut check)?;
         let radiometry = Radiometry::check(&keys.radiometry, &mut check)?;
         let exposure = Exposure::check(&keys.exposure, &mut check)?;
+        let exposure = tdi_exposure(exposure, &detector.spatial, &check)?;
         let defaulted = check.defaulted;
         Ok(Self { name, detector, optics, distortion, psf, sampling, radiometry, exposure, defaulted })
     }

@@ -1,12 +1,15 @@
 //! `[detector]`: geometry, charge, conversion.
 
 use crate::config::check::{Checker, Rule};
+use crate::config::detector_dark::DarkCurrent;
 use crate::config::detector_effects::{
     BinningKeys, BloomingKeys, ChargeTransferKeys, DefectsKeys, Fits, ImageLagKeys, ProtonsKeys, TdiKeys, WindowKeys,
     check_effects,
 };
+use crate::config::detector_pattern::{FixedPatterns, LineKeys, MapKeys};
+use crate::config::detector_readout::{Converter, NonlinearityKeys, Readout, RowNoiseKeys};
 use crate::config::error::ConfigError;
-use crate::detector::{PoissonMethod, SpatialParams};
+use crate::detector::{DarkLaw, LinePattern, Nonlinearity, Patterns, PoissonMethod, Rounding, RowNoise, SpatialParams};
 use serde::Deserialize;
 
 const LARGEST_SIDE_PX: u32 = 16_384;
@@ -34,14 +37,28 @@ pub struct Detector {
     pub black_level_dn: f64,
     /// Temporal noise of one read, electrons rms.
     pub read_noise_e_rms: f64,
-    /// Mean dark current, electrons per second and pixel, at `dark_temperature_c`.
+    /// Noise of the amplifiers after the pixel, electrons rms.
+    pub amplifier_noise_e_rms: f64,
+    /// Mean dark current, electrons per second and pixel, at the law's reference temperature.
     pub dark_e_per_s: f64,
-    /// Temperature at which the dark current holds, degrees Celsius (for the reader: nothing is scaled).
-    pub dark_temperature_c: f64,
+    /// The detector's temperature and what it makes of the dark current.
+    pub dark_law: DarkLaw,
+    /// Dark-current non-uniformity, rms share of the mean.
+    pub dark_nonuniformity: f64,
     /// Photo-response non-uniformity, rms fraction.
     pub prnu: f64,
-    /// Dark-signal non-uniformity of one frame, electrons rms.
+    /// Dark-signal non-uniformity of one frame, electrons rms: an offset, whatever exposure and temperature.
     pub dsnu_e_rms: f64,
+    /// Patterns given as maps, in place of drawn ones.
+    pub maps: Patterns,
+    /// Fixed patterns of columns and rows.
+    pub line_pattern: LinePattern,
+    /// Noise that a row shares.
+    pub row_noise: RowNoise,
+    /// Response to charge.
+    pub nonlinearity: Nonlinearity,
+    /// How the converter makes a whole number.
+    pub rounding: Rounding,
     /// Electrons per photon, averaged over the band, fill factor included.
     pub quantum_efficiency: f64,
     /// How shot noise is drawn.
@@ -57,14 +74,24 @@ pub(super) struct DetectorKeys {
     height_px: Option<i64>,
     pixel_pitch_um: Option<f64>,
     full_well_e: Option<f64>,
-    gain_e_per_dn: Option<f64>,
+    pub(super) gain_e_per_dn: Option<f64>,
+    pub(super) gain_rule: Option<String>,
+    pub(super) rounding: Option<String>,
     bits: Option<i64>,
     black_level_dn: Option<f64>,
     read_noise_e_rms: Option<f64>,
-    dark_e_per_s: Option<f64>,
-    dark_temperature_c: Option<f64>,
-    prnu: Option<f64>,
-    dsnu_e_rms: Option<f64>,
+    pub(super) amplifier_noise_e_rms: Option<f64>,
+    pub(super) dark_e_per_s: Option<f64>,
+    pub(super) dark_current_na_per_cm2: Option<f64>,
+    pub(super) dark_temperature_c: Option<f64>,
+    pub(super) temperature_c: Option<f64>,
+    pub(super) dark_doubling_k: Option<f64>,
+    pub(super) dark_nonuniformity: Option<f64>,
+    pub(super) prnu: Option<f64>,
+    pub(super) prnu_pp: Option<f64>,
+    pub(super) dsnu_e_rms: Option<f64>,
+    pub(super) dsnu_e_pp: Option<f64>,
+    pub(super) pp_sigmas: Option<f64>,
     quantum_efficiency: Option<f64>,
     poisson: Option<String>,
     pub(super) defects: Option<DefectsKeys>,
@@ -75,6 +102,14 @@ pub(super) struct DetectorKeys {
     pub(super) binning: Option<BinningKeys>,
     pub(super) window: Option<WindowKeys>,
     pub(super) tdi: Option<TdiKeys>,
+    #[serde(default)]
+    pub(super) lines: LineKeys,
+    #[serde(default)]
+    pub(super) maps: MapKeys,
+    #[serde(default)]
+    pub(super) row_noise: RowNoiseKeys,
+    #[serde(default)]
+    pub(super) nonlinearity: NonlinearityKeys,
 }
 
 impl Detector {
@@ -110,64 +145,59 @@ impl Detector {
         let well = "saturation capacity from the data sheet, such as 30000";
         let full_well_e =
             check.number("detector.full_well_e", keys.full_well_e, DEFAULT_FULL_WELL_E, Rule::Positive, well)?;
-        let matching_gain = full_well_e / (largest_dn - black_level_dn);
-        let gain = "electrons per DN: full well / (2^bits - 1 - black level) uses the whole range";
-        let gain_e_per_dn =
-            check.number("detector.gain_e_per_dn", keys.gain_e_per_dn, matching_gain, Rule::Positive, gain)?;
+        let readout = Readout::check(keys, Converter { full_well_e, bits, black_level_dn }, check)?;
         let methods = PoissonMethod::ALL.map(|method| (method.name(), method));
         let poisson = "how shot noise is drawn; \"auto\" serves all means, and is the only one on a GPU";
         let poisson = check.choice("detector.poisson", keys.poisson.as_deref(), &methods, poisson)?;
-        let mut number = |key: &str, given, default, rule, advice| {
-            check.number(&format!("detector.{key}"), given, default, rule, advice)
-        };
-        let mut made = Self {
+        let pitch = "pixel pitch in micrometres, such as 5.5";
+        let pixel_pitch_um = check.number(
+            "detector.pixel_pitch_um",
+            keys.pixel_pitch_um,
+            DEFAULT_PIXEL_PITCH_UM,
+            Rule::PositiveUpTo(1000.0),
+            pitch,
+        )?;
+        let read_noise_e_rms = check.number(
+            "detector.read_noise_e_rms",
+            keys.read_noise_e_rms,
+            10.0,
+            Rule::Within(0.0, 1e6),
+            "0 turns it off",
+        )?;
+        let dark = DarkCurrent::check(keys, pixel_pitch_um, check)?;
+        let patterns = FixedPatterns::check(keys, [width_px, height_px], check)?;
+        let quantum_efficiency = check.number(
+            "detector.quantum_efficiency",
+            keys.quantum_efficiency,
+            0.5,
+            Rule::PositiveUpTo(1.0),
+            "a fraction of the photons: 45 % is 0.45",
+        )?;
+        let fits = Fits { size_px: [width_px, height_px], pixel_pitch_um, full_well_e, bits };
+        let spatial = check_effects(keys, fits, check)?;
+        Ok(Self {
             width_px,
             height_px,
-            pixel_pitch_um: number(
-                "pixel_pitch_um",
-                keys.pixel_pitch_um,
-                DEFAULT_PIXEL_PITCH_UM,
-                Rule::PositiveUpTo(1000.0),
-                "pixel pitch in micrometres, such as 5.5",
-            )?,
+            pixel_pitch_um,
             full_well_e,
-            gain_e_per_dn,
+            gain_e_per_dn: readout.gain_e_per_dn,
             bits,
             black_level_dn,
-            read_noise_e_rms: number(
-                "read_noise_e_rms",
-                keys.read_noise_e_rms,
-                10.0,
-                Rule::Within(0.0, 1e6),
-                "0 turns it off",
-            )?,
-            dark_e_per_s: number("dark_e_per_s", keys.dark_e_per_s, 10.0, Rule::Within(0.0, 1e9), "0 turns it off")?,
-            dark_temperature_c: number(
-                "dark_temperature_c",
-                keys.dark_temperature_c,
-                20.0,
-                Rule::Within(-273.15, 200.0),
-                "degrees Celsius at which dark_e_per_s was measured",
-            )?,
-            prnu: number("prnu", keys.prnu, 0.01, Rule::Within(0.0, 0.5), "an rms fraction: 1 % is 0.01")?,
-            dsnu_e_rms: number("dsnu_e_rms", keys.dsnu_e_rms, 1.0, Rule::NotNegative, "0 turns it off")?,
-            quantum_efficiency: number(
-                "quantum_efficiency",
-                keys.quantum_efficiency,
-                0.5,
-                Rule::PositiveUpTo(1.0),
-                "a fraction of the photons: 45 % is 0.45",
-            )?,
+            read_noise_e_rms,
+            amplifier_noise_e_rms: readout.amplifier_noise_e_rms,
+            dark_e_per_s: dark.e_per_s,
+            dark_law: dark.law,
+            dark_nonuniformity: dark.nonuniformity,
+            prnu: patterns.prnu,
+            dsnu_e_rms: patterns.dsnu_e_rms,
+            maps: patterns.maps,
+            line_pattern: patterns.lines,
+            row_noise: readout.row_noise,
+            nonlinearity: readout.nonlinearity,
+            rounding: readout.rounding,
+            quantum_efficiency,
             poisson,
-            spatial: SpatialParams::OFF,
-        };
-        let fits = Fits {
-            size_px: [width_px, height_px],
-            pixel_pitch_um: made.pixel_pitch_um,
-            full_well_e: made.full_well_e,
-            bits,
-        };
-        made.spatial = check_effects(keys, fits, check)?;
-        Ok(made)
+            spatial,
+        })
     }
 }

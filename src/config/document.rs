@@ -156,6 +156,16 @@ impl Document {
         document.map(|document| document.with_settings(settings))
     }
 
+    /// Where a file that is not a configuration lies, such as an image: beside this document. What is packed names the
+    /// place it was packed from.
+    pub(super) fn file_beside(&self, path: &str) -> PathBuf {
+        let own = match &self.origin {
+            Origin::File(own) | Origin::BuiltIn(own) => own.clone(),
+            Origin::Packed { .. } => PathBuf::from(self.name()),
+        };
+        own.parent().map(Path::to_path_buf).unwrap_or_default().join(path)
+    }
+
     /// How messages call it.
     #[must_use]
     pub fn name(&self) -> String {

@@ -17,11 +17,15 @@ mod camera;
 mod check;
 mod detector;
 mod detector_effects;
+mod detector_dark;
+mod detector_pattern;
+mod detector_readout;
 mod document;
 mod error;
 mod event;
 mod expect;
 mod flight_computer;
+mod image_file;
 mod link;
 mod link_keys;
 mod observer;
@@ -55,6 +59,8 @@ pub use spacecraft::{Control, Spacecraft};
 pub use stages::{AttitudeSettings, Backend, Render, Sink};
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 
+#[cfg(test)]
+mod detector_tests;
 #[cfg(test)]
 mod setting_tests;
 #[cfg(test)]

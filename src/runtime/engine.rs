@@ -59,8 +59,7 @@ impl FrameEngine {
     /// # Errors
     /// When the backend, the catalog or the observer cannot be had.
     pub fn new(params: RunParams) -> Result<Self, RunError> {
-        let camera = &params.camera;
-        let imager = Imager::new(params.backend, camera.detector, camera.sensor_px(), params.seed)?;
+        let imager = Imager::of_detector(params.backend, params.camera.make_detector(params.seed)?)?;
         Self::with_imager(params, imager)
     }
 

@@ -1,6 +1,7 @@
 //! Why a run could not start or go on.
 
 use crate::base::time::Span;
+use crate::detector::pattern::PatternSizeError;
 use crate::link::LinkError;
 use crate::render::RenderError;
 use crate::sink::SinkError;
@@ -23,6 +24,9 @@ pub enum RunError {
     /// the backend failed
     #[error("backend: {0}")]
     Render(#[from] RenderError),
+    /// a map of the detector has another size
+    #[error("detector: {0}")]
+    Patterns(#[from] PatternSizeError),
     /// the sink failed
     #[error("sink: {0}")]
     Sink(#[from] SinkError),

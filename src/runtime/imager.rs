@@ -100,7 +100,16 @@ impl Imager {
         seed: u64,
     ) -> Result<Self, RenderError> {
         let [width, height] = size_px;
-        let detector = Detector::new(params, width, height, seed);
+        Self::of_detector(choice, Detector::new(params, width, height, seed))
+    }
+
+    /// For a detector with patterns that were measured or drawn.
+    ///
+    /// # Errors
+    /// When the GPU was asked for and there is none, or it cannot draw by the detector's Poisson method.
+    pub fn of_detector(choice: BackendChoice, detector: Detector) -> Result<Self, RenderError> {
+        let (params, size_px) = (*detector.params(), detector.size_px());
+        let [width, height] = size_px;
         match choice {
             BackendChoice::Cpu => Ok(Self::on_host(Box::new(Cpu::new(width, height)), detector, CostModel::CPU, None)),
             BackendChoice::Reference => {
@@ -228,6 +237,14 @@ impl Imager {
         match &mut self.drawing {
             Drawing::Host { detector, .. } => detector.reset(),
             Drawing::Device { detector, .. } => detector.reset(),
+        }
+    }
+
+    /// The detector's temperature in the frames from here on, degrees Celsius: scales the dark current.
+    pub fn set_temperature_c(&mut self, operating_c: f64) {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.set_temperature_c(operating_c),
+            Drawing::Device { detector, .. } => detector.set_temperature_c(operating_c),
         }
     }
 

@@ -5,8 +5,9 @@ use crate::attitude::{EstimateLimits, HistoryLimits, JitterLine, RemoteClockLimi
 use crate::base::accuracy::AccuracyBudget;
 use crate::base::axes::{Body, Rotation, Sensor};
 use crate::base::time::{Span, Tai};
-use crate::detector::DetectorParams;
+use crate::detector::pattern::PatternSizeError;
 use crate::detector::window::OutputGeometry;
+use crate::detector::{Detector, DetectorParams, Patterns};
 use crate::exposure::cost::CostModel;
 use crate::exposure::{Instrument, MethodChoice, PsfSampling, Shutter};
 use crate::optics::{PsfModel, Radiometry};
@@ -42,6 +43,8 @@ pub struct CameraParams {
     pub radiometry: Radiometry,
     /// Detector.
     pub detector: DetectorParams,
+    /// Fixed patterns that were measured; the others are drawn from the run's seed.
+    pub patterns: Patterns,
     /// Faintest Gaia G magnitude that is drawn.
     pub limiting_mag: f32,
     /// Exposure time, s.
@@ -51,6 +54,15 @@ pub struct CameraParams {
 }
 
 impl CameraParams {
+    /// The detector with its patterns: those that were measured, and the others drawn from the seed.
+    ///
+    /// # Errors
+    /// When a measured pattern has another size than the detector.
+    pub fn make_detector(&self, seed: u64) -> Result<Detector, PatternSizeError> {
+        let made = Detector::new(self.detector, self.geometry.width_px(), self.geometry.height_px(), seed);
+        made.with_patterns(&self.patterns)
+    }
+
     /// The camera as the planner sees it.
     #[must_use]
     pub fn instrument(&self) -> Instrument {
@@ -60,7 +72,7 @@ impl CameraParams {
             psf: self.psf.clone(),
             sampling: self.sampling,
             full_well_e: self.detector.full_well_e,
-            read_noise_e_rms: self.detector.read_noise_e_rms,
+            read_noise_e_rms: self.detector.readout_noise_e_rms(),
         }
     }
 }

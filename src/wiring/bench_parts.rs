@@ -54,7 +54,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
 /// # Errors
 /// When the backend cannot be had.
 pub fn imager(params: &RunParams) -> Result<Imager> {
-    Ok(Imager::new(params.backend, params.camera.detector, params.camera.sensor_px(), params.seed)?)
+    Ok(Imager::of_detector(params.backend, params.camera.make_detector(params.seed)?)?)
 }
 
 /// What the real clock changes: costs are those of this machine, and frames may be degraded to be in time.

@@ -7,7 +7,7 @@ use starloop::base::axes::Rotation;
 use starloop::base::image::DnImage;
 use starloop::base::random::philox;
 use starloop::base::time::Tai;
-use starloop::detector::{Detector, DetectorParams};
+use starloop::detector::{Detector, DetectorParams, LinePattern, Nonlinearity, RowNoise};
 use starloop::exposure::cost::CostModel;
 use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
 use starloop::exposure::{MethodChoice, PsfSampling, Shutter};
@@ -31,6 +31,8 @@ pub(crate) struct Scene {
     method: &'static str,
     rate_rad_s: [f64; 3],
     time_budget_ms: Option<f64>,
+    /// Whether the detector runs in two passes.
+    keep_charge: bool,
 }
 
 /// All scenes.
@@ -42,6 +44,7 @@ pub(crate) fn all() -> Vec<Scene> {
         method,
         rate_rad_s: [0.02, 0.05, 0.01],
         time_budget_ms: None,
+        keep_charge: false,
     };
     let rolling = Shutter::Rolling { line_s: 2e-4 };
     let airy = PsfModel::airy(1.2, 0.0);
@@ -57,6 +60,7 @@ pub(crate) fn all() -> Vec<Scene> {
         Scene { shutter: rolling, ..scene("rolling shutter, zonal PSF", "zonal-psf:32") },
         Scene { psf: airy.clone(), rate_rad_s: [0.0; 3], ..scene("Airy, still", "auto") },
         Scene { psf: airy, ..scene("Airy, effective PSF", "effective-psf:16") },
+        Scene { keep_charge: true, ..scene("detector in two passes", "auto") },
         Scene { time_budget_ms: Some(0.1), ..scene("little time", "auto") },
         Scene { time_budget_ms: Some(0.0), ..scene("no time", "auto") },
     ]
@@ -105,12 +109,21 @@ impl Drawn {
             dark_e_per_s: 1.0,
             prnu: 0.01,
             dsnu_e_rms: 1.0,
+            dark_nonuniformity: 0.1,
+            amplifier_noise_e_rms: 3.0,
+            nonlinearity: Nonlinearity::through(&[[1e4, 9.9e3], [5e4, 4.8e4]]).unwrap(),
+            line_pattern: LinePattern { column_e_rms: 1.0, column_gain_rms: 0.001, row_e_rms: 1.0 },
+            row_noise: RowNoise { e_rms: 1.0, corner_cycles_per_row: 0.1 },
             ..DetectorParams::QUIET
         };
+        let mut detector = Detector::new(params, SIZE, SIZE, 1);
+        if scene.keep_charge {
+            detector.keep_charge();
+        }
         Self {
             planner,
             backend: Cpu::new(SIZE, SIZE),
-            detector: Detector::new(params, SIZE, SIZE, 1),
+            detector,
             sources: (0..20_000).map(source).collect(),
             image: DnImage::new(SIZE, SIZE),
         }

@@ -12,7 +12,9 @@
 mod detector;
 mod device;
 mod drawing;
+mod effects;
 mod overflow;
 mod passes;
 mod repeat;
 mod scene;
+mod spatial;

@@ -8,7 +8,7 @@ use starloop::base::accuracy::AccuracyBudget;
 use starloop::base::axes::sensor_from_ra_dec_roll;
 use starloop::base::image::DnImage;
 use starloop::base::time::{Span, Tai};
-use starloop::detector::DetectorParams;
+use starloop::detector::{DetectorParams, Patterns};
 use starloop::exposure::{Instrument, MethodChoice, Planner};
 use starloop::exposure::{PsfSampling, Shutter};
 use starloop::gpu::Electrons;
@@ -60,6 +60,7 @@ fn camera() -> CameraParams {
             color_c1: 0.0,
             color_c2: 0.0,
         },
+        patterns: Patterns::default(),
         detector: DetectorParams {
             full_well_e: 5e5,
             gain_e_per_dn: 8.0,
