@@ -6,6 +6,7 @@ use crate::config::baffle::{Baffle, BaffleKeys};
 use crate::config::band::{BandKeys, check_band};
 use crate::config::check::{Checker, Defaulted};
 use crate::config::detector::{Detector, DetectorKeys};
+use crate::config::detector_effects::tdi_exposure;
 use crate::config::document::Document;
 use crate::config::error::ConfigError;
 use crate::config::illumination::IlluminationKeys;
@@ -94,6 +95,7 @@ impl Camera {
         let radiometry = Radiometry::check(&keys.radiometry, &detector, &mut check)?;
         let band = check_band(keys.band.as_ref(), optics.transmission, radiometry.model, &psf, &mut check)?;
         let exposure = Exposure::check(&keys.exposure, &mut check)?;
+        let exposure = tdi_exposure(exposure, &detector.spatial, &check)?;
         if let Psf::Chain(chain) = &mut psf {
             chain.take_light(band.as_ref(), &check)?;
         }

@@ -173,7 +173,9 @@ impl Detector {
             Rule::PositiveUpTo(1.0),
             "a fraction of the photons: 45 % is 0.45",
         )?;
-        let mut made = Self {
+        let fits = Fits { size_px: [width_px, height_px], pixel_pitch_um, full_well_e, bits };
+        let spatial = check_effects(keys, fits, check)?;
+        Ok(Self {
             width_px,
             height_px,
             pixel_pitch_um,
@@ -195,15 +197,7 @@ impl Detector {
             rounding: readout.rounding,
             quantum_efficiency,
             poisson,
-            spatial: SpatialParams::OFF,
-        };
-        let fits = Fits {
-            size_px: [width_px, height_px],
-            pixel_pitch_um: made.pixel_pitch_um,
-            full_well_e: made.full_well_e,
-            bits,
-        };
-        made.spatial = check_effects(keys, fits, check)?;
-        Ok(made)
+            spatial,
+        })
     }
 }

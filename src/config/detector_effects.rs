@@ -3,6 +3,7 @@
 use crate::config::check::{Checker, Rule};
 use crate::config::detector::DetectorKeys;
 use crate::config::error::ConfigError;
+use crate::config::radiometry::Exposure;
 use crate::detector::SpatialParams;
 use crate::detector::binning::{Binning, BinningKind, MOST};
 use crate::detector::blooming::Blooming;
@@ -15,7 +16,7 @@ use crate::detector::tdi::Tdi;
 use crate::detector::window::Window;
 use serde::Deserialize;
 
-/// Most pixels in 1000 that a random population may make defective, of each kind.
+/// Largest share of the pixels that a random population may make defective, of each kind.
 const LARGEST_DEFECT_SHARE: f64 = 0.05;
 
 /// A table of keys that are all numbers or words, none of them needed.
@@ -186,6 +187,27 @@ fn tdi(keys: &TdiKeys, check: &mut Checker<'_>) -> Result<Tdi, ConfigError> {
         stages: check.whole("detector.tdi.stages", keys.stages, None, 1..=4096, stages)?,
         phases: check.whole("detector.tdi.phases", keys.phases, Some(4), 1..=8, phases)?,
     })
+}
+
+/// The exposure of a frame: `exposure_s` is that of one stage.
+pub(super) fn tdi_exposure(
+    exposure: Exposure,
+    spatial: &SpatialParams,
+    check: &Checker<'_>,
+) -> Result<Exposure, ConfigError> {
+    let Some(tdi) = spatial.tdi else { return Ok(exposure) };
+    if exposure.rolling_line_us > 0.0 {
+        let (key, got) = ("exposure.rolling_line_us", exposure.rolling_line_us);
+        let advice = "a TDI detector shifts all rows together: leave this key or [detector.tdi] out";
+        return Err(check.invalid(key, got, "0 with [detector.tdi]", advice));
+    }
+    let exposure_s = check.meets(
+        "exposure.exposure_s",
+        tdi.exposure_s(exposure.exposure_s),
+        Rule::PositiveUpTo(3600.0),
+        "the time of one stage, times detector.tdi.stages",
+    )?;
+    Ok(Exposure { exposure_s, ..exposure })
 }
 
 fn defects(keys: &DefectsKeys, check: &mut Checker<'_>) -> Result<DefectPopulation, ConfigError> {

@@ -5,6 +5,8 @@ use crate::attitude::StalePolicy;
 use proptest::prelude::*;
 use std::path::Path;
 
+mod effects;
+
 /// The least a camera needs.
 const MINIMAL_CAMERA: &str = "[detector]\nwidth_px = 640\nheight_px = 480\n[optics]\nfocal_length_mm = 25\n";
 

@@ -7,7 +7,7 @@
 //! | `digital-mean` | their mean, rounded, halves up | the same, divided |
 //!
 //! Source: Janesick 2001, section 5.2.4 (summing wells); EMVA 1288 R4.0, section 2 (noise of sums). The factor is the same
-//! along rows and columns and divides both sides of the image. Held by the tests below and `tests/physics/detector_output.rs`.
+//! along rows and columns and divides both sides of the image. Held by the tests below and `tests/physics/detector_spatial.rs`.
 
 use crate::base::image::{DnImage, Image};
 use crate::detector::neighbours::{FrameAt, NeighbourStage};
@@ -76,7 +76,7 @@ impl Levels {
         let pixel = Self {
             gain_e_per_dn: params.gain_e_per_dn,
             black_level_dn: params.black_level_dn,
-            read_noise_e_rms: params.read_noise_e_rms,
+            read_noise_e_rms: params.readout_noise_e_rms(),
             full_well_e: params.full_well_e,
             largest_dn: f64::from(params.largest_dn()),
             pixels: 1.0,

@@ -13,7 +13,7 @@
 //! Schlig, IBM J. Res. Dev. 36 (1992) 83; Holst, "CCD Arrays, Cameras and Displays", 1998, section 10.3).
 //!
 //! Not modelled: that a frame's rows are exposed one after another (all rows share one exposure window), and the partly
-//! integrated rows at the start and end of a scan. Held by the tests below and `tests/physics/detector_output.rs`.
+//! integrated rows at the start and end of a scan. Held by the tests below and `tests/physics/detector_spatial.rs`.
 
 use crate::detector::pattern::Patterns;
 use std::sync::Arc;

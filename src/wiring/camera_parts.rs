@@ -58,7 +58,6 @@ pub fn camera_params(camera: &config::Camera) -> Result<CameraParams> {
             rounding: detector.rounding,
             poisson: detector.poisson,
             spatial: detector.spatial,
-            ..DetectorParams::QUIET
         },
         patterns: detector.maps.clone(),
         limiting_mag: camera.radiometry.limiting_mag as f32,

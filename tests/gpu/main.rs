@@ -18,3 +18,4 @@ mod overflow;
 mod passes;
 mod repeat;
 mod scene;
+mod spatial;

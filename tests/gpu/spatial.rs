@@ -145,9 +145,7 @@ fn lag_blooming_and_transfer_agree() {
 fn binning_and_windows_agree() {
     let window = Some(Window { left_px: 20, top_px: 12, width_px: 60, height_px: 40 });
     agree("window", SpatialParams { window, ..SpatialParams::OFF }, SIZE, defects);
-    for kind in
-        [BinningKind::Charge { full_well_e: 2e5 }, BinningKind::DigitalMean, BinningKind::DigitalSum]
-    {
+    for kind in [BinningKind::Charge { full_well_e: 2e5 }, BinningKind::DigitalMean, BinningKind::DigitalSum] {
         let binning = Some(Binning { factor: 2, kind });
         let size = [122, 86];
         agree("binning", SpatialParams { binning, ..SpatialParams::OFF }, size, defects);

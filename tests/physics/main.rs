@@ -9,6 +9,7 @@ mod bus_jitter;
 mod bus_jitter_frames;
 mod chart;
 mod dark_current;
+mod detector_spatial;
 mod fidelity;
 mod field_light;
 mod flats;

@@ -11,7 +11,7 @@
 //! row is one defect with one telegraph signal. The list has room for a number of pixels that is fixed when it is
 //! made; inserting and removing allocate nothing. Terms: Janesick, "Scientific charge-coupled devices" (2001); RTS in
 //! dark current: Hopkins and Hopkinson, IEEE Trans. Nucl. Sci. 42 (1995) 2074.
-//! Held by the tests below, by `telegraph` and by `tests/physics/detector_defects.rs`.
+//! Held by the tests below, by `telegraph` and by `tests/physics/detector_spatial.rs`.
 
 pub mod population;
 pub mod telegraph;
