@@ -6,6 +6,7 @@
 
 pub mod adc;
 pub mod block;
+pub mod cost;
 pub mod cpu;
 pub mod dark_current;
 pub mod effect;
