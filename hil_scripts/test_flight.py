@@ -134,8 +134,12 @@ class Flights(unittest.TestCase):
         with Stimulator("gateways.toml", "link.slcan_tcp=0", "link.socketcand=0") as starloop:
             starloop.wait_for("socketcand at")
             channel = f"socket://{starloop.gateways['slcan (TCP)']}"
-            self.check(*fly("--interface", "slcan", "--channel", channel, "--fd"))
+            triggers = ["--trigger", "7", "--trigger", "65535@2.5"]
+            status, said = fly("--interface", "slcan", "--channel", channel, "--fd", *triggers)
+            self.check(status, said)
+            self.assertIn("trigger 7 was taken\ntrigger 65535 was taken\n", said)
             summary = starloop.stop()
+            self.assertIn("trigger_fired 2", summary)
             self.assertRegex(summary, r"bus to history +\d{2,}", "latency from the bus into the history")
             self.assertIn("session_run 1", summary)
 
@@ -163,6 +167,12 @@ class Flights(unittest.TestCase):
                 self.check(*fly("--serial", relay.paths[1]))
         finally:
             relay.close()
+
+    def test_a_trigger_that_is_none_is_refused_before_the_flight(self):
+        for trigger, part in [("65536", "0 to 65535"), ("-1", "0 to 65535"), ("x@1", "0 to 65535"), ("7@soon", "wanted seconds")]:
+            status, said = fly("--interface", "slcan", "--channel", "socket://127.0.0.1:1", f"--trigger={trigger}")
+            self.assertEqual(status, 2, said)
+            self.assertIn(part, said)
 
     def test_nobody_there_is_said_plainly(self):
         status, said = fly("--interface", "slcan", "--channel", "socket://127.0.0.1:1")

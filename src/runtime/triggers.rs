@@ -173,7 +173,6 @@ impl Triggers {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attitude::{RemoteClock, RemoteClockLimits};
     use crate::base::units::NS_PER_S;
 
     fn at_s(s: i64) -> Tai {
@@ -186,13 +185,17 @@ mod tests {
     }
 
     fn clock_behind(offset_ns: i64) -> ClockEstimate {
-        let mut clock =
-            RemoteClock::new(RemoteClockLimits { constant_delay: Span::ZERO, ..RemoteClockLimits::default() });
-        for tenth in 0..20 {
-            let local = at_s(9_990) + Span::from_ms(100 * tenth);
-            clock.observe(local.ns() - offset_ns, local);
+        ClockEstimate {
+            offset: Span::from_ns(offset_ns),
+            reference_remote_ns: 0,
+            drift: 0.0,
+            offset_sigma: Span::ZERO,
+            drift_sigma: 0.0,
+            drift_walk_per_s: 0.0,
+            residual: Span::ZERO,
+            spread: Span::ZERO,
+            pairs: 1,
         }
-        clock.estimate().unwrap()
     }
 
     fn trigger(number: u16, at_us: u32) -> Trigger {
