@@ -183,7 +183,7 @@ mod tests {
     fn a_level_background_is_the_stray_light_it_always_was() {
         let params = DetectorParams { read_noise_e_rms: 5.0, ..DetectorParams::QUIET };
         let mean = Image::<f32>::new(SIZE[0], SIZE[1]);
-        let mut read = |set: &dyn Fn(&mut Detector)| {
+        let read = |set: &dyn Fn(&mut Detector)| {
             let mut detector = Detector::new(params, SIZE[0], SIZE[1], 3);
             set(&mut detector);
             let mut dn = DnImage::new(SIZE[0], SIZE[1]);
