@@ -66,7 +66,7 @@ impl Camera {
         let detector = Detector::check(&keys.detector, &mut check)?;
         let optics = Optics::check(&keys.optics, &detector, &mut check)?;
         let distortion = Distortion::check(&keys.distortion, &check)?;
-        let psf = Psf::check(&keys.psf, &optics, &mut check)?;
+        let psf = Psf::check(&keys.psf, &detector, &optics, &mut check)?;
         let sampling = Psf::check_sampling(&keys.psf, &mut check)?;
         let radiometry = Radiometry::check(&keys.radiometry, &mut check)?;
         let exposure = Exposure::check(&keys.exposure, &mut check)?;

@@ -25,6 +25,7 @@ mod link;
 mod link_keys;
 mod observer;
 mod optics;
+mod psf;
 mod radiometry;
 mod scenario;
 mod session;
@@ -54,6 +55,8 @@ pub use spacecraft::{Control, Spacecraft};
 pub use stages::{AttitudeSettings, Backend, Render, Sink};
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 
+#[cfg(test)]
+mod psf_tests;
 #[cfg(test)]
 mod setting_tests;
 #[cfg(test)]

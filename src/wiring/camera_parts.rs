@@ -61,11 +61,12 @@ fn shutter(rolling_line_us: f64) -> Shutter {
 }
 
 fn psf(camera: &config::Camera) -> PsfModel {
-    match camera.psf {
-        config::Psf::Gaussian { sigma_px } => PsfModel::gaussian(sigma_px),
+    match &camera.psf {
+        config::Psf::Gaussian { sigma_px } => PsfModel::gaussian(*sigma_px),
         config::Psf::Airy { f_number, wavelength_nm, obscuration } => {
             let lambda_n_px = wavelength_nm * 1e-3 * f_number / camera.detector.pixel_pitch_um;
-            PsfModel::airy(lambda_n_px, obscuration)
+            PsfModel::airy(lambda_n_px, *obscuration)
         }
+        config::Psf::Made(psf) => psf.clone(),
     }
 }

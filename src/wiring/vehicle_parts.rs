@@ -207,11 +207,12 @@ fn tracker_params(scenario: &Scenario) -> TrackerParams {
         read_noise_e_rms: detector.read_noise_e_rms.hypot(detector.dsnu_e_rms),
         saturation_dn,
     };
-    let psf_sigma_px = match camera.psf {
-        config::Psf::Gaussian { sigma_px } => sigma_px,
+    let psf_sigma_px = match &camera.psf {
+        config::Psf::Gaussian { sigma_px } => *sigma_px,
         config::Psf::Airy { f_number, wavelength_nm, .. } => {
             AIRY_SIGMA * wavelength_nm * 1e-3 * f_number / detector.pixel_pitch_um
         }
+        config::Psf::Made(psf) => psf.core_sigma_px(),
     };
     TrackerParams {
         prnu: detector.prnu,
