@@ -27,6 +27,7 @@ mod link_keys;
 mod mtf;
 mod observer;
 mod optics;
+mod psf;
 mod radiometry;
 mod scenario;
 mod session;
@@ -57,6 +58,8 @@ pub use spacecraft::{Control, Spacecraft};
 pub use stages::{AttitudeSettings, Backend, Render, Sink};
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 
+#[cfg(test)]
+mod psf_tests;
 #[cfg(test)]
 mod setting_tests;
 #[cfg(test)]

@@ -152,9 +152,10 @@ impl CostModel {
         let drawing_ns = if method.kernels() > 0 {
             let half_px = kernel_half_px(load.half_px, load.extent_px);
             let stamp_ns = self.table_pixel_ns * padded_pixels(half_px);
-            self.kernels_ns(method, load.psf, half_px) + stars * method.stamps() as f64 * stamp_ns
+            let stamps = method.stamps().max(load.psf.blended());
+            self.kernels_ns(method, load.psf, half_px) + stars * stamps as f64 * stamp_ns
         } else {
-            stars * method.nodes() as f64 * star_node_ns
+            stars * load.psf.blended() as f64 * method.nodes() as f64 * star_node_ns
         };
         let moved_ns = if load.moves { stars * self.motion_star_ns } else { 0.0 };
         (drawing_ns + stars * self.star_ns + moved_ns) * 1e-6
@@ -169,7 +170,7 @@ impl CostModel {
         let entries = (table_images(s) as f64) * padded_pixels(half_px);
         let each =
             grid * grid * per_node * method.nodes() as f64 * self.kernel_node_ns + entries * self.kernel_entry_ns;
-        let kernels = method.kernels() as f64;
+        let kernels = kernel_count(method, psf) as f64;
         each * (kernels / self.threads).max(1.0)
     }
 }
@@ -181,7 +182,16 @@ pub fn kernel_bytes(method: Method, psf: &PsfModel, half_px: usize, extent_px: f
     let grid = (side * s + s + 5).next_multiple_of(64);
     let images = table_images(s) * side * side.next_multiple_of(16);
     let each = images + grid * grid + 2 * grid * method.nodes();
-    method.kernels().saturating_mul(each).saturating_mul(size_of::<f32>())
+    kernel_count(method, psf).saturating_mul(each).saturating_mul(size_of::<f32>())
+}
+
+/// Kernels that `method` builds: in a field of PSFs one for every node, where it is not zonal itself.
+#[must_use]
+pub fn kernel_count(method: Method, psf: &PsfModel) -> usize {
+    match method {
+        Method::ZonalPsf { .. } => method.kernels(),
+        _ => method.kernels() * psf.nodes().len(),
+    }
 }
 
 /// Half-width of a kernel's footprint, px.

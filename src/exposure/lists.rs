@@ -10,6 +10,8 @@ use crate::exposure::plan::{Cell, Drawing, ExposurePlan, NodeList, PlannedStar};
 use crate::exposure::pose::{PathNode, Pose, mean_pose};
 use crate::exposure::probes::{Probes, SIDE};
 use crate::exposure::track::{StarPlace, StarTrack};
+use crate::optics::{PsfField, PsfModel};
+use std::sync::Arc;
 
 /// Buffers kept from frame to frame.
 #[derive(Debug, Default)]
@@ -32,17 +34,50 @@ pub fn fill(plan: &mut ExposurePlan, probes: &Probes, camera: &CameraGeometry, b
             Method::ZonalPsf { zones, .. } => fill_zones(plan, probes, camera, class, zones, buffers),
             _ => {
                 let bands = bands.max(1);
+                let field = field_of(&plan.psf);
                 for band in 0..bands {
+                    let own = plan.lists.len();
                     push_band(plan, probes, camera, method, [band, bands]);
+                    if let Some(field) = &field {
+                        push_field(plan, field, camera, own);
+                    }
                 }
                 // Stars come with the first list.
-                if first == 0 && bands == 1 && plan.classes.len() == 1 {
+                if first == 0 && bands == 1 && plan.classes.len() == 1 && field.is_none() {
                     continue;
                 }
                 let height = camera.height_px() as f64;
-                assign(plan, class, |star| first as u32 + band_of(star.mean_px[1], height, bands) as u32);
+                let per_band = (plan.lists.len() - first) / bands;
+                let in_band = |star: &PlannedStar| match &field {
+                    None => 0,
+                    Some(field) => field.nodes().len() + Grid::of_field(camera, field).cell_index(star),
+                };
+                assign(plan, class, |star| {
+                    list_number(first + band_of(star.mean_px[1], height, bands) * per_band + in_band(star))
+                });
             }
         }
+    }
+}
+
+/// The field of PSFs, where there is one.
+fn field_of(psf: &PsfModel) -> Option<Arc<PsfField>> {
+    if let PsfModel::Field(field) = psf { Some(Arc::clone(field)) } else { None }
+}
+
+/// Makes of the list `own`, the last, one for every node of the field, and a blend for every cell.
+fn push_field(plan: &mut ExposurePlan, field: &PsfField, camera: &CameraGeometry, own: usize) {
+    let Some(list) = plan.lists.pop() else { return };
+    for node in 0..field.nodes().len() {
+        plan.lists.push(NodeList { psf_px: field.place_px(node), ..list.clone() });
+    }
+    let grid = Grid::of_field(camera, field);
+    for cell in 0..grid.cells[0] * grid.cells[1] {
+        let at = [cell % grid.cells[0], cell / grid.cells[0]];
+        let corners = [[0, 0], [1, 0], [0, 1], [1, 1]]
+            .map(|[right, down]| list_number(own + grid.corner_index([at[0] + right, at[1] + down])));
+        let drawing = Drawing::Blend(grid.cell(at, corners));
+        plan.lists.push(NodeList { drawing, ..list.clone() });
     }
 }
 
@@ -87,7 +122,7 @@ fn push_list(plan: &mut ExposurePlan, probes: &Probes, first: usize, drawing: Dr
     }
     let mean = mean_pose(nodes);
     let correction = if drawing == Drawing::Nodes { correction(nodes, &mean, probes) } else { Correction::none() };
-    plan.lists.push(NodeList { nodes: range, mean, correction, drawing });
+    plan.lists.push(NodeList { nodes: range, mean, correction, drawing, psf_px: [0.0; 2] });
 }
 
 /// What the mean displacement at the probes is more than that of the mean pose.
@@ -143,6 +178,22 @@ struct Grid {
 impl Grid {
     fn new(camera: &CameraGeometry, zones: [u16; 2]) -> Self {
         Self { cells: zones.map(usize::from), size_px: [camera.width_px() as f64, camera.height_px() as f64] }
+    }
+
+    /// The cells of a field of PSFs.
+    fn of_field(camera: &CameraGeometry, field: &PsfField) -> Self {
+        Self { cells: field.cells(), size_px: [camera.width_px() as f64, camera.height_px() as f64] }
+    }
+
+    /// The number of a star's cell.
+    fn cell_index(&self, star: &PlannedStar) -> usize {
+        self.index(self.cell_of(star))
+    }
+
+    /// A cell between the lists of its corners.
+    fn cell(&self, [column, row]: [usize; 2], corners: [u32; 4]) -> Cell {
+        let (origin_px, end_px) = (self.corner_px([column, row]), self.corner_px([column + 1, row + 1]));
+        Cell { corners, origin_px, size_px: [end_px[0] - origin_px[0], end_px[1] - origin_px[1]] }
     }
 
     /// The cell of a star: column and row.
@@ -206,7 +257,7 @@ fn push_cell(
     (method, first_list): (Method, usize),
     [column, row]: [usize; 2],
 ) -> u32 {
-    let kernels = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[right, down]| {
+    let lists = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[right, down]| {
         let at = [column + right, row + down];
         let corner = &mut corners[grid.corner_index(at)];
         if *corner == UNUSED {
@@ -214,12 +265,9 @@ fn push_cell(
         }
         *corner
     });
-    let (origin_px, end_px) = (grid.corner_px([column, row]), grid.corner_px([column + 1, row + 1]));
-    let size_px = [end_px[0] - origin_px[0], end_px[1] - origin_px[1]];
-    let Some(first) = plan.lists.get(kernels[0] as usize) else { return UNUSED };
-    let (nodes, mean) = (first.nodes.clone(), first.mean);
-    let drawing = Drawing::Blend(Cell { kernels, origin_px, size_px });
-    plan.lists.push(NodeList { nodes, mean, correction: Correction::none(), drawing });
+    let Some(first) = plan.lists.get(lists[0] as usize) else { return UNUSED };
+    let drawing = Drawing::Blend(grid.cell([column, row], lists));
+    plan.lists.push(NodeList { drawing, ..first.clone() });
     list_number(plan.lists.len() - 1)
 }
 
@@ -243,7 +291,8 @@ fn push_kernel(plan: &mut ExposurePlan, probes: &Probes, px: [f64; 2], method: M
         fill_nodes(&plan.motion, method, delay_s, probes, &mut plan.nodes);
         (first..plan.nodes.len(), mean_pose(&plan.nodes[first..]))
     };
-    plan.lists.push(NodeList { nodes, mean, correction: Correction::none(), drawing: Drawing::Kernel(track) });
+    let drawing = Drawing::Kernel(track);
+    plan.lists.push(NodeList { nodes, mean, correction: Correction::none(), drawing, psf_px: px });
     list_number(plan.lists.len() - 1)
 }
 

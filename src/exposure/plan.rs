@@ -40,15 +40,15 @@ pub enum Drawing {
     Nodes,
     /// The PSF convolved with the path of a star at this place, once at the mean position.
     Kernel(StarTrack),
-    /// Four kernels, made at the corners of a cell of the field, blended by the star's place in it.
+    /// Four lists, made for the corners of a cell of the field, blended by the star's place in it.
     Blend(Cell),
 }
 
-/// A cell of the field between four kernels.
+/// A cell of the field between four lists.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cell {
-    /// Lists of the kernels: top left, top right, bottom left, bottom right.
-    pub kernels: [u32; 4],
+    /// Lists of the corners: top left, top right, bottom left, bottom right.
+    pub corners: [u32; 4],
     /// Top left corner, px.
     pub origin_px: [f64; 2],
     /// Width and height, px.
@@ -56,7 +56,7 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// Shares of the four kernels for a star at `px`; they sum to 1.
+    /// Shares of the four lists for a star at `px`; they sum to 1.
     #[must_use]
     pub fn shares(&self, px: [f64; 2]) -> [f64; 4] {
         let [x, y] = core::array::from_fn(|i| ((px[i] - self.origin_px[i]) / self.size_px[i]).clamp(0.0, 1.0));
@@ -75,6 +75,8 @@ pub struct NodeList {
     pub correction: Correction,
     /// What is drawn.
     pub drawing: Drawing,
+    /// The place whose PSF is drawn, px, where the PSF depends on the place.
+    pub psf_px: [f64; 2],
 }
 
 /// What a method is predicted to do to a frame.
@@ -266,12 +268,12 @@ impl ExposurePlan {
         })
     }
 
-    /// What a star that is drawn once is made of: lists and shares of its light.
+    /// What a star is made of: lists and shares of its light.
     pub fn parts(&self, star: &PlannedStar) -> impl Iterator<Item = (usize, f64)> + use<> {
         let parts = match self.list_of(star).drawing {
             Drawing::Blend(cell) => {
                 let shares = cell.shares(star.mean_px);
-                core::array::from_fn(|i| (cell.kernels[i] as usize, shares[i]))
+                core::array::from_fn(|i| (cell.corners[i] as usize, shares[i]))
             }
             _ => [(star.list as usize, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)],
         };

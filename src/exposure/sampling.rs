@@ -134,6 +134,8 @@ pub fn oversampling(psf: &PsfModel) -> usize {
             let finer = || (0..).map(|k| grid.oversampling() << k).take_while(|s| *s <= MOST_OVERSAMPLING);
             finer().find(enough).or(finer().last()).unwrap_or(MOST_OVERSAMPLING)
         }
+        // One for all nodes.
+        PsfModel::Field(field) => field.nodes().iter().map(oversampling).max().unwrap_or(MOST_OVERSAMPLING),
         _ => [4, 8, 16].into_iter().find(enough).unwrap_or(MOST_OVERSAMPLING),
     }
 }
@@ -160,6 +162,11 @@ pub fn table_error(psf: &PsfModel, s: usize) -> f64 {
             let own = grid.oversampling() as f64;
             let knots = if s > own { FINER_KNOTS } else { OWN_KNOTS * own / s };
             BOTH_AXES * knots * grid.third_step() / s.powi(3)
+        }
+        PsfModel::Field(field) =>
+        {
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the number that came in")]
+            field.nodes().iter().map(|node| table_error(node, s as usize)).fold(0.0, f64::max)
         }
     }
 }

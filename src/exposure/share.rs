@@ -9,8 +9,8 @@ use crate::astrometry::CameraGeometry;
 use crate::exposure::plan::PlannedStar;
 use crate::exposure::pose::{PathNode, mean_pose};
 use crate::exposure::track::StarTrack;
-use crate::optics::PsfGrid;
-use crate::optics::PsfModel;
+use crate::optics::{PsfField, PsfGrid, PsfModel};
+use std::sync::Arc;
 
 /// Step of the integral of an Airy line-spread function, px.
 const LINE_STEP: f64 = 1.0 / 16.0;
@@ -26,6 +26,37 @@ const GAUSSIAN_STEP: f64 = 1.0 / 320.0;
 /// Light on one detector.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Share {
+    /// Of the PSF, or of those at the nodes of its field.
+    nodes: Vec<NodeShare>,
+    field: Option<Arc<PsfField>>,
+}
+
+impl Share {
+    /// For a PSF drawn in footprints of `half_px` on a detector of `size_px`.
+    #[must_use]
+    pub fn new(psf: &PsfModel, half_px: usize, size_px: [usize; 2]) -> Self {
+        let nodes = psf.nodes().iter().map(|psf| NodeShare::new(psf, half_px, size_px)).collect();
+        let field = if let PsfModel::Field(field) = psf { Some(Arc::clone(field)) } else { None };
+        Self { nodes, field }
+    }
+
+    /// Share of `star`'s electrons on the detector.
+    #[must_use]
+    pub fn on_detector(&self, star: &PlannedStar, camera: &CameraGeometry, nodes: &[PathNode], extent_px: f64) -> f64 {
+        let on = |node: usize| self.nodes[node].on_detector(star, camera, nodes, extent_px);
+        match &self.field {
+            None => on(0),
+            Some(field) => {
+                let around = field.around(star.mean_px).into_iter().filter(|(_, share)| *share > 0.0);
+                around.map(|(node, share)| share * on(node)).sum()
+            }
+        }
+    }
+}
+
+/// Light of one PSF on one detector.
+#[derive(Debug, Clone, PartialEq)]
+struct NodeShare {
     half_px: usize,
     size_px: [usize; 2],
     footprint: f64,
@@ -34,10 +65,8 @@ pub struct Share {
     step_px: f64,
 }
 
-impl Share {
-    /// For a PSF drawn in footprints of `half_px` on a detector of `size_px`.
-    #[must_use]
-    pub fn new(psf: &PsfModel, half_px: usize, size_px: [usize; 2]) -> Self {
+impl NodeShare {
+    fn new(psf: &PsfModel, half_px: usize, size_px: [usize; 2]) -> Self {
         let round = |footprint, line: Vec<f64>, step_px| {
             let sides = || [line.clone(), line.clone()];
             Self { half_px, size_px, footprint, lines: [sides(), sides()], step_px }
@@ -55,12 +84,12 @@ impl Share {
                 let (footprint, lines) = grid_lines(grid, half_px);
                 Self { half_px, size_px, footprint, lines, step_px: GRID_STEP }
             }
+            // A field has one for every node.
+            PsfModel::Field(_) => round(0.0, vec![0.0; 2], 1.0),
         }
     }
 
-    /// Share of `star`'s electrons on the detector.
-    #[must_use]
-    pub fn on_detector(&self, star: &PlannedStar, camera: &CameraGeometry, nodes: &[PathNode], extent_px: f64) -> f64 {
+    fn on_detector(&self, star: &PlannedStar, camera: &CameraGeometry, nodes: &[PathNode], extent_px: f64) -> f64 {
         let margin = self.half_px as f64 + 1.0 + extent_px;
         let well_inside = |v: f64, size: usize| v >= margin && v <= size as f64 - 1.0 - margin;
         if well_inside(star.mean_px[0], self.size_px[0]) && well_inside(star.mean_px[1], self.size_px[1]) {

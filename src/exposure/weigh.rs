@@ -102,7 +102,16 @@ impl Scales {
 
     /// Largest error of drawing stars in a cell of `size_px` about `probe` (moved inside the detector) with a blend of
     /// the paths at its corners: at the cell's middle and the middles of its sides, where it is largest.
-    pub fn cell_error(&mut self, nodes: &[PathNode], probe: &Probe, size_px: [f64; 2], probes: &Probes) -> NodeError {
+    /// Where the PSF varies over the cell too, a blend of products is not the product of blends: they differ by the
+    /// covariance of both over the cell, at most what the corners' paths differ by from the middle's (`psf_varies`).
+    pub fn cell_error(
+        &mut self,
+        nodes: &[PathNode],
+        probe: &Probe,
+        size_px: [f64; 2],
+        psf_varies: bool,
+        probes: &Probes,
+    ) -> NodeError {
         let camera = &probes.camera;
         let last = [camera.width_px(), camera.height_px()].map(|side| side as f64 - 0.5);
         let origin: [f64; 2] = core::array::from_fn(|i| {
@@ -126,7 +135,15 @@ impl Scales {
                 add_spectrum(&mut drawn.1, *share, &corner.1);
             }
             let by_moments = self.moment_error(&drawn.0, &moments);
-            worst = worst.worst(by_moments).worst(self.spectrum_error(&drawn.1, &spectrum, probes));
+            let mut error = by_moments.worst(self.spectrum_error(&drawn.1, &spectrum, probes));
+            if psf_varies {
+                let from_middle = corners.iter().map(|corner| {
+                    let by_moments = self.moment_error(&corner.0, &moments);
+                    by_moments.worst(self.spectrum_error(&corner.1, &spectrum, probes))
+                });
+                error = error.plus(from_middle.fold(NodeError::default(), NodeError::worst));
+            }
+            worst = worst.worst(error);
         }
         worst
     }

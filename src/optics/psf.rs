@@ -3,6 +3,7 @@
 use crate::optics::airy::Airy;
 use crate::optics::gaussian;
 use crate::optics::moffat::Moffat;
+use crate::optics::psf_field::PsfField;
 use crate::optics::psf_grid::PsfGrid;
 use std::sync::Arc;
 
@@ -20,6 +21,8 @@ pub enum PsfModel {
     Moffat(Moffat),
     /// Samples of the pixel integral, and the spline through them.
     Grid(Arc<PsfGrid>),
+    /// Another at every place of the detector.
+    Field(Arc<PsfField>),
 }
 
 /// No footprint reaches further from its star than this, px: beyond it an Airy pattern's wings are given up and
@@ -51,7 +54,38 @@ impl PsfModel {
         Self::Grid(Arc::new(grid))
     }
 
-    /// Share of the light in the pixel whose centre lies (`x_px`, `y_px`) from the star.
+    /// PSFs over the detector.
+    #[must_use]
+    pub fn field(field: PsfField) -> Self {
+        Self::Field(Arc::new(field))
+    }
+
+    /// The PSFs that this one is made of: itself, or those at the nodes of a field.
+    #[must_use]
+    pub fn nodes(&self) -> &[Self] {
+        match self {
+            Self::Field(field) => field.nodes(),
+            one => core::slice::from_ref(one),
+        }
+    }
+
+    /// PSFs that one star is drawn from.
+    #[must_use]
+    pub fn blended(&self) -> usize {
+        if matches!(self, Self::Field(_)) { 4 } else { 1 }
+    }
+
+    /// Share of the light in the pixel whose centre lies (`x_px`, `y_px`) from a star at `star_px`.
+    #[must_use]
+    pub fn pixel_of(&self, star_px: [f64; 2], x_px: f64, y_px: f64) -> f64 {
+        match self {
+            Self::Field(field) => field.pixel(star_px, x_px, y_px),
+            one => one.pixel(x_px, y_px),
+        }
+    }
+
+    /// Share of the light in the pixel whose centre lies (`x_px`, `y_px`) from the star, which in a field stands in the
+    /// middle of the detector.
     #[must_use]
     pub fn pixel(&self, x_px: f64, y_px: f64) -> f64 {
         match self {
@@ -59,14 +93,16 @@ impl PsfModel {
             Self::Airy(airy) => airy.pixel(x_px, y_px),
             Self::Moffat(moffat) => moffat.pixel(x_px, y_px),
             Self::Grid(grid) => grid.pixel(x_px, y_px),
+            Self::Field(field) => field.pixel(field.middle_px(), x_px, y_px),
         }
     }
 
-    /// Largest share any pixel can receive (the star at its centre, where the PSF is symmetric).
+    /// Largest share any pixel can receive (the star at its centre, where the PSF is symmetric), anywhere in a field.
     #[must_use]
     pub fn peak(&self) -> f64 {
         match self {
             Self::Grid(grid) => grid.peak(),
+            Self::Field(field) => field.nodes().iter().map(Self::peak).fold(0.0, f64::max),
             _ => self.pixel(0.0, 0.0),
         }
     }
@@ -80,6 +116,8 @@ impl PsfModel {
             Self::Airy(airy) => 0.42 * airy.lambda_n_px(),
             Self::Moffat(moffat) => moffat.core_sigma_px(),
             Self::Grid(grid) => grid.core_sigma_px(),
+            // The sharpest: what is good for it is good for the others.
+            Self::Field(field) => field.nodes().iter().map(Self::core_sigma_px).fold(f64::INFINITY, f64::min),
         }
     }
 
@@ -92,6 +130,7 @@ impl PsfModel {
             // The circle that the footprint holds wherever the star stands on its pixel.
             Self::Moffat(moffat) => moffat.lost_flux(half_px as f64),
             Self::Grid(grid) => grid.lost_flux(half_px),
+            Self::Field(field) => field.nodes().iter().map(|node| node.lost_flux(half_px)).fold(0.0, f64::max),
         }
     }
 
@@ -100,6 +139,7 @@ impl PsfModel {
     pub fn half_px(&self, flux_rel: f64) -> usize {
         let most = match self {
             Self::Grid(grid) => grid.half_px(),
+            Self::Field(field) => return field.nodes().iter().map(|node| node.half_px(flux_rel)).max().unwrap_or(1),
             _ => LARGEST_HALF_PX,
         };
         (1..most).find(|&half| self.lost_flux(half) <= flux_rel).unwrap_or(most)

@@ -17,7 +17,7 @@ const CHUNK: usize = 4096;
 const CHUNKS_RESERVED: usize = 4;
 /// Room in a band of a chunk, as multiples of its share of the stars.
 const ROOM: usize = 8;
-/// A star that is drawn from the PSF itself.
+/// A star that is drawn from the PSF itself: this, less the PSF's number where it is one of several.
 pub(super) const NO_KERNEL: u32 = u32::MAX;
 
 /// A star drawn once, at its mean position.
@@ -27,7 +27,7 @@ pub(super) struct Spot {
     pub(super) row: i32,
     pub(super) fraction: [f32; 2],
     pub(super) electrons: f32,
-    /// Index of its kernel, or [`NO_KERNEL`].
+    /// Index of its kernel, or of its PSF down from [`NO_KERNEL`].
     pub(super) kernel: u32,
 }
 
@@ -76,12 +76,12 @@ impl Bands {
         Self { rows, bands, chunks, used: 0, nodes: Vec::new() }
     }
 
-    /// Sorts a plan. `half_px`: half-height of the footprint of a spot's list; `kernel_of`: its kernel.
+    /// Sorts a plan. `half_px`: half-height of the footprint of a list; `table_of`: its kernel or PSF ([`Spot::kernel`]).
     pub(super) fn sort(
         &mut self,
         plan: &ExposurePlan,
         half_px: impl Fn(usize) -> usize + Sync,
-        kernel_of: impl Fn(usize) -> Option<usize> + Sync,
+        table_of: impl Fn(usize) -> u32 + Sync,
     ) {
         self.fill_nodes(plan);
         self.used = plan.stars.len().div_ceil(CHUNK);
@@ -96,7 +96,7 @@ impl Bands {
                 members.trails.clear();
             }
             for star in stars {
-                sort_star(plan, star, &half_px, &kernel_of, rows, chunk);
+                sort_star(plan, star, &half_px, &table_of, rows, chunk);
             }
             for members in chunk.iter_mut() {
                 reserve(&mut members.spots);
@@ -180,29 +180,38 @@ fn sort_star(
     plan: &ExposurePlan,
     star: &PlannedStar,
     half_px: &impl Fn(usize) -> usize,
-    kernel_of: &impl Fn(usize) -> Option<usize>,
+    table_of: &impl Fn(usize) -> u32,
     rows: usize,
     chunk: &mut [Members],
 ) {
-    let list = plan.list_of(star);
-    if !matches!(list.drawing, Drawing::Nodes) {
-        for (list, share) in plan.parts(star) {
-            let half = half_px(list).cast_signed() as i64;
-            let kernel = kernel_of(list).and_then(|kernel| u32::try_from(kernel).ok()).unwrap_or(NO_KERNEL);
-            let spot = spot(star.mean_px, share * star.electrons, kernel);
-            let row = i64::from(spot.row);
-            for band in bands_of(row - half, row + half, rows) {
-                chunk[band].spots.push(spot);
-            }
+    for (list, share) in plan.parts(star) {
+        let half = half_px(list).cast_signed() as i64;
+        let (electrons, table) = (share * star.electrons, table_of(list));
+        if matches!(plan.lists[list].drawing, Drawing::Nodes) {
+            sort_trail(plan, star, (list, electrons, table), half, rows, chunk);
+            continue;
         }
-        return;
+        let spot = spot(star.mean_px, electrons, table);
+        let row = i64::from(spot.row);
+        for band in bands_of(row - half, row + half, rows) {
+            chunk[band].spots.push(spot);
+        }
     }
-    let half = half_px(star.list as usize).cast_signed() as i64;
+}
+
+fn sort_trail(
+    plan: &ExposurePlan,
+    star: &PlannedStar,
+    (list, electrons, table): (usize, f64, u32),
+    half: i64,
+    rows: usize,
+    chunk: &mut [Members],
+) {
     let track = StarTrack::new(&plan.camera, star.place);
     let origin_px = plan.origin_px(star, &track);
     let trail = Trail {
-        spot: spot(origin_px, star.electrons, NO_KERNEL),
-        list: star.list,
+        spot: spot(origin_px, electrons, table),
+        list: u32::try_from(list).unwrap_or(u32::MAX),
         tangent: star.place.tangent.to_array().map(|v| v as f32),
         px_per_tangent: track.px_per_tangent.map(|row| row.map(|v| v as f32)),
         from_principal_px: track.from_principal_px.map(|v| v as f32),

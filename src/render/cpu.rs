@@ -58,12 +58,16 @@ impl Backend for Cpu {
         let Self { arch, image, tables, bands } = self;
         let kernel_half = tables.kernels().first().map_or(0, |kernel| kernel.half_px[1]);
         let half_px = |list: usize| if tables.kernel_of(list).is_some() { kernel_half } else { plan.half_px };
-        bands.sort(plan, half_px, |list| tables.kernel_of(list));
+        let table_of = |list: usize| {
+            let number = |n: usize| u32::try_from(n).unwrap_or(0);
+            tables.kernel_of(list).map_or_else(|| NO_KERNEL - number(tables.psf_of(plan, list)), number)
+        };
+        bands.sort(plan, half_px, table_of);
         let width = image.width().max(1);
         let draw = Draw {
             bands,
             kernels: tables.kernels(),
-            base: tables.base(plan),
+            bases: tables.bases(plan),
             half_px: plan.half_px as i32,
             profile: Profile::new(plan.sampling, plan.psf.core_sigma_px()),
             mask: core::array::from_fn(|lane| if lane <= 2 * plan.half_px { 1.0 } else { 0.0 }),
@@ -101,7 +105,8 @@ impl Band<'_> {
 struct Draw<'a> {
     bands: &'a Bands,
     kernels: &'a [PsfTable],
-    base: Option<&'a PsfTable>,
+    /// Tables of the PSF itself; none where it is drawn analytically.
+    bases: &'a [PsfTable],
     half_px: i32,
     profile: Profile,
     /// 1 for lanes inside the footprint, else 0.
@@ -154,12 +159,17 @@ impl Splats {
 }
 
 impl Draw<'_> {
+    /// The kernel or the PSF that a star is drawn from (see [`Spot::kernel`](crate::render::bands::Spot)).
+    #[inline(always)]
+    fn table(&self, number: u32) -> Option<&PsfTable> {
+        self.kernels.get(number as usize).or_else(|| self.bases.get((NO_KERNEL - number) as usize))
+    }
+
     #[inline(always)]
     fn members<const FUSED: bool>(&self, band: &mut Band<'_>, members: &Members) {
         let mut splats = Splats::NONE;
         for spot in &members.spots {
-            let table = if spot.kernel == NO_KERNEL { self.base } else { self.kernels.get(spot.kernel as usize) };
-            if let Some(table) = table {
+            if let Some(table) = self.table(spot.kernel) {
                 stamp::<FUSED>(band, table, [spot.column, spot.row], spot.fraction, spot.electrons);
                 continue;
             }
@@ -188,7 +198,7 @@ impl Draw<'_> {
         while first < nodes.count {
             steps::<FUSED>(nodes, first, trail, splats);
             splats.count = (nodes.count - first).min(BLOCK);
-            match self.base {
+            match self.table(trail.spot.kernel) {
                 None => self.splat::<FUSED>(band, splats),
                 Some(table) => {
                     for k in 0..splats.count {

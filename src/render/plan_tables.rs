@@ -14,7 +14,9 @@ use rayon::prelude::*;
 #[derive(Debug)]
 pub struct PlanTables {
     analytic_half_px: usize,
-    base: Option<(PsfModel, PsfTable)>,
+    /// The PSF whose tables there are: one, or one for every node of its field.
+    psf: Option<PsfModel>,
+    bases: Vec<PsfTable>,
     kernels: Vec<PsfTable>,
     /// Kernels of the latest plan, by list, and the lists they are of.
     kernel_of_list: Vec<Option<usize>>,
@@ -36,7 +38,8 @@ impl PlanTables {
     pub fn new(analytic_half_px: usize) -> Self {
         Self {
             analytic_half_px,
-            base: None,
+            psf: None,
+            bases: Vec::new(),
             kernels: Vec::new(),
             kernel_of_list: Vec::new(),
             list_of_kernel: Vec::new(),
@@ -67,12 +70,11 @@ impl PlanTables {
 
     fn rebuild_base(&mut self, plan: &ExposurePlan) -> bool {
         let s = grid_points(plan);
-        let fresh = |(psf, table): &(PsfModel, PsfTable)| {
-            *psf == plan.psf && table.half_px == [plan.half_px; 2] && table.oversampling == s
-        };
-        let rebuilt = !self.base.as_ref().is_some_and(fresh);
+        let fits = |table: &PsfTable| table.half_px == [plan.half_px; 2] && table.oversampling == s;
+        let rebuilt = self.psf.as_ref() != Some(&plan.psf) || !self.bases.iter().all(fits);
         if rebuilt {
-            self.base = Some((plan.psf.clone(), PsfTable::of_psf(&plan.psf, plan.half_px, s)));
+            self.psf = Some(plan.psf.clone());
+            self.bases = plan.psf.nodes().iter().map(|psf| PsfTable::of_psf(psf, plan.half_px, s)).collect();
         }
         rebuilt
     }
@@ -83,12 +85,13 @@ impl PlanTables {
         }
         let half_px = kernel_reach(plan).map(|reach| kernel_half_px(plan.half_px, reach));
         let s = grid_points(plan);
-        let base = self.base.as_ref().map(|(_, base)| base);
+        let bases = &self.bases;
         let lists = &self.list_of_kernel;
         let build = |(i, table): (usize, &mut PsfTable)| {
             let list = &plan.lists[lists[i]];
             if let Drawing::Kernel(at) = &list.drawing {
-                table.rebuild_kernel(&plan.psf, half_px, s, plan.kernel_trace(plan.nodes_of(list), at), base);
+                let path = plan.kernel_trace(plan.nodes_of(list), at);
+                table.rebuild_kernel(&plan.psf, half_px, s, path, psfs_at(plan, list.psf_px), bases);
             }
         };
         if kernels == 1 {
@@ -102,10 +105,18 @@ impl PlanTables {
         }
     }
 
-    /// Table of the PSF itself, when stars that are not drawn from a kernel need one.
+    /// Tables of the PSF itself, when stars that are not drawn from a kernel need them: one, or one for every node of a
+    /// field.
     #[must_use]
-    pub fn base(&self, plan: &ExposurePlan) -> Option<&PsfTable> {
-        if self.is_analytic(plan) { None } else { self.base.as_ref().map(|(_, table)| table) }
+    pub fn bases(&self, plan: &ExposurePlan) -> &[PsfTable] {
+        if self.is_analytic(plan) { &[] } else { &self.bases }
+    }
+
+    /// Index of the table of the PSF that a list is drawn with.
+    #[must_use]
+    pub fn psf_of(&self, plan: &ExposurePlan, list: usize) -> usize {
+        let psfs = plan.lists.get(list).map(|list| psfs_at(plan, list.psf_px));
+        psfs.and_then(|psfs| psfs.into_iter().max_by(|a, b| a.1.total_cmp(&b.1))).map_or(0, |(psf, _)| psf)
     }
 
     /// Kernels of the latest plan.
@@ -125,6 +136,14 @@ impl PlanTables {
     pub fn is_analytic(&self, plan: &ExposurePlan) -> bool {
         let tabled = matches!(plan.sampling, PsfSampling::Table { .. });
         is_gaussian(plan) && plan.half_px <= self.analytic_half_px && !tabled
+    }
+}
+
+/// The PSFs that make that of a place, and their shares.
+fn psfs_at(plan: &ExposurePlan, px: [f64; 2]) -> [(usize, f64); 4] {
+    match &plan.psf {
+        PsfModel::Field(field) => field.around(px),
+        _ => [(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)],
     }
 }
 

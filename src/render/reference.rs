@@ -85,7 +85,7 @@ impl Reference {
             row.fill(0.0);
             for (star, places) in plan.stars.iter().zip(&places) {
                 for (at, px) in instants.iter().zip(places) {
-                    add_row(&plan.psf, half, row, y, *px, star.electrons * at.weight);
+                    add_star(plan, star, half, row, y, *px, star.electrons * at.weight);
                 }
             }
         });
@@ -103,14 +103,32 @@ impl Reference {
             }
             for at in instants(&plan.motion, plan, plan.shutter.delay_s(y as f64, height)) {
                 for star in &near {
-                    add_row(&plan.psf, half, row, y, place(plan, star, &at), star.electrons * at.weight);
+                    add_star(plan, star, half, row, y, place(plan, star, &at), star.electrons * at.weight);
                 }
             }
         });
     }
 }
 
-/// Adds one star at one instant to row `y`.
+/// Adds one star at one instant to row `y`; in a field of PSFs, by those about its mean place.
+fn add_star(
+    plan: &ExposurePlan,
+    star: &PlannedStar,
+    half: usize,
+    row: &mut [f64],
+    y: usize,
+    px: [f64; 2],
+    electrons: f64,
+) {
+    let PsfModel::Field(field) = &plan.psf else { return add_row(&plan.psf, half, row, y, px, electrons) };
+    for (node, share) in field.around(star.mean_px) {
+        if share > 0.0 {
+            add_row(&field.nodes()[node], half, row, y, px, share * electrons);
+        }
+    }
+}
+
+/// Adds one star of one PSF at one instant to row `y`.
 fn add_row(psf: &PsfModel, half: usize, row: &mut [f64], y: usize, px: [f64; 2], electrons: f64) {
     let dy = y as f64 - px[1];
     let reach = half as f64 + 0.5;

@@ -121,34 +121,39 @@ impl PsfTable {
                     table.prefilter();
                 }
             }
+            // A field has a table for every node.
+            PsfModel::Field(_) => {}
         }
         table.arrange();
         table
     }
 
-    /// The PSF convolved with a path about its mean. `base`: the table of the PSF itself, for PSFs that are not
-    /// Gaussian, with as many grid points.
+    /// The PSF convolved with a path about its mean. `bases`: tables of the PSF itself, for PSFs that are not Gaussian,
+    /// with as many grid points; `shares`: which of them, and how much of each.
     pub fn rebuild_kernel(
         &mut self,
         psf: &PsfModel,
         half_px: [usize; 2],
         s: usize,
         path: impl Iterator<Item = TracePoint>,
-        base: Option<&Self>,
+        shares: [(usize, f64); 4],
+        bases: &[Self],
     ) {
         self.size(half_px, s);
-        match (psf, base) {
-            (PsfModel::Gaussian { sigma_px }, _) => {
+        match psf {
+            PsfModel::Gaussian { sigma_px } => {
                 self.path.trace(path);
                 accumulate(&mut self.path, &mut self.grid, *sigma_px, s);
             }
-            (_, Some(base)) => {
+            _ => {
                 for [weight, dx, dy] in path {
-                    self.add_shifted(&base.grid, weight, dx, dy);
+                    for (base, share) in shares.iter().filter(|(_, share)| *share > 0.0) {
+                        let Some(base) = bases.get(*base) else { continue };
+                        self.add_shifted(&base.grid, share * weight, dx, dy);
+                    }
                 }
                 self.prefilter();
             }
-            (_, None) => {}
         }
         self.arrange();
     }

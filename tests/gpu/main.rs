@@ -13,5 +13,6 @@ mod detector;
 mod device;
 mod drawing;
 mod overflow;
+mod psf_models;
 mod repeat;
 mod scene;

@@ -1,7 +1,7 @@
 //! Weighing: every method that may win, with as many nodes or zones as the brightest star asks for.
 
 use super::{Chooser, MOST_JITTER_NODES, Weighed};
-use crate::exposure::cost::kernel_bytes;
+use crate::exposure::cost::{kernel_bytes, kernel_count};
 use crate::exposure::lists::fill_nodes;
 use crate::exposure::method::{Method, MethodChoice, MethodName};
 use crate::exposure::motion::{Motion, Shutter};
@@ -9,6 +9,7 @@ use crate::exposure::pixel_path::PixelPath;
 use crate::exposure::plan::{LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOST_KERNELS, Verdict};
 use crate::exposure::probes::{Probes, SIDE, gauss_legendre_count};
 use crate::exposure::weigh::{NodeError, ShapeOf};
+use crate::optics::PsfModel;
 
 /// The order in which methods are weighed: those whose need of nodes tells that of others come first.
 const ORDER: [MethodName; 6] = [
@@ -206,18 +207,26 @@ impl Chooser {
         let size = [camera.width_px() as f64, camera.height_px() as f64];
         let enough = self.weighed.iter().filter(|weighed| self.is_enough(weighed.error, brightest_e, probes));
         let cheapest_ms = enough.map(|weighed| self.stars_ms(weighed.method, probes)).fold(f64::INFINITY, f64::min);
+        let field = match &self.instrument.psf {
+            PsfModel::Field(field) => field.cells().map(|n| u16::try_from(n).unwrap_or(u16::MAX)),
+            _ => [1; 2],
+        };
         for zones in ZONES {
-            let rows = if rolling { zones.max(u16::try_from(self.bands).unwrap_or(u16::MAX)) } else { zones };
-            let method = Method::ZonalPsf { zones: [zones, rows], nodes };
+            let [columns, rows] = field.map(|cells| cells * zones);
+            let bands = if rolling { u16::try_from(self.bands).unwrap_or(u16::MAX) } else { 1 };
+            // As fine as the bands, and corners where the field has its own.
+            let rows = rows.max(bands.next_multiple_of(field[1]));
+            let method = Method::ZonalPsf { zones: [columns, rows], nodes };
             if !self.is_thorough && !self.is_fixed() && self.stars_ms(method, probes) >= cheapest_ms {
                 return;
             }
-            let cell_px = [size[0] / f64::from(zones), size[1] / f64::from(rows)];
+            let cell_px = [size[0] / f64::from(columns), size[1] / f64::from(rows)];
             let mut error = NodeError::default();
             if !motion.is_still() {
                 for i in [probes.centre_index(), probes.widest_index()] {
                     let (Some(probe), Some(list)) = (probes.probes.get(i), self.lists.first()) else { continue };
-                    error = error.worst(self.scales.cell_error(list, probe, cell_px, probes));
+                    let varies = matches!(self.instrument.psf, PsfModel::Field(_));
+                    error = error.worst(self.scales.cell_error(list, probe, cell_px, varies, probes));
                 }
             }
             let error = error.plus(sampled);
@@ -242,8 +251,11 @@ impl Chooser {
         } else if probes.extent_px > LONGEST_KERNEL_PX {
             Some(Verdict::PathTooLong)
         } else {
-            let bytes = kernel_bytes(method, &self.instrument.psf, self.half_px, probes.extent_px);
-            (method.kernels() > MOST_KERNELS || bytes > MOST_KERNEL_BYTES).then_some(Verdict::TooManyKernels)
+            let psf = &self.instrument.psf;
+            let bytes = kernel_bytes(method, psf, self.half_px, probes.extent_px);
+            // The PSFs' own tables take layers too.
+            let most = (MOST_KERNELS + 1).saturating_sub(psf.nodes().len());
+            (kernel_count(method, psf) > most || bytes > MOST_KERNEL_BYTES).then_some(Verdict::TooManyKernels)
         }
     }
 }

@@ -80,8 +80,8 @@ pub struct Gpu {
     nodes: Vec<NodeRecord>,
     bounds: TileBounds,
     tables: PlanTables,
-    /// The first layer of the texture holds the PSF's own table.
-    base_is_loaded: bool,
+    /// The first layers of the texture hold the PSF's own tables.
+    bases_are_loaded: bool,
 }
 
 impl Gpu {
@@ -98,7 +98,7 @@ impl Gpu {
             nodes: Vec::new(),
             bounds: TileBounds::new([width_px, height_px]),
             tables: PlanTables::new(ANALYTIC_HALF_PX),
-            base_is_loaded: false,
+            bases_are_loaded: false,
             gpu,
         })
     }
@@ -128,12 +128,12 @@ impl Gpu {
     }
 
     /// Builds the tables this plan needs and brings them to the device, where they are not there yet: the PSF's own in
-    /// the first layer, kernels in the others.
+    /// the first layers, kernels in the others.
     fn prepare_tables(&mut self, plan: &ExposurePlan) -> Result<(), GpuError> {
         let prepared = self.tables.prepare(plan);
-        let Self { gpu, resources, tables, base_is_loaded, .. } = self;
-        let base = tables.base(plan);
-        let all = base.into_iter().chain(tables.kernels());
+        let Self { gpu, resources, tables, bases_are_loaded, .. } = self;
+        let bases = tables.bases(plan);
+        let all = bases.iter().chain(tables.kernels());
         let size = all.fold([0, 0], |[width, height]: [usize; 2], table| {
             let [columns, rows] = texels_of(table);
             [width.max(columns), height.max(rows)]
@@ -141,18 +141,18 @@ impl Gpu {
         if size == [0, 0] {
             return Ok(());
         }
-        if resources.table.reserve(gpu, size, tables.kernels().len() + 1)? {
+        if resources.table.reserve(gpu, size, first_kernel(plan) + tables.kernels().len())? {
             resources.groups = None;
-            *base_is_loaded = false;
+            *bases_are_loaded = false;
         }
-        if let Some(table) = base
-            && (prepared.base_rebuilt || !*base_is_loaded)
-        {
-            resources.load_table(gpu, 0, table);
-            *base_is_loaded = true;
+        if !bases.is_empty() && (prepared.base_rebuilt || !*bases_are_loaded) {
+            for (layer, table) in (0..).zip(bases) {
+                resources.load_table(gpu, layer, table);
+            }
+            *bases_are_loaded = true;
         }
-        for (layer, table) in (1..).zip(tables.kernels()) {
-            resources.load_table(gpu, layer, table);
+        for (layer, table) in (first_kernel(plan)..).zip(tables.kernels()) {
+            resources.load_table(gpu, u32::try_from(layer).unwrap_or(u32::MAX), table);
         }
         gpu.check()
     }
@@ -181,14 +181,18 @@ impl Gpu {
         self.prepare_tables(plan)?;
         let size = [self.image.width(), self.image.height()];
         fill_nodes(plan, &mut self.nodes);
-        let (tables, base) = (&self.tables, self.tables.base(plan));
+        let (tables, bases) = (&self.tables, self.tables.bases(plan));
         let source = |list: usize| match tables.kernel_of(list).and_then(|i| tables.kernels().get(i).map(|k| (i, k))) {
-            Some((i, kernel)) => Source { layer: u32::try_from(i + 1).ok(), half_px: kernel.half_px },
-            None => Source { layer: base.map(|_| 0), half_px: [plan.half_px; 2] },
+            Some((i, kernel)) => Source { layer: u32::try_from(first_kernel(plan) + i).ok(), half_px: kernel.half_px },
+            None => {
+                let layer = (!bases.is_empty()).then(|| u32::try_from(tables.psf_of(plan, list)).unwrap_or(0));
+                Source { layer, half_px: [plan.half_px; 2] }
+            }
         };
         let analytic = fill_stars(plan, source, size, &mut self.stars);
-        let own = base.map_or_else(|| plan.psf.peak(), largest_coefficient);
-        let peak = self.tables.kernels().iter().map(largest_coefficient).fold(own, f64::max);
+        let own = if bases.is_empty() { plan.psf.peak() } else { 0.0 };
+        let tabled = bases.iter().chain(self.tables.kernels());
+        let peak = tabled.map(largest_coefficient).fold(own, f64::max);
         let nodes_per_slice = self.nodes_per_slice();
         let slices = self.most_nodes().div_ceil(nodes_per_slice);
         let scale = self.choose_scale(peak, slices);
@@ -213,7 +217,7 @@ impl Gpu {
 
     #[allow(clippy::cast_possible_truncation, reason = "counts and sizes are held by the device's buffer limits")]
     fn params(&self, plan: &ExposurePlan, analytic: usize, nodes_per_slice: usize, scale: f32) -> FrameParams {
-        let table = self.tables.base(plan).or_else(|| self.tables.kernels().first());
+        let table = self.tables.bases(plan).first().or_else(|| self.tables.kernels().first());
         FrameParams {
             size: [self.image.width() as i32, self.image.height() as i32],
             analytic: analytic as u32,
@@ -224,6 +228,11 @@ impl Gpu {
             oversampling: table.map_or(0, |table| table.oversampling as i32),
         }
     }
+}
+
+/// The layer of the first kernel: after the PSF's own tables.
+fn first_kernel(plan: &ExposurePlan) -> usize {
+    plan.psf.nodes().len()
 }
 
 /// Workgroups along x (stars) and y (parts of the largest box).

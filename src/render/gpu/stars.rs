@@ -82,7 +82,7 @@ pub(super) fn fill_stars(
         let parts = plan.stars.iter().flat_map(|star| plan.parts(star).map(move |part| (star, part)));
         let members = parts.filter_map(|(star, (list, share))| {
             let source = source(list);
-            if source.layer.is_none() == analytic { record(plan, star, share, source, size) } else { None }
+            if source.layer.is_none() == analytic { record(plan, star, (list, share), source, size) } else { None }
         });
         stars.extend(members);
     };
@@ -93,8 +93,14 @@ pub(super) fn fill_stars(
 }
 
 #[allow(clippy::cast_possible_truncation, reason = "the planner keeps positions within a few detectors of the origin")]
-fn record(plan: &ExposurePlan, star: &PlannedStar, share: f64, source: Source, size: [usize; 2]) -> Option<StarRecord> {
-    let list = plan.list_of(star);
+fn record(
+    plan: &ExposurePlan,
+    star: &PlannedStar,
+    (list, share): (usize, f64),
+    source: Source,
+    size: [usize; 2],
+) -> Option<StarRecord> {
+    let list = plan.lists.get(list)?;
     let track = StarTrack::new(&plan.camera, star.place);
     let by_nodes = matches!(list.drawing, Drawing::Nodes);
     let px = if by_nodes { plan.origin_px(star, &track) } else { star.mean_px };
