@@ -6,7 +6,7 @@ use crate::optics::chain_light::ChainLight;
 use crate::optics::chain_psf::{ChainPsf, Drawing};
 use crate::optics::energy::{self, Centring};
 use crate::optics::mtf::{MtfChain, Term};
-use crate::optics::{Band, PsfModel, spectral_weights};
+use crate::optics::{Band, PsfGrid, PsfModel, spectral_weights};
 use crate::sink::write_file_atomically;
 use crate::wiring::camera_parts::camera_params;
 use anyhow::{Context, Result, bail};
@@ -27,6 +27,11 @@ const COLORS: [(&str, f64); 3] = [("blue", -0.3), ("Sun", 0.82), ("red", 3.0)];
 /// Largest difference between stars' colours with which one PSF is enough: the share of the flux per pixel that a
 /// drawn star may err by.
 const ONE_PSF: f64 = 1e-3;
+
+/// Samples per pixel of a blend of a field's PSFs.
+const GRID_OVERSAMPLING: usize = 16;
+/// Share of the light that may lie outside such a blend.
+const GRID_OUTSIDE: f64 = 1e-4;
 
 /// Command line of `psf`.
 #[derive(Debug, Args)]
@@ -50,6 +55,9 @@ pub struct PsfArgs {
     /// Colour of the star instead of the camera's, Gaia BP-RP (chains over a band only)
     #[arg(long, value_name = "MAG", allow_negative_numbers = true)]
     bp_rp: Option<f64>,
+    /// Place of the star on the detector instead of its middle, pixels (PSFs over a field only)
+    #[arg(long, value_name = "X,Y", value_delimiter = ',', allow_negative_numbers = true)]
+    place: Option<Vec<f64>>,
     /// Draw the chain into this file, and the star's profile and encircled energy into FILE_energy.svg
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
@@ -72,7 +80,10 @@ pub fn run(arguments: &PsfArgs) -> Result<()> {
     if let Some(bad) = arguments.at.iter().find(|share| !(0.0..=1000.0).contains(*share)) {
         bail!("--at has {bad}; wanted shares of the Nyquist frequency, 0 to 1000, such as 0.5,1");
     }
-    let star = Star::new(named_camera(arguments.file.as_deref())?, arguments.bp_rp)?;
+    let mut star = Star::new(named_camera(arguments.file.as_deref())?, arguments.bp_rp)?;
+    if let Some(place) = &arguments.place {
+        star.move_to(place)?;
+    }
     print!("{}", report(&star, &arguments.at)?);
     if let Some(path) = &arguments.plot {
         for (path, svg) in psf_plot::files(&star, path) {
@@ -113,6 +124,23 @@ impl Star {
         let drawn =
             ChainPsf::draw(&chain, &Drawing::default()).with_context(|| format!("camera \"{}\"", camera.name))?;
         Ok(Self { camera, psf: PsfModel::grid(drawn.grid.clone()), chain: Some((chain, drawn)) })
+    }
+
+    /// Takes the PSF of another place in the field.
+    fn move_to(&mut self, place: &[f64]) -> Result<()> {
+        let detector = &self.camera.detector;
+        let size = [detector.width_px, detector.height_px].map(f64::from);
+        let &[x, y] = place else { bail!("--place has {} numbers; wanted two, such as 100,200", place.len()) };
+        if !(-0.5..=size[0] - 0.5).contains(&x) || !(-0.5..=size[1] - 0.5).contains(&y) {
+            bail!("--place is {x},{y}; wanted a place on the detector of {} x {} px", size[0], size[1]);
+        }
+        if !matches!(self.psf, PsfModel::Field(_)) {
+            bail!("--place is {x},{y}, but \"{}\" has one PSF for all places: leave it out", self.camera.name);
+        }
+        let half_px = self.psf.half_px(GRID_OUTSIDE).max(2);
+        let blend = PsfGrid::sampled(GRID_OVERSAMPLING, half_px, |dx, dy| self.psf.pixel_of([x, y], dx, dy));
+        self.psf = PsfModel::grid(blend.with_context(|| format!("the PSF at {x},{y}"))?);
+        Ok(())
     }
 
     /// Whether x and y differ.
@@ -221,7 +249,7 @@ fn energies(text: &mut String, star: &Star) -> Result<()> {
     // Samples of what pixels see say nothing of the light before.
     let light = |of_model: &dyn Fn(&PsfModel) -> f64, of_chain: &dyn Fn(&ChainLight) -> f64| match (&chain, psf) {
         (Some(chain), _) => format!("{:.4}", of_chain(chain)),
-        (None, PsfModel::Grid(_)) => "-".into(),
+        (None, PsfModel::Grid(_) | PsfModel::Field(_)) => "-".into(),
         _ => format!("{:.4}", of_model(psf)),
     };
     writeln!(text, "{:<32}{:>18}{:>20}", "star on a pixel's centre", "before the pixel", "as pixels see it")?;
@@ -308,7 +336,7 @@ fn colors(text: &mut String, chain: &MtfChain, drawn: &ChainPsf, band: &Band) ->
     let told = if worst <= ONE_PSF {
         "one PSF is enough for all stars"
     } else {
-        "one PSF for all stars errs by more than a pixel should: choose psf.bp_rp for the stars that matter"
+        "one PSF does not do for all stars: choose psf.bp_rp for those that matter"
     };
     writeln!(text, "  {told} (a pixel may err by {ONE_PSF:.0e} of the flux)")?;
     Ok(())
@@ -350,7 +378,7 @@ mod tests {
         let text = told("cameras/small_tracker.toml");
         assert!(text.contains("Gaussian, sigma 0.65 px") && !text.contains("diffraction"), "{text}");
         // 1 - exp(-1 / 2 / 0.65^2) and 2.35482 x 0.65.
-        assert!(text.contains("0.6937") && text.contains("1.5306"), "{text}");
+        assert!(text.contains("0.6938") && text.contains("1.5306"), "{text}");
     }
 
     #[test]
@@ -360,6 +388,21 @@ mod tests {
         assert!(error.contains("--bp-rp") && error.contains("no chain over a [band]"), "{error}");
         let error = named_camera(Some(Path::new("cameras/none.toml"))).unwrap_err().to_string();
         assert!(error.contains("cameras/none.toml"), "{error}");
+    }
+
+    #[test]
+    fn a_place_belongs_to_a_field() {
+        use crate::optics::psf_field::PsfField;
+        let mut star = Star::new(named_camera(Some(Path::new("cameras/small_tracker.toml"))).unwrap(), None).unwrap();
+        let error = star.move_to(&[10.0, 10.0]).unwrap_err().to_string();
+        assert!(error.contains("one PSF for all places"), "{error}");
+        let nodes = [0.6, 0.8, 0.6, 0.8].map(PsfModel::gaussian).to_vec();
+        star.psf = PsfModel::field(PsfField::new([2, 2], [256, 256], nodes).unwrap());
+        assert!(star.move_to(&[256.0, 10.0]).unwrap_err().to_string().contains("256 x 256"), "outside");
+        assert!(star.move_to(&[10.0]).unwrap_err().to_string().contains("wanted two"), "half a place");
+        star.move_to(&[255.5, 10.0]).unwrap();
+        let right = PsfModel::gaussian(0.8);
+        assert!(largest_difference(&star.psf, &right) < 1e-5, "the right edge has its own star");
     }
 
     #[test]

@@ -86,7 +86,7 @@ impl Camera {
         let detector = Detector::check(&keys.detector, &mut check)?;
         let optics = Optics::check(&keys.optics, &detector, &mut check)?;
         let distortion = Distortion::check(&keys.distortion, &check)?;
-        let mut psf = Psf::check(&keys.psf, keys.mtf.as_ref(), &optics, detector.pixel_pitch_um, &mut check)?;
+        let mut psf = Psf::check(&keys.psf, keys.mtf.as_ref(), &detector, &optics, &mut check)?;
         belongs_to_chain(keys.mtf.as_ref(), &psf, &check)?;
         let sampling = Psf::check_sampling(&keys.psf, &mut check)?;
         let illumination = keys.illumination.check(&optics, &mut check)?;

@@ -172,6 +172,23 @@ impl Document {
         own.parent().map(Path::to_path_buf).unwrap_or_default().join(path)
     }
 
+    /// The bytes of the file that the value of `key` names, relative to this one; of a packed document, to where it was.
+    pub(super) fn bytes_of(&self, key: &str, path: &str) -> Result<Vec<u8>, ConfigError> {
+        let own = match &self.origin {
+            Origin::File(own) => own.clone(),
+            Origin::BuiltIn(_) => PathBuf::new(),
+            Origin::Packed { .. } => PathBuf::from(self.name()),
+        };
+        let path = own.parent().map(Path::to_path_buf).unwrap_or_default().join(path);
+        let named_by = format!("; named by {key} in {}: paths are relative to the file that names them", self.name());
+        let why = |error: std::io::Error| ConfigError::Read {
+            file: path.display().to_string(),
+            why: error.to_string(),
+            named_by,
+        };
+        std::fs::read(&path).map_err(why)
+    }
+
     /// How messages call it.
     #[must_use]
     pub fn name(&self) -> String {

@@ -38,6 +38,7 @@ mod link_keys;
 mod mtf;
 mod observer;
 mod optics;
+mod psf;
 mod radiometry;
 mod scenario;
 mod session;
@@ -76,6 +77,8 @@ pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 mod detector_tests;
 #[cfg(test)]
 mod light_tests;
+#[cfg(test)]
+mod psf_tests;
 #[cfg(test)]
 mod setting_tests;
 #[cfg(test)]

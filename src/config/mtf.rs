@@ -12,7 +12,8 @@ use crate::optics::mtf::{ChainParams, Defocus, DefocusForm, MtfChain, MtfError, 
 use crate::optics::{Band, SpectralWeight, spectral_weights};
 use serde::Deserialize;
 
-/// Wavelengths that stand for a band. Twice as many move no pixel by more than 1e-5 of the flux.
+/// Wavelengths that stand for a band. Four times as many move no pixel by more than 1e-5 of the flux
+/// (`tests/physics/psf_chain.rs`).
 pub const WAVELENGTHS: usize = 16;
 
 /// Light in which the star is drawn.

@@ -6,7 +6,9 @@ use crate::config::detector::Detector;
 use crate::config::distortion::{Terms, check_polynomial};
 use crate::config::error::ConfigError;
 use crate::config::mtf::{Chain, LensKeys, MtfKeys};
+use crate::config::psf::{self, LevelOrWord, NodeKeys, PlaceOrWord};
 use crate::exposure::PsfSampling;
+use crate::optics::PsfModel;
 use serde::Deserialize;
 
 /// Shortest focal length, mm: a tenth of that, and one pixel sees most of the sky.
@@ -71,6 +73,8 @@ pub enum Psf {
     },
     /// A chain of transfer functions.
     Chain(Box<Chain>),
+    /// A Moffat profile, a measured PSF, or a field of PSFs, as it is drawn.
+    Made(PsfModel),
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -108,6 +112,35 @@ pub(super) struct PsfKeys {
     obscuration: Option<f64>,
     bp_rp: Option<f64>,
     pub(super) sampling: Option<String>,
+    fwhm_px: Option<f64>,
+    beta: Option<f64>,
+    file: Option<String>,
+    samples_per_px: Option<i64>,
+    holds: Option<String>,
+    background: Option<LevelOrWord>,
+    star_at: Option<PlaceOrWord>,
+    light_inside: Option<f64>,
+    nodes: Option<[i64; 2]>,
+    #[serde(default)]
+    node: Vec<NodeKeys>,
+}
+
+impl PsfKeys {
+    /// Those of a PSF that may also stand at a node.
+    fn of_node(&self) -> NodeKeys {
+        NodeKeys {
+            model: self.model.clone(),
+            sigma_px: self.sigma_px,
+            fwhm_px: self.fwhm_px,
+            beta: self.beta,
+            file: self.file.clone(),
+            samples_per_px: self.samples_per_px,
+            holds: self.holds.clone(),
+            background: self.background.clone(),
+            star_at: self.star_at.clone(),
+            light_inside: self.light_inside,
+        }
+    }
 }
 
 impl Optics {
@@ -205,49 +238,74 @@ enum Model {
     Gaussian,
     Airy,
     Chain,
+    Moffat,
+    Measured,
+    Field,
 }
 
 impl Psf {
     pub(super) fn check(
         keys: &PsfKeys,
         mtf: Option<&MtfKeys>,
+        detector: &Detector,
         optics: &Optics,
-        pixel_pitch_um: f64,
         check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
-        let models = [("gaussian", Model::Gaussian), ("airy", Model::Airy), ("chain", Model::Chain)];
-        let advice = "gaussian takes sigma_px; airy takes f_number, wavelength_nm, obscuration; chain too, and [mtf]";
+        let models = [
+            ("gaussian", Model::Gaussian),
+            ("airy", Model::Airy),
+            ("moffat", Model::Moffat),
+            ("measured", Model::Measured),
+            ("field", Model::Field),
+            ("chain", Model::Chain),
+        ];
+        let advice = "gaussian takes sigma_px; airy takes f_number, wavelength_nm, obscuration; moffat takes fwhm_px, beta; \
+                      measured takes file, samples_per_px; field takes nodes and [[psf.node]]; chain takes what airy does, bp_rp and [mtf]";
         let model = check.choice("psf.model", keys.model.as_deref(), &models, advice)?;
         let is_chain = matches!(model, Model::Chain);
         check.unused("psf.bp_rp", keys.bp_rp.is_some() && !is_chain, "model = \"chain\"")?;
+        if !matches!(model, Model::Airy | Model::Chain) {
+            for (key, given) in [
+                ("psf.f_number", keys.f_number),
+                ("psf.wavelength_nm", keys.wavelength_nm),
+                ("psf.obscuration", keys.obscuration),
+            ] {
+                check.unused(key, given.is_some(), "model = \"airy\"")?;
+            }
+        }
+        if !matches!(model, Model::Gaussian) {
+            check.unused("psf.sigma_px", keys.sigma_px.is_some(), "model = \"gaussian\"")?;
+        }
+        let is_field = matches!(model, Model::Field);
+        check.unused("psf.nodes", keys.nodes.is_some() && !is_field, "model = \"field\"")?;
+        check.unused("psf.node", !keys.node.is_empty() && !is_field, "model = \"field\"")?;
+        let own = keys.of_node();
         match model {
+            Model::Moffat => return Ok(Self::Made(own.moffat("psf", check)?)),
+            Model::Measured => return Ok(Self::Made(own.measured("psf", check)?)),
+            _ => own.unused_by("", "psf", check)?,
+        }
+        match model {
+            Model::Field => {
+                let size_px = [detector.width_px, detector.height_px];
+                Ok(Self::Made(psf::field(keys.nodes, &keys.node, size_px, check)?))
+            }
             Model::Gaussian => {
-                for (key, given) in [
-                    ("psf.f_number", keys.f_number),
-                    ("psf.wavelength_nm", keys.wavelength_nm),
-                    ("psf.obscuration", keys.obscuration),
-                ] {
-                    check.unused(key, given.is_some(), "model = \"airy\"")?;
-                }
                 let advice = "standard deviation in pixels, such as 0.7; a star must spread over a few pixels";
                 let rule = Rule::Within(0.05, 20.0);
                 let sigma_px = check.number("psf.sigma_px", keys.sigma_px, DEFAULT_SIGMA_PX, rule, advice)?;
                 Ok(Self::Gaussian { sigma_px })
             }
-            Model::Airy => {
-                check.unused("psf.sigma_px", keys.sigma_px.is_some(), "model = \"gaussian\"")?;
-                Self::check_airy(keys, optics, check)
-            }
             Model::Chain => {
-                check.unused("psf.sigma_px", keys.sigma_px.is_some(), "model = \"gaussian\"")?;
                 let lens = LensKeys {
                     f_number: keys.f_number,
                     wavelength_nm: keys.wavelength_nm,
                     obscuration: keys.obscuration,
                     bp_rp: keys.bp_rp,
                 };
-                Ok(Self::Chain(Box::new(Chain::check(&lens, mtf, optics, pixel_pitch_um, check)?)))
+                Ok(Self::Chain(Box::new(Chain::check(&lens, mtf, optics, detector.pixel_pitch_um, check)?)))
             }
+            _ => Self::check_airy(keys, optics, check),
         }
     }
 

@@ -24,7 +24,7 @@
 
 use crate::optics::mtf::{MtfChain, gaussian};
 use crate::optics::psf::LARGEST_HALF_PX;
-use crate::optics::psf_grid::{PsfGrid, PsfGridError};
+use crate::optics::psf_grid::{MOST_OVERSAMPLING, PsfGrid, PsfGridError};
 use core::f64::consts::PI;
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
@@ -197,8 +197,14 @@ impl<'a> Spectrum<'a> {
     }
 
     fn oversampling(&self, drawing: &Drawing) -> Result<(usize, f64), ChainPsfError> {
-        if let Some(given) = drawing.oversampling {
-            return Ok((given, self.between(given)));
+        if let Some(got) = drawing.oversampling {
+            // The grid would refuse it too, after as many samples as were asked for.
+            let is_known = got.is_multiple_of(2) && (2..=MOST_OVERSAMPLING).contains(&got);
+            return if is_known {
+                Ok((got, self.between(got)))
+            } else {
+                Err(PsfGridError::Oversampling { got }.into())
+            };
         }
         let bounds = OVERSAMPLINGS.map(|n| (n, self.between(n)));
         let [.., (most, bound)] = bounds;

@@ -3,7 +3,7 @@
 //! In: a PSF model, lengths in px. Out: shares of the star's light (of all of it, over the infinite plane), px.
 //! * [`encircled_energy`] and [`fwhm_px`] tell of the *light* on the detector: Gaussian `1 - exp(-r^2 / 2 s^2)`, Moffat
 //!   `1 - [1 + (r/a)^2]^(1 - b)`, Airy a radial integral (Rayleigh 1881 without obscuration). A grid of samples knows
-//!   only what pixels *see*, the light blurred by a pixel, and tells of that: [`seen_encircled_energy`] and
+//!   only what pixels *see*, the light blurred by a pixel, and tells of that, as a field does for its middle: [`seen_encircled_energy`] and
 //!   [`seen_fwhm_px`] do so for every model, and are what models are compared by.
 //! * [`ensquared_energy`] and [`energy_on_detector`] are sums of whole pixels, the same for every model.
 //!
@@ -23,7 +23,7 @@ pub enum Centring {
     Corner,
 }
 
-/// Share of the light within `radius_px` of the star; of what pixels see for a grid.
+/// Share of the light within `radius_px` of the star; of what pixels see for a grid and a field.
 #[must_use]
 pub fn encircled_energy(psf: &PsfModel, radius_px: f64) -> f64 {
     match psf {
@@ -83,7 +83,7 @@ pub fn energy_on_detector(psf: &PsfModel, centring: Centring) -> f64 {
     }
 }
 
-/// Full width at half height of the light, px, mean of x and y; of what pixels see for a grid.
+/// Full width at half height of the light, px, mean of x and y; of what pixels see for a grid and a field.
 #[must_use]
 pub fn fwhm_px(psf: &PsfModel) -> f64 {
     match psf {

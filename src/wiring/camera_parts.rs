@@ -85,5 +85,6 @@ fn psf(camera: &config::Camera) -> Result<PsfModel> {
             let drawn = ChainPsf::draw(&chain, &Drawing::default());
             PsfModel::grid(drawn.with_context(|| format!("camera \"{}\"", camera.name))?.grid)
         }
+        config::Psf::Made(psf) => psf.clone(),
     })
 }

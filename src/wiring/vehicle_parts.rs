@@ -228,6 +228,7 @@ fn tracker_params(scenario: &Scenario) -> TrackerParams {
         config::Psf::Chain(chain) => {
             MtfChain::new(chain.params.clone()).map_or(AIRY_SIGMA, |chain| chain.core_sigma_px())
         }
+        config::Psf::Made(psf) => psf.core_sigma_px(),
     };
     TrackerParams {
         prnu: detector.prnu / levels.pixels.sqrt(),

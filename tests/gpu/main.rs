@@ -16,6 +16,7 @@ mod drawing;
 mod effects;
 mod overflow;
 mod passes;
+mod psf_models;
 mod repeat;
 mod scene;
 mod spatial;

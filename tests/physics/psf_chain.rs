@@ -336,3 +336,28 @@ fn a_band_is_drawn_as_the_mean_of_its_wavelengths() {
     assert!((alone[0].grid.pixel(0.0, 0.0) - alone[2].grid.pixel(0.0, 0.0)).abs() > 1e-2, "colours differ");
     assert!(diffraction::cutoff(0.8) < chain(all_terms()).cutoff(), "blue light reaches further");
 }
+
+#[test]
+fn sixteen_wavelengths_stand_for_a_band() {
+    use starloop::optics::{Band, Spectrum, spectral_weights};
+    /// What the number of wavelengths may change, share of the flux per pixel.
+    const BAND: f64 = 1e-5;
+    let qe = Spectrum::share(vec![[400.0, 0.35], [550.0, 0.6], [700.0, 0.43], [850.0, 0.17], [1000.0, 0.02]]).unwrap();
+    let band = Band::with_flat_transmission(0.85, qe).unwrap();
+    let drawing = Drawing { oversampling: Some(8), half_px: Some(16), ..Drawing::default() };
+    let star = |bp_rp: f64, n: usize| {
+        let lens = ChainParams { pixel_pitch_um: 5.5, f_number: 2.0, assembly_um: 1.8, ..plain(0.5, 0.0) };
+        draw(ChainParams { band: spectral_weights(&band, bp_rp, n), ..lens }, &drawing).grid
+    };
+    let difference = |bp_rp: f64, n: usize| {
+        let (few, many) = (star(bp_rp, n), star(bp_rp, 64));
+        let places = (0..64).flat_map(|y| (0..64).map(move |x| (f64::from(x) / 8.0, f64::from(y) / 8.0)));
+        places.map(|(x, y)| (few.pixel(x, y) - many.pixel(x, y)).abs()).fold(0.0, f64::max)
+    };
+    for bp_rp in [-0.3, 0.82, 3.0] {
+        let sixteen = difference(bp_rp, starloop::config::WAVELENGTHS);
+        println!("BP-RP {bp_rp}: {sixteen:.1e} of the flux per pixel");
+        assert!(sixteen < BAND, "BP-RP {bp_rp}: {sixteen:e}");
+    }
+    assert!(difference(0.82, 4) > BAND, "four are too few");
+}
