@@ -8,6 +8,7 @@ use crate::exposure::cost::CostModel;
 use crate::exposure::plan::{Assessment, MOTION_SHARE, Verdict};
 use crate::exposure::sampling::sampling_error;
 use crate::exposure::{ExposurePlan, PsfSampling, Rung};
+use crate::optics::PsfModel;
 use crate::runtime::{Imager, RunParams};
 use core::fmt::{Error, Write};
 
@@ -54,7 +55,9 @@ pub(super) fn write_sampling(text: &mut String, params: &RunParams) -> Result<()
     for sampling in PsfSampling::CHARTED.into_iter().chain(uncharted) {
         let error = sampling_error(&camera.psf, sampling);
         let pixel_sigma = error.peak * full_well_e / noise_e;
-        let verdict = if error.centroid_px > MOTION_SHARE * budget.centroid_px {
+        let verdict = if !sampling.is_exact() && !matches!(camera.psf, PsfModel::Gaussian { .. }) {
+            "refused: for Gaussian PSFs alone"
+        } else if error.centroid_px > MOTION_SHARE * budget.centroid_px {
             "refused: centroid error over the budget"
         } else if pixel_sigma > budget.pixel_sigma {
             "refused: pixel error over the budget"
@@ -115,6 +118,10 @@ pub(super) fn write_plan(text: &mut String, number: u32, plan: &ExposurePlan, pl
     write_classes(text, plan)?;
     let side_px = 2 * plan.half_px + 1;
     let lost = plan.psf.lost_flux(plan.half_px);
+    if let PsfModel::Field(field) = &plan.psf {
+        let [columns, rows] = field.cells().map(|cells| cells + 1);
+        writeln!(text, "  PSF          {columns} x {rows} over the field; every star is a blend of the four about it")?;
+    }
     writeln!(
         text,
         "  footprint    {side_px} x {side_px} px about every node: {lost:.1e} of a star's light is lost at most"

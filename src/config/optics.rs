@@ -312,10 +312,16 @@ impl Psf {
     /// How pixel values are had from the PSF.
     pub(super) fn check_sampling(keys: &PsfKeys, check: &mut Checker<'_>) -> Result<PsfSampling, ConfigError> {
         let word = check.given_or("psf.sampling", keys.sampling.clone(), "auto".to_owned());
-        word.parse().map_err(|_| {
-            let wanted = "auto, table:S, supersampled:N, point or bicubic";
+        let refuse = |wanted: &str| {
             check.invalid("psf.sampling", format!("\"{word}\""), wanted, "auto is exact, and right for most cameras")
-        })
+        };
+        let sampling: PsfSampling =
+            word.parse().map_err(|_| refuse("auto, table:S, supersampled:N, point or bicubic"))?;
+        let tabled = keys.model.as_deref().is_some_and(|model| ["moffat", "measured", "field"].contains(&model));
+        if tabled && !sampling.is_exact() {
+            return Err(refuse("auto or table:S for this model (the others take points of a Gaussian)"));
+        }
+        Ok(sampling)
     }
 
     fn check_airy(keys: &PsfKeys, optics: &Optics, check: &mut Checker<'_>) -> Result<Self, ConfigError> {

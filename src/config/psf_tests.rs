@@ -83,6 +83,7 @@ fn each_rule_has_a_failing_example() {
         ("model = \"moffat\"\nfwhm_px = 0.1", "psf.fwhm_px", ["0.4", "full width"]),
         ("model = \"moffat\"\nfwhm_px = 2\nbeta = 1", "psf.beta", ["1.2", "wings"]),
         ("model = \"moffat\"\nfwhm_px = 2\nsigma_px = 1", "psf.sigma_px", ["belongs to", "gaussian"]),
+        ("model = \"moffat\"\nfwhm_px = 2\nsampling = \"point\"", "psf.sampling", ["auto or table:S", "exact"]),
         ("fwhm_px = 2", "psf.fwhm_px", ["belongs to", "moffat"]),
         ("file = \"x.fits\"", "psf.file", ["belongs to", "measured"]),
         ("nodes = [2, 2]", "psf.nodes", ["belongs to", "field"]),

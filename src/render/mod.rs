@@ -17,6 +17,7 @@ pub mod spline;
 pub mod table;
 
 use crate::exposure::plan::{LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOST_KERNELS, StarClass, Verdict};
+use crate::exposure::sampling::{oversampling, table_images};
 use crate::exposure::{ExposurePlan, Method, PsfSampling};
 use crate::gpu::Electrons;
 
@@ -38,14 +39,21 @@ pub trait Backend: Send {
     fn electrons(&self) -> Electrons<'_>;
 }
 
-/// Refuses a plan whose effective PSF would need a table beyond all bounds.
+/// Refuses a plan whose tables would be beyond all bounds.
 ///
 /// # Errors
-/// When the path leads further than [`LONGEST_KERNEL_PX`] from its mean, or there are too many kernels.
+/// When the tables of a field of PSFs are too large, the path leads further than [`LONGEST_KERNEL_PX`] from its mean, or
+/// there are too many kernels.
 pub fn check_kernel(plan: &ExposurePlan) -> Result<(), RenderError> {
     let long = plan.extent_px.is_nan() || plan.extent_px > LONGEST_KERNEL_PX;
     if plan.has_kernel() && long {
         return Err(RenderError::KernelTooLong { extent_px: plan.extent_px });
+    }
+    let nodes = plan.psf.nodes().len();
+    let side = 2 * plan.half_px + 1;
+    let bytes = nodes * table_images(oversampling(&plan.psf)) * side * side.next_multiple_of(16) * size_of::<f32>();
+    if nodes > 1 && bytes > MOST_KERNEL_BYTES {
+        return Err(RenderError::FieldTooLarge { nodes, half_px: plan.half_px, got_mib: bytes >> 20 });
     }
     let too_many = |class: &StarClass| class.chosen.verdict == Verdict::TooManyKernels;
     if let Some(class) = plan.classes.iter().find(|class| too_many(class)) {
@@ -89,6 +97,20 @@ pub enum RenderError {
     TooManyKernels {
         /// The method.
         method: Method,
+    },
+    /// the tables of a field of PSFs take too much memory
+    #[error(
+        "the tables of {nodes} PSFs over the field, {half_px} px to each side, would take {got_mib} MiB, wanted at most {} MiB; \
+         take fewer nodes, PSFs on smaller grids, or a looser flux budget",
+        MOST_KERNEL_BYTES >> 20
+    )]
+    FieldTooLarge {
+        /// PSFs.
+        nodes: usize,
+        /// Half-width of their footprints, px.
+        half_px: usize,
+        /// What they take, MiB.
+        got_mib: usize,
     },
     /// a sampling of the PSF that this backend, or this PSF, does not have
     #[error(
