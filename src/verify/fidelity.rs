@@ -28,7 +28,7 @@ pub struct Truth {
     pub dark_e: f64,
     /// White noise of a pixel's readout, e- rms.
     pub read_noise_e_rms: f64,
-    /// Noise that a row shares, e- rms.
+    /// Noise that a row shares, e- rms; taken as independent from row to row, which 1/f is not.
     pub row_noise_e_rms: f64,
     /// Spread of the pixels' dark means, e- rms.
     pub dsnu_e_rms: f64,

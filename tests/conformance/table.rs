@@ -27,6 +27,7 @@ pub(crate) const ROOMS: &[Room] = &[
         name: "chart",
         may_import: &["attitude", "astrometry", "optics", "exposure", "render", "detector", "gpu", "report"],
     },
+    Room { name: "verify", may_import: &["optics", "exposure", "detector", "report"] },
     Room { name: "testbed", may_import: &["link", "firmware_protocol", "sky::catalog"] },
     Room {
         name: "runtime",
@@ -95,6 +96,7 @@ pub(crate) const ROOMS: &[Room] = &[
             "runtime",
             "config",
             "chart",
+            "verify",
             "wiring",
             // The type of an image that may live on a device, and the identifiers of the bus.
             "gpu",
