@@ -6,7 +6,7 @@ use crate::optics::chain_light::ChainLight;
 use crate::optics::chain_psf::{ChainPsf, Drawing};
 use crate::optics::energy::{self, Centring};
 use crate::optics::mtf::{MtfChain, Term};
-use crate::optics::{Band, PsfGrid, PsfModel, spectral_weights};
+use crate::optics::{Band, PsfGrid, PsfModel};
 use crate::sink::write_file_atomically;
 use crate::wiring::camera_parts::camera_params;
 use anyhow::{Context, Result, bail};
@@ -154,7 +154,7 @@ fn take_color(chain: &mut Chain, band: &Band, bp_rp: f64) -> Result<()> {
         bail!("--bp-rp is {bp_rp}; wanted a colour from -1 to 7, such as the Sun's, 0.82");
     }
     chain.light = LightOfChain::Color(bp_rp);
-    chain.params.band = spectral_weights(band, bp_rp, crate::config::WAVELENGTHS);
+    chain.params = chain.params.in_band(band, bp_rp);
     Ok(())
 }
 
@@ -320,7 +320,7 @@ fn colors(text: &mut String, chain: &MtfChain, drawn: &ChainPsf, band: &Band) ->
     };
     let mut worst = 0.0_f64;
     for (name, bp_rp) in COLORS {
-        let other = chain.in_light(spectral_weights(band, bp_rp, crate::config::WAVELENGTHS))?;
+        let other = MtfChain::new(chain.params().in_band(band, bp_rp))?;
         let psf = PsfModel::grid(ChainPsf::draw(&other, &same)?.grid);
         let difference = largest_difference(&psf, &reference);
         worst = worst.max(difference);

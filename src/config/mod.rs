@@ -61,7 +61,7 @@ pub use event::{Action, Event, GyroFaultKind, Pointing};
 pub use expect::Expect;
 pub use flight_computer::{FlightComputer, JitterLineSettings, JitterSource, Slew};
 pub use link::{Carrier, Doors, FlowControl, Link, Parity, SerialPort, Wire};
-pub use mtf::{Chain, LightOfChain, WAVELENGTHS};
+pub use mtf::{Chain, LightOfChain};
 pub use observer::Observer;
 pub use optics::{Distortion, Optics, Psf};
 pub use radiometry::{Exposure, Radiometry, RadiometryModel};

@@ -9,12 +9,8 @@ use crate::config::optics::{DEFAULT_WAVELENGTH_NM, LARGEST_OBSCURATION, Optics, 
 use crate::optics::mtf::circuit::{Circuit, LOWEST_CUTOFF};
 use crate::optics::mtf::diffusion::{Diffusion, Layers, Side};
 use crate::optics::mtf::{ChainParams, Defocus, DefocusForm, MtfChain, MtfError, Wavefront};
-use crate::optics::{Band, SpectralWeight, spectral_weights};
+use crate::optics::{Band, SpectralWeight};
 use serde::Deserialize;
-
-/// Wavelengths that stand for a band. Four times as many move no pixel by more than 1e-5 of the flux
-/// (`tests/physics/psf_chain.rs`).
-pub const WAVELENGTHS: usize = 16;
 
 /// Light in which the star is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -113,7 +109,7 @@ impl Chain {
                 return Err(check.invalid("psf.wavelength_nm", nm, "a wavelength inside [band]", advice));
             }
             (LightOfChain::Wavelength(wavelength_nm), _) => vec![SpectralWeight { wavelength_nm, weight: 1.0 }],
-            (LightOfChain::Color(bp_rp), Some(band)) => spectral_weights(band, bp_rp, WAVELENGTHS),
+            (LightOfChain::Color(bp_rp), Some(band)) => self.params.in_band(band, bp_rp).band,
             (LightOfChain::Color(bp_rp), None) => {
                 let advice = "give the camera's [band], or psf.wavelength_nm in place of psf.bp_rp";
                 return Err(check.invalid("psf.bp_rp", bp_rp, "no colour without a [band]", advice));

@@ -339,6 +339,7 @@ fn a_band_is_drawn_as_the_mean_of_its_wavelengths() {
 
 #[test]
 fn sixteen_wavelengths_stand_for_a_band() {
+    use starloop::optics::mtf::WAVELENGTHS;
     use starloop::optics::{Band, Spectrum, spectral_weights};
     /// What the number of wavelengths may change, share of the flux per pixel.
     const BAND: f64 = 1e-5;
@@ -355,7 +356,7 @@ fn sixteen_wavelengths_stand_for_a_band() {
         places.map(|(x, y)| (few.pixel(x, y) - many.pixel(x, y)).abs()).fold(0.0, f64::max)
     };
     for bp_rp in [-0.3, 0.82, 3.0] {
-        let sixteen = difference(bp_rp, starloop::config::WAVELENGTHS);
+        let sixteen = difference(bp_rp, WAVELENGTHS);
         println!("BP-RP {bp_rp}: {sixteen:.1e} of the flux per pixel");
         assert!(sixteen < BAND, "BP-RP {bp_rp}: {sixteen:e}");
     }

@@ -11,67 +11,10 @@
 //! tests hold products against terms by hand; `tests/physics/psf_chain.rs` holds the drawn PSF against all of it.
 
 use crate::optics::SpectralWeight;
-use crate::optics::mtf::circuit::{Circuit, LOWEST_CUTOFF};
+use crate::optics::mtf::chain_params::{ChainParams, DefocusForm};
 use crate::optics::mtf::defocus::{self, DefocusedPupil};
 use crate::optics::mtf::diffusion::Diffusion;
 use crate::optics::mtf::{MtfError, aberration, aperture, circuit, diffraction, gaussian};
-
-/// Shares of a band may miss 1 by this: what a table of printed weights loses.
-const WEIGHT_SUM: f64 = 1e-6;
-
-/// Which form defocus takes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum DefocusForm {
-    /// Autocorrelation of the defocused pupil.
-    Exact,
-    /// Diffraction times the transform of the blur disc.
-    Geometric,
-}
-
-/// A focus error.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Defocus {
-    /// Image plane to focus, um; either sign, the star is the same.
-    pub defocus_um: f64,
-    /// Its form.
-    pub form: DefocusForm,
-}
-
-/// Wavefront error of the optics besides defocus: the same path length at every wavelength.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Wavefront {
-    /// RMS over the pupil, waves.
-    pub rms_waves: f64,
-    /// At this wavelength, nm.
-    pub at_nm: f64,
-}
-
-/// What a chain is made of; `None` and 0 are off.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ChainParams {
-    /// Pixel pitch, um.
-    pub pixel_pitch_um: f64,
-    /// Focal length over aperture.
-    pub f_number: f64,
-    /// Linear central obscuration.
-    pub obscuration: f64,
-    /// Aberrations.
-    pub wavefront: Option<Wavefront>,
-    /// Focus error.
-    pub defocus: Option<Defocus>,
-    /// Blur of assembly, standard deviation on the detector, um.
-    pub assembly_um: f64,
-    /// Blur of fabrication, standard deviation on the detector, um.
-    pub fabrication_um: f64,
-    /// Charge diffusion.
-    pub diffusion: Option<Diffusion>,
-    /// Width of the pixel's sensitive square, px.
-    pub aperture_px: f64,
-    /// Bandwidth of the readout.
-    pub circuit: Option<Circuit>,
-    /// The light: one wavelength, or a band.
-    pub band: Vec<SpectralWeight>,
-}
 
 /// One link of the chain, in the order of light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -147,8 +90,7 @@ impl MtfChain {
     /// # Errors
     /// What is outside its domain, at whichever wavelength of the band.
     pub fn new(params: ChainParams) -> Result<Self, MtfError> {
-        check_numbers(&params)?;
-        check_band(&params.band)?;
+        params.check()?;
         let colors = params.band.iter().map(|light| Color::new(&params, *light)).collect::<Result<_, _>>()?;
         Ok(Self { params, colors })
     }
@@ -321,52 +263,12 @@ impl Color {
     }
 }
 
-fn check_numbers(p: &ChainParams) -> Result<(), MtfError> {
-    let check = |what, got: f64, is_met: bool, wanted, advice| {
-        if is_met && got.is_finite() { Ok(()) } else { Err(MtfError::Number { what, got, wanted, advice }) }
-    };
-    let blur = "a standard deviation on the detector, such as 1.5; 0 for none";
-    check("the pixel pitch (um)", p.pixel_pitch_um, p.pixel_pitch_um > 0.0, "more than 0", "such as 5.5")?;
-    check("the F-number", p.f_number, p.f_number >= 0.3, "0.3 or more", "focal length over aperture")?;
-    let is_ring = (0.0..1.0).contains(&p.obscuration);
-    check("the obscuration", p.obscuration, is_ring, "0 to below 1", "a ratio of diameters; 0 for a lens")?;
-    check("the blur of assembly (um)", p.assembly_um, p.assembly_um >= 0.0, "0 or more", blur)?;
-    check("the blur of fabrication (um)", p.fabrication_um, p.fabrication_um >= 0.0, "0 or more", blur)?;
-    let is_pixel = p.aperture_px > 0.0 && p.aperture_px <= 1.0;
-    check("the pixel's sensitive width (px)", p.aperture_px, is_pixel, "above 0, up to 1", "1 for the whole pixel")?;
-    if let Some(low_pass) = p.circuit {
-        let is_wide = low_pass.cutoff >= LOWEST_CUTOFF;
-        check(
-            "the circuit's cutoff (cycles/px)",
-            low_pass.cutoff,
-            is_wide,
-            "0.1 or more",
-            "bandwidth over pixel rate",
-        )?;
-        let order = f64::from(low_pass.order);
-        check("the circuit's order", order, (1..=8).contains(&low_pass.order), "1 to 8", "1 for RC")?;
-    }
-    Ok(())
-}
-
-fn check_band(band: &[SpectralWeight]) -> Result<(), MtfError> {
-    if band.is_empty() {
-        return Err(MtfError::Band { why: "missing".into() });
-    }
-    let sum: f64 = band.iter().map(|light| light.weight).sum();
-    let is_light = |light: &SpectralWeight| {
-        light.weight >= 0.0 && light.wavelength_nm > 0.0 && (light.weight + light.wavelength_nm).is_finite()
-    };
-    if let Some(bad) = band.iter().find(|light| !is_light(light)) {
-        return Err(MtfError::Band { why: format!("{} at {} nm", bad.weight, bad.wavelength_nm) });
-    }
-    if (sum - 1.0).abs() <= WEIGHT_SUM { Ok(()) } else { Err(MtfError::Band { why: format!("of sum {sum}") }) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::optics::mtf::circuit::Circuit;
     use crate::optics::mtf::diffusion::{Layers, Side};
+    use crate::optics::mtf::{Defocus, Wavefront};
 
     fn plain() -> ChainParams {
         ChainParams {

@@ -11,6 +11,7 @@
 pub mod aberration;
 pub mod aperture;
 pub mod chain;
+mod chain_params;
 pub mod circuit;
 pub mod defocus;
 pub mod diffraction;
@@ -20,5 +21,6 @@ pub mod gaussian;
 pub mod motion;
 pub mod silicon;
 
-pub use chain::{ChainParams, Defocus, DefocusForm, MtfChain, Term, Wavefront};
+pub use chain::{MtfChain, Term};
+pub use chain_params::{ChainParams, Defocus, DefocusForm, WAVELENGTHS, Wavefront};
 pub use error::MtfError;
