@@ -123,7 +123,7 @@ fn sums(params: DetectorParams, electrons: f64, side_px: usize, weight: impl Fn(
                 let dn = f64::from(dn.get(x, y).unwrap());
                 (dn - params.black_level_dn) * params.gain_e_per_dn - params.dark_e_per_s * EXPOSURE_S
             });
-            electrons.enumerate().map(|(i, e)| weight(i) * e).sum()
+            electrons.enumerate().map(|(i, e)| weight(i) * e).sum::<f64>()
         }));
     }
     out
