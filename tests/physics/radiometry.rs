@@ -61,7 +61,7 @@ const JOHNSON: [Johnson; 3] = [
         energy: &[0.0, 0.03, 0.458, 0.967, 0.973, 0.792, 0.574, 0.359, 0.197, 0.081, 0.025, 0.013, 0.0],
         zero_jy: 3636.0,
         g_minus: &[-0.02704, 0.01424, -0.2156, 0.01426],
-        tolerance_mag: [0.025, 0.045],
+        tolerance_mag: [0.05, 0.11],
     },
     Johnson {
         name: "R",
@@ -72,7 +72,7 @@ const JOHNSON: [Johnson; 3] = [
         ],
         zero_jy: 3064.0,
         g_minus: &[-0.02275, 0.3961, -0.1243, -0.01396, 0.003775],
-        tolerance_mag: [0.07, 0.115],
+        tolerance_mag: [0.075, 0.075],
     },
     Johnson {
         name: "I",
@@ -80,7 +80,7 @@ const JOHNSON: [Johnson; 3] = [
         energy: &[0.0, 0.232, 0.785, 0.965, 0.99, 1.0, 0.99, 0.95, 0.86, 0.56, 0.15, 0.0],
         zero_jy: 2416.0,
         g_minus: &[0.01753, 0.76, -0.0991],
-        tolerance_mag: [0.065, 0.145],
+        tolerance_mag: [0.055, 0.125],
     },
 ];
 
