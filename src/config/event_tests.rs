@@ -1,7 +1,6 @@
 //! Every word takes its own keys, asks for those it needs, and refuses all others.
 
 use super::*;
-use crate::config::event_word::Kind;
 use crate::link::tap::LinkFault;
 
 /// From one frame to the next.

@@ -75,13 +75,16 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the catalog or the observer cannot be had.
-    pub fn with_imager(params: RunParams, imager: Imager) -> Result<Self, RunError> {
+    pub fn with_imager(params: RunParams, mut imager: Imager) -> Result<Self, RunError> {
         let camera = &params.camera;
         let mut los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
         let attitude = &params.attitude;
         los.jitter = JitterTrack::with_capacity(attitude.jitter_lines.len(), attitude.jitter_history.capacity);
         let cost = params.cost.unwrap_or(imager.cost());
         let planner = new_planner(&params, &imager, los, None);
+        if params.keeps_brighter && !params.targets.is_empty() {
+            imager.keep_brighter()?;
+        }
         let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure)?;
         Ok(Self {
             planner,
@@ -266,6 +269,7 @@ impl FrameEngine {
         fill_truth(plan, &mut frame.truth);
         let (seed, detector) = (self.params.seed, &self.params.camera.detector);
         fill_meta(plan, slot.number, seed, detector, self.imager.name(), &mut frame.meta);
+        frame.meta.overlap_lost_e = self.imager.overlap_lost_e();
         frame.meta.attitude_age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);
         if !has_stars {
             frame.meta.faults |= FaultFlags::BLANK;
