@@ -11,7 +11,7 @@ import json
 import math
 import struct
 
-MAJOR, MINOR = 1, 1
+MAJOR, MINOR = 1, 2
 REJECTS = ["NotFinite", "QuaternionNorm", "BadCrc", "WrongLength", "TornGroup", "UnknownId", "UnknownValue",
            "WrongVersion", "ReplayedSequence", "StaleTime", "FutureTime", "BadFraming", "Oversize"]
 NUMBERS = {"SYNC": 0x08, "EXPOSURE": 0x18, "STATUS": 0x19, "TIME_FUP": 0x20, "ATT_Q01": 0x21, "ATT_Q23": 0x22,
@@ -98,7 +98,8 @@ def status(f):
 def command(f):
     arguments = {1: lambda: struct.pack("<BBI", f["major"], f["minor"], 0),
                  2: lambda: struct.pack("<B5x", f["page"]),
-                 5: lambda: struct.pack("<BBHH", f["table"], f["rows"], f["crc16"], f["seed"])}
+                 5: lambda: struct.pack("<BBHH", f["table"], f["rows"], f["crc16"], f["seed"]),
+                 6: lambda: struct.pack("<HI", f["trigger"], f["at_us"])}
     return bytes([f["opcode"], f["token"]]) + arguments.get(f["opcode"], lambda: bytes(6))()
 
 
@@ -106,7 +107,8 @@ def response(f):
     results = {1: lambda: struct.pack("<BBHB", f["major"], f["minor"], f["capabilities"], f["attitude_convention"]),
                2: lambda: (struct.pack("<BI", 0, f["dbc_crc32"]) if f["page"] == 0
                            else struct.pack("<BHH", 1, f["attitude_hz"], f["jitter_hz"])),
-               5: lambda: struct.pack("<BB3x", f["table"], f["rows"])}
+               5: lambda: struct.pack("<BB3x", f["table"], f["rows"]),
+               6: lambda: struct.pack("<HB2x", f["trigger"], f["late"])}
     done = results.get(f["opcode"], lambda: bytes(5)) if f["code"] == 0 else lambda: bytes(5)
     return bytes([f["opcode"], f["token"], f["code"]]) + done()
 
@@ -227,6 +229,15 @@ def messages():
         for column in range(columns):
             add(f"cell of table {table}, column {column}", "TABLE", table=table, row=rows - 1, column=column,
                 value=1.5 * column - 2.25)
+    # Since 1.2; the bytes above are those of 1.1.
+    add("hello of a 1.2 peer", "CMD", opcode=1, token=13, major=1, minor=2)
+    add("hello done by 1.2", "RSP", opcode=1, token=13, code=0, major=1, minor=2, capabilities=15, attitude_convention=1)
+    add("trigger at an instant", "CMD", opcode=6, token=14, trigger=0x1234, at_us=67305985)
+    add("trigger at once", "CMD", opcode=6, token=15, trigger=65535, at_us=0)
+    add("triggered", "RSP", opcode=6, token=14, code=0, trigger=0x1234, late=0)
+    add("triggered late", "RSP", opcode=6, token=15, code=0, trigger=65535, late=1)
+    for code in range(8, 11):
+        add(f"trigger refused, code {code}", "RSP", opcode=6, token=16, code=code)
     return out
 
 
@@ -282,8 +293,8 @@ def can_rejected():
     yield "status page 7", [("STATUS", changed(bytes(8), 0, 7))], "UnknownValue"
     yield "status mode 5", [("STATUS", changed(bytes(8), 1, 5))], "UnknownValue"
     yield "status reason 13", [("STATUS", b"\3\x0d" + bytes(6))], "UnknownValue"
-    yield "response of opcode 6", [("RSP", b"\6" + bytes(7))], "UnknownValue"
-    yield "response with code 8", [("RSP", b"\5\0\x08" + bytes(5))], "UnknownValue"
+    yield "response of opcode 7", [("RSP", b"\7" + bytes(7))], "UnknownValue"
+    yield "response with code 11", [("RSP", b"\5\0\x0b" + bytes(5))], "UnknownValue"
     yield "response with page 2", [("RSP", b"\2\0\0\2" + bytes(4))], "UnknownValue"
     yield "response for table 4", [("RSP", b"\5\0\0\4" + bytes(4))], "UnknownValue"
     yield "heartbeat state 4", [("HEARTBEAT", b"\4\1")], "UnknownValue"

@@ -204,7 +204,7 @@ class FlightComputer:
     def ask(self, what, **arguments):
         """One command, said again with the same token until it is answered."""
         self.token = self.token % 255 + 1
-        opcode = {"HELLO": 1, "INFO": 2, "RUN": 3, "STOP": 4}[what]
+        opcode = {"HELLO": 1, "INFO": 2, "RUN": 3, "STOP": 4, "TRIGGER": 6}[what]
         for _ in range(10):
             self.transport.send("CMD", {"Opcode": opcode, "Token": self.token, **arguments})
             until_s = self.now_s() + RETRY_S
@@ -217,10 +217,18 @@ class FlightComputer:
         raise TimeoutError(f"no answer to {what} within {10 * RETRY_S:.0f} s")
 
     def shake_hands(self):
-        hello = self.ask("HELLO", Major=1, Minor=1)
+        hello = self.ask("HELLO", Major=1, Minor=2)
         info = self.ask("INFO", InfoPage=0)
         self.ask("RUN")
         return hello, info
+
+    def fire(self, number, at_s=None):
+        """Fires a trigger, to act at `at_s` of this computer's clock or at once; the answer."""
+        if at_s is not None and abs(at_s - self.now_s()) > 3600:
+            raise ValueError(f"the trigger is to act at {at_s:.1f} s; wanted within an hour of now: time tags wrap")
+        # Zero says at once; the microsecond after it is as good.
+        at_us = 0 if at_s is None else max(1, int(at_s * US) % 2**32)
+        return self.ask("TRIGGER", TriggerNumber=number, TriggerTime=at_us)
 
     def errors_arcsec(self):
         """(mid-exposure s, largest of the three angles' errors) of each frame that showed the attitude."""
@@ -247,6 +255,17 @@ class FlightComputer:
         return (now_us - (now_us - t_us) % 2**32) / US
 
 
+def trigger(text):
+    """`7` or `7@2.5`: a number, and seconds after the turn began."""
+    number, _, at_s = text.partition("@")
+    if not number.isascii() or not number.isdigit() or int(number) > 65535:
+        raise argparse.ArgumentTypeError(f"the trigger is {number!r}; wanted a number from 0 to 65535")
+    try:
+        return int(number), float(at_s) if at_s else None
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"the time is {at_s!r}; wanted seconds") from None
+
+
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--interface", help="python-can interface: slcan, socketcand, socketcan, ...")
@@ -266,6 +285,8 @@ def arguments():
     parser.add_argument("--attitude-hz", type=float, default=50.0)
     parser.add_argument("--least-frames", type=int, default=20, help="fewer compared frames are a failure")
     parser.add_argument("--limit-arcsec", type=float, default=1.0)
+    parser.add_argument("--trigger", type=trigger, metavar="NUMBER[@S]", action="append", default=[],
+                        help="fire a trigger at once, or S seconds after the turn began; may be repeated")
     parser.add_argument("--biased-deg", type=float, default=0.0, help="compare with a slew longer by this (control)")
     parsed = parser.parse_args()
     if (parsed.serial is None) == (parsed.interface is None):
@@ -298,6 +319,12 @@ def main():
     print(f"protocol {hello['Major']}.{hello['Minor']}, DBC CRC-32 {info['DbcCrc32']:08x} ({'the same' if same else 'ANOTHER'} file)")
     computer.fly(computer.now_s() + 1.0)
     slew.start_s = computer.now_s() + 0.5
+    try:
+        for number, after_s in given.trigger:
+            answer = computer.fire(number, None if after_s is None else slew.start_s + after_s)
+            print(f"trigger {number} was taken{', late' if answer['TriggeredLate'] else ''}")
+    except (Refused, TimeoutError, ValueError) as error:
+        sys.exit(f"flight_computer: {error}")
     computer.fly(slew.start_s + given.slew_s + 1.0)
     slew.angle += math.radians(given.biased_deg)
     # Frames exposed before the turn was planned saw the same attitude at rest.

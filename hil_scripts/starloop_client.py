@@ -154,6 +154,14 @@ class Starloop:
         """Adds a fault or command: the keys of [[event]] in a scenario file. Without at_s it begins now."""
         return self.request("inject", event={**(event or {}), **keys})
 
+    def trigger(self, number: int, at_s: Optional[float] = None) -> Dict[str, Any]:
+        """Lets the flight computer fire a numbered trigger over the bus, to act at `at_s`, or at once.
+
+        Whether the stimulator took it is told by the counts in `summary()`: triggers_accepted, triggers_refused.
+        """
+        given = {} if at_s is None else {"at_s": at_s}
+        return self.request("trigger", number=number, **given)
+
     def truth(self, at_s: Optional[float] = None) -> Dict[str, Any]:
         """True attitude, body rate and wheel speeds, now or within the last two seconds."""
         return self.request("truth") if at_s is None else self.request("truth", at_s=at_s)

@@ -71,7 +71,8 @@ def status(f):
 def command(f):
     arguments = {1: lambda: {"Major": f["major"], "Minor": f["minor"]}, 2: lambda: {"InfoPage": f["page"]},
                  5: lambda: {"ApplyTable": f["table"], "ApplyRows": f["rows"], "ApplyCrc16": f["crc16"],
-                             "ApplySeed": f["seed"]}}
+                             "ApplySeed": f["seed"]},
+                 6: lambda: {"TriggerNumber": f["trigger"], "TriggerTime": f["at_us"]}}
     return {"Opcode": f["opcode"], "Token": f["token"], **arguments.get(f["opcode"], dict)()}
 
 
@@ -80,13 +81,15 @@ def response(f):
     if f["opcode"] == 1:
         bits = f["capabilities"]
         signals |= {"Major": f["major"], "Minor": f["minor"], "ParameterTables": bits & 1, "JitterSamples": bits >> 1 & 1,
-                    "WheelSpeeds": bits >> 2 & 1, "AttitudeConvention": f["attitude_convention"]}
+                    "WheelSpeeds": bits >> 2 & 1, "Triggers": bits >> 3 & 1, "AttitudeConvention": f["attitude_convention"]}
     elif f["opcode"] == 2 and f["page"] == 0:
         signals |= {"InfoPage": 0, "DbcCrc32": f["dbc_crc32"]}
     elif f["opcode"] == 2:
         signals |= {"InfoPage": 1, "AttitudeRate": f["attitude_hz"], "JitterRate": f["jitter_hz"]}
     elif f["opcode"] == 5:
         signals |= {"AppliedTable": f.get("table", 0), "AppliedRows": f.get("rows", 0)}
+    elif f["opcode"] == 6:
+        signals |= {"TriggeredNumber": f.get("trigger", 0), "TriggeredLate": f.get("late", 0)}
     return signals
 
 
@@ -121,7 +124,7 @@ def signals_of(vector, name, data):
 def frames(vectors=VECTORS["messages"]):
     """(vector, frame) of everything at base 0, node 0, whose opcode the DBC names."""
     for vector in vectors:
-        if vector["base"] == vector["node"] == 0 and vector["fields"].get("opcode", 0) <= 5:
+        if vector["base"] == vector["node"] == 0 and vector["fields"].get("opcode", 0) <= 6:
             for frame in [vector["fd"]] + (vector["classic"] or []):
                 yield vector, frame
 

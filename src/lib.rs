@@ -48,6 +48,8 @@ pub mod testbed;
 pub mod report;
 // Accuracy against speed, measured: every method, scene and backend -> CSV and SVG.
 pub mod chart;
+// A camera held against its file from its own frames: photon transfer, fidelity by brightness.
+pub mod verify;
 // Wiring, threads, deadlines, ledger, shutdown.
 pub mod runtime;
 // TOML -> checked parameters.

@@ -306,6 +306,9 @@ static void put_command(const sl_command *command, uint8_t *to) {
         to[3] = command->rows;
         put16(to + 4, command->crc16);
         put16(to + 6, command->seed);
+    } else if (command->opcode == SL_TRIGGER) {
+        put16(to + 2, command->trigger);
+        put32(to + 4, command->at_us);
     }
 }
 
@@ -322,12 +325,15 @@ static void get_command(const uint8_t *from, sl_command *command) {
         command->rows = from[3];
         command->crc16 = get16(from + 4);
         command->seed = get16(from + 6);
+    } else if (command->opcode == SL_TRIGGER) {
+        command->trigger = get16(from + 2);
+        command->at_us = get32(from + 4);
     }
 }
 
 static int is_response(const sl_response *response) {
-    if (response->code != SL_DONE) return response->code <= SL_TABLE_VALUE;
-    if (response->opcode < SL_HELLO || response->opcode > SL_APPLY) return 0;
+    if (response->code != SL_DONE) return response->code <= SL_TRIGGERS_FULL;
+    if (response->opcode < SL_HELLO || response->opcode > SL_TRIGGER) return 0;
     if (response->opcode == SL_INFO && response->page > 1) return 0;
     return response->opcode != SL_APPLY || is_table(response->table);
 }
@@ -354,6 +360,9 @@ static int put_response(const sl_response *response, uint8_t *to) {
     } else if (response->opcode == SL_APPLY) {
         to[3] = response->table;
         to[4] = response->rows;
+    } else if (response->opcode == SL_TRIGGER) {
+        put16(to + 3, response->trigger);
+        to[5] = response->late ? 1 : 0;
     }
     return 1;
 }
@@ -378,6 +387,9 @@ static int get_response(const uint8_t *from, sl_response *response) {
     } else if (response->code == SL_DONE && response->opcode == SL_APPLY) {
         response->table = from[3];
         response->rows = from[4];
+    } else if (response->code == SL_DONE && response->opcode == SL_TRIGGER) {
+        response->trigger = get16(from + 3);
+        response->late = from[5] & 1;
     }
     return is_response(response) ? SL_MESSAGE : SL_REJECTED(SL_UNKNOWN_VALUE);
 }

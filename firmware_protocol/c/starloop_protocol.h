@@ -1,4 +1,4 @@
-/* Messages between flight firmware and the starloop star-sensor stimulator, protocol 1.1, in C99.
+/* Messages between flight firmware and the starloop star-sensor stimulator, protocol 1.2, in C99.
  *
  * No allocation, no global state, no library beyond <stdint.h>, <stddef.h> and <string.h>. INTERFACE.md gives every
  * byte. Two implementations stand behind this header: starloop_protocol.c, and the Rust crate as a static library
@@ -19,7 +19,7 @@ extern "C" {
 #endif
 
 #define SL_MAJOR 1
-#define SL_MINOR 1
+#define SL_MINOR 2
 
 /* Message numbers: CAN identifier = base + (number << 4 | node), SYNC without node; the type of a serial packet. */
 enum {
@@ -146,7 +146,7 @@ typedef struct {
     float value;
 } sl_table_cell;
 
-enum { SL_HELLO = 1, SL_INFO = 2, SL_RUN = 3, SL_STOP = 4, SL_APPLY = 5 };
+enum { SL_HELLO = 1, SL_INFO = 2, SL_RUN = 3, SL_STOP = 4, SL_APPLY = 5, SL_TRIGGER = 6 };
 
 /* The arguments of the other opcodes are zero. */
 typedef struct {
@@ -156,6 +156,8 @@ typedef struct {
     uint8_t page;          /* SL_INFO */
     uint8_t table, rows;   /* SL_APPLY */
     uint16_t crc16, seed;  /* SL_APPLY */
+    uint16_t trigger;      /* SL_TRIGGER */
+    uint32_t at_us;        /* SL_TRIGGER: when it acts; 0 at once */
 } sl_command;
 
 /* Codes of a response. */
@@ -167,13 +169,17 @@ enum {
     SL_UNKNOWN_PAGE = 4,
     SL_TABLE_INCOMPLETE = 5,
     SL_TABLE_CRC = 6,
-    SL_TABLE_VALUE = 7
+    SL_TABLE_VALUE = 7,
+    SL_NO_TIME_YET = 8,
+    SL_TRIGGER_TIME = 9,
+    SL_TRIGGERS_FULL = 10
 };
 
 /* Bits of capabilities. */
 #define SL_CAN_TABLES 1
 #define SL_CAN_JITTER 2
 #define SL_CAN_WHEELS 4
+#define SL_CAN_TRIGGERS 8
 
 /* What does not belong to the opcode, and all of it when code is not SL_DONE, is zero. */
 typedef struct {
@@ -187,6 +193,8 @@ typedef struct {
     uint32_t dbc_crc32;             /* SL_INFO, page 0 */
     uint16_t attitude_hz, jitter_hz; /* SL_INFO, page 1 */
     uint8_t table, rows;            /* SL_APPLY */
+    uint16_t trigger;               /* SL_TRIGGER */
+    uint8_t late;                   /* SL_TRIGGER: 1 when its instant had passed: it acts at once */
 } sl_response;
 
 typedef struct {

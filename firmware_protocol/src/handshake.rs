@@ -1,9 +1,12 @@
-//! The receiving side of HELLO, INFO, RUN, STOP and APPLY.
+//! The receiving side of HELLO, INFO, RUN, STOP, APPLY and TRIGGER.
 //!
-//! A retry with the token of the last command gets the same answer and changes nothing. RUN and APPLY need a HELLO of
-//! the same major version first. Without the capability of parameter tables, APPLY is an unknown opcode, as in 1.0.
+//! A retry with the token of the last command gets the same answer and changes nothing. RUN, APPLY and TRIGGER need a
+//! HELLO of the same major version first. Without the capability of parameter tables, APPLY is an unknown opcode, as in
+//! 1.0; without that of triggers, TRIGGER is one, as in 1.1.
 
-use crate::message::{Command, Identity, Info, Rates, Refusal, Reply, Request, Response, Table, capability};
+use crate::message::{
+    Command, Identity, Info, Rates, Refusal, Reply, Request, Response, Table, Trigger, Triggered, capability,
+};
 use crate::tables::TableStore;
 use crate::{ATTITUDE_CONVENTION, version};
 
@@ -36,6 +39,8 @@ pub enum Did {
     Stop,
     /// Other rows of this table are in effect, or none.
     Applied(Table),
+    /// A trigger was taken.
+    Triggered(Triggered),
 }
 
 impl Handshake {
@@ -58,15 +63,26 @@ impl Handshake {
         self.running
     }
 
-    /// The one answer to a command; APPLY puts uploaded rows of `tables` into effect.
+    /// The one answer to a command, by a side that takes no triggers; APPLY puts uploaded rows of `tables` into effect.
     pub fn answer(&mut self, command: &Command, tables: &mut TableStore) -> Answer {
+        self.answer_with(command, tables, |_| Err(Refusal::UnknownOpcode))
+    }
+
+    /// The same by a side that takes triggers, if it says so in its capabilities: `fire` takes one in, or says why not.
+    /// It is not called again for a retry.
+    pub fn answer_with(
+        &mut self,
+        command: &Command,
+        tables: &mut TableStore,
+        fire: impl FnOnce(Trigger) -> Result<Triggered, Refusal>,
+    ) -> Answer {
         if let Some((last, response)) = self.last
             && last == *command
         {
             return Answer { response, did: None };
         }
         let was_running = self.running;
-        let reply = self.reply(command.request, tables);
+        let reply = self.reply(command.request, tables, fire);
         let response = Response { token: command.token, reply };
         self.last = Some((*command, response));
         Answer { response, did: self.did(&reply, was_running) }
@@ -75,13 +91,19 @@ impl Handshake {
     fn did(&self, reply: &Reply, was_running: bool) -> Option<Did> {
         match (reply, was_running, self.running) {
             (Reply::Applied(applied), ..) => Some(Did::Applied(applied.table)),
+            (Reply::Triggered(triggered), ..) => Some(Did::Triggered(*triggered)),
             (_, false, true) => Some(Did::Run),
             (_, true, false) => Some(Did::Stop),
             _ => None,
         }
     }
 
-    fn reply(&mut self, request: Request, tables: &mut TableStore) -> Reply {
+    fn reply(
+        &mut self,
+        request: Request,
+        tables: &mut TableStore,
+        fire: impl FnOnce(Trigger) -> Result<Triggered, Refusal>,
+    ) -> Reply {
         let refused = |reason| Reply::Refused { opcode: request.opcode(), reason };
         match request {
             Request::Hello(peer) => {
@@ -103,10 +125,12 @@ impl Handshake {
             Request::Apply { .. } if self.capabilities & capability::PARAMETER_TABLES == 0 => {
                 refused(Refusal::UnknownOpcode)
             }
-            Request::Apply { .. } if !self.agreed => refused(Refusal::NoHandshake),
+            Request::Trigger(_) if self.capabilities & capability::TRIGGERS == 0 => refused(Refusal::UnknownOpcode),
+            Request::Apply { .. } | Request::Trigger(_) if !self.agreed => refused(Refusal::NoHandshake),
             Request::Apply { table, rows, crc, seed } => {
                 tables.apply(table, rows, crc, seed).map_or_else(refused, Reply::Applied)
             }
+            Request::Trigger(trigger) => fire(trigger).map_or_else(refused, Reply::Triggered),
             Request::Unknown { .. } => refused(Refusal::UnknownOpcode),
         }
     }
@@ -165,6 +189,38 @@ mod tests {
         assert!(handshake.is_running(), "a new token is a new command");
         let stop = Command { token: 4, request: Request::Stop };
         assert_eq!(handshake.answer(&stop, &mut tables).did, Some(Did::Stop));
+    }
+
+    #[test]
+    fn a_trigger_needs_capability_and_hello_and_a_retry_is_not_fired_twice() {
+        let (mut fired, mut tables) = (0, TableStore::new());
+        let trigger = Trigger { number: 7, at_us: 0 };
+        let mut say = |handshake: &mut Handshake, token, request| {
+            let fire = |given: Trigger| {
+                fired += 1;
+                let late = Triggered { number: given.number, is_late: true };
+                if given.at_us == 9 { Err(Refusal::TriggerTime) } else { Ok(late) }
+            };
+            let answer = handshake.answer_with(&Command { token, request }, &mut tables, fire);
+            (answer.response.reply, answer.did, fired)
+        };
+        let refused = |reason| Reply::Refused { opcode: 6, reason };
+        let mut without = new();
+        say(&mut without, 1, Request::Hello(version::CURRENT));
+        let unknown = (refused(Refusal::UnknownOpcode), None, 0);
+        assert_eq!(say(&mut without, 2, Request::Trigger(trigger)), unknown, "as 1.1 says");
+        let mut with = new().with_capabilities(capability::TRIGGERS);
+        assert_eq!(say(&mut with, 1, Request::Trigger(trigger)), (refused(Refusal::NoHandshake), None, 0));
+        say(&mut with, 2, Request::Hello(version::CURRENT));
+        let late = Triggered { number: 7, is_late: true };
+        let done = Reply::Triggered(late);
+        assert_eq!(say(&mut with, 3, Request::Trigger(trigger)), (done, Some(Did::Triggered(late)), 1));
+        assert_eq!(say(&mut with, 3, Request::Trigger(trigger)), (done, None, 1), "a retry");
+        assert_eq!(say(&mut with, 4, Request::Trigger(trigger)), (done, Some(Did::Triggered(late)), 2), "a new token");
+        let odd = Request::Trigger(Trigger { at_us: 9, ..trigger });
+        assert_eq!(say(&mut with, 5, odd), (refused(Refusal::TriggerTime), None, 3));
+        let answer = with.answer(&Command { token: 6, request: Request::Trigger(trigger) }, &mut TableStore::new());
+        assert_eq!(answer.response.reply, refused(Refusal::UnknownOpcode), "nobody there to take it");
     }
 
     #[test]

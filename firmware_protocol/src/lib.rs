@@ -33,7 +33,7 @@ pub mod can;
 /// CRC-16/IBM-3740.
 pub mod crc;
 mod encode_error;
-/// The receiving side of HELLO, INFO, RUN, STOP and APPLY.
+/// The receiving side of HELLO, INFO, RUN, STOP, APPLY and TRIGGER.
 pub mod handshake;
 /// What is said, whatever carries it.
 pub mod message;

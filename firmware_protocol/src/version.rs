@@ -6,7 +6,7 @@
 //!   ([`crate::Reject::UnknownId`], [`crate::Reject::UnknownValue`]) and goes on; unknown flag bits are ignored;
 //! * reserved bytes and bits are sent as zero and not looked at.
 //!
-//! 1.1 added TABLE, APPLY with its refusals, and the capability bits.
+//! 1.1 added TABLE, APPLY with its refusals, and the capability bits. 1.2 added TRIGGER with its refusals and its bit.
 //!
 //! Anything else needs a new major version. Peers of different majors refuse to RUN (see [`crate::handshake`]), serial
 //! packets of another major are rejected, and each major keeps its own file of frozen bytes in `tests/`.
@@ -14,7 +14,7 @@
 /// Changes when a layout or a meaning changes.
 pub const MAJOR: u8 = 1;
 /// Changes when something is added.
-pub const MINOR: u8 = 1;
+pub const MINOR: u8 = 2;
 
 /// A version as peers exchange it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

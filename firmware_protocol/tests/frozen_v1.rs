@@ -8,7 +8,7 @@ use firmware_protocol::can::{self, CanFrame, Format, IdMap};
 use firmware_protocol::message::{
     AttitudeFlags, AttitudeRecord, Command, Exposure, Heartbeat, Identity, Info, JitterBurst, JitterPair, NodeState,
     PointingAngle, Rates, Refusal, Reply, Request, Response, Scet, StatusPage, StimulatorMode, Sync, Table, TableCell,
-    TimeFollowUp, Wheels,
+    TimeFollowUp, Trigger, Triggered, Wheels,
 };
 use firmware_protocol::tables::{self, Applied, LineRow};
 use firmware_protocol::version::{self, Version};
@@ -58,8 +58,8 @@ fn attitude(flags: AttitudeFlags) -> AttitudeRecord {
 }
 
 #[test]
-fn version_is_1_1() {
-    assert_eq!((version::MAJOR, version::MINOR), (1, 1));
+fn version_is_1_2() {
+    assert_eq!((version::MAJOR, version::MINOR), (1, 2));
 }
 
 #[test]
@@ -107,6 +107,9 @@ fn commands() {
     command(9, Request::Stop, "04 09 00 00 00 00 00 00");
     let apply = Request::Apply { table: 2, rows: 32, crc: 0xBEEF, seed: 0x1234 };
     command(10, apply, "05 0a 02 20 ef be 34 12");
+    let trigger = |number, at_us| Request::Trigger(Trigger { number, at_us });
+    command(11, trigger(0x1234, 0x0403_0201), "06 0b 34 12 01 02 03 04");
+    command(12, trigger(65_535, 0), "06 0c ff ff 00 00 00 00");
     command(9, Request::Unknown { opcode: 200 }, "c8 09 00 00 00 00 00 00");
 }
 
@@ -121,6 +124,11 @@ fn responses() {
     response(7, Reply::Info(Info::Rates(rates)), "02 07 00 01 64 00 e8 03");
     response(8, Reply::Run, "03 08 00 00 00 00 00 00");
     response(10, Reply::Applied(Applied { table: Table::Psd, rows: 32 }), "05 0a 00 02 20 00 00 00");
+    let triggered = |number, is_late| Reply::Triggered(Triggered { number, is_late });
+    response(11, triggered(0x1234, false), "06 0b 00 34 12 00 00 00");
+    response(12, triggered(65_535, true), "06 0c 00 ff ff 01 00 00");
+    let full = Reply::Refused { opcode: 6, reason: Refusal::TriggersFull };
+    response(12, full, "06 0c 0a 00 00 00 00 00");
     let incomplete = Reply::Refused { opcode: 5, reason: Refusal::TableIncomplete };
     response(10, incomplete, "05 0a 05 00 00 00 00 00");
     let refused = Reply::Refused { opcode: 3, reason: Refusal::NoHandshake };

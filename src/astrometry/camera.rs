@@ -2,12 +2,13 @@
 //!
 //! Sensor axes: +Z boresight, +X image right (columns), +Y image down (rows). Pixel coordinates: x right, y down, the
 //! centre of the first pixel is (0, 0). x_px = cx + fx x', y_px = cy + fy y', with (x', y') the distorted (X/Z, Y/Z)
-//! of [`BrownConrady`]. Limits: refraction, chromatic shift and a curved detector are not modelled.
+//! of [`Distortion`]. Limits: refraction, chromatic shift and a curved detector are not modelled.
 //! Tests below: round trip to [`ROUND_TRIP_PX`], Jacobian against differences, domain; independent projection in
 //! `tests/physics/apparent_places`.
 
 use super::AstrometryError;
-use super::distortion::{BrownConrady, Domain};
+use super::distortion::{BrownConrady, Distortion, Domain};
+use super::distortion_polynomial::PolynomialDistortion;
 use glam::{DVec2, DVec3};
 
 /// Largest image side accepted, px.
@@ -28,7 +29,7 @@ pub struct CameraParameters {
     pub focal_px: [f64; 2],
     /// Where the boresight falls, px; `((width - 1) / 2, (height - 1) / 2)` is the image's middle.
     pub principal_point_px: [f64; 2],
-    /// Lens distortion.
+    /// Lens distortion; a polynomial is given apart ([`CameraGeometry::with_polynomial`]).
     pub distortion: BrownConrady,
 }
 
@@ -36,6 +37,7 @@ pub struct CameraParameters {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraGeometry {
     parameters: CameraParameters,
+    distortion: Distortion,
     domain: Domain,
     half_diagonal_rad: f64,
 }
@@ -47,8 +49,28 @@ impl CameraGeometry {
     /// When a number is out of range, or the image reaches beyond that domain.
     pub fn new(parameters: CameraParameters) -> Result<Self, AstrometryError> {
         check_parameters(&parameters)?;
-        let domain = Domain::of(&parameters.distortion);
-        let mut camera = Self { parameters, domain, half_diagonal_rad: 0.0 };
+        Self::with_distortion(parameters, Distortion::BrownConrady(parameters.distortion))
+    }
+
+    /// The same with a polynomial in place of Brown and Conrady's distortion, which must be zero.
+    ///
+    /// # Errors
+    /// As [`Self::new`], and when both models bend.
+    pub fn with_polynomial(
+        parameters: CameraParameters,
+        polynomial: PolynomialDistortion,
+    ) -> Result<Self, AstrometryError> {
+        check_parameters(&parameters)?;
+        if parameters.distortion != BrownConrady::default() {
+            return Err(AstrometryError::TwoDistortions);
+        }
+        polynomial.coefficients().try_for_each(check_coefficient)?;
+        Self::with_distortion(parameters, Distortion::Polynomial(polynomial))
+    }
+
+    fn with_distortion(parameters: CameraParameters, distortion: Distortion) -> Result<Self, AstrometryError> {
+        let domain = Domain::of(&distortion);
+        let mut camera = Self { parameters, distortion, domain, half_diagonal_rad: 0.0 };
         for [x_px, y_px] in camera.corners_px() {
             let limit_deg = domain.radius.atan().to_degrees();
             let corner = camera.unproject([x_px, y_px]);
@@ -62,6 +84,12 @@ impl CameraGeometry {
     #[must_use]
     pub fn parameters(&self) -> &CameraParameters {
         &self.parameters
+    }
+
+    /// The lens's distortion, by whichever model.
+    #[must_use]
+    pub fn distortion(&self) -> &Distortion {
+        &self.distortion
     }
 
     /// Columns.
@@ -92,7 +120,7 @@ impl CameraGeometry {
     /// not finite, and beyond the domain of the distortion; pixels outside the image are given.
     #[must_use]
     pub fn project(&self, v_sensor: DVec3) -> Option<[f64; 2]> {
-        self.ideal(v_sensor).map(|ideal| self.pixel(self.parameters.distortion.distort(ideal)))
+        self.ideal(v_sensor).map(|ideal| self.pixel(self.distortion.distort(ideal)))
     }
 
     /// Unit direction in sensor axes of a pixel position; `None` where no direction of the domain is imaged.
@@ -111,7 +139,7 @@ impl CameraGeometry {
         let DVec2 { x, y } = ideal;
         // With s = (x, y, 1): ds = s x v, then d(X/Z) = dX - x dZ and d(Y/Z) = dY - y dZ.
         let ideal_rates = [DVec2::new(x * y, 1.0 + y * y), DVec2::new(-1.0 - x * x, -x * y), DVec2::new(y, -x)];
-        let derivative = self.parameters.distortion.derivative(ideal);
+        let derivative = self.distortion.derivative(ideal);
         let rates = ideal_rates.map(|rate| derivative * rate);
         let [fx, fy] = self.parameters.focal_px;
         Some([rates.map(|rate| fx * rate.x), rates.map(|rate| fy * rate.y)])
@@ -126,7 +154,7 @@ impl CameraGeometry {
     /// Pixel coordinates of tangents, distorted; they are not held against the domain.
     #[must_use]
     pub fn pixel_of_tangent(&self, tangent: DVec2) -> [f64; 2] {
-        self.pixel(if self.is_distorted() { self.parameters.distortion.distort(tangent) } else { tangent })
+        self.pixel(if self.is_distorted() { self.distortion.distort(tangent) } else { tangent })
     }
 
     /// Tangents of a pixel position; `None` where no direction of the domain is imaged.
@@ -135,7 +163,7 @@ impl CameraGeometry {
         let p = &self.parameters;
         let distorted = DVec2::from_array([0, 1].map(|i| (px[i] - p.principal_point_px[i]) / p.focal_px[i]));
         if self.is_distorted() {
-            self.domain.undistort(&p.distortion, distorted)
+            self.domain.undistort(&self.distortion, distorted)
         } else {
             (distorted.is_finite() && self.domain.contains(distorted)).then_some(distorted)
         }
@@ -148,14 +176,14 @@ impl CameraGeometry {
         if !self.is_distorted() {
             return [[fx, 0.0], [0.0, fy]];
         }
-        let derivative = self.parameters.distortion.derivative(tangent);
+        let derivative = self.distortion.derivative(tangent);
         [[fx * derivative.x_axis.x, fx * derivative.y_axis.x], [fy * derivative.x_axis.y, fy * derivative.y_axis.y]]
     }
 
     /// True when the lens distorts.
     #[must_use]
     pub fn is_distorted(&self) -> bool {
-        self.parameters.distortion != BrownConrady::default()
+        !self.distortion.is_none()
     }
 
     fn ideal(&self, v_sensor: DVec3) -> Option<DVec2> {
@@ -189,10 +217,13 @@ fn check_parameters(p: &CameraParameters) -> Result<(), AstrometryError> {
         check("principal_point_px", "-65536..131072", -LARGEST_SIDE_PX, 2.0 * LARGEST_SIDE_PX, px)?;
     }
     let BrownConrady { k1, k2, k3, p1, p2 } = p.distortion;
-    for coefficient in [k1, k2, k3, p1, p2] {
-        check("distortion coefficient", "-1e6..1e6", -LARGEST_COEFFICIENT, LARGEST_COEFFICIENT, coefficient)?;
-    }
-    Ok(())
+    [k1, k2, k3, p1, p2].into_iter().try_for_each(check_coefficient)
+}
+
+fn check_coefficient(got: f64) -> Result<(), AstrometryError> {
+    let good = (-LARGEST_COEFFICIENT..=LARGEST_COEFFICIENT).contains(&got);
+    let (parameter, wanted) = ("distortion coefficient", "-1e6..1e6");
+    if good { Ok(()) } else { Err(AstrometryError::Parameter { parameter, wanted, got }) }
 }
 
 /// A pixel position split so that single precision keeps its fraction: `column + fraction_x`, `row + fraction_y`.
@@ -261,18 +292,28 @@ mod tests {
         CameraGeometry::new(parameters()).expect("a valid camera")
     }
 
+    /// The same with a polynomial that bends as much, lopsidedly.
+    fn polynomial_camera() -> CameraGeometry {
+        let terms = [(1, 0, 1e-3, 2e-3), (1, 1, 2e-3, 1e-3), (3, 0, -0.2, 0.0), (1, 2, -0.2, 0.01), (2, 1, 0.02, -0.2)];
+        let with = |model: PolynomialDistortion, (i, j, a, b)| model.with_term(i, j, a, b).expect("a term");
+        let model = terms.into_iter().chain([(0, 3, 0.0, -0.2), (4, 1, 0.1, 0.2)]).fold(Default::default(), with);
+        let plain = CameraParameters { distortion: BrownConrady::default(), ..parameters() };
+        CameraGeometry::with_polynomial(plain, model).expect("a valid camera")
+    }
+
     fn grid() -> impl Iterator<Item = [f64; 2]> {
         (0..=16).flat_map(|i| (0..=12).map(move |j| [-0.5 + 64.0 * f64::from(i), -0.5 + 64.0 * f64::from(j)]))
     }
 
     #[test]
     fn project_undoes_unproject() {
-        let camera = camera();
-        for px in grid() {
-            let direction = camera.unproject(px).expect("inside the image");
-            let [x, y] = camera.project(direction * 7.0).expect("inside the image");
-            assert!((x - px[0]).hypot(y - px[1]) < ROUND_TRIP_PX, "({x}, {y}) for {px:?}");
-            assert!(direction.angle_between(DVec3::Z) <= camera.half_diagonal_rad() + 1e-12, "{px:?}");
+        for camera in [camera(), polynomial_camera()] {
+            for px in grid() {
+                let direction = camera.unproject(px).expect("inside the image");
+                let [x, y] = camera.project(direction * 7.0).expect("inside the image");
+                assert!((x - px[0]).hypot(y - px[1]) < ROUND_TRIP_PX, "({x}, {y}) for {px:?}");
+                assert!(direction.angle_between(DVec3::Z) <= camera.half_diagonal_rad() + 1e-12, "{px:?}");
+            }
         }
     }
 
@@ -290,8 +331,8 @@ mod tests {
     #[test]
     fn jacobian_agrees_with_a_turned_sensor() {
         const H_RAD: f64 = 1e-6;
-        let camera = camera();
-        for px in grid() {
+        for (camera, px) in [camera(), polynomial_camera()].iter().flat_map(|camera| grid().map(move |px| (camera, px)))
+        {
             let star = camera.unproject(px).expect("inside the image");
             let jacobian = camera.jacobian(star * 2.0).expect("inside the image");
             for (axis, v) in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().enumerate() {
@@ -335,6 +376,12 @@ mod tests {
         let fold = refuse(CameraParameters { distortion: fold, ..parameters() });
         assert!(fold.contains("one-to-one only to 7.3") && fold.contains("-0.5"), "{fold}");
         assert!(refuse(CameraParameters { width_px: 0, ..parameters() }).contains("width_px"), "no columns");
+        let both = CameraGeometry::with_polynomial(parameters(), PolynomialDistortion::default());
+        assert_eq!(both, Err(AstrometryError::TwoDistortions));
+        let plain = CameraParameters { distortion: BrownConrady::default(), ..parameters() };
+        let wild = PolynomialDistortion::default().with_term(2, 0, f64::NAN, 0.0).expect("a term");
+        let wild = CameraGeometry::with_polynomial(plain, wild).expect_err("not a number").to_string();
+        assert!(wild.contains("distortion coefficient wanted -1e6..1e6, got NaN"), "{wild}");
     }
 
     #[test]

@@ -1,6 +1,7 @@
-//! Ideal (pinhole) coordinates <-> distorted coordinates: Brown-Conrady.
+//! Ideal (pinhole) coordinates <-> distorted coordinates: Brown-Conrady, or a polynomial
+//! ([`crate::astrometry::PolynomialDistortion`]).
 //!
-//! With x = X/Z, y = Y/Z, r^2 = x^2 + y^2 (dimensionless):
+//! Brown-Conrady: with x = X/Z, y = Y/Z, r^2 = x^2 + y^2 (dimensionless):
 //! x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2),
 //! y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y
 //! (Brown 1966, Photogrammetric Engineering 32, 444; signs and order as in OpenCV's calib3d).
@@ -10,12 +11,17 @@
 //! min(f, g) exceeds that bound it is positive definite, so on a disc x' is the gradient of a convex function and no
 //! two directions share a pixel. [`Domain`] holds the largest such disc. Test: `domain_ends_where_the_model_folds`.
 
+use super::distortion_polynomial::PolynomialDistortion;
 use glam::{DMat2, DVec2};
 
 /// Largest ideal radius considered: tan(85 deg), beyond any pinhole camera.
 const LARGEST_RADIUS: f64 = 11.43;
 /// Steps of the search for the domain's end; the end itself is then bisected.
 const SEARCH_STEPS: u32 = 4096;
+/// Steps per octave, and octaves, of the same search for a polynomial: its terms may bite at any radius, and each step
+/// takes a whole circle. The smallest radius is 2^-20 of the largest: 2 arcsec.
+const STEPS_PER_OCTAVE: u32 = 16;
+const OCTAVES: u32 = 20;
 /// Halvings of the bisection: LARGEST_RADIUS / 4096 / 2^40 is 2.5e-15.
 const HALVINGS: u32 = 40;
 /// Newton steps before giving up; three or four suffice for real lenses.
@@ -77,6 +83,66 @@ impl BrownConrady {
     }
 }
 
+/// A lens's distortion, by one model or another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Distortion {
+    /// Radial and tangential terms.
+    BrownConrady(BrownConrady),
+    /// A full polynomial.
+    Polynomial(PolynomialDistortion),
+}
+
+impl Distortion {
+    /// Distorted coordinates of ideal ones.
+    #[must_use]
+    pub fn distort(&self, ideal: DVec2) -> DVec2 {
+        match self {
+            Self::BrownConrady(model) => model.distort(ideal),
+            Self::Polynomial(model) => model.distort(ideal),
+        }
+    }
+
+    /// Derivative of [`Self::distort`]: columns by x and y.
+    #[must_use]
+    pub fn derivative(&self, ideal: DVec2) -> DMat2 {
+        match self {
+            Self::BrownConrady(model) => model.derivative(ideal),
+            Self::Polynomial(model) => model.derivative(ideal),
+        }
+    }
+
+    /// True when it bends nothing.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        match self {
+            Self::BrownConrady(model) => *model == BrownConrady::default(),
+            Self::Polynomial(model) => *model == PolynomialDistortion::default(),
+        }
+    }
+
+    /// Lower bound of the Jacobian's stretch in any direction, on the circle of radius `r`.
+    fn least_stretch(&self, r: f64) -> f64 {
+        match self {
+            Self::BrownConrady(model) => model.least_stretch(r),
+            Self::Polynomial(model) => model.least_stretch(r),
+        }
+    }
+
+    /// Radii at which the end of the domain is looked for, from small to large.
+    fn search_radius(&self, step: u32) -> Option<f64> {
+        match self {
+            Self::BrownConrady(_) if step <= SEARCH_STEPS => {
+                Some(LARGEST_RADIUS * f64::from(step) / f64::from(SEARCH_STEPS))
+            }
+            Self::Polynomial(_) if step <= OCTAVES * STEPS_PER_OCTAVE => {
+                let down = f64::from(OCTAVES * STEPS_PER_OCTAVE - step) / f64::from(STEPS_PER_OCTAVE);
+                Some(LARGEST_RADIUS * (-down).exp2())
+            }
+            _ => None,
+        }
+    }
+}
+
 /// The disc of ideal coordinates on which the distortion is one-to-one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Domain {
@@ -84,12 +150,21 @@ pub(super) struct Domain {
 }
 
 impl Domain {
-    pub(super) fn of(model: &BrownConrady) -> Self {
-        let at_step = |step: u32| LARGEST_RADIUS * f64::from(step) / f64::from(SEARCH_STEPS);
-        let Some(first_bad) = (1..=SEARCH_STEPS).find(|&step| model.least_stretch(at_step(step)) <= 0.0) else {
+    pub(super) fn of(model: &Distortion) -> Self {
+        if model.is_none() {
             return Self { radius: LARGEST_RADIUS };
-        };
-        let (mut good, mut bad) = (at_step(first_bad - 1), at_step(first_bad));
+        }
+        let mut radii = (1..).map_while(|step| model.search_radius(step));
+        let mut good = 0.0;
+        // A stretch that is not a number ends the search too.
+        let bad = radii.find(|&r| {
+            let is_good = model.least_stretch(r) > 0.0;
+            if is_good {
+                good = r;
+            }
+            !is_good
+        });
+        let Some(mut bad) = bad else { return Self { radius: LARGEST_RADIUS } };
         for _ in 0..HALVINGS {
             let middle = f64::midpoint(good, bad);
             if model.least_stretch(middle) > 0.0 { good = middle } else { bad = middle }
@@ -103,7 +178,7 @@ impl Domain {
 
     /// Ideal coordinates that are distorted into `wanted`, by Newton's method with halved steps; `None` when none of
     /// the domain is.
-    pub(super) fn undistort(&self, model: &BrownConrady, wanted: DVec2) -> Option<DVec2> {
+    pub(super) fn undistort(&self, model: &Distortion, wanted: DVec2) -> Option<DVec2> {
         let mut ideal = wanted.clamp_length_max(self.radius);
         let mut residual = model.distort(ideal) - wanted;
         for _ in 0..NEWTON_STEPS {
@@ -119,7 +194,7 @@ impl Domain {
     /// The first of the steps 1, 1/2, 1/4 ... that stays in the domain and comes nearer.
     fn shorter_step(
         &self,
-        model: &BrownConrady,
+        model: &Distortion,
         wanted: DVec2,
         from: DVec2,
         step: DVec2,
@@ -139,49 +214,130 @@ mod tests {
 
     const LENS: BrownConrady = BrownConrady { k1: -0.12, k2: 0.03, k3: -0.004, p1: 4e-4, p2: -3e-4 };
 
+    fn brown(model: BrownConrady) -> Distortion {
+        Distortion::BrownConrady(model)
+    }
+
+    fn polynomial(terms: &[(usize, usize, f64, f64)]) -> Distortion {
+        let with = |model: PolynomialDistortion, &(i, j, a, b): &(usize, usize, f64, f64)| {
+            model.with_term(i, j, a, b).expect("a term")
+        };
+        Distortion::Polynomial(terms.iter().fold(PolynomialDistortion::default(), with))
+    }
+
+    /// All that a polynomial can bend: scale and shear, tilt, barrel, something lopsided of degree five.
+    fn bent() -> Distortion {
+        polynomial(&[
+            (1, 0, 2e-3, -1e-3),
+            (0, 1, 1.5e-3, -1e-3),
+            (2, 0, 3e-3, 1e-3),
+            (1, 1, -2e-3, 4e-3),
+            (3, 0, -0.1, 0.01),
+            (1, 2, -0.1, 0.0),
+            (2, 1, 0.0, -0.1),
+            (0, 3, -0.02, -0.1),
+            (4, 0, 0.02, 0.0),
+            (2, 3, 0.03, 0.05),
+            (5, 0, 0.04, -0.02),
+        ])
+    }
+
     fn disc(radius: f64) -> impl Iterator<Item = DVec2> {
         (0..400_u32).map(move |i| DVec2::from_angle(f64::from(i) * 2.399_963) * radius * (f64::from(i) / 399.0).sqrt())
     }
 
     #[test]
     fn undistort_inverts_distort_over_the_domain() {
-        let domain = Domain::of(&LENS);
-        for ideal in disc(0.99 * domain.radius) {
-            let got = domain.undistort(&LENS, LENS.distort(ideal)).expect("inside the domain");
-            // The inversion's residual divided by the least stretch at 99 % of the domain (a few per cent).
-            assert!(got.distance(ideal) < 100.0 * INVERSION, "{got} for {ideal}");
+        for model in [brown(LENS), bent()] {
+            let domain = Domain::of(&model);
+            assert!(domain.radius > 0.5, "{domain:?}");
+            for ideal in disc(0.99 * domain.radius) {
+                let got = domain.undistort(&model, model.distort(ideal)).expect("inside the domain");
+                // The inversion's residual divided by the least stretch at 99 % of the domain (a few per cent).
+                assert!(got.distance(ideal) < 100.0 * INVERSION, "{got} for {ideal}");
+            }
         }
     }
 
     #[test]
     fn derivative_agrees_with_differences() {
         const H: f64 = 1e-6;
-        for ideal in disc(0.8) {
-            let column = |d: DVec2| (LENS.distort(ideal + d) - LENS.distort(ideal - d)) / (2.0 * H);
-            let got = LENS.derivative(ideal);
-            // Central differences: rounding 1e-16 / 1e-6, truncation 1e-12.
-            assert!(got.x_axis.distance(column(DVec2::X * H)) < 1e-9, "{got}");
-            assert!(got.y_axis.distance(column(DVec2::Y * H)) < 1e-9, "{got}");
+        for model in [brown(LENS), bent()] {
+            for ideal in disc(0.8) {
+                let column = |d: DVec2| (model.distort(ideal + d) - model.distort(ideal - d)) / (2.0 * H);
+                let got = model.derivative(ideal);
+                // Central differences: rounding 1e-16 / 1e-6, truncation 1e-12.
+                assert!(got.x_axis.distance(column(DVec2::X * H)) < 1e-9, "{got}");
+                assert!(got.y_axis.distance(column(DVec2::Y * H)) < 1e-9, "{got}");
+            }
         }
     }
 
     #[test]
     fn domain_ends_where_the_model_folds() {
-        // x (1 - r^2 / 3) turns back at r = 1 (derivative 1 - r^2).
-        let barrel = BrownConrady { k1: -1.0 / 3.0, ..Default::default() };
-        let domain = Domain::of(&barrel);
-        assert!((domain.radius - 1.0).abs() < 1e-9, "{}", domain.radius);
-        assert!(domain.undistort(&barrel, DVec2::new(0.66, 0.0)).is_some(), "just inside 2/3");
-        assert!(domain.undistort(&barrel, DVec2::new(0.67, 0.0)).is_none(), "no direction is imaged beyond 2/3");
-        assert_eq!(Domain::of(&BrownConrady::default()).radius, LARGEST_RADIUS, "no distortion, no fold");
+        // x (1 - r^2 / 3) turns back at r = 1 (derivative 1 - r^2), whichever model says it.
+        let barrel = brown(BrownConrady { k1: -1.0 / 3.0, ..Default::default() });
+        let cubic = polynomial(&[
+            (3, 0, -1.0 / 3.0, 0.0),
+            (1, 2, -1.0 / 3.0, 0.0),
+            (2, 1, 0.0, -1.0 / 3.0),
+            (0, 3, 0.0, -1.0 / 3.0),
+        ]);
+        for (model, margin) in [(barrel, 1e-9), (cubic, 0.02)] {
+            let domain = Domain::of(&model);
+            // What the circle may hide between two places is taken off a polynomial's radius.
+            assert!(domain.radius < 1.0 + 1e-9 && domain.radius > 1.0 - margin, "{}", domain.radius);
+            assert!(domain.undistort(&model, DVec2::new(0.66, 0.0)).is_some(), "just inside 2/3");
+            assert!(domain.undistort(&model, DVec2::new(0.67, 0.0)).is_none(), "no direction is imaged beyond 2/3");
+        }
+        for none in [brown(BrownConrady::default()), polynomial(&[])] {
+            assert_eq!(Domain::of(&none).radius, LARGEST_RADIUS, "no distortion, no fold");
+        }
     }
 
     #[test]
     fn jacobian_is_positive_over_the_whole_domain() {
-        let strong = BrownConrady { k1: -0.3, k2: 0.0, k3: 0.0, p1: 0.02, p2: -0.03 };
-        let radius = Domain::of(&strong).radius;
-        let worst = |r: f64| disc(r).map(|v| strong.derivative(v).determinant()).fold(f64::MAX, f64::min);
-        assert!(worst(radius) > 0.0, "radius {radius}");
-        assert!(worst(1.5 * radius) < 0.0, "control: it does fold further out");
+        let strong = brown(BrownConrady { k1: -0.3, k2: 0.0, k3: 0.0, p1: 0.02, p2: -0.03 });
+        // A fold on one side only, between the axes: circles must be searched all around.
+        let lopsided = polynomial(&[(2, 0, 0.1, 0.3), (1, 1, 0.4, 0.2), (0, 3, 0.2, -0.3)]);
+        for model in [strong, lopsided] {
+            let radius = Domain::of(&model).radius;
+            let worst = |r: f64| disc(r).map(|v| model.derivative(v).determinant()).fold(f64::MAX, f64::min);
+            assert!(worst(radius) > 0.0, "radius {radius}");
+            assert!(worst(2.0 * radius) < 0.0, "control: it does fold further out than {radius}");
+        }
+    }
+
+    #[test]
+    fn brown_conrady_without_its_sixth_order_is_a_polynomial() {
+        let BrownConrady { k1, k2, p1, p2, .. } = LENS;
+        let same = polynomial(&[
+            (3, 0, k1, 0.0),
+            (1, 2, k1, 0.0),
+            (2, 1, 0.0, k1),
+            (0, 3, 0.0, k1),
+            (5, 0, k2, 0.0),
+            (3, 2, 2.0 * k2, 0.0),
+            (1, 4, k2, 0.0),
+            (4, 1, 0.0, k2),
+            (2, 3, 0.0, 2.0 * k2),
+            (0, 5, 0.0, k2),
+            (1, 1, 2.0 * p1, 2.0 * p2),
+            (2, 0, 3.0 * p2, p1),
+            (0, 2, p2, 3.0 * p1),
+        ]);
+        let lens = brown(BrownConrady { k3: 0.0, ..LENS });
+        for ideal in disc(0.8) {
+            assert!(lens.distort(ideal).distance(same.distort(ideal)) < 1e-15, "{ideal}");
+        }
+        assert!(brown(LENS).distort(DVec2::X).distance(same.distort(DVec2::X)) > 1e-3, "control: k3 shows");
+    }
+
+    #[test]
+    fn terms_out_of_range_are_refused() {
+        for (i, j) in [(0, 0), (6, 0), (3, 3)] {
+            assert_eq!(PolynomialDistortion::default().with_term(i, j, 1.0, 0.0), None, "x^{i} y^{j}");
+        }
+        assert!(PolynomialDistortion::default().with_term(0, 5, 1.0, 0.0).is_some(), "degree five is the last");
     }
 }

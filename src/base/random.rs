@@ -18,6 +18,22 @@ pub enum Stage {
     Overflow = 3,
     /// Frequencies and phases of line-of-sight noise: "frame" is the axis, "block" the line.
     Jitter = 4,
+    /// Dark-current non-uniformity: fixed pattern, frame 0.
+    DarkCurrent = 10,
+    /// Offsets of columns: fixed pattern, frame 0; "pixel" is the column.
+    ColumnOffset = 11,
+    /// Gains of columns: fixed pattern, frame 0.
+    ColumnGain = 12,
+    /// Offsets of rows: fixed pattern, frame 0; "pixel" is the row.
+    RowOffset = 13,
+    /// Noise that a row shares, of one frame: "block" is three times the row and more, attempt 1 the state before row 0.
+    RowNoise = 14,
+    /// Level of a telegraph signal, by frame: "block" is its place.
+    Telegraph = 20,
+    /// Places of a random population of defects: "frame" is the kind, "block" the number.
+    DefectPlaces = 21,
+    /// Protons of one frame, two blocks each: "block" is the number, "attempt" which of the two.
+    Protons = 22,
 }
 
 const MULTIPLIER_0: u32 = 0xD251_1F53;

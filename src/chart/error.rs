@@ -23,6 +23,14 @@ pub enum ChartError {
     /// a scene's camera was refused
     #[error("a scene's camera: {0}")]
     Camera(#[from] AstrometryError),
+    /// an effect could not be measured
+    #[error("effect \"{effect}\": {why}")]
+    Effect {
+        /// The effect.
+        effect: &'static str,
+        /// What was said.
+        why: String,
+    },
     /// rows do not go into CSV
     #[error("rows do not go into CSV: {0}")]
     Csv(#[from] csv::Error),

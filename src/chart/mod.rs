@@ -6,7 +6,7 @@
 //!
 //! ```text
 //! scenes -> stage (planner, stars) -> sweep (methods x backends: measure, timing) -> rows -> charts, verdicts
-//! sampling, poisson, prediction, footprint: tables and charts of their own
+//! sampling, poisson, prediction, footprint, effects: tables and charts of their own
 //! ```
 //!
 //! *Limits.* Times are medians on the machine at hand, whatever else it does, with the fastest beside them; predicted
@@ -14,6 +14,7 @@
 //! stand alone. *Validation.* `tests/physics/chart.rs` runs the quick form.
 
 pub mod drawer;
+pub mod effects;
 mod error;
 pub mod error_by_nodes;
 pub mod footprint;
@@ -115,8 +116,8 @@ pub fn run(settings: &Settings, tell: &mut dyn FnMut(&Step)) -> Result<Charted, 
     let scenes = scenes::scenes(settings.quick);
     let effort = Effort::new(settings.quick);
     let sigmas_px = sampling::sigmas_px(settings.quick);
-    // Poisson, prediction and footprint follow the scenes and the samplings.
-    let total = scenes.len() * drawers.len() + sigmas_px.len() + 3;
+    // Poisson, prediction, footprint and effects follow the scenes and the samplings.
+    let total = scenes.len() * drawers.len() + sigmas_px.len() + 4;
     let mut steps = Steps { done: 0, total, tell };
     let mut methods = Vec::new();
     for scene in &scenes {
@@ -142,8 +143,11 @@ pub fn run(settings: &Settings, tell: &mut dyn FnMut(&Step)) -> Result<Charted, 
     steps.begin("footprints");
     let footprint = footprint::measure();
     files.extend([csv("footprint", &footprint)?, svg(&("footprint".into(), footprint::chart(&footprint)))]);
+    steps.begin("effects");
+    let effects = effects::measure(settings.quick, &mut drawers)?;
+    files.push(csv("effects", &effects)?);
     let notes: Vec<String> = drawers.iter().map(Drawer::description).chain(missing).collect();
-    let summary = table::summary(&methods, &samplings, &scenes, &notes);
+    let summary = table::summary(&methods, &samplings, &scenes, &notes) + &effects::summary(&effects);
     Ok(Charted { files, methods, sampling: samplings, summary })
 }
 

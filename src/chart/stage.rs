@@ -11,7 +11,7 @@ use crate::exposure::cost::CostModel;
 use crate::exposure::{
     ExposurePlan, Instrument, MethodChoice, PixelPath, PixelPoint, Planner, PsfSampling, Shutter, Source, SourcePlace,
 };
-use crate::optics::PsfModel;
+use crate::optics::{Illumination, PsfModel};
 use core::f64::consts::TAU;
 use glam::DVec3;
 
@@ -60,6 +60,7 @@ impl Stage {
             shutter,
             psf,
             sampling: PsfSampling::Auto,
+            illumination: Illumination::EVEN,
             full_well_e: 1e5,
             read_noise_e_rms: READ_NOISE_E,
         };

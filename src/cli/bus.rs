@@ -3,13 +3,13 @@
 use crate::base::clock::{Clock, Monotonic, Stopwatch};
 use crate::base::time::Span;
 use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED};
-use crate::link::gateway::{GatewayCounters, GatewayKind, GatewayParams, Gateways};
+use crate::link::gateway::{self, GatewayCounters, GatewayKind, GatewayParams, Gateways};
 use crate::link::simulated::{BusModel, BusParams, BusStatistics, BusTiming, SimulatedBus, Stuffing};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
-use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -67,11 +67,7 @@ const QUEUE_PACKETS: usize = 4096;
 
 /// `PORT` on loopback, or `ADDRESS:PORT`.
 fn tcp_address(text: &str) -> Result<SocketAddr, String> {
-    if let Ok(port) = text.parse::<u16>() {
-        return Ok((IpAddr::V4(Ipv4Addr::LOCALHOST), port).into());
-    }
-    let found = text.to_socket_addrs().map(|mut found| found.next());
-    found.ok().flatten().ok_or_else(|| format!("got \"{text}\", wanted a port such as 29536, or ADDRESS:PORT"))
+    gateway::tcp_address(text).ok_or_else(|| format!("got \"{text}\", wanted a port such as 29536, or ADDRESS:PORT"))
 }
 
 /// Where one gateway is found, as JSON.
@@ -114,6 +110,7 @@ pub fn run(arguments: &BusArgs) -> Result<u8> {
         (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?)
     };
     let gateways = Gateways::start(&bus, &params, &clock)?;
+    warn_of_exposed(&gateways);
     arguments.announce(&gateways)?;
     let mut wall = Stopwatch::start();
     let was_stopped = runtime.block_on(async {
@@ -141,9 +138,6 @@ impl BusArgs {
         let (slcan_tcp, slcan_pty, socketcand) = (self.slcan_tcp, self.slcan_pty.clone(), self.socketcand);
         if slcan_tcp.is_none() && slcan_pty.is_none() && socketcand.is_none() {
             bail!("nobody could join this bus: wanted --slcan-tcp, --slcan-pty or --socketcand");
-        }
-        for address in [slcan_tcp, socketcand].into_iter().flatten().filter(|address| !address.ip().is_loopback()) {
-            eprintln!("starloop: {address} can be reached from other machines, and asks for no password");
         }
         Ok(GatewayParams { slcan_tcp, slcan_pty, socketcand, bus_name: self.name.clone(), ..GatewayParams::default() })
     }
@@ -194,6 +188,14 @@ impl BusArgs {
             writeln!(out, "{:<12} {}", kind_name(*gateway), sentence(counters))?;
         }
         Ok(())
+    }
+}
+
+/// Says which gateways other machines can reach.
+pub(super) fn warn_of_exposed(gateways: &Gateways) {
+    for (kind, address) in gateways.addresses().into_iter().filter(|(_, address)| address.is_exposed()) {
+        let name = kind_name(kind);
+        eprintln!("starloop: {name} at {address} can be reached from other machines, and asks for no password");
     }
 }
 

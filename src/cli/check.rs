@@ -2,10 +2,13 @@
 
 use crate::base::time::Tai;
 use crate::cli::calibrate::{Costs, costs_here};
+use crate::cli::check_light;
 use crate::cli::check_plan::{self, Planned};
 use crate::cli::check_scenario;
 use crate::cli::frame_plan::FramePlans;
+use crate::cli::radiometry_told::radiometry_told;
 use crate::config::{Bench, Document, Event, Scenario, StartTime, is_scenario};
+use crate::runtime::field_light::FieldLight;
 use crate::runtime::{Imager, RunParams};
 use crate::sky::catalog::Catalog;
 use crate::wiring::bench_parts;
@@ -100,12 +103,12 @@ fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Image
         camera.detector.height_px,
         camera.ifov_arcsec()
     )?;
-    writeln!(
-        text,
-        "  light        {:.3e} e-/s at magnitude 0, drawn down to G = {}",
-        camera.zero_point_e_per_s(),
-        camera.radiometry.limiting_mag
-    )?;
+    writeln!(text, "  radiometry   {}", radiometry_told(camera))?;
+    let zero_point = camera.star_light().zero_point_e_per_s();
+    let light =
+        zero_point.map_or_else(|| "no zero point".into(), |e_per_s| format!("{e_per_s:.3e} e-/s at magnitude 0"));
+    writeln!(text, "  light        {light}, drawn down to G = {}", camera.radiometry.limiting_mag)?;
+    check_light::write_light(text, &params.camera)?;
     let faintest = Catalog::built_in()?.sources().iter().map(|star| star.mag_g).fold(f32::MIN, f32::max);
     if camera.radiometry.limiting_mag > f64::from(faintest) {
         writeln!(
@@ -144,6 +147,7 @@ fn plans(text: &mut String, bench: &Bench, start: Tai, params: &RunParams, image
     check_plan::write_sampling(text, params)?;
     check_plan::write_ladder(text, &planned)?;
     let mut frames = FramePlans::new(bench, start, params)?;
+    let mut light = FieldLight::new(&params.camera, params.observer.clone(), start);
     let last = params.frames.saturating_sub(1);
     let mut numbers = vec![0, last / 2, last];
     numbers.dedup();
@@ -151,6 +155,7 @@ fn plans(text: &mut String, bench: &Bench, start: Tai, params: &RunParams, image
         let mut planner = frames.planner(planned.cost, planned.limit_ms);
         let plan = frames.plan(number, &mut planner)?;
         check_plan::write_plan(text, number, plan, &planned)?;
+        check_light::write_frame(text, &mut light, &params.camera, plan)?;
     }
     Ok(())
 }

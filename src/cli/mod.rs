@@ -10,12 +10,14 @@ pub mod catalog;
 pub mod chart;
 pub mod check;
 mod check_attitude;
+mod check_light;
 mod check_plan;
 mod check_scenario;
 mod frame_plan;
 pub mod link_check;
 mod load_threads;
 mod monitor;
+mod radiometry_told;
 pub mod render;
 pub mod render_input;
 pub mod render_output;
@@ -25,7 +27,9 @@ mod run_input;
 pub mod run_scenario;
 pub mod scenario_plot;
 pub mod scenario_report;
+pub mod snr;
 pub mod study;
+pub mod verify;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -80,6 +84,10 @@ enum Command {
     Campaign(campaign::CampaignArgs),
     /// Measure error and time of every method: CSV tables and SVG charts
     Chart(chart::ChartArgs),
+    /// Hold a camera's own frames against its file: photon transfer (EMVA 1288) and errors by brightness
+    Verify(verify::VerifyArgs),
+    /// Tell how faint and how bright a camera's stars may be: SNR against magnitude, limiting and saturation magnitudes
+    Snr(snr::SnrArgs),
     /// Inject latency and jitter into the closed loop and hold it against linear theory: CSV table and SVG charts
     Study(study::StudyArgs),
     /// Hold a bus or serial port of this machine to what links promise, or echo what arrives on it
@@ -112,6 +120,8 @@ pub fn main() -> ExitCode {
         Command::Bus(arguments) => bus::run(&arguments),
         Command::Campaign(arguments) => campaign::run(&arguments),
         Command::Chart(arguments) => chart::run(&arguments).map(|()| EXIT_DONE),
+        Command::Verify(arguments) => verify::run(&arguments),
+        Command::Snr(arguments) => snr::run(&arguments).map(|()| EXIT_DONE),
         Command::Study(arguments) => study::run(&arguments),
         Command::LinkCheck(arguments) => link_check::run(&arguments),
         Command::Catalog(arguments) => catalog::run(arguments).map(|()| EXIT_DONE),

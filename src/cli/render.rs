@@ -9,9 +9,11 @@ use crate::cli::render_input::{four, read_los, read_los_samples, read_sources, t
 use crate::cli::render_output::{Format, format_of, write_dn, write_electrons, write_truth};
 use crate::cli::run::BackendName;
 use crate::config::Camera;
+use crate::detector::window::OutputGeometry;
 use crate::exposure::{ExposurePlan, MethodChoice, Motion, Planner, Source};
 use crate::runtime::Imager;
 use crate::runtime::engine::fill_meta;
+use crate::runtime::field_light::{FieldLight, light_pixels};
 use crate::runtime::params::CameraParams;
 use crate::runtime::sky_view::SkyView;
 use crate::runtime::truth::fill_truth;
@@ -118,6 +120,7 @@ struct Scene {
     planner: Planner,
     imager: Imager,
     sky: Option<SkyView>,
+    light: FieldLight,
     sources: Vec<Source>,
     frame: SentFrame,
     seed: u64,
@@ -125,9 +128,11 @@ struct Scene {
 
 impl Scene {
     fn new(arguments: &RenderArgs, camera: CameraParams) -> Result<Self> {
-        let size = [camera.geometry.width_px(), camera.geometry.height_px()];
+        let size = camera.output().size_px;
         let backend = backend_choice(arguments.backend.configured());
-        let imager = Imager::new(backend, camera.detector, size, arguments.seed)?;
+        let mut imager = Imager::new(backend, camera.detector, camera.sensor_px(), arguments.seed)?;
+        light_pixels(&camera, &mut imager)?;
+        let light = FieldLight::new(&camera, Observer::Geocentre, arguments.time);
         let motion = motion(arguments, camera.exposure_s)?;
         let instrument = camera.instrument();
         let budget = AccuracyBudget::default();
@@ -138,7 +143,7 @@ impl Scene {
             None => (Some(SkyView::new(&camera, Observer::Geocentre, arguments.time)?), Vec::new()),
         };
         let frame = SentFrame::with_capacity(size[0], size[1], sources.len(), camera.name.clone());
-        Ok(Self { camera, planner, imager, sky, sources, frame, seed: arguments.seed })
+        Ok(Self { camera, planner, imager, sky, light, sources, frame, seed: arguments.seed })
     }
 
     /// Finds the sources and plans; the wall time of both.
@@ -148,6 +153,7 @@ impl Scene {
             Some(sky) => sky.in_view(&self.planner.latest().motion.los)?,
             None => &self.sources,
         };
+        self.imager.set_background(self.light.at(&self.planner.latest().motion.los)?.0);
         let sky = watch.lap();
         self.planner.plan(sources);
         Ok([sky, watch.lap()])
@@ -168,8 +174,13 @@ impl Scene {
                 [sky, planning, times.render, times.detector]
             }
         };
-        fill_truth(plan, &mut self.frame.truth);
+        let output = match stage {
+            StageName::Electrons => OutputGeometry::whole(self.camera.sensor_px()),
+            StageName::Dn => self.camera.output(),
+        };
+        fill_truth(plan, &output, &mut self.frame.truth);
         fill_meta(plan, 0, self.seed, &self.camera.detector, self.imager.name(), &mut self.frame.meta);
+        (self.frame.meta.binning, self.frame.meta.window_px) = (output.binning, output.first_px);
         Ok(times)
     }
 

@@ -4,7 +4,7 @@ use crate::base::clock::{Clock, Monotonic, Stopwatch, Virtual};
 use crate::base::time::Tai;
 use crate::cli::budget::budget_report;
 use crate::cli::budget_files;
-use crate::cli::bus::kind_name;
+use crate::cli::bus::{kind_name, warn_of_exposed};
 use crate::cli::calibrate::costs_here;
 use crate::cli::check_attitude::slew_scale;
 use crate::cli::monitor::Monitor;
@@ -480,6 +480,7 @@ fn tell_doors(gateways: &[Gateways]) {
     for (kind, address) in gateways.iter().flat_map(Gateways::addresses) {
         eprintln!("gateway: {} at {address}", kind_name(kind));
     }
+    gateways.iter().for_each(warn_of_exposed);
 }
 
 /// The simulated flight computer in a thread of its own.

@@ -1,13 +1,18 @@
 //! A camera file.
 
 use crate::base::units::{ARCSEC, DEG};
+use crate::config::background::{Background, BackgroundKeys};
+use crate::config::baffle::{Baffle, BaffleKeys};
+use crate::config::band::{BandKeys, check_band};
 use crate::config::check::{Checker, Defaulted};
 use crate::config::detector::{Detector, DetectorKeys};
 use crate::config::document::Document;
 use crate::config::error::ConfigError;
+use crate::config::illumination::IlluminationKeys;
 use crate::config::optics::{Distortion, DistortionKeys, Optics, OpticsKeys, Psf, PsfKeys};
-use crate::config::radiometry::{Exposure, ExposureKeys, Radiometry, RadiometryKeys};
+use crate::config::radiometry::{Exposure, ExposureKeys, Radiometry, RadiometryKeys, RadiometryModel};
 use crate::exposure::PsfSampling;
+use crate::optics::{Band, BandRadiometry, Illumination, StarLight};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -26,8 +31,16 @@ pub struct Camera {
     pub psf: Psf,
     /// How pixel values are had from it.
     pub sampling: PsfSampling,
+    /// How the image plane is lit.
+    pub illumination: Illumination,
+    /// Light that is not the stars'.
+    pub background: Background,
+    /// Stray light of Sun, Moon and Earth.
+    pub baffle: Option<Baffle>,
     /// Magnitudes to photons.
     pub radiometry: Radiometry,
+    /// Quantum efficiency and transmission over wavelength, in place of mean values.
+    pub band: Option<Band>,
     /// Exposure.
     pub exposure: Exposure,
     /// Values nobody gave.
@@ -42,7 +55,11 @@ struct CameraKeys {
     optics: OpticsKeys,
     distortion: DistortionKeys,
     psf: PsfKeys,
+    illumination: IlluminationKeys,
+    background: BackgroundKeys,
+    baffle: Option<BaffleKeys>,
     radiometry: RadiometryKeys,
+    band: Option<BandKeys>,
     exposure: ExposureKeys,
 }
 
@@ -68,10 +85,28 @@ impl Camera {
         let distortion = Distortion::check(&keys.distortion, &check)?;
         let psf = Psf::check(&keys.psf, &optics, &mut check)?;
         let sampling = Psf::check_sampling(&keys.psf, &mut check)?;
-        let radiometry = Radiometry::check(&keys.radiometry, &mut check)?;
+        let illumination = keys.illumination.check(&optics, &mut check)?;
+        let background = keys.background.check(&mut check)?;
+        let baffle = keys.baffle.as_ref().map(|keys| keys.check(&mut check)).transpose()?;
+        let radiometry = Radiometry::check(&keys.radiometry, &detector, &mut check)?;
+        let band = check_band(keys.band.as_ref(), optics.transmission, radiometry.model, &psf, &mut check)?;
         let exposure = Exposure::check(&keys.exposure, &mut check)?;
         let defaulted = check.defaulted;
-        Ok(Self { name, detector, optics, distortion, psf, sampling, radiometry, exposure, defaulted })
+        Ok(Self {
+            name,
+            detector,
+            optics,
+            distortion,
+            psf,
+            sampling,
+            illumination,
+            background,
+            baffle,
+            radiometry,
+            band,
+            exposure,
+            defaulted,
+        })
     }
 
     /// Angle of one pixel on the boresight, arcsec.
@@ -89,14 +124,36 @@ impl Camera {
         })
     }
 
-    /// Electrons per second of a star of instrument magnitude 0, over the whole image of the star.
+    /// Magnitude and colour to electrons, as the file says.
+    #[must_use]
+    pub fn star_light(&self) -> StarLight {
+        let parametric = crate::optics::Radiometry {
+            zero_magnitude_photons_per_s_m2: self.radiometry.zero_magnitude_photons_per_s_m2,
+            aperture_mm: self.optics.aperture_mm,
+            obscuration: self.optics.obscuration,
+            transmission: self.optics.transmission,
+            quantum_efficiency: self.detector.quantum_efficiency,
+            color_c1: self.radiometry.color_c1,
+            color_c2: self.radiometry.color_c2,
+        };
+        match (&self.band, self.radiometry.model) {
+            (Some(band), _) => StarLight::Band(BandRadiometry::new(band, parametric.clear_aperture_m2())),
+            (None, RadiometryModel::LinearGrey(map)) => StarLight::Grey(map),
+            (None, RadiometryModel::PhotonsG) => StarLight::Parametric(parametric),
+            (None, RadiometryModel::PhotonsV) => StarLight::ParametricV(parametric),
+        }
+    }
+
+    /// Electrons per second of a star of instrument magnitude 0, over the whole image of the star; 0 under a grey
+    /// mapping, which knows no seconds.
     #[must_use]
     pub fn zero_point_e_per_s(&self) -> f64 {
-        let radius_m = 0.5e-3 * self.optics.aperture_mm;
-        let area_m2 = core::f64::consts::PI * radius_m * radius_m * (1.0 - self.optics.obscuration.powi(2));
-        self.radiometry.zero_magnitude_photons_per_s_m2
-            * area_m2
-            * self.optics.transmission
-            * self.detector.quantum_efficiency
+        self.star_light().zero_point_e_per_s().unwrap_or(0.0)
     }
+}
+
+/// Whether a document describes a camera by itself, rather than a bench that names one.
+#[must_use]
+pub fn is_camera(document: &Document) -> bool {
+    document.has_key("detector")
 }

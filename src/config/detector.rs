@@ -1,8 +1,12 @@
 //! `[detector]`: geometry, charge, conversion.
 
 use crate::config::check::{Checker, Rule};
+use crate::config::detector_effects::{
+    BinningKeys, BloomingKeys, ChargeTransferKeys, DefectsKeys, Fits, ImageLagKeys, ProtonsKeys, TdiKeys, WindowKeys,
+    check_effects,
+};
 use crate::config::error::ConfigError;
-use crate::detector::PoissonMethod;
+use crate::detector::{PoissonMethod, SpatialParams};
 use serde::Deserialize;
 
 const LARGEST_SIDE_PX: u32 = 16_384;
@@ -42,6 +46,8 @@ pub struct Detector {
     pub quantum_efficiency: f64,
     /// How shot noise is drawn.
     pub poisson: PoissonMethod,
+    /// Defects, protons, and what needs more than one pixel or one frame.
+    pub spatial: SpatialParams,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -61,6 +67,14 @@ pub(super) struct DetectorKeys {
     dsnu_e_rms: Option<f64>,
     quantum_efficiency: Option<f64>,
     poisson: Option<String>,
+    pub(super) defects: Option<DefectsKeys>,
+    pub(super) protons: Option<ProtonsKeys>,
+    pub(super) image_lag: Option<ImageLagKeys>,
+    pub(super) blooming: Option<BloomingKeys>,
+    pub(super) charge_transfer: Option<ChargeTransferKeys>,
+    pub(super) binning: Option<BinningKeys>,
+    pub(super) window: Option<WindowKeys>,
+    pub(super) tdi: Option<TdiKeys>,
 }
 
 impl Detector {
@@ -106,7 +120,7 @@ impl Detector {
         let mut number = |key: &str, given, default, rule, advice| {
             check.number(&format!("detector.{key}"), given, default, rule, advice)
         };
-        Ok(Self {
+        let mut made = Self {
             width_px,
             height_px,
             pixel_pitch_um: number(
@@ -145,6 +159,15 @@ impl Detector {
                 "a fraction of the photons: 45 % is 0.45",
             )?,
             poisson,
-        })
+            spatial: SpatialParams::OFF,
+        };
+        let fits = Fits {
+            size_px: [width_px, height_px],
+            pixel_pitch_um: made.pixel_pitch_um,
+            full_well_e: made.full_well_e,
+            bits,
+        };
+        made.spatial = check_effects(keys, fits, check)?;
+        Ok(made)
     }
 }

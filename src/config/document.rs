@@ -10,7 +10,7 @@ use std::sync::Arc;
 use toml::de::{DeTable, DeValue};
 
 /// Configurations that are part of the binary, by their path below `configs/`.
-const BUILT_IN: [(&str, &str); 37] = [
+const BUILT_IN: [(&str, &str); 39] = [
     ("benches/loopback.toml", include_str!("../../configs/benches/loopback.toml")),
     ("benches/cubesat.toml", include_str!("../../configs/benches/cubesat.toml")),
     ("benches/bench_20hz.toml", include_str!("../../configs/benches/bench_20hz.toml")),
@@ -24,6 +24,8 @@ const BUILT_IN: [(&str, &str); 37] = [
     ("cameras/cubesat_tracker.toml", include_str!("../../configs/cameras/cubesat_tracker.toml")),
     ("cameras/small_tracker.toml", include_str!("../../configs/cameras/small_tracker.toml")),
     ("cameras/wide_field_telescope.toml", include_str!("../../configs/cameras/wide_field_telescope.toml")),
+    ("cameras/detection_limit_15mag.toml", include_str!("../../configs/cameras/detection_limit_15mag.toml")),
+    ("cameras/detection_limit_22mag.toml", include_str!("../../configs/cameras/detection_limit_22mag.toml")),
     ("benches/gateways.toml", include_str!("../../configs/benches/gateways.toml")),
     ("benches/serial.toml", include_str!("../../configs/benches/serial.toml")),
     ("benches/socketcan.toml", include_str!("../../configs/benches/socketcan.toml")),
@@ -49,6 +51,9 @@ const BUILT_IN: [(&str, &str); 37] = [
     ("spacecraft/smallsat_keep_out.toml", include_str!("../../configs/spacecraft/smallsat_keep_out.toml")),
     ("spacecraft/smallsat_stiff_array.toml", include_str!("../../configs/spacecraft/smallsat_stiff_array.toml")),
 ];
+
+/// Keys of a camera that name a file of points.
+const NAMES_A_TABLE: [&str; 2] = ["band.qe_file", "band.transmission_file"];
 
 /// Names nearer than this (Jaro-Winkler, 0 to 1) are offered as what was meant.
 const NEAR_ENOUGH: f64 = 0.75;
@@ -181,8 +186,8 @@ impl Document {
 
     fn pack_into(&self, documents: &mut BTreeMap<String, PackedText>, keys: String) -> Result<(), ConfigError> {
         let table: toml::Table = self.read_as()?;
-        for key in NAMES_A_FILE {
-            if let Some(path) = table.get(key).and_then(toml::Value::as_str) {
+        for key in NAMES_A_FILE.into_iter().chain(NAMES_A_TABLE) {
+            if let Some(path) = value_of(&table, key).and_then(toml::Value::as_str) {
                 self.named(key, path)?.pack_into(documents, joined(&keys, key))?;
             }
         }
@@ -327,6 +332,14 @@ fn offset_of_key(root: &DeTable<'_>, key: &str) -> Option<usize> {
         table = inner;
     }
     offset
+}
+
+/// The value of a key such as `band.qe_file`.
+fn value_of<'a>(table: &'a toml::Table, key: &str) -> Option<&'a toml::Value> {
+    match key.split_once('.') {
+        Some((section, rest)) => value_of(table.get(section)?.as_table()?, rest),
+        None => table.get(key),
+    }
 }
 
 /// A key below those that led to a document.

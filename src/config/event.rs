@@ -73,7 +73,7 @@ pub enum Action {
     /// A trigger is fired: faults that wait for it begin.
     Trigger {
         /// Which.
-        number: u8,
+        number: u16,
     },
 }
 
@@ -83,7 +83,7 @@ pub struct Event {
     /// After the first exposure; after the trigger, when it waits for one.
     pub at: Span,
     /// The trigger it waits for.
-    pub on_trigger: Option<u8>,
+    pub on_trigger: Option<u16>,
     /// How long it lasts; zero for commands.
     pub lasts: Span,
     /// What it is.

@@ -7,7 +7,7 @@ use crate::link::tap::LinkFault;
 const PERIOD: Span = Span::from_ms(100);
 
 /// A value that is right for each key.
-const VALUES: [(&str, &str); 29] = [
+const VALUES: [(&str, &str); 39] = [
     ("for_s", "2.0"),
     ("ra_deg", "84.0"),
     ("dec_deg", "-1.0"),
@@ -37,6 +37,16 @@ const VALUES: [(&str, &str); 29] = [
     ("by_k", "10.0"),
     ("full_wells", "2.0"),
     ("mag", "4.5"),
+    ("column", "7"),
+    ("row", "8"),
+    ("response", "0.25"),
+    ("high_s", "0.5"),
+    ("low_s", "4.0"),
+    ("dn", "4000"),
+    ("per_cm2_s", "100.0"),
+    ("energy_mev", "60.0"),
+    ("incidence_deg", "45.0"),
+    ("azimuth_deg", "30.0"),
 ];
 
 fn checked(word: &str, names: &[&str]) -> Result<Event, String> {

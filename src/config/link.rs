@@ -3,6 +3,7 @@
 use crate::config::check::{Checker, Defaulted, Rule};
 use crate::config::error::ConfigError;
 use crate::config::link_keys::{Address, LinkKeys, LinkTable};
+use crate::link::gateway::tcp_address;
 use core::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -239,11 +240,9 @@ fn named(
 /// `PORT`, on loopback, or `ADDRESS:PORT`.
 fn address(key: &str, given: Option<&Address>, check: &Checker<'_>) -> Result<Option<SocketAddr>, ConfigError> {
     let Some(text) = given.map(ToString::to_string) else { return Ok(None) };
-    let loopback = text.parse::<u16>().map(|port| SocketAddr::from(([127, 0, 0, 1], port)));
-    let address = loopback.or_else(|_| text.parse());
     let wanted = "a port (on loopback) or \"address:port\"";
     let advice = "such as 29536; 0 takes a free one";
-    address.map(Some).map_err(|_| check.invalid(key, format!("\"{text}\""), wanted, advice))
+    tcp_address(&text).map(Some).ok_or_else(|| check.invalid(key, format!("\"{text}\""), wanted, advice))
 }
 
 fn identifiers(keys: &LinkTable, wire: Wire, prefix: &str, check: &mut Checker<'_>) -> Result<(u8, u16), ConfigError> {

@@ -11,11 +11,16 @@
 //!
 //! The built-in bench and all it names are compiled in, so the binary runs from any directory.
 
+mod background;
+mod baffle;
+mod band;
 mod bench;
 mod budget;
 mod camera;
 mod check;
 mod detector;
+mod detector_effects;
+mod distortion;
 mod document;
 mod error;
 mod event;
@@ -23,6 +28,7 @@ mod event_reader;
 mod event_word;
 mod expect;
 mod flight_computer;
+mod illumination;
 mod link;
 mod link_keys;
 mod observer;
@@ -36,9 +42,11 @@ mod stages;
 mod target;
 mod timing;
 
+pub use background::{Background, Sky};
+pub use baffle::Baffle;
 pub use bench::Bench;
 pub use budget::Budget;
-pub use camera::Camera;
+pub use camera::{Camera, is_camera};
 pub use check::Defaulted;
 pub use detector::Detector;
 pub use document::{Document, PackedDocuments};
@@ -49,7 +57,7 @@ pub use flight_computer::{FlightComputer, JitterLineSettings, JitterSource, Slew
 pub use link::{Carrier, Doors, FlowControl, Link, Parity, SerialPort, Wire};
 pub use observer::Observer;
 pub use optics::{Distortion, Optics, Psf};
-pub use radiometry::{Exposure, Radiometry};
+pub use radiometry::{Exposure, Radiometry, RadiometryModel};
 pub use scenario::{Scenario, is_scenario};
 pub use session::{Session, SessionStart};
 pub use setting::Setting;

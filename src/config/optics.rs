@@ -1,7 +1,9 @@
 //! `[optics]`, `[distortion]`, `[psf]`.
 
+use crate::astrometry::PolynomialDistortion;
 use crate::config::check::{Checker, Rule};
 use crate::config::detector::Detector;
+use crate::config::distortion::{Terms, check_polynomial};
 use crate::config::error::ConfigError;
 use crate::exposure::PsfSampling;
 use serde::Deserialize;
@@ -32,7 +34,7 @@ pub struct Optics {
     pub principal_point_px: [f64; 2],
 }
 
-/// Brown-Conrady distortion coefficients of normalised image coordinates (x / z, y / z), checked.
+/// Brown-Conrady distortion coefficients of normalised image coordinates (x / z, y / z), or a polynomial of them, checked.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Distortion {
     /// Radial, r^2.
@@ -45,6 +47,8 @@ pub struct Distortion {
     pub p1: f64,
     /// Tangential.
     pub p2: f64,
+    /// In place of all these.
+    pub polynomial: Option<PolynomialDistortion>,
 }
 
 /// Point-spread function of the optics, checked.
@@ -84,6 +88,11 @@ pub(super) struct DistortionKeys {
     k3: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
+    model: Option<String>,
+    #[serde(default)]
+    x: Terms,
+    #[serde(default)]
+    y: Terms,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -154,6 +163,24 @@ fn principal_point(
 impl Distortion {
     /// None given: none. What is given must be finite and small enough to be a lens.
     pub(super) fn check(keys: &DistortionKeys, check: &Checker<'_>) -> Result<Self, ConfigError> {
+        let polynomial = match keys.model.as_deref() {
+            None | Some("brown-conrady") => {
+                check.unused("distortion.x", !keys.x.is_empty(), "model = \"polynomial\"")?;
+                check.unused("distortion.y", !keys.y.is_empty(), "model = \"polynomial\"")?;
+                None
+            }
+            Some("polynomial") => {
+                let brown = [("k1", keys.k1), ("k2", keys.k2), ("k3", keys.k3), ("p1", keys.p1), ("p2", keys.p2)];
+                for (key, given) in brown {
+                    check.unused(&format!("distortion.{key}"), given.is_some(), "model = \"brown-conrady\"")?;
+                }
+                Some(check_polynomial([&keys.x, &keys.y], check)?)
+            }
+            Some(word) => {
+                let (wanted, advice) = ("\"brown-conrady\" or \"polynomial\"", "without it: brown-conrady");
+                return Err(check.invalid("distortion.model", format!("\"{word}\""), wanted, advice));
+            }
+        };
         let coefficient = |key: &str, given: Option<f64>| {
             let advice = "a coefficient for normalised image coordinates, such as -0.05";
             check.meets(&format!("distortion.{key}"), given.unwrap_or(0.0), Rule::Within(-100.0, 100.0), advice)
@@ -164,6 +191,7 @@ impl Distortion {
             k3: coefficient("k3", keys.k3)?,
             p1: coefficient("p1", keys.p1)?,
             p2: coefficient("p2", keys.p2)?,
+            polynomial,
         })
     }
 }

@@ -1,7 +1,9 @@
 //! `[radiometry]` and `[exposure]`.
 
 use crate::config::check::{Checker, Rule};
+use crate::config::detector::Detector;
 use crate::config::error::ConfigError;
+use crate::optics::{GreyMap, GreyScale};
 use serde::Deserialize;
 
 /// Photons per second and square metre of a star of G = 0 in the band of Gaia G, above the optics.
@@ -10,9 +12,22 @@ use serde::Deserialize;
 /// Profile Service), so `3228.75e-26 / h * 405.3 / 621.8 = 3.18e10`, rounded.
 pub(super) const GAIA_G_ZERO_PHOTONS_PER_S_M2: f64 = 3.2e10;
 
+/// Where electrons come from when there is no `[band]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum RadiometryModel {
+    /// Photons of magnitude 0 in Gaia G, mean transmission and QE.
+    PhotonsG,
+    /// The same, with magnitudes in Johnson V.
+    PhotonsV,
+    /// A linear grey mapping.
+    LinearGrey(GreyMap),
+}
+
 /// How magnitudes become photons, checked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Radiometry {
+    /// Where electrons come from.
+    pub model: RadiometryModel,
     /// Band-integrated photon rate of a star of G = 0 and BP-RP = 0 above the optics, photons / (s m^2).
     pub zero_magnitude_photons_per_s_m2: f64,
     /// `mag_instrument = G + color_c1 (BP-RP) + color_c2 (BP-RP)^2`.
@@ -37,6 +52,12 @@ pub struct Exposure {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RadiometryKeys {
+    model: Option<String>,
+    brightest_mag: Option<f64>,
+    faintest_mag: Option<f64>,
+    brightest_grey_dn: Option<f64>,
+    faintest_grey_dn: Option<f64>,
+    grey_scale: Option<String>,
     zero_magnitude_photons_per_s_m2: Option<f64>,
     color_c1: Option<f64>,
     color_c2: Option<f64>,
@@ -51,30 +72,103 @@ pub(super) struct ExposureKeys {
     rolling_line_us: Option<f64>,
 }
 
+#[derive(Clone, Copy, PartialEq)]
+enum Model {
+    PhotonsG,
+    PhotonsV,
+    LinearGrey,
+}
+
 impl Radiometry {
-    pub(super) fn check(keys: &RadiometryKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn check(
+        keys: &RadiometryKeys,
+        detector: &Detector,
+        check: &mut Checker<'_>,
+    ) -> Result<Self, ConfigError> {
+        let models = [("photons", Model::PhotonsG), ("photons_v", Model::PhotonsV), ("linear_grey", Model::LinearGrey)];
+        let advice = "photons take zero_magnitude_photons_per_s_m2 (of G = 0; photons_v: of V = 0), color_c1, color_c2; \
+                      linear_grey takes two magnitudes and their greys";
+        let word = keys.model.as_deref().unwrap_or(models[0].0);
+        let model = check.choice("radiometry.model", Some(word), &models, advice)?;
         let mut number = |key: &str, given, default, rule, advice| {
             check.number(&format!("radiometry.{key}"), given, default, rule, advice)
         };
-        let color = "magnitudes per magnitude of BP-RP; 0 when the band is that of Gaia G";
-        Ok(Self {
-            zero_magnitude_photons_per_s_m2: number(
-                "zero_magnitude_photons_per_s_m2",
-                keys.zero_magnitude_photons_per_s_m2,
-                GAIA_G_ZERO_PHOTONS_PER_S_M2,
-                Rule::Positive,
-                "photons per second and square metre, about 3e10 for silicon",
-            )?,
-            color_c1: number("color_c1", keys.color_c1, 0.0, Rule::Within(-5.0, 5.0), color)?,
-            color_c2: number("color_c2", keys.color_c2, 0.0, Rule::Within(-5.0, 5.0), color)?,
-            limiting_mag: number(
-                "limiting_mag",
-                keys.limiting_mag,
-                7.0,
-                Rule::Within(-2.0, 25.0),
-                "faintest instrument magnitude to render, such as 7.0",
-            )?,
-        })
+        let limiting = "faintest G magnitude to render, such as 7.0";
+        let limiting_mag = number("limiting_mag", keys.limiting_mag, 7.0, Rule::Within(-2.0, 25.0), limiting)?;
+        if model == Model::LinearGrey {
+            let model = RadiometryModel::LinearGrey(keys.grey_map(limiting_mag, detector, check)?);
+            let zero_magnitude_photons_per_s_m2 = GAIA_G_ZERO_PHOTONS_PER_S_M2;
+            return Ok(Self { model, zero_magnitude_photons_per_s_m2, color_c1: 0.0, color_c2: 0.0, limiting_mag });
+        }
+        let color = "magnitudes per magnitude of BP-RP; 0 when the band is that of the magnitude";
+        let zero_magnitude_photons_per_s_m2 = number(
+            "zero_magnitude_photons_per_s_m2",
+            keys.zero_magnitude_photons_per_s_m2,
+            GAIA_G_ZERO_PHOTONS_PER_S_M2,
+            Rule::Positive,
+            "photons per second and square metre, about 3e10 for silicon",
+        )?;
+        let color_c1 = number("color_c1", keys.color_c1, 0.0, Rule::Within(-5.0, 5.0), color)?;
+        let color_c2 = number("color_c2", keys.color_c2, 0.0, Rule::Within(-5.0, 5.0), color)?;
+        keys.no_grey(check)?;
+        let model = if model == Model::PhotonsV { RadiometryModel::PhotonsV } else { RadiometryModel::PhotonsG };
+        Ok(Self { model, zero_magnitude_photons_per_s_m2, color_c1, color_c2, limiting_mag })
+    }
+}
+
+impl RadiometryKeys {
+    /// Refuses the keys of the grey mapping where there is none.
+    fn no_grey(&self, check: &Checker<'_>) -> Result<(), ConfigError> {
+        for (key, is_given) in [
+            ("brightest_mag", self.brightest_mag.is_some()),
+            ("faintest_mag", self.faintest_mag.is_some()),
+            ("brightest_grey_dn", self.brightest_grey_dn.is_some()),
+            ("faintest_grey_dn", self.faintest_grey_dn.is_some()),
+            ("grey_scale", self.grey_scale.is_some()),
+        ] {
+            check.unused(&format!("radiometry.{key}"), is_given, "model = \"linear_grey\"")?;
+        }
+        Ok(())
+    }
+
+    fn grey_map(
+        &self,
+        limiting_mag: f64,
+        detector: &Detector,
+        check: &mut Checker<'_>,
+    ) -> Result<GreyMap, ConfigError> {
+        for (key, is_given) in [
+            ("zero_magnitude_photons_per_s_m2", self.zero_magnitude_photons_per_s_m2.is_some()),
+            ("color_c1", self.color_c1.is_some()),
+            ("color_c2", self.color_c2.is_some()),
+        ] {
+            check.unused(&format!("radiometry.{key}"), is_given, "model = \"photons\" or \"photons_v\"")?;
+        }
+        let scales = [("irradiance", GreyScale::Irradiance), ("magnitude", GreyScale::Magnitude)];
+        let linear_in = "what the grey is linear in; irradiance keeps the stars' ratios";
+        let scale = check.choice("radiometry.grey_scale", self.grey_scale.as_deref(), &scales, linear_in)?;
+        let mut number = |key: &str, given, default, rule, advice| {
+            check.number(&format!("radiometry.{key}"), given, default, rule, advice)
+        };
+        let mags = Rule::Within(-30.0, 30.0);
+        let brightest_mag =
+            number("brightest_mag", self.brightest_mag, -1.5, mags, "G of the star that gets brightest_grey_dn")?;
+        let faint = "G of the star that gets faintest_grey_dn, fainter than brightest_mag";
+        let faintest_mag = number("faintest_mag", self.faintest_mag, limiting_mag, mags, faint)?;
+        let range_dn = f64::from(detector.largest_dn()) - detector.black_level_dn;
+        let grey = "sum of the star's grey above the black level, DN";
+        let brightest_grey_dn = number("brightest_grey_dn", self.brightest_grey_dn, range_dn, Rule::Positive, grey)?;
+        let faintest_grey_dn = number("faintest_grey_dn", self.faintest_grey_dn, 1.0, Rule::NotNegative, grey)?;
+        if faintest_mag <= brightest_mag {
+            let wanted = format!("more than brightest_mag, {brightest_mag}");
+            return Err(check.invalid("radiometry.faintest_mag", faintest_mag, wanted, faint));
+        }
+        if faintest_grey_dn > brightest_grey_dn {
+            let wanted = format!("at most brightest_grey_dn, {brightest_grey_dn}");
+            return Err(check.invalid("radiometry.faintest_grey_dn", faintest_grey_dn, wanted, grey));
+        }
+        let gain_e_per_dn = detector.gain_e_per_dn;
+        Ok(GreyMap { brightest_mag, faintest_mag, brightest_grey_dn, faintest_grey_dn, scale, gain_e_per_dn })
     }
 }
 

@@ -202,6 +202,10 @@ fn named_bench(path: Option<&str>, check: &Checker<'_>) -> Result<Bench, ConfigE
         let advice = "the spacecraft is flown inside this program, over a bus inside it";
         return Err(check.invalid("bench", path, "a bench with one simulated link and flight computer", advice));
     }
+    if bench.camera.distortion.polynomial.is_some() {
+        let advice = "the scenario's tracker knows Brown and Conrady's distortion only";
+        return Err(check.invalid("bench", path, "a camera whose distortion.model is \"brown-conrady\"", advice));
+    }
     if bench.session.start == SessionStart::OnRun {
         let advice = "nobody in a scenario says RUN";
         return Err(check.invalid("bench", path, "a bench whose session.start is \"at_once\"", advice));

@@ -3,11 +3,17 @@
 
 use crate::base::image::{DnImage, Image};
 use crate::base::random::key;
+use crate::detector::background::{Background, Shape};
+use crate::detector::defects::Defects;
+use crate::detector::disturbances::Disturbances;
 use crate::detector::effect::{ORDER, Part, effects_of};
 use crate::detector::ends::{ChargeToDn, Mean, MeanToCharge, MeanToDn};
+use crate::detector::line_pattern::Lines;
 use crate::detector::neighbours::{self, FrameAt, NeighbourStage};
+use crate::detector::output::Output;
 use crate::detector::params::Constants;
-use crate::detector::pattern::Patterns;
+use crate::detector::pattern::{PatternSizeError, Patterns};
+use crate::detector::protons::{ProtonFlux, ProtonFluxError, ProtonTrack};
 use crate::detector::stages::Stages;
 use crate::detector::{DetectorParams, Effect};
 use core::marker::PhantomData;
@@ -19,12 +25,19 @@ pub struct Detector {
     params: DetectorParams,
     seed: u64,
     stray_light_e: f32,
-    dark_factor: f64,
+    background: Background,
+    /// Relative illumination of every pixel, for the sky's part of the background; `None`: even.
+    illumination: Option<Vec<f32>>,
     patterns: Patterns,
+    lines: Lines,
+    /// Noise of the rows of the latest frame, e-; empty when off.
+    rows_e: Vec<f32>,
     neighbours: Vec<Box<dyn NeighbourStage>>,
     keeps_charge: bool,
     /// Electrons between the passes; no pixels while one pass does.
     charge: Image<f32>,
+    disturbances: Disturbances,
+    output: Output,
     size_px: [usize; 2],
     arch: Arch,
 }
@@ -38,16 +51,31 @@ impl Detector {
             params,
             seed,
             stray_light_e: 0.0,
-            dark_factor: 1.0,
+            background: Background::DARK,
+            illumination: None,
             patterns: Patterns::draw(&params, width_px * height_px, seed),
+            lines: Lines::draw(&params.line_pattern, size_px, seed),
+            rows_e: vec![0.0; if params.row_noise.is_on() { height_px } else { 0 }],
             neighbours: Vec::new(),
             keeps_charge: false,
             charge: Image::new(0, 0),
+            disturbances: Disturbances::new(&params, size_px, seed),
+            output: Output::new(&params.spatial, size_px),
             size_px,
             arch: Arch::new(),
         };
         made.prepare_passes();
         made
+    }
+
+    /// The same with patterns that are given instead of drawn.
+    ///
+    /// # Errors
+    /// When one has not as many pixels as the detector.
+    pub fn with_patterns(mut self, given: &Patterns) -> Result<Self, PatternSizeError> {
+        let [width, height] = self.size_px;
+        self.patterns = given.or(&self.patterns, width * height)?;
+        Ok(self)
     }
 
     /// Keeps every frame's charge for [`Self::charge`]: the stages run in two passes from here on, and draw the same.
@@ -68,14 +96,67 @@ impl Detector {
         &self.params
     }
 
-    /// Stray light of the frames from here on: mean electrons more in every pixel.
+    /// Background of the frames from here on. Does not allocate.
+    pub fn set_background(&mut self, background: Background) {
+        self.background = background;
+    }
+
+    /// Relative illumination of every pixel, row by row, for the sky's part of the background; `None`, or a map of
+    /// another size: even.
+    pub fn set_illumination_map(&mut self, map: Option<Vec<f32>>) {
+        self.illumination = map.filter(|map| map.len() == self.size_px[0] * self.size_px[1]);
+    }
+
+    /// The map, where there is one.
+    #[must_use]
+    pub fn illumination_map(&self) -> Option<&[f32]> {
+        self.illumination.as_deref()
+    }
+
+    /// Stray light of the frames from here on, on top of the background: mean electrons more in every pixel.
     pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
         self.stray_light_e = stray_light_e;
     }
 
-    /// How many times larger than the parameters' the dark current of the frames from here on is.
-    pub fn set_dark_factor(&mut self, factor: f64) {
-        self.dark_factor = factor;
+    /// The detector's temperature in the frames from here on, degrees Celsius: scales the dark current.
+    pub fn set_temperature_c(&mut self, operating_c: f64) {
+        self.params.dark_law.operating_c = operating_c;
+    }
+
+    /// Defects, to be changed from the next frame on.
+    pub fn defects_mut(&mut self) -> &mut Defects {
+        self.disturbances.defects_mut()
+    }
+
+    /// Protons of the frames from here on; `None`: none.
+    ///
+    /// # Errors
+    /// When a value means nothing; the flux stays as it was.
+    pub fn set_proton_flux(&mut self, flux: Option<ProtonFlux>) -> Result<(), ProtonFluxError> {
+        self.disturbances.protons_mut().set_flux(flux)
+    }
+
+    /// Proton tracks of the latest frame, in sensor pixels.
+    #[must_use]
+    pub fn proton_tracks(&self) -> &[ProtonTrack] {
+        self.disturbances.proton_tracks()
+    }
+
+    /// Defects and protons.
+    #[must_use]
+    pub fn disturbances(&self) -> &Disturbances {
+        &self.disturbances
+    }
+
+    /// How the image that is put out comes from that of the ADC, and where its pixels are on the sensor.
+    #[must_use]
+    pub fn output(&self) -> &Output {
+        &self.output
+    }
+
+    /// Forgets what is kept from frame to frame: the next frame is as the first.
+    pub fn reset(&mut self) {
+        self.neighbours.iter_mut().for_each(|stage| stage.reset());
     }
 
     /// Seed.
@@ -88,6 +169,18 @@ impl Detector {
     #[must_use]
     pub fn patterns(&self) -> &Patterns {
         &self.patterns
+    }
+
+    /// Fixed patterns of columns and rows; empty where off.
+    #[must_use]
+    pub fn lines(&self) -> &Lines {
+        &self.lines
+    }
+
+    /// Columns and rows.
+    #[must_use]
+    pub fn size_px(&self) -> [usize; 2] {
+        self.size_px
     }
 
     /// Whether all stages run in one pass: no neighbour stage is on.
@@ -120,22 +213,40 @@ impl Detector {
 
     fn collect_from<T: Mean>(&mut self, mean: &Image<T>, frame: u32, exposure_s: f64, out: &mut DnImage) {
         let key = key(self.seed);
+        self.disturbances.advance(frame, exposure_s);
+        if !self.rows_e.is_empty() {
+            self.params.row_noise.draw(frame, key, &mut self.rows_e);
+        }
+        let illumination = self.illumination.as_deref();
+        let background = self.background.and_uniform(self.stray_light_e);
         let stages = Stages {
-            constants: Constants::new(&self.params, exposure_s, self.stray_light_e).warmed(self.dark_factor),
+            constants: Constants::new(&self.params, exposure_s, background.level_e(illumination.is_some())),
+            background: background.is_shaped(illumination.is_some()).then_some(Shape {
+                background,
+                size_px: self.size_px,
+                illumination,
+            }),
             key,
             frame,
             poisson: self.params.poisson,
             patterns: &self.patterns,
+            lines: &self.lines,
+            rows_e: &self.rows_e,
+            width: self.output.adc_px()[0],
+            outliers: self.disturbances.outliers(),
         };
+        let adc = self.output.adc_image(out);
         if self.neighbours.is_empty() {
-            stages.run(MeanToDn(PhantomData::<T>), self.arch, &ORDER, mean.pixels(), out.pixels_mut());
-            return;
+            stages.run(MeanToDn(PhantomData::<T>), self.arch, &ORDER, mean.pixels(), adc.pixels_mut());
+        } else {
+            let before = effects_of(Part::Charge);
+            stages.run(MeanToCharge(PhantomData::<T>), self.arch, before, mean.pixels(), self.charge.pixels_mut());
+            let at = FrameAt { frame, exposure_s, key };
+            let charge = self.neighbours.iter_mut().fold(&mut self.charge, |charge, stage| stage.apply(charge, &at));
+            stages.run(ChargeToDn, self.arch, effects_of(Part::Readout), charge.pixels(), adc.pixels_mut());
         }
-        let before = effects_of(Part::Charge);
-        stages.run(MeanToCharge(PhantomData::<T>), self.arch, before, mean.pixels(), self.charge.pixels_mut());
-        let at = FrameAt { frame, exposure_s, key };
-        let charge = self.neighbours.iter_mut().fold(&mut self.charge, |charge, stage| stage.apply(charge, &at));
-        stages.run(ChargeToDn, self.arch, effects_of(Part::Readout), charge.pixels(), out.pixels_mut());
+        self.disturbances.stick(adc);
+        self.output.finish(out);
     }
 }
 

@@ -83,10 +83,10 @@ impl Effect {
     #[must_use]
     pub const fn part(self) -> Part {
         match self {
-            Self::Background | Self::PhotoResponse | Self::Dark | Self::Defects | Self::Shot => Part::Charge,
-            Self::ProtonTracks | Self::ImageLag | Self::FullWell | Self::ChargeTransfer | Self::Binning => {
-                Part::Neighbours
+            Self::Background | Self::PhotoResponse | Self::Dark | Self::Defects | Self::Shot | Self::ProtonTracks => {
+                Part::Charge
             }
+            Self::ImageLag | Self::FullWell | Self::ChargeTransfer | Self::Binning => Part::Neighbours,
             _ => Part::Readout,
         }
     }
@@ -109,7 +109,7 @@ mod tests {
         assert!(ORDER.is_sorted_by_key(|effect| effect.part()), "charge, neighbours, readout");
         let parts = [Part::Charge, Part::Neighbours, Part::Readout].map(effects_of);
         assert_eq!(parts.concat(), ORDER);
-        assert_eq!(parts[0].last(), Some(&Effect::Shot));
+        assert_eq!(parts[0].last(), Some(&Effect::ProtonTracks));
         assert_eq!(parts[2].first(), Some(&Effect::Nonlinearity));
     }
 }

@@ -5,21 +5,46 @@
 //! Photon and dark shot noise are one Poisson draw: the sum of two Poisson variables is a Poisson variable.
 
 pub mod adc;
+pub mod background;
+pub mod binning;
 pub mod block;
+pub mod blooming;
+pub mod charge_transfer;
 pub mod cpu;
+pub mod dark_current;
+pub mod defects;
+pub mod disturbances;
 pub mod effect;
 pub mod elementary;
 mod ends;
 pub mod full_well;
 pub mod gpu;
+pub mod image_lag;
+pub mod line_pattern;
 pub mod neighbours;
+pub mod nonlinearity;
+pub mod outliers;
+pub mod output;
 pub mod params;
 pub mod pattern;
 pub mod poisson;
+pub mod protons;
 pub mod read_noise;
+pub mod row_noise;
+pub mod spatial;
 mod stages;
+pub mod tdi;
+pub mod window;
 
+pub use adc::Rounding;
+pub use background::Background;
 pub use cpu::Detector;
+pub use dark_current::DarkLaw;
 pub use effect::{Effect, ORDER};
+pub use line_pattern::LinePattern;
+pub use nonlinearity::Nonlinearity;
 pub use params::DetectorParams;
+pub use pattern::Patterns;
 pub use poisson::PoissonMethod;
+pub use row_noise::RowNoise;
+pub use spatial::SpatialParams;

@@ -1,6 +1,12 @@
 //! Detector parameters in the terms of EMVA 1288 and ECSS.
 
+use crate::detector::adc::Rounding;
+use crate::detector::dark_current::DarkLaw;
+use crate::detector::line_pattern::LinePattern;
+use crate::detector::nonlinearity::{Nonlinearity, Pieces};
 use crate::detector::poisson::PoissonMethod;
+use crate::detector::row_noise::RowNoise;
+use crate::detector::spatial::SpatialParams;
 
 /// One detector.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,14 +21,30 @@ pub struct DetectorParams {
     pub black_level_dn: f64,
     /// Temporal noise of the readout, e- rms.
     pub read_noise_e_rms: f64,
-    /// Dark current at the stated temperature, e-/s.
+    /// Noise of the amplifiers after the pixel, e- rms; in quadrature with the read noise.
+    pub amplifier_noise_e_rms: f64,
+    /// Mean dark current at the reference temperature of `dark_law`, e-/s.
     pub dark_e_per_s: f64,
+    /// What the detector's temperature makes of it.
+    pub dark_law: DarkLaw,
+    /// Dark-current non-uniformity, rms share of the mean: grows with exposure and temperature.
+    pub dark_nonuniformity: f64,
     /// Photo-response non-uniformity, rms share.
     pub prnu: f64,
-    /// Dark-signal non-uniformity, e- rms.
+    /// Dark-signal non-uniformity, e- rms: an offset that does not depend on exposure or temperature.
     pub dsnu_e_rms: f64,
+    /// Response to charge.
+    pub nonlinearity: Nonlinearity,
+    /// Fixed patterns of columns and rows.
+    pub line_pattern: LinePattern,
+    /// Noise that a row shares.
+    pub row_noise: RowNoise,
+    /// How the ADC makes a whole number.
+    pub rounding: Rounding,
     /// How shot noise is drawn; a GPU knows [`PoissonMethod::Auto`] only.
     pub poisson: PoissonMethod,
+    /// Defects, protons, and what needs more than one pixel or one frame.
+    pub spatial: SpatialParams,
 }
 
 impl DetectorParams {
@@ -33,10 +55,18 @@ impl DetectorParams {
         bits: 16,
         black_level_dn: 0.0,
         read_noise_e_rms: 0.0,
+        amplifier_noise_e_rms: 0.0,
         dark_e_per_s: 0.0,
+        dark_law: DarkLaw::AT_REFERENCE,
+        dark_nonuniformity: 0.0,
         prnu: 0.0,
         dsnu_e_rms: 0.0,
+        nonlinearity: Nonlinearity::OFF,
+        line_pattern: LinePattern::OFF,
+        row_noise: RowNoise::OFF,
+        rounding: Rounding::Nearest,
         poisson: PoissonMethod::Auto,
+        spatial: SpatialParams::OFF,
     };
 
     /// Largest digital number.
@@ -44,9 +74,24 @@ impl DetectorParams {
     pub fn largest_dn(&self) -> u16 {
         u16::try_from((1_u32 << self.bits.min(16)) - 1).unwrap_or(u16::MAX)
     }
+
+    /// Mean dark current at the detector's temperature, e-/s.
+    #[must_use]
+    pub fn operating_dark_e_per_s(&self) -> f64 {
+        self.dark_e_per_s * self.dark_law.factor()
+    }
+
+    /// White noise of a pixel's readout: read and amplifier noise, e- rms.
+    #[must_use]
+    pub fn readout_noise_e_rms(&self) -> f64 {
+        if self.amplifier_noise_e_rms == 0.0 {
+            return self.read_noise_e_rms;
+        }
+        self.read_noise_e_rms.hypot(self.amplifier_noise_e_rms)
+    }
 }
 
-/// The parameters as the inner loops (and the GPU's uniform buffer) want them.
+/// The parameters as the inner loops (and the GPU) want them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Constants {
     /// Stray light of one exposure, e-.
@@ -55,36 +100,35 @@ pub struct Constants {
     pub dark_e: f32,
     /// Saturation capacity, e-.
     pub full_well_e: f32,
-    /// Read noise, e- rms.
+    /// Read and amplifier noise, e- rms.
     pub read_noise_e: f32,
     /// Digital numbers per electron.
     pub dn_per_e: f32,
     /// Black level, DN.
     pub black_dn: f32,
+    /// What is added before a number is cut to a whole one, DN.
+    pub rounding_dn: f32,
     /// Largest digital number.
     pub largest_dn: f32,
+    /// Response to charge, where there is one.
+    pub nonlinearity: Option<Pieces>,
 }
 
 impl Constants {
-    /// With a dark current so many times larger.
-    #[must_use]
-    #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
-    pub fn warmed(self, dark_factor: f64) -> Self {
-        Self { dark_e: (f64::from(self.dark_e) * dark_factor) as f32, ..self }
-    }
-
     /// For one exposure with so many electrons of stray light in every pixel.
     #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
     pub fn new(params: &DetectorParams, exposure_s: f64, stray_light_e: f32) -> Self {
         Self {
             stray_light_e,
-            dark_e: (params.dark_e_per_s * exposure_s) as f32,
+            dark_e: (params.operating_dark_e_per_s() * exposure_s) as f32,
             full_well_e: params.full_well_e as f32,
-            read_noise_e: params.read_noise_e_rms as f32,
+            read_noise_e: params.readout_noise_e_rms() as f32,
             dn_per_e: (1.0 / params.gain_e_per_dn) as f32,
             black_dn: params.black_level_dn as f32,
+            rounding_dn: params.rounding.dn(),
             largest_dn: f32::from(params.largest_dn()),
+            nonlinearity: params.nonlinearity.is_on().then(|| params.nonlinearity.pieces()),
         }
     }
 }

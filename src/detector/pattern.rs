@@ -1,26 +1,65 @@
-//! Fixed patterns: photo-response (PRNU) and dark-signal (DSNU) non-uniformity, drawn once from the seed.
+//! Fixed patterns: photo-response (PRNU), dark-signal (DSNU) and dark-current non-uniformity, drawn once from the seed
+//! or given as maps.
+//!
+//! Given as a peak-to-peak figure, a pattern's rms is that figure over 5 to 6: so many standard deviations lie between
+//! the extremes that are usually quoted.
 
 use crate::base::random::{Stage, counter, key, philox};
 use crate::detector::DetectorParams;
 use crate::detector::read_noise::normal_pair;
+use std::sync::Arc;
 
-/// The fixed patterns of a detector, pixel by pixel; `None`: off.
+/// The fixed patterns of a detector, pixel by pixel, row by row from the top; `None`: off, or not given.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Patterns {
-    /// Photo-response non-uniformity, share.
-    pub prnu: Option<Vec<f32>>,
-    /// Dark-signal non-uniformity, e-.
-    pub dsnu_e: Option<Vec<f32>>,
+    /// Photo-response non-uniformity: share above or below the mean response.
+    pub prnu: Option<Arc<[f32]>>,
+    /// Dark-signal non-uniformity: offset, e-.
+    pub dsnu_e: Option<Arc<[f32]>>,
+    /// Dark current over the mean dark current, 0 or more.
+    pub dark_factor: Option<Arc<[f32]>>,
+}
+
+/// A pattern that does not fit its detector.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("{what} map of {got} pixels for a detector of {wanted}: give a map of the detector's size")]
+pub struct PatternSizeError {
+    /// Which pattern.
+    pub what: &'static str,
+    /// Pixels of the map.
+    pub got: usize,
+    /// Pixels of the detector.
+    pub wanted: usize,
 }
 
 impl Patterns {
     /// Drawn from the seed, as the parameters ask.
     #[must_use]
     pub fn draw(params: &DetectorParams, pixels: usize, seed: u64) -> Self {
+        let dark = normal_map(pixels, params.dark_nonuniformity, seed, Stage::DarkCurrent);
         Self {
-            prnu: normal_map(pixels, params.prnu, seed, Stage::Prnu),
-            dsnu_e: normal_map(pixels, params.dsnu_e_rms, seed, Stage::Dsnu),
+            prnu: normal_map(pixels, params.prnu, seed, Stage::Prnu).map(Arc::from),
+            dsnu_e: normal_map(pixels, params.dsnu_e_rms, seed, Stage::Dsnu).map(Arc::from),
+            // A current does not flow backwards.
+            dark_factor: dark.map(|map| map.into_iter().map(|share| (1.0 + share).max(0.0)).collect()),
         }
+    }
+
+    /// These, or where one is not given, that of `others`.
+    ///
+    /// # Errors
+    /// When one has not so many pixels.
+    pub fn or(&self, others: &Self, pixels: usize) -> Result<Self, PatternSizeError> {
+        let either = |what, mine: &Option<Arc<[f32]>>, other: &Option<Arc<[f32]>>| match mine {
+            Some(map) if map.len() != pixels => Err(PatternSizeError { what, got: map.len(), wanted: pixels }),
+            Some(map) => Ok(Some(Arc::clone(map))),
+            None => Ok(other.clone()),
+        };
+        Ok(Self {
+            prnu: either("PRNU", &self.prnu, &others.prnu)?,
+            dsnu_e: either("DSNU", &self.dsnu_e, &others.dsnu_e)?,
+            dark_factor: either("dark current", &self.dark_factor, &others.dark_factor)?,
+        })
     }
 }
 
@@ -56,5 +95,21 @@ mod tests {
         assert!((rms / 0.01 - 1.0).abs() < 5.0 / (2.0 * n as f64).sqrt(), "rms {rms}");
         assert_ne!(map, normal_map(n, 0.01, 8, Stage::Prnu).expect("switched on"), "another seed");
         assert!(normal_map(n, 0.0, 7, Stage::Prnu).is_none(), "off costs nothing");
+    }
+
+    #[test]
+    fn given_maps_come_first_and_must_fit() {
+        let params = DetectorParams { prnu: 0.01, dark_nonuniformity: 0.8, ..DetectorParams::QUIET };
+        let drawn = Patterns::draw(&params, 1000, 3);
+        assert!(drawn.dsnu_e.is_none(), "off");
+        let factors = drawn.dark_factor.as_deref().expect("on");
+        // Of a normal law 10.6 % lie more than 1 / 0.8 standard deviations below the mean.
+        let stopped = factors.iter().filter(|factor| **factor == 0.0).count();
+        assert!(factors.iter().all(|factor| *factor >= 0.0) && (60..160).contains(&stopped), "{stopped} at 0");
+        let given = Patterns { prnu: Some(Arc::from([0.5_f32; 1000])), ..Patterns::default() };
+        let both = given.or(&drawn, 1000).expect("fits");
+        assert_eq!((&both.prnu, &both.dark_factor), (&given.prnu, &drawn.dark_factor));
+        let error = given.or(&drawn, 1001).expect_err("one pixel short").to_string();
+        assert!(error.contains("PRNU map of 1000 pixels for a detector of 1001"), "{error}");
     }
 }

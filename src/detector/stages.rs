@@ -2,11 +2,14 @@
 //!
 //! One pass may run all of [`ORDER`](crate::detector::ORDER), or the stages before or after the neighbours alone.
 
+use crate::detector::background::Shape;
 use crate::detector::block::{BLOCK, Words};
+use crate::detector::line_pattern::Lines;
+use crate::detector::outliers::{Outlier, Outliers};
 use crate::detector::params::Constants;
 use crate::detector::pattern::Patterns;
 use crate::detector::poisson::{BlockPlace, draw_by};
-use crate::detector::{Effect, PoissonMethod, adc, full_well, read_noise};
+use crate::detector::{Effect, PoissonMethod, adc, dark_current, full_well, line_pattern, nonlinearity, read_noise};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
@@ -16,10 +19,18 @@ const BLOCKS_PER_TASK: usize = 64;
 /// Everything the stages of one frame read.
 pub(super) struct Stages<'a> {
     pub(super) constants: Constants,
+    /// The part of the background that differs from pixel to pixel.
+    pub(super) background: Option<Shape<'a>>,
     pub(super) key: [u32; 2],
     pub(super) frame: u32,
     pub(super) poisson: PoissonMethod,
     pub(super) patterns: &'a Patterns,
+    pub(super) lines: &'a Lines,
+    /// Noise of the rows, e-; empty when off.
+    pub(super) rows_e: &'a [f32],
+    /// Columns of the image.
+    pub(super) width: usize,
+    pub(super) outliers: &'a Outliers,
 }
 
 /// How a pass gets a block's electrons from its input, and what it puts out.
@@ -59,8 +70,9 @@ impl Stages<'_> {
             let first = first + b * BLOCK;
             E::load(from, &mut electrons);
             words.draw(first as u32, self.frame, self.key);
+            let outliers = self.outliers.within(first, BLOCK);
             for effect in effects {
-                self.apply::<FUSED>(*effect, first, &mut electrons, &words, &mut dn);
+                self.apply::<FUSED>(*effect, first, &mut electrons, &words, outliers, &mut dn);
             }
             E::store(&electrons, &dn, to);
         }
@@ -73,26 +85,56 @@ impl Stages<'_> {
         first: usize,
         electrons: &mut [f32; BLOCK],
         words: &Words,
+        outliers: &[Outlier],
         dn: &mut [u16; BLOCK],
     ) {
         let c = &self.constants;
         match effect {
-            Effect::Background if c.stray_light_e > 0.0 => electrons.iter_mut().for_each(|e| *e += c.stray_light_e),
+            Effect::Background => {
+                if c.stray_light_e > 0.0 {
+                    electrons.iter_mut().for_each(|e| *e += c.stray_light_e);
+                }
+                if let Some(shape) = &self.background {
+                    shape.add(first, electrons);
+                }
+            }
             Effect::PhotoResponse => {
                 if let Some(map) = &self.patterns.prnu {
                     electrons.iter_mut().zip(&map[first..]).for_each(|(e, prnu)| *e += *e * prnu);
                 }
+                outliers.iter().for_each(|o| electrons[o.pixel as usize - first] *= o.response);
             }
-            Effect::Dark => electrons.iter_mut().for_each(|e| *e += c.dark_e),
+            Effect::Dark => {
+                let factors = self.patterns.dark_factor.as_ref().map(|map| &map[first..]);
+                dark_current::add::<FUSED>(electrons, c.dark_e, factors);
+            }
             Effect::Shot => {
                 let place = BlockPlace { first_pixel: first as u32, frame: self.frame, key: self.key };
                 draw_by::<FUSED>(self.poisson, electrons, &words.shot, place);
             }
+            Effect::Defects => outliers.iter().for_each(|o| electrons[o.pixel as usize - first] += o.dark_e),
+            Effect::ProtonTracks => outliers.iter().for_each(|o| electrons[o.pixel as usize - first] += o.charge_e),
             Effect::FullWell => full_well::clip(electrons, c.full_well_e),
+            Effect::Nonlinearity => {
+                if let Some(pieces) = &c.nonlinearity {
+                    nonlinearity::bend::<FUSED>(electrons, pieces);
+                }
+            }
+            Effect::LinePattern => {
+                if !self.lines.column_gain.is_empty() {
+                    self.lines.apply_columns::<FUSED>(electrons, first, self.width);
+                }
+                if !self.lines.row_e.is_empty() {
+                    line_pattern::add_rows(electrons, &self.lines.row_e, first, self.width);
+                }
+            }
             Effect::Offset => {
                 if let Some(map) = &self.patterns.dsnu_e {
                     electrons.iter_mut().zip(&map[first..]).for_each(|(e, offset)| *e += offset);
                 }
+            }
+            Effect::RowNoise if !self.rows_e.is_empty() => {
+                line_pattern::add_rows(electrons, self.rows_e, first, self.width);
             }
             Effect::ReadNoise if c.read_noise_e > 0.0 => read_noise::add::<FUSED>(electrons, words, c.read_noise_e),
             Effect::Adc => adc::convert::<FUSED>(electrons, c, dn),

@@ -1,4 +1,6 @@
-//! Sources -> stars of a plan: where each stands at mid-exposure, and its mean over the exposure. All cores; source
+//! Sources -> stars of a plan: where each stands at mid-exposure, its mean over the exposure, and its electrons there:
+//! those of the source times the relative illumination at its place at mid-exposure (bound of what the value may change
+//! by during the exposure: [`crate::optics::illumination`]). All cores; source
 //! order is kept, so a repeated plan is the same whatever the number of threads.
 
 use crate::astrometry::CameraGeometry;
@@ -7,6 +9,7 @@ use crate::exposure::mean_field::MeanField;
 use crate::exposure::plan::PlannedStar;
 use crate::exposure::planner::{Source, SourcePlace};
 use crate::exposure::track::{StarPlace, StarTrack};
+use crate::optics::Illumination;
 use glam::DVec2;
 use rayon::prelude::*;
 
@@ -38,11 +41,20 @@ impl Brightness {
     }
 }
 
+/// The field that sources stand in.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Lit<'a> {
+    /// Projection and distortion.
+    pub(super) camera: &'a CameraGeometry,
+    /// How the image plane is lit.
+    pub(super) illumination: &'a Illumination,
+}
+
 /// Stars of all sources whose light can reach the detector: mean place within `margin_px` of it. A star is out of
 /// sight when its direction is outside the camera's domain.
 pub(super) fn place_stars(
     sources: &[Source],
-    camera: &CameraGeometry,
+    lit: Lit<'_>,
     los: &LosPath,
     means: &MeanField,
     margin_px: f64,
@@ -52,7 +64,7 @@ pub(super) fn place_stars(
     stars.resize(sources.len(), EMPTY);
     let chunk = |(stars, sources): (&mut [PlannedStar], &[Source])| {
         stars.iter_mut().zip(sources).fold(Brightness::NONE, |found, (star, source)| {
-            *star = place(source, camera, los, means, margin_px);
+            *star = place(source, lit, los, means, margin_px);
             if star.mean_px[0].is_nan() {
                 return Brightness { out: found.out + 1, ..found };
             }
@@ -90,7 +102,8 @@ const EMPTY: PlannedStar = PlannedStar {
     list: 0,
 };
 
-fn place(source: &Source, camera: &CameraGeometry, los: &LosPath, means: &MeanField, margin_px: f64) -> PlannedStar {
+fn place(source: &Source, lit: Lit<'_>, los: &LosPath, means: &MeanField, margin_px: f64) -> PlannedStar {
+    let Lit { camera, illumination } = lit;
     let place = match source.place {
         SourcePlace::Icrf(direction) => StarPlace::of_direction(camera, los.mid_sensor_from_icrf.apply(direction)),
         SourcePlace::Pixel(px) => StarPlace::of_pixel(camera, px),
@@ -106,5 +119,6 @@ fn place(source: &Source, camera: &CameraGeometry, los: &LosPath, means: &MeanFi
     if !inside(mean_px[0], camera.width_px()) || !inside(mean_px[1], camera.height_px()) {
         return EMPTY;
     }
-    PlannedStar { id: source.id, mag: source.mag, electrons: source.electrons, place, mean_px, ..EMPTY }
+    let electrons = source.electrons * illumination.at(place.tangent);
+    PlannedStar { id: source.id, mag: source.mag, electrons, place, mean_px, ..EMPTY }
 }

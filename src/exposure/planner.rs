@@ -15,14 +15,14 @@ use crate::exposure::mean_field::MeanField;
 use crate::exposure::method::{Method, MethodChoice};
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::nodes;
-use crate::exposure::place::{Brightness, for_each_star, place_stars};
+use crate::exposure::place::{Brightness, Lit, for_each_star, place_stars};
 use crate::exposure::plan::{Assessment, CutOff, ExposurePlan, Verdict};
 use crate::exposure::probes::Probes;
 use crate::exposure::sampling::PsfSampling;
 use crate::exposure::share::Share;
 use crate::exposure::target::Target;
 use crate::exposure::target_plan::TargetPlanner;
-use crate::optics::PsfModel;
+use crate::optics::{Illumination, PsfModel};
 use glam::DVec3;
 
 /// The instrument as the planner sees it.
@@ -36,6 +36,8 @@ pub struct Instrument {
     pub psf: PsfModel,
     /// How pixel values are had from it.
     pub sampling: PsfSampling,
+    /// How the image plane is lit: sources are multiplied by its value where they stand at mid-exposure.
+    pub illumination: Illumination,
     /// Electrons at which a pixel saturates: errors above it cannot be seen.
     pub full_well_e: f64,
     /// Noise floor of a pixel, e-.
@@ -47,7 +49,7 @@ pub struct Instrument {
 pub struct Source {
     /// Identifier.
     pub id: u32,
-    /// Electrons into the whole image plane during the exposure.
+    /// Electrons into the whole image plane during the exposure, were it on the axis of an instrument that blocks nothing.
     pub electrons: f64,
     /// Magnitude in the instrument's band, for the truth table (NaN: not a star of a catalog).
     pub mag: f32,
@@ -185,7 +187,7 @@ impl Planner {
     pub fn plan(&mut self, sources: &[Source]) -> &ExposurePlan {
         self.measure_path();
         let brightness = self.place(sources);
-        self.targets.place(&self.plan);
+        self.targets.place(&self.plan, &self.instrument.illumination);
         self.take_rungs(brightness);
         let Self { plan, probes, lists, instrument, .. } = self;
         lists::fill(plan, probes, &instrument.camera, lists);
@@ -208,7 +210,8 @@ impl Planner {
     fn place(&mut self, sources: &[Source]) -> Brightness {
         let Self { plan, means, instrument, .. } = self;
         let margin_px = light_reach_px(plan);
-        place_stars(sources, &instrument.camera, &plan.motion.los, means, margin_px, &mut plan.stars)
+        let lit = Lit { camera: &instrument.camera, illumination: &instrument.illumination };
+        place_stars(sources, lit, &plan.motion.los, means, margin_px, &mut plan.stars)
     }
 
     /// Down the ladder until the frame fits its time.

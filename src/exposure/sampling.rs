@@ -27,6 +27,15 @@ const WINDOW_HALF_PX: i32 = 2;
 /// Centroid error of a table per unit of its peak error and of the window's sensitivity (measured at most 0.8).
 const TABLE_CENTROID_SAFETY: f64 = 2.0;
 
+/// Error of a cubic spline on a grid of step h for a function whose third derivative steps by J at knots h apart,
+/// anywhere between the grid's: at most `J h^3` times this (Peano's kernel, summed over all knots without regard to
+/// sign; steps that change slowly give a quarter).
+const OWN_KNOTS: f64 = 1.0 / 48.0;
+/// The same for knots at least 2 h apart.
+const FINER_KNOTS: f64 = 1.0 / 80.0;
+/// Interpolation along x, then along y: one error, and the other times the spline's norm `(1 + 3 sqrt 3) / 4`.
+const BOTH_AXES: f64 = 2.55;
+
 /// How pixel values are had from the PSF.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
 pub enum PsfSampling {
@@ -118,11 +127,21 @@ impl FromStr for PsfSampling {
 /// Grid points per pixel that keep a table's interpolation error below [`TABLE_ERROR`].
 #[must_use]
 pub fn oversampling(psf: &PsfModel) -> usize {
-    [4, 8, 16].into_iter().find(|&s| table_error(psf, s) <= TABLE_ERROR).unwrap_or(MOST_OVERSAMPLING)
+    let enough = |s: &usize| table_error(psf, *s) <= TABLE_ERROR;
+    match psf {
+        // The knots of a grid are knots of its table, which then is the same spline.
+        PsfModel::Grid(grid) => {
+            let finer = || (0..).map(|k| grid.oversampling() << k).take_while(|s| *s <= MOST_OVERSAMPLING);
+            finer().find(enough).or(finer().last()).unwrap_or(MOST_OVERSAMPLING)
+        }
+        _ => [4, 8, 16].into_iter().find(enough).unwrap_or(MOST_OVERSAMPLING),
+    }
 }
 
 /// Interpolation error of a table with `s` grid points per pixel, relative to the peak: `h^4 |f''''| / 384` along both
-/// axes. A Gaussian's `f''''` at its peak is `3 / sigma^4` of it, and a pixel adds its own variance.
+/// axes. A Gaussian's `f''''` at its peak is `3 / sigma^4` of it, and a pixel adds its own variance. The spline of a
+/// grid has steps of its third derivative instead: a table whose knots hold the grid's is that spline, and a kernel,
+/// which displaces it, errs by this bound.
 #[must_use]
 pub fn table_error(psf: &PsfModel, s: usize) -> f64 {
     let s = s as f64;
@@ -135,6 +154,13 @@ pub fn table_error(psf: &PsfModel, s: usize) -> f64 {
         }
         // Band limit 1 / L cycles per px: the pattern's own fourth derivative at the peak, (2 pi / L)^4 / 24.
         PsfModel::Airy(airy) => (2.0 * PI / (airy.lambda_n_px() * s)).powi(4) / (24.0 * 384.0),
+        // Once in the table, and once more where a kernel displaces it.
+        PsfModel::Moffat(moffat) => 2.0 * BOTH_AXES * moffat.fourth_derivative() / (384.0 * s.powi(4)),
+        PsfModel::Grid(grid) => {
+            let own = grid.oversampling() as f64;
+            let knots = if s > own { FINER_KNOTS } else { OWN_KNOTS * own / s };
+            BOTH_AXES * knots * grid.third_step() / s.powi(3)
+        }
     }
 }
 

@@ -2,17 +2,24 @@
 //!
 //! Inside the detector: the footprint's share. Across an edge: the mean over the path nodes of the share inside.
 //! Gaussian: exact products of error functions. Airy: products of its line-spread function's integral, exact at one
-//! edge, at a corner off by what the pattern is not separable (< 3e-3 of the star; none for a star on the corner).
+//! edge, at a corner off by what the pattern is not separable (< 3e-3 of the star; none for a star on the corner). A
+//! Moffat profile likewise; a grid by the sums of its own samples, each side for itself.
 
 use crate::astrometry::CameraGeometry;
 use crate::exposure::plan::PlannedStar;
 use crate::exposure::pose::{PathNode, mean_pose};
 use crate::exposure::track::StarTrack;
+use crate::optics::PsfGrid;
 use crate::optics::PsfModel;
-use crate::optics::airy::Airy;
 
 /// Step of the integral of an Airy line-spread function, px.
 const LINE_STEP: f64 = 1.0 / 16.0;
+/// Step of that of a Moffat profile, px: linear interpolation errs by `step^2 / 8` of its slope, 1e-4 for alpha 0.5 px.
+const MOFFAT_STEP: f64 = 1.0 / 32.0;
+/// Step of the sums of a grid, px; half a pixel is a whole number of them.
+const GRID_STEP: f64 = 1.0 / 128.0;
+/// Such steps in half a pixel.
+const HALF_PIXEL: usize = 64;
 /// Step of that of a Gaussian, sigma: linear interpolation errs by `step^2 / 8` of 0.24, 3e-7.
 const GAUSSIAN_STEP: f64 = 1.0 / 320.0;
 
@@ -22,8 +29,8 @@ pub struct Share {
     half_px: usize,
     size_px: [usize; 2],
     footprint: f64,
-    /// Share of the light within a distance along one axis, every `step_px` from 0.
-    line: Vec<f64>,
+    /// By axis, before the star and after it: share of the light within a distance, every `step_px` from 0.
+    lines: [[Vec<f64>; 2]; 2],
     step_px: f64,
 }
 
@@ -31,15 +38,24 @@ impl Share {
     /// For a PSF drawn in footprints of `half_px` on a detector of `size_px`.
     #[must_use]
     pub fn new(psf: &PsfModel, half_px: usize, size_px: [usize; 2]) -> Self {
-        let footprint = match psf {
-            PsfModel::Gaussian { .. } => 1.0,
-            PsfModel::Airy(_) => square_sum(half_px, |x, y| psf.pixel(x, y)),
+        let round = |footprint, line: Vec<f64>, step_px| {
+            let sides = || [line.clone(), line.clone()];
+            Self { half_px, size_px, footprint, lines: [sides(), sides()], step_px }
         };
-        let (line, step_px) = match psf {
-            PsfModel::Gaussian { sigma_px } => (gaussian_line(half_px, *sigma_px), GAUSSIAN_STEP * sigma_px),
-            PsfModel::Airy(airy) => (line_integral(airy, half_px), LINE_STEP),
-        };
-        Self { half_px, size_px, footprint, line, step_px }
+        let footprint = || square_sum(half_px, |x, y| psf.pixel(x, y));
+        match psf {
+            PsfModel::Gaussian { sigma_px } => round(1.0, gaussian_line(half_px, *sigma_px), GAUSSIAN_STEP * sigma_px),
+            PsfModel::Airy(airy) => {
+                round(footprint(), line_integral(|r_px| airy.irradiance(r_px), half_px, LINE_STEP), LINE_STEP)
+            }
+            PsfModel::Moffat(moffat) => {
+                round(footprint(), line_integral(|r_px| moffat.irradiance(r_px), half_px, MOFFAT_STEP), MOFFAT_STEP)
+            }
+            PsfModel::Grid(grid) => {
+                let (footprint, lines) = grid_lines(grid, half_px);
+                Self { half_px, size_px, footprint, lines, step_px: GRID_STEP }
+            }
+        }
     }
 
     /// Share of `star`'s electrons on the detector.
@@ -59,13 +75,14 @@ impl Share {
         let [x, y] = [star.mean_px[0] - mx, star.mean_px[1] - my];
         let on = |node: &PathNode| {
             let [dx, dy] = track.displacement_px(&node.pose);
-            self.along(x + dx, self.size_px[0]) * self.along(y + dy, self.size_px[1])
+            self.along(0, x + dx) * self.along(1, y + dy)
         };
         nodes.iter().map(|node| node.weight * on(node)).sum()
     }
 
-    /// Share of the light at `v` px that lies on `size` pixels of one axis.
-    fn along(&self, v: f64, size: usize) -> f64 {
+    /// Share of the light at `v` px that lies on the pixels of one axis.
+    fn along(&self, axis: usize, v: f64) -> f64 {
+        let size = self.size_px[axis];
         let clear_px = self.half_px as f64 + 1.0;
         let (to_first, to_last) = (v + 0.5, size as f64 - 0.5 - v);
         if to_first.min(to_last) > clear_px {
@@ -73,21 +90,17 @@ impl Share {
         } else if to_first.min(to_last) < -clear_px {
             0.0
         } else {
-            self.between(-to_first, to_last)
+            self.within(axis, to_last) - self.within(axis, -to_first)
         }
     }
 
-    /// Share of the footprint's light between two distances along one axis.
-    fn between(&self, low_px: f64, high_px: f64) -> f64 {
-        self.within(high_px) - self.within(low_px)
-    }
-
-    /// Signed share of the light between the star and a line `px` away.
-    fn within(&self, px: f64) -> f64 {
+    /// Signed share of the footprint's light between the star and a line `px` away.
+    fn within(&self, axis: usize, px: f64) -> f64 {
+        let line = &self.lines[axis][usize::from(px > 0.0)];
         let at = px.abs() / self.step_px;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
-        let i = (at as usize).min(self.line.len() - 2);
-        let share = self.line[i] + (self.line[i + 1] - self.line[i]) * (at - i as f64).min(1.0);
+        let i = (at as usize).min(line.len() - 2);
+        let share = line[i] + (line[i + 1] - line[i]) * (at - i as f64).min(1.0);
         share.copysign(px)
     }
 }
@@ -99,16 +112,16 @@ fn gaussian_line(half_px: usize, sigma_px: f64) -> Vec<f64> {
     (0..=steps).map(|i| 0.5 * libm::erf(i as f64 * GAUSSIAN_STEP * core::f64::consts::FRAC_1_SQRT_2)).collect()
 }
 
-/// Cumulative line-spread function of an Airy pattern within its footprint, from 0, normalised to 1/2 at the rim.
-fn line_integral(airy: &Airy, half_px: usize) -> Vec<f64> {
+/// Cumulative line-spread function of a round profile within its footprint, from 0, normalised to 1/2 at the rim.
+fn line_integral(irradiance: impl Fn(f64) -> f64 + Sync, half_px: usize, step_px: f64) -> Vec<f64> {
     let reach_px = half_px as f64 + 0.5;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a footprint is small")]
-    let steps = (reach_px / LINE_STEP).ceil() as usize;
+    let steps = (reach_px / step_px).ceil() as usize;
     let panels: Vec<f64> = {
         use rayon::prelude::*;
-        // Midpoints serve: the pattern is band-limited far below 1 / LINE_STEP.
-        let across = |x: f64| (0..steps).map(|j| airy.irradiance(x.hypot((j as f64 + 0.5) * LINE_STEP))).sum::<f64>();
-        (0..steps).into_par_iter().map(|i| across((i as f64 + 0.5) * LINE_STEP)).collect()
+        // Midpoints serve: the pattern is band-limited far below 1 / step.
+        let across = |x: f64| (0..steps).map(|j| irradiance(x.hypot((j as f64 + 0.5) * step_px))).sum::<f64>();
+        (0..steps).into_par_iter().map(|i| across((i as f64 + 0.5) * step_px)).collect()
     };
     let total: f64 = 2.0 * panels.iter().sum::<f64>();
     let mut sum = 0.0;
@@ -118,6 +131,42 @@ fn line_integral(airy: &Airy, half_px: usize) -> Vec<f64> {
         sum
     }));
     line
+}
+
+/// Light of a grid within its footprint, and by axis the share of it between the star and a line before or after it:
+/// light comes by whole pixels, so the light before a line is the sum over the columns before it.
+fn grid_lines(grid: &PsfGrid, half_px: usize) -> (f64, [[Vec<f64>; 2]; 2]) {
+    let reach = (2 * half_px + 1) * HALF_PIXEL;
+    let s = grid.oversampling();
+    let across = (2 * half_px + 1) * s;
+    let trapezoid = |i: usize, last: usize| if i == 0 || i == last { 0.5 } else { 1.0 };
+    // Light of the column (or row) whose middle lies `i` steps from the star.
+    let column = |axis: usize, i: usize| {
+        let at = (i as f64 - reach as f64) * GRID_STEP;
+        let place = |j: usize| j as f64 / s as f64 - (half_px as f64 + 0.5);
+        let value = |j: usize| if axis == 0 { grid.pixel(at, place(j)) } else { grid.pixel(place(j), at) };
+        (0..=across).map(|j| trapezoid(j, across) * value(j)).sum::<f64>() / s as f64
+    };
+    let mut footprint = 0.0;
+    let lines = core::array::from_fn(|axis| {
+        let columns: Vec<f64> = {
+            use rayon::prelude::*;
+            (0..=2 * reach).into_par_iter().map(|i| column(axis, i)).collect()
+        };
+        let total: f64 = columns.iter().enumerate().map(|(i, v)| trapezoid(i, 2 * reach) * v).sum::<f64>() * GRID_STEP;
+        footprint = total;
+        // Before a line: the column half a pixel before it, and all before the line one pixel on.
+        let end = 2 * (reach + HALF_PIXEL);
+        let mut before = vec![0.0; end + 1];
+        for i in HALF_PIXEL..=end {
+            let own = columns.get(i.wrapping_sub(2 * HALF_PIXEL)).copied().unwrap_or(0.0);
+            before[i] = own + i.checked_sub(2 * HALF_PIXEL).map_or(0.0, |earlier| before[earlier]);
+        }
+        let star = reach + HALF_PIXEL;
+        let from_star = |i: usize| (before[i] - before[star]) / total;
+        [(0..=star).map(|k| -from_star(star - k)).collect(), (0..=star).map(|k| from_star(star + k)).collect()]
+    });
+    (footprint, lines)
 }
 
 fn square_sum(half_px: usize, value: impl Fn(f64, f64) -> f64) -> f64 {

@@ -4,12 +4,35 @@
 //! Fast forms of the pixel integral live with the backends that use them and are measured against this room.
 
 pub mod airy;
+pub mod background;
+pub mod baffle;
+pub mod band;
+pub mod gaia_bands;
 pub mod gaussian;
+pub mod grey_map;
+pub mod illumination;
+pub mod measured;
+pub mod moffat;
+pub mod photometry_v;
 pub mod psf;
+pub mod psf_grid;
 pub mod quadrature;
 pub mod radiometry;
+pub mod sky_brightness;
+pub mod snr;
 pub mod spectral_weight;
+pub mod spectrum;
+pub mod star_light;
+pub mod star_spectrum;
 
+pub use background::BackgroundLight;
+pub use band::{Band, BandRadiometry, spectral_weights};
+pub use grey_map::{GreyMap, GreyScale};
+pub use illumination::Illumination;
 pub use psf::PsfModel;
+pub use psf_grid::{PsfGrid, PsfGridError};
 pub use radiometry::Radiometry;
 pub use spectral_weight::SpectralWeight;
+pub use spectrum::{Spectrum, SpectrumError};
+pub use star_light::StarLight;
+pub use star_spectrum::{StarSpectra, StarSpectrum};

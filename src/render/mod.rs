@@ -12,6 +12,7 @@ mod kernel;
 pub mod overlap;
 pub mod plan_tables;
 mod profile;
+mod psf_samples;
 pub mod reference;
 pub mod spline;
 pub mod table;

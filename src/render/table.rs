@@ -9,15 +9,11 @@
 
 use crate::exposure::moments::TracePoint;
 use crate::optics::PsfModel;
-use crate::optics::airy::Airy;
-use crate::optics::quadrature::gauss_legendre;
 use crate::render::kernel::{GaussianPath, accumulate};
-use crate::render::spline;
+use crate::render::{psf_samples, spline};
 
 /// Columns of every stored image are a multiple of this.
 pub const LANES: usize = 16;
-/// Gauss-Legendre nodes per axis and subcell of an Airy table.
-const SUBCELL_NODES: usize = 4;
 
 /// A tabulated pixel PSF.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -112,8 +108,18 @@ impl PsfTable {
                 accumulate(&mut table.path, &mut table.grid, *sigma_px, s);
             }
             PsfModel::Airy(airy) => {
-                sample_airy(airy, s, &mut table.grid);
+                psf_samples::of_profile(|r_px| airy.irradiance(r_px), s, &mut table.grid);
                 table.prefilter();
+            }
+            PsfModel::Moffat(moffat) => {
+                psf_samples::of_profile(|r_px| moffat.irradiance(r_px), s, &mut table.grid);
+                table.prefilter();
+            }
+            PsfModel::Grid(grid) => {
+                if !psf_samples::refine(grid, s, &mut table.grid) {
+                    psf_samples::of_grid(grid, s, &mut table.grid);
+                    table.prefilter();
+                }
             }
         }
         table.arrange();
@@ -136,13 +142,13 @@ impl PsfTable {
                 self.path.trace(path);
                 accumulate(&mut self.path, &mut self.grid, *sigma_px, s);
             }
-            (PsfModel::Airy(_), Some(base)) => {
+            (_, Some(base)) => {
                 for [weight, dx, dy] in path {
                     self.add_shifted(&base.grid, weight, dx, dy);
                 }
                 self.prefilter();
             }
-            (PsfModel::Airy(_), None) => {}
+            (_, None) => {}
         }
         self.arrange();
     }
@@ -245,64 +251,6 @@ fn add_scaled(row: &mut [f32], source: &[f32], first: isize, gain: f32) {
     for (value, s) in row.iter_mut().skip(skip_row).zip(source.iter().skip(skip_source)) {
         *value += gain * s;
     }
-}
-
-/// Pixel integrals of an Airy pattern on the grid, by summing subcells of side `1 / S`.
-fn sample_airy(airy: &Airy, oversampling: usize, grid: &mut Grid) {
-    let (side, half, stride) = (grid.columns(), grid.half[0], grid.stride);
-    let margin = oversampling / 2;
-    let cells = side - 1 + oversampling; // subcell c spans grid coordinate (c - half - margin) .. + 1
-    let step = 1.0 / oversampling as f64;
-    let nodes = gauss_legendre(SUBCELL_NODES);
-    let middle = cells / 2; // even: symmetric about the centre
-    let quadrant: Vec<f64> = {
-        use rayon::prelude::*;
-        (0..middle * middle)
-            .into_par_iter()
-            .map(|i| {
-                let (cx, cy) = (i % middle, i / middle);
-                if cx < cy {
-                    return 0.0; // by symmetry from (cy, cx)
-                }
-                let value = |nx: f64, ny: f64| {
-                    let (x, y) = ((cx as f64 + 0.5 + nx) * step, (cy as f64 + 0.5 + ny) * step);
-                    airy.irradiance(x.hypot(y))
-                };
-                let sum: f64 = nodes
-                    .iter()
-                    .flat_map(|a| nodes.iter().map(move |b| (a, b)))
-                    .map(|(a, b)| a.weight * b.weight * value(a.x, b.x))
-                    .sum();
-                sum * step * step
-            })
-            .collect()
-    };
-    let fold = |c: usize| if c >= middle { c - middle } else { middle - 1 - c };
-    let cell = |x: usize, y: usize| {
-        let (x, y) = (fold(x), fold(y));
-        quadrant[x.min(y) * middle + x.max(y)]
-    };
-    // Running sums along x, then along y.
-    let mut along_x = vec![0.0_f64; side * cells];
-    for y in 0..cells {
-        let mut sum: f64 = (0..oversampling).map(|x| cell(x, y)).sum();
-        for x in 0..side {
-            along_x[y * side + x] = sum;
-            if x + 1 < side {
-                sum += cell(x + oversampling, y) - cell(x, y);
-            }
-        }
-    }
-    for x in 0..side {
-        let mut sum: f64 = (0..oversampling).map(|y| along_x[y * side + x]).sum();
-        for y in 0..side {
-            grid.values[y * stride + x] = sum as f32;
-            if y + 1 < side {
-                sum += along_x[(y + oversampling) * side + x] - along_x[y * side + x];
-            }
-        }
-    }
-    debug_assert_eq!(cells, 2 * (half + margin), "the subcells are centred");
 }
 
 #[cfg(test)]

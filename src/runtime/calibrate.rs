@@ -23,7 +23,7 @@ use crate::exposure::method::{Method, MethodName};
 use crate::exposure::{
     Instrument, MethodChoice, PixelPath, PixelPoint, Planner, PsfSampling, Shutter, Source, SourcePlace,
 };
-use crate::optics::PsfModel;
+use crate::optics::{Illumination, PsfModel};
 use crate::runtime::error::RunError;
 use crate::runtime::imager::{BackendChoice, Imager};
 
@@ -256,6 +256,7 @@ fn planner(scene: &Scene, side_px: usize, cost: CostModel) -> Result<Planner, Ru
         shutter: Shutter::Global,
         psf: scene.psf.clone(),
         sampling: PsfSampling::Auto,
+        illumination: Illumination::EVEN,
         full_well_e: detector.full_well_e,
         read_noise_e_rms: detector.read_noise_e_rms,
     };

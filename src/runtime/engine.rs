@@ -8,12 +8,15 @@ use crate::base::axes::{Rotation, ra_dec_roll};
 use crate::base::clock::Stopwatch;
 use crate::base::time::{Span, Tai};
 use crate::detector::DetectorParams;
+use crate::detector::binning::Levels;
+use crate::detector::defects::Defects;
 use crate::exposure::cost::CostModel;
 use crate::exposure::{ExposurePlan, Instrument, Planner, Rung, Source, SourcePlace};
 use crate::optics::PsfModel;
 use crate::report::{Stage, StageTimes};
 use crate::runtime::conditions::Conditions;
 use crate::runtime::error::RunError;
+use crate::runtime::field_light::{FieldLight, light_pixels};
 use crate::runtime::imager::Imager;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::load::{LoadChange, LoadEstimate};
@@ -21,7 +24,7 @@ use crate::runtime::marks::{FrameMark, FrameMarks};
 use crate::runtime::params::RunParams;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::sky_view::SkyView;
-use crate::runtime::truth::fill_truth;
+use crate::runtime::truth::{add_tracks, fill_truth};
 use crate::sink::{ActiveFaults, FaultFlags, FrameMeta, SentFrame};
 use glam::DVec3;
 
@@ -48,6 +51,7 @@ pub struct FrameEngine {
     in_use: usize,
     conditions: Conditions,
     sky: SkyView,
+    light: FieldLight,
     imager: Imager,
     cost: CostModel,
     /// Followed on the real clock only.
@@ -66,8 +70,7 @@ impl FrameEngine {
     /// When the backend, the catalog or the observer cannot be had.
     pub fn new(params: RunParams) -> Result<Self, RunError> {
         let camera = &params.camera;
-        let size = [camera.geometry.width_px(), camera.geometry.height_px()];
-        let imager = Imager::new(params.backend, camera.detector, size, params.seed)?;
+        let imager = Imager::new(params.backend, camera.detector, camera.sensor_px(), params.seed)?;
         Self::with_imager(params, imager)
     }
 
@@ -76,6 +79,7 @@ impl FrameEngine {
     /// # Errors
     /// When the catalog or the observer cannot be had.
     pub fn with_imager(params: RunParams, mut imager: Imager) -> Result<Self, RunError> {
+        imager.set_frame_period(params.frame_period);
         let camera = &params.camera;
         let mut los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
         let attitude = &params.attitude;
@@ -86,12 +90,15 @@ impl FrameEngine {
             imager.keep_brighter()?;
         }
         let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure)?;
+        let light = FieldLight::new(camera, params.observer.clone(), params.first_exposure);
+        light_pixels(camera, &mut imager)?;
         Ok(Self {
             planner,
             optics: vec![None],
             in_use: 0,
             conditions: Conditions::new(),
             sky,
+            light,
             imager,
             params,
             cost,
@@ -127,6 +134,11 @@ impl FrameEngine {
         &mut self.conditions
     }
 
+    /// Defects of the detector, to be changed from the next frame on.
+    pub fn defects_mut(&mut self) -> &mut Defects {
+        self.imager.defects_mut()
+    }
+
     /// Brings the conditions to the planner and the detector.
     pub fn take_conditions(&mut self) {
         self.use_optics(self.conditions.optics);
@@ -134,7 +146,10 @@ impl FrameEngine {
         #[allow(clippy::cast_possible_truncation, reason = "electrons are single precision")]
         let stray_light_e = (throughput * stray_e_per_s * self.params.camera.exposure_s + flood_e) as f32;
         self.imager.set_stray_light_e(stray_light_e);
-        self.imager.set_dark_factor(self.conditions.dark_factor());
+        let detector = &self.params.camera.detector;
+        self.imager.set_temperature_c(detector.dark_law.operating_c + self.conditions.warmer_k);
+        // Both fluxes have been checked where they were given.
+        let _ = self.imager.set_proton_flux(self.conditions.protons.or(detector.spatial.protons));
         self.planner.set_target_light(throughput);
     }
 
@@ -201,6 +216,11 @@ impl FrameEngine {
         &self.imager
     }
 
+    /// Backend and detector, to be changed: defects and protons of the frames from here on.
+    pub fn imager_mut(&mut self) -> &mut Imager {
+        &mut self.imager
+    }
+
     /// Parameters.
     #[must_use]
     pub fn params(&self) -> &RunParams {
@@ -223,6 +243,8 @@ impl FrameEngine {
         let sources = self.sky.in_view(&self.planner.latest().motion.los)?;
         let plan = self.planner.plan(sources);
         self.imager.image(plan, 0, &mut frame.image)?;
+        // What it left in the pixels is no frame's.
+        self.imager.reset_detector();
         Ok(())
     }
 
@@ -247,6 +269,11 @@ impl FrameEngine {
         times.set(Stage::Attitude, watch.lap());
         let los = &self.planner.latest().motion.los;
         let sources = if has_stars { self.sky.in_view(los)? } else { &[] };
+        let (background, glare) = self.light.at(los)?;
+        self.imager.set_background(self.conditions.dimmed(background));
+        if glare.excluded.contains(&true) {
+            note(ledger, EventKind::InsideExclusion, slot, Span::ZERO);
+        }
         let (camera, sensor_from_icrf) = (&self.params.camera.geometry, los.mid_sensor_from_icrf);
         let sources = if has_stars {
             self.conditions.seen(sources, camera, &sensor_from_icrf, self.params.seed)
@@ -266,10 +293,13 @@ impl FrameEngine {
         }
         let imaging = self.imager.image(plan, slot.number, &mut frame.image)?;
         times.merge(&imaging.by_stage());
-        fill_truth(plan, &mut frame.truth);
+        let output = self.params.camera.output();
+        fill_truth(plan, &output, &mut frame.truth);
+        add_tracks(self.imager.proton_tracks(), &output, &mut frame.truth);
         let (seed, detector) = (self.params.seed, &self.params.camera.detector);
         fill_meta(plan, slot.number, seed, detector, self.imager.name(), &mut frame.meta);
         frame.meta.overlap_lost_e = self.imager.overlap_lost_e();
+        (frame.meta.binning, frame.meta.window_px) = (output.binning, output.first_px);
         frame.meta.attitude_age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);
         if !has_stars {
             frame.meta.faults |= FaultFlags::BLANK;
@@ -437,6 +467,7 @@ pub fn fill_meta(
     meta.origin = origin_name(los.origin);
     meta.faults = FaultFlags::NONE;
     meta.active = ActiveFaults::NONE;
-    meta.gain_e_per_dn = detector.gain_e_per_dn;
-    meta.black_level_dn = detector.black_level_dn;
+    let levels = Levels::of_output(detector);
+    meta.gain_e_per_dn = levels.gain_e_per_dn;
+    meta.black_level_dn = levels.black_level_dn;
 }

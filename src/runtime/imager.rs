@@ -3,8 +3,10 @@
 use crate::base::clock::Stopwatch;
 use crate::base::image::{DnImage, Image};
 use crate::base::time::Span;
+use crate::detector::defects::Defects;
 use crate::detector::gpu::GpuDetector;
-use crate::detector::{Detector, DetectorParams, PoissonMethod};
+use crate::detector::protons::{ProtonFlux, ProtonFluxError, ProtonTrack};
+use crate::detector::{Background, Detector, DetectorParams, PoissonMethod};
 use crate::exposure::ExposurePlan;
 use crate::exposure::cost::CostModel;
 use crate::gpu::{AdapterChoice, Electrons, GpuDevice};
@@ -220,11 +222,11 @@ impl Imager {
         self.apart.as_ref().map_or(0.0, |apart| apart.lost_e())
     }
 
-    /// How many times larger than the camera's own the dark current of the frames from here on is.
-    pub fn set_dark_factor(&mut self, factor: f64) {
+    /// The detector's temperature in the frames from here on, degrees Celsius.
+    pub fn set_temperature_c(&mut self, operating_c: f64) {
         match &mut self.drawing {
-            Drawing::Host { detector, .. } => detector.set_dark_factor(factor),
-            Drawing::Device { detector, .. } => detector.set_dark_factor(factor),
+            Drawing::Host { detector, .. } => detector.set_temperature_c(operating_c),
+            Drawing::Device { detector, .. } => detector.set_temperature_c(operating_c),
         }
     }
 
@@ -271,11 +273,72 @@ impl Imager {
         matches!(self.drawing, Drawing::Device { .. })
     }
 
-    /// Stray light of the frames from here on: mean electrons more in every pixel.
+    /// Background of the frames from here on.
+    pub fn set_background(&mut self, background: Background) {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.set_background(background),
+            Drawing::Device { detector, .. } => detector.set_background(background),
+        }
+    }
+
+    /// Relative illumination of every pixel, row by row, for the sky's part of the background.
+    ///
+    /// # Errors
+    /// When the device has no room for it.
+    pub fn set_illumination_map(&mut self, map: Vec<f32>) -> Result<(), RenderError> {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.set_illumination_map(Some(map)),
+            Drawing::Device { detector, .. } => detector.set_illumination_map(Some(&map))?,
+        }
+        Ok(())
+    }
+
+    /// Stray light of the frames from here on, on top of the background: mean electrons more in every pixel.
     pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
         match &mut self.drawing {
             Drawing::Host { detector, .. } => detector.set_stray_light_e(stray_light_e),
             Drawing::Device { detector, .. } => detector.set_stray_light_e(stray_light_e),
+        }
+    }
+
+    /// Defects, to be changed from the next frame on; places are sensor pixels.
+    pub fn defects_mut(&mut self) -> &mut Defects {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.defects_mut(),
+            Drawing::Device { detector, .. } => detector.defects_mut(),
+        }
+    }
+
+    /// Protons of the frames from here on; `None`: none.
+    ///
+    /// # Errors
+    /// When a value means nothing; the flux stays as it was.
+    pub fn set_proton_flux(&mut self, flux: Option<ProtonFlux>) -> Result<(), ProtonFluxError> {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.set_proton_flux(flux),
+            Drawing::Device { detector, .. } => detector.set_proton_flux(flux),
+        }
+    }
+
+    /// Proton tracks of the latest frame, in sensor pixels.
+    #[must_use]
+    pub fn proton_tracks(&self) -> &[ProtonTrack] {
+        match &self.drawing {
+            Drawing::Host { detector, .. } => detector.proton_tracks(),
+            Drawing::Device { detector, .. } => detector.proton_tracks(),
+        }
+    }
+
+    /// Frames come every so often: how often telegraph pixels are looked at.
+    pub fn set_frame_period(&mut self, period: Span) {
+        self.defects_mut().set_frame_period_s(period.s());
+    }
+
+    /// Forgets what the detector keeps from frame to frame: the next frame is as the first.
+    pub fn reset_detector(&mut self) {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.reset(),
+            Drawing::Device { detector, .. } => detector.reset(),
         }
     }
 

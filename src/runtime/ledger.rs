@@ -85,10 +85,20 @@ events! {
     AttitudeStopped = "attitude_stopped",
     /// A table of jitter parameters was put into effect.
     TableApplied = "table_applied",
+    /// A trigger was taken in; the span is the time to its instant.
+    TriggerTaken = "trigger_taken",
+    /// A trigger came after its instant; the span is how long after.
+    TriggerLate = "trigger_late",
+    /// A trigger acts from this frame on; the span is the time from its instant to the end of the exposure.
+    TriggerFired = "trigger_fired",
+    /// A trigger was forgotten before its instant: a STOP, or a peer of another major version.
+    TriggerForgotten = "trigger_forgotten",
     /// The flight computer's heartbeat has stopped; the span is the silence.
     HeartbeatLost = "heartbeat_lost",
     /// The flight computer's heartbeat is back; the span is the silence.
     HeartbeatBack = "heartbeat_back",
+    /// The boresight was nearer to Sun, Moon or Earth than the baffle's exclusion angle.
+    InsideExclusion = "inside_exclusion",
     /// A commanded fault began; the span is how long it lasts.
     Fault = "fault",
     /// A commanded fault of frames or of imaging is over; the span is how long it was to last.

@@ -6,9 +6,10 @@ use crate::base::accuracy::AccuracyBudget;
 use crate::base::axes::{Body, Rotation, Sensor};
 use crate::base::time::{Span, Tai};
 use crate::detector::DetectorParams;
+use crate::detector::window::OutputGeometry;
 use crate::exposure::cost::CostModel;
 use crate::exposure::{Instrument, MethodChoice, PsfSampling, Shutter, Target};
-use crate::optics::{PsfModel, Radiometry};
+use crate::optics::{BackgroundLight, Illumination, PsfModel, StarLight};
 use crate::runtime::imager::BackendChoice;
 use crate::sky::observer::Observer;
 use std::sync::Arc;
@@ -37,8 +38,12 @@ pub struct CameraParams {
     pub psf: PsfModel,
     /// How pixel values are had from it.
     pub sampling: PsfSampling,
+    /// How the image plane is lit.
+    pub illumination: Illumination,
+    /// What lights the detector beside the stars.
+    pub background: BackgroundLight,
     /// Magnitude to electrons.
-    pub radiometry: Radiometry,
+    pub radiometry: StarLight,
     /// Detector.
     pub detector: DetectorParams,
     /// Faintest Gaia G magnitude that is drawn.
@@ -58,6 +63,7 @@ impl CameraParams {
             shutter: self.shutter,
             psf: self.psf.clone(),
             sampling: self.sampling,
+            illumination: self.illumination,
             full_well_e: self.detector.full_well_e,
             read_noise_e_rms: self.detector.read_noise_e_rms,
         }
@@ -124,6 +130,18 @@ pub struct RunParams {
 const TIME_MARGIN: f64 = 0.2;
 
 impl CameraParams {
+    /// Columns and rows of the sensor, on which light is drawn.
+    #[must_use]
+    pub fn sensor_px(&self) -> [usize; 2] {
+        [self.geometry.width_px(), self.geometry.height_px()]
+    }
+
+    /// Where the pixels of the image that is put out are on the sensor; its size.
+    #[must_use]
+    pub fn output(&self) -> OutputGeometry {
+        self.detector.spatial.output(self.sensor_px())
+    }
+
     /// Time in which a frame must be drawn, ms: the readout time without the detector's own and a margin.
     #[must_use]
     pub fn drawing_budget_ms(&self, cost: &CostModel) -> f64 {

@@ -13,6 +13,43 @@ use firmware_protocol::Reject;
 pub const REASONS: usize = Reject::ALL.len();
 const COUNTS: usize = 12;
 
+/// One count of a reading.
+#[derive(Debug, Clone, Copy)]
+struct Count {
+    /// Name in reports.
+    name: &'static str,
+    /// In reports also when zero.
+    is_always_told: bool,
+    place: fn(&mut PortReading) -> &mut u64,
+}
+
+/// Every count: the one list by which they cross threads and are told.
+const ALL: [Count; COUNTS] = [
+    always("packets_received", |reading| &mut reading.counters.received),
+    always("packets_sent", |reading| &mut reading.counters.sent),
+    always("packets_overflowed", |reading| &mut reading.counters.overflows),
+    always("queue_overflowed", |reading| &mut reading.queue_overflows),
+    sometimes("send_queue_overflowed", |reading| &mut reading.send_overflows),
+    sometimes("packets_unsent", |reading| &mut reading.counters.unsent),
+    sometimes("bus_errors", |reading| &mut reading.counters.errors),
+    sometimes("bus_off", |reading| &mut reading.counters.bus_off),
+    sometimes("bus_restarted", |reading| &mut reading.counters.restarted),
+    sometimes("packets_unstamped", |reading| &mut reading.counters.unstamped),
+    sometimes("link_lost", |reading| &mut reading.counters.lost),
+    sometimes("link_regained", |reading| &mut reading.counters.regained),
+];
+
+// A counter that is added to a link must be added above.
+const _: () = assert!(size_of::<LinkCounters>() == (COUNTS - 2) * size_of::<u64>());
+
+const fn always(name: &'static str, place: fn(&mut PortReading) -> &mut u64) -> Count {
+    Count { name, is_always_told: true, place }
+}
+
+const fn sometimes(name: &'static str, place: fn(&mut PortReading) -> &mut u64) -> Count {
+    Count { name, is_always_told: false, place }
+}
+
 /// What a port counted so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PortReading {
@@ -48,23 +85,14 @@ impl PortReading {
         Reject::ALL.into_iter().zip(self.rejects)
     }
 
-    fn counts(&self) -> [u64; COUNTS] {
-        let LinkCounters { received, sent, overflows, unsent, errors, bus_off, lost, regained, restarted, unstamped } =
-            self.counters;
-        [
-            received,
-            sent,
-            overflows,
-            unsent,
-            errors,
-            bus_off,
-            lost,
-            regained,
-            restarted,
-            unstamped,
-            self.queue_overflows,
-            self.send_overflows,
-        ]
+    /// Names and counts for a report; most only when they are not zero.
+    pub fn told(&self) -> impl Iterator<Item = (&'static str, u64)> {
+        let named = ALL.into_iter().zip(self.counts());
+        named.filter(|(count, value)| count.is_always_told || *value > 0).map(|(count, value)| (count.name, value))
+    }
+
+    fn counts(mut self) -> [u64; COUNTS] {
+        ALL.map(|count| *(count.place)(&mut self))
     }
 
     /// Tells the ledger what has happened to the link since `earlier`.
@@ -106,24 +134,12 @@ impl SharedReading {
     /// What was last made known.
     #[must_use]
     pub fn read(&self) -> PortReading {
-        let [
-            received,
-            sent,
-            overflows,
-            unsent,
-            errors,
-            bus_off,
-            lost,
-            regained,
-            restarted,
-            unstamped,
-            queue_overflows,
-            send_overflows,
-        ] = self.counts.each_ref().map(|count| count.load(Ordering::Relaxed));
-        let counters =
-            LinkCounters { received, sent, overflows, unsent, errors, bus_off, lost, regained, restarted, unstamped };
         let rejects = self.rejects.each_ref().map(|count| count.load(Ordering::Relaxed));
-        PortReading { counters, rejects, queue_overflows, send_overflows }
+        let mut reading = PortReading { rejects, ..PortReading::default() };
+        for (count, shared) in ALL.iter().zip(&self.counts) {
+            *(count.place)(&mut reading) = shared.load(Ordering::Relaxed);
+        }
+        reading
     }
 }
 
@@ -155,6 +171,16 @@ mod tests {
         assert_eq!(shared.read(), PortReading::default());
         shared.publish(&reading());
         assert_eq!(shared.read(), reading());
+    }
+
+    #[test]
+    fn reports_have_what_is_not_zero_and_a_few_counts_always() {
+        let told: Vec<_> = PortReading::default().told().collect();
+        let always = ["packets_received", "packets_sent", "packets_overflowed", "queue_overflowed"];
+        assert_eq!(told, always.map(|name| (name, 0)));
+        let told: Vec<_> = reading().told().map(|(_, count)| count).collect();
+        // Each of the twelve once: 9 is the rejections' own.
+        assert_eq!(told, [1, 2, 3, 10, 13, 4, 5, 6, 11, 12, 7, 8]);
     }
 
     #[test]

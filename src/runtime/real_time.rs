@@ -23,7 +23,7 @@ use crate::runtime::port_reading::PortReading;
 use crate::runtime::radio::{Heard, Radio};
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
-use crate::runtime::reply::{Reply, ToldFrame, stopped};
+use crate::runtime::reply::{Reply, ToldFrame};
 use crate::sink::{FaultFlags, FrameMeta, SentFrame, Sink};
 use core::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
@@ -131,7 +131,7 @@ fn start(
     sink: Box<dyn Sink>,
 ) -> Result<(SentFrame, Radio, Delivery), RunError> {
     let camera = &engine.params().camera;
-    let (width, height) = (camera.geometry.width_px(), camera.geometry.height_px());
+    let [width, height] = camera.output().size_px;
     let mut prototype = SentFrame::with_capacity(width, height, 16_384, camera.name.clone());
     engine.warm_up(&mut prototype)?;
     engine.follow_load();
@@ -198,12 +198,18 @@ impl Bench<'_> {
                 self.deliver_late(parcel, slot, record)?;
                 continue;
             }
+            let faults = &mut self.faults;
+            self.receiver.fire_triggers(slot, &mut record.ledger, &mut |fired| {
+                if let Some(faults) = faults.as_mut() {
+                    faults.fire_trigger(fired.number, fired.at);
+                }
+            });
             timed.load = self.engine.load();
             let (engine, ledger) = (&mut *self.engine, &mut record.ledger);
             self.spoiling = self.faults.as_mut().map_or(Spoiling::SEND, |faults| faults.begin(slot, engine, ledger));
             let exposed = self.engine.expose(slot, self.receiver, &mut record.ledger, &mut parcel.frame);
             if matches!(exposed, Err(RunError::AttitudeStopped { .. })) {
-                self.radio.send(0, stopped(self.receiver, record.frames.rendered, woken));
+                self.radio.send(0, self.reply.stopped(self.receiver, woken));
             }
             let times = exposed?;
             let finished = self.clock.now();

@@ -1,15 +1,17 @@
-//! Messages -> time correlation, attitude history, jitter history, answers to commands.
+//! Messages -> time correlation, attitude history, jitter history, triggers, answers to commands.
 
 use crate::attitude::{AttitudeHistory, AttitudeSample, JitterHistory, JitterPoint, ObservedPps, RemoteClock};
 use crate::base::axes::Rotation;
 use crate::base::time::{Span, Tai};
 use crate::base::units::ARCSEC;
 use crate::link::Stamped;
+use crate::runtime::engine::Slot;
 use crate::runtime::error::RunError;
 use crate::runtime::jitter_tables;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::params::AttitudeParams;
 use crate::runtime::session::{Session, SessionParams};
+use crate::runtime::triggers::FiredTrigger;
 use firmware_protocol::Message;
 use firmware_protocol::handshake::Did;
 use firmware_protocol::message::{AttitudeRecord, Command, JitterBurst, JitterPair, Request, TimeFollowUp, Wheels};
@@ -94,6 +96,22 @@ impl Receiver {
     #[must_use]
     pub fn session(&self) -> &Session {
         &self.session
+    }
+
+    /// The flight computer's triggers that act at or before `up_to`, by rising time, each once. What is not taken from the
+    /// iterator stays. Allocates nothing.
+    pub fn take_triggers(&mut self, up_to: Tai) -> impl Iterator<Item = FiredTrigger> + use<'_> {
+        let triggers = self.session.triggers_mut();
+        core::iter::from_fn(move || triggers.next(up_to))
+    }
+
+    /// Hands the triggers that act by the end of a slot's exposure to `fire`, and tells the ledger.
+    pub fn fire_triggers(&mut self, slot: Slot, ledger: &mut Ledger, fire: &mut dyn FnMut(FiredTrigger)) {
+        for fired in self.take_triggers(slot.release) {
+            let event = Event::new(EventKind::TriggerFired, fired.at, Some(slot.number), slot.release - fired.at);
+            ledger.note(event);
+            fire(fired);
+        }
     }
 
     /// Notices what time alone brings: heartbeats that have stopped.
@@ -186,7 +204,7 @@ impl Receiver {
         if is_apply {
             self.applied = Some(at);
         }
-        let answer = self.session.answer(command, at, ledger);
+        let answer = self.session.answer(command, at, self.clock.estimate().as_ref(), ledger);
         if let Some(Did::Applied(table)) = answer.did {
             let mounting = self.params.sensor_from_body;
             let applied = jitter_tables::apply(table, self.session.tables(), mounting, &mut self.jitter);
@@ -237,7 +255,7 @@ impl Receiver {
             ObservedPps::Used => self.pulses.used += 1,
             ObservedPps::Odd | ObservedPps::Ambiguous | ObservedPps::NoTimeYet => self.pulses.refused += 1,
         }
-        self.tell_jitter();
+        self.tell_clock();
     }
 
     fn correlate(&mut self, port: usize, follow_up: &TimeFollowUp) {
@@ -247,14 +265,15 @@ impl Receiver {
         {
             self.syncs[port] = None;
             self.clock.observe(scet_ns, at);
-            self.tell_jitter();
+            self.tell_clock();
         }
     }
 
-    /// Uploaded jitter runs by the flight computer's clock.
-    fn tell_jitter(&mut self) {
+    /// Uploaded jitter and triggers run by the flight computer's clock.
+    fn tell_clock(&mut self) {
         if let Some(estimate) = self.clock.estimate() {
             self.jitter.follow_clock(&estimate);
+            self.session.triggers_mut().follow_clock(&estimate);
         }
     }
 

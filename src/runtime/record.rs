@@ -3,7 +3,6 @@
 use crate::base::time::{Span, Tai};
 use crate::exposure::Rung;
 use crate::exposure::method::MethodName;
-use crate::link::LinkCounters;
 use crate::report::{
     CountHistogram, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, RunSummary, Stage,
     StageHistogram, StageHistograms, StageTimes,
@@ -174,7 +173,18 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
         count_port(&mut counts, number, port);
     }
     let pulses = receiver.pulses();
-    for (name, count) in [("pulses_used", pulses.used), ("pulses_refused", pulses.refused)] {
+    let triggers = receiver.session().triggers().counts();
+    let sometimes = [
+        ("pulses_used", pulses.used),
+        ("pulses_refused", pulses.refused),
+        ("triggers_accepted", triggers.accepted),
+        ("triggers_late", triggers.late),
+        ("triggers_repeated", triggers.repeated),
+        ("triggers_refused", triggers.refused),
+        ("triggers_forgotten", triggers.forgotten),
+        ("triggers_fired", triggers.fired),
+    ];
+    for (name, count) in sometimes {
         if count > 0 {
             counts.counters.insert(name.into(), count);
         }
@@ -202,27 +212,8 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
 
 /// Counters of one port: the first has plain names, further ones have their number before them.
 fn count_port(counts: &mut LinkCounts, number: usize, port: &PortReading) {
-    let LinkCounters { received, sent, overflows, unsent, errors, bus_off, lost, regained, restarted, unstamped } =
-        port.counters;
     let name = |what: &str| if number == 0 { what.to_string() } else { format!("port_{number}_{what}") };
-    let always = [
-        ("packets_received", received),
-        ("packets_sent", sent),
-        ("packets_overflowed", overflows),
-        ("queue_overflowed", port.queue_overflows),
-    ];
-    let sometimes = [
-        ("send_queue_overflowed", port.send_overflows),
-        ("packets_unsent", unsent),
-        ("bus_errors", errors),
-        ("bus_off", bus_off),
-        ("bus_restarted", restarted),
-        ("packets_unstamped", unstamped),
-        ("link_lost", lost),
-        ("link_regained", regained),
-    ];
-    let sometimes = sometimes.into_iter().filter(|(_, count)| *count > 0);
-    counts.counters.extend(always.into_iter().chain(sometimes).map(|(what, count)| (name(what), count)));
+    counts.counters.extend(port.told().map(|(what, count)| (name(what), count)));
     for (reason, count) in port.rejects().filter(|(_, count)| *count > 0) {
         *counts.rejects.entry(reject_name(reason)).or_default() += u64::from(count);
     }

@@ -20,6 +20,7 @@ const ONCE: Span = Span::from_ms(1000);
 /// Who says what, and when it was last said.
 #[derive(Debug, Clone, Default)]
 pub struct Reply {
+    /// Told of so far.
     frames: u64,
     rejects: [Told; REASONS],
 }
@@ -49,11 +50,7 @@ impl Reply {
     pub fn messages(&mut self, frame: &ToldFrame<'_>, receiver: &Receiver) -> impl Iterator<Item = Message> + use<> {
         let ToldFrame { meta, now, .. } = *frame;
         self.frames += 1;
-        let state = StatusPage::State {
-            mode: mode(meta, receiver),
-            frames: u16::try_from(self.frames & 0xffff).unwrap_or(0),
-            latency_us: latency_us(receiver, now),
-        };
+        let state = self.state(mode(meta, receiver), receiver, now);
         let in_turn = if self.frames.is_multiple_of(2) { prediction(frame) } else { clock(receiver) };
         [
             exposure(meta, receiver).map(Message::Exposure),
@@ -68,6 +65,17 @@ impl Reply {
         .flatten()
     }
 
+    /// Said once, when the stream has stopped and the policy is to stop: no frame follows.
+    #[must_use]
+    pub fn stopped(&self, receiver: &Receiver, now: Tai) -> Message {
+        Message::Status(self.state(StimulatorMode::Stopped, receiver, now))
+    }
+
+    fn state(&self, mode: StimulatorMode, receiver: &Receiver, now: Tai) -> StatusPage {
+        let frames = u16::try_from(self.frames & 0xffff).unwrap_or(0);
+        StatusPage::State { mode, frames, latency_us: latency_us(receiver, now) }
+    }
+
     /// The reason told longest ago of those whose count has risen and that may be told again.
     fn reject(&mut self, counts: &[u32; REASONS], now: Tai) -> Option<StatusPage> {
         let is_due = |told: &Told| told.at.is_none_or(|last| now - last >= ONCE);
@@ -78,14 +86,6 @@ impl Reply {
         *told = Told { count: *count, at: Some(now) };
         Some(StatusPage::Rejects { reason, count: *count })
     }
-}
-
-/// Said once, when the stream has stopped and the policy is to stop: no frame follows.
-#[must_use]
-pub fn stopped(receiver: &Receiver, frames: u64, now: Tai) -> Message {
-    let frames = u16::try_from(frames & 0xffff).unwrap_or(0);
-    let mode = StimulatorMode::Stopped;
-    Message::Status(StatusPage::State { mode, frames, latency_us: latency_us(receiver, now) })
 }
 
 /// From the epoch of the newest attitude to now, when the frame goes out.

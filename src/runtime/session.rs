@@ -1,12 +1,14 @@
-//! The conversation with the flight computer: HELLO, RUN, STOP, tables of parameters, heartbeats.
+//! The conversation with the flight computer: HELLO, RUN, STOP, tables of parameters, triggers, heartbeats.
 //!
 //! In: commands and heartbeats, stamped. Out: answers, whether frames show stars, events when a peer is refused, falls
 //! silent or speaks again. One answer per command; a retry gets the same answer and changes nothing (the protocol's
 //! `handshake`). Limits: on one bus every sender of commands for this node is the same flight computer. Tests: below, and
 //! `tests/closed_loop/session.rs`.
 
+use crate::attitude::ClockEstimate;
 use crate::base::time::{Span, Tai};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
+use crate::runtime::triggers::{Taken, Triggers};
 use firmware_protocol::handshake::{Answer, Handshake};
 use firmware_protocol::message::{Command, Heartbeat, Rates, Reply, Request, TableCell, capability};
 use firmware_protocol::tables::TableStore;
@@ -15,7 +17,8 @@ use firmware_protocol::{DBC_CRC32, version};
 /// Highest rates taken: what the protocol has room for.
 const RATES: Rates = Rates { attitude_hz: 100, jitter_hz: 1000 };
 /// What the stimulator takes beside attitude.
-const CAPABILITIES: u16 = capability::PARAMETER_TABLES | capability::JITTER_SAMPLES | capability::WHEELS;
+const CAPABILITIES: u16 =
+    capability::PARAMETER_TABLES | capability::JITTER_SAMPLES | capability::WHEELS | capability::TRIGGERS;
 
 /// When frames begin to show stars.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,6 +51,7 @@ pub struct Session {
     params: SessionParams,
     handshake: Handshake,
     tables: TableStore,
+    triggers: Triggers,
     /// Stopped, or refused, since the last RUN.
     is_halted: bool,
     /// The last heartbeat heard.
@@ -66,6 +70,7 @@ impl Session {
             params,
             handshake,
             tables: TableStore::new(),
+            triggers: Triggers::default(),
             is_halted: false,
             heard: None,
             is_silent: false,
@@ -77,6 +82,17 @@ impl Session {
     #[must_use]
     pub fn tables(&self) -> &TableStore {
         &self.tables
+    }
+
+    /// The triggers taken in.
+    #[must_use]
+    pub fn triggers(&self) -> &Triggers {
+        &self.triggers
+    }
+
+    /// The same, for whoever takes out those whose instant has come, or knows the clock anew.
+    pub fn triggers_mut(&mut self) -> &mut Triggers {
+        &mut self.triggers
     }
 
     /// Takes one cell of a table in; it has no effect before APPLY.
@@ -93,17 +109,27 @@ impl Session {
         }
     }
 
-    /// The one answer to a command that arrived at `at`.
-    pub fn answer(&mut self, command: &Command, at: Tai, ledger: &mut Ledger) -> Answer {
+    /// The one answer to a command that arrived at `at`; `clock` is what is known of the flight computer's.
+    pub fn answer(&mut self, command: &Command, at: Tai, clock: Option<&ClockEstimate>, ledger: &mut Ledger) -> Answer {
         let was_rendering = self.is_rendering();
-        let answer = self.handshake.answer(command, &mut self.tables);
+        let mut taken = None;
+        let answer = self.handshake.answer_with(command, &mut self.tables, |trigger| {
+            let result = self.triggers.take(trigger, clock, at);
+            taken = result.ok();
+            result.map(|taken| taken.triggered)
+        });
         match (command.request, answer.response.reply) {
             (Request::Hello(_), Reply::Refused { .. }) => {
                 self.is_halted = true;
+                self.forget_triggers(at, ledger);
                 ledger.note(Event::new(EventKind::VersionRefused, at, None, Span::ZERO));
             }
-            (Request::Stop, Reply::Stop) => self.is_halted = true,
+            (Request::Stop, Reply::Stop) => {
+                self.is_halted = true;
+                self.forget_triggers(at, ledger);
+            }
             (Request::Run, Reply::Run) => self.is_halted = false,
+            (_, Reply::Triggered(_)) => self.tell_trigger(taken, at, ledger),
             (_, Reply::Refused { .. }) => ledger.note(Event::new(EventKind::CommandRefused, at, None, Span::ZERO)),
             _ => {}
         }
@@ -113,6 +139,23 @@ impl Session {
             _ => {}
         }
         answer
+    }
+
+    /// Tells of a trigger that was taken in, or counts its repeat.
+    fn tell_trigger(&mut self, taken: Option<Taken>, at: Tai, ledger: &mut Ledger) {
+        match taken {
+            Some(Taken { triggered, ahead }) if triggered.is_late => {
+                ledger.note(Event::new(EventKind::TriggerLate, at, None, Span::from_ns(-ahead.ns())));
+            }
+            Some(Taken { ahead, .. }) => ledger.note(Event::new(EventKind::TriggerTaken, at, None, ahead)),
+            None => self.triggers.count_repeat(),
+        }
+    }
+
+    fn forget_triggers(&mut self, at: Tai, ledger: &mut Ledger) {
+        for _ in 0..self.triggers.forget() {
+            ledger.note(Event::new(EventKind::TriggerForgotten, at, None, Span::ZERO));
+        }
     }
 
     /// Takes a heartbeat of the flight computer in.
@@ -164,7 +207,7 @@ mod tests {
         fn say(&mut self, request: Request) -> Reply {
             self.token += 1;
             let command = Command { token: self.token, request };
-            self.session.answer(&command, at_ms(0), &mut self.ledger).response.reply
+            self.session.answer(&command, at_ms(0), None, &mut self.ledger).response.reply
         }
 
         fn count(&self, kind: EventKind) -> u64 {

@@ -1,37 +1,76 @@
 //! Plan -> truth table: which stars are in the image, where, and with how much light.
 
 use crate::base::axes::{Icrf, Rotation, Sensor};
+use crate::detector::protons::ProtonTrack;
+use crate::detector::window::OutputGeometry;
 use crate::exposure::ExposurePlan;
-use crate::exposure::target::{FIRST_FALSE_STAR_ID, FIRST_TARGET_ID, Smear};
+use crate::exposure::target::{FIRST_FALSE_STAR_ID, FIRST_TARGET_ID, FIRST_TRACK_ID, Smear};
 use crate::exposure::track::StarPlace;
 use crate::sink::{TruthKind, TruthStar};
 use crate::sky::catalog::ra_dec_rad;
 
-/// Writes one row per planned star and target into `out`.
-pub fn fill_truth(plan: &ExposurePlan, out: &mut Vec<TruthStar>) {
+/// Stars this far outside a window may still shine into it, sensor pixels.
+const MARGIN_PX: f64 = 32.0;
+
+/// Writes one row per planned star and target into `out`: places in pixels of the image that is put out, electrons on the
+/// whole sensor. Stars well outside a window are left out.
+pub fn fill_truth(plan: &ExposurePlan, output: &OutputGeometry, out: &mut Vec<TruthStar>) {
+    let margin_px = MARGIN_PX / f64::from(output.binning);
+    let is_near = |place_px: [f64; 2]| {
+        let inside = |axis: usize| {
+            let last = output.size_px[axis] as f64 - 1.0;
+            (-margin_px..=last + margin_px).contains(&place_px[axis])
+        };
+        !output.is_cut || (inside(0) && inside(1))
+    };
     let icrf_from_sensor = plan.motion.los.mid_sensor_from_icrf.inverse();
     out.clear();
-    out.extend(plan.sky_stars().iter().map(|star| TruthStar {
-        id: star.id,
-        mag: star.mag,
-        x_px: star.mean_px[0],
-        y_px: star.mean_px[1],
-        electrons: star.electrons_on_detector,
-        kind: kind_of(star.id),
-        ..row_at(&star.place, &icrf_from_sensor)
+    out.extend(plan.sky_stars().iter().filter_map(|star| {
+        let [x_px, y_px] = output.output_from_sensor(star.mean_px);
+        is_near([x_px, y_px]).then(|| TruthStar {
+            id: star.id,
+            mag: star.mag,
+            x_px,
+            y_px,
+            electrons: star.electrons_on_detector,
+            kind: kind_of(star.id),
+            ..row_at(&star.place, &icrf_from_sensor)
+        })
     }));
-    out.extend(plan.targets.iter().map(|planned| {
+    out.extend(plan.targets.iter().filter_map(|planned| {
         let Smear { length_px, angle_rad } = planned.smear;
-        TruthStar {
+        let [x_px, y_px] = output.output_from_sensor(planned.mean_px);
+        is_near([x_px, y_px]).then(|| TruthStar {
             id: planned.target.id,
             mag: planned.target.mag,
-            x_px: planned.mean_px[0],
-            y_px: planned.mean_px[1],
+            x_px,
+            y_px,
             electrons: planned.electrons_on_detector,
             kind: TruthKind::Target,
-            smear_px: length_px,
+            smear_px: length_px / f64::from(output.binning),
             smear_deg: angle_rad.to_degrees(),
             ..row_at(&planned.place, &icrf_from_sensor)
+        })
+    }));
+}
+
+/// Adds a row per proton track: its middle, its electrons, and its length and direction in place of a smear.
+pub fn add_tracks(tracks: &[ProtonTrack], output: &OutputGeometry, out: &mut Vec<TruthStar>) {
+    out.extend((FIRST_TRACK_ID..FIRST_FALSE_STAR_ID).zip(tracks).map(|(id, track)| {
+        let ([ax, ay], [bx, by]) = (track.start_px, track.end_px);
+        let [x_px, y_px] = output.output_from_sensor([0.5 * (ax + bx), 0.5 * (ay + by)]);
+        TruthStar {
+            id,
+            // It comes from nowhere in the sky.
+            ra_deg: f64::NAN,
+            dec_deg: f64::NAN,
+            mag: f32::NAN,
+            x_px,
+            y_px,
+            electrons: track.electrons,
+            kind: TruthKind::ProtonTrack,
+            smear_px: (bx - ax).hypot(by - ay) / f64::from(output.binning),
+            smear_deg: (by - ay).atan2(bx - ax).to_degrees(),
         }
     }));
 }

@@ -16,7 +16,7 @@ use crate::runtime::outcome::RunOutcome;
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
-use crate::runtime::reply::{Reply, ToldFrame, stopped};
+use crate::runtime::reply::{Reply, ToldFrame};
 use crate::sink::{SentFrame, Sink};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -205,11 +205,17 @@ impl VirtualLoop {
         self.record.frames.scheduled += 1;
         let mut frame = self.take_buffer(head.engine);
         let ledger = &mut self.record.ledger;
+        let faults = &mut head.faults;
+        head.receiver.fire_triggers(slot, ledger, &mut |fired| {
+            if let Some(faults) = faults.as_mut() {
+                faults.fire_trigger(fired.number, fired.at);
+            }
+        });
         let fate = head.faults.as_mut().map_or(Fate::SEND, |faults| faults.begin(slot, head.engine, ledger));
         let mut watch = Stopwatch::start();
         let exposed = head.engine.expose(slot, head.receiver, &mut self.record.ledger, &mut frame);
         if let (Err(RunError::AttitudeStopped { .. }), 0) = (&exposed, i) {
-            port.send(&stopped(head.receiver, self.record.frames.delivered, slot.release))?;
+            port.send(&self.reply.stopped(head.receiver, slot.release))?;
         }
         let times = exposed?;
         frame.meta.lateness = Span::ZERO;
@@ -272,8 +278,7 @@ impl VirtualLoop {
 
     /// A buffer of the engine's size.
     fn take_buffer(&mut self, engine: &FrameEngine) -> SentFrame {
-        let geometry = &engine.params().camera.geometry;
-        let size = [geometry.width_px(), geometry.height_px()];
+        let size = engine.params().camera.output().size_px;
         let fits = |frame: &SentFrame| {
             [frame.image.width(), frame.image.height()] == size && frame.meta.camera == engine.params().camera.name
         };
@@ -284,7 +289,8 @@ impl VirtualLoop {
 
 fn empty_frame(engine: &FrameEngine) -> SentFrame {
     let camera = &engine.params().camera;
-    SentFrame::with_capacity(camera.geometry.width_px(), camera.geometry.height_px(), 0, camera.name.clone())
+    let [width, height] = camera.output().size_px;
+    SentFrame::with_capacity(width, height, 0, camera.name.clone())
 }
 
 /// Takes in what has arrived by `now`: every head hears everything, the first one answers.

@@ -156,6 +156,10 @@ pub struct FrameMeta {
     pub gain_e_per_dn: f64,
     /// Black level, DN.
     pub black_level_dn: f64,
+    /// Sensor pixels of one image pixel, along each side.
+    pub binning: u32,
+    /// First sensor pixel of the image, column and row.
+    pub window_px: [u32; 2],
 }
 
 impl FrameMeta {
@@ -187,6 +191,8 @@ impl FrameMeta {
             camera,
             gain_e_per_dn: 1.0,
             black_level_dn: 0.0,
+            binning: 1,
+            window_px: [0; 2],
         }
     }
 

@@ -43,8 +43,18 @@ fn state_on_day(days: f64) -> BarycentricState {
 
 fn position_km(days_tdb_since_j2000: f64) -> DVec3 {
     let p = vsop87::vsop87e::earth(J2000_JD + days_tdb_since_j2000);
+    equatorial_km(DVec3::new(p.x, p.y, p.z))
+}
+
+/// Barycentric position of the Sun's centre, ICRF axes, by the same theory.
+pub(super) fn sun_position_km(days_tdb_since_j2000: f64) -> DVec3 {
+    let p = vsop87::vsop87e::sun(J2000_JD + days_tdb_since_j2000);
+    equatorial_km(DVec3::new(p.x, p.y, p.z))
+}
+
+fn equatorial_km(ecliptic_au: DVec3) -> DVec3 {
     let rows = EQUATORIAL_FROM_VSOP87.map(DVec3::from_array);
-    DMat3::from_cols(rows[0], rows[1], rows[2]).transpose() * DVec3::new(p.x, p.y, p.z) * AU_KM
+    DMat3::from_cols(rows[0], rows[1], rows[2]).transpose() * ecliptic_au * AU_KM
 }
 
 /// The Earth's state for every frame: Hermite cubics between the days (TDB) on which [`barycentric_state`] is evaluated.

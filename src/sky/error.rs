@@ -57,4 +57,7 @@ pub enum ObserverError {
         /// Value given.
         got: f64,
     },
+    /// Sun, Moon and Earth are seen from an orbit or from the geocentre.
+    #[error("Sun, Moon and Earth: wanted an observer near the Earth, got one at rest at the barycentre")]
+    NoBodies,
 }

@@ -5,12 +5,16 @@
 //!
 //! * [`catalog`]: the packed star catalog and its cone query;
 //! * [`earth`]: the Earth's barycentric state from VSOP87E;
+//! * [`moon`]: the geocentric Moon by a short series;
+//! * [`bodies`]: Sun, Moon and Earth as the observer sees them;
 //! * [`orbit`]: the spacecraft about the Earth (two-line elements, circular);
 //! * [`observer`]: both together.
 
+pub mod bodies;
 pub mod catalog;
 pub mod earth;
 mod error;
+pub mod moon;
 pub mod observer;
 pub mod orbit;
 

@@ -52,13 +52,20 @@ impl Observer {
     }
 
     fn with_earth(&self, at: Tai, earth: impl FnOnce() -> BarycentricState) -> Result<BarycentricState, ObserverError> {
-        let geocentric = match self {
-            Self::Barycentre => return Ok(BarycentricState::default()),
+        Ok(self.geocentric_state(at)?.map_or_else(BarycentricState::default, |geocentric| earth() + geocentric))
+    }
+
+    /// State from the Earth's centre at `at`; `None` at the barycentre. Does not allocate.
+    ///
+    /// # Errors
+    /// When SGP4 cannot follow the elements to `at`.
+    pub fn geocentric_state(&self, at: Tai) -> Result<Option<BarycentricState>, ObserverError> {
+        Ok(Some(match self {
+            Self::Barycentre => return Ok(None),
             Self::Geocentre => BarycentricState::default(),
             Self::Tle(orbit) => orbit.geocentric_state(at)?,
             Self::Circular(orbit) => orbit.geocentric_state(at),
-        };
-        Ok(earth() + geocentric)
+        }))
     }
 }
 

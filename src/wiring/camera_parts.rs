@@ -4,41 +4,40 @@ use crate::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use crate::config;
 use crate::detector::DetectorParams;
 use crate::exposure::Shutter;
-use crate::optics::{PsfModel, Radiometry};
+use crate::optics::{BackgroundLight, PsfModel};
 use crate::runtime::params::CameraParams;
+use crate::wiring::light_parts::background_light;
 use anyhow::{Context, Result};
 
 /// The camera as the rooms want it.
 ///
 /// # Errors
-/// When the distortion model does not hold over the whole detector.
+/// When the distortion model does not hold over the whole detector, or light is wanted that the photometry cannot give.
 pub fn camera_params(camera: &config::Camera) -> Result<CameraParams> {
     let (detector, optics) = (&camera.detector, &camera.optics);
     let focal_px = optics.focal_length_mm * 1e3 / detector.pixel_pitch_um;
     let d = &camera.distortion;
-    let geometry = CameraGeometry::new(CameraParameters {
+    let parameters = CameraParameters {
         width_px: detector.width_px as usize,
         height_px: detector.height_px as usize,
         focal_px: [focal_px; 2],
         principal_point_px: optics.principal_point_px,
         distortion: BrownConrady { k1: d.k1, k2: d.k2, k3: d.k3, p1: d.p1, p2: d.p2 },
-    })
+    };
+    let geometry = match d.polynomial {
+        None => CameraGeometry::new(parameters),
+        Some(polynomial) => CameraGeometry::with_polynomial(parameters, polynomial),
+    }
     .with_context(|| format!("camera \"{}\"", camera.name))?;
-    Ok(CameraParams {
+    let mut params = CameraParams {
         name: camera.name.as_str().into(),
         geometry,
         shutter: shutter(camera.exposure.rolling_line_us),
         psf: psf(camera),
         sampling: camera.sampling,
-        radiometry: Radiometry {
-            zero_magnitude_photons_per_s_m2: camera.radiometry.zero_magnitude_photons_per_s_m2,
-            aperture_mm: optics.aperture_mm,
-            obscuration: optics.obscuration,
-            transmission: optics.transmission,
-            quantum_efficiency: detector.quantum_efficiency,
-            color_c1: camera.radiometry.color_c1,
-            color_c2: camera.radiometry.color_c2,
-        },
+        radiometry: camera.star_light(),
+        illumination: camera.illumination,
+        background: BackgroundLight::default(),
         detector: DetectorParams {
             full_well_e: detector.full_well_e,
             gain_e_per_dn: detector.gain_e_per_dn,
@@ -49,11 +48,16 @@ pub fn camera_params(camera: &config::Camera) -> Result<CameraParams> {
             prnu: detector.prnu,
             dsnu_e_rms: detector.dsnu_e_rms,
             poisson: detector.poisson,
+            spatial: detector.spatial,
+            ..DetectorParams::QUIET
         },
         limiting_mag: camera.radiometry.limiting_mag as f32,
         exposure_s: camera.exposure.exposure_s,
         readout_s: camera.exposure.readout_s,
-    })
+    };
+    let star_e_per_s = |mag_g, bp_rp| params.radiometry.electrons(mag_g, bp_rp, 1.0);
+    params.background = background_light(camera, geometry.ifov_rad(), star_e_per_s)?;
+    Ok(params)
 }
 
 fn shutter(rolling_line_us: f64) -> Shutter {

@@ -145,6 +145,16 @@ impl ClosedLoop {
         Ok(())
     }
 
+    /// The flight computer fires a trigger over the bus, to act at `at` or as soon as it has come.
+    ///
+    /// # Errors
+    /// When too many wait to be told, or the instant is more than an hour away.
+    pub fn send_trigger(&mut self, number: u16, at: Option<Tai>) -> Result<(), LoopError> {
+        let now = self.clock.now();
+        let sent = self.far.get_mut().computer.send_trigger(number, at, now);
+        sent.map_err(|error| LoopError::Event { what: "trigger", why: error.to_string() })
+    }
+
     /// Time from one frame to the next.
     #[must_use]
     pub fn frame_period(&self) -> Span {

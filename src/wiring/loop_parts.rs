@@ -53,7 +53,7 @@ pub(super) fn loop_head(
     bench.seed = bench.seed.wrapping_add(number as u64);
     let mut params = bench_parts::run_params(&bench, start).map_err(|error| LoopError::Parts(format!("{error:#}")))?;
     change(&mut params);
-    let size = [params.camera.geometry.width_px(), params.camera.geometry.height_px()];
+    let size = params.camera.output().size_px;
     let receiver = Receiver::new(params.attitude.clone())?.with_session(bench_parts::session_params(&bench));
     let engine = FrameEngine::new(params)?;
     let (sender, end) = tap(size, TAP_FRAMES);

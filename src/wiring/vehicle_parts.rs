@@ -7,6 +7,7 @@ use crate::base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
 use crate::base::time::{Span, Tai};
 use crate::base::units::{ARCSEC, DEG};
 use crate::config::{self, JitterSource, Observer, Pointing, Scenario};
+use crate::detector::binning::Levels;
 use crate::testbed::acs::{
     AcsParams, Gains, KeepOut, SafeParams, SlewLimits, StructuralFilter, Thresholds, UnloadParams,
 };
@@ -189,22 +190,32 @@ fn tracker_params(scenario: &Scenario) -> TrackerParams {
     let camera = &scenario.bench.camera;
     let (detector, optics, d) = (&camera.detector, &camera.optics, &camera.distortion);
     let focal_px = optics.focal_length_mm * 1e3 / detector.pixel_pitch_um;
+    let output = detector.spatial.output([detector.width_px, detector.height_px].map(|side| side as usize));
+    let binning = f64::from(output.binning);
     let geometry = Geometry {
-        width_px: detector.width_px as usize,
-        height_px: detector.height_px as usize,
-        focal_px: [focal_px; 2],
-        principal_point_px: optics.principal_point_px,
+        width_px: output.size_px[0],
+        height_px: output.size_px[1],
+        focal_px: [focal_px / binning; 2],
+        principal_point_px: output.output_from_sensor(optics.principal_point_px),
         distortion: [d.k1, d.k2, d.p1, d.p2, d.k3],
     };
-    let full_dn = detector.black_level_dn + detector.full_well_e / detector.gain_e_per_dn;
-    let largest_dn = f64::from((1_u32 << detector.bits) - 1);
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the converter's range")]
-    let saturation_dn = (0.98 * full_dn).min(largest_dn).clamp(0.0, 65535.0) as u16;
-    let figures = DetectorFigures {
+    let levels = Levels {
         gain_e_per_dn: detector.gain_e_per_dn,
         black_level_dn: detector.black_level_dn,
         // What a calibration would find: read noise and the fixed pattern that is not corrected aboard.
         read_noise_e_rms: detector.read_noise_e_rms.hypot(detector.dsnu_e_rms),
+        full_well_e: detector.full_well_e,
+        largest_dn: f64::from((1_u32 << detector.bits) - 1),
+        pixels: 1.0,
+    };
+    let levels = detector.spatial.binning.map_or(levels, |binning| levels.binned(binning));
+    let full_dn = levels.black_level_dn + levels.full_well_e / levels.gain_e_per_dn;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the converter's range")]
+    let saturation_dn = (0.98 * full_dn).min(levels.largest_dn).clamp(0.0, 65535.0) as u16;
+    let figures = DetectorFigures {
+        gain_e_per_dn: levels.gain_e_per_dn,
+        black_level_dn: levels.black_level_dn,
+        read_noise_e_rms: levels.read_noise_e_rms,
         saturation_dn,
     };
     let psf_sigma_px = match camera.psf {
@@ -214,10 +225,10 @@ fn tracker_params(scenario: &Scenario) -> TrackerParams {
         }
     };
     TrackerParams {
-        prnu: detector.prnu,
+        prnu: detector.prnu / levels.pixels.sqrt(),
         limiting_mag: camera.radiometry.limiting_mag.min(7.0),
         exposure_s: camera.exposure.exposure_s,
         most_stars: scenario.tracker_stars,
-        ..TrackerParams::new(geometry, figures, psf_sigma_px)
+        ..TrackerParams::new(geometry, figures, (psf_sigma_px / binning).max(0.3))
     }
 }

@@ -12,7 +12,7 @@ use starloop::exposure::cost::CostModel;
 use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
 use starloop::exposure::{MethodChoice, PsfSampling, Shutter};
 use starloop::gpu::Electrons;
-use starloop::optics::PsfModel;
+use starloop::optics::{Illumination, PsfModel};
 use starloop::render::Backend;
 use starloop::render::cpu::Cpu;
 
@@ -86,6 +86,7 @@ impl Drawn {
             shutter: scene.shutter,
             psf: scene.psf.clone(),
             sampling: PsfSampling::Auto,
+            illumination: Illumination::EVEN,
             full_well_e: 1e5,
             read_noise_e_rms: 10.0,
         };

@@ -15,7 +15,7 @@ use starloop::exposure::cost::CostModel;
 use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
 use starloop::exposure::{MethodChoice, PixelPath, PixelPoint, PsfSampling, Shutter};
 use starloop::gpu::{AdapterChoice, Electrons, GpuDevice};
-use starloop::optics::PsfModel;
+use starloop::optics::{Illumination, PsfModel};
 use starloop::render::Backend;
 use starloop::render::cpu::Cpu;
 use starloop::render::gpu::Gpu;
@@ -55,6 +55,7 @@ fn planner(cost: CostModel, samples: u32, method: &str) -> Planner {
         read_noise_e_rms: 10.0,
         shutter: Shutter::Global,
         sampling: PsfSampling::Auto,
+        illumination: Illumination::EVEN,
     };
     let choice: MethodChoice = method.parse().expect("a method");
     let mut planner = Planner::new(instrument, AccuracyBudget::default(), cost, choice, los());

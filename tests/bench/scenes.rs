@@ -15,7 +15,7 @@ use starloop::exposure::cost::CostModel;
 use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
 use starloop::exposure::{MethodChoice, PixelPath, PixelPoint, PsfSampling, Shutter};
 use starloop::gpu::{AdapterChoice, GpuDevice};
-use starloop::optics::PsfModel;
+use starloop::optics::{Illumination, PsfModel};
 use starloop::render::Backend;
 use starloop::render::cpu::Cpu;
 use starloop::render::gpu::Gpu;
@@ -55,6 +55,7 @@ impl Scene {
             shutter: Shutter::Global,
             psf: PsfModel::gaussian(0.8),
             sampling: PsfSampling::Auto,
+            illumination: Illumination::EVEN,
             full_well_e: 1e5,
             read_noise_e_rms: 10.0,
         };

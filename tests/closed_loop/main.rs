@@ -18,3 +18,4 @@ mod program;
 mod replay;
 mod session;
 mod study;
+mod triggers;

@@ -3,7 +3,7 @@
 use crate::bench::{built_in, start};
 use firmware_protocol::can::IdMap;
 use firmware_protocol::message::{
-    Command, PointingAngle, Refusal, Reply, Request, Response, StatusPage, StimulatorMode, Table,
+    Command, PointingAngle, Refusal, Reply, Request, Response, StatusPage, StimulatorMode, Table, Trigger, Triggered,
 };
 use firmware_protocol::tables::{Applied, LineRow, cells, crc};
 use firmware_protocol::version::Version;
@@ -211,6 +211,34 @@ fn a_table_of_jitter_is_uploaded_and_applied_once() {
     assert_eq!(replies(50), [Reply::Refused { opcode: 5, reason: Refusal::TableCrc }]);
     let done = Reply::Applied(Applied { table: Table::Lines, rows: 1 });
     assert_eq!((replies(51), run.count(EventKind::TableApplied)), (vec![done, done], 1), "a retry is not done twice");
+}
+
+#[test]
+fn a_trigger_is_answered_fired_once_and_refused_by_name() {
+    let fire = |token, number, at_us| command(token, Request::Trigger(Trigger { number, at_us }));
+    let script = [
+        // Before the flight computer's first word.
+        (0.001, fire(50, 1, 0)),
+        (1.5, fire(51, 2, 0)),
+        (1.6, fire(51, 2, 0)),
+        (1.7, fire(52, 2, 3_700_000_000)),
+        (1.8, fire(53, 3, 3_000_000)),
+        (1.9, command(54, Request::Stop)),
+    ];
+    let run = overhear(&built_in(2.0), &script);
+    let reply = |token: u8| {
+        let of = |response: &Response| (response.token == token).then_some(response.reply);
+        run.responses().iter().filter_map(of).collect::<Vec<_>>()
+    };
+    let refused = |reason| vec![Reply::Refused { opcode: 6, reason }];
+    let done = |number| Reply::Triggered(Triggered { number, is_late: false });
+    assert_eq!(reply(50), refused(Refusal::NoHandshake));
+    assert_eq!(reply(51), [done(2), done(2)], "the repeat is answered");
+    assert_eq!(reply(52), refused(Refusal::TriggerTime));
+    assert_eq!(reply(53), [done(3)]);
+    let kinds =
+        [EventKind::TriggerTaken, EventKind::TriggerFired, EventKind::TriggerForgotten, EventKind::CommandRefused];
+    assert_eq!(kinds.map(|kind| run.count(kind)), [2, 1, 1, 2], "fired once; the other is forgotten at STOP");
 }
 
 #[test]

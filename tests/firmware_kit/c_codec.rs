@@ -241,7 +241,7 @@ fn exam_of_edges() -> Exam {
     }
     // What the Rust types cannot say: illegal enumerations and counts.
     for illegal in
-        ["25 0 5 0 0", "25 3 13 0", "25 7 0 0", "88 6 0 0", "88 5 0 8", "88 2 0 0 2", "88 5 0 0 4", "112 4 1"]
+        ["25 0 5 0 0", "25 3 13 0", "25 7 0 0", "88 7 0 0", "88 5 0 11", "88 2 0 0 2", "88 5 0 0 4", "112 4 1"]
     {
         exam.put("illegal", format!("encode 1 0 0 {illegal}"), "error -1".into());
     }

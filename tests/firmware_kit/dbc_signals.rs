@@ -216,6 +216,9 @@ fn request(command: &Command) -> Expected {
             exact("ApplyCrc16", crc),
             exact("ApplySeed", seed),
         ]),
+        Request::Trigger(trigger) => {
+            signals.extend([exact("TriggerNumber", trigger.number), exact("TriggerTime", trigger.at_us)]);
+        }
         Request::Run | Request::Stop | Request::Unknown { .. } => {}
     }
     signals
@@ -247,6 +250,12 @@ fn reply(response: &Response) -> Expected {
             signals.extend([exact("AppliedTable", applied.table.number()), exact("AppliedRows", applied.rows)]);
             signals
         }
+        Reply::Triggered(triggered) => {
+            let late = u8::from(triggered.is_late);
+            let mut signals = head(6, 0);
+            signals.extend([exact("TriggeredNumber", triggered.number), exact("TriggeredLate", late)]);
+            signals
+        }
         // A refusal has zeros where the answer would stand, and the DBC reads them as such.
         Reply::Refused { opcode, reason } => {
             let mut signals = head(opcode, reason.code());
@@ -254,6 +263,7 @@ fn reply(response: &Response) -> Expected {
                 1 => hello(vec![], firmware_protocol::version::Version { major: 0, minor: 0 }, 0, 0),
                 2 => vec![exact("InfoPage", 0), exact("DbcCrc32", 0)],
                 5 => vec![exact("AppliedTable", 0), exact("AppliedRows", 0)],
+                6 => vec![exact("TriggeredNumber", 0), exact("TriggeredLate", 0)],
                 _ => vec![],
             });
             signals
@@ -265,7 +275,7 @@ fn hello(head: Expected, version: firmware_protocol::version::Version, capabilit
     let bit = |name: &str, at: u32| exact(name, u8::from(capabilities >> at & 1 == 1));
     let mut signals = head;
     signals.extend([exact("Major", version.major), exact("Minor", version.minor)]);
-    signals.extend([bit("ParameterTables", 0), bit("JitterSamples", 1), bit("WheelSpeeds", 2)]);
+    signals.extend([bit("ParameterTables", 0), bit("JitterSamples", 1), bit("WheelSpeeds", 2), bit("Triggers", 3)]);
     signals.push(exact("AttitudeConvention", convention));
     signals
 }

@@ -2,6 +2,7 @@
 
 use crate::dbc::{attribute, dbc, number, raw};
 use crate::vectors::bytes;
+use can_dbc::{Dbc, Message as Described, MultiplexIndicator, Signal};
 use firmware_protocol::can::{CanFrame, Decoder, IdMap};
 use firmware_protocol::message::{AttitudeFlags, MessageId, Refusal, Reply, Table};
 use firmware_protocol::tables::{self, LineRow, TableStore};
@@ -56,6 +57,20 @@ fn bit_range(text: &str, bits_per_unit: u64) -> Range<u64> {
     start * bits_per_unit..end * bits_per_unit
 }
 
+/// The page or opcode under which a signal is read; `all` without one.
+fn branch_of(dbc: &Dbc, message: &Described, signal: &Signal) -> String {
+    let parent = dbc.extended_multiplex.iter().find_map(|entry| {
+        let is_own = entry.message_id == message.id && entry.signal_name == signal.name;
+        is_own.then(|| message.signals.iter().find(|other| other.name == entry.multiplexor_signal_name)).flatten()
+    });
+    match (signal.multiplexer_indicator, parent.map(|parent| (parent, parent.multiplexer_indicator))) {
+        (_, Some((parent, MultiplexIndicator::MultiplexorAndMultiplexedSignal(_)))) => branch_of(dbc, message, parent),
+        (MultiplexIndicator::MultiplexedSignal(value), _)
+        | (MultiplexIndicator::MultiplexorAndMultiplexedSignal(value), _) => value.to_string(),
+        (MultiplexIndicator::Plain | MultiplexIndicator::Multiplexor, _) => "all".into(),
+    }
+}
+
 /// Byte tables whose rows leave gaps, or cut a signal of the DBC in two.
 fn wrong_layouts(text: &str) -> Vec<String> {
     let dbc = dbc();
@@ -70,10 +85,11 @@ fn wrong_layouts(text: &str) -> Vec<String> {
             let branch = if place == 0 { "all" } else { row[0].as_str() };
             branches.entry(branch).or_default().push(bit_range(&row[place], unit));
         }
-        let ranges: Vec<_> = branches.values().flatten().collect();
         for signal in message.signals.iter().filter(|signal| signal.name != "Page" || message.name != "STATUS") {
             let bits = signal.start_bit..signal.start_bit + signal.size;
-            if !ranges.iter().any(|range| range.start <= bits.start && bits.end <= range.end) {
+            let own = branch_of(&dbc, message, signal);
+            let ranges = ["all", &own].into_iter().filter_map(|branch| branches.get(branch)).flatten();
+            if !ranges.into_iter().any(|range| range.start <= bits.start && bits.end <= range.end) {
                 found.push(format!("{}.{} lies in no row", message.name, signal.name));
             }
         }

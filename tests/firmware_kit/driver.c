@@ -102,6 +102,9 @@ static void read_response(sl_response *response) {
     } else if (response->opcode == SL_APPLY) {
         response->table = u8();
         response->rows = u8();
+    } else if (response->opcode == SL_TRIGGER) {
+        response->trigger = u16();
+        response->late = u8();
     }
 }
 
@@ -118,6 +121,9 @@ static void read_command(sl_command *command) {
         command->rows = u8();
         command->crc16 = u16();
         command->seed = u16();
+    } else if (command->opcode == SL_TRIGGER) {
+        command->trigger = u16();
+        command->at_us = u32();
     }
 }
 
@@ -205,6 +211,7 @@ static void print_response(const sl_response *r) {
     else if (r->opcode == SL_INFO && r->page == 0) printf(" 0 %lu", (unsigned long)r->dbc_crc32);
     else if (r->opcode == SL_INFO) printf(" %u %u %u", r->page, r->attitude_hz, r->jitter_hz);
     else if (r->opcode == SL_APPLY) printf(" %u %u", r->table, r->rows);
+    else if (r->opcode == SL_TRIGGER) printf(" %u %u", r->trigger, r->late);
 }
 
 static void print_command(const sl_command *c) {
@@ -212,6 +219,7 @@ static void print_command(const sl_command *c) {
     if (c->opcode == SL_HELLO) printf(" %u %u", c->major, c->minor);
     else if (c->opcode == SL_INFO) printf(" %u", c->page);
     else if (c->opcode == SL_APPLY) printf(" %u %u %u %u", c->table, c->rows, c->crc16, c->seed);
+    else if (c->opcode == SL_TRIGGER) printf(" %u %lu", c->trigger, (unsigned long)c->at_us);
 }
 
 static void print_attitude(const sl_attitude *a) {

@@ -105,6 +105,7 @@ fn arguments(request: Request) -> Vec<u32> {
         Request::Hello(version) => vec![version.major.into(), version.minor.into()],
         Request::Info { page } => vec![page.into()],
         Request::Apply { table, rows, crc, seed } => vec![table.into(), rows.into(), crc.into(), seed.into()],
+        Request::Trigger(trigger) => vec![trigger.number.into(), trigger.at_us],
         Request::Run | Request::Stop | Request::Unknown { .. } => vec![],
     }
 }
@@ -125,6 +126,7 @@ fn reply(reply: Reply) -> Vec<u32> {
         Reply::Run => vec![3, 0],
         Reply::Stop => vec![4, 0],
         Reply::Applied(applied) => vec![5, 0, applied.table.number().into(), applied.rows.into()],
+        Reply::Triggered(triggered) => vec![6, 0, triggered.number.into(), triggered.is_late.into()],
         Reply::Refused { opcode, reason } => vec![opcode.into(), reason.code().into()],
     }
 }

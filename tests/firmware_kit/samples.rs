@@ -4,7 +4,7 @@ use firmware_protocol::can::CanFrame;
 use firmware_protocol::message::{
     AttitudeFlags, AttitudeRecord, Command, Exposure, Heartbeat, Identity, Info, JitterBurst, JitterPair, NodeState,
     PointingAngle, Rates, Refusal, Reply, Request, Response, Scet, StatusPage, StimulatorMode, Sync, Table, TableCell,
-    TimeFollowUp, Wheels,
+    TimeFollowUp, Trigger, Triggered, Wheels,
 };
 use firmware_protocol::tables::Applied;
 use firmware_protocol::version::Version;
@@ -148,18 +148,19 @@ impl Samples {
     }
 
     fn request(&mut self) -> Request {
-        match self.below(6) {
+        match self.below(7) {
             0 => Request::Hello(Version { major: self.u8(), minor: self.u8() }),
             1 => Request::Info { page: self.u8() },
             2 => Request::Run,
             3 => Request::Stop,
             4 => Request::Apply { table: self.u8(), rows: self.u8(), crc: self.int(16), seed: self.int(16) },
+            5 => Request::Trigger(Trigger { number: self.int(16), at_us: self.int(32) }),
             _ => Request::Unknown { opcode: self.u8() | 0x80 },
         }
     }
 
     fn reply(&mut self) -> Reply {
-        match self.below(7) {
+        match self.below(8) {
             0 => Reply::Hello(Identity {
                 version: Version { major: self.u8(), minor: self.u8() },
                 capabilities: self.int(16),
@@ -170,6 +171,7 @@ impl Samples {
             3 => Reply::Run,
             4 => Reply::Stop,
             5 => Reply::Applied(Applied { table: self.pick(&Table::ALL), rows: self.u8() }),
+            6 => Reply::Triggered(Triggered { number: self.int(16), is_late: self.below(2) == 0 }),
             _ => Reply::Refused { opcode: self.u8(), reason: self.pick(&Refusal::ALL) },
         }
     }

@@ -4,7 +4,7 @@ use firmware_protocol::can::CanFrame;
 use firmware_protocol::message::{
     AttitudeFlags, AttitudeRecord, Command, Exposure, Heartbeat, Identity, Info, JitterBurst, JitterPair, NodeState,
     PointingAngle, Rates, Refusal, Reply, Request, Response, Scet, StatusPage, StimulatorMode, Sync, Table, TableCell,
-    TimeFollowUp, Wheels,
+    TimeFollowUp, Trigger, Triggered, Wheels,
 };
 use firmware_protocol::tables::Applied;
 use firmware_protocol::version::Version;
@@ -210,6 +210,7 @@ impl Fields<'_> {
                 crc: self.int("crc16"),
                 seed: self.int("seed"),
             },
+            6 => Request::Trigger(Trigger { number: self.int("trigger"), at_us: self.int("at_us") }),
             opcode => Request::Unknown { opcode },
         }
     }
@@ -237,6 +238,7 @@ impl Fields<'_> {
                 table: Table::from_number(self.int("table")).unwrap(),
                 rows: self.int("rows"),
             }),
+            (6, _) => Reply::Triggered(Triggered { number: self.int("trigger"), is_late: self.int::<u8>("late") == 1 }),
             other => panic!("no response {other:?}"),
         }
     }

@@ -109,6 +109,8 @@ def session():
         apply = bytes([5, 2, 0, table, 3, 1, 0])
         yield f"table_{table + 1}", bytes([1]) + hello + upload + apply + retry + bytes([0, table, 0, 1, 11]) + apply
     yield "no_tables", bytes([0]) + hello + bytes([5, 2, 0, 0, 0, 1, 0])
+    trigger = lambda token, number: bytes([6, token, 7, 0, number, 0, 1, 2, 3, 4])
+    yield "triggers", bytes([0]) + trigger(1, 0) + hello + trigger(2, 2) + retry + trigger(3, 1) + trigger(3, 0)
 
 
 for target in (can_decode, serial_resync, slcan, socketcand, captures, session):

@@ -13,7 +13,7 @@ use starloop::exposure::{
     ExposurePlan, Instrument, PixelPath, PixelPoint, Planner, PsfSampling, Shutter, Source, SourcePlace,
 };
 use starloop::gpu::{AdapterChoice, Electrons, GpuDevice};
-use starloop::optics::PsfModel;
+use starloop::optics::{Illumination, PsfModel};
 use starloop::render::Backend;
 use starloop::render::cpu::Cpu;
 use starloop::render::gpu::Gpu;
@@ -107,6 +107,7 @@ impl Scene {
             read_noise_e_rms: 10.0,
             shutter: self.shutter,
             sampling: PsfSampling::Auto,
+            illumination: Illumination::EVEN,
         };
         let method = self.method.parse().expect("a method");
         let mut planner = Planner::new(instrument, AccuracyBudget::default(), CostModel::CPU, method, los);

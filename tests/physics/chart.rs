@@ -1,6 +1,7 @@
 //! `starloop chart` in its quick form: tables that parse, bounds that hold, fronts that nothing beats, charts that show
 //! what the tables say.
 
+use starloop::chart::effects::{self, EffectRow};
 use starloop::chart::footprint::FootprintRow;
 use starloop::chart::poisson::PoissonRow;
 use starloop::chart::prediction::PredictionRow;
@@ -8,6 +9,7 @@ use starloop::chart::rows::broken;
 use starloop::chart::scenes::scenes;
 use starloop::chart::{Backends, Charted, MethodRow, Settings, Step, run, speed_accuracy};
 use starloop::report::plot::{Chart, Style};
+use std::collections::BTreeSet;
 use std::sync::OnceLock;
 
 /// Scenes with charts of their own.
@@ -158,4 +160,19 @@ fn the_table_for_people_tells_the_choices() {
         assert!(summary.lines().any(|line| line.starts_with(scene.name)), "no {} in\n{summary}", scene.name);
     }
     assert!(summary.contains("predicted times of S1 to S4") && summary.contains("0 of "), "{summary}");
+}
+
+#[test]
+fn every_effect_has_its_cost_on_every_backend() {
+    let rows: Vec<EffectRow> = table("effects.csv");
+    let backends: BTreeSet<&str> = rows.iter().map(|row| row.backend.as_str()).collect();
+    for backend in backends {
+        let named: Vec<&str> =
+            rows.iter().filter(|row| row.backend == backend).map(|row| row.effect.as_str()).collect();
+        let wanted = effects::DRAWING.iter().map(|case| case.0).chain(effects::DETECTOR.iter().map(|case| case.0));
+        assert_eq!(named, wanted.collect::<Vec<_>>(), "{backend}");
+    }
+    for row in &rows {
+        assert!(row.with_ms > 0.0 && row.without_ms > 0.0 && row.cost_ms == row.with_ms - row.without_ms, "{row:?}");
+    }
 }

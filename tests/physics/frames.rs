@@ -12,7 +12,7 @@ use starloop::detector::DetectorParams;
 use starloop::exposure::{Instrument, MethodChoice, Planner};
 use starloop::exposure::{PsfSampling, Shutter};
 use starloop::gpu::Electrons;
-use starloop::optics::{PsfModel, Radiometry};
+use starloop::optics::{BackgroundLight, Illumination, PsfModel, Radiometry};
 use starloop::runtime::params::CameraParams;
 use starloop::runtime::sky_view::SkyView;
 use starloop::runtime::{BackendChoice, Imager};
@@ -51,6 +51,8 @@ fn camera() -> CameraParams {
         shutter: Shutter::Global,
         psf: PsfModel::gaussian(0.8),
         sampling: PsfSampling::Auto,
+        illumination: Illumination::EVEN,
+        background: BackgroundLight::default(),
         radiometry: Radiometry {
             zero_magnitude_photons_per_s_m2: 3.2e10,
             aperture_mm: 60.0,
@@ -59,7 +61,8 @@ fn camera() -> CameraParams {
             quantum_efficiency: 0.6,
             color_c1: 0.0,
             color_c2: 0.0,
-        },
+        }
+        .into(),
         detector: DetectorParams {
             full_well_e: 5e5,
             gain_e_per_dn: 8.0,

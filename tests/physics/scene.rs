@@ -12,7 +12,7 @@ use starloop::exposure::cost::CostModel;
 use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
 use starloop::exposure::{ExposurePlan, MethodChoice, PixelPath, PsfSampling, Shutter};
 use starloop::gpu::Electrons;
-use starloop::optics::PsfModel;
+use starloop::optics::{Illumination, PsfModel};
 use starloop::render::Backend;
 use starloop::render::cpu::Cpu;
 use starloop::render::reference::Reference;
@@ -131,6 +131,7 @@ pub(crate) fn instrument(camera: CameraGeometry, psf: &PsfModel) -> Instrument {
         read_noise_e_rms: READ_NOISE_E,
         shutter: Shutter::Global,
         sampling: PsfSampling::Auto,
+        illumination: Illumination::EVEN,
     }
 }
 

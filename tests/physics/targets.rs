@@ -8,6 +8,7 @@ use core::f64::consts::{FRAC_1_SQRT_2, PI};
 use glam::DVec3;
 use starloop::attitude::JitterLine;
 use starloop::base::time::{Span, Tai};
+use starloop::detector::window::OutputGeometry;
 use starloop::exposure::planner::Planner;
 use starloop::exposure::target::FIRST_TARGET_ID;
 use starloop::exposure::{ExposurePlan, PixelPath, PixelPoint, PlannedStar, Shutter, Target, TargetCurve, TargetPath};
@@ -238,12 +239,18 @@ fn a_target_seen_for_a_part_of_the_exposure_leaves_that_part_of_its_light() {
     let mut planner = still(vec![only]);
     assert_drawn("seen for 30 of 100 ms", planner.plan(&[]), &truth);
     let mut rows = Vec::new();
-    fill_truth(planner.latest(), &mut rows);
+    let plan = planner.latest();
+    fill_truth(plan, &whole(plan), &mut rows);
     let [row] = rows[..] else { panic!("one row: {rows:?}") };
     assert!((row.electrons / (0.3 * LIGHT_E) - 1.0).abs() < 1e-6, "{}", row.electrons);
     assert!((row.x_px - 33.0).abs() < 1e-9 && (row.y_px - 41.5).abs() < 1e-9, "{row:?}");
     assert!((row.smear_px - 0.03 * 200.0_f64.hypot(100.0)).abs() < 1e-9);
     assert!((row.smear_deg - 100.0_f64.atan2(200.0).to_degrees()).abs() < 1e-9);
+}
+
+/// All of the sensor is put out.
+fn whole(plan: &ExposurePlan) -> OutputGeometry {
+    OutputGeometry::whole([plan.camera.width_px(), plan.camera.height_px()])
 }
 
 #[test]
@@ -253,7 +260,7 @@ fn the_truth_has_a_row_for_each_target_and_every_star() {
     let mut planner = still(vec![target(through([20.0, 30.0], [-30.0, 40.0])), other, away]);
     let plan = planner.plan(&[star(7, 2e4, [60.0, 60.0]), star(8, 3e4, [70.0, 10.0])]).clone();
     let mut rows = Vec::new();
-    fill_truth(&plan, &mut rows);
+    fill_truth(&plan, &whole(&plan), &mut rows);
     let kinds: Vec<_> = rows.iter().map(|row| (row.id, row.kind)).collect();
     let wanted = [
         (7, TruthKind::Star),

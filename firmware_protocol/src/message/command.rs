@@ -1,6 +1,7 @@
 //! Commands of the flight computer, and the one answer each gets.
 
 use super::table::Table;
+use super::trigger::{Trigger, Triggered};
 use crate::Reject;
 use crate::bytes::{Reader, Writer};
 use crate::tables::Applied;
@@ -18,7 +19,12 @@ pub mod opcode {
     pub const STOP: u8 = 4;
     /// Put uploaded rows of a parameter table into effect. Since protocol 1.1.
     pub const APPLY: u8 = 5;
+    /// Fire a numbered trigger. Since protocol 1.2.
+    pub const TRIGGER: u8 = 6;
 }
+
+/// In the answer to TRIGGER: the instant had passed.
+const LATE_BIT: u8 = 1;
 
 /// Bits of [`Identity::capabilities`]. A 1.0 stimulator sends none.
 pub mod capability {
@@ -28,6 +34,8 @@ pub mod capability {
     pub const JITTER_SAMPLES: u16 = 1 << 1;
     /// WHEELS is taken.
     pub const WHEELS: u16 = 1 << 2;
+    /// TRIGGER is taken. Since protocol 1.2.
+    pub const TRIGGERS: u16 = 1 << 3;
 }
 
 /// `0x60n`, 8 bytes.
@@ -36,7 +44,7 @@ pub mod capability {
 /// |---|---|
 /// | 0 | opcode |
 /// | 1 | token: a retry repeats it, a new command changes it |
-/// | 2..8 | arguments: HELLO major, minor; INFO page; APPLY table, rows, CRC-16, seed u16; the rest zero |
+/// | 2..8 | arguments: HELLO major, minor; INFO page; APPLY table, rows, CRC-16, seed u16; TRIGGER number u16, SCET us u32; the rest zero |
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Command {
     /// Names this command; its response carries the same.
@@ -70,6 +78,8 @@ pub enum Request {
         /// Seed of the noise; for [`Table::Psd`] only.
         seed: u16,
     },
+    /// A numbered trigger, at once or at an instant.
+    Trigger(Trigger),
     /// An opcode of a later minor version: kept, so that it can be refused by name.
     Unknown {
         /// The opcode.
@@ -84,7 +94,7 @@ pub enum Request {
 /// | 0 | opcode of the command |
 /// | 1 | token of the command |
 /// | 2 | code: 0 done, else the refusal |
-/// | 3..8 | HELLO: major, minor, capabilities u16, attitude convention; INFO: page, value u32; APPLY: table, rows; the rest zero |
+/// | 3..8 | HELLO: major, minor, capabilities u16, attitude convention; INFO: page, value u32; APPLY: table, rows; TRIGGER: number u16, bit 0 late; the rest zero |
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Response {
     /// Token of the command.
@@ -106,6 +116,8 @@ pub enum Reply {
     Stop,
     /// The table is in effect.
     Applied(Applied),
+    /// The trigger acts, or waits for its instant.
+    Triggered(Triggered),
     /// Not done.
     Refused {
         /// Opcode of the command.
@@ -162,11 +174,17 @@ pub enum Refusal {
     TableCrc = 6,
     /// No such table, too many rows, or a value that its column forbids.
     TableValue = 7,
+    /// TRIGGER with an instant before the first time mark.
+    NoTimeYet = 8,
+    /// The instant of TRIGGER is further ahead or further past than is taken.
+    TriggerTime = 9,
+    /// As many triggers wait for their instants as there is room for.
+    TriggersFull = 10,
 }
 
 impl Refusal {
     /// Every refusal, in the order of the codes, which begin with 1.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 10] = [
         Self::UnknownOpcode,
         Self::WrongMajor,
         Self::NoHandshake,
@@ -174,6 +192,9 @@ impl Refusal {
         Self::TableIncomplete,
         Self::TableCrc,
         Self::TableValue,
+        Self::NoTimeYet,
+        Self::TriggerTime,
+        Self::TriggersFull,
     ];
 
     /// The code in RSP.
@@ -193,6 +214,7 @@ impl Request {
             Self::Run => opcode::RUN,
             Self::Stop => opcode::STOP,
             Self::Apply { .. } => opcode::APPLY,
+            Self::Trigger(_) => opcode::TRIGGER,
             Self::Unknown { opcode } => *opcode,
         }
     }
@@ -205,6 +227,7 @@ impl Command {
             Request::Hello(version) => to.u8(version.major).u8(version.minor).u32(0),
             Request::Info { page } => to.u8(page).u8(0).u32(0),
             Request::Apply { table, rows, crc, seed } => to.u8(table).u8(rows).u16(crc).u16(seed),
+            Request::Trigger(Trigger { number, at_us }) => to.u16(number).u32(at_us),
             Request::Run | Request::Stop | Request::Unknown { .. } => to.u16(0).u32(0),
         };
     }
@@ -217,6 +240,7 @@ impl Command {
             opcode::RUN => Request::Run,
             opcode::STOP => Request::Stop,
             opcode::APPLY => Request::Apply { table: a, rows: b, crc: from.u16()?, seed: from.u16()? },
+            opcode::TRIGGER => Request::Trigger(Trigger { number: u16::from_le_bytes([a, b]), at_us: from.u32()? }),
             _ => Request::Unknown { opcode },
         };
         Ok(Self { token, request })
@@ -255,6 +279,7 @@ impl Reply {
             Self::Run => opcode::RUN,
             Self::Stop => opcode::STOP,
             Self::Applied(_) => opcode::APPLY,
+            Self::Triggered(_) => opcode::TRIGGER,
             Self::Refused { opcode, .. } => *opcode,
         }
     }
@@ -272,6 +297,9 @@ impl Reply {
             opcode::APPLY => {
                 let table = Table::from_number(from.u8()?).ok_or(Reject::UnknownValue)?;
                 Ok(Self::Applied(Applied { table, rows: from.u8()? }))
+            }
+            opcode::TRIGGER => {
+                Ok(Self::Triggered(Triggered { number: from.u16()?, is_late: from.u8()? & LATE_BIT != 0 }))
             }
             _ => Err(Reject::UnknownValue),
         }
@@ -292,6 +320,9 @@ impl Response {
             }
             Reply::Run | Reply::Stop => to.u8(0).put(&[0; 5]),
             Reply::Applied(Applied { table, rows }) => to.u8(0).u8(table.number()).u8(rows).put(&[0; 3]),
+            Reply::Triggered(Triggered { number, is_late }) => {
+                to.u8(0).u16(number).u8(if is_late { LATE_BIT } else { 0 }).put(&[0; 2])
+            }
             Reply::Refused { reason, .. } => to.u8(reason as u8).put(&[0; 5]),
         };
     }

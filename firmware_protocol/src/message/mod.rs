@@ -8,6 +8,7 @@ mod jitter;
 mod status;
 mod table;
 mod time;
+mod trigger;
 mod wheels;
 
 pub use attitude::{AttitudeFlags, AttitudeRecord, NORM_TOLERANCE};
@@ -18,6 +19,7 @@ pub use jitter::{JITTER_BURST_MAX, JitterBurst, JitterPair, PAIR_PERIOD_US};
 pub use status::{PointingAngle, StatusPage, StimulatorMode};
 pub use table::{Table, TableCell};
 pub use time::{Scet, Sync, TimeFollowUp};
+pub use trigger::{Trigger, Triggered};
 pub use wheels::Wheels;
 
 pub(crate) use attitude::{ACCELERATION, RATE};

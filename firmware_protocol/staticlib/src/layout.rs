@@ -6,7 +6,7 @@ use firmware_protocol::Reject;
 use firmware_protocol::message::{
     AttitudeFlags, AttitudeRecord, Command, Exposure, Heartbeat, Identity, Info, JITTER_BURST_MAX, JitterBurst,
     JitterPair, NodeState, PointingAngle, Rates, Refusal, Reply, Request, Response, Scet, StatusPage, StimulatorMode,
-    Sync, Table, TableCell, TimeFollowUp, Wheels, opcode,
+    Sync, Table, TableCell, TimeFollowUp, Trigger, Triggered, Wheels, opcode,
 };
 use firmware_protocol::tables::Applied;
 use firmware_protocol::version::Version;
@@ -72,6 +72,8 @@ structures! {
         rows: u8,
         crc16: u16,
         seed: u16,
+        trigger: u16,
+        at_us: u32,
     }
     /// `sl_response`
     RawResponse {
@@ -88,6 +90,8 @@ structures! {
         jitter_hz: u16,
         table: u8,
         rows: u8,
+        trigger: u16,
+        late: u8,
     }
     /// `sl_heartbeat`
     RawHeartbeat { state: u8, major: u8, }
@@ -228,6 +232,7 @@ impl RawCommand {
             opcode::RUN => Request::Run,
             opcode::STOP => Request::Stop,
             opcode::APPLY => Request::Apply { table: self.table, rows: self.rows, crc: self.crc16, seed: self.seed },
+            opcode::TRIGGER => Request::Trigger(Trigger { number: self.trigger, at_us: self.at_us }),
             opcode => Request::Unknown { opcode },
         };
         Command { token: self.token, request }
@@ -239,6 +244,7 @@ impl RawCommand {
             Request::Hello(version) => Self { major: version.major, minor: version.minor, ..bare },
             Request::Info { page } => Self { page, ..bare },
             Request::Apply { table, rows, crc, seed } => Self { table, rows, crc16: crc, seed, ..bare },
+            Request::Trigger(Trigger { number, at_us }) => Self { trigger: number, at_us, ..bare },
             Request::Run | Request::Stop | Request::Unknown { .. } => bare,
         }
     }
@@ -271,6 +277,9 @@ impl RawResponse {
             (opcode::APPLY, _) => {
                 Table::from_number(self.table).map(|table| Reply::Applied(Applied { table, rows: self.rows }))
             }
+            (opcode::TRIGGER, _) => {
+                Some(Reply::Triggered(Triggered { number: self.trigger, is_late: self.late != 0 }))
+            }
             _ => None,
         }
     }
@@ -293,6 +302,9 @@ impl RawResponse {
             Reply::Stop => bare(opcode::STOP),
             Reply::Applied(applied) => {
                 Self { table: applied.table.number(), rows: applied.rows, ..bare(opcode::APPLY) }
+            }
+            Reply::Triggered(Triggered { number, is_late }) => {
+                Self { trigger: number, late: is_late.into(), ..bare(opcode::TRIGGER) }
             }
             Reply::Refused { opcode, reason } => Self { code: reason.code(), ..bare(opcode) },
         }

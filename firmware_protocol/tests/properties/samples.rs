@@ -2,7 +2,7 @@
 
 use firmware_protocol::message::{
     AttitudeFlags, AttitudeRecord, Command, Exposure, Heartbeat, JitterBurst, JitterPair, NodeState, PointingAngle,
-    Reply, Request, Response, Scet, StatusPage, Sync, Table, TableCell, TimeFollowUp, Wheels,
+    Reply, Request, Response, Scet, StatusPage, Sync, Table, TableCell, TimeFollowUp, Trigger, Triggered, Wheels,
 };
 use firmware_protocol::tables::Applied;
 use firmware_protocol::{Message, Reject};
@@ -76,6 +76,14 @@ fn apply() -> impl Strategy<Value = Request> {
     })
 }
 
+fn trigger() -> impl Strategy<Value = Request> {
+    (any::<u16>(), any::<u32>()).prop_map(|(number, at_us)| Request::Trigger(Trigger { number, at_us }))
+}
+
+fn triggered() -> impl Strategy<Value = Reply> {
+    (any::<u16>(), any::<bool>()).prop_map(|(number, is_late)| Reply::Triggered(Triggered { number, is_late }))
+}
+
 fn applied() -> impl Strategy<Value = Reply> {
     (prop::sample::select(&Table::ALL[..]), any::<u8>())
         .prop_map(|(table, rows)| Reply::Applied(Applied { table, rows }))
@@ -99,9 +107,11 @@ pub(crate) fn classic_message() -> impl Strategy<Value = Message> {
         status().prop_map(Message::Status),
         (any::<u8>(), any::<u8>())
             .prop_map(|(token, page)| Message::Command(Command { token, request: Request::Info { page } })),
-        (any::<u8>(), apply()).prop_map(|(token, request)| Message::Command(Command { token, request })),
+        (any::<u8>(), prop_oneof![apply(), trigger()])
+            .prop_map(|(token, request)| Message::Command(Command { token, request })),
         any::<u8>().prop_map(|token| Message::Response(Response { token, reply: Reply::Stop })),
-        (any::<u8>(), applied()).prop_map(|(token, reply)| Message::Response(Response { token, reply })),
+        (any::<u8>(), prop_oneof![applied(), triggered()])
+            .prop_map(|(token, reply)| Message::Response(Response { token, reply })),
         cell().prop_map(Message::Table),
         any::<u8>().prop_map(|major| Message::Heartbeat(Heartbeat { state: NodeState::Fault, major })),
     ]

@@ -5,14 +5,13 @@
 
 use crate::attitude::los::JitterLine;
 use crate::base::time::Span;
+use crate::base::units::NS_PER_S;
 use core::f64::consts::{PI, TAU};
 use glam::DVec3;
 
-const SECOND_NS: i64 = 1_000_000_000;
-
 /// Turns of a frequency over a span, without whole ones: in (-1, 1).
 pub(super) fn turns(frequency_hz: f64, span: Span) -> f64 {
-    let (whole_s, rest_ns) = (span.ns().div_euclid(SECOND_NS), span.ns().rem_euclid(SECOND_NS));
+    let (whole_s, rest_ns) = (span.ns().div_euclid(NS_PER_S), span.ns().rem_euclid(NS_PER_S));
     let whole_turns = (frequency_hz.fract() * whole_s as f64).fract();
     (whole_turns + frequency_hz * Span::from_ns(rest_ns).s()).fract()
 }

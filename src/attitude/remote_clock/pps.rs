@@ -6,10 +6,10 @@
 
 use super::kalman::{Trust, TwoState};
 use crate::base::time::Tai;
+use crate::base::units::NS_PER_S;
 
-const SECOND_NS: i64 = 1_000_000_000;
 /// An edge further than this from a whole second names none, ns.
-const MOST_ERROR_NS: i64 = SECOND_NS / 4;
+const MOST_ERROR_NS: i64 = NS_PER_S / 4;
 /// An edge is odd beyond so many deviations, and beyond this, ns.
 const ODD_SIGMAS: f64 = 6.0;
 const ODD_LEAST_NS: f64 = 20_000.0;
@@ -55,7 +55,7 @@ impl Pulses {
 
     /// Takes an edge whose remote time by the marks is `near_remote_ns`.
     pub(super) fn observe(&mut self, local: Tai, near_remote_ns: i64) -> ObservedPps {
-        let second_ns = near_remote_ns.saturating_add(SECOND_NS / 2).div_euclid(SECOND_NS).saturating_mul(SECOND_NS);
+        let second_ns = near_remote_ns.saturating_add(NS_PER_S / 2).div_euclid(NS_PER_S).saturating_mul(NS_PER_S);
         if near_remote_ns.saturating_sub(second_ns).saturating_abs() > MOST_ERROR_NS {
             return ObservedPps::Ambiguous;
         }

@@ -1,10 +1,10 @@
 use super::*;
+use crate::base::units::NS_PER_S;
 use proptest::prelude::*;
 
 const LOCAL_AT_BOOT_NS: i64 = 1_800_000_000_000_000_000;
-const SECOND_NS: i64 = 1_000_000_000;
 /// A tenth of a second: the period of marks.
-const TENTH_NS: i64 = SECOND_NS / 10;
+const TENTH_NS: i64 = NS_PER_S / 10;
 
 fn local(remote_ns: i64, delay_ns: i64) -> Tai {
     Tai::from_ns(LOCAL_AT_BOOT_NS + remote_ns + delay_ns)
@@ -25,7 +25,7 @@ fn offset_ns(clock: &RemoteClock) -> i64 {
 #[test]
 fn the_first_mark_is_of_use_and_says_how_little_it_knows() {
     let limits = RemoteClockLimits { constant_delay: Span::from_ns(30_000), ..Default::default() };
-    let estimate = clock_after([(5 * SECOND_NS, 40_000)], limits).estimate().expect("a mark");
+    let estimate = clock_after([(5 * NS_PER_S, 40_000)], limits).estimate().expect("a mark");
     assert_eq!(estimate.offset.ns(), LOCAL_AT_BOOT_NS + 40_000 - 30_000);
     assert_eq!((estimate.drift, estimate.pairs, estimate.spread), (0.0, 1, Span::ZERO));
     assert!(estimate.offset_sigma.ns() > 100_000, "a delay it cannot see: {estimate:?}");
@@ -49,7 +49,7 @@ fn drift_is_followed_and_carries_on() {
     let estimate = clock.estimate().expect("marks");
     assert!((estimate.drift - 20e-6).abs() < 1e-9, "{estimate:?}");
     assert!((offset_ns(&clock) - 599 * 2_000).abs() < 100, "{estimate:?}");
-    let minute_later_ns = 120 * SECOND_NS;
+    let minute_later_ns = 120 * NS_PER_S;
     let error_ns = (estimate.to_tai(minute_later_ns) - local(minute_later_ns, 120 * 20_000)).ns();
     assert!(error_ns.abs() < 200, "{error_ns} ns");
     assert!(estimate.sigma_at(minute_later_ns) > estimate.offset_sigma);
@@ -58,7 +58,7 @@ fn drift_is_followed_and_carries_on() {
 #[test]
 fn ticks_unwrap_across_71_minutes() {
     let wrap_ns = (1_i64 << 32) * 1000;
-    let clock = clock_after([(wrap_ns - SECOND_NS, 0)], RemoteClockLimits::default());
+    let clock = clock_after([(wrap_ns - NS_PER_S, 0)], RemoteClockLimits::default());
     for remote_ns in [wrap_ns - 2_000, wrap_ns - 1_000, wrap_ns, wrap_ns + 1_000, wrap_ns + 1_000_000] {
         let at = clock.to_tai(remote_ticks_us(remote_ns), local(wrap_ns, 0)).expect("known clock");
         assert_eq!(at, local(remote_ns, 0), "{remote_ns}");
@@ -78,13 +78,13 @@ fn nothing_is_claimed_before_the_first_mark() {
 fn a_late_message_is_left_out_and_a_reboot_is_found() {
     let mut clock = clock_after((0..10).map(|i| (i * TENTH_NS, 0)), RemoteClockLimits::default());
     let before_ns = offset_ns(&clock);
-    assert_eq!(clock.observe(SECOND_NS, local(SECOND_NS, 400_000_000)), Observed::Late);
+    assert_eq!(clock.observe(NS_PER_S, local(NS_PER_S, 400_000_000)), Observed::Late);
     assert_eq!(offset_ns(&clock), before_ns, "unmoved");
-    assert_eq!(clock.observe(0, local(2 * SECOND_NS, 0)), Observed::Restarted, "remote time ran backwards");
+    assert_eq!(clock.observe(0, local(2 * NS_PER_S, 0)), Observed::Restarted, "remote time ran backwards");
     assert_eq!(clock.steps(), 1);
-    let jumped = clock.observe(9 * SECOND_NS, local(3 * SECOND_NS, 0));
+    let jumped = clock.observe(9 * NS_PER_S, local(3 * NS_PER_S, 0));
     assert_eq!(jumped, Observed::Restarted, "remote time jumped ahead");
-    let slow = [9, 10, 11].map(|s| clock.observe(s * SECOND_NS, local((s + 1) * SECOND_NS, 0)));
+    let slow = [9, 10, 11].map(|s| clock.observe(s * NS_PER_S, local((s + 1) * NS_PER_S, 0)));
     assert_eq!(slow, [Observed::Late, Observed::Late, Observed::Restarted], "a growing step needs three marks");
 }
 
@@ -94,7 +94,7 @@ fn a_damaged_mark_is_not_believed_and_a_shorter_delay_is_with_the_third_mark_tha
     let before_ns = offset_ns(&clock);
     assert!((before_ns - 50_000).abs() < 100, "{before_ns}");
     // A bit of its fraction is wrong: 4 ms early.
-    assert_eq!(clock.observe(SECOND_NS, local(SECOND_NS, -4_000_000)), Observed::Lonely);
+    assert_eq!(clock.observe(NS_PER_S, local(NS_PER_S, -4_000_000)), Observed::Lonely);
     let again = clock.observe(11 * TENTH_NS, local(11 * TENTH_NS, -9_000_000));
     assert_eq!(again, Observed::Lonely, "another bit");
     assert_eq!((offset_ns(&clock), clock.lonely()), (before_ns, 2), "unmoved, and counted");

@@ -1,5 +1,7 @@
 //! The remote clock on the wire: SCET in time marks, low 32 bits of its microseconds in everything else.
 
+use crate::base::units::NS_PER_S;
+
 /// Microseconds after which `t_us` wraps: 71.6 minutes.
 const WRAP_US: i64 = 1 << 32;
 
@@ -7,7 +9,7 @@ const WRAP_US: i64 = 1 << 32;
 #[must_use]
 pub fn scet_ns(seconds: u32, fraction_2_24: u32) -> i64 {
     let fraction = i64::from(fraction_2_24 & 0x00FF_FFFF);
-    i64::from(seconds) * 1_000_000_000 + ((fraction * 1_000_000_000) >> 24)
+    i64::from(seconds) * NS_PER_S + ((fraction * NS_PER_S) >> 24)
 }
 
 /// The tick count that messages carry at a remote time: whole microseconds, modulo 2^32.

@@ -51,12 +51,38 @@ fn shot(mean_e: vec2<f32>, words: vec2<u32>) -> vec2<f32> {
     return counts;
 }
 
+// Background that differs from pixel to pixel; every branch is the same for all invocations.
+fn shaped_background(pair: u32, level_e: vec2<f32>) -> vec2<f32> {
+    var e = level_e;
+    if (frame.gradient_x_e != 0.0 || frame.gradient_y_e != 0.0 || frame.quadratic_e != 0.0) {
+        let pixel = vec2<u32>(2u * pair, 2u * pair + 1u);
+        let y = pixel / vec2<u32>(frame.width);
+        let x = pixel - y * vec2<u32>(frame.width);
+        let u = (vec2<f32>(x) + frame.offset_x) * frame.scale;
+        let v = (vec2<f32>(y) + frame.offset_y) * frame.scale;
+        let of_row = (frame.quadratic_e * v + frame.gradient_y_e) * v;
+        e += (frame.quadratic_e * u + frame.gradient_x_e) * u + of_row;
+    }
+    if (frame.sky_e != 0.0) {
+        e += frame.sky_e * illumination[pair];
+    }
+    return e;
+}
+
 fn charge(pair: u32, mean_e: vec2<f32>, words: vec2<u32>) -> vec2<f32> {
+    let special = pair_outliers(pair);
     var e = mean_e;
     e += frame.stray_light_e;
+    e = shaped_background(pair, e);
     if (PRNU) {
         e += e * prnu[pair];
     }
-    e += frame.dark_e;
-    return shot(e, words);
+    e *= special.response;
+    if (DARK_FACTOR) {
+        e = fma(vec2<f32>(frame.dark_e), dark_factor[pair], e);
+    } else {
+        e += frame.dark_e;
+    }
+    e += special.dark_e;
+    return shot(e, words) + special.charge_e;
 }

@@ -2,7 +2,10 @@
 
 @group(0) @binding(1) var<storage, read> sums: array<vec2<i32>>;
 @group(0) @binding(2) var<storage, read> prnu: array<vec2<f32>>;
-@group(0) @binding(3) var<storage, read_write> charge_e: array<vec2<f32>>;
+@group(0) @binding(3) var<storage, read> dark_factor: array<vec2<f32>>;
+@group(0) @binding(4) var<storage, read_write> charge_e: array<vec2<f32>>;
+@group(0) @binding(5) var<storage, read> illumination: array<vec2<f32>>;
+@group(0) @binding(6) var<storage, read> outliers: array<Outlier>;
 
 @compute @workgroup_size(WORKGROUP)
 fn main(

@@ -9,10 +9,19 @@ struct Frame {
     full_well_e: f32,
     read_noise_e: f32,
     dn_per_e: f32,
-    // Black level plus the half that makes a floor round.
+    // Black level plus what is added before the fraction is cut off.
     black_dn: f32,
     largest_dn: f32,
     stray_light_e: f32,
+    // Background that differs from pixel to pixel: `background.rs`.
+    width: u32,
+    offset_x: f32,
+    offset_y: f32,
+    scale: f32,
+    gradient_x_e: f32,
+    gradient_y_e: f32,
+    quadratic_e: f32,
+    sky_e: f32,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;

@@ -11,14 +11,23 @@
 //! The numbers inside the shader's elementary functions are those of [`crate::detector::elementary`]; a slip in any of
 //! them shows in `tests/gpu` as a share of differing pixels far beyond the bound.
 
+mod blooming;
+mod charge_binning;
+mod charge_transfer;
+mod image_lag;
 pub mod neighbours;
 mod passes;
 
 use crate::base::clock::Stopwatch;
 use crate::base::image::DnImage;
 use crate::base::random::key;
+use crate::detector::background::{Background, normalisation};
+use crate::detector::defects::Defects;
+use crate::detector::disturbances::Disturbances;
 use crate::detector::neighbours::FrameAt;
+use crate::detector::output::Output;
 use crate::detector::params::Constants;
+use crate::detector::protons::{ProtonFlux, ProtonFluxError, ProtonTrack};
 use crate::detector::{Detector, DetectorParams, PoissonMethod};
 use crate::gpu::buffers::GrowableBuffer;
 use crate::gpu::readback::ReadbackRing;
@@ -48,6 +57,13 @@ struct FrameUniform {
     largest_dn: f32,
     // Uniform structs are as long as a multiple of their alignment, 8 bytes.
     stray_light_e: f32,
+    width: u32,
+    offset: [f32; 2],
+    scale: f32,
+    gradient_e: [f32; 2],
+    quadratic_e: f32,
+    /// 0 without a map: the sky is in `stray_light_e` then.
+    sky_e: f32,
 }
 
 /// The passes of a frame.
@@ -73,8 +89,11 @@ pub struct GpuDetector {
     model: DetectorParams,
     seed: u64,
     stray_light_e: f32,
-    dark_factor: f64,
+    background: Background,
+    has_map: bool,
     size: [usize; 2],
+    disturbances: Disturbances,
+    output: Output,
     passes: Passes,
     params: GrowableBuffer,
     maps: Maps,
@@ -94,7 +113,9 @@ impl GpuDetector {
             let wanted = PoissonMethod::Auto.name();
             return Err(GpuError::CpuOnly { what: "Poisson method", got: poisson.to_string(), wanted });
         }
-        let pairs = (width_px * height_px).div_ceil(2) as u64;
+        let output = detector.output().clone();
+        let [adc_width, adc_height] = output.adc_px();
+        let pairs = (adc_width * adc_height).div_ceil(2) as u64;
         Ok(Self {
             passes: Passes::new(&gpu, detector, [width_px, height_px])?,
             params: GrowableBuffer::uniform(&gpu, "detector parameters", size_of::<FrameUniform>() as u64)?,
@@ -103,22 +124,70 @@ impl GpuDetector {
             readback: ReadbackRing::new(&gpu, RING_DEPTH, 4 * pairs)?,
             times: FrameTimes::default(),
             size: [width_px, height_px],
+            disturbances: detector.disturbances().clone(),
+            output,
             model: *detector.params(),
             seed: detector.seed(),
             stray_light_e: 0.0,
-            dark_factor: 1.0,
+            background: Background::DARK,
+            has_map: detector.illumination_map().is_some(),
             gpu,
         })
     }
 
-    /// Stray light of the frames from here on: mean electrons more in every pixel.
+    /// Background of the frames from here on.
+    pub fn set_background(&mut self, background: Background) {
+        self.background = background;
+    }
+
+    /// As [`Detector::set_illumination_map`].
+    ///
+    /// # Errors
+    /// When the device has no room for it.
+    pub fn set_illumination_map(&mut self, map: Option<&[f32]>) -> Result<(), GpuError> {
+        let map = map.filter(|map| map.len() == self.size[0] * self.size[1]);
+        self.maps.set_illumination(&self.gpu, map)?;
+        self.has_map = map.is_some();
+        match &mut self.passes {
+            Passes::One(pass) | Passes::Apart { charge: pass, .. } => pass.unbind(),
+        }
+        Ok(())
+    }
+
+    /// Stray light of the frames from here on, on top of the background: mean electrons more in every pixel.
     pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
         self.stray_light_e = stray_light_e;
     }
 
-    /// How many times larger than the parameters' the dark current of the frames from here on is.
-    pub fn set_dark_factor(&mut self, factor: f64) {
-        self.dark_factor = factor;
+    /// The detector's temperature in the frames from here on, degrees Celsius: scales the dark current.
+    pub fn set_temperature_c(&mut self, operating_c: f64) {
+        self.model.dark_law.operating_c = operating_c;
+    }
+
+    /// Defects, to be changed from the next frame on.
+    pub fn defects_mut(&mut self) -> &mut Defects {
+        self.disturbances.defects_mut()
+    }
+
+    /// Protons of the frames from here on; `None`: none.
+    ///
+    /// # Errors
+    /// When a value means nothing; the flux stays as it was.
+    pub fn set_proton_flux(&mut self, flux: Option<ProtonFlux>) -> Result<(), ProtonFluxError> {
+        self.disturbances.protons_mut().set_flux(flux)
+    }
+
+    /// Proton tracks of the latest frame, in sensor pixels.
+    #[must_use]
+    pub fn proton_tracks(&self) -> &[ProtonTrack] {
+        self.disturbances.proton_tracks()
+    }
+
+    /// Forgets what is kept from frame to frame: the next frame is as the first.
+    pub fn reset(&mut self) {
+        if let Passes::Apart { neighbours, .. } = &mut self.passes {
+            neighbours.stages.iter_mut().for_each(|stage| stage.reset());
+        }
     }
 
     /// Wall time of the latest frame.
@@ -138,31 +207,36 @@ impl GpuDetector {
         exposure_s: f64,
         out: &mut DnImage,
     ) -> Result<(), GpuError> {
-        self.check_size("electrons to read out", [electrons.width(), electrons.height()])?;
-        self.check_size("digital numbers", [out.width(), out.height()])?;
+        check_size("electrons to read out", [electrons.width(), electrons.height()], self.size)?;
+        check_size("digital numbers", [out.width(), out.height()], self.output.geometry().size_px)?;
         let mut watch = Stopwatch::start();
         self.submit(electrons, frame, exposure_s)?;
         let submit = watch.lap();
+        let adc = self.output.adc_image(out);
         let wait = self.readback.receive(&self.gpu, |bytes| {
             let wait = watch.lap();
-            let pixels: &mut [u8] = bytemuck::cast_slice_mut(out.pixels_mut());
+            let pixels: &mut [u8] = bytemuck::cast_slice_mut(adc.pixels_mut());
             // The device's copy is rounded up to whole words.
             let count = pixels.len().min(bytes.len());
             pixels[..count].copy_from_slice(&bytes[..count]);
             wait
         })?;
+        self.disturbances.stick(adc);
+        self.output.finish(out);
         self.times = FrameTimes { submit, wait, copy: watch.lap() };
         Ok(())
     }
 
-    fn check_size(&self, what: &'static str, got: [usize; 2]) -> Result<(), GpuError> {
-        if got == self.size { Ok(()) } else { Err(GpuError::Size { what, got, wanted: self.size }) }
-    }
-
     #[allow(clippy::cast_possible_truncation, reason = "images hold fewer than 2^32 pixels")]
     fn submit(&mut self, electrons: &DeviceElectrons, frame: u32, exposure_s: f64) -> Result<(), GpuError> {
-        let constants = Constants::new(&self.model, exposure_s, self.stray_light_e).warmed(self.dark_factor);
+        let background = self.background.and_uniform(self.stray_light_e);
+        let constants = Constants::new(&self.model, exposure_s, background.level_e(self.has_map));
+        let (offset, scale) = normalisation(self.size);
         let pixels = (self.size[0] * self.size[1]) as u32;
+        self.disturbances.advance(frame, exposure_s);
+        self.maps.write_outliers(&self.gpu, self.disturbances.outliers());
+        let [adc_width, adc_height] = self.output.adc_px();
+        let adc_pixels = (adc_width * adc_height) as u32;
         let at = FrameAt { frame, exposure_s, key: key(self.seed) };
         let uniform = FrameUniform {
             pixels,
@@ -173,19 +247,30 @@ impl GpuDetector {
             full_well_e: constants.full_well_e,
             read_noise_e: constants.read_noise_e,
             dn_per_e: constants.dn_per_e,
-            black_dn: constants.black_dn + 0.5,
+            black_dn: constants.black_dn + constants.rounding_dn,
             largest_dn: constants.largest_dn,
             stray_light_e: constants.stray_light_e,
+            width: self.size[0] as u32,
+            offset,
+            scale,
+            gradient_e: background.gradient_e,
+            quadratic_e: background.quadratic_e,
+            sky_e: if self.has_map { background.sky_e } else { 0.0 },
         };
         self.params.write(&self.gpu, &[uniform])?;
+        self.maps.draw(&self.gpu, &self.model, &at)?;
         let mut encoder = self.gpu.encoder("read out");
         let buffers = [self.params.buffer(), electrons.buffer(), self.dn.buffer()];
-        self.passes.record(&self.gpu, &mut encoder, &self.maps, buffers, pixels, &at)?;
+        self.passes.record(&self.gpu, &mut encoder, &self.maps, buffers, [pixels, adc_pixels], &at)?;
         if !self.readback.record(&mut encoder, self.dn.buffer()) {
             return Err(GpuError::Failed("an earlier frame was never read back".into()));
         }
         self.gpu.submit(encoder)
     }
+}
+
+fn check_size(what: &'static str, got: [usize; 2], wanted: [usize; 2]) -> Result<(), GpuError> {
+    if got == wanted { Ok(()) } else { Err(GpuError::Size { what, got, wanted }) }
 }
 
 impl Passes {
@@ -211,7 +296,7 @@ impl Passes {
         encoder: &mut wgpu::CommandEncoder,
         maps: &Maps,
         [frame, electrons, dn]: [&wgpu::Buffer; 3],
-        pixels: u32,
+        [pixels, adc_pixels]: [u32; 2],
         at: &FrameAt,
     ) -> Result<(), GpuError> {
         match self {
@@ -223,7 +308,7 @@ impl Passes {
                     stage.record(gpu, encoder, at)?;
                 }
                 let charge = &neighbours.charge_out;
-                readout.record(gpu, encoder, pixels, charge, maps.for_readout([frame, charge, dn]));
+                readout.record(gpu, encoder, adc_pixels, charge, maps.for_readout([frame, charge, dn]));
             }
         }
         Ok(())

@@ -1,6 +1,11 @@
 //! The neighbour stages on a device: the same list as [`crate::detector::neighbours`], each a pass over the charge
 //! buffer, `array<vec2<f32>>` of electrons, two pixels an element, row by row.
 
+use crate::detector::binning::{Binning, BinningKind};
+use crate::detector::gpu::blooming::GpuBlooming;
+use crate::detector::gpu::charge_binning::GpuChargeBinning;
+use crate::detector::gpu::charge_transfer::GpuChargeTransfer;
+use crate::detector::gpu::image_lag::GpuImageLag;
 use crate::detector::neighbours::FrameAt;
 use crate::detector::{Detector, Effect, full_well};
 use crate::gpu::passes::{ComputePass, WORKGROUP, grid};
@@ -17,6 +22,9 @@ pub trait GpuNeighbourStage: Debug + Send + Sync {
     /// # Errors
     /// When the device failed.
     fn record(&mut self, gpu: &GpuDevice, encoder: &mut wgpu::CommandEncoder, at: &FrameAt) -> Result<(), GpuError>;
+
+    /// Forgets what it keeps from frame to frame.
+    fn reset(&mut self) {}
 }
 
 /// The stages that are on, in order, and the buffer that the readout reads: `charge`, or the last stage's own.
@@ -34,12 +42,28 @@ pub fn stages(
 ) -> Result<Stages, GpuError> {
     // Made in the order of `ORDER`: a stage that changes the size hands on a buffer of its own.
     let mut stages: Vec<Box<dyn GpuNeighbourStage>> = Vec::new();
+    let spatial = &detector.params().spatial;
+    let full_well_e = full_well::limit_e(detector.params());
+    let mut charge_out = charge.clone();
     for effect in detector.neighbour_effects() {
-        if effect == Effect::FullWell {
-            stages.push(Box::new(ClipFullWell::new(gpu, detector, size_px, charge)?));
+        match (effect, &spatial.image_lag, &spatial.blooming, &spatial.charge_transfer, spatial.binning) {
+            (Effect::ImageLag, Some(lag), ..) => stages.push(Box::new(GpuImageLag::new(gpu, lag, size_px, charge)?)),
+            (Effect::FullWell, _, Some(blooming), ..) => {
+                stages.push(Box::new(GpuBlooming::new(gpu, blooming, full_well_e, size_px, charge)?));
+            }
+            (Effect::FullWell, ..) => stages.push(Box::new(ClipFullWell::new(gpu, full_well_e, size_px, charge)?)),
+            (Effect::ChargeTransfer, _, _, Some(transfer), _) => {
+                stages.push(Box::new(GpuChargeTransfer::new(gpu, transfer, size_px, charge)?));
+            }
+            (Effect::Binning, .., Some(Binning { factor, kind: BinningKind::Charge { full_well_e } })) => {
+                let stage = GpuChargeBinning::new(gpu, factor, full_well_e, size_px, charge)?;
+                charge_out = stage.sums().clone();
+                stages.push(Box::new(stage));
+            }
+            _ => {}
         }
     }
-    Ok((stages, charge.clone()))
+    Ok((stages, charge_out))
 }
 
 /// `full_well.wgsl`.
@@ -54,14 +78,14 @@ impl ClipFullWell {
     #[allow(clippy::cast_possible_truncation, reason = "images hold fewer than 2^32 pixels")]
     fn new(
         gpu: &GpuDevice,
-        detector: &Detector,
+        full_well_e: f32,
         [width, height]: [usize; 2],
         charge: &wgpu::Buffer,
     ) -> Result<Self, GpuError> {
         let pairs = (width * height).div_ceil(2) as u32;
         let mut text = shader::constant_u32("WORKGROUP", WORKGROUP);
         text += &shader::constant_u32("PAIRS", pairs);
-        text += &shader::constant("FULL_WELL_E", full_well::limit_e(detector.params()));
+        text += &shader::constant("FULL_WELL_E", full_well_e);
         let pass = ComputePass::new(gpu, "full well", shader::assemble(&text, [include_str!("full_well.wgsl")]))?;
         let group = pass.bind(gpu, [charge.as_entire_binding()]);
         Ok(Self { pass, group, pairs })

@@ -2,8 +2,12 @@
 
 @group(0) @binding(1) var<storage, read> sums: array<vec2<i32>>;
 @group(0) @binding(2) var<storage, read> prnu: array<vec2<f32>>;
-@group(0) @binding(3) var<storage, read> dsnu_e: array<vec2<f32>>;
-@group(0) @binding(4) var<storage, read_write> dn: array<u32>;
+@group(0) @binding(3) var<storage, read> dark_factor: array<vec2<f32>>;
+@group(0) @binding(4) var<storage, read> dsnu_e: array<vec2<f32>>;
+@group(0) @binding(5) var<storage, read> lines: array<f32>;
+@group(0) @binding(6) var<storage, read_write> dn: array<u32>;
+@group(0) @binding(7) var<storage, read> illumination: array<vec2<f32>>;
+@group(0) @binding(8) var<storage, read> outliers: array<Outlier>;
 
 @compute @workgroup_size(WORKGROUP)
 fn main(

@@ -2,7 +2,8 @@
 
 @group(0) @binding(1) var<storage, read> charge_e: array<vec2<f32>>;
 @group(0) @binding(2) var<storage, read> dsnu_e: array<vec2<f32>>;
-@group(0) @binding(3) var<storage, read_write> dn: array<u32>;
+@group(0) @binding(3) var<storage, read> lines: array<f32>;
+@group(0) @binding(4) var<storage, read_write> dn: array<u32>;
 
 @compute @workgroup_size(WORKGROUP)
 fn main(
@@ -11,7 +12,7 @@ fn main(
     @builtin(num_workgroups) groups: vec3<u32>,
 ) {
     let pair = pair_of(group, groups, local);
-    if (2u * pair >= frame.pixels) {
+    if (2u * pair >= ADC_PIXELS) {
         return;
     }
     let words = temporal_words(pair);

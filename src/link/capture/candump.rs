@@ -5,11 +5,11 @@
 
 use super::{CapturedPacket, Direction};
 use crate::base::time::Tai;
+use crate::base::units::NS_PER_S;
 use crate::link::Packet;
 use firmware_protocol::can::CanFrame;
 use std::io::Write;
 
-const NS_PER_S: i64 = 1_000_000_000;
 /// Longest FD payload.
 const DATA_MAX: usize = 64;
 

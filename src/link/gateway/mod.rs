@@ -9,10 +9,13 @@
 //! arbitration like any other; what one client sends reaches the others and not itself. `hil_scripts/test_gateways.py`
 //! holds python-can to all three; the parsers are tested beside their code.
 
+mod address;
 mod client;
 mod counters;
 mod hex;
 mod outgoing;
+#[cfg(test)]
+mod parser_checks;
 mod pty;
 /// The protocol of serial CAN adapters.
 pub mod slcan;
@@ -36,6 +39,7 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use tcp::{Hall, Protocol};
 
+pub use address::{GatewayAddress, tcp_address};
 pub use counters::GatewayCounters;
 
 /// Clients that socketcand serves at once.
@@ -77,24 +81,6 @@ pub enum GatewayKind {
     SlcanPty,
     /// socketcand over TCP.
     Socketcand,
-}
-
-/// Where a gateway is found.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum GatewayAddress {
-    /// A TCP address.
-    Tcp(SocketAddr),
-    /// A link to a PTY.
-    Pty(PathBuf),
-}
-
-impl core::fmt::Display for GatewayAddress {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Tcp(address) => write!(f, "{address}"),
-            Self::Pty(path) => write!(f, "{}", path.display()),
-        }
-    }
 }
 
 /// Gateways at work. Dropped, they hang up, leave the bus and take their link away.

@@ -6,13 +6,9 @@ use super::{slcan, system};
 use crate::base::clock::Clock;
 use crate::base::time::Span;
 use crate::link::LinkError;
+use crate::link::serial::PseudoTerminal;
 use crate::link::simulated::SimulatedBus;
 use core::sync::atomic::{AtomicBool, Ordering};
-use rustix::fs::{Mode, OFlags};
-use rustix::pty::OpenptFlags;
-use rustix::termios::OptionalActions;
-use std::os::fd::OwnedFd;
-use std::os::unix::ffi::OsStringExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -37,16 +33,7 @@ pub(super) fn open(
     patience: Span,
     ended: &Arc<AtomicBool>,
 ) -> Result<Pty, LinkError> {
-    let fd = rustix::pty::openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).map_err(refuse("open a PTY"))?;
-    rustix::pty::grantpt(&fd).map_err(refuse("grant a PTY"))?;
-    rustix::pty::unlockpt(&fd).map_err(refuse("unlock a PTY"))?;
-    let name = rustix::pty::ptsname(&fd, Vec::new()).map_err(refuse("name a PTY"))?;
-    let device = PathBuf::from(std::ffi::OsString::from_vec(name.into_bytes()));
-    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
-    let device_end = rustix::fs::open(&device, flags, Mode::empty()).map_err(refuse("open the device of a PTY"))?;
-    make_raw(&device_end).map_err(refuse("make a PTY raw"))?;
-    let status = rustix::fs::fcntl_getfl(&fd).map_err(refuse("read the flags of a PTY"))?;
-    rustix::fs::fcntl_setfl(&fd, status | OFlags::NONBLOCK).map_err(refuse("make a PTY not block"))?;
+    let (fd, device_end, device) = PseudoTerminal::open()?.into_ends();
     let advice = "; name a path in a folder that is there, with nothing at it";
     std::os::unix::fs::symlink(&device, path)
         .map_err(|source| system(&format!("{NAME} {}", path.display()), "link to the PTY", source, advice))?;
@@ -70,16 +57,6 @@ pub(super) fn open(
 /// The writing half of slcan.
 pub(super) fn slcan_scribe() -> super::client::Scribe {
     Box::new(|packet, listening, out| slcan::line(packet, listening.stamps.load(Ordering::Relaxed), out))
-}
-
-fn make_raw(device: &OwnedFd) -> rustix::io::Result<()> {
-    let mut settings = rustix::termios::tcgetattr(device)?;
-    settings.make_raw();
-    rustix::termios::tcsetattr(device, OptionalActions::Now, &settings)
-}
-
-fn refuse(doing: &'static str) -> impl Fn(rustix::io::Errno) -> LinkError {
-    move |error| system(NAME, doing, error.into(), "")
 }
 
 impl Pty {

@@ -5,7 +5,9 @@
 use crate::link::LinkError;
 use rustix::fs::{Mode, OFlags, fcntl_setfl, open};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use std::ffi::OsString;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::unix::ffi::OsStringExt;
 use std::path::{Path, PathBuf};
 
 /// The master's side of a pseudo terminal. Dropping it unplugs whoever has opened [`Self::path`].
@@ -14,7 +16,7 @@ pub struct PseudoTerminal {
     master: OwnedFd,
     path: PathBuf,
     /// Kept open: without any opener of the port the master would read errors, not silence.
-    _port: OwnedFd,
+    port: OwnedFd,
 }
 
 impl PseudoTerminal {
@@ -36,12 +38,19 @@ impl PseudoTerminal {
         fcntl_setfl(&master, OFlags::RDWR | OFlags::NONBLOCK)?;
         grantpt(&master)?;
         unlockpt(&master)?;
-        let path = PathBuf::from(ptsname(&master, Vec::new())?.to_string_lossy().into_owned());
+        let path = PathBuf::from(OsString::from_vec(ptsname(&master, Vec::new())?.into_bytes()));
         let port = open(&path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?;
         let mut modes = rustix::termios::tcgetattr(&port)?;
         modes.make_raw();
         rustix::termios::tcsetattr(&port, rustix::termios::OptionalActions::Now, &modes)?;
-        Ok(Self { master, path, _port: port })
+        Ok(Self { master, path, port })
+    }
+
+    /// Its parts, for whoever serves it otherwise: the master, which does not block, the port, to be kept open, and the
+    /// port's path.
+    #[must_use]
+    pub fn into_ends(self) -> (OwnedFd, OwnedFd, PathBuf) {
+        (self.master, self.port, self.path)
     }
 
     /// The port that others open.

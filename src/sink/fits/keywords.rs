@@ -101,6 +101,14 @@ fn push_origin(header: &mut Header, meta: &FrameMeta) {
     }
     header.push("GAIN", meta.gain_e_per_dn, "[e-/DN]");
     header.push("BLACKLVL", meta.black_level_dn, "[DN] black level");
+    if meta.binning > 1 {
+        header.push("XBINNING", meta.binning, "sensor pixels per pixel, along rows");
+        header.push("YBINNING", meta.binning, "sensor pixels per pixel, along columns");
+    }
+    if meta.window_px != [0; 2] {
+        header.push("WINDOW_X", meta.window_px[0], "[px] first sensor column, from 0");
+        header.push("WINDOW_Y", meta.window_px[1], "[px] first sensor row, from 0");
+    }
     header.push("ROWORDER", "TOP-DOWN", "first row is the top; FITS pixel = px + 1");
 }
 

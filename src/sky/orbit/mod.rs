@@ -6,7 +6,9 @@
 
 mod circular;
 mod precession;
+
 mod tle;
 
 pub use circular::CircularOrbit;
+pub(in crate::sky) use precession::icrf_from_mean_of_date;
 pub use tle::TleOrbit;

@@ -13,7 +13,7 @@ use crate::base::units::{ARCSEC, JULIAN_YEAR_D};
 use glam::{DMat3, DVec3};
 
 /// Rotation from mean axes of date to ICRF axes.
-pub(super) fn icrf_from_mean_of_date(at: Tai) -> DMat3 {
+pub(in crate::sky) fn icrf_from_mean_of_date(at: Tai) -> DMat3 {
     let t = at.days_tdb_since_j2000() / (100.0 * JULIAN_YEAR_D);
     let zeta = (2.650_545 + t * (2_306.083_227 + t * (0.298_849_9 + t * 0.018_018_28))) * ARCSEC;
     let z = (-2.650_545 + t * (2_306.077_181 + t * (1.092_734_8 + t * 0.018_268_37))) * ARCSEC;

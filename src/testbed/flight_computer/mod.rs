@@ -22,6 +22,7 @@ pub use received::Received;
 pub use remote_clock::RemoteClock;
 pub use runner::run_until;
 pub use slew::{RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
+pub use talk::TriggerAnswers;
 
 use crate::base::time::{Span, Tai};
 use crate::base::units::ARCSEC;
@@ -29,7 +30,7 @@ use crate::link::{Departure, LinkError, Port, Stamped};
 use crate::testbed::noise::Gaussian;
 use crate::testbed::vehicle::{Vehicle, VehicleError};
 use firmware_protocol::message::{
-    AttitudeFlags, AttitudeRecord, Heartbeat, JitterBurst, JitterPair, NodeState, Scet, Sync, TimeFollowUp,
+    AttitudeFlags, AttitudeRecord, Heartbeat, JitterBurst, JitterPair, NodeState, Scet, Sync, TimeFollowUp, Trigger,
 };
 use firmware_protocol::{Message, version};
 use glam::DVec3;
@@ -111,6 +112,20 @@ pub enum FlightError {
     Vehicle(#[from] VehicleError),
 }
 
+/// Why a trigger is not sent.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum TriggerError {
+    /// The talk is behind.
+    #[error("{} triggers wait for their answers already; wanted fewer at a time", talk::TRIGGERS_MAX)]
+    Full,
+    /// Time tags are modulo 71.6 min.
+    #[error("the trigger is to act {away_s:.1} s from now; wanted within an hour: time tags on the bus wrap")]
+    TooFar {
+        /// From now, either way.
+        away_s: f64,
+    },
+}
+
 /// The simulated flight computer.
 pub struct FlightComputer {
     params: FlightComputerParams,
@@ -174,6 +189,27 @@ impl FlightComputer {
     #[must_use]
     pub fn is_running(&self) -> bool {
         self.talk.is_running()
+    }
+
+    /// Fires a trigger of the stimulator's: told from `now` on until it is answered, after RUN; it acts at `at`, or as soon as
+    /// it has come.
+    ///
+    /// # Errors
+    /// When too many wait to be told, or the instant cannot be told: time tags wrap.
+    pub fn send_trigger(&mut self, number: u16, at: Option<Tai>, now: Tai) -> Result<(), TriggerError> {
+        if let Some(away) = at.map(|at| at.max(now) - at.min(now)).filter(|away| *away > TRIGGER_MOST_AWAY) {
+            return Err(TriggerError::TooFar { away_s: away.s() });
+        }
+        // Zero says at once; the microsecond after it is as good.
+        let at_us = at.map_or(0, |at| wrapped(self.clock.elapsed_us(at)).max(1));
+        let is_kept = self.talk.fire(Trigger { number, at_us }, self.clock.elapsed_us(now));
+        if is_kept { Ok(()) } else { Err(TriggerError::Full) }
+    }
+
+    /// What the stimulator answered to triggers.
+    #[must_use]
+    pub fn trigger_answers(&self) -> TriggerAnswers {
+        self.talk.trigger_answers()
     }
 
     /// The scripted attitude at `at`, without noise and jitter.
@@ -338,6 +374,9 @@ impl Corruption {
         }
     }
 }
+
+/// Instants of triggers further away than this would be taken for others.
+const TRIGGER_MOST_AWAY: Span = Span::from_ms(3_600_000);
 
 /// Time after which the follow-up of a SYNC is due.
 const FOLLOW_UP_DELAY: Span = Span::from_ms(2);

@@ -1,10 +1,12 @@
-//! The flight computer's side of the session: HELLO, INFO, RUN, each said again until it is answered.
+//! The flight computer's side of the session: HELLO, INFO, RUN, then triggers; each said again until it is answered.
 //!
-//! In: time and responses. Out: commands when due. A refusal ends the talk: nothing is said any more. Limits: one talk per
-//! boot, begun with the stream. Tests: below, and `tests/closed_loop/session.rs`.
+//! In: time, triggers to fire, responses. Out: commands when due, one at a time. A refusal of HELLO, INFO or RUN ends the
+//! talk: nothing is said any more; that of a trigger is counted. Limits: one talk per boot, begun with the stream. Tests:
+//! below, `tests/closed_loop/session.rs` and `triggers.rs`.
 
-use firmware_protocol::message::{Command, Reply, Request, Response};
+use firmware_protocol::message::{Command, Reply, Request, Response, Trigger};
 use firmware_protocol::version;
+use std::collections::VecDeque;
 
 /// A command that is not answered is said again after this, us.
 const RETRY_US: u64 = 500_000;
@@ -15,24 +17,64 @@ const WORDS: [Request; 3] = [Request::Hello(version::CURRENT), Request::Info { p
 /// The first word comes this long after the stream's begin, behind the first time mark, us.
 pub(super) const BEGIN_US: u64 = 5_000;
 
+/// Triggers that may wait to be said.
+pub(super) const TRIGGERS_MAX: usize = 64;
+
+/// What the stimulator answered to triggers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct TriggerAnswers {
+    /// Taken.
+    pub taken: u64,
+    /// Of those, the ones that came after their instant.
+    pub late: u64,
+    /// Refused.
+    pub refused: u64,
+}
+
 /// How far the talk is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Talk {
     /// Word that is to be said or waits for its answer.
     word: usize,
     due_us: u64,
     is_refused: bool,
+    /// The first is being said.
+    triggers: VecDeque<Trigger>,
+    answers: TriggerAnswers,
 }
 
 impl Talk {
     /// A talk that begins at `start_us`.
     pub(super) fn new(start_us: u64) -> Self {
-        Self { word: 0, due_us: start_us, is_refused: false }
+        let triggers = VecDeque::with_capacity(TRIGGERS_MAX);
+        Self { word: 0, due_us: start_us, is_refused: false, triggers, answers: TriggerAnswers::default() }
     }
 
     /// When the next word is due; `u64::MAX` when all is said.
     pub(super) fn next_us(&self) -> u64 {
-        if self.is_refused || self.word >= WORDS.len() { u64::MAX } else { self.due_us }
+        if self.is_refused || self.request().is_none() { u64::MAX } else { self.due_us }
+    }
+
+    /// Says a trigger as soon as what is before it has been answered; false when too many wait already.
+    pub(super) fn fire(&mut self, trigger: Trigger, now_us: u64) -> bool {
+        if self.triggers.len() >= TRIGGERS_MAX {
+            return false;
+        }
+        if self.request().is_none() {
+            self.due_us = now_us;
+        }
+        self.triggers.push_back(trigger);
+        true
+    }
+
+    /// What the stimulator answered to triggers.
+    pub(super) fn trigger_answers(&self) -> TriggerAnswers {
+        self.answers
+    }
+
+    /// What is being said.
+    fn request(&self) -> Option<Request> {
+        WORDS.get(self.word).copied().or(self.triggers.front().copied().map(Request::Trigger))
     }
 
     /// The word that is due, to be said now.
@@ -41,19 +83,29 @@ impl Talk {
             return None;
         }
         self.due_us = now_us + RETRY_US;
-        let request = *WORDS.get(self.word)?;
+        let request = self.request()?;
         Some(Command { token: self.token(), request })
     }
 
     /// Takes an answer in; the next word is due at once.
     pub(super) fn hear(&mut self, response: &Response, now_us: u64) {
-        if self.word >= WORDS.len() || response.token != self.token() {
+        if self.request().is_none() || response.token != self.token() {
             return;
         }
+        let is_trigger = self.word >= WORDS.len();
         match response.reply {
-            Reply::Refused { .. } => self.is_refused = true,
-            _ => (self.word, self.due_us) = (self.word + 1, now_us),
+            Reply::Refused { .. } if !is_trigger => return self.is_refused = true,
+            Reply::Refused { .. } => self.answers.refused += 1,
+            Reply::Triggered(triggered) => {
+                self.answers.taken += 1;
+                self.answers.late += u64::from(triggered.is_late);
+            }
+            _ => {}
         }
+        if is_trigger {
+            self.triggers.pop_front();
+        }
+        (self.word, self.due_us) = (self.word + 1, now_us);
     }
 
     /// True when RUN was accepted.
@@ -62,14 +114,15 @@ impl Talk {
     }
 
     fn token(&self) -> u8 {
-        u8::try_from(self.word + 1).unwrap_or(u8::MAX)
+        // 1 to 255, then from 1 again.
+        u8::try_from(self.word % 255 + 1).unwrap_or(u8::MAX)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use firmware_protocol::message::Refusal;
+    use firmware_protocol::message::{Refusal, Triggered};
 
     fn answer(talk: &mut Talk, token: u8, reply: Reply, now_us: u64) {
         talk.hear(&Response { token, reply }, now_us);
@@ -91,6 +144,29 @@ mod tests {
         }
         assert!(talk.is_running());
         assert_eq!((talk.next_us(), talk.take(u64::MAX - 1)), (u64::MAX, None), "all is said");
+    }
+
+    #[test]
+    fn triggers_are_said_one_at_a_time_after_run_each_with_its_own_token() {
+        let mut talk = Talk::new(0);
+        let trigger = |number| Trigger { number, at_us: 5 };
+        assert!(talk.fire(trigger(1), 0) && talk.fire(trigger(2), 0));
+        for token in 1..=3 {
+            assert!(!matches!(talk.take(10).unwrap().request, Request::Trigger(_)), "not before RUN");
+            answer(&mut talk, token, Reply::Run, 10);
+        }
+        let first = talk.take(10).unwrap();
+        assert_eq!(first, Command { token: 4, request: Request::Trigger(trigger(1)) });
+        assert_eq!((talk.take(20), talk.take(10 + RETRY_US)), (None, Some(first)), "again with the same token");
+        answer(&mut talk, 4, Reply::Refused { opcode: 6, reason: Refusal::TriggerTime }, 600_000);
+        let second = talk.take(600_000).unwrap();
+        assert_eq!(second, Command { token: 5, request: Request::Trigger(trigger(2)) }, "the talk goes on");
+        answer(&mut talk, 5, Reply::Triggered(Triggered { number: 2, is_late: true }), 700_000);
+        assert_eq!(talk.trigger_answers(), TriggerAnswers { taken: 1, late: 1, refused: 1 });
+        assert_eq!((talk.next_us(), talk.is_running()), (u64::MAX, true));
+        assert!(talk.fire(trigger(3), 800_000));
+        assert_eq!((talk.next_us(), talk.take(800_000).unwrap().token), (800_000, 6), "due when it was asked for");
+        assert!((0..).take_while(|number| talk.fire(trigger(*number), 0)).count() == TRIGGERS_MAX - 1, "full");
     }
 
     #[test]

@@ -22,6 +22,8 @@ pub(super) enum Goal {
 
 pub(super) fn hello(scenario: &Scenario, going: &ClosedLoop) -> Value {
     let (camera, timing) = (&scenario.bench.camera, &scenario.bench.timing);
+    let sensor_px = [camera.detector.width_px, camera.detector.height_px].map(|side| side as usize);
+    let [width, height] = camera.detector.spatial.output(sensor_px).size_px;
     json!({
         "protocol": PROTOCOL_VERSION,
         "scenario": scenario.name,
@@ -32,8 +34,8 @@ pub(super) fn hello(scenario: &Scenario, going: &ClosedLoop) -> Value {
         "frames": going.frames_per_head(),
         "frame_rate_hz": timing.frame_rate_hz,
         "camera": camera.name,
-        "width": camera.detector.width_px,
-        "height": camera.detector.height_px,
+        "width": width,
+        "height": height,
         "heads": scenario.heads.len(),
     })
 }
@@ -79,6 +81,13 @@ pub(super) fn inject(keys: &Map<String, Value>, going: &mut ClosedLoop) -> Resul
     going.inject(&event).map_err(|error| error.to_string())?;
     let from_s = event.at.s().max(now_s(going));
     Ok(json!({ "event": action_name(&event.action), "from_s": from_s, "for_s": event.lasts.s() }))
+}
+
+/// A trigger goes over the bus like any other: whether the stimulator takes it is told by its answer, and in its counts.
+pub(super) fn trigger(number: u16, at_s: Option<f64>, going: &mut ClosedLoop) -> Result<Value, String> {
+    let at = at_s.map(|at_s| going.zero() + Span::from_s(at_s));
+    going.send_trigger(number, at).map_err(|error| error.to_string())?;
+    Ok(json!({ "number": number, "at_s": at_s.unwrap_or_else(|| now_s(going)) }))
 }
 
 pub(super) fn truth(at_s: Option<f64>, going: &ClosedLoop) -> Result<Value, String> {

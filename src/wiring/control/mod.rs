@@ -148,6 +148,7 @@ impl ControlSession {
             Request::Hello => Ok(answers::hello(stage.scenario, going)),
             Request::Step(by) => self.step(*by, stage),
             Request::Inject(keys) => Ok(answers::inject(keys, going)?),
+            Request::Trigger { number, at_s } => Ok(answers::trigger(*number, *at_s, going)?),
             Request::Truth { at_s } => Ok(answers::truth(*at_s, going)?),
             Request::Estimate => Ok(answers::estimate(going)),
             Request::Frame { head, path } => Ok(self.newest.answer(*head, path.as_deref(), going.zero())?),

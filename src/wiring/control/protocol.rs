@@ -4,6 +4,7 @@
 //! {"id": 1, "request": "hello"}
 //! {"request": "step", "s": 0.5}                    or "frames": 3, or "until_s": 12.0
 //! {"request": "inject", "event": {"do": "gyro_dropout", "for_s": 2.0}}
+//! {"request": "trigger", "number": 7, "at_s": 12.5}   at_s may be left out: at once
 //! {"request": "truth", "at_s": 11.9}               at_s may be left out
 //! {"request": "estimate"}
 //! {"request": "frame", "head": 0, "path": "f.fits"}    path may be left out: pixels come as base64
@@ -31,6 +32,13 @@ pub enum Request {
     Step(StepBy),
     /// Add an event: the keys of `[[event]]`.
     Inject(Map<String, Value>),
+    /// Let the flight computer fire a trigger over the bus.
+    Trigger {
+        /// Which one.
+        number: u16,
+        /// When it acts; `None`: at once.
+        at_s: Option<f64>,
+    },
     /// True attitude.
     Truth {
         /// When; `None`: now.
@@ -63,10 +71,11 @@ pub enum StepBy {
 }
 
 /// Every request by name, with the keys that it takes.
-const REQUESTS: [(&str, &[&str]); 8] = [
+const REQUESTS: [(&str, &[&str]); 9] = [
     ("hello", &[]),
     ("step", &["s", "frames", "until_s"]),
     ("inject", &["event"]),
+    ("trigger", &["number", "at_s"]),
     ("truth", &["at_s"]),
     ("estimate", &[]),
     ("frame", &["head", "path"]),
@@ -135,6 +144,7 @@ impl Keys {
             "hello" => Request::Hello,
             "step" => Request::Step(self.step()?),
             "inject" => Request::Inject(self.event()?),
+            "trigger" => Request::Trigger { number: self.trigger_number()?, at_s: self.number("at_s")? },
             "truth" => Request::Truth { at_s: self.number("at_s")? },
             "estimate" => Request::Estimate,
             "frame" => Request::Frame { head: self.head()?, path: self.path()? },
@@ -167,6 +177,12 @@ impl Keys {
             Some(other) => Err(format!("event is {}; wanted {example}", shown(&other))),
             None => Err(format!("event is missing; wanted {example}")),
         }
+    }
+
+    fn trigger_number(&self) -> Result<u16, String> {
+        let number = self.keys.get("number").ok_or("number is missing; wanted the trigger's, 0 to 65535")?;
+        let whole = number.as_u64().and_then(|number| u16::try_from(number).ok());
+        whole.ok_or_else(|| format!("number is {}; wanted a whole number from 0 to 65535", shown(number)))
     }
 
     fn head(&self) -> Result<usize, String> {

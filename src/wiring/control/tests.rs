@@ -32,6 +32,9 @@ fn requests_are_read() {
     assert_eq!(read(r#"{"request": "step", "s": 2}"#), Request::Step(StepBy::Seconds(2.0)));
     assert_eq!(read(r#"{"request": "step", "frames": 3}"#), Request::Step(StepBy::Frames(3)));
     assert_eq!(read(r#"{"request": "step", "until_s": -0.5}"#), Request::Step(StepBy::Until(-0.5)));
+    let trigger = |at_s| Request::Trigger { number: 65_535, at_s };
+    assert_eq!(read(r#"{"request": "trigger", "number": 65535}"#), trigger(None));
+    assert_eq!(read(r#"{"request": "trigger", "number": 65535, "at_s": 2.5}"#), trigger(Some(2.5)));
     assert_eq!(read(r#"{"request": "truth"}"#), Request::Truth { at_s: None });
     assert_eq!(read(r#"{"request": "frame", "head": 1}"#), Request::Frame { head: 1, path: None });
     let (id, _) = parse(r#"{"id": [1, "a"], "request": "dance"}"#);
@@ -57,6 +60,8 @@ fn what_is_wrong_with_a_request_is_said() {
         (r#"{"request": "step", "frames": -2}"#, "frames is -2"),
         (r#"{"request": "inject"}"#, "event is missing"),
         (r#"{"request": "inject", "event": 3}"#, "event is 3"),
+        (r#"{"request": "trigger"}"#, "number is missing"),
+        (r#"{"request": "trigger", "number": 65536}"#, "number is 65536; wanted a whole number from 0 to 65535"),
         (r#"{"request": "truth", "at_s": null}"#, "at_s is null"),
         (r#"{"request": "frame", "head": -1}"#, "head is -1"),
         (r#"{"request": "frame", "path": ""}"#, "path is \"\""),

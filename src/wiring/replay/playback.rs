@@ -218,7 +218,7 @@ impl<'a> Replay<'a> {
         let receiver = Receiver::new(params.attitude.clone())?.with_session(bench_parts::session_params(bench));
         let mut engine = FrameEngine::new(params)?;
         let camera = &engine.params().camera;
-        let size = [camera.geometry.width_px(), camera.geometry.height_px()];
+        let size = camera.output().size_px;
         let mut frame = SentFrame::with_capacity(size[0], size[1], 0, camera.name.clone());
         engine.warm_up(&mut frame)?;
         Ok(Self {
@@ -319,6 +319,7 @@ impl<'a> Replay<'a> {
     /// Draws a frame and hands it on; its checksum.
     fn draw(&mut self, number: u32) -> Result<u32, ReplayError> {
         let slot = self.engine.slot(number);
+        self.receiver.fire_triggers(slot, &mut self.ledger, &mut |_fired| {});
         self.engine.expose(slot, &mut self.receiver, &mut self.ledger, &mut self.frame)?;
         self.frame.meta.lateness = Span::ZERO;
         self.outcome.drawn += 1;

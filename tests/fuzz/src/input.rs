@@ -1,5 +1,7 @@
 //! The fuzzer's bytes -> numbers and runs of bytes. Past the end everything is zero, so that any input has a meaning.
 
+use crate::control;
+
 /// Takes values off the front.
 #[derive(Debug, Clone)]
 pub struct Input<'a> {
@@ -75,6 +77,24 @@ impl<'a> Input<'a> {
         let value = f32::from_bits(self.u32());
         if value.is_finite() { value } else { 0.0 }
     }
+}
+
+/// What a reader with memory makes of a stream that comes in chunks of these lengths, less one, in turn.
+///
+/// Broken: what a chunk leaves unfinished is lost.
+pub fn read_in<R: Default, T>(
+    stream: &[u8],
+    lengths: &[u8],
+    mut push: impl FnMut(&mut R, &[u8], &mut Vec<T>),
+) -> Vec<T> {
+    let (mut reader, mut all) = (R::default(), Vec::new());
+    for chunk in chunks(stream, lengths) {
+        push(&mut reader, chunk, &mut all);
+        if control::is_broken() {
+            reader = R::default();
+        }
+    }
+    all
 }
 
 /// Cuts a stream into chunks of these lengths, less one, in turn; an empty stream has one empty chunk.

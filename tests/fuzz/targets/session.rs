@@ -4,7 +4,7 @@
 
 use firmware_protocol::handshake::{Answer, Did, Handshake};
 use firmware_protocol::message::{
-    Command, Info, Rates, Refusal, Reply, Request, Response, Table, TableCell, capability,
+    Command, Info, Rates, Refusal, Reply, Request, Response, Table, TableCell, Trigger, Triggered, capability,
 };
 use firmware_protocol::tables::{Applied, Row, TableStore};
 use firmware_protocol::version::{self, Version};
@@ -19,7 +19,7 @@ const RATES: Rates = Rates { attitude_hz: 100, jitter_hz: 1000 };
 fuzz_target!(|bytes: &[u8]| {
     let mut input = Input::new(bytes);
     let has_tables = input.bool();
-    let capabilities = if has_tables { capability::PARAMETER_TABLES } else { capability::WHEELS };
+    let capabilities = if has_tables { capability::PARAMETER_TABLES } else { capability::TRIGGERS };
     let mut handshake = Handshake::new(DBC_CRC32, RATES).with_capabilities(capabilities);
     let (mut store, mut model) = (TableStore::new(), Model { has_tables, ..Model::default() });
     while !input.is_empty() {
@@ -35,8 +35,14 @@ fuzz_target!(|bytes: &[u8]| {
             }),
             choice => {
                 let command = command(choice, &model, &mut input);
-                let answer = handshake.answer(&command, &mut store);
+                let fired_before = model.fired;
+                let mut fired = 0;
+                let answer = handshake.answer_with(&command, &mut store, |trigger| {
+                    fired += 1;
+                    fire(trigger)
+                });
                 assert_eq!(answer, model.answer(&command), "to {command:?}");
+                assert_eq!(fired, model.fired - fired_before, "{command:?}: once, and not for a retry");
                 assert_is_sent_whole(&answer.response);
             }
         }
@@ -109,9 +115,18 @@ fn command(choice: u8, model: &Model, input: &mut Input<'_>) -> Command {
         (_, 3) => Request::Info { page: input.u8() % 4 },
         (_, 4 | 5) => Request::Run,
         (_, 6) => Request::Stop,
-        _ => Request::Unknown { opcode: 6 + input.u8() % 250 },
+        _ => match input.u8() {
+            0..=127 => Request::Trigger(Trigger { number: input.u16() % 4, at_us: input.u32() }),
+            opcode => Request::Unknown { opcode: opcode.max(7) },
+        },
     };
     Command { token, request }
+}
+
+/// A stimulator that finds every other trigger too far away.
+fn fire(trigger: Trigger) -> Result<Triggered, Refusal> {
+    let triggered = Triggered { number: trigger.number, is_late: trigger.at_us % 2 == 1 };
+    if trigger.number % 2 == 0 { Ok(triggered) } else { Err(Refusal::TriggerTime) }
 }
 
 /// APPLY, mostly with the right CRC.
@@ -139,6 +154,7 @@ struct Model {
     is_agreed: bool,
     is_running: bool,
     last: Option<(Command, Response)>,
+    fired: u32,
     cells: BTreeMap<(u8, u8, u8), f32>,
     effective: BTreeMap<u8, Vec<f32>>,
     seed: u16,
@@ -173,6 +189,7 @@ impl Model {
         };
         let did = match reply {
             Reply::Applied(applied) => Some(Did::Applied(applied.table)),
+            Reply::Triggered(triggered) => Some(Did::Triggered(triggered)),
             _ if self.is_running && !was_running => Some(Did::Run),
             _ if was_running && !self.is_running => Some(Did::Stop),
             _ => None,
@@ -186,7 +203,7 @@ impl Model {
         match request {
             Request::Hello(peer) if peer.major == version::MAJOR => {
                 self.is_agreed = true;
-                let capabilities = if self.has_tables { 1 } else { 4 };
+                let capabilities = if self.has_tables { 1 } else { 8 };
                 let bytes = [1, 0, 0, version::MAJOR, version::MINOR, capabilities, 0, 1];
                 match Message::from_payload(MessageId::Response, &bytes) {
                     Ok(Message::Response(response)) => Ok(response.reply),
@@ -206,10 +223,15 @@ impl Model {
             }
             Request::Unknown { .. } => Err(Refusal::UnknownOpcode),
             Request::Apply { .. } if !self.has_tables => Err(Refusal::UnknownOpcode),
+            Request::Trigger(_) if self.has_tables => Err(Refusal::UnknownOpcode),
             _ if !self.is_agreed => Err(Refusal::NoHandshake),
             Request::Run => {
                 self.is_running = true;
                 Ok(Reply::Run)
+            }
+            Request::Trigger(trigger) => {
+                self.fired += 1;
+                fire(trigger).map(Reply::Triggered)
             }
             Request::Apply { table, rows, crc, seed } => self.apply(table, rows, crc, seed).map(Reply::Applied),
         }

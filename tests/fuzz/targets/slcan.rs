@@ -4,7 +4,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use starloop_fuzz::link::gateway::slcan::{Command, LINE_MAX, Parser, SlcanReject};
-use starloop_fuzz::{Input, control, input};
+use starloop_fuzz::{Input, input};
 
 const DATA_LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
 
@@ -26,16 +26,8 @@ fuzz_target!(|bytes: &[u8]| {
     assert_takes_no_memory(stream);
 });
 
-/// Broken: what a chunk leaves unfinished is lost.
 fn read_in(stream: &[u8], lengths: &[u8]) -> Vec<Result<Command, SlcanReject>> {
-    let (mut parser, mut all) = (Parser::default(), Vec::new());
-    for chunk in input::chunks(stream, lengths) {
-        parser.push(chunk, &mut |outcome| all.push(outcome));
-        if control::is_broken() {
-            parser = Parser::default();
-        }
-    }
-    all
+    input::read_in(stream, lengths, |parser: &mut Parser, chunk, all| parser.push(chunk, &mut |read| all.push(read)))
 }
 
 fn assert_takes_no_memory(stream: &[u8]) {

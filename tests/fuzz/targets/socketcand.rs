@@ -5,7 +5,7 @@
 use firmware_protocol::can::CanFrame;
 use libfuzzer_sys::fuzz_target;
 use starloop_fuzz::link::gateway::socketcand::{Command, ELEMENT_MAX, NAME_MAX, Parser, SocketcandReject};
-use starloop_fuzz::{Input, control, input};
+use starloop_fuzz::{Input, input};
 
 fuzz_target!(|bytes: &[u8]| {
     let mut rest = Input::new(bytes);
@@ -25,16 +25,8 @@ fuzz_target!(|bytes: &[u8]| {
     assert_takes_no_memory(stream);
 });
 
-/// Broken: what a chunk leaves unfinished is lost.
 fn read_in(stream: &[u8], lengths: &[u8]) -> Vec<Result<Command, SocketcandReject>> {
-    let (mut parser, mut all) = (Parser::default(), Vec::new());
-    for chunk in input::chunks(stream, lengths) {
-        parser.push(chunk, &mut |outcome| all.push(outcome));
-        if control::is_broken() {
-            parser = Parser::default();
-        }
-    }
-    all
+    input::read_in(stream, lengths, |parser: &mut Parser, chunk, all| parser.push(chunk, &mut |read| all.push(read)))
 }
 
 fn assert_takes_no_memory(stream: &[u8]) {

@@ -1,8 +1,7 @@
 //! Every letter, both sides of every length, and lines that come in pieces.
 
 use super::*;
-use rand::rngs::StdRng;
-use rand::{RngExt, SeedableRng};
+use crate::link::gateway::parser_checks::{read_in_pieces, stands_random_words};
 
 type Outcome = Result<Command, SlcanReject>;
 
@@ -102,14 +101,7 @@ fn what_is_wrong_is_refused_by_reason() {
 #[test]
 fn lines_may_come_in_pieces_and_empty_ones_say_nothing() {
     let stream = b"\r\rC\r\nS6\rO\rt1232AABB\r\rd30190102030405060708090A0B0C\r";
-    let whole = parsed(&mut Parser::default(), stream);
-    assert_eq!(whole.len(), 5);
-    for cut in 0..stream.len() {
-        let mut parser = Parser::default();
-        let mut pieces = parsed(&mut parser, &stream[..cut]);
-        pieces.extend(parsed(&mut parser, &stream[cut..]));
-        assert_eq!(pieces, whole, "cut at {cut}");
-    }
+    assert_eq!(read_in_pieces(stream, parsed).len(), 5);
 }
 
 #[test]
@@ -123,16 +115,7 @@ fn a_line_too_long_is_refused_once_and_the_next_is_whole() {
 
 #[test]
 fn a_million_random_bytes_are_refused_line_by_line() {
-    let mut dice = StdRng::seed_from_u64(1);
-    let mut parser = Parser::default();
-    let (mut outcomes, mut accepted) = (0_u32, 0_u32);
     let alphabet = b"0123456789ABCDEFtTdDbBrROLCSVvNFMmZY\r\n\x07\xFF";
-    for _ in 0..1_000_000 {
-        let byte = alphabet[dice.random_range(0..alphabet.len())];
-        parser.push(&[byte], &mut |outcome| {
-            outcomes += 1;
-            accepted += u32::from(outcome.is_ok());
-        });
-    }
-    assert!(outcomes > 20_000 && accepted > 100 && accepted < outcomes, "{accepted} of {outcomes}");
+    let letters: Vec<&[u8]> = alphabet.chunks(1).collect();
+    stands_random_words(&letters, 1_000_000, parsed);
 }

@@ -1,8 +1,7 @@
 //! Every command, both sides of every length, and elements that come in pieces.
 
 use super::*;
-use rand::rngs::StdRng;
-use rand::{RngExt, SeedableRng};
+use crate::link::gateway::parser_checks::{read_in_pieces, stands_random_words};
 
 type Outcome = Result<Command, SocketcandReject>;
 
@@ -69,15 +68,9 @@ fn what_is_wrong_is_refused_by_reason() {
 #[test]
 fn elements_may_come_in_pieces() {
     let stream = b"< open can0 >< rawmode >\r\n< send 12 2 1 2 >  < echo >";
-    let whole = parsed(&mut Parser::default(), stream);
+    let whole = read_in_pieces(stream, parsed);
     assert_eq!(whole.len(), 4);
     assert!(whole.iter().all(Result::is_ok), "{whole:?}");
-    for cut in 0..stream.len() {
-        let mut parser = Parser::default();
-        let mut pieces = parsed(&mut parser, &stream[..cut]);
-        pieces.extend(parsed(&mut parser, &stream[cut..]));
-        assert_eq!(pieces, whole, "cut at {cut}");
-    }
 }
 
 #[test]
@@ -97,15 +90,6 @@ fn an_element_too_long_is_refused_once_and_the_next_is_whole() {
 
 #[test]
 fn a_million_random_bytes_are_refused_element_by_element() {
-    let mut dice = StdRng::seed_from_u64(1);
-    let mut parser = Parser::default();
     let words: [&[u8]; 10] = [b"<", b">", b" ", b"send", b"12", b"1", b"0", b"echo", b"\xFF", b"open"];
-    let (mut outcomes, mut accepted) = (0_u32, 0_u32);
-    for _ in 0..500_000 {
-        parser.push(words[dice.random_range(0..words.len())], &mut |outcome| {
-            outcomes += 1;
-            accepted += u32::from(outcome.is_ok());
-        });
-    }
-    assert!(outcomes > 20_000 && accepted > 100 && accepted < outcomes, "{accepted} of {outcomes}");
+    stands_random_words(&words, 500_000, parsed);
 }

@@ -1,0 +1,158 @@
+//! `starloop verify`: a camera's own frames held against its file: photon transfer, and errors by brightness.
+
+use crate::attitude::LosPath;
+use crate::base::accuracy::AccuracyBudget;
+use crate::base::axes::Rotation;
+use crate::base::image::{DnImage, ElectronImage, Image};
+use crate::base::time::Tai;
+use crate::cli::run::BackendName;
+use crate::config::{Camera, Document};
+use crate::detector::{Detector, DetectorParams, Nonlinearity, SpatialParams};
+use crate::exposure::{MethodChoice, Planner};
+use crate::optics::Illumination;
+use crate::report::to_svg;
+use crate::runtime::Imager;
+use crate::runtime::params::CameraParams;
+use crate::sink::write_file_atomically;
+use crate::verify::data_sheet::Stated;
+use crate::verify::fidelity::{self, Truth};
+use crate::verify::{DataSheet, Procedure, StarField, characterise, table};
+use crate::wiring::bench_parts::backend_choice;
+use crate::wiring::camera_parts::camera_params;
+use anyhow::{Result, bail};
+use clap::Args;
+use std::path::PathBuf;
+
+/// Side of the flats, px.
+const FLAT_PX: usize = 512;
+/// Dark signal at the end of the dark series, e-.
+const DARK_SIGNAL_E: f64 = 100.0;
+/// Least signal-to-noise ratio of the stars.
+const LEAST_SNR: f64 = 3.0;
+/// Share of saturation that the brightest star's pixel reaches.
+const MOST_WELL: f64 = 0.6;
+/// Brightnesses.
+const STEPS: i32 = 6;
+/// Smallest detector on which stars of every brightness find a place, px.
+const LEAST_SIDE_PX: usize = 160;
+
+/// Command line of `verify`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Photon transfer, in the manner of EMVA 1288: pairs of flats at 50 levels of light, darks and stacks of both, \
+                  from which gain, noise, dark current, patterns and saturation are found from digital numbers alone.\n\n\
+                  Errors by brightness: stars at random parts of a pixel in many noisy frames, against analytic truth: \
+                  signal-to-noise ratio, centroid and its scatter, energy in 7 x 7 px, background in places of 20 x 20 px. \
+                  +-: one standard error, which more --frames make smaller.\n\n\
+                  Exits with 3 when a property is more than 1 % (dark current: 2 %) off the file."
+)]
+pub struct VerifyArgs {
+    /// Camera file (TOML); without one: the built-in narrow CubeSat tracker
+    camera: Option<PathBuf>,
+    /// Frames of the star field
+    #[arg(long, default_value_t = 300, value_parser = clap::value_parser!(u32).range(2..=65_536))]
+    frames: u32,
+    /// What draws the star field; flats are read out by the CPU
+    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
+    backend: BackendName,
+    /// Seed of patterns and noise
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Write the photon transfer curve
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+}
+
+/// Runs the command; the exit status.
+///
+/// # Errors
+/// With what is wrong with the camera file.
+pub fn run(arguments: &VerifyArgs) -> Result<u8> {
+    let document = match &arguments.camera {
+        Some(path) => Document::open(path)?,
+        None => Document::built_in("cameras/cubesat_tracker.toml")?,
+    };
+    let mut camera = camera_params(&Camera::from_document(&document)?)?;
+    let off;
+    (camera.detector, off) = plain(&camera.detector);
+    camera.illumination = Illumination::EVEN;
+    let sheet = photon_transfer(&camera, arguments.seed);
+    let lines = sheet.compare(&Stated::of(&camera.detector, camera.exposure_s));
+    println!("\"{}\": photon transfer from flats of {FLAT_PX} x {FLAT_PX} px", camera.name);
+    print!("{}", table::data_sheet(&lines));
+    for what in off {
+        println!("  switched off for the measurement: {what}");
+    }
+    println!(
+        "  largest deviation from a straight line, 5 to 95 % of saturation: {:.3} %\n",
+        100.0 * sheet.linearity_error
+    );
+    if let Some(path) = &arguments.plot {
+        let text = to_svg(&sheet.chart(&camera.name));
+        write_file_atomically(path, |out| out.write_all(text.as_bytes()))?;
+    }
+    print!("{}", stars(&camera, arguments)?);
+    Ok(if lines.iter().all(|line| line.holds()) { 0 } else { 3 })
+}
+
+/// The detector's data sheet.
+fn photon_transfer(camera: &CameraParams, seed: u64) -> DataSheet {
+    let params = camera.detector;
+    let mut detector = Detector::new(params, FLAT_PX, FLAT_PX, seed);
+    let mut light: ElectronImage = Image::new(FLAT_PX, FLAT_PX);
+    let longest_dark_s = DARK_SIGNAL_E / params.dark_e_per_s.max(1e-6);
+    characterise([FLAT_PX; 2], &Procedure::new(camera.exposure_s, longest_dark_s), &mut |flat, image| {
+        #[allow(clippy::cast_possible_truncation, reason = "electron images are single precision")]
+        light.pixels_mut().fill(flat.light_e as f32);
+        detector.collect(&light, flat.frame, flat.exposure_s, image);
+    })
+}
+
+/// The detector without what a laboratory would switch off to measure the rest, and what that is.
+fn plain(params: &DetectorParams) -> (DetectorParams, Vec<&'static str>) {
+    let plain = DetectorParams { spatial: SpatialParams::OFF, nonlinearity: Nonlinearity::OFF, ..*params };
+    let off = [
+        ("effects of neighbours, defects, protons, window and binning", params.spatial != SpatialParams::OFF),
+        ("bent response", params.nonlinearity.is_on()),
+    ];
+    (plain, off.into_iter().filter(|(_, is_on)| *is_on).map(|(what, _)| what).collect())
+}
+
+/// Errors by brightness, as text.
+fn stars(camera: &CameraParams, arguments: &VerifyArgs) -> Result<String> {
+    let size_px = [camera.geometry.width_px(), camera.geometry.height_px()];
+    if size_px.iter().any(|side| *side < LEAST_SIDE_PX) {
+        bail!(
+            "a detector of {} x {} px: wanted {LEAST_SIDE_PX} px or more on both sides, for stars that stand apart",
+            size_px[0],
+            size_px[1]
+        );
+    }
+    let truth = Truth::of(
+        &Detector::new(camera.detector, size_px[0], size_px[1], arguments.seed),
+        camera.psf.clone(),
+        camera.exposure_s,
+    );
+    let field = StarField::new(size_px, brightnesses(camera, &truth), 21);
+    let backend = backend_choice(arguments.backend.configured());
+    let mut imager = Imager::new(backend, camera.detector, size_px, arguments.seed)?;
+    let los = LosPath::commanded(Rotation::IDENTITY, Tai::from_ns(0), camera.exposure_s);
+    let mut planner =
+        Planner::new(camera.instrument(), AccuracyBudget::default(), imager.cost(), MethodChoice::Auto, los);
+    let plan = planner.plan(&field.sources());
+    let measured = fidelity::measure(&field, &truth, size_px, arguments.frames, |frame, image: &mut DnImage| {
+        imager.image(plan, frame, image).map(|_| ())
+    })?;
+    let mag_of =
+        |electrons| camera.radiometry.mag_g_of_electrons(electrons, 0.0, camera.exposure_s).unwrap_or(f64::NAN);
+    let head = format!("errors by brightness, {} frames, {} backend\n", measured.frames, imager.name());
+    Ok(head + &table::fidelity(&measured, mag_of))
+}
+
+/// Even steps of magnitude, from the least signal-to-noise ratio to well below saturation.
+fn brightnesses(camera: &CameraParams, truth: &Truth) -> Vec<f64> {
+    let least_e = truth.electrons_for_snr(LEAST_SNR);
+    let most_e = MOST_WELL * Stated::of(&camera.detector, camera.exposure_s).saturation_e / camera.psf.peak();
+    let step = (most_e / least_e).max(1.0).powf(1.0 / f64::from(STEPS - 1));
+    (0..STEPS).map(|i| least_e * step.powi(i)).collect()
+}

@@ -1,0 +1,54 @@
+//! Parameters of the effects that need more than one pixel, or more than one frame; all of them off.
+
+use crate::detector::binning::Binning;
+use crate::detector::blooming::Blooming;
+use crate::detector::charge_transfer::ChargeTransfer;
+use crate::detector::defects::DefectPopulation;
+use crate::detector::image_lag::ImageLag;
+use crate::detector::protons::{ProtonFlux, SensitiveLayer};
+use crate::detector::tdi::Tdi;
+use crate::detector::window::{OutputGeometry, Window};
+
+/// What is on; `None`: off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpatialParams {
+    /// Random defects from the seed.
+    pub defects: DefectPopulation,
+    /// What protons go through.
+    pub layer: SensitiveLayer,
+    /// Protons from the first frame on.
+    pub protons: Option<ProtonFlux>,
+    /// Charge that stays in the pixel.
+    pub image_lag: Option<ImageLag>,
+    /// Charge above the full well spills; without it the excess is lost.
+    pub blooming: Option<Blooming>,
+    /// Charge that transfers leave behind.
+    pub charge_transfer: Option<ChargeTransfer>,
+    /// Squares of pixels become one.
+    pub binning: Option<Binning>,
+    /// The part of the image that is put out.
+    pub window: Option<Window>,
+    /// Time-delayed integration.
+    pub tdi: Option<Tdi>,
+}
+
+impl SpatialParams {
+    /// None of it.
+    pub const OFF: Self = Self {
+        defects: DefectPopulation::NONE,
+        layer: SensitiveLayer::TYPICAL,
+        protons: None,
+        image_lag: None,
+        blooming: None,
+        charge_transfer: None,
+        binning: None,
+        window: None,
+        tdi: None,
+    };
+
+    /// From the pixels of a sensor to those of the image that is put out.
+    #[must_use]
+    pub fn output(&self, sensor_px: [usize; 2]) -> OutputGeometry {
+        OutputGeometry::new(sensor_px, self.binning.map_or(1, |binning| binning.factor), self.window)
+    }
+}

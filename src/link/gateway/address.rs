@@ -1,0 +1,64 @@
+//! Where a gateway listens, as people write it, and where it is found.
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
+use std::path::PathBuf;
+
+/// Where a gateway is found.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum GatewayAddress {
+    /// A TCP address.
+    Tcp(SocketAddr),
+    /// A link to a PTY.
+    Pty(PathBuf),
+}
+
+impl GatewayAddress {
+    /// True when other machines can reach it: a gateway asks for no password.
+    #[must_use]
+    pub fn is_exposed(&self) -> bool {
+        matches!(self, Self::Tcp(address) if !address.ip().is_loopback())
+    }
+}
+
+impl core::fmt::Display for GatewayAddress {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Tcp(address) => write!(f, "{address}"),
+            Self::Pty(path) => write!(f, "{}", path.display()),
+        }
+    }
+}
+
+/// `PORT` on loopback, or `ADDRESS:PORT` (an address, or a name that the system knows); `None` for anything else.
+#[must_use]
+pub fn tcp_address(text: &str) -> Option<SocketAddr> {
+    if let Ok(port) = text.parse::<u16>() {
+        return Some((IpAddr::V4(Ipv4Addr::LOCALHOST), port).into());
+    }
+    text.to_socket_addrs().ok()?.next()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_port_alone_is_on_loopback_and_what_others_can_reach_is_known() {
+        for (text, wanted, is_exposed) in [
+            ("29536", "127.0.0.1:29536", false),
+            ("0", "127.0.0.1:0", false),
+            ("127.8.8.8:5", "127.8.8.8:5", false),
+            ("[::1]:5", "[::1]:5", false),
+            ("0.0.0.0:5", "0.0.0.0:5", true),
+            ("192.0.2.1:65535", "192.0.2.1:65535", true),
+        ] {
+            let address = tcp_address(text).unwrap();
+            assert_eq!(address, wanted.parse().unwrap(), "{text}");
+            assert_eq!(GatewayAddress::Tcp(address).is_exposed(), is_exposed, "{text}");
+        }
+        for text in ["", "65536", "-1", "nowhere", "192.0.2.1", "192.0.2.1:65536", "/dev/pts/1"] {
+            assert_eq!(tcp_address(text), None, "{text}");
+        }
+        assert!(!GatewayAddress::Pty("/tmp/slcan".into()).is_exposed());
+    }
+}

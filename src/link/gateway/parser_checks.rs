@@ -1,0 +1,36 @@
+//! What the parsers of both gateways must stand: streams cut anywhere, and random bytes.
+
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+
+/// What is in a stream is the same however it is cut in two; all of it.
+pub(super) fn read_in_pieces<P: Default, T: PartialEq + core::fmt::Debug>(
+    stream: &[u8],
+    parsed: impl Fn(&mut P, &[u8]) -> Vec<T>,
+) -> Vec<T> {
+    let whole = parsed(&mut P::default(), stream);
+    for cut in 0..stream.len() {
+        let mut parser = P::default();
+        let mut pieces = parsed(&mut parser, &stream[..cut]);
+        pieces.extend(parsed(&mut parser, &stream[cut..]));
+        assert_eq!(pieces, whole, "cut at {cut}");
+    }
+    whole
+}
+
+/// Random words in their hundreds of thousands: most of what they say is refused, some of it is right by chance.
+pub(super) fn stands_random_words<P: Default, T, E>(
+    words: &[&[u8]],
+    count: u32,
+    parsed: impl Fn(&mut P, &[u8]) -> Vec<Result<T, E>>,
+) {
+    let mut dice = StdRng::seed_from_u64(1);
+    let mut parser = P::default();
+    let (mut outcomes, mut accepted) = (0, 0);
+    for _ in 0..count {
+        let all = parsed(&mut parser, words[dice.random_range(0..words.len())]);
+        outcomes += all.len();
+        accepted += all.iter().filter(|outcome| outcome.is_ok()).count();
+    }
+    assert!(outcomes > 20_000 && accepted > 100 && accepted < outcomes, "{accepted} of {outcomes}");
+}

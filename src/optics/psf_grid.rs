@@ -1,0 +1,504 @@
+//! A pixel-integrated PSF on a grid of samples: made by a chain of MTFs, or measured.
+//!
+//! In: `P(dx, dy)`, the share of the light in the pixel whose centre lies (dx, dy) px from the star, every
+//! `1 / oversampling` px up to `half_px + 1/2` px from the star; x right, y down; unit flux over the infinite plane. Out:
+//! the same between the samples: the cubic B-spline through them with natural ends, 0 beyond. That spline is the
+//! model, so every backend can be held to it; how far it is from the light is for the maker of the samples to say.
+//! Source: Unser, Aldroubi and Eden, IEEE Trans. Signal Processing 41 (1993), 821. Error of a smooth `P`:
+//! `h^4 |f''''| / 384` along each axis. Tests below hold it to a Gaussian's integrals.
+
+use crate::optics::gaussian;
+use crate::optics::psf::LARGEST_HALF_PX;
+use core::f64::consts::PI;
+
+/// Most negative sample that is taken, share of the peak: ringing of a transform, noise of a measurement.
+pub const NEGATIVE_SHARE: f64 = 0.01;
+/// Least and most flux of a grid: what is missing has left the grid, what is too much is wrong.
+pub const FLUX_RANGE: (f64, f64) = (0.5, 1.01);
+/// Largest number of grid points per pixel.
+pub const MOST_OVERSAMPLING: usize = 32;
+/// Least core that is told, px: no grid is fine enough for a narrower one.
+const LEAST_CORE_PX: f64 = 0.05;
+
+/// Samples that are no PSF.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PsfGridError {
+    /// no even number of samples per pixel
+    #[error("PSF grid: {got} samples per pixel, wanted an even number from 2 to {MOST_OVERSAMPLING}")]
+    Oversampling {
+        /// Samples per pixel.
+        got: usize,
+    },
+    /// too small or too large
+    #[error("PSF grid: half-width {got} px, wanted 1 to {LARGEST_HALF_PX} px")]
+    HalfWidth {
+        /// Half-width, px.
+        got: usize,
+    },
+    /// not as many samples as the shape asks for
+    #[error("PSF grid: {got} samples, wanted {side} x {side} = {}: 2 x {half_px} px x {oversampling} + {oversampling} + 1 along each side", side * side)]
+    Count {
+        /// Samples given.
+        got: usize,
+        /// Samples along each side.
+        side: usize,
+        /// Half-width, px.
+        half_px: usize,
+        /// Samples per pixel.
+        oversampling: usize,
+    },
+    /// a sample is no number
+    #[error("PSF grid: the sample at column {column}, row {row} is {got}, wanted a finite number")]
+    NotFinite {
+        /// Column of the sample.
+        column: usize,
+        /// Row of the sample.
+        row: usize,
+        /// What stands there.
+        got: f64,
+    },
+    /// a sample is far below zero
+    #[error(
+        "PSF grid: the least sample is {least:.3e}, {:.1} % of the peak below zero, wanted at most {:.0} %; subtract the background, or take \
+         a measurement with less noise",
+        -100.0 * least / peak,
+        100.0 * NEGATIVE_SHARE
+    )]
+    Negative {
+        /// The least sample.
+        least: f64,
+        /// The largest sample.
+        peak: f64,
+    },
+    /// the samples do not hold the light of one star
+    #[error(
+        "PSF grid: the samples hold {got:.4} of the light, wanted {} to {}; normalise them, or take a larger grid",
+        FLUX_RANGE.0,
+        FLUX_RANGE.1
+    )]
+    Flux {
+        /// Share of the light.
+        got: f64,
+    },
+}
+
+/// A pixel-integrated PSF given by samples.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PsfGrid {
+    oversampling: usize,
+    half_px: usize,
+    spline: Spline,
+    peak: f64,
+    flux: f64,
+    core_sigma_px: f64,
+    third_step: f64,
+    /// Share of the light outside a footprint of half-width 0, 1, ... px, wherever the star stands on its pixel.
+    lost: Vec<f64>,
+}
+
+/// Every value is finite: equality is reflexive, and grids that are one in memory need no comparing.
+impl Eq for PsfGrid {}
+
+impl PsfGrid {
+    /// Samples along each side of a grid.
+    #[must_use]
+    pub fn side_of(oversampling: usize, half_px: usize) -> usize {
+        2 * half_px * oversampling + oversampling + 1
+    }
+
+    /// The PSF through `samples`, row by row, [`Self::side_of`] along each side, the star on the middle one.
+    ///
+    /// # Errors
+    /// When the samples have another shape, are not finite, fall below zero by more than [`NEGATIVE_SHARE`] of the peak,
+    /// or hold a flux outside [`FLUX_RANGE`].
+    pub fn new(oversampling: usize, half_px: usize, samples: Vec<f64>) -> Result<Self, PsfGridError> {
+        if oversampling % 2 != 0 || !(2..=MOST_OVERSAMPLING).contains(&oversampling) {
+            return Err(PsfGridError::Oversampling { got: oversampling });
+        }
+        if !(1..=LARGEST_HALF_PX).contains(&half_px) {
+            return Err(PsfGridError::HalfWidth { got: half_px });
+        }
+        let side = Self::side_of(oversampling, half_px);
+        if samples.len() != side * side {
+            return Err(PsfGridError::Count { got: samples.len(), side, half_px, oversampling });
+        }
+        if let Some(at) = samples.iter().position(|v| !v.is_finite()) {
+            return Err(PsfGridError::NotFinite { column: at % side, row: at / side, got: samples[at] });
+        }
+        let (least, peak) =
+            samples.iter().fold((f64::INFINITY, 0.0_f64), |(least, most), v| (least.min(*v), most.max(*v)));
+        let flux = flux_of(&samples, side, oversampling);
+        if !(FLUX_RANGE.0..=FLUX_RANGE.1).contains(&flux) {
+            return Err(PsfGridError::Flux { got: flux });
+        }
+        if least < -NEGATIVE_SHARE * peak {
+            return Err(PsfGridError::Negative { least, peak });
+        }
+        let lost = lost_by_half_width(&samples, side, oversampling, half_px);
+        let spline = Spline::new(&samples, side);
+        let mut grid = Self { oversampling, half_px, spline, peak, flux, core_sigma_px: 0.0, third_step: 0.0, lost };
+        grid.peak = grid.highest_near(&samples);
+        grid.core_sigma_px = core_sigma_px(grid.sharpest_curvature() / grid.peak);
+        grid.third_step = grid.largest_third_step() / grid.peak;
+        Ok(grid)
+    }
+
+    /// Samples of `pixel` on such a grid: x and y from the star, px.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn sampled(oversampling: usize, half_px: usize, pixel: impl Fn(f64, f64) -> f64) -> Result<Self, PsfGridError> {
+        let side = Self::side_of(oversampling.min(MOST_OVERSAMPLING), half_px.min(LARGEST_HALF_PX));
+        let at = |i: usize| (i as f64 - (side / 2) as f64) / oversampling as f64;
+        let samples = (0..side * side).map(|i| pixel(at(i % side), at(i / side))).collect();
+        Self::new(oversampling, half_px, samples)
+    }
+
+    /// Samples per pixel.
+    #[must_use]
+    pub fn oversampling(&self) -> usize {
+        self.oversampling
+    }
+
+    /// The grid ends this and half a pixel from the star, px.
+    #[must_use]
+    pub fn half_px(&self) -> usize {
+        self.half_px
+    }
+
+    /// Largest share any pixel can receive, wherever the star stands.
+    #[must_use]
+    pub fn peak(&self) -> f64 {
+        self.peak
+    }
+
+    /// Share of the light that the grid holds, mean over all places of the star on its pixel.
+    #[must_use]
+    pub fn flux(&self) -> f64 {
+        self.flux
+    }
+
+    /// Standard deviation of the Gaussian that is as sharply curved, before a pixel integrates it, as this is where it
+    /// is sharpest, px.
+    #[must_use]
+    pub fn core_sigma_px(&self) -> f64 {
+        self.core_sigma_px
+    }
+
+    /// Largest step of the spline's third derivative at a knot along x or y, of the peak, 1 / px^3: what an
+    /// interpolation on other knots errs by.
+    #[must_use]
+    pub fn third_step(&self) -> f64 {
+        self.third_step
+    }
+
+    /// Share of the light outside a square footprint of half-width `half_px + 1/2` px (upper bound over all places of
+    /// the star on its pixel).
+    #[must_use]
+    pub fn lost_flux(&self, half_px: usize) -> f64 {
+        self.lost.get(half_px).or(self.lost.last()).copied().unwrap_or(1.0)
+    }
+
+    /// Share of the light in the pixel whose centre lies (`x_px`, `y_px`) from the star.
+    #[must_use]
+    pub fn pixel(&self, x_px: f64, y_px: f64) -> f64 {
+        let reach = self.half_px as f64 + 0.5;
+        // Negated, so that what is no number is outside.
+        if !(x_px.abs() <= reach && y_px.abs() <= reach) {
+            return 0.0;
+        }
+        let last = (Self::side_of(self.oversampling, self.half_px) - 1) as f64;
+        let at = |v: f64| (v * self.oversampling as f64 + 0.5 * last).clamp(0.0, last);
+        self.spline.at(at(x_px), at(y_px))
+    }
+
+    /// Spline coefficient `column`, `row` steps of the grid from the star; beyond the grid's margin of one, 0.
+    #[must_use]
+    pub fn coefficient(&self, column: isize, row: isize) -> f64 {
+        let middle = (self.stride() / 2).cast_signed();
+        let at = |i: isize| usize::try_from(i + middle).ok().filter(|i| *i < self.stride());
+        match (at(column), at(row)) {
+            (Some(column), Some(row)) => self.spline.coefficients[row * self.stride() + column],
+            _ => 0.0,
+        }
+    }
+
+    /// Coefficients along each side.
+    fn stride(&self) -> usize {
+        Self::side_of(self.oversampling, self.half_px) + 2
+    }
+
+    /// Highest value about the highest sample.
+    fn highest_near(&self, samples: &[f64]) -> f64 {
+        const PARTS: i32 = 8;
+        let side = Self::side_of(self.oversampling, self.half_px);
+        let best = (0..samples.len()).max_by(|a, b| samples[*a].total_cmp(&samples[*b])).unwrap_or(0);
+        let place = |i: usize, part: i32| {
+            (i as f64 - (side / 2) as f64 + f64::from(part) / f64::from(PARTS)) / self.oversampling as f64
+        };
+        let parts = (-PARTS..=PARTS).flat_map(|y| (-PARTS..=PARTS).map(move |x| (x, y)));
+        parts.map(|(x, y)| self.pixel(place(best % side, x), place(best / side, y))).fold(0.0, f64::max)
+    }
+
+    /// Largest fourth difference of the coefficients along x or y, 1 / px^3.
+    fn largest_third_step(&self) -> f64 {
+        let (c, stride) = (&self.spline.coefficients, self.stride());
+        let mut most = 0.0_f64;
+        for (at, middle) in c.iter().enumerate() {
+            for (step, place) in [(1, at % stride), (stride, at / stride)] {
+                if place >= 2 && place + 2 < stride {
+                    let sides = c[at - 2 * step] + c[at + 2 * step] - 4.0 * (c[at - step] + c[at + step]);
+                    most = most.max((sides + 6.0 * middle).abs());
+                }
+            }
+        }
+        most * (self.oversampling as f64).powi(3)
+    }
+
+    /// Largest second derivative in any direction at any sample, 1 / px^2.
+    fn sharpest_curvature(&self) -> f64 {
+        let (stride, side) = (self.stride(), Self::side_of(self.oversampling, self.half_px));
+        let per_px2 = (self.oversampling as f64).powi(2);
+        // Value, slope and curvature of the spline at a knot.
+        const B: [[f64; 3]; 3] = [[1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0], [-0.5, 0.0, 0.5], [1.0, -2.0, 1.0]];
+        let mut sharpest = 0.0_f64;
+        for row in 0..side {
+            for column in 0..side {
+                let along = |by: usize, bx: usize| {
+                    let mut sum = 0.0;
+                    for (m, by) in B[by].iter().enumerate() {
+                        let at = (row + m) * stride + column;
+                        let line = &self.spline.coefficients[at..at + 3];
+                        sum += by * line.iter().zip(B[bx]).map(|(c, bx)| c * bx).sum::<f64>();
+                    }
+                    sum
+                };
+                let (xx, yy, xy) = (along(0, 2), along(2, 0), along(1, 1));
+                let (mean, spread) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
+                sharpest = sharpest.max(mean.abs() + spread);
+            }
+        }
+        sharpest * per_px2
+    }
+}
+
+/// Trapezoidal sum over the grid: the mean, over all places of the star on its pixel, of the light on its pixels.
+fn flux_of(samples: &[f64], side: usize, oversampling: usize) -> f64 {
+    let weight = |i: usize| if i == 0 || i + 1 == side { 0.5 } else { 1.0 };
+    let rows = samples.chunks_exact(side).enumerate();
+    let sum: f64 =
+        rows.map(|(y, row)| weight(y) * row.iter().enumerate().map(|(x, v)| weight(x) * v).sum::<f64>()).sum();
+    sum / (oversampling * oversampling) as f64
+}
+
+/// What footprints of half-width 0, 1, ... `half_px` lose at most, over the places of the star that the grid has.
+fn lost_by_half_width(samples: &[f64], side: usize, oversampling: usize, half_px: usize) -> Vec<f64> {
+    let mut lost = vec![0.0_f64; half_px + 1];
+    for (phase_y, phase_x) in (0..=oversampling).flat_map(|y| (0..=oversampling).map(move |x| (y, x))) {
+        let value = |column: usize, row: usize| {
+            samples[(phase_y + row * oversampling) * side + phase_x + column * oversampling]
+        };
+        let mut inside = 0.0;
+        for (half, lost) in lost.iter_mut().enumerate() {
+            let (low, high) = (half_px - half, half_px + half);
+            // The ring of pixels that this half-width adds.
+            inside += (low..=high).map(|x| value(x, low)).sum::<f64>();
+            if half > 0 {
+                inside += (low..=high).map(|x| value(x, high)).sum::<f64>();
+                inside += (low + 1..high).map(|y| value(low, y) + value(high, y)).sum::<f64>();
+            }
+            *lost = lost.max(1.0 - inside);
+        }
+    }
+    lost
+}
+
+/// The cubic B-spline with natural ends through an image, by sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spline {
+    /// Coefficients, with one more on every side.
+    coefficients: Vec<f64>,
+    columns: usize,
+    rows: usize,
+}
+
+impl Spline {
+    /// Through samples, row by row, `columns` in each.
+    #[must_use]
+    pub fn new(samples: &[f64], columns: usize) -> Self {
+        let rows = samples.len() / columns;
+        let stride = columns + 2;
+        let mut out = vec![0.0; stride * (rows + 2)];
+        for (row, line) in samples.chunks_exact(columns).enumerate() {
+            natural(line.iter().copied(), &mut out[(row + 1) * stride..(row + 2) * stride]);
+        }
+        let mut column = vec![0.0; rows + 2];
+        for x in 0..stride {
+            natural((1..=rows).map(|y| out[y * stride + x]), &mut column);
+            for (y, value) in column.iter().enumerate() {
+                out[y * stride + x] = *value;
+            }
+        }
+        Self { coefficients: out, columns, rows }
+    }
+
+    /// Its value at a place counted in samples from the first; 0 outside.
+    #[must_use]
+    pub fn at(&self, x: f64, y: f64) -> f64 {
+        // Negated, so that what is no number is outside.
+        let inside = |v: f64, n: usize| v >= 0.0 && v <= n as f64 - 1.0;
+        if !inside(x, self.columns) || !inside(y, self.rows) {
+            return 0.0;
+        }
+        let ((first_x, wx), (first_y, wy)) = (taps(x, self.columns), taps(y, self.rows));
+        let stride = self.columns + 2;
+        let mut sum = 0.0;
+        for (m, wy) in wy.iter().enumerate() {
+            let at = (first_y + m) * stride + first_x;
+            let row = &self.coefficients[at..at + 4];
+            sum += wy * row.iter().zip(wx).map(|(c, wx)| c * wx).sum::<f64>();
+        }
+        sum
+    }
+}
+
+/// First of four coefficients along an axis of `n` samples, and their weights.
+fn taps(at: f64, n: usize) -> (usize, [f64; 4]) {
+    // The last interval holds its own end.
+    let j = at.floor().clamp(0.0, n as f64 - 2.0);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the samples")]
+    (j as usize, weights(at - j))
+}
+
+/// One axis: `(c[i - 1] + 4 c[i] + c[i + 1]) / 6 = f[i]` with a vanishing second derivative at both ends, where
+/// therefore `c = f`; by elimination.
+fn natural(samples: impl Iterator<Item = f64>, out: &mut [f64]) {
+    let last = out.len() - 2;
+    for (c, f) in out[1..=last].iter_mut().zip(samples) {
+        *c = f;
+    }
+    let mut gains = vec![0.0; last];
+    for i in 2..last {
+        let below = 1.0 / (4.0 - gains[i - 1]);
+        gains[i] = below;
+        out[i] = (6.0 * out[i] - out[i - 1]) * below;
+    }
+    for i in (2..last).rev() {
+        out[i] -= gains[i] * out[i + 1];
+    }
+    out[0] = 2.0 * out[1] - out[2];
+    out[last + 1] = 2.0 * out[last] - out[last - 1];
+}
+
+/// Weights of the coefficients at offsets -1, 0, 1, 2 for a point a share `t` in [0, 1] past offset 0.
+fn weights(t: f64) -> [f64; 4] {
+    let r = 1.0 - t;
+    [r * r * r / 6.0, (4.0 - 3.0 * t * t * (2.0 - t)) / 6.0, (4.0 - 3.0 * r * r * (2.0 - r)) / 6.0, t * t * t / 6.0]
+}
+
+/// Sigma of the Gaussian whose pixel integral is, where it is sharpest, curved like this, of its peak, 1 / px^2; by
+/// bisection.
+fn core_sigma_px(curvature: f64) -> f64 {
+    const STEPS: i32 = 64;
+    let of_gaussian = |sigma: f64| {
+        // The density's slope, at both edges of the pixel.
+        let slope = |x: f64| -x * (-0.5 * (x / sigma).powi(2)).exp() / (sigma.powi(3) * (2.0 * PI).sqrt());
+        let second = |x: f64| (slope(x + 0.5) - slope(x - 0.5)).abs();
+        let most = (0..=STEPS).map(|i| second(f64::from(i) / f64::from(STEPS))).fold(0.0, f64::max);
+        most / gaussian::cell(0.0, sigma)
+    };
+    let (mut low, mut high) = (LEAST_CORE_PX, LARGEST_HALF_PX as f64);
+    for _ in 0..50 {
+        let middle = 0.5 * (low + high);
+        if of_gaussian(middle) > curvature { low = middle } else { high = middle }
+    }
+    low
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An elongated Gaussian off its centre: nothing about it is symmetric.
+    fn skewed(x: f64, y: f64) -> f64 {
+        gaussian::cell(x - 0.3, 0.9) * gaussian::cell(y + 0.2, 0.6)
+    }
+
+    #[test]
+    fn the_spline_goes_through_its_samples_and_between_them_errs_by_the_fourth_order() {
+        let worst = |oversampling: usize| {
+            let grid = PsfGrid::sampled(oversampling, 6, skewed).unwrap();
+            let mut worst = [0.0_f64; 2];
+            for k in -600..=600 {
+                let (x, y) = (f64::from(k) * 0.01, f64::from(k % 97) * 0.05);
+                worst[1] = worst[1].max((grid.pixel(x, y) - skewed(x, y)).abs());
+            }
+            for k in -6..=6 {
+                let at = f64::from(k) / oversampling as f64;
+                worst[0] = worst[0].max((grid.pixel(at, -2.0 * at) - skewed(at, -2.0 * at)).abs());
+            }
+            worst
+        };
+        let (coarse, fine) = (worst(4), worst(8));
+        assert!(coarse[0] < 1e-14 && fine[0] < 1e-14, "at the samples: {coarse:?} {fine:?}");
+        // h^4 f'''' / 384 along both axes; the narrower one has 3 / (0.36 + 1/12)^2 of the peak.
+        let bound = 1.4 * 15.2 / 384.0 / 4096.0 * skewed(0.3, -0.2);
+        assert!(fine[1] < bound && fine[1] > 0.1 * bound, "{:e} against {bound:e}", fine[1]);
+        assert!(coarse[1] > 10.0 * fine[1], "fourth order: {coarse:?} {fine:?}");
+    }
+
+    #[test]
+    fn x_goes_right_and_y_goes_down() {
+        let grid = PsfGrid::sampled(8, 5, skewed).unwrap();
+        assert!((grid.pixel(1.3, 0.4) - skewed(1.3, 0.4)).abs() < 1e-5);
+        assert!((grid.pixel(0.4, 1.3) - skewed(1.3, 0.4)).abs() > 1e-2, "transposed, it is another");
+    }
+
+    #[test]
+    fn it_ends_where_the_grid_ends() {
+        let wide = PsfGrid::sampled(4, 2, |x, y| gaussian::cell(x, 1.5) * gaussian::cell(y, 1.5)).unwrap();
+        let edge = gaussian::cell(2.5, 1.5) * gaussian::cell(0.0, 1.5);
+        assert!((wide.pixel(2.5, 0.0) - edge).abs() < 1e-15, "{} {edge}", wide.pixel(2.5, 0.0));
+        for (x, y) in [(2.500_001, 0.0), (0.0, -2.500_001), (f64::NAN, 0.0), (f64::INFINITY, 0.0)] {
+            assert_eq!(wide.pixel(x, y), 0.0, "{x} {y}");
+        }
+    }
+
+    #[test]
+    fn peak_flux_core_and_lost_light_are_those_of_the_gaussian_it_was_made_of() {
+        let sigma = 0.8;
+        let grid = PsfGrid::sampled(8, 7, |x, y| gaussian::cell(x, sigma) * gaussian::cell(y, sigma)).unwrap();
+        assert!((grid.peak() / gaussian::cell(0.0, sigma).powi(2) - 1.0).abs() < 1e-4, "{}", grid.peak());
+        assert!((grid.flux() - 1.0).abs() < 1e-9, "{}", grid.flux());
+        assert!((grid.core_sigma_px() / sigma - 1.0).abs() < 0.01, "{}", grid.core_sigma_px());
+        for half in 1..=4_usize {
+            // Worst half a pixel off in both axes.
+            let on = |i: i32| gaussian::cell(f64::from(i) - 0.5, sigma);
+            let inside: f64 = (-(half as i32)..=half as i32).map(on).sum();
+            let (lost, exact) = (grid.lost_flux(half), 1.0 - inside * inside);
+            assert!((lost - exact).abs() < 1e-12, "half {half}: {lost:e} against {exact:e}");
+        }
+        let narrow = PsfGrid::sampled(8, 7, skewed).unwrap();
+        assert!((narrow.core_sigma_px() / 0.6 - 1.0).abs() < 0.02, "the narrower axis: {}", narrow.core_sigma_px());
+    }
+
+    #[test]
+    fn what_is_no_psf_is_refused() {
+        let good = |x: f64, y: f64| gaussian::cell(x, 0.8) * gaussian::cell(y, 0.8);
+        let refused = |oversampling, half_px, f: &dyn Fn(f64, f64) -> f64| {
+            PsfGrid::sampled(oversampling, half_px, f).expect_err("refused")
+        };
+        assert_eq!(refused(3, 5, &good), PsfGridError::Oversampling { got: 3 });
+        assert_eq!(refused(34, 5, &good), PsfGridError::Oversampling { got: 34 });
+        assert_eq!(refused(4, 0, &good), PsfGridError::HalfWidth { got: 0 });
+        assert_eq!(refused(4, 49, &good), PsfGridError::HalfWidth { got: 49 });
+        assert!(matches!(PsfGrid::new(4, 5, vec![0.0; 44]), Err(PsfGridError::Count { got: 44, side: 45, .. })));
+        let hole = |x: f64, y: f64| if x == 0.25 && y == -0.5 { f64::NAN } else { good(x, y) };
+        assert!(matches!(refused(4, 5, &hole), PsfGridError::NotFinite { column: 23, row: 20, .. }));
+        assert!(matches!(refused(4, 5, &|x, y| 3.0 * good(x, y)), PsfGridError::Flux { .. }));
+        assert!(matches!(refused(4, 5, &|x, y| 0.4 * good(x, y)), PsfGridError::Flux { .. }));
+        let rim = |depth: f64| move |x: f64, y: f64| good(x, y) - if x > 5.4 { depth * good(0.0, 0.0) } else { 0.0 };
+        assert!(matches!(refused(4, 5, &rim(0.011)), PsfGridError::Negative { .. }));
+        assert!(PsfGrid::sampled(4, 5, rim(0.009)).is_ok(), "a little below zero is noise");
+    }
+}

@@ -1,0 +1,149 @@
+//! The radiometry a camera chose: magnitude and colour -> electrons of one exposure.
+//!
+//! | model | electrons from |
+//! |---|---|
+//! | [`StarLight::Parametric`] | zero-magnitude photons, mean transmission and QE, colour law in BP-RP; magnitudes in G |
+//! | [`StarLight::ParametricV`] | the same, with Johnson V (from G and BP-RP) as the magnitude |
+//! | [`StarLight::Band`] | transmission(lambda) x QE(lambda), integrated over the star's spectrum |
+//! | [`StarLight::Grey`] | a linear grey mapping, independent of exposure and aperture |
+//!
+//! Off the frame path nothing is kept but this value; on it a star costs one `powf` and at most one look-up.
+
+use crate::optics::band::BandRadiometry;
+use crate::optics::grey_map::GreyMap;
+use crate::optics::photometry_v::mag_v;
+use crate::optics::radiometry::Radiometry;
+
+/// Brightest and faintest G between which a star of so many electrons is looked for.
+const MAG_RANGE: (f64, f64) = (-30.0, 40.0);
+/// Halvings of that range: to 1e-13 mag.
+const HALVINGS: usize = 50;
+
+/// Magnitude to electrons.
+#[derive(Debug, Clone, PartialEq)]
+pub enum StarLight {
+    /// A few numbers; magnitudes in Gaia G.
+    Parametric(Radiometry),
+    /// A few numbers; magnitudes in Johnson V.
+    ParametricV(Radiometry),
+    /// An instrument band.
+    Band(BandRadiometry),
+    /// Linear grey mapping.
+    Grey(GreyMap),
+}
+
+impl From<Radiometry> for StarLight {
+    fn from(radiometry: Radiometry) -> Self {
+        Self::Parametric(radiometry)
+    }
+}
+
+impl StarLight {
+    /// Electrons a star of this G and BP-RP leaves on the detector during one exposure.
+    #[must_use]
+    pub fn electrons(&self, mag_g: f64, bp_rp: f64, exposure_s: f64) -> f64 {
+        match self {
+            Self::Parametric(radiometry) => radiometry.electrons(mag_g, bp_rp, exposure_s),
+            Self::ParametricV(radiometry) => radiometry.electrons(mag_v(mag_g, bp_rp), bp_rp, exposure_s),
+            Self::Band(band) => band.electrons(mag_g, bp_rp, exposure_s),
+            Self::Grey(map) => map.electrons(mag_g),
+        }
+    }
+
+    /// Instrument magnitude: 0 for the zero point's electrons; G itself under a grey mapping.
+    #[must_use]
+    pub fn mag_instrument(&self, mag_g: f64, bp_rp: f64) -> f64 {
+        match self {
+            Self::Parametric(radiometry) => radiometry.mag_instrument(mag_g, bp_rp),
+            Self::ParametricV(radiometry) => radiometry.mag_instrument(mag_v(mag_g, bp_rp), bp_rp),
+            Self::Band(band) => band.mag_instrument(mag_g, bp_rp),
+            Self::Grey(_) => mag_g,
+        }
+    }
+
+    /// Electrons per second of a star of instrument magnitude 0; `None` where electrons do not follow the exposure.
+    #[must_use]
+    pub fn zero_point_e_per_s(&self) -> Option<f64> {
+        match self {
+            Self::Parametric(radiometry) | Self::ParametricV(radiometry) => Some(radiometry.zero_point_e_per_s()),
+            Self::Band(band) => Some(band.zero_point_e_per_s()),
+            Self::Grey(_) => None,
+        }
+    }
+
+    /// G of the star of this colour that leaves so many electrons; `None` when none does.
+    #[must_use]
+    pub fn mag_g_of_electrons(&self, electrons: f64, bp_rp: f64, exposure_s: f64) -> Option<f64> {
+        let of = |mag_g: f64| self.electrons(mag_g, bp_rp, exposure_s);
+        let (mut bright, mut faint) = MAG_RANGE;
+        if !(of(faint)..=of(bright)).contains(&electrons) {
+            return None;
+        }
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (bright + faint);
+            if of(middle) >= electrons { bright = middle } else { faint = middle }
+        }
+        Some(0.5 * (bright + faint))
+    }
+}
+
+/// Electrons per second and pixel of a sky of this surface brightness (instrument magnitudes per square arcsecond), with
+/// pixels of `ifov_arcsec` squared: `zero_point 10^(-0.4 mu) ifov^2`.
+#[must_use]
+pub fn surface_brightness_e_per_s_px(zero_point_e_per_s: f64, mag_per_arcsec2: f64, ifov_arcsec: f64) -> f64 {
+    zero_point_e_per_s * 10_f64.powf(-0.4 * mag_per_arcsec2) * ifov_arcsec * ifov_arcsec
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optics::grey_map::GreyScale;
+
+    fn plain() -> Radiometry {
+        Radiometry {
+            zero_magnitude_photons_per_s_m2: 3.2e10,
+            aperture_mm: 50.0,
+            obscuration: 0.0,
+            transmission: 0.8,
+            quantum_efficiency: 0.5,
+            color_c1: 0.1,
+            color_c2: 0.0,
+        }
+    }
+
+    #[test]
+    fn magnitudes_are_found_again_from_electrons() {
+        for light in [StarLight::Parametric(plain()), StarLight::ParametricV(plain())] {
+            for (mag, color) in [(-1.0, 0.0), (6.5, 1.2), (22.0, 3.0)] {
+                let found = light.mag_g_of_electrons(light.electrons(mag, color, 0.3), color, 0.3).unwrap();
+                assert!((found - mag).abs() < 1e-10, "{found}");
+            }
+        }
+        let grey = StarLight::Grey(GreyMap {
+            brightest_mag: 1.0,
+            faintest_mag: 7.0,
+            brightest_grey_dn: 1000.0,
+            faintest_grey_dn: 10.0,
+            scale: GreyScale::Magnitude,
+            gain_e_per_dn: 2.0,
+        });
+        assert!((grey.mag_g_of_electrons(1010.0, 0.0, 0.1).unwrap() - 4.0).abs() < 1e-10);
+        assert_eq!(grey.mag_g_of_electrons(19.0, 0.0, 0.1), None, "below the faintest grey");
+        assert_eq!(grey.mag_g_of_electrons(2001.0, 0.0, 0.1), None, "above the brightest grey");
+    }
+
+    #[test]
+    fn a_zero_point_in_v_counts_red_stars_as_fainter() {
+        let (g, v) = (StarLight::Parametric(plain()), StarLight::ParametricV(plain()));
+        let ratio = v.electrons(6.0, 1.5, 0.1) / g.electrons(6.0, 1.5, 0.1);
+        let by_hand = 10_f64.powf(0.4 * (-0.02704 + 0.01424 * 1.5 - 0.2156 * 2.25 + 0.01426 * 3.375));
+        assert!((ratio / by_hand - 1.0).abs() < 1e-12, "{ratio}");
+    }
+
+    #[test]
+    fn a_sky_of_one_magnitude_is_a_star_spread_over_its_area() {
+        let one = surface_brightness_e_per_s_px(1e9, 22.0, 1.0);
+        assert!((one / (1e9 * 10_f64.powf(-8.8)) - 1.0).abs() < 1e-14, "one arcsec square");
+        assert!((surface_brightness_e_per_s_px(1e9, 22.0, 3.0) / one - 9.0).abs() < 1e-12);
+    }
+}

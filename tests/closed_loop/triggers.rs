@@ -1,0 +1,150 @@
+//! Triggers of the flight computer: each acts once, in the frame that its instant falls into, and again in a replay.
+
+use crate::bench::{built_in, start};
+use firmware_protocol::can::{Decoder, IdMap};
+use starloop::base::clock::{Clock, Virtual};
+use starloop::base::time::{Span, Tai};
+use starloop::config::Bench;
+use starloop::link::capture::{CaptureFormat, CaptureReader, CapturedPacket, Direction};
+use starloop::link::simulated::simulated_pair;
+use starloop::link::tap::Capture;
+use starloop::link::{Packet, Port, Stamped};
+use starloop::runtime::ledger::Event;
+use starloop::runtime::receiver::Receiver;
+use starloop::runtime::{EventKind, FrameEngine, Ledger, RunOutcome, virtual_time};
+use starloop::sink::NullSink;
+use starloop::testbed::flight_computer::{FlightComputer, TriggerAnswers};
+use starloop::wiring::bench_parts;
+use std::sync::Arc;
+
+/// Two seconds of time marks: how well an instant of the far clock is known here.
+const CLOCK: Span = Span::from_ns(100_000);
+
+/// When it is sent, its number, when it acts; seconds after the start.
+type Sent = (f64, u16, Option<f64>);
+
+/// Sent at once and ahead, in another order than that in which they act; the last but one comes after its instant, the last
+/// acts after the run.
+const SENT: [Sent; 6] = [
+    (1.52, 7, None),
+    (1.60, 40_000, Some(3.02)),
+    (1.61, 3, Some(2.33)),
+    (1.62, 3, Some(2.33)),
+    (2.55, 9, Some(1.25)),
+    (2.60, 10, Some(60.0)),
+];
+
+struct Flown {
+    outcome: RunOutcome,
+    answers: TriggerAnswers,
+    captured: Vec<CapturedPacket>,
+    engine: FrameEngine,
+    start: Tai,
+}
+
+fn receiver(bench: &Bench, start: Tai) -> Receiver {
+    let params = bench_parts::run_params(bench, start).unwrap();
+    Receiver::new(params.attitude).unwrap().with_session(bench_parts::session_params(bench))
+}
+
+fn fly(bench: &Bench, sent: &[Sent]) -> Flown {
+    let start = start(bench);
+    let mut engine = FrameEngine::new(bench_parts::run_params(bench, start).unwrap()).unwrap();
+    let mut receiver = receiver(bench, start);
+    let clock = Arc::new(Virtual::new(start));
+    let shared: Arc<dyn Clock> = clock.clone();
+    let (bus, format) = bench_parts::bus(bench);
+    let ids = IdMap::new(0, 0).unwrap();
+    let (near, far) = simulated_pair(bus, &shared);
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let capture = Capture::start(Box::new(file.reopen().unwrap()), CaptureFormat::Pcapng, true).unwrap();
+    let mut near = Port::new(Box::new(capture.tap(Box::new(near))), format, ids);
+    let mut far = Port::new(Box::new(far), format, ids);
+    let mut computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
+    let mut left = sent.iter();
+    let mut next = left.next();
+    let outcome = virtual_time::run(
+        &mut engine,
+        &mut receiver,
+        &mut near,
+        &clock,
+        &mut NullSink::new(),
+        &mut |now| {
+            while let Some((_, number, at_s)) = next.filter(|(s, ..)| start + Span::from_s(*s) <= now) {
+                computer.send_trigger(*number, at_s.map(|s| start + Span::from_s(s)), now).unwrap();
+                next = left.next();
+            }
+            computer.step(now, &mut far)?;
+            Ok(computer.next_due())
+        },
+        &mut |_, _| true,
+    );
+    assert!(outcome.error.is_none(), "{:?}", outcome.error.map(|error| error.to_string()));
+    assert_eq!(capture.finish().lost, 0);
+    let mut reader = CaptureReader::new(file.reopen().unwrap()).unwrap();
+    let captured = core::iter::from_fn(|| reader.read().unwrap()).collect();
+    Flown { outcome, answers: computer.trigger_answers(), captured, engine, start }
+}
+
+/// Instant and frame of the triggers that acted.
+fn fired(ledger: &Ledger) -> Vec<(Tai, u32)> {
+    let is_fired = |event: &&Event| event.kind == EventKind::TriggerFired;
+    ledger.last().filter(is_fired).map(|event| (event.at, event.frame.unwrap())).collect()
+}
+
+fn only_triggers(ledger: &Ledger) -> [u64; 4] {
+    let kinds = [EventKind::TriggerTaken, EventKind::TriggerLate, EventKind::TriggerFired, EventKind::TriggerForgotten];
+    kinds.map(|kind| ledger.count(kind))
+}
+
+#[test]
+fn triggers_act_once_each_in_the_frame_of_their_instant() {
+    let flown = fly(&built_in(4.0), &SENT);
+    assert_eq!(flown.answers, TriggerAnswers { taken: 6, late: 1, refused: 0 });
+    assert_eq!(only_triggers(&flown.outcome.record.ledger), [5, 1, 5, 0]);
+    let told = fired(&flown.outcome.record.ledger);
+    // Frames are exposed from 1 s on, every 0.1 s.
+    for ((at, frame), wanted_s) in told.iter().zip([1.52, 2.33, 2.33, 2.55, 3.02]) {
+        let off = *at - (flown.start + Span::from_s(wanted_s));
+        // At once and late is on arrival: behind the sending step, and the bus.
+        let most = if [1.52, 2.55].contains(&wanted_s) { Span::from_ms(11) } else { CLOCK };
+        assert!(off.ns().abs() < most.ns(), "{wanted_s} s: {} us off", off.ns() / 1000);
+        let slot = flown.engine.slot(*frame);
+        assert!(*at <= slot.release, "frame {frame} ends before {wanted_s} s");
+        assert!(*frame == 0 || *at > flown.engine.slot(frame - 1).release, "{wanted_s} s: an earlier one than {frame}");
+    }
+    assert_eq!(told.len(), 5, "the last one still waits");
+}
+
+#[test]
+fn a_captured_run_has_the_same_triggers_when_it_is_replayed() {
+    let bench = built_in(4.0);
+    let flown = fly(&bench, &SENT);
+    let replay = |packets: &[CapturedPacket]| {
+        let mut receiver = receiver(&bench, flown.start);
+        let (mut decoder, mut ledger) = (Decoder::new(IdMap::default()), Ledger::default());
+        let received = packets.iter().filter(|packet| packet.direction == Direction::Received);
+        let mut messages = received.filter_map(|captured| match captured.packet {
+            Packet::Can(frame) => decoder.read(&frame).unwrap().map(|value| Stamped { at: captured.at, value }),
+            Packet::Serial(_) => None,
+        });
+        let mut next = messages.next();
+        let mut numbers = Vec::new();
+        for slot in (0..flown.engine.params().frames).map(|number| flown.engine.slot(number)) {
+            while let Some(message) = next.filter(|message| message.at <= slot.release) {
+                receiver.accept(&message, &mut ledger);
+                next = messages.next();
+            }
+            receiver.fire_triggers(slot, &mut ledger, &mut |fired| numbers.push(fired.number));
+        }
+        (numbers, fired(&ledger))
+    };
+    let (numbers, told) = replay(&flown.captured);
+    assert_eq!(numbers, [7, 3, 3, 9, 40_000]);
+    assert_eq!(told, fired(&flown.outcome.record.ledger), "the same instants to the nanosecond, in the same frames");
+    // Negative control: the first trigger's frame is missing (6 is its opcode, at node 0).
+    let is_trigger = |captured: &CapturedPacket| matches!(captured.packet, Packet::Can(frame) if frame.id() == 0x600 && frame.data()[0] == 6);
+    let mut missing = flown.captured.clone();
+    missing.remove(missing.iter().position(is_trigger).unwrap());
+    assert_eq!(replay(&missing).0, [3, 3, 9, 40_000]);
+}
