@@ -181,14 +181,12 @@ impl Reader<'_, '_> {
     fn storm(&self) -> Result<ProtonStorm, ConfigError> {
         let keys = self.keys;
         let flux = "protons per square centimetre and second";
-        let beam = |name, given: Option<f64>, most: f64| {
-            let angle = "degrees: a beam from there; from all sides when neither angle is given";
-            self.required(name, given.or(Some(0.0)), Rule::Within(-most, most), angle)
-        };
+        let angle = "degrees: a beam from there; from all sides when neither angle is given";
         let is_beam = keys.incidence_deg.is_some() || keys.azimuth_deg.is_some();
+        let (incidence, azimuth) = (keys.incidence_deg.unwrap_or(0.0), keys.azimuth_deg.unwrap_or(0.0));
         let angles = [
-            beam("incidence_deg", keys.incidence_deg.map(f64::abs), 89.9)?,
-            beam("azimuth_deg", keys.azimuth_deg, 360.0)?,
+            self.required("incidence_deg", Some(incidence), Rule::Within(0.0, 89.9), angle)?,
+            self.required("azimuth_deg", Some(azimuth), Rule::Within(-360.0, 360.0), angle)?,
         ];
         Ok(ProtonStorm {
             per_cm2_s: self.required("per_cm2_s", keys.per_cm2_s, Rule::PositiveUpTo(1e9), flux)?,

@@ -58,7 +58,7 @@ fn fly(scenario: &Scenario) -> (Vec<Seen>, Mode, LoopOutcome) {
 
 /// Begin and end in seconds, name and number of every fault of the scenario, written down by hand; frames are 0.5 s apart
 /// and exposed for 0.1 s.
-const FAULTS: [(f64, f64, &str, u16); 9] = [
+const FAULTS: [(f64, f64, &str, u16); 11] = [
     (150.0, 170.0, "false_stars", 1),
     (180.0, 200.0, "frame_bit_flip", 2),
     (210.0, 240.0, "stray_light_ramp", 3),
@@ -68,6 +68,8 @@ const FAULTS: [(f64, f64, &str, u16); 9] = [
     (335.0, 350.0, "missing_stars", 7),
     (355.0, 365.0, "missing_bright_stars", 8),
     (375.0, 395.0, "saturation", 9),
+    (405.0, 415.0, "hot_pixels", 10),
+    (418.0, 428.0, "proton_storm", 11),
 ];
 
 #[test]
@@ -95,7 +97,7 @@ fn every_frame_names_its_faults_and_shows_them() {
     assert_eq!(faults.len(), FAULTS.len());
     assert!(faults.iter().all(|(name, hits)| *hits == frames(name) as u64 && *hits > 0), "{faults:?}");
     let count = |kind| outcome.record.ledger.count(kind);
-    assert_eq!((count(EventKind::Fault), count(EventKind::FaultOver)), (9, 9), "begin and end of each");
+    assert_eq!((count(EventKind::Fault), count(EventKind::FaultOver)), (11, 11), "begin and end of each");
 }
 
 /// Stray light, dark current, flood and defocus are in the pixels.
@@ -114,6 +116,10 @@ fn check_light<'a>(at: &impl Fn(f64) -> &'a Seen) {
     assert!(at(380.0).mean_dn > 4050.0, "flooded: {}", at(380.0).mean_dn);
     assert!(f64::from(at(260.0).largest_dn) - 100.0 < 0.5 * (f64::from(at(245.0).largest_dn) - 100.0), "wider spots");
     assert!((at(260.0).mean_dn - at(245.0).mean_dn).abs() < 0.3, "with the same light");
+    // Forty of 65536 pixels with 5000 e- more.
+    let leak_dn = at(410.0).mean_dn - at(403.0).mean_dn;
+    assert!((leak_dn - 40.0 * 5e3 / gain / 65_536.0).abs() < 0.05, "{leak_dn} DN of hot pixels");
+    assert!((at(416.0).mean_dn - at(403.0).mean_dn).abs() < 0.05, "and none afterwards");
     // Each of 20 bits is worth 2048 DN, either way.
     assert!(at(190.0).largest_dn >= 2048 && at(190.0).mean_dn - quiet > 0.2, "{}", at(190.0).mean_dn - quiet);
 }
@@ -124,6 +130,9 @@ fn check_sources<'a>(at: &impl Fn(f64) -> &'a Seen) {
     let (before, with) = (at(145.0), at(160.0));
     assert_eq!((kinds(before, TruthKind::FalseStar), kinds(with, TruthKind::FalseStar)), (0, 30));
     assert!(with.meta.faults.contains(FaultFlags::FALSE_STARS));
+    // 100 per cm2 and s from all sides on 3.4 cm2 for 0.1 s: 17 on average.
+    let tracks = kinds(at(423.0), TruthKind::ProtonTrack);
+    assert!((3..=40).contains(&tracks) && kinds(at(430.0), TruthKind::ProtonTrack) == 0, "{tracks} tracks");
     let stars = kinds(before, TruthKind::Star);
     assert!(stars.abs_diff(kinds(with, TruthKind::Star)) <= 2, "the others are where they were");
     let brightest = |seen: &Seen| {

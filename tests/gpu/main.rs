@@ -13,6 +13,7 @@ mod detector;
 mod device;
 mod drawing;
 mod overflow;
+mod overlap;
 mod passes;
 mod repeat;
 mod scene;

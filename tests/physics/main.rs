@@ -13,6 +13,7 @@ mod frames;
 mod measure;
 mod noise;
 mod photon_transfer;
+mod overlap;
 mod poisson_methods;
 mod psf_models;
 mod random_scenes;
