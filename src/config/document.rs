@@ -10,7 +10,7 @@ use std::sync::Arc;
 use toml::de::{DeTable, DeValue};
 
 /// Configurations that are part of the binary, by their path below `configs/`.
-const BUILT_IN: [(&str, &str); 39] = [
+const BUILT_IN: [(&str, &str); 40] = [
     ("benches/loopback.toml", include_str!("../../configs/benches/loopback.toml")),
     ("benches/cubesat.toml", include_str!("../../configs/benches/cubesat.toml")),
     ("benches/bench_20hz.toml", include_str!("../../configs/benches/bench_20hz.toml")),
@@ -41,6 +41,7 @@ const BUILT_IN: [(&str, &str); 39] = [
     ("scenarios/bus_dropouts.toml", include_str!("../../configs/scenarios/bus_dropouts.toml")),
     ("scenarios/bus_faults.toml", include_str!("../../configs/scenarios/bus_faults.toml")),
     ("scenarios/fine_pointing.toml", include_str!("../../configs/scenarios/fine_pointing.toml")),
+    ("scenarios/imaging_faults.toml", include_str!("../../configs/scenarios/imaging_faults.toml")),
     ("scenarios/no_tracker.toml", include_str!("../../configs/scenarios/no_tracker.toml")),
     ("scenarios/slew_and_settle.toml", include_str!("../../configs/scenarios/slew_and_settle.toml")),
     ("scenarios/stray_light.toml", include_str!("../../configs/scenarios/stray_light.toml")),

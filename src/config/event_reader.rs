@@ -6,8 +6,9 @@ use crate::config::check::{Checker, Rule};
 use crate::config::error::ConfigError;
 use crate::config::event::{Action, GyroFaultKind, Pointing};
 use crate::config::event_word::{EventKeys, Kind};
+use crate::detector::protons::stopping_power::DOMAIN_MEV;
 use crate::link::tap::LinkFault;
-use crate::sink::{FaultPixels, FrameFault};
+use crate::sink::{DefectSpots, FaultPixels, FrameFault, PixelFault, ProtonStorm};
 use glam::DVec3;
 
 /// Reads the keys of one event.
@@ -127,6 +128,29 @@ impl Reader<'_, '_> {
             Kind::MissingBrightStars => FrameFault::MissingBrightStars {
                 count: self.whole("count", keys.count, 100_000, "how many of the brightest stars")?,
             },
+            Kind::HotPixels => {
+                let e_per_s =
+                    self.required("e_per_s", keys.e_per_s, Rule::PositiveUpTo(1e9), "electrons per second more")?;
+                FrameFault::Pixels { spots: self.spots()?, fault: PixelFault::Hot { e_per_s } }
+            }
+            Kind::DeadPixels => {
+                let response = self.required("response", keys.response.or(Some(0.0)), Rule::Within(0.0, 1.0), share)?;
+                FrameFault::Pixels { spots: self.spots()?, fault: PixelFault::Dead { response } }
+            }
+            Kind::RtsPixels => {
+                let e_per_s = self.required("e_per_s", keys.e_per_s, Rule::PositiveUpTo(1e9), "at the high level")?;
+                let time = |name, given: Option<f64>| {
+                    let mean = "mean seconds at this level; 1 if left out";
+                    self.required(name, given.or(Some(1.0)), Rule::Within(1e-3, 1e6), mean)
+                };
+                let (high_s, low_s) = (time("high_s", keys.high_s)?, time("low_s", keys.low_s)?);
+                FrameFault::Pixels { spots: self.spots()?, fault: PixelFault::Rts { e_per_s, high_s, low_s } }
+            }
+            Kind::StuckPixels => {
+                let dn = self.whole("dn", keys.dn, 65_535, "the digital number that they read")?;
+                FrameFault::Pixels { spots: self.spots()?, fault: PixelFault::Stuck { dn } }
+            }
+            Kind::ProtonStorm => FrameFault::Protons(self.storm()?),
             _ => FrameFault::Blank,
         })
     }
@@ -140,6 +164,40 @@ impl Reader<'_, '_> {
             given => self.whole("count", given, most, "how many at random")?,
         };
         Ok(FaultPixels { at, random })
+    }
+
+    /// Places of defects; one pixel at random when none is said.
+    fn spots(&self) -> Result<DefectSpots, ConfigError> {
+        let line = |name, given: Option<i64>| {
+            given.map(|line| self.whole(name, Some(line), 65_535, "its number, from 0")).transpose()
+        };
+        let (column, row) = (line("column", self.keys.column)?, line("row", self.keys.row)?);
+        let pixels = self.pixels(256)?;
+        let only_lines = self.keys.count.is_none() && (column.is_some() || row.is_some());
+        let random = if only_lines { 0 } else { pixels.random };
+        Ok(DefectSpots { pixels: FaultPixels { random, ..pixels }, column, row })
+    }
+
+    fn storm(&self) -> Result<ProtonStorm, ConfigError> {
+        let keys = self.keys;
+        let flux = "protons per square centimetre and second";
+        let angle = "degrees: a beam from there; from all sides when neither angle is given";
+        let is_beam = keys.incidence_deg.is_some() || keys.azimuth_deg.is_some();
+        let (incidence, azimuth) = (keys.incidence_deg.unwrap_or(0.0), keys.azimuth_deg.unwrap_or(0.0));
+        let angles = [
+            self.required("incidence_deg", Some(incidence), Rule::Within(0.0, 89.9), angle)?,
+            self.required("azimuth_deg", Some(azimuth), Rule::Within(-360.0, 360.0), angle)?,
+        ];
+        Ok(ProtonStorm {
+            per_cm2_s: self.required("per_cm2_s", keys.per_cm2_s, Rule::PositiveUpTo(1e9), flux)?,
+            energy_mev: self.required(
+                "energy_mev",
+                keys.energy_mev,
+                Rule::Within(DOMAIN_MEV[0], DOMAIN_MEV[1]),
+                "MeV",
+            )?,
+            beam_deg: is_beam.then_some(angles),
+        })
     }
 
     fn trigger(&self, name: &str, given: Option<i64>) -> Result<u16, ConfigError> {

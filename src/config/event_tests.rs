@@ -7,7 +7,7 @@ use crate::link::tap::LinkFault;
 const PERIOD: Span = Span::from_ms(100);
 
 /// A value that is right for each key.
-const VALUES: [(&str, &str); 29] = [
+const VALUES: [(&str, &str); 39] = [
     ("for_s", "2.0"),
     ("ra_deg", "84.0"),
     ("dec_deg", "-1.0"),
@@ -37,6 +37,16 @@ const VALUES: [(&str, &str); 29] = [
     ("by_k", "10.0"),
     ("full_wells", "2.0"),
     ("mag", "4.5"),
+    ("column", "7"),
+    ("row", "8"),
+    ("response", "0.25"),
+    ("high_s", "0.5"),
+    ("low_s", "4.0"),
+    ("dn", "4000"),
+    ("per_cm2_s", "100.0"),
+    ("energy_mev", "60.0"),
+    ("incidence_deg", "45.0"),
+    ("azimuth_deg", "30.0"),
 ];
 
 fn checked(word: &str, names: &[&str]) -> Result<Event, String> {
@@ -140,4 +150,68 @@ fn babble_and_clocks_have_edges() {
             assert!(of(sign * most * 1.001).unwrap_err().contains(key), "{word}");
         }
     }
+}
+
+fn timed(lines: &str) -> Result<Event, String> {
+    let document = Document::from_text(&format!("do = \"frame_blank\"\n{lines}"), Path::new("lab/event.toml"));
+    let keys: EventKeys = document.read_as().map_err(|error| error.to_string())?;
+    Event::check(&keys, 0, PERIOD, &mut Checker::new(&document)).map_err(|error| error.to_string())
+}
+
+#[test]
+fn an_event_begins_by_time_by_frame_or_by_trigger() {
+    let by_time = timed("at_s = 1.5\nfor_s = 2.0\n").unwrap();
+    assert_eq!((by_time.at, by_time.on_trigger, by_time.lasts), (Span::from_ms(1500), None, Span::from_ms(2000)));
+    let by_frame = timed("at_frame = 7\nfor_frames = 3\n").unwrap();
+    assert_eq!((by_frame.at, by_frame.lasts), (Span::from_ns(700_000_001), Span::from_ms(300)));
+    let by_trigger = timed("on_trigger = 4\nfor_s = 2.0\n").unwrap();
+    assert_eq!((by_trigger.at, by_trigger.on_trigger), (Span::ZERO, Some(4)));
+    assert_eq!(timed("on_trigger = 4\nat_s = 0.5\nfor_s = 2.0\n").unwrap().at, Span::from_ms(500), "after the trigger");
+}
+
+#[test]
+fn contradicting_times_are_refused() {
+    for (lines, wanted) in [
+        ("for_s = 2.0\n", "event[0].at_s is missing"),
+        ("at_s = 1.0\nat_frame = 7\nfor_s = 2.0\n", "event[0].at_s is given"),
+        ("on_trigger = 1\nat_frame = 7\nfor_s = 2.0\n", "event[0].at_frame is given"),
+        ("at_s = 1.0\nfor_s = 2.0\nfor_frames = 3\n", "event[0].for_s is given"),
+        ("at_s = 1.0\nfor_frames = 0\n", "event[0].for_frames is 0"),
+        ("at_s = 1.0\n", "event[0].for_s is missing"),
+        ("on_trigger = 70000\nfor_s = 2.0\n", "event[0].on_trigger"),
+        ("at_frame = -1\nfor_s = 2.0\n", "event[0].at_frame"),
+    ] {
+        let error = timed(lines).unwrap_err();
+        assert!(error.contains(wanted), "{lines}: {error}");
+    }
+    let document = Document::from_text("do = \"safe\"\non_trigger = 1\n", Path::new("lab/event.toml"));
+    let keys: EventKeys = document.read_as().unwrap();
+    let error = Event::check(&keys, 0, PERIOD, &mut Checker::new(&document)).unwrap_err().to_string();
+    assert!(error.contains("event[0].on_trigger is given"), "{error}");
+}
+
+#[test]
+fn defects_and_storms_are_read_as_they_are_given() {
+    use crate::sink::{DefectSpots, FaultPixels, FrameFault, PixelFault, ProtonStorm};
+    let fault = |word: &str, lines: &str| {
+        let text = format!("do = \"{word}\"\nat_s = 1.0\nfor_s = 2.0\n{lines}");
+        let document = Document::from_text(&text, Path::new("lab/event.toml"));
+        let keys: EventKeys = document.read_as().unwrap();
+        match Event::check(&keys, 0, PERIOD, &mut Checker::new(&document)).unwrap().action {
+            Action::Frame { fault, .. } => fault,
+            other => panic!("{other:?}"),
+        }
+    };
+    let none = FaultPixels { at: None, random: 0 };
+    let column = DefectSpots { pixels: none, column: Some(7), row: None };
+    let stuck = FrameFault::Pixels { spots: column, fault: PixelFault::Stuck { dn: 12 } };
+    assert_eq!(fault("stuck_pixels", "dn = 12\ncolumn = 7\n"), stuck);
+    let random = DefectSpots { pixels: FaultPixels { random: 1, ..none }, column: None, row: None };
+    let hot = FrameFault::Pixels { spots: random, fault: PixelFault::Hot { e_per_s: 5.0 } };
+    assert_eq!(fault("hot_pixels", "e_per_s = 5.0\n"), hot, "one pixel at random");
+    let all = ProtonStorm { per_cm2_s: 9.0, energy_mev: 60.0, beam_deg: None };
+    assert_eq!(fault("proton_storm", "per_cm2_s = 9.0\nenergy_mev = 60.0\n"), FrameFault::Protons(all));
+    let beam = ProtonStorm { beam_deg: Some([30.0, 0.0]), ..all };
+    let lines = "per_cm2_s = 9.0\nenergy_mev = 60.0\nincidence_deg = 30.0\n";
+    assert_eq!(fault("proton_storm", lines), FrameFault::Protons(beam));
 }

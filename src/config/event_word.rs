@@ -40,10 +40,20 @@ pub(super) struct EventKeys {
     pub(super) by_k: Option<f64>,
     pub(super) full_wells: Option<f64>,
     pub(super) mag: Option<f64>,
+    pub(super) column: Option<i64>,
+    pub(super) row: Option<i64>,
+    pub(super) response: Option<f64>,
+    pub(super) high_s: Option<f64>,
+    pub(super) low_s: Option<f64>,
+    pub(super) dn: Option<i64>,
+    pub(super) per_cm2_s: Option<f64>,
+    pub(super) energy_mev: Option<f64>,
+    pub(super) incidence_deg: Option<f64>,
+    pub(super) azimuth_deg: Option<f64>,
 }
 
 /// Every word for `do`, and what it is.
-pub(super) const ACTIONS: [(&str, Kind); 37] = [
+pub(super) const ACTIONS: [(&str, Kind); 42] = [
     ("slew", Kind::Slew),
     ("safe", Kind::Safe),
     ("resume", Kind::Resume),
@@ -74,6 +84,11 @@ pub(super) const ACTIONS: [(&str, Kind); 37] = [
     ("false_stars", Kind::FalseStars),
     ("missing_stars", Kind::MissingStars),
     ("missing_bright_stars", Kind::MissingBrightStars),
+    ("hot_pixels", Kind::HotPixels),
+    ("dead_pixels", Kind::DeadPixels),
+    ("rts_pixels", Kind::RtsPixels),
+    ("stuck_pixels", Kind::StuckPixels),
+    ("proton_storm", Kind::ProtonStorm),
     ("gyro_dropout", Kind::GyroDropout),
     ("gyro_stuck", Kind::GyroStuck),
     ("gyro_bias_jump", Kind::GyroBiasJump),
@@ -115,6 +130,11 @@ pub(super) enum Kind {
     FalseStars,
     MissingStars,
     MissingBrightStars,
+    HotPixels,
+    DeadPixels,
+    RtsPixels,
+    StuckPixels,
+    ProtonStorm,
     GyroDropout,
     GyroStuck,
     GyroBiasJump,
@@ -126,7 +146,7 @@ pub(super) enum Kind {
 
 impl EventKeys {
     /// Every key that belongs to some words only, and whether it is given.
-    pub(super) fn given(&self) -> [(&'static str, bool); 29] {
+    pub(super) fn given(&self) -> [(&'static str, bool); 39] {
         [
             ("for_s", self.for_s.is_some()),
             ("ra_deg", self.ra_deg.is_some()),
@@ -157,6 +177,16 @@ impl EventKeys {
             ("by_k", self.by_k.is_some()),
             ("full_wells", self.full_wells.is_some()),
             ("mag", self.mag.is_some()),
+            ("column", self.column.is_some()),
+            ("row", self.row.is_some()),
+            ("response", self.response.is_some()),
+            ("high_s", self.high_s.is_some()),
+            ("low_s", self.low_s.is_some()),
+            ("dn", self.dn.is_some()),
+            ("per_cm2_s", self.per_cm2_s.is_some()),
+            ("energy_mev", self.energy_mev.is_some()),
+            ("incidence_deg", self.incidence_deg.is_some()),
+            ("azimuth_deg", self.azimuth_deg.is_some()),
         ]
     }
 }
@@ -201,6 +231,11 @@ impl Kind {
             Self::FalseStars => (&["for_s", "mag"], &["px", "count", "head"]),
             Self::MissingStars => (&["for_s", "share"], &["head"]),
             Self::MissingBrightStars => (&["for_s", "count"], &["head"]),
+            Self::HotPixels => (&["for_s", "e_per_s"], &["px", "column", "row", "count", "head"]),
+            Self::DeadPixels => (&["for_s"], &["response", "px", "column", "row", "count", "head"]),
+            Self::RtsPixels => (&["for_s", "e_per_s"], &["high_s", "low_s", "px", "column", "row", "count", "head"]),
+            Self::StuckPixels => (&["for_s", "dn"], &["px", "column", "row", "count", "head"]),
+            Self::ProtonStorm => (&["for_s", "per_cm2_s", "energy_mev"], &["incidence_deg", "azimuth_deg", "head"]),
             Self::Trigger => (&["number"], &[]),
             Self::GyroBiasJump => (&["rate_deg_h"], &[]),
             Self::GyroSpike => (&["for_s", "rate_deg_h"], &[]),

@@ -22,6 +22,8 @@ pub enum TargetLight {
     },
     /// Electrons of one whole exposure.
     Electrons(f64),
+    /// As much as a still star has whose sum over the best window has this signal-to-noise ratio.
+    Snr(f64),
 }
 
 /// One target, checked.
@@ -60,6 +62,7 @@ pub(super) struct TargetKeys {
     mag: Option<f64>,
     bp_rp: Option<f64>,
     electrons: Option<f64>,
+    snr: Option<f64>,
 }
 
 /// Checks all targets of a bench.
@@ -129,22 +132,28 @@ impl TargetSettings {
 
     fn light(keys: &TargetKeys, place: usize, check: &Checker<'_>) -> Result<TargetLight, ConfigError> {
         let key = |name: &str| format!("target[{place}].{name}");
-        match (keys.mag, keys.electrons) {
-            (Some(mag), None) => {
+        if keys.mag.is_none() {
+            check.unused(&key("bp_rp"), keys.bp_rp.is_some(), "mag")?;
+        }
+        match (keys.mag, keys.electrons, keys.snr) {
+            (Some(mag), None, None) => {
                 let mag = check.meets(&key("mag"), mag, Rule::Within(-30.0, 40.0), "Gaia G magnitude")?;
                 let colour = "BP-RP, magnitudes; left out: 0";
                 let bp_rp = check.meets(&key("bp_rp"), keys.bp_rp.unwrap_or(0.0), Rule::Within(-0.5, 5.0), colour)?;
                 Ok(TargetLight::Mag { mag, bp_rp })
             }
-            (None, Some(electrons)) => {
-                check.unused(&key("bp_rp"), keys.bp_rp.is_some(), "mag")?;
+            (None, None, Some(snr)) => {
+                let advice = "signal-to-noise ratio of as much light in a still star, as starloop snr has it";
+                check.meets(&key("snr"), snr, Rule::PositiveUpTo(1e6), advice).map(TargetLight::Snr)
+            }
+            (None, Some(electrons), None) => {
                 let advice = "electrons of one whole exposure, in all pixels together";
                 check.meets(&key("electrons"), electrons, Rule::PositiveUpTo(1e12), advice).map(TargetLight::Electrons)
             }
-            (given, _) => {
-                let got = if given.is_some() { "mag and electrons" } else { "neither" };
-                let advice = "how bright it is: such as mag = 6.0, or electrons = 5000.0";
-                Err(check.invalid(&key("mag"), got, "one of mag and electrons", advice))
+            _ => {
+                let given = [keys.mag, keys.electrons, keys.snr].iter().flatten().count();
+                let advice = "how bright it is: such as mag = 6.0, or electrons = 5000.0, or snr = 8.0";
+                Err(check.invalid(&key("mag"), format!("{given} of them"), "one of mag, electrons and snr", advice))
             }
         }
     }
@@ -181,8 +190,9 @@ mod tests {
     fn what_contradicts_itself_is_refused_with_advice() {
         for (lines, wanted) in [
             ("mag = 6.0\n", "target[0].position_px is missing"),
-            ("position_px = [1.0, 2.0]\n", "one of mag and electrons"),
-            ("position_px = [1.0, 2.0]\nmag = 6.0\nelectrons = 5.0\n", "mag and electrons"),
+            ("position_px = [1.0, 2.0]\n", "one of mag, electrons and snr"),
+            ("position_px = [1.0, 2.0]\nmag = 6.0\nelectrons = 5.0\n", "2 of them"),
+            ("position_px = [1.0, 2.0]\nsnr = 0.0\n", "target[0].snr"),
             ("position_px = [1.0, 2.0]\nelectrons = 5.0\nbp_rp = 1.0\n", "target[0].bp_rp is given"),
             ("position_px = [1.0, 2.0]\nmag = 6.0\nturn_deg_s = 1.0\nacceleration_px_s2 = [1.0, 0.0]\n", "turn_deg_s"),
             ("position_px = [1e9, 2.0]\nmag = 6.0\n", "target[0].position_px"),

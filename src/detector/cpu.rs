@@ -29,7 +29,6 @@ pub struct Detector {
     background: Background,
     /// Relative illumination of every pixel, for the sky's part of the background; `None`: even.
     illumination: Option<Vec<f32>>,
-    dark_factor: f64,
     patterns: Patterns,
     lines: Lines,
     /// Noise of the rows of the latest frame, e-; empty when off.
@@ -58,7 +57,6 @@ impl Detector {
             stray_light_e: 0.0,
             background: Background::DARK,
             illumination: None,
-            dark_factor: 1.0,
             patterns: params.spatial.tdi.map_or(drawn.clone(), |tdi| tdi.patterns(&drawn, width_px)),
             lines: Lines::draw(&params.line_pattern, adc_px, seed),
             rows_e: vec![0.0; if params.row_noise.is_on() { adc_px[1] } else { 0 }],
@@ -175,11 +173,6 @@ impl Detector {
         self.neighbours.iter_mut().for_each(|stage| stage.reset());
     }
 
-    /// How many times larger than the parameters' the dark current of the frames from here on is.
-    pub fn set_dark_factor(&mut self, factor: f64) {
-        self.dark_factor = factor;
-    }
-
     /// The detector's temperature in the frames from here on, degrees Celsius: scales the dark current.
     pub fn set_temperature_c(&mut self, operating_c: f64) {
         self.params.dark_law.operating_c = operating_c;
@@ -246,8 +239,7 @@ impl Detector {
         let illumination = self.illumination.as_deref();
         let background = self.background.and_uniform(self.stray_light_e);
         let stages = Stages {
-            constants: Constants::new(&self.params, exposure_s, background.level_e(illumination.is_some()))
-                .warmed(self.dark_factor),
+            constants: Constants::new(&self.params, exposure_s, background.level_e(illumination.is_some())),
             background: background.is_shaped(illumination.is_some()).then_some(Shape {
                 background,
                 size_px: self.size_px,

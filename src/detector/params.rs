@@ -121,13 +121,6 @@ pub struct Constants {
 }
 
 impl Constants {
-    /// With a dark current so many times larger.
-    #[must_use]
-    #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]
-    pub fn warmed(self, dark_factor: f64) -> Self {
-        Self { dark_e: (f64::from(self.dark_e) * dark_factor) as f32, ..self }
-    }
-
     /// For one exposure with so many electrons of stray light in every pixel.
     #[must_use]
     #[allow(clippy::cast_possible_truncation, reason = "the inner loops work in single precision")]

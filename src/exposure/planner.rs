@@ -187,7 +187,7 @@ impl Planner {
     pub fn plan(&mut self, sources: &[Source]) -> &ExposurePlan {
         self.measure_path();
         let brightness = self.place(sources);
-        self.targets.place(&self.plan);
+        self.targets.place(&self.plan, &self.instrument.illumination);
         self.take_rungs(brightness);
         let Self { plan, probes, lists, instrument, .. } = self;
         lists::fill(plan, probes, &instrument.camera, lists);

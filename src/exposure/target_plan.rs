@@ -20,6 +20,7 @@ use crate::exposure::pose::{PathNode, Pose};
 use crate::exposure::share::Share;
 use crate::exposure::target::{Smear, Target};
 use crate::exposure::track::{StarPlace, StarTrack};
+use crate::optics::Illumination;
 use crate::optics::quadrature::{Node, gauss_legendre};
 use core::ops::Range;
 
@@ -96,7 +97,7 @@ impl TargetPlanner {
     }
 
     /// Nodes of every target that is seen in the plan's exposure.
-    pub(super) fn place(&mut self, plan: &ExposurePlan) {
+    pub(super) fn place(&mut self, plan: &ExposurePlan, illumination: &Illumination) {
         self.nodes.clear();
         self.planned.clear();
         let Self { targets, rules, nodes, planned, corners, light_share } = self;
@@ -105,8 +106,8 @@ impl TargetPlanner {
         }
         fill_corners(&plan.motion, corners);
         for target in targets {
-            let target = Target { e_per_s: target.e_per_s * *light_share, ..*target };
-            planned.extend(place(&target, plan, rules, corners, nodes));
+            let dimmed = Target { e_per_s: target.e_per_s * *light_share, ..*target };
+            planned.extend(place(&dimmed, illumination, plan, rules, corners, nodes));
         }
     }
 
@@ -193,6 +194,7 @@ pub fn seen_after_mid_s(target: &Target, motion: &Motion, delay_s: f64) -> Optio
 
 fn place(
     target: &Target,
+    illumination: &Illumination,
     plan: &ExposurePlan,
     rules: &[Vec<Node>],
     corners: &[f64],
@@ -202,6 +204,8 @@ fn place(
     let [from_s, to_s] = seen_after_mid_s(target, motion, 0.0)?;
     let mid_s = (mid - target.begin).s();
     let middle = StarPlace::of_pixel(camera, target.path.at(mid_s + 0.5 * (from_s + to_s)))?;
+    // As for stars: what its place in the field takes at the middle of its light.
+    let target = &Target { e_per_s: target.e_per_s * illumination.at(middle.tangent), ..*target };
     let sigma_px = plan.psf.core_sigma_px();
     let own_px = target.path.length_px(mid_s + from_s, mid_s + to_s);
     let exposure_s = motion.los.exposure_s;

@@ -58,6 +58,11 @@ impl DeviceElectrons {
         encoder.clear_buffer(self.buffer.buffer(), 0, None);
     }
 
+    /// The sums are in this scale from here on, whoever wrote them.
+    pub fn set_scale(&mut self, scale: f32) {
+        self.scale = scale;
+    }
+
     /// Waits for the image and copies it out as electrons.
     ///
     /// # Errors

@@ -9,6 +9,7 @@ pub mod cpu;
 pub mod erf;
 pub mod gpu;
 mod kernel;
+pub mod overlap;
 pub mod plan_tables;
 mod profile;
 mod psf_samples;

@@ -2,16 +2,16 @@
 //!
 //! In: what the faults of a frame amount to. Out: other sources, and numbers for the planner and the detector. With
 //! nothing wrong, sources pass untouched and nothing is computed. Nothing here allocates after it was made.
-//! Dark current follows temperature by the doubling law (Janesick, "Scientific charge-coupled devices", 2001, chapter 7).
+//! Dark current follows temperature by the camera's own law (`detector::dark_current`).
 
 use crate::astrometry::CameraGeometry;
 use crate::base::axes::{Icrf, Rotation, Sensor};
 use crate::base::random::{key, philox};
+use crate::detector::Background;
+use crate::detector::protons::ProtonFlux;
 use crate::exposure::track::StarPlace;
 use crate::exposure::{Source, SourcePlace};
 
-/// Rise of temperature that doubles the dark current, K.
-pub const DARK_DOUBLING_K: f64 = 7.0;
 /// Sources there is room for from the start.
 const SOURCES_RESERVED: usize = 16_384;
 /// Last word of the counter of faults' random numbers: no detector stage draws from there.
@@ -41,6 +41,8 @@ pub struct Conditions {
     pub(super) throughput: f64,
     /// Temperature beyond the camera's own, K.
     pub(super) warmer_k: f64,
+    /// Protons in place of the camera's own.
+    pub(super) protons: Option<ProtonFlux>,
     /// Which optics: 0 for the camera's own.
     pub(super) optics: usize,
     /// Stars left out.
@@ -60,6 +62,7 @@ impl Conditions {
             flood_e: 0.0,
             throughput: 1.0,
             warmer_k: 0.0,
+            protons: None,
             optics: 0,
             missing: Missing::default(),
             false_stars: Vec::new(),
@@ -82,14 +85,23 @@ impl Conditions {
         self.flood_e = 0.0;
         self.throughput = 1.0;
         self.warmer_k = 0.0;
+        self.protons = None;
         self.optics = 0;
         self.missing = Missing::default();
     }
 
-    /// How much larger the dark current is.
+    /// The background that comes through.
     #[must_use]
-    pub fn dark_factor(&self) -> f64 {
-        (self.warmer_k / DARK_DOUBLING_K).exp2()
+    #[allow(clippy::cast_possible_truncation, reason = "electrons are single precision")]
+    pub(super) fn dimmed(&self, background: Background) -> Background {
+        let share = self.throughput as f32;
+        let Background { uniform_e, gradient_e, quadratic_e, sky_e } = background;
+        Background {
+            uniform_e: uniform_e * share,
+            gradient_e: gradient_e.map(|e| e * share),
+            quadratic_e: quadratic_e * share,
+            sky_e: sky_e * share,
+        }
     }
 
     fn leaves_sources(&self) -> bool {
@@ -188,7 +200,6 @@ mod tests {
         let mut conditions = Conditions::new();
         let untouched = conditions.seen(&sources, &camera(), &Rotation::IDENTITY, 7);
         assert!(core::ptr::eq(untouched, &sources[..]));
-        assert!((conditions.dark_factor() - 1.0).abs() < 1e-15);
     }
 
     #[test]
@@ -222,14 +233,5 @@ mod tests {
         assert_eq!(seen(&mut conditions, &[star(1, 10.0, 5.0)]), [(1, 5.0), (77, 4.0)]);
         conditions.reset();
         assert_eq!(seen(&mut conditions, &[star(1, 10.0, 5.0)]), [(1, 10.0)]);
-    }
-
-    #[test]
-    fn seven_kelvin_double_the_dark_current() {
-        let mut conditions = Conditions::new();
-        for (warmer_k, wanted) in [(7.0, 2.0), (14.0, 4.0), (-7.0, 0.5)] {
-            conditions.warmer_k = warmer_k;
-            assert!((conditions.dark_factor() - wanted).abs() < 1e-12);
-        }
     }
 }

@@ -9,6 +9,7 @@ use crate::base::clock::Stopwatch;
 use crate::base::time::{Span, Tai};
 use crate::detector::DetectorParams;
 use crate::detector::binning::Levels;
+use crate::detector::defects::Defects;
 use crate::exposure::cost::CostModel;
 use crate::exposure::{ExposurePlan, Instrument, Planner, Rung, Source, SourcePlace};
 use crate::optics::PsfModel;
@@ -23,7 +24,7 @@ use crate::runtime::marks::{FrameMark, FrameMarks};
 use crate::runtime::params::RunParams;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::sky_view::SkyView;
-use crate::runtime::truth::fill_truth;
+use crate::runtime::truth::{add_tracks, fill_truth};
 use crate::sink::{ActiveFaults, FaultFlags, FrameMeta, SentFrame};
 use glam::DVec3;
 
@@ -84,6 +85,9 @@ impl FrameEngine {
         los.jitter = JitterTrack::with_capacity(attitude.jitter_lines.len(), attitude.jitter_history.capacity);
         let cost = params.cost.unwrap_or(imager.cost());
         let planner = new_planner(&params, &imager, los, None);
+        if params.keeps_brighter && !params.targets.is_empty() {
+            imager.keep_brighter()?;
+        }
         let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure)?;
         let light = FieldLight::new(camera, params.observer.clone(), params.first_exposure);
         light_pixels(camera, &mut imager)?;
@@ -129,6 +133,11 @@ impl FrameEngine {
         &mut self.conditions
     }
 
+    /// Defects of the detector, to be changed from the next frame on.
+    pub fn defects_mut(&mut self) -> &mut Defects {
+        self.imager.defects_mut()
+    }
+
     /// Brings the conditions to the planner and the detector.
     pub fn take_conditions(&mut self) {
         self.use_optics(self.conditions.optics);
@@ -136,7 +145,10 @@ impl FrameEngine {
         #[allow(clippy::cast_possible_truncation, reason = "electrons are single precision")]
         let stray_light_e = (throughput * stray_e_per_s * self.params.camera.exposure_s + flood_e) as f32;
         self.imager.set_stray_light_e(stray_light_e);
-        self.imager.set_dark_factor(self.conditions.dark_factor());
+        let detector = &self.params.camera.detector;
+        self.imager.set_temperature_c(detector.dark_law.operating_c + self.conditions.warmer_k);
+        // Both fluxes have been checked where they were given.
+        let _ = self.imager.set_proton_flux(self.conditions.protons.or(detector.spatial.protons));
         self.planner.set_target_light(throughput);
     }
 
@@ -257,7 +269,7 @@ impl FrameEngine {
         let los = &self.planner.latest().motion.los;
         let sources = if has_stars { self.sky.in_view(los)? } else { &[] };
         let (background, glare) = self.light.at(los)?;
-        self.imager.set_background(background);
+        self.imager.set_background(self.conditions.dimmed(background));
         if glare.excluded.contains(&true) {
             note(ledger, EventKind::InsideExclusion, slot, Span::ZERO);
         }
@@ -282,8 +294,10 @@ impl FrameEngine {
         times.merge(&imaging.by_stage());
         let output = self.params.camera.output();
         fill_truth(plan, &output, &mut frame.truth);
+        add_tracks(self.imager.proton_tracks(), &output, &mut frame.truth);
         let (seed, detector) = (self.params.seed, &self.params.camera.detector);
         fill_meta(plan, slot.number, seed, detector, self.imager.name(), &mut frame.meta);
+        frame.meta.overlap_lost_e = self.imager.overlap_lost_e();
         (frame.meta.binning, frame.meta.window_px) = (output.binning, output.first_px);
         frame.meta.attitude_age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);
         if !has_stars {

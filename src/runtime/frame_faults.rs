@@ -8,6 +8,8 @@
 
 use crate::base::random::{key, philox};
 use crate::base::time::{Span, Tai};
+use crate::detector::defects::{Defect, DefectId, DefectKind, DefectPlace, Rates};
+use crate::detector::protons::{ProtonDirection, ProtonFlux};
 use crate::exposure::target::FIRST_FALSE_STAR_ID;
 use crate::exposure::{Source, SourcePlace};
 use crate::optics::PsfModel;
@@ -16,7 +18,9 @@ use crate::runtime::engine::{FrameEngine, Slot};
 use crate::runtime::error::RunError;
 use crate::runtime::frame_damage::{self, Repeated, scaled};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::sink::{ActiveFault, ActiveFaults, FaultFlags, FaultPixels, FrameFault, SentFrame};
+use crate::sink::{
+    ActiveFault, ActiveFaults, DefectSpots, FaultFlags, FaultPixels, FrameFault, PixelFault, ProtonStorm, SentFrame,
+};
 
 /// The end of a fault that has not been triggered; so is its begin.
 pub const NEVER: Tai = Tai::from_ns(i64::MAX);
@@ -63,6 +67,8 @@ enum Made {
     Optics(usize),
     /// A part of the list of false stars: first and number.
     Stars(usize, usize),
+    /// A part of the list of defects: first and number.
+    Defects(usize, usize),
 }
 
 /// What becomes of one frame.
@@ -104,7 +110,15 @@ pub struct FrameFaults {
     timed: Vec<TimedFrameFault>,
     marks: Vec<Mark>,
     false_stars: Vec<Source>,
+    defects: Vec<Commanded>,
     previous: Vec<u16>,
+}
+
+/// A defect of the detector, and its name while it is there.
+#[derive(Debug, Clone, Copy)]
+struct Commanded {
+    defect: Defect,
+    id: Option<DefectId>,
 }
 
 impl FrameFaults {
@@ -181,6 +195,14 @@ impl FrameFaults {
                     );
                     Made::Stars(first, self.false_stars.len() - first)
                 }
+                FrameFault::Pixels { spots, fault } => {
+                    let first = self.defects.len();
+                    let kind = defect_kind(fault);
+                    let commanded = |place| Commanded { defect: Defect { place, kind }, id: None };
+                    let places = defect_places(spots, size, u32::from(timed.number), seed);
+                    self.defects.extend(places.map(commanded));
+                    Made::Defects(first, self.defects.len() - first)
+                }
                 _ => Made::Nothing,
             };
         }
@@ -199,7 +221,11 @@ impl FrameFaults {
         engine.conditions_mut().reset();
         for timed in &mut self.timed {
             let is_on = timed.from <= release && release < timed.until;
-            timed.tell(is_on, slot, ledger);
+            if timed.tell(is_on, slot, ledger)
+                && let Made::Defects(first, count) = timed.made
+            {
+                self.defects[first..first + count].iter_mut().for_each(|defect| defect.switch(is_on, engine));
+            }
             // The first frame of all has none before it to be repeated.
             let needs_previous = matches!(timed.fault, FrameFault::Torn | FrameFault::Duplicate);
             if !is_on || (needs_previous && !has_previous) {
@@ -257,16 +283,33 @@ impl Fate {
     }
 }
 
+impl Commanded {
+    /// Puts the defect into the detector, or takes it out. One for which there is no room is left out: there is room for
+    /// all that a file may command.
+    fn switch(&mut self, is_on: bool, engine: &mut FrameEngine) {
+        let defects = engine.defects_mut();
+        self.id = match self.id.take() {
+            None if is_on => defects.insert(self.defect).ok(),
+            Some(id) if !is_on => {
+                defects.remove(id);
+                None
+            }
+            id => id,
+        };
+    }
+}
+
 impl TimedFrameFault {
-    /// Tells the ledger when it begins and when it is over.
-    fn tell(&mut self, is_on: bool, slot: Slot, ledger: &mut Ledger) {
+    /// Tells the ledger when it begins and when it is over; true when it did.
+    fn tell(&mut self, is_on: bool, slot: Slot, ledger: &mut Ledger) -> bool {
         if is_on == self.is_on {
-            return;
+            return false;
         }
         self.is_on = is_on;
         let (kind, at) = if is_on { (EventKind::Fault, self.from) } else { (EventKind::FaultOver, slot.release) };
         let event = Event::new(kind, at, Some(slot.number), self.lasts);
         ledger.note(Event { what: self.fault.name(), ..event });
+        true
     }
 }
 
@@ -293,12 +336,46 @@ fn expose_under(
             conditions.missing.stream = u32::from(timed.number);
         }
         FrameFault::MissingBrightStars { count } => conditions.missing.brightest += count as usize,
+        FrameFault::Protons(storm) => conditions.protons = Some(flux(storm)),
         FrameFault::FalseStars { .. } => {
             let room = FALSE_STARS_MAX.saturating_sub(conditions.false_stars.len());
             conditions.false_stars.extend_from_slice(&false_stars[..false_stars.len().min(room)]);
         }
         _ => {}
     }
+}
+
+fn flux(storm: ProtonStorm) -> ProtonFlux {
+    let direction = match storm.beam_deg {
+        None => ProtonDirection::Isotropic,
+        Some([incidence_deg, azimuth_deg]) => ProtonDirection::Beam { incidence_deg, azimuth_deg },
+    };
+    ProtonFlux { per_cm2_s: storm.per_cm2_s, energy_mev: storm.energy_mev, direction }
+}
+
+fn defect_kind(fault: PixelFault) -> DefectKind {
+    match fault {
+        PixelFault::Hot { e_per_s } => DefectKind::Hot { extra_e_per_s: e_per_s },
+        PixelFault::Dead { response } => DefectKind::Dead { response },
+        PixelFault::Rts { e_per_s, high_s, low_s } => {
+            let rates = Rates { up_per_s: 1.0 / low_s, down_per_s: 1.0 / high_s };
+            DefectKind::Rts { extra_e_per_s: e_per_s, rates }
+        }
+        PixelFault::Stuck { dn } => DefectKind::Stuck { dn },
+    }
+}
+
+/// Places of defects: those that are given, and random pixels.
+fn defect_places(spots: DefectSpots, size: [usize; 2], stream: u32, seed: u64) -> impl Iterator<Item = DefectPlace> {
+    let DefectSpots { pixels, column, row } = spots;
+    let given = pixels.at.map(|[x, y]| DefectPlace::Pixel(x, y));
+    let lines = column.map(DefectPlace::Column).into_iter().chain(row.map(DefectPlace::Row));
+    #[allow(clippy::cast_possible_truncation, reason = "sides are below 2^16")]
+    let random = (0..pixels.random).map(move |i| {
+        let [a, b, ..] = philox([0, i, stream, FAULT_STREAM], key(seed));
+        DefectPlace::Pixel(scaled(a, size[0]) as u32, scaled(b, size[1]) as u32)
+    });
+    given.into_iter().chain(lines).chain(random)
 }
 
 /// False stars of one fault: where it says, and at random places of the detector.

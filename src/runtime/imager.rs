@@ -12,6 +12,8 @@ use crate::exposure::cost::CostModel;
 use crate::gpu::{AdapterChoice, Electrons, GpuDevice};
 use crate::render::cpu::Cpu;
 use crate::render::gpu::Gpu;
+use crate::render::gpu::brighter::Brighter;
+use crate::render::overlap::Apart;
 use crate::render::reference::Reference;
 use crate::render::{Backend, RenderError};
 use crate::report::{Stage, StageTimes};
@@ -37,6 +39,10 @@ pub struct Imager {
     /// Which tables are in use: 0 are the camera's own, others follow in the order in which they were added.
     tables: usize,
     size_px: [usize; 2],
+    /// Stars and targets are drawn apart, and each pixel shows the brighter.
+    apart: Option<Box<Apart>>,
+    /// The latest image was.
+    is_apart: bool,
     cost: CostModel,
     note: Option<String>,
 }
@@ -46,7 +52,13 @@ enum Drawing {
     /// In memory, by the CPU or reference backend.
     Host { backend: Box<dyn Backend>, others: Vec<Box<dyn Backend>>, detector: Box<Detector> },
     /// On a GPU; `mean` is for those who ask for the mean image.
-    Device { backend: Box<Gpu>, others: Vec<Box<Gpu>>, detector: Box<GpuDetector>, mean: Image<f32> },
+    Device {
+        backend: Box<Gpu>,
+        others: Vec<Box<Gpu>>,
+        detector: Box<GpuDetector>,
+        brighter: Option<Box<Brighter>>,
+        mean: Image<f32>,
+    },
 }
 
 /// Wall time of the two halves of an image. On a GPU drawing is only submitted in the first; the second waits for both.
@@ -148,7 +160,7 @@ impl Imager {
         note: Option<String>,
     ) -> Self {
         let drawing = Drawing::Host { backend, others: Vec::new(), detector: Box::new(detector) };
-        Self { drawing, tables: 0, size_px, cost, note }
+        Self { drawing, tables: 0, size_px, apart: None, is_apart: false, cost, note }
     }
 
     fn on_device(gpu: Arc<GpuDevice>, detector: &Detector, size_px: [usize; 2]) -> Result<Self, RenderError> {
@@ -156,8 +168,9 @@ impl Imager {
         let cost = if gpu.is_software() { CostModel::SOFTWARE_GPU } else { CostModel::GPU };
         let detector = Box::new(GpuDetector::new(Arc::clone(&gpu), detector, width, height)?);
         let backend = Box::new(Gpu::new(gpu, width, height)?);
-        let drawing = Drawing::Device { backend, others: Vec::new(), detector, mean: Image::new(width, height) };
-        Ok(Self { drawing, tables: 0, size_px, cost, note: None })
+        let (others, mean) = (Vec::new(), Image::new(width, height));
+        let drawing = Drawing::Device { backend, others, detector, brighter: None, mean };
+        Ok(Self { drawing, tables: 0, size_px, apart: None, is_apart: false, cost, note: None })
     }
 
     /// A second backend of the same kind with tables of its own, so that another PSF can be drawn without building any.
@@ -200,11 +213,29 @@ impl Imager {
         }
     }
 
-    /// How many times larger than the camera's own the dark current of the frames from here on is.
-    pub fn set_dark_factor(&mut self, factor: f64) {
+    /// From here on, where targets cover stars, each pixel shows the brighter of the two only.
+    ///
+    /// # Errors
+    /// When the device cannot have what it takes.
+    pub fn keep_brighter(&mut self) -> Result<(), RenderError> {
+        self.apart = Some(Box::default());
+        if let Drawing::Device { backend, brighter, .. } = &mut self.drawing {
+            *brighter = Some(Box::new(Brighter::new(backend.device(), self.size_px)?));
+        }
+        Ok(())
+    }
+
+    /// Electrons that the latest image lacks because only the brighter of stars and targets is kept.
+    #[must_use]
+    pub fn overlap_lost_e(&self) -> f64 {
+        self.apart.as_ref().map_or(0.0, |apart| apart.lost_e())
+    }
+
+    /// The detector's temperature in the frames from here on, degrees Celsius.
+    pub fn set_temperature_c(&mut self, operating_c: f64) {
         match &mut self.drawing {
-            Drawing::Host { detector, .. } => detector.set_dark_factor(factor),
-            Drawing::Device { detector, .. } => detector.set_dark_factor(factor),
+            Drawing::Host { detector, .. } => detector.set_temperature_c(operating_c),
+            Drawing::Device { detector, .. } => detector.set_temperature_c(operating_c),
         }
     }
 
@@ -320,36 +351,47 @@ impl Imager {
         }
     }
 
-    /// The detector's temperature in the frames from here on, degrees Celsius: scales the dark current.
-    pub fn set_temperature_c(&mut self, operating_c: f64) {
-        match &mut self.drawing {
-            Drawing::Host { detector, .. } => detector.set_temperature_c(operating_c),
-            Drawing::Device { detector, .. } => detector.set_temperature_c(operating_c),
-        }
-    }
-
     /// Draws the mean image only; it comes back in memory whatever the backend.
     ///
     /// # Errors
     /// When the device failed.
     pub fn render(&mut self, plan: &ExposurePlan) -> Result<Electrons<'_>, RenderError> {
+        let apart = Self::apart_for(&mut self.apart, plan);
         match &mut self.drawing {
-            Drawing::Host { backend, .. } => backend.render(plan)?,
-            Drawing::Device { backend, mean, .. } => {
-                backend.render(plan)?;
-                backend.read_electrons(mean)?;
-            }
+            Drawing::Host { backend, .. } => match apart {
+                Some(apart) => apart.render(&mut **backend, plan)?,
+                None => backend.render(plan)?,
+            },
+            Drawing::Device { backend, brighter, mean, .. } => match (apart, brighter) {
+                (Some(apart), Some(brighter)) => {
+                    brighter.render(backend, plan, apart)?;
+                    backend.read_image(brighter.electrons(), mean)?;
+                }
+                _ => {
+                    backend.render(plan)?;
+                    backend.read_electrons(mean)?;
+                }
+            },
         }
+        self.is_apart = self.apart.is_some() && !plan.targets.is_empty();
         Ok(self.latest_mean())
     }
 
     /// What the latest [`Self::render`] drew.
     #[must_use]
     pub fn latest_mean(&self) -> Electrons<'_> {
-        match &self.drawing {
-            Drawing::Host { backend, .. } => backend.electrons(),
-            Drawing::Device { mean, .. } => Electrons::Host(mean),
+        match (&self.drawing, &self.apart) {
+            (Drawing::Host { .. }, Some(apart)) if self.is_apart => apart.electrons(),
+            (Drawing::Host { backend, .. }, _) => backend.electrons(),
+            (Drawing::Device { mean, .. }, _) => Electrons::Host(mean),
         }
+    }
+
+    /// Where stars and targets are drawn apart: not in plans without targets.
+    fn apart_for<'a>(apart: &'a mut Option<Box<Apart>>, plan: &ExposurePlan) -> Option<&'a mut Apart> {
+        let apart = apart.as_deref_mut()?;
+        apart.set_lost_e(0.0);
+        (!plan.targets.is_empty()).then_some(apart)
     }
 
     /// Draws and reads out frame `frame`.
@@ -361,20 +403,35 @@ impl Imager {
         let exposure_s = plan.motion.los.exposure_s;
         let render;
         let mut on_device = None;
+        let mut apart = Self::apart_for(&mut self.apart, plan);
+        self.is_apart = apart.is_some();
         match &mut self.drawing {
             Drawing::Host { backend, detector, .. } => {
-                backend.render(plan)?;
+                match &mut apart {
+                    Some(apart) => apart.render(&mut **backend, plan)?,
+                    None => backend.render(plan)?,
+                }
                 render = watch.lap();
-                match backend.electrons() {
+                let electrons = apart.as_ref().map_or_else(|| backend.electrons(), |apart| apart.electrons());
+                match electrons {
                     Electrons::Host(mean) => detector.collect(mean, frame, exposure_s, out),
                     Electrons::Precise(mean) => detector.collect_precise(mean, frame, exposure_s, out),
                     Electrons::Device(_) => return Err(RenderError::Device("a host backend drew on a device".into())),
                 }
             }
-            Drawing::Device { backend, detector, .. } => {
-                backend.render(plan)?;
+            Drawing::Device { backend, detector, brighter, .. } => {
+                let electrons = match (apart, brighter) {
+                    (Some(apart), Some(brighter)) => {
+                        brighter.render(backend, plan, apart)?;
+                        brighter.electrons()
+                    }
+                    _ => {
+                        backend.render(plan)?;
+                        backend.device_electrons()
+                    }
+                };
                 render = watch.lap();
-                detector.collect(backend.device_electrons(), frame, exposure_s, out)?;
+                detector.collect(electrons, frame, exposure_s, out)?;
                 let times = detector.times();
                 let upload = render + times.submit;
                 on_device = Some(DeviceTimes { upload, wait: times.wait, readback: times.copy });

@@ -1,9 +1,10 @@
 //! Plan -> truth table: which stars are in the image, where, and with how much light.
 
 use crate::base::axes::{Icrf, Rotation, Sensor};
+use crate::detector::protons::ProtonTrack;
 use crate::detector::window::OutputGeometry;
 use crate::exposure::ExposurePlan;
-use crate::exposure::target::{FIRST_FALSE_STAR_ID, FIRST_TARGET_ID, Smear};
+use crate::exposure::target::{FIRST_FALSE_STAR_ID, FIRST_TARGET_ID, FIRST_TRACK_ID, Smear};
 use crate::exposure::track::StarPlace;
 use crate::sink::{TruthKind, TruthStar};
 use crate::sky::catalog::ra_dec_rad;
@@ -50,6 +51,27 @@ pub fn fill_truth(plan: &ExposurePlan, output: &OutputGeometry, out: &mut Vec<Tr
             smear_deg: angle_rad.to_degrees(),
             ..row_at(&planned.place, &icrf_from_sensor)
         })
+    }));
+}
+
+/// Adds a row per proton track: its middle, its electrons, and its length and direction in place of a smear.
+pub fn add_tracks(tracks: &[ProtonTrack], output: &OutputGeometry, out: &mut Vec<TruthStar>) {
+    out.extend((FIRST_TRACK_ID..FIRST_FALSE_STAR_ID).zip(tracks).map(|(id, track)| {
+        let ([ax, ay], [bx, by]) = (track.start_px, track.end_px);
+        let [x_px, y_px] = output.output_from_sensor([0.5 * (ax + bx), 0.5 * (ay + by)]);
+        TruthStar {
+            id,
+            // It comes from nowhere in the sky.
+            ra_deg: f64::NAN,
+            dec_deg: f64::NAN,
+            mag: f32::NAN,
+            x_px,
+            y_px,
+            electrons: track.electrons,
+            kind: TruthKind::ProtonTrack,
+            smear_px: (bx - ax).hypot(by - ay) / f64::from(output.binning),
+            smear_deg: (by - ay).atan2(bx - ax).to_degrees(),
+        }
     }));
 }
 

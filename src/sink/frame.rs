@@ -142,6 +142,8 @@ pub struct FrameMeta {
     pub left_out_stars: usize,
     /// Their electrons together.
     pub left_out_e: f64,
+    /// Electrons that the image lacks because each pixel shows only the brighter of stars and targets.
+    pub overlap_lost_e: f64,
     /// Where the attitude came from (measured, predicted, held, ...).
     pub origin: &'static str,
     /// Commanded faults active in this frame.
@@ -182,6 +184,7 @@ impl FrameMeta {
             rung: "full",
             left_out_stars: 0,
             left_out_e: 0.0,
+            overlap_lost_e: 0.0,
             origin: "none",
             faults: FaultFlags::NONE,
             active: ActiveFaults::NONE,

@@ -9,6 +9,7 @@ use crate::exposure::cost::CostModel;
 use crate::exposure::target::FIRST_TARGET_ID;
 use crate::link::WireFormat;
 use crate::link::simulated::{BusParams, BusTiming};
+use crate::optics::snr::electrons_for_snr;
 use crate::runtime::params::{AttitudeParams, CameraParams};
 use crate::runtime::{BackendChoice, DeadlinePolicy, Imager, RunParams, SessionParams, SessionStart};
 use crate::sky::observer::Observer;
@@ -17,6 +18,7 @@ use crate::testbed::flight_computer::{
     Faults, FlightComputerParams, JitterLineParams, JitterStream, RampShape, Slew, SlewProfile,
 };
 use crate::wiring::camera_parts::camera_params;
+use crate::wiring::sensitivity::{Conditions, Sensitivity};
 use anyhow::{Context, Result};
 use glam::DVec3;
 
@@ -32,7 +34,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
     let first_exposure = start + LEAD;
     Ok(RunParams {
         attitude: attitude_params(bench, start),
-        targets: targets(&bench.targets, &camera, first_exposure),
+        targets: targets(bench, &camera, first_exposure)?,
         keeps_brighter: bench.target_overlap == Overlap::Brighter,
         observer: observer(&bench.observer, first_exposure)?,
         budget: bench.accuracy,
@@ -54,9 +56,13 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
 }
 
 /// Targets with their light in electrons and their times in TAI.
-fn targets(settings: &[TargetSettings], camera: &CameraParams, first_exposure: Tai) -> Vec<Target> {
+fn targets(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<Vec<Target>> {
     let target = |(id, settings): (u32, &TargetSettings)| {
         let (mag, e_per_s) = match settings.light {
+            TargetLight::Snr(snr) => {
+                let Sensitivity { window, pixel, .. } = Sensitivity::new(&bench.camera, &Conditions::default())?;
+                (f64::NAN, electrons_for_snr(snr, &window.noise(&pixel)) / camera.exposure_s)
+            }
             TargetLight::Electrons(electrons) => (f64::NAN, electrons / camera.exposure_s),
             TargetLight::Mag { mag, bp_rp } => {
                 (camera.radiometry.mag_instrument(mag, bp_rp), camera.radiometry.electrons(mag, bp_rp, 1.0))
@@ -67,9 +73,9 @@ fn targets(settings: &[TargetSettings], camera: &CameraParams, first_exposure: T
         let end = begin + Span::from_s(settings.for_s.min(3e9));
         #[allow(clippy::cast_possible_truncation, reason = "magnitudes are single precision")]
         let mag = mag as f32;
-        Target { id, mag, e_per_s, begin, end, path: settings.path }
+        Ok(Target { id, mag, e_per_s, begin, end, path: settings.path })
     };
-    (FIRST_TARGET_ID..).zip(settings).map(target).collect()
+    (FIRST_TARGET_ID..).zip(&bench.targets).map(target).collect()
 }
 
 /// The imager of a run.

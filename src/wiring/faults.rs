@@ -6,7 +6,7 @@ use crate::link::tap::{FaultControl, LinkFault};
 use crate::runtime::EventKind;
 use crate::runtime::frame_faults::{Begin, FrameFaults, NEVER};
 use crate::runtime::ledger::Event as LedgerEvent;
-use crate::sink::{FaultFlags, FaultPixels, FrameFault};
+use crate::sink::{DefectSpots, FaultFlags, FaultPixels, FrameFault};
 use crate::testbed::acs::Command;
 use crate::testbed::vehicle::VehicleFault;
 use crate::wiring::vehicle_parts::attitude;
@@ -264,6 +264,9 @@ pub(super) fn check_places(event: &Event, there: Inventory) -> Result<(), String
         {
             Err(format!("px {:?}: the detector has {width} x {height} pixels, counted from 0", pixels.at))
         }
+        Action::Frame { fault: FrameFault::Pixels { spots, .. }, .. } if spots_are_outside(&spots, there) => {
+            Err(format!("{spots:?}: the detector has {width} x {height} pixels, counted from 0"))
+        }
         Action::Frame { head: Some(head), .. } | Action::TrackerOff { head: Some(head) } if head >= heads => {
             Err(format!("head {head}: there are {heads}, counted from 0"))
         }
@@ -278,6 +281,12 @@ pub(super) fn check_places(event: &Event, there: Inventory) -> Result<(), String
 fn is_outside(pixels: FaultPixels, there: Inventory) -> bool {
     let beyond = |[x, y]: [u32; 2]| x as usize >= there.size_px[0] || y as usize >= there.size_px[1];
     pixels.at.is_some_and(beyond)
+}
+
+fn spots_are_outside(spots: &DefectSpots, there: Inventory) -> bool {
+    let beyond = |line: Option<u32>, side: usize| line.is_some_and(|line| line as usize >= side);
+    let [width, height] = there.size_px;
+    is_outside(spots.pixels, there) || beyond(spots.column, width) || beyond(spots.row, height)
 }
 
 fn vehicle_fault(action: &Action) -> Option<VehicleFault> {

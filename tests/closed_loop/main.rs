@@ -12,6 +12,7 @@ mod control;
 mod deadline;
 mod degraded;
 mod full_load;
+mod imaging_faults;
 mod pixels;
 mod program;
 mod replay;

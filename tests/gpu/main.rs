@@ -15,6 +15,7 @@ mod device;
 mod drawing;
 mod effects;
 mod overflow;
+mod overlap;
 mod passes;
 mod psf_models;
 mod repeat;

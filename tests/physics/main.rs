@@ -18,6 +18,7 @@ mod line_noise;
 mod measure;
 mod noise;
 mod photon_transfer;
+mod overlap;
 mod poisson_methods;
 mod psf_chain;
 mod psf_field;

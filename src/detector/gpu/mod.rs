@@ -91,7 +91,6 @@ pub struct GpuDetector {
     stray_light_e: f32,
     background: Background,
     has_map: bool,
-    dark_factor: f64,
     size: [usize; 2],
     disturbances: Disturbances,
     output: Output,
@@ -132,7 +131,6 @@ impl GpuDetector {
             stray_light_e: 0.0,
             background: Background::DARK,
             has_map: detector.illumination_map().is_some(),
-            dark_factor: 1.0,
             gpu,
         })
     }
@@ -187,11 +185,6 @@ impl GpuDetector {
         }
     }
 
-    /// How many times larger than the parameters' the dark current of the frames from here on is.
-    pub fn set_dark_factor(&mut self, factor: f64) {
-        self.dark_factor = factor;
-    }
-
     /// The detector's temperature in the frames from here on, degrees Celsius: scales the dark current.
     pub fn set_temperature_c(&mut self, operating_c: f64) {
         self.model.dark_law.operating_c = operating_c;
@@ -237,8 +230,7 @@ impl GpuDetector {
     #[allow(clippy::cast_possible_truncation, reason = "images hold fewer than 2^32 pixels")]
     fn submit(&mut self, electrons: &DeviceElectrons, frame: u32, exposure_s: f64) -> Result<(), GpuError> {
         let background = self.background.and_uniform(self.stray_light_e);
-        let constants =
-            Constants::new(&self.model, exposure_s, background.level_e(self.has_map)).warmed(self.dark_factor);
+        let constants = Constants::new(&self.model, exposure_s, background.level_e(self.has_map));
         let (offset, scale) = normalisation(self.size);
         let pixels = (self.size[0] * self.size[1]) as u32;
         self.disturbances.advance(frame, exposure_s);

@@ -11,6 +11,7 @@
 //! no pixel can wrap ([`crate::render::gpu::scale`]). Error against the CPU backend: f32 rounding, 5e-7 of the peak;
 //! half a unit (3e-5 e-) per star and pixel. `tests/gpu` holds all of this.
 
+pub mod brighter;
 pub mod scale;
 mod stars;
 
@@ -120,11 +121,17 @@ impl Gpu {
     /// # Errors
     /// When the device failed or `out` has another size.
     pub fn read_electrons(&mut self, out: &mut Image<f32>) -> Result<(), RenderError> {
-        let ring = match &mut self.readback {
-            Some(ring) => ring,
-            none => none.insert(ReadbackRing::new(&self.gpu, 1, self.image.buffer().size())?),
-        };
+        let ring = readback(&mut self.readback, &self.gpu, &self.image)?;
         Ok(self.image.read(&self.gpu, ring, out)?)
+    }
+
+    /// The same for an image that others made on the device.
+    ///
+    /// # Errors
+    /// When the device failed or `out` has another size.
+    pub fn read_image(&mut self, image: &DeviceElectrons, out: &mut Image<f32>) -> Result<(), RenderError> {
+        let ring = readback(&mut self.readback, &self.gpu, image)?;
+        Ok(image.read(&self.gpu, ring, out)?)
     }
 
     /// Builds the tables this plan needs and brings them to the device, where they are not there yet: the PSF's own in
@@ -233,6 +240,18 @@ impl Gpu {
 /// The layer of the first kernel: after the PSF's own tables.
 fn first_kernel(plan: &ExposurePlan) -> usize {
     plan.psf.nodes().len()
+}
+
+/// The ring for images of this size, made when it is first wanted.
+fn readback<'a>(
+    ring: &'a mut Option<ReadbackRing>,
+    gpu: &GpuDevice,
+    image: &DeviceElectrons,
+) -> Result<&'a mut ReadbackRing, GpuError> {
+    match ring {
+        Some(ring) => Ok(ring),
+        none => Ok(none.insert(ReadbackRing::new(gpu, 1, image.buffer().size())?)),
+    }
 }
 
 /// Workgroups along x (stars) and y (parts of the largest box).
