@@ -101,14 +101,6 @@ impl MtfChain {
         &self.params
     }
 
-    /// The same chain in other light.
-    ///
-    /// # Errors
-    /// As [`Self::new`].
-    pub fn in_light(&self, band: Vec<SpectralWeight>) -> Result<Self, MtfError> {
-        Self::new(ChainParams { band, ..self.params.clone() })
-    }
-
     /// Terms that are not off.
     pub fn terms(&self) -> impl Iterator<Item = Term> {
         Term::ALL.into_iter().filter(|term| self.is_on(*term))
@@ -346,10 +338,6 @@ mod tests {
         let step = 1e-7;
         let slope = (both.colored(step) - 1.0) / step;
         assert!((slope / both.slope_at_zero() - 1.0).abs() < 1e-5, "{slope} against {}", both.slope_at_zero());
-        assert_eq!(
-            both.in_light(vec![SpectralWeight { wavelength_nm: 500.0, weight: 1.0 }]).unwrap().colored(0.3),
-            blue.colored(0.3)
-        );
     }
 
     #[test]
