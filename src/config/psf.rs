@@ -105,7 +105,7 @@ impl NodeKeys {
 
     fn measurement(&self, table: &str, check: &mut Checker<'_>) -> Result<Measurement, ConfigError> {
         let key = |name: &str| format!("{table}.{name}");
-        let advice = "samples of the image along each side of a detector pixel; fewer than 2 say nothing about the place in a pixel";
+        let advice = "samples of the image along each side of a detector pixel; fewer than 2 do not tell where in a pixel a star is";
         let samples_per_px = check.whole(&key("samples_per_px"), self.samples_per_px, None, 2..=32, advice)? as usize;
         let words = [("light", Holds::Light), ("pixels", Holds::Pixels)];
         let advice =

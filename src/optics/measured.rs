@@ -7,8 +7,9 @@
 //! side. Limits: the centroid is that of the whole image, so wings that the image cuts, or noise far out, move it.
 //! Tests below make the image of a known PSF, off its middle and on a background, and want it back.
 
+use crate::optics::image_spline::Spline;
 use crate::optics::psf::LARGEST_HALF_PX;
-use crate::optics::psf_grid::{PsfGrid, PsfGridError, Spline};
+use crate::optics::psf_grid::{PsfGrid, PsfGridError};
 
 /// What a sample holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -161,7 +162,7 @@ pub fn measured_psf(samples: &[f64], width: usize, how: &Measurement) -> Result<
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1")]
     let half_px = ((reach_px - 0.5) as usize).min(LARGEST_HALF_PX);
     let spline = Spline::new(&pixels, columns);
-    let oversampling = if per_px % 2 == 0 { per_px } else { 2 * per_px };
+    let oversampling = if per_px.is_multiple_of(2) { per_px } else { 2 * per_px };
     let value = |x: f64, y: f64| spline.at(star[0] + x * per_px as f64, star[1] + y * per_px as f64);
     Ok(PsfGrid::sampled(oversampling.min(32), half_px, value)?)
 }

@@ -5,6 +5,7 @@
 
 pub mod airy;
 pub mod gaussian;
+pub mod image_spline;
 pub mod measured;
 pub mod moffat;
 pub mod psf;
