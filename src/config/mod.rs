@@ -56,8 +56,6 @@ pub use stages::{AttitudeSettings, Backend, Render, Sink};
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 
 #[cfg(test)]
-mod psf_tests;
-#[cfg(test)]
 mod setting_tests;
 #[cfg(test)]
 mod tests;

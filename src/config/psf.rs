@@ -6,11 +6,11 @@
 
 use crate::config::check::{Checker, Rule};
 use crate::config::error::ConfigError;
-use crate::optics::measured::{Background, Holds, MeasuredError, Measurement, StarAt, measured_psf};
+use crate::optics::measured::{Background, Holds, MeasuredError, Measurement, StarAt};
 use crate::optics::psf_field::{MOST_NODES, PsfField};
 use crate::optics::{PsfGrid, PsfModel};
+use crate::sink::fits::FitsImage;
 use crate::sink::fits::read::OwnedPixels;
-use crate::sink::fits::{FitsImage, read_image};
 use serde::Deserialize;
 
 /// Default exponent of a Moffat profile: turbulence (Trujillo et al. 2001).
@@ -98,7 +98,7 @@ impl NodeKeys {
         let bytes = check.document.bytes_of(&key("file"), path)?;
         let refuse =
             |why: String| check.invalid(&key("file"), format!("\"{path}\": {why}"), "an image of a star", advice);
-        let image = read_image(bytes.as_slice()).map_err(|error| refuse(error.to_string()))?;
+        let image = FitsImage::read(bytes.as_slice()).map_err(|error| refuse(error.to_string()))?;
         let grid = grid_of(&image, &how).map_err(|error| refuse(error.to_string()))?;
         Ok(PsfModel::grid(grid))
     }
@@ -188,5 +188,5 @@ fn grid_of(image: &FitsImage, how: &Measurement) -> Result<PsfGrid, MeasuredErro
     if image.header.text("ROWORDER").is_some_and(|order| order.trim() == "BOTTOM-UP") {
         samples = samples.rchunks_exact(image.width.max(1)).flatten().copied().collect();
     }
-    measured_psf(&samples, image.width, how)
+    how.psf(&samples, image.width)
 }

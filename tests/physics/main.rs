@@ -13,6 +13,7 @@ mod measure;
 mod noise;
 mod poisson_methods;
 mod psf_field;
+mod psf_files;
 mod psf_models;
 mod random_scenes;
 mod scene;
