@@ -6,11 +6,11 @@
 
 use crate::config::check::{Checker, Rule};
 use crate::config::error::ConfigError;
-use crate::optics::measured::{Background, Holds, MeasuredError, Measurement, StarAt, measured_psf};
+use crate::optics::measured::{Background, Holds, MeasuredError, Measurement, StarAt};
 use crate::optics::psf_field::{MOST_NODES, PsfField};
 use crate::optics::{PsfGrid, PsfModel};
+use crate::sink::fits::FitsImage;
 use crate::sink::fits::read::OwnedPixels;
-use crate::sink::fits::{FitsImage, read_image};
 use serde::Deserialize;
 
 /// Default exponent of a Moffat profile: turbulence (Trujillo et al. 2001).
@@ -98,14 +98,14 @@ impl NodeKeys {
         let bytes = check.document.bytes_of(&key("file"), path)?;
         let refuse =
             |why: String| check.invalid(&key("file"), format!("\"{path}\": {why}"), "an image of a star", advice);
-        let image = read_image(bytes.as_slice()).map_err(|error| refuse(error.to_string()))?;
+        let image = FitsImage::read(bytes.as_slice()).map_err(|error| refuse(error.to_string()))?;
         let grid = grid_of(&image, &how).map_err(|error| refuse(error.to_string()))?;
         Ok(PsfModel::grid(grid))
     }
 
     fn measurement(&self, table: &str, check: &mut Checker<'_>) -> Result<Measurement, ConfigError> {
         let key = |name: &str| format!("{table}.{name}");
-        let advice = "samples of the image along each side of a detector pixel; fewer than 2 say nothing about the place in a pixel";
+        let advice = "samples of the image along each side of a detector pixel; fewer than 2 do not tell where in a pixel a star is";
         let samples_per_px = check.whole(&key("samples_per_px"), self.samples_per_px, None, 2..=32, advice)? as usize;
         let words = [("light", Holds::Light), ("pixels", Holds::Pixels)];
         let advice =
@@ -188,5 +188,5 @@ fn grid_of(image: &FitsImage, how: &Measurement) -> Result<PsfGrid, MeasuredErro
     if image.header.text("ROWORDER").is_some_and(|order| order.trim() == "BOTTOM-UP") {
         samples = samples.rchunks_exact(image.width.max(1)).flatten().copied().collect();
     }
-    measured_psf(&samples, image.width, how)
+    how.psf(&samples, image.width)
 }

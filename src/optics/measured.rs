@@ -7,8 +7,9 @@
 //! side. Limits: the centroid is that of the whole image, so wings that the image cuts, or noise far out, move it.
 //! Tests below make the image of a known PSF, off its middle and on a background, and want it back.
 
+use crate::optics::image_spline::Spline;
 use crate::optics::psf::LARGEST_HALF_PX;
-use crate::optics::psf_grid::{PsfGrid, PsfGridError, Spline};
+use crate::optics::psf_grid::{PsfGrid, PsfGridError};
 
 /// What a sample holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -115,55 +116,57 @@ pub enum MeasuredError {
     Grid(#[from] PsfGridError),
 }
 
-/// The PSF of an image of `width` columns.
-///
-/// # Errors
-/// When the image is too small, not finite, dark, on a background that nobody mentioned, or no PSF ([`PsfGridError`]).
-pub fn measured_psf(samples: &[f64], width: usize, how: &Measurement) -> Result<PsfGrid, MeasuredError> {
-    let per_px = how.samples_per_px;
-    if !(2..=32).contains(&per_px) {
-        return Err(MeasuredError::SamplesPerPx { got: per_px });
-    }
-    let height = samples.len() / width.max(1);
-    if width.min(height) < 3 * per_px {
-        let reach_px = 0.5 * width.min(height) as f64 / per_px as f64;
-        return Err(MeasuredError::TooSmall { width, height, reach_px });
-    }
-    if let Some(at) = samples.iter().position(|v| !v.is_finite()) {
-        return Err(MeasuredError::NotFinite { column: at % width, row: at / width, got: samples[at] });
-    }
-    let mut light = without_background(samples, [width, height], how.background)?;
-    let total: f64 = light.iter().sum();
-    // Samples of whole pixels hold every photon as often as a pixel has samples.
-    let shares = match how.holds {
-        Holds::Light => total,
-        Holds::Pixels => total / (per_px * per_px) as f64,
-    };
-    light.iter_mut().for_each(|v| *v *= how.light_inside / shares);
-    let star = match how.star_at {
-        StarAt::Sample(at) => at,
-        StarAt::Middle => [width, height].map(|n| 0.5 * (n as f64 - 1.0)),
-        StarAt::Centroid => centroid(&light, width),
-    };
-    let (pixels, [columns, rows], star) = match how.holds {
-        Holds::Pixels => (light, [width, height], star),
-        Holds::Light => {
-            let (pixels, size) = summed_over_pixels(&light, [width, height], per_px);
-            // The first pixel's middle stands (k - 1) / 2 cells from the first cell.
-            (pixels, size, star.map(|v| v - 0.5 * (per_px as f64 - 1.0)))
+impl Measurement {
+    /// The PSF of an image of `width` columns.
+    ///
+    /// # Errors
+    /// When the image is too small, not finite, dark, on a background that nobody mentioned, or no PSF ([`PsfGridError`]).
+    pub fn psf(&self, samples: &[f64], width: usize) -> Result<PsfGrid, MeasuredError> {
+        let per_px = self.samples_per_px;
+        if !(2..=32).contains(&per_px) {
+            return Err(MeasuredError::SamplesPerPx { got: per_px });
         }
-    };
-    let ends = [star[0], columns as f64 - 1.0 - star[0], star[1], rows as f64 - 1.0 - star[1]];
-    let reach_px = ends.into_iter().fold(f64::INFINITY, f64::min) / per_px as f64;
-    if reach_px.is_nan() || reach_px < 1.5 {
-        return Err(MeasuredError::TooSmall { width, height, reach_px });
+        let height = samples.len() / width.max(1);
+        if width.min(height) < 3 * per_px {
+            let reach_px = 0.5 * width.min(height) as f64 / per_px as f64;
+            return Err(MeasuredError::TooSmall { width, height, reach_px });
+        }
+        if let Some(at) = samples.iter().position(|v| !v.is_finite()) {
+            return Err(MeasuredError::NotFinite { column: at % width, row: at / width, got: samples[at] });
+        }
+        let mut light = without_background(samples, [width, height], self.background)?;
+        let total: f64 = light.iter().sum();
+        // Samples of whole pixels hold every photon as often as a pixel has samples.
+        let shares = match self.holds {
+            Holds::Light => total,
+            Holds::Pixels => total / (per_px * per_px) as f64,
+        };
+        light.iter_mut().for_each(|v| *v *= self.light_inside / shares);
+        let star = match self.star_at {
+            StarAt::Sample(at) => at,
+            StarAt::Middle => [width, height].map(|n| 0.5 * (n as f64 - 1.0)),
+            StarAt::Centroid => centroid(&light, width),
+        };
+        let (pixels, [columns, rows], star) = match self.holds {
+            Holds::Pixels => (light, [width, height], star),
+            Holds::Light => {
+                let (pixels, size) = summed_over_pixels(&light, [width, height], per_px);
+                // The first pixel's middle stands (k - 1) / 2 cells from the first cell.
+                (pixels, size, star.map(|v| v - 0.5 * (per_px as f64 - 1.0)))
+            }
+        };
+        let ends = [star[0], columns as f64 - 1.0 - star[0], star[1], rows as f64 - 1.0 - star[1]];
+        let reach_px = ends.into_iter().fold(f64::INFINITY, f64::min) / per_px as f64;
+        if reach_px.is_nan() || reach_px < 1.5 {
+            return Err(MeasuredError::TooSmall { width, height, reach_px });
+        }
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1")]
+        let half_px = ((reach_px - 0.5) as usize).min(LARGEST_HALF_PX);
+        let spline = Spline::new(&pixels, columns);
+        let oversampling = if per_px.is_multiple_of(2) { per_px } else { 2 * per_px };
+        let value = |x: f64, y: f64| spline.at(star[0] + x * per_px as f64, star[1] + y * per_px as f64);
+        Ok(PsfGrid::sampled(oversampling.min(32), half_px, value)?)
     }
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1")]
-    let half_px = ((reach_px - 0.5) as usize).min(LARGEST_HALF_PX);
-    let spline = Spline::new(&pixels, columns);
-    let oversampling = if per_px % 2 == 0 { per_px } else { 2 * per_px };
-    let value = |x: f64, y: f64| spline.at(star[0] + x * per_px as f64, star[1] + y * per_px as f64);
-    Ok(PsfGrid::sampled(oversampling.min(32), half_px, value)?)
 }
 
 fn without_background(
@@ -254,14 +257,13 @@ mod tests {
         // Off the middle of an image that is no square; even and odd numbers of cells.
         for k in [4, 5, 8] {
             let (size, at) = ([15 * k, 12 * k + 1], [7.3 * k as f64, 5.9 * k as f64]);
-            let grid =
-                measured_psf(&cells(k, size, at, 0.0), size[0], &Measurement { samples_per_px: k, ..PLAIN }).unwrap();
+            let grid = (Measurement { samples_per_px: k, ..PLAIN }).psf(&cells(k, size, at, 0.0), size[0]).unwrap();
             assert!(worst(&grid) < 3e-4, "{k}: {:e}", worst(&grid));
             let told = Measurement { samples_per_px: k, star_at: StarAt::Sample(at), ..PLAIN };
-            let grid = measured_psf(&cells(k, size, at, 0.0), size[0], &told).unwrap();
+            let grid = told.psf(&cells(k, size, at, 0.0), size[0]).unwrap();
             assert!(worst(&grid) < 3e-4, "{k}: {:e}", worst(&grid));
             let beside = Measurement { star_at: StarAt::Sample([at[0] + 0.1 * k as f64, at[1]]), ..told };
-            let grid = measured_psf(&cells(k, size, at, 0.0), size[0], &beside).unwrap();
+            let grid = beside.psf(&cells(k, size, at, 0.0), size[0]).unwrap();
             assert!(worst(&grid) > 1e-2, "a tenth of a pixel off must be seen: {:e}", worst(&grid));
         }
     }
@@ -274,9 +276,9 @@ mod tests {
             .map(|i| 3.0 * wanted(((i % width) as f64 - at[0]) / k as f64, ((i / width) as f64 - at[1]) / k as f64))
             .collect();
         let how = Measurement { samples_per_px: k, holds: Holds::Pixels, ..PLAIN };
-        let grid = measured_psf(&samples, width, &how).unwrap();
+        let grid = how.psf(&samples, width).unwrap();
         assert!(worst(&grid) < 1e-4, "{:e}", worst(&grid));
-        let part = measured_psf(&samples, width, &Measurement { light_inside: 0.9, ..how }).unwrap();
+        let part = (Measurement { light_inside: 0.9, ..how }).psf(&samples, width).unwrap();
         assert!((part.flux() / grid.flux() - 0.9).abs() < 1e-12);
     }
 
@@ -284,9 +286,9 @@ mod tests {
     fn a_background_is_taken_off_or_refused() {
         let (k, size, at) = (5, [75, 75], [37.0, 37.0]);
         let bright = cells(k, size, at, 0.05);
-        assert!(matches!(measured_psf(&bright, size[0], &PLAIN), Err(MeasuredError::Background { .. })));
+        assert!(matches!(PLAIN.psf(&bright, size[0]), Err(MeasuredError::Background { .. })));
         for background in [Background::Border, Background::Level(0.05)] {
-            let grid = measured_psf(&bright, size[0], &Measurement { background, ..PLAIN }).unwrap();
+            let grid = (Measurement { background, ..PLAIN }).psf(&bright, size[0]).unwrap();
             assert!(worst(&grid) < 3e-4, "{background:?}: {:e}", worst(&grid));
         }
     }
@@ -294,7 +296,7 @@ mod tests {
     #[test]
     fn what_is_no_image_of_a_star_is_refused() {
         let good = cells(5, [75, 75], [37.0, 37.0], 0.0);
-        let refused = |samples: &[f64], how: Measurement| measured_psf(samples, 75, &how).expect_err("refused");
+        let refused = |samples: &[f64], how: Measurement| how.psf(samples, 75).expect_err("refused");
         assert_eq!(refused(&good, Measurement { samples_per_px: 1, ..PLAIN }), MeasuredError::SamplesPerPx { got: 1 });
         let small = Measurement { samples_per_px: 32, ..PLAIN };
         assert!(matches!(refused(&good, small), MeasuredError::TooSmall { .. }));

@@ -14,6 +14,7 @@ pub mod gaia_bands;
 pub mod gaussian;
 pub mod grey_map;
 pub mod illumination;
+pub mod image_spline;
 pub mod measured;
 pub mod moffat;
 pub mod mtf;

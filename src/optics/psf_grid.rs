@@ -8,6 +8,7 @@
 //! `h^4 |f''''| / 384` along each axis. Tests below hold it to a Gaussian's integrals.
 
 use crate::optics::gaussian;
+use crate::optics::image_spline::Spline;
 use crate::optics::psf::LARGEST_HALF_PX;
 use core::f64::consts::PI;
 
@@ -36,7 +37,11 @@ pub enum PsfGridError {
         got: usize,
     },
     /// not as many samples as the shape asks for
-    #[error("PSF grid: {got} samples, wanted {side} x {side} = {}: 2 x {half_px} px x {oversampling} + {oversampling} + 1 along each side", side * side)]
+    #[error(
+        "PSF grid: {got} samples, wanted {side} x {side} = {}: 2 x {half_px} px x {oversampling} + {oversampling} + 1 along \
+         each side",
+        side * side
+    )]
     Count {
         /// Samples given.
         got: usize,
@@ -59,8 +64,8 @@ pub enum PsfGridError {
     },
     /// a sample is far below zero
     #[error(
-        "PSF grid: the least sample is {least:.3e}, {:.1} % of the peak below zero, wanted at most {:.0} %; subtract the background, or take \
-         a measurement with less noise",
+        "PSF grid: the least sample is {least:.3e}, {:.1} % of the peak below zero, wanted at most {:.0} %; subtract the \
+         background, or take a measurement with less noise",
         -100.0 * least / peak,
         100.0 * NEGATIVE_SHARE
     )]
@@ -112,7 +117,7 @@ impl PsfGrid {
     /// When the samples have another shape, are not finite, fall below zero by more than [`NEGATIVE_SHARE`] of the peak,
     /// or hold a flux outside [`FLUX_RANGE`].
     pub fn new(oversampling: usize, half_px: usize, samples: Vec<f64>) -> Result<Self, PsfGridError> {
-        if oversampling % 2 != 0 || !(2..=MOST_OVERSAMPLING).contains(&oversampling) {
+        if !oversampling.is_multiple_of(2) || !(2..=MOST_OVERSAMPLING).contains(&oversampling) {
             return Err(PsfGridError::Oversampling { got: oversampling });
         }
         if !(1..=LARGEST_HALF_PX).contains(&half_px) {
@@ -218,7 +223,7 @@ impl PsfGrid {
         let middle = (self.stride() / 2).cast_signed();
         let at = |i: isize| usize::try_from(i + middle).ok().filter(|i| *i < self.stride());
         match (at(column), at(row)) {
-            (Some(column), Some(row)) => self.spline.coefficients[row * self.stride() + column],
+            (Some(column), Some(row)) => self.spline.coefficients()[row * self.stride() + column],
             _ => 0.0,
         }
     }
@@ -242,7 +247,7 @@ impl PsfGrid {
 
     /// Largest fourth difference of the coefficients along x or y, 1 / px^3.
     fn largest_third_step(&self) -> f64 {
-        let (c, stride) = (&self.spline.coefficients, self.stride());
+        let (c, stride) = (self.spline.coefficients(), self.stride());
         let mut most = 0.0_f64;
         for (at, middle) in c.iter().enumerate() {
             for (step, place) in [(1, at % stride), (stride, at / stride)] {
@@ -268,7 +273,7 @@ impl PsfGrid {
                     let mut sum = 0.0;
                     for (m, by) in B[by].iter().enumerate() {
                         let at = (row + m) * stride + column;
-                        let line = &self.spline.coefficients[at..at + 3];
+                        let line = &self.spline.coefficients()[at..at + 3];
                         sum += by * line.iter().zip(B[bx]).map(|(c, bx)| c * bx).sum::<f64>();
                     }
                     sum
@@ -311,89 +316,6 @@ fn lost_by_half_width(samples: &[f64], side: usize, oversampling: usize, half_px
         }
     }
     lost
-}
-
-/// The cubic B-spline with natural ends through an image, by sample.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Spline {
-    /// Coefficients, with one more on every side.
-    coefficients: Vec<f64>,
-    columns: usize,
-    rows: usize,
-}
-
-impl Spline {
-    /// Through samples, row by row, `columns` in each.
-    #[must_use]
-    pub fn new(samples: &[f64], columns: usize) -> Self {
-        let rows = samples.len() / columns;
-        let stride = columns + 2;
-        let mut out = vec![0.0; stride * (rows + 2)];
-        for (row, line) in samples.chunks_exact(columns).enumerate() {
-            natural(line.iter().copied(), &mut out[(row + 1) * stride..(row + 2) * stride]);
-        }
-        let mut column = vec![0.0; rows + 2];
-        for x in 0..stride {
-            natural((1..=rows).map(|y| out[y * stride + x]), &mut column);
-            for (y, value) in column.iter().enumerate() {
-                out[y * stride + x] = *value;
-            }
-        }
-        Self { coefficients: out, columns, rows }
-    }
-
-    /// Its value at a place counted in samples from the first; 0 outside.
-    #[must_use]
-    pub fn at(&self, x: f64, y: f64) -> f64 {
-        // Negated, so that what is no number is outside.
-        let inside = |v: f64, n: usize| v >= 0.0 && v <= n as f64 - 1.0;
-        if !inside(x, self.columns) || !inside(y, self.rows) {
-            return 0.0;
-        }
-        let ((first_x, wx), (first_y, wy)) = (taps(x, self.columns), taps(y, self.rows));
-        let stride = self.columns + 2;
-        let mut sum = 0.0;
-        for (m, wy) in wy.iter().enumerate() {
-            let at = (first_y + m) * stride + first_x;
-            let row = &self.coefficients[at..at + 4];
-            sum += wy * row.iter().zip(wx).map(|(c, wx)| c * wx).sum::<f64>();
-        }
-        sum
-    }
-}
-
-/// First of four coefficients along an axis of `n` samples, and their weights.
-fn taps(at: f64, n: usize) -> (usize, [f64; 4]) {
-    // The last interval holds its own end.
-    let j = at.floor().clamp(0.0, n as f64 - 2.0);
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the samples")]
-    (j as usize, weights(at - j))
-}
-
-/// One axis: `(c[i - 1] + 4 c[i] + c[i + 1]) / 6 = f[i]` with a vanishing second derivative at both ends, where
-/// therefore `c = f`; by elimination.
-fn natural(samples: impl Iterator<Item = f64>, out: &mut [f64]) {
-    let last = out.len() - 2;
-    for (c, f) in out[1..=last].iter_mut().zip(samples) {
-        *c = f;
-    }
-    let mut gains = vec![0.0; last];
-    for i in 2..last {
-        let below = 1.0 / (4.0 - gains[i - 1]);
-        gains[i] = below;
-        out[i] = (6.0 * out[i] - out[i - 1]) * below;
-    }
-    for i in (2..last).rev() {
-        out[i] -= gains[i] * out[i + 1];
-    }
-    out[0] = 2.0 * out[1] - out[2];
-    out[last + 1] = 2.0 * out[last] - out[last - 1];
-}
-
-/// Weights of the coefficients at offsets -1, 0, 1, 2 for a point a share `t` in [0, 1] past offset 0.
-fn weights(t: f64) -> [f64; 4] {
-    let r = 1.0 - t;
-    [r * r * r / 6.0, (4.0 - 3.0 * t * t * (2.0 - t)) / 6.0, (4.0 - 3.0 * r * r * (2.0 - r)) / 6.0, t * t * t / 6.0]
 }
 
 /// Sigma of the Gaussian whose pixel integral is, where it is sharpest, curved like this, of its peak, 1 / px^2; by

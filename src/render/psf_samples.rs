@@ -116,7 +116,7 @@ fn halved(coarse: &[f64], side: usize) -> Vec<f64> {
     // Fine knot k stands at coarse (k + 1) / 2.
     let line = |at: &dyn Fn(usize) -> f64, k: usize| {
         let i = k.div_ceil(2);
-        if k % 2 == 0 { 0.5 * (at(i) + at(i + 1)) } else { (at(i - 1) + 6.0 * at(i) + at(i + 1)) / 8.0 }
+        if k.is_multiple_of(2) { 0.5 * (at(i) + at(i + 1)) } else { (at(i - 1) + 6.0 * at(i) + at(i + 1)) / 8.0 }
     };
     let mut along_x = vec![0.0; finer * side];
     for (row, out) in coarse.chunks_exact(side).zip(along_x.chunks_exact_mut(finer)) {

@@ -22,6 +22,7 @@ mod overlap;
 mod poisson_methods;
 mod psf_chain;
 mod psf_field;
+mod psf_files;
 mod psf_models;
 mod radiometry;
 mod random_scenes;

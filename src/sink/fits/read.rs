@@ -55,6 +55,16 @@ impl OwnedPixels {
     }
 }
 
+impl FitsImage {
+    /// Reads one image; see [`read_image`].
+    ///
+    /// # Errors
+    /// [`SinkError::BadFits`] when the input ends early or is not an image of a kind listed above.
+    pub fn read(input: impl Read) -> Result<Self, SinkError> {
+        read_image(input)
+    }
+}
+
 /// Reads one image; never allocates more than the input holds.
 ///
 /// # Errors

@@ -1,11 +1,16 @@
-//! `[psf]` with models of `psf.rs`: what is made of them, and what is refused.
+//! `[psf]` of a camera file, Moffat, measured and field: what is made of it, and what is refused.
 
-use super::optics::Psf;
-use super::{Camera, ConfigError, Document};
-use crate::optics::{PsfModel, gaussian};
-use crate::sink::fits::card::Header;
-use crate::sink::fits::{Pixels, write_image};
+use starloop::config::{Camera, ConfigError, Document, Psf};
+use starloop::optics::PsfModel;
+use starloop::sink::fits::card::Header;
+use starloop::sink::fits::{Pixels, write_image};
 use std::path::Path;
+
+/// Share of a Gaussian's light in the pixel `x` from its middle.
+fn cell(x: f64, sigma: f64) -> f64 {
+    let edge = |x: f64| 0.5 * libm::erf(x / (sigma * 2.0_f64.sqrt()));
+    edge(x + 0.5) - edge(x - 0.5)
+}
 
 const CAMERA: &str = "[detector]\nwidth_px = 64\nheight_px = 48\n[optics]\nfocal_length_mm = 25\n";
 
@@ -27,8 +32,8 @@ fn made_in(directory: &Path, psf: &str) -> PsfModel {
 /// A lopsided star on cells of a quarter of a pixel, as a FITS file.
 fn write_star(path: &Path, level: f64) {
     let (k, width, height) = (4.0, 61_usize, 49_usize);
-    let cell = |i: usize, at: f64, sigma: f64| gaussian::cell(i as f64 - at, sigma * k);
-    let star = |x: usize, y: usize| 900.0 * cell(x, 31.2, 0.9) * cell(y, 22.6, 0.6) + level;
+    let along = |i: usize, at: f64, sigma: f64| cell(i as f64 - at, sigma * k);
+    let star = |x: usize, y: usize| 900.0 * along(x, 31.2, 0.9) * along(y, 22.6, 0.6) + level;
     let pixels: Vec<f32> = (0..width * height).map(|i| star(i % width, i / width) as f32).collect();
     let mut bytes = Vec::new();
     write_image(&mut bytes, width, height, Pixels::F32(&pixels), &Header::default()).unwrap();
@@ -48,7 +53,7 @@ fn a_measured_psf_is_read_from_beside_the_camera_file() {
     let text = "model = \"measured\"\nfile = \"star.fits\"\nsamples_per_px = 4";
     let psf = made_in(directory.path(), text);
     for (x, y) in [(0.0, 0.0), (1.3, -0.4), (-2.1, 0.9)] {
-        let wanted = gaussian::cell(x, 0.9) * gaussian::cell(y, 0.6);
+        let wanted = cell(x, 0.9) * cell(y, 0.6);
         assert!((psf.pixel(x, y) - wanted).abs() < 1e-4, "({x}, {y}): {} {wanted}", psf.pixel(x, y));
     }
     let aside = made_in(directory.path(), &format!("{text}\nstar_at = [27.2, 22.6]"));
@@ -58,7 +63,7 @@ fn a_measured_psf_is_read_from_beside_the_camera_file() {
     let refused = camera_in(directory.path(), bright).expect_err("a background").to_string();
     assert!(refused.contains("psf.file") && refused.contains("border"), "{refused}");
     let psf = made_in(directory.path(), &format!("{bright}\nbackground = \"border\""));
-    assert!((psf.pixel(0.0, 0.0) - gaussian::cell(0.0, 0.9) * gaussian::cell(0.0, 0.6)).abs() < 1e-3);
+    assert!((psf.pixel(0.0, 0.0) - cell(0.0, 0.9) * cell(0.0, 0.6)).abs() < 1e-3);
     std::fs::write(directory.path().join("star.fits"), b"no image").unwrap();
     let refused = camera_in(directory.path(), text).expect_err("no image").to_string();
     assert!(refused.contains("psf.file") && refused.contains("star.fits"), "{refused}");
