@@ -48,6 +48,9 @@ pub struct ChargeTransfer {
 }
 
 impl ChargeTransfer {
+    /// Nothing is left behind.
+    pub const NONE: Self = Self { parallel_share: 0.0, serial_share: 0.0, corner: OutputCorner::TopLeft };
+
     /// True when rows are counted from the last one.
     #[must_use]
     pub fn is_from_bottom(&self) -> bool {

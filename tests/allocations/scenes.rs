@@ -7,7 +7,12 @@ use starloop::base::axes::Rotation;
 use starloop::base::image::DnImage;
 use starloop::base::random::philox;
 use starloop::base::time::Tai;
-use starloop::detector::{Detector, DetectorParams, LinePattern, Nonlinearity, RowNoise};
+use starloop::detector::blooming::Blooming;
+use starloop::detector::charge_transfer::ChargeTransfer;
+use starloop::detector::defects::{Defect, DefectKind, DefectPlace, DefectPopulation, Rates};
+use starloop::detector::image_lag::ImageLag;
+use starloop::detector::protons::{ProtonDirection, ProtonFlux};
+use starloop::detector::{Detector, DetectorParams, LinePattern, Nonlinearity, RowNoise, SpatialParams};
 use starloop::exposure::cost::CostModel;
 use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
 use starloop::exposure::{MethodChoice, PsfSampling, Shutter};
@@ -33,6 +38,8 @@ pub(crate) struct Scene {
     time_budget_ms: Option<f64>,
     /// Whether the detector runs in two passes.
     keep_charge: bool,
+    /// Whether defects, protons and the effects of neighbours are on, and defects come and go.
+    is_disturbed: bool,
 }
 
 /// All scenes.
@@ -45,6 +52,7 @@ pub(crate) fn all() -> Vec<Scene> {
         rate_rad_s: [0.02, 0.05, 0.01],
         time_budget_ms: None,
         keep_charge: false,
+        is_disturbed: false,
     };
     let rolling = Shutter::Rolling { line_s: 2e-4 };
     let airy = PsfModel::airy(1.2, 0.0);
@@ -61,6 +69,7 @@ pub(crate) fn all() -> Vec<Scene> {
         Scene { psf: airy.clone(), rate_rad_s: [0.0; 3], ..scene("Airy, still", "auto") },
         Scene { psf: airy, ..scene("Airy, effective PSF", "effective-psf:16") },
         Scene { keep_charge: true, ..scene("detector in two passes", "auto") },
+        Scene { is_disturbed: true, ..scene("defects, protons, neighbours", "auto") },
         Scene { time_budget_ms: Some(0.1), ..scene("little time", "auto") },
         Scene { time_budget_ms: Some(0.0), ..scene("no time", "auto") },
     ]
@@ -71,6 +80,7 @@ pub(crate) struct Drawn {
     planner: Planner,
     backend: Cpu,
     detector: Detector,
+    is_disturbed: bool,
     sources: Vec<Source>,
     image: DnImage,
 }
@@ -115,6 +125,7 @@ impl Drawn {
             nonlinearity: Nonlinearity::through(&[[1e4, 9.9e3], [5e4, 4.8e4]]).unwrap(),
             line_pattern: LinePattern { column_e_rms: 1.0, column_gain_rms: 0.001, row_e_rms: 1.0 },
             row_noise: RowNoise { e_rms: 1.0, corner_cycles_per_row: 0.1 },
+            spatial: if scene.is_disturbed { disturbed() } else { SpatialParams::OFF },
             ..DetectorParams::QUIET
         };
         let mut detector = Detector::new(params, SIZE, SIZE, 1);
@@ -125,6 +136,7 @@ impl Drawn {
             planner,
             backend: Cpu::new(SIZE, SIZE),
             detector,
+            is_disturbed: scene.is_disturbed,
             sources: (0..20_000).map(source).collect(),
             image: DnImage::new(SIZE, SIZE),
         }
@@ -139,10 +151,45 @@ impl Drawn {
             let SourcePlace::Pixel(px) = &mut source.place else { continue };
             px[0] = place(u32::try_from(i).unwrap(), 0) + drift_px - 60.0;
         }
+        if self.is_disturbed {
+            self.change_defects(number);
+        }
         let plan = self.planner.plan(&self.sources[..stars]);
         self.backend.render(plan).unwrap();
         let Electrons::Host(mean) = self.backend.electrons() else { panic!("the CPU draws in memory") };
         self.detector.collect(mean, number, EXPOSURE_S, &mut self.image);
+    }
+
+    /// A column comes, the oldest commanded defect goes.
+    fn change_defects(&mut self, number: u32) {
+        let defects = self.detector.defects_mut();
+        let (place, kind) = (DefectPlace::Column(number), DefectKind::Hot { extra_e_per_s: 100.0 });
+        let oldest = defects.iter().find(|(_, defect)| matches!(defect.place, DefectPlace::Column(_)));
+        defects.insert(Defect { place, kind }).unwrap();
+        if let Some((id, _)) = oldest {
+            assert!(defects.remove(id));
+        }
+    }
+}
+
+/// Everything that disturbs pixels and passes charge on; the image keeps its size.
+fn disturbed() -> SpatialParams {
+    let rates = Rates { up_per_s: 1.0, down_per_s: 1.0 };
+    SpatialParams {
+        defects: DefectPopulation {
+            hot_share: 0.001,
+            hot_e_per_s: 1e4,
+            dead_share: 0.001,
+            rts_share: 0.001,
+            rts_e_per_s: 1e4,
+            rts_rates: rates,
+            ..DefectPopulation::NONE
+        },
+        protons: Some(ProtonFlux { per_cm2_s: 1e4, energy_mev: 60.0, direction: ProtonDirection::Isotropic }),
+        image_lag: Some(ImageLag { share: 0.01 }),
+        blooming: Some(Blooming { drained_share: 0.5 }),
+        charge_transfer: Some(ChargeTransfer { parallel_share: 1e-4, serial_share: 1e-5, ..ChargeTransfer::NONE }),
+        ..SpatialParams::OFF
     }
 }
 
