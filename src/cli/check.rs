@@ -192,8 +192,8 @@ mod tests {
             "scenario \"three heads\" is sound",
             "bench \"closed loop",
             "3, sensor_from_body",
-            "    150.0      60.0  stray_light     5000000 e-/s, head 0",
-            "    180.0      60.0  tracker_off     head 1",
+            "    150.0      60.0  stray_light          5000000 e-/s, head 0",
+            "    180.0      60.0  tracker_off          head 1",
             "pointing error in the window: at most 5 arcsec rms",
             "mode at the end: fine_pointing",
             "default      scenario: tracker.stars = 40",
@@ -216,6 +216,6 @@ mod tests {
     #[test]
     fn help_lists_the_keys_of_every_event() {
         let help = event_help();
-        assert!(help.contains("\n  stray_light     for_s, e_per_s, [head]\n"), "{help}");
+        assert!(help.contains("\n  stray_light          for_s, e_per_s, [head]\n"), "{help}");
     }
 }

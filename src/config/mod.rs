@@ -78,8 +78,6 @@ mod detector_tests;
 #[cfg(test)]
 mod light_tests;
 #[cfg(test)]
-mod psf_tests;
-#[cfg(test)]
 mod setting_tests;
 #[cfg(test)]
 mod tests;
