@@ -201,7 +201,6 @@ mod tests {
         ]
     }
 
-    /// Largest error of the table against the integral, mag, and the largest colour term in it.
     #[test]
     fn the_table_agrees_with_the_integral() {
         let spectra = StarSpectra::new();
