@@ -337,7 +337,8 @@ mod tests {
         assert!((both.mean_wavelength_nm() - 725.0).abs() < 1e-9 && (both.cutoff() - 2.5).abs() < 1e-12, "ends");
         let step = 1e-7;
         let slope = (both.colored(step) - 1.0) / step;
-        assert!((slope / both.slope_at_zero() - 1.0).abs() < 1e-5, "{slope} against {}", both.slope_at_zero());
+        // The exact defocus is good to 1e-11: over this step, 1e-4 of the slope.
+        assert!((slope / both.slope_at_zero() - 1.0).abs() < 1e-4, "{slope} against {}", both.slope_at_zero());
     }
 
     #[test]
