@@ -170,8 +170,9 @@ mod tests {
         // Five standard deviations of the sum of Poisson numbers.
         let (got, flat) = (draw(&mut detector), wanted(&|_| 1.0));
         assert!((got - flat).abs() < 5.0 * flat.sqrt(), "without a map the sky is even: {got} {flat}");
-        detector.set_illumination_map(Some(map()));
-        let (got, vignetted) = (draw(&mut detector), wanted(&|i| map()[i]));
+        let lit = map();
+        detector.set_illumination_map(Some(lit.clone()));
+        let (got, vignetted) = (draw(&mut detector), wanted(&|i| lit[i]));
         assert!((got - vignetted).abs() < 5.0 * vignetted.sqrt(), "{got} {vignetted}");
         assert!((flat - vignetted).abs() > 20.0 * flat.sqrt(), "control: the map shows");
         detector.set_stray_light_e(7.0);
