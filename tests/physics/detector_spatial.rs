@@ -15,6 +15,7 @@ use starloop::detector::{Detector, DetectorParams, SpatialParams};
 const SIZE: [usize; 2] = [128, 96];
 const EXPOSURE_S: f64 = 0.5;
 const BLACK_DN: f64 = 100.0;
+const BEAM: ProtonDirection = ProtonDirection::Beam { incidence_deg: 0.0, azimuth_deg: 0.0 };
 
 fn params(spatial: SpatialParams) -> DetectorParams {
     DetectorParams { full_well_e: 50_000.0, black_level_dn: BLACK_DN, spatial, ..DetectorParams::QUIET }
@@ -138,7 +139,8 @@ fn what_lags_is_what_was_there() {
     let error = 5.0 * 100.0 / (SIZE[0] * SIZE[1]) as f64;
     assert!((first - 9800.0).abs() < 100.0 * error, "{first}");
     assert!((second - 196.0).abs() < 2.0, "{second}");
-    assert!((third - 3.92).abs() < 0.05, "{third}");
+    // 3.92 electrons in every pixel, to a few hundredths: the ADC makes 4 of it.
+    assert!((third - 4.0).abs() < 0.05, "{third}");
     // The same run again, bit by bit, after frames of another one.
     let again = moments(&electrons(&frame(&mut detector, &flat(10_000.0), 0)))[0];
     assert_eq!(again.to_bits(), first.to_bits());
@@ -227,22 +229,23 @@ fn defects_show_in_the_numbers_and_go_with_a_command() {
 fn protons_leave_the_charge_of_their_tracks() {
     let mut detector = detector(SpatialParams::OFF);
     let dark = flat(0.0);
-    let flux = ProtonFlux { per_cm2_s: 4000.0, energy_mev: 100.0, direction: ProtonDirection::Isotropic };
+    let flux = ProtonFlux { per_cm2_s: 4000.0, energy_mev: 100.0, direction: BEAM };
     assert_eq!(electrons(&frame(&mut detector, &dark, 0)).iter().sum::<f64>(), 0.0);
     detector.set_proton_flux(Some(flux)).unwrap();
     let (mut seen_e, mut told_e, mut tracks) = (0.0, 0.0, 0);
     for number in 0..200 {
         seen_e += electrons(&frame(&mut detector, &dark, number)).iter().sum::<f64>();
         told_e += detector.proton_tracks().iter().map(|track| track.electrons).sum::<f64>();
-        tracks += detector.proton_tracks().len();
+        tracks += u32::try_from(detector.proton_tracks().len()).unwrap();
     }
     // Half a track's width may lie outside; numbers are rounded.
     assert!((seen_e / told_e - 1.0).abs() < 0.02, "{seen_e} {told_e}");
-    // 5.836 MeV cm^2/g, 2.33 g/cm^3, the path length per volume of an isotropic flux, 3.65 eV; 15 um under 5.5 um pixels.
+    // 5.836 MeV cm^2/g, 2.33 g/cm^3, 3.65 eV; 15 um under 5.5 um pixels.
     let volume_cm3 = (128.0 * 5.5e-4) * (96.0 * 5.5e-4) * 15e-4;
     let wanted_e = 4000.0 * volume_cm3 * 200.0 * EXPOSURE_S * 5.836e6 * 2.33 / 3.65;
-    // Long tracks are cut at the edges, and weigh much: 10 %.
-    assert!((told_e / wanted_e - 1.0).abs() < 0.1, "{told_e} for {wanted_e} of {tracks} tracks");
+    // Their number is Poisson's, and Bohr's straggling is as large as the mean in so thin a layer.
+    let spread = 5.0 * (2.0 / f64::from(tracks)).sqrt();
+    assert!((told_e / wanted_e - 1.0).abs() < spread, "{told_e} for {wanted_e} of {tracks} tracks");
     detector.set_proton_flux(None).unwrap();
     assert_eq!(electrons(&frame(&mut detector, &dark, 0)).iter().sum::<f64>(), 0.0);
 }
