@@ -80,7 +80,8 @@ fn every_effect_agrees_with_the_cpu_and_changes_the_image() {
             println!("{name}, {passes}: {difference:?}");
             assert!(difference.within(SHARE), "{name}, {passes}: {difference:?}");
             let effect = DnDifference::between(&without, &on_device);
-            assert!(effect.share > 0.1, "{name}, {passes}: it does something: {effect:?}");
+            // A bent response shows in bright pixels only.
+            assert!(effect.share > 0.02, "{name}, {passes}: it does something: {effect:?}");
             detector.keep_charge();
         }
     }

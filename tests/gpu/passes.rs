@@ -32,7 +32,8 @@ fn passes_apart_agree_with_one_pass_and_with_the_cpu() {
         let apart = read_out(&detector, 3);
         let mut on_cpu = DnImage::new(size[0], size[1]);
         detector.collect(&draw_cpu(plan, size), 3, EXPOSURE_S, &mut on_cpu);
-        let share = SHARE.max(1.5 / (size[0] * size[1]) as f64);
+        // Under the brightest star a mean is known to a hundredth of an electron: some of its 49 counts round the other way.
+        let share = SHARE.max(5.0 / (size[0] * size[1]) as f64);
         let [to_one, to_cpu] = [&one, &on_cpu].map(|other| DnDifference::between(&apart, other));
         println!("{size:?}: against one pass {to_one:?}, against the CPU {to_cpu:?}");
         assert!(to_one.within(share), "{to_one:?}");
