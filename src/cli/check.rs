@@ -6,6 +6,7 @@ use crate::cli::check_plan::{self, Planned};
 use crate::cli::check_scenario;
 use crate::cli::frame_plan::FramePlans;
 use crate::config::{Bench, Document, Event, Scenario, StartTime, is_scenario};
+use crate::detector::cost::effect_costs;
 use crate::runtime::{Imager, RunParams};
 use crate::sky::catalog::Catalog;
 use crate::wiring::bench_parts;
@@ -124,6 +125,15 @@ fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Image
         writeln!(text, "               {note}")?;
     }
     writeln!(text, "  costs        {}", costs.origin)?;
+    let camera_params = &params.camera;
+    let effects: Vec<String> =
+        effect_costs(&camera_params.detector, &camera_params.patterns, camera_params.geometry.width_px())
+            .map(|effect| format!("{} {:+.0} %", effect.name, 100.0 * effect.share))
+            .collect();
+    if !effects.is_empty() {
+        let readout_ms = camera_params.predicted_readout_ms(&params.cost.unwrap_or_else(|| imager.cost()));
+        writeln!(text, "  detector     {readout_ms:.2} ms predicted, with {}", effects.join(", "))?;
+    }
     let budget = &params.budget;
     writeln!(
         text,

@@ -4,7 +4,6 @@ use crate::config::check::{Checker, Rule};
 use crate::config::detector::DetectorKeys;
 use crate::config::error::ConfigError;
 use crate::detector::DarkLaw;
-use crate::detector::dark_current::{DOUBLING_K, e_per_s_of_density};
 
 const DEFAULT_E_PER_S: f64 = 10.0;
 const DEFAULT_REFERENCE_C: f64 = 20.0;
@@ -42,9 +41,9 @@ impl DarkCurrent {
         let advice = "kelvin of warming that double the dark current, 5 to 10 for silicon";
         let key = "detector.dark_doubling_k";
         let doubling_k = if keys.temperature_c.is_some() {
-            check.number(key, doubling_k, DOUBLING_K, Rule::Positive, advice)?
+            check.number(key, doubling_k, DarkLaw::AT_REFERENCE.doubling_k, Rule::Positive, advice)?
         } else {
-            check.meets(key, doubling_k.unwrap_or(DOUBLING_K), Rule::Positive, advice)?
+            check.meets(key, doubling_k.unwrap_or(DarkLaw::AT_REFERENCE.doubling_k), Rule::Positive, advice)?
         };
         let law = DarkLaw { reference_c, operating_c, doubling_k };
         let warm_e_per_s = e_per_s * law.factor();
@@ -73,6 +72,6 @@ impl DarkCurrent {
         let density = "nanoamperes per square centimetre, such as 0.1; 0 turns it off";
         check.meets(key, na_per_cm2, Rule::Within(0.0, 1e6), density)?;
         let advice = "electrons per second of a pixel of this density and pitch are too many";
-        check.meets(key, e_per_s_of_density(na_per_cm2, pixel_pitch_um), rule, advice)
+        check.meets(key, DarkLaw::e_per_s_of_density(na_per_cm2, pixel_pitch_um), rule, advice)
     }
 }

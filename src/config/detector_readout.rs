@@ -3,8 +3,7 @@
 use crate::config::check::{Checker, Rule};
 use crate::config::detector::DetectorKeys;
 use crate::config::error::ConfigError;
-use crate::detector::adc::lsb_e;
-use crate::detector::{Nonlinearity, Rounding, RowNoise};
+use crate::detector::{DetectorParams, Nonlinearity, Rounding, RowNoise};
 use serde::Deserialize;
 
 /// Readout beyond the read noise, checked.
@@ -88,7 +87,7 @@ impl Converter {
         let largest_dn = f64::from((1_u32 << self.bits) - 1);
         let default = match rule {
             GainRule::FillRange => self.full_well_e / (largest_dn - self.black_level_dn),
-            GainRule::Lsb => lsb_e(self.full_well_e, self.bits),
+            GainRule::Lsb => DetectorParams::lsb_e(self.full_well_e, self.bits),
         };
         let advice = "electrons per DN: full well / (2^bits - 1 - black level) uses the whole range";
         let gain = check.number(key, keys.gain_e_per_dn, default, Rule::Positive, advice)?;

@@ -2,8 +2,8 @@
 
 use crate::config::check::Checker;
 use crate::config::error::ConfigError;
+use crate::sink::fits::FitsImage;
 use crate::sink::fits::read::OwnedPixels;
-use crate::sink::fits::read_image;
 use std::fs::File;
 use std::io::BufReader;
 
@@ -20,7 +20,7 @@ pub(super) fn read(check: &Checker<'_>, key: &str, path: &str, size_px: [u32; 2]
         ),
     };
     let input = File::open(&file).map_err(|error| refuse(error.to_string()))?;
-    let image = read_image(BufReader::new(input)).map_err(|error| refuse(error.to_string()))?;
+    let image = FitsImage::read(BufReader::new(input)).map_err(|error| refuse(error.to_string()))?;
     let [width, height] = size_px.map(|side| side as usize);
     if [image.width, image.height] != [width, height] {
         let got = format!("{path}, an image of {} x {} pixels", image.width, image.height);

@@ -29,12 +29,6 @@ impl Rounding {
     }
 }
 
-/// Electrons of one LSB of a converter that ends where the pixel does.
-#[must_use]
-pub fn lsb_e(full_well_e: f64, bits: u32) -> f64 {
-    full_well_e / f64::from(1_u32 << bits.min(16))
-}
-
 /// Converts a block.
 #[inline(always)]
 pub fn convert<const FUSED: bool>(electrons: &[f32; BLOCK], constants: &Constants, out: &mut [u16; BLOCK]) {

@@ -38,13 +38,13 @@ impl DarkLaw {
     pub fn factor(&self) -> f64 {
         ((self.operating_c - self.reference_c) / self.doubling_k).exp2()
     }
-}
 
-/// Electrons per second of one square pixel from a current density.
-#[must_use]
-pub fn e_per_s_of_density(na_per_cm2: f64, pixel_pitch_um: f64) -> f64 {
-    let area_cm2 = (pixel_pitch_um * 1e-4).powi(2);
-    na_per_cm2 * 1e-9 * area_cm2 / ELECTRON_C
+    /// Electrons per second of one square pixel from a current density.
+    #[must_use]
+    pub fn e_per_s_of_density(na_per_cm2: f64, pixel_pitch_um: f64) -> f64 {
+        let area_cm2 = (pixel_pitch_um * 1e-4).powi(2);
+        na_per_cm2 * 1e-9 * area_cm2 / ELECTRON_C
+    }
 }
 
 /// Adds the dark signal: the same to all pixels, or times each pixel's factor.
@@ -74,8 +74,9 @@ mod tests {
     #[test]
     fn density_is_charge_over_the_elementary_charge() {
         // 1 nA/cm^2 is 62.4 e-/s per square micrometre: 1e-9 * 1e-8 / 1.602e-19.
-        assert!((e_per_s_of_density(1.0, 1.0) - 62.415).abs() < 1e-3);
-        assert!((e_per_s_of_density(0.01, 18.0) / (0.01 * 324.0 * 62.415_09) - 1.0).abs() < 1e-6);
+        let e_per_s = DarkLaw::e_per_s_of_density;
+        assert!((e_per_s(1.0, 1.0) - 62.415).abs() < 1e-3);
+        assert!((e_per_s(0.01, 18.0) / (0.01 * 324.0 * 62.415_09) - 1.0).abs() < 1e-6);
     }
 
     #[test]

@@ -9,6 +9,7 @@ pub mod binning;
 pub mod block;
 pub mod blooming;
 pub mod charge_transfer;
+pub mod cost;
 pub mod cpu;
 pub mod dark_current;
 pub mod defects;

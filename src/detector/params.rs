@@ -75,6 +75,12 @@ impl DetectorParams {
         u16::try_from((1_u32 << self.bits.min(16)) - 1).unwrap_or(u16::MAX)
     }
 
+    /// Electrons of one LSB of a converter that ends where the pixel does: `full well / 2^bits`.
+    #[must_use]
+    pub fn lsb_e(full_well_e: f64, bits: u32) -> f64 {
+        full_well_e / f64::from(1_u32 << bits.min(16))
+    }
+
     /// Mean dark current at the detector's temperature, e-/s.
     #[must_use]
     pub fn operating_dark_e_per_s(&self) -> f64 {

@@ -5,6 +5,7 @@ use crate::attitude::{EstimateLimits, HistoryLimits, JitterLine, RemoteClockLimi
 use crate::base::accuracy::AccuracyBudget;
 use crate::base::axes::{Body, Rotation, Sensor};
 use crate::base::time::{Span, Tai};
+use crate::detector;
 use crate::detector::pattern::PatternSizeError;
 use crate::detector::window::OutputGeometry;
 use crate::detector::{Detector, DetectorParams, Patterns};
@@ -160,7 +161,8 @@ impl CameraParams {
     /// Predicted time of the detector, ms.
     #[must_use]
     pub fn predicted_readout_ms(&self, cost: &CostModel) -> f64 {
-        cost.readout_ms(self.geometry.width_px() * self.geometry.height_px())
+        let [width, height] = [self.geometry.width_px(), self.geometry.height_px()];
+        cost.readout_ms(width * height) * detector::cost::factor(&self.detector, &self.patterns, width)
     }
 }
 

@@ -2,7 +2,6 @@
 
 use crate::flats::{Flats, mean, variance, variance_error};
 use crate::noise::STANDARD_ERRORS;
-use starloop::detector::dark_current::e_per_s_of_density;
 use starloop::detector::{DarkLaw, DetectorParams};
 
 const SIZE: [usize; 2] = [256, 256];
@@ -11,7 +10,7 @@ const PIXELS: usize = SIZE[0] * SIZE[1];
 /// 0.02 nA/cm^2 at 20 C on 15 um pixels.
 fn warm(operating_c: f64) -> DetectorParams {
     let dark_law = DarkLaw { reference_c: 20.0, operating_c, doubling_k: 6.5 };
-    DetectorParams { dark_e_per_s: e_per_s_of_density(0.02, 15.0), dark_law, ..DetectorParams::QUIET }
+    DetectorParams { dark_e_per_s: DarkLaw::e_per_s_of_density(0.02, 15.0), dark_law, ..DetectorParams::QUIET }
 }
 
 /// The formula written afresh: seconds x A/cm^2 x cm^2 / C.

@@ -2,7 +2,6 @@
 
 use crate::flats::{Flats, mean, variance};
 use crate::noise::STANDARD_ERRORS;
-use starloop::detector::adc::lsb_e;
 use starloop::detector::{DetectorParams, Nonlinearity, Rounding};
 
 const SIZE: [usize; 2] = [256, 256];
@@ -50,7 +49,7 @@ fn one_lsb_is_the_full_well_over_all_numbers() {
     let params = DetectorParams {
         full_well_e: 40_960.0,
         bits: 12,
-        gain_e_per_dn: lsb_e(40_960.0, 12),
+        gain_e_per_dn: DetectorParams::lsb_e(40_960.0, 12),
         rounding: Rounding::Truncate,
         ..DetectorParams::QUIET
     };

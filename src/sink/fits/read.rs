@@ -22,6 +22,16 @@ pub struct FitsImage {
     pub header: Header,
 }
 
+impl FitsImage {
+    /// [`read_image`].
+    ///
+    /// # Errors
+    /// The same.
+    pub fn read(input: impl Read) -> Result<Self, SinkError> {
+        read_image(input)
+    }
+}
+
 /// Pixels of an image that was read, row by row from the top.
 #[derive(Debug, Clone, PartialEq)]
 pub enum OwnedPixels {
