@@ -230,7 +230,7 @@ impl Protons {
                 self.left_out += 1;
             }
         }
-        self.charge.sort_unstable_by(|a, b| (a.pixel, a.charge_e.to_bits()).cmp(&(b.pixel, b.charge_e.to_bits())));
+        self.charge.sort_unstable_by_key(|outlier| (outlier.pixel, outlier.charge_e.to_bits()));
         let kept = fold_equal(&mut self.charge);
         self.charge.truncate(kept);
         &self.charge
