@@ -85,6 +85,7 @@ impl BrownConrady {
 
 /// A lens's distortion, by one model or another.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "a camera is copied whole; one lens is not worth a heap")]
 pub enum Distortion {
     /// Radial and tangential terms.
     BrownConrady(BrownConrady),

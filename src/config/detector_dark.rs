@@ -47,7 +47,7 @@ impl DarkCurrent {
         };
         let law = DarkLaw { reference_c, operating_c, doubling_k };
         let warm_e_per_s = e_per_s * law.factor();
-        if !(warm_e_per_s <= MOST_E_PER_S) {
+        if warm_e_per_s.is_nan() || warm_e_per_s > MOST_E_PER_S {
             let got = format!("{operating_c}, where the dark current is {warm_e_per_s:.1e} e-/s");
             let wanted = format!("a dark current of at most {MOST_E_PER_S:.0e} e-/s");
             let advice = "give the dark current at a temperature nearer to the detector's, or a larger dark_doubling_k";

@@ -128,30 +128,34 @@ impl Reader<'_, '_> {
             Kind::MissingBrightStars => FrameFault::MissingBrightStars {
                 count: self.whole("count", keys.count, 100_000, "how many of the brightest stars")?,
             },
-            Kind::HotPixels => {
-                let e_per_s =
-                    self.required("e_per_s", keys.e_per_s, Rule::PositiveUpTo(1e9), "electrons per second more")?;
-                FrameFault::Pixels { spots: self.spots()?, fault: PixelFault::Hot { e_per_s } }
+            Kind::HotPixels | Kind::DeadPixels | Kind::RtsPixels | Kind::StuckPixels => {
+                FrameFault::Pixels { spots: self.spots()?, fault: self.pixel_fault(kind)? }
             }
+            Kind::ProtonStorm => FrameFault::Protons(self.storm()?),
+            _ => FrameFault::Blank,
+        })
+    }
+
+    /// What is wrong with a pixel.
+    fn pixel_fault(&self, kind: Kind) -> Result<PixelFault, ConfigError> {
+        let keys = self.keys;
+        let rate = |advice| self.required("e_per_s", keys.e_per_s, Rule::PositiveUpTo(1e9), advice);
+        Ok(match kind {
+            Kind::HotPixels => PixelFault::Hot { e_per_s: rate("electrons per second more")? },
             Kind::DeadPixels => {
+                let share = "a share of the light, 0 to 1";
                 let response = self.required("response", keys.response.or(Some(0.0)), Rule::Within(0.0, 1.0), share)?;
-                FrameFault::Pixels { spots: self.spots()?, fault: PixelFault::Dead { response } }
+                PixelFault::Dead { response }
             }
             Kind::RtsPixels => {
-                let e_per_s = self.required("e_per_s", keys.e_per_s, Rule::PositiveUpTo(1e9), "at the high level")?;
+                let e_per_s = rate("at the high level")?;
                 let time = |name, given: Option<f64>| {
                     let mean = "mean seconds at this level; 1 if left out";
                     self.required(name, given.or(Some(1.0)), Rule::Within(1e-3, 1e6), mean)
                 };
-                let (high_s, low_s) = (time("high_s", keys.high_s)?, time("low_s", keys.low_s)?);
-                FrameFault::Pixels { spots: self.spots()?, fault: PixelFault::Rts { e_per_s, high_s, low_s } }
+                PixelFault::Rts { e_per_s, high_s: time("high_s", keys.high_s)?, low_s: time("low_s", keys.low_s)? }
             }
-            Kind::StuckPixels => {
-                let dn = self.whole("dn", keys.dn, 65_535, "the digital number that they read")?;
-                FrameFault::Pixels { spots: self.spots()?, fault: PixelFault::Stuck { dn } }
-            }
-            Kind::ProtonStorm => FrameFault::Protons(self.storm()?),
-            _ => FrameFault::Blank,
+            _ => PixelFault::Stuck { dn: self.whole("dn", keys.dn, 65_535, "the digital number that they read")? },
         })
     }
 

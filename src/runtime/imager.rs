@@ -48,6 +48,7 @@ pub struct Imager {
 }
 
 /// Where images are drawn and read out.
+#[allow(clippy::vec_box, reason = "others change places with the one in use")]
 enum Drawing {
     /// In memory, by the CPU or reference backend.
     Host { backend: Box<dyn Backend>, others: Vec<Box<dyn Backend>>, detector: Box<Detector> },
