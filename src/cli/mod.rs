@@ -16,6 +16,7 @@ mod check_scenario;
 mod frame_plan;
 pub mod link_check;
 mod load_threads;
+mod named_camera;
 mod monitor;
 pub mod psf;
 mod psf_plot;
@@ -55,7 +56,7 @@ pub const EXIT_INTERRUPTED: u8 = 130;
     version,
     about = "Hardware-in-the-loop star-sensor stimulator: bus attitude in, star-sensor frames out, on a deadline",
     after_help = "Exit status: 0 done; 1 could not do what was asked; 2 wrong command line; 3 over the timing budget \
-                  (`budget`); 4 a scenario's expectation or invariant, or a study's prediction, did not hold, or a replayed frame differs; \
+                  (`budget`); 4 a scenario's expectation or invariant, or a study's prediction, did not hold, a replayed frame differs, or a camera's frames are not what its file says; \
                   130 stopped by Ctrl-C \
                   (what was finished is written).\n\n\
                   Start with `starloop run`: a simulated flight computer slews over a simulated bus, and ten seconds \

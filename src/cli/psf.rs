@@ -1,7 +1,8 @@
 //! `starloop psf`: a camera's star -> MTF of every link, widths, energies, what a star's colour changes; plots.
 
+use crate::cli::named_camera::named_camera;
 use crate::cli::psf_plot;
-use crate::config::{Bench, Camera, Chain, Document, LightOfChain, Psf, is_camera};
+use crate::config::{Camera, Chain, LightOfChain, Psf};
 use crate::optics::chain_light::ChainLight;
 use crate::optics::chain_psf::{ChainPsf, Drawing};
 use crate::optics::energy::{self, Centring};
@@ -12,7 +13,7 @@ use crate::wiring::camera_parts::camera_params;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use core::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Nyquist frequency, cycles/px.
 pub(super) const NYQUIST: f64 = 0.5;
@@ -93,18 +94,6 @@ pub fn run(arguments: &PsfArgs) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// The camera that was named, by itself or by its bench.
-fn named_camera(path: Option<&Path>) -> Result<Camera> {
-    let Some(path) = path else { return Ok(Bench::built_in()?.camera) };
-    let name = path.to_string_lossy();
-    let is_built_in = !path.exists() && Document::built_in_paths().any(|known| known == name);
-    let document = if is_built_in { Document::built_in(&name)? } else { Document::open(path)? };
-    if is_camera(&document) {
-        return Ok(Camera::from_document(&document)?);
-    }
-    Ok(Bench::from_document(&document)?.camera)
 }
 
 impl Star {
@@ -353,6 +342,7 @@ fn largest_difference(a: &PsfModel, b: &PsfModel) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::Path;
 
     fn told(name: &str) -> String {
         report(&Star::new(named_camera(Some(Path::new(name))).unwrap(), None).unwrap(), &[0.0, 0.5, 1.0]).unwrap()

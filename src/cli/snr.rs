@@ -1,7 +1,8 @@
 //! `starloop snr`: how bright a star must be for a camera to see it, and how bright it may be.
 
+use crate::cli::named_camera::named_camera;
 use crate::cli::radiometry_told::radiometry_told;
-use crate::config::{Bench, Camera, Document, is_camera};
+use crate::config::Camera;
 use crate::optics::photometry_v::mag_v;
 use crate::optics::star_light::surface_brightness_e_per_s_px;
 use crate::report::plot::{Axis, Chart, Series, Style, to_svg};
@@ -10,7 +11,7 @@ use crate::wiring::sensitivity::{Conditions, Sensitivity};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use core::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Ratios whose magnitudes are told.
 const LIMITS: [f64; 2] = [3.0, 5.0];
@@ -71,7 +72,7 @@ pub struct SnrArgs {
 /// # Errors
 /// When the file is refused, a number makes no sense, or the plot cannot be written.
 pub fn run(arguments: &SnrArgs) -> Result<()> {
-    let camera = camera(arguments.file.as_deref())?;
+    let camera = named_camera(arguments.file.as_deref())?;
     let sensitivity = Sensitivity::new(&camera, &conditions(arguments, &camera)?)?;
     let mags = magnitudes(arguments.mag_range.as_deref(), &sensitivity)?;
     print!("{}", report(&camera, &sensitivity, &mags)?);
@@ -82,18 +83,6 @@ pub fn run(arguments: &SnrArgs) -> Result<()> {
         println!("\nplot in {}", path.display());
     }
     Ok(())
-}
-
-/// The camera that was named, by itself or by its bench.
-fn camera(path: Option<&Path>) -> Result<Camera> {
-    let Some(path) = path else { return Ok(Bench::built_in()?.camera) };
-    let name = path.to_string_lossy();
-    let is_built_in = !path.exists() && Document::built_in_paths().any(|known| known == name);
-    let document = if is_built_in { Document::built_in(&name)? } else { Document::open(path)? };
-    if is_camera(&document) {
-        return Ok(Camera::from_document(&document)?);
-    }
-    Ok(Bench::from_document(&document)?.camera)
 }
 
 fn conditions(arguments: &SnrArgs, camera: &Camera) -> Result<Conditions> {
@@ -278,19 +267,20 @@ fn chart(camera: &Camera, sensitivity: &Sensitivity, mags: &[f64]) -> Chart {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::Path;
 
     fn built_in(name: &str) -> (Camera, Sensitivity) {
-        let camera = camera(Some(Path::new(name))).unwrap();
+        let camera = named_camera(Some(Path::new(name))).unwrap();
         let sensitivity = Sensitivity::new(&camera, &Conditions { bp_rp: 0.82, ..Conditions::default() }).unwrap();
         (camera, sensitivity)
     }
 
     #[test]
     fn a_camera_is_found_by_itself_or_through_its_bench() {
-        let own = camera(Some(Path::new("cameras/star_tracker_20deg.toml"))).unwrap();
-        assert_eq!(camera(None).unwrap().name, own.name);
-        assert_eq!(camera(Some(Path::new("benches/loopback.toml"))).unwrap().name, own.name);
-        let error = camera(Some(Path::new("cameras/none.toml"))).unwrap_err().to_string();
+        let own = named_camera(Some(Path::new("cameras/star_tracker_20deg.toml"))).unwrap();
+        assert_eq!(named_camera(None).unwrap().name, own.name);
+        assert_eq!(named_camera(Some(Path::new("benches/loopback.toml"))).unwrap().name, own.name);
+        let error = named_camera(Some(Path::new("cameras/none.toml"))).unwrap_err().to_string();
         assert!(error.contains("cameras/none.toml"), "{error}");
     }
 

@@ -5,8 +5,9 @@ use crate::base::accuracy::AccuracyBudget;
 use crate::base::axes::Rotation;
 use crate::base::image::{DnImage, ElectronImage, Image};
 use crate::base::time::Tai;
+use crate::cli::named_camera::named_camera;
 use crate::cli::run::BackendName;
-use crate::config::{Camera, Document};
+use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
 use crate::detector::{Detector, DetectorParams, Nonlinearity, SpatialParams};
 use crate::exposure::{MethodChoice, Planner};
 use crate::optics::Illumination;
@@ -21,8 +22,10 @@ use crate::wiring::bench_parts::backend_choice;
 use crate::wiring::camera_parts::camera_params;
 use anyhow::{Result, bail};
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+/// The camera of a command line without one.
+const BUILT_IN: &str = "cameras/cubesat_tracker.toml";
 /// Side of the flats, px.
 const FLAT_PX: usize = 512;
 /// Dark signal at the end of the dark series, e-.
@@ -44,10 +47,10 @@ const LEAST_SIDE_PX: usize = 160;
                   Errors by brightness: stars at random parts of a pixel in many noisy frames, against analytic truth: \
                   signal-to-noise ratio, centroid and its scatter, energy in 7 x 7 px, background in places of 20 x 20 px. \
                   +-: one standard error, which more --frames make smaller.\n\n\
-                  Exits with 3 when a property is more than 1 % (dark current: 2 %) off the file."
+                  Exits with 4 when a property is more than 1 % (dark current: 2 %) off the file."
 )]
 pub struct VerifyArgs {
-    /// Camera file (TOML); without one: the built-in narrow CubeSat tracker
+    /// Camera or bench file (TOML), or a built-in one such as cameras/cubesat_tracker.toml, which is taken without one
     camera: Option<PathBuf>,
     /// Frames of the star field
     #[arg(long, default_value_t = 300, value_parser = clap::value_parser!(u32).range(2..=65_536))]
@@ -68,11 +71,8 @@ pub struct VerifyArgs {
 /// # Errors
 /// With what is wrong with the camera file.
 pub fn run(arguments: &VerifyArgs) -> Result<u8> {
-    let document = match &arguments.camera {
-        Some(path) => Document::open(path)?,
-        None => Document::built_in("cameras/cubesat_tracker.toml")?,
-    };
-    let mut camera = camera_params(&Camera::from_document(&document)?)?;
+    let named = arguments.camera.as_deref().unwrap_or(Path::new(BUILT_IN));
+    let mut camera = camera_params(&named_camera(Some(named))?)?;
     let off;
     (camera.detector, off) = plain(&camera.detector);
     camera.illumination = Illumination::EVEN;
@@ -92,7 +92,7 @@ pub fn run(arguments: &VerifyArgs) -> Result<u8> {
         write_file_atomically(path, |out| out.write_all(text.as_bytes()))?;
     }
     print!("{}", stars(&camera, arguments)?);
-    Ok(if lines.iter().all(|line| line.holds()) { 0 } else { 3 })
+    Ok(if lines.iter().all(|line| line.holds()) { EXIT_DONE } else { EXIT_NOT_MET })
 }
 
 /// The detector's data sheet.

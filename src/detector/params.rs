@@ -87,6 +87,19 @@ impl DetectorParams {
         self.dark_e_per_s * self.dark_law.factor()
     }
 
+    /// Noise of a pixel's readout from frame to frame, that which its row shares included, e- rms.
+    #[must_use]
+    pub fn temporal_noise_e_rms(&self) -> f64 {
+        let row_e2 = if self.row_noise.is_on() { self.row_noise.variance_e2() } else { 0.0 };
+        self.readout_noise_e_rms().hypot(row_e2.sqrt())
+    }
+
+    /// Dark current at the detector's temperature, e-/s.
+    #[must_use]
+    pub fn dark_now_e_per_s(&self) -> f64 {
+        self.dark_e_per_s * self.dark_law.factor()
+    }
+
     /// White noise of a pixel's readout: read and amplifier noise, e- rms.
     #[must_use]
     pub fn readout_noise_e_rms(&self) -> f64 {

@@ -110,15 +110,14 @@ impl Stated {
     /// What detector parameters amount to in an exposure: noise and patterns of every kind together, as a laboratory finds them.
     #[must_use]
     pub fn of(params: &DetectorParams, exposure_s: f64) -> Self {
-        let dark_e_per_s = params.dark_e_per_s * params.dark_law.factor();
+        let dark_e_per_s = params.dark_now_e_per_s();
         let LinePattern { column_e_rms, column_gain_rms, row_e_rms } = params.line_pattern;
-        let row_noise2 = if params.row_noise.is_on() { params.row_noise.variance_e2() } else { 0.0 };
         let uneven_dark_e = params.dark_nonuniformity * dark_e_per_s * exposure_s;
         let converter_e = (f64::from(params.largest_dn()) - params.black_level_dn) * params.gain_e_per_dn;
         Self {
             gain_e_per_dn: params.gain_e_per_dn,
             black_level_dn: params.black_level_dn,
-            read_noise_e_rms: (params.readout_noise_e_rms().powi(2) + row_noise2).sqrt(),
+            read_noise_e_rms: params.temporal_noise_e_rms(),
             dark_e_per_s,
             dsnu_e_rms: params.dsnu_e_rms.hypot(column_e_rms).hypot(row_e_rms).hypot(uneven_dark_e),
             prnu: params.prnu.hypot(column_gain_rms),

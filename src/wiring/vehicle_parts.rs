@@ -204,7 +204,7 @@ fn tracker_params(scenario: &Scenario) -> TrackerParams {
         gain_e_per_dn: detector.gain_e_per_dn,
         black_level_dn: detector.black_level_dn,
         // What a calibration would find: read noise and the fixed pattern that is not corrected aboard.
-        read_noise_e_rms: detector.read_noise_e_rms.hypot(detector.dsnu_e_rms),
+        read_noise_e_rms: detector.read_noise_e_rms.hypot(detector.amplifier_noise_e_rms).hypot(detector.dsnu_e_rms),
         full_well_e: detector.full_well_e,
         largest_dn: f64::from((1_u32 << detector.bits) - 1),
         pixels: 1.0,

@@ -115,7 +115,8 @@ fn check_light<'a>(at: &impl Fn(f64) -> &'a Seen) {
     assert!((warm_dn - 7.0 * 190.0 * 0.1 / gain).abs() < 0.1, "{warm_dn} DN warmer");
     assert!(at(380.0).mean_dn > 4050.0, "flooded: {}", at(380.0).mean_dn);
     let [sharp_dn, wide_dn] = [245.0, 260.0].map(|s| f64::from(at(s).largest_dn) - 100.0);
-    assert!(wide_dn < 0.5 * sharp_dn, "wider spots: {wide_dn} DN for {sharp_dn}");
+    // The brightest star fills its pixel when it is sharp.
+    assert!(wide_dn < 0.8 * sharp_dn, "wider spots: {wide_dn} DN for {sharp_dn}");
     assert!((at(260.0).mean_dn - at(245.0).mean_dn).abs() < 0.3, "with the same light");
     // Forty of 65536 pixels with 5000 e- more.
     let leak_dn = at(410.0).mean_dn - at(403.0).mean_dn;

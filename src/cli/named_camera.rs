@@ -1,0 +1,20 @@
+//! The camera that a command line names: a camera file, a bench file, or a built-in one by its path below `configs/`.
+
+use crate::config::{Bench, Camera, Document, is_camera};
+use anyhow::Result;
+use std::path::Path;
+
+/// The camera that was named, by itself or by its bench; of nothing, the built-in bench's.
+///
+/// # Errors
+/// With what is wrong with the file.
+pub(super) fn named_camera(path: Option<&Path>) -> Result<Camera> {
+    let Some(path) = path else { return Ok(Bench::built_in()?.camera) };
+    let name = path.to_string_lossy();
+    let is_built_in = !path.exists() && Document::built_in_paths().any(|known| known == name);
+    let document = if is_built_in { Document::built_in(&name)? } else { Document::open(path)? };
+    if is_camera(&document) {
+        return Ok(Camera::from_document(&document)?);
+    }
+    Ok(Bench::from_document(&document)?.camera)
+}
