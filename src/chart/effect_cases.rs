@@ -102,7 +102,7 @@ fn bent() -> Nonlinearity {
 fn over_the_field(instrument: &Instrument) -> PsfModel {
     let size_px = [instrument.camera.width_px(), instrument.camera.height_px()];
     let node = |i: u32| PsfModel::moffat(1.2 + 0.1 * f64::from((i % 3).abs_diff(1) + (i / 3).abs_diff(1)), 3.5);
-    PsfField::new([2, 2], size_px, (0..9).map(node).collect()).map_or(instrument.psf.clone(), PsfModel::field)
+    PsfField::new([3, 3], size_px, (0..9).map(node).collect()).map_or(instrument.psf.clone(), PsfModel::field)
 }
 
 fn distort(instrument: &mut Instrument) {

@@ -9,6 +9,7 @@ use starloop::chart::prediction::PredictionRow;
 use starloop::chart::rows::broken;
 use starloop::chart::scenes::scenes;
 use starloop::chart::{Backends, Charted, MethodRow, Settings, Step, run, speed_accuracy};
+use starloop::detector::DetectorParams;
 use starloop::report::plot::{Chart, Style};
 use std::collections::BTreeSet;
 use std::sync::OnceLock;
@@ -176,5 +177,26 @@ fn every_effect_has_its_cost_on_every_backend() {
     }
     for row in &rows {
         assert!(row.with_ms > 0.0 && row.without_ms > 0.0 && row.cost_ms == row.with_ms - row.without_ms, "{row:?}");
+    }
+}
+
+#[test]
+fn every_effect_is_something_that_is_switched_on() {
+    use effect_cases::{DETECTOR, DRAWING, DrawingSwitch, Switch};
+    let scene = scenes(true)[0];
+    let before = starloop::chart::stage::Stage::new(&scene, 1).unwrap().instrument;
+    for (name, switch) in DRAWING {
+        if let DrawingSwitch::Instrument(switch) = switch {
+            let mut with = before.clone();
+            switch(&mut with);
+            assert_ne!(with, before, "{name}");
+        }
+    }
+    for (name, switch) in DETECTOR {
+        if let Switch::Params(switch) = switch {
+            let mut with = DetectorParams::QUIET;
+            switch(&mut with);
+            assert_ne!(with, DetectorParams::QUIET, "{name}");
+        }
     }
 }
