@@ -110,9 +110,11 @@ fn photon_transfer(camera: &CameraParams, seed: u64) -> DataSheet {
 
 /// The detector without what a laboratory would switch off to measure the rest, and what that is.
 fn plain(params: &DetectorParams) -> (DetectorParams, Vec<&'static str>) {
-    let plain = DetectorParams { spatial: SpatialParams::OFF, nonlinearity: Nonlinearity::OFF, ..*params };
+    // The layer that protons would go through is no effect.
+    let spatial = SpatialParams { layer: params.spatial.layer, ..SpatialParams::OFF };
+    let plain = DetectorParams { spatial, nonlinearity: Nonlinearity::OFF, ..*params };
     let off = [
-        ("effects of neighbours, defects, protons, window and binning", params.spatial != SpatialParams::OFF),
+        ("effects of neighbours, defects, protons, window and binning", params.spatial != spatial),
         ("bent response", params.nonlinearity.is_on()),
     ];
     (plain, off.into_iter().filter(|(_, is_on)| *is_on).map(|(what, _)| what).collect())
