@@ -27,13 +27,12 @@ pub(super) struct Planned {
 impl Planned {
     pub(super) fn new(bench: &Bench, params: &RunParams, imager: &Imager) -> Self {
         let cost = params.cost.unwrap_or(imager.cost());
-        let geometry = &params.camera.geometry;
         let budget_ms = params.camera.drawing_budget_ms(&cost);
         Self {
             cost,
             limit_ms: (params.degrade && imager.may_degrade()).then_some(budget_ms),
             budget_ms,
-            readout_ms: cost.readout_ms(geometry.width_px() * geometry.height_px()),
+            readout_ms: params.camera.predicted_readout_ms(&cost),
             due_ms: params.camera.readout_s * 1e3,
             degrade: bench.timing.degrade,
         }

@@ -8,7 +8,7 @@ use crate::base::time::Tai;
 use crate::cli::named_camera::named_camera;
 use crate::cli::run::BackendName;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
-use crate::detector::{Detector, DetectorParams, Nonlinearity, SpatialParams};
+use crate::detector::{Detector, DetectorParams, Nonlinearity, Patterns, SpatialParams};
 use crate::exposure::{MethodChoice, Planner};
 use crate::optics::Illumination;
 use crate::report::to_svg;
@@ -73,8 +73,11 @@ pub struct VerifyArgs {
 pub fn run(arguments: &VerifyArgs) -> Result<u8> {
     let named = arguments.camera.as_deref().unwrap_or(Path::new(BUILT_IN));
     let mut camera = camera_params(&named_camera(Some(named))?)?;
-    let off;
+    let mut off;
     (camera.detector, off) = plain(&camera.detector);
+    if camera.patterns != Patterns::default() {
+        off.push("maps (of the flats only)");
+    }
     camera.illumination = Illumination::EVEN;
     let sheet = photon_transfer(&camera, arguments.seed);
     let lines = sheet.compare(&Stated::of(&camera.detector, camera.exposure_s));
@@ -100,7 +103,7 @@ fn photon_transfer(camera: &CameraParams, seed: u64) -> DataSheet {
     let params = camera.detector;
     let mut detector = Detector::new(params, FLAT_PX, FLAT_PX, seed);
     let mut light: ElectronImage = Image::new(FLAT_PX, FLAT_PX);
-    let longest_dark_s = DARK_SIGNAL_E / params.dark_e_per_s.max(1e-6);
+    let longest_dark_s = DARK_SIGNAL_E / params.operating_dark_e_per_s().max(1e-6);
     characterise([FLAT_PX; 2], &Procedure::new(camera.exposure_s, longest_dark_s), &mut |flat, image| {
         #[allow(clippy::cast_possible_truncation, reason = "electron images are single precision")]
         light.pixels_mut().fill(flat.light_e as f32);
@@ -130,14 +133,11 @@ fn stars(camera: &CameraParams, arguments: &VerifyArgs) -> Result<String> {
             size_px[1]
         );
     }
-    let truth = Truth::of(
-        &Detector::new(camera.detector, size_px[0], size_px[1], arguments.seed),
-        camera.psf.clone(),
-        camera.exposure_s,
-    );
+    let detector = camera.make_detector(arguments.seed)?;
+    let truth = Truth::of(&detector, camera.psf.clone(), camera.exposure_s);
     let field = StarField::new(size_px, brightnesses(camera, &truth), 21);
     let backend = backend_choice(arguments.backend.configured());
-    let mut imager = Imager::new(backend, camera.detector, size_px, arguments.seed)?;
+    let mut imager = Imager::of_detector(backend, detector)?;
     let los = LosPath::commanded(Rotation::IDENTITY, Tai::from_ns(0), camera.exposure_s);
     let mut planner =
         Planner::new(camera.instrument(), AccuracyBudget::default(), imager.cost(), MethodChoice::Auto, los);

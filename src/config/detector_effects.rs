@@ -71,6 +71,16 @@ pub(super) fn check_effects(
     let binning = keys.binning.as_ref().map(|keys| binning(keys, fits, check)).transpose()?;
     let by = binning.map_or(1, |binning| binning.factor);
     let (layer, protons) = protons(keys.protons.as_ref(), fits, check)?;
+    let charge_is_binned = binning.is_some_and(|binning| matches!(binning.kind, BinningKind::Charge { .. }));
+    let others = [
+        ("detector.defects", keys.defects.is_some()),
+        ("detector.protons", keys.protons.is_some()),
+        ("detector.binning", charge_is_binned),
+    ];
+    if let (Some(_), Some((key, _))) = (&keys.tdi, others.into_iter().find(|(_, is_given)| *is_given)) {
+        let advice = "pixels of a TDI detector are seen by all rows of their column, which is not modelled: leave one of both out";
+        return Err(check.invalid(key, "a table beside [detector.tdi]", "one of the two", advice));
+    }
     Ok(SpatialParams {
         defects: keys.defects.as_ref().map_or(Ok(DefectPopulation::NONE), |keys| defects(keys, check))?,
         layer,

@@ -80,10 +80,11 @@ impl NodeKeys {
     pub(super) fn moffat(&self, table: &str, check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
         self.unused_by("moffat", table, check)?;
         let advice = "full width at half maximum in pixels, such as 2.0; of the optics, before a pixel integrates it";
-        let fwhm_px = check.required(&format!("{table}.fwhm_px"), self.fwhm_px, Rule::Within(0.4, 40.0), advice)?;
-        let advice = "how fast the wings fall: 2.5 for broad ones, 4.765 for turbulence, more for nearly a Gaussian";
+        let fwhm_px = check.required(&format!("{table}.fwhm_px"), self.fwhm_px, Rule::Within(0.7, 40.0), advice)?;
+        let advice =
+            "how fast the wings fall: 2.5 for broad ones, 4.765 for turbulence; gaussian is a model of its own";
         let key = format!("{table}.beta");
-        let beta = check.number(&key, self.beta, DEFAULT_BETA, Rule::Within(1.2, 20.0), advice)?;
+        let beta = check.number(&key, self.beta, DEFAULT_BETA, Rule::Within(1.2, 5.0), advice)?;
         let alpha_px = 0.5 * fwhm_px / (2.0_f64.powf(1.0 / beta) - 1.0).sqrt();
         Ok(PsfModel::moffat(alpha_px, beta))
     }

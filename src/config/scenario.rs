@@ -6,7 +6,7 @@ use crate::config::bench::{Bench, quaternion};
 use crate::config::check::{Checker, Defaulted, Rule};
 use crate::config::document::Document;
 use crate::config::error::ConfigError;
-use crate::config::event::{Event, Pointing};
+use crate::config::event::{Action, Event, Pointing};
 use crate::config::event_word::EventKeys;
 use crate::config::expect::{Expect, ExpectKeys};
 use crate::config::link::{Carrier, Doors};
@@ -228,6 +228,20 @@ fn events(keys: &[EventKeys], bench: &Bench, check: &mut Checker<'_>) -> Result<
             let advice = "it would never come: make duration_s longer, or leave it out";
             let wanted = format!("a time before the run ends, at {duration_s} s");
             return Err(check.invalid(&format!("event[{place}].at_s"), at_s, wanted, advice));
+        }
+    }
+    for (place, event) in events.iter().enumerate() {
+        if events[..place]
+            .iter()
+            .any(|earlier| earlier.action == event.action && matches!(event.action, Action::Trigger { .. }))
+        {
+            let advice = "a fault that waits begins once: give the second time a number, and a fault, of its own";
+            return Err(check.invalid(
+                &format!("event[{place}].number"),
+                "a number fired before",
+                "another one",
+                advice,
+            ));
         }
     }
     events.sort_by_key(|event| event.at);

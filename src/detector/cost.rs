@@ -1,13 +1,14 @@
 //! What the effects cost: shares of the time that a pixel takes with shot and read noise, PRNU and DSNU.
 //!
-//! Processor time on one thread of the CPU backend, 512 x 512 pixels, where that pixel takes 4.9 ns (`cargo bench --bench
-//! effects`, least of 80 frames, good to 3 % of the pixel). An effect that is off, truncation, amplifier noise and a
-//! temperature cost nothing. On a device the shares are smaller: its memory is the limit.
+//! Pixel-local effects: processor time on one thread, 512 x 512 pixels, where that pixel takes 4.9 ns (least of 80 frames; good to
+//! 6 % of the pixel, below which a share is rounded up). Effects of neighbours: the last table of `starloop chart`, 1024 x 1024,
+//! two threads, with the passes apart that they need; of several together the sum is too much. An effect that is off, truncation,
+//! amplifier noise and a temperature cost nothing. On a device the shares are others: its memory is the limit.
 
+use crate::detector::binning::BinningKind;
+use crate::detector::defects::DefectPopulation;
 use crate::detector::{DetectorParams, Patterns};
 
-/// The passes apart, for neighbour stages or for who keeps the charge: two more trips to memory, words drawn twice.
-pub const TWO_PASSES: f64 = 0.30;
 /// A map of the dark current.
 const DARK_FACTOR: f64 = 0.04;
 /// Three thresholds.
@@ -18,6 +19,19 @@ const COLUMNS: f64 = 0.03;
 const ROWS: f64 = 0.02;
 /// Drawing one row's noise, in pixels of readout: 0.4 us.
 const ROW_NOISE_PX: f64 = 80.0;
+
+/// One pixel in a thousand, looked for in every block.
+const DEFECTS: f64 = 0.1;
+/// Tracks of a storm.
+const PROTONS: f64 = 0.3;
+/// An image of what stays.
+const IMAGE_LAG: f64 = 1.0;
+/// Every column looked at.
+const BLOOMING: f64 = 0.7;
+/// Delays along both axes.
+const CHARGE_TRANSFER: f64 = 2.9;
+/// Sums of squares.
+const CHARGE_BINNING: f64 = 0.5;
 
 /// One effect that is on, and what it adds.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,9 +49,17 @@ pub fn effect_costs(
     width_px: usize,
 ) -> impl Iterator<Item = EffectCost> + use<> {
     let lines = params.line_pattern;
+    let spatial = params.spatial;
+    let charge_is_binned = spatial.binning.is_some_and(|binning| matches!(binning.kind, BinningKind::Charge { .. }));
     let has_dark_map = params.dark_nonuniformity > 0.0 || patterns.dark_factor.is_some();
     [
         ("dark non-uniformity", DARK_FACTOR, has_dark_map),
+        ("defects", DEFECTS, spatial.defects != DefectPopulation::NONE),
+        ("protons", PROTONS, spatial.protons.is_some()),
+        ("image lag", IMAGE_LAG, spatial.image_lag.is_some()),
+        ("blooming", BLOOMING, spatial.blooming.is_some()),
+        ("charge transfer", CHARGE_TRANSFER, spatial.charge_transfer.is_some()),
+        ("binning of charge", CHARGE_BINNING, charge_is_binned),
         ("nonlinearity", NONLINEARITY, params.nonlinearity.is_on()),
         ("columns", COLUMNS, lines.has_columns()),
         ("rows", ROWS, lines.row_e_rms > 0.0),

@@ -38,6 +38,8 @@ pub struct Detector {
     /// Electrons between the passes; no pixels while one pass does.
     charge: Image<f32>,
     disturbances: Disturbances,
+    /// Of the temperature that the camera file says: rates of defects hold there.
+    dark_factor_at_start: f64,
     output: Output,
     size_px: [usize; 2],
     arch: Arch,
@@ -64,6 +66,7 @@ impl Detector {
             keeps_charge: false,
             charge: Image::new(0, 0),
             disturbances: Disturbances::new(&params, size_px, seed),
+            dark_factor_at_start: params.dark_law.factor(),
             output,
             size_px,
             arch: Arch::new(),
@@ -232,7 +235,8 @@ impl Detector {
 
     fn collect_from<T: Mean>(&mut self, mean: &Image<T>, frame: u32, exposure_s: f64, out: &mut DnImage) {
         let key = key(self.seed);
-        self.disturbances.advance(frame, exposure_s);
+        let warmer = self.params.dark_law.factor() / self.dark_factor_at_start;
+        self.disturbances.advance(frame, exposure_s, warmer);
         if !self.rows_e.is_empty() {
             self.params.row_noise.draw(frame, key, &mut self.rows_e);
         }

@@ -79,8 +79,9 @@ impl Disturbances {
     }
 
     /// Makes the outliers of a frame; there is room for all of both lists.
-    pub fn advance(&mut self, frame: u32, exposure_s: f64) {
-        let defects: &[Outlier] = self.defects.at_frame(frame, exposure_s);
+    pub fn advance(&mut self, frame: u32, exposure_s: f64, warmer: f64) {
+        // What more dark current leaves grows with temperature as all dark current does.
+        let defects: &[Outlier] = self.defects.at_frame(frame, exposure_s * warmer);
         let tracks = self.protons.at_frame(frame, exposure_s);
         self.outliers.merge(defects, tracks);
     }

@@ -1,4 +1,4 @@
-//! Saturation: no pixel holds more than its full well (the excess is lost; blooming is not modelled here).
+//! Saturation: no pixel holds more than its full well (the excess is lost; `blooming` lets it spill instead).
 
 use crate::detector::DetectorParams;
 

@@ -48,6 +48,7 @@ impl Memory {
 #[derive(Debug)]
 pub struct ImageLagStage {
     share: f64,
+    full_well_e: f32,
     memory: Memory,
     rest_e: Image<f32>,
 }
@@ -55,8 +56,8 @@ pub struct ImageLagStage {
 impl ImageLagStage {
     /// For images of this size.
     #[must_use]
-    pub fn new(lag: &ImageLag, [width, height]: [usize; 2]) -> Self {
-        Self { share: lag.share, memory: Memory::default(), rest_e: Image::new(width, height) }
+    pub fn new(lag: &ImageLag, full_well_e: f32, [width, height]: [usize; 2]) -> Self {
+        Self { share: lag.share, full_well_e, memory: Memory::default(), rest_e: Image::new(width, height) }
     }
 }
 
@@ -71,7 +72,8 @@ impl NeighbourStage for ImageLagStage {
         let share = self.share as f32;
         for (e, rest) in charge.pixels_mut().iter_mut().zip(self.rest_e.pixels_mut()) {
             let all = *e + carried * *rest;
-            *rest = if all < LEAST_E { 0.0 } else { share * all };
+            // No more stays behind than a full pixel leaves.
+            *rest = if all < LEAST_E { 0.0 } else { share * all.min(self.full_well_e) };
             *e = all - *rest;
         }
         charge
@@ -99,7 +101,7 @@ mod tests {
     }
 
     fn lag(share: f64) -> ImageLagStage {
-        ImageLagStage::new(&ImageLag { share }, [1, 1])
+        ImageLagStage::new(&ImageLag { share }, 1e5, [1, 1])
     }
 
     #[test]

@@ -43,7 +43,7 @@ pub fn stages(params: &DetectorParams, size_px: [usize; 2], keep_charge: bool) -
     let mut stages: Vec<Box<dyn NeighbourStage>> = Vec::new();
     let spatial = &params.spatial;
     if let Some(lag) = &spatial.image_lag {
-        stages.push(Box::new(ImageLagStage::new(lag, size_px)));
+        stages.push(Box::new(ImageLagStage::new(lag, full_well::limit_e(params), size_px)));
     }
     if let Some(transfer) = &spatial.charge_transfer {
         stages.push(Box::new(ChargeTransferStage::new(transfer, size_px)));

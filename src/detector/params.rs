@@ -94,12 +94,6 @@ impl DetectorParams {
         self.readout_noise_e_rms().hypot(row_e2.sqrt())
     }
 
-    /// Dark current at the detector's temperature, e-/s.
-    #[must_use]
-    pub fn dark_now_e_per_s(&self) -> f64 {
-        self.dark_e_per_s * self.dark_law.factor()
-    }
-
     /// White noise of a pixel's readout: read and amplifier noise, e- rms.
     #[must_use]
     pub fn readout_noise_e_rms(&self) -> f64 {

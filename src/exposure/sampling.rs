@@ -160,7 +160,13 @@ pub fn table_error(psf: &PsfModel, s: usize) -> f64 {
         PsfModel::Moffat(moffat) => 2.0 * BOTH_AXES * moffat.fourth_derivative() / (384.0 * s.powi(4)),
         PsfModel::Grid(grid) => {
             let own = grid.oversampling() as f64;
-            let knots = if s > own { FINER_KNOTS } else { OWN_KNOTS * own / s };
+            let knots = if s >= 2.0 * own {
+                FINER_KNOTS
+            } else if s > own {
+                OWN_KNOTS
+            } else {
+                OWN_KNOTS * own / s
+            };
             BOTH_AXES * knots * grid.third_step() / s.powi(3)
         }
         PsfModel::Field(field) =>

@@ -94,6 +94,13 @@ impl Band {
         self.cells.integral(|nm| self.response(nm) * star.photons_per_s_m2_nm(nm))
     }
 
+    /// Mean transmission for the electrons of such a star: with it, over without it.
+    #[must_use]
+    pub fn mean_transmission(&self, star: &StarSpectrum) -> f64 {
+        let bare = self.cells.integral(|nm| self.qe.at(nm) * star.photons_per_s_m2_nm(nm));
+        if bare > 0.0 { self.e_per_s_m2(star) / bare } else { 0.0 }
+    }
+
     /// Mean wavelength of the electrons of such a star, nm.
     #[must_use]
     pub fn mean_wavelength_nm(&self, star: &StarSpectrum) -> f64 {

@@ -5,16 +5,16 @@
 //!
 //! * **Zodiacal light**: Leinert et al. 1998 (A&AS 127, 1), table 16, for an observer at 1 au, against helioecliptic
 //!   longitude and ecliptic latitude; bilinear in its logarithm, 60 S10 at the poles (section 8.3 there). The table has no
-//!   entry within about 15 deg of the Sun: those are continued here as elongation^-2.3, the slope of the table's own inner
-//!   rows, down to 5 deg. No seasons (10 %), no Gegenschein beyond the table's own rise.
+//!   entry within about 15 deg of the Sun: those are continued here along their own rays as elongation^-2.3, the slope of the table's own inner
+//!   rows (so that directions at one elongation differ), down to 5 deg. No seasons (10 %), no Gegenschein beyond the table's own rise.
 //! * **Galaxy**: a flat slab of stars and dust evenly mixed, seen from its middle: `S = S_pole (1 - exp(-u / sin |b|)) /
 //!   (1 - exp(-u))` (van Rhijn's layer with its own absorption; Disney, Davies and Phillipps 1989, MNRAS 239, 939), with 30
-//!   S10 at the pole and u = 0.15: 56 at b = 30 deg, 215 in the plane, the mean over longitude of Allen's Astrophysical
-//!   Quantities (30 and 160 to 640). Single directions differ by a factor of two (Cygnus, the bulge, dark clouds); stars
-//!   that are drawn are in it too, a fifth of it where a camera draws to magnitude 8.
+//!   S10 at the pole and u = 0.15: 56 at b = 30 deg, 215 in the plane, within what Allen's Astrophysical Quantities
+//!   is quoted with (30 and 160 to 640). Single directions differ by a factor of two (Cygnus, the bulge, dark clouds); stars
+//!   that are drawn are in it too: where a camera draws to magnitude 8, a good part of it is counted twice.
 //!
-//! One value serves a whole frame, that of the boresight. Beyond 60 deg from the Sun the table changes by at most 4 % per
-//! degree, and the slab by 9 % per degree at b = 5 deg; `check` prints the range over the corners. Tests below.
+//! One value serves a whole frame, that of the boresight. Beyond 60 deg from the Sun the table changes by at most 5 % per
+//! degree, and the slab by 7.5 % per degree at b = 5 deg; `check` prints the range over the corners. Tests below.
 
 use crate::base::units::DEG;
 use glam::{DVec2, DVec3};

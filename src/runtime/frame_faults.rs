@@ -257,7 +257,8 @@ impl FrameFaults {
         if self.needs_previous() {
             frame_damage::repeat(fate.repeated, frame, &mut self.previous);
         }
-        for timed in self.timed.iter().filter(|timed| timed.is_on) {
+        // A held frame is sent under no fate: nothing is done to it.
+        for timed in self.timed.iter().filter(|timed| timed.is_on && fate.flags.contains(timed.fault.flag())) {
             if let FrameFault::BitFlip { bit, pixels } = timed.fault {
                 frame_damage::flip(bit, pixels, u32::from(timed.number), frame);
             }

@@ -110,7 +110,7 @@ impl Stated {
     /// What detector parameters amount to in an exposure: noise and patterns of every kind together, as a laboratory finds them.
     #[must_use]
     pub fn of(params: &DetectorParams, exposure_s: f64) -> Self {
-        let dark_e_per_s = params.dark_now_e_per_s();
+        let dark_e_per_s = params.operating_dark_e_per_s();
         let LinePattern { column_e_rms, column_gain_rms, row_e_rms } = params.line_pattern;
         let uneven_dark_e = params.dark_nonuniformity * dark_e_per_s * exposure_s;
         let converter_e = (f64::from(params.largest_dn()) - params.black_level_dn) * params.gain_e_per_dn;

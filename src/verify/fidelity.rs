@@ -178,7 +178,7 @@ impl StarSums {
         let pixel = |at: [usize; 2]| {
             let [x, y] = [at[0] as f64 - star.px[0], at[1] as f64 - star.px[1]];
             let own = truth.own(at);
-            let light_e = electrons * truth.psf.pixel(x, y) * own.response;
+            let light_e = electrons * truth.psf.pixel_of(star.px, x, y) * own.response;
             (at, [own.gain * light_e, own.gain * own.dark_e + own.offset_e])
         };
         let truth: Vec<_> = star.window().map(pixel).collect();

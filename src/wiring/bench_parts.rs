@@ -9,6 +9,7 @@ use crate::exposure::cost::CostModel;
 use crate::exposure::target::FIRST_TARGET_ID;
 use crate::link::WireFormat;
 use crate::link::simulated::{BusParams, BusTiming};
+use crate::optics::PsfModel;
 use crate::optics::snr::electrons_for_snr;
 use crate::runtime::params::{AttitudeParams, CameraParams};
 use crate::runtime::{BackendChoice, DeadlinePolicy, Imager, RunParams, SessionParams, SessionStart};
@@ -19,7 +20,7 @@ use crate::testbed::flight_computer::{
 };
 use crate::wiring::camera_parts::camera_params;
 use crate::wiring::sensitivity::{Conditions, Sensitivity};
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use glam::DVec3;
 
 /// Time before the first exposure: the bus carries its first time marks and attitudes.
@@ -57,6 +58,14 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
 
 /// Targets with their light in electrons and their times in TAI.
 fn targets(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<Vec<Target>> {
+    if !bench.targets.is_empty() && matches!(camera.psf, PsfModel::Field(_)) {
+        bail!(
+            "bench \"{}\" has [[target]], and camera \"{}\" a PSF that changes over the field: targets are drawn with one PSF; \
+             choose a camera with one, or leave the targets out",
+            bench.name,
+            camera.name
+        );
+    }
     let target = |(id, settings): (u32, &TargetSettings)| {
         let (mag, e_per_s) = match settings.light {
             TargetLight::Snr(snr) => {

@@ -1,10 +1,10 @@
 //! The light sections of a checked camera file -> what lights its detector beside the stars.
 
 use crate::config::{self, Sky};
-use crate::optics::BackgroundLight;
 use crate::optics::background::{S10_MAG_G, StrayLight, sky_e_per_s, sun_e_per_s};
 use crate::optics::baffle::{SUN_BP_RP, SUN_MAG_G};
 use crate::optics::sky_brightness::SkyBrightness;
+use crate::optics::{BackgroundLight, StarSpectra};
 use anyhow::{Result, bail};
 use core::f64::consts::PI;
 use glam::DVec2;
@@ -58,5 +58,10 @@ fn bare_sun_e_per_s(camera: &config::Camera, collected_e_per_s: f64) -> f64 {
     let diameter_m = optics.aperture_mm * 1e-3;
     let aperture_m2 = PI / 4.0 * diameter_m * diameter_m * (1.0 - optics.obscuration * optics.obscuration);
     let pixel_m = camera.detector.pixel_pitch_um * 1e-6;
-    sun_e_per_s(collected_e_per_s, aperture_m2 * optics.transmission, pixel_m * pixel_m)
+    // A baffle lets light past the optics: what they let through is taken out again.
+    let transmission = match &camera.band {
+        Some(band) => band.mean_transmission(&StarSpectra::new().of_color(SUN_BP_RP)),
+        None => optics.transmission,
+    };
+    sun_e_per_s(collected_e_per_s, aperture_m2 * transmission, pixel_m * pixel_m)
 }

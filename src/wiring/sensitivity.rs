@@ -56,7 +56,7 @@ impl Sensitivity {
         let detector = &params.detector;
         let exposure_s = conditions.exposure_s.unwrap_or(params.exposure_s);
         let pixel = PixelNoise {
-            dark_e: detector.dark_now_e_per_s() * exposure_s,
+            dark_e: detector.operating_dark_e_per_s() * exposure_s,
             background_e: conditions.background_e_per_s * exposure_s,
             read_noise_e_rms: detector.temporal_noise_e_rms(),
             lsb_e: detector.gain_e_per_dn,

@@ -24,6 +24,7 @@ impl GpuImageLag {
     pub(super) fn new(
         gpu: &GpuDevice,
         lag: &ImageLag,
+        full_well_e: f32,
         [width, height]: [usize; 2],
         charge: &wgpu::Buffer,
     ) -> Result<Self, GpuError> {
@@ -31,6 +32,7 @@ impl GpuImageLag {
         let mut text = shader::constant_u32("WORKGROUP", WORKGROUP);
         text += &shader::constant_u32("PAIRS", pairs);
         text += &shader::constant("LEAST_E", LEAST_E);
+        text += &shader::constant("FULL_WELL_E", full_well_e);
         let pass = ComputePass::new(gpu, "image lag", shader::assemble(&text, [include_str!("image_lag.wgsl")]))?;
         let rest_e = GrowableBuffer::storage(gpu, "charge that stays", 8 * u64::from(pairs))?;
         let uniform = GrowableBuffer::uniform(gpu, "image lag", 16)?;

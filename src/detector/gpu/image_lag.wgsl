@@ -22,7 +22,7 @@ fn main(
         return;
     }
     let all = charge_e[pair] + lag.carried * rest_e[pair];
-    let rest = select(lag.share * all, vec2<f32>(0.0), all < vec2<f32>(LEAST_E));
+    let rest = select(lag.share * min(all, vec2<f32>(FULL_WELL_E)), vec2<f32>(0.0), all < vec2<f32>(LEAST_E));
     rest_e[pair] = rest;
     charge_e[pair] = all - rest;
 }

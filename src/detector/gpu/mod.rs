@@ -93,6 +93,8 @@ pub struct GpuDetector {
     has_map: bool,
     size: [usize; 2],
     disturbances: Disturbances,
+    /// Of the temperature that the camera file says: rates of defects hold there.
+    dark_factor_at_start: f64,
     output: Output,
     passes: Passes,
     params: GrowableBuffer,
@@ -125,6 +127,7 @@ impl GpuDetector {
             times: FrameTimes::default(),
             size: [width_px, height_px],
             disturbances: detector.disturbances().clone(),
+            dark_factor_at_start: detector.params().dark_law.factor(),
             output,
             model: *detector.params(),
             seed: detector.seed(),
@@ -233,7 +236,8 @@ impl GpuDetector {
         let constants = Constants::new(&self.model, exposure_s, background.level_e(self.has_map));
         let (offset, scale) = normalisation(self.size);
         let pixels = (self.size[0] * self.size[1]) as u32;
-        self.disturbances.advance(frame, exposure_s);
+        let warmer = self.model.dark_law.factor() / self.dark_factor_at_start;
+        self.disturbances.advance(frame, exposure_s, warmer);
         let [adc_width, adc_height] = self.output.adc_px();
         let adc_pixels = (adc_width * adc_height) as u32;
         let at = FrameAt { frame, exposure_s, key: key(self.seed) };

@@ -47,7 +47,9 @@ pub fn stages(
     let mut charge_out = charge.clone();
     for effect in detector.neighbour_effects() {
         match (effect, &spatial.image_lag, &spatial.blooming, &spatial.charge_transfer, spatial.binning) {
-            (Effect::ImageLag, Some(lag), ..) => stages.push(Box::new(GpuImageLag::new(gpu, lag, size_px, charge)?)),
+            (Effect::ImageLag, Some(lag), ..) => {
+                stages.push(Box::new(GpuImageLag::new(gpu, lag, full_well_e, size_px, charge)?));
+            }
             (Effect::FullWell, _, Some(blooming), ..) => {
                 stages.push(Box::new(GpuBlooming::new(gpu, blooming, full_well_e, size_px, charge)?));
             }
