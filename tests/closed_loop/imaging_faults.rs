@@ -117,7 +117,9 @@ fn check_light<'a>(at: &impl Fn(f64) -> &'a Seen) {
     let [sharp_dn, wide_dn] = [245.0, 260.0].map(|s| f64::from(at(s).largest_dn) - 100.0);
     // The brightest star fills its pixel when it is sharp.
     assert!(wide_dn < 0.8 * sharp_dn, "wider spots: {wide_dn} DN for {sharp_dn}");
-    assert!((at(260.0).mean_dn - at(245.0).mean_dn).abs() < 0.3, "with the same light");
+    // The same light, and some that two sharp stars lose above their full wells: of 2 DN.
+    let gained_dn = at(260.0).mean_dn - at(245.0).mean_dn;
+    assert!((-0.05..0.7).contains(&gained_dn), "{gained_dn} DN more");
     // Forty of 65536 pixels with 5000 e- more.
     let leak_dn = at(410.0).mean_dn - at(403.0).mean_dn;
     assert!((leak_dn - 40.0 * 5e3 / gain / 65_536.0).abs() < 0.05, "{leak_dn} DN of hot pixels");
