@@ -10,7 +10,7 @@
 //!
 //! *Errors*, in shares of the flux per pixel, each bounded and told:
 //! * **folded wings**: sampling `S` repeats the star every `T` px. A cone `-s |f|` at frequency 0 makes a mean wing of
-//!   `s / (4 pi^2 r^3)`; the rings of an annular pupil reach at most [`RINGS`] times that; the sum of `|m|^-3` over all
+//!   `s / (4 pi^2 r^3)`; the rings of an annular pupil reach at most `RINGS` times that; the sum of `|m|^-3` over all
 //!   repetitions is 9.03 (4 zeta(3/2) beta(3/2)). `T` is taken so that the sum is small enough;
 //! * **between samples**: for one wave of frequency `f`, cubic spline interpolation through samples every `1 / n` px
 //!   errs by at most `E(u) = 2 (1 - eta(u))`, `u = f / n`, `eta` the spline's own spectrum over that of its samples

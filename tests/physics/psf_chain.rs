@@ -155,7 +155,7 @@ fn all_stamps_of_airy_patterns_are_met() {
         cases: std::collections::BTreeMap<String, Case>,
     }
     let Some(folder) = std::env::var_os("STARLOOP_ORACLE_DIR").map(PathBuf::from) else {
-        println!("SKIPPED: STARLOOP_ORACLE_DIR is not set; the committed stamps were compared");
+        println!("NOTE: STARLOOP_ORACLE_DIR not set; full stamps not compared (the committed subset was)");
         return;
     };
     let index: Index = serde_json::from_str(&std::fs::read_to_string(folder.join("oracle.json")).unwrap()).unwrap();

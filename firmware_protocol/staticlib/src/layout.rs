@@ -277,9 +277,7 @@ impl RawResponse {
             (opcode::APPLY, _) => {
                 Table::from_number(self.table).map(|table| Reply::Applied(Applied { table, rows: self.rows }))
             }
-            (opcode::TRIGGER, _) => {
-                Some(Reply::Triggered(Triggered { number: self.trigger, is_late: self.late != 0 }))
-            }
+            (opcode::TRIGGER, _) => Some(Reply::Triggered(Triggered { number: self.trigger, is_late: self.late != 0 })),
             _ => None,
         }
     }
