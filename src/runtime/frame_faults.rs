@@ -257,8 +257,7 @@ impl FrameFaults {
         if self.needs_previous() {
             frame_damage::repeat(fate.repeated, frame, &mut self.previous);
         }
-        // A held frame is sent under no fate: nothing is done to it.
-        for timed in self.timed.iter().filter(|timed| timed.is_on && fate.flags.contains(timed.fault.flag())) {
+        for timed in self.timed.iter().filter(|timed| timed.is_on) {
             if let FrameFault::BitFlip { bit, pixels } = timed.fault {
                 frame_damage::flip(bit, pixels, u32::from(timed.number), frame);
             }
