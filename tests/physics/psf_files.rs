@@ -85,7 +85,7 @@ fn each_rule_has_a_failing_example() {
     let four = "[[psf.node]]\nsigma_px = 0.7\n".repeat(3) + "[[psf.node]]\nmodel = \"moffat\"\n";
     for (psf, key, parts) in [
         ("model = \"moffat\"", "psf.fwhm_px", ["missing", "full width"]),
-        ("model = \"moffat\"\nfwhm_px = 0.1", "psf.fwhm_px", ["0.4", "full width"]),
+        ("model = \"moffat\"\nfwhm_px = 0.1", "psf.fwhm_px", ["0.7", "full width"]),
         ("model = \"moffat\"\nfwhm_px = 2\nbeta = 1", "psf.beta", ["1.2", "wings"]),
         ("model = \"moffat\"\nfwhm_px = 2\nsigma_px = 1", "psf.sigma_px", ["belongs to", "gaussian"]),
         ("model = \"moffat\"\nfwhm_px = 2\nsampling = \"point\"", "psf.sampling", ["auto or table:S", "exact"]),
