@@ -73,6 +73,17 @@ pub struct LosPath {
     pub horizon: Span,
 }
 
+impl LosPath {
+    /// Becomes the same as `from`, in buffers that are kept.
+    pub fn copy_from(&mut self, from: &Self) {
+        let mut jitter = core::mem::replace(&mut self.jitter, JitterTrack::none());
+        jitter.lines.clone_from(&from.jitter.lines);
+        jitter.points.clone_from(&from.jitter.points);
+        jitter.lines_epoch = from.jitter.lines_epoch;
+        *self = Self { jitter, ..*from };
+    }
+}
+
 impl JitterTrack {
     /// No jitter.
     #[must_use]

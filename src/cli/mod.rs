@@ -112,9 +112,24 @@ fn chain(error: &anyhow::Error) -> String {
     told
 }
 
+/// Lets the program end as others do when nobody reads its output any more (`| head`): quietly, with the status of a
+/// broken pipe. Standard output says so by a panic.
+fn end_with_the_reader() {
+    const BROKEN_PIPE: i32 = 128 + 13;
+    let told = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        let text = panic.payload().downcast_ref::<String>().map_or("", String::as_str);
+        if text.starts_with("failed printing to std") && text.contains("Broken pipe") {
+            std::process::exit(BROKEN_PIPE);
+        }
+        told(panic);
+    }));
+}
+
 /// Runs the command line; errors are printed with their causes.
 #[must_use]
 pub fn main() -> ExitCode {
+    end_with_the_reader();
     let done = match Arguments::parse().command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Budget(arguments) => budget::run(&arguments),

@@ -6,7 +6,7 @@ use crate::config::{Camera, Chain, LightOfChain, Psf};
 use crate::optics::chain_light::ChainLight;
 use crate::optics::chain_psf::{ChainPsf, Drawing};
 use crate::optics::energy::{self, Centring};
-use crate::optics::mtf::{MtfChain, Term};
+use crate::optics::mtf::MtfChain;
 use crate::optics::{Band, PsfGrid, PsfModel};
 use crate::sink::write_file_atomically;
 use crate::wiring::camera_parts::camera_params;
@@ -133,8 +133,8 @@ impl Star {
     }
 
     /// Whether x and y differ.
-    fn has_circuit(&self) -> bool {
-        self.chain.as_ref().is_some_and(|(chain, _)| chain.terms().any(|term| term == Term::Circuit))
+    fn has_axes(&self) -> bool {
+        self.chain.as_ref().is_some_and(|(chain, _)| chain.has_axes())
     }
 }
 
@@ -218,9 +218,9 @@ fn mtf_table(text: &mut String, star: &Star, chain: &MtfChain, shares: &[f64]) -
         Ok(shares.iter().try_for_each(|share| write!(text, "{:>9.5}", of(share * NYQUIST) + 0.0))?)
     };
     for term in chain.terms() {
-        row(term.name(), &|f| chain.term(term, [f, 0.0]))?;
+        row(term.name(), &|f| chain.term(term, term.axis().map(|axis| axis * f)))?;
     }
-    if star.has_circuit() {
+    if star.has_axes() {
         row("product along rows", &|f| chain.product([f, 0.0]))?;
         row("product along columns", &|f| chain.product([0.0, f]))?;
     } else {

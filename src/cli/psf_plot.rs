@@ -2,7 +2,6 @@
 
 use crate::cli::psf::{NYQUIST, Star};
 use crate::optics::energy;
-use crate::optics::mtf::Term;
 use crate::report::plot::{Axis, Chart, Series, Style};
 use crate::report::to_svg;
 use std::path::{Path, PathBuf};
@@ -36,14 +35,15 @@ fn curve(name: &str, style: Style, group: usize, to: f64, of: &dyn Fn(f64) -> f6
 fn chain_chart(star: &Star) -> Option<Chart> {
     let (chain, _) = star.chain.as_ref()?;
     let terms = chain.terms().enumerate().map(|(group, term)| {
-        curve(term.name(), Style::DashedLine, group + 1, HIGHEST, &|share| chain.term(term, [share * NYQUIST, 0.0]))
+        let along = |share: f64| term.axis().map(|axis| axis * share * NYQUIST);
+        curve(term.name(), Style::DashedLine, group + 1, HIGHEST, &|share| chain.term(term, along(share)))
     });
     let product = |name: &str, group, along: [f64; 2]| {
         let at = move |share: f64| along.map(|axis| axis * share * NYQUIST);
         curve(name, Style::Line, group, HIGHEST, &|share| chain.product(at(share)))
     };
     let mut series: Vec<Series> = terms.collect();
-    if chain.terms().any(|term| term == Term::Circuit) {
+    if chain.has_axes() {
         series.push(product("product along rows", 0, [1.0, 0.0]));
         series.push(product("product along columns", series.len(), [0.0, 1.0]));
     } else {

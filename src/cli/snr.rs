@@ -36,7 +36,8 @@ const RANGE_WHERE_NONE: (f64, f64) = (-1.0, 10.0);
                   signal and of the background; readout; rounding of the converter), rms. SNR: signal over all of \
                   these; optimal: of the sum weighted pixel by pixel by signal over variance, the best a linear \
                   measurement can do. PRNU and DSNU are patterns: the same in every frame, not in the SNR.\n\n\
-                  The star stands on the centre of a pixel; motion, defects and effects between pixels are left out.\n\n\
+                  The star stands on the centre of a pixel; the camera's even background counts; light that \
+                  depends on where it looks, motion, defects and effects between pixels are left out.\n\n\
                   Examples:\n  starloop snr cameras/star_tracker_20deg.toml\n  \
                   starloop snr my_bench.toml --bp-rp 1.5 --exposure 0.2 --plot snr.svg\n  \
                   starloop snr cameras/detection_limit_22mag.toml --mag-range 20:23:0.25"
@@ -53,7 +54,7 @@ pub struct SnrArgs {
     /// Background (sky and stray light), electrons per second and pixel
     #[arg(long, value_name = "E_PER_S", default_value_t = 0.0)]
     background: f64,
-    /// Sky, instrument magnitudes per square arcsecond, added to the background; a dark sky has about 22
+    /// Sky besides the camera's own, instrument magnitudes per square arcsecond, added to the background; a dark sky has about 22
     #[arg(long, value_name = "MAG")]
     sky: Option<f64>,
     /// Side of the square window whose sum is taken, pixels, odd; without it: the one that finds the faintest star

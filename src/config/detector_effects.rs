@@ -38,7 +38,7 @@ keys! {
     ChargeTransferKeys { parallel_share: f64, serial_share: f64, output_corner: String }
     BinningKeys { factor: i64, kind: String, summing_well_e: f64 }
     WindowKeys { left_px: i64, top_px: i64, width_px: i64, height_px: i64 }
-    TdiKeys { stages: i64, phases: i64 }
+    TdiKeys { stages: i64 }
     DefectsKeys {
         hot_share: f64, hot_e_per_s: f64, dead_share: f64, dead_response: f64,
         rts_share: f64, rts_e_per_s: f64, rts_up_per_s: f64, rts_down_per_s: f64,
@@ -192,11 +192,7 @@ fn window(keys: &WindowKeys, fits: Fits, by: u32, check: &mut Checker<'_>) -> Re
 
 fn tdi(keys: &TdiKeys, check: &mut Checker<'_>) -> Result<Tdi, ConfigError> {
     let stages = "rows that add up; exposure.exposure_s is the time of one of them";
-    let phases = "steps in which charge moves from row to row: 2, 3 or 4 for usual CCDs";
-    Ok(Tdi {
-        stages: check.whole("detector.tdi.stages", keys.stages, None, 1..=4096, stages)?,
-        phases: check.whole("detector.tdi.phases", keys.phases, Some(4), 1..=8, phases)?,
-    })
+    Ok(Tdi { stages: check.whole("detector.tdi.stages", keys.stages, None, 1..=4096, stages)? })
 }
 
 /// The exposure of a frame: `exposure_s` is that of one stage.

@@ -4,11 +4,13 @@
 //! light is one wavelength (`psf.wavelength_nm`), or the camera's `[band]` for a star of colour `psf.bp_rp`.
 
 use crate::config::check::{Checker, Rule};
+use crate::config::detector::Detector;
 use crate::config::error::ConfigError;
 use crate::config::optics::{DEFAULT_WAVELENGTH_NM, LARGEST_OBSCURATION, Optics, Psf};
+use crate::detector::tdi::Tdi;
 use crate::optics::mtf::circuit::{Circuit, LOWEST_CUTOFF};
 use crate::optics::mtf::diffusion::{Diffusion, Layers, Side};
-use crate::optics::mtf::{ChainParams, Defocus, DefocusForm, MtfChain, MtfError, Wavefront};
+use crate::optics::mtf::{ChainParams, Defocus, DefocusForm, MtfChain, MtfError, TdiBlur, Wavefront};
 use crate::optics::{Band, SpectralWeight};
 use serde::Deserialize;
 
@@ -44,6 +46,8 @@ pub(super) struct MtfKeys {
     diffusion_length_um: Option<f64>,
     field_free_um: Option<f64>,
     pixel_aperture: Option<f64>,
+    tdi_phases: Option<i64>,
+    tdi_mismatch_px: Option<f64>,
     circuit_cutoff: Option<f64>,
     circuit_order: Option<i64>,
 }
@@ -63,7 +67,7 @@ impl Chain {
         lens: &LensKeys,
         keys: Option<&MtfKeys>,
         optics: &Optics,
-        pixel_pitch_um: f64,
+        detector: &Detector,
         check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
         let none = MtfKeys::default();
@@ -86,7 +90,7 @@ impl Chain {
             .pixel_aperture
             .map_or(Ok(1.0), |width_px| check.meets("mtf.pixel_aperture", width_px, Rule::PositiveUpTo(1.0), advice))?;
         let params = ChainParams {
-            pixel_pitch_um,
+            pixel_pitch_um: detector.pixel_pitch_um,
             f_number,
             obscuration,
             wavefront: wavefront(keys, light, check)?,
@@ -95,6 +99,7 @@ impl Chain {
             fabrication_um,
             diffusion: diffusion(keys, check)?,
             aperture_px,
+            tdi: tdi(keys, detector.spatial.tdi, check)?,
             circuit: circuit(keys, check)?,
             band: Vec::new(),
         };
@@ -206,6 +211,22 @@ fn diffusion(keys: &MtfKeys, check: &Checker<'_>) -> Result<Option<Diffusion>, C
     Ok(Some(Diffusion::Layered(Layers { depletion_um, diffusion_length_um, side })))
 }
 
+/// Blur of charge that follows the image; the stages are the detector's.
+fn tdi(keys: &MtfKeys, detector: Option<Tdi>, check: &mut Checker<'_>) -> Result<Option<TdiBlur>, ConfigError> {
+    let Some(Tdi { stages }) = detector else {
+        let owner = "[detector.tdi]";
+        check.unused("mtf.tdi_phases", keys.tdi_phases.is_some(), owner)?;
+        check.unused("mtf.tdi_mismatch_px", keys.tdi_mismatch_px.is_some(), owner)?;
+        return Ok(None);
+    };
+    let advice = "steps in which charge moves from row to row: 2, 3 or 4 for usual CCDs";
+    let phases = check.whole("mtf.tdi_phases", keys.tdi_phases, Some(4), 1..=8, advice)?;
+    let advice = "image against charge from one stage to the next, px, such as 0.01";
+    let rule = Rule::Within(-1.0, 1.0);
+    let mismatch_px = check.number("mtf.tdi_mismatch_px", keys.tdi_mismatch_px, 0.0, rule, advice)?;
+    Ok(Some(TdiBlur { stages, phases, mismatch_px }))
+}
+
 fn circuit(keys: &MtfKeys, check: &mut Checker<'_>) -> Result<Option<Circuit>, ConfigError> {
     let Some(cutoff) = keys.circuit_cutoff else {
         check.unused("mtf.circuit_order", keys.circuit_order.is_some(), "mtf.circuit_cutoff")?;
@@ -220,6 +241,7 @@ fn circuit(keys: &MtfKeys, check: &mut Checker<'_>) -> Result<Option<Circuit>, C
 #[cfg(test)]
 mod tests {
     use crate::config::{Camera, ConfigError, Document, Psf};
+    use crate::optics::mtf::TdiBlur;
     use std::path::Path;
 
     fn camera(psf: &str, mtf: &str) -> Result<Camera, ConfigError> {
@@ -252,6 +274,13 @@ mod tests {
     }
 
     #[test]
+    fn the_detector_has_the_stages_of_a_tdi_blur() {
+        let loaded = camera(CHAIN, "tdi_mismatch_px = 0.05\n[detector.tdi]\nstages = 16").unwrap();
+        let Psf::Chain(chain) = &loaded.psf else { panic!("{:?}", loaded.psf) };
+        assert_eq!(chain.params.tdi, Some(TdiBlur { stages: 16, phases: 4, mismatch_px: 0.05 }));
+    }
+
+    #[test]
     fn contradictions_are_refused_with_what_to_try() {
         refused("model = \"gaussian\"", "assembly_um = 1", &["mtf", "model = \"chain\""]);
         refused(CHAIN, "wavefront_error_waves = 0.2", &["mtf.wavefront_error_waves", "0.18"]);
@@ -267,6 +296,10 @@ mod tests {
         refused(CHAIN, "depletion_um = 5", &["mtf.diffusion_length_um", "missing"]);
         refused(CHAIN, "circuit_cutoff = 0.05", &["mtf.circuit_cutoff", "0.1"]);
         refused(CHAIN, "circuit_order = 2", &["mtf.circuit_order", "mtf.circuit_cutoff"]);
+        refused(CHAIN, "tdi_phases = 3", &["mtf.tdi_phases", "[detector.tdi]"]);
+        refused(CHAIN, "tdi_mismatch_px = 0.1", &["mtf.tdi_mismatch_px", "[detector.tdi]"]);
+        let tdi = "[detector.tdi]\nstages = 16";
+        refused(CHAIN, &format!("tdi_mismatch_px = 2\n{tdi}"), &["mtf.tdi_mismatch_px", "-1 to 1"]);
         refused(CHAIN, "pixel_aperture = 1.2", &["mtf.pixel_aperture", "up to 1"]);
         refused("model = \"chain\"\nbp_rp = 0.8", "", &["psf.bp_rp", "[band]"]);
         refused("model = \"chain\"\nbp_rp = 0.8\nwavelength_nm = 600", "", &["psf.wavelength_nm", "keep one"]);

@@ -303,7 +303,7 @@ impl Psf {
                     obscuration: keys.obscuration,
                     bp_rp: keys.bp_rp,
                 };
-                Ok(Self::Chain(Box::new(Chain::check(&lens, mtf, optics, detector.pixel_pitch_um, check)?)))
+                Ok(Self::Chain(Box::new(Chain::check(&lens, mtf, optics, detector, check)?)))
             }
             _ => Self::check_airy(keys, optics, check),
         }

@@ -6,11 +6,9 @@
 //! column, with `1 / sqrt(stages)` of the pixels' spread.
 //!
 //! How it is drawn: as one exposure of `stages * line_s` in which the frame moves with the image; what motion is left
-//! (the mismatch) is the motion of the line of sight in that exposure, which the planner draws as any other. What the
-//! discrete steps and a mismatch of scan rate cost in sharpness is told as an MTF along the columns:
-//! `|sinc(f / phases)|` for moves of `1 / phases` px while the image moves on evenly, and
-//! `|sin(pi f d N) / (N sin(pi f d))|` for `N` stages each displaced by `d` px more than the one before (Wong, Yao and
-//! Schlig, IBM J. Res. Dev. 36 (1992) 83; Holst, "CCD Arrays, Cameras and Displays", 1998, section 10.3).
+//! is the motion of the line of sight in that exposure, which the planner draws as any other. What the discrete steps and a
+//! mismatch of scan rate cost in sharpness is a link of a chain PSF (`[mtf]`, `optics::mtf::motion`). Source: Holst, "CCD
+//! Arrays, Cameras and Displays", 1998, section 10.3.
 //!
 //! Not modelled: that a frame's rows are exposed one after another (all rows share one exposure window), and the partly
 //! integrated rows at the start and end of a scan. Held by the tests below and `tests/physics/detector_spatial.rs`.
@@ -23,8 +21,6 @@ use std::sync::Arc;
 pub struct Tdi {
     /// Rows that add up.
     pub stages: u32,
-    /// Steps in which charge moves from row to row.
-    pub phases: u32,
 }
 
 impl Tdi {
@@ -65,52 +61,13 @@ impl Tdi {
     pub fn pattern_share(&self) -> f64 {
         1.0 / f64::from(self.stages).sqrt()
     }
-
-    /// MTF of the discrete moves along the columns, at a frequency in cycles/px.
-    #[must_use]
-    pub fn step_mtf(&self, cycles_per_px: f64) -> f64 {
-        let x = core::f64::consts::PI * cycles_per_px / f64::from(self.phases);
-        if x == 0.0 { 1.0 } else { (x.sin() / x).abs() }
-    }
-
-    /// MTF of a scan that is off by `mismatch_px` from each stage to the next.
-    #[must_use]
-    pub fn mismatch_mtf(&self, cycles_per_px: f64, mismatch_px: f64) -> f64 {
-        let x = core::f64::consts::PI * cycles_per_px * mismatch_px;
-        let n = f64::from(self.stages);
-        if x.sin().abs() < 1e-12 { 1.0 } else { ((n * x).sin() / (n * x.sin())).abs() }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const TDI: Tdi = Tdi { stages: 32, phases: 4 };
-
-    /// Modulation of a sine that is averaged over displacements.
-    fn averaged(cycles_per_px: f64, displacements: impl Iterator<Item = f64> + Clone) -> f64 {
-        let n = displacements.clone().count() as f64;
-        let turn = core::f64::consts::TAU * cycles_per_px;
-        let part = |of: fn(f64) -> f64| displacements.clone().map(|d| of(turn * d)).sum::<f64>() / n;
-        part(f64::cos).hypot(part(f64::sin))
-    }
-
-    #[test]
-    fn both_mtfs_are_those_of_averaged_sines() {
-        for cycles_per_px in [0.05, 0.2, 0.5] {
-            let steps = (0..10_000).map(|i| (f64::from(i) + 0.5) / 10_000.0 / 4.0);
-            assert!((TDI.step_mtf(cycles_per_px) - averaged(cycles_per_px, steps)).abs() < 1e-7);
-            for mismatch_px in [0.001, 0.01, 0.1] {
-                let stages = (0..32).map(|i| f64::from(i) * mismatch_px);
-                let wanted = averaged(cycles_per_px, stages);
-                assert!((TDI.mismatch_mtf(cycles_per_px, mismatch_px) - wanted).abs() < 1e-9);
-                assert!((TDI.mismatch_mtf(cycles_per_px, 1.1 * mismatch_px) - wanted).abs() > 1e-9, "negative control");
-            }
-        }
-        assert_eq!(TDI.step_mtf(0.0), 1.0);
-        assert_eq!(TDI.mismatch_mtf(0.3, 0.0), 1.0);
-    }
+    const TDI: Tdi = Tdi { stages: 32 };
 
     #[test]
     fn patterns_are_means_along_the_stages() {
@@ -125,8 +82,8 @@ mod tests {
         }
         // More stages than rows: spread as of so many.
         let spread = |of: &[f32]| (of[..64].iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / 64.0).sqrt();
-        let many = Tdi { stages: 200, phases: 4 }.patterns(&pixels, 64).prnu.expect("on");
-        let all = Tdi { stages: 50, phases: 4 }.patterns(&pixels, 64).prnu.expect("on");
+        let many = Tdi { stages: 200 }.patterns(&pixels, 64).prnu.expect("on");
+        let all = Tdi { stages: 50 }.patterns(&pixels, 64).prnu.expect("on");
         assert!((spread(&many) / spread(&all) - 0.5).abs() < 1e-5);
     }
 

@@ -77,22 +77,10 @@ impl ChainLight {
 mod tests {
     use super::*;
     use crate::optics::mtf::{ChainParams, Defocus, DefocusForm};
-    use crate::optics::{PsfModel, SpectralWeight, energy};
+    use crate::optics::{PsfModel, energy};
 
     fn params(lambda_n_px: f64, obscuration: f64) -> ChainParams {
-        ChainParams {
-            pixel_pitch_um: 1.0,
-            f_number: lambda_n_px / 0.5,
-            obscuration,
-            wavefront: None,
-            defocus: None,
-            assembly_um: 0.0,
-            fabrication_um: 0.0,
-            diffusion: None,
-            aperture_px: 1.0,
-            circuit: None,
-            band: vec![SpectralWeight { wavelength_nm: 500.0, weight: 1.0 }],
-        }
+        ChainParams::diffraction(1.0, lambda_n_px / 0.5, obscuration, 500.0)
     }
 
     fn light(params: ChainParams) -> ChainLight {

@@ -70,8 +70,7 @@ impl Apart {
         half.assessed.clone_from(&plan.assessed);
         half.nodes.clone_from(&plan.nodes);
         half.lists.clone_from(&plan.lists);
-        half.motion.los.clone_from(&plan.motion.los);
-        half.motion.los.jitter.lines.clone_from(&plan.motion.los.jitter.lines);
+        half.motion.los.copy_from(&plan.motion.los);
         half.motion.image_path.clone_from(&plan.motion.image_path);
         half.stars.clear();
         half.targets.clear();

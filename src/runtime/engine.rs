@@ -290,7 +290,11 @@ impl FrameEngine {
             let (at, frame) = (slot.release, Some(slot.number));
             ledger.note(Event { kind: EventKind::Degraded, at, frame, span: predicted, rung: plan.rung, what: "" });
         }
+        let left_out = self.imager.protons_left_out();
         let imaging = self.imager.image(plan, slot.number, &mut frame.image)?;
+        if self.imager.protons_left_out() > left_out {
+            note(ledger, EventKind::ProtonsLeftOut, slot, Span::ZERO);
+        }
         times.merge(&imaging.by_stage());
         let output = self.params.camera.output();
         fill_truth(plan, &output, &mut frame.truth);

@@ -8,7 +8,7 @@
 
 use crate::base::random::{key, philox};
 use crate::base::time::{Span, Tai};
-use crate::detector::defects::{Defect, DefectId, DefectKind, DefectPlace, Rates};
+use crate::detector::defects::{Defect, DefectEdit, DefectId, DefectKind, DefectPlace, Rates};
 use crate::detector::protons::{ProtonDirection, ProtonFlux};
 use crate::exposure::target::FIRST_FALSE_STAR_ID;
 use crate::exposure::{Source, SourcePlace};
@@ -224,7 +224,11 @@ impl FrameFaults {
             if timed.tell(is_on, slot, ledger)
                 && let Made::Defects(first, count) = timed.made
             {
-                self.defects[first..first + count].iter_mut().for_each(|defect| defect.switch(is_on, engine));
+                let commanded = &mut self.defects[first..first + count];
+                let left_out = engine.defects_mut().edit(|list| switch(commanded, is_on, list));
+                if left_out > 0 {
+                    ledger.note(Event::new(EventKind::DefectLeftOut, release, Some(slot.number), Span::ZERO));
+                }
             }
             // The first frame of all has none before it to be repeated.
             let needs_previous = matches!(timed.fault, FrameFault::Torn | FrameFault::Duplicate);
@@ -283,20 +287,24 @@ impl Fate {
     }
 }
 
-impl Commanded {
-    /// Puts the defect into the detector, or takes it out. One for which there is no room is left out: there is room for
-    /// all that a file may command.
-    fn switch(&mut self, is_on: bool, engine: &mut FrameEngine) {
-        let defects = engine.defects_mut();
-        self.id = match self.id.take() {
-            None if is_on => defects.insert(self.defect).ok(),
-            Some(id) if !is_on => {
-                defects.remove(id);
+/// Puts defects into the detector, or takes them out; how many there was no room for.
+fn switch(commanded: &mut [Commanded], is_on: bool, list: &mut DefectEdit<'_>) -> usize {
+    let mut left_out = 0;
+    for Commanded { defect, id } in commanded {
+        *id = match id.take() {
+            None if is_on => {
+                let taken = list.insert(*defect).ok();
+                left_out += usize::from(taken.is_none());
+                taken
+            }
+            Some(there) if !is_on => {
+                list.remove(there);
                 None
             }
-            id => id,
+            there => there,
         };
     }
+    left_out
 }
 
 impl TimedFrameFault {

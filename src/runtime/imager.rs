@@ -339,6 +339,15 @@ impl Imager {
         }
     }
 
+    /// Protons that no longer fitted into their frames, since the start.
+    #[must_use]
+    pub fn protons_left_out(&self) -> u64 {
+        match &self.drawing {
+            Drawing::Host { detector, .. } => detector.disturbances().protons_left_out(),
+            Drawing::Device { detector, .. } => detector.disturbances().protons_left_out(),
+        }
+    }
+
     /// Frames come every so often: how often telegraph pixels are looked at.
     pub fn set_frame_period(&mut self, period: Span) {
         self.defects_mut().set_frame_period_s(period.s());

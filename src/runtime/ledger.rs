@@ -99,6 +99,10 @@ events! {
     HeartbeatBack = "heartbeat_back",
     /// The boresight was nearer to Sun, Moon or Earth than the baffle's exclusion angle.
     InsideExclusion = "inside_exclusion",
+    /// More protons hit the detector in a frame than there is room for: the rest left no track.
+    ProtonsLeftOut = "protons_left_out",
+    /// A defect was commanded for which the detector's list has no room: it is not there.
+    DefectLeftOut = "defect_left_out",
     /// A commanded fault began; the span is how long it lasts.
     Fault = "fault",
     /// A commanded fault of frames or of imaging is over; the span is how long it was to last.

@@ -337,18 +337,14 @@ impl Bench<'_> {
             record.frames.late += 1;
             record.note(EventKind::Late, slot.due + lateness, slot.number, lateness);
             parcel.record.fate = Fate::Late;
-        } else if policy == DeadlinePolicy::Hold {
-            copy_frame(&parcel.frame, &mut self.previous);
-            self.has_previous = true;
         }
-        self.send(parcel, record)
+        self.spoil_and_send(parcel, record)
     }
 
     /// A slot whose own frame does not go out: the previous one does under `hold`, else nothing.
     fn deliver_late(&mut self, mut parcel: Parcel, slot: Slot, record: &mut RunRecord) -> Result<(), RunError> {
         let lateness = parcel.frame.meta.lateness;
         let at = slot.due + lateness;
-        self.spoiling = Spoiling::SEND;
         record.frames.late += 1;
         if self.engine.params().deadline_policy == DeadlinePolicy::Hold && self.has_previous {
             record.frames.held += 1;
@@ -358,7 +354,8 @@ impl Bench<'_> {
             parcel.frame.meta.lateness = lateness;
             parcel.frame.meta.faults |= FaultFlags::FRAME_DUPLICATE;
             parcel.record.fate = Fate::Held;
-            return self.send(parcel, record);
+            self.tell(&parcel.frame.meta);
+            return self.send(parcel, Span::ZERO, record);
         }
         let cause = parcel.record.cause.unwrap_or(MissCause::FramesBefore);
         self.drop_slot(slot, &mut parcel.record, EventKind::Dropped, cause, record);
@@ -366,14 +363,24 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// Sends a frame out and tells the flight computer what was in it.
-    fn send(&mut self, mut parcel: Parcel, record: &mut RunRecord) -> Result<(), RunError> {
-        self.tell(&parcel.frame.meta);
+    /// Tells the flight computer what is in a frame, spoils it if it is to be, and sends it.
+    fn spoil_and_send(&mut self, mut parcel: Parcel, record: &mut RunRecord) -> Result<(), RunError> {
         // What the stimulator says of itself it says before its frame is spoilt.
+        self.tell(&parcel.frame.meta);
         if let Some(faults) = self.faults.as_mut() {
             faults.spoil(&self.spoiling, &mut parcel.frame);
         }
-        parcel.not_before = (self.spoiling.delay > Span::ZERO).then(|| parcel.record.due + self.spoiling.delay);
+        if self.engine.params().deadline_policy == DeadlinePolicy::Hold {
+            // What is repeated is what went out, with all that is said of it.
+            copy_frame(&parcel.frame, &mut self.previous);
+            self.has_previous = true;
+        }
+        self.send(parcel, self.spoiling.delay, record)
+    }
+
+    /// Sends a frame out, `delay` after it is due if there is one.
+    fn send(&mut self, mut parcel: Parcel, delay: Span, record: &mut RunRecord) -> Result<(), RunError> {
+        parcel.not_before = (delay > Span::ZERO).then(|| parcel.record.due + delay);
         record.count_outgoing(&parcel.frame.meta);
         let meta = &parcel.frame.meta;
         // A held image is as old as when it was made: latency is that of what is seen.

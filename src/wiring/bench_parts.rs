@@ -66,12 +66,18 @@ fn targets(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<
             camera.name
         );
     }
+    let is_by_snr = |target: &TargetSettings| matches!(target.light, TargetLight::Snr(_));
+    // Draws the PSF: once for all targets, and only when one asks.
+    let sensitivity = (bench.targets.iter().any(is_by_snr))
+        .then(|| Sensitivity::new(&bench.camera, &Conditions::default()))
+        .transpose()?;
+    let electrons_of = |snr: f64| {
+        let noise = sensitivity.as_ref().map(|Sensitivity { window, pixel, .. }| window.noise(pixel));
+        noise.map_or(f64::NAN, |noise| electrons_for_snr(snr, &noise))
+    };
     let target = |(id, settings): (u32, &TargetSettings)| {
         let (mag, e_per_s) = match settings.light {
-            TargetLight::Snr(snr) => {
-                let Sensitivity { window, pixel, .. } = Sensitivity::new(&bench.camera, &Conditions::default())?;
-                (f64::NAN, electrons_for_snr(snr, &window.noise(&pixel)) / camera.exposure_s)
-            }
+            TargetLight::Snr(snr) => (f64::NAN, electrons_of(snr) / camera.exposure_s),
             TargetLight::Electrons(electrons) => (f64::NAN, electrons / camera.exposure_s),
             TargetLight::Mag { mag, bp_rp } => {
                 (camera.radiometry.mag_instrument(mag, bp_rp), camera.radiometry.electrons(mag, bp_rp, 1.0))

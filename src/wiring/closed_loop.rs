@@ -124,7 +124,12 @@ impl ClosedLoop {
     pub fn inject(&mut self, event: &Event) -> Result<(), LoopError> {
         let far = self.far.get_mut();
         let wheels = far.computer.vehicle().map_or(0, |vehicle| vehicle.wheel_speeds_rad_s().len());
-        let there = Inventory { heads: self.heads.len(), wheels, size_px: self.heads[0].size_px() };
+        let there = Inventory {
+            heads: self.heads.len(),
+            wheels,
+            size_px: self.heads[0].size_px(),
+            output_px: self.heads[0].output_px(),
+        };
         check_places(event, there).map_err(|why| LoopError::Event { what: action_name(&event.action), why })?;
         let mut event = *event;
         if event.on_trigger.is_none() {

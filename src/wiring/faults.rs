@@ -253,18 +253,23 @@ pub(super) struct Inventory {
     pub(super) wheels: usize,
     /// Columns and rows of the detectors.
     pub(super) size_px: [usize; 2],
+    /// Columns and rows of their images.
+    pub(super) output_px: [usize; 2],
 }
 
 /// Refuses an event that names a head, wheel or pixel that is not there, with why.
 pub(super) fn check_places(event: &Event, there: Inventory) -> Result<(), String> {
-    let Inventory { heads, wheels, size_px: [width, height] } = there;
+    let Inventory { heads, wheels, size_px, output_px } = there;
+    let [width, height] = size_px;
     match event.action {
-        Action::Frame { fault: FrameFault::BitFlip { pixels, .. } | FrameFault::FalseStars { pixels, .. }, .. }
-            if is_outside(pixels, there) =>
-        {
+        Action::Frame { fault: FrameFault::BitFlip { pixels, .. }, .. } if is_outside(pixels, output_px) => {
+            let [width, height] = output_px;
+            Err(format!("px {:?}: images have {width} x {height} pixels, counted from 0", pixels.at))
+        }
+        Action::Frame { fault: FrameFault::FalseStars { pixels, .. }, .. } if is_outside(pixels, size_px) => {
             Err(format!("px {:?}: the detector has {width} x {height} pixels, counted from 0", pixels.at))
         }
-        Action::Frame { fault: FrameFault::Pixels { spots, .. }, .. } if spots_are_outside(&spots, there) => {
+        Action::Frame { fault: FrameFault::Pixels { spots, .. }, .. } if spots_are_outside(&spots, size_px) => {
             Err(format!("{spots:?}: the detector has {width} x {height} pixels, counted from 0"))
         }
         Action::Frame { head: Some(head), .. } | Action::TrackerOff { head: Some(head) } if head >= heads => {
@@ -278,15 +283,15 @@ pub(super) fn check_places(event: &Event, there: Inventory) -> Result<(), String
     }
 }
 
-fn is_outside(pixels: FaultPixels, there: Inventory) -> bool {
-    let beyond = |[x, y]: [u32; 2]| x as usize >= there.size_px[0] || y as usize >= there.size_px[1];
+fn is_outside(pixels: FaultPixels, [width, height]: [usize; 2]) -> bool {
+    let beyond = |[x, y]: [u32; 2]| x as usize >= width || y as usize >= height;
     pixels.at.is_some_and(beyond)
 }
 
-fn spots_are_outside(spots: &DefectSpots, there: Inventory) -> bool {
+fn spots_are_outside(spots: &DefectSpots, size_px: [usize; 2]) -> bool {
     let beyond = |line: Option<u32>, side: usize| line.is_some_and(|line| line as usize >= side);
-    let [width, height] = there.size_px;
-    is_outside(spots.pixels, there) || beyond(spots.column, width) || beyond(spots.row, height)
+    let [width, height] = size_px;
+    is_outside(spots.pixels, size_px) || beyond(spots.column, width) || beyond(spots.row, height)
 }
 
 fn vehicle_fault(action: &Action) -> Option<VehicleFault> {

@@ -35,6 +35,11 @@ impl LoopHead {
         let geometry = &self.engine.params().camera.geometry;
         [geometry.width_px(), geometry.height_px()]
     }
+
+    /// Columns and rows of its images.
+    pub(super) fn output_px(&self) -> [usize; 2] {
+        self.engine.params().camera.output().size_px
+    }
 }
 
 /// The stimulator's part of one head, and the tracker's end of its tap.

@@ -66,7 +66,7 @@ pub fn run_real(
         StartTime::Now => Monotonic::start().now(),
     };
     let (head, tap) = loop_head(scenario, 0, &mounting, start, sink, change)?;
-    let size_px = head.size_px();
+    let (size_px, output_px) = (head.size_px(), head.output_px());
     let LoopHead { mut engine, mut receiver, sink, faults } = head;
     let params = engine.params().clone();
     let (zero, end) = (params.first_exposure, params.exposure_start(params.frames));
@@ -76,7 +76,7 @@ pub fn run_real(
     let (near, far) = ports(scenario, &clock, &made.to_stimulator, &made.to_computer)?;
     let mut far = FarSide::new(scenario, far, vec![tap], [start, zero, end])?;
     far.on_row = on_row;
-    made.place_events(scenario, zero, &mut far, size_px)?;
+    made.place_events(scenario, zero, &mut far, [size_px, output_px])?;
     made.frames.prepare(&mut engine)?;
     let over = Arc::new(AtomicBool::new(false));
     let (told, queue) = bounded::<FrameMeta>(TOLD_FRAMES);
@@ -125,7 +125,7 @@ impl Made {
         scenario: &Scenario,
         zero: Tai,
         far: &mut FarSide,
-        size_px: [usize; 2],
+        [size_px, output_px]: [[usize; 2]; 2],
     ) -> Result<(), LoopError> {
         let head = scenario.heads.first().copied().unwrap_or(Rotation::IDENTITY);
         let wheels = far.computer.vehicle().map_or(0, |vehicle| vehicle.wheel_speeds_rad_s().len());
@@ -133,7 +133,7 @@ impl Made {
         let triggers = scenario.events.iter().filter(is_trigger);
         for event in scenario.events.iter().filter(|event| !is_trigger(event)).chain(triggers) {
             let what = action_name(&event.action);
-            check_places(event, Inventory { heads: 1, wheels, size_px })
+            check_places(event, Inventory { heads: 1, wheels, size_px, output_px })
                 .map_err(|why| LoopError::Event { what, why })?;
             let Self { log, to_stimulator, to_computer, frames } = self;
             let mut places = Places { to_stimulator, to_computer, frames: vec![frames] };

@@ -1,7 +1,8 @@
 //! A camera's sensitivity: SNR of its stars, limiting magnitudes, saturation.
 //!
 //! Input: a checked camera and what it looks at (colour, background). Output: everything `starloop snr` prints. The
-//! formulas are those of `optics::snr`; the camera's motion, defects and effects that depend on neighbours are left out.
+//! formulas are those of `optics::snr`. The camera's own even background counts; left out are what depends on where it looks
+//! (Galaxy, zodiacal light, Sun, Moon, Earth), motion, defects and effects that depend on neighbours.
 
 use crate::config::Camera;
 use crate::optics::StarLight;
@@ -23,7 +24,7 @@ pub struct Conditions {
     pub bp_rp: f64,
     /// Exposure instead of the camera's, s.
     pub exposure_s: Option<f64>,
-    /// Light of sky and stray light, electrons per second and pixel.
+    /// Light of sky and stray light besides the camera's own, electrons per second and pixel.
     pub background_e_per_s: f64,
     /// Side of the window whose sum is taken, px; `None`: the one that finds the faintest stars.
     pub window_px: Option<usize>,
@@ -55,9 +56,10 @@ impl Sensitivity {
         let params = camera_params(camera)?;
         let detector = &params.detector;
         let exposure_s = conditions.exposure_s.unwrap_or(params.exposure_s);
+        let own_e_per_s = params.background.uniform_e_per_s + params.background.sky_e_per_s;
         let pixel = PixelNoise {
             dark_e: detector.operating_dark_e_per_s() * exposure_s,
-            background_e: conditions.background_e_per_s * exposure_s,
+            background_e: (conditions.background_e_per_s + own_e_per_s) * exposure_s,
             read_noise_e_rms: detector.temporal_noise_e_rms(),
             lsb_e: detector.gain_e_per_dn,
             prnu: detector.prnu,

@@ -253,7 +253,7 @@ fn protons_leave_the_charge_of_their_tracks() {
 #[test]
 fn tdi_stages_add_signal_and_average_the_patterns() {
     let stages = 16;
-    let spatial = SpatialParams { tdi: Some(Tdi { stages, phases: 4 }), ..SpatialParams::OFF };
+    let spatial = SpatialParams { tdi: Some(Tdi { stages }), ..SpatialParams::OFF };
     let params = DetectorParams { prnu: 0.02, dark_e_per_s: 100.0, read_noise_e_rms: 5.0, ..params(spatial) };
     let mut detector = Detector::new(params, SIZE[0], SIZE[1], 5);
     // The planner's mean image is that of the whole exposure, 16 lines of 31.25 ms.

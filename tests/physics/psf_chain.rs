@@ -6,7 +6,7 @@ use starloop::optics::airy::Airy;
 use starloop::optics::chain_psf::{ChainPsf, ChainPsfError, Drawing};
 use starloop::optics::mtf::circuit::Circuit;
 use starloop::optics::mtf::diffusion::Diffusion;
-use starloop::optics::mtf::{ChainParams, Defocus, DefocusForm, MtfChain, Wavefront, diffraction};
+use starloop::optics::mtf::{ChainParams, Defocus, DefocusForm, MtfChain, TdiBlur, Wavefront, diffraction};
 use starloop::optics::quadrature::gauss_legendre;
 use starloop::optics::{SpectralWeight, energy};
 use std::f64::consts::{PI, TAU};
@@ -17,19 +17,7 @@ const STAMP: f64 = 1e-4;
 
 /// Pixels of 1 um: lengths in um are in px.
 fn plain(lambda_n_px: f64, obscuration: f64) -> ChainParams {
-    ChainParams {
-        pixel_pitch_um: 1.0,
-        f_number: lambda_n_px / 0.5,
-        obscuration,
-        wavefront: None,
-        defocus: None,
-        assembly_um: 0.0,
-        fabrication_um: 0.0,
-        diffusion: None,
-        aperture_px: 1.0,
-        circuit: None,
-        band: vec![SpectralWeight { wavelength_nm: 500.0, weight: 1.0 }],
-    }
+    ChainParams::diffraction(1.0, lambda_n_px / 0.5, obscuration, 500.0)
 }
 
 fn chain(params: ChainParams) -> MtfChain {
@@ -49,6 +37,7 @@ fn all_terms() -> ChainParams {
         fabrication_um: 0.1,
         diffusion: Some(Diffusion::Gaussian { sigma_um: 0.2 }),
         aperture_px: 0.9,
+        tdi: Some(TdiBlur { stages: 16, phases: 4, mismatch_px: 0.02 }),
         circuit: Some(Circuit { cutoff: 1.2, order: 2 }),
         band: vec![
             SpectralWeight { wavelength_nm: 450.0, weight: 0.3 },

@@ -64,7 +64,7 @@ fn effects_of_neighbours_are_as_the_camera_file_says() {
     assert_eq!(on_chip.kind, BinningKind::Charge { full_well_e: 30_000.0 }, "one pixel's full well");
     let cut = of("detector.window", "left_px = 100\ntop_px = 20\nwidth_px = 64").window;
     assert_eq!(cut, Some(Window { left_px: 100, top_px: 20, width_px: 64, height_px: 460 }), "the rest of the rows");
-    assert_eq!(of("detector.tdi", "stages = 16").tdi, Some(Tdi { stages: 16, phases: 4 }));
+    assert_eq!(of("detector.tdi", "stages = 16").tdi, Some(Tdi { stages: 16 }));
     let beam = of("detector.protons", "per_cm2_s = 10\nenergy_mev = 63\ndirection = \"beam\"\nincidence_deg = 30");
     let direction = ProtonDirection::Beam { incidence_deg: 30.0, azimuth_deg: 0.0 };
     assert_eq!(beam.protons, Some(ProtonFlux { per_cm2_s: 10.0, energy_mev: 63.0, direction }));

@@ -151,6 +151,27 @@ pub struct Defects {
     frame: Vec<Outlier>,
 }
 
+/// A list of defects while several are inserted and removed.
+#[derive(Debug)]
+pub struct DefectEdit<'a> {
+    list: &'a mut Defects,
+}
+
+impl DefectEdit<'_> {
+    /// As [`Defects::insert`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn insert(&mut self, defect: Defect) -> Result<DefectId, DefectError> {
+        self.list.put(defect)
+    }
+
+    /// As [`Defects::remove`].
+    pub fn remove(&mut self, id: DefectId) -> bool {
+        self.list.take(id)
+    }
+}
+
 impl Clone for Defects {
     fn clone(&self) -> Self {
         Self {
@@ -212,9 +233,7 @@ impl Defects {
     /// # Errors
     /// When it is not on the detector, means nothing, or there is no room; the list is then as before.
     pub fn insert(&mut self, defect: Defect) -> Result<DefectId, DefectError> {
-        let id = self.put(defect)?;
-        self.rebuild();
-        Ok(id)
+        self.edit(|list| list.insert(defect))
     }
 
     /// Takes in many at once, which costs as much as one.
@@ -222,18 +241,19 @@ impl Defects {
     /// # Errors
     /// At the first one that is not taken; those before it are.
     pub fn insert_all(&mut self, defects: impl IntoIterator<Item = Defect>) -> Result<(), DefectError> {
-        let outcome = defects.into_iter().try_for_each(|defect| self.put(defect).map(|_| ()));
-        self.rebuild();
-        outcome
+        self.edit(|list| defects.into_iter().try_for_each(|defect| list.insert(defect).map(|_| ())))
     }
 
     /// Takes a defect away; false when there is none of this name.
     pub fn remove(&mut self, id: DefectId) -> bool {
-        let Some(at) = self.entries.iter().position(|entry| entry.id == id) else { return false };
-        let entry = self.entries.remove(at);
-        self.held_px -= self.pixels_of(entry.defect.place);
+        self.edit(|list| list.remove(id))
+    }
+
+    /// Changes as many as `change` likes; the frames' outliers are made anew once, afterwards.
+    pub fn edit<T>(&mut self, change: impl FnOnce(&mut DefectEdit<'_>) -> T) -> T {
+        let changed = change(&mut DefectEdit { list: self });
         self.rebuild();
-        true
+        changed
     }
 
     /// Takes all defects away.
@@ -269,6 +289,13 @@ impl Defects {
                 *dn = stuck.dn;
             }
         }
+    }
+
+    fn take(&mut self, id: DefectId) -> bool {
+        let Some(at) = self.entries.iter().position(|entry| entry.id == id) else { return false };
+        let entry = self.entries.remove(at);
+        self.held_px -= self.pixels_of(entry.defect.place);
+        true
     }
 
     fn put(&mut self, defect: Defect) -> Result<DefectId, DefectError> {

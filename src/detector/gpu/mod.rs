@@ -175,6 +175,12 @@ impl GpuDetector {
         self.disturbances.protons_mut().set_flux(flux)
     }
 
+    /// Defects and protons.
+    #[must_use]
+    pub fn disturbances(&self) -> &Disturbances {
+        &self.disturbances
+    }
+
     /// Proton tracks of the latest frame, in sensor pixels.
     #[must_use]
     pub fn proton_tracks(&self) -> &[ProtonTrack] {

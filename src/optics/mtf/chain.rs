@@ -14,7 +14,7 @@ use crate::optics::SpectralWeight;
 use crate::optics::mtf::chain_params::{ChainParams, DefocusForm};
 use crate::optics::mtf::defocus::{self, DefocusedPupil};
 use crate::optics::mtf::diffusion::Diffusion;
-use crate::optics::mtf::{MtfError, aberration, aperture, circuit, diffraction, gaussian};
+use crate::optics::mtf::{MtfError, aberration, aperture, circuit, diffraction, gaussian, motion};
 
 /// One link of the chain, in the order of light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,13 +33,15 @@ pub enum Term {
     Diffusion,
     /// Pixel.
     Aperture,
+    /// Charge that follows the image along the columns.
+    Tdi,
     /// Readout.
     Circuit,
 }
 
 impl Term {
     /// All, in the order of light.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Diffraction,
         Self::Aberration,
         Self::Defocus,
@@ -47,8 +49,16 @@ impl Term {
         Self::Fabrication,
         Self::Diffusion,
         Self::Aperture,
+        Self::Tdi,
         Self::Circuit,
     ];
+
+    /// Factor's direction in tables, `[x, y]`: TDI is along the columns, the circuit along the rows, others are the same
+    /// along both.
+    #[must_use]
+    pub fn axis(self) -> [f64; 2] {
+        if self == Self::Tdi { [0.0, 1.0] } else { [1.0, 0.0] }
+    }
 
     /// Its name in tables.
     #[must_use]
@@ -61,6 +71,7 @@ impl Term {
             Self::Fabrication => "fabrication",
             Self::Diffusion => "charge diffusion",
             Self::Aperture => "pixel",
+            Self::Tdi => "TDI",
             Self::Circuit => "circuit",
         }
     }
@@ -106,6 +117,12 @@ impl MtfChain {
         Term::ALL.into_iter().filter(|term| self.is_on(*term))
     }
 
+    /// Whether columns and rows differ.
+    #[must_use]
+    pub fn has_axes(&self) -> bool {
+        self.is_on(Term::Tdi) || self.is_on(Term::Circuit)
+    }
+
     fn is_on(&self, term: Term) -> bool {
         let p = &self.params;
         match term {
@@ -115,6 +132,7 @@ impl MtfChain {
             Term::Assembly => p.assembly_um > 0.0,
             Term::Fabrication => p.fabrication_um > 0.0,
             Term::Diffusion => p.diffusion.is_some(),
+            Term::Tdi => p.tdi.is_some(),
             Term::Circuit => p.circuit.is_some(),
         }
     }
@@ -138,6 +156,7 @@ impl MtfChain {
             Term::Fabrication => gaussian::mtf(f, px(p.fabrication_um)),
             Term::Diffusion => mean(&|c| c.diffusion(f, p)),
             Term::Aperture => aperture::mtf(frequency, p.aperture_px),
+            Term::Tdi => p.tdi.map_or(1.0, |tdi| motion::tdi(frequency[1], tdi)),
             Term::Circuit => p.circuit.map_or(1.0, |low_pass| circuit::mtf(frequency[0], low_pass)),
         }
     }
@@ -156,13 +175,14 @@ impl MtfChain {
         self.colors.iter().map(|c| c.light.weight * of(c)).sum()
     }
 
-    /// What does not: assembly, fabrication, the pixel and the circuit.
+    /// What does not: assembly, fabrication, the pixel, TDI and the circuit.
     #[must_use]
     pub fn colorless(&self, frequency: [f64; 2]) -> f64 {
         let p = &self.params;
         let blur_px = p.assembly_um.hypot(p.fabrication_um) / p.pixel_pitch_um;
         gaussian::mtf(frequency[0].hypot(frequency[1]), blur_px)
             * aperture::mtf(frequency, p.aperture_px)
+            * p.tdi.map_or(1.0, |tdi| motion::tdi(frequency[1], tdi))
             * p.circuit.map_or(1.0, |low_pass| circuit::mtf(frequency[0], low_pass))
     }
 
@@ -260,22 +280,11 @@ mod tests {
     use super::*;
     use crate::optics::mtf::circuit::Circuit;
     use crate::optics::mtf::diffusion::{Layers, Side};
-    use crate::optics::mtf::{Defocus, Wavefront};
+    use crate::optics::mtf::{Defocus, TdiBlur, Wavefront};
+    use core::f64::consts::PI;
 
     fn plain() -> ChainParams {
-        ChainParams {
-            pixel_pitch_um: 5.0,
-            f_number: 4.0,
-            obscuration: 0.3,
-            wavefront: None,
-            defocus: None,
-            assembly_um: 0.0,
-            fabrication_um: 0.0,
-            diffusion: None,
-            aperture_px: 1.0,
-            circuit: None,
-            band: vec![SpectralWeight { wavelength_nm: 600.0, weight: 1.0 }],
-        }
+        ChainParams::diffraction(5.0, 4.0, 0.3, 600.0)
     }
 
     fn two_colors() -> Vec<SpectralWeight> {
@@ -294,6 +303,7 @@ mod tests {
             fabrication_um: 0.6,
             diffusion: Some(Diffusion::Gaussian { sigma_um: 1.0 }),
             aperture_px: 0.9,
+            tdi: Some(TdiBlur { stages: 8, phases: 3, mismatch_px: 0.05 }),
             circuit: Some(Circuit { cutoff: 1.5, order: 2 }),
             ..plain()
         })
@@ -308,9 +318,13 @@ mod tests {
         let by_hand = DefocusedPupil::new(0.156_25, 0.3).unwrap().mtf(f * 0.48)
             * aberration::mtf(f * 0.48, 0.06 * 633.0 / 600.0).unwrap()
             * gaussian::mtf(f, (0.64 + 0.36 + 1.0_f64).sqrt() / 5.0)
-            * aperture::sinc(0.9 * f);
+            * aperture::sinc(0.9 * f)
+            * aperture::sinc(f / 3.0)
+            * ((8.0 * PI * 0.05 * f).sin() / (8.0 * (PI * 0.05 * f).sin()));
         assert!((chain.product([0.0, f]) - by_hand).abs() < 1e-14, "{} against {by_hand}", chain.product([0.0, f]));
-        assert!(chain.product([f, 0.0]) < 0.999 * by_hand, "the circuit blurs along x alone");
+        let along = |term, frequency| chain.term(term, frequency);
+        assert!(along(Term::Circuit, [f, 0.0]) < 0.999 && along(Term::Circuit, [0.0, f]) == 1.0, "along x alone");
+        assert!(along(Term::Tdi, [0.0, f]) < 0.999 && along(Term::Tdi, [f, 0.0]) == 1.0, "along y alone");
         assert!((chain.product([0.0, 0.0]) - 1.0).abs() < 1e-14, "no light is lost");
     }
 

@@ -42,6 +42,17 @@ pub struct Wavefront {
     pub at_nm: f64,
 }
 
+/// Time-delayed integration: charge that follows the image along the columns.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TdiBlur {
+    /// Rows that add up.
+    pub stages: u32,
+    /// Steps in which charge moves from row to row.
+    pub phases: u32,
+    /// Image against charge from one stage to the next, px.
+    pub mismatch_px: f64,
+}
+
 /// What a chain is made of; `None` and 0 are off.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainParams {
@@ -63,6 +74,8 @@ pub struct ChainParams {
     pub diffusion: Option<Diffusion>,
     /// Width of the pixel's sensitive square, px.
     pub aperture_px: f64,
+    /// Charge that follows the image.
+    pub tdi: Option<TdiBlur>,
     /// Bandwidth of the readout.
     pub circuit: Option<Circuit>,
     /// The light: one wavelength, or a band.
@@ -70,6 +83,25 @@ pub struct ChainParams {
 }
 
 impl ChainParams {
+    /// Diffraction and the pixel at one wavelength, nothing else.
+    #[must_use]
+    pub fn diffraction(pixel_pitch_um: f64, f_number: f64, obscuration: f64, wavelength_nm: f64) -> Self {
+        Self {
+            pixel_pitch_um,
+            f_number,
+            obscuration,
+            wavefront: None,
+            defocus: None,
+            assembly_um: 0.0,
+            fabrication_um: 0.0,
+            diffusion: None,
+            aperture_px: 1.0,
+            tdi: None,
+            circuit: None,
+            band: vec![SpectralWeight { wavelength_nm, weight: 1.0 }],
+        }
+    }
+
     /// The same in a band, for a star of this BP-RP.
     #[must_use]
     pub fn in_band(&self, band: &Band, bp_rp: f64) -> Self {
@@ -96,6 +128,12 @@ fn check_numbers(p: &ChainParams) -> Result<(), MtfError> {
     check("the blur of fabrication (um)", p.fabrication_um, p.fabrication_um >= 0.0, "0 or more", blur)?;
     let is_pixel = p.aperture_px > 0.0 && p.aperture_px <= 1.0;
     check("the pixel's sensitive width (px)", p.aperture_px, is_pixel, "above 0, up to 1", "1 for the whole pixel")?;
+    if let Some(TdiBlur { stages, phases, mismatch_px }) = p.tdi {
+        check("the TDI stages", f64::from(stages), stages > 0, "1 or more", "rows that add up")?;
+        check("the TDI phases", f64::from(phases), phases > 0, "1 or more", "2, 3 or 4 for usual CCDs")?;
+        let is_slip = mismatch_px.abs() <= 1.0;
+        check("the TDI mismatch (px)", mismatch_px, is_slip, "-1 to 1", "of one stage, such as 0.01")?;
+    }
     if let Some(low_pass) = p.circuit {
         let is_wide = low_pass.cutoff >= LOWEST_CUTOFF;
         check(

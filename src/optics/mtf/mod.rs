@@ -22,5 +22,5 @@ pub mod motion;
 pub mod silicon;
 
 pub use chain::{MtfChain, Term};
-pub use chain_params::{ChainParams, Defocus, DefocusForm, WAVELENGTHS, Wavefront};
+pub use chain_params::{ChainParams, Defocus, DefocusForm, TdiBlur, WAVELENGTHS, Wavefront};
 pub use error::MtfError;

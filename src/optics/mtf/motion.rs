@@ -1,7 +1,8 @@
-//! Motion of the image in the exposure, as transfer functions: for comparison only.
+//! Motion of the image in the exposure, as transfer functions.
 //!
-//! Frequency along the motion -> factor. *The drawn PSF never holds these*: an exposure integrates the motion itself,
-//! star by star, and would count it twice. They tell what a motion costs, and are held against each other.
+//! Frequency along the motion -> factor. *The drawn PSF never holds smear and jitter*: an exposure integrates the motion
+//! itself, star by star, and would count it twice. They tell what a motion costs, and are held against each other. TDI is
+//! motion of the charge, which no line of sight has: it is a link of the chain.
 //! * smear of length `a` at constant speed: `sinc(a f)`;
 //! * jitter, many cycles, standard deviation `s` on the axis: `exp(-2 pi^2 s^2 f^2)`, see [`super::gaussian`];
 //! * sinusoid of amplitude `A`, whole cycles: `J0(2 pi A f)`;
@@ -13,6 +14,7 @@
 //! 1693 (1992) for TDI. Limits: straight motion, uniform in time; the factors may be negative. The tests average a wave
 //! over the motion.
 
+use crate::optics::mtf::TdiBlur;
 use crate::optics::mtf::aperture::sinc;
 use core::f64::consts::{PI, TAU};
 
@@ -32,6 +34,12 @@ pub fn sinusoid(frequency: f64, amplitude_px: f64) -> f64 {
 #[must_use]
 pub fn tdi_steps(frequency: f64, phases: u32) -> f64 {
     sinc(frequency / f64::from(phases))
+}
+
+/// Both: steps and mismatch.
+#[must_use]
+pub fn tdi(frequency: f64, TdiBlur { stages, phases, mismatch_px }: TdiBlur) -> f64 {
+    tdi_steps(frequency, phases) * tdi_mismatch(frequency, stages, mismatch_px)
 }
 
 /// Image and charge drift apart by `mismatch_px` from one of `stages` to the next.
