@@ -57,6 +57,8 @@ pub struct Timing {
     pub frame_rate_hz: f64,
     /// Length of the run, s.
     pub duration_s: f64,
+    /// How long before their exposures end frames are begun, ms.
+    pub ahead_ms: f64,
     /// Late frames.
     pub deadline_policy: DeadlinePolicy,
     /// Frames that would be late.
@@ -70,6 +72,7 @@ pub struct Timing {
 pub(super) struct TimingKeys {
     frame_rate_hz: Option<f64>,
     duration_s: Option<f64>,
+    ahead_ms: Option<f64>,
     deadline_policy: Option<String>,
     degrade: Option<String>,
     start_utc: Option<String>,
@@ -94,7 +97,10 @@ impl Timing {
         let degrades = [("real_clock", Degrade::OnRealClock), ("always", Degrade::Always), ("never", Degrade::Never)];
         let advice = "real_clock degrades frames that would be late, always does so on the virtual clock too";
         let degrade = check.choice("timing.degrade", keys.degrade.as_deref(), &degrades, advice)?;
-        Ok(Self { frame_rate_hz, duration_s, deadline_policy, degrade, start: start(keys, check)? })
+        let advice =
+            "0 for a sensor that reads out when it has exposed; for a display: exposure, drawing and its latency";
+        let ahead_ms = check.number("timing.ahead_ms", keys.ahead_ms, 0.0, Rule::Within(0.0, 500.0), advice)?;
+        Ok(Self { frame_rate_hz, duration_s, ahead_ms, deadline_policy, degrade, start: start(keys, check)? })
     }
 
     /// Frames in the run (at least one).

@@ -5,7 +5,7 @@
 //! 7th ed., section 8.5.2 and 8.6.2. The pixel integral is a tensor Gauss-Legendre rule with as many nodes as the
 //! pattern's own scale asks (error < 1e-12 of the flux for `L >= 0.2`; held against truth in `tests/physics`).
 
-use crate::optics::quadrature::{Node, gauss_legendre};
+use crate::optics::quadrature::{Node, gauss_legendre, over_pixel};
 use core::f64::consts::PI;
 
 /// Airy pattern on a detector.
@@ -46,14 +46,7 @@ impl Airy {
     /// Share of the light in the pixel whose centre lies (`x_px`, `y_px`) from the star.
     #[must_use]
     pub fn pixel(&self, x_px: f64, y_px: f64) -> f64 {
-        let mut sum = 0.0;
-        for row in &self.nodes {
-            for column in &self.nodes {
-                let r = (x_px + column.x).hypot(y_px + row.x);
-                sum += row.weight * column.weight * self.irradiance(r);
-            }
-        }
-        sum
+        over_pixel(&self.nodes, [x_px, y_px], |r_px| self.irradiance(r_px))
     }
 
     /// Upper bound of the share outside a circle of `r_px`: envelope of the pattern's wings, `2 L (1 + e) /

@@ -7,7 +7,7 @@
 //! error is below 1e-12 of the flux (`alpha >= 0.25` px, `beta <= 5`). Tests below hold it to sums over finer cells and to
 //! the closed form.
 
-use crate::optics::quadrature::{Node, gauss_legendre};
+use crate::optics::quadrature::{Node, gauss_legendre, over_pixel};
 use core::f64::consts::PI;
 
 /// A Moffat profile on a detector.
@@ -64,14 +64,7 @@ impl Moffat {
     /// Share of the light in the pixel whose centre lies (`x_px`, `y_px`) from the star.
     #[must_use]
     pub fn pixel(&self, x_px: f64, y_px: f64) -> f64 {
-        let mut sum = 0.0;
-        for row in &self.nodes {
-            for column in &self.nodes {
-                let r = (x_px + column.x).hypot(y_px + row.x);
-                sum += row.weight * column.weight * self.irradiance(r);
-            }
-        }
-        sum
+        over_pixel(&self.nodes, [x_px, y_px], |r_px| self.irradiance(r_px))
     }
 
     /// Share of the light outside a circle of `r_px`.

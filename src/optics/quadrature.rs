@@ -39,6 +39,19 @@ pub fn gauss_legendre(n: usize) -> Vec<Node> {
     (0..n).map(|i| gauss_legendre_node(n, i)).collect()
 }
 
+/// Integral over a pixel whose centre lies (`x_px`, `y_px`) from the star, of an irradiance that depends on the distance
+/// alone: the tensor rule of these nodes.
+#[must_use]
+pub fn over_pixel(nodes: &[Node], [x_px, y_px]: [f64; 2], irradiance: impl Fn(f64) -> f64) -> f64 {
+    let mut sum = 0.0;
+    for row in nodes {
+        for column in nodes {
+            sum += row.weight * column.weight * irradiance((x_px + column.x).hypot(y_px + row.x));
+        }
+    }
+    sum
+}
+
 /// Legendre polynomial of degree `n` and its derivative at `x` in (-1, 1).
 fn legendre(n: usize, x: f64) -> (f64, f64) {
     let (mut before, mut value) = (1.0, x);

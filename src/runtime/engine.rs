@@ -35,7 +35,9 @@ pub struct Slot {
     pub number: u32,
     /// First instant of the exposure.
     pub exposure_start: Tai,
-    /// Last instant of the exposure: work on the frame begins.
+    /// Last instant of the exposure.
+    pub exposure_end: Tai,
+    /// Work on the frame begins: at the exposure's end, or so much earlier as frames are drawn ahead.
     pub release: Tai,
     /// The frame is due.
     pub due: Tai,
@@ -229,9 +231,11 @@ impl FrameEngine {
     /// The slot of frame `number`.
     #[must_use]
     pub fn slot(&self, number: u32) -> Slot {
-        let start = self.params.exposure_start(number);
-        let release = start + Span::from_s(self.params.camera.exposure_s);
-        Slot { number, exposure_start: start, release, due: release + Span::from_s(self.params.camera.readout_s) }
+        let exposure_start = self.params.exposure_start(number);
+        let exposure_end = exposure_start + Span::from_s(self.params.camera.exposure_s);
+        let release = exposure_end - self.params.ahead;
+        let due = release + Span::from_s(self.params.camera.readout_s);
+        Slot { number, exposure_start, exposure_end, release, due }
     }
 
     /// Draws a frame into `frame` before the run, so that nothing is done for the first time during it.

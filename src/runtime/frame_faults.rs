@@ -211,23 +211,23 @@ impl FrameFaults {
 
     /// What becomes of the frame of `slot`; sets the conditions it is exposed under.
     pub fn begin(&mut self, slot: Slot, engine: &mut FrameEngine, ledger: &mut Ledger) -> Fate {
-        let release = slot.release;
+        let end = slot.exposure_end;
         let mut fate = Fate::SEND;
-        for mark in self.marks.iter().filter(|mark| mark.from <= release && release < mark.until) {
+        for mark in self.marks.iter().filter(|mark| mark.from <= end && end < mark.until) {
             fate.flags |= mark.flag;
         }
         let has_previous = !self.previous.is_empty();
         let full_well_e = engine.params().camera.detector.full_well_e;
         engine.conditions_mut().reset();
         for timed in &mut self.timed {
-            let is_on = timed.from <= release && release < timed.until;
+            let is_on = timed.from <= end && end < timed.until;
             if timed.tell(is_on, slot, ledger)
                 && let Made::Defects(first, count) = timed.made
             {
                 let commanded = &mut self.defects[first..first + count];
                 let left_out = engine.defects_mut().edit(|list| switch(commanded, is_on, list));
                 if left_out > 0 {
-                    ledger.note(Event::new(EventKind::DefectLeftOut, release, Some(slot.number), Span::ZERO));
+                    ledger.note(Event::new(EventKind::DefectLeftOut, end, Some(slot.number), Span::ZERO));
                 }
             }
             // The first frame of all has none before it to be repeated.
@@ -237,7 +237,7 @@ impl FrameFaults {
             }
             timed.hits += 1;
             fate.flags |= timed.fault.flag();
-            let share = (release - timed.from).s() / (timed.until - timed.from).s();
+            let share = (end - timed.from).s() / (timed.until - timed.from).s();
             let (name, number, amount) = (timed.fault.name(), timed.number, timed.fault.amount(share));
             fate.active.push(ActiveFault { name, number, amount });
             fate.take(&timed.fault);
@@ -314,7 +314,7 @@ impl TimedFrameFault {
             return false;
         }
         self.is_on = is_on;
-        let (kind, at) = if is_on { (EventKind::Fault, self.from) } else { (EventKind::FaultOver, slot.release) };
+        let (kind, at) = if is_on { (EventKind::Fault, self.from) } else { (EventKind::FaultOver, slot.exposure_end) };
         let event = Event::new(kind, at, Some(slot.number), self.lasts);
         ledger.note(Event { what: self.fault.name(), ..event });
         true

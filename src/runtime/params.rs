@@ -134,6 +134,9 @@ pub struct RunParams {
     pub first_exposure: Tai,
     /// Time from one exposure's start to the next.
     pub frame_period: Span,
+    /// How long before their exposures end frames are begun: zero for a sensor that reads out, more for a display, whose
+    /// frames must be there when their light is to leave it.
+    pub ahead: Span,
     /// Frames to expose.
     pub frames: u32,
     /// What becomes of a late frame.

@@ -107,8 +107,8 @@ impl Receiver {
 
     /// Hands the triggers that act by the end of a slot's exposure to `fire`, and tells the ledger.
     pub fn fire_triggers(&mut self, slot: Slot, ledger: &mut Ledger, fire: &mut dyn FnMut(FiredTrigger)) {
-        for fired in self.take_triggers(slot.release) {
-            let event = Event::new(EventKind::TriggerFired, fired.at, Some(slot.number), slot.release - fired.at);
+        for fired in self.take_triggers(slot.exposure_end) {
+            let event = Event::new(EventKind::TriggerFired, fired.at, Some(slot.number), slot.exposure_end - fired.at);
             ledger.note(event);
             fire(fired);
         }

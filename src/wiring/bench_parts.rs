@@ -45,6 +45,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         degrade: bench.timing.degrade.applies(false),
         seed: bench.seed,
         first_exposure,
+        ahead: Span::from_s(bench.timing.ahead_ms * 1e-3),
         frame_period: Span::from_s(1.0 / bench.timing.frame_rate_hz),
         frames: u32::try_from(bench.timing.frames()).context("timing.duration_s: more than 2^32 frames")?,
         deadline_policy: match bench.timing.deadline_policy {

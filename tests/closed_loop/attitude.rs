@@ -34,6 +34,30 @@ fn the_attitude_rendered_is_the_attitude_sent() {
 }
 
 #[test]
+fn frames_drawn_ahead_show_where_the_sensor_will_point() {
+    let mut bench = over(Wire::CanFd, 6.0);
+    let now = run(&bench);
+    bench.timing.ahead_ms = 120.0;
+    let ahead = run(&bench);
+    assert!(ahead.outcome.error.is_none());
+    assert_eq!(now.frames.len(), ahead.frames.len());
+    for (frame, now) in ahead.frames.iter().zip(&now.frames) {
+        assert_eq!(frame.meta.mid_exposure, now.meta.mid_exposure, "the same instant is shown");
+        // Begun 120 ms before the end of an exposure of 100 ms: 70 ms before its middle, and the newest sample is older.
+        let horizon = frame.meta.horizon;
+        assert!(horizon >= Span::from_ms(70) && horizon < Span::from_ms(90), "{horizon:?}");
+        assert!(now.meta.horizon <= Span::ZERO, "{:?}", now.meta.horizon);
+        let truth = ahead.computer.truth(frame.meta.mid_exposure);
+        let rendered: Rotation<Sensor, Icrf> = Rotation::from_wxyz(frame.meta.attitude_wxyz, 1e-9).unwrap();
+        let sent = Rotation::<Sensor, Icrf>::from_quat(truth.body_from_icrf.quat());
+        let off_arcsec = sent.rotation_vector_to(&rendered).length() / ARCSEC;
+        // Held for so long, an attitude would be 100 arcsec off in the middle of the slew.
+        assert!(off_arcsec < 2.0, "frame {}: {off_arcsec} arcsec", frame.meta.number);
+    }
+    assert_eq!(ahead.outcome.record.ledger.count(EventKind::Predicted), ahead.frames.len() as u64, "and counted");
+}
+
+#[test]
 fn the_flight_computer_hears_every_frame() {
     let run = run(&built_in(2.0));
     let received = run.computer.received();
