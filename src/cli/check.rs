@@ -13,6 +13,7 @@ use crate::runtime::field_light::FieldLight;
 use crate::runtime::{Imager, RunParams};
 use crate::sky::catalog::Catalog;
 use crate::wiring::bench_parts;
+use crate::wiring::sinks::told_lines;
 use anyhow::Result;
 use clap::Args;
 use core::fmt::Write;
@@ -127,6 +128,9 @@ fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Image
     if let Some(note) = imager.note() {
         writeln!(text, "               {note}")?;
     }
+    for (place, words) in told_lines(&bench.sinks) {
+        writeln!(text, "  {place:<12} {words}")?;
+    }
     writeln!(text, "  costs        {}", costs.origin)?;
     let camera_params = &params.camera;
     let effects: Vec<String> =
@@ -177,9 +181,17 @@ mod tests {
     #[test]
     fn the_built_in_bench_is_explained() {
         let text = report(&Bench::built_in().unwrap(), true).unwrap();
-        for word in
-            ["is sound", "passive", "plan of frame 0", "fits", "> ", "bright-stars-only", "supersampled:5", "rung"]
-        {
+        for word in [
+            "is sound",
+            "sink         recorder: FITS, ",
+            "passive",
+            "plan of frame 0",
+            "fits",
+            "> ",
+            "bright-stars-only",
+            "supersampled:5",
+            "rung",
+        ] {
             assert!(text.contains(word), "no \"{word}\" in:\n{text}");
         }
     }

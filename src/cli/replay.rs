@@ -56,7 +56,7 @@ pub fn run(arguments: &ReplayArgs) -> Result<u8> {
     };
     let mut recorder = match &arguments.out {
         Some(directory) => {
-            Some(Recorder::create(directory, RecorderOptions { fits: true, truth: true, png_every: 10 })?)
+            Some(Recorder::create(directory, RecorderOptions { png_every: 10, ..RecorderOptions::default() })?)
         }
         None => None,
     };

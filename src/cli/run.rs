@@ -18,13 +18,14 @@ use crate::report::{HygieneLine, Progress, RunSummary, summary_table};
 use crate::runtime::hygiene::Role;
 use crate::runtime::real_time::Sources;
 use crate::runtime::receiver::Receiver;
-use crate::runtime::{FrameEngine, Hygiene, HygieneParams, RunOutcome, RunRecord, real_time, virtual_time};
-use crate::sink::{NullSink, Recorder, RecorderOptions, SentFrame, Sink, write_file_atomically};
+use crate::runtime::{FrameEngine, Hygiene, HygieneParams, RunOutcome, RunRecord, real_time, sink_rows, virtual_time};
+use crate::sink::{SentFrame, Sink, write_file_atomically};
 use crate::testbed::flight_computer::{FlightComputer, FlightError, run_until};
 use crate::wiring::bench_parts;
 use crate::wiring::control::ControlAddress;
 use crate::wiring::ports::{Ports, needs_real_clock, open_ports};
 use crate::wiring::replay::{Recording, SessionParams};
+use crate::wiring::sinks::{SinkSetting, make_sinks, run_directory};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -86,19 +87,17 @@ pub struct RunArgs {
 }
 
 impl RunArgs {
-    /// Whether frames are recorded.
-    pub(super) fn wants_recorder(&self, bench: &Bench) -> bool {
+    /// The sinks of the run: the bench's, or the one that the command line names in their place.
+    pub(super) fn sinks(&self, bench: &Bench) -> Vec<config::SinkSettings> {
+        let is_recorder = |settings: &&config::SinkSettings| matches!(settings.sink, config::Sink::Recorder { .. });
         match self.sink {
-            Some(sink) => sink == SinkKind::Recorder,
-            None => matches!(bench.sink, config::Sink::Recorder { .. }),
-        }
-    }
-
-    /// Whether FITS files are kept, and every how many frames a PNG.
-    pub(super) fn recorded(&self, bench: &Bench) -> (bool, u32) {
-        match &bench.sink {
-            config::Sink::Recorder { fits, png_every, .. } => (*fits, *png_every),
-            config::Sink::Null => (true, 10),
+            None => bench.sinks.clone(),
+            Some(SinkKind::Null) => vec![config::SinkSettings { sink: config::Sink::Null, queue_frames: 1 }],
+            Some(SinkKind::Recorder) => vec![bench.sinks.iter().find(is_recorder).cloned().unwrap_or_else(|| {
+                let directory = Some(format!("out/{}", bench.name).into());
+                let sink = config::Sink::Recorder { directory, fits: true, ser: false, png_every: 10 };
+                config::SinkSettings { sink, queue_frames: 8 }
+            })],
         }
     }
 }
@@ -245,7 +244,7 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let mut engine = FrameEngine::with_imager(params.clone(), imager)?;
     engine.expect_motion(slew_scale(&bench));
     let mut receiver = Receiver::new(params.attitude)?.with_session(bench_parts::session_params(&bench));
-    let (mut sink, directory) = sink(arguments, &bench)?;
+    let (mut sink, directory) = sink(arguments, &bench, &engine)?;
     let recording = recording(arguments, &bench, start, &engine)?;
     if let Some(recording) = &recording {
         sink = recording.tap_frames(&mut engine, sink)?;
@@ -327,8 +326,13 @@ impl Finished {
     /// # Errors
     /// With why the run ended early, if it did.
     pub(super) fn status(self) -> Result<u8> {
+        let sink_failure = self.outcome.sink_failure();
         match self.outcome.error {
             Some(error) => Err(error).context("the run ended early; everything finished before is kept"),
+            None if sink_failure.is_some() => bail!(
+                "the run went to its end, but a sink failed: {}; what it took is kept",
+                sink_failure.unwrap_or_default()
+            ),
             None if self.was_interrupted => {
                 eprintln!("starloop: stopped by Ctrl-C; everything finished before is kept");
                 Ok(EXIT_INTERRUPTED)
@@ -342,22 +346,23 @@ impl Finished {
         let RunOutcome { record, ports, sink, .. } = &self.outcome;
         let mut summary = record.summary(&self.engine, &self.receiver, ports, sink.as_ref());
         summary.bench.clone_from(&self.bench.name);
+        summary.sinks = sink_rows(&self.outcome.sinks);
         summary.wall_s = self.wall_s;
         summary.clock = clock.into();
         summary
     }
 }
 
-fn sink(arguments: &RunArgs, bench: &Bench) -> Result<(Box<dyn Sink>, Option<PathBuf>)> {
-    let kept = match (&bench.sink, arguments.sink) {
-        (_, Some(SinkKind::Null)) | (config::Sink::Null, None) => None,
-        (config::Sink::Recorder { directory, fits, png_every }, _) => Some((directory.clone(), *fits, *png_every)),
-        (config::Sink::Null, Some(SinkKind::Recorder)) => Some((format!("out/{}", bench.name).into(), true, 10)),
-    };
-    let Some((directory, fits, png_every)) = kept else { return Ok((Box::new(NullSink::new()), None)) };
-    let directory = arguments.out.clone().unwrap_or_else(|| directory.join(stamp(Monotonic::start().now())));
-    let recorder = Recorder::create(&directory, RecorderOptions { fits, truth: true, png_every })?;
-    Ok((Box::new(recorder), Some(directory)))
+/// What takes the frames, and the directory of the run when files are kept.
+fn sink(arguments: &RunArgs, bench: &Bench, engine: &FrameEngine) -> Result<(Box<dyn Sink>, Option<PathBuf>)> {
+    let sinks = arguments.sinks(bench);
+    let directory = run_directory(&sinks, arguments.out.as_deref(), &stamp(Monotonic::start().now()));
+    let camera = &engine.params().camera;
+    let [width, height] = camera.output().size_px;
+    let prototype = SentFrame::with_capacity(width, height, real_time::STARS_AT_FIRST, camera.name.clone());
+    let is_real = arguments.clock == ClockKind::Real;
+    let setting = SinkSetting { directory: directory.as_deref(), prototype: &prototype, is_real };
+    Ok((make_sinks(&sinks, &setting)?, directory))
 }
 
 /// `20261120T123456.789Z`: a directory name that sorts by time.

@@ -9,8 +9,9 @@ use crate::cli::scenario_plot::TelemetryPlot;
 use crate::cli::scenario_report::{ScenarioReport, table};
 use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_NOT_MET};
 use crate::config::{Scenario, StartTime};
-use crate::runtime::{RunParams, RunRecord};
-use crate::sink::{NullSink, Recorder, RecorderOptions, SentFrame, Sink, write_file_atomically};
+use crate::runtime::real_time::STARS_AT_FIRST;
+use crate::runtime::{RunParams, RunRecord, sink_failure};
+use crate::sink::{NullSink, SentFrame, Sink, write_file_atomically};
 use crate::testbed::vehicle::TelemetryRow;
 use crate::wiring::assessment::mode_name;
 use crate::wiring::bench_parts;
@@ -18,6 +19,7 @@ use crate::wiring::closed_loop::ClosedLoop;
 use crate::wiring::control::{ControlAddress, ControlListener, ControlSession, SessionEnd, Stage};
 use crate::wiring::loop_outcome::LoopView;
 use crate::wiring::real_loop::{RealSetting, run_real};
+use crate::wiring::sinks::{SinkSetting, make_sinks, run_directory};
 use anyhow::{Context, Result, bail};
 use core::sync::atomic::{AtomicBool, Ordering};
 use std::io::{BufWriter, IsTerminal, Write};
@@ -35,7 +37,7 @@ pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> 
     let mut wall = Stopwatch::start();
     let mut failed = None;
     let mut going = ClosedLoop::new(scenario, |head| {
-        sink(scenario, arguments, directory.as_deref(), head).unwrap_or_else(|error| {
+        sink(scenario, arguments, directory.as_deref(), head, None).unwrap_or_else(|error| {
             failed = Some(error);
             Box::new(NullSink::new())
         })
@@ -60,7 +62,8 @@ pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> 
         written.finish(&title(scenario))?;
     }
     let now_s = (going.now() - going.zero()).s();
-    let report = ScenarioReport::of(scenario, &going.finish()?.view(), wall_s);
+    let outcome = going.finish()?;
+    let report = ScenarioReport::of(scenario, &outcome.view(), wall_s).with_sinks(&outcome.sink_lines);
     let status = tell(&report, arguments, directory.as_deref(), stop)?;
     if status == EXIT_INTERRUPTED {
         return Ok(status);
@@ -84,12 +87,14 @@ pub fn run_on_real_clock(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<At
     let say = !arguments.quiet;
     let hygiene = prepared_hygiene(&scenario.bench, say);
     let directory = directory(scenario, arguments)?;
-    let sink = sink(scenario, arguments, directory.as_deref(), 0)?;
     announce(scenario, say, "real");
     let StartTime::At(start) = scenario.bench.timing.start else {
         bail!("a scenario needs a start_utc: \"now\" does not repeat");
     };
     let params = bench_parts::run_params(&scenario.bench, start)?;
+    let [width, height] = params.camera.output().size_px;
+    let prototype = SentFrame::with_capacity(width, height, STARS_AT_FIRST, params.camera.name.clone());
+    let sink = sink(scenario, arguments, directory.as_deref(), 0, Some(&prototype))?;
     let measured = costs_here(&bench_parts::imager(&params)?, arguments.built_in_costs).measured;
     let telemetry =
         directory.as_deref().map(|directory| telemetry_file(directory, params.first_exposure)).transpose()?;
@@ -106,8 +111,12 @@ pub fn run_on_real_clock(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<At
     if let Some(written) = written {
         written.finish(&title(scenario))?;
     }
-    let report = ScenarioReport::of(scenario, &outcome.view(), wall.lap().s());
-    tell(&report, arguments, directory.as_deref(), stop)
+    let report = ScenarioReport::of(scenario, &outcome.view(), wall.lap().s()).with_sinks(&outcome.sink_lines);
+    let status = tell(&report, arguments, directory.as_deref(), stop)?;
+    match sink_failure(&outcome.sink_lines) {
+        Some(failure) => bail!("the run went to its end, but a sink failed: {failure}; what it took is kept"),
+        None => Ok(status),
+    }
 }
 
 fn announce(scenario: &Scenario, say: bool, kind: &str) {
@@ -177,26 +186,34 @@ fn serve(
 
 /// Where files go: only when the command line or the bench wants any.
 fn directory(scenario: &Scenario, arguments: &RunArgs) -> Result<Option<PathBuf>> {
-    let directory = match (&arguments.out, arguments.wants_recorder(&scenario.bench)) {
+    let sinks = arguments.sinks(&scenario.bench);
+    let directory = match (&arguments.out, run_directory(&sinks, None, "")) {
         (Some(out), _) => out.clone(),
-        (None, true) => {
+        (None, Some(_)) => {
             let now = crate::base::clock::Monotonic::start();
             PathBuf::from("out").join(&scenario.name).join(stamp(crate::base::clock::Clock::now(&now)))
         }
-        (None, false) => return Ok(None),
+        (None, None) => return Ok(None),
     };
     std::fs::create_dir_all(&directory).with_context(|| format!("cannot make {}", directory.display()))?;
     Ok(Some(directory))
 }
 
-fn sink(scenario: &Scenario, arguments: &RunArgs, directory: Option<&Path>, head: usize) -> Result<Box<dyn Sink>> {
-    let Some(directory) = directory.filter(|_| arguments.wants_recorder(&scenario.bench)) else {
-        return Ok(Box::new(NullSink::new()));
-    };
-    let directory =
-        if scenario.heads.len() > 1 { directory.join(format!("head{head}")) } else { directory.to_path_buf() };
-    let (fits, png_every) = arguments.recorded(&scenario.bench);
-    Ok(Box::new(Recorder::create(directory, RecorderOptions { fits, truth: true, png_every })?))
+/// What takes the frames of one head. On the virtual clock buffers find their size with the first frame.
+fn sink(
+    scenario: &Scenario,
+    arguments: &RunArgs,
+    directory: Option<&Path>,
+    head: usize,
+    prototype: Option<&SentFrame>,
+) -> Result<Box<dyn Sink>> {
+    let sinks = arguments.sinks(&scenario.bench);
+    let several = scenario.heads.len() > 1;
+    let directory = directory.map(|run| if several { run.join(format!("head{head}")) } else { run.to_path_buf() });
+    let empty = SentFrame::with_capacity(0, 0, 0, scenario.bench.camera.name.as_str().into());
+    let is_real = prototype.is_some();
+    let setting = SinkSetting { directory: directory.as_deref(), prototype: prototype.unwrap_or(&empty), is_real };
+    make_sinks(&sinks, &setting).with_context(|| format!("head {head}"))
 }
 
 fn title(scenario: &Scenario) -> String {

@@ -2,7 +2,9 @@
 
 use crate::base::units::ARCSEC;
 use crate::config::Scenario;
-use crate::report::{FrameCounts, Machine};
+use crate::report::{FrameCounts, Machine, SinkRow};
+use crate::runtime::sink_rows;
+use crate::sink::SinkLine;
 use crate::wiring::assessment::{ModeLine, Verdict, WindowErrors};
 use crate::wiring::faults::FaultLine;
 use crate::wiring::loop_outcome::LoopView;
@@ -78,6 +80,8 @@ pub struct ScenarioReport {
     pub violation_lines: Vec<String>,
     /// Everything held.
     pub passed: bool,
+    /// What each sink did with the frames; empty before the end.
+    pub sinks: Vec<SinkRow>,
 }
 
 impl ScenarioReport {
@@ -126,7 +130,14 @@ impl ScenarioReport {
             verdicts,
             violations,
             violation_lines: lines.to_vec(),
+            sinks: Vec::new(),
         }
+    }
+
+    /// The same with what each sink did.
+    #[must_use]
+    pub fn with_sinks(self, sinks: &[SinkLine]) -> Self {
+        Self { sinks: sink_rows(sinks), ..self }
     }
 }
 
@@ -199,6 +210,11 @@ fn write_table(text: &mut String, report: &ScenarioReport) -> core::fmt::Result 
             "fault     {:9.1} s .. {:9.1} s  {}: {} hit",
             fault.from_s, fault.until_s, fault.name, fault.hits
         )?;
+    }
+    for sink in report.sinks.iter().filter(|sink| sink.dropped + sink.refused > 0 || report.sinks.len() > 1) {
+        let SinkRow { place, sink, frames, dropped, refused, first_error, .. } = sink;
+        let error = first_error.as_ref().map(|error| format!("; first failure: {error}")).unwrap_or_default();
+        writeln!(text, "sink      {place} ({sink}): {frames} taken, {dropped} dropped, {refused} refused{error}")?;
     }
     for refusal in &report.refusals {
         writeln!(text, "refused   {refusal}")?;

@@ -12,9 +12,8 @@ use crate::config::link::{Carrier, Doors, Link, Wire};
 use crate::config::link_keys::LinkKeys;
 use crate::config::observer::{Observer, ObserverKeys};
 use crate::config::session::{Session, SessionKeys};
-use crate::config::stages::{
-    AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, Sink, SinkKeys, check_accuracy,
-};
+use crate::config::sink::{SinkKeys, SinkSettings};
+use crate::config::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, check_accuracy};
 use crate::config::target::{Overlap, TargetKeys, TargetSettings, check_overlap, check_targets};
 use crate::config::timing::{Timing, TimingKeys};
 use serde::Deserialize;
@@ -60,8 +59,8 @@ pub struct Bench {
     pub budget: Budget,
     /// Rendering.
     pub render: Render,
-    /// Where frames go.
-    pub sink: Sink,
+    /// Where frames go: `[sink]`, and then those beside it.
+    pub sinks: Vec<SinkSettings>,
     /// Values nobody gave in the bench (and link) file; the camera has its own list.
     pub defaulted: Vec<Defaulted>,
 }
@@ -86,6 +85,7 @@ struct BenchKeys {
     budget: BudgetKeys,
     render: RenderKeys,
     sink: SinkKeys,
+    extra_sink: Vec<SinkKeys>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -193,7 +193,7 @@ impl Bench {
         let accuracy = check_accuracy(&keys.accuracy, &mut check)?;
         let budget = Budget::check(&keys.budget, camera.exposure.readout_s, &mut check)?;
         let render = Render::check(&keys.render, &mut check)?;
-        let sink = Sink::check(&keys.sink, &name, &mut check)?;
+        let sinks = SinkSettings::check_all(keys.sink, keys.extra_sink, &name, &mut check)?;
         let targets = check_targets(&keys.target, &mut check)?;
         let is_given_in_vain = keys.target_overlap.is_some() && targets.is_empty();
         check.unused("target_overlap", is_given_in_vain, "a bench with a [[target]]")?;
@@ -219,7 +219,7 @@ impl Bench {
             accuracy,
             budget,
             render,
-            sink,
+            sinks,
             defaulted: check.defaulted,
         })
     }

@@ -266,6 +266,32 @@ impl Document {
         Ok(read)
     }
 
+    /// Reads a table of this document that stands at `name`, where one key says which others there may be; `which` is a
+    /// clause for messages.
+    pub(super) fn read_table<S: DeserializeOwned>(
+        &self,
+        table: &toml::Table,
+        name: &str,
+        which: &str,
+    ) -> Result<S, ConfigError> {
+        let whole = match table.clone().try_into() {
+            Ok(read) => return Ok(read),
+            Err(error) => error,
+        };
+        // Every key is optional: the first that cannot be read by itself is the one to blame.
+        let bad = table.iter().find_map(|(key, value)| {
+            let alone = toml::Table::from_iter([(key.clone(), value.clone())]);
+            Some((format!("{name}.{key}"), format!("{key} = {value}"), alone.try_into::<S>().err()?))
+        });
+        let (key, text, error) = bad.unwrap_or_else(|| (name.to_owned(), name.to_owned(), whole));
+        Err(match refusal(&error, self.place(&key), &text) {
+            ConfigError::UnknownKey { place, nearest, known, .. } => {
+                ConfigError::UnknownKey { place, key, nearest, known: format!("{known}{which}") }
+            }
+            refused => refused,
+        })
+    }
+
     fn refuse(&self, error: &toml::de::Error) -> ConfigError {
         let offset = error.span().map_or(0, |span| span.start);
         let text = self.text.lines().nth(self.line_of_offset(offset) - 1).unwrap_or_default();

@@ -43,6 +43,7 @@ mod radiometry;
 mod scenario;
 mod session;
 mod setting;
+mod sink;
 mod spacecraft;
 mod stages;
 mod target;
@@ -68,8 +69,9 @@ pub use radiometry::{Exposure, Radiometry, RadiometryModel};
 pub use scenario::{Scenario, is_scenario};
 pub use session::{Session, SessionStart};
 pub use setting::Setting;
+pub use sink::{Sink, SinkSettings};
 pub use spacecraft::{Control, Spacecraft};
-pub use stages::{AttitudeSettings, Backend, Render, Sink};
+pub use stages::{AttitudeSettings, Backend, Render};
 pub use target::{Overlap, TargetLight, TargetSettings};
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 

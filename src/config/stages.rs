@@ -1,4 +1,4 @@
-//! `[attitude]`, `[accuracy]`, `[render]`, `[sink]`: how the stimulator does its work.
+//! `[attitude]`, `[accuracy]`, `[render]`: how the stimulator does its work.
 
 use crate::attitude::{EstimateLimits, HistoryLimits, RemoteClockLimits, StalePolicy};
 use crate::base::accuracy::AccuracyBudget;
@@ -7,7 +7,6 @@ use crate::config::check::{Checker, Rule};
 use crate::config::error::ConfigError;
 use crate::exposure::MethodChoice;
 use serde::Deserialize;
-use std::path::PathBuf;
 
 /// Seconds of samples kept beyond the exposure and the oldest tag.
 const HISTORY_MARGIN_S: f64 = 1.0;
@@ -49,22 +48,6 @@ pub struct Render {
     pub method: MethodChoice,
 }
 
-/// Where frames go, checked.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Sink {
-    /// Files.
-    Recorder {
-        /// Output directory, relative to the working directory.
-        directory: PathBuf,
-        /// One FITS file per frame.
-        fits: bool,
-        /// A PNG of every n-th frame; 0: none.
-        png_every: u32,
-    },
-    /// Nowhere (timing only).
-    Null,
-}
-
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct AttitudeKeys {
@@ -96,15 +79,6 @@ pub(super) struct AccuracyKeys {
 pub(super) struct RenderKeys {
     backend: Option<String>,
     method: Option<String>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct SinkKeys {
-    kind: Option<String>,
-    directory: Option<String>,
-    fits: Option<bool>,
-    png_every: Option<i64>,
 }
 
 impl AttitudeSettings {
@@ -224,31 +198,4 @@ fn check_method(given: Option<&str>, check: &mut Checker<'_>) -> Result<MethodCh
         let wanted = "auto, static, gauss-legendre, effective-psf or samples, with :N for a number of nodes";
         check.invalid("render.method", format!("\"{word}\""), wanted, "auto is right for most benches")
     })
-}
-
-impl Sink {
-    pub(super) fn check(keys: &SinkKeys, bench: &str, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
-        let advice = "recorder writes files, null writes nothing";
-        if !check.choice("sink.kind", keys.kind.as_deref(), &[("recorder", true), ("null", false)], advice)? {
-            for (key, is_given) in [
-                ("sink.directory", keys.directory.is_some()),
-                ("sink.fits", keys.fits.is_some()),
-                ("sink.png_every", keys.png_every.is_some()),
-            ] {
-                check.unused(key, is_given, "kind = \"recorder\"")?;
-            }
-            return Ok(Self::Null);
-        }
-        let directory = check.given_or("sink.directory", keys.directory.clone(), format!("out/{bench}"));
-        if directory.trim().is_empty() {
-            let advice = "relative to the working directory, such as \"out/run\"";
-            return Err(check.invalid("sink.directory", "empty", "a directory", advice));
-        }
-        let every = "a PNG of every n-th frame; 0 for none";
-        Ok(Self::Recorder {
-            directory: directory.into(),
-            fits: check.given_or("sink.fits", keys.fits, true),
-            png_every: check.whole("sink.png_every", keys.png_every, Some(0), 0..=1_000_000, every)?,
-        })
-    }
 }

@@ -37,7 +37,7 @@ pub use machine::Machine;
 pub use plot::{Chart, pareto_front, to_svg};
 pub use progress::{Progress, progress_line, step_line};
 pub use stages::{Stage, StageHistograms, StageTimes};
-pub use summary::{EventLine, FrameCounts, LinkCounts, RunSummary};
+pub use summary::{EventLine, FrameCounts, LinkCounts, RunSummary, SinkRow};
 pub use table::summary_table;
 pub use timeline::timeline_svg;
 

@@ -75,6 +75,39 @@ pub struct RunSummary {
     pub output: Option<String>,
     /// CRC-32 over all frames, eight hexadecimal digits: equal for equal runs.
     pub run_crc32: String,
+    /// What each sink did with the frames.
+    pub sinks: Vec<SinkRow>,
+}
+
+/// What one sink did with the frames it was handed.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SinkRow {
+    /// Where the bench names it.
+    pub place: String,
+    /// Its kind.
+    pub sink: String,
+    /// Frames it took.
+    pub frames: u64,
+    /// Frames that went past it because it was too slow, or lost.
+    pub dropped: u64,
+    /// Frames it failed on.
+    pub refused: u64,
+    /// Bytes it brought out.
+    pub bytes: u64,
+    /// CRC-32 over the frames it took, eight hexadecimal digits; `None` when it could not finish.
+    pub run_crc32: Option<String>,
+    /// Where they went.
+    pub output: Option<String>,
+    /// Its first failure.
+    pub first_error: Option<String>,
+    /// It broke down.
+    pub is_lost: bool,
+    /// Handed to the sinks to taken by this one, wall time, mean; 0 when nothing waits between the two.
+    pub mean_delay_ms: f64,
+    /// The longest of these.
+    pub longest_delay_ms: f64,
+    /// Numbers of its own.
+    pub counts: BTreeMap<String, u64>,
 }
 
 /// What became of the frames of a run.
@@ -155,6 +188,7 @@ impl RunSummary {
             sink: String::new(),
             output: None,
             run_crc32: String::new(),
+            sinks: Vec::new(),
         }
     }
 
@@ -215,7 +249,27 @@ pub(crate) fn sample_summary() -> RunSummary {
     }];
     (summary.sink, summary.output) = ("recorder".into(), Some("runs/7".into()));
     summary.run_crc32 = "0badcafe".into();
+    summary.sinks = vec![sample_row()];
     summary
+}
+
+#[cfg(test)]
+fn sample_row() -> SinkRow {
+    SinkRow {
+        place: "extra_sink[0]".into(),
+        sink: "recorder".into(),
+        frames: 590,
+        dropped: 7,
+        refused: 1,
+        bytes: 1_234_567_890,
+        run_crc32: None,
+        output: Some("runs/7".into()),
+        first_error: Some("no space".into()),
+        is_lost: false,
+        mean_delay_ms: 12.5,
+        longest_delay_ms: 310.0,
+        counts: BTreeMap::from([("resent".into(), 4)]),
+    }
 }
 
 #[cfg(test)]
@@ -236,6 +290,8 @@ mod tests {
         assert_eq!(json["latency"]["epoch_to_delivered"]["p999_ms"], 180.0);
         assert_eq!(json["misses"]["sink busy"], 1);
         assert_eq!(json["output"], "runs/7");
+        let sink = &json["sinks"][0];
+        assert_eq!((&sink["dropped"], &sink["refused"], &sink["counts"]["resent"]), (&7.into(), &1.into(), &4.into()));
         assert!(text.ends_with("}\n"), "ends in a line break");
     }
 

@@ -2,7 +2,7 @@
 
 use crate::report::histogram::Quantiles;
 use crate::report::stages::Stage;
-use crate::report::summary::RunSummary;
+use crate::report::summary::{RunSummary, SinkRow};
 use std::collections::BTreeMap;
 
 /// Fewer times than this and the 99.9 % quantile is simply the longest.
@@ -20,6 +20,7 @@ pub fn summary_table(summary: &RunSummary) -> String {
     push_frames(&mut lines, summary);
     push_times(&mut lines, summary);
     push_counts(&mut lines, summary);
+    push_sinks(&mut lines, summary);
     push_events(&mut lines, summary);
     push_remarks(&mut lines, summary);
     let trimmed: Vec<&str> = lines.iter().map(|line| line.trim_end()).collect();
@@ -119,6 +120,31 @@ fn push_counts(lines: &mut Vec<String>, s: &RunSummary) {
     lines.extend(rows.into_iter().map(|(name, value)| format!("{name:<NAME_WIDTH$}{value}")));
 }
 
+/// A row per sink, when there are several or one has something to tell; failures and outputs below.
+fn push_sinks(lines: &mut Vec<String>, s: &RunSummary) {
+    let is_plain = |row: &SinkRow| row.dropped + row.refused == 0 && row.first_error.is_none() && row.counts.is_empty();
+    if let [] | [_] = s.sinks.as_slice()
+        && s.sinks.iter().all(is_plain)
+    {
+        return;
+    }
+    lines.push(String::new());
+    let heads = ["frames", "dropped", "refused", "MB", "mean ms", "max ms"].map(String::from);
+    lines.push(row("sinks", &heads));
+    for sink in &s.sinks {
+        let counts = [sink.frames, sink.dropped, sink.refused].map(|count| count.to_string());
+        let sizes = [format!("{:.1}", sink.bytes as f64 / 1e6)];
+        let delays = [sink.mean_delay_ms, sink.longest_delay_ms].map(|ms| format!("{ms:.1}"));
+        lines.push(row(&sink.sink, &[&counts, &sizes[..], &delays].concat()));
+        let lost = sink.is_lost.then(|| "broke down: it took nothing from then on".to_owned());
+        let counts = (!sink.counts.is_empty()).then(|| joined(&sink.counts));
+        let output = sink.output.as_ref().map(|output| format!("to {output}"));
+        let error = sink.first_error.as_ref().map(|error| format!("first failure: {error}"));
+        lines
+            .extend([output, counts, lost, error].into_iter().flatten().map(|text| format!("  {} {text}", sink.place)));
+    }
+}
+
 fn joined(counts: &BTreeMap<String, u64>) -> String {
     let parts: Vec<String> = counts.iter().map(|(name, n)| format!("{name} {n}")).collect();
     if parts.is_empty() { "none".into() } else { parts.join(", ") }
@@ -196,6 +222,25 @@ mod tests {
         for line in summary_table(&sample_summary()).lines() {
             assert!(line.chars().count() <= 100 && line == line.trim_end(), "{line:?}");
         }
+    }
+
+    #[test]
+    fn each_sink_has_its_line_and_one_alone_without_trouble_has_none() {
+        let mut summary = sample_summary();
+        let text = summary_table(&summary);
+        let heading = line_of(&text, "sinks");
+        let row = text.lines().find(|line| line.starts_with("recorder")).unwrap();
+        let end = |line: &str, word: &str| line.find(word).map(|at| at + word.len());
+        for (name, value) in [("frames", "590"), ("MB", "1234.6"), ("max ms", "310.0")] {
+            assert_eq!(end(heading, name), end(row, value), "{name}\n{heading}\n{row}");
+        }
+        assert!(text.contains("extra_sink[0] first failure: no space") && text.contains("resent"), "{text}");
+        let sink = &mut summary.sinks[0];
+        (sink.dropped, sink.refused, sink.first_error) = (0, 0, None);
+        sink.counts.clear();
+        assert!(!summary_table(&summary).contains("refused"));
+        summary.sinks.push(summary.sinks[0].clone());
+        assert!(summary_table(&summary).contains("refused"), "two");
     }
 
     #[test]

@@ -1,11 +1,16 @@
 //! Finished frames -> the sink thread and back: a fixed number of buffers that go round.
+//!
+//! A frame that the sink fails on is counted, and the next one is sent: a run on the real clock never ends because of
+//! where its frames go. What the sink lost comes back with the buffers, for the ledger. A sink that is busy for longer
+//! than all buffers last costs slots; a [`crate::sink::Fan`] is never busy for longer than it takes to copy a frame.
+//! Tests: `tests/closed_loop/sinks.rs`.
 
 use crate::base::clock::Clock;
 use crate::base::time::Tai;
 use crate::report::{FrameRecord, Stage};
 use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
-use crate::sink::{SentFrame, Sink, SinkError, SinkSummary, TruthStar};
+use crate::sink::{Losses, SentFrame, Sink, SinkError, SinkLine, SinkSummary, sink_lines};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -21,14 +26,17 @@ pub struct Parcel {
     pub record: FrameRecord,
     /// Held back until then, on purpose.
     pub not_before: Option<Tai>,
-    delivered: bool,
+    /// The sink took the frame.
+    pub delivered: bool,
+    /// What sinks lost since the buffer before came back.
+    pub losses: Losses,
 }
 
 /// What the sink thread did.
-#[derive(Default)]
 struct Carried {
     frames: u64,
-    lost: u64,
+    refused: u64,
+    told: Losses,
     failure: Option<SinkError>,
 }
 
@@ -36,11 +44,15 @@ struct Carried {
 pub struct Delivered {
     /// Frames the sink took.
     pub frames: u64,
-    /// Frames it did not take: the one it failed on, and those behind it.
-    pub lost: u64,
+    /// Frames it failed on.
+    pub refused: u64,
+    /// What sinks lost and no buffer told.
+    pub losses: Losses,
     /// What the sink wrote; `None` when it could not finish.
     pub summary: Option<SinkSummary>,
-    /// The sink's first failure.
+    /// What each sink did.
+    pub lines: Vec<SinkLine>,
+    /// The thread was lost.
     pub error: Option<RunError>,
 }
 
@@ -48,7 +60,7 @@ pub struct Delivered {
 pub struct Delivery {
     full: Sender<Parcel>,
     empty: Receiver<Parcel>,
-    thread: JoinHandle<(Result<SinkSummary, SinkError>, Carried)>,
+    thread: JoinHandle<Delivered>,
 }
 
 impl Delivery {
@@ -67,7 +79,13 @@ impl Delivery {
         for _ in 0..BUFFERS {
             let at = clock.now();
             let record = FrameRecord::released(0, [at; 3], [at; 2]);
-            let parcel = Parcel { frame: touched_copy(prototype), record, not_before: None, delivered: false };
+            let parcel = Parcel {
+                frame: prototype.touched_copy(),
+                record,
+                not_before: None,
+                delivered: false,
+                losses: Losses::default(),
+            };
             let _room_for_all = sent.try_send(parcel);
         }
         let (clock, hygiene) = (Arc::clone(clock), hygiene.map(Arc::clone));
@@ -78,18 +96,16 @@ impl Delivery {
                     hygiene.enter(Role::Sink);
                 }
                 let carried = carry(&mut *sink, &*clock, &to_send, &sent);
-                (sink.finish(), carried)
+                finish(&mut *sink, carried)
             })
             .map_err(|source| RunError::Thread { name: "sink", source })?;
         Ok(Self { full, empty, thread })
     }
 
-    /// A free buffer, if there is one now. `visit` sees the times of a frame that was delivered in it.
-    pub fn take(&self, mut visit: impl FnMut(&FrameRecord)) -> Option<Parcel> {
+    /// A free buffer, if there is one now. `visit` sees it when it comes back from the sink thread.
+    pub fn take(&self, mut visit: impl FnMut(&Parcel)) -> Option<Parcel> {
         let parcel = self.empty.try_recv().ok()?;
-        if parcel.delivered {
-            visit(&parcel.record);
-        }
+        visit(&parcel);
         Some(parcel)
     }
 
@@ -100,60 +116,81 @@ impl Delivery {
     pub fn send(&self, mut parcel: Parcel, now: Tai) -> Result<(), RunError> {
         parcel.record.submitted = Some(now);
         parcel.delivered = false;
+        parcel.losses = Losses::default();
         // There are as many places as buffers: this waits for nothing.
         self.full.send(parcel).map_err(|_| RunError::ThreadLost { name: "sink" })
     }
 
-    /// Waits until everything is delivered. `visit` sees the times of the frames not yet seen.
-    pub fn finish(self, mut visit: impl FnMut(&FrameRecord)) -> Delivered {
+    /// Waits until everything is delivered. `visit` sees the buffers that were not yet taken.
+    pub fn finish(self, mut visit: impl FnMut(&Parcel)) -> Delivered {
         drop(self.full);
         let joined = self.thread.join();
-        for parcel in self.empty.try_iter().filter(|parcel| parcel.delivered) {
-            visit(&parcel.record);
-        }
-        let Ok((finished, carried)) = joined else {
-            return Delivered { frames: 0, lost: 0, summary: None, error: Some(RunError::ThreadLost { name: "sink" }) };
-        };
-        let (summary, finishing) = match finished {
-            Ok(summary) => (Some(summary), None),
-            Err(error) => (None, Some(error)),
-        };
-        let error = carried.failure.or(finishing).map(RunError::from);
-        Delivered { frames: carried.frames, lost: carried.lost, summary, error }
+        self.empty.try_iter().for_each(|parcel| visit(&parcel));
+        joined.unwrap_or_else(|_panicked| Delivered {
+            frames: 0,
+            refused: 0,
+            losses: Losses::default(),
+            summary: None,
+            lines: Vec::new(),
+            error: Some(RunError::ThreadLost { name: "sink" }),
+        })
     }
 }
 
-/// A copy with the same room for stars, every page of it written to.
-fn touched_copy(prototype: &SentFrame) -> SentFrame {
-    let mut copy = prototype.clone();
-    copy.truth.resize(prototype.truth.capacity(), TruthStar::NONE);
-    copy.truth.clear();
-    copy
-}
-
-/// The sink thread: sends until the queue closes or the sink fails.
+/// The sink thread: sends until the queue closes.
 fn carry(sink: &mut dyn Sink, clock: &dyn Clock, to_send: &Receiver<Parcel>, sent: &Sender<Parcel>) -> Carried {
-    let mut carried = Carried::default();
+    let mut carried = Carried { frames: 0, refused: 0, told: sink.losses(), failure: None };
     for mut parcel in to_send {
         if let Some(at) = parcel.not_before.take() {
             clock.sleep_until(at);
         }
         let taken = clock.now();
-        if let Err(error) = sink.send(&parcel.frame) {
-            // The frame thread notices when its queue is closed; what is in it by then is lost with this one.
-            carried.lost = 1 + to_send.try_iter().count() as u64;
-            carried.failure = Some(error);
-            return carried;
+        let outcome = sink.send(&parcel.frame);
+        let losses = sink.losses();
+        parcel.losses = losses.since(carried.told);
+        carried.told = losses;
+        match outcome {
+            Ok(()) => {
+                carried.frames += 1;
+                complete(&mut parcel, taken, clock.now());
+            }
+            Err(error) => {
+                carried.refused += 1;
+                parcel.losses.refused += 1;
+                carried.failure.get_or_insert(error);
+            }
         }
-        carried.frames += 1;
-        let delivered = clock.now();
-        let record = &mut parcel.record;
-        record.times.set(Stage::Queue, taken - record.submitted.unwrap_or(taken));
-        record.times.set(Stage::Sink, delivered - taken);
-        record.times.set(Stage::ReleaseToDelivered, delivered - record.release);
-        record.delivered = Some(delivered);
-        parcel.delivered = true;
         let _frame_thread_has_ended = sent.send(parcel);
     }
     carried
+}
+
+/// Writes down when a frame was taken and delivered.
+fn complete(parcel: &mut Parcel, taken: Tai, delivered: Tai) {
+    let record = &mut parcel.record;
+    record.times.set(Stage::Queue, taken - record.submitted.unwrap_or(taken));
+    record.times.set(Stage::Sink, delivered - taken);
+    record.times.set(Stage::ReleaseToDelivered, delivered - record.release);
+    record.delivered = Some(delivered);
+    parcel.delivered = true;
+}
+
+/// Ends the sink; what it fails on now is told in its line.
+fn finish(sink: &mut dyn Sink, carried: Carried) -> Delivered {
+    let Carried { frames, refused, told, mut failure } = carried;
+    let finished = sink.finish();
+    let losses = sink.losses().since(told);
+    let summary = match finished {
+        Ok(summary) => Some(summary),
+        Err(error) => {
+            failure.get_or_insert(error);
+            None
+        }
+    };
+    let mut lines = sink_lines(sink, summary.as_ref());
+    if let (Some(error), [line]) = (failure, lines.as_mut_slice()) {
+        line.first_error.get_or_insert_with(|| error.to_string());
+        (line.frames, line.refused) = (frames, refused);
+    }
+    Delivered { frames, refused, losses, summary, lines, error: None }
 }

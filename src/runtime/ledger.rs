@@ -53,6 +53,12 @@ events! {
     LoadGone = "load_gone",
     /// The sink had no free buffer in time.
     SinkBusy = "sink_busy",
+    /// A sink was too slow for a frame, or is lost: the frame went past it.
+    SinkDropped = "sink_dropped",
+    /// A sink failed on a frame, such as on a full disk.
+    SinkRefused = "sink_refused",
+    /// A sink broke down: it takes no more frames, and the others go on.
+    SinkLost = "sink_lost",
     /// An attitude arrived before the clocks were correlated.
     NoTimeYet = "no_time_yet",
     /// An attitude or jitter sample was refused by its history.

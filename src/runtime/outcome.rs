@@ -3,7 +3,7 @@
 use crate::runtime::error::RunError;
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::record::RunRecord;
-use crate::sink::SinkSummary;
+use crate::sink::{SinkLine, SinkSummary};
 
 /// Everything that is known after a run, whether it ended well or not.
 pub struct RunOutcome {
@@ -13,6 +13,25 @@ pub struct RunOutcome {
     pub ports: Vec<PortReading>,
     /// What the sink wrote; `None` when it could not finish.
     pub sink: Option<SinkSummary>,
+    /// What each sink did, failures included: on the real clock they do not end a run.
+    pub sinks: Vec<SinkLine>,
     /// Why the run ended early, if it did.
     pub error: Option<RunError>,
+}
+
+impl RunOutcome {
+    /// The first failure of a sink, with the sink's place in the bench: frames were refused, or could not be finished.
+    #[must_use]
+    pub fn sink_failure(&self) -> Option<String> {
+        sink_failure(&self.sinks)
+    }
+}
+
+/// The first failure of a sink, in words.
+#[must_use]
+pub fn sink_failure(sinks: &[SinkLine]) -> Option<String> {
+    let failed = sinks.iter().find(|line| line.has_failed())?;
+    let SinkLine { place, kind, refused, frames, .. } = failed;
+    let why = failed.first_error.as_deref().unwrap_or("no reason given");
+    Some(format!("{place} ({kind}) took {frames} frames and failed on {refused}; its first failure: {why}"))
 }

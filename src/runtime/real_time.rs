@@ -32,6 +32,9 @@ use std::time::Duration;
 /// A sleeping frame thread notices a stop within this.
 const STOP_POLL: Span = Span::from_ms(50);
 
+/// Stars that a frame has room for at the start: more make its buffers grow, once.
+pub const STARS_AT_FIRST: usize = 16_384;
+
 /// What a run on the bench clock runs in.
 pub struct Setting<'a> {
     /// The bench clock.
@@ -97,7 +100,7 @@ pub fn run_spoilt(
 ) -> RunOutcome {
     let mut record = RunRecord::with_ring(setting.ring_frames);
     match start(setting, engine, sources, sink) {
-        Err(error) => RunOutcome { record, ports: Vec::new(), sink: None, error: Some(error) },
+        Err(error) => RunOutcome { record, ports: Vec::new(), sink: None, sinks: Vec::new(), error: Some(error) },
         Ok((prototype, radio, delivery)) => {
             let mut bench = Bench {
                 engine,
@@ -114,11 +117,13 @@ pub fn run_spoilt(
                 reply: Reply::default(),
             };
             let error = bench.frames(setting.stop, &mut record, progress).err();
-            let delivered = delivery.finish(|done| record.complete(done));
+            let delivered = delivery.finish(|back| take_back(&mut record, back));
             record.frames.delivered = delivered.frames;
-            record.frames.dropped += delivered.lost;
+            record.frames.dropped += delivered.refused;
+            record.note_losses(delivered.losses, setting.clock.now(), None);
             let (ports, receiving) = radio.finish();
-            RunOutcome { record, ports, sink: delivered.summary, error: delivered.error.or(receiving).or(error) }
+            let error = delivered.error.or(receiving).or(error);
+            RunOutcome { record, ports, sink: delivered.summary, sinks: delivered.lines, error }
         }
     }
 }
@@ -132,7 +137,7 @@ fn start(
 ) -> Result<(SentFrame, Radio, Delivery), RunError> {
     let camera = &engine.params().camera;
     let [width, height] = camera.output().size_px;
-    let mut prototype = SentFrame::with_capacity(width, height, 16_384, camera.name.clone());
+    let mut prototype = SentFrame::with_capacity(width, height, STARS_AT_FIRST, camera.name.clone());
     engine.warm_up(&mut prototype)?;
     engine.follow_load();
     let radio = Radio::start(sources.ports, sources.pulses, setting.clock, setting.hygiene)?;
@@ -185,7 +190,7 @@ impl Bench<'_> {
             self.receive(record);
             timed.times.set(Stage::Receive, self.clock.now() - woken);
             record.stages.record(&timed.times);
-            let spare = self.spare.take().or_else(|| self.delivery.take(|done| record.complete(done)));
+            let spare = self.spare.take().or_else(|| self.delivery.take(|back| take_back(record, back)));
             let Some(mut parcel) = spare else {
                 self.drop_slot(slot, &mut timed, EventKind::SinkBusy, MissCause::SinkBusy, record);
                 continue;
@@ -349,7 +354,7 @@ impl Bench<'_> {
         if self.engine.params().deadline_policy == DeadlinePolicy::Hold && self.has_previous {
             record.frames.held += 1;
             record.note(EventKind::Held, at, slot.number, lateness);
-            copy_frame(&self.previous, &mut parcel.frame);
+            parcel.frame.copy_from(&self.previous);
             parcel.frame.meta.number = slot.number;
             parcel.frame.meta.lateness = lateness;
             parcel.frame.meta.faults |= FaultFlags::FRAME_DUPLICATE;
@@ -372,7 +377,7 @@ impl Bench<'_> {
         }
         if self.engine.params().deadline_policy == DeadlinePolicy::Hold {
             // What is repeated is what went out, with all that is said of it.
-            copy_frame(&parcel.frame, &mut self.previous);
+            self.previous.copy_from(&parcel.frame);
             self.has_previous = true;
         }
         self.send(parcel, self.spoiling.delay, record)
@@ -415,9 +420,10 @@ fn drawn(times: &StageTimes) -> Span {
     stages.into_iter().filter_map(|stage| times.get(stage)).fold(Span::ZERO, |sum, time| sum + time)
 }
 
-/// Copies a frame into another's buffers.
-fn copy_frame(from: &SentFrame, to: &mut SentFrame) {
-    to.image.pixels_mut().copy_from_slice(from.image.pixels());
-    to.truth.clone_from(&from.truth);
-    to.meta.clone_from(&from.meta);
+/// What the sink thread says of a frame whose buffer comes back.
+fn take_back(record: &mut RunRecord, parcel: &Parcel) {
+    if parcel.delivered {
+        record.complete(&parcel.record);
+    }
+    record.note_losses(parcel.losses, parcel.record.due, Some(parcel.record.number));
 }

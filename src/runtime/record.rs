@@ -4,14 +4,14 @@ use crate::base::time::{Span, Tai};
 use crate::exposure::Rung;
 use crate::exposure::method::MethodName;
 use crate::report::{
-    CountHistogram, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, RunSummary, Stage,
+    CountHistogram, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, RunSummary, SinkRow, Stage,
     StageHistogram, StageHistograms, StageTimes,
 };
 use crate::runtime::engine::FrameEngine;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::receiver::Receiver;
-use crate::sink::{FaultFlags, FrameMeta, SentFrame, SinkSummary};
+use crate::sink::{FaultFlags, FrameMeta, Losses, SentFrame, SinkLine, SinkSummary};
 use firmware_protocol::Reject;
 use std::collections::BTreeMap;
 
@@ -70,6 +70,18 @@ impl RunRecord {
             }
         }
         self.ring.complete(*delivered);
+    }
+
+    /// Writes down what sinks lost: an event for each frame and sink.
+    pub fn note_losses(&mut self, losses: Losses, at: Tai, frame: Option<u32>) {
+        let kinds = [
+            (EventKind::SinkDropped, losses.dropped),
+            (EventKind::SinkRefused, losses.refused),
+            (EventKind::SinkLost, losses.lost_sinks),
+        ];
+        for (kind, count) in kinds {
+            (0..count).for_each(|_| self.ledger.note(Event::new(kind, at, frame, Span::ZERO)));
+        }
     }
 
     /// Counts a frame that was drawn.
@@ -221,6 +233,27 @@ fn count_port(counts: &mut LinkCounts, number: usize, port: &PortReading) {
 
 fn reject_name(reason: Reject) -> String {
     format!("{reason:?}")
+}
+
+/// What each sink did, for the summary.
+#[must_use]
+pub fn sink_rows(sinks: &[SinkLine]) -> Vec<SinkRow> {
+    let row = |line: &SinkLine| SinkRow {
+        place: line.place.clone(),
+        sink: line.kind.into(),
+        frames: line.frames,
+        dropped: line.dropped,
+        refused: line.refused,
+        bytes: line.bytes,
+        run_crc32: line.run_crc32.map(|crc32| format!("{crc32:08x}")),
+        output: line.output.clone(),
+        first_error: line.first_error.clone(),
+        is_lost: line.is_lost,
+        mean_delay_ms: line.mean_delay.ms(),
+        longest_delay_ms: line.longest_delay.ms(),
+        counts: named(line.counts.iter().copied()),
+    };
+    sinks.iter().map(row).collect()
 }
 
 fn event_line(event: &Event) -> EventLine {

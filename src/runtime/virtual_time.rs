@@ -17,7 +17,7 @@ use crate::runtime::port_reading::PortReading;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
 use crate::runtime::reply::{Reply, ToldFrame};
-use crate::sink::{SentFrame, Sink};
+use crate::sink::{SentFrame, Sink, sink_lines};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -326,6 +326,7 @@ pub fn run(
         Ok(summary) => (Some(summary), None),
         Err(error) => (None, Some(RunError::from(error))),
     };
+    let sinks = sink_lines(head.sink, sink.as_ref());
     let ports = vec![PortReading::of(port, 0)];
-    RunOutcome { record: going.into_record(), ports, sink, error: error.or(finishing) }
+    RunOutcome { record: going.into_record(), ports, sink, sinks, error: error.or(finishing) }
 }

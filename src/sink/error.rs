@@ -46,6 +46,19 @@ pub enum SinkError {
         /// Number refused.
         got: u32,
     },
+    /// A frame of another size than those before it in a file that has room for one size.
+    #[error(
+        "{} holds frames of {} x {} px, and this one has {} x {}; wanted one size in a file",
+        path.display(), wanted[0], wanted[1], got[0], got[1]
+    )]
+    FrameSize {
+        /// The file.
+        path: PathBuf,
+        /// Columns and rows of the frames in it.
+        wanted: [usize; 2],
+        /// Columns and rows of the frame.
+        got: [usize; 2],
+    },
     /// A frame sent after the end of the run.
     #[error("frame {frame} was sent to the {sink} sink after it had finished; send every frame before finish")]
     Finished {
@@ -53,6 +66,20 @@ pub enum SinkError {
         sink: &'static str,
         /// The frame.
         frame: u32,
+    },
+    /// The thread of a sink cannot be started.
+    #[error("the thread of the {sink} sink cannot be started: {source}; try fewer sinks, or a higher limit of threads")]
+    Thread {
+        /// The sink's name.
+        sink: &'static str,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// A sink that has broken down.
+    #[error("the {sink} sink has broken down and takes no more frames; the other sinks go on")]
+    Lost {
+        /// The sink's name.
+        sink: &'static str,
     },
     /// Bytes that are not a FITS image this reader knows.
     #[error("not a FITS image starloop can read: {what}: wanted {wanted}, got {got}")]

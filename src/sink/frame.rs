@@ -27,6 +27,27 @@ impl SentFrame {
             meta: FrameMeta::empty(camera),
         }
     }
+
+    /// A copy with the same room for stars, every page of it written to.
+    #[must_use]
+    pub fn touched_copy(&self) -> Self {
+        let mut copy = self.clone();
+        copy.truth.resize(self.truth.capacity(), TruthStar::NONE);
+        copy.truth.truncate(self.truth.len());
+        copy.truth.copy_from_slice(&self.truth);
+        copy
+    }
+
+    /// Becomes a copy of `from` in its own buffers; allocates only where these are too small or of another size.
+    pub fn copy_from(&mut self, from: &Self) {
+        if [self.image.width(), self.image.height()] == [from.image.width(), from.image.height()] {
+            self.image.pixels_mut().copy_from_slice(from.image.pixels());
+        } else {
+            self.image.clone_from(&from.image);
+        }
+        self.truth.clone_from(&from.truth);
+        self.meta.clone_from(&from.meta);
+    }
 }
 
 /// What a row of the truth table is.

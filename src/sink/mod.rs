@@ -10,23 +10,30 @@
 //! * a full disk, a missing directory or a wrong frame number is a `SinkError`, never a panic, and whatever was
 //!   complete before stays complete: every file gets its final name only when all of its bytes are written.
 //!
-//! Tour: `frame` (what is sent) -> `fits`, `png`, `truth`, `frame_log` (its forms on disk) -> `atomic`
-//! (how a file appears) -> `recorder`, `null`, `tap`, `tee` (the sinks).
+//! Tour: `frame` (what is sent) -> `fits`, `png`, `ser`, `truth`, `frame_log` (its forms on disk) -> `atomic`
+//! (how a file appears) -> `recorder`, `null`, `tap`, `tee` (the sinks) -> `branch`, `fan` (several at once) -> `line`
+//! (what each of them did).
 
 pub mod active_fault;
 pub mod atomic;
+mod branch;
 #[cfg(test)]
 pub(crate) mod compliance;
 pub mod crc32;
 mod error;
+pub mod fan;
+#[cfg(test)]
+mod fan_tests;
 pub mod faults;
 pub mod fits;
 pub mod frame;
 pub mod frame_fault;
 pub mod frame_log;
+pub mod line;
 pub mod null;
 pub mod png;
 pub mod recorder;
+pub mod ser;
 pub mod stretch;
 mod tally;
 pub mod tap;
@@ -35,10 +42,13 @@ pub mod truth;
 
 pub use active_fault::{ActiveFault, ActiveFaults, Amount};
 pub use atomic::write_file_atomically;
+pub use branch::BranchParams;
 pub use error::SinkError;
+pub use fan::{Fan, OnFull};
 pub use faults::FaultFlags;
 pub use frame::{FrameMeta, SentFrame, TruthKind, TruthStar};
 pub use frame_fault::{DefectSpots, FaultPixels, FrameFault, PixelFault, ProtonStorm};
+pub use line::{Losses, SinkLine, sink_lines};
 pub use null::NullSink;
 pub use recorder::{Recorder, RecorderOptions};
 pub use tap::{Tap, TapEnd, tap};
@@ -62,6 +72,21 @@ pub trait Sink: Send {
     /// # Errors
     /// When something accepted could not be brought out.
     fn finish(&mut self) -> Result<SinkSummary, SinkError>;
+
+    /// Numbers of its own for the run summary, beside those that every sink has.
+    fn counts(&self) -> Vec<(&'static str, u64)> {
+        Vec::new()
+    }
+
+    /// Frames lost so far that `send` had taken, or that one of several sinks did not take.
+    fn losses(&self) -> Losses {
+        Losses::default()
+    }
+
+    /// What each did, when this is several sinks; whole after `finish`.
+    fn lines(&self) -> Vec<SinkLine> {
+        Vec::new()
+    }
 }
 
 /// What a sink did in one run.

@@ -2,11 +2,13 @@
 //!
 //! Per frame: `frame_000012.truth.csv`, `frame_000012.fits`, every so often `frame_000012.png`, then a line in
 //! `frames.csv`. The line comes last, so a frame listed there is complete; files of a frame that is not listed are
-//! left from a failure. A directory that already holds a recording is refused.
+//! left from a failure. With `ser` the images are in one file as well, `frames.ser`, in the order of the lines; a frame
+//! that is not listed is not in it. A directory that already holds a recording is refused.
 
 use crate::sink::atomic::write_file_atomically;
 use crate::sink::crc32::{RunCrc32, pixel_crc32};
 use crate::sink::frame_log::{FrameLog, FrameRow, path_in};
+use crate::sink::ser::SerFile;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary, fits, png, truth};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -20,11 +22,13 @@ pub struct RecorderOptions {
     pub truth: bool,
     /// A PNG for people with every frame whose number is a multiple of this; 0 for none.
     pub png_every: u32,
+    /// All images in one SER file.
+    pub ser: bool,
 }
 
 impl Default for RecorderOptions {
     fn default() -> Self {
-        Self { fits: true, truth: true, png_every: 0 }
+        Self { fits: true, truth: true, png_every: 0, ser: false }
     }
 }
 
@@ -34,6 +38,7 @@ pub struct Recorder {
     directory: PathBuf,
     options: RecorderOptions,
     log: FrameLog,
+    ser: Option<SerFile>,
     last_number: Option<u32>,
     frames: u64,
     refused: u64,
@@ -56,10 +61,12 @@ impl Recorder {
             return Err(SinkError::Occupied { path: directory });
         }
         let log = FrameLog::create(path_in(&directory))?;
+        let ser = options.ser.then(|| SerFile::create(directory.join("frames.ser"))).transpose()?;
         Ok(Self {
             directory,
             options,
             log,
+            ser,
             last_number: None,
             frames: 0,
             refused: 0,
@@ -72,12 +79,24 @@ impl Recorder {
     fn record(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
         self.check(frame)?;
         let crc32 = pixel_crc32(&frame.image);
-        let bytes = self.write_files(frame)? + self.log.append(&FrameRow::new(frame, crc32))?;
+        let bytes = self.write_files(frame)? + self.append(frame, crc32)?;
         self.last_number = Some(frame.meta.number);
         self.frames += 1;
         self.bytes += bytes;
         self.run_crc32.add(frame.meta.number, crc32);
         Ok(())
+    }
+
+    /// The frame in what holds all frames: in every one of them or in none.
+    fn append(&mut self, frame: &SentFrame, crc32: u32) -> Result<u64, SinkError> {
+        let images = self.ser.as_mut().map_or(Ok(0), |ser| ser.append(frame))?;
+        match self.log.append(&FrameRow::new(frame, crc32)) {
+            Ok(line) => Ok(images + line),
+            Err(error) => {
+                self.ser.iter_mut().for_each(SerFile::take_back);
+                Err(error)
+            }
+        }
     }
 
     fn check(&self, frame: &SentFrame) -> Result<(), SinkError> {
@@ -127,12 +146,14 @@ impl Sink for Recorder {
 
     fn finish(&mut self) -> Result<SinkSummary, SinkError> {
         self.finished = true;
+        let trailer = self.ser.as_mut().map_or(Ok(0), SerFile::finish);
         self.log.finish()?;
+        let trailer_bytes = trailer?;
         Ok(SinkSummary {
             sink: self.name(),
             frames: self.frames,
             refused: self.refused,
-            bytes: self.bytes,
+            bytes: self.bytes + trailer_bytes,
             run_crc32: self.run_crc32.value(),
             output: Some(self.directory.clone()),
         })
@@ -146,7 +167,7 @@ mod tests {
     use crate::sink::frame_log::read_frame_log;
     use crate::sink::truth::read_truth;
 
-    const EVERYTHING: RecorderOptions = RecorderOptions { fits: true, truth: true, png_every: 2 };
+    const EVERYTHING: RecorderOptions = RecorderOptions { fits: true, truth: true, png_every: 2, ser: true };
 
     fn listed(directory: &Path) -> Vec<FrameRow> {
         read_frame_log(fs::File::open(path_in(directory)).unwrap()).unwrap()
@@ -202,6 +223,22 @@ mod tests {
         let error = recorder.send(&other).unwrap_err();
         assert!(matches!(error, SinkError::FrameOrder { last: 5, got: 5, .. }), "{error}");
         assert_eq!(fs::read(directory.path().join("frame_000005.fits")).unwrap(), before);
+    }
+
+    #[test]
+    fn a_sequence_holds_the_frames_that_are_listed() {
+        let directory = tempfile::tempdir().unwrap();
+        let options = RecorderOptions { fits: false, truth: false, ser: true, ..RecorderOptions::default() };
+        let mut recorder = Recorder::create(directory.path(), options).unwrap();
+        recorder.send(&sample_frame(1)).unwrap();
+        recorder.send(&sample_frame(1)).unwrap_err();
+        recorder.send(&sample_frame(2)).unwrap();
+        assert_eq!(recorder.ser.as_ref().map(SerFile::frames), Some(2));
+        let bytes = recorder.finish().unwrap().bytes;
+        assert_eq!(recorder.finish().unwrap().bytes, bytes, "the trailer is counted once");
+        let on_disk: u64 = fs::read_dir(directory.path()).unwrap().map(|e| e.unwrap().metadata().unwrap().len()).sum();
+        assert_eq!(bytes, on_disk);
+        assert_eq!(listed(directory.path()).len(), 2);
     }
 
     #[cfg(target_os = "linux")]

@@ -13,12 +13,23 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    /// Counts a frame that `sink` takes; after the end it is refused.
-    pub(super) fn take(&mut self, sink: &'static str, frame: &SentFrame) -> Result<(), SinkError> {
+    /// Refuses a frame after the end.
+    pub(super) fn check(&mut self, sink: &'static str, frame: &SentFrame) -> Result<(), SinkError> {
         if self.finished {
-            self.refused += 1;
+            self.refuse();
             return Err(SinkError::Finished { sink, frame: frame.meta.number });
         }
+        Ok(())
+    }
+
+    /// Counts a frame that was refused.
+    pub(super) fn refuse(&mut self) {
+        self.refused += 1;
+    }
+
+    /// Counts a frame that `sink` takes; after the end it is refused.
+    pub(super) fn take(&mut self, sink: &'static str, frame: &SentFrame) -> Result<(), SinkError> {
+        self.check(sink, frame)?;
         self.run_crc32.add(frame.meta.number, pixel_crc32(&frame.image));
         self.frames += 1;
         Ok(())

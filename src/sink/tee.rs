@@ -1,6 +1,6 @@
 //! Two sinks at once: the first keeps the record, the second gets the same frames.
 
-use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
+use crate::sink::{Losses, SentFrame, Sink, SinkError, SinkLine, SinkSummary};
 
 /// Sends every frame to both.
 pub struct Tee {
@@ -30,6 +30,20 @@ impl Sink for Tee {
         let second = self.second.finish();
         let first = self.first.finish()?;
         second.map(|_| first)
+    }
+
+    /// The first one's.
+    fn counts(&self) -> Vec<(&'static str, u64)> {
+        self.first.counts()
+    }
+
+    fn losses(&self) -> Losses {
+        self.first.losses().with(self.second.losses())
+    }
+
+    /// The first one's, as the summary is.
+    fn lines(&self) -> Vec<SinkLine> {
+        self.first.lines()
     }
 }
 

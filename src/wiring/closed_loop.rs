@@ -19,7 +19,7 @@ use crate::wiring::far_side::FarSide;
 use crate::wiring::faults::{
     FaultLine, FaultLog, Inventory, LoggedFault, Places, PlacesRead, action_name, check_places,
 };
-use crate::wiring::loop_outcome::{LoopOutcome, LoopView, predicted_pointing_rad, vehicle_counts};
+use crate::wiring::loop_outcome::{LoopOutcome, LoopView, lines_of_head, predicted_pointing_rad, vehicle_counts};
 use crate::wiring::loop_parts::{LoopHead, loop_head, ports};
 use core::cell::RefCell;
 use glam::DVec3;
@@ -321,9 +321,12 @@ impl ClosedLoop {
     /// When a sink could not finish.
     pub fn finish(mut self) -> Result<LoopOutcome, LoopError> {
         let faults = self.faults();
-        let mut sinks = Vec::with_capacity(self.heads.len());
-        for head in &mut self.heads {
-            sinks.push(head.sink.finish().map_err(RunError::from)?);
+        let (mut sinks, mut sink_lines) = (Vec::with_capacity(self.heads.len()), Vec::new());
+        let heads = self.heads.len();
+        for (number, head) in self.heads.iter_mut().enumerate() {
+            let summary = head.sink.finish().map_err(RunError::from)?;
+            sink_lines.extend(lines_of_head(number, heads, crate::sink::sink_lines(&*head.sink, Some(&summary))));
+            sinks.push(summary);
         }
         let (now, simulated_s) = (self.now(), self.simulated_s());
         let (on_the_way, _) = self.going.on_the_way();
@@ -335,7 +338,17 @@ impl ClosedLoop {
         let far = self.far.into_inner();
         let (estimator, untagged) = vehicle_counts(far.computer.vehicle());
         let assessment = far.witness.finish(&record, &faults, now, on_the_way);
-        Ok(LoopOutcome { record, sinks, assessment, faults, estimator, untagged, predicted_pointing_rad, simulated_s })
+        Ok(LoopOutcome {
+            record,
+            sinks,
+            sink_lines,
+            assessment,
+            faults,
+            estimator,
+            untagged,
+            predicted_pointing_rad,
+            simulated_s,
+        })
     }
 
     fn go(

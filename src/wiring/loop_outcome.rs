@@ -1,7 +1,7 @@
 //! What a closed loop came to, over or under way, and what linear theory says it should have come to.
 
 use crate::runtime::{RunParams, RunRecord};
-use crate::sink::SinkSummary;
+use crate::sink::{SinkLine, SinkSummary};
 use crate::testbed::acs::linear::PointingLoop;
 use crate::testbed::acs::pointing_error::PointingNoise;
 use crate::testbed::estimator::{GyroNoise, MekfCounts};
@@ -15,6 +15,8 @@ pub struct LoopOutcome {
     pub record: RunRecord,
     /// What each head's sink wrote.
     pub sinks: Vec<SinkSummary>,
+    /// What each sink of each head did.
+    pub sink_lines: Vec<SinkLine>,
     /// Telemetry summed up, invariants.
     pub assessment: Assessment,
     /// Every fault and what it hit.
@@ -64,6 +66,15 @@ impl LoopOutcome {
             simulated_s: self.simulated_s,
         }
     }
+}
+
+/// The lines of one head's sinks; with several heads their places say which.
+pub(super) fn lines_of_head(head: usize, heads: usize, lines: Vec<SinkLine>) -> impl Iterator<Item = SinkLine> {
+    let named = move |line: SinkLine| match heads {
+        0 | 1 => line,
+        _ => SinkLine { place: format!("head{head} {}", line.place), ..line },
+    };
+    lines.into_iter().map(named)
 }
 
 /// What became of the estimator's attitudes, and frames without a time tag.

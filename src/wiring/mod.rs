@@ -20,6 +20,7 @@ pub mod replay;
 pub mod seeded;
 pub mod sensitivity;
 pub mod ports;
+pub mod sinks;
 pub mod study;
 pub mod vehicle_parts;
 pub mod witness;

@@ -107,8 +107,18 @@ pub fn run_real(
     let predicted_pointing_rad = predicted_pointing_rad(far.computer.vehicle(), far.witness.assessment(), &params);
     let assessment = far.witness.finish(&record, &faults, now, 0);
     let simulated_s = (now - zero).s().max(0.0);
-    let sinks = outcome.sink.into_iter().collect();
-    Ok(LoopOutcome { record, sinks, assessment, faults, estimator, untagged, predicted_pointing_rad, simulated_s })
+    let (sinks, sink_lines) = (outcome.sink.into_iter().collect(), outcome.sinks);
+    Ok(LoopOutcome {
+        record,
+        sinks,
+        sink_lines,
+        assessment,
+        faults,
+        estimator,
+        untagged,
+        predicted_pointing_rad,
+        simulated_s,
+    })
 }
 
 /// The faults of a run and where they act.

@@ -99,7 +99,7 @@ fn files_say_what_the_frame_says() {
     let frames = run(&without_time(IMPOSSIBLE_S, Degrade::Always)).frames;
     let folder = tempfile::tempdir().unwrap();
     let directory = folder.path().join("recording");
-    let options = RecorderOptions { fits: true, truth: true, png_every: 0 };
+    let options = RecorderOptions::default();
     let mut recorder = Recorder::create(&directory, options).unwrap();
     for kept in &frames {
         let mut frame = SentFrame::with_capacity(8, 8, 0, kept.meta.camera.clone());

@@ -8,7 +8,7 @@ use super::ReplayError;
 use crate::base::time::Span;
 use crate::runtime::{FrameMark, FrameMarksEnd};
 use crate::sink::crc32::pixel_crc32;
-use crate::sink::{FaultFlags, SentFrame, Sink, SinkError, SinkSummary};
+use crate::sink::{FaultFlags, Losses, SentFrame, Sink, SinkError, SinkLine, SinkSummary};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
@@ -194,6 +194,18 @@ impl Sink for RowSink {
         self.write_dropped_before(u32::MAX);
         self.state.lock().unwrap_or_else(PoisonError::into_inner).lost += self.marks.take_lost();
         self.inner.finish()
+    }
+
+    fn counts(&self) -> Vec<(&'static str, u64)> {
+        self.inner.counts()
+    }
+
+    fn losses(&self) -> Losses {
+        self.inner.losses()
+    }
+
+    fn lines(&self) -> Vec<SinkLine> {
+        self.inner.lines()
     }
 }
 

@@ -8,7 +8,7 @@
 use super::theory::LoopOnPaper;
 use super::tone::phasor;
 use crate::base::time::Span;
-use crate::config::{Backend, Scenario, Sink};
+use crate::config::{Backend, Scenario};
 use crate::sink::NullSink;
 use crate::testbed::acs::Mode;
 use crate::testbed::acs::complex::Complex;
@@ -88,7 +88,7 @@ pub fn at_rest(scenario: &Scenario, duration_s: f64, window_s: f64, injection: &
     scenario.initial_rate_rad_s = DVec3::ZERO;
     scenario.bench.timing.duration_s = duration_s;
     scenario.bench.render.backend = Backend::Cpu;
-    scenario.bench.sink = Sink::Null;
+    scenario.bench.sinks.clear();
     scenario.bench.seed = scenario.bench.seed.wrapping_add(injection.seed);
     scenario.telemetry_every = 1;
     scenario.events.clear();

@@ -1,0 +1,201 @@
+//! `[sink]` and `[[extra_sink]]`: where frames go. `kind` says which other keys there are.
+//!
+//! A new kind is an arm of [`Sink`], a line in [`KINDS`] and a reader in [`read_kind`]; `wiring::sinks` makes it.
+
+use crate::config::check::Checker;
+use crate::config::error::ConfigError;
+use serde::Deserialize;
+use std::path::PathBuf;
+
+/// Frames that may wait for a sink on the real clock, unless it says otherwise: most of a second at 10 Hz.
+const USUAL_QUEUE: u32 = 8;
+
+/// A sink with what all kinds have, checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SinkSettings {
+    /// Where frames go.
+    pub sink: Sink,
+    /// Frames it may be behind on the real clock before it loses some.
+    pub queue_frames: u32,
+}
+
+/// Where frames go, checked.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Sink {
+    /// Files.
+    Recorder {
+        /// Output directory, relative to the working directory; `None`: below that of the run.
+        directory: Option<PathBuf>,
+        /// One FITS file per frame.
+        fits: bool,
+        /// All frames in one SER file.
+        ser: bool,
+        /// A PNG of every n-th frame; 0: none.
+        png_every: u32,
+    },
+    /// Memory that programs on this machine read (feature `shared_memory`).
+    SharedMemory {
+        /// The name that they find it by.
+        service: String,
+        /// Frames that a slow reader may be behind before the oldest is overwritten.
+        history_frames: u32,
+    },
+    /// Nowhere (timing only).
+    Null,
+}
+
+impl Sink {
+    /// The word for it in files and messages.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Recorder { .. } => "recorder",
+            Self::SharedMemory { .. } => "shared_memory",
+            Self::Null => "null",
+        }
+    }
+}
+
+/// A kind before its keys are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Recorder,
+    SharedMemory,
+    Null,
+}
+
+/// Every kind by its word.
+const KINDS: [(&str, Kind); 3] =
+    [("recorder", Kind::Recorder), ("null", Kind::Null), ("shared_memory", Kind::SharedMemory)];
+
+/// The keys of one sink as they stand, since the kind says what they may be.
+#[derive(Debug, Default, Deserialize)]
+#[serde(transparent)]
+pub(super) struct SinkKeys(toml::Table);
+
+/// Keys that every kind has.
+#[derive(Debug, Default, Deserialize)]
+struct CommonKeys {
+    kind: Option<String>,
+    queue: Option<i64>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RecorderKeys {
+    directory: Option<String>,
+    fits: Option<bool>,
+    ser: Option<bool>,
+    png_every: Option<i64>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SharedMemoryKeys {
+    service: Option<String>,
+    history: Option<i64>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct NullKeys {}
+
+/// One sink while its keys are read.
+pub(super) struct SinkTable<'a> {
+    /// Where it stands: `sink`, `extra_sink[0]`, ...
+    name: &'a str,
+    /// Its keys but those that every kind has.
+    keys: toml::Table,
+    /// Name of the bench, for defaults.
+    bench: &'a str,
+}
+
+impl SinkTable<'_> {
+    /// A key with its table.
+    pub(super) fn key(&self, name: &str) -> String {
+        format!("{}.{name}", self.name)
+    }
+}
+
+impl SinkSettings {
+    /// `[sink]` and then those beside it.
+    pub(super) fn check_all(
+        first: SinkKeys,
+        extra: Vec<SinkKeys>,
+        bench: &str,
+        check: &mut Checker<'_>,
+    ) -> Result<Vec<Self>, ConfigError> {
+        let mut sinks = vec![Self::check("sink", first, bench, check)?];
+        for (i, keys) in extra.into_iter().enumerate() {
+            let name = format!("extra_sink[{i}]");
+            if !keys.0.contains_key("kind") {
+                let words = KINDS.map(|(word, _)| word).join("\", \"");
+                let advice = "it stands beside [sink], and gets the same frames";
+                return Err(check.invalid(&format!("{name}.kind"), "missing", format!("one of \"{words}\""), advice));
+            }
+            sinks.push(Self::check(&name, keys, bench, check)?);
+        }
+        Ok(sinks)
+    }
+
+    fn check(name: &str, keys: SinkKeys, bench: &str, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+        let document = check.document;
+        let mut keys = keys.0;
+        let common = keys.iter().filter(|(key, _)| matches!(key.as_str(), "kind" | "queue"));
+        let common: toml::Table = common.map(|(key, value)| (key.clone(), value.clone())).collect();
+        common.keys().for_each(|key| drop(keys.remove(key)));
+        let CommonKeys { kind, queue } = document.read_table(&common, name, "")?;
+        let table = SinkTable { name, keys, bench };
+        let advice = "recorder writes files, shared_memory is read by programs on this machine, null writes nothing";
+        let kind = check.choice(&table.key("kind"), kind.as_deref(), &KINDS, advice)?;
+        let advice = "frames it may be behind before it loses some: more of them take more memory";
+        let queue_frames = check.whole(&table.key("queue"), queue, Some(USUAL_QUEUE), 1..=1024, advice)?;
+        Ok(Self { sink: read_kind(kind, &table, check)?, queue_frames })
+    }
+}
+
+fn read_kind(kind: Kind, table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, ConfigError> {
+    match kind {
+        Kind::Recorder => recorder(table, check),
+        Kind::SharedMemory => shared_memory(table, check),
+        Kind::Null => {
+            let NullKeys {} = check.document.read_table(&table.keys, table.name, " (kind = \"null\")")?;
+            Ok(Sink::Null)
+        }
+    }
+}
+
+fn recorder(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, ConfigError> {
+    let keys: RecorderKeys = check.document.read_table(&table.keys, table.name, " (kind = \"recorder\")")?;
+    let key = table.key("directory");
+    let is_first = table.name == "sink";
+    let directory = match keys.directory {
+        None if !is_first => None,
+        given => Some(check.given_or(&key, given, format!("out/{}", table.bench))),
+    };
+    if directory.as_deref().is_some_and(|directory| directory.trim().is_empty()) {
+        let advice = "relative to the working directory, such as \"out/run\"";
+        return Err(check.invalid(&key, "empty", "a directory", advice));
+    }
+    let every = "a PNG of every n-th frame; 0 for none";
+    Ok(Sink::Recorder {
+        directory: directory.map(PathBuf::from),
+        fits: check.given_or(&table.key("fits"), keys.fits, true),
+        ser: check.given_or(&table.key("ser"), keys.ser, false),
+        png_every: check.whole(&table.key("png_every"), keys.png_every, Some(0), 0..=1_000_000, every)?,
+    })
+}
+
+fn shared_memory(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, ConfigError> {
+    let keys: SharedMemoryKeys = check.document.read_table(&table.keys, table.name, " (kind = \"shared_memory\")")?;
+    let key = table.key("service");
+    let service = check.given_or(&key, keys.service, format!("starloop/{}", table.bench));
+    // What iceoryx2 takes as the name of a service, and no longer than a file's name may be.
+    if service.is_empty() || service.len() > 200 || !service.bytes().all(|b| b.is_ascii_graphic()) {
+        let advice = "the name that readers open, such as \"starloop/bench\"";
+        return Err(check.invalid(&key, format!("{service:?}"), "1 to 200 ASCII characters without blanks", advice));
+    }
+    let advice = "frames that a slow reader may be behind; each takes the memory of a frame";
+    let history_frames = check.whole(&table.key("history"), keys.history, Some(4), 1..=64, advice)?;
+    Ok(Sink::SharedMemory { service, history_frames })
+}

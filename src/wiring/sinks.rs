@@ -1,0 +1,181 @@
+//! Checked sinks of a bench -> what takes the frames.
+//!
+//! On the real clock every sink has a thread and a queue of its own ([`Fan`]), also when there is one only: what writes
+//! files may take longer than a frame. The null sink alone needs no thread. On the virtual clock one sink is called as it
+//! is, several in step ([`OnFull::Wait`]).
+
+use crate::config::{Sink as Kind, SinkSettings};
+use crate::sink::{BranchParams, Fan, NullSink, OnFull, Recorder, RecorderOptions, SentFrame, Sink};
+use anyhow::{Context, Result};
+use std::path::{Path, PathBuf};
+
+/// What the sinks of one camera head are made for.
+pub struct SinkSetting<'a> {
+    /// Directory for those that keep files; `None`: where each of them says.
+    pub directory: Option<&'a Path>,
+    /// A frame as they will get it: size, room for stars, camera.
+    pub prototype: &'a SentFrame,
+    /// They are not to be waited for.
+    pub is_real: bool,
+}
+
+/// The directory of a run: `out` when it is given, else a `stamp` below the first that a sink names. `None` when no sink
+/// keeps files.
+#[must_use]
+pub fn run_directory(sinks: &[SinkSettings], out: Option<&Path>, stamp: &str) -> Option<PathBuf> {
+    let mut keeping = sinks.iter().filter_map(|settings| match &settings.sink {
+        Kind::Recorder { directory, .. } => Some(directory.as_deref()),
+        Kind::SharedMemory { .. } | Kind::Null => None,
+    });
+    let first = keeping.next()?;
+    let named = first.or_else(|| keeping.flatten().next()).unwrap_or(Path::new("out"));
+    Some(out.map_or_else(|| named.join(stamp), Path::to_path_buf))
+}
+
+/// What takes the frames of one camera head.
+///
+/// # Errors
+/// When a sink cannot be made, with its place in the bench.
+pub fn make_sinks(sinks: &[SinkSettings], setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
+    let mut made = Vec::with_capacity(sinks.len());
+    for (number, settings) in sinks.iter().enumerate() {
+        let place = place(number);
+        let sink = make(settings, number, setting).with_context(|| place.clone())?;
+        made.push(BranchParams { place, sink, buffers: settings.queue_frames as usize });
+    }
+    let needs_no_thread = !setting.is_real || sinks.iter().all(|settings| settings.sink == Kind::Null);
+    if made.len() <= 1 && needs_no_thread {
+        return Ok(made.pop().map_or_else(|| Box::new(NullSink::new()) as Box<dyn Sink>, |only| only.sink));
+    }
+    let on_full = if setting.is_real { OnFull::Drop } else { OnFull::Wait };
+    Ok(Box::new(Fan::start(made, setting.prototype, on_full)?))
+}
+
+/// Where a sink stands in its bench.
+fn place(number: usize) -> String {
+    number.checked_sub(1).map_or_else(|| "sink".into(), |extra| format!("extra_sink[{extra}]"))
+}
+
+/// One sink.
+fn make(settings: &SinkSettings, number: usize, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
+    match &settings.sink {
+        Kind::Recorder { directory, fits, ser, png_every } => {
+            let options = RecorderOptions { fits: *fits, truth: true, png_every: *png_every, ser: *ser };
+            let directory = files_of(number, directory.as_deref(), setting.directory);
+            Ok(Box::new(Recorder::create(directory, options)?))
+        }
+        Kind::SharedMemory { .. } => shared_memory(&settings.sink, setting),
+        Kind::Null => Ok(Box::new(NullSink::new())),
+    }
+}
+
+/// The first sink has the run's directory, another one below it.
+fn files_of(number: usize, own: Option<&Path>, run: Option<&Path>) -> PathBuf {
+    let run = run.or(own).unwrap_or(Path::new("out"));
+    number.checked_sub(1).map_or_else(|| run.to_path_buf(), |extra| run.join(format!("extra_sink_{extra}")))
+}
+
+#[cfg(not(feature = "shared_memory"))]
+fn shared_memory(_kind: &Kind, _setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
+    anyhow::bail!(
+        "kind is \"shared_memory\"; wanted a starloop built with it: cargo build --release --features shared_memory"
+    )
+}
+
+/// A sink in words, for people.
+#[must_use]
+pub fn told(settings: &SinkSettings) -> String {
+    let kind = settings.sink.kind();
+    match &settings.sink {
+        Kind::Recorder { directory, fits, ser, png_every } => {
+            let png = if *png_every > 0 { format!("a PNG of every {png_every}. frame") } else { String::new() };
+            let forms = [if *fits { "FITS" } else { "" }, if *ser { "SER" } else { "" }, &png, "truth tables"];
+            let forms: Vec<&str> = forms.into_iter().filter(|form| !form.is_empty()).collect();
+            let directory =
+                directory.as_ref().map_or_else(|| "the run's directory".into(), |d| d.display().to_string());
+            format!("{kind}: {}, below {directory}; {} frames may wait", forms.join(", "), settings.queue_frames)
+        }
+        Kind::SharedMemory { service, history_frames } => {
+            format!("{kind}: service \"{service}\", a reader may be {history_frames} frames behind")
+        }
+        Kind::Null => format!("{kind}: nothing is kept"),
+    }
+}
+
+/// Lines that tell the sinks of a bench: place and words.
+pub fn told_lines(sinks: &[SinkSettings]) -> impl Iterator<Item = (String, String)> {
+    sinks.iter().enumerate().map(|(number, settings)| (place(number), told(settings)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{Bench, Document};
+
+    fn sinks(text: &str) -> Vec<SinkSettings> {
+        Bench::from_document(&Document::from_text(text, Path::new("b.toml"))).unwrap().sinks
+    }
+
+    fn frame(number: u32) -> SentFrame {
+        let mut frame = SentFrame::with_capacity(8, 6, 0, "small".into());
+        frame.meta.number = number;
+        frame
+    }
+
+    const THREE: &str = "[sink]\nkind = \"null\"\n[[extra_sink]]\nkind = \"recorder\"\n[[extra_sink]]\nkind = \
+                         \"recorder\"\nfits = false\nser = true\n";
+
+    #[test]
+    fn each_recorder_has_a_directory_and_each_sink_a_line_on_both_clocks() {
+        let folder = tempfile::tempdir().unwrap();
+        let settings = sinks(THREE);
+        for is_real in [true, false] {
+            let out = folder.path().join(format!("run {is_real}"));
+            let directory = run_directory(&settings, Some(&out), "stamp").unwrap();
+            let setting = SinkSetting { directory: Some(&directory), prototype: &frame(0), is_real };
+            let mut sink = make_sinks(&settings, &setting).unwrap();
+            (1..4).for_each(|number| sink.send(&frame(number)).unwrap());
+            sink.finish().unwrap();
+            let lines = sink.lines();
+            let places: Vec<&str> = lines.iter().map(|line| line.place.as_str()).collect();
+            assert_eq!(places, ["sink", "extra_sink[0]", "extra_sink[1]"]);
+            assert!(lines.iter().all(|line| line.frames == 3 && line.run_crc32 == lines[0].run_crc32));
+            assert!(out.join("extra_sink_0/frame_000003.fits").exists());
+            assert!(out.join("extra_sink_1/frames.ser").exists());
+            assert!(!out.join("extra_sink_1/frame_000003.fits").exists());
+        }
+    }
+
+    #[test]
+    fn directories_are_those_that_are_named() {
+        let of = |text: &str, out: Option<&str>| run_directory(&sinks(text), out.map(Path::new), "now");
+        assert_eq!(of("", None), Some("out/b/now".into()));
+        assert_eq!(of("", Some("here")), Some("here".into()));
+        assert_eq!(of("[sink]\nkind = \"null\"", Some("here")), None, "nothing to keep");
+        assert_eq!(of(THREE, None), Some("out/now".into()));
+        assert_eq!(of(&THREE.replace("fits = false", "directory = \"disk\""), None), Some("disk/now".into()));
+    }
+
+    #[test]
+    fn a_sink_that_cannot_be_made_says_which() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("extra_sink_0"), "in the way").unwrap();
+        let setting = SinkSetting { directory: Some(folder.path()), prototype: &frame(0), is_real: true };
+        let error = make_sinks(&sinks(THREE), &setting).err().unwrap();
+        let error = format!("{error:#}");
+        assert!(
+            error.starts_with("extra_sink[0]") && error.contains("in the way") | error.contains("cannot be made"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn sinks_are_told_in_words() {
+        let told: Vec<String> = told_lines(&sinks(THREE)).map(|(place, words)| format!("{place} {words}")).collect();
+        assert_eq!(told[0], "sink null: nothing is kept");
+        assert!(
+            told[2].contains("extra_sink[1] recorder: SER, truth tables, below the run's directory; 8"),
+            "{told:?}"
+        );
+    }
+}
