@@ -50,7 +50,7 @@ pub struct RunArgs {
     /// Seed of patterns and noise instead of the bench's
     #[arg(long)]
     pub(super) seed: Option<u64>,
-    /// Where frames go instead of the bench's sink
+    /// Where frames go instead of the bench's sinks
     #[arg(long, value_enum)]
     pub(super) sink: Option<SinkKind>,
     /// Directory to record into (one without a recording); without it a directory named by the time of the run
