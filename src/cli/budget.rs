@@ -39,7 +39,7 @@ pub struct BudgetArgs {
     /// Draw with this backend instead of the bench's
     #[arg(long, value_enum)]
     backend: Option<BackendName>,
-    /// Where frames go instead of the bench's sink
+    /// Where frames go instead of the bench's sinks
     #[arg(long, value_enum)]
     sink: Option<SinkKind>,
     /// Directory to record into (one without a recording)

@@ -50,7 +50,7 @@ pub struct RunArgs {
     /// Seed of patterns and noise instead of the bench's
     #[arg(long)]
     pub(super) seed: Option<u64>,
-    /// Where frames go instead of the bench's sink
+    /// Where frames go instead of the bench's sinks
     #[arg(long, value_enum)]
     pub(super) sink: Option<SinkKind>,
     /// Directory to record into (one without a recording); without it a directory named by the time of the run
@@ -361,7 +361,7 @@ fn sink(arguments: &RunArgs, bench: &Bench, engine: &FrameEngine) -> Result<(Box
     let [width, height] = camera.output().size_px;
     let prototype = SentFrame::with_capacity(width, height, real_time::STARS_AT_FIRST, camera.name.clone());
     let is_real = arguments.clock == ClockKind::Real;
-    let setting = SinkSetting { directory: directory.as_deref(), prototype: &prototype, is_real };
+    let setting = SinkSetting { directory: directory.as_deref(), prototype: &prototype, head: None, is_real };
     Ok((make_sinks(&sinks, &setting)?, directory))
 }
 

@@ -4,17 +4,19 @@ use crate::base::clock::Stopwatch;
 use crate::base::time::Tai;
 use crate::base::units::ARCSEC;
 use crate::cli::calibrate::costs_here;
-use crate::cli::run::{RunArgs, prepared_hygiene, stamp};
+use crate::cli::run::{ClockKind, RunArgs, prepared_hygiene, stamp};
 use crate::cli::scenario_plot::TelemetryPlot;
 use crate::cli::scenario_report::{ScenarioReport, table};
 use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_NOT_MET};
 use crate::config::{Scenario, StartTime};
+use crate::runtime::params::CameraParams;
 use crate::runtime::real_time::STARS_AT_FIRST;
 use crate::runtime::{RunParams, RunRecord, sink_failure};
 use crate::sink::{NullSink, SentFrame, Sink, write_file_atomically};
 use crate::testbed::vehicle::TelemetryRow;
 use crate::wiring::assessment::mode_name;
 use crate::wiring::bench_parts;
+use crate::wiring::camera_parts::camera_params;
 use crate::wiring::closed_loop::ClosedLoop;
 use crate::wiring::control::{ControlAddress, ControlListener, ControlSession, SessionEnd, Stage};
 use crate::wiring::loop_outcome::LoopView;
@@ -35,9 +37,10 @@ pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> 
     let listener = arguments.control.map(listen).transpose()?;
     let directory = directory(scenario, arguments)?;
     let mut wall = Stopwatch::start();
+    let frame = prototype(&camera_params(&scenario.bench.camera)?);
     let mut failed = None;
     let mut going = ClosedLoop::new(scenario, |head| {
-        sink(scenario, arguments, directory.as_deref(), head, None).unwrap_or_else(|error| {
+        sink(scenario, arguments, directory.as_deref(), head, &frame).unwrap_or_else(|error| {
             failed = Some(error);
             Box::new(NullSink::new())
         })
@@ -92,9 +95,7 @@ pub fn run_on_real_clock(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<At
         bail!("a scenario needs a start_utc: \"now\" does not repeat");
     };
     let params = bench_parts::run_params(&scenario.bench, start)?;
-    let [width, height] = params.camera.output().size_px;
-    let prototype = SentFrame::with_capacity(width, height, STARS_AT_FIRST, params.camera.name.clone());
-    let sink = sink(scenario, arguments, directory.as_deref(), 0, Some(&prototype))?;
+    let sink = sink(scenario, arguments, directory.as_deref(), 0, &prototype(&params.camera))?;
     let measured = costs_here(&bench_parts::imager(&params)?, arguments.built_in_costs).measured;
     let telemetry =
         directory.as_deref().map(|directory| telemetry_file(directory, params.first_exposure)).transpose()?;
@@ -199,21 +200,27 @@ fn directory(scenario: &Scenario, arguments: &RunArgs) -> Result<Option<PathBuf>
     Ok(Some(directory))
 }
 
-/// What takes the frames of one head. On the virtual clock buffers find their size with the first frame.
+/// What takes the frames of one head.
 fn sink(
     scenario: &Scenario,
     arguments: &RunArgs,
     directory: Option<&Path>,
     head: usize,
-    prototype: Option<&SentFrame>,
+    prototype: &SentFrame,
 ) -> Result<Box<dyn Sink>> {
-    let sinks = arguments.sinks(&scenario.bench);
-    let several = scenario.heads.len() > 1;
-    let directory = directory.map(|run| if several { run.join(format!("head{head}")) } else { run.to_path_buf() });
-    let empty = SentFrame::with_capacity(0, 0, 0, scenario.bench.camera.name.as_str().into());
-    let is_real = prototype.is_some();
-    let setting = SinkSetting { directory: directory.as_deref(), prototype: prototype.unwrap_or(&empty), is_real };
-    make_sinks(&sinks, &setting).with_context(|| format!("head {head}"))
+    let head = (scenario.heads.len() > 1).then_some(head);
+    let of_head = |run: &Path| head.map_or_else(|| run.to_path_buf(), |head| run.join(format!("head{head}")));
+    let directory = directory.map(of_head);
+    let is_real = arguments.clock == ClockKind::Real;
+    let setting = SinkSetting { directory: directory.as_deref(), prototype, head, is_real };
+    let made = make_sinks(&arguments.sinks(&scenario.bench), &setting);
+    made.with_context(|| head.map_or_else(|| "the sinks".into(), |head| format!("head {head}")))
+}
+
+/// A frame of the scenario's camera, empty.
+fn prototype(camera: &CameraParams) -> SentFrame {
+    let [width, height] = camera.output().size_px;
+    SentFrame::with_capacity(width, height, STARS_AT_FIRST, camera.name.clone())
 }
 
 fn title(scenario: &Scenario) -> String {

@@ -33,12 +33,12 @@ pub enum Sink {
         /// A PNG of every n-th frame; 0: none.
         png_every: u32,
     },
-    /// Memory that programs on this machine read (feature `shared_memory`).
+    /// Memory that programs on this machine read.
     SharedMemory {
-        /// The name that they find it by.
-        service: String,
-        /// Frames that a slow reader may be behind before the oldest is overwritten.
-        history_frames: u32,
+        /// The file that holds it; in `/dev/shm` it never meets a disk.
+        path: PathBuf,
+        /// Frames there is room for before the oldest is overwritten.
+        slots: u32,
     },
     /// Nowhere (timing only).
     Null,
@@ -92,8 +92,8 @@ struct RecorderKeys {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SharedMemoryKeys {
-    service: Option<String>,
-    history: Option<i64>,
+    path: Option<String>,
+    slots: Option<i64>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -188,14 +188,13 @@ fn recorder(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, Conf
 
 fn shared_memory(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, ConfigError> {
     let keys: SharedMemoryKeys = check.document.read_table(&table.keys, table.name, " (kind = \"shared_memory\")")?;
-    let key = table.key("service");
-    let service = check.given_or(&key, keys.service, format!("starloop/{}", table.bench));
-    // What iceoryx2 takes as the name of a service, and no longer than a file's name may be.
-    if service.is_empty() || service.len() > 200 || !service.bytes().all(|b| b.is_ascii_graphic()) {
-        let advice = "the name that readers open, such as \"starloop/bench\"";
-        return Err(check.invalid(&key, format!("{service:?}"), "1 to 200 ASCII characters without blanks", advice));
+    let key = table.key("path");
+    let name: String = table.bench.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
+    let path = check.given_or(&key, keys.path, format!("/dev/shm/starloop_{name}"));
+    if path.trim().is_empty() {
+        return Err(check.invalid(&key, "empty", "a file", "in memory, such as \"/dev/shm/starloop\""));
     }
     let advice = "frames that a slow reader may be behind; each takes the memory of a frame";
-    let history_frames = check.whole(&table.key("history"), keys.history, Some(4), 1..=64, advice)?;
-    Ok(Sink::SharedMemory { service, history_frames })
+    let slots = check.whole(&table.key("slots"), keys.slots, Some(4), 2..=64, advice)?;
+    Ok(Sink::SharedMemory { path: path.into(), slots })
 }

@@ -279,8 +279,8 @@ fn each_bench_rule_has_a_failing_example() {
             "extra_sink[1].fits",
             ["bench.toml:5", "unknown key"],
         ),
-        ("[sink]\nkind = \"shared_memory\"\nservice = \"a b\"", "sink.service", ["without blanks", "starloop/bench"]),
-        ("[sink]\nkind = \"shared_memory\"\nhistory = 65", "sink.history", ["from 1 to 64", "memory"]),
+        ("[sink]\nkind = \"shared_memory\"\npath = \"\"", "sink.path", ["empty", "/dev/shm"]),
+        ("[sink]\nkind = \"shared_memory\"\nslots = 65", "sink.slots", ["from 2 to 64", "memory"]),
         ("[sink]\ndirectory = \" \"", "sink.directory", ["empty", "working directory"]),
         ("[sink]\npng_every = -1", "sink.png_every", ["whole number", "PNG"]),
     ] {

@@ -117,7 +117,7 @@ pub struct FrameCounts {
     pub scheduled: u64,
     /// Frames drawn.
     pub rendered: u64,
-    /// Frames the sink accepted.
+    /// Frames handed to the sinks; what each of them took is in its line.
     pub delivered: u64,
     /// Frames delivered after their deadline.
     pub late: u64,

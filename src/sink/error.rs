@@ -67,6 +67,18 @@ pub enum SinkError {
         /// The frame.
         frame: u32,
     },
+    /// The name of the shared memory belongs to something else.
+    #[error("{} is no ring of frames of starloop, and is not replaced; wanted a name that is free", path.display())]
+    NotShared {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The name of the shared memory belongs to a run that goes on.
+    #[error("{} is written by another run; wanted a name that is free: give each run a path of its own", path.display())]
+    InUse {
+        /// The file.
+        path: PathBuf,
+    },
     /// The thread of a sink cannot be started.
     #[error("the thread of the {sink} sink cannot be started: {source}; try fewer sinks, or a higher limit of threads")]
     Thread {

@@ -11,7 +11,7 @@
 //!   complete before stays complete: every file gets its final name only when all of its bytes are written.
 //!
 //! Tour: `frame` (what is sent) -> `fits`, `png`, `ser`, `truth`, `frame_log` (its forms on disk) -> `atomic`
-//! (how a file appears) -> `recorder`, `null`, `tap`, `tee` (the sinks) -> `branch`, `fan` (several at once) -> `line`
+//! (how a file appears) -> `recorder`, `shared_memory`, `null`, `tap`, `tee` (the sinks) -> `branch`, `fan` (several at once) -> `line`
 //! (what each of them did).
 
 pub mod active_fault;
@@ -34,6 +34,8 @@ pub mod null;
 pub mod png;
 pub mod recorder;
 pub mod ser;
+#[cfg(unix)]
+pub mod shared_memory;
 pub mod stretch;
 mod tally;
 pub mod tap;

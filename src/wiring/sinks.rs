@@ -5,6 +5,8 @@
 //! is, several in step ([`OnFull::Wait`]).
 
 use crate::config::{Sink as Kind, SinkSettings};
+#[cfg(unix)]
+use crate::sink::shared_memory::SharedMemory;
 use crate::sink::{BranchParams, Fan, NullSink, OnFull, Recorder, RecorderOptions, SentFrame, Sink};
 use anyhow::{Context, Result};
 use std::path::{Path, PathBuf};
@@ -15,6 +17,8 @@ pub struct SinkSetting<'a> {
     pub directory: Option<&'a Path>,
     /// A frame as they will get it: size, room for stars, camera.
     pub prototype: &'a SentFrame,
+    /// Which camera head, when there are several.
+    pub head: Option<usize>,
     /// They are not to be waited for.
     pub is_real: bool,
 }
@@ -64,9 +68,14 @@ fn make(settings: &SinkSettings, number: usize, setting: &SinkSetting<'_>) -> Re
             let directory = files_of(number, directory.as_deref(), setting.directory);
             Ok(Box::new(Recorder::create(directory, options)?))
         }
-        Kind::SharedMemory { .. } => shared_memory(&settings.sink, setting),
+        Kind::SharedMemory { path, slots } => shared_memory(&path_of_head(path, setting.head), *slots, setting),
         Kind::Null => Ok(Box::new(NullSink::new())),
     }
+}
+
+/// Heads do not share a ring: each has its number at the end of the name.
+fn path_of_head(path: &Path, head: Option<usize>) -> PathBuf {
+    head.map_or_else(|| path.to_path_buf(), |head| format!("{}_head{head}", path.display()).into())
 }
 
 /// The first sink has the run's directory, another one below it.
@@ -75,11 +84,18 @@ fn files_of(number: usize, own: Option<&Path>, run: Option<&Path>) -> PathBuf {
     number.checked_sub(1).map_or_else(|| run.to_path_buf(), |extra| run.join(format!("extra_sink_{extra}")))
 }
 
-#[cfg(not(feature = "shared_memory"))]
-fn shared_memory(_kind: &Kind, _setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
-    anyhow::bail!(
-        "kind is \"shared_memory\"; wanted a starloop built with it: cargo build --release --features shared_memory"
-    )
+#[cfg(unix)]
+fn shared_memory(path: &Path, slots: u32, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
+    Ok(Box::new(SharedMemory::create(
+        path.to_path_buf(),
+        [setting.prototype.image.width(), setting.prototype.image.height()],
+        slots,
+    )?))
+}
+
+#[cfg(not(unix))]
+fn shared_memory(path: &Path, _slots: u32, _setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
+    anyhow::bail!("{}: got a system without it; wanted Unix", path.display())
 }
 
 /// A sink in words, for people.
@@ -95,8 +111,8 @@ pub fn told(settings: &SinkSettings) -> String {
                 directory.as_ref().map_or_else(|| "the run's directory".into(), |d| d.display().to_string());
             format!("{kind}: {}, below {directory}; {} frames may wait", forms.join(", "), settings.queue_frames)
         }
-        Kind::SharedMemory { service, history_frames } => {
-            format!("{kind}: service \"{service}\", a reader may be {history_frames} frames behind")
+        Kind::SharedMemory { path, slots } => {
+            format!("{kind}: {}, room for {slots} frames", path.display())
         }
         Kind::Null => format!("{kind}: nothing is kept"),
     }
@@ -132,7 +148,7 @@ mod tests {
         for is_real in [true, false] {
             let out = folder.path().join(format!("run {is_real}"));
             let directory = run_directory(&settings, Some(&out), "stamp").unwrap();
-            let setting = SinkSetting { directory: Some(&directory), prototype: &frame(0), is_real };
+            let setting = SinkSetting { directory: Some(&directory), prototype: &frame(0), head: None, is_real };
             let mut sink = make_sinks(&settings, &setting).unwrap();
             (1..4).for_each(|number| sink.send(&frame(number)).unwrap());
             sink.finish().unwrap();
@@ -160,7 +176,7 @@ mod tests {
     fn a_sink_that_cannot_be_made_says_which() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("extra_sink_0"), "in the way").unwrap();
-        let setting = SinkSetting { directory: Some(folder.path()), prototype: &frame(0), is_real: true };
+        let setting = SinkSetting { directory: Some(folder.path()), prototype: &frame(0), head: None, is_real: true };
         let error = make_sinks(&sinks(THREE), &setting).err().unwrap();
         let error = format!("{error:#}");
         assert!(

@@ -1,7 +1,7 @@
 //! After its first frames the frame path allocates nothing: planning, CPU drawing, detector, and the whole frame engine;
-//! nor do packets on real links.
+//! nor do packets on real links, nor frames on their way into several sinks.
 //!
-//! One test, so that no other one allocates beside it. Left out: the sink (files), the GPU driver, the link's threads.
+//! One test, so that no other one allocates beside it. Left out: sinks that write files, the GPU driver, the link's threads.
 #![allow(
     unsafe_code,
     reason = "a global allocator is unsafe to implement; tests/allocations/counting.rs says why it holds"
@@ -12,6 +12,7 @@ mod counting;
 mod engine;
 mod links;
 mod scenes;
+mod sinks;
 
 use counting::{Counting, Found, allocations_in};
 use std::collections::BTreeMap;
@@ -46,5 +47,6 @@ fn frames_allocate_nothing_once_warm() {
     }
     wrong.extend(engine::complaints_of_the_bench());
     wrong.extend(links::complaints_of_links());
+    wrong.extend(sinks::complaints_of_sinks());
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
 }

@@ -17,5 +17,6 @@ mod pixels;
 mod program;
 mod replay;
 mod session;
+mod sinks;
 mod study;
 mod triggers;

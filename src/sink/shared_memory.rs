@@ -1,0 +1,303 @@
+//! Frames for programs on the same machine: a ring of frames in a file that lives in memory (tmpfs, `/dev/shm`).
+//!
+//! Input: frames. Output: a file of fixed size that a reader maps (`mmap`, `numpy.memmap`), with room for a few frames and
+//! the truth numbers of each. The writer waits for nobody and knows of no reader: the oldest frame is overwritten, and a
+//! reader sees by the numbers how many it missed. Nothing but the copy of a frame is done: no name service, no daemon.
+//!
+//! Layout, numbers in the byte order of the machine:
+//!
+//! | at | what |
+//! |---|---|
+//! | 0 | [`FileHead`], 64 bytes |
+//! | 64 + slot (256 + 2 width height, rounded up to 64) | [`SlotHead`], 256 bytes; then the pixels, `u16`, row by row |
+//!
+//! *Reading.* `published` says how many frames there have been; frame `n`, from 1, is in slot `(n - 1) % slots`. A slot's
+//! `serial` is 0 while the slot is written, then `n`. Read `serial`, copy the slot, read `serial` again: when both are `n`
+//! the copy is frame `n`. The CRC-32 of the pixels is in the slot as well, for readers that want to be sure.
+//! `hil_scripts/shared_frames.py` is such a reader.
+//!
+//! Limits: one size of frame. Unix. Written by `pwrite`, so that no memory is shared by reference with other programs: no
+//! `unsafe`, at the cost of one copy by the kernel. Tests: below, and `hil_scripts/test_recorders.py` from another process.
+
+use crate::sink::crc32::pixel_crc32;
+use crate::sink::tally::Tally;
+use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
+use bytemuck::{Pod, Zeroable};
+use core::mem::offset_of;
+use std::fs::{self, File, OpenOptions};
+use std::io;
+use std::os::unix::fs::FileExt;
+use std::path::PathBuf;
+
+/// First bytes of the file.
+pub const MAGIC: [u8; 16] = *b"STARLOOP-FRAMES\0";
+/// Version of the layout.
+pub const VERSION: u32 = 1;
+/// Slots begin at multiples of this: a line of a processor's cache.
+const ALIGNED_BYTES: u64 = 64;
+const FILE_HEAD_BYTES: u64 = size_of::<FileHead>() as u64;
+const SLOT_HEAD_BYTES: u64 = size_of::<SlotHead>() as u64;
+
+/// The first 64 bytes.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct FileHead {
+    /// [`MAGIC`].
+    pub magic: [u8; 16],
+    /// [`VERSION`].
+    pub version: u32,
+    /// Frames there is room for.
+    pub slots: u32,
+    /// Columns.
+    pub width_px: u32,
+    /// Rows.
+    pub height_px: u32,
+    /// From one slot to the next.
+    pub slot_bytes: u64,
+    /// Frames written so far.
+    pub published: u64,
+    /// 0: more will come; 1: the run is over.
+    pub is_over: u32,
+    /// Nothing.
+    pub reserved: [u32; 3],
+}
+
+/// What stands before the pixels of a frame.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct SlotHead {
+    /// Number of the frame in this file, from 1; 0 while the slot is written.
+    pub serial: u64,
+    /// Mid-exposure, TAI since 1970-01-01T00:00:00 TAI, ns.
+    pub mid_exposure_tai_ns: i64,
+    /// Completion minus deadline, ns.
+    pub lateness_ns: i64,
+    /// Newest attitude to mid-exposure, ns.
+    pub horizon_ns: i64,
+    /// Frame number in the run.
+    pub frame: u32,
+    /// CRC-32 of the pixels.
+    pub pixel_crc32: u32,
+    /// Active faults, as in `FAULTBIT` of FITS files.
+    pub faults: u32,
+    /// Stars in the truth table.
+    pub stars: u32,
+    /// Integration time, s.
+    pub exposure_s: f64,
+    /// `sensor_from_icrf` at mid-exposure, scalar first.
+    pub attitude_wxyz: [f64; 4],
+    /// Boresight and image up (right ascension, declination, roll), deg.
+    pub ra_dec_roll_deg: [f64; 3],
+    /// Angular rate in sensor axes, deg/s.
+    pub rate_deg_s: [f64; 3],
+    /// Detector gain, e-/DN.
+    pub gain_e_per_dn: f64,
+    /// Black level, DN.
+    pub black_level_dn: f64,
+    /// Nothing.
+    pub reserved: [u64; 13],
+}
+
+/// The writing end. The file is removed when it goes.
+#[derive(Debug)]
+pub struct SharedMemory {
+    path: PathBuf,
+    file: File,
+    head: FileHead,
+    bytes: u64,
+    tally: Tally,
+}
+
+impl SharedMemory {
+    /// Makes the file, all of it, for `slots` frames of `size_px` (columns, rows). What a run before has left is replaced:
+    /// readers of the old file keep it.
+    ///
+    /// # Errors
+    /// [`SinkError::Write`] when it cannot be made, or the memory is not there; [`SinkError::NotShared`] when something
+    /// else has the name, [`SinkError::InUse`] when another run has it.
+    pub fn create(path: PathBuf, size_px: [usize; 2], slots: u32) -> Result<Self, SinkError> {
+        let failed = |source: io::Error| SinkError::Write { path: path.clone(), source };
+        if fs::symlink_metadata(&path).is_ok() {
+            let old = File::open(&path).map_err(failed)?;
+            let mut magic = [0; 16];
+            if old.read_exact_at(&mut magic, 0).is_err() || magic != MAGIC {
+                return Err(SinkError::NotShared { path });
+            }
+            // A writer that lives holds its lock.
+            old.try_lock().map_err(|_| SinkError::InUse { path: path.clone() })?;
+            fs::remove_file(&path).map_err(failed)?;
+        }
+        let side = |px: usize| u32::try_from(px).map_err(|_| failed(io::ErrorKind::FileTooLarge.into()));
+        let frame_bytes = 2 * (size_px[0] * size_px[1]) as u64;
+        let head = FileHead {
+            magic: MAGIC,
+            version: VERSION,
+            slots: slots.max(1),
+            width_px: side(size_px[0])?,
+            height_px: side(size_px[1])?,
+            slot_bytes: (SLOT_HEAD_BYTES + frame_bytes).next_multiple_of(ALIGNED_BYTES),
+            ..FileHead::zeroed()
+        };
+        let file = OpenOptions::new().read(true).write(true).create_new(true).open(&path).map_err(failed)?;
+        file.try_lock().map_err(|_| SinkError::InUse { path: path.clone() })?;
+        let made = Self { path: path.clone(), file, head, bytes: 0, tally: Tally::default() };
+        made.fill().map_err(failed)?;
+        Ok(made)
+    }
+
+    /// Writes every page, so that a machine without the memory says so now.
+    fn fill(&self) -> io::Result<()> {
+        let empty = vec![0; usize::try_from(self.head.slot_bytes).unwrap_or_default()];
+        for slot in 0..u64::from(self.head.slots) {
+            self.file.write_all_at(&empty, FILE_HEAD_BYTES + slot * self.head.slot_bytes)?;
+        }
+        self.file.write_all_at(bytemuck::bytes_of(&self.head), 0)
+    }
+
+    fn publish(&mut self, frame: &SentFrame) -> io::Result<()> {
+        let serial = self.head.published + 1;
+        let slot = FILE_HEAD_BYTES + (self.head.published % u64::from(self.head.slots)) * self.head.slot_bytes;
+        self.file.write_all_at(bytemuck::bytes_of(&SlotHead { serial: 0, ..slot_head(frame) }), slot)?;
+        self.file.write_all_at(bytemuck::cast_slice(frame.image.pixels()), slot + SLOT_HEAD_BYTES)?;
+        self.file.write_all_at(&serial.to_ne_bytes(), slot)?;
+        self.file.write_all_at(&serial.to_ne_bytes(), offset_of!(FileHead, published) as u64)?;
+        self.head.published = serial;
+        Ok(())
+    }
+}
+
+fn slot_head(frame: &SentFrame) -> SlotHead {
+    let meta = &frame.meta;
+    SlotHead {
+        serial: 0,
+        mid_exposure_tai_ns: meta.mid_exposure.ns(),
+        lateness_ns: meta.lateness.ns(),
+        horizon_ns: meta.horizon.ns(),
+        frame: meta.number,
+        pixel_crc32: pixel_crc32(&frame.image),
+        faults: meta.faults.bits(),
+        stars: u32::try_from(frame.truth.len()).unwrap_or(u32::MAX),
+        exposure_s: meta.exposure_s,
+        attitude_wxyz: meta.attitude_wxyz,
+        ra_dec_roll_deg: [meta.ra_deg, meta.dec_deg, meta.roll_deg],
+        rate_deg_s: meta.rate_deg_s,
+        gain_e_per_dn: meta.gain_e_per_dn,
+        black_level_dn: meta.black_level_dn,
+        reserved: [0; 13],
+    }
+}
+
+impl Sink for SharedMemory {
+    fn name(&self) -> &'static str {
+        "shared_memory"
+    }
+
+    fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        self.tally.check(self.name(), frame)?;
+        let wanted = [self.head.width_px as usize, self.head.height_px as usize];
+        let got = [frame.image.width(), frame.image.height()];
+        if got != wanted {
+            self.tally.refuse();
+            return Err(SinkError::FrameSize { path: self.path.clone(), wanted, got });
+        }
+        if let Err(source) = self.publish(frame) {
+            self.tally.refuse();
+            return Err(SinkError::Write { path: self.path.clone(), source });
+        }
+        self.bytes += SLOT_HEAD_BYTES + 2 * frame.image.pixels().len() as u64;
+        self.tally.take(self.name(), frame)
+    }
+
+    fn finish(&mut self) -> Result<SinkSummary, SinkError> {
+        self.head.is_over = 1;
+        let told = self.file.write_all_at(&1_u32.to_ne_bytes(), offset_of!(FileHead, is_over) as u64);
+        told.map_err(|source| SinkError::Write { path: self.path.clone(), source })?;
+        let summary = self.tally.finish(self.name());
+        Ok(SinkSummary { bytes: self.bytes, output: Some(self.path.clone()), ..summary })
+    }
+}
+
+impl Drop for SharedMemory {
+    fn drop(&mut self) {
+        let _readers_keep_theirs = fs::remove_file(&self.path);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sink::compliance::check_sink;
+    use crate::sink::frame::sample_frame;
+
+    /// Frame `n` (from 1) as a reader finds it; `None` when it is not there (any more).
+    fn read(file: &File, n: u64) -> Option<(SlotHead, Vec<u16>)> {
+        let mut head = FileHead::zeroed();
+        file.read_exact_at(bytemuck::bytes_of_mut(&mut head), 0).unwrap();
+        let at = 64 + (n - 1) % u64::from(head.slots) * head.slot_bytes;
+        let mut slot = SlotHead::zeroed();
+        file.read_exact_at(bytemuck::bytes_of_mut(&mut slot), at).unwrap();
+        let mut pixels = vec![0_u16; (head.width_px * head.height_px) as usize];
+        file.read_exact_at(bytemuck::cast_slice_mut(&mut pixels), at + 256).unwrap();
+        (slot.serial == n).then_some((slot, pixels))
+    }
+
+    #[test]
+    fn heads_have_the_documented_sizes() {
+        assert_eq!((size_of::<FileHead>(), size_of::<SlotHead>()), (64, 256));
+        assert_eq!((offset_of!(FileHead, published), offset_of!(FileHead, is_over)), (40, 48));
+    }
+
+    #[test]
+    fn shared_memory_complies() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("frames");
+        check_sink(|| Box::new(SharedMemory::create(path.clone(), [31, 17], 2).unwrap())).unwrap();
+    }
+
+    #[test]
+    fn the_newest_frames_are_there_and_the_oldest_are_overwritten() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("frames");
+        let mut sink = SharedMemory::create(path.clone(), [31, 17], 3).unwrap();
+        let file = File::open(&path).unwrap();
+        let length = file.metadata().unwrap().len();
+        for n in 1..=8_u32 {
+            sink.send(&sample_frame(100 + n)).unwrap();
+            let (slot, pixels) = read(&file, n.into()).expect("the newest");
+            let sent = sample_frame(100 + n);
+            assert_eq!(pixels, sent.image.pixels());
+            assert_eq!((slot.frame, slot.pixel_crc32, slot.stars), (100 + n, pixel_crc32(&sent.image), 2));
+            assert_eq!((slot.attitude_wxyz, slot.rate_deg_s), (sent.meta.attitude_wxyz, sent.meta.rate_deg_s));
+        }
+        assert!(read(&file, 6).is_some() && read(&file, 5).is_none(), "three slots");
+        assert_eq!(file.metadata().unwrap().len(), length, "of fixed size");
+        assert_eq!(sink.finish().unwrap().frames, 8);
+        drop(sink);
+        assert!(!path.exists() && read(&file, 8).is_some(), "a reader keeps what it has open");
+    }
+
+    #[test]
+    fn what_a_killed_run_left_is_replaced_and_other_files_are_not() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("frames");
+        let living = SharedMemory::create(path.clone(), [4, 4], 1).unwrap();
+        let error = SharedMemory::create(path.clone(), [31, 17], 1).unwrap_err();
+        assert!(matches!(error, SinkError::InUse { .. }), "{error}");
+        let left = fs::read(&path).unwrap();
+        drop(living);
+        fs::write(&path, left).unwrap();
+        drop(SharedMemory::create(path.clone(), [31, 17], 1).unwrap());
+        fs::write(&path, "a letter to somebody").unwrap();
+        let error = SharedMemory::create(path.clone(), [31, 17], 1).unwrap_err();
+        assert!(matches!(error, SinkError::NotShared { .. }), "{error}");
+        assert_eq!(fs::read(&path).unwrap(), b"a letter to somebody");
+    }
+
+    #[test]
+    fn another_size_is_refused() {
+        let directory = tempfile::tempdir().unwrap();
+        let mut sink = SharedMemory::create(directory.path().join("frames"), [30, 17], 1).unwrap();
+        assert!(matches!(sink.send(&sample_frame(1)), Err(SinkError::FrameSize { .. })));
+        assert_eq!(sink.finish().unwrap().refused, 1);
+    }
+}

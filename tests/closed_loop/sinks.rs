@@ -1,0 +1,176 @@
+//! Sinks on the bench clock: a slow one, a failing one and one that breaks down cost the run nothing but their own frames.
+//!
+//! A slow sink is one that waits until the last frame has been drawn: no time is measured.
+
+use crate::bench::{built_in, start};
+use crossbeam_channel::{Receiver as Gate, bounded};
+use starloop::base::clock::{Clock, Monotonic};
+use starloop::config::Bench;
+use starloop::link::Port;
+use starloop::link::simulated::simulated_pair;
+use starloop::report::MissCause;
+use starloop::runtime::receiver::Receiver;
+use starloop::runtime::{EventKind, FrameEngine, RunOutcome, real_time};
+use starloop::sink::{BranchParams, Fan, NullSink, OnFull, SentFrame, Sink, SinkError, SinkSummary};
+use starloop::wiring::bench_parts;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+const FRAMES: u64 = 14;
+/// Frames that the slow sink may be behind.
+const ROOM: usize = 3;
+
+/// What goes wrong with a sink.
+enum Trouble {
+    /// It is busy with its first frame until the end of the run.
+    Slow(Gate<()>),
+    /// The disk is full for frames with an odd number.
+    Full,
+    /// It panics at its third frame.
+    Breaks,
+}
+
+struct Troubled {
+    inner: NullSink,
+    trouble: Trouble,
+}
+
+impl Sink for Troubled {
+    fn name(&self) -> &'static str {
+        "troubled"
+    }
+
+    fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        match &self.trouble {
+            Trouble::Slow(gate) => drop(gate.recv()),
+            Trouble::Full if frame.meta.number % 2 == 1 => {
+                return Err(SinkError::Write { path: "full".into(), source: std::io::ErrorKind::StorageFull.into() });
+            }
+            Trouble::Breaks => assert!(frame.meta.number < 2, "as the test wants it"),
+            Trouble::Full => {}
+        }
+        self.inner.send(frame)
+    }
+
+    fn finish(&mut self) -> Result<SinkSummary, SinkError> {
+        self.inner.finish()
+    }
+}
+
+fn bench() -> Bench {
+    let mut bench = built_in(0.1 * FRAMES as f64);
+    bench.camera.detector.width_px = 64;
+    bench.camera.detector.height_px = 64;
+    bench
+}
+
+/// Runs on the bench clock with nobody at the other end of the bus; `at_end` is dropped after the last frame is drawn.
+fn run(sink: Box<dyn Sink>, at_end: Option<crossbeam_channel::Sender<()>>) -> RunOutcome {
+    let bench = bench();
+    let start = start(&bench);
+    let params = bench_parts::run_params(&bench, start).unwrap();
+    let mut engine = FrameEngine::new(params.clone()).unwrap();
+    let mut receiver = Receiver::new(params.attitude).unwrap();
+    let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
+    let (bus, format) = bench_parts::bus(&bench);
+    let (near, _far) = simulated_pair(bus, &clock);
+    let port = Port::new(Box::new(near), format, firmware_protocol::can::IdMap::new(0, 0).unwrap());
+    let stop = Arc::new(AtomicBool::new(false));
+    let mut at_end = at_end;
+    real_time::run(&mut engine, &mut receiver, port, &clock, sink, &stop, &mut |frame, _| {
+        if u64::from(frame.meta.number) + 1 == FRAMES {
+            at_end = None;
+        }
+    })
+}
+
+/// The troubled sink beside one that keeps up.
+fn beside_another(trouble: Trouble) -> Box<dyn Sink> {
+    let camera = bench_parts::run_params(&bench(), start(&bench())).unwrap().camera;
+    let [width, height] = camera.output().size_px;
+    let prototype = SentFrame::with_capacity(width, height, 100, camera.name);
+    let troubled = Troubled { inner: NullSink::new(), trouble };
+    let sinks: [(&str, Box<dyn Sink>); 2] =
+        [("sink", Box::new(troubled)), ("extra_sink[0]", Box::new(NullSink::new()))];
+    let branch = |(place, sink): (&str, Box<dyn Sink>)| BranchParams { place: place.into(), sink, buffers: ROOM };
+    Box::new(Fan::start(sinks.map(branch), &prototype, OnFull::Drop).unwrap())
+}
+
+/// Every slot is accounted for, whatever the machine did.
+fn handed(outcome: &RunOutcome) -> u64 {
+    assert!(outcome.error.is_none(), "{:?}", outcome.error.as_ref().map(ToString::to_string));
+    let frames = outcome.record.frames;
+    assert_eq!((frames.scheduled, frames.delivered + frames.dropped), (FRAMES, FRAMES), "{frames:?}");
+    for line in &outcome.sinks {
+        assert_eq!(line.frames + line.dropped + line.refused, frames.delivered, "{line:?}");
+    }
+    frames.delivered
+}
+
+fn sink_busy(outcome: &RunOutcome) -> u64 {
+    let told = outcome.record.ring.misses().get(MissCause::SinkBusy.name()).copied().unwrap_or_default();
+    assert_eq!(told, outcome.record.ledger.count(EventKind::SinkBusy), "in the ledger and in the summary");
+    told
+}
+
+#[test]
+fn a_slow_sink_loses_its_own_frames_and_no_slot() {
+    let (at_end, gate) = bounded(0);
+    let outcome = run(beside_another(Trouble::Slow(gate)), Some(at_end));
+    let handed = handed(&outcome);
+    assert_eq!(sink_busy(&outcome), 0, "no slot was missed because of a sink");
+    let [slow, quick] = outcome.sinks.as_slice() else { panic!("two sinks: {:?}", outcome.sinks) };
+    // It took what it had room for; after the end of the gate it may have had time for the last ones.
+    assert!(slow.dropped >= handed - ROOM as u64 - 2, "{slow:?}");
+    assert_eq!((quick.frames, quick.dropped, quick.refused), (handed, 0, 0));
+    assert_eq!(outcome.record.ledger.count(EventKind::SinkDropped), slow.dropped);
+    assert!(outcome.sink_failure().is_none(), "slow is no failure");
+}
+
+/// The same sink without a queue of its own holds up slots: what the test above would show if it could fail.
+#[test]
+fn without_a_queue_of_its_own_a_slow_sink_costs_slots() {
+    let (at_end, gate) = bounded(0);
+    let slow = Troubled { inner: NullSink::new(), trouble: Trouble::Slow(gate.clone()) };
+    // The last slots are never drawn: somebody else opens the gate.
+    let opens = std::thread::spawn(move || {
+        std::thread::sleep(std::time::Duration::from_millis(1900));
+        drop(at_end);
+    });
+    let outcome = run(Box::new(slow), None);
+    opens.join().unwrap();
+    handed(&outcome);
+    assert!(sink_busy(&outcome) > 0, "{:?}", outcome.record.frames);
+}
+
+#[test]
+fn a_full_disk_is_counted_and_the_run_goes_on() {
+    for alone in [true, false] {
+        let sink: Box<dyn Sink> = match alone {
+            true => Box::new(Troubled { inner: NullSink::new(), trouble: Trouble::Full }),
+            false => beside_another(Trouble::Full),
+        };
+        let outcome = run(sink, None);
+        assert!(outcome.error.is_none());
+        let line = &outcome.sinks[0];
+        assert!(line.refused > 0 && line.frames > 0, "{line:?}");
+        assert_eq!(outcome.record.ledger.count(EventKind::SinkRefused), line.refused, "alone: {alone}");
+        let failure = outcome.sink_failure().expect("it is told");
+        assert!(failure.contains("sink (troubled)") && failure.contains("freeing space"), "{failure}");
+        let frames = outcome.record.frames;
+        assert_eq!(frames.delivered + frames.dropped, FRAMES, "every slot is accounted for");
+        let handed = line.frames + if alone { 0 } else { line.refused };
+        assert_eq!(handed, frames.delivered, "alone: {alone}");
+    }
+}
+
+#[test]
+fn a_sink_that_breaks_down_is_lost_and_the_run_goes_on() {
+    let outcome = run(beside_another(Trouble::Breaks), None);
+    let handed = handed(&outcome);
+    let [broken, whole] = outcome.sinks.as_slice() else { panic!("two sinks: {:?}", outcome.sinks) };
+    assert!(broken.is_lost && broken.frames <= 2, "{broken:?}");
+    assert_eq!(whole.frames, handed);
+    assert_eq!(outcome.record.ledger.count(EventKind::SinkLost), 1);
+    assert!(outcome.sink_failure().is_some_and(|failure| failure.contains("broke down")));
+}
