@@ -53,6 +53,19 @@ impl GreyTable {
         Self { bits, entries }
     }
 
+    /// Greys of a display whose luminance is this power of the grey, one entry for each luminance.
+    ///
+    /// # Errors
+    /// When the power is not from 0.1 to 10, or `bits` is neither 8 nor 10.
+    pub fn by_gamma(bits: u32, gamma: f64) -> Result<Self, DisplayError> {
+        if !(0.1..=10.0).contains(&gamma) {
+            return Err(DisplayError::Table { wanted: "a gamma from 0.1 to 10", got: gamma.to_string() });
+        }
+        let most = f64::from(most_of(bits));
+        let entries = (0..=u16::MAX).map(|i| (most * (f64::from(i) / 65_535.0).powf(1.0 / gamma)) as f32).collect();
+        Self::new(bits, entries)
+    }
+
     /// Bits of a grey.
     #[must_use]
     pub fn bits(&self) -> u32 {

@@ -47,3 +47,4 @@ pub use monitor::MonitorChoice;
 pub use params::{Bits, Params};
 pub use screen::Display;
 pub use submitted::Submitted;
+pub use window::monitors;

@@ -55,6 +55,7 @@ type Reply = Sender<Result<Opened, DisplayError>>;
 enum Request {
     Open(Order, Reply),
     Forget(WindowId),
+    List(Sender<Vec<MonitorFacts>>),
 }
 
 static EVENT_LOOP: OnceLock<Result<EventLoopProxy<Request>, String>> = OnceLock::new();
@@ -64,11 +65,24 @@ static EVENT_LOOP: OnceLock<Result<EventLoopProxy<Request>, String>> = OnceLock:
 /// # Errors
 /// When there is no server, no such monitor, or no way to fill it with frames of this size.
 pub(super) fn open(order: Order) -> Result<Opened, DisplayError> {
+    ask(|reply| Request::Open(order, reply))?
+}
+
+/// The monitors that there are.
+///
+/// # Errors
+/// When there is no server, or it does not answer.
+pub fn monitors() -> Result<Vec<MonitorFacts>, DisplayError> {
+    ask(Request::List)
+}
+
+/// Asks the event loop, which is started when it does not run yet.
+fn ask<T>(request: impl FnOnce(Sender<T>) -> Request) -> Result<T, DisplayError> {
     let proxy = EVENT_LOOP.get_or_init(start).as_ref().map_err(|why| DisplayError::NoServer(why.clone()))?;
     let no_answer = || DisplayError::NoAnswer { waited_s: LONGEST_WAIT.as_secs() };
     let (reply, answer) = bounded(1);
-    proxy.send_event(Request::Open(order, reply)).map_err(|_| no_answer())?;
-    answer.recv_timeout(LONGEST_WAIT).map_err(|_| no_answer())?
+    proxy.send_event(request(reply)).map_err(|_| no_answer())?;
+    answer.recv_timeout(LONGEST_WAIT).map_err(|_| no_answer())
 }
 
 /// Lets a window go; it closes with its last owner.
@@ -128,7 +142,7 @@ impl Shown {
         if self.order.window_px.is_some() {
             return;
         }
-        let found = monitors(event_loop).into_iter().find(|(facts, _)| facts.name == self.monitor.name);
+        let found = monitors_of(event_loop).into_iter().find(|(facts, _)| facts.name == self.monitor.name);
         let Some((facts, handle)) = found else {
             self.order.state.monitor_is_there(false);
             return;
@@ -200,7 +214,7 @@ impl Windows {
 
 /// Makes a window for `order`.
 fn begin(event_loop: &ActiveEventLoop, order: Order, is_managed: bool) -> Result<(Shown, Placement), DisplayError> {
-    let monitors = monitors(event_loop);
+    let monitors = monitors_of(event_loop);
     let facts: Vec<MonitorFacts> = monitors.iter().map(|(facts, _)| facts.clone()).collect();
     let chosen = monitor::choose(&facts, &order.monitor)?;
     let (monitor, handle) = monitors[chosen].clone();
@@ -240,7 +254,7 @@ fn attributes(wanted: Area, fullscreen: Option<Fullscreen>, is_managed: bool) ->
 }
 
 /// The monitors that there are, with what is known of them.
-fn monitors(event_loop: &ActiveEventLoop) -> Vec<(MonitorFacts, MonitorHandle)> {
+fn monitors_of(event_loop: &ActiveEventLoop) -> Vec<(MonitorFacts, MonitorHandle)> {
     let primary = event_loop.primary_monitor();
     let all = event_loop.available_monitors().enumerate().map(|(index, handle)| {
         let (size, origin) = (handle.size(), handle.position());
@@ -276,6 +290,10 @@ impl ApplicationHandler<Request> for Windows {
     fn user_event(&mut self, event_loop: &ActiveEventLoop, request: Request) {
         match request {
             Request::Open(order, reply) => self.begin(event_loop, order, reply),
+            Request::List(reply) => {
+                let all = monitors_of(event_loop).into_iter().map(|(facts, _)| facts).collect();
+                let _somebody_waits = reply.send(all);
+            }
             Request::Forget(id) => self.shown.retain(|shown| shown.window.id() != id),
         }
     }
