@@ -25,6 +25,8 @@ pub struct Counts {
     pub monitor_regained: u64,
     /// Submit times that nobody took in time.
     pub submits_lost: u64,
+    /// Pixels of presented frames that wanted more light than the display has there, and show its most.
+    pub clipped_px: u64,
 }
 
 /// The same, shared.
@@ -40,6 +42,7 @@ pub(super) struct Counters {
     pub(super) monitor_lost: AtomicU64,
     pub(super) monitor_regained: AtomicU64,
     pub(super) submits_lost: AtomicU64,
+    pub(super) clipped_px: AtomicU64,
 }
 
 /// One more.
@@ -62,6 +65,7 @@ impl Counters {
             monitor_lost: of(&self.monitor_lost),
             monitor_regained: of(&self.monitor_regained),
             submits_lost: of(&self.submits_lost),
+            clipped_px: of(&self.clipped_px),
         }
     }
 }

@@ -106,8 +106,8 @@ pub struct Row {
     pub refresh: u64,
 }
 
-/// Luminances of a row -> greys of the same length.
-type MakeRow = Box<dyn Fn(&[u16], &mut [u16], Row) + Send>;
+/// Luminances of a row -> greys of the same length, and how many pixels wanted more light than there is.
+type MakeRow = Box<dyn Fn(&[u16], &mut [u16], Row) -> u64 + Send>;
 
 /// Makes greys, a row at a time.
 pub struct GreyMaker {
@@ -125,14 +125,16 @@ impl GreyMaker {
             for (grey, luminance) in out.iter_mut().zip(luminances) {
                 *grey = greys[usize::from(*luminance)];
             }
+            0
         };
         Self { bits: table.bits(), changes_by_refresh: false, make: Box::new(make) }
     }
 
     /// Any function of a row and a refresh. `changes_by_refresh`: frames that are repeated are made anew at each
-    /// refresh. Greys above `2^bits - 1` show as the brightest.
+    /// refresh. `make` gives how many pixels wanted more light than the display has; greys above `2^bits - 1` show as
+    /// the brightest.
     #[must_use]
-    pub fn by_row(bits: u32, changes_by_refresh: bool, make: impl Fn(&[u16], &mut [u16], Row) + Send + 'static) -> Self {
+    pub fn by_row(bits: u32, changes_by_refresh: bool, make: impl Fn(&[u16], &mut [u16], Row) -> u64 + Send + 'static) -> Self {
         Self { bits, changes_by_refresh, make: Box::new(make) }
     }
 
@@ -148,9 +150,9 @@ impl GreyMaker {
         self.changes_by_refresh
     }
 
-    /// Greys of one row.
-    pub fn make(&self, luminances: &[u16], greys: &mut [u16], row: Row) {
-        (self.make)(luminances, greys, row);
+    /// Greys of one row; gives how many pixels wanted more light than there is.
+    pub fn make(&self, luminances: &[u16], greys: &mut [u16], row: Row) -> u64 {
+        (self.make)(luminances, greys, row)
     }
 }
 
@@ -222,10 +224,11 @@ mod tests {
             for (grey, luminance) in greys.iter_mut().zip(luminances) {
                 *grey = luminance / 257 + (row.y as u16) + (row.refresh as u16);
             }
+            7
         });
         let mut greys = [0; 2];
-        maker.make(&[257, 514], &mut greys, Row { y: 3, refresh: 10 });
-        assert_eq!(greys, [14, 15]);
+        let clipped = maker.make(&[257, 514], &mut greys, Row { y: 3, refresh: 10 });
+        assert_eq!((greys, clipped), ([14, 15], 7));
         assert!(maker.changes_by_refresh());
     }
 }

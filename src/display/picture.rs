@@ -31,16 +31,17 @@ impl Picture {
         &self.greys
     }
 
-    /// Makes the greys of a frame's luminances, and the marker over them.
-    pub fn compose(&mut self, luminances: &[u16], maker: &GreyMaker, refresh: u64, marker_is_white: bool) {
+    /// Makes the greys of a frame's luminances, and the marker over them. Gives how many pixels wanted more light than
+    /// there is.
+    pub fn compose(&mut self, luminances: &[u16], maker: &GreyMaker, refresh: u64, marker_is_white: bool) -> u64 {
         let width = self.size_px[0].max(1);
         let rows = self.greys.chunks_exact_mut(width).zip(luminances.chunks_exact(width));
-        for (y, (greys, luminances)) in rows.enumerate() {
-            maker.make(luminances, greys, Row { y, refresh });
-        }
+        let made = rows.enumerate().map(|(y, (greys, luminances))| maker.make(luminances, greys, Row { y, refresh }));
+        let clipped = made.sum();
         if let Some(marker) = &self.marker {
             marker.draw(&mut self.greys, self.size_px, if marker_is_white { self.white } else { 0 });
         }
+        clipped
     }
 }
 

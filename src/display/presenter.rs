@@ -13,6 +13,7 @@ use crate::display::hand_over::{Incoming, Luminances};
 use crate::display::picture::Picture;
 use crate::display::state::State;
 use crate::display::submitted::Submitted;
+use core::sync::atomic::Ordering;
 use crossbeam_channel::Sender;
 use std::sync::Arc;
 use std::time::Duration;
@@ -143,7 +144,10 @@ impl<G: Glass> Presenter<G> {
         let is_changed = has_frame && (is_new || self.maker.changes_by_refresh());
         self.marker_is_white ^= is_new;
         if is_changed {
-            self.picture.compose(&self.shown.pixels, &self.maker, self.refresh, self.marker_is_white);
+            let clipped = self.picture.compose(&self.shown.pixels, &self.maker, self.refresh, self.marker_is_white);
+            if is_new {
+                self.state.counters.clipped_px.fetch_add(clipped, Ordering::Relaxed);
+            }
         }
         self.glass.show(&self.picture, is_changed);
         let submit = self.clock.now();
@@ -266,12 +270,16 @@ mod tests {
 
     #[test]
     fn a_maker_that_changes_is_asked_at_each_refresh() {
-        let maker = GreyMaker::by_row(8, true, |_, greys, row: Row| greys.fill(row.refresh as u16));
+        let maker = GreyMaker::by_row(8, true, |_, greys, row: Row| {
+            greys.fill(row.refresh as u16);
+            2
+        });
         let mut bench = bench(maker, None);
         bench.outgoing.put(1, &[0, 0]);
         (0..3).for_each(|_| bench.presenter.refresh_once());
         let first: Vec<u16> = bench.presenter.glass.shown.iter().map(|(greys, _)| greys[0]).collect();
         assert_eq!(first, [0, 1, 2]);
+        assert_eq!(bench.presenter.state.counters.read().clipped_px, 2, "once for the frame, not for its repeats");
         assert!(bench.presenter.glass.shown.iter().all(|(_, is_changed)| *is_changed));
     }
 
