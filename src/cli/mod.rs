@@ -13,6 +13,7 @@ mod check_attitude;
 mod check_light;
 mod check_plan;
 mod check_scenario;
+pub mod display;
 mod frame_plan;
 pub mod link_check;
 mod load_threads;
@@ -81,6 +82,8 @@ enum Command {
     Check(check::CheckArgs),
     /// Measure what frames cost on this machine, for runs on the real clock and `check`
     Calibrate(calibrate::CalibrateArgs),
+    /// List this machine's monitors, or show images on one
+    Display(display::DisplayArgs),
     /// Host a simulated CAN bus that programs join over slcan (TCP, PTY) and socketcand
     Bus(bus::BusArgs),
     /// Fly many simulated hours of random faults and check that the loop rides them through
@@ -137,6 +140,7 @@ pub fn main() -> ExitCode {
         Command::Render(arguments) => render::run(&arguments).map(|()| EXIT_DONE),
         Command::Check(arguments) => check::run(&arguments).map(|()| EXIT_DONE),
         Command::Calibrate(arguments) => calibrate::run(&arguments).map(|()| EXIT_DONE),
+        Command::Display(arguments) => display::run(&arguments).map(|()| EXIT_DONE),
         Command::Bus(arguments) => bus::run(&arguments),
         Command::Campaign(arguments) => campaign::run(&arguments),
         Command::Chart(arguments) => chart::run(&arguments).map(|()| EXIT_DONE),

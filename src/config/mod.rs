@@ -23,6 +23,8 @@ mod detector_dark;
 mod detector_effects;
 mod detector_pattern;
 mod detector_readout;
+#[cfg_attr(not(test), allow(dead_code, reason = "the reader of [sink] calls it when it knows kind = \"display\""))]
+mod display;
 mod distortion;
 mod document;
 mod error;
@@ -56,6 +58,7 @@ pub use budget::Budget;
 pub use camera::{Camera, is_camera};
 pub use check::Defaulted;
 pub use detector::Detector;
+pub use display::DisplaySettings;
 pub use document::{Document, PackedDocuments};
 pub use error::ConfigError;
 pub use event::{Action, Event, GyroFaultKind, Pointing};

@@ -92,6 +92,15 @@ pub enum SinkError {
     Lost {
         /// The sink's name.
         sink: &'static str,
+    /// A device that did not take a frame.
+    #[error("frame {frame} did not get out by the {sink} sink: {source}")]
+    Device {
+        /// The sink's name.
+        sink: &'static str,
+        /// The frame.
+        frame: u32,
+        /// What the device's own room says.
+        source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// Bytes that are not a FITS image this reader knows.
     #[error("not a FITS image starloop can read: {what}: wanted {wanted}, got {got}")]

@@ -7,7 +7,7 @@ use crate::table::{ROOMS, may_import};
 /// `src/main.rs` calls the commands and nothing else.
 const MAIN_MAY_IMPORT: &[&str] = &["cli"];
 /// The only modules that speak to the graphics interface.
-const MAY_NAME_WGPU: &[&[&str]] = &[&["gpu"], &["render", "gpu"], &["detector", "gpu"], &["sink", "display"]];
+const MAY_NAME_WGPU: &[&[&str]] = &[&["gpu"], &["render", "gpu"], &["detector", "gpu"], &["display"]];
 /// The only reader of the machine's clocks.
 const MAY_READ_CLOCKS: &[&[&str]] = &[&["base", "clock"]];
 /// Ceiling for one file: beyond it, a file has two subjects.
@@ -70,7 +70,7 @@ fn stray_wgpu(file: &Checked) -> Vec<String> {
     if file.is_inside(MAY_NAME_WGPU) {
         return Vec::new();
     }
-    file.wrong("only `gpu`, `render::gpu`, `detector::gpu` and `sink::display` do", |path| path.head() == "wgpu")
+    file.wrong("only `gpu`, `render::gpu`, `detector::gpu` and `display` do", |path| path.head() == "wgpu")
 }
 
 /// The machine's clocks outside `base::clock`.

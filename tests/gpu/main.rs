@@ -14,6 +14,7 @@ mod detector;
 mod device;
 mod drawing;
 mod effects;
+mod greys;
 mod overflow;
 mod overlap;
 mod passes;

@@ -1,0 +1,320 @@
+"""Tests of the display against an X server's own memory: python3 hil_scripts/test_display.py
+
+Xvfb keeps its screen in a file (-fbdir) in the format of xwd; it is read here, and every pixel is held against greys
+that are worked out here. Window managers: none, evilwm (which knows full-screen windows) and twm (which does not).
+
+Needs: xvfb, xdotool, evilwm, twm, and a Vulkan driver. STARLOOP_BINARY names the program (default
+target/release/starloop).
+"""
+
+import math
+import os
+import random
+import shutil
+import struct
+import subprocess
+import tempfile
+import time
+import unittest
+import zlib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop"))
+SIDE = 256  # a square with each luminance once
+PATIENCE_S = 60
+
+
+def command(*arguments):
+    """The command line that shows images; the one place that knows it."""
+    return [BINARY, "display", *arguments]
+
+
+def needed(*programs):
+    """Skips a test, and says so, where a program is missing."""
+    missing = [program for program in programs if not shutil.which(program)]
+    if missing:
+        print(f"SKIPPED: {', '.join(missing)} not installed", flush=True)
+    return unittest.skipIf(missing, f"{missing} not installed")
+
+
+def write_png(path, width, height, luminances):
+    """A PNG of 16 bit greys."""
+
+    def chunk(kind, body):
+        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+    rows = (luminances[y * width : (y + 1) * width] for y in range(height))
+    body = b"".join(b"\0" + struct.pack(f">{width}H", *row) for row in rows)
+    header = struct.pack(">2I5B", width, height, 16, 0, 0, 0, 0)
+    parts = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(body)) + chunk(b"IEND", b"")
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + parts)
+    return path
+
+
+def linear_grey(luminance):
+    """The nearest of 256 greys, in whole numbers; halves go up."""
+    return (2 * luminance * 255 + 65535) // (2 * 65535)
+
+
+def gamma_grey(luminance, gamma):
+    return math.floor(255 * (luminance / 65535) ** (1 / gamma) + 0.5)
+
+
+class Screen:
+    """An X server of its own, with or without a window manager."""
+
+    def __init__(self, size=(SIDE, SIDE), manager=None, depth=24):
+        self.folder = tempfile.TemporaryDirectory()
+        reading, writing = os.pipe()
+        geometry = f"{size[0]}x{size[1]}x{depth}"
+        arguments = ["-screen", "0", geometry, "-fbdir", self.folder.name, "-nolisten", "tcp", "-noreset"]
+        self.server = subprocess.Popen(
+            ["Xvfb", "-displayfd", str(writing), *arguments], pass_fds=[writing], stderr=subprocess.DEVNULL
+        )
+        os.close(writing)
+        with os.fdopen(reading) as pipe:
+            number = pipe.readline().strip()
+        self.environment = {**os.environ, "DISPLAY": f":{number}", "HOME": self.folder.name}
+        self.environment.pop("WAYLAND_DISPLAY", None)
+        self.manager = None
+        if manager:
+            self.manager = subprocess.Popen([manager], env=self.environment, stderr=subprocess.DEVNULL)
+            time.sleep(0.5)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        for program in (self.manager, self.server):
+            if program:
+                program.terminate()
+                program.wait(PATIENCE_S)
+        self.folder.cleanup()
+
+    def pixels(self):
+        """The screen as (red, green, blue) by row and column, from the server's memory."""
+        dump = (Path(self.folder.name) / "Xvfb_screen0").read_bytes()
+        header = struct.unpack(">25I", dump[:100])
+        size, _, _, _, width, height, _, byte_order, _, _, _, bits, stride, _, red, green, blue = header[:17]
+        colours = header[19]
+        assert bits == 32, bits
+        start = size + 12 * colours
+        order = ">" if byte_order else "<"
+
+        def of(word, mask):
+            return (word & mask) // (mask & -mask)
+
+        rows = (struct.unpack_from(f"{order}{width}I", dump, start + y * stride) for y in range(height))
+        return [[(of(word, red), of(word, green), of(word, blue)) for word in row] for row in rows]
+
+    def xdotool(self, *arguments):
+        done = subprocess.run(["xdotool", *arguments], env=self.environment, capture_output=True, text=True, timeout=60)
+        return done.stdout.strip()
+
+    def window(self):
+        """The program's window; the newest of its name."""
+        return self.xdotool("search", "--name", "starloop display").split()[-1]
+
+
+class Shown:
+    """The program with its first image on the screen."""
+
+    def __init__(self, screen, *arguments):
+        self.program = subprocess.Popen(
+            command("show", *map(str, arguments)),
+            env=screen.environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.description = self.program.stdout.readline()
+        self.told = self.program.stdout.readline()
+        if "submitted" not in self.told:
+            raise AssertionError(f"not shown: {self.description}{self.told}{self.program.communicate()[1]}")
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self.program.poll() is None:
+            self.program.kill()
+        self.program.communicate()
+
+    def next(self):
+        self.program.stdin.write("\n")
+        self.program.stdin.flush()
+        self.told = self.program.stdout.readline()
+
+    def finish(self):
+        """Ends the input; what the program said, and its exit status."""
+        output, errors = self.program.communicate(timeout=PATIENCE_S)
+        return output, errors, self.program.returncode
+
+    def end(self):
+        """How the program ends by itself: what it said, and its exit status."""
+        status = self.program.wait(PATIENCE_S)
+        return self.program.stdout.read(), self.program.stderr.read(), status
+
+
+def differences(pixels, wanted):
+    """Places where the screen is not the wanted grey in all three colours, from the first pixel of `wanted`."""
+    return [
+        (x, y, pixels[y][x], grey)
+        for y, row in enumerate(wanted)
+        for x, grey in enumerate(row)
+        if pixels[y][x] != (grey, grey, grey)
+    ]
+
+
+def settled_differences(screen, wanted):
+    """The differences once they have gone, or after a patient wait: the server paints some time after the submit."""
+    found = None
+    for _ in range(50):
+        found = differences(screen.pixels(), wanted)
+        if not found:
+            break
+        time.sleep(0.1)
+    return found
+
+
+def rows(luminances, width, grey=linear_grey):
+    greys = [grey(luminance) for luminance in luminances]
+    return [greys[at : at + width] for at in range(0, len(greys), width)]
+
+
+@needed("Xvfb", "xdotool", "evilwm", "twm")
+class OnAScreen(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+        self.every = list(range(65536))
+        self.noise = random.Random(7).choices(range(65536), k=SIDE * SIDE)
+
+    def png(self, name, luminances, width=SIDE):
+        return write_png(Path(self.folder.name) / name, width, len(luminances) // width, luminances)
+
+    def test_every_luminance_has_its_grey_with_and_without_a_window_manager(self):
+        images = self.png("every.png", self.every), self.png("noise.png", self.noise)
+        for manager, how in ((None, "full screen"), ("evilwm", "full screen"), ("twm", "without the window manager")):
+            with self.subTest(manager=manager), Screen(manager=manager) as screen, Shown(screen, *images) as shown:
+                self.assertIn(how, shown.description)
+                self.assertEqual(settled_differences(screen, rows(self.every, SIDE))[:5], [])
+                shown.next()
+                wanted = rows(self.noise, SIDE)
+                self.assertEqual(settled_differences(screen, wanted)[:5], [])
+                wanted[100][7] ^= 1
+                self.assertEqual(len(differences(screen.pixels(), wanted)), 1, "control: one bit of one pixel")
+                _, errors, status = shown.finish()
+                self.assertEqual((status, errors), (0, ""))
+
+    def test_another_table_gives_other_greys(self):
+        with Screen() as screen, Shown(screen, self.png("every.png", self.every), "--gamma", 2.2) as shown:
+            wanted = rows(self.every, SIDE, lambda luminance: gamma_grey(luminance, 2.2))
+            self.assertEqual(settled_differences(screen, wanted)[:5], [])
+            wrong = differences(screen.pixels(), rows(self.every, SIDE))
+            self.assertGreater(len(wrong), 60000, "control: the linear table is not what is shown")
+            shown.finish()
+
+    def test_the_marker_turns_over_with_each_frame(self):
+        side, images = 16, [self.png(f"{n}.png", self.noise) for n in range(4)]
+        marker = ("--marker-px", side, "--marker-corner", "bottom-right")
+        with Screen() as screen, Shown(screen, *images, *marker) as shown:
+            for number in range(4):
+                wanted = rows(self.noise, SIDE)
+                for row in wanted[-side:]:
+                    row[-side:] = [0 if number % 2 else 255] * side
+                self.assertEqual(settled_differences(screen, wanted)[:5], [], f"frame {number}")
+                if number < 3:
+                    shown.next()
+            shown.finish()
+
+    def test_a_window_of_its_own_size(self):
+        image = self.png("small.png", self.noise[: 64 * 48], width=64)
+        with Screen() as screen, Shown(screen, image, "--window") as shown:
+            self.assertIn("a window of 64 x 48 px", shown.description)
+            place = dict(
+                line.split("=") for line in screen.xdotool("getwindowgeometry", "--shell", screen.window()).split()
+            )
+            wanted = rows(self.noise[: 64 * 48], 64)
+            left, top = int(place["X"]), int(place["Y"])
+            for _ in range(50):
+                part = [row[left : left + 64] for row in screen.pixels()[top : top + 48]]
+                if not differences(part, wanted):
+                    break
+                time.sleep(0.1)
+            self.assertEqual(differences(part, wanted)[:5], [])
+            shown.finish()
+
+    def test_a_closed_window_ends_it_with_a_reason(self):
+        image = self.png("every.png", self.every)
+        closings = (
+            ("evilwm", ("windowquit",), "window manager asked"),
+            (None, ("windowclose",), "destroyed"),
+            (None, ("key", "--window", "0", "Escape"), "Esc"),
+        )
+        for manager, action, reason in closings:
+            with self.subTest(action=action), Screen(manager=manager) as screen, Shown(screen, image) as shown:
+                window = screen.window()
+                if action[0] == "key":
+                    screen.xdotool("mousemove", "100", "100")
+                    screen.xdotool("key", "Escape")
+                else:
+                    screen.xdotool(*action, window)
+                _, errors, status = shown.end()
+                self.assertEqual(status, 1)
+                self.assertIn(reason, errors)
+
+    def test_what_does_not_fit_is_refused(self):
+        small, every = self.png("small.png", [0] * 64 * 48, width=64), self.png("every.png", self.every)
+        refusals = (
+            ((small,), ("64 x 48", "256 x 256", "window = [64, 48]")),
+            ((every, "--monitor", "HDMI-9"), ('named "HDMI-9"', "256 x 256 at 0, 0")),
+            ((every, "--monitor", "3"), ("number 3",)),
+            ((every, "--bits", "10"), ("10 bits are not offered", "Bgra8Unorm")),
+            ((every, "--marker-px", "257"), ("257",)),
+            ((every, "--gamma", "0"), ("gamma",)),
+        )
+        with Screen() as screen:
+            for arguments, parts in refusals:
+                with self.subTest(arguments=arguments[1:]):
+                    done = subprocess.run(
+                        command("show", *map(str, arguments)),
+                        env=screen.environment,
+                        capture_output=True,
+                        text=True,
+                        timeout=PATIENCE_S,
+                    )
+                    self.assertEqual(done.returncode, 1, done.stdout)
+                    for part in parts:
+                        self.assertIn(part, done.stderr)
+
+    def test_monitors_are_listed_by_the_names_that_choose_them(self):
+        with Screen() as screen:
+            listed = subprocess.run(
+                command("monitors"), env=screen.environment, capture_output=True, text=True, timeout=PATIENCE_S
+            ).stdout
+            self.assertIn("256 x 256 at 0, 0", listed)
+            name = listed.split()[1]
+            for choice in (name, "0"):
+                with Shown(screen, self.png("every.png", self.every), "--monitor", choice) as shown:
+                    self.assertEqual(settled_differences(screen, rows(self.every, SIDE))[:5], [])
+                    shown.finish()
+
+    def test_without_a_server_it_says_so(self):
+        environment = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+        for server in ({}, {"DISPLAY": ":4242"}):
+            done = subprocess.run(
+                command("show", str(self.png("every.png", self.every))),
+                env={**environment, **server},
+                capture_output=True,
+                text=True,
+                timeout=PATIENCE_S,
+            )
+            self.assertEqual(done.returncode, 1)
+            self.assertIn("set DISPLAY", done.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

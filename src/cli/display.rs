@@ -1,0 +1,186 @@
+//! `starloop display`: the monitors there are, and images on one of them: a look at a marker, a pattern, a grey ramp.
+
+use crate::base::clock::{Clock, Monotonic};
+use crate::base::image::DnImage;
+use crate::display::{Bits, Corner, Display, GreyMaker, GreyTable, Marker, MonitorChoice, Params, monitors};
+use crate::sink::{SentFrame, Sink};
+use anyhow::{Context, Result, bail};
+use clap::{Args, Subcommand, ValueEnum};
+use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
+use std::io::{BufRead, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Between looks at whether somebody closed the window.
+const LOOK: Duration = Duration::from_millis(20);
+/// Longest wait for a frame's submit time, looks.
+const LONGEST_LOOKS: u32 = 500;
+
+/// Command line of `display`.
+#[derive(Debug, Args)]
+pub struct DisplayArgs {
+    #[command(subcommand)]
+    command: DisplayCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum DisplayCommand {
+    /// List the monitors by the names that benches use
+    Monitors,
+    /// Show images, one after the other; Enter shows the next, Esc in the window ends it
+    Show(ShowArgs),
+}
+
+/// Command line of `display show`.
+#[derive(Debug, Args)]
+#[command(after_help = "Images are grey PNGs, taken as luminances: 65535 (or 255) is the full luminance of the display. \
+                        Greys go to the monitor in proportion to luminance, or by --gamma; nothing is scaled, so images \
+                        must have the size of the monitor or of the window.")]
+struct ShowArgs {
+    /// Grey PNG files of 16 or 8 bits, all of one size
+    #[arg(required = true)]
+    images: Vec<PathBuf>,
+    /// The monitor: a name or a number of `starloop display monitors` [default: the primary one]
+    #[arg(long)]
+    monitor: Option<String>,
+    /// A window of the images' size in place of a full screen
+    #[arg(long)]
+    window: bool,
+    /// Bits of a grey: 8 or 10
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(8..=10))]
+    bits: u32,
+    /// Response of the display: its luminance is this power of the grey
+    #[arg(long, default_value_t = 1.0)]
+    gamma: f64,
+    /// Side of the photodiode's patch, px; 0: none
+    #[arg(long, default_value_t = 0)]
+    marker_px: u32,
+    /// Where the patch is
+    #[arg(long, value_enum, default_value_t = CornerWord::TopLeft)]
+    marker_corner: CornerWord,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum CornerWord {
+    TopLeft,
+    TopRight,
+    BottomLeft,
+    BottomRight,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// When there is no X server, an image cannot be shown, or the window is closed.
+pub fn run(arguments: &DisplayArgs) -> Result<()> {
+    match &arguments.command {
+        DisplayCommand::Monitors => {
+            monitors()?.iter().enumerate().for_each(|(index, monitor)| println!("{index}: {monitor}"));
+            Ok(())
+        }
+        DisplayCommand::Show(arguments) => show(arguments),
+    }
+}
+
+fn show(arguments: &ShowArgs) -> Result<()> {
+    let images = arguments.images.iter().map(|path| read(path)).collect::<Result<Vec<DnImage>>>()?;
+    let Some(first) = images.first() else { bail!("no image") };
+    let image_px = [u32::try_from(first.width())?, u32::try_from(first.height())?];
+    let params = params(arguments, image_px)?;
+    let table = GreyTable::by_gamma(params.bits.count(), arguments.gamma)?;
+    let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
+    let mut display = Display::open(&params, GreyMaker::nearest(&table), clock)?;
+    println!("{}", display.description());
+    let (submits, lines) = (display.submits(), lines()?);
+    let mut frame = SentFrame::with_capacity(first.width(), first.height(), 0, "images".into());
+    for (number, (path, image)) in (1..).zip(arguments.images.iter().zip(&images)) {
+        frame.meta.number = number;
+        frame.image.clone_from(image);
+        display.send(&frame)?;
+        let submitted = wait(&display, &submits, Some(LONGEST_LOOKS))?.context("the frame was not shown in time")?;
+        println!("{}: submitted {}", path.display(), submitted.submit.to_rfc3339());
+        std::io::stdout().flush()?;
+        if wait(&display, &lines, None)?.is_none() {
+            break;
+        }
+    }
+    display.finish()?;
+    println!("{:?}", display.counts());
+    Ok(())
+}
+
+fn params(arguments: &ShowArgs, image_px: [u32; 2]) -> Result<Params> {
+    let monitor = match &arguments.monitor {
+        None => MonitorChoice::Primary,
+        Some(word) => word.parse().map_or_else(|_| MonitorChoice::Named(word.clone()), MonitorChoice::Index),
+    };
+    let bits = match arguments.bits {
+        8 => Bits::Eight,
+        10 => Bits::Ten,
+        other => bail!("--bits {other}; wanted 8 or 10"),
+    };
+    let corner = match arguments.marker_corner {
+        CornerWord::TopLeft => Corner::TopLeft,
+        CornerWord::TopRight => Corner::TopRight,
+        CornerWord::BottomLeft => Corner::BottomLeft,
+        CornerWord::BottomRight => Corner::BottomRight,
+    };
+    let marker = (arguments.marker_px > 0).then_some(Marker { size_px: arguments.marker_px, corner });
+    let window_px = arguments.window.then_some(image_px);
+    Ok(Params { monitor, window_px, bits, marker, ..Params::full_screen(image_px) })
+}
+
+/// The next item; `None` when there will be none, or none came in so many looks.
+///
+/// # Errors
+/// When the window is closed meanwhile.
+fn wait<T>(display: &Display, items: &Receiver<T>, looks: Option<u32>) -> Result<Option<T>> {
+    let mut looked = 0;
+    while looks.is_none_or(|most| looked < most) {
+        match items.recv_timeout(LOOK) {
+            Ok(item) => return Ok(Some(item)),
+            Err(RecvTimeoutError::Disconnected) => return Ok(None),
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+        if let Some(end) = display.ended() {
+            return Err(end.clone().into());
+        }
+        looked += 1;
+    }
+    Ok(None)
+}
+
+/// One item for each line of the standard input.
+fn lines() -> Result<Receiver<()>> {
+    let (sender, receiver) = bounded(1);
+    let read = move || {
+        for line in std::io::stdin().lock().lines() {
+            if line.is_err() || sender.send(()).is_err() {
+                break;
+            }
+        }
+    };
+    std::thread::Builder::new().name("lines".into()).spawn(read).context("thread \"lines\"")?;
+    Ok(receiver)
+}
+
+/// A grey PNG as luminances.
+fn read(path: &Path) -> Result<DnImage> {
+    let place = || format!("image {}", path.display());
+    let file = std::fs::File::open(path).with_context(place)?;
+    let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().with_context(place)?;
+    let size = reader.output_buffer_size().with_context(place)?;
+    let mut bytes = vec![0; size];
+    let info = reader.next_frame(&mut bytes).with_context(place)?;
+    let mut image = DnImage::new(info.width as usize, info.height as usize);
+    let luminances: Vec<u16> = match (info.color_type, info.bit_depth) {
+        (png::ColorType::Grayscale, png::BitDepth::Sixteen) => {
+            bytes.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect()
+        }
+        (png::ColorType::Grayscale, png::BitDepth::Eight) => bytes.iter().map(|grey| u16::from(*grey) * 257).collect(),
+        (color, depth) => bail!("{}: got {color:?} of {depth:?} bits, wanted grey of 16 or 8 bits", place()),
+    };
+    image.pixels_mut().copy_from_slice(&luminances[..info.width as usize * info.height as usize]);
+    Ok(image)
+}

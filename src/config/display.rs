@@ -1,0 +1,204 @@
+//! `[sink] kind = "display"`: a monitor in front of a tracker.
+
+use crate::base::time::Span;
+use crate::config::check::{Checker, Rule};
+use crate::config::error::ConfigError;
+use crate::display::{Bits, Corner, Marker, MonitorChoice, Params};
+use serde::Deserialize;
+use std::path::PathBuf;
+
+/// Longest side of a frame that a graphics driver must take.
+const LONGEST_PX: u32 = 8192;
+
+/// A display, checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DisplaySettings {
+    /// What the display is opened with.
+    pub params: Params,
+    /// Its calibration file; `None`: greys are taken for luminances, which no monitor's are, and the program says so.
+    pub calibration: Option<PathBuf>,
+}
+
+/// Keys of a display, beside those that every sink has.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct DisplayKeys {
+    monitor: Option<MonitorKey>,
+    window: Option<[i64; 2]>,
+    bits: Option<i64>,
+    marker_px: Option<i64>,
+    marker_corner: Option<String>,
+    calibration: Option<String>,
+    latency_ms: Option<f64>,
+    direct_scanout: Option<bool>,
+}
+
+/// A monitor by number or by name.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(untagged, expecting = "invalid type: expected a monitor's name or its number, from 0")]
+enum MonitorKey {
+    Index(i64),
+    Name(String),
+}
+
+impl DisplaySettings {
+    /// Reads the keys of the sink `table` (`sink`, `extra_sink[0]`) for frames of `image_px`, columns and rows.
+    pub(super) fn check(
+        keys: &DisplayKeys,
+        table: &str,
+        image_px: [u32; 2],
+        check: &mut Checker<'_>,
+    ) -> Result<Self, ConfigError> {
+        let key = |name: &str| format!("{table}.{name}");
+        let monitor = monitor(keys.monitor.as_ref(), &key("monitor"), check)?;
+        let window_px = window(keys.window, &key("window"), image_px, check)?;
+        let most = "10 where driver, server and monitor agree on it";
+        let bits = match check.whole(&key("bits"), keys.bits, Some(8), 8..=10, most)? {
+            8 => Bits::Eight,
+            10 => Bits::Ten,
+            other => return Err(check.invalid(&key("bits"), other, "8 or 10", most)),
+        };
+        let marker = marker(keys, &key, image_px, check)?;
+        let advice = "from submit to light, as a photodiode on the marker measures it";
+        let latency = keys.latency_ms.map(|ms| check.meets(&key("latency_ms"), ms, Rule::Within(0.0, 1000.0), advice));
+        let latency = latency.transpose()?.map(|ms| Span::from_s(ms * 1e-3));
+        if keys.calibration.as_deref().is_some_and(|path| path.trim().is_empty()) {
+            let advice = "as `starloop calibrate display` writes it, beside this file";
+            return Err(check.invalid(&key("calibration"), "empty", "a calibration file", advice));
+        }
+        let calibration = keys.calibration.as_ref().map(|path| check.document.file_beside(path));
+        let direct_scanout = check.given_or(&key("direct_scanout"), keys.direct_scanout, false);
+        let params = Params { monitor, window_px, image_px, bits, marker, latency, direct_scanout };
+        Ok(Self { params, calibration })
+    }
+}
+
+fn monitor(given: Option<&MonitorKey>, key: &str, check: &mut Checker<'_>) -> Result<MonitorChoice, ConfigError> {
+    let advice = "`starloop display monitors` lists them";
+    match given {
+        None => {
+            check.given_or(key, None, "primary");
+            Ok(MonitorChoice::Primary)
+        }
+        Some(MonitorKey::Name(name)) if name == "primary" => Ok(MonitorChoice::Primary),
+        Some(MonitorKey::Name(name)) if name.trim().is_empty() => {
+            Err(check.invalid(key, "empty", "a name, a number, or \"primary\"", advice))
+        }
+        Some(MonitorKey::Name(name)) => Ok(MonitorChoice::Named(name.clone())),
+        Some(MonitorKey::Index(index)) => Ok(MonitorChoice::Index(
+            check.whole(key, Some(*index), None, 0..=255, advice).map(|index| index as usize)?,
+        )),
+    }
+}
+
+fn window(
+    given: Option<[i64; 2]>,
+    key: &str,
+    image_px: [u32; 2],
+    check: &mut Checker<'_>,
+) -> Result<Option<[u32; 2]>, ConfigError> {
+    let Some(sides) = given else { return Ok(None) };
+    let mut window_px = [0; 2];
+    for (side, given) in window_px.iter_mut().zip(sides) {
+        *side = check.whole(key, Some(given), None, 1..=LONGEST_PX, "columns and rows of the window")?;
+    }
+    if window_px != image_px {
+        let wanted = format!("{image_px:?}, the camera's columns and rows");
+        return Err(check.invalid(key, format!("{window_px:?}"), wanted, "frames are never scaled"));
+    }
+    Ok(Some(window_px))
+}
+
+fn marker(
+    keys: &DisplayKeys,
+    key: &impl Fn(&str) -> String,
+    image_px: [u32; 2],
+    check: &mut Checker<'_>,
+) -> Result<Option<Marker>, ConfigError> {
+    let longest = image_px[0].min(image_px[1]);
+    let advice = "side of a square for a photodiode; 0 for none";
+    let size_px = check.whole(&key("marker_px"), keys.marker_px, Some(0), 0..=longest, advice)?;
+    if size_px == 0 {
+        check.unused(&key("marker_corner"), keys.marker_corner.is_some(), "marker_px > 0")?;
+        return Ok(None);
+    }
+    let corners = [
+        ("top_left", Corner::TopLeft),
+        ("top_right", Corner::TopRight),
+        ("bottom_left", Corner::BottomLeft),
+        ("bottom_right", Corner::BottomRight),
+    ];
+    let advice = "where no star of interest falls";
+    let corner = check.choice(&key("marker_corner"), keys.marker_corner.as_deref(), &corners, advice)?;
+    Ok(Some(Marker { size_px, corner }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::document::Document;
+    use std::path::Path;
+
+    const IMAGE_PX: [u32; 2] = [640, 480];
+
+    fn read(text: &str) -> Result<DisplaySettings, ConfigError> {
+        #[derive(Deserialize)]
+        struct File {
+            sink: DisplayKeys,
+        }
+        let document = Document::from_text(&format!("[sink]\n{text}"), Path::new("benches/a.toml"));
+        let File { sink } = document.read_as()?;
+        DisplaySettings::check(&sink, "sink", IMAGE_PX, &mut Checker::new(&document))
+    }
+
+    #[test]
+    fn without_a_key_it_fills_the_primary_monitor() {
+        let settings = read("").unwrap();
+        assert_eq!(settings, DisplaySettings { params: Params::full_screen(IMAGE_PX), calibration: None });
+    }
+
+    #[test]
+    fn every_key_is_read() {
+        let settings = read(
+            "monitor = 1\nwindow = [640, 480]\nbits = 10\nmarker_px = 32\nmarker_corner = \"bottom_left\"\n\
+             calibration = \"panel.toml\"\nlatency_ms = 21.5",
+        )
+        .unwrap();
+        let params = Params {
+            monitor: MonitorChoice::Index(1),
+            window_px: Some(IMAGE_PX),
+            image_px: IMAGE_PX,
+            bits: Bits::Ten,
+            marker: Some(Marker { size_px: 32, corner: Corner::BottomLeft }),
+            latency: Some(Span::from_ns(21_500_000)),
+            direct_scanout: false,
+        };
+        assert_eq!(settings.params, params);
+        assert_eq!(settings.calibration.as_deref(), Some(Path::new("benches/panel.toml")));
+        let named = read("monitor = \"HDMI-1\"").unwrap();
+        assert_eq!(named.params.monitor, MonitorChoice::Named("HDMI-1".into()));
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_with_the_key() {
+        for (text, part) in [
+            ("monitr = 1", "did you mean `monitor`"),
+            ("monitor = -1", "sink.monitor"),
+            ("monitor = \" \"", "sink.monitor"),
+            ("monitor = 1.5", "name or its number"),
+            ("window = [640, 481]", "[640, 480]"),
+            ("window = [0, 480]", "sink.window"),
+            ("bits = 9", "8 or 10"),
+            ("bits = 12", "sink.bits"),
+            ("marker_px = 481", "sink.marker_px"),
+            ("marker_corner = \"top_left\"", "marker_px"),
+            ("marker_px = 8\nmarker_corner = \"top\"", "top_left"),
+            ("latency_ms = -1.0", "sink.latency_ms"),
+            ("calibration = \"\"", "sink.calibration"),
+        ] {
+            let error = read(text).unwrap_err().to_string();
+            assert!(error.contains(part), "{text}: {error}");
+        }
+        assert!(read("marker_px = 480").is_ok(), "the other side of the edge");
+    }
+}

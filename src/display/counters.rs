@@ -1,0 +1,71 @@
+//! What became of frames and refreshes, counted without a lock: written by the presenter and the event loop, read by anybody.
+
+use core::sync::atomic::{AtomicU64, Ordering};
+
+/// Counts as they stood at one instant. Each is of its own: sums may be one apart while frames are on their way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// New frames handed to the graphics driver.
+    pub presented: u64,
+    /// Refreshes that showed the frame before once more, as nothing new had come.
+    pub repeated: u64,
+    /// Frames that a newer one replaced before they were shown.
+    pub replaced: u64,
+    /// Refreshes that came more than one and a half refresh times after the one before: one or more were missed.
+    pub late: u64,
+    /// Frames that were not shown as the monitor was away or the window closed.
+    pub unseen: u64,
+    /// Times the surface was lost and made again.
+    pub lost_surface: u64,
+    /// Times the surface was configured anew, as the window had another size or the driver asked for it.
+    pub reconfigured: u64,
+    /// Times the monitor went away.
+    pub monitor_lost: u64,
+    /// Times it came back.
+    pub monitor_regained: u64,
+    /// Submit times that nobody took in time.
+    pub submits_lost: u64,
+    /// Pixels of presented frames that wanted more light than the display has there, and show its most.
+    pub clipped_px: u64,
+}
+
+/// The same, shared.
+#[derive(Debug, Default)]
+pub(super) struct Counters {
+    pub(super) presented: AtomicU64,
+    pub(super) repeated: AtomicU64,
+    pub(super) replaced: AtomicU64,
+    pub(super) late: AtomicU64,
+    pub(super) unseen: AtomicU64,
+    pub(super) lost_surface: AtomicU64,
+    pub(super) reconfigured: AtomicU64,
+    pub(super) monitor_lost: AtomicU64,
+    pub(super) monitor_regained: AtomicU64,
+    pub(super) submits_lost: AtomicU64,
+    pub(super) clipped_px: AtomicU64,
+}
+
+/// One more.
+pub(super) fn count(counter: &AtomicU64) {
+    counter.fetch_add(1, Ordering::Relaxed);
+}
+
+impl Counters {
+    /// As they stand.
+    pub(super) fn read(&self) -> Counts {
+        let of = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        Counts {
+            presented: of(&self.presented),
+            repeated: of(&self.repeated),
+            replaced: of(&self.replaced),
+            late: of(&self.late),
+            unseen: of(&self.unseen),
+            lost_surface: of(&self.lost_surface),
+            reconfigured: of(&self.reconfigured),
+            monitor_lost: of(&self.monitor_lost),
+            monitor_regained: of(&self.monitor_regained),
+            submits_lost: of(&self.submits_lost),
+            clipped_px: of(&self.clipped_px),
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! What the presenter shows on: a surface, or in tests a stand-in for one.
+
+use crate::display::picture::Picture;
+
+/// What one wait for a refresh came to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Turn {
+    /// There is a free image: show something.
+    Ready,
+    /// The image is there, but the surface had to be configured anew.
+    Reconfigured,
+    /// Nothing can be shown now; ask again.
+    NotNow,
+    /// The surface was lost; it has been made again, or will be.
+    Lost,
+}
+
+/// A surface of images that a monitor takes one by one.
+pub(super) trait Glass {
+    /// Waits for a free image: a second at most.
+    fn turn(&mut self) -> Turn;
+
+    /// Shows the picture in the image of the last [`Turn::Ready`] or [`Turn::Reconfigured`]. `is_changed`: the greys are not
+    /// those of the last call.
+    fn show(&mut self, picture: &Picture, is_changed: bool);
+
+    /// The first failure that does not mend itself.
+    fn failure(&self) -> Option<String>;
+}

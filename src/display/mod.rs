@@ -1,0 +1,50 @@
+//! Linear-luminance frames -> greys on a monitor in front of a tracker.
+//!
+//! Input: [`crate::sink::SentFrame`], whose pixels are luminances: 0 none, 65535 the full luminance of the display. Output:
+//! a window that fills a monitor and shows, pixel by pixel, the greys that the display's table gives for them; nothing
+//! is scaled or filtered. Each new frame leaves a [`Submitted`]: when it was handed to the graphics driver. That is not when
+//! light left the screen, which nothing in this program can see; the marker patch lets a photodiode measure the rest.
+//!
+//! Greys are made on the CPU ([`grey`], [`picture`]) and shown from a texture of whole numbers: one form of the
+//! arithmetic, the same with and without a GPU, and the fragment shader has nothing to do but `grey / most`. That is exact:
+//! its error is below 1e-4 of a grey, and a driver rounds to the nearest. Proved for every grey of 8 and of 10 bits by
+//! `tests/display`, and through an X server by `hil_scripts/test_display.py`.
+//!
+//! Threads: one event loop for the whole program ([`window`]), and one presenter for each display, which waits for the
+//! monitor's refresh. `send` copies a frame into one of three buffers and returns: it never waits for either.
+//!
+//! Limits: X11 (Wayland desktops through Xwayland), Vulkan. Ten bits where the driver offers A2B10G10R10. When the X server
+//! itself dies, Xlib ends the program; so does a client that is killed from outside (`xkill`).
+//!
+//! Tour: `params` (what is asked) -> `monitor` (which screen) -> `window`, `placement` (a window that fills it) -> `glass`,
+//! `surface`, `format`, `painter` (what can be shown on) -> `hand_over` (newest frame wins) -> `grey`, `marker`, `picture` (what is
+//! shown) -> `presenter` (each refresh) -> `counters`, `submitted` (what came of it) -> `screen` (the sink).
+
+pub mod counters;
+pub mod error;
+mod format;
+mod glass;
+pub mod grey;
+mod hand_over;
+pub mod marker;
+pub mod monitor;
+pub mod params;
+pub mod painter;
+pub mod picture;
+mod placement;
+mod presenter;
+mod screen;
+mod state;
+pub mod submitted;
+mod surface;
+mod window;
+
+pub use counters::Counts;
+pub use error::DisplayError;
+pub use grey::{GreyMaker, GreyTable};
+pub use marker::{Corner, Marker};
+pub use monitor::MonitorChoice;
+pub use params::{Bits, Params};
+pub use screen::Display;
+pub use submitted::Submitted;
+pub use window::monitors;

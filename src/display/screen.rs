@@ -1,0 +1,322 @@
+//! The sink: frames in, a monitor that shows them.
+
+use crate::base::clock::Clock;
+use crate::base::time::Span;
+use crate::display::counters::{Counts, count};
+use crate::display::error::DisplayError;
+use crate::display::glass::Glass;
+use crate::display::grey::GreyMaker;
+use crate::display::hand_over::{Luminances, Outgoing, hand_over};
+use crate::display::params::Params;
+use crate::display::picture::Picture;
+use crate::display::presenter::{Pace, Presenter};
+use crate::display::state::State;
+use crate::display::submitted::Submitted;
+use crate::display::surface::VulkanGlass;
+use crate::display::window::{self, Opened, Order};
+use crate::sink::crc32::{RunCrc32, pixel_crc32};
+use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
+use crossbeam_channel::{Receiver, bounded};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+/// Submit times kept for whoever asks: more than a minute at 60 Hz.
+const SUBMITS: usize = 4096;
+const NAME: &str = "display";
+
+/// A monitor that shows frames.
+///
+/// When its window is closed (Esc, the window manager, another program), or the driver fails, the next `send` refuses its
+/// frame and says why; later frames are taken, counted as unseen, and not shown. Whether a run goes on is for the run to
+/// say. An unplugged monitor is no error: frames are counted as unseen until it is back.
+#[derive(Debug)]
+pub struct Display {
+    image_px: [u32; 2],
+    outgoing: Outgoing,
+    state: Arc<State>,
+    submits: Receiver<Submitted>,
+    presenter: Option<JoinHandle<()>>,
+    description: String,
+    latency: Option<Span>,
+    has_told_its_end: bool,
+    is_finished: bool,
+    frames: u64,
+    refused: u64,
+    run_crc32: RunCrc32,
+}
+
+impl Display {
+    /// Opens the window and starts its presenter. Submit times are read from `clock`.
+    ///
+    /// # Errors
+    /// When there is no X server, no such monitor, no driver, or what is asked for does not fit together.
+    pub fn open(params: &Params, maker: GreyMaker, clock: Arc<dyn Clock>) -> Result<Self, DisplayError> {
+        check(params, &maker)?;
+        let state = Arc::new(State::default());
+        let opened = window::open(Order {
+            monitor: params.monitor.clone(),
+            window_px: params.window_px,
+            image_px: params.image_px,
+            state: Arc::clone(&state),
+        })?;
+        let place = place_of(&opened, params);
+        let refresh = opened.monitor.refresh_mhz.map(|mhz| Span::from_s(1000.0 / f64::from(mhz)));
+        let id = opened.window.id();
+        let (image_px, bits, shared) = (params.image_px, params.bits, Arc::clone(&state));
+        let glass = move || VulkanGlass::open(opened.window, image_px, bits, shared);
+        let start = Start { params, maker, clock, state, refresh };
+        let describe = move |glass: &VulkanGlass| format!("{place}; {}", glass.description());
+        start.display(glass, describe, move || window::forget(id))
+    }
+
+    /// Which monitor, how it is filled, which driver and which format.
+    #[must_use]
+    pub fn description(&self) -> &str {
+        &self.description
+    }
+
+    /// What became of frames and refreshes so far.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        self.state.counters.read()
+    }
+
+    /// Submit times, oldest first, for one reader; when 4096 wait, further ones are lost and counted.
+    #[must_use]
+    pub fn submits(&self) -> Receiver<Submitted> {
+        self.submits.clone()
+    }
+
+    /// Submit to light, as it was given.
+    #[must_use]
+    pub fn latency(&self) -> Option<Span> {
+        self.latency
+    }
+
+    /// Why nothing is shown any more, if so.
+    #[must_use]
+    pub fn ended(&self) -> Option<&DisplayError> {
+        self.state.ended()
+    }
+
+    fn refuse(&mut self, frame: u32, why: DisplayError) -> Result<(), SinkError> {
+        self.refused += 1;
+        Err(SinkError::Device { sink: NAME, frame, source: Box::new(why) })
+    }
+}
+
+impl Sink for Display {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        let number = frame.meta.number;
+        if self.is_finished {
+            self.refused += 1;
+            return Err(SinkError::Finished { sink: NAME, frame: number });
+        }
+        let got_px = [frame.image.width(), frame.image.height()].map(|length| length as u32);
+        if got_px != self.image_px {
+            return self.refuse(number, DisplayError::FrameSize { got_px, wanted_px: self.image_px });
+        }
+        let end = self.state.ended().cloned();
+        if let (Some(end), false) = (&end, self.has_told_its_end) {
+            self.has_told_its_end = true;
+            return self.refuse(number, end.clone());
+        }
+        self.run_crc32.add(number, pixel_crc32(&frame.image));
+        self.frames += 1;
+        if end.is_some() {
+            count(&self.state.counters.unseen);
+        } else if self.outgoing.put(number, frame.image.pixels()) {
+            count(&self.state.counters.replaced);
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<SinkSummary, SinkError> {
+        self.is_finished = true;
+        self.state.finish();
+        if let Some(presenter) = self.presenter.take() {
+            let _a_panic_is_told_by_its_thread = presenter.join();
+        }
+        let (frames, refused, run_crc32) = (self.frames, self.refused, self.run_crc32.value());
+        Ok(SinkSummary { sink: NAME, frames, refused, bytes: 0, run_crc32, output: None })
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        self.state.finish();
+        if let Some(presenter) = self.presenter.take() {
+            let _nobody_is_left_to_ask = presenter.join();
+        }
+    }
+}
+
+/// What must hold before a window is opened.
+fn check(params: &Params, maker: &GreyMaker) -> Result<(), DisplayError> {
+    if params.direct_scanout {
+        return Err(DisplayError::DirectScanOut);
+    }
+    if maker.bits() != params.bits.count() {
+        return Err(DisplayError::TableDepth { table: maker.bits(), display: params.bits.count() });
+    }
+    params.marker.map_or(Ok(()), |marker| marker.check(params.image_px))
+}
+
+fn place_of(opened: &Opened, params: &Params) -> String {
+    match (params.window_px, opened.is_managed) {
+        (Some([w, h]), _) => format!("a window of {w} x {h} px"),
+        (None, true) => format!("monitor {}, full screen", opened.monitor),
+        (None, false) => format!("monitor {}, full screen without the window manager", opened.monitor),
+    }
+}
+
+/// What a display is started with, whatever it shows on.
+struct Start<'a> {
+    params: &'a Params,
+    maker: GreyMaker,
+    clock: Arc<dyn Clock>,
+    state: Arc<State>,
+    refresh: Option<Span>,
+}
+
+impl Start<'_> {
+    /// Starts the presenter. `glass` is made on its thread; `at_end` is called there when nothing is shown any more.
+    fn display<G: Glass>(
+        self,
+        glass: impl FnOnce() -> Result<G, DisplayError> + Send + 'static,
+        describe: impl FnOnce(&G) -> String + Send + 'static,
+        at_end: impl FnOnce() + Send + 'static,
+    ) -> Result<Display, DisplayError> {
+        let Self { params, maker, clock, state, refresh } = self;
+        let (image_px, latency) = (params.image_px, params.latency);
+        let size_px = image_px.map(|length| length as usize);
+        let (outgoing, incoming) = hand_over(size_px[0] * size_px[1]);
+        let (submitted, submits) = bounded(SUBMITS);
+        let (told, answer) = bounded(1);
+        let picture = Picture::new(size_px, params.marker, params.bits.most());
+        let shared = Arc::clone(&state);
+        let present = move || {
+            let opened = glass();
+            let _the_opener_waits = told.send(opened.as_ref().map(describe).map_err(Clone::clone));
+            if let Ok(glass) = opened {
+                let (pace, shown) = (Pace::new(refresh), Luminances::default());
+                let (state, submits) = (shared, submitted);
+                let (refresh, marker_is_white) = (0, false);
+                Presenter { glass, incoming, picture, maker, state, clock, submits, pace, shown, refresh, marker_is_white }
+                    .run();
+            }
+            at_end();
+        };
+        let no_thread = |error: std::io::Error| DisplayError::Thread { name: NAME, reason: error.to_string() };
+        let presenter = std::thread::Builder::new().name(NAME.into()).spawn(present).map_err(no_thread)?;
+        let ended = |_| DisplayError::Driver("its thread ended at its start".into());
+        let description = answer.recv().map_err(ended)??;
+        Ok(Display {
+            image_px,
+            outgoing,
+            state,
+            submits,
+            presenter: Some(presenter),
+            description,
+            latency,
+            has_told_its_end: false,
+            is_finished: false,
+            frames: 0,
+            refused: 0,
+            run_crc32: RunCrc32::default(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::clock::Monotonic;
+    use crate::display::error::Closing;
+    use crate::display::glass::Turn;
+    use crate::display::grey::GreyTable;
+    use crate::display::marker::{Corner, Marker};
+    use crate::display::params::Bits;
+    use crate::sink::compliance::check_sink;
+    use crate::sink::frame::sample_frame;
+
+    /// Takes everything.
+    struct Paper;
+
+    impl Glass for Paper {
+        fn turn(&mut self) -> Turn {
+            Turn::Ready
+        }
+
+        fn show(&mut self, _: &Picture, _: bool) {}
+
+        fn failure(&self) -> Option<String> {
+            None
+        }
+    }
+
+    fn maker() -> GreyMaker {
+        GreyMaker::nearest(&GreyTable::linear(8))
+    }
+
+    fn on_paper() -> Display {
+        let params = Params::full_screen([31, 17]);
+        let refresh = Some(Span::from_ns(1_000_000));
+        let (clock, state) = (Arc::new(Monotonic::start()), Arc::new(State::default()));
+        let start = Start { params: &params, maker: maker(), clock, state, refresh };
+        start.display(|| Ok(Paper), |_| "paper".into(), || {}).unwrap()
+    }
+
+    #[test]
+    fn the_display_complies() {
+        check_sink(|| Box::new(on_paper())).unwrap();
+    }
+
+    #[test]
+    fn each_frame_is_presented_or_replaced() {
+        let mut display = on_paper();
+        (0..50).for_each(|number| display.send(&sample_frame(number)).unwrap());
+        assert_eq!(display.finish().unwrap().frames, 50);
+        let counts = display.counts();
+        assert_eq!(counts.presented + counts.replaced, 50, "{counts:?}");
+        let last = display.submits().try_iter().last().unwrap();
+        assert_eq!(last.frame, 49, "the last one is shown before the end");
+    }
+
+    #[test]
+    fn a_closed_window_is_told_once_and_then_counted() {
+        let mut display = on_paper();
+        display.state.end(DisplayError::Closed(Closing::Escape));
+        let told = display.send(&sample_frame(1)).unwrap_err().to_string();
+        assert!(told.contains("Esc"), "{told}");
+        display.send(&sample_frame(2)).unwrap();
+        let summary = display.finish().unwrap();
+        assert_eq!((summary.frames, summary.refused, display.counts().unseen), (1, 1, 1));
+    }
+
+    #[test]
+    fn a_frame_of_another_size_is_refused_and_the_next_is_taken() {
+        let mut display = on_paper();
+        let mut wrong = sample_frame(1);
+        wrong.image = crate::base::image::DnImage::new(31, 18);
+        let text = display.send(&wrong).unwrap_err().to_string();
+        assert!(text.contains("31 x 18") && text.contains("31 x 17"), "{text}");
+        display.send(&sample_frame(2)).unwrap();
+    }
+
+    #[test]
+    fn what_does_not_fit_together_opens_no_window() {
+        let open = |params: Params| Display::open(&params, maker(), Arc::new(Monotonic::start())).unwrap_err();
+        let plain = Params::full_screen([64, 48]);
+        let scanout = open(Params { direct_scanout: true, ..plain.clone() });
+        assert_eq!(scanout, DisplayError::DirectScanOut);
+        let depth = open(Params { bits: Bits::Ten, ..plain.clone() });
+        assert_eq!(depth, DisplayError::TableDepth { table: 8, display: 10 });
+        let marker = Some(Marker { size_px: 49, corner: Corner::TopLeft });
+        assert!(matches!(open(Params { marker, ..plain }), DisplayError::MarkerSize { marker_px: 49, .. }));
+    }
+}
