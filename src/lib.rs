@@ -42,6 +42,8 @@ pub mod render;
 pub mod detector;
 // Frames -> the world: trait `Sink` (recorder, null).
 pub mod sink;
+// Frames -> a display in front of a tracker: its calibration, greys of luminance, beats, latency.
+pub mod display;
 // The other end of the cable: simulated flight computer.
 pub mod testbed;
 // Timing and accuracy tables, run summary.
