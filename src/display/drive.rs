@@ -25,12 +25,14 @@ pub struct DisplayDrive {
     gain: Vec<f32>,
     start: Vec<u8>,
     dither: Dither,
+    width: usize,
+    mirrored: bool,
 }
 
 impl DisplayDrive {
-    /// Prepares tables and maps.
+    /// Prepares tables and maps. `mirrored`: drawn column x is shown in column width - 1 - x.
     #[must_use]
-    pub fn new(response: &Response, flat: &FlatField, size_px: [usize; 2], dither: Dither) -> Self {
+    pub fn new(response: &Response, flat: &FlatField, size_px: [usize; 2], dither: Dither, mirrored: bool) -> Self {
         let [width, height] = size_px;
         let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
         #[allow(clippy::cast_possible_truncation, reason = "single precision is enough for 16 bits of grey")]
@@ -42,18 +44,34 @@ impl DisplayDrive {
         #[allow(clippy::cast_possible_truncation, reason = "columns and rows of a display")]
         let start = places.clone().map(|(x, y)| dither.start(x as u32, y as u32)).collect();
         let gain = places.map(|(x, y)| narrow(1.0 / flat.at([x as f64, y as f64]))).collect();
-        Self { luminance, begin, gain, start, dither }
+        Self { luminance, begin, gain, start, dither, width, mirrored }
     }
 
-    /// Greys of refresh `refresh`; gives how many pixels wanted more light than there is (they show full). Pixels beyond
-    /// the shorter of the two slices and the display are left as they are; what is not a number is black.
-    pub fn greys(&self, luminance: &[f32], refresh: u64, greys: &mut [u16]) -> u64 {
+    /// Greys of one row of refresh `refresh`; luminance as u16, 65535 one full pixel. Gives how many pixels wanted more
+    /// light than there is (they show full). Rows beyond the display and pixels beyond the shorter slice are left as they
+    /// are.
+    pub fn row(&self, luminance: &[u16], y: usize, refresh: u64, greys: &mut [u16]) -> u64 {
+        self.fill(luminance.iter().map(|l| f32::from(*l) / f32::from(u16::MAX)), y, refresh, greys)
+    }
+
+    /// Greys of a whole frame of single-precision luminances, 1 one full pixel; what is not a number is black.
+    pub fn frame(&self, luminance: &[f32], refresh: u64, greys: &mut [u16]) -> u64 {
+        let rows = luminance.chunks_exact(self.width).zip(greys.chunks_exact_mut(self.width));
+        rows.enumerate().map(|(y, (luminance, greys))| self.fill(luminance.iter().copied(), y, refresh, greys)).sum()
+    }
+
+    fn fill(&self, luminance: impl Iterator<Item = f32>, y: usize, refresh: u64, greys: &mut [u16]) -> u64 {
+        let first = y * self.width;
+        let Some(gain) = self.gain.get(first..first + self.width) else { return 0 };
+        let start = &self.start[first..first + self.width];
         let mut clipped = 0;
-        let pixels = luminance.iter().zip(&self.gain).zip(&self.start).zip(greys);
-        for (((wanted, gain), start), grey) in pixels {
-            let wanted = wanted * gain;
+        for (x, wanted) in luminance.take(self.width).enumerate() {
+            let x = if self.mirrored { self.width - 1 - x } else { x };
+            let wanted = wanted * gain[x];
             clipped += u64::from(wanted > 1.0 + 1e-6);
-            *grey = self.grey(wanted, refresh, *start);
+            if let Some(grey) = greys.get_mut(x) {
+                *grey = self.grey(wanted, refresh, start[x]);
+            }
         }
         clipped
     }
@@ -88,7 +106,7 @@ mod tests {
     const SIZE_PX: [usize; 2] = [9, 1];
 
     fn drive(response: &Response, cycle: u32) -> DisplayDrive {
-        DisplayDrive::new(response, &FlatField::uniform(SIZE_PX), SIZE_PX, Dither::over(cycle))
+        DisplayDrive::new(response, &FlatField::uniform(SIZE_PX), SIZE_PX, Dither::over(cycle), false)
     }
 
     /// Mean light that a display of the true response shows over a cycle, pixel by pixel.
@@ -96,7 +114,7 @@ mod tests {
         let mut light = [0.0; 9];
         let mut greys = [0; 9];
         for refresh in 0..refreshes {
-            drive.greys(wanted, refresh, &mut greys);
+            drive.frame(wanted, refresh, &mut greys);
             for (light, grey) in light.iter_mut().zip(greys) {
                 *light += truth.luminance()[usize::from(grey)] / refreshes as f64;
             }
@@ -148,15 +166,15 @@ mod tests {
         let truth = Response::of_gamma(8, 2.2).unwrap();
         let parameters = super::super::flat_field::FlatParameters { degree: 1, coefficient: vec![0.75, 0.25, 0.0] };
         let flat = FlatField::new(parameters, SIZE_PX).unwrap();
-        let drive = DisplayDrive::new(&truth, &flat, SIZE_PX, Dither::over(256));
+        let drive = DisplayDrive::new(&truth, &flat, SIZE_PX, Dither::over(256), false);
         let light = shown(&drive, &truth, &[0.4; 9], 256);
         for (x, l) in light.iter().enumerate() {
             assert!((l * flat.at([x as f64, 0.0]) - 0.4).abs() < 1e-4, "column {x}: {l}");
         }
         let mut greys = [7; 9];
-        assert_eq!(drive.greys(&[0.8; 9], 0, &mut greys), 5, "what has less than 0.8 of the light");
+        assert_eq!(drive.frame(&[0.8; 9], 0, &mut greys), 5, "what has less than 0.8 of the light");
         assert_eq!((greys[0], greys[8] < 255), (255, true));
-        assert_eq!(drive.greys(&[f32::NAN, -1.0, f32::INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0, &mut greys), 1);
+        assert_eq!(drive.frame(&[f32::NAN, -1.0, f32::INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0, &mut greys), 1);
         assert_eq!(greys, [0, 0, 255, 0, 0, 0, 0, 0, 0]);
     }
 
@@ -165,11 +183,30 @@ mod tests {
         for truth in [Response::of_gamma(10, 2.4).unwrap(), Response::of_gamma(8, 1.0).unwrap()] {
             let drive = drive(&truth, 1);
             for (grey, l) in truth.luminance().iter().enumerate() {
-                let mut greys = [0; 1];
+                let mut greys = [0; 9];
                 #[allow(clippy::cast_possible_truncation, reason = "single precision frames")]
-                drive.greys(&[*l as f32], 0, &mut greys);
+                drive.frame(&[*l as f32; 9], 0, &mut greys);
                 assert_eq!(usize::from(greys[0]), grey);
             }
         }
+    }
+
+    #[test]
+    fn rows_are_frames_and_mirrors_turn_them() {
+        let truth = Response::of_gamma(8, 2.2).unwrap();
+        let flat = FlatField::uniform(SIZE_PX);
+        let [plain, mirrored] =
+            [false, true].map(|mirrored| DisplayDrive::new(&truth, &flat, SIZE_PX, Dither::over(1), mirrored));
+        let light: [u16; 9] = core::array::from_fn(|x| 7000 * x as u16);
+        let (mut row, mut turned, mut frame) = ([0; 9], [0; 9], [0; 9]);
+        plain.row(&light, 0, 5, &mut row);
+        mirrored.row(&light, 0, 5, &mut turned);
+        plain.frame(&light.map(|l| f32::from(l) / 65_535.0), 5, &mut frame);
+        assert_eq!(row, frame);
+        turned.reverse();
+        assert_eq!(row, turned);
+        assert!(row[8] > row[1], "and not all alike");
+        assert_eq!(plain.row(&light, 1, 5, &mut row), 0, "no such row");
+        assert_eq!(row, frame, "left as it was");
     }
 }
