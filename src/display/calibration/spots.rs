@@ -9,7 +9,7 @@
 
 use super::measurement::Sight;
 use super::pattern::Pattern;
-use crate::base::image::Image;
+use crate::base::image::{DnImage, Image};
 use crate::display::least_squares::median;
 
 /// Standard deviations above the background.
@@ -29,6 +29,29 @@ const RING_PX: f64 = 3.0;
 const ROUNDS: usize = 3;
 /// Blocks along a side.
 pub const BLOCKS: usize = 8;
+
+/// Digital numbers to electrons per second.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameScale {
+    /// Electrons per digital number.
+    pub gain_e_per_dn: f64,
+    /// Digital number of no charge.
+    pub black_level_dn: f64,
+    /// Exposure, seconds.
+    pub exposure_s: f64,
+}
+
+impl FrameScale {
+    /// A frame in electrons per second.
+    #[must_use]
+    pub fn applied(&self, frame: &DnImage) -> Image<f64> {
+        let mut scaled = Image::new(frame.width(), frame.height());
+        let scale = self.gain_e_per_dn / self.exposure_s;
+        let to = |dn: &u16| (f64::from(*dn) - self.black_level_dn) * scale;
+        scaled.pixels_mut().iter_mut().zip(frame.pixels()).for_each(|(e, dn)| *e = to(dn));
+        scaled
+    }
+}
 
 /// What a frame of a pattern shows; pixels in electrons per second.
 #[must_use]
