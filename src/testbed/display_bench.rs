@@ -101,12 +101,12 @@ impl BenchTruth {
             roll_rad: 0.14,
             offset_rad: [4e-3, -7e-3],
             mirrored: false,
-            tracker_px: [640, 512],
+            tracker_px: [704, 560],
             tracker_focal_px: 1800.0,
-            tracker_centre_px: [321.3, 253.8],
+            tracker_centre_px: [353.3, 277.8],
             tracker_radial: -0.05,
             psf_sigma_px: 0.9,
-            full_px_e: 4000.0,
+            full_px_e: 6000.0,
             dark_e: 20.0,
             read_noise_e: 8.0,
             gain_e_per_dn: 2.0,
@@ -187,8 +187,7 @@ impl BenchTruth {
     }
 
     fn slopes(&self, display: DVec2) -> (DVec2, DVec2) {
-        let along =
-            |step: DVec2| (self.seen_at(display + step) - self.seen_at(display - step)) / (2.0 * STEP_PX);
+        let along = |step: DVec2| (self.seen_at(display + step) - self.seen_at(display - step)) / (2.0 * STEP_PX);
         (along(DVec2::X * STEP_PX), along(DVec2::Y * STEP_PX))
     }
 }
@@ -320,8 +319,8 @@ mod tests {
         let electrons = bench.mean_e(&greys);
         let sum: f64 = electrons.iter().sum();
         let px = DVec2::new(400.0, 200.0);
-        assert!((sum / (4000.0 * truth.vignette(px)) - 1.0).abs() < 1e-5, "{sum}");
-        let places = electrons.iter().enumerate().map(|(i, e)| DVec2::new((i % 640) as f64, (i / 640) as f64) * *e);
+        assert!((sum / (truth.full_px_e * truth.vignette(px)) - 1.0).abs() < 1e-5, "{sum}");
+        let places = electrons.iter().enumerate().map(|(i, e)| DVec2::new((i % 704) as f64, (i / 704) as f64) * *e);
         let centroid = places.sum::<DVec2>() / sum;
         assert!(centroid.distance(truth.seen_at(px)) < 1e-4, "{centroid}");
     }
@@ -336,7 +335,7 @@ mod tests {
         // One pixel darker by nearly all: then all others are spots.
         flat.pixels_mut()[0] = 0;
         let spots = bench.mean_e(&flat);
-        let at = 250 * 640 + 320;
+        let at = 270 * 704 + 350;
         assert!((spots[at] / smooth[at] - 1.0).abs() < 0.01, "{} and {}", spots[at], smooth[at]);
     }
 }

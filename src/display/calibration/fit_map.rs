@@ -8,7 +8,7 @@
 //!    residual, each dot left out of its own fit, is within 2 % of the least, and whose camera does not fold.
 //!
 //! Limits: errors of the tracker's own camera file go into the map, since only the two together are measured.
-//! Tests: `tests/physics/display_calibration`, `fit_map_tests`.
+//! Tests: `tests/physics/display_calibration`.
 
 use super::error::CalibrationError;
 use crate::base::random::philox;
@@ -89,8 +89,10 @@ pub fn fit_map(dots: &[SeenDot], size_px: [usize; 2]) -> Result<MapFit, Calibrat
     let covered_px = covered(&shown, &agrees);
     let mut best: Option<(f64, MapFit)> = None;
     let mut refusal = None;
+    let mut least_px = f64::INFINITY;
     for degree in 1..=HIGHEST_DEGREE {
         let Some(poly) = fit_polynomial(degree, &pinhole, &places, &drawn, &agrees) else { break };
+        least_px = least_px.min(poly.rms_px);
         let parameters = poly.parameters(&pinhole, mirrored, covered_px);
         match DisplayGeometry::new(&parameters, size_px) {
             Err(error) => refusal = Some(error),
@@ -100,7 +102,8 @@ pub fn fit_map(dots: &[SeenDot], size_px: [usize; 2]) -> Result<MapFit, Calibrat
     }
     match (best, refusal) {
         (Some((_, fit)), _) => accepted(fit),
-        (None, Some(error)) => Err(error.into()),
+        (None, Some(error)) if least_px <= LARGEST_RMS_PX => Err(error.into()),
+        (None, Some(_)) => Err(not_fitting(least_px)),
         (None, None) => Err(not_a_map("dots in more places", format!("{} dots", dots.len()))),
     }
 }
@@ -109,10 +112,14 @@ fn not_a_map(wanted: &'static str, got: String) -> CalibrationError {
     CalibrationError::NotAMap { wanted, got }
 }
 
+fn not_fitting(rms_px: f64) -> CalibrationError {
+    not_a_map("a residual below 0.5 display px rms", format!("{rms_px:.3} px"))
+}
+
 fn accepted(fit: MapFit) -> Result<MapFit, CalibrationError> {
     let (all, used) = (fit.is_used.len(), fit.is_used.iter().filter(|used| **used).count());
     if fit.rms_px > LARGEST_RMS_PX {
-        return Err(not_a_map("a residual below 0.5 display px rms", format!("{:.3} px", fit.rms_px)));
+        return Err(not_fitting(fit.rms_px));
     }
     if ((all - used) as f64) > MOST_OUTLIERS * all as f64 {
         return Err(not_a_map("three of four dots that agree with one map", format!("{used} of {all}")));
@@ -210,6 +217,8 @@ struct Polynomial {
     is_used: Vec<bool>,
     /// Residual as if each dot had been left out, display px rms.
     score: f64,
+    /// Residual of the dots fitted to, display px rms.
+    rms_px: f64,
     terms: usize,
 }
 
@@ -251,7 +260,8 @@ fn fit_polynomial(
         if now == is_used || round == MOST_ROUNDS {
             let left_out = |(row, i): (usize, &usize)| off(*i) / (1.0 - basis.leverage(row)).max(1e-6);
             let score = rms(chosen.iter().enumerate().map(left_out));
-            return Some(Polynomial { degree, along, is_used, score, terms });
+            let rms_px = rms(chosen.iter().map(|i| off(*i)));
+            return Some(Polynomial { degree, along, is_used, score, rms_px, terms });
         }
         is_used = now;
     }
