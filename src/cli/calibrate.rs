@@ -1,8 +1,9 @@
 //! `starloop calibrate`: what frames cost on this machine, measured and kept for runs on the real clock and `check`.
 //!
-//! `starloop calibrate` alone means `starloop calibrate costs`: other things to calibrate get commands beside it.
+//! `starloop calibrate` alone means `starloop calibrate costs`; `starloop calibrate display` is a file of its own.
 
 use crate::base::clock::{Clock, Monotonic, Stopwatch};
+use crate::cli::calibrate_display::{self, DisplayArgs};
 use crate::cli::run::BackendName;
 use crate::exposure::cost::CostModel;
 use crate::runtime::Imager;
@@ -29,6 +30,8 @@ pub struct CalibrateArgs {
 enum What {
     /// Measure what frames cost on this machine (also what `calibrate` alone does)
     Costs(CostArgs),
+    /// Calibrate a display in front of a tracker: plan, patterns, fit, check; or try it on a simulated bench
+    Display(DisplayArgs),
 }
 
 #[derive(Debug, Args)]
@@ -52,6 +55,7 @@ pub fn run(arguments: &CalibrateArgs) -> Result<()> {
     match &arguments.what {
         None => costs(&arguments.costs),
         Some(What::Costs(costs_arguments)) => costs(costs_arguments),
+        Some(What::Display(display_arguments)) => calibrate_display::run(display_arguments),
     }
 }
 

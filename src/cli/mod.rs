@@ -5,6 +5,7 @@ mod budget_advice;
 mod budget_files;
 pub mod bus;
 pub mod calibrate;
+mod calibrate_display;
 pub mod campaign;
 pub mod catalog;
 pub mod chart;
@@ -80,7 +81,7 @@ enum Command {
     Render(Box<render::RenderArgs>),
     /// Check a bench or a scenario: conventions, defaults, events, the plan with its predicted error and cost
     Check(check::CheckArgs),
-    /// Measure what frames cost on this machine, for runs on the real clock and `check`
+    /// Measure what frames cost on this machine, for runs on the real clock and `check`; calibrate a display
     Calibrate(calibrate::CalibrateArgs),
     /// List this machine's monitors, or show images on one
     Display(display::DisplayArgs),

@@ -19,20 +19,32 @@
 //! Tour: `params` (what is asked) -> `monitor` (which screen) -> `window`, `placement` (a window that fills it) -> `glass`,
 //! `surface`, `format`, `painter` (what can be shown on) -> `hand_over` (newest frame wins) -> `grey`, `marker`, `picture` (what is
 //! shown) -> `presenter` (each refresh) -> `counters`, `submitted` (what came of it) -> `screen` (the sink).
+//!
+//! Calibration: `geometry` and `response` say where and how bright, `drive` and `dither` make greys of luminance, `beat` and
+//! `latency` tell what shutters and clocks do to it; `calibration` measures all of them.
 
+pub mod beat;
+pub mod calibration;
 pub mod counters;
+pub mod dither;
+pub mod drive;
 pub mod error;
+pub mod flat_field;
 mod format;
+pub mod geometry;
 mod glass;
 pub mod grey;
 mod hand_over;
+pub mod latency;
+pub mod least_squares;
 pub mod marker;
 pub mod monitor;
-pub mod params;
 pub mod painter;
+pub mod params;
 pub mod picture;
 mod placement;
 mod presenter;
+pub mod response;
 mod screen;
 mod state;
 pub mod submitted;

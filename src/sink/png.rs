@@ -35,6 +35,15 @@ pub fn write_dn_raw(out: impl Write, image: &DnImage) -> io::Result<()> {
     write_grey(out, image.width(), image.height(), png::BitDepth::Sixteen, &bytes)
 }
 
+/// Writes greys up to 255 unchanged as 8-bit grey; brighter ones as 255.
+///
+/// # Errors
+/// When the output fails, or the image has no pixels.
+pub fn write_greys(out: impl Write, image: &DnImage) -> io::Result<()> {
+    let bytes: Vec<u8> = image.pixels().iter().map(|grey| u8::try_from(*grey).unwrap_or(u8::MAX)).collect();
+    write_grey(out, image.width(), image.height(), png::BitDepth::Eight, &bytes)
+}
+
 fn write_grey(mut out: impl Write, width: usize, height: usize, depth: png::BitDepth, bytes: &[u8]) -> io::Result<()> {
     let side = |n: usize| u32::try_from(n).map_err(|e| io::Error::new(io::ErrorKind::InvalidInput, e));
     let mut encoder = png::Encoder::new(&mut out, side(width)?, side(height)?);

@@ -5,6 +5,8 @@
 pub mod acs;
 /// Attitude and gyro bias from a gyro and star trackers: a multiplicative extended Kalman filter.
 pub mod estimator;
+/// A display behind a collimator, and the camera that sees it.
+pub mod display_bench;
 /// A simulated flight computer: attitude and jitter onto the bus, scripted or flown.
 pub mod flight_computer;
 /// A simulated spacecraft: rigid body, wheels, flexible modes, disturbances, gyros, micro-vibration.

@@ -25,7 +25,7 @@ impl Gaussian {
     }
 
     /// One number of standard deviation 1. The uniform number is in `0..1`, so its complement has a logarithm.
-    fn unit(&mut self) -> f64 {
+    pub(crate) fn unit(&mut self) -> f64 {
         let (radius, turn): (f64, f64) = (self.generator.random(), self.generator.random());
         (-2.0 * (1.0 - radius).ln()).sqrt() * (TAU * turn).cos()
     }

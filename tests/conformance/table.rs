@@ -22,7 +22,7 @@ pub(crate) const ROOMS: &[Room] = &[
     Room { name: "render", may_import: &["exposure", "optics", "gpu"] },
     Room { name: "detector", may_import: &["gpu"] },
     Room { name: "sink", may_import: &[] },
-    Room { name: "display", may_import: &["sink"] },
+    Room { name: "display", may_import: &["astrometry", "sink"] },
     Room { name: "report", may_import: &[] },
     Room {
         name: "chart",
@@ -102,6 +102,7 @@ pub(crate) const ROOMS: &[Room] = &[
             "chart",
             "verify",
             "wiring",
+            "display",
             // The type of an image that may live on a device, and the identifiers of the bus.
             "gpu",
             "firmware_protocol",

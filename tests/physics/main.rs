@@ -10,6 +10,7 @@ mod bus_jitter_frames;
 mod chart;
 mod dark_current;
 mod detector_spatial;
+mod display_calibration;
 mod fidelity;
 mod field_light;
 mod flats;

@@ -1,0 +1,212 @@
+//! Frames in linear luminance -> greys of one refresh: flat field, response, dither.
+//!
+//! Input: luminance above black relative to a full pixel at the display's brightest place, row by row. Output: one grey per
+//! pixel, and the count of pixels that wanted more than the display has. A pixel gets luminance / flat field; its grey is
+//! the exact one of the measured response (a table over the root of the luminance finds the place to look), and what
+//! is between two greys is dithered. So light split over pixels is split in *luminance*, and a star's centroid moves linearly:
+//! a display driven as if grey were luminance moves a star by more than 1/10 px (test).
+//! After `new` nothing is allocated. Tests below; `tests/physics/display_calibration` by a simulated tracker.
+
+use super::dither::Dither;
+use super::flat_field::FlatField;
+use super::response::Response;
+
+/// Entries of the table that finds the grey to begin with.
+const ENTRIES: usize = 8192;
+
+/// What a display needs to show luminance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DisplayDrive {
+    /// Luminance of every grey.
+    luminance: Vec<f32>,
+    /// Entry i: the highest grey whose luminance is at most (i / last)^2.
+    begin: Vec<u16>,
+    /// 1 over the flat field, pixel by pixel.
+    gain: Vec<f32>,
+    start: Vec<u8>,
+    dither: Dither,
+    width: usize,
+    mirrored: bool,
+}
+
+impl DisplayDrive {
+    /// Prepares tables and maps. `mirrored`: drawn column x is shown in column width - 1 - x.
+    #[must_use]
+    pub fn new(response: &Response, flat: &FlatField, size_px: [usize; 2], dither: Dither, mirrored: bool) -> Self {
+        let [width, height] = size_px;
+        let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        #[allow(clippy::cast_possible_truncation, reason = "single precision is enough for 16 bits of grey")]
+        let narrow = |v: f64| v as f32;
+        let luminance: Vec<f32> = response.luminance().iter().map(|l| narrow(*l)).collect();
+        let last = ENTRIES as f64 - 1.0;
+        #[allow(clippy::cast_possible_truncation, reason = "greys have at most 16 bits")]
+        let begin = (0..ENTRIES).map(|i| response.grey_of((i as f64 / last).powi(2)).0 as u16).collect();
+        #[allow(clippy::cast_possible_truncation, reason = "columns and rows of a display")]
+        let start = places.clone().map(|(x, y)| dither.start(x as u32, y as u32)).collect();
+        let gain = places.map(|(x, y)| narrow(1.0 / flat.at([x as f64, y as f64]))).collect();
+        Self { luminance, begin, gain, start, dither, width, mirrored }
+    }
+
+    /// Greys of one row of refresh `refresh`; luminance as u16, 65535 one full pixel. Gives how many pixels wanted more
+    /// light than there is (they show full). Rows beyond the display and pixels beyond the shorter slice are left as they
+    /// are.
+    pub fn row(&self, luminance: &[u16], y: usize, refresh: u64, greys: &mut [u16]) -> u64 {
+        self.fill(luminance.iter().map(|l| f32::from(*l) / f32::from(u16::MAX)), y, refresh, greys)
+    }
+
+    /// Greys of a whole frame of single-precision luminances, 1 one full pixel; what is not a number is black.
+    pub fn frame(&self, luminance: &[f32], refresh: u64, greys: &mut [u16]) -> u64 {
+        let rows = luminance.chunks_exact(self.width).zip(greys.chunks_exact_mut(self.width));
+        rows.enumerate().map(|(y, (luminance, greys))| self.fill(luminance.iter().copied(), y, refresh, greys)).sum()
+    }
+
+    fn fill(&self, luminance: impl Iterator<Item = f32>, y: usize, refresh: u64, greys: &mut [u16]) -> u64 {
+        let first = y * self.width;
+        let Some(gain) = self.gain.get(first..first + self.width) else { return 0 };
+        let start = &self.start[first..first + self.width];
+        let mut clipped = 0;
+        for (x, wanted) in luminance.take(self.width).enumerate() {
+            let x = if self.mirrored { self.width - 1 - x } else { x };
+            let wanted = wanted * gain[x];
+            clipped += u64::from(wanted > 1.0 + 1e-6);
+            if let Some(grey) = greys.get_mut(x) {
+                *grey = self.grey(wanted, refresh, start[x]);
+            }
+        }
+        clipped
+    }
+
+    fn grey(&self, wanted: f32, refresh: u64, start: u8) -> u16 {
+        if !(wanted > 0.0) {
+            return 0;
+        }
+        let root = wanted.min(1.0).sqrt() * (ENTRIES as f32 - 1.0);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to the last entry")]
+        let mut grey = usize::from(self.begin[root as usize]);
+        // The table begins at or just below; rounding may have begun one above.
+        while grey > 0 && self.luminance[grey] > wanted {
+            grey -= 1;
+        }
+        while grey + 1 < self.luminance.len() && self.luminance[grey + 1] <= wanted {
+            grey += 1;
+        }
+        let here = self.luminance[grey];
+        let next = self.luminance.get(grey + 1).copied().unwrap_or(f32::INFINITY);
+        let is_brighter = self.dither.is_brighter((wanted - here) / (next - here), refresh, start);
+        #[allow(clippy::cast_possible_truncation, reason = "greys have at most 16 bits")]
+        let grey = grey as u16 + u16::from(is_brighter);
+        grey
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE_PX: [usize; 2] = [9, 1];
+
+    fn drive(response: &Response, cycle: u32) -> DisplayDrive {
+        DisplayDrive::new(response, &FlatField::uniform(SIZE_PX), SIZE_PX, Dither::over(cycle), false)
+    }
+
+    /// Mean light that a display of the true response shows over a cycle, pixel by pixel.
+    fn shown(drive: &DisplayDrive, truth: &Response, wanted: &[f32; 9], refreshes: u64) -> [f64; 9] {
+        let mut light = [0.0; 9];
+        let mut greys = [0; 9];
+        for refresh in 0..refreshes {
+            drive.frame(wanted, refresh, &mut greys);
+            for (light, grey) in light.iter_mut().zip(greys) {
+                *light += truth.luminance()[usize::from(grey)] / refreshes as f64;
+            }
+        }
+        light
+    }
+
+    /// Light of a point at 4 + `fraction`, split over its two pixels.
+    fn split(fraction: f32) -> [f32; 9] {
+        let mut wanted = [0.0; 9];
+        wanted[4] = 0.5 * (1.0 - fraction);
+        wanted[5] = 0.5 * fraction;
+        wanted
+    }
+
+    fn centroid(light: &[f64; 9]) -> f64 {
+        let sum: f64 = light.iter().sum();
+        light.iter().enumerate().map(|(x, l)| x as f64 * l).sum::<f64>() / sum - 4.0
+    }
+
+    #[test]
+    fn a_split_point_moves_linearly_in_luminance() {
+        let truth = Response::of_gamma(8, 2.2).unwrap();
+        let linear = Response::of_gamma(8, 1.0).unwrap();
+        let mut worst_linear = 0.0_f64;
+        for k in 0..=50 {
+            let fraction = k as f32 / 50.0;
+            let error =
+                |drive: &DisplayDrive| centroid(&shown(drive, &truth, &split(fraction), 64)) - f64::from(fraction);
+            // 1/128 of the largest step (0.0086 of full) over half of full: 1.4e-4 px.
+            assert!(error(&drive(&truth, 64)).abs() < 2e-4, "fraction {fraction}: {}", error(&drive(&truth, 64)));
+            worst_linear = worst_linear.max(error(&drive(&linear, 64)).abs());
+        }
+        assert!(worst_linear > 0.1, "grey taken for luminance: {worst_linear} px");
+    }
+
+    #[test]
+    fn dimmer_than_one_grey_is_shown_in_time() {
+        let truth = Response::of_gamma(8, 1.0).unwrap();
+        let wanted = [0.3 / 255.0; 9];
+        let mean = shown(&drive(&truth, 256), &truth, &wanted, 256);
+        let step = 1.0 / 255.0;
+        assert!(mean.iter().all(|l| (l - 0.3 * step).abs() <= step / 512.0 + 1e-9), "{mean:?}");
+        assert_eq!(shown(&drive(&truth, 1), &truth, &wanted, 256), [0.0; 9], "without dither it is black");
+    }
+
+    #[test]
+    fn the_flat_field_is_made_up_for_and_too_much_is_counted() {
+        let truth = Response::of_gamma(8, 2.2).unwrap();
+        let parameters = super::super::flat_field::FlatParameters { degree: 1, coefficient: vec![0.75, 0.25, 0.0] };
+        let flat = FlatField::new(parameters, SIZE_PX).unwrap();
+        let drive = DisplayDrive::new(&truth, &flat, SIZE_PX, Dither::over(256), false);
+        let light = shown(&drive, &truth, &[0.4; 9], 256);
+        for (x, l) in light.iter().enumerate() {
+            assert!((l * flat.at([x as f64, 0.0]) - 0.4).abs() < 1e-4, "column {x}: {l}");
+        }
+        let mut greys = [7; 9];
+        assert_eq!(drive.frame(&[0.8; 9], 0, &mut greys), 5, "what has less than 0.8 of the light");
+        assert_eq!((greys[0], greys[8] < 255), (255, true));
+        assert_eq!(drive.frame(&[f32::NAN, -1.0, f32::INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0, &mut greys), 1);
+        assert_eq!(greys, [0, 0, 255, 0, 0, 0, 0, 0, 0]);
+    }
+
+    #[test]
+    fn every_grey_is_reached_exactly() {
+        for truth in [Response::of_gamma(10, 2.4).unwrap(), Response::of_gamma(8, 1.0).unwrap()] {
+            let drive = drive(&truth, 1);
+            for (grey, l) in truth.luminance().iter().enumerate() {
+                let mut greys = [0; 9];
+                #[allow(clippy::cast_possible_truncation, reason = "single precision frames")]
+                drive.frame(&[*l as f32; 9], 0, &mut greys);
+                assert_eq!(usize::from(greys[0]), grey);
+            }
+        }
+    }
+
+    #[test]
+    fn rows_are_frames_and_mirrors_turn_them() {
+        let truth = Response::of_gamma(8, 2.2).unwrap();
+        let flat = FlatField::uniform(SIZE_PX);
+        let [plain, mirrored] =
+            [false, true].map(|mirrored| DisplayDrive::new(&truth, &flat, SIZE_PX, Dither::over(1), mirrored));
+        let light: [u16; 9] = core::array::from_fn(|x| 7000 * x as u16);
+        let (mut row, mut turned, mut frame) = ([0; 9], [0; 9], [0; 9]);
+        plain.row(&light, 0, 5, &mut row);
+        mirrored.row(&light, 0, 5, &mut turned);
+        plain.frame(&light.map(|l| f32::from(l) / 65_535.0), 5, &mut frame);
+        assert_eq!(row, frame);
+        turned.reverse();
+        assert_eq!(row, turned);
+        assert!(row[8] > row[1], "and not all alike");
+        assert_eq!(plain.row(&light, 1, 5, &mut row), 0, "no such row");
+        assert_eq!(row, frame, "left as it was");
+    }
+}

@@ -1,0 +1,280 @@
+//! A calibrated display against a simulated one, behind a collimator and before a camera, that shares no code with the
+//! calibration: the whole procedure from images to a file, and stars drawn with it.
+//!
+//! What is known only to the bench: distortion, tilt, roll, mirror, response, black level, vignetting, noise. What is
+//! known to both: the tracker's own camera, as from its data sheet.
+
+use glam::{DVec2, DVec3};
+use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
+use starloop::base::image::Image;
+use starloop::base::time::{Span, Tai};
+use starloop::display::calibration::fit::FitOptions;
+use starloop::display::calibration::pattern::Pattern;
+use starloop::display::calibration::report::MagnitudeRange;
+use starloop::display::calibration::spots::{FrameScale, sights_of_frame};
+use starloop::display::calibration::{Calibration, DisplayIdentity, Fitted, Grid, Plan, Sight, TrackerIdentity, fit};
+use starloop::display::dither::Dither;
+use starloop::display::drive::DisplayDrive;
+use starloop::display::latency::Latency;
+use starloop::display::response::Response;
+use starloop::testbed::display_bench::{BenchTruth, DisplayBench};
+
+/// What the map may be off, display px: what is promised of a calibration.
+const PROMISED_PX: f64 = 0.02;
+const EXPOSURE_S: f64 = 0.1;
+
+fn tracker(truth: &BenchTruth) -> CameraGeometry {
+    CameraGeometry::new(CameraParameters {
+        width_px: truth.tracker_px[0],
+        height_px: truth.tracker_px[1],
+        focal_px: [truth.tracker_focal_px; 2],
+        principal_point_px: truth.tracker_centre_px,
+        distortion: BrownConrady { k1: truth.tracker_radial, ..BrownConrady::default() },
+    })
+    .unwrap()
+}
+
+fn plan(truth: &BenchTruth) -> Plan {
+    let [width_px, height_px] = truth.display_px;
+    let display = DisplayIdentity { name: "bench".into(), width_px, height_px, bits: truth.bits };
+    let tracker = TrackerIdentity::of("tracker", &tracker(truth));
+    Plan::new(display, tracker, Grid { columns: 16, rows: 12, dot_px: 5, margin_px: 14 }, 24).unwrap()
+}
+
+fn options() -> FitOptions {
+    FitOptions {
+        made: Tai::from_rfc3339("2026-03-01T00:00:00Z").unwrap(),
+        valid_days: 30,
+        zero_point_e_per_s: Some(4e7),
+        latency: None,
+    }
+}
+
+/// Shows every image of the plan and measures its frame.
+fn measured(bench: &mut DisplayBench, plan: &Plan) -> Vec<Sight> {
+    let BenchTruth { gain_e_per_dn, black_level_dn, .. } = *bench.truth();
+    let scale = FrameScale { gain_e_per_dn, black_level_dn, exposure_s: EXPOSURE_S };
+    let mut sights = Vec::new();
+    for pattern in plan.patterns() {
+        let frame = match pattern {
+            Pattern::Dark => bench.frame(None),
+            shown => bench.frame(Some(&plan.draw(shown))),
+        };
+        sights.extend(sights_of_frame(pattern, &scale.applied(&frame)));
+    }
+    sights
+}
+
+fn calibrated(truth: &BenchTruth) -> (DisplayBench, Plan, Vec<Sight>, Fitted) {
+    let mut bench = DisplayBench::new(truth.clone());
+    let plan = plan(truth);
+    let sights = measured(&mut bench, &plan);
+    let fitted = fit(&plan, &sights, ("tracker", &tracker(truth)), &options()).unwrap();
+    (bench, plan, sights, fitted)
+}
+
+/// Largest error of the map over what its dots cover, display px.
+fn map_error_px(truth: &BenchTruth, fitted: &Fitted) -> f64 {
+    let [left, right, top, bottom] = fitted.map.geometry.covered_px();
+    let places = (0..=40).flat_map(|i| (0..=30).map(move |j| [f64::from(i) / 40.0, f64::from(j) / 30.0]));
+    let error = |[u, v]: [f64; 2]| {
+        let px = DVec2::new(left + u * (right - left), top + v * (bottom - top));
+        let found = fitted.map.geometry.project(truth.direction(px)).unwrap();
+        DVec2::from(found).distance(px)
+    };
+    places.map(error).fold(0.0, f64::max)
+}
+
+#[test]
+fn the_map_is_recovered_to_a_fiftieth_of_a_pixel() {
+    let crooked = BenchTruth::crooked();
+    let mirrored = BenchTruth { mirrored: true, roll_rad: 2.6, seed: 2, ..crooked.clone() };
+    for truth in [crooked, mirrored] {
+        let (_, _, _, fitted) = calibrated(&truth);
+        let error_px = map_error_px(&truth, &fitted);
+        let r = &fitted.calibration.residual;
+        println!("mirrored {}: map within {error_px:.4} px, {r:?}", truth.mirrored);
+        assert!(error_px <= PROMISED_PX, "{error_px} px");
+        assert!(r.map_error_px < PROMISED_PX && r.rms_px < 2.0 * PROMISED_PX, "{r:?}");
+        assert!(r.dots_used > 140, "{r:?}");
+        assert_eq!(fitted.calibration.geometry.mirrored, truth.mirrored);
+        assert!(fitted.has_dark);
+    }
+}
+
+#[test]
+fn without_its_polynomial_the_map_is_off() {
+    let truth = BenchTruth::crooked();
+    let (_, plan, _, mut fitted) = calibrated(&truth);
+    assert!(fitted.calibration.geometry.degree >= 3, "degree {}", fitted.calibration.geometry.degree);
+    fitted.calibration.geometry.terms.retain(|(i, j, ..)| i + j == 1);
+    fitted.map.geometry = fitted.calibration.calibrated().unwrap().geometry;
+    assert!(map_error_px(&truth, &fitted) > 10.0 * PROMISED_PX, "the comparison can fail");
+    assert_eq!(plan.display, fitted.calibration.display);
+}
+
+/// Relative luminance of a grey as the bench has it, above black.
+fn true_luminance(truth: &BenchTruth, grey: u16) -> f64 {
+    (truth.light(grey) - truth.black_share) / (1.0 - truth.black_share)
+}
+
+#[test]
+fn response_black_level_and_flat_field_are_recovered() {
+    let truth = BenchTruth::crooked();
+    let (_, _, _, fitted) = calibrated(&truth);
+    let parts = fitted.calibration.calibrated().unwrap();
+    let worst = (0..=255_u16)
+        .map(|grey| (parts.response.luminance()[usize::from(grey)] - true_luminance(&truth, grey)).abs())
+        .fold(0.0, f64::max);
+    println!("response within {worst:.5} of full");
+    assert!(worst < 2e-3, "{worst} of full: a quarter of the step between bright greys");
+    let black = fitted.calibration.response.black_share;
+    assert!((black - truth.black_share).abs() < 3e-4, "black {black}");
+    let normal = parts.flat.at([350.0, 220.0]) / truth.vignette(DVec2::new(350.0, 220.0));
+    for px in [[20.0, 20.0], [620.0, 20.0], [320.0, 240.0], [20.0, 460.0], [620.0, 460.0]] {
+        let off = parts.flat.at(px) / truth.vignette(DVec2::from(px)) / normal - 1.0;
+        assert!(off.abs() < 0.005, "{off} at {px:?}");
+    }
+    // 6000 electrons in 0.1 s, less the black level, against 4e7 per second of magnitude 0.
+    let range = MagnitudeRange::of(fitted.calibration.light.as_ref().unwrap(), &parts, Dither::over(16));
+    let wanted = -2.5 * (6000.0_f64 * (1.0 - truth.black_share) / EXPOSURE_S / 4e7).log10();
+    println!("{range:?}");
+    assert!((range.full_px - wanted).abs() < 0.01, "{} for {wanted} mag", range.full_px);
+    assert!((range.black_px - range.full_px + 2.5 * truth.black_share.log10()).abs() < 0.2, "{range:?}");
+}
+
+/// A star of a Gaussian's light, integrated over pixels, at a place of the display; luminance of full.
+fn star(size_px: [usize; 2], at: [f64; 2], peak: f64) -> Vec<f32> {
+    const SIGMA_PX: f64 = 0.5;
+    let share = |i: usize, at: f64| {
+        let below = |edge: f64| 0.5 * libm::erfc((at - edge) / (2.0_f64.sqrt() * SIGMA_PX));
+        below(i as f64 + 0.5) - below(i as f64 - 0.5)
+    };
+    let columns: Vec<f64> = (0..size_px[0]).map(|x| share(x, at[0])).collect();
+    let rows = (0..size_px[1]).map(|y| peak * share(y, at[1]) / 0.47);
+    #[allow(clippy::cast_possible_truncation, reason = "frames are single precision")]
+    rows.flat_map(|row| columns.iter().map(move |column| (row * column) as f32)).collect()
+}
+
+/// Where the tracker sees the star that is drawn for a direction, less where it should, display px: mean light of so many
+/// refreshes, without noise.
+fn star_error_px(bench: &DisplayBench, fitted: &Fitted, drive: &DisplayDrive, v_sensor: DVec3, refreshes: u64) -> f64 {
+    let truth = bench.truth();
+    let size_px = truth.display_px;
+    let geometry = &fitted.map.geometry;
+    let drawn_px = geometry.camera().project(geometry.drawn_from_sensor().apply(v_sensor)).unwrap();
+    let luminance = star(size_px, drawn_px, 0.5);
+    let mut greys = Image::new(size_px[0], size_px[1]);
+    let black = bench.mean_e(&greys);
+    let mut light = vec![0.0; black.len()];
+    for refresh in 0..refreshes {
+        assert_eq!(drive.frame(&luminance, refresh, greys.pixels_mut()), 0, "nothing is clipped");
+        light.iter_mut().zip(bench.mean_e(&greys)).for_each(|(sum, e)| *sum += e);
+    }
+    light.iter_mut().zip(black).for_each(|(sum, black)| *sum -= refreshes as f64 * black);
+    let width = truth.tracker_px[0];
+    let places = light.iter().enumerate().map(|(i, e)| DVec2::new((i % width) as f64, (i / width) as f64) * *e);
+    let seen = places.sum::<DVec2>() / light.iter().sum::<f64>();
+    let wanted = truth.tracker_place(v_sensor);
+    let (_, density) = truth.display_place(wanted).unwrap();
+    seen.distance(wanted) * density.sqrt()
+}
+
+#[test]
+fn stars_are_seen_where_they_should_be() {
+    let truth = BenchTruth::crooked();
+    let (bench, _, _, fitted) = calibrated(&truth);
+    let parts = fitted.calibration.calibrated().unwrap();
+    let drive = parts.drive(Dither::over(16));
+    let linear = Response::of_gamma(8, 1.0).unwrap();
+    let wrong = DisplayDrive::new(&linear, &parts.flat, truth.display_px, Dither::over(16), false);
+    let (mut worst, mut worst_wrong) = (0.0_f64, 0.0_f64);
+    for place in [[100.25, 90.75], [320.5, 240.25], [545.75, 70.75], [140.25, 400.25], [500.75, 420.25]] {
+        let v_sensor = truth.direction(DVec2::from(place));
+        worst = worst.max(star_error_px(&bench, &fitted, &drive, v_sensor, 16));
+        worst_wrong = worst_wrong.max(star_error_px(&bench, &fitted, &wrong, v_sensor, 16));
+    }
+    println!("stars within {worst:.4} px; grey taken for luminance {worst_wrong:.4} px");
+    assert!(worst <= PROMISED_PX, "{worst} px");
+    assert!(worst_wrong > 2.0 * PROMISED_PX, "response left linear: {worst_wrong} px");
+}
+
+#[test]
+fn wrong_measurements_are_refused() {
+    let truth = BenchTruth::crooked();
+    let (_, plan, sights, fitted) = calibrated(&truth);
+    let tracker = tracker(&truth);
+    let refused =
+        |plan: &Plan, sights: &[Sight]| fit(plan, sights, ("tracker", &tracker), &options()).unwrap_err().to_string();
+    // Dots that changed places: numbers given, each dot another's.
+    let number_of = |px: [f64; 2]| {
+        let v = tracker.unproject(px)?;
+        let near = |dot: &&starloop::display::calibration::fit_map::SeenDot| dot.v_sensor.distance(v) < 1e-9;
+        fitted.dots.iter().find(near).map(|dot| dot.number)
+    };
+    let named = |shuffle: bool| -> Vec<Sight> {
+        let name = |sight: &Sight| {
+            let dot = sight.tracker_px.filter(|_| sight.pattern == Pattern::Dots).and_then(number_of);
+            Sight { dot: dot.map(|dot| if shuffle { 1 + dot * 71 % 192 } else { dot }), ..sight.clone() }
+        };
+        sights.iter().map(name).collect()
+    };
+    let by_name = fit(&plan, &named(false), ("tracker", &tracker), &options()).unwrap();
+    assert_eq!(by_name.calibration.geometry, fitted.calibration.geometry, "numbers given or read are the same");
+    let told = refused(&plan, &named(true));
+    assert!(told.contains("belong to this plan"), "{told}");
+    // Measurements of another plan.
+    let other =
+        Plan::new(plan.display.clone(), plan.tracker.clone(), Grid { columns: 15, rows: 11, ..plan.grid.clone() }, 24);
+    let told = refused(&other.unwrap(), &sights);
+    assert!(told.contains("wanted"), "{told}");
+    // Another tracker than the plan's.
+    let moved = BenchTruth { tracker_focal_px: 1801.0, ..truth.clone() };
+    let error = fit(&plan, &sights, ("tracker", &self::tracker(&moved)), &options()).unwrap_err().to_string();
+    assert!(error.contains("tracker geometry"), "{error}");
+    // No ramp.
+    let dots: Vec<Sight> = sights.iter().filter(|s| !matches!(s.pattern, Pattern::Level(_))).cloned().collect();
+    assert!(refused(&plan, &dots).contains("greys with 0 and 255"), "{}", refused(&plan, &dots));
+    // A dark room with the lens cap on.
+    assert!(refused(&plan, &[]).contains("at least 12, got 0"), "{}", refused(&plan, &[]));
+}
+
+#[test]
+fn a_tenth_of_the_dots_may_be_reflections() {
+    let truth = BenchTruth::crooked();
+    let (_, plan, mut sights, fitted) = calibrated(&truth);
+    for (i, sight) in sights.iter_mut().filter(|sight| sight.pattern == Pattern::Dots).enumerate() {
+        if let Some(px) = sight.tracker_px.as_mut().filter(|_| i % 10 == 3) {
+            px[0] += 1.5;
+        }
+    }
+    let spoiled = fit(&plan, &sights, ("tracker", &tracker(&truth)), &options()).unwrap();
+    let error_px = map_error_px(&truth, &spoiled);
+    assert!(error_px <= PROMISED_PX, "{error_px} px");
+    let left_out = spoiled.map.is_used.iter().filter(|used| !**used).count();
+    assert!(left_out >= fitted.dots.len() / 10 - 2, "{left_out} left out");
+}
+
+#[test]
+fn the_file_keeps_all_of_it_and_a_wrong_file_is_refused() {
+    let truth = BenchTruth::crooked();
+    let (mut bench, plan, _, fitted) = calibrated(&truth);
+    let flips = bench.flips_csv(200, 0.0285, 0.0004);
+    let latency = Latency::measured(flips.as_bytes(), 0.0, Span::ZERO).unwrap();
+    assert!((latency.median_ns - 28_500_000).abs() < 150_000, "{latency:?}");
+    let kept = Calibration { latency: Some(latency), ..fitted.calibration.clone() };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bench.toml");
+    kept.write(&path).unwrap();
+    let read = Calibration::read(&path).unwrap();
+    assert_eq!(read, kept);
+    assert_eq!(read.calibrated().unwrap().geometry, fitted.map.geometry, "the same map, bit by bit");
+    let now = Tai::from_rfc3339("2026-03-08T00:00:00Z").unwrap();
+    assert!(read.admit(&plan.display, Some(&plan.tracker), now).is_ok());
+    let wrong = DisplayIdentity { width_px: 1920, ..plan.display.clone() };
+    assert!(read.admit(&wrong, None, now).unwrap_err().to_string().contains("resolution"));
+    assert!(read.admit(&plan.display, None, now + Span::from_s(30.0 * 86_400.0)).is_err(), "stale");
+    let text = std::fs::read_to_string(&path).unwrap().replace("mirrored = false", "mirrored = true");
+    std::fs::write(&path, text).unwrap();
+    assert!(Calibration::read(&path).unwrap_err().to_string().contains("damaged or edited"));
+}
