@@ -15,6 +15,7 @@ mod check_plan;
 mod check_scenario;
 mod frame_plan;
 pub mod link_check;
+mod live_view;
 mod load_threads;
 mod named_camera;
 mod monitor;

@@ -35,6 +35,14 @@ pub fn write_dn_raw(out: impl Write, image: &DnImage) -> io::Result<()> {
     write_grey(out, image.width(), image.height(), png::BitDepth::Sixteen, &bytes)
 }
 
+/// Writes 8-bit grey as it is: `bytes` are the pixels row by row from the top.
+///
+/// # Errors
+/// When the output fails, the image has no pixels, or `bytes` are not as many as the pixels.
+pub fn write_grey8(out: impl Write, [width, height]: [usize; 2], bytes: &[u8]) -> io::Result<()> {
+    write_grey(out, width, height, png::BitDepth::Eight, bytes)
+}
+
 fn write_grey(mut out: impl Write, width: usize, height: usize, depth: png::BitDepth, bytes: &[u8]) -> io::Result<()> {
     let side = |n: usize| u32::try_from(n).map_err(|e| io::Error::new(io::ErrorKind::InvalidInput, e));
     let mut encoder = png::Encoder::new(&mut out, side(width)?, side(height)?);

@@ -23,6 +23,7 @@ pub(crate) const ROOMS: &[Room] = &[
     Room { name: "detector", may_import: &["gpu"] },
     Room { name: "sink", may_import: &[] },
     Room { name: "report", may_import: &[] },
+    Room { name: "live", may_import: &["sink", "report"] },
     Room {
         name: "chart",
         may_import: &["attitude", "astrometry", "optics", "exposure", "render", "detector", "gpu", "report"],
@@ -98,6 +99,7 @@ pub(crate) const ROOMS: &[Room] = &[
             "chart",
             "verify",
             "wiring",
+            "live",
             // The type of an image that may live on a device, and the identifiers of the bus.
             "gpu",
             "firmware_protocol",
