@@ -48,6 +48,8 @@ pub mod display;
 pub mod testbed;
 // Timing and accuracy tables, run summary.
 pub mod report;
+// Newest frame and numbers -> one page for people, metrics for machines (HTTP).
+pub mod live;
 // Accuracy against speed, measured: every method, scene and backend -> CSV and SVG.
 pub mod chart;
 // A camera held against its file from its own frames: photon transfer, fidelity by brightness.

@@ -13,6 +13,12 @@ macro_rules! rejects {
             /// Every reason, in the order of the codes.
             pub const ALL: [Self; REASONS] = [$(Self::$name,)+];
 
+            /// Its name in reports.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self { $(Self::$name => stringify!($name),)+ }
+            }
+
             fn text(self) -> &'static str {
                 match self { $(Self::$name => concat!($($text),+).trim_ascii(),)+ }
             }

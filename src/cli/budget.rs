@@ -84,6 +84,7 @@ fn run_arguments(arguments: &BudgetArgs) -> RunArgs {
         settings: Vec::new(),
         control: None,
         capture: None,
+        monitor: None,
         capture_format: CaptureFormatName::Pcapng,
         json: false,
         quiet: false,

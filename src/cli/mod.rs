@@ -17,6 +17,7 @@ mod check_scenario;
 pub mod display;
 mod frame_plan;
 pub mod link_check;
+mod live_view;
 mod load_threads;
 mod named_camera;
 mod monitor;

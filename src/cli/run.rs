@@ -9,11 +9,12 @@ use crate::cli::calibrate::costs_here;
 use crate::cli::check_attitude::slew_scale;
 use crate::cli::monitor::Monitor;
 use crate::cli::run_input::{bench, document, scenario};
-use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, run_scenario};
+use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, live_view, run_scenario};
 use crate::config::{self, Bench, Scenario, StartTime};
 use crate::link::capture::CaptureFormat;
-use crate::link::gateway::Gateways;
+use crate::link::gateway::{Gateways, TcpAddress};
 use crate::link::{Link, Port};
+use crate::live::Numbers;
 use crate::report::{HygieneLine, Progress, RunSummary, summary_table};
 use crate::runtime::hygiene::Role;
 use crate::runtime::real_time::Sources;
@@ -81,6 +82,10 @@ pub struct RunArgs {
     /// Form of the captured packets: pcapng holds CAN and serial, candump is text and holds CAN only
     #[arg(long, value_enum, default_value_t = CaptureFormatName::Pcapng)]
     pub(super) capture_format: CaptureFormatName,
+    /// Serve a page with the newest frame and the run's numbers, and /metrics for Prometheus: a port on loopback, or
+    /// ADDRESS:PORT; port 0 takes a free one (a bench)
+    #[arg(long, value_name = "ADDRESS")]
+    pub(super) monitor: Option<TcpAddress>,
     /// Print nothing but errors
     #[arg(long)]
     pub(super) quiet: bool,
@@ -180,6 +185,9 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
         if arguments.capture.is_some() {
             bail!("--capture: got a scenario; wanted a bench, such as the one it names");
         }
+        if arguments.monitor.is_some() {
+            bail!("--monitor: got a scenario; wanted a bench, such as the one it names");
+        }
         return run_as_scenario(&scenario, arguments);
     }
     if arguments.control.is_some() {
@@ -253,6 +261,12 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     if say {
         announce(&bench, &engine);
     }
+    let mut view = None;
+    let mut numbers = None;
+    if let Some(address) = arguments.monitor {
+        let (both, started, told) = live_view::beside(sink, address.socket(), &bench.name, &engine)?;
+        (sink, view, numbers) = (both, Some(started), Some(told));
+    }
     let mut wall = Stopwatch::start();
     let stop = Arc::new(AtomicBool::new(false));
     let monitor = Monitor::start(Arc::clone(&stop), say)?;
@@ -261,6 +275,7 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
         start,
         stop: &stop,
         updates: &monitor.updates,
+        numbers,
         hygiene: hygiene.as_ref(),
         recording: recording.as_ref(),
     };
@@ -275,6 +290,7 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     }
     let wall_s = wall.lap().s();
     let was_interrupted = stop.load(Ordering::SeqCst);
+    drop(view);
     monitor.finish();
     let hygiene = hygiene.map(|hygiene| hygiene.lines()).unwrap_or_default();
     Ok(Finished { bench, start, engine, receiver, outcome, hygiene, wall_s, was_interrupted, directory })
@@ -393,6 +409,7 @@ struct Setup<'a> {
     start: Tai,
     stop: &'a Arc<AtomicBool>,
     updates: &'a Sender<Progress>,
+    numbers: Option<Numbers>,
     hygiene: Option<&'a Arc<Hygiene>>,
     recording: Option<&'a Recording>,
 }
@@ -457,6 +474,7 @@ impl Setup<'_> {
     /// Hands the monitor a frame's progress; drops it when the monitor is busy.
     fn sender(&self, frames: u32) -> impl FnMut(&SentFrame, &RunRecord) + use<> {
         let updates = self.updates.clone();
+        let numbers = self.numbers.clone();
         let mut since_first: Option<(Stopwatch, f64)> = None;
         move |frame, record| {
             let (watch, elapsed_s) = since_first.get_or_insert_with(|| (Stopwatch::start(), 0.0));
@@ -476,6 +494,9 @@ impl Setup<'_> {
                 method: frame.meta.method,
             };
             let _monitor_is_busy = updates.try_send(update);
+            if let Some(numbers) = &numbers {
+                numbers.tell(&record.numbers(Some(u64::from(frames))));
+            }
         }
     }
 }

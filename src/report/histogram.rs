@@ -5,6 +5,7 @@
 //! mean are exact. A negative time (early, or interpolated) counts as 0.
 
 use crate::base::time::Span;
+use crate::report::time_tally::TimeTally;
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
@@ -23,6 +24,7 @@ pub struct StageHistogram {
     histogram: Histogram<u64>,
     max_ns: u64,
     sum_ns: u128,
+    tally: TimeTally,
 }
 
 /// Summary of the times of one stage. All are 0 when nothing was recorded.
@@ -45,7 +47,7 @@ pub struct Quantiles {
 impl Default for StageHistogram {
     fn default() -> Self {
         let histogram = Histogram::new_with_bounds(LOW_NS, HIGH_NS, DIGITS).expect("constant bounds that are valid");
-        Self { histogram, max_ns: 0, sum_ns: 0 }
+        Self { histogram, max_ns: 0, sum_ns: 0, tally: TimeTally::EMPTY }
     }
 }
 
@@ -56,6 +58,13 @@ impl StageHistogram {
         self.histogram.saturating_record(ns.min(HIGH_NS));
         self.max_ns = self.max_ns.max(ns);
         self.sum_ns += u128::from(ns);
+        self.tally.record_ns(ns);
+    }
+
+    /// The same times in few bins, small enough to be copied while the run goes on.
+    #[must_use]
+    pub fn tally(&self) -> &TimeTally {
+        &self.tally
     }
 
     /// Half of the times so far were at most this, ms; 0 when nothing was recorded. Cheaper than all quantiles.

@@ -4,7 +4,7 @@
 //! (`summary::RunSummary`). Output: text. Nothing here reads a clock or knows another room.
 //!
 //! Tour: `stages` (where the time of a frame goes) -> `histogram` (quantiles, without allocation while running)
-//! -> `summary` and `machine` (JSON) -> `table` (the same for people) and `progress` (while it runs). Apart from a run:
+//! -> `summary` and `machine` (JSON) -> `table` (the same for people), `progress` and `progress_numbers` (while it runs). Apart from a run:
 //! `plot` (charts as SVG).
 //!
 //! Frame by frame: `frame_record` (one frame's times, fate and cause) -> `frame_ring` (the last frames, counts of all) ->
@@ -20,9 +20,11 @@ pub mod junit;
 pub mod machine;
 pub mod plot;
 pub mod progress;
+pub mod progress_numbers;
 pub mod stages;
 pub mod summary;
 pub mod table;
+pub mod time_tally;
 pub mod timeline;
 mod xml;
 
@@ -36,9 +38,11 @@ pub use junit::to_junit;
 pub use machine::Machine;
 pub use plot::{Chart, pareto_front, to_svg};
 pub use progress::{Progress, progress_line, step_line};
+pub use progress_numbers::{NamedCounts, PortCounts, RunNumbers};
 pub use stages::{Stage, StageHistograms, StageTimes};
 pub use summary::{EventLine, FrameCounts, LinkCounts, RunSummary, SinkRow};
 pub use table::summary_table;
+pub use time_tally::TimeTally;
 pub use timeline::timeline_svg;
 
 /// A report that could not be made.

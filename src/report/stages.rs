@@ -2,6 +2,7 @@
 
 use crate::base::time::Span;
 use crate::report::histogram::{Quantiles, StageHistogram};
+use crate::report::time_tally::TimeTally;
 
 macro_rules! stages {
     ($($(#[$doc:meta])* $stage:ident = $name:literal,)*) => {
@@ -147,6 +148,12 @@ impl StageHistograms {
     #[must_use]
     pub fn of(&self, stage: Stage) -> Quantiles {
         self.histograms[stage as usize].quantiles()
+    }
+
+    /// Every stage so far in few bins, in the order of [`Stage::ALL`]: a copy, without allocation.
+    #[must_use]
+    pub fn tallies(&self) -> [TimeTally; Stage::COUNT] {
+        core::array::from_fn(|i| *self.histograms[i].tally())
     }
 
     /// Median of one stage so far, ms.

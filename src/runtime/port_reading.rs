@@ -5,6 +5,7 @@
 
 use crate::base::time::{Span, Tai};
 use crate::link::{LinkCounters, Port};
+use crate::report::PortCounts;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use core::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use firmware_protocol::Reject;
@@ -89,6 +90,15 @@ impl PortReading {
     pub fn told(&self) -> impl Iterator<Item = (&'static str, u64)> {
         let named = ALL.into_iter().zip(self.counts());
         named.filter(|(count, value)| count.is_always_told || *value > 0).map(|(count, value)| (count.name, value))
+    }
+
+    /// All counts with their names, zeros included.
+    #[must_use]
+    pub fn named(&self) -> PortCounts {
+        PortCounts {
+            counters: ALL.into_iter().map(|count| count.name).zip(self.counts()).collect(),
+            rejects: self.rejects().map(|(reason, count)| (reason.name(), u64::from(count))).collect(),
+        }
     }
 
     fn counts(mut self) -> [u64; COUNTS] {
@@ -181,6 +191,10 @@ mod tests {
         let told: Vec<_> = reading().told().map(|(_, count)| count).collect();
         // Each of the twelve once: 9 is the rejections' own.
         assert_eq!(told, [1, 2, 3, 10, 13, 4, 5, 6, 11, 12, 7, 8]);
+        let named = reading().named();
+        assert!(named.counters.iter().map(|(_, count)| count).eq(told), "the same with all names");
+        let refused: Vec<_> = named.rejects.iter().filter(|(_, count)| *count > 0).collect();
+        assert_eq!((refused, named.rejects.iter().count()), (vec![("BadCrc", 9)], REASONS));
     }
 
     #[test]

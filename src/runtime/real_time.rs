@@ -282,6 +282,7 @@ impl Bench<'_> {
             reading.tell(earlier, now, &mut record.ledger);
             *earlier = reading;
         }
+        record.keep_ports(&self.readings);
     }
 
     fn take_in(&mut self, heard: &Heard, record: &mut RunRecord) {

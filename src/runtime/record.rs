@@ -4,7 +4,8 @@ use crate::base::time::{Span, Tai};
 use crate::exposure::Rung;
 use crate::exposure::method::MethodName;
 use crate::report::{
-    CountHistogram, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, RunSummary, SinkRow, Stage,
+    CountHistogram, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, RunNumbers, RunSummary, SinkRow,
+    Stage,
     StageHistogram, StageHistograms, StageTimes,
 };
 use crate::runtime::engine::FrameEngine;
@@ -34,7 +35,12 @@ pub struct RunRecord {
     methods: [u64; MethodName::ALL.len()],
     rungs: [u64; Rung::ALL.len()],
     faults: Vec<u64>,
+    /// What the ports had counted at the newest frame.
+    ports: Vec<PortReading>,
 }
+
+/// Ports for whose readings there is room from the start.
+const PORTS: usize = 8;
 
 impl Default for RunRecord {
     fn default() -> Self {
@@ -51,6 +57,7 @@ impl Default for RunRecord {
             methods: [0; MethodName::ALL.len()],
             rungs: [0; Rung::ALL.len()],
             faults: vec![0; FaultFlags::NAMED.len()],
+            ports: Vec::with_capacity(PORTS),
         }
     }
 }
@@ -118,6 +125,25 @@ impl RunRecord {
     /// Writes an event down.
     pub fn note(&mut self, kind: EventKind, at: Tai, frame: u32, span: Span) {
         self.ledger.note(Event::new(kind, at, Some(frame), span));
+    }
+
+    /// Keeps what the ports have counted so far.
+    pub fn keep_ports(&mut self, readings: &[PortReading]) {
+        self.ports.clear();
+        self.ports.extend_from_slice(readings);
+    }
+
+    /// Counts and times so far, for whoever watches the run: a copy, without allocation.
+    #[must_use]
+    pub fn numbers(&self, frames_in_run: Option<u64>) -> RunNumbers {
+        let events = EventKind::ALL.iter().map(|kind| (kind.name(), self.ledger.count(*kind))).collect();
+        let stages = self.stages.tallies();
+        // On the real clock the frames that are out are counted at the end; until then by what their sending took.
+        let sent = stages[Stage::Sink as usize].count();
+        let frames = FrameCounts { delivered: self.frames.delivered.max(sent), ..self.frames };
+        let mut numbers = RunNumbers { frames_in_run, frames, stages, events, ..RunNumbers::NONE };
+        self.ports.iter().for_each(|port| numbers.push_port(port.named()));
+        numbers
     }
 
     /// 99 % quantile of release to delivery, ms.

@@ -239,6 +239,7 @@ impl VirtualLoop {
         let reading = PortReading::of(port, 0);
         reading.tell(&self.reading, now, &mut self.record.ledger);
         self.reading = reading;
+        self.record.keep_ports(&[reading]);
         let pointing_bound_rad = head.engine.pointing_bound_rad();
         let told = ToldFrame { meta: &frame.meta, pointing_bound_rad, rejects: &reading.rejects, now };
         for message in self.reply.messages(&told, head.receiver) {

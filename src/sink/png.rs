@@ -41,7 +41,15 @@ pub fn write_dn_raw(out: impl Write, image: &DnImage) -> io::Result<()> {
 /// When the output fails, or the image has no pixels.
 pub fn write_greys(out: impl Write, image: &DnImage) -> io::Result<()> {
     let bytes: Vec<u8> = image.pixels().iter().map(|grey| u8::try_from(*grey).unwrap_or(u8::MAX)).collect();
-    write_grey(out, image.width(), image.height(), png::BitDepth::Eight, &bytes)
+    write_grey8(out, [image.width(), image.height()], &bytes)
+}
+
+/// Writes 8-bit grey as it is: `bytes` are the pixels row by row from the top.
+///
+/// # Errors
+/// When the output fails, the image has no pixels, or `bytes` are not as many as the pixels.
+pub fn write_grey8(out: impl Write, [width, height]: [usize; 2], bytes: &[u8]) -> io::Result<()> {
+    write_grey(out, width, height, png::BitDepth::Eight, bytes)
 }
 
 fn write_grey(mut out: impl Write, width: usize, height: usize, depth: png::BitDepth, bytes: &[u8]) -> io::Result<()> {

@@ -24,6 +24,7 @@ pub(crate) const ROOMS: &[Room] = &[
     Room { name: "sink", may_import: &[] },
     Room { name: "display", may_import: &["astrometry", "sink"] },
     Room { name: "report", may_import: &[] },
+    Room { name: "live", may_import: &["sink", "report"] },
     Room {
         name: "chart",
         may_import: &["attitude", "astrometry", "optics", "exposure", "render", "detector", "gpu", "report"],
@@ -103,6 +104,7 @@ pub(crate) const ROOMS: &[Room] = &[
             "verify",
             "wiring",
             "display",
+            "live",
             // The type of an image that may live on a device, and the identifiers of the bus.
             "gpu",
             "firmware_protocol",

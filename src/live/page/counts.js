@@ -1,0 +1,53 @@
+// Counts as lists: frames, the bus by port, events, faults.
+
+const FRAME_TONE = { late: "warn", held: "warn", dropped: "bad", blank: "warn" };
+
+// Fills a list with [name, value, tone]; without a value it is a heading.
+function fillList(name, rows) {
+  byId(name).replaceChildren(
+    ...rows.flatMap(([title, value, tone]) => {
+      const term = document.createElement("dt");
+      term.textContent = title;
+      term.title = title;
+      if (value === undefined) {
+        term.className = "group";
+        return [term];
+      }
+      const number = document.createElement("dd");
+      number.textContent = value;
+      if (tone) number.className = tone;
+      return [term, number];
+    })
+  );
+}
+
+const spaced = (name) => name.replaceAll("_", " ");
+
+function tellCounts(run) {
+  fillList("counts", Object.entries(run.frames).map(([name, n]) => [spaced(name), n, n > 0 ? FRAME_TONE[name] : ""]));
+  fillList("events", Object.entries(run.events).map(([name, n]) => [spaced(name), n]));
+  const always = ["packets_received", "packets_sent"];
+  const ports = run.ports.flatMap((port, i) => [
+    ...(run.ports.length > 1 ? [["port " + i]] : []),
+    ...Object.entries(port.counters)
+      .filter(([name, n]) => n > 0 || always.includes(name))
+      .map(([name, n]) => [spaced(name), n, always.includes(name) ? "" : "warn"]),
+    ...Object.entries(port.rejects).map(([name, n]) => ["refused: " + name, n, "warn"]),
+  ]);
+  fillList("bus", ports);
+}
+
+function tellFaults(frame) {
+  const named = frame.faults.map((fault) => `${spaced(fault.name)} #${fault.number}: ${fault.value} ${fault.unit}`);
+  const known = new Set(frame.faults.map((fault) => fault.name));
+  const flags = frame.fault_flags.filter((flag) => !known.has(flag)).map(spaced);
+  const more = frame.fault_count > frame.faults.length ? [`${frame.fault_count - frame.faults.length} more`] : [];
+  const all = [...named, ...flags, ...more];
+  const items = (all.length ? all : ["none"]).map((text) => {
+    const item = document.createElement("li");
+    item.textContent = text;
+    if (!all.length) item.className = "none";
+    return item;
+  });
+  byId("faults").replaceChildren(...items);
+}

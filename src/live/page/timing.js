@@ -1,0 +1,73 @@
+// Where the time goes: stages on a logarithmic scale against the time to the deadline; lateness on a linear one.
+
+const SHORTEST_MS = 0.01;
+
+function drawStages(state) {
+  const { pen, width, height } = cleared(byId("stages"));
+  const stages = state.run ? state.run.stages.filter((s) => s.count > 0 && (s.is_of_a_frame || s.name === "release_to_delivered")) : [];
+  if (!stages.length) return;
+  const longest = Math.max(state.readout_ms, ...stages.map((s) => s.max_ms));
+  const decades = Math.ceil(Math.log10((longest * 1.2) / SHORTEST_MS));
+  const [left, right, foot] = [112, 8, 15];
+  const x = (ms) => left + ((width - left - right) * Math.log10(Math.max(ms, SHORTEST_MS) / SHORTEST_MS)) / decades;
+  const step = Math.min((height - foot) / stages.length, 20);
+  pen.fillStyle = colours.dim;
+  pen.textAlign = "center";
+  for (let decade = 0; decade <= decades; decade += 1) {
+    const ms = SHORTEST_MS * 10 ** decade;
+    pen.strokeStyle = colours.line;
+    line(pen, [[x(ms), 0], [x(ms), stages.length * step]]);
+    if (decade < decades) pen.fillText(shortMs(ms), x(ms), stages.length * step + 8);
+  }
+  stages.forEach((stage, i) => drawStage(pen, stage, x, [i * step, step], state.readout_ms));
+  pen.strokeStyle = colours.amber;
+  pen.setLineDash([4, 3]);
+  line(pen, [[x(state.readout_ms), 0], [x(state.readout_ms), stages.length * step]]);
+  pen.setLineDash([]);
+}
+
+function drawStage(pen, stage, x, [top, step], due_ms) {
+  const middle = top + step / 2, thick = Math.max(step - 7, 3);
+  pen.fillStyle = colours.text;
+  pen.textAlign = "right";
+  pen.fillText(stage.name.replaceAll("_", " ").replace("release to delivered", "all to delivered"), x(0) - 8, middle);
+  const bar = (ms, alpha) => {
+    pen.globalAlpha = alpha;
+    pen.fillStyle = ms > due_ms ? colours.red : colours.blue;
+    pen.fillRect(x(0), middle - thick / 2, Math.max(x(ms) - x(0), 1), thick);
+  };
+  bar(stage.p99_ms, 0.4);
+  bar(stage.p50_ms, 0.8);
+  pen.globalAlpha = 1;
+  pen.fillStyle = stage.max_ms > due_ms ? colours.red : colours.text;
+  pen.fillRect(x(stage.max_ms) - 1, middle - thick / 2, 2, thick);
+}
+
+function drawLateness(state) {
+  const { pen, width, height } = cleared(byId("lateness"));
+  if (!state.lateness) return;
+  const { counts, reach_ms } = state.lateness;
+  const foot = 15, step = width / counts.length, most = Math.max(...counts, 1);
+  counts.forEach((count, i) => {
+    if (!count) return;
+    const tall = Math.max(((height - foot - 4) * Math.log1p(count)) / Math.log1p(most), 2);
+    pen.fillStyle = i < counts.length / 2 ? colours.green : colours.red;
+    pen.fillRect(i * step + 0.5, height - foot - tall, Math.max(step - 1, 1), tall);
+  });
+  pen.strokeStyle = colours.line;
+  line(pen, [[0, height - foot], [width, height - foot]]);
+  pen.strokeStyle = colours.amber;
+  pen.setLineDash([4, 3]);
+  line(pen, [[width / 2, 0], [width / 2, height - foot]]);
+  pen.setLineDash([]);
+  pen.fillStyle = colours.dim;
+  pen.textAlign = "left";
+  pen.fillText("-" + shortMs(reach_ms), 0, height - 6);
+  pen.textAlign = "center";
+  pen.fillText("due", width / 2, height - 6);
+  pen.textAlign = "right";
+  pen.fillText("+" + shortMs(reach_ms), width, height - 6);
+  const total = counts.reduce((a, b) => a + b, 0);
+  const late = counts.slice(counts.length / 2).reduce((a, b) => a + b, 0);
+  byId("lateness-facts").textContent = `${late} of ${total} late`;
+}

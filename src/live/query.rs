@@ -1,0 +1,106 @@
+//! What is asked for in the address, after the question mark.
+//!
+//! Unknown and repeated keys and values out of range are refused with what was wanted. Nothing is decoded: no valid value
+//! needs it. Tests: below.
+
+use crate::live::picture::Scale;
+use core::str::FromStr;
+
+/// A question that has no answer; the text is for whoever asked.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{key}: got \"{got}\", wanted {wanted}")]
+pub(super) struct BadQuery {
+    key: &'static str,
+    got: String,
+    wanted: &'static str,
+}
+
+fn bad(key: &'static str, got: &str, wanted: &'static str) -> BadQuery {
+    BadQuery { key, got: got.chars().take(64).collect(), wanted }
+}
+
+/// `stretch`, with `black` and `white` for `dn`.
+pub(super) fn scale(query: &str) -> Result<Scale, BadQuery> {
+    let [stretch, black, white] = values(query, ["stretch", "black", "white"])?;
+    if stretch == Some("dn") {
+        let dn = |key, value: Option<&str>| number::<u16>(key, value, "a DN from 0 to 65535");
+        let (black, white) = (dn("black", black)?, dn("white", white)?);
+        let text = white.to_string();
+        return if black < white {
+            Ok(Scale::Dn { black, white })
+        } else {
+            Err(bad("white", &text, "a DN greater than black"))
+        };
+    }
+    if let Some((key, got)) = [("black", black), ("white", white)].into_iter().find_map(|(k, v)| Some((k, v?))) {
+        return Err(bad(key, got, "it with stretch=dn only"));
+    }
+    let Some(name) = stretch else { return Ok(Scale::Stars) };
+    let named = Scale::NAMED.iter().find(|(_, known)| *known == name);
+    named.map(|(scale, _)| *scale).ok_or_else(|| bad("stretch", name, "stars, faint, linear, log or dn"))
+}
+
+/// `frame`, a frame's number.
+pub(super) fn frame(query: &str) -> Result<u32, BadQuery> {
+    let [frame] = values(query, ["frame"])?;
+    number("frame", frame, "a frame's number, as in the answer to /frame.png")
+}
+
+fn number<T: FromStr>(key: &'static str, value: Option<&str>, wanted: &'static str) -> Result<T, BadQuery> {
+    let got = value.unwrap_or("");
+    got.parse().map_err(|_| bad(key, got, wanted))
+}
+
+/// The values of the keys, in their order.
+fn values<'a, const N: usize>(query: &'a str, keys: [&'static str; N]) -> Result<[Option<&'a str>; N], BadQuery> {
+    let mut found = [None; N];
+    for part in query.split('&').filter(|part| !part.is_empty()) {
+        let (key, value) = part.split_once('=').unwrap_or((part, ""));
+        let place = keys.iter().position(|known| *known == key);
+        let place = place.ok_or_else(|| bad("key", key, "one that this address knows"))?;
+        if found[place].replace(value).is_some() {
+            return Err(bad(keys[place], value, "it once"));
+        }
+    }
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scales_are_read() {
+        for (query, wanted) in [
+            ("", Scale::Stars),
+            ("stretch=stars", Scale::Stars),
+            ("stretch=log&", Scale::Log),
+            ("white=65535&stretch=dn&black=0", Scale::Dn { black: 0, white: 65_535 }),
+        ] {
+            assert_eq!(scale(query), Ok(wanted), "{query}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_question_is_refused_with_what_was_wanted() {
+        for (query, part) in [
+            ("stretch=nice", "wanted stars, faint"),
+            ("stretch", "got \"\""),
+            ("stretch=log&stretch=log", "once"),
+            ("stretch=log&black=3", "stretch=dn only"),
+            ("stretch=dn&black=3", "white: got \"\""),
+            ("stretch=dn&black=3&white=65536", "65535"),
+            ("stretch=dn&black=3&white=3", "greater than black"),
+            ("colour=1", "key: got \"colour\""),
+        ] {
+            let error = scale(query).unwrap_err().to_string();
+            assert!(error.contains(part), "{query}: {error}");
+        }
+        assert_eq!(frame("frame=7"), Ok(7));
+        for query in ["", "frame=-1", "frame=4294967296", "frame=7&frame=7"] {
+            frame(query).unwrap_err();
+        }
+        let long = scale(&format!("stretch={}", "x".repeat(9_000))).unwrap_err();
+        assert!(long.to_string().len() < 200, "what comes back is short: {long}");
+    }
+}
