@@ -42,6 +42,8 @@ pub mod render;
 pub mod detector;
 // Frames -> the world: trait `Sink` (recorder, null).
 pub mod sink;
+// Frames -> a camera on the network: GVCP and GVSP.
+pub mod network_camera;
 // The other end of the cable: simulated flight computer.
 pub mod testbed;
 // Timing and accuracy tables, run summary.

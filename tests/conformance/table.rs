@@ -22,6 +22,7 @@ pub(crate) const ROOMS: &[Room] = &[
     Room { name: "render", may_import: &["exposure", "optics", "gpu"] },
     Room { name: "detector", may_import: &["gpu"] },
     Room { name: "sink", may_import: &[] },
+    Room { name: "network_camera", may_import: &["sink"] },
     Room { name: "report", may_import: &[] },
     Room {
         name: "chart",
@@ -58,6 +59,7 @@ pub(crate) const ROOMS: &[Room] = &[
             "render",
             "detector",
             "sink",
+            "network_camera",
             "testbed",
         ],
     },
@@ -73,6 +75,7 @@ pub(crate) const ROOMS: &[Room] = &[
             "exposure",
             "detector",
             "sink",
+            "network_camera",
             "report",
             "testbed",
             "runtime",
