@@ -90,11 +90,26 @@ impl NetworkCamera {
         );
         let kept = Kept::new(params.frames_kept as usize, pixels, device.stream());
         let width_px = sensor.size_px[0] as usize;
-        let stream =
-            Stream { shared: Arc::clone(&shared), frames, free: given_back, resends, outlet, kept, width_px, dn_bits: sensor.bits };
+        let stream = Stream {
+            shared: Arc::clone(&shared),
+            frames,
+            free: given_back,
+            resends,
+            outlet,
+            kept,
+            width_px,
+            dn_bits: sensor.bits,
+        };
         let broadcasts = hear_broadcasts(&found, address.port());
-        let listener =
-            Listener { device, shared: Arc::clone(&shared), clock, control, broadcasts, stream: stream_socket, resends: ask };
+        let listener = Listener {
+            device,
+            shared: Arc::clone(&shared),
+            clock,
+            control,
+            broadcasts,
+            stream: stream_socket,
+            resends: ask,
+        };
         let spawn = |name: &str, run: Box<dyn FnOnce() + Send>| {
             let thread = std::thread::Builder::new().name(name.into()).spawn(run);
             thread.map_err(refuse("start a thread"))
@@ -102,7 +117,19 @@ impl NetworkCamera {
         let stream = Some(spawn("camera stream", Box::new(move || stream.run()))?);
         let listener = Some(spawn("camera control", Box::new(move || listener.run()))?);
         let (frames, refused, run_crc32) = (0, 0, RunCrc32::default());
-        Ok(Self { address, shared, full: Some(full), free, spare: None, pixels, stream, listener, frames, refused, run_crc32 })
+        Ok(Self {
+            address,
+            shared,
+            full: Some(full),
+            free,
+            spare: None,
+            pixels,
+            stream,
+            listener,
+            frames,
+            refused,
+            run_crc32,
+        })
     }
 
     /// Where clients find it.

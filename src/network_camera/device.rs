@@ -38,6 +38,8 @@ const DO_NOT_FRAGMENT: u32 = 0x4000_0000;
 const DELAY_MOST_NS: u32 = 10_000_000;
 /// Bit of the time stamp control register that latches.
 const LATCH: u32 = 2;
+/// Every field of the truth.
+const ALL_CHUNKS: u32 = (1 << chunk::FIELDS.len()) - 1;
 /// Sources of triggers.
 const SOURCE_SOFTWARE: u32 = 0;
 const SOURCE_ACTION: u32 = 1;
@@ -77,6 +79,8 @@ pub struct Device {
     tally: Arc<Tally>,
     place: DeviceParams,
     generation: u64,
+    /// Fields of the truth that are wanted, one bit each.
+    chunks: u32,
 }
 
 impl Device {
@@ -95,8 +99,16 @@ impl Device {
         write_features(&mut memory, sensor, format);
         memory.set(at::PACKET_SIZE, DO_NOT_FRAGMENT | params.packet_bytes.min(place.packet_bytes_max) & !3);
         let (wanted, tally) = (Arc::default(), Arc::default());
-        let mut device =
-            Self { memory, control: Control::default(), acquisition: Acquisition::default(), wanted, tally, place, generation: 1 };
+        let mut device = Self {
+            memory,
+            control: Control::default(),
+            acquisition: Acquisition::default(),
+            wanted,
+            tally,
+            place,
+            generation: 1,
+            chunks: ALL_CHUNKS,
+        };
         device.measure_payload();
         Ok(device)
     }
@@ -252,7 +264,14 @@ impl Device {
         done
     }
 
-    fn write(&mut self, address: u32, value: u32, from: SocketAddrV4, now: Tai, out: &mut Answer) -> Result<(), Status> {
+    fn write(
+        &mut self,
+        address: u32,
+        value: u32,
+        from: SocketAddrV4,
+        now: Tai,
+        out: &mut Answer,
+    ) -> Result<(), Status> {
         if address == at::CONTROL {
             return self.write_control(value, from, now);
         }
@@ -267,7 +286,7 @@ impl Device {
             }
             at::ACTION_DEVICE_KEY | at::ACTION_GROUP_KEY | at::ACTION_GROUP_MASK => self.memory.set(address, value),
             at::STREAM_PORT..=at::STREAM_SOURCE_PORT => return self.write_stream(address, value, out),
-            own::SENSOR_WIDTH..=own::DETECTOR_BITS => return self.write_feature(address, value),
+            own::SENSOR_WIDTH..=own::CHUNK_SELECTOR => return self.write_feature(address, value),
             _ => return self.memory.read(address, 4).and(Err(Status::WriteProtect)),
         }
         Ok(())
@@ -314,7 +333,8 @@ impl Device {
         let port = u16::try_from(self.memory.word(at::STREAM_PORT)).unwrap_or_default();
         let to = SocketAddrV4::new(Ipv4Addr::from_bits(self.memory.word(at::STREAM_ADDRESS)), port);
         if value & FIRE_TEST != 0 && asked <= self.place.packet_bytes_max && port != 0 && !to.ip().is_unspecified() {
-            let bytes = usize::try_from(asked).unwrap_or_default().saturating_sub(crate::network_camera::gvsp::IP_UDP_BYTES);
+            let bytes =
+                usize::try_from(asked).unwrap_or_default().saturating_sub(crate::network_camera::gvsp::IP_UDP_BYTES);
             out.test_packet = Some((to, bytes));
         }
     }
@@ -348,10 +368,21 @@ impl Device {
             own::PIXEL_FORMAT => free().and_then(|()| set_if(memory, PixelFormat::from_code(value).is_some()))?,
             own::ACQUISITION_MODE => free().and_then(|()| set_if(memory, value <= 2))?,
             own::FRAME_COUNT => free().and_then(|()| set_if(memory, (1..=65_535).contains(&value)))?,
-            own::TRIGGER_MODE | own::TRIGGER_SOURCE | own::CHUNK_MODE | own::CHUNK_ENABLE => {
+            own::TRIGGER_MODE | own::TRIGGER_SOURCE | own::CHUNK_MODE => {
                 free().and_then(|()| set_if(memory, value <= 1))?;
             }
+            own::CHUNK_SELECTOR => {
+                set_if(memory, (value as usize) < chunk::FIELDS.len())?;
+                memory.set(own::CHUNK_ENABLE, self.chunks >> value & 1);
+            }
+            own::CHUNK_ENABLE => {
+                free().and_then(|()| set_if(memory, value <= 1))?;
+                let selected = 1 << memory.word(own::CHUNK_SELECTOR);
+                self.chunks = self.chunks & !selected | selected * value;
+            }
             own::PARAMETERS_LOCKED => set_if(memory, value <= 1)?,
+            // Clients that set the rate set it within its bounds, which are the bench's rate.
+            own::FRAME_RATE..own::EXPOSURE_TIME => set_if(memory, value == memory.word(address))?,
             own::ACQUISITION_START => self.start(),
             own::ACQUISITION_STOP => self.stop(),
             own::TRIGGER_SOFTWARE => self.trigger(SOURCE_SOFTWARE),
@@ -366,11 +397,12 @@ impl Device {
     }
 
     fn has_chunks(&self) -> bool {
-        self.memory.word(own::CHUNK_MODE) == 1 && self.memory.word(own::CHUNK_ENABLE) == 1
+        self.memory.word(own::CHUNK_MODE) == 1 && self.chunks != 0
     }
 
     fn measure_payload(&mut self) {
-        let [columns, rows] = [own::WIDTH, own::HEIGHT].map(|side| usize::try_from(self.memory.word(side)).unwrap_or(0));
+        let [columns, rows] =
+            [own::WIDTH, own::HEIGHT].map(|side| usize::try_from(self.memory.word(side)).unwrap_or(0));
         let chunks = if self.has_chunks() { chunk::added_bytes() } else { 0 };
         let bytes = self.format().bytes(columns * rows) + chunks;
         self.memory.set(own::PAYLOAD_SIZE, u32::try_from(bytes).unwrap_or(u32::MAX));
@@ -413,9 +445,14 @@ impl Device {
     /// Ends what the controller had begun.
     fn release(&mut self) {
         self.stop();
-        for address in
-            [at::CONTROL, at::CONTROLLER_PORT, at::CONTROLLER_ADDRESS, at::STREAM_PORT, at::STREAM_ADDRESS, own::PARAMETERS_LOCKED]
-        {
+        for address in [
+            at::CONTROL,
+            at::CONTROLLER_PORT,
+            at::CONTROLLER_ADDRESS,
+            at::STREAM_PORT,
+            at::STREAM_ADDRESS,
+            own::PARAMETERS_LOCKED,
+        ] {
             self.memory.set(address, 0);
         }
         self.memory.set(at::HEARTBEAT_MS, HEARTBEAT_MS);
@@ -489,7 +526,7 @@ fn write_features(memory: &mut Memory, sensor: &SensorParams, format: PixelForma
     for (address, value) in [
         (own::FRAME_RATE, sensor.frame_rate_hz),
         (own::EXPOSURE_TIME, sensor.exposure_s * 1e6),
-        (own::GAIN, sensor.gain_e_per_dn),
+        (own::GAIN, sensor.gain_e_per_dn.recip()),
     ] {
         memory.set_long(address, value.to_bits());
     }

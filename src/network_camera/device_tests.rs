@@ -120,7 +120,8 @@ fn both_urls_name_the_same_xml_and_each_of_its_addresses_can_be_read() {
         let text = String::from_utf8(plain.1).unwrap();
         let mut inflated = String::new();
         let start = 30 + "starloop.xml".len();
-        std::io::Read::read_to_string(&mut flate2::read::DeflateDecoder::new(&zipped.1[start..]), &mut inflated).unwrap();
+        std::io::Read::read_to_string(&mut flate2::read::DeflateDecoder::new(&zipped.1[start..]), &mut inflated)
+            .unwrap();
         assert_eq!(inflated.trim_end(), text.trim_end());
         every_address_is_there(&mut bench, &text);
     }
@@ -132,7 +133,9 @@ fn every_address_is_there(bench: &mut Bench, text: &str) {
     let names: Vec<&str> = document.descendants().filter_map(|node| node.attribute("Name")).collect();
     let mut registers = 0;
     for node in document.descendants().filter(roxmltree::Node::is_element) {
-        let child = |name: &str| node.children().find(|child| child.has_tag_name(("http://www.genicam.org/GenApi/Version_1_1", name)));
+        let child = |name: &str| {
+            node.children().find(|child| child.has_tag_name(("http://www.genicam.org/GenApi/Version_1_1", name)))
+        };
         if node.tag_name().name().starts_with('p') && node.tag_name().name() != "pPort" {
             assert!(names.contains(&node.text().unwrap()), "{node:?} names nothing");
         }
@@ -222,7 +225,13 @@ fn packet_sizes_are_held_to_the_mtu_and_tested_as_asked() {
     assert_eq!(bench.write(A, at::STREAM_ADDRESS, STRANGER.ip().to_bits()), 0x8002, "neighbours only");
     bench.write(A, at::STREAM_ADDRESS, A.ip().to_bits());
     bench.write(A, at::STREAM_PORT, 1234);
-    for (asked, stored, test) in [(1500, 1500, Some(1472)), (1501, 1500, None), (9000, 1500, None), (100, 576, Some(72)), (1402, 1400, Some(1374))] {
+    for (asked, stored, test) in [
+        (1500, 1500, Some(1472)),
+        (1501, 1500, None),
+        (9000, 1500, None),
+        (100, 576, Some(72)),
+        (1402, 1400, Some(1374)),
+    ] {
         assert_eq!(bench.write(A, at::PACKET_SIZE, 0xC000_0000 | asked), OK);
         assert_eq!(bench.answer.test_packet.map(|(to, bytes)| (to.port(), bytes)), test.map(|bytes| (1234, bytes)));
         assert_eq!(bench.read(A, at::PACKET_SIZE), Ok(0x4000_0000 | stored), "the test bit clears itself");
@@ -250,7 +259,13 @@ fn many_registers_in_one_command_stop_at_the_first_refusal() {
 fn triggers_come_from_the_source_that_was_chosen() {
     let mut bench = bench();
     bench.control();
-    for (address, value) in [(own::TRIGGER_MODE, 1), (own::TRIGGER_SOURCE, 1), (at::ACTION_DEVICE_KEY, 5), (at::ACTION_GROUP_KEY, 6), (at::ACTION_GROUP_MASK, 3)] {
+    for (address, value) in [
+        (own::TRIGGER_MODE, 1),
+        (own::TRIGGER_SOURCE, 1),
+        (at::ACTION_DEVICE_KEY, 5),
+        (at::ACTION_GROUP_KEY, 6),
+        (at::ACTION_GROUP_MASK, 3),
+    ] {
         assert_eq!(bench.write(A, address, value), OK);
     }
     let wanted = bench.device.wanted();
@@ -301,6 +316,36 @@ fn what_is_no_command_is_counted_by_reason() {
     assert_eq!(bench.ask(A, 0x80, &[1]), Some((0x8002, vec![])));
     assert_eq!(bench.ask(A, 0xC0, &[]), Some((0x8001, vec![])));
     let counted: Vec<_> = bench.device.counters().malformed.into_iter().collect();
-    let wanted = [("too_short", 2), ("unknown_command", 1), ("wrong_key", 1), ("wrong_length", 1), ("wrong_payload", 1)];
+    let wanted =
+        [("too_short", 2), ("unknown_command", 1), ("wrong_key", 1), ("wrong_length", 1), ("wrong_payload", 1)];
     assert_eq!(counted, wanted);
+}
+
+#[test]
+fn truth_is_sent_while_any_of_it_is_wanted() {
+    let mut bench = bench();
+    bench.control();
+    bench.write(A, own::CHUNK_MODE, 1);
+    let fields = u32::try_from(chunk::FIELDS.len()).unwrap();
+    for field in 0..fields {
+        assert!(bench.device.stream().with_chunks, "{field}");
+        assert_eq!(bench.write(A, own::CHUNK_SELECTOR, field), OK);
+        assert_eq!(bench.read(A, own::CHUNK_ENABLE), Ok(1));
+        assert_eq!(bench.write(A, own::CHUNK_ENABLE, 0), OK);
+    }
+    assert!(!bench.device.stream().with_chunks);
+    assert_eq!(bench.read(A, own::PAYLOAD_SIZE), Ok(31 * 17 * 2));
+    assert_eq!(bench.write(A, own::CHUNK_SELECTOR, fields), 0x8002);
+    assert_eq!(bench.write(A, own::CHUNK_SELECTOR, 3), OK);
+    assert_eq!((bench.read(A, own::CHUNK_ENABLE), bench.write(A, own::CHUNK_ENABLE, 1)), (Ok(0), OK));
+    assert!(bench.device.stream().with_chunks);
+}
+
+#[test]
+fn the_frame_rate_may_be_set_to_what_it_is() {
+    let mut bench = bench();
+    bench.control();
+    let set = |rate: f64| [&own::FRAME_RATE.to_be_bytes()[..], &rate.to_be_bytes()].concat();
+    assert_eq!(bench.ask(A, 0x86, &set(10.0)), Some((OK, vec![0, 0, 0, 2])));
+    assert_eq!(bench.ask(A, 0x86, &set(11.0)).unwrap().0, 0x8002);
 }

@@ -116,8 +116,14 @@ pub(super) enum Command<'a> {
     ReadRegisters(&'a [[u8; 4]]),
     /// Addresses and values, four bytes each, by turns.
     WriteRegisters(&'a [[u8; 4]]),
-    ReadMemory { address: u32, bytes: usize },
-    WriteMemory { address: u32, words: &'a [[u8; 4]] },
+    ReadMemory {
+        address: u32,
+        bytes: usize,
+    },
+    WriteMemory {
+        address: u32,
+        words: &'a [[u8; 4]],
+    },
     Action(Action),
     Bad(Malformed),
 }
@@ -235,9 +241,16 @@ mod tests {
         assert_eq!(read(0x10, code::RESEND, &resend), BAD, "long block identifiers");
         assert_eq!(read(0, code::RESEND, &[0, 1, 0, 7, 0, 0, 0, 2, 0, 0, 0, 9]), BAD, "another channel");
         assert_eq!(read(0, code::RESEND, &[0, 0, 0, 7, 0, 0, 0, 9, 0, 0, 0, 2]), BAD, "backwards");
-        assert_eq!(read(1, code::READ_MEMORY, &[0, 2, 0, 0, 0, 0, 2, 0]), Command::ReadMemory { address: 0x2_0000, bytes: 512 });
+        assert_eq!(
+            read(1, code::READ_MEMORY, &[0, 2, 0, 0, 0, 0, 2, 0]),
+            Command::ReadMemory { address: 0x2_0000, bytes: 512 }
+        );
         for count in [0_u16, 3, 540, 0xFFFF] {
-            assert_eq!(read(1, code::READ_MEMORY, &[&[0, 2, 0, 0, 0, 0][..], &count.to_be_bytes()].concat()), BAD, "{count}");
+            assert_eq!(
+                read(1, code::READ_MEMORY, &[&[0, 2, 0, 0, 0, 0][..], &count.to_be_bytes()].concat()),
+                BAD,
+                "{count}"
+            );
         }
         assert_eq!(read(1, code::WRITE_REGISTER, &[0; 12]), BAD, "an address without a value");
         assert_eq!(read(0x81, code::ACTION, &[0; 12]), BAD, "scheduled");

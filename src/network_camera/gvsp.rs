@@ -159,7 +159,13 @@ pub(super) mod tests {
             assert!(data[..data.len() - 1].iter().all(|(_, data)| data.len() == 540), "all but the last are full");
             assert_eq!(data.iter().flat_map(|(_, data)| data.iter().copied()).collect::<Vec<_>>(), block.payload);
             for (number, (head, _)) in parts.iter().enumerate() {
-                let kind = if number == 0 { 1 } else if number + 1 == parts.len() { 2 } else { 3 };
+                let kind = if number == 0 {
+                    1
+                } else if number + 1 == parts.len() {
+                    2
+                } else {
+                    3
+                };
                 assert_eq!(*head, [0, 0, 0xAB, 0xCD, kind, 0, 0, u8::try_from(number).unwrap()]);
             }
         }

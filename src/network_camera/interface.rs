@@ -5,8 +5,8 @@
 use crate::network_camera::error::NetworkCameraError;
 use nix::ifaddrs::{InterfaceAddress, getifaddrs};
 use nix::sys::socket::SockaddrStorage;
-use rustix::net::sockopt::{set_ip_mtu_discover, set_socket_broadcast, set_socket_reuseaddr};
 use rustix::net::sockopt::{Ipv4PathMtuDiscovery, set_socket_send_buffer_size, set_socket_timeout};
+use rustix::net::sockopt::{set_ip_mtu_discover, set_socket_broadcast, set_socket_reuseaddr};
 use rustix::net::{AddressFamily, SocketType, bind, socket};
 use std::io;
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
@@ -38,7 +38,8 @@ impl Interface {
             is_here.then(|| (entry.interface_name.clone(), mask))
         });
         let known = || {
-            let own: Vec<String> = all.iter().filter_map(|entry| ipv4(entry.address.as_ref())).map(|own| own.to_string()).collect();
+            let own: Vec<String> =
+                all.iter().filter_map(|entry| ipv4(entry.address.as_ref())).map(|own| own.to_string()).collect();
             own.join(", ")
         };
         let (name, mask) = found.ok_or_else(|| NetworkCameraError::NoInterface { address, known: known() })?;

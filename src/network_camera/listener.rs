@@ -60,7 +60,10 @@ impl Listener {
     fn wait(&self) {
         let mut sockets: [Option<PollFd<'_>>; 3] = [None, None, None];
         let all = core::iter::once(&self.control).chain(&self.broadcasts);
-        sockets.iter_mut().zip(all).for_each(|(place, socket)| *place = Some(PollFd::new(socket.as_fd(), PollFlags::POLLIN)));
+        sockets
+            .iter_mut()
+            .zip(all)
+            .for_each(|(place, socket)| *place = Some(PollFd::new(socket.as_fd(), PollFlags::POLLIN)));
         let mut filled: Vec<PollFd<'_>> = sockets.into_iter().flatten().collect();
         let _nothing_came_or_something_did = poll(&mut filled, PollTimeout::from(LOOK_MS));
     }

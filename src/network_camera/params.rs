@@ -114,7 +114,8 @@ pub struct SensorParams {
 impl Params {
     /// Refuses what no camera can be.
     pub(super) fn check(&self, sensor: &SensorParams) -> Result<(), NetworkCameraError> {
-        let refuse = |what, wanted: &str, got: String| Err(NetworkCameraError::Invalid { what, wanted: wanted.into(), got });
+        let refuse =
+            |what, wanted: &str, got: String| Err(NetworkCameraError::Invalid { what, wanted: wanted.into(), got });
         if sensor.size_px.iter().any(|side| !(1..=16_384).contains(side)) {
             return refuse("size_px", "sides of 1 to 16384 px", format!("{:?}", sensor.size_px));
         }
@@ -148,7 +149,8 @@ impl Identity {
             ("serial", &self.serial, 15),
             ("user_name", &self.user_name, 15),
         ] {
-            let is_plain = text.bytes().all(|byte| byte == b' ' || byte.is_ascii_graphic() && !b"<>&\"'".contains(&byte));
+            let is_plain =
+                text.bytes().all(|byte| byte == b' ' || byte.is_ascii_graphic() && !b"<>&\"'".contains(&byte));
             if text.len() > most || !is_plain {
                 let wanted = format!("at most {most} plain characters (ASCII without < > & and quotes)");
                 return Err(NetworkCameraError::Invalid { what, wanted, got: format!("{text:?}") });

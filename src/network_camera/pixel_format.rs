@@ -166,7 +166,11 @@ mod tests {
                 }
             }
             assert_eq!(PixelFormat::from_code(format.code()), Some(format));
-            assert_eq!(format.code() >> 16 & 0xFF, if format == PixelFormat::Mono12Packed { 12 } else { format.bits().next_multiple_of(8) }, "PFNC: bits per pixel");
+            assert_eq!(
+                format.code() >> 16 & 0xFF,
+                if format == PixelFormat::Mono12Packed { 12 } else { format.bits().next_multiple_of(8) },
+                "PFNC: bits per pixel"
+            );
         }
         assert_eq!(PixelFormat::from_code(0x0108_0002), None);
         for bits in 1..=16 {

@@ -69,6 +69,7 @@ pub(super) mod own {
     pub(in crate::network_camera) const EXPOSURE_TIME: u32 = 0xA050;
     pub(in crate::network_camera) const GAIN: u32 = 0xA058;
     pub(in crate::network_camera) const DETECTOR_BITS: u32 = 0xA060;
+    pub(in crate::network_camera) const CHUNK_SELECTOR: u32 = 0xA064;
 }
 
 /// Where the XML of the first URL lies; the second one follows at [`SECOND_XML`].
@@ -95,7 +96,7 @@ impl Memory {
         let blocks = [
             zeros(0, 0x1000),
             zeros(at::ACTION_GROUP_KEY, 16),
-            zeros(own::SENSOR_WIDTH, 0x64),
+            zeros(own::SENSOR_WIDTH, 0x68),
             xml(FIRST_XML, first_xml),
             xml(SECOND_XML, second_xml),
         ];
@@ -134,7 +135,9 @@ impl Memory {
     /// Sets text, or anything else, as far as its block goes.
     pub(super) fn set_bytes(&mut self, address: u32, bytes: &[u8]) {
         for block in &mut self.blocks {
-            let Some(from) = address.checked_sub(block.from).and_then(|from| usize::try_from(from).ok()) else { continue };
+            let Some(from) = address.checked_sub(block.from).and_then(|from| usize::try_from(from).ok()) else {
+                continue;
+            };
             if let Some(place) = block.bytes.get_mut(from..from.saturating_add(bytes.len())) {
                 place.copy_from_slice(bytes);
             }
@@ -149,10 +152,10 @@ mod tests {
     #[test]
     fn reading_stops_at_the_ends_of_a_block() {
         let mut memory = Memory::new(vec![7; 8], vec![9; 4]);
-        memory.set(own::DETECTOR_BITS, 0x0102_0304);
-        assert_eq!(memory.read(own::DETECTOR_BITS, 4), Ok(&[1, 2, 3, 4][..]));
-        assert_eq!(memory.read(own::DETECTOR_BITS, 8), Err(Status::InvalidAddress), "past the end");
-        assert_eq!(memory.read(own::DETECTOR_BITS + 4, 4), Err(Status::InvalidAddress));
+        memory.set(own::CHUNK_SELECTOR, 0x0102_0304);
+        assert_eq!(memory.read(own::CHUNK_SELECTOR, 4), Ok(&[1, 2, 3, 4][..]));
+        assert_eq!(memory.read(own::CHUNK_SELECTOR, 8), Err(Status::InvalidAddress), "past the end");
+        assert_eq!(memory.read(own::CHUNK_SELECTOR + 4, 4), Err(Status::InvalidAddress));
         assert_eq!(memory.read(FIRST_XML, 8), Ok(&[7; 8][..]));
         assert_eq!(memory.read(FIRST_XML, 12), Err(Status::InvalidAddress));
         assert_eq!(memory.read(2, 4), Err(Status::BadAlignment));

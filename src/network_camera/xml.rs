@@ -26,17 +26,35 @@ pub(super) fn zipped(identity: &Identity, place: &DeviceParams) -> std::io::Resu
 
 fn filled_in(identity: &Identity, place: &DeviceParams) -> String {
     TEMPLATE
-        .replace("{VENDOR}", &identity.vendor)
-        .replace("{MODEL}", &identity.model)
+        .replace("{VENDOR}", &c_name(&identity.vendor))
+        .replace("{MODEL}", &c_name(&identity.model))
         .replace("{PACKET_MIN}", &PACKET_BYTES_MIN.to_string())
         .replace("{PACKET_MAX}", &(place.packet_bytes_max & !3).to_string())
         .replace("{TRUTH_ID}", &format!("{:08X}", chunk::TRUTH_ID))
         .replace("{CHUNK_FEATURES}", &chunk_names())
+        .replace("{CHUNK_ENTRIES}", &chunk_entries())
         .replace("{CHUNKS}", &chunk_nodes())
 }
 
+/// The schema wants the names of an identifier; registers tell the names as they are.
+fn c_name(text: &str) -> String {
+    let name: String = text.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    if name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_') { name } else { format!("_{name}") }
+}
+
+/// One entry of the selector for each field, without the word that all their names begin with.
+fn chunk_entries() -> String {
+    let entry = |(value, field): (usize, &Field)| {
+        let name = field.name.trim_start_matches("Chunk");
+        format!("  <EnumEntry Name=\"{name}\" NameSpace=\"Custom\">\n    <Value>{value}</Value>\n  </EnumEntry>")
+    };
+    let entries: Vec<String> = chunk::FIELDS.iter().enumerate().map(entry).collect();
+    entries.join("\n")
+}
+
 fn chunk_names() -> String {
-    let lines: Vec<String> = chunk::FIELDS.iter().map(|field| format!("  <pFeature>{}</pFeature>", field.name)).collect();
+    let lines: Vec<String> =
+        chunk::FIELDS.iter().map(|field| format!("  <pFeature>{}</pFeature>", field.name)).collect();
     lines.join("\n")
 }
 

@@ -23,7 +23,8 @@ impl Words {
     }
 
     fn number(&self, key: &str, default: f64) -> anyhow::Result<f64> {
-        let given = self.0.get(key).map(|text| text.parse().with_context(|| format!("{key} is {text}, wanted a number")));
+        let given =
+            self.0.get(key).map(|text| text.parse().with_context(|| format!("{key} is {text}, wanted a number")));
         given.unwrap_or(Ok(default))
     }
 
@@ -45,9 +46,10 @@ fn main() -> anyhow::Result<()> {
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
     let mut camera = NetworkCamera::start(&params(&words)?, &sensor, Arc::clone(&clock))?;
     println!("{}", serde_json::json!({ "address": camera.address().to_string() }));
-    let recorder = words.0.get("record").map(|folder| {
-        Recorder::create(folder, RecorderOptions { png_every: 0, ..RecorderOptions::default() })
-    });
+    let recorder = words
+        .0
+        .get("record")
+        .map(|folder| Recorder::create(folder, RecorderOptions { png_every: 0, ..RecorderOptions::default() }));
     let mut recorder = recorder.transpose()?;
     let is_over = Arc::new(AtomicBool::new(false));
     let told = Arc::clone(&is_over);
