@@ -44,6 +44,8 @@ pub mod detector;
 pub mod sink;
 // Linear-luminance frames -> greys on a monitor in front of a tracker.
 pub mod display;
+// Frames -> a camera on the network: GVCP and GVSP.
+pub mod network_camera;
 // The other end of the cable: simulated flight computer.
 pub mod testbed;
 // Timing and accuracy tables, run summary.

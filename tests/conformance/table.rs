@@ -23,6 +23,7 @@ pub(crate) const ROOMS: &[Room] = &[
     Room { name: "detector", may_import: &["gpu"] },
     Room { name: "sink", may_import: &[] },
     Room { name: "display", may_import: &["astrometry", "sink"] },
+    Room { name: "network_camera", may_import: &["sink"] },
     Room { name: "report", may_import: &[] },
     Room { name: "live", may_import: &["sink", "report"] },
     Room {
@@ -61,6 +62,7 @@ pub(crate) const ROOMS: &[Room] = &[
             "detector",
             "sink",
             "display",
+            "network_camera",
             "testbed",
         ],
     },
@@ -77,6 +79,7 @@ pub(crate) const ROOMS: &[Room] = &[
             "detector",
             "sink",
             "display",
+            "network_camera",
             "report",
             "testbed",
             "runtime",

@@ -1,0 +1,235 @@
+//! The camera as a sink: `send` copies a frame that is wanted into a free slot, or counts why not, and returns.
+
+use crate::base::clock::{Clock, Monotonic};
+use crate::network_camera::counters::{Counters, Tally};
+use crate::network_camera::device::{Device, DeviceParams};
+use crate::network_camera::error::NetworkCameraError;
+use crate::network_camera::interface::{self, Interface};
+use crate::network_camera::listener::Listener;
+use crate::network_camera::packets::Outlet;
+use crate::network_camera::params::{PACKET_BYTES_MAX, Params, SensorParams};
+use crate::network_camera::slots::{Shared, Slot};
+use crate::network_camera::stream::{Kept, Stream};
+use crate::sink::crc32::{RunCrc32, pixel_crc32};
+use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
+use crossbeam_channel::{Receiver, Sender, bounded};
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+/// Requests to send again that may wait.
+const RESENDS_QUEUED: usize = 256;
+const NAME: &str = "network_camera";
+
+/// A camera on the network, from its start to the end of the run.
+pub struct NetworkCamera {
+    address: SocketAddr,
+    shared: Arc<Shared>,
+    full: Option<Sender<Slot>>,
+    free: Receiver<Slot>,
+    /// A slot taken for a frame that then was not wanted.
+    spare: Option<Slot>,
+    pixels: usize,
+    stream: Option<JoinHandle<()>>,
+    listener: Option<JoinHandle<()>>,
+    frames: u64,
+    refused: u64,
+    run_crc32: RunCrc32,
+}
+
+/// Reads a camera's counts while it runs, from any thread.
+#[derive(Debug, Clone)]
+pub struct CounterReader(Arc<Tally>);
+
+impl CounterReader {
+    /// The counts now.
+    #[must_use]
+    pub fn read(&self) -> Counters {
+        self.0.read()
+    }
+}
+
+impl NetworkCamera {
+    /// Brings the camera up: two threads, one control port, one stream port. `clock` is the bench's: its time is what
+    /// clients latch. On a virtual clock, clients being real, heartbeat and pace go by the machine's.
+    ///
+    /// # Errors
+    /// When a value cannot be, no interface has the address, or the system refuses a socket or a thread.
+    pub fn start(params: &Params, sensor: &SensorParams, clock: Arc<dyn Clock>) -> Result<Self, NetworkCameraError> {
+        params.check(sensor)?;
+        let clock = if clock.is_real() { clock } else { Arc::new(Monotonic::start()) };
+        let found = Interface::of(params.address)?;
+        let refuse = |doing| move |source| interface::system(params.address, doing, source, "");
+        let control = interface::control_socket(params.address, params.port)?;
+        let address = control.local_addr().map_err(refuse("tell its address"))?;
+        let stream_socket = Arc::new(interface::stream_socket(params.address)?);
+        let stream_source_port = stream_socket.local_addr().map_err(refuse("tell its address"))?.port();
+        let place = DeviceParams {
+            address: params.address,
+            mask: found.mask,
+            mac: params.mac.unwrap_or(found.mac),
+            packet_bytes_max: found.mtu.min(PACKET_BYTES_MAX) & !3,
+            stream_source_port,
+        };
+        let device = Device::new(params, sensor, place).map_err(refuse("deflate its XML"))?;
+        let shared = Arc::new(Shared::new(device.stream(), device.wanted(), device.tally()));
+        let pixels = sensor.size_px.iter().map(|side| *side as usize).product();
+        let (full, frames) = bounded(params.frames_queued as usize);
+        let (given_back, free) = bounded(params.frames_queued as usize);
+        for _ in 0..params.frames_queued {
+            let _there_is_room_for_all = given_back.try_send(Slot::with_capacity(pixels));
+        }
+        let (ask, resends) = bounded(RESENDS_QUEUED);
+        let outlet = Outlet::new(
+            Arc::clone(&stream_socket),
+            Arc::clone(&clock),
+            params.rate_bit_s,
+            params.lose_one_in,
+            device.tally(),
+        );
+        let kept = Kept::new(params.frames_kept as usize, pixels, device.stream());
+        let width_px = sensor.size_px[0] as usize;
+        let stream = Stream {
+            shared: Arc::clone(&shared),
+            frames,
+            free: given_back,
+            resends,
+            outlet,
+            kept,
+            width_px,
+            dn_bits: sensor.bits,
+        };
+        let broadcasts = hear_broadcasts(&found, address.port());
+        let listener = Listener {
+            device,
+            shared: Arc::clone(&shared),
+            clock,
+            control,
+            broadcasts,
+            stream: stream_socket,
+            resends: ask,
+        };
+        let spawn = |name: &str, run: Box<dyn FnOnce() + Send>| {
+            let thread = std::thread::Builder::new().name(name.into()).spawn(run);
+            thread.map_err(refuse("start a thread"))
+        };
+        let stream = Some(spawn("camera stream", Box::new(move || stream.run()))?);
+        let listener = Some(spawn("camera control", Box::new(move || listener.run()))?);
+        let (frames, refused, run_crc32) = (0, 0, RunCrc32::default());
+        Ok(Self {
+            address,
+            shared,
+            full: Some(full),
+            free,
+            spare: None,
+            pixels,
+            stream,
+            listener,
+            frames,
+            refused,
+            run_crc32,
+        })
+    }
+
+    /// Where clients find it.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// True when other machines can reach it: a camera asks for no password.
+    #[must_use]
+    pub fn is_exposed(&self) -> bool {
+        !self.address.ip().is_loopback()
+    }
+
+    /// What was sent, lost and refused so far.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        self.shared.tally.read()
+    }
+
+    /// A reader of the counts that outlives the camera.
+    #[must_use]
+    pub fn counter_reader(&self) -> CounterReader {
+        CounterReader(Arc::clone(&self.shared.tally))
+    }
+
+    /// Copies a frame that a client wants, when there is a slot for it.
+    fn offer(&mut self, frame: &SentFrame) {
+        let Shared { tally, wanted, .. } = &*self.shared;
+        tally.frames_offered.one();
+        let generation = self.shared.generation();
+        if !wanted.any() {
+            return tally.frames_not_wanted.one();
+        }
+        if frame.image.pixels().len() != self.pixels {
+            return tally.frames_of_another_size.one();
+        }
+        let slot = self.spare.take().or_else(|| self.free.try_recv().ok());
+        let Some(mut slot) = slot else { return tally.frames_dropped.one() };
+        // The copy comes before the count: a frame that is counted out will be sent.
+        slot.take_in(frame, generation);
+        if !wanted.take() {
+            self.spare = Some(slot);
+            return tally.frames_not_wanted.one();
+        }
+        // There are as many places as slots: the queue has room unless the stream is gone.
+        if self.full.as_ref().is_none_or(|full| full.try_send(slot).is_err()) {
+            tally.frames_dropped.one();
+        }
+    }
+
+    fn join(&mut self) {
+        drop(self.full.take());
+        if let Some(stream) = self.stream.take() {
+            let _a_lost_stream_is_over_too = stream.join();
+        }
+        self.shared.end();
+        if let Some(listener) = self.listener.take() {
+            let _a_lost_listener_is_over_too = listener.join();
+        }
+    }
+}
+
+/// Where discovery comes in by broadcast, as far as the system allows; without, the camera is found by its address.
+fn hear_broadcasts(found: &Interface, port: u16) -> Vec<UdpSocket> {
+    let to = [Ipv4Addr::BROADCAST, found.broadcast()];
+    to.into_iter().filter_map(|broadcast| interface::broadcast_socket(broadcast, port).ok()).collect()
+}
+
+impl Sink for NetworkCamera {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        if self.full.is_none() {
+            self.refused += 1;
+            return Err(SinkError::Finished { sink: NAME, frame: frame.meta.number });
+        }
+        self.run_crc32.add(frame.meta.number, pixel_crc32(&frame.image));
+        self.frames += 1;
+        self.offer(frame);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<SinkSummary, SinkError> {
+        self.join();
+        Ok(SinkSummary {
+            sink: NAME,
+            frames: self.frames,
+            refused: self.refused,
+            bytes: self.shared.tally.bytes.read(),
+            run_crc32: self.run_crc32.value(),
+            output: Some(PathBuf::from(self.address.to_string())),
+        })
+    }
+}
+
+impl Drop for NetworkCamera {
+    fn drop(&mut self) {
+        self.join();
+    }
+}

@@ -1,0 +1,105 @@
+//! What a network camera sent, lost and refused: atomic while it runs, plain numbers to read.
+
+use crate::network_camera::gvcp::Malformed;
+use core::sync::atomic::{AtomicU64, Ordering};
+use std::collections::BTreeMap;
+
+macro_rules! counters {
+    ($($(#[$doc:meta])* $name:ident;)*) => {
+        /// Counts of one camera since its start.
+        #[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize)]
+        pub struct Counters {
+            $($(#[$doc])* pub $name: u64,)*
+            /// Datagrams on the control port that could not be carried out, by reason.
+            pub malformed: BTreeMap<&'static str, u64>,
+        }
+
+        /// The same while threads add to them.
+        #[derive(Debug, Default)]
+        pub(super) struct Tally {
+            $(pub(super) $name: Count,)*
+            malformed: [Count; Malformed::NAMED.len()],
+        }
+
+        impl Tally {
+            /// The counts now. Each is exact; together they are of nearly one instant.
+            pub(super) fn read(&self) -> Counters {
+                let reasons = Malformed::NAMED.iter().zip(&self.malformed);
+                let malformed = reasons.map(|((_, name), count)| (*name, count.read())).filter(|(_, count)| *count > 0);
+                Counters { $($name: self.$name.read(),)* malformed: malformed.collect() }
+            }
+        }
+    };
+}
+
+counters! {
+    /// Frames that the bench handed over.
+    frames_offered;
+    /// Frames that no client had asked for: none connected, none acquiring, or no trigger.
+    frames_not_wanted;
+    /// Frames lost because earlier ones were still waiting to be sent.
+    frames_dropped;
+    /// Frames of another size than the sensor, which no client was told of.
+    frames_of_another_size;
+    /// Frames sent whole.
+    frames_sent;
+    /// Frames given up half-way because the acquisition stopped or the system refused a packet.
+    frames_cut;
+    /// Packets handed to the system, resent ones included.
+    packets;
+    /// Bytes of those packets, GVSP headers included, IP and UDP headers not.
+    bytes;
+    /// Packets that were lost on purpose.
+    packets_lost_on_purpose;
+    /// Packets that the system refused.
+    packets_refused;
+    /// Packets that clients asked for again.
+    resends_asked;
+    /// Packets sent again.
+    resends_served;
+    /// Packets asked for again that were no more (told to the client with status 800C).
+    resends_gone;
+    /// Packets asked for again by others than the stream's receiver, or beyond what one frame may cost.
+    resends_refused;
+    /// Applications that took control.
+    controllers_accepted;
+    /// Attempts to take control that another application had.
+    controllers_refused;
+    /// Applications whose control ended because they fell silent.
+    controllers_timed_out;
+    /// Triggers that chose a frame.
+    triggers;
+    /// Discovery requests answered.
+    discoveries;
+    /// Datagrams from outside the device's own subnet, not answered.
+    strangers;
+    /// Commands answered with an error.
+    commands_refused;
+}
+
+/// One count that several threads may add to.
+#[derive(Debug, Default)]
+pub(super) struct Count(AtomicU64);
+
+impl Count {
+    pub(super) fn add(&self, more: u64) {
+        self.0.fetch_add(more, Ordering::Relaxed);
+    }
+
+    pub(super) fn one(&self) {
+        self.add(1);
+    }
+
+    pub(super) fn read(&self) -> u64 {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+impl Tally {
+    pub(super) fn malformed(&self, reason: Malformed) {
+        let place = Malformed::NAMED.iter().position(|(known, _)| *known == reason);
+        if let Some(count) = place.and_then(|place| self.malformed.get(place)) {
+            count.one();
+        }
+    }
+}

@@ -1,0 +1,533 @@
+//! The camera as clients see it: one datagram of the control port -> an answer and what is to be done.
+//!
+//! No sockets, no threads, no clock: sender and time are arguments, so that the whole protocol is tested and fuzzed as a
+//! function. Answers never exceed one datagram of 576 bytes. Settings of the stream are read after each datagram; their
+//! generation goes up when an acquisition starts or stops.
+
+use crate::base::time::{Span, Tai};
+use crate::network_camera::acquisition::{Acquisition, Mode, Wanted};
+use crate::network_camera::control::{Change, Control};
+use crate::network_camera::counters::{Counters, Tally};
+use crate::network_camera::gvcp::{self, Action, Command, Malformed, Resend, Status};
+use crate::network_camera::gvsp::StreamSettings;
+use crate::network_camera::params::{Identity, PACKET_BYTES_MIN, Params, SensorParams, XmlForm};
+use crate::network_camera::pixel_format::PixelFormat;
+use crate::network_camera::registers::{FIRST_XML, Memory, SECOND_XML, at, own};
+use crate::network_camera::{chunk, xml};
+use std::net::{Ipv4Addr, SocketAddrV4};
+use std::sync::Arc;
+
+/// Specification version told to clients: 1.2, the first with all that is used here.
+const VERSION: u32 = 0x0001_0002;
+/// Big-endian, UTF-8.
+const DEVICE_MODE: u32 = 0x8000_0001;
+/// Names, serial number, actions, resend, memory writes, many registers in one command.
+const GVCP_CAPABILITY: u32 = 0xC000_0047;
+/// Time stamps tick in nanoseconds.
+const TICKS_PER_S: u64 = 1_000_000_000;
+const HEARTBEAT_MS: u32 = 3000;
+/// Bounds of the heartbeat time that a client may ask for, ms.
+const HEARTBEAT_LEAST_MS: u32 = 500;
+const HEARTBEAT_MOST_MS: u32 = 600_000;
+/// Bytes of memory that answer a discovery.
+const DISCOVERY_BYTES: usize = 0xF8;
+/// Bits of the packet size register.
+const FIRE_TEST: u32 = 0x8000_0000;
+const DO_NOT_FRAGMENT: u32 = 0x4000_0000;
+/// Longest pause between packets that is kept, ns.
+const DELAY_MOST_NS: u32 = 10_000_000;
+/// Bit of the time stamp control register that latches.
+const LATCH: u32 = 2;
+/// Every field of the truth.
+const ALL_CHUNKS: u32 = (1 << chunk::FIELDS.len()) - 1;
+/// Sources of triggers.
+const SOURCE_SOFTWARE: u32 = 0;
+const SOURCE_ACTION: u32 = 1;
+
+/// What the device is, beside what [`Params`] says: found on the machine when it comes up.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DeviceParams {
+    /// The camera's own address.
+    pub address: Ipv4Addr,
+    /// Mask of its subnet.
+    pub mask: Ipv4Addr,
+    /// Hardware address.
+    pub mac: [u8; 6],
+    /// Most bytes of one packet, IP and UDP headers included.
+    pub packet_bytes_max: u32,
+    /// Port that packets come from.
+    pub stream_source_port: u16,
+}
+
+/// What is to be done after one datagram. Made once, used again.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Answer {
+    /// To be sent back to the sender; empty for nothing.
+    pub reply: Vec<u8>,
+    /// A datagram of so many bytes, zeros, to be sent from the stream's port: the client measures what gets through.
+    pub test_packet: Option<(SocketAddrV4, usize)>,
+    /// Packets to be sent again, if the stream goes to this sender.
+    pub resend: Option<Resend>,
+}
+
+/// The state of the control side.
+pub struct Device {
+    memory: Memory,
+    control: Control,
+    acquisition: Acquisition,
+    wanted: Arc<Wanted>,
+    tally: Arc<Tally>,
+    place: DeviceParams,
+    generation: u64,
+    /// Fields of the truth that are wanted, one bit each.
+    chunks: u32,
+}
+
+impl Device {
+    /// A device that nobody controls.
+    ///
+    /// # Errors
+    /// When the XML cannot be deflated, which memory alone could prevent.
+    pub fn new(params: &Params, sensor: &SensorParams, place: DeviceParams) -> std::io::Result<Self> {
+        let (plain, zipped) = (xml::plain(&params.identity, &place), xml::zipped(&params.identity, &place)?);
+        let lengths = [plain.len(), zipped.len()];
+        let (first, second) = if params.xml == XmlForm::Zip { (zipped, plain) } else { (plain, zipped) };
+        let mut memory = Memory::new(first, second);
+        write_urls(&mut memory, params.xml, lengths);
+        write_bootstrap(&mut memory, &params.identity, &place);
+        let format = params.pixel_format.unwrap_or(PixelFormat::for_bits(sensor.bits));
+        write_features(&mut memory, sensor, format);
+        memory.set(at::PACKET_SIZE, DO_NOT_FRAGMENT | params.packet_bytes.min(place.packet_bytes_max) & !3);
+        let (wanted, tally) = (Arc::default(), Arc::default());
+        let mut device = Self {
+            memory,
+            control: Control::default(),
+            acquisition: Acquisition::default(),
+            wanted,
+            tally,
+            place,
+            generation: 1,
+            chunks: ALL_CHUNKS,
+        };
+        device.measure_payload();
+        Ok(device)
+    }
+
+    /// The count of frames that clients still want.
+    #[must_use]
+    pub fn wanted(&self) -> Arc<Wanted> {
+        Arc::clone(&self.wanted)
+    }
+
+    pub(super) fn tally(&self) -> Arc<Tally> {
+        Arc::clone(&self.tally)
+    }
+
+    /// What was counted so far.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        self.tally.read()
+    }
+
+    /// Takes one datagram that came to the control port.
+    pub fn answer(&mut self, from: SocketAddrV4, bytes: &[u8], now: Tai, out: &mut Answer) {
+        out.reply.clear();
+        (out.test_packet, out.resend) = (None, None);
+        if !self.is_neighbour(*from.ip()) {
+            self.tally.strangers.one();
+            return;
+        }
+        let request = match gvcp::parse(bytes) {
+            Ok(request) => request,
+            Err(reason) => return self.tally.malformed(reason),
+        };
+        gvcp::begin_answer(request.code, request.id, &mut out.reply);
+        self.control.hear(from, now);
+        let is_silent = self.is_silent(&request.command, from);
+        let status = self.carry_out(request.command, from, now, out);
+        if status != Status::Success {
+            self.tally.commands_refused.one();
+        }
+        gvcp::end_answer(status, &mut out.reply);
+        if is_silent || !request.wants_answer {
+            out.reply.clear();
+        }
+    }
+
+    /// Lets time pass: a controller that has been silent for too long loses control, and its stream ends.
+    pub fn tick(&mut self, now: Tai) {
+        let timeout = Span::from_ms(i64::from(self.memory.word(at::HEARTBEAT_MS)));
+        if self.control.time_out(now, timeout) {
+            self.tally.controllers_timed_out.one();
+            self.release();
+        }
+    }
+
+    /// How frames are to be sent from now on.
+    #[must_use]
+    pub fn stream(&self) -> StreamSettings {
+        let word = |address| self.memory.word(address);
+        let port = u16::try_from(word(at::STREAM_PORT) & 0xFFFF).unwrap_or_default();
+        let destination = SocketAddrV4::new(Ipv4Addr::from_bits(word(at::STREAM_ADDRESS)), port);
+        let is_open = port != 0 && !destination.ip().is_unspecified() && self.acquisition.is_started();
+        StreamSettings {
+            generation: self.generation,
+            destination: is_open.then_some(destination),
+            packet_bytes: usize::try_from(word(at::PACKET_SIZE) & 0xFFFF).unwrap_or_default(),
+            delay_ns: word(at::PACKET_DELAY),
+            format: self.format(),
+            region_px: [own::OFFSET_X, own::OFFSET_Y, own::WIDTH, own::HEIGHT].map(word),
+            with_chunks: self.has_chunks(),
+        }
+    }
+
+    fn is_neighbour(&self, other: Ipv4Addr) -> bool {
+        let mask = self.place.mask.to_bits();
+        self.place.address.to_bits() & mask == other.to_bits() & mask
+    }
+
+    /// What is never answered: requests to send again, and actions for others.
+    fn is_silent(&self, command: &Command<'_>, from: SocketAddrV4) -> bool {
+        match command {
+            Command::Resend(_) => true,
+            Command::Action(action) => !self.is_meant(*action) || self.control.controller().is_none(),
+            Command::Discovery => !self.is_neighbour(*from.ip()),
+            _ => false,
+        }
+    }
+
+    fn carry_out(&mut self, command: Command<'_>, from: SocketAddrV4, now: Tai, out: &mut Answer) -> Status {
+        let done = match command {
+            Command::Bad(reason) => {
+                self.tally.malformed(reason);
+                let is_unknown = reason == Malformed::UnknownCommand;
+                Err(if is_unknown { Status::NotImplemented } else { Status::InvalidParameter })
+            }
+            Command::Discovery => {
+                self.tally.discoveries.one();
+                self.memory.read(0, DISCOVERY_BYTES).map(|bytes| out.reply.extend(bytes))
+            }
+            Command::Resend(resend) => {
+                out.resend = Some(resend);
+                Ok(())
+            }
+            Command::ReadRegisters(addresses) => self.read_registers(addresses, from, &mut out.reply),
+            Command::ReadMemory { address, bytes } => self.read_memory(address, bytes, from, &mut out.reply),
+            Command::WriteRegisters(pairs) => {
+                let pairs = pairs.as_chunks::<2>().0.iter().map(|[address, value]| (number(address), number(value)));
+                self.write_all(pairs, from, now, out)
+            }
+            Command::WriteMemory { address, words } => {
+                let addresses = (0..u32::MAX).step_by(4).map(|step| address.wrapping_add(step));
+                self.write_all(addresses.zip(words.iter().map(number)), from, now, out)
+            }
+            Command::Action(action) => self.act(action),
+        };
+        done.err().unwrap_or(Status::Success)
+    }
+
+    fn read_registers(&self, addresses: &[[u8; 4]], from: SocketAddrV4, reply: &mut Vec<u8>) -> Result<(), Status> {
+        self.control.may_read(from)?;
+        for address in addresses {
+            reply.extend(self.memory.read(number(address), 4)?);
+        }
+        Ok(())
+    }
+
+    fn read_memory(&self, address: u32, bytes: usize, from: SocketAddrV4, reply: &mut Vec<u8>) -> Result<(), Status> {
+        self.control.may_read(from)?;
+        let data = self.memory.read(address, bytes)?;
+        reply.extend(address.to_be_bytes());
+        reply.extend(data);
+        Ok(())
+    }
+
+    /// Writes in order up to the first that is refused; the answer tells how many were written.
+    fn write_all(
+        &mut self,
+        pairs: impl Iterator<Item = (u32, u32)>,
+        from: SocketAddrV4,
+        now: Tai,
+        out: &mut Answer,
+    ) -> Result<(), Status> {
+        let mut written = 0_u16;
+        let mut done = Ok(());
+        for (address, value) in pairs {
+            done = self.write(address, value, from, now, out);
+            if done.is_err() {
+                break;
+            }
+            written += 1;
+        }
+        out.reply.extend([0, 0]);
+        out.reply.extend(written.to_be_bytes());
+        done
+    }
+
+    fn write(
+        &mut self,
+        address: u32,
+        value: u32,
+        from: SocketAddrV4,
+        now: Tai,
+        out: &mut Answer,
+    ) -> Result<(), Status> {
+        if address == at::CONTROL {
+            return self.write_control(value, from, now);
+        }
+        self.control.may_write(from)?;
+        match address {
+            at::USER_NAME..=at::USER_NAME_LAST if address.is_multiple_of(4) => self.memory.set(address, value),
+            at::HEARTBEAT_MS => self.memory.set(address, value.clamp(HEARTBEAT_LEAST_MS, HEARTBEAT_MOST_MS)),
+            at::TIMESTAMP_CONTROL => {
+                if value & LATCH != 0 {
+                    self.memory.set_long(at::TIMESTAMP, u64::try_from(now.ns()).unwrap_or_default());
+                }
+            }
+            at::ACTION_DEVICE_KEY | at::ACTION_GROUP_KEY | at::ACTION_GROUP_MASK => self.memory.set(address, value),
+            at::STREAM_PORT..=at::STREAM_SOURCE_PORT => return self.write_stream(address, value, out),
+            own::SENSOR_WIDTH..=own::CHUNK_SELECTOR => return self.write_feature(address, value),
+            _ => return self.memory.read(address, 4).and(Err(Status::WriteProtect)),
+        }
+        Ok(())
+    }
+
+    fn write_control(&mut self, value: u32, from: SocketAddrV4, now: Tai) -> Result<(), Status> {
+        let change = self.control.request(from, value, now);
+        match change {
+            Ok(Change::Taken) => self.tally.controllers_accepted.one(),
+            Ok(Change::Released) => self.release(),
+            Ok(Change::Kept) => {}
+            Err(Status::AccessDenied) => self.tally.controllers_refused.one(),
+            Err(_) => {}
+        }
+        if change.is_ok() {
+            let controller = self.control.controller();
+            self.memory.set(at::CONTROL, value);
+            self.memory.set(at::CONTROLLER_PORT, controller.map_or(0, |controller| controller.port().into()));
+            self.memory.set(at::CONTROLLER_ADDRESS, controller.map_or(0, |controller| controller.ip().to_bits()));
+        }
+        change.map(|_| ())
+    }
+
+    fn write_stream(&mut self, address: u32, value: u32, out: &mut Answer) -> Result<(), Status> {
+        match address {
+            at::STREAM_PORT => self.memory.set(address, value & 0xFFFF),
+            at::PACKET_SIZE => self.write_packet_size(value, out),
+            at::PACKET_DELAY => self.memory.set(address, value.min(DELAY_MOST_NS)),
+            // Packets go to neighbours only: the camera must not be turned against a third party.
+            at::STREAM_ADDRESS if value != 0 && !self.is_neighbour(Ipv4Addr::from_bits(value)) => {
+                return Err(Status::InvalidParameter);
+            }
+            at::STREAM_ADDRESS => self.memory.set(address, value),
+            _ => return self.memory.read(address, 4).and(Err(Status::WriteProtect)),
+        }
+        Ok(())
+    }
+
+    /// Holds the size to what a packet may have; a test packet is sent only at a size that can get through.
+    fn write_packet_size(&mut self, value: u32, out: &mut Answer) {
+        let asked = value & 0xFFFF;
+        let size = asked.clamp(PACKET_BYTES_MIN, self.place.packet_bytes_max) & !3;
+        self.memory.set(at::PACKET_SIZE, value & DO_NOT_FRAGMENT | size);
+        let port = u16::try_from(self.memory.word(at::STREAM_PORT)).unwrap_or_default();
+        let to = SocketAddrV4::new(Ipv4Addr::from_bits(self.memory.word(at::STREAM_ADDRESS)), port);
+        if value & FIRE_TEST != 0 && asked <= self.place.packet_bytes_max && port != 0 && !to.ip().is_unspecified() {
+            let bytes =
+                usize::try_from(asked).unwrap_or_default().saturating_sub(crate::network_camera::gvsp::IP_UDP_BYTES);
+            out.test_packet = Some((to, bytes));
+        }
+    }
+
+    fn write_feature(&mut self, address: u32, value: u32) -> Result<(), Status> {
+        let is_free = !self.acquisition.is_running(&self.wanted);
+        let free = || if is_free { Ok(()) } else { Err(Status::Busy) };
+        let set_if = |memory: &mut Memory, is_legal: bool| {
+            let done = if is_legal { Ok(()) } else { Err(Status::InvalidParameter) };
+            done.map(|()| memory.set(address, value))
+        };
+        let memory = &mut self.memory;
+        let room = |sensor, taken| memory.word(sensor).saturating_sub(memory.word(taken));
+        match address {
+            own::WIDTH => {
+                let most = room(own::SENSOR_WIDTH, own::OFFSET_X);
+                free().and_then(|()| set_if(memory, (1..=most).contains(&value)))?;
+            }
+            own::HEIGHT => {
+                let most = room(own::SENSOR_HEIGHT, own::OFFSET_Y);
+                free().and_then(|()| set_if(memory, (1..=most).contains(&value)))?;
+            }
+            own::OFFSET_X => {
+                let most = room(own::SENSOR_WIDTH, own::WIDTH);
+                free().and_then(|()| set_if(memory, value <= most))?;
+            }
+            own::OFFSET_Y => {
+                let most = room(own::SENSOR_HEIGHT, own::HEIGHT);
+                free().and_then(|()| set_if(memory, value <= most))?;
+            }
+            own::PIXEL_FORMAT => free().and_then(|()| set_if(memory, PixelFormat::from_code(value).is_some()))?,
+            own::ACQUISITION_MODE => free().and_then(|()| set_if(memory, value <= 2))?,
+            own::FRAME_COUNT => free().and_then(|()| set_if(memory, (1..=65_535).contains(&value)))?,
+            own::TRIGGER_MODE | own::TRIGGER_SOURCE | own::CHUNK_MODE => {
+                free().and_then(|()| set_if(memory, value <= 1))?;
+            }
+            own::CHUNK_SELECTOR => {
+                set_if(memory, (value as usize) < chunk::FIELDS.len())?;
+                memory.set(own::CHUNK_ENABLE, self.chunks >> value & 1);
+            }
+            own::CHUNK_ENABLE => {
+                free().and_then(|()| set_if(memory, value <= 1))?;
+                let selected = 1 << memory.word(own::CHUNK_SELECTOR);
+                self.chunks = self.chunks & !selected | selected * value;
+            }
+            own::PARAMETERS_LOCKED => set_if(memory, value <= 1)?,
+            // Clients that set the rate set it within its bounds, which are the bench's rate.
+            own::FRAME_RATE..own::EXPOSURE_TIME => set_if(memory, value == memory.word(address))?,
+            own::ACQUISITION_START => self.start(),
+            own::ACQUISITION_STOP => self.stop(),
+            own::TRIGGER_SOFTWARE => self.trigger(SOURCE_SOFTWARE),
+            _ => return memory.read(address, 4).and(Err(Status::WriteProtect)),
+        }
+        self.measure_payload();
+        Ok(())
+    }
+
+    fn format(&self) -> PixelFormat {
+        PixelFormat::from_code(self.memory.word(own::PIXEL_FORMAT)).unwrap_or(PixelFormat::Mono16)
+    }
+
+    fn has_chunks(&self) -> bool {
+        self.memory.word(own::CHUNK_MODE) == 1 && self.chunks != 0
+    }
+
+    fn measure_payload(&mut self) {
+        let [columns, rows] =
+            [own::WIDTH, own::HEIGHT].map(|side| usize::try_from(self.memory.word(side)).unwrap_or(0));
+        let chunks = if self.has_chunks() { chunk::added_bytes() } else { 0 };
+        let bytes = self.format().bytes(columns * rows) + chunks;
+        self.memory.set(own::PAYLOAD_SIZE, u32::try_from(bytes).unwrap_or(u32::MAX));
+    }
+
+    fn start(&mut self) {
+        let mode = match self.memory.word(own::ACQUISITION_MODE) {
+            0 => Mode::Continuous,
+            1 => Mode::SingleFrame,
+            _ => Mode::MultiFrame(self.memory.word(own::FRAME_COUNT)),
+        };
+        self.generation += 1;
+        self.acquisition.start(mode, self.memory.word(own::TRIGGER_MODE) == 1, &self.wanted);
+    }
+
+    fn stop(&mut self) {
+        self.generation += 1;
+        self.acquisition.stop(&self.wanted);
+    }
+
+    fn trigger(&mut self, source: u32) {
+        if self.memory.word(own::TRIGGER_SOURCE) == source && self.acquisition.trigger(&self.wanted) {
+            self.tally.triggers.one();
+        }
+    }
+
+    fn is_meant(&self, action: Action) -> bool {
+        action.device_key == self.memory.word(at::ACTION_DEVICE_KEY)
+            && action.group_key == self.memory.word(at::ACTION_GROUP_KEY)
+            && action.group_mask & self.memory.word(at::ACTION_GROUP_MASK) != 0
+    }
+
+    fn act(&mut self, action: Action) -> Result<(), Status> {
+        if self.is_meant(action) && self.control.controller().is_some() {
+            self.trigger(SOURCE_ACTION);
+        }
+        Ok(())
+    }
+
+    /// Ends what the controller had begun.
+    fn release(&mut self) {
+        self.stop();
+        for address in [
+            at::CONTROL,
+            at::CONTROLLER_PORT,
+            at::CONTROLLER_ADDRESS,
+            at::STREAM_PORT,
+            at::STREAM_ADDRESS,
+            own::PARAMETERS_LOCKED,
+        ] {
+            self.memory.set(address, 0);
+        }
+        self.memory.set(at::HEARTBEAT_MS, HEARTBEAT_MS);
+    }
+}
+
+fn number(bytes: &[u8; 4]) -> u32 {
+    u32::from_be_bytes(*bytes)
+}
+
+/// Where the XML lies: two addresses, so that a client that cannot unzip reads the other.
+fn write_urls(memory: &mut Memory, form: XmlForm, [plain_bytes, zip_bytes]: [usize; 2]) {
+    let plain = |from| format!("Local:starloop.xml;{from:x};{plain_bytes:x}");
+    let zip = |from| format!("Local:starloop.zip;{from:x};{zip_bytes:x}");
+    let (first, second) = match form {
+        XmlForm::Zip => (zip(FIRST_XML), plain(SECOND_XML)),
+        XmlForm::Plain => (plain(FIRST_XML), zip(SECOND_XML)),
+    };
+    memory.set_bytes(at::FIRST_URL, first.as_bytes());
+    memory.set_bytes(at::SECOND_URL, second.as_bytes());
+}
+
+fn write_bootstrap(memory: &mut Memory, identity: &Identity, place: &DeviceParams) {
+    let [a, b, c, d, e, f] = place.mac;
+    for (address, value) in [
+        (at::VERSION, VERSION),
+        (at::DEVICE_MODE, DEVICE_MODE),
+        (at::MAC_HIGH, u32::from_be_bytes([0, 0, a, b])),
+        (at::MAC_LOW, u32::from_be_bytes([c, d, e, f])),
+        // The machine's address, whatever gave it: told as a persistent one.
+        (at::IP_CONFIGURATIONS, 0x7),
+        (at::IP_CONFIGURATION, 0x5),
+        (at::ADDRESS, place.address.to_bits()),
+        (at::SUBNET_MASK, place.mask.to_bits()),
+        (at::INTERFACES, 1),
+        (at::STREAM_CHANNELS, 1),
+        (at::ACTION_SIGNALS, 1),
+        (at::GVCP_CAPABILITY, GVCP_CAPABILITY),
+        (at::HEARTBEAT_MS, HEARTBEAT_MS),
+        (at::STREAM_SOURCE_PORT, place.stream_source_port.into()),
+    ] {
+        memory.set(address, value);
+    }
+    memory.set_long(at::TICK_FREQUENCY, TICKS_PER_S);
+    for (address, text) in [
+        (at::VENDOR, &identity.vendor),
+        (at::MODEL, &identity.model),
+        (at::DEVICE_VERSION, &identity.version),
+        (at::INFO, &identity.info),
+        (at::SERIAL, &identity.serial),
+        (at::USER_NAME, &identity.user_name),
+    ] {
+        memory.set_bytes(address, text.as_bytes());
+    }
+}
+
+fn write_features(memory: &mut Memory, sensor: &SensorParams, format: PixelFormat) {
+    let [width, height] = sensor.size_px;
+    for (address, value) in [
+        (own::SENSOR_WIDTH, width),
+        (own::SENSOR_HEIGHT, height),
+        (own::WIDTH, width),
+        (own::HEIGHT, height),
+        (own::PIXEL_FORMAT, format.code()),
+        (own::FRAME_COUNT, 1),
+        (own::CHUNK_ENABLE, 1),
+        (own::DETECTOR_BITS, sensor.bits),
+    ] {
+        memory.set(address, value);
+    }
+    for (address, value) in [
+        (own::FRAME_RATE, sensor.frame_rate_hz),
+        (own::EXPOSURE_TIME, sensor.exposure_s * 1e6),
+        (own::GAIN, sensor.gain_e_per_dn.recip()),
+    ] {
+        memory.set_long(address, value.to_bits());
+    }
+}

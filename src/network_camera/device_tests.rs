@@ -1,0 +1,351 @@
+//! The protocol with virtual time and no sockets, as a client of the bootstrap registers would speak it.
+
+use super::*;
+use crate::base::time::{Span, Tai};
+use crate::network_camera::registers::{at, own};
+use std::net::{Ipv4Addr, SocketAddrV4};
+
+const START: Tai = Tai::from_ns(1_790_000_000_000_000_000);
+const A: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(10, 0, 0, 7), 40_000);
+const B: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(10, 0, 0, 8), 40_000);
+const STRANGER: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(10, 0, 1, 7), 40_000);
+const OK: u16 = 0;
+
+fn sensor() -> SensorParams {
+    SensorParams { size_px: [31, 17], bits: 12, frame_rate_hz: 10.0, exposure_s: 0.1, gain_e_per_dn: 2.5 }
+}
+
+struct Bench {
+    device: Device,
+    answer: Answer,
+    now: Tai,
+}
+
+impl Bench {
+    fn new(params: &Params) -> Self {
+        let place = DeviceParams {
+            address: Ipv4Addr::new(10, 0, 0, 1),
+            mask: Ipv4Addr::new(255, 255, 255, 0),
+            mac: [2, 0, 10, 0, 0, 1],
+            packet_bytes_max: 1500,
+            stream_source_port: 50_000,
+        };
+        Self { device: Device::new(params, &sensor(), place).unwrap(), answer: Answer::default(), now: START }
+    }
+
+    /// Status and payload of the answer; `None` for silence.
+    fn ask(&mut self, from: SocketAddrV4, code: u16, payload: &[u8]) -> Option<(u16, Vec<u8>)> {
+        let length = u16::try_from(payload.len()).unwrap();
+        let bytes = [&[0x42, 1][..], &code.to_be_bytes(), &length.to_be_bytes(), &[0xAB, 0xCD], payload].concat();
+        self.device.answer(from, &bytes, self.now, &mut self.answer);
+        let reply = &self.answer.reply;
+        if reply.is_empty() {
+            return None;
+        }
+        let half = |place: usize| u16::from_be_bytes([reply[place], reply[place + 1]]);
+        assert_eq!((half(2), usize::from(half(4)), half(6)), (code + 1, reply.len() - 8, 0xABCD));
+        Some((half(0), reply[8..].to_vec()))
+    }
+
+    fn write(&mut self, from: SocketAddrV4, address: u32, value: u32) -> u16 {
+        let (status, told) = self.ask(from, 0x82, &[address.to_be_bytes(), value.to_be_bytes()].concat()).unwrap();
+        assert_eq!(told, [0, 0, 0, u8::from(status == OK)], "how many were written");
+        status
+    }
+
+    fn read(&mut self, from: SocketAddrV4, address: u32) -> Result<u32, u16> {
+        let (status, told) = self.ask(from, 0x80, &address.to_be_bytes()).unwrap();
+        if status == OK { Ok(u32::from_be_bytes(told.try_into().unwrap())) } else { Err(status) }
+    }
+
+    fn memory(&mut self, address: u32, bytes: usize) -> Vec<u8> {
+        let mut read = Vec::new();
+        while read.len() < bytes {
+            let (next, count) = (address + u32::try_from(read.len()).unwrap(), (bytes - read.len()).min(512));
+            let payload = [next.to_be_bytes(), u32::try_from(count).unwrap().to_be_bytes()].concat();
+            let (status, told) = self.ask(A, 0x84, &payload).unwrap();
+            assert_eq!((status, &told[..4]), (OK, &next.to_be_bytes()[..]));
+            read.extend(&told[4..]);
+        }
+        read
+    }
+
+    /// The XML that a URL register names, as its bytes.
+    fn xml(&mut self, url: u32) -> (String, Vec<u8>) {
+        let text = self.memory(url, 512);
+        let text = String::from_utf8(text).unwrap().trim_end_matches('\0').to_owned();
+        let parts: Vec<&str> = text.split(';').collect();
+        let number = |text: &str| u32::from_str_radix(text, 16).unwrap();
+        let bytes = self.memory(number(parts[1]), number(parts[2]) as usize);
+        (parts[0].to_owned(), bytes)
+    }
+
+    fn control(&mut self) {
+        assert_eq!(self.write(A, at::CONTROL, 2), OK);
+    }
+
+    /// A stream that runs.
+    fn stream(&mut self) {
+        self.control();
+        assert_eq!(self.write(A, at::STREAM_ADDRESS, A.ip().to_bits()), OK);
+        assert_eq!(self.write(A, at::STREAM_PORT, 1234), OK);
+        assert_eq!(self.write(A, own::ACQUISITION_START, 1), OK);
+    }
+}
+
+fn bench() -> Bench {
+    Bench::new(&Params::default())
+}
+
+#[test]
+fn discovery_is_answered_to_the_own_subnet_alone() {
+    let mut bench = bench();
+    let (status, told) = bench.ask(B, 0x02, &[]).unwrap();
+    assert_eq!((status, told.len()), (OK, 0xF8));
+    assert_eq!(told[..16], [0, 1, 0, 2, 0x80, 0, 0, 1, 0, 0, 2, 0, 10, 0, 0, 1]);
+    assert_eq!(told[0x24..0x28], [10, 0, 0, 1]);
+    assert!(told[0x48..].starts_with(b"starloop\0"));
+    assert_eq!(bench.ask(STRANGER, 0x02, &[]), None);
+    let counters = bench.device.counters();
+    assert_eq!((counters.discoveries, counters.strangers), (1, 1));
+}
+
+#[test]
+fn both_urls_name_the_same_xml_and_each_of_its_addresses_can_be_read() {
+    for form in [XmlForm::Zip, XmlForm::Plain] {
+        let mut bench = Bench::new(&Params { xml: form, ..Params::default() });
+        let (first, second) = (bench.xml(at::FIRST_URL), bench.xml(at::SECOND_URL));
+        let (plain, zipped) = if form == XmlForm::Zip { (second, first) } else { (first, second) };
+        assert_eq!((plain.0.as_str(), zipped.0.as_str()), ("Local:starloop.xml", "Local:starloop.zip"));
+        let text = String::from_utf8(plain.1).unwrap();
+        let mut inflated = String::new();
+        let start = 30 + "starloop.xml".len();
+        std::io::Read::read_to_string(&mut flate2::read::DeflateDecoder::new(&zipped.1[start..]), &mut inflated)
+            .unwrap();
+        assert_eq!(inflated.trim_end(), text.trim_end());
+        every_address_is_there(&mut bench, &text);
+    }
+}
+
+/// Every register of the device's port is readable memory, write-only ones too; every reference has its node.
+fn every_address_is_there(bench: &mut Bench, text: &str) {
+    let document = roxmltree::Document::parse(text).unwrap();
+    let names: Vec<&str> = document.descendants().filter_map(|node| node.attribute("Name")).collect();
+    let mut registers = 0;
+    for node in document.descendants().filter(roxmltree::Node::is_element) {
+        let child = |name: &str| {
+            node.children().find(|child| child.has_tag_name(("http://www.genicam.org/GenApi/Version_1_1", name)))
+        };
+        if node.tag_name().name().starts_with('p') && node.tag_name().name() != "pPort" {
+            assert!(names.contains(&node.text().unwrap()), "{node:?} names nothing");
+        }
+        let (Some(address), Some(port)) = (child("Address"), child("pPort")) else { continue };
+        if port.text() == Some("Device") {
+            let address = u32::from_str_radix(address.text().unwrap().trim_start_matches("0x"), 16).unwrap();
+            let length = child("Length").unwrap().text().unwrap().parse().unwrap();
+            assert_eq!(bench.memory(address, length).len(), length, "{node:?}");
+            registers += 1;
+        }
+    }
+    assert!(registers > 40, "{registers} registers");
+    assert!(!text.contains('{'), "every place of the template is filled in");
+}
+
+#[test]
+fn only_the_controller_writes_and_reads_are_for_all() {
+    let mut bench = bench();
+    assert_eq!(bench.write(A, own::WIDTH, 8), 0x8006, "without control");
+    bench.control();
+    assert_eq!(bench.write(B, at::CONTROL, 2), 0x8006);
+    assert_eq!(bench.write(B, own::WIDTH, 8), 0x8006);
+    assert_eq!(bench.read(B, own::WIDTH), Ok(31));
+    assert_eq!(bench.write(A, own::WIDTH, 8), OK);
+    assert_eq!(bench.read(B, own::WIDTH), Ok(8));
+    assert_eq!(bench.write(A, at::CONTROL, 1), OK);
+    assert_eq!(bench.read(B, own::WIDTH), Err(0x8006), "exclusive");
+    assert!(bench.ask(B, 0x02, &[]).is_some(), "but still found");
+    let counters = bench.device.counters();
+    assert_eq!((counters.controllers_accepted, counters.controllers_refused), (1, 1));
+}
+
+#[test]
+fn a_silent_controller_loses_control_and_its_stream() {
+    let mut bench = bench();
+    bench.stream();
+    assert!(bench.device.stream().destination.is_some() && bench.device.wanted().take());
+    bench.now = START + Span::from_ms(3000);
+    bench.device.tick(bench.now);
+    assert_eq!(bench.read(A, at::CONTROL), Ok(2), "still, and heard again");
+    bench.now = START + Span::from_ms(6001);
+    bench.device.tick(bench.now);
+    assert_eq!((bench.device.stream().destination, bench.device.wanted().take()), (None, false));
+    assert_eq!(bench.read(B, at::CONTROL), Ok(0));
+    assert_eq!(bench.device.counters().controllers_timed_out, 1);
+    assert_eq!(bench.write(B, at::CONTROL, 2), OK, "the next one takes over");
+}
+
+#[test]
+fn regions_stay_on_the_sensor() {
+    let mut bench = bench();
+    bench.control();
+    for (address, value, status) in [
+        (own::OFFSET_X, 1, 0x8002),
+        (own::WIDTH, 32, 0x8002),
+        (own::WIDTH, 0, 0x8002),
+        (own::WIDTH, 11, OK),
+        (own::OFFSET_X, 20, OK),
+        (own::OFFSET_X, 21, 0x8002),
+        (own::WIDTH, 12, 0x8002),
+        (own::HEIGHT, 18, 0x8002),
+        (own::HEIGHT, 17, OK),
+        (own::PIXEL_FORMAT, 0x0108_0001, OK),
+        (own::PIXEL_FORMAT, 0x0108_0002, 0x8002),
+        (own::SENSOR_WIDTH, 1, 0x8004),
+        (0x9000, 1, 0x8003),
+        (0xA009, 1, 0x8005),
+    ] {
+        assert_eq!(bench.write(A, address, value), status, "{address:x} {value}");
+    }
+    assert_eq!(bench.read(A, own::PAYLOAD_SIZE), Ok(11 * 17));
+    assert_eq!(bench.write(A, own::CHUNK_MODE, 1), OK);
+    assert_eq!(bench.read(A, own::PAYLOAD_SIZE), Ok(11 * 17 + u32::try_from(chunk::added_bytes()).unwrap()));
+    assert_eq!(bench.device.stream().region_px, [20, 0, 11, 17]);
+    assert_eq!(bench.write(A, own::ACQUISITION_START, 1), OK);
+    assert_eq!(bench.write(A, own::WIDTH, 5), 0x8007, "not while frames are acquired");
+    assert_eq!(bench.write(A, own::ACQUISITION_STOP, 1), OK);
+    assert_eq!(bench.write(A, own::WIDTH, 5), OK);
+}
+
+#[test]
+fn packet_sizes_are_held_to_the_mtu_and_tested_as_asked() {
+    let mut bench = bench();
+    bench.control();
+    assert_eq!(bench.write(A, at::PACKET_SIZE, 0xC000_0000 | 1500), OK);
+    assert_eq!(bench.answer.test_packet, None, "nowhere to send it");
+    assert_eq!(bench.write(A, at::STREAM_ADDRESS, STRANGER.ip().to_bits()), 0x8002, "neighbours only");
+    bench.write(A, at::STREAM_ADDRESS, A.ip().to_bits());
+    bench.write(A, at::STREAM_PORT, 1234);
+    for (asked, stored, test) in [
+        (1500, 1500, Some(1472)),
+        (1501, 1500, None),
+        (9000, 1500, None),
+        (100, 576, Some(72)),
+        (1402, 1400, Some(1374)),
+    ] {
+        assert_eq!(bench.write(A, at::PACKET_SIZE, 0xC000_0000 | asked), OK);
+        assert_eq!(bench.answer.test_packet.map(|(to, bytes)| (to.port(), bytes)), test.map(|bytes| (1234, bytes)));
+        assert_eq!(bench.read(A, at::PACKET_SIZE), Ok(0x4000_0000 | stored), "the test bit clears itself");
+    }
+    bench.write(A, at::PACKET_SIZE, 1000);
+    assert_eq!((bench.answer.test_packet, bench.device.stream().packet_bytes), (None, 1000));
+}
+
+#[test]
+fn many_registers_in_one_command_stop_at_the_first_refusal() {
+    let mut bench = bench();
+    bench.control();
+    let words = [own::WIDTH, 9, own::HEIGHT, 99, own::OFFSET_X, 1];
+    let payload: Vec<u8> = words.iter().flat_map(|word| word.to_be_bytes()).collect();
+    assert_eq!(bench.ask(A, 0x82, &payload), Some((0x8002, vec![0, 0, 0, 1])));
+    assert_eq!((bench.read(A, own::WIDTH), bench.read(A, own::OFFSET_X)), (Ok(9), Ok(0)));
+    let addresses: Vec<u8> = [own::WIDTH, own::SENSOR_HEIGHT].iter().flat_map(|word| word.to_be_bytes()).collect();
+    assert_eq!(bench.ask(A, 0x80, &addresses), Some((OK, vec![0, 0, 0, 9, 0, 0, 0, 17])));
+    let name = [&at::USER_NAME.to_be_bytes()[..], b"north head\0\0"].concat();
+    assert_eq!(bench.ask(A, 0x86, &name), Some((OK, vec![0, 0, 0, 3])));
+    assert!(bench.memory(at::USER_NAME, 16).starts_with(b"north head\0"));
+}
+
+#[test]
+fn triggers_come_from_the_source_that_was_chosen() {
+    let mut bench = bench();
+    bench.control();
+    for (address, value) in [
+        (own::TRIGGER_MODE, 1),
+        (own::TRIGGER_SOURCE, 1),
+        (at::ACTION_DEVICE_KEY, 5),
+        (at::ACTION_GROUP_KEY, 6),
+        (at::ACTION_GROUP_MASK, 3),
+    ] {
+        assert_eq!(bench.write(A, address, value), OK);
+    }
+    let wanted = bench.device.wanted();
+    let action = |words: [u32; 3]| words.map(u32::to_be_bytes).concat();
+    assert_eq!(bench.ask(B, 0x100, &action([5, 6, 1])), Some((OK, vec![])));
+    assert!(!wanted.take(), "before the start");
+    bench.write(A, own::ACQUISITION_START, 1);
+    bench.write(A, own::TRIGGER_SOFTWARE, 1);
+    assert!(!wanted.take(), "another source");
+    for words in [[4, 6, 1], [5, 7, 1], [5, 6, 4]] {
+        assert_eq!(bench.ask(B, 0x100, &action(words)), None, "meant for others");
+    }
+    assert!(!wanted.take());
+    assert_eq!(bench.ask(B, 0x100, &action([5, 6, 2])), Some((OK, vec![])));
+    assert!(wanted.take() && !wanted.take(), "one frame");
+    assert_eq!(bench.device.counters().triggers, 1);
+}
+
+#[test]
+fn the_time_of_the_bench_is_latched() {
+    let mut bench = bench();
+    bench.control();
+    bench.now = START + Span::from_ns(123);
+    assert_eq!(bench.write(A, at::TIMESTAMP_CONTROL, 2), OK);
+    bench.now = START + Span::from_ns(456);
+    assert_eq!(bench.memory(at::TIMESTAMP, 8), (START + Span::from_ns(123)).ns().to_be_bytes());
+    assert_eq!(bench.memory(at::TICK_FREQUENCY, 8), 1_000_000_000_u64.to_be_bytes());
+}
+
+#[test]
+fn requests_to_send_again_are_handed_on_and_never_answered() {
+    let mut bench = bench();
+    bench.stream();
+    let request = [[0, 0, 0, 9], [0, 0, 0, 3], [0, 0, 0, 5]].concat();
+    assert_eq!(bench.ask(A, 0x40, &request), None);
+    assert_eq!(bench.answer.resend.map(|resend| (resend.block, resend.first, resend.last)), Some((9, 3, 5)));
+    assert!(bench.ask(A, 0x02, &[]).is_some());
+    assert_eq!(bench.answer.resend, None, "only once");
+}
+
+#[test]
+fn what_is_no_command_is_counted_by_reason() {
+    let mut bench = bench();
+    for bytes in [&[][..], &[0x42; 7], &[0x41, 1, 0, 2, 0, 0, 0, 1], &[0x42, 1, 0, 2, 0, 9, 0, 1]] {
+        bench.device.answer(A, bytes, START, &mut bench.answer);
+        assert!(bench.answer.reply.is_empty());
+    }
+    assert_eq!(bench.ask(A, 0x80, &[1]), Some((0x8002, vec![])));
+    assert_eq!(bench.ask(A, 0xC0, &[]), Some((0x8001, vec![])));
+    let counted: Vec<_> = bench.device.counters().malformed.into_iter().collect();
+    let wanted =
+        [("too_short", 2), ("unknown_command", 1), ("wrong_key", 1), ("wrong_length", 1), ("wrong_payload", 1)];
+    assert_eq!(counted, wanted);
+}
+
+#[test]
+fn truth_is_sent_while_any_of_it_is_wanted() {
+    let mut bench = bench();
+    bench.control();
+    bench.write(A, own::CHUNK_MODE, 1);
+    let fields = u32::try_from(chunk::FIELDS.len()).unwrap();
+    for field in 0..fields {
+        assert!(bench.device.stream().with_chunks, "{field}");
+        assert_eq!(bench.write(A, own::CHUNK_SELECTOR, field), OK);
+        assert_eq!(bench.read(A, own::CHUNK_ENABLE), Ok(1));
+        assert_eq!(bench.write(A, own::CHUNK_ENABLE, 0), OK);
+    }
+    assert!(!bench.device.stream().with_chunks);
+    assert_eq!(bench.read(A, own::PAYLOAD_SIZE), Ok(31 * 17 * 2));
+    assert_eq!(bench.write(A, own::CHUNK_SELECTOR, fields), 0x8002);
+    assert_eq!(bench.write(A, own::CHUNK_SELECTOR, 3), OK);
+    assert_eq!((bench.read(A, own::CHUNK_ENABLE), bench.write(A, own::CHUNK_ENABLE, 1)), (Ok(0), OK));
+    assert!(bench.device.stream().with_chunks);
+}
+
+#[test]
+fn the_frame_rate_may_be_set_to_what_it_is() {
+    let mut bench = bench();
+    bench.control();
+    let set = |rate: f64| [&own::FRAME_RATE.to_be_bytes()[..], &rate.to_be_bytes()].concat();
+    assert_eq!(bench.ask(A, 0x86, &set(10.0)), Some((OK, vec![0, 0, 0, 2])));
+    assert_eq!(bench.ask(A, 0x86, &set(11.0)).unwrap().0, 0x8002);
+}

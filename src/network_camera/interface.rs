@@ -1,0 +1,139 @@
+//! The interface behind an address: its subnet, its MTU, its hardware address; and sockets on it.
+//!
+//! On loopback every address of 127.0.0.0/8 is there, so that several cameras share one machine.
+
+use crate::network_camera::error::NetworkCameraError;
+use nix::ifaddrs::{InterfaceAddress, getifaddrs};
+use nix::sys::socket::SockaddrStorage;
+use rustix::net::sockopt::{Ipv4PathMtuDiscovery, set_socket_send_buffer_size, set_socket_timeout};
+use rustix::net::sockopt::{set_ip_mtu_discover, set_socket_broadcast, set_socket_reuseaddr};
+use rustix::net::{AddressFamily, SocketType, bind, socket};
+use std::io;
+use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
+
+/// MTU where the system tells none: Ethernet's.
+const USUAL_MTU: u32 = 1500;
+/// Bytes that the system may hold for the stream: pacing, not a queue, decides when packets leave.
+const SEND_BUFFER_BYTES: usize = 1 << 20;
+/// Longest time that one packet may wait for the system.
+const SEND_PATIENCE: core::time::Duration = core::time::Duration::from_millis(100);
+
+/// What there is at an address.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Interface {
+    pub(super) address: Ipv4Addr,
+    pub(super) mask: Ipv4Addr,
+    pub(super) mac: [u8; 6],
+    pub(super) mtu: u32,
+}
+
+impl Interface {
+    /// The interface that has `address`.
+    pub(super) fn of(address: Ipv4Addr) -> Result<Self, NetworkCameraError> {
+        let all: Vec<InterfaceAddress> =
+            getifaddrs().map_err(|error| system(address, "list the interfaces", error.into(), ""))?.collect();
+        let found = all.iter().find_map(|entry| {
+            let (own, mask) = (ipv4(entry.address.as_ref())?, ipv4(entry.netmask.as_ref())?);
+            let is_here = own == address || own.is_loopback() && address.is_loopback();
+            is_here.then(|| (entry.interface_name.clone(), mask))
+        });
+        let known = || {
+            let own: Vec<String> =
+                all.iter().filter_map(|entry| ipv4(entry.address.as_ref())).map(|own| own.to_string()).collect();
+            own.join(", ")
+        };
+        let (name, mask) = found.ok_or_else(|| NetworkCameraError::NoInterface { address, known: known() })?;
+        let mac = all.iter().filter(|entry| entry.interface_name == name).find_map(hardware_address);
+        Ok(Self { address, mask, mac: mac.unwrap_or_else(|| made_of(address)), mtu: mtu(&name) })
+    }
+
+    /// The address that reaches everybody in the subnet.
+    pub(super) fn broadcast(&self) -> Ipv4Addr {
+        Ipv4Addr::from_bits(self.address.to_bits() | !self.mask.to_bits())
+    }
+}
+
+fn ipv4(address: Option<&SockaddrStorage>) -> Option<Ipv4Addr> {
+    address?.as_sockaddr_in().map(nix::sys::socket::SockaddrIn::ip)
+}
+
+fn hardware_address(entry: &InterfaceAddress) -> Option<[u8; 6]> {
+    let mac = entry.address.as_ref()?.as_link_addr()?.addr()?;
+    (mac != [0; 6]).then_some(mac)
+}
+
+/// A locally administered address, for an interface that has none.
+fn made_of(address: Ipv4Addr) -> [u8; 6] {
+    let [a, b, c, d] = address.octets();
+    [2, 0, a, b, c, d]
+}
+
+fn mtu(name: &str) -> u32 {
+    let told = std::fs::read_to_string(format!("/sys/class/net/{name}/mtu"));
+    told.ok().and_then(|text| text.trim().parse().ok()).unwrap_or(USUAL_MTU)
+}
+
+/// The control port. Without sharing: a second camera on the same address is refused by the system.
+pub(super) fn control_socket(address: Ipv4Addr, port: u16) -> Result<UdpSocket, NetworkCameraError> {
+    let advice = "; another camera may have it: take another address (127.0.0.2, ...) or port";
+    let open = || {
+        let socket = UdpSocket::bind((address, port))?;
+        socket.set_nonblocking(true)?;
+        Ok(socket)
+    };
+    open().map_err(|source| system(address, "open the control port", source, advice))
+}
+
+/// A socket that hears broadcasts to a port, beside other cameras that hear the same.
+pub(super) fn broadcast_socket(broadcast: Ipv4Addr, port: u16) -> io::Result<UdpSocket> {
+    let socket = socket(AddressFamily::INET, SocketType::DGRAM, None)?;
+    set_socket_reuseaddr(&socket, true)?;
+    set_socket_broadcast(&socket, true)?;
+    bind(&socket, &SocketAddrV4::new(broadcast, port))?;
+    let socket = UdpSocket::from(socket);
+    socket.set_nonblocking(true)?;
+    Ok(socket)
+}
+
+/// The port that packets come from. They are never fragmented.
+pub(super) fn stream_socket(address: Ipv4Addr) -> Result<UdpSocket, NetworkCameraError> {
+    let open = || {
+        let socket = UdpSocket::bind((address, 0))?;
+        set_ip_mtu_discover(&socket, Ipv4PathMtuDiscovery::DO)?;
+        set_socket_send_buffer_size(&socket, SEND_BUFFER_BYTES)?;
+        set_socket_timeout(&socket, rustix::net::sockopt::Timeout::Send, Some(SEND_PATIENCE))?;
+        Ok(socket)
+    };
+    open().map_err(|source| system(address, "open the stream's port", source, ""))
+}
+
+pub(super) fn system(
+    address: Ipv4Addr,
+    doing: &'static str,
+    source: io::Error,
+    advice: &'static str,
+) -> NetworkCameraError {
+    NetworkCameraError::System { address: address.to_string(), doing, source, advice }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn loopback_has_many_addresses_and_others_are_refused_with_those_there_are() {
+        let interface = Interface::of(Ipv4Addr::new(127, 0, 0, 3)).unwrap();
+        assert_eq!((interface.mask, interface.mac), (Ipv4Addr::new(255, 0, 0, 0), [2, 0, 127, 0, 0, 3]));
+        assert_eq!(interface.broadcast(), Ipv4Addr::new(127, 255, 255, 255));
+        assert!(interface.mtu >= 1500, "{interface:?}");
+        let error = Interface::of(Ipv4Addr::new(203, 0, 113, 9)).unwrap_err().to_string();
+        assert!(error.contains("203.0.113.9") && error.contains("127.0.0.1"), "{error}");
+    }
+
+    #[test]
+    fn a_port_that_is_taken_is_told() {
+        let first = control_socket(Ipv4Addr::LOCALHOST, 0).unwrap();
+        let error = control_socket(Ipv4Addr::LOCALHOST, first.local_addr().unwrap().port()).unwrap_err();
+        assert!(error.to_string().contains("another camera"), "{error}");
+    }
+}

@@ -1,0 +1,187 @@
+//! The camera on loopback: what every sink promises, and clients that do it no good.
+
+use super::*;
+use crate::base::clock::Monotonic;
+use crate::base::image::DnImage;
+use crate::network_camera::registers::{at, own};
+use crate::sink::Sink;
+use crate::sink::compliance::check_sink;
+use crate::sink::frame::sample_frame;
+use std::net::{Ipv4Addr, UdpSocket};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Long enough for any machine.
+const PATIENCE: Duration = Duration::from_secs(20);
+const SENSOR: SensorParams =
+    SensorParams { size_px: [31, 17], bits: 16, frame_rate_hz: 10.0, exposure_s: 0.1, gain_e_per_dn: 2.5 };
+
+fn camera(params: &Params) -> NetworkCamera {
+    let params = Params { port: 0, ..params.clone() };
+    NetworkCamera::start(&params, &SENSOR, Arc::new(Monotonic::start())).unwrap()
+}
+
+/// As little of a client as makes frames come.
+struct Client {
+    control: UdpSocket,
+    stream: UdpSocket,
+}
+
+impl Client {
+    fn of(camera: &NetworkCamera) -> Self {
+        let socket = || {
+            let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+            socket.set_read_timeout(Some(PATIENCE)).unwrap();
+            socket
+        };
+        let client = Self { control: socket(), stream: socket() };
+        client.control.connect(camera.address()).unwrap();
+        client
+    }
+
+    fn write(&self, address: u32, value: u32) {
+        let payload = [address.to_be_bytes(), value.to_be_bytes()].concat();
+        self.control.send(&[&[0x42, 1, 0, 0x82, 0, 8, 0, 1][..], &payload].concat()).unwrap();
+        let mut answer = [0; 64];
+        let bytes = self.control.recv(&mut answer).unwrap();
+        assert_eq!(answer[..bytes], [0, 0, 0, 0x83, 0, 4, 0, 1, 0, 0, 0, 1], "{address:x}");
+    }
+
+    fn start(&self) {
+        self.write(at::CONTROL, 2);
+        self.write(at::STREAM_ADDRESS, Ipv4Addr::LOCALHOST.to_bits());
+        self.write(at::STREAM_PORT, self.stream.local_addr().unwrap().port().into());
+        self.write(own::ACQUISITION_START, 1);
+    }
+
+    fn ask_again(&self, block: u16, first: u32, last: u32) {
+        let request = [u32::from(block), first, last].map(u32::to_be_bytes).concat();
+        self.control.send(&[&[0x42, 0, 0, 0x40, 0, 12, 0, 1][..], &request].concat()).unwrap();
+    }
+
+    /// The next packet of the stream.
+    fn packet(&self) -> Vec<u8> {
+        let mut packet = [0; 2048];
+        let bytes = self.stream.recv(&mut packet).unwrap();
+        packet[..bytes].to_vec()
+    }
+}
+
+fn bytes_of(image: &DnImage) -> Vec<u8> {
+    image.pixels().iter().flat_map(|dn| dn.to_le_bytes()).collect()
+}
+
+#[test]
+fn the_network_camera_complies() {
+    check_sink(|| Box::new(camera(&Params::default()))).unwrap();
+}
+
+/// Leader, payload and trailer of one block; the payload joined.
+fn block(client: &Client) -> (u16, Vec<u8>) {
+    let leader = client.packet();
+    assert_eq!((leader[4], leader.len()), (1, 44), "a leader");
+    let mut payload = Vec::new();
+    loop {
+        let packet = client.packet();
+        assert_eq!(packet[2..4], leader[2..4], "one block at a time");
+        match packet[4] {
+            3 => payload.extend(&packet[8..]),
+            2 => return (u16::from_be_bytes([leader[2], leader[3]]), payload),
+            kind => panic!("packet of kind {kind}"),
+        }
+    }
+}
+
+#[test]
+fn frames_arrive_bit_for_bit_with_their_truth_and_again_when_asked() {
+    let mut camera = camera(&Params { packet_bytes: 576, ..Params::default() });
+    let client = Client::of(&camera);
+    camera.send(&sample_frame(1)).unwrap();
+    assert_eq!(camera.counters().frames_not_wanted, 1, "nobody asked");
+    client.start();
+    camera.send(&sample_frame(2)).unwrap();
+    let (id, payload) = block(&client);
+    assert_eq!((id, payload), (1, bytes_of(&sample_frame(2).image)));
+    client.ask_again(1, 1, 2);
+    let again = [client.packet(), client.packet()];
+    assert_eq!(again.map(|packet| packet[8..].to_vec()).concat(), bytes_of(&sample_frame(2).image));
+    client.ask_again(9, 1, 1);
+    assert_eq!(client.packet(), [0x80, 0x0C, 0, 9, 3, 0, 0, 1], "a block that never was");
+    client.write(own::ACQUISITION_STOP, 1);
+    client.write(own::CHUNK_MODE, 1);
+    client.write(own::ACQUISITION_START, 1);
+    camera.send(&sample_frame(3)).unwrap();
+    let (id, payload) = block(&client);
+    let (image, truth) = payload.split_at(31 * 17 * 2);
+    assert_eq!((id, image), (1, bytes_of(&sample_frame(3).image).as_slice()), "blocks begin again");
+    let mut wanted = Vec::new();
+    chunk::append_chunks(&sample_frame(3).meta, image.len(), &mut wanted);
+    assert_eq!(truth, wanted);
+    camera.finish().unwrap();
+    let counters = camera.counters();
+    assert_eq!((counters.frames_offered, counters.frames_sent, counters.frames_dropped), (3, 2, 0));
+    assert_eq!((counters.resends_asked, counters.resends_served, counters.resends_gone), (3, 2, 1));
+}
+
+#[test]
+fn a_frame_that_finds_no_slot_is_dropped_and_counted_at_once() {
+    // At this pace one frame of 1 kB takes 8 ms: of many frames sent at once most find no slot.
+    let mut camera = camera(&Params { rate_bit_s: 1e6, frames_queued: 1, ..Params::default() });
+    let client = Client::of(&camera);
+    client.start();
+    for number in 1..=200 {
+        camera.send(&sample_frame(number)).unwrap();
+    }
+    camera.finish().unwrap();
+    let counters = camera.counters();
+    assert!(counters.frames_dropped > 0 && counters.frames_sent > 0, "{counters:?}");
+    assert_eq!(counters.frames_sent + counters.frames_dropped, 200, "{counters:?}");
+}
+
+#[test]
+fn garbage_and_endless_requests_cost_no_frame() {
+    let mut camera = camera(&Params { rate_bit_s: 1e9, frames_queued: 16, ..Params::default() });
+    let client = Client::of(&camera);
+    client.start();
+    for round in 0..50_u8 {
+        for length in 0..20 {
+            client.control.send(&vec![round; length]).unwrap();
+        }
+        client.ask_again(1, 0, 0xFF_FFFF);
+    }
+    for number in 1..=10 {
+        camera.send(&sample_frame(number)).unwrap();
+    }
+    // Everything that was taken is out when this returns.
+    camera.finish().unwrap();
+    let counters = camera.counters();
+    assert_eq!((counters.frames_sent, counters.frames_dropped), (10, 0), "{counters:?}");
+    assert!(counters.malformed.values().sum::<u64>() > 0, "{counters:?}");
+}
+
+#[test]
+fn a_second_camera_on_the_same_port_is_refused_and_another_address_is_free() {
+    let first = camera(&Params::default());
+    let taken = Params { port: first.address().port(), ..Params::default() };
+    let error = NetworkCamera::start(&taken, &SENSOR, Arc::new(Monotonic::start())).err().unwrap();
+    assert!(matches!(error, NetworkCameraError::System { .. }), "{error}");
+    let beside = Params { address: Ipv4Addr::new(127, 0, 0, 2), ..taken };
+    NetworkCamera::start(&beside, &SENSOR, Arc::new(Monotonic::start())).unwrap();
+}
+
+#[test]
+fn what_no_camera_can_be_is_refused_in_words() {
+    let base = Params { port: 0, ..Params::default() };
+    let start = |params: Params| {
+        NetworkCamera::start(&params, &SENSOR, Arc::new(Monotonic::start())).err().map(|error| error.to_string())
+    };
+    assert_eq!(start(base.clone()), None);
+    let told = |params| start(params).unwrap();
+    assert!(told(Params { packet_bytes: 575, ..base.clone() }).contains("576 to 65532"));
+    assert!(told(Params { rate_bit_s: f64::NAN, ..base.clone() }).contains("rate_bit_s"));
+    assert!(told(Params { frames_kept: 0, ..base.clone() }).contains("frames_kept"));
+    let identity = Identity { serial: "sixteen letters.".into(), ..Identity::default() };
+    assert!(told(Params { identity, ..base.clone() }).contains("15 plain"));
+    let identity = Identity { model: "<a>".into(), ..Identity::default() };
+    assert!(told(Params { identity, ..base }).contains("model"));
+}
