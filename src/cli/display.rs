@@ -34,9 +34,11 @@ enum DisplayCommand {
 
 /// Command line of `display show`.
 #[derive(Debug, Args)]
-#[command(after_help = "Images are grey PNGs, taken as luminances: 65535 (or 255) is the full luminance of the display. \
+#[command(
+    after_help = "Images are grey PNGs, taken as luminances: 65535 (or 255) is the full luminance of the display. \
                         Greys go to the monitor in proportion to luminance, or by --gamma; nothing is scaled, so images \
-                        must have the size of the monitor or of the window.")]
+                        must have the size of the monitor or of the window."
+)]
 struct ShowArgs {
     /// Grey PNG files of 16 or 8 bits, all of one size
     #[arg(required = true)]

@@ -4,9 +4,8 @@ use crate::base::time::{Span, Tai};
 use crate::exposure::Rung;
 use crate::exposure::method::MethodName;
 use crate::report::{
-    CountHistogram, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, RunNumbers, RunSummary, SinkRow,
-    Stage,
-    StageHistogram, StageHistograms, StageTimes,
+    CountHistogram, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, RunNumbers, RunSummary,
+    SinkRow, Stage, StageHistogram, StageHistograms, StageTimes,
 };
 use crate::runtime::engine::FrameEngine;
 use crate::runtime::ledger::{Event, EventKind, Ledger};

@@ -92,6 +92,7 @@ pub enum SinkError {
     Lost {
         /// The sink's name.
         sink: &'static str,
+    },
     /// A device that did not take a frame.
     #[error("frame {frame} did not get out by the {sink} sink: {source}")]
     Device {

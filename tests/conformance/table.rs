@@ -106,7 +106,6 @@ pub(crate) const ROOMS: &[Room] = &[
             "chart",
             "verify",
             "wiring",
-            "display",
             "live",
             // The type of an image that may live on a device, and the identifiers of the bus.
             "gpu",
