@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Fuzzes everything that reads bytes: CAN, serial, slcan, socketcand, capture files, the session.
+# Fuzzes everything that reads bytes: CAN, serial, slcan, socketcand, capture files, a camera's control port, the session.
 #
 #   hil_scripts/fuzz.sh [SECONDS]                 each target for so long (5), from the committed corpus
 #   hil_scripts/fuzz.sh --runs N                  N inputs for each target: the long run is --runs 2000000 (minutes)
@@ -16,7 +16,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-readonly targets=(can_decode serial_resync slcan socketcand captures session)
+readonly targets=(can_decode serial_resync slcan socketcand captures network_camera session)
 readonly cargo_fuzz_version=0.13.2
 readonly memory_mb=512
 readonly growth_mb=32

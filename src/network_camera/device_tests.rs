@@ -3,6 +3,7 @@
 use super::*;
 use crate::base::time::{Span, Tai};
 use crate::network_camera::registers::{at, own};
+use proptest::prelude::*;
 use std::net::{Ipv4Addr, SocketAddrV4};
 
 const START: Tai = Tai::from_ns(1_790_000_000_000_000_000);
@@ -348,4 +349,67 @@ fn the_frame_rate_may_be_set_to_what_it_is() {
     let set = |rate: f64| [&own::FRAME_RATE.to_be_bytes()[..], &rate.to_be_bytes()].concat();
     assert_eq!(bench.ask(A, 0x86, &set(10.0)), Some((OK, vec![0, 0, 0, 2])));
     assert_eq!(bench.ask(A, 0x86, &set(11.0)).unwrap().0, 0x8002);
+}
+
+/// Datagrams: noise, and commands with likely and unlikely addresses and values.
+fn any_datagram() -> impl Strategy<Value = Vec<u8>> {
+    let code = prop_oneof![
+        Just(0x02_u16),
+        Just(0x40),
+        Just(0x80),
+        Just(0x82),
+        Just(0x84),
+        Just(0x86),
+        Just(0x100),
+        any::<u16>()
+    ];
+    let address =
+        prop_oneof![0xA000_u32..0xA070, 0x900_u32..0xA20, 0xD00_u32..0xD20, 0x9800_u32..0x9810, 0_u32..0x300, any::<u32>()];
+    let value = prop_oneof![0_u32..40, 0x0108_0000_u32..0x0110_0010, Just(A.ip().to_bits()), any::<u32>()];
+    let words = prop::collection::vec((address, value), 0..6);
+    let command = (any::<u8>(), code, words, 0_usize..4).prop_map(|(flags, code, words, cut)| {
+        let mut payload: Vec<u8> =
+            words.iter().flat_map(|(a, v)| [a.to_be_bytes(), v.to_be_bytes()].concat()).collect();
+        payload.truncate(payload.len().saturating_sub(cut));
+        let length = u16::try_from(payload.len()).unwrap();
+        [&[0x42, flags][..], &code.to_be_bytes(), &length.to_be_bytes(), &[0, 1], &payload].concat()
+    });
+    prop_oneof![1 => prop::collection::vec(any::<u8>(), 0..700), 9 => command]
+}
+
+/// What holds of any stream on this sensor.
+fn is_possible(stream: &StreamSettings) -> bool {
+    let [x, y, columns, rows] = stream.region_px;
+    let is_inside = columns > 0 && rows > 0 && x + columns <= 31 && y + rows <= 17;
+    is_inside
+        && (576..=1500).contains(&stream.packet_bytes)
+        && stream.destination.is_none_or(|to| to.ip().octets()[..3] == [10, 0, 0])
+}
+
+proptest! {
+    #[test]
+    fn any_datagrams_leave_a_possible_camera(steps in prop::collection::vec((0_usize..3, any_datagram(), 0_i64..2000), 1..60)) {
+        let mut bench = bench();
+        bench.control();
+        for (from, datagram, pause_ms) in steps {
+            let from = [A, B, STRANGER][from];
+            bench.device.answer(from, &datagram, bench.now, &mut bench.answer);
+            prop_assert!(bench.answer.reply.len() <= 548 && (from != STRANGER || bench.answer.reply.is_empty()));
+            prop_assert!(is_possible(&bench.device.stream()), "{:?}", bench.device.stream());
+            bench.now = bench.now + Span::from_ms(pause_ms);
+            bench.device.tick(bench.now);
+        }
+    }
+
+    #[test]
+    fn nobody_but_the_controller_changes_the_stream(steps in prop::collection::vec((any::<bool>(), any_datagram()), 1..60)) {
+        let mut bench = bench();
+        bench.stream();
+        let before = bench.device.stream();
+        for (is_neighbour, datagram) in steps {
+            let from = if is_neighbour { B } else { STRANGER };
+            bench.device.answer(from, &datagram, bench.now, &mut bench.answer);
+            prop_assert_eq!(bench.device.stream(), before);
+        }
+    }
 }

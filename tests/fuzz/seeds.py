@@ -113,7 +113,22 @@ def session():
     yield "triggers", bytes([0]) + trigger(1, 0) + hello + trigger(2, 2) + retry + trigger(3, 1) + trigger(3, 0)
 
 
-for target in (can_decode, serial_resync, slcan, socketcand, captures, session):
+def network_camera():
+    # Sender, pause, kind (number of words above, 1 below), flags, code; then place and step, or a value, by turns.
+    def command(sender, pause, code, *words):
+        body = b"".join(bytes([word[0], 0, word[1]]) if isinstance(word, tuple) else struct.pack(">I", word) for word in words)
+        return bytes([sender, 0, pause, len(words) << 4 | 1, 1, code, 0]) + body
+
+    control, stream_port, stream_address = (0, 0), (1, 0), (1, 6)
+    take, start = command(0, 0, 3, control, 2), command(0, 0, 3, (4, 0), 1)
+    stream = command(0, 0, 3, stream_port, 1234) + command(0, 0, 3, stream_address, 0x0A000007)
+    yield "stream", take + stream + start + command(0, 0, 1, 1, 2, 3) + command(1, 0, 3, (3, 2), 5)
+    yield "silence", take + stream + start + command(1, 200, 3, control, 2) + command(0, 0, 3, (3, 2), 5)
+    yield "size", take + stream + command(0, 0, 3, (1, 1), 0xC0000000 + 1400) + command(0, 0, 5, (3, 2), 8)
+    yield "read", command(1, 0, 0) + command(1, 0, 4, (3, 0), 64) + command(2, 0, 2, (3, 0)) + command(0, 0, 6, (6, 0), 0, (6, 0))
+
+
+for target in (can_decode, serial_resync, slcan, socketcand, captures, network_camera, session):
     folder = HERE / "corpus" / target.__name__
     folder.mkdir(parents=True, exist_ok=True)
     for name, seed in target():

@@ -92,11 +92,17 @@ fn params(words: &Words) -> anyhow::Result<Params> {
         rate_bit_s: words.number("rate_mbit_s", 1000.0)? * 1e6,
         frames_kept: words.whole("frames_kept", 4)?,
         frames_queued: words.whole("frames_queued", 2)?,
-        identity: Identity { serial: text("serial").unwrap_or("feed").into(), ..Identity::default() },
+        identity: identity(words),
         mac: None,
         xml: if text("xml") == Some("plain") { XmlForm::Plain } else { XmlForm::Zip },
         lose_one_in: (lose > 0).then_some(lose),
     })
+}
+
+fn identity(words: &Words) -> Identity {
+    let (given, usual) = (|key: &str| words.0.get(key).cloned(), Identity::default());
+    let serial = given("serial").unwrap_or_else(|| "feed".into());
+    Identity { model: given("model").unwrap_or(usual.model), serial, ..Identity::default() }
 }
 
 /// Pixels and truth that differ in every frame; all of them follow from the frame's number.

@@ -1,5 +1,7 @@
 //! `starloop::base`, as far as the readers need it.
 
+#[path = "../../../src/base/image.rs"]
+pub mod image;
 #[path = "../../../src/base/leap.rs"]
 mod leap;
 #[path = "../../../src/base/time.rs"]

@@ -1,6 +1,6 @@
 //! What the fuzz targets share: the readers under test, taken in file by file, and the means to try them.
 //!
-//! The readers stand under the paths that they have in starloop (`base`, `link`). The whole crate is not a dependency:
+//! The readers stand under the paths that they have in starloop (`base`, `link`, `network_camera`). The whole crate is not a dependency:
 //! with its renderers a build with coverage counters would take ten minutes, this one takes one.
 //!
 //! | target | reads | asserts |
@@ -9,6 +9,7 @@
 //! | `serial_resync` | serial bytes | a packet is received whatever came before; no accepted corruption; no allocation |
 //! | `slcan`, `socketcand` | text of clients | the same for any chunks, as an independent reading has it; no allocation |
 //! | `captures` | candump, pcapng | errors have a place, bounded memory; what was written is read, cut off it is a prefix |
+//! | `network_camera` | GVCP datagrams | one answer at most, of bounded length; a possible stream, changed by its controller alone |
 //! | `session` | commands, table cells | the answers and tables of a model |
 
 #![forbid(unsafe_code)]
@@ -23,7 +24,11 @@ pub mod damage;
 pub mod input;
 /// The readers, as in starloop.
 pub mod link;
+/// The camera on the network, as in starloop.
+pub mod network_camera;
 /// Legal messages from any bytes.
 pub mod samples;
+/// Frames' truth, as in starloop.
+pub mod sink;
 
 pub use input::Input;

@@ -1,0 +1,10 @@
+//! `starloop::sink`: what is told of a frame.
+
+#[path = "../../../src/sink/active_fault.rs"]
+pub mod active_fault;
+#[path = "../../../src/sink/faults.rs"]
+pub mod faults;
+#[path = "../../../src/sink/frame.rs"]
+pub mod frame;
+
+pub use frame::FrameMeta;
