@@ -20,7 +20,8 @@ use crate::display::calibration::{
 };
 use crate::display::dither::Dither;
 use crate::display::latency::Latency;
-use crate::sink::fits::{FitsImage, OwnedPixels};
+use crate::sink::fits::FitsImage;
+use crate::sink::fits::read::OwnedPixels;
 use crate::sink::{png, write_file_atomically};
 use crate::testbed::display_bench::{BenchTruth, DisplayBench};
 use crate::wiring::camera_parts::camera_params;
