@@ -4,30 +4,23 @@
 //! measured (CSV, or a folder with a FITS frame for each image) and writes the calibration; `check` says whether a
 //! file may be used; `beat` holds a shutter against a refresh rate; `simulate` does all of it on a simulated bench.
 
-use crate::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
+use crate::astrometry::CameraGeometry;
 use crate::base::clock::{Clock, Monotonic};
-use crate::base::image::{DnImage, Image};
 use crate::base::time::{Span, Tai};
+use crate::cli::calibrate_display_simulate::{SimulateArgs, simulate};
+use crate::cli::display_measurements::{sights_of_folder, sights_of_table};
 use crate::cli::named_camera::named_camera;
 use crate::config::Camera;
 use crate::display::beat::BeatInput;
 use crate::display::calibration::fit::FitOptions;
-use crate::display::calibration::measurement::{read_csv, write_csv};
 use crate::display::calibration::report::told;
-use crate::display::calibration::spots::{FrameScale, sights_of_frame};
-use crate::display::calibration::{
-    Calibration, DisplayIdentity, Fitted, Grid, Pattern, Plan, Sight, TrackerIdentity, fit,
-};
+use crate::display::calibration::{Calibration, DisplayIdentity, Fitted, Grid, Pattern, Plan, TrackerIdentity, fit};
 use crate::display::dither::Dither;
 use crate::display::latency::Latency;
-use crate::sink::fits::FitsImage;
-use crate::sink::fits::read::OwnedPixels;
 use crate::sink::{png, write_file_atomically};
-use crate::testbed::display_bench::{BenchTruth, DisplayBench};
 use crate::wiring::camera_parts::camera_params;
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand};
-use glam::DVec2;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -35,10 +28,6 @@ use std::path::{Path, PathBuf};
 const PLAN: &str = "plan.toml";
 /// Refreshes of a dither cycle that magnitudes are told for.
 const TOLD_CYCLE: u32 = 16;
-/// Electrons per second of magnitude 0 of the simulated tracker.
-const SIMULATED_ZERO_POINT: f64 = 4e7;
-const SIMULATED_EXPOSURE_S: f64 = 0.1;
-
 /// Command line of `calibrate display`.
 #[derive(Debug, Args)]
 pub(super) struct DisplayArgs {
@@ -165,16 +154,6 @@ struct BeatArgs {
     drift: f64,
 }
 
-#[derive(Debug, Args)]
-struct SimulateArgs {
-    /// Seed of the noise
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// Folder for the plan, its images, the measurements and the calibration
-    #[arg(long, value_name = "FOLDER")]
-    out: Option<PathBuf>,
-}
-
 /// Runs the command.
 ///
 /// # Errors
@@ -190,7 +169,7 @@ pub(super) fn run(arguments: &DisplayArgs) -> Result<()> {
     }
 }
 
-fn now() -> Tai {
+pub(super) fn now() -> Tai {
     Monotonic::start().now()
 }
 
@@ -214,7 +193,7 @@ fn plan(arguments: &PlanArgs) -> Result<()> {
 }
 
 /// The plan and all images save the one of a display that is off.
-fn write_plan(plan: &Plan, folder: &Path) -> Result<()> {
+pub(super) fn write_plan(plan: &Plan, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("the folder {}", folder.display()))?;
     let text = plan.to_toml()?;
     write_file_atomically(&folder.join(PLAN), |out| out.write_all(text.as_bytes()))?;
@@ -279,51 +258,7 @@ fn latency(arguments: &FitArgs) -> Result<Option<Latency>> {
     }
 }
 
-fn sights_of_table(path: &Path) -> Result<Vec<Sight>> {
-    let file = File::open(path).with_context(|| path.display().to_string())?;
-    Ok(read_csv(file, path)?)
-}
-
-/// What the frames of a folder show; images without a frame are left out.
-fn sights_of_folder(folder: &Path, plan: &Plan, camera: &Camera) -> Result<Vec<Sight>> {
-    let mut sights = Vec::new();
-    for pattern in plan.patterns() {
-        let path = folder.join(format!("{}.fits", pattern.name()));
-        if path.exists() {
-            sights.extend(sights_of_frame(pattern, &frame_of(&path, camera)?));
-        }
-    }
-    Ok(sights)
-}
-
-/// A frame in electrons per second: digital numbers by the camera's file, electrons (float images) as they are.
-fn frame_of(path: &Path, camera: &Camera) -> Result<Image<f64>> {
-    let file = File::open(path).with_context(|| path.display().to_string())?;
-    let fits = FitsImage::read(std::io::BufReader::new(file)).with_context(|| path.display().to_string())?;
-    let exposure_s = fits.header.real("EXPTIME").filter(|s| *s > 0.0).unwrap_or(camera.exposure.exposure_s);
-    let wanted = [camera.detector.width_px as usize, camera.detector.height_px as usize];
-    if [fits.width, fits.height] != wanted {
-        let got = format!("{} x {}", fits.width, fits.height);
-        bail!("{}: wanted the camera's {} x {} px, got {got}", path.display(), wanted[0], wanted[1]);
-    }
-    let of = |values: Vec<f64>| {
-        let mut image = Image::new(wanted[0], wanted[1]);
-        image.pixels_mut().copy_from_slice(&values);
-        image
-    };
-    Ok(match fits.pixels {
-        OwnedPixels::U16(values) => {
-            let mut frame = DnImage::new(wanted[0], wanted[1]);
-            frame.pixels_mut().copy_from_slice(&values);
-            let (gain_e_per_dn, black_level_dn) = (camera.detector.gain_e_per_dn, camera.detector.black_level_dn);
-            FrameScale { gain_e_per_dn, black_level_dn, exposure_s }.applied(&frame)
-        }
-        OwnedPixels::F32(values) => of(values.iter().map(|e| f64::from(*e) / exposure_s).collect()),
-        OwnedPixels::F64(values) => of(values.iter().map(|e| e / exposure_s).collect()),
-    })
-}
-
-fn tell(fitted: &Fitted) -> Result<()> {
+pub(super) fn tell(fitted: &Fitted) -> Result<()> {
     print!("{}", told(&fitted.calibration, &fitted.calibration.calibrated()?, Dither::over(TOLD_CYCLE)));
     if !fitted.has_dark {
         println!("  note             no level of `dark` was measured: darkness was taken for nothing");
@@ -358,75 +293,4 @@ fn beat(arguments: &BeatArgs) -> Result<()> {
     };
     println!("{}", input.beat()?.advice());
     Ok(())
-}
-
-fn simulated_tracker(truth: &BenchTruth) -> Result<CameraGeometry> {
-    Ok(CameraGeometry::new(CameraParameters {
-        width_px: truth.tracker_px[0],
-        height_px: truth.tracker_px[1],
-        focal_px: [truth.tracker_focal_px; 2],
-        principal_point_px: truth.tracker_centre_px,
-        distortion: BrownConrady { k1: truth.tracker_radial, ..BrownConrady::default() },
-    })?)
-}
-
-fn simulate(arguments: &SimulateArgs) -> Result<()> {
-    let truth = BenchTruth { seed: arguments.seed, ..BenchTruth::crooked() };
-    let tracker = simulated_tracker(&truth)?;
-    let [width_px, height_px] = truth.display_px;
-    let display = DisplayIdentity { name: "simulated display".into(), width_px, height_px, bits: truth.bits };
-    let grid = Grid { columns: 16, rows: 12, dot_px: 5, margin_px: 14 };
-    let plan = Plan::new(display, TrackerIdentity::of("simulated tracker", &tracker), grid, 24)?;
-    let mut bench = DisplayBench::new(truth);
-    let sights = simulated_sights(&mut bench, &plan);
-    let flips = bench.flips_csv(200, 0.0285, 0.0004);
-    let options = FitOptions {
-        made: now(),
-        valid_days: 90,
-        zero_point_e_per_s: Some(SIMULATED_ZERO_POINT),
-        latency: Some(Latency::measured(flips.as_bytes(), 0.0, Span::ZERO)?),
-    };
-    let fitted = fit(&plan, &sights, ("simulated tracker", &tracker), &options)?;
-    tell(&fitted)?;
-    let error_px = worst_error_px(bench.truth(), &fitted);
-    let error_arcsec = error_px * fitted.map.geometry.arcsec_per_px();
-    println!("  against truth    {error_px:.4} display px = {error_arcsec:.3} arcsec at worst, between all dots");
-    if let Some(folder) = &arguments.out {
-        write_plan(&plan, folder)?;
-        let mut table = Vec::new();
-        write_csv(&mut table, &sights)?;
-        write_file_atomically(&folder.join("measurements.csv"), |out| out.write_all(&table))?;
-        write_file_atomically(&folder.join("latency.csv"), |out| out.write_all(flips.as_bytes()))?;
-        fitted.calibration.write(&folder.join("display.toml"))?;
-        println!("plan, images, measurements and calibration written to {}", folder.display());
-    }
-    Ok(())
-}
-
-fn simulated_sights(bench: &mut DisplayBench, plan: &Plan) -> Vec<Sight> {
-    let BenchTruth { gain_e_per_dn, black_level_dn, .. } = *bench.truth();
-    let scale = FrameScale { gain_e_per_dn, black_level_dn, exposure_s: SIMULATED_EXPOSURE_S };
-    let mut sights = Vec::new();
-    for pattern in plan.patterns() {
-        let frame = match pattern {
-            Pattern::Dark => bench.frame(None),
-            shown => bench.frame(Some(&plan.draw(shown))),
-        };
-        sights.extend(sights_of_frame(pattern, &scale.applied(&frame)));
-    }
-    sights
-}
-
-/// Largest error of the map over what its dots cover, display px.
-fn worst_error_px(truth: &BenchTruth, fitted: &Fitted) -> f64 {
-    const STEPS: u32 = 40;
-    let [left, right, top, bottom] = fitted.map.geometry.covered_px();
-    let along = |from: f64, to: f64, i: u32| from + (to - from) * f64::from(i) / f64::from(STEPS);
-    let places = (0..=STEPS).flat_map(|i| (0..=STEPS).map(move |j| (i, j)));
-    let error = |(i, j)| {
-        let px = DVec2::new(along(left, right, i), along(top, bottom, j));
-        let found = fitted.map.geometry.project(truth.direction(px));
-        found.map_or(f64::INFINITY, |found| DVec2::from(found).distance(px))
-    };
-    places.map(error).fold(0.0, f64::max)
 }

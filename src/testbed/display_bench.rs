@@ -173,7 +173,12 @@ impl BenchTruth {
     /// steps do not end.
     #[must_use]
     pub fn display_place(&self, tracker: DVec2) -> Option<(DVec2, f64)> {
-        let mut display = DVec2::from(self.axis_px);
+        self.display_place_from(tracker, DVec2::from(self.axis_px))
+    }
+
+    /// The same, from a first guess.
+    fn display_place_from(&self, tracker: DVec2, guess: DVec2) -> Option<(DVec2, f64)> {
+        let mut display = guess;
         for _ in 0..NEWTON_STEPS {
             let off = tracker - self.seen_at(display);
             let (slope_x, slope_y) = self.slopes(display);
@@ -208,11 +213,13 @@ impl DisplayBench {
         let [width, height] = truth.tracker_px;
         let [columns, rows] = truth.display_px.map(|side| side as f64 - 0.5);
         let places = (0..height).flat_map(|y| (0..width).map(move |x| DVec2::new(x as f64, y as f64)));
-        let level = |tracker| match truth.display_place(tracker) {
-            Some((px, density)) if px.x > -0.5 && px.y > -0.5 && px.x < columns && px.y < rows => {
-                truth.full_px_e * truth.vignette(px) * density
-            }
-            _ => 0.0,
+        let mut guess = DVec2::from(truth.axis_px);
+        let level = |tracker| {
+            let Some((px, density)) = truth.display_place_from(tracker, guess) else { return 0.0 };
+            // The next pixel is a neighbour, but for the ends of rows.
+            guess = px;
+            let is_lit = px.x > -0.5 && px.y > -0.5 && px.x < columns && px.y < rows;
+            if is_lit { truth.full_px_e * truth.vignette(px) * density } else { 0.0 }
         };
         let full_level_e = places.map(level).collect();
         Self { noise: Gaussian::new(truth.seed), truth, full_level_e }

@@ -18,6 +18,7 @@ use starloop::display::drive::DisplayDrive;
 use starloop::display::latency::Latency;
 use starloop::display::response::Response;
 use starloop::testbed::display_bench::{BenchTruth, DisplayBench};
+use std::sync::OnceLock;
 
 /// What the map may be off, display px: what is promised of a calibration.
 const PROMISED_PX: f64 = 0.02;
@@ -65,12 +66,17 @@ fn measured(bench: &mut DisplayBench, plan: &Plan) -> Vec<Sight> {
     sights
 }
 
-fn calibrated(truth: &BenchTruth) -> (DisplayBench, Plan, Vec<Sight>, Fitted) {
-    let mut bench = DisplayBench::new(truth.clone());
+/// The crooked bench's plan, measurements and fit: made once, as no test changes them.
+fn crooked() -> &'static (Plan, Vec<Sight>, Fitted) {
+    static CROOKED: OnceLock<(Plan, Vec<Sight>, Fitted)> = OnceLock::new();
+    CROOKED.get_or_init(|| calibrated(&BenchTruth::crooked()))
+}
+
+fn calibrated(truth: &BenchTruth) -> (Plan, Vec<Sight>, Fitted) {
     let plan = plan(truth);
-    let sights = measured(&mut bench, &plan);
+    let sights = measured(&mut DisplayBench::new(truth.clone()), &plan);
     let fitted = fit(&plan, &sights, ("tracker", &tracker(truth)), &options()).unwrap();
-    (bench, plan, sights, fitted)
+    (plan, sights, fitted)
 }
 
 /// Largest error of the map over what its dots cover, display px.
@@ -87,11 +93,11 @@ fn map_error_px(truth: &BenchTruth, fitted: &Fitted) -> f64 {
 
 #[test]
 fn the_map_is_recovered_to_a_fiftieth_of_a_pixel() {
-    let crooked = BenchTruth::crooked();
-    let mirrored = BenchTruth { mirrored: true, roll_rad: 2.6, seed: 2, ..crooked.clone() };
-    for truth in [crooked, mirrored] {
-        let (_, _, _, fitted) = calibrated(&truth);
-        let error_px = map_error_px(&truth, &fitted);
+    let straight = BenchTruth::crooked();
+    let mirrored = BenchTruth { mirrored: true, roll_rad: 2.6, seed: 2, ..straight.clone() };
+    let turned = calibrated(&mirrored).2;
+    for (truth, fitted) in [(straight, &crooked().2), (mirrored, &turned)] {
+        let error_px = map_error_px(&truth, fitted);
         let r = &fitted.calibration.residual;
         println!("mirrored {}: map within {error_px:.4} px, {r:?}", truth.mirrored);
         assert!(error_px <= PROMISED_PX, "{error_px} px");
@@ -105,7 +111,8 @@ fn the_map_is_recovered_to_a_fiftieth_of_a_pixel() {
 #[test]
 fn without_its_polynomial_the_map_is_off() {
     let truth = BenchTruth::crooked();
-    let (_, plan, _, mut fitted) = calibrated(&truth);
+    let (plan, _, fitted) = crooked();
+    let mut fitted = fitted.clone();
     assert!(fitted.calibration.geometry.degree >= 3, "degree {}", fitted.calibration.geometry.degree);
     fitted.calibration.geometry.terms.retain(|(i, j, ..)| i + j == 1);
     fitted.map.geometry = fitted.calibration.calibrated().unwrap().geometry;
@@ -121,7 +128,7 @@ fn true_luminance(truth: &BenchTruth, grey: u16) -> f64 {
 #[test]
 fn response_black_level_and_flat_field_are_recovered() {
     let truth = BenchTruth::crooked();
-    let (_, _, _, fitted) = calibrated(&truth);
+    let (_, _, fitted) = crooked();
     let parts = fitted.calibration.calibrated().unwrap();
     let worst = (0..=255_u16)
         .map(|grey| (parts.response.luminance()[usize::from(grey)] - true_luminance(&truth, grey)).abs())
@@ -183,7 +190,8 @@ fn star_error_px(bench: &DisplayBench, fitted: &Fitted, drive: &DisplayDrive, v_
 #[test]
 fn stars_are_seen_where_they_should_be() {
     let truth = BenchTruth::crooked();
-    let (bench, _, _, fitted) = calibrated(&truth);
+    let (_, _, fitted) = crooked();
+    let bench = DisplayBench::new(truth.clone());
     let parts = fitted.calibration.calibrated().unwrap();
     let drive = parts.drive(Dither::over(16));
     let linear = Response::of_gamma(8, 1.0).unwrap();
@@ -191,8 +199,8 @@ fn stars_are_seen_where_they_should_be() {
     let (mut worst, mut worst_wrong) = (0.0_f64, 0.0_f64);
     for place in [[100.25, 90.75], [320.5, 240.25], [545.75, 70.75], [140.25, 400.25], [500.75, 420.25]] {
         let v_sensor = truth.direction(DVec2::from(place));
-        worst = worst.max(star_error_px(&bench, &fitted, &drive, v_sensor, 16));
-        worst_wrong = worst_wrong.max(star_error_px(&bench, &fitted, &wrong, v_sensor, 16));
+        worst = worst.max(star_error_px(&bench, fitted, &drive, v_sensor, 16));
+        worst_wrong = worst_wrong.max(star_error_px(&bench, fitted, &wrong, v_sensor, 16));
     }
     println!("stars within {worst:.4} px; grey taken for luminance {worst_wrong:.4} px");
     assert!(worst <= PROMISED_PX, "{worst} px");
@@ -202,7 +210,7 @@ fn stars_are_seen_where_they_should_be() {
 #[test]
 fn wrong_measurements_are_refused() {
     let truth = BenchTruth::crooked();
-    let (_, plan, sights, fitted) = calibrated(&truth);
+    let (plan, sights, fitted) = crooked();
     let tracker = tracker(&truth);
     let refused =
         |plan: &Plan, sights: &[Sight]| fit(plan, sights, ("tracker", &tracker), &options()).unwrap_err().to_string();
@@ -219,36 +227,37 @@ fn wrong_measurements_are_refused() {
         };
         sights.iter().map(name).collect()
     };
-    let by_name = fit(&plan, &named(false), ("tracker", &tracker), &options()).unwrap();
+    let by_name = fit(plan, &named(false), ("tracker", &tracker), &options()).unwrap();
     assert_eq!(by_name.calibration.geometry, fitted.calibration.geometry, "numbers given or read are the same");
-    let told = refused(&plan, &named(true));
+    let told = refused(plan, &named(true));
     assert!(told.contains("belong to this plan"), "{told}");
     // Measurements of another plan.
     let other =
         Plan::new(plan.display.clone(), plan.tracker.clone(), Grid { columns: 15, rows: 11, ..plan.grid.clone() }, 24);
-    let told = refused(&other.unwrap(), &sights);
+    let told = refused(&other.unwrap(), sights);
     assert!(told.contains("wanted"), "{told}");
     // Another tracker than the plan's.
     let moved = BenchTruth { tracker_focal_px: 1801.0, ..truth.clone() };
-    let error = fit(&plan, &sights, ("tracker", &self::tracker(&moved)), &options()).unwrap_err().to_string();
+    let error = fit(plan, sights, ("tracker", &self::tracker(&moved)), &options()).unwrap_err().to_string();
     assert!(error.contains("tracker geometry"), "{error}");
     // No ramp.
     let dots: Vec<Sight> = sights.iter().filter(|s| !matches!(s.pattern, Pattern::Level(_))).cloned().collect();
-    assert!(refused(&plan, &dots).contains("greys with 0 and 255"), "{}", refused(&plan, &dots));
+    assert!(refused(plan, &dots).contains("greys with 0 and 255"), "{}", refused(plan, &dots));
     // A dark room with the lens cap on.
-    assert!(refused(&plan, &[]).contains("at least 12, got 0"), "{}", refused(&plan, &[]));
+    assert!(refused(plan, &[]).contains("at least 12, got 0"), "{}", refused(plan, &[]));
 }
 
 #[test]
 fn a_tenth_of_the_dots_may_be_reflections() {
     let truth = BenchTruth::crooked();
-    let (_, plan, mut sights, fitted) = calibrated(&truth);
+    let (plan, sights, fitted) = crooked();
+    let mut sights = sights.clone();
     for (i, sight) in sights.iter_mut().filter(|sight| sight.pattern == Pattern::Dots).enumerate() {
         if let Some(px) = sight.tracker_px.as_mut().filter(|_| i % 10 == 3) {
             px[0] += 1.5;
         }
     }
-    let spoiled = fit(&plan, &sights, ("tracker", &tracker(&truth)), &options()).unwrap();
+    let spoiled = fit(plan, &sights, ("tracker", &tracker(&truth)), &options()).unwrap();
     let error_px = map_error_px(&truth, &spoiled);
     assert!(error_px <= PROMISED_PX, "{error_px} px");
     let left_out = spoiled.map.is_used.iter().filter(|used| !**used).count();
@@ -257,9 +266,8 @@ fn a_tenth_of_the_dots_may_be_reflections() {
 
 #[test]
 fn the_file_keeps_all_of_it_and_a_wrong_file_is_refused() {
-    let truth = BenchTruth::crooked();
-    let (mut bench, plan, _, fitted) = calibrated(&truth);
-    let flips = bench.flips_csv(200, 0.0285, 0.0004);
+    let (plan, _, fitted) = crooked();
+    let flips = DisplayBench::new(BenchTruth::crooked()).flips_csv(200, 0.0285, 0.0004);
     let latency = Latency::measured(flips.as_bytes(), 0.0, Span::ZERO).unwrap();
     assert!((latency.median_ns - 28_500_000).abs() < 150_000, "{latency:?}");
     let kept = Calibration { latency: Some(latency), ..fitted.calibration.clone() };

@@ -7,8 +7,10 @@
 //!    five standard deviations are left out, all are asked again, until the choice lasts. The degree is the lowest whose
 //!    residual, each dot left out of its own fit, is within 2 % of the least, and whose camera does not fold.
 //!
+//! In narrow fields the keystone drowns in noise and distortion: where it would put the principal point or the axes far
+//! off, the homography is an affine map, and the polynomial takes the rest.
 //! Limits: errors of the tracker's own camera file go into the map, since only the two together are measured.
-//! Tests: `tests/physics/display_calibration`.
+//! Tests: `fit_map_tests`; `tests/physics/display_calibration`.
 
 use super::error::CalibrationError;
 use crate::base::random::philox;
@@ -33,6 +35,8 @@ const LEAST_LIMIT_PX: f64 = 1e-6;
 const MOST_ROUNDS: usize = 20;
 /// A higher degree must lessen the residual by this share.
 const WORTH: f64 = 0.98;
+/// Furthest principal point, in sides of the display: the same, in a narrow field.
+const FURTHEST_SIDES: f64 = 8.0;
 /// Largest angle between drawn axes and the dots' middle: beyond it the keystone is noise.
 const MOST_TILT_COS: f64 = 0.7;
 
@@ -152,8 +156,10 @@ fn start(
         let Some(h) = homography(tangents, shown, &chosen, keystone) else { continue };
         let mirrored = h.determinant() < 0.0;
         let Some(pinhole) = taken_apart(&if mirrored { mirror * h } else { h }) else { continue };
+        let side = size_px[0].max(size_px[1]) as f64;
+        let is_near = pinhole.principal_point_px.iter().all(|px| px.abs() < FURTHEST_SIDES * side);
         let is_upright = (pinhole.drawn_from_sensor * centre).z > MOST_TILT_COS;
-        if is_upright || !keystone {
+        if (is_upright && is_near) || !keystone {
             return Ok((pinhole, mirrored, agrees));
         }
     }
@@ -297,3 +303,7 @@ fn told(poly: &Polynomial, parameters: GeometryParameters, geometry: DisplayGeom
     let map_error_px = rms_px * (poly.terms as f64 / count).sqrt();
     MapFit { parameters, geometry, residual_px, is_used: poly.is_used.clone(), rms_px, max_px, map_error_px }
 }
+
+#[cfg(test)]
+#[path = "fit_map_tests.rs"]
+mod tests;

@@ -1,0 +1,107 @@
+//! `starloop calibrate display simulate`: the whole procedure on a simulated display, collimator and camera, and the
+//! result against the truth.
+
+use crate::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
+use crate::base::time::Span;
+use crate::cli::calibrate_display::{now, tell, write_plan};
+use crate::display::calibration::fit::FitOptions;
+use crate::display::calibration::measurement::write_csv;
+use crate::display::calibration::spots::{FrameScale, sights_of_frame};
+use crate::display::calibration::{DisplayIdentity, Fitted, Grid, Pattern, Plan, Sight, TrackerIdentity, fit};
+use crate::display::latency::Latency;
+use crate::sink::write_file_atomically;
+use crate::testbed::display_bench::{BenchTruth, DisplayBench};
+use anyhow::Result;
+use clap::Args;
+use glam::DVec2;
+use std::path::PathBuf;
+
+/// Electrons per second of magnitude 0 of the simulated tracker.
+const SIMULATED_ZERO_POINT: f64 = 4e7;
+const SIMULATED_EXPOSURE_S: f64 = 0.1;
+
+/// Command line of `simulate`.
+#[derive(Debug, Args)]
+pub(super) struct SimulateArgs {
+    /// Seed of the noise
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Folder for the plan, its images, the measurements and the calibration
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+}
+
+fn simulated_tracker(truth: &BenchTruth) -> Result<CameraGeometry> {
+    Ok(CameraGeometry::new(CameraParameters {
+        width_px: truth.tracker_px[0],
+        height_px: truth.tracker_px[1],
+        focal_px: [truth.tracker_focal_px; 2],
+        principal_point_px: truth.tracker_centre_px,
+        distortion: BrownConrady { k1: truth.tracker_radial, ..BrownConrady::default() },
+    })?)
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// When the fit is refused or a file cannot be written.
+pub(super) fn simulate(arguments: &SimulateArgs) -> Result<()> {
+    let truth = BenchTruth { seed: arguments.seed, ..BenchTruth::crooked() };
+    let tracker = simulated_tracker(&truth)?;
+    let [width_px, height_px] = truth.display_px;
+    let display = DisplayIdentity { name: "simulated display".into(), width_px, height_px, bits: truth.bits };
+    let grid = Grid { columns: 16, rows: 12, dot_px: 5, margin_px: 14 };
+    let plan = Plan::new(display, TrackerIdentity::of("simulated tracker", &tracker), grid, 24)?;
+    let mut bench = DisplayBench::new(truth);
+    let sights = simulated_sights(&mut bench, &plan);
+    let flips = bench.flips_csv(200, 0.0285, 0.0004);
+    let options = FitOptions {
+        made: now(),
+        valid_days: 90,
+        zero_point_e_per_s: Some(SIMULATED_ZERO_POINT),
+        latency: Some(Latency::measured(flips.as_bytes(), 0.0, Span::ZERO)?),
+    };
+    let fitted = fit(&plan, &sights, ("simulated tracker", &tracker), &options)?;
+    tell(&fitted)?;
+    let error_px = worst_error_px(bench.truth(), &fitted);
+    let error_arcsec = error_px * fitted.map.geometry.arcsec_per_px();
+    println!("  against truth    {error_px:.4} display px = {error_arcsec:.3} arcsec at worst, between all dots");
+    if let Some(folder) = &arguments.out {
+        write_plan(&plan, folder)?;
+        let mut table = Vec::new();
+        write_csv(&mut table, &sights)?;
+        write_file_atomically(&folder.join("measurements.csv"), |out| out.write_all(&table))?;
+        write_file_atomically(&folder.join("latency.csv"), |out| out.write_all(flips.as_bytes()))?;
+        fitted.calibration.write(&folder.join("display.toml"))?;
+        println!("plan, images, measurements and calibration written to {}", folder.display());
+    }
+    Ok(())
+}
+
+fn simulated_sights(bench: &mut DisplayBench, plan: &Plan) -> Vec<Sight> {
+    let BenchTruth { gain_e_per_dn, black_level_dn, .. } = *bench.truth();
+    let scale = FrameScale { gain_e_per_dn, black_level_dn, exposure_s: SIMULATED_EXPOSURE_S };
+    let mut sights = Vec::new();
+    for pattern in plan.patterns() {
+        let frame = match pattern {
+            Pattern::Dark => bench.frame(None),
+            shown => bench.frame(Some(&plan.draw(shown))),
+        };
+        sights.extend(sights_of_frame(pattern, &scale.applied(&frame)));
+    }
+    sights
+}
+
+/// Largest error of the map over what its dots cover, display px.
+fn worst_error_px(truth: &BenchTruth, fitted: &Fitted) -> f64 {
+    const STEPS: u32 = 40;
+    let [left, right, top, bottom] = fitted.map.geometry.covered_px();
+    let along = |from: f64, to: f64, i: u32| from + (to - from) * f64::from(i) / f64::from(STEPS);
+    let places = (0..=STEPS).flat_map(|i| (0..=STEPS).map(move |j| (i, j)));
+    let error = |(i, j)| {
+        let px = DVec2::new(along(left, right, i), along(top, bottom, j));
+        let found = fitted.map.geometry.project(truth.direction(px));
+        found.map_or(f64::INFINITY, |found| DVec2::from(found).distance(px))
+    };
+    places.map(error).fold(0.0, f64::max)
+}
