@@ -20,7 +20,7 @@ pub trait Clock: Send + Sync {
 #[derive(Debug)]
 pub struct Monotonic {
     origin: Instant,
-    tai_at_origin: Tai,
+    tai_ns_at_origin: AtomicI64,
 }
 
 impl Monotonic {
@@ -28,7 +28,7 @@ impl Monotonic {
     #[must_use]
     #[allow(clippy::disallowed_methods, reason = "the one place that reads the machine's clocks")]
     pub fn start_at(at: Tai) -> Self {
-        Self { origin: Instant::now(), tai_at_origin: at }
+        Self { origin: Instant::now(), tai_ns_at_origin: AtomicI64::new(at.ns()) }
     }
 
     /// Starts from the system's idea of UTC (assumes it is right; TAI follows by the leap-second table).
@@ -37,14 +37,21 @@ impl Monotonic {
     pub fn start() -> Self {
         let unix = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let unix_ns = i64::try_from(unix.as_nanos()).unwrap_or(i64::MAX);
-        Self { origin: Instant::now(), tai_at_origin: Tai::from_unix_ns(unix_ns) }
+        Self { origin: Instant::now(), tai_ns_at_origin: AtomicI64::new(Tai::from_unix_ns(unix_ns).ns()) }
+    }
+
+    /// Reads `at` from now on. For whoever sets a bench up, before anybody waits on it: what needs the clock may take its
+    /// time to begin (a window, a socket), and the run begins on time all the same.
+    pub fn restart_at(&self, at: Tai) {
+        let elapsed = self.now() - Tai::from_ns(self.tai_ns_at_origin.load(Ordering::SeqCst));
+        self.tai_ns_at_origin.store((at - elapsed).ns(), Ordering::SeqCst);
     }
 }
 
 impl Clock for Monotonic {
     fn now(&self) -> Tai {
         let elapsed_ns = i64::try_from(self.origin.elapsed().as_nanos()).unwrap_or(i64::MAX);
-        self.tai_at_origin + Span::from_ns(elapsed_ns)
+        Tai::from_ns(self.tai_ns_at_origin.load(Ordering::Relaxed)) + Span::from_ns(elapsed_ns)
     }
 
     fn sleep_until(&self, at: Tai) {

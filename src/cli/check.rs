@@ -1,5 +1,6 @@
 //! `starloop check`: is this bench or scenario sound, what does it mean, what will be drawn and at what error and cost.
 
+use crate::base::clock::{Clock, Monotonic};
 use crate::base::time::Tai;
 use crate::cli::calibrate::{Costs, costs_here};
 use crate::cli::check_light;
@@ -13,6 +14,7 @@ use crate::runtime::field_light::FieldLight;
 use crate::runtime::{Imager, RunParams};
 use crate::sky::catalog::Catalog;
 use crate::wiring::bench_parts;
+use crate::wiring::display_parts::{beat, take_display};
 use crate::wiring::sinks::told_lines;
 use anyhow::Result;
 use clap::Args;
@@ -80,6 +82,7 @@ fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
         StartTime::Now => Tai::from_rfc3339("2026-01-01T00:00:00Z")?,
     };
     let mut params = bench_parts::run_params(bench, start)?;
+    take_display(&mut params, bench, Monotonic::start().now())?;
     let imager = bench_parts::imager(&params)?;
     let costs = costs_here(&imager, only_built_in);
     bench_parts::take_real_clock(&mut params, bench, costs.measured);
@@ -131,6 +134,7 @@ fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Image
     for (place, words) in told_lines(&bench.sinks) {
         writeln!(text, "  {place:<12} {words}")?;
     }
+    write_beat(text, bench)?;
     writeln!(text, "  costs        {}", costs.origin)?;
     let camera_params = &params.camera;
     let effects: Vec<String> =
@@ -171,6 +175,14 @@ fn plans(text: &mut String, bench: &Bench, start: Tai, params: &RunParams, image
         check_plan::write_plan(text, number, plan, &planned)?;
         check_light::write_frame(text, &mut light, &params.camera, plan)?;
     }
+    Ok(())
+}
+
+/// What the tracker's shutter makes of the display's refresh, when the bench has a display.
+fn write_beat(text: &mut String, bench: &Bench) -> Result<()> {
+    let Some(beat) = beat(bench)? else { return Ok(()) };
+    let word = if beat.is_seen() { "WARNING" } else { "shutter" };
+    writeln!(text, "  {word:<12} {}", beat.advice())?;
     Ok(())
 }
 

@@ -24,6 +24,7 @@ use crate::sink::{SentFrame, Sink, write_file_atomically};
 use crate::testbed::flight_computer::{FlightComputer, FlightError, run_until};
 use crate::wiring::bench_parts;
 use crate::wiring::control::ControlAddress;
+use crate::wiring::display_parts::{calibrated_display, take_display};
 use crate::wiring::ports::{Ports, needs_real_clock, open_ports};
 use crate::wiring::replay::{Recording, SessionParams};
 use crate::wiring::sinks::{SinkSetting, make_sinks, run_directory};
@@ -244,6 +245,10 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     // First: whoever draws first starts the drawing threads.
     let hygiene = (arguments.clock == ClockKind::Real).then(|| prepared_hygiene(&bench, !arguments.quiet));
     let mut params = bench_parts::run_params(&bench, start)?;
+    take_display(&mut params, &bench, Monotonic::start().now())?;
+    if arguments.capture.is_some() && calibrated_display(&bench).is_some() {
+        bail!("--capture: got a bench that is drawn for a display; wanted one with another sink first");
+    }
     let imager = bench_parts::imager(&params)?;
     // The virtual clock never sees what this machine measured: its runs repeat everywhere.
     if arguments.clock == ClockKind::Real {
@@ -252,7 +257,8 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let mut engine = FrameEngine::with_imager(params.clone(), imager)?;
     engine.expect_motion(slew_scale(&bench));
     let mut receiver = Receiver::new(params.attitude)?.with_session(bench_parts::session_params(&bench));
-    let (mut sink, directory) = sink(arguments, &bench, &engine)?;
+    let clock = RunClock::new(arguments.clock, start);
+    let (mut sink, directory) = sink(arguments, &bench, &engine, &clock.shared())?;
     let recording = recording(arguments, &bench, start, &engine)?;
     if let Some(recording) = &recording {
         sink = recording.tap_frames(&mut engine, sink)?;
@@ -279,9 +285,9 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
         hygiene: hygiene.as_ref(),
         recording: recording.as_ref(),
     };
-    let outcome = match arguments.clock {
-        ClockKind::Real => setup.real(&mut engine, &mut receiver, sink)?,
-        ClockKind::Virtual => setup.simulated(&mut engine, &mut receiver, sink)?,
+    let outcome = match &clock {
+        RunClock::Real(clock) => setup.real(clock, &mut engine, &mut receiver, sink)?,
+        RunClock::Virtual(clock) => setup.simulated(clock, &mut engine, &mut receiver, sink)?,
     };
     if let Some(recording) = recording {
         let lost = outcome.ports.iter().map(|port| port.queue_overflows).sum();
@@ -370,14 +376,22 @@ impl Finished {
 }
 
 /// What takes the frames, and the directory of the run when files are kept.
-fn sink(arguments: &RunArgs, bench: &Bench, engine: &FrameEngine) -> Result<(Box<dyn Sink>, Option<PathBuf>)> {
+fn sink(
+    arguments: &RunArgs,
+    bench: &Bench,
+    engine: &FrameEngine,
+    clock: &Arc<dyn Clock>,
+) -> Result<(Box<dyn Sink>, Option<PathBuf>)> {
     let sinks = arguments.sinks(bench);
     let directory = run_directory(&sinks, arguments.out.as_deref(), &stamp(Monotonic::start().now()));
     let camera = &engine.params().camera;
     let [width, height] = camera.output().size_px;
     let prototype = SentFrame::with_capacity(width, height, real_time::STARS_AT_FIRST, camera.name.clone());
     let is_real = arguments.clock == ClockKind::Real;
-    let setting = SinkSetting { directory: directory.as_deref(), prototype: &prototype, head: None, is_real };
+    let (directory, frame_period) = (directory, engine.params().frame_period);
+    let (prototype, head) = (&prototype, None);
+    let setting =
+        SinkSetting { directory: directory.as_deref(), prototype, head, is_real, camera, frame_period, clock };
     Ok((make_sinks(&sinks, &setting)?, directory))
 }
 
@@ -404,6 +418,28 @@ fn announce(bench: &Bench, engine: &FrameEngine) {
     );
 }
 
+/// The clock of a run, which its sinks read too.
+enum RunClock {
+    Real(Arc<Monotonic>),
+    Virtual(Arc<Virtual>),
+}
+
+impl RunClock {
+    fn new(kind: ClockKind, start: Tai) -> Self {
+        match kind {
+            ClockKind::Real => Self::Real(Arc::new(Monotonic::start_at(start))),
+            ClockKind::Virtual => Self::Virtual(Arc::new(Virtual::new(start))),
+        }
+    }
+
+    fn shared(&self) -> Arc<dyn Clock> {
+        match self {
+            Self::Real(clock) => clock.clone(),
+            Self::Virtual(clock) => clock.clone(),
+        }
+    }
+}
+
 struct Setup<'a> {
     bench: &'a Bench,
     start: Tai,
@@ -415,8 +451,16 @@ struct Setup<'a> {
 }
 
 impl Setup<'_> {
-    fn real(&self, engine: &mut FrameEngine, receiver: &mut Receiver, sink: Box<dyn Sink>) -> Result<RunOutcome> {
-        let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(self.start));
+    fn real(
+        &self,
+        clock: &Arc<Monotonic>,
+        engine: &mut FrameEngine,
+        receiver: &mut Receiver,
+        sink: Box<dyn Sink>,
+    ) -> Result<RunOutcome> {
+        // Sinks have had the time they took to begin.
+        clock.restart_at(self.start);
+        let clock: Arc<dyn Clock> = clock.clone();
         let Ports { near, far, pulses, gateways } = open_ports(self.bench, &clock, &mut |link| self.tapped(link))?;
         tell_doors(&gateways);
         let over = Arc::new(AtomicBool::new(false));
@@ -439,11 +483,11 @@ impl Setup<'_> {
 
     fn simulated(
         &self,
+        clock: &Arc<Virtual>,
         engine: &mut FrameEngine,
         receiver: &mut Receiver,
         mut sink: Box<dyn Sink>,
     ) -> Result<RunOutcome> {
-        let clock = Arc::new(Virtual::new(self.start));
         let shared: Arc<dyn Clock> = clock.clone();
         if let Some(what) = needs_real_clock(self.bench) {
             bail!("--clock virtual: got a bench with {what}, which has a time of its own; wanted --clock real");
@@ -460,7 +504,7 @@ impl Setup<'_> {
             send(frame, record);
             !self.stop.load(Ordering::Relaxed)
         };
-        Ok(virtual_time::run(engine, receiver, near, &clock, &mut *sink, &mut far_end, &mut progress))
+        Ok(virtual_time::run(engine, receiver, near, clock, &mut *sink, &mut far_end, &mut progress))
     }
 
     /// What a link of the stimulator is behind, when the run is captured.

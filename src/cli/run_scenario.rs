@@ -1,7 +1,7 @@
 //! `starloop run SCENARIO`: the closed loop, on the virtual clock or on the bench's.
 
-use crate::base::clock::Stopwatch;
-use crate::base::time::Tai;
+use crate::base::clock::{Clock, Monotonic, Stopwatch};
+use crate::base::time::{Span, Tai};
 use crate::base::units::ARCSEC;
 use crate::cli::calibrate::costs_here;
 use crate::cli::run::{ClockKind, RunArgs, prepared_hygiene, stamp};
@@ -19,6 +19,7 @@ use crate::wiring::bench_parts;
 use crate::wiring::camera_parts::camera_params;
 use crate::wiring::closed_loop::ClosedLoop;
 use crate::wiring::control::{ControlAddress, ControlListener, ControlSession, SessionEnd, Stage};
+use crate::wiring::display_parts::calibrated_display;
 use crate::wiring::loop_outcome::LoopView;
 use crate::wiring::real_loop::{RealSetting, run_real};
 use crate::wiring::sinks::{SinkSetting, make_sinks, run_directory};
@@ -37,10 +38,11 @@ pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> 
     let listener = arguments.control.map(listen).transpose()?;
     let directory = directory(scenario, arguments)?;
     let mut wall = Stopwatch::start();
-    let frame = prototype(&camera_params(&scenario.bench.camera)?);
+    let camera = camera_params(&scenario.bench.camera)?;
+    let frame = prototype(&camera);
     let mut failed = None;
     let mut going = ClosedLoop::new(scenario, |head| {
-        sink(scenario, arguments, directory.as_deref(), head, &frame).unwrap_or_else(|error| {
+        sink(scenario, arguments, directory.as_deref(), head, (&frame, &camera)).unwrap_or_else(|error| {
             failed = Some(error);
             Box::new(NullSink::new())
         })
@@ -95,7 +97,7 @@ pub fn run_on_real_clock(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<At
         bail!("a scenario needs a start_utc: \"now\" does not repeat");
     };
     let params = bench_parts::run_params(&scenario.bench, start)?;
-    let sink = sink(scenario, arguments, directory.as_deref(), 0, &prototype(&params.camera))?;
+    let sink = sink(scenario, arguments, directory.as_deref(), 0, (&prototype(&params.camera), &params.camera))?;
     let measured = costs_here(&bench_parts::imager(&params)?, arguments.built_in_costs).measured;
     let telemetry =
         directory.as_deref().map(|directory| telemetry_file(directory, params.first_exposure)).transpose()?;
@@ -191,8 +193,8 @@ fn directory(scenario: &Scenario, arguments: &RunArgs) -> Result<Option<PathBuf>
     let directory = match (&arguments.out, run_directory(&sinks, None, "")) {
         (Some(out), _) => out.clone(),
         (None, Some(_)) => {
-            let now = crate::base::clock::Monotonic::start();
-            PathBuf::from("out").join(&scenario.name).join(stamp(crate::base::clock::Clock::now(&now)))
+            let now = Monotonic::start();
+            PathBuf::from("out").join(&scenario.name).join(stamp(now.now()))
         }
         (None, None) => return Ok(None),
     };
@@ -206,13 +208,26 @@ fn sink(
     arguments: &RunArgs,
     directory: Option<&Path>,
     head: usize,
-    prototype: &SentFrame,
+    (prototype, camera): (&SentFrame, &CameraParams),
 ) -> Result<Box<dyn Sink>> {
+    if calibrated_display(&scenario.bench).is_some() {
+        bail!(
+            "got a scenario on a bench that is drawn for a display; wanted a bench: a tracker in front of it flies it"
+        );
+    }
     let head = (scenario.heads.len() > 1).then_some(head);
     let of_head = |run: &Path| head.map_or_else(|| run.to_path_buf(), |head| run.join(format!("head{head}")));
     let directory = directory.map(of_head);
     let is_real = arguments.clock == ClockKind::Real;
-    let setting = SinkSetting { directory: directory.as_deref(), prototype, head, is_real };
+    let start = match scenario.bench.timing.start {
+        StartTime::At(at) => at,
+        StartTime::Now => Monotonic::start().now(),
+    };
+    // The loop has a clock of its own: this one is for what its sinks tell of time, and stands as it does at the start.
+    let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
+    let frame_period = Span::from_s(1.0 / scenario.bench.timing.frame_rate_hz);
+    let (directory, clock) = (directory.as_deref(), &clock);
+    let setting = SinkSetting { directory, prototype, head, is_real, camera, frame_period, clock };
     let made = make_sinks(&arguments.sinks(&scenario.bench), &setting);
     made.with_context(|| head.map_or_else(|| "the sinks".into(), |head| format!("head {head}")))
 }

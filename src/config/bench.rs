@@ -173,7 +173,8 @@ impl Bench {
         let mut check = Checker::new(document);
         let name = check.given_or("name", keys.name, document.stem());
         let camera = camera(keys.camera.as_deref(), &mut check)?;
-        let exposure_s = camera.exposure.exposure_s;
+        // A calibrated display shows each frame from one refresh to the next, whatever the tracker's exposure is.
+        let exposure_s = if keys.sink.is_calibrated_display() { 0.0 } else { camera.exposure.exposure_s };
         let timing = Timing::check(&keys.timing, exposure_s, &mut check)?;
         let link = Link::check(&keys.link, &mut check)?;
         let extra_links = Link::check_extra(&keys.extra_link, &mut check)?;
@@ -193,7 +194,7 @@ impl Bench {
         let accuracy = check_accuracy(&keys.accuracy, &mut check)?;
         let budget = Budget::check(&keys.budget, camera.exposure.readout_s, &mut check)?;
         let render = Render::check(&keys.render, &mut check)?;
-        let sinks = SinkSettings::check_all(keys.sink, keys.extra_sink, &name, &mut check)?;
+        let sinks = SinkSettings::check_all(keys.sink, keys.extra_sink, &name, camera.image_px(), &mut check)?;
         let targets = check_targets(&keys.target, &mut check)?;
         let is_given_in_vain = keys.target_overlap.is_some() && targets.is_empty();
         check.unused("target_overlap", is_given_in_vain, "a bench with a [[target]]")?;

@@ -117,6 +117,14 @@ impl Camera {
         })
     }
 
+    /// Columns and rows of its images.
+    #[must_use]
+    pub fn image_px(&self) -> [u32; 2] {
+        let detector = &self.detector;
+        let output = detector.spatial.output([detector.width_px as usize, detector.height_px as usize]);
+        output.size_px.map(|side| u32::try_from(side).unwrap_or(u32::MAX))
+    }
+
     /// Angle of one pixel on the boresight, arcsec.
     #[must_use]
     pub fn ifov_arcsec(&self) -> f64 {

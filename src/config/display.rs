@@ -17,6 +17,12 @@ pub struct DisplaySettings {
     pub params: Params,
     /// Its calibration file; `None`: greys are taken for luminances, which no monitor's are, and the program says so.
     pub calibration: Option<PathBuf>,
+    /// What the calibration must call the display; `None`: not asked.
+    pub name: Option<String>,
+    /// Refreshes over which light between two greys is spread; 1: the nearer grey.
+    pub dither: u32,
+    /// Frames per second of the tracker that looks at it, for the beat of its shutter against the refresh.
+    pub tracker_hz: f64,
 }
 
 /// Keys of a display, beside those that every sink has.
@@ -29,6 +35,9 @@ pub(super) struct DisplayKeys {
     marker_px: Option<i64>,
     marker_corner: Option<String>,
     calibration: Option<String>,
+    name: Option<String>,
+    dither: Option<i64>,
+    tracker_hz: Option<f64>,
     latency_ms: Option<f64>,
     direct_scanout: Option<bool>,
 }
@@ -51,7 +60,10 @@ impl DisplaySettings {
     ) -> Result<Self, ConfigError> {
         let key = |name: &str| format!("{table}.{name}");
         let monitor = monitor(keys.monitor.as_ref(), &key("monitor"), check)?;
-        let window_px = window(keys.window, &key("window"), image_px, check)?;
+        // What is drawn for a calibrated display has the size that the calibration says.
+        let is_calibrated = keys.calibration.is_some();
+        let image_px = if is_calibrated { [LONGEST_PX; 2] } else { image_px };
+        let window_px = window(keys.window, &key("window"), (!is_calibrated).then_some(image_px), check)?;
         let most = "10 where driver, server and monitor agree on it";
         let bits = match check.whole(&key("bits"), keys.bits, Some(8), 8..=10, most)? {
             8 => Bits::Eight,
@@ -67,9 +79,15 @@ impl DisplaySettings {
             return Err(check.invalid(&key("calibration"), "empty", "a calibration file", advice));
         }
         let calibration = keys.calibration.as_ref().map(|path| check.document.file_beside(path));
+        check.unused(&key("name"), keys.name.is_some() && !is_calibrated, "a display with a calibration")?;
+        check.unused(&key("dither"), keys.dither.is_some() && !is_calibrated, "a display with a calibration")?;
+        let advice = "refreshes, a power of two: over so many the mean light of a pixel is right";
+        let dither = check.whole(&key("dither"), keys.dither, Some(16), 1..=256, advice)?;
+        let advice = "frames per second of the tracker in front of the display";
+        let tracker_hz = check.number(&key("tracker_hz"), keys.tracker_hz, 10.0, Rule::PositiveUpTo(1e4), advice)?;
         let direct_scanout = check.given_or(&key("direct_scanout"), keys.direct_scanout, false);
         let params = Params { monitor, window_px, image_px, bits, marker, latency, direct_scanout };
-        Ok(Self { params, calibration })
+        Ok(Self { params, calibration, name: keys.name.clone(), dither, tracker_hz })
     }
 }
 
@@ -94,7 +112,7 @@ fn monitor(given: Option<&MonitorKey>, key: &str, check: &mut Checker<'_>) -> Re
 fn window(
     given: Option<[i64; 2]>,
     key: &str,
-    image_px: [u32; 2],
+    image_px: Option<[u32; 2]>,
     check: &mut Checker<'_>,
 ) -> Result<Option<[u32; 2]>, ConfigError> {
     let Some(sides) = given else { return Ok(None) };
@@ -102,7 +120,7 @@ fn window(
     for (side, given) in window_px.iter_mut().zip(sides) {
         *side = check.whole(key, Some(given), None, 1..=LONGEST_PX, "columns and rows of the window")?;
     }
-    if window_px != image_px {
+    if let Some(image_px) = image_px.filter(|image_px| *image_px != window_px) {
         let wanted = format!("{image_px:?}, the camera's columns and rows");
         return Err(check.invalid(key, format!("{window_px:?}"), wanted, "frames are never scaled"));
     }
@@ -154,7 +172,8 @@ mod tests {
     #[test]
     fn without_a_key_it_fills_the_primary_monitor() {
         let settings = read("").unwrap();
-        assert_eq!(settings, DisplaySettings { params: Params::full_screen(IMAGE_PX), calibration: None });
+        let (params, tracker_hz) = (Params::full_screen(IMAGE_PX), 10.0);
+        assert_eq!(settings, DisplaySettings { params, calibration: None, name: None, dither: 16, tracker_hz });
     }
 
     #[test]
@@ -167,7 +186,7 @@ mod tests {
         let params = Params {
             monitor: MonitorChoice::Index(1),
             window_px: Some(IMAGE_PX),
-            image_px: IMAGE_PX,
+            image_px: [LONGEST_PX; 2],
             bits: Bits::Ten,
             marker: Some(Marker { size_px: 32, corner: Corner::BottomLeft }),
             latency: Some(Span::from_ns(21_500_000)),

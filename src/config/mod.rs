@@ -23,7 +23,6 @@ mod detector_dark;
 mod detector_effects;
 mod detector_pattern;
 mod detector_readout;
-#[cfg_attr(not(test), allow(dead_code, reason = "the reader of [sink] calls it when it knows kind = \"display\""))]
 mod display;
 mod distortion;
 mod document;
@@ -38,7 +37,6 @@ mod image_file;
 mod link;
 mod link_keys;
 mod mtf;
-#[allow(dead_code, reason = "until a table of sinks names it")]
 mod network_camera;
 mod observer;
 mod optics;

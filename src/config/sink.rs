@@ -3,7 +3,10 @@
 //! A new kind is an arm of [`Sink`], a line in [`KINDS`] and a reader in [`read_kind`]; `wiring::sinks` makes it.
 
 use crate::config::check::Checker;
+use crate::config::display::DisplaySettings;
 use crate::config::error::ConfigError;
+use crate::config::network_camera as network_camera_keys;
+use crate::network_camera;
 use serde::Deserialize;
 use std::path::PathBuf;
 
@@ -40,6 +43,10 @@ pub enum Sink {
         /// Frames there is room for before the oldest is overwritten.
         slots: u32,
     },
+    /// A camera on the network.
+    NetworkCamera(Box<network_camera::Params>),
+    /// A monitor in front of a tracker.
+    Display(Box<DisplaySettings>),
     /// Nowhere (timing only).
     Null,
 }
@@ -51,6 +58,8 @@ impl Sink {
         match self {
             Self::Recorder { .. } => "recorder",
             Self::SharedMemory { .. } => "shared_memory",
+            Self::NetworkCamera(_) => "network_camera",
+            Self::Display(_) => "display",
             Self::Null => "null",
         }
     }
@@ -61,12 +70,19 @@ impl Sink {
 enum Kind {
     Recorder,
     SharedMemory,
+    NetworkCamera,
+    Display,
     Null,
 }
 
 /// Every kind by its word.
-const KINDS: [(&str, Kind); 3] =
-    [("recorder", Kind::Recorder), ("null", Kind::Null), ("shared_memory", Kind::SharedMemory)];
+const KINDS: [(&str, Kind); 5] = [
+    ("recorder", Kind::Recorder),
+    ("null", Kind::Null),
+    ("shared_memory", Kind::SharedMemory),
+    ("network_camera", Kind::NetworkCamera),
+    ("display", Kind::Display),
+];
 
 /// The keys of one sink as they stand, since the kind says what they may be.
 #[derive(Debug, Default, Deserialize)]
@@ -108,6 +124,8 @@ pub(super) struct SinkTable<'a> {
     keys: toml::Table,
     /// Name of the bench, for defaults.
     bench: &'a str,
+    /// Columns and rows of the camera's images.
+    image_px: [u32; 2],
 }
 
 impl SinkTable<'_> {
@@ -117,15 +135,24 @@ impl SinkTable<'_> {
     }
 }
 
+impl SinkKeys {
+    /// Whether it is a display with a calibration, which sets size and exposure of what is drawn.
+    pub(super) fn is_calibrated_display(&self) -> bool {
+        let is_display = self.0.get("kind").and_then(toml::Value::as_str) == Some("display");
+        is_display && self.0.contains_key("calibration")
+    }
+}
+
 impl SinkSettings {
     /// `[sink]` and then those beside it.
     pub(super) fn check_all(
         first: SinkKeys,
         extra: Vec<SinkKeys>,
         bench: &str,
+        image_px: [u32; 2],
         check: &mut Checker<'_>,
     ) -> Result<Vec<Self>, ConfigError> {
-        let mut sinks = vec![Self::check("sink", first, bench, check)?];
+        let mut sinks = vec![Self::check("sink", first, bench, image_px, check)?];
         for (i, keys) in extra.into_iter().enumerate() {
             let name = format!("extra_sink[{i}]");
             if !keys.0.contains_key("kind") {
@@ -133,20 +160,27 @@ impl SinkSettings {
                 let advice = "it stands beside [sink], and gets the same frames";
                 return Err(check.invalid(&format!("{name}.kind"), "missing", format!("one of \"{words}\""), advice));
             }
-            sinks.push(Self::check(&name, keys, bench, check)?);
+            sinks.push(Self::check(&name, keys, bench, image_px, check)?);
         }
         Ok(sinks)
     }
 
-    fn check(name: &str, keys: SinkKeys, bench: &str, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    fn check(
+        name: &str,
+        keys: SinkKeys,
+        bench: &str,
+        image_px: [u32; 2],
+        check: &mut Checker<'_>,
+    ) -> Result<Self, ConfigError> {
         let document = check.document;
         let mut keys = keys.0;
         let common = keys.iter().filter(|(key, _)| matches!(key.as_str(), "kind" | "queue"));
         let common: toml::Table = common.map(|(key, value)| (key.clone(), value.clone())).collect();
         common.keys().for_each(|key| drop(keys.remove(key)));
         let CommonKeys { kind, queue } = document.read_table(&common, name, "")?;
-        let table = SinkTable { name, keys, bench };
-        let advice = "recorder writes files, shared_memory is read by programs on this machine, null writes nothing";
+        let table = SinkTable { name, keys, bench, image_px };
+        let advice =
+            "recorder writes files, network_camera and display show frames to devices, shared_memory to programs here";
         let kind = check.choice(&table.key("kind"), kind.as_deref(), &KINDS, advice)?;
         let advice = "frames it may be behind before it loses some: more of them take more memory";
         let queue_frames = check.whole(&table.key("queue"), queue, Some(USUAL_QUEUE), 1..=1024, advice)?;
@@ -158,6 +192,15 @@ fn read_kind(kind: Kind, table: &SinkTable<'_>, check: &mut Checker<'_>) -> Resu
     match kind {
         Kind::Recorder => recorder(table, check),
         Kind::SharedMemory => shared_memory(table, check),
+        Kind::NetworkCamera => {
+            let keys = check.document.read_table(&table.keys, table.name, " (kind = \"network_camera\")")?;
+            network_camera_keys::check(&keys, &table.key(""), check).map(|params| Sink::NetworkCamera(Box::new(params)))
+        }
+        Kind::Display => {
+            let keys = check.document.read_table(&table.keys, table.name, " (kind = \"display\")")?;
+            DisplaySettings::check(&keys, table.name, table.image_px, check)
+                .map(|settings| Sink::Display(Box::new(settings)))
+        }
         Kind::Null => {
             let NullKeys {} = check.document.read_table(&table.keys, table.name, " (kind = \"null\")")?;
             Ok(Sink::Null)

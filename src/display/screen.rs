@@ -135,6 +135,24 @@ impl Sink for Display {
         Ok(())
     }
 
+    fn counts(&self) -> Vec<(&'static str, u64)> {
+        let c = self.state.counters.read();
+        let named = [
+            ("presented", c.presented),
+            ("repeated", c.repeated),
+            ("replaced", c.replaced),
+            ("late", c.late),
+            ("unseen", c.unseen),
+            ("lost_surface", c.lost_surface),
+            ("reconfigured", c.reconfigured),
+            ("monitor_lost", c.monitor_lost),
+            ("monitor_regained", c.monitor_regained),
+            ("submits_lost", c.submits_lost),
+            ("clipped_px", c.clipped_px),
+        ];
+        named.into_iter().filter(|(_, count)| *count > 0).collect()
+    }
+
     fn finish(&mut self) -> Result<SinkSummary, SinkError> {
         self.is_finished = true;
         self.state.finish();

@@ -215,6 +215,10 @@ impl Sink for NetworkCamera {
         Ok(())
     }
 
+    fn counts(&self) -> Vec<(&'static str, u64)> {
+        self.counters().named()
+    }
+
     fn finish(&mut self) -> Result<SinkSummary, SinkError> {
         self.join();
         Ok(SinkSummary {

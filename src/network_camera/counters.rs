@@ -21,6 +21,15 @@ macro_rules! counters {
             malformed: [Count; Malformed::NAMED.len()],
         }
 
+        impl Counters {
+            /// Every count that is not zero, by name.
+            #[must_use]
+            pub fn named(&self) -> Vec<(&'static str, u64)> {
+                let counts = [$((stringify!($name), self.$name)),*];
+                counts.into_iter().chain(self.malformed.iter().map(|(name, count)| (*name, *count))).filter(|(_, count)| *count > 0).collect()
+            }
+        }
+
         impl Tally {
             /// The counts now. Each is exact; together they are of nearly one instant.
             pub(super) fn read(&self) -> Counters {

@@ -6,6 +6,7 @@ use crate::base::accuracy::AccuracyBudget;
 use crate::base::axes::{Body, Rotation, Sensor};
 use crate::base::time::{Span, Tai};
 use crate::detector;
+use crate::detector::binning::{Binning, BinningKind};
 use crate::detector::pattern::PatternSizeError;
 use crate::detector::window::OutputGeometry;
 use crate::detector::{Detector, DetectorParams, Patterns};
@@ -59,6 +60,17 @@ pub struct CameraParams {
 }
 
 impl CameraParams {
+    /// Bits of the numbers in an image: the converter's, or more where numbers are summed.
+    #[must_use]
+    pub fn output_bits(&self) -> u32 {
+        let summed = match self.detector.spatial.binning {
+            Some(Binning { factor, kind: BinningKind::DigitalSum }) => factor * factor,
+            _ => 1,
+        };
+        let largest = u32::from(self.detector.largest_dn()) * summed;
+        u32::BITS - largest.leading_zeros()
+    }
+
     /// The detector with its patterns: those that were measured, and the others drawn from the seed.
     ///
     /// # Errors

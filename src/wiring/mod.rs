@@ -9,6 +9,7 @@ pub mod camera_parts;
 pub mod campaign;
 pub mod closed_loop;
 pub mod control;
+pub mod display_parts;
 mod far_side;
 pub mod fault_schedule;
 pub mod faults;

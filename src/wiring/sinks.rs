@@ -4,12 +4,20 @@
 //! files may take longer than a frame. The null sink alone needs no thread. On the virtual clock one sink is called as it
 //! is, several in step ([`OnFull::Wait`]).
 
-use crate::config::{Sink as Kind, SinkSettings};
+use crate::base::clock::Clock;
+use crate::base::time::Span;
+use crate::config::{DisplaySettings, Sink as Kind, SinkSettings};
+use crate::display::Display;
+use crate::network_camera::{self, NetworkCamera, SensorParams};
+use crate::runtime::params::CameraParams;
 #[cfg(unix)]
 use crate::sink::shared_memory::SharedMemory;
 use crate::sink::{BranchParams, Fan, NullSink, OnFull, Recorder, RecorderOptions, SentFrame, Sink};
+use crate::wiring::display_parts::display_parts;
 use anyhow::{Context, Result};
+use std::net::Ipv4Addr;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// What the sinks of one camera head are made for.
 pub struct SinkSetting<'a> {
@@ -21,6 +29,12 @@ pub struct SinkSetting<'a> {
     pub head: Option<usize>,
     /// They are not to be waited for.
     pub is_real: bool,
+    /// The camera that makes the frames.
+    pub camera: &'a CameraParams,
+    /// From one exposure's start to the next.
+    pub frame_period: Span,
+    /// The run's clock.
+    pub clock: &'a Arc<dyn Clock>,
 }
 
 /// The directory of a run: `out` when it is given, else a `stamp` below the first that a sink names. `None` when no sink
@@ -29,7 +43,7 @@ pub struct SinkSetting<'a> {
 pub fn run_directory(sinks: &[SinkSettings], out: Option<&Path>, stamp: &str) -> Option<PathBuf> {
     let mut keeping = sinks.iter().filter_map(|settings| match &settings.sink {
         Kind::Recorder { directory, .. } => Some(directory.as_deref()),
-        Kind::SharedMemory { .. } | Kind::Null => None,
+        Kind::SharedMemory { .. } | Kind::NetworkCamera(_) | Kind::Display(_) | Kind::Null => None,
     });
     let first = keeping.next()?;
     let named = first.or_else(|| keeping.flatten().next()).unwrap_or(Path::new("out"));
@@ -69,8 +83,48 @@ fn make(settings: &SinkSettings, number: usize, setting: &SinkSetting<'_>) -> Re
             Ok(Box::new(Recorder::create(directory, options)?))
         }
         Kind::SharedMemory { path, slots } => shared_memory(&path_of_head(path, setting.head), *slots, setting),
+        Kind::NetworkCamera(params) => network_camera(params, setting),
+        Kind::Display(settings) => display(settings, setting),
         Kind::Null => Ok(Box::new(NullSink::new())),
     }
+}
+
+/// A camera on the network, whose address is told.
+fn network_camera(params: &network_camera::Params, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
+    let camera = setting.camera;
+    // Several heads are several cameras: each has an address of its own, counted up from the first.
+    let head = u8::try_from(setting.head.unwrap_or(0)).context("more than 256 heads")?;
+    let [a, b, c, last] = params.address.octets();
+    let address = Ipv4Addr::new(a, b, c, last.checked_add(head).context("address: no room for so many heads")?);
+    let sensor = SensorParams {
+        size_px: camera.output().size_px.map(|side| u32::try_from(side).unwrap_or(u32::MAX)),
+        bits: camera.output_bits(),
+        frame_rate_hz: 1.0 / setting.frame_period.s(),
+        exposure_s: camera.exposure_s,
+        gain_e_per_dn: camera.detector.gain_e_per_dn,
+    };
+    let params = network_camera::Params { address, ..params.clone() };
+    let made = NetworkCamera::start(&params, &sensor, Arc::clone(setting.clock))?;
+    eprintln!("network camera: GVCP at {}", made.address());
+    if made.is_exposed() {
+        eprintln!("starloop: the network camera can be reached from other machines, and asks for no password");
+    }
+    Ok(Box::new(made))
+}
+
+/// A monitor; what it is driven by is told.
+fn display(settings: &DisplaySettings, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
+    let camera = setting.camera;
+    let (params, maker) = display_parts(settings, camera.output().size_px, camera.output_bits())?;
+    let display = Display::open(&params, maker, Arc::clone(setting.clock))?;
+    eprintln!("display: {}", display.description());
+    if settings.calibration.is_none() {
+        eprintln!(
+            "starloop: the display has no calibration: greys are taken for luminances and pixels for directions, which is \
+             right for no monitor; see `starloop calibrate display --help`"
+        );
+    }
+    Ok(Box::new(display))
 }
 
 /// Heads do not share a ring: each has its number at the end of the name.
@@ -114,6 +168,23 @@ pub fn told(settings: &SinkSettings) -> String {
         Kind::SharedMemory { path, slots } => {
             format!("{kind}: {}, room for {slots} frames", path.display())
         }
+        Kind::NetworkCamera(params) => {
+            let rate = params.rate_bit_s / 1e6;
+            format!(
+                "{kind}: GVCP at {}:{}, packets of {} B at {rate} Mbit/s",
+                params.address, params.port, params.packet_bytes
+            )
+        }
+        Kind::Display(settings) => {
+            let calibration = settings.calibration.as_ref();
+            let calibration =
+                calibration.map_or_else(|| "none: greys taken for luminances".into(), |c| c.display().to_string());
+            format!(
+                "{kind}: {}, {} bits, calibration {calibration}",
+                settings.params.monitor,
+                settings.params.bits.count()
+            )
+        }
         Kind::Null => format!("{kind}: nothing is kept"),
     }
 }
@@ -138,6 +209,24 @@ mod tests {
         frame
     }
 
+    fn camera() -> CameraParams {
+        let bench = Bench::from_document(&Document::from_text("", Path::new("b.toml"))).unwrap();
+        crate::wiring::camera_parts::camera_params(&bench.camera).unwrap()
+    }
+
+    fn clock() -> Arc<dyn Clock> {
+        Arc::new(crate::base::clock::Virtual::new(crate::base::time::Tai::from_ns(0)))
+    }
+
+    fn setting<'a>(
+        directory: Option<&'a Path>,
+        is_real: bool,
+        (prototype, camera, clock): (&'a SentFrame, &'a CameraParams, &'a Arc<dyn Clock>),
+    ) -> SinkSetting<'a> {
+        let frame_period = Span::from_ms(100);
+        SinkSetting { directory, prototype, head: None, is_real, camera, frame_period, clock }
+    }
+
     const THREE: &str = "[sink]\nkind = \"null\"\n[[extra_sink]]\nkind = \"recorder\"\n[[extra_sink]]\nkind = \
                          \"recorder\"\nfits = false\nser = true\n";
 
@@ -148,7 +237,8 @@ mod tests {
         for is_real in [true, false] {
             let out = folder.path().join(format!("run {is_real}"));
             let directory = run_directory(&settings, Some(&out), "stamp").unwrap();
-            let setting = SinkSetting { directory: Some(&directory), prototype: &frame(0), head: None, is_real };
+            let (first, camera, clock) = (frame(0), camera(), clock());
+            let setting = setting(Some(&directory), is_real, (&first, &camera, &clock));
             let mut sink = make_sinks(&settings, &setting).unwrap();
             (1..4).for_each(|number| sink.send(&frame(number)).unwrap());
             sink.finish().unwrap();
@@ -176,7 +266,8 @@ mod tests {
     fn a_sink_that_cannot_be_made_says_which() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("extra_sink_0"), "in the way").unwrap();
-        let setting = SinkSetting { directory: Some(folder.path()), prototype: &frame(0), head: None, is_real: true };
+        let (first, camera, clock) = (frame(0), camera(), clock());
+        let setting = setting(Some(folder.path()), true, (&first, &camera, &clock));
         let error = make_sinks(&sinks(THREE), &setting).err().unwrap();
         let error = format!("{error:#}");
         assert!(
