@@ -133,10 +133,11 @@ fn without_a_queue_of_its_own_a_slow_sink_costs_slots() {
     let (at_end, gate) = bounded(0);
     let slow = Troubled { inner: NullSink::new(), trouble: Trouble::Slow(gate.clone()) };
     // The last slots are never drawn: somebody else opens the gate.
-    let opens = std::thread::spawn(move || {
+    let open = move || {
         std::thread::sleep(std::time::Duration::from_millis(1900));
         drop(at_end);
-    });
+    };
+    let opens = std::thread::Builder::new().name("gate".into()).spawn(open).unwrap();
     let outcome = run(Box::new(slow), None);
     opens.join().unwrap();
     handed(&outcome);
