@@ -9,14 +9,15 @@
 //!
 //! In narrow fields the keystone drowns in noise and distortion: where it would put the principal point or the axes far
 //! off, the homography is an affine map, and the polynomial takes the rest.
-//! Limits: errors of the tracker's own camera file go into the map, since only the two together are measured.
+//! Limits: a camera accepts coefficients up to 1e6; below half a degree, distortion of more than a percent may need more in degree
+//! 5, and degree 4 is then taken. Errors of the tracker's own camera file go into the map, since only the two together are measured.
 //! Tests: `fit_map_tests`; `tests/physics/display_calibration`.
 
 use super::error::CalibrationError;
 use crate::base::random::philox;
 use crate::display::geometry::{DisplayGeometry, GeometryParameters, Pinhole, taken_apart, wxyz};
 use crate::display::least_squares::{Basis, median, rms};
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3};
 
 /// Fewest dots that make a map.
 pub const FEWEST_DOTS: usize = 12;
@@ -80,16 +81,20 @@ pub fn fit_map(dots: &[SeenDot], size_px: [usize; 2]) -> Result<MapFit, Calibrat
     if dots.len() - unseen < FEWEST_DOTS || unseen > 0 {
         return Err(CalibrationError::FewDots { wanted: FEWEST_DOTS, got: dots.len() - unseen, unread: 0, unseen });
     }
-    let tangents: Vec<DVec2> = dots.iter().map(|dot| dot.v_sensor.truncate() / dot.v_sensor.z).collect();
-    let shown: Vec<DVec2> = dots.iter().map(|dot| DVec2::from(dot.display_px)).collect();
-    let (pinhole, mirrored, agrees) = start(&tangents, &shown, size_px)?;
-    let most = size_px[0] as f64 - 1.0;
-    let drawn: Vec<DVec2> = shown.iter().map(|px| if mirrored { DVec2::new(most - px.x, px.y) } else { *px }).collect();
-    let turned = |dot: &SeenDot| {
-        let v = pinhole.drawn_from_sensor * dot.v_sensor;
+    // About their middle, so that an affine map has its axis there.
+    let middle = dots.iter().map(|dot| dot.v_sensor.normalize()).sum::<DVec3>().normalize();
+    let centred_from_sensor = DMat3::from_quat(DQuat::from_rotation_arc(middle, DVec3::Z));
+    let tangent = |axes: DMat3, dot: &SeenDot| {
+        let v = axes * dot.v_sensor;
         v.truncate() / v.z
     };
-    let places: Vec<DVec2> = dots.iter().map(turned).collect();
+    let tangents: Vec<DVec2> = dots.iter().map(|dot| tangent(centred_from_sensor, dot)).collect();
+    let shown: Vec<DVec2> = dots.iter().map(|dot| DVec2::from(dot.display_px)).collect();
+    let (mut pinhole, mirrored, agrees) = start(&tangents, &shown, size_px)?;
+    pinhole.drawn_from_sensor *= centred_from_sensor;
+    let most = size_px[0] as f64 - 1.0;
+    let drawn: Vec<DVec2> = shown.iter().map(|px| if mirrored { DVec2::new(most - px.x, px.y) } else { *px }).collect();
+    let places: Vec<DVec2> = dots.iter().map(|dot| tangent(pinhole.drawn_from_sensor, dot)).collect();
     let covered_px = covered(&shown, &agrees);
     let mut best: Option<(f64, MapFit)> = None;
     let mut refusal = None;

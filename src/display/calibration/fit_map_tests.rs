@@ -23,10 +23,11 @@ fn dots(focal_px: f64, radial: f64, noise_px: f64) -> Vec<SeenDot> {
 #[test]
 fn fields_of_half_a_degree_to_fifty_degrees_are_mapped() {
     for focal_px in [2000.0, 20_000.0, 200_000.0] {
-        let exact = dots(focal_px, -0.05, 0.0);
+        // At half a degree twice this distortion has terms above 1e6 in degree 5, which no camera accepts.
+        let exact = dots(focal_px, -0.02, 0.0);
         let fit = fit_map(&exact, SIZE_PX).unwrap();
         assert!(fit.rms_px < 2e-3, "focal {focal_px}: {} px", fit.rms_px);
-        let noisy = fit_map(&dots(focal_px, -0.05, 0.05), SIZE_PX).unwrap();
+        let noisy = fit_map(&dots(focal_px, -0.02, 0.05), SIZE_PX).unwrap();
         // The map against the exact dots, not against those it was fitted to.
         let off =
             |dot: &SeenDot| DVec2::from(noisy.geometry.project(dot.v_sensor).unwrap()).distance(dot.display_px.into());
