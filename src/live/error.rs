@@ -7,7 +7,9 @@ use std::net::SocketAddr;
 #[derive(Debug, thiserror::Error)]
 pub enum LiveError {
     /// Nobody can listen at the address.
-    #[error("the live view cannot listen at {address}: {source}; wanted an address of this machine and a free port: port 0 takes one")]
+    #[error(
+        "the live view cannot listen at {address}: {source}; wanted an address of this machine and a free port: port 0 takes one"
+    )]
     Listen {
         /// The address asked for.
         address: SocketAddr,

@@ -85,7 +85,12 @@ pub(super) fn metrics_of(board: &mut Board) -> String {
     out.labelled("build_info", &[("version", env!("CARGO_PKG_VERSION"))], 1);
     let is_over = u8::from(board.is_over());
     out.single("run_over", "gauge", "1 when the run has ended and no frame comes any more.", is_over);
-    out.single("readout_seconds", "gauge", "From the end of an exposure to its frame's deadline.", board.params.readout_s);
+    out.single(
+        "readout_seconds",
+        "gauge",
+        "From the end of an exposure to its frame's deadline.",
+        board.params.readout_s,
+    );
     if let Some(picture) = board.newest() {
         newest_frame(&mut out, picture);
     }
@@ -95,9 +100,17 @@ pub(super) fn metrics_of(board: &mut Board) -> String {
     let served = board.served;
     let view = [
         ("live_requests", "Requests to the live view that were answered.", served.requests),
-        ("live_requests_refused", "Requests to the live view that were refused (status 400 and above).", served.refused),
+        (
+            "live_requests_refused",
+            "Requests to the live view that were refused (status 400 and above).",
+            served.refused,
+        ),
         ("live_clients_refused", "Connections to the live view for which there was no seat.", served.clients_refused),
-        ("live_clients_failed", "Connections to the live view that ended in an error or took too long.", served.clients_failed),
+        (
+            "live_clients_failed",
+            "Connections to the live view that ended in an error or took too long.",
+            served.clients_failed,
+        ),
     ];
     counters(&mut out, view);
     out.text
@@ -113,7 +126,11 @@ fn newest_frame(out: &mut Text, picture: &Picture) {
     let meta = &picture.frame.meta;
     let gauges = [
         ("frame_number", "Number of the newest frame.", f64::from(meta.number)),
-        ("frame_mid_exposure_timestamp_seconds", "Unix time of the middle of its exposure.", meta.mid_exposure.unix_s()),
+        (
+            "frame_mid_exposure_timestamp_seconds",
+            "Unix time of the middle of its exposure.",
+            meta.mid_exposure.unix_s(),
+        ),
         ("frame_exposure_seconds", "Its exposure time.", meta.exposure_s),
         ("frame_stars", "Stars and other sources in it.", picture.frame.truth.len() as f64),
         ("frame_left_out_stars", "Stars left out of it for want of time or light.", meta.left_out_stars as f64),
@@ -132,7 +149,11 @@ fn newest_frame(out: &mut Text, picture: &Picture) {
     }
     counters(out, [("frames_shown", "Frames that the live view was given.", picture.count)]);
     let lateness = &picture.lateness;
-    out.family("frame_lateness_seconds", "histogram", "Completion of frames minus their deadline; negative when early.");
+    out.family(
+        "frame_lateness_seconds",
+        "histogram",
+        "Completion of frames minus their deadline; negative when early.",
+    );
     out.histogram("frame_lateness_seconds", &[], lateness.cumulative(), (lateness.sum_s(), lateness.total()));
 }
 

@@ -90,7 +90,9 @@ async fn answered(board: &SharedBoard, request: &Parts) -> Answer {
         "/truth.json" => match query::frame(question) {
             Ok(number) => match lock(board).truth(number) {
                 Some(truth) => json(truth),
-                None => refused(StatusCode::NOT_FOUND, "the stars of this frame are not kept: ask for /frame.png first"),
+                None => {
+                    refused(StatusCode::NOT_FOUND, "the stars of this frame are not kept: ask for /frame.png first")
+                }
             },
             Err(error) => refused(StatusCode::BAD_REQUEST, &error.to_string()),
         },

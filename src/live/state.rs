@@ -75,7 +75,8 @@ fn lateness_of(picture: &Picture) -> Value {
 }
 
 fn run_of(numbers: &RunNumbers) -> Value {
-    let stages: Vec<Value> = Stage::ALL.iter().zip(&numbers.stages).map(|(stage, tally)| stage_of(*stage, tally)).collect();
+    let stages: Vec<Value> =
+        Stage::ALL.iter().zip(&numbers.stages).map(|(stage, tally)| stage_of(*stage, tally)).collect();
     let ports: Vec<Value> = numbers
         .ports()
         .iter()
