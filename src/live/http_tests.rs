@@ -1,11 +1,12 @@
 //! The view as clients see it: raw requests over TCP, clients that misbehave, and frames that go on meanwhile.
 
 use crate::base::clock::{Clock, Monotonic};
+use crate::base::image::DnImage;
 use crate::live::view::tests::params;
 use crate::live::{CLIENTS_MAX, LiveSink, LiveView, Numbers, Params};
 use crate::report::RunNumbers;
-use crate::sink::Sink;
 use crate::sink::frame::sample_frame;
+use crate::sink::{SentFrame, Sink};
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::sync::Arc;
@@ -175,15 +176,34 @@ fn half_a_request_is_given_up() {
     until("the client is counted", || counted(&view, "starloop_live_clients_failed_total") == 1);
 }
 
+/// A frame of noise, which no PNG makes small: more than the system takes for a client that does not read.
+fn large_frame(side_px: usize) -> SentFrame {
+    let mut frame = sample_frame(0);
+    frame.image = DnImage::new(side_px, side_px);
+    let mut state = 1_u32;
+    for dn in frame.image.pixels_mut() {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        *dn = (state >> 16) as u16;
+    }
+    frame
+}
+
+#[test]
+fn a_client_that_never_reads_is_hung_up_on() {
+    let (view, mut sink, _numbers) = start();
+    sink.send(&large_frame(2048)).unwrap();
+    let mut client = connect(&view);
+    client.write_all(b"GET /frame.png?stretch=linear HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
+    until("the client is counted", || counted(&view, "starloop_live_clients_failed_total") == 1);
+    let got = all_of(client).len();
+    assert!(got < 3_500_000, "{got} bytes of 4 MB and more");
+    assert!(get(&view, "/frame.png?stretch=linear").2.len() > 4_000_000, "another one gets all of it");
+}
+
 #[test]
 fn frames_go_on_whatever_clients_do() {
-    let size_px = [1024, 1024];
-    let (view, mut sink, numbers) = start_with(Params { size_px, ..params() });
-    let mut frame = sample_frame(0);
-    frame.image = crate::base::image::DnImage::new(size_px[0], size_px[1]);
-    // Noise, which no PNG makes small: an answer is more than the system takes for a client that does not read.
-    let noise = |i: usize| (i.wrapping_mul(2_654_435_761) >> 7) as u16;
-    frame.image.pixels_mut().iter_mut().enumerate().for_each(|(i, dn)| *dn = noise(i));
+    let (view, mut sink, numbers) = start_with(Params { size_px: [1024; 2], ..params() });
+    let mut frame = large_frame(1024);
     sink.send(&frame).unwrap();
     let mut bad_clients: Vec<TcpStream> = Vec::new();
     for number in 0..100 {

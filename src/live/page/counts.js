@@ -1,5 +1,6 @@
 // Counts as lists: frames, the bus by port, events, faults.
 
+const FRAME_COUNTS = ["scheduled", "rendered", "delivered", "late", "held", "dropped", "extrapolated", "blank"];
 const FRAME_TONE = { late: "warn", held: "warn", dropped: "bad", blank: "warn" };
 
 // Fills a list with [name, value, tone]; without a value it is a heading.
@@ -24,7 +25,7 @@ function fillList(name, rows) {
 const spaced = (name) => name.replaceAll("_", " ");
 
 function tellCounts(run) {
-  fillList("counts", Object.entries(run.frames).map(([name, n]) => [spaced(name), n, n > 0 ? FRAME_TONE[name] : ""]));
+  fillList("counts", FRAME_COUNTS.map((name) => [name, run.frames[name], run.frames[name] > 0 ? FRAME_TONE[name] : ""]));
   fillList("events", Object.entries(run.events).map(([name, n]) => [spaced(name), n]));
   const always = ["packets_received", "packets_sent"];
   const ports = run.ports.flatMap((port, i) => [

@@ -18,6 +18,8 @@ function stretchQuery() {
 function fitFrame([columns, rows]) {
   const box = byId("frame-box"), stack = byId("frame-stack");
   const scale = Math.min(box.clientWidth / columns, box.clientHeight / rows);
+  // Enlarged pixels stay squares; a frame that is made smaller must not lose the pixels of a star.
+  byId("frame").style.imageRendering = scale > 1 ? "pixelated" : "auto";
   stack.style.width = Math.floor(columns * scale) + "px";
   stack.style.height = Math.floor(rows * scale) + "px";
 }
@@ -72,6 +74,6 @@ function tellFrame(state) {
   const left_out = frame.left_out_stars ? `, ${frame.left_out_stars} left out` : "";
   byId("frame-facts").textContent =
     `${frame.stars} stars${left_out} · exposure ${shortMs(frame.exposure_s * 1000)} · ${frame.method} on ${frame.backend}` +
-    ` · attitude ${frame.origin}, ${shortMs(Math.max(frame.attitude_age_ms, 0))} old · rung ${frame.rung} · ${frame.camera}`;
+    ` · attitude ${frame.origin}, ${shortMs(Math.max(frame.attitude_age_ms, 0))} old · rung ${frame.rung}`;
   byId("frame").setAttribute("aria-label", `Frame ${frame.number} with ${frame.stars} stars`);
 }

@@ -18,7 +18,7 @@ async function ask(address) {
 
 function show(state) {
   lastState = state;
-  byId("bench").textContent = state.bench;
+  byId("bench").textContent = `${state.bench} · ${state.camera}`;
   document.title = state.frame ? `starloop ${state.frame.number}` : "starloop";
   if (state.run) {
     tellCounts(state.run);

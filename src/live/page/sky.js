@@ -95,6 +95,7 @@ function drawSky(state) {
   meridians.forEach(draw);
   drawNamedCircles(pen, draw);
   drawGridLabels(pen, place);
+  drawLegend(pen, height);
   if (state.frame && state.frame.ra_deg !== null) drawField(pen, place, draw, state);
 }
 
@@ -119,6 +120,15 @@ function drawGridLabels(pen, place) {
     const [x, y] = place([179.999, dec]);
     pen.fillText((dec > 0 ? "+" : "") + dec + "°", x - 18, y);
   }
+}
+
+function drawLegend(pen, height) {
+  const entries = [["galactic plane", "#5b77a6"], ["ecliptic", "#b09a50"], ["field, its upper side", colours.amber]];
+  pen.textAlign = "left";
+  entries.forEach(([text, tone], i) => {
+    pen.fillStyle = tone;
+    pen.fillText(text, 0, height - 38 + 15 * i);
+  });
 }
 
 function drawField(pen, place, draw, state) {
