@@ -107,7 +107,9 @@ mod tests {
     fn a_presenter_that_is_gone_stops_nobody() {
         let (outgoing, incoming) = hand_over(1);
         drop(incoming);
-        (0..20).for_each(|number| drop(outgoing.put(number, &[0])));
+        for number in 0..20 {
+            let _it_is_taken_or_replaces = outgoing.put(number, &[0]);
+        }
     }
 
     #[test]
