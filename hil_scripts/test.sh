@@ -3,8 +3,9 @@
 #
 #   hil_scripts/test.sh [--no-vcan]
 #
-# Installs what is missing of the software Vulkan driver, of user-mode Linux (a kernel with CAN, run as a program) and
-# can-utils, and a linker and Python's venv if there are none (apt, as root or through sudo), and says so; with these
+# Installs what is missing of the software Vulkan driver, of user-mode Linux (a kernel with CAN, run as a program), of
+# other people's programs that read what starloop sends (can-utils, tshark, Aravis, GStreamer, Siril, a browser, an X
+# server), and a linker and Python's venv if there are none (apt, as root or through sudo), and says so; with these
 # present it needs neither apt nor root. What the Python scripts need comes from PyPI into target/python and is kept
 # there. All steps run, also after one has failed; the last line counts the tests.
 #
@@ -30,6 +31,8 @@ packages=(mesa-vulkan-drivers libvulkan1)             # software Vulkan, for the
 command -v cc >/dev/null || packages+=(gcc libc6-dev) # the linker that Rust calls, and the C kit's compiler
 command -v c++ >/dev/null || packages+=(g++)          # the fuzzer's runtime
 packages+=(can-utils tshark)                          # other people's readers of captures
+packages+=(aravis-tools-cli gir1.2-aravis-0.8 python3-gi python3-numpy gstreamer1.0-tools) # clients of network cameras
+packages+=(xvfb xdotool evilwm twm chromium siril)    # screens without a monitor, a browser, a reader of SER files
 [[ -n $no_vcan ]] || packages+=(user-mode-linux iproute2 kmod) # SocketCAN without CAN in this kernel
 python3 -c 'import ensurepip, venv' 2>/dev/null || packages+=(python3-venv) # for campaigns
 readonly allowed_skips="${STARLOOP_ALLOW_SKIPS:-0}"
@@ -128,8 +131,8 @@ as_libtest() {
         }'
 }
 
-# The scripts against the program: client, campaigns on a cluster of two workers, gateways, flights, the kit, and CAN in
-# user-mode Linux.
+# The scripts against the program: client, campaigns on a cluster of two workers, gateways, flights, the kit, cameras on
+# the network, displays, recorders, the live view, and CAN in user-mode Linux.
 run_python_tests() {
     local script output status=0
     output=$(mktemp)
