@@ -363,8 +363,14 @@ fn any_datagram() -> impl Strategy<Value = Vec<u8>> {
         Just(0x100),
         any::<u16>()
     ];
-    let address =
-        prop_oneof![0xA000_u32..0xA070, 0x900_u32..0xA20, 0xD00_u32..0xD20, 0x9800_u32..0x9810, 0_u32..0x300, any::<u32>()];
+    let address = prop_oneof![
+        0xA000_u32..0xA070,
+        0x900_u32..0xA20,
+        0xD00_u32..0xD20,
+        0x9800_u32..0x9810,
+        0_u32..0x300,
+        any::<u32>()
+    ];
     let value = prop_oneof![0_u32..40, 0x0108_0000_u32..0x0110_0010, Just(A.ip().to_bits()), any::<u32>()];
     let words = prop::collection::vec((address, value), 0..6);
     let command = (any::<u8>(), code, words, 0_usize..4).prop_map(|(flags, code, words, cut)| {

@@ -14,6 +14,8 @@ mod counters;
 mod device;
 #[path = "../../../src/network_camera/error.rs"]
 mod error;
+#[path = "../../../src/network_camera/first_values.rs"]
+mod first_values;
 #[path = "../../../src/network_camera/gvcp.rs"]
 mod gvcp;
 #[path = "../../../src/network_camera/gvsp.rs"]
