@@ -241,7 +241,7 @@ class Aravis(unittest.TestCase):
         self.assertTrue(frames)
         previous = 0
         for frame in frames:
-            self.assertEqual(frame["status"], WHOLE)
+            self.assertEqual(frame["status"], WHOLE, camera.counters)
             number = frame["integer"]["ChunkFrameID"]
             self.assertGreater(number, previous)
             previous = number
@@ -310,8 +310,9 @@ class Aravis(unittest.TestCase):
             self.bit_exact(camera, told["frames"], "Mono12")
 
     def test_ten_percent_of_lost_packets_are_repaired(self):
-        with Camera(width=256, height=256, lose_one_in=10, frames_kept=16, frames_queued=8, rate_hz=10) as camera:
-            told = camera.grab(set=[["ChunkModeActive", True], ["GevSCPSPacketSize", 1500]], frames=20, chunks=True).result()
+        with Camera(width=256, height=256, lose_one_in=10, frames_kept=32, frames_queued=16, rate_hz=10) as camera:
+            features = [["ChunkModeActive", True], ["GevSCPSPacketSize", 1500]]
+            told = camera.grab(set=features, frames=20, chunks=True, buffers=40, socket_bytes=4 << 20).result()
         self.assertEqual(len(told["frames"]), 20)
         self.bit_exact(camera, told["frames"], "Mono12")
         self.assertGreater(camera.counters["packets_lost_on_purpose"], 50)

@@ -32,6 +32,7 @@ mod xml;
 mod zip;
 
 pub use device::{Answer, Device, DeviceParams};
-pub use gvcp::Resend;
+pub use error::NetworkCameraError;
+pub use gvcp::{Malformed, Resend, Status};
 pub use gvsp::StreamSettings;
 pub use params::{Params, SensorParams};
