@@ -8,24 +8,16 @@ use crate::base::time::{Span, Tai};
 use crate::network_camera::acquisition::{Acquisition, Mode, Wanted};
 use crate::network_camera::control::{Change, Control};
 use crate::network_camera::counters::{Counters, Tally};
+use crate::network_camera::first_values::{HEARTBEAT_MS, write_bootstrap, write_features, write_urls};
 use crate::network_camera::gvcp::{self, Action, Command, Malformed, Resend, Status};
 use crate::network_camera::gvsp::StreamSettings;
-use crate::network_camera::params::{Identity, PACKET_BYTES_MIN, Params, SensorParams, XmlForm};
+use crate::network_camera::params::{PACKET_BYTES_MIN, Params, SensorParams, XmlForm};
 use crate::network_camera::pixel_format::PixelFormat;
-use crate::network_camera::registers::{FIRST_XML, Memory, SECOND_XML, at, own};
+use crate::network_camera::registers::{Memory, at, own};
 use crate::network_camera::{chunk, xml};
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::sync::Arc;
 
-/// Specification version told to clients: 1.2, the first with all that is used here.
-const VERSION: u32 = 0x0001_0002;
-/// Big-endian, UTF-8.
-const DEVICE_MODE: u32 = 0x8000_0001;
-/// Names, serial number, actions, resend, memory writes, many registers in one command.
-const GVCP_CAPABILITY: u32 = 0xC000_0047;
-/// Time stamps tick in nanoseconds.
-const TICKS_PER_S: u64 = 1_000_000_000;
-const HEARTBEAT_MS: u32 = 3000;
 /// Bounds of the heartbeat time that a client may ask for, ms.
 const HEARTBEAT_LEAST_MS: u32 = 500;
 const HEARTBEAT_MOST_MS: u32 = 600_000;
@@ -378,7 +370,7 @@ impl Device {
             own::CHUNK_ENABLE => {
                 free().and_then(|()| set_if(memory, value <= 1))?;
                 let selected = 1 << memory.word(own::CHUNK_SELECTOR);
-                self.chunks = self.chunks & !selected | selected * value;
+                self.chunks = (self.chunks & !selected) | (selected * value);
             }
             own::PARAMETERS_LOCKED => set_if(memory, value <= 1)?,
             // Clients that set the rate set it within its bounds, which are the bench's rate.
@@ -461,73 +453,4 @@ impl Device {
 
 fn number(bytes: &[u8; 4]) -> u32 {
     u32::from_be_bytes(*bytes)
-}
-
-/// Where the XML lies: two addresses, so that a client that cannot unzip reads the other.
-fn write_urls(memory: &mut Memory, form: XmlForm, [plain_bytes, zip_bytes]: [usize; 2]) {
-    let plain = |from| format!("Local:starloop.xml;{from:x};{plain_bytes:x}");
-    let zip = |from| format!("Local:starloop.zip;{from:x};{zip_bytes:x}");
-    let (first, second) = match form {
-        XmlForm::Zip => (zip(FIRST_XML), plain(SECOND_XML)),
-        XmlForm::Plain => (plain(FIRST_XML), zip(SECOND_XML)),
-    };
-    memory.set_bytes(at::FIRST_URL, first.as_bytes());
-    memory.set_bytes(at::SECOND_URL, second.as_bytes());
-}
-
-fn write_bootstrap(memory: &mut Memory, identity: &Identity, place: &DeviceParams) {
-    let [a, b, c, d, e, f] = place.mac;
-    for (address, value) in [
-        (at::VERSION, VERSION),
-        (at::DEVICE_MODE, DEVICE_MODE),
-        (at::MAC_HIGH, u32::from_be_bytes([0, 0, a, b])),
-        (at::MAC_LOW, u32::from_be_bytes([c, d, e, f])),
-        // The machine's address, whatever gave it: told as a persistent one.
-        (at::IP_CONFIGURATIONS, 0x7),
-        (at::IP_CONFIGURATION, 0x5),
-        (at::ADDRESS, place.address.to_bits()),
-        (at::SUBNET_MASK, place.mask.to_bits()),
-        (at::INTERFACES, 1),
-        (at::STREAM_CHANNELS, 1),
-        (at::ACTION_SIGNALS, 1),
-        (at::GVCP_CAPABILITY, GVCP_CAPABILITY),
-        (at::HEARTBEAT_MS, HEARTBEAT_MS),
-        (at::STREAM_SOURCE_PORT, place.stream_source_port.into()),
-    ] {
-        memory.set(address, value);
-    }
-    memory.set_long(at::TICK_FREQUENCY, TICKS_PER_S);
-    for (address, text) in [
-        (at::VENDOR, &identity.vendor),
-        (at::MODEL, &identity.model),
-        (at::DEVICE_VERSION, &identity.version),
-        (at::INFO, &identity.info),
-        (at::SERIAL, &identity.serial),
-        (at::USER_NAME, &identity.user_name),
-    ] {
-        memory.set_bytes(address, text.as_bytes());
-    }
-}
-
-fn write_features(memory: &mut Memory, sensor: &SensorParams, format: PixelFormat) {
-    let [width, height] = sensor.size_px;
-    for (address, value) in [
-        (own::SENSOR_WIDTH, width),
-        (own::SENSOR_HEIGHT, height),
-        (own::WIDTH, width),
-        (own::HEIGHT, height),
-        (own::PIXEL_FORMAT, format.code()),
-        (own::FRAME_COUNT, 1),
-        (own::CHUNK_ENABLE, 1),
-        (own::DETECTOR_BITS, sensor.bits),
-    ] {
-        memory.set(address, value);
-    }
-    for (address, value) in [
-        (own::FRAME_RATE, sensor.frame_rate_hz),
-        (own::EXPOSURE_TIME, sensor.exposure_s * 1e6),
-        (own::GAIN, sensor.gain_e_per_dn.recip()),
-    ] {
-        memory.set_long(address, value.to_bits());
-    }
 }

@@ -35,6 +35,7 @@ mod device;
 #[cfg(test)]
 mod device_tests;
 mod error;
+mod first_values;
 mod gvcp;
 mod gvsp;
 mod interface;

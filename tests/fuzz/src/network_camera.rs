@@ -14,6 +14,8 @@ mod counters;
 mod device;
 #[path = "../../../src/network_camera/error.rs"]
 mod error;
+#[path = "../../../src/network_camera/first_values.rs"]
+mod first_values;
 #[path = "../../../src/network_camera/gvcp.rs"]
 mod gvcp;
 #[path = "../../../src/network_camera/gvsp.rs"]
@@ -30,6 +32,7 @@ mod xml;
 mod zip;
 
 pub use device::{Answer, Device, DeviceParams};
-pub use gvcp::Resend;
+pub use error::NetworkCameraError;
+pub use gvcp::{Malformed, Resend, Status};
 pub use gvsp::StreamSettings;
 pub use params::{Params, SensorParams};

@@ -1,0 +1,88 @@
+//! What the device's memory holds when it comes up: addresses of the XML, bootstrap registers, features.
+
+use crate::network_camera::device::DeviceParams;
+use crate::network_camera::params::{Identity, SensorParams, XmlForm};
+use crate::network_camera::pixel_format::PixelFormat;
+use crate::network_camera::registers::{FIRST_XML, Memory, SECOND_XML, at, own};
+
+/// Specification version told to clients: 1.2, the first with all that is used here.
+const VERSION: u32 = 0x0001_0002;
+/// Big-endian, UTF-8.
+const DEVICE_MODE: u32 = 0x8000_0001;
+/// Names, serial number, actions, resend, memory writes, many registers in one command.
+const GVCP_CAPABILITY: u32 = 0xC000_0047;
+/// Time stamps tick in nanoseconds.
+const TICKS_PER_S: u64 = 1_000_000_000;
+/// Heartbeat time of a client that asks for none, ms.
+pub(super) const HEARTBEAT_MS: u32 = 3000;
+
+/// Where the XML lies: two addresses, so that a client that cannot unzip reads the other.
+pub(super) fn write_urls(memory: &mut Memory, form: XmlForm, [plain_bytes, zip_bytes]: [usize; 2]) {
+    let plain = |from| format!("Local:starloop.xml;{from:x};{plain_bytes:x}");
+    let zip = |from| format!("Local:starloop.zip;{from:x};{zip_bytes:x}");
+    let (first, second) = match form {
+        XmlForm::Zip => (zip(FIRST_XML), plain(SECOND_XML)),
+        XmlForm::Plain => (plain(FIRST_XML), zip(SECOND_XML)),
+    };
+    memory.set_bytes(at::FIRST_URL, first.as_bytes());
+    memory.set_bytes(at::SECOND_URL, second.as_bytes());
+}
+
+/// What clients read first.
+pub(super) fn write_bootstrap(memory: &mut Memory, identity: &Identity, place: &DeviceParams) {
+    let [a, b, c, d, e, f] = place.mac;
+    for (address, value) in [
+        (at::VERSION, VERSION),
+        (at::DEVICE_MODE, DEVICE_MODE),
+        (at::MAC_HIGH, u32::from_be_bytes([0, 0, a, b])),
+        (at::MAC_LOW, u32::from_be_bytes([c, d, e, f])),
+        // The machine's address, whatever gave it: told as a persistent one.
+        (at::IP_CONFIGURATIONS, 0x7),
+        (at::IP_CONFIGURATION, 0x5),
+        (at::ADDRESS, place.address.to_bits()),
+        (at::SUBNET_MASK, place.mask.to_bits()),
+        (at::INTERFACES, 1),
+        (at::STREAM_CHANNELS, 1),
+        (at::ACTION_SIGNALS, 1),
+        (at::GVCP_CAPABILITY, GVCP_CAPABILITY),
+        (at::HEARTBEAT_MS, HEARTBEAT_MS),
+        (at::STREAM_SOURCE_PORT, place.stream_source_port.into()),
+    ] {
+        memory.set(address, value);
+    }
+    memory.set_long(at::TICK_FREQUENCY, TICKS_PER_S);
+    for (address, text) in [
+        (at::VENDOR, &identity.vendor),
+        (at::MODEL, &identity.model),
+        (at::DEVICE_VERSION, &identity.version),
+        (at::INFO, &identity.info),
+        (at::SERIAL, &identity.serial),
+        (at::USER_NAME, &identity.user_name),
+    ] {
+        memory.set_bytes(address, text.as_bytes());
+    }
+}
+
+/// The camera's own features as they are before a client changes them.
+pub(super) fn write_features(memory: &mut Memory, sensor: &SensorParams, format: PixelFormat) {
+    let [width, height] = sensor.size_px;
+    for (address, value) in [
+        (own::SENSOR_WIDTH, width),
+        (own::SENSOR_HEIGHT, height),
+        (own::WIDTH, width),
+        (own::HEIGHT, height),
+        (own::PIXEL_FORMAT, format.code()),
+        (own::FRAME_COUNT, 1),
+        (own::CHUNK_ENABLE, 1),
+        (own::DETECTOR_BITS, sensor.bits),
+    ] {
+        memory.set(address, value);
+    }
+    for (address, value) in [
+        (own::FRAME_RATE, sensor.frame_rate_hz),
+        (own::EXPOSURE_TIME, sensor.exposure_s * 1e6),
+        (own::GAIN, sensor.gain_e_per_dn.recip()),
+    ] {
+        memory.set_long(address, value.to_bits());
+    }
+}
