@@ -1,7 +1,7 @@
 //! Linear least squares by an orthogonal basis: columns and values -> coefficients, and each row's leverage.
 //!
 //! Gram and Schmidt, each column made orthogonal twice ("twice is enough": Kahan, in Parlett, The Symmetric Eigenvalue
-//! Problem, 1980), after scaling every column to length one. Limits: columns within [`DEPENDENT`] of each other's span
+//! Problem, 1980), after scaling every column to length one. Limits: columns within 1e-10 of each other's span
 //! are refused. Tests below: coefficients against known ones, leverage against leaving rows out.
 
 /// What is left of a column of length one when it hardly adds to the others.
