@@ -85,9 +85,9 @@ fn monitor(given: Option<&MonitorKey>, key: &str, check: &mut Checker<'_>) -> Re
             Err(check.invalid(key, "empty", "a name, a number, or \"primary\"", advice))
         }
         Some(MonitorKey::Name(name)) => Ok(MonitorChoice::Named(name.clone())),
-        Some(MonitorKey::Index(index)) => Ok(MonitorChoice::Index(
-            check.whole(key, Some(*index), None, 0..=255, advice).map(|index| index as usize)?,
-        )),
+        Some(MonitorKey::Index(index)) => {
+            Ok(MonitorChoice::Index(check.whole(key, Some(*index), None, 0..=255, advice).map(|index| index as usize)?))
+        }
     }
 }
 

@@ -46,7 +46,9 @@ pub enum DisplayError {
     #[error("the X server gives no window: {0}")]
     NoWindow(String),
     /// The window does not get where it was asked to be.
-    #[error("the window is at {got} where {wanted} was asked for; a window manager that leaves full-screen windows alone helps")]
+    #[error(
+        "the window is at {got} where {wanted} was asked for; a window manager that leaves full-screen windows alone helps"
+    )]
     NotPlaced {
         /// Place and size it has.
         got: String,
@@ -67,7 +69,9 @@ pub enum DisplayError {
         advice: &'static str,
     },
     /// A table made for another number of bits.
-    #[error("a table of {table} bit greys for a display of {display} bits: wanted the same; calibrate in the mode that is used")]
+    #[error(
+        "a table of {table} bit greys for a display of {display} bits: wanted the same; calibrate in the mode that is used"
+    )]
     TableDepth {
         /// Bits of the table.
         table: u32,

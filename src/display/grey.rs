@@ -134,7 +134,11 @@ impl GreyMaker {
     /// refresh. `make` gives how many pixels wanted more light than the display has; greys above `2^bits - 1` show as
     /// the brightest.
     #[must_use]
-    pub fn by_row(bits: u32, changes_by_refresh: bool, make: impl Fn(&[u16], &mut [u16], Row) -> u64 + Send + 'static) -> Self {
+    pub fn by_row(
+        bits: u32,
+        changes_by_refresh: bool,
+        make: impl Fn(&[u16], &mut [u16], Row) -> u64 + Send + 'static,
+    ) -> Self {
         Self { bits, changes_by_refresh, make: Box::new(make) }
     }
 

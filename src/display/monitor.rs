@@ -96,10 +96,9 @@ mod tests {
     #[test]
     fn one_that_is_not_there_is_told_with_those_that_are() {
         let two = [monitor("DP-1", false), monitor("HDMI-1", true)];
-        for (choice, part) in [
-            (MonitorChoice::Named("HDMI".into()), "named \"HDMI\""),
-            (MonitorChoice::Index(2), "number 2"),
-        ] {
+        for (choice, part) in
+            [(MonitorChoice::Named("HDMI".into()), "named \"HDMI\""), (MonitorChoice::Index(2), "number 2")]
+        {
             let text = choose(&two, &choice).unwrap_err().to_string();
             assert!(text.contains(part) && text.contains("DP-1 (1920 x 1080 at 0, 0, 59.940 Hz)"), "{text}");
         }

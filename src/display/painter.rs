@@ -70,8 +70,7 @@ impl GreyPainter {
     /// Takes new greys, row by row from the top.
     pub fn upload(&self, queue: &Queue, greys: &[u16]) {
         let [width, _] = self.size_px;
-        let layout =
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(2 * width), rows_per_image: None };
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(2 * width), rows_per_image: None };
         queue.write_texture(self.greys.as_image_copy(), cast_slice(greys), layout, extent(self.size_px));
     }
 

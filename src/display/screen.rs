@@ -206,8 +206,20 @@ impl Start<'_> {
                 let (pace, shown) = (Pace::new(refresh), Luminances::default());
                 let (state, submits) = (shared, submitted);
                 let (refresh, marker_is_white) = (0, false);
-                Presenter { glass, incoming, picture, maker, state, clock, submits, pace, shown, refresh, marker_is_white }
-                    .run();
+                Presenter {
+                    glass,
+                    incoming,
+                    picture,
+                    maker,
+                    state,
+                    clock,
+                    submits,
+                    pace,
+                    shown,
+                    refresh,
+                    marker_is_white,
+                }
+                .run();
             }
             at_end();
         };

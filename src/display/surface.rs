@@ -186,7 +186,8 @@ impl Glass for VulkanGlass {
             self.painter.upload(&self.queue, picture.greys());
         }
         let view = image.texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("display") });
+        let mut encoder =
+            self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("display") });
         self.painter.record(&mut encoder, &view);
         self.queue.submit([encoder.finish()]);
         self.queue.present(image);

@@ -36,11 +36,7 @@ fn painted(gpu: &GpuDevice, format: TextureFormat, most: u16, greys: &[u16]) -> 
     let mut encoder = gpu.encoder("greys");
     painter.record(&mut encoder, &target.create_view(&wgpu::TextureViewDescriptor::default()));
     let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(ROW_BYTES), rows_per_image: None };
-    encoder.copy_texture_to_buffer(
-        target.as_image_copy(),
-        wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
-        size,
-    );
+    encoder.copy_texture_to_buffer(target.as_image_copy(), wgpu::TexelCopyBufferInfo { buffer: &buffer, layout }, size);
     gpu.submit(encoder).unwrap();
     buffer.map_async(wgpu::MapMode::Read, .., |result| result.unwrap());
     gpu.wait().unwrap();
