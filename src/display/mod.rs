@@ -16,7 +16,7 @@
 //! Limits: X11 (Wayland desktops through Xwayland), Vulkan. Ten bits where the driver offers A2B10G10R10. When the X server
 //! itself dies, Xlib ends the program; so does a client that is killed from outside (`xkill`).
 //!
-//! Tour: `params` (what is asked) -> `monitor` (which screen) -> `window`, `placement` (a window that fills it) -> `glass`,
+//! Tour: `params` (what is asked) -> `monitor` (which screen) -> `window`, `placement`, `plug` (a window that fills it) -> `glass`,
 //! `surface`, `format`, `painter` (what can be shown on) -> `hand_over` (newest frame wins) -> `grey`, `marker`, `picture` (what is
 //! shown) -> `presenter` (each refresh) -> `counters`, `submitted` (what came of it) -> `screen` (the sink).
 //!
@@ -43,6 +43,7 @@ pub mod painter;
 pub mod params;
 pub mod picture;
 mod placement;
+mod plug;
 mod presenter;
 pub mod response;
 mod screen;

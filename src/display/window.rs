@@ -9,6 +9,7 @@ use crate::base::time::Span;
 use crate::display::error::{Closing, DisplayError};
 use crate::display::monitor::{self, MonitorChoice, MonitorFacts};
 use crate::display::placement::{Area, Placement, Verdict};
+use crate::display::plug::Plugs;
 use crate::display::state::State;
 use crossbeam_channel::{Sender, bounded};
 use std::sync::{Arc, OnceLock};
@@ -138,23 +139,22 @@ impl Shown {
     }
 
     /// Tells whether its monitor is there; a window whose monitor has come back is placed anew.
-    fn watch(&self, event_loop: &ActiveEventLoop) {
-        if self.order.window_px.is_some() {
+    fn watch(&self, event_loop: &ActiveEventLoop, plugs: &Plugs) {
+        let Some(is_in) = plugs.is_in(&self.monitor.name) else { return };
+        if self.order.window_px.is_some() || is_in != self.order.state.is_away() {
             return;
         }
         let found = monitors_of(event_loop).into_iter().find(|(facts, _)| facts.name == self.monitor.name);
-        let Some((facts, handle)) = found else {
-            self.order.state.monitor_is_there(false);
-            return;
-        };
-        if self.order.state.is_away() {
+        if let Some((facts, handle)) = found.filter(|_| is_in) {
             let ([x, y], [w, h]) = (facts.origin_px, facts.size_px);
             self.window.set_fullscreen(None);
             self.window.set_outer_position(PhysicalPosition::new(x, y));
             let _told_by_an_event = self.window.request_inner_size(PhysicalSize::new(w, h));
-            self.window.set_fullscreen(Some(Fullscreen::Borderless(Some(handle))));
+            if self.is_managed {
+                self.window.set_fullscreen(Some(Fullscreen::Borderless(Some(handle))));
+            }
         }
-        self.order.state.monitor_is_there(true);
+        self.order.state.monitor_is_there(is_in);
     }
 }
 
@@ -162,6 +162,7 @@ impl Shown {
 struct Windows {
     opening: Vec<Opening>,
     shown: Vec<Shown>,
+    plugs: Option<Plugs>,
     watch: Stopwatch,
     since_look: Span,
     since_watch: Span,
@@ -170,7 +171,8 @@ struct Windows {
 impl Windows {
     fn new() -> Self {
         let watch = Stopwatch::start();
-        Self { opening: Vec::new(), shown: Vec::new(), watch, since_look: Span::ZERO, since_watch: Span::ZERO }
+        let (opening, shown, plugs) = (Vec::new(), Vec::new(), Plugs::connect());
+        Self { opening, shown, plugs, watch, since_look: Span::ZERO, since_watch: Span::ZERO }
     }
 
     fn begin(&mut self, event_loop: &ActiveEventLoop, order: Order, reply: Reply) {
@@ -283,7 +285,9 @@ impl ApplicationHandler<Request> for Windows {
         }
         if self.since_watch >= WATCH {
             self.since_watch = Span::ZERO;
-            self.shown.iter().for_each(|shown| shown.watch(event_loop));
+            if let Some(plugs) = &self.plugs {
+                self.shown.iter().for_each(|shown| shown.watch(event_loop, plugs));
+            }
         }
     }
 
