@@ -109,7 +109,7 @@ class Everything(unittest.TestCase):
         events = summary["event_counts"]
         for what in ("sink_busy", "sink_dropped", "sink_refused", "sink_lost"):
             self.assertEqual(events.get(what, 0), 0, f"{what}: {events}")
-        self.assertEqual([line["kind"] for line in summary["sinks"]], ["recorder", "network_camera"])
+        self.assertEqual([line["sink"] for line in summary["sinks"]], ["recorder", "network_camera"])
         for line in summary["sinks"]:
             self.assertEqual((line["frames"], line["dropped"]), (frames["delivered"], 0), line)
         self.assertEqual(summary["sinks"][1]["counts"].get("frames_dropped", 0), 0, summary["sinks"][1])

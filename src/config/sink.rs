@@ -6,7 +6,7 @@ use crate::config::check::Checker;
 use crate::config::display::DisplaySettings;
 use crate::config::error::ConfigError;
 use crate::config::network_camera as network_camera_keys;
-use crate::network_camera;
+use crate::network_camera::Params as NetworkCameraParams;
 use serde::Deserialize;
 use std::path::PathBuf;
 
@@ -44,7 +44,7 @@ pub enum Sink {
         slots: u32,
     },
     /// A camera on the network.
-    NetworkCamera(Box<network_camera::Params>),
+    NetworkCamera(Box<NetworkCameraParams>),
     /// A monitor in front of a tracker.
     Display(Box<DisplaySettings>),
     /// Nowhere (timing only).

@@ -87,7 +87,7 @@ impl Default for Params {
             packet_bytes: 1500,
             rate_bit_s: 1e9,
             frames_kept: 4,
-            frames_queued: 2,
+            frames_queued: 4,
             identity: Identity::default(),
             mac: None,
             xml: XmlForm::Zip,

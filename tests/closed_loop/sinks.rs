@@ -134,7 +134,7 @@ fn without_a_queue_of_its_own_a_slow_sink_costs_slots() {
     let slow = Troubled { inner: NullSink::new(), trouble: Trouble::Slow(gate.clone()) };
     // The last slots are never drawn: somebody else opens the gate.
     let open = move || {
-        std::thread::sleep(std::time::Duration::from_millis(1900));
+        std::thread::sleep(std::time::Duration::from_secs(5));
         drop(at_end);
     };
     let opens = std::thread::Builder::new().name("gate".into()).spawn(open).unwrap();
