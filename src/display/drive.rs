@@ -77,7 +77,7 @@ impl DisplayDrive {
     }
 
     fn grey(&self, wanted: f32, refresh: u64, start: u8) -> u16 {
-        if !(wanted > 0.0) {
+        if wanted.is_nan() || wanted <= 0.0 {
             return 0;
         }
         let root = wanted.min(1.0).sqrt() * (ENTRIES as f32 - 1.0);

@@ -52,7 +52,7 @@ impl TrackerIdentity {
     #[must_use]
     pub fn of(name: &str, camera: &CameraGeometry) -> Self {
         let p = camera.parameters();
-        let mut numbers = Vec::from([p.focal_px, p.principal_point_px].concat());
+        let mut numbers = [p.focal_px, p.principal_point_px].concat();
         match camera.distortion() {
             Distortion::BrownConrady(d) => numbers.extend([d.k1, d.k2, d.k3, d.p1, d.p2]),
             Distortion::Polynomial(polynomial) => numbers.extend(polynomial.coefficients()),

@@ -94,7 +94,7 @@ pub fn spots(frame: &Image<f64>) -> Vec<([f64; 2], f64)> {
     values.iter_mut().for_each(|v| *v = (*v - background).abs());
     let sigma = 1.4826 * median(&mut values);
     let height = (THRESHOLD_SIGMA * sigma).max(THRESHOLD_SHARE * (brightest - background));
-    if !(height > 0.0) {
+    if height.is_nan() || height <= 0.0 {
         return Vec::new();
     }
     let groups = groups(frame, background + height);
