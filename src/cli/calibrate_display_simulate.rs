@@ -1,9 +1,9 @@
 //! `starloop calibrate display simulate`: the whole procedure on a simulated display, collimator and camera, and the
 //! result against the truth.
 
-use crate::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use crate::base::time::Span;
 use crate::cli::calibrate_display::{now, tell, write_plan};
+use crate::config::{Camera, Document};
 use crate::display::calibration::fit::FitOptions;
 use crate::display::calibration::measurement::write_csv;
 use crate::display::calibration::spots::{FrameScale, sights_of_frame};
@@ -11,13 +11,13 @@ use crate::display::calibration::{DisplayIdentity, Fitted, Grid, Pattern, Plan, 
 use crate::display::latency::Latency;
 use crate::sink::write_file_atomically;
 use crate::testbed::display_bench::{BenchTruth, DisplayBench};
+use crate::wiring::camera_parts::camera_params;
 use anyhow::Result;
 use clap::Args;
 use glam::DVec2;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// Electrons per second of magnitude 0 of the simulated tracker.
-const SIMULATED_ZERO_POINT: f64 = 4e7;
+/// Exposure of the simulated tracker, s.
 const SIMULATED_EXPOSURE_S: f64 = 0.1;
 
 /// Command line of `simulate`.
@@ -31,14 +31,30 @@ pub(super) struct SimulateArgs {
     out: Option<PathBuf>,
 }
 
-fn simulated_tracker(truth: &BenchTruth) -> Result<CameraGeometry> {
-    Ok(CameraGeometry::new(CameraParameters {
-        width_px: truth.tracker_px[0],
-        height_px: truth.tracker_px[1],
-        focal_px: [truth.tracker_focal_px; 2],
-        principal_point_px: truth.tracker_centre_px,
-        distortion: BrownConrady { k1: truth.tracker_radial, ..BrownConrady::default() },
-    })?)
+/// The simulated tracker as a camera file. Its pixels are 10 um.
+fn tracker_file(truth: &BenchTruth) -> String {
+    let ([width, height], [x, y]) = (truth.tracker_px, truth.tracker_centre_px);
+    format!(
+        "# The tracker of the simulated bench.\nname = \"simulated tracker\"\n\n[detector]\nwidth_px = {width}\n\
+         height_px = {height}\npixel_pitch_um = 10.0\n\n[optics]\nfocal_length_mm = {:?}\naperture_mm = 20.0\n\
+         principal_point_px = [{x:?}, {y:?}]\n\n[distortion]\nk1 = {:?}\n\n[exposure]\n\
+         exposure_s = {SIMULATED_EXPOSURE_S:?}\n",
+        truth.tracker_focal_px * 0.01,
+        truth.tracker_radial,
+    )
+}
+
+/// A bench that shows stars on the simulated display: in a window, since there is no such monitor.
+fn bench_file(display: &DisplayIdentity) -> String {
+    let (width, height) = (display.width_px, display.height_px);
+    format!(
+        "# Stars on a calibrated display: one frame per refresh, drawn ahead of its light.\nname = \"on a display\"\n\
+         camera = \"tracker.toml\"\n\n[timing]\nframe_rate_hz = 60.0   # the refresh rate\nduration_s = 10.0\n\
+         deadline_policy = \"late\"\nstart_utc = \"2026-03-01T00:00:00Z\"\n\n[flight_computer]\nkind = \"simulated\"\n\
+         attitude_hz = 100.0\nra_deg = 84.05           # the belt of Orion\ndec_deg = -1.2\n\n[sink]\nkind = \"display\"\n\
+         calibration = \"display.toml\"\nname = \"{}\"\nwindow = [{width}, {height}]  # leave out for the whole monitor\n",
+        display.name
+    )
 }
 
 /// Runs the command.
@@ -47,7 +63,9 @@ fn simulated_tracker(truth: &BenchTruth) -> Result<CameraGeometry> {
 /// When the fit is refused or a file cannot be written.
 pub(super) fn simulate(arguments: &SimulateArgs) -> Result<()> {
     let truth = BenchTruth { seed: arguments.seed, ..BenchTruth::crooked() };
-    let tracker = simulated_tracker(&truth)?;
+    let text = tracker_file(&truth);
+    let camera = Camera::from_document(&Document::from_text(&text, Path::new("tracker.toml")))?;
+    let tracker = camera_params(&camera)?.geometry;
     let [width_px, height_px] = truth.display_px;
     let display = DisplayIdentity { name: "simulated display".into(), width_px, height_px, bits: truth.bits };
     let grid = Grid { columns: 16, rows: 12, dot_px: 5, margin_px: 14 };
@@ -58,7 +76,7 @@ pub(super) fn simulate(arguments: &SimulateArgs) -> Result<()> {
     let options = FitOptions {
         made: now(),
         valid_days: 90,
-        zero_point_e_per_s: Some(SIMULATED_ZERO_POINT),
+        zero_point_e_per_s: Some(camera.zero_point_e_per_s()),
         latency: Some(Latency::measured(flips.as_bytes(), 0.0, Span::ZERO)?),
     };
     let fitted = fit(&plan, &sights, ("simulated tracker", &tracker), &options)?;
@@ -73,7 +91,10 @@ pub(super) fn simulate(arguments: &SimulateArgs) -> Result<()> {
         write_file_atomically(&folder.join("measurements.csv"), |out| out.write_all(&table))?;
         write_file_atomically(&folder.join("latency.csv"), |out| out.write_all(flips.as_bytes()))?;
         fitted.calibration.write(&folder.join("display.toml"))?;
-        println!("plan, images, measurements and calibration written to {}", folder.display());
+        for (name, text) in [("tracker.toml", text), ("bench.toml", bench_file(&plan.display))] {
+            write_file_atomically(&folder.join(name), |out| out.write_all(text.as_bytes()))?;
+        }
+        println!("plan, images, measurements, calibration, tracker and a bench written to {}", folder.display());
     }
     Ok(())
 }

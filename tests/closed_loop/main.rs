@@ -11,6 +11,7 @@ mod campaign;
 mod control;
 mod deadline;
 mod degraded;
+mod display;
 mod full_load;
 mod imaging_faults;
 mod pixels;
