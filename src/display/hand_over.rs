@@ -107,7 +107,8 @@ mod tests {
     fn a_presenter_that_is_gone_stops_nobody() {
         let (outgoing, incoming) = hand_over(1);
         drop(incoming);
-        (0..20).for_each(|number| drop(outgoing.put(number, &[0])));
+        let replaced = (0..20).filter(|number| outgoing.put(*number, &[0])).count();
+        assert_eq!(replaced, 19, "each takes the place of the one before");
     }
 
     #[test]

@@ -40,7 +40,7 @@ fn painted(gpu: &GpuDevice, format: TextureFormat, most: u16, greys: &[u16]) -> 
     gpu.submit(encoder).unwrap();
     buffer.map_async(wgpu::MapMode::Read, .., |result| result.unwrap());
     gpu.wait().unwrap();
-    let bytes = buffer.get_mapped_range(..).to_vec();
+    let bytes = buffer.get_mapped_range(..).unwrap().to_vec();
     let rows = bytes.chunks_exact(ROW_BYTES as usize).map(|row| &row[..4 * TARGET_PX[0] as usize]);
     rows.flat_map(|row| row.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap()))).collect()
 }
