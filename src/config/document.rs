@@ -10,7 +10,7 @@ use std::sync::Arc;
 use toml::de::{DeTable, DeValue};
 
 /// Configurations that are part of the binary, by their path below `configs/`.
-const BUILT_IN: [(&str, &str); 40] = [
+const BUILT_IN: [(&str, &str); 41] = [
     ("benches/loopback.toml", include_str!("../../configs/benches/loopback.toml")),
     ("benches/cubesat.toml", include_str!("../../configs/benches/cubesat.toml")),
     ("benches/bench_20hz.toml", include_str!("../../configs/benches/bench_20hz.toml")),
@@ -28,6 +28,7 @@ const BUILT_IN: [(&str, &str); 40] = [
     ("cameras/detection_limit_15mag.toml", include_str!("../../configs/cameras/detection_limit_15mag.toml")),
     ("cameras/detection_limit_22mag.toml", include_str!("../../configs/cameras/detection_limit_22mag.toml")),
     ("benches/gateways.toml", include_str!("../../configs/benches/gateways.toml")),
+    ("benches/grabber.toml", include_str!("../../configs/benches/grabber.toml")),
     ("benches/serial.toml", include_str!("../../configs/benches/serial.toml")),
     ("benches/socketcan.toml", include_str!("../../configs/benches/socketcan.toml")),
     ("links/serial_port.toml", include_str!("../../configs/links/serial_port.toml")),
