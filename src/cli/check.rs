@@ -121,11 +121,11 @@ fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Image
             "  WARNING      the catalog ends at G = {faintest:.1}: fainter stars are missing from the frames"
         )?;
     }
-    let exposure = &camera.exposure;
+    let exposed = &params.camera;
     writeln!(
         text,
         "  frames       {} at {} Hz, exposure {} s, due {} s after it ends, policy for late ones: {:?}",
-        params.frames, bench.timing.frame_rate_hz, exposure.exposure_s, exposure.readout_s, params.deadline_policy
+        params.frames, bench.timing.frame_rate_hz, exposed.exposure_s, exposed.readout_s, params.deadline_policy
     )?;
     writeln!(text, "  backend      {} ({})", imager.name(), imager.description())?;
     if let Some(note) = imager.note() {

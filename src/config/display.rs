@@ -21,6 +21,8 @@ pub struct DisplaySettings {
     pub name: Option<String>,
     /// Refreshes over which light between two greys is spread; 1: the nearer grey.
     pub dither: u32,
+    /// Share of a refresh during which the display shines.
+    pub duty: f64,
     /// Frames per second of the tracker that looks at it, for the beat of its shutter against the refresh.
     pub tracker_hz: f64,
 }
@@ -38,6 +40,7 @@ pub(super) struct DisplayKeys {
     name: Option<String>,
     dither: Option<i64>,
     tracker_hz: Option<f64>,
+    duty: Option<f64>,
     latency_ms: Option<f64>,
     direct_scanout: Option<bool>,
 }
@@ -85,9 +88,12 @@ impl DisplaySettings {
         let dither = check.whole(&key("dither"), keys.dither, Some(16), 1..=256, advice)?;
         let advice = "frames per second of the tracker in front of the display";
         let tracker_hz = check.number(&key("tracker_hz"), keys.tracker_hz, 10.0, Rule::PositiveUpTo(1e4), advice)?;
+        let advice =
+            "share of a refresh during which the display shines: 1 holds its light, 0 flashes, which is the worst";
+        let duty = check.number(&key("duty"), keys.duty, 0.0, Rule::Within(0.0, 1.0), advice)?;
         let direct_scanout = check.given_or(&key("direct_scanout"), keys.direct_scanout, false);
         let params = Params { monitor, window_px, image_px, bits, marker, latency, direct_scanout };
-        Ok(Self { params, calibration, name: keys.name.clone(), dither, tracker_hz })
+        Ok(Self { params, calibration, name: keys.name.clone(), dither, duty, tracker_hz })
     }
 }
 
@@ -173,7 +179,10 @@ mod tests {
     fn without_a_key_it_fills_the_primary_monitor() {
         let settings = read("").unwrap();
         let (params, tracker_hz) = (Params::full_screen(IMAGE_PX), 10.0);
-        assert_eq!(settings, DisplaySettings { params, calibration: None, name: None, dither: 16, tracker_hz });
+        assert_eq!(
+            settings,
+            DisplaySettings { params, calibration: None, name: None, dither: 16, duty: 0.0, tracker_hz }
+        );
     }
 
     #[test]

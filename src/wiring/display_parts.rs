@@ -118,7 +118,7 @@ pub fn beat(bench: &Bench) -> Result<Option<Beat>> {
         exposure_s: bench.camera.exposure.exposure_s,
         frame_period_s: 1.0 / settings.tracker_hz,
         refresh_hz: bench.timing.frame_rate_hz,
-        duty: 1.0,
+        duty: settings.duty,
         drift_ppm: CLOCKS_PPM,
     };
     Ok(Some(input.beat()?))

@@ -7,7 +7,7 @@
 use crate::base::clock::Clock;
 use crate::base::time::Span;
 use crate::config::{DisplaySettings, Sink as Kind, SinkSettings};
-use crate::display::Display;
+use crate::display::{Display, MonitorChoice};
 use crate::network_camera::{self, NetworkCamera, SensorParams};
 use crate::runtime::params::CameraParams;
 #[cfg(unix)]
@@ -177,13 +177,13 @@ pub fn told(settings: &SinkSettings) -> String {
         }
         Kind::Display(settings) => {
             let calibration = settings.calibration.as_ref();
+            let monitor = match &settings.params.monitor {
+                MonitorChoice::Primary => "the primary monitor".into(),
+                other => format!("the monitor {other}"),
+            };
             let calibration =
                 calibration.map_or_else(|| "none: greys taken for luminances".into(), |c| c.display().to_string());
-            format!(
-                "{kind}: {}, {} bits, calibration {calibration}",
-                settings.params.monitor,
-                settings.params.bits.count()
-            )
+            format!("{kind}: {}, {} bits, calibration {calibration}", monitor, settings.params.bits.count())
         }
         Kind::Null => format!("{kind}: nothing is kept"),
     }
