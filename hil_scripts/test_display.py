@@ -7,6 +7,7 @@ Needs: xvfb, xdotool, x11-xserver-utils (xrandr), evilwm, twm, and a Vulkan driv
 target/release/starloop).
 """
 
+import json
 import math
 import os
 import random
@@ -337,6 +338,53 @@ class OnAScreen(unittest.TestCase):
             self.assertEqual((status, errors), (0, ""))
             for part in ("monitor_lost: 1", "monitor_regained: 1", "unseen: 1"):
                 self.assertIn(part, output)
+
+    def test_a_bench_shows_its_stars_where_its_truth_has_them(self):
+        folder = Path(self.folder.name)
+        made = subprocess.run(
+            [BINARY, "calibrate", "display", "simulate", "--out", str(folder)],
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S,
+        )
+        self.assertEqual(made.returncode, 0, made.stderr)
+        # The frames themselves are recorded beside, one per refresh; a slower refresh for a busy machine.
+        bench = (folder / "bench.toml").read_text().replace("frame_rate_hz = 60.0", "frame_rate_hz = 10.0")
+        bench += "\n[[extra_sink]]\nkind = \"recorder\"\nqueue = 64\n"
+        (folder / "bench.toml").write_text(bench)
+        with Screen(size=(640, 480)) as screen:
+            words = ["run", str(folder / "bench.toml"), "--duration", "4", "--out", str(folder / "run"), "--quiet"]
+            with subprocess.Popen([BINARY, *words], env=screen.environment, stderr=subprocess.PIPE, text=True) as run:
+                rows_of = {}
+                while run.poll() is None:
+                    pixels = screen.pixels()
+                    rows_of = pixels if any(max(grey) > 0 for row in pixels for grey in row) else rows_of
+                complaint = run.stderr.read()
+            self.assertEqual(run.returncode, 0, complaint)
+        self.assertIn("640 x 480", complaint)
+        summary = json.loads((folder / "run/summary.json").read_text())
+        lines = {line["sink"]: line for line in summary["sinks"]}
+        self.assertGreater(lines["display"]["counts"]["presented"], 5)
+        self.assertTrue(rows_of, "something was seen")
+        truth = sorted((folder / "run").glob("**/frame_*.truth.csv"))[5].read_text().splitlines()
+        columns = truth[0].split(",")
+        stars = [dict(zip(columns, line.split(","))) for line in truth[1:]]
+        stars = [(float(star["x_px"]), float(star["y_px"]), float(star["electrons"])) for star in stars]
+        inside = [star for star in stars if 8 < star[0] < 632 and 8 < star[1] < 472]
+        bright = sorted(inside, key=lambda star: -star[2])[:5]
+
+        def light(x, y):
+            column, row = round(x), round(y)
+            return max(rows_of[b][a][0] for a in range(column - 1, column + 2) for b in range(row - 1, row + 2))
+
+        self.assertEqual(len(bright), 5)
+        for x, y, _ in bright:
+            self.assertGreater(light(x, y), 100, f"a bright star at ({x}, {y})")
+        # The negative control: where no star is, nothing is.
+        empty = [(x, y) for x in range(20, 620, 40) for y in range(20, 460, 40)]
+        empty = [(x, y) for x, y in empty if all(math.hypot(x - a, y - b) > 15 for a, b, _ in stars)]
+        self.assertGreater(len(empty), 20)
+        self.assertLess(sum(light(x, y) > 40 for x, y in empty), 2)
 
     def test_what_does_not_fit_is_refused(self):
         small, every = self.png("small.png", [0] * 64 * 48, width=64), self.png("every.png", self.every)
