@@ -121,7 +121,7 @@ fn a_slow_sink_loses_its_own_frames_and_no_slot() {
     assert_eq!(sink_busy(&outcome), 0, "no slot was missed because of a sink");
     let [slow, quick] = outcome.sinks.as_slice() else { panic!("two sinks: {:?}", outcome.sinks) };
     // It took what it had room for; after the end of the gate it may have had time for the last ones.
-    assert!(slow.dropped >= handed - ROOM as u64 - 2, "{slow:?}");
+    assert!(slow.dropped >= handed.saturating_sub(ROOM as u64 + 2), "{slow:?}");
     assert_eq!((quick.frames, quick.dropped, quick.refused), (handed, 0, 0));
     assert_eq!(outcome.record.ledger.count(EventKind::SinkDropped), slow.dropped);
     assert!(outcome.sink_failure().is_none(), "slow is no failure");
@@ -130,18 +130,26 @@ fn a_slow_sink_loses_its_own_frames_and_no_slot() {
 /// The same sink without a queue of its own holds up slots: what the test above would show if it could fail.
 #[test]
 fn without_a_queue_of_its_own_a_slow_sink_costs_slots() {
+    // A machine that is too busy to draw any frame in time misses its slots for want of time: then it is tried again.
+    let outcome =
+        (0..5).map(|_| slow_alone()).find(|outcome| outcome.record.frames.rendered >= 4).expect("drawn in time");
+    handed(&outcome);
+    assert!(sink_busy(&outcome) > 0, "{:?}", outcome.record.frames);
+}
+
+/// A run whose only sink is slow and has no queue.
+fn slow_alone() -> RunOutcome {
     let (at_end, gate) = bounded(0);
     let slow = Troubled { inner: NullSink::new(), trouble: Trouble::Slow(gate.clone()) };
     // The last slots are never drawn: somebody else opens the gate.
     let open = move || {
-        std::thread::sleep(std::time::Duration::from_secs(5));
+        std::thread::sleep(std::time::Duration::from_secs(4));
         drop(at_end);
     };
     let opens = std::thread::Builder::new().name("gate".into()).spawn(open).unwrap();
     let outcome = run(Box::new(slow), None);
     opens.join().unwrap();
-    handed(&outcome);
-    assert!(sink_busy(&outcome) > 0, "{:?}", outcome.record.frames);
+    outcome
 }
 
 #[test]
