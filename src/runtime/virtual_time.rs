@@ -12,7 +12,7 @@ use crate::report::Stage;
 use crate::runtime::engine::{FrameEngine, Slot};
 use crate::runtime::error::{FarEndError, RunError};
 use crate::runtime::frame_faults::{Fate, FrameFaults};
-use crate::runtime::outcome::RunOutcome;
+use crate::runtime::outcome::{RunOutcome, lines_of_head};
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
@@ -308,7 +308,7 @@ fn receive(now: Tai, heads: &mut [Head<'_>], port: &mut Port, record: &mut RunRe
 }
 
 /// Runs every slot of one engine. `far_end` steps the other end of the cable to an instant and says when it next has
-/// something to do; `progress` is called after each frame.
+/// something to do; `progress` is called after each frame, and says whether to go on.
 pub fn run(
     engine: &mut FrameEngine,
     receiver: &mut Receiver,
@@ -318,16 +318,28 @@ pub fn run(
     far_end: &mut dyn FnMut(Tai) -> Result<Tai, FarEndError>,
     progress: &mut dyn FnMut(&SentFrame, &RunRecord) -> bool,
 ) -> RunOutcome {
-    let mut going = VirtualLoop::new(Arc::clone(clock));
-    let mut heads = [Head { engine, receiver, sink, faults: None }];
     let progress = &mut |_head: usize, frame: &SentFrame, record: &RunRecord| progress(frame, record);
-    let error = going.finish(&mut heads, &mut World { port, far_end, progress }).err();
-    let [head] = heads;
-    let (sink, finishing) = match head.sink.finish() {
-        Ok(summary) => (Some(summary), None),
-        Err(error) => (None, Some(RunError::from(error))),
-    };
-    let sinks = sink_lines(head.sink, sink.as_ref());
-    let ports = vec![PortReading::of(port, 0)];
-    RunOutcome { record: going.into_record(), ports, sink, sinks, error: error.or(finishing) }
+    let heads = vec![Head { engine, receiver, sink, faults: None }];
+    run_in(clock, heads, &mut World { port, far_end, progress })
+}
+
+/// The same for several heads.
+pub fn run_in(clock: &Arc<Virtual>, mut heads: Vec<Head<'_>>, world: &mut World<'_>) -> RunOutcome {
+    let mut going = VirtualLoop::new(Arc::clone(clock));
+    let mut error = going.finish(&mut heads, world).err();
+    let (mut summaries, mut sinks) = (Vec::new(), Vec::new());
+    let count = heads.len();
+    for (number, head) in heads.iter_mut().enumerate() {
+        let summary = match head.sink.finish() {
+            Ok(summary) => Some(summary),
+            Err(finishing) => {
+                error.get_or_insert(finishing.into());
+                None
+            }
+        };
+        sinks.extend(lines_of_head(number, count, sink_lines(head.sink, summary.as_ref())));
+        summaries.push(summary);
+    }
+    let ports = vec![PortReading::of(world.port, 0)];
+    RunOutcome { record: going.into_record(), ports, summaries, sinks, error }
 }
