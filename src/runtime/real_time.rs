@@ -17,6 +17,7 @@ use crate::runtime::engine::FrameEngine;
 use crate::runtime::error::RunError;
 use crate::runtime::frame_faults::FrameFaults;
 use crate::runtime::hygiene::{Hygiene, Role};
+use crate::runtime::ledger::Ledger;
 use crate::runtime::outcome::{RunOutcome, lines_of_head};
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::radio::{Heard, Radio};
@@ -105,7 +106,13 @@ pub fn run_in(
         }
         Ok((heads, radio)) => {
             let readings = vec![PortReading::default(); radio.readings().count()];
-            let shared = Shared { clock: &**setting.clock, radio: &radio, readings, reply: Reply::default() };
+            let shared = Shared {
+                clock: &**setting.clock,
+                radio: &radio,
+                readings,
+                reply: Reply::default(),
+                said_already: Ledger::default(),
+            };
             let mut bench = Bench { heads, shared };
             let mut error = bench.frames(setting.stop, &mut record, progress).err();
             let (mut summaries, mut sinks) = (Vec::new(), Vec::new());
@@ -160,6 +167,8 @@ pub(super) struct Shared<'a> {
     /// What each port had counted at the frame before.
     readings: Vec<PortReading>,
     pub(super) reply: Reply,
+    /// What further heads note of messages of which the first has noted the same.
+    said_already: Ledger,
 }
 
 impl Shared<'_> {
@@ -249,13 +258,14 @@ impl Bench<'_> {
         record.keep_ports(&self.shared.readings);
     }
 
-    /// Every head hears everything; the first one answers.
+    /// Every head hears everything; the first one answers and notes.
     fn take_in(&mut self, heard: &Heard, record: &mut RunRecord) {
         for head in &mut self.heads {
+            let ledger = if head.number == 0 { &mut record.ledger } else { &mut self.shared.said_already };
             match heard {
                 Heard::Pulse(at) => head.receiver.accept_pulse(*at),
                 Heard::Message { port, message } => {
-                    let answer = head.receiver.accept_from(*port, message, &mut record.ledger);
+                    let answer = head.receiver.accept_from(*port, message, ledger);
                     if let Some(answer) = answer.filter(|_| head.number == 0) {
                         self.shared.radio.send(*port, answer);
                     }

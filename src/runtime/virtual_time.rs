@@ -12,6 +12,7 @@ use crate::report::Stage;
 use crate::runtime::engine::{FrameEngine, Slot};
 use crate::runtime::error::{FarEndError, RunError};
 use crate::runtime::frame_faults::{Fate, FrameFaults};
+use crate::runtime::ledger::Ledger;
 use crate::runtime::outcome::{RunOutcome, lines_of_head};
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::receiver::Receiver;
@@ -65,6 +66,8 @@ pub struct VirtualLoop {
     reply: Reply,
     /// What the port had counted at the frame before.
     reading: PortReading,
+    /// What further heads note of messages of which the first has noted the same.
+    said_already: Ledger,
 }
 
 /// What comes next.
@@ -89,6 +92,7 @@ impl VirtualLoop {
             stopped: false,
             reply: Reply::default(),
             reading: PortReading::default(),
+            said_already: Ledger::default(),
         }
     }
 
@@ -139,7 +143,7 @@ impl VirtualLoop {
         }
         while let Some((at, next)) = self.next(heads).filter(|(at, _)| *at <= until && !self.stopped) {
             self.clock.advance_to(at);
-            receive(at, heads, world.port, &mut self.record)?;
+            self.receive(at, heads, world.port)?;
             match next {
                 Next::FarEnd => self.far_due = Some((world.far_end)(at).map_err(RunError::FarEnd)?),
                 Next::Deliver => self.deliver(at, heads, world)?,
@@ -148,7 +152,7 @@ impl VirtualLoop {
         }
         if !self.stopped {
             self.clock.advance_to(until);
-            receive(until, heads, world.port, &mut self.record)?;
+            self.receive(until, heads, world.port)?;
         }
         Ok(())
     }
@@ -184,6 +188,20 @@ impl VirtualLoop {
             self.spare.push(frame);
         }
         self.far_due = Some((world.far_end)(self.clock.now()).map_err(RunError::FarEnd)?);
+        Ok(())
+    }
+
+    /// Takes in what has arrived by `now`: every head hears everything, the first one answers and notes.
+    fn receive(&mut self, now: Tai, heads: &mut [Head<'_>], port: &mut Port) -> Result<(), RunError> {
+        while let Some(message) = port.receive(now)? {
+            for (i, head) in heads.iter_mut().enumerate() {
+                let ledger = if i == 0 { &mut self.record.ledger } else { &mut self.said_already };
+                let answer = head.receiver.accept(&message, ledger);
+                if let Some(answer) = answer.filter(|_| i == 0) {
+                    port.send(&answer)?;
+                }
+            }
+        }
         Ok(())
     }
 
@@ -292,19 +310,6 @@ fn empty_frame(engine: &FrameEngine) -> SentFrame {
     let camera = &engine.params().camera;
     let [width, height] = camera.output().size_px;
     SentFrame::with_capacity(width, height, 0, camera.name.clone())
-}
-
-/// Takes in what has arrived by `now`: every head hears everything, the first one answers.
-fn receive(now: Tai, heads: &mut [Head<'_>], port: &mut Port, record: &mut RunRecord) -> Result<(), RunError> {
-    while let Some(message) = port.receive(now)? {
-        for (i, head) in heads.iter_mut().enumerate() {
-            let answer = head.receiver.accept(&message, &mut record.ledger);
-            if let Some(answer) = answer.filter(|_| i == 0) {
-                port.send(&answer)?;
-            }
-        }
-    }
-    Ok(())
 }
 
 /// Runs every slot of one engine. `far_end` steps the other end of the cable to an instant and says when it next has

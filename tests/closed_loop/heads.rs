@@ -14,7 +14,7 @@ use starloop::report::{Fate, MissCause};
 use starloop::runtime::real_time::{self, Head, Setting};
 use starloop::runtime::receiver::Receiver;
 use starloop::runtime::{EventKind, FrameEngine};
-use starloop::sink::{FaultFlags, NullSink, Sink};
+use starloop::sink::{NullSink, Sink};
 use starloop::wiring::bench_parts;
 use starloop::wiring::real_loop::{RealSetting, run_real};
 use std::collections::BTreeMap;
@@ -170,20 +170,21 @@ fn three_heads_fly_on_the_real_clock() {
         let mut most = seen.lock().unwrap();
         *most = row.heads_solved.max(*most);
     });
-    let mut own = 0;
+    let mut interpolated = 0;
     let mut count = |frame: &starloop::sink::SentFrame, _: &starloop::runtime::RunRecord| {
-        own += u64::from(!frame.meta.faults.contains(FaultFlags::BLANK));
+        interpolated += u64::from(frame.meta.origin == "interpolated");
     };
     let outcome = run_real(&scenario, sinks, &setting, |_| {}, on_row, &mut count).unwrap();
     let frames = &outcome.record.frames;
     assert_eq!((frames.scheduled, frames.delivered + frames.dropped), (30, 30), "{frames:?}");
     assert_eq!(outcome.sinks.len(), 3);
     assert_eq!(outcome.assessment.violations().1, Vec::<String>::new());
-    assert!(outcome.assessment.rendered().0 > 0, "of every head frames were held against the truth");
+    // On a busy machine every attitude may have been predicted, and the frames say so.
+    assert!(outcome.assessment.rendered().0 > 0 || interpolated == 0, "{interpolated} frames claim to show the truth");
     // A machine that is too busy to draw in time holds frames: then nothing can be said of the trackers.
     let (most, in_time) = (*most_solved.lock().unwrap(), frames.late == 0);
     assert!(most == 3 || !in_time, "{most} heads solved, {frames:?}");
-    println!("{most} heads solved, {own} frames with stars, {frames:?}");
+    println!("{most} heads solved, {interpolated} frames interpolated, {frames:?}");
 }
 
 #[test]
