@@ -1,11 +1,13 @@
-//! `starloop catalog`: pack a CSV, show what a packed catalog holds, query a cone.
+//! `starloop catalog`: pack a CSV, import a published catalog into layers, show what they hold, query a cone.
 
 use crate::astrometry::{at_epoch, years_since};
 use crate::base::time::Tai;
 use crate::base::units::{DEG, MAS};
+use crate::cli::catalog_layers::{ImportArgs, VerifyArgs, import, layer_info, verify};
 use crate::sky::catalog::{
     BANDS, Catalog, CatalogSource, DEFAULT_CREDITS, chord_squared, direction_from_ra_dec, pack, ra_dec_rad,
 };
+use crate::sky::layer::{FASTEST_MAS_YR, Layer, is_layer};
 use anyhow::{Context, ensure};
 use clap::{Args, Subcommand};
 use glam::DVec3;
@@ -28,7 +30,11 @@ pub struct CatalogArgs {
 enum Action {
     /// Pack a CSV of stars into the format that starloop reads
     Pack(PackArgs),
-    /// Show what a packed catalog holds: stars, epoch, bands, magnitudes, credits, checksum
+    /// Import a published catalog into layers on disk: stars of any number, in bounded memory
+    Import(ImportArgs),
+    /// Read packed catalogs and layers to their end and hold every part against its checksum
+    Verify(VerifyArgs),
+    /// Show what a packed catalog or a layer holds: stars, epoch, bands, magnitudes, credits, checksum
     Info(InfoArgs),
     /// List the stars of a cone as CSV
     Query(QueryArgs),
@@ -51,7 +57,7 @@ struct PackArgs {
 
 #[derive(Debug, Args)]
 struct InfoArgs {
-    /// Packed catalog; the built-in one when left out
+    /// Packed catalog or layer; the built-in catalog when left out
     file: Option<PathBuf>,
 }
 
@@ -72,7 +78,7 @@ struct QueryArgs {
     /// Time of the positions, RFC 3339; the catalog's epoch when left out
     #[arg(long)]
     at: Option<String>,
-    /// Packed catalog; the built-in one when left out
+    /// Packed catalog or layer; the built-in catalog when left out
     #[arg(long)]
     catalog: Option<PathBuf>,
 }
@@ -85,6 +91,9 @@ pub fn run(args: CatalogArgs) -> anyhow::Result<()> {
     let mut stdout = std::io::stdout().lock();
     match args.action {
         Action::Pack(args) => pack_file(&args, &mut stdout),
+        Action::Import(args) => import(&args, &mut stdout),
+        Action::Verify(args) => verify(&args, &mut stdout),
+        Action::Info(InfoArgs { file: Some(path) }) if is_layer(&path) => layer_info(&path, &mut stdout),
         Action::Info(args) => info(&open(args.file.as_deref())?, &mut stdout),
         Action::Query(args) => query(&args, &mut stdout),
     }
@@ -151,12 +160,24 @@ fn query(args: &QueryArgs, out: &mut impl Write) -> anyhow::Result<()> {
     check("--radius", 0.0, WHOLE_SKY_DEG, args.radius)?;
     ensure!(args.mag.is_finite(), "--mag: wanted a magnitude, got {}", args.mag);
     let at = args.at.as_deref().map(Tai::from_rfc3339).transpose().context("--at")?;
-    let catalog = open(args.catalog.as_deref())?;
-    let years = at.map_or(0.0, |at| years_since(catalog.epoch_yr(), at));
     let axis = direction_from_ra_dec(args.ra * DEG, args.dec * DEG);
-    let margin_rad = years.abs() * catalog.fastest_mas_yr() * MAS;
     let mut found = Vec::new();
-    catalog.cone(axis, args.radius * DEG + margin_rad, args.mag, &mut found);
+    let years_from = |epoch_yr: f64| at.map_or(0.0, |at| years_since(epoch_yr, at));
+    let radius_rad = |years: f64, fastest_mas_yr: f64| args.radius * DEG + years.abs() * fastest_mas_yr * MAS;
+    let years = match args.catalog.as_deref().filter(|path| is_layer(path)) {
+        Some(path) => {
+            let layer = Layer::open(path)?;
+            let years = years_from(layer.epoch_yr());
+            layer.cone(axis, radius_rad(years, FASTEST_MAS_YR), args.mag, &mut found)?;
+            years
+        }
+        None => {
+            let catalog = open(args.catalog.as_deref())?;
+            let years = years_from(catalog.epoch_yr());
+            catalog.cone(axis, radius_rad(years, catalog.fastest_mas_yr()), args.mag, &mut found);
+            years
+        }
+    };
     write_csv(&found, axis, args.radius * DEG, years, out)
 }
 

@@ -4,6 +4,7 @@
 //! barycentre, km and km/s.
 //!
 //! * [`catalog`]: the packed star catalog and its cone query;
+//! * [`import`], [`layer`]: published catalogs -> layers on disk, of any number of stars, and their cone query;
 //! * [`earth`]: the Earth's barycentric state from VSOP87E;
 //! * [`moon`]: the geocentric Moon by a short series;
 //! * [`bodies`]: Sun, Moon and Earth as the observer sees them;
@@ -14,6 +15,8 @@ pub mod bodies;
 pub mod catalog;
 pub mod earth;
 mod error;
+pub mod import;
+pub mod layer;
 pub mod moon;
 pub mod observer;
 pub mod orbit;

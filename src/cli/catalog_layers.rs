@@ -1,0 +1,286 @@
+//! `starloop catalog import` and `verify`: published catalogs -> layers on disk, and whether they are whole.
+
+use crate::sky::catalog::{Catalog, DEFAULT_CREDITS};
+use crate::sky::import::gaia::{EPOCH_YR, Names, import as import_gaia};
+use crate::sky::layer::{Layer, LayerReport, Sorting, is_layer};
+use anyhow::{Context, bail, ensure};
+use clap::Args;
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+
+/// Arguments of `starloop catalog import`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Reads Gaia's bulk files (GaiaSource_*.csv.gz) and any CSV with Gaia's column names: source_id, ra, dec, \
+    pmra, pmdec, parallax, phot_g_mean_mag, and bp_rp or phot_bp_mean_mag and phot_rp_mean_mag; --column says where a \
+    file has another name.\n\nAn import that was cut short goes on after its last whole file when it is started again \
+    with the same --out."
+)]
+pub(super) struct ImportArgs {
+    /// Files to import, .csv or .csv.gz
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// Folder for the layers, gNN.starlayer each
+    #[arg(long)]
+    out: PathBuf,
+    /// Faint ends of the layers, G magnitudes, rising; fainter stars are left out and counted
+    #[arg(long, value_delimiter = ',', default_values_t = [10.0, 14.0, 18.0, 22.0])]
+    layers: Vec<f32>,
+    /// Folder for what is sorted, some 36 bytes a star; a folder within --out when left out
+    #[arg(long)]
+    work: Option<PathBuf>,
+    /// Epoch of the positions, Julian year
+    #[arg(long, default_value_t = EPOCH_YR)]
+    epoch: f64,
+    /// Column names of the files where they are not Gaia's, such as phot_g_mean_mag=G; may be repeated
+    #[arg(long = "column", value_name = "GAIA=HERE")]
+    columns: Vec<String>,
+    /// Credits that the data ask for, carried in the layers
+    #[arg(long, default_value = DEFAULT_CREDITS)]
+    credits: String,
+}
+
+/// Arguments of `starloop catalog verify`.
+#[derive(Debug, Args)]
+pub(super) struct VerifyArgs {
+    /// Packed catalogs and layers
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+}
+
+/// Imports files into layers and tells what became of their rows.
+pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<()> {
+    ensure!((1900.0..=2100.0).contains(&args.epoch), "--epoch: wanted a Julian year in 1900..2100, got {}", args.epoch);
+    let are_rising = args.layers.is_sorted_by(|a, b| a < b);
+    ensure!(are_rising && !args.layers.is_empty(), "--layers: wanted rising magnitudes, got {:?}", args.layers);
+    let names = names(&args.columns)?;
+    let work = args.work.clone().unwrap_or_else(|| args.out.join("import"));
+    std::fs::create_dir_all(&args.out).with_context(|| format!("cannot make {}", args.out.display()))?;
+    let mut sorting = Sorting::start(&work, &args.layers)?;
+    let line = ProgressLine::new();
+    for (number, path) in args.files.iter().enumerate() {
+        let (name, mark) = (name_of(path)?, mark(path)?);
+        if sorting.has(&name, &mark)? {
+            eprintln!("{name}: taken in before");
+            continue;
+        }
+        let of = args.files.len();
+        let mut told = |rows| line.show(&format!("file {} of {of}: {name}, {rows} rows", number + 1));
+        let rows = import_gaia(path, &names, &mut sorting, &mut told)?;
+        sorting.tell("rows", rows);
+        sorting.checkpoint(&name, &mark)?;
+    }
+    let counts = sorting.counts();
+    let told: Vec<(String, u64)> = sorting.told().map(|(what, count)| (what.to_owned(), count)).collect();
+    let mut share = |share: f64| line.show(&format!("sorting: {:.0} %", 100.0 * share));
+    let reports = sorting.finish(&args.out, args.epoch, &args.credits, &mut share)?;
+    line.clear();
+    for (what, count) in &told {
+        writeln!(out, "{count:>12} {what}")?;
+    }
+    for (count, what) in [
+        (counts.stars, "stars taken in"),
+        (counts.too_faint, "stars fainter than the last layer, left out"),
+        (counts.without_motion, "without a proper motion"),
+        (counts.without_parallax, "without a parallax"),
+        (counts.without_colour, "without a colour, drawn with BP - RP = 0.9"),
+        (counts.negative_parallaxes, "negative parallaxes, stored as zero"),
+        (counts.clamped_colours, "colours beyond -0.5..5, clamped"),
+        (reports.iter().map(|report| report.doubled).sum(), "stars that came twice, taken once"),
+    ] {
+        writeln!(out, "{count:>12} {what}")?;
+    }
+    reports.iter().try_for_each(|report| tell_layer(report, out))
+}
+
+fn tell_layer(report: &LayerReport, out: &mut impl Write) -> anyhow::Result<()> {
+    let LayerReport { path, stars, order, bytes, .. } = report;
+    writeln!(out, "{}: {stars} stars, tiles of order {order}, {bytes} bytes", path.display())?;
+    Ok(())
+}
+
+/// `phot_g_mean_mag=G`, ...
+fn names(columns: &[String]) -> anyhow::Result<Names> {
+    let mut names = Names::default();
+    for column in columns {
+        let Some((archive, here)) = column.split_once('=') else {
+            bail!("--column: wanted GAIA=HERE, such as phot_g_mean_mag=G, got \"{column}\"");
+        };
+        ensure!(
+            names.rename(archive, here),
+            "--column: wanted one of {} before the =, got \"{archive}\"",
+            Names::all().join(", ")
+        );
+    }
+    Ok(names)
+}
+
+/// The name of a file without its folder: it may be moved between two tries.
+fn name_of(path: &Path) -> anyhow::Result<String> {
+    let name = path.file_name().and_then(|name| name.to_str());
+    name.map(str::to_owned).with_context(|| format!("{}: wanted a file with a readable name", path.display()))
+}
+
+/// What tells that a file is the same as before: its length and when it was written.
+fn mark(path: &Path) -> anyhow::Result<String> {
+    let facts = std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let written = facts.modified().ok().and_then(|at| at.duration_since(UNIX_EPOCH).ok()).unwrap_or_default();
+    Ok(format!("{} bytes, written {} s after 1970", facts.len(), written.as_secs()))
+}
+
+/// Reads catalogs and layers to their end.
+pub(super) fn verify(args: &VerifyArgs, out: &mut impl Write) -> anyhow::Result<()> {
+    let line = ProgressLine::new();
+    for path in &args.files {
+        let stars = if is_layer(path) {
+            let layer = Layer::open(path)?;
+            layer.verify(&mut |share| line.show(&format!("{}: {:.0} %", path.display(), 100.0 * share)))?;
+            line.clear();
+            layer.stars()
+        } else {
+            let catalog = Catalog::open(path).with_context(|| path.display().to_string())?;
+            catalog.sources().len() as u64
+        };
+        writeln!(out, "{}: whole, {stars} stars", path.display())?;
+    }
+    Ok(())
+}
+
+/// Tells what a layer holds.
+pub(super) fn layer_info(path: &Path, out: &mut impl Write) -> anyhow::Result<()> {
+    let layer = Layer::open(path)?;
+    let [from, below] = layer.magnitudes();
+    let (mut most, mut filled) = (0, 0);
+    for stars in layer.stars_of_tiles() {
+        most = most.max(stars);
+        filled += u64::from(stars > 0);
+    }
+    writeln!(out, "stars    {}", layer.stars())?;
+    writeln!(out, "epoch    J{:.1}, ICRS", layer.epoch_yr())?;
+    if from.is_finite() {
+        writeln!(out, "G        {from} to {below}")?;
+    } else {
+        writeln!(out, "G        to {below}")?;
+    }
+    writeln!(out, "tiles    order {}, {filled} with stars, at most {most} in one", layer.order())?;
+    writeln!(out, "crc32    {:08x}", layer.crc32())?;
+    writeln!(out, "credits  {}", layer.credits())?;
+    Ok(())
+}
+
+/// One line on a terminal that is drawn over; silent elsewhere.
+struct ProgressLine {
+    is_on: bool,
+}
+
+impl ProgressLine {
+    fn new() -> Self {
+        Self { is_on: std::io::stderr().is_terminal() }
+    }
+
+    fn show(&self, text: &str) {
+        if self.is_on {
+            let _a_closed_terminal_is_no_error = write!(std::io::stderr(), "\r{text:<79}");
+        }
+    }
+
+    fn clear(&self) {
+        self.show("");
+        if self.is_on {
+            let _a_closed_terminal_is_no_error = write!(std::io::stderr(), "\r");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Debug, Parser)]
+    struct Program {
+        #[command(flatten)]
+        import: ImportArgs,
+    }
+
+    const CSV: &str = "source_id,ra,dec,pmra,pmdec,parallax,G,bp_rp\n1,10.0,-20.0,5.0,0.0,,9.0,1.0\n\
+        2,10.5,-20.0,,,3.2,13.0,\n3,50.0,-20.0,,,,,1.0\n4,51.0,-20.0,,,,23.0,1.0\n";
+
+    fn arguments(line: &[&str]) -> ImportArgs {
+        Program::try_parse_from([&["x"], line].concat()).expect("a valid command line").import
+    }
+
+    fn imported(line: &[&str]) -> anyhow::Result<String> {
+        let mut out = Vec::new();
+        import(&arguments(line), &mut out)?;
+        Ok(String::from_utf8(out)?)
+    }
+
+    #[test]
+    fn imports_tells_and_verifies() {
+        let folder = tempfile::tempdir().unwrap();
+        let csv = folder.path().join("stars.csv");
+        std::fs::write(&csv, CSV).unwrap();
+        let (csv, out) = (csv.to_str().unwrap(), folder.path().join("layers"));
+        let line = [csv, "--out", out.to_str().unwrap(), "--column", "phot_g_mean_mag=G", "--credits", "me"];
+        let told = imported(&line).unwrap();
+        for wanted in [
+            "           4 rows\n",
+            "           1 rows without a G magnitude, left out\n",
+            "           2 stars taken in\n",
+            "           1 stars fainter than the last layer, left out\n",
+            "           1 without a colour",
+            "g10.starlayer: 1 stars",
+            "g14.starlayer: 1 stars",
+            "g22.starlayer: 0 stars",
+        ] {
+            assert!(told.contains(wanted), "{wanted:?} in {told}");
+        }
+        let layer = out.join("g10.starlayer");
+        let mut text = Vec::new();
+        layer_info(&layer, &mut text).unwrap();
+        let text = String::from_utf8(text).unwrap();
+        assert!(text.contains("stars    1\n") && text.contains("J2016.0") && text.contains("credits  me"), "{text}");
+        let mut whole = Vec::new();
+        verify(&VerifyArgs { files: vec![layer.clone()] }, &mut whole).unwrap();
+        assert!(String::from_utf8(whole).unwrap().contains("whole, 1 stars"));
+        let mut bytes = std::fs::read(&layer).unwrap();
+        let last = bytes.len() - 1;
+        bytes[last] ^= 1;
+        std::fs::write(&layer, bytes).unwrap();
+        let error = verify(&VerifyArgs { files: vec![layer] }, &mut Vec::new()).unwrap_err().to_string();
+        assert!(error.contains("damaged: tile"), "control: {error}");
+    }
+
+    #[test]
+    fn a_file_that_is_wrong_leaves_no_layer_and_the_next_try_goes_on() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        let (good, bad, out) = (path("good.csv"), path("bad.csv"), path("layers"));
+        let text = CSV.replace(",G,", ",phot_g_mean_mag,");
+        std::fs::write(&good, &text).unwrap();
+        std::fs::write(&bad, text.replace("\n1,", "\n101,").replace("\n2,10.5", "\n102,1o.5")).unwrap();
+        let error = imported(&[&good, &bad, "--out", &out]).unwrap_err().to_string();
+        assert!(error.contains("bad.csv, line 3, column ra"), "{error}");
+        assert!(!folder.path().join("layers/g10.starlayer").exists());
+        std::fs::write(&bad, text.replace("\n1,", "\n101,").replace("\n2,", "\n102,")).unwrap();
+        let told = imported(&[&good, &bad, "--out", &out]).unwrap();
+        assert!(told.contains("           8 rows\n") && told.contains("           4 stars taken in\n"), "{told}");
+    }
+
+    #[test]
+    fn bad_arguments_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("layers");
+        let refused = |extra: &[&str]| {
+            let line = [&["no.csv", "--out", out.to_str().unwrap()], extra].concat();
+            format!("{:#}", imported(&line).unwrap_err())
+        };
+        assert!(refused(&["--layers", "14,10"]).contains("--layers: wanted rising"));
+        assert!(refused(&["--epoch", "1800"]).contains("--epoch"));
+        assert!(refused(&["--column", "G"]).contains("wanted GAIA=HERE"));
+        assert!(refused(&["--column", "mag=G"]).contains("wanted one of source_id"));
+        assert!(refused(&[]).contains("no.csv"));
+    }
+}

@@ -1,0 +1,309 @@
+//! Gaia's bulk CSV (`GaiaSource_AAAAAA-BBBBBB.csv.gz`: an ECSV header of `#` lines, `null` for what is blank) -> stars.
+//!
+//! Columns, found by name, others ignored: `source_id`, `ra`, `dec` (deg, ICRS), `pmra` (with cos dec), `pmdec` (mas/yr),
+//! `parallax` (mas), `phot_g_mean_mag`, and `bp_rp` or else `phot_bp_mean_mag` and `phot_rp_mean_mag` (mag). Where a file
+//! has other names, [`Names`] says so. Blank is an empty cell, `null`, `nan` or `NaN`. A row without place or magnitude is
+//! left out and counted: nothing can be drawn of it. Positions are of epoch J2016.0 (Gaia DR3). Tests: `tests` below.
+
+use super::error::ImportError;
+use crate::base::units::DEG;
+use crate::sky::layer::{NewStar, Sorting};
+use csv::StringRecord;
+use flate2::read::MultiGzDecoder;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
+
+/// Epoch of Gaia DR3's positions, Julian year.
+pub const EPOCH_YR: f64 = 2016.0;
+/// Rows from one call of `progress` to the next.
+const ROWS_A_STEP: u64 = 50_000;
+/// Count of rows left out because they have no place.
+pub const WITHOUT_PLACE: &str = "rows without a place, left out";
+/// Count of rows left out because they have no G magnitude.
+pub const WITHOUT_MAGNITUDE: &str = "rows without a G magnitude, left out";
+
+/// Columns by what they hold, as a file names them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Names {
+    columns: [String; COLUMNS],
+}
+
+const SOURCE_ID: usize = 0;
+const RA: usize = 1;
+const DEC: usize = 2;
+const PM_RA: usize = 3;
+const PM_DEC: usize = 4;
+const PARALLAX: usize = 5;
+const G: usize = 6;
+const BP_RP: usize = 7;
+const BP: usize = 8;
+const RP: usize = 9;
+const COLUMNS: usize = 10;
+
+/// Names in Gaia's archive.
+const ARCHIVE: [&str; COLUMNS] = [
+    "source_id",
+    "ra",
+    "dec",
+    "pmra",
+    "pmdec",
+    "parallax",
+    "phot_g_mean_mag",
+    "bp_rp",
+    "phot_bp_mean_mag",
+    "phot_rp_mean_mag",
+];
+
+impl Default for Names {
+    /// Those of Gaia's archive.
+    fn default() -> Self {
+        Self { columns: ARCHIVE.map(String::from) }
+    }
+}
+
+impl Names {
+    /// The column that Gaia's archive calls `archive` is called `here`; false when the archive has no such column.
+    pub fn rename(&mut self, archive: &str, here: &str) -> bool {
+        let place = ARCHIVE.iter().position(|name| *name == archive);
+        place.map(|place| self.columns[place] = here.into()).is_some()
+    }
+
+    /// What may be renamed.
+    #[must_use]
+    pub fn all() -> &'static [&'static str] {
+        &ARCHIVE
+    }
+}
+
+/// Takes a file in, `.csv` or `.csv.gz`; the number of rows. `progress` is told rows now and then.
+///
+/// # Errors
+/// When the file cannot be read to its end, lacks a column, or a cell is no number; stars taken in before are then to be
+/// forgotten (no checkpoint was written).
+pub fn import(
+    path: &Path,
+    names: &Names,
+    sorting: &mut Sorting,
+    progress: &mut dyn FnMut(u64),
+) -> Result<u64, ImportError> {
+    let file = File::open(path).map_err(|source| ImportError::File { path: path.into(), source })?;
+    let is_packed = path.extension().is_some_and(|kind| kind.eq_ignore_ascii_case("gz"));
+    let file = BufReader::with_capacity(1 << 20, file);
+    let text: Box<dyn Read> = if is_packed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
+    import_text(text, path, names, sorting, progress)
+}
+
+fn import_text(
+    text: impl Read,
+    path: &Path,
+    names: &Names,
+    sorting: &mut Sorting,
+    progress: &mut dyn FnMut(u64),
+) -> Result<u64, ImportError> {
+    let wrong = |source| ImportError::Csv { path: path.into(), source };
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text);
+    let columns = Columns::find(path, names, reader.headers().map_err(wrong)?)?;
+    let mut cells = StringRecord::new();
+    let mut rows = 0;
+    while reader.read_record(&mut cells).map_err(wrong)? {
+        rows += 1;
+        let row = Row { path, columns: &columns, cells: &cells };
+        if let Some(star) = row.star(sorting)? {
+            sorting.add(&star).map_err(|source| ImportError::Star { path: path.into(), line: row.line(), source })?;
+        }
+        if rows % ROWS_A_STEP == 0 {
+            progress(rows);
+        }
+    }
+    progress(rows);
+    Ok(rows)
+}
+
+struct Columns<'a> {
+    names: &'a Names,
+    /// `None`: the file has no such column, and needs none.
+    places: [Option<usize>; COLUMNS],
+}
+
+impl<'a> Columns<'a> {
+    fn find(path: &Path, names: &'a Names, header: &StringRecord) -> Result<Self, ImportError> {
+        let place = |name: &String| header.iter().position(|cell| cell.trim() == name);
+        let places = core::array::from_fn(|i| place(&names.columns[i]));
+        let is_missing = |column: &usize| match *column {
+            BP_RP => places[BP_RP].is_none() && (places[BP].is_none() || places[RP].is_none()),
+            BP | RP => false,
+            column => places[column].is_none(),
+        };
+        match (0..COLUMNS).find(is_missing) {
+            Some(missing) => Err(ImportError::Column {
+                path: path.into(),
+                wanted: names.columns[missing].clone(),
+                got: header.iter().collect::<Vec<_>>().join(","),
+            }),
+            None => Ok(Self { names, places }),
+        }
+    }
+}
+
+struct Row<'a> {
+    path: &'a Path,
+    columns: &'a Columns<'a>,
+    cells: &'a StringRecord,
+}
+
+impl Row<'_> {
+    /// The star of the row; `None`, counted, when nothing can be drawn of it.
+    fn star(&self, sorting: &mut Sorting) -> Result<Option<NewStar>, ImportError> {
+        let text = self.text(SOURCE_ID);
+        let source_id = text.parse().map_err(|_| self.refuse(SOURCE_ID, "a whole number"))?;
+        let (Some(ra_deg), Some(dec_deg)) = (self.number(RA)?, self.number(DEC)?) else {
+            sorting.tell(WITHOUT_PLACE, 1);
+            return Ok(None);
+        };
+        let Some(mag_g) = self.number(G)? else {
+            sorting.tell(WITHOUT_MAGNITUDE, 1);
+            return Ok(None);
+        };
+        let bp_rp = match (self.number(BP_RP)?, self.number(BP)?, self.number(RP)?) {
+            (Some(bp_rp), ..) => Some(bp_rp),
+            (None, Some(bp), Some(rp)) => Some(bp - rp),
+            _ => None,
+        };
+        let motion_mas_yr = self.number(PM_RA)?.zip(self.number(PM_DEC)?).map(<[f64; 2]>::from);
+        let parallax_mas = self.number(PARALLAX)?;
+        let (ra_rad, dec_rad) = (ra_deg * DEG, dec_deg * DEG);
+        Ok(Some(NewStar { source_id, ra_rad, dec_rad, motion_mas_yr, parallax_mas, mag_g, bp_rp }))
+    }
+
+    fn text(&self, column: usize) -> &str {
+        self.columns.places[column].and_then(|place| self.cells.get(place)).unwrap_or("").trim()
+    }
+
+    /// A number, or `None` where the cell is blank or the file has no such column.
+    fn number(&self, column: usize) -> Result<Option<f64>, ImportError> {
+        let text = self.text(column);
+        if text.is_empty() || ["null", "nan"].iter().any(|blank| text.eq_ignore_ascii_case(blank)) {
+            return Ok(None);
+        }
+        let number = text.parse().ok().filter(|number: &f64| number.is_finite());
+        number.map(Some).ok_or_else(|| self.refuse(column, "a number, or null"))
+    }
+
+    fn line(&self) -> u64 {
+        self.cells.position().map_or(0, csv::Position::line)
+    }
+
+    fn refuse(&self, column: usize, wanted: &'static str) -> ImportError {
+        ImportError::Cell {
+            path: self.path.into(),
+            line: self.line(),
+            column: self.columns.names.columns[column].clone(),
+            wanted,
+            got: self.text(column).into(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sky::layer::Layer;
+    use flate2::Compression;
+    use flate2::write::GzEncoder;
+    use glam::DVec3;
+    use std::io::Write;
+
+    /// The head of a bulk file, as the archive writes it, with two rows, of which the second lacks much.
+    const BULK: &str = "# %ECSV 1.0\n# ---\n# delimiter: ','\n# datatype:\n# - {name: source_id, datatype: int64}\n\
+        solution_id,source_id,ref_epoch,ra,dec,parallax,pmra,pmdec,phot_g_mean_mag,phot_bp_mean_mag,phot_rp_mean_mag,bp_rp\n\
+        1636148068921376768,4295806720,2016.0,44.99615537864534,0.005615226341865997,0.3543305595550248,\
+        11.938616,-3.4,17.641426,18.1,16.9,1.2\n\
+        1636148068921376768,34361129088,2016.0,45.0,0.02,null,null,null,18.5,null,null,null\n";
+
+    fn take(text: &[u8], name: &str, names: &Names) -> (Result<u64, ImportError>, Sorting, tempfile::TempDir) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        let mut sorting = Sorting::start(&folder.path().join("work"), &[22.0]).unwrap();
+        let done = import(&path, names, &mut sorting, &mut |_| {});
+        (done, sorting, folder)
+    }
+
+    fn packed(text: &[u8]) -> Vec<u8> {
+        let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+        encoder.write_all(text).unwrap();
+        encoder.finish().unwrap()
+    }
+
+    #[test]
+    fn bulk_files_are_read_packed_or_not() {
+        for (text, name) in [(BULK.as_bytes().to_vec(), "g.csv"), (packed(BULK.as_bytes()), "g.csv.gz")] {
+            let (done, sorting, folder) = take(&text, name, &Names::default());
+            assert_eq!(done.unwrap(), 2);
+            let counts = sorting.counts();
+            assert_eq!((counts.stars, counts.without_motion, counts.without_parallax), (2, 1, 1));
+            assert_eq!(counts.without_colour, 1);
+            let reports = sorting.finish(folder.path(), EPOCH_YR, "", &mut |_| {}).unwrap();
+            let mut found = Vec::new();
+            Layer::open(&reports[0].path).unwrap().cone(DVec3::Z, 4.0, 99.0, &mut found).unwrap();
+            let [bright, faint] = found[..] else { panic!("two stars") };
+            // Python's math, from 44.99615537864534 and 0.005615226341865997 degrees.
+            let wanted = DVec3::new(0.707154223984, 0.707059328414, 0.000098004188);
+            assert!((bright.direction_icrf - wanted).length() < 2e-9, "{:?}", bright.direction_icrf);
+            assert!((bright.mag_g - 17.641).abs() < 1e-3 && (bright.bp_rp - 1.2).abs() < 1e-6);
+            assert!((bright.proper_motion.unwrap().pm_ra_cosdec_mas_yr - 11.95).abs() < 0.026);
+            assert!(faint.proper_motion.is_none() && faint.parallax_mas.is_none());
+        }
+    }
+
+    #[test]
+    fn rows_of_which_nothing_can_be_drawn_are_counted() {
+        let head = "source_id,ra,dec,pmra,pmdec,parallax,phot_g_mean_mag,bp_rp\n";
+        let text = format!("{head}1,,2.0,,,,15.0,1.0\n2,1.0,2.0,,,,null,1.0\n3,1.0,2.0,1.0,,,15.0,\n");
+        let (done, sorting, _folder) = take(text.as_bytes(), "g.csv", &Names::default());
+        assert_eq!((done.unwrap(), sorting.counts().stars), (3, 1));
+        assert_eq!(sorting.told().collect::<Vec<_>>(), [(WITHOUT_MAGNITUDE, 1), (WITHOUT_PLACE, 1)]);
+        assert_eq!(sorting.counts().without_motion, 1, "half a motion is none");
+    }
+
+    #[test]
+    fn other_names_and_colours_in_two_columns() {
+        let text = "id,ra,dec,pmra,pmdec,parallax,G,phot_bp_mean_mag,phot_rp_mean_mag\n5,1.0,2.0,,,,15.0,15.5,14.5\n";
+        let mut names = Names::default();
+        assert!(names.rename("source_id", "id") && names.rename("phot_g_mean_mag", "G"));
+        assert!(!names.rename("no_such_column", "x"));
+        let (done, sorting, folder) = take(text.as_bytes(), "g.csv", &names);
+        done.unwrap();
+        let reports = sorting.finish(folder.path(), EPOCH_YR, "", &mut |_| {}).unwrap();
+        let mut found = Vec::new();
+        Layer::open(&reports[0].path).unwrap().cone(DVec3::Z, 4.0, 99.0, &mut found).unwrap();
+        assert!((found[0].bp_rp - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_file_line_and_column() {
+        let refused = |text: &[u8], name: &str| take(text, name, &Names::default()).0.unwrap_err().to_string();
+        let bad = BULK.replace("11.938616", "11.9x");
+        let told = refused(bad.as_bytes(), "g.csv");
+        assert!(told.contains("g.csv, line 7, column pmra: wanted a number, or null, got \"11.9x\""), "{told}");
+        let told = refused(BULK.replace("phot_g_mean_mag", "g_mag").as_bytes(), "g.csv");
+        assert!(told.contains("no column \"phot_g_mean_mag\"; got solution_id,source_id"), "{told}");
+        let told = refused(BULK.replace("4295806720", "4.3e9").as_bytes(), "g.csv");
+        assert!(told.contains("column source_id: wanted a whole number"), "{told}");
+        let told = refused(BULK.replace("44.99615537864534", "444.9").as_bytes(), "g.csv");
+        assert!(told.contains("line 7: source 4295806720: right ascension"), "{told}");
+        let told = refused(BULK.replace(",1.2\n", "\n").as_bytes(), "g.csv");
+        assert!(told.contains("line") && told.contains("fields"), "{told}");
+        let whole = packed(BULK.as_bytes());
+        for cut in [whole.len() - 1, whole.len() - 9, whole.len() / 2] {
+            refused(&whole[..cut], "g.csv.gz");
+        }
+        let mut flipped = whole.clone();
+        let crc = flipped.len() - 6;
+        flipped[crc] ^= 1;
+        refused(&flipped, "g.csv.gz");
+        refused(BULK.as_bytes(), "g.csv.gz");
+        assert_eq!(take(&whole, "g.csv.gz", &Names::default()).0.unwrap(), 2, "control");
+    }
+}

@@ -1,0 +1,112 @@
+//! What can be wrong with a layer.
+
+use std::path::{Path, PathBuf};
+
+/// Why a layer was not written, opened or read.
+#[derive(Debug, thiserror::Error)]
+pub enum LayerError {
+    /// The file could not be read or written.
+    #[error("{what} {path}: {source}", path = path.display())]
+    File {
+        /// What was to be done.
+        what: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// Not a layer at all.
+    #[error("{path}: not a star layer: wanted it to begin with \"STARLAY1\", got {got:?}", path = path.display())]
+    Magic {
+        /// The file.
+        path: PathBuf,
+        /// The first bytes, as text.
+        got: String,
+    },
+    /// A field that this program does not know how to read.
+    #[error("{path}: {field}: wanted {wanted}, got {got}", path = path.display())]
+    Field {
+        /// The file.
+        path: PathBuf,
+        /// Name of the field.
+        field: &'static str,
+        /// What this program reads.
+        wanted: String,
+        /// What the file holds.
+        got: String,
+    },
+    /// The file has another length than its head promises.
+    #[error(
+        "{path}: {got} bytes, wanted {wanted} by its head: half written, cut short or something follows its end; \
+         import it again",
+        path = path.display()
+    )]
+    Length {
+        /// The file.
+        path: PathBuf,
+        /// Bytes by its head.
+        wanted: u64,
+        /// Bytes there are.
+        got: u64,
+    },
+    /// The head's bytes are not those that were written.
+    #[error("{path}: damaged: CRC-32 of its head wanted {wanted:08x}, got {got:08x}; import it again", path = path.display())]
+    Head {
+        /// The file.
+        path: PathBuf,
+        /// Value stored.
+        wanted: u32,
+        /// Value of the bytes read.
+        got: u32,
+    },
+    /// The bytes of a tile are not those that were written.
+    #[error(
+        "{path}: damaged: tile {tile} of order {order} (about RA {ra_deg:.3} Dec {dec_deg:+.3} deg), CRC-32 wanted \
+         {wanted:08x}, got {got:08x}; import it again",
+        path = path.display()
+    )]
+    Tile {
+        /// The file.
+        path: PathBuf,
+        /// Nested HEALPix index.
+        tile: u64,
+        /// Order of the tiles.
+        order: u8,
+        /// Its centre.
+        ra_deg: f64,
+        /// Its centre.
+        dec_deg: f64,
+        /// Value stored.
+        wanted: u32,
+        /// Value of the bytes read.
+        got: u32,
+    },
+    /// A star that no layer can hold.
+    #[error("source {source_id}: {what}: wanted {wanted}, got {got}")]
+    Star {
+        /// Which.
+        source_id: i64,
+        /// What is wrong with it.
+        what: &'static str,
+        /// Accepted values.
+        wanted: String,
+        /// Its value.
+        got: f64,
+    },
+    /// What an earlier import left behind does not fit.
+    #[error("{path}: {why}; remove the folder to begin anew", path = path.display())]
+    Work {
+        /// Where.
+        path: PathBuf,
+        /// What is wrong.
+        why: String,
+    },
+}
+
+impl LayerError {
+    /// A failure of the system with `path`.
+    pub(super) fn file(what: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_path_buf();
+        move |source| Self::File { what, path, source }
+    }
+}

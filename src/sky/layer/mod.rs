@@ -1,0 +1,24 @@
+//! Deep star layers on disk: stars in any order -> one file per range of magnitude -> cone queries.
+//!
+//! * [`Sorting`] takes stars in, as importers read them, sorts them on disk in bounded memory, and writes layers;
+//! * [`Layer`] opens one: its head (some MB) in memory, its stars read by tile and checked as they are read.
+//!
+//! Positions are ICRS at the catalog's epoch. Stored values differ from those given by at most 0.36 mas (at order 6, and
+//! half of it with each order more), 0.025 mas/yr (1.25 beyond 1.4 arcsec/yr), 0.01 mas of parallax, 0.5 mmag of
+//! magnitude and colour. Unknown colours are told apart in the file and read as [`UNKNOWN_BP_RP_MAG`]. Tests: `tests`
+//! (round trip, brute force, resuming, damage), `tests/fuzz/targets/layer.rs`.
+
+mod build;
+mod error;
+mod layout;
+mod open;
+mod star;
+
+pub use build::{LayerReport, Sorting};
+pub use error::LayerError;
+pub use layout::FASTEST_MAS_YR;
+pub use open::{Layer, UNKNOWN_BP_RP_MAG, is_layer};
+pub use star::{NewStar, StarCounts};
+
+#[cfg(test)]
+mod tests;

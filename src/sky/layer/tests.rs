@@ -1,0 +1,265 @@
+//! Layers against brute force over the same stars; imports that are cut short; files that are damaged.
+
+use super::*;
+use crate::base::units::{DEG, MAS};
+use crate::sky::catalog::{chord_squared, direction_from_ra_dec};
+use core::f64::consts::{PI, TAU};
+use glam::DVec3;
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+use std::path::{Path, PathBuf};
+
+const LIMITS: [f32; 3] = [10.0, 14.0, 18.0];
+
+/// Stars all over the sky, more of them in a cluster at a pole.
+fn stars(count: usize, seed: u64) -> Vec<NewStar> {
+    let mut rng = StdRng::seed_from_u64(seed);
+    let star = |i: usize| {
+        let (u, v): (f64, f64) = (rng.random(), rng.random());
+        let dec_rad = if i.is_multiple_of(4) { (1.0 - 1e-4 * v).asin() } else { (2.0 * v - 1.0).asin() };
+        NewStar {
+            source_id: i as i64 * 7 + 3,
+            ra_rad: TAU * u,
+            dec_rad,
+            motion_mas_yr: (!i.is_multiple_of(3))
+                .then(|| [rng.random_range(-50.0..50.0), rng.random_range(-3000.0..3000.0)]),
+            parallax_mas: (!i.is_multiple_of(5)).then(|| rng.random_range(0.0..100.0)),
+            mag_g: rng.random_range(2.0..18.0),
+            bp_rp: (!i.is_multiple_of(7)).then(|| rng.random_range(-0.4..4.9)),
+        }
+    };
+    (0..count).map(star).collect()
+}
+
+fn build(folder: &Path, stars: &[NewStar]) -> Vec<LayerReport> {
+    let mut sorting = Sorting::start(&folder.join("work"), &LIMITS).unwrap();
+    stars.iter().for_each(|star| sorting.add(star).unwrap());
+    sorting.finish(&folder.join("layers"), 2016.0, "whom it concerns", &mut |_| {}).unwrap()
+}
+
+fn direction(star: &NewStar) -> DVec3 {
+    direction_from_ra_dec(star.ra_rad, star.dec_rad)
+}
+
+#[test]
+fn every_star_comes_back_within_half_steps() {
+    let folder = tempfile::tempdir().unwrap();
+    let stars = stars(20_000, 1);
+    let reports = build(folder.path(), &stars);
+    assert_eq!(reports.iter().map(|report| report.stars).sum::<u64>(), 20_000, "none lost, none doubled");
+    assert!(!folder.path().join("work").exists(), "nothing is left behind");
+    let (mut seen, mut found) = (0, Vec::new());
+    for (report, limits) in reports.iter().zip([[f32::NEG_INFINITY, 10.0], [10.0, 14.0], [14.0, 18.0]]) {
+        let layer = Layer::open(&report.path).unwrap();
+        layer.verify(&mut |_| {}).unwrap();
+        assert_eq!((layer.stars(), layer.magnitudes(), layer.epoch_yr()), (report.stars, limits, 2016.0));
+        assert_eq!((layer.credits(), report.doubled), ("whom it concerns", 0));
+        layer.cone(DVec3::Z, PI, 99.0, &mut found).unwrap();
+        assert_eq!(found.len() as u64, layer.stars());
+        seen += found.len();
+        for star in stars.iter().filter(|s| (s.mag_g as f32) < limits[1] && (s.mag_g as f32) >= limits[0]).step_by(17) {
+            let near = |other: &&crate::sky::catalog::CatalogSource| {
+                (other.direction_icrf - direction(star)).length() < 0.4 * MAS
+            };
+            let back = found.iter().find(near).expect("at its place");
+            assert!((f64::from(back.mag_g) - star.mag_g).abs() < 0.000_501);
+            match (back.proper_motion, star.motion_mas_yr) {
+                (None, None) => {}
+                (Some(got), Some([east, north])) => {
+                    assert!((f64::from(got.pm_ra_cosdec_mas_yr) - east).abs() < 0.0251);
+                    let half_step = if north.abs() < 1400.0 { 0.0251 } else { 1.251 };
+                    assert!((f64::from(got.pm_dec_mas_yr) - north).abs() < half_step, "{north} {got:?}");
+                }
+                other => panic!("{other:?}"),
+            }
+            match (back.parallax_mas, star.parallax_mas) {
+                (None, None) => {}
+                (Some(got), Some(wanted)) => assert!((f64::from(got) - wanted).abs() < 0.010_01, "{got} {wanted}"),
+                other => panic!("{other:?}"),
+            }
+            let colour = star.bp_rp.unwrap_or(f64::from(UNKNOWN_BP_RP_MAG));
+            assert!((f64::from(back.bp_rp) - colour).abs() < 0.000_501);
+        }
+    }
+    assert_eq!(seen, 20_000);
+}
+
+#[test]
+fn cones_agree_with_brute_force() {
+    let folder = tempfile::tempdir().unwrap();
+    let stars = stars(30_000, 2);
+    let reports = build(folder.path(), &stars);
+    let layers: Vec<Layer> = reports.iter().map(|report| Layer::open(&report.path).unwrap()).collect();
+    let mut rng = StdRng::seed_from_u64(3);
+    let mut found = Vec::new();
+    let mut total = 0;
+    for trial in 0..60 {
+        let axis = match trial % 4 {
+            0 => DVec3::Z,
+            1 => direction(&stars[trial * 11]),
+            _ => direction_from_ra_dec(TAU * rng.random::<f64>(), (2.0 * rng.random::<f64>() - 1.0_f64).asin()),
+        };
+        let radius_rad = [1e-6, 0.3, 1.0, 5.0, 40.0, 170.0][trial % 6] * DEG;
+        let limit = [8.0, 12.345, 17.0][trial % 3];
+        let mut counted = 0;
+        for layer in &layers {
+            layer.cone(axis, radius_rad, limit, &mut found).unwrap();
+            counted += found.len();
+        }
+        // Stars that roundings of place or magnitude may put on either side are neither wanted nor refused.
+        let within = |extra_rad: f64, extra_mag: f64| {
+            let chord2 = chord_squared((radius_rad + extra_rad).max(0.0));
+            let is_in = |star: &&NewStar| {
+                direction(star).distance_squared(axis) <= chord2 && star.mag_g <= f64::from(limit) + extra_mag
+            };
+            stars.iter().filter(is_in).count()
+        };
+        let (least, most) = (within(-MAS, -0.001), within(MAS, 0.001));
+        assert!((least..=most).contains(&counted), "trial {trial}: {counted}, wanted {least}..{most}");
+        total += counted;
+    }
+    assert!(total > 100_000, "control: there was something to find: {total}");
+}
+
+#[test]
+fn nothing_is_found_where_there_is_nothing_to_ask() {
+    let folder = tempfile::tempdir().unwrap();
+    let reports = build(folder.path(), &stars(100, 4));
+    let layer = Layer::open(&reports[2].path).unwrap();
+    let mut found = Vec::new();
+    for (axis, radius) in [(DVec3::ZERO, 1.0), (DVec3::Z, -1.0), (DVec3::Z, f64::NAN), (DVec3::NAN, 1.0)] {
+        layer.cone(axis, radius, 99.0, &mut found).unwrap();
+        assert!(found.is_empty());
+    }
+}
+
+#[test]
+fn the_same_stars_in_any_order_give_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut stars = stars(3000, 5);
+    let first = build(&folder.path().join("a"), &stars);
+    stars.reverse();
+    let second = build(&folder.path().join("b"), &stars);
+    for (a, b) in first.iter().zip(&second) {
+        assert_eq!(std::fs::read(&a.path).unwrap(), std::fs::read(&b.path).unwrap());
+        assert_eq!(std::fs::metadata(&a.path).unwrap().len(), a.bytes);
+    }
+}
+
+#[test]
+fn stars_that_come_twice_are_taken_once_and_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut twice = stars(500, 6);
+    twice.extend(stars(500, 6).into_iter().take(200));
+    let reports = build(folder.path(), &twice);
+    let sum = |of: fn(&LayerReport) -> u64| reports.iter().map(of).sum::<u64>();
+    assert_eq!((sum(|report| report.stars), sum(|report| report.doubled)), (500, 200));
+}
+
+#[test]
+fn fainter_stars_than_the_last_layer_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut sorting = Sorting::start(folder.path(), &LIMITS).unwrap();
+    let [star] = stars(1, 7)[..] else { panic!("one") };
+    for mag_g in [17.999, 18.0, 21.0] {
+        sorting.add(&NewStar { mag_g, ..star }).unwrap();
+    }
+    assert_eq!((sorting.counts().stars, sorting.counts().too_faint), (1, 2));
+}
+
+/// An import of two inputs that is cut short somewhere in the second.
+fn cut_short(work: &Path, halves: [&[NewStar]; 2], taken: usize) {
+    let mut sorting = Sorting::start(work, &LIMITS).unwrap();
+    halves[0].iter().for_each(|star| sorting.add(star).unwrap());
+    sorting.tell("rows without a place", 3);
+    sorting.checkpoint("first.csv", "11 bytes").unwrap();
+    halves[1][..taken].iter().for_each(|star| sorting.add(star).unwrap());
+    sorting.write_rows_for_tests();
+}
+
+#[test]
+fn an_import_that_is_cut_short_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let stars = stars(2000, 8);
+    let whole = build(&folder.path().join("whole"), &stars);
+    let halves = stars.split_at(1200);
+    let work = folder.path().join("work");
+    cut_short(&work, [halves.0, halves.1], 500);
+    let mut sorting = Sorting::start(&work, &LIMITS).unwrap();
+    assert!(sorting.has("first.csv", "11 bytes").unwrap());
+    assert!(!sorting.has("second.csv", "any").unwrap());
+    assert_eq!(sorting.counts().stars, 1200, "what was counted after the checkpoint is gone with its rows");
+    assert_eq!(sorting.told().collect::<Vec<_>>(), [("rows without a place", 3)]);
+    let changed = sorting.has("first.csv", "12 bytes").unwrap_err().to_string();
+    assert!(changed.contains("first.csv") && changed.contains("12 bytes"), "{changed}");
+    halves.1.iter().for_each(|star| sorting.add(star).unwrap());
+    let resumed = sorting.finish(&folder.path().join("resumed"), 2016.0, "whom it concerns", &mut |_| {}).unwrap();
+    for (a, b) in whole.iter().zip(&resumed) {
+        assert_eq!(std::fs::read(&a.path).unwrap(), std::fs::read(&b.path).unwrap());
+    }
+}
+
+#[test]
+fn work_that_does_not_fit_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |work: &Path, limits: &[f32]| {
+        let error = Sorting::start(work, limits).err().expect("refused").to_string();
+        assert!(error.contains("remove the folder"), "{error}");
+        error
+    };
+    let work = |name: &str| -> PathBuf {
+        let work = folder.path().join(name);
+        let stars = stars(100, 9);
+        cut_short(&work, [&stars, &stars], 0);
+        work
+    };
+    assert!(refused(&work("limits"), &[10.0]).contains("wanted [10.0]"));
+    let rows = |work: &Path| {
+        let mut files = std::fs::read_dir(work).unwrap().map(|entry| entry.unwrap().path());
+        files.find(|path| path.extension().is_some_and(|kind| kind == "rows")).unwrap()
+    };
+    let lost = work("lost");
+    std::fs::remove_file(rows(&lost)).unwrap();
+    assert!(refused(&lost, &LIMITS).contains("missing"));
+    let short = work("short");
+    std::fs::write(rows(&short), "").unwrap();
+    assert!(refused(&short, &LIMITS).contains("0 bytes"));
+    let garbled = work("garbled");
+    std::fs::write(garbled.join("progress.json"), "{").unwrap();
+    assert!(refused(&garbled, &LIMITS).contains("cannot be read"));
+}
+
+/// What is said of a layer whose bytes were changed, opened and read.
+fn told_of(bytes: &[u8], folder: &Path) -> Option<String> {
+    let path = folder.join("damaged.starlayer");
+    std::fs::write(&path, bytes).unwrap();
+    let read = Layer::open(&path).and_then(|layer| layer.verify(&mut |_| {}));
+    read.err().map(|error| error.to_string())
+}
+
+#[test]
+fn damage_anywhere_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let reports = build(folder.path(), &stars(300, 10));
+    let whole = std::fs::read(&reports[2].path).unwrap();
+    assert_eq!(told_of(&whole, folder.path()), None, "control: the whole file");
+    let mut rng = StdRng::seed_from_u64(11);
+    let anywhere: Vec<usize> = (0..200).map(|_| rng.random_range(0..whole.len())).collect();
+    for at in (0..64).chain(anywhere).chain(whole.len() - 64..whole.len()) {
+        let mut flipped = whole.clone();
+        flipped[at] ^= 1 << rng.random_range(0..8);
+        assert!(told_of(&flipped, folder.path()).is_some(), "byte {at}");
+    }
+    for cut in [0, 5, 8, 63, 64, 10_000, whole.len() - 1] {
+        let told = told_of(&whole[..cut], folder.path()).expect("cut short");
+        assert!(told.contains("cut short") || told.contains("not a star layer"), "{cut}: {told}");
+    }
+    let mut longer = whole.clone();
+    longer.push(0);
+    assert!(told_of(&longer, folder.path()).unwrap().contains("follows its end"));
+    let mut record = whole.clone();
+    let last = record.len() - 5;
+    record[last] ^= 4;
+    let told = told_of(&record, folder.path()).unwrap();
+    assert!(told.contains("tile") && told.contains("RA"), "{told}");
+}
