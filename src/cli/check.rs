@@ -3,6 +3,7 @@
 use crate::base::clock::{Clock, Monotonic};
 use crate::base::time::Tai;
 use crate::cli::calibrate::{Costs, costs_here};
+use crate::cli::check_display::{self, DisplayLimits, display_limits};
 use crate::cli::check_light;
 use crate::cli::check_plan::{self, Planned};
 use crate::cli::check_scenario;
@@ -10,6 +11,7 @@ use crate::cli::frame_plan::FramePlans;
 use crate::cli::radiometry_told::radiometry_told;
 use crate::config::{Bench, Document, Event, Scenario, StartTime, is_scenario};
 use crate::detector::cost::effect_costs;
+use crate::display::calibration::TrackerIdentity;
 use crate::runtime::field_light::FieldLight;
 use crate::runtime::{Imager, RunParams};
 use crate::sky::catalog::Catalog;
@@ -82,7 +84,10 @@ fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
         StartTime::Now => Tai::from_rfc3339("2026-01-01T00:00:00Z")?,
     };
     let mut params = bench_parts::run_params(bench, start)?;
-    take_display(&mut params, bench, Monotonic::start().now())?;
+    let tracker = TrackerIdentity::of(&params.camera.name, &params.camera.geometry);
+    let now = Monotonic::start().now();
+    take_display(&mut params, bench, now)?;
+    let limits = display_limits(bench, &tracker, &params, now)?;
     let imager = bench_parts::imager(&params)?;
     let costs = costs_here(&imager, only_built_in);
     bench_parts::take_real_clock(&mut params, bench, costs.measured);
@@ -92,7 +97,7 @@ fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
     text.push_str(CONVENTIONS);
     text.push('\n');
     crate::cli::check_attitude::write_attitude(&mut text, bench)?;
-    plans(&mut text, bench, start, &params, &imager)?;
+    plans(&mut text, bench, start, (&params, limits.as_ref()), &imager)?;
     Ok(text)
 }
 
@@ -160,7 +165,13 @@ fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Image
 }
 
 /// Plans of the first, a middle and the last frame, from the simulated flight computer's own truth.
-fn plans(text: &mut String, bench: &Bench, start: Tai, params: &RunParams, imager: &Imager) -> Result<()> {
+fn plans(
+    text: &mut String,
+    bench: &Bench,
+    start: Tai,
+    (params, limits): (&RunParams, Option<&DisplayLimits>),
+    imager: &Imager,
+) -> Result<()> {
     let planned = Planned::new(bench, params, imager);
     check_plan::write_sampling(text, params)?;
     check_plan::write_ladder(text, &planned)?;
@@ -174,6 +185,9 @@ fn plans(text: &mut String, bench: &Bench, start: Tai, params: &RunParams, image
         let plan = frames.plan(number, &mut planner)?;
         check_plan::write_plan(text, number, plan, &planned)?;
         check_light::write_frame(text, &mut light, &params.camera, plan)?;
+        if let Some(limits) = limits {
+            check_display::write_frame(text, limits, plan)?;
+        }
     }
     Ok(())
 }

@@ -170,7 +170,7 @@ fn lines() -> Result<Receiver<()>> {
 }
 
 /// A grey PNG as luminances.
-fn read(path: &Path) -> Result<DnImage> {
+pub(super) fn read(path: &Path) -> Result<DnImage> {
     let place = || format!("image {}", path.display());
     let file = std::fs::File::open(path).with_context(place)?;
     let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().with_context(place)?;

@@ -26,6 +26,7 @@
 pub mod beat;
 pub mod calibration;
 pub mod counters;
+pub mod covered;
 pub mod dither;
 pub mod drive;
 pub mod error;
@@ -37,6 +38,7 @@ pub mod grey;
 mod hand_over;
 pub mod latency;
 pub mod least_squares;
+pub mod luminance_code;
 pub mod marker;
 pub mod monitor;
 pub mod painter;

@@ -4,7 +4,7 @@
 //! run, drawn for the display: directions go to display pixels by the calibrated map, so that stars are placed by moving
 //! their centroids; a frame is one refresh, with the motion in it integrated; it is begun so early that its light leaves
 //! the display when the attitude in it holds: drawing (one refresh) and latency before the refresh begins. Pixel values are
-//! luminances, 65535 the most that the display has. Without a calibration frames go to the display as they are, and the
+//! codes of luminance ([`crate::display::luminance_code`]), 65535 the most that the display has. Without a calibration frames go to the display as they are, and the
 //! program says so.
 //!
 //! Limits: stars are Gaussians of [`SPOT_SIGMA_PX`] on the display, whatever the tracker's own PSF is, which comes on top;
@@ -14,11 +14,12 @@
 
 use crate::base::time::{Span, Tai};
 use crate::config::{Bench, DisplaySettings, Sink};
-use crate::detector::{DetectorParams, Patterns};
+use crate::detector::{DetectorParams, Nonlinearity, Patterns};
 use crate::display::beat::{Beat, BeatInput};
 use crate::display::calibration::{Calibration, DisplayIdentity, TrackerIdentity};
 use crate::display::dither::Dither;
 use crate::display::grey::Row;
+use crate::display::luminance_code::KNOTS;
 use crate::display::{GreyMaker, GreyTable, Params};
 use crate::exposure::Shutter;
 use crate::optics::{BackgroundLight, Illumination, PsfModel, Radiometry, StarLight};
@@ -71,6 +72,7 @@ pub fn calibration(settings: &DisplaySettings, tracker: &TrackerIdentity, now: T
 /// When the calibration is refused, or says too little.
 pub fn take_display(params: &mut RunParams, bench: &Bench, now: Tai) -> Result<()> {
     let Some(settings) = calibrated_display(bench) else { return Ok(()) };
+    Dither::over(settings.dither).context("sink.dither")?;
     let tracker = TrackerIdentity::of(&params.camera.name, &params.camera.geometry);
     let calibration = calibration(settings, &tracker, now)?;
     let calibrated = calibration.calibrated()?;
@@ -85,6 +87,7 @@ pub fn take_display(params: &mut RunParams, bench: &Bench, now: Tai) -> Result<(
     let refresh = params.frame_period;
     params.ahead = refresh + refresh + latency(settings, &calibration);
     let steps_per_e = f64::from(u16::MAX) / (light.full_px_e_per_s * refresh.s());
+    let coded = KNOTS.map(|[luminance, code]| [luminance * f64::from(u16::MAX) * E_PER_STEP, code * E_PER_STEP]);
     let camera = &mut params.camera;
     *camera = CameraParams {
         name: camera.name.clone(),
@@ -98,6 +101,7 @@ pub fn take_display(params: &mut RunParams, bench: &Bench, now: Tai) -> Result<(
         detector: DetectorParams {
             gain_e_per_dn: E_PER_STEP,
             full_well_e: E_PER_STEP * f64::from(u16::MAX),
+            nonlinearity: Nonlinearity::through(&coded)?,
             ..DetectorParams::QUIET
         },
         patterns: Patterns::default(),
@@ -164,7 +168,7 @@ pub fn display_parts(settings: &DisplaySettings, image_px: [usize; 2], bits: u32
         return Ok((params.clone(), GreyMaker::by_row(params.bits.count(), false, make)));
     };
     let calibration = Calibration::read(path)?;
-    let dither = Dither::over(settings.dither);
+    let dither = Dither::over(settings.dither)?;
     let drive = calibration.calibrated()?.drive(dither);
     let make = move |luminances: &[u16], greys: &mut [u16], row: Row| drive.row(luminances, row.y, row.refresh, greys);
     let latency = Some(latency(settings, &calibration)).filter(|latency| *latency > Span::ZERO);

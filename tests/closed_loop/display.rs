@@ -2,6 +2,7 @@
 
 use starloop::base::units::DEG;
 use starloop::display::calibration::Calibration;
+use starloop::display::luminance_code::luminance;
 use starloop::sink::fits::read_image;
 use starloop::sink::frame_log::{path_in, read_frame_log};
 use starloop::sink::recorder::frame_path;
@@ -45,6 +46,7 @@ fn stars_stand_where_the_calibration_says() {
     let checked = succeeds(&["check", "bench.toml"], folder.path());
     // 0.1 s are six refreshes of 60 Hz: no beat. The same tracker at 0.055 s beats, and is warned of.
     assert!(checked.contains("no beat"), "{checked}");
+    assert!(checked.contains("stars on the display: ") && checked.contains("mag fit anywhere"), "{checked}");
     change(&folder.path().join("tracker.toml"), "exposure_s = 0.1", "exposure_s = 0.055");
     let beats = succeeds(&["check", "bench.toml"], folder.path());
     assert!(beats.contains("WARNING") && beats.contains("refreshes"), "{beats}");
@@ -94,11 +96,12 @@ fn measured(pixels: &[u16], [x_px, y_px]: [f64; 2], stars: &[starloop::sink::Tru
         for x in column - 5..=column + 5 {
             let value = pixels[(y * 640 + x) as usize];
             most = most.max(value);
-            let value = f64::from(value);
+            // Codes of luminance, in even steps of 1/65535 of full.
+            let value = 65_535.0 * luminance(value);
             sums = [sums[0] + value * x as f64, sums[1] + value * y as f64, sums[2] + value];
         }
     }
-    (most > 2_000 && most < 65_535).then_some([sums[0] / sums[2], sums[1] / sums[2], sums[2]])
+    (luminance(most) > 0.03 && most < 65_535).then_some([sums[0] / sums[2], sums[1] / sums[2], sums[2]])
 }
 
 #[test]
