@@ -8,6 +8,7 @@ use glam::{DVec2, DVec3};
 use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use starloop::base::image::Image;
 use starloop::base::time::{Span, Tai};
+use starloop::detector::Nonlinearity;
 use starloop::display::calibration::fit::FitOptions;
 use starloop::display::calibration::pattern::Pattern;
 use starloop::display::calibration::report::MagnitudeRange;
@@ -18,6 +19,7 @@ use starloop::display::calibration::{
 use starloop::display::dither::Dither;
 use starloop::display::drive::DisplayDrive;
 use starloop::display::latency::Latency;
+use starloop::display::luminance_code::{KNOTS, code, luminance};
 use starloop::display::response::Response;
 use starloop::testbed::display_bench::{BenchTruth, DisplayBench};
 use std::sync::OnceLock;
@@ -373,7 +375,8 @@ fn dots_in_one_corner_are_refused() {
     let truth = BenchTruth::crooked();
     let (plan, sights, _) = crooked();
     let in_part = |right: f64| -> Vec<Sight> {
-        let is_kept = |sight: &&Sight| sight.luminance.is_some() || sight.tracker_px.is_some_and(|px| px[0] < right);
+        let is_kept =
+            |sight: &&Sight| sight.pattern != Pattern::Dots || sight.tracker_px.is_some_and(|px| px[0] < right);
         sights.iter().filter(is_kept).cloned().collect()
     };
     let told = fit_with(plan, &in_part(260.0), &tracker(&truth)).unwrap_err().to_string();
@@ -398,4 +401,27 @@ fn measurements_that_are_too_old_are_not_fitted() {
     let old = fit(plan, sights, &tracker, &at("2026-02-10T00:00:00Z")).unwrap().calibration;
     assert_eq!((&old.measured_utc[..10], &old.made_utc[..10]), ("2026-02-10", "2026-03-01"));
     assert_eq!(old.geometry, fitted.calibration.geometry);
+}
+
+#[test]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "single precision and digital numbers")]
+fn a_detectors_response_makes_the_codes_of_luminances() {
+    // As a run on a display has it: so many electrons stand for 1/65535 of full.
+    const E_PER_STEP: f64 = 3e4;
+    let response = Nonlinearity::through(&KNOTS.map(|[l, code]| [l * 65_535.0 * E_PER_STEP, code * E_PER_STEP]));
+    let pieces = response.unwrap().pieces();
+    let read = |wanted: f64| {
+        let x = (wanted * 65_535.0 * E_PER_STEP) as f32;
+        let bends = pieces.thresholds_e.iter().zip(pieces.steps);
+        let seen = bends.fold(pieces.slope * x, |seen, (at, step)| seen + step * (x - at).max(0.0));
+        (seen / E_PER_STEP as f32 + 0.5).floor().clamp(0.0, 65_535.0) as u16
+    };
+    let off = |at: u16| i32::from(read(luminance(at))) - i32::from(at);
+    let worst = |codes: std::ops::RangeInclusive<u16>| codes.map(|at| off(at).abs()).max().unwrap();
+    let faint = worst(0..=18_079);
+    let bright = worst(18_080..=65_535);
+    println!("faint codes off by {faint} at most, bright ones by {bright}");
+    // Single precision at 141 x 65535, where the slopes of the pieces cancel: half a unit in each of four sums.
+    assert!(faint == 0 && bright <= 3, "{faint}, {bright}");
+    assert_eq!((read(0.0), read(1e-5)), (0, code(1e-5)));
 }
