@@ -3,7 +3,7 @@
 use crate::base::clock::{Clock, Monotonic};
 use crate::base::time::Tai;
 use crate::cli::calibrate::{Costs, costs_here};
-use crate::cli::check_display::{self, DisplayLimits, display_limits};
+use crate::cli::check_display_stars::{self, DisplayLimits, display_limits};
 use crate::cli::check_light;
 use crate::cli::check_plan::{self, Planned};
 use crate::cli::check_scenario;
@@ -186,7 +186,7 @@ fn plans(
         check_plan::write_plan(text, number, plan, &planned)?;
         check_light::write_frame(text, &mut light, &params.camera, plan)?;
         if let Some(limits) = limits {
-            check_display::write_frame(text, limits, plan)?;
+            check_display_stars::write_frame(text, limits, plan)?;
         }
     }
     Ok(())

@@ -12,7 +12,7 @@ pub mod catalog;
 pub mod chart;
 pub mod check;
 mod check_attitude;
-mod check_display;
+mod check_display_stars;
 mod check_light;
 mod check_plan;
 mod check_scenario;
