@@ -11,6 +11,7 @@ use crate::cli::monitor::Monitor;
 use crate::cli::run_input::{bench, document, scenario};
 use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, live_view, run_scenario};
 use crate::config::{self, Bench, Scenario, StartTime};
+use crate::display::calibration::Calibration;
 use crate::link::capture::CaptureFormat;
 use crate::link::gateway::{Gateways, TcpAddress};
 use crate::link::{Link, Port};
@@ -245,7 +246,7 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     // First: whoever draws first starts the drawing threads.
     let hygiene = (arguments.clock == ClockKind::Real).then(|| prepared_hygiene(&bench, !arguments.quiet));
     let mut params = bench_parts::run_params(&bench, start)?;
-    take_display(&mut params, &bench, Monotonic::start().now())?;
+    let calibration = take_display(&mut params, &bench, Monotonic::start().now())?;
     if arguments.capture.is_some() && calibrated_display(&bench).is_some() {
         bail!("--capture: got a bench that is drawn for a display; wanted one with another sink first");
     }
@@ -258,7 +259,7 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     engine.expect_motion(slew_scale(&bench));
     let mut receiver = Receiver::new(params.attitude)?.with_session(bench_parts::session_params(&bench));
     let clock = RunClock::new(arguments.clock, start);
-    let (mut sink, directory) = sink(arguments, &bench, &engine, &clock.shared())?;
+    let (mut sink, directory) = sink(arguments, &bench, &engine, &clock.shared(), calibration.as_ref())?;
     let recording = recording(arguments, &bench, start, &engine)?;
     if let Some(recording) = &recording {
         sink = recording.tap_frames(&mut engine, sink)?;
@@ -381,6 +382,7 @@ fn sink(
     bench: &Bench,
     engine: &FrameEngine,
     clock: &Arc<dyn Clock>,
+    calibration: Option<&Calibration>,
 ) -> Result<(Box<dyn Sink>, Option<PathBuf>)> {
     let sinks = arguments.sinks(bench);
     let directory = run_directory(&sinks, arguments.out.as_deref(), &stamp(Monotonic::start().now()));
@@ -390,8 +392,8 @@ fn sink(
     let is_real = arguments.clock == ClockKind::Real;
     let (directory, frame_period) = (directory, engine.params().frame_period);
     let (prototype, head) = (&prototype, None);
-    let setting =
-        SinkSetting { directory: directory.as_deref(), prototype, head, is_real, camera, frame_period, clock };
+    let kept = directory.as_deref();
+    let setting = SinkSetting { directory: kept, prototype, head, is_real, camera, frame_period, clock, calibration };
     Ok((make_sinks(&sinks, &setting)?, directory))
 }
 

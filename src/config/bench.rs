@@ -12,7 +12,7 @@ use crate::config::link::{Carrier, Doors, Link, Wire};
 use crate::config::link_keys::LinkKeys;
 use crate::config::observer::{Observer, ObserverKeys};
 use crate::config::session::{Session, SessionKeys};
-use crate::config::sink::{SinkKeys, SinkSettings};
+use crate::config::sink::{Sink, SinkKeys, SinkSettings};
 use crate::config::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, check_accuracy};
 use crate::config::target::{Overlap, TargetKeys, TargetSettings, check_overlap, check_targets};
 use crate::config::timing::{Timing, TimingKeys};
@@ -173,9 +173,11 @@ impl Bench {
         let mut check = Checker::new(document);
         let name = check.given_or("name", keys.name, document.stem());
         let camera = camera(keys.camera.as_deref(), &mut check)?;
+        let sinks = SinkSettings::check_all(keys.sink, keys.extra_sink, &name, camera.image_px(), &mut check)?;
         // A calibrated display shows each frame from one refresh to the next, whatever the tracker's exposure is.
-        let exposure_s = if keys.sink.is_calibrated_display() { 0.0 } else { camera.exposure.exposure_s };
-        let timing = Timing::check(&keys.timing, exposure_s, &mut check)?;
+        let own_exposure_s = (!is_drawn_for_display(&sinks)).then_some(camera.exposure.exposure_s);
+        let timing = Timing::check(&keys.timing, own_exposure_s, &mut check)?;
+        let exposure_s = own_exposure_s.unwrap_or(1.0 / timing.frame_rate_hz);
         let link = Link::check(&keys.link, &mut check)?;
         let extra_links = Link::check_extra(&keys.extra_link, &mut check)?;
         let session = Session::check(&keys.session, &mut check)?;
@@ -191,10 +193,20 @@ impl Bench {
             return Err(check.invalid("attitude.link_delay_us", "given", wanted, advice));
         }
         let attitude = AttitudeSettings::check(&keys.attitude, attitude_hz, jitter_hz, exposure_s, &mut check)?;
+        // At best the newest attitude is as old as drawing has begun.
+        let least_ms = timing.ahead_ms - 500.0 * exposure_s;
+        if least_ms >= attitude.estimate.stale_after.ms() {
+            let wanted = format!(
+                "less than {} (attitude.stale_after_ms and half the exposure)",
+                attitude.estimate.stale_after.ms() + 500.0 * exposure_s
+            );
+            let advice =
+                "every attitude would be stale at mid-exposure: begin frames later, or call attitudes stale later";
+            return Err(check.invalid("timing.ahead_ms", timing.ahead_ms, wanted, advice));
+        }
         let accuracy = check_accuracy(&keys.accuracy, &mut check)?;
         let budget = Budget::check(&keys.budget, camera.exposure.readout_s, &mut check)?;
         let render = Render::check(&keys.render, &mut check)?;
-        let sinks = SinkSettings::check_all(keys.sink, keys.extra_sink, &name, camera.image_px(), &mut check)?;
         let targets = check_targets(&keys.target, &mut check)?;
         let is_given_in_vain = keys.target_overlap.is_some() && targets.is_empty();
         check.unused("target_overlap", is_given_in_vain, "a bench with a [[target]]")?;
@@ -224,6 +236,11 @@ impl Bench {
             defaulted: check.defaulted,
         })
     }
+}
+
+/// Whether the first sink is a display with a calibration.
+fn is_drawn_for_display(sinks: &[SinkSettings]) -> bool {
+    matches!(sinks, [SinkSettings { sink: Sink::Display(display), .. }, ..] if display.calibration.is_some())
 }
 
 fn camera(given: Option<&str>, check: &mut Checker<'_>) -> Result<Camera, ConfigError> {
