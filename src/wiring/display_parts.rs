@@ -20,8 +20,8 @@
 //! Limits: stars are Gaussians of [`SPOT_SIGMA_PX`] on the display, whatever the tracker's own PSF is, which comes on top;
 //! the sky's background is not shown, as a display's black is brighter; light by `[band]` or a grey mapping is refused, and
 //! so are targets, whose places are pixels of the tracker. Rows above and below the middle light up to half the scan sooner
-//! and later than drawn. Shot noise of what is drawn stays below [`NOISE_LUMINANCE`] of the full luminance. Tests: below,
-//! and `tests/closed_loop/display.rs` over a simulated flight computer.
+//! and later than drawn. Shot noise of what is drawn stays below [`NOISE_LUMINANCE`] of the full luminance. Tests:
+//! `tests/closed_loop/display.rs` over a simulated flight computer.
 
 use crate::base::time::{Span, Tai};
 use crate::config::{Bench, DisplaySettings, Sink};
