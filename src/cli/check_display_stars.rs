@@ -3,12 +3,10 @@
 //! Input: the run as it is drawn for the display, and its calibration. Output: text. Stars brighter than the display are
 //! counted as if they stood still in the middle of a pixel; stars beyond the outermost dots stand where the map is a guess.
 
-use crate::config::Bench;
 use crate::display::calibration::report::peak_share;
-use crate::display::calibration::{Calibrated, TrackerIdentity};
+use crate::display::calibration::{Calibrated, Calibration};
 use crate::exposure::ExposurePlan;
 use crate::runtime::RunParams;
-use crate::wiring::display_parts::{calibrated_display, calibration};
 use anyhow::Result;
 use core::fmt::Write;
 
@@ -23,18 +21,11 @@ pub(super) struct DisplayLimits {
     brightest_mag: f64,
 }
 
-/// The limits of the bench's display, if it has a calibrated one. `tracker`: that of the bench; `params`: as drawn.
+/// The limits of the display that `params` are drawn for, if its calibration has fluxes.
 ///
 /// # Errors
-/// When the calibration is refused.
-pub(super) fn display_limits(
-    bench: &Bench,
-    tracker: &TrackerIdentity,
-    params: &RunParams,
-    now: crate::base::time::Tai,
-) -> Result<Option<DisplayLimits>> {
-    let Some(settings) = calibrated_display(bench) else { return Ok(None) };
-    let calibration = calibration(settings, tracker, now)?;
+/// When a number of the calibration is out of range.
+pub(super) fn display_limits(calibration: &Calibration, params: &RunParams) -> Result<Option<DisplayLimits>> {
     let Some(light) = &calibration.light else { return Ok(None) };
     Ok(Some(DisplayLimits {
         calibrated: calibration.calibrated()?,

@@ -8,11 +8,12 @@ use crate::config::check::{Checker, Defaulted};
 use crate::config::document::Document;
 use crate::config::error::ConfigError;
 use crate::config::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
+use crate::config::head::{HEADS_MAX, HeadKeys, check_heads};
 use crate::config::link::{Carrier, Doors, Link, Wire};
 use crate::config::link_keys::LinkKeys;
 use crate::config::observer::{Observer, ObserverKeys};
 use crate::config::session::{Session, SessionKeys};
-use crate::config::sink::{SinkKeys, SinkSettings};
+use crate::config::sink::{Sink, SinkKeys, SinkSettings};
 use crate::config::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, check_accuracy};
 use crate::config::target::{Overlap, TargetKeys, TargetSettings, check_overlap, check_targets};
 use crate::config::timing::{Timing, TimingKeys};
@@ -47,6 +48,8 @@ pub struct Bench {
     pub session: Session,
     /// How the sensor is mounted.
     pub sensor_from_body: Rotation<Sensor, Body>,
+    /// How further heads with the same camera are mounted: each gives a frame in every slot.
+    pub extra_heads: Vec<Rotation<Sensor, Body>>,
     /// Where the sensor is.
     pub observer: Observer,
     /// The simulated flight computer.
@@ -78,6 +81,7 @@ struct BenchKeys {
     extra_link: Vec<LinkKeys>,
     session: SessionKeys,
     mounting: MountingKeys,
+    extra_head: Vec<HeadKeys>,
     observer: ObserverKeys,
     flight_computer: FlightComputerKeys,
     attitude: AttitudeKeys,
@@ -104,6 +108,24 @@ fn check_classic_jitter(link: &Link, computer: &FlightComputer, check: &Checker<
         return Err(check.invalid("flight_computer.jitter_sample_hz", hz, "1000 on classic CAN", advice));
     }
     Ok(())
+}
+
+/// A display shows one head.
+fn check_sinks_of_heads(
+    sinks: &[SinkSettings],
+    extra_heads: &[Rotation<Sensor, Body>],
+    check: &Checker<'_>,
+) -> Result<(), ConfigError> {
+    let display = sinks.iter().position(|settings| matches!(settings.sink, Sink::Display(_)));
+    match display {
+        Some(place) if !extra_heads.is_empty() => {
+            let key =
+                place.checked_sub(1).map_or_else(|| "sink.kind".into(), |extra| format!("extra_sink[{extra}].kind"));
+            let advice = "a display shows the frames of one head: give each head a bench of its own";
+            Err(check.invalid(&key, "\"display\"", "another kind beside [[extra_head]]", advice))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Every link has somebody at its other end, and one link at most has pulses.
@@ -173,13 +195,16 @@ impl Bench {
         let mut check = Checker::new(document);
         let name = check.given_or("name", keys.name, document.stem());
         let camera = camera(keys.camera.as_deref(), &mut check)?;
+        let sinks = SinkSettings::check_all(keys.sink, keys.extra_sink, &name, camera.image_px(), &mut check)?;
         // A calibrated display shows each frame from one refresh to the next, whatever the tracker's exposure is.
-        let exposure_s = if keys.sink.is_calibrated_display() { 0.0 } else { camera.exposure.exposure_s };
-        let timing = Timing::check(&keys.timing, exposure_s, &mut check)?;
+        let own_exposure_s = (!is_drawn_for_display(&sinks)).then_some(camera.exposure.exposure_s);
+        let timing = Timing::check(&keys.timing, own_exposure_s, &mut check)?;
+        let exposure_s = own_exposure_s.unwrap_or(1.0 / timing.frame_rate_hz);
         let link = Link::check(&keys.link, &mut check)?;
         let extra_links = Link::check_extra(&keys.extra_link, &mut check)?;
         let session = Session::check(&keys.session, &mut check)?;
         let sensor_from_body = mounting(&keys.mounting, &mut check)?;
+        let extra_heads = check_heads("extra_head", &keys.extra_head, HEADS_MAX - 1, &check)?;
         let observer = Observer::check(&keys.observer, &mut check)?;
         let flight_computer = FlightComputer::check(&keys.flight_computer, &mut check)?;
         check_classic_jitter(&link, &flight_computer, &check)?;
@@ -191,10 +216,21 @@ impl Bench {
             return Err(check.invalid("attitude.link_delay_us", "given", wanted, advice));
         }
         let attitude = AttitudeSettings::check(&keys.attitude, attitude_hz, jitter_hz, exposure_s, &mut check)?;
+        // At best the newest attitude is as old as drawing has begun.
+        let least_ms = timing.ahead_ms - 500.0 * exposure_s;
+        if least_ms >= attitude.estimate.stale_after.ms() {
+            let wanted = format!(
+                "less than {} (attitude.stale_after_ms and half the exposure)",
+                attitude.estimate.stale_after.ms() + 500.0 * exposure_s
+            );
+            let advice =
+                "every attitude would be stale at mid-exposure: begin frames later, or call attitudes stale later";
+            return Err(check.invalid("timing.ahead_ms", timing.ahead_ms, wanted, advice));
+        }
         let accuracy = check_accuracy(&keys.accuracy, &mut check)?;
         let budget = Budget::check(&keys.budget, camera.exposure.readout_s, &mut check)?;
         let render = Render::check(&keys.render, &mut check)?;
-        let sinks = SinkSettings::check_all(keys.sink, keys.extra_sink, &name, camera.image_px(), &mut check)?;
+        check_sinks_of_heads(&sinks, &extra_heads, &check)?;
         let targets = check_targets(&keys.target, &mut check)?;
         let is_given_in_vain = keys.target_overlap.is_some() && targets.is_empty();
         check.unused("target_overlap", is_given_in_vain, "a bench with a [[target]]")?;
@@ -214,6 +250,7 @@ impl Bench {
             extra_links,
             session,
             sensor_from_body,
+            extra_heads,
             observer,
             flight_computer,
             attitude,
@@ -223,6 +260,19 @@ impl Bench {
             sinks,
             defaulted: check.defaulted,
         })
+    }
+}
+
+/// Whether the first sink is a display with a calibration.
+fn is_drawn_for_display(sinks: &[SinkSettings]) -> bool {
+    matches!(sinks, [SinkSettings { sink: Sink::Display(display), .. }, ..] if display.calibration.is_some())
+}
+
+impl Bench {
+    /// How each head is mounted, the first one first.
+    #[must_use]
+    pub fn heads(&self) -> Vec<Rotation<Sensor, Body>> {
+        core::iter::once(self.sensor_from_body).chain(self.extra_heads.iter().copied()).collect()
     }
 }
 
