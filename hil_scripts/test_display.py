@@ -7,10 +7,13 @@ Needs: xvfb, xdotool, x11-xserver-utils (xrandr), evilwm, twm, and a Vulkan driv
 target/release/starloop).
 """
 
+import csv
+import datetime
 import json
 import math
 import os
 import random
+import re
 import shutil
 import socket
 import struct
@@ -368,6 +371,18 @@ class OnAScreen(unittest.TestCase):
         lines = {line["sink"]: line for line in summary["sinks"]}
         self.assertGreater(lines["display"]["counts"]["presented"], 5)
         self.assertTrue(rows_of, "something was seen")
+        # Every frame that was presented has its submit time, in order, with when its light is expected.
+        with open(folder / "run/submits.csv", newline="") as table:
+            submits = list(csv.DictReader(table))
+        counts = lines["display"]["counts"]
+        self.assertEqual(len(submits) + counts.get("submits_lost", 0), counts["presented"])
+        frames = [int(row["frame"]) for row in submits]
+        self.assertEqual(frames, sorted(set(frames)))
+        times = [int(row["submit_tai_ns"]) for row in submits]
+        self.assertEqual(times, sorted(times))
+        self.assertTrue(all(row["light_off_ns"] for row in submits), "the calibration has a latency")
+        # Never sooner than half a refresh of the frames, which take 100 ms here; how much later is the machine's.
+        self.assertGreater(min(int(row["light_off_ns"]) for row in submits), -51_000_000)
         truth = sorted((folder / "run").glob("**/frame_*.truth.csv"))[5].read_text().splitlines()
         columns = truth[0].split(",")
         stars = [dict(zip(columns, line.split(","))) for line in truth[1:]]
@@ -387,6 +402,41 @@ class OnAScreen(unittest.TestCase):
         empty = [(x, y) for x, y in empty if all(math.hypot(x - a, y - b) > 15 for a, b, _ in stars)]
         self.assertGreater(len(empty), 20)
         self.assertLess(sum(light(x, y) > 40 for x, y in empty), 2)
+
+    def test_flips_and_a_photodiode_tell_the_latency(self):
+        submits, edges = Path(self.folder.name) / "submits.csv", Path(self.folder.name) / "edges.csv"
+        flip = command("flip", "--out", str(submits), "--count", "30", "--period", "0.12", "--marker-px", "16")
+        with Screen() as screen:
+            done = subprocess.run(flip, env=screen.environment, capture_output=True, text=True, timeout=PATIENCE_S)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            again = subprocess.run(flip, env=screen.environment, capture_output=True, text=True, timeout=PATIENCE_S)
+            self.assertIn("submits.csv", again.stderr, "an earlier table is left alone")
+        with submits.open(newline="") as table:
+            rows = list(csv.DictReader(table))
+        self.assertGreater(len(rows), 20)
+        colours = [row["marker_is_white"] for row in rows]
+        self.assertTrue(all(a != b for a, b in zip(colours, colours[1:])), "it turns over each time")
+
+        def unix_s(text):
+            whole, _, fraction = text.removesuffix("Z").partition(".")
+            return datetime.datetime.fromisoformat(whole + "+00:00").timestamp() + float("0." + fraction)
+
+        def told(delay_s, *arguments):
+            lines = [f"{unix_s(row['submit_utc']) + delay_s:.6f}" for row in rows]
+            edges.write_text("edge_s\n" + "\n".join(lines) + "\n")
+            latency = command("latency", str(submits), "--edges", str(edges), *arguments)
+            return subprocess.run(latency, capture_output=True, text=True, timeout=PATIENCE_S)
+
+        said = told(0.0305).stdout
+        (found,) = re.findall(r"latency_ms = ([0-9.]+)", said)
+        self.assertAlmostEqual(float(found), 30.5, delta=0.01)
+        # A patch in the last row of a panel that lights over 16 ms: the middle lights half of that sooner.
+        said = told(0.0305, "--marker-corner", "bottom-left", "--scan-ms", "16").stdout
+        (found,) = re.findall(r"latency_ms = ([0-9.]+)", said)
+        self.assertAlmostEqual(float(found), 22.5, delta=0.01)
+        refused = told(-1e4)
+        self.assertEqual(refused.returncode, 1)
+        self.assertIn("flips with an edge", refused.stderr)
 
     def test_what_does_not_fit_is_refused(self):
         small, every = self.png("small.png", [0] * 64 * 48, width=64), self.png("every.png", self.every)

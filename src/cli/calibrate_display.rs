@@ -1,24 +1,27 @@
 //! `starloop calibrate display`: a display in front of a tracker, from the plan to the file that benches name.
 //!
 //! `plan` writes the images and what to do with each; `show-pattern` draws one of them again; `fit` reads what the tracker
-//! measured (CSV, or a folder with a FITS frame for each image) and writes the calibration; `check` says whether a
-//! file may be used; `beat` holds a shutter against a refresh rate; `simulate` does all of it on a simulated bench.
+//! measured (CSV, or a folder with a FITS frame for each image) and writes the calibration; `check` says what a file
+//! says, and whether it may be used; `beat` holds a shutter against a refresh rate; `simulate` does all of it on a simulated bench.
 
 use crate::astrometry::CameraGeometry;
 use crate::base::clock::{Clock, Monotonic};
 use crate::base::time::{Span, Tai};
 use crate::cli::calibrate_display_simulate::{SimulateArgs, simulate};
-use crate::cli::display_measurements::{sights_of_folder, sights_of_table};
+use crate::cli::display_measurements::{Measurements, date_of, measurements_of_folder, sights_of_table};
 use crate::cli::named_camera::named_camera;
 use crate::config::Camera;
 use crate::display::beat::BeatInput;
 use crate::display::calibration::fit::FitOptions;
 use crate::display::calibration::report::told;
-use crate::display::calibration::{Calibration, DisplayIdentity, Fitted, Grid, Pattern, Plan, TrackerIdentity, fit};
+use crate::display::calibration::{
+    Calibration, DisplayIdentity, Fitted, Grid, Pattern, Plan, Tracker, TrackerIdentity, fit,
+};
 use crate::display::dither::Dither;
 use crate::display::latency::Latency;
 use crate::sink::{png, write_file_atomically};
 use crate::wiring::camera_parts::camera_params;
+use crate::wiring::display_parts::SPOT_SIGMA_PX;
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand};
 use std::fs::File;
@@ -28,8 +31,18 @@ use std::path::{Path, PathBuf};
 const PLAN: &str = "plan.toml";
 /// Refreshes of a dither cycle that magnitudes are told for.
 const TOLD_CYCLE: u32 = 16;
+
 /// Command line of `calibrate display`.
 #[derive(Debug, Args)]
+#[command(
+    after_help = "On the bench, in this order:\n  1. plan      writes images and plan.toml, and says what to measure of each\n  \
+                  2. show      starloop display show --bits 8 FOLDER/*.png: full screen, Enter shows the next; save the \
+                  tracker's frame of\n               each as FITS under the image's name (dots.png: dots.fits), one exposure \
+                  for all levels, none saturated;\n               dark.fits with the display off\n  \
+                  3. fit       makes display.toml of them and tells how good it is\n  \
+                  4. check     before each use: may it be used, what can it show\n  \
+                  5. [sink] kind = \"display\", calibration = \"display.toml\" in the bench; starloop check BENCH"
+)]
 pub(super) struct DisplayArgs {
     #[command(subcommand)]
     step: DisplayStep,
@@ -62,7 +75,7 @@ struct PlanArgs {
     /// Rows of the display, px
     #[arg(long, value_name = "PX")]
     height: usize,
-    /// Bits of a grey
+    /// Bits of a grey, 8 or 10, as the bench's `bits` will be
     #[arg(long, default_value_t = 8)]
     bits: u32,
     /// Camera or bench file of the tracker that looks; without it: the built-in one's
@@ -103,9 +116,13 @@ struct ShowArgs {
 struct FitArgs {
     /// The plan
     plan: PathBuf,
-    /// Tables (CSV) or folders with a FITS frame for each image, named like it
+    /// Folders with a FITS frame for each image, named like it (level_0.fits of level_0.png), or tables: CSV with the columns
+    /// pattern, x_px, y_px, flux, luminance, dot, saturated
     #[arg(long, value_name = "PATH", required = true, num_args = 1..)]
     measurements: Vec<PathBuf>,
+    /// When the measurements were made, UTC, such as 2026-03-01T12:00:00Z; without it: DATE-OBS of the first frame
+    #[arg(long, value_name = "TIME")]
+    measured: Option<String>,
     /// Camera or bench file of the tracker; without it: the built-in one's
     #[arg(long, value_name = "FILE")]
     camera: Option<PathBuf>,
@@ -115,7 +132,7 @@ struct FitArgs {
     /// Latency that somebody gives, milliseconds
     #[arg(long, value_name = "MS")]
     given_latency: Option<f64>,
-    /// Days for which the calibration is valid
+    /// Days for which the calibration is valid, from its measurements on
     #[arg(long, value_name = "DAYS", default_value_t = 90)]
     valid_days: u32,
     /// The calibration
@@ -127,7 +144,7 @@ struct FitArgs {
 struct CheckArgs {
     /// The calibration
     file: PathBuf,
-    /// Plan of the display and the tracker in use; without it only damage and age are looked at
+    /// Plan of the display and the tracker in use; without it and without --camera only damage and age are looked at
     #[arg(long, value_name = "FILE")]
     plan: Option<PathBuf>,
     /// Camera or bench file of the tracker in use
@@ -188,7 +205,15 @@ fn plan(arguments: &PlanArgs) -> Result<()> {
     for (number, step) in plan.pattern.iter().enumerate() {
         println!("{number:>3}  {:<12} {}", step.name, step.instruction);
     }
-    println!("{} images and {PLAN} written to {}", plan.pattern.len() - 1, arguments.out.display());
+    let folder = arguments.out.display();
+    println!("{} images and {PLAN} written to {folder}", plan.pattern.len() - 1);
+    println!(
+        "next: `starloop display show --bits {bits} {folder}/*.png` on the display, Enter shows the next; save the"
+    );
+    println!(
+        "tracker's frame of each image under its name (dots.png: dots.fits), and dark.fits with the display off; then"
+    );
+    println!("`starloop calibrate display fit {folder}/{PLAN} --measurements FRAMES`, with the same --camera as here");
     Ok(())
 }
 
@@ -203,11 +228,11 @@ pub(super) fn write_plan(plan: &Plan, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Greys as they are in 8 bits; deeper ones as the same numbers in 16 bits.
+/// Greys of 8 bits as they are; deeper ones as luminances of 16 bits, of which `display show` makes the same greys.
 fn write_pattern(plan: &Plan, pattern: Pattern, path: &Path) -> Result<()> {
-    let image = plan.draw(pattern);
-    write_file_atomically(path, |out| {
-        if plan.display.bits <= 8 { png::write_greys(out, &image) } else { png::write_dn_raw(out, &image) }
+    write_file_atomically(path, |out| match plan.display.bits {
+        8 => png::write_greys(out, &plan.draw(pattern)),
+        _ => png::write_dn_raw(out, &plan.luminances(pattern)),
     })?;
     Ok(())
 }
@@ -228,23 +253,61 @@ fn show_pattern(arguments: &ShowArgs) -> Result<()> {
 fn fit_measurements(arguments: &FitArgs) -> Result<()> {
     let plan = Plan::read(&arguments.plan)?;
     let camera = named_camera(arguments.camera.as_deref())?;
-    let geometry = geometry_of(&camera)?;
-    let mut sights = Vec::new();
-    for path in &arguments.measurements {
-        sights.extend(if path.is_dir() { sights_of_folder(path, &plan, &camera)? } else { sights_of_table(path)? });
-    }
+    let params = camera_params(&camera)?;
+    let Measurements { sights, first, missing } = measurements(arguments, &plan, &camera)?;
     let zero_point = camera.zero_point_e_per_s();
     let options = FitOptions {
         made: now(),
+        measured: measured(arguments, first)?,
         valid_days: arguments.valid_days,
         zero_point_e_per_s: (zero_point > 0.0).then_some(zero_point),
         latency: latency(arguments)?,
+        spot_sigma_px: SPOT_SIGMA_PX,
     };
-    let fitted = fit(&plan, &sights, (&camera.name, &geometry), &options)?;
+    let illumination = |tangent| params.illumination.at(tangent);
+    let tracker = Tracker { name: &camera.name, geometry: &params.geometry, illumination: &illumination };
+    if !missing.is_empty() {
+        println!("no frame of {}: fitted without", missing.join(", "));
+    }
+    let fitted = fit(&plan, &sights, &tracker, &options)?;
     tell(&fitted)?;
+    if params.illumination.is_even() {
+        println!(
+            "  note             the camera's file states no vignetting: all that is seen is taken for the display's"
+        );
+    }
     fitted.calibration.write(&arguments.out)?;
     println!("written to {}", arguments.out.display());
     Ok(())
+}
+
+/// All that was measured, from folders and tables.
+fn measurements(arguments: &FitArgs, plan: &Plan, camera: &Camera) -> Result<Measurements> {
+    let mut all = Measurements::default();
+    for path in &arguments.measurements {
+        let found = match path.is_dir() {
+            true => measurements_of_folder(path, plan, camera)?,
+            false => Measurements { sights: sights_of_table(path)?, ..Measurements::default() },
+        };
+        all.sights.extend(found.sights);
+        all.first = all.first.into_iter().chain(found.first).min();
+        all.missing.extend(found.missing);
+    }
+    let is_missing = |name: &String| all.sights.iter().all(|sight| sight.pattern.name() != *name);
+    all.missing.retain(is_missing);
+    Ok(all)
+}
+
+/// When the measurements were made: as somebody says, or as the first frame says.
+fn measured(arguments: &FitArgs, first: Option<Tai>) -> Result<Tai> {
+    match (&arguments.measured, first) {
+        (Some(text), _) => date_of(text).context("--measured"),
+        (None, Some(first)) => Ok(first),
+        (None, None) => bail!(
+            "when were the measurements made? wanted DATE-OBS in the frames' headers, or --measured 2026-03-01T12:00:00Z: \
+             the calibration's age counts from there"
+        ),
+    }
 }
 
 fn latency(arguments: &FitArgs) -> Result<Option<Latency>> {
@@ -259,7 +322,10 @@ fn latency(arguments: &FitArgs) -> Result<Option<Latency>> {
 }
 
 pub(super) fn tell(fitted: &Fitted) -> Result<()> {
-    print!("{}", told(&fitted.calibration, &fitted.calibration.calibrated()?, Dither::over(TOLD_CYCLE)));
+    print!("{}", told(&fitted.calibration, &fitted.calibration.calibrated()?, Dither::over(TOLD_CYCLE)?));
+    if fitted.saturated_levels > 0 {
+        println!("  note             {} measured levels were left out as saturated", fitted.saturated_levels);
+    }
     if !fitted.has_dark {
         println!("  note             no level of `dark` was measured: darkness was taken for nothing");
     }
@@ -277,9 +343,19 @@ fn check(arguments: &CheckArgs) -> Result<()> {
         }
         None => plan.as_ref().map(|plan| plan.tracker.clone()),
     };
-    print!("{}", told(&calibration, &calibration.calibrated()?, Dither::over(TOLD_CYCLE)));
+    print!("{}", told(&calibration, &calibration.calibrated()?, Dither::over(TOLD_CYCLE)?));
     calibration.admit(display, tracker.as_ref(), now())?;
-    println!("  age              {:.1} days: may be used", calibration.age_days(now())?);
+    if let Some(plan) = &plan {
+        calibration.admit_plan(plan)?;
+    }
+    let age_days = calibration.age_days(now())?;
+    println!("  age              {age_days:.1} of {} days", calibration.valid_days);
+    let of = match (&plan, &tracker) {
+        (Some(_), _) => "of this plan's display and tracker",
+        (None, Some(_)) => "of this tracker; --plan looks at the display too",
+        (None, None) => "undamaged and not too old; --plan and --camera look at what it is of",
+    };
+    println!("may be used: {of}");
     Ok(())
 }
 
@@ -293,4 +369,41 @@ fn beat(arguments: &BeatArgs) -> Result<()> {
     };
     println!("{}", input.beat()?.advice());
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::display;
+    use crate::display::GreyTable;
+
+    fn plan(bits: u32) -> Plan {
+        let display = DisplayIdentity { name: "d".into(), width_px: 320, height_px: 200, bits };
+        let tracker = TrackerIdentity { name: "t".into(), width_px: 9, height_px: 9, geometry_crc32: "0".into() };
+        Plan::new(display, tracker, Grid { columns: 8, rows: 5, dot_px: 5, margin_px: 12 }, 16).unwrap()
+    }
+
+    #[test]
+    fn display_show_shows_the_very_greys_of_a_plan() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("level.png");
+        for bits in [8, 10] {
+            let plan = plan(bits);
+            let table = GreyTable::by_gamma(bits, 1.0).unwrap();
+            for grey in (0..=plan.display.full_grey()).step_by(if bits == 8 { 1 } else { 31 }).chain([1022, 1023]) {
+                let grey = grey.min(plan.display.full_grey());
+                write_pattern(&plan, Pattern::Level(grey), &path).unwrap();
+                let read = display::read(&path).unwrap();
+                assert!(read.pixels().iter().all(|luminance| table.nearest(*luminance) == grey), "{bits} bits, {grey}");
+            }
+            write_pattern(&plan, Pattern::Dots, &path).unwrap();
+            let greys: Vec<u16> = display::read(&path).unwrap().pixels().iter().map(|l| table.nearest(*l)).collect();
+            assert_eq!(greys, plan.draw(Pattern::Dots).pixels(), "{bits} bits");
+        }
+        // The negative control: greys as they are, which is what a 16-bit image must not hold.
+        let raw = plan(10).draw(Pattern::Level(512));
+        write_file_atomically(&path, |out| png::write_dn_raw(out, &raw)).unwrap();
+        let shown = GreyTable::by_gamma(10, 1.0).unwrap().nearest(display::read(&path).unwrap().pixels()[0]);
+        assert_eq!(shown, 8);
+    }
 }

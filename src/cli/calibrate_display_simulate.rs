@@ -7,11 +7,12 @@ use crate::config::{Camera, Document};
 use crate::display::calibration::fit::FitOptions;
 use crate::display::calibration::measurement::write_csv;
 use crate::display::calibration::spots::{FrameScale, sights_of_frame};
-use crate::display::calibration::{DisplayIdentity, Fitted, Grid, Pattern, Plan, Sight, TrackerIdentity, fit};
+use crate::display::calibration::{DisplayIdentity, Fitted, Grid, Pattern, Plan, Sight, Tracker, TrackerIdentity, fit};
 use crate::display::latency::Latency;
 use crate::sink::write_file_atomically;
 use crate::testbed::display_bench::{BenchTruth, DisplayBench};
 use crate::wiring::camera_parts::camera_params;
+use crate::wiring::display_parts::SPOT_SIGMA_PX;
 use anyhow::Result;
 use clap::Args;
 use glam::DVec2;
@@ -73,13 +74,18 @@ pub(super) fn simulate(arguments: &SimulateArgs) -> Result<()> {
     let mut bench = DisplayBench::new(truth);
     let sights = simulated_sights(&mut bench, &plan);
     let flips = bench.flips_csv(200, 0.0285, 0.0004);
+    let made = now();
     let options = FitOptions {
-        made: now(),
+        made,
+        measured: made,
         valid_days: 90,
         zero_point_e_per_s: Some(camera.zero_point_e_per_s()),
         latency: Some(Latency::measured(flips.as_bytes(), 0.0, Span::ZERO)?),
+        spot_sigma_px: SPOT_SIGMA_PX,
     };
-    let fitted = fit(&plan, &sights, ("simulated tracker", &tracker), &options)?;
+    // Its tracker vignettes nothing.
+    let looking = Tracker { name: "simulated tracker", geometry: &tracker, illumination: &|_| 1.0 };
+    let fitted = fit(&plan, &sights, &looking, &options)?;
     tell(&fitted)?;
     let error_px = worst_error_px(bench.truth(), &fitted);
     let error_arcsec = error_px * fitted.map.geometry.arcsec_per_px();
@@ -101,14 +107,15 @@ pub(super) fn simulate(arguments: &SimulateArgs) -> Result<()> {
 
 fn simulated_sights(bench: &mut DisplayBench, plan: &Plan) -> Vec<Sight> {
     let BenchTruth { gain_e_per_dn, black_level_dn, .. } = *bench.truth();
-    let scale = FrameScale { gain_e_per_dn, black_level_dn, exposure_s: SIMULATED_EXPOSURE_S };
+    let (largest_dn, full_well_e) = (u16::MAX, f64::INFINITY);
+    let scale = FrameScale { gain_e_per_dn, black_level_dn, exposure_s: SIMULATED_EXPOSURE_S, largest_dn, full_well_e };
     let mut sights = Vec::new();
     for pattern in plan.patterns() {
         let frame = match pattern {
             Pattern::Dark => bench.frame(None),
             shown => bench.frame(Some(&plan.draw(shown))),
         };
-        sights.extend(sights_of_frame(pattern, &scale.applied(&frame)));
+        sights.extend(sights_of_frame(pattern, &scale.applied(&frame), scale.saturated_from()));
     }
     sights
 }
@@ -116,7 +123,7 @@ fn simulated_sights(bench: &mut DisplayBench, plan: &Plan) -> Vec<Sight> {
 /// Largest error of the map over what its dots cover, display px.
 fn worst_error_px(truth: &BenchTruth, fitted: &Fitted) -> f64 {
     const STEPS: u32 = 40;
-    let [left, right, top, bottom] = fitted.map.geometry.covered_px();
+    let [left, right, top, bottom] = fitted.map.geometry.covered().range_px();
     let along = |from: f64, to: f64, i: u32| from + (to - from) * f64::from(i) / f64::from(STEPS);
     let places = (0..=STEPS).flat_map(|i| (0..=STEPS).map(move |j| (i, j)));
     let error = |(i, j)| {

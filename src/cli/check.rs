@@ -3,6 +3,8 @@
 use crate::base::clock::{Clock, Monotonic};
 use crate::base::time::Tai;
 use crate::cli::calibrate::{Costs, costs_here};
+use crate::cli::check_display;
+use crate::cli::check_display_stars::{self, DisplayLimits, display_limits};
 use crate::cli::check_light;
 use crate::cli::check_plan::{self, Planned};
 use crate::cli::check_scenario;
@@ -14,7 +16,7 @@ use crate::runtime::field_light::FieldLight;
 use crate::runtime::{Imager, RunParams};
 use crate::sky::catalog::Catalog;
 use crate::wiring::bench_parts;
-use crate::wiring::display_parts::{beat, take_display};
+use crate::wiring::display_parts::take_display;
 use crate::wiring::sinks::told_lines;
 use anyhow::Result;
 use clap::Args;
@@ -82,17 +84,20 @@ fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
         StartTime::Now => Tai::from_rfc3339("2026-01-01T00:00:00Z")?,
     };
     let mut params = bench_parts::run_params(bench, start)?;
-    take_display(&mut params, bench, Monotonic::start().now())?;
+    let calibration = take_display(&mut params, bench, Monotonic::start().now())?;
+    let limits = calibration.as_ref().map(|calibration| display_limits(calibration, &params)).transpose()?.flatten();
     let imager = bench_parts::imager(&params)?;
     let costs = costs_here(&imager, only_built_in);
     bench_parts::take_real_clock(&mut params, bench, costs.measured);
     let mut text = String::new();
     describe(&mut text, bench, &params, &imager, &costs)?;
+    check_display::write_display(&mut text, bench, &params, calibration.as_ref())?;
+    write_defaults(&mut text, bench)?;
     text.push('\n');
     text.push_str(CONVENTIONS);
     text.push('\n');
-    crate::cli::check_attitude::write_attitude(&mut text, bench)?;
-    plans(&mut text, bench, start, &params, &imager)?;
+    crate::cli::check_attitude::write_attitude(&mut text, bench, &params)?;
+    plans(&mut text, bench, start, (&params, limits.as_ref()), &imager)?;
     Ok(text)
 }
 
@@ -138,7 +143,6 @@ fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Image
     for (place, words) in told_lines(&bench.sinks) {
         writeln!(text, "  {place:<12} {words}")?;
     }
-    write_beat(text, bench)?;
     writeln!(text, "  costs        {}", costs.origin)?;
     let camera_params = &params.camera;
     let effects: Vec<String> =
@@ -155,7 +159,11 @@ fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Image
         "  budget       centroid {} px, flux {}, pixel {} sigma, line of sight {} arcsec",
         budget.centroid_px, budget.flux_rel, budget.pixel_sigma, budget.los_arcsec
     )?;
-    for (what, list) in [("bench", &bench.defaulted), ("camera", &camera.defaulted)] {
+    Ok(())
+}
+
+fn write_defaults(text: &mut String, bench: &Bench) -> Result<()> {
+    for (what, list) in [("bench", &bench.defaulted), ("camera", &bench.camera.defaulted)] {
         for default in list {
             writeln!(text, "  default      {what}: {} = {}", default.key, default.value)?;
         }
@@ -164,7 +172,13 @@ fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Image
 }
 
 /// Plans of the first, a middle and the last frame, from the simulated flight computer's own truth.
-fn plans(text: &mut String, bench: &Bench, start: Tai, params: &RunParams, imager: &Imager) -> Result<()> {
+fn plans(
+    text: &mut String,
+    bench: &Bench,
+    start: Tai,
+    (params, limits): (&RunParams, Option<&DisplayLimits>),
+    imager: &Imager,
+) -> Result<()> {
     let planned = Planned::new(bench, params, imager);
     check_plan::write_sampling(text, params)?;
     check_plan::write_ladder(text, &planned)?;
@@ -178,15 +192,10 @@ fn plans(text: &mut String, bench: &Bench, start: Tai, params: &RunParams, image
         let plan = frames.plan(number, &mut planner)?;
         check_plan::write_plan(text, number, plan, &planned)?;
         check_light::write_frame(text, &mut light, &params.camera, plan)?;
+        if let Some(limits) = limits {
+            check_display_stars::write_frame(text, limits, plan)?;
+        }
     }
-    Ok(())
-}
-
-/// What the tracker's shutter makes of the display's refresh, when the bench has a display.
-fn write_beat(text: &mut String, bench: &Bench) -> Result<()> {
-    let Some(beat) = beat(bench)? else { return Ok(()) };
-    let word = if beat.is_seen() { "WARNING" } else { "shutter" };
-    writeln!(text, "  {word:<12} {}", beat.advice())?;
     Ok(())
 }
 

@@ -1,6 +1,6 @@
 //! `starloop check`, attitude: how wrong the attitude at mid-exposure may be, by each method that could make it.
 //!
-//! Input: a bench. Output: text. The motion is that of the simulated flight computer: its slew (versine ramps) is what
+//! Input: a bench and the run that was made of it, which may be drawn ahead of its light. Output: text. The motion is that of the simulated flight computer: its slew (versine ramps) is what
 //! the records carry; its jitter is never part of them, and is judged by how it travels. Left out: waiting for other
 //! messages on the bus (a record takes its own time on an idle wire).
 
@@ -12,6 +12,7 @@ use crate::base::time::Span;
 use crate::base::units::{ARCSEC, DEG};
 use crate::config::{Bench, JitterSource, Wire};
 use crate::link::{CHUNK_MAX, Packet, SerialChunk};
+use crate::runtime::RunParams;
 use crate::wiring::bench_parts;
 use core::f64::consts::{PI, TAU};
 use core::fmt::{Error, Write};
@@ -35,7 +36,7 @@ struct Situation {
     reach: Reach,
     record_period_s: f64,
     arrival_s: f64,
-    /// From mid-exposure to the moment a frame's drawing begins.
+    /// From mid-exposure to the moment a frame's drawing begins; less than 0: it is drawn ahead.
     wait_s: f64,
 }
 
@@ -43,8 +44,8 @@ struct Situation {
 ///
 /// # Errors
 /// When the text cannot grow.
-pub(super) fn write_attitude(text: &mut String, bench: &Bench) -> Result<(), Error> {
-    let situation = Situation::of(bench);
+pub(super) fn write_attitude(text: &mut String, bench: &Bench, params: &RunParams) -> Result<(), Error> {
+    let situation = Situation::of(bench, params);
     let Situation { motion, reach, .. } = &situation;
     let (total_rad, records_rad) = (bench.accuracy.los_arcsec * ARCSEC, record_error_rad(bench, &situation));
     let left_rad = total_rad - records_rad;
@@ -65,14 +66,15 @@ pub(super) fn write_attitude(text: &mut String, bench: &Bench) -> Result<(), Err
     let enough = cheapest(&assessed).map_or("none fits", AttitudeMethod::name);
     writeln!(text, "  (> is what a run does; the least demanding that fits: {enough})")?;
     write_jitter(text, bench, &situation)?;
+    write_limits(text, bench, &situation)?;
     text.write_char('\n')
 }
 
 impl Situation {
-    fn of(bench: &Bench) -> Self {
+    fn of(bench: &Bench, params: &RunParams) -> Self {
         let record_period_s = 1.0 / bench.flight_computer.attitude_hz;
         let arrival_s = bench.link.latency_us * 1e-6 + record_on_wire(bench).s();
-        let wait_s = 0.5 * bench.camera.exposure.exposure_s;
+        let wait_s = 0.5 * params.camera.exposure_s - params.ahead.s();
         let is_next_there = record_period_s + arrival_s <= wait_s;
         let reach = if is_next_there {
             Reach { horizon_s: record_period_s, spacing_s: Some(record_period_s) }
@@ -80,6 +82,12 @@ impl Situation {
             Reach { horizon_s: record_period_s + arrival_s - wait_s, spacing_s: None }
         };
         Self { motion: slew_scale(bench), reach, record_period_s, arrival_s, wait_s }
+    }
+
+    /// From the newest sample of jitter to mid-exposure.
+    fn jitter_held_s(&self, bench: &Bench) -> f64 {
+        let samples = if bench.link.wire == Wire::CanClassic { 2.0 } else { f64::from(BURST_SAMPLES) };
+        (samples * jitter_sample_s(bench) + self.arrival_s - self.wait_s).max(0.0)
     }
 
     /// What the frame engine does in this situation.
@@ -135,10 +143,11 @@ fn write_situation(text: &mut String, situation: &Situation) -> Result<(), Error
     writeln!(text, "attitude at mid-exposure")?;
     writeln!(
         text,
-        "  samples      every {:.1} ms, {:.2} ms to arrive; drawing begins {:.1} ms after mid-exposure",
+        "  samples      every {:.1} ms, {:.2} ms to arrive; drawing begins {:.1} ms {} mid-exposure",
         record_period_s * 1e3,
         arrival_s * 1e3,
-        wait_s * 1e3
+        wait_s.abs() * 1e3,
+        if *wait_s < 0.0 { "before" } else { "after" }
     )?;
     match reach.spacing_s {
         Some(_) => writeln!(text, "               so the samples on both sides are there")?,
@@ -146,6 +155,35 @@ fn write_situation(text: &mut String, situation: &Situation) -> Result<(), Error
     }
     let [w, a, j] = [motion.rate_rad_s, motion.acceleration_rad_s2, motion.jerk_rad_s3].map(|v| v / DEG);
     writeln!(text, "  motion       at most {w:.3} deg/s, {a:.3} deg/s^2, {j:.3} deg/s^3")
+}
+
+/// Horizons beyond what the bench allows, which a run notes frame by frame.
+fn write_limits(text: &mut String, bench: &Bench, situation: &Situation) -> Result<(), Error> {
+    let (horizon_ms, limits) = (situation.reach.horizon_s * 1e3, &bench.attitude.estimate);
+    if situation.reach.spacing_s.is_none() && horizon_ms > limits.stale_after.ms() {
+        writeln!(
+            text,
+            "  WARNING      {horizon_ms:.1} ms are beyond attitude.stale_after_ms = {}: attitudes will be held or blanked",
+            limits.stale_after.ms()
+        )?;
+    } else if situation.reach.spacing_s.is_none() && horizon_ms > limits.max_horizon.ms() {
+        writeln!(
+            text,
+            "  WARNING      {horizon_ms:.1} ms are beyond attitude.max_horizon_ms = {}: the acceleration is left out, and \
+             no bound is told",
+            limits.max_horizon.ms()
+        )?;
+    }
+    let is_sampled = bench.flight_computer.jitter_source == JitterSource::Samples;
+    let (gap_ms, most_ms) = (situation.jitter_held_s(bench) * 1e3, bench.attitude.jitter_max_gap.ms());
+    if is_sampled && gap_ms > most_ms {
+        writeln!(
+            text,
+            "  WARNING      jitter would be held over {gap_ms:.1} ms, and is left out beyond {most_ms} ms: frames are begun \
+             too far ahead for sampled jitter"
+        )?;
+    }
+    Ok(())
 }
 
 fn assessment_line(assessment: &AttitudeAssessment) -> String {
@@ -196,12 +234,10 @@ fn write_sampled_jitter(
     situation: &Situation,
     lines: &[Sinusoid],
 ) -> Result<(), Error> {
-    let sample_s =
-        if bench.link.wire == Wire::CanClassic { 1e-3 } else { 1.0 / bench.flight_computer.jitter_sample_hz };
+    let sample_s = jitter_sample_s(bench);
     let chord = |line: &Sinusoid| line.amplitude_rad * ((TAU * line.frequency_hz * sample_s).powi(2) / 8.0).min(2.0);
     let chords_rad: f64 = lines.iter().map(chord).sum();
-    let samples = if bench.link.wire == Wire::CanClassic { 2.0 } else { f64::from(BURST_SAMPLES) };
-    let held_s = (samples * sample_s + situation.arrival_s - situation.wait_s).max(0.0);
+    let held_s = situation.jitter_held_s(bench);
     let jitter = MotionScale { sinusoids: lines.to_vec(), ..MotionScale::default() };
     let held_rad = AttitudeMethod::Hold.bound_rad(&jitter, held_s);
     writeln!(
@@ -214,16 +250,27 @@ fn write_sampled_jitter(
     )
 }
 
+fn jitter_sample_s(bench: &Bench) -> f64 {
+    if bench.link.wire == Wire::CanClassic { 1e-3 } else { 1.0 / bench.flight_computer.jitter_sample_hz }
+}
+
 /// Samples in one burst on CAN FD and serial.
 const BURST_SAMPLES: u32 = 14;
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::time::Tai;
 
     fn report(bench: &Bench) -> String {
+        report_drawn_ahead(bench, 0)
+    }
+
+    fn report_drawn_ahead(bench: &Bench, ahead_ms: i64) -> String {
+        let mut params = bench_parts::run_params(bench, Tai::from_ns(0)).unwrap();
+        params.ahead = Span::from_ms(ahead_ms);
         let mut text = String::new();
-        write_attitude(&mut text, bench).unwrap();
+        write_attitude(&mut text, bench, &params).unwrap();
         text
     }
 
@@ -251,6 +298,27 @@ mod tests {
         let text = report(&bench);
         assert!(line(&text, "> constant-rate").contains("refused"), "{text}");
         assert!(text.contains("none fits"), "{text}");
+    }
+
+    #[test]
+    fn frames_that_are_drawn_ahead_are_predicted_so_much_further() {
+        let mut bench = Bench::built_in().unwrap();
+        let (half_ms, period_ms) = (500.0 * bench.camera.exposure.exposure_s, 1e3 / bench.flight_computer.attitude_hz);
+        let text = report_drawn_ahead(&bench, 180);
+        assert!(line(&text, "> constant-acceleration").contains("fits") && !text.contains("WARNING"), "{text}");
+        let horizon_ms = 180.0 - half_ms + period_ms;
+        // Samples take a fraction of a millisecond to arrive.
+        let told =
+            (0..10).any(|tenth| text.contains(&format!("by up to {:.1} ms", horizon_ms + 0.1 * f64::from(tenth))));
+        assert!(told && text.contains("before mid-exposure"), "{horizon_ms}: {text}");
+        bench.flight_computer.jitter_source = JitterSource::Samples;
+        for (ahead_ms, parts) in [
+            (210.0 + half_ms, ["max_horizon_ms = 200", "jitter would be held"]),
+            (510.0 + half_ms, ["stale_after_ms = 500", "beyond 100 ms"]),
+        ] {
+            let text = report_drawn_ahead(&bench, ahead_ms as i64);
+            assert!(parts.iter().all(|part| text.contains(part)), "{ahead_ms}: {text}");
+        }
     }
 
     #[test]

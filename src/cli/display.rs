@@ -1,11 +1,13 @@
 //! `starloop display`: the monitors there are, and images on one of them: a look at a marker, a pattern, a grey ramp.
+//! What measures the latency is a file of its own.
 
 use crate::base::clock::{Clock, Monotonic};
 use crate::base::image::DnImage;
-use crate::display::{Bits, Corner, Display, GreyMaker, GreyTable, Marker, MonitorChoice, Params, monitors};
+use crate::cli::display_latency::{CornerWord, FlipArgs, LatencyArgs, flip, latency, monitor_choice};
+use crate::display::{Bits, Display, GreyMaker, GreyTable, Marker, Params, monitors};
 use crate::sink::{SentFrame, Sink};
 use anyhow::{Context, Result, bail};
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Subcommand};
 use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 use std::io::{BufRead, Write};
 use std::path::{Path, PathBuf};
@@ -30,6 +32,10 @@ enum DisplayCommand {
     Monitors,
     /// Show images, one after the other; Enter shows the next, Esc in the window ends it
     Show(ShowArgs),
+    /// Turn the marker patch over, slowly, and keep the submit times, while a photodiode on it is logged
+    Flip(FlipArgs),
+    /// Tell the latency from submit to light, by submit times and the photodiode's
+    Latency(LatencyArgs),
 }
 
 /// Command line of `display show`.
@@ -63,14 +69,6 @@ struct ShowArgs {
     marker_corner: CornerWord,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum CornerWord {
-    TopLeft,
-    TopRight,
-    BottomLeft,
-    BottomRight,
-}
-
 /// Runs the command.
 ///
 /// # Errors
@@ -82,6 +80,8 @@ pub fn run(arguments: &DisplayArgs) -> Result<()> {
             Ok(())
         }
         DisplayCommand::Show(arguments) => show(arguments),
+        DisplayCommand::Flip(arguments) => flip(arguments),
+        DisplayCommand::Latency(arguments) => latency(arguments),
     }
 }
 
@@ -92,7 +92,7 @@ fn show(arguments: &ShowArgs) -> Result<()> {
     let params = params(arguments, image_px)?;
     let table = GreyTable::by_gamma(params.bits.count(), arguments.gamma)?;
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
-    let mut display = Display::open(&params, GreyMaker::nearest(&table), clock)?;
+    let mut display = Display::open(&params, image_px, GreyMaker::nearest(&table), clock)?;
     println!("{}", display.description());
     let (submits, lines) = (display.submits(), lines()?);
     let mut frame = SentFrame::with_capacity(first.width(), first.height(), 0, "images".into());
@@ -115,24 +115,16 @@ fn show(arguments: &ShowArgs) -> Result<()> {
 }
 
 fn params(arguments: &ShowArgs, image_px: [u32; 2]) -> Result<Params> {
-    let monitor = match &arguments.monitor {
-        None => MonitorChoice::Primary,
-        Some(word) => word.parse().map_or_else(|_| MonitorChoice::Named(word.clone()), MonitorChoice::Index),
-    };
+    let monitor = monitor_choice(arguments.monitor.as_deref());
     let bits = match arguments.bits {
         8 => Bits::Eight,
         10 => Bits::Ten,
         other => bail!("--bits {other}; wanted 8 or 10"),
     };
-    let corner = match arguments.marker_corner {
-        CornerWord::TopLeft => Corner::TopLeft,
-        CornerWord::TopRight => Corner::TopRight,
-        CornerWord::BottomLeft => Corner::BottomLeft,
-        CornerWord::BottomRight => Corner::BottomRight,
-    };
+    let corner = arguments.marker_corner.corner();
     let marker = (arguments.marker_px > 0).then_some(Marker { size_px: arguments.marker_px, corner });
     let window_px = arguments.window.then_some(image_px);
-    Ok(Params { monitor, window_px, bits, marker, ..Params::full_screen(image_px) })
+    Ok(Params { monitor, window_px, bits, marker, ..Params::full_screen() })
 }
 
 /// The next item; `None` when there will be none, or none came in so many looks.
@@ -170,7 +162,7 @@ fn lines() -> Result<Receiver<()>> {
 }
 
 /// A grey PNG as luminances.
-fn read(path: &Path) -> Result<DnImage> {
+pub(super) fn read(path: &Path) -> Result<DnImage> {
     let place = || format!("image {}", path.display());
     let file = std::fs::File::open(path).with_context(place)?;
     let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().with_context(place)?;

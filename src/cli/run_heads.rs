@@ -6,6 +6,7 @@ use crate::cli::calibrate::costs_here;
 use crate::cli::check_attitude::slew_scale;
 use crate::cli::run::{ClockKind, RunArgs, stamp};
 use crate::config::Bench;
+use crate::display::calibration::Calibration;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::{FrameEngine, real_time, virtual_time};
 use crate::sink::{SentFrame, Sink};
@@ -20,6 +21,8 @@ use std::sync::Arc;
 pub(super) struct BenchHead {
     pub(super) engine: FrameEngine,
     pub(super) receiver: Receiver,
+    /// By which it is drawn for a display, if it is.
+    calibration: Option<Calibration>,
 }
 
 impl BenchHead {
@@ -41,7 +44,7 @@ pub(super) fn bench_heads(arguments: &RunArgs, bench: &Bench, start: Tai) -> Res
     for (number, mounting) in bench.heads().into_iter().enumerate() {
         let own = bench_parts::bench_of_head(bench, number, mounting);
         let mut params = bench_parts::run_params(&own, start)?;
-        take_display(&mut params, &own, Monotonic::start().now())?;
+        let calibration = take_display(&mut params, &own, Monotonic::start().now())?;
         let imager = bench_parts::imager(&params)?;
         // The virtual clock never sees what this machine measured: its runs repeat everywhere.
         if arguments.clock == ClockKind::Real {
@@ -51,7 +54,7 @@ pub(super) fn bench_heads(arguments: &RunArgs, bench: &Bench, start: Tai) -> Res
         let receiver = Receiver::new(params.attitude.clone())?.with_session(bench_parts::session_params(&own));
         let mut engine = FrameEngine::with_imager(params, imager)?;
         engine.expect_motion(slew_scale(bench));
-        heads.push(BenchHead { engine, receiver });
+        heads.push(BenchHead { engine, receiver, calibration });
     }
     Ok(heads)
 }
@@ -69,7 +72,7 @@ pub(super) fn sinks(arguments: &RunArgs, bench: &Bench, heads: &[BenchHead], clo
     let settings = arguments.sinks(bench);
     let directory = run_directory(&settings, arguments.out.as_deref(), &stamp(Monotonic::start().now()));
     let is_real = arguments.clock == ClockKind::Real;
-    let made = heads.iter().enumerate().map(|(number, BenchHead { engine, .. })| {
+    let made = heads.iter().enumerate().map(|(number, BenchHead { engine, calibration, .. })| {
         let head = (heads.len() > 1).then_some(number);
         let params = engine.params();
         let camera = &params.camera;
@@ -77,7 +80,8 @@ pub(super) fn sinks(arguments: &RunArgs, bench: &Bench, heads: &[BenchHead], clo
         let prototype = SentFrame::with_capacity(width, height, real_time::STARS_AT_FIRST, camera.name.clone());
         let directory = directory.as_deref().map(|run| directory_of_head(run, head));
         let (directory, prototype, frame_period) = (directory.as_deref(), &prototype, params.frame_period);
-        let setting = SinkSetting { directory, prototype, head, is_real, camera, frame_period, clock };
+        let calibration = calibration.as_ref();
+        let setting = SinkSetting { directory, prototype, head, is_real, camera, frame_period, clock, calibration };
         make_sinks(&settings, &setting).with_context(|| head.map_or("the sinks".into(), |head| format!("head {head}")))
     });
     Ok(Sinks { of_heads: made.collect::<Result<_>>()?, directory })

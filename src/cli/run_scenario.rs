@@ -229,7 +229,8 @@ fn sink(
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
     let frame_period = Span::from_s(1.0 / scenario.bench.timing.frame_rate_hz);
     let (directory, clock) = (directory.as_deref(), &clock);
-    let setting = SinkSetting { directory, prototype, head, is_real, camera, frame_period, clock };
+    let calibration = None;
+    let setting = SinkSetting { directory, prototype, head, is_real, camera, frame_period, clock, calibration };
     let made = make_sinks(&arguments.sinks(&scenario.bench), &setting);
     made.with_context(|| head.map_or_else(|| "the sinks".into(), |head| format!("head {head}")))
 }

@@ -195,9 +195,11 @@ impl Bench {
         let mut check = Checker::new(document);
         let name = check.given_or("name", keys.name, document.stem());
         let camera = camera(keys.camera.as_deref(), &mut check)?;
+        let sinks = SinkSettings::check_all(keys.sink, keys.extra_sink, &name, camera.image_px(), &mut check)?;
         // A calibrated display shows each frame from one refresh to the next, whatever the tracker's exposure is.
-        let exposure_s = if keys.sink.is_calibrated_display() { 0.0 } else { camera.exposure.exposure_s };
-        let timing = Timing::check(&keys.timing, exposure_s, &mut check)?;
+        let own_exposure_s = (!is_drawn_for_display(&sinks)).then_some(camera.exposure.exposure_s);
+        let timing = Timing::check(&keys.timing, own_exposure_s, &mut check)?;
+        let exposure_s = own_exposure_s.unwrap_or(1.0 / timing.frame_rate_hz);
         let link = Link::check(&keys.link, &mut check)?;
         let extra_links = Link::check_extra(&keys.extra_link, &mut check)?;
         let session = Session::check(&keys.session, &mut check)?;
@@ -214,10 +216,20 @@ impl Bench {
             return Err(check.invalid("attitude.link_delay_us", "given", wanted, advice));
         }
         let attitude = AttitudeSettings::check(&keys.attitude, attitude_hz, jitter_hz, exposure_s, &mut check)?;
+        // At best the newest attitude is as old as drawing has begun.
+        let least_ms = timing.ahead_ms - 500.0 * exposure_s;
+        if least_ms >= attitude.estimate.stale_after.ms() {
+            let wanted = format!(
+                "less than {} (attitude.stale_after_ms and half the exposure)",
+                attitude.estimate.stale_after.ms() + 500.0 * exposure_s
+            );
+            let advice =
+                "every attitude would be stale at mid-exposure: begin frames later, or call attitudes stale later";
+            return Err(check.invalid("timing.ahead_ms", timing.ahead_ms, wanted, advice));
+        }
         let accuracy = check_accuracy(&keys.accuracy, &mut check)?;
         let budget = Budget::check(&keys.budget, camera.exposure.readout_s, &mut check)?;
         let render = Render::check(&keys.render, &mut check)?;
-        let sinks = SinkSettings::check_all(keys.sink, keys.extra_sink, &name, camera.image_px(), &mut check)?;
         check_sinks_of_heads(&sinks, &extra_heads, &check)?;
         let targets = check_targets(&keys.target, &mut check)?;
         let is_given_in_vain = keys.target_overlap.is_some() && targets.is_empty();
@@ -249,6 +261,11 @@ impl Bench {
             defaulted: check.defaulted,
         })
     }
+}
+
+/// Whether the first sink is a display with a calibration.
+fn is_drawn_for_display(sinks: &[SinkSettings]) -> bool {
+    matches!(sinks, [SinkSettings { sink: Sink::Display(display), .. }, ..] if display.calibration.is_some())
 }
 
 impl Bench {

@@ -17,12 +17,12 @@ pub struct DisplaySettings {
     pub params: Params,
     /// Its calibration file; `None`: greys are taken for luminances, which no monitor's are, and the program says so.
     pub calibration: Option<PathBuf>,
-    /// What the calibration must call the display; `None`: not asked.
+    /// What the calibration must call the display; `None`: there is no calibration.
     pub name: Option<String>,
     /// Refreshes over which light between two greys is spread; 1: the nearer grey.
     pub dither: u32,
-    /// Share of a refresh during which the display shines.
-    pub duty: f64,
+    /// Share of a refresh during which the display shines; `None`: not known.
+    pub duty: Option<f64>,
     /// Frames per second of the tracker that looks at it, for the beat of its shutter against the refresh.
     pub tracker_hz: f64,
 }
@@ -54,7 +54,7 @@ enum MonitorKey {
 }
 
 impl DisplaySettings {
-    /// Reads the keys of the sink `table` (`sink`, `extra_sink[0]`) for frames of `image_px`, columns and rows.
+    /// Reads the keys of the sink `table` (`sink`, `extra_sink[0]`) for a camera's frames of `image_px`, columns and rows.
     pub(super) fn check(
         keys: &DisplayKeys,
         table: &str,
@@ -62,11 +62,15 @@ impl DisplaySettings {
         check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
         let key = |name: &str| format!("{table}.{name}");
+        let is_calibrated = keys.calibration.is_some();
+        if is_calibrated && table != "sink" {
+            let advice = "frames are drawn for one display: name it in [sink], and what keeps its frames beside it";
+            return Err(check.invalid(&key("calibration"), "given", "a calibrated display in [sink] only", advice));
+        }
         let monitor = monitor(keys.monitor.as_ref(), &key("monitor"), check)?;
         // What is drawn for a calibrated display has the size that the calibration says.
-        let is_calibrated = keys.calibration.is_some();
-        let image_px = if is_calibrated { [LONGEST_PX; 2] } else { image_px };
-        let window_px = window(keys.window, &key("window"), (!is_calibrated).then_some(image_px), check)?;
+        let image_px = (!is_calibrated).then_some(image_px);
+        let window_px = window(keys.window, &key("window"), image_px, check)?;
         let most = "10 where driver, server and monitor agree on it";
         let bits = match check.whole(&key("bits"), keys.bits, Some(8), 8..=10, most)? {
             8 => Bits::Eight,
@@ -74,26 +78,59 @@ impl DisplaySettings {
             other => return Err(check.invalid(&key("bits"), other, "8 or 10", most)),
         };
         let marker = marker(keys, &key, image_px, check)?;
-        let advice = "from submit to light, as a photodiode on the marker measures it";
+        let advice = "from submit to light in the middle of the display, as `starloop display latency` tells it";
         let latency = keys.latency_ms.map(|ms| check.meets(&key("latency_ms"), ms, Rule::Within(0.0, 1000.0), advice));
         let latency = latency.transpose()?.map(|ms| Span::from_s(ms * 1e-3));
-        if keys.calibration.as_deref().is_some_and(|path| path.trim().is_empty()) {
+        let direct_scanout = check.given_or(&key("direct_scanout"), keys.direct_scanout, false);
+        let params = Params { monitor, window_px, bits, marker, latency, direct_scanout, refresh: None };
+        let plain = Self { params, calibration: None, name: None, dither: 1, duty: None, tracker_hz: 0.0 };
+        if is_calibrated { plain.calibrated(keys, &key, check) } else { plain.uncalibrated(keys, &key, check) }
+    }
+
+    /// With the keys that only a calibrated display has.
+    fn calibrated(
+        self,
+        keys: &DisplayKeys,
+        key: &impl Fn(&str) -> String,
+        check: &mut Checker<'_>,
+    ) -> Result<Self, ConfigError> {
+        let path = keys.calibration.as_deref().filter(|path| !path.trim().is_empty());
+        let Some(path) = path else {
             let advice = "as `starloop calibrate display` writes it, beside this file";
             return Err(check.invalid(&key("calibration"), "empty", "a calibration file", advice));
-        }
-        let calibration = keys.calibration.as_ref().map(|path| check.document.file_beside(path));
-        check.unused(&key("name"), keys.name.is_some() && !is_calibrated, "a display with a calibration")?;
-        check.unused(&key("dither"), keys.dither.is_some() && !is_calibrated, "a display with a calibration")?;
+        };
+        let Some(name) = keys.name.clone().filter(|name| !name.trim().is_empty()) else {
+            let advice = "model and serial number: a calibration of another display of the same size is refused by it";
+            return Err(check.invalid(&key("name"), "missing", "what the calibration calls the display", advice));
+        };
         let advice = "refreshes, a power of two: over so many the mean light of a pixel is right";
         let dither = check.whole(&key("dither"), keys.dither, Some(16), 1..=256, advice)?;
         let advice = "frames per second of the tracker in front of the display";
         let tracker_hz = check.number(&key("tracker_hz"), keys.tracker_hz, 10.0, Rule::PositiveUpTo(1e4), advice)?;
         let advice =
-            "share of a refresh during which the display shines: 1 holds its light, 0 flashes, which is the worst";
-        let duty = check.number(&key("duty"), keys.duty, 0.0, Rule::Within(0.0, 1.0), advice)?;
-        let direct_scanout = check.given_or(&key("direct_scanout"), keys.direct_scanout, false);
-        let params = Params { monitor, window_px, image_px, bits, marker, latency, direct_scanout };
-        Ok(Self { params, calibration, name: keys.name.clone(), dither, duty, tracker_hz })
+            "share of a refresh during which the display shines: 1 holds its light, 0 flashes, which beats most";
+        let duty = keys.duty.map(|duty| check.meets(&key("duty"), duty, Rule::Within(0.0, 1.0), advice)).transpose()?;
+        let calibration = Some(check.document.file_beside(path));
+        Ok(Self { calibration, name: Some(name), dither, duty, tracker_hz, ..self })
+    }
+
+    /// Without them: a key that would do nothing is refused.
+    fn uncalibrated(
+        self,
+        keys: &DisplayKeys,
+        key: &impl Fn(&str) -> String,
+        check: &Checker<'_>,
+    ) -> Result<Self, ConfigError> {
+        let given = [
+            ("name", keys.name.is_some()),
+            ("dither", keys.dither.is_some()),
+            ("tracker_hz", keys.tracker_hz.is_some()),
+            ("duty", keys.duty.is_some()),
+        ];
+        for (name, is_given) in given {
+            check.unused(&key(name), is_given, "a display with a calibration")?;
+        }
+        Ok(self)
     }
 }
 
@@ -136,10 +173,11 @@ fn window(
 fn marker(
     keys: &DisplayKeys,
     key: &impl Fn(&str) -> String,
-    image_px: [u32; 2],
+    image_px: Option<[u32; 2]>,
     check: &mut Checker<'_>,
 ) -> Result<Option<Marker>, ConfigError> {
-    let longest = image_px[0].min(image_px[1]);
+    // Of a calibrated display the size is not known here: its marker is held against it when it is opened.
+    let longest = image_px.map_or(LONGEST_PX, |[columns, rows]| columns.min(rows));
     let advice = "side of a square for a photodiode; 0 for none";
     let size_px = check.whole(&key("marker_px"), keys.marker_px, Some(0), 0..=longest, advice)?;
     if size_px == 0 {
@@ -166,43 +204,46 @@ mod tests {
     const IMAGE_PX: [u32; 2] = [640, 480];
 
     fn read(text: &str) -> Result<DisplaySettings, ConfigError> {
+        read_as("sink", text)
+    }
+
+    fn read_as(table: &str, text: &str) -> Result<DisplaySettings, ConfigError> {
         #[derive(Deserialize)]
         struct File {
             sink: DisplayKeys,
         }
         let document = Document::from_text(&format!("[sink]\n{text}"), Path::new("benches/a.toml"));
         let File { sink } = document.read_as()?;
-        DisplaySettings::check(&sink, "sink", IMAGE_PX, &mut Checker::new(&document))
+        DisplaySettings::check(&sink, table, IMAGE_PX, &mut Checker::new(&document))
     }
 
     #[test]
     fn without_a_key_it_fills_the_primary_monitor() {
         let settings = read("").unwrap();
-        let (params, tracker_hz) = (Params::full_screen(IMAGE_PX), 10.0);
-        assert_eq!(
-            settings,
-            DisplaySettings { params, calibration: None, name: None, dither: 16, duty: 0.0, tracker_hz }
-        );
+        let params = Params::full_screen();
+        let wanted = DisplaySettings { params, calibration: None, name: None, dither: 1, duty: None, tracker_hz: 0.0 };
+        assert_eq!(settings, wanted);
     }
 
     #[test]
     fn every_key_is_read() {
         let settings = read(
-            "monitor = 1\nwindow = [640, 480]\nbits = 10\nmarker_px = 32\nmarker_corner = \"bottom_left\"\n\
-             calibration = \"panel.toml\"\nlatency_ms = 21.5",
+            "monitor = 1\nwindow = [800, 600]\nbits = 10\nmarker_px = 600\nmarker_corner = \"bottom_left\"\n\
+             calibration = \"panel.toml\"\nname = \"EV27\"\nlatency_ms = 21.5\nduty = 0.25\ntracker_hz = 5.0\n\
+             dither = 4",
         )
         .unwrap();
         let params = Params {
             monitor: MonitorChoice::Index(1),
-            window_px: Some(IMAGE_PX),
-            image_px: [LONGEST_PX; 2],
+            window_px: Some([800, 600]),
             bits: Bits::Ten,
-            marker: Some(Marker { size_px: 32, corner: Corner::BottomLeft }),
+            marker: Some(Marker { size_px: 600, corner: Corner::BottomLeft }),
             latency: Some(Span::from_ns(21_500_000)),
-            direct_scanout: false,
+            ..Params::full_screen()
         };
-        assert_eq!(settings.params, params);
-        assert_eq!(settings.calibration.as_deref(), Some(Path::new("benches/panel.toml")));
+        let (calibration, name) = (Some("benches/panel.toml".into()), Some("EV27".into()));
+        let wanted = DisplaySettings { params, calibration, name, dither: 4, duty: Some(0.25), tracker_hz: 5.0 };
+        assert_eq!(settings, wanted);
         let named = read("monitor = \"HDMI-1\"").unwrap();
         assert_eq!(named.params.monitor, MonitorChoice::Named("HDMI-1".into()));
     }
@@ -223,10 +264,26 @@ mod tests {
             ("marker_px = 8\nmarker_corner = \"top\"", "top_left"),
             ("latency_ms = -1.0", "sink.latency_ms"),
             ("calibration = \"\"", "sink.calibration"),
+            ("calibration = \"a.toml\"", "sink.name"),
+            ("calibration = \"a.toml\"\nname = \" \"", "sink.name"),
+            ("calibration = \"a.toml\"\nname = \"a\"\nduty = 1.01", "sink.duty"),
+            ("name = \"a\"", "sink.name"),
+            ("dither = 4", "sink.dither"),
+            ("duty = 1.0", "sink.duty"),
+            ("tracker_hz = 10.0", "sink.tracker_hz"),
         ] {
             let error = read(text).unwrap_err().to_string();
             assert!(error.contains(part), "{text}: {error}");
         }
         assert!(read("marker_px = 480").is_ok(), "the other side of the edge");
+    }
+
+    #[test]
+    fn only_the_first_sink_may_be_a_calibrated_display() {
+        let text = "calibration = \"a.toml\"\nname = \"a\"";
+        assert!(read_as("sink", text).is_ok());
+        let error = read_as("extra_sink[1]", text).unwrap_err().to_string();
+        assert!(error.contains("extra_sink[1].calibration") && error.contains("[sink]"), "{error}");
+        assert!(read_as("extra_sink[1]", "bits = 10").is_ok(), "as it is, it may stand beside another");
     }
 }

@@ -135,14 +135,6 @@ impl SinkTable<'_> {
     }
 }
 
-impl SinkKeys {
-    /// Whether it is a display with a calibration, which sets size and exposure of what is drawn.
-    pub(super) fn is_calibrated_display(&self) -> bool {
-        let is_display = self.0.get("kind").and_then(toml::Value::as_str) == Some("display");
-        is_display && self.0.contains_key("calibration")
-    }
-}
-
 impl SinkSettings {
     /// `[sink]` and then those beside it.
     pub(super) fn check_all(

@@ -79,11 +79,17 @@ pub(super) struct TimingKeys {
 }
 
 impl Timing {
-    pub(super) fn check(keys: &TimingKeys, exposure_s: f64, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    /// `exposure_s`: of the camera; `None` where a frame is one refresh of a calibrated display.
+    pub(super) fn check(
+        keys: &TimingKeys,
+        exposure_s: Option<f64>,
+        check: &mut Checker<'_>,
+    ) -> Result<Self, ConfigError> {
         let frames = "frames per second, such as 10.0";
         let frame_rate_hz =
             check.number("timing.frame_rate_hz", keys.frame_rate_hz, 10.0, Rule::PositiveUpTo(10_000.0), frames)?;
-        if exposure_s * frame_rate_hz > 1.0 + f64::EPSILON {
+        let longer = exposure_s.filter(|exposure_s| exposure_s * frame_rate_hz > 1.0 + f64::EPSILON);
+        if let Some(exposure_s) = longer {
             let wanted = format!("at most {:.6} (one exposure of {exposure_s} s per frame)", 1.0 / exposure_s);
             let advice = "lower the frame rate, or shorten exposure.exposure_s of the camera";
             return Err(check.invalid("timing.frame_rate_hz", frame_rate_hz, wanted, advice));
@@ -97,8 +103,13 @@ impl Timing {
         let degrades = [("real_clock", Degrade::OnRealClock), ("always", Degrade::Always), ("never", Degrade::Never)];
         let advice = "real_clock degrades frames that would be late, always does so on the virtual clock too";
         let degrade = check.choice("timing.degrade", keys.degrade.as_deref(), &degrades, advice)?;
-        let advice =
-            "0 for a sensor that reads out when it has exposed; for a display: exposure, drawing and its latency";
+        check.unused(
+            "timing.ahead_ms",
+            keys.ahead_ms.is_some() && exposure_s.is_none(),
+            "a run that is not drawn for a calibrated display, whose refresh and latency say how early frames are begun",
+        )?;
+        let advice = "0 for a sensor that reads out when it has exposed; for a display without calibration: exposure, drawing and \
+             its latency";
         let ahead_ms = check.number("timing.ahead_ms", keys.ahead_ms, 0.0, Rule::Within(0.0, 500.0), advice)?;
         Ok(Self { frame_rate_hz, duration_s, ahead_ms, deadline_policy, degrade, start: start(keys, check)? })
     }

@@ -14,6 +14,15 @@ use crate::base::random::philox;
 
 /// Longest cycle, refreshes: a pixel's place in it is one byte.
 pub const LONGEST_CYCLE: u32 = 256;
+
+/// A cycle that there is not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("dither over {got} refreshes: wanted 1 (none), 2, 4, 8, 16, 32, 64, 128 or {LONGEST_CYCLE}")]
+pub struct CycleError {
+    /// Refreshes asked for.
+    pub got: u32,
+}
+
 /// Key of the pixels' starts; any will do, but it must stay.
 const KEY: [u32; 2] = [0x6469_7468, 0x6572_0001];
 
@@ -24,10 +33,13 @@ pub struct Dither {
 }
 
 impl Dither {
-    /// The cycle of at least so many refreshes: a power of two, 1 (none: the nearer grey) to [`LONGEST_CYCLE`].
-    #[must_use]
-    pub fn over(refreshes: u32) -> Self {
-        Self { cycle: refreshes.clamp(1, LONGEST_CYCLE).next_power_of_two() }
+    /// The cycle of so many refreshes: a power of two, 1 (none: the nearer grey) to [`LONGEST_CYCLE`].
+    ///
+    /// # Errors
+    /// When there is no such cycle.
+    pub fn over(refreshes: u32) -> Result<Self, CycleError> {
+        let is_cycle = refreshes.is_power_of_two() && refreshes <= LONGEST_CYCLE;
+        if is_cycle { Ok(Self { cycle: refreshes }) } else { Err(CycleError { got: refreshes }) }
     }
 
     /// Refreshes of one cycle.
@@ -80,7 +92,7 @@ mod tests {
     #[test]
     fn the_mean_of_a_cycle_is_what_was_wanted() {
         for cycle in [1, 2, 4, 16, 64, 256] {
-            let dither = Dither::over(cycle);
+            let dither = Dither::over(cycle).unwrap();
             for k in 0..=200 {
                 let share = k as f32 / 200.0;
                 for first in [0, 1, 7, 1_000_003] {
@@ -90,13 +102,13 @@ mod tests {
                 }
             }
         }
-        let short = (mean(Dither::over(4), 0.4, 0, 4, 0) - 0.4).abs();
-        assert!(short > Dither::over(64).bound(), "a short cycle is coarser: {short}");
+        let short = (mean(Dither::over(4).unwrap(), 0.4, 0, 4, 0) - 0.4).abs();
+        assert!(short > Dither::over(64).unwrap().bound(), "a short cycle is coarser: {short}");
     }
 
     #[test]
     fn part_of_a_cycle_is_bounded_too() {
-        let dither = Dither::over(64);
+        let dither = Dither::over(64).unwrap();
         let mut worst = 0.0_f64;
         for count in 1..64 {
             for first in 0..64 {
@@ -114,7 +126,7 @@ mod tests {
 
     #[test]
     fn pixels_begin_everywhere_and_always_there() {
-        let dither = Dither::over(16);
+        let dither = Dither::over(16).unwrap();
         let mut counts = [0_u32; 16];
         for (x, y) in (0..64).flat_map(|x| (0..64).map(move |y| (x, y))) {
             counts[usize::from(dither.start(x, y))] += 1;
@@ -126,9 +138,16 @@ mod tests {
 
     #[test]
     fn no_dither_is_the_nearer_grey() {
-        let none = Dither::over(0);
+        let none = Dither::over(1).unwrap();
         assert_eq!((none.cycle(), none.is_brighter(0.49, 3, 0), none.is_brighter(0.51, 3, 0)), (1, false, true));
-        assert_eq!(Dither::over(5).cycle(), 8);
-        assert_eq!(Dither::over(9999).cycle(), LONGEST_CYCLE);
+    }
+
+    #[test]
+    fn a_cycle_that_there_is_not_is_refused() {
+        for got in [0, 3, 5, 255, 257, 512] {
+            let told = Dither::over(got).unwrap_err().to_string();
+            assert!(told.contains(&format!("over {got} refreshes")) && told.contains("64, 128 or 256"), "{told}");
+        }
+        assert_eq!([1, 256].map(|cycle| Dither::over(cycle).unwrap().cycle()), [1, 256], "both ends");
     }
 }

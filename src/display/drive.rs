@@ -1,7 +1,8 @@
 //! Frames in linear luminance -> greys of one refresh: flat field, response, dither.
 //!
-//! Input: luminance above black relative to a full pixel at the display's brightest place, row by row. Output: one grey per
-//! pixel, and the count of pixels that wanted more than the display has. A pixel gets luminance / flat field; its grey is
+//! Input: luminance above black relative to a full pixel at the display's brightest place, row by row, as the codes of
+//! [`super::luminance_code`]. Output: one grey per pixel, and the count of pixels that wanted more than the display has;
+//! the brightest code counts, as it says "as much or more". A pixel gets luminance / flat field; its grey is
 //! the exact one of the measured response (a table over the root of the luminance finds the place to look), and what
 //! is between two greys is dithered. So light split over pixels is split in *luminance*, and a star's centroid moves linearly:
 //! a display driven as if grey were luminance moves a star by more than 1/10 px (test).
@@ -9,6 +10,7 @@
 
 use super::dither::Dither;
 use super::flat_field::FlatField;
+use super::luminance_code;
 use super::response::Response;
 
 /// Entries of the table that finds the grey to begin with.
@@ -17,6 +19,8 @@ const ENTRIES: usize = 8192;
 /// What a display needs to show luminance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DisplayDrive {
+    /// Luminance of every code; more than any display's of the brightest.
+    luminance_of_code: Vec<f32>,
     /// Luminance of every grey.
     luminance: Vec<f32>,
     /// Entry i: the highest grey whose luminance is at most (i / last)^2.
@@ -44,14 +48,16 @@ impl DisplayDrive {
         #[allow(clippy::cast_possible_truncation, reason = "columns and rows of a display")]
         let start = places.clone().map(|(x, y)| dither.start(x as u32, y as u32)).collect();
         let gain = places.map(|(x, y)| narrow(1.0 / flat.at([x as f64, y as f64]))).collect();
-        Self { luminance, begin, gain, start, dither, width, mirrored }
+        let mut luminance_of_code: Vec<f32> =
+            (0..u16::MAX).map(|code| narrow(luminance_code::luminance(code))).collect();
+        luminance_of_code.push(f32::INFINITY);
+        Self { luminance_of_code, luminance, begin, gain, start, dither, width, mirrored }
     }
 
-    /// Greys of one row of refresh `refresh`; luminance as u16, 65535 one full pixel. Gives how many pixels wanted more
-    /// light than there is (they show full). Rows beyond the display and pixels beyond the shorter slice are left as they
-    /// are.
-    pub fn row(&self, luminance: &[u16], y: usize, refresh: u64, greys: &mut [u16]) -> u64 {
-        self.fill(luminance.iter().map(|l| f32::from(*l) / f32::from(u16::MAX)), y, refresh, greys)
+    /// Greys of one row of refresh `refresh`, whose luminances come as codes. Gives how many pixels wanted more light than
+    /// there is (they show full). Rows beyond the display and pixels beyond the shorter slice are left as they are.
+    pub fn row(&self, codes: &[u16], y: usize, refresh: u64, greys: &mut [u16]) -> u64 {
+        self.fill(codes.iter().map(|code| self.luminance_of_code[usize::from(*code)]), y, refresh, greys)
     }
 
     /// Greys of a whole frame of single-precision luminances, 1 one full pixel; what is not a number is black.
@@ -106,7 +112,7 @@ mod tests {
     const SIZE_PX: [usize; 2] = [9, 1];
 
     fn drive(response: &Response, cycle: u32) -> DisplayDrive {
-        DisplayDrive::new(response, &FlatField::uniform(SIZE_PX), SIZE_PX, Dither::over(cycle), false)
+        DisplayDrive::new(response, &FlatField::uniform(SIZE_PX), SIZE_PX, Dither::over(cycle).unwrap(), false)
     }
 
     /// Mean light that a display of the true response shows over a cycle, pixel by pixel.
@@ -166,7 +172,7 @@ mod tests {
         let truth = Response::of_gamma(8, 2.2).unwrap();
         let parameters = super::super::flat_field::FlatParameters { degree: 1, coefficient: vec![0.75, 0.25, 0.0] };
         let flat = FlatField::new(parameters, SIZE_PX).unwrap();
-        let drive = DisplayDrive::new(&truth, &flat, SIZE_PX, Dither::over(256), false);
+        let drive = DisplayDrive::new(&truth, &flat, SIZE_PX, Dither::over(256).unwrap(), false);
         let light = shown(&drive, &truth, &[0.4; 9], 256);
         for (x, l) in light.iter().enumerate() {
             assert!((l * flat.at([x as f64, 0.0]) - 0.4).abs() < 1e-4, "column {x}: {l}");
@@ -196,17 +202,53 @@ mod tests {
         let truth = Response::of_gamma(8, 2.2).unwrap();
         let flat = FlatField::uniform(SIZE_PX);
         let [plain, mirrored] =
-            [false, true].map(|mirrored| DisplayDrive::new(&truth, &flat, SIZE_PX, Dither::over(1), mirrored));
+            [false, true].map(|mirrored| DisplayDrive::new(&truth, &flat, SIZE_PX, Dither::over(1).unwrap(), mirrored));
         let light: [u16; 9] = core::array::from_fn(|x| 7000 * x as u16);
         let (mut row, mut turned, mut frame) = ([0; 9], [0; 9], [0; 9]);
         plain.row(&light, 0, 5, &mut row);
         mirrored.row(&light, 0, 5, &mut turned);
-        plain.frame(&light.map(|l| f32::from(l) / 65_535.0), 5, &mut frame);
+        #[allow(clippy::cast_possible_truncation, reason = "single precision frames")]
+        let luminances = light.map(|code| luminance_code::luminance(code) as f32);
+        plain.frame(&luminances, 5, &mut frame);
         assert_eq!(row, frame);
         turned.reverse();
         assert_eq!(row, turned);
         assert!(row[8] > row[1], "and not all alike");
         assert_eq!(plain.row(&light, 1, 5, &mut row), 0, "no such row");
         assert_eq!(row, frame, "left as it was");
+        assert_eq!(plain.row(&[u16::MAX, u16::MAX - 1], 0, 5, &mut row), 1, "as much or more is too much");
+    }
+
+    /// Codes of a star as its light is rounded to them, and to even steps.
+    fn star(peak: f64) -> ([f64; 9], [u16; 9], [u16; 9]) {
+        let light: [f64; 9] = core::array::from_fn(|x| peak * (-0.5 * ((x as f64 - 4.2) / 0.7).powi(2)).exp());
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65535")]
+        let even = light.map(|l| luminance_code::code((l * 65_535.0).round() / 65_535.0));
+        (light, light.map(luminance_code::code), even)
+    }
+
+    #[test]
+    fn the_mean_light_of_a_faint_star_is_right_to_a_hundredth() {
+        let truth = Response::of_gamma(8, 2.2).unwrap();
+        let drive = drive(&truth, 256);
+        let mean = |codes: &[u16; 9]| {
+            let mut greys = [0; 9];
+            let of_refresh = |refresh| {
+                drive.row(codes, 0, refresh, &mut greys);
+                greys.iter().map(|grey| truth.luminance()[usize::from(*grey)]).sum::<f64>() / 256.0
+            };
+            (0..256).map(of_refresh).sum::<f64>()
+        };
+        // The brightest pixel has 1/4 to 64 times the light of grey 1, 5e-6 of full.
+        for peak in [1.3e-6, 5e-6, 2e-5, 7e-5, 3e-4] {
+            let (light, codes, even) = star(peak);
+            let wanted: f64 = light.iter().sum();
+            let off = mean(&codes) / wanted - 1.0;
+            println!("peak {peak}: {off:.4}; by even steps {:.4}", mean(&even) / wanted - 1.0);
+            assert!(off.abs() < 0.01, "peak {peak}: {off}");
+            if peak < 1e-5 {
+                assert!(mean(&even) < 0.01 * wanted, "even steps lose it: the comparison can fail");
+            }
+        }
     }
 }

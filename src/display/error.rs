@@ -1,5 +1,7 @@
 //! What can go wrong with a display.
 
+use std::path::PathBuf;
+
 /// Why nothing, or not this, is shown.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DisplayError {
@@ -93,6 +95,25 @@ pub enum DisplayError {
         marker_px: u32,
         /// Columns and rows of the frames.
         image_px: [u32; 2],
+    },
+    /// The monitor's refreshes are not those that frames are drawn for.
+    #[error(
+        "frames are drawn for refreshes at {drawn_hz} Hz, and the monitor's are at {monitor_hz} Hz: wanted the same within \
+         0.5 %; set timing.frame_rate_hz to the monitor's, or the monitor's mode to the frames'"
+    )]
+    RefreshRate {
+        /// Of the frames.
+        drawn_hz: String,
+        /// Of the monitor.
+        monitor_hz: String,
+    },
+    /// Submit times do not get into their file.
+    #[error("submit times cannot be written to {}: {reason}; wanted a new file on a disk with room", path.display())]
+    SubmitLog {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        reason: String,
     },
     /// Direct scan-out was asked for.
     #[error(

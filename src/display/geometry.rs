@@ -10,12 +10,13 @@
 //! Exactness: the camera evaluates the very polynomial that was fitted, so camera and calibration differ by rounding
 //! only, below [`CAMERA_PX`] display px; the way back is a Newton iteration to 1e-12 of a focal length.
 //! A mirror between display and tracker cannot be a rotation: [`DisplayGeometry::mirrored`] then says that columns are
-//! shown in reverse order. Limits: a polynomial says nothing beyond the dots it was fitted to ([`DisplayGeometry::covered_px`]).
+//! shown in reverse order. Limits: a polynomial says nothing beyond the dots it was fitted to ([`DisplayGeometry::covered`]).
 //! Tests: below, and `tests/physics/display_calibration` against a simulated collimator that shares no code.
 
 use crate::astrometry::{AstrometryError, CameraGeometry, CameraParameters, PolynomialDistortion};
 use crate::base::axes::{Rotation, Sensor};
 use crate::base::units::ARCSEC;
+use crate::display::covered::Covered;
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -40,8 +41,8 @@ pub struct GeometryParameters {
     pub degree: usize,
     /// Terms: exponent of x, exponent of y, coefficient along x, coefficient along y.
     pub terms: Vec<(usize, usize, f64, f64)>,
-    /// Smallest and largest column, smallest and largest row of the dots fitted to, display px.
-    pub covered_px: [f64; 4],
+    /// Corners of the area within the outermost of the dots fitted to, display px.
+    pub covered_px: Vec<[f64; 2]>,
 }
 
 /// A display's geometry, checked.
@@ -50,7 +51,7 @@ pub struct DisplayGeometry {
     camera: CameraGeometry,
     drawn_from_sensor: Rotation<Sensor, Sensor>,
     mirrored: bool,
-    covered_px: [f64; 4],
+    covered: Covered,
 }
 
 impl DisplayGeometry {
@@ -80,7 +81,10 @@ impl DisplayGeometry {
             distortion: Default::default(),
         };
         let camera = CameraGeometry::with_polynomial(camera, polynomial)?;
-        Ok(Self { camera, drawn_from_sensor, mirrored: parameters.mirrored, covered_px: parameters.covered_px })
+        let Some(covered) = Covered::within(&parameters.covered_px) else {
+            return refuse("covered_px", "three corners or more of an area", parameters.covered_px.len() as f64);
+        };
+        Ok(Self { camera, drawn_from_sensor, mirrored: parameters.mirrored, covered })
     }
 
     /// The camera that a renderer draws this display's frames with: directions in *drawn* axes -> display px, columns
@@ -103,10 +107,10 @@ impl DisplayGeometry {
         self.mirrored
     }
 
-    /// Range of columns and of rows that dots were seen in, display px: beyond it the map is a guess.
+    /// What dots were seen in, display px as shown: beyond it the map is a guess.
     #[must_use]
-    pub fn covered_px(&self) -> [f64; 4] {
-        self.covered_px
+    pub fn covered(&self) -> &Covered {
+        &self.covered
     }
 
     /// Display pixel, as shown, of a direction in the tracker's sensor axes; `None` as for [`CameraGeometry::project`].
@@ -130,7 +134,7 @@ impl DisplayGeometry {
     /// Angle of one display pixel in the middle of what is covered, arcsec.
     #[must_use]
     pub fn arcsec_per_px(&self) -> f64 {
-        let [left, right, top, bottom] = self.covered_px;
+        let [left, right, top, bottom] = self.covered.range_px();
         let middle = [0.5 * (left + right), 0.5 * (top + bottom)];
         let at = |dx: f64, dy: f64| self.unproject([middle[0] + dx, middle[1] + dy]);
         match (at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0)) {
@@ -206,7 +210,7 @@ mod tests {
             principal_point_px: pinhole.principal_point_px,
             degree: 1,
             terms: vec![(0, 1, pinhole.shear_px / pinhole.focal_px[0], 0.0)],
-            covered_px: [0.0, 1279.0, 0.0, 719.0],
+            covered_px: vec![[0.0, 0.0], [1279.0, 0.0], [1279.0, 719.0], [0.0, 719.0]],
         }
     }
 
@@ -259,6 +263,7 @@ mod tests {
         assert!(refused(&|p| p.terms.push((3, 0, f64::NAN, 0.0))).contains("coefficient"));
         assert!(refused(&|p| p.terms.push((3, 0, -40.0, 0.0))).contains("one-to-one"));
         assert!(refused(&|p| p.focal_px = [0.0, 1.0]).contains("focal_px"));
+        assert!(refused(&|p| p.covered_px.truncate(2)).contains("covered_px"));
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! its maker. Prediction: photon time = submit time + median delay + the place of the row in the scan. Known: the
 //! median and the spread, of the runs that were measured. Not known: the delay of one frame; a queue that is one refresh
 //! longer today (a compositor, a driver's setting) shows as a whole refresh, and only the patch can tell.
+//! A flip has one row: [`flips_of`] finds the edge of each submit time that a run or `starloop display flip` kept.
 //! Input: CSV with `submit_s,edge_s`, one row a flip, seconds of one clock; no edge: leave `edge_s` empty.
 //! Tests below.
 
@@ -17,6 +18,8 @@ use std::io::Read;
 pub const FEWEST_EDGES: usize = 10;
 /// A delay beyond this is an edge of another flip, seconds.
 const LONGEST_S: f64 = 1.0;
+/// Flips that follow sooner than this cannot be told from one another by their edges: latencies are shorter, seconds.
+pub const APART_S: f64 = 0.1;
 /// Largest share of flips without an edge.
 const MOST_MISSED: f64 = 0.1;
 
@@ -65,6 +68,17 @@ pub enum LatencyError {
         /// What was there.
         got: String,
     },
+    /// Flips so close to one another that an edge may be of any of them.
+    #[error(
+        "marker flips: wanted at least {FEWEST_EDGES} that the next one follows after {APART_S} s or more, got {apart} of \
+         {flips}; an edge could be of another flip: `starloop display flip` flips slowly"
+    )]
+    Close {
+        /// Flips that stand alone.
+        apart: usize,
+        /// All flips.
+        flips: usize,
+    },
     /// Too few edges.
     #[error(
         "marker table: wanted at least {FEWEST_EDGES} flips with an edge, got {got}; let the marker flip for longer"
@@ -85,10 +99,40 @@ pub enum LatencyError {
     },
 }
 
-#[derive(Debug, Deserialize)]
-struct Flip {
-    submit_s: f64,
-    edge_s: Option<f64>,
+/// One flip of the marker: a line of the table.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Flip {
+    /// When it was submitted, seconds.
+    pub submit_s: f64,
+    /// When the photodiode saw it, seconds of the same clock; `None`: it did not.
+    pub edge_s: Option<f64>,
+}
+
+/// The edge of each flip: the first after its submit and before the next one's. Flips that follow one another within
+/// [`APART_S`] are left out, as an edge may be of either. Times in seconds of one clock, in any order.
+///
+/// # Errors
+/// When too few flips are left.
+pub fn flips_of(submits_s: &[f64], edges_s: &[f64]) -> Result<Vec<Flip>, LatencyError> {
+    let sorted = |times: &[f64]| {
+        let mut times = times.to_vec();
+        times.sort_by(f64::total_cmp);
+        times
+    };
+    let (submits, edges) = (sorted(submits_s), sorted(edges_s));
+    let next_of = |i: usize| submits.get(i + 1).copied().unwrap_or(f64::INFINITY);
+    let alone = (0..submits.len()).filter(|i| next_of(*i) - submits[*i] >= APART_S);
+    let flips: Vec<Flip> = alone
+        .map(|i| {
+            let first = edges.partition_point(|edge_s| *edge_s < submits[i]);
+            let edge_s = edges.get(first).copied().filter(|edge_s| *edge_s < next_of(i));
+            Flip { submit_s: submits[i], edge_s }
+        })
+        .collect();
+    if flips.len() < FEWEST_EDGES {
+        return Err(LatencyError::Close { apart: flips.len(), flips: submits.len() });
+    }
+    Ok(flips)
 }
 
 impl Latency {
@@ -115,17 +159,25 @@ impl Latency {
     /// # Errors
     /// When the table cannot be read, or has too few edges.
     pub fn measured(input: impl Read, marker_row_share: f64, scan: Span) -> Result<Self, LatencyError> {
-        let mut delays_ns = Vec::new();
-        let mut flips = 0;
+        let mut flips = Vec::new();
         for row in csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(input).deserialize() {
-            let flip: Flip = row.map_err(|error: csv::Error| LatencyError::Row {
+            flips.push(row.map_err(|error: csv::Error| LatencyError::Row {
                 line: error.position().map_or(1, csv::Position::line),
                 got: error.to_string(),
-            })?;
-            flips += 1;
-            let delay_s = flip.edge_s.map(|edge_s| edge_s - flip.submit_s);
-            delays_ns.extend(delay_s.filter(|s| (0.0..=LONGEST_S).contains(s)).map(|s| s * 1e9));
+            })?);
         }
+        Self::of_flips(&flips, marker_row_share, scan)
+    }
+
+    /// The latency that flips of the marker show.
+    ///
+    /// # Errors
+    /// When too few have an edge.
+    pub fn of_flips(flips: &[Flip], marker_row_share: f64, scan: Span) -> Result<Self, LatencyError> {
+        let delay_s = |flip: &Flip| flip.edge_s.map(|edge_s| edge_s - flip.submit_s);
+        let plausible = flips.iter().filter_map(delay_s).filter(|s| (0.0..=LONGEST_S).contains(s));
+        let mut delays_ns: Vec<f64> = plausible.map(|s| s * 1e9).collect();
+        let flips = flips.len();
         let seen = delays_ns.len();
         let missed = flips - seen;
         if seen < FEWEST_EDGES {
@@ -150,16 +202,22 @@ impl Latency {
         })
     }
 
+    /// From submit to the light of a row (its number over the number of rows, 0 to 1).
+    #[must_use]
+    pub fn at_row(&self, row_share: f64) -> Span {
+        Span::from_ns(self.median_ns) + self.scan_after_marker(row_share)
+    }
+
     /// When light of a row (its number over the number of rows, 0 to 1) that was submitted at `submit` is expected.
     #[must_use]
     pub fn photon_time(&self, submit: Tai, row_share: f64) -> Tai {
-        submit + Span::from_ns(self.median_ns) + self.scan_after_marker(row_share)
+        submit + self.at_row(row_share)
     }
 
     /// When to submit for light of a row at `photons`: what a prediction's horizon has to cover.
     #[must_use]
     pub fn submit_time(&self, photons: Tai, row_share: f64) -> Tai {
-        photons - Span::from_ns(self.median_ns) - self.scan_after_marker(row_share)
+        photons - self.at_row(row_share)
     }
 
     fn scan_after_marker(&self, row_share: f64) -> Span {
@@ -210,6 +268,27 @@ mod tests {
         assert!((latency.spread_ns - 8_900_000).abs() <= 200_000, "{}", latency.spread_ns);
         assert!((latency.range_ns[0] - 20_000_000).abs() < 10 && (latency.range_ns[1] - 29_900_000).abs() < 10);
         assert!(latency.told().contains("in 99 flips (1 missed)"), "{}", latency.told());
+    }
+
+    #[test]
+    fn edges_belong_to_the_flip_before_them() {
+        let submits: Vec<f64> = (0..40).map(|i| 100.0 + 0.2 * f64::from(i)).collect();
+        // Each 28 ms later, one missing, one twice (a bounce), the table not in order.
+        let mut edges: Vec<f64> =
+            submits.iter().enumerate().filter(|(i, _)| *i != 7).map(|(_, submit_s)| submit_s + 0.028).collect();
+        edges.extend([submits[3] + 0.031, 99.0]);
+        edges.reverse();
+        let flips = flips_of(&submits, &edges).unwrap();
+        assert_eq!((flips.len(), flips[7].edge_s), (40, None));
+        let latency = Latency::of_flips(&flips, 0.0, Span::from_ms(16)).unwrap();
+        assert!((latency.median_ns - 28_000_000).abs() < 100, "{}", latency.median_ns);
+        assert!((latency.at_row(0.5).ns() - 36_000_000).abs() < 100, "half a scan below the marker");
+        // Both sides of what can be told apart.
+        let at = |period_s: f64| (0..40).map(|i| period_s * f64::from(i)).collect::<Vec<f64>>();
+        assert!(flips_of(&at(0.1001), &[]).is_ok(), "no edges are the next step's complaint");
+        let error = flips_of(&at(1.0 / 60.0), &edges).unwrap_err();
+        assert_eq!(error, LatencyError::Close { apart: 1, flips: 40 });
+        assert!(error.to_string().contains("display flip"), "{error}");
     }
 
     #[test]

@@ -16,9 +16,10 @@
 //! Limits: X11 (Wayland desktops through Xwayland), Vulkan. Ten bits where the driver offers A2B10G10R10. When the X server
 //! itself dies, Xlib ends the program; so does a client that is killed from outside (`xkill`).
 //!
-//! Tour: `params` (what is asked) -> `monitor` (which screen) -> `window`, `placement`, `plug` (a window that fills it) -> `glass`,
-//! `surface`, `format`, `painter` (what can be shown on) -> `hand_over` (newest frame wins) -> `grey`, `marker`, `picture` (what is
-//! shown) -> `presenter` (each refresh) -> `counters`, `submitted` (what came of it) -> `screen` (the sink).
+//! Tour: `params` (what is asked) -> `monitor` (which screen), `refresh` (how often) -> `window`, `placement`, `plug` (a
+//! window that fills it) -> `glass`, `surface`, `format`, `painter` (what can be shown on) -> `hand_over` (the newest frame
+//! whose time has come) -> `grey`, `marker`, `picture` (what is shown) -> `presenter` (each refresh) -> `counters`,
+//! `submitted`, `submit_log` (what came of it) -> `screen` (the sink).
 //!
 //! Calibration: `geometry` and `response` say where and how bright, `drive` and `dither` make greys of luminance, `beat` and
 //! `latency` tell what shutters and clocks do to it; `calibration` measures all of them.
@@ -26,6 +27,7 @@
 pub mod beat;
 pub mod calibration;
 pub mod counters;
+pub mod covered;
 pub mod dither;
 pub mod drive;
 pub mod error;
@@ -37,6 +39,7 @@ pub mod grey;
 mod hand_over;
 pub mod latency;
 pub mod least_squares;
+pub mod luminance_code;
 pub mod marker;
 pub mod monitor;
 pub mod painter;
@@ -45,9 +48,11 @@ pub mod picture;
 mod placement;
 mod plug;
 mod presenter;
+mod refresh;
 pub mod response;
 mod screen;
 mod state;
+pub mod submit_log;
 pub mod submitted;
 mod surface;
 mod window;
@@ -59,5 +64,6 @@ pub use marker::{Corner, Marker};
 pub use monitor::MonitorChoice;
 pub use params::{Bits, Params};
 pub use screen::Display;
+pub use submit_log::{SUBMITS, SubmitRow};
 pub use submitted::Submitted;
 pub use window::monitors;

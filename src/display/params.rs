@@ -41,31 +41,40 @@ pub struct Params {
     pub monitor: MonitorChoice,
     /// A window of this size (columns, rows) in place of a full screen.
     pub window_px: Option<[u32; 2]>,
-    /// Columns and rows of the frames that will come.
-    pub image_px: [u32; 2],
     /// Bits of a grey.
     pub bits: Bits,
     /// A square for a photodiode.
     pub marker: Option<Marker>,
-    /// Submit to light, as measured or given: added to a submit time it predicts when light left the screen. `None`:
-    /// not known.
+    /// Submit to light in the middle of the display, as measured or given: added to a submit time it predicts when light
+    /// left the screen. `None`: not known.
     pub latency: Option<Span>,
+    /// Time of the refresh that each frame was drawn for: frames are held back until theirs. `None`: each is shown as soon
+    /// as it is there.
+    pub refresh: Option<Span>,
     /// Asks for direct scan-out, with no X server. Refused: see [`crate::display::DisplayError::DirectScanOut`].
     pub direct_scanout: bool,
 }
 
 impl Params {
-    /// Frames of this size over the whole primary monitor, 8 bits, no marker.
+    /// The whole primary monitor, 8 bits, no marker.
     #[must_use]
-    pub const fn full_screen(image_px: [u32; 2]) -> Self {
+    pub const fn full_screen() -> Self {
         Self {
             monitor: MonitorChoice::Primary,
             window_px: None,
-            image_px,
             bits: Bits::Eight,
             marker: None,
             latency: None,
+            refresh: None,
             direct_scanout: false,
         }
+    }
+
+    /// How long before its light is to leave a frame may be submitted at the earliest: the latency and half a refresh,
+    /// so that of all refreshes it gets the one whose light comes nearest. `None`: at any time.
+    #[must_use]
+    pub fn lead(&self) -> Option<Span> {
+        let refresh = self.refresh?;
+        Some(self.latency.unwrap_or(Span::ZERO) + Span::from_ns(refresh.ns() / 2))
     }
 }

@@ -1,10 +1,12 @@
 //! One refresh after the other: fetch the newest frame, make its greys, show them, say when.
 //!
-//! The frame is fetched after the wait for a free image, so that it is as new as can be. Monitors set the pace; where a
-//! driver does not wait for one (software Vulkan on a virtual server), the presenter waits itself.
+//! The frame is fetched after the wait for a free image, so that it is as new as can be. A frame that was drawn for a
+//! moment is shown at the refresh whose light comes nearest to it ([`crate::display::Params::lead`]): its light begins within
+//! half a refresh of that moment, and on the average at it, however soon it was drawn. Monitors set the pace; where
+//! a driver does not wait for one (software Vulkan on a virtual server), the presenter waits itself.
 
 use crate::base::clock::{Clock, Stopwatch};
-use crate::base::time::Span;
+use crate::base::time::{Span, Tai};
 use crate::display::counters::count;
 use crate::display::error::DisplayError;
 use crate::display::glass::{Glass, Turn};
@@ -26,6 +28,8 @@ const USUAL_REFRESH: Span = Span::from_ns(16_666_667);
 const PACE: f64 = 0.5;
 /// A refresh that comes later than this many after the one before has missed one.
 const LATE: f64 = 1.5;
+/// Refreshes after the end of a run for what is still on its way; in the second half nothing waits for its time.
+const LAST_REFRESHES: u32 = 10;
 
 /// Times of refreshes.
 #[derive(Debug)]
@@ -75,9 +79,22 @@ pub(super) struct Presenter<G> {
     pub(super) clock: Arc<dyn Clock>,
     pub(super) submits: Sender<Submitted>,
     pub(super) pace: Pace,
-    pub(super) shown: Luminances,
-    pub(super) refresh: u64,
-    pub(super) marker_is_white: bool,
+    /// How long before its light is wanted a frame is submitted at the earliest; `None`: frames are shown as they come.
+    pub(super) lead: Option<Span>,
+    pub(super) now: Showing,
+}
+
+/// What is on the screen.
+#[derive(Debug, Default)]
+pub(super) struct Showing {
+    frame: Luminances,
+    /// Refreshes so far.
+    refresh: u64,
+    marker_is_white: bool,
+    /// From the fetch of the latest frame to its submit.
+    composing: Span,
+    /// Frames no longer wait for their time.
+    takes_all: bool,
 }
 
 impl<G: Glass> Presenter<G> {
@@ -88,11 +105,15 @@ impl<G: Glass> Presenter<G> {
             self.refresh_once();
         }
         // A frame that was accepted before the end is shown: a few tries, as the surface may just be away.
-        for _ in 0..10 {
-            if self.state.ended().is_some() || self.state.is_away() || self.show_last() {
+        for refresh in 0..LAST_REFRESHES {
+            self.now.takes_all = 2 * refresh >= LAST_REFRESHES;
+            if self.state.ended().is_some() || self.state.is_away() || self.incoming.is_empty() {
                 break;
             }
+            std::thread::sleep(self.pace.left());
+            self.refresh_once();
         }
+        self.now.takes_all = true;
         if self.fetch() {
             count(&self.state.counters.unseen);
         }
@@ -109,8 +130,12 @@ impl<G: Glass> Presenter<G> {
             return;
         }
         if self.take_turn() {
+            let begun = self.clock.now();
             let is_new = self.fetch();
-            self.show(is_new);
+            let submit = self.show(is_new);
+            if is_new {
+                self.now.composing = submit - begun;
+            }
         }
         if let Some(failure) = self.glass.failure() {
             self.state.end(DisplayError::Driver(failure));
@@ -134,42 +159,44 @@ impl<G: Glass> Presenter<G> {
         false
     }
 
+    /// Whether there is another frame to show.
     fn fetch(&mut self) -> bool {
-        self.incoming.fetch(&mut self.shown)
+        let lead = self.lead.filter(|_| !self.now.takes_all);
+        let by = lead.map(|lead| self.clock.now() + self.now.composing + lead);
+        let passed = self.incoming.fetch(&mut self.now.frame, by);
+        self.state.counters.replaced.fetch_add(passed.unwrap_or(0), Ordering::Relaxed);
+        passed.is_some()
     }
 
-    fn show(&mut self, is_new: bool) {
+    /// Shows what is to be shown; when it was submitted.
+    fn show(&mut self, is_new: bool) -> Tai {
+        let now = &mut self.now;
         // Before the first frame the picture is black, as it was made.
-        let has_frame = !self.shown.pixels.is_empty();
+        let has_frame = !now.frame.pixels.is_empty();
         let is_changed = has_frame && (is_new || self.maker.changes_by_refresh());
-        self.marker_is_white ^= is_new;
+        now.marker_is_white ^= is_new;
+        let counters = &self.state.counters;
         if is_changed {
-            let clipped = self.picture.compose(&self.shown.pixels, &self.maker, self.refresh, self.marker_is_white);
+            let clipped = self.picture.compose(&now.frame.pixels, &self.maker, now.refresh, now.marker_is_white);
             if is_new {
-                self.state.counters.clipped_px.fetch_add(clipped, Ordering::Relaxed);
+                counters.clipped_px.fetch_add(clipped, Ordering::Relaxed);
             }
         }
         self.glass.show(&self.picture, is_changed);
         let submit = self.clock.now();
-        let counters = &self.state.counters;
-        if self.pace.is_late() {
+        let is_late = self.pace.is_late();
+        if is_late {
             count(&counters.late);
         }
         count(if is_new { &counters.presented } else { &counters.repeated });
-        let (frame, refresh, marker_is_white) = (self.shown.number, self.refresh, self.marker_is_white);
-        if is_new && self.submits.try_send(Submitted { frame, refresh, submit, marker_is_white }).is_err() {
+        let (frame, wanted_light) = (now.frame.number, now.frame.light);
+        let (refresh, marker_is_white) = (now.refresh, now.marker_is_white);
+        let submitted = Submitted { frame, refresh, submit, wanted_light, is_late, marker_is_white };
+        if is_new && self.submits.try_send(submitted).is_err() {
             count(&counters.submits_lost);
         }
-        self.refresh += 1;
-    }
-
-    /// True when nothing is left to show.
-    fn show_last(&mut self) -> bool {
-        if self.incoming.is_empty() {
-            return true;
-        }
-        self.refresh_once();
-        false
+        now.refresh += 1;
+        submit
     }
 }
 
@@ -177,10 +204,10 @@ impl<G: Glass> Presenter<G> {
 mod tests {
     use super::*;
     use crate::base::clock::Virtual;
-    use crate::base::time::Tai;
     use crate::display::grey::{GreyTable, Row};
     use crate::display::hand_over::{Outgoing, hand_over};
     use crate::display::marker::{Corner, Marker};
+    use crate::display::params::Params;
     use crossbeam_channel::{Receiver, bounded};
 
     /// Shows on nothing and remembers; each turn comes from a list, then `Ready`.
@@ -225,9 +252,8 @@ mod tests {
             clock: Arc::clone(&clock) as Arc<dyn Clock>,
             submits: sender,
             pace: Pace::new(None),
-            shown: Luminances::default(),
-            refresh: 0,
-            marker_is_white: false,
+            lead: None,
+            now: Showing::default(),
         };
         Bench { presenter, outgoing, clock, submits }
     }
@@ -240,7 +266,7 @@ mod tests {
     fn new_frames_are_presented_and_repeated_until_the_next() {
         let mut bench = bench(nearest(), None);
         bench.presenter.refresh_once();
-        bench.outgoing.put(7, &[257, 65_535]);
+        bench.outgoing.put(7, None, &[257, 65_535]);
         bench.clock.advance_to(Tai::from_ns(5000));
         bench.presenter.refresh_once();
         bench.presenter.refresh_once();
@@ -250,15 +276,59 @@ mod tests {
         assert_eq!((counts.presented, counts.repeated), (1, 2));
         let submits: Vec<Submitted> = bench.submits.try_iter().collect();
         let submit = Tai::from_ns(5000);
-        assert_eq!(submits, [Submitted { frame: 7, refresh: 1, submit, marker_is_white: true }]);
+        let (wanted_light, is_late, marker_is_white) = (None, false, true);
+        assert_eq!(submits, [Submitted { frame: 7, refresh: 1, submit, wanted_light, is_late, marker_is_white }]);
         assert_eq!(submits[0].predicted_light(Span::from_ns(30)).ns(), 5030);
+    }
+
+    /// Refreshes of 100 ns at whatever phase: the light of each frame begins within half of one of when it is wanted.
+    #[test]
+    fn each_frame_gets_the_refresh_whose_light_comes_nearest() {
+        const REFRESH_NS: i64 = 100;
+        const LATENCY_NS: i64 = 230;
+        let mut off_ns = Vec::new();
+        for phase_ns in (0..REFRESH_NS).step_by(7) {
+            let mut bench = bench(nearest(), None);
+            let params = Params { refresh: Some(Span::from_ns(REFRESH_NS)), ..Params::full_screen() };
+            let params = Params { latency: Some(Span::from_ns(LATENCY_NS)), ..params };
+            bench.presenter.lead = params.lead();
+            for refresh in 0..40 {
+                // Frame by frame, each drawn long before its time: sooner makes no difference.
+                let light = Tai::from_ns(10_000 + REFRESH_NS * refresh);
+                if refresh < 20 {
+                    bench.outgoing.put(refresh as u32, Some(light), &[0, 0]);
+                }
+                bench.clock.advance_to(Tai::from_ns(9600 + phase_ns + REFRESH_NS * refresh));
+                bench.presenter.refresh_once();
+                while let Ok(Submitted { submit, wanted_light, .. }) = bench.submits.try_recv() {
+                    off_ns.push((submit - wanted_light.unwrap()).ns() + LATENCY_NS);
+                }
+            }
+            assert_eq!(bench.presenter.state.counters.read().presented, 20, "each at its own refresh");
+        }
+        assert!(off_ns.iter().all(|off| (-REFRESH_NS / 2..=REFRESH_NS / 2).contains(off)), "{off_ns:?}");
+        let mean_ns = off_ns.iter().sum::<i64>() as f64 / off_ns.len() as f64;
+        assert!(mean_ns.abs() < 4.0, "half a step of the phases: {mean_ns}");
+    }
+
+    #[test]
+    fn the_last_frames_are_shown_though_their_time_never_comes() {
+        let mut bench = bench(nearest(), None);
+        bench.presenter.lead = Some(Span::ZERO);
+        bench.presenter.pace = Pace::new(Some(Span::from_ns(1)));
+        bench.outgoing.put(1, Some(Tai::from_ns(i64::MAX / 2)), &[257, 0]);
+        bench.presenter.refresh_once();
+        assert_eq!(bench.presenter.state.counters.read().presented, 0, "not yet");
+        bench.presenter.state.finish();
+        bench.presenter.run();
+        assert_eq!(bench.presenter.state.counters.read().presented, 1);
     }
 
     #[test]
     fn the_marker_turns_over_with_new_frames_only() {
         let mut bench = bench(nearest(), Some(Marker { size_px: 1, corner: Corner::TopLeft }));
         for number in 0..3 {
-            bench.outgoing.put(number, &[257, 257]);
+            bench.outgoing.put(number, None, &[257, 257]);
             bench.presenter.refresh_once();
             bench.presenter.refresh_once();
         }
@@ -275,7 +345,7 @@ mod tests {
             2
         });
         let mut bench = bench(maker, None);
-        bench.outgoing.put(1, &[0, 0]);
+        bench.outgoing.put(1, None, &[0, 0]);
         (0..3).for_each(|_| bench.presenter.refresh_once());
         let first: Vec<u16> = bench.presenter.glass.shown.iter().map(|(greys, _)| greys[0]).collect();
         assert_eq!(first, [0, 1, 2]);
@@ -288,11 +358,11 @@ mod tests {
         let mut bench = bench(nearest(), None);
         assert!(bench.presenter.state.monitor_is_there(false));
         for number in 0..3 {
-            bench.outgoing.put(number, &[1, 1]);
+            bench.outgoing.put(number, None, &[1, 1]);
             bench.presenter.refresh_once();
         }
         assert!(bench.presenter.state.monitor_is_there(true));
-        bench.outgoing.put(3, &[257, 257]);
+        bench.outgoing.put(3, None, &[257, 257]);
         bench.presenter.refresh_once();
         let counts = bench.presenter.state.counters.read();
         assert_eq!((counts.unseen, counts.presented, counts.monitor_lost, counts.monitor_regained), (3, 1, 1, 1));
@@ -303,7 +373,7 @@ mod tests {
     fn surfaces_that_are_lost_or_made_anew_are_counted_and_no_frame_is_lost() {
         let mut bench = bench(nearest(), None);
         bench.presenter.glass.turns = vec![Turn::Reconfigured, Turn::NotNow, Turn::Lost];
-        bench.outgoing.put(1, &[257, 0]);
+        bench.outgoing.put(1, None, &[257, 0]);
         (0..3).for_each(|_| bench.presenter.refresh_once());
         let counts = bench.presenter.state.counters.read();
         assert_eq!((counts.lost_surface, counts.reconfigured, counts.presented), (1, 1, 1));
@@ -313,7 +383,7 @@ mod tests {
     #[test]
     fn the_last_frame_is_shown_at_the_end_and_a_failure_ends_it() {
         let mut bench = bench(nearest(), None);
-        bench.outgoing.put(1, &[257, 0]);
+        bench.outgoing.put(1, None, &[257, 0]);
         bench.presenter.state.finish();
         bench.presenter.run();
         assert_eq!(bench.presenter.glass.shown.len(), 1);
@@ -327,7 +397,7 @@ mod tests {
     fn submit_times_that_nobody_takes_are_counted() {
         let mut bench = bench(nearest(), None);
         for number in 0..6 {
-            bench.outgoing.put(number, &[0, 0]);
+            bench.outgoing.put(number, None, &[0, 0]);
             bench.presenter.refresh_once();
         }
         let counts = bench.presenter.state.counters.read();

@@ -16,6 +16,10 @@ use serde::{Deserialize, Serialize};
 pub const FEWEST_GREYS: usize = 5;
 /// Nodes below this luminance do not count for gamma: noise of the black level.
 const DARKEST_FOR_GAMMA: f64 = 0.01;
+/// A grey below this share of full grey must be dimmer than [`FULL_LUMINANCE`].
+const NEARLY_FULL_GREY: f64 = 0.95;
+/// Of full: what is brighter cannot be told from it. A display that is linear has 0.95 at [`NEARLY_FULL_GREY`].
+const FULL_LUMINANCE: f64 = 0.99;
 /// Bits of a display's grey.
 pub const BITS: core::ops::RangeInclusive<u32> = 6..=16;
 
@@ -65,6 +69,19 @@ pub enum ResponseError {
         first: f64,
         /// Highest given.
         last: f64,
+    },
+    /// Full long before full grey.
+    #[error(
+        "a display's response: grey {grey} is as bright as full grey, {highest} ({:.1} % of it); did the camera saturate (expose shorter), or does a picture mode of the display lift its whites (switch it off)?",
+        100.0 * share
+    )]
+    FullTooSoon {
+        /// The grey.
+        grey: f64,
+        /// Full grey.
+        highest: f64,
+        /// Its luminance over that of full grey.
+        share: f64,
     },
     /// Not rising.
     #[error(
@@ -217,8 +234,13 @@ pub fn response_of(bits: u32, measured: &[GreyLevel]) -> Result<ResponseParamete
     if !(range > 0.0 && range.is_finite()) {
         return Err(ResponseError::NotRising { grey: highest, luminance: full.luminance });
     }
+    let share_of = |level: &GreyLevel| (level.luminance - black.luminance) / range;
+    let is_too_soon = |level: &&GreyLevel| level.grey <= NEARLY_FULL_GREY * highest && share_of(level) > FULL_LUMINANCE;
+    if let Some(level) = measured.iter().find(is_too_soon) {
+        return Err(ResponseError::FullTooSoon { grey: level.grey, highest, share: share_of(level) });
+    }
     let relative = |level: &GreyLevel| GreyLevel {
-        luminance: (level.luminance - black.luminance) / range,
+        luminance: share_of(level),
         sigma: level.sigma.hypot(black.sigma) / range,
         ..*level
     };
@@ -365,6 +387,11 @@ mod tests {
         assert!(response_of(5, &good).is_err());
         let falling: Vec<_> = good.iter().map(|l| GreyLevel { luminance: -l.luminance, ..*l }).collect();
         assert!(response_of(8, &falling).unwrap_err().to_string().contains("rises"));
+        let clipped: Vec<_> = good.iter().map(|l| GreyLevel { luminance: l.luminance.min(700.0), ..*l }).collect();
+        let told = response_of(8, &clipped).unwrap_err().to_string();
+        assert!(told.contains("grey 229 is as bright as full grey") && told.contains("expose shorter"), "{told}");
+        let linear: Vec<_> = good.iter().map(|l| GreyLevel { luminance: 30.0 + l.grey, ..*l }).collect();
+        assert!(response_of(8, &linear).is_ok(), "the other side");
         let mut parameters = response_of(8, &good).unwrap();
         parameters.level[3].luminance = parameters.level[2].luminance;
         assert!(Response::new(parameters).is_err());

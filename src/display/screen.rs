@@ -6,17 +6,20 @@ use crate::display::counters::{Counts, count};
 use crate::display::error::DisplayError;
 use crate::display::glass::Glass;
 use crate::display::grey::GreyMaker;
-use crate::display::hand_over::{Luminances, Outgoing, hand_over};
+use crate::display::hand_over::{Outgoing, hand_over};
 use crate::display::params::Params;
 use crate::display::picture::Picture;
-use crate::display::presenter::{Pace, Presenter};
+use crate::display::presenter::{Pace, Presenter, Showing};
+use crate::display::refresh;
 use crate::display::state::State;
+use crate::display::submit_log::SubmitLog;
 use crate::display::submitted::Submitted;
 use crate::display::surface::VulkanGlass;
 use crate::display::window::{self, Opened, Order};
 use crate::sink::crc32::{RunCrc32, pixel_crc32};
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 use crossbeam_channel::{Receiver, bounded};
+use std::path::Path;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
@@ -38,6 +41,7 @@ pub struct Display {
     presenter: Option<JoinHandle<()>>,
     description: String,
     latency: Option<Span>,
+    log: Option<SubmitLog>,
     has_told_its_end: bool,
     is_finished: bool,
     frames: u64,
@@ -46,25 +50,33 @@ pub struct Display {
 }
 
 impl Display {
-    /// Opens the window and starts its presenter. Submit times are read from `clock`.
+    /// Opens the window for frames of `image_px` (columns, rows) and starts its presenter. Submit times are read from
+    /// `clock`.
     ///
     /// # Errors
     /// When there is no X server, no such monitor, no driver, or what is asked for does not fit together.
-    pub fn open(params: &Params, maker: GreyMaker, clock: Arc<dyn Clock>) -> Result<Self, DisplayError> {
-        check(params, &maker)?;
+    pub fn open(
+        params: &Params,
+        image_px: [u32; 2],
+        maker: GreyMaker,
+        clock: Arc<dyn Clock>,
+    ) -> Result<Self, DisplayError> {
+        check(params, image_px, &maker)?;
         let state = Arc::new(State::default());
         let opened = window::open(Order {
             monitor: params.monitor.clone(),
             window_px: params.window_px,
-            image_px: params.image_px,
+            image_px,
             state: Arc::clone(&state),
         })?;
-        let place = place_of(&opened, params);
+        let (mhz, id) = (opened.monitor.refresh_mhz, opened.window.id());
+        let rate =
+            refresh::told(params.refresh, mhz, params.window_px.is_none()).inspect_err(|_| window::forget(id))?;
+        let place = [Some(place_of(&opened, params)), rate].into_iter().flatten().collect::<Vec<_>>().join("; ");
         let refresh = opened.monitor.refresh_mhz.map(|mhz| Span::from_s(1000.0 / f64::from(mhz)));
-        let id = opened.window.id();
-        let (image_px, bits, shared) = (params.image_px, params.bits, Arc::clone(&state));
+        let (bits, shared) = (params.bits, Arc::clone(&state));
         let glass = move || VulkanGlass::open(opened.window, image_px, bits, shared);
-        let start = Start { params, maker, clock, state, refresh };
+        let start = Start { params, image_px, maker, clock, state, refresh };
         let describe = move |glass: &VulkanGlass| format!("{place}; {}", glass.description());
         start.display(glass, describe, move || window::forget(id))
     }
@@ -79,6 +91,21 @@ impl Display {
     #[must_use]
     pub fn counts(&self) -> Counts {
         self.state.counters.read()
+    }
+
+    /// Writes the submit time of every frame from here on into a new file ([`crate::display::SubmitRow`]). Who asks for
+    /// this does not read [`Self::submits`].
+    ///
+    /// # Errors
+    /// When it is there already, or cannot be made.
+    pub fn keep_submits(&mut self, path: &Path) -> Result<(), DisplayError> {
+        self.log = Some(SubmitLog::create(path, self.latency)?);
+        Ok(())
+    }
+
+    fn log_submits(&mut self) {
+        let Some(log) = &mut self.log else { return };
+        self.submits.try_iter().for_each(|submitted| log.add(&submitted));
     }
 
     /// Submit times, oldest first, for one reader; when 4096 wait, further ones are lost and counted.
@@ -120,6 +147,7 @@ impl Sink for Display {
         if got_px != self.image_px {
             return self.refuse(number, DisplayError::FrameSize { got_px, wanted_px: self.image_px });
         }
+        self.log_submits();
         let end = self.state.ended().cloned();
         if let (Some(end), false) = (&end, self.has_told_its_end) {
             self.has_told_its_end = true;
@@ -129,8 +157,11 @@ impl Sink for Display {
         self.frames += 1;
         if end.is_some() {
             count(&self.state.counters.unseen);
-        } else if self.outgoing.put(number, frame.image.pixels()) {
-            count(&self.state.counters.replaced);
+        } else {
+            let exposure_start = frame.meta.mid_exposure - Span::from_s(0.5 * frame.meta.exposure_s);
+            if self.outgoing.put(number, Some(exposure_start), frame.image.pixels()) {
+                count(&self.state.counters.replaced);
+            }
         }
         Ok(())
     }
@@ -147,7 +178,7 @@ impl Sink for Display {
             ("reconfigured", c.reconfigured),
             ("monitor_lost", c.monitor_lost),
             ("monitor_regained", c.monitor_regained),
-            ("submits_lost", c.submits_lost),
+            ("submits_lost", c.submits_lost + self.log.as_ref().map_or(0, SubmitLog::unwritten)),
             ("clipped_px", c.clipped_px),
         ];
         named.into_iter().filter(|(_, count)| *count > 0).collect()
@@ -159,6 +190,9 @@ impl Sink for Display {
         if let Some(presenter) = self.presenter.take() {
             let _a_panic_is_told_by_its_thread = presenter.join();
         }
+        self.log_submits();
+        let written = self.log.as_mut().map_or(Ok(()), SubmitLog::finish);
+        written.map_err(|error| SinkError::Unfinished { sink: NAME, source: Box::new(error) })?;
         let (frames, refused, run_crc32) = (self.frames, self.refused, self.run_crc32.value());
         Ok(SinkSummary { sink: NAME, frames, refused, bytes: 0, run_crc32, output: None })
     }
@@ -174,14 +208,14 @@ impl Drop for Display {
 }
 
 /// What must hold before a window is opened.
-fn check(params: &Params, maker: &GreyMaker) -> Result<(), DisplayError> {
+fn check(params: &Params, image_px: [u32; 2], maker: &GreyMaker) -> Result<(), DisplayError> {
     if params.direct_scanout {
         return Err(DisplayError::DirectScanOut);
     }
     if maker.bits() != params.bits.count() {
         return Err(DisplayError::TableDepth { table: maker.bits(), display: params.bits.count() });
     }
-    params.marker.map_or(Ok(()), |marker| marker.check(params.image_px))
+    params.marker.map_or(Ok(()), |marker| marker.check(image_px))
 }
 
 fn place_of(opened: &Opened, params: &Params) -> String {
@@ -195,6 +229,7 @@ fn place_of(opened: &Opened, params: &Params) -> String {
 /// What a display is started with, whatever it shows on.
 struct Start<'a> {
     params: &'a Params,
+    image_px: [u32; 2],
     maker: GreyMaker,
     clock: Arc<dyn Clock>,
     state: Arc<State>,
@@ -209,8 +244,8 @@ impl Start<'_> {
         describe: impl FnOnce(&G) -> String + Send + 'static,
         at_end: impl FnOnce() + Send + 'static,
     ) -> Result<Display, DisplayError> {
-        let Self { params, maker, clock, state, refresh } = self;
-        let (image_px, latency) = (params.image_px, params.latency);
+        let Self { params, image_px, maker, clock, state, refresh } = self;
+        let (latency, lead) = (params.latency, params.lead());
         let size_px = image_px.map(|length| length as usize);
         let (outgoing, incoming) = hand_over(size_px[0] * size_px[1]);
         let (submitted, submits) = bounded(SUBMITS);
@@ -221,23 +256,9 @@ impl Start<'_> {
             let opened = glass();
             let _the_opener_waits = told.send(opened.as_ref().map(describe).map_err(Clone::clone));
             if let Ok(glass) = opened {
-                let (pace, shown) = (Pace::new(refresh), Luminances::default());
+                let (pace, now) = (Pace::new(refresh), Showing::default());
                 let (state, submits) = (shared, submitted);
-                let (refresh, marker_is_white) = (0, false);
-                Presenter {
-                    glass,
-                    incoming,
-                    picture,
-                    maker,
-                    state,
-                    clock,
-                    submits,
-                    pace,
-                    shown,
-                    refresh,
-                    marker_is_white,
-                }
-                .run();
+                Presenter { glass, incoming, picture, maker, state, clock, submits, pace, lead, now }.run();
             }
             at_end();
         };
@@ -253,6 +274,7 @@ impl Start<'_> {
             presenter: Some(presenter),
             description,
             latency,
+            log: None,
             has_told_its_end: false,
             is_finished: false,
             frames: 0,
@@ -294,10 +316,10 @@ mod tests {
     }
 
     fn on_paper() -> Display {
-        let params = Params::full_screen([31, 17]);
+        let (params, image_px) = (Params::full_screen(), [31, 17]);
         let refresh = Some(Span::from_ns(1_000_000));
         let (clock, state) = (Arc::new(Monotonic::start()), Arc::new(State::default()));
-        let start = Start { params: &params, maker: maker(), clock, state, refresh };
+        let start = Start { params: &params, image_px, maker: maker(), clock, state, refresh };
         start.display(|| Ok(Paper), |_| "paper".into(), || {}).unwrap()
     }
 
@@ -315,6 +337,22 @@ mod tests {
         assert_eq!(counts.presented + counts.replaced, 50, "{counts:?}");
         let last = display.submits().try_iter().last().unwrap();
         assert_eq!(last.frame, 49, "the last one is shown before the end");
+    }
+
+    #[test]
+    fn submit_times_of_a_run_are_kept_when_asked_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(crate::display::SUBMITS);
+        let mut display = on_paper();
+        display.keep_submits(&path).unwrap();
+        (0..50).for_each(|number| display.send(&sample_frame(number)).unwrap());
+        display.finish().unwrap();
+        let mut read = csv::Reader::from_path(path).unwrap();
+        let rows: Vec<crate::display::SubmitRow> = read.deserialize().map(Result::unwrap).collect();
+        assert_eq!(rows.len() as u64, display.counts().presented);
+        assert_eq!(rows.last().unwrap().frame, 49);
+        assert!(rows.windows(2).all(|pair| pair[1].submit_tai_ns >= pair[0].submit_tai_ns));
+        assert!(rows.iter().all(|row| row.light_off_ns.is_none()), "no latency is known");
     }
 
     #[test]
@@ -340,8 +378,9 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_together_opens_no_window() {
-        let open = |params: Params| Display::open(&params, maker(), Arc::new(Monotonic::start())).unwrap_err();
-        let plain = Params::full_screen([64, 48]);
+        let clock = || Arc::new(Monotonic::start());
+        let open = |params: Params| Display::open(&params, [64, 48], maker(), clock()).unwrap_err();
+        let plain = Params::full_screen();
         let scanout = open(Params { direct_scanout: true, ..plain.clone() });
         assert_eq!(scanout, DisplayError::DirectScanOut);
         let depth = open(Params { bits: Bits::Ten, ..plain.clone() });

@@ -12,6 +12,10 @@ pub struct Submitted {
     /// When the driver had taken it: the **submit time**. Light leaves the screen one or two refreshes later, plus what the
     /// monitor itself takes.
     pub submit: Tai,
+    /// When its light was to begin: the start of its exposure, where it has one.
+    pub wanted_light: Option<Tai>,
+    /// The refresh came more than one and a half refresh times after the one before.
+    pub is_late: bool,
     /// Colour of the marker patch, when there is one: true is white.
     pub marker_is_white: bool,
 }

@@ -4,7 +4,7 @@
 use crate::attitude::{
     AttitudeMethod, EstimateLimits, JitterTrack, LosPath, MotionScale, PathOrigin, PathOutcome, PathReport, compose,
 };
-use crate::base::axes::{Rotation, ra_dec_roll};
+use crate::base::axes::{Rotation, Sensor, ra_dec_roll};
 use crate::base::clock::Stopwatch;
 use crate::base::time::{Span, Tai};
 use crate::detector::DetectorParams;
@@ -305,6 +305,9 @@ impl FrameEngine {
         add_tracks(self.imager.proton_tracks(), &output, &mut frame.truth);
         let (seed, detector) = (self.params.seed, &self.params.camera.detector);
         fill_meta(plan, slot.number, seed, detector, self.imager.name(), &mut frame.meta);
+        if let Some(drawn_from_sensor) = &self.params.drawn_from_sensor {
+            tell_pointing(&plan.motion.los, &drawn_from_sensor.inverse(), &mut frame.meta);
+        }
         frame.meta.overlap_lost_e = self.imager.overlap_lost_e();
         (frame.meta.binning, frame.meta.window_px) = (output.binning, output.first_px);
         frame.meta.attitude_age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);
@@ -444,6 +447,15 @@ pub fn origin_name(origin: PathOrigin) -> &'static str {
         PathOrigin::Commanded => "commanded",
         PathOrigin::Absent => "none",
     }
+}
+
+/// Attitude and rate in the sensor's own axes, of a frame that is drawn in others.
+fn tell_pointing(los: &LosPath, sensor_from_drawn: &Rotation<Sensor, Sensor>, meta: &mut FrameMeta) {
+    let sensor_from_icrf = *sensor_from_drawn * los.mid_sensor_from_icrf;
+    let [ra, dec, roll] = ra_dec_roll(&sensor_from_icrf).map(f64::to_degrees);
+    meta.attitude_wxyz = sensor_from_icrf.wxyz();
+    (meta.ra_deg, meta.dec_deg, meta.roll_deg) = (ra, dec, roll);
+    meta.rate_deg_s = sensor_from_drawn.apply(los.rate_rad_s).to_array().map(f64::to_degrees);
 }
 
 /// Everything a plan says about a frame.

@@ -144,6 +144,9 @@ pub struct RunParams {
     pub seed: u64,
     /// Start of the first exposure.
     pub first_exposure: Tai,
+    /// What is drawn in other axes than the sensor's own, as for a display in front of it: the turn that
+    /// `attitude.sensor_from_body` ends with. What is told of frames is told without it. `None`: nothing is turned.
+    pub drawn_from_sensor: Option<Rotation<Sensor, Sensor>>,
     /// Time from one exposure's start to the next.
     pub frame_period: Span,
     /// How long before their exposures end frames are begun: zero for a sensor that reads out, more for a display, whose

@@ -93,6 +93,14 @@ pub enum SinkError {
         /// The sink's name.
         sink: &'static str,
     },
+    /// A device that took its frames, but not all that belongs to them.
+    #[error("the {sink} sink ended with a failure: {source}")]
+    Unfinished {
+        /// The sink's name.
+        sink: &'static str,
+        /// What the device's own room says.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
     /// A device that did not take a frame.
     #[error("frame {frame} did not get out by the {sink} sink: {source}")]
     Device {

@@ -46,6 +46,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         seed: bench.seed,
         first_exposure,
         ahead: Span::from_s(bench.timing.ahead_ms * 1e-3),
+        drawn_from_sensor: None,
         frame_period: Span::from_s(1.0 / bench.timing.frame_rate_hz),
         heads: 1 + u32::try_from(bench.extra_heads.len()).context("extra_head: more than 2^32 heads")?,
         frames: u32::try_from(bench.timing.frames()).context("timing.duration_s: more than 2^32 frames")?,

@@ -7,13 +7,14 @@
 use crate::base::clock::Clock;
 use crate::base::time::Span;
 use crate::config::{DisplaySettings, Sink as Kind, SinkSettings};
-use crate::display::{Display, MonitorChoice};
+use crate::display::MonitorChoice;
+use crate::display::calibration::Calibration;
 use crate::network_camera::{self, NetworkCamera, SensorParams};
 use crate::runtime::params::CameraParams;
 #[cfg(unix)]
 use crate::sink::shared_memory::SharedMemory;
 use crate::sink::{BranchParams, Fan, NullSink, OnFull, Recorder, RecorderOptions, SentFrame, Sink};
-use crate::wiring::display_parts::display_parts;
+use crate::wiring::display_parts::open_display;
 use anyhow::{Context, Result};
 use std::net::Ipv4Addr;
 use std::path::{Path, PathBuf};
@@ -33,6 +34,8 @@ pub struct SinkSetting<'a> {
     pub camera: &'a CameraParams,
     /// From one exposure's start to the next.
     pub frame_period: Span,
+    /// The calibration of the display that the run is drawn for, if it is drawn for one.
+    pub calibration: Option<&'a Calibration>,
     /// The run's clock.
     pub clock: &'a Arc<dyn Clock>,
 }
@@ -45,7 +48,11 @@ pub fn run_directory(sinks: &[SinkSettings], out: Option<&Path>, stamp: &str) ->
         Kind::Recorder { directory, .. } => Some(directory.as_deref()),
         Kind::SharedMemory { .. } | Kind::NetworkCamera(_) | Kind::Display(_) | Kind::Null => None,
     });
-    let first = keeping.next()?;
+    let Some(first) = keeping.next() else {
+        // A display keeps its submit times where the command line says.
+        let has_display = sinks.iter().any(|settings| matches!(settings.sink, Kind::Display(_)));
+        return out.filter(|_| has_display).map(Path::to_path_buf);
+    };
     let named = first.or_else(|| keeping.flatten().next()).unwrap_or(Path::new("out"));
     Some(out.map_or_else(|| named.join(stamp), Path::to_path_buf))
 }
@@ -84,7 +91,7 @@ fn make(settings: &SinkSettings, number: usize, setting: &SinkSetting<'_>) -> Re
         }
         Kind::SharedMemory { path, slots } => shared_memory(&path_of_head(path, setting.head), *slots, setting),
         Kind::NetworkCamera(params) => network_camera(params, setting),
-        Kind::Display(settings) => display(settings, setting),
+        Kind::Display(settings) => display(settings, number, setting),
         Kind::Null => Ok(Box::new(NullSink::new())),
     }
 }
@@ -113,17 +120,11 @@ fn network_camera(params: &network_camera::Params, setting: &SinkSetting<'_>) ->
 }
 
 /// A monitor; what it is driven by is told.
-fn display(settings: &DisplaySettings, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
-    let camera = setting.camera;
-    let (params, maker) = display_parts(settings, camera.output().size_px, camera.output_bits())?;
-    let display = Display::open(&params, maker, Arc::clone(setting.clock))?;
+fn display(settings: &DisplaySettings, number: usize, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
+    let directory = setting.directory.map(|run| files_of(number, None, Some(run)));
+    let (display, notes) = open_display(settings, setting, directory.as_deref())?;
     eprintln!("display: {}", display.description());
-    if settings.calibration.is_none() {
-        eprintln!(
-            "starloop: the display has no calibration: greys are taken for luminances and pixels for directions, which is \
-             right for no monitor; see `starloop calibrate display --help`"
-        );
-    }
+    notes.iter().for_each(|note| eprintln!("starloop: {note}"));
     Ok(Box::new(display))
 }
 
@@ -224,7 +225,8 @@ mod tests {
         (prototype, camera, clock): (&'a SentFrame, &'a CameraParams, &'a Arc<dyn Clock>),
     ) -> SinkSetting<'a> {
         let frame_period = Span::from_ms(100);
-        SinkSetting { directory, prototype, head: None, is_real, camera, frame_period, clock }
+        let calibration = None;
+        SinkSetting { directory, prototype, head: None, is_real, camera, frame_period, clock, calibration }
     }
 
     const THREE: &str = "[sink]\nkind = \"null\"\n[[extra_sink]]\nkind = \"recorder\"\n[[extra_sink]]\nkind = \
@@ -258,6 +260,8 @@ mod tests {
         assert_eq!(of("", None), Some("out/b/now".into()));
         assert_eq!(of("", Some("here")), Some("here".into()));
         assert_eq!(of("[sink]\nkind = \"null\"", Some("here")), None, "nothing to keep");
+        assert_eq!(of("[sink]\nkind = \"display\"", Some("here")), Some("here".into()), "submit times");
+        assert_eq!(of("[sink]\nkind = \"display\"", None), None, "which are kept only when asked for");
         assert_eq!(of(THREE, None), Some("out/now".into()));
         assert_eq!(of(&THREE.replace("fits = false", "directory = \"disk\""), None), Some("disk/now".into()));
     }

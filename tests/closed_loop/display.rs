@@ -1,13 +1,17 @@
-//! A bench that is drawn for a calibrated display: stars stand where the calibration says, and as bright.
+//! A bench that is drawn for a calibrated display: stars stand where the calibration says, as bright as the calibration
+//! says, and what is told of the frames is the tracker's own pointing.
 
+use glam::{DQuat, DVec2, DVec3};
 use starloop::base::units::DEG;
 use starloop::display::calibration::Calibration;
-use starloop::sink::fits::read_image;
-use starloop::sink::frame_log::{path_in, read_frame_log};
+use starloop::display::luminance_code::luminance;
+use starloop::sink::TruthStar;
+use starloop::sink::fits::{Pixels, read_image};
+use starloop::sink::frame_log::{FrameRow, path_in, read_frame_log};
 use starloop::sink::recorder::frame_path;
 use starloop::sink::truth::read_truth;
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 fn starloop(arguments: &[&str], folder: &Path) -> Output {
@@ -27,84 +31,241 @@ fn change(file: &Path, from: &str, to: &str) {
     std::fs::write(file, text.replacen(from, to, 1)).unwrap();
 }
 
-/// `v_sensor = q v_icrf q*` for right ascension, declination and roll 0: boresight, image up to the north.
-fn tracker_direction(ra_deg: f64, dec_deg: f64, star: glam::DVec3) -> glam::DVec3 {
-    let (ra, dec) = (ra_deg * DEG, dec_deg * DEG);
-    let z = glam::DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
-    let north = glam::DVec3::new(-dec.sin() * ra.cos(), -dec.sin() * ra.sin(), dec.cos());
-    let east = glam::DVec3::new(-ra.sin(), ra.cos(), 0.0);
-    // Image right is west, image down is south.
-    glam::DVec3::new(-star.dot(east), -star.dot(north), star.dot(z))
-}
-
-#[test]
-fn stars_stand_where_the_calibration_says() {
+/// The files of a simulated bench with a calibrated display.
+fn bench() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let told = succeeds(&["calibrate", "display", "simulate", "--out", "."], folder.path());
     assert!(told.contains("display px"), "{told}");
+    folder
+}
+
+/// A run, recorded, and what its frames.csv says.
+struct Run {
+    folder: PathBuf,
+    rows: Vec<FrameRow>,
+    calibration: Calibration,
+}
+
+impl Run {
+    fn of(bench: &Path, name: &str, duration_s: &str) -> Self {
+        let words = ["run", "bench.toml", "--clock", "virtual", "--sink", "recorder", "--quiet"];
+        succeeds(&[&words[..], &["--duration", duration_s, "--out", name]].concat(), bench);
+        let rows = read_frame_log(File::open(path_in(&bench.join(name))).unwrap()).unwrap();
+        let calibration = Calibration::read(&bench.join("display.toml")).unwrap();
+        Self { folder: bench.join(name), rows, calibration }
+    }
+
+    fn stars(&self, number: u32) -> Vec<TruthStar> {
+        read_truth(File::open(frame_path(&self.folder, number, "truth.csv")).unwrap()).unwrap()
+    }
+
+    fn pixels(&self, number: u32) -> Vec<u16> {
+        let image = read_image(File::open(frame_path(&self.folder, number, "fits")).unwrap()).unwrap();
+        let Pixels::U16(pixels) = image.pixels.as_pixels() else { panic!("16 bits") };
+        pixels.to_vec()
+    }
+
+    /// Stars of a frame that stand alone, with what is seen of them.
+    fn seen(&self, number: u32) -> Vec<(TruthStar, Seen)> {
+        let (stars, pixels) = (self.stars(number), self.pixels(number));
+        stars.iter().filter_map(|star| Some((*star, measured(&pixels, [star.x_px, star.y_px], &stars)?))).collect()
+    }
+
+    /// Light of a star in the tracker, e-/s, by its pixels and by its magnitude: the calibration's numbers alone.
+    fn light_e_per_s(&self, star: &TruthStar, seen: &Seen) -> [f64; 2] {
+        let light = self.calibration.light.as_ref().unwrap();
+        let by_magnitude = light.zero_point_e_per_s * 10_f64.powf(-0.4 * f64::from(star.mag));
+        [seen.luminance / 65_535.0 * light.full_px_e_per_s, by_magnitude]
+    }
+}
+
+/// Unit vector of a star.
+fn direction(star: &TruthStar) -> DVec3 {
+    let (ra, dec) = (star.ra_deg * DEG, star.dec_deg * DEG);
+    DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin())
+}
+
+/// `v_sensor = q v_icrf q*` for right ascension, declination and roll 0: boresight, image up to the north.
+fn tracker_direction(ra_deg: f64, dec_deg: f64, star: DVec3) -> DVec3 {
+    let (ra, dec) = (ra_deg * DEG, dec_deg * DEG);
+    let z = DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
+    let north = DVec3::new(-dec.sin() * ra.cos(), -dec.sin() * ra.sin(), dec.cos());
+    let east = DVec3::new(-ra.sin(), ra.cos(), 0.0);
+    // Image right is west, image down is south.
+    DVec3::new(-star.dot(east), -star.dot(north), star.dot(z))
+}
+
+#[test]
+fn stars_stand_where_the_calibration_says_and_are_as_bright() {
+    let folder = bench();
     let checked = succeeds(&["check", "bench.toml"], folder.path());
     // 0.1 s are six refreshes of 60 Hz: no beat. The same tracker at 0.055 s beats, and is warned of.
     assert!(checked.contains("no beat"), "{checked}");
+    assert!(checked.contains("stars on the display: ") && checked.contains("mag fit anywhere"), "{checked}");
+    assert!(checked.contains("measured by the calibration") && checked.contains("every 167 s"), "{checked}");
     change(&folder.path().join("tracker.toml"), "exposure_s = 0.1", "exposure_s = 0.055");
     let beats = succeeds(&["check", "bench.toml"], folder.path());
     assert!(beats.contains("WARNING") && beats.contains("refreshes"), "{beats}");
-    let words = ["--clock", "virtual", "--duration", "0.2", "--sink", "recorder", "--out", "run", "--quiet"];
-    succeeds(&[&["run", "bench.toml"], &words[..]].concat(), folder.path());
-    let run = folder.path().join("run");
-    let rows = read_frame_log(File::open(path_in(&run)).unwrap()).unwrap();
+    let run = Run::of(folder.path(), "run", "0.2");
+    let rows = &run.rows;
     assert_eq!((rows.len(), rows[5].width_px, rows[5].height_px), (12, 640, 480), "frames of the display's size");
-    // Two refreshes ahead and the latency that was measured: no attitude of that time has come yet.
-    assert!(rows.iter().all(|row| row.horizon_ns > 40_000_000), "{}", rows[5].horizon_ns);
-    let calibration = Calibration::read(&folder.path().join("display.toml")).unwrap();
-    let geometry = calibration.calibrated().unwrap().geometry;
-    let full_e = calibration.light.as_ref().unwrap().full_px_e_per_s / 60.0;
-    let stars = read_truth(File::open(frame_path(&run, 5, "truth.csv")).unwrap()).unwrap();
-    let image = read_image(File::open(frame_path(&run, 5, "fits")).unwrap()).unwrap();
-    let starloop::sink::fits::Pixels::U16(pixels) = image.pixels.as_pixels() else { panic!("16 bits") };
-    let mut looked_at = 0;
-    for star in &stars {
-        let (ra, dec) = (star.ra_deg * DEG, star.dec_deg * DEG);
-        let direction = glam::DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
-        let wanted = geometry.project(tracker_direction(84.05, -1.2, direction)).unwrap();
+    let refresh_s = 1.0 / 60.0;
+    let latency_s = run.calibration.latency.as_ref().unwrap().median_ns as f64 * 1e-9;
+    for row in rows {
+        // Begun 1.5 refreshes and the latency before the light; the newest attitude is 0 to 11 ms old by then.
+        let waited_s = row.horizon_ns as f64 * 1e-9 - (2.0 * refresh_s + latency_s);
+        assert!((0.0..0.011).contains(&waited_s), "frame {}: {waited_s}", row.frame);
+        // Of the tracker, not of the axes that are drawn: the display is rolled by 8 degrees before it.
+        let off_deg = [row.ra_deg - 84.05, row.dec_deg + 1.2, row.roll_deg].map(f64::abs);
+        assert!(off_deg.iter().all(|off| *off < 2e-5), "frame {}: {off_deg:?}", row.frame);
+        assert!((row.exposure_s - refresh_s).abs() < 1e-9);
+    }
+    let geometry = run.calibration.calibrated().unwrap().geometry;
+    for star in run.stars(5) {
+        let wanted = geometry.project(tracker_direction(84.05, -1.2, direction(&star))).unwrap();
         let off_px = (star.x_px - wanted[0]).hypot(star.y_px - wanted[1]);
         // The attitude on the wire is good to 0.02 arcsec, a display pixel is 103.
         assert!(off_px < 2e-3, "star {}: {off_px} display px", star.id);
-        let Some(measured) = measured(pixels, [star.x_px, star.y_px], &stars) else { continue };
-        looked_at += 1;
-        let [x, y, luminance] = measured;
-        assert!((x - star.x_px).hypot(y - star.y_px) < 0.01, "star {} is drawn at ({x}, {y})", star.id);
-        let steps = star.electrons / 3e4;
-        assert!((luminance / steps - 1.0).abs() < 0.01, "star {}: {luminance} steps, {steps} in truth", star.id);
-        // Luminance by hand: what the tracker gets of a refresh, over what a full pixel gives.
-        let camera_e = luminance / 65_535.0 * full_e;
-        assert!(camera_e > 0.0 && camera_e < 10.0 * full_e);
     }
-    assert!(looked_at > 3, "{looked_at} of {} stars are bright and alone", stars.len());
+    let seen = run.seen(5);
+    assert!(seen.len() > 3, "{} of {} stars are bright and alone", seen.len(), run.stars(5).len());
+    for (star, seen) in &seen {
+        assert!((seen.x_px - star.x_px).hypot(seen.y_px - star.y_px) < 0.01, "star {} is drawn at {seen:?}", star.id);
+        let [shown, wanted] = run.light_e_per_s(star, seen);
+        assert!((shown / wanted - 1.0).abs() < 0.01, "star {} of {} mag: {shown} e-/s for {wanted}", star.id, star.mag);
+    }
+    assert!(seen.iter().any(|(star, _)| (3.0..5.0).contains(&star.mag)), "a star of about 4 mag is among them");
 }
 
-/// Centroid and light of a star that is bright, unsaturated and alone.
-fn measured(pixels: &[u16], [x_px, y_px]: [f64; 2], stars: &[starloop::sink::TruthStar]) -> Option<[f64; 3]> {
+#[test]
+fn a_slew_is_integrated_refresh_by_refresh_and_told_in_the_trackers_axes() {
+    let folder = bench();
+    let slew = "\n[flight_computer.slew]\naxis = [1.0, 0.0, 0.0]\nangle_deg = 1.0\nduration_s = 1.0\nstart_s = 0.0\n";
+    change(&folder.path().join("bench.toml"), "\n[sink]", &format!("{slew}\n[sink]"));
+    let run = Run::of(folder.path(), "run", "0.5");
+    let geometry = run.calibration.calibrated().unwrap().geometry;
+    let row = &run.rows[27];
+    // 1 deg in 1 s with ramps of half a second: 2 deg/s at the middle. About the tracker's own x.
+    assert!((row.rate_x_deg_s.abs() - 2.0).abs() < 0.2, "{} deg/s", row.rate_x_deg_s);
+    assert!(row.rate_y_deg_s.hypot(row.rate_z_deg_s) < 1e-3, "{} {}", row.rate_y_deg_s, row.rate_z_deg_s);
+    let sensor_from_icrf = DQuat::from_xyzw(row.qx, row.qy, row.qz, row.qw);
+    for star in run.stars(27) {
+        // Passive: v_sensor = q v_icrf q*, with the attitude that frames.csv tells for mid-exposure.
+        let wanted = geometry.project(sensor_from_icrf * direction(&star)).unwrap();
+        let off_px = (star.x_px - wanted[0]).hypot(star.y_px - wanted[1]);
+        // The mean place over the exposure and the place at its middle differ by the acceleration: 12 deg/s^2 at most.
+        assert!(off_px < 0.01, "star {}: {off_px} display px", star.id);
+    }
+    // From frame to frame a star moves by the rate times a refresh, and each is smeared along that way by as much.
+    let step_px = row.rate_x_deg_s.abs() / 60.0 * 3600.0 / geometry.arcsec_per_px();
+    let before = run.stars(26);
+    let (mut looked_at, mut smear_px2) = (0, 0.0);
+    for (star, seen) in run.seen(27) {
+        assert!((seen.x_px - star.x_px).hypot(seen.y_px - star.y_px) < 0.02, "star {}: {seen:?}", star.id);
+        let Some(earlier) = before.iter().find(|earlier| earlier.id == star.id) else { continue };
+        let way = DVec2::new(star.x_px - earlier.x_px, star.y_px - earlier.y_px);
+        // The map's scale differs over the field, and the rate is still rising.
+        assert!((way.length() / step_px - 1.0).abs() < 0.05, "star {}: {way} px, {step_px} px a frame", star.id);
+        let (along, across) = (way.normalize(), way.normalize().perp());
+        smear_px2 += seen.variance_px2(along) - seen.variance_px2(across);
+        looked_at += 1;
+    }
+    assert!(looked_at > 2, "{looked_at} stars");
+    let wanted_px2 = step_px * step_px / 12.0;
+    let got_px2 = smear_px2 / f64::from(looked_at);
+    assert!((got_px2 / wanted_px2 - 1.0).abs() < 0.15, "smear {got_px2} px^2, {wanted_px2} of a line of {step_px} px");
+}
+
+#[test]
+fn a_mirrored_display_is_drawn_for_unmirrored_and_pointing_stays_the_trackers() {
+    let folder = bench();
+    let path = folder.path().join("display.toml");
+    let mut calibration = Calibration::read(&path).unwrap();
+    calibration.geometry.mirrored = true;
+    calibration.write(&path).unwrap();
+    change(
+        &folder.path().join("bench.toml"),
+        "name = \"simulated display\"",
+        "name = \"simulated display\"\nduty = 0.25",
+    );
+    let run = Run::of(folder.path(), "run", "0.1");
+    let row = &run.rows[5];
+    assert!((row.ra_deg - 84.05).abs() < 2e-5 && (row.dec_deg + 1.2).abs() < 2e-5, "{} {}", row.ra_deg, row.dec_deg);
+    assert!((row.exposure_s - 0.25 / 60.0).abs() < 1e-9, "a flash of a quarter of a refresh: {}", row.exposure_s);
+    let geometry = run.calibration.calibrated().unwrap().geometry;
+    for star in run.stars(5) {
+        let [x, y] = geometry.project(tracker_direction(84.05, -1.2, direction(&star))).unwrap();
+        // The display turns columns over when it shows them.
+        let off_px = (star.x_px - (639.0 - x)).hypot(star.y_px - y);
+        assert!(off_px < 2e-3, "star {}: {off_px} display px", star.id);
+    }
+    let seen = run.seen(5);
+    assert!(!seen.is_empty());
+    for (star, seen) in &seen {
+        let [shown, wanted] = run.light_e_per_s(star, seen);
+        assert!(
+            (shown / wanted - 1.0).abs() < 0.01,
+            "light does not depend on how long it is emitted: {shown} {wanted}"
+        );
+    }
+}
+
+/// What is seen of a star: centroid, light in steps of luminance, second moments.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    x_px: f64,
+    y_px: f64,
+    luminance: f64,
+    xx_px2: f64,
+    xy_px2: f64,
+    yy_px2: f64,
+}
+
+impl Seen {
+    /// Spread of the light along a direction.
+    fn variance_px2(&self, along: DVec2) -> f64 {
+        along.x * along.x * self.xx_px2 + 2.0 * along.x * along.y * self.xy_px2 + along.y * along.y * self.yy_px2
+    }
+}
+
+/// A star that is bright, unsaturated and alone.
+fn measured(pixels: &[u16], [x_px, y_px]: [f64; 2], stars: &[TruthStar]) -> Option<Seen> {
     let near = stars.iter().filter(|star| (star.x_px - x_px).hypot(star.y_px - y_px) < 14.0).count();
     let (column, row) = (x_px.round() as i64, y_px.round() as i64);
     if near > 1 || !(6..634).contains(&column) || !(6..474).contains(&row) {
         return None;
     }
-    let (mut sums, mut most) = ([0.0; 3], 0);
+    let (mut sum, mut most, mut first, mut second) = (0.0, 0, DVec2::ZERO, [0.0; 3]);
     for y in row - 5..=row + 5 {
         for x in column - 5..=column + 5 {
             let value = pixels[(y * 640 + x) as usize];
             most = most.max(value);
-            let value = f64::from(value);
-            sums = [sums[0] + value * x as f64, sums[1] + value * y as f64, sums[2] + value];
+            // Codes of luminance, in even steps of 1/65535 of full.
+            let (value, from) = (65_535.0 * luminance(value), DVec2::new((x - column) as f64, (y - row) as f64));
+            sum += value;
+            first += value * from;
+            second = [
+                second[0] + value * from.x * from.x,
+                second[1] + value * from.x * from.y,
+                second[2] + value * from.y * from.y,
+            ];
         }
     }
-    (most > 2_000 && most < 65_535).then_some([sums[0] / sums[2], sums[1] / sums[2], sums[2]])
+    let mean = first / sum;
+    let [xx, xy, yy] = second.map(|moment| moment / sum);
+    (luminance(most) > 0.03 && most < 65_535).then_some(Seen {
+        x_px: column as f64 + mean.x,
+        y_px: row as f64 + mean.y,
+        luminance: sum,
+        xx_px2: xx - mean.x * mean.x,
+        xy_px2: xy - mean.x * mean.y,
+        yy_px2: yy - mean.y * mean.y,
+    })
 }
 
 #[test]
 fn a_wrong_calibration_is_refused_before_anything_is_shown() {
-    let folder = tempfile::tempdir().unwrap();
-    succeeds(&["calibrate", "display", "simulate", "--out", "."], folder.path());
+    let folder = bench();
     succeeds(&["check", "bench.toml"], folder.path());
     let refused = |file: &str, from: &str, to: &str, part: &str| {
         let file = folder.path().join(file);
@@ -119,6 +280,13 @@ fn a_wrong_calibration_is_refused_before_anything_is_shown() {
     refused("bench.toml", "name = \"simulated display\"", "name = \"another display\"", "another display");
     refused("bench.toml", "kind = \"display\"", "kind = \"display\"\nbits = 10", "10 bits");
     refused("tracker.toml", "height_px = 560", "height_px = 561", "561");
+    refused("bench.toml", "name = \"simulated display\"", "", "sink.name");
+    // A tracker of the same geometry with another aperture makes other electrons of a magnitude.
+    refused("tracker.toml", "aperture_mm = 20.0", "aperture_mm = 20.1", "e-/s of magnitude 0");
+    refused("bench.toml", "[sink]", "[[target]]\nposition_px = [9.0, 9.0]\nmag = 3.0\n\n[sink]", "[[target]]");
+    refused("bench.toml", "duration_s = 10.0", "duration_s = 10.0\nahead_ms = 50.0", "timing.ahead_ms");
+    let another = "[[extra_sink]]\nkind = \"display\"\ncalibration = \"display.toml\"\nname = \"a\"\n\n[sink]";
+    refused("bench.toml", "[sink]", another, "extra_sink[0].calibration");
     refused("display.toml", "valid_days = 90", "valid_days = 91", "edited");
     refused("bench.toml", "display.toml", "no_such.toml", "no_such.toml");
 }

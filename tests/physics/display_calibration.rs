@@ -8,14 +8,18 @@ use glam::{DVec2, DVec3};
 use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use starloop::base::image::Image;
 use starloop::base::time::{Span, Tai};
+use starloop::detector::Nonlinearity;
 use starloop::display::calibration::fit::FitOptions;
 use starloop::display::calibration::pattern::Pattern;
 use starloop::display::calibration::report::MagnitudeRange;
 use starloop::display::calibration::spots::{FrameScale, sights_of_frame};
-use starloop::display::calibration::{Calibration, DisplayIdentity, Fitted, Grid, Plan, Sight, TrackerIdentity, fit};
+use starloop::display::calibration::{
+    Calibration, CalibrationError, DisplayIdentity, Fitted, Grid, Plan, Sight, Tracker, TrackerIdentity, fit,
+};
 use starloop::display::dither::Dither;
 use starloop::display::drive::DisplayDrive;
 use starloop::display::latency::Latency;
+use starloop::display::luminance_code::{KNOTS, code, luminance};
 use starloop::display::response::Response;
 use starloop::testbed::display_bench::{BenchTruth, DisplayBench};
 use std::sync::OnceLock;
@@ -45,23 +49,34 @@ fn plan(truth: &BenchTruth) -> Plan {
 fn options() -> FitOptions {
     FitOptions {
         made: Tai::from_rfc3339("2026-03-01T00:00:00Z").unwrap(),
+        measured: Tai::from_rfc3339("2026-03-01T00:00:00Z").unwrap(),
         valid_days: 30,
         zero_point_e_per_s: Some(4e7),
         latency: None,
+        spot_sigma_px: 0.7,
     }
+}
+
+/// The fit of a tracker whose file says that it vignettes nothing.
+fn fit_with(plan: &Plan, sights: &[Sight], camera: &CameraGeometry) -> Result<Fitted, CalibrationError> {
+    fit(plan, sights, &Tracker { name: "tracker", geometry: camera, illumination: &|_| 1.0 }, &options())
+}
+
+fn scale(truth: &BenchTruth) -> FrameScale {
+    let BenchTruth { gain_e_per_dn, black_level_dn, .. } = *truth;
+    FrameScale { gain_e_per_dn, black_level_dn, exposure_s: EXPOSURE_S, largest_dn: u16::MAX, full_well_e: 1e9 }
 }
 
 /// Shows every image of the plan and measures its frame.
 fn measured(bench: &mut DisplayBench, plan: &Plan) -> Vec<Sight> {
-    let BenchTruth { gain_e_per_dn, black_level_dn, .. } = *bench.truth();
-    let scale = FrameScale { gain_e_per_dn, black_level_dn, exposure_s: EXPOSURE_S };
+    let scale = scale(bench.truth());
     let mut sights = Vec::new();
     for pattern in plan.patterns() {
         let frame = match pattern {
             Pattern::Dark => bench.frame(None),
             shown => bench.frame(Some(&plan.draw(shown))),
         };
-        sights.extend(sights_of_frame(pattern, &scale.applied(&frame)));
+        sights.extend(sights_of_frame(pattern, &scale.applied(&frame), scale.saturated_from()));
     }
     sights
 }
@@ -75,13 +90,13 @@ fn crooked() -> &'static (Plan, Vec<Sight>, Fitted) {
 fn calibrated(truth: &BenchTruth) -> (Plan, Vec<Sight>, Fitted) {
     let plan = plan(truth);
     let sights = measured(&mut DisplayBench::new(truth.clone()), &plan);
-    let fitted = fit(&plan, &sights, ("tracker", &tracker(truth)), &options()).unwrap();
+    let fitted = fit_with(&plan, &sights, &tracker(truth)).unwrap();
     (plan, sights, fitted)
 }
 
 /// Largest error of the map over what its dots cover, display px.
 fn map_error_px(truth: &BenchTruth, fitted: &Fitted) -> f64 {
-    let [left, right, top, bottom] = fitted.map.geometry.covered_px();
+    let [left, right, top, bottom] = fitted.map.geometry.covered().range_px();
     let places = (0..=40).flat_map(|i| (0..=30).map(move |j| [f64::from(i) / 40.0, f64::from(j) / 30.0]));
     let error = |[u, v]: [f64; 2]| {
         let px = DVec2::new(left + u * (right - left), top + v * (bottom - top));
@@ -103,6 +118,7 @@ fn the_map_is_recovered_to_a_fiftieth_of_a_pixel() {
         assert!(error_px <= PROMISED_PX, "{error_px} px");
         assert!(r.map_error_px < PROMISED_PX && r.rms_px < 2.0 * PROMISED_PX, "{r:?}");
         assert!(r.dots_used > 140, "{r:?}");
+        assert!(r.coverage > 0.85 && r.dots_saturated == 0, "{r:?}");
         assert_eq!(fitted.calibration.geometry.mirrored, truth.mirrored);
         assert!(fitted.has_dark);
     }
@@ -143,7 +159,7 @@ fn response_black_level_and_flat_field_are_recovered() {
         assert!(off.abs() < 0.005, "{off} at {px:?}");
     }
     // 6000 electrons in 0.1 s, less the black level, against 4e7 per second of magnitude 0.
-    let range = MagnitudeRange::of(fitted.calibration.light.as_ref().unwrap(), &parts, Dither::over(16));
+    let range = MagnitudeRange::of(fitted.calibration.light.as_ref().unwrap(), &parts, Dither::over(16).unwrap());
     let wanted = -2.5 * (6000.0_f64 * (1.0 - truth.black_share) / EXPOSURE_S / 4e7).log10();
     println!("{range:?}");
     assert!((range.full_px - wanted).abs() < 0.01, "{} for {wanted} mag", range.full_px);
@@ -193,9 +209,9 @@ fn stars_are_seen_where_they_should_be() {
     let (_, _, fitted) = crooked();
     let bench = DisplayBench::new(truth.clone());
     let parts = fitted.calibration.calibrated().unwrap();
-    let drive = parts.drive(Dither::over(16));
+    let drive = parts.drive(Dither::over(16).unwrap());
     let linear = Response::of_gamma(8, 1.0).unwrap();
-    let wrong = DisplayDrive::new(&linear, &parts.flat, truth.display_px, Dither::over(16), false);
+    let wrong = DisplayDrive::new(&linear, &parts.flat, truth.display_px, Dither::over(16).unwrap(), false);
     let (mut worst, mut worst_wrong) = (0.0_f64, 0.0_f64);
     for place in [[100.25, 90.75], [320.5, 240.25], [545.75, 70.75], [140.25, 400.25], [500.75, 420.25]] {
         let v_sensor = truth.direction(DVec2::from(place));
@@ -212,8 +228,7 @@ fn wrong_measurements_are_refused() {
     let truth = BenchTruth::crooked();
     let (plan, sights, fitted) = crooked();
     let tracker = tracker(&truth);
-    let refused =
-        |plan: &Plan, sights: &[Sight]| fit(plan, sights, ("tracker", &tracker), &options()).unwrap_err().to_string();
+    let refused = |plan: &Plan, sights: &[Sight]| fit_with(plan, sights, &tracker).unwrap_err().to_string();
     // Dots that changed places: numbers given, each dot another's.
     let number_of = |px: [f64; 2]| {
         let v = tracker.unproject(px)?;
@@ -227,7 +242,7 @@ fn wrong_measurements_are_refused() {
         };
         sights.iter().map(name).collect()
     };
-    let by_name = fit(plan, &named(false), ("tracker", &tracker), &options()).unwrap();
+    let by_name = fit_with(plan, &named(false), &tracker).unwrap();
     assert_eq!(by_name.calibration.geometry, fitted.calibration.geometry, "numbers given or read are the same");
     let told = refused(plan, &named(true));
     assert!(told.contains("belong to this plan"), "{told}");
@@ -238,7 +253,7 @@ fn wrong_measurements_are_refused() {
     assert!(told.contains("wanted"), "{told}");
     // Another tracker than the plan's.
     let moved = BenchTruth { tracker_focal_px: 1801.0, ..truth.clone() };
-    let error = fit(plan, sights, ("tracker", &self::tracker(&moved)), &options()).unwrap_err().to_string();
+    let error = fit_with(plan, sights, &self::tracker(&moved)).unwrap_err().to_string();
     assert!(error.contains("tracker geometry"), "{error}");
     // No ramp.
     let dots: Vec<Sight> = sights.iter().filter(|s| !matches!(s.pattern, Pattern::Level(_))).cloned().collect();
@@ -257,7 +272,7 @@ fn a_tenth_of_the_dots_may_be_reflections() {
             px[0] += 1.5;
         }
     }
-    let spoiled = fit(plan, &sights, ("tracker", &tracker(&truth)), &options()).unwrap();
+    let spoiled = fit_with(plan, &sights, &tracker(&truth)).unwrap();
     let error_px = map_error_px(&truth, &spoiled);
     assert!(error_px <= PROMISED_PX, "{error_px} px");
     let left_out = spoiled.map.is_used.iter().filter(|used| !**used).count();
@@ -285,4 +300,128 @@ fn the_file_keeps_all_of_it_and_a_wrong_file_is_refused() {
     let text = std::fs::read_to_string(&path).unwrap().replace("mirrored = false", "mirrored = true");
     std::fs::write(&path, text).unwrap();
     assert!(Calibration::read(&path).unwrap_err().to_string().contains("damaged or edited"));
+}
+
+#[test]
+fn what_the_tracker_vignettes_is_left_to_the_tracker() {
+    let truth = BenchTruth::crooked();
+    let (plan, sights, even) = crooked();
+    let camera = tracker(&truth);
+    // cos^4 of the field angle, from the pinhole alone: the tracker's own fall of light.
+    let own = |px: [f64; 2]| {
+        let [x, y] = [0, 1].map(|i| (px[i] - truth.tracker_centre_px[i]) / truth.tracker_focal_px);
+        (1.0 + x * x + y * y).powi(-2)
+    };
+    let through = |sight: &Sight| {
+        let flux = sight.flux.zip(sight.tracker_px).map(|(flux, px)| flux * own(px));
+        Sight { flux, ..sight.clone() }
+    };
+    let vignetted: Vec<Sight> = sights.iter().map(through).collect();
+    let told = Tracker {
+        name: "tracker",
+        geometry: &camera,
+        illumination: &|tangent: DVec2| (1.0 + tangent.length_squared()).powi(-2),
+    };
+    let told = fit(plan, &vignetted, &told, &options()).unwrap();
+    let not_told = fit_with(plan, &vignetted, &camera).unwrap();
+    // A star in a corner, drawn evenly: the tracker must see its light less what it vignettes itself, as in the sky.
+    let corner = [600.0, 450.0];
+    let seen_of = |fitted: &Fitted| {
+        let light = fitted.calibration.light.as_ref().unwrap();
+        let shown = 1.0 / (light.full_px_e_per_s * fitted.calibration.calibrated().unwrap().flat.at(corner));
+        let lens = even.calibration.light.as_ref().unwrap().full_px_e_per_s
+            * even.calibration.calibrated().unwrap().flat.at(corner);
+        shown * lens * own(truth.seen_at(DVec2::from(corner)).to_array())
+    };
+    let in_the_sky = own(truth.seen_at(DVec2::from(corner)).to_array());
+    println!("in the sky {in_the_sky:.4}, told {:.4}, not told {:.4}", seen_of(&told), seen_of(&not_told));
+    assert!(in_the_sky < 0.96, "it matters: {in_the_sky}");
+    assert!((seen_of(&told) / in_the_sky - 1.0).abs() < 0.005, "{} for {in_the_sky}", seen_of(&told));
+    assert!((seen_of(&not_told) / in_the_sky - 1.0).abs() > 0.03, "taken out: the comparison can fail");
+}
+
+#[test]
+fn saturated_frames_are_left_out_or_refused() {
+    let truth = BenchTruth::crooked();
+    let (plan, _, _) = crooked();
+    let camera = tracker(&truth);
+    let frames = |largest_dn: u16| -> Vec<Sight> {
+        let mut bench = DisplayBench::new(truth.clone());
+        let scale = FrameScale { largest_dn, ..scale(&truth) };
+        let shown = |pattern: Pattern| {
+            let greys = plan.draw(pattern);
+            let mut frame = bench.frame((pattern != Pattern::Dark).then_some(&greys));
+            frame.pixels_mut().iter_mut().for_each(|dn| *dn = (*dn).min(largest_dn));
+            sights_of_frame(pattern, &scale.applied(&frame), scale.saturated_from())
+        };
+        plan.patterns().into_iter().flat_map(shown).collect()
+    };
+    let most = |sights: &[Sight], scale: f64| sights.iter().filter_map(|s| s.luminance).fold(0.0, f64::max) * scale;
+    let open = frames(u16::MAX);
+    let per_dn = EXPOSURE_S / truth.gain_e_per_dn;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "digital numbers")]
+    let end = |share: f64| (truth.black_level_dn + share * most(&open, per_dn)) as u16;
+    let some = fit_with(plan, &frames(end(0.9)), &camera).unwrap();
+    println!("{} levels and {} dots left out", some.saturated_levels, some.calibration.residual.dots_saturated);
+    assert!(some.saturated_levels > 3, "{} levels", some.saturated_levels);
+    let luminance = some.calibration.calibrated().unwrap().response.luminance()[200];
+    assert!((luminance - true_luminance(&truth, 200)).abs() < 2e-3, "what is left is right: {luminance}");
+    let told = fit_with(plan, &frames(end(0.3)), &camera).unwrap_err().to_string();
+    assert!(told.contains("saturated"), "{told}");
+}
+
+#[test]
+fn dots_in_one_corner_are_refused() {
+    let truth = BenchTruth::crooked();
+    let (plan, sights, _) = crooked();
+    let in_part = |right: f64| -> Vec<Sight> {
+        let is_kept =
+            |sight: &&Sight| sight.pattern != Pattern::Dots || sight.tracker_px.is_some_and(|px| px[0] < right);
+        sights.iter().filter(is_kept).cloned().collect()
+    };
+    let told = fit_with(plan, &in_part(260.0), &tracker(&truth)).unwrap_err().to_string();
+    assert!(told.contains("of what the tracker sees of the display"), "{told}");
+    let most = fit_with(plan, &in_part(560.0), &tracker(&truth)).unwrap();
+    let r = &most.calibration.residual;
+    println!("{r:?}");
+    assert!((0.5..0.85).contains(&r.coverage), "{r:?}");
+}
+
+#[test]
+fn measurements_that_are_too_old_are_not_fitted() {
+    let truth = BenchTruth::crooked();
+    let (plan, sights, fitted) = crooked();
+    let camera = tracker(&truth);
+    let tracker = Tracker { name: "tracker", geometry: &camera, illumination: &|_| 1.0 };
+    let at = |text: &str| FitOptions { measured: Tai::from_rfc3339(text).unwrap(), ..options() };
+    for text in ["2026-01-29T00:00:00Z", "2026-03-03T00:00:00Z"] {
+        let told = fit(plan, sights, &tracker, &at(text)).unwrap_err().to_string();
+        assert!(told.contains("age of 0 to 30 days"), "{told}");
+    }
+    let old = fit(plan, sights, &tracker, &at("2026-02-10T00:00:00Z")).unwrap().calibration;
+    assert_eq!((&old.measured_utc[..10], &old.made_utc[..10]), ("2026-02-10", "2026-03-01"));
+    assert_eq!(old.geometry, fitted.calibration.geometry);
+}
+
+#[test]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "single precision and digital numbers")]
+fn a_detectors_response_makes_the_codes_of_luminances() {
+    // As a run on a display has it: so many electrons stand for 1/65535 of full.
+    const E_PER_STEP: f64 = 3e4;
+    let response = Nonlinearity::through(&KNOTS.map(|[l, code]| [l * 65_535.0 * E_PER_STEP, code * E_PER_STEP]));
+    let pieces = response.unwrap().pieces();
+    let read = |wanted: f64| {
+        let x = (wanted * 65_535.0 * E_PER_STEP) as f32;
+        let bends = pieces.thresholds_e.iter().zip(pieces.steps);
+        let seen = bends.fold(pieces.slope * x, |seen, (at, step)| seen + step * (x - at).max(0.0));
+        (seen / E_PER_STEP as f32 + 0.5).floor().clamp(0.0, 65_535.0) as u16
+    };
+    let off = |at: u16| i32::from(read(luminance(at))) - i32::from(at);
+    let worst = |codes: std::ops::RangeInclusive<u16>| codes.map(|at| off(at).abs()).max().unwrap();
+    let faint = worst(0..=18_079);
+    let bright = worst(18_080..=65_535);
+    println!("faint codes off by {faint} at most, bright ones by {bright}");
+    // Single precision at 141 x 65535, where the slopes of the pieces cancel: half a unit in each of four sums.
+    assert!(faint == 0 && bright <= 3, "{faint}, {bright}");
+    assert_eq!((read(0.0), read(1e-5)), (0, code(1e-5)));
 }

@@ -28,7 +28,7 @@ pub enum CalibrationError {
     },
     /// A row of measurements that is none.
     #[error(
-        "{path}, line {line}: {reason}; wanted the columns pattern,x_px,y_px,flux,luminance,dot (pattern and what was measured of it; the others may be missing or empty)"
+        "{path}, line {line}: {reason}; wanted the columns pattern,x_px,y_px,flux,luminance,dot,saturated (pattern and what was measured of it; the others may be missing or empty)"
     )]
     Row {
         /// Which file.
@@ -40,7 +40,8 @@ pub enum CalibrationError {
     },
     /// Too few dots.
     #[error(
-        "measured dots: wanted at least {wanted}, got {got} ({unread} whose code could not be read, {unseen} outside the tracker's field); expose longer, or darken the room"
+        "measured dots: wanted at least {wanted}, got {got} ({unread} whose code could not be read, {unseen} outside the tracker's field, {saturated} saturated); {}",
+        if *saturated > *unread { "expose shorter" } else { "expose longer, or darken the room" }
     )]
     FewDots {
         /// Fewest that do.
@@ -51,6 +52,29 @@ pub enum CalibrationError {
         unread: usize,
         /// Centroids without a direction.
         unseen: usize,
+        /// Dots in which the camera was at its end.
+        saturated: usize,
+    },
+    /// Levels in which the camera was at its end.
+    #[error(
+        "levels of the ramp: {left_out} of {of} measurements are saturated, and full grey is nowhere below; measure the whole ramp again by one shorter exposure, which suits full grey"
+    )]
+    SaturatedLevels {
+        /// Measurements that are saturated.
+        left_out: usize,
+        /// Measurements in all.
+        of: usize,
+    },
+    /// Dots in one part of the display.
+    #[error(
+        "the dots fitted to enclose {:.0} % of what the tracker sees of the display: wanted at least {:.0} %, as the map is a guess beyond them; measure the dots of the other parts too, or plan more of them with a smaller margin",
+        100.0 * got, 100.0 * wanted
+    )]
+    Coverage {
+        /// Least share.
+        wanted: f64,
+        /// Share within the outermost dots.
+        got: f64,
     },
     /// Dots that no map fits.
     #[error(
@@ -85,11 +109,11 @@ pub enum CalibrationError {
     },
     /// Of something else.
     #[error(
-        "calibration of {made_utc}: it is of another {what}: wanted {wanted}, got {got}; name the file that belongs to it, or calibrate this one"
+        "calibration measured {measured_utc}: it is of another {what}: wanted {wanted}, got {got}; name the file that belongs to it, or calibrate this one"
     )]
     Mismatch {
-        /// When it was made.
-        made_utc: String,
+        /// When it was measured.
+        measured_utc: String,
         /// In what it differs.
         what: &'static str,
         /// What is in use.
@@ -99,11 +123,11 @@ pub enum CalibrationError {
     },
     /// Too old, or from the future.
     #[error(
-        "calibration of {made_utc}: wanted an age of 0 to {valid_days} days, got {age_days:.1}; calibrate again, or set this machine's clock"
+        "calibration measured {measured_utc}: wanted an age of 0 to {valid_days} days, got {age_days:.1}; calibrate again, or set this machine's clock"
     )]
     Stale {
-        /// When it was made.
-        made_utc: String,
+        /// When it was measured.
+        measured_utc: String,
         /// How long it is valid.
         valid_days: u32,
         /// How old it is.

@@ -7,6 +7,7 @@
 
 use super::error::CalibrationError;
 use super::identity::{DisplayIdentity, TrackerIdentity, same_display, same_tracker};
+use super::plan::Plan;
 use crate::base::time::Tai;
 use crate::base::units::DAY_S;
 use crate::display::dither::Dither;
@@ -21,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Version of the file's form.
-pub const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 2;
 /// Clocks of two machines may differ by this much before a file is from the future, days.
 const CLOCK_DAYS: f64 = 1.0;
 /// The key of the check sum.
@@ -31,10 +32,15 @@ const SUM: &str = "crc32";
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Light {
-    /// Of a pixel of full grey where the flat field is 1, above black, electrons per second in the tracker.
+    /// Of a pixel of full grey where the flat field is 1, above black, electrons per second in the tracker, less what the
+    /// tracker's file says that it vignettes.
     pub full_px_e_per_s: f64,
     /// Electrons per second of a star of instrument magnitude 0 in the same tracker.
     pub zero_point_e_per_s: f64,
+    /// Standard deviation of the Gaussians that stars are drawn as, display px.
+    pub spot_sigma_px: f64,
+    /// The brightest star that is nowhere clipped: standing still, in the middle of a pixel, where the display is dimmest.
+    pub brightest_mag: f64,
 }
 
 /// How well it fits.
@@ -43,8 +49,12 @@ pub struct Light {
 pub struct Residuals {
     /// Dots that the map was fitted to.
     pub dots_used: usize,
-    /// Dots that were left out: off, or without a number.
+    /// Dots that were left out: off, without a number, or saturated.
     pub dots_left_out: usize,
+    /// Those of them that were saturated.
+    pub dots_saturated: usize,
+    /// Share of what the tracker sees of the display that lies within the outermost dots.
+    pub coverage: f64,
     /// Shown less mapped place of the dots, display px rms.
     pub rms_px: f64,
     /// Largest, display px.
@@ -66,11 +76,15 @@ pub struct Calibration {
     /// [`FORMAT`].
     pub format: u32,
     /// When the measurements were made, UTC, RFC 3339.
+    pub measured_utc: String,
+    /// When they were fitted, UTC, RFC 3339.
     pub made_utc: String,
-    /// Days from then on.
+    /// Days from the measurements on.
     pub valid_days: u32,
     /// What wrote it.
     pub starloop_version: String,
+    /// Sum of the plan that was measured.
+    pub plan_crc32: String,
     /// The display.
     pub display: DisplayIdentity,
     /// The tracker.
@@ -175,25 +189,32 @@ impl Calibration {
         tracker: Option<&TrackerIdentity>,
         now: Tai,
     ) -> Result<(), CalibrationError> {
-        same_display(&self.made_utc, display, &self.display)?;
+        same_display(&self.measured_utc, display, &self.display)?;
         if let Some(tracker) = tracker {
-            same_tracker(&self.made_utc, tracker, &self.tracker)?;
+            same_tracker(&self.measured_utc, tracker, &self.tracker)?;
         }
-        let age_days = self.age_days(now)?;
-        if (-CLOCK_DAYS..=f64::from(self.valid_days)).contains(&age_days) {
-            return Ok(());
-        }
-        Err(CalibrationError::Stale { made_utc: self.made_utc.clone(), valid_days: self.valid_days, age_days })
+        in_time(&self.measured_utc, self.valid_days, now).map(|_| ())
     }
 
-    /// Age, days.
+    /// Refuses it for a plan other than the one that was measured.
+    ///
+    /// # Errors
+    /// With both sums.
+    pub fn admit_plan(&self, plan: &Plan) -> Result<(), CalibrationError> {
+        let (wanted, got) = (plan.crc32(), self.plan_crc32.clone());
+        if wanted == got {
+            return Ok(());
+        }
+        let what = "plan (display, dots, ramp or tracker were changed since)";
+        Err(CalibrationError::Mismatch { measured_utc: self.measured_utc.clone(), what, wanted, got })
+    }
+
+    /// Days since its measurements.
     ///
     /// # Errors
     /// When its date is none.
     pub fn age_days(&self, now: Tai) -> Result<f64, CalibrationError> {
-        let made = Tai::from_rfc3339(&self.made_utc)
-            .map_err(|error| CalibrationError::File { path: "made_utc".into(), reason: error.to_string() })?;
-        Ok((now - made).s() / DAY_S)
+        age_days(&self.measured_utc, now)
     }
 
     /// Its numbers, checked.
@@ -212,6 +233,21 @@ impl Calibration {
             flat: FlatField::new(self.flat.clone(), size_px).map_err(CalibrationError::Flat)?,
         })
     }
+}
+
+fn age_days(measured_utc: &str, now: Tai) -> Result<f64, CalibrationError> {
+    let measured = Tai::from_rfc3339(measured_utc)
+        .map_err(|error| CalibrationError::File { path: "measured_utc".into(), reason: error.to_string() })?;
+    Ok((now - measured).s() / DAY_S)
+}
+
+/// The age of measurements in days, when they are neither too old nor from the future.
+pub(super) fn in_time(measured_utc: &str, valid_days: u32, now: Tai) -> Result<f64, CalibrationError> {
+    let age_days = age_days(measured_utc, now)?;
+    if (-CLOCK_DAYS..=f64::from(valid_days)).contains(&age_days) {
+        return Ok(age_days);
+    }
+    Err(CalibrationError::Stale { measured_utc: measured_utc.into(), valid_days, age_days })
 }
 
 #[cfg(test)]

@@ -14,9 +14,11 @@ fn sample() -> Calibration {
         |i: u32| GreyLevel { grey: f64::from(i) * 15.0, luminance: (f64::from(i) / 17.0).powf(2.2), sigma: 0.1 + 0.2 };
     Calibration {
         format: FORMAT,
-        made_utc: "2026-03-01T00:00:00.000000Z".into(),
+        measured_utc: "2026-03-01T00:00:00.000000Z".into(),
+        made_utc: "2026-03-09T00:00:00.000000Z".into(),
         valid_days: 30,
         starloop_version: "0.1.0".into(),
+        plan_crc32: "00c0ffee".into(),
         display: DisplayIdentity { name: "EV 27 #114".into(), width_px: 320, height_px: 200, bits: 8 },
         tracker: TrackerIdentity {
             name: "ST".into(),
@@ -31,15 +33,22 @@ fn sample() -> Calibration {
             principal_point_px: [159.5, 99.5],
             degree: 3,
             terms: vec![(3, 0, -0.01, 1e-7), (0, 1, 1.0 / 7.0, 0.0)],
-            covered_px: [10.0, 300.0, 10.0, 190.0],
+            covered_px: vec![[10.0, 10.0], [300.0, 10.0], [300.0, 190.0], [10.0, 190.0]],
         },
         response: ResponseParameters { bits: 8, black_share: 0.001, level: (0..=17).map(level).collect() },
         flat: FlatParameters { degree: 1, coefficient: vec![0.9, 0.05, 0.05] },
-        light: Some(Light { full_px_e_per_s: 1234.5, zero_point_e_per_s: 1e7 }),
+        light: Some(Light {
+            full_px_e_per_s: 1234.5,
+            zero_point_e_per_s: 1e7,
+            spot_sigma_px: 0.7,
+            brightest_mag: 8.37,
+        }),
         latency: Some(Latency::given(crate::base::time::Span::from_ms(20), crate::base::time::Span::from_ms(2))),
         residual: Residuals {
             dots_used: 190,
             dots_left_out: 2,
+            dots_saturated: 1,
+            coverage: 0.93,
             rms_px: 0.011,
             max_px: 0.03,
             rms_arcsec: 0.7,
@@ -101,7 +110,7 @@ fn what_is_no_calibration_is_refused() {
         (text[..text.len() / 2].to_owned(), "calibration"),
         (text.replace(&sum, "00000000"), "damaged or edited"),
         (text.lines().skip(1).collect::<Vec<_>>().join("\n"), "got none"),
-        (text.replace("format = 1", "format = 9"), "reads format 1"),
+        (text.replace("format = 2", "format = 1"), "reads format 2"),
         (text.replace("valid_days", "valid_weeks"), "valid_weeks"),
         ("\u{0}".into(), "calibration"),
     ] {
@@ -126,7 +135,7 @@ fn a_file_of_something_else_is_refused_with_what_to_do() {
         (|c| c.tracker.name = "ST2".into(), "tracker camera"),
         (|c| c.tracker.width_px = 1024, "detector size"),
         (|c| c.tracker.geometry_crc32 = "1".into(), "tracker geometry"),
-        (|c| c.made_utc = "yesterday".into(), "not a time"),
+        (|c| c.measured_utc = "yesterday".into(), "not a time"),
     ];
     for (change, told) in changes {
         let mut other = sample();
@@ -145,4 +154,21 @@ fn both_edges_of_its_time() {
     assert!(stale.contains("calibrate again") && stale.contains("0 to 30 days, got 30.0"), "{stale}");
     assert!(at("2026-02-28T00:00:00Z").is_ok(), "a clock that is a day behind");
     assert!(at("2026-02-27T23:59:00Z").is_err());
+}
+
+#[test]
+fn the_age_counts_from_the_measurement() {
+    let fitted_late = Calibration { made_utc: "2026-03-29T00:00:00Z".into(), ..sample() };
+    let now = Tai::from_rfc3339("2026-04-01T00:00:00Z").unwrap();
+    assert!(fitted_late.admit(&sample().display, None, now).is_err(), "fitted three days ago, measured 31");
+    assert!((fitted_late.age_days(now).unwrap() - 31.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_plan_that_was_made_anew_is_told() {
+    let plan = crate::display::calibration::plan::tests::sample();
+    let good = Calibration { plan_crc32: plan.crc32(), ..sample() };
+    assert!(good.admit_plan(&plan).is_ok());
+    let told = sample().admit_plan(&plan).unwrap_err().to_string();
+    assert!(told.contains("another plan") && told.contains("00c0ffee"), "{told}");
 }

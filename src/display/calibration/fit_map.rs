@@ -15,6 +15,7 @@
 
 use super::error::CalibrationError;
 use crate::base::random::philox;
+use crate::display::covered::Covered;
 use crate::display::geometry::{DisplayGeometry, GeometryParameters, Pinhole, taken_apart, wxyz};
 use crate::display::least_squares::{Basis, median, rms};
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -79,7 +80,13 @@ pub fn fit_map(dots: &[SeenDot], size_px: [usize; 2]) -> Result<MapFit, Calibrat
     let in_front = |dot: &&SeenDot| dot.v_sensor.z > 0.0 && dot.v_sensor.is_finite();
     let unseen = dots.len() - dots.iter().filter(in_front).count();
     if dots.len() - unseen < FEWEST_DOTS || unseen > 0 {
-        return Err(CalibrationError::FewDots { wanted: FEWEST_DOTS, got: dots.len() - unseen, unread: 0, unseen });
+        return Err(CalibrationError::FewDots {
+            wanted: FEWEST_DOTS,
+            got: dots.len() - unseen,
+            unread: 0,
+            unseen,
+            saturated: 0,
+        });
     }
     // About their middle, so that an affine map has its axis there.
     let middle = dots.iter().map(|dot| dot.v_sensor.normalize()).sum::<DVec3>().normalize();
@@ -95,14 +102,13 @@ pub fn fit_map(dots: &[SeenDot], size_px: [usize; 2]) -> Result<MapFit, Calibrat
     let most = size_px[0] as f64 - 1.0;
     let drawn: Vec<DVec2> = shown.iter().map(|px| if mirrored { DVec2::new(most - px.x, px.y) } else { *px }).collect();
     let places: Vec<DVec2> = dots.iter().map(|dot| tangent(pinhole.drawn_from_sensor, dot)).collect();
-    let covered_px = covered(&shown, &agrees);
     let mut best: Option<(f64, MapFit)> = None;
     let mut refusal = None;
     let mut least_px = f64::INFINITY;
     for degree in 1..=HIGHEST_DEGREE {
         let Some(poly) = fit_polynomial(degree, &pinhole, &places, &drawn, &agrees) else { break };
         least_px = least_px.min(poly.rms_px);
-        let parameters = poly.parameters(&pinhole, mirrored, covered_px);
+        let parameters = poly.parameters(&pinhole, mirrored, &shown);
         match DisplayGeometry::new(&parameters, size_px) {
             Err(error) => refusal = Some(error),
             Ok(_) if best.as_ref().is_some_and(|(had, _)| poly.score >= had * WORTH) => {}
@@ -134,12 +140,6 @@ fn accepted(fit: MapFit) -> Result<MapFit, CalibrationError> {
         return Err(not_a_map("three of four dots that agree with one map", format!("{used} of {all}")));
     }
     Ok(fit)
-}
-
-fn covered(shown: &[DVec2], agrees: &[bool]) -> [f64; 4] {
-    let kept = shown.iter().zip(agrees).filter(|(_, agrees)| **agrees).map(|(px, _)| px);
-    let start = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
-    kept.fold(start, |[a, b, c, d], px| [a.min(px.x), b.max(px.x), c.min(px.y), d.max(px.y)])
 }
 
 /// Pinhole, mirror, and the dots that agree with a homography as far as distortion lets them.
@@ -280,7 +280,11 @@ fn fit_polynomial(
 }
 
 impl Polynomial {
-    fn parameters(&self, pinhole: &Pinhole, mirrored: bool, covered_px: [f64; 4]) -> GeometryParameters {
+    fn parameters(&self, pinhole: &Pinhole, mirrored: bool, shown: &[DVec2]) -> GeometryParameters {
+        let used: Vec<[f64; 2]> =
+            shown.iter().zip(&self.is_used).filter(|(_, used)| **used).map(|(px, _)| px.to_array()).collect();
+        // Dots on one line have no area: the geometry refuses that.
+        let covered_px = Covered::within(&used).map_or_else(Vec::new, |covered| covered.corners_px().to_vec());
         let moved = |axis: usize| pinhole.principal_point_px[axis] + pinhole.focal_px[axis] * self.along[axis][0];
         let pairs = self.along[0].iter().zip(&self.along[1]);
         let terms = exponents(self.degree).zip(pairs).skip(1).map(|((i, j), (a, b))| (i, j, *a, *b)).collect();

@@ -66,7 +66,7 @@ impl TrackerIdentity {
 
 /// The first thing in which two lists of named texts differ.
 fn difference(
-    made_utc: &str,
+    measured_utc: &str,
     wanted: &[(&'static str, String)],
     got: &[(&'static str, String)],
 ) -> Result<(), CalibrationError> {
@@ -74,14 +74,14 @@ fn difference(
         None => Ok(()),
         Some(((what, wanted), (_, got))) => {
             let (wanted, got) = (wanted.clone(), got.clone());
-            Err(CalibrationError::Mismatch { made_utc: made_utc.into(), what, wanted, got })
+            Err(CalibrationError::Mismatch { measured_utc: measured_utc.into(), what, wanted, got })
         }
     }
 }
 
 /// Refuses a calibration of another display.
 pub(super) fn same_display(
-    made_utc: &str,
+    measured_utc: &str,
     used: &DisplayIdentity,
     calibrated: &DisplayIdentity,
 ) -> Result<(), CalibrationError> {
@@ -92,12 +92,12 @@ pub(super) fn same_display(
             ("depth of greys", format!("{} bits", d.bits)),
         ]
     };
-    difference(made_utc, &told(used), &told(calibrated))
+    difference(measured_utc, &told(used), &told(calibrated))
 }
 
 /// Refuses a calibration by another tracker.
 pub(super) fn same_tracker(
-    made_utc: &str,
+    measured_utc: &str,
     used: &TrackerIdentity,
     calibrated: &TrackerIdentity,
 ) -> Result<(), CalibrationError> {
@@ -108,5 +108,5 @@ pub(super) fn same_tracker(
             ("tracker geometry (focal length, principal point, distortion)", t.geometry_crc32.clone()),
         ]
     };
-    difference(made_utc, &told(used), &told(calibrated))
+    difference(measured_utc, &told(used), &told(calibrated))
 }

@@ -2,7 +2,8 @@
 //!
 //! CSV columns: `pattern` (its name), `x_px`, `y_px` (tracker px, first pixel's centre 0, 0), `flux` (of a dot, above its
 //! surroundings, electrons per second), `luminance` (of a level, any unit that is the same for all levels), `dot` (its number, where
-//! the measuring program knows it; else it is read from the codes). Columns may be missing, values empty.
+//! the measuring program knows it; else it is read from the codes), `saturated` (`true` where the camera was at its end: it is
+//! then left out). Columns may be missing, values empty.
 
 use super::error::CalibrationError;
 use super::pattern::Pattern;
@@ -26,6 +27,8 @@ pub struct Sight {
     pub luminance: Option<f64>,
     /// The dot's number, where known.
     pub dot: Option<usize>,
+    /// Whether the camera was at its end there.
+    pub is_saturated: bool,
 }
 
 #[derive(Debug, Default, Deserialize, Serialize)]
@@ -37,6 +40,7 @@ struct Row {
     flux: Option<f64>,
     luminance: Option<f64>,
     dot: Option<usize>,
+    saturated: Option<bool>,
 }
 
 /// Reads a table.
@@ -59,7 +63,15 @@ pub fn read_csv(input: impl Read, path: &Path) -> Result<Vec<Sight>, Calibration
             return Err(refuse(line, format!("more than {MOST_ROWS} rows")));
         }
         let tracker_px = row.x_px.zip(row.y_px).map(|(x, y)| [x, y]);
-        sights.push(Sight { pattern, tracker_px, flux: row.flux, luminance: row.luminance, dot: row.dot });
+        let is_saturated = row.saturated.unwrap_or(false);
+        sights.push(Sight {
+            pattern,
+            tracker_px,
+            flux: row.flux,
+            luminance: row.luminance,
+            dot: row.dot,
+            is_saturated,
+        });
     }
     Ok(sights)
 }
@@ -78,6 +90,7 @@ pub fn write_csv(out: impl Write, sights: &[Sight]) -> std::io::Result<()> {
             flux: sight.flux,
             luminance: sight.luminance,
             dot: sight.dot,
+            saturated: sight.is_saturated.then_some(true),
         })?;
     }
     writer.flush()
@@ -96,6 +109,9 @@ mod tests {
         let sights = read("pattern,x_px,y_px,flux\ndots,1.5,2.5,300\nlevel_7,,,\n").unwrap();
         assert_eq!((sights[0].tracker_px, sights[0].flux, sights[0].dot), (Some([1.5, 2.5]), Some(300.0), None));
         assert_eq!((sights[1].pattern, sights[1].tracker_px), (Pattern::Level(7), None));
+        let flagged = read("pattern,flux,saturated\ndots,1,true\ndots,1,false\ndots,1,\n").unwrap();
+        assert_eq!(flagged.iter().map(|sight| sight.is_saturated).collect::<Vec<_>>(), [true, false, false]);
+        let sights = [sights, flagged].concat();
         let mut text = Vec::new();
         write_csv(&mut text, &sights).unwrap();
         assert_eq!(read(std::str::from_utf8(&text).unwrap()).unwrap(), sights);

@@ -4,11 +4,12 @@
 //! in which spots are found) -> map, response, flat field, magnitudes -> a dated file with a check sum, which is refused when it
 //! is damaged, too old, or of something else. Light only: nothing here opens a window.
 //!
-//! Tour: `identity`, `pattern`, `dot_code`, `plan` (what is shown) -> `measurement`, `spots` (what was seen) -> `fit_map`,
+//! Tour: `identity`, `pattern`, `dot_code`, `plan` (what is shown) -> `measurement`, `spots` (what was seen) -> `fit_map`, `coverage`,
 //! `fit_levels`, `fit` (what it means) -> `file`, `report` (what is kept and told).
 //! Proved end to end by `tests/physics/display_calibration` on a simulated display, collimator and camera that share
 //! no code with this room: the map to 0.02 display px.
 
+pub mod coverage;
 pub mod dot_code;
 pub mod error;
 pub mod file;
@@ -24,7 +25,7 @@ pub mod spots;
 
 pub use error::CalibrationError;
 pub use file::{Calibrated, Calibration, Light, Residuals};
-pub use fit::{Fitted, fit};
+pub use fit::{Fitted, Tracker, fit};
 pub use identity::{DisplayIdentity, TrackerIdentity};
 pub use measurement::Sight;
 pub use pattern::{Grid, Pattern};

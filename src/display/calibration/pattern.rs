@@ -8,13 +8,14 @@ use super::error::CalibrationError;
 use super::identity::DisplayIdentity;
 use crate::base::image::Image;
 use crate::display::geometry::LARGEST_SIDE_PX;
-use crate::display::response::BITS;
 use serde::{Deserialize, Serialize};
 
 /// Least distance of dots, in sides of a dot: their images stay apart.
 const APART: usize = 3;
 /// Greys of a ramp lie at the steps to this power: closer together near black, where a display's curve bends.
 const RAMP_POWER: f64 = 1.7;
+/// Bits of a grey that a window can show.
+const BITS: [u32; 2] = [8, 10];
 
 /// Where the dots are.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -80,10 +81,10 @@ impl Pattern {
         match self {
             Self::Dark => "switch the display off (or cover the lens); measure the level",
             Self::Level(0) => "measure the level: the display's black",
-            Self::Level(_) => "measure the level, by the exposure of the brightest one",
-            Self::Dots => "measure centroids and flux of all dots; no dot may saturate",
+            Self::Level(_) => "measure the level; one exposure for all levels, at which full grey does not saturate",
+            Self::Dots => "measure centroid and flux of every dot; expose so that none saturates",
             Self::DotsBit(_) => "measure the centroids of the dots that are left",
-            Self::Marker(_) => "for a photodiode: flip on and off, write submit and edge times",
+            Self::Marker(_) => "only for a photodiode: flip on and off, write submit and edge times; no frame needed",
         }
     }
 }
@@ -119,7 +120,7 @@ impl Grid {
             }
         }
         if !BITS.contains(&display.bits) {
-            return refuse("display.bits", "6 to 16".into(), display.bits.to_string());
+            return refuse("display.bits", "8 or 10, as windows can show".into(), display.bits.to_string());
         }
         if self.dot_px.is_multiple_of(2) || self.dot_px > 99 {
             return refuse(

@@ -5,6 +5,7 @@ use super::error::CalibrationError;
 use super::identity::{DisplayIdentity, TrackerIdentity};
 use super::pattern::{Grid, Pattern, draw, ramp_greys};
 use crate::base::image::Image;
+use crate::sink::crc32::Crc32;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -80,6 +81,30 @@ impl Plan {
         draw(pattern, &self.display, &self.grid, is_lit)
     }
 
+    /// An image as luminances in even steps, 65535 full: `starloop display show` at gamma 1 shows its very greys.
+    #[must_use]
+    pub fn luminances(&self, pattern: Pattern) -> Image<u16> {
+        let mut image = self.draw(pattern);
+        let full = u64::from(self.display.full_grey());
+        let luminance = |grey: u16| u16::try_from((u64::from(grey) * 65_535 + full / 2) / full).unwrap_or(u16::MAX);
+        image.pixels_mut().iter_mut().for_each(|value| *value = luminance(*value));
+        image
+    }
+
+    /// CRC-32 of everything that the measurements depend on: a plan made anew with other numbers has another.
+    #[must_use]
+    pub fn crc32(&self) -> String {
+        let Grid { columns, rows, dot_px, margin_px } = &self.grid;
+        let DisplayIdentity { name, width_px, height_px, bits } = &self.display;
+        let text = format!(
+            "{name}|{width_px}|{height_px}|{bits}|{columns}|{rows}|{dot_px}|{margin_px}|{}|{}",
+            self.ramp_steps, self.tracker.geometry_crc32
+        );
+        let mut crc = Crc32::default();
+        crc.update(text.as_bytes());
+        format!("{:08x}", crc.value())
+    }
+
     /// Centre of a dot, display px.
     #[must_use]
     pub fn dot_px(&self, number: usize) -> Option<[f64; 2]> {
@@ -151,6 +176,28 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn luminances_show_the_very_greys() {
+        use crate::display::grey::GreyTable;
+        for bits in [8, 10] {
+            let plan = Plan { display: DisplayIdentity { bits, ..sample().display }, ..sample() };
+            let table = GreyTable::by_gamma(bits, 1.0).unwrap();
+            for grey in 0..=plan.display.full_grey() {
+                let shown = plan.luminances(Pattern::Level(grey));
+                assert_eq!(shown.get(9, 9).map(|luminance| table.nearest(luminance)), Some(grey), "{bits} bits");
+                let raw = plan.draw(Pattern::Level(grey)).get(9, 9).map(|luminance| table.nearest(luminance));
+                assert!(grey < 64 || raw != Some(grey), "greys taken for luminances: the comparison can fail");
+            }
+        }
+    }
+
+    #[test]
+    fn another_plan_has_another_sum() {
+        let other = Plan { grid: Grid { margin_px: 13, ..sample().grid }, ..sample() };
+        assert_eq!(sample().crc32(), sample().crc32());
+        assert_ne!(sample().crc32(), other.crc32());
+    }
+
+    #[test]
     fn a_plan_reads_back_and_a_bad_one_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("plan.toml");
@@ -160,6 +207,8 @@ pub(super) mod tests {
             ("dot_px = 5", "dot_px = 4", "odd"),
             ("columns = 8", "columns = 80", "grid.columns"),
             ("bits = 8", "bits = 33", "display.bits"),
+            ("bits = 8", "bits = 9", "8 or 10"),
+            ("bits = 8", "bits = 12", "8 or 10"),
             ("margin_px = 12", "margin_px = 2", "margin_px"),
             ("ramp_steps = 16", "ramp_steps = 1", "ramp_steps"),
             ("[grid]", "[gird]", "gird"),

@@ -1,45 +1,72 @@
-//! A calibration in words: residuals in pixels, arcseconds and magnitudes, and the range of stars it can show.
+//! A calibration in words: residuals in pixels, arcseconds and magnitudes, and the stars that it can show.
+//!
+//! A star is drawn as a Gaussian, so its brightest pixel has at most the share `erf(1 / (sqrt 8 sigma))^2` of its light: when it
+//! stands still in the middle of that pixel. Off the middle, or moving, less. So a star may be brighter than a full pixel
+//! by that share, and the brightest that is nowhere clipped has it where the display is dimmest. The faintest star
+//! is one whose brightest pixel shows grey 1 in one refresh of a dither cycle; its light is then right to a half. Tests below;
+//! the numbers of a simulated bench in `tests/physics/display_calibration`.
 
 use super::file::{Calibrated, Calibration, Light};
 use crate::display::dither::Dither;
-use core::f64::consts::LN_10;
+use crate::display::luminance_code::LEAST_STEP;
+use core::f64::consts::{LN_10, SQRT_2};
 use core::fmt::Write as _;
 
 /// Magnitudes a display can show, instrument magnitudes of the tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MagnitudeRange {
-    /// One pixel of full grey where the flat field is 1: brighter stars spread over more pixels.
+    /// One pixel of full grey where the flat field is 1.
     pub full_px: f64,
-    /// The same where the flat field is least: what every place can show.
-    pub full_px_everywhere: f64,
+    /// The brightest star where the flat field is 1.
+    pub brightest: f64,
+    /// The brightest star that is clipped nowhere on the display.
+    pub brightest_everywhere: f64,
     /// One pixel of grey 1.
     pub one_grey: f64,
-    /// One pixel of half a refresh in a cycle of grey 1: the step that dithering leaves.
-    pub dithered_step: f64,
+    /// The faintest star that is seen at all.
+    pub faintest: f64,
     /// The black level of one pixel.
     pub black_px: f64,
     /// The black level, per square arcsecond.
     pub black_arcsec2: f64,
 }
 
+/// Largest share of a star's light in one pixel.
+#[must_use]
+pub fn peak_share(spot_sigma_px: f64) -> f64 {
+    libm::erf(0.5 / (SQRT_2 * spot_sigma_px)).powi(2)
+}
+
+/// Magnitude of so many full pixels' light.
+fn magnitude(light: &Light, full_pixels: f64) -> f64 {
+    -2.5 / LN_10 * (full_pixels * light.full_px_e_per_s / light.zero_point_e_per_s).ln()
+}
+
+/// The brightest star that is not clipped where the flat field has this value.
+#[must_use]
+pub fn brightest_star(light: &Light, flat: f64) -> f64 {
+    magnitude(light, flat / peak_share(light.spot_sigma_px))
+}
+
 impl MagnitudeRange {
     /// The range, dithered over `dither`.
     #[must_use]
     pub fn of(light: &Light, calibrated: &Calibrated, dither: Dither) -> Self {
-        let full_px = -2.5 * (light.full_px_e_per_s / light.zero_point_e_per_s).log10();
-        let fainter = |share: f64| full_px - 2.5 / LN_10 * share.ln();
+        let of = |full_pixels: f64| magnitude(light, full_pixels);
         let one_grey = calibrated.response.luminance()[1];
         let black = calibrated.response.parameters().black_share;
         // Above black, full grey has 1; the black level is counted in the same unit.
         let black = black / (1.0 - black);
         let arcsec = calibrated.geometry.arcsec_per_px();
+        let least_luminance = (one_grey * dither.bound()).max(0.5 * LEAST_STEP);
         Self {
-            full_px,
-            full_px_everywhere: fainter(calibrated.flat.range()[0]),
-            one_grey: fainter(one_grey),
-            dithered_step: fainter(one_grey * dither.bound()),
-            black_px: fainter(black),
-            black_arcsec2: fainter(black / (arcsec * arcsec)),
+            full_px: of(1.0),
+            brightest: brightest_star(light, 1.0),
+            brightest_everywhere: brightest_star(light, calibrated.flat.range()[0]),
+            one_grey: of(one_grey),
+            faintest: of(least_luminance / peak_share(light.spot_sigma_px)),
+            black_px: of(black),
+            black_arcsec2: of(black / (arcsec * arcsec)),
         }
     }
 }
@@ -51,60 +78,18 @@ pub fn told(calibration: &Calibration, calibrated: &Calibrated, dither: Dither) 
     let mut line = |name: &str, value: String| {
         let _text_only_grows = writeln!(text, "  {name:<16} {value}");
     };
-    let (display, tracker, r) = (&calibration.display, &calibration.tracker, &calibration.residual);
-    let geometry = &calibration.geometry;
-    let arcsec = calibrated.geometry.arcsec_per_px();
+    let (display, tracker) = (&calibration.display, &calibration.tracker);
+    let Calibration { measured_utc, made_utc, valid_days, .. } = calibration;
     line(
         "display",
         format!("{}, {} x {} px, {} bits", display.name, display.width_px, display.height_px, display.bits),
     );
     line("tracker", format!("{}, {} x {} px", tracker.name, tracker.width_px, tracker.height_px));
-    line("made", format!("{}, valid {} days", calibration.made_utc, calibration.valid_days));
-    let mirrored = if geometry.mirrored { ", seen mirrored" } else { "" };
-    line("map", format!("homography and degree {}, {arcsec:.2} arcsec per display px{mirrored}", geometry.degree));
-    let [left, right, top, bottom] = geometry.covered_px;
-    line(
-        "dots",
-        format!(
-            "{} fitted, {} left out, columns {left} to {right}, rows {top} to {bottom}",
-            r.dots_used, r.dots_left_out
-        ),
-    );
-    let worst = format!("largest {:.4} px = {:.3} arcsec", r.max_px, r.max_px * arcsec);
-    line("residual", format!("{:.4} display px rms = {:.3} arcsec, {worst}", r.rms_px, r.rms_arcsec));
-    line(
-        "map error",
-        format!("{:.4} display px rms = {:.3} arcsec left by the dots' noise", r.map_error_px, r.map_error_px * arcsec),
-    );
-    let black = 100.0 * calibration.response.black_share;
-    line(
-        "response",
-        format!(
-            "{} greys, +- {:.4} mag; black is {black:.4} % of full",
-            calibration.response.level.len(),
-            r.response_mag
-        ),
-    );
-    let [least, _] = calibrated.flat.range();
-    line(
-        "flat field",
-        format!(
-            "degree {}, least {least:.3} of the brightest, residual {:.4} mag rms",
-            calibration.flat.degree, r.flat_mag_rms
-        ),
-    );
-    match &calibration.light {
-        None => line("magnitudes", "not known: no fluxes, or no zero point".into()),
-        Some(light) => {
-            let m = MagnitudeRange::of(light, calibrated, dither);
-            line(
-                "brightest px",
-                format!("{:.3} mag, {:.3} everywhere on the display", m.full_px, m.full_px_everywhere),
-            );
-            let step = format!("{:.2} mag with dithering over {} refreshes", m.dithered_step, dither.cycle());
-            line("faintest px", format!("{:.2} mag at grey 1, steps of {step}", m.one_grey));
-            line("black level", format!("{:.2} mag per px, {:.2} mag per arcsec2", m.black_px, m.black_arcsec2));
-        }
+    line("measured", format!("{measured_utc}, fitted {made_utc}, valid for {valid_days} days from the measurement"));
+    for (name, value) in
+        map_told(calibration, calibrated).into_iter().chain(light_told(calibration, calibrated, dither))
+    {
+        line(name, value);
     }
     let latency = calibration.latency.as_ref();
     line(
@@ -112,4 +97,97 @@ pub fn told(calibration: &Calibration, calibrated: &Calibrated, dither: Dither) 
         latency.map_or_else(|| "not known: photons come after submit time by an unknown delay".into(), |l| l.told()),
     );
     text
+}
+
+type Line = (&'static str, String);
+
+fn map_told(calibration: &Calibration, calibrated: &Calibrated) -> Vec<Line> {
+    let (r, geometry) = (&calibration.residual, &calibration.geometry);
+    let arcsec = calibrated.geometry.arcsec_per_px();
+    let mirrored = if geometry.mirrored { ", seen mirrored" } else { "" };
+    let [left, right, top, bottom] = calibrated.geometry.covered().range_px();
+    let worst = format!("largest {:.4} px = {:.3} arcsec", r.max_px, r.max_px * arcsec);
+    vec![
+        ("map", format!("homography and degree {}, {arcsec:.2} arcsec per display px{mirrored}", geometry.degree)),
+        ("dots", format!("{} fitted, {} left out ({} saturated)", r.dots_used, r.dots_left_out, r.dots_saturated)),
+        (
+            "coverage",
+            format!(
+                "{:.0} % of what the tracker sees of the display, columns {left} to {right}, rows {top} to {bottom}; beyond, the map is a guess",
+                100.0 * r.coverage
+            ),
+        ),
+        ("residual", format!("{:.4} display px rms = {:.3} arcsec, {worst}", r.rms_px, r.rms_arcsec)),
+        (
+            "map error",
+            format!(
+                "{:.4} display px rms = {:.3} arcsec left by the dots' noise",
+                r.map_error_px,
+                r.map_error_px * arcsec
+            ),
+        ),
+    ]
+}
+
+fn light_told(calibration: &Calibration, calibrated: &Calibrated, dither: Dither) -> Vec<Line> {
+    let (r, response) = (&calibration.residual, &calibration.response);
+    let [least, _] = calibrated.flat.range();
+    let (greys, black) = (response.level.len(), 100.0 * response.black_share);
+    let mut lines = vec![
+        ("response", format!("{greys} greys, +- {:.4} mag; black is {black:.4} % of full", r.response_mag)),
+        (
+            "flat field",
+            format!(
+                "degree {}, least {least:.3} of the brightest, residual {:.4} mag rms",
+                calibration.flat.degree, r.flat_mag_rms
+            ),
+        ),
+    ];
+    let Some(light) = &calibration.light else {
+        lines.push(("magnitudes", "not known: no fluxes, or no zero point".into()));
+        return lines;
+    };
+    let m = MagnitudeRange::of(light, calibrated, dither);
+    lines.push((
+        "brightest star",
+        format!(
+            "{:.2} mag anywhere on the display, {:.2} where it is brightest; brighter ones are clipped",
+            light.brightest_mag, m.brightest
+        ),
+    ));
+    let cycle = dither.cycle();
+    lines.push((
+        "faintest star",
+        format!("{:.2} mag, dithered over {cycle} refreshes; one pixel of grey 1 is {:.2} mag", m.faintest, m.one_grey),
+    ));
+    lines.push(("black level", format!("{:.2} mag per px, {:.2} mag per arcsec2", m.black_px, m.black_arcsec2)));
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_peak_is_that_of_a_sum_over_the_pixel() {
+        for sigma in [0.5, 0.7, 1.3] {
+            const STEPS: i32 = 2000;
+            let at = |i: i32| (f64::from(i) + 0.5) / f64::from(STEPS) - 0.5;
+            let sum: f64 = (0..STEPS).map(|i| (-0.5 * (at(i) / sigma).powi(2)).exp()).sum();
+            let along = sum / f64::from(STEPS) / (sigma * core::f64::consts::TAU.sqrt());
+            assert!((peak_share(sigma) - along * along).abs() < 1e-6, "sigma {sigma}");
+        }
+    }
+
+    #[test]
+    fn the_brightest_star_just_fits_its_pixel() {
+        let light = Light { full_px_e_per_s: 5e4, zero_point_e_per_s: 4e7, spot_sigma_px: 0.7, brightest_mag: 0.0 };
+        for flat in [1.0, 0.7] {
+            let star_e_per_s = 4e7 * 10_f64.powf(-0.4 * brightest_star(&light, flat));
+            // What it wants of its middle pixel, full pixels at the display's brightest place.
+            let wanted = star_e_per_s * peak_share(0.7) / 5e4;
+            assert!((wanted - flat).abs() < 1e-12, "{wanted}");
+        }
+        assert!((peak_share(0.7) - 0.2755).abs() < 1e-3, "1.4 mag brighter than one pixel");
+    }
 }

@@ -3,8 +3,9 @@
 //! Dots: background and noise are the frame's median and its median absolute deviation; pixels above both
 //! eight standard deviations and a twentieth of the brightest are joined into spots; the centroid is the centre of light in a
 //! disc around the spot, less the median of the ring around the disc, three times over. Limits: spots that touch the edge
-//! are left out; spots closer than their discs disturb each other (the plan keeps dots apart).
-//! Levels: medians of 8 x 8 blocks, so that a hot pixel or a mote does not count.
+//! are left out; spots closer than their discs disturb each other (the plan keeps dots apart). A spot with a pixel at the
+//! camera's end is marked as saturated.
+//! Levels: medians of 8 x 8 blocks, so that a hot pixel or a mote does not count; a median at the camera's end is marked.
 //! Tests below.
 
 use super::measurement::Sight;
@@ -27,6 +28,8 @@ const BEYOND_PX: f64 = 3.0;
 /// Width of the ring, px.
 const RING_PX: f64 = 3.0;
 const ROUNDS: usize = 3;
+/// Of a full well: above it a pixel counts as full, as read noise lies about it.
+const FULL_WELL_SHARE: f64 = 0.98;
 /// Blocks along a side.
 pub const BLOCKS: usize = 8;
 
@@ -39,6 +42,10 @@ pub struct FrameScale {
     pub black_level_dn: f64,
     /// Exposure, seconds.
     pub exposure_s: f64,
+    /// Largest digital number of the camera.
+    pub largest_dn: u16,
+    /// Saturation capacity of its pixels, electrons.
+    pub full_well_e: f64,
 }
 
 impl FrameScale {
@@ -51,21 +58,41 @@ impl FrameScale {
         scaled.pixels_mut().iter_mut().zip(frame.pixels()).for_each(|(e, dn)| *e = to(dn));
         scaled
     }
+
+    /// Least value of a pixel that is at the camera's end, electrons per second.
+    #[must_use]
+    pub fn saturated_from(&self) -> f64 {
+        // Half a number below the largest, so that rounding does not matter.
+        let converter_e = (f64::from(self.largest_dn) - 0.5 - self.black_level_dn) * self.gain_e_per_dn;
+        converter_e.min(FULL_WELL_SHARE * self.full_well_e) / self.exposure_s
+    }
 }
 
-/// What a frame of a pattern shows; pixels in electrons per second.
+/// What a frame of a pattern shows; pixels in electrons per second, those from `saturated_from` on at the camera's end.
 #[must_use]
-pub fn sights_of_frame(pattern: Pattern, frame: &Image<f64>) -> Vec<Sight> {
+pub fn sights_of_frame(pattern: Pattern, frame: &Image<f64>, saturated_from: f64) -> Vec<Sight> {
+    let at = |px| Sight { pattern, tracker_px: Some(px), flux: None, luminance: None, dot: None, is_saturated: false };
     match pattern {
         Pattern::Dots | Pattern::DotsBit(_) => spots(frame)
             .into_iter()
-            .map(|(px, flux)| Sight { pattern, tracker_px: Some(px), flux: Some(flux), luminance: None, dot: None })
+            .map(|spot| Sight { flux: Some(spot.flux), is_saturated: spot.most >= saturated_from, ..at(spot.px) })
             .collect(),
         Pattern::Dark | Pattern::Level(_) => blocks(frame)
-            .map(|(px, level)| Sight { pattern, tracker_px: Some(px), flux: None, luminance: Some(level), dot: None })
+            .map(|(px, level)| Sight { luminance: Some(level), is_saturated: level >= saturated_from, ..at(px) })
             .collect(),
         Pattern::Marker(_) => Vec::new(),
     }
+}
+
+/// A dot as a frame shows it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spot {
+    /// Centroid, px.
+    pub px: [f64; 2],
+    /// Light above the surroundings.
+    pub flux: f64,
+    /// Its brightest pixel, surroundings included.
+    pub most: f64,
 }
 
 /// Middles and medians of blocks.
@@ -82,9 +109,9 @@ fn blocks(frame: &Image<f64>) -> impl Iterator<Item = ([f64; 2], f64)> + '_ {
     })
 }
 
-/// Centroids, px, and light above the surroundings.
+/// The spots of a frame.
 #[must_use]
-pub fn spots(frame: &Image<f64>) -> Vec<([f64; 2], f64)> {
+pub fn spots(frame: &Image<f64>) -> Vec<Spot> {
     let mut values: Vec<f64> = frame.pixels().iter().copied().filter(|v| v.is_finite()).collect();
     if values.is_empty() {
         return Vec::new();
@@ -130,8 +157,9 @@ fn groups(frame: &Image<f64>, threshold: f64) -> Vec<Vec<usize>> {
     groups
 }
 
-fn measured(frame: &Image<f64>, group: &[usize], background: f64) -> Option<([f64; 2], f64)> {
+fn measured(frame: &Image<f64>, group: &[usize], background: f64) -> Option<Spot> {
     let width = frame.width();
+    let most = group.iter().map(|at| frame.pixels()[*at]).fold(f64::NEG_INFINITY, f64::max);
     let weights = group.iter().map(|at| (frame.pixels()[*at] - background, *at));
     let [sum, sum_x, sum_y] = weights.fold([0.0; 3], |[s, x, y], (weight, at)| {
         [s + weight, x + weight * (at % width) as f64, y + weight * (at / width) as f64]
@@ -142,7 +170,7 @@ fn measured(frame: &Image<f64>, group: &[usize], background: f64) -> Option<([f6
     for _ in 0..ROUNDS {
         (centre, flux) = centre_of_light(frame, centre, radius)?;
     }
-    (flux > 0.0).then_some((centre, flux))
+    (flux > 0.0).then_some(Spot { px: centre, flux, most })
 }
 
 fn centre_of_light(frame: &Image<f64>, [x, y]: [f64; 2], radius: f64) -> Option<([f64; 2], f64)> {
@@ -201,7 +229,7 @@ mod tests {
     fn centroids_and_fluxes_are_found() {
         let found = spots(&frame(&TRUTH, 100.0, 1.0));
         assert_eq!(found.len(), 3, "{found:?}");
-        for ((px, flux), (wanted_px, wanted)) in found.iter().zip(TRUTH) {
+        for (Spot { px, flux, .. }, (wanted_px, wanted)) in found.iter().zip(TRUTH) {
             assert!(
                 (px[0] - wanted_px[0]).hypot(px[1] - wanted_px[1]) < 0.02,
                 "{px:?} for {wanted_px:?}: four times the noise"
@@ -225,9 +253,34 @@ mod tests {
     fn levels_are_medians_of_blocks() {
         let mut image = frame(&[], 50.0, 0.0);
         image.pixels_mut()[7] = 1e6;
-        let sights = sights_of_frame(Pattern::Level(3), &image);
+        let sights = sights_of_frame(Pattern::Level(3), &image, 51.0);
         assert_eq!(sights.len(), BLOCKS * BLOCKS);
         assert!(sights.iter().all(|sight| sight.luminance == Some(50.0)));
-        assert!(sights_of_frame(Pattern::Marker(true), &image).is_empty());
+        assert!(sights_of_frame(Pattern::Marker(true), &image, 51.0).is_empty());
+        assert!(sights.iter().all(|sight| !sight.is_saturated), "one hot pixel is no saturated level");
+        assert!(sights_of_frame(Pattern::Level(3), &image, 50.0).iter().all(|sight| sight.is_saturated));
+    }
+
+    #[test]
+    fn a_spot_at_the_cameras_end_is_marked() {
+        let mut image = frame(&TRUTH, 100.0, 1.0);
+        let end = 100.0 + 0.9 * 9000.0 / (core::f64::consts::TAU * 2.25);
+        image.pixels_mut().iter_mut().for_each(|value| *value = value.min(end));
+        let marked = |from: f64| -> Vec<bool> {
+            sights_of_frame(Pattern::Dots, &image, from).iter().map(|sight| sight.is_saturated).collect()
+        };
+        assert_eq!((marked(end), marked(end + 1.0)), (vec![true, false, false], vec![false; 3]));
+        let scale = FrameScale {
+            gain_e_per_dn: 2.0,
+            black_level_dn: 100.0,
+            exposure_s: 0.5,
+            largest_dn: 4095,
+            full_well_e: 1e9,
+        };
+        let ends: Vec<bool> =
+            [4094_u16, 4095].map(|dn| (f64::from(dn) - 100.0) * 2.0 / 0.5 >= scale.saturated_from()).into();
+        assert_eq!(ends, [false, true], "the converter's last number");
+        let shallow = FrameScale { full_well_e: 1000.0, ..scale };
+        assert_eq!(shallow.saturated_from(), 1960.0, "98 % of the well in half a second");
     }
 }

@@ -1,0 +1,115 @@
+//! `starloop check`, displays: when their light leaves against when it was drawn for, and what is not known of them.
+//!
+//! Input: a bench and the run that was made of it. Output: text. The numbers are those of `wiring::display_parts`.
+
+use crate::base::time::Span;
+use crate::base::units::ARCSEC;
+use crate::cli::check_attitude::slew_scale;
+use crate::config::{Bench, Sink};
+use crate::display::calibration::Calibration;
+use crate::display::latency::LatencySource;
+use crate::runtime::RunParams;
+use crate::wiring::display_parts::{CLOCKS_PPM, NO_CALIBRATION, NO_LATENCY, beat, calibrated_display, latency};
+use anyhow::Result;
+use core::fmt::Write;
+
+/// Writes what there is to say of the displays of a bench.
+///
+/// # Errors
+/// When the text cannot grow, or a number of the beat is out of range.
+pub(super) fn write_display(
+    text: &mut String,
+    bench: &Bench,
+    params: &RunParams,
+    calibration: Option<&Calibration>,
+) -> Result<()> {
+    let displays = bench.sinks.iter().filter_map(|settings| match &settings.sink {
+        Sink::Display(display) => Some(display),
+        _ => None,
+    });
+    for display in displays {
+        if display.calibration.is_none() {
+            writeln!(text, "  WARNING      {NO_CALIBRATION}")?;
+            if params.ahead == Span::ZERO {
+                writeln!(
+                    text,
+                    "  WARNING      timing.ahead_ms is 0: frames are begun when their exposures have ended, and their \
+                     light leaves later still"
+                )?;
+            }
+        }
+        if latency(display, calibration.filter(|_| display.calibration.is_some())).is_none() {
+            writeln!(text, "  WARNING      {NO_LATENCY}")?;
+        }
+    }
+    if let Some(calibration) = calibration {
+        write_times(text, bench, params, calibration)?;
+    }
+    if let Some(beat) = beat(bench)? {
+        let word = if beat.is_seen() { "WARNING" } else { "shutter" };
+        writeln!(text, "  {word:<12} {}", beat.advice())?;
+    }
+    Ok(())
+}
+
+/// When frames are begun, when their light leaves, and how well that is known.
+fn write_times(text: &mut String, bench: &Bench, params: &RunParams, calibration: &Calibration) -> Result<()> {
+    let Some(settings) = calibrated_display(bench) else { return Ok(()) };
+    let refresh_s = params.frame_period.s();
+    let source = match (settings.params.latency, &calibration.latency) {
+        (Some(_), _) => "given by latency_ms",
+        (None, Some(latency)) if latency.source == LatencySource::Measured => "measured by the calibration",
+        (None, Some(_)) => "given to the calibration",
+        (None, None) => "not known",
+    };
+    let latency_ms = latency(settings, Some(calibration)).unwrap_or(Span::ZERO).ms();
+    let before_ms = params.ahead.ms() - 1e3 * params.camera.exposure_s;
+    writeln!(
+        text,
+        "  display time a frame is begun {before_ms:.2} ms before its light: 1.5 refreshes of {:.2} ms, latency \
+         {latency_ms:.2} ms ({source})",
+        1e3 * refresh_s
+    )?;
+    let half_s = 0.5 * refresh_s;
+    let off_arcsec = half_s * slew_scale(bench).rate_rad_s / ARCSEC;
+    writeln!(
+        text,
+        "               light leaves within +-{:.2} ms of when it was drawn for, {:.2} ms rms: up to {off_arcsec:.2} arcsec \
+         in the slew",
+        1e3 * half_s,
+        1e3 * refresh_s / 12_f64.sqrt()
+    )?;
+    let slip_s = refresh_s / (CLOCKS_PPM * 1e-6);
+    writeln!(
+        text,
+        "               the bench's clock is not the monitor's: {CLOCKS_PPM} ppm between them show a frame twice, or pass \
+         one over, every {slip_s:.0} s"
+    )?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::time::Tai;
+    use crate::config::Document;
+    use crate::wiring::bench_parts::run_params;
+    use std::path::Path;
+
+    fn told(text: &str) -> String {
+        let bench = Bench::from_document(&Document::from_text(text, Path::new("b.toml"))).unwrap();
+        let params = run_params(&bench, Tai::from_ns(0)).unwrap();
+        let mut told = String::new();
+        write_display(&mut told, &bench, &params, None).unwrap();
+        told
+    }
+
+    #[test]
+    fn what_is_not_known_of_a_display_is_said() {
+        let all = told("[sink]\nkind = \"display\"\n");
+        assert!(all.contains("no calibration") && all.contains("ahead_ms is 0") && all.contains("latency"), "{all}");
+        let one = told("[timing]\nahead_ms = 150.0\n[sink]\nkind = \"display\"\nlatency_ms = 20.0\n");
+        assert!(one.contains("no calibration") && !one.contains("ahead_ms") && !one.contains("not known"), "{one}");
+        assert_eq!(told(""), "", "a bench without a display");
+    }
+}
