@@ -120,7 +120,7 @@ pub fn run_spoilt(
             let delivered = delivery.finish(|back| take_back(&mut record, back));
             record.frames.delivered = delivered.frames;
             record.frames.dropped += delivered.refused;
-            record.note_losses(delivered.losses, setting.clock.now(), None);
+            record.note_losses(&delivered.losses, setting.clock.now());
             let (ports, receiving) = radio.finish();
             let error = delivered.error.or(receiving).or(error);
             RunOutcome { record, ports, sink: delivered.summary, sinks: delivered.lines, error }
@@ -426,5 +426,5 @@ fn take_back(record: &mut RunRecord, parcel: &Parcel) {
     if parcel.delivered {
         record.complete(&parcel.record);
     }
-    record.note_losses(parcel.losses, parcel.record.due, Some(parcel.record.number));
+    record.note_losses(&parcel.losses, parcel.record.due);
 }

@@ -50,7 +50,7 @@ pub use fan::{Fan, OnFull};
 pub use faults::FaultFlags;
 pub use frame::{FrameMeta, SentFrame, TruthKind, TruthStar};
 pub use frame_fault::{DefectSpots, FaultPixels, FrameFault, PixelFault, ProtonStorm};
-pub use line::{Losses, SinkLine, sink_lines};
+pub use line::{Loss, LossKind, SinkLine, sink_lines};
 pub use null::NullSink;
 pub use recorder::{Recorder, RecorderOptions};
 pub use tap::{Tap, TapEnd, tap};
@@ -80,10 +80,8 @@ pub trait Sink: Send {
         Vec::new()
     }
 
-    /// Frames lost so far that `send` had taken, or that one of several sinks did not take.
-    fn losses(&self) -> Losses {
-        Losses::default()
-    }
+    /// Tells the frames lost since the last call: those that `send` had taken, or that one of several sinks did not take.
+    fn take_losses(&mut self, _tell: &mut dyn FnMut(Loss)) {}
 
     /// What each did, when this is several sinks; whole after `finish`.
     fn lines(&self) -> Vec<SinkLine> {
