@@ -11,7 +11,7 @@
 //!   complete before stays complete: every file gets its final name only when all of its bytes are written.
 //!
 //! Tour: `frame` (what is sent) -> `fits`, `png`, `ser`, `truth`, `frame_log` (its forms on disk) -> `atomic`
-//! (how a file appears) -> `recorder`, `shared_memory`, `null`, `tap`, `tee` (the sinks) -> `branch`, `fan` (several at once) -> `line`
+//! (how a file appears) -> `recorder`, `shared_memory`, `iceoryx`, `null`, `tap`, `tee` (the sinks) -> `branch`, `fan` (several at once) -> `line`
 //! (what each of them did).
 
 pub mod active_fault;
@@ -29,6 +29,8 @@ pub mod fits;
 pub mod frame;
 pub mod frame_fault;
 pub mod frame_log;
+#[cfg(all(unix, feature = "iceoryx2"))]
+pub mod iceoryx;
 pub mod line;
 pub mod null;
 pub mod png;

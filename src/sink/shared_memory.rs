@@ -29,6 +29,8 @@ use crate::sink::tally::Tally;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 use bytemuck::{Pod, Zeroable};
 use core::mem::offset_of;
+#[cfg(feature = "iceoryx2")]
+use iceoryx2::prelude::ZeroCopySend;
 use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
@@ -67,9 +69,11 @@ pub struct FileHead {
     pub reserved: [u32; 3],
 }
 
-/// What stands before the pixels of a frame.
+/// What stands before the pixels of a frame, here and in `iceoryx`.
+#[cfg_attr(feature = "iceoryx2", derive(ZeroCopySend))]
+#[cfg_attr(feature = "iceoryx2", type_name("StarloopFrameHead"))]
 #[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 pub struct SlotHead {
     /// Number of the frame in this file, from 1; 0 while the slot is written.
     pub serial: u64,
@@ -99,8 +103,12 @@ pub struct SlotHead {
     pub gain_e_per_dn: f64,
     /// Black level, DN.
     pub black_level_dn: f64,
+    /// Columns.
+    pub width_px: u32,
+    /// Rows.
+    pub height_px: u32,
     /// Nothing.
-    pub reserved: [u64; 13],
+    pub reserved: [u64; 12],
 }
 
 /// The writing end. The file is removed when it goes, if it still bears the name.
@@ -200,7 +208,8 @@ fn has_name(file: &File, path: &Path) -> bool {
     }
 }
 
-fn slot_head(frame: &SentFrame) -> SlotHead {
+/// The numbers of a frame; without its `serial`.
+pub(super) fn slot_head(frame: &SentFrame) -> SlotHead {
     let meta = &frame.meta;
     SlotHead {
         serial: 0,
@@ -217,7 +226,9 @@ fn slot_head(frame: &SentFrame) -> SlotHead {
         rate_deg_s: meta.rate_deg_s,
         gain_e_per_dn: meta.gain_e_per_dn,
         black_level_dn: meta.black_level_dn,
-        reserved: [0; 13],
+        width_px: u32::try_from(frame.image.width()).unwrap_or(u32::MAX),
+        height_px: u32::try_from(frame.image.height()).unwrap_or(u32::MAX),
+        reserved: [0; 12],
     }
 }
 
