@@ -98,7 +98,7 @@ fn run_arguments(arguments: &BudgetArgs) -> RunArgs {
 /// When a frame cannot be planned again for advice.
 pub(super) fn budget_report(finished: &Finished, load_threads: usize) -> Result<BudgetReport> {
     let record = &finished.outcome.record;
-    let limits = limits(&finished.bench, &finished.engine);
+    let limits = limits(&finished.bench, finished.engine());
     let lines = budget_lines(&limits, &record.stages, &record.ring);
     let summary = finished.summary("monotonic");
     let render_limit_ms = limits.stage_p99_ms[Stage::Render as usize].unwrap_or(0.0);
@@ -140,10 +140,11 @@ fn limits(bench: &Bench, engine: &FrameEngine) -> BudgetLimits {
 
 /// The planner's time for drawing; with the detector's where a device does both in one go.
 fn derived_render_ms(engine: &FrameEngine) -> Option<f64> {
-    let RunParams { camera, cost, .. } = engine.params();
+    let params = engine.params();
+    let RunParams { camera, cost, .. } = params;
     let cost = cost.unwrap_or(engine.imager().cost());
     let readout_ms = if engine.imager().is_on_device() { camera.predicted_readout_ms(&cost) } else { 0.0 };
-    let limit_ms = camera.drawing_budget_ms(&cost) + readout_ms;
+    let limit_ms = params.drawing_budget_ms(&cost) + readout_ms;
     (limit_ms > 0.0).then_some(limit_ms)
 }
 

@@ -30,8 +30,8 @@ pub(super) fn advice(finished: &Finished, lines: &[BudgetLine], render_limit_ms:
     let drawn =
         finished.outcome.record.ring.last().filter_map(|record| Some((record, record.times.get(Stage::Render)?)));
     let Some((slowest, took)) = drawn.max_by_key(|(_, time)| *time) else { return Ok(advice) };
-    let params = finished.engine.params();
-    let cost = params.cost.unwrap_or(finished.engine.imager().cost());
+    let params = finished.engine().params();
+    let cost = params.cost.unwrap_or(finished.engine().imager().cost());
     let mut frames = FramePlans::new(&finished.bench, finished.start, params)?;
     let mut planner = frames.planner(cost, None);
     let whole = frames.plan(slowest.number, &mut planner)?;

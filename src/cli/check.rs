@@ -131,6 +131,10 @@ fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Image
     if let Some(note) = imager.note() {
         writeln!(text, "               {note}")?;
     }
+    if !bench.extra_heads.is_empty() {
+        let mountings: Vec<String> = bench.heads().iter().map(|head| format!("{:.4?}", head.wxyz())).collect();
+        writeln!(text, "  heads        {}, drawn in turn, sensor_from_body {}", mountings.len(), mountings.join(" "))?;
+    }
     for (place, words) in told_lines(&bench.sinks) {
         writeln!(text, "  {place:<12} {words}")?;
     }

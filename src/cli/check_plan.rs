@@ -27,7 +27,7 @@ pub(super) struct Planned {
 impl Planned {
     pub(super) fn new(bench: &Bench, params: &RunParams, imager: &Imager) -> Self {
         let cost = params.cost.unwrap_or(imager.cost());
-        let budget_ms = params.camera.drawing_budget_ms(&cost);
+        let budget_ms = params.drawing_budget_ms(&cost);
         Self {
             cost,
             limit_ms: (params.degrade && imager.may_degrade()).then_some(budget_ms),

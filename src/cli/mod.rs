@@ -31,6 +31,7 @@ pub mod render_input;
 pub mod render_output;
 pub mod replay;
 pub mod run;
+mod run_heads;
 mod run_input;
 pub mod run_scenario;
 pub mod scenario_plot;

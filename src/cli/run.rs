@@ -5,9 +5,8 @@ use crate::base::time::Tai;
 use crate::cli::budget::budget_report;
 use crate::cli::budget_files;
 use crate::cli::bus::{kind_name, warn_of_exposed};
-use crate::cli::calibrate::costs_here;
-use crate::cli::check_attitude::slew_scale;
 use crate::cli::monitor::Monitor;
+use crate::cli::run_heads::{BenchHead, Sinks, bench_heads, sinks};
 use crate::cli::run_input::{bench, document, scenario};
 use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, live_view, run_scenario};
 use crate::config::{self, Bench, Scenario, StartTime};
@@ -18,16 +17,14 @@ use crate::live::Numbers;
 use crate::report::{HygieneLine, Progress, RunSummary, summary_table};
 use crate::runtime::hygiene::Role;
 use crate::runtime::real_time::Sources;
-use crate::runtime::receiver::Receiver;
 use crate::runtime::{FrameEngine, Hygiene, HygieneParams, RunOutcome, RunRecord, real_time, sink_rows, virtual_time};
 use crate::sink::{SentFrame, Sink, write_file_atomically};
 use crate::testbed::flight_computer::{FlightComputer, FlightError, run_until};
 use crate::wiring::bench_parts;
 use crate::wiring::control::ControlAddress;
-use crate::wiring::display_parts::{calibrated_display, take_display};
+use crate::wiring::display_parts::calibrated_display;
 use crate::wiring::ports::{Ports, needs_real_clock, open_ports};
 use crate::wiring::replay::{Recording, SessionParams};
-use crate::wiring::sinks::{SinkSetting, make_sinks, run_directory};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -169,8 +166,8 @@ impl BackendName {
 pub(super) struct Finished {
     pub(super) bench: Bench,
     pub(super) start: Tai,
-    pub(super) engine: FrameEngine,
-    pub(super) receiver: Receiver,
+    /// At least one.
+    heads: Vec<BenchHead>,
     pub(super) outcome: RunOutcome,
     pub(super) hygiene: Vec<HygieneLine>,
     wall_s: f64,
@@ -248,36 +245,33 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     };
     // First: whoever draws first starts the drawing threads.
     let hygiene = (arguments.clock == ClockKind::Real).then(|| prepared_hygiene(&bench, !arguments.quiet));
-    let mut params = bench_parts::run_params(&bench, start)?;
-    take_display(&mut params, &bench, Monotonic::start().now())?;
     if arguments.capture.is_some() && calibrated_display(&bench).is_some() {
         bail!("--capture: got a bench that is drawn for a display; wanted one with another sink first");
     }
-    let imager = bench_parts::imager(&params)?;
-    // The virtual clock never sees what this machine measured: its runs repeat everywhere.
-    if arguments.clock == ClockKind::Real {
-        bench_parts::take_real_clock(&mut params, &bench, costs_here(&imager, arguments.built_in_costs).measured);
+    if arguments.capture.is_some() && !bench.extra_heads.is_empty() {
+        bail!("--capture: got a bench with [[extra_head]]; wanted one head: a replay draws its frames");
     }
-    let mut engine = FrameEngine::with_imager(params.clone(), imager)?;
-    engine.expect_motion(slew_scale(&bench));
-    let mut receiver = Receiver::new(params.attitude)?.with_session(bench_parts::session_params(&bench));
+    let mut heads = bench_heads(arguments, &bench, start)?;
     let clock = RunClock::new(arguments.clock, start);
-    let (mut sink, directory) = sink(arguments, &bench, &engine, &clock.shared())?;
-    let recording = recording(arguments, &bench, start, &engine)?;
+    let Sinks { of_heads: mut sinks, directory } = sinks(arguments, &bench, &heads, &clock.shared())?;
+    let engine = &mut heads.first_mut().context("a bench without a head")?.engine;
+    let mut sink = sinks.remove(0);
+    let recording = recording(arguments, &bench, start, engine)?;
     if let Some(recording) = &recording {
-        sink = recording.tap_frames(&mut engine, sink)?;
+        sink = recording.tap_frames(engine, sink)?;
     }
     let say = !arguments.quiet;
     if say {
-        announce(&bench, &engine);
+        announce(&bench, engine);
     }
     let mut view = None;
     let mut numbers = None;
     if let Some(address) = arguments.monitor {
         let (both, started, told) =
-            live_view::beside(sink, (address.socket(), &arguments.monitor_names), &bench.name, &engine)?;
+            live_view::beside(sink, (address.socket(), &arguments.monitor_names), &bench.name, engine)?;
         (sink, view, numbers) = (both, Some(started), Some(told));
     }
+    sinks.insert(0, sink);
     let mut wall = Stopwatch::start();
     let stop = Arc::new(AtomicBool::new(false));
     let monitor = Monitor::start(Arc::clone(&stop), say)?;
@@ -291,8 +285,8 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
         recording: recording.as_ref(),
     };
     let outcome = match &clock {
-        RunClock::Real(clock) => setup.real(clock, &mut engine, &mut receiver, sink)?,
-        RunClock::Virtual(clock) => setup.simulated(clock, &mut engine, &mut receiver, sink)?,
+        RunClock::Real(clock) => setup.real(clock, &mut heads, sinks)?,
+        RunClock::Virtual(clock) => setup.simulated(clock, &mut heads, sinks)?,
     };
     if let Some(recording) = recording {
         let lost = outcome.ports.iter().map(|port| port.queue_overflows).sum();
@@ -304,7 +298,7 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     drop(view);
     monitor.finish();
     let hygiene = hygiene.map(|hygiene| hygiene.lines()).unwrap_or_default();
-    Ok(Finished { bench, start, engine, receiver, outcome, hygiene, wall_s, was_interrupted, directory })
+    Ok(Finished { bench, start, heads, outcome, hygiene, wall_s, was_interrupted, directory })
 }
 
 /// What the bench asks of the system, with what cannot be had told at once.
@@ -368,36 +362,22 @@ impl Finished {
         }
     }
 
+    /// What drew the frames of the first head.
+    pub(super) fn engine(&self) -> &FrameEngine {
+        &self.heads[0].engine
+    }
+
     /// Counts, times and events.
     pub(super) fn summary(&self, clock: &str) -> RunSummary {
-        let RunOutcome { record, ports, sink, .. } = &self.outcome;
-        let mut summary = record.summary(&self.engine, &self.receiver, ports, sink.as_ref());
+        let RunOutcome { record, ports, summaries, .. } = &self.outcome;
+        let sink = summaries.first().and_then(Option::as_ref);
+        let mut summary = record.summary(self.engine(), &self.heads[0].receiver, ports, sink);
         summary.bench.clone_from(&self.bench.name);
         summary.sinks = sink_rows(&self.outcome.sinks);
         summary.wall_s = self.wall_s;
         summary.clock = clock.into();
         summary
     }
-}
-
-/// What takes the frames, and the directory of the run when files are kept.
-fn sink(
-    arguments: &RunArgs,
-    bench: &Bench,
-    engine: &FrameEngine,
-    clock: &Arc<dyn Clock>,
-) -> Result<(Box<dyn Sink>, Option<PathBuf>)> {
-    let sinks = arguments.sinks(bench);
-    let directory = run_directory(&sinks, arguments.out.as_deref(), &stamp(Monotonic::start().now()));
-    let camera = &engine.params().camera;
-    let [width, height] = camera.output().size_px;
-    let prototype = SentFrame::with_capacity(width, height, real_time::STARS_AT_FIRST, camera.name.clone());
-    let is_real = arguments.clock == ClockKind::Real;
-    let (directory, frame_period) = (directory, engine.params().frame_period);
-    let (prototype, head) = (&prototype, None);
-    let setting =
-        SinkSetting { directory: directory.as_deref(), prototype, head, is_real, camera, frame_period, clock };
-    Ok((make_sinks(&sinks, &setting)?, directory))
 }
 
 /// `20261120T123456.789Z`: a directory name that sorts by time.
@@ -456,13 +436,7 @@ struct Setup<'a> {
 }
 
 impl Setup<'_> {
-    fn real(
-        &self,
-        clock: &Arc<Monotonic>,
-        engine: &mut FrameEngine,
-        receiver: &mut Receiver,
-        sink: Box<dyn Sink>,
-    ) -> Result<RunOutcome> {
+    fn real(&self, clock: &Arc<Monotonic>, heads: &mut [BenchHead], sinks: Vec<Box<dyn Sink>>) -> Result<RunOutcome> {
         // Sinks have had the time they took to begin.
         clock.restart_at(self.start);
         let clock: Arc<dyn Clock> = clock.clone();
@@ -474,10 +448,11 @@ impl Setup<'_> {
             far_end(computer, far, Arc::clone(&clock), Arc::clone(&over), self.hygiene.map(Arc::clone))
         };
         let thread = far.map(begin).transpose()?;
-        let mut send = self.sender(engine.params().frames);
+        let mut send = self.sender(heads);
         let ring_frames = usize::try_from(self.bench.budget.ring_frames)?;
         let setting = real_time::Setting { clock: &clock, stop: self.stop, hygiene: self.hygiene, ring_frames };
-        let outcome = real_time::run_in(&setting, engine, receiver, Sources { ports: near, pulses }, sink, &mut send);
+        let heads = heads.iter_mut().zip(sinks).map(|(head, sink)| head.on_real_clock(sink)).collect();
+        let outcome = real_time::run_in(&setting, heads, Sources { ports: near, pulses }, &mut send);
         over.store(true, Ordering::SeqCst);
         match thread.map(std::thread::JoinHandle::join) {
             None | Some(Ok(Ok(()))) => Ok(outcome),
@@ -489,9 +464,8 @@ impl Setup<'_> {
     fn simulated(
         &self,
         clock: &Arc<Virtual>,
-        engine: &mut FrameEngine,
-        receiver: &mut Receiver,
-        mut sink: Box<dyn Sink>,
+        heads: &mut [BenchHead],
+        mut sinks: Vec<Box<dyn Sink>>,
     ) -> Result<RunOutcome> {
         let shared: Arc<dyn Clock> = clock.clone();
         if let Some(what) = needs_real_clock(self.bench) {
@@ -504,12 +478,14 @@ impl Setup<'_> {
             computer.step(now, &mut far)?;
             Ok(computer.next_due())
         };
-        let mut send = self.sender(engine.params().frames);
-        let mut progress = |frame: &SentFrame, record: &RunRecord| {
-            send(frame, record);
+        let mut send = self.sender(heads);
+        let mut progress = |head: usize, frame: &SentFrame, record: &RunRecord| {
+            send(head, frame, record);
             !self.stop.load(Ordering::Relaxed)
         };
-        Ok(virtual_time::run(engine, receiver, near, clock, &mut *sink, &mut far_end, &mut progress))
+        let heads = heads.iter_mut().zip(&mut sinks).map(|(head, sink)| head.on_virtual_clock(&mut **sink)).collect();
+        let mut world = virtual_time::World { port: near, far_end: &mut far_end, progress: &mut progress };
+        Ok(virtual_time::run_in(clock, heads, &mut world))
     }
 
     /// What a link of the stimulator is behind, when the run is captured.
@@ -520,18 +496,22 @@ impl Setup<'_> {
         }
     }
 
-    /// Hands the monitor a frame's progress; drops it when the monitor is busy.
-    fn sender(&self, frames: u32) -> impl FnMut(&SentFrame, &RunRecord) + use<> {
+    /// Hands the monitor a frame's progress, where the first head points; drops it when the monitor is busy.
+    fn sender(&self, heads: &[BenchHead]) -> impl FnMut(usize, &SentFrame, &RunRecord) + use<> {
+        let frames: u64 = heads.iter().map(|head| u64::from(head.engine.params().frames)).sum();
         let updates = self.updates.clone();
         let numbers = self.numbers.clone();
         let mut since_first: Option<(Stopwatch, f64)> = None;
-        move |frame, record| {
+        move |head, frame, record| {
+            if head > 0 {
+                return;
+            }
             let (watch, elapsed_s) = since_first.get_or_insert_with(|| (Stopwatch::start(), 0.0));
             *elapsed_s += watch.lap().s();
             let done = record.frames.rendered;
             let update = Progress {
                 frame: done,
-                frames: Some(u64::from(frames)),
+                frames: Some(frames),
                 fps: done.saturating_sub(1) as f64 / f64::max(*elapsed_s, 1e-3),
                 p99_ms: record.p99_ms(),
                 late: record.frames.late,
@@ -544,7 +524,7 @@ impl Setup<'_> {
             };
             let _monitor_is_busy = updates.try_send(update);
             if let Some(numbers) = &numbers {
-                numbers.tell(&record.numbers(Some(u64::from(frames))));
+                numbers.tell(&record.numbers(Some(frames)));
             }
         }
     }

@@ -5,6 +5,7 @@ use crate::base::time::{Span, Tai};
 use crate::base::units::ARCSEC;
 use crate::cli::calibrate::costs_here;
 use crate::cli::run::{ClockKind, RunArgs, prepared_hygiene, stamp};
+use crate::cli::run_heads::directory_of_head;
 use crate::cli::scenario_plot::TelemetryPlot;
 use crate::cli::scenario_report::{ScenarioReport, table};
 use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_NOT_MET};
@@ -97,7 +98,9 @@ pub fn run_on_real_clock(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<At
         bail!("a scenario needs a start_utc: \"now\" does not repeat");
     };
     let params = bench_parts::run_params(&scenario.bench, start)?;
-    let sink = sink(scenario, arguments, directory.as_deref(), 0, (&prototype(&params.camera), &params.camera))?;
+    let frame = (&prototype(&params.camera), &params.camera);
+    let of_head = |head| sink(scenario, arguments, directory.as_deref(), head, frame);
+    let sinks = (0..scenario.heads.len()).map(of_head).collect::<Result<Vec<_>>>()?;
     let measured = costs_here(&bench_parts::imager(&params)?, arguments.built_in_costs).measured;
     let telemetry =
         directory.as_deref().map(|directory| telemetry_file(directory, params.first_exposure)).transpose()?;
@@ -109,7 +112,7 @@ pub fn run_on_real_clock(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<At
     let mut wall = Stopwatch::start();
     let change = |params: &mut RunParams| bench_parts::take_real_clock(params, &scenario.bench, measured);
     let mut show = |frame: &SentFrame, record: &RunRecord| progress.show(frame, record);
-    let outcome = run_real(scenario, sink, &setting, change, on_row, &mut show)?;
+    let outcome = run_real(scenario, sinks, &setting, change, on_row, &mut show)?;
     progress.finish();
     if let Some(written) = written {
         written.finish(&title(scenario))?;
@@ -216,8 +219,7 @@ fn sink(
         );
     }
     let head = (scenario.heads.len() > 1).then_some(head);
-    let of_head = |run: &Path| head.map_or_else(|| run.to_path_buf(), |head| run.join(format!("head{head}")));
-    let directory = directory.map(of_head);
+    let directory = directory.map(|run| directory_of_head(run, head));
     let is_real = arguments.clock == ClockKind::Real;
     let start = match scenario.bench.timing.start {
         StartTime::At(at) => at,

@@ -8,11 +8,12 @@ use crate::config::check::{Checker, Defaulted};
 use crate::config::document::Document;
 use crate::config::error::ConfigError;
 use crate::config::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
+use crate::config::head::{HEADS_MAX, HeadKeys, check_heads};
 use crate::config::link::{Carrier, Doors, Link, Wire};
 use crate::config::link_keys::LinkKeys;
 use crate::config::observer::{Observer, ObserverKeys};
 use crate::config::session::{Session, SessionKeys};
-use crate::config::sink::{SinkKeys, SinkSettings};
+use crate::config::sink::{Sink, SinkKeys, SinkSettings};
 use crate::config::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, check_accuracy};
 use crate::config::target::{Overlap, TargetKeys, TargetSettings, check_overlap, check_targets};
 use crate::config::timing::{Timing, TimingKeys};
@@ -47,6 +48,8 @@ pub struct Bench {
     pub session: Session,
     /// How the sensor is mounted.
     pub sensor_from_body: Rotation<Sensor, Body>,
+    /// How further heads with the same camera are mounted: each gives a frame in every slot.
+    pub extra_heads: Vec<Rotation<Sensor, Body>>,
     /// Where the sensor is.
     pub observer: Observer,
     /// The simulated flight computer.
@@ -78,6 +81,7 @@ struct BenchKeys {
     extra_link: Vec<LinkKeys>,
     session: SessionKeys,
     mounting: MountingKeys,
+    extra_head: Vec<HeadKeys>,
     observer: ObserverKeys,
     flight_computer: FlightComputerKeys,
     attitude: AttitudeKeys,
@@ -104,6 +108,24 @@ fn check_classic_jitter(link: &Link, computer: &FlightComputer, check: &Checker<
         return Err(check.invalid("flight_computer.jitter_sample_hz", hz, "1000 on classic CAN", advice));
     }
     Ok(())
+}
+
+/// A display shows one head.
+fn check_sinks_of_heads(
+    sinks: &[SinkSettings],
+    extra_heads: &[Rotation<Sensor, Body>],
+    check: &Checker<'_>,
+) -> Result<(), ConfigError> {
+    let display = sinks.iter().position(|settings| matches!(settings.sink, Sink::Display(_)));
+    match display {
+        Some(place) if !extra_heads.is_empty() => {
+            let key =
+                place.checked_sub(1).map_or_else(|| "sink.kind".into(), |extra| format!("extra_sink[{extra}].kind"));
+            let advice = "a display shows the frames of one head: give each head a bench of its own";
+            Err(check.invalid(&key, "\"display\"", "another kind beside [[extra_head]]", advice))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Every link has somebody at its other end, and one link at most has pulses.
@@ -180,6 +202,7 @@ impl Bench {
         let extra_links = Link::check_extra(&keys.extra_link, &mut check)?;
         let session = Session::check(&keys.session, &mut check)?;
         let sensor_from_body = mounting(&keys.mounting, &mut check)?;
+        let extra_heads = check_heads("extra_head", &keys.extra_head, HEADS_MAX - 1, &check)?;
         let observer = Observer::check(&keys.observer, &mut check)?;
         let flight_computer = FlightComputer::check(&keys.flight_computer, &mut check)?;
         check_classic_jitter(&link, &flight_computer, &check)?;
@@ -195,6 +218,7 @@ impl Bench {
         let budget = Budget::check(&keys.budget, camera.exposure.readout_s, &mut check)?;
         let render = Render::check(&keys.render, &mut check)?;
         let sinks = SinkSettings::check_all(keys.sink, keys.extra_sink, &name, camera.image_px(), &mut check)?;
+        check_sinks_of_heads(&sinks, &extra_heads, &check)?;
         let targets = check_targets(&keys.target, &mut check)?;
         let is_given_in_vain = keys.target_overlap.is_some() && targets.is_empty();
         check.unused("target_overlap", is_given_in_vain, "a bench with a [[target]]")?;
@@ -214,6 +238,7 @@ impl Bench {
             extra_links,
             session,
             sensor_from_body,
+            extra_heads,
             observer,
             flight_computer,
             attitude,
@@ -223,6 +248,14 @@ impl Bench {
             sinks,
             defaulted: check.defaulted,
         })
+    }
+}
+
+impl Bench {
+    /// How each head is mounted, the first one first.
+    #[must_use]
+    pub fn heads(&self) -> Vec<Rotation<Sensor, Body>> {
+        core::iter::once(self.sensor_from_body).chain(self.extra_heads.iter().copied()).collect()
     }
 }
 

@@ -32,6 +32,7 @@ mod event_reader;
 mod event_word;
 mod expect;
 mod flight_computer;
+mod head;
 mod illumination;
 mod image_file;
 mod link;

@@ -2,13 +2,14 @@
 
 use crate::base::axes::{Body, Rotation, Sensor};
 use crate::base::time::Span;
-use crate::config::bench::{Bench, quaternion};
+use crate::config::bench::Bench;
 use crate::config::check::{Checker, Defaulted, Rule};
 use crate::config::document::Document;
 use crate::config::error::ConfigError;
 use crate::config::event::{Action, Event, Pointing};
 use crate::config::event_word::EventKeys;
 use crate::config::expect::{Expect, ExpectKeys};
+use crate::config::head::{HEADS_MAX, HeadKeys, check_heads};
 use crate::config::link::{Carrier, Doors};
 use crate::config::observer::Observer;
 use crate::config::session::SessionStart;
@@ -17,9 +18,6 @@ use crate::testbed::spacecraft::TestTorque;
 use glam::DVec3;
 use serde::Deserialize;
 use std::path::Path;
-
-/// Most camera heads of one spacecraft.
-const HEADS_MAX: usize = 8;
 
 /// A scenario, checked, with everything it names.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,7 +34,7 @@ pub struct Scenario {
     pub initial_rate_rad_s: DVec3,
     /// Where the first head is to point.
     pub target: Pointing,
-    /// Mounting of each head; at least one.
+    /// Mounting of each head, of the bench where the scenario has none; at least one.
     pub heads: Vec<Rotation<Sensor, Body>>,
     /// How long a tracker thinks: end of readout to attitude.
     pub tracker_delay: Span,
@@ -98,12 +96,6 @@ struct PointingKeys {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct HeadKeys {
-    sensor_from_body: Option<[f64; 4]>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
 struct TrackerKeys {
     delay_ms: Option<f64>,
     tag_error_ms: Option<f64>,
@@ -148,7 +140,10 @@ impl Scenario {
         let mut bench = named_bench(keys.bench.as_deref(), &check)?;
         override_bench(&mut bench, &keys, &check)?;
         let spacecraft = named_spacecraft(keys.spacecraft.as_deref(), &check)?;
-        let heads = heads(&keys.head, &bench, &check)?;
+        let heads = match keys.head[..] {
+            [] => bench.heads(),
+            _ => check_heads("head", &keys.head, HEADS_MAX, &check)?,
+        };
         let initial = initial(&keys.initial, &mut check)?;
         let target_key = |name: &str| format!("target.{name}");
         let target =
@@ -273,21 +268,6 @@ fn named_spacecraft(path: Option<&str>, check: &Checker<'_>) -> Result<Spacecraf
     let advice = "the path of a spacecraft file, relative to this one";
     let path = path.ok_or_else(|| check.invalid("spacecraft", "missing", "a path", advice))?;
     Spacecraft::from_document(&check.document.named("spacecraft", path)?)
-}
-
-fn heads(keys: &[HeadKeys], bench: &Bench, check: &Checker<'_>) -> Result<Vec<Rotation<Sensor, Body>>, ConfigError> {
-    if keys.is_empty() {
-        return Ok(vec![bench.sensor_from_body]);
-    }
-    if keys.len() > HEADS_MAX {
-        return Err(check.invalid("head", keys.len(), format!("at most {HEADS_MAX} heads"), "leave some out"));
-    }
-    let head = |(place, keys): (usize, &HeadKeys)| {
-        let key = format!("head[{place}].sensor_from_body");
-        let missing = || check.invalid(&key, "missing", "a unit quaternion [w, x, y, z]", "how the head is mounted");
-        quaternion(&key, keys.sensor_from_body.ok_or_else(missing)?, check)
-    };
-    keys.iter().enumerate().map(head).collect()
 }
 
 fn initial(keys: &InitialKeys, check: &mut Checker<'_>) -> Result<Option<Pointing>, ConfigError> {

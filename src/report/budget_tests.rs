@@ -11,7 +11,7 @@ const STAGE_MS: i64 = 4;
 
 /// What a run of made-up frames leaves; one stage may take longer.
 fn measured(longer: Option<(Stage, i64)>) -> (StageHistograms, FrameRing) {
-    let (mut stages, mut ring) = (StageHistograms::default(), FrameRing::with_capacity(16));
+    let (mut stages, mut ring) = (StageHistograms::default(), FrameRing::with_capacity(16, 1));
     for number in 0..FRAMES {
         for stage in Stage::ALL {
             let ms = longer.filter(|(longer, _)| *longer == stage).map_or(STAGE_MS, |(_, ms)| ms);

@@ -93,6 +93,8 @@ impl MissCause {
 pub struct FrameRecord {
     /// Frame number, from 0.
     pub number: u32,
+    /// Camera head, from 0.
+    pub head: usize,
     /// First instant of the exposure.
     pub exposure_start: Tai,
     /// Its middle.
@@ -145,6 +147,7 @@ impl FrameRecord {
         let half = Span::from_ns((release - exposure_start).ns() / 2);
         Self {
             number,
+            head: 0,
             exposure_start,
             mid_exposure: exposure_start + half,
             release,

@@ -1,6 +1,6 @@
 //! The records of the last frames; counts of all of them.
 //!
-//! In: one record per slot, in order of their numbers, completed later by what the sink thread measured. Counts and
+//! In: one record per slot and camera head, in order of their numbers, completed later by what the sink thread measured. Counts and
 //! latencies survive when records are overwritten. All memory is taken at the start.
 
 use crate::report::frame_record::{Fate, FrameRecord, MissCause};
@@ -48,6 +48,7 @@ impl Latency {
 pub struct FrameRing {
     records: Vec<FrameRecord>,
     capacity: usize,
+    heads: usize,
     total: u64,
     fates: [u64; Fate::ALL.len()],
     causes: [u64; MissCause::COUNT],
@@ -55,10 +56,11 @@ pub struct FrameRing {
 }
 
 impl FrameRing {
-    /// Room for the last `capacity` frames; counts alone when it is 0.
+    /// Room for the last `frames` frames of each of `heads`; counts alone when it is 0.
     #[must_use]
-    pub fn with_capacity(capacity: usize) -> Self {
-        Self { records: Vec::with_capacity(capacity), capacity, ..Self::default() }
+    pub fn with_capacity(frames: usize, heads: usize) -> Self {
+        let capacity = frames * heads;
+        Self { records: Vec::with_capacity(capacity), capacity, heads, ..Self::default() }
     }
 
     /// Counts a slot and keeps its record. Numbers count up by one.
@@ -70,7 +72,7 @@ impl FrameRing {
         }
         if self.records.len() < self.capacity {
             self.records.push(record);
-        } else if let Some(place) = self.place(record.number) {
+        } else if let Some(place) = self.place(&record) {
             self.records[place] = record;
         }
     }
@@ -78,16 +80,16 @@ impl FrameRing {
     /// A frame has been delivered: its latency counts, and its record is replaced where it is still kept.
     pub fn complete(&mut self, record: FrameRecord) {
         self.count_latency(&record);
-        let place = self.place(record.number);
+        let place = self.place(&record);
         if let Some(kept) = place.and_then(|place| self.records.get_mut(place))
-            && kept.number == record.number
+            && (kept.number, kept.head) == (record.number, record.head)
         {
             *kept = record;
         }
     }
 
-    fn place(&self, number: u32) -> Option<usize> {
-        usize::try_from(number).ok()?.checked_rem(self.capacity)
+    fn place(&self, record: &FrameRecord) -> Option<usize> {
+        (usize::try_from(record.number).ok()? * self.heads + record.head).checked_rem(self.capacity)
     }
 
     fn count_latency(&mut self, record: &FrameRecord) {
@@ -139,7 +141,8 @@ impl FrameRing {
 
     /// The records kept, earliest first.
     pub fn last(&self) -> impl Iterator<Item = &FrameRecord> {
-        let oldest = (0..self.records.len()).min_by_key(|i| self.records[*i].number).unwrap_or(0);
+        let oldest =
+            (0..self.records.len()).min_by_key(|i| (self.records[*i].number, self.records[*i].head)).unwrap_or(0);
         let (newer, older) = self.records.split_at(oldest);
         older.iter().chain(newer)
     }
@@ -162,7 +165,7 @@ mod tests {
 
     #[test]
     fn counts_survive_and_the_last_stay_in_order() {
-        let mut ring = FrameRing::with_capacity(8);
+        let mut ring = FrameRing::with_capacity(8, 1);
         for number in 0..21 {
             let missed = number % 4 == 1;
             let cause = missed.then_some(MissCause::SinkBusy);
@@ -177,7 +180,7 @@ mod tests {
 
     #[test]
     fn a_frame_completed_after_it_was_overwritten_still_counts() {
-        let mut ring = FrameRing::with_capacity(2);
+        let mut ring = FrameRing::with_capacity(2, 1);
         (0..3).for_each(|number| ring.push(FrameRecord { delivered: None, ..sample_record(number) }));
         assert_eq!(ring.latency().epoch_to_delivered.count, 0, "nothing is delivered yet");
         (0..3).for_each(|number| ring.complete(sample_record(number)));
@@ -187,8 +190,24 @@ mod tests {
     }
 
     #[test]
+    fn heads_have_places_of_their_own() {
+        let mut ring = FrameRing::with_capacity(2, 3);
+        let of = |number, head| FrameRecord { head, ..sample_record(number) };
+        for number in 0..5 {
+            (0..3).for_each(|head| ring.push(FrameRecord { delivered: None, ..of(number, head) }));
+        }
+        ring.complete(of(3, 1));
+        let kept =
+            |ring: &FrameRing| ring.last().map(|r| (r.number, r.head, r.delivered.is_some())).collect::<Vec<_>>();
+        let wanted = [(3, 0, false), (3, 1, true), (3, 2, false), (4, 0, false), (4, 1, false), (4, 2, false)];
+        assert_eq!(kept(&ring), wanted);
+        ring.complete(of(2, 1));
+        assert_eq!(kept(&ring), wanted, "its place is another frame's by now");
+    }
+
+    #[test]
     fn latencies_are_kept_apart() {
-        let mut ring = FrameRing::with_capacity(0);
+        let mut ring = FrameRing::with_capacity(0, 1);
         let at = |ms| Some(Tai::from_ns(0) + Span::from_ms(ms));
         let mid_exposure = Tai::from_ns(0) + Span::from_ms(50);
         let record =
@@ -204,7 +223,7 @@ mod tests {
 
     #[test]
     fn the_worst_are_the_missed_and_the_latest() {
-        let mut ring = FrameRing::with_capacity(8);
+        let mut ring = FrameRing::with_capacity(8, 1);
         for (number, ms) in (0..).zip([-5, 3, -20, 9]) {
             ring.push(FrameRecord { lateness: Span::from_ms(ms), ..sample_record(number) });
         }

@@ -23,8 +23,16 @@ pub fn frames_csv<'a>(records: impl IntoIterator<Item = &'a FrameRecord>) -> Res
 }
 
 fn heading() -> Vec<String> {
-    let names =
-        ["frame", "exposure_start_tai_ns", "release_tai_ns", "due_ms", "commanded_ms", "woken_ms", "finished_ms"];
+    let names = [
+        "frame",
+        "head",
+        "exposure_start_tai_ns",
+        "release_tai_ns",
+        "due_ms",
+        "commanded_ms",
+        "woken_ms",
+        "finished_ms",
+    ];
     let more =
         ["submitted_ms", "delivered_ms", "lateness_ms", "fate", "cause", "rung", "method", "origin", "horizon_ms"];
     let last = ["pointing_bound_arcsec", "load"];
@@ -38,6 +46,7 @@ fn row(record: &FrameRecord) -> Vec<String> {
     let bound = record.pointing_bound_rad.map_or_else(|| UNKNOWN.to_owned(), |rad| format!("{:.6}", rad / ARCSEC));
     let cells = [
         record.number.to_string(),
+        record.head.to_string(),
         record.exposure_start.ns().to_string(),
         record.release.ns().to_string(),
         after(Some(record.due)),

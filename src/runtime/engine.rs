@@ -264,7 +264,7 @@ impl FrameEngine {
     ) -> Result<StageTimes, RunError> {
         let mut times = bus_times(slot, receiver);
         if let Some(load) = self.load {
-            let limit_ms = self.params.camera.drawing_budget_under_ms(&self.cost, load.ratio());
+            let limit_ms = self.params.drawing_budget_under_ms(&self.cost, load.ratio());
             self.planner.set_time_budget_ms(limit_ms);
         }
         let mut watch = Stopwatch::start();
@@ -383,7 +383,7 @@ fn new_planner(params: &RunParams, imager: &Imager, los: LosPath, psf: Option<Ps
     let instrument = Instrument { psf: psf.unwrap_or_else(|| own.psf.clone()), ..own };
     let mut planner = Planner::new(instrument, params.budget, cost, params.method, los);
     if params.degrade && imager.may_degrade() {
-        planner = planner.within_ms(camera.drawing_budget_ms(&cost));
+        planner = planner.within_ms(params.drawing_budget_ms(&cost));
     }
     planner.set_targets(params.targets.clone());
     planner

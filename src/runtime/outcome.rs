@@ -11,9 +11,9 @@ pub struct RunOutcome {
     pub record: RunRecord,
     /// What each port counted.
     pub ports: Vec<PortReading>,
-    /// What the sink wrote; `None` when it could not finish.
-    pub sink: Option<SinkSummary>,
-    /// What each sink did, failures included: on the real clock they do not end a run.
+    /// What the sink of each head wrote; `None` when it could not finish.
+    pub summaries: Vec<Option<SinkSummary>>,
+    /// What each sink of each head did, failures included: on the real clock they do not end a run.
     pub sinks: Vec<SinkLine>,
     /// Why the run ended early, if it did.
     pub error: Option<RunError>,
@@ -25,6 +25,15 @@ impl RunOutcome {
     pub fn sink_failure(&self) -> Option<String> {
         sink_failure(&self.sinks)
     }
+}
+
+/// The lines of one head's sinks; with several heads their places say which.
+pub fn lines_of_head(head: usize, heads: usize, lines: Vec<SinkLine>) -> impl Iterator<Item = SinkLine> {
+    let named = move |line: SinkLine| match heads {
+        0 | 1 => line,
+        _ => SinkLine { place: format!("head{head} {}", line.place), ..line },
+    };
+    lines.into_iter().map(named)
 }
 
 /// The first failure of a sink, in words.

@@ -151,6 +151,8 @@ pub struct RunParams {
     pub ahead: Span,
     /// Frames to expose.
     pub frames: u32,
+    /// Camera heads that are drawn in turn in each slot: each has its share of the readout time.
+    pub heads: u32,
     /// What becomes of a late frame.
     pub deadline_policy: DeadlinePolicy,
 }
@@ -171,18 +173,6 @@ impl CameraParams {
         self.detector.spatial.output(self.sensor_px())
     }
 
-    /// Time in which a frame must be drawn, ms: the readout time without the detector's own and a margin.
-    #[must_use]
-    pub fn drawing_budget_ms(&self, cost: &CostModel) -> f64 {
-        self.drawing_budget_under_ms(cost, 1.0)
-    }
-
-    /// The same, in predicted time, on a machine on which drawing and detector take `load` times as long as predicted.
-    #[must_use]
-    pub fn drawing_budget_under_ms(&self, cost: &CostModel, load: f64) -> f64 {
-        (1.0 - TIME_MARGIN) * self.readout_s * 1e3 / load - self.predicted_readout_ms(cost)
-    }
-
     /// Predicted time of the detector, ms.
     #[must_use]
     pub fn predicted_readout_ms(&self, cost: &CostModel) -> f64 {
@@ -192,6 +182,19 @@ impl CameraParams {
 }
 
 impl RunParams {
+    /// Time in which a frame must be drawn, ms: its share of the readout time without the detector's own and a margin.
+    #[must_use]
+    pub fn drawing_budget_ms(&self, cost: &CostModel) -> f64 {
+        self.drawing_budget_under_ms(cost, 1.0)
+    }
+
+    /// The same, in predicted time, on a machine on which drawing and detector take `load` times as long as predicted.
+    #[must_use]
+    pub fn drawing_budget_under_ms(&self, cost: &CostModel, load: f64) -> f64 {
+        let share_ms = self.camera.readout_s * 1e3 / f64::from(self.heads.max(1));
+        (1.0 - TIME_MARGIN) * share_ms / load - self.camera.predicted_readout_ms(cost)
+    }
+
     /// First instant of frame `number`'s exposure.
     #[must_use]
     pub fn exposure_start(&self, number: u32) -> Tai {

@@ -65,10 +65,10 @@ impl Default for RunRecord {
 const _: () = assert!(EventKind::ALL.len() <= NAMES_MAX);
 
 impl RunRecord {
-    /// A record that keeps the times of the last `frames` frames.
+    /// A record that keeps the times of the last `frames` frames of each of `heads`.
     #[must_use]
-    pub fn with_ring(frames: usize) -> Self {
-        Self { ring: FrameRing::with_capacity(frames), ..Self::default() }
+    pub fn with_ring(frames: usize, heads: usize) -> Self {
+        Self { ring: FrameRing::with_capacity(frames, heads), ..Self::default() }
     }
 
     /// A frame has been delivered: what the sink thread measured.

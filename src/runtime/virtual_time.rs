@@ -12,7 +12,8 @@ use crate::report::Stage;
 use crate::runtime::engine::{FrameEngine, Slot};
 use crate::runtime::error::{FarEndError, RunError};
 use crate::runtime::frame_faults::{Fate, FrameFaults};
-use crate::runtime::outcome::RunOutcome;
+use crate::runtime::ledger::Ledger;
+use crate::runtime::outcome::{RunOutcome, lines_of_head};
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
@@ -65,6 +66,8 @@ pub struct VirtualLoop {
     reply: Reply,
     /// What the port had counted at the frame before.
     reading: PortReading,
+    /// What further heads note of messages of which the first has noted the same.
+    said_already: Ledger,
 }
 
 /// What comes next.
@@ -89,6 +92,7 @@ impl VirtualLoop {
             stopped: false,
             reply: Reply::default(),
             reading: PortReading::default(),
+            said_already: Ledger::default(),
         }
     }
 
@@ -139,7 +143,7 @@ impl VirtualLoop {
         }
         while let Some((at, next)) = self.next(heads).filter(|(at, _)| *at <= until && !self.stopped) {
             self.clock.advance_to(at);
-            receive(at, heads, world.port, &mut self.record)?;
+            self.receive(at, heads, world.port)?;
             match next {
                 Next::FarEnd => self.far_due = Some((world.far_end)(at).map_err(RunError::FarEnd)?),
                 Next::Deliver => self.deliver(at, heads, world)?,
@@ -148,7 +152,7 @@ impl VirtualLoop {
         }
         if !self.stopped {
             self.clock.advance_to(until);
-            receive(until, heads, world.port, &mut self.record)?;
+            self.receive(until, heads, world.port)?;
         }
         Ok(())
     }
@@ -184,6 +188,20 @@ impl VirtualLoop {
             self.spare.push(frame);
         }
         self.far_due = Some((world.far_end)(self.clock.now()).map_err(RunError::FarEnd)?);
+        Ok(())
+    }
+
+    /// Takes in what has arrived by `now`: every head hears everything, the first one answers and notes.
+    fn receive(&mut self, now: Tai, heads: &mut [Head<'_>], port: &mut Port) -> Result<(), RunError> {
+        while let Some(message) = port.receive(now)? {
+            for (i, head) in heads.iter_mut().enumerate() {
+                let ledger = if i == 0 { &mut self.record.ledger } else { &mut self.said_already };
+                let answer = head.receiver.accept(&message, ledger);
+                if let Some(answer) = answer.filter(|_| i == 0) {
+                    port.send(&answer)?;
+                }
+            }
+        }
         Ok(())
     }
 
@@ -294,21 +312,8 @@ fn empty_frame(engine: &FrameEngine) -> SentFrame {
     SentFrame::with_capacity(width, height, 0, camera.name.clone())
 }
 
-/// Takes in what has arrived by `now`: every head hears everything, the first one answers.
-fn receive(now: Tai, heads: &mut [Head<'_>], port: &mut Port, record: &mut RunRecord) -> Result<(), RunError> {
-    while let Some(message) = port.receive(now)? {
-        for (i, head) in heads.iter_mut().enumerate() {
-            let answer = head.receiver.accept(&message, &mut record.ledger);
-            if let Some(answer) = answer.filter(|_| i == 0) {
-                port.send(&answer)?;
-            }
-        }
-    }
-    Ok(())
-}
-
 /// Runs every slot of one engine. `far_end` steps the other end of the cable to an instant and says when it next has
-/// something to do; `progress` is called after each frame.
+/// something to do; `progress` is called after each frame, and says whether to go on.
 pub fn run(
     engine: &mut FrameEngine,
     receiver: &mut Receiver,
@@ -318,16 +323,28 @@ pub fn run(
     far_end: &mut dyn FnMut(Tai) -> Result<Tai, FarEndError>,
     progress: &mut dyn FnMut(&SentFrame, &RunRecord) -> bool,
 ) -> RunOutcome {
-    let mut going = VirtualLoop::new(Arc::clone(clock));
-    let mut heads = [Head { engine, receiver, sink, faults: None }];
     let progress = &mut |_head: usize, frame: &SentFrame, record: &RunRecord| progress(frame, record);
-    let error = going.finish(&mut heads, &mut World { port, far_end, progress }).err();
-    let [head] = heads;
-    let (sink, finishing) = match head.sink.finish() {
-        Ok(summary) => (Some(summary), None),
-        Err(error) => (None, Some(RunError::from(error))),
-    };
-    let sinks = sink_lines(head.sink, sink.as_ref());
-    let ports = vec![PortReading::of(port, 0)];
-    RunOutcome { record: going.into_record(), ports, sink, sinks, error: error.or(finishing) }
+    let heads = vec![Head { engine, receiver, sink, faults: None }];
+    run_in(clock, heads, &mut World { port, far_end, progress })
+}
+
+/// The same for several heads.
+pub fn run_in(clock: &Arc<Virtual>, mut heads: Vec<Head<'_>>, world: &mut World<'_>) -> RunOutcome {
+    let mut going = VirtualLoop::new(Arc::clone(clock));
+    let mut error = going.finish(&mut heads, world).err();
+    let (mut summaries, mut sinks) = (Vec::new(), Vec::new());
+    let count = heads.len();
+    for (number, head) in heads.iter_mut().enumerate() {
+        let summary = match head.sink.finish() {
+            Ok(summary) => Some(summary),
+            Err(finishing) => {
+                error.get_or_insert(finishing.into());
+                None
+            }
+        };
+        sinks.extend(lines_of_head(number, count, sink_lines(head.sink, summary.as_ref())));
+        summaries.push(summary);
+    }
+    let ports = vec![PortReading::of(world.port, 0)];
+    RunOutcome { record: going.into_record(), ports, summaries, sinks, error }
 }

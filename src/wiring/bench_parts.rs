@@ -1,7 +1,7 @@
 //! A checked bench file -> the parameters of a run, of its simulated bus and of its simulated flight computer.
 
 use crate::attitude::{JitterLine, RemoteClockLimits};
-use crate::base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
+use crate::base::axes::{Body, Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
 use crate::base::time::{Span, Tai};
 use crate::config::{self, Bench, JitterSource, Overlap, TargetLight, TargetSettings, Wire};
 use crate::exposure::Target;
@@ -47,6 +47,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         first_exposure,
         ahead: Span::from_s(bench.timing.ahead_ms * 1e-3),
         frame_period: Span::from_s(1.0 / bench.timing.frame_rate_hz),
+        heads: 1 + u32::try_from(bench.extra_heads.len()).context("extra_head: more than 2^32 heads")?,
         frames: u32::try_from(bench.timing.frames()).context("timing.duration_s: more than 2^32 frames")?,
         deadline_policy: match bench.timing.deadline_policy {
             config::DeadlinePolicy::Hold => DeadlinePolicy::Hold,
@@ -92,6 +93,12 @@ fn targets(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<
         Ok(Target { id, mag, e_per_s, begin, end, path: settings.path })
     };
     (FIRST_TARGET_ID..).zip(&bench.targets).map(target).collect()
+}
+
+/// The bench as one of its heads is drawn from it: its mounting, and patterns and noise of its own.
+#[must_use]
+pub fn bench_of_head(bench: &Bench, number: usize, sensor_from_body: Rotation<Sensor, Body>) -> Bench {
+    Bench { sensor_from_body, seed: bench.seed.wrapping_add(number as u64), ..bench.clone() }
 }
 
 /// The imager of a run.

@@ -11,7 +11,7 @@ use crate::config::{Action, ConfigError, Event, Scenario, StartTime};
 use crate::link::Port;
 use crate::link::tap::FaultControl;
 use crate::runtime::virtual_time::{Head, VirtualLoop, World};
-use crate::runtime::{RunError, RunParams, RunRecord};
+use crate::runtime::{RunError, RunParams, RunRecord, lines_of_head};
 use crate::sink::{SentFrame, Sink};
 use crate::testbed::vehicle::{TelemetryRow, Vehicle, VehicleError};
 use crate::wiring::assessment::Assessment;
@@ -19,7 +19,7 @@ use crate::wiring::far_side::FarSide;
 use crate::wiring::faults::{
     FaultLine, FaultLog, Inventory, LoggedFault, Places, PlacesRead, action_name, check_places,
 };
-use crate::wiring::loop_outcome::{LoopOutcome, LoopView, lines_of_head, predicted_pointing_rad, vehicle_counts};
+use crate::wiring::loop_outcome::{LoopOutcome, LoopView, predicted_pointing_rad, vehicle_counts};
 use crate::wiring::loop_parts::{LoopHead, loop_head, ports};
 use core::cell::RefCell;
 use glam::DVec3;

@@ -68,15 +68,6 @@ impl LoopOutcome {
     }
 }
 
-/// The lines of one head's sinks; with several heads their places say which.
-pub(super) fn lines_of_head(head: usize, heads: usize, lines: Vec<SinkLine>) -> impl Iterator<Item = SinkLine> {
-    let named = move |line: SinkLine| match heads {
-        0 | 1 => line,
-        _ => SinkLine { place: format!("head{head} {}", line.place), ..line },
-    };
-    lines.into_iter().map(named)
-}
-
 /// What became of the estimator's attitudes, and frames without a time tag.
 pub(super) fn vehicle_counts(vehicle: Option<&Vehicle>) -> (MekfCounts, u64) {
     let untagged = |vehicle: &Vehicle| vehicle.head_reports().map(|report| report.untagged).sum();

@@ -51,11 +51,10 @@ pub(super) fn loop_head(
     sink: Box<dyn Sink>,
     change: impl FnOnce(&mut RunParams),
 ) -> Result<(LoopHead, TapEnd), LoopError> {
-    let mut bench = scenario.bench.clone();
-    bench.sensor_from_body = *mounting;
+    let mut bench = bench_parts::bench_of_head(&scenario.bench, number, *mounting);
+    bench.extra_heads = scenario.heads.get(1..).unwrap_or_default().to_vec();
     // The jitter of a flown vehicle comes over the bus.
     bench.flight_computer.jitter_lines.clear();
-    bench.seed = bench.seed.wrapping_add(number as u64);
     let mut params = bench_parts::run_params(&bench, start).map_err(|error| LoopError::Parts(format!("{error:#}")))?;
     change(&mut params);
     let size = params.camera.output().size_px;

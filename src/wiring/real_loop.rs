@@ -1,8 +1,8 @@
 //! The closed loop on the bench clock: the vehicle flies in a thread of its own, the frames are late when they are late.
 //!
-//! One head. Faults act as on the virtual clock; frames that a fault delays keep their buffers, of which there are four:
-//! a delay beyond three frames loses some, counted. Frames go to the tracker as the sink thread delivers
-//! them; the vehicle looks every `POLL`.
+//! Faults act as on the virtual clock; frames that a fault delays keep their buffers, of which each head has four: a delay
+//! beyond three frames loses some, counted. Frames go to the trackers as the sink threads deliver them; the vehicle looks
+//! every `POLL`.
 
 use crate::base::axes::Rotation;
 use crate::base::clock::{Clock, Monotonic};
@@ -12,6 +12,8 @@ use crate::link::tap::FaultControl;
 use crate::runtime::error::FarEndError;
 use crate::runtime::frame_faults::FrameFaults;
 use crate::runtime::hygiene::{Hygiene, Role};
+use crate::runtime::params::CameraParams;
+use crate::runtime::real_time::Head;
 use crate::runtime::{RunError, RunParams, RunRecord, real_time};
 use crate::sink::{FrameMeta, SentFrame, Sink};
 use crate::testbed::vehicle::TelemetryRow;
@@ -21,7 +23,7 @@ use crate::wiring::faults::{
     FaultLine, FaultLog, Inventory, LoggedFault, Places, PlacesRead, action_name, check_places,
 };
 use crate::wiring::loop_outcome::{LoopOutcome, predicted_pointing_rad, vehicle_counts};
-use crate::wiring::loop_parts::{LoopHead, loop_head, ports};
+use crate::wiring::loop_parts::{loop_head, ports};
 use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::{Receiver as Queue, bounded};
 use std::sync::Arc;
@@ -42,44 +44,47 @@ pub struct RealSetting<'a> {
     pub ring_frames: usize,
 }
 
-/// Runs `scenario` on the bench clock. `change` sees the stimulator's parameters before they are used; `on_row` every row
-/// of telemetry; `progress` every frame.
+/// Runs `scenario` on the bench clock, with a sink per head. `change` sees each head's parameters before they are used;
+/// `on_row` every row of telemetry; `progress` every frame.
 ///
 /// # Errors
 /// When a part of the loop cannot be made or failed.
 pub fn run_real(
     scenario: &Scenario,
-    sink: Box<dyn Sink>,
+    sinks: Vec<Box<dyn Sink>>,
     setting: &RealSetting<'_>,
-    change: impl FnOnce(&mut RunParams),
+    mut change: impl FnMut(&mut RunParams),
     on_row: Box<dyn FnMut(&TelemetryRow) + Send>,
     progress: &mut dyn FnMut(&SentFrame, &RunRecord),
 ) -> Result<LoopOutcome, LoopError> {
-    let [mounting] = scenario.heads[..] else {
-        let heads = scenario.heads.len();
-        return Err(LoopError::Parts(format!(
-            "{heads} heads: wanted one on the real clock; several run on the virtual"
-        )));
-    };
     let start = match scenario.bench.timing.start {
         StartTime::At(at) => at,
         StartTime::Now => Monotonic::start().now(),
     };
-    let (head, tap) = loop_head(scenario, 0, &mounting, start, sink, change)?;
-    let (size_px, output_px) = (head.size_px(), head.output_px());
-    let LoopHead { mut engine, mut receiver, sink, faults } = head;
-    let params = engine.params().clone();
+    let (mut drawing, mut tapped, mut taps, mut faults) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for ((number, mounting), sink) in scenario.heads.iter().enumerate().zip(sinks) {
+        let (head, tap) = loop_head(scenario, number, mounting, start, sink, &mut change)?;
+        drawing.push((head.engine, head.receiver));
+        tapped.push(head.sink);
+        taps.push(tap);
+        faults.push(head.faults);
+    }
+    let Some(params) = drawing.first().map(|(engine, _)| engine.params().clone()) else {
+        return Err(LoopError::Parts("a scenario needs a head, and each head a sink".into()));
+    };
     let (zero, end) = (params.first_exposure, params.exposure_start(params.frames));
     let [to_stimulator, to_computer] = [FaultControl::default(), FaultControl::default()];
     let mut made = Made { log: FaultLog::default(), to_stimulator, to_computer, frames: faults };
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
     let (near, far) = ports(scenario, &clock, &made.to_stimulator, &made.to_computer)?;
-    let mut far = FarSide::new(scenario, far, vec![tap], [start, zero, end])?;
+    let mut far = FarSide::new(scenario, far, taps, [start, zero, end])?;
     far.on_row = on_row;
-    made.place_events(scenario, zero, &mut far, [size_px, output_px])?;
-    made.frames.prepare(&mut engine)?;
+    made.place_events(scenario, zero, &mut far, &params.camera)?;
+    for (faults, (engine, _)) in made.frames.iter_mut().zip(&mut drawing) {
+        faults.prepare(engine)?;
+    }
     let over = Arc::new(AtomicBool::new(false));
-    let (told, queue) = bounded::<FrameMeta>(TOLD_FRAMES);
+    let (told, queue) = bounded::<(usize, FrameMeta)>(TOLD_FRAMES * drawing.len());
     let ends = Ends { over: Arc::clone(&over), stop: Arc::clone(setting.stop) };
     let thread = fly(far, Arc::clone(&clock), ends, queue, setting.hygiene.map(Arc::clone))?;
     let real = real_time::Setting {
@@ -88,12 +93,13 @@ pub fn run_real(
         hygiene: setting.hygiene,
         ring_frames: setting.ring_frames,
     };
-    let mut seen = |frame: &SentFrame, record: &RunRecord| {
-        let _the_witness_may_be_busy = told.try_send(frame.meta.clone());
+    let mut seen = |head: usize, frame: &SentFrame, record: &RunRecord| {
+        let _the_witness_may_be_busy = told.try_send((head, frame.meta.clone()));
         progress(frame, record);
     };
-    let outcome =
-        real_time::run_spoilt(&real, &mut engine, &mut receiver, Some(&mut made.frames), near.into(), sink, &mut seen);
+    let parts = drawing.iter_mut().zip(tapped).zip(&mut made.frames);
+    let heads = parts.map(|(((engine, receiver), sink), faults)| Head { engine, receiver, sink, faults: Some(faults) });
+    let outcome = real_time::run_in(&real, heads.collect(), near.into(), &mut seen);
     let now = clock.now().min(end);
     over.store(true, Ordering::SeqCst);
     let far = joined(thread)?;
@@ -107,7 +113,7 @@ pub fn run_real(
     let predicted_pointing_rad = predicted_pointing_rad(far.computer.vehicle(), far.witness.assessment(), &params);
     let assessment = far.witness.finish(&record, &faults, now, 0);
     let simulated_s = (now - zero).s().max(0.0);
-    let (sinks, sink_lines) = (outcome.sink.into_iter().collect(), outcome.sinks);
+    let (sinks, sink_lines) = (outcome.summaries.into_iter().flatten().collect(), outcome.sinks);
     Ok(LoopOutcome {
         record,
         sinks,
@@ -126,7 +132,8 @@ struct Made {
     log: FaultLog,
     to_stimulator: FaultControl,
     to_computer: FaultControl,
-    frames: FrameFaults,
+    /// Of each head.
+    frames: Vec<FrameFaults>,
 }
 
 impl Made {
@@ -135,18 +142,19 @@ impl Made {
         scenario: &Scenario,
         zero: Tai,
         far: &mut FarSide,
-        [size_px, output_px]: [[usize; 2]; 2],
+        camera: &CameraParams,
     ) -> Result<(), LoopError> {
         let head = scenario.heads.first().copied().unwrap_or(Rotation::IDENTITY);
         let wheels = far.computer.vehicle().map_or(0, |vehicle| vehicle.wheel_speeds_rad_s().len());
+        let (heads, size_px, output_px) = (self.frames.len(), camera.sensor_px(), camera.output().size_px);
+        let there = Inventory { heads, wheels, size_px, output_px };
         let is_trigger = |event: &&Event| matches!(event.action, Action::Trigger { .. });
         let triggers = scenario.events.iter().filter(is_trigger);
         for event in scenario.events.iter().filter(|event| !is_trigger(event)).chain(triggers) {
             let what = action_name(&event.action);
-            check_places(event, Inventory { heads: 1, wheels, size_px, output_px })
-                .map_err(|why| LoopError::Event { what, why })?;
+            check_places(event, there).map_err(|why| LoopError::Event { what, why })?;
             let Self { log, to_stimulator, to_computer, frames } = self;
-            let mut places = Places { to_stimulator, to_computer, frames: vec![frames] };
+            let mut places = Places { to_stimulator, to_computer, frames: frames.iter_mut().collect() };
             far.take_event(event, zero, &head, log, &mut places);
         }
         Ok(())
@@ -162,7 +170,7 @@ impl Made {
         let places = PlacesRead {
             to_stimulator: &self.to_stimulator,
             to_computer: &self.to_computer,
-            frames: vec![&self.frames],
+            frames: self.frames.iter().collect(),
             aboard: &|number| far.hits_aboard(number),
         };
         self.log.lines(zero, &places)
@@ -189,7 +197,7 @@ fn fly(
     mut far: FarSide,
     clock: Arc<dyn Clock>,
     ends: Ends,
-    told: Queue<FrameMeta>,
+    told: Queue<(usize, FrameMeta)>,
     hygiene: Option<Arc<Hygiene>>,
 ) -> Result<JoinHandle<Result<FarSide, FarEndError>>, LoopError> {
     let flight = move || {
@@ -199,7 +207,7 @@ fn fly(
         while !ends.over.load(Ordering::Relaxed) {
             let now = clock.now();
             let next = far.step(now)?;
-            told.try_iter().for_each(|meta| far.witness_frame(0, &meta));
+            told.try_iter().for_each(|(head, meta)| far.witness_frame(head, &meta));
             clock.sleep_until(next.min(now + POLL));
         }
         Ok(far)

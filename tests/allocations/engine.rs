@@ -44,7 +44,7 @@ fn complaints_of(mut bench: Bench) -> Vec<String> {
     let mut frame = SentFrame::with_capacity(width, height, 16_384, camera.name.clone());
     engine.warm_up(&mut frame).unwrap();
     // Fewer than frames: records are overwritten too.
-    let mut record = RunRecord::with_ring(16);
+    let mut record = RunRecord::with_ring(16, 1);
     engine.follow_load();
     let mut cable = Cable::new(&bench, start);
     let mut wrong = Vec::new();

@@ -148,7 +148,8 @@ fn alone(bench: &Bench, ring_frames: usize) -> (Vec<FrameRecord>, starloop::runt
     let stop = Arc::new(AtomicBool::new(false));
     let setting = real_time::Setting { clock: &clock, stop: &stop, hygiene: None, ring_frames };
     let sink = Box::new(NullSink::new());
-    let outcome = real_time::run_in(&setting, &mut engine, &mut receiver, near.into(), sink, &mut |_, _| {});
+    let heads = vec![real_time::Head { engine: &mut engine, receiver: &mut receiver, sink, faults: None }];
+    let outcome = real_time::run_in(&setting, heads, near.into(), &mut |_, _, _| {});
     (outcome.record.ring.last().copied().collect(), outcome)
 }
 

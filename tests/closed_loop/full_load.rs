@@ -11,7 +11,7 @@ use starloop::base::clock::{Clock, Monotonic};
 use starloop::base::time::{Span, Tai};
 use starloop::link::simulated::{BusParams, BusTiming, SimulatedBus};
 use starloop::link::{Port, WireFormat};
-use starloop::runtime::real_time::{self, Setting, Sources};
+use starloop::runtime::real_time::{self, Head, Setting, Sources};
 use starloop::runtime::receiver::Receiver;
 use starloop::runtime::{FrameEngine, RunParams};
 use starloop::sink::NullSink;
@@ -110,8 +110,9 @@ fn a_full_bus_and_a_full_line_lose_nothing() {
     };
     let setting = Setting { clock: &clock, stop: &stop, hygiene: None, ring_frames: 64 };
     let sources = Sources { ports: vec![bus_port, line_port], pulses: None };
-    let outcome =
-        real_time::run_in(&setting, &mut engine, &mut receiver, sources, Box::new(NullSink::new()), &mut |_, _| {});
+    let sink = Box::new(NullSink::new());
+    let heads = vec![Head { engine: &mut engine, receiver: &mut receiver, sink, faults: None }];
+    let outcome = real_time::run_in(&setting, heads, sources, &mut |_, _, _| {});
     ender.unwrap().join().unwrap();
     assert!(outcome.error.is_none(), "{:?}", outcome.error.map(|error| error.to_string()));
     let load = bus.bus.statistics().load();

@@ -217,7 +217,7 @@ fn frames_are_spoilt_on_the_real_clock_too() {
     let stop = Arc::new(AtomicBool::new(false));
     let setting = RealSetting { stop: &stop, hygiene: None, ring_frames: 16 };
     let sink = Box::new(keeper.clone());
-    let outcome = run_real(&scenario, sink, &setting, |_| {}, Box::new(|_| {}), &mut |_, _| {}).unwrap();
+    let outcome = run_real(&scenario, vec![sink], &setting, |_| {}, Box::new(|_| {}), &mut |_, _| {}).unwrap();
     let seen = core::mem::take(&mut *keeper.0.lock().unwrap());
     let by_number = |number: u32| seen.iter().find(|seen| seen.meta.number == number);
     // A busy machine may hold or lose frames, and says so: what is looked at is what came in time.

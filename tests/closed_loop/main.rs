@@ -13,6 +13,7 @@ mod deadline;
 mod degraded;
 mod display;
 mod full_load;
+mod heads;
 mod imaging_faults;
 mod pixels;
 mod program;

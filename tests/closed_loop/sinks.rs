@@ -16,12 +16,12 @@ use starloop::wiring::bench_parts;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-const FRAMES: u64 = 14;
+pub(crate) const FRAMES: u64 = 14;
 /// Frames that the slow sink may be behind.
 const ROOM: usize = 3;
 
 /// What goes wrong with a sink.
-enum Trouble {
+pub(crate) enum Trouble {
     /// It is busy with its first frame until the end of the run.
     Slow(Gate<()>),
     /// The disk is full for frames with an odd number.
@@ -30,9 +30,9 @@ enum Trouble {
     Breaks,
 }
 
-struct Troubled {
-    inner: NullSink,
-    trouble: Trouble,
+pub(crate) struct Troubled {
+    pub(crate) inner: NullSink,
+    pub(crate) trouble: Trouble,
 }
 
 impl Sink for Troubled {
@@ -57,7 +57,7 @@ impl Sink for Troubled {
     }
 }
 
-fn bench() -> Bench {
+pub(crate) fn bench() -> Bench {
     let mut bench = built_in(0.1 * FRAMES as f64);
     bench.camera.detector.width_px = 64;
     bench.camera.detector.height_px = 64;

@@ -1,0 +1,215 @@
+//! Several camera heads: each shows the sky where it is mounted, on both clocks, and none has to wait for another's sink.
+
+use crate::bench::start;
+use crate::pixels::scenario;
+use crate::sinks::{FRAMES, Trouble, Troubled, bench};
+use crossbeam_channel::bounded;
+use glam::DQuat;
+use starloop::base::clock::{Clock, Monotonic};
+use starloop::base::time::Span;
+use starloop::config::{Bench, Document};
+use starloop::link::Port;
+use starloop::link::simulated::simulated_pair;
+use starloop::report::{Fate, MissCause};
+use starloop::runtime::real_time::{self, Head, Setting};
+use starloop::runtime::receiver::Receiver;
+use starloop::runtime::{EventKind, FrameEngine};
+use starloop::sink::{NullSink, Sink};
+use starloop::wiring::bench_parts;
+use starloop::wiring::real_loop::{RealSetting, run_real};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::Command;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
+
+/// Mountings of the heads of `configs/benches/three_heads.toml`, w x y z, written down by hand.
+const MOUNTINGS: [[f64; 4]; 3] = [
+    [0.92387953, 0.38268343, 0.0, 0.0],
+    [0.92387953, -0.19134172, 0.33141357, 0.0],
+    [0.92387953, -0.19134172, -0.33141357, 0.0],
+];
+
+fn quaternion([w, x, y, z]: [f64; 4]) -> DQuat {
+    DQuat::from_xyzw(x, y, z, w).normalize()
+}
+
+/// The angle between two attitudes, rad.
+fn apart(a: DQuat, b: DQuat) -> f64 {
+    2.0 * (a * b.conjugate()).xyz().length().min(1.0).asin()
+}
+
+/// Attitude of every frame of its own of one head, by number, from the files of a run.
+fn attitudes(run: &Path, head: usize) -> BTreeMap<u32, DQuat> {
+    let mut reader = csv::Reader::from_path(run.join(format!("head{head}/frames.csv"))).unwrap();
+    let names = reader.headers().unwrap().clone();
+    let place = |name: &str| names.iter().position(|other| other == name).unwrap();
+    let (number, faults, q) = (place("frame"), place("faults"), ["qw", "qx", "qy", "qz"].map(place));
+    let rows = reader.records().map(Result::unwrap).filter(|row| !row[faults].contains("duplicate"));
+    rows.map(|row| (row[number].parse().unwrap(), quaternion(q.map(|place| row[place].parse().unwrap())))).collect()
+}
+
+#[test]
+fn each_head_shows_the_sky_where_it_is_mounted() {
+    let folder = tempfile::tempdir().unwrap();
+    let bench = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/benches/three_heads.toml");
+    for clock in ["virtual", "real"] {
+        let out = folder.path().join(clock);
+        let arguments = ["run", bench.to_str().unwrap(), "--duration", "1.5", "--sink", "recorder", "--quiet"];
+        let mut command = Command::new(env!("CARGO_BIN_EXE_starloop"));
+        let done = command.args(arguments).args(["--clock", clock, "--out"]).arg(&out).output().unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        let of_heads = [0, 1, 2].map(|head| attitudes(&out, head));
+        let mut compared = 0;
+        for (number, first) in &of_heads[0] {
+            for head in [1, 2] {
+                let Some(attitude) = of_heads[head].get(number) else { continue };
+                let between = |a: usize| quaternion(MOUNTINGS[a]) * quaternion(MOUNTINGS[0]).conjugate();
+                let seen = *attitude * first.conjugate();
+                assert!(
+                    apart(seen, between(head)) < 1e-8,
+                    "frame {number} of head {head}: {}",
+                    apart(seen, between(head))
+                );
+                assert!(apart(seen, between(3 - head)) > 0.5, "control: the other head is mounted elsewhere");
+                compared += 1;
+            }
+        }
+        // A busy machine may hold frames on the real clock, and says so.
+        assert!(compared == 30 || (clock == "real" && compared > 0), "{compared} of 30 on the {clock} clock");
+        let summary: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap();
+        assert_eq!(summary["frames"]["scheduled"], 45);
+        let places: Vec<&str> =
+            summary["sinks"].as_array().unwrap().iter().map(|s| s["place"].as_str().unwrap()).collect();
+        assert_eq!(places, ["head0 sink", "head1 sink", "head2 sink"]);
+    }
+}
+
+#[test]
+fn heads_have_patterns_and_noise_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let bench = folder.path().join("bench.toml");
+    // All look the same way.
+    std::fs::write(&bench, "[[extra_head]]\nsensor_from_body = [1.0, 0.0, 0.0, 0.0]\n").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_starloop"));
+    let arguments = ["run", "bench.toml", "--clock", "virtual", "--duration", "0.3", "--out", "out", "--quiet"];
+    let done = command.args(arguments).current_dir(folder.path()).output().unwrap();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let read = |name: &str| std::fs::read(folder.path().join("out").join(name)).unwrap();
+    let stars = |head: usize| read(&format!("head{head}/frame_000001.truth.csv"));
+    assert_eq!(stars(0), stars(1), "the same stars at the same places");
+    assert_ne!(read("head0/frame_000001.fits"), read("head1/frame_000001.fits"));
+}
+
+/// The bench of [`bench`] with three heads.
+fn three() -> Bench {
+    let mut bench = bench();
+    bench.extra_heads = vec![bench.sensor_from_body; 2];
+    bench
+}
+
+#[test]
+fn a_head_whose_sink_is_stuck_costs_the_others_nothing() {
+    let (at_end, gate) = bounded(0);
+    let bench = three();
+    let start = start(&bench);
+    let mut heads: Vec<(FrameEngine, Receiver)> = (bench.heads().into_iter().enumerate())
+        .map(|(number, mounting)| {
+            let params = bench_parts::run_params(&bench_parts::bench_of_head(&bench, number, mounting), start).unwrap();
+            let receiver = Receiver::new(params.attitude.clone()).unwrap();
+            (FrameEngine::new(params).unwrap(), receiver)
+        })
+        .collect();
+    let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
+    let (bus, format) = bench_parts::bus(&bench);
+    let (near, _far) = simulated_pair(bus, &clock);
+    let port = Port::new(Box::new(near), format, firmware_protocol::can::IdMap::new(0, 0).unwrap());
+    let stop = Arc::new(AtomicBool::new(false));
+    let setting = Setting { clock: &clock, stop: &stop, hygiene: None, ring_frames: FRAMES as usize };
+    let mut gate = Some(gate);
+    let parts = heads.iter_mut().enumerate().map(|(number, (engine, receiver))| {
+        let trouble = (number == 1).then(|| gate.take()).flatten();
+        let sink: Box<dyn Sink> = match trouble {
+            Some(gate) => Box::new(Troubled { inner: NullSink::new(), trouble: Trouble::Slow(gate) }),
+            None => Box::new(NullSink::new()),
+        };
+        Head { engine, receiver, sink, faults: None }
+    });
+    let mut at_end = Some(at_end);
+    let outcome = real_time::run_in(&setting, parts.collect(), port.into(), &mut |head, frame, _| {
+        if head == 2 && u64::from(frame.meta.number) + 1 == FRAMES {
+            at_end = None;
+        }
+    });
+    assert!(outcome.error.is_none(), "{:?}", outcome.error.as_ref().map(ToString::to_string));
+    let frames = outcome.record.frames;
+    assert_eq!((frames.scheduled, frames.delivered + frames.dropped), (3 * FRAMES, 3 * FRAMES), "{frames:?}");
+    let of = |head: usize| outcome.record.ring.last().filter(move |record| record.head == head);
+    for head in 0..3 {
+        assert_eq!(of(head).count() as u64, FRAMES, "head {head}: a record of every slot");
+        let busy = of(head).filter(|record| record.cause == Some(MissCause::SinkBusy)).count() as u64;
+        let wanted = if head == 1 { outcome.record.ledger.count(EventKind::SinkBusy) } else { 0 };
+        assert_eq!(busy, wanted, "head {head}");
+    }
+    let stuck = of(1).filter(|record| record.fate == Fate::Dropped).count();
+    assert!(stuck >= FRAMES as usize - 5, "control: head 1 has four buffers, all of them stuck: {stuck} dropped");
+}
+
+#[test]
+fn three_heads_fly_on_the_real_clock() {
+    let mut scenario = scenario("three_heads");
+    scenario.bench.timing.duration_s = 5.0;
+    scenario.events.clear();
+    let stop = Arc::new(AtomicBool::new(false));
+    let setting = RealSetting { stop: &stop, hygiene: None, ring_frames: 16 };
+    let sinks = (0..3).map(|_| Box::new(NullSink::new()) as Box<dyn Sink>).collect();
+    let most_solved = Arc::new(Mutex::new(0));
+    let seen = Arc::clone(&most_solved);
+    let on_row = Box::new(move |row: &starloop::testbed::vehicle::TelemetryRow| {
+        let mut most = seen.lock().unwrap();
+        *most = row.heads_solved.max(*most);
+    });
+    let mut interpolated = 0;
+    let mut count = |frame: &starloop::sink::SentFrame, _: &starloop::runtime::RunRecord| {
+        interpolated += u64::from(frame.meta.origin == "interpolated");
+    };
+    let outcome = run_real(&scenario, sinks, &setting, |_| {}, on_row, &mut count).unwrap();
+    let frames = &outcome.record.frames;
+    assert_eq!((frames.scheduled, frames.delivered + frames.dropped), (30, 30), "{frames:?}");
+    assert_eq!(outcome.sinks.len(), 3);
+    assert_eq!(outcome.assessment.violations().1, Vec::<String>::new());
+    // On a busy machine every attitude may have been predicted, and the frames say so.
+    assert!(outcome.assessment.rendered().0 > 0 || interpolated == 0, "{interpolated} frames claim to show the truth");
+    // A machine that is too busy to draw in time holds frames: then nothing can be said of the trackers.
+    let (most, in_time) = (*most_solved.lock().unwrap(), frames.late == 0);
+    assert!(most == 3 || !in_time, "{most} heads solved, {frames:?}");
+    println!("{most} heads solved, {interpolated} frames interpolated, {frames:?}");
+}
+
+#[test]
+fn benches_with_heads_are_refused_what_they_cannot_have() {
+    let refused = |text: &str| {
+        let document = Document::from_text(text, Path::new("bench.toml"));
+        Bench::from_document(&document).unwrap_err().to_string()
+    };
+    let head = "[[extra_head]]\nsensor_from_body = [1.0, 0.0, 0.0, 0.0]\n";
+    let error = refused("[[extra_head]]\n");
+    assert!(error.contains("extra_head[0].sensor_from_body") && error.contains("missing"), "{error}");
+    let error = refused(&head.repeat(8));
+    assert!(error.contains("extra_head") && error.contains("at most 7"), "{error}");
+    let error = refused(&format!("{head}[sink]\nkind = \"display\"\n"));
+    assert!(error.contains("sink.kind") && error.contains("one head"), "{error}");
+    let most = Document::from_text(&head.repeat(7), Path::new("bench.toml"));
+    assert_eq!(Bench::from_document(&most).unwrap().heads().len(), 8, "this side of the edge");
+    let params = |text: &str| {
+        let bench = Bench::from_document(&Document::from_text(text, Path::new("bench.toml"))).unwrap();
+        bench_parts::run_params(&bench, start(&bench)).unwrap()
+    };
+    let (one, eight) = (params(""), params(&head.repeat(7)));
+    let cost = starloop::exposure::cost::CostModel::CPU;
+    let detector_ms = one.camera.predicted_readout_ms(&cost);
+    let whole = one.drawing_budget_ms(&cost) + detector_ms;
+    assert!((eight.drawing_budget_ms(&cost) + detector_ms - whole / 8.0).abs() < 1e-9, "an eighth of the time each");
+    assert_eq!(one.frame_period, Span::from_ms(100));
+}
