@@ -267,6 +267,14 @@ fn each_bench_rule_has_a_failing_example() {
         ("[accuracy]\ncentroid_px = 0", "accuracy.centroid_px", ["above 0", "0.002"]),
         ("[render]\nbackend = \"cuda\"", "render.backend", ["\"reference\"", "auto"]),
         ("[render]\nmethod = \"effective\"", "render.method", ["samples", "auto"]),
+    ] {
+        assert_refused(bench(text), key, &parts);
+    }
+}
+
+#[test]
+fn each_rule_of_sinks_has_a_failing_example() {
+    for (text, key, parts) in [
         ("[sink]\nkind = \"null\"\nfits = true", "sink.fits", ["unknown key", "kind = \"null\""]),
         ("[sink]\nfit = true", "sink.fit", ["did you mean `fits`", "png_every"]),
         ("[sink]\nfits = 3", "fits = 3", ["bench.toml:2", "boolean"]),
