@@ -84,9 +84,10 @@ format() {
     cargo fmt --check --manifest-path tests/fuzz/Cargo.toml
 }
 
-lint() { cargo clippy --locked --workspace --all-targets --release -- -D warnings; }
+# One build has all there is: what is off by default is tested too.
+lint() { cargo clippy --locked --workspace --all-features --all-targets --release -- -D warnings; }
 
-build() { cargo test --locked --workspace --release --no-run; }
+build() { cargo test --locked --workspace --all-features --release --no-run; }
 
 # The whole output goes to the log; the terminal gets its course and what went wrong.
 run_tests() {
@@ -95,7 +96,7 @@ run_tests() {
     else
         echo "no Vulkan driver: GPU tests will be skipped"
     fi
-    cargo test --locked --workspace --release --no-fail-fast -- --show-output 2>&1 | tee "$log" |
+    cargo test --locked --workspace --all-features --release --no-fail-fast -- --show-output 2>&1 | tee "$log" |
         { grep -E '^ +(Running|Doc-tests)|^test result|^SKIPPED:|FAILED' || true; }
 }
 

@@ -1,7 +1,7 @@
 """Tests of what starloop records, with programs that nobody here wrote: python3 hil_scripts/test_recorders.py
 
 FITS files are read by astropy, SER files by a reader written here from the description of the format and by Siril, shared
-memory by another process. STARLOOP_BINARY names the program (default target/release/starloop).
+memory by another process, through iceoryx2 with that project's own Python package. STARLOOP_BINARY names the program (default target/release/starloop).
 """
 
 import csv
@@ -20,6 +20,7 @@ import zlib
 from datetime import datetime, timedelta
 from pathlib import Path
 
+import iceoryx2
 import numpy
 from astropy.io import fits
 from astropy.time import Time
@@ -27,6 +28,7 @@ from astropy.time import Time
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+from iceoryx_frames import IceoryxFrames
 from shared_frames import SharedFrames
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -244,6 +246,60 @@ class Recorders(unittest.TestCase):
         sinks = {sink["place"]: sink for sink in self.summary()["sinks"]}
         self.assertEqual(sinks["extra_sink[0]"]["sink"], "shared_memory")
         self.assertEqual(sinks["extra_sink[0]"]["frames"], published)
+
+    def test_an_iceoryx2_reader_gets_the_bits_that_are_recorded(self):
+        service = f"starloop/test/{os.getpid()}"
+        sinks = f'[sink]\nkind = "recorder"\n[[extra_sink]]\nkind = "iceoryx2"\nservice = "{service}"\nslots = 16\n'
+        running = subprocess.Popen(command(self.folder, sinks, "--duration", "4"), stderr=subprocess.PIPE, text=True)
+        self.addCleanup(running.stderr.close)
+        reader = None
+        while reader is None:
+            if running.poll() is not None:
+                error = running.stderr.read()
+                if "--features iceoryx2" in error:
+                    self.skipTest("starloop was built without --features iceoryx2")
+                self.fail(error)
+            try:
+                reader = IceoryxFrames(service)
+            except iceoryx2.PublishSubscribeOpenError:
+                time.sleep(0.02)
+        with reader:
+            frames = list(reader.frames())
+        self.assertEqual(running.wait(), 0)
+        listed = {int(row["frame"]): row for row in rows(self.out)}
+        self.assertGreater(len(frames), 10)
+        self.assertEqual([frame.head.frame for frame in frames], sorted({frame.head.frame for frame in frames}))
+        for head, pixels in frames:
+            row = listed[head.frame]
+            with fits.open(self.out / f"frame_{head.frame:06}.fits") as recorded:
+                image = recorded[0].data.astype("=u2")
+            self.assertEqual(image.shape, (head.height_px, head.width_px))
+            self.assertEqual(pixels, image.tobytes())
+            image[0, 0] ^= 1
+            self.assertNotEqual(pixels, image.tobytes(), "the comparison can fail")
+            self.assertEqual(f"{head.pixel_crc32:08x}", row["pixel_crc32"])
+            self.assertEqual(head.mid_exposure_tai_ns, int(row["mid_exposure_tai_ns"]))
+            self.assertEqual((head.attitude_wxyz[0], head.ra_dec_roll_deg[0]), (float(row["qw"]), float(row["ra_deg"])))
+        sinks = {sink["place"]: sink for sink in self.summary()["sinks"]}
+        self.assertEqual(sinks["extra_sink[0]"]["sink"], "iceoryx2")
+        self.assertEqual(frames[-1].head.serial, sinks["extra_sink[0]"]["frames"], "the last one arrived")
+        self.assertEqual(reader.missed, 0)
+
+    def test_a_recorder_beside_the_first_sink_writes_where_it_says(self):
+        disk = self.folder / "other disk"
+        sinks = SER_RECORDER + f'[[extra_sink]]\nkind = "recorder"\ndirectory = "{disk}"\n'
+        done = run(self.folder, sinks, "--clock", "virtual", "--duration", "1")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        place = disk / self.out.name
+        self.assertEqual(rows(place), rows(self.out))
+        self.assertEqual(len(list(place.glob("*.fits"))), 10)
+        self.assertEqual(list(self.out.glob("extra*")), [])
+        told = {sink["place"]: sink["output"] for sink in self.summary()["sinks"]}
+        self.assertEqual(told["extra_sink[0]"], str(place))
+        same = sinks.replace("fits = false", 'fits = false\ndirectory = "a"').replace(str(disk), "./a")
+        refused = run(self.folder, same, "--clock", "virtual", "--duration", "1")
+        self.assertIn("extra_sink[0].directory", refused.stderr)
+        self.assertIn("no other sink has", refused.stderr)
 
     def test_each_head_has_its_own_sinks(self):
         scenario = ROOT / "configs/scenarios/three_heads.toml"

@@ -85,6 +85,7 @@ fn run_arguments(arguments: &BudgetArgs) -> RunArgs {
         control: None,
         capture: None,
         monitor: None,
+        monitor_names: Vec::new(),
         capture_format: CaptureFormatName::Pcapng,
         json: false,
         quiet: false,

@@ -14,13 +14,15 @@ use std::sync::Arc;
 /// When nobody can listen at the address.
 pub(super) fn beside(
     sink: Box<dyn Sink>,
-    address: SocketAddr,
+    (address, names): (SocketAddr, &[String]),
     bench: &str,
     engine: &FrameEngine,
 ) -> Result<(Box<dyn Sink>, LiveView, Numbers)> {
     // The view tells people when a frame came: its clock is the machine's, also on a simulated bench.
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
-    let (view, shown, numbers) = LiveView::start(params(address, bench, engine), clock).context("--monitor")?;
+    let (view, shown, numbers) =
+        LiveView::start(Params { names: names.to_vec(), ..params(address, bench, engine) }, clock)
+            .context("--monitor")?;
     eprintln!("live view: http://{}/", view.address());
     if view.is_exposed() {
         let address = view.address();
@@ -39,6 +41,7 @@ fn params(address: SocketAddr, bench: &str, engine: &FrameEngine) -> Params {
     };
     Params {
         address,
+        names: Vec::new(),
         bench: bench.into(),
         camera: Arc::clone(&camera.name),
         size_px: output.size_px,

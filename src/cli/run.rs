@@ -84,6 +84,10 @@ pub struct RunArgs {
     /// ADDRESS:PORT; port 0 takes a free one (a bench)
     #[arg(long, value_name = "ADDRESS")]
     pub(super) monitor: Option<TcpAddress>,
+    /// Name of this machine under which browsers and Prometheus ask for --monitor, such as lab-pc; addresses and localhost
+    /// need none; may be repeated
+    #[arg(long = "monitor-name", value_name = "NAME", requires = "monitor")]
+    pub(super) monitor_names: Vec<String>,
     /// Print nothing but errors
     #[arg(long)]
     pub(super) quiet: bool,
@@ -263,7 +267,8 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let mut view = None;
     let mut numbers = None;
     if let Some(address) = arguments.monitor {
-        let (both, started, told) = live_view::beside(sink, address.socket(), &bench.name, engine)?;
+        let (both, started, told) =
+            live_view::beside(sink, (address.socket(), &arguments.monitor_names), &bench.name, engine)?;
         (sink, view, numbers) = (both, Some(started), Some(told));
     }
     sinks.insert(0, sink);

@@ -3,7 +3,6 @@
 use crate::config::check::Checker;
 use crate::config::error::ConfigError;
 use crate::sink::fits::FitsImage;
-use crate::sink::fits::read::OwnedPixels;
 use std::fs::File;
 use std::io::BufReader;
 
@@ -32,12 +31,5 @@ pub(super) fn read(check: &Checker<'_>, key: &str, path: &str, size_px: [u32; 2]
             "crop or bin the image, or change detector.width_px and height_px",
         ));
     }
-    let is_upside_down = image.header.text("ROWORDER").is_some_and(|order| order.trim() == "BOTTOM-UP");
-    let pixels: Vec<f32> = match image.pixels {
-        OwnedPixels::U16(pixels) => pixels.into_iter().map(f32::from).collect(),
-        OwnedPixels::F32(pixels) => pixels,
-        OwnedPixels::F64(pixels) => pixels.into_iter().map(|value| value as f32).collect(),
-    };
-    let top_row_first = || pixels.rchunks_exact(width.max(1)).flatten().copied().collect();
-    Ok(if is_upside_down { top_row_first() } else { pixels })
+    Ok(image.top_row_first().into_iter().map(|value| value as f32).collect())
 }

@@ -10,7 +10,6 @@ use crate::optics::measured::{Background, Holds, MeasuredError, Measurement, Sta
 use crate::optics::psf_field::{MOST_NODES, PsfField};
 use crate::optics::{PsfGrid, PsfModel};
 use crate::sink::fits::FitsImage;
-use crate::sink::fits::read::OwnedPixels;
 use serde::Deserialize;
 
 /// Default exponent of a Moffat profile: turbulence (Trujillo et al. 2001).
@@ -179,15 +178,7 @@ pub(super) fn field(
     Ok(PsfModel::field(field.map_err(|error| check.invalid("psf.node", error.to_string(), "a field", advice))?))
 }
 
-/// The PSF of a FITS image; its first row is the top one unless it says `ROWORDER = 'BOTTOM-UP'`.
+/// The PSF of a FITS image.
 fn grid_of(image: &FitsImage, how: &Measurement) -> Result<PsfGrid, MeasuredError> {
-    let mut samples: Vec<f64> = match &image.pixels {
-        OwnedPixels::U16(pixels) => pixels.iter().map(|v| f64::from(*v)).collect(),
-        OwnedPixels::F32(pixels) => pixels.iter().map(|v| f64::from(*v)).collect(),
-        OwnedPixels::F64(pixels) => pixels.clone(),
-    };
-    if image.header.text("ROWORDER").is_some_and(|order| order.trim() == "BOTTOM-UP") {
-        samples = samples.rchunks_exact(image.width.max(1)).flatten().copied().collect();
-    }
-    how.psf(&samples, image.width)
+    how.psf(&image.top_row_first(), image.width)
 }

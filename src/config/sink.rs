@@ -8,10 +8,12 @@ use crate::config::error::ConfigError;
 use crate::config::network_camera as network_camera_keys;
 use crate::network_camera::Params as NetworkCameraParams;
 use serde::Deserialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Frames that may wait for a sink on the real clock, unless it says otherwise: most of a second at 10 Hz.
 const USUAL_QUEUE: u32 = 8;
+/// Names of iceoryx2 services have at most 255 bytes; a head's number is added.
+const SERVICE_BYTES_MAX: usize = 240;
 
 /// A sink with what all kinds have, checked.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,7 +29,8 @@ pub struct SinkSettings {
 pub enum Sink {
     /// Files.
     Recorder {
-        /// Output directory, relative to the working directory; `None`: below that of the run.
+        /// Output directory, relative to the working directory: each run has one of its own in it. `None`: below that of
+        /// the run.
         directory: Option<PathBuf>,
         /// One FITS file per frame.
         fits: bool,
@@ -41,6 +44,13 @@ pub enum Sink {
         /// The file that holds it; in `/dev/shm` it never meets a disk.
         path: PathBuf,
         /// Frames there is room for before the oldest is overwritten.
+        slots: u32,
+    },
+    /// An iceoryx2 service, for programs on this machine.
+    Iceoryx {
+        /// Its name.
+        service: String,
+        /// Frames that a reader may be behind.
         slots: u32,
     },
     /// A camera on the network.
@@ -58,11 +68,31 @@ impl Sink {
         match self {
             Self::Recorder { .. } => "recorder",
             Self::SharedMemory { .. } => "shared_memory",
+            Self::Iceoryx { .. } => "iceoryx2",
             Self::NetworkCamera(_) => "network_camera",
             Self::Display(_) => "display",
             Self::Null => "null",
         }
     }
+
+    /// The key that says where it writes to, and where that is, when nobody else may write there.
+    fn place(&self) -> Option<(&'static str, String)> {
+        match self {
+            Self::Recorder { directory, .. } => Some(("directory", plain(directory.as_deref()?))),
+            Self::SharedMemory { path, .. } => Some(("path", plain(path))),
+            Self::Iceoryx { service, .. } => Some(("service", service.clone())),
+            Self::NetworkCamera(params) if params.port != 0 => {
+                Some(("address", format!("{}:{}", params.address, params.port)))
+            }
+            Self::NetworkCamera(_) | Self::Display(_) | Self::Null => None,
+        }
+    }
+}
+
+/// A path without detours, for comparing.
+fn plain(path: &Path) -> String {
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
+    path.components().collect::<PathBuf>().display().to_string()
 }
 
 /// A kind before its keys are read.
@@ -70,16 +100,18 @@ impl Sink {
 enum Kind {
     Recorder,
     SharedMemory,
+    Iceoryx,
     NetworkCamera,
     Display,
     Null,
 }
 
 /// Every kind by its word.
-const KINDS: [(&str, Kind); 5] = [
+const KINDS: [(&str, Kind); 6] = [
     ("recorder", Kind::Recorder),
     ("null", Kind::Null),
     ("shared_memory", Kind::SharedMemory),
+    ("iceoryx2", Kind::Iceoryx),
     ("network_camera", Kind::NetworkCamera),
     ("display", Kind::Display),
 ];
@@ -109,6 +141,13 @@ struct RecorderKeys {
 #[serde(deny_unknown_fields)]
 struct SharedMemoryKeys {
     path: Option<String>,
+    slots: Option<i64>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct IceoryxKeys {
+    service: Option<String>,
     slots: Option<i64>,
 }
 
@@ -152,7 +191,17 @@ impl SinkSettings {
                 let advice = "it stands beside [sink], and gets the same frames";
                 return Err(check.invalid(&format!("{name}.kind"), "missing", format!("one of \"{words}\""), advice));
             }
-            sinks.push(Self::check(&name, keys, bench, image_px, check)?);
+            let settings = Self::check(&name, keys, bench, image_px, check)?;
+            let place = settings.sink.place();
+            if let Some(other) = place.as_ref().and_then(|_| sinks.iter().position(|other| other.sink.place() == place))
+            {
+                let other = other.checked_sub(1).map_or_else(|| "sink".into(), |extra| format!("extra_sink[{extra}]"));
+                let (key, got) = place.unwrap_or_default();
+                let got = format!("{got}, which {other} has");
+                let advice = "two sinks would write over each other: give each a place of its own";
+                return Err(check.invalid(&format!("{name}.{key}"), got, "a place that no other sink has", advice));
+            }
+            sinks.push(settings);
         }
         Ok(sinks)
     }
@@ -184,6 +233,7 @@ fn read_kind(kind: Kind, table: &SinkTable<'_>, check: &mut Checker<'_>) -> Resu
     match kind {
         Kind::Recorder => recorder(table, check),
         Kind::SharedMemory => shared_memory(table, check),
+        Kind::Iceoryx => iceoryx(table, check),
         Kind::NetworkCamera => {
             let keys = check.document.read_table(&table.keys, table.name, " (kind = \"network_camera\")")?;
             network_camera_keys::check(&keys, &table.key(""), check).map(|params| Sink::NetworkCamera(Box::new(params)))
@@ -229,7 +279,37 @@ fn shared_memory(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink,
     if path.trim().is_empty() {
         return Err(check.invalid(&key, "empty", "a file", "in memory, such as \"/dev/shm/starloop\""));
     }
+    Ok(Sink::SharedMemory { path: path.into(), slots: slots(table, keys.slots, check)? })
+}
+
+fn iceoryx(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, ConfigError> {
+    let keys: IceoryxKeys = check.document.read_table(&table.keys, table.name, " (kind = \"iceoryx2\")")?;
+    let key = table.key("service");
+    if !cfg!(feature = "iceoryx2") {
+        let advice = "build with `cargo build --release --features iceoryx2`, or use kind = \"shared_memory\"";
+        return Err(check.invalid(
+            &table.key("kind"),
+            "\"iceoryx2\"",
+            "a kind that this starloop was built with",
+            advice,
+        ));
+    }
+    let service = check.given_or(&key, keys.service, format!("starloop/{}", table.bench));
+    if service.trim().is_empty() || service.len() > SERVICE_BYTES_MAX {
+        let got = format!("{} bytes", service.len());
+        let wanted = format!("1 to {SERVICE_BYTES_MAX} bytes");
+        return Err(check.invalid(
+            &key,
+            got,
+            wanted,
+            "the name under which readers open it, such as \"starloop/frames\"",
+        ));
+    }
+    Ok(Sink::Iceoryx { service, slots: slots(table, keys.slots, check)? })
+}
+
+/// Frames that a reader may be behind.
+fn slots(table: &SinkTable<'_>, given: Option<i64>, check: &mut Checker<'_>) -> Result<u32, ConfigError> {
     let advice = "frames that a slow reader may be behind; each takes the memory of a frame";
-    let slots = check.whole(&table.key("slots"), keys.slots, Some(4), 2..=64, advice)?;
-    Ok(Sink::SharedMemory { path: path.into(), slots })
+    check.whole(&table.key("slots"), given, Some(4), 2..=64, advice)
 }

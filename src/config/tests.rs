@@ -267,6 +267,14 @@ fn each_bench_rule_has_a_failing_example() {
         ("[accuracy]\ncentroid_px = 0", "accuracy.centroid_px", ["above 0", "0.002"]),
         ("[render]\nbackend = \"cuda\"", "render.backend", ["\"reference\"", "auto"]),
         ("[render]\nmethod = \"effective\"", "render.method", ["samples", "auto"]),
+    ] {
+        assert_refused(bench(text), key, &parts);
+    }
+}
+
+#[test]
+fn each_rule_of_sinks_has_a_failing_example() {
+    for (text, key, parts) in [
         ("[sink]\nkind = \"null\"\nfits = true", "sink.fits", ["unknown key", "kind = \"null\""]),
         ("[sink]\nfit = true", "sink.fit", ["did you mean `fits`", "png_every"]),
         ("[sink]\nfits = 3", "fits = 3", ["bench.toml:2", "boolean"]),
@@ -275,12 +283,31 @@ fn each_bench_rule_has_a_failing_example() {
         ("[sink]\nkind = \"recordr\"", "sink.kind", ["did you mean \"recorder\"", "null"]),
         ("[[extra_sink]]\nfits = true", "extra_sink[0].kind", ["missing", "beside [sink]"]),
         (
+            "[sink]\ndirectory = \"a/b\"\n[[extra_sink]]\nkind = \"recorder\"\ndirectory = \"./a//b\"",
+            "extra_sink[0].directory",
+            ["which sink has", "no other sink"],
+        ),
+        (
+            "[[extra_sink]]\nkind = \"shared_memory\"\n[[extra_sink]]\nkind = \"shared_memory\"",
+            "extra_sink[1].path",
+            ["which extra_sink[0] has", "no other sink"],
+        ),
+        (
             "[[extra_sink]]\nkind = \"null\"\n[[extra_sink]]\nkind = \"null\"\nfits = true",
             "extra_sink[1].fits",
             ["bench.toml:5", "unknown key"],
         ),
         ("[sink]\nkind = \"shared_memory\"\npath = \"\"", "sink.path", ["empty", "/dev/shm"]),
         ("[sink]\nkind = \"shared_memory\"\nslots = 65", "sink.slots", ["from 2 to 64", "memory"]),
+        (
+            "[sink]\nkind = \"iceoryx2\"\nslots = 1",
+            if cfg!(feature = "iceoryx2") { "sink.slots" } else { "sink.kind" },
+            if cfg!(feature = "iceoryx2") {
+                ["from 2 to 64", "memory"]
+            } else {
+                ["was built with", "--features iceoryx2"]
+            },
+        ),
         ("[sink]\ndirectory = \" \"", "sink.directory", ["empty", "working directory"]),
         ("[sink]\npng_every = -1", "sink.png_every", ["whole number", "PNG"]),
     ] {

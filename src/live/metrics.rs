@@ -162,7 +162,11 @@ fn run(out: &mut Text, numbers: &RunNumbers) {
     let counts = [
         ("frames_scheduled", "Slots that came up.", frames.scheduled),
         ("frames_rendered", "Frames drawn.", frames.rendered),
-        ("frames_delivered", "Frames known to be out when these numbers were taken.", frames.delivered),
+        (
+            "frames_delivered",
+            "Frames handed to the sinks' queues; what each sink made of them is told when the run ends.",
+            frames.delivered,
+        ),
         ("frames_late", "Frames finished after their deadline.", frames.late),
         ("frames_held", "Frames repeated because the new one was not ready.", frames.held),
         ("frames_dropped", "Slots without a frame.", frames.dropped),
@@ -184,6 +188,12 @@ fn run(out: &mut Text, numbers: &RunNumbers) {
 
 fn ports(out: &mut Text, numbers: &RunNumbers) {
     let numbered = || numbers.ports().iter().enumerate().map(|(i, port)| (i.to_string(), port));
+    out.single(
+        "link_ports_left_out",
+        "gauge",
+        "Ports of the bus of which nothing is told here.",
+        numbers.ports_left_out(),
+    );
     out.family("link_total", "counter", "What each port of the bus counted, by counter.");
     for (port, counts) in numbered() {
         for (counter, count) in counts.counters.iter() {
@@ -235,6 +245,7 @@ mod tests {
         for wanted in [
             "starloop_frame_number 4",
             "starloop_link_total{port=\"0\",counter=\"packets_received\"} 120",
+            "starloop_link_ports_left_out 0",
             "starloop_events_total{kind=\"late\"} 2",
             "starloop_stage_duration_seconds_bucket{stage=\"render\",le=\"0.005\"} 0",
             "starloop_stage_duration_seconds_bucket{stage=\"render\",le=\"0.01\"} 1",

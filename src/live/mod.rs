@@ -9,8 +9,8 @@
 //! start. Output: `/` (the page, which loads nothing from elsewhere), `/frame.png`, `/truth.json`, `/state.json` and
 //! `/metrics` (Prometheus text 0.0.4). Units are in the names.
 //!
-//! Read-only: GET and HEAD, everything else is 405. No password: loopback unless told otherwise, and on loopback only a
-//! browser that asks for a loopback name is answered. Nothing here runs on the frame thread but a copy of 15 KiB; a sink
+//! Read-only: GET and HEAD, everything else is 405. No password: loopback unless told otherwise, and only who asks for an
+//! address of this machine, `localhost` or a name it was told is answered. Nothing here runs on the frame thread but a copy of 15 KiB; a sink
 //! thread waits for no client, as the buffers change places under a lock that is held for two moves. Bounded: clients
 //! ([`CLIENTS_MAX`]), time of a connection, size of a request, one encoding at a time for a quarter of a core at most.
 //!
@@ -50,6 +50,8 @@ use std::sync::Arc;
 pub struct Params {
     /// Where to listen; port 0 takes a free one.
     pub address: SocketAddr,
+    /// Names of this machine by which it may be asked, beside `localhost` and addresses; without a port.
+    pub names: Vec<String>,
     /// Name of the bench.
     pub bench: String,
     /// Name of the camera.

@@ -8,12 +8,13 @@
 //! | `/state.json` | everything else the page shows |
 //! | `/metrics` | the same for Prometheus |
 //!
-//! GET and HEAD only. Refusals are one line of text that says what was wanted. Nothing is cached by browsers. Tests:
+//! GET and HEAD only. Refusals are one line of text that says what was wanted. Nothing is cached by browsers, nothing may
+//! be shown by pages from elsewhere, and only who asks for this place by its address or a known name is answered. Tests:
 //! `http_tests`.
 
 use crate::live::board::{Board, Encoded, NoPicture};
 use crate::live::picture::Scale;
-use crate::live::{metrics, query, state};
+use crate::live::{Params, metrics, query, state};
 use http_body_util::Full;
 use hyper::body::Bytes;
 use hyper::header::{ALLOW, CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, HeaderValue, RETRY_AFTER};
@@ -72,11 +73,8 @@ async fn answered(board: &SharedBoard, request: &Parts) -> Answer {
         refusal.headers_mut().insert(ALLOW, HeaderValue::from_static("GET, HEAD"));
         return refusal;
     }
-    if !may_ask(lock(board).params.address.ip(), request) {
-        return refused(
-            StatusCode::MISDIRECTED_REQUEST,
-            "this view listens on loopback: wanted localhost, 127.0.0.1 or [::1] as the host",
-        );
+    if let Err(why) = may_ask(&lock(board).params, request) {
+        return refused(StatusCode::MISDIRECTED_REQUEST, why);
     }
     let question = request.uri.query().unwrap_or("");
     match request.uri.path() {
@@ -100,19 +98,28 @@ async fn answered(board: &SharedBoard, request: &Parts) -> Answer {
     }
 }
 
-/// On loopback only names of loopback are answered: else any web site could read the view through a name of its own that
-/// points here.
-fn may_ask(listening: IpAddr, request: &Parts) -> bool {
-    if !listening.is_loopback() {
-        return true;
-    }
-    let Some(host) = request.headers.get(HOST) else { return true };
+/// Any web site can give a name of its own our address, and would then read the view in its visitors' browsers: so a host
+/// is answered by its address, as `localhost`, or by a name that whoever started the run has given. No site can choose an
+/// address as its name; on loopback it must still be one of loopback.
+fn may_ask(params: &Params, request: &Parts) -> Result<(), &'static str> {
+    // Browsers always say whom they ask.
+    let Some(host) = request.headers.get(HOST) else { return Ok(()) };
     let host = host.to_str().unwrap_or("");
     let name = match host.strip_prefix('[') {
         Some(rest) => rest.split(']').next().unwrap_or(""),
         None => host.split(':').next().unwrap_or(""),
     };
-    name.eq_ignore_ascii_case("localhost") || name.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
+    let is_on_loopback = params.address.ip().is_loopback();
+    let is_address = name.parse::<IpAddr>().is_ok_and(|address| address.is_loopback() || !is_on_loopback);
+    let mut known = ["localhost"].into_iter().chain(params.names.iter().map(String::as_str));
+    if is_address || known.any(|known| known.eq_ignore_ascii_case(name)) {
+        return Ok(());
+    }
+    Err(if is_on_loopback {
+        "this view listens on loopback: wanted localhost, 127.0.0.1 or [::1] as the host, or a name given with --monitor-name"
+    } else {
+        "this view does not know the host's name: wanted its address, or a name given with --monitor-name"
+    })
 }
 
 /// The newest picture; waits while the encoder rests.
@@ -167,5 +174,6 @@ fn text(status: StatusCode, kind: &'static str, body: Bytes) -> Answer {
     headers.insert(CONTENT_TYPE, HeaderValue::from_static(kind));
     headers.insert(CACHE_CONTROL, HeaderValue::from_static("no-store"));
     headers.insert("x-content-type-options", HeaderValue::from_static("nosniff"));
+    headers.insert("cross-origin-resource-policy", HeaderValue::from_static("same-origin"));
     answer
 }

@@ -88,6 +88,7 @@ fn run_of(numbers: &RunNumbers) -> Value {
         "stages": stages,
         "events": counts(&numbers.events, 1),
         "ports": ports,
+        "ports_left_out": numbers.ports_left_out(),
     })
 }
 

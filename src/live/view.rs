@@ -95,6 +95,7 @@ pub(super) mod tests {
     pub(in crate::live) fn params() -> Params {
         Params {
             address: ([127, 0, 0, 1], 0).into(),
+            names: Vec::new(),
             bench: "test bench".into(),
             camera: "test camera".into(),
             size_px: [31, 17],

@@ -113,7 +113,7 @@ pub struct FrameRecord {
     pub commanded: Option<Tai>,
     /// The image was handed to the sink thread.
     pub submitted: Option<Tai>,
-    /// The sink had sent it.
+    /// The sink had taken it: several sinks, and any on the real clock, have it in their queues then.
     pub delivered: Option<Tai>,
     /// Where the time went.
     pub times: StageTimes,

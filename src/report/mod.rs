@@ -38,7 +38,7 @@ pub use junit::to_junit;
 pub use machine::Machine;
 pub use plot::{Chart, pareto_front, to_svg};
 pub use progress::{Progress, progress_line, step_line};
-pub use progress_numbers::{NamedCounts, PortCounts, RunNumbers};
+pub use progress_numbers::{NAMES_MAX, NamedCounts, PortCounts, RunNumbers};
 pub use stages::{Stage, StageHistograms, StageTimes};
 pub use summary::{EventLine, FrameCounts, LinkCounts, RunSummary, SinkRow};
 pub use table::summary_table;

@@ -83,7 +83,7 @@ pub struct RunNumbers {
     pub events: NamedCounts,
     /// Counts per port; those beyond `port_count` are empty.
     pub ports: [PortCounts; PORTS_MAX],
-    /// Ports that are told.
+    /// Ports there are.
     pub port_count: usize,
 }
 
@@ -107,12 +107,18 @@ impl RunNumbers {
         port_count: 0,
     };
 
-    /// Takes in the counts of one port more; of the fifth and further ones nothing is told.
+    /// Takes in the counts of one port more; beyond [`PORTS_MAX`] ports are only counted.
     pub fn push_port(&mut self, port: PortCounts) {
         if let Some(place) = self.ports.get_mut(self.port_count) {
             *place = port;
-            self.port_count += 1;
         }
+        self.port_count += 1;
+    }
+
+    /// Ports of which nothing is told.
+    #[must_use]
+    pub fn ports_left_out(&self) -> usize {
+        self.port_count.saturating_sub(PORTS_MAX)
     }
 
     /// The ports that are told.
@@ -137,8 +143,10 @@ mod tests {
     #[test]
     fn ports_beyond_the_room_are_left_out() {
         let mut numbers = RunNumbers::NONE;
-        (0..PORTS_MAX + 1).for_each(|_| numbers.push_port(PortCounts::NONE));
-        assert_eq!(numbers.ports().len(), PORTS_MAX);
+        (0..PORTS_MAX).for_each(|_| numbers.push_port(PortCounts::NONE));
+        assert_eq!((numbers.ports().len(), numbers.ports_left_out()), (PORTS_MAX, 0));
+        (0..2).for_each(|_| numbers.push_port(PortCounts::NONE));
+        assert_eq!((numbers.ports().len(), numbers.ports_left_out()), (PORTS_MAX, 2));
         assert!(size_of::<RunNumbers>() < 16 * 1024, "{} bytes", size_of::<RunNumbers>());
     }
 }

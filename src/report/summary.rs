@@ -119,7 +119,7 @@ pub struct FrameCounts {
     pub rendered: u64,
     /// Frames handed to the sinks; what each of them took is in its line.
     pub delivered: u64,
-    /// Frames delivered after their deadline.
+    /// Frames finished after their deadline.
     pub late: u64,
     /// Frames repeated because the new one was not ready.
     pub held: u64,

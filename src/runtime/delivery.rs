@@ -10,7 +10,7 @@ use crate::base::time::Tai;
 use crate::report::{FrameRecord, Stage};
 use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
-use crate::sink::{Losses, SentFrame, Sink, SinkError, SinkLine, SinkSummary, sink_lines};
+use crate::sink::{Loss, LossKind, SentFrame, Sink, SinkError, SinkLine, SinkSummary, sink_lines};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -28,15 +28,14 @@ pub struct Parcel {
     pub not_before: Option<Tai>,
     /// The sink took the frame.
     pub delivered: bool,
-    /// What sinks lost since the buffer before came back.
-    pub losses: Losses,
+    /// What sinks lost since the buffer before came back, of this frame and of earlier ones.
+    pub losses: Vec<Loss>,
 }
 
 /// What the sink thread did.
 struct Carried {
     frames: u64,
     refused: u64,
-    told: Losses,
     failure: Option<SinkError>,
 }
 
@@ -47,7 +46,7 @@ pub struct Delivered {
     /// Frames it failed on.
     pub refused: u64,
     /// What sinks lost and no buffer told.
-    pub losses: Losses,
+    pub losses: Vec<Loss>,
     /// What the sink wrote; `None` when it could not finish.
     pub summary: Option<SinkSummary>,
     /// What each sink did.
@@ -84,7 +83,7 @@ impl Delivery {
                 record,
                 not_before: None,
                 delivered: false,
-                losses: Losses::default(),
+                losses: Vec::new(),
             };
             let _room_for_all = sent.try_send(parcel);
         }
@@ -116,7 +115,7 @@ impl Delivery {
     pub fn send(&self, mut parcel: Parcel, now: Tai) -> Result<(), RunError> {
         parcel.record.submitted = Some(now);
         parcel.delivered = false;
-        parcel.losses = Losses::default();
+        parcel.losses.clear();
         // There are as many places as buffers: this waits for nothing.
         self.full.send(parcel).map_err(|_| RunError::ThreadLost { name: "sink" })
     }
@@ -129,7 +128,7 @@ impl Delivery {
         joined.unwrap_or_else(|_panicked| Delivered {
             frames: 0,
             refused: 0,
-            losses: Losses::default(),
+            losses: Vec::new(),
             summary: None,
             lines: Vec::new(),
             error: Some(RunError::ThreadLost { name: "sink" }),
@@ -139,16 +138,14 @@ impl Delivery {
 
 /// The sink thread: sends until the queue closes.
 fn carry(sink: &mut dyn Sink, clock: &dyn Clock, to_send: &Receiver<Parcel>, sent: &Sender<Parcel>) -> Carried {
-    let mut carried = Carried { frames: 0, refused: 0, told: sink.losses(), failure: None };
+    let mut carried = Carried { frames: 0, refused: 0, failure: None };
     for mut parcel in to_send {
         if let Some(at) = parcel.not_before.take() {
             clock.sleep_until(at);
         }
         let taken = clock.now();
         let outcome = sink.send(&parcel.frame);
-        let losses = sink.losses();
-        parcel.losses = losses.since(carried.told);
-        carried.told = losses;
+        sink.take_losses(&mut |loss| parcel.losses.push(loss));
         match outcome {
             Ok(()) => {
                 carried.frames += 1;
@@ -156,7 +153,7 @@ fn carry(sink: &mut dyn Sink, clock: &dyn Clock, to_send: &Receiver<Parcel>, sen
             }
             Err(error) => {
                 carried.refused += 1;
-                parcel.losses.refused += 1;
+                parcel.losses.push(Loss { kind: LossKind::Refused, frame: parcel.frame.meta.number });
                 carried.failure.get_or_insert(error);
             }
         }
@@ -177,9 +174,10 @@ fn complete(parcel: &mut Parcel, taken: Tai, delivered: Tai) {
 
 /// Ends the sink; what it fails on now is told in its line.
 fn finish(sink: &mut dyn Sink, carried: Carried) -> Delivered {
-    let Carried { frames, refused, told, mut failure } = carried;
+    let Carried { frames, refused, mut failure } = carried;
     let finished = sink.finish();
-    let losses = sink.losses().since(told);
+    let mut losses = Vec::new();
+    sink.take_losses(&mut |loss| losses.push(loss));
     let summary = match finished {
         Ok(summary) => Some(summary),
         Err(error) => {

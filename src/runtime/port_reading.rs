@@ -5,7 +5,7 @@
 
 use crate::base::time::{Span, Tai};
 use crate::link::{LinkCounters, Port};
-use crate::report::PortCounts;
+use crate::report::{NAMES_MAX, PortCounts};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use core::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use firmware_protocol::Reject;
@@ -42,6 +42,8 @@ const ALL: [Count; COUNTS] = [
 
 // A counter that is added to a link must be added above.
 const _: () = assert!(size_of::<LinkCounters>() == (COUNTS - 2) * size_of::<u64>());
+// All of them have room in what a watcher of the run is told.
+const _: () = assert!(COUNTS <= NAMES_MAX && REASONS <= NAMES_MAX);
 
 const fn always(name: &'static str, place: fn(&mut PortReading) -> &mut u64) -> Count {
     Count { name, is_always_told: true, place }

@@ -121,7 +121,7 @@ pub fn run_in(
                 let delivered = head.delivery.finish(|back| take_back(&mut record, back));
                 record.frames.delivered += delivered.frames;
                 record.frames.dropped += delivered.refused;
-                record.note_losses(delivered.losses, setting.clock.now(), None);
+                record.note_losses(&delivered.losses, setting.clock.now());
                 summaries.push(delivered.summary);
                 sinks.extend(lines_of_head(number, heads, delivered.lines));
                 error = delivered.error.or(error);
@@ -283,5 +283,5 @@ pub(super) fn take_back(record: &mut RunRecord, parcel: &Parcel) {
     if parcel.delivered {
         record.complete(&parcel.record);
     }
-    record.note_losses(parcel.losses, parcel.record.due, Some(parcel.record.number));
+    record.note_losses(&parcel.losses, parcel.record.due);
 }

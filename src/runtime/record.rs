@@ -4,14 +4,14 @@ use crate::base::time::{Span, Tai};
 use crate::exposure::Rung;
 use crate::exposure::method::MethodName;
 use crate::report::{
-    CountHistogram, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, RunNumbers, RunSummary,
-    SinkRow, Stage, StageHistogram, StageHistograms, StageTimes,
+    CountHistogram, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, NAMES_MAX, RunNumbers,
+    RunSummary, SinkRow, Stage, StageHistogram, StageHistograms, StageTimes,
 };
 use crate::runtime::engine::FrameEngine;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::receiver::Receiver;
-use crate::sink::{FaultFlags, FrameMeta, Losses, SentFrame, SinkLine, SinkSummary};
+use crate::sink::{FaultFlags, FrameMeta, Loss, LossKind, SentFrame, SinkLine, SinkSummary};
 use firmware_protocol::Reject;
 use std::collections::BTreeMap;
 
@@ -61,6 +61,9 @@ impl Default for RunRecord {
     }
 }
 
+// Every kind of event has room in what a watcher of the run is told.
+const _: () = assert!(EventKind::ALL.len() <= NAMES_MAX);
+
 impl RunRecord {
     /// A record that keeps the times of the last `frames` frames of each of `heads`.
     #[must_use]
@@ -78,15 +81,15 @@ impl RunRecord {
         self.ring.complete(*delivered);
     }
 
-    /// Writes down what sinks lost: an event for each frame and sink.
-    pub fn note_losses(&mut self, losses: Losses, at: Tai, frame: Option<u32>) {
-        let kinds = [
-            (EventKind::SinkDropped, losses.dropped),
-            (EventKind::SinkRefused, losses.refused),
-            (EventKind::SinkLost, losses.lost_sinks),
-        ];
-        for (kind, count) in kinds {
-            (0..count).for_each(|_| self.ledger.note(Event::new(kind, at, frame, Span::ZERO)));
+    /// Writes down what sinks lost: an event for each frame and sink, with the frame's own number and when it was told.
+    pub fn note_losses(&mut self, losses: &[Loss], at: Tai) {
+        for loss in losses {
+            let kind = match loss.kind {
+                LossKind::Dropped => EventKind::SinkDropped,
+                LossKind::Refused => EventKind::SinkRefused,
+                LossKind::SinkLost => EventKind::SinkLost,
+            };
+            self.note(kind, at, loss.frame, Span::ZERO);
         }
     }
 

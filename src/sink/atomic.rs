@@ -39,7 +39,7 @@ fn write_directly(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<
 }
 
 fn write_and_rename(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<u64> {
-    let temporary = Temporary { path: temporary_name(path)? };
+    let temporary = Temporary::beside(path)?;
     let bytes = write_through(File::create(&temporary.path)?, write)?;
     fs::rename(&temporary.path, path)?;
     Ok(bytes)
@@ -63,8 +63,16 @@ fn temporary_name(path: &Path) -> io::Result<PathBuf> {
 }
 
 /// Removes the temporary file, unless it has been renamed.
-struct Temporary {
-    path: PathBuf,
+pub(super) struct Temporary {
+    /// Its name.
+    pub(super) path: PathBuf,
+}
+
+impl Temporary {
+    /// A name for it in the directory of the file that it is to become.
+    pub(super) fn beside(path: &Path) -> io::Result<Self> {
+        temporary_name(path).map(|path| Self { path })
+    }
 }
 
 impl Drop for Temporary {

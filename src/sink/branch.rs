@@ -1,19 +1,23 @@
 //! One sink on a thread of its own, behind a fixed number of buffers that go round.
 //!
 //! Input: frames, copied into a free buffer. Output: what the sink makes of them, and counts. A buffer is made once, at
-//! the start; copying into it allocates nothing unless a frame is larger than any before. A sink that fails on a frame is
-//! given the next one: a disk that is full now may have room later. A sink that panics is not called again.
+//! the start; copying into it allocates nothing unless a frame is larger than any before. A buffer comes back with what
+//! became of its frame, so every loss is told with the number of its own frame. A sink that fails on a frame is given the
+//! next one: a disk that is full now may have room later. A sink that panics is not called again.
+//!
+//! A branch that goes, also without [`Branch::finish`], lets its sink finish what it was handed, and waits for that.
 //! Tests: `fan_tests.rs`.
 
 use crate::base::clock::Stopwatch;
 use crate::base::time::Span;
-use crate::sink::line::{Losses, SinkLine};
+use crate::sink::line::{Loss, LossKind, SinkLine};
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
-use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
 use std::thread::JoinHandle;
+
+/// Losses that are kept for whoever asks; of more than that the numbers are in the line alone.
+const LOSSES_KEPT: usize = 4096;
 
 /// A sink that is to get a thread.
 pub struct BranchParams {
@@ -25,18 +29,13 @@ pub struct BranchParams {
     pub buffers: usize,
 }
 
-/// A frame on its way through a branch.
+/// A frame on its way through a branch, and back.
 struct Held {
     frame: SentFrame,
     since: Stopwatch,
     failure: Option<SinkError>,
-}
-
-/// What a branch tells while it goes on.
-#[derive(Default)]
-struct Live {
-    refused: AtomicU64,
-    is_lost: AtomicBool,
+    /// The sink broke down on this frame.
+    broke_down: bool,
 }
 
 /// The sender's end of a branch.
@@ -44,14 +43,13 @@ pub(super) struct Branch {
     name: &'static str,
     line: SinkLine,
     full: Option<Sender<Held>>,
-    empty: Receiver<Held>,
-    /// A buffer that has been waited for.
-    spare: Option<Held>,
-    live: Arc<Live>,
+    back: Receiver<Held>,
+    free: Vec<Held>,
     thread: Option<JoinHandle<Ended>>,
     /// Frames that were offered.
     offered: u64,
-    dropped: u64,
+    /// What was lost and not yet told.
+    losses: Vec<Loss>,
 }
 
 /// What a branch's thread comes back with.
@@ -66,88 +64,109 @@ impl Branch {
         let BranchParams { place, sink, buffers } = params;
         let buffers = buffers.max(1);
         let (full, to_send) = bounded(buffers);
-        let (sent, empty) = bounded(buffers);
-        for _ in 0..buffers {
-            let held = Held { frame: prototype.touched_copy(), since: Stopwatch::start(), failure: None };
-            let _there_is_room_for_all = sent.try_send(held);
-        }
-        let (name, live) = (sink.name(), Arc::<Live>::default());
+        let (sent, back) = bounded(buffers);
+        let held = || {
+            let frame = prototype.touched_copy();
+            Held { frame, since: Stopwatch::start(), failure: None, broke_down: false }
+        };
+        let free = core::iter::repeat_with(held).take(buffers).collect();
+        let name = sink.name();
         let line = SinkLine { place, kind: name, ..SinkLine::default() };
-        let carrier = Carrier { sink, line: line.clone(), live: Arc::clone(&live), delays: Span::ZERO };
+        let carrier = Carrier { sink: Some(sink), line: line.clone(), delays: Span::ZERO };
         let thread = std::thread::Builder::new()
             .name(name.into())
             .spawn(move || carrier.carry(&to_send, &sent))
             .map_err(|source| SinkError::Thread { sink: name, source })?;
-        Ok(Self {
-            name,
-            line,
-            full: Some(full),
-            empty,
-            spare: None,
-            live,
-            thread: Some(thread),
-            offered: 0,
-            dropped: 0,
-        })
+        let (full, thread) = (Some(full), Some(thread));
+        Ok(Self { name, line, full, back, free, thread, offered: 0, losses: Vec::new() })
     }
 
     /// Hands a copy of a frame over when a buffer is free now; else the branch goes without it, which is counted.
     pub(super) fn offer(&mut self, frame: &SentFrame) {
-        self.offered += 1;
-        let taken = self.empty.try_recv().is_ok_and(|held| self.put(held, frame));
-        self.dropped += u64::from(!taken);
+        self.collect();
+        let free = self.free.pop();
+        let _the_loss_is_told = self.put(free, frame);
     }
 
     /// Hands a copy of a frame over as soon as there is a buffer.
     pub(super) fn hand(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
-        self.offered += 1;
-        let spare = self.spare.take().or_else(|| self.empty.recv().ok());
-        let taken = spare.is_some_and(|held| self.put(held, frame));
-        self.dropped += u64::from(!taken);
-        if taken { Ok(()) } else { Err(SinkError::Lost { sink: self.name }) }
+        let free = self.free.pop().or_else(|| self.back.recv().ok());
+        if self.put(free, frame) { Ok(()) } else { Err(SinkError::Lost { sink: self.name }) }
     }
 
     /// Waits for the oldest frame that was handed over: what became of it.
     pub(super) fn settle(&mut self) -> Result<(), SinkError> {
-        let mut held = self.empty.recv().map_err(|_| SinkError::Lost { sink: self.name })?;
-        let failure = held.failure.take();
-        self.spare = Some(held);
-        failure.map_or(Ok(()), Err)
+        let held = self.back.recv().map_err(|_| SinkError::Lost { sink: self.name })?;
+        self.take_back(held)
     }
 
-    fn put(&self, mut held: Held, frame: &SentFrame) -> bool {
-        held.frame.copy_from(frame);
-        held.since = Stopwatch::start();
-        held.failure = None;
-        // There are as many places as buffers: this waits for nothing, and fails when the thread has ended.
-        self.full.as_ref().is_some_and(|full| full.send(held).is_ok())
+    /// Puts a frame into the queue: there are as many places as buffers, so this waits for nothing. False when there is no
+    /// buffer, or no thread any more.
+    fn put(&mut self, free: Option<Held>, frame: &SentFrame) -> bool {
+        self.offered += 1;
+        let is_put = free.zip(self.full.as_ref()).is_some_and(|(mut held, full)| {
+            held.frame.copy_from(frame);
+            held.since = Stopwatch::start();
+            full.send(held).is_ok()
+        });
+        if !is_put {
+            self.lose(LossKind::Dropped, frame.meta.number);
+        }
+        is_put
+    }
+
+    /// Takes back the buffers that have come.
+    fn collect(&mut self) {
+        while let Ok(held) = self.back.try_recv() {
+            let _told_as_a_loss = self.take_back(held);
+        }
+    }
+
+    /// Frees a buffer: what became of its frame.
+    fn take_back(&mut self, mut held: Held) -> Result<(), SinkError> {
+        let number = held.frame.meta.number;
+        if core::mem::take(&mut held.broke_down) {
+            self.lose(LossKind::SinkLost, number);
+        }
+        let failure = held.failure.take();
+        self.free.push(held);
+        let Some(error) = failure else { return Ok(()) };
+        let is_lost = matches!(error, SinkError::Lost { .. });
+        self.lose(if is_lost { LossKind::Dropped } else { LossKind::Refused }, number);
+        Err(error)
+    }
+
+    fn lose(&mut self, kind: LossKind, frame: u32) {
+        if self.losses.len() < LOSSES_KEPT {
+            self.losses.push(Loss { kind, frame });
+        }
     }
 
     /// Buffers that are not free.
     #[cfg(test)]
     pub(super) fn lag(&self) -> usize {
-        self.empty.capacity().unwrap_or_default() - self.empty.len()
+        self.back.capacity().unwrap_or_default() - self.back.len() - self.free.len()
     }
 
-    /// Frames lost so far.
-    pub(super) fn losses(&self) -> Losses {
-        let lost_sinks = u64::from(self.live.is_lost.load(Ordering::Relaxed));
-        Losses { dropped: self.dropped, refused: self.live.refused.load(Ordering::Relaxed), lost_sinks }
+    /// Tells what was lost since the last time.
+    pub(super) fn take_losses(&mut self, tell: &mut dyn FnMut(Loss)) {
+        self.collect();
+        self.losses.drain(..).for_each(tell);
     }
 
     /// Lets the sink finish what it has been handed, and ends the thread. Once.
     pub(super) fn finish(&mut self) -> Result<Option<SinkSummary>, SinkError> {
-        drop((self.full.take(), self.spare.take()));
+        drop(self.full.take());
         let Some(thread) = self.thread.take() else { return Ok(None) };
-        let Ok(ended) = thread.join() else {
+        let joined = thread.join();
+        self.collect();
+        let Ok(ended) = joined else {
             self.line.is_lost = true;
             self.line.dropped = self.offered;
             return Err(SinkError::Lost { sink: self.name });
         };
         self.line = ended.line;
         self.line.dropped = self.offered - self.line.frames - self.line.refused;
-        // What was in the queue of a sink that broke down is known only now.
-        self.dropped = self.line.dropped;
         ended.finished.transpose()
     }
 
@@ -157,29 +176,45 @@ impl Branch {
     }
 }
 
+impl Drop for Branch {
+    fn drop(&mut self) {
+        let _nobody_asks_any_more = self.finish();
+    }
+}
+
 /// The thread's own state.
 struct Carrier {
-    sink: Box<dyn Sink>,
+    /// `None`: it broke down.
+    sink: Option<Box<dyn Sink>>,
     line: SinkLine,
-    live: Arc<Live>,
     delays: Span,
 }
 
 impl Carrier {
     fn carry(mut self, to_send: &Receiver<Held>, sent: &Sender<Held>) -> Ended {
         for mut held in to_send {
-            match catch_unwind(AssertUnwindSafe(|| self.sink.send(&held.frame))) {
-                Ok(outcome) => self.count(outcome, &mut held),
-                Err(panic) => {
-                    self.line.is_lost = true;
-                    self.line.first_error.get_or_insert_with(|| words_of(&*panic));
-                    self.live.is_lost.store(true, Ordering::Relaxed);
-                    return Ended { line: self.line, finished: None };
-                }
-            }
+            self.send(&mut held);
             let _whoever_waited_has_ended = sent.send(held);
         }
         self.finish()
+    }
+
+    fn send(&mut self, held: &mut Held) {
+        let Some(sink) = &mut self.sink else {
+            held.failure = Some(SinkError::Lost { sink: self.line.kind });
+            return;
+        };
+        match catch_unwind(AssertUnwindSafe(|| sink.send(&held.frame))) {
+            Ok(outcome) => self.count(outcome, held),
+            Err(panic) => {
+                self.line.is_lost = true;
+                self.line.first_error.get_or_insert_with(|| words_of(&*panic));
+                held.failure = Some(SinkError::Lost { sink: self.line.kind });
+                held.broke_down = true;
+                let broken = self.sink.take();
+                let _what_is_broken_may_break_once_more = catch_unwind(AssertUnwindSafe(|| drop(broken)));
+            }
+        }
     }
 
     fn count(&mut self, outcome: Result<(), SinkError>, held: &mut Held) {
@@ -192,7 +227,6 @@ impl Carrier {
             }
             Err(error) => {
                 self.line.refused += 1;
-                self.live.refused.fetch_add(1, Ordering::Relaxed);
                 self.line.first_error.get_or_insert_with(|| error.to_string());
                 held.failure = Some(error);
             }
@@ -204,9 +238,10 @@ impl Carrier {
         if let Ok(taken) = i64::try_from(frames.max(1)) {
             self.line.mean_delay = Span::from_ns(self.delays.ns() / taken);
         }
+        let Some(mut sink) = self.sink.take() else { return Ended { line: self.line, finished: None } };
         let finished = catch_unwind(AssertUnwindSafe(|| {
-            let finished = self.sink.finish();
-            (finished, self.sink.counts())
+            let finished = sink.finish();
+            (finished, sink.counts())
         }));
         let finished = match finished {
             Ok((finished, counts)) => {

@@ -79,6 +79,17 @@ pub enum SinkError {
         /// The file.
         path: PathBuf,
     },
+    /// What iceoryx2 did not do.
+    #[error(
+        "iceoryx2 service \"{service}\": {why}; wanted a service that no other run publishes, of frames of starloop, and \
+         memory for it: try another name, or ending the readers of an earlier run"
+    )]
+    Iceoryx {
+        /// The service.
+        service: String,
+        /// What iceoryx2 says.
+        why: String,
+    },
     /// The thread of a sink cannot be started.
     #[error("the thread of the {sink} sink cannot be started: {source}; try fewer sinks, or a higher limit of threads")]
     Thread {

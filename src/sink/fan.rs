@@ -7,11 +7,11 @@
 //! one, so that a run gives the same bits on every machine, also one that ends early.
 //!
 //! Limits: `finish` waits for what is still queued, so a sink that never returns holds up the end of a run, and nothing
-//! before it. Memory: buffers times (2 bytes a pixel and the truth table) per sink, all of it at the start.
+//! before it. Dropping a fan does the same, so that nothing of a sink outlives it, also when a run never began. Memory: buffers times (2 bytes a pixel and the truth table) per sink, all of it at the start.
 //! Tests: `fan_tests.rs`, `tests/closed_loop/sinks.rs`.
 
 use crate::sink::branch::{Branch, BranchParams};
-use crate::sink::line::{Losses, SinkLine};
+use crate::sink::line::{Loss, SinkLine};
 use crate::sink::tally::Tally;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 
@@ -125,8 +125,8 @@ impl Sink for Fan {
         }
     }
 
-    fn losses(&self) -> Losses {
-        self.branches.iter().map(Branch::losses).fold(Losses::default(), Losses::with)
+    fn take_losses(&mut self, tell: &mut dyn FnMut(Loss)) {
+        self.branches.iter_mut().for_each(|branch| branch.take_losses(tell));
     }
 
     fn lines(&self) -> Vec<SinkLine> {

@@ -6,9 +6,11 @@ use crate::sink::branch::BranchParams;
 use crate::sink::compliance::check_sink;
 use crate::sink::frame::sample_frame;
 use crate::sink::{
-    Fan, NullSink, OnFull, Recorder, RecorderOptions, SentFrame, Sink, SinkError, SinkLine, SinkSummary,
+    Fan, Loss, LossKind, NullSink, OnFull, Recorder, RecorderOptions, SentFrame, Sink, SinkError, SinkLine, SinkSummary,
 };
+use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::{Receiver, Sender, bounded, unbounded};
+use std::sync::Arc;
 
 /// Takes a frame when the test lets it; says when it has begun with one.
 struct Gated {
@@ -75,6 +77,13 @@ fn counts(line: &SinkLine) -> [u64; 3] {
     [line.frames, line.dropped, line.refused]
 }
 
+/// What was lost since the last time: how, and the numbers of the frames.
+fn losses(fan: &mut Fan) -> Vec<(LossKind, u32)> {
+    let mut all = Vec::new();
+    fan.take_losses(&mut |Loss { kind, frame }| all.push((kind, frame)));
+    all
+}
+
 fn gate() -> (Gated, Receiver<u32>, Sender<()>) {
     let ((begun, has_begun), (let_go, go_on)) = (unbounded(), bounded(0));
     (Gated { inner: NullSink::new(), begun, go_on }, has_begun, let_go)
@@ -100,7 +109,9 @@ fn a_slow_sink_loses_frames_and_the_others_none() {
             std::thread::yield_now();
         }
     }
-    assert_eq!(fan.losses().dropped, 7, "three buffers: one in work, two waiting");
+    let dropped: Vec<_> = (3..10).map(|number| (LossKind::Dropped, number)).collect();
+    assert_eq!(losses(&mut fan), dropped, "three buffers: one in work, two waiting");
+    assert_eq!(losses(&mut fan), [], "each is told once");
     drop(let_go);
     let summary = fan.finish().unwrap();
     assert_eq!((summary.frames, summary.refused), (10, 0), "handed to the sinks");
@@ -119,7 +130,7 @@ fn a_sink_that_fails_gets_the_next_frame_and_its_first_error_is_kept() {
         let refused = (0..6).filter(|number| fan.send(&sample_frame(*number)).is_err()).count();
         assert_eq!(refused, if on_full == OnFull::Wait { 2 } else { 0 }, "{on_full:?}: told at once, or counted");
         fan.finish().unwrap();
-        assert_eq!(fan.losses().refused, 2);
+        assert_eq!(losses(&mut fan), [(LossKind::Refused, 2), (LossKind::Refused, 4)], "each with its own number");
         let lines = fan.lines();
         assert_eq!([counts(&lines[0]), counts(&lines[1])], [[6, 0, 0], [4, 0, 2]], "{on_full:?}");
         let first = lines[1].first_error.as_deref().unwrap();
@@ -138,7 +149,9 @@ fn a_sink_that_breaks_down_is_counted_as_lost_and_the_rest_goes_on() {
     let lines = fan.lines();
     assert_eq!([counts(&lines[0]), counts(&lines[1])], [[3, 5, 0], [8, 0, 0]]);
     assert!(lines[0].is_lost && lines[0].first_error.as_ref().unwrap().contains("as the test wants it"));
-    assert_eq!(fan.losses().lost_sinks, 1);
+    let dropped = (3..8).map(|number| (LossKind::Dropped, number));
+    let lost: Vec<_> = core::iter::once((LossKind::SinkLost, 3)).chain(dropped).collect();
+    assert_eq!(losses(&mut fan), lost);
 }
 
 #[test]
@@ -163,5 +176,49 @@ fn where_it_waits_nothing_is_ever_dropped() {
     assert_eq!(summary.output.as_deref(), Some(directory.path()));
     for line in fan.lines() {
         assert_eq!((counts(&line), line.run_crc32), ([20, 0, 0], Some(summary.run_crc32)), "{}", line.kind);
+    }
+}
+
+/// Says when it is gone, whole or broken.
+struct Leaving {
+    inner: Frail,
+    is_gone: Arc<AtomicBool>,
+    is_finished: Arc<AtomicBool>,
+}
+
+impl Sink for Leaving {
+    fn name(&self) -> &'static str {
+        "leaving"
+    }
+
+    fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        self.inner.send(frame)
+    }
+
+    fn finish(&mut self) -> Result<SinkSummary, SinkError> {
+        self.is_finished.store(true, Ordering::Relaxed);
+        self.inner.finish()
+    }
+}
+
+impl Drop for Leaving {
+    fn drop(&mut self) {
+        // Long enough for a fan that does not wait to be gone before.
+        std::thread::sleep(std::time::Duration::from_millis(20));
+        self.is_gone.store(true, Ordering::Relaxed);
+    }
+}
+
+#[test]
+fn nothing_of_a_sink_outlives_a_fan_that_is_dropped() {
+    for (breaks_at, frames) in [(None, 0), (None, 3), (Some(1), 3)] {
+        let (is_gone, is_finished) = (Arc::<AtomicBool>::default(), Arc::<AtomicBool>::default());
+        let inner = Frail { breaks_at, ..Frail::default() };
+        let leaving = Leaving { inner, is_gone: Arc::clone(&is_gone), is_finished: Arc::clone(&is_finished) };
+        let mut fan = fan(vec![Box::new(leaving), Box::new(NullSink::new())], 4, OnFull::Drop);
+        (0..frames).for_each(|number| fan.send(&sample_frame(number)).unwrap());
+        drop(fan);
+        assert!(is_gone.load(Ordering::Relaxed), "after {frames} frames");
+        assert_eq!(is_finished.load(Ordering::Relaxed), breaks_at.is_none(), "what it took is brought out");
     }
 }

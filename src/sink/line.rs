@@ -67,35 +67,22 @@ pub fn sink_lines(sink: &dyn Sink, summary: Option<&SinkSummary>) -> Vec<SinkLin
     if lines.is_empty() { vec![SinkLine::alone(sink, summary)] } else { lines }
 }
 
-/// Frames that sinks lost so far, after `send` had taken them or instead of it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Losses {
-    /// A sink was too slow for them, or is lost.
-    pub dropped: u64,
-    /// A sink failed on them.
-    pub refused: u64,
-    /// Sinks that broke down.
-    pub lost_sinks: u64,
+/// A frame that a sink did not bring out, after `send` had taken it or instead of that.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Loss {
+    /// What happened.
+    pub kind: LossKind,
+    /// Number of the frame to which it happened.
+    pub frame: u32,
 }
 
-impl Losses {
-    /// What has been added since `earlier`.
-    #[must_use]
-    pub fn since(self, earlier: Self) -> Self {
-        Self {
-            dropped: self.dropped.saturating_sub(earlier.dropped),
-            refused: self.refused.saturating_sub(earlier.refused),
-            lost_sinks: self.lost_sinks.saturating_sub(earlier.lost_sinks),
-        }
-    }
-
-    /// Both together.
-    #[must_use]
-    pub fn with(self, more: Self) -> Self {
-        Self {
-            dropped: self.dropped + more.dropped,
-            refused: self.refused + more.refused,
-            lost_sinks: self.lost_sinks + more.lost_sinks,
-        }
-    }
+/// How a frame is lost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LossKind {
+    /// A sink was too slow for it, or is lost.
+    Dropped,
+    /// A sink failed on it.
+    Refused,
+    /// A sink broke down on it; that the frame was dropped is a loss of its own.
+    SinkLost,
 }

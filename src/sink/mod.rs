@@ -11,7 +11,7 @@
 //!   complete before stays complete: every file gets its final name only when all of its bytes are written.
 //!
 //! Tour: `frame` (what is sent) -> `fits`, `png`, `ser`, `truth`, `frame_log` (its forms on disk) -> `atomic`
-//! (how a file appears) -> `recorder`, `shared_memory`, `null`, `tap`, `tee` (the sinks) -> `branch`, `fan` (several at once) -> `line`
+//! (how a file appears) -> `recorder`, `shared_memory`, `iceoryx`, `null`, `tap`, `tee` (the sinks) -> `branch`, `fan` (several at once) -> `line`
 //! (what each of them did).
 
 pub mod active_fault;
@@ -29,6 +29,8 @@ pub mod fits;
 pub mod frame;
 pub mod frame_fault;
 pub mod frame_log;
+#[cfg(all(unix, feature = "iceoryx2"))]
+pub mod iceoryx;
 pub mod line;
 pub mod null;
 pub mod png;
@@ -50,7 +52,7 @@ pub use fan::{Fan, OnFull};
 pub use faults::FaultFlags;
 pub use frame::{FrameMeta, SentFrame, TruthKind, TruthStar};
 pub use frame_fault::{DefectSpots, FaultPixels, FrameFault, PixelFault, ProtonStorm};
-pub use line::{Losses, SinkLine, sink_lines};
+pub use line::{Loss, LossKind, SinkLine, sink_lines};
 pub use null::NullSink;
 pub use recorder::{Recorder, RecorderOptions};
 pub use tap::{Tap, TapEnd, tap};
@@ -80,10 +82,8 @@ pub trait Sink: Send {
         Vec::new()
     }
 
-    /// Frames lost so far that `send` had taken, or that one of several sinks did not take.
-    fn losses(&self) -> Losses {
-        Losses::default()
-    }
+    /// Tells the frames lost since the last call: those that `send` had taken, or that one of several sinks did not take.
+    fn take_losses(&mut self, _tell: &mut dyn FnMut(Loss)) {}
 
     /// What each did, when this is several sinks; whole after `finish`.
     fn lines(&self) -> Vec<SinkLine> {

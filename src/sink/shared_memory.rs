@@ -16,18 +16,25 @@
 //! the copy is frame `n`. The CRC-32 of the pixels is in the slot as well, for readers that want to be sure.
 //! `hil_scripts/shared_frames.py` is such a reader.
 //!
+//! *The name.* The file gets its name when it is whole. A run holds a lock on its file for as long as it lives, and only
+//! who holds the lock of the file that bears the name takes the name from it: a run that was killed is replaced, one that
+//! goes on is not, and no run removes what is another's.
+//!
 //! Limits: one size of frame. Unix. Written by `pwrite`, so that no memory is shared by reference with other programs: no
 //! `unsafe`, at the cost of one copy by the kernel. Tests: below, and `hil_scripts/test_recorders.py` from another process.
 
+use crate::sink::atomic::Temporary;
 use crate::sink::crc32::pixel_crc32;
 use crate::sink::tally::Tally;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 use bytemuck::{Pod, Zeroable};
 use core::mem::offset_of;
+#[cfg(feature = "iceoryx2")]
+use iceoryx2::prelude::ZeroCopySend;
 use std::fs::{self, File, OpenOptions};
 use std::io;
-use std::os::unix::fs::FileExt;
-use std::path::PathBuf;
+use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
 
 /// First bytes of the file.
 pub const MAGIC: [u8; 16] = *b"STARLOOP-FRAMES\0";
@@ -62,9 +69,11 @@ pub struct FileHead {
     pub reserved: [u32; 3],
 }
 
-/// What stands before the pixels of a frame.
+/// What stands before the pixels of a frame, here and in `iceoryx`.
+#[cfg_attr(feature = "iceoryx2", derive(ZeroCopySend))]
+#[cfg_attr(feature = "iceoryx2", type_name("StarloopFrameHead"))]
 #[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 pub struct SlotHead {
     /// Number of the frame in this file, from 1; 0 while the slot is written.
     pub serial: u64,
@@ -94,11 +103,15 @@ pub struct SlotHead {
     pub gain_e_per_dn: f64,
     /// Black level, DN.
     pub black_level_dn: f64,
+    /// Columns.
+    pub width_px: u32,
+    /// Rows.
+    pub height_px: u32,
     /// Nothing.
-    pub reserved: [u64; 13],
+    pub reserved: [u64; 12],
 }
 
-/// The writing end. The file is removed when it goes.
+/// The writing end. The file is removed when it goes, if it still bears the name.
 #[derive(Debug)]
 pub struct SharedMemory {
     path: PathBuf,
@@ -117,16 +130,7 @@ impl SharedMemory {
     /// else has the name, [`SinkError::InUse`] when another run has it.
     pub fn create(path: PathBuf, size_px: [usize; 2], slots: u32) -> Result<Self, SinkError> {
         let failed = |source: io::Error| SinkError::Write { path: path.clone(), source };
-        if fs::symlink_metadata(&path).is_ok() {
-            let old = File::open(&path).map_err(failed)?;
-            let mut magic = [0; 16];
-            if old.read_exact_at(&mut magic, 0).is_err() || magic != MAGIC {
-                return Err(SinkError::NotShared { path });
-            }
-            // A writer that lives holds its lock.
-            old.try_lock().map_err(|_| SinkError::InUse { path: path.clone() })?;
-            fs::remove_file(&path).map_err(failed)?;
-        }
+        remove_left(&path)?;
         let side = |px: usize| u32::try_from(px).map_err(|_| failed(io::ErrorKind::FileTooLarge.into()));
         let frame_bytes = 2 * (size_px[0] * size_px[1]) as u64;
         let head = FileHead {
@@ -138,10 +142,16 @@ impl SharedMemory {
             slot_bytes: (SLOT_HEAD_BYTES + frame_bytes).next_multiple_of(ALIGNED_BYTES),
             ..FileHead::zeroed()
         };
-        let file = OpenOptions::new().read(true).write(true).create_new(true).open(&path).map_err(failed)?;
-        file.try_lock().map_err(|_| SinkError::InUse { path: path.clone() })?;
+        let temporary = Temporary::beside(&path).map_err(failed)?;
+        let file = OpenOptions::new().read(true).write(true).create_new(true).open(&temporary.path).map_err(failed)?;
+        file.lock().map_err(failed)?;
         let made = Self { path: path.clone(), file, head, bytes: 0, tally: Tally::default() };
         made.fill().map_err(failed)?;
+        // Unlike renaming, this takes the name from nobody.
+        fs::hard_link(&temporary.path, &path).map_err(|source| match source.kind() {
+            io::ErrorKind::AlreadyExists => SinkError::InUse { path: path.clone() },
+            _ => failed(source),
+        })?;
         Ok(made)
     }
 
@@ -166,7 +176,40 @@ impl SharedMemory {
     }
 }
 
-fn slot_head(frame: &SentFrame) -> SlotHead {
+/// Removes the file of a run that was killed; refuses everything else that has the name.
+fn remove_left(path: &Path) -> Result<(), SinkError> {
+    let failed = |source: io::Error| SinkError::Write { path: path.into(), source };
+    match fs::symlink_metadata(path) {
+        Err(_nothing_has_the_name) => return Ok(()),
+        Ok(found) if !found.is_file() => return Err(SinkError::NotShared { path: path.into() }),
+        Ok(_) => (),
+    }
+    // A pipe that has come since would be waited for.
+    let flags = rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::NOFOLLOW;
+    let flags = i32::try_from(flags.bits()).unwrap_or_default();
+    let left = OpenOptions::new().read(true).custom_flags(flags).open(path).map_err(failed)?;
+    let mut magic = [0; 16];
+    if left.read_exact_at(&mut magic, 0).is_err() || magic != MAGIC {
+        return Err(SinkError::NotShared { path: path.into() });
+    }
+    // A writer that lives holds its lock; one that was quicker than we are has another file there by now.
+    if left.try_lock().is_err() || !has_name(&left, path) {
+        return Err(SinkError::InUse { path: path.into() });
+    }
+    fs::remove_file(path).map_err(failed)
+}
+
+/// True when the open file is the one that bears the name.
+fn has_name(file: &File, path: &Path) -> bool {
+    let identity = |found: fs::Metadata| (found.dev(), found.ino());
+    match (file.metadata(), fs::symlink_metadata(path)) {
+        (Ok(open), Ok(named)) => identity(open) == identity(named),
+        _ => false,
+    }
+}
+
+/// The numbers of a frame; without its `serial`.
+pub(super) fn slot_head(frame: &SentFrame) -> SlotHead {
     let meta = &frame.meta;
     SlotHead {
         serial: 0,
@@ -183,7 +226,9 @@ fn slot_head(frame: &SentFrame) -> SlotHead {
         rate_deg_s: meta.rate_deg_s,
         gain_e_per_dn: meta.gain_e_per_dn,
         black_level_dn: meta.black_level_dn,
-        reserved: [0; 13],
+        width_px: u32::try_from(frame.image.width()).unwrap_or(u32::MAX),
+        height_px: u32::try_from(frame.image.height()).unwrap_or(u32::MAX),
+        reserved: [0; 12],
     }
 }
 
@@ -219,7 +264,9 @@ impl Sink for SharedMemory {
 
 impl Drop for SharedMemory {
     fn drop(&mut self) {
-        let _readers_keep_theirs = fs::remove_file(&self.path);
+        if has_name(&self.file, &self.path) {
+            let _readers_keep_theirs = fs::remove_file(&self.path);
+        }
     }
 }
 
@@ -291,6 +338,54 @@ mod tests {
         let error = SharedMemory::create(path.clone(), [31, 17], 1).unwrap_err();
         assert!(matches!(error, SinkError::NotShared { .. }), "{error}");
         assert_eq!(fs::read(&path).unwrap(), b"a letter to somebody");
+    }
+
+    #[test]
+    fn what_bears_the_name_now_is_not_removed() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("frames");
+        let first = SharedMemory::create(path.clone(), [4, 4], 1).unwrap();
+        fs::remove_file(&path).unwrap();
+        let second = SharedMemory::create(path.clone(), [31, 17], 1).unwrap();
+        drop(first);
+        assert!(has_name(&second.file, &path), "another run's");
+        drop(second);
+        assert!(fs::read_dir(directory.path()).unwrap().next().is_none(), "and nothing is left of either");
+    }
+
+    #[test]
+    fn of_many_runs_that_want_the_name_of_a_killed_one_one_gets_it() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("frames");
+        let killed = SharedMemory::create(path.clone(), [4, 4], 1).unwrap();
+        let left = fs::read(&path).unwrap();
+        drop(killed);
+        for _ in 0..50 {
+            fs::write(&path, &left).unwrap();
+            let made: Vec<_> = std::thread::scope(|scope| {
+                let threads: Vec<_> =
+                    (0..4).map(|_| scope.spawn(|| SharedMemory::create(path.clone(), [4, 4], 1))).collect();
+                threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+            });
+            let living: Vec<_> = made.iter().flatten().collect();
+            assert_eq!(living.len(), 1);
+            assert!(has_name(&living[0].file, &path), "whoever got it has it");
+        }
+    }
+
+    #[test]
+    fn what_is_no_file_is_refused_without_a_wait() {
+        let directory = tempfile::tempdir().unwrap();
+        let names = ["pipe", "link", "directory"].map(|name| directory.path().join(name));
+        nix::unistd::mkfifo(&names[0], nix::sys::stat::Mode::S_IRWXU).unwrap();
+        let ring = SharedMemory::create(directory.path().join("ring"), [4, 4], 1).unwrap();
+        std::os::unix::fs::symlink(&ring.path, &names[1]).unwrap();
+        fs::create_dir(&names[2]).unwrap();
+        for name in names {
+            let error = SharedMemory::create(name.clone(), [4, 4], 1).unwrap_err();
+            assert!(matches!(error, SinkError::NotShared { .. }), "{error}");
+            assert!(fs::symlink_metadata(&name).is_ok(), "{} stays", name.display());
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Two sinks at once: the first keeps the record, the second gets the same frames.
 
-use crate::sink::{Losses, SentFrame, Sink, SinkError, SinkLine, SinkSummary};
+use crate::sink::{Loss, SentFrame, Sink, SinkError, SinkLine, SinkSummary};
 
 /// Sends every frame to both.
 pub struct Tee {
@@ -37,8 +37,9 @@ impl Sink for Tee {
         self.first.counts()
     }
 
-    fn losses(&self) -> Losses {
-        self.first.losses().with(self.second.losses())
+    fn take_losses(&mut self, tell: &mut dyn FnMut(Loss)) {
+        self.first.take_losses(tell);
+        self.second.take_losses(tell);
     }
 
     /// The first one's, as the summary is.

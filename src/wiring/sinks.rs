@@ -17,12 +17,12 @@ use crate::sink::{BranchParams, Fan, NullSink, OnFull, Recorder, RecorderOptions
 use crate::wiring::display_parts::open_display;
 use anyhow::{Context, Result};
 use std::net::Ipv4Addr;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
 /// What the sinks of one camera head are made for.
 pub struct SinkSetting<'a> {
-    /// Directory for those that keep files; `None`: where each of them says.
+    /// Directory of the run, for those that keep files; of several heads each has one in it. `None`: nobody keeps any.
     pub directory: Option<&'a Path>,
     /// A frame as they will get it: size, room for stars, camera.
     pub prototype: &'a SentFrame,
@@ -46,7 +46,9 @@ pub struct SinkSetting<'a> {
 pub fn run_directory(sinks: &[SinkSettings], out: Option<&Path>, stamp: &str) -> Option<PathBuf> {
     let mut keeping = sinks.iter().filter_map(|settings| match &settings.sink {
         Kind::Recorder { directory, .. } => Some(directory.as_deref()),
-        Kind::SharedMemory { .. } | Kind::NetworkCamera(_) | Kind::Display(_) | Kind::Null => None,
+        Kind::SharedMemory { .. } | Kind::Iceoryx { .. } | Kind::NetworkCamera(_) | Kind::Display(_) | Kind::Null => {
+            None
+        }
     });
     let Some(first) = keeping.next() else {
         // A display keeps its submit times where the command line says.
@@ -86,10 +88,14 @@ fn make(settings: &SinkSettings, number: usize, setting: &SinkSetting<'_>) -> Re
     match &settings.sink {
         Kind::Recorder { directory, fits, ser, png_every } => {
             let options = RecorderOptions { fits: *fits, truth: true, png_every: *png_every, ser: *ser };
-            let directory = files_of(number, directory.as_deref(), setting.directory);
+            let directory = files_of(number, directory.as_deref(), setting);
             Ok(Box::new(Recorder::create(directory, options)?))
         }
-        Kind::SharedMemory { path, slots } => shared_memory(&path_of_head(path, setting.head), *slots, setting),
+        Kind::SharedMemory { path, slots } => {
+            let path = name_of_head(&path.display().to_string(), setting.head);
+            shared_memory(Path::new(&path), *slots, setting)
+        }
+        Kind::Iceoryx { service, slots } => iceoryx(&name_of_head(service, setting.head), *slots, setting),
         Kind::NetworkCamera(params) => network_camera(params, setting),
         Kind::Display(settings) => display(settings, number, setting),
         Kind::Null => Ok(Box::new(NullSink::new())),
@@ -128,15 +134,25 @@ fn display(settings: &DisplaySettings, number: usize, setting: &SinkSetting<'_>)
     Ok(Box::new(display))
 }
 
-/// Heads do not share a ring: each has its number at the end of the name.
-fn path_of_head(path: &Path, head: Option<usize>) -> PathBuf {
-    head.map_or_else(|| path.to_path_buf(), |head| format!("{}_head{head}", path.display()).into())
+/// Heads do not share a name: each has its number at the end of it.
+fn name_of_head(name: &str, head: Option<usize>) -> String {
+    head.map_or_else(|| name.to_owned(), |head| format!("{name}_head{head}"))
 }
 
-/// The first sink has the run's directory, another one below it.
-fn files_of(number: usize, own: Option<&Path>, run: Option<&Path>) -> PathBuf {
-    let run = run.or(own).unwrap_or(Path::new("out"));
-    number.checked_sub(1).map_or_else(|| run.to_path_buf(), |extra| run.join(format!("extra_sink_{extra}")))
+/// The first sink has the run's directory. Another one has a directory below the one that it names, with the names of run
+/// and head, or below the run's when it names none.
+fn files_of(number: usize, own: Option<&Path>, setting: &SinkSetting<'_>) -> PathBuf {
+    let run = setting.directory.unwrap_or(Path::new("out"));
+    match (number.checked_sub(1), own) {
+        (None, _) => run.to_path_buf(),
+        (Some(extra), None) => run.join(format!("extra_sink_{extra}")),
+        (Some(_), Some(own)) => {
+            let names = run.components().rev().take(if setting.head.is_some() { 2 } else { 1 });
+            let names = names.filter(|name| matches!(name, Component::Normal(_)));
+            let below: PathBuf = names.collect::<Vec<_>>().into_iter().rev().collect();
+            own.join(below)
+        }
+    }
 }
 
 #[cfg(unix)]
@@ -146,6 +162,17 @@ fn shared_memory(path: &Path, slots: u32, setting: &SinkSetting<'_>) -> Result<B
         [setting.prototype.image.width(), setting.prototype.image.height()],
         slots,
     )?))
+}
+
+#[cfg(all(unix, feature = "iceoryx2"))]
+fn iceoryx(service: &str, slots: u32, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
+    let size_px = [setting.prototype.image.width(), setting.prototype.image.height()];
+    Ok(Box::new(crate::sink::iceoryx::Iceoryx::create(service.into(), size_px, slots)?))
+}
+
+#[cfg(not(all(unix, feature = "iceoryx2")))]
+fn iceoryx(service: &str, _slots: u32, _setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
+    anyhow::bail!("{service}: got a starloop without iceoryx2; wanted Unix and `--features iceoryx2`")
 }
 
 #[cfg(not(unix))]
@@ -169,6 +196,7 @@ pub fn told(settings: &SinkSettings) -> String {
         Kind::SharedMemory { path, slots } => {
             format!("{kind}: {}, room for {slots} frames", path.display())
         }
+        Kind::Iceoryx { service, slots } => format!("{kind}: service \"{service}\", room for {slots} frames"),
         Kind::NetworkCamera(params) => {
             let rate = params.rate_bit_s / 1e6;
             format!(
@@ -251,6 +279,29 @@ mod tests {
             assert!(out.join("extra_sink_0/frame_000003.fits").exists());
             assert!(out.join("extra_sink_1/frames.ser").exists());
             assert!(!out.join("extra_sink_1/frame_000003.fits").exists());
+        }
+    }
+
+    #[test]
+    fn a_recorder_beside_the_first_sink_writes_where_it_says() {
+        let folder = tempfile::tempdir().unwrap();
+        let disk = folder.path().join("other disk");
+        let named = THREE.replace("fits = false", &format!("directory = {disk:?}"));
+        let settings = sinks(&named);
+        let (first, camera, clock) = (frame(0), camera(), clock());
+        for (head, below) in [(None, "now"), (Some(1), "later/head1")] {
+            let out = folder.path().join("runs").join(below);
+            let setting = SinkSetting { head, ..setting(Some(&out), false, (&first, &camera, &clock)) };
+            let mut sink = make_sinks(&settings, &setting).unwrap();
+            sink.send(&frame(1)).unwrap();
+            sink.finish().unwrap();
+            let place = disk.join(below);
+            assert!(place.join("frames.ser").exists() && place.join("frame_000001.fits").exists());
+            assert!(
+                out.join("extra_sink_0").exists() && !out.join("extra_sink_1").exists(),
+                "the other one names none"
+            );
+            assert_eq!(sink.lines()[2].output.as_deref(), place.to_str(), "and says so");
         }
     }
 

@@ -1,15 +1,16 @@
 // Counts as lists: frames, the bus by port, events, faults.
 
 const FRAME_COUNTS = ["scheduled", "rendered", "delivered", "late", "held", "dropped", "extrapolated", "blank"];
+const FRAME_MEANING = { delivered: "handed to the sinks' queues" };
 const FRAME_TONE = { late: "warn", held: "warn", dropped: "bad", blank: "warn" };
 
-// Fills a list with [name, value, tone]; without a value it is a heading.
+// Fills a list with [name, value, tone, meaning]; without a value it is a heading.
 function fillList(name, rows) {
   byId(name).replaceChildren(
-    ...rows.flatMap(([title, value, tone]) => {
+    ...rows.flatMap(([title, value, tone, meaning]) => {
       const term = document.createElement("dt");
       term.textContent = title;
-      term.title = title;
+      term.title = meaning || title;
       if (value === undefined) {
         term.className = "group";
         return [term];
@@ -25,7 +26,8 @@ function fillList(name, rows) {
 const spaced = (name) => name.replaceAll("_", " ");
 
 function tellCounts(run) {
-  fillList("counts", FRAME_COUNTS.map((name) => [name, run.frames[name], run.frames[name] > 0 ? FRAME_TONE[name] : ""]));
+  const tone = (name) => (run.frames[name] > 0 ? FRAME_TONE[name] : "");
+  fillList("counts", FRAME_COUNTS.map((name) => [name, run.frames[name], tone(name), FRAME_MEANING[name]]));
   fillList("events", Object.entries(run.events).map(([name, n]) => [spaced(name), n]));
   const always = ["packets_received", "packets_sent"];
   const ports = run.ports.flatMap((port, i) => [
@@ -35,7 +37,8 @@ function tellCounts(run) {
       .map(([name, n]) => [spaced(name), n, always.includes(name) ? "" : "warn"]),
     ...Object.entries(port.rejects).map(([name, n]) => ["refused: " + name, n, "warn"]),
   ]);
-  fillList("bus", ports);
+  const more = run.ports_left_out > 0 ? [["ports not shown", run.ports_left_out, "warn"]] : [];
+  fillList("bus", [...ports, ...more]);
 }
 
 function tellFaults(frame) {

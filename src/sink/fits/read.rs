@@ -14,15 +14,15 @@ const MAX_HEADER_BLOCKS: usize = 64;
 pub struct FitsImage {
     /// Columns.
     pub width: usize,
-    /// Rows; the first is the top one.
+    /// Rows.
     pub height: usize,
-    /// The pixels.
+    /// The pixels, in the order of the file.
     pub pixels: OwnedPixels,
     /// Every card but `END`.
     pub header: Header,
 }
 
-/// Pixels of an image that was read, row by row from the top.
+/// Pixels of an image that was read, row by row.
 #[derive(Debug, Clone, PartialEq)]
 pub enum OwnedPixels {
     /// Unsigned 16-bit.
@@ -52,6 +52,21 @@ impl FitsImage {
     /// [`SinkError::BadFits`] when the input ends early or is not an image of a kind listed above.
     pub fn read(input: impl Read) -> Result<Self, SinkError> {
         read_image(input)
+    }
+
+    /// The pixels as numbers, the top row first: that is the first one of the file, unless it says
+    /// `ROWORDER = 'BOTTOM-UP'`.
+    #[must_use]
+    pub fn top_row_first(&self) -> Vec<f64> {
+        let pixels: Vec<f64> = match &self.pixels {
+            OwnedPixels::U16(pixels) => pixels.iter().map(|value| f64::from(*value)).collect(),
+            OwnedPixels::F32(pixels) => pixels.iter().map(|value| f64::from(*value)).collect(),
+            OwnedPixels::F64(pixels) => pixels.clone(),
+        };
+        if self.header.text("ROWORDER").is_some_and(|order| order.trim() == "BOTTOM-UP") {
+            return pixels.rchunks_exact(self.width.max(1)).flatten().copied().collect();
+        }
+        pixels
     }
 }
 
@@ -172,6 +187,27 @@ mod tests {
             let _either_is_fine = read_image(bytes.as_slice());
             let short = read_image(&bytes[..cut.min(BLOCK_BYTES + 49)]);
             prop_assert!(short.is_err(), "a file cut short must be refused");
+        }
+    }
+
+    #[test]
+    fn the_top_row_comes_first_whatever_the_order_in_the_file() {
+        for (order, wanted) in [
+            (None, [1, 2, 3, 4, 5, 6]),
+            (Some("TOP-DOWN"), [1, 2, 3, 4, 5, 6]),
+            (Some("BOTTOM-UP"), [5, 6, 3, 4, 1, 2]),
+        ] {
+            let mut header = Header::default();
+            order.iter().for_each(|order| header.push("ROWORDER", *order, "order of rows"));
+            let (u, mut bytes) = ([1, 2, 3, 4, 5, 6], Vec::new());
+            let (f, d) = (u.map(f32::from), u.map(f64::from));
+            for pixels in [Pixels::U16(&u), Pixels::F32(&f), Pixels::F64(&d)] {
+                bytes.clear();
+                write_image(&mut bytes, 2, 3, pixels, &header).unwrap();
+                let image = read_image(bytes.as_slice()).unwrap();
+                assert_eq!(image.top_row_first(), wanted.map(f64::from), "{order:?}");
+                assert_eq!(image.pixels.as_pixels(), pixels, "the file's own order stays");
+            }
         }
     }
 

@@ -8,7 +8,7 @@ use super::ReplayError;
 use crate::base::time::Span;
 use crate::runtime::{FrameMark, FrameMarksEnd};
 use crate::sink::crc32::pixel_crc32;
-use crate::sink::{FaultFlags, Losses, SentFrame, Sink, SinkError, SinkLine, SinkSummary};
+use crate::sink::{FaultFlags, Loss, SentFrame, Sink, SinkError, SinkLine, SinkSummary};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
@@ -200,8 +200,8 @@ impl Sink for RowSink {
         self.inner.counts()
     }
 
-    fn losses(&self) -> Losses {
-        self.inner.losses()
+    fn take_losses(&mut self, tell: &mut dyn FnMut(Loss)) {
+        self.inner.take_losses(tell);
     }
 
     fn lines(&self) -> Vec<SinkLine> {
