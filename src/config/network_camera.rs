@@ -23,6 +23,7 @@ pub(super) struct NetworkCameraKeys {
     user_name: Option<String>,
     mac: Option<String>,
     xml: Option<String>,
+    allow_other_receivers: Option<bool>,
     lose_one_in: Option<i64>,
 }
 
@@ -58,6 +59,7 @@ pub(super) fn check(keys: &NetworkCameraKeys, prefix: &str, check: &mut Checker<
         let advice = "a fault: one packet in so many is not sent; leave the key out for none";
         check.whole(&key("lose_one_in"), keys.lose_one_in, None, 1..=1_000_000, advice)
     });
+    let allow_other_receivers = check.given_or(&key("allow_other_receivers"), keys.allow_other_receivers, false);
     Ok(Params {
         address,
         port: u16::try_from(port).unwrap_or_default(),
@@ -69,6 +71,7 @@ pub(super) fn check(keys: &NetworkCameraKeys, prefix: &str, check: &mut Checker<
         identity: identity(keys, prefix, check)?,
         mac: mac(&key("mac"), keys.mac.as_deref(), check)?,
         xml,
+        allow_other_receivers,
         lose_one_in: lose_one_in.transpose()?,
     })
 }
@@ -135,7 +138,8 @@ mod tests {
     fn everything_given_is_taken() {
         let text = "address = \"127.0.0.2\"\nport = 0\npixel_format = \"Mono16\"\npacket_bytes = 9000\nrate_mbit_s = 2000\n\
                     frames_kept = 8\nframes_queued = 3\nserial = \"a 1\"\nuser_name = \"north\"\nmodel = \"m\"\n\
-                    vendor = \"v\"\nmac = \"02:00:7f:00:00:0A\"\nxml = \"plain\"\nlose_one_in = 10\n";
+                    vendor = \"v\"\nmac = \"02:00:7f:00:00:0A\"\nxml = \"plain\"\n\
+                    allow_other_receivers = true\nlose_one_in = 10\n";
         let wanted = Params {
             address: Ipv4Addr::new(127, 0, 0, 2),
             port: 0,
@@ -153,6 +157,7 @@ mod tests {
             },
             mac: Some([2, 0, 0x7F, 0, 0, 10]),
             xml: XmlForm::Plain,
+            allow_other_receivers: true,
             lose_one_in: Some(10),
         };
         assert_eq!(read(text).unwrap(), wanted);

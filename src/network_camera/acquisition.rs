@@ -1,44 +1,90 @@
-//! Which of the bench's frames a client gets: all, one, some, or the next after each trigger.
+//! Which of the bench's frames a client gets: all, each n-th, one, some, or the next after each trigger.
 //!
 //! The bench exposes on its own schedule; a trigger chooses, it does not start an exposure: the next frame that is handed
-//! over after the trigger is sent. [`Wanted`] is the count of frames still to be taken, shared between the control side,
-//! which adds to it, and the sink, which takes from it without waiting.
+//! over after the trigger is sent. A lower frame rate chooses too: each n-th frame, from the first of the acquisition on.
+//! [`Wanted`] is the count of frames still to be taken, shared between the control side, which adds to it, and the sink,
+//! which takes from it without waiting.
 
-use core::sync::atomic::{AtomicU64, Ordering};
+use core::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 /// Every frame until the acquisition stops.
-const ALL: u64 = u64::MAX;
+const ALL: u32 = u32::MAX;
 
-/// Frames still wanted.
+/// Frames still wanted, and the acquisition that wants them. Both are one word: a frame is taken for the acquisition that
+/// counts it, also when another one begins at that moment.
 #[derive(Debug, Default)]
 pub struct Wanted {
-    left: AtomicU64,
+    acquisition_and_left: AtomicU64,
+    /// One frame in so many; 0 is as 1.
+    one_in: AtomicU32,
 }
 
 impl Wanted {
-    /// Takes one when any is wanted.
-    pub fn take(&self) -> bool {
-        let fewer = |left| match left {
+    /// Takes one when any is wanted; the acquisition that it is for.
+    pub fn take(&self) -> Option<u32> {
+        let fewer = |word| match left(word) {
             0 => None,
-            ALL => Some(ALL),
-            left => Some(left - 1),
+            ALL => Some(word),
+            _ => Some(word - 1),
         };
-        self.left.fetch_update(Ordering::AcqRel, Ordering::Acquire, fewer).is_ok()
+        let before = self.acquisition_and_left.fetch_update(Ordering::AcqRel, Ordering::Acquire, fewer);
+        before.ok().map(acquisition)
     }
 
-    /// True when a frame would be taken now.
+    /// The acquisition for which a frame would be taken now.
     #[must_use]
-    pub fn any(&self) -> bool {
-        self.left.load(Ordering::Acquire) > 0
+    pub fn by(&self) -> Option<u32> {
+        let word = self.acquisition_and_left.load(Ordering::Acquire);
+        (left(word) > 0).then_some(acquisition(word))
     }
 
-    fn set(&self, frames: u64) {
-        self.left.store(frames, Ordering::Release);
+    /// Wants so many frames for an acquisition, and none for the one before.
+    pub(super) fn begin(&self, acquisition: u32, frames: u32) {
+        self.acquisition_and_left.store(u64::from(acquisition) << 32 | u64::from(frames), Ordering::Release);
+    }
+
+    /// Wants nothing any more.
+    pub(super) fn end(&self) {
+        self.begin(0, 0);
     }
 
     fn add_one(&self) {
-        let more = |left: u64| Some(if left == ALL { ALL } else { left + 1 });
-        let _never_refused = self.left.fetch_update(Ordering::AcqRel, Ordering::Acquire, more);
+        let more = |word| Some(if left(word) >= ALL - 1 { word } else { word + 1 });
+        let _never_refused = self.acquisition_and_left.fetch_update(Ordering::AcqRel, Ordering::Acquire, more);
+    }
+
+    /// Of so many frames of the bench one is for the client.
+    pub(super) fn choose_one_in(&self, frames: u32) {
+        self.one_in.store(frames, Ordering::Release);
+    }
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "the low half is what is asked for")]
+fn left(word: u64) -> u32 {
+    word as u32
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "32 bits are left")]
+fn acquisition(word: u64) -> u32 {
+    (word >> 32) as u32
+}
+
+/// The sink's place between two frames of a client that wants each n-th.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Turn {
+    acquisition: u32,
+    since_last: u32,
+}
+
+impl Turn {
+    /// True when this frame, which comes during an acquisition, is one that its rate chooses.
+    pub(super) fn comes(&mut self, acquisition: u32, wanted: &Wanted) -> bool {
+        if self.acquisition != acquisition {
+            *self = Self { acquisition, since_last: 0 };
+        }
+        let comes = self.since_last == 0;
+        self.since_last = (self.since_last + 1) % wanted.one_in.load(Ordering::Acquire).max(1);
+        comes
     }
 }
 
@@ -55,31 +101,30 @@ pub(super) enum Mode {
 pub(super) struct Acquisition {
     is_started: bool,
     /// Triggers that would still be heeded; `None`: any number.
-    triggers_left: Option<u64>,
+    triggers_left: Option<u32>,
 }
 
 impl Acquisition {
-    /// Begins; with `is_triggered` each frame waits for a trigger.
-    pub(super) fn start(&mut self, mode: Mode, is_triggered: bool, wanted: &Wanted) {
+    /// Begins; with `is_triggered` each frame waits for a trigger. The frames that are wanted at once.
+    pub(super) fn start(&mut self, mode: Mode, is_triggered: bool) -> u32 {
         let frames = match mode {
             Mode::Continuous => ALL,
             Mode::SingleFrame => 1,
-            Mode::MultiFrame(frames) => u64::from(frames),
+            Mode::MultiFrame(frames) => frames,
         };
         let triggers_left = if frames == ALL { None } else { Some(frames) };
         *self = Self { is_started: true, triggers_left: if is_triggered { triggers_left } else { Some(0) } };
-        wanted.set(if is_triggered { 0 } else { frames });
+        if is_triggered { 0 } else { frames }
     }
 
-    /// Ends; what was wanted is no more.
-    pub(super) fn stop(&mut self, wanted: &Wanted) {
+    /// Ends.
+    pub(super) fn stop(&mut self) {
         *self = Self::default();
-        wanted.set(0);
     }
 
     /// True from the start to the stop, or to the last frame of a limited acquisition.
     pub(super) fn is_running(&self, wanted: &Wanted) -> bool {
-        self.is_started && (self.triggers_left != Some(0) || wanted.any())
+        self.is_started && (self.triggers_left != Some(0) || wanted.by().is_some())
     }
 
     /// True from the start to the stop.
@@ -103,7 +148,7 @@ mod tests {
     use super::*;
 
     fn taken(wanted: &Wanted) -> usize {
-        (0..10).filter(|_| wanted.take()).count()
+        (0..10).filter(|_| wanted.take().is_some()).count()
     }
 
     #[test]
@@ -113,10 +158,11 @@ mod tests {
         {
             let (mut acquisition, wanted) = (Acquisition::default(), Wanted::default());
             assert_eq!(taken(&wanted), 0, "nothing before the start");
-            acquisition.start(mode, false, &wanted);
+            wanted.begin(1, acquisition.start(mode, false));
             assert!(acquisition.is_running(&wanted) && !acquisition.trigger(&wanted));
             assert_eq!((taken(&wanted), acquisition.is_running(&wanted)), (frames, is_running_after), "{mode:?}");
-            acquisition.stop(&wanted);
+            acquisition.stop();
+            wanted.end();
             assert!(taken(&wanted) == 0 && !acquisition.is_running(&wanted));
         }
     }
@@ -126,11 +172,38 @@ mod tests {
         for (mode, frames) in [(Mode::Continuous, 5), (Mode::SingleFrame, 1), (Mode::MultiFrame(3), 3)] {
             let (mut acquisition, wanted) = (Acquisition::default(), Wanted::default());
             assert!(!acquisition.trigger(&wanted), "before the start");
-            acquisition.start(mode, true, &wanted);
+            wanted.begin(1, acquisition.start(mode, true));
             assert_eq!(taken(&wanted), 0, "before the trigger");
             let heeded = (0..5).filter(|_| acquisition.trigger(&wanted)).count();
             assert_eq!((heeded, taken(&wanted)), (frames, frames), "{mode:?}");
             assert_eq!(acquisition.is_running(&wanted), mode == Mode::Continuous);
         }
+    }
+
+    #[test]
+    fn a_frame_is_taken_for_the_acquisition_that_counts_it() {
+        let wanted = Wanted::default();
+        assert_eq!((wanted.by(), wanted.take()), (None, None));
+        wanted.begin(7, 1);
+        // A sink that looked during the one before takes for the present one.
+        wanted.begin(8, 1);
+        assert_eq!((wanted.by(), wanted.take(), wanted.take()), (Some(8), Some(8), None));
+        wanted.begin(u32::MAX, ALL);
+        assert_eq!((wanted.take(), wanted.take()), (Some(u32::MAX), Some(u32::MAX)), "without end");
+        wanted.add_one();
+        assert_eq!(wanted.by(), Some(u32::MAX), "more than all is all");
+    }
+
+    #[test]
+    fn each_nth_frame_comes_from_the_first_of_an_acquisition_on() {
+        let (mut turn, wanted) = (Turn::default(), Wanted::default());
+        let mut chosen =
+            |acquisition, frames| (0..frames).filter(|_| turn.comes(acquisition, &wanted)).collect::<Vec<_>>();
+        assert_eq!(chosen(1, 3), [0, 1, 2], "all of them as it is");
+        wanted.choose_one_in(3);
+        assert_eq!(chosen(2, 8), [0, 3, 6]);
+        assert_eq!(chosen(3, 5), [0, 3], "the next one begins anew");
+        wanted.choose_one_in(1);
+        assert_eq!(chosen(4, 3), [0, 1, 2]);
     }
 }

@@ -1,14 +1,17 @@
 //! The camera as a sink: `send` copies a frame that is wanted into a free slot, or counts why not, and returns.
 
 use crate::base::clock::{Clock, Monotonic};
+use crate::base::time::Span;
+use crate::network_camera::acquisition::Turn;
 use crate::network_camera::counters::{Counters, Tally};
 use crate::network_camera::device::{Device, DeviceParams};
 use crate::network_camera::error::NetworkCameraError;
 use crate::network_camera::interface::{self, Interface};
 use crate::network_camera::listener::Listener;
-use crate::network_camera::packets::Outlet;
-use crate::network_camera::params::{PACKET_BYTES_MAX, Params, SensorParams};
-use crate::network_camera::slots::{Shared, Slot};
+use crate::network_camera::packets::{Outlet, TestOutlet};
+use crate::network_camera::params::{Params, SensorParams};
+use crate::network_camera::shared::Shared;
+use crate::network_camera::slots::Slot;
 use crate::network_camera::stream::{Kept, Stream};
 use crate::sink::crc32::{RunCrc32, pixel_crc32};
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
@@ -19,20 +22,26 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 
 /// Requests to send again that may wait.
-const RESENDS_QUEUED: usize = 256;
+const ASKS_QUEUED: usize = 256;
+/// The end of a run waits no longer for frames that are still to be sent, whatever pace and pause a client chose.
+const FAREWELL: Span = Span::from_ms(1_000);
 const NAME: &str = "network_camera";
 
 /// A camera on the network, from its start to the end of the run.
 pub struct NetworkCamera {
     address: SocketAddr,
+    clock: Arc<dyn Clock>,
     shared: Arc<Shared>,
     full: Option<Sender<Slot>>,
     free: Receiver<Slot>,
     /// A slot taken for a frame that then was not wanted.
     spare: Option<Slot>,
+    turn: Turn,
     pixels: usize,
     stream: Option<JoinHandle<()>>,
     listener: Option<JoinHandle<()>>,
+    /// A thread ended before it was told to.
+    is_lost: bool,
     frames: u64,
     refused: u64,
     run_crc32: RunCrc32,
@@ -69,24 +78,26 @@ impl NetworkCamera {
             address: params.address,
             mask: found.mask,
             mac: params.mac.unwrap_or(found.mac),
-            packet_bytes_max: found.mtu.min(PACKET_BYTES_MAX) & !3,
+            packet_bytes_max: found.packet_bytes_max()?,
             stream_source_port,
         };
         let device = Device::new(params, sensor, place).map_err(refuse("deflate its XML"))?;
-        let shared = Arc::new(Shared::new(device.stream(), device.wanted(), device.tally()));
+        let shared = device.shared();
         let pixels = sensor.size_px.iter().map(|side| *side as usize).product();
         let (full, frames) = bounded(params.frames_queued as usize);
         let (given_back, free) = bounded(params.frames_queued as usize);
         for _ in 0..params.frames_queued {
             let _there_is_room_for_all = given_back.try_send(Slot::with_capacity(pixels));
         }
-        let (ask, resends) = bounded(RESENDS_QUEUED);
+        let (ask, asks) = bounded(ASKS_QUEUED);
+        let tests = Arc::clone(&stream_socket);
+        let tests = TestOutlet::new(tests, params.rate_bit_s, clock.now(), Arc::clone(&shared.tally));
         let outlet = Outlet::new(
-            Arc::clone(&stream_socket),
+            stream_socket,
             Arc::clone(&clock),
             params.rate_bit_s,
             params.lose_one_in,
-            device.tally(),
+            Arc::clone(&shared.tally),
         );
         let kept = Kept::new(params.frames_kept as usize, pixels, device.stream());
         let width_px = sensor.size_px[0] as usize;
@@ -94,21 +105,22 @@ impl NetworkCamera {
             shared: Arc::clone(&shared),
             frames,
             free: given_back,
-            resends,
+            asks,
             outlet,
             kept,
             width_px,
             dn_bits: sensor.bits,
+            pending: None,
         };
         let broadcasts = hear_broadcasts(&found, address.port());
         let listener = Listener {
             device,
             shared: Arc::clone(&shared),
-            clock,
+            clock: Arc::clone(&clock),
             control,
             broadcasts,
-            stream: stream_socket,
-            resends: ask,
+            tests,
+            asks: ask,
         };
         let spawn = |name: &str, run: Box<dyn FnOnce() + Send>| {
             let thread = std::thread::Builder::new().name(name.into()).spawn(run);
@@ -116,19 +128,21 @@ impl NetworkCamera {
         };
         let stream = Some(spawn("camera stream", Box::new(move || stream.run()))?);
         let listener = Some(spawn("camera control", Box::new(move || listener.run()))?);
-        let (frames, refused, run_crc32) = (0, 0, RunCrc32::default());
         Ok(Self {
             address,
+            clock,
             shared,
             full: Some(full),
             free,
             spare: None,
+            turn: Turn::default(),
             pixels,
             stream,
             listener,
-            frames,
-            refused,
-            run_crc32,
+            is_lost: false,
+            frames: 0,
+            refused: 0,
+            run_crc32: RunCrc32::default(),
         })
     }
 
@@ -160,8 +174,7 @@ impl NetworkCamera {
     fn offer(&mut self, frame: &SentFrame) {
         let Shared { tally, wanted, .. } = &*self.shared;
         tally.frames_offered.one();
-        let generation = self.shared.generation();
-        if !wanted.any() {
+        if wanted.by().is_none_or(|acquisition| !self.turn.comes(acquisition, wanted)) {
             return tally.frames_not_wanted.one();
         }
         if frame.image.pixels().len() != self.pixels {
@@ -170,26 +183,33 @@ impl NetworkCamera {
         let slot = self.spare.take().or_else(|| self.free.try_recv().ok());
         let Some(mut slot) = slot else { return tally.frames_dropped.one() };
         // The copy comes before the count: a frame that is counted out will be sent.
-        slot.take_in(frame, generation);
-        if !wanted.take() {
+        slot.take_in(frame);
+        let Some(acquisition) = wanted.take() else {
             self.spare = Some(slot);
             return tally.frames_not_wanted.one();
-        }
+        };
+        slot.acquisition = acquisition;
         // There are as many places as slots: the queue has room unless the stream is gone.
         if self.full.as_ref().is_none_or(|full| full.try_send(slot).is_err()) {
             tally.frames_dropped.one();
         }
     }
 
+    /// True when both threads are at work.
+    fn is_whole(&self) -> bool {
+        let runs = |thread: &Option<JoinHandle<()>>| thread.as_ref().is_some_and(|thread| !thread.is_finished());
+        runs(&self.stream) && runs(&self.listener)
+    }
+
     fn join(&mut self) {
-        drop(self.full.take());
-        if let Some(stream) = self.stream.take() {
-            let _a_lost_stream_is_over_too = stream.join();
-        }
+        let Some(full) = self.full.take() else { return };
+        // Before the hang-up, after which both end: the stream by itself, the control side when it is told.
+        self.is_lost = !self.is_whole();
+        self.shared.hang_up(self.clock.now() + FAREWELL);
+        drop(full);
+        self.is_lost |= self.stream.take().is_some_and(|stream| stream.join().is_err());
         self.shared.end();
-        if let Some(listener) = self.listener.take() {
-            let _a_lost_listener_is_over_too = listener.join();
-        }
+        self.is_lost |= self.listener.take().is_some_and(|listener| listener.join().is_err());
     }
 }
 
@@ -209,6 +229,10 @@ impl Sink for NetworkCamera {
             self.refused += 1;
             return Err(SinkError::Finished { sink: NAME, frame: frame.meta.number });
         }
+        if !self.is_whole() {
+            self.refused += 1;
+            return Err(SinkError::Lost { sink: NAME });
+        }
         self.run_crc32.add(frame.meta.number, pixel_crc32(&frame.image));
         self.frames += 1;
         self.offer(frame);
@@ -221,6 +245,9 @@ impl Sink for NetworkCamera {
 
     fn finish(&mut self) -> Result<SinkSummary, SinkError> {
         self.join();
+        if self.is_lost {
+            return Err(SinkError::Lost { sink: NAME });
+        }
         Ok(SinkSummary {
             sink: NAME,
             frames: self.frames,
@@ -235,5 +262,50 @@ impl Sink for NetworkCamera {
 impl Drop for NetworkCamera {
     fn drop(&mut self) {
         self.join();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sink::frame::sample_frame;
+
+    const SENSOR: SensorParams =
+        SensorParams { size_px: [31, 17], bits: 16, frame_rate_hz: 10.0, exposure_s: 0.1, gain_e_per_dn: 2.5 };
+
+    /// A thread that broke down.
+    fn broken() -> JoinHandle<()> {
+        let thread = std::thread::Builder::new().name("broken".into()).spawn(|| panic!("for a test")).unwrap();
+        while !thread.is_finished() {
+            std::thread::yield_now();
+        }
+        thread
+    }
+
+    fn camera() -> NetworkCamera {
+        let params = Params { port: 0, ..Params::default() };
+        NetworkCamera::start(&params, &SENSOR, Arc::new(Monotonic::start())).unwrap()
+    }
+
+    fn is_lost<T>(result: &Result<T, SinkError>) -> bool {
+        matches!(result, Err(SinkError::Lost { sink: NAME }))
+    }
+
+    #[test]
+    fn a_camera_whose_thread_broke_down_says_so() {
+        let whole = &mut camera();
+        whole.send(&sample_frame(1)).unwrap();
+        whole.finish().unwrap();
+        let mut without_stream = camera();
+        without_stream.stream = Some(broken());
+        let mut without_control = camera();
+        without_control.shared.end();
+        without_control.listener = Some(broken());
+        for mut camera in [without_stream, without_control] {
+            assert!(is_lost(&camera.send(&sample_frame(1))));
+            assert!(is_lost(&camera.finish()) && is_lost(&camera.finish()), "the same answer again");
+            assert!(matches!(camera.send(&sample_frame(2)), Err(SinkError::Finished { .. })));
+            assert_eq!((camera.frames, camera.refused), (0, 2));
+        }
     }
 }

@@ -44,7 +44,7 @@ macro_rules! counters {
 counters! {
     /// Frames that the bench handed over.
     frames_offered;
-    /// Frames that no client had asked for: none connected, none acquiring, or no trigger.
+    /// Frames that no client had asked for: none connected, none acquiring, no trigger, or a lower frame rate.
     frames_not_wanted;
     /// Frames lost because earlier ones were still waiting to be sent.
     frames_dropped;
@@ -52,9 +52,11 @@ counters! {
     frames_of_another_size;
     /// Frames sent whole.
     frames_sent;
-    /// Frames given up half-way because the acquisition stopped or the system refused a packet.
+    /// Frames of which the system refused a packet: the client has them only if it asked for that packet again.
+    frames_refused;
+    /// Frames given up because the acquisition stopped, or because the run ended before they were out.
     frames_cut;
-    /// Packets handed to the system, resent ones included.
+    /// Packets handed to the system, resent and test ones included.
     packets;
     /// Bytes of those packets, GVSP headers included, IP and UDP headers not.
     bytes;
@@ -68,8 +70,13 @@ counters! {
     resends_served;
     /// Packets asked for again that were no more (told to the client with status 800C).
     resends_gone;
-    /// Packets asked for again by others than the stream's receiver, or beyond what one frame may cost.
+    /// Packets asked for again that were not sent: by others than the stream's receiver, beyond what one frame may cost,
+    /// more requests than may wait, or the acquisition or the run over first.
     resends_refused;
+    /// Packets of a size that a client wanted to try.
+    test_packets;
+    /// The same, not sent: they came faster than the stream's rate.
+    test_packets_refused;
     /// Applications that took control.
     controllers_accepted;
     /// Attempts to take control that another application had.
@@ -82,6 +89,10 @@ counters! {
     discoveries;
     /// Datagrams from outside the device's own subnet, not answered.
     strangers;
+    /// Datagrams that came by broadcast and may not, not answered.
+    broadcasts_ignored;
+    /// Commands that came again under the same number: answered as before, not carried out again.
+    repeats;
     /// Commands answered with an error.
     commands_refused;
 }

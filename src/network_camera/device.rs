@@ -1,19 +1,24 @@
 //! The camera as clients see it: one datagram of the control port -> an answer and what is to be done.
 //!
 //! No sockets, no threads, no clock: sender and time are arguments, so that the whole protocol is tested and fuzzed as a
-//! function. Answers never exceed one datagram of 576 bytes. Settings of the stream are read after each datagram; their
-//! generation goes up when an acquisition starts or stops.
+//! function. Answers never exceed one datagram of 576 bytes. Settings of the stream are told to [`Shared`] before a datagram
+//! is answered and before its frames are wanted; the number of the acquisition in them goes up with each start and stop.
+//!
+//! A command that comes again under the same number is answered as before and carried out once. By broadcast come
+//! discovery, actions, and a new address, which this device cannot take: its address is the machine's.
 
 use crate::base::time::{Span, Tai};
 use crate::network_camera::acquisition::{Acquisition, Mode, Wanted};
 use crate::network_camera::control::{Change, Control};
 use crate::network_camera::counters::{Counters, Tally};
-use crate::network_camera::first_values::{HEARTBEAT_MS, write_bootstrap, write_features, write_urls};
+use crate::network_camera::first_values::{HEARTBEAT_MS, ONE_IN_MOST, write_bootstrap, write_features, write_urls};
 use crate::network_camera::gvcp::{self, Action, Command, Malformed, Resend, Status};
-use crate::network_camera::gvsp::StreamSettings;
+use crate::network_camera::gvsp::{IP_UDP_BYTES, StreamSettings};
 use crate::network_camera::params::{PACKET_BYTES_MIN, Params, SensorParams, XmlForm};
 use crate::network_camera::pixel_format::PixelFormat;
 use crate::network_camera::registers::{Memory, at, own};
+use crate::network_camera::repeats::LastChange;
+use crate::network_camera::shared::Shared;
 use crate::network_camera::{chunk, xml};
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::sync::Arc;
@@ -67,12 +72,16 @@ pub struct Device {
     memory: Memory,
     control: Control,
     acquisition: Acquisition,
-    wanted: Arc<Wanted>,
-    tally: Arc<Tally>,
+    shared: Arc<Shared>,
+    last_change: LastChange,
     place: DeviceParams,
-    generation: u64,
+    allow_other_receivers: bool,
+    /// Of the present acquisition or the pause before the next.
+    number: u32,
     /// Fields of the truth that are wanted, one bit each.
     chunks: u32,
+    /// The half of a frame rate that was written; the other half makes it hold.
+    rate_high: u32,
 }
 
 impl Device {
@@ -90,68 +99,97 @@ impl Device {
         let format = params.pixel_format.unwrap_or(PixelFormat::for_bits(sensor.bits));
         write_features(&mut memory, sensor, format);
         memory.set(at::PACKET_SIZE, DO_NOT_FRAGMENT | params.packet_bytes.min(place.packet_bytes_max) & !3);
-        let (wanted, tally) = (Arc::default(), Arc::default());
         let mut device = Self {
             memory,
             control: Control::default(),
             acquisition: Acquisition::default(),
-            wanted,
-            tally,
+            shared: Arc::new(Shared::new()),
+            last_change: LastChange::default(),
             place,
-            generation: 1,
+            allow_other_receivers: params.allow_other_receivers,
+            number: 1,
             chunks: ALL_CHUNKS,
+            rate_high: 0,
         };
         device.measure_payload();
+        device.publish();
         Ok(device)
     }
 
     /// The count of frames that clients still want.
     #[must_use]
     pub fn wanted(&self) -> Arc<Wanted> {
-        Arc::clone(&self.wanted)
+        Arc::clone(&self.shared.wanted)
     }
 
-    pub(super) fn tally(&self) -> Arc<Tally> {
-        Arc::clone(&self.tally)
+    pub(super) fn shared(&self) -> Arc<Shared> {
+        Arc::clone(&self.shared)
+    }
+
+    fn tally(&self) -> &Tally {
+        &self.shared.tally
     }
 
     /// What was counted so far.
     #[must_use]
     pub fn counters(&self) -> Counters {
-        self.tally.read()
+        self.tally().read()
     }
 
     /// Takes one datagram that came to the control port.
     pub fn answer(&mut self, from: SocketAddrV4, bytes: &[u8], now: Tai, out: &mut Answer) {
+        self.hear(from, bytes, false, now, out);
+    }
+
+    /// Takes one datagram that came by broadcast.
+    pub fn answer_broadcast(&mut self, from: SocketAddrV4, bytes: &[u8], now: Tai, out: &mut Answer) {
+        self.hear(from, bytes, true, now, out);
+    }
+
+    fn hear(&mut self, from: SocketAddrV4, bytes: &[u8], is_broadcast: bool, now: Tai, out: &mut Answer) {
         out.reply.clear();
         (out.test_packet, out.resend) = (None, None);
         if !self.is_neighbour(*from.ip()) {
-            self.tally.strangers.one();
-            return;
+            return self.tally().strangers.one();
         }
         let request = match gvcp::parse(bytes) {
             Ok(request) => request,
-            Err(reason) => return self.tally.malformed(reason),
+            Err(reason) => return self.tally().malformed(reason),
         };
-        gvcp::begin_answer(request.code, request.id, &mut out.reply);
+        if is_broadcast && !request.command.may_be_broadcast() {
+            return self.tally().broadcasts_ignored.one();
+        }
         self.control.hear(from, now);
-        let is_silent = self.is_silent(&request.command, from);
+        if let Some(reply) = self.last_change.answer_to(from, bytes, now) {
+            out.reply.extend(reply);
+            return self.tally().repeats.one();
+        }
+        gvcp::begin_answer(request.code, request.id, &mut out.reply);
+        let is_silent = self.is_silent(&request.command);
+        let is_change = request.command.is_change() && !is_silent;
         let status = self.carry_out(request.command, from, now, out);
         if status != Status::Success {
-            self.tally.commands_refused.one();
+            self.tally().commands_refused.one();
         }
         gvcp::end_answer(status, &mut out.reply);
         if is_silent || !request.wants_answer {
             out.reply.clear();
         }
+        // What was refused to somebody without control changed nothing, and must not push out what did.
+        if is_change && (status == Status::Success || self.control.controller() == Some(from)) {
+            self.last_change.keep(from, bytes, &out.reply, now);
+        }
+        self.publish();
     }
 
     /// Lets time pass: a controller that has been silent for too long loses control, and its stream ends.
     pub fn tick(&mut self, now: Tai) {
         let timeout = Span::from_ms(i64::from(self.memory.word(at::HEARTBEAT_MS)));
         if self.control.time_out(now, timeout) {
-            self.tally.controllers_timed_out.one();
+            self.tally().controllers_timed_out.one();
+            self.last_change.forget();
             self.release();
+            self.publish();
         }
     }
 
@@ -163,7 +201,7 @@ impl Device {
         let destination = SocketAddrV4::new(Ipv4Addr::from_bits(word(at::STREAM_ADDRESS)), port);
         let is_open = port != 0 && !destination.ip().is_unspecified() && self.acquisition.is_started();
         StreamSettings {
-            generation: self.generation,
+            acquisition: self.number,
             destination: is_open.then_some(destination),
             packet_bytes: usize::try_from(word(at::PACKET_SIZE) & 0xFFFF).unwrap_or_default(),
             delay_ns: word(at::PACKET_DELAY),
@@ -173,17 +211,25 @@ impl Device {
         }
     }
 
+    /// Before an answer leaves and before frames are wanted: what follows finds the settings told.
+    fn publish(&self) {
+        let settings = self.stream();
+        if settings != self.shared.settings() {
+            self.shared.publish(settings);
+        }
+    }
+
     fn is_neighbour(&self, other: Ipv4Addr) -> bool {
         let mask = self.place.mask.to_bits();
         self.place.address.to_bits() & mask == other.to_bits() & mask
     }
 
-    /// What is never answered: requests to send again, and actions for others.
-    fn is_silent(&self, command: &Command<'_>, from: SocketAddrV4) -> bool {
+    /// What is never answered: requests to send again, and what is for others.
+    fn is_silent(&self, command: &Command<'_>) -> bool {
         match command {
             Command::Resend(_) => true,
             Command::Action(action) => !self.is_meant(*action) || self.control.controller().is_none(),
-            Command::Discovery => !self.is_neighbour(*from.ip()),
+            Command::ForceAddress { mac, .. } => *mac != self.place.mac,
             _ => false,
         }
     }
@@ -191,12 +237,12 @@ impl Device {
     fn carry_out(&mut self, command: Command<'_>, from: SocketAddrV4, now: Tai, out: &mut Answer) -> Status {
         let done = match command {
             Command::Bad(reason) => {
-                self.tally.malformed(reason);
+                self.tally().malformed(reason);
                 let is_unknown = reason == Malformed::UnknownCommand;
                 Err(if is_unknown { Status::NotImplemented } else { Status::InvalidParameter })
             }
             Command::Discovery => {
-                self.tally.discoveries.one();
+                self.tally().discoveries.one();
                 self.memory.read(0, DISCOVERY_BYTES).map(|bytes| out.reply.extend(bytes))
             }
             Command::Resend(resend) => {
@@ -213,6 +259,7 @@ impl Device {
                 let addresses = (0..u32::MAX).step_by(4).map(|step| address.wrapping_add(step));
                 self.write_all(addresses.zip(words.iter().map(number)), from, now, out)
             }
+            Command::ForceAddress { mac, address, mask } => self.force_address(mac, address, mask),
             Command::Action(action) => self.act(action),
         };
         done.err().unwrap_or(Status::Success)
@@ -232,6 +279,15 @@ impl Device {
         reply.extend(address.to_be_bytes());
         reply.extend(data);
         Ok(())
+    }
+
+    /// The machine's address cannot be changed from here; asking for the one there is does no harm.
+    fn force_address(&self, mac: [u8; 6], address: Ipv4Addr, mask: Ipv4Addr) -> Result<(), Status> {
+        if mac != self.place.mac || (address, mask) == (self.place.address, self.place.mask) {
+            return Ok(());
+        }
+        let is_taken = self.control.controller().is_some();
+        Err(if is_taken { Status::AccessDenied } else { Status::NotImplemented })
     }
 
     /// Writes in order up to the first that is refused; the answer tells how many were written.
@@ -264,12 +320,16 @@ impl Device {
         now: Tai,
         out: &mut Answer,
     ) -> Result<(), Status> {
+        // The ranges below hold whole words only.
+        if !address.is_multiple_of(4) {
+            return Err(Status::BadAlignment);
+        }
         if address == at::CONTROL {
             return self.write_control(value, from, now);
         }
         self.control.may_write(from)?;
         match address {
-            at::USER_NAME..=at::USER_NAME_LAST if address.is_multiple_of(4) => self.memory.set(address, value),
+            at::USER_NAME..=at::USER_NAME_LAST => self.memory.set(address, value),
             at::HEARTBEAT_MS => self.memory.set(address, value.clamp(HEARTBEAT_LEAST_MS, HEARTBEAT_MOST_MS)),
             at::TIMESTAMP_CONTROL => {
                 if value & LATCH != 0 {
@@ -277,8 +337,8 @@ impl Device {
                 }
             }
             at::ACTION_DEVICE_KEY | at::ACTION_GROUP_KEY | at::ACTION_GROUP_MASK => self.memory.set(address, value),
-            at::STREAM_PORT..=at::STREAM_SOURCE_PORT => return self.write_stream(address, value, out),
-            own::SENSOR_WIDTH..=own::CHUNK_SELECTOR => return self.write_feature(address, value),
+            at::STREAM_PORT..=at::STREAM_SOURCE_PORT => return self.write_stream(address, value, from, out),
+            own::SENSOR_WIDTH..own::END => return self.write_feature(address, value),
             _ => return self.memory.read(address, 4).and(Err(Status::WriteProtect)),
         }
         Ok(())
@@ -287,10 +347,10 @@ impl Device {
     fn write_control(&mut self, value: u32, from: SocketAddrV4, now: Tai) -> Result<(), Status> {
         let change = self.control.request(from, value, now);
         match change {
-            Ok(Change::Taken) => self.tally.controllers_accepted.one(),
+            Ok(Change::Taken) => self.tally().controllers_accepted.one(),
             Ok(Change::Released) => self.release(),
             Ok(Change::Kept) => {}
-            Err(Status::AccessDenied) => self.tally.controllers_refused.one(),
+            Err(Status::AccessDenied) => self.tally().controllers_refused.one(),
             Err(_) => {}
         }
         if change.is_ok() {
@@ -302,37 +362,44 @@ impl Device {
         change.map(|_| ())
     }
 
-    fn write_stream(&mut self, address: u32, value: u32, out: &mut Answer) -> Result<(), Status> {
+    fn write_stream(&mut self, address: u32, value: u32, from: SocketAddrV4, out: &mut Answer) -> Result<(), Status> {
         match address {
             at::STREAM_PORT => self.memory.set(address, value & 0xFFFF),
             at::PACKET_SIZE => self.write_packet_size(value, out),
             at::PACKET_DELAY => self.memory.set(address, value.min(DELAY_MOST_NS)),
-            // Packets go to neighbours only: the camera must not be turned against a third party.
-            at::STREAM_ADDRESS if value != 0 && !self.is_neighbour(Ipv4Addr::from_bits(value)) => {
-                return Err(Status::InvalidParameter);
+            at::STREAM_ADDRESS if value == 0 || self.may_receive(Ipv4Addr::from_bits(value), from) => {
+                self.memory.set(address, value);
             }
-            at::STREAM_ADDRESS => self.memory.set(address, value),
+            at::STREAM_ADDRESS => return Err(Status::InvalidParameter),
             _ => return self.memory.read(address, 4).and(Err(Status::WriteProtect)),
         }
         Ok(())
     }
 
+    /// A few bytes of commands make many of frames: they go to who sent the commands, so that the camera cannot be turned
+    /// against a third party; when the bench allows others, to one neighbour, never to all.
+    fn may_receive(&self, receiver: Ipv4Addr, controller: SocketAddrV4) -> bool {
+        let host_bits = !self.place.mask.to_bits();
+        let is_all = receiver.is_broadcast() || host_bits > 1 && receiver.to_bits() & host_bits == host_bits;
+        let is_allowed = self.allow_other_receivers && self.is_neighbour(receiver) && !is_all;
+        is_allowed || receiver == *controller.ip()
+    }
+
     /// Holds the size to what a packet may have; a test packet is sent only at a size that can get through.
     fn write_packet_size(&mut self, value: u32, out: &mut Answer) {
         let asked = value & 0xFFFF;
-        let size = asked.clamp(PACKET_BYTES_MIN, self.place.packet_bytes_max) & !3;
+        let size = asked.min(self.place.packet_bytes_max).max(PACKET_BYTES_MIN) & !3;
         self.memory.set(at::PACKET_SIZE, value & DO_NOT_FRAGMENT | size);
         let port = u16::try_from(self.memory.word(at::STREAM_PORT)).unwrap_or_default();
         let to = SocketAddrV4::new(Ipv4Addr::from_bits(self.memory.word(at::STREAM_ADDRESS)), port);
         if value & FIRE_TEST != 0 && asked <= self.place.packet_bytes_max && port != 0 && !to.ip().is_unspecified() {
-            let bytes =
-                usize::try_from(asked).unwrap_or_default().saturating_sub(crate::network_camera::gvsp::IP_UDP_BYTES);
+            let bytes = usize::try_from(asked).unwrap_or_default().saturating_sub(IP_UDP_BYTES);
             out.test_packet = Some((to, bytes));
         }
     }
 
     fn write_feature(&mut self, address: u32, value: u32) -> Result<(), Status> {
-        let is_free = !self.acquisition.is_running(&self.wanted);
+        let is_free = !self.acquisition.is_running(&self.shared.wanted);
         let free = || if is_free { Ok(()) } else { Err(Status::Busy) };
         let set_if = |memory: &mut Memory, is_legal: bool| {
             let done = if is_legal { Ok(()) } else { Err(Status::InvalidParameter) };
@@ -373,8 +440,8 @@ impl Device {
                 self.chunks = (self.chunks & !selected) | (selected * value);
             }
             own::PARAMETERS_LOCKED => set_if(memory, value <= 1)?,
-            // Clients that set the rate set it within its bounds, which are the bench's rate.
-            own::FRAME_RATE..own::EXPOSURE_TIME => set_if(memory, value == memory.word(address))?,
+            own::FRAME_RATE => self.rate_high = value,
+            own::FRAME_RATE_LOW => return self.write_rate(value),
             own::ACQUISITION_START => self.start(),
             own::ACQUISITION_STOP => self.stop(),
             own::TRIGGER_SOFTWARE => self.trigger(SOURCE_SOFTWARE),
@@ -382,6 +449,27 @@ impl Device {
         }
         self.measure_payload();
         Ok(())
+    }
+
+    /// The rate nearest to the one that is asked for: the bench's, or that of each n-th of its frames.
+    fn write_rate(&mut self, low: u32) -> Result<(), Status> {
+        let asked_hz = f64::from_bits(u64::from(self.rate_high) << 32 | u64::from(low));
+        let bench_hz = self.memory.float(own::FRAME_RATE_MOST);
+        let one_in = (bench_hz / asked_hz).round();
+        if !(1.0..=f64::from(ONE_IN_MOST)).contains(&one_in) || asked_hz > bench_hz {
+            return Err(Status::InvalidParameter);
+        }
+        self.memory.set_long(own::FRAME_RATE, (bench_hz / one_in).to_bits());
+        self.choose_frames();
+        Ok(())
+    }
+
+    /// With triggers each frame is chosen by one of them, not by a rate.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole, 1 to 65535")]
+    fn choose_frames(&self) {
+        let is_triggered = self.memory.word(own::TRIGGER_MODE) == 1;
+        let one_in = (self.memory.float(own::FRAME_RATE_MOST) / self.memory.float(own::FRAME_RATE)).round() as u32;
+        self.shared.wanted.choose_one_in(if is_triggered { 1 } else { one_in });
     }
 
     fn format(&self) -> PixelFormat {
@@ -406,18 +494,22 @@ impl Device {
             1 => Mode::SingleFrame,
             _ => Mode::MultiFrame(self.memory.word(own::FRAME_COUNT)),
         };
-        self.generation += 1;
-        self.acquisition.start(mode, self.memory.word(own::TRIGGER_MODE) == 1, &self.wanted);
+        self.number = self.number.wrapping_add(1);
+        let frames = self.acquisition.start(mode, self.memory.word(own::TRIGGER_MODE) == 1);
+        self.choose_frames();
+        self.publish();
+        self.shared.wanted.begin(self.number, frames);
     }
 
     fn stop(&mut self) {
-        self.generation += 1;
-        self.acquisition.stop(&self.wanted);
+        self.shared.wanted.end();
+        self.number = self.number.wrapping_add(1);
+        self.acquisition.stop();
     }
 
     fn trigger(&mut self, source: u32) {
-        if self.memory.word(own::TRIGGER_SOURCE) == source && self.acquisition.trigger(&self.wanted) {
-            self.tally.triggers.one();
+        if self.memory.word(own::TRIGGER_SOURCE) == source && self.acquisition.trigger(&self.shared.wanted) {
+            self.tally().triggers.one();
         }
     }
 

@@ -20,6 +20,8 @@ struct Bench {
     device: Device,
     answer: Answer,
     now: Tai,
+    /// Number of the last command.
+    id: u16,
 }
 
 impl Bench {
@@ -31,20 +33,41 @@ impl Bench {
             packet_bytes_max: 1500,
             stream_source_port: 50_000,
         };
-        Self { device: Device::new(params, &sensor(), place).unwrap(), answer: Answer::default(), now: START }
+        Self { device: Device::new(params, &sensor(), place).unwrap(), answer: Answer::default(), now: START, id: 0 }
     }
 
     /// Status and payload of the answer; `None` for silence.
     fn ask(&mut self, from: SocketAddrV4, code: u16, payload: &[u8]) -> Option<(u16, Vec<u8>)> {
-        let length = u16::try_from(payload.len()).unwrap();
-        let bytes = [&[0x42, 1][..], &code.to_be_bytes(), &length.to_be_bytes(), &[0xAB, 0xCD], payload].concat();
+        self.id += 1;
+        self.ask_again(from, code, payload)
+    }
+
+    /// The same under the number of the last command.
+    fn ask_again(&mut self, from: SocketAddrV4, code: u16, payload: &[u8]) -> Option<(u16, Vec<u8>)> {
+        let bytes = self.datagram(code, payload);
         self.device.answer(from, &bytes, self.now, &mut self.answer);
+        self.told(code)
+    }
+
+    fn broadcast(&mut self, from: SocketAddrV4, code: u16, payload: &[u8]) -> Option<(u16, Vec<u8>)> {
+        self.id += 1;
+        let bytes = self.datagram(code, payload);
+        self.device.answer_broadcast(from, &bytes, self.now, &mut self.answer);
+        self.told(code)
+    }
+
+    fn datagram(&self, code: u16, payload: &[u8]) -> Vec<u8> {
+        let length = u16::try_from(payload.len()).unwrap();
+        [&[0x42, 1][..], &code.to_be_bytes(), &length.to_be_bytes(), &self.id.to_be_bytes(), payload].concat()
+    }
+
+    fn told(&self, code: u16) -> Option<(u16, Vec<u8>)> {
         let reply = &self.answer.reply;
         if reply.is_empty() {
             return None;
         }
         let half = |place: usize| u16::from_be_bytes([reply[place], reply[place + 1]]);
-        assert_eq!((half(2), usize::from(half(4)), half(6)), (code + 1, reply.len() - 8, 0xABCD));
+        assert_eq!((half(2), usize::from(half(4)), half(6)), (code + 1, reply.len() - 8, self.id));
         Some((half(0), reply[8..].to_vec()))
     }
 
@@ -173,13 +196,13 @@ fn only_the_controller_writes_and_reads_are_for_all() {
 fn a_silent_controller_loses_control_and_its_stream() {
     let mut bench = bench();
     bench.stream();
-    assert!(bench.device.stream().destination.is_some() && bench.device.wanted().take());
+    assert!(bench.device.stream().destination.is_some() && bench.device.wanted().take().is_some());
     bench.now = START + Span::from_ms(3000);
     bench.device.tick(bench.now);
     assert_eq!(bench.read(A, at::CONTROL), Ok(2), "still, and heard again");
     bench.now = START + Span::from_ms(6001);
     bench.device.tick(bench.now);
-    assert_eq!((bench.device.stream().destination, bench.device.wanted().take()), (None, false));
+    assert_eq!((bench.device.stream().destination, bench.device.wanted().take()), (None, None));
     assert_eq!(bench.read(B, at::CONTROL), Ok(0));
     assert_eq!(bench.device.counters().controllers_timed_out, 1);
     assert_eq!(bench.write(B, at::CONTROL, 2), OK, "the next one takes over");
@@ -272,16 +295,16 @@ fn triggers_come_from_the_source_that_was_chosen() {
     let wanted = bench.device.wanted();
     let action = |words: [u32; 3]| words.map(u32::to_be_bytes).concat();
     assert_eq!(bench.ask(B, 0x100, &action([5, 6, 1])), Some((OK, vec![])));
-    assert!(!wanted.take(), "before the start");
+    assert_eq!(wanted.take(), None, "before the start");
     bench.write(A, own::ACQUISITION_START, 1);
     bench.write(A, own::TRIGGER_SOFTWARE, 1);
-    assert!(!wanted.take(), "another source");
+    assert_eq!(wanted.take(), None, "another source");
     for words in [[4, 6, 1], [5, 7, 1], [5, 6, 4]] {
         assert_eq!(bench.ask(B, 0x100, &action(words)), None, "meant for others");
     }
-    assert!(!wanted.take());
+    assert_eq!(wanted.take(), None);
     assert_eq!(bench.ask(B, 0x100, &action([5, 6, 2])), Some((OK, vec![])));
-    assert!(wanted.take() && !wanted.take(), "one frame");
+    assert!(wanted.take().is_some() && wanted.take().is_none(), "one frame");
     assert_eq!(bench.device.counters().triggers, 1);
 }
 
@@ -343,18 +366,154 @@ fn truth_is_sent_while_any_of_it_is_wanted() {
 }
 
 #[test]
-fn the_frame_rate_may_be_set_to_what_it_is() {
+fn the_frame_rate_is_that_of_each_nth_frame() {
     let mut bench = bench();
     bench.control();
-    let set = |rate: f64| [&own::FRAME_RATE.to_be_bytes()[..], &rate.to_be_bytes()].concat();
-    assert_eq!(bench.ask(A, 0x86, &set(10.0)), Some((OK, vec![0, 0, 0, 2])));
-    assert_eq!(bench.ask(A, 0x86, &set(11.0)).unwrap().0, 0x8002);
+    let write = |rate: f64| [&own::FRAME_RATE.to_be_bytes()[..], &rate.to_be_bytes()].concat();
+    let rate = |bench: &mut Bench| f64::from_be_bytes(bench.memory(own::FRAME_RATE, 8).try_into().unwrap());
+    for (asked, taken) in [(10.0, 10.0), (5.0, 5.0), (9.9, 10.0), (3.4, 10.0 / 3.0), (0.01, 0.01), (1e-3, 1e-3)] {
+        assert_eq!(bench.ask(A, 0x86, &write(asked)), Some((OK, vec![0, 0, 0, 2])), "{asked}");
+        assert!((rate(&mut bench) - taken).abs() < 1e-9 * taken, "{asked}");
+    }
+    let before = rate(&mut bench);
+    for asked in [10.001, 11.0, 1e-4, 0.0, -5.0, f64::NAN, f64::INFINITY] {
+        assert_eq!(bench.ask(A, 0x86, &write(asked)), Some((0x8002, vec![0, 0, 0, 1])), "{asked}");
+        assert!(rate(&mut bench) == before, "{asked}");
+    }
+    assert_eq!(bench.write(A, own::FRAME_RATE_MOST, 1), 0x8004);
+}
+
+#[test]
+fn a_repeated_command_is_answered_as_before_and_carried_out_once() {
+    let mut bench = bench();
+    bench.control();
+    assert_eq!(bench.write(A, own::TRIGGER_MODE, 1), OK);
+    assert_eq!(bench.write(A, own::ACQUISITION_START, 1), OK);
+    let wanted = bench.device.wanted();
+    let trigger = [own::TRIGGER_SOFTWARE.to_be_bytes(), 1_u32.to_be_bytes()].concat();
+    let answer = Some((OK, vec![0, 0, 0, 1]));
+    assert_eq!(bench.ask(A, 0x82, &trigger), answer);
+    assert_eq!(bench.ask_again(B, 0x82, &trigger), Some((0x8006, vec![0, 0, 0, 0])), "of another sender");
+    assert_eq!(
+        [bench.ask_again(A, 0x82, &trigger), bench.ask_again(A, 0x82, &trigger)],
+        [answer.clone(), answer.clone()]
+    );
+    assert!(wanted.take().is_some() && wanted.take().is_none(), "one frame for one command");
+    assert_eq!(bench.device.counters().repeats, 2);
+    assert_eq!(bench.ask(A, 0x82, &trigger), answer, "another number is another command");
+    assert!(wanted.take().is_some());
+    // Reading shows what is there, whatever its number.
+    bench.read(B, own::WIDTH).unwrap();
+    assert_eq!(bench.write(A, own::ACQUISITION_STOP, 1), OK);
+    assert_eq!(bench.write(A, own::TRIGGER_SOURCE, 1), OK);
+    bench.write(A, own::WIDTH, 9);
+    assert_eq!(bench.ask_again(B, 0x80, &own::WIDTH.to_be_bytes()), Some((OK, vec![0, 0, 0, 9])));
+    // An action that comes by two broadcasts is one.
+    bench.write(A, at::ACTION_GROUP_MASK, 1);
+    bench.write(A, own::ACQUISITION_START, 1);
+    let action = [0_u32, 0, 1].map(u32::to_be_bytes).concat();
+    assert_eq!(bench.broadcast(B, 0x100, &action), Some((OK, vec![])));
+    let bytes = bench.datagram(0x100, &action);
+    bench.device.answer_broadcast(B, &bytes, bench.now, &mut bench.answer);
+    assert!(wanted.take().is_some() && wanted.take().is_none());
+}
+
+#[test]
+fn control_that_was_lost_is_not_told_from_memory() {
+    let mut bench = bench();
+    bench.control();
+    let control = [at::CONTROL.to_be_bytes(), 2_u32.to_be_bytes()].concat();
+    bench.now = START + Span::from_ms(3001);
+    bench.device.tick(bench.now);
+    assert_eq!(bench.read(B, at::CONTROL), Ok(0));
+    bench.id -= 1;
+    assert_eq!(bench.ask_again(A, 0x82, &control), Some((OK, vec![0, 0, 0, 1])));
+    assert_eq!(bench.read(B, at::CONTROL), Ok(2), "taken again");
+    assert_eq!(bench.device.counters().repeats, 0);
+}
+
+#[test]
+fn by_broadcast_come_discovery_actions_and_addresses_alone() {
+    let mut bench = bench();
+    assert!(bench.broadcast(B, 0x02, &[]).is_some());
+    let control = [at::CONTROL.to_be_bytes(), 2_u32.to_be_bytes()].concat();
+    assert_eq!(bench.broadcast(A, 0x82, &control), None);
+    assert_eq!(bench.read(B, at::CONTROL), Ok(0), "not carried out");
+    for (code, payload) in [(0x80, &control[..4]), (0xC0, &[]), (0x04, &[1, 2]), (0x40, &[0; 12])] {
+        assert_eq!(bench.broadcast(B, code, payload), None, "{code:x}");
+        assert_eq!(bench.answer.resend, None);
+    }
+    assert_eq!(bench.device.counters().broadcasts_ignored, 5);
+}
+
+#[test]
+fn an_address_is_not_taken_and_that_of_another_is_none_of_its_business() {
+    let mut bench = bench();
+    let force = |mac: [u8; 6], address: [u8; 4]| {
+        let (gap, mask) = ([0; 12], [255, 255, 255, 0]);
+        [&[0, 0][..], &mac, &gap, &address, &gap, &mask, &gap, &[0; 4]].concat()
+    };
+    let (own_mac, own_address) = ([2, 0, 10, 0, 0, 1], [10, 0, 0, 1]);
+    assert_eq!(bench.broadcast(A, 0x04, &force([2, 0, 10, 0, 0, 2], [10, 0, 0, 9])), None);
+    assert_eq!(bench.ask(A, 0x04, &force([2, 0, 10, 0, 0, 2], [10, 0, 0, 9])), None);
+    assert_eq!(bench.broadcast(A, 0x04, &force(own_mac, own_address)), Some((OK, vec![])));
+    assert_eq!(bench.broadcast(A, 0x04, &force(own_mac, [10, 0, 0, 9])), Some((0x8001, vec![])));
+    bench.control();
+    assert_eq!(bench.broadcast(B, 0x04, &force(own_mac, [10, 0, 0, 9])), Some((0x8006, vec![])));
+}
+
+#[test]
+fn frames_go_to_the_controller_and_to_one_other_only_when_the_bench_allows() {
+    let to = |params: &Params, address: [u8; 4]| {
+        let mut bench = Bench::new(params);
+        bench.control();
+        bench.write(A, at::STREAM_ADDRESS, u32::from_be_bytes(address))
+    };
+    let own = Params::default();
+    let others = Params { allow_other_receivers: true, ..Params::default() };
+    for (address, by_own, by_others) in [
+        ([10, 0, 0, 7], OK, OK),
+        ([0, 0, 0, 0], OK, OK),
+        ([10, 0, 0, 8], 0x8002, OK),
+        ([10, 0, 0, 255], 0x8002, 0x8002),
+        ([255; 4], 0x8002, 0x8002),
+        ([10, 0, 1, 8], 0x8002, 0x8002),
+        ([239, 1, 1, 1], 0x8002, 0x8002),
+    ] {
+        assert_eq!((to(&own, address), to(&others, address)), (by_own, by_others), "{address:?}");
+    }
+}
+
+#[test]
+fn half_words_and_an_interface_of_tiny_packets_do_no_harm() {
+    let mut bench = bench();
+    bench.control();
+    let before = bench.memory(0xA000, (own::END - own::SENSOR_WIDTH) as usize);
+    for base in
+        [own::WIDTH, own::FRAME_RATE, own::EXPOSURE_TIME - 4, own::GAIN, at::USER_NAME, at::STREAM_PORT, at::CONTROL]
+    {
+        for off in 1..4 {
+            assert_eq!(bench.write(A, base + off, 0), 0x8005, "{base:x} + {off}");
+        }
+    }
+    assert_eq!(bench.memory(0xA000, before.len()), before);
+    let place = DeviceParams {
+        address: Ipv4Addr::new(10, 0, 0, 1),
+        mask: Ipv4Addr::new(255, 255, 255, 0),
+        mac: [2, 0, 10, 0, 0, 1],
+        packet_bytes_max: 68,
+        stream_source_port: 1,
+    };
+    let mut tiny = Bench { device: Device::new(&Params::default(), &sensor(), place).unwrap(), ..self::bench() };
+    tiny.control();
+    assert_eq!(tiny.write(A, at::PACKET_SIZE, 1500), OK, "no panic; such an interface is refused before");
 }
 
 /// Datagrams: noise, and commands with likely and unlikely addresses and values.
 fn any_datagram() -> impl Strategy<Value = Vec<u8>> {
     let code = prop_oneof![
         Just(0x02_u16),
+        Just(0x04),
         Just(0x40),
         Just(0x80),
         Just(0x82),
@@ -364,7 +523,7 @@ fn any_datagram() -> impl Strategy<Value = Vec<u8>> {
         any::<u16>()
     ];
     let address = prop_oneof![
-        0xA000_u32..0xA070,
+        0xA000_u32..0xA080,
         0x900_u32..0xA20,
         0xD00_u32..0xD20,
         0x9800_u32..0x9810,
@@ -399,7 +558,11 @@ proptest! {
         bench.control();
         for (from, datagram, pause_ms) in steps {
             let from = [A, B, STRANGER][from];
-            bench.device.answer(from, &datagram, bench.now, &mut bench.answer);
+            if pause_ms % 4 == 0 {
+                bench.device.answer_broadcast(from, &datagram, bench.now, &mut bench.answer);
+            } else {
+                bench.device.answer(from, &datagram, bench.now, &mut bench.answer);
+            }
             prop_assert!(bench.answer.reply.len() <= 548 && (from != STRANGER || bench.answer.reply.is_empty()));
             prop_assert!(is_possible(&bench.device.stream()), "{:?}", bench.device.stream());
             bench.now = bench.now + Span::from_ms(pause_ms);

@@ -17,6 +17,19 @@ pub enum NetworkCameraError {
         /// Addresses of the interfaces there are.
         known: String,
     },
+    /// The interface takes smaller packets than clients send and ask for.
+    #[error(
+        "network camera at {address}: packets on {name} have at most {mtu} bytes (its MTU); wanted 576 or more; raise the \
+         MTU, or take the address of another interface"
+    )]
+    SmallMtu {
+        /// The address asked for.
+        address: Ipv4Addr,
+        /// The interface.
+        name: String,
+        /// Its MTU.
+        mtu: u32,
+    },
     /// A value that a camera cannot have.
     #[error("network camera: {what} is {got}; wanted {wanted}")]
     Invalid {

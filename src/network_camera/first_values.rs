@@ -16,6 +16,9 @@ const TICKS_PER_S: u64 = 1_000_000_000;
 /// Heartbeat time of a client that asks for none, ms.
 pub(super) const HEARTBEAT_MS: u32 = 3000;
 
+/// A client gets at least one frame in so many.
+pub(super) const ONE_IN_MOST: u16 = u16::MAX;
+
 /// Where the XML lies: two addresses, so that a client that cannot unzip reads the other.
 pub(super) fn write_urls(memory: &mut Memory, form: XmlForm, [plain_bytes, zip_bytes]: [usize; 2]) {
     let plain = |from| format!("Local:starloop.xml;{from:x};{plain_bytes:x}");
@@ -80,6 +83,8 @@ pub(super) fn write_features(memory: &mut Memory, sensor: &SensorParams, format:
     }
     for (address, value) in [
         (own::FRAME_RATE, sensor.frame_rate_hz),
+        (own::FRAME_RATE_MOST, sensor.frame_rate_hz),
+        (own::FRAME_RATE_LEAST, sensor.frame_rate_hz / f64::from(ONE_IN_MOST)),
         (own::EXPOSURE_TIME, sensor.exposure_s * 1e6),
         (own::GAIN, sensor.gain_e_per_dn.recip()),
     ] {

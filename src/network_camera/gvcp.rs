@@ -7,6 +7,8 @@
 //! A datagram that is no command is counted by reason and not answered; a command whose payload has the wrong length is
 //! answered with an error. Codes and registers as clients use them.
 
+use std::net::Ipv4Addr;
+
 /// First byte of every command.
 const KEY: u8 = 0x42;
 /// Bytes of a command's and an answer's header.
@@ -22,6 +24,7 @@ const HAS_LONG_BLOCK_IDS: u8 = 0x10;
 /// Codes of commands; an answer has the next number.
 pub(super) mod code {
     pub(in crate::network_camera) const DISCOVERY: u16 = 0x0002;
+    pub(in crate::network_camera) const FORCE_ADDRESS: u16 = 0x0004;
     pub(in crate::network_camera) const RESEND: u16 = 0x0040;
     pub(in crate::network_camera) const READ_REGISTER: u16 = 0x0080;
     pub(in crate::network_camera) const WRITE_REGISTER: u16 = 0x0082;
@@ -110,6 +113,12 @@ pub(super) struct Request<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Command<'a> {
     Discovery,
+    /// A device of this hardware address is to have this address and mask.
+    ForceAddress {
+        mac: [u8; 6],
+        address: Ipv4Addr,
+        mask: Ipv4Addr,
+    },
     /// Packets `first` to `last` of a block, of stream channel 0.
     Resend(Resend),
     /// Addresses, four bytes each.
@@ -128,6 +137,18 @@ pub(super) enum Command<'a> {
     Bad(Malformed),
 }
 
+impl Command<'_> {
+    /// True for what looks for devices, or is meant for many; all else goes to one device.
+    pub(super) fn may_be_broadcast(&self) -> bool {
+        matches!(self, Self::Discovery | Self::ForceAddress { .. } | Self::Action(_))
+    }
+
+    /// True for what changes the device, or what it does: once, however often it comes.
+    pub(super) fn is_change(&self) -> bool {
+        matches!(self, Self::WriteRegisters(_) | Self::WriteMemory { .. } | Self::Action(_))
+    }
+}
+
 /// Packets that a client has not got.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Resend {
@@ -137,6 +158,14 @@ pub struct Resend {
     pub first: u32,
     /// Last packet.
     pub last: u32,
+}
+
+impl Resend {
+    /// How many.
+    #[must_use]
+    pub fn packets(&self) -> u64 {
+        u64::from(self.last - self.first) + 1
+    }
 }
 
 /// A trigger for many cameras at once.
@@ -170,6 +199,7 @@ fn command(code: u16, flags: u8, payload: &[u8]) -> Option<Command<'_>> {
     let is_whole = rest.is_empty() && payload.len() <= PAYLOAD_BYTES_MAX;
     match code {
         code::DISCOVERY => payload.is_empty().then_some(Command::Discovery),
+        code::FORCE_ADDRESS => force_address(payload),
         code::RESEND => {
             let block = u16::try_from(word(0)? & 0xFFFF).ok()?;
             let is_ours = words.len() == 3 && is_whole && flags & HAS_LONG_BLOCK_IDS == 0 && word(0)? >> 16 == 0;
@@ -195,6 +225,14 @@ fn command(code: u16, flags: u8, payload: &[u8]) -> Option<Command<'_>> {
         }
         _ => Some(Command::Bad(Malformed::UnknownCommand)),
     }
+}
+
+/// Each value stands at the end of a field of its own.
+fn force_address(payload: &[u8]) -> Option<Command<'_>> {
+    let payload: &[u8; 56] = payload.try_into().ok()?;
+    let [_, _, mac @ ..] = payload.first_chunk::<8>()?;
+    let address = |end: usize| Some(Ipv4Addr::from(*payload.get(..end)?.last_chunk::<4>()?));
+    Some(Command::ForceAddress { mac: *mac, address: address(24)?, mask: address(40)? })
 }
 
 /// Puts the head of an answer into `out`, in place of what was there.
@@ -254,6 +292,10 @@ mod tests {
         }
         assert_eq!(read(1, code::WRITE_REGISTER, &[0; 12]), BAD, "an address without a value");
         assert_eq!(read(0x81, code::ACTION, &[0; 12]), BAD, "scheduled");
+        let force: [u8; 56] = core::array::from_fn(|at| u8::try_from(at).unwrap());
+        let (mac, address, mask) = ([2, 3, 4, 5, 6, 7], Ipv4Addr::new(20, 21, 22, 23), Ipv4Addr::new(36, 37, 38, 39));
+        assert_eq!(read(1, code::FORCE_ADDRESS, &force), Command::ForceAddress { mac, address, mask });
+        assert_eq!(read(1, code::FORCE_ADDRESS, &force[..52]), BAD, "without a gateway");
         assert_eq!(read(1, 0x00C0, &[]), Command::Bad(Malformed::UnknownCommand));
     }
 

@@ -26,7 +26,7 @@ const IMAGE_WITH_CHUNKS: u16 = 0x4001;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StreamSettings {
     /// Goes up with every start and stop of acquisition; frames of another one are not sent.
-    pub generation: u64,
+    pub acquisition: u32,
     /// Where packets go; `None` while there is no acquisition or no place to send to.
     pub destination: Option<SocketAddrV4>,
     /// Packet size, bytes with IP and UDP headers.
@@ -39,6 +39,19 @@ pub struct StreamSettings {
     pub region_px: [u32; 4],
     /// Truth behind each image.
     pub with_chunks: bool,
+}
+
+impl StreamSettings {
+    /// No stream.
+    pub(super) const NONE: Self = Self {
+        acquisition: 0,
+        destination: None,
+        packet_bytes: 0,
+        delay_ns: 0,
+        format: PixelFormat::Mono16,
+        region_px: [0; 4],
+        with_chunks: false,
+    };
 }
 
 /// The head of one packet.
@@ -133,7 +146,7 @@ pub(super) mod tests {
 
     /// Settings of a small stream to nowhere.
     pub(in crate::network_camera) const SETTINGS: StreamSettings = StreamSettings {
-        generation: 1,
+        acquisition: 1,
         destination: None,
         packet_bytes: 576,
         delay_ns: 0,

@@ -3,6 +3,7 @@
 //! On loopback every address of 127.0.0.0/8 is there, so that several cameras share one machine.
 
 use crate::network_camera::error::NetworkCameraError;
+use crate::network_camera::params::{PACKET_BYTES_MAX, PACKET_BYTES_MIN};
 use nix::ifaddrs::{InterfaceAddress, getifaddrs};
 use nix::sys::socket::SockaddrStorage;
 use rustix::net::sockopt::{Ipv4PathMtuDiscovery, set_socket_send_buffer_size, set_socket_timeout};
@@ -21,6 +22,7 @@ const SEND_PATIENCE: core::time::Duration = core::time::Duration::from_millis(10
 /// What there is at an address.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Interface {
+    pub(super) name: String,
     pub(super) address: Ipv4Addr,
     pub(super) mask: Ipv4Addr,
     pub(super) mac: [u8; 6],
@@ -35,7 +37,7 @@ impl Interface {
         let found = all.iter().find_map(|entry| {
             let (own, mask) = (ipv4(entry.address.as_ref())?, ipv4(entry.netmask.as_ref())?);
             let is_here = own == address || own.is_loopback() && address.is_loopback();
-            is_here.then(|| (entry.interface_name.clone(), mask))
+            is_here.then(|| (base_name(&entry.interface_name).to_owned(), mask))
         });
         let known = || {
             let own: Vec<String> =
@@ -43,14 +45,31 @@ impl Interface {
             own.join(", ")
         };
         let (name, mask) = found.ok_or_else(|| NetworkCameraError::NoInterface { address, known: known() })?;
-        let mac = all.iter().filter(|entry| entry.interface_name == name).find_map(hardware_address);
-        Ok(Self { address, mask, mac: mac.unwrap_or_else(|| made_of(address)), mtu: mtu(&name) })
+        let of_it = || all.iter().filter(|entry| base_name(&entry.interface_name) == name);
+        // Several addresses are several cameras: only the first has the interface's own hardware address.
+        let is_first = of_it().find_map(|entry| ipv4(entry.address.as_ref())) == Some(address);
+        let mac = of_it().find_map(hardware_address).filter(|_| is_first);
+        Ok(Self { mac: mac.unwrap_or_else(|| made_of(address)), mtu: mtu(&name), name, address, mask })
+    }
+
+    /// Most bytes of a packet, a whole number of words.
+    pub(super) fn packet_bytes_max(&self) -> Result<u32, NetworkCameraError> {
+        if self.mtu < PACKET_BYTES_MIN {
+            let (address, name, mtu) = (self.address, self.name.clone(), self.mtu);
+            return Err(NetworkCameraError::SmallMtu { address, name, mtu });
+        }
+        Ok(self.mtu.min(PACKET_BYTES_MAX) & !3)
     }
 
     /// The address that reaches everybody in the subnet.
     pub(super) fn broadcast(&self) -> Ipv4Addr {
         Ipv4Addr::from_bits(self.address.to_bits() | !self.mask.to_bits())
     }
+}
+
+/// The interface that a label such as `eth0:1` belongs to.
+fn base_name(name: &str) -> &str {
+    name.split_once(':').map_or(name, |(base, _)| base)
 }
 
 fn ipv4(address: Option<&SockaddrStorage>) -> Option<Ipv4Addr> {
@@ -62,7 +81,7 @@ fn hardware_address(entry: &InterfaceAddress) -> Option<[u8; 6]> {
     (mac != [0; 6]).then_some(mac)
 }
 
-/// A locally administered address, for an interface that has none.
+/// A locally administered address, for an interface that has none, or has told its own for another address.
 fn made_of(address: Ipv4Addr) -> [u8; 6] {
     let [a, b, c, d] = address.octets();
     [2, 0, a, b, c, d]
@@ -128,6 +147,24 @@ mod tests {
         assert!(interface.mtu >= 1500, "{interface:?}");
         let error = Interface::of(Ipv4Addr::new(203, 0, 113, 9)).unwrap_err().to_string();
         assert!(error.contains("203.0.113.9") && error.contains("127.0.0.1"), "{error}");
+    }
+
+    #[test]
+    fn labels_belong_to_their_interface() {
+        assert_eq!(["eth0", "eth0:1", "lo:a:b"].map(base_name), ["eth0", "eth0", "lo"]);
+        assert_eq!(mtu(base_name("lo:camera")), mtu("lo"));
+    }
+
+    #[test]
+    fn an_interface_whose_packets_are_too_small_is_refused() {
+        let of = |mtu| {
+            let address = Ipv4Addr::new(10, 0, 0, 1);
+            let mask = Ipv4Addr::new(255, 255, 255, 0);
+            Interface { name: "tun0".into(), address, mask, mac: [0; 6], mtu }.packet_bytes_max()
+        };
+        assert_eq!((of(576).unwrap(), of(1502).unwrap(), of(65_536).unwrap()), (576, 1500, 65_532));
+        let told = of(575).unwrap_err().to_string();
+        assert!(told.contains("tun0") && told.contains("575") && told.contains("576"), "{told}");
     }
 
     #[test]

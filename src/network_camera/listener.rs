@@ -2,12 +2,13 @@
 //!
 //! It renders nothing and sends no frames: however much comes in, only this thread is busy with it. Requests to send again
 //! go through a bounded queue; what does not fit is refused and counted, as is what comes from anybody but the stream's
-//! receiver.
+//! receiver. Test packets leave before the answer to their command, no faster than the stream's rate.
 
 use crate::base::clock::Clock;
 use crate::network_camera::device::{Answer, Device};
 use crate::network_camera::gvcp::Resend;
-use crate::network_camera::slots::Shared;
+use crate::network_camera::packets::TestOutlet;
+use crate::network_camera::shared::Shared;
 use crossbeam_channel::Sender;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use std::net::{SocketAddr, SocketAddrV4, UdpSocket};
@@ -30,9 +31,8 @@ pub(super) struct Listener {
     pub(super) control: UdpSocket,
     /// Sockets that hear broadcasts.
     pub(super) broadcasts: Vec<UdpSocket>,
-    /// Where test packets leave.
-    pub(super) stream: Arc<UdpSocket>,
-    pub(super) resends: Sender<Resend>,
+    pub(super) tests: TestOutlet,
+    pub(super) asks: Sender<Resend>,
 }
 
 impl Listener {
@@ -40,20 +40,23 @@ impl Listener {
     pub(super) fn run(mut self) {
         let mut answer = Answer::default();
         let mut buffer = [0; DATAGRAM_BYTES];
-        // Zeros for test packets of any size.
-        let zeros = vec![0; usize::from(u16::MAX)];
         while !self.shared.is_ended() {
             self.wait();
             for place in 0..=self.broadcasts.len() {
                 for _ in 0..IN_A_ROW {
-                    let socket = place.checked_sub(1).map_or(&self.control, |place| &self.broadcasts[place]);
+                    let broadcast = place.checked_sub(1).map(|place| &self.broadcasts[place]);
+                    let socket = broadcast.unwrap_or(&self.control);
                     let Ok((bytes, SocketAddr::V4(from))) = socket.recv_from(&mut buffer) else { break };
-                    self.device.answer(from, &buffer[..bytes], self.clock.now(), &mut answer);
-                    self.act(from, &answer, &zeros);
+                    let (datagram, now) = (&buffer[..bytes], self.clock.now());
+                    if broadcast.is_some() {
+                        self.device.answer_broadcast(from, datagram, now, &mut answer);
+                    } else {
+                        self.device.answer(from, datagram, now, &mut answer);
+                    }
+                    self.act(from, &answer);
                 }
             }
             self.device.tick(self.clock.now());
-            self.publish();
         }
     }
 
@@ -68,11 +71,9 @@ impl Listener {
         let _nothing_came_or_something_did = poll(&mut filled, PollTimeout::from(LOOK_MS));
     }
 
-    fn act(&self, from: SocketAddrV4, answer: &Answer, zeros: &[u8]) {
-        // Settings first: what follows an answer must find them.
-        self.publish();
+    fn act(&mut self, from: SocketAddrV4, answer: &Answer) {
         if let Some((to, bytes)) = answer.test_packet {
-            let _lost_like_any_packet = self.stream.send_to(&zeros[..bytes.min(zeros.len())], to);
+            self.tests.send(to, bytes, self.clock.now());
         }
         if let Some(resend) = answer.resend {
             self.ask_again(from, resend);
@@ -83,18 +84,10 @@ impl Listener {
     }
 
     fn ask_again(&self, from: SocketAddrV4, resend: Resend) {
+        self.shared.tally.resends_asked.add(resend.packets());
         let is_receiver = self.shared.settings().destination.is_some_and(|to| to.ip() == from.ip());
-        if !is_receiver || self.resends.try_send(resend).is_err() {
-            let packets = u64::from(resend.last - resend.first) + 1;
-            self.shared.tally.resends_asked.add(packets);
-            self.shared.tally.resends_refused.add(packets);
-        }
-    }
-
-    fn publish(&self) {
-        let settings = self.device.stream();
-        if settings != self.shared.settings() {
-            self.shared.publish(settings);
+        if !is_receiver || self.asks.try_send(resend).is_err() {
+            self.shared.tally.resends_refused.add(resend.packets());
         }
     }
 }

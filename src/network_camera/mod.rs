@@ -16,15 +16,16 @@
 //!
 //! Limits: IPv4, one stream channel, no message channel, no scheduled actions, no multicast. Nothing here is certified;
 //! the registers and packets are those that Aravis and its relatives use. Packets carry at most the interface's MTU.
-//! Discovery is answered to the device's own subnet only: who hears of it can also get its frames.
+//! Discovery is answered to the device's own subnet only: who hears of it can also get its frames. Frames go to the
+//! controller's own address, unless the bench allows others. At the end of a run what waits is sent for one second more.
 //!
 //! Tests: `device_tests` (the protocol with virtual time, no sockets), `pixel_format`, `gvsp`, `xml`, `zip` beside their
 //! code, `tests` (loopback, stalled clients), `tests/network_camera` (any bytes), and `hil_scripts/test_network_camera.py`
 //! (Aravis, GStreamer, the reference GenApi; bit-exact).
 //!
 //! Tour: `params` -> `pixel_format`, `chunk` (what a frame becomes) -> `gvcp`, `gvsp` (bytes) -> `registers`, `xml`, `zip`
-//! (memory) -> `acquisition`, `control`, `device` (the state machine) -> `interface`, `pacing`, `packets`, `stream`,
-//! `listener` (sockets and threads) -> `camera` (the sink).
+//! (memory) -> `acquisition`, `control`, `repeats`, `device` (the state machine) -> `shared`, `slots` (between threads) ->
+//! `interface`, `pacing`, `packets`, `stream`, `listener` (sockets and threads) -> `camera` (the sink).
 
 mod acquisition;
 mod camera;
@@ -45,6 +46,8 @@ mod packets;
 mod params;
 mod pixel_format;
 mod registers;
+mod repeats;
+mod shared;
 mod slots;
 mod stream;
 #[cfg(test)]

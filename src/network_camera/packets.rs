@@ -2,9 +2,11 @@
 
 use crate::base::clock::Clock;
 use crate::base::random::{key, philox};
+use crate::base::time::{Span, Tai};
 use crate::network_camera::counters::Tally;
 use crate::network_camera::gvsp::{Block, HEADER_BYTES, gone};
 use crate::network_camera::pacing::Pace;
+use crate::network_camera::params::PACKET_BYTES_MAX;
 use core::ops::Range;
 use rustix::io::Errno;
 use rustix::net::addr::SocketAddrArg;
@@ -31,6 +33,15 @@ impl Loss {
     }
 }
 
+/// What became of one call.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Sent {
+    /// The number after the last packet that was sent or given up.
+    pub(super) next: u32,
+    /// Packets that the system refused.
+    pub(super) refused: u64,
+}
+
 /// Where packets leave.
 pub(super) struct Outlet {
     socket: Arc<UdpSocket>,
@@ -53,8 +64,13 @@ impl Outlet {
         Self { socket, clock, pace, loss, tally }
     }
 
-    /// Sends as many of the block's packets as make one batch; the number after the last that was sent or given up.
-    pub(super) fn send(&mut self, to: SocketAddrV4, block: &Block, numbers: Range<u32>) -> u32 {
+    /// The time on the clock of the pace.
+    pub(super) fn now(&self) -> Tai {
+        self.clock.now()
+    }
+
+    /// Sends as many of the block's packets as make one batch.
+    pub(super) fn send(&mut self, to: SocketAddrV4, block: &Block, numbers: Range<u32>) -> Sent {
         let settings = &block.settings;
         let most = self.pace.batch(settings.packet_bytes, settings.delay_ns, BATCH);
         let mut heads = [[0; HEADER_BYTES]; BATCH];
@@ -72,19 +88,26 @@ impl Outlet {
             filled += 1;
         }
         self.pace.wait(&*self.clock, bytes, filled, settings.delay_ns);
-        self.send_all(to, &heads, &data, filled);
-        next
+        Sent { next, refused: self.send_all(to, &heads, &data, filled) }
     }
 
-    /// Tells that a packet is no more.
-    pub(super) fn send_gone(&mut self, to: SocketAddrV4, block: u16, number: u32) {
-        self.pace.wait(&*self.clock, HEADER_BYTES, 1, 0);
+    /// Tells that so many packets from `first` on are no more, one batch of them at most.
+    pub(super) fn send_gone(&mut self, to: SocketAddrV4, block: u16, first: u32, packets: usize) {
+        let filled = packets.min(BATCH);
         let mut heads = [[0; HEADER_BYTES]; BATCH];
-        heads[0] = gone(block, number);
-        self.send_all(to, &heads, &[&[]; BATCH], 1);
+        heads[..filled].iter_mut().zip(first..).for_each(|(head, number)| *head = gone(block, number));
+        self.pace.wait(&*self.clock, filled * HEADER_BYTES, filled, 0);
+        self.send_all(to, &heads, &[&[]; BATCH], filled);
     }
 
-    fn send_all(&self, to: SocketAddrV4, heads: &[[u8; HEADER_BYTES]; BATCH], data: &[&[u8]; BATCH], filled: usize) {
+    /// Hands packets to the system; how many it refused.
+    fn send_all(
+        &self,
+        to: SocketAddrV4,
+        heads: &[[u8; HEADER_BYTES]; BATCH],
+        data: &[&[u8]; BATCH],
+        filled: usize,
+    ) -> u64 {
         let to = to.as_any();
         let slices: [[IoSlice<'_>; 2]; BATCH] =
             core::array::from_fn(|at| [IoSlice::new(&heads[at]), IoSlice::new(data[at])]);
@@ -95,7 +118,7 @@ impl Outlet {
             at += 1;
             MMsgHdr::new_with_addr(&to, &slices[at - 1], control)
         });
-        let mut sent = 0;
+        let (mut sent, mut refused) = (0, 0);
         while sent < filled {
             let told = sendmmsg(&self.socket, &mut messages[sent..filled], SendFlags::empty());
             let bytes = |range: Range<usize>| -> usize { range.map(|at| HEADER_BYTES + data[at].len()).sum() };
@@ -106,12 +129,71 @@ impl Outlet {
                     sent += more;
                 }
                 Err(Errno::INTR) => {}
-                // The first of the rest was refused: it is lost, as on a wire; the client may ask for it again.
-                Ok(_) | Err(_) => {
-                    self.tally.packets_refused.one();
-                    sent += 1;
+                // A refused packet is lost, as on a wire; the client may ask for it again. The first of the rest was
+                // refused, or, when the wait for room was in vain, all of them: it is not waited for each.
+                told => {
+                    let lost = if told == Err(Errno::AGAIN) { filled - sent } else { 1 };
+                    refused += lost as u64;
+                    sent += lost;
                 }
             }
         }
+        self.tally.packets_refused.add(refused);
+        refused
+    }
+}
+
+/// Time that test packets may run ahead of the rate: clients try sizes one after another.
+const TESTS_AHEAD: Span = Span::from_ms(100);
+
+/// Where test packets leave: at once, so that none comes after the answer to its command, and no faster than the stream.
+pub(super) struct TestOutlet {
+    socket: Arc<UdpSocket>,
+    ns_per_byte: f64,
+    /// When all that was sent would be over at the rate.
+    paid_until: Tai,
+    zeros: Box<[u8]>,
+    tally: Arc<Tally>,
+}
+
+impl TestOutlet {
+    pub(super) fn new(socket: Arc<UdpSocket>, rate_bit_s: f64, now: Tai, tally: Arc<Tally>) -> Self {
+        let zeros = vec![0; PACKET_BYTES_MAX as usize].into();
+        Self { socket, ns_per_byte: 8e9 / rate_bit_s, paid_until: now, zeros, tally }
+    }
+
+    /// Sends zeros, to be measured by the client; refuses when there were too many before.
+    pub(super) fn send(&mut self, to: SocketAddrV4, bytes: usize, now: Tai) {
+        if self.paid_until - now > TESTS_AHEAD {
+            return self.tally.test_packets_refused.one();
+        }
+        self.paid_until = self.paid_until.max(now) + Span::from_s(self.ns_per_byte * 1e-9 * bytes as f64);
+        let Ok(sent) = self.socket.send_to(&self.zeros[..bytes.min(self.zeros.len())], to) else {
+            return self.tally.packets_refused.one();
+        };
+        self.tally.test_packets.one();
+        self.tally.packets.one();
+        self.tally.bytes.add(sent as u64);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::Ipv4Addr;
+
+    #[test]
+    fn test_packets_keep_the_rate() {
+        let socket = || UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let receiver = socket();
+        let to = SocketAddrV4::new(Ipv4Addr::LOCALHOST, receiver.local_addr().unwrap().port());
+        let (start, tally) = (Tai::from_ns(1_000_000_000), Arc::new(Tally::default()));
+        // 1000 bytes take 10 ms: ten at once make 100 ms, and one more may still go.
+        let mut outlet = TestOutlet::new(Arc::new(socket()), 8e5, start, Arc::clone(&tally));
+        (0..20).for_each(|_| outlet.send(to, 1_000, start));
+        assert_eq!((tally.test_packets.read(), tally.test_packets_refused.read()), (11, 9));
+        (0..20).for_each(|_| outlet.send(to, 1_000, start + Span::from_ms(50)));
+        assert_eq!((tally.test_packets.read(), tally.test_packets_refused.read()), (16, 24));
+        assert_eq!(tally.bytes.read(), 16_000);
     }
 }

@@ -11,6 +11,9 @@ pub(super) const PACKET_BYTES_MIN: u32 = 576;
 /// Most bytes of one packet: what the packet size register holds, and a multiple of 4.
 pub(super) const PACKET_BYTES_MAX: u32 = 65_532;
 
+/// Most bytes of a serial number.
+const SERIAL_BYTES: usize = 15;
+
 /// How the XML lies in the device's memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum XmlForm {
@@ -70,10 +73,12 @@ pub struct Params {
     pub frames_queued: u32,
     /// Names.
     pub identity: Identity,
-    /// Hardware address to tell; `None`: the interface's, on loopback one made of the address.
+    /// Hardware address to tell; `None`: the interface's for its first address, one made of the address for others.
     pub mac: Option<[u8; 6]>,
     /// Form of the XML that the first URL names.
     pub xml: XmlForm,
+    /// Frames may go to another neighbour than the one who has control; otherwise to that one's address only.
+    pub allow_other_receivers: bool,
     /// A fault: one packet in so many is lost on purpose (never sent), resent ones too; `None` for none.
     pub lose_one_in: Option<u32>,
 }
@@ -91,6 +96,7 @@ impl Default for Params {
             identity: Identity::default(),
             mac: None,
             xml: XmlForm::Zip,
+            allow_other_receivers: false,
             lose_one_in: None,
         }
     }
@@ -112,6 +118,30 @@ pub struct SensorParams {
 }
 
 impl Params {
+    /// One of several cameras of a bench: its number is added to the address and to a hardware address that is given, and
+    /// stands behind the serial number, so that clients tell them apart.
+    ///
+    /// # Errors
+    /// When there is no room for the number.
+    pub fn of_head(&self, head: usize) -> Result<Self, NetworkCameraError> {
+        let refuse = |what, wanted: &str, got: String| NetworkCameraError::Invalid { what, wanted: wanted.into(), got };
+        let more = u8::try_from(head).ok();
+        let [a, b, c, last] = self.address.octets();
+        let last = more.and_then(|more| last.checked_add(more)).filter(|last| *last < 255);
+        let got = || format!("{} for head {head}", self.address);
+        let last = last.ok_or_else(|| refuse("address", "room to count up to .254 for each head", got()))?;
+        let serial = format!("{}-{head}", self.identity.serial);
+        if serial.len() > SERIAL_BYTES {
+            return Err(refuse("serial", "at most 15 characters with the head's number behind it", serial));
+        }
+        let mac = self.mac.map(|[a, b, c, d, e, f]| {
+            let [_, d, e, f] = (u32::from_be_bytes([0, d, e, f]) + u32::from(more.unwrap_or_default())).to_be_bytes();
+            [a, b, c, d, e, f]
+        });
+        let identity = Identity { serial, ..self.identity.clone() };
+        Ok(Self { address: Ipv4Addr::new(a, b, c, last), mac, identity, ..self.clone() })
+    }
+
     /// Refuses what no camera can be.
     pub(super) fn check(&self, sensor: &SensorParams) -> Result<(), NetworkCameraError> {
         let refuse =
@@ -146,7 +176,7 @@ impl Identity {
             ("model", &self.model, 31),
             ("version", &self.version, 31),
             ("info", &self.info, 47),
-            ("serial", &self.serial, 15),
+            ("serial", &self.serial, SERIAL_BYTES),
             ("user_name", &self.user_name, 15),
         ] {
             let is_plain =
@@ -157,5 +187,29 @@ impl Identity {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heads_differ_in_address_serial_number_and_hardware_address() {
+        let identity = Identity { serial: "thirteen char".into(), ..Identity::default() };
+        let first = Params { mac: Some([2, 0, 0, 0, 0, 0xFF]), identity, ..Params::default() };
+        let told = |head| {
+            let params = first.of_head(head).unwrap();
+            params.identity.check().unwrap();
+            (params.address.octets()[3], params.identity.serial, params.mac.unwrap())
+        };
+        assert_eq!(told(0), (1, "thirteen char-0".into(), [2, 0, 0, 0, 0, 0xFF]));
+        assert_eq!(told(9), (10, "thirteen char-9".into(), [2, 0, 0, 0, 1, 8]));
+        let error = |head| first.of_head(head).unwrap_err().to_string();
+        assert!(error(10).contains("thirteen char-10"), "{}", error(10));
+        let short = Params::default();
+        assert_eq!(short.of_head(253).unwrap().address, Ipv4Addr::new(127, 0, 0, 254));
+        assert!(short.of_head(254).unwrap_err().to_string().contains("127.0.0.1 for head 254"));
+        assert!(short.of_head(1000).is_err());
     }
 }

@@ -66,10 +66,15 @@ pub(super) mod own {
     pub(in crate::network_camera) const CHUNK_MODE: u32 = 0xA040;
     pub(in crate::network_camera) const CHUNK_ENABLE: u32 = 0xA044;
     pub(in crate::network_camera) const FRAME_RATE: u32 = 0xA048;
+    pub(in crate::network_camera) const FRAME_RATE_LOW: u32 = 0xA04C;
     pub(in crate::network_camera) const EXPOSURE_TIME: u32 = 0xA050;
     pub(in crate::network_camera) const GAIN: u32 = 0xA058;
     pub(in crate::network_camera) const DETECTOR_BITS: u32 = 0xA060;
     pub(in crate::network_camera) const CHUNK_SELECTOR: u32 = 0xA064;
+    pub(in crate::network_camera) const FRAME_RATE_MOST: u32 = 0xA068;
+    pub(in crate::network_camera) const FRAME_RATE_LEAST: u32 = 0xA070;
+    /// The first address behind them.
+    pub(in crate::network_camera) const END: u32 = 0xA078;
 }
 
 /// Where the XML of the first URL lies; the second one follows at [`SECOND_XML`].
@@ -96,7 +101,7 @@ impl Memory {
         let blocks = [
             zeros(0, 0x1000),
             zeros(at::ACTION_GROUP_KEY, 16),
-            zeros(own::SENSOR_WIDTH, 0x68),
+            zeros(own::SENSOR_WIDTH, (own::END - own::SENSOR_WIDTH) as usize),
             xml(FIRST_XML, first_xml),
             xml(SECOND_XML, second_xml),
         ];
@@ -120,6 +125,11 @@ impl Memory {
     /// A word; zero where there is none.
     pub(super) fn word(&self, address: u32) -> u32 {
         self.read(address, 4).ok().and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_be_bytes)
+    }
+
+    /// A number of double precision; zero where there is none.
+    pub(super) fn float(&self, address: u32) -> f64 {
+        self.read(address, 8).ok().and_then(|bytes| bytes.try_into().ok()).map_or(0.0, f64::from_be_bytes)
     }
 
     /// Sets a word of the device's own; nothing where there is none.
@@ -152,10 +162,10 @@ mod tests {
     #[test]
     fn reading_stops_at_the_ends_of_a_block() {
         let mut memory = Memory::new(vec![7; 8], vec![9; 4]);
-        memory.set(own::CHUNK_SELECTOR, 0x0102_0304);
-        assert_eq!(memory.read(own::CHUNK_SELECTOR, 4), Ok(&[1, 2, 3, 4][..]));
-        assert_eq!(memory.read(own::CHUNK_SELECTOR, 8), Err(Status::InvalidAddress), "past the end");
-        assert_eq!(memory.read(own::CHUNK_SELECTOR + 4, 4), Err(Status::InvalidAddress));
+        memory.set(own::END - 4, 0x0102_0304);
+        assert_eq!(memory.read(own::END - 4, 4), Ok(&[1, 2, 3, 4][..]));
+        assert_eq!(memory.read(own::END - 4, 8), Err(Status::InvalidAddress), "past the end");
+        assert_eq!(memory.read(own::END, 4), Err(Status::InvalidAddress));
         assert_eq!(memory.read(FIRST_XML, 8), Ok(&[7; 8][..]));
         assert_eq!(memory.read(FIRST_XML, 12), Err(Status::InvalidAddress));
         assert_eq!(memory.read(2, 4), Err(Status::BadAlignment));

@@ -4,9 +4,12 @@ use super::*;
 use crate::base::clock::Monotonic;
 use crate::base::image::DnImage;
 use crate::network_camera::registers::{at, own};
+use crate::sink::SentFrame;
 use crate::sink::Sink;
 use crate::sink::compliance::check_sink;
 use crate::sink::frame::sample_frame;
+use core::cell::Cell;
+use core::sync::atomic::{AtomicBool, Ordering};
 use std::net::{Ipv4Addr, UdpSocket};
 use std::sync::Arc;
 use std::time::Duration;
@@ -15,6 +18,13 @@ use std::time::Duration;
 const PATIENCE: Duration = Duration::from_secs(20);
 const SENSOR: SensorParams =
     SensorParams { size_px: [31, 17], bits: 16, frame_rate_hz: 10.0, exposure_s: 0.1, gain_e_per_dn: 2.5 };
+
+/// What became of the frames that were handed over.
+fn accounted(counters: &Counters) -> u64 {
+    let Counters { frames_not_wanted, frames_of_another_size, frames_dropped, .. } = counters;
+    let Counters { frames_sent, frames_refused, frames_cut, .. } = counters;
+    frames_not_wanted + frames_of_another_size + frames_dropped + frames_sent + frames_refused + frames_cut
+}
 
 fn camera(params: &Params) -> NetworkCamera {
     let params = Params { port: 0, ..params.clone() };
@@ -25,6 +35,8 @@ fn camera(params: &Params) -> NetworkCamera {
 struct Client {
     control: UdpSocket,
     stream: UdpSocket,
+    /// Number of the last command.
+    id: Cell<u16>,
 }
 
 impl Client {
@@ -34,17 +46,19 @@ impl Client {
             socket.set_read_timeout(Some(PATIENCE)).unwrap();
             socket
         };
-        let client = Self { control: socket(), stream: socket() };
+        let client = Self { control: socket(), stream: socket(), id: Cell::new(0) };
         client.control.connect(camera.address()).unwrap();
         client
     }
 
     fn write(&self, address: u32, value: u32) {
         let payload = [address.to_be_bytes(), value.to_be_bytes()].concat();
-        self.control.send(&[&[0x42, 1, 0, 0x82, 0, 8, 0, 1][..], &payload].concat()).unwrap();
+        self.id.set(self.id.get() + 1);
+        let id = self.id.get().to_be_bytes();
+        self.control.send(&[&[0x42, 1, 0, 0x82, 0, 8][..], &id, &payload].concat()).unwrap();
         let mut answer = [0; 64];
         let bytes = self.control.recv(&mut answer).unwrap();
-        assert_eq!(answer[..bytes], [0, 0, 0, 0x83, 0, 4, 0, 1, 0, 0, 0, 1], "{address:x}");
+        assert_eq!(answer[..bytes], [&[0, 0, 0, 0x83, 0, 4][..], &id, &[0, 0, 0, 1]].concat(), "{address:x}");
     }
 
     fn start(&self) {
@@ -184,4 +198,124 @@ fn what_no_camera_can_be_is_refused_in_words() {
     assert!(told(Params { identity, ..base.clone() }).contains("15 plain"));
     let identity = Identity { model: "<a>".into(), ..Identity::default() };
     assert!(told(Params { identity, ..base }).contains("model"));
+}
+
+/// A frame of 64 KiB: half a second at 1 Mbit/s.
+fn large_frame(number: u32) -> SentFrame {
+    let mut frame = SentFrame::with_capacity(256, 128, 0, "large".into());
+    frame.meta.number = number;
+    frame
+}
+
+#[test]
+fn the_end_of_a_run_waits_for_no_slow_pace_and_what_was_not_sent_is_counted() {
+    let params = Params { port: 0, rate_bit_s: 1e6, frames_queued: 16, ..Params::default() };
+    let sensor = SensorParams { size_px: [256, 128], ..SENSOR };
+    let mut camera = NetworkCamera::start(&params, &sensor, Arc::new(Monotonic::start())).unwrap();
+    let client = Client::of(&camera);
+    client.start();
+    client.write(at::PACKET_DELAY, 10_000_000);
+    (1..=16).for_each(|number| camera.send(&large_frame(number)).unwrap());
+    camera.finish().unwrap();
+    let counters = camera.counters();
+    assert_eq!((counters.frames_offered, accounted(&counters), counters.frames_dropped), (16, 16, 0), "{counters:?}");
+    // The pace alone needs 8 s for them.
+    assert!(counters.frames_cut > 8, "{counters:?}");
+}
+
+#[test]
+fn a_client_that_never_stops_asking_does_not_hold_up_the_end() {
+    let mut camera = camera(&Params::default());
+    let client = Client::of(&camera);
+    client.start();
+    camera.send(&sample_frame(1)).unwrap();
+    block(&client);
+    let is_over = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while !is_over.load(Ordering::Acquire) {
+                let request = [1_u32, 0, 0].map(u32::to_be_bytes).concat();
+                let _refused_when_it_is_gone =
+                    client.control.send(&[&[0x42, 0, 0, 0x40, 0, 12, 0, 1][..], &request].concat());
+                std::thread::yield_now();
+            }
+        });
+        camera.finish().unwrap();
+        is_over.store(true, Ordering::Release);
+    });
+    let counters = camera.counters();
+    assert!(counters.resends_refused > 0, "beyond what one frame may cost: {counters:?}");
+}
+
+#[test]
+fn packets_are_sent_again_between_frames_and_every_one_is_accounted_for() {
+    let mut camera = camera(&Params { packet_bytes: 576, ..Params::default() });
+    let client = Client::of(&camera);
+    client.start();
+    camera.send(&sample_frame(1)).unwrap();
+    block(&client);
+    // Leader, two of payload, trailer; no frame follows that would carry them.
+    client.ask_again(1, 0, 1);
+    client.ask_again(1, 2, 5);
+    assert_eq!([0; 4].map(|_| client.packet()[7]), [0, 1, 2, 3], "two packets past the end are none");
+    // Four more may be sent again for this frame: three are told to be gone, and one is sent.
+    client.ask_again(7, 0, 2);
+    client.ask_again(1, 0, 0);
+    client.ask_again(1, 0, 0);
+    client.ask_again(7, 0, 99);
+    let heads = [0; 4].map(|_| client.packet()[..8].to_vec());
+    let gone = |number| vec![0x80, 0x0C, 0, 7, 3, 0, 0, number];
+    assert_eq!(heads, [gone(0), gone(1), gone(2), vec![0, 0, 0, 1, 1, 0, 0, 0]]);
+    camera.finish().unwrap();
+    let counters = camera.counters();
+    assert_eq!((counters.resends_served, counters.resends_gone, counters.resends_refused), (5, 3, 2 + 1 + 100));
+    assert_eq!(counters.resends_asked, 5 + 3 + 103);
+}
+
+#[test]
+fn single_frames_are_never_spent_on_the_acquisition_before() {
+    let mut camera = camera(&Params { rate_bit_s: 1e10, frames_queued: 16, ..Params::default() });
+    let client = Client::of(&camera);
+    client.start();
+    client.write(own::ACQUISITION_STOP, 1);
+    client.write(own::ACQUISITION_MODE, 1);
+    let is_over = Arc::new(AtomicBool::new(false));
+    let told = Arc::clone(&is_over);
+    let feed = std::thread::Builder::new().name("feed".into()).spawn(move || {
+        while !told.load(Ordering::Acquire) {
+            camera.send(&sample_frame(1)).unwrap();
+        }
+        camera
+    });
+    for _ in 0..200 {
+        client.write(own::ACQUISITION_START, 1);
+        assert_eq!(block(&client).0, 1, "the only one");
+        client.write(own::ACQUISITION_STOP, 1);
+    }
+    is_over.store(true, Ordering::Release);
+    let mut camera = feed.unwrap().join().unwrap();
+    camera.finish().unwrap();
+    let counters = camera.counters();
+    assert_eq!((counters.frames_sent, counters.frames_cut), (200, 0), "{counters:?}");
+    assert_eq!(accounted(&counters), counters.frames_offered);
+}
+
+#[test]
+fn a_lower_rate_is_each_nth_frame_and_test_packets_are_counted() {
+    let mut camera = camera(&Params { frames_queued: 16, ..Params::default() });
+    let client = Client::of(&camera);
+    client.write(at::CONTROL, 2);
+    let [high, low] = [(2.5_f64.to_bits() >> 32) as u32, 2.5_f64.to_bits() as u32];
+    client.write(own::FRAME_RATE, high);
+    client.write(own::FRAME_RATE_LOW, low);
+    client.start();
+    client.write(at::PACKET_SIZE, 0x8000_0000 | 1000);
+    assert_eq!(client.packet(), [0; 972]);
+    (1..=10).for_each(|number| camera.send(&sample_frame(number)).unwrap());
+    for number in [1, 5, 9] {
+        assert_eq!(block(&client).1, bytes_of(&sample_frame(number).image), "{number}");
+    }
+    camera.finish().unwrap();
+    let counters = camera.counters();
+    assert_eq!((counters.frames_sent, counters.frames_not_wanted, counters.test_packets), (3, 7, 1), "{counters:?}");
 }

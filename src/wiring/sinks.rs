@@ -16,7 +16,6 @@ use crate::sink::shared_memory::SharedMemory;
 use crate::sink::{BranchParams, Fan, NullSink, OnFull, Recorder, RecorderOptions, SentFrame, Sink};
 use crate::wiring::display_parts::open_display;
 use anyhow::{Context, Result};
-use std::net::Ipv4Addr;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
@@ -105,10 +104,8 @@ fn make(settings: &SinkSettings, number: usize, setting: &SinkSetting<'_>) -> Re
 /// A camera on the network, whose address is told.
 fn network_camera(params: &network_camera::Params, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
     let camera = setting.camera;
-    // Several heads are several cameras: each has an address of its own, counted up from the first.
-    let head = u8::try_from(setting.head.unwrap_or(0)).context("more than 256 heads")?;
-    let [a, b, c, last] = params.address.octets();
-    let address = Ipv4Addr::new(a, b, c, last.checked_add(head).context("address: no room for so many heads")?);
+    // Several heads are several cameras: each has an address and names of its own, counted up from the first.
+    let params = setting.head.map_or_else(|| Ok(params.clone()), |head| params.of_head(head))?;
     let sensor = SensorParams {
         size_px: camera.output().size_px.map(|side| u32::try_from(side).unwrap_or(u32::MAX)),
         bits: camera.output_bits(),
@@ -116,7 +113,6 @@ fn network_camera(params: &network_camera::Params, setting: &SinkSetting<'_>) ->
         exposure_s: camera.exposure_s,
         gain_e_per_dn: camera.detector.gain_e_per_dn,
     };
-    let params = network_camera::Params { address, ..params.clone() };
     let made = NetworkCamera::start(&params, &sensor, Arc::clone(setting.clock))?;
     eprintln!("network camera: GVCP at {}", made.address());
     if made.is_exposed() {

@@ -94,6 +94,7 @@ fn params(words: &Words) -> anyhow::Result<Params> {
         frames_queued: words.whole("frames_queued", 2)?,
         identity: identity(words),
         mac: None,
+        allow_other_receivers: false,
         xml: if text("xml") == Some("plain") { XmlForm::Plain } else { XmlForm::Zip },
         lose_one_in: (lose > 0).then_some(lose),
     })

@@ -26,6 +26,10 @@ mod params;
 mod pixel_format;
 #[path = "../../../src/network_camera/registers.rs"]
 mod registers;
+#[path = "../../../src/network_camera/repeats.rs"]
+mod repeats;
+#[path = "../../../src/network_camera/shared.rs"]
+mod shared;
 #[path = "../../../src/network_camera/xml.rs"]
 mod xml;
 #[path = "../../../src/network_camera/zip.rs"]
