@@ -381,8 +381,9 @@ class OnAScreen(unittest.TestCase):
         times = [int(row["submit_tai_ns"]) for row in submits]
         self.assertEqual(times, sorted(times))
         self.assertTrue(all(row["light_off_ns"] for row in submits), "the calibration has a latency")
-        # Never sooner than half a refresh of the frames, which take 100 ms here; how much later is the machine's.
-        self.assertGreater(min(int(row["light_off_ns"]) for row in submits), -51_000_000)
+        # Half a refresh of the frames is 50 ms here, and what the frame before took to be composed; frames shown as soon
+        # as they are drawn would be further off. How much later they come is the machine's.
+        self.assertGreater(min(int(row["light_off_ns"]) for row in submits), -95_000_000)
         truth = sorted((folder / "run").glob("**/frame_*.truth.csv"))[5].read_text().splitlines()
         columns = truth[0].split(",")
         stars = [dict(zip(columns, line.split(","))) for line in truth[1:]]

@@ -164,8 +164,9 @@ fn a_slew_is_integrated_refresh_by_refresh_and_told_in_the_trackers_axes() {
         assert!((seen.x_px - star.x_px).hypot(seen.y_px - star.y_px) < 0.02, "star {}: {seen:?}", star.id);
         let Some(earlier) = before.iter().find(|earlier| earlier.id == star.id) else { continue };
         let way = DVec2::new(star.x_px - earlier.x_px, star.y_px - earlier.y_px);
-        // The map's scale differs over the field, and the rate is still rising.
-        assert!((way.length() / step_px - 1.0).abs() < 0.05, "star {}: {way} px, {step_px} px a frame", star.id);
+        // The map's scale differs over the field, the rate is still rising, and from one prediction to the next its
+        // horizon changes by up to a sample's age.
+        assert!((way.length() / step_px - 1.0).abs() < 0.1, "star {}: {way} px, {step_px} px a frame", star.id);
         let (along, across) = (way.normalize(), way.normalize().perp());
         smear_px2 += seen.variance_px2(along) - seen.variance_px2(across);
         looked_at += 1;
