@@ -123,7 +123,7 @@ fn network_camera(params: &network_camera::Params, setting: &SinkSetting<'_>) ->
 
 /// A monitor; what it is driven by is told.
 fn display(settings: &DisplaySettings, number: usize, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
-    let directory = setting.directory.map(|run| files_of(number, None, Some(run)));
+    let directory = setting.directory.map(|_run| files_of(number, None, setting));
     let (display, notes) = open_display(settings, setting, directory.as_deref())?;
     eprintln!("display: {}", display.description());
     notes.iter().for_each(|note| eprintln!("starloop: {note}"));
