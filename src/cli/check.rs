@@ -119,7 +119,11 @@ fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Image
         zero_point.map_or_else(|| "no zero point".into(), |e_per_s| format!("{e_per_s:.3e} e-/s at magnitude 0"));
     writeln!(text, "  light        {light}, drawn down to G = {}", camera.radiometry.limiting_mag)?;
     check_light::write_light(text, &params.camera)?;
-    let faintest = Catalog::built_in()?.sources().iter().map(|star| star.mag_g).fold(f32::MIN, f32::max);
+    let faintest = Catalog::of(&params.layers, params.camera.limiting_mag)?
+        .sources()
+        .iter()
+        .map(|star| star.mag_g)
+        .fold(f32::MIN, f32::max);
     if camera.radiometry.limiting_mag > f64::from(faintest) {
         writeln!(
             text,

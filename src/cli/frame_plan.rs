@@ -28,7 +28,7 @@ impl<'a> FramePlans<'a> {
         Ok(Self {
             params,
             computer: FlightComputer::new(bench_parts::flight_computer(bench, start)),
-            sky: SkyView::new(&params.camera, params.observer.clone(), params.first_exposure)?,
+            sky: SkyView::new(&params.camera, params.observer.clone(), params.first_exposure, &params.layers)?,
         })
     }
 

@@ -59,6 +59,9 @@ pub struct RenderArgs {
     /// Sources in place of the catalog: x_px,y_px,electrons (places at mid-exposure, electrons per exposure)
     #[arg(long, value_name = "FILE.csv")]
     sources: Option<PathBuf>,
+    /// Layer of stars in place of the built-in catalog, as `starloop catalog import` writes it; may be repeated
+    #[arg(long = "layer", value_name = "FILE.starlayer", conflicts_with = "sources")]
+    layers: Vec<PathBuf>,
     /// What to write: mean electrons before the detector, or the digital numbers it reads out
     #[arg(long, value_enum, default_value_t = StageName::Dn)]
     stage: StageName,
@@ -140,7 +143,7 @@ impl Scene {
         *planner.motion_mut() = motion;
         let (sky, sources) = match &arguments.sources {
             Some(path) => (None, read_sources(path)?),
-            None => (Some(SkyView::new(&camera, Observer::Geocentre, arguments.time)?), Vec::new()),
+            None => (Some(SkyView::new(&camera, Observer::Geocentre, arguments.time, &arguments.layers)?), Vec::new()),
         };
         let frame = SentFrame::with_capacity(size[0], size[1], sources.len(), camera.name.clone());
         Ok(Self { camera, planner, imager, sky, light, sources, frame, seed: arguments.seed })

@@ -18,7 +18,7 @@ use crate::config::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render
 use crate::config::target::{Overlap, TargetKeys, TargetSettings, check_overlap, check_targets};
 use crate::config::timing::{Timing, TimingKeys};
 use serde::Deserialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 const BUILT_IN_BENCH: &str = "benches/loopback.toml";
 const BUILT_IN_CAMERA: &str = "cameras/star_tracker_20deg.toml";
@@ -52,6 +52,8 @@ pub struct Bench {
     pub extra_heads: Vec<Rotation<Sensor, Body>>,
     /// Where the sensor is.
     pub observer: Observer,
+    /// Layers of stars that are the sky; none: the built-in catalog is.
+    pub layers: Vec<PathBuf>,
     /// The simulated flight computer.
     pub flight_computer: FlightComputer,
     /// History, prediction, time correlation.
@@ -83,6 +85,7 @@ struct BenchKeys {
     mounting: MountingKeys,
     extra_head: Vec<HeadKeys>,
     observer: ObserverKeys,
+    sky: SkyKeys,
     flight_computer: FlightComputerKeys,
     attitude: AttitudeKeys,
     accuracy: AccuracyKeys,
@@ -96,6 +99,25 @@ struct BenchKeys {
 #[serde(deny_unknown_fields)]
 struct MountingKeys {
     sensor_from_body: Option<[f64; 4]>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SkyKeys {
+    layers: Option<Vec<String>>,
+}
+
+impl SkyKeys {
+    /// Layers beside the bench's file.
+    fn layers(&self, check: &Checker<'_>) -> Result<Vec<PathBuf>, ConfigError> {
+        let Some(layers) = &self.layers else { return Ok(Vec::new()) };
+        if layers.is_empty() || layers.iter().any(|path| path.trim().is_empty()) {
+            let advice =
+                "as `starloop catalog import` writes them, relative to this file; without the key the built-in catalog";
+            return Err(check.invalid("sky.layers", "no file", "layers of stars", advice));
+        }
+        Ok(layers.iter().map(|path| check.document.file_beside(path)).collect())
+    }
 }
 
 /// Classic CAN carries jitter in pairs of one fixed rate.
@@ -206,6 +228,7 @@ impl Bench {
         let sensor_from_body = mounting(&keys.mounting, &mut check)?;
         let extra_heads = check_heads("extra_head", &keys.extra_head, HEADS_MAX - 1, &check)?;
         let observer = Observer::check(&keys.observer, &mut check)?;
+        let layers = keys.sky.layers(&check)?;
         let flight_computer = FlightComputer::check(&keys.flight_computer, &mut check)?;
         check_classic_jitter(&link, &flight_computer, &check)?;
         check_both_ends(&link, &extra_links, &flight_computer, &check)?;
@@ -252,6 +275,7 @@ impl Bench {
             sensor_from_body,
             extra_heads,
             observer,
+            layers,
             flight_computer,
             attitude,
             accuracy,

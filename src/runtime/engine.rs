@@ -90,7 +90,7 @@ impl FrameEngine {
         if params.keeps_brighter && !params.targets.is_empty() {
             imager.keep_brighter()?;
         }
-        let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure)?;
+        let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure, &params.layers)?;
         let light = FieldLight::new(camera, params.observer.clone(), params.first_exposure);
         light_pixels(camera, &mut imager)?;
         Ok(Self {

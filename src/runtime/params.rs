@@ -15,6 +15,7 @@ use crate::exposure::{Instrument, MethodChoice, PsfSampling, Shutter, Target};
 use crate::optics::{BackgroundLight, Illumination, PsfModel, StarLight};
 use crate::runtime::imager::BackendChoice;
 use crate::sky::observer::Observer;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// What becomes of a frame that misses its deadline.
@@ -130,6 +131,8 @@ pub struct RunParams {
     pub keeps_brighter: bool,
     /// Where the sensor is.
     pub observer: Observer,
+    /// Layers of stars that are the sky; none: the built-in catalog is.
+    pub layers: Vec<PathBuf>,
     /// Accuracy budget.
     pub budget: AccuracyBudget,
     /// Which backend.

@@ -9,6 +9,7 @@ use crate::runtime::params::CameraParams;
 use crate::sky::catalog::{Catalog, CatalogSource};
 use crate::sky::observer::{Observer, ObserverTrack};
 use glam::DVec3;
+use std::path::PathBuf;
 
 /// The sky as one camera sees it.
 pub struct SkyView {
@@ -27,12 +28,12 @@ const STARS_RESERVED: usize = 16_384;
 const MARGIN_PX: f64 = 64.0;
 
 impl SkyView {
-    /// The built-in catalog through `camera`.
+    /// The stars of `layers`, or of the built-in catalog without any, through `camera`.
     ///
     /// # Errors
-    /// When the catalog is damaged.
-    pub fn new(camera: &CameraParams, observer: Observer, at: Tai) -> Result<Self, RunError> {
-        let catalog = Catalog::built_in()?;
+    /// When a catalog cannot be read or is damaged.
+    pub fn new(camera: &CameraParams, observer: Observer, at: Tai, layers: &[PathBuf]) -> Result<Self, RunError> {
+        let catalog = Catalog::of(layers, camera.limiting_mag)?;
         let [ifov_x, ifov_y] = camera.geometry.ifov_rad();
         let margin_rad = cone_margin_rad(&catalog, at) + MARGIN_PX * ifov_x.max(ifov_y);
         Ok(Self {

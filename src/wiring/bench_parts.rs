@@ -38,6 +38,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         targets: targets(bench, &camera, first_exposure)?,
         keeps_brighter: bench.target_overlap == Overlap::Brighter,
         observer: observer(&bench.observer, first_exposure)?,
+        layers: bench.layers.clone(),
         budget: bench.accuracy,
         backend: backend_choice(bench.render.backend),
         method: bench.render.method,

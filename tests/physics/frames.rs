@@ -97,7 +97,7 @@ fn draw(ra_dec_roll_deg: [f64; 3], backend: BackendChoice) -> Frame {
     let instrument: Instrument = camera.instrument();
     let mut imager = Imager::new(backend, camera.detector, [SIZE, SIZE], 3).unwrap();
     let mut planner = Planner::new(instrument, AccuracyBudget::default(), imager.cost(), MethodChoice::Auto, los);
-    let mut sky = SkyView::new(&camera, Observer::Geocentre, at).unwrap();
+    let mut sky = SkyView::new(&camera, Observer::Geocentre, at, &[]).unwrap();
     let boresight = attitude.inverse().apply(glam::DVec3::Z);
     let plan = planner.plan(sky.sources(boresight, 0.0, at).unwrap());
     let mut dn = DnImage::new(SIZE, SIZE);

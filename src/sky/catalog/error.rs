@@ -1,5 +1,6 @@
 //! What can be wrong with a catalog.
 
+use crate::sky::layer::LayerError;
 use std::path::PathBuf;
 
 /// Why a catalog was not packed or not opened.
@@ -87,6 +88,33 @@ pub enum CatalogError {
         wanted: String,
         /// The text found.
         got: String,
+    },
+    /// A layer on disk.
+    #[error(transparent)]
+    Layer(#[from] LayerError),
+    /// Layers of one sky whose positions are of different times.
+    #[error("{path}: epoch wanted J{wanted} as of the layers before, got J{got}; import them with one --epoch", path = path.display())]
+    Epochs {
+        /// The layer.
+        path: PathBuf,
+        /// Of the first layer.
+        wanted: f64,
+        /// Of this one.
+        got: f64,
+    },
+    /// Too many stars for memory.
+    #[error(
+        "{path}: more than {most} stars to G = {limiting_mag} in memory; lower the camera's radiometry.limiting_mag, or \
+         name fewer layers",
+        path = path.display()
+    )]
+    Memory {
+        /// The layer that did not fit any more.
+        path: PathBuf,
+        /// Down to which stars were read.
+        limiting_mag: f32,
+        /// The limit.
+        most: u64,
     },
     /// More stars or text than the format's 32-bit counts hold.
     #[error("catalog: {count} {what}, wanted at most {most}")]

@@ -16,10 +16,10 @@ static BUILT_IN: &[u8] = include_bytes!("bright_g85.starcat");
 /// A star catalog, decoded, in tiles.
 #[derive(Debug, Clone)]
 pub struct Catalog {
-    epoch_yr: f64,
-    crc32: u32,
-    credits: String,
-    fastest_mas_yr: f64,
+    pub(super) epoch_yr: f64,
+    pub(super) crc32: u32,
+    pub(super) credits: String,
+    pub(super) fastest_mas_yr: f64,
     pub(super) sources: Vec<CatalogSource>,
     pub(super) tiles: Vec<Tile>,
 }
@@ -169,7 +169,7 @@ fn source(id: u32, star: &StarRecord) -> CatalogSource {
     }
 }
 
-fn total_mas_yr(motion: ProperMotion) -> f64 {
+pub(super) fn total_mas_yr(motion: ProperMotion) -> f64 {
     f64::from(motion.pm_ra_cosdec_mas_yr.hypot(motion.pm_dec_mas_yr))
 }
 

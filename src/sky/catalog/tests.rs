@@ -183,3 +183,79 @@ fn declination_reaches_both_poles() {
     let z: Vec<f64> = catalog.sources().iter().map(|s| s.direction_icrf.z).collect();
     assert!(z.iter().all(|z| (z.abs() - 1.0).abs() < DEC_STEP_RAD), "{z:?}");
 }
+
+mod layers {
+    use super::*;
+    use crate::sky::layer::{Layer, NewStar, Sorting};
+    use std::path::{Path, PathBuf};
+
+    /// Layers of the built-in catalog's stars, at an epoch.
+    fn layers(folder: &Path, epoch_yr: f64) -> Vec<PathBuf> {
+        let mut sorting = Sorting::start(&folder.join("work"), &[5.0, 7.0]).unwrap();
+        for star in Catalog::built_in().unwrap().sources() {
+            let [ra_rad, dec_rad] = ra_dec_rad(star.direction_icrf);
+            let motion = star.proper_motion.map(|m| [m.pm_ra_cosdec_mas_yr, m.pm_dec_mas_yr].map(f64::from));
+            let new = NewStar {
+                source_id: i64::from(star.id),
+                ra_rad,
+                dec_rad,
+                motion_mas_yr: motion,
+                parallax_mas: star.parallax_mas.map(f64::from),
+                mag_g: f64::from(star.mag_g),
+                bp_rp: Some(f64::from(star.bp_rp)),
+            };
+            sorting.add(&new).unwrap();
+        }
+        let reports = sorting.finish(folder, epoch_yr, "credits", &mut |_| {}).unwrap();
+        reports.into_iter().map(|report| report.path).collect()
+    }
+
+    #[test]
+    fn layers_are_a_catalog_in_memory() {
+        let folder = tempfile::tempdir().unwrap();
+        let paths = layers(folder.path(), 2016.0);
+        let catalog = Catalog::of(&paths, 6.5).unwrap();
+        assert_eq!((catalog.epoch_yr(), catalog.credits()), (2016.0, "credits"), "credits are given once");
+        let built_in = Catalog::built_in().unwrap();
+        let is_in = |star: &&CatalogSource| star.mag_g <= 6.5;
+        assert_eq!(catalog.sources().len(), built_in.sources().iter().filter(is_in).count());
+        assert!((catalog.fastest_mas_yr() - built_in.fastest_mas_yr()).abs() < 5.0);
+        let (mut found, mut wanted, mut total) = (Vec::new(), Vec::new(), 0);
+        for (ra_deg, dec_deg, radius_deg) in [(84.0, -1.2, 10.0), (0.0, 90.0, 20.0), (266.0, -29.0, 60.0)] {
+            let axis = direction_from_ra_dec(ra_deg * DEG, dec_deg * DEG);
+            catalog.cone(axis, radius_deg * DEG, 6.0, &mut found);
+            built_in.cone(axis, radius_deg * DEG, 6.0, &mut wanted);
+            assert_eq!(found.len(), wanted.len());
+            for star in &wanted {
+                let near = |other: &&CatalogSource| {
+                    other.direction_icrf.distance(star.direction_icrf) < 0.4 * MAS && other.mag_g == star.mag_g
+                };
+                assert!(found.iter().any(|other| near(&other)), "{star:?}");
+            }
+            total += found.len();
+        }
+        assert!(total > 1000, "control: there was something to find: {total}");
+        assert!(found.iter().all(|star| catalog.sources()[star.id as usize] == *star), "an id is a place");
+        assert_eq!(Catalog::of(&[], 6.5).unwrap().sources().len(), built_in.sources().len(), "without layers");
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let paths = layers(&folder.path().join("a"), 2016.0);
+        let bright = Layer::open(&paths[0]).unwrap().stars();
+        assert!(Catalog::of_layers(&paths[..1], 9.0, bright).is_ok(), "this side of the edge");
+        let refused = |paths: &[PathBuf], most| Catalog::of_layers(paths, 9.0, most).unwrap_err().to_string();
+        let told = refused(&paths[..1], bright - 1);
+        assert!(told.contains("g5.starlayer") && told.contains("limiting_mag"), "{told}");
+        let others = layers(&folder.path().join("b"), 2000.0);
+        let told = refused(&[paths[0].clone(), others[1].clone()], 1_000_000);
+        assert!(told.contains("g7.starlayer") && told.contains("wanted J2016") && told.contains("J2000"), "{told}");
+        let told = refused(&[folder.path().join("no.starlayer")], 1);
+        assert!(told.contains("no.starlayer"), "{told}");
+        assert!(
+            Catalog::of_layers(&[paths[0].clone(), others[1].clone()], 4.0, 9000).is_ok(),
+            "not read, not compared"
+        );
+    }
+}
