@@ -111,6 +111,38 @@ class RealRows(unittest.TestCase):
                 compared += 1
         self.assertGreater(compared, 300, "control: there were stars to compare")
 
+    def test_frames_show_the_stars_of_the_layers(self):
+        camera = ROOT / "configs/cameras/star_tracker_20deg.toml"
+        truth = self.root / "truth.csv"
+        words = [BINARY, "render", "--camera", camera, "--ra", 84.05, "--dec", -1.2, "--time", "2016-01-01T12:00:00Z"]
+        words += [word for layer in self.layers for word in ("--layer", layer)]
+        words += ["--backend", "cpu", "--truth", truth, "--out", self.root / "orion.fits"]
+        done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=120)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        stars = list(csv.DictReader(truth.open()))
+        faintest = max(float(star["mag"]) for star in stars)
+        near = numpy.linalg.norm(directions(self.rows["ra"], self.rows["dec"]) - directions(84.05, -1.2), axis=1)
+        inner = self.rows[(near < 2 * numpy.sin(numpy.radians(9.0) / 2)) & (self.rows["g"] < faintest - 0.1)]
+        inner = inner[numpy.unique(inner["id"], return_index=True)[1]]
+        places = directions([float(star["ra_deg"]) for star in stars], [float(star["dec_deg"]) for star in stars])
+        self.assertGreater(len(inner), 200)
+        for row in inner:
+            off = numpy.linalg.norm(places - directions(row["ra"], row["dec"]), axis=1)
+            # The truth tells apparent places: aberration moves them by up to 21 arcsec.
+            self.assertLess(numpy.degrees(off.min()) * 3600, 25.0, row)
+            self.assertLess(abs(float(stars[int(off.argmin())]["mag"]) - row["g"]), 0.6, "instrument against G")
+
+    def test_a_bench_flies_under_the_layers(self):
+        bench = self.root / "bench.toml"
+        bench.write_text('[sky]\nlayers = ["layers/g10.starlayer"]\n[sink]\nkind = "null"\n')
+        words = [BINARY, "run", bench, "--clock", "virtual", "--duration", "0.3", "--backend", "cpu"]
+        done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=120)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        bench.write_text('[sky]\nlayers = ["layers/g11.starlayer"]\n')
+        done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=120)
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn("g11.starlayer", done.stderr)
+
     def test_an_import_that_is_killed_goes_on(self):
         out = self.root / "killed"
         words = [BINARY, "catalog", "import", *map(str, self.files), "--out", str(out), "--layers", LAYERS]
