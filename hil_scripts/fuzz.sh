@@ -6,9 +6,9 @@
 #   hil_scripts/fuzz.sh --control                 each target with a deliberate fault (STARLOOP_FUZZ_BROKEN), which must be found
 #   hil_scripts/fuzz.sh --reproduce TARGET FILE   runs one input
 #
-# Needs Rust and a C++ compiler; installs cargo-fuzz into target/tools when it is not there (a minute, once). The stable
-# toolchain is enough: RUSTC_BOOTSTRAP=1 lets it take cargo-fuzz's flags. No sanitizer: it would watch unsafe code, and the
-# readers have none. Nothing is written into the source tree: corpora grow in a temporary folder.
+# Needs stable Rust and a C++ compiler. The flags are those that cargo-fuzz gives the compiler, which is not needed: coverage
+# counters, compared values, no folded branches. No sanitizer: it would watch unsafe code, and the readers have none. Nothing
+# is written into the source tree: corpora grow in a temporary folder.
 # A target fails on a panic, an input that takes longer than 10 s, more than 512 MB, or memory that grows by more than
 # 32 MB between the first tenth of its inputs and the last.
 #
@@ -17,7 +17,6 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 readonly targets=(can_decode serial_resync slcan socketcand captures network_camera session)
-readonly cargo_fuzz_version=0.13.2
 readonly memory_mb=512
 readonly growth_mb=32
 readonly control_seconds=60
@@ -35,10 +34,14 @@ trap 'rm -rf "$work"' EXIT
 
 build() {
     command -v c++ >/dev/null || { echo "fuzz: no C++ compiler for libFuzzer: apt-get install g++" >&2; exit 1; }
-    export PATH="$target/tools/bin:$PATH" RUSTC_BOOTSTRAP=1
-    command -v cargo-fuzz >/dev/null ||
-        CARGO_TARGET_DIR="$build" cargo install --quiet cargo-fuzz --version "$cargo_fuzz_version" --locked --root "$target/tools"
-    CARGO_TARGET_DIR="$build" cargo fuzz build --fuzz-dir tests/fuzz --sanitizer none --target "$host"
+    local coverage=sanitizer-coverage flags="-Cpasses=sancov-module --cfg fuzzing -Ccodegen-units=1" flag
+    for flag in $coverage-level=4 $coverage-inline-8bit-counters $coverage-pc-table $coverage-trace-compares \
+        $coverage-stack-depth simplifycfg-branch-fold-threshold=0; do
+        flags+=" -Cllvm-args=-$flag"
+    done
+    # With a target, the flags are not for build scripts.
+    CARGO_TARGET_DIR="$build" RUSTFLAGS="$flags" \
+        cargo build --locked --release --manifest-path tests/fuzz/Cargo.toml --target "$host"
     mkdir -p "$crashes"
 }
 

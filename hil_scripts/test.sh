@@ -85,7 +85,11 @@ format() {
 }
 
 # One build has all there is: what is off by default is tested too.
-lint() { cargo clippy --locked --workspace --all-features --all-targets --release -- -D warnings; }
+lint() {
+    cargo clippy --locked --workspace --all-features --all-targets --release -- -D warnings
+    # As most people build it: without what is off by default.
+    cargo clippy --locked --release --lib --bins -- -D warnings
+}
 
 build() { cargo test --locked --workspace --all-features --release --no-run; }
 

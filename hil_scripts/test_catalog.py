@@ -128,9 +128,10 @@ class RealRows(unittest.TestCase):
         self.assertGreater(len(inner), 200)
         for row in inner:
             off = numpy.linalg.norm(places - directions(row["ra"], row["dec"]), axis=1)
-            # The truth tells apparent places: aberration moves them by up to 21 arcsec.
-            self.assertLess(numpy.degrees(off.min()) * 3600, 25.0, row)
-            self.assertLess(abs(float(stars[int(off.argmin())]["mag"]) - row["g"]), 0.6, "instrument against G")
+            # The truth tells apparent places, which aberration moves by up to 21 arcsec, and magnitudes of the instrument.
+            near = numpy.flatnonzero(numpy.degrees(off) * 3600 < 25.0)
+            self.assertTrue(any(abs(float(stars[i]["mag"]) - row["g"]) < 0.6 for i in near), row)
+        self.assertFalse(any(numpy.degrees(numpy.linalg.norm(places - directions(264.05, 1.2), axis=1)) < 1), "control")
 
     def test_a_bench_flies_under_the_layers(self):
         bench = self.root / "bench.toml"
@@ -150,6 +151,8 @@ class RealRows(unittest.TestCase):
         progress = out / "import/progress.json"
         while program.poll() is None and not progress.exists():
             time.sleep(0.005)
+        program.send_signal(signal.SIGSTOP)
+        self.assertTrue(progress.exists(), "stopped between its first input and its end")
         program.send_signal(signal.SIGKILL)
         program.wait()
         self.assertFalse((out / "g10.starlayer").exists(), "no layer is there before it is whole")
@@ -168,7 +171,7 @@ class RealRows(unittest.TestCase):
             self.assertNotEqual(done.returncode, 0)
             self.assertIn(f"{name}.csv.gz", done.stderr)
             self.assertFalse((self.root / name / "g10.starlayer").exists())
-        layer = bytearray(self.layers[1].read_bytes())
+        layer = bytearray(self.layers[0].read_bytes())
         layer[-7] ^= 1
         damaged = self.root / "damaged.starlayer"
         damaged.write_bytes(layer)

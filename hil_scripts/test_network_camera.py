@@ -184,6 +184,9 @@ def client(request):
             device.set_integer_feature_value(name, value)
     if rate_hz := request.get("rate_hz"):
         camera.set_frame_rate(rate_hz)
+    # As root Aravis would listen to raw packets, and to those of every interface until its filter is in place: what else
+    # is on the wire then, such as a flood, is taken for images.
+    camera.gv_set_stream_options(Aravis.GvStreamOption.PACKET_SOCKET_DISABLED)
     stream = camera.create_stream(None, None)
     # A busy machine: packets and processes may be late.
     stream.set_property("frame-retention", 5_000_000)

@@ -8,7 +8,8 @@ use crate::astrometry::CameraGeometry;
 use crate::base::clock::{Clock, Monotonic};
 use crate::base::time::{Span, Tai};
 use crate::cli::calibrate_display_simulate::{SimulateArgs, simulate};
-use crate::cli::display_measurements::{Measurements, date_of, measurements_of_folder, sights_of_table};
+use crate::cli::display_latency::CornerWord;
+use crate::cli::display_measurements::{Measurements, date_of, earlier, measurements_of_folder, sights_of_table};
 use crate::cli::named_camera::named_camera;
 use crate::config::Camera;
 use crate::display::beat::BeatInput;
@@ -129,6 +130,12 @@ struct FitArgs {
     /// Submit and photodiode times of the marker (CSV: submit_s,edge_s)
     #[arg(long, value_name = "FILE", conflicts_with = "given_latency")]
     latency: Option<PathBuf>,
+    /// Where the marker was when --latency was measured
+    #[arg(long, value_enum, default_value_t = CornerWord::TopLeft, requires = "latency")]
+    marker_corner: CornerWord,
+    /// From the first row's light to the last row's, milliseconds, of panels that light row by row: about a refresh
+    #[arg(long, value_name = "MS", default_value_t = 0.0, requires = "latency")]
+    scan_ms: f64,
     /// Latency that somebody gives, milliseconds
     #[arg(long, value_name = "MS")]
     given_latency: Option<f64>,
@@ -290,7 +297,7 @@ fn measurements(arguments: &FitArgs, plan: &Plan, camera: &Camera) -> Result<Mea
             false => Measurements { sights: sights_of_table(path)?, ..Measurements::default() },
         };
         all.sights.extend(found.sights);
-        all.first = all.first.into_iter().chain(found.first).min();
+        all.first = earlier(all.first, found.first);
         all.missing.extend(found.missing);
     }
     let is_missing = |name: &String| all.sights.iter().all(|sight| sight.pattern.name() != *name);
@@ -299,10 +306,12 @@ fn measurements(arguments: &FitArgs, plan: &Plan, camera: &Camera) -> Result<Mea
 }
 
 /// When the measurements were made: as somebody says, or as the first frame says.
-fn measured(arguments: &FitArgs, first: Option<Tai>) -> Result<Tai> {
+fn measured(arguments: &FitArgs, first: Option<Result<Tai>>) -> Result<Tai> {
     match (&arguments.measured, first) {
         (Some(text), _) => date_of(text).context("--measured"),
-        (None, Some(first)) => Ok(first),
+        (None, Some(first)) => {
+            first.context("DATE-OBS: wanted a date, or --measured 2026-03-01T12:00:00Z in its place")
+        }
         (None, None) => bail!(
             "when were the measurements made? wanted DATE-OBS in the frames' headers, or --measured 2026-03-01T12:00:00Z: \
              the calibration's age counts from there"
@@ -314,7 +323,11 @@ fn latency(arguments: &FitArgs) -> Result<Option<Latency>> {
     match (&arguments.latency, arguments.given_latency) {
         (Some(path), _) => {
             let file = File::open(path).with_context(|| path.display().to_string())?;
-            Ok(Some(Latency::measured(file, 0.0, Span::ZERO).with_context(|| path.display().to_string())?))
+            if !(0.0..=1000.0).contains(&arguments.scan_ms) {
+                bail!("--scan-ms: wanted 0 to 1000, got {}", arguments.scan_ms);
+            }
+            let (row_share, scan) = (arguments.marker_corner.row_share(), Span::from_s(1e-3 * arguments.scan_ms));
+            Ok(Some(Latency::measured(file, row_share, scan).with_context(|| path.display().to_string())?))
         }
         (None, Some(ms)) if !(0.0..=10_000.0).contains(&ms) => bail!("--given-latency: wanted 0 to 10000 ms, got {ms}"),
         (None, ms) => Ok(ms.map(|ms| Latency::given(Span::from_s(1e-3 * ms), Span::ZERO))),

@@ -2,12 +2,14 @@
 
 use crate::sky::catalog::{Catalog, DEFAULT_CREDITS};
 use crate::sky::import::gaia::{EPOCH_YR, Names, import as import_gaia};
-use crate::sky::layer::{Layer, LayerReport, Sorting, is_layer};
+use crate::sky::layer::{Layer, LayerReport, Sorting, is_layer, layer_name};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
-use std::io::{IsTerminal, Write};
+use std::io::{IsTerminal, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::time::UNIX_EPOCH;
+
+/// Bytes at each end of a file by which it is known again.
+const END_BYTES: u64 = 64 << 10;
 
 /// Arguments of `starloop catalog import`.
 #[derive(Debug, Args)]
@@ -27,9 +29,12 @@ pub(super) struct ImportArgs {
     /// Faint ends of the layers, G magnitudes, rising; fainter stars are left out and counted
     #[arg(long, value_delimiter = ',', default_values_t = [10.0, 14.0, 18.0, 22.0])]
     layers: Vec<f32>,
-    /// Folder for what is sorted, some 36 bytes a star; a folder within --out when left out
+    /// Folder of its own for what is sorted, some 36 bytes a star, removed at the end; one within --out when left out
     #[arg(long)]
     work: Option<PathBuf>,
+    /// Write layers in the place of those that are in --out already
+    #[arg(long)]
+    replace: bool,
     /// Epoch of the positions, Julian year
     #[arg(long, default_value_t = EPOCH_YR)]
     epoch: f64,
@@ -58,6 +63,16 @@ pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<
     let work = args.work.clone().unwrap_or_else(|| args.out.join("import"));
     std::fs::create_dir_all(&args.out).with_context(|| format!("cannot make {}", args.out.display()))?;
     let mut sorting = Sorting::start(&work, &args.layers)?;
+    let is_there = |limit: &&f32| args.out.join(layer_name(**limit)).exists();
+    if let Some(limit) = args.layers.iter().find(is_there).filter(|_| !args.replace) {
+        let name = layer_name(*limit);
+        bail!("{} has {name} already: name all files of a catalog in one import, or add --replace", args.out.display());
+    }
+    let names_of_files = args.files.iter().map(|path| name_of(path)).collect::<anyhow::Result<Vec<_>>>()?;
+    let twice = names_of_files.iter().enumerate().find(|(place, name)| names_of_files[..*place].contains(name));
+    if let Some((_, name)) = twice {
+        bail!("two files are called {name}: an import that goes on tells them apart by their names; rename one");
+    }
     let line = ProgressLine::new();
     for (number, path) in args.files.iter().enumerate() {
         let (name, mark) = (name_of(path)?, mark(path)?);
@@ -122,11 +137,18 @@ fn name_of(path: &Path) -> anyhow::Result<String> {
     name.map(str::to_owned).with_context(|| format!("{}: wanted a file with a readable name", path.display()))
 }
 
-/// What tells that a file is the same as before: its length and when it was written.
+/// What tells that a file is the same as before: its length, and the checksum of its two ends.
 fn mark(path: &Path) -> anyhow::Result<String> {
-    let facts = std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let written = facts.modified().ok().and_then(|at| at.duration_since(UNIX_EPOCH).ok()).unwrap_or_default();
-    Ok(format!("{} bytes, written {} s after 1970", facts.len(), written.as_secs()))
+    let read = || {
+        let mut file = std::fs::File::open(path)?;
+        let bytes = file.metadata()?.len();
+        let mut ends = Vec::new();
+        (&mut file).take(END_BYTES).read_to_end(&mut ends)?;
+        file.seek(SeekFrom::Start(bytes.saturating_sub(END_BYTES)))?;
+        file.take(END_BYTES).read_to_end(&mut ends)?;
+        std::io::Result::Ok(format!("{bytes} bytes, CRC-32 of its ends {:08x}", crc32fast::hash(&ends)))
+    };
+    read().with_context(|| format!("cannot read {}", path.display()))
 }
 
 /// Reads catalogs and layers to their end.
@@ -265,7 +287,15 @@ mod tests {
         assert!(error.contains("bad.csv, line 3, column ra"), "{error}");
         assert!(!folder.path().join("layers/g10.starlayer").exists());
         std::fs::write(&bad, text.replace("\n1,", "\n101,").replace("\n2,", "\n102,")).unwrap();
+        let twice = imported(&[&good, &good, "--out", &out]).unwrap_err().to_string();
+        assert!(twice.contains("two files are called good.csv"), "{twice}");
         let told = imported(&[&good, &bad, "--out", &out]).unwrap();
+        let again = imported(&[&good, "--out", &out]).unwrap_err().to_string();
+        assert!(again.contains("has g10.starlayer already") && again.contains("--replace"), "{again}");
+        let of_others = folder.path().to_str().unwrap();
+        let mine = imported(&[&good, "--out", &out, "--replace", "--work", of_others]).unwrap_err().to_string();
+        assert!(mine.contains("folder of its own") && folder.path().join("good.csv").exists(), "{mine}");
+        assert!(imported(&[&good, "--out", &out, "--replace"]).unwrap().contains("           4 rows\n"));
         assert!(told.contains("           8 rows\n") && told.contains("           4 stars taken in\n"), "{told}");
     }
 

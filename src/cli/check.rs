@@ -1,7 +1,7 @@
 //! `starloop check`: is this bench or scenario sound, what does it mean, what will be drawn and at what error and cost.
 
 use crate::base::clock::{Clock, Monotonic};
-use crate::base::time::Tai;
+use crate::base::time::{Span, Tai};
 use crate::cli::calibrate::{Costs, costs_here};
 use crate::cli::check_display;
 use crate::cli::check_display_stars::{self, DisplayLimits, display_limits};
@@ -131,10 +131,18 @@ fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Image
         )?;
     }
     let exposed = &params.camera;
+    let after_s = exposed.readout_s - params.ahead.s();
+    let due = if params.ahead == Span::ZERO {
+        format!("{after_s} s after it ends")
+    } else if after_s >= -exposed.exposure_s {
+        format!("{:.4} s after it begins", after_s + exposed.exposure_s)
+    } else {
+        format!("{:.4} s before it begins", -after_s - exposed.exposure_s)
+    };
     writeln!(
         text,
-        "  frames       {} at {} Hz, exposure {} s, due {} s after it ends, policy for late ones: {:?}",
-        params.frames, bench.timing.frame_rate_hz, exposed.exposure_s, exposed.readout_s, params.deadline_policy
+        "  frames       {} at {} Hz, exposure {} s, due {due}, policy for late ones: {:?}",
+        params.frames, bench.timing.frame_rate_hz, exposed.exposure_s, params.deadline_policy
     )?;
     writeln!(text, "  backend      {} ({})", imager.name(), imager.description())?;
     if let Some(note) = imager.note() {

@@ -66,8 +66,8 @@ fn write_times(text: &mut String, bench: &Bench, params: &RunParams, calibration
     let before_ms = params.ahead.ms() - 1e3 * params.camera.exposure_s;
     writeln!(
         text,
-        "  display time a frame is begun {before_ms:.2} ms before its light: 1.5 refreshes of {:.2} ms, latency \
-         {latency_ms:.2} ms ({source})",
+        "  display time a frame is begun {before_ms:.2} ms before its light: 1.5 refreshes of {:.2} ms, up to 8 ms \
+         for greys, latency {latency_ms:.2} ms ({source})",
         1e3 * refresh_s
     )?;
     let half_s = 0.5 * refresh_s;

@@ -17,6 +17,8 @@ use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// Shortest time between flips: they stay [`APART_S`] apart when one is a refresh late.
+const SHORTEST_PERIOD_S: f64 = 1.2 * APART_S;
 /// The row that a bench's latency is for, of all rows.
 const MIDDLE_ROW: f64 = 0.5;
 
@@ -44,7 +46,7 @@ impl CornerWord {
     }
 
     /// Row of the patch over the number of rows.
-    fn row_share(self) -> f64 {
+    pub(super) fn row_share(self) -> f64 {
         match self {
             Self::TopLeft | Self::TopRight => 0.0,
             Self::BottomLeft | Self::BottomRight => 1.0,
@@ -75,7 +77,7 @@ pub(super) struct FlipArgs {
     /// Where the patch is
     #[arg(long, value_enum, default_value_t = CornerWord::TopLeft)]
     marker_corner: CornerWord,
-    /// Seconds between flips, 0.1 or more: longer than any latency
+    /// Seconds between flips, 0.12 or more: longer than any latency
     #[arg(long, value_name = "S", default_value_t = 0.25)]
     period: f64,
     /// Number of flips
@@ -86,7 +88,7 @@ pub(super) struct FlipArgs {
 /// Command line of `display latency`.
 #[derive(Debug, Args)]
 pub(super) struct LatencyArgs {
-    /// Submit times: the file of `starloop display flip`, or submits.csv of a run of few frames a second
+    /// Submit times: the file of `starloop display flip`
     submits: PathBuf,
     /// Times at which the photodiode saw the patch turn over (CSV with a column edge_s: seconds since 1970, UTC, as
     /// `date +%s.%N` and time.time() count them)
@@ -109,8 +111,11 @@ pub(super) struct LatencyArgs {
 /// # Errors
 /// When there is no such monitor, the window is closed, or submit times cannot be written.
 pub(super) fn flip(arguments: &FlipArgs) -> Result<()> {
-    if !(APART_S..=60.0).contains(&arguments.period) {
-        bail!("--period: wanted {APART_S} to 60 s, so that an edge belongs to one flip, got {}", arguments.period);
+    if !(SHORTEST_PERIOD_S..=60.0).contains(&arguments.period) {
+        bail!(
+            "--period: wanted {SHORTEST_PERIOD_S} to 60 s, so that an edge belongs to one flip, got {}",
+            arguments.period
+        );
     }
     let monitor = monitor_choice(arguments.monitor.as_deref());
     let all = monitors()?;

@@ -21,8 +21,8 @@ use std::path::Path;
 pub(super) struct Measurements {
     /// What was seen.
     pub(super) sights: Vec<Sight>,
-    /// When the first frame was taken; `None`: no frame says.
-    pub(super) first: Option<Tai>,
+    /// When the first frame was taken, or why that cannot be told; `None`: no frame says.
+    pub(super) first: Option<Result<Tai>>,
     /// Images of the plan without a frame.
     pub(super) missing: Vec<String>,
 }
@@ -42,7 +42,7 @@ pub(super) fn measurements_of_folder(folder: &Path, plan: &Plan, camera: &Camera
         if path.exists() {
             let Frame { image, saturated_from, date } = frame_of(&path, camera)?;
             found.sights.extend(sights_of_frame(pattern, &image, saturated_from));
-            found.first = found.first.into_iter().chain(date).min();
+            found.first = earlier(found.first, date);
             frames += 1;
         } else if !matches!(pattern, Pattern::Marker(_)) {
             found.missing.push(pattern.name());
@@ -55,11 +55,21 @@ pub(super) fn measurements_of_folder(folder: &Path, plan: &Plan, camera: &Camera
     Ok(found)
 }
 
+/// The earlier of two dates; a date that cannot be read comes before all others.
+pub(super) fn earlier(a: Option<Result<Tai>>, b: Option<Result<Tai>>) -> Option<Result<Tai>> {
+    match (a, b) {
+        (Some(Ok(a)), Some(Ok(b))) => Some(Ok(a.min(b))),
+        (Some(Err(error)), _) | (_, Some(Err(error))) => Some(Err(error)),
+        (a, b) => a.or(b),
+    }
+}
+
 /// A frame in electrons per second.
 struct Frame {
     image: Image<f64>,
     saturated_from: f64,
-    date: Option<Tai>,
+    /// Not asked for where somebody says when it was: some programs write dates that are none.
+    date: Option<Result<Tai>>,
 }
 
 fn frame_of(path: &Path, camera: &Camera) -> Result<Frame> {
@@ -78,21 +88,19 @@ fn frame_of(path: &Path, camera: &Camera) -> Result<Frame> {
         let got = format!("{} x {}", fits.width, fits.height);
         bail!("{}: wanted the camera's {} x {} px, got {got}", place(), wanted[0], wanted[1]);
     }
-    let date = fits.header.text("DATE-OBS").map(|text| date_of(&text)).transpose().with_context(place)?;
+    let date = fits.header.text("DATE-OBS").map(|text| date_of(&text).with_context(place));
     let scale = scale_of(camera, exposure_s);
-    let of = |values: Vec<f64>| {
+    // An image that is read upside down would fit as well: a display that is mirrored and half turned.
+    let values = fits.top_row_first();
+    let image = if let OwnedPixels::U16(_) = fits.pixels {
+        let mut frame = DnImage::new(wanted[0], wanted[1]);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "they were u16")]
+        frame.pixels_mut().iter_mut().zip(values).for_each(|(dn, value)| *dn = value as u16);
+        scale.applied(&frame)
+    } else {
         let mut image = Image::new(wanted[0], wanted[1]);
-        image.pixels_mut().copy_from_slice(&values);
+        image.pixels_mut().iter_mut().zip(values).for_each(|(e_per_s, value)| *e_per_s = value / exposure_s);
         image
-    };
-    let image = match fits.pixels {
-        OwnedPixels::U16(values) => {
-            let mut frame = DnImage::new(wanted[0], wanted[1]);
-            frame.pixels_mut().copy_from_slice(&values);
-            scale.applied(&frame)
-        }
-        OwnedPixels::F32(values) => of(values.iter().map(|e| f64::from(*e) / exposure_s).collect()),
-        OwnedPixels::F64(values) => of(values.iter().map(|e| e / exposure_s).collect()),
     };
     Ok(Frame { image, saturated_from: scale.saturated_from(), date })
 }
@@ -154,11 +162,45 @@ mod tests {
         write(folder.path(), "level_0", 100.0, exposed(0.5, "2026-03-01T12:00:07"));
         write(folder.path(), "level_255", 1e9, exposed(0.25, "2026-03-01T12:00:00"));
         let found = measurements_of_folder(folder.path(), &plan(), &camera()).unwrap();
-        assert_eq!(found.first, Some(Tai::from_rfc3339("2026-03-01T12:00:00Z").unwrap()), "the earliest");
+        assert_eq!(found.first.unwrap().unwrap(), Tai::from_rfc3339("2026-03-01T12:00:00Z").unwrap(), "the earliest");
         assert_eq!(found.sights[0].luminance, Some(200.0), "electrons per second, by the frame's own exposure");
         let saturated = |pattern| found.sights.iter().filter(|s| s.pattern == pattern).all(|s| s.is_saturated);
         assert_eq!([saturated(Pattern::Level(0)), saturated(Pattern::Level(255))], [false, true]);
         assert!(found.missing.contains(&"dots".into()) && !found.missing.contains(&"marker_on".into()));
+    }
+
+    #[test]
+    fn frames_are_read_from_the_top_whatever_their_order_of_rows() {
+        let folder = tempfile::tempdir().unwrap();
+        let written = |order: &str, values: &[f32]| {
+            let path = folder.path().join("frame.fits");
+            let mut header = Header::default();
+            header.push("EXPTIME", 1.0, "");
+            header.push("ROWORDER", order, "");
+            let file = File::create(&path).unwrap();
+            write_image(file, 64, 48, Pixels::F32(values), &header).unwrap();
+            frame_of(&path, &camera()).unwrap().image
+        };
+        let values: Vec<f32> = (0..64 * 48_u16).map(f32::from).collect();
+        let turned: Vec<f32> = values.rchunks_exact(64).flatten().copied().collect();
+        let top_down = written("TOP-DOWN", &values);
+        assert_eq!(top_down, written("BOTTOM-UP", &turned));
+        assert_ne!(top_down, written("TOP-DOWN", &turned), "control");
+    }
+
+    #[test]
+    fn dates_that_cannot_be_read_matter_only_where_they_are_needed() {
+        let folder = tempfile::tempdir().unwrap();
+        let dated = |date: &'static str| {
+            move |header: &mut Header| {
+                header.push("EXPTIME", 0.1, "");
+                header.push("DATE-OBS", date, "");
+            }
+        };
+        write(folder.path(), "level_0", 1.0, dated("2026-03-01T12:00:07"));
+        write(folder.path(), "level_255", 1.0, dated("01/03/99"));
+        let found = measurements_of_folder(folder.path(), &plan(), &camera()).unwrap();
+        assert!(!found.sights.is_empty() && found.first.unwrap().is_err());
     }
 
     #[test]
@@ -171,7 +213,7 @@ mod tests {
         write(folder.path(), "dots", 1.0, |header| header.push("EXPTIME", 0.0, ""));
         assert!(refused().contains("EXPTIME"), "{}", refused());
         write(folder.path(), "dots", 1.0, |header| header.push("EXPTIME", 0.1, ""));
-        assert_eq!(measurements_of_folder(folder.path(), &plan(), &camera()).unwrap().first, None, "no date");
+        assert!(measurements_of_folder(folder.path(), &plan(), &camera()).unwrap().first.is_none(), "no date");
     }
 
     #[test]

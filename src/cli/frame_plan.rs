@@ -8,9 +8,11 @@ use crate::exposure::cost::CostModel;
 use crate::exposure::{ExposurePlan, Planner};
 use crate::runtime::RunParams;
 use crate::runtime::sky_view::SkyView;
+use crate::sky::catalog::Catalog;
 use crate::testbed::flight_computer::FlightComputer;
 use crate::wiring::bench_parts;
 use anyhow::Result;
+use std::sync::Arc;
 
 /// Everything but the planner.
 pub(super) struct FramePlans<'a> {
@@ -25,10 +27,11 @@ impl<'a> FramePlans<'a> {
     /// # Errors
     /// When the catalog or the observer cannot be had.
     pub(super) fn new(bench: &Bench, start: Tai, params: &'a RunParams) -> Result<Self> {
+        let catalog = Arc::new(Catalog::of(&params.layers, params.camera.limiting_mag)?);
         Ok(Self {
             params,
             computer: FlightComputer::new(bench_parts::flight_computer(bench, start)),
-            sky: SkyView::new(&params.camera, params.observer.clone(), params.first_exposure, &params.layers)?,
+            sky: SkyView::new(&params.camera, params.observer.clone(), params.first_exposure, catalog),
         })
     }
 

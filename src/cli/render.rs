@@ -18,6 +18,7 @@ use crate::runtime::params::CameraParams;
 use crate::runtime::sky_view::SkyView;
 use crate::runtime::truth::fill_truth;
 use crate::sink::SentFrame;
+use crate::sky::catalog::Catalog;
 use crate::sky::observer::Observer;
 use crate::wiring::bench_parts::backend_choice;
 use crate::wiring::camera_parts::camera_params;
@@ -25,6 +26,7 @@ use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Command line of `render`.
 #[derive(Debug, Args)]
@@ -143,7 +145,10 @@ impl Scene {
         *planner.motion_mut() = motion;
         let (sky, sources) = match &arguments.sources {
             Some(path) => (None, read_sources(path)?),
-            None => (Some(SkyView::new(&camera, Observer::Geocentre, arguments.time, &arguments.layers)?), Vec::new()),
+            None => {
+                let catalog = Arc::new(Catalog::of(&arguments.layers, camera.limiting_mag)?);
+                (Some(SkyView::new(&camera, Observer::Geocentre, arguments.time, catalog)), Vec::new())
+            }
         };
         let frame = SentFrame::with_capacity(size[0], size[1], sources.len(), camera.name.clone());
         Ok(Self { camera, planner, imager, sky, light, sources, frame, seed: arguments.seed })

@@ -10,6 +10,7 @@ use crate::display::calibration::Calibration;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::{FrameEngine, real_time, virtual_time};
 use crate::sink::{SentFrame, Sink};
+use crate::sky::catalog::Catalog;
 use crate::wiring::bench_parts;
 use crate::wiring::display_parts::take_display;
 use crate::wiring::sinks::{SinkSetting, make_sinks, run_directory};
@@ -39,7 +40,7 @@ impl BenchHead {
 
 /// The heads of a bench whose clock reads `start` when it begins; at least one.
 pub(super) fn bench_heads(arguments: &RunArgs, bench: &Bench, start: Tai) -> Result<Vec<BenchHead>> {
-    let mut measured = None;
+    let (mut measured, mut sky) = (None, None);
     let mut heads = Vec::with_capacity(1 + bench.extra_heads.len());
     for (number, mounting) in bench.heads().into_iter().enumerate() {
         let own = bench_parts::bench_of_head(bench, number, mounting);
@@ -52,7 +53,11 @@ pub(super) fn bench_heads(arguments: &RunArgs, bench: &Bench, start: Tai) -> Res
             bench_parts::take_real_clock(&mut params, &own, costs);
         }
         let receiver = Receiver::new(params.attitude.clone())?.with_session(bench_parts::session_params(&own));
-        let mut engine = FrameEngine::with_imager(params, imager)?;
+        let catalog = match &sky {
+            Some(sky) => Arc::clone(sky),
+            None => Arc::clone(sky.insert(Arc::new(Catalog::of(&params.layers, params.camera.limiting_mag)?))),
+        };
+        let mut engine = FrameEngine::with_sky(params, imager, catalog)?;
         engine.expect_motion(slew_scale(bench));
         heads.push(BenchHead { engine, receiver, calibration });
     }

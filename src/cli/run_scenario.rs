@@ -1,6 +1,6 @@
 //! `starloop run SCENARIO`: the closed loop, on the virtual clock or on the bench's.
 
-use crate::base::clock::{Clock, Monotonic, Stopwatch};
+use crate::base::clock::{Clock, Monotonic, Stopwatch, Virtual};
 use crate::base::time::{Span, Tai};
 use crate::base::units::ARCSEC;
 use crate::cli::calibrate::costs_here;
@@ -42,8 +42,10 @@ pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> 
     let camera = camera_params(&scenario.bench.camera)?;
     let frame = prototype(&camera);
     let mut failed = None;
-    let mut going = ClosedLoop::new(scenario, |head| {
-        sink(scenario, arguments, directory.as_deref(), head, (&frame, &camera)).unwrap_or_else(|error| {
+    let clock = ClosedLoop::clock_of(scenario)?;
+    let shared: Arc<dyn Clock> = Arc::<Virtual>::clone(&clock);
+    let mut going = ClosedLoop::on_clock(scenario, clock, |head| {
+        sink(scenario, arguments, directory.as_deref(), head, (&frame, &camera, &shared)).unwrap_or_else(|error| {
             failed = Some(error);
             Box::new(NullSink::new())
         })
@@ -98,7 +100,9 @@ pub fn run_on_real_clock(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<At
         bail!("a scenario needs a start_utc: \"now\" does not repeat");
     };
     let params = bench_parts::run_params(&scenario.bench, start)?;
-    let frame = (&prototype(&params.camera), &params.camera);
+    let clock = Arc::new(Monotonic::start_at(start));
+    let shared: Arc<dyn Clock> = Arc::<Monotonic>::clone(&clock);
+    let frame = (&prototype(&params.camera), &params.camera, &shared);
     let of_head = |head| sink(scenario, arguments, directory.as_deref(), head, frame);
     let sinks = (0..scenario.heads.len()).map(of_head).collect::<Result<Vec<_>>>()?;
     let measured = costs_here(&bench_parts::imager(&params)?, arguments.built_in_costs).measured;
@@ -107,7 +111,7 @@ pub fn run_on_real_clock(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<At
     let nobody: RowSink = Box::new(|_| {});
     let (written, on_row) = telemetry.map_or((None, nobody), |(file, on_row)| (Some(file), on_row));
     let ring_frames = usize::try_from(scenario.bench.budget.ring_frames)?;
-    let setting = RealSetting { stop, hygiene: Some(&hygiene), ring_frames };
+    let setting = RealSetting { clock: &clock, stop, hygiene: Some(&hygiene), ring_frames };
     let mut progress = Progress::new(say && std::io::stderr().is_terminal(), params.first_exposure);
     let mut wall = Stopwatch::start();
     let change = |params: &mut RunParams| bench_parts::take_real_clock(params, &scenario.bench, measured);
@@ -211,7 +215,7 @@ fn sink(
     arguments: &RunArgs,
     directory: Option<&Path>,
     head: usize,
-    (prototype, camera): (&SentFrame, &CameraParams),
+    (prototype, camera, clock): (&SentFrame, &CameraParams, &Arc<dyn Clock>),
 ) -> Result<Box<dyn Sink>> {
     if calibrated_display(&scenario.bench).is_some() {
         bail!(
@@ -221,14 +225,8 @@ fn sink(
     let head = (scenario.heads.len() > 1).then_some(head);
     let directory = directory.map(|run| directory_of_head(run, head));
     let is_real = arguments.clock == ClockKind::Real;
-    let start = match scenario.bench.timing.start {
-        StartTime::At(at) => at,
-        StartTime::Now => Monotonic::start().now(),
-    };
-    // The loop has a clock of its own: this one is for what its sinks tell of time, and stands as it does at the start.
-    let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
     let frame_period = Span::from_s(1.0 / scenario.bench.timing.frame_rate_hz);
-    let (directory, clock) = (directory.as_deref(), &clock);
+    let directory = directory.as_deref();
     let calibration = None;
     let setting = SinkSetting { directory, prototype, head, is_real, camera, frame_period, clock, calibration };
     let made = make_sinks(&arguments.sinks(&scenario.bench), &setting);

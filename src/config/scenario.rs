@@ -144,6 +144,8 @@ impl Scenario {
             [] => bench.heads(),
             _ => check_heads("head", &keys.head, HEADS_MAX, &check)?,
         };
+        // What is drawn of the bench is drawn for these heads.
+        bench.extra_heads = heads.get(1..).unwrap_or_default().to_vec();
         let initial = initial(&keys.initial, &mut check)?;
         let target_key = |name: &str| format!("target.{name}");
         let target =

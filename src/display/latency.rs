@@ -108,8 +108,8 @@ pub struct Flip {
     pub edge_s: Option<f64>,
 }
 
-/// The edge of each flip: the first after its submit and before the next one's. Flips that follow one another within
-/// [`APART_S`] are left out, as an edge may be of either. Times in seconds of one clock, in any order.
+/// The edge of each flip: the first after its submit and before the next one's. Flips with another one within [`APART_S`],
+/// before or after, are left out, as an edge may be of either. Times in seconds of one clock, in any order.
 ///
 /// # Errors
 /// When too few flips are left.
@@ -121,7 +121,9 @@ pub fn flips_of(submits_s: &[f64], edges_s: &[f64]) -> Result<Vec<Flip>, Latency
     };
     let (submits, edges) = (sorted(submits_s), sorted(edges_s));
     let next_of = |i: usize| submits.get(i + 1).copied().unwrap_or(f64::INFINITY);
-    let alone = (0..submits.len()).filter(|i| next_of(*i) - submits[*i] >= APART_S);
+    let before = |i: usize| i.checked_sub(1).map_or(f64::NEG_INFINITY, |before| submits[before]);
+    let is_alone = |i: &usize| next_of(*i) - submits[*i] >= APART_S && submits[*i] - before(*i) >= APART_S;
+    let alone = (0..submits.len()).filter(is_alone);
     let flips: Vec<Flip> = alone
         .map(|i| {
             let first = edges.partition_point(|edge_s| *edge_s < submits[i]);

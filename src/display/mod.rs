@@ -1,7 +1,7 @@
 //! Linear-luminance frames -> greys on a monitor in front of a tracker.
 //!
-//! Input: [`crate::sink::SentFrame`], whose pixels are luminances: 0 none, 65535 the full luminance of the display. Output:
-//! a window that fills a monitor and shows, pixel by pixel, the greys that the display's table gives for them; nothing
+//! Input: [`crate::sink::SentFrame`], whose pixels are luminances, 0 none, 65535 the full luminance of the display, or codes
+//! of luminance ([`luminance_code`]) where they are drawn by a calibration. Output: a window that fills a monitor and shows, pixel by pixel, the greys that the display's table gives for them; nothing
 //! is scaled or filtered. Each new frame leaves a [`Submitted`]: when it was handed to the graphics driver. That is not when
 //! light left the screen, which nothing in this program can see; the marker patch lets a photodiode measure the rest.
 //!
@@ -11,7 +11,7 @@
 //! `tests/gpu/greys.rs`, and through an X server by `hil_scripts/test_display.py`.
 //!
 //! Threads: one event loop for the whole program (`window`), and one presenter for each display, which waits for the
-//! monitor's refresh. `send` copies a frame into one of three buffers and returns: it never waits for either.
+//! monitor's refresh. `send` copies a frame into one of five buffers and returns: it never waits for either.
 //!
 //! Limits: X11 (Wayland desktops through Xwayland), Vulkan. Ten bits where the driver offers A2B10G10R10. When the X server
 //! itself dies, Xlib ends the program; so does a client that is killed from outside (`xkill`).

@@ -3,7 +3,7 @@
 //! Times are those of the run's clock. `light_off_ns` says how far from the start of its exposure a frame's light is
 //! expected, where the latency is known: for frames that were drawn for a refresh within half a refresh, either way.
 //! Written by the sink's thread; a disk that takes no more ends the log, not the display, and what is missing is counted.
-//! `starloop display latency` reads it beside the edges that a photodiode saw. Tests below.
+//! `starloop display latency` reads that of `starloop display flip` beside the edges that a photodiode saw. Tests below.
 
 use crate::base::time::{Span, Tai};
 use crate::display::error::DisplayError;
@@ -50,7 +50,8 @@ impl SubmitRow {
         }
     }
 
-    /// Submit time, seconds since 1970 as UTC counts them: what other programs of the same machine stamp with.
+    /// Submit time, seconds since 1970 as UTC counts them: what other programs of the same machine stamp with, where the
+    /// run's clock is the machine's (`starloop display flip`, a bench with `start_utc = "now"`).
     #[must_use]
     pub fn submit_unix_s(&self) -> f64 {
         Tai::from_ns(self.submit_tai_ns).to_unix_ns() as f64 * 1e-9

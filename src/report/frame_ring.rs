@@ -95,7 +95,10 @@ impl FrameRing {
     fn count_latency(&mut self, record: &FrameRecord) {
         let (Some(submitted), Some(delivered)) = (record.submitted, record.delivered) else { return };
         self.latency.submitted_to_delivered.record(delivered - submitted);
-        self.latency.mid_exposure_to_delivered.record(delivered - record.mid_exposure);
+        // Frames for a display are delivered before their exposure: that is no latency.
+        if delivered >= record.mid_exposure {
+            self.latency.mid_exposure_to_delivered.record(delivered - record.mid_exposure);
+        }
         if let Some(epoch) = record.commanded {
             self.latency.epoch_to_submitted.record(submitted - epoch);
             self.latency.epoch_to_delivered.record(delivered - epoch);
@@ -215,9 +218,10 @@ mod tests {
         ring.push(record);
         ring.complete(record);
         ring.complete(FrameRecord { commanded: None, ..record });
+        ring.complete(FrameRecord { mid_exposure: Tai::from_ns(0) + Span::from_ms(200), commanded: None, ..record });
         let latency = ring.latency();
         let found = latency.named().map(|(_, q)| (q.max_ms, q.count));
-        assert_eq!(found, [(90.0, 1), (20.0, 2), (110.0, 1), (100.0, 2)]);
+        assert_eq!(found, [(90.0, 1), (20.0, 3), (110.0, 1), (100.0, 2)]);
         assert_eq!(ring.last().count(), 0, "counts alone");
     }
 

@@ -57,7 +57,8 @@ pub struct Delivered {
 
 /// The sink thread and its queues.
 pub struct Delivery {
-    full: Sender<Parcel>,
+    /// `None`: no more frames come.
+    full: Option<Sender<Parcel>>,
     empty: Receiver<Parcel>,
     thread: JoinHandle<Delivered>,
 }
@@ -98,7 +99,7 @@ impl Delivery {
                 finish(&mut *sink, carried)
             })
             .map_err(|source| RunError::Thread { name: "sink", source })?;
-        Ok(Self { full, empty, thread })
+        Ok(Self { full: Some(full), empty, thread })
     }
 
     /// A free buffer, if there is one now. `visit` sees it when it comes back from the sink thread.
@@ -117,12 +118,18 @@ impl Delivery {
         parcel.delivered = false;
         parcel.losses.clear();
         // There are as many places as buffers: this waits for nothing.
-        self.full.send(parcel).map_err(|_| RunError::ThreadLost { name: "sink" })
+        let lost = || RunError::ThreadLost { name: "sink" };
+        self.full.as_ref().ok_or_else(lost)?.send(parcel).map_err(|_| lost())
+    }
+
+    /// No more frames come: the sink thread ends when it has sent those that wait. Several end at the same time so.
+    pub fn hang_up(&mut self) {
+        self.full = None;
     }
 
     /// Waits until everything is delivered. `visit` sees the buffers that were not yet taken.
-    pub fn finish(self, mut visit: impl FnMut(&Parcel)) -> Delivered {
-        drop(self.full);
+    pub fn finish(mut self, mut visit: impl FnMut(&Parcel)) -> Delivered {
+        self.hang_up();
         let joined = self.thread.join();
         self.empty.try_iter().for_each(|parcel| visit(&parcel));
         joined.unwrap_or_else(|_panicked| Delivered {

@@ -26,7 +26,9 @@ use crate::runtime::receiver::Receiver;
 use crate::runtime::sky_view::SkyView;
 use crate::runtime::truth::{add_tracks, fill_truth};
 use crate::sink::{ActiveFaults, FaultFlags, FrameMeta, SentFrame};
+use crate::sky::catalog::Catalog;
 use glam::DVec3;
+use std::sync::Arc;
 
 /// One frame's place in time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -79,7 +81,16 @@ impl FrameEngine {
     ///
     /// # Errors
     /// When the catalog or the observer cannot be had.
-    pub fn with_imager(params: RunParams, mut imager: Imager) -> Result<Self, RunError> {
+    pub fn with_imager(params: RunParams, imager: Imager) -> Result<Self, RunError> {
+        let catalog = Catalog::of(&params.layers, params.camera.limiting_mag)?;
+        Self::with_sky(params, imager, Arc::new(catalog))
+    }
+
+    /// The same with a sky that is already there: heads of one bench share it.
+    ///
+    /// # Errors
+    /// When the observer cannot be had.
+    pub fn with_sky(params: RunParams, mut imager: Imager, catalog: Arc<Catalog>) -> Result<Self, RunError> {
         imager.set_frame_period(params.frame_period);
         let camera = &params.camera;
         let mut los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
@@ -90,7 +101,7 @@ impl FrameEngine {
         if params.keeps_brighter && !params.targets.is_empty() {
             imager.keep_brighter()?;
         }
-        let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure, &params.layers)?;
+        let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure, catalog);
         let light = FieldLight::new(camera, params.observer.clone(), params.first_exposure);
         light_pixels(camera, &mut imager)?;
         Ok(Self {
@@ -449,13 +460,15 @@ pub fn origin_name(origin: PathOrigin) -> &'static str {
     }
 }
 
-/// Attitude and rate in the sensor's own axes, of a frame that is drawn in others.
+/// Attitude and rate in the sensor's own axes, of a frame that is drawn in others, for a display. Its numbers are codes of
+/// luminance, which no gain makes electrons of.
 fn tell_pointing(los: &LosPath, sensor_from_drawn: &Rotation<Sensor, Sensor>, meta: &mut FrameMeta) {
     let sensor_from_icrf = *sensor_from_drawn * los.mid_sensor_from_icrf;
     let [ra, dec, roll] = ra_dec_roll(&sensor_from_icrf).map(f64::to_degrees);
     meta.attitude_wxyz = sensor_from_icrf.wxyz();
     (meta.ra_deg, meta.dec_deg, meta.roll_deg) = (ra, dec, roll);
     meta.rate_deg_s = sensor_from_drawn.apply(los.rate_rad_s).to_array().map(f64::to_degrees);
+    meta.gain_e_per_dn = f64::NAN;
 }
 
 /// Everything a plan says about a frame.

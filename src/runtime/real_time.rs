@@ -117,6 +117,7 @@ pub fn run_in(
             let mut error = bench.frames(setting.stop, &mut record, progress).err();
             let (mut summaries, mut sinks) = (Vec::new(), Vec::new());
             let heads = bench.heads.len();
+            bench.heads.iter_mut().for_each(|head| head.delivery.hang_up());
             for (number, head) in bench.heads.into_iter().enumerate() {
                 let delivered = head.delivery.finish(|back| take_back(&mut record, back));
                 record.frames.delivered += delivered.frames;
@@ -203,7 +204,6 @@ impl Bench<'_> {
             if !self.listen_until(slot.release, stop, record) {
                 break;
             }
-            record.frames.scheduled += self.heads.len() as u64;
             let mut begun = self.shared.clock.now();
             if self.shared.radio.is_finished() {
                 break; // its error is told when the run ends
@@ -215,7 +215,11 @@ impl Bench<'_> {
                     FrameRecord::released(slot.number, [slot.exposure_start, slot.release, slot.due], [asked, begun]);
                 timed.head = head.number;
                 timed.times.set(Stage::Receive, received);
-                record.stages.record(&timed.times);
+                record.frames.scheduled += 1;
+                if head.number == 0 {
+                    // Once a slot: what a further head waited for is the drawing of those before it.
+                    record.stages.record(&timed.times);
+                }
                 head.take_slot(slot, timed, &mut self.shared, record, progress)?;
                 // The next head waits for this one: that is where its time goes from the release on.
                 begun = self.shared.clock.now();

@@ -9,11 +9,11 @@ use crate::runtime::params::CameraParams;
 use crate::sky::catalog::{Catalog, CatalogSource};
 use crate::sky::observer::{Observer, ObserverTrack};
 use glam::DVec3;
-use std::path::PathBuf;
+use std::sync::Arc;
 
 /// The sky as one camera sees it.
 pub struct SkyView {
-    catalog: Catalog,
+    catalog: Arc<Catalog>,
     observer: ObserverTrack,
     camera: CameraParams,
     radius_rad: f64,
@@ -28,15 +28,12 @@ const STARS_RESERVED: usize = 16_384;
 const MARGIN_PX: f64 = 64.0;
 
 impl SkyView {
-    /// The stars of `layers`, or of the built-in catalog without any, through `camera`.
-    ///
-    /// # Errors
-    /// When a catalog cannot be read or is damaged.
-    pub fn new(camera: &CameraParams, observer: Observer, at: Tai, layers: &[PathBuf]) -> Result<Self, RunError> {
-        let catalog = Catalog::of(layers, camera.limiting_mag)?;
+    /// The stars of `catalog` through `camera`.
+    #[must_use]
+    pub fn new(camera: &CameraParams, observer: Observer, at: Tai, catalog: Arc<Catalog>) -> Self {
         let [ifov_x, ifov_y] = camera.geometry.ifov_rad();
         let margin_rad = cone_margin_rad(&catalog, at) + MARGIN_PX * ifov_x.max(ifov_y);
-        Ok(Self {
+        Self {
             radius_rad: camera.geometry.half_diagonal_rad() + margin_rad,
             observer: ObserverTrack::new(observer, at),
             camera: camera.clone(),
@@ -44,7 +41,7 @@ impl SkyView {
             in_cone: Vec::with_capacity(STARS_RESERVED),
             apparent: Vec::with_capacity(STARS_RESERVED),
             sources: Vec::with_capacity(STARS_RESERVED),
-        })
+        }
     }
 
     /// Sources in view during an exposure: about its boresight, at mid-exposure, as far as it sweeps.

@@ -154,9 +154,14 @@ impl Branch {
         self.losses.drain(..).for_each(tell);
     }
 
+    /// No more frames come.
+    pub(super) fn hang_up(&mut self) {
+        self.full = None;
+    }
+
     /// Lets the sink finish what it has been handed, and ends the thread. Once.
     pub(super) fn finish(&mut self) -> Result<Option<SinkSummary>, SinkError> {
-        drop(self.full.take());
+        self.hang_up();
         let Some(thread) = self.thread.take() else { return Ok(None) };
         let joined = thread.join();
         self.collect();

@@ -105,6 +105,8 @@ impl Sink for Fan {
     fn finish(&mut self) -> Result<SinkSummary, SinkError> {
         let mut failure = None;
         let mut bytes = 0;
+        // All at the same time: what each has left to send takes as long as it takes.
+        self.branches.iter_mut().for_each(Branch::hang_up);
         for branch in &mut self.branches {
             match branch.finish() {
                 Ok(summary) => bytes += summary.map_or(0, |summary| summary.bytes),

@@ -173,7 +173,7 @@ pub struct FrameMeta {
     pub active: ActiveFaults,
     /// Camera name.
     pub camera: Arc<str>,
-    /// Detector gain, e-/DN.
+    /// Detector gain, e-/DN; not a number where the image is codes of luminance for a display.
     pub gain_e_per_dn: f64,
     /// Black level, DN.
     pub black_level_dn: f64,

@@ -70,12 +70,31 @@ impl ClosedLoop {
     ///
     /// # Errors
     /// The first thing that cannot be made.
-    pub fn new(scenario: &Scenario, mut sink: impl FnMut(usize) -> Box<dyn Sink>) -> Result<Self, LoopError> {
-        let bench = &scenario.bench;
-        let StartTime::At(start) = bench.timing.start else {
-            return Err(LoopError::Parts("a scenario needs a start_utc: \"now\" does not repeat".into()));
-        };
-        let clock = Arc::new(Virtual::new(start));
+    pub fn new(scenario: &Scenario, sink: impl FnMut(usize) -> Box<dyn Sink>) -> Result<Self, LoopError> {
+        Self::on_clock(scenario, Self::clock_of(scenario)?, sink)
+    }
+
+    /// A clock that stands at the scenario's start.
+    ///
+    /// # Errors
+    /// When it has no fixed start.
+    pub fn clock_of(scenario: &Scenario) -> Result<Arc<Virtual>, LoopError> {
+        match scenario.bench.timing.start {
+            StartTime::At(start) => Ok(Arc::new(Virtual::new(start))),
+            StartTime::Now => Err(LoopError::Parts("a scenario needs a start_utc: \"now\" does not repeat".into())),
+        }
+    }
+
+    /// The same on a clock of [`Self::clock_of`], which others read too.
+    ///
+    /// # Errors
+    /// The first thing that cannot be made.
+    pub fn on_clock(
+        scenario: &Scenario,
+        clock: Arc<Virtual>,
+        mut sink: impl FnMut(usize) -> Box<dyn Sink>,
+    ) -> Result<Self, LoopError> {
+        let start = clock.now();
         let (mut heads, mut taps) = (Vec::new(), Vec::new());
         for (i, mounting) in scenario.heads.iter().enumerate() {
             let (head, end) = loop_head(scenario, i, mounting, start, sink(i), |_| {})?;

@@ -13,9 +13,9 @@
 //! so its start wants s = start - L. Submits come once a refresh, at a phase that nobody knows, as the bench clock and the monitor's
 //! are two: of all refreshes a frame gets the nearest one, s = start - L + u with u even in [-P/2, P/2], 0 on the average
 //! (`display::presenter` holds it back until then, so that u does not depend on how fast it was drawn; P/sqrt(12) rms). It must be
-//! there at the earliest of these, start - L - P/2, and is given P to be drawn in: it is begun 3/2 P + L before the start, so
-//! `ahead` = exposure + 3/2 P + L. Shown as soon as drawn, light would come P/2 less the drawing time too soon; begun a
-//! refresh later (ahead = exposure + P/2 + L), by the drawing time too late.
+//! there at the earliest of these, start - L - P/2, and C ([`COMPOSING`]) before it for copies and greys, and is given P to be
+//! drawn in: it is begun 3/2 P + C + L before the start, so `ahead` = exposure + 3/2 P + C + L. Shown as soon as drawn, light
+//! would come P/2 less the drawing time too soon; begun a refresh later, by the drawing time too late.
 //!
 //! Limits: stars are Gaussians of [`SPOT_SIGMA_PX`] on the display, whatever the tracker's own PSF is, which comes on top;
 //! the sky's background is not shown, as a display's black is brighter; light by `[band]` or a grey mapping is refused, and
@@ -30,7 +30,7 @@ use crate::display::beat::{Beat, BeatInput};
 use crate::display::calibration::{Calibration, DisplayIdentity, Light, TrackerIdentity};
 use crate::display::dither::Dither;
 use crate::display::grey::Row;
-use crate::display::luminance_code::KNOTS;
+use crate::display::luminance_code::{KNOTS, luminance};
 use crate::display::{Display, GreyMaker, GreyTable, Params, SUBMITS};
 use crate::exposure::Shutter;
 use crate::optics::{BackgroundLight, Illumination, PsfModel, Radiometry, StarLight};
@@ -45,6 +45,8 @@ use std::sync::Arc;
 pub const SPOT_SIGMA_PX: f64 = 0.7;
 /// Electrons that stand for one step of luminance: shot noise at the full one is 1.5 steps, at a hundredth 0.15.
 const E_PER_STEP: f64 = 3e4;
+/// Time for a frame's way to the presenter and for the greys of a full screen; at most half a refresh.
+const COMPOSING: Span = Span::from_ms(8);
 /// By how much two crystals may differ, ppm.
 pub const CLOCKS_PPM: f64 = 100.0;
 /// Shortest flash that is drawn, share of a refresh: no motion is seen in a hundredth of one.
@@ -116,7 +118,8 @@ pub fn take_display(params: &mut RunParams, bench: &Bench, now: Tai) -> Result<O
     let refresh = params.frame_period;
     let exposure = Span::from_s(refresh.s() * settings.duty.map_or(1.0, |duty| duty.max(LEAST_DUTY)));
     let latency = latency(settings, Some(&calibration)).unwrap_or(Span::ZERO);
-    params.ahead = exposure + refresh + Span::from_ns(refresh.ns() / 2) + latency;
+    let half = Span::from_ns(refresh.ns() / 2);
+    params.ahead = exposure + refresh + half + COMPOSING.min(half) + latency;
     let steps_per_e = f64::from(u16::MAX) / (light.full_px_e_per_s * exposure.s());
     let coded = KNOTS.map(|[luminance, code]| [luminance * f64::from(u16::MAX) * E_PER_STEP, code * E_PER_STEP]);
     let camera = &mut params.camera;
@@ -214,7 +217,7 @@ pub fn open_display(
     let maker = match calibration {
         Some(calibration) => calibrated_greys(settings, calibration)?,
         None if settings.calibration.is_some() => bail!("its calibration was not read: frames are not drawn for it"),
-        None => plain_greys(&params, setting.camera.output_bits()),
+        None => plain_greys(&params, setting.camera.output_bits(), setting.calibration.is_some()),
     };
     let image_px = setting.camera.output().size_px.map(|side| u32::try_from(side).unwrap_or(u32::MAX));
     let mut display = Display::open(&params, image_px, maker, Arc::clone(setting.clock))?;
@@ -245,13 +248,18 @@ fn calibrated_greys(settings: &DisplaySettings, calibration: &Calibration) -> Re
     Ok(GreyMaker::by_row(settings.params.bits.count(), dither.cycle() > 1, make))
 }
 
-/// Greys in proportion to numbers of `bits`.
-fn plain_greys(params: &Params, bits: u32) -> GreyMaker {
+/// Greys in proportion to numbers of `bits`; of codes of luminance, where frames are drawn for another display.
+fn plain_greys(params: &Params, bits: u32, are_codes: bool) -> GreyMaker {
     let table = GreyTable::linear(params.bits.count());
     let shift = 16 - bits.min(16);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "luminances are 0..1")]
+    let light = move |number: u16| match are_codes {
+        true => (luminance(number) * f64::from(u16::MAX)).round() as u16,
+        false => number << shift,
+    };
     let make = move |numbers: &[u16], greys: &mut [u16], _: Row| {
         for (grey, number) in greys.iter_mut().zip(numbers) {
-            *grey = table.nearest(number << shift);
+            *grey = table.nearest(light(*number));
         }
         0
     };

@@ -52,7 +52,6 @@ pub(super) fn loop_head(
     change: impl FnOnce(&mut RunParams),
 ) -> Result<(LoopHead, TapEnd), LoopError> {
     let mut bench = bench_parts::bench_of_head(&scenario.bench, number, *mounting);
-    bench.extra_heads = scenario.heads.get(1..).unwrap_or_default().to_vec();
     // The jitter of a flown vehicle comes over the bus.
     bench.flight_computer.jitter_lines.clear();
     let mut params = bench_parts::run_params(&bench, start).map_err(|error| LoopError::Parts(format!("{error:#}")))?;

@@ -36,6 +36,8 @@ const TOLD_FRAMES: usize = 64;
 
 /// What a run on the bench clock is given beside its scenario.
 pub struct RealSetting<'a> {
+    /// The clock of the run, which its sinks read too; it is set to the scenario's start when all is made.
+    pub clock: &'a Arc<Monotonic>,
     /// Set by whoever wants the run to end.
     pub stop: &'a Arc<AtomicBool>,
     /// What threads ask of the system; `None`: nothing.
@@ -75,7 +77,8 @@ pub fn run_real(
     let (zero, end) = (params.first_exposure, params.exposure_start(params.frames));
     let [to_stimulator, to_computer] = [FaultControl::default(), FaultControl::default()];
     let mut made = Made { log: FaultLog::default(), to_stimulator, to_computer, frames: faults };
-    let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
+    setting.clock.restart_at(start);
+    let clock: Arc<dyn Clock> = Arc::<Monotonic>::clone(setting.clock);
     let (near, far) = ports(scenario, &clock, &made.to_stimulator, &made.to_computer)?;
     let mut far = FarSide::new(scenario, far, taps, [start, zero, end])?;
     far.on_row = on_row;

@@ -1,6 +1,7 @@
 //! Faults of optics, light and frames: every frame says what it was made under, and shows it.
 
 use crate::pixels::scenario;
+use starloop::base::clock::Monotonic;
 use starloop::base::time::Span;
 use starloop::config::{Action, Event, Scenario};
 use starloop::runtime::EventKind;
@@ -215,7 +216,8 @@ fn frames_are_spoilt_on_the_real_clock_too() {
     ];
     let keeper = Keeper::default();
     let stop = Arc::new(AtomicBool::new(false));
-    let setting = RealSetting { stop: &stop, hygiene: None, ring_frames: 16 };
+    let clock = Arc::new(Monotonic::start());
+    let setting = RealSetting { clock: &clock, stop: &stop, hygiene: None, ring_frames: 16 };
     let sink = Box::new(keeper.clone());
     let outcome = run_real(&scenario, vec![sink], &setting, |_| {}, Box::new(|_| {}), &mut |_, _| {}).unwrap();
     let seen = core::mem::take(&mut *keeper.0.lock().unwrap());

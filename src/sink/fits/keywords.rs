@@ -99,7 +99,11 @@ fn push_origin(header: &mut Header, meta: &FrameMeta) {
         header.push(&format!("FLT{place}NUM"), u32::from(fault.number), "its number in the run's list");
         header.push(&format!("FLT{place}VAL"), value, unit);
     }
-    header.push("GAIN", meta.gain_e_per_dn, "[e-/DN]");
+    if meta.gain_e_per_dn.is_finite() {
+        header.push("GAIN", meta.gain_e_per_dn, "[e-/DN]");
+    } else {
+        header.push("DNKIND", "LUMCODE", "codes of luminance, not in proportion to light");
+    }
     header.push("BLACKLVL", meta.black_level_dn, "[DN] black level");
     if meta.binning > 1 {
         header.push("XBINNING", meta.binning, "sensor pixels per pixel, along rows");

@@ -102,6 +102,34 @@ pub enum CatalogError {
         /// Of this one.
         got: f64,
     },
+    /// Two layers that do not join: stars would come twice, or be missing.
+    #[error(
+        "{path}: begins at G = {from}, and the layer before it ends at {below}: wanted layers of one import, each where the one \
+         before ends",
+        path = path.display()
+    )]
+    Joint {
+        /// The fainter layer.
+        path: PathBuf,
+        /// End of the one before.
+        below: f32,
+        /// Its begin.
+        from: f32,
+    },
+    /// No layer has stars as bright as the camera sees.
+    #[error(
+        "{path}: the brightest layer begins at G = {from}, and the camera sees stars to {limiting_mag}: wanted the brighter \
+         layers too",
+        path = path.display()
+    )]
+    NoneSoBright {
+        /// The brightest layer.
+        path: PathBuf,
+        /// Its begin.
+        from: f32,
+        /// The camera's limit.
+        limiting_mag: f32,
+    },
     /// Too many stars for memory.
     #[error(
         "{path}: more than {most} stars to G = {limiting_mag} in memory; lower the camera's radiometry.limiting_mag, or \

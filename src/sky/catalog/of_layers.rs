@@ -3,7 +3,7 @@
 //!
 //! All stars of the layers not fainter than the limit are read, checked, and put into tiles as those of a packed catalog;
 //! their `id` is their place in this catalog. Layers are the whole sky of the run: the built-in catalog is not added to
-//! them, so that no star comes twice. Tests: `layers_are_a_catalog_in_memory`, `what_does_not_fit_is_refused`.
+//! them, and each must begin at the magnitude at which the one before ends, so that no star comes twice and none is missing. Tests: `layers_are_a_catalog_in_memory`, `what_does_not_fit_is_refused`.
 
 use super::cone::Tile;
 use super::error::CatalogError;
@@ -26,8 +26,19 @@ impl Catalog {
     }
 
     pub(super) fn of_layers(layers: &[PathBuf], limiting_mag: f32, most: u64) -> Result<Self, CatalogError> {
-        let layers = layers.iter().map(|path| Layer::open(path)).collect::<Result<Vec<_>, _>>()?;
+        let mut layers = layers.iter().map(|path| Layer::open(path)).collect::<Result<Vec<_>, _>>()?;
+        layers.sort_by(|a, b| a.magnitudes()[0].total_cmp(&b.magnitudes()[0]));
+        for pair in layers.windows(2) {
+            let (below, from) = (pair[0].magnitudes()[1], pair[1].magnitudes()[0]);
+            if (below - from).abs() > 0.0 {
+                return Err(CatalogError::Joint { path: pair[1].path().to_path_buf(), below, from });
+            }
+        }
         let Some(first) = layers.first() else { return Self::built_in() };
+        if first.magnitudes()[0] > limiting_mag {
+            let [from, _] = first.magnitudes();
+            return Err(CatalogError::NoneSoBright { path: first.path().to_path_buf(), from, limiting_mag });
+        }
         let epoch_yr = first.epoch_yr();
         let (mut sources, mut bytes, mut credits, mut crc) =
             (Vec::new(), Vec::new(), Vec::new(), crc32fast::Hasher::new());
@@ -53,7 +64,7 @@ impl Catalog {
     }
 
     fn of_sources(
-        sources: Vec<CatalogSource>,
+        mut sources: Vec<CatalogSource>,
         epoch_yr: f64,
         crc32: u32,
         credits: String,
@@ -62,17 +73,33 @@ impl Catalog {
             let [ra, dec] = ra_dec_rad(star.direction_icrf);
             cdshealpix::nested::hash(TILE_ORDER, ra, dec)
         };
-        let mut placed: Vec<(u64, CatalogSource)> = sources.into_iter().map(|star| (tile_of(&star), star)).collect();
         // Stable: stars of one tile and magnitude stay in the layers' order.
-        placed.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.mag_g.total_cmp(&b.1.mag_g)));
-        let first = |tile: usize| placed.partition_point(|(of, _)| *of < tile as u64);
+        sources.sort_by_cached_key(|star| (tile_of(star), MagnitudeOrder(star.mag_g)));
+        let first = |tile: usize| sources.partition_point(|star| tile_of(star) < tile as u64);
         let firsts: Vec<usize> = (0..=TILES).map(first).collect();
-        let sources: Vec<CatalogSource> =
-            (0..).zip(placed).map(|(id, (_, star))| CatalogSource { id, ..star }).collect();
+        (0..).zip(&mut sources).for_each(|(id, star)| star.id = id);
         let tiles = (0..TILES)
             .map(|tile| Tile::new(tile, firsts[tile], firsts[tile + 1], &sources))
             .collect::<Result<_, _>>()?;
         let fastest_mas_yr = sources.iter().filter_map(|s| s.proper_motion).map(total_mas_yr).fold(0.0, f64::max);
         Ok(Self { epoch_yr, crc32, credits, fastest_mas_yr, sources, tiles })
+    }
+}
+
+/// Magnitudes in order, none of which is not a number.
+#[derive(PartialEq)]
+struct MagnitudeOrder(f32);
+
+impl Eq for MagnitudeOrder {}
+
+impl PartialOrd for MagnitudeOrder {
+    fn partial_cmp(&self, other: &Self) -> Option<core::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for MagnitudeOrder {
+    fn cmp(&self, other: &Self) -> core::cmp::Ordering {
+        self.0.total_cmp(&other.0)
     }
 }

@@ -257,5 +257,10 @@ mod layers {
             Catalog::of_layers(&[paths[0].clone(), others[1].clone()], 4.0, 9000).is_ok(),
             "not read, not compared"
         );
+        let told = refused(&[paths[0].clone(), paths[0].clone()], 1_000_000);
+        assert!(told.contains("begins at G = -inf") && told.contains("ends at 5"), "twice: {told}");
+        let told = Catalog::of_layers(&paths[1..], 4.0, 9000).unwrap_err().to_string();
+        assert!(told.contains("begins at G = 5") && told.contains("stars to 4"), "{told}");
+        assert!(Catalog::of_layers(&[paths[1].clone(), paths[0].clone()], 6.0, 1_000_000).is_ok(), "in any order");
     }
 }

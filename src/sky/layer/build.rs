@@ -1,17 +1,17 @@
 //! Stars in any order -> layers, in bounded memory and resumable.
 //!
 //! Stars are dealt to files on disk, one for each layer and each of 3,072 parts of the sky ([`Sorting::add`]); then each
-//! file is sorted by tile and magnitude and appended to its layer ([`Sorting::finish`]). Memory: the buffers of
-//! 64 MiB, and one file at a time (the densest part of the whole of Gaia DR3 has some 5 million stars,
-//! 170 MB). After each input, [`Sorting::checkpoint`] writes down how long the files are: an import that is cut short
-//! goes on after its last whole input, as files are cut back to those lengths. A layer gets its name when it is whole.
-//! A star that comes twice (the same number) is taken once and counted. Tests: `tests`.
+//! file is sorted by tile and magnitude and appended to its layer ([`Sorting::finish`]). Memory: buffers of 64 MiB, and one
+//! file at a time (the densest part of the whole of Gaia DR3 has some 5 million stars: half a gigabyte while it is sorted).
+//! After each input, [`Sorting::checkpoint`] writes down how long the files are: an import that is cut short goes on after
+//! its last whole input, as files are cut back to those lengths. A layer gets its name when it is whole. A star whose row
+//! comes twice (the same number, place and magnitude) is taken once and counted. Tests: `tests`.
 
 use super::error::LayerError;
 use super::layout::{HEADER_BYTES, Header, RECORD_BYTES, TileFrame, VERSION, head_crc32, order_for, tiles_of};
 use super::star::{NewStar, ROW_BYTES, StarCounts, WaitingRow};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
 use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -44,6 +44,8 @@ pub struct Sorting {
     /// Rows that wait for the disk, by layer and part.
     waiting: BTreeMap<(usize, u64), Vec<u8>>,
     waiting_bytes: usize,
+    /// Files written to since the last checkpoint.
+    unsynced: BTreeSet<String>,
 }
 
 /// A layer that was written.
@@ -72,6 +74,11 @@ impl Sorting {
     pub fn start(work: &Path, limits_mag: &[f32]) -> Result<Self, LayerError> {
         fs::create_dir_all(work).map_err(LayerError::file("cannot make", work))?;
         let path = work.join(PROGRESS);
+        let mut there = fs::read_dir(work).map_err(LayerError::file("cannot list", work))?;
+        if there.any(|entry| entry.is_ok_and(|entry| !is_ours(&entry.path()))) {
+            let why = "wanted a folder of its own for what is sorted, got one with other files".into();
+            return Err(LayerError::Work { path: work.into(), why });
+        }
         let refuse = |why: String| LayerError::Work { path: path.clone(), why };
         let progress = match fs::read(&path) {
             Ok(text) => serde_json::from_slice(&text).map_err(|error| refuse(format!("cannot be read: {error}")))?,
@@ -86,7 +93,8 @@ impl Sorting {
                 progress.limits_mag
             )));
         }
-        let sorting = Self { work: work.into(), progress, waiting: BTreeMap::new(), waiting_bytes: 0 };
+        let (waiting, unsynced) = (BTreeMap::new(), BTreeSet::new());
+        let sorting = Self { work: work.into(), progress, waiting, waiting_bytes: 0, unsynced };
         sorting.cut_back()?;
         Ok(sorting)
     }
@@ -112,7 +120,7 @@ impl Sorting {
         missing.map_or(Ok(()), |path| Err(LayerError::Work { path, why: "missing".into() }))
     }
 
-    /// True when this input was taken in whole before; `mark` tells that it is the same (its size and checksum).
+    /// True when this input was taken in whole before; `mark` tells that it is the same one.
     ///
     /// # Errors
     /// When an input of that name was another one.
@@ -173,6 +181,7 @@ impl Sorting {
             let file = OpenOptions::new().create(true).append(true).open(&path);
             let mut file = file.map_err(LayerError::file("cannot open", &path))?;
             file.write_all(&rows).map_err(LayerError::file("cannot write", &path))?;
+            self.unsynced.insert(name.clone());
             *self.progress.rows.entry(name).or_default() += rows.len() as u64;
         }
         self.waiting_bytes = 0;
@@ -185,6 +194,11 @@ impl Sorting {
     /// When the disk failed.
     pub fn checkpoint(&mut self, input: &str, mark: &str) -> Result<(), LayerError> {
         self.write_rows()?;
+        // Rows must be on the disk before it is written down that they are.
+        for name in core::mem::take(&mut self.unsynced) {
+            let path = self.work.join(name);
+            File::open(&path).and_then(|file| file.sync_data()).map_err(LayerError::file("cannot write", &path))?;
+        }
         self.progress.inputs.insert(input.into(), mark.into());
         let text = serde_json::to_vec_pretty(&self.progress).map_err(std::io::Error::from);
         let path = self.work.join(PROGRESS);
@@ -195,8 +209,8 @@ impl Sorting {
         written.map_err(LayerError::file("cannot write", &path))
     }
 
-    /// Sorts everything into layers `out/gNN.starlayer` of epoch `epoch_yr`, with the credits the stars ask for, and
-    /// removes the folder of the import. `progress` is told the share done, 0..1.
+    /// Sorts everything into layers `out/gNN.starlayer` of epoch `epoch_yr`, with the credits the stars ask for, in the
+    /// place of those that are there, and removes the folder of the import. `progress` is told the share done, 0..1.
     ///
     /// # Errors
     /// When the disk failed.
@@ -218,8 +232,22 @@ impl Sorting {
             let mut share = |done: f64| progress((layer as f64 + done) / limits.len() as f64);
             reports.push(self.write_layer(layer, &path, &head, &mut share)?);
         }
-        fs::remove_dir_all(&self.work).map_err(LayerError::file("cannot remove", &self.work))?;
+        self.remove_work()?;
         Ok(reports)
+    }
+
+    /// Removes what was needed to go on, the progress first: without it nothing else is missed.
+    fn remove_work(&self) -> Result<(), LayerError> {
+        for name in core::iter::once(PROGRESS).chain(self.progress.rows.keys().map(String::as_str)) {
+            let path = self.work.join(name);
+            match fs::remove_file(&path) {
+                Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                    return Err(LayerError::file("cannot remove", &path)(error));
+                }
+                _ => {}
+            }
+        }
+        fs::remove_dir(&self.work).map_err(LayerError::file("cannot remove", &self.work))
     }
 
     fn write_layer(
@@ -261,8 +289,15 @@ impl Sorting {
     }
 }
 
+/// Whether a file of a folder is one of an import.
+fn is_ours(path: &Path) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    name == PROGRESS || name == "progress.part" || (name.starts_with("layer") && name.ends_with(".rows"))
+}
+
 /// The file of a layer to this magnitude.
-fn layer_name(limit_mag: f32) -> String {
+#[must_use]
+pub fn layer_name(limit_mag: f32) -> String {
     format!("g{limit_mag}.starlayer")
 }
 

@@ -14,7 +14,7 @@ mod layout;
 mod open;
 mod star;
 
-pub use build::{LayerReport, Sorting};
+pub use build::{LayerReport, Sorting, layer_name};
 pub use error::LayerError;
 pub use layout::FASTEST_MAS_YR;
 pub use open::{Layer, UNKNOWN_BP_RP_MAG, is_layer};
