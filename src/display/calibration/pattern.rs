@@ -84,7 +84,7 @@ impl Pattern {
             Self::Level(_) => "measure the level; one exposure for all levels, at which full grey does not saturate",
             Self::Dots => "measure centroid and flux of every dot; expose so that none saturates",
             Self::DotsBit(_) => "measure the centroids of the dots that are left",
-            Self::Marker(_) => "only for a photodiode: flip on and off, write submit and edge times; no frame needed",
+            Self::Marker(_) => "only for a photodiode: `starloop display flip` turns it over; no frame needed",
         }
     }
 }
