@@ -22,7 +22,7 @@ use crate::sink::{SentFrame, Sink, write_file_atomically};
 use crate::testbed::flight_computer::{FlightComputer, FlightError, run_until};
 use crate::wiring::bench_parts;
 use crate::wiring::control::ControlAddress;
-use crate::wiring::display_parts::calibrated_display;
+use crate::wiring::display_parts::{calibrated_display, hold_cards};
 use crate::wiring::ports::{Ports, needs_real_clock, open_ports};
 use crate::wiring::replay::{Recording, SessionParams};
 use anyhow::{Context, Result, bail};
@@ -251,7 +251,9 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     if arguments.capture.is_some() && !bench.extra_heads.is_empty() {
         bail!("--capture: got a bench with [[extra_head]]; wanted one head: a replay draws its frames");
     }
+    let cards = hold_cards(&arguments.sinks(&bench));
     let mut heads = bench_heads(arguments, &bench, start)?;
+    drop(cards);
     let clock = RunClock::new(arguments.clock, start);
     let Sinks { of_heads: mut sinks, directory } = sinks(arguments, &bench, &heads, &clock.shared())?;
     let engine = &mut heads.first_mut().context("a bench without a head")?.engine;

@@ -3,7 +3,7 @@
 use crate::base::time::Span;
 use crate::config::check::{Checker, Rule};
 use crate::config::error::ConfigError;
-use crate::display::{Bits, Corner, Marker, MonitorChoice, Params};
+use crate::display::{Bits, CardChoice, Corner, Marker, MonitorChoice, Params};
 use serde::Deserialize;
 use std::path::PathBuf;
 
@@ -43,6 +43,7 @@ pub(super) struct DisplayKeys {
     duty: Option<f64>,
     latency_ms: Option<f64>,
     direct_scanout: Option<bool>,
+    card: Option<String>,
 }
 
 /// A monitor by number or by name.
@@ -81,7 +82,7 @@ impl DisplaySettings {
         let advice = "from submit to light in the middle of the display, as `starloop display latency` tells it";
         let latency = keys.latency_ms.map(|ms| check.meets(&key("latency_ms"), ms, Rule::Within(0.0, 1000.0), advice));
         let latency = latency.transpose()?.map(|ms| Span::from_s(ms * 1e-3));
-        let direct_scanout = check.given_or(&key("direct_scanout"), keys.direct_scanout, false);
+        let direct_scanout = direct_scanout(keys, &key, check)?;
         let params = Params { monitor, window_px, bits, marker, latency, direct_scanout, refresh: None };
         let plain = Self { params, calibration: None, name: None, dither: 1, duty: None, tracker_hz: 0.0 };
         if is_calibrated { plain.calibrated(keys, &key, check) } else { plain.uncalibrated(keys, &key, check) }
@@ -149,6 +150,23 @@ fn monitor(given: Option<&MonitorKey>, key: &str, check: &mut Checker<'_>) -> Re
         Some(MonitorKey::Index(index)) => {
             Ok(MonitorChoice::Index(check.whole(key, Some(*index), None, 0..=255, advice).map(|index| index as usize)?))
         }
+    }
+}
+
+fn direct_scanout(
+    keys: &DisplayKeys,
+    key: &impl Fn(&str) -> String,
+    check: &mut Checker<'_>,
+) -> Result<Option<CardChoice>, ConfigError> {
+    if !check.given_or(&key("direct_scanout"), keys.direct_scanout, false) {
+        check.unused(&key("card"), keys.card.is_some(), "direct_scanout = true")?;
+        return Ok(None);
+    }
+    check.unused(&key("window"), keys.window.is_some(), "a display without direct_scanout, which has no windows")?;
+    match keys.card.as_deref().map(str::trim) {
+        None => Ok(Some(CardChoice::First)),
+        Some("") => Err(check.invalid(&key("card"), "empty", "a card's file", "such as \"/dev/dri/card0\"")),
+        Some(path) => Ok(Some(CardChoice::At(path.into()))),
     }
 }
 
@@ -244,6 +262,11 @@ mod tests {
         let (calibration, name) = (Some("benches/panel.toml".into()), Some("EV27".into()));
         let wanted = DisplaySettings { params, calibration, name, dither: 4, duty: Some(0.25), tracker_hz: 5.0 };
         assert_eq!(settings, wanted);
+        let first = read("direct_scanout = true").unwrap();
+        assert_eq!(first.params.direct_scanout, Some(CardChoice::First));
+        let second = read("direct_scanout = true\ncard = \"/dev/dri/card1\"").unwrap();
+        assert_eq!(second.params.direct_scanout, Some(CardChoice::At("/dev/dri/card1".into())));
+        assert_eq!(read("direct_scanout = false").unwrap().params.direct_scanout, None);
         let named = read("monitor = \"HDMI-1\"").unwrap();
         assert_eq!(named.params.monitor, MonitorChoice::Named("HDMI-1".into()));
     }
@@ -267,6 +290,9 @@ mod tests {
             ("calibration = \"a.toml\"", "sink.name"),
             ("calibration = \"a.toml\"\nname = \" \"", "sink.name"),
             ("calibration = \"a.toml\"\nname = \"a\"\nduty = 1.01", "sink.duty"),
+            ("card = \"/dev/dri/card0\"", "direct_scanout"),
+            ("direct_scanout = true\ncard = \" \"", "sink.card"),
+            ("direct_scanout = true\nwindow = [640, 480]", "sink.window"),
             ("name = \"a\"", "sink.name"),
             ("dither = 4", "sink.dither"),
             ("duty = 1.0", "sink.duty"),

@@ -115,13 +115,69 @@ pub enum DisplayError {
         /// The system's reason.
         reason: String,
     },
-    /// Direct scan-out was asked for.
+    /// Direct scan-out was asked for in a build without it.
     #[error(
-        "direct scan-out is not in this build: the graphics library opens a connector only through an interface that the \
-         compiler cannot check, and starloop has none such; show through an X server with nothing else on it, such as \
-         `xinit` with no window manager: that adds no compositor either"
+        "direct scan-out is not in this build: build it with `--features direct_scanout`, or show through an X server with \
+         nothing else on it, such as `xinit` with no window manager: that adds no compositor either"
     )]
     DirectScanOut,
+    /// There is no card for direct scan-out.
+    #[error(
+        "no graphics card for direct scan-out in {}: found {found}; load the card's kernel driver, and let this user read and \
+         write its file (group video)", directory.display()
+    )]
+    NoCard {
+        /// Where it was looked for.
+        directory: PathBuf,
+        /// What was there.
+        found: String,
+    },
+    /// A file that is no card, or not for this user.
+    #[error(
+        "{} is not opened as a graphics card: {reason}; wanted a card with outputs, such as /dev/dri/card0, that this user may \
+         read and write (group video)", card.display()
+    )]
+    Card {
+        /// The file.
+        card: PathBuf,
+        /// The system's reason.
+        reason: String,
+    },
+    /// Somebody else shows on the card.
+    #[error(
+        "{} lets this program set no mode: {reason}; another display server, or a display of this program, has the card: stop \
+         the server (`systemctl isolate multi-user.target`) and start on a text console", card.display()
+    )]
+    CardTaken {
+        /// The file.
+        card: PathBuf,
+        /// The system's reason.
+        reason: String,
+    },
+    /// The monitor has no mode of the frames' size.
+    #[error(
+        "{connector} has no mode for frames of {} px: found {found}; wanted one of the same size, as nothing is scaled; change \
+         the camera's resolution", of(*image_px)
+    )]
+    NoMode {
+        /// The monitor's connector.
+        connector: String,
+        /// Columns and rows of the frames.
+        image_px: [u32; 2],
+        /// Its modes.
+        found: String,
+    },
+    /// The driver gives no surface of a connector.
+    #[error(
+        "no Vulkan driver scans out to {connector}: {reason}; wanted one with VK_EXT_acquire_drm_display, which `vulkaninfo` \
+         lists, for the card itself"
+    )]
+    NoScanOut {
+        /// The monitor and its mode.
+        connector: String,
+        /// What the driver says.
+        reason: String,
+    },
     /// Somebody closed the window.
     #[error("the display's window was closed ({0}); what is sent from now on is not shown")]
     Closed(Closing),

@@ -13,11 +13,12 @@
 //! Threads: one event loop for the whole program (`window`), and one presenter for each display, which waits for the
 //! monitor's refresh. `send` copies a frame into one of five buffers and returns: it never waits for either.
 //!
-//! Limits: X11 (Wayland desktops through Xwayland), Vulkan. Ten bits where the driver offers A2B10G10R10. When the X server
+//! Limits: X11 (Wayland desktops through Xwayland), Vulkan; without a server `direct_scanout`, a cargo feature that has never
+//! been run on a monitor. Ten bits where the driver offers A2B10G10R10. When the X server
 //! itself dies, Xlib ends the program; so does a client that is killed from outside (`xkill`).
 //!
 //! Tour: `params` (what is asked) -> `monitor` (which screen), `refresh` (how often) -> `window`, `placement`, `plug` (a
-//! window that fills it) -> `glass`, `surface`, `format`, `painter` (what can be shown on) -> `hand_over` (the newest frame
+//! window that fills it) or `direct_scanout`, `mode` (a monitor without a server) -> `glass`, `surface`, `format`, `painter` (what can be shown on) -> `hand_over` (the newest frame
 //! whose time has come) -> `grey`, `marker`, `picture` (what is shown) -> `presenter` (each refresh) -> `counters`,
 //! `submitted`, `submit_log` (what came of it) -> `screen` (the sink).
 //!
@@ -28,6 +29,8 @@ pub mod beat;
 pub mod calibration;
 pub mod counters;
 pub mod covered;
+#[cfg(feature = "direct_scanout")]
+mod direct_scanout;
 pub mod dither;
 pub mod drive;
 pub mod error;
@@ -41,6 +44,8 @@ pub mod latency;
 pub mod least_squares;
 pub mod luminance_code;
 pub mod marker;
+#[cfg(feature = "direct_scanout")]
+mod mode;
 pub mod monitor;
 pub mod painter;
 pub mod params;
@@ -62,7 +67,7 @@ pub use error::DisplayError;
 pub use grey::{GreyMaker, GreyTable};
 pub use marker::{Corner, Marker};
 pub use monitor::MonitorChoice;
-pub use params::{Bits, Params};
+pub use params::{Bits, CardChoice, Params};
 pub use screen::Display;
 pub use submit_log::{SUBMITS, SubmitRow};
 pub use submitted::Submitted;

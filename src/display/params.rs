@@ -3,6 +3,7 @@
 use crate::base::time::Span;
 use crate::display::marker::Marker;
 use crate::display::monitor::MonitorChoice;
+use std::path::PathBuf;
 
 /// Bits of a grey on the way to the monitor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -34,6 +35,16 @@ impl Bits {
     }
 }
 
+/// The graphics card that is asked for.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum CardChoice {
+    /// The first that has the monitor.
+    #[default]
+    First,
+    /// By its file, such as `/dev/dri/card1`.
+    At(PathBuf),
+}
+
 /// A display, as a bench describes it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Params {
@@ -51,8 +62,9 @@ pub struct Params {
     /// Time of the refresh that each frame was drawn for: frames are held back until theirs. `None`: each is shown as soon
     /// as it is there.
     pub refresh: Option<Span>,
-    /// Asks for direct scan-out, with no X server. Refused: see [`crate::display::DisplayError::DirectScanOut`].
-    pub direct_scanout: bool,
+    /// Direct scan-out: the monitor of this card, without an X server and with no window. Refused in a build without the
+    /// feature `direct_scanout`. `None`: through the server.
+    pub direct_scanout: Option<CardChoice>,
 }
 
 impl Params {
@@ -66,7 +78,7 @@ impl Params {
             marker: None,
             latency: None,
             refresh: None,
-            direct_scanout: false,
+            direct_scanout: None,
         }
     }
 

@@ -3,18 +3,20 @@
 use crate::base::clock::Clock;
 use crate::base::time::Span;
 use crate::display::counters::{Counts, count};
+#[cfg(feature = "direct_scanout")]
+use crate::display::direct_scanout::{self, Connector, ScanOut};
 use crate::display::error::DisplayError;
 use crate::display::glass::Glass;
 use crate::display::grey::GreyMaker;
 use crate::display::hand_over::{Outgoing, hand_over};
-use crate::display::params::Params;
+use crate::display::params::{CardChoice, Params};
 use crate::display::picture::Picture;
 use crate::display::presenter::{Pace, Presenter, Showing};
 use crate::display::refresh;
 use crate::display::state::State;
 use crate::display::submit_log::SubmitLog;
 use crate::display::submitted::Submitted;
-use crate::display::surface::VulkanGlass;
+use crate::display::surface::{Pane, VulkanGlass};
 use crate::display::window::{self, Opened, Order};
 use crate::sink::crc32::{RunCrc32, pixel_crc32};
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
@@ -50,11 +52,12 @@ pub struct Display {
 }
 
 impl Display {
-    /// Opens the window for frames of `image_px` (columns, rows) and starts its presenter. Submit times are read from
-    /// `clock`.
+    /// Opens the window for frames of `image_px` (columns, rows), or takes the monitor by direct scan-out, and starts its
+    /// presenter. Submit times are read from `clock`.
     ///
     /// # Errors
-    /// When there is no X server, no such monitor, no driver, or what is asked for does not fit together.
+    /// When there is no X server, no such monitor, no driver, or what is asked for does not fit together; with direct
+    /// scan-out also when the card is not to be had, or this build is one without it.
     pub fn open(
         params: &Params,
         image_px: [u32; 2],
@@ -63,6 +66,9 @@ impl Display {
     ) -> Result<Self, DisplayError> {
         check(params, image_px, &maker)?;
         let state = Arc::new(State::default());
+        if let Some(card) = &params.direct_scanout {
+            return scan_out(card, Start { params, image_px, maker, clock, state, refresh: None });
+        }
         let opened = window::open(Order {
             monitor: params.monitor.clone(),
             window_px: params.window_px,
@@ -73,9 +79,9 @@ impl Display {
         let rate =
             refresh::told(params.refresh, mhz, params.window_px.is_none()).inspect_err(|_| window::forget(id))?;
         let place = [Some(place_of(&opened, params)), rate].into_iter().flatten().collect::<Vec<_>>().join("; ");
-        let refresh = opened.monitor.refresh_mhz.map(|mhz| Span::from_s(1000.0 / f64::from(mhz)));
+        let refresh = opened.monitor.refresh_mhz.map(period);
         let (bits, shared) = (params.bits, Arc::clone(&state));
-        let glass = move || VulkanGlass::open(opened.window, image_px, bits, shared);
+        let glass = move || VulkanGlass::open(Pane::Window(opened.window), image_px, bits, shared);
         let start = Start { params, image_px, maker, clock, state, refresh };
         let describe = move |glass: &VulkanGlass| format!("{place}; {}", glass.description());
         start.display(glass, describe, move || window::forget(id))
@@ -209,13 +215,36 @@ impl Drop for Display {
 
 /// What must hold before a window is opened.
 fn check(params: &Params, image_px: [u32; 2], maker: &GreyMaker) -> Result<(), DisplayError> {
-    if params.direct_scanout {
-        return Err(DisplayError::DirectScanOut);
-    }
     if maker.bits() != params.bits.count() {
         return Err(DisplayError::TableDepth { table: maker.bits(), display: params.bits.count() });
     }
     params.marker.map_or(Ok(()), |marker| marker.check(image_px))
+}
+
+/// A display on a connector of `card`.
+#[cfg(feature = "direct_scanout")]
+fn scan_out(card: &CardChoice, start: Start<'_>) -> Result<Display, DisplayError> {
+    let (params, image_px, state) = (start.params, start.image_px, Arc::clone(&start.state));
+    let connector = Arc::new(Connector::take(card, params, image_px)?);
+    let mhz = connector.refresh_mhz();
+    let place = [Some(connector.to_string()), refresh::told(params.refresh, Some(mhz), true)?];
+    let place = place.into_iter().flatten().collect::<Vec<_>>().join("; ");
+    state.set_window_px(connector.size_px());
+    let (bits, shown, shared) = (params.bits, Arc::clone(&connector), Arc::clone(&state));
+    let glass = move || ScanOut::open(shown, image_px, bits, shared);
+    let describe = move |glass: &ScanOut| format!("{place}; {}", glass.description());
+    let display = Start { refresh: Some(period(mhz)), ..start }.display(glass, describe, || {})?;
+    direct_scanout::watch(&connector, &state)?;
+    Ok(display)
+}
+
+#[cfg(not(feature = "direct_scanout"))]
+fn scan_out(_: &CardChoice, _: Start<'_>) -> Result<Display, DisplayError> {
+    Err(DisplayError::DirectScanOut)
+}
+
+fn period(mhz: u32) -> Span {
+    Span::from_s(1000.0 / f64::from(mhz))
 }
 
 fn place_of(opened: &Opened, params: &Params) -> String {
@@ -381,8 +410,19 @@ mod tests {
         let clock = || Arc::new(Monotonic::start());
         let open = |params: Params| Display::open(&params, [64, 48], maker(), clock()).unwrap_err();
         let plain = Params::full_screen();
-        let scanout = open(Params { direct_scanout: true, ..plain.clone() });
-        assert_eq!(scanout, DisplayError::DirectScanOut);
+        #[cfg(not(feature = "direct_scanout"))]
+        {
+            let direct_scanout = Some(CardChoice::First);
+            let scanout = open(Params { direct_scanout, ..plain.clone() });
+            assert_eq!(scanout, DisplayError::DirectScanOut);
+            assert!(scanout.to_string().contains("--features direct_scanout"), "{scanout}");
+        }
+        #[cfg(feature = "direct_scanout")]
+        {
+            let direct_scanout = Some(CardChoice::At("/dev/null".into()));
+            let scanout = open(Params { direct_scanout, ..plain.clone() });
+            assert!(matches!(scanout, DisplayError::Card { .. }), "no window instead: {scanout}");
+        }
         let depth = open(Params { bits: Bits::Ten, ..plain.clone() });
         assert_eq!(depth, DisplayError::TableDepth { table: 8, display: 10 });
         let marker = Some(Marker { size_px: 49, corner: Corner::TopLeft });

@@ -1,8 +1,10 @@
-//! The images that a monitor takes from a window, one by one: a Vulkan swap chain, first in first out.
+//! The images that a monitor takes, one by one: a Vulkan swap chain, first in first out.
 //!
 //! What may come back is no error: a surface that is lost or has another size is configured or made again. What does not come
 //! back within a second, or a lost device, ends the display.
 
+#[cfg(feature = "direct_scanout")]
+use crate::display::direct_scanout::Connector;
 use crate::display::error::DisplayError;
 use crate::display::format;
 use crate::display::glass::{Glass, Turn};
@@ -15,7 +17,7 @@ use wgpu::{CurrentSurfaceTexture, SurfaceTexture};
 use winit::window::Window;
 
 /// A surface that is lost so often in a row stays lost (the presenter asks 50 times a second).
-const MOST_LOSSES: u32 = 50;
+pub(super) const MOST_LOSSES: u32 = 50;
 
 /// What went wrong in the driver.
 #[derive(Debug, Default)]
@@ -36,9 +38,47 @@ impl Trouble {
     }
 }
 
-/// A window's surface, its device, and the pipeline that paints on it.
+/// What there is a surface of.
+pub(super) enum Pane {
+    Window(Arc<Window>),
+    #[cfg(feature = "direct_scanout")]
+    Connector(Arc<Connector>),
+}
+
+impl Pane {
+    fn surface(&self, instance: &wgpu::Instance) -> Result<wgpu::Surface<'static>, String> {
+        match self {
+            Self::Window(window) => instance.create_surface(Arc::clone(window)).map_err(|error| error.to_string()),
+            #[cfg(feature = "direct_scanout")]
+            Self::Connector(connector) => connector.surface(instance),
+        }
+    }
+
+    fn refused(&self, reason: String) -> DisplayError {
+        match self {
+            Self::Window(_) => DisplayError::NoDriver(reason),
+            #[cfg(feature = "direct_scanout")]
+            Self::Connector(connector) => DisplayError::NoScanOut { connector: connector.to_string(), reason },
+        }
+    }
+
+    fn size_px(&self) -> [u32; 2] {
+        match self {
+            Self::Window(window) => window.inner_size().into(),
+            #[cfg(feature = "direct_scanout")]
+            Self::Connector(connector) => connector.size_px(),
+        }
+    }
+
+    /// Whether it gives another surface when one is lost; a driver hands out a connector once.
+    fn is_lasting(&self) -> bool {
+        matches!(self, Self::Window(_))
+    }
+}
+
+/// A surface, its device, and the pipeline that paints on it.
 pub(super) struct VulkanGlass {
-    // Dropped from the top: an image before its surface, the surface before its window.
+    // Dropped from the top: an image before its surface, the surface and its instance before what they show on.
     acquired: Option<SurfaceTexture>,
     surface: wgpu::Surface<'static>,
     painter: GreyPainter,
@@ -47,31 +87,26 @@ pub(super) struct VulkanGlass {
     device: wgpu::Device,
     adapter: String,
     instance: wgpu::Instance,
-    window: Arc<Window>,
     state: Arc<State>,
     trouble: Arc<Trouble>,
     losses: u32,
     last_complaint: String,
+    pane: Pane,
 }
 
 impl VulkanGlass {
-    /// A surface of `window` for pictures of `image_px`.
+    /// A surface of `pane` for pictures of `image_px`.
     ///
     /// # Errors
-    /// When no driver shows on this window, or not with this depth.
-    pub(super) fn open(
-        window: Arc<Window>,
-        image_px: [u32; 2],
-        bits: Bits,
-        state: Arc<State>,
-    ) -> Result<Self, DisplayError> {
-        let refuse = |why: String| DisplayError::NoDriver(why);
+    /// When no driver shows on it, or not with this depth.
+    pub(super) fn open(pane: Pane, image_px: [u32; 2], bits: Bits, state: Arc<State>) -> Result<Self, DisplayError> {
+        let refuse = |why: String| pane.refused(why);
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
             backends: wgpu::Backends::VULKAN,
             flags: wgpu::InstanceFlags::empty(),
             ..wgpu::InstanceDescriptor::new_without_display_handle()
         });
-        let surface = instance.create_surface(Arc::clone(&window)).map_err(|error| refuse(error.to_string()))?;
+        let surface = pane.surface(&instance).map_err(refuse)?;
         let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
             compatible_surface: Some(&surface),
@@ -99,11 +134,11 @@ impl VulkanGlass {
             device,
             adapter: format!("{}, {format:?}", adapter.get_info().name),
             instance,
-            window,
             state,
             trouble,
             losses: 0,
             last_complaint: String::new(),
+            pane,
         })
     }
 
@@ -112,10 +147,10 @@ impl VulkanGlass {
         &self.adapter
     }
 
-    /// Configures the surface for the window as it is now; false when the driver refuses.
+    /// Configures the surface for the pane as it is now; false when the driver refuses.
     fn configure(&mut self) -> bool {
-        let size = self.window.inner_size();
-        (self.config.width, self.config.height) = (size.width.max(1), size.height.max(1));
+        let size_px = self.pane.size_px();
+        [self.config.width, self.config.height] = size_px.map(|side| side.max(1));
         self.surface.configure(&self.device, &self.config);
         self.is_well()
     }
@@ -147,12 +182,15 @@ impl VulkanGlass {
 
     fn remake(&mut self) -> Turn {
         self.losses += 1;
-        match self.instance.create_surface(Arc::clone(&self.window)) {
+        if !self.pane.is_lasting() {
+            return Turn::Lost;
+        }
+        match self.pane.surface(&self.instance) {
             Ok(surface) => {
                 self.surface = surface;
                 self.configure();
             }
-            Err(error) => self.last_complaint = error.to_string(),
+            Err(why) => self.last_complaint = why,
         }
         Turn::Lost
     }

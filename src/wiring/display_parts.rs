@@ -24,7 +24,7 @@
 //! `tests/closed_loop/display.rs` over a simulated flight computer.
 
 use crate::base::time::{Span, Tai};
-use crate::config::{Bench, DisplaySettings, Sink};
+use crate::config::{Bench, DisplaySettings, Sink, SinkSettings};
 use crate::detector::{DetectorParams, Nonlinearity, Patterns};
 use crate::display::beat::{Beat, BeatInput};
 use crate::display::calibration::{Calibration, DisplayIdentity, Light, TrackerIdentity};
@@ -37,6 +37,7 @@ use crate::optics::{BackgroundLight, Illumination, PsfModel, Radiometry, StarLig
 use crate::runtime::params::{CameraParams, RunParams};
 use crate::wiring::sinks::SinkSetting;
 use anyhow::{Context, Result, bail};
+use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -199,6 +200,20 @@ fn brighter(light: &StarLight, times: f64) -> Result<StarLight> {
             bail!("a calibrated display wants a tracker whose [radiometry] is a few numbers, got another model")
         }
     })
+}
+
+/// Keeps every graphics card open while drivers of others are started, when a display of `sinks` is to have one by direct
+/// scan-out: a driver that is first at a card keeps it. Cards that are not to be had are told of when the display opens.
+#[must_use]
+pub fn hold_cards(sinks: &[SinkSettings]) -> Vec<File> {
+    let is_direct = |settings: &SinkSettings| match &settings.sink {
+        Sink::Display(settings) => settings.params.direct_scanout.is_some(),
+        _ => false,
+    };
+    let entries = sinks.iter().any(is_direct).then(|| std::fs::read_dir("/dev/dri").ok()).flatten();
+    let cards = entries.into_iter().flatten().filter_map(Result::ok);
+    let cards = cards.filter(|entry| entry.file_name().to_string_lossy().starts_with("card"));
+    cards.filter_map(|entry| File::options().read(true).write(true).open(entry.path()).ok()).collect()
 }
 
 /// Opens a display for the frames of a run, and what there is to say about it. `directory`: where its submit times are kept.

@@ -1,0 +1,371 @@
+//! A display with no X server: a connector of a graphics card that is this program's alone.
+//!
+//! Input: which card, which monitor, columns and rows of the frames, the refresh they are drawn for. Output: a [`Connector`] in
+//! a mode of exactly that size, and a [`ScanOut`] that shows on it. Monitors have the kernel's names here (`HDMI-A-1` where X
+//! says `HDMI-1`).
+//!
+//! **Whose the card is.** One open file of a card may set its modes: the first one, for as long as nobody else has it. A
+//! Vulkan driver that is asked for its adapters opens the card as well and would keep it from us, so the card is opened
+//! before this display's driver, and by `wiring::display_parts::hold_cards` before the renderer's.
+//!
+//! Limits: a driver with `VK_EXT_acquire_drm_display`; one display on a card; no keys, as no window has them. **Never run on a
+//! monitor:** tests below and in `mode` prove the choice of a mode and the refusals; what needs a card was compiled, no more.
+
+use crate::display::counters::Counts;
+use crate::display::error::DisplayError;
+use crate::display::glass::{Glass, Turn};
+use crate::display::mode::{self, Mode};
+use crate::display::monitor::{self, MonitorFacts};
+use crate::display::params::{Bits, CardChoice, Params};
+use crate::display::picture::Picture;
+use crate::display::state::State;
+use crate::display::surface::{MOST_LOSSES, Pane, VulkanGlass};
+use core::panic::AssertUnwindSafe;
+use drm::Device as _;
+use drm::control::{Device as _, connector};
+use std::fs::File;
+use std::os::fd::{AsFd, AsRawFd as _, BorrowedFd};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Weak};
+use std::time::Duration;
+
+/// Where the kernel puts its cards.
+const CARDS: &str = "/dev/dri";
+/// Between looks at the plug.
+const WATCH: Duration = Duration::from_millis(500);
+/// Vulkan counts planes by itself, not as the kernel numbers them: the first is the one that a connector has anyway.
+const FIRST_PLANE: u32 = 0;
+
+/// An open card.
+#[derive(Debug)]
+struct Card {
+    file: File,
+    path: PathBuf,
+}
+
+impl AsFd for Card {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.file.as_fd()
+    }
+}
+
+impl drm::Device for Card {}
+impl drm::control::Device for Card {}
+
+impl Card {
+    fn open(path: &Path) -> Result<Self, DisplayError> {
+        let refuse = |error: std::io::Error| DisplayError::Card { card: path.into(), reason: error.to_string() };
+        let file = File::options().read(true).write(true).open(path).map_err(refuse)?;
+        let card = Self { file, path: path.into() };
+        card.resource_handles().map_err(refuse)?;
+        Ok(card)
+    }
+
+    /// What a monitor is plugged into.
+    fn connectors(&self) -> Vec<connector::Info> {
+        let all = self.resource_handles().map(|resources| resources.connectors().to_vec()).unwrap_or_default();
+        let asked = all.into_iter().filter_map(|handle| self.get_connector(handle, true).ok());
+        asked.filter(|info| info.state() == connector::State::Connected).collect()
+    }
+}
+
+/// The cards to look at: the one that was chosen, or all below `directory` that can be opened, in the order of their names.
+fn open_cards(choice: &CardChoice, directory: &Path) -> Result<Vec<Card>, DisplayError> {
+    if let CardChoice::At(path) = choice {
+        return Ok(vec![Card::open(path)?]);
+    }
+    let refuse = |found: String| DisplayError::NoCard { directory: directory.into(), found };
+    let entries = std::fs::read_dir(directory).map_err(|error| refuse(error.to_string()))?;
+    let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
+    let is_card = |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("card"));
+    let mut paths: Vec<PathBuf> = paths.filter(is_card).collect();
+    paths.sort();
+    let (mut cards, mut reasons) = (Vec::new(), Vec::new());
+    for path in &paths {
+        match Card::open(path) {
+            Ok(card) => cards.push(card),
+            Err(error) => reasons.push(error.to_string()),
+        }
+    }
+    match (cards.is_empty(), reasons.is_empty()) {
+        (false, _) => Ok(cards),
+        (true, false) => Err(refuse(reasons.join("; "))),
+        (true, true) => Err(refuse("no card".into())),
+    }
+}
+
+/// A monitor that is this program's alone.
+#[derive(Debug)]
+pub(super) struct Connector {
+    card: Card,
+    handle: connector::Handle,
+    name: String,
+    mode: Mode,
+}
+
+impl Connector {
+    /// Takes the connector that was asked for, in a mode for frames of `image_px`.
+    ///
+    /// # Errors
+    /// When there is no such card, monitor or mode, or the card is somebody else's.
+    pub(super) fn take(choice: &CardChoice, params: &Params, image_px: [u32; 2]) -> Result<Self, DisplayError> {
+        let cards = open_cards(choice, Path::new(CARDS))?;
+        let there = |(card, opened): (usize, &Card)| opened.connectors().into_iter().map(move |info| (card, info));
+        let mut plugged: Vec<(usize, connector::Info)> = cards.iter().enumerate().flat_map(there).collect();
+        let facts: Vec<MonitorFacts> = plugged.iter().map(|(_, info)| facts_of(info)).collect();
+        let (on, info) = plugged.swap_remove(monitor::choose(&facts, &params.monitor)?);
+        let wanted = |card: &(usize, Card)| card.0 == on;
+        let Some((_, card)) = cards.into_iter().enumerate().find(wanted) else {
+            return Err(DisplayError::NoCard { directory: CARDS.into(), found: "no card".into() });
+        };
+        let taken =
+            |error: std::io::Error| DisplayError::CardTaken { card: card.path.clone(), reason: error.to_string() };
+        card.acquire_master_lock().map_err(taken)?;
+        let modes = modes_of(&info);
+        let name = info.to_string();
+        let Some(mode) = mode::choose(&modes, image_px, params.refresh) else {
+            let found = modes.iter().map(Mode::to_string).collect::<Vec<_>>().join("; ");
+            return Err(DisplayError::NoMode { connector: name, image_px, found });
+        };
+        Ok(Self { card, handle: info.handle(), name, mode })
+    }
+
+    /// Refresh rate, mHz.
+    pub(super) fn refresh_mhz(&self) -> u32 {
+        self.mode.refresh_mhz
+    }
+
+    /// Columns and rows.
+    pub(super) fn size_px(&self) -> [u32; 2] {
+        self.mode.size_px
+    }
+
+    /// A surface of this connector. It must be dropped, and `instance` with it, before the connector.
+    #[allow(unsafe_code, reason = "wgpu opens a connector by no other call")]
+    pub(super) fn surface(&self, instance: &wgpu::Instance) -> Result<wgpu::Surface<'static>, String> {
+        let [width, height] = self.mode.size_px;
+        let target = wgpu::SurfaceTargetUnsafe::Drm {
+            fd: self.card.as_fd().as_raw_fd(),
+            plane: FIRST_PLANE,
+            connector_id: self.handle.into(),
+            width,
+            height,
+            refresh_rate: self.mode.refresh_mhz,
+        };
+        let make = || {
+            // SAFETY: the file is an open card that this program is master of, the connector and its mode are what this
+            // card told of itself. All stay so while the surface lives: `VulkanGlass` holds the connector in its pane, the
+            // last of its fields to be dropped, and nothing else keeps the surface or the instance.
+            unsafe { instance.create_surface_unsafe(target) }
+        };
+        // wgpu panics where the driver refuses to hand over the connector.
+        let made = std::panic::catch_unwind(AssertUnwindSafe(make));
+        let refused = |_| "the driver does not hand over the connector".to_owned();
+        made.map_err(refused)?.map_err(|error| error.to_string())
+    }
+
+    fn is_plugged_in(&self) -> bool {
+        // What the kernel knows by itself: to probe would stop the picture.
+        self.card.get_connector(self.handle, false).is_ok_and(|info| info.state() == connector::State::Connected)
+    }
+}
+
+impl core::fmt::Display for Connector {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{} of {} by direct scan-out, {}", self.name, self.card.path.display(), self.mode)
+    }
+}
+
+fn modes_of(info: &connector::Info) -> Vec<Mode> {
+    info.modes().iter().filter_map(Mode::of).collect()
+}
+
+fn facts_of(info: &connector::Info) -> MonitorFacts {
+    let modes = modes_of(info);
+    let usual = modes.iter().find(|mode| mode.is_preferred).or_else(|| modes.first());
+    MonitorFacts {
+        name: info.to_string(),
+        size_px: usual.map_or([0, 0], |mode| mode.size_px),
+        origin_px: [0, 0],
+        refresh_mhz: usual.map(|mode| mode.refresh_mhz),
+        is_primary: false,
+    }
+}
+
+/// Tells the display of its monitor's comings and goings, until its end.
+///
+/// # Errors
+/// When there is no thread for it.
+pub(super) fn watch(connector: &Arc<Connector>, state: &Arc<State>) -> Result<(), DisplayError> {
+    let (connector, state) = (Arc::downgrade(connector), Arc::clone(state));
+    let look = move || {
+        while let (false, Some(connector)) = (state.is_over() || state.ended().is_some(), Weak::upgrade(&connector)) {
+            state.monitor_is_there(connector.is_plugged_in());
+            // Or the card would be held until the next look.
+            drop(connector);
+            std::thread::sleep(WATCH);
+        }
+    };
+    let no_thread = |error: std::io::Error| DisplayError::Thread { name: "plug", reason: error.to_string() };
+    std::thread::Builder::new().name("plug".into()).spawn(look).map_err(no_thread).map(drop)
+}
+
+/// What the presenter shows on: a surface, made anew with its driver when it is lost or the monitor has been away.
+pub(super) struct ScanOut {
+    glass: Option<VulkanGlass>,
+    connector: Arc<Connector>,
+    image_px: [u32; 2],
+    bits: Bits,
+    state: Arc<State>,
+    /// How often the monitor had come back when the surface was made.
+    returns: u64,
+    losses: u32,
+    last_refusal: String,
+}
+
+impl ScanOut {
+    /// A surface of `connector` for pictures of its size.
+    ///
+    /// # Errors
+    /// When the driver does not scan out to it, or not with this depth.
+    pub(super) fn open(
+        connector: Arc<Connector>,
+        image_px: [u32; 2],
+        bits: Bits,
+        state: Arc<State>,
+    ) -> Result<Self, DisplayError> {
+        let (losses, last_refusal) = (0, String::new());
+        let mut opened = Self { glass: None, connector, image_px, bits, state, returns: 0, losses, last_refusal };
+        opened.make()?;
+        Ok(opened)
+    }
+
+    /// Adapter and format.
+    pub(super) fn description(&self) -> &str {
+        self.glass.as_ref().map_or("", VulkanGlass::description)
+    }
+
+    fn counts(&self) -> Counts {
+        self.state.counters.read()
+    }
+
+    fn make(&mut self) -> Result<(), DisplayError> {
+        // A driver hands a connector out once: the old one goes first.
+        self.glass = None;
+        self.returns = self.counts().monitor_regained;
+        let pane = Pane::Connector(Arc::clone(&self.connector));
+        self.glass = Some(VulkanGlass::open(pane, self.image_px, self.bits, Arc::clone(&self.state))?);
+        Ok(())
+    }
+}
+
+impl Glass for ScanOut {
+    fn turn(&mut self) -> Turn {
+        // A monitor that was away has forgotten its mode, which is set for new surfaces only.
+        let is_same = self.returns == self.counts().monitor_regained;
+        match self.glass.as_mut().filter(|_| is_same).map_or(Turn::Lost, Glass::turn) {
+            Turn::Lost => {
+                self.losses += 1;
+                if let Err(error) = self.make() {
+                    self.last_refusal = error.to_string();
+                }
+                Turn::Lost
+            }
+            turn => {
+                self.losses = 0;
+                turn
+            }
+        }
+    }
+
+    fn show(&mut self, picture: &Picture, is_changed: bool) {
+        if let Some(glass) = &mut self.glass {
+            glass.show(picture, is_changed);
+        }
+    }
+
+    fn failure(&self) -> Option<String> {
+        let lost = || format!("the surface was lost {} times in a row: {}", self.losses, self.last_refusal);
+        let failed = self.glass.as_ref().and_then(Glass::failure);
+        failed.or_else(|| (self.losses >= MOST_LOSSES).then(lost))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HD: [u32; 2] = [1920, 1080];
+    const MODE: Mode = Mode { size_px: HD, refresh_mhz: 59_940, is_preferred: true };
+
+    #[test]
+    fn what_is_no_card_is_told_with_what_to_try() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |choice: CardChoice| open_cards(&choice, folder.path()).unwrap_err();
+        let none = of(CardChoice::First);
+        assert!(matches!(none, DisplayError::NoCard { .. }), "an empty directory");
+        std::fs::write(folder.path().join("renderD128"), "").unwrap();
+        assert_eq!(of(CardChoice::First), none, "not by which modes are set");
+        let card = folder.path().join("card0");
+        std::fs::write(&card, "").unwrap();
+        let text = of(CardChoice::First).to_string();
+        assert!(text.contains("card0") && text.contains("driver"), "{text}");
+        let (plain, absent) = (of(CardChoice::At(card)), of(CardChoice::At(folder.path().join("card1"))));
+        for (error, name) in [(plain, "card0"), (absent, "card1")] {
+            assert!(matches!(error, DisplayError::Card { .. }), "{error}");
+            assert!(error.to_string().contains(name) && error.to_string().contains("video"), "{error}");
+        }
+        let nowhere = open_cards(&CardChoice::First, &folder.path().join("dri")).unwrap_err();
+        assert!(matches!(nowhere, DisplayError::NoCard { .. }), "a machine without cards");
+    }
+
+    /// No driver has `/dev/null` among its cards: each refuses it before it looks at the connector.
+    fn on_no_card(losses: u32) -> ScanOut {
+        let file = File::options().read(true).write(true).open("/dev/null").unwrap();
+        let card = Card { file, path: "/dev/null".into() };
+        let handle = drm::control::from_u32(1).unwrap();
+        let connector = Arc::new(Connector { card, handle, name: "DP-1".into(), mode: MODE });
+        let (state, last_refusal) = (Arc::new(State::default()), String::new());
+        ScanOut { glass: None, connector, image_px: HD, bits: Bits::Eight, state, returns: 0, losses, last_refusal }
+    }
+
+    #[test]
+    fn what_no_driver_scans_out_to_is_refused() {
+        let error = on_no_card(0).make().unwrap_err();
+        assert!(matches!(error, DisplayError::NoScanOut { .. }), "{error}");
+        let text = error.to_string();
+        assert!(text.contains("DP-1 of /dev/null") && text.contains("VK_EXT_acquire_drm_display"), "{text}");
+    }
+
+    #[test]
+    fn a_surface_that_is_lost_too_often_stays_lost() {
+        let mut out = on_no_card(MOST_LOSSES - 2);
+        assert_eq!((out.turn(), out.failure()), (Turn::Lost, None));
+        assert_eq!(out.turn(), Turn::Lost);
+        let failure = out.failure().unwrap();
+        assert!(failure.contains("50 times") && failure.contains("DP-1"), "{failure}");
+    }
+
+    #[test]
+    fn a_connector_that_is_gone_is_told_as_an_unplugged_monitor() {
+        let out = on_no_card(0);
+        watch(&out.connector, &out.state).unwrap();
+        while !out.state.is_away() {
+            std::thread::yield_now();
+        }
+        assert_eq!(out.counts().monitor_lost, 1);
+        out.state.finish();
+    }
+
+    #[test]
+    fn a_mode_or_a_card_that_is_not_to_be_had_says_why() {
+        let found = MODE.to_string();
+        let none = DisplayError::NoMode { connector: "DP-1".into(), image_px: [1024, 768], found }.to_string();
+        assert!(
+            none.contains("DP-1") && none.contains("1024 x 768") && none.contains("1920 x 1080 at 59.940 Hz"),
+            "{none}"
+        );
+        let taken = DisplayError::CardTaken { card: "/dev/dri/card0".into(), reason: "busy".into() }.to_string();
+        assert!(taken.contains("/dev/dri/card0") && taken.contains("display server"), "{taken}");
+    }
+}
