@@ -119,7 +119,7 @@ class RealRows(unittest.TestCase):
         words += ["--backend", "cpu", "--truth", truth, "--out", self.root / "orion.fits"]
         done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=120)
         self.assertEqual(done.returncode, 0, done.stderr)
-        stars = list(csv.DictReader(truth.open()))
+        stars = list(csv.DictReader(io.StringIO(truth.read_text())))
         faintest = max(float(star["mag"]) for star in stars)
         near = numpy.linalg.norm(directions(self.rows["ra"], self.rows["dec"]) - directions(84.05, -1.2), axis=1)
         inner = self.rows[(near < 2 * numpy.sin(numpy.radians(9.0) / 2)) & (self.rows["g"] < faintest - 0.1)]

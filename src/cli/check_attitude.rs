@@ -304,9 +304,9 @@ mod tests {
     fn frames_that_are_drawn_ahead_are_predicted_so_much_further() {
         let mut bench = Bench::built_in().unwrap();
         let (half_ms, period_ms) = (500.0 * bench.camera.exposure.exposure_s, 1e3 / bench.flight_computer.attitude_hz);
-        let text = report_drawn_ahead(&bench, 180);
+        let text = report_drawn_ahead(&bench, 120);
         assert!(line(&text, "> constant-acceleration").contains("fits") && !text.contains("WARNING"), "{text}");
-        let horizon_ms = 180.0 - half_ms + period_ms;
+        let horizon_ms = 120.0 - half_ms + period_ms;
         // Samples take a fraction of a millisecond to arrive.
         let told =
             (0..10).any(|tenth| text.contains(&format!("by up to {:.1} ms", horizon_ms + 0.1 * f64::from(tenth))));

@@ -289,7 +289,7 @@ mod tests {
         let at = |period_s: f64| (0..40).map(|i| period_s * f64::from(i)).collect::<Vec<f64>>();
         assert!(flips_of(&at(0.1001), &[]).is_ok(), "no edges are the next step's complaint");
         let error = flips_of(&at(1.0 / 60.0), &edges).unwrap_err();
-        assert_eq!(error, LatencyError::Close { apart: 1, flips: 40 });
+        assert_eq!(error, LatencyError::Close { apart: 0, flips: 40 });
         assert!(error.to_string().contains("display flip"), "{error}");
     }
 
