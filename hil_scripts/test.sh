@@ -118,6 +118,25 @@ python_environment() {
     cp "$wanted" "$python/requirements.txt"
 }
 
+# It is fetched while others compile: `$python.log` has what it says, `$python.status` how it ended.
+begin_python_environment() {
+    rm -f "$python.status"
+    {
+        set +e
+        (
+            set -e
+            python_environment
+        ) >"$python.log" 2>&1
+        echo $? >"$python.status"
+    } &
+}
+
+await_python_environment() {
+    until [[ -s $python.status ]]; do sleep 0.2; done
+    cat "$python.log"
+    [[ $(<"$python.status") -eq 0 ]]
+}
+
 # unittest's last lines as libtest's `test result:`, so that one count has them all.
 as_libtest() {
     awk '
@@ -251,10 +270,11 @@ main() {
     mkdir -p "$target"
     rm -f "$log"
     step "system packages" install_missing
+    begin_python_environment
     step "cargo fmt" format
     step "cargo clippy" lint
     step "build" build
-    step "python environment" python_environment
+    step "python environment" await_python_environment
     step "tests" run_tests
     step "python tests" run_python_tests
     step "fuzz targets" fuzz

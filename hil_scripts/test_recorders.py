@@ -5,6 +5,7 @@ memory by another process, through iceoryx2 with that project's own Python packa
 """
 
 import csv
+import ctypes
 import json
 import os
 import resource
@@ -28,7 +29,7 @@ from astropy.time import Time
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from iceoryx_frames import IceoryxFrames
+from iceoryx_frames import SILENCE_S, FrameHead, IceoryxFrames
 from shared_frames import SharedFrames
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -284,6 +285,18 @@ class Recorders(unittest.TestCase):
         self.assertEqual(sinks["extra_sink[0]"]["sink"], "iceoryx2")
         self.assertEqual(frames[-1].head.serial, sinks["extra_sink[0]"]["frames"], "the last one arrived")
         self.assertEqual(reader.missed, 0)
+
+    def test_an_iceoryx2_reader_waits_for_a_run_that_begins(self):
+        # A run has its service a moment before it publishes: nobody does yet is not nobody does any more.
+        service = f"starloop/test/begins/{os.getpid()}"
+        node = iceoryx2.NodeBuilder.new().create(iceoryx2.ServiceType.Ipc)
+        made = node.service_builder(iceoryx2.ServiceName.new(service))
+        made = made.publish_subscribe(iceoryx2.Slice[ctypes.c_uint16]).user_header(FrameHead).open_or_create()
+        begun = time.monotonic()
+        with IceoryxFrames(service) as reader:
+            self.assertEqual(list(reader.frames()), [])
+        self.assertGreaterEqual(time.monotonic() - begun, SILENCE_S)
+        del made, node
 
     def test_a_recorder_beside_the_first_sink_writes_where_it_says(self):
         disk = self.folder / "other disk"
