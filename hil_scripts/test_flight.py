@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parent.parent
 BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop"))
 # A small camera: the flight is what counts. Frames at 10 Hz for longer than any flight takes.
 SETTINGS = ["--set", "camera=../cameras/small_tracker.toml", "--set", "timing.duration_s=120"]
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 # A turn short enough for a test. A frame drawn from an attitude 100 ms old errs by jerk * t^3 / 6 = 0.5 arcsec then.
 TURN = ["--slew-s", "6", "--least-frames", "15"]
 
