@@ -96,6 +96,17 @@ impl SkyView {
         }
     }
 
+    /// Takes in what has been read ahead; how many tiles are still to come.
+    ///
+    /// # Errors
+    /// When a tile cannot be read.
+    pub fn settle(&mut self) -> Result<usize, RunError> {
+        match &mut self.stars {
+            Stars::Catalog { .. } => Ok(0),
+            Stars::Tiles { tiles, .. } => Ok(tiles.settle()?),
+        }
+    }
+
     /// What the latest field lacks.
     #[must_use]
     pub fn shortfall(&self) -> Shortfall {

@@ -9,6 +9,7 @@ mod bus_jitter;
 mod bus_jitter_frames;
 mod chart;
 mod dark_current;
+mod deep_sky;
 mod detector_spatial;
 mod display_calibration;
 mod fidelity;
