@@ -15,6 +15,7 @@ use crate::detector::cost::effect_costs;
 use crate::runtime::field_light::FieldLight;
 use crate::runtime::{Imager, RunParams};
 use crate::sky::Sky;
+use crate::sky::layer::Layer;
 use crate::wiring::bench_parts;
 use crate::wiring::display_parts::take_display;
 use crate::wiring::sinks::told_lines;
@@ -126,6 +127,16 @@ fn describe(
         zero_point.map_or_else(|| "no zero point".into(), |e_per_s| format!("{e_per_s:.3e} e-/s at magnitude 0"));
     writeln!(text, "  light        {light}, drawn down to G = {}", camera.radiometry.limiting_mag)?;
     check_light::write_light(text, &params.camera)?;
+    if let Sky::Layers { layers, most_stars } = sky {
+        let (files, memory_mb) = (layers.layers(), params.star_memory_mb);
+        let stars: u64 = files.iter().map(Layer::stars).sum();
+        writeln!(
+            text,
+            "  stars        {stars} in {} layers to G = {}, at most {most_stars} of them in memory ({memory_mb} MiB)",
+            files.len(),
+            layers.below_mag()
+        )?;
+    }
     let faintest = sky.faintest_mag();
     if camera.radiometry.limiting_mag > f64::from(faintest) {
         writeln!(

@@ -102,13 +102,15 @@ fn layers_show_the_sky_of_the_catalog_they_were_made_of() {
     assert!(worst_light < 2e-3, "{worst_light}: steps of a millimagnitude, in G and colour");
 }
 
-/// Boresight and rate of a slew along the Galactic plane's direction in Orion, 3 deg/s, at frame `i` of ten a second.
+/// Seconds from field to field: fewer than tiles are read ahead for.
+const STEP_S: f64 = 1.5;
+
+/// Attitude of a slew at 3 deg/s about the sensor's vertical axis, at field `i`, and the rate that is told: `turn` times the
+/// real one.
 fn slew(i: u32, turn: f64) -> (Rotation<Sensor, Icrf>, glam::DVec3) {
-    const STEP_RAD: f64 = 0.3 * DEG;
     let attitude = sensor_from_ra_dec_roll(84.0 * DEG, 0.0, 0.0);
-    // About the sensor's vertical axis: the boresight moves along the image's rows.
-    let rate_rad_s = glam::DVec3::new(0.0, 10.0 * STEP_RAD, 0.0);
-    let turned = glam::DQuat::from_scaled_axis(-rate_rad_s.normalize() * STEP_RAD * f64::from(i));
+    let rate_rad_s = glam::DVec3::new(0.0, 3.0 * DEG, 0.0);
+    let turned = glam::DQuat::from_scaled_axis(-rate_rad_s * STEP_S * f64::from(i));
     (Rotation::from_quat(turned) * attitude, rate_rad_s * turn)
 }
 
@@ -125,7 +127,7 @@ fn a_slew_finds_its_tiles_there() {
         let mut late = Vec::new();
         for i in 0..60 {
             let (attitude, rate_rad_s) = slew(i, turn);
-            let mut los = LosPath::commanded(attitude, at + Span::from_s(0.1 * f64::from(i)), camera.exposure_s);
+            let mut los = LosPath::commanded(attitude, at + Span::from_s(STEP_S * f64::from(i)), camera.exposure_s);
             los.rate_rad_s = rate_rad_s;
             view.find_in_view(&los).unwrap();
             if view.shortfall().late_tiles > 0 {
