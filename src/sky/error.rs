@@ -1,6 +1,7 @@
 //! What can be wrong with an observer.
 
 use crate::base::time::Tai;
+use crate::sky::ephemeris::TableError;
 
 /// Why an observer's orbit was refused or could not be followed.
 #[derive(Debug, thiserror::Error)]
@@ -57,7 +58,20 @@ pub enum ObserverError {
         /// Value given.
         got: f64,
     },
+    /// A parameter of a two-body orbit is out of range.
+    #[error("two-body orbit: {parameter} wanted {wanted}, got {got}")]
+    TwoBody {
+        /// Name of the parameter, with its unit.
+        parameter: &'static str,
+        /// Accepted range.
+        wanted: &'static str,
+        /// Value given.
+        got: f64,
+    },
     /// Sun, Moon and Earth are seen from an orbit or from the geocentre.
     #[error("Sun, Moon and Earth: wanted an observer near the Earth, got one at rest at the barycentre")]
     NoBodies,
+    /// The ephemeris that is part of the program is not what was put there.
+    #[error("{0}")]
+    Ephemeris(#[from] &'static TableError),
 }

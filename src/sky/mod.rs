@@ -7,7 +7,9 @@
 //! * [`import`], [`layer`]: published catalogs -> layers on disk, of any number of stars, and their cone query;
 //! * [`tiles`]: the tiles of a field from layers, in bounded memory, read ahead; [`Sky`]: a catalog or layers;
 //! * [`earth`]: the Earth's barycentric state from VSOP87E;
-//! * [`moon`]: the geocentric Moon by a short series;
+//! * [`ephemeris`]: Moon and planets by polynomials fitted to DE421, 1990 to 2051;
+//! * [`moon`], [`planets`], [`magnitude`]: where they are and how bright;
+//! * [`spheroid`]: limb and surface of a body, seen from near or far;
 //! * [`bodies`]: Sun, Moon and Earth as the observer sees them;
 //! * [`orbit`]: the spacecraft about the Earth (two-line elements, circular);
 //! * [`observer`]: both together.
@@ -15,12 +17,16 @@
 pub mod bodies;
 pub mod catalog;
 pub mod earth;
+pub mod ephemeris;
 mod error;
 pub mod import;
 pub mod layer;
+pub mod magnitude;
 pub mod moon;
 pub mod observer;
 pub mod orbit;
+pub mod planets;
+pub mod spheroid;
 mod stars;
 pub mod tiles;
 
