@@ -10,6 +10,7 @@ pub mod cost_cache;
 pub mod delivery;
 pub mod engine;
 pub mod error;
+mod field_bounds;
 pub mod field_light;
 mod frame_damage;
 pub mod frame_faults;

@@ -9,6 +9,7 @@ use crate::base::time::{Span, Tai};
 use crate::base::units::AU_KM;
 use crate::exposure::{Source, SourcePlace};
 use crate::runtime::error::RunError;
+use crate::runtime::field_bounds::{Field, FieldBounds};
 use crate::runtime::params::CameraParams;
 use crate::sky::Sky;
 use crate::sky::catalog::{Catalog, CatalogSource, chord_squared};
@@ -27,6 +28,8 @@ pub struct SkyView {
     observer: ObserverTrack,
     camera: CameraParams,
     radius_rad: f64,
+    margin_rad: f64,
+    bounds: FieldBounds,
     sources: Vec<Source>,
 }
 
@@ -76,6 +79,8 @@ impl SkyView {
             shortfall: Shortfall::default(),
             epoch_yr,
             radius_rad: camera.geometry.half_diagonal_rad() + margin_rad,
+            margin_rad,
+            bounds: FieldBounds::new(&camera.geometry),
             observer: ObserverTrack::new(observer, at),
             camera: camera.clone(),
             sources: Vec::with_capacity(STARS_RESERVED),
@@ -136,7 +141,9 @@ impl SkyView {
         let icrf_from_sensor = los.mid_sensor_from_icrf.inverse();
         let boresight = icrf_from_sensor.apply(DVec3::Z);
         let rate_rad_s = los.rate_rad_s.length();
-        self.find(boresight, rate_rad_s * los.exposure_s, los.mid_exposure())?;
+        let sweep_rad = rate_rad_s * los.exposure_s;
+        let field = self.bounds.at(&los.mid_sensor_from_icrf, self.margin_rad + sweep_rad);
+        self.find(boresight, sweep_rad, field, los.mid_exposure())?;
         if let Stars::Tiles { tiles, .. } = &mut self.stars {
             // The stretch from here to where a slew at this rate leads.
             let half = 0.5 * AHEAD.s();
@@ -152,11 +159,12 @@ impl SkyView {
     /// # Errors
     /// When the observer's orbit cannot be computed at that time, or a tile cannot be read.
     pub fn sources(&mut self, boresight_icrf: DVec3, sweep_rad: f64, at: Tai) -> Result<&[Source], RunError> {
-        self.find(boresight_icrf, sweep_rad, at)?;
+        self.find(boresight_icrf, sweep_rad, None, at)?;
         Ok(&self.sources)
     }
 
-    fn find(&mut self, boresight_icrf: DVec3, sweep_rad: f64, at: Tai) -> Result<(), RunError> {
+    /// Of layers only stars that may be in `field`, where it is known.
+    fn find(&mut self, boresight_icrf: DVec3, sweep_rad: f64, field: Option<Field>, at: Tai) -> Result<(), RunError> {
         let state = self.observer.barycentric_state(at)?;
         let radius_rad = self.radius_rad + sweep_rad;
         let Self { stars, camera, sources, shortfall, epoch_yr, .. } = self;
@@ -173,7 +181,13 @@ impl SkyView {
                     return Ok(());
                 };
                 *shortfall = tiles.take_field(axis, radius_rad)?;
-                pick(tiles, axis, radius_rad, picks);
+                match field {
+                    Some(field) => pick(tiles, |direction| field.may_have(direction), picks),
+                    None => {
+                        let chord2 = chord_squared(radius_rad);
+                        pick(tiles, |direction| direction.distance_squared(axis) <= chord2, picks);
+                    }
+                }
                 let years = years_since(*epoch_yr, at);
                 sources.resize(picks.len(), NO_SOURCE);
                 let chunks = sources.par_chunks_mut(CHUNK).zip(picks.par_chunks(CHUNK));
@@ -209,13 +223,12 @@ fn seen(star: &ApparentSource, camera: &CameraParams) -> Source {
     }
 }
 
-/// Replaces `picks` by the stars of the field's tiles within the cone, in their order.
-fn pick(tiles: &TileSky, axis: DVec3, radius_rad: f64, picks: &mut Vec<Pick>) {
-    let chord2 = chord_squared(radius_rad);
+/// Replaces `picks` by the stars of the field's tiles that are wanted, in their order.
+fn pick(tiles: &TileSky, is_wanted: impl Fn(DVec3) -> bool, picks: &mut Vec<Pick>) {
     picks.clear();
     for (block, stars) in (0..).zip(tiles.blocks()) {
-        let within = (0..).zip(stars).filter(|(_, star)| star.direction_icrf.distance_squared(axis) <= chord2);
-        picks.extend(within.map(|(star, _)| Pick { block, star }));
+        let wanted = (0..).zip(stars).filter(|(_, star)| is_wanted(star.direction_icrf));
+        picks.extend(wanted.map(|(star, _)| Pick { block, star }));
     }
 }
 

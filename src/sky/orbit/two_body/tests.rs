@@ -7,6 +7,7 @@ type Case = (f64, [f64; 6], f64, [f64; 3], [f64; 3]);
 
 #[rustfmt::skip]
 const CASES: [Case; 9] = [
+    #[allow(clippy::approx_constant, reason = "an anomaly of 3.14, which is not pi")]
     // A low orbit after 1000 s and after 1000 days; a Molniya orbit; a transfer to the Moon; a near-rectilinear lunar
     // orbit; two flybys; the Earth's year, ten times; a comet.
     (EARTH_GM_KM3_S2, [6878.137, 0.001, 1.7, 0.5, 0.3, 0.1], 1000.0, [798.63052645544188, -571.22997338310427, 6805.2227315092681], [-6.6401216358251562, -3.6979931873784466, 0.47603825638298155]),
