@@ -5,6 +5,8 @@
 //!
 //! * [`catalog`]: the packed star catalog and its cone query;
 //! * [`import`], [`layer`]: published catalogs -> layers on disk, of any number of stars, and their cone query;
+//! * [`synthetic`]: made-up deep populations by the densities that were measured, as layers;
+//! * [`galactic`]: galactic longitude and latitude;
 //! * [`earth`]: the Earth's barycentric state from VSOP87E;
 //! * [`moon`]: the geocentric Moon by a short series;
 //! * [`bodies`]: Sun, Moon and Earth as the observer sees them;
@@ -15,10 +17,12 @@ pub mod bodies;
 pub mod catalog;
 pub mod earth;
 mod error;
+pub mod galactic;
 pub mod import;
 pub mod layer;
 pub mod moon;
 pub mod observer;
 pub mod orbit;
+pub mod synthetic;
 
 pub use error::ObserverError;
