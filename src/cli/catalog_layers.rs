@@ -63,11 +63,7 @@ pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<
     let work = args.work.clone().unwrap_or_else(|| args.out.join("import"));
     std::fs::create_dir_all(&args.out).with_context(|| format!("cannot make {}", args.out.display()))?;
     let mut sorting = Sorting::start(&work, &args.layers)?;
-    let is_there = |limit: &&f32| args.out.join(layer_name(**limit)).exists();
-    if let Some(limit) = args.layers.iter().find(is_there).filter(|_| !args.replace) {
-        let name = layer_name(*limit);
-        bail!("{} has {name} already: name all files of a catalog in one import, or add --replace", args.out.display());
-    }
+    refuse_layers_that_are_there(&args.out, &args.layers, args.replace)?;
     let names_of_files = args.files.iter().map(|path| name_of(path)).collect::<anyhow::Result<Vec<_>>>()?;
     let twice = names_of_files.iter().enumerate().find(|(place, name)| names_of_files[..*place].contains(name));
     if let Some((_, name)) = twice {
@@ -109,7 +105,16 @@ pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<
     reports.iter().try_for_each(|report| tell_layer(report, out))
 }
 
-fn tell_layer(report: &LayerReport, out: &mut impl Write) -> anyhow::Result<()> {
+/// Layers are replaced only when that was asked for.
+pub(super) fn refuse_layers_that_are_there(out: &Path, limits_mag: &[f32], replace: bool) -> anyhow::Result<()> {
+    let mut names = limits_mag.iter().map(|limit| layer_name(*limit));
+    if let Some(name) = names.find(|name| out.join(name).exists()).filter(|_| !replace) {
+        bail!("{} has {name} already: name all files of a catalog in one import, or add --replace", out.display());
+    }
+    Ok(())
+}
+
+pub(super) fn tell_layer(report: &LayerReport, out: &mut impl Write) -> anyhow::Result<()> {
     let LayerReport { path, stars, order, bytes, .. } = report;
     writeln!(out, "{}: {stars} stars, tiles of order {order}, {bytes} bytes", path.display())?;
     Ok(())
@@ -192,22 +197,22 @@ pub(super) fn layer_info(path: &Path, out: &mut impl Write) -> anyhow::Result<()
 }
 
 /// One line on a terminal that is drawn over; silent elsewhere.
-struct ProgressLine {
+pub(super) struct ProgressLine {
     is_on: bool,
 }
 
 impl ProgressLine {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self { is_on: std::io::stderr().is_terminal() }
     }
 
-    fn show(&self, text: &str) {
+    pub(super) fn show(&self, text: &str) {
         if self.is_on {
             let _a_closed_terminal_is_no_error = write!(std::io::stderr(), "\r{text:<79}");
         }
     }
 
-    fn clear(&self) {
+    pub(super) fn clear(&self) {
         self.show("");
         if self.is_on {
             let _a_closed_terminal_is_no_error = write!(std::io::stderr(), "\r");

@@ -10,6 +10,7 @@ mod calibrate_display_simulate;
 pub mod campaign;
 pub mod catalog;
 mod catalog_layers;
+mod catalog_synthetic;
 pub mod chart;
 pub mod check;
 mod check_attitude;

@@ -6,6 +6,8 @@
 //! * [`catalog`]: the packed star catalog and its cone query;
 //! * [`import`], [`layer`]: published catalogs -> layers on disk, of any number of stars, and their cone query;
 //! * [`tiles`]: the tiles of a field from layers, in bounded memory, read ahead; [`Sky`]: a catalog or layers;
+//! * [`synthetic`]: made-up deep populations by the densities that were measured, as layers;
+//! * [`galactic`]: galactic longitude and latitude;
 //! * [`earth`]: the Earth's barycentric state from VSOP87E;
 //! * [`ephemeris`]: Moon and planets by polynomials fitted to DE421, 1990 to 2051;
 //! * [`moon`], [`planets`], [`magnitude`]: where they are and how bright;
@@ -19,6 +21,7 @@ pub mod catalog;
 pub mod earth;
 pub mod ephemeris;
 mod error;
+pub mod galactic;
 pub mod import;
 pub mod layer;
 pub mod magnitude;
@@ -29,6 +32,7 @@ pub mod planets;
 pub mod spheroid;
 mod stars;
 pub mod tiles;
+pub mod synthetic;
 
 pub use error::ObserverError;
 pub use stars::Sky;

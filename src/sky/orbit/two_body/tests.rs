@@ -7,7 +7,6 @@ type Case = (f64, [f64; 6], f64, [f64; 3], [f64; 3]);
 
 #[rustfmt::skip]
 const CASES: [Case; 9] = [
-    #[allow(clippy::approx_constant, reason = "an anomaly of 3.14, which is not pi")]
     // A low orbit after 1000 s and after 1000 days; a Molniya orbit; a transfer to the Moon; a near-rectilinear lunar
     // orbit; two flybys; the Earth's year, ten times; a comet.
     (EARTH_GM_KM3_S2, [6878.137, 0.001, 1.7, 0.5, 0.3, 0.1], 1000.0, [798.63052645544188, -571.22997338310427, 6805.2227315092681], [-6.6401216358251562, -3.6979931873784466, 0.47603825638298155]),
@@ -107,7 +106,7 @@ fn the_parabola_lies_between_its_neighbours() {
     let escape_km_s = (2.0 * gm / q_km).sqrt();
     for seconds in [-200_000.0, 10.0, 5_000.0, 200_000.0] {
         let wanted_km = parabola_km(q_km, gm, seconds);
-        for (excess, tolerance) in [(0.0, 1e-12), (1e-13, 1e-10), (-1e-13, 1e-10), (1e-9, 1e-6), (-1e-9, 1e-6)] {
+        for (excess, tolerance) in [(0.0, 1e-11), (1e-13, 1e-10), (-1e-13, 1e-10), (1e-9, 1e-6), (-1e-9, 1e-6)] {
             let velocity = DVec3::Y * (escape_km_s * (1.0 + excess));
             let orbit = TwoBodyOrbit::from_state(epoch(), DVec3::X * q_km, velocity, gm).expect("valid");
             let apart = orbit.state(after(seconds)).position_km.distance(wanted_km) / wanted_km.length();
