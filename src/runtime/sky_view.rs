@@ -3,7 +3,7 @@
 //! From a catalog in memory star by star; from layers by the tiles of the field, whose light was computed when they were
 //! read, on all cores. Tests: `tests/physics/frames.rs`, `tests/physics/deep_sky.rs`.
 
-use crate::astrometry::{ApparentSource, aberrated, apparent_places, cone_margin_rad, years_since};
+use crate::astrometry::{ApparentSource, Vantage, apparent_places, cone_margin_rad, years_since};
 use crate::attitude::LosPath;
 use crate::base::time::{Span, Tai};
 use crate::base::units::AU_KM;
@@ -12,7 +12,7 @@ use crate::runtime::error::RunError;
 use crate::runtime::params::CameraParams;
 use crate::sky::Sky;
 use crate::sky::catalog::{Catalog, CatalogSource, chord_squared};
-use crate::sky::observer::{BarycentricState, Observer, ObserverTrack};
+use crate::sky::observer::{Observer, ObserverTrack};
 use crate::sky::tiles::{Light, Shortfall, TileSky, TileStar};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
@@ -24,8 +24,13 @@ pub struct SkyView {
     /// What the latest field lacks.
     shortfall: Shortfall,
     epoch_yr: f64,
+    fastest_mas_yr: f64,
     observer: ObserverTrack,
+    light_deflection: bool,
     camera: CameraParams,
+    /// From the boresight to the detector's corner, and its margin.
+    field_rad: f64,
+    /// The same in the catalog, at the latest time asked for.
     radius_rad: f64,
     sources: Vec<Source>,
 }
@@ -58,8 +63,7 @@ impl SkyView {
     #[must_use]
     pub fn new(camera: &CameraParams, observer: Observer, at: Tai, sky: &Sky) -> Self {
         let [ifov_x, ifov_y] = camera.geometry.ifov_rad();
-        let epoch_yr = sky.epoch_yr();
-        let margin_rad = cone_margin_rad(epoch_yr, sky.fastest_mas_yr(), at) + MARGIN_PX * ifov_x.max(ifov_y);
+        let field_rad = camera.geometry.half_diagonal_rad() + MARGIN_PX * ifov_x.max(ifov_y);
         let stars = match sky {
             Sky::Catalog(catalog) => Stars::Catalog {
                 catalog: Arc::clone(catalog),
@@ -74,12 +78,21 @@ impl SkyView {
         Self {
             stars,
             shortfall: Shortfall::default(),
-            epoch_yr,
-            radius_rad: camera.geometry.half_diagonal_rad() + margin_rad,
+            epoch_yr: sky.epoch_yr(),
+            fastest_mas_yr: sky.fastest_mas_yr(),
+            field_rad,
+            radius_rad: field_rad,
             observer: ObserverTrack::new(observer, at),
+            light_deflection: true,
             camera: camera.clone(),
             sources: Vec::with_capacity(STARS_RESERVED),
         }
+    }
+
+    /// Whether the Sun bends the stars' light: as a rule it does.
+    #[must_use]
+    pub fn with_light_deflection(self, light_deflection: bool) -> Self {
+        Self { light_deflection, ..self }
     }
 
     /// From here on tiles of layers are read by a thread, ahead of the camera: stars that have not been read in time are
@@ -146,13 +159,14 @@ impl SkyView {
     }
 
     fn find(&mut self, boresight_icrf: DVec3, sweep_rad: f64, at: Tai) -> Result<(), RunError> {
-        let state = self.observer.barycentric_state(at)?;
+        let vantage = Vantage::of(&mut self.observer, at, self.light_deflection)?;
+        self.radius_rad = self.field_rad + cone_margin_rad(self.epoch_yr, self.fastest_mas_yr, at, &vantage);
         let radius_rad = self.radius_rad + sweep_rad;
         let Self { stars, camera, sources, shortfall, epoch_yr, .. } = self;
         match stars {
             Stars::Catalog { catalog, in_cone, apparent } => {
                 catalog.cone(boresight_icrf, radius_rad, camera.limiting_mag, in_cone);
-                apparent_places(in_cone, *epoch_yr, at, &state, apparent);
+                apparent_places(in_cone, *epoch_yr, at, &vantage, apparent);
                 sources.clear();
                 sources.extend(apparent.iter().map(|star| seen(star, camera)));
             }
@@ -169,7 +183,7 @@ impl SkyView {
                 chunks.for_each(|(sources, picks)| {
                     for (source, pick) in sources.iter_mut().zip(picks) {
                         let star = &tiles.block(pick.block as usize)[pick.star as usize];
-                        *source = seen_of_tile(star, years, &state);
+                        *source = seen_of_tile(star, years, &vantage);
                     }
                 });
             }
@@ -208,11 +222,11 @@ fn pick(tiles: &TileSky, axis: DVec3, radius_rad: f64, picks: &mut Vec<Pick>) {
     }
 }
 
-/// Space motion and parallax in one step (they are below 1e-3 rad: their product is left out), then aberration.
-fn seen_of_tile(star: &TileStar, years: f64, state: &BarycentricState) -> Source {
+/// Space motion and parallax in one step (they are below 1e-3 rad: their product is left out), then what the vantage does.
+fn seen_of_tile(star: &TileStar, years: f64, vantage: &Vantage) -> Source {
     let rate = DVec3::from_array(star.rate_icrf.map(f64::from));
-    let off_au = state.position_km / AU_KM;
+    let off_au = vantage.observer.position_km / AU_KM;
     let natural = (star.direction_icrf + rate * years - off_au * f64::from(star.parallax_rad)).normalize();
-    let apparent = aberrated(natural, state.velocity_km_s);
-    Source { id: star.id, electrons: star.electrons, mag: star.mag, place: SourcePlace::Icrf(apparent) }
+    let place = SourcePlace::Icrf(vantage.apparent(natural));
+    Source { id: star.id, electrons: star.electrons, mag: star.mag, place }
 }

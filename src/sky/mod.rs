@@ -9,7 +9,8 @@
 //! * [`earth`]: the Earth's barycentric state from VSOP87E;
 //! * [`moon`]: the geocentric Moon by a short series;
 //! * [`bodies`]: Sun, Moon and Earth as the observer sees them;
-//! * [`orbit`]: the spacecraft about the Earth (two-line elements, circular);
+//! * [`sun`]: the Sun's barycentric state, likewise;
+//! * [`orbit`]: the spacecraft about the Earth (two-line elements, circular), or on a conic about Earth, Moon or Sun;
 //! * [`observer`]: both together.
 
 pub mod bodies;
@@ -21,6 +22,7 @@ pub mod layer;
 pub mod moon;
 pub mod observer;
 pub mod orbit;
+pub mod sun;
 mod stars;
 pub mod tiles;
 
