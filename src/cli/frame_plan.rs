@@ -26,7 +26,8 @@ impl<'a> FramePlans<'a> {
         Self {
             params,
             computer: FlightComputer::new(bench_parts::flight_computer(bench, start)),
-            sky: SkyView::new(&params.camera, params.observer.clone(), params.first_exposure, sky),
+            sky: SkyView::new(&params.camera, params.observer.clone(), params.first_exposure, sky)
+                .with_light_deflection(params.light_deflection),
         }
     }
 

@@ -52,6 +52,8 @@ pub struct Bench {
     pub extra_heads: Vec<Rotation<Sensor, Body>>,
     /// Where the sensor is.
     pub observer: Observer,
+    /// Whether the Sun bends the stars' light.
+    pub light_deflection: bool,
     /// Layers of stars that are the sky; none: the built-in catalog is.
     pub layers: Vec<PathBuf>,
     /// Memory for stars of layers, MiB, for each head.
@@ -243,6 +245,7 @@ impl Bench {
         let sensor_from_body = mounting(&keys.mounting, &mut check)?;
         let extra_heads = check_heads("extra_head", &keys.extra_head, HEADS_MAX - 1, &check)?;
         let observer = Observer::check(&keys.observer, &mut check)?;
+        let light_deflection = keys.observer.light_deflection(&mut check);
         let layers = keys.sky.layers(&check)?;
         let star_memory_mb = keys.sky.memory_mb(&mut check)?;
         let flight_computer = FlightComputer::check(&keys.flight_computer, &mut check)?;
@@ -291,6 +294,7 @@ impl Bench {
             sensor_from_body,
             extra_heads,
             observer,
+            light_deflection,
             layers,
             star_memory_mb,
             flight_computer,

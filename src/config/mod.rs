@@ -67,7 +67,7 @@ pub use expect::Expect;
 pub use flight_computer::{FlightComputer, JitterLineSettings, JitterSource, Slew};
 pub use link::{Carrier, Doors, FlowControl, Link, Parity, SerialPort, Wire};
 pub use mtf::{Chain, LightOfChain};
-pub use observer::Observer;
+pub use observer::{Observer, OrbitStart};
 pub use optics::{Distortion, Optics, Psf};
 pub use radiometry::{Exposure, Radiometry, RadiometryModel};
 pub use scenario::{Scenario, is_scenario};

@@ -101,7 +101,8 @@ impl FrameEngine {
         if params.keeps_brighter && !params.targets.is_empty() {
             imager.keep_brighter()?;
         }
-        let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure, sky);
+        let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure, sky)
+            .with_light_deflection(params.light_deflection);
         let light = FieldLight::new(camera, params.observer.clone(), params.first_exposure);
         light_pixels(camera, &mut imager)?;
         Ok(Self {

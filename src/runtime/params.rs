@@ -133,6 +133,8 @@ pub struct RunParams {
     pub keeps_brighter: bool,
     /// Where the sensor is.
     pub observer: Observer,
+    /// Whether the Sun bends the stars' light.
+    pub light_deflection: bool,
     /// Layers of stars that are the sky; none: the built-in catalog is.
     pub layers: Vec<PathBuf>,
     /// Memory for the stars of layers, MiB, for each head.

@@ -3,17 +3,18 @@
 //! From a catalog in memory star by star; from layers by the tiles of the field, whose light was computed when they were
 //! read, on all cores. Tests: `tests/physics/frames.rs`, `tests/physics/deep_sky.rs`.
 
-use crate::astrometry::{ApparentSource, aberrated, apparent_places, cone_margin_rad, years_since};
+use crate::astrometry::{ApparentSource, Vantage, apparent_places, cone_margin_rad, years_since};
 use crate::attitude::LosPath;
+use crate::base::axes::{Icrf, Rotation, Sensor};
 use crate::base::time::{Span, Tai};
 use crate::base::units::AU_KM;
 use crate::exposure::{Source, SourcePlace};
 use crate::runtime::error::RunError;
-use crate::runtime::field_bounds::{Field, FieldBounds};
+use crate::runtime::field_bounds::FieldBounds;
 use crate::runtime::params::CameraParams;
 use crate::sky::Sky;
 use crate::sky::catalog::{Catalog, CatalogSource, chord_squared};
-use crate::sky::observer::{BarycentricState, Observer, ObserverTrack};
+use crate::sky::observer::{Observer, ObserverTrack};
 use crate::sky::tiles::{Light, Shortfall, TileSky, TileStar};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
@@ -25,10 +26,14 @@ pub struct SkyView {
     /// What the latest field lacks.
     shortfall: Shortfall,
     epoch_yr: f64,
+    fastest_mas_yr: f64,
     observer: ObserverTrack,
+    light_deflection: bool,
     camera: CameraParams,
+    /// From the boresight to the detector's corner, and its margin.
+    field_rad: f64,
+    /// The same in the catalog, at the latest time asked for.
     radius_rad: f64,
-    margin_rad: f64,
     bounds: FieldBounds,
     sources: Vec<Source>,
 }
@@ -61,8 +66,7 @@ impl SkyView {
     #[must_use]
     pub fn new(camera: &CameraParams, observer: Observer, at: Tai, sky: &Sky) -> Self {
         let [ifov_x, ifov_y] = camera.geometry.ifov_rad();
-        let epoch_yr = sky.epoch_yr();
-        let margin_rad = cone_margin_rad(epoch_yr, sky.fastest_mas_yr(), at) + MARGIN_PX * ifov_x.max(ifov_y);
+        let field_rad = camera.geometry.half_diagonal_rad() + MARGIN_PX * ifov_x.max(ifov_y);
         let stars = match sky {
             Sky::Catalog(catalog) => Stars::Catalog {
                 catalog: Arc::clone(catalog),
@@ -77,14 +81,22 @@ impl SkyView {
         Self {
             stars,
             shortfall: Shortfall::default(),
-            epoch_yr,
-            radius_rad: camera.geometry.half_diagonal_rad() + margin_rad,
-            margin_rad,
+            epoch_yr: sky.epoch_yr(),
+            fastest_mas_yr: sky.fastest_mas_yr(),
+            field_rad,
+            radius_rad: field_rad,
             bounds: FieldBounds::new(&camera.geometry),
             observer: ObserverTrack::new(observer, at),
+            light_deflection: true,
             camera: camera.clone(),
             sources: Vec::with_capacity(STARS_RESERVED),
         }
+    }
+
+    /// Whether the Sun bends the stars' light: as a rule it does.
+    #[must_use]
+    pub fn with_light_deflection(self, light_deflection: bool) -> Self {
+        Self { light_deflection, ..self }
     }
 
     /// From here on tiles of layers are read by a thread, ahead of the camera: stars that have not been read in time are
@@ -142,8 +154,7 @@ impl SkyView {
         let boresight = icrf_from_sensor.apply(DVec3::Z);
         let rate_rad_s = los.rate_rad_s.length();
         let sweep_rad = rate_rad_s * los.exposure_s;
-        let field = self.bounds.at(&los.mid_sensor_from_icrf, self.margin_rad + sweep_rad);
-        self.find(boresight, sweep_rad, field, los.mid_exposure())?;
+        self.find(boresight, sweep_rad, Some(&los.mid_sensor_from_icrf), los.mid_exposure())?;
         if let Stars::Tiles { tiles, .. } = &mut self.stars {
             // The stretch from here to where a slew at this rate leads.
             let half = 0.5 * AHEAD.s();
@@ -163,15 +174,24 @@ impl SkyView {
         Ok(&self.sources)
     }
 
-    /// Of layers only stars that may be in `field`, where it is known.
-    fn find(&mut self, boresight_icrf: DVec3, sweep_rad: f64, field: Option<Field>, at: Tai) -> Result<(), RunError> {
-        let state = self.observer.barycentric_state(at)?;
+    /// Of layers only stars that may be seen at `attitude`, where it is known.
+    fn find(
+        &mut self,
+        boresight_icrf: DVec3,
+        sweep_rad: f64,
+        attitude: Option<&Rotation<Sensor, Icrf>>,
+        at: Tai,
+    ) -> Result<(), RunError> {
+        let vantage = Vantage::of(&mut self.observer, at, self.light_deflection)?;
+        self.radius_rad = self.field_rad + cone_margin_rad(self.epoch_yr, self.fastest_mas_yr, at, &vantage);
+        let margin_rad = self.radius_rad - self.camera.geometry.half_diagonal_rad() + sweep_rad;
+        let field = attitude.and_then(|attitude| self.bounds.at(attitude, margin_rad));
         let radius_rad = self.radius_rad + sweep_rad;
         let Self { stars, camera, sources, shortfall, epoch_yr, .. } = self;
         match stars {
             Stars::Catalog { catalog, in_cone, apparent } => {
                 catalog.cone(boresight_icrf, radius_rad, camera.limiting_mag, in_cone);
-                apparent_places(in_cone, *epoch_yr, at, &state, apparent);
+                apparent_places(in_cone, *epoch_yr, at, &vantage, apparent);
                 sources.clear();
                 sources.extend(apparent.iter().map(|star| seen(star, camera)));
             }
@@ -194,7 +214,7 @@ impl SkyView {
                 chunks.for_each(|(sources, picks)| {
                     for (source, pick) in sources.iter_mut().zip(picks) {
                         let star = &tiles.block(pick.block as usize)[pick.star as usize];
-                        *source = seen_of_tile(star, years, &state);
+                        *source = seen_of_tile(star, years, &vantage);
                     }
                 });
             }
@@ -232,11 +252,11 @@ fn pick(tiles: &TileSky, is_wanted: impl Fn(DVec3) -> bool, picks: &mut Vec<Pick
     }
 }
 
-/// Space motion and parallax in one step (they are below 1e-3 rad: their product is left out), then aberration.
-fn seen_of_tile(star: &TileStar, years: f64, state: &BarycentricState) -> Source {
+/// Space motion and parallax in one step (they are below 1e-3 rad: their product is left out), then what the vantage does.
+fn seen_of_tile(star: &TileStar, years: f64, vantage: &Vantage) -> Source {
     let rate = DVec3::from_array(star.rate_icrf.map(f64::from));
-    let off_au = state.position_km / AU_KM;
+    let off_au = vantage.observer.position_km / AU_KM;
     let natural = (star.direction_icrf + rate * years - off_au * f64::from(star.parallax_rad)).normalize();
-    let apparent = aberrated(natural, state.velocity_km_s);
-    Source { id: star.id, electrons: star.electrons, mag: star.mag, place: SourcePlace::Icrf(apparent) }
+    let place = SourcePlace::Icrf(vantage.apparent(natural));
+    Source { id: star.id, electrons: star.electrons, mag: star.mag, place }
 }

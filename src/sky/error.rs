@@ -2,6 +2,7 @@
 
 use crate::base::time::Tai;
 use crate::sky::ephemeris::TableError;
+use crate::sky::orbit::CentralBody;
 
 /// Why an observer's orbit was refused or could not be followed.
 #[derive(Debug, thiserror::Error)]
@@ -67,6 +68,20 @@ pub enum ObserverError {
         wanted: &'static str,
         /// Value given.
         got: f64,
+    },
+    /// The orbit has come down.
+    #[error(
+        "the orbit about {about} is {distance_km:.1} km from its centre at {at}: wanted {surface_km} km or more; check epoch and units"
+    )]
+    BelowSurface {
+        /// The body it is about.
+        about: CentralBody,
+        /// The time asked for.
+        at: Tai,
+        /// Distance from the body's centre.
+        distance_km: f64,
+        /// Radius of the body.
+        surface_km: f64,
     },
     /// Sun, Moon and Earth are seen from an orbit or from the geocentre.
     #[error("Sun, Moon and Earth: wanted an observer near the Earth, got one at rest at the barycentre")]

@@ -13,7 +13,8 @@
 //! * [`moon`], [`planets`], [`magnitude`]: where they are and how bright;
 //! * [`spheroid`]: limb and surface of a body, seen from near or far;
 //! * [`bodies`]: Sun, Moon and Earth as the observer sees them;
-//! * [`orbit`]: the spacecraft about the Earth (two-line elements, circular);
+//! * [`sun`]: the Sun's barycentric state, likewise;
+//! * [`orbit`]: the spacecraft about the Earth (two-line elements, circular), or on a conic about Earth, Moon or Sun;
 //! * [`observer`]: both together.
 
 pub mod bodies;
@@ -30,6 +31,7 @@ pub mod observer;
 pub mod orbit;
 pub mod planets;
 pub mod spheroid;
+pub mod sun;
 mod stars;
 pub mod tiles;
 pub mod synthetic;

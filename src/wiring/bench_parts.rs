@@ -3,7 +3,7 @@
 use crate::attitude::{JitterLine, RemoteClockLimits};
 use crate::base::axes::{Body, Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
 use crate::base::time::{Span, Tai};
-use crate::config::{self, Bench, JitterSource, Overlap, TargetLight, TargetSettings, Wire};
+use crate::config::{self, Bench, JitterSource, OrbitStart, Overlap, TargetLight, TargetSettings, Wire};
 use crate::exposure::Target;
 use crate::exposure::cost::CostModel;
 use crate::exposure::target::FIRST_TARGET_ID;
@@ -14,7 +14,7 @@ use crate::optics::snr::electrons_for_snr;
 use crate::runtime::params::{AttitudeParams, CameraParams};
 use crate::runtime::{BackendChoice, DeadlinePolicy, Imager, RunParams, SessionParams, SessionStart};
 use crate::sky::observer::Observer;
-use crate::sky::orbit::{CircularOrbit, TleOrbit};
+use crate::sky::orbit::{CircularOrbit, TleOrbit, TwoBodyOrbit};
 use crate::testbed::flight_computer::{
     Faults, FlightComputerParams, JitterLineParams, JitterStream, RampShape, Slew, SlewProfile,
 };
@@ -38,6 +38,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         targets: targets(bench, &camera, first_exposure)?,
         keeps_brighter: bench.target_overlap == Overlap::Brighter,
         observer: observer(&bench.observer, first_exposure)?,
+        light_deflection: bench.light_deflection,
         layers: bench.layers.clone(),
         star_memory_mb: bench.star_memory_mb,
         budget: bench.accuracy,
@@ -162,6 +163,18 @@ fn observer(observer: &config::Observer, epoch: Tai) -> Result<Observer> {
             Observer::Circular(
                 CircularOrbit::new(*altitude_km, inclination, raan, latitude, epoch).context("[observer]")?,
             )
+        }
+        config::Observer::TwoBody { about, epoch: given, start } => {
+            let (about, epoch) = (*about, given.unwrap_or(epoch));
+            let gm_km3_s2 = about.gm_km3_s2();
+            let orbit = match start {
+                OrbitStart::State { position_km, velocity_km_s } => {
+                    let [position_km, velocity_km_s] = [*position_km, *velocity_km_s].map(DVec3::from_array);
+                    TwoBodyOrbit::from_state(epoch, position_km, velocity_km_s, gm_km3_s2)
+                }
+                OrbitStart::Elements(elements) => TwoBodyOrbit::from_elements(epoch, elements, gm_km3_s2),
+            };
+            Observer::TwoBody { about, orbit: orbit.context("[observer]")? }
         }
     })
 }

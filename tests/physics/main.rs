@@ -3,6 +3,7 @@
 
 mod analytic_motion;
 mod apparent_places;
+mod apparent_vectors;
 mod attitude_methods;
 mod bounds;
 mod bus_jitter;

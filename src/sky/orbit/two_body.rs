@@ -36,8 +36,8 @@ pub const MOON_GM_KM3_S2: f64 = 4_902.800_118;
 /// Heliocentric gravitational constant, km^3/s^2 (DE440, ibid.).
 pub const SUN_GM_KM3_S2: f64 = 132_712_440_041.279_42;
 
-/// Distances accepted, km: from ten metres to the nearest star's 4 ly.
-const DISTANCE_KM: [f64; 2] = [0.01, 4e13];
+/// Distances accepted, km: from ten metres to 670 au.
+const DISTANCE_KM: [f64; 2] = [0.01, 1e11];
 /// Speeds accepted, km/s: below a hundredth of the speed of light.
 const FASTEST_KM_S: f64 = 2_998.0;
 /// Nearest approach accepted, km: a fall straight at a point mass has no end.
@@ -90,7 +90,7 @@ impl TwoBodyOrbit {
     ) -> Result<Self, ObserverError> {
         check("gm_km3_s2", "1e-9..1e15", gm_km3_s2, 1e-9, 1e15)?;
         let (r, v) = (position_km.length(), velocity_km_s.length());
-        check("distance of position_km", "0.01..4e13", r, DISTANCE_KM[0], DISTANCE_KM[1])?;
+        check("distance of position_km", "0.01..1e11", r, DISTANCE_KM[0], DISTANCE_KM[1])?;
         check("length of velocity_km_s", "0..2998", v, 0.0, FASTEST_KM_S)?;
         let alpha_per_km = 2.0 / r - v * v / gm_km3_s2;
         let orbit = Self { epoch, since_s: 0.0, position_km, velocity_km_s, gm_km3_s2, alpha_per_km };
