@@ -161,10 +161,16 @@ impl Planner {
         self
     }
 
-    /// Targets that move over the detector by their own script, from the next plan on.
-    pub fn set_targets(&mut self, targets: Vec<Target>) {
-        self.plan.targets.reserve(targets.len());
-        self.targets.set(targets);
+    /// Targets that move over the detector by their own script, from the next plan on, and room for `on_sky` targets on
+    /// the sky.
+    pub fn set_targets(&mut self, scripts: Vec<Target>, on_sky: usize) {
+        self.plan.targets.reserve(scripts.len() + on_sky);
+        self.targets.set(scripts, on_sky);
+    }
+
+    /// Targets on the sky in the next exposure.
+    pub fn set_targets_on_sky(&mut self, targets: &[Target]) {
+        self.targets.set_on_sky(targets);
     }
 
     /// Share of the targets' light that comes through, from the next plan on.

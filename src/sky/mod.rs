@@ -9,7 +9,8 @@
 //! * [`moon`]: the geocentric Moon by a short series;
 //! * [`bodies`]: Sun, Moon and Earth as the observer sees them;
 //! * [`orbit`]: the spacecraft about the Earth (two-line elements, circular);
-//! * [`observer`]: both together.
+//! * [`observer`]: both together;
+//! * [`target`]: targets about the Earth: sightings, sunlight, brightness.
 
 pub mod bodies;
 pub mod catalog;
@@ -20,5 +21,6 @@ pub mod layer;
 pub mod moon;
 pub mod observer;
 pub mod orbit;
+pub mod target;
 
 pub use error::ObserverError;

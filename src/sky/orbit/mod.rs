@@ -5,6 +5,7 @@
 //! is below 0.1 mas.
 
 mod circular;
+mod omm;
 mod precession;
 
 mod tle;
