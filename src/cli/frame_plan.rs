@@ -8,11 +8,10 @@ use crate::exposure::cost::CostModel;
 use crate::exposure::{ExposurePlan, Planner};
 use crate::runtime::RunParams;
 use crate::runtime::sky_view::SkyView;
-use crate::sky::catalog::Catalog;
+use crate::sky::Sky;
 use crate::testbed::flight_computer::FlightComputer;
 use crate::wiring::bench_parts;
 use anyhow::Result;
-use std::sync::Arc;
 
 /// Everything but the planner.
 pub(super) struct FramePlans<'a> {
@@ -23,16 +22,12 @@ pub(super) struct FramePlans<'a> {
 
 impl<'a> FramePlans<'a> {
     /// For the frames of a bench whose clock starts at `start`.
-    ///
-    /// # Errors
-    /// When the catalog or the observer cannot be had.
-    pub(super) fn new(bench: &Bench, start: Tai, params: &'a RunParams) -> Result<Self> {
-        let catalog = Arc::new(Catalog::of(&params.layers, params.camera.limiting_mag)?);
-        Ok(Self {
+    pub(super) fn new(bench: &Bench, start: Tai, params: &'a RunParams, sky: &Sky) -> Self {
+        Self {
             params,
             computer: FlightComputer::new(bench_parts::flight_computer(bench, start)),
-            sky: SkyView::new(&params.camera, params.observer.clone(), params.first_exposure, catalog),
-        })
+            sky: SkyView::new(&params.camera, params.observer.clone(), params.first_exposure, sky),
+        }
     }
 
     /// A planner that weighs every method; with a limit, one that goes down the ladder.

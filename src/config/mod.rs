@@ -54,7 +54,7 @@ mod timing;
 
 pub use background::{Background, Sky};
 pub use baffle::Baffle;
-pub use bench::Bench;
+pub use bench::{Bench, STAR_MEMORY_MB};
 pub use budget::Budget;
 pub use camera::{Camera, is_camera};
 pub use check::Defaulted;

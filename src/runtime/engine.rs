@@ -26,9 +26,9 @@ use crate::runtime::receiver::Receiver;
 use crate::runtime::sky_view::SkyView;
 use crate::runtime::truth::{add_tracks, fill_truth};
 use crate::sink::{ActiveFaults, FaultFlags, FrameMeta, SentFrame};
-use crate::sky::catalog::Catalog;
+use crate::sky::Sky;
+use crate::sky::tiles::Shortfall;
 use glam::DVec3;
-use std::sync::Arc;
 
 /// One frame's place in time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,15 +82,15 @@ impl FrameEngine {
     /// # Errors
     /// When the catalog or the observer cannot be had.
     pub fn with_imager(params: RunParams, imager: Imager) -> Result<Self, RunError> {
-        let catalog = Catalog::of(&params.layers, params.camera.limiting_mag)?;
-        Self::with_sky(params, imager, Arc::new(catalog))
+        let sky = params.open_sky()?;
+        Self::with_sky(params, imager, &sky)
     }
 
     /// The same with a sky that is already there: heads of one bench share it.
     ///
     /// # Errors
     /// When the observer cannot be had.
-    pub fn with_sky(params: RunParams, mut imager: Imager, catalog: Arc<Catalog>) -> Result<Self, RunError> {
+    pub fn with_sky(params: RunParams, mut imager: Imager, sky: &Sky) -> Result<Self, RunError> {
         imager.set_frame_period(params.frame_period);
         let camera = &params.camera;
         let mut los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
@@ -101,7 +101,7 @@ impl FrameEngine {
         if params.keeps_brighter && !params.targets.is_empty() {
             imager.keep_brighter()?;
         }
-        let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure, catalog);
+        let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure, sky);
         let light = FieldLight::new(camera, params.observer.clone(), params.first_exposure);
         light_pixels(camera, &mut imager)?;
         Ok(Self {
@@ -179,6 +179,14 @@ impl FrameEngine {
     pub fn follow_load(&mut self) {
         let may_degrade = self.params.degrade && self.imager.may_degrade();
         self.load = may_degrade.then(LoadEstimate::default);
+    }
+
+    /// From here on stars of layers are read ahead by a thread, and those that are late are missing: for the real clock.
+    ///
+    /// # Errors
+    /// When the system has no thread for it.
+    pub fn read_stars_ahead(&mut self) -> Result<(), RunError> {
+        self.sky.read_ahead()
     }
 
     /// The next frame is planned under this load, where it is followed at all: a replay's word instead of a measurement.
@@ -282,7 +290,15 @@ impl FrameEngine {
         let has_stars = self.compose(slot, receiver, ledger)?;
         times.set(Stage::Attitude, watch.lap());
         let los = &self.planner.latest().motion.los;
-        let sources = if has_stars { self.sky.in_view(los)? } else { &[] };
+        let mut shortfall = Shortfall::default();
+        let sources = if has_stars {
+            self.sky.find_in_view(los)?;
+            shortfall = self.sky.shortfall();
+            note_shortfall(ledger, shortfall, slot);
+            self.sky.found()
+        } else {
+            &[]
+        };
         let (background, glare) = self.light.at(los)?;
         self.imager.set_background(self.conditions.dimmed(background));
         if glare.excluded.contains(&true) {
@@ -319,6 +335,7 @@ impl FrameEngine {
         if let Some(drawn_from_sensor) = &self.params.drawn_from_sensor {
             tell_pointing(&plan.motion.los, &drawn_from_sensor.inverse(), &mut frame.meta);
         }
+        frame.meta.left_out_stars += missing_stars(shortfall);
         frame.meta.overlap_lost_e = self.imager.overlap_lost_e();
         (frame.meta.binning, frame.meta.window_px) = (output.binning, output.first_px);
         frame.meta.attitude_age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);
@@ -446,6 +463,20 @@ fn bound_rad(origin: PathOrigin, report: &PathReport, motion: &MotionScale, limi
 
 fn note(ledger: &mut Ledger, kind: EventKind, slot: Slot, span: Span) {
     ledger.note(Event::new(kind, slot.release, Some(slot.number), span));
+}
+
+/// Tells what the field lacks.
+fn note_shortfall(ledger: &mut Ledger, shortfall: Shortfall, slot: Slot) {
+    if shortfall.late_tiles > 0 {
+        note(ledger, EventKind::StarsLate, slot, Span::ZERO);
+    }
+    if shortfall.crowded_out_stars > 0 {
+        note(ledger, EventKind::StarsCrowdedOut, slot, Span::ZERO);
+    }
+}
+
+fn missing_stars(shortfall: Shortfall) -> usize {
+    usize::try_from(shortfall.late_stars + shortfall.crowded_out_stars).unwrap_or(usize::MAX)
 }
 
 /// Name of an attitude's origin in files.

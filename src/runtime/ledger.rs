@@ -51,6 +51,10 @@ events! {
     Overloaded = "overloaded",
     /// Drawing takes about as long as predicted again; the span is what the frame took to draw.
     LoadGone = "load_gone",
+    /// Tiles of stars had not been read in time: their stars are missing from the frame.
+    StarsLate = "stars_late",
+    /// The field has more stars than the memory for them: its faintest layers are missing from the frame.
+    StarsCrowdedOut = "stars_crowded_out",
     /// The sink had no free buffer in time.
     SinkBusy = "sink_busy",
     /// A sink was too slow for a frame, or is lost: the frame went past it.

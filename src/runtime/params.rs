@@ -14,6 +14,8 @@ use crate::exposure::cost::CostModel;
 use crate::exposure::{Instrument, MethodChoice, PsfSampling, Shutter, Target};
 use crate::optics::{BackgroundLight, Illumination, PsfModel, StarLight};
 use crate::runtime::imager::BackendChoice;
+use crate::sky::Sky;
+use crate::sky::catalog::CatalogError;
 use crate::sky::observer::Observer;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -133,6 +135,8 @@ pub struct RunParams {
     pub observer: Observer,
     /// Layers of stars that are the sky; none: the built-in catalog is.
     pub layers: Vec<PathBuf>,
+    /// Memory for the stars of layers, MiB, for each head.
+    pub star_memory_mb: u32,
     /// Accuracy budget.
     pub budget: AccuracyBudget,
     /// Which backend.
@@ -188,6 +192,14 @@ impl CameraParams {
 }
 
 impl RunParams {
+    /// The stars of the run.
+    ///
+    /// # Errors
+    /// When a layer cannot be read or is damaged, or the layers are no one sky.
+    pub fn open_sky(&self) -> Result<Sky, CatalogError> {
+        Sky::open(&self.layers, self.camera.limiting_mag, self.star_memory_mb)
+    }
+
     /// Time in which a frame must be drawn, ms: its share of the readout time without the detector's own and a margin.
     #[must_use]
     pub fn drawing_budget_ms(&self, cost: &CostModel) -> f64 {

@@ -90,6 +90,16 @@ pub enum ObserverError {
         /// Value given.
         got: f64,
     },
+    /// A parameter of a two-body orbit is out of range.
+    #[error("two-body orbit: {parameter} wanted {wanted}, got {got}")]
+    TwoBody {
+        /// Name of the parameter, with its unit.
+        parameter: &'static str,
+        /// Accepted range.
+        wanted: &'static str,
+        /// Value given.
+        got: f64,
+    },
     /// Sun, Moon and Earth are seen from an orbit or from the geocentre.
     #[error("Sun, Moon and Earth: wanted an observer near the Earth, got one at rest at the barycentre")]
     NoBodies,

@@ -5,6 +5,7 @@
 //!
 //! * [`catalog`]: the packed star catalog and its cone query;
 //! * [`import`], [`layer`]: published catalogs -> layers on disk, of any number of stars, and their cone query;
+//! * [`tiles`]: the tiles of a field from layers, in bounded memory, read ahead; [`Sky`]: a catalog or layers;
 //! * [`earth`]: the Earth's barycentric state from VSOP87E;
 //! * [`moon`]: the geocentric Moon by a short series;
 //! * [`bodies`]: Sun, Moon and Earth as the observer sees them;
@@ -21,6 +22,12 @@ pub mod layer;
 pub mod moon;
 pub mod observer;
 pub mod orbit;
+<<<<<<< HEAD
 pub mod target;
+=======
+mod stars;
+pub mod tiles;
+>>>>>>> places
 
 pub use error::ObserverError;
+pub use stars::Sky;

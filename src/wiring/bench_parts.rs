@@ -39,6 +39,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         keeps_brighter: bench.target_overlap == Overlap::Brighter,
         observer: observer(&bench.observer, first_exposure)?,
         layers: bench.layers.clone(),
+        star_memory_mb: bench.star_memory_mb,
         budget: bench.accuracy,
         backend: backend_choice(bench.render.backend),
         method: bench.render.method,

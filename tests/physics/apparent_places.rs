@@ -244,7 +244,7 @@ fn production(axis: [f64; 3], at: Tai) -> Vec<ApparentSource> {
     let catalog = Catalog::built_in().expect("the built-in catalog");
     let state = Observer::Geocentre.barycentric_state(at).expect("no orbit, no error");
     let (mut sources, mut out) = (Vec::new(), Vec::new());
-    let radius_rad = 40.0 * DEG + cone_margin_rad(&catalog, at);
+    let radius_rad = 40.0 * DEG + cone_margin_rad(catalog.epoch_yr(), catalog.fastest_mas_yr(), at);
     catalog.cone(DVec3::from_array(axis), radius_rad, LIMITING_MAG, &mut sources);
     apparent_places(&sources, catalog.epoch_yr(), at, &state, &mut out);
     out

@@ -5,7 +5,7 @@
 //! elements are made (the mode the crate calls AFSPC-compatible). SGP4's own error is km and m/s near the epoch and grows
 //! by km per day in low orbit: 1 m/s is 0.7 mas of aberration.
 
-use super::precession::icrf_from_mean_of_date;
+use super::precession::icrf_from_teme;
 use crate::base::time::Tai;
 use crate::base::units::DAY_S;
 use crate::sky::ObserverError;
@@ -111,7 +111,7 @@ impl TleOrbit {
         let minutes = sgp4::MinutesSinceEpoch(days_from_epoch * 1440.0);
         let refuse = |why: String| ObserverError::Propagation { at, days_from_epoch, why };
         let teme = self.constants.propagate_afspc_compatibility_mode(minutes).map_err(|e| refuse(e.to_string()))?;
-        let icrf_from_teme = icrf_from_mean_of_date(at);
+        let icrf_from_teme = icrf_from_teme(at);
         let state = BarycentricState {
             position_km: icrf_from_teme * DVec3::from_array(teme.position),
             velocity_km_s: icrf_from_teme * DVec3::from_array(teme.velocity),
@@ -182,7 +182,7 @@ mod tests {
         let at = Tai::from_rfc3339("2000-06-27T18:50:19.733568Z").expect("a valid instant");
         assert!(orbit.days_from_epoch(at).abs() * DAY_S < 1e-4, "{} d", orbit.days_from_epoch(at));
         let state = orbit.geocentric_state(at).expect("at epoch");
-        let wanted_km = icrf_from_mean_of_date(at) * DVec3::new(7_022.465_292_66, -1_400.082_967_55, 0.039_951_55);
+        let wanted_km = icrf_from_teme(at) * DVec3::new(7_022.465_292_66, -1_400.082_967_55, 0.039_951_55);
         // Printed to 1e-8 km; the epoch's text resolves 1e-8 day, 6 m. Gravity constants are WGS 72 in both.
         assert!((state.position_km - wanted_km).length() < 1e-2, "{} for {wanted_km}", state.position_km);
     }
