@@ -161,11 +161,16 @@ impl Planner {
         self
     }
 
-    /// Targets that move over the detector by their own script, from the next plan on, and room for `on_sky` targets on
-    /// the sky.
-    pub fn set_targets(&mut self, scripts: Vec<Target>, on_sky: usize) {
-        self.plan.targets.reserve(scripts.len() + on_sky);
-        self.targets.set(scripts, on_sky);
+    /// Targets that move over the detector by their own script, from the next plan on.
+    pub fn set_targets(&mut self, scripts: Vec<Target>) {
+        self.plan.targets.reserve(scripts.len());
+        self.targets.set(scripts);
+    }
+
+    /// Makes room for so many targets on the sky.
+    pub fn reserve_targets_on_sky(&mut self, most: usize) {
+        self.plan.targets.reserve(self.targets.scripts() + most);
+        self.targets.reserve(most);
     }
 
     /// Targets on the sky in the next exposure.

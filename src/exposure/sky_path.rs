@@ -18,15 +18,45 @@ const EARTH_GM_KM3_S2: f64 = 398_600.441_8;
 /// Largest fourth derivative of a fall about r, in units of GM^2 / r^5 (module doc).
 const FOURTH_DERIVATIVE: f64 = 14.0;
 
-/// Place from the observer over one exposure; times count from mid-exposure.
+/// The cubic through four places; times count from the middle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SkyPath {
-    /// Coefficients of the place by powers of `t / half_s`, km, ICRF axes.
+pub struct Cubic {
+    /// Coefficients of the place by powers of `t / half_s`, km.
     powers_km: [DVec3; PATH_INSTANTS],
     /// From the middle to the first and the last instant, s.
     half_s: f64,
-    /// The observer's barycentric velocity at the first and the last instant, km/s.
-    observer_km_s: [DVec3; 2],
+}
+
+impl Cubic {
+    /// Through the places at [`SkyPath::instants_s`].
+    #[must_use]
+    pub fn through(places_km: [DVec3; PATH_INSTANTS], half_s: f64) -> Self {
+        let [a, b, c, d] = places_km;
+        // Even and odd parts at 1 and 1/3.
+        let [even, odd] = [0.5 * (d + a), 0.5 * (d - a)];
+        let [even_third, odd_third] = [0.5 * (c + b), 0.5 * (c - b)];
+        let square = (even - even_third) * (9.0 / 8.0);
+        let cube = (odd - 3.0 * odd_third) * (9.0 / 8.0);
+        Self { powers_km: [even - square, odd - cube, square, cube], half_s }
+    }
+
+    /// Place `t_s` after the middle, km.
+    #[must_use]
+    pub fn at(&self, t_s: f64) -> DVec3 {
+        let u = t_s / self.half_s;
+        let [one, u1, u2, u3] = self.powers_km;
+        one + u * (u1 + u * (u2 + u * u3))
+    }
+}
+
+/// Place from the observer over one exposure; times count from mid-exposure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SkyPath {
+    from_observer_km: Cubic,
+    /// The observer's barycentric velocity in the middle, km/s.
+    observer_km_s: DVec3,
+    /// Its change, km/s^2.
+    observer_km_s2: DVec3,
 }
 
 impl SkyPath {
@@ -36,16 +66,14 @@ impl SkyPath {
         [-half_s, -half_s / 3.0, half_s / 3.0, half_s]
     }
 
-    /// The way through the places at these instants.
+    /// The way through these places, for an observer whose barycentric velocity at the first and the last instant is this.
     #[must_use]
-    pub fn through(from_observer_km: [DVec3; PATH_INSTANTS], half_s: f64, observer_km_s: [DVec3; 2]) -> Self {
-        let [a, b, c, d] = from_observer_km;
-        // Even and odd parts at 1 and 1/3.
-        let [even, odd] = [0.5 * (d + a), 0.5 * (d - a)];
-        let [even_third, odd_third] = [0.5 * (c + b), 0.5 * (c - b)];
-        let square = (even - even_third) * (9.0 / 8.0);
-        let cube = (odd - 3.0 * odd_third) * (9.0 / 8.0);
-        Self { powers_km: [even - square, odd - cube, square, cube], half_s, observer_km_s }
+    pub fn through(from_observer_km: [DVec3; PATH_INSTANTS], half_s: f64, [first, last]: [DVec3; 2]) -> Self {
+        Self {
+            from_observer_km: Cubic::through(from_observer_km, half_s),
+            observer_km_s: 0.5 * (first + last),
+            observer_km_s2: 0.5 * (last - first) / half_s,
+        }
     }
 
     /// Bound of the place's error for bodies that stay `radius_km` or more from the geocentre, km; two bodies move.
@@ -59,17 +87,13 @@ impl SkyPath {
     /// Place from the observer `t_s` after mid-exposure, km.
     #[must_use]
     pub fn from_observer_km(&self, t_s: f64) -> DVec3 {
-        let u = t_s / self.half_s;
-        let [one, u1, u2, u3] = self.powers_km;
-        one + u * (u1 + u * (u2 + u * u3))
+        self.from_observer_km.at(t_s)
     }
 
     /// Apparent direction `t_s` after mid-exposure, ICRF axes.
     #[must_use]
     pub fn apparent_icrf(&self, t_s: f64) -> DVec3 {
-        let [first, last] = self.observer_km_s;
-        let velocity = 0.5 * (first + last) + (last - first) * (0.5 * t_s / self.half_s);
-        aberrated(self.from_observer_km(t_s).normalize(), velocity)
+        aberrated(self.from_observer_km(t_s).normalize(), self.observer_km_s + self.observer_km_s2 * t_s)
     }
 
     /// Angle that the direction turns through between two instants, rad; a little more, if the way bends.

@@ -244,8 +244,8 @@ mod tests {
     use super::*;
     use crate::astrometry::{BrownConrady, CameraParameters};
     use crate::base::axes::Rotation;
-    use glam::DVec3;
     use core::f64::consts::PI;
+    use glam::DVec3;
 
     fn path(curve: TargetCurve) -> TargetPath {
         TargetPath { position_px: [10.0, 20.0], velocity_px_s: [3.0, -4.0], curve }

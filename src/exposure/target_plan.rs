@@ -77,21 +77,39 @@ impl TargetPlanner {
     /// No targets.
     pub(super) fn new() -> Self {
         let (nodes, planned) = (Vec::new(), Vec::new());
-        Self { targets: Vec::new(), scripts: 0, rules: Vec::new(), nodes, planned, corners: Vec::new(), light_share: 1.0 }
+        Self {
+            targets: Vec::new(),
+            scripts: 0,
+            rules: Vec::new(),
+            nodes,
+            planned,
+            corners: Vec::new(),
+            light_share: 1.0,
+        }
     }
 
-    /// From here on these scripts, and room for `on_sky` targets on the sky; everything is allocated now.
-    pub(super) fn set(&mut self, scripts: Vec<Target>, on_sky: usize) {
-        let most = scripts.len() + on_sky;
+    /// From here on these scripts; everything is allocated now.
+    pub(super) fn set(&mut self, scripts: Vec<Target>) {
+        self.scripts = scripts.len();
+        self.targets = scripts;
+        self.reserve(0);
+    }
+
+    /// Makes room for `on_sky` targets beside the scripts.
+    pub(super) fn reserve(&mut self, on_sky: usize) {
+        let most = self.scripts + on_sky;
         if most > 0 && self.rules.is_empty() {
             self.rules = (1..=PIECE_NODES).map(gauss_legendre).collect();
             self.corners = Vec::with_capacity(MOST_NODES);
         }
         self.planned.reserve(most);
         self.nodes.reserve(most * 4 * PIECE_NODES);
-        self.scripts = scripts.len();
-        self.targets = scripts;
         self.targets.reserve(on_sky);
+    }
+
+    /// How many scripts there are.
+    pub(super) fn scripts(&self) -> usize {
+        self.scripts
     }
 
     /// The targets on the sky of the next exposure.

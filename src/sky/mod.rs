@@ -22,12 +22,9 @@ pub mod layer;
 pub mod moon;
 pub mod observer;
 pub mod orbit;
-<<<<<<< HEAD
-pub mod target;
-=======
 mod stars;
+pub mod target;
 pub mod tiles;
->>>>>>> places
 
 pub use error::ObserverError;
 pub use stars::Sky;

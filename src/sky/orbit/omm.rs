@@ -14,11 +14,8 @@ use serde_json::Value;
 const MOST_OBJECTS: usize = 100_000;
 
 /// Keys that are text; all others that are looked at are numbers.
-const THEORY: [(&str, &[&str]); 3] = [
-    ("REF_FRAME", &["TEME"]),
-    ("MEAN_ELEMENT_THEORY", &["SGP4", "SGP/SGP4"]),
-    ("TIME_SYSTEM", &["UTC"]),
-];
+const THEORY: [(&str, &[&str]); 3] =
+    [("REF_FRAME", &["TEME"]), ("MEAN_ELEMENT_THEORY", &["SGP4", "SGP/SGP4"]), ("TIME_SYSTEM", &["UTC"])];
 /// Numbers that orbits are made of, with their range.
 const RANGES: [(&str, f64, f64); 7] = [
     ("MEAN_MOTION", 1e-3, 20.0),

@@ -92,7 +92,7 @@ mod tests {
 
     /// Largest displacement of a unit vector along an axis.
     fn turn_rad(a: DMat3, b: DMat3) -> f64 {
-        DMat3::AXES.into_iter().map(|axis| (a * axis).distance(b * axis)).fold(0.0, f64::max)
+        [DVec3::X, DVec3::Y, DVec3::Z].into_iter().map(|axis| (a * axis).distance(b * axis)).fold(0.0, f64::max)
     }
 
     #[test]

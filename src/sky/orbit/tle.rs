@@ -229,7 +229,10 @@ mod tests {
             assert_eq!(TleOrbit::parse_one_of(&file, Some(id)).expect("in the file").norad_id(), id);
         }
         let message = |text: &str, id| TleOrbit::parse_one_of(text, id).expect_err("no choice").to_string();
-        assert!(message(&file, None).contains("2 objects") && message(&file, Some(6)).contains("number 6, got none among 2"));
+        assert!(
+            message(&file, None).contains("2 objects")
+                && message(&file, Some(6)).contains("number 6, got none among 2")
+        );
         assert!(message("", None).contains("among 0"), "{}", message("", None));
         assert_eq!(TleOrbit::parse_one_of(&format!("{FIRST}\n{SECOND}"), None).expect("the only one").norad_id(), 5);
         let short = message(&file.replace(OTHER[1], &OTHER[1][..60]), Some(25_544));

@@ -3,8 +3,8 @@
 //! The light that arrives at `at` left the target one light time earlier, and in that time target and Earth moved on:
 //! with geocentric g(t) of the target, o(t) of the observer and the Earth's barycentric velocity V, the light comes from
 //! `g(t - tau) - V tau - o(t)`, whose length is `c tau` (Urban and Seidelmann, Explanatory Supplement, 3rd ed., sec.
-//! 7.2.3, for an object whose motion is known from the geocentre). Solved by two steps from the geometric distance: what
-//! is left, tau (v/c)^2, is 1e-8 of the light time. The Earth's own acceleration within it (1 s to the Moon) is 3 m.
+//! 7.2.3, for an object whose motion is known from the geocentre). Solved by two steps from the geometric distance, the
+//! second along the velocity: what is left, tau (v/c)^2, is 1e-8 of the light time. The Earth's own acceleration within it (1 s to the Moon) is 3 m.
 //! Between two low orbits 1000 km apart light time moves a target by 5 arcsec, and V tau, which the aberration by the
 //! Earth's motion undoes nearly whole, by 20. Deflection of light by the Earth: below 1 mas, left out.
 //! Tests: below against a fixed point of its own; `hil_scripts/test_targets.py` against another program.
@@ -13,11 +13,8 @@ use crate::base::time::{Span, Tai};
 use crate::base::units::SPEED_OF_LIGHT_KM_S;
 use crate::sky::ObserverError;
 use crate::sky::observer::BarycentricState;
-use crate::sky::orbit::{CircularOrbit, TleOrbit};
+use crate::sky::orbit::{CircularOrbit, TleOrbit, TwoBodyOrbit};
 use glam::DVec3;
-
-/// Steps of the light time.
-const LIGHT_STEPS: usize = 2;
 
 /// How a target flies about the Earth.
 #[derive(Debug, Clone)]
@@ -26,6 +23,8 @@ pub enum Orbit {
     Sgp4(Box<TleOrbit>),
     /// In a circle.
     Circular(CircularOrbit),
+    /// On a conic about the Earth's centre.
+    TwoBody(TwoBodyOrbit),
 }
 
 impl Orbit {
@@ -37,6 +36,7 @@ impl Orbit {
         match self {
             Self::Sgp4(orbit) => orbit.geocentric_state(at),
             Self::Circular(orbit) => Ok(orbit.geocentric_state(at)),
+            Self::TwoBody(orbit) => Ok(orbit.state(at)),
         }
     }
 }
@@ -65,33 +65,16 @@ impl Sighting {
         earth_velocity_km_s: DVec3,
         at: Tai,
     ) -> Result<Self, ObserverError> {
-        let now = orbit.geocentric_state(at)?;
-        let mut sighting = Self {
-            from_observer_km: now.position_km - observer.position_km,
-            target: now,
-            observer: *observer,
-            light_time_s: 0.0,
+        let seconds = |km: DVec3| km.length() / SPEED_OF_LIGHT_KM_S;
+        let first_s = seconds(orbit.geocentric_state(at)?.position_km - observer.position_km);
+        let then = orbit.geocentric_state(at - Span::from_s(first_s))?;
+        let from_observer_km = |light_time_s: f64| {
+            let target_km = then.position_km - then.velocity_km_s * (light_time_s - first_s);
+            target_km - earth_velocity_km_s * light_time_s - observer.position_km
         };
-        for _ in 0..LIGHT_STEPS {
-            let light_time_s = sighting.from_observer_km.length() / SPEED_OF_LIGHT_KM_S;
-            sighting.leave(orbit, earth_velocity_km_s, at, light_time_s)?;
-        }
-        Ok(sighting)
-    }
-
-    /// The light left `light_time_s` before `at`.
-    fn leave(
-        &mut self,
-        orbit: &Orbit,
-        earth_velocity_km_s: DVec3,
-        at: Tai,
-        light_time_s: f64,
-    ) -> Result<(), ObserverError> {
-        self.target = orbit.geocentric_state(at - Span::from_s(light_time_s))?;
-        let earth_moved_km = earth_velocity_km_s * light_time_s;
-        self.from_observer_km = self.target.position_km - earth_moved_km - self.observer.position_km;
-        self.light_time_s = light_time_s;
-        Ok(())
+        let light_time_s = seconds(from_observer_km(first_s));
+        let from_observer_km = from_observer_km(light_time_s);
+        Ok(Self { from_observer_km, target: then, observer: *observer, light_time_s })
     }
 
     /// Distance, km.
