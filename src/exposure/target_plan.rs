@@ -283,8 +283,9 @@ fn place(
     })
 }
 
-/// Where the rows see a target whose frame's time is `t_s` after mid-exposure, px.
-fn seen_by_row(target: &Target, plan: &ExposurePlan, t_s: f64) -> Option<[f64; 2]> {
+/// Where the rows see a target whose frame's time is `t_s` after mid-exposure, px; `None` where no direction is imaged.
+#[must_use]
+pub fn seen_by_row(target: &Target, plan: &ExposurePlan, t_s: f64) -> Option<[f64; 2]> {
     let ExposurePlan { camera, motion, shutter, .. } = plan;
     let mut px = target_px(target, camera, motion, t_s, 0.0)?;
     if *shutter != Shutter::Global {

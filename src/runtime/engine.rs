@@ -25,7 +25,7 @@ use crate::runtime::params::RunParams;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::sky_targets::SkyTargets;
 use crate::runtime::sky_view::SkyView;
-use crate::runtime::truth::{add_tracks, fill_truth};
+use crate::runtime::truth::{add_tracks, fill_targets, fill_truth};
 use crate::sink::{ActiveFaults, FaultFlags, FrameMeta, SentFrame};
 use crate::sky::Sky;
 use crate::sky::tiles::Shortfall;
@@ -343,6 +343,7 @@ impl FrameEngine {
         times.merge(&imaging.by_stage());
         let output = self.params.camera.output();
         fill_truth(plan, &output, &mut frame.truth);
+        fill_targets(plan, self.sky_targets.facts(), &output, &mut frame.targets);
         add_tracks(self.imager.proton_tracks(), &output, &mut frame.truth);
         let (seed, detector) = (self.params.seed, &self.params.camera.detector);
         fill_meta(plan, slot.number, seed, detector, self.imager.name(), &mut frame.meta);
