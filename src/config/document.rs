@@ -19,6 +19,7 @@ const BUILT_IN: [(&str, &str); 42] = [
     ("benches/closed_loop_small.toml", include_str!("../../configs/benches/closed_loop_small.toml")),
     ("benches/three_heads.toml", include_str!("../../configs/benches/three_heads.toml")),
     ("benches/telescope.toml", include_str!("../../configs/benches/telescope.toml")),
+    ("benches/target_crossing.toml", include_str!("../../configs/benches/target_crossing.toml")),
     ("benches/closed_loop_jitter.toml", include_str!("../../configs/benches/closed_loop_jitter.toml")),
     ("benches/closed_loop_small_jitter.toml", include_str!("../../configs/benches/closed_loop_small_jitter.toml")),
     ("cameras/star_tracker_20deg.toml", include_str!("../../configs/cameras/star_tracker_20deg.toml")),

@@ -129,7 +129,7 @@ impl TargetPlanner {
     pub(super) fn place(&mut self, plan: &ExposurePlan, illumination: &Illumination) {
         self.nodes.clear();
         self.planned.clear();
-        let Self { targets, rules, nodes, planned, corners, light_share } = self;
+        let Self { targets, rules, nodes, planned, corners, light_share, .. } = self;
         if targets.is_empty() {
             return;
         }

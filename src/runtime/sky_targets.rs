@@ -16,7 +16,7 @@ use crate::attitude::LosPath;
 use crate::base::time::{Span, Tai};
 use crate::exposure::sky_path::{Cubic, PATH_INSTANTS};
 use crate::exposure::target::LIGHT_SAMPLES;
-use crate::exposure::{LightCurve, SkyPath, Target, TargetWay};
+use crate::exposure::{LightCurve, Shutter, SkyPath, Target, TargetWay};
 use crate::optics::StarLight;
 use crate::runtime::error::RunError;
 use crate::runtime::params::CameraParams;
@@ -104,15 +104,27 @@ impl SkyTargets {
     /// Follows `targets`, ready for the day of `at`.
     #[must_use]
     pub fn new(camera: &CameraParams, observer: Observer, at: Tai, targets: Vec<SkyTarget>) -> Self {
+        Self::with_optics(camera.geometry, camera.shutter, camera.radiometry.clone(), observer, at, targets)
+    }
+
+    /// The same by what it needs of a camera.
+    fn with_optics(
+        camera: CameraGeometry,
+        shutter: Shutter,
+        light: StarLight,
+        observer: Observer,
+        at: Tai,
+        targets: Vec<SkyTarget>,
+    ) -> Self {
         Self {
             is_lost: vec![false; targets.len()],
             in_view: Vec::with_capacity(targets.len()),
             facts: Vec::with_capacity(targets.len()),
             observer: ObserverTrack::new(observer.clone(), at),
             bodies: BodiesTrack::new(observer, at),
-            camera: camera.geometry,
-            rows_s: camera.shutter.line_s() * (camera.geometry.height_px() as f64 - 1.0),
-            light: camera.radiometry.clone(),
+            camera,
+            rows_s: shutter.line_s() * (camera.height_px() as f64 - 1.0),
+            light,
             targets,
             is_coarse: false,
         }
@@ -334,3 +346,6 @@ impl Exposure {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
