@@ -146,7 +146,7 @@ mod tests {
     fn what_is_wrong_is_said_with_its_place() {
         let message = |text: &str| TleOrbit::parse_omm(text, None).unwrap_err().to_string();
         let cut = message(&OBJECT[..200]);
-        assert!(cut.contains("line 2, column"), "{cut}");
+        assert!(cut.contains("line 3, column 2"), "{cut}");
         for (from, to, wanted) in [
             ("\"ECCENTRICITY\": 0.0006703", "\"ECCENTRICITY\": 1.5", "ECCENTRICITY: wanted a number from 0 to"),
             ("\"MEAN_MOTION\": 15.72125391", "\"MEAN_MOTION\": null", "MEAN_MOTION: wanted a number"),
