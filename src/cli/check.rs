@@ -8,6 +8,7 @@ use crate::cli::check_display_stars::{self, DisplayLimits, display_limits};
 use crate::cli::check_light;
 use crate::cli::check_plan::{self, Planned};
 use crate::cli::check_scenario;
+use crate::cli::check_targets;
 use crate::cli::frame_plan::FramePlans;
 use crate::cli::radiometry_told::radiometry_told;
 use crate::config::{Bench, Document, Event, Scenario, StartTime, is_scenario};
@@ -16,6 +17,7 @@ use crate::runtime::field_light::FieldLight;
 use crate::runtime::{Imager, RunParams};
 use crate::sky::Sky;
 use crate::sky::layer::Layer;
+use crate::testbed::flight_computer::FlightComputer;
 use crate::wiring::bench_parts;
 use crate::wiring::display_parts::take_display;
 use crate::wiring::sinks::told_lines;
@@ -99,6 +101,8 @@ fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
     text.push_str(CONVENTIONS);
     text.push('\n');
     crate::cli::check_attitude::write_attitude(&mut text, bench, &params)?;
+    let computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
+    check_targets::write_targets(&mut text, &params, &computer)?;
     plans(&mut text, bench, start, (&params, limits.as_ref()), (&imager, &sky))?;
     Ok(text)
 }

@@ -7,6 +7,7 @@ use crate::config::Bench;
 use crate::exposure::cost::CostModel;
 use crate::exposure::{ExposurePlan, Planner};
 use crate::runtime::RunParams;
+use crate::runtime::sky_targets::SkyTargets;
 use crate::runtime::sky_view::SkyView;
 use crate::sky::Sky;
 use crate::testbed::flight_computer::FlightComputer;
@@ -18,6 +19,7 @@ pub(super) struct FramePlans<'a> {
     params: &'a RunParams,
     computer: FlightComputer,
     sky: SkyView,
+    sky_targets: SkyTargets,
 }
 
 impl<'a> FramePlans<'a> {
@@ -28,6 +30,12 @@ impl<'a> FramePlans<'a> {
             computer: FlightComputer::new(bench_parts::flight_computer(bench, start)),
             sky: SkyView::new(&params.camera, params.observer.clone(), params.first_exposure, sky)
                 .with_light_deflection(params.light_deflection),
+            sky_targets: SkyTargets::new(
+                &params.camera,
+                params.observer.clone(),
+                params.first_exposure,
+                params.sky_targets.clone(),
+            ),
         }
     }
 
@@ -58,6 +66,8 @@ impl<'a> FramePlans<'a> {
         los.acceleration_rad_s2 = mount.apply(truth.acceleration_rad_s2);
         los.jitter.lines.clone_from(&attitude.jitter_lines);
         los.jitter.lines_epoch = attitude.jitter_epoch;
+        self.sky_targets.find_in_view(&planner.latest().motion.los)?;
+        planner.set_targets_on_sky(self.sky_targets.in_view());
         Ok(planner.plan(self.sky.in_view(&planner.latest().motion.los)?))
     }
 }

@@ -19,6 +19,7 @@ mod check_display_stars;
 mod check_light;
 mod check_plan;
 mod check_scenario;
+mod check_targets;
 pub mod display;
 mod display_latency;
 mod display_measurements;

@@ -23,8 +23,9 @@ use crate::runtime::load::{LoadChange, LoadEstimate};
 use crate::runtime::marks::{FrameMark, FrameMarks};
 use crate::runtime::params::RunParams;
 use crate::runtime::receiver::Receiver;
+use crate::runtime::sky_targets::SkyTargets;
 use crate::runtime::sky_view::SkyView;
-use crate::runtime::truth::{add_tracks, fill_truth};
+use crate::runtime::truth::{add_tracks, fill_targets, fill_truth};
 use crate::sink::{ActiveFaults, FaultFlags, FrameMeta, SentFrame};
 use crate::sky::Sky;
 use crate::sky::tiles::Shortfall;
@@ -55,6 +56,7 @@ pub struct FrameEngine {
     in_use: usize,
     conditions: Conditions,
     sky: SkyView,
+    sky_targets: SkyTargets,
     light: FieldLight,
     imager: Imager,
     cost: CostModel,
@@ -98,11 +100,13 @@ impl FrameEngine {
         los.jitter = JitterTrack::with_capacity(attitude.jitter_lines.len(), attitude.jitter_history.capacity);
         let cost = params.cost.unwrap_or(imager.cost());
         let planner = new_planner(&params, &imager, los, None);
-        if params.keeps_brighter && !params.targets.is_empty() {
+        if params.keeps_brighter && params.has_targets() {
             imager.keep_brighter()?;
         }
         let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure, sky)
             .with_light_deflection(params.light_deflection);
+        let sky_targets =
+            SkyTargets::new(camera, params.observer.clone(), params.first_exposure, params.sky_targets.clone());
         let light = FieldLight::new(camera, params.observer.clone(), params.first_exposure);
         light_pixels(camera, &mut imager)?;
         Ok(Self {
@@ -111,6 +115,7 @@ impl FrameEngine {
             in_use: 0,
             conditions: Conditions::new(),
             sky,
+            sky_targets,
             light,
             imager,
             params,
@@ -311,10 +316,19 @@ impl FrameEngine {
         } else {
             sources
         };
+        if has_stars {
+            for _ in 0..self.sky_targets.find_in_view(los)? {
+                note(ledger, EventKind::TargetLost, slot, Span::ZERO);
+            }
+        } else {
+            self.sky_targets.forget();
+        }
+        self.planner.set_targets_on_sky(self.sky_targets.in_view());
         times.set(Stage::Sky, watch.lap());
         let plan = self.planner.plan(sources);
         times.set(Stage::Plan, watch.lap());
-        if !plan.chosen.verdict.is_met() || plan.targets.iter().any(|target| target.is_coarse) {
+        let is_coarse = self.sky_targets.is_coarse() || plan.targets.iter().any(|target| target.is_coarse);
+        if !plan.chosen.verdict.is_met() || is_coarse {
             note(ledger, EventKind::OverBudget, slot, Span::ZERO);
         }
         if plan.rung > Rung::Full {
@@ -330,6 +344,7 @@ impl FrameEngine {
         times.merge(&imaging.by_stage());
         let output = self.params.camera.output();
         fill_truth(plan, &output, &mut frame.truth);
+        fill_targets(plan, self.sky_targets.facts(), &output, &mut frame.targets);
         add_tracks(self.imager.proton_tracks(), &output, &mut frame.truth);
         let (seed, detector) = (self.params.seed, &self.params.camera.detector);
         fill_meta(plan, slot.number, seed, detector, self.imager.name(), &mut frame.meta);
@@ -418,6 +433,7 @@ fn new_planner(params: &RunParams, imager: &Imager, los: LosPath, psf: Option<Ps
         planner = planner.within_ms(params.drawing_budget_ms(&cost));
     }
     planner.set_targets(params.targets.clone());
+    planner.reserve_targets_on_sky(params.sky_targets.len());
     planner
 }
 

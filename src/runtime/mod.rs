@@ -30,6 +30,7 @@ pub mod receiver;
 pub mod record;
 pub mod reply;
 pub mod session;
+pub mod sky_targets;
 pub mod sky_view;
 pub mod triggers;
 pub mod truth;

@@ -37,6 +37,39 @@ pub enum ObserverError {
         /// SGP4's reason.
         why: String,
     },
+    /// An orbit mean-elements message is no JSON.
+    #[error("orbit mean-elements message, line {line}, column {column}: {why}")]
+    OmmText {
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What the reader of JSON says.
+        why: String,
+    },
+    /// An orbit mean-elements message lacks the object, or the object a key, or a value is none that an orbit has.
+    #[error("orbit mean-elements message: {why}")]
+    Omm {
+        /// What is wrong, what was wanted and got.
+        why: String,
+    },
+    /// A file of two-line elements has not the object that was asked for.
+    #[error(
+        "two-line elements: wanted {}, got none among {objects}",
+        .norad_id.map_or_else(|| "an object".into(), |id| format!("the object with number {id}"))
+    )]
+    NoSuchObject {
+        /// Catalog number asked for; `None`: any.
+        norad_id: Option<u64>,
+        /// Objects in the file.
+        objects: usize,
+    },
+    /// A file of two-line elements has several objects, and none was asked for.
+    #[error("two-line elements: got {objects} objects, wanted one, or the norad_id of one of them")]
+    WhichObject {
+        /// Objects in the file.
+        objects: usize,
+    },
     /// SGP4 gave up at this time, usually because the object has decayed.
     #[error(
         "SGP4 has no position at {at} ({days_from_epoch:.1} days from the elements' epoch): {why}; try newer elements"

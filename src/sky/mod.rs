@@ -15,7 +15,8 @@
 //! * [`bodies`]: Sun, Moon and Earth as the observer sees them;
 //! * [`sun`]: the Sun's barycentric state, likewise;
 //! * [`orbit`]: the spacecraft about the Earth (two-line elements, circular), or on a conic about Earth, Moon or Sun;
-//! * [`observer`]: both together.
+//! * [`observer`]: both together;
+//! * [`target`]: targets about the Earth: sightings, sunlight, brightness.
 
 pub mod bodies;
 pub mod catalog;
@@ -33,6 +34,7 @@ pub mod planets;
 pub mod spheroid;
 pub mod sun;
 mod stars;
+pub mod target;
 pub mod tiles;
 pub mod synthetic;
 

@@ -7,6 +7,7 @@
 mod centre;
 mod circular;
 mod nutation;
+mod omm;
 mod precession;
 mod tle;
 mod two_body;
