@@ -6,7 +6,8 @@
 //! of TDB and the catalog's TCB year (below 0.01), bodies other than the Sun ([`super::deflected`]). Atmosphere: none.
 //!
 //! Measured against ERFA with JPL's Earth, Sun and Moon, 1991-2050, observers from low orbits to the Moon and about the Sun: 0.21
-//! mas at worst over 199 cases, Barnard's star; 0.03 for stars that are slower. Outside those years [`PROVEN_YEARS`] are told.
+//! mas at worst over 199 cases, Barnard's star; 0.03 for stars that are slower. Outside
+//! [`PROVEN_YEARS`] `starloop check` warns.
 //! Tests: `agrees_with_an_independent_library`, `tests/physics/apparent_vectors.rs` and, from other stars' data and by other
 //! formulae, `tests/physics/apparent_places.rs`.
 
@@ -15,6 +16,8 @@ use crate::base::time::Tai;
 use crate::base::units::MAS;
 use crate::sky::catalog::CatalogSource;
 
+/// Years over which places are held against other people's ephemerides and found good to 1 mas.
+pub const PROVEN_YEARS: [f64; 2] = [1991.0, 2051.0];
 /// Julian year of J2000.0.
 const J2000_YR: f64 = 2000.0;
 

@@ -17,7 +17,7 @@ mod space_motion;
 mod vantage;
 
 pub use aberration::aberrated;
-pub use apparent::{apparent_places, cone_margin_rad, years_since};
+pub use apparent::{PROVEN_YEARS, apparent_places, cone_margin_rad, years_since};
 pub use camera::{CameraGeometry, CameraParameters, PixelPosition};
 pub use deflection::deflected;
 pub use distortion::{BrownConrady, Distortion};

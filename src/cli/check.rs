@@ -6,6 +6,7 @@ use crate::cli::calibrate::{Costs, costs_here};
 use crate::cli::check_display;
 use crate::cli::check_display_stars::{self, DisplayLimits, display_limits};
 use crate::cli::check_light;
+use crate::cli::check_observer;
 use crate::cli::check_plan::{self, Planned};
 use crate::cli::check_scenario;
 use crate::cli::check_targets;
@@ -130,6 +131,7 @@ fn describe(
     let light =
         zero_point.map_or_else(|| "no zero point".into(), |e_per_s| format!("{e_per_s:.3e} e-/s at magnitude 0"));
     writeln!(text, "  light        {light}, drawn down to G = {}", camera.radiometry.limiting_mag)?;
+    check_observer::write_observer(text, params)?;
     check_light::write_light(text, &params.camera)?;
     if let Sky::Layers { layers, most_stars } = sky {
         let (files, memory_mb) = (layers.layers(), params.star_memory_mb);

@@ -17,6 +17,7 @@ mod check_attitude;
 mod check_display;
 mod check_display_stars;
 mod check_light;
+mod check_observer;
 mod check_plan;
 mod check_scenario;
 mod check_targets;

@@ -286,3 +286,7 @@ fn is_tle_line(text: &str, number: char) -> bool {
     let sum: u32 = text[..68].chars().map(value).sum();
     text.chars().next_back().and_then(|c| c.to_digit(10)) == Some(sum % 10)
 }
+
+#[cfg(test)]
+#[path = "observer_tests.rs"]
+mod tests;

@@ -95,8 +95,11 @@ impl Observer {
         }
     }
 
-    /// State from the centre of that body.
-    fn relative_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
+    /// State from the centre of that body; at rest at the barycentre. Does not allocate.
+    ///
+    /// # Errors
+    /// As for [`Self::barycentric_state`].
+    pub fn relative_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
         match self {
             Self::Barycentre | Self::Geocentre => Ok(BarycentricState::default()),
             Self::Tle(orbit) => orbit.geocentric_state(at),

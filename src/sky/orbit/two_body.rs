@@ -149,6 +149,12 @@ impl TwoBodyOrbit {
         BarycentricState { position_km, velocity_km_s: f_rate * self.position_km + g_rate * self.velocity_km_s }
     }
 
+    /// The instant of the state or elements it was made of.
+    #[must_use]
+    pub fn epoch(&self) -> Tai {
+        self.epoch
+    }
+
     /// Time for one revolution, s; `None` on an open orbit.
     #[must_use]
     pub fn period_s(&self) -> Option<f64> {
