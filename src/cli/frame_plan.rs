@@ -7,6 +7,7 @@ use crate::config::Bench;
 use crate::exposure::cost::CostModel;
 use crate::exposure::{ExposurePlan, Planner};
 use crate::runtime::RunParams;
+use crate::runtime::sky_bodies::SkyBodies;
 use crate::runtime::sky_view::SkyView;
 use crate::sky::catalog::Catalog;
 use crate::testbed::flight_computer::FlightComputer;
@@ -19,6 +20,7 @@ pub(super) struct FramePlans<'a> {
     params: &'a RunParams,
     computer: FlightComputer,
     sky: SkyView,
+    bodies: Option<SkyBodies>,
 }
 
 impl<'a> FramePlans<'a> {
@@ -31,6 +33,8 @@ impl<'a> FramePlans<'a> {
         Ok(Self {
             params,
             computer: FlightComputer::new(bench_parts::flight_computer(bench, start)),
+            bodies: (params.bodies)
+                .then(|| SkyBodies::new(&params.camera, params.observer.clone(), params.first_exposure)),
             sky: SkyView::new(&params.camera, params.observer.clone(), params.first_exposure, catalog),
         })
     }
@@ -45,6 +49,11 @@ impl<'a> FramePlans<'a> {
             Some(limit_ms) => planner.within_ms(limit_ms),
             None => planner,
         }
+    }
+
+    /// Planets, Moon and Earth as in the latest plan, where the bench has them.
+    pub(super) fn bodies_mut(&mut self) -> Option<&mut SkyBodies> {
+        self.bodies.as_mut()
     }
 
     /// Plans frame `number`.
@@ -62,6 +71,12 @@ impl<'a> FramePlans<'a> {
         los.acceleration_rad_s2 = mount.apply(truth.acceleration_rad_s2);
         los.jitter.lines.clone_from(&attitude.jitter_lines);
         los.jitter.lines_epoch = attitude.jitter_epoch;
-        Ok(planner.plan(self.sky.in_view(&planner.latest().motion.los)?))
+        let los = &planner.latest().motion.los;
+        let stars = self.sky.in_view(los)?;
+        let sources = match &mut self.bodies {
+            Some(bodies) => bodies.seen(stars, &los.mid_sensor_from_icrf, los.mid_exposure())?,
+            None => stars,
+        };
+        Ok(planner.plan(sources))
     }
 }

@@ -54,6 +54,8 @@ pub struct Bench {
     pub observer: Observer,
     /// Layers of stars that are the sky; none: the built-in catalog is.
     pub layers: Vec<PathBuf>,
+    /// Planets, Moon and Earth are drawn, and hide what is behind them.
+    pub bodies: bool,
     /// The simulated flight computer.
     pub flight_computer: FlightComputer,
     /// History, prediction, time correlation.
@@ -105,6 +107,7 @@ struct MountingKeys {
 #[serde(deny_unknown_fields)]
 struct SkyKeys {
     layers: Option<Vec<String>>,
+    bodies: Option<bool>,
 }
 
 impl SkyKeys {
@@ -229,6 +232,7 @@ impl Bench {
         let extra_heads = check_heads("extra_head", &keys.extra_head, HEADS_MAX - 1, &check)?;
         let observer = Observer::check(&keys.observer, &mut check)?;
         let layers = keys.sky.layers(&check)?;
+        let bodies = check.given_or("sky.bodies", keys.sky.bodies, false);
         let flight_computer = FlightComputer::check(&keys.flight_computer, &mut check)?;
         check_classic_jitter(&link, &flight_computer, &check)?;
         check_both_ends(&link, &extra_links, &flight_computer, &check)?;
@@ -276,6 +280,7 @@ impl Bench {
             extra_heads,
             observer,
             layers,
+            bodies,
             flight_computer,
             attitude,
             accuracy,

@@ -23,6 +23,7 @@ use crate::runtime::load::{LoadChange, LoadEstimate};
 use crate::runtime::marks::{FrameMark, FrameMarks};
 use crate::runtime::params::RunParams;
 use crate::runtime::receiver::Receiver;
+use crate::runtime::sky_bodies::{BodyCounts, SkyBodies};
 use crate::runtime::sky_view::SkyView;
 use crate::runtime::truth::{add_tracks, fill_truth};
 use crate::sink::{ActiveFaults, FaultFlags, FrameMeta, SentFrame};
@@ -55,6 +56,8 @@ pub struct FrameEngine {
     in_use: usize,
     conditions: Conditions,
     sky: SkyView,
+    /// Planets, Moon and Earth, where they are drawn.
+    bodies: Option<SkyBodies>,
     light: FieldLight,
     imager: Imager,
     cost: CostModel,
@@ -102,6 +105,7 @@ impl FrameEngine {
             imager.keep_brighter()?;
         }
         let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure, catalog);
+        let bodies = params.bodies.then(|| SkyBodies::new(camera, params.observer.clone(), params.first_exposure));
         let light = FieldLight::new(camera, params.observer.clone(), params.first_exposure);
         light_pixels(camera, &mut imager)?;
         Ok(Self {
@@ -110,6 +114,7 @@ impl FrameEngine {
             in_use: 0,
             conditions: Conditions::new(),
             sky,
+            bodies,
             light,
             imager,
             params,
@@ -283,10 +288,24 @@ impl FrameEngine {
         times.set(Stage::Attitude, watch.lap());
         let los = &self.planner.latest().motion.los;
         let sources = if has_stars { self.sky.in_view(los)? } else { &[] };
+        let (sources, counts) = match &mut self.bodies {
+            Some(bodies) if has_stars => {
+                bodies.seen(sources, &los.mid_sensor_from_icrf, los.mid_exposure())?;
+                let bodies = &*bodies;
+                (bodies.sources(), bodies.counts())
+            }
+            _ => (sources, BodyCounts::default()),
+        };
         let (background, glare) = self.light.at(los)?;
         self.imager.set_background(self.conditions.dimmed(background));
         if glare.excluded.contains(&true) {
             note(ledger, EventKind::InsideExclusion, slot, Span::ZERO);
+        }
+        if counts.has_sun {
+            note(ledger, EventKind::SunInField, slot, Span::ZERO);
+        }
+        if counts.coarsest_px > 1.0 {
+            note(ledger, EventKind::CoarseDisc, slot, Span::ZERO);
         }
         let (camera, sensor_from_icrf) = (&self.params.camera.geometry, los.mid_sensor_from_icrf);
         let sources = if has_stars {
@@ -319,6 +338,7 @@ impl FrameEngine {
         if let Some(drawn_from_sensor) = &self.params.drawn_from_sensor {
             tell_pointing(&plan.motion.los, &drawn_from_sensor.inverse(), &mut frame.meta);
         }
+        frame.meta.occulted_stars = counts.occulted;
         frame.meta.overlap_lost_e = self.imager.overlap_lost_e();
         (frame.meta.binning, frame.meta.window_px) = (output.binning, output.first_px);
         frame.meta.attitude_age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);

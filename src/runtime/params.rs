@@ -131,6 +131,8 @@ pub struct RunParams {
     pub keeps_brighter: bool,
     /// Where the sensor is.
     pub observer: Observer,
+    /// Planets, Moon and Earth are drawn, and hide what is behind them.
+    pub bodies: bool,
     /// Layers of stars that are the sky; none: the built-in catalog is.
     pub layers: Vec<PathBuf>,
     /// Accuracy budget.

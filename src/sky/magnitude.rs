@@ -96,9 +96,7 @@ fn at_one_au(planet: Planet, a: f64, lighting: &Lighting, year: f64) -> f64 {
         Planet::Mars if a <= 50.0 => polynomial(&[-1.601, 0.022_67, -0.000_130_2], a),
         Planet::Mars => polynomial(&[-0.367, -0.025_73, 0.000_344_5], a),
         Planet::Jupiter if a <= 12.0 => polynomial(&[-9.395, -3.7e-4, 6.16e-4], a),
-        Planet::Jupiter => {
-            -9.428 - 2.5 * polynomial(&[1.0, -1.507, -0.363, -0.062, 2.809, -1.876], a / 180.0).log10()
-        }
+        Planet::Jupiter => -9.428 - 2.5 * polynomial(&[1.0, -1.507, -0.363, -0.062, 2.809, -1.876], a / 180.0).log10(),
         Planet::Saturn => {
             let sine = ring_sine(lighting);
             -8.914 - 1.825 * sine + 0.026 * a - 0.378 * sine * (-2.25 * a).exp()

@@ -38,6 +38,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         targets: targets(bench, &camera, first_exposure)?,
         keeps_brighter: bench.target_overlap == Overlap::Brighter,
         observer: observer(&bench.observer, first_exposure)?,
+        bodies: bodies(bench, &camera)?,
         layers: bench.layers.clone(),
         budget: bench.accuracy,
         backend: backend_choice(bench.render.backend),
@@ -58,6 +59,19 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         },
         camera,
     })
+}
+
+/// Whether bodies are drawn: their light needs electrons that follow the exposure.
+fn bodies(bench: &Bench, camera: &CameraParams) -> Result<bool> {
+    if bench.bodies && camera.radiometry.zero_point_e_per_s().is_none() {
+        bail!(
+            "bench \"{}\" has sky.bodies = true, and camera \"{}\" a grey mapping: a disc's light is spread over its pixels, which \
+             wants electrons per second; give the camera a zero point, or leave the bodies out",
+            bench.name,
+            camera.name
+        );
+    }
+    Ok(bench.bodies)
 }
 
 /// Targets with their light in electrons and their times in TAI.
