@@ -1,26 +1,31 @@
-//! Catalog sources -> apparent directions (space motion, parallax, aberration) -> pixels (projection, distortion).
+//! Catalog sources -> apparent directions (space motion, parallax, deflection, aberration) -> pixels (projection,
+//! distortion).
 //!
-//! [`apparent_places`] composes the first three, in ICRF axes and for one observer's
-//! position and velocity; [`CameraGeometry`] does the last two, in sensor axes.
+//! [`apparent_places`] composes the first four, in ICRF axes and for one observer's
+//! [`Vantage`]; [`CameraGeometry`] does the last two, in sensor axes.
 //! Between them stands the attitude, which is not this room's.
 
 mod aberration;
 mod apparent;
 mod camera;
+mod deflection;
 mod distortion;
 mod distortion_polynomial;
 mod error;
 mod parallax;
 mod space_motion;
+mod vantage;
 
 pub use aberration::aberrated;
-pub use apparent::{MAX_ABERRATION_RAD, apparent_places, cone_margin_rad, years_since};
+pub use apparent::{PROVEN_YEARS, apparent_places, cone_margin_rad, years_since};
 pub use camera::{CameraGeometry, CameraParameters, PixelPosition};
+pub use deflection::deflected;
 pub use distortion::{BrownConrady, Distortion};
 pub use distortion_polynomial::{DEGREE as DISTORTION_DEGREE, PolynomialDistortion};
 pub use error::AstrometryError;
 pub use parallax::parallax_shifted;
 pub use space_motion::at_epoch;
+pub use vantage::Vantage;
 
 use glam::DVec3;
 

@@ -71,6 +71,12 @@ impl Drawer {
         }
     }
 
+    /// Draws on a graphics card that a program pretends to be.
+    #[must_use]
+    pub fn is_software_gpu(&self) -> bool {
+        matches!(self, Self::Gpu { device, .. } if device.is_software())
+    }
+
     /// The device behind it.
     #[must_use]
     pub fn description(&self) -> String {

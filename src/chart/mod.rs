@@ -6,13 +6,14 @@
 //!
 //! ```text
 //! scenes -> stage (planner, stars) -> sweep (methods x backends: measure, timing) -> rows -> charts, verdicts
-//! sampling, poisson, prediction, footprint, effects: tables and charts of their own
+//! sampling, poisson, prediction, footprint, effects, crowding: tables and charts of their own
 //! ```
 //!
 //! *Limits.* Times are medians on the machine at hand, whatever else it does, with the fastest beside them; predicted
 //! times are those of planning and drawing. Errors on fields of many stars are those of a few stars that
 //! stand alone. *Validation.* `tests/physics/chart.rs` runs the quick form.
 
+pub mod crowding;
 pub mod drawer;
 pub mod effect_cases;
 pub mod effects;
@@ -117,8 +118,8 @@ pub fn run(settings: &Settings, tell: &mut dyn FnMut(&Step)) -> Result<Charted, 
     let scenes = scenes::scenes(settings.quick);
     let effort = Effort::new(settings.quick);
     let sigmas_px = sampling::sigmas_px(settings.quick);
-    // Poisson, prediction, footprint and effects follow the scenes and the samplings.
-    let total = scenes.len() * drawers.len() + sigmas_px.len() + 4;
+    // Poisson, prediction, footprint, effects and crowding follow the scenes and the samplings.
+    let total = scenes.len() * drawers.len() + sigmas_px.len() + 5;
     let mut steps = Steps { done: 0, total, tell };
     let mut methods = Vec::new();
     for scene in &scenes {
@@ -147,8 +148,13 @@ pub fn run(settings: &Settings, tell: &mut dyn FnMut(&Step)) -> Result<Charted, 
     steps.begin("effects");
     let effects = effects::measure(settings.quick, &mut drawers)?;
     files.push(csv("effects", &effects)?);
+    steps.begin("stars by number");
+    let crowding = crowding::measure(settings, &mut drawers, effort)?;
+    files.extend([csv("crowding", &crowding)?, svg(&("crowding".into(), crowding::chart(&crowding)))]);
     let notes: Vec<String> = drawers.iter().map(Drawer::description).chain(missing).collect();
-    let summary = table::summary(&methods, &samplings, &scenes, &notes) + &effects::summary(&effects);
+    let summary = table::summary(&methods, &samplings, &scenes, &notes)
+        + &effects::summary(&effects)
+        + &crowding::summary(&crowding);
     Ok(Charted { files, methods, sampling: samplings, summary })
 }
 

@@ -17,8 +17,8 @@ const TOLD: usize = 10;
 /// Command line of `chart`.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Writes methods.csv, sampling.csv, poisson.csv, prediction.csv, footprint.csv and effects.csv, and as SVG: \
-                  speed_accuracy_SCENE, error_by_nodes_SCENE, sampling, poisson, prediction and footprint. At the end \
+    after_help = "Writes methods.csv, sampling.csv, poisson.csv, prediction.csv, footprint.csv, effects.csv and crowding.csv, and as SVG: \
+                  speed_accuracy_SCENE, error_by_nodes_SCENE, sampling, poisson, prediction, footprint and crowding. At the end \
                   a table tells the planner's choice on every scene, its bound, the error found, and the time \
                   predicted and measured.\n\n\
                   Times are medians on this machine: leave it alone meanwhile. A whole run takes a few minutes on two \

@@ -6,15 +6,19 @@ use crate::cli::calibrate::{Costs, costs_here};
 use crate::cli::check_display;
 use crate::cli::check_display_stars::{self, DisplayLimits, display_limits};
 use crate::cli::check_light;
+use crate::cli::check_observer;
 use crate::cli::check_plan::{self, Planned};
 use crate::cli::check_scenario;
+use crate::cli::check_targets;
 use crate::cli::frame_plan::FramePlans;
 use crate::cli::radiometry_told::radiometry_told;
 use crate::config::{Bench, Document, Event, Scenario, StartTime, is_scenario};
 use crate::detector::cost::effect_costs;
 use crate::runtime::field_light::FieldLight;
 use crate::runtime::{Imager, RunParams};
-use crate::sky::catalog::Catalog;
+use crate::sky::Sky;
+use crate::sky::layer::Layer;
+use crate::testbed::flight_computer::FlightComputer;
 use crate::wiring::bench_parts;
 use crate::wiring::display_parts::take_display;
 use crate::wiring::sinks::told_lines;
@@ -90,18 +94,27 @@ fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
     let costs = costs_here(&imager, only_built_in);
     bench_parts::take_real_clock(&mut params, bench, costs.measured);
     let mut text = String::new();
-    describe(&mut text, bench, &params, &imager, &costs)?;
+    let sky = params.open_sky()?;
+    describe(&mut text, bench, &params, (&imager, &sky), &costs)?;
     check_display::write_display(&mut text, bench, &params, calibration.as_ref())?;
     write_defaults(&mut text, bench)?;
     text.push('\n');
     text.push_str(CONVENTIONS);
     text.push('\n');
     crate::cli::check_attitude::write_attitude(&mut text, bench, &params)?;
-    plans(&mut text, bench, start, (&params, limits.as_ref()), &imager)?;
+    let computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
+    check_targets::write_targets(&mut text, &params, &computer)?;
+    plans(&mut text, bench, start, (&params, limits.as_ref()), (&imager, &sky))?;
     Ok(text)
 }
 
-fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Imager, costs: &Costs) -> Result<()> {
+fn describe(
+    text: &mut String,
+    bench: &Bench,
+    params: &RunParams,
+    (imager, sky): (&Imager, &Sky),
+    costs: &Costs,
+) -> Result<()> {
     let camera = &bench.camera;
     let [fov_x, fov_y] = camera.fov_deg();
     writeln!(text, "bench \"{}\" is sound", bench.name)?;
@@ -118,12 +131,19 @@ fn describe(text: &mut String, bench: &Bench, params: &RunParams, imager: &Image
     let light =
         zero_point.map_or_else(|| "no zero point".into(), |e_per_s| format!("{e_per_s:.3e} e-/s at magnitude 0"));
     writeln!(text, "  light        {light}, drawn down to G = {}", camera.radiometry.limiting_mag)?;
+    check_observer::write_observer(text, params)?;
     check_light::write_light(text, &params.camera)?;
-    let faintest = Catalog::of(&params.layers, params.camera.limiting_mag)?
-        .sources()
-        .iter()
-        .map(|star| star.mag_g)
-        .fold(f32::MIN, f32::max);
+    if let Sky::Layers { layers, most_stars } = sky {
+        let (files, memory_mb) = (layers.layers(), params.star_memory_mb);
+        let stars: u64 = files.iter().map(Layer::stars).sum();
+        writeln!(
+            text,
+            "  stars        {stars} in {} layers to G = {}, at most {most_stars} of them in memory ({memory_mb} MiB)",
+            files.len(),
+            layers.below_mag()
+        )?;
+    }
+    let faintest = sky.faintest_mag();
     if camera.radiometry.limiting_mag > f64::from(faintest) {
         writeln!(
             text,
@@ -189,12 +209,12 @@ fn plans(
     bench: &Bench,
     start: Tai,
     (params, limits): (&RunParams, Option<&DisplayLimits>),
-    imager: &Imager,
+    (imager, sky): (&Imager, &Sky),
 ) -> Result<()> {
     let planned = Planned::new(bench, params, imager);
     check_plan::write_sampling(text, params)?;
     check_plan::write_ladder(text, &planned)?;
-    let mut frames = FramePlans::new(bench, start, params)?;
+    let mut frames = FramePlans::new(bench, start, params, sky);
     let mut light = FieldLight::new(&params.camera, params.observer.clone(), start);
     let last = params.frames.saturating_sub(1);
     let mut numbers = vec![0, last / 2, last];

@@ -7,32 +7,36 @@ use crate::config::Bench;
 use crate::exposure::cost::CostModel;
 use crate::exposure::{ExposurePlan, Planner};
 use crate::runtime::RunParams;
+use crate::runtime::sky_targets::SkyTargets;
 use crate::runtime::sky_view::SkyView;
-use crate::sky::catalog::Catalog;
+use crate::sky::Sky;
 use crate::testbed::flight_computer::FlightComputer;
 use crate::wiring::bench_parts;
 use anyhow::Result;
-use std::sync::Arc;
 
 /// Everything but the planner.
 pub(super) struct FramePlans<'a> {
     params: &'a RunParams,
     computer: FlightComputer,
     sky: SkyView,
+    sky_targets: SkyTargets,
 }
 
 impl<'a> FramePlans<'a> {
     /// For the frames of a bench whose clock starts at `start`.
-    ///
-    /// # Errors
-    /// When the catalog or the observer cannot be had.
-    pub(super) fn new(bench: &Bench, start: Tai, params: &'a RunParams) -> Result<Self> {
-        let catalog = Arc::new(Catalog::of(&params.layers, params.camera.limiting_mag)?);
-        Ok(Self {
+    pub(super) fn new(bench: &Bench, start: Tai, params: &'a RunParams, sky: &Sky) -> Self {
+        Self {
             params,
             computer: FlightComputer::new(bench_parts::flight_computer(bench, start)),
-            sky: SkyView::new(&params.camera, params.observer.clone(), params.first_exposure, catalog),
-        })
+            sky: SkyView::new(&params.camera, params.observer.clone(), params.first_exposure, sky)
+                .with_light_deflection(params.light_deflection),
+            sky_targets: SkyTargets::new(
+                &params.camera,
+                params.observer.clone(),
+                params.first_exposure,
+                params.sky_targets.clone(),
+            ),
+        }
     }
 
     /// A planner that weighs every method; with a limit, one that goes down the ladder.
@@ -62,6 +66,8 @@ impl<'a> FramePlans<'a> {
         los.acceleration_rad_s2 = mount.apply(truth.acceleration_rad_s2);
         los.jitter.lines.clone_from(&attitude.jitter_lines);
         los.jitter.lines_epoch = attitude.jitter_epoch;
+        self.sky_targets.find_in_view(&planner.latest().motion.los)?;
+        planner.set_targets_on_sky(self.sky_targets.in_view());
         Ok(planner.plan(self.sky.in_view(&planner.latest().motion.los)?))
     }
 }

@@ -8,7 +8,7 @@ use crate::base::time::{Span, Tai};
 use crate::cli::render_input::{four, read_los, read_los_samples, read_sources, three};
 use crate::cli::render_output::{Format, format_of, write_dn, write_electrons, write_truth};
 use crate::cli::run::BackendName;
-use crate::config::Camera;
+use crate::config::{Camera, STAR_MEMORY_MB};
 use crate::detector::window::OutputGeometry;
 use crate::exposure::{ExposurePlan, MethodChoice, Motion, Planner, Source};
 use crate::runtime::Imager;
@@ -18,7 +18,7 @@ use crate::runtime::params::CameraParams;
 use crate::runtime::sky_view::SkyView;
 use crate::runtime::truth::fill_truth;
 use crate::sink::SentFrame;
-use crate::sky::catalog::Catalog;
+use crate::sky::Sky;
 use crate::sky::observer::Observer;
 use crate::wiring::bench_parts::backend_choice;
 use crate::wiring::camera_parts::camera_params;
@@ -26,7 +26,6 @@ use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// Command line of `render`.
 #[derive(Debug, Args)]
@@ -146,8 +145,8 @@ impl Scene {
         let (sky, sources) = match &arguments.sources {
             Some(path) => (None, read_sources(path)?),
             None => {
-                let catalog = Arc::new(Catalog::of(&arguments.layers, camera.limiting_mag)?);
-                (Some(SkyView::new(&camera, Observer::Geocentre, arguments.time, catalog)), Vec::new())
+                let sky = Sky::open(&arguments.layers, camera.limiting_mag, STAR_MEMORY_MB)?;
+                (Some(SkyView::new(&camera, Observer::Geocentre, arguments.time, &sky)), Vec::new())
             }
         };
         let frame = SentFrame::with_capacity(size[0], size[1], sources.len(), camera.name.clone());

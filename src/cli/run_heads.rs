@@ -10,7 +10,6 @@ use crate::display::calibration::Calibration;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::{FrameEngine, real_time, virtual_time};
 use crate::sink::{SentFrame, Sink};
-use crate::sky::catalog::Catalog;
 use crate::wiring::bench_parts;
 use crate::wiring::display_parts::take_display;
 use crate::wiring::sinks::{SinkSetting, make_sinks, run_directory};
@@ -53,11 +52,11 @@ pub(super) fn bench_heads(arguments: &RunArgs, bench: &Bench, start: Tai) -> Res
             bench_parts::take_real_clock(&mut params, &own, costs);
         }
         let receiver = Receiver::new(params.attitude.clone())?.with_session(bench_parts::session_params(&own));
-        let catalog = match &sky {
-            Some(sky) => Arc::clone(sky),
-            None => Arc::clone(sky.insert(Arc::new(Catalog::of(&params.layers, params.camera.limiting_mag)?))),
+        let sky = match &sky {
+            Some(sky) => sky,
+            None => &*sky.insert(params.open_sky()?),
         };
-        let mut engine = FrameEngine::with_sky(params, imager, catalog)?;
+        let mut engine = FrameEngine::with_sky(params, imager, sky)?;
         engine.expect_motion(slew_scale(bench));
         heads.push(BenchHead { engine, receiver, calibration });
     }

@@ -52,8 +52,12 @@ pub struct Bench {
     pub extra_heads: Vec<Rotation<Sensor, Body>>,
     /// Where the sensor is.
     pub observer: Observer,
+    /// Whether the Sun bends the stars' light.
+    pub light_deflection: bool,
     /// Layers of stars that are the sky; none: the built-in catalog is.
     pub layers: Vec<PathBuf>,
+    /// Memory for stars of layers, MiB, for each head.
+    pub star_memory_mb: u32,
     /// The simulated flight computer.
     pub flight_computer: FlightComputer,
     /// History, prediction, time correlation.
@@ -105,6 +109,7 @@ struct MountingKeys {
 #[serde(deny_unknown_fields)]
 struct SkyKeys {
     layers: Option<Vec<String>>,
+    memory_mb: Option<i64>,
 }
 
 impl SkyKeys {
@@ -118,7 +123,19 @@ impl SkyKeys {
         }
         Ok(layers.iter().map(|path| check.document.file_beside(path)).collect())
     }
+
+    fn memory_mb(&self, check: &mut Checker<'_>) -> Result<u32, ConfigError> {
+        if self.layers.is_none() {
+            check.unused("sky.memory_mb", self.memory_mb.is_some(), "a bench with sky.layers")?;
+            return Ok(STAR_MEMORY_MB);
+        }
+        let advice = "memory for the stars of a field and of those that may come, MiB: 18,700 stars each";
+        check.whole("sky.memory_mb", self.memory_mb, Some(STAR_MEMORY_MB), 1..=65_536, advice)
+    }
 }
+
+/// Memory for stars of layers, MiB, when nothing is said: some nine million stars.
+pub const STAR_MEMORY_MB: u32 = 512;
 
 /// Classic CAN carries jitter in pairs of one fixed rate.
 fn check_classic_jitter(link: &Link, computer: &FlightComputer, check: &Checker<'_>) -> Result<(), ConfigError> {
@@ -228,7 +245,9 @@ impl Bench {
         let sensor_from_body = mounting(&keys.mounting, &mut check)?;
         let extra_heads = check_heads("extra_head", &keys.extra_head, HEADS_MAX - 1, &check)?;
         let observer = Observer::check(&keys.observer, &mut check)?;
+        let light_deflection = keys.observer.light_deflection(&mut check);
         let layers = keys.sky.layers(&check)?;
+        let star_memory_mb = keys.sky.memory_mb(&mut check)?;
         let flight_computer = FlightComputer::check(&keys.flight_computer, &mut check)?;
         check_classic_jitter(&link, &flight_computer, &check)?;
         check_both_ends(&link, &extra_links, &flight_computer, &check)?;
@@ -275,7 +294,9 @@ impl Bench {
             sensor_from_body,
             extra_heads,
             observer,
+            light_deflection,
             layers,
+            star_memory_mb,
             flight_computer,
             attitude,
             accuracy,

@@ -50,11 +50,12 @@ mod sink;
 mod spacecraft;
 mod stages;
 mod target;
+mod target_orbit;
 mod timing;
 
 pub use background::{Background, Sky};
 pub use baffle::Baffle;
-pub use bench::Bench;
+pub use bench::{Bench, STAR_MEMORY_MB};
 pub use budget::Budget;
 pub use camera::{Camera, is_camera};
 pub use check::Defaulted;
@@ -67,7 +68,7 @@ pub use expect::Expect;
 pub use flight_computer::{FlightComputer, JitterLineSettings, JitterSource, Slew};
 pub use link::{Carrier, Doors, FlowControl, Link, Parity, SerialPort, Wire};
 pub use mtf::{Chain, LightOfChain};
-pub use observer::Observer;
+pub use observer::{Observer, OrbitStart};
 pub use optics::{Distortion, Optics, Psf};
 pub use radiometry::{Exposure, Radiometry, RadiometryModel};
 pub use scenario::{Scenario, is_scenario};
@@ -76,7 +77,8 @@ pub use setting::Setting;
 pub use sink::{Sink, SinkSettings};
 pub use spacecraft::{Control, Spacecraft};
 pub use stages::{AttitudeSettings, Backend, Render};
-pub use target::{Overlap, TargetLight, TargetSettings};
+pub use target::{Overlap, TargetCourse, TargetLight, TargetSettings};
+pub use target_orbit::OrbitSettings;
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 
 #[cfg(test)]

@@ -23,12 +23,13 @@ use crate::runtime::load::{LoadChange, LoadEstimate};
 use crate::runtime::marks::{FrameMark, FrameMarks};
 use crate::runtime::params::RunParams;
 use crate::runtime::receiver::Receiver;
+use crate::runtime::sky_targets::SkyTargets;
 use crate::runtime::sky_view::SkyView;
-use crate::runtime::truth::{add_tracks, fill_truth};
+use crate::runtime::truth::{add_tracks, fill_targets, fill_truth};
 use crate::sink::{ActiveFaults, FaultFlags, FrameMeta, SentFrame};
-use crate::sky::catalog::Catalog;
+use crate::sky::Sky;
+use crate::sky::tiles::Shortfall;
 use glam::DVec3;
-use std::sync::Arc;
 
 /// One frame's place in time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,6 +56,7 @@ pub struct FrameEngine {
     in_use: usize,
     conditions: Conditions,
     sky: SkyView,
+    sky_targets: SkyTargets,
     light: FieldLight,
     imager: Imager,
     cost: CostModel,
@@ -82,15 +84,15 @@ impl FrameEngine {
     /// # Errors
     /// When the catalog or the observer cannot be had.
     pub fn with_imager(params: RunParams, imager: Imager) -> Result<Self, RunError> {
-        let catalog = Catalog::of(&params.layers, params.camera.limiting_mag)?;
-        Self::with_sky(params, imager, Arc::new(catalog))
+        let sky = params.open_sky()?;
+        Self::with_sky(params, imager, &sky)
     }
 
     /// The same with a sky that is already there: heads of one bench share it.
     ///
     /// # Errors
     /// When the observer cannot be had.
-    pub fn with_sky(params: RunParams, mut imager: Imager, catalog: Arc<Catalog>) -> Result<Self, RunError> {
+    pub fn with_sky(params: RunParams, mut imager: Imager, sky: &Sky) -> Result<Self, RunError> {
         imager.set_frame_period(params.frame_period);
         let camera = &params.camera;
         let mut los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
@@ -98,10 +100,13 @@ impl FrameEngine {
         los.jitter = JitterTrack::with_capacity(attitude.jitter_lines.len(), attitude.jitter_history.capacity);
         let cost = params.cost.unwrap_or(imager.cost());
         let planner = new_planner(&params, &imager, los, None);
-        if params.keeps_brighter && !params.targets.is_empty() {
+        if params.keeps_brighter && params.has_targets() {
             imager.keep_brighter()?;
         }
-        let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure, catalog);
+        let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure, sky)
+            .with_light_deflection(params.light_deflection);
+        let sky_targets =
+            SkyTargets::new(camera, params.observer.clone(), params.first_exposure, params.sky_targets.clone());
         let light = FieldLight::new(camera, params.observer.clone(), params.first_exposure);
         light_pixels(camera, &mut imager)?;
         Ok(Self {
@@ -110,6 +115,7 @@ impl FrameEngine {
             in_use: 0,
             conditions: Conditions::new(),
             sky,
+            sky_targets,
             light,
             imager,
             params,
@@ -179,6 +185,14 @@ impl FrameEngine {
     pub fn follow_load(&mut self) {
         let may_degrade = self.params.degrade && self.imager.may_degrade();
         self.load = may_degrade.then(LoadEstimate::default);
+    }
+
+    /// From here on stars of layers are read ahead by a thread, and those that are late are missing: for the real clock.
+    ///
+    /// # Errors
+    /// When the system has no thread for it.
+    pub fn read_stars_ahead(&mut self) -> Result<(), RunError> {
+        self.sky.read_ahead()
     }
 
     /// The next frame is planned under this load, where it is followed at all: a replay's word instead of a measurement.
@@ -282,7 +296,15 @@ impl FrameEngine {
         let has_stars = self.compose(slot, receiver, ledger)?;
         times.set(Stage::Attitude, watch.lap());
         let los = &self.planner.latest().motion.los;
-        let sources = if has_stars { self.sky.in_view(los)? } else { &[] };
+        let mut shortfall = Shortfall::default();
+        let sources = if has_stars {
+            self.sky.find_in_view(los)?;
+            shortfall = self.sky.shortfall();
+            note_shortfall(ledger, shortfall, slot);
+            self.sky.found()
+        } else {
+            &[]
+        };
         let (background, glare) = self.light.at(los)?;
         self.imager.set_background(self.conditions.dimmed(background));
         if glare.excluded.contains(&true) {
@@ -294,10 +316,19 @@ impl FrameEngine {
         } else {
             sources
         };
+        if has_stars {
+            for _ in 0..self.sky_targets.find_in_view(los)? {
+                note(ledger, EventKind::TargetLost, slot, Span::ZERO);
+            }
+        } else {
+            self.sky_targets.forget();
+        }
+        self.planner.set_targets_on_sky(self.sky_targets.in_view());
         times.set(Stage::Sky, watch.lap());
         let plan = self.planner.plan(sources);
         times.set(Stage::Plan, watch.lap());
-        if !plan.chosen.verdict.is_met() || plan.targets.iter().any(|target| target.is_coarse) {
+        let is_coarse = self.sky_targets.is_coarse() || plan.targets.iter().any(|target| target.is_coarse);
+        if !plan.chosen.verdict.is_met() || is_coarse {
             note(ledger, EventKind::OverBudget, slot, Span::ZERO);
         }
         if plan.rung > Rung::Full {
@@ -313,12 +344,14 @@ impl FrameEngine {
         times.merge(&imaging.by_stage());
         let output = self.params.camera.output();
         fill_truth(plan, &output, &mut frame.truth);
+        fill_targets(plan, self.sky_targets.facts(), &output, &mut frame.targets);
         add_tracks(self.imager.proton_tracks(), &output, &mut frame.truth);
         let (seed, detector) = (self.params.seed, &self.params.camera.detector);
         fill_meta(plan, slot.number, seed, detector, self.imager.name(), &mut frame.meta);
         if let Some(drawn_from_sensor) = &self.params.drawn_from_sensor {
             tell_pointing(&plan.motion.los, &drawn_from_sensor.inverse(), &mut frame.meta);
         }
+        frame.meta.left_out_stars += missing_stars(shortfall);
         frame.meta.overlap_lost_e = self.imager.overlap_lost_e();
         (frame.meta.binning, frame.meta.window_px) = (output.binning, output.first_px);
         frame.meta.attitude_age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);
@@ -400,6 +433,7 @@ fn new_planner(params: &RunParams, imager: &Imager, los: LosPath, psf: Option<Ps
         planner = planner.within_ms(params.drawing_budget_ms(&cost));
     }
     planner.set_targets(params.targets.clone());
+    planner.reserve_targets_on_sky(params.sky_targets.len());
     planner
 }
 
@@ -446,6 +480,20 @@ fn bound_rad(origin: PathOrigin, report: &PathReport, motion: &MotionScale, limi
 
 fn note(ledger: &mut Ledger, kind: EventKind, slot: Slot, span: Span) {
     ledger.note(Event::new(kind, slot.release, Some(slot.number), span));
+}
+
+/// Tells what the field lacks.
+fn note_shortfall(ledger: &mut Ledger, shortfall: Shortfall, slot: Slot) {
+    if shortfall.late_tiles > 0 {
+        note(ledger, EventKind::StarsLate, slot, Span::ZERO);
+    }
+    if shortfall.crowded_out_stars > 0 {
+        note(ledger, EventKind::StarsCrowdedOut, slot, Span::ZERO);
+    }
+}
+
+fn missing_stars(shortfall: Shortfall) -> usize {
+    usize::try_from(shortfall.late_stars + shortfall.crowded_out_stars).unwrap_or(usize::MAX)
 }
 
 /// Name of an attitude's origin in files.

@@ -7,6 +7,7 @@ use crate::render::RenderError;
 use crate::sink::SinkError;
 use crate::sky::ObserverError;
 use crate::sky::catalog::CatalogError;
+use crate::sky::layer::LayerError;
 use std::path::PathBuf;
 
 /// Whatever went wrong at the other end of the cable.
@@ -33,6 +34,9 @@ pub enum RunError {
     /// the catalog could not be read
     #[error("catalog: {0}")]
     Catalog(#[from] CatalogError),
+    /// a layer of stars could not be read
+    #[error("stars: {0}")]
+    Stars(#[from] LayerError),
     /// the observer's orbit could not be computed
     #[error("observer: {0}")]
     Observer(#[from] ObserverError),

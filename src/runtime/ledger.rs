@@ -51,6 +51,10 @@ events! {
     Overloaded = "overloaded",
     /// Drawing takes about as long as predicted again; the span is what the frame took to draw.
     LoadGone = "load_gone",
+    /// Tiles of stars had not been read in time: their stars are missing from the frame.
+    StarsLate = "stars_late",
+    /// The field has more stars than the memory for them: its faintest layers are missing from the frame.
+    StarsCrowdedOut = "stars_crowded_out",
     /// The sink had no free buffer in time.
     SinkBusy = "sink_busy",
     /// A sink was too slow for a frame, or is lost: the frame went past it.
@@ -105,6 +109,8 @@ events! {
     HeartbeatBack = "heartbeat_back",
     /// The boresight was nearer to Sun, Moon or Earth than the baffle's exclusion angle.
     InsideExclusion = "inside_exclusion",
+    /// A target's orbit could not be followed any more: it is missing from here on.
+    TargetLost = "target_lost",
     /// More protons hit the detector in a frame than there is room for: the rest left no track.
     ProtonsLeftOut = "protons_left_out",
     /// A defect was commanded for which the detector's list has no room: it is not there.

@@ -14,6 +14,9 @@ use crate::exposure::cost::CostModel;
 use crate::exposure::{Instrument, MethodChoice, PsfSampling, Shutter, Target};
 use crate::optics::{BackgroundLight, Illumination, PsfModel, StarLight};
 use crate::runtime::imager::BackendChoice;
+use crate::runtime::sky_targets::SkyTarget;
+use crate::sky::Sky;
+use crate::sky::catalog::CatalogError;
 use crate::sky::observer::Observer;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -127,12 +130,18 @@ pub struct RunParams {
     pub attitude: AttitudeParams,
     /// Targets that move over the detector.
     pub targets: Vec<Target>,
+    /// Targets on the sky.
+    pub sky_targets: Vec<SkyTarget>,
     /// Of stars and targets each pixel shows the brighter only; otherwise their photons add.
     pub keeps_brighter: bool,
     /// Where the sensor is.
     pub observer: Observer,
+    /// Whether the Sun bends the stars' light.
+    pub light_deflection: bool,
     /// Layers of stars that are the sky; none: the built-in catalog is.
     pub layers: Vec<PathBuf>,
+    /// Memory for the stars of layers, MiB, for each head.
+    pub star_memory_mb: u32,
     /// Accuracy budget.
     pub budget: AccuracyBudget,
     /// Which backend.
@@ -188,6 +197,14 @@ impl CameraParams {
 }
 
 impl RunParams {
+    /// The stars of the run.
+    ///
+    /// # Errors
+    /// When a layer cannot be read or is damaged, or the layers are no one sky.
+    pub fn open_sky(&self) -> Result<Sky, CatalogError> {
+        Sky::open(&self.layers, self.camera.limiting_mag, self.star_memory_mb)
+    }
+
     /// Time in which a frame must be drawn, ms: its share of the readout time without the detector's own and a margin.
     #[must_use]
     pub fn drawing_budget_ms(&self, cost: &CostModel) -> f64 {
@@ -199,6 +216,12 @@ impl RunParams {
     pub fn drawing_budget_under_ms(&self, cost: &CostModel, load: f64) -> f64 {
         let share_ms = self.camera.readout_s * 1e3 / f64::from(self.heads.max(1));
         (1.0 - TIME_MARGIN) * share_ms / load - self.camera.predicted_readout_ms(cost)
+    }
+
+    /// True when any target may be drawn.
+    #[must_use]
+    pub fn has_targets(&self) -> bool {
+        !self.targets.is_empty() || !self.sky_targets.is_empty()
     }
 
     /// First instant of frame `number`'s exposure.

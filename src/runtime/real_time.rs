@@ -146,6 +146,7 @@ fn start<'a>(
         let mut prototype = SentFrame::with_capacity(width, height, STARS_AT_FIRST, camera.name.clone());
         head.engine.warm_up(&mut prototype)?;
         head.engine.follow_load();
+        head.engine.read_stars_ahead()?;
         warm.push((head, prototype));
     }
     let radio = Radio::start(sources.ports, sources.pulses, setting.clock, setting.hygiene)?;

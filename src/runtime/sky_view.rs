@@ -1,77 +1,262 @@
-//! Catalog, observer and radiometry -> the sources of one exposure. Reuses its buffers.
+//! Stars, observer and radiometry -> the sources of one exposure. Reuses its buffers.
+//!
+//! From a catalog in memory star by star; from layers by the tiles of the field, whose light was computed when they were
+//! read, on all cores. Tests: `tests/physics/frames.rs`, `tests/physics/deep_sky.rs`.
 
-use crate::astrometry::{ApparentSource, apparent_places, cone_margin_rad};
+use crate::astrometry::{ApparentSource, Vantage, apparent_places, cone_margin_rad, years_since};
 use crate::attitude::LosPath;
-use crate::base::time::Tai;
+use crate::base::axes::{Icrf, Rotation, Sensor};
+use crate::base::time::{Span, Tai};
+use crate::base::units::AU_KM;
 use crate::exposure::{Source, SourcePlace};
 use crate::runtime::error::RunError;
+use crate::runtime::field_bounds::FieldBounds;
 use crate::runtime::params::CameraParams;
-use crate::sky::catalog::{Catalog, CatalogSource};
+use crate::sky::Sky;
+use crate::sky::catalog::{Catalog, CatalogSource, chord_squared};
 use crate::sky::observer::{Observer, ObserverTrack};
-use glam::DVec3;
+use crate::sky::tiles::{Light, Shortfall, TileSky, TileStar};
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// The sky as one camera sees it.
 pub struct SkyView {
-    catalog: Arc<Catalog>,
+    stars: Stars,
+    /// What the latest field lacks.
+    shortfall: Shortfall,
+    epoch_yr: f64,
+    fastest_mas_yr: f64,
     observer: ObserverTrack,
+    light_deflection: bool,
     camera: CameraParams,
+    /// From the boresight to the detector's corner, and its margin.
+    field_rad: f64,
+    /// The same in the catalog, at the latest time asked for.
     radius_rad: f64,
-    in_cone: Vec<CatalogSource>,
-    apparent: Vec<ApparentSource>,
+    bounds: FieldBounds,
     sources: Vec<Source>,
+}
+
+enum Stars {
+    Catalog { catalog: Arc<Catalog>, in_cone: Vec<CatalogSource>, apparent: Vec<ApparentSource> },
+    Tiles { tiles: Box<TileSky>, picks: Vec<Pick> },
+}
+
+/// A star of the field: which block, and which of its stars.
+#[derive(Debug, Clone, Copy)]
+struct Pick {
+    block: u32,
+    star: u32,
 }
 
 /// Stars in view for which there is room from the start.
 const STARS_RESERVED: usize = 16_384;
 /// Margin of the cone beyond the detector's corner, px: footprints and motion within the exposure.
 const MARGIN_PX: f64 = 64.0;
+/// Stars one thread takes at a time.
+const CHUNK: usize = 4096;
+/// How far ahead tiles are asked for: a slew that goes on as it is.
+const AHEAD: Span = Span::from_ms(2000);
+/// A place that is written over.
+const NO_SOURCE: Source = Source { id: 0, electrons: 0.0, mag: 0.0, place: SourcePlace::Icrf(DVec3::Z) };
 
 impl SkyView {
-    /// The stars of `catalog` through `camera`.
+    /// The stars of `sky` through `camera`.
     #[must_use]
-    pub fn new(camera: &CameraParams, observer: Observer, at: Tai, catalog: Arc<Catalog>) -> Self {
+    pub fn new(camera: &CameraParams, observer: Observer, at: Tai, sky: &Sky) -> Self {
         let [ifov_x, ifov_y] = camera.geometry.ifov_rad();
-        let margin_rad = cone_margin_rad(&catalog, at) + MARGIN_PX * ifov_x.max(ifov_y);
+        let field_rad = camera.geometry.half_diagonal_rad() + MARGIN_PX * ifov_x.max(ifov_y);
+        let stars = match sky {
+            Sky::Catalog(catalog) => Stars::Catalog {
+                catalog: Arc::clone(catalog),
+                in_cone: Vec::with_capacity(STARS_RESERVED),
+                apparent: Vec::with_capacity(STARS_RESERVED),
+            },
+            Sky::Layers { layers, most_stars } => Stars::Tiles {
+                tiles: Box::new(TileSky::new(Arc::clone(layers), light(camera), *most_stars)),
+                picks: Vec::with_capacity(STARS_RESERVED),
+            },
+        };
         Self {
-            radius_rad: camera.geometry.half_diagonal_rad() + margin_rad,
+            stars,
+            shortfall: Shortfall::default(),
+            epoch_yr: sky.epoch_yr(),
+            fastest_mas_yr: sky.fastest_mas_yr(),
+            field_rad,
+            radius_rad: field_rad,
+            bounds: FieldBounds::new(&camera.geometry),
             observer: ObserverTrack::new(observer, at),
+            light_deflection: true,
             camera: camera.clone(),
-            catalog,
-            in_cone: Vec::with_capacity(STARS_RESERVED),
-            apparent: Vec::with_capacity(STARS_RESERVED),
             sources: Vec::with_capacity(STARS_RESERVED),
         }
+    }
+
+    /// Whether the Sun bends the stars' light: as a rule it does.
+    #[must_use]
+    pub fn with_light_deflection(self, light_deflection: bool) -> Self {
+        Self { light_deflection, ..self }
+    }
+
+    /// From here on tiles of layers are read by a thread, ahead of the camera: stars that have not been read in time are
+    /// missing. For the real clock.
+    ///
+    /// # Errors
+    /// When the system has no thread for it.
+    pub fn read_ahead(&mut self) -> Result<(), RunError> {
+        match &mut self.stars {
+            Stars::Catalog { .. } => Ok(()),
+            Stars::Tiles { tiles, .. } => {
+                tiles.read_ahead().map_err(|source| RunError::Thread { name: "tiles", source })
+            }
+        }
+    }
+
+    /// Takes in what has been read ahead; how many tiles are still to come.
+    ///
+    /// # Errors
+    /// When a tile cannot be read.
+    pub fn settle(&mut self) -> Result<usize, RunError> {
+        match &mut self.stars {
+            Stars::Catalog { .. } => Ok(0),
+            Stars::Tiles { tiles, .. } => Ok(tiles.settle()?),
+        }
+    }
+
+    /// What the latest field lacks.
+    #[must_use]
+    pub fn shortfall(&self) -> Shortfall {
+        self.shortfall
     }
 
     /// Sources in view during an exposure: about its boresight, at mid-exposure, as far as it sweeps.
     ///
     /// # Errors
-    /// When the observer's orbit cannot be computed at that time.
+    /// When the observer's orbit cannot be computed at that time, or a tile cannot be read.
     pub fn in_view(&mut self, los: &LosPath) -> Result<&[Source], RunError> {
-        let boresight = los.mid_sensor_from_icrf.inverse().apply(DVec3::Z);
-        self.sources(boresight, los.rate_rad_s.length() * los.exposure_s, los.mid_exposure())
+        self.find_in_view(los)?;
+        Ok(&self.sources)
+    }
+
+    /// The sources that were found last.
+    #[must_use]
+    pub fn found(&self) -> &[Source] {
+        &self.sources
+    }
+
+    /// As [`Self::in_view`]; they are in [`Self::found`] then.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn find_in_view(&mut self, los: &LosPath) -> Result<(), RunError> {
+        let icrf_from_sensor = los.mid_sensor_from_icrf.inverse();
+        let boresight = icrf_from_sensor.apply(DVec3::Z);
+        let rate_rad_s = los.rate_rad_s.length();
+        let sweep_rad = rate_rad_s * los.exposure_s;
+        self.find(boresight, sweep_rad, Some(&los.mid_sensor_from_icrf), los.mid_exposure())?;
+        if let Stars::Tiles { tiles, .. } = &mut self.stars {
+            // The stretch from here to where a slew at this rate leads.
+            let half = 0.5 * AHEAD.s();
+            let turned = DQuat::from_scaled_axis(icrf_from_sensor.apply(los.rate_rad_s) * half) * boresight;
+            let stretch_rad = boresight.angle_between(turned);
+            tiles.look_ahead(turned, 1.1 * self.radius_rad + stretch_rad);
+        }
+        Ok(())
     }
 
     /// Sources in view around `boresight_icrf` at `at`; `sweep_rad` widens the cone by the motion in the exposure.
     ///
     /// # Errors
-    /// When the observer's orbit cannot be computed at that time.
+    /// When the observer's orbit cannot be computed at that time, or a tile cannot be read.
     pub fn sources(&mut self, boresight_icrf: DVec3, sweep_rad: f64, at: Tai) -> Result<&[Source], RunError> {
-        let state = self.observer.barycentric_state(at)?;
-        self.catalog.cone(boresight_icrf, self.radius_rad + sweep_rad, self.camera.limiting_mag, &mut self.in_cone);
-        apparent_places(&self.in_cone, self.catalog.epoch_yr(), at, &state, &mut self.apparent);
-        let radiometry = &self.camera.radiometry;
-        self.sources.clear();
-        self.sources.extend(self.apparent.iter().map(|star| {
-            let (mag_g, bp_rp) = (f64::from(star.mag_g), f64::from(star.bp_rp));
-            Source {
-                id: star.id,
-                electrons: radiometry.electrons(mag_g, bp_rp, self.camera.exposure_s),
-                mag: radiometry.mag_instrument(mag_g, bp_rp) as f32,
-                place: SourcePlace::Icrf(star.apparent_icrf),
-            }
-        }));
+        self.find(boresight_icrf, sweep_rad, None, at)?;
         Ok(&self.sources)
     }
+
+    /// Of layers only stars that may be seen at `attitude`, where it is known.
+    fn find(
+        &mut self,
+        boresight_icrf: DVec3,
+        sweep_rad: f64,
+        attitude: Option<&Rotation<Sensor, Icrf>>,
+        at: Tai,
+    ) -> Result<(), RunError> {
+        let vantage = Vantage::of(&mut self.observer, at, self.light_deflection)?;
+        self.radius_rad = self.field_rad + cone_margin_rad(self.epoch_yr, self.fastest_mas_yr, at, &vantage);
+        let margin_rad = self.radius_rad - self.camera.geometry.half_diagonal_rad() + sweep_rad;
+        let field = attitude.and_then(|attitude| self.bounds.at(attitude, margin_rad));
+        let radius_rad = self.radius_rad + sweep_rad;
+        let Self { stars, camera, sources, shortfall, epoch_yr, .. } = self;
+        match stars {
+            Stars::Catalog { catalog, in_cone, apparent } => {
+                catalog.cone(boresight_icrf, radius_rad, camera.limiting_mag, in_cone);
+                apparent_places(in_cone, *epoch_yr, at, &vantage, apparent);
+                sources.clear();
+                sources.extend(apparent.iter().map(|star| seen(star, camera)));
+            }
+            Stars::Tiles { tiles, picks } => {
+                let Some(axis) = boresight_icrf.try_normalize() else {
+                    sources.clear();
+                    return Ok(());
+                };
+                *shortfall = tiles.take_field(axis, radius_rad)?;
+                match field {
+                    Some(field) => pick(tiles, |direction| field.may_have(direction), picks),
+                    None => {
+                        let chord2 = chord_squared(radius_rad);
+                        pick(tiles, |direction| direction.distance_squared(axis) <= chord2, picks);
+                    }
+                }
+                let years = years_since(*epoch_yr, at);
+                sources.resize(picks.len(), NO_SOURCE);
+                let chunks = sources.par_chunks_mut(CHUNK).zip(picks.par_chunks(CHUNK));
+                chunks.for_each(|(sources, picks)| {
+                    for (source, pick) in sources.iter_mut().zip(picks) {
+                        let star = &tiles.block(pick.block as usize)[pick.star as usize];
+                        *source = seen_of_tile(star, years, &vantage);
+                    }
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The camera's radiometry, for tiles as they are read.
+fn light(camera: &CameraParams) -> Light {
+    let (radiometry, exposure_s) = (camera.radiometry.clone(), camera.exposure_s);
+    Light::new(move |mag_g, bp_rp| {
+        let (mag_g, bp_rp) = (f64::from(mag_g), f64::from(bp_rp));
+        (radiometry.electrons(mag_g, bp_rp, exposure_s), radiometry.mag_instrument(mag_g, bp_rp) as f32)
+    })
+}
+
+fn seen(star: &ApparentSource, camera: &CameraParams) -> Source {
+    let (mag_g, bp_rp) = (f64::from(star.mag_g), f64::from(star.bp_rp));
+    let radiometry = &camera.radiometry;
+    Source {
+        id: star.id,
+        electrons: radiometry.electrons(mag_g, bp_rp, camera.exposure_s),
+        mag: radiometry.mag_instrument(mag_g, bp_rp) as f32,
+        place: SourcePlace::Icrf(star.apparent_icrf),
+    }
+}
+
+/// Replaces `picks` by the stars of the field's tiles that are wanted, in their order.
+fn pick(tiles: &TileSky, is_wanted: impl Fn(DVec3) -> bool, picks: &mut Vec<Pick>) {
+    picks.clear();
+    for (block, stars) in (0..).zip(tiles.blocks()) {
+        let wanted = (0..).zip(stars).filter(|(_, star)| is_wanted(star.direction_icrf));
+        picks.extend(wanted.map(|(star, _)| Pick { block, star }));
+    }
+}
+
+/// Space motion and parallax in one step (they are below 1e-3 rad: their product is left out), then what the vantage does.
+fn seen_of_tile(star: &TileStar, years: f64, vantage: &Vantage) -> Source {
+    let rate = DVec3::from_array(star.rate_icrf.map(f64::from));
+    let off_au = vantage.observer.position_km / AU_KM;
+    let natural = (star.direction_icrf + rate * years - off_au * f64::from(star.parallax_rad)).normalize();
+    let place = SourcePlace::Icrf(vantage.apparent(natural));
+    Source { id: star.id, electrons: star.electrons, mag: star.mag, place }
 }

@@ -3,10 +3,12 @@
 use crate::base::axes::{Icrf, Rotation, Sensor};
 use crate::detector::protons::ProtonTrack;
 use crate::detector::window::OutputGeometry;
-use crate::exposure::ExposurePlan;
 use crate::exposure::target::{FIRST_FALSE_STAR_ID, FIRST_TARGET_ID, FIRST_TRACK_ID, Smear};
+use crate::exposure::target_plan::{seen_after_mid_s, seen_by_row};
 use crate::exposure::track::StarPlace;
-use crate::sink::{TruthKind, TruthStar};
+use crate::exposure::{ExposurePlan, PlannedTarget};
+use crate::runtime::sky_targets::TargetFacts;
+use crate::sink::{TargetRow, TruthKind, TruthStar};
 use crate::sky::catalog::ra_dec_rad;
 
 /// Stars this far outside a window may still shine into it, sensor pixels.
@@ -50,6 +52,34 @@ pub fn fill_truth(plan: &ExposurePlan, output: &OutputGeometry, out: &mut Vec<Tr
             smear_px: length_px / f64::from(output.binning),
             smear_deg: angle_rad.to_degrees(),
             ..row_at(&planned.place, &icrf_from_sensor)
+        })
+    }));
+}
+
+/// Writes one row per target on the sky that is in the plan; `facts` tells of them and others.
+pub fn fill_targets(plan: &ExposurePlan, facts: &[TargetFacts], output: &OutputGeometry, out: &mut Vec<TargetRow>) {
+    out.clear();
+    let of = |planned: &PlannedTarget| facts.iter().find(|facts| facts.id == planned.target.id);
+    out.extend(plan.targets.iter().filter_map(|planned| {
+        let facts = of(planned)?;
+        let ends = seen_after_mid_s(&planned.target, &plan.motion, 0.0)?;
+        let [begin_px, end_px] = ends.map(|t_s| {
+            let px = seen_by_row(&planned.target, plan, t_s);
+            px.map_or([f64::NAN; 2], |px| output.output_from_sensor(px))
+        });
+        let [ra_rad, dec_rad] = ra_dec_rad(facts.apparent_icrf);
+        Some(TargetRow {
+            id: facts.id,
+            ra_deg: ra_rad.to_degrees(),
+            dec_deg: dec_rad.to_degrees(),
+            begin_px,
+            end_px,
+            range_km: facts.range_km,
+            range_rate_km_s: facts.range_rate_km_s,
+            rate_deg_s: facts.rate_rad_s.to_degrees(),
+            phase_deg: facts.phase_rad.to_degrees(),
+            sunlight: facts.sunlight,
+            mag_g: facts.mag_g,
         })
     }));
 }

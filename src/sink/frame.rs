@@ -4,7 +4,11 @@ use crate::base::image::DnImage;
 use crate::base::time::{Span, Tai};
 use crate::sink::active_fault::ActiveFaults;
 use crate::sink::faults::FaultFlags;
+use crate::sink::target_table::TargetRow;
 use std::sync::Arc;
+
+/// Targets on the sky for which there is room from the start.
+const TARGETS_RESERVED: usize = 64;
 
 /// A finished frame. Its buffers are made once and travel between the frame thread and the sink thread.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,6 +17,8 @@ pub struct SentFrame {
     pub image: DnImage,
     /// The stars in the image; empty when the frame is blank.
     pub truth: Vec<TruthStar>,
+    /// The targets on the sky in the image.
+    pub targets: Vec<TargetRow>,
     /// Everything else that is known about the frame.
     pub meta: FrameMeta,
 }
@@ -24,6 +30,7 @@ impl SentFrame {
         Self {
             image: DnImage::new(width, height),
             truth: Vec::with_capacity(max_stars),
+            targets: Vec::with_capacity(TARGETS_RESERVED),
             meta: FrameMeta::empty(camera),
         }
     }
@@ -46,6 +53,7 @@ impl SentFrame {
             self.image.clone_from(&from.image);
         }
         self.truth.clone_from(&from.truth);
+        self.targets.clone_from(&from.targets);
         self.meta.clone_from(&from.meta);
     }
 }

@@ -1,6 +1,8 @@
 //! What can be wrong with an observer.
 
 use crate::base::time::Tai;
+use crate::sky::ephemeris::TableError;
+use crate::sky::orbit::CentralBody;
 
 /// Why an observer's orbit was refused or could not be followed.
 #[derive(Debug, thiserror::Error)]
@@ -35,6 +37,39 @@ pub enum ObserverError {
         /// SGP4's reason.
         why: String,
     },
+    /// An orbit mean-elements message is no JSON.
+    #[error("orbit mean-elements message, line {line}, column {column}: {why}")]
+    OmmText {
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What the reader of JSON says.
+        why: String,
+    },
+    /// An orbit mean-elements message lacks the object, or the object a key, or a value is none that an orbit has.
+    #[error("orbit mean-elements message: {why}")]
+    Omm {
+        /// What is wrong, what was wanted and got.
+        why: String,
+    },
+    /// A file of two-line elements has not the object that was asked for.
+    #[error(
+        "two-line elements: wanted {}, got none among {objects}",
+        .norad_id.map_or_else(|| "an object".into(), |id| format!("the object with number {id}"))
+    )]
+    NoSuchObject {
+        /// Catalog number asked for; `None`: any.
+        norad_id: Option<u64>,
+        /// Objects in the file.
+        objects: usize,
+    },
+    /// A file of two-line elements has several objects, and none was asked for.
+    #[error("two-line elements: got {objects} objects, wanted one, or the norad_id of one of them")]
+    WhichObject {
+        /// Objects in the file.
+        objects: usize,
+    },
     /// SGP4 gave up at this time, usually because the object has decayed.
     #[error(
         "SGP4 has no position at {at} ({days_from_epoch:.1} days from the elements' epoch): {why}; try newer elements"
@@ -57,7 +92,34 @@ pub enum ObserverError {
         /// Value given.
         got: f64,
     },
+    /// A parameter of a two-body orbit is out of range.
+    #[error("two-body orbit: {parameter} wanted {wanted}, got {got}")]
+    TwoBody {
+        /// Name of the parameter, with its unit.
+        parameter: &'static str,
+        /// Accepted range.
+        wanted: &'static str,
+        /// Value given.
+        got: f64,
+    },
+    /// The orbit has come down.
+    #[error(
+        "the orbit about {about} is {distance_km:.1} km from its centre at {at}: wanted {surface_km} km or more; check epoch and units"
+    )]
+    BelowSurface {
+        /// The body it is about.
+        about: CentralBody,
+        /// The time asked for.
+        at: Tai,
+        /// Distance from the body's centre.
+        distance_km: f64,
+        /// Radius of the body.
+        surface_km: f64,
+    },
     /// Sun, Moon and Earth are seen from an orbit or from the geocentre.
     #[error("Sun, Moon and Earth: wanted an observer near the Earth, got one at rest at the barycentre")]
     NoBodies,
+    /// The ephemeris that is part of the program is not what was put there.
+    #[error("{0}")]
+    Ephemeris(#[from] &'static TableError),
 }

@@ -13,7 +13,7 @@
 use core::f64::consts::PI;
 use glam::DVec3;
 use starloop::astrometry::{ApparentSource, BrownConrady, CameraGeometry, CameraParameters};
-use starloop::astrometry::{apparent_places, cone_margin_rad};
+use starloop::astrometry::{Vantage, apparent_places, cone_margin_rad};
 use starloop::base::axes::sensor_from_ra_dec_roll;
 use starloop::base::time::Tai;
 use starloop::sky::catalog::Catalog;
@@ -242,11 +242,11 @@ pub(crate) fn project(direction: [f64; 3], pointing: &Pointing) -> Option<[f64; 
 /// The apparent sources of the production path within 40 degrees of an axis.
 fn production(axis: [f64; 3], at: Tai) -> Vec<ApparentSource> {
     let catalog = Catalog::built_in().expect("the built-in catalog");
-    let state = Observer::Geocentre.barycentric_state(at).expect("no orbit, no error");
+    let vantage = Vantage::from(Observer::Geocentre.barycentric_state(at).expect("no orbit, no error"));
     let (mut sources, mut out) = (Vec::new(), Vec::new());
-    let radius_rad = 40.0 * DEG + cone_margin_rad(&catalog, at);
+    let radius_rad = 40.0 * DEG + cone_margin_rad(catalog.epoch_yr(), catalog.fastest_mas_yr(), at, &vantage);
     catalog.cone(DVec3::from_array(axis), radius_rad, LIMITING_MAG, &mut sources);
-    apparent_places(&sources, catalog.epoch_yr(), at, &state, &mut out);
+    apparent_places(&sources, catalog.epoch_yr(), at, &vantage, &mut out);
     out
 }
 

@@ -16,9 +16,8 @@ use starloop::optics::{BackgroundLight, Illumination, PsfModel, Radiometry};
 use starloop::runtime::params::CameraParams;
 use starloop::runtime::sky_view::SkyView;
 use starloop::runtime::{BackendChoice, Imager};
-use starloop::sky::catalog::Catalog;
+use starloop::sky::Sky;
 use starloop::sky::observer::Observer;
-use std::sync::Arc;
 
 /// What the project promises for a 20 degree tracker, px (71 arcsec each).
 const PLACE_PX: f64 = 0.02;
@@ -99,7 +98,7 @@ fn draw(ra_dec_roll_deg: [f64; 3], backend: BackendChoice) -> Frame {
     let instrument: Instrument = camera.instrument();
     let mut imager = Imager::new(backend, camera.detector, [SIZE, SIZE], 3).unwrap();
     let mut planner = Planner::new(instrument, AccuracyBudget::default(), imager.cost(), MethodChoice::Auto, los);
-    let mut sky = SkyView::new(&camera, Observer::Geocentre, at, Arc::new(Catalog::built_in().unwrap()));
+    let mut sky = SkyView::new(&camera, Observer::Geocentre, at, &Sky::open(&[], 8.5, 1).unwrap());
     let boresight = attitude.inverse().apply(glam::DVec3::Z);
     let plan = planner.plan(sky.sources(boresight, 0.0, at).unwrap());
     let mut dn = DnImage::new(SIZE, SIZE);

@@ -3,12 +3,14 @@
 
 mod analytic_motion;
 mod apparent_places;
+mod apparent_vectors;
 mod attitude_methods;
 mod bounds;
 mod bus_jitter;
 mod bus_jitter_frames;
 mod chart;
 mod dark_current;
+mod deep_sky;
 mod detector_spatial;
 mod display_calibration;
 mod fidelity;

@@ -11,7 +11,9 @@ use starloop::base::time::{Span, Tai};
 use starloop::detector::window::OutputGeometry;
 use starloop::exposure::planner::Planner;
 use starloop::exposure::target::FIRST_TARGET_ID;
-use starloop::exposure::{ExposurePlan, PixelPath, PixelPoint, PlannedStar, Shutter, Target, TargetCurve, TargetPath};
+use starloop::exposure::{
+    ExposurePlan, PixelPath, PixelPoint, PlannedStar, Shutter, Target, TargetCurve, TargetPath, TargetWay,
+};
 use starloop::optics::PsfModel;
 use starloop::runtime::truth::fill_truth;
 use starloop::sink::TruthKind;
@@ -29,7 +31,7 @@ const EXACT: f64 = 1e-9;
 fn target(path: TargetPath) -> Target {
     let e_per_s = LIGHT_E / EXPOSURE_S;
     let (begin, end) = (Tai::from_ns(0) - Span::from_s(1.0), Tai::from_ns(0) + Span::from_s(1.0));
-    Target { id: FIRST_TARGET_ID, mag: f32::NAN, e_per_s, begin, end, path }
+    Target { id: FIRST_TARGET_ID, mag: f32::NAN, e_per_s, begin, end, way: TargetWay::Script(path), light: None }
 }
 
 /// A path that stands at `px` with this velocity at mid-exposure, `1 + EXPOSURE_S / 2` after it begins.

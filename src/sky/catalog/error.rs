@@ -92,58 +92,6 @@ pub enum CatalogError {
     /// A layer on disk.
     #[error(transparent)]
     Layer(#[from] LayerError),
-    /// Layers of one sky whose positions are of different times.
-    #[error("{path}: epoch wanted J{wanted} as of the layers before, got J{got}; import them with one --epoch", path = path.display())]
-    Epochs {
-        /// The layer.
-        path: PathBuf,
-        /// Of the first layer.
-        wanted: f64,
-        /// Of this one.
-        got: f64,
-    },
-    /// Two layers that do not join: stars would come twice, or be missing.
-    #[error(
-        "{path}: begins at G = {from}, and the layer before it ends at {below}: wanted layers of one import, each where the one \
-         before ends",
-        path = path.display()
-    )]
-    Joint {
-        /// The fainter layer.
-        path: PathBuf,
-        /// End of the one before.
-        below: f32,
-        /// Its begin.
-        from: f32,
-    },
-    /// No layer has stars as bright as the camera sees.
-    #[error(
-        "{path}: the brightest layer begins at G = {from}, and the camera sees stars to {limiting_mag}: wanted the brighter \
-         layers too",
-        path = path.display()
-    )]
-    NoneSoBright {
-        /// The brightest layer.
-        path: PathBuf,
-        /// Its begin.
-        from: f32,
-        /// The camera's limit.
-        limiting_mag: f32,
-    },
-    /// Too many stars for memory.
-    #[error(
-        "{path}: more than {most} stars to G = {limiting_mag} in memory; lower the camera's radiometry.limiting_mag, or \
-         name fewer layers",
-        path = path.display()
-    )]
-    Memory {
-        /// The layer that did not fit any more.
-        path: PathBuf,
-        /// Down to which stars were read.
-        limiting_mag: f32,
-        /// The limit.
-        most: u64,
-    },
     /// More stars or text than the format's 32-bit counts hold.
     #[error("catalog: {count} {what}, wanted at most {most}")]
     TooMany {

@@ -2,7 +2,6 @@
 //!
 //! * [`pack()`] writes the format, once, by `starloop catalog pack`;
 //! * [`Catalog::from_bytes`] checks and decodes it, once, at start-up (about 15 ms for 106 000 stars);
-//! * [`Catalog::of`] reads it from layers on disk instead, down to a magnitude;
 //! * [`Catalog::cone`] copies the sources of a cone into the caller's buffer, without allocating once it has grown.
 //!
 //! Positions are ICRS at the catalog's epoch; [`crate::astrometry`] moves them to the time of observation. Decoded
@@ -13,14 +12,12 @@
 mod cone;
 mod error;
 mod layout;
-mod of_layers;
 mod open;
 mod pack;
 
 pub use cone::chord_squared;
 pub use error::CatalogError;
 pub use layout::{BANDS, DEFAULT_CREDITS};
-pub use of_layers::MOST_IN_MEMORY;
 pub use open::Catalog;
 pub use pack::{PackReport, pack};
 

@@ -336,6 +336,7 @@ pub(in crate::sky) struct LayerWriter {
     order: u8,
     stars: u64,
     doubled: u64,
+    fastest_mas_yr: f64,
     /// First star of each tile up to the one being written.
     firsts: Vec<u64>,
     crcs: Vec<u32>,
@@ -348,8 +349,17 @@ impl LayerWriter {
         let head_bytes = head_bytes(order, credits.len());
         file.seek(SeekFrom::Start(head_bytes)).map_err(LayerError::file("cannot write", &unfinished))?;
         let (firsts, crcs) = (Vec::with_capacity(tiles_of(order) + 1), Vec::with_capacity(tiles_of(order)));
-        let out = BufWriter::with_capacity(1 << 20, file);
-        Ok(Self { path: path.into(), unfinished, out, order, stars: 0, doubled: 0, firsts, crcs })
+        Ok(Self {
+            path: path.into(),
+            unfinished,
+            out: BufWriter::with_capacity(1 << 20, file),
+            order,
+            stars: 0,
+            doubled: 0,
+            fastest_mas_yr: 0.0,
+            firsts,
+            crcs,
+        })
     }
 
     /// Appends the stars of one part of the sky, which come after those before.
@@ -377,6 +387,7 @@ impl LayerWriter {
         self.firsts.push(self.stars);
         let mut crc = crc32fast::Hasher::new();
         for record in records {
+            self.fastest_mas_yr = self.fastest_mas_yr.max(record.speed_mas_yr());
             let record = record.to_bytes();
             crc.update(&record);
             self.out.write_all(&record).map_err(LayerError::file("cannot write", &self.unfinished))?;
@@ -406,6 +417,8 @@ impl LayerWriter {
             magnitudes: head.magnitudes,
             credits_bytes: u32::try_from(head.credits.len()).unwrap_or(u32::MAX),
             crc32: 0,
+            // Never below it, whatever the rounding.
+            fastest_mas_yr: (self.fastest_mas_yr as f32).next_up(),
         };
         let mut bytes = header.to_bytes().to_vec();
         bytes.extend(self.firsts.iter().flat_map(|first| first.to_le_bytes()));

@@ -101,6 +101,47 @@ pub enum LayerError {
         /// What is wrong.
         why: String,
     },
+    /// Layers of one sky whose positions are of different times.
+    #[error("{path}: epoch wanted J{wanted} as of the layers before, got J{got}; import them with one --epoch", path = path.display())]
+    Epochs {
+        /// The layer.
+        path: PathBuf,
+        /// Of the first layer.
+        wanted: f64,
+        /// Of this one.
+        got: f64,
+    },
+    /// Two layers that do not join: stars would come twice, or be missing.
+    #[error(
+        "{path}: begins at G = {from}, and the layer before it ends at {below}: wanted layers of one import, each where the one \
+         before ends",
+        path = path.display()
+    )]
+    Joint {
+        /// The fainter layer.
+        path: PathBuf,
+        /// End of the one before.
+        below: f32,
+        /// Its begin.
+        from: f32,
+    },
+    /// No layer has stars as bright as the camera sees.
+    #[error(
+        "{path}: the brightest layer begins at G = {from}, and the camera sees stars to {limiting_mag}: wanted the brighter \
+         layers too",
+        path = path.display()
+    )]
+    NoneSoBright {
+        /// The brightest layer.
+        path: PathBuf,
+        /// Its begin.
+        from: f32,
+        /// The camera's limit.
+        limiting_mag: f32,
+    },
+    /// A sky of no layers.
+    #[error("no layer was named: wanted at least one file as `starloop catalog import` writes them")]
+    NoLayer,
 }
 
 impl LayerError {

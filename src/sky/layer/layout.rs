@@ -10,7 +10,8 @@
 //! | 32..40 | f32 x 2: magnitudes from, and below, which the layer was asked to hold |
 //! | 40..44 | u32 bytes of credits |
 //! | 44..48 | u32 CRC-32 of everything before the records, this field taken as zero |
-//! | 48..64 | zero |
+//! | 48..52 | f32 fastest proper motion, mas/yr |
+//! | 52..64 | zero |
 //! | then | u64 x (tiles + 1): first star of each tile, and the number of stars |
 //! | then | u32 per tile: CRC-32 of its records |
 //! | then | UTF-8 credits |
@@ -27,7 +28,7 @@ use glam::DVec3;
 /// First bytes of a layer.
 pub(super) const MAGIC: [u8; 8] = *b"STARLAY1";
 /// Format version read and written.
-pub(super) const VERSION: u32 = 1;
+pub(super) const VERSION: u32 = 2;
 /// Bytes of the header.
 pub(super) const HEADER_BYTES: usize = 64;
 /// Where the checksum stands.
@@ -91,6 +92,7 @@ pub(super) struct Header {
     pub(super) magnitudes: [f32; 2],
     pub(super) credits_bytes: u32,
     pub(super) crc32: u32,
+    pub(super) fastest_mas_yr: f32,
 }
 
 impl Header {
@@ -105,6 +107,7 @@ impl Header {
         bytes[36..40].copy_from_slice(&self.magnitudes[1].to_le_bytes());
         bytes[40..44].copy_from_slice(&self.credits_bytes.to_le_bytes());
         bytes[CRC_AT..CRC_AT + 4].copy_from_slice(&self.crc32.to_le_bytes());
+        bytes[48..52].copy_from_slice(&self.fastest_mas_yr.to_le_bytes());
         bytes
     }
 
@@ -118,6 +121,7 @@ impl Header {
             magnitudes: [f32::from_bits(u32_at(bytes, 32)), f32::from_bits(u32_at(bytes, 36))],
             credits_bytes: u32_at(bytes, 40),
             crc32: u32_at(bytes, CRC_AT),
+            fastest_mas_yr: f32::from_bits(u32_at(bytes, 48)),
         }
     }
 }
@@ -159,6 +163,14 @@ impl StarRecord {
             motion: [i16_at(10), i16_at(12)],
             parallax: u16::from_le_bytes([b[14], b[15]]),
         }
+    }
+}
+
+impl StarRecord {
+    /// Total proper motion, mas/yr; 0 when it is unknown.
+    pub(super) fn speed_mas_yr(&self) -> f64 {
+        let [east, north] = self.motion.map(motion_mas_yr);
+        if self.motion.contains(&NO_MOTION) { 0.0 } else { east.hypot(north) }
     }
 }
 
@@ -242,13 +254,14 @@ mod tests {
     #[test]
     fn header_and_record_round_trip() {
         let header = Header {
-            version: 1,
+            version: VERSION,
             order: 8,
             stars: 1 << 40,
             epoch_yr: 2016.0,
             magnitudes: [10.0, 14.0],
             credits_bytes: 9,
             crc32: 0xDEAD_BEEF,
+            fastest_mas_yr: 10_393.0,
         };
         assert_eq!(Header::from_bytes(&header.to_bytes()), header);
         let star = StarRecord { place: [1, 0x00FE_DCBA], g: 9000, bp_rp: -300, motion: [-7, 28_005], parallax: 12 };

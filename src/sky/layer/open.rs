@@ -4,15 +4,16 @@
 //! program (SIGBUS), one that is read gives an error, and both come from the same page cache.
 
 use super::build::head_bytes;
+use super::cover::cells_of_cone;
 use super::error::LayerError;
 use super::layout::{
     HEADER_BYTES, Header, LEAST_ORDER, MAG_STEP, MAG_ZERO, MAGIC, MOST_ORDER, NO_COLOUR, NO_MOTION, NO_PARALLAX,
     PARALLAX_STEP_MAS, RECORD_BYTES, StarRecord, TileFrame, VERSION, head_crc32, motion_mas_yr, tiles_of, u32_at,
     u64_at,
 };
-use crate::base::units::{DEG, MAS};
-use crate::sky::catalog::{CatalogSource, ProperMotion, chord_squared, ra_dec_rad};
-use core::f64::consts::FRAC_PI_2;
+use super::set::ROUNDING_RAD;
+use crate::base::units::DEG;
+use crate::sky::catalog::{CatalogSource, ProperMotion, chord_squared};
 use core::ops::Range;
 use glam::DVec3;
 use std::fs::File;
@@ -20,9 +21,6 @@ use std::path::{Path, PathBuf};
 
 /// Colour of stars whose colour is unknown, mag: what most Gaia stars have.
 pub const UNKNOWN_BP_RP_MAG: f32 = 0.9;
-/// Added to a cone: stars at a cell's edge may be stored half a step beyond it, rad.
-const ROUNDING_RAD: f64 = MAS;
-
 /// Whether a file begins as a layer does. A file that cannot be read does not.
 #[must_use]
 pub fn is_layer(path: &Path) -> bool {
@@ -141,19 +139,27 @@ impl Layer {
         self.firsts.windows(2).map(|pair| pair[1] - pair[0])
     }
 
-    /// Replaces `tiles` by the tiles that may have stars within `radius_rad` of `axis` (a unit vector); from a quarter
-    /// turn on by all that have stars.
+    /// No star is faster, mas/yr.
+    #[must_use]
+    pub fn fastest_mas_yr(&self) -> f64 {
+        f64::from(self.header.fastest_mas_yr)
+    }
+
+    /// Stars of one tile.
+    #[must_use]
+    pub fn stars_of_tile(&self, tile: u64) -> u64 {
+        let places = self.places(tile);
+        places.end - places.start
+    }
+
+    /// Replaces `tiles` by the tiles that may have stars within `radius_rad` of `axis` (a unit vector).
     pub fn tiles_of_cone(&self, axis: DVec3, radius_rad: f64, tiles: &mut Vec<u64>) {
         tiles.clear();
-        let has_stars = |tile: &u64| !self.places(*tile).is_empty();
-        if radius_rad >= FRAC_PI_2 {
-            // cdshealpix 0.10 leaves cells out of cones wider than some 145 degrees: 14 % of them at 179.
-            tiles.extend((0..tiles_of(self.order) as u64).filter(has_stars));
-        } else if radius_rad >= 0.0 {
-            let [ra, dec] = ra_dec_rad(axis);
-            let covered = cdshealpix::nested::cone_coverage_approx(self.order, ra, dec, radius_rad + ROUNDING_RAD);
-            tiles.extend(covered.flat_iter().filter(has_stars));
-        }
+        cells_of_cone(self.order, axis, radius_rad + ROUNDING_RAD, |tile| {
+            if self.stars_of_tile(tile) > 0 {
+                tiles.push(tile);
+            }
+        });
     }
 
     /// Places of a tile's stars in the layer.

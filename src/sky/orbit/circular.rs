@@ -7,11 +7,10 @@ use crate::base::time::Tai;
 use crate::base::units::DEG;
 use crate::sky::ObserverError;
 use crate::sky::observer::BarycentricState;
+use crate::sky::orbit::EARTH_GM_KM3_S2;
 use core::f64::consts::TAU;
 use glam::DVec3;
 
-/// Geocentric gravitational constant, km^3/s^2 (EGM2008 and IERS Conventions 2010, table 1.1, rounded to TT/SI).
-const EARTH_GM_KM3_S2: f64 = 398_600.441_8;
 /// Equatorial radius of the Earth, km (WGS 84).
 const EARTH_RADIUS_KM: f64 = 6_378.137;
 /// Highest orbit accepted, km: beyond it the Moon rules.

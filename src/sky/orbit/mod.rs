@@ -4,11 +4,16 @@
 //! 0.7 mas, so elements some days old (errors of km and m/s) are good enough. Stellar parallax from the orbit itself
 //! is below 0.1 mas.
 
+mod centre;
 mod circular;
+mod nutation;
+mod omm;
 mod precession;
-
 mod tle;
+mod two_body;
 
+pub use centre::CentralBody;
 pub use circular::CircularOrbit;
 pub(in crate::sky) use precession::icrf_from_mean_of_date;
 pub use tle::TleOrbit;
+pub use two_body::{EARTH_GM_KM3_S2, KeplerElements, MOON_GM_KM3_S2, SUN_GM_KM3_S2, TwoBodyOrbit};

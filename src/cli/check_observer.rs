@@ -1,0 +1,81 @@
+//! Where the observer is at the first exposure, how fast, and what that does to the stars.
+
+use crate::astrometry::{PROVEN_YEARS, Vantage};
+use crate::base::time::{Span, Tai};
+use crate::base::units::{ARCSEC, DAY_S, SPEED_OF_LIGHT_KM_S};
+use crate::runtime::RunParams;
+use crate::sky::observer::{Observer, ObserverTrack};
+use anyhow::Result;
+use core::fmt::Write;
+
+/// Place, speed, size of the aberration; a warning outside the years for which places are proven.
+pub(super) fn write_observer(text: &mut String, params: &RunParams) -> Result<()> {
+    let at = params.first_exposure;
+    let mut track = ObserverTrack::new(params.observer.clone(), at);
+    let vantage = Vantage::of(&mut track, at, params.light_deflection)?;
+    let speed_km_s = vantage.observer.velocity_km_s.length();
+    let aberration_arcsec = speed_km_s / SPEED_OF_LIGHT_KM_S / ARCSEC;
+    let bent = if vantage.heliocentric_km.is_some() { "bent by the Sun" } else { "not bent" };
+    writeln!(
+        text,
+        "  observer     {}; {speed_km_s:.3} km/s about the barycentre: aberration up to {aberration_arcsec:.2} arcsec; \
+         light is {bent}",
+        place(&params.observer, at)?
+    )?;
+    let last = at + Span::from_s(params.frame_period.s() * f64::from(params.frames));
+    if [at, last].into_iter().any(|at| !is_proven(at)) {
+        let [first_yr, last_yr] = PROVEN_YEARS;
+        writeln!(
+            text,
+            "  WARNING      apparent places are proven to 1 mas from {first_yr} to {last_yr}: outside those years the \
+             Earth's motion is a theory's alone"
+        )?;
+    }
+    Ok(())
+}
+
+fn is_proven(at: Tai) -> bool {
+    (PROVEN_YEARS[0]..=PROVEN_YEARS[1]).contains(&(2000.0 + at.years_since_j2000()))
+}
+
+fn place(observer: &Observer, at: Tai) -> Result<String> {
+    let Some(about) = observer.about() else { return Ok("at rest at the barycentre".into()) };
+    let state = observer.relative_state(at)?;
+    let days_old = match observer {
+        Observer::Geocentre => return Ok("at the centre of the Earth".into()),
+        Observer::Tle(orbit) => format!(", elements {:.1} days old", orbit.days_from_epoch(at)),
+        Observer::TwoBody { orbit, .. } => format!(", state {:.1} days old", (at - orbit.epoch()).s() / DAY_S),
+        Observer::Circular(_) | Observer::Barycentre => String::new(),
+    };
+    let (distance_km, speed_km_s) = (state.position_km.length(), state.velocity_km_s.length());
+    Ok(format!("{distance_km:.0} km from the centre of {about}, {speed_km_s:.3} km/s{days_old}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::time::Tai;
+
+    #[test]
+    fn years_are_told_on_both_sides() {
+        let at = |text: &str| Tai::from_rfc3339(text).unwrap();
+        for (text, proven) in [
+            ("1990-12-30T00:00:00Z", false),
+            ("1991-01-02T00:00:00Z", true),
+            ("2050-12-30T00:00:00Z", true),
+            ("2051-01-02T00:00:00Z", false),
+        ] {
+            assert_eq!(is_proven(at(text)), proven, "{text}");
+        }
+    }
+
+    #[test]
+    fn places_are_told() {
+        let at = Tai::from_rfc3339("2026-03-01T00:00:00Z").unwrap();
+        assert_eq!(place(&Observer::Barycentre, at).unwrap(), "at rest at the barycentre");
+        assert_eq!(place(&Observer::Geocentre, at).unwrap(), "at the centre of the Earth");
+        let orbit = crate::sky::orbit::CircularOrbit::new(500.0, 97.4, 30.0, 10.0, at).unwrap();
+        let told = place(&Observer::Circular(orbit), at).unwrap();
+        assert_eq!(told, "6878 km from the centre of the Earth, 7.613 km/s");
+    }
+}

@@ -1,0 +1,90 @@
+//! `[observer]` about Earth, Moon or Sun: what it means, what is refused.
+
+use super::*;
+use crate::config::document::Document;
+use std::path::Path;
+
+#[derive(Debug, Deserialize)]
+struct OnlyObserver {
+    observer: ObserverKeys,
+}
+
+/// The observer of a file with only this section, whether light is bent, and the keys that nobody gave.
+fn observer(lines: &str) -> Result<(Observer, bool, Vec<String>), ConfigError> {
+    let document = Document::from_text(&format!("[observer]\n{lines}\n"), Path::new("lab/bench.toml"));
+    let keys: OnlyObserver = document.read_as()?;
+    let mut check = Checker::new(&document);
+    let observer = Observer::check(&keys.observer, &mut check)?;
+    let bent = keys.observer.light_deflection(&mut check);
+    Ok((observer, bent, check.defaulted.into_iter().map(|default| default.key).collect()))
+}
+
+#[test]
+fn a_state_becomes_what_it_says() {
+    let (got, bent, defaulted) = observer(
+        "kind = \"two_body\"\nabout = \"moon\"\nepoch = \"2026-03-01T12:00:00Z\"\nposition_km = [5000, -200, 70000]\n\
+         velocity_km_s = [0.01, 0.08, -0.02]\nlight_deflection = false",
+    )
+    .expect("a state");
+    let epoch = Some(Tai::from_rfc3339("2026-03-01T12:00:00Z").expect("valid"));
+    let start = OrbitStart::State { position_km: [5000.0, -200.0, 70_000.0], velocity_km_s: [0.01, 0.08, -0.02] };
+    assert_eq!(got, Observer::TwoBody { about: CentralBody::Moon, epoch, start });
+    assert!(!bent && defaulted.is_empty(), "{defaulted:?}");
+}
+
+#[test]
+fn elements_become_radians_and_their_defaults_are_told() {
+    let (got, bent, defaulted) =
+        observer("kind = \"two_body\"\nsemi_major_axis_km = 7000\nraan_deg = 180").expect("enough");
+    let Observer::TwoBody { about: CentralBody::Earth, epoch: None, start: OrbitStart::Elements(elements) } = got
+    else {
+        unreachable!("about the Earth, from the start: {got:?}")
+    };
+    assert_eq!((elements.semi_major_axis_km, elements.eccentricity, elements.mean_anomaly_rad), (7000.0, 0.0, 0.0));
+    assert!((elements.raan_rad - core::f64::consts::PI).abs() < 1e-15);
+    assert!(bent, "as a rule");
+    for key in ["about", "epoch", "inclination_deg", "eccentricity", "mean_anomaly_deg", "light_deflection"] {
+        assert!(defaulted.iter().any(|told| *told == format!("observer.{key}")), "{key} is not among {defaulted:?}");
+    }
+}
+
+#[test]
+fn each_rule_has_a_failing_example() {
+    let two_body = |rest: &str| format!("kind = \"two_body\"\n{rest}");
+    let state = "position_km = [7000, 0, 0]\nvelocity_km_s = [0, 7.5, 0]\n";
+    for (lines, key, parts) in [
+        (two_body(""), "observer.semi_major_axis_km", ["missing", "position_km"]),
+        (two_body("about = \"mars\""), "observer.about", ["\"earth\", \"moon\", \"sun\"", "bench.toml:3"]),
+        (two_body("epoch = \"noon\"\nsemi_major_axis_km = 7000"), "observer.epoch", ["RFC 3339", "\"start\""]),
+        (two_body("position_km = [7000, 0, 0]"), "observer.velocity_km_s", ["missing", "go together"]),
+        (two_body("velocity_km_s = [0, 7, 0]"), "observer.position_km", ["missing", "go together"]),
+        (two_body("position_km = [inf, 0, 0]\nvelocity_km_s = [0, 7, 0]"), "observer.position_km", ["inf", "finite"]),
+        (two_body(&format!("{state}eccentricity = 0.1")), "observer.eccentricity", ["by elements", "leave out"]),
+        (two_body(&format!("{state}raan_deg = 10")), "observer.raan_deg", ["by elements", "leave out"]),
+        (two_body("semi_major_axis_km = nan"), "observer.semi_major_axis_km", ["NaN", "hyperbola"]),
+        (two_body("semi_major_axis_km = 7000\neccentricity = 1"), "observer.eccentricity", ["below 1", "parabola"]),
+        (two_body("semi_major_axis_km = -7000\neccentricity = 0.9"), "observer.eccentricity", ["above 1", "parabola"]),
+        (
+            two_body("semi_major_axis_km = 7000\ninclination_deg = 181"),
+            "observer.inclination_deg",
+            ["0 to 180", "ICRF"],
+        ),
+        (
+            two_body("semi_major_axis_km = 7000\naltitude_km = 500"),
+            "observer.altitude_km",
+            ["belongs to", "circular_orbit"],
+        ),
+        ("kind = \"circular_orbit\"\nabout = \"moon\"".into(), "observer.about", ["belongs to", "two_body"]),
+        ("eccentricity = 0.1".into(), "observer.eccentricity", ["belongs to", "two_body"]),
+        ("raan_deg = 10".into(), "observer.raan_deg", ["belongs to", "two_body"]),
+    ] {
+        let error = observer(&lines).expect_err("a broken rule").to_string();
+        assert!(error.contains(key), "{key}: {error}");
+        for part in parts {
+            assert!(error.contains(part), "no \"{part}\" in: {error}");
+        }
+    }
+    assert!(observer("kind = \"circular_orbit\"\nraan_deg = 10\ninclination_deg = 50").is_ok(), "planes are shared");
+    assert!(observer(&two_body(state)).is_ok());
+    assert!(observer(&two_body("semi_major_axis_km = -7000\neccentricity = 1.1")).is_ok(), "a flyby");
+}

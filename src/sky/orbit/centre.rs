@@ -1,0 +1,49 @@
+//! The bodies that something may be in orbit about.
+
+use super::{EARTH_GM_KM3_S2, MOON_GM_KM3_S2, SUN_GM_KM3_S2};
+use crate::sky::moon;
+use core::fmt;
+
+/// What an orbit is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CentralBody {
+    /// The Earth's centre.
+    Earth,
+    /// The Moon's centre.
+    Moon,
+    /// The Sun's centre.
+    Sun,
+}
+
+impl CentralBody {
+    /// Gravitational parameter, km^3/s^2.
+    #[must_use]
+    pub fn gm_km3_s2(self) -> f64 {
+        match self {
+            Self::Earth => EARTH_GM_KM3_S2,
+            Self::Moon => MOON_GM_KM3_S2,
+            Self::Sun => SUN_GM_KM3_S2,
+        }
+    }
+
+    /// Below this distance from its centre nothing is in orbit, km: the Earth's polar radius (WGS 84), the Moon's mean
+    /// radius, the Sun's nominal radius (IAU 2015 Resolution B3).
+    #[must_use]
+    pub fn surface_km(self) -> f64 {
+        match self {
+            Self::Earth => 6_356.752,
+            Self::Moon => moon::RADIUS_KM,
+            Self::Sun => 695_700.0,
+        }
+    }
+}
+
+impl fmt::Display for CentralBody {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Earth => "the Earth",
+            Self::Moon => "the Moon",
+            Self::Sun => "the Sun",
+        })
+    }
+}

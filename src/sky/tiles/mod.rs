@@ -1,0 +1,22 @@
+//! Layers on disk + where the camera looks -> the tiles of its field, decoded, in bounded memory.
+//!
+//! * [`TileSky`] keeps decoded tiles and finds those of a field; a field may be told beforehand, so that its tiles are there
+//!   when it comes;
+//! * `store`: the tiles in memory, the least lately used given up first;
+//! * `reader`: a thread that reads tiles ahead, so that frames in real time touch no file.
+//!
+//! Two ways to read. *In line* (from the start): tiles that are missing are read when they are asked for, and a field is a
+//! function of where it is: for the virtual clock and single images. *Ahead* ([`TileSky::read_ahead`]): a tile that has not
+//! been read in time is missing from the field and counted. Either way a field of more stars than fit into memory goes
+//! without its faintest layers, counted: never with holes. Tests: `tests`.
+
+mod block;
+mod field;
+mod reader;
+mod store;
+
+pub use block::{Light, TileStar};
+pub use field::{Shortfall, TileSky};
+
+#[cfg(test)]
+mod tests;
