@@ -9,6 +9,7 @@ mod calibrate_display;
 mod calibrate_display_simulate;
 pub mod campaign;
 pub mod catalog;
+mod catalog_bright;
 mod catalog_layers;
 mod catalog_synthetic;
 pub mod chart;
