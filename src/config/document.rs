@@ -10,7 +10,7 @@ use std::sync::Arc;
 use toml::de::{DeTable, DeValue};
 
 /// Configurations that are part of the binary, by their path below `configs/`.
-const BUILT_IN: [(&str, &str); 42] = [
+const BUILT_IN: [(&str, &str); 44] = [
     ("benches/loopback.toml", include_str!("../../configs/benches/loopback.toml")),
     ("benches/cubesat.toml", include_str!("../../configs/benches/cubesat.toml")),
     ("benches/bench_20hz.toml", include_str!("../../configs/benches/bench_20hz.toml")),
@@ -18,6 +18,8 @@ const BUILT_IN: [(&str, &str); 42] = [
     ("benches/closed_loop.toml", include_str!("../../configs/benches/closed_loop.toml")),
     ("benches/closed_loop_small.toml", include_str!("../../configs/benches/closed_loop_small.toml")),
     ("benches/three_heads.toml", include_str!("../../configs/benches/three_heads.toml")),
+    ("benches/earth_limb.toml", include_str!("../../configs/benches/earth_limb.toml")),
+    ("benches/moon.toml", include_str!("../../configs/benches/moon.toml")),
     ("benches/telescope.toml", include_str!("../../configs/benches/telescope.toml")),
     ("benches/closed_loop_jitter.toml", include_str!("../../configs/benches/closed_loop_jitter.toml")),
     ("benches/closed_loop_small_jitter.toml", include_str!("../../configs/benches/closed_loop_small_jitter.toml")),
