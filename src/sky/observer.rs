@@ -202,6 +202,54 @@ impl ObserverTrack {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sky::moon;
+
+    fn conic(about: CentralBody, position_km: DVec3, velocity_km_s: DVec3, at: Tai) -> Observer {
+        let orbit = TwoBodyOrbit::from_state(at, position_km, velocity_km_s, about.gm_km3_s2()).expect("a valid orbit");
+        Observer::TwoBody { about, orbit }
+    }
+
+    #[test]
+    fn moon_and_sun_may_be_the_centre() {
+        let at = Tai::from_rfc3339("2026-03-01T12:34:56Z").expect("a valid instant");
+        let of = |observer: &Observer| observer.barycentric_state(at).expect("above the surface");
+        let earth = of(&Observer::Geocentre);
+        let (r, v) = (DVec3::new(0.0, 3_000.0, 1_000.0), DVec3::new(1.2, 0.0, 0.0));
+        let moon = conic(CentralBody::Moon, r, v, at);
+        assert!((of(&moon).position_km - earth.position_km).distance(moon::geocentric_km(at) + r) < 1e-6);
+        let along_km_s = (of(&moon).velocity_km_s - earth.velocity_km_s - v).length();
+        assert!((0.95..1.10).contains(&along_km_s), "the Moon goes at 0.97 to 1.08 km/s: {along_km_s}");
+        let (r, v) = (DVec3::new(2e8, 0.0, 0.0), DVec3::new(0.0, 20.0, 5.0));
+        let sun = conic(CentralBody::Sun, r, v, at);
+        let off = of(&sun) - sun::barycentric_state(at);
+        assert!(off.position_km.distance(r) < 1e-6 && off.velocity_km_s.distance(v) < 1e-12, "{off:?}");
+        for observer in [&moon, &sun, &Observer::Geocentre] {
+            let mut track = ObserverTrack::new(observer.clone(), at);
+            let near = |a: BarycentricState, b: BarycentricState| {
+                let off = a - b;
+                // Three times the errors of EarthTrack and SunTrack.
+                off.position_km.length() < 0.5 && off.velocity_km_s.length() < 4e-5
+            };
+            let (geocentric, followed) = (observer.geocentric_state(at), track.geocentric_state(at));
+            let geocentric = geocentric.expect("no error").expect("not at the barycentre");
+            assert!(near(geocentric + earth, of(observer)), "{observer:?}");
+            assert!(near(followed.expect("no error").expect("likewise"), geocentric), "{observer:?}");
+            assert!(near(track.barycentric_state(at).expect("no error"), of(observer)), "{observer:?}");
+        }
+        assert!(Observer::Barycentre.geocentric_state(at).expect("no error").is_none());
+    }
+
+    #[test]
+    fn an_orbit_that_comes_down_is_told() {
+        let at = Tai::from_rfc3339("2026-03-01T00:00:00Z").expect("a valid instant");
+        let dropped = conic(CentralBody::Moon, DVec3::X * 1_800.0, DVec3::Y * 0.5, at);
+        assert!(dropped.barycentric_state(at).is_ok(), "63 km above the ground");
+        let later = dropped.barycentric_state(at + Span::from_s(600.0)).expect_err("it has fallen").to_string();
+        assert!(
+            later.contains("the Moon") && later.contains("1737.4") && later.contains("2026-03-01T00:10"),
+            "{later}"
+        );
+    }
 
     #[test]
     fn orbit_and_earth_add_up_and_the_barycentre_rests() {
