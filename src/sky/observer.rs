@@ -73,7 +73,7 @@ impl Observer {
     /// # Errors
     /// When SGP4 cannot follow the elements to `at`, or the orbit is below the surface there.
     pub fn barycentric_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
-        self.from_barycentre(at, || earth::barycentric_state(at), || sun::barycentric_state(at))
+        self.barycentric_by(at, || earth::barycentric_state(at), || sun::barycentric_state(at))
     }
 
     /// State from the Earth's centre at `at`; `None` at the barycentre. Does not allocate. About the Sun this evaluates
@@ -82,7 +82,7 @@ impl Observer {
     /// # Errors
     /// As for [`Self::barycentric_state`].
     pub fn geocentric_state(&self, at: Tai) -> Result<Option<BarycentricState>, ObserverError> {
-        self.from_geocentre(at, || earth::barycentric_state(at), || sun::barycentric_state(at))
+        self.geocentric_by(at, || earth::barycentric_state(at), || sun::barycentric_state(at))
     }
 
     /// The body it is about; `None` at the barycentre.
@@ -108,7 +108,7 @@ impl Observer {
         }
     }
 
-    fn from_barycentre(
+    fn barycentric_by(
         &self,
         at: Tai,
         earth: impl FnOnce() -> BarycentricState,
@@ -124,7 +124,7 @@ impl Observer {
             })
     }
 
-    fn from_geocentre(
+    fn geocentric_by(
         &self,
         at: Tai,
         earth: impl FnOnce() -> BarycentricState,
@@ -181,7 +181,7 @@ impl ObserverTrack {
     /// When SGP4 cannot follow the elements to `at`, or the orbit is below the surface there.
     pub fn barycentric_state(&mut self, at: Tai) -> Result<BarycentricState, ObserverError> {
         let Self { observer, earth, sun } = self;
-        observer.from_barycentre(at, || earth.barycentric_state(at), || sun.barycentric_state(at))
+        observer.barycentric_by(at, || earth.barycentric_state(at), || sun.barycentric_state(at))
     }
 
     /// State from the Earth's centre, likewise; `None` at the barycentre.
@@ -190,7 +190,7 @@ impl ObserverTrack {
     /// As for [`Self::barycentric_state`].
     pub fn geocentric_state(&mut self, at: Tai) -> Result<Option<BarycentricState>, ObserverError> {
         let Self { observer, earth, sun } = self;
-        observer.from_geocentre(at, || earth.barycentric_state(at), || sun.barycentric_state(at))
+        observer.geocentric_by(at, || earth.barycentric_state(at), || sun.barycentric_state(at))
     }
 
     /// Barycentric state of the Sun's centre.
