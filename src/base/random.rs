@@ -34,6 +34,8 @@ pub enum Stage {
     DefectPlaces = 21,
     /// Protons of one frame, two blocks each: "block" is the number, "attempt" which of the two.
     Protons = 22,
+    /// Stars of a made-up population: "frame" is the tile, "block" the star, "attempt" the layer and which block of the star.
+    SyntheticStars = 30,
 }
 
 const MULTIPLIER_0: u32 = 0xD251_1F53;

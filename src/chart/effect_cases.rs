@@ -13,7 +13,7 @@ use crate::detector::window::Window;
 use crate::detector::{Background, DetectorParams, LinePattern, Nonlinearity, Rounding, RowNoise};
 use crate::exposure::planner::Planner;
 use crate::exposure::target::FIRST_TARGET_ID;
-use crate::exposure::{Instrument, Target, TargetCurve, TargetPath};
+use crate::exposure::{Instrument, Target, TargetCurve, TargetPath, TargetWay};
 use crate::optics::illumination::Vignetting;
 use crate::optics::psf_field::PsfField;
 use crate::optics::{Illumination, PsfModel};
@@ -120,11 +120,12 @@ fn ten_targets() -> Vec<Target> {
         e_per_s: 1e6,
         begin: Tai::from_ns(-1_000_000_000),
         end: Tai::from_ns(1_000_000_000),
-        path: TargetPath {
+        way: TargetWay::Script(TargetPath {
             position_px: [20.0 * f64::from(i) + 20.0, 100.0],
             velocity_px_s: [20.0, 22.0],
             curve: TargetCurve::Straight,
-        },
+        }),
+        light: None,
     };
     (0..10).map(target).collect()
 }

@@ -1,5 +1,6 @@
 //! `starloop catalog import` and `verify`: published catalogs -> layers on disk, and whether they are whole.
 
+use crate::cli::catalog_bright::BrightInput;
 use crate::sky::catalog::{Catalog, DEFAULT_CREDITS};
 use crate::sky::import::gaia::{EPOCH_YR, Names, import as import_gaia};
 use crate::sky::layer::{Layer, LayerReport, Sorting, is_layer, layer_name};
@@ -16,7 +17,7 @@ const END_BYTES: u64 = 64 << 10;
 #[command(
     after_help = "Reads Gaia's bulk files (GaiaSource_*.csv.gz) and any CSV with Gaia's column names: source_id, ra, dec, \
     pmra, pmdec, parallax, phot_g_mean_mag, and bp_rp or phot_bp_mean_mag and phot_rp_mean_mag; --column says where a \
-    file has another name.\n\nAn import that was cut short goes on after its last whole file when it is started again \
+    file has another name. Stars of --bright are held against theirs by place and magnitude: none comes twice.\n\nAn import that was cut short goes on after its last whole file when it is started again \
     with the same --out."
 )]
 pub(super) struct ImportArgs {
@@ -41,6 +42,10 @@ pub(super) struct ImportArgs {
     /// Column names of the files where they are not Gaia's, such as phot_g_mean_mag=G; may be repeated
     #[arg(long = "column", value_name = "GAIA=HERE")]
     columns: Vec<String>,
+    /// Hipparcos (hip2.dat) or Tycho-2 (tyc2.dat.NN, suppl_1.dat), packed or not: stars that the files lack are added from
+    /// it; may be repeated
+    #[arg(long, value_name = "FILE")]
+    bright: Vec<PathBuf>,
     /// Credits that the data ask for, carried in the layers
     #[arg(long, default_value = DEFAULT_CREDITS)]
     credits: String,
@@ -63,29 +68,28 @@ pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<
     let work = args.work.clone().unwrap_or_else(|| args.out.join("import"));
     std::fs::create_dir_all(&args.out).with_context(|| format!("cannot make {}", args.out.display()))?;
     let mut sorting = Sorting::start(&work, &args.layers)?;
-    let is_there = |limit: &&f32| args.out.join(layer_name(**limit)).exists();
-    if let Some(limit) = args.layers.iter().find(is_there).filter(|_| !args.replace) {
-        let name = layer_name(*limit);
-        bail!("{} has {name} already: name all files of a catalog in one import, or add --replace", args.out.display());
-    }
+    refuse_layers_that_are_there(&args.out, &args.layers, args.replace)?;
     let names_of_files = args.files.iter().map(|path| name_of(path)).collect::<anyhow::Result<Vec<_>>>()?;
     let twice = names_of_files.iter().enumerate().find(|(place, name)| names_of_files[..*place].contains(name));
     if let Some((_, name)) = twice {
         bail!("two files are called {name}: an import that goes on tells them apart by their names; rename one");
     }
     let line = ProgressLine::new();
+    let bright = BrightInput::new(&args.bright, args.epoch, &sorting)?;
     for (number, path) in args.files.iter().enumerate() {
         let (name, mark) = (name_of(path)?, mark(path)?);
         if sorting.has(&name, &mark)? {
             eprintln!("{name}: taken in before");
             continue;
         }
+        bright.refuse_more(&name)?;
         let of = args.files.len();
         let mut told = |rows| line.show(&format!("file {} of {of}: {name}, {rows} rows", number + 1));
         let rows = import_gaia(path, &names, &mut sorting, &mut told)?;
         sorting.tell("rows", rows);
         sorting.checkpoint(&name, &mark)?;
     }
+    bright.take_in(&mut sorting, &line)?;
     let counts = sorting.counts();
     let told: Vec<(String, u64)> = sorting.told().map(|(what, count)| (what.to_owned(), count)).collect();
     let mut share = |share: f64| line.show(&format!("sorting: {:.0} %", 100.0 * share));
@@ -109,7 +113,16 @@ pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<
     reports.iter().try_for_each(|report| tell_layer(report, out))
 }
 
-fn tell_layer(report: &LayerReport, out: &mut impl Write) -> anyhow::Result<()> {
+/// Layers are replaced only when that was asked for.
+pub(super) fn refuse_layers_that_are_there(out: &Path, limits_mag: &[f32], replace: bool) -> anyhow::Result<()> {
+    let mut names = limits_mag.iter().map(|limit| layer_name(*limit));
+    if let Some(name) = names.find(|name| out.join(name).exists()).filter(|_| !replace) {
+        bail!("{} has {name} already: name all files of a catalog in one import, or add --replace", out.display());
+    }
+    Ok(())
+}
+
+pub(super) fn tell_layer(report: &LayerReport, out: &mut impl Write) -> anyhow::Result<()> {
     let LayerReport { path, stars, order, bytes, .. } = report;
     writeln!(out, "{}: {stars} stars, tiles of order {order}, {bytes} bytes", path.display())?;
     Ok(())
@@ -132,13 +145,13 @@ fn names(columns: &[String]) -> anyhow::Result<Names> {
 }
 
 /// The name of a file without its folder: it may be moved between two tries.
-fn name_of(path: &Path) -> anyhow::Result<String> {
+pub(super) fn name_of(path: &Path) -> anyhow::Result<String> {
     let name = path.file_name().and_then(|name| name.to_str());
     name.map(str::to_owned).with_context(|| format!("{}: wanted a file with a readable name", path.display()))
 }
 
 /// What tells that a file is the same as before: its length, and the checksum of its two ends.
-fn mark(path: &Path) -> anyhow::Result<String> {
+pub(super) fn mark(path: &Path) -> anyhow::Result<String> {
     let read = || {
         let mut file = std::fs::File::open(path)?;
         let bytes = file.metadata()?.len();
@@ -192,22 +205,22 @@ pub(super) fn layer_info(path: &Path, out: &mut impl Write) -> anyhow::Result<()
 }
 
 /// One line on a terminal that is drawn over; silent elsewhere.
-struct ProgressLine {
+pub(super) struct ProgressLine {
     is_on: bool,
 }
 
 impl ProgressLine {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self { is_on: std::io::stderr().is_terminal() }
     }
 
-    fn show(&self, text: &str) {
+    pub(super) fn show(&self, text: &str) {
         if self.is_on {
             let _a_closed_terminal_is_no_error = write!(std::io::stderr(), "\r{text:<79}");
         }
     }
 
-    fn clear(&self) {
+    pub(super) fn clear(&self) {
         self.show("");
         if self.is_on {
             let _a_closed_terminal_is_no_error = write!(std::io::stderr(), "\r");

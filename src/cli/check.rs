@@ -3,12 +3,14 @@
 use crate::base::clock::{Clock, Monotonic};
 use crate::base::time::{Span, Tai};
 use crate::cli::calibrate::{Costs, costs_here};
+use crate::cli::check_bodies;
 use crate::cli::check_display;
 use crate::cli::check_display_stars::{self, DisplayLimits, display_limits};
 use crate::cli::check_light;
 use crate::cli::check_observer;
 use crate::cli::check_plan::{self, Planned};
 use crate::cli::check_scenario;
+use crate::cli::check_targets;
 use crate::cli::frame_plan::FramePlans;
 use crate::cli::radiometry_told::radiometry_told;
 use crate::config::{Bench, Document, Event, Scenario, StartTime, is_scenario};
@@ -16,6 +18,8 @@ use crate::detector::cost::effect_costs;
 use crate::runtime::field_light::FieldLight;
 use crate::runtime::{Imager, RunParams};
 use crate::sky::Sky;
+use crate::sky::layer::Layer;
+use crate::testbed::flight_computer::FlightComputer;
 use crate::wiring::bench_parts;
 use crate::wiring::display_parts::take_display;
 use crate::wiring::sinks::told_lines;
@@ -99,6 +103,8 @@ fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
     text.push_str(CONVENTIONS);
     text.push('\n');
     crate::cli::check_attitude::write_attitude(&mut text, bench, &params)?;
+    let computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
+    check_targets::write_targets(&mut text, &params, &computer)?;
     plans(&mut text, bench, start, (&params, limits.as_ref()), (&imager, &sky))?;
     Ok(text)
 }
@@ -128,6 +134,16 @@ fn describe(
     writeln!(text, "  light        {light}, drawn down to G = {}", camera.radiometry.limiting_mag)?;
     check_observer::write_observer(text, params)?;
     check_light::write_light(text, &params.camera)?;
+    if let Sky::Layers { layers, most_stars } = sky {
+        let (files, memory_mb) = (layers.layers(), params.star_memory_mb);
+        let stars: u64 = files.iter().map(Layer::stars).sum();
+        writeln!(
+            text,
+            "  stars        {stars} in {} layers to G = {}, at most {most_stars} of them in memory ({memory_mb} MiB)",
+            files.len(),
+            layers.below_mag()
+        )?;
+    }
     let faintest = sky.faintest_mag();
     if camera.radiometry.limiting_mag > f64::from(faintest) {
         writeln!(
@@ -209,6 +225,9 @@ fn plans(
         let plan = frames.plan(number, &mut planner)?;
         check_plan::write_plan(text, number, plan, &planned)?;
         check_light::write_frame(text, &mut light, &params.camera, plan)?;
+        if let Some(bodies) = frames.bodies_mut() {
+            check_bodies::write_frame(text, bodies, &params.camera, plan)?;
+        }
         if let Some(limits) = limits {
             check_display_stars::write_frame(text, limits, plan)?;
         }

@@ -50,6 +50,7 @@ mod sink;
 mod spacecraft;
 mod stages;
 mod target;
+mod target_orbit;
 mod timing;
 
 pub use background::{Background, Sky};
@@ -76,7 +77,8 @@ pub use setting::Setting;
 pub use sink::{Sink, SinkSettings};
 pub use spacecraft::{Control, Spacecraft};
 pub use stages::{AttitudeSettings, Backend, Render};
-pub use target::{Overlap, TargetLight, TargetSettings};
+pub use target::{Overlap, TargetCourse, TargetLight, TargetSettings};
+pub use target_orbit::OrbitSettings;
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 
 #[cfg(test)]

@@ -1,8 +1,11 @@
-//! `[[target]]`: point sources that move over the detector by a script, and what becomes of stars behind them.
+//! `[[target]]`: point sources that move over the detector by a script, or fly about the Earth, and what becomes of stars
+//! behind them.
 
 use crate::config::check::{Checker, Rule};
 use crate::config::error::ConfigError;
+use crate::config::target_orbit::{OrbitSettings, check_brightness};
 use crate::exposure::{TargetCurve, TargetPath};
+use crate::sky::target::Brightness;
 use serde::Deserialize;
 
 /// Most targets of a bench.
@@ -11,7 +14,7 @@ const TARGETS_MAX: usize = 256;
 const FAR_PX: f64 = 1e5;
 
 /// How much light a target sends.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum TargetLight {
     /// As a star of this Gaia G magnitude and colour.
     Mag {
@@ -24,17 +27,33 @@ pub enum TargetLight {
     Electrons(f64),
     /// As much as a still star has whose sum over the best window has this signal-to-noise ratio.
     Snr(f64),
+    /// Sunlight, by where it flies.
+    Reflected {
+        /// How bright it is.
+        brightness: Brightness,
+        /// BP-RP.
+        bp_rp: f64,
+    },
+}
+
+/// Where a target goes.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TargetCourse {
+    /// Over the detector, by a script.
+    Script(TargetPath),
+    /// About the Earth.
+    Orbit(OrbitSettings),
 }
 
 /// One target, checked.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct TargetSettings {
     /// First seen, s after the first exposure.
     pub start_s: f64,
     /// Seen for, s; infinite: to the end.
     pub for_s: f64,
     /// Its way.
-    pub path: TargetPath,
+    pub course: TargetCourse,
     /// Its light.
     pub light: TargetLight,
 }
@@ -59,10 +78,67 @@ pub(super) struct TargetKeys {
     velocity_px_s: Option<[f64; 2]>,
     acceleration_px_s2: Option<[f64; 2]>,
     turn_deg_s: Option<f64>,
-    mag: Option<f64>,
-    bp_rp: Option<f64>,
+    pub(super) mag: Option<f64>,
+    pub(super) bp_rp: Option<f64>,
     electrons: Option<f64>,
     snr: Option<f64>,
+    pub(super) orbit: Option<String>,
+    pub(super) line1: Option<String>,
+    pub(super) line2: Option<String>,
+    pub(super) file: Option<String>,
+    pub(super) norad_id: Option<i64>,
+    pub(super) epoch_utc: Option<String>,
+    pub(super) semi_major_axis_km: Option<f64>,
+    pub(super) eccentricity: Option<f64>,
+    pub(super) inclination_deg: Option<f64>,
+    pub(super) raan_deg: Option<f64>,
+    pub(super) argument_of_perigee_deg: Option<f64>,
+    pub(super) mean_anomaly_deg: Option<f64>,
+    pub(super) position_km: Option<[f64; 3]>,
+    pub(super) velocity_km_s: Option<[f64; 3]>,
+    pub(super) altitude_km: Option<f64>,
+    pub(super) argument_of_latitude_deg: Option<f64>,
+    pub(super) diameter_m: Option<f64>,
+    pub(super) albedo: Option<f64>,
+    pub(super) specular: Option<f64>,
+    pub(super) mag_1000km: Option<f64>,
+    pub(super) phase_mag_1000km: Option<Vec<[f64; 2]>>,
+}
+
+impl TargetKeys {
+    /// Whether a key that not every target has was given.
+    pub(super) fn is_given(&self, key: &str) -> bool {
+        match key {
+            "position_px" => self.position_px.is_some(),
+            "velocity_px_s" => self.velocity_px_s.is_some(),
+            "acceleration_px_s2" => self.acceleration_px_s2.is_some(),
+            "turn_deg_s" => self.turn_deg_s.is_some(),
+            "electrons" => self.electrons.is_some(),
+            "snr" => self.snr.is_some(),
+            "orbit" => self.orbit.is_some(),
+            "line1" => self.line1.is_some(),
+            "line2" => self.line2.is_some(),
+            "file" => self.file.is_some(),
+            "norad_id" => self.norad_id.is_some(),
+            "epoch_utc" => self.epoch_utc.is_some(),
+            "semi_major_axis_km" => self.semi_major_axis_km.is_some(),
+            "eccentricity" => self.eccentricity.is_some(),
+            "inclination_deg" => self.inclination_deg.is_some(),
+            "raan_deg" => self.raan_deg.is_some(),
+            "argument_of_perigee_deg" => self.argument_of_perigee_deg.is_some(),
+            "mean_anomaly_deg" => self.mean_anomaly_deg.is_some(),
+            "position_km" => self.position_km.is_some(),
+            "velocity_km_s" => self.velocity_km_s.is_some(),
+            "altitude_km" => self.altitude_km.is_some(),
+            "argument_of_latitude_deg" => self.argument_of_latitude_deg.is_some(),
+            "diameter_m" => self.diameter_m.is_some(),
+            "albedo" => self.albedo.is_some(),
+            "specular" => self.specular.is_some(),
+            "mag_1000km" => self.mag_1000km.is_some(),
+            "phase_mag_1000km" => self.phase_mag_1000km.is_some(),
+            _ => false,
+        }
+    }
 }
 
 /// Checks all targets of a bench.
@@ -92,8 +168,15 @@ impl TargetSettings {
                 check.meets(&key("for_s"), for_s, Rule::PositiveUpTo(1e7), "seconds; left out: to the end")?
             }
         };
-        let path = Self::path(keys, place, check)?;
-        Ok(Self { start_s, for_s, path, light: Self::light(keys, place, check)? })
+        let (course, light) = if keys.orbit.is_some() {
+            let course = TargetCourse::Orbit(OrbitSettings::check(keys, place, check)?);
+            let (brightness, bp_rp) = check_brightness(keys, place, check)?;
+            (course, TargetLight::Reflected { brightness, bp_rp })
+        } else {
+            OrbitSettings::check_none(keys, place, check)?;
+            (TargetCourse::Script(Self::path(keys, place, check)?), Self::light(keys, place, check)?)
+        };
+        Ok(Self { start_s, for_s, course, light })
     }
 
     fn path(keys: &TargetKeys, place: usize, check: &Checker<'_>) -> Result<TargetPath, ConfigError> {
@@ -173,16 +256,20 @@ mod tests {
 
     #[test]
     fn each_kind_of_path_and_light_is_taken() {
+        let curve = |settings: &TargetSettings| match &settings.course {
+            TargetCourse::Script(path) => Some(path.curve),
+            TargetCourse::Orbit(_) => None,
+        };
         let straight = checked("position_px = [1.0, 2.0]\nvelocity_px_s = [3.0, 4.0]\nmag = 6.0\n").unwrap();
-        assert_eq!(straight.path.curve, TargetCurve::Straight);
+        assert_eq!(curve(&straight), Some(TargetCurve::Straight));
         assert_eq!(straight.light, TargetLight::Mag { mag: 6.0, bp_rp: 0.0 });
         assert!(straight.for_s.is_infinite() && straight.start_s <= 0.0);
         let arc = checked("position_px = [1.0, 2.0]\nturn_deg_s = 180.0\nelectrons = 1e4\nfor_s = 2.0\n").unwrap();
-        assert_eq!(arc.path.curve, TargetCurve::Arc(core::f64::consts::PI));
+        assert_eq!(curve(&arc), Some(TargetCurve::Arc(core::f64::consts::PI)));
         assert_eq!((arc.light, arc.for_s), (TargetLight::Electrons(1e4), 2.0));
         let fast =
             checked("position_px = [1.0, 2.0]\nacceleration_px_s2 = [0.0, 5.0]\nmag = 1.0\nbp_rp = 1.5\n").unwrap();
-        assert_eq!(fast.path.curve, TargetCurve::Accelerating([0.0, 5.0]));
+        assert_eq!(curve(&fast), Some(TargetCurve::Accelerating([0.0, 5.0])));
         assert_eq!(fast.light, TargetLight::Mag { mag: 1.0, bp_rp: 1.5 });
     }
 
@@ -200,6 +287,55 @@ mod tests {
             ("position_px = [1.0, 2.0]\nmag = 6.0\nfor_s = 0.0\n", "target[0].for_s"),
         ] {
             let error = checked(lines).unwrap_err();
+            assert!(error.contains(wanted), "{lines}: {error}");
+        }
+    }
+
+    const LINES: &str = "orbit = \"tle\"\nline1 = \"1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927\"\n\
+                         line2 = \"2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537\"\n";
+    const STATE: &str = "orbit = \"state_vector\"\nepoch_utc = \"2026-03-01T00:00:00Z\"\n\
+                         position_km = [7000.0, 0.0, 0.0]\nvelocity_km_s = [0.0, 7.5, 0.0]\n";
+
+    #[test]
+    fn each_kind_of_orbit_and_brightness_is_taken() {
+        let two_body = "orbit = \"two_body\"\nepoch_utc = \"2026-03-01T00:00:00Z\"\nsemi_major_axis_km = 7000.0\n";
+        let circular = "orbit = \"circular\"\naltitude_km = 500.0\n";
+        for (orbit, light) in [
+            (LINES, "diameter_m = 1.0\n"),
+            (STATE, "mag_1000km = 4.0\nbp_rp = 1.0\n"),
+            (two_body, "phase_mag_1000km = [[0.0, 3.0], [120.0, 6.0]]\n"),
+            (circular, "mag = 7.0\nstart_s = 3.0\n"),
+        ] {
+            let settings = checked(&format!("{orbit}{light}")).unwrap();
+            assert!(matches!(settings.course, TargetCourse::Orbit(_)), "{settings:?}");
+            assert!(matches!(settings.light, TargetLight::Reflected { .. }), "{settings:?}");
+        }
+        let sphere = checked(&format!("{LINES}diameter_m = 2.0\nalbedo = 0.3\nspecular = 0.1\n")).unwrap();
+        let brightness = Brightness::Sphere { diameter_m: 2.0, diffuse: 0.3, specular: 0.1 };
+        assert_eq!(sphere.light, TargetLight::Reflected { brightness, bp_rp: 0.82 });
+    }
+
+    #[test]
+    fn what_no_orbit_is_is_refused_with_advice() {
+        for (lines, wanted) in [
+            ("orbit = \"tel\"\n".to_owned(), "did you mean \"tle\""),
+            ("orbit = \"tle\"\nmag = 1.0\n".to_owned(), "line1 and line2, or file"),
+            (format!("{LINES}altitude_km = 500.0\nmag = 1.0\n"), "it belongs to orbit = \"circular\""),
+            (format!("{LINES}position_px = [1.0, 2.0]\nmag = 1.0\n"), "a target without orbit"),
+            (format!("{LINES}snr = 5.0\n"), "a target without orbit"),
+            (format!("{LINES}norad_id = 5\nmag = 1.0\n"), "target[0].norad_id"),
+            (LINES.to_owned(), "0 of them"),
+            (format!("{LINES}mag = 1.0\nmag_1000km = 4.0\n"), "2 of them"),
+            (format!("{LINES}mag = 1.0\nalbedo = 0.1\n"), "target[0].albedo"),
+            (format!("{LINES}diameter_m = 1.0\nalbedo = 0.7\nspecular = 0.7\n"), "together with specular"),
+            (format!("{LINES}phase_mag_1000km = [[90.0, 4.0], [20.0, 3.0]]\n"), "ascending"),
+            (STATE.replace("7.5", "7500.0") + "mag = 1.0\n", "target[0].velocity_km_s"),
+            (STATE.replace("2026-03-01T00:00:00Z", "yesterday") + "mag = 1.0\n", "target[0].epoch_utc"),
+            ("orbit = \"omm\"\nmag = 1.0\n".to_owned(), "a file in JSON"),
+            ("orbit = \"omm\"\nfile = \"nowhere.json\"\nmag = 1.0\n".to_owned(), "nowhere.json"),
+            ("position_px = [1.0, 2.0]\nmag = 6.0\nraan_deg = 3.0\n".to_owned(), "a target with orbit"),
+        ] {
+            let error = checked(&lines).unwrap_err();
             assert!(error.contains(wanted), "{lines}: {error}");
         }
     }

@@ -162,9 +162,20 @@ impl Planner {
     }
 
     /// Targets that move over the detector by their own script, from the next plan on.
-    pub fn set_targets(&mut self, targets: Vec<Target>) {
-        self.plan.targets.reserve(targets.len());
-        self.targets.set(targets);
+    pub fn set_targets(&mut self, scripts: Vec<Target>) {
+        self.plan.targets.reserve(scripts.len());
+        self.targets.set(scripts);
+    }
+
+    /// Makes room for so many targets on the sky.
+    pub fn reserve_targets_on_sky(&mut self, most: usize) {
+        self.plan.targets.reserve(self.targets.scripts() + most);
+        self.targets.reserve(most);
+    }
+
+    /// Targets on the sky in the next exposure.
+    pub fn set_targets_on_sky(&mut self, targets: &[Target]) {
+        self.targets.set_on_sky(targets);
     }
 
     /// Share of the targets' light that comes through, from the next plan on.

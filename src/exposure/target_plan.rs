@@ -1,7 +1,7 @@
-//! Scripted targets -> point sources of a plan, one for every node in time.
+//! Targets -> point sources of a plan, one for every node in time.
 //!
-//! A target moves by itself while the camera moves: its place at an instant is that of its script, displaced by the
-//! camera's pose of the same instant. Drawn as weighted Gauss-Legendre nodes in time, `1.5 L / sigma + 2` of them for a
+//! A target moves by itself while the camera moves: its place at an instant is that of its script, or of its way on the
+//! sky, displaced by the camera's pose of the same instant. Drawn as weighted Gauss-Legendre nodes in time, `1.5 L / sigma + 2` of them for a
 //! way of length L (its own and the camera's together), in pieces between the corners of the camera's path. Each node
 //! is one more star of the plan, drawn once, so that every backend draws targets as it draws stars; the reference
 //! integrates the way itself instead. Limits: under a rolling shutter a node's instant is that of the row where it
@@ -9,7 +9,7 @@
 //! Tests: `tests/physics/targets.rs` against an integral of its own.
 
 use crate::astrometry::CameraGeometry;
-use crate::base::time::{Span, Tai};
+use crate::base::time::Span;
 use crate::exposure::correction::Correction;
 use crate::exposure::cost::{CostModel, Load};
 use crate::exposure::method::Method;
@@ -40,7 +40,7 @@ const ROW_STEPS: usize = 3;
 /// One target of a plan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlannedTarget {
-    /// Its script.
+    /// The target, its light as it comes through.
     pub target: Target,
     /// Electrons it sends into the whole image plane during the exposure.
     pub electrons: f64,
@@ -58,10 +58,12 @@ pub struct PlannedTarget {
     pub is_coarse: bool,
 }
 
-/// The script and the buffers of its nodes.
+/// The targets and the buffers of their nodes.
 #[derive(Debug)]
 pub(super) struct TargetPlanner {
+    /// Scripts, then targets on the sky.
     targets: Vec<Target>,
+    scripts: usize,
     /// Gauss-Legendre rules of 1 to [`PIECE_NODES`] nodes.
     rules: Vec<Vec<Node>>,
     nodes: Vec<PlannedStar>,
@@ -75,18 +77,45 @@ impl TargetPlanner {
     /// No targets.
     pub(super) fn new() -> Self {
         let (nodes, planned) = (Vec::new(), Vec::new());
-        Self { targets: Vec::new(), rules: Vec::new(), nodes, planned, corners: Vec::new(), light_share: 1.0 }
+        Self {
+            targets: Vec::new(),
+            scripts: 0,
+            rules: Vec::new(),
+            nodes,
+            planned,
+            corners: Vec::new(),
+            light_share: 1.0,
+        }
     }
 
-    /// From here on these targets; everything is allocated now.
-    pub(super) fn set(&mut self, targets: Vec<Target>) {
-        if !targets.is_empty() && self.rules.is_empty() {
+    /// From here on these scripts; everything is allocated now.
+    pub(super) fn set(&mut self, scripts: Vec<Target>) {
+        self.scripts = scripts.len();
+        self.targets = scripts;
+        self.reserve(0);
+    }
+
+    /// Makes room for `on_sky` targets beside the scripts.
+    pub(super) fn reserve(&mut self, on_sky: usize) {
+        let most = self.scripts + on_sky;
+        if most > 0 && self.rules.is_empty() {
             self.rules = (1..=PIECE_NODES).map(gauss_legendre).collect();
             self.corners = Vec::with_capacity(MOST_NODES);
         }
-        self.planned.reserve(targets.len());
-        self.nodes.reserve(targets.len() * 4 * PIECE_NODES);
-        self.targets = targets;
+        self.planned.reserve(most);
+        self.nodes.reserve(most * 4 * PIECE_NODES);
+        self.targets.reserve(on_sky);
+    }
+
+    /// How many scripts there are.
+    pub(super) fn scripts(&self) -> usize {
+        self.scripts
+    }
+
+    /// The targets on the sky of the next exposure.
+    pub(super) fn set_on_sky(&mut self, targets: &[Target]) {
+        self.targets.truncate(self.scripts);
+        self.targets.extend_from_slice(targets);
     }
 
     /// Predicted time of drawing the nodes of the exposure that was placed last, ms.
@@ -100,7 +129,7 @@ impl TargetPlanner {
     pub(super) fn place(&mut self, plan: &ExposurePlan, illumination: &Illumination) {
         self.nodes.clear();
         self.planned.clear();
-        let Self { targets, rules, nodes, planned, corners, light_share } = self;
+        let Self { targets, rules, nodes, planned, corners, light_share, .. } = self;
         if targets.is_empty() {
             return;
         }
@@ -168,17 +197,16 @@ pub fn target_px(
     target: &Target,
     camera: &CameraGeometry,
     motion: &Motion,
-    mid: Tai,
     t_s: f64,
     delay_s: f64,
 ) -> Option<[f64; 2]> {
-    let script_px = target.path.at((mid - target.begin).s() + t_s);
     if motion.is_still() {
-        return Some(script_px);
+        return target.own_px(camera, &motion.los, t_s);
     }
-    let track = StarTrack::new(camera, StarPlace::of_pixel(camera, script_px)?);
+    let place = target.own_place(camera, &motion.los, t_s)?;
+    let track = StarTrack::new(camera, place);
     let [dx, dy] = track.exact_px(camera, &motion.pose_at((t_s - delay_s) / motion.los.exposure_s, delay_s));
-    Some([script_px[0] + dx, script_px[1] + dy])
+    Some([place.mid_px[0] + dx, place.mid_px[1] + dy])
 }
 
 /// When a target is seen in an exposure that is `delay_s` late: s after mid-exposure.
@@ -200,14 +228,13 @@ fn place(
     corners: &[f64],
     nodes: &mut Vec<PlannedStar>,
 ) -> Option<PlannedTarget> {
-    let (camera, motion, mid) = (&plan.camera, &plan.motion, plan.motion.los.mid_exposure());
+    let (camera, motion) = (&plan.camera, &plan.motion);
     let [from_s, to_s] = seen_after_mid_s(target, motion, 0.0)?;
-    let mid_s = (mid - target.begin).s();
-    let middle = StarPlace::of_pixel(camera, target.path.at(mid_s + 0.5 * (from_s + to_s)))?;
+    let middle = target.own_place(camera, &motion.los, 0.5 * (from_s + to_s))?;
     // As for stars: what its place in the field takes at the middle of its light.
     let target = &Target { e_per_s: target.e_per_s * illumination.at(middle.tangent), ..*target };
     let sigma_px = plan.psf.core_sigma_px();
-    let own_px = target.path.length_px(mid_s + from_s, mid_s + to_s);
+    let own_px = target.length_px(camera, &motion.los, [from_s, to_s]);
     let exposure_s = motion.los.exposure_s;
     let jittered = motion.image_path.is_none();
     let periods = if jittered { motion.los.jitter.highest_line_hz() * (to_s - from_s) } else { 0.0 };
@@ -216,15 +243,14 @@ fn place(
     let is_coarse = wanted > MOST_NODES as f64;
     let wanted = wanted.min(MOST_NODES as f64);
     let first = nodes.len();
-    let e_per_s = target.e_per_s;
     let mut sum = [0.0; 3];
     let mut begin_s = from_s;
     let ends = corners.iter().copied().filter(|at| *at > from_s && *at < to_s).chain([to_s]);
     for end_s in ends {
         let share = (end_s - begin_s) / (to_s - from_s);
         pieces(rules, begin_s, end_s, wanted * share, |t_s, weight_s| {
-            let Some(px) = seen_by_row(target, plan, mid, t_s) else { return };
-            let electrons = e_per_s * weight_s;
+            let Some(px) = seen_by_row(target, plan, t_s) else { return };
+            let electrons = target.e_per_s_at(t_s) * weight_s;
             let at = [electrons, electrons * px[0], electrons * px[1]];
             sum = core::array::from_fn(|i| sum[i] + at[i]);
             nodes.push(PlannedStar {
@@ -244,7 +270,7 @@ fn place(
         nodes.truncate(first);
         return None;
     }
-    let smear = target.smear([mid_s + from_s, mid_s + to_s]);
+    let smear = target.smear(camera, &motion.los, [from_s, to_s]);
     Some(PlannedTarget {
         target: *target,
         electrons,
@@ -257,14 +283,15 @@ fn place(
     })
 }
 
-/// Where the rows see a target whose frame's time is `t_s` after mid-exposure, px.
-fn seen_by_row(target: &Target, plan: &ExposurePlan, mid: Tai, t_s: f64) -> Option<[f64; 2]> {
+/// Where the rows see a target whose frame's time is `t_s` after mid-exposure, px; `None` where no direction is imaged.
+#[must_use]
+pub fn seen_by_row(target: &Target, plan: &ExposurePlan, t_s: f64) -> Option<[f64; 2]> {
     let ExposurePlan { camera, motion, shutter, .. } = plan;
-    let mut px = target_px(target, camera, motion, mid, t_s, 0.0)?;
+    let mut px = target_px(target, camera, motion, t_s, 0.0)?;
     if *shutter != Shutter::Global {
         for _ in 0..ROW_STEPS {
             let delay_s = shutter.delay_s(px[1], camera.height_px());
-            px = target_px(target, camera, motion, mid, t_s + delay_s, delay_s)?;
+            px = target_px(target, camera, motion, t_s + delay_s, delay_s)?;
         }
     }
     Some(px)

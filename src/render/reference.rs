@@ -166,21 +166,20 @@ fn add_row(psf: &PsfModel, half: usize, row: &mut [f64], y: usize, px: [f64; 2],
 /// Light at a place: px, e-.
 type Lit = ([f64; 2], f64);
 
-/// A target's light along its way while rows that are `delay_s` late see it: its script and the camera's exact motion.
+/// A target's light along its way while rows that are `delay_s` late see it: its own way and the camera's exact motion.
 fn target_way(plan: &ExposurePlan, planned: &PlannedTarget, delay_s: f64) -> Vec<Lit> {
     let (target, motion) = (&planned.target, &plan.motion);
     let Some([from_s, to_s]) = seen_after_mid_s(target, motion, delay_s) else { return Vec::new() };
-    let mid_s = (motion.los.mid_exposure() - target.begin).s();
-    let own_px = target.path.length_px(mid_s + from_s, mid_s + to_s);
-    let light_e = target.e_per_s * motion.los.exposure_s;
-    let [x, y] = [target.path.at(mid_s + from_s), target.path.at(mid_s + to_s)];
-    if !x.into_iter().chain(y).all(f64::is_finite) {
+    let (camera, los) = (&plan.camera, &motion.los);
+    let own_px = target.length_px(camera, los, [from_s, to_s]);
+    let ends = [from_s, to_s].map(|t_s| target.own_px(camera, los, t_s));
+    if !ends.into_iter().all(|px| px.is_some_and(|px| px.into_iter().all(f64::is_finite))) {
         return Vec::new();
     }
     let instants = instants_along(motion, plan, delay_s, own_px, [from_s, to_s]);
     let lit = |at: &Instant| {
-        let start = StarPlace::of_pixel(&plan.camera, target.path.at(mid_s + at.t_s))?;
-        Some((place(plan, &start, at), light_e * at.weight))
+        let start = target.own_place(camera, los, at.t_s)?;
+        Some((place(plan, &start, at), target.e_per_s_at(at.t_s) * los.exposure_s * at.weight))
     };
     instants.iter().filter(|at| (from_s..=to_s).contains(&at.t_s)).filter_map(lit).collect()
 }

@@ -10,6 +10,7 @@ pub(super) fn blank(frame: &mut SentFrame) {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     frame.image.pixels_mut().fill(black as u16);
     frame.truth.clear();
+    frame.targets.clear();
 }
 
 /// How much of the previous image a frame shows.

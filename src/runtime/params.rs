@@ -14,6 +14,7 @@ use crate::exposure::cost::CostModel;
 use crate::exposure::{Instrument, MethodChoice, PsfSampling, Shutter, Target};
 use crate::optics::{BackgroundLight, Illumination, PsfModel, StarLight};
 use crate::runtime::imager::BackendChoice;
+use crate::runtime::sky_targets::SkyTarget;
 use crate::sky::Sky;
 use crate::sky::catalog::CatalogError;
 use crate::sky::observer::Observer;
@@ -129,12 +130,16 @@ pub struct RunParams {
     pub attitude: AttitudeParams,
     /// Targets that move over the detector.
     pub targets: Vec<Target>,
+    /// Targets on the sky.
+    pub sky_targets: Vec<SkyTarget>,
     /// Of stars and targets each pixel shows the brighter only; otherwise their photons add.
     pub keeps_brighter: bool,
     /// Where the sensor is.
     pub observer: Observer,
     /// Whether the Sun bends the stars' light.
     pub light_deflection: bool,
+    /// Planets, Moon and Earth are drawn, and hide what is behind them.
+    pub bodies: bool,
     /// Layers of stars that are the sky; none: the built-in catalog is.
     pub layers: Vec<PathBuf>,
     /// Memory for the stars of layers, MiB, for each head.
@@ -213,6 +218,12 @@ impl RunParams {
     pub fn drawing_budget_under_ms(&self, cost: &CostModel, load: f64) -> f64 {
         let share_ms = self.camera.readout_s * 1e3 / f64::from(self.heads.max(1));
         (1.0 - TIME_MARGIN) * share_ms / load - self.camera.predicted_readout_ms(cost)
+    }
+
+    /// True when any target may be drawn.
+    #[must_use]
+    pub fn has_targets(&self) -> bool {
+        !self.targets.is_empty() || !self.sky_targets.is_empty()
     }
 
     /// First instant of frame `number`'s exposure.

@@ -5,10 +5,12 @@
 
 use crate::astrometry::{ApparentSource, Vantage, apparent_places, cone_margin_rad, years_since};
 use crate::attitude::LosPath;
+use crate::base::axes::{Icrf, Rotation, Sensor};
 use crate::base::time::{Span, Tai};
 use crate::base::units::AU_KM;
 use crate::exposure::{Source, SourcePlace};
 use crate::runtime::error::RunError;
+use crate::runtime::field_bounds::FieldBounds;
 use crate::runtime::params::CameraParams;
 use crate::sky::Sky;
 use crate::sky::catalog::{Catalog, CatalogSource, chord_squared};
@@ -32,6 +34,7 @@ pub struct SkyView {
     field_rad: f64,
     /// The same in the catalog, at the latest time asked for.
     radius_rad: f64,
+    bounds: FieldBounds,
     sources: Vec<Source>,
 }
 
@@ -82,6 +85,7 @@ impl SkyView {
             fastest_mas_yr: sky.fastest_mas_yr(),
             field_rad,
             radius_rad: field_rad,
+            bounds: FieldBounds::new(&camera.geometry),
             observer: ObserverTrack::new(observer, at),
             light_deflection: true,
             camera: camera.clone(),
@@ -106,6 +110,17 @@ impl SkyView {
             Stars::Tiles { tiles, .. } => {
                 tiles.read_ahead().map_err(|source| RunError::Thread { name: "tiles", source })
             }
+        }
+    }
+
+    /// Takes in what has been read ahead; how many tiles are still to come.
+    ///
+    /// # Errors
+    /// When a tile cannot be read.
+    pub fn settle(&mut self) -> Result<usize, RunError> {
+        match &mut self.stars {
+            Stars::Catalog { .. } => Ok(0),
+            Stars::Tiles { tiles, .. } => Ok(tiles.settle()?),
         }
     }
 
@@ -138,7 +153,8 @@ impl SkyView {
         let icrf_from_sensor = los.mid_sensor_from_icrf.inverse();
         let boresight = icrf_from_sensor.apply(DVec3::Z);
         let rate_rad_s = los.rate_rad_s.length();
-        self.find(boresight, rate_rad_s * los.exposure_s, los.mid_exposure())?;
+        let sweep_rad = rate_rad_s * los.exposure_s;
+        self.find(boresight, sweep_rad, Some(&los.mid_sensor_from_icrf), los.mid_exposure())?;
         if let Stars::Tiles { tiles, .. } = &mut self.stars {
             // The stretch from here to where a slew at this rate leads.
             let half = 0.5 * AHEAD.s();
@@ -154,13 +170,22 @@ impl SkyView {
     /// # Errors
     /// When the observer's orbit cannot be computed at that time, or a tile cannot be read.
     pub fn sources(&mut self, boresight_icrf: DVec3, sweep_rad: f64, at: Tai) -> Result<&[Source], RunError> {
-        self.find(boresight_icrf, sweep_rad, at)?;
+        self.find(boresight_icrf, sweep_rad, None, at)?;
         Ok(&self.sources)
     }
 
-    fn find(&mut self, boresight_icrf: DVec3, sweep_rad: f64, at: Tai) -> Result<(), RunError> {
+    /// Of layers only stars that may be seen at `attitude`, where it is known.
+    fn find(
+        &mut self,
+        boresight_icrf: DVec3,
+        sweep_rad: f64,
+        attitude: Option<&Rotation<Sensor, Icrf>>,
+        at: Tai,
+    ) -> Result<(), RunError> {
         let vantage = Vantage::of(&mut self.observer, at, self.light_deflection)?;
         self.radius_rad = self.field_rad + cone_margin_rad(self.epoch_yr, self.fastest_mas_yr, at, &vantage);
+        let margin_rad = self.radius_rad - self.camera.geometry.half_diagonal_rad() + sweep_rad;
+        let field = attitude.and_then(|attitude| self.bounds.at(attitude, margin_rad));
         let radius_rad = self.radius_rad + sweep_rad;
         let Self { stars, camera, sources, shortfall, epoch_yr, .. } = self;
         match stars {
@@ -176,7 +201,13 @@ impl SkyView {
                     return Ok(());
                 };
                 *shortfall = tiles.take_field(axis, radius_rad)?;
-                pick(tiles, axis, radius_rad, picks);
+                match field {
+                    Some(field) => pick(tiles, |direction| field.may_have(direction), picks),
+                    None => {
+                        let chord2 = chord_squared(radius_rad);
+                        pick(tiles, |direction| direction.distance_squared(axis) <= chord2, picks);
+                    }
+                }
                 let years = years_since(*epoch_yr, at);
                 sources.resize(picks.len(), NO_SOURCE);
                 let chunks = sources.par_chunks_mut(CHUNK).zip(picks.par_chunks(CHUNK));
@@ -212,13 +243,12 @@ fn seen(star: &ApparentSource, camera: &CameraParams) -> Source {
     }
 }
 
-/// Replaces `picks` by the stars of the field's tiles within the cone, in their order.
-fn pick(tiles: &TileSky, axis: DVec3, radius_rad: f64, picks: &mut Vec<Pick>) {
-    let chord2 = chord_squared(radius_rad);
+/// Replaces `picks` by the stars of the field's tiles that are wanted, in their order.
+fn pick(tiles: &TileSky, is_wanted: impl Fn(DVec3) -> bool, picks: &mut Vec<Pick>) {
     picks.clear();
     for (block, stars) in (0..).zip(tiles.blocks()) {
-        let within = (0..).zip(stars).filter(|(_, star)| star.direction_icrf.distance_squared(axis) <= chord2);
-        picks.extend(within.map(|(star, _)| Pick { block, star }));
+        let wanted = (0..).zip(stars).filter(|(_, star)| is_wanted(star.direction_icrf));
+        picks.extend(wanted.map(|(star, _)| Pick { block, star }));
     }
 }
 

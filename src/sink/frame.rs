@@ -4,7 +4,11 @@ use crate::base::image::DnImage;
 use crate::base::time::{Span, Tai};
 use crate::sink::active_fault::ActiveFaults;
 use crate::sink::faults::FaultFlags;
+use crate::sink::target_table::TargetRow;
 use std::sync::Arc;
+
+/// Targets on the sky for which there is room from the start.
+const TARGETS_RESERVED: usize = 64;
 
 /// A finished frame. Its buffers are made once and travel between the frame thread and the sink thread.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,6 +17,8 @@ pub struct SentFrame {
     pub image: DnImage,
     /// The stars in the image; empty when the frame is blank.
     pub truth: Vec<TruthStar>,
+    /// The targets on the sky in the image.
+    pub targets: Vec<TargetRow>,
     /// Everything else that is known about the frame.
     pub meta: FrameMeta,
 }
@@ -24,6 +30,7 @@ impl SentFrame {
         Self {
             image: DnImage::new(width, height),
             truth: Vec::with_capacity(max_stars),
+            targets: Vec::with_capacity(TARGETS_RESERVED),
             meta: FrameMeta::empty(camera),
         }
     }
@@ -46,6 +53,7 @@ impl SentFrame {
             self.image.clone_from(&from.image);
         }
         self.truth.clone_from(&from.truth);
+        self.targets.clone_from(&from.targets);
         self.meta.clone_from(&from.meta);
     }
 }
@@ -60,16 +68,25 @@ pub enum TruthKind {
     Target,
     /// A star that is in no catalog, by a commanded fault.
     FalseStar,
+    /// A planet.
+    Planet,
+    /// The Moon.
+    Moon,
+    /// The Earth.
+    Earth,
     /// The track of a proton through the detector, by a commanded fault.
     ProtonTrack,
 }
 
 impl TruthKind {
     /// Every kind, with its word in files.
-    pub const NAMED: [(Self, &'static str); 4] = [
+    pub const NAMED: [(Self, &'static str); 7] = [
         (Self::Star, "star"),
         (Self::Target, "target"),
         (Self::FalseStar, "false_star"),
+        (Self::Planet, "planet"),
+        (Self::Moon, "moon"),
+        (Self::Earth, "earth"),
         (Self::ProtonTrack, "proton_track"),
     ];
 
@@ -80,6 +97,9 @@ impl TruthKind {
             Self::Star => "star",
             Self::Target => "target",
             Self::FalseStar => "false_star",
+            Self::Planet => "planet",
+            Self::Moon => "moon",
+            Self::Earth => "earth",
             Self::ProtonTrack => "proton_track",
         }
     }
@@ -163,6 +183,8 @@ pub struct FrameMeta {
     pub left_out_stars: usize,
     /// Their electrons together.
     pub left_out_e: f64,
+    /// Stars that would be on the detector but for the Earth or the Moon before them.
+    pub occulted_stars: usize,
     /// Electrons that the image lacks because each pixel shows only the brighter of stars and targets.
     pub overlap_lost_e: f64,
     /// Where the attitude came from (measured, predicted, held, ...).
@@ -205,6 +227,7 @@ impl FrameMeta {
             rung: "full",
             left_out_stars: 0,
             left_out_e: 0.0,
+            occulted_stars: 0,
             overlap_lost_e: 0.0,
             origin: "none",
             faults: FaultFlags::NONE,

@@ -41,6 +41,7 @@ pub mod shared_memory;
 pub mod stretch;
 mod tally;
 pub mod tap;
+pub mod target_table;
 pub mod tee;
 pub mod truth;
 
@@ -56,6 +57,7 @@ pub use line::{Loss, LossKind, SinkLine, sink_lines};
 pub use null::NullSink;
 pub use recorder::{Recorder, RecorderOptions};
 pub use tap::{Tap, TapEnd, tap};
+pub use target_table::TargetRow;
 pub use tee::Tee;
 
 use std::path::PathBuf;

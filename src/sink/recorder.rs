@@ -1,6 +1,6 @@
 //! The sink that writes a directory per run.
 //!
-//! Per frame: `frame_000012.truth.csv`, `frame_000012.fits`, every so often `frame_000012.png`, then a line in
+//! Per frame: `frame_000012.truth.csv`, with targets on the sky `frame_000012.targets.csv`, `frame_000012.fits`, every so often `frame_000012.png`, then a line in
 //! `frames.csv`. The line comes last, so a frame listed there is complete; files of a frame that is not listed are
 //! left from a failure. With `ser` the images are in one file as well, `frames.ser`, in the order of the lines; a frame
 //! that is not listed is not in it. A directory that already holds a recording is refused.
@@ -9,7 +9,7 @@ use crate::sink::atomic::write_file_atomically;
 use crate::sink::crc32::{RunCrc32, pixel_crc32};
 use crate::sink::frame_log::{FrameLog, FrameRow, path_in};
 use crate::sink::ser::SerFile;
-use crate::sink::{SentFrame, Sink, SinkError, SinkSummary, fits, png, truth};
+use crate::sink::{SentFrame, Sink, SinkError, SinkSummary, fits, png, target_table, truth};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -116,6 +116,10 @@ impl Recorder {
         let mut bytes = 0;
         if self.options.truth {
             bytes += write_file_atomically(&path("truth.csv"), |out| truth::write_truth(out, &frame.truth))?;
+        }
+        if self.options.truth && !frame.targets.is_empty() {
+            let write = |out: &mut dyn std::io::Write| target_table::write_targets(out, &frame.targets);
+            bytes += write_file_atomically(&path("targets.csv"), write)?;
         }
         if self.options.fits {
             bytes += write_file_atomically(&path("fits"), |out| fits::write_frame(out, frame))?;

@@ -1,15 +1,22 @@
 //! Time -> where the Sun, the Moon and the Earth stand, seen by the star sensor, km, ICRF axes.
 //!
-//! For stray light and the zodiacal light: geometric positions, no light time (the Sun's 8 minutes are 20 arcsec), no
-//! aberration. The Sun's barycentric position is VSOP87E's, evaluated once a day and followed by the Earth's track.
-//! Limits: an observer at the barycentre has no such sky and is refused; for one at the geocentre there is no Earth.
-//! Tests: below; the Moon in [`crate::sky::moon`].
+//! * [`Bodies`], for stray light and the zodiacal light: geometric positions, no light time (the Sun's 8 minutes are 20
+//!   arcsec), no aberration.
+//! * [`Standpoint`], for what is drawn: the states from which apparent places follow, to 0.1 arcsec of DE421.
+//!
+//! The Sun's barycentric state is VSOP87E's, evaluated once a day and straight from there (it bends by 0.2 km in half a
+//! day); the Earth is followed by its track. Limits: an observer at the barycentre has no such sky and is refused; for one
+//! at the geocentre there is no Earth.
+//! Tests: below; `tests/physics/bodies.rs`; the Moon in [`crate::sky::moon`].
 
 use crate::base::time::Tai;
+use crate::base::units::DAY_S;
 use crate::sky::ObserverError;
 use crate::sky::earth::{self, EarthTrack};
-use crate::sky::moon;
-use crate::sky::observer::Observer;
+use crate::sky::observer::{BarycentricState, Observer};
+use crate::sky::planets::Planet;
+use crate::sky::spheroid::Spheroid;
+use crate::sky::{ephemeris, moon, orbit};
 use glam::DVec3;
 
 /// Positions from the observer, ICRF axes, km.
@@ -23,13 +30,59 @@ pub struct Bodies {
     pub earth_km: Option<DVec3>,
 }
 
+/// Equatorial radius of the Earth, km, and its flattening (WGS 84).
+pub const EARTH_RADIUS_KM: f64 = 6_378.137;
+const EARTH_FLATTENING: f64 = 1.0 / 298.257_223_563;
+/// Radius of the Sun, km (IAU 2015 Resolution B3).
+pub const SUN_RADIUS_KM: f64 = 695_700.0;
+
+/// Where the observer stands among the bodies, at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Standpoint {
+    /// When.
+    pub at: Tai,
+    /// The observer from the barycentre: its velocity makes the aberration of stars, planets and the Sun.
+    pub observer: BarycentricState,
+    /// The observer from the Sun's centre, km.
+    pub from_sun_km: DVec3,
+    /// The observer from the geocentre.
+    pub from_earth: BarycentricState,
+    /// The observer from the Moon's centre.
+    pub from_moon: BarycentricState,
+    /// The Earth's axis: mean of date, ICRF.
+    pub earth_axis: DVec3,
+}
+
+impl Standpoint {
+    /// The Earth's surface (WGS 84 ellipsoid); `None` for an observer below it.
+    #[must_use]
+    pub fn earth(&self) -> Option<Spheroid> {
+        let is_outside = self.from_earth.position_km.length() > EARTH_RADIUS_KM;
+        is_outside.then(|| Spheroid::seen_from(&self.from_earth, self.earth_axis, EARTH_RADIUS_KM, EARTH_FLATTENING))
+    }
+
+    /// The Moon's surface (a sphere); `None` for an observer below it.
+    #[must_use]
+    pub fn moon(&self) -> Option<Spheroid> {
+        let is_outside = self.from_moon.position_km.length() > moon::RADIUS_KM;
+        is_outside.then(|| Spheroid::seen_from(&self.from_moon, DVec3::Z, moon::RADIUS_KM, 0.0))
+    }
+
+    /// A planet where its light left: from the Sun and from the observer, km. The aberration of stars is still to come.
+    #[must_use]
+    pub fn planet_km(&self, planet: Planet) -> [DVec3; 2] {
+        let from_sun_km = planet.light_left_km(self.at, self.from_sun_km);
+        [from_sun_km, from_sun_km - self.from_sun_km]
+    }
+}
+
 /// The bodies followed from frame to frame. After start it allocates nothing; a new day evaluates the Sun's and the
 /// Earth's series (about 5 ms).
 #[derive(Debug, Clone)]
 pub struct BodiesTrack {
     observer: Observer,
     earth: EarthTrack,
-    sun: Option<(f64, DVec3)>,
+    sun: Option<(f64, BarycentricState)>,
 }
 
 impl BodiesTrack {
@@ -37,7 +90,7 @@ impl BodiesTrack {
     #[must_use]
     pub fn new(observer: Observer, at: Tai) -> Self {
         let mut track = Self { observer, earth: EarthTrack::new(at), sun: None };
-        track.sun_km(at);
+        track.sun(at);
         track
     }
 
@@ -50,23 +103,48 @@ impl BodiesTrack {
         let earth_km = self.earth.barycentric_state(at).position_km;
         let is_there = matches!(self.observer, Observer::Geocentre);
         Ok(Bodies {
-            sun_km: self.sun_km(at) - earth_km - observer_km,
+            sun_km: self.sun(at).position_km - earth_km - observer_km,
             moon_km: moon::geocentric_km(at) - observer_km,
             earth_km: (!is_there).then_some(-observer_km),
         })
     }
 
-    /// Barycentric position of the Sun's centre at noon of the day (it moves by 1100 km a day: 1.5 arcsec).
-    fn sun_km(&mut self, at: Tai) -> DVec3 {
-        let day = at.days_tdb_since_j2000().floor();
-        match self.sun {
-            Some((of, sun_km)) if of == day => sun_km,
+    /// Where the observer stands at `at`; depends on the time only.
+    ///
+    /// # Errors
+    /// As for [`Self::at`], and when the ephemeris table is damaged.
+    pub fn standpoint(&mut self, at: Tai) -> Result<Standpoint, ObserverError> {
+        ephemeris::check()?;
+        let from_earth = self.observer.geocentric_state(at)?.ok_or(ObserverError::NoBodies)?;
+        let observer = self.earth.barycentric_state(at) + from_earth;
+        let moon = moon::geocentric_state(at);
+        Ok(Standpoint {
+            at,
+            observer,
+            from_sun_km: observer.position_km - self.sun(at).position_km,
+            from_earth,
+            from_moon: BarycentricState {
+                position_km: from_earth.position_km - moon.position_km,
+                velocity_km_s: from_earth.velocity_km_s - moon.velocity_km_s,
+            },
+            earth_axis: orbit::icrf_from_mean_of_date(at) * DVec3::Z,
+        })
+    }
+
+    /// Barycentric state of the Sun's centre: the day's, moved on from noon.
+    fn sun(&mut self, at: Tai) -> BarycentricState {
+        let days = at.days_tdb_since_j2000();
+        let day = days.floor();
+        let noon = match self.sun {
+            Some((of, noon)) if of == day => noon,
             _ => {
-                let sun_km = earth::sun_position_km(day + 0.5);
-                self.sun = Some((day, sun_km));
-                sun_km
+                let noon = earth::sun_state(day + 0.5);
+                self.sun = Some((day, noon));
+                noon
             }
-        }
+        };
+        let moved_km = noon.velocity_km_s * ((days - day - 0.5) * DAY_S);
+        BarycentricState { position_km: noon.position_km + moved_km, ..noon }
     }
 }
 

@@ -14,6 +14,7 @@
 use crate::base::time::Tai;
 use crate::base::units::{AU_KM, DAY_S};
 use crate::sky::observer::BarycentricState;
+use crate::sky::planets::Planet;
 use glam::{DMat3, DVec3};
 
 /// Half of the interval over which positions are differenced, days.
@@ -49,6 +50,29 @@ fn position_km(days_tdb_since_j2000: f64) -> DVec3 {
 /// Barycentric position of the Sun's centre, ICRF axes, by the same theory.
 pub(super) fn sun_position_km(days_tdb_since_j2000: f64) -> DVec3 {
     let p = vsop87::vsop87e::sun(J2000_JD + days_tdb_since_j2000);
+    equatorial_km(DVec3::new(p.x, p.y, p.z))
+}
+
+/// Barycentric state of the Sun's centre.
+pub(super) fn sun_state(days_tdb_since_j2000: f64) -> BarycentricState {
+    let at_km = |days: f64| sun_position_km(days_tdb_since_j2000 + days);
+    let velocity_km_s = (at_km(HALF_STEP_D) - at_km(-HALF_STEP_D)) / (2.0 * HALF_STEP_D * DAY_S);
+    BarycentricState { position_km: at_km(0.0), velocity_km_s }
+}
+
+/// Barycentric position of a planet, ICRF axes, by the same theory.
+pub(super) fn planet_position_km(planet: Planet, days_tdb_since_j2000: f64) -> DVec3 {
+    use vsop87::vsop87e;
+    let series = match planet {
+        Planet::Mercury => vsop87e::mercury,
+        Planet::Venus => vsop87e::venus,
+        Planet::Mars => vsop87e::mars,
+        Planet::Jupiter => vsop87e::jupiter,
+        Planet::Saturn => vsop87e::saturn,
+        Planet::Uranus => vsop87e::uranus,
+        Planet::Neptune => vsop87e::neptune,
+    };
+    let p = series(J2000_JD + days_tdb_since_j2000);
     equatorial_km(DVec3::new(p.x, p.y, p.z))
 }
 

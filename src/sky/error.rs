@@ -1,6 +1,7 @@
 //! What can be wrong with an observer.
 
 use crate::base::time::Tai;
+use crate::sky::ephemeris::TableError;
 use crate::sky::orbit::CentralBody;
 
 /// Why an observer's orbit was refused or could not be followed.
@@ -35,6 +36,39 @@ pub enum ObserverError {
         norad_id: u64,
         /// SGP4's reason.
         why: String,
+    },
+    /// An orbit mean-elements message is no JSON.
+    #[error("orbit mean-elements message, line {line}, column {column}: {why}")]
+    OmmText {
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What the reader of JSON says.
+        why: String,
+    },
+    /// An orbit mean-elements message lacks the object, or the object a key, or a value is none that an orbit has.
+    #[error("orbit mean-elements message: {why}")]
+    Omm {
+        /// What is wrong, what was wanted and got.
+        why: String,
+    },
+    /// A file of two-line elements has not the object that was asked for.
+    #[error(
+        "two-line elements: wanted {}, got none among {objects}",
+        .norad_id.map_or_else(|| "an object".into(), |id| format!("the object with number {id}"))
+    )]
+    NoSuchObject {
+        /// Catalog number asked for; `None`: any.
+        norad_id: Option<u64>,
+        /// Objects in the file.
+        objects: usize,
+    },
+    /// A file of two-line elements has several objects, and none was asked for.
+    #[error("two-line elements: got {objects} objects, wanted one, or the norad_id of one of them")]
+    WhichObject {
+        /// Objects in the file.
+        objects: usize,
     },
     /// SGP4 gave up at this time, usually because the object has decayed.
     #[error(
@@ -85,4 +119,7 @@ pub enum ObserverError {
     /// Sun, Moon and Earth are seen from an orbit or from the geocentre.
     #[error("Sun, Moon and Earth: wanted an observer near the Earth, got one at rest at the barycentre")]
     NoBodies,
+    /// The ephemeris that is part of the program is not what was put there.
+    #[error("{0}")]
+    Ephemeris(#[from] &'static TableError),
 }

@@ -6,25 +6,37 @@
 //! * [`catalog`]: the packed star catalog and its cone query;
 //! * [`import`], [`layer`]: published catalogs -> layers on disk, of any number of stars, and their cone query;
 //! * [`tiles`]: the tiles of a field from layers, in bounded memory, read ahead; [`Sky`]: a catalog or layers;
+//! * [`synthetic`]: made-up deep populations by the densities that were measured, as layers;
+//! * [`galactic`]: galactic longitude and latitude;
 //! * [`earth`]: the Earth's barycentric state from VSOP87E;
-//! * [`moon`]: the geocentric Moon by a short series;
+//! * [`ephemeris`]: Moon and planets by polynomials fitted to DE421, 1990 to 2051;
+//! * [`moon`], [`planets`], [`magnitude`]: where they are and how bright;
+//! * [`spheroid`]: limb and surface of a body, seen from near or far;
 //! * [`bodies`]: Sun, Moon and Earth as the observer sees them;
 //! * [`sun`]: the Sun's barycentric state, likewise;
 //! * [`orbit`]: the spacecraft about the Earth (two-line elements, circular), or on a conic about Earth, Moon or Sun;
-//! * [`observer`]: both together.
+//! * [`observer`]: both together;
+//! * [`target`]: targets about the Earth: sightings, sunlight, brightness.
 
 pub mod bodies;
 pub mod catalog;
 pub mod earth;
+pub mod ephemeris;
 mod error;
+pub mod galactic;
 pub mod import;
 pub mod layer;
+pub mod magnitude;
 pub mod moon;
 pub mod observer;
 pub mod orbit;
+pub mod planets;
+pub mod spheroid;
 pub mod sun;
 mod stars;
+pub mod target;
 pub mod tiles;
+pub mod synthetic;
 
 pub use error::ObserverError;
 pub use stars::Sky;

@@ -1,13 +1,17 @@
-//! Time -> geocentric position of the Moon, km, ICRF axes.
+//! Time -> geocentric position and velocity of the Moon, km and km/s, ICRF axes.
 //!
-//! Source: the ELP-2000/82 series as truncated in Meeus, Astronomical Algorithms, 2nd ed. (1998), chapter 47, here
-//! without the terms below 0.002 deg in longitude and 0.001 deg in latitude; mean equinox and ecliptic of date, turned
-//! to ICRF by the mean obliquity and the precession of [`crate::sky::orbit`]. For the glare of the Moon: against DE421
-//! (2000-2040) within 0.015 deg and 60 km.
-//! Test: `agrees_with_a_numerical_ephemeris`.
+//! * From 1989-12-28 to 2052-01-08 by the table of [`crate::sky::ephemeris`], fitted to DE421: 0.15 km, 0.08 arcsec.
+//! * At other times by a series: ELP-2000/82 as truncated in Meeus, Astronomical Algorithms, 2nd ed. (1998), chapter 47,
+//!   here without the terms below 0.002 deg in longitude and 0.001 deg in latitude; mean equinox and ecliptic of date,
+//!   turned to ICRF by the mean obliquity and the precession of [`crate::sky::orbit`]. Against DE421 (1900-2053) within
+//!   0.015 deg and 60 km: enough for the glare of the Moon.
+//!
+//! [`method`] says which. Tests: `agrees_with_a_numerical_ephemeris`, `both_sides_of_the_table`.
 
-use crate::base::time::Tai;
+use crate::base::time::{Span, Tai};
 use crate::base::units::{ARCSEC, DEG, JULIAN_YEAR_D};
+use crate::sky::ephemeris::{self, Method};
+use crate::sky::observer::BarycentricState;
 use crate::sky::orbit::icrf_from_mean_of_date;
 use glam::DVec3;
 
@@ -55,9 +59,37 @@ const LATITUDE: [([i8; 4], f64); 29] = [
     ([4, 0, 0, -1], 1_021.0),
 ];
 
-/// Position from the Earth's centre, ICRF axes, km. Does not allocate; a few microseconds.
+/// The Moon's number in the table.
+const NUMBER: u32 = 10;
+/// Half of the interval over which the series is differenced, s: the error of its velocity is 1e-5 km/s.
+const HALF_STEP_S: f64 = 600.0;
+
+/// What positions are computed by at `at`.
+#[must_use]
+pub fn method(at: Tai) -> Method {
+    Method::on_day(at.days_tdb_since_j2000())
+}
+
+/// Position from the Earth's centre, ICRF axes, km. Does not allocate; below a microsecond by the table, a few by the
+/// series.
 #[must_use]
 pub fn geocentric_km(at: Tai) -> DVec3 {
+    let by_table = ephemeris::state(NUMBER, at.days_tdb_since_j2000());
+    by_table.map_or_else(|| by_series_km(at), |state| state.position_km)
+}
+
+/// Position and velocity from the Earth's centre, ICRF axes.
+#[must_use]
+pub fn geocentric_state(at: Tai) -> BarycentricState {
+    ephemeris::state(NUMBER, at.days_tdb_since_j2000()).unwrap_or_else(|| {
+        let half = Span::from_s(HALF_STEP_S);
+        let [before_km, after_km] = [at - half, at + half].map(by_series_km);
+        let velocity_km_s = (after_km - before_km) / (2.0 * HALF_STEP_S);
+        BarycentricState { position_km: by_series_km(at), velocity_km_s }
+    })
+}
+
+fn by_series_km(at: Tai) -> DVec3 {
     let t = at.days_tdb_since_j2000() / (100.0 * JULIAN_YEAR_D);
     let angle = |at_epoch: f64, rate: f64, square: f64| (at_epoch + t * (rate + t * square)).rem_euclid(360.0) * DEG;
     let moon_longitude = angle(218.316_447_7, 481_267.881_234_21, -0.001_578_6);
@@ -100,11 +132,14 @@ pub fn geocentric_km(at: Tai) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::time::Span;
+    use crate::base::units::DAY_S;
+    use crate::sky::ephemeris::{FIRST_DAY, LAST_DAY};
 
-    /// Sum of squares of what is left out is 0.004 deg; three times that, and precession's neglected nutation.
-    const DIRECTION_DEG: f64 = 0.015;
-    const DISTANCE_KM: f64 = 60.0;
+    /// Sum of squares of what the series leaves out is 0.004 deg; three times that, and precession's neglected nutation.
+    const SERIES_DEG: f64 = 0.015;
+    const SERIES_KM: f64 = 60.0;
+    /// Rounding and truncation of the table's coefficients (measured 0.13 km), and 1 ms of the clock.
+    const TABLE_KM: f64 = 0.2;
 
     /// Geocentric Moon by JPL's DE421 (jplephem 2.22), equatorial ICRF axes, km; days of TDB since J2000.
     const DE421: [(f64, [f64; 3]); 5] = [
@@ -117,19 +152,41 @@ mod tests {
 
     /// The instant at which so many days of TDB have passed since J2000 (its offset from TAI is constant to 2 ms).
     fn at(days: f64) -> Tai {
-        Tai::from_rfc3339("2000-01-01T11:58:55.816Z").expect("J2000.0") + Span::from_s(86_400.0 * days)
+        Tai::from_rfc3339("2000-01-01T11:58:55.816Z").expect("J2000.0") + Span::from_s(DAY_S * days)
     }
 
     #[test]
     fn agrees_with_a_numerical_ephemeris() {
         for (days, wanted) in DE421 {
             assert!((at(days).days_tdb_since_j2000() - days).abs() < 1e-6, "the clock of this test");
-            let (got, wanted) = (geocentric_km(at(days)), DVec3::from_array(wanted));
-            let (off_deg, far_km) = (got.angle_between(wanted) / DEG, (got.length() - wanted.length()).abs());
-            println!("{days}: {off_deg:.4} deg, {far_km:.1} km");
-            assert!(off_deg < DIRECTION_DEG && far_km < DISTANCE_KM, "{days}: {off_deg} deg, {far_km} km");
-            let later = geocentric_km(at(days + 0.05));
-            assert!(later.angle_between(wanted) / DEG > DIRECTION_DEG, "control: an hour of motion is half a degree");
+            let wanted = DVec3::from_array(wanted);
+            let off_km = geocentric_km(at(days)).distance(wanted);
+            assert!(off_km < TABLE_KM, "{days}: {off_km} km");
+            assert!(geocentric_km(at(days + 1e-5)).distance(wanted) > TABLE_KM, "control: a second of motion is 1 km");
+            let series = by_series_km(at(days));
+            let (off_deg, far_km) = (series.angle_between(wanted) / DEG, (series.length() - wanted.length()).abs());
+            assert!(off_deg < SERIES_DEG && far_km < SERIES_KM, "{days}: {off_deg} deg, {far_km} km");
+            let later = by_series_km(at(days + 0.05));
+            assert!(later.angle_between(wanted) / DEG > SERIES_DEG, "control: an hour of motion is half a degree");
+        }
+    }
+
+    #[test]
+    fn both_sides_of_the_table() {
+        for (edge, inside) in [(FIRST_DAY, 1e-3), (LAST_DAY, -1e-3)] {
+            let [inner, outer] = [at(edge + inside), at(edge - inside)];
+            assert_eq!((method(inner), method(outer)), (Method::Table, Method::Series));
+            for instant in [inner, outer] {
+                let off = geocentric_km(instant).angle_between(by_series_km(instant)) / DEG;
+                assert!(off < SERIES_DEG, "{off}");
+                let state = geocentric_state(instant);
+                assert_eq!(state.position_km, geocentric_km(instant));
+                let half = Span::from_s(30.0);
+                let moved_km = geocentric_km(instant + half) - geocentric_km(instant - half);
+                assert!((moved_km / 60.0).distance(state.velocity_km_s) < 2e-5, "{}", state.velocity_km_s);
+            }
+            assert_eq!(geocentric_km(outer), by_series_km(outer));
+            assert_ne!(geocentric_km(inner), by_series_km(inner));
         }
     }
 }

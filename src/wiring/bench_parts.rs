@@ -3,18 +3,23 @@
 use crate::attitude::{JitterLine, RemoteClockLimits};
 use crate::base::axes::{Body, Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
 use crate::base::time::{Span, Tai};
-use crate::config::{self, Bench, JitterSource, OrbitStart, Overlap, TargetLight, TargetSettings, Wire};
-use crate::exposure::Target;
+use crate::config::{
+    self, Bench, JitterSource, OrbitSettings, OrbitStart, Overlap, TargetCourse, TargetLight, TargetSettings, Wire,
+};
 use crate::exposure::cost::CostModel;
 use crate::exposure::target::FIRST_TARGET_ID;
+use crate::exposure::{Target, TargetWay};
 use crate::link::WireFormat;
 use crate::link::simulated::{BusParams, BusTiming};
 use crate::optics::PsfModel;
 use crate::optics::snr::electrons_for_snr;
 use crate::runtime::params::{AttitudeParams, CameraParams};
+use crate::runtime::sky_targets::SkyTarget;
 use crate::runtime::{BackendChoice, DeadlinePolicy, Imager, RunParams, SessionParams, SessionStart};
+use crate::sky::ObserverError;
 use crate::sky::observer::Observer;
-use crate::sky::orbit::{CircularOrbit, TleOrbit, TwoBodyOrbit};
+use crate::sky::orbit::{CircularOrbit, EARTH_GM_KM3_S2, TleOrbit, TwoBodyOrbit};
+use crate::sky::target::Orbit;
 use crate::testbed::flight_computer::{
     Faults, FlightComputerParams, JitterLineParams, JitterStream, RampShape, Slew, SlewProfile,
 };
@@ -35,10 +40,12 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
     let first_exposure = start + LEAD;
     Ok(RunParams {
         attitude: attitude_params(bench, start),
-        targets: targets(bench, &camera, first_exposure)?,
+        targets: scripted(bench, &camera, first_exposure)?,
+        sky_targets: on_sky(bench, first_exposure)?,
         keeps_brighter: bench.target_overlap == Overlap::Brighter,
         observer: observer(&bench.observer, first_exposure)?,
         light_deflection: bench.light_deflection,
+        bodies: bodies(bench, &camera)?,
         layers: bench.layers.clone(),
         star_memory_mb: bench.star_memory_mb,
         budget: bench.accuracy,
@@ -62,8 +69,62 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
     })
 }
 
-/// Targets with their light in electrons and their times in TAI.
-fn targets(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<Vec<Target>> {
+/// Targets on the sky, ready to be followed.
+fn on_sky(bench: &Bench, first_exposure: Tai) -> Result<Vec<SkyTarget>> {
+    let mut found = Vec::new();
+    for ((place, id), settings) in (0..).zip(FIRST_TARGET_ID..).zip(&bench.targets) {
+        let (TargetCourse::Orbit(orbit), TargetLight::Reflected { brightness, bp_rp }) =
+            (&settings.course, &settings.light)
+        else {
+            continue;
+        };
+        let orbit = orbit_of(orbit, first_exposure).with_context(|| format!("target[{place}]"))?;
+        let [begin, end] = seen(settings, first_exposure);
+        found.push(SkyTarget { id, orbit, brightness: brightness.clone(), bp_rp: *bp_rp, begin, end });
+    }
+    Ok(found)
+}
+
+fn orbit_of(settings: &OrbitSettings, first_exposure: Tai) -> Result<Orbit, ObserverError> {
+    Ok(match settings {
+        OrbitSettings::Tle { text, norad_id } => Orbit::Sgp4(Box::new(TleOrbit::parse_one_of(text, *norad_id)?)),
+        OrbitSettings::Omm { text, norad_id } => Orbit::Sgp4(Box::new(TleOrbit::parse_omm(text, *norad_id)?)),
+        OrbitSettings::TwoBody { epoch, elements } => {
+            Orbit::TwoBody(TwoBodyOrbit::from_elements(*epoch, elements, EARTH_GM_KM3_S2)?)
+        }
+        OrbitSettings::StateVector { epoch, position_km, velocity_km_s } => {
+            let [position_km, velocity_km_s] = [*position_km, *velocity_km_s].map(DVec3::from_array);
+            Orbit::TwoBody(TwoBodyOrbit::from_state(*epoch, position_km, velocity_km_s, EARTH_GM_KM3_S2)?)
+        }
+        OrbitSettings::Circular { altitude_km, inclination_deg, raan_deg, argument_of_latitude_deg } => {
+            let [inclination, raan, latitude] = [*inclination_deg, *raan_deg, *argument_of_latitude_deg];
+            Orbit::Circular(CircularOrbit::new(*altitude_km, inclination, raan, latitude, first_exposure)?)
+        }
+    })
+}
+
+/// From when to when a target is there.
+fn seen(settings: &TargetSettings, first_exposure: Tai) -> [Tai; 2] {
+    let begin = first_exposure + Span::from_s(settings.start_s);
+    // A century: spans end at 292 years.
+    [begin, begin + Span::from_s(settings.for_s.min(3e9))]
+}
+
+/// Whether bodies are drawn: their light needs electrons that follow the exposure.
+fn bodies(bench: &Bench, camera: &CameraParams) -> Result<bool> {
+    if bench.bodies && camera.radiometry.zero_point_e_per_s().is_none() {
+        bail!(
+            "bench \"{}\" has sky.bodies = true, and camera \"{}\" a grey mapping: a disc's light is spread over its pixels, which \
+             wants electrons per second; give the camera a zero point, or leave the bodies out",
+            bench.name,
+            camera.name
+        );
+    }
+    Ok(bench.bodies)
+}
+
+/// Targets by script with their light in electrons and their times in TAI.
+fn scripted(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<Vec<Target>> {
     if !bench.targets.is_empty() && matches!(camera.psf, PsfModel::Field(_)) {
         bail!(
             "bench \"{}\" has [[target]], and camera \"{}\" a PSF that changes over the field: targets are drawn with one PSF; \
@@ -82,21 +143,21 @@ fn targets(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<
         noise.map_or(f64::NAN, |noise| electrons_for_snr(snr, &noise))
     };
     let target = |(id, settings): (u32, &TargetSettings)| {
+        let TargetCourse::Script(path) = settings.course else { return None };
         let (mag, e_per_s) = match settings.light {
             TargetLight::Snr(snr) => (f64::NAN, electrons_of(snr) / camera.exposure_s),
             TargetLight::Electrons(electrons) => (f64::NAN, electrons / camera.exposure_s),
+            TargetLight::Reflected { .. } => return None,
             TargetLight::Mag { mag, bp_rp } => {
                 (camera.radiometry.mag_instrument(mag, bp_rp), camera.radiometry.electrons(mag, bp_rp, 1.0))
             }
         };
-        let begin = first_exposure + Span::from_s(settings.start_s);
-        // A century: spans end at 292 years.
-        let end = begin + Span::from_s(settings.for_s.min(3e9));
+        let [begin, end] = seen(settings, first_exposure);
         #[allow(clippy::cast_possible_truncation, reason = "magnitudes are single precision")]
         let mag = mag as f32;
-        Ok(Target { id, mag, e_per_s, begin, end, path: settings.path })
+        Some(Target { id, mag, e_per_s, begin, end, way: TargetWay::Script(path), light: None })
     };
-    (FIRST_TARGET_ID..).zip(&bench.targets).map(target).collect()
+    Ok((FIRST_TARGET_ID..).zip(&bench.targets).filter_map(target).collect())
 }
 
 /// The bench as one of its heads is drawn from it: its mounting, and patterns and noise of its own.

@@ -19,7 +19,7 @@
 //!
 //! Limits: stars are Gaussians of [`SPOT_SIGMA_PX`] on the display, whatever the tracker's own PSF is, which comes on top;
 //! the sky's background is not shown, as a display's black is brighter; light by `[band]` or a grey mapping is refused, and
-//! so are targets, whose places are pixels of the tracker. Rows above and below the middle light up to half the scan sooner
+//! so are scripted targets, whose places are pixels of the tracker (targets on the sky are shown). Rows above and below the middle light up to half the scan sooner
 //! and later than drawn. Shot noise of what is drawn stays below [`NOISE_LUMINANCE`] of the full luminance. Tests:
 //! `tests/closed_loop/display.rs` over a simulated flight computer.
 
@@ -97,7 +97,7 @@ pub fn take_display(params: &mut RunParams, bench: &Bench, now: Tai) -> Result<O
     let Some(settings) = calibrated_display(bench) else { return Ok(None) };
     if !params.targets.is_empty() {
         bail!(
-            "[[target]]: got {} on a bench that is drawn for a display; wanted none: their paths are pixels of the tracker, \
+            "[[target]]: got {} on a bench that is drawn for a display; wanted none: their scripts are pixels of the tracker, \
              which the display does not have; leave them out, or record the tracker's own frames",
             params.targets.len()
         );

@@ -4,7 +4,7 @@ use crate::scene::{EXPOSURE_S, Motion, Scene, device, draw_cpu, draw_gpu};
 use starloop::base::image::Image;
 use starloop::base::time::{Span, Tai};
 use starloop::exposure::target::FIRST_TARGET_ID;
-use starloop::exposure::{ExposurePlan, Target, TargetCurve, TargetPath};
+use starloop::exposure::{ExposurePlan, Target, TargetCurve, TargetPath, TargetWay};
 use starloop::gpu::Electrons;
 use starloop::optics::PsfModel;
 use starloop::render::cpu::Cpu;
@@ -23,14 +23,18 @@ fn plan_of(scene: &Scene) -> ExposurePlan {
         e_per_s: 8e4 / EXPOSURE_S,
         begin: Tai::from_ns(0) - Span::from_s(1e6),
         end: Tai::from_ns(i64::MAX / 2),
-        path: TargetPath { position_px: [x, y], velocity_px_s: [0.0, 0.0], curve: TargetCurve::Straight },
+        way: TargetWay::Script(TargetPath {
+            position_px: [x, y],
+            velocity_px_s: [150.0, -60.0],
+            curve: TargetCurve::Straight,
+        }),
+        light: None,
     };
     let mid = planner.latest().motion.los.mid_exposure();
     let mut targets = [(FIRST_TARGET_ID, 90.3, 80.8), (FIRST_TARGET_ID + 1, 200.0, 150.5)].map(target);
     for target in &mut targets {
         target.begin = mid - Span::from_s(0.2);
         target.end = mid + Span::from_s(0.2);
-        target.path.velocity_px_s = [150.0, -60.0];
     }
     planner.set_targets(targets.to_vec());
     planner.plan(&scene.stars(600)).clone()

@@ -37,3 +37,27 @@ fn frames_repeat_bit_for_bit() {
         assert_ne!(first, shoot(&mut gpu, &plan, 7), "{method}: another frame number is other noise");
     }
 }
+
+#[test]
+fn a_field_in_blocks_is_the_field_at_once() {
+    let Some(device) = device() else { return };
+    // Analytic, from a table, and by kernels: both passes, and blocks with a part of each.
+    for (psf, method) in [
+        (PsfModel::gaussian(0.8), "samples:8"),
+        (PsfModel::airy(0.98, 0.3), "samples:8"),
+        (PsfModel::gaussian(0.8), "effective-psf:32"),
+    ] {
+        let scene = Scene::new(psf, Motion::Jitter(32, 1.7), method);
+        let [width, height] = scene.size;
+        let mut gpu = Gpu::new(device.clone(), width, height).expect("a backend");
+        let mut planner = scene.planner();
+        let plan = planner.plan(&scene.stars(1000)).clone();
+        let at_once = draw_gpu(&mut gpu, &plan, scene.size);
+        for block in [999, 64] {
+            gpu.limit_block(block);
+            assert_eq!(at_once, draw_gpu(&mut gpu, &plan, scene.size), "{method}, blocks of {block}");
+        }
+        let fewer = planner.plan(&scene.stars(999)).clone();
+        assert_ne!(at_once, draw_gpu(&mut gpu, &fewer, scene.size), "control: one star less is seen");
+    }
+}

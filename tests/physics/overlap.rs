@@ -4,7 +4,7 @@ use crate::scene::{EXPOSURE_S, draw_cpu, draw_reference, los, planner, star};
 use starloop::base::time::{Span, Tai};
 use starloop::exposure::planner::Planner;
 use starloop::exposure::target::FIRST_TARGET_ID;
-use starloop::exposure::{ExposurePlan, Target, TargetCurve, TargetPath};
+use starloop::exposure::{ExposurePlan, Target, TargetCurve, TargetPath, TargetWay};
 use starloop::gpu::Electrons;
 use starloop::optics::PsfModel;
 use starloop::render::Backend;
@@ -24,7 +24,8 @@ fn crossing() -> Planner {
         e_per_s: 5e4 / EXPOSURE_S,
         begin,
         end,
-        path,
+        way: TargetWay::Script(path),
+        light: None,
     }]);
     planner
 }

@@ -7,6 +7,7 @@
 //! * `table`: tabulated and effective PSFs, from the tables of [`crate::render::table`]. One
 //!   invocation per star and block of 8 x 1 pixels, 16 taps per pixel and node.
 //!
+//! A field of more stars than [`Gpu::limit_block`] allows comes in blocks, one after another into the same image.
 //! Additions are integer, so they commute: a repeated plan gives the same bits. The scale is chosen per frame so that
 //! no pixel can wrap ([`crate::render::gpu::scale`]). Error against the CPU backend: f32 rounding, 5e-7 of the peak;
 //! half a unit (3e-5 e-) per star and pixel. `tests/gpu` holds all of this.
@@ -27,6 +28,7 @@ use crate::render::plan_tables::PlanTables;
 use crate::render::table::PsfTable;
 use crate::render::{Backend, RenderError, check_kernel, check_sampling};
 use bytemuck::{Pod, Zeroable};
+use core::ops::Range;
 use scale::TileBounds;
 use stars::{NodeRecord, Source, StarRecord, fill_nodes, fill_stars};
 use std::sync::Arc;
@@ -37,6 +39,8 @@ const ANALYTIC_HALF_PX: usize = 15;
 const SPLAT_BLOCK_PX: [usize; 2] = [16, 8];
 /// Block of one invocation of the table pass.
 const TABLE_BLOCK_PX: [usize; 2] = [8, 1];
+/// Stars on the device at a time; those beyond follow in further blocks: 80 MiB, which every device takes.
+const MOST_STARS_A_BLOCK: usize = 1 << 20;
 /// Nodes one invocation takes: enough work to hide its set-up, and long paths spread over the device.
 const NODES_PER_SLICE: usize = 128;
 /// Additions to one pixel that the fixed point leaves room for.
@@ -78,6 +82,7 @@ pub struct Gpu {
     image: DeviceElectrons,
     readback: Option<ReadbackRing>,
     stars: Vec<StarRecord>,
+    stars_a_block: usize,
     nodes: Vec<NodeRecord>,
     bounds: TileBounds,
     tables: PlanTables,
@@ -96,12 +101,18 @@ impl Gpu {
             image: DeviceElectrons::new(&gpu, width_px, height_px)?,
             readback: None,
             stars: Vec::new(),
+            stars_a_block: MOST_STARS_A_BLOCK,
             nodes: Vec::new(),
             bounds: TileBounds::new([width_px, height_px]),
             tables: PlanTables::new(ANALYTIC_HALF_PX),
             bases_are_loaded: false,
             gpu,
         })
+    }
+
+    /// From here on at most so many stars, and at least one, are on the device at a time: the image is the same.
+    pub fn limit_block(&mut self, stars: usize) {
+        self.stars_a_block = stars.clamp(1, MOST_STARS_A_BLOCK);
     }
 
     /// The device, to share with a detector.
@@ -184,6 +195,7 @@ impl Gpu {
         self.bounds.scale((self.stars.len() * slices) as f64)
     }
 
+    #[allow(clippy::cast_possible_truncation, reason = "a block has fewer than 2^32 stars")]
     fn submit(&mut self, plan: &ExposurePlan) -> Result<(), GpuError> {
         self.prepare_tables(plan)?;
         let size = [self.image.width(), self.image.height()];
@@ -203,32 +215,58 @@ impl Gpu {
         let nodes_per_slice = self.nodes_per_slice();
         let slices = self.most_nodes().div_ceil(nodes_per_slice);
         let scale = self.choose_scale(peak, slices);
-        let params = self.params(plan, analytic, nodes_per_slice, scale);
-        let (splat, tabulated) = self.stars.split_at(analytic);
-        let [splat, tabulated] = [workgroups(splat, SPLAT_BLOCK_PX), workgroups(tabulated, TABLE_BLOCK_PX)];
-        let Self { gpu, resources, image, stars, nodes, .. } = self;
-        resources.write(gpu, &params, stars, nodes)?;
-        let mut encoder = gpu.encoder("draw");
-        image.clear(&mut encoder, scale);
-        let [splat_group, table_group] = resources.bind(gpu, image.buffer());
+        let params = self.params(plan, nodes_per_slice, scale);
         let slices = u32::try_from(slices).unwrap_or(MOST_WORKGROUPS);
+        let mut encoder = self.gpu.encoder("draw");
+        self.image.clear(&mut encoder, scale);
+        self.resources.write_nodes(&self.gpu, &self.nodes)?;
+        let mut first = 0;
+        loop {
+            let end = self.stars.len().min(first + self.stars_a_block);
+            let analytic = analytic.clamp(first, end) - first;
+            let params = FrameParams { stars: (end - first) as u32, analytic: analytic as u32, ..params };
+            self.record_block(first..end, &params, slices, &mut encoder)?;
+            self.gpu.submit(encoder)?;
+            if end == self.stars.len() {
+                return Ok(());
+            }
+            first = end;
+            encoder = self.gpu.encoder("draw on");
+        }
+    }
+
+    /// Brings some of the stars to the device and records what draws them.
+    fn record_block(
+        &mut self,
+        stars: Range<usize>,
+        params: &FrameParams,
+        slices: u32,
+        encoder: &mut wgpu::CommandEncoder,
+    ) -> Result<(), GpuError> {
+        let Self { gpu, resources, image, stars: all, .. } = self;
+        let stars = &all[stars];
+        let (splat, tabulated) = stars.split_at(params.analytic as usize);
+        let [splat, tabulated] = [workgroups(splat, SPLAT_BLOCK_PX), workgroups(tabulated, TABLE_BLOCK_PX)];
+        resources.write(gpu, params, stars)?;
+        let [splat_group, table_group] = resources.bind(gpu, image.buffer());
         for (pass, group, [x, y]) in
             [(&resources.splat, splat_group, splat), (&resources.tabulated, table_group, tabulated)]
         {
             if x > 0 && y > 0 {
-                pass.record(&mut encoder, &group, [x, y, slices]);
+                pass.record(encoder, &group, [x, y, slices]);
             }
         }
-        gpu.submit(encoder)
+        Ok(())
     }
 
     #[allow(clippy::cast_possible_truncation, reason = "counts and sizes are held by the device's buffer limits")]
-    fn params(&self, plan: &ExposurePlan, analytic: usize, nodes_per_slice: usize, scale: f32) -> FrameParams {
+    /// What all blocks of stars have in common.
+    fn params(&self, plan: &ExposurePlan, nodes_per_slice: usize, scale: f32) -> FrameParams {
         let table = self.tables.bases(plan).first().or_else(|| self.tables.kernels().first());
         FrameParams {
             size: [self.image.width() as i32, self.image.height() as i32],
-            analytic: analytic as u32,
-            stars: self.stars.len() as u32,
+            analytic: 0,
+            stars: 0,
             nodes_per_slice: nodes_per_slice as u32,
             scale,
             edge_scale: core::f32::consts::FRAC_1_SQRT_2 / plan.psf.core_sigma_px() as f32,
@@ -323,16 +361,16 @@ impl Resources {
         self.table.write(gpu, layer, (phases - 3) * columns, &self.texels);
     }
 
-    fn write(
-        &mut self,
-        gpu: &GpuDevice,
-        params: &FrameParams,
-        stars: &[StarRecord],
-        nodes: &[NodeRecord],
-    ) -> Result<(), GpuError> {
+    fn write(&mut self, gpu: &GpuDevice, params: &FrameParams, stars: &[StarRecord]) -> Result<(), GpuError> {
         self.params.write(gpu, core::slice::from_ref(params))?;
-        let grew = [self.stars.write(gpu, stars)?, self.nodes.write(gpu, nodes)?];
-        if grew.contains(&true) {
+        if self.stars.write(gpu, stars)? {
+            self.groups = None;
+        }
+        Ok(())
+    }
+
+    fn write_nodes(&mut self, gpu: &GpuDevice, nodes: &[NodeRecord]) -> Result<(), GpuError> {
+        if self.nodes.write(gpu, nodes)? {
             self.groups = None;
         }
         Ok(())

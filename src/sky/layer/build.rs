@@ -8,8 +8,10 @@
 //! comes twice (the same number, place and magnitude) is taken once and counted. Tests: `tests`.
 
 use super::error::LayerError;
-use super::layout::{HEADER_BYTES, Header, RECORD_BYTES, TileFrame, VERSION, head_crc32, order_for, tiles_of};
-use super::star::{NewStar, ROW_BYTES, StarCounts, WaitingRow};
+use super::layout::{
+    HEADER_BYTES, Header, RECORD_BYTES, StarRecord, TileFrame, VERSION, head_crc32, order_for, tiles_of,
+};
+use super::star::{NewStar, ROW_BYTES, StarCounts, TakenStar, WaitingRow};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
@@ -152,6 +154,24 @@ impl Sorting {
         if self.waiting_bytes >= BUFFERED_BYTES { self.write_rows() } else { Ok(()) }
     }
 
+    /// Shows every star taken in so far that layers below `faintest_mag` hold, part by part; of a star that came twice both.
+    ///
+    /// # Errors
+    /// When the disk failed.
+    pub fn each_star(&mut self, faintest_mag: f64, look: &mut dyn FnMut(&TakenStar)) -> Result<(), LayerError> {
+        self.write_rows()?;
+        let limits = &self.progress.limits_mag;
+        let begins = |layer: usize| layer.checked_sub(1).map_or(f64::NEG_INFINITY, |before| limits[before].into());
+        for part in 0..tiles_of(PART_ORDER) as u64 {
+            for layer in (0..limits.len()).take_while(|layer| begins(*layer) < faintest_mag) {
+                if self.progress.rows.contains_key(&rows_name(layer, part)) {
+                    self.read_rows(layer, part)?.iter().for_each(|row| look(&row.taken()));
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// Counts something else that a person should know of.
     pub fn tell(&mut self, what: &str, count: u64) {
         *self.progress.told.entry(what.into()).or_default() += count;
@@ -260,8 +280,7 @@ impl Sorting {
         let parts: Vec<u64> = (0..tiles_of(PART_ORDER) as u64).collect();
         let length = |part: &u64| self.progress.rows.get(&rows_name(layer, *part)).copied().unwrap_or(0);
         let order = order_for(parts.iter().map(length).sum::<u64>() / ROW_BYTES as u64);
-        let unfinished = path.with_extension("part");
-        let mut writer = LayerWriter::create(&unfinished, order, head.credits)?;
+        let mut writer = LayerWriter::create(path, order, head.credits)?;
         for part in &parts {
             if length(part) > 0 {
                 let rows = self.read_rows(layer, *part)?;
@@ -269,10 +288,7 @@ impl Sorting {
             }
             progress(*part as f64 / parts.len() as f64);
         }
-        let (stars, doubled) = (writer.stars, writer.doubled);
-        let bytes = writer.finish(head)?;
-        fs::rename(&unfinished, path).map_err(LayerError::file("cannot rename", &unfinished))?;
-        Ok(LayerReport { path: path.into(), magnitudes: head.magnitudes, stars, doubled, order, bytes })
+        writer.finish(head)
     }
 
     fn read_rows(&self, layer: usize, part: u64) -> Result<Vec<WaitingRow>, LayerError> {
@@ -306,15 +322,16 @@ fn rows_name(layer: usize, part: u64) -> String {
 }
 
 /// What stands at the head of a layer beside its tables.
-struct Head<'a> {
-    magnitudes: [f32; 2],
-    epoch_yr: f64,
-    credits: &'a str,
+pub(in crate::sky) struct Head<'a> {
+    pub(in crate::sky) magnitudes: [f32; 2],
+    pub(in crate::sky) epoch_yr: f64,
+    pub(in crate::sky) credits: &'a str,
 }
 
-/// A layer while it is written: records first, then the head before them.
-struct LayerWriter {
+/// A layer while it is written: records first, then the head before them. It gets its name when it is whole.
+pub(in crate::sky) struct LayerWriter {
     path: PathBuf,
+    unfinished: PathBuf,
     out: BufWriter<File>,
     order: u8,
     stars: u64,
@@ -326,14 +343,16 @@ struct LayerWriter {
 }
 
 impl LayerWriter {
-    fn create(path: &Path, order: u8, credits: &str) -> Result<Self, LayerError> {
-        let mut file = File::create(path).map_err(LayerError::file("cannot make", path))?;
+    pub(in crate::sky) fn create(path: &Path, order: u8, credits: &str) -> Result<Self, LayerError> {
+        let unfinished = path.with_extension("part");
+        let mut file = File::create(&unfinished).map_err(LayerError::file("cannot make", &unfinished))?;
         let head_bytes = head_bytes(order, credits.len());
-        file.seek(SeekFrom::Start(head_bytes)).map_err(LayerError::file("cannot write", path))?;
+        file.seek(SeekFrom::Start(head_bytes)).map_err(LayerError::file("cannot write", &unfinished))?;
         let (firsts, crcs) = (Vec::with_capacity(tiles_of(order) + 1), Vec::with_capacity(tiles_of(order)));
         Ok(Self {
             path: path.into(),
-            out: BufWriter::new(file),
+            unfinished,
+            out: BufWriter::with_capacity(1 << 20, file),
             order,
             stars: 0,
             doubled: 0,
@@ -352,25 +371,29 @@ impl LayerWriter {
         let mut sorted: Vec<(u64, WaitingRow)> = rows.into_iter().map(|row| (row.tile(self.order), row)).collect();
         sorted.sort_by_key(|(tile, row)| (*tile, row.g, row.source_id));
         for tile in sorted.chunk_by(|a, b| a.0 == b.0) {
-            self.append_tile(tile[0].0, tile)?;
+            let frame = TileFrame::new(self.order, tile[0].0);
+            self.append_tile(tile[0].0, tile.iter().map(|(_, row)| row.record(&frame)))?;
         }
         Ok(())
     }
 
-    fn append_tile(&mut self, tile: u64, rows: &[(u64, WaitingRow)]) -> Result<(), LayerError> {
+    /// Appends the stars of one tile, brightest first; tiles come in rising order.
+    pub(in crate::sky) fn append_tile(
+        &mut self,
+        tile: u64,
+        records: impl IntoIterator<Item = StarRecord>,
+    ) -> Result<(), LayerError> {
         self.skip_to(tile);
-        let frame = TileFrame::new(self.order, tile);
+        self.firsts.push(self.stars);
         let mut crc = crc32fast::Hasher::new();
-        for (_, row) in rows {
-            let record = row.record(&frame);
+        for record in records {
             self.fastest_mas_yr = self.fastest_mas_yr.max(record.speed_mas_yr());
             let record = record.to_bytes();
             crc.update(&record);
-            self.out.write_all(&record).map_err(LayerError::file("cannot write", &self.path))?;
+            self.out.write_all(&record).map_err(LayerError::file("cannot write", &self.unfinished))?;
+            self.stars += 1;
         }
-        self.firsts.push(self.stars);
         self.crcs.push(crc.finalize());
-        self.stars += rows.len() as u64;
         Ok(())
     }
 
@@ -382,8 +405,8 @@ impl LayerWriter {
         }
     }
 
-    /// Writes the head; the bytes of the file.
-    fn finish(mut self, head: &Head<'_>) -> Result<u64, LayerError> {
+    /// Writes the head, and gives the file its name.
+    pub(in crate::sky) fn finish(mut self, head: &Head<'_>) -> Result<LayerReport, LayerError> {
         self.skip_to(tiles_of(self.order) as u64);
         self.firsts.push(self.stars);
         let header = Header {
@@ -403,15 +426,17 @@ impl LayerWriter {
         bytes.extend(head.credits.as_bytes());
         let header = Header { crc32: head_crc32(&bytes), ..header };
         bytes[..HEADER_BYTES].copy_from_slice(&header.to_bytes());
-        let path = self.path.clone();
         let written = (|| {
             self.out.seek(SeekFrom::Start(0))?;
             self.out.write_all(&bytes)?;
             self.out.flush()?;
             self.out.get_ref().sync_all()
         })();
-        written.map_err(LayerError::file("cannot write", &path))?;
-        Ok(bytes.len() as u64 + self.stars * RECORD_BYTES as u64)
+        written.map_err(LayerError::file("cannot write", &self.unfinished))?;
+        fs::rename(&self.unfinished, &self.path).map_err(LayerError::file("cannot rename", &self.unfinished))?;
+        let Self { path, order, stars, doubled, .. } = self;
+        let bytes = bytes.len() as u64 + stars * RECORD_BYTES as u64;
+        Ok(LayerReport { path, magnitudes: head.magnitudes, stars, doubled, order, bytes })
     }
 }
 

@@ -70,13 +70,13 @@ const COORDINATE_STEPS: f64 = 16_777_216.0;
 
 /// Tiles of the sphere at an order.
 #[must_use]
-pub(super) fn tiles_of(order: u8) -> usize {
+pub(in crate::sky) fn tiles_of(order: u8) -> usize {
     12 << (2 * order)
 }
 
 /// The order at which so many stars make tiles of a handy size.
 #[must_use]
-pub(super) fn order_for(stars: u64) -> u8 {
+pub(in crate::sky) fn order_for(stars: u64) -> u8 {
     let enough = |order: &u8| tiles_of(*order) as u64 * STARS_PER_TILE >= stars;
     (LEAST_ORDER..MOST_ORDER).find(enough).unwrap_or(MOST_ORDER)
 }
@@ -128,7 +128,7 @@ impl Header {
 
 /// One star as stored, in steps of each field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct StarRecord {
+pub(in crate::sky) struct StarRecord {
     /// Eastward and northward tangent about the tile's centre, 24 bits each.
     pub(super) place: [u32; 2],
     /// G magnitude above [`MAG_ZERO`], [`MAG_STEP`].

@@ -17,12 +17,15 @@ mod open;
 mod set;
 mod star;
 
+pub(in crate::sky) use build::{Head, LayerWriter};
 pub use build::{LayerReport, Sorting, layer_name};
 pub use error::LayerError;
 pub use layout::FASTEST_MAS_YR;
+pub(in crate::sky) use layout::{StarRecord, order_for, tiles_of};
 pub use open::{Layer, UNKNOWN_BP_RP_MAG, is_layer};
 pub use set::{LayerSet, TileId};
-pub use star::{NewStar, StarCounts};
+pub(in crate::sky) use star::tile_records;
+pub use star::{NewStar, StarCounts, TakenStar};
 
 #[cfg(test)]
 mod tests;

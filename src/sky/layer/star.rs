@@ -3,7 +3,7 @@
 use super::error::LayerError;
 use super::layout::{
     FASTEST_MAS_YR, MAG_STEP, MAG_ZERO, NO_COLOUR, NO_MOTION, NO_PARALLAX, PARALLAX_STEP_MAS, StarRecord, TileFrame,
-    motion_steps,
+    motion_mas_yr, motion_steps,
 };
 use crate::sky::catalog::direction_from_ra_dec;
 use core::f64::consts::{FRAC_PI_2, TAU};
@@ -32,6 +32,21 @@ pub struct NewStar {
     pub mag_g: f64,
     /// Gaia colour BP - RP, mag, where it is known.
     pub bp_rp: Option<f64>,
+}
+
+/// A star that was taken in, as it waits to be sorted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TakenStar {
+    /// Number in its catalog.
+    pub source_id: i64,
+    /// Right ascension, rad.
+    pub ra_rad: f64,
+    /// Declination, rad.
+    pub dec_rad: f64,
+    /// Proper motion eastward (with cos dec) and northward, mas/yr, where it is known.
+    pub motion_mas_yr: Option<[f64; 2]>,
+    /// Gaia G magnitude.
+    pub mag_g: f64,
 }
 
 /// What was found among the stars of an import.
@@ -63,6 +78,15 @@ pub(super) struct WaitingRow {
     bp_rp: i16,
     motion: [i16; 2],
     parallax: u16,
+}
+
+/// Stars of one tile as its records, brightest first; each is in the tile.
+pub(in crate::sky) fn tile_records(order: u8, tile: u64, stars: &[NewStar]) -> Result<Vec<StarRecord>, LayerError> {
+    let (frame, mut counts) = (TileFrame::new(order, tile), StarCounts::default());
+    let record = |star: &NewStar| Ok(WaitingRow::new(star, &mut counts)?.record(&frame));
+    let mut records = stars.iter().map(record).collect::<Result<Vec<_>, LayerError>>()?;
+    records.sort_by_key(|record| record.g);
+    Ok(records)
 }
 
 /// Bytes of a waiting row.
@@ -110,6 +134,18 @@ impl WaitingRow {
     /// The tile it belongs to.
     pub(super) fn tile(&self, order: u8) -> u64 {
         cdshealpix::nested::hash(order, self.ra_rad, self.dec_rad)
+    }
+
+    /// What it says of the star.
+    pub(super) fn taken(&self) -> TakenStar {
+        let is_known = !self.motion.contains(&NO_MOTION);
+        TakenStar {
+            source_id: self.source_id,
+            ra_rad: self.ra_rad,
+            dec_rad: self.dec_rad,
+            motion_mas_yr: is_known.then(|| self.motion.map(motion_mas_yr)),
+            mag_g: f64::from(self.g) * MAG_STEP + MAG_ZERO,
+        }
     }
 
     /// As it is stored in its tile.

@@ -7,8 +7,11 @@
 mod centre;
 mod circular;
 mod nutation;
+mod omm;
 mod precession;
 mod tle;
+#[cfg(test)]
+mod tle_tests;
 mod two_body;
 
 pub use centre::CentralBody;

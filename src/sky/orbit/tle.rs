@@ -56,13 +56,35 @@ impl TleOrbit {
         Self::from_checked_lines(first, second)
     }
 
+    /// Reads the object with `norad_id`, or the only one, of a file of many: pairs of lines, with or without a title before
+    /// each pair.
+    ///
+    /// # Errors
+    /// When there is no such pair of lines, or none to choose by, or as for [`Self::parse`].
+    pub fn parse_one_of(text: &str, norad_id: Option<u64>) -> Result<Self, ObserverError> {
+        let lines = || text.lines().map(str::trim_end);
+        let pairs = || lines().zip(lines().skip(1)).filter(|(a, b)| a.starts_with("1 ") && b.starts_with("2 "));
+        let is_it = |first: &str| norad_id.is_none() || first.get(2..7).and_then(number_of) == norad_id;
+        let objects = pairs().count();
+        match pairs().find(|(first, _)| is_it(first)) {
+            Some(_) if norad_id.is_none() && objects > 1 => Err(ObserverError::WhichObject { objects }),
+            Some((first, second)) => Self::parse(&format!("{first}\n{second}")),
+            None => Err(ObserverError::NoSuchObject { norad_id, objects }),
+        }
+    }
+
     fn from_checked_lines(first: &str, second: &str) -> Result<Self, ObserverError> {
         let elements = sgp4::Elements::from_tle(None, first.as_bytes(), second.as_bytes())
             .map_err(|e| ObserverError::TleLine { line: 1, why: e.to_string() })?;
+        Self::from_elements(&elements)
+    }
+
+    /// An orbit of elements that were read already.
+    pub(super) fn from_elements(elements: &sgp4::Elements) -> Result<Self, ObserverError> {
         let norad_id = elements.norad_id;
         let refuse = |why: String| ObserverError::Elements { norad_id, why };
         let constants =
-            sgp4::Constants::from_elements_afspc_compatibility_mode(&elements).map_err(|e| refuse(e.to_string()))?;
+            sgp4::Constants::from_elements_afspc_compatibility_mode(elements).map_err(|e| refuse(e.to_string()))?;
         let epoch = elements.datetime.and_utc();
         let epoch_unix_s = epoch.timestamp() as f64 + f64::from(epoch.timestamp_subsec_nanos()) * 1e-9;
         Ok(Self { norad_id, epoch_unix_s, constants })
@@ -86,13 +108,12 @@ impl TleOrbit {
     /// When SGP4 cannot follow the elements that far.
     pub fn geocentric_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
         let days_from_epoch = self.days_from_epoch(at);
-        let minutes = sgp4::MinutesSinceEpoch(days_from_epoch * 1440.0);
         let refuse = |why: String| ObserverError::Propagation { at, days_from_epoch, why };
-        let teme = self.constants.propagate_afspc_compatibility_mode(minutes).map_err(|e| refuse(e.to_string()))?;
+        let [position_km, velocity_km_s] = self.teme_state(days_from_epoch * 1440.0).map_err(refuse)?;
         let icrf_from_teme = icrf_from_teme(at);
         let state = BarycentricState {
-            position_km: icrf_from_teme * DVec3::from_array(teme.position),
-            velocity_km_s: icrf_from_teme * DVec3::from_array(teme.velocity),
+            position_km: icrf_from_teme * position_km,
+            velocity_km_s: icrf_from_teme * velocity_km_s,
         };
         if state.position_km.is_finite() && state.velocity_km_s.is_finite() {
             Ok(state)
@@ -100,6 +121,23 @@ impl TleOrbit {
             Err(refuse("the prediction is not finite".into()))
         }
     }
+}
+
+impl TleOrbit {
+    /// Position, km, and velocity, km/s, in SGP4's own axes.
+    pub(super) fn teme_state(&self, minutes_from_epoch: f64) -> Result<[DVec3; 2], String> {
+        let minutes = sgp4::MinutesSinceEpoch(minutes_from_epoch);
+        let teme = self.constants.propagate_afspc_compatibility_mode(minutes).map_err(|error| error.to_string())?;
+        Ok([teme.position, teme.velocity].map(DVec3::from_array))
+    }
+}
+
+/// A catalog number of five characters, the first of which may be a letter without I and O for 10 to 33 (Alpha-5).
+fn number_of(text: &str) -> Option<u64> {
+    let letter = text.chars().next().filter(char::is_ascii_uppercase);
+    let Some(letter) = letter else { return text.trim().parse().ok() };
+    let tens = "ABCDEFGHJKLMNPQRSTUVWXYZ".find(letter)? as u64 + 10;
+    Some(10_000 * tens + text.get(1..)?.parse::<u64>().ok()?)
 }
 
 fn check_line(line: usize, text: &str) -> Result<(), ObserverError> {
@@ -186,5 +224,27 @@ mod tests {
         let letter = message(FIRST, &format!("{}3", &SECOND.replace("34.2682", "3x.2682")[..68]));
         assert!(letter.contains("columns 9-16 (inclination)") && letter.contains("3x.2682"), "{letter}");
         assert!(TleOrbit::parse("").is_err() && TleOrbit::parse("1 é").is_err(), "empty and non-ASCII text");
+    }
+
+    #[test]
+    fn one_of_a_file_is_chosen_by_its_number() {
+        const OTHER: [&str; 2] = [
+            "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927",
+            "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537",
+        ];
+        let file = format!("VANGUARD 1\r\n{FIRST}\r\n{SECOND}\r\n0 ISS\n{}\n{}\n", OTHER[0], OTHER[1]);
+        for id in [5, 25_544] {
+            assert_eq!(TleOrbit::parse_one_of(&file, Some(id)).expect("in the file").norad_id(), id);
+        }
+        let message = |text: &str, id| TleOrbit::parse_one_of(text, id).expect_err("no choice").to_string();
+        assert!(
+            message(&file, None).contains("2 objects")
+                && message(&file, Some(6)).contains("number 6, got none among 2")
+        );
+        assert!(message("", None).contains("among 0"), "{}", message("", None));
+        assert_eq!(TleOrbit::parse_one_of(&format!("{FIRST}\n{SECOND}"), None).expect("the only one").norad_id(), 5);
+        let short = message(&file.replace(OTHER[1], &OTHER[1][..60]), Some(25_544));
+        assert!(short.contains("line 2") && short.contains("69"), "{short}");
+        assert_eq!((number_of("A0001"), number_of("Z9999"), number_of("I0001")), (Some(100_001), Some(339_999), None));
     }
 }

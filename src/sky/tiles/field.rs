@@ -177,6 +177,15 @@ impl TileSky {
         }
     }
 
+    /// Takes in what has been read; how many tiles are still to come.
+    ///
+    /// # Errors
+    /// When a tile cannot be read or is damaged.
+    pub fn settle(&mut self) -> Result<usize, LayerError> {
+        self.take_answers()?;
+        Ok(self.store.asked())
+    }
+
     /// Takes in what has been read.
     fn take_answers(&mut self) -> Result<(), LayerError> {
         let Some(reader) = &self.reader else { return Ok(()) };

@@ -62,6 +62,11 @@ impl Store {
         has_room
     }
 
+    /// Tiles that are to come.
+    pub(super) fn asked(&self) -> usize {
+        self.places.len() - (self.slots.len() - self.free.len())
+    }
+
     /// What was asked for does not come.
     pub(super) fn forget(&mut self, tile: TileId) {
         self.places.remove(&tile);
