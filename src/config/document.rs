@@ -19,6 +19,7 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("cameras/star_tracker_20deg_20hz.toml", include_str!("../../configs/cameras/star_tracker_20deg_20hz.toml")),
     ("benches/closed_loop.toml", include_str!("../../configs/benches/closed_loop.toml")),
     ("benches/closed_loop_small.toml", include_str!("../../configs/benches/closed_loop_small.toml")),
+    ("benches/lunar_orbit.toml", include_str!("../../configs/benches/lunar_orbit.toml")),
     ("benches/three_heads.toml", include_str!("../../configs/benches/three_heads.toml")),
     ("benches/earth_limb.toml", include_str!("../../configs/benches/earth_limb.toml")),
     ("benches/moon.toml", include_str!("../../configs/benches/moon.toml")),
