@@ -10,7 +10,7 @@ use std::sync::Arc;
 use toml::de::{DeTable, DeValue};
 
 /// Configurations that are part of the binary, by their path below `configs/`.
-const BUILT_IN: [(&str, &str); 45] = [
+const BUILT_IN: &[(&str, &str)] = &[
     ("benches/loopback.toml", include_str!("../../configs/benches/loopback.toml")),
     ("benches/galactic_slew.toml", include_str!("../../configs/benches/galactic_slew.toml")),
     ("cameras/crowded_field_10deg.toml", include_str!("../../configs/cameras/crowded_field_10deg.toml")),
@@ -20,6 +20,8 @@ const BUILT_IN: [(&str, &str); 45] = [
     ("benches/closed_loop.toml", include_str!("../../configs/benches/closed_loop.toml")),
     ("benches/closed_loop_small.toml", include_str!("../../configs/benches/closed_loop_small.toml")),
     ("benches/three_heads.toml", include_str!("../../configs/benches/three_heads.toml")),
+    ("benches/earth_limb.toml", include_str!("../../configs/benches/earth_limb.toml")),
+    ("benches/moon.toml", include_str!("../../configs/benches/moon.toml")),
     ("benches/telescope.toml", include_str!("../../configs/benches/telescope.toml")),
     ("benches/target_crossing.toml", include_str!("../../configs/benches/target_crossing.toml")),
     ("benches/closed_loop_jitter.toml", include_str!("../../configs/benches/closed_loop_jitter.toml")),

@@ -24,13 +24,16 @@ use crate::runtime::occultation::Occultation;
 use crate::sky::spheroid::Spheroid;
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// Cells to a radius, for small discs.
 const CELLS_PER_RADIUS: f64 = 16.0;
 /// Most cells of one disc; beyond it they are larger than pixels.
-pub const MOST_CELLS: f64 = 1_048_576.0;
+pub const MOST_CELLS: f64 = 1_572_864.0;
 /// Discs of fewer cells than this have two to a pixel's side.
 const FINE_CELLS: f64 = 65_536.0;
+/// Shorter rows of cells are not shared among threads.
+const CELLS_ALONE: usize = 256;
 /// Light from so far beyond the detector may reach it, px.
 const MARGIN_PX: f64 = 32.0;
 /// Places on the limb by which a disc's extent is found.
@@ -201,10 +204,13 @@ struct View<'a> {
 impl View<'_> {
     fn corners(&self, grid: &Grid, row: usize, out: &mut Vec<Corner>) {
         let y = grid.origin_px[1] + row as f64 * grid.step_px;
-        out.clear();
-        out.extend(
-            (0..=grid.cells[0]).map(|column| self.corner([grid.origin_px[0] + column as f64 * grid.step_px, y])),
-        );
+        let at = |column: usize| self.corner([grid.origin_px[0] + column as f64 * grid.step_px, y]);
+        if grid.cells[0] < CELLS_ALONE {
+            out.clear();
+            out.extend((0..=grid.cells[0]).map(at));
+        } else {
+            (0..grid.cells[0] + 1).into_par_iter().map(at).collect_into_vec(out);
+        }
     }
 
     fn corner(&self, px: [f64; 2]) -> Corner {
