@@ -356,25 +356,23 @@ class Check(unittest.TestCase):
         self.assertTrue(line.endswith("sunlit"), line)
 
     def test_bad_elements_are_refused_with_their_place(self):
+        [target] = tomllib.loads(BENCH.read_text())["target"]
+        lines = f'line1 = "{target["line1"]}"\nline2 = "{target["line2"]}"'
         with tempfile.TemporaryDirectory() as name:
             root = Path(name)
-            for number, (old, new, wanted) in enumerate([
-                ("66.0000 311", "66.0001 311", "checksum"),
-                ("99.0000 311", None, None),
-                ('orbit = "tle" ', 'orbit = "omm"\nfile = "no.json" ', None),
-            ][:1]):
-                bench = bench_with(root, f"bad{number}", (old, new))
+            (root / "one.json").write_text('[\n{"NORAD_CAT_ID": 90001,\n')
+            (root / "many.tle").write_text(f"{target['line1']}\n{target['line2']}\n" * 2)
+            for case, changes, wanted in [
+                ("flipped", [("66.0000 311", "66.0001 311")], "line 2: wanted checksum 7 in column 69"),
+                ("cut", [('orbit = "tle" ', 'orbit = "omm" '), (lines, 'file = "one.json"')], "line 3, column"),
+                ("many", [(lines, 'file = "many.tle"')], "got 2 objects, wanted one"),
+                ("absent", [(lines, 'file = "many.tle"\nnorad_id = 5')], "number 5, got none among 2"),
+            ]:
+                bench = bench_with(root, case, *changes)
                 done = subprocess.run([BINARY, "check", str(bench)], capture_output=True, text=True, timeout=60)
-                self.assertNotEqual(done.returncode, 0)
+                self.assertNotEqual(done.returncode, 0, case)
                 self.assertIn(wanted, done.stderr)
                 self.assertIn("target[0]", done.stderr)
-            (root / "one.json").write_text('[\n{"NORAD_CAT_ID": 90001,\n')
-            [target] = tomllib.loads(BENCH.read_text())["target"]
-            lines = f'line1 = "{target["line1"]}"\nline2 = "{target["line2"]}"'
-            bench = bench_with(root, "cut", ('orbit = "tle" ', 'orbit = "omm" '), (lines, 'file = "one.json"'))
-            done = subprocess.run([BINARY, "check", str(bench)], capture_output=True, text=True, timeout=60)
-            self.assertNotEqual(done.returncode, 0)
-            self.assertRegex(done.stderr, "target\\[0\\].*line 3, column")
 
 
 if __name__ == "__main__":

@@ -106,7 +106,10 @@ fn ways_follow_the_apparent_places_within_their_bound() {
         let [target] = targets.in_view() else { panic!("one target: {:?}", targets.in_view()) };
         let range_km = targets.facts()[0].range_km;
         assert!((400.0..700.0).contains(&range_km), "{range_km}");
-        let bound_rad = (SkyPath::bound_km(0.5 * exposure_s, [6_900.0, 6_900.0]) + TIME_STEP_KM) / 400.0;
+        let bound_rad =
+            (SkyPath::bound_km(0.5 * exposure_s, [Fall { gm_km3_s2: EARTH_GM_KM3_S2, radius_km: 6_900.0 }; 2])
+                + TIME_STEP_KM)
+                / 400.0;
         let mut worst = 0.0_f64;
         for step in -10..=10 {
             let t_s = f64::from(step) / 20.0 * exposure_s;
