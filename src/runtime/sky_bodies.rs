@@ -92,6 +92,7 @@ pub struct SkyBodies {
     painter: DiscPainter,
     sources: Vec<Source>,
     counts: BodyCounts,
+    before: Occultation,
 }
 
 impl SkyBodies {
@@ -116,6 +117,7 @@ impl SkyBodies {
             painter: DiscPainter::default(),
             sources: Vec::with_capacity(SOURCES_RESERVED),
             counts: BodyCounts::default(),
+            before: Occultation::default(),
         }
     }
 
@@ -164,7 +166,15 @@ impl SkyBodies {
         let [ifov_x, ifov_y] = self.camera.geometry.ifov_rad();
         self.counts.has_sun = !before.hides(sun.apparent_icrf, f64::INFINITY)
             && self.is_on_detector(from_middle, sun.radius_rad / ifov_x.min(ifov_y));
+        self.before = before;
         Ok(&self.sources)
+    }
+
+    /// True when the Earth or the Moon stands before what is seen in this direction (apparent, unit, ICRF) of the latest
+    /// frame's field, so many km away.
+    #[must_use]
+    pub fn hides(&self, apparent_icrf: DVec3, range_km: f64) -> bool {
+        self.before.hides(apparent_icrf, range_km)
     }
 
     /// Every body as it is seen at `at`, the Sun first.

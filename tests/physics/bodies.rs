@@ -2,15 +2,19 @@
 //!
 //! Vectors: `bodies_vectors.csv`, made by `hil_scripts/body_vectors.py` with skyfield and DE421.
 
+use crate::scene;
 use glam::{DQuat, DVec3};
 use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use starloop::base::axes::{Icrf, Rotation, Sensor};
 use starloop::base::time::{Span, Tai};
 use starloop::base::units::{ARCSEC, DEG};
+use starloop::detector::window::OutputGeometry;
 use starloop::exposure::target::FIRST_BODY_ID;
 use starloop::exposure::{Source, SourcePlace};
-use starloop::optics::{Radiometry, StarLight};
+use starloop::optics::{PsfModel, Radiometry, StarLight};
 use starloop::runtime::sky_bodies::{BodyCamera, MOON_NUMBER, SeenBody, SkyBodies, seen_from};
+use starloop::runtime::truth::fill_truth;
+use starloop::sink::TruthKind;
 use starloop::sky::bodies::{BodiesTrack, Standpoint};
 use starloop::sky::magnitude::{Lighting, SUN_G_LESS_V};
 use starloop::sky::observer::{BarycentricState, Observer};
@@ -439,4 +443,31 @@ fn nobody_is_at_the_barycentre_and_nothing_changes_without_bodies_in_the_field()
     let mut bodies = SkyBodies::through(camera(128, 1_000.0), Observer::Geocentre, at);
     let stars = [star(1, DVec3::Z), star(2, DVec3::new(0.01, 0.0, 1.0).normalize())];
     assert_eq!(bodies.seen(&stars, &pointed(DVec3::Z), at).expect("a sky"), stars);
+}
+
+#[test]
+fn the_truth_has_a_row_for_each_body_and_the_picture_its_light() {
+    // The bench "moon": a crescent with Jupiter 4 deg below it.
+    let at = instant("2026-04-22T20:00:01Z");
+    let from = BodiesTrack::new(Observer::Geocentre, at).standpoint(at).expect("a sky");
+    let moon = seen(&from, "moon");
+    let attitude = pointed(moon.apparent_icrf);
+    let size = 128;
+    let camera = BodyCamera { geometry: scene::camera(size), ..camera(size, scene::FOCAL_PX) };
+    let mut bodies = SkyBodies::through(camera, Observer::Geocentre, at);
+    let stars = [scene::star(7, 2e4, [20.0, 30.0])];
+    let sources = bodies.seen(&stars, &attitude, at).expect("a sky");
+    let mut planner = scene::planner(size, &PsfModel::gaussian(0.7), "static", scene::los(), None);
+    let plan = planner.plan(sources).clone();
+    let mut rows = Vec::new();
+    fill_truth(&plan, &OutputGeometry::whole([size, size]), &mut rows);
+    let kinds: Vec<_> = rows.iter().map(|row| (row.id, row.kind)).collect();
+    assert_eq!(kinds, [(7, TruthKind::Star), (FIRST_BODY_ID + MOON_NUMBER, TruthKind::Moon)]);
+    let [star, crescent] = [rows[0], rows[1]];
+    // The crescent is lit from the west, which is right.
+    assert!((crescent.x_px - 63.5).abs() < 14.0 && crescent.x_px > 66.0, "{}", crescent.x_px);
+    let drawn = scene::draw_cpu(&plan);
+    assert!((drawn.sum() / (star.electrons + crescent.electrons) - 1.0).abs() < 1e-3, "{}", drawn.sum());
+    let (_, [x, y]) = drawn.moments(&scene::everything(size));
+    assert!((x - crescent.x_px).hypot(y - crescent.y_px) < 0.01, "{x} {y}: the star is nothing beside it");
 }
