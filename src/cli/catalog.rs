@@ -4,6 +4,7 @@ use crate::astrometry::{at_epoch, years_since};
 use crate::base::time::Tai;
 use crate::base::units::{DEG, MAS};
 use crate::cli::catalog_layers::{ImportArgs, VerifyArgs, import, layer_info, verify};
+use crate::cli::catalog_map::{MapArgs, map};
 use crate::cli::catalog_synthetic::{SynthesizeArgs, synthesize};
 use crate::sky::catalog::{
     BANDS, Catalog, CatalogSource, DEFAULT_CREDITS, chord_squared, direction_from_ra_dec, pack, ra_dec_rad,
@@ -39,6 +40,8 @@ enum Action {
     Verify(VerifyArgs),
     /// Show what a packed catalog or a layer holds: stars, epoch, bands, magnitudes, credits, checksum
     Info(InfoArgs),
+    /// Draw where on the sky the stars of catalogs and layers are
+    Map(MapArgs),
     /// List the stars of a cone as CSV
     Query(QueryArgs),
 }
@@ -99,6 +102,7 @@ pub fn run(args: CatalogArgs) -> anyhow::Result<()> {
         Action::Verify(args) => verify(&args, &mut stdout),
         Action::Info(InfoArgs { file: Some(path) }) if is_layer(&path) => layer_info(&path, &mut stdout),
         Action::Info(args) => info(&open(args.file.as_deref())?, &mut stdout),
+        Action::Map(args) => map(&args, &mut stdout),
         Action::Query(args) => query(&args, &mut stdout),
     }
 }

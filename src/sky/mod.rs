@@ -7,6 +7,7 @@
 //! * [`import`], [`layer`]: published catalogs -> layers on disk, of any number of stars, and their cone query;
 //! * [`tiles`]: the tiles of a field from layers, in bounded memory, read ahead; [`Sky`]: a catalog or layers;
 //! * [`synthetic`]: made-up deep populations by the densities that were measured, as layers;
+//! * [`density_map`]: stars per square degree over the whole sky;
 //! * [`galactic`]: galactic longitude and latitude;
 //! * [`earth`]: the Earth's barycentric state from VSOP87E;
 //! * [`ephemeris`]: Moon and planets by polynomials fitted to DE421, 1990 to 2051;
@@ -20,6 +21,7 @@
 
 pub mod bodies;
 pub mod catalog;
+pub mod density_map;
 pub mod earth;
 pub mod ephemeris;
 mod error;
