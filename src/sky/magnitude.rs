@@ -8,7 +8,7 @@
 //! Beyond the phase angles that were measured the polynomials are held at their last one ([`most_phase_deg`]).
 //! Colours: all are lit by the Sun and taken to have its colour ([`SUN_BP_RP`]): G is V - 0.15. The red of Mars (B-V 1.43 for
 //! the Sun's 0.65) is worth -0.3 mag in G.
-//! Tests: below, against skyfield's values and published ones.
+//! Tests: `tests/physics/bodies.rs`, against skyfield's values and published ones.
 
 use crate::base::units::{AU_KM, DEG};
 use crate::sky::planets::Planet;

@@ -109,3 +109,25 @@ impl Planet {
         from_sun_km
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::units::ARCSEC;
+    use crate::sky::ephemeris::{FIRST_DAY, LAST_DAY};
+
+    /// What VSOP87E errs by on either side of the table, arcsec: the outermost planets most (module doc), and a margin.
+    const SERIES_ARCSEC: f64 = 3.0;
+
+    #[test]
+    fn both_sides_of_the_table() {
+        for planet in Planet::ALL {
+            for (inside, outside) in [(FIRST_DAY, FIRST_DAY - 1e-3), (LAST_DAY - 1e-3, LAST_DAY)] {
+                let series_km = planet.by_series_km(inside);
+                let off = planet.heliocentric_km(inside).angle_between(series_km) / ARCSEC;
+                assert!(off < SERIES_ARCSEC && off > 0.0, "{}: {off}", planet.name());
+                assert_eq!(planet.heliocentric_km(outside), planet.by_series_km(outside), "{}", planet.name());
+            }
+        }
+    }
+}

@@ -361,8 +361,9 @@ fn a_star_sets_in_the_frame_in_which_it_should() {
     }
     let mut bodies = SkyBodies::through(camera(32, 1_500.0), observer, start);
     let mut last_seen = None;
-    for frame in 0..600 {
-        let s = 0.1 * f64::from(frame);
+    // Frames of 10 Hz, three seconds about the setting.
+    for frame in -15..15 {
+        let s = 0.1 * (f64::from(frame) + (10.0 * up_s).floor());
         let sources = bodies.seen(&[star(7, direction)], &attitude, at(s)).expect("a sky");
         if sources.iter().any(|source| source.id == 7) {
             last_seen = Some(s);
