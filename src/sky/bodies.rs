@@ -4,16 +4,13 @@
 //!   arcsec), no aberration.
 //! * [`Standpoint`], for what is drawn: the states from which apparent places follow, to 0.1 arcsec of DE421.
 //!
-//! The Sun's barycentric state is VSOP87E's, evaluated once a day and straight from there (it bends by 0.2 km in half a
-//! day); the Earth is followed by its track. Limits: an observer at the barycentre has no such sky and is refused; for one
+//! Observer, Earth and Sun are followed by one [`ObserverTrack`]. Limits: an observer at the barycentre has no such sky and is refused; for one
 //! at the geocentre there is no Earth.
 //! Tests: below; `tests/physics/bodies.rs`; the Moon in [`crate::sky::moon`].
 
 use crate::base::time::Tai;
-use crate::base::units::DAY_S;
 use crate::sky::ObserverError;
-use crate::sky::earth::{self, EarthTrack};
-use crate::sky::observer::{BarycentricState, Observer};
+use crate::sky::observer::{BarycentricState, Observer, ObserverTrack};
 use crate::sky::planets::Planet;
 use crate::sky::spheroid::Spheroid;
 use crate::sky::{ephemeris, moon, orbit};
@@ -80,18 +77,14 @@ impl Standpoint {
 /// Earth's series (about 5 ms).
 #[derive(Debug, Clone)]
 pub struct BodiesTrack {
-    observer: Observer,
-    earth: EarthTrack,
-    sun: Option<(f64, BarycentricState)>,
+    observer: ObserverTrack,
 }
 
 impl BodiesTrack {
     /// Follows what `observer` sees, ready for the day of `at`.
     #[must_use]
     pub fn new(observer: Observer, at: Tai) -> Self {
-        let mut track = Self { observer, earth: EarthTrack::new(at), sun: None };
-        track.sun(at);
-        track
+        Self { observer: ObserverTrack::new(observer, at) }
     }
 
     /// Where the bodies stand at `at`; depends on the time only.
@@ -100,10 +93,10 @@ impl BodiesTrack {
     /// When SGP4 cannot follow the elements to `at`, or the observer is at the barycentre.
     pub fn at(&mut self, at: Tai) -> Result<Bodies, ObserverError> {
         let observer_km = self.observer.geocentric_state(at)?.ok_or(ObserverError::NoBodies)?.position_km;
-        let earth_km = self.earth.barycentric_state(at).position_km;
-        let is_there = matches!(self.observer, Observer::Geocentre);
+        let from_barycentre_km = self.observer.barycentric_state(at)?.position_km;
+        let is_there = matches!(self.observer.observer(), Observer::Geocentre);
         Ok(Bodies {
-            sun_km: self.sun(at).position_km - earth_km - observer_km,
+            sun_km: self.observer.sun_state(at).position_km - from_barycentre_km,
             moon_km: moon::geocentric_km(at) - observer_km,
             earth_km: (!is_there).then_some(-observer_km),
         })
@@ -116,35 +109,16 @@ impl BodiesTrack {
     pub fn standpoint(&mut self, at: Tai) -> Result<Standpoint, ObserverError> {
         ephemeris::check()?;
         let from_earth = self.observer.geocentric_state(at)?.ok_or(ObserverError::NoBodies)?;
-        let observer = self.earth.barycentric_state(at) + from_earth;
+        let observer = self.observer.barycentric_state(at)?;
         let moon = moon::geocentric_state(at);
         Ok(Standpoint {
             at,
             observer,
-            from_sun_km: observer.position_km - self.sun(at).position_km,
+            from_sun_km: observer.position_km - self.observer.sun_state(at).position_km,
             from_earth,
-            from_moon: BarycentricState {
-                position_km: from_earth.position_km - moon.position_km,
-                velocity_km_s: from_earth.velocity_km_s - moon.velocity_km_s,
-            },
+            from_moon: from_earth - moon,
             earth_axis: orbit::icrf_from_mean_of_date(at) * DVec3::Z,
         })
-    }
-
-    /// Barycentric state of the Sun's centre: the day's, moved on from noon.
-    fn sun(&mut self, at: Tai) -> BarycentricState {
-        let days = at.days_tdb_since_j2000();
-        let day = days.floor();
-        let noon = match self.sun {
-            Some((of, noon)) if of == day => noon,
-            _ => {
-                let noon = earth::sun_state(day + 0.5);
-                self.sun = Some((day, noon));
-                noon
-            }
-        };
-        let moved_km = noon.velocity_km_s * ((days - day - 0.5) * DAY_S);
-        BarycentricState { position_km: noon.position_km + moved_km, ..noon }
     }
 }
 

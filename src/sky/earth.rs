@@ -53,13 +53,6 @@ pub(super) fn sun_position_km(days_tdb_since_j2000: f64) -> DVec3 {
     equatorial_km(DVec3::new(p.x, p.y, p.z))
 }
 
-/// Barycentric state of the Sun's centre.
-pub(super) fn sun_state(days_tdb_since_j2000: f64) -> BarycentricState {
-    let at_km = |days: f64| sun_position_km(days_tdb_since_j2000 + days);
-    let velocity_km_s = (at_km(HALF_STEP_D) - at_km(-HALF_STEP_D)) / (2.0 * HALF_STEP_D * DAY_S);
-    BarycentricState { position_km: at_km(0.0), velocity_km_s }
-}
-
 /// Barycentric position of a planet, ICRF axes, by the same theory.
 pub(super) fn planet_position_km(planet: Planet, days_tdb_since_j2000: f64) -> DVec3 {
     use vsop87::vsop87e;
