@@ -1,7 +1,8 @@
 //! `starloop catalog import` and `verify`: published catalogs -> layers on disk, and whether they are whole.
 
+use crate::cli::catalog_hats::inputs;
 use crate::sky::catalog::{Catalog, DEFAULT_CREDITS};
-use crate::sky::import::gaia::{EPOCH_YR, Names, import as import_gaia};
+use crate::sky::import::gaia::{EPOCH_YR, Names};
 use crate::sky::layer::{Layer, LayerReport, Sorting, is_layer, layer_name};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
@@ -16,11 +17,14 @@ const END_BYTES: u64 = 64 << 10;
 #[command(
     after_help = "Reads Gaia's bulk files (GaiaSource_*.csv.gz) and any CSV with Gaia's column names: source_id, ra, dec, \
     pmra, pmdec, parallax, phot_g_mean_mag, and bp_rp or phot_bp_mean_mag and phot_rp_mean_mag; --column says where a \
-    file has another name.\n\nAn import that was cut short goes on after its last whole file when it is started again \
+    file has another name.\n\nReads Parquet files of the same columns too, and HATS catalogs (folders with \
+    hats.properties, as hats-import makes them): each partition is there and listed, has the rows it should, and they lie \
+    in its pixel, or the import ends. The catalog says what its columns of right ascension and declination are \
+    called.\n\nAn import that was cut short goes on after its last whole file, or partition, when it is started again \
     with the same --out."
 )]
 pub(super) struct ImportArgs {
-    /// Files to import, .csv or .csv.gz
+    /// Files to import, .csv, .csv.gz or .parquet, and folders of HATS catalogs
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// Folder for the layers, gNN.starlayer each
@@ -68,23 +72,19 @@ pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<
         let name = layer_name(*limit);
         bail!("{} has {name} already: name all files of a catalog in one import, or add --replace", args.out.display());
     }
-    let names_of_files = args.files.iter().map(|path| name_of(path)).collect::<anyhow::Result<Vec<_>>>()?;
-    let twice = names_of_files.iter().enumerate().find(|(place, name)| names_of_files[..*place].contains(name));
-    if let Some((_, name)) = twice {
-        bail!("two files are called {name}: an import that goes on tells them apart by their names; rename one");
-    }
+    let inputs = inputs(&args.files, &names, args.epoch)?;
     let line = ProgressLine::new();
-    for (number, path) in args.files.iter().enumerate() {
-        let (name, mark) = (name_of(path)?, mark(path)?);
-        if sorting.has(&name, &mark)? {
+    for (number, input) in inputs.iter().enumerate() {
+        let (name, mark) = (&input.name, mark(&input.path)?);
+        if sorting.has(name, &mark)? {
             eprintln!("{name}: taken in before");
             continue;
         }
-        let of = args.files.len();
+        let of = inputs.len();
         let mut told = |rows| line.show(&format!("file {} of {of}: {name}, {rows} rows", number + 1));
-        let rows = import_gaia(path, &names, &mut sorting, &mut told)?;
+        let rows = input.import(&mut sorting, &mut told)?;
         sorting.tell("rows", rows);
-        sorting.checkpoint(&name, &mark)?;
+        sorting.checkpoint(name, &mark)?;
     }
     let counts = sorting.counts();
     let told: Vec<(String, u64)> = sorting.told().map(|(what, count)| (what.to_owned(), count)).collect();
@@ -129,12 +129,6 @@ fn names(columns: &[String]) -> anyhow::Result<Names> {
         );
     }
     Ok(names)
-}
-
-/// The name of a file without its folder: it may be moved between two tries.
-fn name_of(path: &Path) -> anyhow::Result<String> {
-    let name = path.file_name().and_then(|name| name.to_str());
-    name.map(str::to_owned).with_context(|| format!("{}: wanted a file with a readable name", path.display()))
 }
 
 /// What tells that a file is the same as before: its length, and the checksum of its two ends.
@@ -192,22 +186,22 @@ pub(super) fn layer_info(path: &Path, out: &mut impl Write) -> anyhow::Result<()
 }
 
 /// One line on a terminal that is drawn over; silent elsewhere.
-struct ProgressLine {
+pub(super) struct ProgressLine {
     is_on: bool,
 }
 
 impl ProgressLine {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self { is_on: std::io::stderr().is_terminal() }
     }
 
-    fn show(&self, text: &str) {
+    pub(super) fn show(&self, text: &str) {
         if self.is_on {
             let _a_closed_terminal_is_no_error = write!(std::io::stderr(), "\r{text:<79}");
         }
     }
 
-    fn clear(&self) {
+    pub(super) fn clear(&self) {
         self.show("");
         if self.is_on {
             let _a_closed_terminal_is_no_error = write!(std::io::stderr(), "\r");

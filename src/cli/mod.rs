@@ -9,6 +9,7 @@ mod calibrate_display;
 mod calibrate_display_simulate;
 pub mod campaign;
 pub mod catalog;
+mod catalog_hats;
 mod catalog_layers;
 pub mod chart;
 pub mod check;

@@ -5,6 +5,7 @@
 //!
 //! * [`catalog`]: the packed star catalog and its cone query;
 //! * [`import`], [`layer`]: published catalogs -> layers on disk, of any number of stars, and their cone query;
+//! * [`hats`]: catalogs partitioned by HEALPix -> layers, and back;
 //! * [`earth`]: the Earth's barycentric state from VSOP87E;
 //! * [`moon`]: the geocentric Moon by a short series;
 //! * [`bodies`]: Sun, Moon and Earth as the observer sees them;
@@ -15,6 +16,7 @@ pub mod bodies;
 pub mod catalog;
 pub mod earth;
 mod error;
+pub mod hats;
 pub mod import;
 pub mod layer;
 pub mod moon;

@@ -12,6 +12,7 @@ mod build;
 mod error;
 mod layout;
 mod open;
+mod restored;
 mod star;
 
 pub use build::{LayerReport, Sorting, layer_name};
