@@ -132,3 +132,79 @@ fn name_of(path: &Path) -> anyhow::Result<String> {
     let name = path.file_name().and_then(|name| name.to_str());
     name.map(str::to_owned).with_context(|| format!("{}: wanted a file with a readable name", path.display()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::catalog_layers::{ImportArgs, import};
+    use clap::Parser;
+
+    #[derive(Debug, Parser)]
+    enum Program {
+        Import(ImportArgs),
+        Export(ExportArgs),
+    }
+
+    /// What `starloop catalog` prints, or its error.
+    fn catalog(line: &[&str]) -> Result<String, String> {
+        let mut out = Vec::new();
+        let done = match Program::try_parse_from([&["x"], line].concat()).map_err(|error| error.to_string())? {
+            Program::Import(args) => import(&args, &mut out),
+            Program::Export(args) => export(&args, &mut out),
+        };
+        done.map(|()| String::from_utf8(out).unwrap()).map_err(|error| format!("{error:#}"))
+    }
+
+    #[test]
+    fn layers_become_a_catalog_and_an_import_of_it_that_was_cut_short_goes_on() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        let rows = (0..1000).map(|i| format!("{i},{}.5,{}.25,,,,{}.5,\n", i % 360, i % 80, 4 + i % 5));
+        let head = "source_id,ra,dec,pmra,pmdec,parallax,phot_g_mean_mag,bp_rp\n";
+        std::fs::write(path("stars.csv"), head.to_owned() + &rows.collect::<String>()).unwrap();
+        catalog(&["import", &path("stars.csv"), "--out", &path("layers"), "--layers", "10"]).unwrap();
+        let layer = path("layers/g10.starlayer");
+        let told = catalog(&["export", &layer, "--hats", &path("hats"), "--max-rows", "90"]).unwrap();
+        assert!(told.contains("hats: 1000 stars in ") && told.contains(" partitions of order 1 to "), "{told}");
+        assert!(catalog(&["export", &layer, "--hats", &path("hats")]).unwrap_err().contains("there already"));
+
+        let from_hats = ["import", &path("hats"), "--out", &path("again"), "--layers", "10"];
+        let list = std::fs::read_to_string(path("hats/partition_info.csv")).unwrap();
+        let (order, pixel) = list.lines().last().unwrap().split_once(',').unwrap();
+        let last = path(&format!("hats/dataset/Norder={order}/Dir=0/Npix={pixel}.parquet"));
+        let whole = std::fs::read(&last).unwrap();
+        let mut broken = whole.clone();
+        let end = whole.len() - 8;
+        let footer = u32::from_le_bytes(whole[end..end + 4].try_into().unwrap()) as usize;
+        broken[4..end - footer].fill(0xFF);
+        std::fs::write(&last, broken).unwrap();
+        let told = catalog(&from_hats).unwrap_err();
+        assert!(
+            told.contains(&format!("Npix={pixel}.parquet, column source_id")) || told.contains("starloop_id"),
+            "{told}"
+        );
+        std::fs::write(&last, whole).unwrap();
+        let progress = std::fs::read_to_string(path("again/import/progress.json")).unwrap();
+        assert!(progress.contains("hats/dataset/Norder="), "whole partitions are written down: {progress}");
+        let told = catalog(&from_hats).unwrap();
+        assert!(told.contains("        1000 rows\n") && told.contains("        1000 stars taken in\n"), "{told}");
+        assert_eq!(std::fs::read(path("again/g10.starlayer")).unwrap(), std::fs::read(layer).unwrap());
+
+        let told = catalog(&["import", &path("hats"), "--out", &path("epoch"), "--epoch", "2000"]).unwrap_err();
+        assert!(told.contains("--epoch: wanted 2016, of which") && told.contains("got 2000"), "{told}");
+        let told = catalog(&["import", &path("layers"), "--out", &path("no")]).unwrap_err();
+        assert!(told.contains("layers: wanted a HATS catalog, which has a file hats.properties"), "{told}");
+        let twice = catalog(&["import", &path("hats"), &path("hats"), "--out", &path("twice")]).unwrap_err();
+        assert!(twice.contains("two files are called hats/dataset/"), "{twice}");
+    }
+
+    #[test]
+    fn bad_arguments_are_named() {
+        assert!(catalog(&["export", "a", "--hats", "b", "--max-rows", "0"]).unwrap_err().contains("from 1 on"));
+        assert!(catalog(&["export", "no.starlayer", "--hats", "b"]).unwrap_err().contains("no.starlayer"));
+        assert!(
+            catalog(&["export", "a", "--hats", "b", "--name", "a\nb"]).unwrap_err().contains("--name: wanted one line")
+        );
+        assert!(catalog(&["export", "a", "--hats", ".."]).unwrap_err().contains("readable name"));
+    }
+}

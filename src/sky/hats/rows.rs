@@ -13,6 +13,7 @@ use parquet::basic::{ConvertedType, LogicalType, Type};
 use parquet::column::page::PageReader;
 use parquet::column::reader::ColumnReaderImpl;
 use parquet::data_type::{DataType, DoubleType, FloatType, Int32Type, Int64Type};
+use parquet::file::metadata::RowGroupMetaData;
 use parquet::file::serialized_reader::SerializedPageReader;
 use parquet::schema::types::{ColumnDescPtr, ColumnDescriptor};
 use std::sync::Arc;
@@ -56,10 +57,9 @@ impl Rows {
         let schema = file.metadata.file_metadata().schema_descr();
         let place = |name: &str| schema.columns().iter().position(|column| column.path().string() == name);
         let mut names: [String; COLUMNS] = core::array::from_fn(|column| names.here(column).into());
-        if names[SOURCE_ID] == Names::all()[SOURCE_ID] && place(&names[SOURCE_ID]).is_none() {
-            if place(STARLOOP_ID).is_some() {
-                names[SOURCE_ID] = STARLOOP_ID.into();
-            }
+        let is_archives = names[SOURCE_ID] == Names::all()[SOURCE_ID];
+        if is_archives && place(&names[SOURCE_ID]).is_none() && place(STARLOOP_ID).is_some() {
+            names[SOURCE_ID] = STARLOOP_ID.into();
         }
         let places = core::array::from_fn(|column| place(&names[column]));
         if let Some(missing) = Names::missing(|column| places[column].is_some()) {
@@ -114,6 +114,10 @@ impl Rows {
         let group = self.file.metadata.row_group(self.group);
         let rows = u64::try_from(group.num_rows()).unwrap_or(0);
         self.readers.clear();
+        self.group += 1;
+        if rows == 0 {
+            return Ok(());
+        }
         for (column, place) in self.places.iter().enumerate() {
             let Some(place) = *place else { continue };
             let damaged =
@@ -121,11 +125,10 @@ impl Rows {
             let chunk = group.column(place);
             let value_bytes = if matches!(chunk.column_type(), Type::INT32 | Type::FLOAT) { 4 } else { 8 };
             self.file.check_pages(chunk, rows, value_bytes).map_err(damaged)?;
-            let reader = caught(|| ColumnRows::open(&self.file, self.group, place)).map_err(damaged)?;
+            let reader = caught(|| ColumnRows::open(&self.file, group, place)).map_err(damaged)?;
             self.readers.push((column, reader));
         }
         self.left = usize::try_from(rows).unwrap_or(usize::MAX);
-        self.group += 1;
         Ok(())
     }
 
@@ -196,8 +199,7 @@ enum ColumnRows {
 }
 
 impl ColumnRows {
-    fn open(file: &ParquetFile, group: usize, place: usize) -> Result<Self, String> {
-        let group = file.metadata.row_group(group);
+    fn open(file: &ParquetFile, group: &RowGroupMetaData, place: usize) -> Result<Self, String> {
         let (chunk, rows) = (group.column(place), usize::try_from(group.num_rows()).unwrap_or(0));
         let pages = SerializedPageReader::new(Arc::clone(&file.file), chunk, rows, None);
         let pages: Box<dyn PageReader> =
