@@ -165,7 +165,7 @@ mod tests {
         catalog(&["import", &path("stars.csv"), "--out", &path("layers"), "--layers", "10"]).unwrap();
         let layer = path("layers/g10.starlayer");
         let told = catalog(&["export", &layer, "--hats", &path("hats"), "--max-rows", "90"]).unwrap();
-        assert!(told.contains("hats: 1000 stars in ") && told.contains(" partitions of order 1 to "), "{told}");
+        assert!(told.contains("hats: 1000 stars in ") && told.contains(" partitions of order 0 to 2, "), "{told}");
         assert!(catalog(&["export", &layer, "--hats", &path("hats")]).unwrap_err().contains("there already"));
 
         let from_hats = ["import", &path("hats"), "--out", &path("again"), "--layers", "10"];

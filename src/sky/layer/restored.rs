@@ -16,6 +16,8 @@ use crate::sky::catalog::ra_dec_rad;
 /// Where a star is looked for inside its tile, steps: nearest first; the last two for what no half step finds.
 const OFFSETS_STEPS: [f64; 8] = [0.0, 0.25, 0.45, 0.49, 0.499, 0.4999, 1.0, 2.0];
 
+const SIGNS: [f64; 3] = [-1.0, 0.0, 1.0];
+
 impl Layer {
     /// Appends the stars of a tile to `out`, brightest first; `bytes` is scratch. A star's `source_id` is its place in the
     /// layer: layers keep no other.
@@ -50,11 +52,10 @@ fn inside(frame: &TileFrame, order: u8, tile: u64, place: [u32; 2]) -> [f64; 2] 
     let direction = frame.direction(place);
     let east = frame.direction([place[0] + 1, place[1]]) - direction;
     let north = frame.direction([place[0], place[1] + 1]) - direction;
-    let signs = [-1.0, 0.0, 1.0];
     let about = OFFSETS_STEPS.iter().flat_map(|offset| {
-        signs
+        SIGNS
             .iter()
-            .flat_map(move |eastward| signs.iter().map(move |northward| [offset * eastward, offset * northward]))
+            .flat_map(move |eastward| SIGNS.iter().map(move |northward| [offset * eastward, offset * northward]))
     });
     let mut places = about.map(|[eastward, northward]| ra_dec_rad(direction + eastward * east + northward * north));
     let is_in = |place: &[f64; 2]| cdshealpix::nested::hash(order, place[0], place[1]) == tile;

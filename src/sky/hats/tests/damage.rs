@@ -137,7 +137,7 @@ fn heads_of_pages_that_make_no_sense_are_refused() {
         told(&path, &bytes).expect("refused")
     };
     assert!(
-        with(14, 0x7A).contains("column source_id: damaged: page at byte 21: a dictionary of 61 values in 480 bytes")
+        with(14, 0x7A).contains("column source_id: damaged: page at byte 4: a dictionary of 61 values in 480 bytes")
     );
     assert!(with(7, 0x0F).contains("bytes, unpacked"), "packed larger than the column");
     assert!(with(8, 0x0F).contains("bytes"), "unpacked");
