@@ -3,6 +3,7 @@
 use crate::astrometry::{at_epoch, years_since};
 use crate::base::time::Tai;
 use crate::base::units::{DEG, MAS};
+use crate::cli::catalog_hats::{ExportArgs, export};
 use crate::cli::catalog_layers::{ImportArgs, VerifyArgs, import, layer_info, verify};
 use crate::cli::catalog_map::{MapArgs, map};
 use crate::cli::catalog_synthetic::{SynthesizeArgs, synthesize};
@@ -36,6 +37,8 @@ enum Action {
     Import(ImportArgs),
     /// Make layers of stars that are not real, in the numbers of the real sky: for benches and deep scenes
     Synthesize(SynthesizeArgs),
+    /// Write layers as a HATS catalog: Parquet files partitioned by HEALPix
+    Export(ExportArgs),
     /// Read packed catalogs and layers to their end and hold every part against its checksum
     Verify(VerifyArgs),
     /// Show what a packed catalog or a layer holds: stars, epoch, bands, magnitudes, credits, checksum
@@ -99,6 +102,7 @@ pub fn run(args: CatalogArgs) -> anyhow::Result<()> {
         Action::Pack(args) => pack_file(&args, &mut stdout),
         Action::Import(args) => import(&args, &mut stdout),
         Action::Synthesize(args) => synthesize(&args, &mut stdout),
+        Action::Export(args) => export(&args, &mut stdout),
         Action::Verify(args) => verify(&args, &mut stdout),
         Action::Info(InfoArgs { file: Some(path) }) if is_layer(&path) => layer_info(&path, &mut stdout),
         Action::Info(args) => info(&open(args.file.as_deref())?, &mut stdout),

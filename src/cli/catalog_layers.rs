@@ -1,8 +1,9 @@
 //! `starloop catalog import` and `verify`: published catalogs -> layers on disk, and whether they are whole.
 
 use crate::cli::catalog_bright::BrightInput;
+use crate::cli::catalog_hats::inputs;
 use crate::sky::catalog::{Catalog, DEFAULT_CREDITS};
-use crate::sky::import::gaia::{EPOCH_YR, Names, import as import_gaia};
+use crate::sky::import::gaia::{EPOCH_YR, Names};
 use crate::sky::layer::{Layer, LayerReport, Sorting, is_layer, layer_name};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
@@ -17,11 +18,14 @@ const END_BYTES: u64 = 64 << 10;
 #[command(
     after_help = "Reads Gaia's bulk files (GaiaSource_*.csv.gz) and any CSV with Gaia's column names: source_id, ra, dec, \
     pmra, pmdec, parallax, phot_g_mean_mag, and bp_rp or phot_bp_mean_mag and phot_rp_mean_mag; --column says where a \
-    file has another name. Stars of --bright are held against theirs by place and magnitude: none comes twice.\n\nAn import that was cut short goes on after its last whole file when it is started again \
+    file has another name. Stars of --bright are held against theirs by place and magnitude: none comes twice.\n\nReads Parquet files of the same columns too, and HATS catalogs (folders with \
+    hats.properties, as hats-import makes them): each partition is there and listed, has the rows it should, and they lie \
+    in its pixel, or the import ends. The catalog says what its columns of right ascension and declination are \
+    called.\n\nAn import that was cut short goes on after its last whole file, or partition, when it is started again \
     with the same --out."
 )]
 pub(super) struct ImportArgs {
-    /// Files to import, .csv or .csv.gz
+    /// Files to import, .csv, .csv.gz or .parquet, and folders of HATS catalogs
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// Folder for the layers, gNN.starlayer each
@@ -69,25 +73,21 @@ pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<
     std::fs::create_dir_all(&args.out).with_context(|| format!("cannot make {}", args.out.display()))?;
     let mut sorting = Sorting::start(&work, &args.layers)?;
     refuse_layers_that_are_there(&args.out, &args.layers, args.replace)?;
-    let names_of_files = args.files.iter().map(|path| name_of(path)).collect::<anyhow::Result<Vec<_>>>()?;
-    let twice = names_of_files.iter().enumerate().find(|(place, name)| names_of_files[..*place].contains(name));
-    if let Some((_, name)) = twice {
-        bail!("two files are called {name}: an import that goes on tells them apart by their names; rename one");
-    }
+    let inputs = inputs(&args.files, &names, args.epoch)?;
     let line = ProgressLine::new();
     let bright = BrightInput::new(&args.bright, args.epoch, &sorting)?;
-    for (number, path) in args.files.iter().enumerate() {
-        let (name, mark) = (name_of(path)?, mark(path)?);
-        if sorting.has(&name, &mark)? {
+    for (number, input) in inputs.iter().enumerate() {
+        let (name, mark) = (&input.name, mark(&input.path)?);
+        if sorting.has(name, &mark)? {
             eprintln!("{name}: taken in before");
             continue;
         }
-        bright.refuse_more(&name)?;
-        let of = args.files.len();
+        bright.refuse_more(name)?;
+        let of = inputs.len();
         let mut told = |rows| line.show(&format!("file {} of {of}: {name}, {rows} rows", number + 1));
-        let rows = import_gaia(path, &names, &mut sorting, &mut told)?;
+        let rows = input.import(&mut sorting, &mut told)?;
         sorting.tell("rows", rows);
-        sorting.checkpoint(&name, &mark)?;
+        sorting.checkpoint(name, &mark)?;
     }
     bright.take_in(&mut sorting, &line)?;
     let counts = sorting.counts();

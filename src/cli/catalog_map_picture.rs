@@ -186,7 +186,7 @@ mod tests {
         map.add_catalog(&Catalog::built_in().unwrap(), 99.0);
         let mut bytes = Vec::new();
         write_png(&mut bytes, &map.coarsened(), true, "stars per square degree").unwrap();
-        let mut reader = png::Decoder::new(Cursor::new(&bytes)).read_info().unwrap();
+        let mut reader = png::Decoder::new(io::Cursor::new(&bytes)).read_info().unwrap();
         let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
         let info = reader.next_frame(&mut pixels).unwrap();
         let (width, at) = (info.width as usize, |x: usize, y: usize, width: usize| {

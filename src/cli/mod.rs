@@ -10,6 +10,7 @@ mod calibrate_display_simulate;
 pub mod campaign;
 pub mod catalog;
 mod catalog_bright;
+mod catalog_hats;
 mod catalog_layers;
 mod catalog_map;
 mod catalog_map_picture;

@@ -9,6 +9,7 @@
 //! * [`synthetic`]: made-up deep populations by the densities that were measured, as layers;
 //! * [`density_map`]: stars per square degree over the whole sky;
 //! * [`galactic`]: galactic longitude and latitude;
+//! * [`hats`]: catalogs partitioned by HEALPix -> layers, and back;
 //! * [`earth`]: the Earth's barycentric state from VSOP87E;
 //! * [`ephemeris`]: Moon and planets by polynomials fitted to DE421, 1990 to 2051;
 //! * [`moon`], [`planets`], [`magnitude`]: where they are and how bright;
@@ -26,6 +27,7 @@ pub mod earth;
 pub mod ephemeris;
 mod error;
 pub mod galactic;
+pub mod hats;
 pub mod import;
 pub mod layer;
 pub mod magnitude;

@@ -29,17 +29,17 @@ pub struct Names {
     columns: [String; COLUMNS],
 }
 
-const SOURCE_ID: usize = 0;
-const RA: usize = 1;
-const DEC: usize = 2;
-const PM_RA: usize = 3;
-const PM_DEC: usize = 4;
-const PARALLAX: usize = 5;
-const G: usize = 6;
-const BP_RP: usize = 7;
-const BP: usize = 8;
-const RP: usize = 9;
-const COLUMNS: usize = 10;
+pub(in crate::sky) const SOURCE_ID: usize = 0;
+pub(in crate::sky) const RA: usize = 1;
+pub(in crate::sky) const DEC: usize = 2;
+pub(in crate::sky) const PM_RA: usize = 3;
+pub(in crate::sky) const PM_DEC: usize = 4;
+pub(in crate::sky) const PARALLAX: usize = 5;
+pub(in crate::sky) const G: usize = 6;
+pub(in crate::sky) const BP_RP: usize = 7;
+pub(in crate::sky) const BP: usize = 8;
+pub(in crate::sky) const RP: usize = 9;
+pub(in crate::sky) const COLUMNS: usize = 10;
 
 /// Names in Gaia's archive.
 const ARCHIVE: [&str; COLUMNS] = [
@@ -67,6 +67,28 @@ impl Names {
     pub fn rename(&mut self, archive: &str, here: &str) -> bool {
         let place = ARCHIVE.iter().position(|name| *name == archive);
         place.map(|place| self.columns[place] = here.into()).is_some()
+    }
+
+    /// As [`Self::rename`], when nobody renamed it before.
+    pub fn rename_unless_renamed(&mut self, archive: &str, here: &str) {
+        if self.columns.iter().zip(ARCHIVE).any(|(name, of_archive)| of_archive == archive && name == archive) {
+            self.rename(archive, here);
+        }
+    }
+
+    /// What the column is called in the file.
+    pub(in crate::sky) fn here(&self, column: usize) -> &str {
+        &self.columns[column]
+    }
+
+    /// The column that a file must have and `is_there` says it has not: all but colours, of which one form is enough.
+    pub(in crate::sky) fn missing(is_there: impl Fn(usize) -> bool) -> Option<usize> {
+        let is_missing = |column: &usize| match *column {
+            BP_RP => !is_there(BP_RP) && !(is_there(BP) && is_there(RP)),
+            BP | RP => false,
+            column => !is_there(column),
+        };
+        (0..COLUMNS).find(is_missing)
     }
 
     /// What may be renamed.
@@ -120,6 +142,32 @@ fn import_text(
     Ok(rows)
 }
 
+/// A row of Gaia's archive as a star; `None`, counted, when nothing can be drawn of it. `number` gives a cell by its column,
+/// `None` where it is blank.
+pub(in crate::sky) fn star_of_row<E>(
+    source_id: i64,
+    number: impl Fn(usize) -> Result<Option<f64>, E>,
+    sorting: &mut Sorting,
+) -> Result<Option<NewStar>, E> {
+    let (Some(ra_deg), Some(dec_deg)) = (number(RA)?, number(DEC)?) else {
+        sorting.tell(WITHOUT_PLACE, 1);
+        return Ok(None);
+    };
+    let Some(mag_g) = number(G)? else {
+        sorting.tell(WITHOUT_MAGNITUDE, 1);
+        return Ok(None);
+    };
+    let bp_rp = match (number(BP_RP)?, number(BP)?, number(RP)?) {
+        (Some(bp_rp), ..) => Some(bp_rp),
+        (None, Some(bp), Some(rp)) => Some(bp - rp),
+        _ => None,
+    };
+    let motion_mas_yr = number(PM_RA)?.zip(number(PM_DEC)?).map(<[f64; 2]>::from);
+    let parallax_mas = number(PARALLAX)?;
+    let (ra_rad, dec_rad) = (ra_deg * DEG, dec_deg * DEG);
+    Ok(Some(NewStar { source_id, ra_rad, dec_rad, motion_mas_yr, parallax_mas, mag_g, bp_rp }))
+}
+
 struct Columns<'a> {
     names: &'a Names,
     /// `None`: the file has no such column, and needs none.
@@ -130,12 +178,7 @@ impl<'a> Columns<'a> {
     fn find(path: &Path, names: &'a Names, header: &StringRecord) -> Result<Self, ImportError> {
         let place = |name: &String| header.iter().position(|cell| cell.trim() == name);
         let places = core::array::from_fn(|i| place(&names.columns[i]));
-        let is_missing = |column: &usize| match *column {
-            BP_RP => places[BP_RP].is_none() && (places[BP].is_none() || places[RP].is_none()),
-            BP | RP => false,
-            column => places[column].is_none(),
-        };
-        match (0..COLUMNS).find(is_missing) {
+        match Names::missing(|column| places[column].is_some()) {
             Some(missing) => Err(ImportError::Column {
                 path: path.into(),
                 wanted: names.columns[missing].clone(),
@@ -157,23 +200,7 @@ impl Row<'_> {
     fn star(&self, sorting: &mut Sorting) -> Result<Option<NewStar>, ImportError> {
         let text = self.text(SOURCE_ID);
         let source_id = text.parse().map_err(|_| self.refuse(SOURCE_ID, "a whole number"))?;
-        let (Some(ra_deg), Some(dec_deg)) = (self.number(RA)?, self.number(DEC)?) else {
-            sorting.tell(WITHOUT_PLACE, 1);
-            return Ok(None);
-        };
-        let Some(mag_g) = self.number(G)? else {
-            sorting.tell(WITHOUT_MAGNITUDE, 1);
-            return Ok(None);
-        };
-        let bp_rp = match (self.number(BP_RP)?, self.number(BP)?, self.number(RP)?) {
-            (Some(bp_rp), ..) => Some(bp_rp),
-            (None, Some(bp), Some(rp)) => Some(bp - rp),
-            _ => None,
-        };
-        let motion_mas_yr = self.number(PM_RA)?.zip(self.number(PM_DEC)?).map(<[f64; 2]>::from);
-        let parallax_mas = self.number(PARALLAX)?;
-        let (ra_rad, dec_rad) = (ra_deg * DEG, dec_deg * DEG);
-        Ok(Some(NewStar { source_id, ra_rad, dec_rad, motion_mas_yr, parallax_mas, mag_g, bp_rp }))
+        star_of_row(source_id, |column| self.number(column), sorting)
     }
 
     fn text(&self, column: usize) -> &str {

@@ -14,6 +14,7 @@ mod cover;
 mod error;
 mod layout;
 mod open;
+mod restored;
 mod set;
 mod star;
 

@@ -163,7 +163,7 @@ impl Layer {
     }
 
     /// Places of a tile's stars in the layer.
-    fn places(&self, tile: u64) -> Range<u64> {
+    pub(super) fn places(&self, tile: u64) -> Range<u64> {
         let tile = usize::try_from(tile).unwrap_or(usize::MAX);
         self.firsts[tile]..self.firsts[tile + 1]
     }
@@ -200,7 +200,7 @@ impl Layer {
     }
 
     /// Reads a tile's records and holds them against their checksum.
-    fn read_records(&self, tile: u64, bytes: &mut Vec<u8>) -> Result<(), LayerError> {
+    pub(super) fn read_records(&self, tile: u64, bytes: &mut Vec<u8>) -> Result<(), LayerError> {
         let places = self.places(tile);
         let count = usize::try_from(places.end - places.start).unwrap_or(usize::MAX);
         bytes.resize(count.saturating_mul(RECORD_BYTES), 0);
