@@ -163,6 +163,7 @@ impl Canvas {
 mod tests {
     use super::*;
     use crate::sky::catalog::Catalog;
+    use std::io::Cursor;
 
     #[test]
     fn colours_brighten_with_density_and_marks_are_round() {
@@ -186,7 +187,7 @@ mod tests {
         map.add_catalog(&Catalog::built_in().unwrap(), 99.0);
         let mut bytes = Vec::new();
         write_png(&mut bytes, &map.coarsened(), true, "stars per square degree").unwrap();
-        let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
+        let mut reader = png::Decoder::new(Cursor::new(&bytes)).read_info().unwrap();
         let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
         let info = reader.next_frame(&mut pixels).unwrap();
         let (width, at) = (info.width as usize, |x: usize, y: usize, width: usize| {
