@@ -77,6 +77,31 @@ mod tests {
     }
 
     #[test]
+    fn the_table_is_that_of_erfa() {
+        // TAI - UTC from this day on, by erfa.dat (pyerfa 2.0.1.5): all there were since 1991.
+        let days = [
+            "1991-01-01",
+            "1992-07-01",
+            "1993-07-01",
+            "1994-07-01",
+            "1996-01-01",
+            "1997-07-01",
+            "1999-01-01",
+            "2006-01-01",
+            "2009-01-01",
+            "2012-07-01",
+            "2015-07-01",
+            "2017-01-01",
+        ];
+        for (day, after) in days.into_iter().zip(26_i64..) {
+            let midnight = Tai::from_rfc3339(&format!("{day}T00:00:00Z")).expect("a valid instant");
+            assert_eq!(midnight.ns() - midnight.to_unix_ns(), after * NS_PER_S, "{day}");
+            let before = midnight - crate::base::time::Span::from_s(2.0);
+            assert_eq!(before.ns() - before.to_unix_ns(), (after - 1) * NS_PER_S, "the day before {day}");
+        }
+    }
+
+    #[test]
     fn leap_seconds_are_one_second_long() {
         let (unix_s, after) = TABLE[TABLE.len() - 1];
         let new_year_ns = (unix_s + after) * NS_PER_S;

@@ -6,7 +6,7 @@
 //! | UTC | TAI less leap seconds (table in `base::leap`) | `from_rfc3339`, `to_rfc3339`, `julian_date_utc` |
 //! | Unix | UTC without its leap seconds | `to_unix_ns`, `from_unix_ns`, `unix_s` |
 //! | TT | TAI + 32.184 s, exactly (IAU 1991) | `to_tt_ns`, `from_tt_ns` |
-//! | TDB | TT and at most 1.7 ms of periodic terms | `days_tdb_since_j2000` (by `hifitime`) |
+//! | TDB | TT and 1.66 ms of one sine of the year (by `hifitime`; 60 us are left out: 2 m of the Earth's way) | `days_tdb_since_j2000` |
 //! | GPS | TAI - 19 s, exactly, since 1980-01-06 (IS-GPS-200) | `to_gps_ns`, `from_gps_ns` |
 //!
 //! *Inside a leap second.* UTC text has 23:59:60. Unix time has no such second: it repeats the first one of the next
@@ -268,6 +268,29 @@ mod tests {
         // J2000.0 TT = 2000-01-01T12:00:00 TT = 11:59:27.816 TAI = 11:58:55.816 UTC; TDB differs by < 2 ms.
         let at = Tai::from_rfc3339("2000-01-01T11:58:55.816Z").expect("a valid instant");
         assert!(at.days_tdb_since_j2000().abs() * DAY_S < 2e-3, "{} d", at.days_tdb_since_j2000());
+    }
+
+    #[test]
+    fn tdb_and_tt_differ_as_erfa_says() {
+        /// UTC; TDB - TT at the geocentre, microseconds, by erfa.dtdb (pyerfa 2.0.1.5).
+        const DTDB: [(&str, f64); 6] = [
+            ("1991-01-02T00:00:00Z", -42.1),
+            ("1999-04-10T06:00:00Z", 1643.8),
+            ("2012-07-01T00:00:00Z", 120.8),
+            ("2026-03-01T12:00:00Z", 1364.2),
+            ("2037-10-05T00:00:00Z", -1625.9),
+            ("2050-12-30T18:00:00Z", -118.9),
+        ];
+        // One sine of the year is what is taken; the next terms are 22 and 14 microseconds.
+        const LEFT_OUT_US: f64 = 60.0;
+        for (text, wanted_us) in DTDB {
+            let at = Tai::from_rfc3339(text).expect("a valid instant");
+            let tt_s = (at.to_tt_ns() - (10_957 * 86_400 + 43_200) * NS_PER_S) as f64 / NS_PER_S as f64;
+            let got_us = (at.days_tdb_since_j2000() * DAY_S - tt_s) * 1e6;
+            println!("{text}: TDB - TT {got_us:.1} us for {wanted_us}");
+            assert!((got_us - wanted_us).abs() < LEFT_OUT_US, "{text}: {got_us} us");
+        }
+        assert!(DTDB.iter().any(|(_, us)| us.abs() > 20.0 * LEFT_OUT_US), "control: TT itself would not do");
     }
 
     #[test]

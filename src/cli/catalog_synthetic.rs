@@ -1,9 +1,12 @@
 //! `starloop catalog synthesize`: layers of stars that are not real, in the numbers of the real sky.
 
+use crate::base::units::DEG;
 use crate::cli::catalog_layers::{ProgressLine, refuse_layers_that_are_there, tell_layer};
+use crate::sky::catalog::direction_from_ra_dec;
 use crate::sky::synthetic::{Population, credits};
-use anyhow::ensure;
+use anyhow::{bail, ensure};
 use clap::Args;
+use glam::DVec3;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -33,6 +36,9 @@ pub(super) struct SynthesizeArgs {
     /// Magnitudes at which layers end before the last, rising; those that are not brighter than --mag are left out
     #[arg(long, value_delimiter = ',', default_values_t = [10.0, 14.0, 18.0])]
     layers: Vec<f32>,
+    /// Only stars near a direction, degrees: the rest of the sky stays empty
+    #[arg(long, value_name = "RA,DEC,RADIUS", value_delimiter = ',', num_args = 3, allow_negative_numbers = true)]
+    around: Option<Vec<f64>>,
     /// Write layers in the place of those that are in --out already
     #[arg(long)]
     replace: bool,
@@ -46,7 +52,11 @@ pub(super) fn synthesize(args: &SynthesizeArgs, out: &mut impl Write) -> anyhow:
     let mut limits: Vec<f32> = args.layers.iter().copied().filter(|limit| *limit < args.mag).collect();
     limits.push(args.mag);
     let population = Population::new(&limits, args.stars, args.seed);
-    let population = population.map_err(|why| anyhow::anyhow!("--mag, --layers: {why}"))?;
+    let mut population = population.map_err(|why| anyhow::anyhow!("--mag, --layers: {why}"))?;
+    if let Some(around) = &args.around {
+        let (axis, radius_rad) = region(around)?;
+        population = population.around(axis, radius_rad);
+    }
     refuse_layers_that_are_there(&args.out, &limits, args.replace)?;
     let line = ProgressLine::new();
     let reports = population.write(&args.out, &mut |share| line.show(&format!("drawing: {:.0} %", 100.0 * share)))?;
@@ -54,14 +64,27 @@ pub(super) fn synthesize(args: &SynthesizeArgs, out: &mut impl Write) -> anyhow:
     writeln!(out, "{}", credits(args.seed))?;
     reports.iter().try_for_each(|report| tell_layer(report, out))?;
     let stars: u64 = reports.iter().map(|report| report.stars).sum();
-    writeln!(out, "{stars} stars, {:.0} expected", population.expected())?;
+    match args.around {
+        None => writeln!(out, "{stars} stars, {:.0} expected", population.expected())?,
+        Some(_) => writeln!(out, "{stars} stars of {:.0} all over the sky", population.expected())?,
+    }
     Ok(())
+}
+
+/// Direction, and radius in rad.
+fn region(around: &[f64]) -> anyhow::Result<(DVec3, f64)> {
+    let &[ra_deg, dec_deg, radius_deg] = around else { bail!("--around: wanted RA,DEC,RADIUS, got {around:?}") };
+    let fits =
+        (0.0..=360.0).contains(&ra_deg) && (-90.0..=90.0).contains(&dec_deg) && (0.0..=180.0).contains(&radius_deg);
+    ensure!(fits, "--around: wanted 0..360, -90..90 and a radius up to 180 degrees, got {around:?}");
+    Ok((direction_from_ra_dec(ra_deg * DEG, dec_deg * DEG), radius_deg * DEG))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::cli::catalog_layers::layer_info;
+    use crate::sky::layer::Layer;
     use clap::Parser;
 
     #[derive(Debug, Parser)]
@@ -95,11 +118,31 @@ mod tests {
     }
 
     #[test]
+    fn a_part_of_the_sky_has_the_stars_that_the_whole_has_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let stars_near = |extra: &[&str], name: &str| {
+            let out = folder.path().join(name);
+            let line = ["--out", out.to_str().unwrap(), "--mag", "9", "--layers", "9", "--seed", "5"];
+            let told = synthesized(&[&line[..], extra].concat()).unwrap();
+            let layer = Layer::open(&out.join("g9.starlayer")).unwrap();
+            let (axis, mut near) = (direction_from_ra_dec(266.0 * DEG, -29.0 * DEG), Vec::new());
+            layer.cone(axis, 5.0 * DEG, 99.0, &mut near).unwrap();
+            let directions: Vec<DVec3> = near.iter().map(|star| star.direction_icrf).collect();
+            (directions, layer.stars(), told)
+        };
+        let (whole, all, _) = stars_near(&[], "whole");
+        let (part, fewer, told) = stars_near(&["--around", "266,-29,5"], "part");
+        assert!(whole.len() > 100 && whole == part, "{} {}", whole.len(), part.len());
+        assert!(fewer < all / 50 && told.contains("all over the sky"), "{fewer} {all} {told}");
+    }
+
+    #[test]
     fn bad_arguments_are_named() {
         let refused = |extra: &[&str]| synthesized(&[&["--out", "/no/such"], extra].concat()).unwrap_err().to_string();
         assert!(refused(&["--mag", "22.5"]).contains("--mag, --layers: wanted rising magnitudes in 0..22"));
         assert!(refused(&["--layers", "14,10"]).contains("got [14.0, 10.0, 15.0]"));
         assert!(refused(&["--stars", "0"]).contains("--stars: wanted 1..2000000000, got 0"));
         assert!(refused(&["--stars", "NaN"]).contains("got NaN"));
+        assert!(refused(&["--around", "10,-95,3"]).contains("--around: wanted 0..360, -90..90"));
     }
 }

@@ -3,6 +3,7 @@
 use crate::base::clock::{Clock, Monotonic};
 use crate::base::time::{Span, Tai};
 use crate::cli::calibrate::{Costs, costs_here};
+use crate::cli::check_bodies;
 use crate::cli::check_display;
 use crate::cli::check_display_stars::{self, DisplayLimits, display_limits};
 use crate::cli::check_light;
@@ -224,6 +225,9 @@ fn plans(
         let plan = frames.plan(number, &mut planner)?;
         check_plan::write_plan(text, number, plan, &planned)?;
         check_light::write_frame(text, &mut light, &params.camera, plan)?;
+        if let Some(bodies) = frames.bodies_mut() {
+            check_bodies::write_frame(text, bodies, &params.camera, plan)?;
+        }
         if let Some(limits) = limits {
             check_display_stars::write_frame(text, limits, plan)?;
         }

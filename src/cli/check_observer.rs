@@ -27,8 +27,8 @@ pub(super) fn write_observer(text: &mut String, params: &RunParams) -> Result<()
         let [first_yr, last_yr] = PROVEN_YEARS;
         writeln!(
             text,
-            "  WARNING      apparent places are proven to 1 mas from {first_yr} to {last_yr}: outside those years the \
-             Earth's motion is a theory's alone"
+            "  WARNING      apparent places are proven to 1 mas from {first_yr} to {last_yr}: some frames are outside \
+             those years"
         )?;
     }
     Ok(())

@@ -87,7 +87,7 @@ fn write_target(
         write_moment(text, params, &pass.nearest)?;
     }
     if let (true, Some(nearest)) = (passes.is_empty(), nearest) {
-        write!(text, "  {name:<10}   never in the field ")?;
+        write!(text, "  {name:<10} {:>15} ", "never in field")?;
         write_moment(text, params, &nearest)?;
     }
     Ok(())

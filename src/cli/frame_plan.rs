@@ -7,8 +7,8 @@ use crate::config::Bench;
 use crate::exposure::cost::CostModel;
 use crate::exposure::{ExposurePlan, Planner};
 use crate::runtime::RunParams;
-use crate::runtime::sky_targets::SkyTargets;
-use crate::runtime::sky_view::SkyView;
+use crate::runtime::scene::Scene;
+use crate::runtime::sky_bodies::SkyBodies;
 use crate::sky::Sky;
 use crate::testbed::flight_computer::FlightComputer;
 use crate::wiring::bench_parts;
@@ -18,8 +18,7 @@ use anyhow::Result;
 pub(super) struct FramePlans<'a> {
     params: &'a RunParams,
     computer: FlightComputer,
-    sky: SkyView,
-    sky_targets: SkyTargets,
+    scene: Scene,
 }
 
 impl<'a> FramePlans<'a> {
@@ -28,14 +27,7 @@ impl<'a> FramePlans<'a> {
         Self {
             params,
             computer: FlightComputer::new(bench_parts::flight_computer(bench, start)),
-            sky: SkyView::new(&params.camera, params.observer.clone(), params.first_exposure, sky)
-                .with_light_deflection(params.light_deflection),
-            sky_targets: SkyTargets::new(
-                &params.camera,
-                params.observer.clone(),
-                params.first_exposure,
-                params.sky_targets.clone(),
-            ),
+            scene: Scene::new(params, sky),
         }
     }
 
@@ -49,6 +41,11 @@ impl<'a> FramePlans<'a> {
             Some(limit_ms) => planner.within_ms(limit_ms),
             None => planner,
         }
+    }
+
+    /// Planets, Moon and Earth as in the latest plan, where the bench has them.
+    pub(super) fn bodies_mut(&mut self) -> Option<&mut SkyBodies> {
+        self.scene.bodies.as_mut()
     }
 
     /// Plans frame `number`.
@@ -66,8 +63,9 @@ impl<'a> FramePlans<'a> {
         los.acceleration_rad_s2 = mount.apply(truth.acceleration_rad_s2);
         los.jitter.lines.clone_from(&attitude.jitter_lines);
         los.jitter.lines_epoch = attitude.jitter_epoch;
-        self.sky_targets.find_in_view(&planner.latest().motion.los)?;
-        planner.set_targets_on_sky(self.sky_targets.in_view());
-        Ok(planner.plan(self.sky.in_view(&planner.latest().motion.los)?))
+        let los = &planner.latest().motion.los;
+        self.scene.find(los, true)?;
+        planner.set_targets_on_sky(self.scene.targets.in_view());
+        Ok(planner.plan(self.scene.sources()))
     }
 }

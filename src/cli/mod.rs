@@ -17,6 +17,7 @@ mod catalog_synthetic;
 pub mod chart;
 pub mod check;
 mod check_attitude;
+mod check_bodies;
 mod check_display;
 mod check_display_stars;
 mod check_light;

@@ -58,6 +58,8 @@ pub struct Bench {
     pub layers: Vec<PathBuf>,
     /// Memory for stars of layers, MiB, for each head.
     pub star_memory_mb: u32,
+    /// Planets, Moon and Earth are drawn, and hide what is behind them.
+    pub bodies: bool,
     /// The simulated flight computer.
     pub flight_computer: FlightComputer,
     /// History, prediction, time correlation.
@@ -110,6 +112,7 @@ struct MountingKeys {
 struct SkyKeys {
     layers: Option<Vec<String>>,
     memory_mb: Option<i64>,
+    bodies: Option<bool>,
 }
 
 impl SkyKeys {
@@ -248,6 +251,7 @@ impl Bench {
         let light_deflection = keys.observer.light_deflection(&mut check);
         let layers = keys.sky.layers(&check)?;
         let star_memory_mb = keys.sky.memory_mb(&mut check)?;
+        let bodies = check.given_or("sky.bodies", keys.sky.bodies, false);
         let flight_computer = FlightComputer::check(&keys.flight_computer, &mut check)?;
         check_classic_jitter(&link, &flight_computer, &check)?;
         check_both_ends(&link, &extra_links, &flight_computer, &check)?;
@@ -297,6 +301,7 @@ impl Bench {
             light_deflection,
             layers,
             star_memory_mb,
+            bodies,
             flight_computer,
             attitude,
             accuracy,

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use toml::de::{DeTable, DeValue};
 
 /// Configurations that are part of the binary, by their path below `configs/`.
-const BUILT_IN: [(&str, &str); 45] = [
+const BUILT_IN: &[(&str, &str)] = &[
     ("benches/loopback.toml", include_str!("../../configs/benches/loopback.toml")),
     ("benches/galactic_slew.toml", include_str!("../../configs/benches/galactic_slew.toml")),
     ("cameras/crowded_field_10deg.toml", include_str!("../../configs/cameras/crowded_field_10deg.toml")),
@@ -19,7 +19,10 @@ const BUILT_IN: [(&str, &str); 45] = [
     ("cameras/star_tracker_20deg_20hz.toml", include_str!("../../configs/cameras/star_tracker_20deg_20hz.toml")),
     ("benches/closed_loop.toml", include_str!("../../configs/benches/closed_loop.toml")),
     ("benches/closed_loop_small.toml", include_str!("../../configs/benches/closed_loop_small.toml")),
+    ("benches/lunar_orbit.toml", include_str!("../../configs/benches/lunar_orbit.toml")),
     ("benches/three_heads.toml", include_str!("../../configs/benches/three_heads.toml")),
+    ("benches/earth_limb.toml", include_str!("../../configs/benches/earth_limb.toml")),
+    ("benches/moon.toml", include_str!("../../configs/benches/moon.toml")),
     ("benches/telescope.toml", include_str!("../../configs/benches/telescope.toml")),
     ("benches/target_crossing.toml", include_str!("../../configs/benches/target_crossing.toml")),
     ("benches/closed_loop_jitter.toml", include_str!("../../configs/benches/closed_loop_jitter.toml")),

@@ -3,7 +3,7 @@
 //! In: the target's place from the observer, km, at four instants evenly over the exposure, and the observer's barycentric
 //! velocity. Out: the apparent direction, ICRF axes, at any instant. The place is the cubic through the four, so that a
 //! near pass is exact in what makes it fast, the geometry; the direction is aberrated as stars' are. Error of the cubic:
-//! h^4 / 24 times the fourth derivative, h being the step; for a body that falls about the Earth at r that derivative is
+//! h^4 / 24 times the fourth derivative, h being the step; for what falls about a body at r that derivative is
 //! at most `14 GM^2 / r^5` (two-body motion up to parabolic speed, differentiated twice more): [`SkyPath::bound_km`].
 //! 10 s of two low orbits: 0.1 mm or less; a minute: 0.2 m. Beyond the four instants the error grows.
 //! Tests: below; against the orbits themselves `runtime::sky_targets`.
@@ -13,10 +13,22 @@ use glam::DVec3;
 
 /// Instants a way is made from.
 pub const PATH_INSTANTS: usize = 4;
-/// Geocentric gravitational constant, km^3/s^2 (IERS Conventions 2010, table 1.1).
-const EARTH_GM_KM3_S2: f64 = 398_600.441_8;
 /// Largest fourth derivative of a fall about r, in units of GM^2 / r^5 (module doc).
 const FOURTH_DERIVATIVE: f64 = 14.0;
+
+/// How something falls about a body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fall {
+    /// Gravitational parameter of the body, km^3/s^2.
+    pub gm_km3_s2: f64,
+    /// The least distance from its centre, km.
+    pub radius_km: f64,
+}
+
+impl Fall {
+    /// At rest, or as good as.
+    pub const NONE: Self = Self { gm_km3_s2: 0.0, radius_km: 1.0 };
+}
 
 /// The cubic through four places; times count from the middle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,12 +88,12 @@ impl SkyPath {
         }
     }
 
-    /// Bound of the place's error for bodies that stay `radius_km` or more from the geocentre, km; two bodies move.
+    /// Bound of the place's error, km; both ends of the line of sight fall.
     #[must_use]
-    pub fn bound_km(half_s: f64, radius_km: [f64; 2]) -> f64 {
+    pub fn bound_km(half_s: f64, falls: [Fall; 2]) -> f64 {
         let step_s = 2.0 * half_s / (PATH_INSTANTS as f64 - 1.0);
-        let fourth = |r: f64| FOURTH_DERIVATIVE * EARTH_GM_KM3_S2.powi(2) / r.powi(5);
-        radius_km.into_iter().map(fourth).sum::<f64>() * step_s.powi(4) / 24.0
+        let fourth = |fall: Fall| FOURTH_DERIVATIVE * fall.gm_km3_s2.powi(2) / fall.radius_km.powi(5);
+        falls.into_iter().map(fourth).sum::<f64>() * step_s.powi(4) / 24.0
     }
 
     /// Place from the observer `t_s` after mid-exposure, km.
@@ -108,6 +120,8 @@ impl SkyPath {
 mod tests {
     use super::*;
 
+    const EARTH_GM_KM3_S2: f64 = 398_600.441_8;
+
     /// A circular orbit of radius r about an axis, as seen from a place at rest.
     fn circle_km(r: f64, t_s: f64) -> DVec3 {
         let n = (EARTH_GM_KM3_S2 / r.powi(3)).sqrt();
@@ -125,7 +139,10 @@ mod tests {
     fn the_error_stays_below_its_bound_and_near_it() {
         for half_s in [0.5, 5.0, 30.0] {
             let r = 6_778.0;
-            let (worst, bound) = (worst_km(r, half_s), SkyPath::bound_km(half_s, [r, f64::INFINITY]));
+            let (worst, bound) = (
+                worst_km(r, half_s),
+                SkyPath::bound_km(half_s, [Fall { gm_km3_s2: EARTH_GM_KM3_S2, radius_km: r }, Fall::NONE]),
+            );
             println!("{half_s} s: {worst:e} of {bound:e} km");
             assert!(worst < bound + 1e-11, "{half_s}: {worst:e} {bound:e}");
             // A circle's own fourth derivative is a fourteenth of the bound's.

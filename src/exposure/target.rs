@@ -22,6 +22,9 @@ pub const FIRST_FALSE_STAR_ID: u32 = 0xE000_0000;
 /// Identifiers from here to the false stars' are proton tracks', in the order of one frame.
 pub const FIRST_TRACK_ID: u32 = 0xD000_0000;
 
+/// Identifiers from here to the proton tracks' are bodies': planets by their number from the Sun, 9 for the Moon.
+pub const FIRST_BODY_ID: u32 = 0xC000_0000;
+
 /// How a target's velocity changes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TargetCurve {

@@ -114,6 +114,9 @@ impl TargetPlanner {
 
     /// The targets on the sky of the next exposure.
     pub(super) fn set_on_sky(&mut self, targets: &[Target]) {
+        if self.rules.is_empty() && !targets.is_empty() {
+            self.reserve(targets.len());
+        }
         self.targets.truncate(self.scripts);
         self.targets.extend_from_slice(targets);
     }

@@ -14,7 +14,8 @@
 //!   fills half the sky, to the Moon's distance. No clouds, ocean glint, airglow or twilight.
 //! * The Earth hides Sun and Moon; what is left of the Sun's disc is linear in its depth.
 //!
-//! A body inside the field of view is no stray light: its image is not drawn, only its scatter at the table's first row.
+//! A body inside the field of view is no stray light: here it is only its scatter at the table's first row; its image is
+//! drawn where a bench asks for bodies.
 //! Light within a frame is uniform plus what the camera file says of its gradient ([`Glare::towards`]).
 //! Tests below: Lambert sphere in closed form, table, phases, eclipse; `tests/physics/field_light` for the whole chain.
 

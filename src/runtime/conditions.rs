@@ -9,6 +9,7 @@ use crate::base::axes::{Icrf, Rotation, Sensor};
 use crate::base::random::{key, philox};
 use crate::detector::Background;
 use crate::detector::protons::ProtonFlux;
+use crate::exposure::target::FIRST_BODY_ID;
 use crate::exposure::track::StarPlace;
 use crate::exposure::{Source, SourcePlace};
 
@@ -109,7 +110,7 @@ impl Conditions {
         all_light && self.missing == Missing::default() && self.false_stars.is_empty()
     }
 
-    /// The sources as they are seen.
+    /// The sources as they are seen. Bodies are not among the stars that may be missing.
     pub(super) fn seen<'a>(
         &'a mut self,
         sources: &'a [Source],
@@ -131,17 +132,20 @@ impl Conditions {
                 inside(x, camera.width_px()) && inside(y, camera.height_px())
             })
         };
-        let is_kept = |source: &Source| share <= 0.0 || lot(source.id, stream, seed) >= share;
+        let is_body = |source: &Source| source.id >= FIRST_BODY_ID;
+        let is_kept = |source: &Source| share <= 0.0 || is_body(source) || lot(source.id, stream, seed) >= share;
         let limit_e = if brightest == 0 {
             f64::INFINITY
         } else {
             self.on_detector_e.clear();
-            self.on_detector_e.extend(sources.iter().filter(|s| on_detector(s)).map(|source| source.electrons));
+            self.on_detector_e
+                .extend(sources.iter().filter(|s| !is_body(s) && on_detector(s)).map(|source| source.electrons));
             nth_brightest(&mut self.on_detector_e, brightest)
         };
         self.sources.clear();
         let seen = sources.iter().filter(|source| is_kept(source));
-        self.sources.extend(seen.filter(|source| source.electrons < limit_e || !on_detector(source)));
+        let stays = |source: &&Source| source.electrons < limit_e || is_body(source) || !on_detector(source);
+        self.sources.extend(seen.filter(stays));
         self.sources.extend_from_slice(&self.false_stars);
         for source in &mut self.sources {
             source.electrons *= self.throughput;

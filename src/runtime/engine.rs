@@ -16,19 +16,17 @@ use crate::optics::PsfModel;
 use crate::report::{Stage, StageTimes};
 use crate::runtime::conditions::Conditions;
 use crate::runtime::error::RunError;
-use crate::runtime::field_light::{FieldLight, light_pixels};
+use crate::runtime::field_light::light_pixels;
 use crate::runtime::imager::Imager;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::load::{LoadChange, LoadEstimate};
 use crate::runtime::marks::{FrameMark, FrameMarks};
 use crate::runtime::params::RunParams;
 use crate::runtime::receiver::Receiver;
-use crate::runtime::sky_targets::SkyTargets;
-use crate::runtime::sky_view::SkyView;
+use crate::runtime::scene::Scene;
 use crate::runtime::truth::{add_tracks, fill_targets, fill_truth};
 use crate::sink::{ActiveFaults, FaultFlags, FrameMeta, SentFrame};
 use crate::sky::Sky;
-use crate::sky::tiles::Shortfall;
 use glam::DVec3;
 
 /// One frame's place in time.
@@ -55,9 +53,7 @@ pub struct FrameEngine {
     /// Which optics are in use.
     in_use: usize,
     conditions: Conditions,
-    sky: SkyView,
-    sky_targets: SkyTargets,
-    light: FieldLight,
+    scene: Scene,
     imager: Imager,
     cost: CostModel,
     /// Followed on the real clock only.
@@ -103,20 +99,14 @@ impl FrameEngine {
         if params.keeps_brighter && params.has_targets() {
             imager.keep_brighter()?;
         }
-        let sky = SkyView::new(camera, params.observer.clone(), params.first_exposure, sky)
-            .with_light_deflection(params.light_deflection);
-        let sky_targets =
-            SkyTargets::new(camera, params.observer.clone(), params.first_exposure, params.sky_targets.clone());
-        let light = FieldLight::new(camera, params.observer.clone(), params.first_exposure);
+        let scene = Scene::new(&params, sky);
         light_pixels(camera, &mut imager)?;
         Ok(Self {
             planner,
             optics: vec![None],
             in_use: 0,
             conditions: Conditions::new(),
-            sky,
-            sky_targets,
-            light,
+            scene,
             imager,
             params,
             cost,
@@ -192,7 +182,7 @@ impl FrameEngine {
     /// # Errors
     /// When the system has no thread for it.
     pub fn read_stars_ahead(&mut self) -> Result<(), RunError> {
-        self.sky.read_ahead()
+        self.scene.stars.read_ahead()
     }
 
     /// The next frame is planned under this load, where it is followed at all: a replay's word instead of a measurement.
@@ -268,7 +258,7 @@ impl FrameEngine {
     /// # Errors
     /// When the backend failed.
     pub fn warm_up(&mut self, frame: &mut SentFrame) -> Result<(), RunError> {
-        let sources = self.sky.in_view(&self.planner.latest().motion.los)?;
+        let sources = self.scene.stars.in_view(&self.planner.latest().motion.los)?;
         let plan = self.planner.plan(sources);
         self.imager.image(plan, 0, &mut frame.image)?;
         // What it left in the pixels is no frame's.
@@ -296,38 +286,20 @@ impl FrameEngine {
         let has_stars = self.compose(slot, receiver, ledger)?;
         times.set(Stage::Attitude, watch.lap());
         let los = &self.planner.latest().motion.los;
-        let mut shortfall = Shortfall::default();
+        let found = self.scene.find(los, has_stars)?;
+        found.note(slot, ledger);
+        self.imager.set_background(self.conditions.dimmed(found.background));
+        let (camera, sensor_from_icrf) = (&self.params.camera.geometry, los.mid_sensor_from_icrf);
         let sources = if has_stars {
-            self.sky.find_in_view(los)?;
-            shortfall = self.sky.shortfall();
-            note_shortfall(ledger, shortfall, slot);
-            self.sky.found()
+            self.conditions.seen(self.scene.sources(), camera, &sensor_from_icrf, self.params.seed)
         } else {
             &[]
         };
-        let (background, glare) = self.light.at(los)?;
-        self.imager.set_background(self.conditions.dimmed(background));
-        if glare.excluded.contains(&true) {
-            note(ledger, EventKind::InsideExclusion, slot, Span::ZERO);
-        }
-        let (camera, sensor_from_icrf) = (&self.params.camera.geometry, los.mid_sensor_from_icrf);
-        let sources = if has_stars {
-            self.conditions.seen(sources, camera, &sensor_from_icrf, self.params.seed)
-        } else {
-            sources
-        };
-        if has_stars {
-            for _ in 0..self.sky_targets.find_in_view(los)? {
-                note(ledger, EventKind::TargetLost, slot, Span::ZERO);
-            }
-        } else {
-            self.sky_targets.forget();
-        }
-        self.planner.set_targets_on_sky(self.sky_targets.in_view());
+        self.planner.set_targets_on_sky(self.scene.targets.in_view());
         times.set(Stage::Sky, watch.lap());
         let plan = self.planner.plan(sources);
         times.set(Stage::Plan, watch.lap());
-        let is_coarse = self.sky_targets.is_coarse() || plan.targets.iter().any(|target| target.is_coarse);
+        let is_coarse = self.scene.targets.is_coarse() || plan.targets.iter().any(|target| target.is_coarse);
         if !plan.chosen.verdict.is_met() || is_coarse {
             note(ledger, EventKind::OverBudget, slot, Span::ZERO);
         }
@@ -344,14 +316,15 @@ impl FrameEngine {
         times.merge(&imaging.by_stage());
         let output = self.params.camera.output();
         fill_truth(plan, &output, &mut frame.truth);
-        fill_targets(plan, self.sky_targets.facts(), &output, &mut frame.targets);
+        fill_targets(plan, self.scene.targets.facts(), &output, &mut frame.targets);
         add_tracks(self.imager.proton_tracks(), &output, &mut frame.truth);
         let (seed, detector) = (self.params.seed, &self.params.camera.detector);
         fill_meta(plan, slot.number, seed, detector, self.imager.name(), &mut frame.meta);
         if let Some(drawn_from_sensor) = &self.params.drawn_from_sensor {
             tell_pointing(&plan.motion.los, &drawn_from_sensor.inverse(), &mut frame.meta);
         }
-        frame.meta.left_out_stars += missing_stars(shortfall);
+        frame.meta.left_out_stars += found.missing_stars();
+        frame.meta.occulted_stars = found.bodies.occulted;
         frame.meta.overlap_lost_e = self.imager.overlap_lost_e();
         (frame.meta.binning, frame.meta.window_px) = (output.binning, output.first_px);
         frame.meta.attitude_age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);
@@ -480,20 +453,6 @@ fn bound_rad(origin: PathOrigin, report: &PathReport, motion: &MotionScale, limi
 
 fn note(ledger: &mut Ledger, kind: EventKind, slot: Slot, span: Span) {
     ledger.note(Event::new(kind, slot.release, Some(slot.number), span));
-}
-
-/// Tells what the field lacks.
-fn note_shortfall(ledger: &mut Ledger, shortfall: Shortfall, slot: Slot) {
-    if shortfall.late_tiles > 0 {
-        note(ledger, EventKind::StarsLate, slot, Span::ZERO);
-    }
-    if shortfall.crowded_out_stars > 0 {
-        note(ledger, EventKind::StarsCrowdedOut, slot, Span::ZERO);
-    }
-}
-
-fn missing_stars(shortfall: Shortfall) -> usize {
-    usize::try_from(shortfall.late_stars + shortfall.crowded_out_stars).unwrap_or(usize::MAX)
 }
 
 /// Name of an attitude's origin in files.

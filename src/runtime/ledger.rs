@@ -111,6 +111,10 @@ events! {
     InsideExclusion = "inside_exclusion",
     /// A target's orbit could not be followed any more: it is missing from here on.
     TargetLost = "target_lost",
+    /// The Sun's disc was on the detector: it is not drawn.
+    SunInField = "sun_in_field",
+    /// A disc was drawn by cells larger than pixels, of which it would have had too many.
+    CoarseDisc = "coarse_disc",
     /// More protons hit the detector in a frame than there is room for: the rest left no track.
     ProtonsLeftOut = "protons_left_out",
     /// A defect was commanded for which the detector's list has no room: it is not there.

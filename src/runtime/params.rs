@@ -138,6 +138,8 @@ pub struct RunParams {
     pub observer: Observer,
     /// Whether the Sun bends the stars' light.
     pub light_deflection: bool,
+    /// Planets, Moon and Earth are drawn, and hide what is behind them.
+    pub bodies: bool,
     /// Layers of stars that are the sky; none: the built-in catalog is.
     pub layers: Vec<PathBuf>,
     /// Memory for the stars of layers, MiB, for each head.

@@ -14,7 +14,7 @@
 use crate::astrometry::{CameraGeometry, aberrated};
 use crate::attitude::LosPath;
 use crate::base::time::{Span, Tai};
-use crate::exposure::sky_path::{Cubic, PATH_INSTANTS};
+use crate::exposure::sky_path::{Cubic, Fall, PATH_INSTANTS};
 use crate::exposure::target::LIGHT_SAMPLES;
 use crate::exposure::{LightCurve, Shutter, SkyPath, Target, TargetWay};
 use crate::optics::StarLight;
@@ -23,6 +23,7 @@ use crate::runtime::params::CameraParams;
 use crate::sky::ObserverError;
 use crate::sky::bodies::BodiesTrack;
 use crate::sky::observer::{BarycentricState, Observer, ObserverTrack};
+use crate::sky::orbit::{CentralBody, EARTH_GM_KM3_S2};
 use crate::sky::target::{Brightness, Orbit, Sighting, limb_clearance_km, sunlight};
 use core::f64::consts::PI;
 use glam::DVec3;
@@ -197,20 +198,22 @@ impl SkyTargets {
     }
 
     fn vantage(&mut self, at: Tai) -> Result<Vantage, ObserverError> {
-        let observer = self.observer.observer().geocentric_state(at)?.ok_or(ObserverError::NoBodies)?;
+        let observer = self.observer.geocentric_state(at)?.ok_or(ObserverError::NoBodies)?;
         let earth_km_s = self.observer.barycentric_state(at)?.velocity_km_s - observer.velocity_km_s;
         let sun_km = self.bodies.at(at)?.sun_km + observer.position_km;
         Ok(Vantage { at, observer, earth_km_s, sun_km })
     }
 
-    fn exposure(&self, vantage: Vantage, half_s: f64) -> Result<Exposure, ObserverError> {
+    fn exposure(&mut self, vantage: Vantage, half_s: f64) -> Result<Exposure, ObserverError> {
         let mut observers = [BarycentricState::default(); PATH_INSTANTS];
+        let mut fall = Fall::NONE;
         for (state, t_s) in observers.iter_mut().zip(SkyPath::instants_s(half_s)) {
             let at = vantage.at + Span::from_s(t_s);
-            *state = self.observer.observer().geocentric_state(at)?.ok_or(ObserverError::NoBodies)?;
+            *state = self.observer.geocentric_state(at)?.ok_or(ObserverError::NoBodies)?;
+            fall = nearer(fall, fall_of(self.observer.observer(), state, at)?);
         }
         let observer_km = Cubic::through(observers.map(|state| state.position_km), half_s);
-        Ok(Exposure { vantage, half_s, observers, observer_km })
+        Ok(Exposure { vantage, half_s, observers, observer_km, fall })
     }
 
     fn facts_of(&self, target: &SkyTarget, sighting: &Sighting, vantage: &Vantage) -> TargetFacts {
@@ -280,6 +283,23 @@ impl SkyTargets {
     }
 }
 
+/// What an observer falls about, and how far from its centre it is.
+fn fall_of(observer: &Observer, geocentric: &BarycentricState, at: Tai) -> Result<Fall, ObserverError> {
+    let radius_km = match observer.about() {
+        None => 0.0,
+        Some(CentralBody::Earth) => geocentric.position_km.length(),
+        Some(CentralBody::Moon | CentralBody::Sun) => observer.relative_state(at)?.position_km.length(),
+    };
+    let gm_km3_s2 = observer.about().map_or(0.0, CentralBody::gm_km3_s2);
+    // At the geocentre nothing falls.
+    Ok(if radius_km > 1.0 { Fall { gm_km3_s2, radius_km } } else { Fall::NONE })
+}
+
+/// The nearer of two falls about the same body.
+fn nearer(a: Fall, b: Fall) -> Fall {
+    if a == Fall::NONE || b.radius_km < a.radius_km { b } else { a }
+}
+
 fn sight(orbit: &Orbit, vantage: &Vantage) -> Result<Sighting, ObserverError> {
     Sighting::of(orbit, &vantage.observer, vantage.earth_km_s, vantage.at)
 }
@@ -291,6 +311,7 @@ struct Exposure {
     half_s: f64,
     observers: [BarycentricState; PATH_INSTANTS],
     observer_km: Cubic,
+    fall: Fall,
 }
 
 /// A target over one exposure.
@@ -305,19 +326,17 @@ impl Exposure {
     fn way(&self, orbit: &Orbit) -> Result<Way, ObserverError> {
         let Vantage { at, earth_km_s, .. } = self.vantage;
         let (mut places, mut light_time_s) = ([DVec3::ZERO; PATH_INSTANTS], 0.0);
-        let mut nearest_km = [f64::INFINITY; 2];
+        let mut radius_km = f64::INFINITY;
         for (i, t_s) in SkyPath::instants_s(self.half_s).into_iter().enumerate() {
             let sighting = Sighting::of(orbit, &self.observers[i], earth_km_s, at + Span::from_s(t_s))?;
             places[i] = sighting.from_observer_km;
             light_time_s += sighting.light_time_s / PATH_INSTANTS as f64;
-            let radii = [sighting.target.position_km.length(), self.observers[i].position_km.length()];
-            nearest_km = core::array::from_fn(|k| nearest_km[k].min(radii[k]));
+            radius_km = radius_km.min(sighting.target.position_km.length());
         }
-        // An observer at the geocentre does not fall.
-        let falling = nearest_km.map(|km| if km > 1.0 { km } else { f64::INFINITY });
+        let falls = [Fall { gm_km3_s2: EARTH_GM_KM3_S2, radius_km }, self.fall];
         let [first, .., last] = self.observers.map(|state| state.velocity_km_s + earth_km_s);
         let path = SkyPath::through(places, self.half_s, [first, last]);
-        Ok(Way { path, bound_km: SkyPath::bound_km(self.half_s, falling), light_time_s })
+        Ok(Way { path, bound_km: SkyPath::bound_km(self.half_s, falls), light_time_s })
     }
 
     /// The target from the geocentre when the light left, km.

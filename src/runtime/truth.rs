@@ -3,10 +3,11 @@
 use crate::base::axes::{Icrf, Rotation, Sensor};
 use crate::detector::protons::ProtonTrack;
 use crate::detector::window::OutputGeometry;
-use crate::exposure::target::{FIRST_FALSE_STAR_ID, FIRST_TARGET_ID, FIRST_TRACK_ID, Smear};
+use crate::exposure::target::{FIRST_BODY_ID, FIRST_FALSE_STAR_ID, FIRST_TARGET_ID, FIRST_TRACK_ID, Smear};
 use crate::exposure::target_plan::{seen_after_mid_s, seen_by_row};
 use crate::exposure::track::StarPlace;
-use crate::exposure::{ExposurePlan, PlannedTarget};
+use crate::exposure::{ExposurePlan, PlannedStar, PlannedTarget};
+use crate::runtime::sky_bodies::{EARTH_NUMBER, MOON_NUMBER};
 use crate::runtime::sky_targets::TargetFacts;
 use crate::sink::{TargetRow, TruthKind, TruthStar};
 use crate::sky::catalog::ra_dec_rad;
@@ -14,7 +15,7 @@ use crate::sky::catalog::ra_dec_rad;
 /// Stars this far outside a window may still shine into it, sensor pixels.
 const MARGIN_PX: f64 = 32.0;
 
-/// Writes one row per planned star and target into `out`: places in pixels of the image that is put out, electrons on the
+/// Writes one row per planned star, body and target into `out`: places in pixels of the image that is put out, electrons on the
 /// whole sensor. Stars well outside a window are left out.
 pub fn fill_truth(plan: &ExposurePlan, output: &OutputGeometry, out: &mut Vec<TruthStar>) {
     let margin_px = MARGIN_PX / f64::from(output.binning);
@@ -27,7 +28,8 @@ pub fn fill_truth(plan: &ExposurePlan, output: &OutputGeometry, out: &mut Vec<Tr
     };
     let icrf_from_sensor = plan.motion.los.mid_sensor_from_icrf.inverse();
     out.clear();
-    out.extend(plan.sky_stars().iter().filter_map(|star| {
+    let bodies = FIRST_BODY_ID..FIRST_TRACK_ID;
+    out.extend(plan.sky_stars().iter().filter(|star| !bodies.contains(&star.id)).filter_map(|star| {
         let [x_px, y_px] = output.output_from_sensor(star.mean_px);
         is_near([x_px, y_px]).then(|| TruthStar {
             id: star.id,
@@ -39,6 +41,7 @@ pub fn fill_truth(plan: &ExposurePlan, output: &OutputGeometry, out: &mut Vec<Tr
             ..row_at(&star.place, &icrf_from_sensor)
         })
     }));
+    add_bodies(plan, output, &icrf_from_sensor, out);
     out.extend(plan.targets.iter().filter_map(|planned| {
         let Smear { length_px, angle_rad } = planned.smear;
         let [x_px, y_px] = output.output_from_sensor(planned.mean_px);
@@ -82,6 +85,57 @@ pub fn fill_targets(plan: &ExposurePlan, facts: &[TargetFacts], output: &OutputG
             mag_g: facts.mag_g,
         })
     }));
+}
+
+/// Adds a row per body: the sum of its sources and the middle of their light.
+fn add_bodies(
+    plan: &ExposurePlan,
+    output: &OutputGeometry,
+    icrf_from_sensor: &Rotation<Icrf, Sensor>,
+    out: &mut Vec<TruthStar>,
+) {
+    let mut sums = [BodySum::default(); MOON_NUMBER as usize + 1];
+    for star in plan.sky_stars() {
+        let sum = star.id.checked_sub(FIRST_BODY_ID).and_then(|number| sums.get_mut(number as usize));
+        if let Some(sum) = sum {
+            sum.add(star);
+        }
+    }
+    for (number, sum) in (0..).zip(sums).filter(|(_, sum)| sum.electrons > 0.0) {
+        let [mid_px, mean_px] = [sum.mid, sum.mean].map(|first| first.map(|v| v / sum.electrons));
+        let Some(place) = StarPlace::of_pixel(&plan.camera, mid_px) else { continue };
+        let [x_px, y_px] = output.output_from_sensor(mean_px);
+        let kind = match number {
+            EARTH_NUMBER => TruthKind::Earth,
+            MOON_NUMBER => TruthKind::Moon,
+            _ => TruthKind::Planet,
+        };
+        let (id, mag, electrons) = (FIRST_BODY_ID + number, sum.mag, sum.on_detector);
+        out.push(TruthStar { id, mag, x_px, y_px, electrons, kind, ..row_at(&place, icrf_from_sensor) });
+    }
+}
+
+/// The light of one body in a plan.
+#[derive(Debug, Clone, Copy, Default)]
+struct BodySum {
+    mag: f32,
+    electrons: f64,
+    on_detector: f64,
+    /// Sums of place times electrons, at mid-exposure and in the mean.
+    mid: [f64; 2],
+    mean: [f64; 2],
+}
+
+impl BodySum {
+    fn add(&mut self, star: &PlannedStar) {
+        self.mag = star.mag;
+        self.electrons += star.electrons;
+        self.on_detector += star.electrons_on_detector;
+        for axis in 0..2 {
+            self.mid[axis] += star.electrons * star.place.mid_px[axis];
+            self.mean[axis] += star.electrons * star.mean_px[axis];
+        }
+    }
 }
 
 /// Adds a row per proton track: its middle, its electrons, and its length and direction in place of a smear.

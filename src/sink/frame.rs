@@ -68,16 +68,25 @@ pub enum TruthKind {
     Target,
     /// A star that is in no catalog, by a commanded fault.
     FalseStar,
+    /// A planet.
+    Planet,
+    /// The Moon.
+    Moon,
+    /// The Earth.
+    Earth,
     /// The track of a proton through the detector, by a commanded fault.
     ProtonTrack,
 }
 
 impl TruthKind {
     /// Every kind, with its word in files.
-    pub const NAMED: [(Self, &'static str); 4] = [
+    pub const NAMED: [(Self, &'static str); 7] = [
         (Self::Star, "star"),
         (Self::Target, "target"),
         (Self::FalseStar, "false_star"),
+        (Self::Planet, "planet"),
+        (Self::Moon, "moon"),
+        (Self::Earth, "earth"),
         (Self::ProtonTrack, "proton_track"),
     ];
 
@@ -88,6 +97,9 @@ impl TruthKind {
             Self::Star => "star",
             Self::Target => "target",
             Self::FalseStar => "false_star",
+            Self::Planet => "planet",
+            Self::Moon => "moon",
+            Self::Earth => "earth",
             Self::ProtonTrack => "proton_track",
         }
     }
@@ -171,6 +183,8 @@ pub struct FrameMeta {
     pub left_out_stars: usize,
     /// Their electrons together.
     pub left_out_e: f64,
+    /// Stars that would be on the detector but for the Earth or the Moon before them.
+    pub occulted_stars: usize,
     /// Electrons that the image lacks because each pixel shows only the brighter of stars and targets.
     pub overlap_lost_e: f64,
     /// Where the attitude came from (measured, predicted, held, ...).
@@ -213,6 +227,7 @@ impl FrameMeta {
             rung: "full",
             left_out_stars: 0,
             left_out_e: 0.0,
+            occulted_stars: 0,
             overlap_lost_e: 0.0,
             origin: "none",
             faults: FaultFlags::NONE,

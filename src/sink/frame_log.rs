@@ -59,6 +59,8 @@ pub struct FrameRow {
     pub left_out_stars: usize,
     /// Their electrons together.
     pub left_out_e: f64,
+    /// Stars behind the Earth or the Moon.
+    pub occulted_stars: usize,
     /// Electrons lost where targets cover stars (`target_overlap = "brighter"`).
     pub overlap_lost_e: f64,
     /// Where the attitude came from.
@@ -114,6 +116,7 @@ impl FrameRow {
             rung: meta.rung.into(),
             left_out_stars: meta.left_out_stars,
             left_out_e: meta.left_out_e,
+            occulted_stars: meta.occulted_stars,
             overlap_lost_e: meta.overlap_lost_e,
             origin: meta.origin.into(),
             faults: meta.faults.to_string(),

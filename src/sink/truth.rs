@@ -115,8 +115,8 @@ mod tests {
         let text = format!("{HEADER}\n1,2,3,4,5,6,7,star,0,0\n1,2,three,4,5,6,7,star,0,0\n");
         assert!(line(&text).contains("line 3") && line(&text).contains("three"), "{}", line(&text));
         assert!(line(&format!("{HEADER}\n1,2\n")).contains("line 2"));
-        let planet = line(&format!("{HEADER}\n1,2,3,4,5,6,7,planet,0,0\n"));
-        assert!(planet.contains("line 2") && planet.contains("planet"), "{planet}");
+        let comet = line(&format!("{HEADER}\n1,2,3,4,5,6,7,comet,0,0\n"));
+        assert!(comet.contains("line 2") && comet.contains("comet"), "{comet}");
     }
 
     proptest! {

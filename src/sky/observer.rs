@@ -73,7 +73,7 @@ impl Observer {
     /// # Errors
     /// When SGP4 cannot follow the elements to `at`, or the orbit is below the surface there.
     pub fn barycentric_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
-        self.from_barycentre(at, || earth::barycentric_state(at), || sun::barycentric_state(at))
+        self.barycentric_by(at, || earth::barycentric_state(at), || sun::barycentric_state(at))
     }
 
     /// State from the Earth's centre at `at`; `None` at the barycentre. Does not allocate. About the Sun this evaluates
@@ -82,7 +82,7 @@ impl Observer {
     /// # Errors
     /// As for [`Self::barycentric_state`].
     pub fn geocentric_state(&self, at: Tai) -> Result<Option<BarycentricState>, ObserverError> {
-        self.from_geocentre(at, || earth::barycentric_state(at), || sun::barycentric_state(at))
+        self.geocentric_by(at, || earth::barycentric_state(at), || sun::barycentric_state(at))
     }
 
     /// The body it is about; `None` at the barycentre.
@@ -108,7 +108,7 @@ impl Observer {
         }
     }
 
-    fn from_barycentre(
+    fn barycentric_by(
         &self,
         at: Tai,
         earth: impl FnOnce() -> BarycentricState,
@@ -124,7 +124,7 @@ impl Observer {
             })
     }
 
-    fn from_geocentre(
+    fn geocentric_by(
         &self,
         at: Tai,
         earth: impl FnOnce() -> BarycentricState,
@@ -181,7 +181,7 @@ impl ObserverTrack {
     /// When SGP4 cannot follow the elements to `at`, or the orbit is below the surface there.
     pub fn barycentric_state(&mut self, at: Tai) -> Result<BarycentricState, ObserverError> {
         let Self { observer, earth, sun } = self;
-        observer.from_barycentre(at, || earth.barycentric_state(at), || sun.barycentric_state(at))
+        observer.barycentric_by(at, || earth.barycentric_state(at), || sun.barycentric_state(at))
     }
 
     /// State from the Earth's centre, likewise; `None` at the barycentre.
@@ -190,7 +190,7 @@ impl ObserverTrack {
     /// As for [`Self::barycentric_state`].
     pub fn geocentric_state(&mut self, at: Tai) -> Result<Option<BarycentricState>, ObserverError> {
         let Self { observer, earth, sun } = self;
-        observer.from_geocentre(at, || earth.barycentric_state(at), || sun.barycentric_state(at))
+        observer.geocentric_by(at, || earth.barycentric_state(at), || sun.barycentric_state(at))
     }
 
     /// Barycentric state of the Sun's centre.
@@ -202,6 +202,54 @@ impl ObserverTrack {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sky::moon;
+
+    fn conic(about: CentralBody, position_km: DVec3, velocity_km_s: DVec3, at: Tai) -> Observer {
+        let orbit = TwoBodyOrbit::from_state(at, position_km, velocity_km_s, about.gm_km3_s2()).expect("a valid orbit");
+        Observer::TwoBody { about, orbit }
+    }
+
+    #[test]
+    fn moon_and_sun_may_be_the_centre() {
+        let at = Tai::from_rfc3339("2026-03-01T12:34:56Z").expect("a valid instant");
+        let of = |observer: &Observer| observer.barycentric_state(at).expect("above the surface");
+        let earth = of(&Observer::Geocentre);
+        let (r, v) = (DVec3::new(0.0, 3_000.0, 1_000.0), DVec3::new(1.2, 0.0, 0.0));
+        let moon = conic(CentralBody::Moon, r, v, at);
+        assert!((of(&moon).position_km - earth.position_km).distance(moon::geocentric_km(at) + r) < 1e-6);
+        let along_km_s = (of(&moon).velocity_km_s - earth.velocity_km_s - v).length();
+        assert!((0.95..1.10).contains(&along_km_s), "the Moon goes at 0.97 to 1.08 km/s: {along_km_s}");
+        let (r, v) = (DVec3::new(2e8, 0.0, 0.0), DVec3::new(0.0, 20.0, 5.0));
+        let sun = conic(CentralBody::Sun, r, v, at);
+        let off = of(&sun) - sun::barycentric_state(at);
+        assert!(off.position_km.distance(r) < 1e-6 && off.velocity_km_s.distance(v) < 1e-12, "{off:?}");
+        for observer in [&moon, &sun, &Observer::Geocentre] {
+            let mut track = ObserverTrack::new(observer.clone(), at);
+            let near = |a: BarycentricState, b: BarycentricState| {
+                let off = a - b;
+                // Three times the errors of EarthTrack and SunTrack.
+                off.position_km.length() < 0.5 && off.velocity_km_s.length() < 4e-5
+            };
+            let (geocentric, followed) = (observer.geocentric_state(at), track.geocentric_state(at));
+            let geocentric = geocentric.expect("no error").expect("not at the barycentre");
+            assert!(near(geocentric + earth, of(observer)), "{observer:?}");
+            assert!(near(followed.expect("no error").expect("likewise"), geocentric), "{observer:?}");
+            assert!(near(track.barycentric_state(at).expect("no error"), of(observer)), "{observer:?}");
+        }
+        assert!(Observer::Barycentre.geocentric_state(at).expect("no error").is_none());
+    }
+
+    #[test]
+    fn an_orbit_that_comes_down_is_told() {
+        let at = Tai::from_rfc3339("2026-03-01T00:00:00Z").expect("a valid instant");
+        let dropped = conic(CentralBody::Moon, DVec3::X * 1_800.0, DVec3::Y * 0.5, at);
+        assert!(dropped.barycentric_state(at).is_ok(), "63 km above the ground");
+        let later = dropped.barycentric_state(at + Span::from_s(600.0)).expect_err("it has fallen").to_string();
+        assert!(
+            later.contains("the Moon") && later.contains("1737.4") && later.contains("2026-03-01T00:10"),
+            "{later}"
+        );
+    }
 
     #[test]
     fn orbit_and_earth_add_up_and_the_barycentre_rests() {

@@ -45,6 +45,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         keeps_brighter: bench.target_overlap == Overlap::Brighter,
         observer: observer(&bench.observer, first_exposure)?,
         light_deflection: bench.light_deflection,
+        bodies: bodies(bench, &camera)?,
         layers: bench.layers.clone(),
         star_memory_mb: bench.star_memory_mb,
         budget: bench.accuracy,
@@ -107,6 +108,19 @@ fn seen(settings: &TargetSettings, first_exposure: Tai) -> [Tai; 2] {
     let begin = first_exposure + Span::from_s(settings.start_s);
     // A century: spans end at 292 years.
     [begin, begin + Span::from_s(settings.for_s.min(3e9))]
+}
+
+/// Whether bodies are drawn: their light needs electrons that follow the exposure.
+fn bodies(bench: &Bench, camera: &CameraParams) -> Result<bool> {
+    if bench.bodies && camera.radiometry.zero_point_e_per_s().is_none() {
+        bail!(
+            "bench \"{}\" has sky.bodies = true, and camera \"{}\" a grey mapping: a disc's light is spread over its pixels, which \
+             wants electrons per second; give the camera a zero point, or leave the bodies out",
+            bench.name,
+            camera.name
+        );
+    }
+    Ok(bench.bodies)
 }
 
 /// Targets by script with their light in electrons and their times in TAI.

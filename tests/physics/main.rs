@@ -5,6 +5,7 @@ mod analytic_motion;
 mod apparent_places;
 mod apparent_vectors;
 mod attitude_methods;
+mod bodies;
 mod bounds;
 mod bus_jitter;
 mod bus_jitter_frames;

@@ -7,12 +7,14 @@ use crate::scene::{
 use core::f64::consts::{FRAC_1_SQRT_2, PI};
 use glam::DVec3;
 use starloop::attitude::JitterLine;
+use starloop::base::axes::{Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
 use starloop::base::time::{Span, Tai};
 use starloop::detector::window::OutputGeometry;
 use starloop::exposure::planner::Planner;
 use starloop::exposure::target::FIRST_TARGET_ID;
 use starloop::exposure::{
-    ExposurePlan, PixelPath, PixelPoint, PlannedStar, Shutter, Target, TargetCurve, TargetPath, TargetWay,
+    ExposurePlan, LightCurve, PixelPath, PixelPoint, PlannedStar, Shutter, SkyPath, Target, TargetCurve, TargetPath,
+    TargetWay,
 };
 use starloop::optics::PsfModel;
 use starloop::runtime::truth::fill_truth;
@@ -48,17 +50,28 @@ fn cell(d: f64) -> f64 {
 
 /// Mean electrons of light that stands at `px(t)`, t in s after mid-exposure, from `from_s` to `to_s`; rows at `y` see it
 /// `late_s(y)` later.
-fn integral(px: impl Fn(f64) -> [f64; 2], [from_s, to_s]: [f64; 2], late_s: impl Fn(usize) -> f64) -> Picture {
+fn integral(px: impl Fn(f64) -> [f64; 2], seen_s: [f64; 2], late_s: impl Fn(usize) -> f64) -> Picture {
+    integral_of(px, |_| 1.0, seen_s, late_s)
+}
+
+/// The same of light that changes: shares of it at an instant.
+fn integral_of(
+    px: impl Fn(f64) -> [f64; 2],
+    share: impl Fn(f64) -> f64,
+    [from_s, to_s]: [f64; 2],
+    late_s: impl Fn(usize) -> f64,
+) -> Picture {
     let mut pixels = vec![0.0; SIZE * SIZE];
     let h = (to_s - from_s) / STEPS as f64;
     for (y, row) in pixels.chunks_mut(SIZE).enumerate() {
         for step in 0..=STEPS {
-            let [cx, cy] = px(from_s + step as f64 * h + late_s(y));
+            let t_s = from_s + step as f64 * h + late_s(y);
+            let [cx, cy] = px(t_s);
             if (cy - y as f64).abs() > 8.0 {
                 continue;
             }
             let simpson = if step == 0 || step == STEPS { 1.0 } else { 2.0 + 2.0 * (step % 2) as f64 };
-            let down = LIGHT_E / EXPOSURE_S * simpson * h / 3.0 * cell(y as f64 - cy);
+            let down = share(t_s) * LIGHT_E / EXPOSURE_S * simpson * h / 3.0 * cell(y as f64 - cy);
             for (x, pixel) in row.iter_mut().enumerate().filter(|(x, _)| (cx - *x as f64).abs() <= 8.0) {
                 *pixel += down * cell(x as f64 - cx);
             }
@@ -292,4 +305,106 @@ fn targets_are_in_the_predicted_cost_and_cost_nothing_when_there_are_none() {
     let more_ms = with.chosen.cost_ms - without.chosen.cost_ms;
     assert!((more_ms / (nodes * 55e-6) - 1.0).abs() < 1e-9, "{more_ms} ms for {nodes} nodes");
     assert!(without.targets.is_empty());
+}
+
+/// A target 500 km away that passes at 11 km/s, as a camera sees it that looks at where it is at mid-exposure: km, x right
+/// and y down, at mid-exposure and per second.
+const PASS_KM: [[f64; 3]; 2] = [[0.4, -0.7, 500.0], [9.0, 3.0, 5.5]];
+/// The observer's barycentric velocity, km/s, and its change, km/s^2: sensor axes.
+const FLIGHT_KM_S: [[f64; 3]; 2] = [[21.0, -18.0, 9.0], [-0.006, 0.004, 0.003]];
+
+/// The direction in which it is seen: aberration by components, along the velocity and across it.
+fn seen_at(t: f64) -> DVec3 {
+    let [u, b] = [PASS_KM, FLIGHT_KM_S].map(|[at, rate]| DVec3::from_array(at) + t * DVec3::from_array(rate));
+    let (u, b) = (u.normalize(), b / 299_792.458);
+    let along = b * (u.dot(b) / b.length_squared());
+    ((along + b) + (u - along) * (1.0 - b.length_squared()).sqrt()) / (1.0 + u.dot(b))
+}
+
+fn px_of(v: DVec3) -> [f64; 2] {
+    let middle = 0.5 * (SIZE as f64 - 1.0);
+    [middle + FOCAL_PX * v.x / v.z, middle + FOCAL_PX * v.y / v.z]
+}
+
+/// The pass as a target on the sky of a camera with this attitude.
+fn passing(sensor_from_icrf: &Rotation<Sensor, Icrf>, light: Option<LightCurve>) -> Target {
+    let half_s = 0.5 * EXPOSURE_S;
+    let icrf = |v: DVec3| sensor_from_icrf.inverse().apply(v);
+    let at = |[at, rate]: [[f64; 3]; 2], t: f64| icrf(DVec3::from_array(at) + t * DVec3::from_array(rate));
+    let places = SkyPath::instants_s(half_s).map(|t| at(PASS_KM, t));
+    let path = SkyPath::through(places, half_s, [-half_s, half_s].map(|t| at(FLIGHT_KM_S, t)));
+    Target { way: TargetWay::Sky(path), light, ..target(through([0.0; 2], [0.0; 2])) }
+}
+
+#[test]
+fn a_way_on_the_sky_is_its_integral_under_a_moving_camera() {
+    let rate = DVec3::new(0.004, 0.015, 0.3);
+    let amplitude = DVec3::new(2e-4, -3e-4, 1e-3);
+    for (what, moves) in [("on the sky, camera at rest", false), ("on the sky, slew and jitter", true)] {
+        let mut los = los();
+        los.mid_sensor_from_icrf = sensor_from_ra_dec_roll(2.0, -0.6, 0.8);
+        if moves {
+            los.rate_rad_s = rate;
+            los.jitter.lines.push(JitterLine { frequency_hz: 23.0, amplitude_rad: amplitude, phase_rad: 0.4 });
+            los.jitter.lines_epoch = los.mid_exposure();
+        }
+        let target = passing(&los.mid_sensor_from_icrf, None);
+        let mut planner = planner(SIZE, &PsfModel::gaussian(SIGMA_PX), "auto", los, None);
+        planner.reserve_targets_on_sky(1);
+        planner.set_targets_on_sky(&[target]);
+        let place = |t: f64| {
+            let own = seen_at(t);
+            let jitter = amplitude * (2.0 * PI * 23.0 * t + 0.4).sin();
+            px_of(if moves { seen_after(jitter, seen_after(rate * t, own)) } else { own })
+        };
+        let plan = planner.plan(&[]);
+        assert_drawn(what, plan, &at_once(place));
+        let [own_from, own_to] = [-0.5, 0.5].map(|tau| px_of(seen_at(tau * EXPOSURE_S)));
+        let smear = plan.targets[0].smear;
+        let along = [own_to[0] - own_from[0], own_to[1] - own_from[1]];
+        assert!((smear.length_px - along[0].hypot(along[1])).abs() < 1e-6, "{smear:?} {along:?}");
+        assert!((smear.angle_rad - along[1].atan2(along[0])).abs() < 1e-8, "{smear:?} {along:?}");
+        // The control: without aberration it stands elsewhere.
+        let still = |t: f64| px_of(DVec3::from_array(PASS_KM[0]) + t * DVec3::from_array(PASS_KM[1]));
+        let off = worst(&draw_cpu(plan), &at_once(still)) / (LIGHT_E * cell(0.0) * cell(0.0));
+        assert!(off > 100.0 * DRAWN, "aberration goes unseen: {off:e}");
+    }
+}
+
+#[test]
+fn light_that_fades_along_a_way_is_drawn_as_it_fades() {
+    let half_s = 0.5 * EXPOSURE_S;
+    // Straight down to nothing at a quarter of the exposure before its end.
+    let share = |t: f64| (0.5 - t / EXPOSURE_S - 0.25).clamp(0.0, 0.75) / 0.75;
+    let light = LightCurve { half_s, shares: LightCurve::instants_s(half_s).map(share) };
+    let los = los();
+    let target = passing(&los.mid_sensor_from_icrf, Some(light));
+    let mut planner = planner(SIZE, &PsfModel::gaussian(SIGMA_PX), "auto", los, None);
+    planner.set_targets_on_sky(&[target]);
+    let plan = planner.plan(&[]);
+    let truth = integral_of(|t| px_of(seen_at(t)), share, [-half_s, half_s], |_| 0.0);
+    let peak = LIGHT_E * cell(0.0) * cell(0.0);
+    // The curve's corner lies within a piece of nodes.
+    const CORNER: f64 = 2e-4;
+    for (what, picture) in [("drawn", draw_cpu(plan)), ("reference", draw_reference(plan))] {
+        let off = worst(&picture, &truth) / peak;
+        println!("fading, {what}: {off:.1e} of the peak");
+        assert!(off < CORNER, "{what}: {off:e}");
+    }
+    let steady = at_once(|t| px_of(seen_at(t)));
+    assert!(worst(&draw_cpu(plan), &steady) / peak > 100.0 * CORNER, "control: steady light is another picture");
+    assert!((plan.targets[0].electrons / (0.375 * LIGHT_E) - 1.0).abs() < 1e-3, "{}", plan.targets[0].electrons);
+}
+
+#[test]
+fn targets_on_the_sky_go_with_each_exposure_and_scripts_stay() {
+    let los = los();
+    let on_sky = Target { id: FIRST_TARGET_ID + 1, ..passing(&los.mid_sensor_from_icrf, None) };
+    let mut planner = still(vec![target(through([20.0, 30.0], [-30.0, 40.0]))]);
+    let ids = |planner: &mut Planner| planner.plan(&[]).targets.iter().map(|t| t.target.id).collect::<Vec<_>>();
+    assert_eq!(ids(&mut planner), [FIRST_TARGET_ID]);
+    planner.set_targets_on_sky(&[on_sky]);
+    assert_eq!(ids(&mut planner), [FIRST_TARGET_ID, FIRST_TARGET_ID + 1]);
+    planner.set_targets_on_sky(&[]);
+    assert_eq!(ids(&mut planner), [FIRST_TARGET_ID]);
 }

@@ -106,12 +106,15 @@ fn ways_follow_the_apparent_places_within_their_bound() {
         let [target] = targets.in_view() else { panic!("one target: {:?}", targets.in_view()) };
         let range_km = targets.facts()[0].range_km;
         assert!((400.0..700.0).contains(&range_km), "{range_km}");
-        let bound_rad = (SkyPath::bound_km(0.5 * exposure_s, [6_900.0, 6_900.0]) + TIME_STEP_KM) / 400.0;
+        let bound_rad =
+            (SkyPath::bound_km(0.5 * exposure_s, [Fall { gm_km3_s2: EARTH_GM_KM3_S2, radius_km: 6_900.0 }; 2])
+                + TIME_STEP_KM)
+                / 400.0;
         let mut worst = 0.0_f64;
         for step in -10..=10 {
             let t_s = f64::from(step) / 20.0 * exposure_s;
             let wanted = apparent(&crossing().orbit, &observer(), los.mid_exposure() + Span::from_s(t_s));
-            worst = worst.max(path_of(target).apparent_icrf(t_s).angle_between(wanted));
+            worst = worst.max(path_of(target).apparent_icrf(t_s).distance(wanted));
         }
         println!("{exposure_s} s: {:.4} mas of {:.4}", worst / ARCSEC * 1e3, bound_rad / ARCSEC * 1e3);
         // The Earth's velocity by days and by itself: 0.02 mas.
@@ -123,8 +126,8 @@ fn ways_follow_the_apparent_places_within_their_bound() {
 #[test]
 fn a_way_that_is_too_long_for_a_cubic_is_told() {
     let mut targets = targets_of(observer(), vec![crossing()]);
-    targets.find_in_view(&at_the_crossing(50.0)).expect("a sky");
-    assert!(!targets.in_view().is_empty() && !targets.is_coarse(), "50 s: within a hundredth of a pixel");
+    targets.find_in_view(&at_the_crossing(20.0)).expect("a sky");
+    assert!(!targets.in_view().is_empty() && !targets.is_coarse(), "20 s: within a hundredth of a pixel");
     targets.find_in_view(&at_the_crossing(400.0)).expect("a sky");
     assert!(!targets.in_view().is_empty() && targets.is_coarse(), "400 s are not");
 }
@@ -156,7 +159,7 @@ fn brightness_is_that_of_range_and_phase() {
     let (target, facts) = (&targets.in_view()[0], targets.facts()[0]);
     // By hand: (0.75 m / 530 km)^2 x 0.2 x 2/3 (sin p + (pi - p) cos p) / pi of a Sun of -26.90 at 0.991 au.
     let (range_km, phase) = (facts.range_km, facts.phase_rad);
-    assert!((range_km - 519.0).abs() < 5.0 && (phase / DEG - 49.6).abs() < 1.0, "{facts:?}");
+    assert!((range_km - 529.7).abs() < 0.5 && (phase / DEG - 48.74).abs() < 0.05, "{facts:?}");
     let sphere = 2.0 / 3.0 * (phase.sin() + (PI - phase) * phase.cos()) / PI;
     let share = 0.2 * (0.75e-3 / range_km).powi(2) * sphere / (0.991_f64).powi(2);
     let mag = -26.90 - 2.5 * share.log10();
@@ -229,7 +232,8 @@ fn a_target_that_enters_the_shadow_fades() {
     let fading = look(&mut targets, mid).expect("half of its light");
     let curve = fading.light.expect("sunlight").shares;
     assert!(curve[0] > 0.99 && curve[16] < 1e-12 && (curve[8] - 0.5).abs() < 0.03, "{curve:?}");
-    assert!(curve.windows(2).all(|pair| pair[1] <= pair[0]), "it only fades: {curve:?}");
+    // Until the limb reaches the Sun it brightens by its phase.
+    assert!(curve[3..].windows(2).all(|pair| pair[1] <= pair[0]), "it only fades: {curve:?}");
     assert_eq!(look(&mut targets, mid + Span::from_s(20.0)), None, "in the umbra");
     assert!(targets.facts_at(0, mid + Span::from_s(20.0)).expect("a sky").mag_g.is_infinite());
 }

@@ -88,6 +88,7 @@ fn push_origin(header: &mut Header, meta: &FrameMeta) {
     header.push("RUNG", meta.rung, "degraded so far to be in time");
     header.push("NLEFTOUT", meta.left_out_stars, "stars left out");
     header.push("LEFTOUTE", meta.left_out_e, "[e-] of the stars left out");
+    header.push("NOCCULT", meta.occulted_stars, "stars behind Earth or Moon");
     header.push("OVLOSTE", meta.overlap_lost_e, "[e-] lost where targets cover stars");
     header.push("ORIGIN", meta.origin, "of the attitude");
     header.push("FAULTS", meta.faults.to_string(), "active faults");

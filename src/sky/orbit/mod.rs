@@ -10,6 +10,8 @@ mod nutation;
 mod omm;
 mod precession;
 mod tle;
+#[cfg(test)]
+mod tle_tests;
 mod two_body;
 
 pub use centre::CentralBody;

@@ -108,19 +108,27 @@ impl TleOrbit {
     /// When SGP4 cannot follow the elements that far.
     pub fn geocentric_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
         let days_from_epoch = self.days_from_epoch(at);
-        let minutes = sgp4::MinutesSinceEpoch(days_from_epoch * 1440.0);
         let refuse = |why: String| ObserverError::Propagation { at, days_from_epoch, why };
-        let teme = self.constants.propagate_afspc_compatibility_mode(minutes).map_err(|e| refuse(e.to_string()))?;
+        let [position_km, velocity_km_s] = self.teme_state(days_from_epoch * 1440.0).map_err(refuse)?;
         let icrf_from_teme = icrf_from_teme(at);
         let state = BarycentricState {
-            position_km: icrf_from_teme * DVec3::from_array(teme.position),
-            velocity_km_s: icrf_from_teme * DVec3::from_array(teme.velocity),
+            position_km: icrf_from_teme * position_km,
+            velocity_km_s: icrf_from_teme * velocity_km_s,
         };
         if state.position_km.is_finite() && state.velocity_km_s.is_finite() {
             Ok(state)
         } else {
             Err(refuse("the prediction is not finite".into()))
         }
+    }
+}
+
+impl TleOrbit {
+    /// Position, km, and velocity, km/s, in SGP4's own axes.
+    pub(super) fn teme_state(&self, minutes_from_epoch: f64) -> Result<[DVec3; 2], String> {
+        let minutes = sgp4::MinutesSinceEpoch(minutes_from_epoch);
+        let teme = self.constants.propagate_afspc_compatibility_mode(minutes).map_err(|error| error.to_string())?;
+        Ok([teme.position, teme.velocity].map(DVec3::from_array))
     }
 }
 

@@ -22,6 +22,11 @@ const TILES_AT_A_TIME: u64 = 4096;
 /// Order of the cells over which numbers of the whole sky are summed up.
 const SUM_ORDER: u8 = 6;
 
+/// Tiles of a part of the sky are not finer: their table would be larger than their stars.
+const REGION_ORDER: u8 = 8;
+/// No point of a cell is further from its centre than this over the cells along a side of a base cell, rad.
+const CELL_REACH: f64 = 1.08;
+
 /// What made-up stars say of themselves.
 #[must_use]
 pub fn credits(seed: u64) -> String {
@@ -34,6 +39,8 @@ pub struct Population {
     limits_mag: Vec<f32>,
     scale: f64,
     seed: u64,
+    /// Only within so many rad of this direction.
+    around: Option<(DVec3, f64)>,
 }
 
 impl Population {
@@ -49,13 +56,25 @@ impl Population {
             return Err(format!("wanted rising magnitudes in {BRIGHTEST_MAG}..{FAINTEST_MAG}, got {limits_mag:?}"));
         };
         let scale = stars.map_or(1.0, |stars| stars / measured_between([BRIGHTEST_MAG, f64::from(*last)]));
-        Ok(Self { limits_mag: limits_mag.to_vec(), scale, seed })
+        Ok(Self { limits_mag: limits_mag.to_vec(), scale, seed, around: None })
     }
 
-    /// How many stars are expected in all.
+    /// The same stars, but only those of tiles that reach within `radius_rad` of `axis`: a deep sky where one looks, on a
+    /// small disk.
+    #[must_use]
+    pub fn around(self, axis: DVec3, radius_rad: f64) -> Self {
+        Self { around: Some((axis, radius_rad)), ..self }
+    }
+
+    /// How many stars are expected over the whole sky.
     #[must_use]
     pub fn expected(&self) -> f64 {
         (0..self.limits_mag.len()).map(|layer| self.draw(layer).1).sum()
+    }
+
+    fn is_wanted(&self, order: u8, tile: u64) -> bool {
+        let reach_rad = CELL_REACH / f64::from(1_u32 << order);
+        self.around.is_none_or(|(axis, radius_rad)| axis.angle_between(centre(order, tile)) <= radius_rad + reach_rad)
     }
 
     /// Writes the layers `out/gNN.starlayer` in the place of those that are there. `progress` is told the share done, 0..1.
@@ -81,7 +100,8 @@ impl Population {
         let from = layer.checked_sub(1).map_or(BRIGHTEST_MAG, |before| f64::from(self.limits_mag[before]));
         let magnitudes = [from, f64::from(self.limits_mag[layer])];
         let expected = measured_between(magnitudes) * self.scale;
-        let order = order_for(expected as u64);
+        let most_order = if self.around.is_some() { REGION_ORDER } else { u8::MAX };
+        let order = order_for(expected as u64).min(most_order);
         (LayerDraw { key: key(self.seed), layer: layer as u32, order, magnitudes, scale: self.scale }, expected)
     }
 
@@ -97,7 +117,10 @@ impl Population {
         for first in (0..tiles).step_by(usize::try_from(TILES_AT_A_TIME).unwrap_or(usize::MAX)) {
             let drawn: Vec<Vec<StarRecord>> = (first..tiles.min(first + TILES_AT_A_TIME))
                 .into_par_iter()
-                .map_init(Vec::new, |stars, tile| draw_tile(draw, tile, stars))
+                .map_init(Vec::new, |stars, tile| match self.is_wanted(draw.order, tile) {
+                    true => draw_tile(draw, tile, stars),
+                    false => Ok(Vec::new()),
+                })
                 .collect::<Result<_, LayerError>>()?;
             for (tile, records) in (first..).zip(drawn) {
                 writer.append_tile(tile, records)?;

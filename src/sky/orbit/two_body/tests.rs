@@ -5,6 +5,7 @@ use crate::base::time::Span;
 /// Kepler's equation solved and rotated in 40-digit arithmetic (mpmath 1.3; no universal variable there).
 type Case = (f64, [f64; 6], f64, [f64; 3], [f64; 3]);
 
+#[allow(clippy::approx_constant, reason = "an anomaly of 3.14 is not pi")]
 #[rustfmt::skip]
 const CASES: [Case; 9] = [
     // A low orbit after 1000 s and after 1000 days; a Molniya orbit; a transfer to the Moon; a near-rectilinear lunar
