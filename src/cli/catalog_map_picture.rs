@@ -163,6 +163,7 @@ impl Canvas {
 mod tests {
     use super::*;
     use crate::sky::catalog::Catalog;
+    use std::io::Cursor;
 
     #[test]
     fn colours_brighten_with_density_and_marks_are_round() {

@@ -73,8 +73,8 @@ impl ParquetFile {
 
     /// Rows of the file.
     pub(super) fn rows(&self) -> Result<u64, HatsError> {
-        let groups = self.metadata.row_groups().iter().map(|group| u64::try_from(group.num_rows()).ok());
-        let sum = groups.fold(Some(0_u64), |sum, rows| sum?.checked_add(rows?));
+        let mut groups = self.metadata.row_groups().iter().map(|group| u64::try_from(group.num_rows()).ok());
+        let sum = groups.try_fold(0_u64, |sum, rows| sum.checked_add(rows?));
         let wanted = self.metadata.file_metadata().num_rows();
         sum.filter(|sum| u64::try_from(wanted) == Ok(*sum)).ok_or_else(|| HatsError::Parquet {
             path: self.path.clone(),

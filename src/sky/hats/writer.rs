@@ -71,7 +71,7 @@ impl CatalogWriter {
     pub(super) fn write(&mut self, dataset: &Path, within: &str, rows: &[CatalogRow]) -> Result<(), HatsError> {
         let path = dataset.join(within);
         let file = File::create(&path).map_err(HatsError::file("cannot make", &path))?;
-        let mut write = || {
+        let write = || {
             let mut file = SerializedFileWriter::new(file, Arc::clone(&self.schema), Arc::clone(&self.properties))?;
             for rows in rows.chunks(GROUP_ROWS) {
                 write_group(file.next_row_group()?, rows)?;

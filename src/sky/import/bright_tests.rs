@@ -115,6 +115,36 @@ fn lines_that_are_wrong_are_told() {
     assert_eq!(read(&TYC2.replace("|11.318|", "|      |").replace("|10.521|", "|      |")).unwrap().told.len(), 1);
 }
 
+/// What becomes of a damaged text: an error with its place, or every line counted as a star or as one left out.
+fn is_accounted_for(bytes: &[u8]) -> bool {
+    let mut bright = BrightStars::default();
+    match bright.read_text(bytes, Path::new("stars.dat")) {
+        Ok(()) => {
+            let lines = bytes.split(|byte| *byte == b'\n').filter(|line| !line.trim_ascii().is_empty()).count();
+            let left_out =
+                bright.told.iter().filter(|(what, _)| what.contains("left out")).map(|(_, count)| count).sum::<u64>();
+            (bright.hipparcos.len() + bright.tycho.len()) as u64 + left_out == lines as u64
+        }
+        Err(error) => error.to_string().contains("stars.dat"),
+    }
+}
+
+#[test]
+fn no_flipped_bit_and_no_cut_loses_a_line_silently() {
+    for text in [HIP2, TYC2, SUPPLEMENT] {
+        let whole = text.as_bytes();
+        assert!(is_accounted_for(whole), "control");
+        for at in 0..whole.len() {
+            assert!(is_accounted_for(&whole[..at]), "cut at {at}");
+            for bit in 0..8 {
+                let mut flipped = whole.to_vec();
+                flipped[at] ^= 1 << bit;
+                assert!(is_accounted_for(&flipped), "byte {at}, bit {bit}");
+            }
+        }
+    }
+}
+
 #[test]
 fn stars_move_along_great_circles() {
     let polaris = direction_from_ra_dec(0.662_285_133_7, 1.557_953_108_2);

@@ -34,6 +34,7 @@ const UNRESOLVED_MAG: f64 = 1.5;
 const CELL_ORDER: u8 = 12;
 /// How far a pair may be apart before motions are taken into account, arcsec; within a cell's neighbours. A star without a
 /// motion in Tycho-2 whose Gaia star moves by more than 0.5 arcsec/yr is beyond it.
+#[cfg(test)]
 pub(super) const REACH_ARCSEC: f64 = 15.0;
 /// Pairs kept for a star.
 const PAIRS_PER_STAR: usize = 4;

@@ -84,7 +84,7 @@ impl Names {
     /// The column that a file must have and `is_there` says it has not: all but colours, of which one form is enough.
     pub(in crate::sky) fn missing(is_there: impl Fn(usize) -> bool) -> Option<usize> {
         let is_missing = |column: &usize| match *column {
-            BP_RP => !is_there(BP_RP) && !(is_there(BP) && is_there(RP)),
+            BP_RP => !(is_there(BP_RP) || is_there(BP) && is_there(RP)),
             BP | RP => false,
             column => !is_there(column),
         };

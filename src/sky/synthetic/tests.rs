@@ -135,3 +135,46 @@ fn numbers_that_make_no_layers_are_refused() {
     }
     assert!(Population::new(&[10.0, 22.0], None, 1).is_ok(), "control");
 }
+
+/// Whether a layer of these bytes is refused, at its head or when its stars are read.
+fn is_refused(path: &Path, bytes: &[u8]) -> bool {
+    std::fs::write(path, bytes).unwrap();
+    let read = |layer: Layer| layer.cone(DVec3::Z, 0.1, 99.0, &mut Vec::new());
+    Layer::open(path).and_then(read).is_err()
+}
+
+#[test]
+fn no_flipped_bit_and_no_cut_of_a_layer_goes_unseen() {
+    let folder = tempfile::tempdir().unwrap();
+    // All of its stars about the pole, so that reading a few tiles reads them all.
+    let mut sorting = crate::sky::layer::Sorting::start(&folder.path().join("work"), &[10.0]).unwrap();
+    for source_id in 0..12_i32 {
+        let (ra_rad, dec_rad) = (f64::from(source_id) * 0.5, PI / 2.0 - 0.001 * f64::from(source_id));
+        let star = crate::sky::layer::NewStar {
+            source_id: source_id.into(),
+            ra_rad,
+            dec_rad,
+            motion_mas_yr: None,
+            parallax_mas: None,
+            mag_g: 9.0,
+            bp_rp: None,
+        };
+        sorting.add(&star).unwrap();
+    }
+    let report = sorting.finish(&folder.path().join("layers"), 2016.0, "credits", &mut |_| {}).unwrap().remove(0);
+    let (whole, path) = (std::fs::read(&report.path).unwrap(), folder.path().join("damaged"));
+    assert!(!is_refused(&path, &whole), "control");
+    let end = whole.len();
+    let records = end - 12 * 16 - "credits".len();
+    // The head bit by bit, its tables here and there, credits and stars bit by bit.
+    for at in (0..64).chain((64..records).step_by(8191)).chain(records..end) {
+        for bit in 0..8 {
+            let mut flipped = whole.clone();
+            flipped[at] ^= 1 << bit;
+            assert!(is_refused(&path, &flipped), "byte {at} of {end}, bit {bit}");
+        }
+    }
+    for length in (0..64).chain((64..records).step_by(8191)).chain(records..end) {
+        assert!(is_refused(&path, &whole[..length]), "cut to {length} of {end}");
+    }
+}
