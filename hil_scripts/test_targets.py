@@ -171,7 +171,7 @@ class Recording:
 
     def __init__(self, folder, exposure_s):
         self.frames = []
-        for path in sorted(folder.glob("*.targets.csv")):
+        for path in sorted(folder.rglob("*.targets.csv")):
             [row] = csv.DictReader(path.open())
             image = path.with_name(path.name.replace("targets.csv", "fits"))
             truth = path.with_name(path.name.replace("targets.csv", "truth.csv"))
