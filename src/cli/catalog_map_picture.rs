@@ -163,7 +163,6 @@ impl Canvas {
 mod tests {
     use super::*;
     use crate::sky::catalog::Catalog;
-    use std::io::Cursor;
 
     #[test]
     fn colours_brighten_with_density_and_marks_are_round() {
