@@ -214,7 +214,8 @@ class BrightEnd(unittest.TestCase):
         self.assertEqual(told["stars taken in"] + told["stars fainter than the last layer, left out"], told["rows"] + missing)
 
     def test_gaia_loses_no_star_and_gains_few(self):
-        gaia = self.rows["g"]
+        # Layers round to a thousandth, which puts some 70 of 8.9996 at 9.000.
+        gaia = self.rows["g"].astype(float).round(3)
         added = {}
         for low, high in [(-2, 3), (3, 6), (6, 9)]:
             inside = lambda mag: int(((mag >= low) & (mag < high)).sum())
