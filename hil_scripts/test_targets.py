@@ -114,11 +114,11 @@ def apparent(observer, target, t, light_time=True, aberration=True):
 
 
 def quaternion_matrix(w, x, y, z):
-    """Passive, scalar first: v_sensor = R v_icrf."""
+    """Scalar first, v_sensor = q v_icrf q*: v_sensor = R v_icrf."""
     return numpy.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
-        [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
-        [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ])
 
 
@@ -166,18 +166,23 @@ def run(bench):
     assert done.returncode == 0, done.stderr
 
 
+def rows(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
 class Recording:
     """Frames with targets of one run."""
 
     def __init__(self, folder, exposure_s):
         self.frames = []
         for path in sorted(folder.rglob("*.targets.csv")):
-            [row] = csv.DictReader(path.open())
+            [row] = rows(path)
             image = path.with_name(path.name.replace("targets.csv", "fits"))
             truth = path.with_name(path.name.replace("targets.csv", "truth.csv"))
             with fits.open(image) as file:
                 header, pixels = file[0].header, file[0].data.astype(float)
-            [smear] = [star for star in csv.DictReader(truth.open()) if star["kind"] == "target"]
+            [smear] = [star for star in rows(truth) if star["kind"] == "target"]
             mid_ns = int(header["MID_NS"])
             ends = [tai(mid_ns + round(side * exposure_s * 5e8)) for side in (-1, 1)]
             told = [numpy.array([float(row[f"x_{end}_px"]), float(row[f"y_{end}_px"])]) for end in ("begin", "end")]

@@ -37,7 +37,7 @@ pub(super) struct SynthesizeArgs {
     #[arg(long, value_delimiter = ',', default_values_t = [10.0, 14.0, 18.0])]
     layers: Vec<f32>,
     /// Only stars near a direction, degrees: the rest of the sky stays empty
-    #[arg(long, value_name = "RA,DEC,RADIUS", value_delimiter = ',', num_args = 3, allow_negative_numbers = true)]
+    #[arg(long, value_name = "RA,DEC,RADIUS", value_delimiter = ',', allow_negative_numbers = true)]
     around: Option<Vec<f64>>,
     /// Write layers in the place of those that are in --out already
     #[arg(long)]

@@ -64,11 +64,15 @@ fn write_target(
     place: usize,
 ) -> Result<(), Error> {
     let name = name_of(&params.sky_targets[place].orbit);
+    let mut lost = None;
     let (mut passes, mut nearest, mut open): (Vec<Pass>, Option<Moment>, bool) = (Vec::new(), None, false);
     for number in steps(params.frames) {
         let moment = match moment(params, computer, targets, place, number) {
             Ok(moment) => moment,
-            Err(error) => return writeln!(text, "  {name:<10}  WARNING {error}"),
+            Err(error) => {
+                lost = Some(error);
+                break;
+            }
         };
         if nearest.is_none_or(|nearest| moment.off_axis_rad < nearest.off_axis_rad) {
             nearest = Some(moment);
@@ -90,7 +94,10 @@ fn write_target(
         write!(text, "  {name:<10} {:>15} ", "never in field")?;
         write_moment(text, params, &nearest)?;
     }
-    Ok(())
+    match lost {
+        Some(error) => writeln!(text, "  {name:<10}  WARNING missing from then on: {error}"),
+        None => Ok(()),
+    }
 }
 
 impl Pass {

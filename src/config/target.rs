@@ -318,7 +318,7 @@ mod tests {
     #[test]
     fn what_no_orbit_is_is_refused_with_advice() {
         for (lines, wanted) in [
-            ("orbit = \"tel\"\n".to_owned(), "did you mean \"tle\""),
+            ("orbit = \"tel\"\n".to_owned(), "wanted one of \"tle\", \"omm\""),
             ("orbit = \"tle\"\nmag = 1.0\n".to_owned(), "line1 and line2, or file"),
             (format!("{LINES}altitude_km = 500.0\nmag = 1.0\n"), "it belongs to orbit = \"circular\""),
             (format!("{LINES}position_px = [1.0, 2.0]\nmag = 1.0\n"), "a target without orbit"),

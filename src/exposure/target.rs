@@ -174,6 +174,12 @@ impl Target {
         (to - from > Span::ZERO).then(|| [(from - self.begin).s(), (to - self.begin).s()])
     }
 
+    /// Whether its light changes within the exposure.
+    #[must_use]
+    pub fn fades(&self) -> bool {
+        self.light.is_some_and(|light| light.shares.iter().any(|share| (share - light.shares[0]).abs() > 1e-3))
+    }
+
     /// Light `t_s` after mid-exposure, e-/s.
     #[must_use]
     pub fn e_per_s_at(&self, t_s: f64) -> f64 {

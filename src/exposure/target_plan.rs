@@ -32,6 +32,8 @@ const NODES_MORE: usize = 2;
 const PIECE_NODES: usize = 16;
 /// Nodes per period of the fastest jitter line.
 const NODES_PER_PERIOD: f64 = 8.0;
+/// Nodes at least of light that changes: two for each piece of its curve.
+const NODES_OF_FADING: f64 = 32.0;
 /// Most nodes of one target.
 pub const MOST_NODES: usize = 4096;
 /// Steps to the row, and so the instant, of a target under a rolling shutter.
@@ -242,7 +244,8 @@ fn place(
     let jittered = motion.image_path.is_none();
     let periods = if jittered { motion.los.jitter.highest_line_hz() * (to_s - from_s) } else { 0.0 };
     let camera_px = plan.reach_px * ((to_s - from_s) / exposure_s);
-    let wanted = NODES_PER_SIGMA * (own_px + camera_px) / sigma_px + NODES_PER_PERIOD * periods;
+    let fading = if target.fades() { NODES_OF_FADING } else { 0.0 };
+    let wanted = (NODES_PER_SIGMA * (own_px + camera_px) / sigma_px + NODES_PER_PERIOD * periods).max(fading);
     let is_coarse = wanted > MOST_NODES as f64;
     let wanted = wanted.min(MOST_NODES as f64);
     let first = nodes.len();

@@ -41,7 +41,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
     Ok(RunParams {
         attitude: attitude_params(bench, start),
         targets: scripted(bench, &camera, first_exposure)?,
-        sky_targets: on_sky(bench, first_exposure)?,
+        sky_targets: on_sky(bench, &camera, first_exposure)?,
         keeps_brighter: bench.target_overlap == Overlap::Brighter,
         observer: observer(&bench.observer, first_exposure)?,
         light_deflection: bench.light_deflection,
@@ -70,7 +70,16 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
 }
 
 /// Targets on the sky, ready to be followed.
-fn on_sky(bench: &Bench, first_exposure: Tai) -> Result<Vec<SkyTarget>> {
+fn on_sky(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<Vec<SkyTarget>> {
+    let is_on_sky = |target: &TargetSettings| matches!(target.course, TargetCourse::Orbit(_));
+    if bench.targets.iter().any(is_on_sky) && camera.radiometry.zero_point_e_per_s().is_none() {
+        bail!(
+            "bench \"{}\" has a [[target]] in orbit, and camera \"{}\" a grey mapping: its light changes within an exposure, which \
+             wants electrons per second; give the camera a zero point, or leave the target out",
+            bench.name,
+            camera.name
+        );
+    }
     let mut found = Vec::new();
     for ((place, id), settings) in (0..).zip(FIRST_TARGET_ID..).zip(&bench.targets) {
         let (TargetCourse::Orbit(orbit), TargetLight::Reflected { brightness, bp_rp }) =
@@ -148,9 +157,10 @@ fn scripted(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result
             TargetLight::Snr(snr) => (f64::NAN, electrons_of(snr) / camera.exposure_s),
             TargetLight::Electrons(electrons) => (f64::NAN, electrons / camera.exposure_s),
             TargetLight::Reflected { .. } => return None,
-            TargetLight::Mag { mag, bp_rp } => {
-                (camera.radiometry.mag_instrument(mag, bp_rp), camera.radiometry.electrons(mag, bp_rp, 1.0))
-            }
+            TargetLight::Mag { mag, bp_rp } => (
+                camera.radiometry.mag_instrument(mag, bp_rp),
+                camera.radiometry.electrons(mag, bp_rp, camera.exposure_s) / camera.exposure_s,
+            ),
         };
         let [begin, end] = seen(settings, first_exposure);
         #[allow(clippy::cast_possible_truncation, reason = "magnitudes are single precision")]

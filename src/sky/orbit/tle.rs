@@ -12,6 +12,8 @@ use crate::sky::ObserverError;
 use crate::sky::observer::BarycentricState;
 use glam::DVec3;
 
+/// Polar radius of the Earth, km (WGS 84): nothing flies below it.
+const POLAR_RADIUS_KM: f64 = 6_356.752;
 /// Characters of each line.
 const LINE_LENGTH: usize = 69;
 
@@ -83,6 +85,12 @@ impl TleOrbit {
     pub(super) fn from_elements(elements: &sgp4::Elements) -> Result<Self, ObserverError> {
         let norad_id = elements.norad_id;
         let refuse = |why: String| ObserverError::Elements { norad_id, why };
+        if ![0, 2].contains(&elements.ephemeris_type) {
+            let got = elements.ephemeris_type;
+            return Err(refuse(format!(
+                "ephemeris type wanted 0 or 2 (SGP4), got {got}: 4 is of another theory, SGP4-XP"
+            )));
+        }
         let constants =
             sgp4::Constants::from_elements_afspc_compatibility_mode(elements).map_err(|e| refuse(e.to_string()))?;
         let epoch = elements.datetime.and_utc();
@@ -115,11 +123,15 @@ impl TleOrbit {
             position_km: icrf_from_teme * position_km,
             velocity_km_s: icrf_from_teme * velocity_km_s,
         };
-        if state.position_km.is_finite() && state.velocity_km_s.is_finite() {
-            Ok(state)
-        } else {
-            Err(refuse("the prediction is not finite".into()))
+        if !(state.position_km.is_finite() && state.velocity_km_s.is_finite()) {
+            return Err(refuse("the prediction is not finite".into()));
         }
+        // SGP4 follows what has decayed underground for weeks without a word.
+        let radius_km = state.position_km.length();
+        if radius_km < POLAR_RADIUS_KM {
+            return Err(refuse(format!("decayed: {radius_km:.0} km from the Earth's centre")));
+        }
+        Ok(state)
     }
 }
 

@@ -38,6 +38,9 @@ pub struct TileSky {
     ahead: Vec<TileId>,
     /// Slots of the field's tiles.
     slots: Vec<u32>,
+    /// Of each layer, stars of the tiles that were read, and those of them that were not too faint: how many stars a tile will
+    /// have that has not come yet.
+    decoded: Vec<[u64; 2]>,
 }
 
 impl TileSky {
@@ -47,8 +50,10 @@ impl TileSky {
         let decoder = Some(Decoder::new(Arc::clone(&layers), light));
         let [tiles, ahead] = [(); 2].map(|()| Vec::with_capacity(TILES_RESERVED));
         let slots = Vec::with_capacity(TILES_RESERVED);
+        let decoded = vec![[0; 2]; layers.layers().len()];
         Self {
             layers,
+            decoded,
             store: Store::new(most_stars),
             decoder,
             reader: None,
@@ -109,6 +114,9 @@ impl TileSky {
 
     /// The field's tiles of one layer.
     fn take_layer(&mut self, places: Range<usize>, shortfall: &mut Shortfall) -> Result<Fit, LayerError> {
+        if self.reader.is_some() && !self.may_fit(&self.tiles[places.clone()]) {
+            return Ok(Fit::TooMany);
+        }
         for place in places {
             let tile = self.tiles[place];
             match self.find(tile)? {
@@ -121,6 +129,7 @@ impl TileSky {
                 Found::Late => {
                     shortfall.late_tiles += 1;
                     shortfall.late_stars += self.layers.stars_of(tile);
+                    self.field_stars += self.stars_to_come(tile);
                 }
             }
             if !self.store.has_room(self.field_stars, self.slots.len()) {
@@ -128,6 +137,22 @@ impl TileSky {
             }
         }
         Ok(Fit::Whole)
+    }
+
+    /// Whether tiles have room beside those of the brighter layers, as far as is known: nothing is asked for in vain.
+    fn may_fit(&self, tiles: &[TileId]) -> bool {
+        let stars = tiles.iter().map(|tile| match self.store.place(*tile) {
+            Some(Place::Held(slot)) => self.store.stars(slot).len() as u64,
+            _ => self.stars_to_come(*tile),
+        });
+        self.store.has_room(self.field_stars + stars.sum::<u64>(), self.slots.len() + tiles.len())
+    }
+
+    /// Stars that a tile will have when it is read, by the tiles of its layer that were: none as long as nothing is known.
+    fn stars_to_come(&self, tile: TileId) -> u64 {
+        let [all, kept] = self.decoded[usize::from(tile.layer)];
+        let stars = u128::from(self.layers.stars_of(tile)) * u128::from(kept) / u128::from(all.max(1));
+        u64::try_from(stars).unwrap_or(u64::MAX)
     }
 
     /// A tile of the present field.
@@ -141,8 +166,8 @@ impl TileSky {
             decoder.read(tile, &mut block)?;
             return Ok(self.store.insert(tile, block, self.field, drop).map_or(Found::NoRoom, Found::Slot));
         }
-        if place.is_none() {
-            self.ask(tile, true);
+        if place != Some(Place::Lacking) {
+            self.ask(tile, Place::Lacking);
         }
         Ok(Found::Late)
     }
@@ -154,25 +179,30 @@ impl TileSky {
         }
         let mut ahead = core::mem::take(&mut self.ahead);
         self.layers.tiles_of_cone(axis, radius_rad, &mut ahead);
-        let mut stars = self.field_stars;
-        for tile in &ahead {
-            stars += self.layers.stars_of(*tile);
-            if !self.store.has_room(stars, self.slots.len()) {
+        // The cone has the present field within it.
+        let mut stars = 0;
+        for (number, tile) in ahead.iter().enumerate() {
+            let place = self.store.place(*tile);
+            stars += match place {
+                Some(Place::Held(slot)) => self.store.stars(slot).len() as u64,
+                _ => self.stars_to_come(*tile),
+            };
+            if !self.store.has_room(stars, number) {
                 break;
             }
-            match self.store.place(*tile) {
+            match place {
                 // It stays until then.
                 Some(Place::Held(slot)) => self.store.want(slot, self.field),
-                Some(Place::Asked) => {}
-                None => self.ask(*tile, false),
+                Some(Place::Lacking | Place::Ahead) => {}
+                None => self.ask(*tile, Place::Ahead),
             }
         }
         self.ahead = ahead;
     }
 
-    fn ask(&mut self, tile: TileId, is_lacking: bool) {
+    fn ask(&mut self, tile: TileId, place: Place) {
         let Some(reader) = &self.reader else { return };
-        if self.store.ask(tile) && !reader.ask(tile, self.field, is_lacking) {
+        if self.store.ask(tile, place) && !reader.ask(tile, self.field, place == Place::Lacking) {
             self.store.forget(tile);
         }
     }
@@ -191,11 +221,18 @@ impl TileSky {
         let Some(reader) = &self.reader else { return Ok(()) };
         reader.begin(self.field);
         while let Some(Answer { tile, stars }) = reader.answer() {
-            match stars {
-                Some(stars) => {
-                    self.store.insert(tile, stars?, self.field, |block| reader.give_back(block));
+            match (stars, self.store.place(tile)) {
+                // Asked for ahead and then again as lacking: one of the two was first.
+                (Some(stars), Some(Place::Held(_))) => reader.give_back(stars?),
+                (None, Some(Place::Held(_))) => {}
+                (Some(stars), _) => {
+                    let stars = stars?;
+                    let [all, kept] = &mut self.decoded[usize::from(tile.layer)];
+                    *all += self.layers.stars_of(tile);
+                    *kept += stars.len() as u64;
+                    self.store.insert(tile, stars, self.field, |block| reader.give_back(block));
                 }
-                None => self.store.forget(tile),
+                (None, _) => self.store.forget(tile),
             }
         }
         Ok(())

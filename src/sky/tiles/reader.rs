@@ -14,7 +14,7 @@ use std::thread::JoinHandle;
 /// Names that may wait in each queue, and blocks.
 const QUEUE: usize = 16_384;
 /// Fields after which a name that still waits is of no use.
-const STALE_FIELDS: u64 = 20;
+const STALE_FIELDS: u64 = 100;
 
 /// A tile that is wanted.
 #[derive(Debug, Clone, Copy)]

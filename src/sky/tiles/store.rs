@@ -16,8 +16,10 @@ const MOST_TILES: usize = 1 << 17;
 pub(super) enum Place {
     /// It is in this slot.
     Held(u32),
-    /// It has been asked for.
-    Asked,
+    /// The field lacks it: it has been asked for.
+    Lacking,
+    /// A coming field may want it: it has been asked for, behind those that are lacking.
+    Ahead,
 }
 
 #[derive(Debug)]
@@ -53,11 +55,11 @@ impl Store {
         self.places.get(&tile).copied()
     }
 
-    /// A tile that has been asked for: false when there is no room for more names.
-    pub(super) fn ask(&mut self, tile: TileId) -> bool {
-        let has_room = self.places.len() < 2 * MOST_TILES;
+    /// A tile that has been asked for, as lacking or ahead: false when there is no room for more names.
+    pub(super) fn ask(&mut self, tile: TileId, place: Place) -> bool {
+        let has_room = self.places.len() < 2 * MOST_TILES || self.places.contains_key(&tile);
         if has_room {
-            self.places.insert(tile, Place::Asked);
+            self.places.insert(tile, place);
         }
         has_room
     }

@@ -153,6 +153,50 @@ fn what_is_not_there_in_time_is_missing_and_counted() {
 }
 
 #[test]
+fn a_crowded_field_goes_without_its_faintest_layer_also_when_a_thread_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let paths = layers(folder.path(), 2016.0);
+    let count = |path: &PathBuf| crate::sky::layer::Layer::open(path).unwrap().stars();
+    let [bright, faint] = [count(&paths[0]), count(&paths[1])];
+    let mut crowded = sky(&paths, 7.0, bright + faint / 2);
+    crowded.read_ahead().unwrap();
+    let wanted = Shortfall { crowded_out_stars: faint, ..Shortfall::default() };
+    let settled = (0..10_000).any(|_| {
+        std::thread::sleep(std::time::Duration::from_millis(1));
+        crowded.take_field(DVec3::X, 4.0).unwrap() == wanted
+    });
+    assert!(settled, "once it is known how many stars there are");
+    let mut answered = || {
+        while crowded.settle().unwrap() > 0 {
+            std::thread::yield_now();
+        }
+        let shortfall = crowded.take_field(DVec3::X, 4.0).unwrap();
+        crowded.look_ahead(DVec3::X, 4.0);
+        (shortfall, crowded.blocks().map(<[TileStar]>::len).sum::<usize>() as u64)
+    };
+    for _ in 0..50 {
+        assert_eq!(answered(), (wanted, bright), "and from then on: no holes");
+    }
+}
+
+#[test]
+fn a_tile_that_was_asked_for_ahead_and_then_lacking_comes_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let paths = layers(folder.path(), 2016.0);
+    let mut sky = sky(&paths, 6.5, 100_000);
+    sky.read_ahead().unwrap();
+    let (there, radius_rad) = (towards(100.0, 0.0), 5.0 * DEG);
+    sky.look_ahead(there, radius_rad);
+    settle(&mut sky, there, radius_rad);
+    while sky.settle().unwrap() > 0 {
+        std::thread::yield_now();
+    }
+    sky.take_field(there, radius_rad).unwrap();
+    let in_field: u64 = sky.blocks().map(|block| block.len() as u64).sum();
+    assert_eq!(sky.held_stars(), in_field, "each tile is there once");
+}
+
+#[test]
 fn a_field_that_was_told_beforehand_is_there() {
     let folder = tempfile::tempdir().unwrap();
     let paths = layers(folder.path(), 2016.0);
