@@ -8,7 +8,7 @@ use anyhow::ensure;
 use std::path::PathBuf;
 
 /// The name of all of them together among an import's inputs.
-const INPUT: &str = "bright stars";
+pub(super) const INPUT: &str = "bright stars";
 
 /// The bright files of an import.
 pub(super) struct BrightInput<'a> {

@@ -1,12 +1,13 @@
 //! `starloop catalog import` and `verify`: published catalogs -> layers on disk, and whether they are whole.
 
-use crate::cli::catalog_bright::BrightInput;
+use crate::cli::catalog_bright::{self, BrightInput};
 use crate::cli::catalog_hats::inputs;
 use crate::sky::catalog::{Catalog, DEFAULT_CREDITS};
 use crate::sky::import::gaia::{EPOCH_YR, Names};
 use crate::sky::layer::{Layer, LayerReport, Sorting, is_layer, layer_name};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
+use std::collections::BTreeMap;
 use std::io::{IsTerminal, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
@@ -22,7 +23,7 @@ const END_BYTES: u64 = 64 << 10;
     hats.properties, as hats-import makes them): each partition is there and listed, has the rows it should, and they lie \
     in its pixel, or the import ends. The catalog says what its columns of right ascension and declination are \
     called.\n\nAn import that was cut short goes on after its last whole file, or partition, when it is started again \
-    with the same --out."
+    with the same --out, the same files, --epoch and --column."
 )]
 pub(super) struct ImportArgs {
     /// Files to import, .csv, .csv.gz or .parquet, and folders of HATS catalogs
@@ -70,12 +71,19 @@ pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<
     ensure!(are_rising && !args.layers.is_empty(), "--layers: wanted rising magnitudes, got {:?}", args.layers);
     let names = names(&args.columns)?;
     let work = args.work.clone().unwrap_or_else(|| args.out.join("import"));
+    let inputs = inputs(&args.files, &names, args.epoch)?;
+    // Nothing is made before it is known that there is something to do.
+    for path in inputs.iter().map(|input| &input.path).chain(&args.bright) {
+        std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?;
+    }
+    let replace = args.replace || Sorting::is_finishing(&work, &args.out);
+    refuse_layers_that_are_there(&args.out, &args.layers, replace)?;
     std::fs::create_dir_all(&args.out).with_context(|| format!("cannot make {}", args.out.display()))?;
     let mut sorting = Sorting::start(&work, &args.layers)?;
-    refuse_layers_that_are_there(&args.out, &args.layers, args.replace)?;
-    let inputs = inputs(&args.files, &names, args.epoch)?;
     let line = ProgressLine::new();
     let bright = BrightInput::new(&args.bright, args.epoch, &sorting)?;
+    let named: Vec<&str> = inputs.iter().map(|input| input.name.as_str()).chain([catalog_bright::INPUT]).collect();
+    sorting.hold_to(&options(args), &named)?;
     for (number, input) in inputs.iter().enumerate() {
         let (name, mark) = (&input.name, mark(&input.path)?);
         if sorting.has(name, &mark)? {
@@ -126,6 +134,16 @@ pub(super) fn tell_layer(report: &LayerReport, out: &mut impl Write) -> anyhow::
     let LayerReport { path, stars, order, bytes, .. } = report;
     writeln!(out, "{}: {stars} stars, tiles of order {order}, {bytes} bytes", path.display())?;
     Ok(())
+}
+
+/// How files are read: by this an import that goes on tells that it would read the others in the same way.
+fn options(args: &ImportArgs) -> String {
+    let renamed = args.columns.iter().filter_map(|column| column.split_once('='));
+    // As it comes out in the end, whatever the order of the arguments.
+    let renamed: BTreeMap<&str, &str> = renamed.collect();
+    let columns: Vec<String> = renamed.iter().map(|(archive, here)| format!("{archive}={here}")).collect();
+    let columns = if columns.is_empty() { "Gaia's columns".into() } else { columns.join(", ") };
+    format!("epoch J{} and {columns}", args.epoch)
 }
 
 /// `phot_g_mean_mag=G`, ...
@@ -313,6 +331,50 @@ mod tests {
     }
 
     #[test]
+    fn an_import_goes_on_only_as_it_began() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        let (good, bad, out) = (path("good.csv"), path("bad.csv"), path("layers"));
+        std::fs::write(&good, CSV).unwrap();
+        std::fs::write(&bad, CSV.replace("\n2,10.5", "\n2,1o.5")).unwrap();
+        let g = ["--column", "phot_g_mean_mag=G"];
+        let with = |files: &[&str], more: &[&str]| {
+            imported(&[files, &["--out", &out], more].concat()).map_err(|error| format!("{error:#}"))
+        };
+        assert!(with(&[&good, &bad], &g).unwrap_err().contains("bad.csv, line 3"));
+        let told = with(&[&bad], &g).unwrap_err();
+        assert!(told.contains("took in \"good.csv\", which is not named now"), "{told}");
+        let told = with(&[&good], &[g[0], g[1], "--epoch", "2000"]).unwrap_err();
+        assert!(
+            told.contains("epoch J2016 and phot_g_mean_mag=G was cut") && told.contains("wanted epoch J2000"),
+            "{told}"
+        );
+        let told = with(&[&good], &[]).unwrap_err();
+        assert!(told.contains("wanted epoch J2016 and Gaia's columns"), "{told}");
+        assert!(with(&[&good], &["--column", "phot_g_mean_mag=mag", g[0], g[1]]).unwrap().contains("   4 rows\n"));
+    }
+
+    #[test]
+    fn an_import_cut_short_while_layers_are_written_goes_on() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        let (csv, out) = (path("stars.csv"), path("layers"));
+        std::fs::write(&csv, CSV).unwrap();
+        let line = [&csv, "--out", &out, "--column", "phot_g_mean_mag=G"];
+        std::fs::create_dir_all(path("layers/g14.part")).unwrap();
+        let error = format!("{:#}", imported(&line).unwrap_err());
+        assert!(error.contains("g14.part"), "{error}");
+        // As when it is cut short after the first of its layers got its name.
+        std::fs::remove_dir(path("layers/g14.part")).unwrap();
+        std::fs::rename(path("layers/g10.part"), path("layers/g10.starlayer")).unwrap();
+        let told = imported(&line).unwrap();
+        assert!(told.contains("g10.starlayer: 1 stars") && told.contains("g14.starlayer: 1 stars"), "{told}");
+        let again = imported(&line).unwrap_err().to_string();
+        assert!(again.contains("has g10.starlayer already"), "control: {again}");
+        assert!(!folder.path().join("layers/import").exists(), "a refused import leaves nothing");
+    }
+
+    #[test]
     fn bad_arguments_are_named() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("layers");
@@ -325,5 +387,6 @@ mod tests {
         assert!(refused(&["--column", "G"]).contains("wanted GAIA=HERE"));
         assert!(refused(&["--column", "mag=G"]).contains("wanted one of source_id"));
         assert!(refused(&[]).contains("no.csv"));
+        assert!(!out.exists(), "nothing was made");
     }
 }

@@ -143,6 +143,13 @@ fn describe(
             files.len(),
             layers.below_mag()
         )?;
+        let from = layers.from_mag();
+        if from > f32::NEG_INFINITY {
+            writeln!(
+                text,
+                "  WARNING      stars brighter than G = {from} are missing from the frames: no layer has them"
+            )?;
+        }
     }
     let faintest = sky.faintest_mag();
     if camera.radiometry.limiting_mag > f64::from(faintest) {
@@ -284,6 +291,20 @@ mod tests {
         let document = Document::built_in("scenarios/acquisition.toml").unwrap().with_settings(settings);
         let error = format!("{:#}", checked(&document, true).unwrap_err());
         assert!(error.contains("wheel_failure") && error.contains("wheel 9"), "{error}");
+    }
+
+    #[test]
+    fn bright_layers_that_are_left_out_are_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let sorting = crate::sky::layer::Sorting::start(&folder.path().join("work"), &[4.5, 7.0]).unwrap();
+        let reports = sorting.finish(folder.path(), 2016.0, "whom it concerns", &mut |_| {}).unwrap();
+        let mut bench = Bench::built_in().unwrap();
+        bench.layers = reports.into_iter().map(|report| report.path).collect();
+        let warning = "WARNING      stars brighter than G = 4.5 are missing from the frames";
+        assert!(!report(&bench, true).unwrap().contains("stars brighter than"), "control: with all layers");
+        bench.layers.remove(0);
+        let text = report(&bench, true).unwrap();
+        assert!(text.contains(warning), "no \"{warning}\" in:\n{text}");
     }
 
     #[test]

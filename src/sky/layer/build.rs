@@ -4,14 +4,16 @@
 //! file is sorted by tile and magnitude and appended to its layer ([`Sorting::finish`]). Memory: buffers of 64 MiB, and one
 //! file at a time (the densest part of the whole of Gaia DR3 has some 5 million stars: half a gigabyte while it is sorted).
 //! After each input, [`Sorting::checkpoint`] writes down how long the files are: an import that is cut short goes on after
-//! its last whole input, as files are cut back to those lengths. A layer gets its name when it is whole. A star whose row
-//! comes twice (the same number, place and magnitude) is taken once and counted. Tests: `tests`.
+//! its last whole input, as files are cut back to those lengths, when it reads the same inputs in the same way
+//! ([`Sorting::hold_to`]). Layers get their names when all are whole; that they are about to is written down before, so that
+//! an import cut short there goes on too ([`Sorting::is_finishing`]). A star whose row comes twice (the same number, place
+//! and magnitude) is taken once and counted. Tests: `tests`.
 
 use super::error::LayerError;
 use super::layout::{
     HEADER_BYTES, Header, RECORD_BYTES, StarRecord, TileFrame, VERSION, head_crc32, order_for, tiles_of,
 };
-use super::star::{NewStar, ROW_BYTES, StarCounts, TakenStar, WaitingRow};
+use super::star::{IDENTITY_BYTES, NewStar, ROW_BYTES, StarCounts, TakenStar, WaitingRow};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
@@ -30,6 +32,12 @@ const PROGRESS: &str = "progress.json";
 struct Progress {
     /// Layers it makes: below which magnitude each.
     limits_mag: Vec<f32>,
+    /// How inputs are read, in words.
+    #[serde(default)]
+    options: String,
+    /// The folder into which its layers are being written, when all stars are taken in.
+    #[serde(default)]
+    finishing: Option<String>,
     /// Inputs taken in whole: name and what tells that it is the same.
     inputs: BTreeMap<String, String>,
     /// Bytes of each file of rows.
@@ -101,7 +109,37 @@ impl Sorting {
         Ok(sorting)
     }
 
-    /// Cuts files of rows back to where the last checkpoint has them.
+    /// True when an earlier import into the folder `work` had begun to write its layers into `out`: those that are there
+    /// may be its own, and it goes on.
+    #[must_use]
+    pub fn is_finishing(work: &Path, out: &Path) -> bool {
+        let progress =
+            fs::read(work.join(PROGRESS)).ok().and_then(|text| serde_json::from_slice::<Progress>(&text).ok());
+        progress.is_some_and(|progress| progress.finishing.is_some() && progress.finishing == folder_mark(out).ok())
+    }
+
+    /// Holds the import to what an earlier try began: `options` says how inputs are read, and all inputs that the earlier
+    /// try took in must be among `inputs`.
+    ///
+    /// # Errors
+    /// When the earlier try read its inputs otherwise, or took in one that is not named now.
+    pub fn hold_to(&mut self, options: &str, inputs: &[&str]) -> Result<(), LayerError> {
+        let refuse = |why| Err(LayerError::Work { path: self.work.join(PROGRESS), why });
+        let progress = &self.progress;
+        if !progress.inputs.is_empty() && progress.options != options {
+            let began = if progress.options.is_empty() { "unknown options" } else { &progress.options };
+            return refuse(format!("an import with {began} was cut short here, wanted {options}"));
+        }
+        if let Some(other) = progress.inputs.keys().find(|known| !inputs.contains(&known.as_str())) {
+            return refuse(format!(
+                "an import that was cut short here took in \"{other}\", which is not named now: name all its files again"
+            ));
+        }
+        self.progress.options = options.into();
+        Ok(())
+    }
+
+    /// Cuts files of rows back to where the last checkpoint has them, and removes those that it does not know.
     fn cut_back(&self) -> Result<(), LayerError> {
         for entry in fs::read_dir(&self.work).map_err(LayerError::file("cannot list", &self.work))? {
             let path = entry.map_err(LayerError::file("cannot list", &self.work))?.path();
@@ -110,6 +148,10 @@ impl Sorting {
                 continue;
             };
             let wanted = self.progress.rows.get(name).copied().unwrap_or(0);
+            if wanted == 0 {
+                fs::remove_file(&path).map_err(LayerError::file("cannot remove", &path))?;
+                continue;
+            }
             let file = OpenOptions::new().write(true).open(&path).map_err(LayerError::file("cannot open", &path))?;
             let got = file.metadata().map_err(LayerError::file("cannot read", &path))?.len();
             if got < wanted {
@@ -213,13 +255,18 @@ impl Sorting {
     /// # Errors
     /// When the disk failed.
     pub fn checkpoint(&mut self, input: &str, mark: &str) -> Result<(), LayerError> {
+        self.progress.inputs.insert(input.into(), mark.into());
+        self.save()
+    }
+
+    /// Writes the progress down, after the rows that it speaks of.
+    fn save(&mut self) -> Result<(), LayerError> {
         self.write_rows()?;
         // Rows must be on the disk before it is written down that they are.
         for name in core::mem::take(&mut self.unsynced) {
             let path = self.work.join(name);
             File::open(&path).and_then(|file| file.sync_data()).map_err(LayerError::file("cannot write", &path))?;
         }
-        self.progress.inputs.insert(input.into(), mark.into());
         let text = serde_json::to_vec_pretty(&self.progress).map_err(std::io::Error::from);
         let path = self.work.join(PROGRESS);
         let written = text.and_then(|text| {
@@ -230,7 +277,8 @@ impl Sorting {
     }
 
     /// Sorts everything into layers `out/gNN.starlayer` of epoch `epoch_yr`, with the credits the stars ask for, in the
-    /// place of those that are there, and removes the folder of the import. `progress` is told the share done, 0..1.
+    /// place of those that are there, and removes the folder of the import. No layer gets its name before all are whole.
+    /// `progress` is told the share done, 0..1.
     ///
     /// # Errors
     /// When the disk failed.
@@ -241,30 +289,31 @@ impl Sorting {
         credits: &str,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Vec<LayerReport>, LayerError> {
-        self.write_rows()?;
         fs::create_dir_all(out).map_err(LayerError::file("cannot make", out))?;
+        self.progress.finishing = Some(folder_mark(out).map_err(LayerError::file("cannot find", out))?);
+        self.save()?;
         let limits = self.progress.limits_mag.clone();
-        let mut reports = Vec::with_capacity(limits.len());
+        let mut whole = Vec::with_capacity(limits.len());
         for (layer, limit) in limits.iter().enumerate() {
             let from = layer.checked_sub(1).map_or(f32::NEG_INFINITY, |before| limits[before]);
             let path = out.join(layer_name(*limit));
             let head = Head { magnitudes: [from, *limit], epoch_yr, credits };
             let mut share = |done: f64| progress((layer as f64 + done) / limits.len() as f64);
-            reports.push(self.write_layer(layer, &path, &head, &mut share)?);
+            whole.push(self.write_layer(layer, &path, &head, &mut share)?);
         }
+        let reports = whole.into_iter().map(UnnamedLayer::name).collect::<Result<_, _>>()?;
         self.remove_work()?;
         Ok(reports)
     }
 
     /// Removes what was needed to go on, the progress first: without it nothing else is missed.
     fn remove_work(&self) -> Result<(), LayerError> {
-        for name in core::iter::once(PROGRESS).chain(self.progress.rows.keys().map(String::as_str)) {
-            let path = self.work.join(name);
-            match fs::remove_file(&path) {
-                Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                    return Err(LayerError::file("cannot remove", &path)(error));
-                }
-                _ => {}
+        let path = self.work.join(PROGRESS);
+        fs::remove_file(&path).map_err(LayerError::file("cannot remove", &path))?;
+        for entry in fs::read_dir(&self.work).map_err(LayerError::file("cannot list", &self.work))? {
+            let path = entry.map_err(LayerError::file("cannot list", &self.work))?.path();
+            if is_ours(&path) {
+                fs::remove_file(&path).map_err(LayerError::file("cannot remove", &path))?;
             }
         }
         fs::remove_dir(&self.work).map_err(LayerError::file("cannot remove", &self.work))
@@ -276,7 +325,7 @@ impl Sorting {
         path: &Path,
         head: &Head<'_>,
         progress: &mut dyn FnMut(f64),
-    ) -> Result<LayerReport, LayerError> {
+    ) -> Result<UnnamedLayer, LayerError> {
         let parts: Vec<u64> = (0..tiles_of(PART_ORDER) as u64).collect();
         let length = |part: &u64| self.progress.rows.get(&rows_name(layer, *part)).copied().unwrap_or(0);
         let order = order_for(parts.iter().map(length).sum::<u64>() / ROW_BYTES as u64);
@@ -288,7 +337,7 @@ impl Sorting {
             }
             progress(*part as f64 / parts.len() as f64);
         }
-        writer.finish(head)
+        writer.complete(head)
     }
 
     fn read_rows(&self, layer: usize, part: u64) -> Result<Vec<WaitingRow>, LayerError> {
@@ -303,6 +352,11 @@ impl Sorting {
         }
         Ok(rows.iter().map(WaitingRow::from_bytes).collect())
     }
+}
+
+/// What a folder is known by when it is named again in another way.
+fn folder_mark(folder: &Path) -> std::io::Result<String> {
+    Ok(fs::canonicalize(folder)?.to_string_lossy().into_owned())
 }
 
 /// Whether a file of a folder is one of an import.
@@ -326,6 +380,22 @@ pub(in crate::sky) struct Head<'a> {
     pub(in crate::sky) magnitudes: [f32; 2],
     pub(in crate::sky) epoch_yr: f64,
     pub(in crate::sky) credits: &'a str,
+}
+
+/// A layer that is whole and on the disk, before it gets its name.
+#[must_use]
+struct UnnamedLayer {
+    unfinished: PathBuf,
+    report: LayerReport,
+}
+
+impl UnnamedLayer {
+    /// Gives the file its name.
+    fn name(self) -> Result<LayerReport, LayerError> {
+        let renamed = fs::rename(&self.unfinished, &self.report.path);
+        renamed.map_err(LayerError::file("cannot rename", &self.unfinished))?;
+        Ok(self.report)
+    }
 }
 
 /// A layer while it is written: records first, then the head before them. It gets its name when it is whole.
@@ -364,9 +434,10 @@ impl LayerWriter {
 
     /// Appends the stars of one part of the sky, which come after those before.
     fn append(&mut self, mut rows: Vec<WaitingRow>) -> Result<(), LayerError> {
-        rows.sort_by_key(|row| row.source_id);
+        rows.sort_unstable_by_key(|row| row.to_bytes());
         let before = rows.len();
-        rows.dedup_by_key(|row| row.source_id);
+        // Catalogs that are imported together may use the same numbers for different stars.
+        rows.dedup_by(|a, b| a.to_bytes()[..IDENTITY_BYTES] == b.to_bytes()[..IDENTITY_BYTES]);
         self.doubled += (before - rows.len()) as u64;
         let mut sorted: Vec<(u64, WaitingRow)> = rows.into_iter().map(|row| (row.tile(self.order), row)).collect();
         sorted.sort_by_key(|(tile, row)| (*tile, row.g, row.source_id));
@@ -406,7 +477,12 @@ impl LayerWriter {
     }
 
     /// Writes the head, and gives the file its name.
-    pub(in crate::sky) fn finish(mut self, head: &Head<'_>) -> Result<LayerReport, LayerError> {
+    pub(in crate::sky) fn finish(self, head: &Head<'_>) -> Result<LayerReport, LayerError> {
+        self.complete(head)?.name()
+    }
+
+    /// Writes the head.
+    fn complete(mut self, head: &Head<'_>) -> Result<UnnamedLayer, LayerError> {
         self.skip_to(tiles_of(self.order) as u64);
         self.firsts.push(self.stars);
         let header = Header {
@@ -433,10 +509,12 @@ impl LayerWriter {
             self.out.get_ref().sync_all()
         })();
         written.map_err(LayerError::file("cannot write", &self.unfinished))?;
-        fs::rename(&self.unfinished, &self.path).map_err(LayerError::file("cannot rename", &self.unfinished))?;
-        let Self { path, order, stars, doubled, .. } = self;
+        let Self { path, unfinished, order, stars, doubled, .. } = self;
         let bytes = bytes.len() as u64 + stars * RECORD_BYTES as u64;
-        Ok(LayerReport { path, magnitudes: head.magnitudes, stars, doubled, order, bytes })
+        Ok(UnnamedLayer {
+            unfinished,
+            report: LayerReport { path, magnitudes: head.magnitudes, stars, doubled, order, bytes },
+        })
     }
 }
 

@@ -91,6 +91,12 @@ impl LayerSet {
         self.limiting_mag
     }
 
+    /// Magnitude from which stars are there: the begin of the brightest layer; minus infinity when no bright star is missing.
+    #[must_use]
+    pub fn from_mag(&self) -> f32 {
+        self.layers.first().map_or(f32::INFINITY, |layer| layer.magnitudes()[0])
+    }
+
     /// Magnitude below which all stars are: the end of the faintest layer.
     #[must_use]
     pub fn below_mag(&self) -> f32 {

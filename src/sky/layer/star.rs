@@ -91,6 +91,8 @@ pub(in crate::sky) fn tile_records(order: u8, tile: u64, stars: &[NewStar]) -> R
 
 /// Bytes of a waiting row.
 pub(super) const ROW_BYTES: usize = 34;
+/// Its first bytes, its number, place and magnitude: two rows with the same are one star that came twice.
+pub(super) const IDENTITY_BYTES: usize = 26;
 
 impl WaitingRow {
     /// A star in stored steps, and what was found in it.

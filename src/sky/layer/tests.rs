@@ -157,6 +157,19 @@ fn stars_that_come_twice_are_taken_once_and_counted() {
 }
 
 #[test]
+fn different_stars_of_one_number_are_both_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let [star] = stars(1, 6)[..] else { panic!("one") };
+    let star = NewStar { mag_g: 9.0, ..star };
+    let east = NewStar { ra_rad: (star.ra_rad + MAS) % TAU, ..star };
+    let north = NewStar { dec_rad: star.dec_rad - MAS, ..star };
+    let fainter = NewStar { mag_g: 9.001, ..star };
+    let other_motion = NewStar { motion_mas_yr: Some([1.0, 2.0]), ..star };
+    let reports = build(folder.path(), &[star, east, north, fainter, star, other_motion]);
+    assert_eq!((reports[0].stars, reports[0].doubled), (4, 2), "the star itself came three times");
+}
+
+#[test]
 fn fainter_stars_than_the_last_layer_are_counted() {
     let folder = tempfile::tempdir().unwrap();
     let mut sorting = Sorting::start(folder.path(), &LIMITS).unwrap();
@@ -197,6 +210,85 @@ fn an_import_that_is_cut_short_goes_on() {
     for (a, b) in whole.iter().zip(&resumed) {
         assert_eq!(std::fs::read(&a.path).unwrap(), std::fs::read(&b.path).unwrap());
     }
+}
+
+#[test]
+fn an_import_goes_on_only_with_the_same_options_and_all_its_inputs() {
+    let folder = tempfile::tempdir().unwrap();
+    let stars = stars(100, 12);
+    let (work, j2016) = (folder.path().join("work"), "epoch J2016");
+    let mut sorting = Sorting::start(&work, &LIMITS).unwrap();
+    sorting.hold_to("what was tried before any input was taken in", &[]).unwrap();
+    sorting.hold_to(j2016, &["first.csv", "second.csv"]).unwrap();
+    stars.iter().for_each(|star| sorting.add(star).unwrap());
+    sorting.checkpoint("first.csv", "11 bytes").unwrap();
+    let mut sorting = Sorting::start(&work, &LIMITS).unwrap();
+    let mut refused = |options: &str, inputs: &[&str]| sorting.hold_to(options, inputs).unwrap_err().to_string();
+    let told = refused("epoch J2000", &["first.csv"]);
+    assert!(told.contains("an import with epoch J2016 was cut short here, wanted epoch J2000"), "{told}");
+    let told = refused(j2016, &["second.csv"]);
+    assert!(told.contains("took in \"first.csv\", which is not named now"), "{told}");
+    sorting.hold_to(j2016, &["zeroth.csv", "first.csv"]).unwrap();
+
+    let unmarked = folder.path().join("unmarked");
+    cut_short(&unmarked, [&stars, &stars], 0);
+    let told = Sorting::start(&unmarked, &LIMITS).unwrap().hold_to(j2016, &["first.csv"]).unwrap_err().to_string();
+    assert!(told.contains("an import with unknown options"), "{told}");
+}
+
+#[test]
+fn rows_that_no_checkpoint_knows_are_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (work, stars) = (folder.path().join("work"), stars(300, 13));
+    let rows = |work: &Path| {
+        let files = std::fs::read_dir(work).unwrap().map(|entry| entry.unwrap().path());
+        files.filter(|path| path.extension().is_some_and(|kind| kind == "rows")).count()
+    };
+    let mut sorting = Sorting::start(&work, &LIMITS).unwrap();
+    stars.iter().for_each(|star| sorting.add(star).unwrap());
+    sorting.write_rows_for_tests();
+    assert!(rows(&work) > 100, "control: an import that is cut short before its first checkpoint leaves rows");
+    drop(sorting);
+    let mut sorting = Sorting::start(&work, &LIMITS).unwrap();
+    assert_eq!(rows(&work), 0);
+    sorting.add(&stars[0]).unwrap();
+    // What is left by whatever else may have failed does not keep the last step from its end.
+    std::fs::write(work.join("layer7_part0000.rows"), "left over").unwrap();
+    std::fs::write(work.join("progress.part"), "{").unwrap();
+    let reports = sorting.finish(&folder.path().join("layers"), 2016.0, "", &mut |_| {}).unwrap();
+    assert_eq!(reports.iter().map(|report| report.stars).sum::<u64>(), 1);
+    assert!(!work.exists());
+}
+
+#[test]
+fn layers_get_their_names_when_all_are_whole_and_an_import_cut_short_there_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let (work, out, stars) = (folder.path().join("work"), folder.path().join("layers"), stars(500, 14));
+    let wanted = build(&folder.path().join("whole"), &stars);
+    let old = build(folder.path(), &stars[..7]);
+    let old: Vec<Vec<u8>> = old.iter().map(|report| std::fs::read(&report.path).unwrap()).collect();
+    let of = |out: &Path| LIMITS.map(|limit| std::fs::read(out.join(layer_name(limit))).unwrap());
+    let mut sorting = Sorting::start(&work, &LIMITS).unwrap();
+    stars.iter().for_each(|star| sorting.add(star).unwrap());
+    sorting.checkpoint("all.csv", "11 bytes").unwrap();
+    assert!(!Sorting::is_finishing(&work, &out), "control: not yet");
+    // The last layer cannot be written: a folder is in its place.
+    let in_the_way = out.join("g18.part");
+    std::fs::create_dir(&in_the_way).unwrap();
+    let error = sorting.finish(&out, 2016.0, "whom it concerns", &mut |_| {}).unwrap_err().to_string();
+    assert!(error.contains("g18.part"), "{error}");
+    assert_eq!(of(&out).to_vec(), old, "no mixture of old and new layers");
+    assert!(Sorting::is_finishing(&work, &out));
+    assert!(Sorting::is_finishing(&work, &out.join("../layers")), "named in another way");
+    assert!(!Sorting::is_finishing(&work, folder.path()), "layers elsewhere are not its own");
+    std::fs::remove_dir(&in_the_way).unwrap();
+    let sorting = Sorting::start(&work, &LIMITS).unwrap();
+    assert!(sorting.has("all.csv", "11 bytes").unwrap());
+    sorting.finish(&out, 2016.0, "whom it concerns", &mut |_| {}).unwrap();
+    for (bytes, report) in of(&out).iter().zip(&wanted) {
+        assert!(*bytes == std::fs::read(&report.path).unwrap());
+    }
+    assert!(!work.exists() && !Sorting::is_finishing(&work, &out));
 }
 
 #[test]

@@ -237,6 +237,15 @@ fn a_damaged_tile_is_told_by_either_way_of_reading() {
 }
 
 #[test]
+fn a_sky_tells_where_its_stars_begin_and_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let paths = layers(folder.path(), 2016.0);
+    let limits = |paths: &[PathBuf]| LayerSet::open(paths, 10.0).map(|set| (set.from_mag(), set.below_mag())).unwrap();
+    assert_eq!(limits(&paths), (f32::NEG_INFINITY, 7.0));
+    assert_eq!(limits(&paths[1..]), (5.0, 7.0), "the bright layer was left out");
+}
+
+#[test]
 fn layers_that_are_no_one_sky_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let paths = layers(&folder.path().join("a"), 2016.0);
