@@ -153,6 +153,8 @@ struct Grid {
 /// Draws discs; keeps its buffers.
 #[derive(Debug, Default)]
 pub struct DiscPainter {
+    /// How far the exposure sweeps, px: so much more beyond the detector may leave light on it.
+    pub sweep_px: f64,
     above: Vec<Corner>,
     below: Vec<Corner>,
 }
@@ -168,7 +170,7 @@ impl DiscPainter {
         before: &Occultation,
         out: &mut Vec<Source>,
     ) -> Option<Drawn> {
-        let grid = grid(&disc.body, camera, sensor_from_icrf)?;
+        let grid = grid(&disc.body, camera, sensor_from_icrf, MARGIN_PX + self.sweep_px)?;
         let view = View { disc, camera, icrf_from_sensor: sensor_from_icrf.inverse(), before };
         let (first, mut before_hiding_e) = (out.len(), 0.0);
         let Self { above, below } = self;
@@ -275,15 +277,20 @@ fn part_inside(depths: [f64; 4]) -> (f64, [f64; 2]) {
 }
 
 /// The cells that a body may lie on; `None` when it is out of sight.
-fn grid(body: &Spheroid, camera: &CameraGeometry, sensor_from_icrf: &Rotation<Sensor, Icrf>) -> Option<Grid> {
+fn grid(
+    body: &Spheroid,
+    camera: &CameraGeometry,
+    sensor_from_icrf: &Rotation<Sensor, Icrf>,
+    margin_px: f64,
+) -> Option<Grid> {
     let middle = sensor_from_icrf.apply(body.apparent_centre());
     let radius_rad = body.angular_radius_rad();
     let size_px = [camera.width_px(), camera.height_px()].map(|size| size as f64);
-    let field_rad = camera.half_diagonal_rad() + MARGIN_PX * camera.ifov_rad()[0].max(camera.ifov_rad()[1]);
+    let field_rad = camera.half_diagonal_rad() + margin_px * camera.ifov_rad()[0].max(camera.ifov_rad()[1]);
     if middle.angle_between(DVec3::Z) > radius_rad + field_rad {
         return None;
     }
-    let everything = [[-MARGIN_PX; 2], size_px.map(|size| size - 1.0 + MARGIN_PX)];
+    let everything = [[-margin_px; 2], size_px.map(|size| size - 1.0 + margin_px)];
     let limb = limb_px(middle, radius_rad, camera);
     let radius_px = limb.map_or(f64::INFINITY, |[low, high]| 0.5 * (high[0] - low[0]).max(high[1] - low[1]));
     let [low, high] = limb.unwrap_or(everything);

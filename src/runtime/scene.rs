@@ -78,6 +78,7 @@ impl Scene {
         self.stars.find_in_view(los)?;
         report.shortfall = self.stars.shortfall();
         if let Some(bodies) = &mut self.bodies {
+            bodies.expect_sweep(los.rate_rad_s.length() * los.exposure_s);
             bodies.seen(self.stars.found(), &los.mid_sensor_from_icrf, los.mid_exposure())?;
             report.bodies = bodies.counts();
         }

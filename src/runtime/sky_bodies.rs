@@ -133,6 +133,12 @@ impl SkyBodies {
         self.counts
     }
 
+    /// The exposure that comes sweeps so far, rad: bodies so much beyond the detector may shine on it.
+    pub fn expect_sweep(&mut self, sweep_rad: f64) {
+        let [ifov_x, ifov_y] = self.camera.geometry.ifov_rad();
+        self.painter.sweep_px = sweep_rad / ifov_x.min(ifov_y);
+    }
+
     /// Everything to draw: `stars` less those that are hidden, and the bodies in the field.
     ///
     /// # Errors
@@ -187,7 +193,7 @@ impl SkyBodies {
 
     fn field_rad(&self) -> f64 {
         let [ifov_x, ifov_y] = self.camera.geometry.ifov_rad();
-        self.camera.geometry.half_diagonal_rad() + MARGIN_PX * ifov_x.max(ifov_y)
+        self.camera.geometry.half_diagonal_rad() + (MARGIN_PX + self.painter.sweep_px) * ifov_x.max(ifov_y)
     }
 
     fn take_stars(&mut self, stars: &[Source], before: &Occultation, sensor_from_icrf: &Rotation<Sensor, Icrf>) {

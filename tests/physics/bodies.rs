@@ -422,6 +422,14 @@ fn a_far_earth_shines_as_a_lambert_sphere() {
     // Flattening takes 0.3 % of the disc, the near sphere's horizon as much.
     assert!((sum / wanted - 1.0).abs() < 0.03, "{}", sum / wanted);
     assert!(phase > 0.2 && phase < 2.9, "control: not a trivial phase: {phase}");
+    // Beside the field it is not drawn, unless the exposure sweeps as far.
+    let dir = earth.apparent_icrf;
+    let aside = pointed(glam::DQuat::from_axis_angle(dir.any_orthonormal_vector(), 310.0 / 3_000.0) * dir);
+    let mut cells = |sweep_px: f64| {
+        bodies.expect_sweep(sweep_px / 3_000.0);
+        bodies.seen(&[], &aside, at).expect("a sky").iter().filter(|s| s.id == FIRST_BODY_ID + 3).count()
+    };
+    assert!(cells(0.0) == 0 && cells(250.0) > 100, "{} {}", cells(0.0), cells(250.0));
 }
 
 #[test]
