@@ -173,7 +173,7 @@ impl DiscPainter {
         let grid = grid(&disc.body, camera, sensor_from_icrf, MARGIN_PX + self.sweep_px)?;
         let view = View { disc, camera, icrf_from_sensor: sensor_from_icrf.inverse(), before };
         let (first, mut before_hiding_e) = (out.len(), 0.0);
-        let Self { above, below } = self;
+        let Self { above, below, .. } = self;
         view.corners(&grid, 0, above);
         for row in 0..grid.cells[1] {
             view.corners(&grid, row + 1, below);
