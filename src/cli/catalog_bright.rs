@@ -80,6 +80,14 @@ mod tests {
         assert!(bright.refuse_more("more.csv").unwrap_err().to_string().contains("more.csv: the bright stars were"));
         bright.take_in(&mut sorting, &line).unwrap();
         assert_eq!(sorting.counts().stars, 1, "once");
+        // The same file by another name: no star twice.
+        let (copy, work) = (folder.path().join("copy.dat"), folder.path().join("twice"));
+        std::fs::write(&copy, VEGA).unwrap();
+        let twice = [files[0].clone(), copy];
+        let mut both = Sorting::start(&work, &[10.0]).unwrap();
+        BrightInput::new(&twice, 2016.0, &both).unwrap().take_in(&mut both, &line).unwrap();
+        assert_eq!(both.counts().stars, 1, "once of two files");
+        assert!(both.told().any(|told| told == ("bright stars that came twice, taken once", 1)));
         let other = BrightInput::new(&[], 2016.0, &sorting).err().expect("refused").to_string();
         assert!(other.contains("\"bright stars\" was taken in as [suppl_1.dat"), "{other}");
     }

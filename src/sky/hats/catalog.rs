@@ -144,9 +144,12 @@ fn listed(path: &Path) -> Result<Vec<Pixel>, HatsError> {
 /// The files of each pixel that are on disk.
 fn there(folder: &Path, suffix: &str) -> Result<BTreeMap<Pixel, Vec<PathBuf>>, HatsError> {
     let mut there = BTreeMap::new();
-    for (order, path) in numbered(&folder.join("dataset"), "Norder=", "")? {
-        for (_, path) in numbered(&path, "Dir=", "")? {
-            for (number, path) in numbered(&path, "Npix=", suffix.trim_matches('/'))? {
+    let mut orders = visible(&folder.join("dataset"))?;
+    // Files beside them tell of the catalog as a whole: `data_thumbnail.parquet`, `per_partition_statistics.parquet`, ...
+    orders.retain(|path| path.is_dir());
+    for (order, path) in numbered(orders, "Norder=", "")? {
+        for (_, path) in numbered(visible(&path)?, "Dir=", "")? {
+            for (number, path) in numbered(visible(&path)?, "Npix=", suffix.trim_matches('/'))? {
                 let foreign = |what: &str| HatsError::Partition { path: path.clone(), what: what.into() };
                 let pixel = Pixel::new(order, number);
                 let pixel = pixel.ok_or_else(|| foreign(&format!("no HEALPix pixel of order 0 to {MOST_ORDER}")))?;
@@ -166,8 +169,8 @@ fn there(folder: &Path, suffix: &str) -> Result<BTreeMap<Pixel, Vec<PathBuf>>, H
     Ok(there)
 }
 
-/// What lies in a folder, of names like `Norder=5`, by number; anything else is foreign to a catalog.
-fn numbered(folder: &Path, prefix: &str, suffix: &str) -> Result<Vec<(u64, PathBuf)>, HatsError> {
+/// Files and folders of names like `Norder=5`, by number; anything else is foreign to a catalog.
+fn numbered(paths: BTreeSet<PathBuf>, prefix: &str, suffix: &str) -> Result<Vec<(u64, PathBuf)>, HatsError> {
     let number = |path: PathBuf| {
         let name = path.file_name().and_then(|name| name.to_str());
         let suffix = if path.is_dir() { "" } else { suffix };
@@ -175,7 +178,7 @@ fn numbered(folder: &Path, prefix: &str, suffix: &str) -> Result<Vec<(u64, PathB
         let what = || format!("wanted {prefix}, a number, and \"{suffix}\"");
         number.map(|number| (number, path.clone())).ok_or_else(|| HatsError::Partition { path, what: what() })
     };
-    visible(folder)?.into_iter().map(number).collect()
+    paths.into_iter().map(number).collect()
 }
 
 /// Files and folders, sorted, but those that readers of Parquet folders leave out: `_metadata`, `.crc` files, ...

@@ -136,6 +136,12 @@ pub enum HatsError {
         /// The folder.
         path: PathBuf,
     },
+    /// A catalog is given its name when it is whole.
+    #[error("{path:?}: wanted the name of a new folder for the catalog, such as out/sky, got none at its end")]
+    Name {
+        /// The path.
+        path: PathBuf,
+    },
     /// The writer of Parquet cannot go on.
     #[error("cannot write {path}: {source}", path = path.display())]
     Writing {

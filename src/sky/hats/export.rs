@@ -53,6 +53,11 @@ pub fn export(
     progress: &mut dyn FnMut(f64),
 ) -> Result<ExportReport, HatsError> {
     check(layers)?;
+    // Without a slash at its end: a name is put beside it.
+    let folder = &folder.components().collect::<PathBuf>();
+    if folder.file_name().is_none() {
+        return Err(HatsError::Name { path: folder.into() });
+    }
     let mut unfinished = folder.as_os_str().to_owned();
     unfinished.push(".part");
     let unfinished = PathBuf::from(unfinished);

@@ -131,6 +131,13 @@ fn layers_that_do_not_fit_together_are_not_exported() {
     std::fs::write(path("damaged"), bytes).unwrap();
     assert!(refused(&[Layer::open(&path("damaged")).unwrap()], 100).contains("damaged: tile"));
     export(&[layer(0)], &path("out"), &exporting(100), &mut |_| {}).unwrap();
+    let slash = PathBuf::from(format!("{}/", path("slash").display()));
+    export(&[layer(0)], &slash, &exporting(100), &mut |_| {}).unwrap();
+    assert!(HatsCatalog::open(&path("slash")).is_ok() && !path("slash.part").exists());
+    for nameless in ["", ".", "./", "..", "no_such/.."] {
+        let told = export(&[layer(0)], Path::new(nameless), &exporting(100), &mut |_| {}).unwrap_err().to_string();
+        assert!(told.contains("wanted the name of a new folder"), "{nameless:?}: {told}");
+    }
     let again = export(&[layer(0)], &path("out"), &exporting(100), &mut |_| {}).unwrap_err().to_string();
     assert!(again.contains("out: there already"), "{again}");
 }
@@ -385,7 +392,9 @@ fn catalog(folder: &Path) -> PathBuf {
         write_file(&path.join(format!("dataset/Norder=0/Dir=0/Npix={pixel}.parquet")), &file, &PLAIN);
     }
     std::fs::write(path.join("partition_info.csv"), "Norder,Npix,num_rows\n0,4,100\n0,6,100\n").unwrap();
-    std::fs::write(path.join("dataset/_metadata"), "left out").unwrap();
+    for beside in ["_metadata", "data_thumbnail.parquet", "per_partition_statistics.parquet"] {
+        std::fs::write(path.join("dataset").join(beside), "left out").unwrap();
+    }
     write_properties(&path, &[]);
     path
 }
@@ -461,6 +470,9 @@ fn catalogs_are_whole_or_refused() {
     refused("partition_info.csv, line 1");
     std::fs::write(&list, "Norder,Npix\n0,4\n0,6\n").unwrap();
 
+    std::fs::create_dir(path.join("dataset/more")).unwrap();
+    refused("more: wanted Norder=, a number");
+    std::fs::remove_dir(path.join("dataset/more")).unwrap();
     let strange = path.join("dataset/Norder=0/Dir=0/notes.txt");
     std::fs::write(&strange, "").unwrap();
     refused("notes.txt: wanted Npix=, a number, and \".parquet\"");

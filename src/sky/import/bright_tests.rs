@@ -146,6 +146,35 @@ fn no_flipped_bit_and_no_cut_loses_a_line_silently() {
 }
 
 #[test]
+fn stars_that_come_twice_or_are_too_faint_are_counted_and_not_added() {
+    let told = |text: &str, limit_mag: f32| {
+        let folder = tempfile::tempdir().unwrap();
+        let mut sorting = Sorting::start(folder.path(), &[limit_mag]).unwrap();
+        add_bright(read(text).unwrap(), 2016.0, &mut sorting).unwrap();
+        let count = |what: &str| sorting.told().find(|told| told.0 == what).map(|told| told.1);
+        let counts = sorting.counts();
+        (
+            (counts.stars, counts.too_faint),
+            ["added", "twice", "fainter"].map(|word| {
+                let what = match word {
+                    "added" => "bright stars that were missing, added",
+                    "twice" => super::add_bright::TWICE,
+                    _ => super::add_bright::TOO_FAINT,
+                };
+                count(what)
+            }),
+        )
+    };
+    assert_eq!(told(HIP2, 10.0), ((4, 0), [Some(4), None, None]), "control");
+    assert_eq!(told(&HIP2.repeat(2), 10.0), ((4, 0), [Some(4), Some(4), None]));
+    assert_eq!(told(&TYC2.repeat(3), 20.0), ((4, 0), [Some(4), Some(8), None]));
+    // Polaris is of G 1.9: both sides of a layer's end, and at it.
+    let polaris = read(HIP2).unwrap().hipparcos[0].mag_g;
+    assert_eq!(told(HIP2, polaris), ((3, 0), [Some(3), None, Some(1)]));
+    assert_eq!(told(HIP2, polaris.next_up()), ((4, 0), [Some(4), None, None]));
+}
+
+#[test]
 fn stars_move_along_great_circles() {
     let polaris = direction_from_ra_dec(0.662_285_133_7, 1.557_953_108_2);
     for (direction, motion) in [(polaris, [4448.0, -1185.0]), (direction_from_ra_dec(2.0, -0.3), [-5000.0, 9000.0])] {

@@ -2,7 +2,8 @@
 //!
 //! Columns, found by name, others ignored: `source_id`, `ra`, `dec` (deg, ICRS), `pmra` (with cos dec), `pmdec` (mas/yr),
 //! `parallax` (mas), `phot_g_mean_mag`, and `bp_rp` or else `phot_bp_mean_mag` and `phot_rp_mean_mag` (mag). Where a file
-//! has other names, [`Names`] says so. Blank is an empty cell, `null`, `nan` or `NaN`. A row without place or magnitude is
+//! has other names, [`Names`] says so. A cell may stand between quotes; a row is one line all the same, so that a stray
+//! quote cannot swallow the lines after it. Blank is an empty cell, `null`, `nan` or `NaN`. A row without place or magnitude is
 //! left out and counted: nothing can be drawn of it. Positions are of epoch J2016.0 (Gaia DR3). Tests: `tests` below.
 
 use super::error::ImportError;
@@ -124,7 +125,7 @@ fn import_text(
     progress: &mut dyn FnMut(u64),
 ) -> Result<u64, ImportError> {
     let wrong = |source| ImportError::Csv { path: path.into(), source };
-    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text);
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).quoting(false).from_reader(text);
     let columns = Columns::find(path, names, reader.headers().map_err(wrong)?)?;
     let mut cells = StringRecord::new();
     let mut rows = 0;
@@ -168,6 +169,12 @@ pub(in crate::sky) fn star_of_row<E>(
     Ok(Some(NewStar { source_id, ra_rad, dec_rad, motion_mas_yr, parallax_mas, mag_g, bp_rp }))
 }
 
+/// What a cell holds, without the pair of quotes that may be around it.
+fn without_quotes(cell: &str) -> &str {
+    let cell = cell.trim();
+    cell.strip_prefix('"').and_then(|cell| cell.strip_suffix('"')).map_or(cell, str::trim)
+}
+
 struct Columns<'a> {
     names: &'a Names,
     /// `None`: the file has no such column, and needs none.
@@ -176,7 +183,7 @@ struct Columns<'a> {
 
 impl<'a> Columns<'a> {
     fn find(path: &Path, names: &'a Names, header: &StringRecord) -> Result<Self, ImportError> {
-        let place = |name: &String| header.iter().position(|cell| cell.trim() == name);
+        let place = |name: &String| header.iter().position(|cell| without_quotes(cell) == name);
         let places = core::array::from_fn(|i| place(&names.columns[i]));
         match Names::missing(|column| places[column].is_some()) {
             Some(missing) => Err(ImportError::Column {
@@ -204,7 +211,7 @@ impl Row<'_> {
     }
 
     fn text(&self, column: usize) -> &str {
-        self.columns.places[column].and_then(|place| self.cells.get(place)).unwrap_or("").trim()
+        self.columns.places[column].and_then(|place| self.cells.get(place)).map_or("", without_quotes)
     }
 
     /// A number, or `None` where the cell is blank or the file has no such column.
@@ -306,6 +313,20 @@ mod tests {
         let mut found = Vec::new();
         Layer::open(&reports[0].path).unwrap().cone(DVec3::Z, 4.0, 99.0, &mut found).unwrap();
         assert!((found[0].bp_rp - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn quotes_are_taken_off_and_a_stray_one_costs_no_other_row() {
+        let head = "\"source_id\",\"ra\",dec,pmra,pmdec,parallax,phot_g_mean_mag,bp_rp,note\n";
+        let (row, last) = ("\"1\",\"3.5\",2.0,,\"\",\"null\",15.0,1.0,\"n\"\n", "2,1.0,2.0,,,,15.0,1.0,\"\n");
+        let (done, sorting, _folder) = take(format!("{head}{row}{last}{row}").as_bytes(), "g.csv", &Names::default());
+        assert_eq!((done.unwrap(), sorting.counts().stars), (3, 3), "a quote where nobody looks");
+        let stray = format!("{head}2,\"1.0,2.0,,,,15.0,1.0,\n{row}{row}");
+        let told = take(stray.as_bytes(), "g.csv", &Names::default()).0.unwrap_err().to_string();
+        assert!(told.contains("line 2, column ra: wanted a number"), "{told}");
+        let comma = format!("{head}{}", row.replace("\"n\"", "\"n,m\""));
+        let told = take(comma.as_bytes(), "g.csv", &Names::default()).0.unwrap_err().to_string();
+        assert!(told.contains("fields"), "{told}");
     }
 
     #[test]

@@ -224,6 +224,12 @@ impl Sorting {
         self.progress.told.iter().map(|(what, count)| (what.as_str(), *count))
     }
 
+    /// Where the faintest layer ends, mag: stars from there on are not taken.
+    #[must_use]
+    pub fn faint_end_mag(&self) -> f64 {
+        self.progress.limits_mag.last().map_or(f64::NEG_INFINITY, |limit| f64::from(*limit))
+    }
+
     /// What was found so far.
     #[must_use]
     pub fn counts(&self) -> StarCounts {
