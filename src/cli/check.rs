@@ -134,30 +134,7 @@ fn describe(
     writeln!(text, "  light        {light}, drawn down to G = {}", camera.radiometry.limiting_mag)?;
     check_observer::write_observer(text, params)?;
     check_light::write_light(text, &params.camera)?;
-    if let Sky::Layers { layers, most_stars } = sky {
-        let (files, memory_mb) = (layers.layers(), params.star_memory_mb);
-        let stars: u64 = files.iter().map(Layer::stars).sum();
-        writeln!(
-            text,
-            "  stars        {stars} in {} layers to G = {}, at most {most_stars} of them in memory ({memory_mb} MiB)",
-            files.len(),
-            layers.below_mag()
-        )?;
-        let from = layers.from_mag();
-        if from > f32::NEG_INFINITY {
-            writeln!(
-                text,
-                "  WARNING      stars brighter than G = {from} are missing from the frames: no layer has them"
-            )?;
-        }
-    }
-    let faintest = sky.faintest_mag();
-    if camera.radiometry.limiting_mag > f64::from(faintest) {
-        writeln!(
-            text,
-            "  WARNING      the catalog ends at G = {faintest:.1}: fainter stars are missing from the frames"
-        )?;
-    }
+    write_stars(text, params, camera.radiometry.limiting_mag, sky)?;
     let exposed = &params.camera;
     let after_s = exposed.readout_s - params.ahead.s();
     let due = if params.ahead == Span::ZERO {
@@ -199,6 +176,35 @@ fn describe(
         "  budget       centroid {} px, flux {}, pixel {} sigma, line of sight {} arcsec",
         budget.centroid_px, budget.flux_rel, budget.pixel_sigma, budget.los_arcsec
     )?;
+    Ok(())
+}
+
+/// The stars there are, and which of those that the camera sees are not.
+fn write_stars(text: &mut String, params: &RunParams, limiting_mag: f64, sky: &Sky) -> Result<()> {
+    if let Sky::Layers { layers, most_stars } = sky {
+        let (files, memory_mb) = (layers.layers(), params.star_memory_mb);
+        let stars: u64 = files.iter().map(Layer::stars).sum();
+        writeln!(
+            text,
+            "  stars        {stars} in {} layers to G = {}, at most {most_stars} of them in memory ({memory_mb} MiB)",
+            files.len(),
+            layers.below_mag()
+        )?;
+        let from = layers.from_mag();
+        if from > f32::NEG_INFINITY {
+            writeln!(
+                text,
+                "  WARNING      stars brighter than G = {from} are missing from the frames: no layer has them"
+            )?;
+        }
+    }
+    let faintest = sky.faintest_mag();
+    if limiting_mag > f64::from(faintest) {
+        writeln!(
+            text,
+            "  WARNING      the catalog ends at G = {faintest:.1}: fainter stars are missing from the frames"
+        )?;
+    }
     Ok(())
 }
 
