@@ -424,7 +424,7 @@ fn a_far_earth_shines_as_a_lambert_sphere() {
     assert!(phase > 0.2 && phase < 2.9, "control: not a trivial phase: {phase}");
     // Beside the field it is not drawn, unless the exposure sweeps as far.
     let dir = earth.apparent_icrf;
-    let aside = pointed(glam::DQuat::from_axis_angle(dir.any_orthonormal_vector(), 310.0 / 3_000.0) * dir);
+    let aside = pointed(DQuat::from_axis_angle(dir.any_orthonormal_vector(), 310.0 / 3_000.0) * dir);
     let mut cells = |sweep_px: f64| {
         bodies.expect_sweep(sweep_px / 3_000.0);
         bodies.seen(&[], &aside, at).expect("a sky").iter().filter(|s| s.id == FIRST_BODY_ID + 3).count()

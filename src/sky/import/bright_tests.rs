@@ -158,8 +158,8 @@ fn stars_that_come_twice_or_are_too_faint_are_counted_and_not_added() {
             ["added", "twice", "fainter"].map(|word| {
                 let what = match word {
                     "added" => "bright stars that were missing, added",
-                    "twice" => super::add_bright::TWICE,
-                    _ => super::add_bright::TOO_FAINT,
+                    "twice" => add_bright::TWICE,
+                    _ => add_bright::TOO_FAINT,
                 };
                 count(what)
             }),
