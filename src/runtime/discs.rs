@@ -9,7 +9,7 @@
 //! * Cells of more than a pixel, taken when there would be more than [`MOST_CELLS`], show as dots: [`ripple`].
 //!
 //! Cells on the limb hold the part of them inside it, by straight lines between the cell's corners, at its centre of gravity:
-//! the area of a disc is right to 0.1 % at [`CELLS_PER_RADIUS`]. Electrons are radiance times solid angle of the cell, so
+//! the area of a disc is right to 0.1 % at `CELLS_PER_RADIUS`. Electrons are radiance times solid angle of the cell, so
 //! that a part of a disc has its part of the light.
 //!
 //! Laws: the Earth and planets are Lambert spheres, `cos i`; Moon and Mercury are Lommel-Seeliger, `cos i / (cos i + cos e)`, flat

@@ -1,7 +1,7 @@
 //! Catalogs and layers -> stars per square degree over the whole sky -> a picture.
 //!
 //! Stars are counted in HEALPix cells, so fine that a mean cell has some ten of them and no finer than order
-//! [`FINEST_ORDER`]. The picture is a Mollweide projection (equal areas stay equal; Snyder, Map Projections, USGS Paper 1395,
+//! `FINEST_ORDER`. The picture is a Mollweide projection (equal areas stay equal; Snyder, Map Projections, USGS Paper 1395,
 //! p. 249), longitude rising to the left as one sees the sky, colours by the logarithm of the density. Tests: `tests`.
 
 use crate::base::units::DEG;

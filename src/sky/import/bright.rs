@@ -41,7 +41,7 @@ pub struct BrightStar {
     pub mag_g: f32,
     /// BP - RP by them, where both are known.
     pub bp_rp: Option<f32>,
-    /// How far Gaia's magnitude of the same star may be from it ([`super::crossmatch`]), mag.
+    /// How far Gaia's magnitude of the same star may be from it (`crossmatch`), mag.
     pub tolerance_mag: f32,
 }
 
