@@ -6,5 +6,7 @@ pub mod active_fault;
 pub mod faults;
 #[path = "../../../src/sink/frame.rs"]
 pub mod frame;
+#[path = "../../../src/sink/target_table.rs"]
+pub mod target_table;
 
 pub use frame::FrameMeta;
