@@ -1,6 +1,6 @@
 //! HATS catalogs for `starloop catalog`: what an import reads, file by file, and `starloop catalog export`.
 
-use crate::cli::catalog_layers::ProgressLine;
+use crate::cli::catalog_layers::{ProgressLine, name_of};
 use crate::sky::hats::{
     ExportReport, Exporting, HatsCatalog, Pixel, export as export_hats, import as import_hats, is_hats,
 };
@@ -125,12 +125,6 @@ fn partitions(folder: &Path, names: &Names, epoch_yr: f64) -> anyhow::Result<Vec
         kind: Kind::Parquet(Some(partition.pixel)),
     };
     Ok(catalog.partitions().iter().map(input).collect())
-}
-
-/// The name of a file without its folder: it may be moved between two tries.
-fn name_of(path: &Path) -> anyhow::Result<String> {
-    let name = path.file_name().and_then(|name| name.to_str());
-    name.map(str::to_owned).with_context(|| format!("{}: wanted a file with a readable name", path.display()))
 }
 
 #[cfg(test)]

@@ -36,10 +36,13 @@ pub fn barycentric_state(at: Tai) -> BarycentricState {
 }
 
 fn state_on_day(days: f64) -> BarycentricState {
-    let before_km = position_km(days - HALF_STEP_D);
-    let now_km = position_km(days);
-    let after_km = position_km(days + HALF_STEP_D);
-    BarycentricState { position_km: now_km, velocity_km_s: (after_km - before_km) / (2.0 * HALF_STEP_D * DAY_S) }
+    state_by_difference(position_km, days, HALF_STEP_D)
+}
+
+/// State of a body by its place on a day (TDB since J2000.0): the velocity is the central difference over twice `half_step_d`.
+pub(super) fn state_by_difference(position_km: impl Fn(f64) -> DVec3, days: f64, half_step_d: f64) -> BarycentricState {
+    let [before_km, now_km, after_km] = [-half_step_d, 0.0, half_step_d].map(|step| position_km(days + step));
+    BarycentricState { position_km: now_km, velocity_km_s: (after_km - before_km) / (2.0 * half_step_d * DAY_S) }
 }
 
 fn position_km(days_tdb_since_j2000: f64) -> DVec3 {

@@ -6,7 +6,7 @@
 
 use crate::base::time::Tai;
 use crate::base::units::DAY_S;
-use crate::sky::earth::sun_position_km;
+use crate::sky::earth::{state_by_difference, sun_position_km};
 use crate::sky::observer::BarycentricState;
 
 /// Half of the interval over which positions are differenced, days.
@@ -19,8 +19,7 @@ pub fn barycentric_state(at: Tai) -> BarycentricState {
 }
 
 fn state_on_day(days: f64) -> BarycentricState {
-    let [before_km, now_km, after_km] = [-HALF_STEP_D, 0.0, HALF_STEP_D].map(|half| sun_position_km(days + half));
-    BarycentricState { position_km: now_km, velocity_km_s: (after_km - before_km) / (2.0 * HALF_STEP_D * DAY_S) }
+    state_by_difference(sun_position_km, days, HALF_STEP_D)
 }
 
 /// The Sun's state for every frame: straight on from the noon (TDB) of the day.

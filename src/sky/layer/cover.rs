@@ -11,7 +11,7 @@ use glam::DVec3;
 
 /// No point of a cell is further from its centre than this over the cells along a side of a base cell, rad: measured
 /// 1.068 at fine orders, less at coarse ones.
-const CIRCLE: f64 = 1.08;
+pub(in crate::sky) const CIRCLE: f64 = 1.08;
 /// Cells that may wait: three quarters at each order, and the base cells.
 const WAITING: usize = 12 + 3 * 30;
 

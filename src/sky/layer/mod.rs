@@ -20,6 +20,7 @@ mod star;
 
 pub(in crate::sky) use build::{Head, LayerWriter};
 pub use build::{LayerReport, Sorting, layer_name};
+pub(in crate::sky) use cover::CIRCLE;
 pub use error::LayerError;
 pub use layout::FASTEST_MAS_YR;
 pub(in crate::sky) use layout::{StarRecord, order_for, tiles_of};

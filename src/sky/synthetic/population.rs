@@ -8,7 +8,8 @@ use super::star::{LayerDraw, SPHERE_DEG2};
 use crate::base::random::key;
 use crate::sky::catalog::direction_from_ra_dec;
 use crate::sky::layer::{
-    Head, LayerError, LayerReport, LayerWriter, NewStar, StarRecord, layer_name, order_for, tile_records, tiles_of,
+    CIRCLE, Head, LayerError, LayerReport, LayerWriter, NewStar, StarRecord, layer_name, order_for, tile_records,
+    tiles_of,
 };
 use glam::DVec3;
 use rayon::prelude::*;
@@ -24,8 +25,6 @@ const SUM_ORDER: u8 = 6;
 
 /// Tiles of a part of the sky are not finer: their table would be larger than their stars.
 const REGION_ORDER: u8 = 8;
-/// No point of a cell is further from its centre than this over the cells along a side of a base cell, rad.
-const CELL_REACH: f64 = 1.08;
 
 /// What made-up stars say of themselves.
 #[must_use]
@@ -73,7 +72,7 @@ impl Population {
     }
 
     fn is_wanted(&self, order: u8, tile: u64) -> bool {
-        let reach_rad = CELL_REACH / f64::from(1_u32 << order);
+        let reach_rad = CIRCLE / f64::from(1_u32 << order);
         self.around.is_none_or(|(axis, radius_rad)| axis.angle_between(centre(order, tile)) <= radius_rad + reach_rad)
     }
 
