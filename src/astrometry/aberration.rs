@@ -9,15 +9,38 @@
 use crate::base::units::SPEED_OF_LIGHT_KM_S;
 use glam::DVec3;
 
+/// What one observer's motion does to directions.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aberration {
+    /// `v / c`.
+    speed: DVec3,
+    inverse_gamma: f64,
+}
+
+impl Aberration {
+    /// Of an observer that moves at `velocity_km_s` (barycentric, slower than light).
+    #[must_use]
+    pub fn of(velocity_km_s: DVec3) -> Self {
+        let speed = velocity_km_s / SPEED_OF_LIGHT_KM_S;
+        Self { speed, inverse_gamma: (1.0 - speed.length_squared()).sqrt() }
+    }
+
+    /// Direction in which it sees light that one at rest sees in `direction_icrf`; unit vectors.
+    #[inline]
+    #[must_use]
+    pub fn aberrated(&self, direction_icrf: DVec3) -> DVec3 {
+        let Self { speed, inverse_gamma } = *self;
+        let along = 1.0 + direction_icrf.dot(speed) / (1.0 + inverse_gamma);
+        // The factor 1 / (1 + u.b) changes the length only.
+        (direction_icrf * inverse_gamma + speed * along).normalize()
+    }
+}
+
 /// Direction of light seen by an observer moving at `velocity_km_s` (barycentric, slower than light), where one at
 /// rest sees `direction_icrf`; unit vectors.
 #[must_use]
 pub fn aberrated(direction_icrf: DVec3, velocity_km_s: DVec3) -> DVec3 {
-    let b = velocity_km_s / SPEED_OF_LIGHT_KM_S;
-    let inverse_gamma = (1.0 - b.length_squared()).sqrt();
-    let u_dot_b = direction_icrf.dot(b);
-    let along_b = 1.0 + u_dot_b / (1.0 + inverse_gamma);
-    ((direction_icrf * inverse_gamma + b * along_b) / (1.0 + u_dot_b)).normalize()
+    Aberration::of(velocity_km_s).aberrated(direction_icrf)
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@
 //! Tests: `agrees_with_an_independent_library`, `tests/physics/apparent_vectors.rs` and, from other stars' data and by other
 //! formulae, `tests/physics/apparent_places.rs`.
 
-use super::{ApparentSource, Vantage, at_epoch, parallax_shifted};
+use super::{ApparentSource, Sight, Vantage, at_epoch, parallax_shifted};
 use crate::base::time::Tai;
 use crate::base::units::MAS;
 use crate::sky::catalog::CatalogSource;
@@ -32,13 +32,14 @@ pub fn apparent_places(
 ) {
     let years = years_since(epoch_yr, at);
     out.clear();
-    out.extend(sources.iter().map(|source| apparent_place(source, years, vantage)));
+    let sight = vantage.sight();
+    out.extend(sources.iter().map(|source| apparent_place(source, years, vantage, &sight)));
 }
 
-fn apparent_place(source: &CatalogSource, years: f64, vantage: &Vantage) -> ApparentSource {
+fn apparent_place(source: &CatalogSource, years: f64, vantage: &Vantage, sight: &Sight) -> ApparentSource {
     let barycentric = at_epoch(source.direction_icrf, source.proper_motion, years);
     let natural = parallax_shifted(barycentric, source.parallax_mas, vantage.observer.position_km);
-    ApparentSource { id: source.id, apparent_icrf: vantage.apparent(natural), mag_g: source.mag_g, bp_rp: source.bp_rp }
+    ApparentSource { id: source.id, apparent_icrf: sight.apparent(natural), mag_g: source.mag_g, bp_rp: source.bp_rp }
 }
 
 /// How much wider than the field of view a catalog cone must be so that no star is missed that is seen in the field from

@@ -19,16 +19,42 @@ const LEAST_OPENING: f64 = 1e-6;
 /// Most that light from beside the Sun's disc can be bent, rad: 1.75 arcsec at the limb, from any distance.
 pub(super) const MOST_RAD: f64 = 1.8 * crate::base::units::ARCSEC;
 
-/// Direction of light that came from `direction` (unit vector) at `heliocentric_km` from the Sun's centre. Its length is
-/// 1 to 1e-10.
+/// What the Sun does to light on its way to one place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Deflection {
+    away_from_sun: DVec3,
+    /// `2 GM / c^2 r`.
+    strength: f64,
+    least_opening: f64,
+}
+
+impl Deflection {
+    /// For an observer at `heliocentric_km` from the Sun's centre.
+    #[must_use]
+    pub fn at(heliocentric_km: DVec3) -> Self {
+        let distance_au = heliocentric_km.length() / AU_KM;
+        Self {
+            away_from_sun: heliocentric_km / (distance_au * AU_KM),
+            strength: SCHWARZSCHILD_AU / distance_au,
+            least_opening: LEAST_OPENING / (distance_au * distance_au).max(1.0),
+        }
+    }
+
+    /// Direction of light that came from `direction_icrf` (unit vector). Its length is 1 to 1e-10.
+    #[inline]
+    #[must_use]
+    pub fn deflected(&self, direction_icrf: DVec3) -> DVec3 {
+        let away = direction_icrf.dot(self.away_from_sun);
+        // u x (e x u) = e - u (u.e) for a unit vector.
+        let across = self.away_from_sun - direction_icrf * away;
+        direction_icrf + across * (self.strength / (1.0 + away).max(self.least_opening))
+    }
+}
+
+/// Direction of light that came from `direction_icrf` (unit vector) at `heliocentric_km` from the Sun's centre.
 #[must_use]
 pub fn deflected(direction_icrf: DVec3, heliocentric_km: DVec3) -> DVec3 {
-    let distance_au = heliocentric_km.length() / AU_KM;
-    let away_from_sun = heliocentric_km / (distance_au * AU_KM);
-    let opening = 1.0 + direction_icrf.dot(away_from_sun);
-    let least = LEAST_OPENING / (distance_au * distance_au).max(1.0);
-    let across = direction_icrf.cross(away_from_sun.cross(direction_icrf));
-    direction_icrf + across * (SCHWARZSCHILD_AU / distance_au / opening.max(least))
+    Deflection::at(heliocentric_km).deflected(direction_icrf)
 }
 
 #[cfg(test)]

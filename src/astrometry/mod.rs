@@ -16,16 +16,16 @@ mod parallax;
 mod space_motion;
 mod vantage;
 
-pub use aberration::aberrated;
+pub use aberration::{Aberration, aberrated};
 pub use apparent::{PROVEN_YEARS, apparent_places, cone_margin_rad, years_since};
 pub use camera::{CameraGeometry, CameraParameters, PixelPosition};
-pub use deflection::deflected;
+pub use deflection::{Deflection, deflected};
 pub use distortion::{BrownConrady, Distortion};
 pub use distortion_polynomial::{DEGREE as DISTORTION_DEGREE, PolynomialDistortion};
 pub use error::AstrometryError;
 pub use parallax::parallax_shifted;
 pub use space_motion::at_epoch;
-pub use vantage::Vantage;
+pub use vantage::{Sight, Vantage};
 
 use glam::DVec3;
 

@@ -2,8 +2,8 @@
 //!
 //! Made once per frame, used for every star of it. Tests: below and `tests/physics/apparent_vectors.rs`.
 
-use super::aberrated;
-use super::deflection::{MOST_RAD, deflected};
+use super::aberration::Aberration;
+use super::deflection::{Deflection, MOST_RAD};
 use crate::base::time::Tai;
 use crate::base::units::{AU_KM, MAS, SPEED_OF_LIGHT_KM_S};
 use crate::sky::ObserverError;
@@ -20,6 +20,23 @@ pub struct Vantage {
     pub observer: BarycentricState,
     /// Where the observer is from the Sun's centre, ICRF axes; `None`: light is not bent.
     pub heliocentric_km: Option<DVec3>,
+}
+
+/// What a vantage does to directions.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sight {
+    deflection: Option<Deflection>,
+    aberration: Aberration,
+}
+
+impl Sight {
+    /// As [`Vantage::apparent`].
+    #[inline]
+    #[must_use]
+    pub fn apparent(&self, natural_icrf: DVec3) -> DVec3 {
+        let arriving = self.deflection.map_or(natural_icrf, |deflection| deflection.deflected(natural_icrf));
+        self.aberration.aberrated(arriving)
+    }
 }
 
 impl From<BarycentricState> for Vantage {
@@ -41,11 +58,18 @@ impl Vantage {
         Ok(Self { observer, heliocentric_km })
     }
 
-    /// Direction in which the observer sees what is in the direction `natural_icrf` from its place; unit vectors.
+    /// Direction in which the observer sees what is in the direction `natural_icrf` from its place; unit vectors. For
+    /// many of them: [`Self::sight`].
     #[must_use]
     pub fn apparent(&self, natural_icrf: DVec3) -> DVec3 {
-        let arriving = self.heliocentric_km.map_or(natural_icrf, |from_sun_km| deflected(natural_icrf, from_sun_km));
-        aberrated(arriving, self.observer.velocity_km_s)
+        self.sight().apparent(natural_icrf)
+    }
+
+    /// What it does to every direction, worked out once.
+    #[must_use]
+    pub fn sight(&self) -> Sight {
+        let deflection = self.heliocentric_km.map(Deflection::at);
+        Sight { deflection, aberration: Aberration::of(self.observer.velocity_km_s) }
     }
 
     /// How far a star beside the Sun's disc may be seen from its barycentric direction, rad: parallax of the nearest, and
@@ -63,7 +87,7 @@ impl Vantage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::astrometry::parallax_shifted;
+    use crate::astrometry::{aberrated, parallax_shifted};
     use crate::base::units::{ARCSEC, DEG};
 
     #[test]

@@ -221,10 +221,11 @@ impl Chooser {
         rung: Rung,
         probes: &Probes,
     ) {
+        let begin_e = brightest_e.min(self.saturating_e());
         let mut above_e = f64::INFINITY;
         for i in 0..CLASSES {
             let last = i + 1 == CLASSES;
-            let faintest_e = if last { 0.0 } else { brightest_e * CLASS_STEP.powi(-(i as i32 + 1)) };
+            let faintest_e = if last { 0.0 } else { begin_e * CLASS_STEP.powi(-(i as i32 + 1)) };
             let class = class_of(plan, above_e, faintest_e);
             above_e = faintest_e;
             if class.stars == 0 {
@@ -241,6 +242,11 @@ impl Chooser {
                 _ => plan.classes.push(class),
             }
         }
+    }
+
+    /// Electrons of a star that fills its brightest pixel: errors of brighter ones are no larger.
+    fn saturating_e(&self) -> f64 {
+        self.instrument.full_well_e / self.instrument.psf.peak()
     }
 
     /// The cheapest method for one class; its cost is that of its stars.

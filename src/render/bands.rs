@@ -7,6 +7,7 @@
 use crate::exposure::pose::{POSE, PathNode};
 use crate::exposure::track::StarTrack;
 use crate::exposure::{Drawing, ExposurePlan, PlannedStar};
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 /// Rows of one band.
@@ -24,7 +25,7 @@ const ROOM: usize = 8;
 pub(super) const NO_KERNEL: u32 = u32::MAX;
 
 /// A star drawn once, at its mean position.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Spot {
     pub(super) column: i32,
     pub(super) row: i32,
@@ -32,6 +33,11 @@ pub(super) struct Spot {
     pub(super) electrons: f32,
     /// Index of its kernel, or of its PSF down from [`NO_KERNEL`].
     pub(super) kernel: u32,
+}
+
+impl Spot {
+    /// A place that is written over.
+    pub(super) const NONE: Self = Self { column: 0, row: 0, fraction: [0.0; 2], electrons: 0.0, kernel: NO_KERNEL };
 }
 
 /// A star drawn at every node of its list.
@@ -95,15 +101,13 @@ impl Bands {
         if self.chunks.len() < self.used {
             self.chunks.resize_with(self.used, || chunk(bands));
         }
-        let rows = self.rows;
+        let (rows, arch) = (self.rows, Arch::new());
         let fill = |(chunk, stars): (&mut Vec<Members>, &[PlannedStar])| {
             for members in chunk.iter_mut() {
                 members.spots.clear();
                 members.trails.clear();
             }
-            for star in stars {
-                sort_star(plan, star, &half_px, &table_of, rows, chunk);
-            }
+            arch.dispatch(SortStars { plan, stars, half_px: &half_px, table_of: &table_of, rows, chunk });
             for members in chunk.iter_mut() {
                 reserve(&mut members.spots);
                 reserve(&mut members.trails);
@@ -117,7 +121,7 @@ impl Bands {
     }
 
     /// Members of band `band`, chunk by chunk.
-    pub(super) fn members(&self, band: usize) -> impl Iterator<Item = &Members> {
+    pub(super) fn members(&self, band: usize) -> impl Iterator<Item = &Members> + Clone {
         self.chunks[..self.used].iter().map(move |chunk| &chunk[band])
     }
 
@@ -171,6 +175,7 @@ fn reserve<T>(members: &mut Vec<T>) {
 
 /// Splits a position into pixel and fraction.
 #[allow(clippy::cast_possible_truncation, reason = "the planner keeps positions within a few detectors of the origin")]
+#[inline(always)]
 fn spot(px: [f64; 2], electrons: f64, kernel: u32) -> Spot {
     let (column, row) = ((px[0] + 0.5).floor(), (px[1] + 0.5).floor());
     Spot {
@@ -182,25 +187,35 @@ fn spot(px: [f64; 2], electrons: f64, kernel: u32) -> Spot {
     }
 }
 
-fn sort_star(
-    plan: &ExposurePlan,
-    star: &PlannedStar,
-    half_px: &impl Fn(usize) -> usize,
-    table_of: &impl Fn(usize) -> u32,
+/// One chunk's stars, in the shape `pulp` compiles once per vector level.
+struct SortStars<'a, H, T> {
+    plan: &'a ExposurePlan,
+    stars: &'a [PlannedStar],
+    half_px: &'a H,
+    table_of: &'a T,
     rows: usize,
-    chunk: &mut [Members],
-) {
-    for (list, share) in plan.parts(star) {
-        let half = half_px(list).cast_signed() as i64;
-        let (electrons, table) = (share * star.electrons, table_of(list));
-        if matches!(plan.lists[list].drawing, Drawing::Nodes) {
-            sort_trail(plan, star, (list, electrons, table), half, rows, chunk);
-            continue;
-        }
-        let spot = spot(star.mean_px, electrons, table);
-        let row = i64::from(spot.row);
-        for band in bands_of(row - half, row + half, rows) {
-            chunk[band].spots.push(spot);
+    chunk: &'a mut [Members],
+}
+
+impl<H: Fn(usize) -> usize, T: Fn(usize) -> u32> NullaryFnOnce for SortStars<'_, H, T> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let Self { plan, stars, half_px, table_of, rows, chunk } = self;
+        for star in stars {
+            for (list, share) in plan.parts(star) {
+                let half = half_px(list).cast_signed() as i64;
+                let (electrons, table) = (share * star.electrons, table_of(list));
+                if matches!(plan.lists[list].drawing, Drawing::Nodes) {
+                    sort_trail(plan, star, (list, electrons, table), half, rows, chunk);
+                    continue;
+                }
+                let spot = spot(star.mean_px, electrons, table);
+                let row = i64::from(spot.row);
+                for band in bands_of(row - half, row + half, rows) {
+                    chunk[band].spots.push(spot);
+                }
+            }
         }
     }
 }
@@ -233,6 +248,7 @@ fn sort_trail(
 }
 
 /// Bands that hold any of the rows `first..=last`.
+#[inline(always)]
 fn bands_of(first: i64, last: i64, rows: usize) -> core::ops::Range<usize> {
     let (first, last) = (first.max(0), last.min(rows as i64 - 1));
     if first > last {

@@ -1,7 +1,7 @@
 //! CPU backend: all cores, vectorised by the compiler for the processor it finds (AVX-512, AVX2 + FMA, NEON, SSE2).
 //!
-//! The image is cut into bands of rows; a band is cleared and drawn by one thread, its stars in source order, so a
-//! repeated plan gives the same bits whatever the number of threads. A Gaussian is drawn analytically for every node
+//! The image is cut into bands of rows; a band is cleared and drawn by one thread, its stars in source order, or by blocks
+//! of columns where they crowd, so a repeated plan gives the same bits whatever the number of threads. A Gaussian is drawn analytically for every node
 //! (two vectors of erf, then one multiply-add per row); other PSFs and effective PSFs come from tables. Error: f32,
 //! < 2e-7 of the peak (Gaussian), `TABLE_ERROR` (tables); `tests/physics`.
 
@@ -10,10 +10,13 @@ use crate::base::image::Image;
 use crate::exposure::ExposurePlan;
 use crate::exposure::sampling::ANALYTIC_HALF_PX;
 use crate::gpu::Electrons;
-use crate::render::bands::{BAND_ROWS, BLOCK, Bands, Members, NO_KERNEL, NodeColumns, Trail};
+use crate::render::bands::{BAND_ROWS, BLOCK, Bands, NO_KERNEL, NodeColumns, Spot, Trail};
+use crate::render::crowd::Crowd;
 use crate::render::plan_tables::PlanTables;
 use crate::render::profile::Profile;
-use crate::render::table::{LANES, PsfTable};
+use crate::render::stamp::{Stamped, stamp};
+use crate::render::table::{Form, LANES, PsfTable};
+use crate::render::taps::Taps;
 use crate::render::{Backend, RenderError, check_kernel, check_sampling};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
@@ -25,6 +28,8 @@ pub struct Cpu {
     image: Image<f32>,
     tables: PlanTables,
     bands: Bands,
+    /// By band.
+    crowds: Vec<Crowd>,
 }
 
 impl Cpu {
@@ -34,8 +39,9 @@ impl Cpu {
         Self {
             arch: Arch::new(),
             image: Image::new(width_px, height_px),
-            tables: PlanTables::new(ANALYTIC_HALF_PX),
+            tables: PlanTables::new(ANALYTIC_HALF_PX, Form::Products),
             bands: Bands::new(height_px),
+            crowds: core::iter::repeat_with(Crowd::default).take(height_px.div_ceil(BAND_ROWS)).collect(),
         }
     }
 }
@@ -55,7 +61,7 @@ impl Backend for Cpu {
         check_kernel(plan)?;
         check_sampling(plan, self.tables.is_analytic(plan))?;
         self.tables.prepare(plan);
-        let Self { arch, image, tables, bands } = self;
+        let Self { arch, image, tables, bands, crowds } = self;
         let kernel_half = tables.kernels().first().map_or(0, |kernel| kernel.half_px[1]);
         let half_px = |list: usize| if tables.kernel_of(list).is_some() { kernel_half } else { plan.half_px };
         let table_of = |list: usize| {
@@ -70,13 +76,15 @@ impl Backend for Cpu {
             bases: tables.bases(plan),
             half_px: plan.half_px as i32,
             profile: Profile::new(plan.sampling, plan.psf.core_sigma_px()),
+            oversampling: tables.kernels().first().or(tables.bases(plan).first()).map_or(1, |table| table.oversampling),
             mask: core::array::from_fn(|lane| if lane <= 2 * plan.half_px { 1.0 } else { 0.0 }),
         };
         let (arch, draw) = (*arch, &draw);
-        image.pixels_mut().par_chunks_mut(BAND_ROWS * width).enumerate().for_each(|(index, pixels)| {
+        let pixels = image.pixels_mut().par_chunks_mut(BAND_ROWS * width);
+        pixels.zip(crowds).enumerate().for_each(|(index, (pixels, crowd))| {
             let target = Band { pixels, width, first_row: (index * BAND_ROWS) as i32 };
             let fused = !matches!(arch, Arch::Scalar);
-            arch.dispatch(DrawBand { draw, target, index, fused });
+            arch.dispatch(DrawBand { draw, target, crowd, index, fused });
         });
         Ok(())
     }
@@ -87,16 +95,16 @@ impl Backend for Cpu {
 }
 
 /// Rows of the image that one thread draws.
-struct Band<'a> {
-    pixels: &'a mut [f32],
-    width: usize,
-    first_row: i32,
+pub(super) struct Band<'a> {
+    pub(super) pixels: &'a mut [f32],
+    pub(super) width: usize,
+    pub(super) first_row: i32,
 }
 
 impl Band<'_> {
     /// Rows in the band.
     #[inline(always)]
-    fn rows(&self) -> i32 {
+    pub(super) fn rows(&self) -> i32 {
         (self.pixels.len() / self.width) as i32
     }
 }
@@ -108,6 +116,8 @@ struct Draw<'a> {
     /// Tables of the PSF itself; none where it is drawn analytically.
     bases: &'a [PsfTable],
     half_px: i32,
+    /// Of all tables of a plan.
+    oversampling: usize,
     profile: Profile,
     /// 1 for lanes inside the footprint, else 0.
     mask: [f32; LANES],
@@ -117,6 +127,7 @@ struct Draw<'a> {
 struct DrawBand<'a> {
     draw: &'a Draw<'a>,
     target: Band<'a>,
+    crowd: &'a mut Crowd,
     index: usize,
     fused: bool,
 }
@@ -125,13 +136,27 @@ impl NullaryFnOnce for DrawBand<'_> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Self { draw, mut target, index, fused } = self;
+        if self.fused { self.draw::<true>() } else { self.draw::<false>() }
+    }
+}
+
+impl DrawBand<'_> {
+    #[inline(always)]
+    fn draw<const FUSED: bool>(self) {
+        let Self { draw, mut target, crowd, index, .. } = self;
         target.pixels.fill(0.0);
-        for members in draw.bands.members(index) {
-            if fused {
-                draw.members::<true>(&mut target, members);
-            } else {
-                draw.members::<false>(&mut target, members);
+        let mut splats = Splats::NONE;
+        let members = || draw.bands.members(index);
+        let crowd = crowd.sorted(members(), target.width);
+        if let Some(spots) = crowd {
+            draw.spots::<FUSED>(&mut target, spots);
+        }
+        for members in members() {
+            if crowd.is_none() {
+                draw.spots::<FUSED>(&mut target, &members.spots);
+            }
+            for trail in &members.trails {
+                draw.trail::<FUSED>(&mut target, &mut splats, trail);
             }
         }
     }
@@ -145,6 +170,8 @@ struct Splats {
     x: [f32; BLOCK],
     y: [f32; BLOCK],
     electrons: [f32; BLOCK],
+    /// As of [`Spot::kernel`](crate::render::bands::Spot).
+    kernel: [u32; BLOCK],
 }
 
 impl Splats {
@@ -155,7 +182,19 @@ impl Splats {
         x: [0.0; BLOCK],
         y: [0.0; BLOCK],
         electrons: [0.0; BLOCK],
+        kernel: [NO_KERNEL; BLOCK],
     };
+
+    #[inline(always)]
+    fn push(&mut self, spot: &Spot) {
+        let k = self.count;
+        self.column[k] = spot.column;
+        self.row[k] = spot.row;
+        [self.x[k], self.y[k]] = spot.fraction;
+        self.electrons[k] = spot.electrons;
+        self.kernel[k] = spot.kernel;
+        self.count += 1;
+    }
 }
 
 impl Draw<'_> {
@@ -165,28 +204,42 @@ impl Draw<'_> {
         self.kernels.get(number as usize).or_else(|| self.bases.get((NO_KERNEL - number) as usize))
     }
 
+    /// Stars that are drawn once.
     #[inline(always)]
-    fn members<const FUSED: bool>(&self, band: &mut Band<'_>, members: &Members) {
-        let mut splats = Splats::NONE;
-        for spot in &members.spots {
-            if let Some(table) = self.table(spot.kernel) {
-                stamp::<FUSED>(band, table, [spot.column, spot.row], spot.fraction, spot.electrons);
-                continue;
-            }
-            let k = splats.count;
-            splats.column[k] = spot.column;
-            splats.row[k] = spot.row;
-            [splats.x[k], splats.y[k]] = spot.fraction;
-            splats.electrons[k] = spot.electrons;
-            splats.count += 1;
-            if splats.count == BLOCK {
-                self.splat::<FUSED>(band, &splats);
-                splats.count = 0;
+    fn spots<const FUSED: bool>(&self, band: &mut Band<'_>, spots: &[Spot]) {
+        let (mut analytic, mut tabled) = (Splats::NONE, Splats::NONE);
+        for spot in spots {
+            if self.table(spot.kernel).is_some() {
+                tabled.push(spot);
+                if tabled.count == BLOCK {
+                    self.stamps::<FUSED>(band, &tabled);
+                    tabled.count = 0;
+                }
+            } else {
+                analytic.push(spot);
+                if analytic.count == BLOCK {
+                    self.splat::<FUSED>(band, &analytic);
+                    analytic.count = 0;
+                }
             }
         }
-        self.splat::<FUSED>(band, &splats);
-        for trail in &members.trails {
-            self.trail::<FUSED>(band, &mut splats, trail);
+        self.stamps::<FUSED>(band, &tabled);
+        self.splat::<FUSED>(band, &analytic);
+    }
+
+    /// Draws splats from their tables.
+    #[inline(always)]
+    fn stamps<const FUSED: bool>(&self, band: &mut Band<'_>, splats: &Splats) {
+        let taps = [&splats.x, &splats.y].map(|fractions| Taps::of::<FUSED>(fractions, self.oversampling));
+        for k in 0..splats.count {
+            let Some(table) = self.table(splats.kernel[k]) else { continue };
+            let [(px, wx), (py, wy)] = [taps[0].of_star(k), taps[1].of_star(k)];
+            let origin = [splats.column[k], splats.row[k]];
+            stamp::<FUSED>(
+                band,
+                table,
+                &Stamped { origin, phases: [px, py], wx, wy: wy.map(|wy| splats.electrons[k] * wy) },
+            );
         }
     }
 
@@ -198,14 +251,11 @@ impl Draw<'_> {
         while first < nodes.count {
             steps::<FUSED>(nodes, first, trail, splats);
             splats.count = (nodes.count - first).min(BLOCK);
-            match self.table(trail.spot.kernel) {
-                None => self.splat::<FUSED>(band, splats),
-                Some(table) => {
-                    for k in 0..splats.count {
-                        let origin = [splats.column[k], splats.row[k]];
-                        stamp::<FUSED>(band, table, origin, [splats.x[k], splats.y[k]], splats.electrons[k]);
-                    }
-                }
+            if self.table(trail.spot.kernel).is_some() {
+                splats.kernel = [trail.spot.kernel; BLOCK];
+                self.stamps::<FUSED>(band, splats);
+            } else {
+                self.splat::<FUSED>(band, splats);
             }
             first += BLOCK;
         }
@@ -279,7 +329,7 @@ fn add_separable<const FUSED: bool>(
 
 /// `target += gain * values`, through a copy: the compiler need not ask whether the two overlap.
 #[inline(always)]
-fn add_lanes<const FUSED: bool>(target: &mut [f32; LANES], values: &[f32; LANES], gain: f32) {
+pub(super) fn add_lanes<const FUSED: bool>(target: &mut [f32; LANES], values: &[f32; LANES], gain: f32) {
     let mut sum = *target;
     for lane in 0..LANES {
         sum[lane] = mul_add::<FUSED>(gain, values[lane], sum[lane]);
@@ -327,53 +377,16 @@ fn whole_i32(whole: f32) -> i32 {
 
 /// `line[first + i] += gain * values[i]` for the used lanes that lie on the line.
 #[inline(always)]
-fn add_clipped<const FUSED: bool>(line: &mut [f32], first: i32, used: usize, values: &[f32; LANES], gain: f32) {
+pub(super) fn add_clipped<const FUSED: bool>(
+    line: &mut [f32],
+    first: i32,
+    used: usize,
+    values: &[f32; LANES],
+    gain: f32,
+) {
     for (i, value) in values.iter().take(used).enumerate() {
         if let Some(pixel) = usize::try_from(first + i as i32).ok().and_then(|x| line.get_mut(x)) {
             *pixel = mul_add::<FUSED>(gain, *value, *pixel);
-        }
-    }
-}
-
-/// A star from a table: the weighted sum of sixteen of its images.
-#[inline(always)]
-fn stamp<const FUSED: bool>(
-    band: &mut Band<'_>,
-    table: &PsfTable,
-    origin: [i32; 2],
-    fraction: [f32; 2],
-    electrons: f32,
-) {
-    let [columns, rows] = table.size_px();
-    let left = origin[0] - table.half_px[0].cast_signed() as i32;
-    let top = origin[1] - table.half_px[1].cast_signed() as i32 - band.first_row;
-    let (first, end) = ((-top).max(0), (rows as i32).min(band.rows() - top));
-    if first >= end {
-        return;
-    }
-    let ((px, wx), (py, wy)) = (table.taps(fraction[0]), table.taps(fraction[1]));
-    let weights = wy.map(|wy| wx.map(|wx| electrons * wy * wx));
-    let (per_row, width) = (table.stride / LANES, band.width);
-    for r in first as usize..end as usize {
-        let at = (top + r as i32) as usize * width;
-        let line = &mut band.pixels[at..at + width];
-        for c in 0..per_row {
-            let mut sum = [0.0_f32; LANES];
-            for (m, weights) in weights.iter().enumerate() {
-                let Some(four) = table.four(py + m, r, c, px) else { continue };
-                for (values, weight) in four.iter().zip(weights) {
-                    for (sum, value) in sum.iter_mut().zip(values) {
-                        *sum = mul_add::<FUSED>(*weight, *value, *sum);
-                    }
-                }
-            }
-            let from = left + (c * LANES) as i32;
-            let whole = usize::try_from(from).ok().and_then(|from| line.get_mut(from..)?.first_chunk_mut::<LANES>());
-            match whole {
-                // Lanes beyond the footprint hold zeros.
-                Some(target) => add_lanes::<FUSED>(target, &sum, 1.0),
-                None => add_clipped::<FUSED>(line, from, columns - c * LANES, &sum, 1.0),
-            }
         }
     }
 }

@@ -6,16 +6,20 @@
 
 mod bands;
 pub mod cpu;
+mod crowd;
 pub mod erf;
 pub mod gpu;
 mod kernel;
 pub mod overlap;
 pub mod plan_tables;
+mod products;
 mod profile;
 mod psf_samples;
 pub mod reference;
 pub mod spline;
+mod stamp;
 pub mod table;
+mod taps;
 
 use crate::exposure::plan::{LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOST_KERNELS, StarClass, Verdict};
 use crate::exposure::sampling::{oversampling, table_images};

@@ -7,13 +7,14 @@ use crate::exposure::cost::kernel_half_px;
 use crate::exposure::sampling::oversampling;
 use crate::exposure::{Drawing, ExposurePlan, PsfSampling};
 use crate::optics::PsfModel;
-use crate::render::table::PsfTable;
+use crate::render::table::{Form, PsfTable};
 use rayon::prelude::*;
 
 /// The tables of one backend.
 #[derive(Debug)]
 pub struct PlanTables {
     analytic_half_px: usize,
+    form: Form,
     /// The PSF whose tables there are: one, or one for every node of its field.
     psf: Option<PsfModel>,
     bases: Vec<PsfTable>,
@@ -33,11 +34,12 @@ pub struct Prepared {
 }
 
 impl PlanTables {
-    /// For a backend that draws Gaussians of up to this half-width analytically.
+    /// For a backend that draws Gaussians of up to this half-width analytically, and tables from this form.
     #[must_use]
-    pub fn new(analytic_half_px: usize) -> Self {
+    pub fn new(analytic_half_px: usize, form: Form) -> Self {
         Self {
             analytic_half_px,
+            form,
             psf: None,
             bases: Vec::new(),
             kernels: Vec::new(),
@@ -74,7 +76,8 @@ impl PlanTables {
         let rebuilt = self.psf.as_ref() != Some(&plan.psf) || !self.bases.iter().all(fits);
         if rebuilt {
             self.psf = Some(plan.psf.clone());
-            self.bases = plan.psf.nodes().iter().map(|psf| PsfTable::of_psf(psf, plan.half_px, s)).collect();
+            let of_psf = |psf| PsfTable::of_psf(psf, plan.half_px, s, self.form);
+            self.bases = plan.psf.nodes().iter().map(of_psf).collect();
         }
         rebuilt
     }
@@ -85,13 +88,13 @@ impl PlanTables {
         }
         let half_px = kernel_reach(plan).map(|reach| kernel_half_px(plan.half_px, reach));
         let s = grid_points(plan);
-        let bases = &self.bases;
+        let (bases, form) = (&self.bases, self.form);
         let lists = &self.list_of_kernel;
         let build = |(i, table): (usize, &mut PsfTable)| {
             let list = &plan.lists[lists[i]];
             if let Drawing::Kernel(at) = &list.drawing {
                 let path = plan.kernel_trace(plan.nodes_of(list), at);
-                table.rebuild_kernel(&plan.psf, half_px, s, path, psfs_at(plan, list.psf_px), bases);
+                table.rebuild_kernel(&plan.psf, half_px, s, path, psfs_at(plan, list.psf_px), bases, form);
             }
         };
         if kernels == 1 {

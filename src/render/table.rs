@@ -10,6 +10,7 @@
 use crate::exposure::moments::TracePoint;
 use crate::optics::PsfModel;
 use crate::render::kernel::{GaussianPath, accumulate};
+use crate::render::products::{Phases, Products};
 use crate::render::{psf_samples, spline};
 
 /// Columns of every stored image are a multiple of this.
@@ -24,12 +25,23 @@ pub struct PsfTable {
     pub half_px: [usize; 2],
     /// Columns of an image, padded to a multiple of [`LANES`]; beyond `2 half_px + 1` they are 0.
     pub stride: usize,
-    /// Coefficients by phase.
+    /// Coefficients by phase; stale where there is a sum of products.
     pub data: Vec<f32>,
+    /// The same as a sum of products, where it was asked for and is cheaper.
+    pub(super) products: Products,
     grid: Grid,
     path: GaussianPath,
     /// Room for one column of the grid.
     column: Vec<f32>,
+}
+
+/// How a table's images are kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// By phase.
+    Images,
+    /// As a sum of products where that is cheaper.
+    Products,
 }
 
 /// Samples or coefficients on the grid of step `1 / S`, centre in the middle; rows padded to whole vectors.
@@ -99,7 +111,7 @@ impl PsfTable {
 
     /// The PSF itself, `s` grid points per pixel.
     #[must_use]
-    pub fn of_psf(psf: &PsfModel, half_px: usize, s: usize) -> Self {
+    pub fn of_psf(psf: &PsfModel, half_px: usize, s: usize, form: Form) -> Self {
         let mut table = Self::default();
         table.size([half_px; 2], s);
         match psf {
@@ -124,7 +136,7 @@ impl PsfTable {
             // A field has a table for every node.
             PsfModel::Field(_) => {}
         }
-        table.arrange();
+        table.finish(form);
         table
     }
 
@@ -138,6 +150,7 @@ impl PsfTable {
         path: impl Iterator<Item = TracePoint>,
         shares: [(usize, f64); 4],
         bases: &[Self],
+        form: Form,
     ) {
         self.size(half_px, s);
         match psf {
@@ -155,7 +168,7 @@ impl PsfTable {
                 self.prefilter();
             }
         }
-        self.arrange();
+        self.finish(form);
     }
 
     /// Makes room for a table like `other`.
@@ -163,6 +176,7 @@ impl PsfTable {
         reserve_as(&mut self.data, &other.data);
         reserve_as(&mut self.grid.values, &other.grid.values);
         reserve_as(&mut self.column, &other.column);
+        self.products.reserve_as(&other.products);
         self.path.reserve_as(&other.path);
     }
 
@@ -221,6 +235,14 @@ impl PsfTable {
         self.column = column;
     }
 
+    fn finish(&mut self, form: Form) {
+        let phases = Phases { oversampling: self.oversampling, count: self.phases(), size_px: self.size_px() };
+        if form == Form::Images || !self.products.find(&self.grid, phases) {
+            self.products.terms = 0;
+            self.arrange();
+        }
+    }
+
     /// Grid -> images by phase.
     fn arrange(&mut self) {
         let (phases, [columns, rows], per_row) = (self.phases(), self.size_px(), self.stride / LANES);
@@ -265,7 +287,7 @@ mod tests {
 
     /// Largest error over pixels and fractions, relative to the peak.
     fn worst(psf: &PsfModel, half_px: usize) -> f64 {
-        let table = PsfTable::of_psf(psf, half_px, oversampling(psf));
+        let table = PsfTable::of_psf(psf, half_px, oversampling(psf), Form::Images);
         let mut worst = 0.0_f64;
         for fraction in [[0.0_f32, 0.0], [0.5, -0.5], [0.25, 0.4375], [-0.3, 0.11], [0.06, -0.44]] {
             let ((px, wx), (py, wy)) = (table.taps(fraction[0]), table.taps(fraction[1]));

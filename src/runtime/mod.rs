@@ -13,6 +13,7 @@ pub mod engine;
 pub mod error;
 mod field_bounds;
 pub mod field_light;
+mod field_stars;
 mod frame_damage;
 pub mod frame_faults;
 pub mod hygiene;

@@ -3,7 +3,7 @@
 //! From a catalog in memory star by star; from layers by the tiles of the field, whose light was computed when they were
 //! read, on all cores. Tests: `tests/physics/frames.rs`, `tests/physics/deep_sky.rs`.
 
-use crate::astrometry::{ApparentSource, Vantage, apparent_places, cone_margin_rad, years_since};
+use crate::astrometry::{ApparentSource, Sight, Vantage, apparent_places, cone_margin_rad, years_since};
 use crate::attitude::LosPath;
 use crate::base::axes::{Icrf, Rotation, Sensor};
 use crate::base::time::{Span, Tai};
@@ -11,13 +11,13 @@ use crate::base::units::AU_KM;
 use crate::exposure::{Source, SourcePlace};
 use crate::runtime::error::RunError;
 use crate::runtime::field_bounds::FieldBounds;
+use crate::runtime::field_stars::FieldStars;
 use crate::runtime::params::CameraParams;
 use crate::sky::Sky;
 use crate::sky::catalog::{Catalog, CatalogSource, chord_squared};
 use crate::sky::observer::{Observer, ObserverTrack};
 use crate::sky::tiles::{Light, Shortfall, TileSky, TileStar};
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// The sky as one camera sees it.
@@ -40,26 +40,15 @@ pub struct SkyView {
 
 enum Stars {
     Catalog { catalog: Arc<Catalog>, in_cone: Vec<CatalogSource>, apparent: Vec<ApparentSource> },
-    Tiles { tiles: Box<TileSky>, picks: Vec<Pick> },
-}
-
-/// A star of the field: which block, and which of its stars.
-#[derive(Debug, Clone, Copy)]
-struct Pick {
-    block: u32,
-    star: u32,
+    Tiles { tiles: Box<TileSky>, field: FieldStars },
 }
 
 /// Stars in view for which there is room from the start.
 const STARS_RESERVED: usize = 16_384;
 /// Margin of the cone beyond the detector's corner, px: footprints and motion within the exposure.
 const MARGIN_PX: f64 = 64.0;
-/// Stars one thread takes at a time.
-const CHUNK: usize = 4096;
 /// How far ahead tiles are asked for: a slew that goes on as it is.
 const AHEAD: Span = Span::from_ms(2000);
-/// A place that is written over.
-const NO_SOURCE: Source = Source { id: 0, electrons: 0.0, mag: 0.0, place: SourcePlace::Icrf(DVec3::Z) };
 
 impl SkyView {
     /// The stars of `sky` through `camera`.
@@ -75,7 +64,7 @@ impl SkyView {
             },
             Sky::Layers { layers, most_stars } => Stars::Tiles {
                 tiles: Box::new(TileSky::new(Arc::clone(layers), light(camera), *most_stars)),
-                picks: Vec::with_capacity(STARS_RESERVED),
+                field: FieldStars::with_capacity(STARS_RESERVED),
             },
         };
         Self {
@@ -185,7 +174,7 @@ impl SkyView {
         let vantage = Vantage::of(&mut self.observer, at, self.light_deflection)?;
         self.radius_rad = self.field_rad + cone_margin_rad(self.epoch_yr, self.fastest_mas_yr, at, &vantage);
         let margin_rad = self.radius_rad - self.camera.geometry.half_diagonal_rad() + sweep_rad;
-        let field = attitude.and_then(|attitude| self.bounds.at(attitude, margin_rad));
+        let bounds = attitude.and_then(|attitude| self.bounds.at(attitude, margin_rad));
         let radius_rad = self.radius_rad + sweep_rad;
         let Self { stars, camera, sources, shortfall, epoch_yr, .. } = self;
         match stars {
@@ -195,28 +184,21 @@ impl SkyView {
                 sources.clear();
                 sources.extend(apparent.iter().map(|star| seen(star, camera)));
             }
-            Stars::Tiles { tiles, picks } => {
+            Stars::Tiles { tiles, field } => {
                 let Some(axis) = boresight_icrf.try_normalize() else {
                     sources.clear();
                     return Ok(());
                 };
                 *shortfall = tiles.take_field(axis, radius_rad)?;
-                match field {
-                    Some(field) => pick(tiles, |direction| field.may_have(direction), picks),
-                    None => {
-                        let chord2 = chord_squared(radius_rad);
-                        pick(tiles, |direction| direction.distance_squared(axis) <= chord2, picks);
-                    }
-                }
-                let years = years_since(*epoch_yr, at);
-                sources.resize(picks.len(), NO_SOURCE);
-                let chunks = sources.par_chunks_mut(CHUNK).zip(picks.par_chunks(CHUNK));
-                chunks.for_each(|(sources, picks)| {
-                    for (source, pick) in sources.iter_mut().zip(picks) {
-                        let star = &tiles.block(pick.block as usize)[pick.star as usize];
-                        *source = seen_of_tile(star, years, &vantage);
-                    }
-                });
+                let chord2 = chord_squared(radius_rad);
+                let is_wanted = |star: &TileStar| match &bounds {
+                    Some(bounds) => bounds.may_have(star.direction_icrf),
+                    None => star.direction_icrf.distance_squared(axis) <= chord2,
+                };
+                let (years, sight) = (years_since(*epoch_yr, at), vantage.sight());
+                let off_au = vantage.observer.position_km / AU_KM;
+                let seen = |star: &TileStar| seen_of_tile(star, years, off_au, &sight);
+                field.take(|block| tiles.block(block), tiles.blocks().count(), is_wanted, seen, sources);
             }
         }
         Ok(())
@@ -243,20 +225,11 @@ fn seen(star: &ApparentSource, camera: &CameraParams) -> Source {
     }
 }
 
-/// Replaces `picks` by the stars of the field's tiles that are wanted, in their order.
-fn pick(tiles: &TileSky, is_wanted: impl Fn(DVec3) -> bool, picks: &mut Vec<Pick>) {
-    picks.clear();
-    for (block, stars) in (0..).zip(tiles.blocks()) {
-        let wanted = (0..).zip(stars).filter(|(_, star)| is_wanted(star.direction_icrf));
-        picks.extend(wanted.map(|(star, _)| Pick { block, star }));
-    }
-}
-
 /// Space motion and parallax in one step (they are below 1e-3 rad: their product is left out), then what the vantage does.
-fn seen_of_tile(star: &TileStar, years: f64, vantage: &Vantage) -> Source {
+#[inline]
+fn seen_of_tile(star: &TileStar, years: f64, off_au: DVec3, sight: &Sight) -> Source {
     let rate = DVec3::from_array(star.rate_icrf.map(f64::from));
-    let off_au = vantage.observer.position_km / AU_KM;
     let natural = (star.direction_icrf + rate * years - off_au * f64::from(star.parallax_rad)).normalize();
-    let place = SourcePlace::Icrf(vantage.apparent(natural));
+    let place = SourcePlace::Icrf(sight.apparent(natural));
     Source { id: star.id, electrons: star.electrons, mag: star.mag, place }
 }

@@ -25,7 +25,7 @@ use crate::gpu::texture::TableTexture;
 use crate::gpu::{DeviceElectrons, Electrons, GpuDevice, GpuError, shader};
 use crate::render::erf::{ERF_CLAMP, ERF_P, ERF_Q};
 use crate::render::plan_tables::PlanTables;
-use crate::render::table::PsfTable;
+use crate::render::table::{Form, PsfTable};
 use crate::render::{Backend, RenderError, check_kernel, check_sampling};
 use bytemuck::{Pod, Zeroable};
 use core::ops::Range;
@@ -104,7 +104,7 @@ impl Gpu {
             stars_a_block: MOST_STARS_A_BLOCK,
             nodes: Vec::new(),
             bounds: TileBounds::new([width_px, height_px]),
-            tables: PlanTables::new(ANALYTIC_HALF_PX),
+            tables: PlanTables::new(ANALYTIC_HALF_PX, Form::Images),
             bases_are_loaded: false,
             gpu,
         })
