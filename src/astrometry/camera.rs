@@ -40,6 +40,7 @@ pub struct CameraGeometry {
     distortion: Distortion,
     domain: Domain,
     half_diagonal_rad: f64,
+    is_distorted: bool,
 }
 
 impl CameraGeometry {
@@ -70,7 +71,8 @@ impl CameraGeometry {
 
     fn with_distortion(parameters: CameraParameters, distortion: Distortion) -> Result<Self, AstrometryError> {
         let domain = Domain::of(&distortion);
-        let mut camera = Self { parameters, distortion, domain, half_diagonal_rad: 0.0 };
+        let is_distorted = !distortion.is_none();
+        let mut camera = Self { parameters, distortion, domain, half_diagonal_rad: 0.0, is_distorted };
         for [x_px, y_px] in camera.corners_px() {
             let limit_deg = domain.radius.atan().to_degrees();
             let corner = camera.unproject([x_px, y_px]);
@@ -146,12 +148,14 @@ impl CameraGeometry {
     }
 
     /// Tangents (X/Z, Y/Z) of a direction (sensor axes, any length); `None` as for [`Self::project`].
+    #[inline]
     #[must_use]
     pub fn tangent(&self, v_sensor: DVec3) -> Option<DVec2> {
         self.ideal(v_sensor)
     }
 
     /// Pixel coordinates of tangents, distorted; they are not held against the domain.
+    #[inline]
     #[must_use]
     pub fn pixel_of_tangent(&self, tangent: DVec2) -> [f64; 2] {
         self.pixel(if self.is_distorted() { self.distortion.distort(tangent) } else { tangent })
@@ -170,6 +174,7 @@ impl CameraGeometry {
     }
 
     /// Derivative of the pixel coordinates by the tangents, px: rows x and y.
+    #[inline]
     #[must_use]
     pub fn px_per_tangent(&self, tangent: DVec2) -> [[f64; 2]; 2] {
         let [fx, fy] = self.parameters.focal_px;
@@ -180,17 +185,26 @@ impl CameraGeometry {
         [[fx * derivative.x_axis.x, fx * derivative.y_axis.x], [fy * derivative.x_axis.y, fy * derivative.y_axis.y]]
     }
 
-    /// True when the lens distorts.
+    /// Largest tangent of the angle to the boresight that is imaged.
     #[must_use]
-    pub fn is_distorted(&self) -> bool {
-        !self.distortion.is_none()
+    pub fn largest_tangent(&self) -> f64 {
+        self.domain.radius
     }
 
+    /// True when the lens distorts.
+    #[inline]
+    #[must_use]
+    pub fn is_distorted(&self) -> bool {
+        self.is_distorted
+    }
+
+    #[inline]
     fn ideal(&self, v_sensor: DVec3) -> Option<DVec2> {
         let ideal = v_sensor.truncate() / v_sensor.z;
         (v_sensor.z > 0.0 && ideal.is_finite() && self.domain.contains(ideal)).then_some(ideal)
     }
 
+    #[inline]
     fn pixel(&self, distorted: DVec2) -> [f64; 2] {
         let p = &self.parameters;
         [0, 1].map(|i| p.principal_point_px[i] + p.focal_px[i] * distorted[i])

@@ -173,6 +173,7 @@ impl Domain {
         Self { radius: good }
     }
 
+    #[inline]
     pub(super) fn contains(&self, ideal: DVec2) -> bool {
         ideal.length_squared() <= self.radius * self.radius
     }

@@ -109,6 +109,7 @@ impl<To, From> Rotation<To, From> {
     }
 
     /// Rewrites a vector given in `From` axes into `To` axes.
+    #[inline]
     #[must_use]
     pub fn apply(&self, v_from: DVec3) -> DVec3 {
         self.q * v_from

@@ -11,13 +11,14 @@ use crate::exposure::method::{Method, MethodChoice, MethodName};
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::nodes::MOST_DENSE_NODES;
 use crate::exposure::pixel_path::PixelPath;
-use crate::exposure::plan::{Assessment, ExposurePlan, MOTION_SHARE, StarClass, Verdict};
+use crate::exposure::plan::{Assessment, ExposurePlan, MOTION_SHARE, PlannedStar, StarClass, Verdict};
 use crate::exposure::planner::Instrument;
 use crate::exposure::pose::PathNode;
 use crate::exposure::probes::{Probes, SIDE};
 use crate::exposure::sampling::{ANALYTIC_HALF_PX, SamplingError, TABLE_ERROR, sampling_error};
 use crate::exposure::weigh::{NodeError, Scales, ShapeOf, WINDOW_PX, light_share, shear_error, stretch_error};
 use crate::optics::PsfModel;
+use rayon::prelude::*;
 
 /// Centroid error a table of [`TABLE_ERROR`] leaves, px (measured at most 3e-5 for sigma 0.3 to 1.2).
 const TABLE_CENTROID_PX: f64 = 1e-4;
@@ -46,6 +47,8 @@ const TRACKED_SIGMA: f64 = 3.0;
 const CLASS_STEP: f64 = 8.0;
 /// Classes of stars at most.
 const CLASSES: usize = 3;
+/// Stars one thread counts at a time.
+const COUNTED_TOGETHER: usize = 16_384;
 
 /// A method and the error of its nodes, whatever the stars.
 #[derive(Debug, Clone, Copy)]
@@ -222,12 +225,11 @@ impl Chooser {
         probes: &Probes,
     ) {
         let begin_e = brightest_e.min(self.saturating_e());
-        let mut above_e = f64::INFINITY;
-        for i in 0..CLASSES {
-            let last = i + 1 == CLASSES;
-            let faintest_e = if last { 0.0 } else { begin_e * CLASS_STEP.powi(-(i as i32 + 1)) };
-            let class = class_of(plan, above_e, faintest_e);
-            above_e = faintest_e;
+        let faintest_e: [f64; CLASSES] =
+            core::array::from_fn(|i| if i + 1 == CLASSES { 0.0 } else { begin_e * CLASS_STEP.powi(-(i as i32 + 1)) });
+        let counted = count_classes(&plan.stars, faintest_e);
+        for ((stars, brightest_e), faintest_e) in counted.into_iter().zip(faintest_e) {
+            let class = StarClass { brightest_e, faintest_e, stars, bands: 1, chosen: plan.chosen };
             if class.stars == 0 {
                 continue;
             }
@@ -352,12 +354,22 @@ impl Chooser {
     }
 }
 
-/// Stars of at least `faintest_e` and below `above_e`.
-fn class_of(plan: &ExposurePlan, above_e: f64, faintest_e: f64) -> StarClass {
-    let members = plan.stars.iter().filter(|star| star.electrons < above_e && star.electrons >= faintest_e);
-    let (stars, brightest_e) =
-        members.fold((0, 0.0_f64), |(count, brightest), star| (count + 1, brightest.max(star.electrons)));
-    StarClass { brightest_e, faintest_e, stars, bands: 1, chosen: plan.chosen }
+/// Of every class, brightest first, its stars and the electrons of the brightest; each begins at its `faintest_e`.
+fn count_classes(stars: &[PlannedStar], faintest_e: [f64; CLASSES]) -> [(usize, f64); CLASSES] {
+    let and = |mut all: [(usize, f64); CLASSES], more: [(usize, f64); CLASSES]| {
+        for (class, more) in all.iter_mut().zip(more) {
+            *class = (class.0 + more.0, class.1.max(more.1));
+        }
+        all
+    };
+    let count = |stars: &[PlannedStar]| {
+        stars.iter().fold([(0, 0.0_f64); CLASSES], |mut classes, star| {
+            let class = faintest_e.iter().position(|faintest_e| star.electrons >= *faintest_e).unwrap_or(CLASSES - 1);
+            classes[class] = (classes[class].0 + 1, classes[class].1.max(star.electrons));
+            classes
+        })
+    };
+    stars.par_chunks(COUNTED_TOGETHER).map(count).reduce(|| [(0, 0.0); CLASSES], and)
 }
 
 /// What the planner's own list of nodes leaves out, relative to its PSF: pairs `h` apart on average and up to `pi / 2`

@@ -28,6 +28,7 @@ impl Correction {
     }
 
     /// At `px`.
+    #[inline]
     #[must_use]
     pub fn at(&self, px: [f64; 2]) -> [f64; 2] {
         if self.is_nothing {
@@ -46,7 +47,33 @@ impl Correction {
     }
 }
 
+impl Correction {
+    /// Adds what there is at eight places to eight others, by component.
+    #[inline(always)]
+    pub(super) fn add_to_eight(&self, px: &[[f64; 8]; 2], to: &mut [[f64; 8]; 2]) {
+        if self.is_nothing {
+            return;
+        }
+        for k in 0..8 {
+            let t = |axis: usize| 2.0 * (px[axis][k] / self.size_px[axis]).clamp(-0.5, 1.5) - 1.0;
+            let (across, down) = (quadratic(t(0)), quadratic(t(1)));
+            let mut sum = [0.0; 2];
+            for row in 0..SIDE {
+                for column in 0..SIDE {
+                    let [x, y] = self.values[SIDE * row + column];
+                    let weight = across[column] * down[row];
+                    sum[0] += weight * x;
+                    sum[1] += weight * y;
+                }
+            }
+            to[0][k] += sum[0];
+            to[1][k] += sum[1];
+        }
+    }
+}
+
 /// Lagrange weights at `t` for points at -1, 0, 1.
+#[inline(always)]
 #[must_use]
 pub fn quadratic(t: f64) -> [f64; 3] {
     [0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)]

@@ -9,6 +9,7 @@ use crate::exposure::place::for_each_star;
 use crate::exposure::plan::{Cell, Drawing, ExposurePlan, NodeList, PlannedStar};
 use crate::exposure::pose::{PathNode, Pose, mean_pose};
 use crate::exposure::probes::{Probes, SIDE};
+use crate::exposure::share::Share;
 use crate::exposure::track::{StarPlace, StarTrack};
 use crate::optics::{PsfField, PsfModel};
 use std::sync::Arc;
@@ -16,17 +17,47 @@ use std::sync::Arc;
 /// Buffers kept from frame to frame.
 #[derive(Debug, Default)]
 pub struct Buffers {
+    /// Lists of the cells of all zonal classes.
     used: Vec<u32>,
     corners: Vec<u32>,
+    /// Class by class, how its stars get their lists.
+    gives: Vec<Give>,
+}
+
+/// Which list a star of a class is drawn with.
+#[derive(Debug, Clone)]
+enum Give {
+    /// By the band of its row, and in a field of PSFs by its cell.
+    Band { first: usize, per_band: usize, bands: usize, height_px: f64, field: Option<Arc<PsfField>> },
+    /// By its cell; the cells' lists begin at `first` of the buffer.
+    Cell { first: usize, grid: Grid },
+}
+
+impl Give {
+    #[inline]
+    fn list(&self, star: &PlannedStar, camera: &CameraGeometry, used: &[u32]) -> u32 {
+        match self {
+            Self::Cell { first, grid } => used.get(first + grid.cell_index(star)).copied().unwrap_or(UNUSED),
+            Self::Band { first, per_band, bands, height_px, field } => {
+                let in_band =
+                    |field: &Arc<PsfField>| field.nodes().len() + Grid::of_field(camera, field).cell_index(star);
+                let in_band = field.as_ref().map_or(0, in_band);
+                let band = if *bands == 1 { 0 } else { band_of(star.mean_px[1], *height_px, *bands) };
+                list_number(first + band * per_band + in_band)
+            }
+        }
+    }
 }
 
 /// No list.
 const UNUSED: u32 = u32::MAX;
 
-/// Fills nodes and lists of every class of stars, and gives each star its list.
+/// Fills nodes and lists of every class of stars; [`give`] gives each star its list.
 pub fn fill(plan: &mut ExposurePlan, probes: &Probes, camera: &CameraGeometry, buffers: &mut Buffers) {
     plan.nodes.clear();
     plan.lists.clear();
+    buffers.gives.clear();
+    buffers.used.clear();
     for class in 0..plan.classes.len() {
         let (method, bands) = (plan.classes[class].chosen.method, plan.classes[class].bands);
         let first = plan.lists.len();
@@ -42,19 +73,9 @@ pub fn fill(plan: &mut ExposurePlan, probes: &Probes, camera: &CameraGeometry, b
                         push_field(plan, field, camera, own);
                     }
                 }
-                // Stars come with the first list.
-                if first == 0 && bands == 1 && plan.classes.len() == 1 && field.is_none() {
-                    continue;
-                }
-                let height = camera.height_px() as f64;
                 let per_band = (plan.lists.len() - first) / bands;
-                let in_band = |star: &PlannedStar| match &field {
-                    None => 0,
-                    Some(field) => field.nodes().len() + Grid::of_field(camera, field).cell_index(star),
-                };
-                assign(plan, class, |star| {
-                    list_number(first + band_of(star.mean_px[1], height, bands) * per_band + in_band(star))
-                });
+                let height_px = camera.height_px() as f64;
+                buffers.gives.push(Give::Band { first, per_band, bands, height_px, field });
             }
         }
     }
@@ -81,13 +102,16 @@ fn push_field(plan: &mut ExposurePlan, field: &PsfField, camera: &CameraGeometry
     }
 }
 
-/// Gives the stars of a class the lists that `list` says.
-fn assign(plan: &mut ExposurePlan, class: usize, list: impl Fn(&PlannedStar) -> u32 + Sync) {
-    let is_member = plan.is_member(class);
-    for_each_star(&mut plan.stars, |star| {
-        if is_member(star) {
-            star.list = list(star);
-        }
+/// Gives every star its list, and its electrons on the detector.
+pub fn give(plan: &mut ExposurePlan, share: &Share, buffers: &Buffers) {
+    let Buffers { used, gives, .. } = buffers;
+    let ExposurePlan { stars, nodes, lists, classes, extent_px, camera, .. } = plan;
+    let (Some((last, brighter)), extent_px) = (gives.split_last(), *extent_px) else { return };
+    for_each_star(stars, |star| {
+        let class = brighter.iter().zip(&*classes).find(|(_, class)| star.electrons >= class.faintest_e);
+        star.list = class.map_or(last, |(give, _)| give).list(star, camera, used);
+        let nodes = lists.get(star.list as usize).map_or(&nodes[..0], |list| &nodes[list.nodes.clone()]);
+        star.electrons_on_detector = star.electrons * share.on_detector(star, camera, nodes, extent_px);
     });
 }
 
@@ -170,6 +194,7 @@ fn band_of(y_px: f64, height: f64, bands: usize) -> usize {
 }
 
 /// Where the stars of a class stand on the grid of a zonal method.
+#[derive(Debug, Clone, Copy)]
 struct Grid {
     cells: [usize; 2],
     size_px: [f64; 2],
@@ -226,14 +251,22 @@ fn fill_zones(
     buffers: &mut Buffers,
 ) {
     let grid = Grid::new(camera, zones);
-    let Buffers { used, corners } = buffers;
-    used.clear();
-    used.resize(grid.cells[0] * grid.cells[1], UNUSED);
+    let Buffers { used, corners, gives } = buffers;
+    let first_cell = used.len();
+    used.resize(first_cell + grid.cells[0] * grid.cells[1], UNUSED);
     corners.clear();
     corners.resize((grid.cells[0] + 1) * (grid.cells[1] + 1), UNUSED);
+    gives.push(Give::Cell { first: first_cell, grid });
+    let used = &mut used[first_cell..];
     let is_member = plan.is_member(class);
+    let mut missing = used.len();
     for star in plan.stars.iter().filter(|star| is_member(star)) {
-        used[grid.index(grid.cell_of(star))] = 0;
+        let cell = &mut used[grid.cell_index(star)];
+        missing -= usize::from(*cell == UNUSED);
+        *cell = 0;
+        if missing == 0 {
+            break;
+        }
     }
     let (method, first_list) = (plan.classes[class].chosen.method, plan.lists.len());
     for row in 0..grid.cells[1] {
@@ -244,8 +277,6 @@ fn fill_zones(
             }
         }
     }
-    let used = &*used;
-    assign(plan, class, |star| used[grid.index(grid.cell_of(star))]);
 }
 
 /// The blend of one cell and those of its kernels that are not there yet.

@@ -69,6 +69,16 @@ impl MeanField {
         !self.moves
     }
 
+    /// Mean pose and correction, where all rows have the same.
+    #[must_use]
+    pub fn same_for_all_rows(&self) -> Option<(Pose, Correction)> {
+        match self.poses.as_slice() {
+            _ if !self.moves => Some((Pose::STILL, Correction::none())),
+            [pose] => Some((*pose, self.correction)),
+            _ => None,
+        }
+    }
+
     /// Mean pose of the exposure of the row at `y_px`.
     #[must_use]
     pub fn pose_at(&self, y_px: f64) -> Pose {
@@ -86,6 +96,7 @@ impl MeanField {
     }
 
     /// Mean displacement of a star, px.
+    #[inline]
     #[must_use]
     pub fn displacement_px(&self, track: &StarTrack) -> [f64; 2] {
         if !self.moves {

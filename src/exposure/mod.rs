@@ -18,6 +18,7 @@ pub mod motion;
 pub mod nodes;
 pub mod pixel_path;
 mod place;
+mod place_block;
 pub mod plan;
 pub mod planner;
 pub mod pose;

@@ -15,7 +15,7 @@ use crate::exposure::mean_field::MeanField;
 use crate::exposure::method::{Method, MethodChoice};
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::nodes;
-use crate::exposure::place::{Brightness, Lit, for_each_star, place_stars};
+use crate::exposure::place::{Brightness, Lit, place_stars};
 use crate::exposure::plan::{Assessment, CutOff, ExposurePlan, Verdict};
 use crate::exposure::probes::Probes;
 use crate::exposure::sampling::PsfSampling;
@@ -91,6 +91,8 @@ pub struct Planner {
     cost: CostModel,
     /// Room for the stars' electrons.
     brightness_e: Vec<f64>,
+    /// Room for the numbers of stars in sight, chunk by chunk of the sources.
+    seen: Vec<usize>,
 }
 
 impl Planner {
@@ -139,6 +141,7 @@ impl Planner {
             targets: TargetPlanner::new(),
             cost,
             brightness_e: Vec::with_capacity(STARS_RESERVED),
+            seen: Vec::with_capacity(STARS_RESERVED),
         }
     }
 
@@ -200,10 +203,9 @@ impl Planner {
         let brightness = self.place(sources);
         self.targets.place(&self.plan, &self.instrument.illumination);
         self.take_rungs(brightness);
-        let Self { plan, probes, lists, instrument, .. } = self;
+        let Self { plan, probes, lists, instrument, share, targets, .. } = self;
         lists::fill(plan, probes, &instrument.camera, lists);
-        self.share_light();
-        let Self { plan, share, targets, .. } = self;
+        lists::give(plan, share, lists);
         targets.append(plan, share);
         &self.plan
     }
@@ -219,10 +221,10 @@ impl Planner {
     }
 
     fn place(&mut self, sources: &[Source]) -> Brightness {
-        let Self { plan, means, instrument, .. } = self;
+        let Self { plan, means, instrument, seen, .. } = self;
         let margin_px = light_reach_px(plan);
         let lit = Lit { camera: &instrument.camera, illumination: &instrument.illumination };
-        place_stars(sources, lit, &plan.motion.los, means, margin_px, &mut plan.stars)
+        place_stars(sources, lit, &plan.motion.los, means, margin_px, (&mut plan.stars, seen))
     }
 
     /// Down the ladder until the frame fits its time.
@@ -299,15 +301,6 @@ impl Planner {
         let cut = cells.left_out(plan.psf.peak(), gone.map(|star| (star.electrons, star.mean_px)));
         plan.stars.retain(|star| star.list == STAYS);
         plan.cut_off.add(&cut);
-    }
-
-    fn share_light(&mut self) {
-        let Self { plan, share, .. } = self;
-        let ExposurePlan { stars, nodes, lists, extent_px, camera, .. } = plan;
-        for_each_star(stars, |star| {
-            let nodes = lists.get(star.list as usize).map_or(&nodes[..0], |list| &nodes[list.nodes.clone()]);
-            star.electrons_on_detector = star.electrons * share.on_detector(star, camera, nodes, *extent_px);
-        });
     }
 }
 

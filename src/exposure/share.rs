@@ -92,19 +92,21 @@ impl NodeShare {
     fn on_detector(&self, star: &PlannedStar, camera: &CameraGeometry, nodes: &[PathNode], extent_px: f64) -> f64 {
         let margin = self.half_px as f64 + 1.0 + extent_px;
         let well_inside = |v: f64, size: usize| v >= margin && v <= size as f64 - 1.0 - margin;
-        if well_inside(star.mean_px[0], self.size_px[0]) && well_inside(star.mean_px[1], self.size_px[1]) {
+        let clear = [0, 1].map(|axis| well_inside(star.mean_px[axis], self.size_px[axis]));
+        if clear == [true; 2] {
             return self.footprint;
         }
-        self.footprint * self.at_edge(star, &StarTrack::new(camera, star.place), nodes)
+        self.footprint * self.at_edge(star, &StarTrack::new(camera, star.place), nodes, clear)
     }
 
-    /// Mean over all nodes; only nodes whose footprint an edge cuts need the integral.
-    fn at_edge(&self, star: &PlannedStar, track: &StarTrack, nodes: &[PathNode]) -> f64 {
+    /// Mean over all nodes; only nodes whose footprint an edge cuts need the integral, and no axis whose edges are `clear`.
+    fn at_edge(&self, star: &PlannedStar, track: &StarTrack, nodes: &[PathNode], clear: [bool; 2]) -> f64 {
         let [mx, my] = track.displacement_px(&mean_pose(nodes));
         let [x, y] = [star.mean_px[0] - mx, star.mean_px[1] - my];
         let on = |node: &PathNode| {
             let [dx, dy] = track.displacement_px(&node.pose);
-            self.along(0, x + dx) * self.along(1, y + dy)
+            let along = |axis: usize, v: f64| if clear[axis] { 1.0 } else { self.along(axis, v) };
+            along(0, x + dx) * along(1, y + dy)
         };
         nodes.iter().map(|node| node.weight * on(node)).sum()
     }

@@ -30,6 +30,7 @@ pub struct StarTrack {
 
 impl StarPlace {
     /// Of a direction in sensor axes; `None` outside the camera's domain.
+    #[inline]
     #[must_use]
     pub fn of_direction(camera: &CameraGeometry, mid_sensor: DVec3) -> Option<Self> {
         let tangent = camera.tangent(mid_sensor)?;
@@ -52,6 +53,7 @@ impl StarPlace {
 
 impl StarTrack {
     /// Track of a star at `place`.
+    #[inline]
     #[must_use]
     pub fn new(camera: &CameraGeometry, place: StarPlace) -> Self {
         let [cx, cy] = camera.parameters().principal_point_px;
@@ -61,6 +63,7 @@ impl StarTrack {
     }
 
     /// Displacement from mid-exposure at `pose` as backends draw it, px.
+    #[inline]
     #[must_use]
     pub fn displacement_px(&self, pose: &Pose) -> [f64; 2] {
         let [du, dv] = tangent_step(self.place.tangent, pose);
@@ -82,6 +85,7 @@ impl StarTrack {
 }
 
 /// Change of a direction's tangents: with `d = (R - I) (u, v, 1)`, `(d_x - u d_z, d_y - v d_z) / (1 + d_z)`.
+#[inline]
 fn tangent_step(DVec2 { x: u, y: v }: DVec2, Pose(p): &Pose) -> [f64; 2] {
     let d = |row: usize| p[3 * row] * u + p[3 * row + 1] * v + p[3 * row + 2];
     let dz = d(2);
@@ -89,6 +93,7 @@ fn tangent_step(DVec2 { x: u, y: v }: DVec2, Pose(p): &Pose) -> [f64; 2] {
     [(d(0) - u * dz) * scale, (d(1) - v * dz) * scale]
 }
 
+#[inline]
 fn rolled_and_shifted([x, y]: [f64; 2], [rx, ry]: [f64; 2], Pose(p): &Pose) -> [f64; 2] {
     let (sin, less) = (p[ROLL], p[ROLL + 1]);
     let (ax, ay) = (rx + x, ry + y);

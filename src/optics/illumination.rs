@@ -66,6 +66,7 @@ impl Illumination {
     }
 
     /// Relative illumination at a field point, given by the tangents (X/Z, Y/Z) of its direction without distortion.
+    #[inline]
     #[must_use]
     pub fn at(&self, tangent: DVec2) -> f64 {
         if self.is_even() {

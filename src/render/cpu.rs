@@ -148,13 +148,19 @@ impl DrawBand<'_> {
         let mut splats = Splats::NONE;
         let members = || draw.bands.members(index);
         let crowd = crowd.sorted(members(), target.width);
-        if let Some(spots) = crowd {
-            draw.spots::<FUSED>(&mut target, spots);
-        }
-        for members in members() {
-            if crowd.is_none() {
-                draw.spots::<FUSED>(&mut target, &members.spots);
+        let mut waiting = Waiting { analytic: Splats::NONE, tabled: Splats::NONE };
+        if let Some(crowd) = crowd {
+            for spot in crowd.turns() {
+                draw.spot::<FUSED>(&mut target, &mut waiting, spot);
             }
+        }
+        for members in members().take_while(|_| crowd.is_none()) {
+            for spot in &members.spots {
+                draw.spot::<FUSED>(&mut target, &mut waiting, spot);
+            }
+        }
+        draw.rest::<FUSED>(&mut target, &mut waiting);
+        for members in members() {
             for trail in &members.trails {
                 draw.trail::<FUSED>(&mut target, &mut splats, trail);
             }
@@ -172,6 +178,12 @@ struct Splats {
     electrons: [f32; BLOCK],
     /// As of [`Spot::kernel`](crate::render::bands::Spot).
     kernel: [u32; BLOCK],
+}
+
+/// Stars that are drawn once, until there is a block of them.
+struct Waiting {
+    analytic: Splats,
+    tabled: Splats,
 }
 
 impl Splats {
@@ -204,36 +216,40 @@ impl Draw<'_> {
         self.kernels.get(number as usize).or_else(|| self.bases.get((NO_KERNEL - number) as usize))
     }
 
-    /// Stars that are drawn once.
+    /// A star that is drawn once: it waits until a block is full.
     #[inline(always)]
-    fn spots<const FUSED: bool>(&self, band: &mut Band<'_>, spots: &[Spot]) {
-        let (mut analytic, mut tabled) = (Splats::NONE, Splats::NONE);
-        for spot in spots {
-            if self.table(spot.kernel).is_some() {
-                tabled.push(spot);
-                if tabled.count == BLOCK {
-                    self.stamps::<FUSED>(band, &tabled);
-                    tabled.count = 0;
-                }
-            } else {
-                analytic.push(spot);
-                if analytic.count == BLOCK {
-                    self.splat::<FUSED>(band, &analytic);
-                    analytic.count = 0;
-                }
+    fn spot<const FUSED: bool>(&self, band: &mut Band<'_>, waiting: &mut Waiting, spot: &Spot) {
+        if self.table(spot.kernel).is_some() {
+            waiting.tabled.push(spot);
+            if waiting.tabled.count == BLOCK {
+                self.stamps::<FUSED>(band, &waiting.tabled);
+                waiting.tabled.count = 0;
+            }
+        } else {
+            waiting.analytic.push(spot);
+            if waiting.analytic.count == BLOCK {
+                self.splat::<FUSED>(band, &waiting.analytic);
+                waiting.analytic.count = 0;
             }
         }
-        self.stamps::<FUSED>(band, &tabled);
-        self.splat::<FUSED>(band, &analytic);
+    }
+
+    /// Draws what still waits.
+    #[inline(always)]
+    fn rest<const FUSED: bool>(&self, band: &mut Band<'_>, waiting: &mut Waiting) {
+        self.stamps::<FUSED>(band, &waiting.tabled);
+        self.splat::<FUSED>(band, &waiting.analytic);
     }
 
     /// Draws splats from their tables.
     #[inline(always)]
     fn stamps<const FUSED: bool>(&self, band: &mut Band<'_>, splats: &Splats) {
-        let taps = [&splats.x, &splats.y].map(|fractions| Taps::of::<FUSED>(fractions, self.oversampling));
+        // No closure: it would not be compiled for the vector level.
+        let across = Taps::of::<FUSED>(&splats.x, self.oversampling);
+        let down = Taps::of::<FUSED>(&splats.y, self.oversampling);
         for k in 0..splats.count {
             let Some(table) = self.table(splats.kernel[k]) else { continue };
-            let [(px, wx), (py, wy)] = [taps[0].of_star(k), taps[1].of_star(k)];
+            let ((px, wx), (py, wy)) = (across.of_star(k), down.of_star(k));
             let origin = [splats.column[k], splats.row[k]];
             stamp::<FUSED>(
                 band,
