@@ -364,7 +364,7 @@ fn count_classes(stars: &[PlannedStar], faintest_e: [f64; CLASSES]) -> [(usize, 
     };
     let count = |stars: &[PlannedStar]| {
         stars.iter().fold([(0, 0.0_f64); CLASSES], |mut classes, star| {
-            let class = faintest_e.iter().position(|faintest_e| star.electrons >= *faintest_e).unwrap_or(CLASSES - 1);
+            let class = faintest_e[..CLASSES - 1].iter().filter(|faintest_e| star.electrons < **faintest_e).count();
             classes[class] = (classes[class].0 + 1, classes[class].1.max(star.electrons));
             classes
         })

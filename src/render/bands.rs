@@ -11,7 +11,7 @@ use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 /// Rows of one band.
-pub(super) const BAND_ROWS: usize = 32;
+pub(super) const BAND_ROWS: usize = 64;
 /// Stars one thread sorts at a time.
 const CHUNK: usize = 4096;
 /// Chunks there is room for from the start.

@@ -9,7 +9,7 @@
 use crate::render::bands::{Members, Spot};
 
 /// Columns of a block.
-const BLOCK_PX: i32 = 32;
+const BLOCK_PX: i32 = 16;
 /// Blocks that take turns, in an order in which no two neighbours follow one another: together a band's rows of them are
 /// 32 KiB.
 const TURNS: [usize; 8] = [0, 4, 1, 5, 2, 6, 3, 7];
