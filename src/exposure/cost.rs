@@ -63,7 +63,7 @@ impl CostModel {
         motion_ms: 0.2,
         motion_star_ns: 40.0,
         splat_ns: 25.0,
-        table_pixel_ns: 0.5,
+        table_pixel_ns: 0.35,
         base_pixel_ns: 1.1,
         kernel_node_ns: 0.08,
         kernel_entry_ns: 1.2,

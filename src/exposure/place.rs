@@ -188,3 +188,87 @@ fn place(source: &Source, lit: Lit<'_>, los: &LosPath, means: &MeanField, margin
     }
     star_at(source, place, mean_px, lit)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::astrometry::{BrownConrady, CameraParameters};
+    use crate::attitude::JitterLine;
+    use crate::base::axes::{Rotation, sensor_from_ra_dec_roll};
+    use crate::base::time::Tai;
+    use crate::exposure::motion::{Motion, Shutter};
+    use crate::exposure::probes::Probes;
+
+    /// Rounding of a few operations on tens of thousands of px.
+    const ROUNDING_PX: f64 = 1e-10;
+
+    fn camera(k1: f64) -> CameraGeometry {
+        CameraGeometry::new(CameraParameters {
+            width_px: 700,
+            height_px: 500,
+            focal_px: [900.0, 905.0],
+            principal_point_px: [350.0, 244.0],
+            distortion: BrownConrady { k1, ..BrownConrady::default() },
+        })
+        .unwrap()
+    }
+
+    fn motion(moves: bool) -> Motion {
+        let at = Tai::from_rfc3339("2026-03-01T00:00:00Z").unwrap();
+        let mut los = LosPath::commanded(sensor_from_ra_dec_roll(1.0, -0.4, 0.7), at, 0.1);
+        if moves {
+            los.rate_rad_s = DVec3::new(0.02, -0.03, 0.4);
+            let amplitude_rad = DVec3::new(1e-3, 2e-3, 0.0);
+            los.jitter.lines = vec![JitterLine { frequency_hz: 31.0, amplitude_rad, phase_rad: 0.3 }];
+        }
+        Motion { los, image_path: None }
+    }
+
+    /// Directions all over the sky, most of them about the boresight.
+    fn sources(motion: &Motion) -> Vec<Source> {
+        let back: Rotation<_, _> = motion.los.mid_sensor_from_icrf.inverse();
+        let source = |i: u32| {
+            let [x, y] = [i * 131 % 1009, i * 197 % 907].map(|v| f64::from(v) / 500.0 - 0.95);
+            let z = if i.is_multiple_of(17) { -1.0 } else { 1.0 };
+            let direction = back.apply(DVec3::new(x, y, z).normalize());
+            Source { id: i, electrons: f64::from(i), mag: 1.0, place: SourcePlace::Icrf(direction) }
+        };
+        (1..4000).map(source).collect()
+    }
+
+    #[test]
+    fn blocks_place_as_single_stars_do() {
+        for (moves, k1, shutter, in_blocks) in [
+            (true, 0.0, Shutter::Global, true),
+            (false, 0.0, Shutter::Global, true),
+            (true, -0.05, Shutter::Global, false),
+            (true, 0.0, Shutter::Rolling { line_s: 1e-5 }, false),
+        ] {
+            let (camera, motion, illumination) = (camera(k1), motion(moves), Illumination::EVEN);
+            let mut probes = Probes::new(&camera, shutter);
+            probes.measure(&motion, 0.8);
+            let mut means = MeanField::new(&camera);
+            means.measure(&motion, shutter, &probes);
+            let lit = Lit { camera: &camera, illumination: &illumination };
+            assert_eq!(BlockPlacer::new(&camera, &motion.los, &means, 5.0).is_some(), in_blocks, "{moves} {k1}");
+            let sources = sources(&motion);
+            let (mut stars, mut seen) = (Vec::new(), Vec::new());
+            let found = place_stars(&sources, lit, &motion.los, &means, 5.0, (&mut stars, &mut seen));
+            let single = |source: &Source| place(source, lit, &motion.los, &means, 5.0);
+            let wanted: Vec<_> = sources.iter().map(single).filter(|star| !star.mean_px[0].is_nan()).collect();
+            let ids = |stars: &[PlannedStar]| stars.iter().map(|star| star.id).collect::<Vec<_>>();
+            assert_eq!(ids(&stars), ids(&wanted), "the same stars, in source order");
+            assert!((400..3000).contains(&stars.len()), "control: {} in sight, others not", stars.len());
+            let apart = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+            for (star, wanted) in stars.iter().zip(&wanted) {
+                assert!(apart(star.mean_px, wanted.mean_px) < ROUNDING_PX, "{star:?} {wanted:?}");
+                assert!(apart(star.place.mid_px, wanted.place.mid_px) < ROUNDING_PX);
+                assert!(star.place.tangent.distance(wanted.place.tangent) < 1e-14);
+            }
+            let furthest = stars.iter().map(|star| apart(star.mean_px, star.place.mid_px)).fold(0.0, f64::max);
+            assert_eq!(furthest > 1e-3, moves, "control: motion has moved the means by {furthest} px");
+            let most_e = stars.iter().map(|star| star.electrons).fold(0.0, f64::max);
+            assert_eq!(found.most_e, most_e);
+        }
+    }
+}

@@ -12,6 +12,8 @@ use core::str::FromStr;
 
 /// Interpolation error of a tabulated PSF relative to its peak.
 pub const TABLE_ERROR: f64 = 3e-5;
+/// What a sum of products may leave out of a table's coefficients, relative to the largest: part of [`TABLE_ERROR`].
+pub const PRODUCTS_ERROR: f64 = 1e-6;
 /// Widest footprint of a Gaussian that is drawn from error functions rather than a table, px (the CPU backend's vectors).
 pub const ANALYTIC_HALF_PX: usize = 7;
 /// Largest oversampling of a table.
@@ -127,7 +129,7 @@ impl FromStr for PsfSampling {
 /// Grid points per pixel that keep a table's interpolation error below [`TABLE_ERROR`].
 #[must_use]
 pub fn oversampling(psf: &PsfModel) -> usize {
-    let enough = |s: &usize| table_error(psf, *s) <= TABLE_ERROR;
+    let enough = |s: &usize| table_error(psf, *s) <= TABLE_ERROR - PRODUCTS_ERROR;
     match psf {
         // The knots of a grid are knots of its table, which then is the same spline.
         PsfModel::Grid(grid) => {

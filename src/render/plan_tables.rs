@@ -84,17 +84,18 @@ impl PlanTables {
 
     fn build_kernels(&mut self, plan: &ExposurePlan, kernels: usize) {
         if self.kernels.len() < kernels {
-            self.kernels.resize_with(kernels.next_power_of_two(), PsfTable::default);
+            let form = self.form;
+            self.kernels.resize_with(kernels.next_power_of_two(), || PsfTable::empty(form));
         }
         let half_px = kernel_reach(plan).map(|reach| kernel_half_px(plan.half_px, reach));
         let s = grid_points(plan);
-        let (bases, form) = (&self.bases, self.form);
+        let bases = &self.bases;
         let lists = &self.list_of_kernel;
         let build = |(i, table): (usize, &mut PsfTable)| {
             let list = &plan.lists[lists[i]];
             if let Drawing::Kernel(at) = &list.drawing {
                 let path = plan.kernel_trace(plan.nodes_of(list), at);
-                table.rebuild_kernel(&plan.psf, half_px, s, path, psfs_at(plan, list.psf_px), bases, form);
+                table.rebuild_kernel(&plan.psf, half_px, s, path, psfs_at(plan, list.psf_px), bases);
             }
         };
         if kernels == 1 {

@@ -3,17 +3,16 @@
 //!
 //! In: spline coefficients on the table's grid. Out: the terms, by phase. Method: elimination with complete pivoting (the
 //! adaptive cross approximation; Bebendorf, Numerische Mathematik 86 (2000), 565, with every entry looked at), which leaves
-//! nothing of the largest entry's row and column, until no entry is larger than [`LEFT_OUT`] of the largest: an exact
+//! nothing of the largest entry's row and column, until no entry is larger than [`PRODUCTS_ERROR`] of the largest: an exact
 //! bound of what any pixel lacks, since spline weights are positive and sum to 1. A Gaussian is one term, one that moves
 //! along a line three to eight. Where the terms would cost more than the images, the images are drawn. Tests in
 //! `stamp`, and the agreement tests of the backend.
 
 use crate::base::fused::mul_add;
+use crate::exposure::sampling::PRODUCTS_ERROR;
 use crate::render::table::{Grid, LANES};
 use pulp::{Arch, NullaryFnOnce};
 
-/// No coefficient is off by more than this of the largest.
-pub(crate) const LEFT_OUT: f32 = 1e-6;
 /// Terms at most.
 pub(super) const MOST_TERMS: usize = 16;
 /// Rows of an image at most.
@@ -209,7 +208,7 @@ impl Eliminate<'_> {
         rows.clear();
         columns.clear();
         let mut pivot = largest(rest, stride);
-        let allowed = pivot.size * LEFT_OUT;
+        let allowed = pivot.size * PRODUCTS_ERROR as f32;
         for term in 0..=most {
             if pivot.size <= allowed {
                 return Some(term.max(1));

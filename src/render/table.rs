@@ -29,6 +29,7 @@ pub struct PsfTable {
     pub data: Vec<f32>,
     /// The same as a sum of products, where it was asked for and is cheaper.
     pub(super) products: Products,
+    form: Form,
     grid: Grid,
     path: GaussianPath,
     /// Room for one column of the grid.
@@ -36,9 +37,10 @@ pub struct PsfTable {
 }
 
 /// How a table's images are kept.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Form {
     /// By phase.
+    #[default]
     Images,
     /// As a sum of products where that is cheaper.
     Products,
@@ -109,10 +111,16 @@ impl PsfTable {
         self.data.get(at * LANES + lane).copied().unwrap_or(0.0)
     }
 
+    /// A table to be filled.
+    #[must_use]
+    pub fn empty(form: Form) -> Self {
+        Self { form, ..Self::default() }
+    }
+
     /// The PSF itself, `s` grid points per pixel.
     #[must_use]
     pub fn of_psf(psf: &PsfModel, half_px: usize, s: usize, form: Form) -> Self {
-        let mut table = Self::default();
+        let mut table = Self::empty(form);
         table.size([half_px; 2], s);
         match psf {
             PsfModel::Gaussian { sigma_px } => {
@@ -136,7 +144,7 @@ impl PsfTable {
             // A field has a table for every node.
             PsfModel::Field(_) => {}
         }
-        table.finish(form);
+        table.finish();
         table
     }
 
@@ -150,7 +158,6 @@ impl PsfTable {
         path: impl Iterator<Item = TracePoint>,
         shares: [(usize, f64); 4],
         bases: &[Self],
-        form: Form,
     ) {
         self.size(half_px, s);
         match psf {
@@ -168,7 +175,7 @@ impl PsfTable {
                 self.prefilter();
             }
         }
-        self.finish(form);
+        self.finish();
     }
 
     /// Makes room for a table like `other`.
@@ -235,9 +242,9 @@ impl PsfTable {
         self.column = column;
     }
 
-    fn finish(&mut self, form: Form) {
+    fn finish(&mut self) {
         let phases = Phases { oversampling: self.oversampling, count: self.phases(), size_px: self.size_px() };
-        if form == Form::Images || !self.products.find(&self.grid, phases) {
+        if self.form == Form::Images || !self.products.find(&self.grid, phases) {
             self.products.terms = 0;
             self.arrange();
         }

@@ -111,7 +111,7 @@ mod tests {
         let mut field = FieldStars::with_capacity(10);
         let mut sources = vec![NO_SOURCE; 5];
         for (blocks, divisor) in [(8, 3), (8, 1), (0, 3), (1, 2), (3, 5), (8, 100_000)] {
-            let is_wanted = |star: &u32| star % divisor == 0;
+            let is_wanted = |star: &u32| star.is_multiple_of(divisor);
             field.take(|block| stars[block].as_slice(), blocks, is_wanted, seen, &mut sources);
             let wanted: Vec<u32> = stars[..blocks].iter().flatten().copied().filter(is_wanted).collect();
             let got: Vec<u32> = sources.iter().map(|source| source.id).collect();

@@ -4,7 +4,8 @@
 //! `STARLOOP_BENCH_STARS` asks for another number of stars.
 //!
 //! * `cone`: the tiles of a field, all in memory; what it takes the first time is printed.
-//! * `dense`: 2048 x 2048 pixels, jitter of 0.5 px, CPU: stars to sources, planning, drawing, and all together.
+//! * `dense`: 2048 x 2048 pixels, jitter of 0.4 px, CPU: stars to sources, planning, drawing, and all together; all together
+//!   also with 0.5 px, where one shape for the whole field is not enough, and the splat alone: without motion.
 #![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
@@ -114,38 +115,54 @@ fn dense_camera() -> CameraParams {
 }
 
 const FOCAL_PX: f64 = 46_900.0;
-/// Jitter, px.
-const JITTER_PX: f64 = 0.5;
+/// Jitter, px: up to the first one shape serves all stars of the field.
+const JITTER_PX: [f64; 2] = [0.4, 0.5];
 
 fn dense(c: &mut Criterion) {
     let camera = dense_camera();
     let sky = Sky::open(&deep_layers(), camera.limiting_mag, MEMORY_MB).expect("a sky");
     let at = Tai::from_rfc3339("2026-03-01T00:00:00Z").expect("an instant");
     let (_, ra_deg, dec_deg) = PLACES[0];
-    let mut los = LosPath::commanded(sensor_from_ra_dec_roll(ra_deg * DEG, dec_deg * DEG, 0.0), at, camera.exposure_s);
-    los.jitter.lines = vec![JitterLine {
-        frequency_hz: 2.25 / camera.exposure_s,
-        amplitude_rad: DVec3::new(0.28, -0.96, 0.0) * (JITTER_PX / FOCAL_PX),
-        phase_rad: 0.4,
-    }];
+    let attitude = sensor_from_ra_dec_roll(ra_deg * DEG, dec_deg * DEG, 0.0);
+    let los = |jitter_px: f64| {
+        let mut los = LosPath::commanded(attitude, at, camera.exposure_s);
+        los.jitter.lines = vec![JitterLine {
+            frequency_hz: 2.25 / camera.exposure_s,
+            amplitude_rad: DVec3::new(0.28, -0.96, 0.0) * (jitter_px / FOCAL_PX),
+            phase_rad: 0.4,
+        }];
+        los
+    };
+    let still = LosPath::commanded(attitude, at, camera.exposure_s);
+    let planner = |los: &LosPath| {
+        let budget = AccuracyBudget::default();
+        Planner::new(camera.instrument(), budget, CostModel::CPU, MethodChoice::Auto, los.clone())
+    };
     let mut view = SkyView::new(&camera, Observer::Geocentre, at, &sky);
-    let budget = AccuracyBudget::default();
-    let mut planner = Planner::new(camera.instrument(), budget, CostModel::CPU, MethodChoice::Auto, los.clone());
     let mut backend = Cpu::new(2048, 2048);
     let mut group = c.benchmark_group("dense");
     group.sample_size(20);
-    group.bench_function("sky", |b| b.iter(|| view.find_in_view(&los).expect("stars")));
-    group.bench_function("plan", |b| b.iter(|| planner.plan(view.found()).stars.len()));
-    let plan = planner.latest().clone();
-    let chosen = plan.chosen;
-    println!("{} stars, {}, predicted {:.1} ms", plan.stars.len(), chosen.method, chosen.cost_ms);
+    let path = los(JITTER_PX[0]);
+    group.bench_function("sky", |b| b.iter(|| view.find_in_view(&path).expect("stars")));
+    let mut stages = planner(&path);
+    group.bench_function("plan", |b| b.iter(|| stages.plan(view.found()).stars.len()));
+    let plan = stages.latest().clone();
     group.bench_function("draw", |b| b.iter(|| backend.render(&plan).expect("draws")));
-    group.bench_function("sky, plan and draw", |b| {
-        b.iter(|| {
-            view.find_in_view(&los).expect("stars");
-            backend.render(planner.plan(view.found())).expect("draws");
+    let whole = JITTER_PX.map(|px| (format!("sky, plan and draw, jitter {px} px"), los(px)));
+    for (name, path) in whole.into_iter().chain([("sky, plan and draw, no motion".into(), still)]) {
+        let mut planner = planner(&path);
+        let plan = planner.plan(view.found());
+        for class in &plan.classes {
+            println!("{name}: {} stars, {}", class.stars, class.chosen.method);
+        }
+        println!("predicted {:.1} ms to plan and draw", plan.chosen.cost_ms);
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                view.find_in_view(&path).expect("stars");
+                backend.render(planner.plan(view.found())).expect("draws");
+            });
         });
-    });
+    }
     group.finish();
 }
 
