@@ -61,6 +61,7 @@ impl Products {
         if most == 0 {
             return false;
         }
+        self.reserve(grid, phases, most);
         let arch = Arch::new();
         let fused = !matches!(arch, Arch::Scalar);
         let found = arch.dispatch(Eliminate { products: self, grid, most, fused });
@@ -68,6 +69,19 @@ impl Products {
         self.terms = drawn;
         self.arrange(grid, phases);
         true
+    }
+
+    /// Room for the most terms: the next path may need more than this one.
+    fn reserve(&mut self, grid: &Grid, phases: Phases, most: usize) {
+        let drawn = drawn_terms(most);
+        self.across.clear();
+        self.across.reserve_exact(phases.count * drawn * self.per_row);
+        self.down.clear();
+        self.down.reserve_exact(phases.count * drawn * self.per_column);
+        self.rows.clear();
+        self.rows.reserve_exact(drawn * grid.stride);
+        self.columns.clear();
+        self.columns.reserve_exact(drawn * grid.rows());
     }
 
     /// Makes room for the terms of a table like `other`.
@@ -205,8 +219,6 @@ impl Eliminate<'_> {
         let (stride, height) = (grid.stride, grid.rows());
         rest.clear();
         rest.extend_from_slice(&grid.values[..height * stride]);
-        rows.clear();
-        columns.clear();
         let mut pivot = largest(rest, stride);
         let allowed = pivot.size * PRODUCTS_ERROR as f32;
         for term in 0..=most {

@@ -7,6 +7,8 @@ use crate::exposure::{Source, SourcePlace};
 use core::ops::Range;
 use glam::DVec3;
 
+/// Blocks of a field for which there is room from the start.
+const BLOCKS_RESERVED: usize = 16_384;
 /// Fewer stars are looked at by one thread.
 const FEW: usize = 4096;
 /// A place that is written over.
@@ -26,7 +28,8 @@ pub(super) struct FieldStars {
 impl FieldStars {
     /// With room for so many stars.
     pub(super) fn with_capacity(stars: usize) -> Self {
-        Self { wanted: Vec::with_capacity(stars), ..Self::default() }
+        let blocks = || Vec::with_capacity(BLOCKS_RESERVED);
+        Self { first: blocks(), first_wanted: blocks(), wanted: Vec::with_capacity(stars) }
     }
 
     /// Replaces `sources` by what is `seen` of the stars of `blocks` that are wanted.

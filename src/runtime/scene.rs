@@ -83,6 +83,10 @@ impl Scene {
             report.bodies = bodies.counts();
         }
         report.lost_targets = self.targets.find_in_view(los)?;
+        if let Some(bodies) = &self.bodies {
+            // Where a target sets behind the Earth is part of its light; the Moon hides it for all of the exposure or none.
+            self.targets.leave_out(|seen| bodies.before().moon_hides(seen.apparent_icrf, seen.range_km));
+        }
         Ok(report)
     }
 

@@ -176,11 +176,10 @@ impl SkyBodies {
         Ok(&self.sources)
     }
 
-    /// True when the Earth or the Moon stands before what is seen in this direction (apparent, unit, ICRF) of the latest
-    /// frame's field, so many km away.
+    /// What stands before others in the latest frame's field.
     #[must_use]
-    pub fn hides(&self, apparent_icrf: DVec3, range_km: f64) -> bool {
-        self.before.hides(apparent_icrf, range_km)
+    pub fn before(&self) -> &Occultation {
+        &self.before
     }
 
     /// Every body as it is seen at `at`, the Sun first.

@@ -162,6 +162,16 @@ impl SkyTargets {
         Ok(lost)
     }
 
+    /// Leaves out those of which this is true at mid-exposure.
+    pub fn leave_out(&mut self, is_hidden: impl Fn(&TargetFacts) -> bool) {
+        for place in (0..self.facts.len()).rev() {
+            if is_hidden(&self.facts[place]) {
+                self.facts.remove(place);
+                self.in_view.remove(place);
+            }
+        }
+    }
+
     /// No target is in view.
     pub fn forget(&mut self) {
         self.in_view.clear();

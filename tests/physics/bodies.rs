@@ -244,6 +244,10 @@ fn the_moon_has_its_size_its_light_and_its_bright_limb() {
         assert!(leaning < radius_px);
         let lit = 0.5 * (1.0 + row.phase_deg.to_radians().cos());
         assert!((moon.lit_share - lit).abs() < 1e-3, "{} {lit}", moon.lit_share);
+        // What is behind it is hidden, lit or not; what is before it, or beside it, is not.
+        let hides = |direction, range_km| bodies.before().moon_hides(direction, range_km);
+        assert!(hides(row.apparent, f64::INFINITY) && !hides(row.apparent, 40_000.0));
+        assert!(!hides(pointed(row.apparent).inverse().apply(DVec3::new(0.01, 0.0, 1.0).normalize()), f64::INFINITY));
         checked += 1;
     }
     assert!(checked >= 5, "{checked} Moons");

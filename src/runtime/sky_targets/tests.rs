@@ -152,6 +152,20 @@ fn only_what_comes_near_the_field_is_taken() {
 }
 
 #[test]
+fn what_is_hidden_is_left_out_and_the_others_stay() {
+    let twin = SkyTarget { id: 77, ..crossing() };
+    let mut targets = targets_of(observer(), vec![crossing(), twin]);
+    targets.find_in_view(&at_the_crossing(0.2)).expect("a sky");
+    let ids = |targets: &SkyTargets| targets.in_view().iter().map(|target| target.id).collect::<Vec<_>>();
+    assert_eq!(ids(&targets), [crossing().id, 77]);
+    targets.leave_out(|_| false);
+    assert_eq!(ids(&targets).len(), 2, "control: nothing is hidden");
+    targets.leave_out(|seen| seen.id == crossing().id);
+    assert_eq!((ids(&targets), targets.facts().len()), (vec![77], 1));
+    assert_eq!(targets.facts()[0].id, 77);
+}
+
+#[test]
 fn brightness_is_that_of_range_and_phase() {
     let mut targets = targets_of(observer(), vec![crossing()]);
     let los = at_the_crossing(0.2);

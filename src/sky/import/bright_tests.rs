@@ -260,6 +260,20 @@ fn the_rule_has_edges() {
     let direction_icrf = direction_from_ra_dec(1.2 * ARCSEC, 0.0);
     match_up.offer(&ReferenceStar { source_id: 5, direction_icrf, epoch_yr: 2016.0, motion_mas_yr: None, mag_g: 9.0 });
     assert_eq!(match_up.found(), [false, true]);
+    // Each file has its own numbers: two stars of one number are two stars, and the same one twice is one.
+    for (arcsec, wanted) in [(1.5, [true, true]), (0.0, [true, false])] {
+        let mut match_up = Crossmatch::new(&stars, 2016.0, Rule::default());
+        for direction_icrf in [0.0, arcsec].map(|arcsec| direction_from_ra_dec(arcsec * ARCSEC, 0.0)) {
+            match_up.offer(&ReferenceStar {
+                source_id: 5,
+                direction_icrf,
+                epoch_yr: 2016.0,
+                motion_mas_yr: None,
+                mag_g: 9.0,
+            });
+        }
+        assert_eq!(match_up.found(), wanted, "{arcsec}");
+    }
 }
 
 /// What a made star is for.

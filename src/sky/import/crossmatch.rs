@@ -51,7 +51,7 @@ pub(super) fn tolerance_mag(mag_g: f64, scatter_mag: f64, has_colour: bool) -> f
 /// A star of the list that is there already.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ReferenceStar {
-    /// Its number, of no other.
+    /// Its number in its file.
     pub(super) source_id: i64,
     /// Direction at its epoch, unit vector.
     pub(super) direction_icrf: DVec3,
@@ -74,11 +74,14 @@ impl Default for Rule {
     }
 }
 
+/// Tells reference stars apart: files numbered apart from one another may use a number twice, at different places.
+type ReferenceKey = (i64, [u64; 3]);
+
 /// A pair that may be one star.
 #[derive(Debug, Clone, Copy)]
 struct Pair {
     star: u32,
-    reference: i64,
+    reference: ReferenceKey,
     /// Arcsec and magnitudes apart, added: the less the better.
     apart: f32,
 }
@@ -123,7 +126,8 @@ impl<'a> Crossmatch<'a> {
             let first = self.cells.partition_point(|(other, _)| *other < cell);
             for (_, star) in self.cells[first..].iter().take_while(|(other, _)| *other == cell) {
                 if let Some(apart) = self.apart(&self.stars[*star as usize], reference) {
-                    self.pairs.push(Pair { star: *star, reference: reference.source_id, apart });
+                    let reference = (reference.source_id, reference.direction_icrf.to_array().map(f64::to_bits));
+                    self.pairs.push(Pair { star: *star, reference, apart });
                 }
             }
         }
