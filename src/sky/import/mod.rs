@@ -19,6 +19,7 @@ mod crossmatch;
 mod error;
 pub mod gaia;
 mod hipparcos;
+mod lines;
 mod tycho;
 
 pub use add_bright::add_bright;

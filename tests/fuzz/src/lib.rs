@@ -30,5 +30,7 @@ pub mod network_camera;
 pub mod samples;
 /// Frames' truth, as in starloop.
 pub mod sink;
+/// What is read of the sky, as in starloop.
+pub mod sky;
 
 pub use input::Input;
