@@ -10,9 +10,9 @@ mod omm;
 mod precession;
 #[path = "../../../src/sky/orbit/tle.rs"]
 mod tle;
-#[path = "../../../src/sky/orbit/two_body.rs"]
+#[path = "sky_two_body.rs"]
 mod two_body;
 
 pub use centre::CentralBody;
 pub use tle::TleOrbit;
-pub use two_body::{EARTH_GM_KM3_S2, KeplerElements, MOON_GM_KM3_S2, SUN_GM_KM3_S2, TwoBodyOrbit};
+pub use two_body::{EARTH_GM_KM3_S2, MOON_GM_KM3_S2, SUN_GM_KM3_S2};
