@@ -209,7 +209,8 @@ def elements():
     yield "message", head(2) + message
     yield "message_cut", head(2) + message[:300]
     yield "messages", head(2, 123_456_789) + b"[" + message + b", " + message.replace(b"25544", b'"123456789"') + b"]"
-    yield "values", head(3) + bytes([0, 2, 2, 28]) + b'"-262143-01-01T00:00:00.0000"' + bytes([3, 7]) + b"2.00491"
+    epoch = b'"-2008-09-20T12:25:40.104192"'
+    yield "values", head(3) + bytes([0, 2, 2, len(epoch)]) + epoch + bytes([3, 7]) + b"2.00491"
     yield "values_of_two", head(3, 7) + bytes([1, 1, 11, 1]) + b"7" + bytes([1, 4, 3]) + b"0.7"
 
 

@@ -27,3 +27,5 @@ pub use error::ImportError;
 
 #[cfg(test)]
 mod bright_tests;
+#[cfg(test)]
+mod damage_tests;

@@ -10,12 +10,15 @@ use crate::base::time::Tai;
 use crate::base::units::DAY_S;
 use crate::sky::ObserverError;
 use crate::sky::observer::BarycentricState;
+use core::ops::RangeInclusive;
 use glam::DVec3;
+use sgp4::chrono::Datelike;
 
 /// Polar radius of the Earth, km (WGS 84): nothing flies below it.
 const POLAR_RADIUS_KM: f64 = 6_356.752;
-/// Furthest from the epoch, days: a century. Orbits in resonance take a step of 12 hours after the other, and an epoch may be
-/// hundreds of thousands of years away where it has more than the two digits of these lines.
+/// Years of epochs: the first of an object in orbit; the last before the sidereal time of SGP4 takes 2100 to be a leap year.
+const EPOCH_YEARS: RangeInclusive<i32> = 1957..=2099;
+/// Furthest from the epoch, days: a century. Orbits in resonance take a step of 12 hours after the other.
 const MOST_DAYS: f64 = 36_525.0;
 /// Characters of each line.
 const LINE_LENGTH: usize = 69;
@@ -99,6 +102,10 @@ impl TleOrbit {
             return Err(refuse(format!(
                 "ephemeris type wanted 0 or 2 (SGP4), got {got}: 4 is of another theory, SGP4-XP"
             )));
+        }
+        let (year, years) = (elements.datetime.year(), EPOCH_YEARS);
+        if !years.contains(&year) {
+            return Err(refuse(format!("epoch wanted in the years {} to {}, got {year}", years.start(), years.end())));
         }
         let constants =
             sgp4::Constants::from_elements_afspc_compatibility_mode(elements).map_err(|e| refuse(e.to_string()))?;

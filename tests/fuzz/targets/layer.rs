@@ -55,11 +55,11 @@ fn read(bytes: &[u8]) -> Result<Vec<CatalogSource>, LayerError> {
     assert!(verified.is_err() || wrong == 0, "{wrong} tiles cannot be read");
     verified?;
     stars.iter().for_each(|star| assert_is_of(&layer, star));
-    let mut found = Vec::new();
-    layer.cone(glam::DVec3::Z, 4.0, ALL, &mut found)?;
-    assert_eq!(found, stars, "the whole sky");
-    // One more opening: not each time.
+    // All tiles again, and one more opening: not each time.
     if bytes.len().is_multiple_of(8) {
+        let mut found = Vec::new();
+        layer.cone(glam::DVec3::Z, 4.0, ALL, &mut found)?;
+        assert_eq!(found, stars, "the whole sky");
         let set = LayerSet::open(&[path], ALL)?;
         assert_eq!(set.all_tiles().map(|tile| set.stars_of(tile)).sum::<u64>(), layer.stars());
     }
