@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Fuzzes everything that reads bytes: CAN, serial, slcan, socketcand, capture files, a camera's control port, the session.
+# Fuzzes everything that reads bytes: CAN, serial, slcan, socketcand, capture files, a camera's control port, the session, star
+# layers, star catalogs, elements of orbits.
 #
 #   hil_scripts/fuzz.sh [SECONDS]                 each target for so long (5), from the committed corpus
 #   hil_scripts/fuzz.sh --runs N                  N inputs for each target: the long run is --runs 2000000 (minutes)
@@ -16,7 +17,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-readonly targets=(can_decode serial_resync slcan socketcand captures network_camera session)
+readonly targets=(can_decode serial_resync slcan socketcand captures network_camera session layer star_lines elements)
 readonly memory_mb=512
 readonly growth_mb=32
 readonly control_seconds=60
@@ -28,8 +29,12 @@ host="$(rustc -vV | sed -n 's/^host: //p')"
 readonly host
 readonly programs="$build/$host/release"
 readonly crashes="$build/crashes"
-work="$(mktemp -d)"
+# In memory where there is such a folder: some readers open files.
+folder="${TMPDIR:-/tmp}"
+[[ -w /dev/shm ]] && folder=/dev/shm
+work="$(mktemp -d -p "$folder")"
 readonly work
+export TMPDIR="$work"
 trap 'rm -rf "$work"' EXIT
 
 build() {

@@ -70,6 +70,17 @@ pub enum ObserverError {
         /// Objects in the file.
         objects: usize,
     },
+    /// A file from which the only object was to be taken has other lines.
+    #[error(
+        "two-line elements, line {line} of the file: wanted one object with at most a title before it, got \"{got}\" besides; \
+         give the norad_id of the one that is wanted"
+    )]
+    TleOther {
+        /// Line of the file, from 1.
+        line: usize,
+        /// That line.
+        got: String,
+    },
     /// SGP4 gave up at this time, usually because the object has decayed.
     #[error(
         "SGP4 has no position at {at} ({days_from_epoch:.1} days from the elements' epoch): {why}; try newer elements"

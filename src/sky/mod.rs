@@ -38,6 +38,7 @@ pub mod planets;
 pub mod spheroid;
 pub mod sun;
 mod stars;
+mod state;
 pub mod target;
 pub mod tiles;
 pub mod synthetic;

@@ -11,38 +11,8 @@ use crate::sky::ObserverError;
 use crate::sky::earth::{self, EarthTrack};
 use crate::sky::moon;
 use crate::sky::orbit::{CentralBody, CircularOrbit, TleOrbit, TwoBodyOrbit};
+pub use crate::sky::state::BarycentricState;
 use crate::sky::sun::{self, SunTrack};
-use core::ops::{Add, Sub};
-use glam::DVec3;
-
-/// Position and velocity in ICRF axes.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct BarycentricState {
-    /// Position from the solar-system barycentre, km (from the geocentre where a function says so).
-    pub position_km: DVec3,
-    /// Velocity with respect to the same origin, km/s.
-    pub velocity_km_s: DVec3,
-}
-
-impl Add for BarycentricState {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
-        Self {
-            position_km: self.position_km + other.position_km,
-            velocity_km_s: self.velocity_km_s + other.velocity_km_s,
-        }
-    }
-}
-
-impl Sub for BarycentricState {
-    type Output = Self;
-    fn sub(self, other: Self) -> Self {
-        Self {
-            position_km: self.position_km - other.position_km,
-            velocity_km_s: self.velocity_km_s - other.velocity_km_s,
-        }
-    }
-}
 
 /// Where the star sensor flies.
 #[derive(Debug, Clone)]
@@ -194,6 +164,7 @@ impl ObserverTrack {
 mod tests {
     use super::*;
     use crate::base::time::Span;
+    use glam::DVec3;
 
     fn conic(about: CentralBody, position_km: DVec3, velocity_km_s: DVec3, at: Tai) -> Observer {
         let orbit = TwoBodyOrbit::from_state(at, position_km, velocity_km_s, about.gm_km3_s2()).expect("a valid orbit");

@@ -6,6 +6,7 @@
 Needed only after a change of firmware_protocol/vectors.json or of how a target takes its input apart.
 """
 
+import gzip
 import json
 import struct
 from pathlib import Path
@@ -128,7 +129,93 @@ def network_camera():
     yield "read", command(1, 0, 0) + command(1, 0, 4, (3, 0), 64) + command(2, 0, 2, (3, 0)) + command(0, 0, 6, (6, 0), 0, (6, 0))
 
 
-for target in (can_decode, serial_resync, slcan, socketcand, captures, network_camera, session):
+def layer():
+    # Tile 0 at +45 deg; places 24 bits each, G, colour, motions, parallax.
+    def record(g, motion=0):
+        return (1 << 23).to_bytes(3, "little") * 2 + struct.pack("<HhhhH", g, 800, motion, motion, 500)
+
+    any_file, damaged, stars = bytes([0]), bytes([1]), bytes([3])
+    header = b"STARLAY1" + struct.pack("<IIQdffIIf", 2, 6, 0, 2016.0, 10.0, 14.0, 0, 0, 0.0) + bytes(12)
+    yield "magic", any_file + header[:20]
+    yield "header", any_file + header + bytes(40)
+    yield "other", any_file + b"STARCAT1" + bytes(8)
+    two = bytes([5]) + b"names" + bytes([2]) + struct.pack("<HB", 0, 1) + record(12000) + record(9000, 30000)
+    two += struct.pack("<HB", 49151, 0) + record(15000, -32768)
+    yield "whole", damaged + bytes([0]) + two
+    for mends in range(4):
+        name = ("mended", "head_mended", "tiles_mended", "as_it_is")[mends]
+        changes = {"header": bytes([1, 1]) + struct.pack("<H", 24) + b"abcd", "table": bytes([1, 2]) + struct.pack("<HQ", 1, 7),
+                   "record": bytes([1, 4]) + struct.pack("<H", 12) + b"zz", "length": bytes([1, 5]) + struct.pack("<HB", 9000, 3)}
+        for what, change in changes.items():
+            yield f"{what}_{name}", damaged + bytes([mends]) + two + change
+    star = lambda flags, *shares: bytes([flags]) + struct.pack("<5H", *shares)
+    yield "stars", stars + star(0, 1, 2, 30000, 32768, 32768) * 2 + star(28, 60000, 65535, 60000, 0, 0) + star(0, 65535, 0, 9, 9, 9)
+    yield "stars_odd", stars + star(3, 1, 2, 3, 4, 5) + bytes(4) + star(192, 1, 2, 3, 4, 5)
+
+
+HIP2 = (b" 91262   1 0 1  4.8735545728  0.6768909262  130.23   200.94   286.23   0.26   0.28   0.36   0.32   0.40  98 -0.14  0    1.8"
+        b"    0  0.0868 0.0021 0.014 2 -0.001 0.005 -0.010\n")
+TYC2 = (b"0001 00017 1|P|  0.05059802|  1.77144349|   32.1|  -20.7| 21| 31| 1.6| 1.6|1989.29|1985.38| 5|1.4|0.6|1.4|0.6|11.318|0.070|"
+        b"10.521|0.051| 18|T|         |  0.05086583|  1.77151389|1.78|1.55| 30.0| 45.6|D|-0.2\n")
+SUPPLEMENT = (b"3105 02070 1|H|279.23410832|+38.78299311|  201.0|  287.5|  0.5|  0.5|  0.6|  0.6|H|      |     | 0.087|0.002|999| "
+              b"| 91262 \n")
+
+
+def star_lines():
+    def head(kind, form=0, place=0, length=255):
+        return bytes([kind, form, length]) + struct.pack("<H", place)
+
+    names = b"# %ECSV 1.0\n# ---\nsource_id,ra,dec,parallax,pmra,pmdec,phot_g_mean_mag,phot_bp_mean_mag,phot_rp_mean_mag,bp_rp\r\n"
+    bulk = b"4295806720,44.9,0.005,0.35,11.9,-3.4,17.6,18.1,16.9,1.2\n3,45.0,0.02,null,null,null,8.5,null,null,null\n"
+    rows = b"5,1.0,2.0,1.5,-2.5,,15.0,1.0,,\n\"6\",3.0,nan,,,,12.0,,,\n# note\n7,3.0,-80,,,,null,,15.5,14.5\n8,3.0,1,,,,19.5,,,\n"
+    others = b"5,1.0,2.0,,,,15.0,15.5,14.5\n6,359.9,-89.9,1,2,3,6.0,,"
+    yield "bulk", head(0) + names + bulk
+    yield "bulk_cut", head(0, 0, 0, 3) + names + bulk[:-20]
+    yield "rows", head(1) + rows
+    yield "rows_other_names", head(1, 1) + others
+    yield "packed", head(2, 0, 0, 0) + rows
+    yield "packed_flipped", head(2, 0, 60, 4) + rows
+    yield "packed_cut", head(2, 0, 90, 255) + rows
+    yield "any_packed", head(3) + gzip.compress(names + bulk, mtime=0)
+    for name, text in (("hip2", HIP2), ("tyc2", TYC2), ("supplement", SUPPLEMENT)):
+        yield name, head(4) + text * 2
+    vega = b"9,279.234734,38.783689,200,286,130,0.03,0,,\n"
+    yield "merged_hip2", head(5, 0, len(vega)) + vega + HIP2 + HIP2.replace(b" 91262", b" 91263")
+    yield "merged_tyc2", head(5, 0, 0) + TYC2 * 2
+
+
+def elements():
+    def head(kind, norad_id=5, hours=0.0):
+        return bytes([kind]) + struct.pack("<fI", hours, norad_id)
+
+    first = b"1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n"
+    second = b"2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667\n"
+    pair = first + second
+    yield "pair", head(0) + pair
+    yield "titled", head(0) + b"VANGUARD 1\r\n" + pair.replace(b"\n", b"\r\n")
+    yield "damaged", head(0) + b"x" + pair[1:] + pair
+    yield "many", head(0, 1) + b"A\n" + pair + b"B\n" + pair.replace(b"00005", b"00001")
+    resonant = (b"1 08195U 75081A   06176.33215444  .00000099  00000-0  11873-3 0   813\n"
+                b"2 08195  64.1586 279.0717 6877146 264.7651  20.2257  2.00491383225656\n")
+    yield "resonant", head(0, 8195, 1e6) + resonant
+    # Pairs less one; flags; of each line how many changes, place and five characters of each.
+    yield "changed", head(1) + bytes([0, 0, 1, 18]) + b"99365" + bytes([2, 52]) + b" 2.00" + bytes([26]) + b"70000"
+    yield "alpha_5", head(1, 100_001) + bytes([1, 0, 1, 2]) + b"A0001" + bytes([1, 2]) + b"A0001" + bytes([4, 0, 0, 5]) + b"TITLE"
+    message = (b'{"OBJECT_NAME": "ISS", "OBJECT_ID": "1998-067A", "EPOCH": "2008-09-20T12:25:40.104192", "MEAN_MOTION": 15.72125391, '
+               b'"ECCENTRICITY": 0.0006703, "INCLINATION": "51.6416", "RA_OF_ASC_NODE": 247.4627, "ARG_OF_PERICENTER": 130.5360, '
+               b'"MEAN_ANOMALY": 325.0288, "EPHEMERIS_TYPE": 0, "CLASSIFICATION_TYPE": "U", "NORAD_CAT_ID": 25544, '
+               b'"ELEMENT_SET_NO": 292, "REV_AT_EPOCH": 56353, "BSTAR": -0.000011606, "MEAN_MOTION_DOT": -0.00002182, '
+               b'"MEAN_MOTION_DDOT": 0, "REF_FRAME": "TEME"}')
+    yield "message", head(2) + message
+    yield "message_cut", head(2) + message[:300]
+    yield "messages", head(2, 123_456_789) + b"[" + message + b", " + message.replace(b"25544", b'"123456789"') + b"]"
+    epoch = b'"-2008-09-20T12:25:40.104192"'
+    yield "values", head(3) + bytes([0, 2, 2, len(epoch)]) + epoch + bytes([3, 7]) + b"2.00491"
+    yield "values_of_two", head(3, 7) + bytes([1, 1, 11, 1]) + b"7" + bytes([1, 4, 3]) + b"0.7"
+
+
+for target in (can_decode, serial_resync, slcan, socketcand, captures, network_camera, session, layer, star_lines,
+               elements):
     folder = HERE / "corpus" / target.__name__
     folder.mkdir(parents=True, exist_ok=True)
     for name, seed in target():

@@ -4,6 +4,7 @@
 //! be packed with gzip. All stars are held in memory, at most [`MOST_BRIGHT`].
 
 use super::error::ImportError;
+use super::lines::Lines;
 use super::{hipparcos, tycho};
 use crate::base::units::MAS;
 use crate::sky::catalog::ra_dec_rad;
@@ -12,13 +13,13 @@ use flate2::read::MultiGzDecoder;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 /// Most stars held in memory, some 300 MB: Hipparcos and Tycho-2 have 2.7 million.
 pub const MOST_BRIGHT: usize = 3_000_000;
-/// Longest line: Tycho-2's have 206 characters, Hipparcos' 277.
-const LONGEST_LINE: u64 = 1000;
+/// Longest line, bytes: Tycho-2's have 206, Hipparcos' 277.
+pub(super) const LONGEST_LINE: usize = 1000;
 /// Count of rows left out because they have no magnitude.
 const WITHOUT_MAGNITUDE: &str = "bright stars without a magnitude, left out";
 /// Count of stars with one band only.
@@ -119,19 +120,10 @@ impl BrightStars {
     ///
     /// # Errors
     /// As [`Self::read`].
-    pub fn read_text(&mut self, mut text: impl BufRead, path: &Path) -> Result<(), ImportError> {
-        let failed = |source| ImportError::File { path: path.into(), source };
-        let (mut line, mut number, mut format) = (String::new(), 0, None);
-        loop {
-            line.clear();
-            if (&mut text).take(LONGEST_LINE).read_line(&mut line).map_err(failed)? == 0 {
-                return Ok(());
-            }
-            number += 1;
-            let row = Line { path, number, text: line.trim_end_matches(['\n', '\r']) };
-            if row.text.is_empty() {
-                continue;
-            }
+    pub fn read_text(&mut self, text: impl BufRead, path: &Path) -> Result<(), ImportError> {
+        let (mut lines, mut format) = (Lines::new(text, path, LONGEST_LINE), None);
+        while let Some(line) = lines.next()? {
+            let row = Line { path, number: line.number, text: line.text };
             let found = row.format().ok_or_else(|| row.refuse_line("a line of hip2.dat, tyc2.dat or suppl_1.dat"))?;
             let first = format.get_or_insert_with(|| core::mem::discriminant(&found));
             if *first != core::mem::discriminant(&found) {
@@ -139,6 +131,7 @@ impl BrightStars {
             }
             self.add(&row, &found)?;
         }
+        Ok(())
     }
 
     fn add(&mut self, row: &Line<'_>, format: &Format) -> Result<(), ImportError> {

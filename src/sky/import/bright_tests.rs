@@ -2,7 +2,7 @@
 //! each of them once; rules that lack a part, which must lose or double stars.
 
 use super::add_bright::add_by;
-use super::bright::{BrightStar, BrightStars, moved};
+use super::bright::{BrightStar, BrightStars, LONGEST_LINE, moved};
 use super::crossmatch::{Crossmatch, REACH_ARCSEC, ReferenceStar, Rule};
 use super::{add_bright, gaia};
 use crate::base::units::{ARCSEC, DEG, MAS};
@@ -110,8 +110,14 @@ fn lines_that_are_wrong_are_told() {
     }
     assert!(read("").unwrap().hipparcos.is_empty());
     let mut bright = BrightStars::default();
-    let binary = bright.read_text(&[0xff_u8; 2000][..], Path::new("x")).unwrap_err().to_string();
+    let binary = bright.read_text(&[0xff_u8; 500][..], Path::new("x")).unwrap_err().to_string();
     assert!(binary.contains("UTF-8"), "{binary}");
+    // Read piece by piece it would be as many stars.
+    let wide = |bytes: usize| {
+        read(&format!("{:<bytes$}\n", HIP2.lines().next().unwrap())).map(|bright| bright.hipparcos.len())
+    };
+    assert_eq!(wide(LONGEST_LINE), Ok(1));
+    assert!(wide(LONGEST_LINE + 1).unwrap_err().contains("line 1: longer than 1000 bytes"));
     assert_eq!(read(&TYC2.replace("|11.318|", "|      |").replace("|10.521|", "|      |")).unwrap().told.len(), 1);
 }
 

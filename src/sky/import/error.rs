@@ -14,13 +14,39 @@ pub enum ImportError {
         /// The reason.
         source: std::io::Error,
     },
-    /// The text is no CSV, or cut short within a compressed file.
-    #[error("{path}: {source}", path = path.display())]
-    Csv {
+    /// A line that no table has.
+    #[error("{path}, line {line}: longer than {longest} bytes: wanted a table of text, one row a line", path = path.display())]
+    LongLine {
         /// The file.
         path: PathBuf,
-        /// The reason.
-        source: csv::Error,
+        /// Line of the file, from 1.
+        line: u64,
+        /// Bytes that are read.
+        longest: usize,
+    },
+    /// Bytes that are no text.
+    #[error("{path}, line {line}: not UTF-8: wanted a table of text, unpacked or as .gz", path = path.display())]
+    NoText {
+        /// The file.
+        path: PathBuf,
+        /// Line of the file, from 1.
+        line: u64,
+    },
+    /// A row has not the cells that the header names.
+    #[error(
+        "{path}, line {line}: wanted {wanted} cells as the header has, got {got}; the file may be cut short, or a cell has a \
+         comma in it",
+        path = path.display()
+    )]
+    Cells {
+        /// The file.
+        path: PathBuf,
+        /// Line of the file, from 1.
+        line: u64,
+        /// Cells of the header.
+        wanted: usize,
+        /// Cells of the row.
+        got: usize,
     },
     /// A column is missing.
     #[error("{path}: no column \"{wanted}\"; got {got}", path = path.display())]

@@ -3,26 +3,35 @@
 //! Columns, found by name, others ignored: `source_id`, `ra`, `dec` (deg, ICRS), `pmra` (with cos dec), `pmdec` (mas/yr),
 //! `parallax` (mas), `phot_g_mean_mag`, and `bp_rp` or else `phot_bp_mean_mag` and `phot_rp_mean_mag` (mag). Where a file
 //! has other names, [`Names`] says so. A cell may stand between quotes; a row is one line all the same, so that a stray
-//! quote cannot swallow the lines after it. Blank is an empty cell, `null`, `nan` or `NaN`. A row without place or magnitude is
-//! left out and counted: nothing can be drawn of it. Positions are of epoch J2016.0 (Gaia DR3). Tests: `tests` below.
+//! quote cannot swallow the lines after it, and at most [`LONGEST_LINE`]. Blank is an empty cell, `null`, `nan` or `NaN`. A row
+//! without place or magnitude is left out and counted: nothing can be drawn of it; so is a line of `#` after the header: it may
+//! be a row whose first bytes are damaged. Positions are of epoch J2016.0 (Gaia DR3). Tests: `tests` below, `damage_tests`.
 
 use super::error::ImportError;
+use super::lines::{Lines, TextLine};
 use crate::base::units::DEG;
 use crate::sky::layer::{NewStar, Sorting};
-use csv::StringRecord;
 use flate2::read::MultiGzDecoder;
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 /// Epoch of Gaia DR3's positions, Julian year.
 pub const EPOCH_YR: f64 = 2016.0;
+/// Longest line, bytes: the archive's rows of 152 columns have some 1,500.
+pub const LONGEST_LINE: usize = 1 << 20;
+/// Characters of a file that a message shows.
+const LONGEST_SHOWN: usize = 400;
 /// Rows from one call of `progress` to the next.
 const ROWS_A_STEP: u64 = 50_000;
 /// Count of rows left out because they have no place.
 pub const WITHOUT_PLACE: &str = "rows without a place, left out";
 /// Count of rows left out because they have no G magnitude.
 pub const WITHOUT_MAGNITUDE: &str = "rows without a G magnitude, left out";
+/// Count of lines after the header that begin as those before it.
+pub const COMMENTS: &str = "lines of # after the header, left out";
+/// Count of last lines that end with the file: of a row that is cut short in its last cell, nothing else is seen.
+pub const WITHOUT_END: &str = "last lines without an end, taken: the file may be cut short";
 
 /// Columns by what they hold, as a file names them.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -113,27 +122,44 @@ pub fn import(
     let file = File::open(path).map_err(|source| ImportError::File { path: path.into(), source })?;
     let is_packed = path.extension().is_some_and(|kind| kind.eq_ignore_ascii_case("gz"));
     let file = BufReader::with_capacity(1 << 20, file);
-    let text: Box<dyn Read> = if is_packed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
-    import_text(text, path, names, sorting, progress)
+    if is_packed {
+        import_text(BufReader::new(MultiGzDecoder::new(file)), path, names, sorting, progress)
+    } else {
+        import_text(file, path, names, sorting, progress)
+    }
 }
 
-fn import_text(
-    text: impl Read,
+/// Takes a file's text in; `path` is for messages.
+///
+/// # Errors
+/// As [`import`].
+pub fn import_text(
+    text: impl BufRead,
     path: &Path,
     names: &Names,
     sorting: &mut Sorting,
     progress: &mut dyn FnMut(u64),
 ) -> Result<u64, ImportError> {
-    let wrong = |source| ImportError::Csv { path: path.into(), source };
-    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).quoting(false).from_reader(text);
-    let columns = Columns::find(path, names, reader.headers().map_err(wrong)?)?;
-    let mut cells = StringRecord::new();
+    let mut lines = Lines::new(text, path, LONGEST_LINE);
+    let columns = loop {
+        match lines.next()? {
+            Some(line) if line.text.starts_with('#') => {}
+            header => break Columns::find(path, names, header.map_or("", |line| line.text))?,
+        }
+    };
     let mut rows = 0;
-    while reader.read_record(&mut cells).map_err(wrong)? {
+    while let Some(line) = lines.next()? {
+        if line.text.starts_with('#') {
+            sorting.tell(COMMENTS, 1);
+            continue;
+        }
         rows += 1;
-        let row = Row { path, columns: &columns, cells: &cells };
+        let row = Row::split(&columns, &line)?;
         if let Some(star) = row.star(sorting)? {
-            sorting.add(&star).map_err(|source| ImportError::Star { path: path.into(), line: row.line(), source })?;
+            sorting.add(&star).map_err(|source| ImportError::Star { path: path.into(), line: line.number, source })?;
+        }
+        if !line.is_ended {
+            sorting.tell(WITHOUT_END, 1);
         }
         if rows % ROWS_A_STEP == 0 {
             progress(rows);
@@ -169,40 +195,56 @@ pub(in crate::sky) fn star_of_row<E>(
     Ok(Some(NewStar { source_id, ra_rad, dec_rad, motion_mas_yr, parallax_mas, mag_g, bp_rp }))
 }
 
-/// What a cell holds, without the pair of quotes that may be around it.
+/// What a cell holds, without blanks and the pair of quotes that may be around it.
 fn without_quotes(cell: &str) -> &str {
-    let cell = cell.trim();
-    cell.strip_prefix('"').and_then(|cell| cell.strip_suffix('"')).map_or(cell, str::trim)
+    // Blanks alone: the bit that makes a carriage return of a minus sign must not make a number positive.
+    let blanks = [' ', '\t'];
+    let cell = cell.trim_matches(blanks);
+    cell.strip_prefix('"').and_then(|cell| cell.strip_suffix('"')).map_or(cell, |cell| cell.trim_matches(blanks))
 }
 
 struct Columns<'a> {
+    path: &'a Path,
     names: &'a Names,
     /// `None`: the file has no such column, and needs none.
     places: [Option<usize>; COLUMNS],
+    /// Cells of a line.
+    count: usize,
 }
 
 impl<'a> Columns<'a> {
-    fn find(path: &Path, names: &'a Names, header: &StringRecord) -> Result<Self, ImportError> {
-        let place = |name: &String| header.iter().position(|cell| without_quotes(cell) == name);
-        let places = core::array::from_fn(|i| place(&names.columns[i]));
+    fn find(path: &'a Path, names: &'a Names, header: &str) -> Result<Self, ImportError> {
+        // Some programs begin a file with the mark of UTF-8.
+        let header = header.trim_start_matches('\u{feff}');
+        let cells: Vec<&str> = header.split(',').map(without_quotes).collect();
+        let places = names.columns.each_ref().map(|name| cells.iter().position(|cell| cell == name));
         match Names::missing(|column| places[column].is_some()) {
-            Some(missing) => Err(ImportError::Column {
-                path: path.into(),
-                wanted: names.columns[missing].clone(),
-                got: header.iter().collect::<Vec<_>>().join(","),
-            }),
-            None => Ok(Self { names, places }),
+            Some(missing) => {
+                let got = header.chars().take(LONGEST_SHOWN).collect();
+                Err(ImportError::Column { path: path.into(), wanted: names.columns[missing].clone(), got })
+            }
+            None => Ok(Self { path, names, places, count: cells.len() }),
         }
     }
 }
 
 struct Row<'a> {
-    path: &'a Path,
     columns: &'a Columns<'a>,
-    cells: &'a StringRecord,
+    line: u64,
+    cells: Vec<&'a str>,
 }
 
-impl Row<'_> {
+impl<'a> Row<'a> {
+    fn split(columns: &'a Columns<'a>, line: &TextLine<'a>) -> Result<Self, ImportError> {
+        let mut cells = Vec::with_capacity(columns.count);
+        cells.extend(line.text.split(','));
+        if cells.len() != columns.count {
+            let (path, wanted, got) = (columns.path.into(), columns.count, cells.len());
+            return Err(ImportError::Cells { path, line: line.number, wanted, got });
+        }
+        Ok(Self { columns, line: line.number, cells })
+    }
+
     /// The star of the row; `None`, counted, when nothing can be drawn of it.
     fn star(&self, sorting: &mut Sorting) -> Result<Option<NewStar>, ImportError> {
         let text = self.text(SOURCE_ID);
@@ -211,7 +253,7 @@ impl Row<'_> {
     }
 
     fn text(&self, column: usize) -> &str {
-        self.columns.places[column].and_then(|place| self.cells.get(place)).map_or("", without_quotes)
+        self.columns.places[column].and_then(|place| self.cells.get(place)).map_or("", |cell| without_quotes(cell))
     }
 
     /// A number, or `None` where the cell is blank or the file has no such column.
@@ -224,17 +266,13 @@ impl Row<'_> {
         number.map(Some).ok_or_else(|| self.refuse(column, "a number, or null"))
     }
 
-    fn line(&self) -> u64 {
-        self.cells.position().map_or(0, csv::Position::line)
-    }
-
     fn refuse(&self, column: usize, wanted: &'static str) -> ImportError {
         ImportError::Cell {
-            path: self.path.into(),
-            line: self.line(),
+            path: self.columns.path.into(),
+            line: self.line,
             column: self.columns.names.columns[column].clone(),
             wanted,
-            got: self.text(column).into(),
+            got: self.text(column).chars().take(LONGEST_SHOWN).collect(),
         }
     }
 }
@@ -326,7 +364,7 @@ mod tests {
         assert!(told.contains("line 2, column ra: wanted a number"), "{told}");
         let comma = format!("{head}{}", row.replace("\"n\"", "\"n,m\""));
         let told = take(comma.as_bytes(), "g.csv", &Names::default()).0.unwrap_err().to_string();
-        assert!(told.contains("fields"), "{told}");
+        assert!(told.contains("wanted 9 cells as the header has, got 10"), "{told}");
     }
 
     #[test]
@@ -342,7 +380,7 @@ mod tests {
         let told = refused(BULK.replace("44.99615537864534", "444.9").as_bytes(), "g.csv");
         assert!(told.contains("line 7: source 4295806720: right ascension"), "{told}");
         let told = refused(BULK.replace(",1.2\n", "\n").as_bytes(), "g.csv");
-        assert!(told.contains("line") && told.contains("fields"), "{told}");
+        assert!(told.contains("line 7: wanted 12 cells"), "{told}");
         let whole = packed(BULK.as_bytes());
         for cut in [whole.len() - 1, whole.len() - 9, whole.len() / 2] {
             refused(&whole[..cut], "g.csv.gz");

@@ -19,6 +19,7 @@ mod crossmatch;
 mod error;
 pub mod gaia;
 mod hipparcos;
+mod lines;
 mod tycho;
 
 pub use add_bright::add_bright;
@@ -26,3 +27,5 @@ pub use error::ImportError;
 
 #[cfg(test)]
 mod bright_tests;
+#[cfg(test)]
+mod damage_tests;

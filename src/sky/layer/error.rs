@@ -147,7 +147,6 @@ pub enum LayerError {
 impl LayerError {
     /// A failure of the system with `path`.
     pub(in crate::sky) fn file(what: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
-        let path = path.to_path_buf();
-        move |source| Self::File { what, path, source }
+        move |source| Self::File { what, path: path.into(), source }
     }
 }

@@ -7,13 +7,14 @@ use super::build::head_bytes;
 use super::cover::cells_of_cone;
 use super::error::LayerError;
 use super::layout::{
-    HEADER_BYTES, Header, LEAST_ORDER, MAG_STEP, MAG_ZERO, MAGIC, MOST_ORDER, NO_COLOUR, NO_MOTION, NO_PARALLAX,
-    PARALLAX_STEP_MAS, RECORD_BYTES, StarRecord, TileFrame, VERSION, head_crc32, motion_mas_yr, tiles_of, u32_at,
-    u64_at,
+    FASTEST_MAS_YR, HEADER_BYTES, Header, LEAST_ORDER, MAG_STEP, MAG_ZERO, MAGIC, MOST_ORDER, NO_COLOUR, NO_MOTION,
+    NO_PARALLAX, PARALLAX_STEP_MAS, RECORD_BYTES, StarRecord, TileFrame, VERSION, head_crc32, motion_mas_yr, tiles_of,
+    u32_at, u64_at,
 };
 use super::set::ROUNDING_RAD;
 use crate::base::units::DEG;
 use crate::sky::catalog::{CatalogSource, ProperMotion, chord_squared};
+use core::cmp::Ordering;
 use core::ops::Range;
 use glam::DVec3;
 use std::fs::File;
@@ -82,8 +83,9 @@ impl Layer {
         }
         let tiles = tiles_of(order);
         let crcs_at = HEADER_BYTES + 8 * (tiles + 1);
-        let firsts: Vec<u64> = (0..=tiles).map(|tile| u64_at(&head, HEADER_BYTES + 8 * tile)).collect();
-        let crcs = (0..tiles).map(|tile| u32_at(&head, crcs_at + 4 * tile)).collect();
+        let (firsts, crcs) = (&head[HEADER_BYTES..crcs_at], &head[crcs_at..crcs_at + 4 * tiles]);
+        let firsts: Vec<u64> = firsts.as_chunks().0.iter().map(|bytes| u64::from_le_bytes(*bytes)).collect();
+        let crcs = crcs.as_chunks().0.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect();
         if !firsts.is_sorted() || firsts[0] != 0 || firsts[tiles] != header.stars {
             let got = format!("{}..{} with steps back", firsts[0], firsts[tiles]);
             return Err(field(path, "tile table", format!("0..{}, rising", header.stars), got));
@@ -206,7 +208,8 @@ impl Layer {
         bytes.resize(count.saturating_mul(RECORD_BYTES), 0);
         let at = self.records_at + places.start * RECORD_BYTES as u64;
         read_at(&self.file, at, bytes).map_err(LayerError::file("cannot read", &self.path))?;
-        let (wanted, got) = (self.crcs[usize::try_from(tile).unwrap_or(usize::MAX)], crc32fast::hash(bytes));
+        let got = if bytes.is_empty() { 0 } else { crc32fast::hash(bytes) };
+        let wanted = self.crcs[usize::try_from(tile).unwrap_or(usize::MAX)];
         if wanted == got {
             return Ok(());
         }
@@ -248,8 +251,8 @@ impl Layer {
         Ok(())
     }
 
-    /// Reads everything: checksums, order of magnitudes, and whether they are the layer's. `progress` is told the share
-    /// done, 0..1.
+    /// Reads everything: checksums, order of magnitudes, whether they and the motions are the layer's. `progress` is told the
+    /// share done, 0..1.
     ///
     /// # Errors
     /// The first thing that is wrong.
@@ -261,6 +264,11 @@ impl Layer {
         for tile in 0..tiles as u64 {
             self.read_records(tile, &mut bytes)?;
             let (records, _) = bytes.as_chunks::<RECORD_BYTES>();
+            let speed = |record: &[u8; RECORD_BYTES]| StarRecord::from_bytes(record).speed_mas_yr();
+            if let Some(speed) = records.iter().map(speed).find(|speed| *speed > self.fastest_mas_yr()) {
+                let wanted = format!("at most {} mas/yr", self.fastest_mas_yr());
+                return Err(field(&self.path, "proper motion", wanted, format!("{speed}, tile {tile}")));
+            }
             let g = |record: &[u8; RECORD_BYTES]| f64::from(StarRecord::from_bytes(record).g);
             if !records.is_sorted_by_key(g) {
                 return Err(field(
@@ -289,6 +297,7 @@ fn field(path: &Path, field: &'static str, wanted: String, got: String) -> Layer
     LayerError::Field { path: path.into(), field, wanted, got }
 }
 
+/// Holds the head's numbers to their ranges, and gives the order.
 fn checked_order(path: &Path, header: &Header) -> Result<u8, LayerError> {
     if header.version != VERSION {
         return Err(field(path, "format version", VERSION.to_string(), header.version.to_string()));
@@ -300,6 +309,15 @@ fn checked_order(path: &Path, header: &Header) -> Result<u8, LayerError> {
     })?;
     if !(1900.0..=2100.0).contains(&header.epoch_yr) {
         return Err(field(path, "epoch", "a Julian year in 1900..2100".into(), header.epoch_yr.to_string()));
+    }
+    let [from, below] = header.magnitudes;
+    if from.partial_cmp(&below) != Some(Ordering::Less) {
+        return Err(field(path, "magnitudes", "from, and below, which is more".into(), format!("{from} and {below}")));
+    }
+    let fastest_mas_yr = f64::from(header.fastest_mas_yr);
+    if !(0.0..=2.0 * FASTEST_MAS_YR).contains(&fastest_mas_yr) {
+        let wanted = format!("0..{} mas/yr", 2.0 * FASTEST_MAS_YR);
+        return Err(field(path, "fastest proper motion", wanted, fastest_mas_yr.to_string()));
     }
     Ok(order)
 }

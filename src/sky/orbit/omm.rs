@@ -17,7 +17,7 @@ const MOST_OBJECTS: usize = 100_000;
 const THEORY: [(&str, &[&str]); 3] =
     [("REF_FRAME", &["TEME"]), ("MEAN_ELEMENT_THEORY", &["SGP4", "SGP/SGP4"]), ("TIME_SYSTEM", &["UTC"])];
 /// Numbers that orbits are made of, with their range.
-const RANGES: [(&str, f64, f64); 7] = [
+const RANGES: [(&str, f64, f64); 8] = [
     ("MEAN_MOTION", 1e-3, 20.0),
     ("ECCENTRICITY", 0.0, 0.999_999_9),
     ("INCLINATION", 0.0, 180.0),
@@ -25,6 +25,8 @@ const RANGES: [(&str, f64, f64); 7] = [
     ("ARG_OF_PERICENTER", -360.0, 360.0),
     ("MEAN_ANOMALY", -360.0, 360.0),
     ("BSTAR", -10.0, 10.0),
+    // The reader of messages takes it modulo 256.
+    ("EPHEMERIS_TYPE", 0.0, 255.0),
 ];
 
 impl TleOrbit {
@@ -152,12 +154,19 @@ mod tests {
             ("\"MEAN_MOTION\": 15.72125391", "\"MEAN_MOTION\": null", "MEAN_MOTION: wanted a number"),
             ("\"INCLINATION\": \"51.6416\"", "\"INCLINATION\": \"fifty\"", "INCLINATION"),
             ("2008-09-20T12", "2008-19-20T12", "502.0-B"),
+            ("2008-09-20T12", "-2008-09-20T12", "epoch wanted in the years 1957 to 2099, got -2008"),
+            ("2008-09-20T12", "1956-09-20T12", "got 1956"),
+            ("2008-09-20T12", "2100-01-01T12", "got 2100"),
+            ("\"EPHEMERIS_TYPE\": 0", "\"EPHEMERIS_TYPE\": 256", "EPHEMERIS_TYPE: wanted a number from 0 to 255"),
             ("\"BSTAR\": -0.000011606,", "", "BSTAR"),
             ("\"EPHEMERIS_TYPE\": 0", "\"REF_FRAME\": \"GCRF\"", "REF_FRAME: wanted TEME, got \"GCRF\""),
         ] {
             assert!(OBJECT.contains(from), "control: {from}");
             let got = message(&OBJECT.replace(from, to));
             assert!(got.contains(wanted), "{got}");
+        }
+        for epoch in ["1957-01-01T00", "2099-12-31T23"] {
+            TleOrbit::parse_omm(&OBJECT.replace("2008-09-20T12", epoch), None).expect("the ends of the years");
         }
     }
 

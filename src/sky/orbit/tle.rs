@@ -10,10 +10,16 @@ use crate::base::time::Tai;
 use crate::base::units::DAY_S;
 use crate::sky::ObserverError;
 use crate::sky::observer::BarycentricState;
+use core::ops::RangeInclusive;
 use glam::DVec3;
+use sgp4::chrono::Datelike;
 
 /// Polar radius of the Earth, km (WGS 84): nothing flies below it.
 const POLAR_RADIUS_KM: f64 = 6_356.752;
+/// Years of epochs: the first of an object in orbit; the last before the sidereal time of SGP4 takes 2100 to be a leap year.
+const EPOCH_YEARS: RangeInclusive<i32> = 1957..=2099;
+/// Furthest from the epoch, days: a century. Orbits in resonance take a step of 12 hours after the other.
+const MOST_DAYS: f64 = 36_525.0;
 /// Characters of each line.
 const LINE_LENGTH: usize = 69;
 
@@ -62,7 +68,8 @@ impl TleOrbit {
     /// each pair.
     ///
     /// # Errors
-    /// When there is no such pair of lines, or none to choose by, or as for [`Self::parse`].
+    /// When there is no such pair of lines, or none to choose by, or as for [`Self::parse`]. Without a number, when there are
+    /// other lines than the pair and its title: they may be an object whose lines are damaged.
     pub fn parse_one_of(text: &str, norad_id: Option<u64>) -> Result<Self, ObserverError> {
         let lines = || text.lines().map(str::trim_end);
         let pairs = || lines().zip(lines().skip(1)).filter(|(a, b)| a.starts_with("1 ") && b.starts_with("2 "));
@@ -70,7 +77,12 @@ impl TleOrbit {
         let objects = pairs().count();
         match pairs().find(|(first, _)| is_it(first)) {
             Some(_) if norad_id.is_none() && objects > 1 => Err(ObserverError::WhichObject { objects }),
-            Some((first, second)) => Self::parse(&format!("{first}\n{second}")),
+            Some((first, second)) => {
+                if norad_id.is_none() {
+                    check_alone(lines(), first)?;
+                }
+                Self::parse(&format!("{first}\n{second}"))
+            }
             None => Err(ObserverError::NoSuchObject { norad_id, objects }),
         }
     }
@@ -90,6 +102,10 @@ impl TleOrbit {
             return Err(refuse(format!(
                 "ephemeris type wanted 0 or 2 (SGP4), got {got}: 4 is of another theory, SGP4-XP"
             )));
+        }
+        let (year, years) = (elements.datetime.year(), EPOCH_YEARS);
+        if !years.contains(&year) {
+            return Err(refuse(format!("epoch wanted in the years {} to {}, got {year}", years.start(), years.end())));
         }
         let constants =
             sgp4::Constants::from_elements_afspc_compatibility_mode(elements).map_err(|e| refuse(e.to_string()))?;
@@ -117,6 +133,9 @@ impl TleOrbit {
     pub fn geocentric_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
         let days_from_epoch = self.days_from_epoch(at);
         let refuse = |why: String| ObserverError::Propagation { at, days_from_epoch, why };
+        if days_from_epoch.abs() > MOST_DAYS {
+            return Err(refuse(format!("wanted a time within {MOST_DAYS} days of their epoch")));
+        }
         let [position_km, velocity_km_s] = self.teme_state(days_from_epoch * 1440.0).map_err(refuse)?;
         let icrf_from_teme = icrf_from_teme(at);
         let state = BarycentricState {
@@ -150,6 +169,18 @@ fn number_of(text: &str) -> Option<u64> {
     let Some(letter) = letter else { return text.trim().parse().ok() };
     let tens = "ABCDEFGHJKLMNPQRSTUVWXYZ".find(letter)? as u64 + 10;
     Some(10_000 * tens + text.get(1..)?.parse::<u64>().ok()?)
+}
+
+/// That a file has no other lines than a title, `first` and the line after it.
+fn check_alone<'a>(lines: impl Iterator<Item = &'a str>, first: &str) -> Result<(), ObserverError> {
+    let mut lines = (1..).zip(lines).filter(|(_, line)| !line.is_empty()).peekable();
+    lines.next_if(|(_, line)| *line != first);
+    let pair = [lines.next(), lines.next()];
+    let is_pair = pair[0].is_some_and(|(_, line)| line == first);
+    match if is_pair { lines.next() } else { pair[0] } {
+        Some((line, got)) => Err(ObserverError::TleOther { line, got: got.chars().take(LINE_LENGTH).collect() }),
+        None => Ok(()),
+    }
 }
 
 fn check_line(line: usize, text: &str) -> Result<(), ObserverError> {
@@ -239,6 +270,34 @@ mod tests {
     }
 
     #[test]
+    fn an_object_whose_lines_are_damaged_is_not_passed_over() {
+        let pair = format!("{FIRST}\n{SECOND}\n");
+        for (text, line) in [
+            (format!("x{}\n{SECOND}\n{pair}", &FIRST[1..]), 2),
+            (format!("{FIRST}\nx{}\n{pair}", &SECOND[1..]), 3),
+            (format!("{pair}{FIRST}\n"), 3),
+            (format!("{pair}ANOTHER\n"), 3),
+            (format!("FILE OF JUNE\nVANGUARD 1\n{pair}"), 2),
+        ] {
+            let told = TleOrbit::parse_one_of(&text, None).expect_err("damaged").to_string();
+            assert!(told.contains(&format!("line {line} of the file")), "{text}: {told}");
+            assert_eq!(TleOrbit::parse_one_of(&text, Some(5)).expect("asked for").norad_id(), 5);
+        }
+    }
+
+    #[test]
+    fn a_century_is_the_end() {
+        let (orbit, epoch) = (orbit(), Tai::from_rfc3339("2000-06-27T18:50:19.733568Z").expect("a valid instant"));
+        let days_later = |days: f64| orbit.geocentric_state(epoch + Span::from_s(days * DAY_S));
+        let told = |days: f64| days_later(days).err().map(|error| error.to_string()).unwrap_or_default();
+        for sign in [-1.0, 1.0] {
+            assert!(!told(sign * (MOST_DAYS - 1.0)).contains("36525"), "SGP4's own word");
+            let told = told(sign * (MOST_DAYS + 1.0));
+            assert!(told.contains("wanted a time within 36525 days"), "{told}");
+        }
+    }
+
+    #[test]
     fn one_of_a_file_is_chosen_by_its_number() {
         const OTHER: [&str; 2] = [
             "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927",
@@ -255,6 +314,8 @@ mod tests {
         );
         assert!(message("", None).contains("among 0"), "{}", message("", None));
         assert_eq!(TleOrbit::parse_one_of(&format!("{FIRST}\n{SECOND}"), None).expect("the only one").norad_id(), 5);
+        let titled = format!("\nVANGUARD 1\n\n{FIRST}\n{SECOND}\n\n");
+        assert_eq!(TleOrbit::parse_one_of(&titled, None).expect("the only one").norad_id(), 5);
         let short = message(&file.replace(OTHER[1], &OTHER[1][..60]), Some(25_544));
         assert!(short.contains("line 2") && short.contains("69"), "{short}");
         assert_eq!((number_of("A0001"), number_of("Z9999"), number_of("I0001")), (Some(100_001), Some(339_999), None));

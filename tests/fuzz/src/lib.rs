@@ -1,6 +1,6 @@
 //! What the fuzz targets share: the readers under test, taken in file by file, and the means to try them.
 //!
-//! The readers stand under the paths that they have in starloop (`base`, `link`, `network_camera`). The whole crate is not a dependency:
+//! The readers stand under the paths that they have in starloop (`base`, `link`, `network_camera`, `sky`). The whole crate is not a dependency:
 //! with its renderers a build with coverage counters would take ten minutes, this one takes one.
 //!
 //! | target | reads | asserts |
@@ -10,6 +10,9 @@
 //! | `slcan`, `socketcand` | text of clients | the same for any chunks, as an independent reading has it; no allocation |
 //! | `captures` | candump, pcapng | errors have a place, bounded memory; what was written is read, cut off it is a prefix |
 //! | `network_camera` | GVCP datagrams | one answer at most, of bounded length; a possible stream, changed by its controller alone |
+//! | `layer` | star layers | bounded memory; damage is told, or all stars are read and are the layer's; what was written is read |
+//! | `star_lines` | CSV, Hipparcos, Tycho-2 | bounded memory; every line is a star, or counted, or the whole is an error |
+//! | `elements` | two-line elements, OMM | the object asked for, and no other passed over; states are finite and above ground |
 //! | `session` | commands, table cells | the answers and tables of a model |
 
 #![forbid(unsafe_code)]
@@ -28,7 +31,11 @@ pub mod link;
 pub mod network_camera;
 /// Legal messages from any bytes.
 pub mod samples;
+/// Files for readers that open a path.
+pub mod scratch;
 /// Frames' truth, as in starloop.
 pub mod sink;
+/// What is read of the sky, as in starloop.
+pub mod sky;
 
 pub use input::Input;

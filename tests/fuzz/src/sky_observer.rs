@@ -1,0 +1,3 @@
+//! `starloop::sky::observer`: the state alone.
+
+pub use crate::sky::state::BarycentricState;
