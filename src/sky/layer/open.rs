@@ -9,7 +9,6 @@ use super::error::LayerError;
 use super::layout::{
     FASTEST_MAS_YR, HEADER_BYTES, Header, LEAST_ORDER, MAG_STEP, MAG_ZERO, MAGIC, MOST_ORDER, NO_COLOUR, NO_MOTION,
     NO_PARALLAX, PARALLAX_STEP_MAS, RECORD_BYTES, StarRecord, TileFrame, VERSION, head_crc32, motion_mas_yr, tiles_of,
-    u32_at, u64_at,
 };
 use super::set::ROUNDING_RAD;
 use crate::base::units::DEG;
