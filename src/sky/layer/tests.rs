@@ -355,3 +355,35 @@ fn damage_anywhere_is_told() {
     let told = told_of(&record, folder.path()).unwrap();
     assert!(told.contains("tile") && told.contains("RA"), "{told}");
 }
+
+#[test]
+fn heads_that_were_written_wrong_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let reports = build(folder.path(), &stars(300, 15));
+    let whole = std::fs::read(&reports[2].path).unwrap();
+    // Checksums fit: it is the numbers that are wrong.
+    let told = |at: usize, value: f32| {
+        let mut bytes = whole.clone();
+        bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
+        let head = super::build::head_bytes(reports[2].order, "whom it concerns".len()) as usize;
+        let crc32 = super::layout::head_crc32(&bytes[..head]);
+        bytes[super::layout::CRC_AT..][..4].copy_from_slice(&crc32.to_le_bytes());
+        told_of(&bytes, folder.path())
+    };
+    let (from_at, below_at, fastest_at) = (32, 36, 48);
+    assert_eq!((told(from_at, 14.0), told(below_at, 18.0)), (None, None), "control: what it is");
+    for (at, value, words) in [
+        (from_at, f32::NAN, "magnitudes: wanted from, and below"),
+        (from_at, 18.0, "got 18 and 18"),
+        (below_at, f32::NAN, "got 14 and NaN"),
+        (below_at, 15.0, "magnitude: wanted [14.0, 15.0]"),
+        (fastest_at, f32::NAN, "fastest proper motion"),
+        (fastest_at, -1.0, "fastest proper motion: wanted 0..26000 mas/yr, got -1"),
+        (fastest_at, f32::INFINITY, "fastest proper motion"),
+        (fastest_at, 100.0, "proper motion: wanted at most 100 mas/yr"),
+    ] {
+        let told = told(at, value).expect(words);
+        assert!(told.contains(words), "{told}");
+    }
+    assert_eq!(told(fastest_at, 26_000.0), None, "the other side");
+}
