@@ -25,7 +25,7 @@ const ROOM: usize = 8;
 pub(super) const NO_KERNEL: u32 = u32::MAX;
 
 /// A star drawn once, at its mean position.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Spot {
     pub(super) column: i32,
     pub(super) row: i32,
@@ -33,11 +33,6 @@ pub(super) struct Spot {
     pub(super) electrons: f32,
     /// Index of its kernel, or of its PSF down from [`NO_KERNEL`].
     pub(super) kernel: u32,
-}
-
-impl Spot {
-    /// A place that is written over.
-    pub(super) const NONE: Self = Self { column: 0, row: 0, fraction: [0.0; 2], electrons: 0.0, kernel: NO_KERNEL };
 }
 
 /// A star drawn at every node of its list.
@@ -121,7 +116,7 @@ impl Bands {
     }
 
     /// Members of band `band`, chunk by chunk.
-    pub(super) fn members(&self, band: usize) -> impl Iterator<Item = &Members> + Clone {
+    pub(super) fn members(&self, band: usize) -> impl Iterator<Item = &Members> {
         self.chunks[..self.used].iter().map(move |chunk| &chunk[band])
     }
 

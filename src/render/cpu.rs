@@ -1,7 +1,7 @@
 //! CPU backend: all cores, vectorised by the compiler for the processor it finds (AVX-512, AVX2 + FMA, NEON, SSE2).
 //!
-//! The image is cut into bands of rows; a band is cleared and drawn by one thread, its stars in source order, or by blocks
-//! of columns where they crowd, so a repeated plan gives the same bits whatever the number of threads. A Gaussian is drawn analytically for every node
+//! The image is cut into bands of rows; a band is cleared and drawn by one thread, its stars in source order, so a
+//! repeated plan gives the same bits whatever the number of threads. A Gaussian is drawn analytically for every node
 //! (two vectors of erf, then one multiply-add per row); other PSFs and effective PSFs come from tables. Error: f32,
 //! < 2e-7 of the peak (Gaussian), `TABLE_ERROR` (tables); `tests/physics`.
 
@@ -11,7 +11,6 @@ use crate::exposure::ExposurePlan;
 use crate::exposure::sampling::ANALYTIC_HALF_PX;
 use crate::gpu::Electrons;
 use crate::render::bands::{BAND_ROWS, BLOCK, Bands, NO_KERNEL, NodeColumns, Spot, Trail};
-use crate::render::crowd::Crowd;
 use crate::render::plan_tables::PlanTables;
 use crate::render::profile::Profile;
 use crate::render::stamp::{Stamped, stamp};
@@ -28,8 +27,6 @@ pub struct Cpu {
     image: Image<f32>,
     tables: PlanTables,
     bands: Bands,
-    /// By band.
-    crowds: Vec<Crowd>,
 }
 
 impl Cpu {
@@ -41,7 +38,6 @@ impl Cpu {
             image: Image::new(width_px, height_px),
             tables: PlanTables::new(ANALYTIC_HALF_PX, Form::Products),
             bands: Bands::new(height_px),
-            crowds: core::iter::repeat_with(Crowd::default).take(height_px.div_ceil(BAND_ROWS)).collect(),
         }
     }
 }
@@ -61,7 +57,7 @@ impl Backend for Cpu {
         check_kernel(plan)?;
         check_sampling(plan, self.tables.is_analytic(plan))?;
         self.tables.prepare(plan);
-        let Self { arch, image, tables, bands, crowds } = self;
+        let Self { arch, image, tables, bands } = self;
         let kernel_half = tables.kernels().first().map_or(0, |kernel| kernel.half_px[1]);
         let half_px = |list: usize| if tables.kernel_of(list).is_some() { kernel_half } else { plan.half_px };
         let table_of = |list: usize| {
@@ -80,11 +76,10 @@ impl Backend for Cpu {
             mask: core::array::from_fn(|lane| if lane <= 2 * plan.half_px { 1.0 } else { 0.0 }),
         };
         let (arch, draw) = (*arch, &draw);
-        let pixels = image.pixels_mut().par_chunks_mut(BAND_ROWS * width);
-        pixels.zip(crowds).enumerate().for_each(|(index, (pixels, crowd))| {
+        image.pixels_mut().par_chunks_mut(BAND_ROWS * width).enumerate().for_each(|(index, pixels)| {
             let target = Band { pixels, width, first_row: (index * BAND_ROWS) as i32 };
             let fused = !matches!(arch, Arch::Scalar);
-            arch.dispatch(DrawBand { draw, target, crowd, index, fused });
+            arch.dispatch(DrawBand { draw, target, index, fused });
         });
         Ok(())
     }
@@ -127,7 +122,6 @@ struct Draw<'a> {
 struct DrawBand<'a> {
     draw: &'a Draw<'a>,
     target: Band<'a>,
-    crowd: &'a mut Crowd,
     index: usize,
     fused: bool,
 }
@@ -143,24 +137,17 @@ impl NullaryFnOnce for DrawBand<'_> {
 impl DrawBand<'_> {
     #[inline(always)]
     fn draw<const FUSED: bool>(self) {
-        let Self { draw, mut target, crowd, index, .. } = self;
+        let Self { draw, mut target, index, .. } = self;
         target.pixels.fill(0.0);
-        let mut splats = Splats::NONE;
-        let members = || draw.bands.members(index);
-        let crowd = crowd.sorted(members(), target.width);
         let mut waiting = Waiting { analytic: Splats::NONE, tabled: Splats::NONE };
-        if let Some(crowd) = crowd {
-            for spot in crowd.turns() {
-                draw.spot::<FUSED>(&mut target, &mut waiting, spot);
-            }
-        }
-        for members in members().take_while(|_| crowd.is_none()) {
+        for members in draw.bands.members(index) {
             for spot in &members.spots {
                 draw.spot::<FUSED>(&mut target, &mut waiting, spot);
             }
         }
         draw.rest::<FUSED>(&mut target, &mut waiting);
-        for members in members() {
+        let mut splats = Splats::NONE;
+        for members in draw.bands.members(index) {
             for trail in &members.trails {
                 draw.trail::<FUSED>(&mut target, &mut splats, trail);
             }

@@ -6,7 +6,6 @@
 
 mod bands;
 pub mod cpu;
-mod crowd;
 pub mod erf;
 pub mod gpu;
 mod kernel;

@@ -365,9 +365,9 @@ fn heads_that_were_written_wrong_are_refused() {
     let told = |at: usize, value: f32| {
         let mut bytes = whole.clone();
         bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
-        let head = super::build::head_bytes(reports[2].order, "whom it concerns".len()) as usize;
-        let crc32 = super::layout::head_crc32(&bytes[..head]);
-        bytes[super::layout::CRC_AT..][..4].copy_from_slice(&crc32.to_le_bytes());
+        let head = build::head_bytes(reports[2].order, "whom it concerns".len()) as usize;
+        let crc32 = layout::head_crc32(&bytes[..head]);
+        bytes[layout::CRC_AT..][..4].copy_from_slice(&crc32.to_le_bytes());
         told_of(&bytes, folder.path())
     };
     let (from_at, below_at, fastest_at) = (32, 36, 48);
