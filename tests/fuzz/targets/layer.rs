@@ -114,13 +114,14 @@ fn read_damaged(input: &mut Input<'_>) {
     while !input.is_empty() && input.bool() {
         change(&mut damaged, input);
     }
-    let is_damaged = damaged != whole;
-    if mends_tiles && is_damaged {
+    if mends_tiles && damaged != whole {
         mend_tiles(&mut damaged, &tiles);
     }
     if mends_head {
         mend_head(&mut damaged);
     }
+    // What was changed in a checksum is as it was when that is mended.
+    let is_damaged = damaged != whole;
     match read(&damaged) {
         Ok(stars) => {
             let records: usize = tiles.iter().map(|(_, count)| count).sum();
