@@ -76,6 +76,7 @@ fn run_arguments(arguments: &BudgetArgs) -> RunArgs {
         duration: arguments.duration,
         backend: arguments.backend,
         seed: None,
+        noise_seed: None,
         sink: arguments.sink,
         out: arguments.out.clone(),
         built_in_costs: arguments.built_in_costs,

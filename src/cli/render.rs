@@ -9,6 +9,7 @@ use crate::cli::render_input::{four, read_los, read_los_samples, read_sources, t
 use crate::cli::render_output::{Format, format_of, write_dn, write_electrons, write_truth};
 use crate::cli::run::BackendName;
 use crate::config::{Camera, STAR_MEMORY_MB};
+use crate::detector::Seeds;
 use crate::detector::window::OutputGeometry;
 use crate::exposure::{ExposurePlan, MethodChoice, Motion, Planner, Source};
 use crate::runtime::Imager;
@@ -72,9 +73,15 @@ pub struct RenderArgs {
     /// Method for motion: auto, static, gaussian, gauss-legendre[:N], segments[:N], samples[:N], effective-psf[:N], zonal-psf[:N]
     #[arg(long, value_name = "NAME", default_value = "auto")]
     method: MethodChoice,
-    /// Seed of fixed patterns and noise
+    /// Seed of the sensor: its fixed patterns and the places of its defects
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Seed of the exposure's noise (default: that of the sensor)
+    #[arg(long)]
+    noise_seed: Option<u64>,
+    /// Number of the exposure: with the noise seed it fixes the noise, so that one sensor can be exposed many times
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    frame: u32,
     /// Write the truth table: id,ra_deg,dec_deg,mag,x_px,y_px,electrons,kind,smear_px,smear_deg
     #[arg(long, value_name = "FILE.csv")]
     truth: Option<PathBuf>,
@@ -127,14 +134,17 @@ struct Scene {
     light: FieldLight,
     sources: Vec<Source>,
     frame: SentFrame,
-    seed: u64,
+    seeds: Seeds,
+    number: u32,
 }
 
 impl Scene {
     fn new(arguments: &RenderArgs, camera: CameraParams) -> Result<Self> {
         let size = camera.output().size_px;
         let backend = backend_choice(arguments.backend.configured());
-        let mut imager = Imager::of_detector(backend, camera.make_detector(arguments.seed)?)?;
+        let sensor = arguments.seed;
+        let seeds = Seeds { sensor, noise: arguments.noise_seed.unwrap_or(sensor) };
+        let mut imager = Imager::of_detector(backend, camera.make_detector(seeds)?)?;
         light_pixels(&camera, &mut imager)?;
         let light = FieldLight::new(&camera, Observer::Geocentre, arguments.time);
         let motion = motion(arguments, camera.exposure_s)?;
@@ -150,7 +160,7 @@ impl Scene {
             }
         };
         let frame = SentFrame::with_capacity(size[0], size[1], sources.len(), camera.name.clone());
-        Ok(Self { camera, planner, imager, sky, light, sources, frame, seed: arguments.seed })
+        Ok(Self { camera, planner, imager, sky, light, sources, frame, seeds, number: arguments.frame })
     }
 
     /// Finds the sources and plans; the wall time of both.
@@ -177,7 +187,7 @@ impl Scene {
                 [sky, planning, watch.lap(), Span::ZERO]
             }
             StageName::Dn => {
-                let times = self.imager.image(plan, 0, &mut self.frame.image)?;
+                let times = self.imager.image(plan, self.number, &mut self.frame.image)?;
                 [sky, planning, times.render, times.detector]
             }
         };
@@ -186,7 +196,7 @@ impl Scene {
             StageName::Dn => self.camera.output(),
         };
         fill_truth(plan, &output, &mut self.frame.truth);
-        fill_meta(plan, 0, self.seed, &self.camera.detector, self.imager.name(), &mut self.frame.meta);
+        fill_meta(plan, self.number, self.seeds, &self.camera.detector, self.imager.name(), &mut self.frame.meta);
         (self.frame.meta.binning, self.frame.meta.window_px) = (output.binning, output.first_px);
         Ok(times)
     }

@@ -46,9 +46,12 @@ pub struct RunArgs {
     /// Draw with this backend instead of the bench's
     #[arg(long, value_enum)]
     pub(super) backend: Option<BackendName>,
-    /// Seed of patterns and noise instead of the bench's
+    /// Seed of the run instead of the bench's: the sensor's patterns, and all that has no seed of its own
     #[arg(long)]
     pub(super) seed: Option<u64>,
+    /// Seed of the exposures' noise instead of the bench's (default: that of the run)
+    #[arg(long)]
+    pub(super) noise_seed: Option<u64>,
     /// Where frames go instead of the bench's sinks
     #[arg(long, value_enum)]
     pub(super) sink: Option<SinkKind>,

@@ -54,6 +54,7 @@ fn change_bench(bench: &mut Bench, arguments: &RunArgs) -> Result<()> {
         bench.render.backend = backend.configured();
     }
     bench.seed = arguments.seed.unwrap_or(bench.seed);
+    bench.noise_seed_given = arguments.noise_seed.or(bench.noise_seed_given);
     Ok(())
 }
 

@@ -36,8 +36,10 @@ pub struct Bench {
     pub targets: Vec<TargetSettings>,
     /// What is seen where they cover stars.
     pub target_overlap: Overlap,
-    /// Seed of every random number of the run.
+    /// Seed of every random number of the run but those that have a seed of their own.
     pub seed: u64,
+    /// Seed of the noise of exposures, where it is given: see [`Self::noise_seed`].
+    pub noise_seed_given: Option<u64>,
     /// Frames, duration, start.
     pub timing: Timing,
     /// The bus.
@@ -84,6 +86,7 @@ struct BenchKeys {
     target: Vec<TargetKeys>,
     target_overlap: Option<String>,
     seed: Option<i64>,
+    noise_seed: Option<i64>,
     timing: TimingKeys,
     link: LinkKeys,
     extra_link: Vec<LinkKeys>,
@@ -289,6 +292,7 @@ impl Bench {
             targets,
             target_overlap,
             seed: seed(keys.seed, &mut check)?,
+            noise_seed_given: given_seed("noise_seed", keys.noise_seed, &check)?,
             name,
             camera,
             timing,
@@ -319,6 +323,12 @@ fn is_drawn_for_display(sinks: &[SinkSettings]) -> bool {
 }
 
 impl Bench {
+    /// Returns the seed of the noise of exposures: the one that is given, or the run's.
+    #[must_use]
+    pub fn noise_seed(&self) -> u64 {
+        self.noise_seed_given.unwrap_or(self.seed)
+    }
+
     /// How each head is mounted, the first one first.
     #[must_use]
     pub fn heads(&self) -> Vec<Rotation<Sensor, Body>> {
@@ -338,8 +348,16 @@ fn camera(given: Option<&str>, check: &mut Checker<'_>) -> Result<Camera, Config
 
 fn seed(given: Option<i64>, check: &mut Checker<'_>) -> Result<u64, ConfigError> {
     let seed = check.given_or("seed", given, 1);
-    u64::try_from(seed)
-        .map_err(|_| check.invalid("seed", seed, "a whole number, 0 or more", "any number repeats its own run"))
+    given_seed("seed", Some(seed), check).map(Option::unwrap_or_default)
+}
+
+/// Returns a seed as it was given, checked.
+pub(super) fn given_seed(key: &str, given: Option<i64>, check: &Checker<'_>) -> Result<Option<u64>, ConfigError> {
+    let whole = |seed: i64| {
+        u64::try_from(seed)
+            .map_err(|_| check.invalid(key, seed, "a whole number, 0 or more", "any number repeats its own run"))
+    };
+    given.map(whole).transpose()
 }
 
 fn mounting(keys: &MountingKeys, check: &mut Checker<'_>) -> Result<Rotation<Sensor, Body>, ConfigError> {

@@ -2,7 +2,7 @@
 
 use crate::base::axes::{Body, Rotation, Sensor};
 use crate::base::time::Span;
-use crate::config::bench::Bench;
+use crate::config::bench::{Bench, given_seed};
 use crate::config::check::{Checker, Defaulted, Rule};
 use crate::config::document::Document;
 use crate::config::error::ConfigError;
@@ -65,6 +65,7 @@ struct ScenarioKeys {
     bench: Option<String>,
     spacecraft: Option<String>,
     seed: Option<i64>,
+    noise_seed: Option<i64>,
     duration_s: Option<f64>,
     initial: InitialKeys,
     target: PointingKeys,
@@ -253,15 +254,15 @@ fn written_duration_s(document: &Document) -> Option<f64> {
     keys.duration_s.or_else(of_bench)
 }
 
-/// Seed and duration are the scenario's, when it gives them.
+/// Takes seeds and duration from the scenario, when it gives them.
 fn override_bench(bench: &mut Bench, keys: &ScenarioKeys, check: &Checker<'_>) -> Result<(), ConfigError> {
     if let Some(duration_s) = keys.duration_s {
         let length = "length of the run in seconds";
         bench.timing.duration_s = check.meets("duration_s", duration_s, Rule::PositiveUpTo(1e7), length)?;
     }
-    if let Some(seed) = keys.seed {
-        let refuse = |_| check.invalid("seed", seed, "a whole number, 0 or more", "any number repeats its own run");
-        bench.seed = u64::try_from(seed).map_err(refuse)?;
+    bench.noise_seed_given = given_seed("noise_seed", keys.noise_seed, check)?.or(bench.noise_seed_given);
+    if let Some(seed) = given_seed("seed", keys.seed, check)? {
+        bench.seed = seed;
     }
     Ok(())
 }

@@ -15,6 +15,7 @@ use crate::detector::output::Output;
 use crate::detector::params::Constants;
 use crate::detector::pattern::{PatternSizeError, Patterns};
 use crate::detector::protons::{ProtonFlux, ProtonFluxError, ProtonTrack};
+use crate::detector::seeds::Seeds;
 use crate::detector::stages::Stages;
 use crate::detector::{DetectorParams, Effect};
 use core::marker::PhantomData;
@@ -24,7 +25,7 @@ use pulp::Arch;
 #[derive(Debug)]
 pub struct Detector {
     params: DetectorParams,
-    seed: u64,
+    seeds: Seeds,
     stray_light_e: f32,
     background: Background,
     /// Relative illumination of every pixel, for the sky's part of the background; `None`: even.
@@ -46,16 +47,18 @@ pub struct Detector {
 }
 
 impl Detector {
-    /// A detector of this size; `seed` fixes its patterns and its noise.
+    /// A detector of this size; `seeds` fix its patterns and its noise (one number: both).
     #[must_use]
-    pub fn new(params: DetectorParams, width_px: usize, height_px: usize, seed: u64) -> Self {
+    pub fn new(params: DetectorParams, width_px: usize, height_px: usize, seeds: impl Into<Seeds>) -> Self {
+        let seeds = seeds.into();
+        let seed = seeds.sensor;
         let size_px = [width_px, height_px];
         let output = Output::new(&params.spatial, size_px);
         let adc_px = output.adc_px();
         let drawn = Patterns::draw(&params, width_px * height_px, seed);
         let mut made = Self {
             params,
-            seed,
+            seeds,
             stray_light_e: 0.0,
             background: Background::DARK,
             illumination: None,
@@ -65,7 +68,7 @@ impl Detector {
             neighbours: Vec::new(),
             keeps_charge: false,
             charge: Image::new(0, 0),
-            disturbances: Disturbances::new(&params, size_px, seed),
+            disturbances: Disturbances::new(&params, size_px, seeds),
             dark_factor_at_start: params.dark_law.factor(),
             output,
             size_px,
@@ -181,10 +184,10 @@ impl Detector {
         self.params.dark_law.operating_c = operating_c;
     }
 
-    /// Seed.
+    /// Returns the seeds of its patterns and of its noise.
     #[must_use]
-    pub fn seed(&self) -> u64 {
-        self.seed
+    pub fn seeds(&self) -> Seeds {
+        self.seeds
     }
 
     /// Fixed patterns, where switched on.
@@ -234,7 +237,7 @@ impl Detector {
     }
 
     fn collect_from<T: Mean>(&mut self, mean: &Image<T>, frame: u32, exposure_s: f64, out: &mut DnImage) {
-        let key = key(self.seed);
+        let key = key(self.seeds.noise);
         let warmer = self.params.dark_law.factor() / self.dark_factor_at_start;
         self.disturbances.advance(frame, exposure_s, warmer);
         if !self.rows_e.is_empty() {
@@ -346,7 +349,7 @@ mod tests {
             let most = detector.charge().expect("kept").pixels().iter().copied().fold(0.0, f32::max);
             assert_eq!(most, 3000.0, "clipped between the passes");
             // Negative control.
-            detector.seed = 18;
+            detector.seeds.noise = 18;
             assert_ne!(read_out(&mut detector), one, "another seed");
         }
     }

@@ -8,6 +8,7 @@ use crate::detector::binning::{Binning, BinningKind};
 use crate::detector::defects::{DefectRoom, Defects};
 use crate::detector::outliers::{Outlier, Outliers};
 use crate::detector::protons::{ProtonTrack, Protons};
+use crate::detector::seeds::Seeds;
 
 /// Defects that may be commanded besides those of the camera file.
 pub const SPARE_DEFECTS: usize = 4096;
@@ -31,7 +32,7 @@ pub struct Disturbances {
 impl Disturbances {
     /// Those of the parameters, and room for more.
     #[must_use]
-    pub fn new(params: &DetectorParams, size_px: [usize; 2], seed: u64) -> Self {
+    pub fn new(params: &DetectorParams, size_px: [usize; 2], seeds: Seeds) -> Self {
         let spatial = &params.spatial;
         let population = spatial.defects.count(size_px[0] * size_px[1]);
         let charge_binning = match spatial.binning {
@@ -40,10 +41,10 @@ impl Disturbances {
         };
         let room =
             DefectRoom { size_px, charge_binning, defects: population + SPARE_DEFECTS, pixels: population + SPARE_PX };
-        let mut defects = Defects::new(room, seed, FRAME_PERIOD_S);
+        let mut defects = Defects::new(room, seeds.noise, FRAME_PERIOD_S);
         // There is room for all of them, and all are on the detector.
-        let _ = defects.insert_all(spatial.defects.draw(size_px, seed));
-        let mut protons = Protons::new(size_px, spatial.layer, seed, MOST_TRACKS, MOST_TRACK_PX);
+        let _ = defects.insert_all(spatial.defects.draw(size_px, seeds.sensor));
+        let mut protons = Protons::new(size_px, spatial.layer, seeds.noise, MOST_TRACKS, MOST_TRACK_PX);
         // The configuration has checked it; without one it would stay off.
         let _ = protons.set_flux(spatial.protons);
         let outliers = Outliers::with_capacity(room.pixels + MOST_TRACK_PX);

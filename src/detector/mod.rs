@@ -1,6 +1,6 @@
 //! Electrons -> digital numbers: one file per effect, one ordered list of stages.
 //!
-//! In: mean electrons per pixel. Out: u16 DN. Random numbers are Philox words keyed by (seed, frame, pixel, stage): any
+//! In: mean electrons per pixel. Out: u16 DN. Random numbers are Philox words keyed by (seed, frame, pixel, stage), with one seed for the sensor and one for the noise ([`Seeds`]): any
 //! frame, and any pixel of it, can be replayed alone. A stage whose parameter is zero does nothing and costs nothing.
 //! Photon and dark shot noise are one Poisson draw: the sum of two Poisson variables is a Poisson variable.
 
@@ -32,6 +32,7 @@ pub mod poisson;
 pub mod protons;
 pub mod read_noise;
 pub mod row_noise;
+pub mod seeds;
 pub mod spatial;
 mod stages;
 pub mod tdi;
@@ -48,4 +49,5 @@ pub use params::DetectorParams;
 pub use pattern::Patterns;
 pub use poisson::PoissonMethod;
 pub use row_noise::RowNoise;
+pub use seeds::Seeds;
 pub use spatial::SpatialParams;

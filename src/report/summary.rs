@@ -36,8 +36,10 @@ pub struct RunSummary {
     pub wall_s: f64,
     /// Frame period, s.
     pub frame_period_s: f64,
-    /// Seed of the run.
+    /// Seed of the run: of the sensor and of all that has no seed of its own.
     pub seed: u64,
+    /// Seed of the noise of exposures.
+    pub noise_seed: u64,
     /// What became of the frames.
     pub frames: FrameCounts,
     /// Wall time per stage, in the order of [`Stage::ALL`].
@@ -170,6 +172,7 @@ impl RunSummary {
             wall_s: 0.0,
             frame_period_s: 0.0,
             seed: 0,
+            noise_seed: 0,
             frames: FrameCounts::default(),
             stages: [Quantiles::default(); Stage::COUNT],
             lateness: Quantiles::default(),
@@ -216,7 +219,7 @@ pub(crate) fn sample_summary() -> RunSummary {
     (summary.bench, summary.camera) = ("loopback".into(), "wide field".into());
     (summary.backend, summary.adapter, summary.clock) = ("cpu".into(), "AVX2, 8 threads".into(), "monotonic".into());
     (summary.start_utc, summary.duration_s, summary.wall_s) = ("2026-03-01T12:00:00.000000Z".into(), 60.0, 60.2);
-    (summary.frame_period_s, summary.seed) = (0.1, u64::MAX);
+    (summary.frame_period_s, summary.seed, summary.noise_seed) = (0.1, u64::MAX, u64::MAX - 1);
     summary.frames = FrameCounts {
         scheduled: 600,
         rendered: 599,
@@ -281,6 +284,7 @@ mod tests {
         let text = sample_summary().to_json_pretty().unwrap();
         let json: serde_json::Value = serde_json::from_str(&text).unwrap();
         assert_eq!(json["seed"].as_u64(), Some(u64::MAX), "exact");
+        assert_eq!(json["noise_seed"].as_u64(), Some(u64::MAX - 1), "the seed of the noise");
         assert_eq!(json["frames"]["extrapolated"], 590);
         assert_eq!(json["stages"]["render"]["p99_ms"], 1.0);
         assert_eq!(json["stages"].as_object().unwrap().len(), Stage::COUNT);

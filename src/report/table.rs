@@ -38,11 +38,16 @@ fn push_run(lines: &mut Vec<String>, s: &RunSummary) {
         ("start", s.start_utc.clone()),
         ("length", length),
         ("frame period", format!("{:.3} ms", s.frame_period_s * 1e3)),
-        ("seed", s.seed.to_string()),
+        ("seed", seeds_text(s)),
         ("output", format!("{} {}", s.sink, s.output.as_deref().unwrap_or("(nothing kept)"))),
         ("run CRC-32", s.run_crc32.clone()),
     ];
     lines.extend(rows.into_iter().map(|(name, value)| format!("{name:<NAME_WIDTH$}{value}")));
+}
+
+/// Returns the run's seed, and that of the noise where it is another.
+fn seeds_text(s: &RunSummary) -> String {
+    if s.noise_seed == s.seed { s.seed.to_string() } else { format!("{}, noise {}", s.seed, s.noise_seed) }
 }
 
 fn push_frames(lines: &mut Vec<String>, s: &RunSummary) {

@@ -7,9 +7,9 @@ use crate::attitude::{
 use crate::base::axes::{Rotation, Sensor, ra_dec_roll};
 use crate::base::clock::Stopwatch;
 use crate::base::time::{Span, Tai};
-use crate::detector::DetectorParams;
 use crate::detector::binning::Levels;
 use crate::detector::defects::Defects;
+use crate::detector::{DetectorParams, Seeds};
 use crate::exposure::cost::CostModel;
 use crate::exposure::{ExposurePlan, Instrument, Planner, Rung, Source, SourcePlace};
 use crate::optics::PsfModel;
@@ -71,7 +71,7 @@ impl FrameEngine {
     /// # Errors
     /// When the backend, the catalog or the observer cannot be had.
     pub fn new(params: RunParams) -> Result<Self, RunError> {
-        let imager = Imager::of_detector(params.backend, params.camera.make_detector(params.seed)?)?;
+        let imager = Imager::of_detector(params.backend, params.camera.make_detector(params.seeds())?)?;
         Self::with_imager(params, imager)
     }
 
@@ -318,8 +318,8 @@ impl FrameEngine {
         fill_truth(plan, &output, &mut frame.truth);
         fill_targets(plan, self.scene.targets.facts(), &output, &mut frame.targets);
         add_tracks(self.imager.proton_tracks(), &output, &mut frame.truth);
-        let (seed, detector) = (self.params.seed, &self.params.camera.detector);
-        fill_meta(plan, slot.number, seed, detector, self.imager.name(), &mut frame.meta);
+        let (seeds, detector) = (self.params.seeds(), &self.params.camera.detector);
+        fill_meta(plan, slot.number, seeds, detector, self.imager.name(), &mut frame.meta);
         if let Some(drawn_from_sensor) = &self.params.drawn_from_sensor {
             tell_pointing(&plan.motion.los, &drawn_from_sensor.inverse(), &mut frame.meta);
         }
@@ -482,7 +482,7 @@ fn tell_pointing(los: &LosPath, sensor_from_drawn: &Rotation<Sensor, Sensor>, me
 pub fn fill_meta(
     plan: &ExposurePlan,
     number: u32,
-    seed: u64,
+    seeds: Seeds,
     detector: &DetectorParams,
     backend: &'static str,
     meta: &mut FrameMeta,
@@ -495,7 +495,7 @@ pub fn fill_meta(
     meta.attitude_wxyz = los.mid_sensor_from_icrf.wxyz();
     (meta.ra_deg, meta.dec_deg, meta.roll_deg) = (ra, dec, roll);
     meta.rate_deg_s = los.rate_rad_s.to_array().map(f64::to_degrees);
-    meta.seed = seed;
+    (meta.seed, meta.noise_seed) = (seeds.sensor, seeds.noise);
     meta.lateness = Span::ZERO;
     meta.horizon = los.horizon;
     meta.backend = backend;

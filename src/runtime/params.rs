@@ -9,7 +9,7 @@ use crate::detector;
 use crate::detector::binning::{Binning, BinningKind};
 use crate::detector::pattern::PatternSizeError;
 use crate::detector::window::OutputGeometry;
-use crate::detector::{Detector, DetectorParams, Patterns};
+use crate::detector::{Detector, DetectorParams, Patterns, Seeds};
 use crate::exposure::cost::CostModel;
 use crate::exposure::{Instrument, MethodChoice, PsfSampling, Shutter, Target};
 use crate::optics::{BackgroundLight, Illumination, PsfModel, StarLight};
@@ -75,13 +75,13 @@ impl CameraParams {
         u32::BITS - largest.leading_zeros()
     }
 
-    /// The detector with its patterns: those that were measured, and the others drawn from the seed.
+    /// The detector with its patterns: those that were measured, and the others drawn from the sensor seed.
     ///
     /// # Errors
     /// When a measured pattern has another size than the detector.
-    pub fn make_detector(&self, seed: u64) -> Result<Detector, PatternSizeError> {
+    pub fn make_detector(&self, seeds: impl Into<Seeds>) -> Result<Detector, PatternSizeError> {
         let [width, height] = self.sensor_px();
-        let made = Detector::new(self.detector, width, height, seed);
+        let made = Detector::new(self.detector, width, height, seeds);
         made.with_patterns(&self.patterns)
     }
 
@@ -154,8 +154,10 @@ pub struct RunParams {
     pub cost: Option<CostModel>,
     /// Whether frames that would not be drawn in time are degraded.
     pub degrade: bool,
-    /// Seed of patterns and noise.
+    /// Seed of the sensor (fixed patterns) and of faults.
     pub seed: u64,
+    /// Seed of the noise of exposures.
+    pub noise_seed: u64,
     /// Start of the first exposure.
     pub first_exposure: Tai,
     /// What is drawn in other axes than the sensor's own, as for a display in front of it: the turn that
@@ -199,6 +201,12 @@ impl CameraParams {
 }
 
 impl RunParams {
+    /// Returns the seeds of the detector.
+    #[must_use]
+    pub fn seeds(&self) -> Seeds {
+        Seeds { sensor: self.seed, noise: self.noise_seed }
+    }
+
     /// The stars of the run.
     ///
     /// # Errors

@@ -171,7 +171,7 @@ impl RunRecord {
         summary.start_utc = params.first_exposure.to_rfc3339();
         summary.frame_period_s = params.frame_period.s();
         summary.duration_s = params.frame_period.s() * f64::from(params.frames);
-        summary.seed = params.seed;
+        (summary.seed, summary.noise_seed) = (params.seed, params.noise_seed);
         summary.frames = self.frames;
         summary.stages = self.stages.quantiles();
         summary.lateness = self.lateness.quantiles();

@@ -165,8 +165,10 @@ pub struct FrameMeta {
     pub roll_deg: f64,
     /// Angular rate with respect to ICRF in sensor axes, deg/s.
     pub rate_deg_s: [f64; 3],
-    /// Seed of every random number in the frame.
+    /// Seed of the sensor (fixed patterns) and of faults.
     pub seed: u64,
+    /// Seed of the exposure's noise.
+    pub noise_seed: u64,
     /// Completion minus deadline; negative when early.
     pub lateness: Span,
     /// Age of the newest attitude sample when the frame was planned.
@@ -219,6 +221,7 @@ impl FrameMeta {
             roll_deg: 0.0,
             rate_deg_s: [0.0; 3],
             seed: 0,
+            noise_seed: 0,
             lateness: Span::ZERO,
             attitude_age: Span::ZERO,
             horizon: Span::ZERO,
@@ -273,6 +276,7 @@ pub(crate) fn sample_frame(number: u32) -> SentFrame {
     (frame.meta.ra_deg, frame.meta.dec_deg, frame.meta.roll_deg) = (359.999_999_999, -1.0 / 3.0, 1e-7);
     frame.meta.rate_deg_s = [0.1, -0.02, 3.0];
     frame.meta.seed = u64::MAX - u64::from(number);
+    frame.meta.noise_seed = u64::MAX / 2 - u64::from(number);
     frame.meta.lateness = Span::from_ns(-1_234_567);
     frame.meta.attitude_age = Span::from_ms(12);
     frame.meta.horizon = Span::from_ms(-38);

@@ -41,8 +41,10 @@ pub struct FrameRow {
     pub rate_y_deg_s: f64,
     /// Angular rate about the boresight, deg/s.
     pub rate_z_deg_s: f64,
-    /// Seed of every random number.
+    /// Seed of the sensor and of faults.
     pub seed: u64,
+    /// Seed of the exposure's noise.
+    pub noise_seed: u64,
     /// Completion minus deadline, ns.
     pub lateness_ns: i64,
     /// Age of the newest attitude when planned, ns.
@@ -108,6 +110,7 @@ impl FrameRow {
             rate_y_deg_s,
             rate_z_deg_s,
             seed: meta.seed,
+            noise_seed: meta.noise_seed,
             lateness_ns: meta.lateness.ns(),
             attitude_age_ns: meta.attitude_age.ns(),
             horizon_ns: meta.horizon.ns(),

@@ -54,6 +54,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         cost: None,
         degrade: bench.timing.degrade.applies(false),
         seed: bench.seed,
+        noise_seed: bench.noise_seed(),
         first_exposure,
         ahead: Span::from_s(bench.timing.ahead_ms * 1e-3),
         drawn_from_sensor: None,
@@ -173,7 +174,13 @@ fn scripted(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result
 /// The bench as one of its heads is drawn from it: its mounting, and patterns and noise of its own.
 #[must_use]
 pub fn bench_of_head(bench: &Bench, number: usize, sensor_from_body: Rotation<Sensor, Body>) -> Bench {
-    Bench { sensor_from_body, seed: bench.seed.wrapping_add(number as u64), ..bench.clone() }
+    let own = |seed: u64| seed.wrapping_add(number as u64);
+    Bench {
+        sensor_from_body,
+        seed: own(bench.seed),
+        noise_seed_given: bench.noise_seed_given.map(own),
+        ..bench.clone()
+    }
 }
 
 /// The imager of a run.
@@ -181,7 +188,7 @@ pub fn bench_of_head(bench: &Bench, number: usize, sensor_from_body: Rotation<Se
 /// # Errors
 /// When the backend cannot be had.
 pub fn imager(params: &RunParams) -> Result<Imager> {
-    Ok(Imager::of_detector(params.backend, params.camera.make_detector(params.seed)?)?)
+    Ok(Imager::of_detector(params.backend, params.camera.make_detector(params.seeds())?)?)
 }
 
 /// What the real clock changes: costs are those of this machine, and frames may be degraded to be in time.

@@ -87,7 +87,7 @@ struct Neighbours {
 pub struct GpuDetector {
     gpu: Arc<GpuDevice>,
     model: DetectorParams,
-    seed: u64,
+    noise_seed: u64,
     stray_light_e: f32,
     background: Background,
     has_map: bool,
@@ -130,7 +130,7 @@ impl GpuDetector {
             dark_factor_at_start: detector.params().dark_law.factor(),
             output,
             model: *detector.params(),
-            seed: detector.seed(),
+            noise_seed: detector.seeds().noise,
             stray_light_e: 0.0,
             background: Background::DARK,
             has_map: detector.illumination_map().is_some(),
@@ -246,7 +246,7 @@ impl GpuDetector {
         self.disturbances.advance(frame, exposure_s, warmer);
         let [adc_width, adc_height] = self.output.adc_px();
         let adc_pixels = (adc_width * adc_height) as u32;
-        let at = FrameAt { frame, exposure_s, key: key(self.seed) };
+        let at = FrameAt { frame, exposure_s, key: key(self.noise_seed) };
         let uniform = FrameUniform {
             pixels,
             frame,

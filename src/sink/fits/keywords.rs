@@ -79,7 +79,8 @@ fn push_attitude(header: &mut Header, meta: &FrameMeta) {
 }
 
 fn push_origin(header: &mut Header, meta: &FrameMeta) {
-    header.push("SEED", meta.seed, "of every random number");
+    header.push("SEED", meta.seed, "of the sensor's patterns and of faults");
+    header.push("NOISSEED", meta.noise_seed, "of the exposure's noise, with FRAME");
     header.push("LATE_MS", meta.lateness.ms(), "[ms] completion - deadline");
     header.push("AGE_MS", meta.attitude_age.ms(), "[ms] age of the newest attitude");
     header.push("HORIZ_MS", meta.horizon.ms(), "[ms] newest attitude to mid-exposure");
@@ -146,6 +147,7 @@ mod tests {
             assert_eq!(header.real(keyword), Some(q), "{keyword}");
         }
         assert_eq!(header.integer("SEED"), Some(meta.seed.into()));
+        assert_eq!(header.integer("NOISSEED"), Some(meta.noise_seed.into()));
         assert_eq!(header.integer("MID_NS"), Some(meta.mid_exposure.ns().into()));
         assert_eq!(header.real("LATE_MS"), Some(meta.lateness.ms()));
         assert_eq!(header.text("INSTRUME").as_deref(), Some(&*meta.camera));

@@ -32,8 +32,11 @@ pub struct Session {
     pub start_tai_ns: i64,
     /// The same for people.
     pub start_utc: String,
-    /// Seed of patterns and noise.
+    /// Seed of the run.
     pub seed: u64,
+    /// Seed of the noise of exposures; absent: that of the bench, or `seed`.
+    #[serde(default)]
+    pub noise_seed: Option<u64>,
     /// What drew: `cpu`, `gpu`, `reference`.
     pub backend: String,
     /// What it ran on; its vector level with it.
@@ -106,6 +109,7 @@ impl Session {
             start_tai_ns: params.start.ns(),
             start_utc: params.start.to_rfc3339(),
             seed: params.bench.seed,
+            noise_seed: params.bench.noise_seed_given,
             backend: params.backend.into(),
             adapter: params.adapter.clone(),
             bus: bus.into(),
@@ -167,6 +171,7 @@ impl Session {
         let mut bench = Bench::from_document(&Document::packed(self.bench.clone())?.with_settings(settings))?;
         bench.timing.duration_s = number("duration_s", &self.duration_s)?;
         bench.seed = self.seed;
+        bench.noise_seed_given = self.noise_seed.or(bench.noise_seed_given);
         bench.render.backend = match self.backend.as_str() {
             "cpu" => Backend::Cpu,
             "gpu" => Backend::Gpu,
@@ -239,6 +244,7 @@ mod tests {
         let mut bench = Bench::from_document(&document).unwrap();
         bench.timing.duration_s = 0.1 + 0.2;
         bench.seed = u64::MAX;
+        bench.noise_seed_given = Some(u64::MAX - 1);
         bench.render.backend = Backend::Cpu;
         let cost = CostModel { pixel_ns: 1.0 / 3.0, threads: f64::MIN_POSITIVE, ..CostModel::CPU };
         let params = SessionParams {
@@ -260,6 +266,7 @@ mod tests {
         assert_eq!(read.start(), params.start);
         assert_eq!(read.doubts().len(), 1, "it has not ended");
         let again = read.bench().unwrap();
+        assert_eq!(again.noise_seed(), u64::MAX - 1);
         assert_eq!((again.camera, again.timing, again.seed), (bench.camera, bench.timing, bench.seed));
         assert_eq!((again.name, again.link, again.attitude), (bench.name, bench.link, bench.attitude));
     }
