@@ -203,10 +203,12 @@ class Recorders(unittest.TestCase):
         # restore_signals would make the limit a signal, which kills, instead of an error.
         sinks = SER_RECORDER + '[[extra_sink]]\nkind = "null"\n'
         done = run(self.folder, sinks, "--duration", "2", preexec_fn=limit, restore_signals=False)
-        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertEqual(done.returncode, 5, done.stderr)
         self.assertIn("frames.ser could not be written", done.stderr)
         summary = self.summary()
         recorder, null = summary["sinks"]
+        self.assertIn("frames.ser could not be written", recorder["first_error"])
+        self.assertEqual([loss["count"] for loss in summary["losses"]], [recorder["dropped"] + recorder["refused"]])
         self.assertEqual(recorder["frames"], 7)
         self.assertGreater(recorder["refused"], 0)
         self.assertEqual(recorder["frames"] + recorder["refused"] + recorder["dropped"], summary["frames"]["delivered"])

@@ -5,7 +5,8 @@
 
 use crate::cli::budget_advice::advice;
 use crate::cli::load_threads::LoadThreads;
-use crate::cli::run::{self, BackendName, CaptureFormatName, ClockKind, Finished, RunArgs, SinkKind};
+use crate::cli::run::{self, BackendName, CaptureFormatName, ClockKind, RunArgs, SinkKind};
+use crate::cli::run_end::Finished;
 use crate::cli::{EXIT_DONE, EXIT_OVER_BUDGET, budget_files};
 use crate::config::Bench;
 use crate::report::{BudgetLimits, BudgetReport, Stage, budget_lines, budget_table};
@@ -16,14 +17,12 @@ use std::path::PathBuf;
 
 /// Command line of `budget`.
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Exit status: 0 inside the budget; 3 over it (the stage that broke it is named); 1 the run could \
-                        not be done; 130 stopped by Ctrl-C.\n\n\
+#[command(after_help = "Exit status: 0 inside the budget; 3 over it (the stage that broke it is named); 5 the run \
+                        ended, but something was lost; 1 the run could not be done; 130 stopped by Ctrl-C.\n\n\
                         Limits are 99 % quantiles in ms, one key a stage, in the bench's [budget]: wake_ms, receive_ms, \
                         bus_age_ms, arrival_age_ms, correlation_ms, attitude_ms, sky_ms, plan_ms, upload_ms, render_ms, \
                         detector_ms, readback_ms, handover_ms, queue_ms, sink_ms, total_ms, latency_ms; and missed_frames. Threads: \
-                        realtime, priority, affinity."
-)]
+                        realtime, priority, affinity.")]
 pub struct BudgetArgs {
     /// Bench file (TOML); without one: the built-in loopback bench
     bench: Option<PathBuf>,

@@ -5,7 +5,7 @@
 //! drawing only; other stages are told to be beyond it.
 
 use crate::cli::frame_plan::FramePlans;
-use crate::cli::run::Finished;
+use crate::cli::run_end::Finished;
 use crate::exposure::{ExposurePlan, Rung};
 use crate::report::{BudgetLine, LineVerdict, Stage};
 use crate::runtime::load::ratio_of;

@@ -44,6 +44,7 @@ pub mod render_input;
 pub mod render_output;
 pub mod replay;
 pub mod run;
+mod run_end;
 mod run_heads;
 mod run_input;
 pub mod run_scenario;
@@ -66,6 +67,9 @@ pub const EXIT_USAGE: u8 = 2;
 pub const EXIT_OVER_BUDGET: u8 = 3;
 /// Exit status: it ran, but an expectation or an invariant of the scenario, or a study's prediction, did not hold.
 pub const EXIT_NOT_MET: u8 = 4;
+/// Exit status: it reached its end, but something was lost: frames, a file, a capture, a thread. One line on standard error
+/// says what, also when the command is quiet. It comes before every other status except [`EXIT_FAILED`].
+pub const EXIT_LOST: u8 = 5;
 /// Exit status: stopped by Ctrl-C; everything finished by then is written.
 pub const EXIT_INTERRUPTED: u8 = 130;
 
@@ -76,6 +80,8 @@ pub const EXIT_INTERRUPTED: u8 = 130;
     about = "Hardware-in-the-loop star-sensor stimulator: bus attitude in, star-sensor frames out, on a deadline",
     after_help = "Exit status: 0 done; 1 could not do what was asked; 2 wrong command line; 3 over the timing budget \
                   (`budget`); 4 a scenario's expectation or invariant, or a study's prediction, did not hold, a replayed frame differs, or a camera's frames are not what its file says; \
+                  5 it reached its end, but something was lost (frames that a sink did not take, a file, a capture, a \
+                  thread: one line says what); \
                   130 stopped by Ctrl-C \
                   (what was finished is written).\n\n\
                   Start with `starloop run`: a simulated flight computer slews over a simulated bus, and ten seconds \

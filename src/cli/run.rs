@@ -6,19 +6,20 @@ use crate::cli::budget::budget_report;
 use crate::cli::budget_files;
 use crate::cli::bus::{kind_name, warn_of_exposed};
 use crate::cli::monitor::Monitor;
+use crate::cli::run_end::Finished;
 use crate::cli::run_heads::{BenchHead, Sinks, bench_heads, sinks};
 use crate::cli::run_input::{bench, document, scenario};
-use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, live_view, run_scenario};
+use crate::cli::{live_view, run_scenario};
 use crate::config::{self, Bench, Scenario, StartTime};
 use crate::link::capture::CaptureFormat;
 use crate::link::gateway::{Gateways, TcpAddress};
 use crate::link::{Link, Port};
 use crate::live::Numbers;
-use crate::report::{HygieneLine, Progress, RunSummary, summary_table};
+use crate::report::{HygieneLine, Losses, Progress};
 use crate::runtime::hygiene::Role;
 use crate::runtime::real_time::Sources;
-use crate::runtime::{FrameEngine, Hygiene, HygieneParams, RunOutcome, RunRecord, real_time, sink_rows, virtual_time};
-use crate::sink::{SentFrame, Sink, write_file_atomically};
+use crate::runtime::{FrameEngine, Hygiene, HygieneParams, RunError, RunOutcome, RunRecord, real_time, virtual_time};
+use crate::sink::{SentFrame, Sink};
 use crate::testbed::flight_computer::{FlightComputer, FlightError, run_until};
 use crate::wiring::bench_parts;
 use crate::wiring::control::ControlAddress;
@@ -165,19 +166,6 @@ impl BackendName {
     }
 }
 
-/// A run that has ended, and everything it ran with.
-pub(super) struct Finished {
-    pub(super) bench: Bench,
-    pub(super) start: Tai,
-    /// At least one.
-    heads: Vec<BenchHead>,
-    pub(super) outcome: RunOutcome,
-    pub(super) hygiene: Vec<HygieneLine>,
-    wall_s: f64,
-    was_interrupted: bool,
-    directory: Option<PathBuf>,
-}
-
 /// Runs the command; the exit status.
 ///
 /// # Errors
@@ -204,8 +192,8 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
     if arguments.random_faults {
         bail!("--random-faults: got a bench; wanted a scenario file: nothing flies in a bench that faults could upset");
     }
-    let finished = perform(arguments)?;
-    report(arguments, &finished)?;
+    let mut finished = perform(arguments)?;
+    finished.report(arguments)?;
     if let Some(directory) = &arguments.report {
         let report = budget_report(&finished, 0)?;
         budget_files::write(directory, &report, &finished.outcome.record.ring)?;
@@ -289,21 +277,23 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
         hygiene: hygiene.as_ref(),
         recording: recording.as_ref(),
     };
-    let outcome = match &clock {
+    let (outcome, mut losses) = match &clock {
         RunClock::Real(clock) => setup.real(clock, &mut heads, sinks)?,
         RunClock::Virtual(clock) => setup.simulated(clock, &mut heads, sinks)?,
     };
     if let Some(recording) = recording {
         let lost = outcome.ports.iter().map(|port| port.queue_overflows).sum();
-        let session = recording.finish(lost)?;
-        session.doubts().iter().for_each(|doubt| eprintln!("starloop: capture: {doubt}"));
+        match recording.finish(lost) {
+            Ok(session) => session.doubts().iter().for_each(|doubt| losses.note_capture(doubt)),
+            Err(error) => losses.note_capture(error),
+        }
     }
     let wall_s = wall.lap().s();
     let was_interrupted = stop.load(Ordering::SeqCst);
     drop(view);
     monitor.finish();
     let hygiene = hygiene.map(|hygiene| hygiene.lines()).unwrap_or_default();
-    Ok(Finished { bench, start, heads, outcome, hygiene, wall_s, was_interrupted, directory })
+    Ok(Finished { bench, start, heads, outcome, losses, hygiene, wall_s, was_interrupted, directory })
 }
 
 /// What the bench asks of the system, with what cannot be had told at once.
@@ -344,45 +334,6 @@ fn recording(arguments: &RunArgs, bench: &Bench, start: Tai, engine: &FrameEngin
         cost: engine.params().cost,
     };
     Ok(Some(Recording::start(directory, format, &params).context("--capture")?))
-}
-
-impl Finished {
-    /// The exit status.
-    ///
-    /// # Errors
-    /// With why the run ended early, if it did.
-    pub(super) fn status(self) -> Result<u8> {
-        let sink_failure = self.outcome.sink_failure();
-        match self.outcome.error {
-            Some(error) => Err(error).context("the run ended early; everything finished before is kept"),
-            None if sink_failure.is_some() => bail!(
-                "the run went to its end, but a sink failed: {}; what it took is kept",
-                sink_failure.unwrap_or_default()
-            ),
-            None if self.was_interrupted => {
-                eprintln!("starloop: stopped by Ctrl-C; everything finished before is kept");
-                Ok(EXIT_INTERRUPTED)
-            }
-            None => Ok(EXIT_DONE),
-        }
-    }
-
-    /// What drew the frames of the first head.
-    pub(super) fn engine(&self) -> &FrameEngine {
-        &self.heads[0].engine
-    }
-
-    /// Counts, times and events.
-    pub(super) fn summary(&self, clock: &str) -> RunSummary {
-        let RunOutcome { record, ports, summaries, .. } = &self.outcome;
-        let sink = summaries.first().and_then(Option::as_ref);
-        let mut summary = record.summary(self.engine(), &self.heads[0].receiver, ports, sink);
-        summary.bench.clone_from(&self.bench.name);
-        summary.sinks = sink_rows(&self.outcome.sinks);
-        summary.wall_s = self.wall_s;
-        summary.clock = clock.into();
-        summary
-    }
 }
 
 /// `20261120T123456.789Z`: a directory name that sorts by time.
@@ -441,7 +392,12 @@ struct Setup<'a> {
 }
 
 impl Setup<'_> {
-    fn real(&self, clock: &Arc<Monotonic>, heads: &mut [BenchHead], sinks: Vec<Box<dyn Sink>>) -> Result<RunOutcome> {
+    fn real(
+        &self,
+        clock: &Arc<Monotonic>,
+        heads: &mut [BenchHead],
+        sinks: Vec<Box<dyn Sink>>,
+    ) -> Result<(RunOutcome, Losses)> {
         // Sinks have had the time they took to begin.
         clock.restart_at(self.start);
         let clock: Arc<dyn Clock> = clock.clone();
@@ -457,13 +413,17 @@ impl Setup<'_> {
         let ring_frames = usize::try_from(self.bench.budget.ring_frames)?;
         let setting = real_time::Setting { clock: &clock, stop: self.stop, hygiene: self.hygiene, ring_frames };
         let heads = heads.iter_mut().zip(sinks).map(|(head, sink)| head.on_real_clock(sink)).collect();
-        let outcome = real_time::run_in(&setting, heads, Sources { ports: near, pulses }, &mut send);
+        let mut outcome = real_time::run_in(&setting, heads, Sources { ports: near, pulses }, &mut send);
         over.store(true, Ordering::SeqCst);
+        let mut losses = outcome.losses();
         match thread.map(std::thread::JoinHandle::join) {
-            None | Some(Ok(Ok(()))) => Ok(outcome),
-            Some(Ok(Err(error))) => Err(error).context("the simulated flight computer"),
-            Some(Err(_panicked)) => bail!("the simulated flight computer's thread was lost"),
+            None | Some(Ok(Ok(()))) => {}
+            Some(Ok(Err(error))) => {
+                outcome.error.get_or_insert(RunError::FarEnd(error.into()));
+            }
+            Some(Err(_panicked)) => losses.note_thread("flight computer"),
         }
+        Ok((outcome, losses))
     }
 
     fn simulated(
@@ -471,7 +431,7 @@ impl Setup<'_> {
         clock: &Arc<Virtual>,
         heads: &mut [BenchHead],
         mut sinks: Vec<Box<dyn Sink>>,
-    ) -> Result<RunOutcome> {
+    ) -> Result<(RunOutcome, Losses)> {
         let shared: Arc<dyn Clock> = clock.clone();
         if let Some(what) = needs_real_clock(self.bench) {
             bail!("--clock virtual: got a bench with {what}, which has a time of its own; wanted --clock real");
@@ -490,7 +450,9 @@ impl Setup<'_> {
         };
         let heads = heads.iter_mut().zip(&mut sinks).map(|(head, sink)| head.on_virtual_clock(&mut **sink)).collect();
         let mut world = virtual_time::World { port: near, far_end: &mut far_end, progress: &mut progress };
-        Ok(virtual_time::run_in(clock, heads, &mut world))
+        let outcome = virtual_time::run_in(clock, heads, &mut world);
+        let losses = outcome.losses();
+        Ok((outcome, losses))
     }
 
     /// What a link of the stimulator is behind, when the run is captured.
@@ -560,25 +522,6 @@ fn far_end(
             run_until(&over, &*clock, &mut computer, &mut port)
         })
         .context("cannot start the flight computer's thread")
-}
-
-/// Prints the table and writes `summary.json`.
-fn report(arguments: &RunArgs, finished: &Finished) -> Result<()> {
-    let summary = finished.summary(match arguments.clock {
-        ClockKind::Real => "monotonic",
-        ClockKind::Virtual => "virtual",
-    });
-    if let Some(directory) = &finished.directory {
-        let path = directory.join("summary.json");
-        let json = summary.to_json_pretty()?;
-        if let Err(error) = write_file_atomically(&path, |out| out.write_all(json.as_bytes())) {
-            eprintln!("starloop: {error}");
-        }
-    }
-    if !arguments.quiet {
-        println!("{}", summary_table(&summary));
-    }
-    Ok(())
 }
 
 #[cfg(test)]

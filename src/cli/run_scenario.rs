@@ -5,14 +5,15 @@ use crate::base::time::{Span, Tai};
 use crate::base::units::ARCSEC;
 use crate::cli::calibrate::costs_here;
 use crate::cli::run::{ClockKind, RunArgs, prepared_hygiene, stamp};
+use crate::cli::run_end::say_losses;
 use crate::cli::run_heads::directory_of_head;
 use crate::cli::scenario_plot::TelemetryPlot;
 use crate::cli::scenario_report::{ScenarioReport, table};
-use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_NOT_MET};
+use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_LOST, EXIT_NOT_MET};
 use crate::config::{Scenario, StartTime};
 use crate::runtime::params::CameraParams;
 use crate::runtime::real_time::STARS_AT_FIRST;
-use crate::runtime::{RunParams, RunRecord, sink_failure};
+use crate::runtime::{RunParams, RunRecord};
 use crate::sink::{NullSink, SentFrame, Sink, write_file_atomically};
 use crate::testbed::vehicle::TelemetryRow;
 use crate::wiring::assessment::mode_name;
@@ -122,11 +123,7 @@ pub fn run_on_real_clock(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<At
         written.finish(&title(scenario))?;
     }
     let report = ScenarioReport::of(scenario, &outcome.view(), wall.lap().s()).with_sinks(&outcome.sink_lines);
-    let status = tell(&report, arguments, directory.as_deref(), stop)?;
-    match sink_failure(&outcome.sink_lines) {
-        Some(failure) => bail!("the run went to its end, but a sink failed: {failure}; what it took is kept"),
-        None => Ok(status),
-    }
+    tell(&report, arguments, directory.as_deref(), stop)
 }
 
 fn announce(scenario: &Scenario, say: bool, kind: &str) {
@@ -147,14 +144,17 @@ fn tell(report: &ScenarioReport, arguments: &RunArgs, directory: Option<&Path>, 
     } else if !arguments.quiet {
         print!("{}", table(report));
     }
-    if stop.load(Ordering::SeqCst) {
-        return Ok(EXIT_INTERRUPTED);
-    }
-    if !report.passed {
+    let was_lost = say_losses(&report.losses);
+    let was_interrupted = stop.load(Ordering::SeqCst);
+    if !report.passed && !was_interrupted {
         eprintln!("starloop: scenario \"{}\" did not hold; seed {} repeats it", report.scenario, report.seed);
-        return Ok(EXIT_NOT_MET);
     }
-    Ok(EXIT_DONE)
+    Ok(match (was_lost, was_interrupted, report.passed) {
+        (true, _, _) => EXIT_LOST,
+        (false, true, _) => EXIT_INTERRUPTED,
+        (false, false, false) => EXIT_NOT_MET,
+        (false, false, true) => EXIT_DONE,
+    })
 }
 
 /// From the first frame to the last.

@@ -2,7 +2,7 @@
 
 use crate::base::units::ARCSEC;
 use crate::config::Scenario;
-use crate::report::{FrameCounts, Machine, SinkRow};
+use crate::report::{FrameCounts, Losses, Machine, SinkRow};
 use crate::runtime::sink_rows;
 use crate::sink::SinkLine;
 use crate::wiring::assessment::{ModeLine, Verdict, WindowErrors};
@@ -82,6 +82,8 @@ pub struct ScenarioReport {
     pub passed: bool,
     /// What each sink did with the frames; empty before the end.
     pub sinks: Vec<SinkRow>,
+    /// What was lost although the run reached its end; empty when the exit status is 0.
+    pub losses: Losses,
 }
 
 impl ScenarioReport {
@@ -131,13 +133,15 @@ impl ScenarioReport {
             violations,
             violation_lines: lines.to_vec(),
             sinks: Vec::new(),
+            losses: Losses::default(),
         }
     }
 
     /// The same with what each sink did.
     #[must_use]
     pub fn with_sinks(self, sinks: &[SinkLine]) -> Self {
-        Self { sinks: sink_rows(sinks), ..self }
+        let sinks = sink_rows(sinks);
+        Self { losses: Losses::of_sinks(&sinks), sinks, ..self }
     }
 }
 

@@ -4,7 +4,7 @@
 //! (`summary::RunSummary`). Output: text. Nothing here reads a clock or knows another room.
 //!
 //! Tour: `stages` (where the time of a frame goes) -> `histogram` (quantiles, without allocation while running)
-//! -> `summary` and `machine` (JSON) -> `table` (the same for people), `progress` and `progress_numbers` (while it runs). Apart from a run:
+//! -> `summary`, `losses` and `machine` (JSON) -> `table` (the same for people), `progress` and `progress_numbers` (while it runs). Apart from a run:
 //! `plot` (charts as SVG).
 //!
 //! Frame by frame: `frame_record` (one frame's times, fate and cause) -> `frame_ring` (the last frames, counts of all) ->
@@ -17,6 +17,7 @@ pub mod frame_ring;
 pub mod frames_csv;
 pub mod histogram;
 pub mod junit;
+pub mod losses;
 pub mod machine;
 pub mod plot;
 pub mod progress;
@@ -35,6 +36,7 @@ pub use frame_ring::{FrameRing, Latency};
 pub use frames_csv::frames_csv;
 pub use histogram::{CountHistogram, CountSpread, Quantiles, StageHistogram};
 pub use junit::to_junit;
+pub use losses::{LossLine, Losses, LostPart};
 pub use machine::Machine;
 pub use plot::{Chart, pareto_front, to_svg};
 pub use progress::{Progress, progress_line, step_line};

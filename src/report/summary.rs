@@ -6,6 +6,7 @@
 use crate::report::ReportError;
 use crate::report::frame_ring::Latency;
 use crate::report::histogram::{CountSpread, Quantiles};
+use crate::report::losses::Losses;
 use crate::report::machine::Machine;
 use crate::report::stages::Stage;
 use serde::{Serialize, Serializer};
@@ -79,6 +80,8 @@ pub struct RunSummary {
     pub run_crc32: String,
     /// What each sink did with the frames.
     pub sinks: Vec<SinkRow>,
+    /// What was lost although the run reached its end; empty when the exit status is 0.
+    pub losses: Losses,
 }
 
 /// What one sink did with the frames it was handed.
@@ -192,6 +195,7 @@ impl RunSummary {
             output: None,
             run_crc32: String::new(),
             sinks: Vec::new(),
+            losses: Losses::default(),
         }
     }
 
@@ -253,6 +257,7 @@ pub(crate) fn sample_summary() -> RunSummary {
     (summary.sink, summary.output) = ("recorder".into(), Some("runs/7".into()));
     summary.run_crc32 = "0badcafe".into();
     summary.sinks = vec![sample_row()];
+    summary.losses = Losses::of_sinks(&summary.sinks);
     summary
 }
 
@@ -296,6 +301,7 @@ mod tests {
         assert_eq!(json["output"], "runs/7");
         let sink = &json["sinks"][0];
         assert_eq!((&sink["dropped"], &sink["refused"], &sink["counts"]["resent"]), (&7.into(), &1.into(), &4.into()));
+        assert_eq!((&json["losses"][0]["part"], &json["losses"][0]["count"]), (&"sink".into(), &8.into()));
         assert!(text.ends_with("}\n"), "ends in a line break");
     }
 

@@ -1,8 +1,9 @@
 //! How a run ended.
 
+use crate::report::Losses;
 use crate::runtime::error::RunError;
 use crate::runtime::port_reading::PortReading;
-use crate::runtime::record::RunRecord;
+use crate::runtime::record::{RunRecord, sink_rows};
 use crate::sink::{SinkLine, SinkSummary};
 
 /// Everything that is known after a run, whether it ended well or not.
@@ -20,10 +21,10 @@ pub struct RunOutcome {
 }
 
 impl RunOutcome {
-    /// The first failure of a sink, with the sink's place in the bench: frames were refused, or could not be finished.
+    /// Lists what the sinks lost: frames dropped or refused, sinks that could not be finished or broke down.
     #[must_use]
-    pub fn sink_failure(&self) -> Option<String> {
-        sink_failure(&self.sinks)
+    pub fn losses(&self) -> Losses {
+        Losses::of_sinks(&sink_rows(&self.sinks))
     }
 }
 
@@ -34,13 +35,4 @@ pub fn lines_of_head(head: usize, heads: usize, lines: Vec<SinkLine>) -> impl It
         _ => SinkLine { place: format!("head{head} {}", line.place), ..line },
     };
     lines.into_iter().map(named)
-}
-
-/// The first failure of a sink, in words.
-#[must_use]
-pub fn sink_failure(sinks: &[SinkLine]) -> Option<String> {
-    let failed = sinks.iter().find(|line| line.has_failed())?;
-    let SinkLine { place, kind, refused, frames, .. } = failed;
-    let why = failed.first_error.as_deref().unwrap_or("no reason given");
-    Some(format!("{place} ({kind}) took {frames} frames and failed on {refused}; its first failure: {why}"))
 }

@@ -345,6 +345,12 @@ pub fn run_in(clock: &Arc<Virtual>, mut heads: Vec<Head<'_>>, world: &mut World<
         sinks.extend(lines_of_head(number, count, sink_lines(head.sink, summary.as_ref())));
         summaries.push(summary);
     }
+    if let Some(RunError::Sink(failure)) = &error {
+        // A sink that is alone keeps no error of its own.
+        for line in sinks.iter_mut().filter(|line| line.refused > 0) {
+            line.first_error.get_or_insert_with(|| failure.to_string());
+        }
+    }
     let ports = vec![PortReading::of(world.port, 0)];
     RunOutcome { record: going.into_record(), ports, summaries, sinks, error }
 }

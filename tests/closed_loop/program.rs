@@ -50,6 +50,24 @@ fn the_bench_clock_accounts_for_every_slot() {
     assert_eq!(count("delivered") + count("dropped"), 10, "{frames}");
 }
 
+#[test]
+fn summary_that_cannot_be_written_is_a_loss_with_its_own_exit_status() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |out: &str| {
+        starloop(&["run", "--clock", "virtual", "--duration", "0.3", "--out", out, "--quiet"], folder.path())
+    };
+    // A directory has the name that the file is to get.
+    std::fs::create_dir_all(folder.path().join("lost/summary.json")).unwrap();
+    let lost = run("lost");
+    let stderr = text(&lost.stderr);
+    assert_eq!(lost.status.code(), Some(5), "{stderr}");
+    assert_eq!(stderr.lines().count(), 1, "{stderr}");
+    assert!(stderr.contains("lost: summary.json: not written"), "{stderr}");
+    let kept = run("kept");
+    assert_eq!((kept.status.code(), text(&kept.stderr).as_str()), (Some(0), ""), "control: nothing in the way");
+    assert_eq!(summary(&folder.path().join("kept"))["losses"], serde_json::json!([]));
+}
+
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_cleanly_with_everything_written() {

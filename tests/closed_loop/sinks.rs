@@ -124,7 +124,10 @@ fn a_slow_sink_loses_its_own_frames_and_no_slot() {
     assert!(slow.dropped >= handed.saturating_sub(ROOM as u64 + 2), "{slow:?}");
     assert_eq!((quick.frames, quick.dropped, quick.refused), (handed, 0, 0));
     assert_eq!(outcome.record.ledger.count(EventKind::SinkDropped), slow.dropped);
-    assert!(outcome.sink_failure().is_none(), "slow is no failure");
+    let losses = outcome.losses();
+    let [loss] = losses.lines() else { panic!("the quick sink lost nothing: {losses}") };
+    assert_eq!((loss.name.as_str(), loss.count), ("sink (troubled)", slow.dropped));
+    assert!(!loss.detail.contains("failure"), "slow is no failure: {losses}");
 }
 
 /// The same sink without a queue of its own holds up slots: what the test above would show if it could fail.
@@ -164,8 +167,8 @@ fn a_full_disk_is_counted_and_the_run_goes_on() {
         let line = &outcome.sinks[0];
         assert!(line.refused > 0 && line.frames > 0, "{line:?}");
         assert_eq!(outcome.record.ledger.count(EventKind::SinkRefused), line.refused, "alone: {alone}");
-        let failure = outcome.sink_failure().expect("it is told");
-        assert!(failure.contains("sink (troubled)") && failure.contains("freeing space"), "{failure}");
+        let losses = outcome.losses().to_string();
+        assert!(losses.contains("sink (troubled)") && losses.contains("freeing space"), "{losses}");
         let frames = outcome.record.frames;
         assert_eq!(frames.delivered + frames.dropped, FRAMES, "every slot is accounted for");
         let handed = line.frames + if alone { 0 } else { line.refused };
@@ -181,5 +184,6 @@ fn a_sink_that_breaks_down_is_lost_and_the_run_goes_on() {
     assert!(broken.is_lost && broken.frames <= 2, "{broken:?}");
     assert_eq!(whole.frames, handed);
     assert_eq!(outcome.record.ledger.count(EventKind::SinkLost), 1);
-    assert!(outcome.sink_failure().is_some_and(|failure| failure.contains("broke down")));
+    let losses = outcome.losses().to_string();
+    assert!(losses.contains("broke down"), "{losses}");
 }
