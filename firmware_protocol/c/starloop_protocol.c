@@ -241,6 +241,7 @@ static int put_status(const sl_status *status, uint8_t *to) {
         break;
     default:
         to[1] = status->frame;
+        put16(to + 2, status->flags);
         put32(to + 4, status->turns_2_32);
     }
     return 1;
@@ -268,6 +269,7 @@ static int get_status(const uint8_t *from, sl_status *status) {
         break;
     default:
         status->frame = from[1];
+        status->flags = get16(from + 2);
         status->turns_2_32 = get32(from + 4);
     }
     return is_status(status) ? SL_MESSAGE : SL_REJECTED(SL_UNKNOWN_VALUE);
@@ -336,7 +338,7 @@ static void get_command(const uint8_t *from, sl_command *command) {
 }
 
 static int is_response(const sl_response *response) {
-    if (response->code != SL_DONE) return response->code <= SL_TRIGGERS_FULL;
+    if (response->code != SL_DONE) return response->code <= SL_UNKNOWN_TRIGGER;
     if (response->opcode < SL_HELLO || response->opcode > SL_TRIGGER) return 0;
     if (response->opcode == SL_INFO && response->page > 1) return 0;
     return response->opcode != SL_APPLY || is_table(response->table);
