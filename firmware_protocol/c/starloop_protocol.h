@@ -6,7 +6,8 @@
  *
  * Conventions: little-endian on the wire whatever the processor; quaternion body_from_icrf, Hamilton, scalar first,
  * passive (v_body = q v_icrf conj(q)); rates in body axes; time tags are spacecraft elapsed time in microseconds,
- * modulo 2^32. float and double must be IEEE 754.
+ * modulo 2^32. float must be IEEE 754; double is not used, so that nothing needs more than a single-precision
+ * floating-point unit. The bytes and values are those that double precision gives, to the last bit.
  */
 #ifndef STARLOOP_PROTOCOL_H
 #define STARLOOP_PROTOCOL_H

@@ -300,7 +300,7 @@ fn differences_are_noticed() {
     for (right, wrong) in [
         ("to[6] = burst->seq;", "to[5] = burst->seq;"),
         ("< REPLAY_WINDOW", "< REPLAY_WINDOW + 1"),
-        ("1e-3", "2e-3"),
+        ("RATE_BITS 21", "RATE_BITS 20"),
     ] {
         assert_eq!(source.matches(right).count(), 1, "{right}");
         let folder = folder("wrong");
