@@ -14,7 +14,7 @@ use firmware_protocol::message::{Command, Heartbeat, Rates, Refusal, Reply, Requ
 use firmware_protocol::tables::TableStore;
 use firmware_protocol::{DBC_CRC32, version};
 
-/// Highest rates taken: what the protocol has room for.
+/// Rates that are sure to be taken; faster records are taken too.
 const RATES: Rates = Rates { attitude_hz: 100, jitter_hz: 1000 };
 /// What the stimulator takes beside attitude.
 const CAPABILITIES: u16 =

@@ -58,7 +58,7 @@ pub struct Command {
 pub enum Request {
     /// Exchange versions.
     Hello(Version),
-    /// One page of facts: 0 the CRC-32 of the DBC file, 1 the highest rates.
+    /// One page of facts: 0 the CRC-32 of the DBC file, 1 the rates that are sure to be taken.
     Info {
         /// Page.
         page: u8,
@@ -143,11 +143,11 @@ pub struct Identity {
 pub enum Info {
     /// Page 0: CRC-32 of the DBC file that the answering side was built with.
     DbcCrc32(u32),
-    /// Page 1: highest rates taken.
+    /// Page 1: rates that are sure to be taken.
     Rates(Rates),
 }
 
-/// Highest rates the stimulator takes.
+/// Rates that the stimulator is sure to take; faster records are no error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rates {
     /// Attitude records per second.
