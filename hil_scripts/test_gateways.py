@@ -3,6 +3,7 @@
 STARLOOP_BINARY names the program (default target/release/starloop). Needs python-can and pyserial (requirements.txt).
 """
 
+import errno
 import json
 import os
 import select
@@ -339,21 +340,60 @@ class BadClients(unittest.TestCase):
         with Program() as program, program.socketcand() as daemon:
             pty = program.slcan_pty()
             for gateway in ("slcan_tcp", "socketcand"):
-                with program.raw(gateway) as line:
-                    line.settimeout(PATIENCE_S)
-                    for _ in range(200):
-                        line.sendall(os.urandom(1000))
-                        while select.select([line], [], [], 0)[0]:
-                            line.recv(65536)
-                    # A socket closed with answers unread would take back what has not been read over there.
-                    line.shutdown(socket.SHUT_WR)
-                    while line.recv(65536):
-                        pass
+                for _ in range(50):
+                    self.send_until_closed(program, gateway, os.urandom(4000))
             settle(pty, daemon)
             pty.shutdown()
             gateways = program.stop()["gateways"]
             self.assertGreater(sum(gateways["slcan_tcp"]["rejects"].values()), 100)
             self.assertGreater(sum(gateways["socketcand"]["rejects"].values()), 100)
+
+    @staticmethod
+    def send_until_closed(program, gateway, data):
+        """Sends, and reads until the connection ends; a reset is an end."""
+        with program.raw(gateway) as line:
+            try:
+                line.sendall(data)
+                line.shutdown(socket.SHUT_WR)
+                while line.recv(65536):
+                    pass
+            except (ConnectionResetError, BrokenPipeError):
+                pass
+            except OSError as error:
+                if error.errno != errno.ENOTCONN:
+                    raise
+
+    def test_a_request_of_a_web_page_is_not_obeyed_and_counted(self):
+        head = b"POST / HTTP/1.1\r\nHost: 127.0.0.1:1\r\nContent-Type: text/plain\r\nContent-Length: 50\r\n\r\n"
+        bodies = {"slcan_tcp": b"C\rO\rt1231AB\r", "socketcand": b"< open can0 >< rawmode >< send 123 1 ab >"}
+        with Program() as program:
+            with program.slcan_pty() as pty, program.socketcand() as daemon:
+                settle(pty, daemon)
+                settle(daemon, pty)
+                for gateway, body in bodies.items():
+                    self.send_until_closed(program, gateway, head + body)
+                    self.assertIsNone(pty.recv(timeout=0.2), gateway)
+                    self.send_until_closed(program, gateway, body)
+                    self.assertEqual(content(receive(pty)), [(0x123, b"\xab", False)], "control: without its head it is")
+            gateways = program.stop()["gateways"]
+            for gateway in bodies:
+                self.assertEqual(gateways[gateway]["rejects"].get("http_request"), 1, gateway)
+
+    def test_a_client_reconnects_at_once(self):
+        with Program() as program:
+            for _ in range(20):
+                with program.raw("slcan_tcp") as line:
+                    line.sendall(b"O\rV\r")
+                    self.assertEqual(read_until(line, b"3\r"), b"\rV1013\r")
+            line = program.stop()["gateways"]["slcan_tcp"]
+            self.assertEqual((line["clients"], line["refused"], line["rejects"]), (20, 0, {}))
+
+    def test_an_idle_connection_gives_its_seat_to_the_next(self):
+        with Program() as program, program.raw("slcan_tcp") as idle, program.raw("slcan_tcp") as line:
+            line.sendall(b"O\r")
+            self.assertEqual(line.recv(64), b"\r")
+            self.assertEqual(idle.recv(64), b"", "hung up on")
+            self.assertEqual(program.stop()["gateways"]["slcan_tcp"]["rejects"], {"gave_way": 1})
 
     def test_a_client_that_never_reads_loses_frames_and_then_its_connection(self):
         count = 100_000

@@ -6,10 +6,13 @@
 //! ```
 //!
 //! A client that sends faster than the bus takes is read more slowly. One that does not read loses frames, counted, and
-//! is hung up on when its patience is over. Neither holds a lock of the bus while it waits.
+//! is hung up on when its patience is over. Neither holds a lock of the bus while it waits. A TCP client that speaks another
+//! protocol, or sends too many malformed lines, is hung up on for good: nothing of what it sent afterwards is obeyed.
 
+use super::admission::Admission;
 use super::counters::Tally;
 use super::outgoing::{Flow, Outgoing};
+use super::screen::Screen;
 use crate::base::clock::Clock;
 use crate::base::time::{Span, Tai};
 use crate::link::simulated::{ErrorState, SimulatedLink};
@@ -17,10 +20,12 @@ use crate::link::{Link, Packet, Stamped};
 use core::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use firmware_protocol::can::CanFrame;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use rustix::event;
 use rustix::io::Errno;
+use rustix::net::Shutdown;
 use rustix::termios::QueueSelector;
 use std::os::fd::{AsFd, OwnedFd};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread::JoinHandle;
 
 /// How often a thread that waits looks whether it is over.
@@ -98,6 +103,8 @@ pub(super) struct Client {
     pub(super) on_stall: OnStall,
     pub(super) patience: Span,
     pub(super) ended: Arc<AtomicBool>,
+    /// `None` for a pseudo-terminal.
+    pub(super) admission: Option<Admission>,
     is_gone: AtomicBool,
     fd: OwnedFd,
     outgoing: Mutex<Outgoing>,
@@ -114,19 +121,58 @@ pub(super) struct ClientParts {
     pub(super) patience: Span,
     /// Set when all gateways end.
     pub(super) ended: Arc<AtomicBool>,
+    /// Of a TCP connection.
+    pub(super) admission: Option<Admission>,
 }
 
 impl Client {
     fn new(parts: ClientParts) -> std::io::Result<Self> {
-        let ClientParts { fd, link, clock, tally, on_stall, patience, ended } = parts;
+        let ClientParts { fd, link, clock, tally, on_stall, patience, ended, admission } = parts;
         let outgoing = Mutex::new(Outgoing::new(fd.try_clone()?));
         let listening = Listening { from_ns: AtomicI64::new(i64::MAX), stamps: AtomicBool::new(false) };
         let is_gone = AtomicBool::new(false);
-        Ok(Self { link, clock, tally, listening, on_stall, patience, ended, is_gone, fd, outgoing })
+        Ok(Self { link, clock, tally, listening, on_stall, patience, ended, admission, is_gone, fd, outgoing })
     }
 
-    fn is_over(&self) -> bool {
+    /// True when nothing that the client sends is obeyed any more.
+    pub(super) fn is_over(&self) -> bool {
         self.is_gone.load(Ordering::Acquire) || self.ended.load(Ordering::Acquire)
+    }
+
+    /// Ends the client at once, and counts why.
+    pub(super) fn hang_up(&self, reason: &'static str) {
+        self.tally.reject(reason);
+        self.leave();
+        let _it_may_be_gone_already = rustix::net::shutdown(&self.fd, Shutdown::Both);
+    }
+
+    /// Ends both threads.
+    fn leave(&self) {
+        self.is_gone.store(true, Ordering::Release);
+        self.link.wake();
+    }
+
+    /// True when the other end has closed the connection, also while bytes of it are unread.
+    pub(super) fn is_leaving(&self) -> bool {
+        let mut fds = [event::PollFd::new(&self.fd, event::PollFlags::RDHUP)];
+        self.is_over() || event::poll(&mut fds, Some(&event::Timespec::default())).is_ok_and(|ready| ready > 0)
+    }
+
+    /// The client has sent a valid line.
+    pub(super) fn count_valid(&self) {
+        self.admission.iter().for_each(Admission::count_valid);
+    }
+
+    /// The client has opened the bus.
+    pub(super) fn open(&self) {
+        self.admission.iter().for_each(Admission::open);
+    }
+
+    /// The client has sent a malformed line: too many before the first valid one end it.
+    pub(super) fn count_malformed(&self) {
+        if self.admission.as_ref().is_some_and(Admission::count_malformed) {
+            self.hang_up("malformed_lines");
+        }
     }
 
     fn outgoing(&self) -> MutexGuard<'_, Outgoing> {
@@ -168,7 +214,7 @@ impl Client {
         let flow = self.outgoing().flush(self.clock.now(), self.patience);
         match flow {
             Flow::Clear | Flow::Waiting => {}
-            Flow::Broken => self.is_gone.store(true, Ordering::Release),
+            Flow::Broken => self.leave(),
             Flow::Stalled => self.give_up(),
         }
         flow
@@ -180,7 +226,7 @@ impl Client {
         let mut outgoing = self.outgoing();
         outgoing.clear();
         match &self.on_stall {
-            OnStall::HangUp => self.is_gone.store(true, Ordering::Release),
+            OnStall::HangUp => self.leave(),
             OnStall::CloseChannel(device) => {
                 let _old_bytes_are_no_error = rustix::termios::tcflush(device, QueueSelector::IFlush);
             }
@@ -189,16 +235,30 @@ impl Client {
 
     fn read_until_over(&self, dialogue: &mut dyn Dialogue) {
         let mut bytes = [0; 4096];
+        let mut screen = Screen::default();
         self.answer(dialogue.greeting());
         while !self.is_over() {
             if !is_readable(&self.fd) {
                 continue;
             }
             match rustix::io::read(&self.fd, &mut bytes) {
-                Ok(count) if count > 0 => dialogue.read(&bytes[..count], self),
+                Ok(count) if count > 0 => self.read(&bytes[..count], &mut screen, dialogue),
                 Err(Errno::AGAIN | Errno::INTR) => {}
-                Ok(_) | Err(_) => self.is_gone.store(true, Ordering::Release),
+                Err(Errno::TIMEDOUT) => self.hang_up("connection_timed_out"),
+                Ok(_) | Err(_) => self.leave(),
             }
+        }
+    }
+
+    /// Hands on what came before the first foreign line, if there is one, which ends the client.
+    fn read(&self, bytes: &[u8], screen: &mut Screen, dialogue: &mut dyn Dialogue) {
+        let foreign = self.admission.is_some().then(|| screen.look(bytes)).flatten();
+        let ours = foreign.map_or(bytes, |(start, _)| bytes.get(..start).unwrap_or(&[]));
+        dialogue.read(ours, self);
+        if let Some((_, foreign)) = foreign
+            && !self.is_over()
+        {
+            self.hang_up(foreign.name());
         }
     }
 
@@ -214,7 +274,7 @@ impl Client {
                 self.clock.sleep_until(now + starts_in);
             }
             let wait = if flow == Flow::Clear { look } else { RETRY };
-            let mut next = self.link.take(now + wait);
+            let mut next = self.link.take_unless(now + wait, &self.is_gone);
             for _ in 0..BATCH {
                 let Some(packet) = next else { break };
                 self.show(&packet, scribe, &mut text);
@@ -259,12 +319,16 @@ pub(super) fn is_readable(fd: &impl AsFd) -> bool {
     poll(&mut fds, PollTimeout::from(LOOK_MS)).is_ok_and(|ready| ready > 0)
 }
 
-/// Serves a client in two threads; the one returned ends when both have.
-pub(super) fn serve(
-    parts: ClientParts,
-    mut dialogue: Box<dyn Dialogue>,
-    scribe: Scribe,
-) -> std::io::Result<JoinHandle<()>> {
+/// A client that is served.
+pub(super) struct Served {
+    /// Ends when both threads of the client have.
+    pub(super) thread: JoinHandle<()>,
+    /// The client, while it is there.
+    pub(super) client: Weak<Client>,
+}
+
+/// Serves a client in two threads.
+pub(super) fn serve(parts: ClientParts, mut dialogue: Box<dyn Dialogue>, scribe: Scribe) -> std::io::Result<Served> {
     let client = Arc::new(Client::new(parts)?);
     {
         let mut counters = client.tally.lock();
@@ -274,10 +338,12 @@ pub(super) fn serve(
     let writing = Arc::clone(&client);
     let writer =
         std::thread::Builder::new().name("gateway writer".into()).spawn(move || writing.write_until_over(&scribe))?;
-    std::thread::Builder::new().name("gateway reader".into()).spawn(move || {
+    let reading = Arc::downgrade(&client);
+    let thread = std::thread::Builder::new().name("gateway reader".into()).spawn(move || {
         client.read_until_over(&mut *dialogue);
-        client.is_gone.store(true, Ordering::Release);
+        client.leave();
         let _a_lost_writer_is_gone_too = writer.join();
         client.tally.lock().connected -= 1;
-    })
+    })?;
+    Ok(Served { thread, client: reading })
 }

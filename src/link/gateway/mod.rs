@@ -5,11 +5,14 @@
 //! ```
 //!
 //! Real clock only, and nothing real-time: threads that block, bounded queues, every loss and refusal counted. Listens
-//! where it is told, which should be loopback: there is no password. A frame of a client takes its place in the
-//! arbitration like any other; what one client sends reaches the others and not itself. `hil_scripts/test_gateways.py`
-//! holds python-can to all three; the parsers are tested beside their code.
+//! where it is asked to, which should be loopback: there is no password. Web pages can reach loopback too, so a TCP client
+//! that speaks HTTP or TLS is hung up on before anything of it is obeyed ([`Screen`]), and a client that does not open the
+//! bus loses its seat ([`OPENING_WITHIN`], [`GRACE`]). A frame of a client takes its place in the arbitration like any
+//! other; what one client sends reaches the others and not itself. `hil_scripts/test_gateways.py` checks all three with
+//! python-can, `hil_scripts/test_doors.py` with a browser; the parsers are tested beside their code.
 
 mod address;
+mod admission;
 mod client;
 mod counters;
 mod hex;
@@ -17,6 +20,7 @@ mod outgoing;
 #[cfg(test)]
 mod parser_checks;
 mod pty;
+mod screen;
 /// The protocol of serial CAN adapters.
 pub mod slcan;
 /// The protocol of the daemon of that name.
@@ -40,7 +44,9 @@ use std::thread::JoinHandle;
 use tcp::{Hall, Protocol};
 
 pub use address::{GatewayAddress, NoTcpAddress, TcpAddress};
+pub use admission::{GRACE, MALFORMED_MAX, OPENING_WITHIN};
 pub use counters::GatewayCounters;
+pub use screen::{Foreign, Screen};
 
 /// Clients that socketcand serves at once.
 pub const SOCKETCAND_CLIENTS_MAX: usize = 4;
@@ -62,12 +68,15 @@ pub struct GatewayParams {
     pub bus_name: String,
     /// A client that has read nothing for so long while something waited for it is dropped.
     pub patience: Span,
+    /// A TCP client that has not opened the bus within this time is dropped.
+    pub opening_within: Span,
 }
 
 impl Default for GatewayParams {
     fn default() -> Self {
         let (slcan_tcp, slcan_pty, socketcand) = (None, None, None);
-        Self { slcan_tcp, slcan_pty, socketcand, bus_name: "can0".into(), patience: Span::from_ms(2000) }
+        let (patience, opening_within) = (Span::from_ms(2000), OPENING_WITHIN);
+        Self { slcan_tcp, slcan_pty, socketcand, bus_name: "can0".into(), patience, opening_within }
     }
 }
 
@@ -123,7 +132,8 @@ impl Gateways {
         clock: &Arc<dyn Clock>,
     ) -> Hall {
         let (bus, clock, ended) = (bus.clone(), Arc::clone(clock), Arc::clone(&self.ended));
-        Hall { name, protocol, bus, clock, tally: Arc::default(), patience: params.patience, ended }
+        let (patience, opening_within) = (params.patience, params.opening_within);
+        Hall { name, protocol, bus, clock, tally: Arc::default(), patience, opening_within, ended }
     }
 
     fn listen(&mut self, kind: GatewayKind, hall: Hall, address: SocketAddr) -> Result<(), LinkError> {

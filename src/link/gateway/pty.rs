@@ -47,10 +47,11 @@ pub(super) fn open(
         on_stall: OnStall::CloseChannel(device_end),
         patience,
         ended: Arc::clone(ended),
+        admission: None,
     };
     let channel = slcan::Channel::new(&bus.params().timing);
     let thread = serve(parts, Box::new(channel), slcan_scribe());
-    pty.thread = Some(thread.map_err(|source| system(NAME, "start a thread", source, ""))?);
+    pty.thread = Some(thread.map_err(|source| system(NAME, "start a thread", source, ""))?.thread);
     Ok(pty)
 }
 

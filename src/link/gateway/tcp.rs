@@ -1,6 +1,10 @@
-//! TCP listeners: clients come and go; one too many is told so and hung up on.
+//! TCP listeners: clients come and go; one too many gets a message and is hung up on.
+//!
+//! Before a newcomer is refused, a client that has left gives its seat up, so that a client may reconnect at once, and a
+//! client that has not opened the bus loses its seat ([`super::admission`]).
 
-use super::client::{ClientParts, Dialogue, LOOK_MS, OnStall, Scribe, is_readable, serve};
+use super::admission::{Admission, GRACE, keep_alive};
+use super::client::{Client, ClientParts, Dialogue, LOOK_MS, OnStall, Scribe, Served, is_readable, serve};
 use super::counters::Tally;
 use super::system;
 use crate::base::clock::Clock;
@@ -17,6 +21,10 @@ use std::time::Duration;
 
 /// Bytes that the system may hold for a client: frames that wait longer are worth nothing to it.
 const KERNEL_BYTES: usize = 64 * 1024;
+/// Time that a client which has left, or lost its seat, may take until the seat is free.
+const LEAVES_WITHIN: Span = Span::from_ms(1000);
+/// Between two looks at the seats while a newcomer waits.
+const SEATS_LOOK: Span = Span::from_ms(1);
 
 /// What a listener needs to serve its clients.
 pub(super) struct Hall {
@@ -25,6 +33,7 @@ pub(super) struct Hall {
     pub(super) clock: Arc<dyn Clock>,
     pub(super) tally: Arc<Tally>,
     pub(super) patience: Span,
+    pub(super) opening_within: Span,
     pub(super) ended: Arc<AtomicBool>,
     pub(super) protocol: Protocol,
 }
@@ -51,14 +60,14 @@ pub(super) fn listen(hall: Hall, address: SocketAddr) -> Result<(SocketAddr, Joi
 
 impl Hall {
     fn welcome(&self, listener: &TcpListener) {
-        let mut clients: Vec<JoinHandle<()>> = Vec::with_capacity(self.protocol.clients_max);
+        let mut clients: Vec<Served> = Vec::with_capacity(self.protocol.clients_max);
         while !self.ended.load(Ordering::Acquire) {
+            self.dismiss_idle(&clients, self.opening_within, "never_opened");
             if !is_readable(listener) {
                 continue;
             }
-            clients.retain(|client| !client.is_finished());
             match listener.accept() {
-                Ok((stream, _)) if clients.len() >= self.protocol.clients_max => self.turn_away(stream),
+                Ok((stream, _)) if !self.has_seat(&mut clients) => self.turn_away(stream),
                 Ok((stream, _)) => match self.serve(stream) {
                     Ok(client) => clients.push(client),
                     Err(_) => self.tally.reject("lost_on_arrival"),
@@ -68,14 +77,61 @@ impl Hall {
             }
         }
         for client in clients {
-            let _a_lost_client_is_gone_too = client.join();
+            let _a_lost_client_is_gone_too = client.thread.join();
         }
     }
 
-    fn serve(&self, stream: TcpStream) -> std::io::Result<JoinHandle<()>> {
+    /// Hangs up on clients that have not opened the bus within `limit`.
+    fn dismiss_idle(&self, clients: &[Served], limit: Span, reason: &'static str) {
+        let now = self.clock.now();
+        let is_idle = |admission: &Admission| admission.is_idle(now, limit);
+        let there = clients.iter().filter_map(|client| client.client.upgrade()).filter(|client| !client.is_over());
+        for client in there.filter(|client| client.admission.as_ref().is_some_and(is_idle)) {
+            client.hang_up(reason);
+        }
+    }
+
+    /// True when there is a seat for one client more. Waits for seats that are about to become free.
+    fn has_seat(&self, clients: &mut Vec<Served>) -> bool {
+        let until = self.clock.now() + GRACE + LEAVES_WITHIN;
+        loop {
+            clients.retain(|client| !client.thread.is_finished());
+            if clients.len() < self.protocol.clients_max {
+                return true;
+            }
+            let may_become_free = |client: &Served| {
+                let is_or_may_be_gone = |client: &Client| {
+                    client.is_leaving() || client.admission.as_ref().is_some_and(Admission::may_lose_its_seat)
+                };
+                client.client.upgrade().is_none_or(|client| is_or_may_be_gone(&client))
+            };
+            let is_over = self.ended.load(Ordering::Acquire) || self.clock.now() >= until;
+            if is_over || !clients.iter().any(may_become_free) {
+                return false;
+            }
+            self.dismiss_one(clients);
+            self.clock.sleep_until(self.clock.now() + SEATS_LOOK);
+        }
+    }
+
+    /// Takes the seat of the client that has been idle for longest, when no other is about to leave.
+    fn dismiss_one(&self, clients: &[Served]) {
+        let now = self.clock.now();
+        let there = || clients.iter().map(|client| client.client.upgrade());
+        if there().any(|client| client.is_none_or(|client| client.is_leaving())) {
+            return;
+        }
+        // Clients sit in the order in which they came.
+        let is_idle = |admission: &Admission| admission.is_idle(now, GRACE);
+        let idle = there().flatten().find(|client| client.admission.as_ref().is_some_and(is_idle));
+        idle.iter().for_each(|client| client.hang_up("gave_way"));
+    }
+
+    fn serve(&self, stream: TcpStream) -> std::io::Result<Served> {
         stream.set_nodelay(true)?;
         stream.set_nonblocking(true)?;
         setsockopt(&stream, sockopt::SndBuf, &KERNEL_BYTES)?;
+        keep_alive(&stream)?;
         let parts = ClientParts {
             fd: stream.into(),
             link: self.bus.attach(),
@@ -84,6 +140,7 @@ impl Hall {
             on_stall: OnStall::HangUp,
             patience: self.patience,
             ended: Arc::clone(&self.ended),
+            admission: Some(Admission::new(self.clock.now())),
         };
         let (dialogue, scribe) = (self.protocol.new_client)();
         serve(parts, dialogue, scribe)

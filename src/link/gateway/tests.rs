@@ -116,3 +116,129 @@ fn a_port_that_is_taken_is_refused_and_nothing_is_left_running() {
     assert!(refused.contains("socketcand") && refused.contains("port 0"), "{refused}");
     assert_eq!(bus.statistics().ends, 0);
 }
+
+/// One gateway of a kind on a bus with an end of ours.
+fn one_gateway(
+    kind: GatewayKind,
+    opening_within: Span,
+) -> (Arc<dyn Clock>, crate::link::simulated::SimulatedLink, Gateways) {
+    let clock = real_clock();
+    let bus = bus(CAN, &clock);
+    let end = bus.attach();
+    let on = |wanted| (kind == wanted).then_some(FREE_PORT).flatten();
+    let (slcan_tcp, socketcand) = (on(GatewayKind::SlcanTcp), on(GatewayKind::Socketcand));
+    let params = GatewayParams { slcan_tcp, socketcand, opening_within, ..GatewayParams::default() };
+    let gateways = Gateways::start(&bus, &params, &clock).unwrap();
+    (clock, end, gateways)
+}
+
+/// Everything that comes until the other end closes the connection, which may be by a reset.
+fn until_closed(mut stream: TcpStream) -> Vec<u8> {
+    let mut said = Vec::new();
+    match stream.read_to_end(&mut said) {
+        Ok(_) => said,
+        Err(error) if error.kind() == std::io::ErrorKind::ConnectionReset => said,
+        Err(error) => panic!("{error}"),
+    }
+}
+
+fn counters_of(gateways: &Gateways) -> GatewayCounters {
+    gateways.counters().remove(0).1
+}
+
+/// Lines that open the bus and send one frame.
+const SLCAN_BODY: &[u8] = b"C\rS6\rO\rt1231AB\r";
+const SOCKETCAND_BODY: &[u8] = b"< open can0 >< rawmode >< send 123 1 ab >";
+const BODIES: [(GatewayKind, &[u8]); 2] =
+    [(GatewayKind::SlcanTcp, SLCAN_BODY), (GatewayKind::Socketcand, SOCKETCAND_BODY)];
+
+#[test]
+fn foreign_protocols_are_hung_up_on_and_nothing_behind_them_is_obeyed() {
+    let heads: [(&[u8], &str); 6] = [
+        (b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: text/plain\r\n\r\n", "http_request"),
+        (b"GET /chat HTTP/1.1\r\nUpgrade: websocket\r\n\r\n", "http_request"),
+        (b"host: localhost\r\n\r\n", "http_request"),
+        (b"brew /pot http/1.1\r\n\r\n", "http_request"),
+        (b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n", "http_request"),
+        (b"\x16\x03\x01\x00\x05\x01\r", "tls_handshake"),
+    ];
+    for (kind, body) in BODIES {
+        for (head, reason) in heads {
+            let (clock, end, gateways) = one_gateway(kind, OPENING_WITHIN);
+            let mut stream = connect(&gateways, kind);
+            let _the_rest_may_find_it_closed = stream.write_all(&[head, body].concat());
+            until_closed(stream);
+            assert_eq!(end.take(clock.now() + Span::from_ms(50)), None, "{kind:?} {reason}");
+            let counters = counters_of(&gateways);
+            assert_eq!((counters.rejects.get(reason), counters.from_clients), (Some(&1), 0), "{counters:?}");
+        }
+        let (clock, end, gateways) = one_gateway(kind, OPENING_WITHIN);
+        let mut stream = connect(&gateways, kind);
+        stream.write_all(body).unwrap();
+        assert!(end.take(clock.now() + Span::from_s(60.0)).is_some(), "control: {kind:?} obeys the body alone");
+    }
+}
+
+#[test]
+fn too_many_malformed_lines_before_a_valid_one_close_the_connection() {
+    for (kind, malformed, valid, body) in [
+        (GatewayKind::SlcanTcp, &b"Q\r"[..], &b"V\r"[..], SLCAN_BODY),
+        (GatewayKind::Socketcand, b"< dance >", b"< echo >", SOCKETCAND_BODY),
+    ] {
+        let all = malformed.repeat(usize::try_from(MALFORMED_MAX).unwrap());
+        let (clock, end, gateways) = one_gateway(kind, OPENING_WITHIN);
+        let mut stream = connect(&gateways, kind);
+        let _the_rest_may_find_it_closed = stream.write_all(&[&all, body].concat());
+        until_closed(stream);
+        assert_eq!(end.take(clock.now() + Span::from_ms(50)), None, "{kind:?}");
+        assert_eq!(counters_of(&gateways).rejects.get("malformed_lines"), Some(&1), "{kind:?}");
+        let mut stream = connect(&gateways, kind);
+        stream.write_all(&[&all[malformed.len()..], valid, &all, body].concat()).unwrap();
+        assert!(end.take(clock.now() + Span::from_s(60.0)).is_some(), "control: {kind:?}: one less");
+    }
+}
+
+#[test]
+fn a_client_that_never_opens_the_bus_loses_its_seat() {
+    for (kind, body) in BODIES {
+        let seats = if kind == GatewayKind::SlcanTcp { 1 } else { SOCKETCAND_CLIENTS_MAX };
+        let (clock, end, gateways) = one_gateway(kind, OPENING_WITHIN);
+        let idle: Vec<TcpStream> = (0..seats).map(|_| connect(&gateways, kind)).collect();
+        let mut newcomer = connect(&gateways, kind);
+        newcomer.write_all(body).unwrap();
+        assert!(end.take(clock.now() + Span::from_s(60.0)).is_some(), "{kind:?}: the newcomer is served");
+        idle.into_iter().take(1).for_each(|stream| drop(until_closed(stream)));
+        let counters = counters_of(&gateways);
+        assert_eq!((counters.rejects.get("gave_way"), counters.refused), (Some(&1), 0), "{counters:?}");
+        let (_, _, gateways) = one_gateway(kind, Span::from_ms(50));
+        until_closed(connect(&gateways, kind));
+        assert_eq!(counters_of(&gateways).rejects.get("never_opened"), Some(&1), "with nobody else there");
+    }
+}
+
+#[test]
+fn a_client_that_has_opened_the_bus_keeps_its_seat_however_quiet_it_is() {
+    let (clock, end, gateways) = one_gateway(GatewayKind::SlcanTcp, Span::from_ms(50));
+    let mut listener = connect(&gateways, GatewayKind::SlcanTcp);
+    listener.write_all(b"L\r").unwrap();
+    expect(&mut listener, "\r");
+    clock.sleep_until(clock.now() + GRACE + Span::from_ms(100));
+    let second = until_closed(connect(&gateways, GatewayKind::SlcanTcp));
+    assert_eq!(second, LINE_IN_USE);
+    end.put(&Packet::Can(CanFrame::classic(0x123, &[0xAB]).unwrap())).unwrap();
+    expect(&mut listener, "t1231AB\r");
+    let counters = counters_of(&gateways);
+    assert_eq!((counters.refused, counters.clients, counters.rejected()), (1, 1, 0), "{counters:?}");
+}
+
+#[test]
+fn a_client_reconnects_at_once() {
+    let (_, _end, gateways) = one_gateway(GatewayKind::SlcanTcp, OPENING_WITHIN);
+    for _ in 0..20 {
+        let mut stream = connect(&gateways, GatewayKind::SlcanTcp);
+        stream.write_all(b"O\rV\r").unwrap();
+        expect(&mut stream, "\rV1013\r");
+    }
+    let counters = counters_of(&gateways);
+    assert_eq!((counters.clients, counters.refused), (20, 0), "{counters:?}");
+}

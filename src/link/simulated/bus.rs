@@ -8,6 +8,7 @@ use super::{BusTiming, Stuffing};
 use crate::base::clock::Clock;
 use crate::base::time::{Span, Tai};
 use crate::link::{Departure, Link, LinkCounters, LinkError, Packet, Stamped};
+use core::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -166,6 +167,12 @@ impl SimulatedLink {
     /// As [`Link::receive`], for an end that several threads share.
     #[must_use]
     pub fn take(&self, until: Tai) -> Option<Stamped<Packet>> {
+        self.take_unless(until, &AtomicBool::new(false))
+    }
+
+    /// As [`Self::take`]; waits no longer once `is_over` is set and [`Self::wake`] was called after that.
+    #[must_use]
+    pub fn take_unless(&self, until: Tai, is_over: &AtomicBool) -> Option<Stamped<Packet>> {
         let mut medium = self.bus.lock();
         loop {
             let now = self.bus.clock.now();
@@ -174,7 +181,7 @@ impl SimulatedLink {
             if let Some(packet) = end.due_by(now) {
                 return Some(packet);
             }
-            if !self.bus.clock.is_real() || now >= until {
+            if !self.bus.clock.is_real() || now >= until || is_over.load(Ordering::Acquire) {
                 return None;
             }
             let here = end.inbox.front().map(|first| first.at);
@@ -182,6 +189,13 @@ impl SimulatedLink {
             // At an instant, nothing has begun that begins at it: at least a nanosecond of waiting.
             medium = self.bus.wait(medium, (wake - now).max(Span::from_ns(1)));
         }
+    }
+
+    /// Lets every thread that waits in [`Self::take_unless`] look again.
+    pub fn wake(&self) {
+        // Whoever holds the lock has either not looked yet, or waits.
+        drop(self.bus.lock());
+        self.bus.notify();
     }
 
     /// As [`Link::send`], for an end that several threads share.

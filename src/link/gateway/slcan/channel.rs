@@ -82,6 +82,7 @@ impl Channel {
     }
 
     fn open(&mut self, client: &Client, may_send: bool) {
+        client.open();
         self.may_send = may_send;
         client.listening.open(client.clock.now());
     }
@@ -124,10 +125,19 @@ impl Dialogue for Channel {
         let mut parser = core::mem::take(&mut self.parser);
         let mut answer = Vec::with_capacity(16);
         parser.push(bytes, &mut |line| {
+            if client.is_over() {
+                return;
+            }
             answer.clear();
             let outcome = match line {
-                Ok(command) => self.obey(&command, client, &mut answer),
-                Err(reject) => Err(reject.name()),
+                Ok(command) => {
+                    client.count_valid();
+                    self.obey(&command, client, &mut answer)
+                }
+                Err(reject) => {
+                    client.count_malformed();
+                    Err(reject.name())
+                }
             };
             match outcome {
                 Ok(()) => {

@@ -40,6 +40,7 @@ impl Session {
             Command::Echo => Ok(b"< echo >"),
             Command::Open(name) if name.as_bytes() != self.bus_name.as_bytes() => Err("unknown_bus"),
             Command::Open(_) => {
+                client.open();
                 self.step = Step::Opened;
                 client.listening.close();
                 Ok(b"< ok >")
@@ -67,7 +68,19 @@ impl Dialogue for Session {
     fn read(&mut self, bytes: &[u8], client: &Client) {
         let mut parser = core::mem::take(&mut self.parser);
         parser.push(bytes, &mut |element| {
-            let outcome = element.map_err(|reject| reject.name()).and_then(|command| self.obey(&command, client));
+            if client.is_over() {
+                return;
+            }
+            let outcome = match element {
+                Ok(command) => {
+                    client.count_valid();
+                    self.obey(&command, client)
+                }
+                Err(reject) => {
+                    client.count_malformed();
+                    Err(reject.name())
+                }
+            };
             match outcome {
                 Ok(answer) => client.answer(answer),
                 Err(reason) => {

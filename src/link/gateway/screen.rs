@@ -1,0 +1,206 @@
+//! Recognises clients that speak another protocol: HTTP, which any web page can send to a port of this machine, and TLS.
+//!
+//! In: the bytes of one connection, in runs of any length. Out: where the first line that belongs to another protocol
+//! starts, and which protocol it is. Pure: no socket, no allocation. A web page may send a POST whose body has valid lines
+//! of our protocol, so the connection must be closed at its first line, before the body. Recognised are a request line (a
+//! known method and a space, or any word followed by a target and `HTTP/`), a header (`Name:`), both in either case, and
+//! a TLS record that opens the connection. A WebSocket starts with an HTTP request. Tests: below.
+
+/// Methods that are recognised without their version, in lower case; `pri` starts HTTP/2.
+const METHODS: [&[u8]; 10] =
+    [b"get", b"head", b"post", b"put", b"delete", b"connect", b"options", b"trace", b"patch", b"pri"];
+/// Longest of them.
+const METHOD_MAX: usize = 7;
+/// Shortest name of a header: `TE`.
+const NAME_MIN: usize = 2;
+/// What a version starts with, in lower case.
+const VERSION: &[u8] = b"http/";
+/// First bytes of a TLS record with a handshake (RFC 8446 5.1).
+const TLS: [u8; 2] = [0x16, 0x03];
+
+/// A protocol that is not ours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Foreign {
+    /// HTTP, WebSocket included.
+    Http,
+    /// TLS.
+    Tls,
+}
+
+impl Foreign {
+    /// Word in counters.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Http => "http_request",
+            Self::Tls => "tls_handshake",
+        }
+    }
+}
+
+/// Where in a line the screen is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    /// In the first word, after so many of its bytes.
+    Word(usize),
+    /// After the first word and a space.
+    Target,
+    /// After a space that follows the target: so many bytes of the version have come.
+    Version(usize),
+    /// In a line that cannot become HTTP.
+    Ours,
+}
+
+/// Looks at the bytes of one connection.
+#[derive(Debug, Clone)]
+pub struct Screen {
+    /// Bytes of a TLS record so far; `None` once the connection cannot be TLS.
+    tls: Option<usize>,
+    place: Place,
+    /// The first word in lower case, as far as it may be a method.
+    word: [u8; METHOD_MAX],
+    found: Option<Foreign>,
+}
+
+impl Default for Screen {
+    fn default() -> Self {
+        Self { tls: Some(0), place: Place::Word(0), word: [0; METHOD_MAX], found: None }
+    }
+}
+
+impl Screen {
+    /// Takes the next bytes; where the first foreign line starts in them (0 when it started earlier), and its protocol.
+    /// Once found, everything that follows is foreign too.
+    pub fn look(&mut self, bytes: &[u8]) -> Option<(usize, Foreign)> {
+        let mut line = 0;
+        for (at, byte) in bytes.iter().enumerate() {
+            if self.found.is_some() {
+                break;
+            }
+            if matches!(byte, b'\r' | b'\n') {
+                (self.place, line) = (Place::Word(0), at + 1);
+            }
+            self.take(*byte);
+        }
+        self.found.map(|foreign| (line, foreign))
+    }
+
+    fn take(&mut self, byte: u8) {
+        if let Some(matched) = self.tls.take()
+            && TLS.get(matched) == Some(&byte)
+        {
+            self.tls = Some(matched + 1);
+            self.found = (matched + 1 == TLS.len()).then_some(Foreign::Tls);
+            return;
+        }
+        let letter = byte.to_ascii_lowercase();
+        self.place = match self.place {
+            Place::Word(_) if matches!(byte, b'\r' | b'\n') => Place::Word(0),
+            Place::Word(count) if is_of_a_word(byte) => self.grow(count, letter),
+            Place::Word(count) if count >= NAME_MIN && byte == b':' => self.find(),
+            Place::Word(count) if count > 0 && byte == b' ' => {
+                let is_method = self.word.get(..count).is_some_and(|word| METHODS.contains(&word));
+                if is_method { self.find() } else { Place::Target }
+            }
+            Place::Target if byte == b' ' => Place::Version(0),
+            Place::Target => Place::Target,
+            Place::Version(matched) if VERSION.get(matched) == Some(&letter) => {
+                if matched + 1 == VERSION.len() {
+                    self.find()
+                } else {
+                    Place::Version(matched + 1)
+                }
+            }
+            Place::Version(_) if byte == b' ' => Place::Version(0),
+            Place::Version(_) => Place::Target,
+            Place::Word(_) | Place::Ours => Place::Ours,
+        };
+    }
+
+    fn grow(&mut self, count: usize, letter: u8) -> Place {
+        if let Some(place) = self.word.get_mut(count) {
+            *place = letter;
+        }
+        Place::Word(count + 1)
+    }
+
+    fn find(&mut self) -> Place {
+        self.found = Some(Foreign::Http);
+        Place::Ours
+    }
+}
+
+/// True for the characters of a method or a header's name (RFC 9110 5.6.2).
+fn is_of_a_word(byte: u8) -> bool {
+    byte.is_ascii_alphanumeric() || b"!#$%&'*+-.^_`|~".contains(&byte)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is found in `bytes`, which is the same however they are cut in two.
+    fn found(bytes: &[u8]) -> Option<Foreign> {
+        let whole = Screen::default().look(bytes);
+        for cut in 0..bytes.len() {
+            let mut screen = Screen::default();
+            let first = screen.look(&bytes[..cut]);
+            let second = screen.look(&bytes[cut..]);
+            assert_eq!(second.map(|(_, foreign)| foreign), whole.map(|(_, foreign)| foreign), "cut at {cut}");
+            if let (Some((start, _)), None) = (whole, first) {
+                assert_eq!(second.map(|(at, _)| at), Some(start.saturating_sub(cut)), "cut at {cut}");
+            }
+        }
+        whole.map(|(_, foreign)| foreign)
+    }
+
+    #[test]
+    fn http_of_every_kind_is_found() {
+        let long = format!("FETCH /{} HTTP/1.1\r\n", "x".repeat(9000));
+        for text in [
+            "POST / HTTP/1.1\r\n",
+            "POST ",
+            "get /",
+            "Options * HTTP/1.1",
+            "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
+            "BREW /pot HTTP/1.1",
+            "brew /a b c http/1.0",
+            &long,
+            "Host: 127.0.0.1:29600",
+            "host:x",
+            "\r\n\r\nContent-Type: text/plain",
+            "O\rX-Anything:1",
+            "{\"request\": \"hello\"}\nOrigin: http://evil.example",
+        ] {
+            assert_eq!(found(text.as_bytes()), Some(Foreign::Http), "{}", &text[..text.len().min(60)]);
+        }
+    }
+
+    #[test]
+    fn a_tls_handshake_is_found_at_the_start_of_a_connection_only() {
+        assert_eq!(found(&[0x16, 0x03, 0x01, 0x02, 0x00, 0x01]), Some(Foreign::Tls));
+        assert_eq!(found(b"O\r\x16\x03\x01"), None);
+        assert_eq!(found(&[0x16, 0x04]), None);
+    }
+
+    #[test]
+    fn our_own_lines_pass() {
+        for text in [
+            "",
+            "\r\r\rC\rS6\rY2\rZ1\rO\rt1232AABB\rb30190102030405060708090A0B0C\r",
+            "M00000000\rmFFFFFFFF\rV\rv\rN\rF\r",
+            "< open can0 >< rawmode >\r\n< send 12 2 1 2 >  < echo >",
+            "{\"request\": \"frame\", \"path\": \"a: b HTTP/1.1\"}\n",
+            "[1]\nhello\nPOSTER\nGETTING ON\n:\nV:\n",
+        ] {
+            assert_eq!(found(text.as_bytes()), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn the_start_of_the_foreign_line_is_given_and_what_follows_stays_foreign() {
+        let mut screen = Screen::default();
+        assert_eq!(screen.look(b"O\rt1230\r\nPOST / HTTP/1.1\r\n\r\nO\r"), Some((9, Foreign::Http)));
+        assert_eq!(screen.look(b"O\r"), Some((0, Foreign::Http)), "for good");
+    }
+}
