@@ -11,7 +11,8 @@
         print(loop.finish()["passed"])
 
 Simulated time stands still between calls. All times are seconds after the first exposure. The protocol, one line of JSON
-each way, is written down in src/wiring/control/protocol.rs. Run this file for a demonstration:
+each way, is written down in src/wiring/control/protocol.rs. The program answers only a client that knows its token, which
+it prints and writes to a file that only the user may read: this client reads that file. Run this file for a demonstration:
 
     python3 hil_scripts/starloop_client.py --binary target/release/starloop configs/scenarios/acquisition.toml
 """
@@ -36,10 +37,11 @@ try:
 except ImportError:  # pixels come as array('H') then
     numpy = None
 
-PROTOCOL = 1
+PROTOCOL = 2
 """Version of the protocol that this client speaks."""
 
 LISTENING = re.compile(r"^control: listening on (?P<host>.*):(?P<port>\d+)\s*$")
+TOKEN = re.compile(r"^control: token (?P<token>[0-9a-f]+), also in ")
 
 
 class StarloopError(Exception):
@@ -64,7 +66,7 @@ class Frame(NamedTuple):
 class Starloop:
     """One run under control. Make it with `start` or `connect`; it is a context manager that ends the run."""
 
-    def __init__(self, connection: socket.socket, program: Optional[_Program] = None):
+    def __init__(self, connection: socket.socket, program: Optional[_Program] = None, *, token: Optional[str] = None):
         self._connection = connection
         self._lines = connection.makefile("rb")
         self._program = program
@@ -75,7 +77,7 @@ class Starloop:
         self.hello: Dict[str, Any] = {}
         """What is run: scenario, seed, zero_utc, duration_s, frames, width, height, heads."""
         try:
-            self.hello = self.request("hello")
+            self.hello = self.request("hello", token=token or token_of(connection))
             if self.hello["protocol"] != PROTOCOL:
                 raise StarloopError(f"the program speaks protocol {self.hello['protocol']}, this client {PROTOCOL}")
         except BaseException:
@@ -110,12 +112,15 @@ class Starloop:
         except BaseException:
             program.end()
             raise
-        return cls(connection, program)
+        return cls(connection, program, token=program.token)
 
     @classmethod
-    def connect(cls, host: str, port: int, timeout_s: float = 60.0) -> "Starloop":
-        """Connects to a program that was started with `--control`."""
-        return cls(socket.create_connection((host, port), timeout=timeout_s))
+    def connect(cls, host: str, port: int, timeout_s: float = 60.0, *, token: Optional[str] = None) -> "Starloop":
+        """Connects to a program that was started with `--control`.
+
+        Without `token`, the one in the file that the program has written is taken.
+        """
+        return cls(socket.create_connection((host, port), timeout=timeout_s), token=token)
 
     def request(self, name: str, **keys: Any) -> Dict[str, Any]:
         """Sends one request and returns its reply without "ok" and "id". Raises StarloopError when it is refused."""
@@ -157,7 +162,7 @@ class Starloop:
     def trigger(self, number: int, at_s: Optional[float] = None) -> Dict[str, Any]:
         """Lets the flight computer fire a numbered trigger over the bus, to act at `at_s`, or at once.
 
-        Whether the stimulator took it is told by the events in `summary()`: trigger_taken, trigger_late, trigger_refused.
+        Whether the stimulator took it is told by the events in `summary()`: trigger_taken, trigger_late, command_refused.
         """
         given = {} if at_s is None else {"at_s": at_s}
         return self.request("trigger", number=number, **given)
@@ -176,7 +181,7 @@ class Starloop:
         return Frame(info["width"], info["height"], pixels_of(info), info)
 
     def write_frame(self, path: Union[str, os.PathLike], head: int = 0) -> Dict[str, Any]:
-        """Lets the program write the newest frame of a head as FITS; `path` is relative to the program's folder."""
+        """Lets the program write the newest frame of a head as a new FITS file; `path` is relative to its output folder (`--out`)."""
         return self.request("frame", head=head, path=os.fspath(path))
 
     def summary(self) -> Dict[str, Any]:
@@ -226,17 +231,19 @@ class _Program:
         self._tail: collections.deque = collections.deque(maxlen=20)
         self._listening = threading.Event()
         self.address: Optional[tuple] = None
+        self.token: Optional[str] = None
         self._reader = threading.Thread(target=self._drain, name="starloop stderr", daemon=True)
         self._reader.start()
-        if not self._listening.wait(timeout_s) or self.address is None:
+        if not self._listening.wait(timeout_s) or self.token is None:
             self.end()
             raise ConnectionLost(f"{' '.join(command)} does not listen; it said: {self.said()}")
 
     def _drain(self) -> None:
         for line in self._process.stderr:
-            found = LISTENING.match(line)
-            if found and self.address is None:
+            if self.address is None and (found := LISTENING.match(line)):
                 self.address = (found["host"].strip("[]"), int(found["port"]))
+            elif self.token is None and (found := TOKEN.match(line)):
+                self.token = found["token"]
                 self._listening.set()
             else:
                 self._tail.append(line.rstrip())
@@ -257,6 +264,20 @@ class _Program:
         self._reader.join(10.0)
         self._process.stderr.close()
         return self._process.returncode
+
+
+def token_of(connection: socket.socket) -> str:
+    """The token of the program at the other end, from the file that it has written for its user."""
+    host, port = connection.getpeername()[:2]
+    runtime = os.environ.get("XDG_RUNTIME_DIR", "")
+    own = os.path.join(os.environ.get("TMPDIR") or "/tmp", f"starloop-{os.getuid()}")
+    folder = os.path.join(runtime, "starloop") if os.path.isabs(runtime) else own
+    path = os.path.join(folder, f"control-{host.replace(':', '_')}_{port}.token")
+    try:
+        with open(path, encoding="ascii") as file:
+            return file.read().strip()
+    except OSError as error:
+        raise StarloopError(f"no token of {host}:{port}: {error}; give the one that the program has printed as token=") from error
 
 
 def pixels_of(reply: Dict[str, Any]) -> Any:

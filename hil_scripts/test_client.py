@@ -4,9 +4,12 @@ STARLOOP_BINARY names the program (default target/release/starloop).
 """
 
 import os
+import re
 import socket
+import stat
 import subprocess
 import sys
+import tempfile
 import threading
 import unittest
 import zlib
@@ -61,6 +64,18 @@ class AgainstTheProgram(unittest.TestCase):
             self.assertEqual((plain.typecode, len(plain)), ("H", 256 * 256))
             self.assertEqual(f"{zlib.crc32(plain.tobytes()):08x}", crc32, "and without numpy")
 
+    def test_a_frame_is_written_below_the_output_folder_only(self):
+        with tempfile.TemporaryDirectory() as folder, start(arguments=["--out", folder]) as loop:
+            loop.step(frames=1)
+            victim = Path(folder, "victim")
+            victim.write_text("precious")
+            for path in ("victim", str(victim), "../victim"):
+                with self.assertRaisesRegex(StarloopError, "wanted a "):
+                    loop.write_frame(path)
+            self.assertEqual(victim.read_text(), "precious")
+            written = loop.write_frame("one.fits")
+            self.assertEqual(os.path.getsize(os.path.join(folder, "one.fits")), written["bytes"])
+
     def test_a_fault_is_injected_and_seen(self):
         with start() as loop:
             loop.step(until_s=1.0)
@@ -106,6 +121,11 @@ class AgainstTheProgram(unittest.TestCase):
         command = [BINARY, "run", str(SCENARIO), "--clock", "virtual", "--quiet", "--control", "localhost:0", *settings]
         with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as program:
             port = int(program.stderr.readline().rsplit(":", 1)[1])
+            token, path = re.match(r"control: token ([0-9a-f]{32}), also in (.*)\n", program.stderr.readline()).groups()
+            self.assertEqual(stat.S_IMODE(os.stat(path).st_mode), 0o600, "readable by its user only")
+            with self.assertRaisesRegex(StarloopError, "not that of this run"):
+                Starloop.connect("127.0.0.1", port, token="0" * 32)
+            self.assertNotEqual(token, "0" * 32, "control")
             with Starloop.connect("127.0.0.1", port) as loop:
                 loop.step(until_s=3.0)
                 loop.finish()
@@ -125,19 +145,24 @@ class AgainstABrokenPeer(unittest.TestCase):
             listener.close()
 
         threading.Thread(target=serve, daemon=True).start()
-        return Starloop.connect(*listener.getsockname())
+        return Starloop.connect(*listener.getsockname(), token="00")
 
     def test_half_a_reply_is_a_lost_connection(self):
         with self.assertRaises(ConnectionLost):
             self.answer(b'{"id": 1, "ok": true, "pro')
 
     def test_another_protocol_is_refused(self):
-        with self.assertRaisesRegex(StarloopError, "protocol 2"):
-            self.answer(b'{"id": 1, "ok": true, "protocol": 2}\n')
+        with self.assertRaisesRegex(StarloopError, "protocol 3"):
+            self.answer(b'{"id": 1, "ok": true, "protocol": 3}\n')
 
     def test_a_reply_to_something_else_is_refused(self):
         with self.assertRaisesRegex(StarloopError, "something else"):
-            self.answer(b'{"id": 9, "ok": true, "protocol": 1}\n')
+            self.answer(b'{"id": 9, "ok": true, "protocol": 2}\n')
+
+    def test_a_missing_token_file_is_said_with_what_to_do(self):
+        with socket.create_server(("127.0.0.1", 0)) as listener:
+            with self.assertRaisesRegex(StarloopError, "give the one that the program has printed as token="):
+                Starloop.connect(*listener.getsockname())
 
 
 class Toml(unittest.TestCase):

@@ -62,7 +62,7 @@ pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> 
     let say = !arguments.quiet;
     announce(scenario, say, "simulated");
     let (client, ended) = match listener {
-        Some(listener) => serve(listener, scenario, &mut going, stop),
+        Some(listener) => serve(listener, scenario, (&mut going, directory.as_deref()), stop),
         None => (None, run_through(&mut going, say, stop)),
     };
     let wall_s = wall.lap().s();
@@ -72,7 +72,9 @@ pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> 
     }
     let now_s = (going.now() - going.zero()).s();
     let outcome = going.finish()?;
+    let refusals = client.as_ref().map(|(session, _)| session.refusals());
     let report = ScenarioReport::of(scenario, &outcome.view(), wall_s).with_sinks(&outcome.sink_lines);
+    let report = report.with_control(refusals);
     let status = tell(&report, arguments, directory.as_deref(), stop)?;
     if status == EXIT_INTERRUPTED {
         return Ok(status);
@@ -168,10 +170,10 @@ fn run_through(going: &mut ClosedLoop, say: bool, stop: &AtomicBool) -> Result<(
     Ok(ended?)
 }
 
-/// Says where, also when quiet: a port that the system chose is known nowhere else.
+/// Prints where and with which token, also when quiet: a port that the system chose is known nowhere else.
 fn listen(address: ControlAddress) -> Result<ControlListener> {
-    let (listener, here) = ControlListener::bind(address)?;
-    eprintln!("control: listening on {here}");
+    let listener = ControlListener::bind(address)?;
+    eprintln!("{}", listener.announcement());
     Ok(listener)
 }
 
@@ -179,14 +181,16 @@ fn listen(address: ControlAddress) -> Result<ControlListener> {
 fn serve(
     listener: ControlListener,
     scenario: &Scenario,
-    going: &mut ClosedLoop,
+    (going, output): (&mut ClosedLoop, Option<&Path>),
     stop: &AtomicBool,
 ) -> (Option<(ControlSession, SessionEnd)>, Result<()>) {
-    let Some(mut session) = listener.accept(scenario, stop) else { return (None, Ok(())) };
+    let Some(mut session) = listener.accept(scenario, output, stop) else { return (None, Ok(())) };
+    let refusals = session.refusals().clone();
     let (mut watch, mut wall_s) = (Stopwatch::start(), 0.0);
     let mut report = |view: &LoopView<'_>| {
         wall_s += watch.lap().s();
-        serde_json::to_value(ScenarioReport::of(scenario, view, wall_s)).unwrap_or_default()
+        let report = ScenarioReport::of(scenario, view, wall_s).with_control(Some(&refusals));
+        serde_json::to_value(report).unwrap_or_default()
     };
     match session.serve(&mut Stage { scenario, going, report: &mut report, stop }) {
         Ok(end) => (Some((session, end)), Ok(())),

@@ -6,6 +6,7 @@ use crate::report::{FrameCounts, Losses, Machine, SinkRow};
 use crate::runtime::sink_rows;
 use crate::sink::SinkLine;
 use crate::wiring::assessment::{ModeLine, Verdict, WindowErrors};
+use crate::wiring::control::ControlRefusals;
 use crate::wiring::faults::FaultLine;
 use crate::wiring::loop_outcome::LoopView;
 use core::fmt::Write;
@@ -84,6 +85,9 @@ pub struct ScenarioReport {
     pub sinks: Vec<SinkRow>,
     /// What was lost although the run reached its end; empty when the exit status is 0.
     pub losses: Losses,
+    /// Connections that the control socket refused, by reason; left out when there were none.
+    #[serde(skip_serializing_if = "ControlRefusals::is_empty")]
+    pub control_refusals: ControlRefusals,
 }
 
 impl ScenarioReport {
@@ -134,6 +138,7 @@ impl ScenarioReport {
             violation_lines: lines.to_vec(),
             sinks: Vec::new(),
             losses: Losses::default(),
+            control_refusals: ControlRefusals::new(),
         }
     }
 
@@ -142,6 +147,12 @@ impl ScenarioReport {
     pub fn with_sinks(self, sinks: &[SinkLine]) -> Self {
         let sinks = sink_rows(sinks);
         Self { losses: Losses::of_sinks(&sinks), sinks, ..self }
+    }
+
+    /// The same with the connections that the control socket refused.
+    #[must_use]
+    pub fn with_control(self, refusals: Option<&ControlRefusals>) -> Self {
+        Self { control_refusals: refusals.cloned().unwrap_or_default(), ..self }
     }
 }
 
@@ -222,6 +233,9 @@ fn write_table(text: &mut String, report: &ScenarioReport) -> core::fmt::Result 
     }
     for refusal in &report.refusals {
         writeln!(text, "refused   {refusal}")?;
+    }
+    for (reason, count) in &report.control_refusals {
+        writeln!(text, "control   {count} connections refused: {reason}")?;
     }
     for verdict in &report.verdicts {
         let mark = if verdict.passed { "ok    " } else { "FAILED" };

@@ -1,5 +1,6 @@
-//! Lines over TCP: one client, bounded lines, and an eye on Ctrl-C while waiting.
+//! Lines over TCP: bounded lines, other protocols recognised, and an eye on Ctrl-C while waiting.
 
+use crate::link::gateway::{Foreign, Screen};
 use crate::wiring::control::protocol::LINE_BYTES_MAX;
 use core::fmt;
 use core::str::FromStr;
@@ -7,10 +8,10 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use serde_json::Value;
 use std::io::{ErrorKind, Read, Write};
-use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, SocketAddr, TcpStream};
 
 /// How often a wait looks for Ctrl-C.
-const LOOK: Duration = Duration::from_millis(50);
+pub(super) const LOOK: Duration = Duration::from_millis(50);
 /// A client that does not take a reply for this long is gone.
 const TAKES_WITHIN: Duration = Duration::from_secs(60);
 
@@ -62,6 +63,8 @@ pub(super) enum Incoming {
     Line(String),
     /// A line that cannot be a request, and why.
     Unusable(String),
+    /// The client speaks another protocol: nothing that follows is read.
+    Foreign(Foreign),
     /// The client went away.
     Gone,
     /// Ctrl-C.
@@ -72,62 +75,83 @@ pub(super) enum Incoming {
 #[derive(Debug)]
 pub(super) struct LineSocket {
     stream: TcpStream,
+    screen: Screen,
+    foreign: Option<Foreign>,
     received: Vec<u8>,
+    /// Received bytes that have no end of a line.
+    searched: usize,
     /// A line that is too long is being skipped.
     is_skipping: bool,
     is_gone: bool,
 }
 
 impl LineSocket {
-    /// Waits for a client; `None` when `stop` came first. A client that leaves at once is waited out.
-    pub(super) fn accept(listener: &TcpListener, stop: &AtomicBool) -> Option<Self> {
-        while !stop.load(Ordering::SeqCst) {
-            match listener.accept().and_then(|(stream, _)| Self::new(stream)) {
-                Ok(socket) => return Some(socket),
-                Err(_nobody_yet) => std::thread::sleep(LOOK),
-            }
-        }
-        None
-    }
-
     pub(super) fn new(stream: TcpStream) -> std::io::Result<Self> {
         stream.set_nonblocking(false)?;
         stream.set_nodelay(true)?;
         stream.set_read_timeout(Some(LOOK))?;
         stream.set_write_timeout(Some(TAKES_WITHIN))?;
-        Ok(Self { stream, received: Vec::new(), is_skipping: false, is_gone: false })
+        Ok(Self {
+            stream,
+            screen: Screen::default(),
+            foreign: None,
+            received: Vec::new(),
+            searched: 0,
+            is_skipping: false,
+            is_gone: false,
+        })
     }
 
     /// The next line that is not empty.
     pub(super) fn read_line(&mut self, stop: &AtomicBool) -> Incoming {
-        let mut chunk = [0; 4096];
-        let mut searched = 0;
         loop {
-            if let Some(end) = self.received[searched..].iter().position(|byte| *byte == b'\n') {
-                let line: Vec<u8> = self.received.drain(..=searched + end).collect();
-                searched = 0;
+            match self.look() {
+                Some(incoming) => return incoming,
+                None if stop.load(Ordering::SeqCst) => return Incoming::Stopped,
+                None => {}
+            }
+        }
+    }
+
+    /// The next line that is not empty, if there is one before [`LOOK`] is over.
+    pub(super) fn look(&mut self) -> Option<Incoming> {
+        let mut chunk = [0; 4096];
+        loop {
+            if let Some(end) = self.received[self.searched..].iter().position(|byte| *byte == b'\n') {
+                let line: Vec<u8> = self.received.drain(..=self.searched + end).collect();
+                self.searched = 0;
                 if let Some(incoming) = self.usable(&line) {
-                    return incoming;
+                    return Some(incoming);
                 }
                 continue;
             }
-            searched = self.received.len();
-            if searched > LINE_BYTES_MAX {
+            self.searched = self.received.len();
+            if self.searched > LINE_BYTES_MAX {
                 // Its end is still to come: nothing of it is kept.
-                (self.is_skipping, searched) = (true, 0);
+                (self.is_skipping, self.searched) = (true, 0);
                 self.received.clear();
             }
+            if let Some(foreign) = self.foreign {
+                return Some(Incoming::Foreign(foreign));
+            }
             if self.is_gone {
-                return Incoming::Gone;
+                return Some(Incoming::Gone);
             }
             match self.stream.read(&mut chunk) {
-                Ok(0) => return Incoming::Gone,
-                Ok(count) => self.received.extend_from_slice(&chunk[..count]),
-                Err(error) if is_wait(error.kind()) && stop.load(Ordering::SeqCst) => return Incoming::Stopped,
-                Err(error) if is_wait(error.kind()) => {}
-                Err(_broken) => return Incoming::Gone,
+                Ok(0) => return Some(Incoming::Gone),
+                Ok(count) => self.take(&chunk[..count]),
+                Err(error) if is_wait(error.kind()) => return None,
+                Err(_broken) => return Some(Incoming::Gone),
             }
         }
+    }
+
+    /// Keeps what came before the first foreign line.
+    fn take(&mut self, bytes: &[u8]) {
+        let foreign = self.screen.look(bytes);
+        self.foreign = foreign.map(|(_, foreign)| foreign);
+        let ours = foreign.map_or(bytes, |(start, _)| &bytes[..start]);
+        self.received.extend_from_slice(ours);
     }
 
     /// One line with its end; `None`: an empty one, which asks for nothing.

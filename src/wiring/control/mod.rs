@@ -2,18 +2,23 @@
 //!
 //! In: requests, one line of JSON each ([`protocol`]). Out: one line of JSON per request, `"ok"` true or false, the
 //! request's `"id"` echoed. What is wrong with a request is said in its reply and changes nothing; only the end of the
-//! connection, `finish`, Ctrl-C or a failed loop end a session. One client, loopback only, no encryption: whoever may
-//! run programs on this machine may drive the run. Stepping in any lengths gives the bits of the run in one piece.
+//! connection, `finish`, Ctrl-C, another protocol or a failed loop end a session. One client, loopback only, no
+//! encryption: whoever can read the token ([`token`]) may control the run, and nobody else. Frames are written below the
+//! run's output folder only ([`output`]). Stepping in any lengths gives the bits of the run in one piece.
 //! Tests: `tests` of the parts, and `tests/closed_loop/control.rs` through the binary.
 
+mod admission;
 mod answers;
 mod base64;
 mod lines;
 mod newest;
+mod output;
 pub mod protocol;
 #[cfg(test)]
 mod tests;
+mod token;
 
+pub use admission::ControlRefusals;
 pub use lines::ControlAddress;
 
 use crate::config::Scenario;
@@ -21,12 +26,15 @@ use crate::runtime::RunRecord;
 use crate::sink::SentFrame;
 use crate::wiring::closed_loop::{ClosedLoop, LoopError};
 use crate::wiring::loop_outcome::LoopView;
+use admission::{Admitted, admit, foreign_sentence};
 use core::sync::atomic::{AtomicBool, Ordering};
 use lines::{Incoming, LineSocket};
 use newest::NewestFrames;
 use protocol::{Request, StepBy, refused, told};
 use serde_json::{Value, json};
 use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use token::{Token, TokenFile};
 
 /// Why the control socket cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -36,6 +44,20 @@ pub enum ControlError {
     Listen {
         /// The address.
         address: ControlAddress,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The system has no random numbers.
+    #[error("control socket: no random numbers for a token: {source}")]
+    Random {
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The token cannot be written.
+    #[error("control socket: cannot write the token to {} ({source})", path.display())]
+    TokenFile {
+        /// Its file.
+        path: PathBuf,
         /// What the system said.
         source: std::io::Error,
     },
@@ -56,37 +78,55 @@ pub enum SessionEnd {
 }
 
 /// A socket that waits for its client.
-#[derive(Debug)]
 pub struct ControlListener {
     listener: TcpListener,
+    address: ControlAddress,
+    token: Token,
+    file: TokenFile,
 }
 
 impl ControlListener {
-    /// Listens, and says where.
+    /// Listens, with a new token.
     ///
     /// # Errors
-    /// When the system refuses the address.
-    pub fn bind(address: ControlAddress) -> Result<(Self, ControlAddress), ControlError> {
+    /// When the system refuses the address, or the token's file.
+    pub fn bind(address: ControlAddress) -> Result<Self, ControlError> {
         let refuse = |source| ControlError::Listen { address, source };
         let listener = TcpListener::bind(address.socket()).map_err(refuse)?;
         listener.set_nonblocking(true).map_err(refuse)?;
-        let here = ControlAddress::of(listener.local_addr().map_err(refuse)?).unwrap_or(address);
-        Ok((Self { listener }, here))
+        let address = ControlAddress::of(listener.local_addr().map_err(refuse)?).unwrap_or(address);
+        let token = Token::random()?;
+        let file = TokenFile::write(&token, address)?;
+        Ok(Self { listener, address, token, file })
     }
 
-    /// Waits for the client; `None` when `stop` came first.
+    /// Where it listens, and the token with its file, a line each.
     #[must_use]
-    pub fn accept(self, scenario: &Scenario, stop: &AtomicBool) -> Option<ControlSession> {
-        let socket = LineSocket::accept(&self.listener, stop)?;
-        Some(ControlSession { socket, newest: NewestFrames::new(scenario.heads.len()) })
+    pub fn announcement(&self) -> String {
+        let Self { address, token, file, .. } = self;
+        format!("control: listening on {address}\ncontrol: token {token}, also in {}", file.path.display())
+    }
+
+    /// Waits for a client with the token; `None` when `stop` came first. Frames may be written below `output`.
+    #[must_use]
+    pub fn accept(self, scenario: &Scenario, output: Option<&Path>, stop: &AtomicBool) -> Option<ControlSession> {
+        let Self { listener, token, file, .. } = self;
+        let mut refusals = ControlRefusals::new();
+        let Admitted { socket, id } = admit(&listener, &token, stop, &mut refusals)?;
+        let newest = NewestFrames::new(scenario.heads.len(), output);
+        Some(ControlSession { socket, newest, token, refusals, hello: Some(id), _removed_at_the_end: file })
     }
 }
 
 /// A connected client.
-#[derive(Debug)]
 pub struct ControlSession {
     socket: LineSocket,
     newest: NewestFrames,
+    token: Token,
+    refusals: ControlRefusals,
+    /// Id of the hello that is not answered yet.
+    hello: Option<Option<Value>>,
+    _removed_at_the_end: TokenFile,
 }
 
 /// What a session is about.
@@ -107,12 +147,20 @@ impl ControlSession {
     /// # Errors
     /// When the loop failed; the client has been told.
     pub fn serve(&mut self, stage: &mut Stage<'_>) -> Result<SessionEnd, ControlError> {
+        if let Some(id) = self.hello.take() {
+            self.socket.send(&told(id, answers::hello(stage.scenario, stage.going)));
+        }
         loop {
             let line = match self.socket.read_line(stage.stop) {
                 Incoming::Line(line) => line,
                 Incoming::Unusable(why) => {
                     self.socket.send(&refused(None, &why));
                     continue;
+                }
+                Incoming::Foreign(foreign) => {
+                    *self.refusals.entry(foreign.name()).or_default() += 1;
+                    self.socket.send(&refused(None, &foreign_sentence()));
+                    return Ok(SessionEnd::Gone);
                 }
                 Incoming::Gone => return Ok(SessionEnd::Gone),
                 Incoming::Stopped => return Ok(SessionEnd::Interrupted),
@@ -137,6 +185,12 @@ impl ControlSession {
         }
     }
 
+    /// Connections that were refused before and during the session, by reason.
+    #[must_use]
+    pub fn refusals(&self) -> &ControlRefusals {
+        &self.refusals
+    }
+
     /// Sends the last reply: the final report and the exit status to come.
     pub fn close(mut self, id: Option<Value>, report: Value, exit_status: u8) {
         self.socket.send(&told(id, json!({ "report": report, "exit_status": exit_status })));
@@ -145,7 +199,10 @@ impl ControlSession {
     fn answer(&mut self, request: &Request, stage: &mut Stage<'_>) -> Result<Value, Refusal> {
         let going = &mut *stage.going;
         match request {
-            Request::Hello => Ok(answers::hello(stage.scenario, going)),
+            Request::Hello { token: Some(text) } if !self.token.is(text) => {
+                Err(Refusal::Request("the token is not that of this run".into()))
+            }
+            Request::Hello { .. } => Ok(answers::hello(stage.scenario, going)),
             Request::Step(by) => self.step(*by, stage),
             Request::Inject(keys) => Ok(answers::inject(keys, going)?),
             Request::Trigger { number, at_s } => Ok(answers::trigger(*number, *at_s, going)?),

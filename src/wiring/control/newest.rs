@@ -2,15 +2,18 @@
 
 use crate::base::time::Tai;
 use crate::sink::crc32::{RunCrc32, pixel_crc32};
-use crate::sink::{FrameMeta, SentFrame, fits, write_file_atomically};
+use crate::sink::{FrameMeta, SentFrame, fits};
 use crate::wiring::control::base64;
+use crate::wiring::control::output::write_below;
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Frames of all heads.
 #[derive(Debug)]
 pub(super) struct NewestFrames {
     heads: Vec<HeadFrames>,
+    /// Where files may be written.
+    output: Option<PathBuf>,
 }
 
 #[derive(Debug, Default)]
@@ -21,8 +24,8 @@ struct HeadFrames {
 }
 
 impl NewestFrames {
-    pub(super) fn new(heads: usize) -> Self {
-        Self { heads: (0..heads).map(|_| HeadFrames::default()).collect() }
+    pub(super) fn new(heads: usize, output: Option<&Path>) -> Self {
+        Self { heads: (0..heads).map(|_| HeadFrames::default()).collect(), output: output.map(Path::to_path_buf) }
     }
 
     /// Keeps a frame that has gone out, in the buffer of the one before.
@@ -55,7 +58,7 @@ impl NewestFrames {
         self.heads.first().map_or(0, |head| head.out)
     }
 
-    /// The newest frame of a head, its pixels in the reply or in a FITS file.
+    /// The newest frame of a head, its pixels in the reply or in a new FITS file below the output folder.
     pub(super) fn answer(&self, head: usize, path: Option<&str>, zero: Tai) -> Result<Value, String> {
         let heads = self.heads.len();
         let kept = self.heads.get(head).ok_or_else(|| format!("head is {head}; there are {heads}, counted from 0"))?;
@@ -67,8 +70,7 @@ impl NewestFrames {
                 answer["pixels_base64_u16_le"] = base64::encode(&bytes).into();
             }
             Some(path) => {
-                let written = write_file_atomically(Path::new(path), |out| fits::write_frame(out, frame));
-                let bytes = written.map_err(|error| error.to_string())?;
+                let bytes = write_below(self.output.as_deref(), path, |out| fits::write_frame(out, frame))?;
                 answer["path"] = path.into();
                 answer["bytes"] = bytes.into();
             }

@@ -1,13 +1,14 @@
-//! Lines of JSON -> requests, and replies -> JSON. Version 1.
+//! Lines of JSON -> requests, and replies -> JSON. Version 2: the first request of a connection is a hello with the token.
 //!
 //! ```text
-//! {"id": 1, "request": "hello"}
+//! {"id": 1, "request": "hello", "token": "..."}      the token that the program has printed; first
 //! {"request": "step", "s": 0.5}                    or "frames": 3, or "until_s": 12.0
 //! {"request": "inject", "event": {"do": "gyro_dropout", "for_s": 2.0}}
 //! {"request": "trigger", "number": 7, "at_s": 12.5}   at_s may be left out: at once
 //! {"request": "truth", "at_s": 11.9}               at_s may be left out
 //! {"request": "estimate"}
-//! {"request": "frame", "head": 0, "path": "f.fits"}    path may be left out: pixels come as base64
+//! {"request": "frame", "head": 0, "path": "f.fits"}    a new file below the run's output folder;
+//!                                                  path may be left out: pixels come as base64
 //! {"request": "summary"}
 //! {"request": "finish"}
 //! ```
@@ -18,7 +19,7 @@
 use serde_json::{Map, Value, json};
 
 /// Version of the protocol: a client that meets another one should not go on.
-pub const PROTOCOL_VERSION: u32 = 1;
+pub const PROTOCOL_VERSION: u32 = 2;
 
 /// Longest line of a request, bytes without its end.
 pub const LINE_BYTES_MAX: usize = 64 * 1024;
@@ -27,7 +28,10 @@ pub const LINE_BYTES_MAX: usize = 64 * 1024;
 #[derive(Debug, Clone, PartialEq)]
 pub enum Request {
     /// What is run, by which protocol.
-    Hello,
+    Hello {
+        /// What the program has printed; needed in the first request of a connection.
+        token: Option<String>,
+    },
     /// Advance the clock.
     Step(StepBy),
     /// Add an event: the keys of `[[event]]`.
@@ -50,7 +54,7 @@ pub enum Request {
     Frame {
         /// Of this head.
         head: usize,
-        /// FITS file to write; `None`: pixels in the reply.
+        /// FITS file to write below the output folder; `None`: pixels in the reply.
         path: Option<String>,
     },
     /// Report so far.
@@ -72,7 +76,7 @@ pub enum StepBy {
 
 /// Every request by name, with the keys that it takes.
 const REQUESTS: [(&str, &[&str]); 9] = [
-    ("hello", &[]),
+    ("hello", &["token"]),
     ("step", &["s", "frames", "until_s"]),
     ("inject", &["event"]),
     ("trigger", &["number", "at_s"]),
@@ -141,7 +145,7 @@ impl Keys {
             return Err(format!("unknown key \"{key}\" in {name}; wanted {known}"));
         }
         Ok(match name.as_str() {
-            "hello" => Request::Hello,
+            "hello" => Request::Hello { token: self.token()? },
             "step" => Request::Step(self.step()?),
             "inject" => Request::Inject(self.event()?),
             "trigger" => Request::Trigger { number: self.trigger_number()?, at_s: self.number("at_s")? },
@@ -151,6 +155,15 @@ impl Keys {
             "summary" => Request::Summary,
             _ => Request::Finish,
         })
+    }
+
+    /// The value is not repeated in the message: it may be a secret with a mistake in it.
+    fn token(&self) -> Result<Option<String>, String> {
+        match self.keys.get("token") {
+            None => Ok(None),
+            Some(Value::String(token)) => Ok(Some(token.clone())),
+            Some(other) => Err(format!("token is {}; wanted a string", kind(other))),
+        }
     }
 
     fn step(&self) -> Result<StepBy, String> {

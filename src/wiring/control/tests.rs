@@ -28,7 +28,9 @@ fn base64_is_that_of_rfc_4648_section_10() {
 #[test]
 fn requests_are_read() {
     let read = |line| parse(line).1.expect(line);
-    assert_eq!(read(r#"{"request": "hello"}"#), Request::Hello);
+    assert_eq!(read(r#"{"request": "hello"}"#), Request::Hello { token: None });
+    let token = Some("00ff".into());
+    assert_eq!(read(r#"{"request": "hello", "token": "00ff"}"#), Request::Hello { token });
     assert_eq!(read(r#"{"request": "step", "s": 2}"#), Request::Step(StepBy::Seconds(2.0)));
     assert_eq!(read(r#"{"request": "step", "frames": 3}"#), Request::Step(StepBy::Frames(3)));
     assert_eq!(read(r#"{"request": "step", "until_s": -0.5}"#), Request::Step(StepBy::Until(-0.5)));
@@ -50,6 +52,7 @@ fn what_is_wrong_with_a_request_is_said() {
         (r#"{"request": 1}"#, "request is 1"),
         (r#"{"request": "dance"}"#, "request is \"dance\""),
         (r#"{"request": "hello", "s": 1}"#, "unknown key \"s\" in hello"),
+        (r#"{"request": "hello", "token": 1}"#, "token is a number; wanted a string"),
         (r#"{"request": "step"}"#, "step has 0 of"),
         (r#"{"request": "step", "s": 1, "frames": 1}"#, "step has 2 of"),
         (r#"{"request": "step", "s": "1"}"#, "s is \"1\"; wanted a number"),
