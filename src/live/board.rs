@@ -8,6 +8,7 @@ use crate::base::clock::Clock;
 use crate::base::time::{Span, Tai};
 use crate::live::Params;
 use crate::live::latest::{Picture, Reader};
+use crate::live::numbers::Told;
 use crate::live::picture::{Scale, png_of};
 use crate::live::truth::truth_of;
 use crate::report::RunNumbers;
@@ -62,8 +63,12 @@ pub(super) struct Board {
     pub(super) clock: Arc<dyn Clock>,
     pub(super) numbers: Box<RunNumbers>,
     pub(super) has_numbers: bool,
+    /// The numbers are the totals of a run that is over.
+    has_totals: bool,
+    /// When somebody asked last.
+    pub(super) asked: Option<Tai>,
     pub(super) served: Served,
-    told: Receiver<RunNumbers>,
+    told: Receiver<Told>,
     reader: Reader,
     encoded: Option<Encoded>,
     rested: Tai,
@@ -71,18 +76,31 @@ pub(super) struct Board {
 }
 
 impl Board {
-    pub(super) fn new(params: Params, clock: Arc<dyn Clock>, reader: Reader, told: Receiver<RunNumbers>) -> Self {
+    pub(super) fn new(params: Params, clock: Arc<dyn Clock>, reader: Reader, told: Receiver<Told>) -> Self {
         let rested = clock.now();
         let (served, truths) = (Served::default(), VecDeque::with_capacity(TRUTHS_KEPT));
         let numbers = Box::new(RunNumbers::NONE);
-        Self { params, clock, numbers, has_numbers: false, served, told, reader, encoded: None, rested, truths }
+        Self {
+            params,
+            clock,
+            numbers,
+            has_numbers: false,
+            has_totals: false,
+            asked: None,
+            served,
+            told,
+            reader,
+            encoded: None,
+            rested,
+            truths,
+        }
     }
 
     /// Takes in the numbers that have come.
     pub(super) fn listen(&mut self) {
-        if let Some(numbers) = self.told.try_iter().last() {
+        if let Some(Told { numbers, are_last }) = self.told.try_iter().last() {
             *self.numbers = numbers;
-            self.has_numbers = true;
+            (self.has_numbers, self.has_totals) = (true, are_last);
         }
     }
 
@@ -91,9 +109,9 @@ impl Board {
         Some(self.reader.newest()).filter(|picture| picture.count > 0)
     }
 
-    /// True when no frame comes any more.
+    /// True when no frame comes any more, and the numbers are the run's totals where it has any.
     pub(super) fn is_over(&self) -> bool {
-        self.reader.is_over()
+        self.reader.is_over() && (self.has_totals || !self.has_numbers)
     }
 
     /// The newest picture as a PNG.

@@ -3,7 +3,7 @@
 use crate::base::clock::{Clock, Monotonic};
 use crate::base::image::DnImage;
 use crate::live::view::tests::params;
-use crate::live::{LiveSink, LiveView, Numbers, Params};
+use crate::live::{CLIENTS_MAX, LiveSink, LiveView, Numbers, Params};
 use crate::report::RunNumbers;
 use crate::sink::frame::sample_frame;
 use crate::sink::{SentFrame, Sink};
@@ -98,6 +98,7 @@ fn every_address_answers_and_what_it_promises_is_in_it() {
     assert_eq!(state["frame"]["number"], 7);
     assert!(get(&view, "/metrics").1.contains("text/plain; version=0.0.4"));
     drop(sink);
+    numbers.tell_last(&RunNumbers::NONE);
     let state: serde_json::Value = serde_json::from_slice(&get(&view, "/state.json").2).unwrap();
     assert_eq!((&state["is_over"], &state["frame"]["number"]), (&true.into(), &7.into()), "the last one stays");
 }
@@ -258,6 +259,47 @@ fn frames_go_on_whatever_clients_do() {
         lost.map(|name| counted(&view, name)).iter().sum::<u64>() >= 100
     });
     drop(bad_clients);
+}
+
+#[test]
+fn half_requests_do_not_keep_others_out() {
+    let (view, _sink, _numbers) = start();
+    let half = |_| {
+        let mut stream = connect(&view);
+        stream.write_all(b"GET / HTTP/1.1\r\nHost: local").unwrap();
+        stream
+    };
+    for _ in 0..5 {
+        let halves: Vec<TcpStream> = (0..CLIENTS_MAX).map(half).collect();
+        assert_eq!(get(&view, "/metrics").0, 200);
+        drop(halves);
+    }
+    assert!(counted(&view, "starloop_live_clients_failed_total") >= 5, "those that made way are counted");
+    assert_eq!(counted(&view, "starloop_live_clients_refused_total"), 0);
+}
+
+#[test]
+fn the_totals_of_a_run_are_served_before_the_view_ends() {
+    let (view, mut sink, numbers) = start();
+    sink.send(&sample_frame(7)).unwrap();
+    let mut run = RunNumbers::NONE;
+    (run.frames.rendered, run.frames.delivered) = (9, 5);
+    numbers.tell(&run);
+    let state = |view: &LiveView| -> serde_json::Value { serde_json::from_slice(&get(view, "/state.json").2).unwrap() };
+    until("numbers", || state(&view)["run"]["frames"]["rendered"] == 9);
+    drop(sink);
+    assert_eq!(state(&view)["is_over"], false, "frames that are still counted come first");
+    run.frames.delivered = 9;
+    numbers.tell_last(&run);
+    let address = view.address();
+    let ending = std::thread::Builder::new().name("end".into()).spawn(move || view.finish()).unwrap();
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.write_all(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
+    let text = String::from_utf8(all_of(stream)).unwrap();
+    for line in ["starloop_run_over 1\n", "starloop_frames_delivered_total 9\n", "starloop_frames_rendered_total 9\n"] {
+        assert!(text.contains(line), "no {line} in\n{text}");
+    }
+    ending.join().unwrap();
 }
 
 #[test]

@@ -40,7 +40,7 @@ pub use error::LiveError;
 pub use numbers::Numbers;
 pub use server::CLIENTS_MAX;
 pub use sink::LiveSink;
-pub use view::LiveView;
+pub use view::{LINGER, LiveView};
 
 use std::net::SocketAddr;
 use std::sync::Arc;

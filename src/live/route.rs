@@ -58,7 +58,9 @@ pub(super) fn lock(board: &SharedBoard) -> MutexGuard<'_, Board> {
 /// The answer to a request, counted.
 pub(super) async fn answer(board: &SharedBoard, request: &Parts) -> Answer {
     let answer = answered(board, request).await;
-    let served = &mut lock(board).served;
+    let mut board = lock(board);
+    board.asked = Some(board.clock.now());
+    let served = &mut board.served;
     if answer.status().as_u16() < 400 {
         served.requests += 1;
     } else {

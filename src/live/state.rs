@@ -142,6 +142,8 @@ mod tests {
         assert_eq!(state["run"]["frames"]["scheduled"], json!(9));
         assert_eq!(state["run"]["events"], json!({ "late": 2 }), "what never happened is left out");
         drop(sink);
+        assert_eq!(state_of(&mut board)["is_over"], json!(false), "its totals are still to come");
+        numbers.tell_last(&run);
         assert_eq!(state_of(&mut board)["is_over"], json!(true));
     }
 

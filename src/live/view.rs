@@ -1,11 +1,12 @@
 //! The view from its start to its end.
 
 use crate::base::clock::Clock;
+use crate::base::time::Span;
 use crate::live::board::Board;
 use crate::live::lateness::LatenessBins;
 use crate::live::latest::{Picture, latest};
 use crate::live::numbers::Numbers;
-use crate::live::route::SharedBoard;
+use crate::live::route::{SharedBoard, lock};
 use crate::live::server::serve;
 use crate::live::sink::LiveSink;
 use crate::live::{LiveError, Params};
@@ -13,14 +14,20 @@ use crate::sink::SentFrame;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
+use std::time::Duration;
 use tokio::sync::Notify;
 
+/// After the end of a run its totals are served for so long, so that pages and Prometheus see that it is over.
+pub const LINGER: Duration = Duration::from_secs(2);
+/// They are served only when somebody has asked so shortly before: a page asks four times a second.
+const ASKED_WITHIN: Span = Span::from_ms(5000);
 /// Stars of a frame for which there is room from the start.
 const STARS: usize = 1024;
 
 /// A page that is served; dropping it ends it.
 pub struct LiveView {
     address: SocketAddr,
+    board: SharedBoard,
     stop: Arc<Notify>,
     thread: Option<JoinHandle<()>>,
 }
@@ -41,15 +48,27 @@ impl LiveView {
         let (board, sink, numbers) = parts(params, &clock);
         let board: SharedBoard = Arc::new(Mutex::new(board));
         let stop = Arc::new(Notify::new());
-        let stopped = Arc::clone(&stop);
+        let (stopped, served) = (Arc::clone(&stop), Arc::clone(&board));
         let serving = async move {
             if let Ok(listener) = tokio::net::TcpListener::from_std(listener) {
-                serve(listener, board, stopped).await;
+                serve(listener, served, stopped).await;
             }
         };
         let thread = std::thread::Builder::new().name("live".into()).spawn(move || runtime.block_on(serving));
         let thread = Some(thread.map_err(LiveError::Thread)?);
-        Ok((Self { address, stop, thread }, sink, numbers))
+        Ok((Self { address, board, stop, thread }, sink, numbers))
+    }
+
+    /// Serves the end of a run for [`LINGER`], when somebody looks, and ends.
+    pub fn finish(self) {
+        let is_watched = {
+            let mut board = lock(&self.board);
+            board.listen();
+            board.is_over() && board.asked.is_some_and(|asked| board.clock.now() - asked < ASKED_WITHIN)
+        };
+        if is_watched {
+            std::thread::sleep(LINGER);
+        }
     }
 
     /// Where it listens.

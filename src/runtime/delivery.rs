@@ -12,6 +12,7 @@ use crate::runtime::error::RunError;
 use crate::runtime::hygiene::{Hygiene, Role};
 use crate::sink::{Loss, LossKind, SentFrame, Sink, SinkError, SinkLine, SinkSummary, sink_lines};
 use crossbeam_channel::{Receiver, Sender, bounded};
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
@@ -60,6 +61,8 @@ pub struct Delivery {
     /// `None`: no more frames come.
     full: Option<Sender<Parcel>>,
     empty: Receiver<Parcel>,
+    /// Buffers that have come back, oldest first.
+    returned: VecDeque<Parcel>,
     thread: JoinHandle<Delivered>,
 }
 
@@ -99,14 +102,16 @@ impl Delivery {
                 finish(&mut *sink, carried)
             })
             .map_err(|source| RunError::Thread { name: "sink", source })?;
-        Ok(Self { full: Some(full), empty, thread })
+        Ok(Self { full: Some(full), empty, returned: VecDeque::with_capacity(BUFFERS), thread })
     }
 
-    /// A free buffer, if there is one now. `visit` sees it when it comes back from the sink thread.
-    pub fn take(&self, mut visit: impl FnMut(&Parcel)) -> Option<Parcel> {
-        let parcel = self.empty.try_recv().ok()?;
-        visit(&parcel);
-        Some(parcel)
+    /// A free buffer, if there is one now. `visit` sees each buffer that has come back from the sink thread, once.
+    pub fn take(&mut self, mut visit: impl FnMut(&Parcel)) -> Option<Parcel> {
+        for parcel in self.empty.try_iter() {
+            visit(&parcel);
+            self.returned.push_back(parcel);
+        }
+        self.returned.pop_front()
     }
 
     /// Puts a frame into the queue; `now` is when.
@@ -198,4 +203,31 @@ fn finish(sink: &mut dyn Sink, carried: Carried) -> Delivered {
         (line.frames, line.refused) = (frames, refused);
     }
     Delivered { frames, refused, losses, summary, lines, error: None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::clock::Monotonic;
+    use crate::sink::NullSink;
+    use crate::sink::frame::sample_frame;
+
+    #[test]
+    fn every_buffer_that_has_come_back_is_seen_at_once_and_only_once() {
+        let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
+        let mut delivery = Delivery::start(Box::new(NullSink::new()), &sample_frame(0), &clock, None).unwrap();
+        for _ in 0..3 {
+            let parcel = delivery.take(|parcel| assert!(!parcel.delivered, "nothing has been sent")).unwrap();
+            delivery.send(parcel, clock.now()).unwrap();
+            while delivery.empty.is_empty() {
+                std::thread::yield_now();
+            }
+            let mut seen = 0;
+            let parcel = delivery.take(|parcel| seen += u32::from(parcel.delivered)).unwrap();
+            assert_eq!(seen, 1, "also when other buffers are free");
+            delivery.returned.push_front(parcel);
+        }
+        let delivered = delivery.finish(|parcel| assert!(!parcel.delivered, "all were seen"));
+        assert_eq!(delivered.frames, 3);
+    }
 }

@@ -46,11 +46,12 @@ function drawAll() {
 function signal() {
   const frame = lastState && lastState.frame;
   const clock = (utc) => utc.slice(11, 19) + " UTC";
+  // The program ends soon after its run: that nobody answers then is no loss of signal.
+  if (lastState && lastState.is_over) return ["over", `run is over since ${clock(frame ? frame.taken_utc : lastState.now_utc)}`];
   if (performance.now() - lastAnswer > LOST_AFTER_MS) {
     return ["lost", frame ? `no signal since ${clock(frame.taken_utc)}` : "no signal"];
   }
   if (!frame) return ["quiet", "waiting for the first frame"];
-  if (lastState.is_over) return ["lost", `run over: no signal since ${clock(frame.taken_utc)}`];
   const quiet_s = Math.max(2, (3 * lastState.frame_period_ms) / 1000);
   if (frame.age_s > quiet_s) return ["stale", `no new frame since ${clock(frame.taken_utc)}`];
   return ["live", "live"];
