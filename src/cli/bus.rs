@@ -3,8 +3,9 @@
 use crate::base::clock::{Clock, Monotonic, Stopwatch};
 use crate::base::time::Span;
 use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED};
-use crate::link::gateway::{GatewayCounters, GatewayKind, GatewayParams, Gateways, TcpAddress};
+use crate::link::gateway::{GatewayAddress, GatewayCounters, GatewayKind, GatewayParams, Gateways, TcpAddress};
 use crate::link::simulated::{BusModel, BusParams, BusStatistics, BusTiming, SimulatedBus, Stuffing};
+use crate::report::GatewayRow;
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
@@ -187,15 +188,43 @@ impl BusArgs {
 }
 
 /// Says which gateways other machines can reach.
-pub(super) fn warn_of_exposed(gateways: &Gateways) {
+fn warn_of_exposed(gateways: &Gateways) {
     for (kind, address) in gateways.addresses().into_iter().filter(|(_, address)| address.is_exposed()) {
         let name = kind_name(kind);
         eprintln!("starloop: {name} at {address} can be reached from other machines, and asks for no password");
     }
 }
 
+/// Prints where programs outside find the bus, and which gateways other machines can reach.
+pub(super) fn announce_gateways(gateways: &[Gateways]) {
+    for (kind, address) in gateways.iter().flat_map(Gateways::addresses) {
+        eprintln!("gateway: {} at {address}", kind_name(kind));
+    }
+    gateways.iter().for_each(warn_of_exposed);
+}
+
+/// What gateways did, for the summary of a run.
+pub(super) fn gateway_rows(gateways: &[Gateways]) -> Vec<GatewayRow> {
+    let row = |((kind, address), (_, counters)): ((GatewayKind, GatewayAddress), (GatewayKind, GatewayCounters))| {
+        let rejects = counters.rejects.iter().map(|(reason, count)| ((*reason).to_owned(), *count));
+        GatewayRow {
+            gateway: kind_name(kind).into(),
+            address: address.to_string(),
+            clients: counters.clients,
+            refused: counters.refused,
+            stalled: counters.stalled,
+            from_clients: counters.from_clients,
+            to_clients: counters.to_clients,
+            dropped: counters.dropped,
+            withheld: counters.withheld,
+            rejects: rejects.collect(),
+        }
+    };
+    gateways.iter().flat_map(|of_link| of_link.addresses().into_iter().zip(of_link.counters())).map(row).collect()
+}
+
 /// A gateway in words.
-pub(super) fn kind_name(kind: GatewayKind) -> &'static str {
+fn kind_name(kind: GatewayKind) -> &'static str {
     match kind {
         GatewayKind::SlcanTcp => "slcan (TCP)",
         GatewayKind::SlcanPty => "slcan (PTY)",

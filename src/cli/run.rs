@@ -4,7 +4,7 @@ use crate::base::clock::{Clock, Monotonic, Stopwatch, Virtual};
 use crate::base::time::Tai;
 use crate::cli::budget::budget_report;
 use crate::cli::budget_files;
-use crate::cli::bus::{kind_name, warn_of_exposed};
+use crate::cli::bus::{announce_gateways, gateway_rows};
 use crate::cli::monitor::Monitor;
 use crate::cli::run_end::Finished;
 use crate::cli::run_heads::{BenchHead, Sinks, bench_heads, sinks};
@@ -12,10 +12,10 @@ use crate::cli::run_input::{bench, document, scenario};
 use crate::cli::{live_view, run_scenario};
 use crate::config::{self, Bench, Scenario, StartTime};
 use crate::link::capture::CaptureFormat;
-use crate::link::gateway::{Gateways, TcpAddress};
+use crate::link::gateway::TcpAddress;
 use crate::link::{Link, Port};
 use crate::live::Numbers;
-use crate::report::{HygieneLine, Losses, Progress};
+use crate::report::{GatewayRow, HygieneLine, Losses, Progress};
 use crate::runtime::hygiene::Role;
 use crate::runtime::real_time::Sources;
 use crate::runtime::{FrameEngine, Hygiene, HygieneParams, RunError, RunOutcome, RunRecord, real_time, virtual_time};
@@ -75,7 +75,8 @@ pub struct RunArgs {
     /// bench.timing.frame_rate_hz=5; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(super) settings: Vec<String>,
-    /// Let a program outside advance the clock of a scenario: JSON lines over TCP; loopback only, port 0 takes a free one
+    /// Let a program outside advance the clock of a scenario: JSON lines over TCP; loopback only, port 0 takes a free one.
+    /// Prints a token that the program must send first
     #[arg(long, value_name = "ADDRESS")]
     pub(super) control: Option<ControlAddress>,
     /// Capture the bus and what each frame was drawn from into this directory, for `starloop replay` (a bench)
@@ -274,13 +275,21 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
         stop: &stop,
         updates: &monitor.updates,
         numbers,
+        frames: heads.iter().map(|head| u64::from(head.engine.params().frames)).sum(),
         hygiene: hygiene.as_ref(),
         recording: recording.as_ref(),
     };
-    let (outcome, mut losses) = match &clock {
+    let (outcome, gateways, mut losses) = match &clock {
         RunClock::Real(clock) => setup.real(clock, &mut heads, sinks)?,
-        RunClock::Virtual(clock) => setup.simulated(clock, &mut heads, sinks)?,
+        RunClock::Virtual(clock) => {
+            let (outcome, losses) = setup.simulated(clock, &mut heads, sinks)?;
+            (outcome, Vec::new(), losses)
+        }
     };
+    // After a failure they stay away: a run that broke down must not look like one that is over.
+    if let (Some(numbers), None) = (&setup.numbers, &outcome.error) {
+        numbers.tell_last(&outcome.record.numbers(Some(setup.frames)));
+    }
     if let Some(recording) = recording {
         let lost = outcome.ports.iter().map(|port| port.queue_overflows).sum();
         match recording.finish(lost) {
@@ -290,10 +299,12 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     }
     let wall_s = wall.lap().s();
     let was_interrupted = stop.load(Ordering::SeqCst);
-    drop(view);
+    if let Some(view) = view {
+        view.finish();
+    }
     monitor.finish();
     let hygiene = hygiene.map(|hygiene| hygiene.lines()).unwrap_or_default();
-    Ok(Finished { bench, start, heads, outcome, losses, hygiene, wall_s, was_interrupted, directory })
+    Ok(Finished { bench, start, heads, outcome, gateways, losses, hygiene, wall_s, was_interrupted, directory })
 }
 
 /// What the bench asks of the system, with what cannot be had told at once.
@@ -387,6 +398,8 @@ struct Setup<'a> {
     stop: &'a Arc<AtomicBool>,
     updates: &'a Sender<Progress>,
     numbers: Option<Numbers>,
+    /// In the whole run, all heads together.
+    frames: u64,
     hygiene: Option<&'a Arc<Hygiene>>,
     recording: Option<&'a Recording>,
 }
@@ -397,19 +410,19 @@ impl Setup<'_> {
         clock: &Arc<Monotonic>,
         heads: &mut [BenchHead],
         sinks: Vec<Box<dyn Sink>>,
-    ) -> Result<(RunOutcome, Losses)> {
+    ) -> Result<(RunOutcome, Vec<GatewayRow>, Losses)> {
         // Sinks have had the time they took to begin.
         clock.restart_at(self.start);
         let clock: Arc<dyn Clock> = clock.clone();
         let Ports { near, far, pulses, gateways } = open_ports(self.bench, &clock, &mut |link| self.tapped(link))?;
-        tell_doors(&gateways);
+        announce_gateways(&gateways);
         let over = Arc::new(AtomicBool::new(false));
         let begin = |far| {
             let computer = FlightComputer::new(bench_parts::flight_computer(self.bench, self.start));
             far_end(computer, far, Arc::clone(&clock), Arc::clone(&over), self.hygiene.map(Arc::clone))
         };
         let thread = far.map(begin).transpose()?;
-        let mut send = self.sender(heads);
+        let mut send = self.sender();
         let ring_frames = usize::try_from(self.bench.budget.ring_frames)?;
         let setting = real_time::Setting { clock: &clock, stop: self.stop, hygiene: self.hygiene, ring_frames };
         let heads = heads.iter_mut().zip(sinks).map(|(head, sink)| head.on_real_clock(sink)).collect();
@@ -423,7 +436,7 @@ impl Setup<'_> {
             }
             Some(Err(_panicked)) => losses.note_thread("flight computer"),
         }
-        Ok((outcome, losses))
+        Ok((outcome, gateway_rows(&gateways), losses))
     }
 
     fn simulated(
@@ -443,7 +456,7 @@ impl Setup<'_> {
             computer.step(now, &mut far)?;
             Ok(computer.next_due())
         };
-        let mut send = self.sender(heads);
+        let mut send = self.sender();
         let mut progress = |head: usize, frame: &SentFrame, record: &RunRecord| {
             send(head, frame, record);
             !self.stop.load(Ordering::Relaxed)
@@ -464,8 +477,8 @@ impl Setup<'_> {
     }
 
     /// Hands the monitor a frame's progress, where the first head points; drops it when the monitor is busy.
-    fn sender(&self, heads: &[BenchHead]) -> impl FnMut(usize, &SentFrame, &RunRecord) + use<> {
-        let frames: u64 = heads.iter().map(|head| u64::from(head.engine.params().frames)).sum();
+    fn sender(&self) -> impl FnMut(usize, &SentFrame, &RunRecord) + use<> {
+        let frames = self.frames;
         let updates = self.updates.clone();
         let numbers = self.numbers.clone();
         let mut since_first: Option<(Stopwatch, f64)> = None;
@@ -495,14 +508,6 @@ impl Setup<'_> {
             }
         }
     }
-}
-
-/// Where programs outside find the bus.
-fn tell_doors(gateways: &[Gateways]) {
-    for (kind, address) in gateways.iter().flat_map(Gateways::addresses) {
-        eprintln!("gateway: {} at {address}", kind_name(kind));
-    }
-    gateways.iter().for_each(warn_of_exposed);
 }
 
 /// The simulated flight computer in a thread of its own.

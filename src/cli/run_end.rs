@@ -5,7 +5,7 @@ use crate::cli::run::{ClockKind, RunArgs};
 use crate::cli::run_heads::BenchHead;
 use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, EXIT_LOST};
 use crate::config::Bench;
-use crate::report::{HygieneLine, Losses, RunSummary, summary_table};
+use crate::report::{GatewayRow, HygieneLine, Losses, RunSummary, summary_table};
 use crate::runtime::{FrameEngine, RunOutcome, sink_rows};
 use crate::sink::write_file_atomically;
 use anyhow::{Context, Result};
@@ -18,6 +18,7 @@ pub(super) struct Finished {
     /// At least one.
     pub(super) heads: Vec<BenchHead>,
     pub(super) outcome: RunOutcome,
+    pub(super) gateways: Vec<GatewayRow>,
     /// What is lost although the run reached its end.
     pub(super) losses: Losses,
     pub(super) hygiene: Vec<HygieneLine>,
@@ -59,6 +60,7 @@ impl Finished {
         summary.bench.clone_from(&self.bench.name);
         summary.sinks = sink_rows(&self.outcome.sinks);
         summary.losses = self.losses.clone();
+        summary.gateways.clone_from(&self.gateways);
         summary.wall_s = self.wall_s;
         summary.clock = clock.into();
         summary

@@ -5,6 +5,7 @@
 
 use crate::report::ReportError;
 use crate::report::frame_ring::Latency;
+use crate::report::gateway_row::GatewayRow;
 use crate::report::histogram::{CountSpread, Quantiles};
 use crate::report::losses::Losses;
 use crate::report::machine::Machine;
@@ -82,6 +83,8 @@ pub struct RunSummary {
     pub sinks: Vec<SinkRow>,
     /// What was lost although the run reached its end; empty when the exit status is 0.
     pub losses: Losses,
+    /// What each gateway let through, lost and refused.
+    pub gateways: Vec<GatewayRow>,
 }
 
 /// What one sink did with the frames it was handed.
@@ -196,6 +199,7 @@ impl RunSummary {
             run_crc32: String::new(),
             sinks: Vec::new(),
             losses: Losses::default(),
+            gateways: Vec::new(),
         }
     }
 
@@ -258,6 +262,7 @@ pub(crate) fn sample_summary() -> RunSummary {
     summary.run_crc32 = "0badcafe".into();
     summary.sinks = vec![sample_row()];
     summary.losses = Losses::of_sinks(&summary.sinks);
+    summary.gateways = vec![crate::report::gateway_row::sample_gateway_row()];
     summary
 }
 
@@ -302,6 +307,8 @@ mod tests {
         let sink = &json["sinks"][0];
         assert_eq!((&sink["dropped"], &sink["refused"], &sink["counts"]["resent"]), (&7.into(), &1.into(), &4.into()));
         assert_eq!((&json["losses"][0]["part"], &json["losses"][0]["count"]), (&"sink".into(), &8.into()));
+        let gateway = &json["gateways"][0];
+        assert_eq!((&gateway["refused"], &gateway["rejects"]["http_request"]), (&51.into(), &3.into()));
         assert!(text.ends_with("}\n"), "ends in a line break");
     }
 

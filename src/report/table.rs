@@ -1,5 +1,6 @@
 //! The run summary as text for a terminal: aligned columns, units in the headings.
 
+use crate::report::gateway_row::HEADINGS;
 use crate::report::histogram::Quantiles;
 use crate::report::stages::Stage;
 use crate::report::summary::{RunSummary, SinkRow};
@@ -21,6 +22,7 @@ pub fn summary_table(summary: &RunSummary) -> String {
     push_times(&mut lines, summary);
     push_counts(&mut lines, summary);
     push_sinks(&mut lines, summary);
+    push_gateways(&mut lines, summary);
     push_events(&mut lines, summary);
     push_remarks(&mut lines, summary);
     let trimmed: Vec<&str> = lines.iter().map(|line| line.trim_end()).collect();
@@ -150,6 +152,19 @@ fn push_sinks(lines: &mut Vec<String>, s: &RunSummary) {
     }
 }
 
+/// A row per gateway, with what it refused below.
+fn push_gateways(lines: &mut Vec<String>, s: &RunSummary) {
+    if s.gateways.is_empty() {
+        return;
+    }
+    lines.push(String::new());
+    lines.push(row("gateways", &HEADINGS.map(String::from)));
+    for gateway in &s.gateways {
+        lines.push(row(&gateway.gateway, &gateway.cells()));
+        lines.extend(gateway.lines());
+    }
+}
+
 fn joined(counts: &BTreeMap<String, u64>) -> String {
     let parts: Vec<String> = counts.iter().map(|(name, n)| format!("{name} {n}")).collect();
     if parts.is_empty() { "none".into() } else { parts.join(", ") }
@@ -246,6 +261,20 @@ mod tests {
         assert!(!summary_table(&summary).contains("refused"));
         summary.sinks.push(summary.sinks[0].clone());
         assert!(summary_table(&summary).contains("refused"), "two");
+    }
+
+    #[test]
+    fn each_gateway_has_its_line_with_what_it_refused_by_reason() {
+        let mut summary = sample_summary();
+        let text = summary_table(&summary);
+        let (heading, row) = (line_of(&text, "gateways"), line_of(&text, "socketcand"));
+        let end = |line: &str, word: &str| line.find(word).map(|at| at + word.len());
+        for (name, value) in [("refused", "51"), ("from them", "1234"), ("dropped", " 9")] {
+            assert_eq!(end(heading, name), end(row, value), "{name}\n{heading}\n{row}");
+        }
+        assert!(text.contains("  refused 3 times: http_request\n") && text.contains("12 FD frames withheld"), "{text}");
+        summary.gateways.clear();
+        assert!(!summary_table(&summary).contains("gateways"), "a run without any has no such table");
     }
 
     #[test]
