@@ -4,7 +4,6 @@
 
 mod c_codec;
 mod c_program;
-mod compilers;
 mod dbc;
 mod dbc_signals;
 mod documents;
