@@ -39,6 +39,7 @@ readonly allowed_skips="${STARLOOP_ALLOW_SKIPS:-0}"
 readonly target="${CARGO_TARGET_DIR:-target}"
 readonly log="$target/test.log"
 readonly python="$target/python"
+readonly cargo_deny_version=0.20.2
 
 step_names=()
 step_seconds=()
@@ -204,6 +205,29 @@ run_without_gpu() {
     [[ -n $(ls -A "$folder/run") ]]
 }
 
+# Licences, sources and duplicate versions of dependencies, by the rules of .deny.toml; known vulnerabilities where their
+# database can be reached.
+check_dependencies() {
+    local tools="$target/tools" deny
+    deny="$tools/bin/cargo-deny"
+    if [[ "$("$deny" --version 2>/dev/null)" != "cargo-deny $cargo_deny_version" ]]; then
+        cargo install --quiet --debug --locked --root "$tools" --target-dir "$tools/build" "cargo-deny@$cargo_deny_version"
+        rm -rf "$tools/build"
+    fi
+    "$deny" check licenses bans sources
+    # A rule that is broken must be seen: without MIT most dependencies have no allowed licence.
+    sed 's/"MIT", //' .deny.toml >"$tools/without_mit.toml"
+    if ! "$deny" --config "$tools/without_mit.toml" check licenses 2>&1 | grep -q '^error\[rejected\]'; then
+        echo "cargo-deny passes a licence that is not allowed"
+        return 1
+    fi
+    if "$deny" fetch db >/dev/null 2>&1; then
+        "$deny" check --disable-fetch advisories
+    else
+        echo "the advisory database cannot be reached: known vulnerabilities are not checked"
+    fi
+}
+
 document() { RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --release; }
 
 # --- counting --------------------------------------------------------------------------------------------------------
@@ -281,6 +305,7 @@ main() {
     step "no unexpected skip" skips_are_expected
     step "run without a GPU" run_without_gpu
     step "cargo doc" document
+    step "dependencies" check_dependencies
     print_failures
     print_table
     echo "$(count_results passed) passed, $(count_results failed) failed, $(count_skipped) skipped"

@@ -6,6 +6,7 @@
 
 use crate::base::time::{Span, Tai};
 use crate::network_camera::gvcp::Status;
+use crate::network_camera::proof::Proof;
 use std::net::SocketAddrV4;
 
 /// Bits of the control privilege register.
@@ -51,12 +52,12 @@ impl Control {
         }
     }
 
-    /// Refuses readers while another application has exclusive access.
-    pub(super) fn may_read(&self, from: SocketAddrV4) -> Result<(), Status> {
-        match self.controller {
-            Some(controller) if controller.is_exclusive && controller.address != from => Err(Status::AccessDenied),
-            _ => Ok(()),
-        }
+    /// Refuses readers while another application has exclusive access, which takes effect once its address is proven.
+    pub(super) fn may_read(&self, from: SocketAddrV4, proof: &Proof) -> Result<(), Status> {
+        let is_shut_out = self.controller.is_some_and(|controller| {
+            controller.is_exclusive && controller.address != from && proof.is_proven(controller.address)
+        });
+        if is_shut_out { Err(Status::AccessDenied) } else { Ok(()) }
     }
 
     /// Refuses everybody but the controller.
@@ -109,9 +110,12 @@ mod tests {
         assert_eq!(control.request(A, CONTROL, START), Ok(Change::Taken));
         assert_eq!(control.request(B, CONTROL, START), Err(Status::AccessDenied));
         assert_eq!(control.request(B, 0, START), Err(Status::AccessDenied), "nor may it be taken away");
-        assert_eq!((control.may_read(B), control.may_write(B)), (Ok(()), Err(Status::AccessDenied)));
+        let mut proof = Proof::default();
+        assert_eq!((control.may_read(B, &proof), control.may_write(B)), (Ok(()), Err(Status::AccessDenied)));
         assert_eq!(control.request(A, EXCLUSIVE, START), Ok(Change::Kept));
-        assert_eq!((control.may_read(B), control.may_read(A)), (Err(Status::AccessDenied), Ok(())));
+        assert_eq!(control.may_read(B, &proof), Ok(()), "one datagram, perhaps forged, shuts out no reader");
+        proof.accept(A, Some(A), START);
+        assert_eq!((control.may_read(B, &proof), control.may_read(A, &proof)), (Err(Status::AccessDenied), Ok(())));
         assert_eq!(control.request(A, 8, START), Err(Status::InvalidParameter));
         assert_eq!(control.request(A, 0, START), Ok(Change::Released));
         assert_eq!(control.request(B, CONTROL, START), Ok(Change::Taken));

@@ -77,6 +77,12 @@ counters! {
     test_packets;
     /// The same, not sent: they came faster than the stream's rate.
     test_packets_refused;
+    /// Streams and test packets refused because the client had not proven its address by reading the XML.
+    unproven_refused;
+    /// Reads of the XML at an address that belongs to another client.
+    xml_misses;
+    /// Streams stopped because the receiver's machine answered that it has no such port (ICMP unreachable).
+    receivers_gone;
     /// Applications that took control.
     controllers_accepted;
     /// Attempts to take control that another application had.

@@ -7,16 +7,19 @@
 //! A command that comes again under the same number is answered as before and carried out once. By broadcast come
 //! discovery, actions, and a new address, which this device cannot take: its address is the machine's.
 
+mod features;
+
 use crate::base::time::{Span, Tai};
-use crate::network_camera::acquisition::{Acquisition, Mode, Wanted};
+use crate::network_camera::acquisition::{Acquisition, Wanted};
 use crate::network_camera::control::{Change, Control};
 use crate::network_camera::counters::{Counters, Tally};
-use crate::network_camera::first_values::{HEARTBEAT_MS, ONE_IN_MOST, write_bootstrap, write_features, write_urls};
+use crate::network_camera::first_values::{HEARTBEAT_MS, XmlView, write_bootstrap, write_features, write_urls};
 use crate::network_camera::gvcp::{self, Action, Command, Malformed, Resend, Status};
 use crate::network_camera::gvsp::{IP_UDP_BYTES, StreamSettings};
 use crate::network_camera::params::{PACKET_BYTES_MIN, Params, SensorParams, XmlForm};
 use crate::network_camera::pixel_format::PixelFormat;
-use crate::network_camera::registers::{Memory, at, own};
+use crate::network_camera::proof::Proof;
+use crate::network_camera::registers::{FIRST_XML, Memory, SECOND_XML, at, own};
 use crate::network_camera::repeats::LastChange;
 use crate::network_camera::shared::Shared;
 use crate::network_camera::{chunk, xml};
@@ -26,8 +29,14 @@ use std::sync::Arc;
 /// Bounds of the heartbeat time that a client may ask for, ms.
 const HEARTBEAT_LEAST_MS: u32 = 500;
 const HEARTBEAT_MOST_MS: u32 = 600_000;
+/// The longest when other machines reach the camera: a client that is gone, or was forged, blocks others no longer.
+const HEARTBEAT_MOST_EXPOSED_MS: u32 = 30_000;
+/// The end of the registers with the XML's addresses.
+const URLS_END: u32 = at::SECOND_URL + 0x200;
 /// Bytes of memory that answer a discovery.
 const DISCOVERY_BYTES: usize = 0xF8;
+/// Bytes of a word of memory.
+const WORD_BYTES: u16 = 4;
 /// Bits of the packet size register.
 const FIRE_TEST: u32 = 0x8000_0000;
 const DO_NOT_FRAGMENT: u32 = 0x4000_0000;
@@ -74,6 +83,9 @@ pub struct Device {
     acquisition: Acquisition,
     shared: Arc<Shared>,
     last_change: LastChange,
+    proof: Proof,
+    xml: XmlForm,
+    xml_bytes: [usize; 2],
     place: DeviceParams,
     allow_other_receivers: bool,
     /// Of the present acquisition or the pause before the next.
@@ -94,7 +106,6 @@ impl Device {
         let lengths = [plain.len(), zipped.len()];
         let (first, second) = if params.xml == XmlForm::Zip { (zipped, plain) } else { (plain, zipped) };
         let mut memory = Memory::new(first, second);
-        write_urls(&mut memory, params.xml, lengths);
         write_bootstrap(&mut memory, &params.identity, &place);
         let format = params.pixel_format.unwrap_or(PixelFormat::for_bits(sensor.bits));
         write_features(&mut memory, sensor, format);
@@ -105,6 +116,9 @@ impl Device {
             acquisition: Acquisition::default(),
             shared: Arc::new(Shared::new()),
             last_change: LastChange::default(),
+            proof: Proof::default(),
+            xml: params.xml,
+            xml_bytes: lengths,
             place,
             allow_other_receivers: params.allow_other_receivers,
             number: 1,
@@ -184,13 +198,36 @@ impl Device {
 
     /// Lets time pass: a controller that has been silent for too long loses control, and its stream ends.
     pub fn tick(&mut self, now: Tai) {
-        let timeout = Span::from_ms(i64::from(self.memory.word(at::HEARTBEAT_MS)));
+        let asked_ms = self.memory.word(at::HEARTBEAT_MS);
+        let is_proven = self.is_controller_proven();
+        let timeout = Span::from_ms(i64::from(if is_proven { asked_ms } else { asked_ms.min(HEARTBEAT_MS) }));
         if self.control.time_out(now, timeout) {
             self.tally().controllers_timed_out.one();
             self.last_change.forget();
             self.release();
             self.publish();
         }
+    }
+
+    /// Ends the stream of an acquisition whose receiver is gone.
+    pub(super) fn end_stream_of(&mut self, acquisition: u32) {
+        if self.number == acquisition {
+            self.stop();
+            self.publish();
+        }
+    }
+
+    fn is_controller_proven(&self) -> bool {
+        self.control.controller().is_some_and(|controller| self.proof.is_proven(controller))
+    }
+
+    /// Refuses what sends more than was received, as long as the controller may be a forged address.
+    fn must_be_proven(&self) -> Result<(), Status> {
+        if self.is_controller_proven() {
+            return Ok(());
+        }
+        self.tally().unproven_refused.one();
+        Err(Status::AccessDenied)
     }
 
     /// How frames are to be sent from now on.
@@ -249,15 +286,15 @@ impl Device {
                 out.resend = Some(resend);
                 Ok(())
             }
-            Command::ReadRegisters(addresses) => self.read_registers(addresses, from, &mut out.reply),
-            Command::ReadMemory { address, bytes } => self.read_memory(address, bytes, from, &mut out.reply),
+            Command::ReadRegisters(addresses) => self.read_registers(addresses, from, now, &mut out.reply),
+            Command::ReadMemory { address, bytes } => self.read_memory(address, bytes, from, now, &mut out.reply),
             Command::WriteRegisters(pairs) => {
                 let pairs = pairs.as_chunks::<2>().0.iter().map(|[address, value]| (number(address), number(value)));
-                self.write_all(pairs, from, now, out)
+                self.write_all(pairs, 1, from, now, out)
             }
             Command::WriteMemory { address, words } => {
                 let addresses = (0..u32::MAX).step_by(4).map(|step| address.wrapping_add(step));
-                self.write_all(addresses.zip(words.iter().map(number)), from, now, out)
+                self.write_all(addresses.zip(words.iter().map(number)), WORD_BYTES, from, now, out)
             }
             Command::ForceAddress { mac, address, mask } => self.force_address(mac, address, mask),
             Command::Action(action) => self.act(action),
@@ -265,20 +302,56 @@ impl Device {
         done.err().unwrap_or(Status::Success)
     }
 
-    fn read_registers(&self, addresses: &[[u8; 4]], from: SocketAddrV4, reply: &mut Vec<u8>) -> Result<(), Status> {
-        self.control.may_read(from)?;
+    fn read_registers(
+        &mut self,
+        addresses: &[[u8; 4]],
+        from: SocketAddrV4,
+        now: Tai,
+        reply: &mut Vec<u8>,
+    ) -> Result<(), Status> {
+        self.control.may_read(from, &self.proof)?;
         for address in addresses {
-            reply.extend(self.memory.read(number(address), 4)?);
+            let place = self.place_in_memory(number(address), from, now)?;
+            reply.extend(self.memory.read(place, 4)?);
         }
         Ok(())
     }
 
-    fn read_memory(&self, address: u32, bytes: usize, from: SocketAddrV4, reply: &mut Vec<u8>) -> Result<(), Status> {
-        self.control.may_read(from)?;
-        let data = self.memory.read(address, bytes)?;
+    fn read_memory(
+        &mut self,
+        address: u32,
+        bytes: usize,
+        from: SocketAddrV4,
+        now: Tai,
+        reply: &mut Vec<u8>,
+    ) -> Result<(), Status> {
+        self.control.may_read(from, &self.proof)?;
+        let place = self.place_in_memory(address, from, now)?;
+        let data = self.memory.read(place, bytes)?;
         reply.extend(address.to_be_bytes());
         reply.extend(data);
         Ok(())
+    }
+
+    /// Returns the place behind an address that a client reads; the XML is at another address for each client.
+    fn place_in_memory(&mut self, address: u32, from: SocketAddrV4, now: Tai) -> Result<u32, Status> {
+        let view = XmlView { run_number: self.proof.run_number(), shift: self.proof.shift(from) };
+        if (at::FIRST_URL..URLS_END).contains(&address) {
+            write_urls(&mut self.memory, self.xml, self.xml_bytes, view);
+        }
+        if !Proof::is_shown(address) {
+            return if address >= FIRST_XML { Err(Status::InvalidAddress) } else { Ok(address) };
+        }
+        let place = address.wrapping_sub(view.shift);
+        if place < FIRST_XML || self.memory.read(place, 4).is_err() {
+            self.tally().xml_misses.one();
+            self.proof.miss(now);
+            return Err(Status::InvalidAddress);
+        }
+        if place == FIRST_XML || place == SECOND_XML {
+            self.proof.accept(from, self.control.controller(), now);
+        }
+        Ok(place)
     }
 
     /// The machine's address cannot be changed from here; asking for the one there is does no harm.
@@ -290,25 +363,27 @@ impl Device {
         Err(if is_taken { Status::AccessDenied } else { Status::NotImplemented })
     }
 
-    /// Writes in order up to the first that is refused; the answer tells how many were written.
+    /// Writes in order up to the first word that is refused. The answer's index counts `index_step` for each word
+    /// written: WRITEREG_ACK counts registers, WRITEMEM_ACK counts bytes.
     fn write_all(
         &mut self,
         pairs: impl Iterator<Item = (u32, u32)>,
+        index_step: u16,
         from: SocketAddrV4,
         now: Tai,
         out: &mut Answer,
     ) -> Result<(), Status> {
-        let mut written = 0_u16;
+        let mut index = 0_u16;
         let mut done = Ok(());
         for (address, value) in pairs {
             done = self.write(address, value, from, now, out);
             if done.is_err() {
                 break;
             }
-            written += 1;
+            index += index_step;
         }
         out.reply.extend([0, 0]);
-        out.reply.extend(written.to_be_bytes());
+        out.reply.extend(index.to_be_bytes());
         done
     }
 
@@ -330,7 +405,7 @@ impl Device {
         self.control.may_write(from)?;
         match address {
             at::USER_NAME..=at::USER_NAME_LAST => self.memory.set(address, value),
-            at::HEARTBEAT_MS => self.memory.set(address, value.clamp(HEARTBEAT_LEAST_MS, HEARTBEAT_MOST_MS)),
+            at::HEARTBEAT_MS => self.memory.set(address, value.clamp(HEARTBEAT_LEAST_MS, self.heartbeat_most_ms())),
             at::TIMESTAMP_CONTROL => {
                 if value & LATCH != 0 {
                     self.memory.set_long(at::TIMESTAMP, u64::try_from(now.ns()).unwrap_or_default());
@@ -342,6 +417,10 @@ impl Device {
             _ => return self.memory.read(address, 4).and(Err(Status::WriteProtect)),
         }
         Ok(())
+    }
+
+    fn heartbeat_most_ms(&self) -> u32 {
+        if self.place.address.is_loopback() { HEARTBEAT_MOST_MS } else { HEARTBEAT_MOST_EXPOSED_MS }
     }
 
     fn write_control(&mut self, value: u32, from: SocketAddrV4, now: Tai) -> Result<(), Status> {
@@ -365,7 +444,7 @@ impl Device {
     fn write_stream(&mut self, address: u32, value: u32, from: SocketAddrV4, out: &mut Answer) -> Result<(), Status> {
         match address {
             at::STREAM_PORT => self.memory.set(address, value & 0xFFFF),
-            at::PACKET_SIZE => self.write_packet_size(value, out),
+            at::PACKET_SIZE => return self.write_packet_size(value, out),
             at::PACKET_DELAY => self.memory.set(address, value.min(DELAY_MOST_NS)),
             at::STREAM_ADDRESS if value == 0 || self.may_receive(Ipv4Addr::from_bits(value), from) => {
                 self.memory.set(address, value);
@@ -385,8 +464,12 @@ impl Device {
         is_allowed || receiver == *controller.ip()
     }
 
-    /// Holds the size to what a packet may have; a test packet is sent only at a size that can get through.
-    fn write_packet_size(&mut self, value: u32, out: &mut Answer) {
+    /// Sets the packet size within what the interface carries. A test packet is sent only at a size that can get
+    /// through, and only to a client that has proven its address.
+    fn write_packet_size(&mut self, value: u32, out: &mut Answer) -> Result<(), Status> {
+        if value & FIRE_TEST != 0 {
+            self.must_be_proven()?;
+        }
         let asked = value & 0xFFFF;
         let size = asked.min(self.place.packet_bytes_max).max(PACKET_BYTES_MIN) & !3;
         self.memory.set(at::PACKET_SIZE, value & DO_NOT_FRAGMENT | size);
@@ -396,121 +479,7 @@ impl Device {
             let bytes = usize::try_from(asked).unwrap_or_default().saturating_sub(IP_UDP_BYTES);
             out.test_packet = Some((to, bytes));
         }
-    }
-
-    fn write_feature(&mut self, address: u32, value: u32) -> Result<(), Status> {
-        let is_free = !self.acquisition.is_running(&self.shared.wanted);
-        let free = || if is_free { Ok(()) } else { Err(Status::Busy) };
-        let set_if = |memory: &mut Memory, is_legal: bool| {
-            let done = if is_legal { Ok(()) } else { Err(Status::InvalidParameter) };
-            done.map(|()| memory.set(address, value))
-        };
-        let memory = &mut self.memory;
-        let room = |sensor, taken| memory.word(sensor).saturating_sub(memory.word(taken));
-        match address {
-            own::WIDTH => {
-                let most = room(own::SENSOR_WIDTH, own::OFFSET_X);
-                free().and_then(|()| set_if(memory, (1..=most).contains(&value)))?;
-            }
-            own::HEIGHT => {
-                let most = room(own::SENSOR_HEIGHT, own::OFFSET_Y);
-                free().and_then(|()| set_if(memory, (1..=most).contains(&value)))?;
-            }
-            own::OFFSET_X => {
-                let most = room(own::SENSOR_WIDTH, own::WIDTH);
-                free().and_then(|()| set_if(memory, value <= most))?;
-            }
-            own::OFFSET_Y => {
-                let most = room(own::SENSOR_HEIGHT, own::HEIGHT);
-                free().and_then(|()| set_if(memory, value <= most))?;
-            }
-            own::PIXEL_FORMAT => free().and_then(|()| set_if(memory, PixelFormat::from_code(value).is_some()))?,
-            own::ACQUISITION_MODE => free().and_then(|()| set_if(memory, value <= 2))?,
-            own::FRAME_COUNT => free().and_then(|()| set_if(memory, (1..=65_535).contains(&value)))?,
-            own::TRIGGER_MODE | own::TRIGGER_SOURCE | own::CHUNK_MODE => {
-                free().and_then(|()| set_if(memory, value <= 1))?;
-            }
-            own::CHUNK_SELECTOR => {
-                set_if(memory, (value as usize) < chunk::FIELDS.len())?;
-                memory.set(own::CHUNK_ENABLE, self.chunks >> value & 1);
-            }
-            own::CHUNK_ENABLE => {
-                free().and_then(|()| set_if(memory, value <= 1))?;
-                let selected = 1 << memory.word(own::CHUNK_SELECTOR);
-                self.chunks = (self.chunks & !selected) | (selected * value);
-            }
-            own::PARAMETERS_LOCKED => set_if(memory, value <= 1)?,
-            own::FRAME_RATE => self.rate_high = value,
-            own::FRAME_RATE_LOW => return self.write_rate(value),
-            own::ACQUISITION_START => self.start(),
-            own::ACQUISITION_STOP => self.stop(),
-            own::TRIGGER_SOFTWARE => self.trigger(SOURCE_SOFTWARE),
-            _ => return memory.read(address, 4).and(Err(Status::WriteProtect)),
-        }
-        self.measure_payload();
         Ok(())
-    }
-
-    /// The rate nearest to the one that is asked for: the bench's, or that of each n-th of its frames.
-    fn write_rate(&mut self, low: u32) -> Result<(), Status> {
-        let asked_hz = f64::from_bits(u64::from(self.rate_high) << 32 | u64::from(low));
-        let bench_hz = self.memory.float(own::FRAME_RATE_MOST);
-        let one_in = (bench_hz / asked_hz).round();
-        if !(1.0..=f64::from(ONE_IN_MOST)).contains(&one_in) || asked_hz > bench_hz {
-            return Err(Status::InvalidParameter);
-        }
-        self.memory.set_long(own::FRAME_RATE, (bench_hz / one_in).to_bits());
-        self.choose_frames();
-        Ok(())
-    }
-
-    /// With triggers each frame is chosen by one of them, not by a rate.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole, 1 to 65535")]
-    fn choose_frames(&self) {
-        let is_triggered = self.memory.word(own::TRIGGER_MODE) == 1;
-        let one_in = (self.memory.float(own::FRAME_RATE_MOST) / self.memory.float(own::FRAME_RATE)).round() as u32;
-        self.shared.wanted.choose_one_in(if is_triggered { 1 } else { one_in });
-    }
-
-    fn format(&self) -> PixelFormat {
-        PixelFormat::from_code(self.memory.word(own::PIXEL_FORMAT)).unwrap_or(PixelFormat::Mono16)
-    }
-
-    fn has_chunks(&self) -> bool {
-        self.memory.word(own::CHUNK_MODE) == 1 && self.chunks != 0
-    }
-
-    fn measure_payload(&mut self) {
-        let [columns, rows] =
-            [own::WIDTH, own::HEIGHT].map(|side| usize::try_from(self.memory.word(side)).unwrap_or(0));
-        let chunks = if self.has_chunks() { chunk::added_bytes() } else { 0 };
-        let bytes = self.format().bytes(columns * rows) + chunks;
-        self.memory.set(own::PAYLOAD_SIZE, u32::try_from(bytes).unwrap_or(u32::MAX));
-    }
-
-    fn start(&mut self) {
-        let mode = match self.memory.word(own::ACQUISITION_MODE) {
-            0 => Mode::Continuous,
-            1 => Mode::SingleFrame,
-            _ => Mode::MultiFrame(self.memory.word(own::FRAME_COUNT)),
-        };
-        self.number = self.number.wrapping_add(1);
-        let frames = self.acquisition.start(mode, self.memory.word(own::TRIGGER_MODE) == 1);
-        self.choose_frames();
-        self.publish();
-        self.shared.wanted.begin(self.number, frames);
-    }
-
-    fn stop(&mut self) {
-        self.shared.wanted.end();
-        self.number = self.number.wrapping_add(1);
-        self.acquisition.stop();
-    }
-
-    fn trigger(&mut self, source: u32) {
-        if self.memory.word(own::TRIGGER_SOURCE) == source && self.acquisition.trigger(&self.shared.wanted) {
-            self.tally().triggers.one();
-        }
     }
 
     fn is_meant(&self, action: Action) -> bool {

@@ -1,8 +1,10 @@
 //! The protocol with virtual time and no sockets, as a client of the bootstrap registers would speak it.
 
+mod proof_tests;
+
 use super::*;
 use crate::base::time::{Span, Tai};
-use crate::network_camera::registers::{at, own};
+use crate::network_camera::registers::{self, at, own};
 use proptest::prelude::*;
 use std::net::{Ipv4Addr, SocketAddrV4};
 
@@ -104,8 +106,25 @@ impl Bench {
         (parts[0].to_owned(), bytes)
     }
 
+    /// Takes control as clients do, which fetch the XML first.
     fn control(&mut self) {
+        self.prove(A);
         assert_eq!(self.write(A, at::CONTROL, 2), OK);
+    }
+
+    /// The address at which a client sees the XML of a URL register.
+    fn shown_at(&mut self, from: SocketAddrV4, url: u32) -> u32 {
+        let (status, answer) = self.ask(from, 0x84, &[url.to_be_bytes(), 512_u32.to_be_bytes()].concat()).unwrap();
+        assert_eq!(status, OK);
+        let text = String::from_utf8(answer[4..].to_vec()).unwrap();
+        u32::from_str_radix(text.split(';').nth(1).unwrap(), 16).unwrap()
+    }
+
+    /// Reads the first word of the XML where this client sees it.
+    fn prove(&mut self, from: SocketAddrV4) {
+        let address = self.shown_at(from, at::FIRST_URL);
+        let (status, _) = self.ask(from, 0x84, &[address.to_be_bytes(), 4_u32.to_be_bytes()].concat()).unwrap();
+        assert_eq!(status, OK);
     }
 
     /// A stream that runs.
@@ -140,7 +159,9 @@ fn both_urls_name_the_same_xml_and_each_of_its_addresses_can_be_read() {
         let mut bench = Bench::new(&Params { xml: form, ..Params::default() });
         let (first, second) = (bench.xml(at::FIRST_URL), bench.xml(at::SECOND_URL));
         let (plain, zipped) = if form == XmlForm::Zip { (second, first) } else { (first, second) };
-        assert_eq!((plain.0.as_str(), zipped.0.as_str()), ("Local:starloop.xml", "Local:starloop.zip"));
+        let run_number = bench.device.proof.run_number();
+        let names = ["xml", "zip"].map(|end| format!("Local:starloop_{run_number:08x}.{end}"));
+        assert_eq!([plain.0, zipped.0], names);
         let text = String::from_utf8(plain.1).unwrap();
         let mut inflated = String::new();
         let start = 30 + "starloop.xml".len();
@@ -275,7 +296,7 @@ fn many_registers_in_one_command_stop_at_the_first_refusal() {
     let addresses: Vec<u8> = [own::WIDTH, own::SENSOR_HEIGHT].iter().flat_map(|word| word.to_be_bytes()).collect();
     assert_eq!(bench.ask(A, 0x80, &addresses), Some((OK, vec![0, 0, 0, 9, 0, 0, 0, 17])));
     let name = [&at::USER_NAME.to_be_bytes()[..], b"north head\0\0"].concat();
-    assert_eq!(bench.ask(A, 0x86, &name), Some((OK, vec![0, 0, 0, 3])));
+    assert_eq!(bench.ask(A, 0x86, &name), Some((OK, vec![0, 0, 0, 12])), "bytes");
     assert!(bench.memory(at::USER_NAME, 16).starts_with(b"north head\0"));
 }
 
@@ -372,12 +393,12 @@ fn the_frame_rate_is_that_of_each_nth_frame() {
     let write = |rate: f64| [&own::FRAME_RATE.to_be_bytes()[..], &rate.to_be_bytes()].concat();
     let rate = |bench: &mut Bench| f64::from_be_bytes(bench.memory(own::FRAME_RATE, 8).try_into().unwrap());
     for (asked, taken) in [(10.0, 10.0), (5.0, 5.0), (9.9, 10.0), (3.4, 10.0 / 3.0), (0.01, 0.01), (1e-3, 1e-3)] {
-        assert_eq!(bench.ask(A, 0x86, &write(asked)), Some((OK, vec![0, 0, 0, 2])), "{asked}");
+        assert_eq!(bench.ask(A, 0x86, &write(asked)), Some((OK, vec![0, 0, 0, 8])), "{asked}");
         assert!((rate(&mut bench) - taken).abs() < 1e-9 * taken, "{asked}");
     }
     let before = rate(&mut bench);
     for asked in [10.001, 11.0, 1e-4, 0.0, -5.0, f64::NAN, f64::INFINITY] {
-        assert_eq!(bench.ask(A, 0x86, &write(asked)), Some((0x8002, vec![0, 0, 0, 1])), "{asked}");
+        assert_eq!(bench.ask(A, 0x86, &write(asked)), Some((0x8002, vec![0, 0, 0, 4])), "{asked}: at byte 4");
         assert!(rate(&mut bench) == before, "{asked}");
     }
     assert_eq!(bench.write(A, own::FRAME_RATE_MOST, 1), 0x8004);

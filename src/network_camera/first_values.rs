@@ -13,16 +13,27 @@ const DEVICE_MODE: u32 = 0x8000_0001;
 const GVCP_CAPABILITY: u32 = 0xC000_0047;
 /// Time stamps tick in nanoseconds.
 const TICKS_PER_S: u64 = 1_000_000_000;
-/// Heartbeat time of a client that asks for none, ms.
+/// Heartbeat time of a client that asks for none, ms; the longest of a client that has not proven its address.
 pub(super) const HEARTBEAT_MS: u32 = 3000;
+
+/// How one client sees the XML.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct XmlView {
+    /// Part of the file name, different in each run.
+    pub(super) run_number: u32,
+    /// Added to the XML's place in memory.
+    pub(super) shift: u32,
+}
 
 /// A client gets at least one frame in so many.
 pub(super) const ONE_IN_MOST: u16 = u16::MAX;
 
-/// Where the XML lies: two addresses, so that a client that cannot unzip reads the other.
-pub(super) fn write_urls(memory: &mut Memory, form: XmlForm, [plain_bytes, zip_bytes]: [usize; 2]) {
-    let plain = |from| format!("Local:starloop.xml;{from:x};{plain_bytes:x}");
-    let zip = |from| format!("Local:starloop.zip;{from:x};{zip_bytes:x}");
+/// Writes where one client sees the XML: two addresses, so that a client that cannot unzip reads the other.
+pub(super) fn write_urls(memory: &mut Memory, form: XmlForm, [plain_bytes, zip_bytes]: [usize; 2], view: XmlView) {
+    let XmlView { run_number, shift } = view;
+    let url = |end, from: u32, bytes| format!("Local:starloop_{run_number:08x}.{end};{:08x};{bytes:x}", from + shift);
+    let plain = |from| url("xml", from, plain_bytes);
+    let zip = |from| url("zip", from, zip_bytes);
     let (first, second) = match form {
         XmlForm::Zip => (zip(FIRST_XML), plain(SECOND_XML)),
         XmlForm::Plain => (plain(FIRST_XML), zip(SECOND_XML)),

@@ -5,7 +5,7 @@
 use crate::network_camera::error::NetworkCameraError;
 use crate::network_camera::params::{PACKET_BYTES_MAX, PACKET_BYTES_MIN};
 use nix::ifaddrs::{InterfaceAddress, getifaddrs};
-use nix::sys::socket::SockaddrStorage;
+use nix::sys::socket::{SockaddrStorage, setsockopt, sockopt};
 use rustix::net::sockopt::{Ipv4PathMtuDiscovery, set_socket_send_buffer_size, set_socket_timeout};
 use rustix::net::sockopt::{set_ip_mtu_discover, set_socket_broadcast, set_socket_reuseaddr};
 use rustix::net::{AddressFamily, SocketType, bind, socket};
@@ -119,6 +119,8 @@ pub(super) fn stream_socket(address: Ipv4Addr) -> Result<UdpSocket, NetworkCamer
     let open = || {
         let socket = UdpSocket::bind((address, 0))?;
         set_ip_mtu_discover(&socket, Ipv4PathMtuDiscovery::DO)?;
+        // Without this a socket that is not connected never learns that nobody receives its packets.
+        setsockopt(&socket, sockopt::Ipv4RecvErr, &true)?;
         set_socket_send_buffer_size(&socket, SEND_BUFFER_BYTES)?;
         set_socket_timeout(&socket, rustix::net::sockopt::Timeout::Send, Some(SEND_PATIENCE))?;
         Ok(socket)

@@ -57,6 +57,7 @@ impl Listener {
                 }
             }
             self.device.tick(self.clock.now());
+            self.device.end_stream_of(self.shared.gone());
         }
     }
 

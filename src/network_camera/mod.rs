@@ -45,11 +45,13 @@ mod pacing;
 mod packets;
 mod params;
 mod pixel_format;
+mod proof;
 mod registers;
 mod repeats;
 mod shared;
 mod slots;
 mod stream;
+mod unreachable;
 #[cfg(test)]
 mod tests;
 mod xml;

@@ -7,6 +7,7 @@ use crate::network_camera::counters::Tally;
 use crate::network_camera::gvsp::{Block, HEADER_BYTES, gone};
 use crate::network_camera::pacing::Pace;
 use crate::network_camera::params::PACKET_BYTES_MAX;
+use crate::network_camera::unreachable;
 use core::ops::Range;
 use rustix::io::Errno;
 use rustix::net::addr::SocketAddrArg;
@@ -40,6 +41,8 @@ pub(super) struct Sent {
     pub(super) next: u32,
     /// Packets that the system refused.
     pub(super) refused: u64,
+    /// The receiver's machine answered that it has no such port, or cannot be reached.
+    pub(super) is_gone: bool,
 }
 
 /// Where packets leave.
@@ -88,7 +91,8 @@ impl Outlet {
             filled += 1;
         }
         self.pace.wait(&*self.clock, bytes, filled, settings.delay_ns);
-        Sent { next, refused: self.send_all(to, &heads, &data, filled) }
+        let (refused, is_gone) = self.send_all(to, &heads, &data, filled);
+        Sent { next, refused, is_gone }
     }
 
     /// Tells that so many packets from `first` on are no more, one batch of them at most.
@@ -100,14 +104,15 @@ impl Outlet {
         self.send_all(to, &heads, &[&[]; BATCH], filled);
     }
 
-    /// Hands packets to the system; how many it refused.
+    /// Hands packets to the system. Returns how many it refused, and whether the receiver is gone.
     fn send_all(
         &self,
         to: SocketAddrV4,
         heads: &[[u8; HEADER_BYTES]; BATCH],
         data: &[&[u8]; BATCH],
         filled: usize,
-    ) -> u64 {
+    ) -> (u64, bool) {
+        let receiver = to;
         let to = to.as_any();
         let slices: [[IoSlice<'_>; 2]; BATCH] =
             core::array::from_fn(|at| [IoSlice::new(&heads[at]), IoSlice::new(data[at])]);
@@ -118,7 +123,8 @@ impl Outlet {
             at += 1;
             MMsgHdr::new_with_addr(&to, &slices[at - 1], control)
         });
-        let (mut sent, mut refused) = (0, 0);
+        let (mut sent, mut refused, mut is_gone) = (0, 0, false);
+        let mut stale_errors = 0;
         while sent < filled {
             let told = sendmmsg(&self.socket, &mut messages[sent..filled], SendFlags::empty());
             let bytes = |range: Range<usize>| -> usize { range.map(|at| HEADER_BYTES + data[at].len()).sum() };
@@ -129,6 +135,15 @@ impl Outlet {
                     sent += more;
                 }
                 Err(Errno::INTR) => {}
+                // An answer of the network to an earlier packet: this one was not sent yet.
+                Err(error) if is_unreachable(error) && stale_errors < STALE_ERRORS_MAX => {
+                    stale_errors += 1;
+                    if unreachable::take_answers(&self.socket, receiver) {
+                        is_gone = true;
+                        refused += (filled - sent) as u64;
+                        sent = filled;
+                    }
+                }
                 // A refused packet is lost, as on a wire; the client may ask for it again. The first of the rest was
                 // refused, or, when the wait for room was in vain, all of them: it is not waited for each.
                 told => {
@@ -139,8 +154,16 @@ impl Outlet {
             }
         }
         self.tally.packets_refused.add(refused);
-        refused
+        (refused, is_gone)
     }
+}
+
+/// Errors of earlier receivers that one batch steps over.
+const STALE_ERRORS_MAX: u32 = 8;
+
+/// Returns true for errors by which the system reports an ICMP answer to an earlier packet.
+fn is_unreachable(error: Errno) -> bool {
+    matches!(error, Errno::CONNREFUSED | Errno::HOSTUNREACH | Errno::NETUNREACH | Errno::ACCESS | Errno::NOPROTOOPT)
 }
 
 /// Time that test packets may run ahead of the rate: clients try sizes one after another.

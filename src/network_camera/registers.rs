@@ -108,7 +108,7 @@ impl Memory {
         Self { blocks }
     }
 
-    /// `bytes` of memory from a word's address.
+    /// Returns `bytes` of memory from a word's address. Here the XML is at its own place, not where clients see it.
     pub(super) fn read(&self, address: u32, bytes: usize) -> Result<&[u8], Status> {
         if !address.is_multiple_of(4) {
             return Err(Status::BadAlignment);

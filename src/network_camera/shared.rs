@@ -13,6 +13,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub(super) struct Shared {
     settings: Mutex<StreamSettings>,
     acquisition: AtomicU32,
+    /// The last acquisition whose receiver was found gone; 0 for none.
+    gone: AtomicU32,
     /// When the stream must be over; the end of time while the sink is there.
     deadline_ns: AtomicI64,
     ended: AtomicBool,
@@ -25,6 +27,7 @@ impl Shared {
         Self {
             settings: Mutex::new(StreamSettings::NONE),
             acquisition: AtomicU32::new(StreamSettings::NONE.acquisition),
+            gone: AtomicU32::new(0),
             deadline_ns: AtomicI64::new(i64::MAX),
             ended: AtomicBool::new(false),
             wanted: Arc::default(),
@@ -45,6 +48,18 @@ impl Shared {
     /// The acquisition of the settings.
     pub(super) fn acquisition(&self) -> u32 {
         self.acquisition.load(Ordering::Acquire)
+    }
+
+    /// Records that the receiver of an acquisition's stream is gone.
+    pub(super) fn receiver_is_gone(&self, acquisition: u32) {
+        if self.gone.swap(acquisition, Ordering::AcqRel) != acquisition {
+            self.tally.receivers_gone.one();
+        }
+    }
+
+    /// Returns the last acquisition whose receiver was found gone.
+    pub(super) fn gone(&self) -> u32 {
+        self.gone.load(Ordering::Acquire)
     }
 
     /// The sink has no more frames; those that wait may be sent until `deadline`.

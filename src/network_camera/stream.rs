@@ -134,7 +134,9 @@ impl Stream {
 
     fn send_frame(&mut self, slot: Slot) {
         let settings = self.shared.settings();
-        let is_of_now = slot.acquisition == settings.acquisition && !self.shared.is_overdue(self.outlet.now());
+        let is_gone = self.shared.gone() == settings.acquisition;
+        let is_of_now =
+            slot.acquisition == settings.acquisition && !is_gone && !self.shared.is_overdue(self.outlet.now());
         let destination = settings.destination.filter(|_| is_of_now);
         if destination.is_some() {
             self.write_block(&slot, settings);
@@ -171,6 +173,10 @@ impl Stream {
             }
             let sent = self.outlet.send(to, &self.kept.blocks[self.kept.newest], next..packets);
             (next, refused) = (sent.next, refused + sent.refused);
+            if sent.is_gone {
+                self.shared.receiver_is_gone(acquisition);
+                return self.shared.tally.frames_cut.one();
+            }
             let _nobody_may_be_left_to_ask = self.serve();
         }
         let tally = &self.shared.tally;

@@ -61,7 +61,26 @@ impl Client {
         assert_eq!(answer[..bytes], [&[0, 0, 0, 0x83, 0, 4][..], &id, &[0, 0, 0, 1]].concat(), "{address:x}");
     }
 
+    /// Data of one READMEM.
+    fn read(&self, address: u32, bytes: u32) -> Vec<u8> {
+        self.id.set(self.id.get() + 1);
+        let id = self.id.get().to_be_bytes();
+        let payload = [address.to_be_bytes(), bytes.to_be_bytes()].concat();
+        self.control.send(&[&[0x42, 1, 0, 0x84, 0, 8][..], &id, &payload].concat()).unwrap();
+        let mut answer = [0; 600];
+        let bytes = self.control.recv(&mut answer).unwrap();
+        answer[12..bytes].to_vec()
+    }
+
+    /// Reads the XML's first word where the camera shows it to this client.
+    fn prove_address(&self) {
+        let url = String::from_utf8(self.read(at::FIRST_URL, 512)).unwrap();
+        let address = u32::from_str_radix(url.split(';').nth(1).unwrap(), 16).unwrap();
+        assert_eq!(self.read(address, 4).len(), 4);
+    }
+
     fn start(&self) {
+        self.prove_address();
         self.write(at::CONTROL, 2);
         self.write(at::STREAM_ADDRESS, Ipv4Addr::LOCALHOST.to_bits());
         self.write(at::STREAM_PORT, self.stream.local_addr().unwrap().port().into());
@@ -298,6 +317,59 @@ fn single_frames_are_never_spent_on_the_acquisition_before() {
     let counters = camera.counters();
     assert_eq!((counters.frames_sent, counters.frames_cut), (200, 0), "{counters:?}");
     assert_eq!(accounted(&counters), counters.frames_offered);
+}
+
+#[test]
+fn stream_to_a_port_that_is_closed_is_stopped_by_the_answer_of_the_network() {
+    let mut camera = camera(&Params { frames_queued: 16, ..Params::default() });
+    let client = Client::of(&camera);
+    client.start();
+    camera.send(&sample_frame(1)).unwrap();
+    assert_eq!(block(&client).0, 1);
+    // The client breaks down: its control port stays, its stream port is closed.
+    let Client { control, stream, id } = client;
+    drop(stream);
+    let mut number = 2;
+    while camera.counters().receivers_gone == 0 {
+        assert!(number < 2_000, "never noticed: {:?}", camera.counters());
+        camera.send(&sample_frame(number)).unwrap();
+        std::thread::sleep(Duration::from_millis(5));
+        number += 1;
+    }
+    // A new acquisition of the same client runs.
+    let stream = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    let client = Client { control, stream, id };
+    client.start();
+    camera.send(&sample_frame(number)).unwrap();
+    assert_eq!(block(&client).0, 1);
+    camera.finish().unwrap();
+    let counters = camera.counters();
+    assert_eq!(counters.receivers_gone, 1);
+    assert_eq!(accounted(&counters), counters.frames_offered, "{counters:?}");
+}
+
+#[test]
+fn client_that_never_reads_an_answer_gets_no_stream() {
+    let mut camera = camera(&Params { frames_queued: 16, ..Params::default() });
+    let client = Client::of(&camera);
+    let write = |id: u8, words: &[u32]| {
+        let payload: Vec<u8> = words.iter().flat_map(|word| word.to_be_bytes()).collect();
+        let length = u8::try_from(payload.len()).unwrap();
+        client.control.send(&[&[0x42, 1, 0, 0x82, 0, length, 0, id][..], &payload].concat()).unwrap()
+    };
+    let port = u32::from(client.stream.local_addr().unwrap().port());
+    let address = Ipv4Addr::LOCALHOST.to_bits();
+    let words = [at::STREAM_PORT, port, at::STREAM_ADDRESS, address, own::ACQUISITION_START, 1];
+    let sent = write(1, &[at::CONTROL, 2]) + write(2, &words);
+    let mut answers = 0;
+    let mut answer = [0; 600];
+    (0..2).for_each(|_| answers += client.control.recv(&mut answer).unwrap());
+    (1..=20).for_each(|number| camera.send(&sample_frame(number)).unwrap());
+    camera.finish().unwrap();
+    let counters = camera.counters();
+    assert_eq!((counters.packets, counters.frames_not_wanted, counters.unproven_refused), (0, 20, 1), "{counters:?}");
+    assert!(answers <= 3 * sent, "{answers} bytes for {sent}");
 }
 
 #[test]

@@ -36,6 +36,7 @@ fuzz_target!(|bytes: &[u8]| {
     };
     let mut device = Device::new(&Params::default(), &sensor, place).expect("a legal camera");
     let mut now = Tai::from_ns(1_000_000_000);
+    SENDERS.into_iter().for_each(|sender| prove(&mut device, sender, now));
     while !input.is_empty() {
         let from = SENDERS[input.below(3)];
         now = now + Span::from_ms(i64::from(input.u8()) * 20);
@@ -52,6 +53,20 @@ fuzz_target!(|bytes: &[u8]| {
         assert!(!is_bystander || device.stream() == before, "changed by {from}, controlled by {controller:?}");
     }
 });
+
+/// Reads the XML where the camera shows it to this sender: without that no stream starts.
+fn prove(device: &mut Device, sender: SocketAddrV4, now: Tai) {
+    let mut read = |address: u32, bytes: u32| {
+        let mut answer = Answer::default();
+        let payload = [address.to_be_bytes(), bytes.to_be_bytes()].concat();
+        device.answer(sender, &[&[0x42, 1, 0, 0x84, 0, 8, 0, 2][..], &payload].concat(), now, &mut answer);
+        answer.reply.get(12..).unwrap_or_default().to_vec()
+    };
+    let url = String::from_utf8(read(0x200, 512)).expect("a URL");
+    if let Some(address) = url.split(';').nth(1) {
+        read(u32::from_str_radix(address, 16).expect("an address"), 4);
+    }
+}
 
 /// Noise, or a command of likely addresses.
 fn datagram(input: &mut Input<'_>) -> Vec<u8> {

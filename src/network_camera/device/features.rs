@@ -1,0 +1,129 @@
+//! Writes to the camera's own features, and the acquisition that they start and stop.
+
+use super::{Device, SOURCE_SOFTWARE};
+use crate::network_camera::acquisition::Mode;
+use crate::network_camera::chunk;
+use crate::network_camera::first_values::ONE_IN_MOST;
+use crate::network_camera::gvcp::Status;
+use crate::network_camera::pixel_format::PixelFormat;
+use crate::network_camera::registers::{Memory, own};
+
+impl Device {
+    pub(super) fn write_feature(&mut self, address: u32, value: u32) -> Result<(), Status> {
+        let is_free = !self.acquisition.is_running(&self.shared.wanted);
+        let free = || if is_free { Ok(()) } else { Err(Status::Busy) };
+        let set_if = |memory: &mut Memory, is_legal: bool| {
+            let done = if is_legal { Ok(()) } else { Err(Status::InvalidParameter) };
+            done.map(|()| memory.set(address, value))
+        };
+        let memory = &mut self.memory;
+        let room = |sensor, taken| memory.word(sensor).saturating_sub(memory.word(taken));
+        match address {
+            own::WIDTH => {
+                let most = room(own::SENSOR_WIDTH, own::OFFSET_X);
+                free().and_then(|()| set_if(memory, (1..=most).contains(&value)))?;
+            }
+            own::HEIGHT => {
+                let most = room(own::SENSOR_HEIGHT, own::OFFSET_Y);
+                free().and_then(|()| set_if(memory, (1..=most).contains(&value)))?;
+            }
+            own::OFFSET_X => {
+                let most = room(own::SENSOR_WIDTH, own::WIDTH);
+                free().and_then(|()| set_if(memory, value <= most))?;
+            }
+            own::OFFSET_Y => {
+                let most = room(own::SENSOR_HEIGHT, own::HEIGHT);
+                free().and_then(|()| set_if(memory, value <= most))?;
+            }
+            own::PIXEL_FORMAT => free().and_then(|()| set_if(memory, PixelFormat::from_code(value).is_some()))?,
+            own::ACQUISITION_MODE => free().and_then(|()| set_if(memory, value <= 2))?,
+            own::FRAME_COUNT => free().and_then(|()| set_if(memory, (1..=65_535).contains(&value)))?,
+            own::TRIGGER_MODE | own::TRIGGER_SOURCE | own::CHUNK_MODE => {
+                free().and_then(|()| set_if(memory, value <= 1))?;
+            }
+            own::CHUNK_SELECTOR => {
+                set_if(memory, (value as usize) < chunk::FIELDS.len())?;
+                memory.set(own::CHUNK_ENABLE, self.chunks >> value & 1);
+            }
+            own::CHUNK_ENABLE => {
+                free().and_then(|()| set_if(memory, value <= 1))?;
+                let selected = 1 << memory.word(own::CHUNK_SELECTOR);
+                self.chunks = (self.chunks & !selected) | (selected * value);
+            }
+            own::PARAMETERS_LOCKED => set_if(memory, value <= 1)?,
+            own::FRAME_RATE => self.rate_high = value,
+            own::FRAME_RATE_LOW => return self.write_rate(value),
+            own::ACQUISITION_START => {
+                self.must_be_proven()?;
+                self.start();
+            }
+            own::ACQUISITION_STOP => self.stop(),
+            own::TRIGGER_SOFTWARE => self.trigger(SOURCE_SOFTWARE),
+            _ => return memory.read(address, 4).and(Err(Status::WriteProtect)),
+        }
+        self.measure_payload();
+        Ok(())
+    }
+
+    /// The rate nearest to the one that is asked for: the bench's, or that of each n-th of its frames.
+    fn write_rate(&mut self, low: u32) -> Result<(), Status> {
+        let asked_hz = f64::from_bits(u64::from(self.rate_high) << 32 | u64::from(low));
+        let bench_hz = self.memory.float(own::FRAME_RATE_MOST);
+        let one_in = (bench_hz / asked_hz).round();
+        if !(1.0..=f64::from(ONE_IN_MOST)).contains(&one_in) || asked_hz > bench_hz {
+            return Err(Status::InvalidParameter);
+        }
+        self.memory.set_long(own::FRAME_RATE, (bench_hz / one_in).to_bits());
+        self.choose_frames();
+        Ok(())
+    }
+
+    /// With triggers each frame is chosen by one of them, not by a rate.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole, 1 to 65535")]
+    fn choose_frames(&self) {
+        let is_triggered = self.memory.word(own::TRIGGER_MODE) == 1;
+        let one_in = (self.memory.float(own::FRAME_RATE_MOST) / self.memory.float(own::FRAME_RATE)).round() as u32;
+        self.shared.wanted.choose_one_in(if is_triggered { 1 } else { one_in });
+    }
+
+    pub(super) fn format(&self) -> PixelFormat {
+        PixelFormat::from_code(self.memory.word(own::PIXEL_FORMAT)).unwrap_or(PixelFormat::Mono16)
+    }
+
+    pub(super) fn has_chunks(&self) -> bool {
+        self.memory.word(own::CHUNK_MODE) == 1 && self.chunks != 0
+    }
+
+    pub(super) fn measure_payload(&mut self) {
+        let [columns, rows] =
+            [own::WIDTH, own::HEIGHT].map(|side| usize::try_from(self.memory.word(side)).unwrap_or(0));
+        let chunks = if self.has_chunks() { chunk::added_bytes() } else { 0 };
+        let bytes = self.format().bytes(columns * rows) + chunks;
+        self.memory.set(own::PAYLOAD_SIZE, u32::try_from(bytes).unwrap_or(u32::MAX));
+    }
+
+    fn start(&mut self) {
+        let mode = match self.memory.word(own::ACQUISITION_MODE) {
+            0 => Mode::Continuous,
+            1 => Mode::SingleFrame,
+            _ => Mode::MultiFrame(self.memory.word(own::FRAME_COUNT)),
+        };
+        self.number = self.number.wrapping_add(1);
+        let frames = self.acquisition.start(mode, self.memory.word(own::TRIGGER_MODE) == 1);
+        self.choose_frames();
+        self.publish();
+        self.shared.wanted.begin(self.number, frames);
+    }
+
+    pub(super) fn stop(&mut self) {
+        self.shared.wanted.end();
+        self.number = self.number.wrapping_add(1);
+        self.acquisition.stop();
+    }
+
+    pub(super) fn trigger(&mut self, source: u32) {
+        if self.memory.word(own::TRIGGER_SOURCE) == source && self.acquisition.trigger(&self.shared.wanted) {
+            self.tally().triggers.one();
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! Clients that have not proven their address get nothing large, and hold nothing for long.
+
+use super::*;
+
+#[test]
+fn stream_and_test_packet_of_a_client_that_has_not_read_the_xml_are_refused() {
+    let mut bench = bench();
+    assert_eq!(bench.write(A, at::CONTROL, 2), OK);
+    bench.write(A, at::STREAM_ADDRESS, A.ip().to_bits());
+    bench.write(A, at::STREAM_PORT, 1234);
+    assert_eq!(bench.write(A, own::ACQUISITION_START, 1), 0x8006);
+    assert_eq!(bench.write(A, at::PACKET_SIZE, 0x8000_0000 | 1400), 0x8006);
+    assert_eq!((bench.device.stream().destination, bench.answer.test_packet), (None, None));
+    // What another client is shown is of no use.
+    let of_another = bench.shown_at(B, at::FIRST_URL);
+    let read = |address: u32| [address.to_be_bytes(), 4_u32.to_be_bytes()].concat();
+    assert_eq!(bench.ask(A, 0x84, &read(of_another)).unwrap().0, 0x8003);
+    assert_eq!(bench.ask(A, 0x84, &read(registers::FIRST_XML)).unwrap().0, 0x8003, "nor is its place in memory");
+    assert_eq!(bench.write(A, own::ACQUISITION_START, 1), 0x8006);
+    bench.prove(A);
+    assert_eq!(bench.write(A, own::ACQUISITION_START, 1), OK);
+    assert_eq!(bench.device.stream().destination.map(|to| *to.ip()), Some(*A.ip()));
+    let counters = bench.device.counters();
+    assert_eq!((counters.unproven_refused, counters.xml_misses), (3, 1));
+}
+
+#[test]
+fn blind_datagrams_get_at_most_three_times_their_bytes() {
+    /// IP and UDP headers, which both directions have.
+    const IP_UDP: usize = 28;
+    let answered_and_sent = |is_blind: bool| {
+        let mut bench = bench();
+        let mut bytes = [0, 0];
+        let mut send = |bench: &mut Bench, words: &[u32]| {
+            let payload: Vec<u8> = words.iter().flat_map(|word| word.to_be_bytes()).collect();
+            bench.ask(A, 0x82, &payload);
+            let test = bench.answer.test_packet.map_or(0, |(_, bytes)| bytes + IP_UDP);
+            bytes[0] += 8 + payload.len() + IP_UDP;
+            bytes[1] += bench.answer.reply.len() + IP_UDP + test;
+        };
+        send(&mut bench, &[at::CONTROL, 2]);
+        let words = [
+            [at::HEARTBEAT_MS, 600_000],
+            [at::STREAM_PORT, 1234],
+            [at::STREAM_ADDRESS, A.ip().to_bits()],
+            [at::PACKET_SIZE, 0x8000_0000 | 1500],
+            [own::ACQUISITION_START, 1],
+        ];
+        if !is_blind {
+            bench.prove(A);
+        }
+        send(&mut bench, &words.concat());
+        words.iter().for_each(|word| send(&mut bench, word));
+        (bytes[1] as f64 / bytes[0] as f64, bench.device.stream().destination.is_some())
+    };
+    let (ratio, streams) = answered_and_sent(true);
+    assert!(ratio <= 3.0 && !streams, "{ratio} times the bytes, stream open: {streams}");
+    let (ratio, streams) = answered_and_sent(false);
+    assert!(ratio > 3.0 && streams, "a client that reads its answers gets what it asks for: {ratio}");
+}
+
+#[test]
+fn heartbeat_of_an_unproven_or_remote_controller_is_bounded() {
+    let mut bench = bench();
+    assert_eq!(bench.write(A, at::CONTROL, 1), OK, "exclusive");
+    assert_eq!(bench.read(B, own::WIDTH), Ok(31), "one datagram shuts out no reader");
+    bench.write(A, at::HEARTBEAT_MS, 600_000);
+    assert_eq!(bench.read(A, at::HEARTBEAT_MS), Ok(30_000), "other machines reach this camera");
+    bench.now = bench.now + Span::from_ms(3_000);
+    bench.device.tick(bench.now);
+    assert_eq!(bench.device.counters().controllers_timed_out, 0);
+    bench.now = bench.now + Span::from_ms(1);
+    bench.device.tick(bench.now);
+    assert_eq!(bench.device.counters().controllers_timed_out, 1, "it has not proven its address");
+    bench.control();
+    bench.write(A, at::CONTROL, 1);
+    bench.write(A, at::HEARTBEAT_MS, 600_000);
+    assert_eq!(bench.read(B, own::WIDTH), Err(0x8006), "proven, and exclusive");
+    bench.now = bench.now + Span::from_ms(29_000);
+    bench.device.tick(bench.now);
+    assert_eq!(bench.read(A, at::CONTROL), Ok(1));
+    bench.now = bench.now + Span::from_ms(30_001);
+    bench.device.tick(bench.now);
+    assert_eq!(bench.read(B, own::WIDTH), Ok(31));
+}
