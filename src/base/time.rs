@@ -3,7 +3,7 @@
 //! | scale | relation | functions |
 //! |---|---|---|
 //! | TAI, PTP | the same count, by definition of the PTP epoch (IEEE 1588) | `ns`, `from_ns` |
-//! | UTC | TAI less leap seconds (table in `base::leap`) | `from_rfc3339`, `to_rfc3339`, `julian_date_utc` |
+//! | UTC | TAI less leap seconds (table in `base::leap`) | `from_rfc3339`, `to_rfc3339` |
 //! | Unix | UTC without its leap seconds | `to_unix_ns`, `from_unix_ns`, `unix_s` |
 //! | TT | TAI + 32.184 s, exactly (IAU 1991) | `to_tt_ns`, `from_tt_ns` |
 //! | TDB | TT and 1.66 ms of one sine of the year (by `hifitime`; 60 us are left out: 2 m of the Earth's way) | `days_tdb_since_j2000` |
@@ -25,7 +25,6 @@ const TT_LESS_TAI_NS: i64 = 32_184_000_000;
 /// 1980-01-06T00:00:00 UTC, when TAI - UTC was 19 s.
 const GPS_EPOCH_NS: i64 = (3657 * 86_400 + 19) * NS_PER_S;
 /// Julian date of 1970-01-01T00:00:00.
-const JULIAN_DATE_1970: f64 = 2_440_587.5;
 
 /// An instant: nanoseconds of TAI since 1970-01-01T00:00:00 TAI.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -187,12 +186,6 @@ impl Tai {
     #[must_use]
     pub fn days_tdb_since_j2000(self) -> f64 {
         self.epoch().to_tdb_seconds() / DAY_S
-    }
-
-    /// Julian date on the UTC scale (for SGP4 and displays; ambiguous inside a leap second).
-    #[must_use]
-    pub fn julian_date_utc(self) -> f64 {
-        JULIAN_DATE_1970 + self.utc_count_ns() as f64 / (DAY_S * NS_PER_S as f64)
     }
 
     /// Seconds UTC since 1970-01-01T00:00:00 UTC, as Unix time counts them.

@@ -69,6 +69,9 @@ pub fn run(arguments: &CampaignArgs) -> Result<u8> {
     let episode_s = scenario.bench.timing.duration_s;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked: at most 1e10")]
     let episodes = ((arguments.hours * 3600.0 / episode_s).ceil() as u64).max(1);
+    if arguments.hours * 3600.0 < episode_s {
+        eprintln!("--hours {}: one episode of this scenario takes {episode_s} s, and is flown whole", arguments.hours);
+    }
     let seeds = seeds(arguments.seed, episodes, arguments.shard)?;
     // A run that is hardly long enough may draw none at all: that would be no campaign.
     if seeds.iter().all(|seed| random_faults(&scenario, *seed).is_empty()) {

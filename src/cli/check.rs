@@ -13,7 +13,7 @@ use crate::cli::check_scenario;
 use crate::cli::check_targets;
 use crate::cli::frame_plan::FramePlans;
 use crate::cli::radiometry_told::radiometry_told;
-use crate::config::{Bench, Document, Event, Scenario, StartTime, is_scenario};
+use crate::config::{Bench, Document, Event, Scenario, Setting, StartTime, is_scenario};
 use crate::detector::cost::effect_costs;
 use crate::runtime::field_light::FieldLight;
 use crate::runtime::{Imager, RunParams};
@@ -37,6 +37,10 @@ pub struct CheckArgs {
     /// Predict with the built-in costs, whatever `starloop calibrate` has measured
     #[arg(long)]
     built_in_costs: bool,
+    /// Change a value of the file before it is checked, as for `starloop run`, such as timing.frame_rate_hz=5; may be
+    /// repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    settings: Vec<String>,
 }
 
 /// The keys of `[[event]]`, from the list that files are checked by.
@@ -57,6 +61,8 @@ pub fn run(arguments: &CheckArgs) -> Result<()> {
         Some(path) => Document::open(path)?,
         None => Bench::built_in_document()?,
     };
+    let settings = arguments.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
+    let document = document.with_settings(settings);
     print!("{}", checked(&document, arguments.built_in_costs)?);
     Ok(())
 }
@@ -293,7 +299,7 @@ mod tests {
     #[test]
     fn a_scenario_that_cannot_be_flown_is_refused() {
         let event = "event=[{ at_s = 1.0, do = \"wheel_failure\", wheel = 9 }]";
-        let settings = vec![crate::config::Setting::parse(event).unwrap()];
+        let settings = vec![Setting::parse(event).unwrap()];
         let document = Document::built_in("scenarios/acquisition.toml").unwrap().with_settings(settings);
         let error = format!("{:#}", checked(&document, true).unwrap_err());
         assert!(error.contains("wheel_failure") && error.contains("wheel 9"), "{error}");

@@ -1,5 +1,6 @@
 //! One file per command; parses the command line, wires rooms, prints.
 
+mod advice;
 pub mod budget;
 mod budget_advice;
 mod budget_files;
@@ -29,6 +30,7 @@ mod check_targets;
 pub mod display;
 mod display_latency;
 mod display_measurements;
+pub mod degrees;
 mod frame_plan;
 pub mod link_check;
 mod lettering;
@@ -157,7 +159,7 @@ fn end_with_the_reader() {
 #[must_use]
 pub fn main() -> ExitCode {
     end_with_the_reader();
-    let done = match Arguments::parse().command {
+    let done = match advice::parsed::<Arguments>().command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Budget(arguments) => budget::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),

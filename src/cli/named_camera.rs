@@ -10,9 +10,8 @@ use std::path::Path;
 /// With what is wrong with the file.
 pub(super) fn named_camera(path: Option<&Path>) -> Result<Camera> {
     let Some(path) = path else { return Ok(Bench::built_in()?.camera) };
-    let name = path.to_string_lossy();
-    let is_built_in = !path.exists() && Document::built_in_paths().any(|known| known == name);
-    let document = if is_built_in { Document::built_in(&name)? } else { Document::open(path)? };
+
+    let document = Document::open(path)?;
     if is_camera(&document) {
         return Ok(Camera::from_document(&document)?);
     }

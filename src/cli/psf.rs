@@ -81,6 +81,9 @@ pub fn run(arguments: &PsfArgs) -> Result<()> {
     if let Some(bad) = arguments.at.iter().find(|share| !(0.0..=1000.0).contains(*share)) {
         bail!("--at has {bad}; wanted shares of the Nyquist frequency, 0 to 1000, such as 0.5,1");
     }
+    if let Some(path) = arguments.plot.as_ref().filter(|path| path.extension().is_none_or(|end| end != "svg")) {
+        bail!("--plot: got {}, wanted a name that ends in .svg: plots are SVG files", path.display());
+    }
     let mut star = Star::new(named_camera(arguments.file.as_deref())?, arguments.bp_rp)?;
     if let Some(place) = &arguments.place {
         star.move_to(place)?;

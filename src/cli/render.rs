@@ -5,10 +5,12 @@ use crate::base::accuracy::AccuracyBudget;
 use crate::base::axes::{Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
 use crate::base::clock::Stopwatch;
 use crate::base::time::{Span, Tai};
+use crate::cli::degrees::{declination_deg, right_ascension_deg};
+use crate::cli::named_camera::named_camera;
 use crate::cli::render_input::{four, read_los, read_los_samples, read_sources, three};
 use crate::cli::render_output::{Format, format_of, write_dn, write_electrons, write_truth};
 use crate::cli::run::BackendName;
-use crate::config::{Camera, STAR_MEMORY_MB};
+use crate::config::STAR_MEMORY_MB;
 use crate::detector::Seeds;
 use crate::detector::window::OutputGeometry;
 use crate::exposure::{ExposurePlan, MethodChoice, Motion, Planner, Source};
@@ -31,22 +33,22 @@ use std::path::PathBuf;
 /// Command line of `render`.
 #[derive(Debug, Args)]
 pub struct RenderArgs {
-    /// Camera file (TOML)
+    /// Camera or bench file (TOML), or the name of a built-in one, such as cameras/star_tracker_20deg.toml
     #[arg(long, value_name = "FILE")]
     camera: PathBuf,
     /// Right ascension of the boresight, degrees (ICRF)
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true, requires = "dec", conflicts_with = "attitude")]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, requires = "dec", conflicts_with = "attitude", value_parser = right_ascension_deg)]
     ra: Option<f64>,
     /// Declination of the boresight, degrees (ICRF)
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true, requires = "ra")]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, requires = "ra", value_parser = declination_deg)]
     dec: Option<f64>,
-    /// Position angle of the image's up direction (towards row 0), east of north, degrees; 0: north up, east left
+    /// Position angle of the image's up direction (towards row 0), east of north, degrees [default: 0, north up, east left]
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, requires = "ra")]
     roll: Option<f64>,
     /// Attitude quaternion `sensor_from_icrf`: Hamilton, scalar first, passive (v_sensor = q v_icrf q*)
     #[arg(long, value_name = "W,X,Y,Z", allow_hyphen_values = true, value_parser = four)]
     attitude: Option<[f64; 4]>,
-    /// Middle of the exposure (UTC)
+    /// Middle of the exposure, UTC; a time without a zone, or a date alone, is UTC too
     #[arg(long, value_name = "RFC3339", default_value = "2026-01-01T00:00:00Z", value_parser = Tai::from_rfc3339)]
     time: Tai,
     /// Angular rate of the sensor with respect to ICRF, sensor axes, deg/s
@@ -108,7 +110,7 @@ enum StageName {
 /// With what could not be done, and why.
 pub fn run(arguments: &RenderArgs) -> Result<()> {
     let format = format_of(&arguments.out)?;
-    let camera = camera_params(&Camera::load(&arguments.camera)?)?;
+    let camera = camera_params(&named_camera(Some(&arguments.camera))?)?;
     let mut scene = Scene::new(arguments, camera)?;
     if let Some(note) = scene.imager.note() {
         eprintln!("{note}");

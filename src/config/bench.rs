@@ -7,12 +7,14 @@ use crate::config::camera::Camera;
 use crate::config::check::{Checker, Defaulted};
 use crate::config::document::Document;
 use crate::config::error::ConfigError;
+use crate::config::file_kind::{FileKind, must_be};
 use crate::config::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
 use crate::config::head::{HEADS_MAX, HeadKeys, check_heads};
 use crate::config::link::{Carrier, Doors, Link, Wire};
 use crate::config::link_keys::LinkKeys;
 use crate::config::observer::{Observer, ObserverKeys};
 use crate::config::session::{Session, SessionKeys};
+use crate::config::several::check_all;
 use crate::config::sink::{Sink, SinkKeys, SinkSettings};
 use crate::config::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, check_accuracy};
 use crate::config::target::{Overlap, TargetKeys, TargetSettings, check_overlap, check_targets};
@@ -234,8 +236,13 @@ impl Bench {
     /// Checks a bench that is already text.
     ///
     /// # Errors
-    /// The first thing that is wrong.
+    /// Everything that is wrong, as far as one error does not hide another.
     pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
+        must_be(FileKind::Bench, document)?;
+        check_all(document, Self::checked)
+    }
+
+    fn checked(document: &Document) -> Result<Self, ConfigError> {
         let keys: BenchKeys = document.read_as()?;
         let mut check = Checker::new(document);
         let name = check.given_or("name", keys.name, document.stem());
@@ -256,6 +263,7 @@ impl Bench {
         let star_memory_mb = keys.sky.memory_mb(&mut check)?;
         let bodies = check.given_or("sky.bodies", keys.sky.bodies, false);
         let flight_computer = FlightComputer::check(&keys.flight_computer, &mut check)?;
+        flight_computer.check_slew_begins_before(timing.duration_s, &check)?;
         check_classic_jitter(&link, &flight_computer, &check)?;
         check_both_ends(&link, &extra_links, &flight_computer, &check)?;
         let (attitude_hz, jitter_hz) = (flight_computer.attitude_hz, flight_computer.jitter_sample_hz);

@@ -9,10 +9,12 @@ use crate::config::detector::{Detector, DetectorKeys};
 use crate::config::detector_effects::tdi_exposure;
 use crate::config::document::Document;
 use crate::config::error::ConfigError;
+use crate::config::file_kind::{FileKind, must_be};
 use crate::config::illumination::IlluminationKeys;
 use crate::config::mtf::{MtfKeys, belongs_to_chain};
 use crate::config::optics::{Distortion, DistortionKeys, Optics, OpticsKeys, Psf, PsfKeys};
 use crate::config::radiometry::{Exposure, ExposureKeys, Radiometry, RadiometryKeys, RadiometryModel};
+use crate::config::several::check_all;
 use crate::exposure::PsfSampling;
 use crate::optics::{Band, BandRadiometry, Illumination, StarLight};
 use serde::Deserialize;
@@ -80,6 +82,11 @@ impl Camera {
     /// # Errors
     /// The first thing that is wrong with it.
     pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
+        must_be(FileKind::Camera, document)?;
+        check_all(document, Self::checked)
+    }
+
+    fn checked(document: &Document) -> Result<Self, ConfigError> {
         let keys: CameraKeys = document.read_as()?;
         let mut check = Checker::new(document);
         let name = check.given_or("name", keys.name, document.stem());

@@ -1,5 +1,6 @@
 //! One TOML text and where it came from: a file, or compiled in.
 
+use crate::config::blame::without_the_blamed;
 use crate::config::error::ConfigError;
 use crate::config::setting::{NAMES_A_FILE, Setting};
 use serde::de::DeserializeOwned;
@@ -104,18 +105,29 @@ struct PackedText {
 }
 
 impl Document {
-    /// Reads a file.
+    /// Reads a file; where there is none, the configuration of the binary with this path below `configs/`.
     ///
     /// # Errors
     /// When it cannot be read.
     pub fn open(path: &Path) -> Result<Self, ConfigError> {
+        let below_configs = path.strip_prefix("configs").unwrap_or(path);
+        let is_built_in = BUILT_IN.iter().any(|(known, _)| Path::new(known) == below_configs);
+        if is_built_in && !path.exists() {
+            return Self::find_built_in(below_configs, String::new());
+        }
         Self::read(path, String::new())
+    }
+
+    /// The same document without the key that an error is about; `None` when that cannot be found.
+    pub(super) fn without_the_blamed(&self, error: &ConfigError) -> Option<Self> {
+        let text = without_the_blamed(&self.text, &self.name(), error)?;
+        Some(Self { text, ..self.clone() })
     }
 
     fn read(path: &Path, named_by: String) -> Result<Self, ConfigError> {
         let refuse = |error: std::io::Error| ConfigError::Read {
             file: path.display().to_string(),
-            why: error.to_string(),
+            why: reason(&error),
             named_by,
         };
         let text = std::fs::read_to_string(path).map_err(refuse)?;
@@ -268,7 +280,8 @@ impl Document {
             // Read after each change: the first that cannot be read is the one to blame.
             if setting.apply(&mut table)? {
                 let told = setting.told();
-                read = table.clone().try_into().map_err(|error| refusal(&error, told.to_owned(), told))?;
+                let place = format!("{told} ({})", self.name());
+                read = table.clone().try_into().map_err(|error| refusal(&error, place, setting.value_text()))?;
             }
         }
         Ok(read)
@@ -303,7 +316,27 @@ impl Document {
     fn refuse(&self, error: &toml::de::Error) -> ConfigError {
         let offset = error.span().map_or(0, |span| span.start);
         let text = self.text.lines().nth(self.line_of_offset(offset) - 1).unwrap_or_default();
-        refusal(error, self.place_of_offset(offset), text.trim())
+        let mut refused = refusal(error, self.place_of_offset(offset), text.trim());
+        if let ConfigError::Syntax { why, .. } = &mut refused {
+            if error.message().contains("duplicate key") {
+                why.push_str(&self.first_line_of(text));
+            }
+            if let Origin::File(path) = &self.origin
+                && path.extension().is_none_or(|end| end != "toml")
+                && self.text.parse::<toml::Table>().is_err()
+            {
+                why.push_str(" (wanted a TOML file: a bench, a scenario or a camera)");
+            }
+        }
+        refused
+    }
+
+    /// Where the key of a line is given for the first time, as a clause.
+    fn first_line_of(&self, line: &str) -> String {
+        let key_of = |line: &str| line.split_once('=').map(|(key, _)| key.trim().to_owned());
+        let (Some(key), lines) = (key_of(line), self.text.lines()) else { return String::new() };
+        let first = lines.zip(1..).find(|(other, _)| key_of(other).as_ref() == Some(&key));
+        first.map(|(_, number)| format!(": `{key}` is already in line {number}")).unwrap_or_default()
     }
 
     /// Whether the text has this top-level key; false when it cannot be parsed.
@@ -348,8 +381,17 @@ fn refusal(error: &toml::de::Error, place: String, text: &str) -> ConfigError {
 
 /// Of `known`, the name most like `name`, when any is like it.
 pub(super) fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    let scored = known.map(|candidate| (strsim::jaro_winkler(name, candidate), candidate));
+    let name = name.to_lowercase();
+    let scored = known.map(|candidate| (strsim::jaro_winkler(&name, &candidate.to_lowercase()), candidate));
     scored.filter(|(score, _)| *score >= NEAR_ENOUGH).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, name)| name)
+}
+
+/// What the system says of a file that cannot be read, in words for a person.
+fn reason(error: &std::io::Error) -> String {
+    match error.kind() {
+        std::io::ErrorKind::InvalidData => "it is not text; wanted a TOML file".into(),
+        _ => error.to_string(),
+    }
 }
 
 /// A reader's message without the names of our types.

@@ -35,6 +35,26 @@ pub enum ConfigError {
         /// All keys known in that table.
         known: String,
     },
+    /// A file of another kind.
+    #[error("{place}: is a {got} file; wanted a {wanted} file: {advice}")]
+    WrongKind {
+        /// The file.
+        place: String,
+        /// Its kind.
+        got: &'static str,
+        /// The kind that is needed here.
+        wanted: &'static str,
+        /// What takes a file of its kind.
+        advice: &'static str,
+    },
+    /// Several errors of one document.
+    #[error("{first}{}", lines_of(others))]
+    Several {
+        /// The first.
+        first: Box<ConfigError>,
+        /// Found with the keys of those before left out.
+        others: Vec<ConfigError>,
+    },
     /// A value that cannot be.
     #[error("{place}: {key} is {got}; wanted {wanted}: {advice}")]
     Invalid {
@@ -49,4 +69,27 @@ pub enum ConfigError {
         /// What to try.
         advice: String,
     },
+}
+
+impl ConfigError {
+    /// Returns several errors as one; a single one stays itself.
+    pub(super) fn of(mut errors: Vec<Self>) -> Self {
+        if errors.len() == 1 {
+            return errors.remove(0);
+        }
+        let first = Box::new(errors.remove(0));
+        Self::Several { first, others: errors }
+    }
+
+    /// Returns the key to blame, when there is one.
+    pub(super) fn key(&self) -> Option<&str> {
+        match self {
+            Self::UnknownKey { key, .. } | Self::Invalid { key, .. } => Some(key),
+            Self::Read { .. } | Self::Syntax { .. } | Self::WrongKind { .. } | Self::Several { .. } => None,
+        }
+    }
+}
+
+fn lines_of(others: &[ConfigError]) -> String {
+    others.iter().map(|error| format!("\n  {error}")).collect()
 }

@@ -7,6 +7,8 @@ use crate::config::error::ConfigError;
 use glam::DVec3;
 use serde::Deserialize;
 
+/// Least and largest right ascension that is taken, degrees: one turn to either side.
+pub const RIGHT_ASCENSION_DEG: [f64; 2] = [-360.0, 360.0];
 /// Highest rate of attitude messages the protocol has room for, Hz.
 const HIGHEST_ATTITUDE_HZ: f64 = 100.0;
 /// Highest rate of jitter samples the protocol has room for, Hz.
@@ -147,7 +149,7 @@ impl FlightComputer {
         let mut number = |key: &str, given, default, rule, advice| {
             check.number(&format!("flight_computer.{key}"), given, default, rule, advice)
         };
-        let turn = Rule::Within(-360.0, 360.0);
+        let turn = Rule::Within(RIGHT_ASCENSION_DEG[0], RIGHT_ASCENSION_DEG[1]);
         let rate = "messages per second; the protocol has room for 100";
         let checked = Self {
             is_external,
@@ -175,6 +177,13 @@ impl FlightComputer {
         };
         checked.check_sampling(check)?;
         Ok(checked)
+    }
+
+    /// Refuses a slew that would never begin.
+    pub(super) fn check_slew_begins_before(&self, duration_s: f64, check: &Checker<'_>) -> Result<(), ConfigError> {
+        let Some(slew) = self.slew.as_ref().filter(|slew| slew.start_s >= duration_s) else { return Ok(()) };
+        let wanted = format!("a time before the run ends, at {duration_s} s");
+        Err(check.invalid("flight_computer.slew.start_s", slew.start_s, wanted, "it would never begin"))
     }
 
     /// Samples must be able to carry the lines.

@@ -9,10 +9,12 @@ use crate::config::error::ConfigError;
 use crate::config::event::{Action, Event, Pointing};
 use crate::config::event_word::EventKeys;
 use crate::config::expect::{Expect, ExpectKeys};
+use crate::config::file_kind::{FileKind, must_be};
 use crate::config::head::{HEADS_MAX, HeadKeys, check_heads};
 use crate::config::link::{Carrier, Doors};
 use crate::config::observer::Observer;
 use crate::config::session::SessionStart;
+use crate::config::several::check_all;
 use crate::config::spacecraft::Spacecraft;
 use crate::testbed::spacecraft::TestTorque;
 use glam::DVec3;
@@ -135,6 +137,11 @@ impl Scenario {
     /// # Errors
     /// The first thing that is wrong.
     pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
+        must_be(FileKind::Scenario, document)?;
+        check_all(document, Self::checked)
+    }
+
+    fn checked(document: &Document) -> Result<Self, ConfigError> {
         let keys: ScenarioKeys = document.read_as()?;
         let mut check = Checker::new(document);
         let name = check.given_or("name", keys.name.clone(), document.stem());

@@ -46,6 +46,11 @@ impl Setting {
         Ok(Self { told: format!("--set {text}"), steps, value })
     }
 
+    /// The value as it was given.
+    pub(super) fn value_text(&self) -> &str {
+        self.told.split_once('=').map_or("", |(_, value)| value)
+    }
+
     /// How messages call it: as it was given.
     pub(super) fn told(&self) -> &str {
         &self.told

@@ -100,11 +100,17 @@ fn start() -> Result<EventLoopProxy<Request>, String> {
     answer.recv_timeout(LONGEST_WAIT).map_err(|_| "the event loop ended or hangs at its start".to_owned())?
 }
 
+/// Leaves out the place in the window library's sources that its errors name.
+fn without_source_path(error: &str) -> String {
+    let behind = error.split_once(".rs:").and_then(|(_, rest)| rest.split_once(": "));
+    behind.map_or(error, |(_, reason)| reason).to_owned()
+}
+
 fn run(told: &Sender<Result<EventLoopProxy<Request>, String>>) {
     let mut builder = EventLoop::with_user_event();
     builder.with_any_thread(true);
     match builder.with_x11().build() {
-        Err(error) => drop(told.send(Err(error.to_string()))),
+        Err(error) => drop(told.send(Err(without_source_path(&error.to_string())))),
         Ok(event_loop) => {
             let _somebody_waits = told.send(Ok(event_loop.create_proxy()));
             let _when_the_server_is_gone = event_loop.run_app(&mut Windows::new());
@@ -325,5 +331,17 @@ impl ApplicationHandler<Request> for Windows {
             (true, false) => next(WATCH),
             (true, true) => ControlFlow::Wait,
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn error_names_no_path_of_the_build() {
+        let error = "os error at /home/me/.cargo/registry/src/winit-0.30.13/src/mod.rs:788: Failed to open X11 display";
+        assert_eq!(without_source_path(error), "Failed to open X11 display");
+        assert_eq!(without_source_path("no server"), "no server");
     }
 }

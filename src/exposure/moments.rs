@@ -54,14 +54,15 @@ impl Moments {
         }
     }
 
-    /// Largest difference of covariance from `other`, px^2.
+    /// Frobenius norm of the difference of covariance from `other`, px^2: at least the largest difference in any
+    /// direction.
     #[must_use]
     pub fn covariance_difference(&self, other: &Self) -> f64 {
         let [xx, xy, yy] = core::array::from_fn(|i| self.covariance_px2[i] - other.covariance_px2[i]);
         (xx * xx + 2.0 * xy * xy + yy * yy).sqrt()
     }
 
-    /// Largest difference of third moment from `other`, px^3.
+    /// Length of the difference of third moment from `other`, px^3.
     #[must_use]
     pub fn third_difference(&self, other: &Self) -> f64 {
         (self.third_px3[0] - other.third_px3[0]).hypot(self.third_px3[1] - other.third_px3[1])

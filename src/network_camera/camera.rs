@@ -3,7 +3,7 @@
 use crate::base::clock::{Clock, Monotonic};
 use crate::base::time::Span;
 use crate::network_camera::acquisition::Turn;
-use crate::network_camera::counters::{Counters, Tally};
+use crate::network_camera::counters::Counters;
 use crate::network_camera::device::{Device, DeviceParams};
 use crate::network_camera::error::NetworkCameraError;
 use crate::network_camera::interface::{self, Interface};
@@ -45,18 +45,6 @@ pub struct NetworkCamera {
     frames: u64,
     refused: u64,
     run_crc32: RunCrc32,
-}
-
-/// Reads a camera's counts while it runs, from any thread.
-#[derive(Debug, Clone)]
-pub struct CounterReader(Arc<Tally>);
-
-impl CounterReader {
-    /// The counts now.
-    #[must_use]
-    pub fn read(&self) -> Counters {
-        self.0.read()
-    }
 }
 
 impl NetworkCamera {
@@ -162,12 +150,6 @@ impl NetworkCamera {
     #[must_use]
     pub fn counters(&self) -> Counters {
         self.shared.tally.read()
-    }
-
-    /// A reader of the counts that outlives the camera.
-    #[must_use]
-    pub fn counter_reader(&self) -> CounterReader {
-        CounterReader(Arc::clone(&self.shared.tally))
     }
 
     /// Copies a frame that a client wants, when there is a slot for it.

@@ -58,7 +58,7 @@ mod xml;
 mod zip;
 
 pub use acquisition::Wanted;
-pub use camera::{CounterReader, NetworkCamera};
+pub use camera::NetworkCamera;
 pub use counters::Counters;
 pub use device::{Answer, Device, DeviceParams};
 pub use error::NetworkCameraError;

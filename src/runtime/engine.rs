@@ -124,15 +124,19 @@ impl FrameEngine {
     pub fn add_optics(&mut self, psf: PsfModel) -> Result<usize, RunError> {
         let los = self.planner.latest().motion.los.clone();
         let mut planner = new_planner(&self.params, &self.imager, los, Some(psf));
-        self.imager.add_tables()?;
         // One star, drawn once: all tables are built.
         let camera = &self.params.camera.geometry;
         let middle = [0.5 * camera.width_px() as f64, 0.5 * camera.height_px() as f64];
         let star = Source { id: 0, electrons: 1e4, mag: f32::NAN, place: SourcePlace::Pixel(middle) };
+        self.imager.add_tables()?;
         let before = self.imager.use_tables(self.optics.len());
         let drawn = self.imager.render(planner.plan(&[star])).map(|_| ());
         self.imager.use_tables(before);
-        drawn?;
+        if let Err(error) = drawn {
+            // Tables and optics have the same numbers: both go, or none.
+            self.imager.remove_last_tables();
+            return Err(error.into());
+        }
         self.optics.push(Some(planner));
         Ok(self.optics.len() - 1)
     }
@@ -230,11 +234,6 @@ impl FrameEngine {
     #[must_use]
     pub fn imager(&self) -> &Imager {
         &self.imager
-    }
-
-    /// Backend and detector, to be changed: defects and protons of the frames from here on.
-    pub fn imager_mut(&mut self) -> &mut Imager {
-        &mut self.imager
     }
 
     /// Parameters.

@@ -192,6 +192,14 @@ impl Imager {
         Ok(())
     }
 
+    /// Takes the set of tables away that was added last.
+    pub fn remove_last_tables(&mut self) {
+        match &mut self.drawing {
+            Drawing::Host { others, .. } => drop(others.pop()),
+            Drawing::Device { others, .. } => drop(others.pop()),
+        }
+    }
+
     /// Draws with these tables from here on, 0 for the camera's own; those before.
     pub fn use_tables(&mut self, number: usize) -> usize {
         let before = self.tables;

@@ -14,7 +14,6 @@ use crate::runtime::virtual_time::{Head, VirtualLoop, World};
 use crate::runtime::{RunError, RunParams, RunRecord, lines_of_head};
 use crate::sink::{SentFrame, Sink};
 use crate::testbed::vehicle::{TelemetryRow, Vehicle, VehicleError};
-use crate::wiring::assessment::Assessment;
 use crate::wiring::far_side::FarSide;
 use crate::wiring::faults::{
     FaultLine, FaultLog, Inventory, LoggedFault, Places, PlacesRead, action_name, check_places,
@@ -225,11 +224,6 @@ impl ClosedLoop {
     /// Looks at the vehicle.
     pub fn with_vehicle<T>(&self, look: impl FnOnce(&Vehicle) -> T) -> Option<T> {
         self.far.borrow().computer.vehicle().map(look)
-    }
-
-    /// Looks at what has been summed up so far.
-    pub fn with_assessment<T>(&self, look: impl FnOnce(&Assessment) -> T) -> T {
-        look(self.far.borrow().witness.assessment())
     }
 
     /// The true attitude of the first head and the body's rate (body axes, rad/s) at `at`, at most two seconds ago.

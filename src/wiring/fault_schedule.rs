@@ -1,6 +1,6 @@
 //! A random schedule of faults and commands, decided by a seed.
 //!
-//! In: seed, begin and end, heads and wheels. Out: events in order of time. Kinds are drawn with equal weight; gaps are
+//! In: seed, start and end, number of wheels. Out: events in order of time. Kinds are drawn with equal weight; gaps are
 //! uniform from 5 to 400 s, so that some faults overlap and some leave the loop time to recover. Durations, shares and
 //! sizes are drawn within the limits written here: from what a loop rides through to what takes its attitude away.
 

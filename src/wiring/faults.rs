@@ -264,13 +264,13 @@ pub(super) fn check_places(event: &Event, there: Inventory) -> Result<(), String
     match event.action {
         Action::Frame { fault: FrameFault::BitFlip { pixels, .. }, .. } if is_outside(pixels, output_px) => {
             let [width, height] = output_px;
-            Err(format!("px {:?}: images have {width} x {height} pixels, counted from 0", pixels.at))
+            Err(format!("{}: images have {width} x {height} pixels, counted from 0", place_of(pixels)))
         }
         Action::Frame { fault: FrameFault::FalseStars { pixels, .. }, .. } if is_outside(pixels, size_px) => {
-            Err(format!("px {:?}: the detector has {width} x {height} pixels, counted from 0", pixels.at))
+            Err(format!("{}: the detector has {width} x {height} pixels, counted from 0", place_of(pixels)))
         }
         Action::Frame { fault: FrameFault::Pixels { spots, .. }, .. } if spots_are_outside(&spots, size_px) => {
-            Err(format!("{spots:?}: the detector has {width} x {height} pixels, counted from 0"))
+            Err(format!("{}: the detector has {width} x {height} pixels, counted from 0", place_of_spots(&spots)))
         }
         Action::Frame { head: Some(head), .. } | Action::TrackerOff { head: Some(head) } if head >= heads => {
             Err(format!("head {head}: there are {heads}, counted from 0"))
@@ -281,6 +281,19 @@ pub(super) fn check_places(event: &Event, there: Inventory) -> Result<(), String
         _ if event.at < Span::ZERO => Err("wanted a time not before the first exposure".into()),
         _ => Ok(()),
     }
+}
+
+/// How messages name a pixel, as event files do.
+fn place_of(pixels: FaultPixels) -> String {
+    pixels.at.map_or_else(String::new, |[x, y]| format!("px = [{x}, {y}]"))
+}
+
+/// How messages name pixels, a column and a row, as event files do.
+fn place_of_spots(spots: &DefectSpots) -> String {
+    let line = |name: &str, number: Option<u32>| number.map(|number| format!("{name} = {number}"));
+    let pixel = Some(place_of(spots.pixels)).filter(|place| !place.is_empty());
+    let all = [pixel, line("column", spots.column), line("row", spots.row)];
+    all.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
 fn is_outside(pixels: FaultPixels, [width, height]: [usize; 2]) -> bool {

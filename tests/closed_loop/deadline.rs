@@ -62,6 +62,13 @@ fn late_frames_go_out_late_or_not_at_all_and_are_counted() {
 /// A frame thread that is held up for three frames: the image before goes out again in their place.
 #[test]
 fn a_good_frame_is_repeated_while_new_ones_are_missing() {
+    // On a machine that stalls for 100 ms at the first frame there is nothing good to repeat: then the run is flown again.
+    let is_judged = (0..5).any(|_| holds_the_first_frame());
+    assert!(is_judged, "the first frame was late in each of five runs");
+}
+
+/// Flies one run; false when its first frame was late, so that it shows nothing.
+fn holds_the_first_frame() -> bool {
     let mut bench = built_in(0.6);
     bench.timing.deadline_policy = DeadlinePolicy::Hold;
     let (mut drawn, mut in_time) = (0, false);
@@ -76,7 +83,9 @@ fn a_good_frame_is_repeated_while_new_ones_are_missing() {
     let (frames, ledger) = (outcome.record.frames, outcome.record.ledger);
     assert_eq!(frames.delivered + frames.dropped, 6, "every slot is accounted for");
     assert_eq!(ledger.count(EventKind::Held), frames.held);
-    // On a machine that stalls for 100 ms at the first frame there is nothing good to repeat.
-    assert!(!in_time || frames.held >= 1, "{frames:?}");
-    assert!(!in_time || frames.dropped == 0, "hold leaves no gap: {frames:?}");
+    if in_time {
+        assert!(frames.held >= 1, "{frames:?}");
+        assert_eq!(frames.dropped, 0, "hold leaves no gap: {frames:?}");
+    }
+    in_time
 }

@@ -75,8 +75,11 @@ fn each_head_shows_the_sky_where_it_is_mounted() {
                 compared += 1;
             }
         }
-        // A busy machine may hold frames on the real clock, all of them even, and says so.
-        assert!(compared == 30 || clock == "real", "{compared} of 30 on the {clock} clock");
+        if clock == "virtual" {
+            assert_eq!(compared, 30);
+        } else if compared < 30 {
+            println!("UNJUDGED: {} of 30 frames were held or late on the real clock", 30 - compared);
+        }
         let summary: serde_json::Value =
             serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap();
         assert_eq!(summary["frames"]["scheduled"], 45);
@@ -179,12 +182,18 @@ fn three_heads_fly_on_the_real_clock() {
     let frames = &outcome.record.frames;
     assert_eq!((frames.scheduled, frames.delivered + frames.dropped), (30, 30), "{frames:?}");
     assert_eq!(outcome.sinks.len(), 3);
-    assert!(frames.late > 0 || outcome.assessment.violations().0 == 0, "{:?}", outcome.assessment.violations());
-    // On a busy machine every attitude may have been predicted, and the frames say so.
-    assert!(outcome.assessment.rendered().0 > 0 || interpolated == 0, "{interpolated} frames claim to show the truth");
-    // A machine that is too busy to draw in time holds frames: then nothing can be said of the trackers.
-    let (most, in_time) = (*most_solved.lock().unwrap(), frames.late == 0);
-    assert!(most == 3 || !in_time, "{most} heads solved, {frames:?}");
+    let most = *most_solved.lock().unwrap();
+    if interpolated > 0 {
+        assert!(outcome.assessment.rendered().0 > 0, "{interpolated} frames claim to show the truth");
+    } else {
+        println!("UNJUDGED: on this busy machine every attitude was predicted, so no frame shows the truth");
+    }
+    if frames.late == 0 {
+        assert_eq!(outcome.assessment.violations().0, 0, "{:?}", outcome.assessment.violations());
+        assert_eq!(most, 3, "heads that solved: {frames:?}");
+    } else {
+        println!("UNJUDGED: this machine is too busy to draw in time, so the trackers see held frames: {frames:?}");
+    }
     println!("{most} heads solved, {interpolated} frames interpolated, {frames:?}");
 }
 

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test stops at the first surprise: unreadable sources are one")]
 
+mod excerpts;
+mod frames_document;
 mod imports;
 mod paths;
 mod readme;

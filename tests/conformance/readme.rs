@@ -81,7 +81,7 @@ fn obstacle(call: &Call) -> Option<&'static str> {
 }
 
 /// `configs/x` and `--flag=configs/x` from the repository, all else as written.
-fn from_root(argument: &str, root: &Path) -> String {
+pub(crate) fn from_root(argument: &str, root: &Path) -> String {
     let (flag, value) = argument.split_at(argument.rfind('=').map_or(0, |at| at + 1));
     let is_config = value == "configs" || value.starts_with("configs/");
     if is_config { format!("{flag}{}", root.join(value).display()) } else { argument.to_owned() }
@@ -111,7 +111,7 @@ fn failure(command: &mut Command, written: &str) -> Option<String> {
 }
 
 /// Output goes to files, so that a talkative program never waits for a reader.
-fn output_within(command: &mut Command, limit_s: u64) -> std::io::Result<Output> {
+pub(crate) fn output_within(command: &mut Command, limit_s: u64) -> std::io::Result<Output> {
     const POLL: Duration = Duration::from_millis(20);
     let logs = tempfile::tempdir()?;
     let (out, err) = (logs.path().join("out"), logs.path().join("err"));

@@ -3,7 +3,7 @@
 //! Input: how far marks lie above the line, ns. Output: `s`, the mean of the exponential law that has as many delays
 //! near the floor. The octile (1/8 of the marks lie below it) is followed by steps in proportion to itself, down by 7
 //! parts with a mark below it and up by 1 with one above; `s` is the octile over `-ln(7/8)`. Only what is near the
-//! floor counts, so late marks (10 % or 50 % of them) hardly matter. Steps shrink from half to 1/20: learnt within some
+//! floor counts, so late marks (10 % or 50 % of them) hardly matter. Steps shrink from 0.8 to 1/20: learnt within some
 //! 30 marks.
 
 /// Where `s` begins, ns: more than most links have, so that the first lines are not believed too much.

@@ -62,7 +62,7 @@ pub struct RemoteClockLimits {
 }
 
 impl Default for RemoteClockLimits {
-    /// Windows of 30 s, no constant delay, steps from 250 ms, drifts to 200 ppm that wander by 3e-9 in a second (a
+    /// Windows of 30 s, no constant delay, steps from 250 ms, drifts to 200 ppm that wander by 5e-9 in a second (a
     /// quartz in a box whose temperature changes), pulses stamped to 1 us.
     fn default() -> Self {
         Self {

@@ -379,8 +379,13 @@ impl Defects {
                 }
             }
         }
-        // A stable sort would allocate, and the order of equal pixels matters to no sum or product of two.
-        self.fixed.sort_unstable_by_key(|outlier| outlier.pixel);
+        // A stable sort would allocate. The order within a pixel decides the last bit of a sum of three: it is that of the
+        // values, not that in which defects were added.
+        self.fixed.sort_unstable_by(|a, b| {
+            let values = |outlier: &Outlier| [outlier.response, outlier.dark_e, outlier.charge_e];
+            let by_values = values(a).into_iter().zip(values(b)).map(|(a, b)| a.total_cmp(&b));
+            by_values.fold(a.pixel.cmp(&b.pixel), core::cmp::Ordering::then)
+        });
         let kept = fold_equal(&mut self.fixed);
         self.fixed.truncate(kept);
     }

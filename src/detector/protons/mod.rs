@@ -191,12 +191,6 @@ impl Protons {
         self.left_out
     }
 
-    /// Pixels with charge there is room for.
-    #[must_use]
-    pub fn capacity_px(&self) -> usize {
-        self.charge.capacity()
-    }
-
     /// Area of the detector, cm^2.
     #[must_use]
     pub fn area_cm2(&self) -> f64 {

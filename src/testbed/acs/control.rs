@@ -124,12 +124,6 @@ impl Acs {
         self.slew.as_ref()
     }
 
-    /// Limits of planned turns after the torque limit.
-    #[must_use]
-    pub fn slew_limits(&self) -> &SlewLimits {
-        &self.limits
-    }
-
     /// The mode at the next step, as far as commands go: a later command does not undo one to safe mode.
     fn mode_to_be(&self) -> Mode {
         self.asked.map_or(self.logic.mode(), |(mode, _)| mode)

@@ -109,12 +109,6 @@ impl GuideStars {
         self.pattern_directions.len()
     }
 
-    /// How many pairs the index holds.
-    #[must_use]
-    pub fn pattern_pairs(&self) -> usize {
-        self.pairs.len()
-    }
-
     pub(super) fn pairs(&self) -> &PairIndex {
         &self.pairs
     }

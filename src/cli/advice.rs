@@ -1,0 +1,120 @@
+//! Command lines that cannot be read: the parser's message, and below it what to type instead.
+
+use crate::cli::degrees::degrees_of_hours;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{ArgAction, Command, CommandFactory, FromArgMatches};
+
+/// Reads the command line. One that cannot be read ends the program with a message, advice and status 2.
+pub(super) fn parsed<P: CommandFactory + FromArgMatches>() -> P {
+    match read(std::env::args_os()) {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            if let (true, Some(advice)) = (error.use_stderr(), advice(&error)) {
+                // The parser's own message comes first and ends with an empty line.
+                let _ = error.print();
+                eprintln!("\n{advice}");
+                std::process::exit(error.exit_code());
+            }
+            error.exit()
+        }
+    }
+}
+
+fn read<P: CommandFactory + FromArgMatches>(
+    words: impl IntoIterator<Item = impl Into<std::ffi::OsString> + Clone>,
+) -> Result<P, clap::Error> {
+    let mut command = with_negative_numbers(P::command());
+    let mut matches = command.try_get_matches_from_mut(words)?;
+    P::from_arg_matches_mut(&mut matches).map_err(|error| error.format(&mut command))
+}
+
+/// Lets every option take a negative number: the option then refuses it with its own range, or takes it.
+fn with_negative_numbers(command: Command) -> Command {
+    let command = command.mut_args(|argument| {
+        let takes_a_value = matches!(argument.get_action(), ArgAction::Set | ArgAction::Append);
+        if takes_a_value && !argument.is_positional() && !argument.is_allow_hyphen_values_set() {
+            argument.allow_negative_numbers(true)
+        } else {
+            argument
+        }
+    });
+    command.mut_subcommands(with_negative_numbers)
+}
+
+/// Returns what to type instead, when the mistake is one of the usual ones.
+fn advice(error: &clap::Error) -> Option<String> {
+    let text = |kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => Some(text.as_str()),
+        _ => None,
+    };
+    match error.kind() {
+        ErrorKind::UnknownArgument => {
+            let is_number = text(ContextKind::InvalidArg)?.parse::<f64>().is_ok();
+            is_number.then(|| "Several numbers of one option are separated by commas, without blanks: 0.1,0.2".into())
+        }
+        ErrorKind::ValueValidation | ErrorKind::InvalidValue => {
+            let (option, given) = (text(ContextKind::InvalidArg)?, text(ContextKind::InvalidValue)?);
+            advice_for_number(option, given)
+        }
+        _ => None,
+    }
+}
+
+fn advice_for_number(option: &str, given: &str) -> Option<String> {
+    if let Some(degrees) = degrees_of_hours(given).filter(|_| option.contains("DEG")) {
+        return Some(format!("Angles are decimal degrees: {given} is {degrees}."));
+    }
+    let point = given.replace(',', ".");
+    if given.matches(',').count() == 1 && point.parse::<f64>().is_ok() && !option.contains(',') {
+        return Some(format!("Decimals have a point: {point}"));
+    }
+    let number = given.trim_end_matches(|c: char| c.is_alphabetic() || c == '%' || c == '/' || c == ' ');
+    let has_unit = number.len() < given.len() && number.parse::<f64>().is_ok();
+    has_unit.then(|| format!("Numbers have no unit here, such as {number}; `--help` states each option's unit."))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Debug, Parser)]
+    struct Words {
+        #[arg(long, value_name = "S")]
+        duration: Option<f64>,
+        #[arg(long, value_name = "DEG")]
+        ra: Option<f64>,
+        #[arg(long)]
+        seed: Option<u64>,
+        #[arg(long, value_delimiter = ',')]
+        at: Vec<f64>,
+        file: Option<String>,
+    }
+
+    fn refused(words: &[&str]) -> (String, Option<String>) {
+        let all = core::iter::once("program").chain(words.iter().copied());
+        let error = read::<Words>(all).unwrap_err();
+        (error.to_string(), advice(&error))
+    }
+
+    #[test]
+    fn negative_number_reaches_its_option() {
+        let words: Words = read(["program", "--duration", "-5", "--at", "-1,2"]).unwrap();
+        assert_eq!((words.duration, words.at), (Some(-5.0), vec![-1.0, 2.0]));
+        let (message, _) = refused(&["--seed", "-1"]);
+        assert!(message.contains("invalid value '-1' for '--seed"), "{message}");
+        let (message, _) = refused(&["-5"]);
+        assert!(message.contains("unexpected argument"), "no option takes it: {message}");
+    }
+
+    #[test]
+    fn advice_names_what_works() {
+        let of = |words: &[&str]| refused(words).1.unwrap_or_else(|| "none".into());
+        assert_eq!(of(&["--ra", "5h30m"]), "Angles are decimal degrees: 5h30m is 82.5.");
+        assert!(of(&["--duration", "10s"]).contains("such as 10;"), "{}", of(&["--duration", "10s"]));
+        assert_eq!(of(&["--duration", "0,5"]), "Decimals have a point: 0.5");
+        assert!(of(&["a file", "--at", "0.1", "0.2"]).contains("commas"));
+        assert_eq!(of(&["--unknown"]), "none");
+        assert_eq!(of(&["--duration", "ten"]), "none");
+    }
+}

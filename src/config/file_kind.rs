@@ -1,0 +1,116 @@
+//! Kinds of configuration files, and the refusal of one in the place of another.
+
+use crate::config::document::Document;
+use crate::config::error::ConfigError;
+
+/// The kinds of files below `configs/`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FileKind {
+    /// A run of the stimulator.
+    Bench,
+    /// A bench with a spacecraft, events and expectations.
+    Scenario,
+    /// Optics and detector.
+    Camera,
+    /// A bus.
+    Link,
+    /// Inertia, wheels, gyro, tracker.
+    Spacecraft,
+}
+
+/// Each kind that is not a bench, with top-level keys that no other kind has. The first match counts.
+const KEYS: [(FileKind, &[&str]); 4] = [
+    (FileKind::Scenario, &["spacecraft"]),
+    (FileKind::Camera, &["detector", "optics"]),
+    (FileKind::Spacecraft, &["body", "wheel", "gyro"]),
+    (FileKind::Link, &["kind", "wire", "bit_rate", "interface", "port"]),
+];
+
+/// Keys by which a bench is recognised where another kind is wanted.
+const BENCH_KEYS: [&str; 8] =
+    ["camera", "timing", "flight_computer", "sink", "observer", "session", "mounting", "render"];
+
+impl FileKind {
+    /// Returns the kind of a file by its top-level keys; a file without any known key is a bench, all of whose keys
+    /// have defaults.
+    pub fn of(document: &Document) -> Self {
+        let found = KEYS.iter().find(|(_, keys)| keys.iter().any(|key| document.has_key(key)));
+        found.map_or(Self::Bench, |(kind, _)| *kind)
+    }
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Bench => "bench",
+            Self::Scenario => "scenario",
+            Self::Camera => "camera",
+            Self::Link => "link",
+            Self::Spacecraft => "spacecraft",
+        }
+    }
+
+    /// How a file of this kind is used.
+    const fn use_of_it(self) -> &'static str {
+        match self {
+            Self::Bench => "`starloop run`, `check` and `budget` take a bench",
+            Self::Scenario => "`starloop run`, `check` and `campaign` take a scenario",
+            Self::Camera => {
+                "`starloop snr`, `psf`, `verify` and `render --camera` take a camera; a bench names it: camera = \"FILE\""
+            }
+            Self::Link => {
+                "a bench names a link file: link = \"FILE\"; `starloop link-check` tries an interface or a port"
+            }
+            Self::Spacecraft => "a scenario names a spacecraft file: spacecraft = \"FILE\"",
+        }
+    }
+}
+
+/// Refuses a document of another kind than `wanted`.
+pub(super) fn must_be(wanted: FileKind, document: &Document) -> Result<(), ConfigError> {
+    let got = FileKind::of(document);
+    let is_unclear = got == FileKind::Bench && !BENCH_KEYS.iter().any(|key| document.has_key(key));
+    if got == wanted || is_unclear {
+        return Ok(());
+    }
+    Err(ConfigError::WrongKind {
+        place: document.name(),
+        got: got.name(),
+        wanted: wanted.name(),
+        advice: got.use_of_it(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{Bench, Camera};
+
+    #[test]
+    fn kind_of_every_built_in_file_is_that_of_its_folder() {
+        for path in Document::built_in_paths() {
+            let kind = FileKind::of(&Document::built_in(path).unwrap());
+            let folder = path.split('/').next().unwrap();
+            let wanted = match folder {
+                "benches" => FileKind::Bench,
+                "scenarios" => FileKind::Scenario,
+                "cameras" => FileKind::Camera,
+                "links" => FileKind::Link,
+                "spacecraft" => FileKind::Spacecraft,
+                other => panic!("folder {other}"),
+            };
+            assert_eq!(kind, wanted, "{path}");
+        }
+    }
+
+    #[test]
+    fn file_of_another_kind_is_refused_with_the_command_that_takes_it() {
+        let refused = |path: &str| Bench::from_document(&Document::built_in(path).unwrap()).unwrap_err().to_string();
+        let camera = refused("cameras/star_tracker_20deg.toml");
+        assert!(camera.contains("is a camera file; wanted a bench file: `starloop snr`"), "{camera}");
+        assert!(refused("links/socketcan.toml").contains("is a link file; wanted a bench"));
+        assert!(refused("spacecraft/smallsat.toml").contains("is a spacecraft file"));
+        assert!(refused("scenarios/acquisition.toml").contains("is a scenario file"));
+        let bench = Document::built_in("benches/loopback.toml").unwrap();
+        let refused = Camera::from_document(&bench).unwrap_err().to_string();
+        assert!(refused.contains("is a bench file; wanted a camera file"), "{refused}");
+    }
+}
