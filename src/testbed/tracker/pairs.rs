@@ -38,11 +38,6 @@ impl PairIndex {
         Self { angles_rad, stars, below, first_rad, step_rad }
     }
 
-    /// Number of pairs.
-    pub(super) fn len(&self) -> usize {
-        self.stars.len()
-    }
-
     /// The pairs whose angle is within `tolerance_rad` of `angle_rad`.
     pub(super) fn within(&self, angle_rad: f64, tolerance_rad: f64) -> &[[u32; 2]] {
         let (low, high) = (angle_rad - tolerance_rad, angle_rad + tolerance_rad);
