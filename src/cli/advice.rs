@@ -99,8 +99,8 @@ mod tests {
 
     #[test]
     fn negative_number_reaches_its_option() {
-        let words: Words = read(["program", "--duration", "-5", "--at", "-1,2"]).unwrap();
-        assert_eq!((words.duration, words.at), (Some(-5.0), vec![-1.0, 2.0]));
+        let words: Words = read(["program", "--duration", "-5", "--at", "-1"]).unwrap();
+        assert_eq!((words.duration, words.at), (Some(-5.0), vec![-1.0]));
         let (message, _) = refused(&["--seed", "-1"]);
         assert!(message.contains("invalid value '-1' for '--seed"), "{message}");
         let (message, _) = refused(&["-5"]);
