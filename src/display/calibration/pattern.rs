@@ -131,7 +131,7 @@ impl Grid {
         }
         let sides = [("grid.columns", self.columns, display.width_px), ("grid.rows", self.rows, display.height_px)];
         for (name, count, side) in sides {
-            let room = side.saturating_sub(1 + 2 * self.margin_px);
+            let room = side.saturating_sub(1).saturating_sub(self.margin_px.saturating_mul(2));
             let most = (room / (APART * self.dot_px) + 1).min(100);
             if !(3..=most).contains(&count) {
                 return refuse(name, format!("3 to {most} (dots at least {APART} sides apart)"), count.to_string());
