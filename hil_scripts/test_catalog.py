@@ -181,13 +181,17 @@ class RealRows(unittest.TestCase):
             self.assertNotEqual(done.returncode, 0)
             self.assertIn(f"{name}.csv.gz", done.stderr)
             self.assertFalse((self.root / name / "g10.starlayer").exists())
-        layer = bytearray(self.layers[0].read_bytes())
-        layer[-7] ^= 1
-        damaged = self.root / "damaged.starlayer"
-        damaged.write_bytes(layer)
-        done = starloop("verify", damaged)
-        self.assertNotEqual(done.returncode, 0)
-        self.assertRegex(done.stderr, "damaged: tile .* RA .* import it again")
+        whole = self.layers[0].read_bytes()
+        stars = int(starloop("verify", self.layers[0]).stdout.split()[-2])
+        # Numbers, of 8 bytes a star, follow the records.
+        for before_end, words in [(7, "damaged: numbers of .* tile .* import"), (8 * stars + 7, "damaged: tile .* RA .* import")]:
+            layer = bytearray(whole)
+            layer[-before_end] ^= 1
+            damaged = self.root / "damaged.starlayer"
+            damaged.write_bytes(layer)
+            done = starloop("verify", damaged)
+            self.assertNotEqual(done.returncode, 0)
+            self.assertRegex(done.stderr, words)
 
 
 class BrightEnd(unittest.TestCase):
