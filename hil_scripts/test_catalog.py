@@ -9,6 +9,7 @@ import csv
 import gzip
 import io
 import os
+import resource
 import signal
 import struct
 import subprocess
@@ -47,6 +48,13 @@ def bulk(rows):
 
 def starloop(*words, **options):
     return subprocess.run([BINARY, "catalog", *map(str, words)], capture_output=True, text=True, timeout=300, **options)
+
+
+def starloop_on_a_full_disk(*words):
+    """As `starloop`, where no file can grow beyond 8 KiB: what a full disk does in the middle of a file."""
+    limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192))
+    # Python ignores the signal of the limit, and so does its child then: writing fails with an error.
+    return starloop(*words, preexec_fn=limit, restore_signals=False)
 
 
 def directions(ra_deg, dec_deg):
@@ -173,13 +181,17 @@ class RealRows(unittest.TestCase):
             self.assertNotEqual(done.returncode, 0)
             self.assertIn(f"{name}.csv.gz", done.stderr)
             self.assertFalse((self.root / name / "g10.starlayer").exists())
-        layer = bytearray(self.layers[0].read_bytes())
-        layer[-7] ^= 1
-        damaged = self.root / "damaged.starlayer"
-        damaged.write_bytes(layer)
-        done = starloop("verify", damaged)
-        self.assertNotEqual(done.returncode, 0)
-        self.assertRegex(done.stderr, "damaged: tile .* RA .* import it again")
+        whole = self.layers[0].read_bytes()
+        stars = int(starloop("verify", self.layers[0]).stdout.split()[-2])
+        # Numbers, of 8 bytes a star, follow the records.
+        for before_end, words in [(7, "damaged: numbers of .* tile .* import"), (8 * stars + 7, "damaged: tile .* RA .* import")]:
+            layer = bytearray(whole)
+            layer[-before_end] ^= 1
+            damaged = self.root / "damaged.starlayer"
+            damaged.write_bytes(layer)
+            done = starloop("verify", damaged)
+            self.assertNotEqual(done.returncode, 0)
+            self.assertRegex(done.stderr, words)
 
 
 class BrightEnd(unittest.TestCase):
@@ -281,6 +293,77 @@ class MadeUpSky(unittest.TestCase):
             density = lambda inside: cells["stars_per_deg2"][inside].mean()
             plane, pole = numpy.abs(cells["b_deg"]) < 5, numpy.abs(cells["b_deg"]) > 60
             self.assertGreater(density(plane), 4 * density(pole))
+
+
+class FullDisk(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.root = Path(self.folder.name)
+        self.addCleanup(self.folder.cleanup)
+
+    def names(self):
+        return sorted(str(path.relative_to(self.root)) for path in self.root.rglob("*"))
+
+    def fails(self, *words):
+        done = starloop_on_a_full_disk(*words)
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertIn("File too large", done.stderr)
+
+    def test_nothing_half_written_is_left_behind(self):
+        done = starloop("synthesize", "--out", self.root, "--mag", 8, "--stars", 30000, "--layers", 6)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        (self.root / "map.png").write_text("an older picture")
+        before = self.names()
+        self.assertEqual(before, ["g6.starlayer", "g8.starlayer", "map.png"])
+        self.fails("map", "--out", self.root / "map.png")
+        self.fails("map", "--out", self.root / "new.png")
+        self.fails("synthesize", "--out", self.root, "--mag", 9, "--stars", 30000, "--layers", 5)
+        self.fails("export", self.root / "g6.starlayer", self.root / "g8.starlayer", "--hats", self.root / "hats")
+        self.assertEqual(self.names(), before)
+        self.assertEqual((self.root / "map.png").read_text(), "an older picture")
+        self.assertEqual(starloop("map", "--out", self.root / "new.png").returncode, 0, "control: without the limit")
+
+    def test_an_import_leaves_no_half_layer_and_goes_on(self):
+        rows = "".join(f"{i},{i % 360}.5,{i % 80}.25,,,,{4 + i % 5}.5,\n" for i in range(1, 200))
+        csv_file = self.root / "stars.csv"
+        csv_file.write_text("source_id,ra,dec,pmra,pmdec,parallax,phot_g_mean_mag,bp_rp\n" + rows)
+        words = ["import", csv_file, "--out", self.root / "layers", "--layers", 10]
+        self.fails(*words)
+        self.assertEqual([name for name in self.names() if name.endswith((".starlayer", ".part"))], [])
+        done = starloop(*words)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("taken in before", done.stderr)
+
+
+class OneSpot(unittest.TestCase):
+    def test_stars_in_one_place_take_no_more_memory_than_was_given(self):
+        """Half a million rows of one place from a file of some kilobytes; the peak follows --memory-mb."""
+        with tempfile.TemporaryDirectory() as folder:
+            root = Path(folder)
+            head = "source_id,ra,dec,pmra,pmdec,parallax,phot_g_mean_mag,bp_rp\n"
+            rows = "".join(f"{i},123.4,5.6,,,,12.5,1.0\n" for i in range(1, 500_001))
+            packed = root / "spot.csv.gz"
+            packed.write_bytes(gzip.compress((head + rows).encode()))
+
+            def peak_mb(memory_mb):
+                out = root / f"layers{memory_mb}"
+                words = [BINARY, "catalog", "import", packed, "--out", out, "--layers", 20, "--memory-mb", memory_mb]
+                with subprocess.Popen([*map(str, words)], stdout=subprocess.DEVNULL) as process:
+                    # The system's own high mark: the child's resource usage would count Python's memory before it began.
+                    peak_kb = 0
+                    while process.poll() is None:
+                        status = Path(f"/proc/{process.pid}/status").read_text()
+                        marks = [line for line in status.splitlines() if line.startswith("VmHWM:")]
+                        peak_kb = max([peak_kb, *(int(line.split()[1]) for line in marks)])
+                        time.sleep(0.002)
+                self.assertEqual(process.returncode, 0)
+                return peak_kb / 1024, (out / "g20.starlayer").read_bytes()
+
+            (small, layer), (large, same) = peak_mb(2), peak_mb(512)
+            print(f"half a million stars in one place: {small:.0f} MiB with 2, {large:.0f} with 512")
+            self.assertEqual(layer, same, "the bytes do not depend on the memory")
+            # 500,000 rows take 28 MB while they are sorted at once.
+            self.assertLess(small, large - 15)
 
 
 if __name__ == "__main__":

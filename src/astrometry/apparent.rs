@@ -1,7 +1,7 @@
 //! Catalog sources, time, observer -> apparent sources: space motion, then parallax, then deflection of light by the Sun
 //! (where the [`Vantage`] has one), then aberration.
 //!
-//! Neglected, in mas: radial velocity ([`super::at_epoch`]), the light's time across the observer's distance from the
+//! Neglected, in mas: radial velocities that are not known ([`super::at_epoch`]), the light's time across the observer's distance from the
 //! barycentre (0.16 per au for Barnard's star, 0.08 for 61 Cygni), the difference
 //! of TDB and the catalog's TCB year (below 0.01), bodies other than the Sun ([`super::deflected`]). Atmosphere: none.
 //!
@@ -11,7 +11,8 @@
 //! Tests: `agrees_with_an_independent_library`, `tests/physics/apparent_vectors.rs` and, from other stars' data and by other
 //! formulae, `tests/physics/apparent_places.rs`.
 
-use super::{ApparentSource, Sight, Vantage, at_epoch, parallax_shifted};
+use super::space_motion::moved_in_space;
+use super::{ApparentSource, Sight, Vantage, parallax_shifted};
 use crate::base::time::Tai;
 use crate::base::units::MAS;
 use crate::sky::catalog::CatalogSource;
@@ -37,7 +38,9 @@ pub fn apparent_places(
 }
 
 fn apparent_place(source: &CatalogSource, years: f64, vantage: &Vantage, sight: &Sight) -> ApparentSource {
-    let barycentric = at_epoch(source.direction_icrf, source.proper_motion, years);
+    let at = source.direction_icrf;
+    // Not of length 1: the parallax is that of the distance of then.
+    let barycentric = source.proper_motion.map_or(at, |motion| moved_in_space(at, motion, years));
     let natural = parallax_shifted(barycentric, source.parallax_mas, vantage.observer.position_km);
     ApparentSource { id: source.id, apparent_icrf: sight.apparent(natural), mag_g: source.mag_g, bp_rp: source.bp_rp }
 }
@@ -98,8 +101,13 @@ mod tests {
         let [ra, dec, pm_ra, pm_dec, parallax] = star;
         CatalogSource {
             id: 0,
+            source_id: None,
             direction_icrf: direction_from_ra_dec(ra * DEG, dec * DEG),
-            proper_motion: Some(ProperMotion { pm_ra_cosdec_mas_yr: pm_ra as f32, pm_dec_mas_yr: pm_dec as f32 }),
+            proper_motion: Some(ProperMotion {
+                pm_ra_cosdec_mas_yr: pm_ra as f32,
+                pm_dec_mas_yr: pm_dec as f32,
+                radial_mas_yr: 0.0,
+            }),
             parallax_mas: Some(parallax as f32),
             mag_g: 0.0,
             bp_rp: 0.0,

@@ -9,5 +9,6 @@ pub mod fused;
 pub mod image;
 mod leap;
 pub mod random;
+pub mod source_id;
 pub mod time;
 pub mod units;

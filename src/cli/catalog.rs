@@ -7,9 +7,10 @@ use crate::cli::catalog_hats::{ExportArgs, export};
 use crate::cli::catalog_layers::{ImportArgs, VerifyArgs, import, layer_info, verify};
 use crate::cli::catalog_map::{MapArgs, map};
 use crate::cli::catalog_synthetic::{SynthesizeArgs, synthesize};
-use crate::sky::catalog::{
-    BANDS, Catalog, CatalogSource, DEFAULT_CREDITS, chord_squared, direction_from_ra_dec, pack, ra_dec_rad,
-};
+use crate::cli::ranges::{declination_deg, right_ascension_deg};
+use crate::sink::write_file_atomically;
+use crate::sky::catalog::{BANDS, Catalog, CatalogSource, chord_squared, direction_from_ra_dec, pack, ra_dec_rad};
+use crate::sky::credits;
 use crate::sky::layer::{FASTEST_MAS_YR, Layer, is_layer};
 use anyhow::{Context, ensure};
 use clap::{Args, Subcommand};
@@ -59,9 +60,10 @@ struct PackArgs {
     /// Epoch of the positions, Julian year
     #[arg(long, default_value_t = 2016.0)]
     epoch: f64,
-    /// Credits that the data ask for, carried in the file
-    #[arg(long, default_value = DEFAULT_CREDITS)]
-    credits: String,
+    /// Credits that the data ask for, carried in the file; those of Gaia, Hipparcos and Tycho-2, as far as stars come from
+    /// them, when left out
+    #[arg(long)]
+    credits: Option<String>,
 }
 
 #[derive(Debug, Args)]
@@ -72,23 +74,23 @@ struct InfoArgs {
 
 #[derive(Debug, Args)]
 struct QueryArgs {
-    /// Right ascension of the cone's axis, deg, 0..360 (ICRS)
-    #[arg(long)]
+    /// Right ascension of the cone's axis, deg, -360..360 (ICRS)
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     ra: f64,
     /// Declination of the cone's axis, deg, -90..90 (ICRS)
-    #[arg(long, allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     dec: f64,
     /// Radius of the cone, deg, up to 180
-    #[arg(long)]
+    #[arg(long, value_name = "DEG")]
     radius: f64,
     /// Faintest Gaia G magnitude listed
     #[arg(long, default_value_t = EVERY_STAR, allow_negative_numbers = true)]
     mag: f32,
     /// Time of the positions, RFC 3339; the catalog's epoch when left out
-    #[arg(long)]
+    #[arg(long, visible_alias = "time")]
     at: Option<String>,
     /// Packed catalog or layer; the built-in catalog when left out
-    #[arg(long)]
+    #[arg(long, visible_alias = "layer")]
     catalog: Option<PathBuf>,
 }
 
@@ -126,8 +128,8 @@ fn pack_file(args: &PackArgs, out: &mut impl Write) -> anyhow::Result<()> {
         let file = std::fs::File::open(&args.input);
         Box::new(file.with_context(|| format!("cannot read {}", args.input.display()))?)
     };
-    let (bytes, report) = pack(input, args.epoch, &args.credits)?;
-    std::fs::write(&args.out, &bytes).with_context(|| format!("cannot write {}", args.out.display()))?;
+    let (bytes, report) = pack(input, args.epoch, args.credits.as_deref())?;
+    write_file_atomically(&args.out, |file| file.write_all(&bytes))?;
     writeln!(out, "{}: {} stars, {} bytes", args.out.display(), report.stars, bytes.len())?;
     writeln!(out, "  without proper motion  {}", report.without_proper_motion)?;
     writeln!(out, "  without parallax       {}", report.without_parallax)?;
@@ -149,7 +151,7 @@ fn info(catalog: &Catalog, out: &mut impl Write) -> anyhow::Result<()> {
     )?;
     writeln!(out, "fastest  {:.2} arcsec/yr", catalog.fastest_mas_yr() / 1000.0)?;
     writeln!(out, "crc32    {:08x}", catalog.crc32())?;
-    writeln!(out, "credits  {}", catalog.credits())?;
+    writeln!(out, "credits  {}", credits::shown(catalog.credits()))?;
     writeln!(out, "G magnitude   stars   brighter than the upper end")?;
     let faintest = stars.iter().map(|s| s.mag_g).fold(f32::NEG_INFINITY, f32::max);
     let mut low = -2.0_f32;
@@ -167,12 +169,12 @@ fn count(stars: &[CatalogSource], is: impl Fn(&CatalogSource) -> bool) -> usize 
 }
 
 fn query(args: &QueryArgs, out: &mut impl Write) -> anyhow::Result<()> {
-    check("--ra", 0.0, 360.0, args.ra)?;
-    check("--dec", -90.0, 90.0, args.dec)?;
-    check("--radius", 0.0, WHOLE_SKY_DEG, args.radius)?;
+    let (ra_deg, dec_deg) = (right_ascension_deg("--ra", args.ra)?, declination_deg("--dec", args.dec)?);
+    let radii = 0.0..=WHOLE_SKY_DEG;
+    ensure!(radii.contains(&args.radius), "--radius: wanted 0 to {WHOLE_SKY_DEG} degrees, got {}", args.radius);
     ensure!(args.mag.is_finite(), "--mag: wanted a magnitude, got {}", args.mag);
     let at = args.at.as_deref().map(Tai::from_rfc3339).transpose().context("--at")?;
-    let axis = direction_from_ra_dec(args.ra * DEG, args.dec * DEG);
+    let axis = direction_from_ra_dec(ra_deg * DEG, dec_deg * DEG);
     let mut found = Vec::new();
     let years_from = |epoch_yr: f64| at.map_or(0.0, |at| years_since(epoch_yr, at));
     let radius_rad = |years: f64, fastest_mas_yr: f64| args.radius * DEG + years.abs() * fastest_mas_yr * MAS;
@@ -193,11 +195,6 @@ fn query(args: &QueryArgs, out: &mut impl Write) -> anyhow::Result<()> {
     write_csv(&found, axis, args.radius * DEG, years, out)
 }
 
-fn check(name: &str, low: f64, high: f64, got: f64) -> anyhow::Result<()> {
-    ensure!((low..=high).contains(&got), "{name}: wanted degrees in {low}..{high}, got {got}");
-    Ok(())
-}
-
 fn write_csv(
     found: &[CatalogSource],
     axis: DVec3,
@@ -205,7 +202,7 @@ fn write_csv(
     years: f64,
     out: &mut impl Write,
 ) -> anyhow::Result<()> {
-    writeln!(out, "id,ra_deg,dec_deg,pm_ra_cosdec_mas_yr,pm_dec_mas_yr,parallax_mas,mag_g,bp_rp")?;
+    writeln!(out, "id,ra_deg,dec_deg,pm_ra_cosdec_mas_yr,pm_dec_mas_yr,parallax_mas,mag_g,bp_rp,source_id")?;
     for star in found {
         let direction = at_epoch(star.direction_icrf, star.proper_motion, years);
         if direction.distance_squared(axis) > chord_squared(radius_rad) {
@@ -215,7 +212,9 @@ fn write_csv(
         let motion =
             star.proper_motion.map_or(",".into(), |m| format!("{},{}", m.pm_ra_cosdec_mas_yr, m.pm_dec_mas_yr));
         let parallax = star.parallax_mas.map_or(String::new(), |p| format!("{p:.2}"));
-        writeln!(out, "{},{ra_deg:.7},{dec_deg:.7},{motion},{parallax},{:.3},{:.3}", star.id, star.mag_g, star.bp_rp)?;
+        let name = star.source_id.map_or(String::new(), |name| name.to_string());
+        write!(out, "{},{ra_deg:.7},{dec_deg:.7},{motion},{parallax},", star.id)?;
+        writeln!(out, "{:.3},{:.3},{name}", star.mag_g, star.bp_rp)?;
     }
     Ok(())
 }
@@ -264,6 +263,9 @@ mod tests {
         assert_eq!(all.lines().count(), 3, "header and two stars: {all}");
         let bright = query_text(&[&cone[..], &["--mag", "4.5"]].concat()).expect("a valid query");
         assert_eq!(bright.lines().count(), 2, "{bright}");
+        assert!(all.contains(",1.000,1\n"), "the number of one's own star comes back: {all}");
+        let west = query_text(&["--ra", "-350", "--dec", "-20", "--radius", "1", "--catalog", packed]);
+        assert_eq!(west.expect("a valid query"), all, "-350 degrees is 10");
         let later = query_text(&[&cone[..], &["--at", "2100-01-01T12:00:00Z"]].concat()).expect("a valid query");
         // 1000 mas/yr for 100 years is 100 arcsec: 0.029560 deg of right ascension at dec -20.
         assert!(later.contains(",10.0295603,") || later.contains(",10.029560"), "{later}");
@@ -273,7 +275,8 @@ mod tests {
     fn bad_arguments_are_named() {
         let refuse = |line: &[&str]| format!("{:#}", query_text(line).expect_err("a bad argument"));
         assert!(
-            refuse(&["--ra", "400", "--dec", "0", "--radius", "1"]).contains("--ra: wanted degrees in 0..360, got 400")
+            refuse(&["--ra", "400", "--dec", "0", "--radius", "1"])
+                .contains("--ra: right ascension wanted -360 to 360 degrees, got 400")
         );
         assert!(refuse(&["--ra", "1", "--dec", "NaN", "--radius", "1"]).contains("--dec"));
         let at = refuse(&["--ra", "1", "--dec", "0", "--radius", "1", "--at", "noon"]);

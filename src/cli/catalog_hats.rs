@@ -18,9 +18,9 @@ const MAX_ROWS: usize = 1_000_000;
 #[derive(Debug, Args)]
 #[command(
     after_help = "Writes a HATS catalog (Parquet files partitioned by HEALPix), which Python's hats and LSDB open. Columns: \
-    _healpix_29, starloop_id, ra, dec (deg, ICRS), pmra, pmdec (mas/yr), parallax (mas), phot_g_mean_mag, bp_rp (mag); null \
-    where the layer has none. Layers keep no source_id: starloop_id is a star's place in the layers, in the order they are \
-    named.\n\nValues are those that the layers hold, in their steps. `starloop catalog import DIR` makes the same layers \
+    _healpix_29, starloop_id, source_id, ra, dec (deg, ICRS), pmra, pmdec (mas/yr), parallax (mas), phot_g_mean_mag, bp_rp (mag); null \
+    where the layer has none. starloop_id is a star's place in the layers, in the order they are named; source_id, its number in \
+    its source catalog, is there when all layers have numbers.\n\nValues are those that the layers hold, in their steps. `starloop catalog import DIR` makes the same layers \
     of it again."
 )]
 pub(super) struct ExportArgs {
@@ -70,6 +70,8 @@ pub(super) struct Input {
     pub(super) path: PathBuf,
     names: Names,
     kind: Kind,
+    /// Credits that its catalog asks for.
+    pub(super) credits: Option<String>,
 }
 
 enum Kind {
@@ -99,7 +101,7 @@ pub(super) fn inputs(paths: &[PathBuf], names: &Names, epoch_yr: f64) -> anyhow:
         } else {
             let is_parquet = path.extension().is_some_and(|kind| kind.eq_ignore_ascii_case("parquet"));
             let kind = if is_parquet { Kind::Parquet(None) } else { Kind::Csv };
-            inputs.push(Input { name: name_of(path)?, path: path.clone(), names: names.clone(), kind });
+            inputs.push(Input { name: name_of(path)?, path: path.clone(), names: names.clone(), kind, credits: None });
         }
     }
     let mut known: Vec<&str> = inputs.iter().map(|input| input.name.as_str()).collect();
@@ -123,6 +125,7 @@ fn partitions(folder: &Path, names: &Names, epoch_yr: f64) -> anyhow::Result<Vec
         path: partition.path.clone(),
         names: names.clone(),
         kind: Kind::Parquet(Some(partition.pixel)),
+        credits: catalog.credits().map(str::to_owned),
     };
     Ok(catalog.partitions().iter().map(input).collect())
 }

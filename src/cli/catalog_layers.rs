@@ -1,16 +1,18 @@
 //! `starloop catalog import` and `verify`: published catalogs -> layers on disk, and whether they are whole.
 
 use crate::cli::catalog_bright::{self, BrightInput};
-use crate::cli::catalog_hats::inputs;
-use crate::sky::catalog::{Catalog, DEFAULT_CREDITS};
+use crate::cli::catalog_hats::{Input, inputs};
+use crate::sky::catalog::Catalog;
+use crate::sky::credits;
 use crate::sky::import::gaia::{EPOCH_YR, Names};
-use crate::sky::layer::{Layer, LayerReport, Sorting, is_layer, layer_name};
+use crate::sky::layer::{LEAST_MEMORY_BYTES, Layer, LayerReport, MEMORY_BYTES, Sorting, is_layer, layer_name};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use std::collections::BTreeMap;
 use std::io::{IsTerminal, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+const MIB: usize = 1 << 20;
 /// Bytes at each end of a file by which it is known again.
 const END_BYTES: u64 = 64 << 10;
 
@@ -19,7 +21,7 @@ const END_BYTES: u64 = 64 << 10;
 #[command(
     after_help = "Reads Gaia's bulk files (GaiaSource_*.csv.gz) and any CSV with Gaia's column names: source_id, ra, dec, \
     pmra, pmdec, parallax, phot_g_mean_mag, and bp_rp or phot_bp_mean_mag and phot_rp_mean_mag; --column says where a \
-    file has another name. Stars of --bright are held against theirs by place and magnitude: none comes twice.\n\nReads Parquet files of the same columns too, and HATS catalogs (folders with \
+    file has another name, or that it has none. Stars of --bright are held against theirs by place and magnitude: none comes twice.\n\nReads Parquet files of the same columns too, and HATS catalogs (folders with \
     hats.properties, as hats-import makes them): each partition is there and listed, has the rows it should, and they lie \
     in its pixel, or the import ends. The catalog says what its columns of right ascension and declination are \
     called.\n\nAn import that was cut short goes on after its last whole file, or partition, when it is started again \
@@ -33,7 +35,7 @@ pub(super) struct ImportArgs {
     #[arg(long)]
     out: PathBuf,
     /// Faint ends of the layers, G magnitudes, rising; fainter stars are left out and counted
-    #[arg(long, value_delimiter = ',', default_values_t = [10.0, 14.0, 18.0, 22.0])]
+    #[arg(long, value_delimiter = ',', default_value = "10,14,18,22")]
     layers: Vec<f32>,
     /// Folder of its own for what is sorted, some 36 bytes a star, removed at the end; one within --out when left out
     #[arg(long)]
@@ -44,16 +46,24 @@ pub(super) struct ImportArgs {
     /// Epoch of the positions, Julian year
     #[arg(long, default_value_t = EPOCH_YR)]
     epoch: f64,
-    /// Column names of the files where they are not Gaia's, such as phot_g_mean_mag=G; may be repeated
+    /// Column names of the files where they are not Gaia's, such as phot_g_mean_mag=G; pmra= says that a file has no such
+    /// column; may be repeated
     #[arg(long = "column", value_name = "GAIA=HERE")]
     columns: Vec<String>,
     /// Hipparcos (hip2.dat) or Tycho-2 (tyc2.dat.NN, suppl_1.dat), packed or not: stars that the files lack are added from
     /// it; may be repeated
     #[arg(long, value_name = "FILE")]
     bright: Vec<PathBuf>,
-    /// Credits that the data ask for, carried in the layers
-    #[arg(long, default_value = DEFAULT_CREDITS)]
-    credits: String,
+    /// Memory for the import, MiB: with less it takes longer
+    #[arg(long, value_name = "MB", default_value_t = (MEMORY_BYTES / MIB) as u32, value_parser = clap::value_parser!(u32).range((LEAST_MEMORY_BYTES / MIB) as i64..=65_536))]
+    memory_mb: u32,
+    /// Leave out the stars' numbers in their source catalogs: 16 bytes a star instead of 24, and truth tables without them
+    #[arg(long)]
+    no_source_ids: bool,
+    /// Credits that the data ask for, carried in the layers; when left out those of Gaia, Hipparcos and Tycho-2, as far as
+    /// stars come from them, and those that a HATS catalog names
+    #[arg(long)]
+    credits: Option<String>,
 }
 
 /// Arguments of `starloop catalog verify`.
@@ -74,12 +84,15 @@ pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<
     let inputs = inputs(&args.files, &names, args.epoch)?;
     // Nothing is made before it is known that there is something to do.
     for path in inputs.iter().map(|input| &input.path).chain(&args.bright) {
-        std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?;
+        std::fs::metadata(path).with_context(|| format!("cannot read {}{}", path.display(), list_hint(path, args)))?;
     }
     let replace = args.replace || Sorting::is_finishing(&work, &args.out);
     refuse_layers_that_are_there(&args.out, &args.layers, replace)?;
     std::fs::create_dir_all(&args.out).with_context(|| format!("cannot make {}", args.out.display()))?;
-    let mut sorting = Sorting::start(&work, &args.layers)?;
+    let mut sorting = Sorting::start(&work, &args.layers)?.with_memory(args.memory_mb as usize * MIB);
+    if args.no_source_ids {
+        sorting.leave_numbers_out();
+    }
     let line = ProgressLine::new();
     let bright = BrightInput::new(&args.bright, args.epoch, &sorting)?;
     let named: Vec<&str> = inputs.iter().map(|input| input.name.as_str()).chain([catalog_bright::INPUT]).collect();
@@ -101,7 +114,8 @@ pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<
     let counts = sorting.counts();
     let told: Vec<(String, u64)> = sorting.told().map(|(what, count)| (what.to_owned(), count)).collect();
     let mut share = |share: f64| line.show(&format!("sorting: {:.0} %", 100.0 * share));
-    let reports = sorting.finish(&args.out, args.epoch, &args.credits, &mut share)?;
+    let credits = args.credits.clone().unwrap_or_else(|| credits_asked_for(&sorting.credits(), &inputs));
+    let reports = sorting.finish(&args.out, args.epoch, &credits, &mut share)?;
     line.clear();
     for (what, count) in &told {
         writeln!(out, "{count:>12} {what}")?;
@@ -119,6 +133,27 @@ pub(super) fn import(args: &ImportArgs, out: &mut impl Write) -> anyhow::Result<
         writeln!(out, "{count:>12} {what}")?;
     }
     reports.iter().try_for_each(|report| tell_layer(report, out))
+}
+
+/// Credits of the catalogs that name theirs, each once, and of the stars' origins as far as these do not have them.
+fn credits_asked_for(of_origins: &str, inputs: &[Input]) -> String {
+    let mut credits: Vec<&str> = Vec::new();
+    for text in inputs.iter().filter_map(|input| input.credits.as_deref()).chain([of_origins]) {
+        if !text.is_empty() && !credits.iter().any(|known| known.contains(text)) {
+            credits.push(text);
+        }
+    }
+    credits.join(" ")
+}
+
+/// What to say of a file that is none but a number: one of a list with blanks in the place of commas.
+fn list_hint(path: &Path, args: &ImportArgs) -> String {
+    let is_number = path.to_str().is_some_and(|name| name.parse::<f32>().is_ok());
+    if !is_number {
+        return String::new();
+    }
+    let layers = args.layers.iter().map(f32::to_string).chain([path.display().to_string()]).collect::<Vec<_>>();
+    format!(" (a list has commas and no blanks, such as --layers {})", layers.join(","))
 }
 
 /// Layers are replaced only when that was asked for.
@@ -153,6 +188,10 @@ fn names(columns: &[String]) -> anyhow::Result<Names> {
         let Some((archive, here)) = column.split_once('=') else {
             bail!("--column: wanted GAIA=HERE, such as phot_g_mean_mag=G, got \"{column}\"");
         };
+        ensure!(
+            !here.is_empty() || Names::may_be_missing(archive) || !Names::all().contains(&archive),
+            "--column: {archive} must be in the file: wanted its name there after the ="
+        );
         ensure!(
             names.rename(archive, here),
             "--column: wanted one of {} before the =, got \"{archive}\"",
@@ -218,7 +257,7 @@ pub(super) fn layer_info(path: &Path, out: &mut impl Write) -> anyhow::Result<()
     }
     writeln!(out, "tiles    order {}, {filled} with stars, at most {most} in one", layer.order())?;
     writeln!(out, "crc32    {:08x}", layer.crc32())?;
-    writeln!(out, "credits  {}", layer.credits())?;
+    writeln!(out, "credits  {}", credits::shown(layer.credits()))?;
     Ok(())
 }
 
@@ -303,7 +342,37 @@ mod tests {
         bytes[last] ^= 1;
         std::fs::write(&layer, bytes).unwrap();
         let error = verify(&VerifyArgs { files: vec![layer] }, &mut Vec::new()).unwrap_err().to_string();
-        assert!(error.contains("damaged: tile"), "control: {error}");
+        assert!(error.contains("damaged: numbers of the stars"), "control: {error}");
+    }
+
+    #[test]
+    fn own_stars_keep_their_numbers_and_credit_no_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        let own = "source_id,ra,dec,phot_g_mean_mag\n41,10.0,-20.0,9.0\n-7,10.5,-20.0,9.5\n";
+        let gaia = "source_id,ra,dec,phot_g_mean_mag\n4472832130942575872,269.448503,4.739420,8.2\n";
+        let info = |csv: &str, name: &str, more: &[&str]| {
+            std::fs::write(path("stars.csv"), csv).unwrap();
+            let none = ["pmra=", "pmdec=", "parallax=", "bp_rp="].map(|column| ["--column", column]);
+            let line = [path("stars.csv"), "--out".into(), path(name), "--layers".into(), "10".into()];
+            let line: Vec<&str> = line.iter().map(String::as_str).chain(none.as_flattened().iter().copied()).collect();
+            imported(&[&line[..], more].concat()).unwrap();
+            let (layer, mut text) = (folder.path().join(name).join("g10.starlayer"), Vec::new());
+            layer_info(&layer, &mut text).unwrap();
+            let layer = Layer::open(&layer).unwrap();
+            let mut stars = Vec::new();
+            layer.cone(glam::DVec3::Z, 4.0, 99.0, &mut stars).unwrap();
+            let names: Vec<_> = stars.iter().map(|star| star.source_id.map(|name| name.to_string())).collect();
+            (String::from_utf8(text).unwrap(), names)
+        };
+        let (text, mut names) = info(own, "own", &[]);
+        names.sort();
+        assert_eq!(names, [Some("-7".to_owned()), Some("41".to_owned())]);
+        assert!(text.contains("credits  none: no star is known to come from a published catalog"), "{text}");
+        let (text, names) = info(gaia, "gaia", &[]);
+        assert_eq!(names, [Some("Gaia DR3 4472832130942575872".to_owned())]);
+        assert!(text.contains("European Space Agency (ESA) mission Gaia") && !text.contains("Hipparcos"), "{text}");
+        assert_eq!(info(gaia, "without", &["--no-source-ids"]).1, [None]);
     }
 
     #[test]
@@ -366,7 +435,8 @@ mod tests {
         assert!(error.contains("g14.part"), "{error}");
         // As when it is cut short after the first of its layers got its name.
         std::fs::remove_dir(path("layers/g14.part")).unwrap();
-        std::fs::rename(path("layers/g10.part"), path("layers/g10.starlayer")).unwrap();
+        assert!(!folder.path().join("layers/g10.part").exists(), "a failure leaves no half layer");
+        std::fs::write(path("layers/g10.starlayer"), "as if whole").unwrap();
         let told = imported(&line).unwrap();
         assert!(told.contains("g10.starlayer: 1 stars") && told.contains("g14.starlayer: 1 stars"), "{told}");
         let again = imported(&line).unwrap_err().to_string();
@@ -386,7 +456,11 @@ mod tests {
         assert!(refused(&["--epoch", "1800"]).contains("--epoch"));
         assert!(refused(&["--column", "G"]).contains("wanted GAIA=HERE"));
         assert!(refused(&["--column", "mag=G"]).contains("wanted one of source_id"));
+        assert!(refused(&["--column", "ra="]).contains("--column: ra must be in the file"));
+        assert!(refused(&["--memory-mb", "1"]).contains("no.csv"), "control");
         assert!(refused(&[]).contains("no.csv"));
+        let listed = format!("{:#}", imported(&["10", "--layers", "8", "--out", out.to_str().unwrap()]).unwrap_err());
+        assert!(listed.contains("cannot read 10 (a list has commas and no blanks, such as --layers 8,10)"), "{listed}");
         assert!(!out.exists(), "nothing was made");
     }
 }

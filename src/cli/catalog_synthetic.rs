@@ -2,6 +2,7 @@
 
 use crate::base::units::DEG;
 use crate::cli::catalog_layers::{ProgressLine, refuse_layers_that_are_there, tell_layer};
+use crate::cli::ranges::{declination_deg, right_ascension_deg};
 use crate::sky::catalog::direction_from_ra_dec;
 use crate::sky::synthetic::{Population, credits};
 use anyhow::{bail, ensure};
@@ -34,7 +35,7 @@ pub(super) struct SynthesizeArgs {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Magnitudes at which layers end before the last, rising; those that are not brighter than --mag are left out
-    #[arg(long, value_delimiter = ',', default_values_t = [10.0, 14.0, 18.0])]
+    #[arg(long, value_delimiter = ',', default_value = "10,14,18")]
     layers: Vec<f32>,
     /// Only stars near a direction, degrees: the rest of the sky stays empty
     #[arg(long, value_name = "RA,DEC,RADIUS", value_delimiter = ',', allow_negative_numbers = true)]
@@ -74,9 +75,8 @@ pub(super) fn synthesize(args: &SynthesizeArgs, out: &mut impl Write) -> anyhow:
 /// Direction, and radius in rad.
 fn region(around: &[f64]) -> anyhow::Result<(DVec3, f64)> {
     let &[ra_deg, dec_deg, radius_deg] = around else { bail!("--around: wanted RA,DEC,RADIUS, got {around:?}") };
-    let fits =
-        (0.0..=360.0).contains(&ra_deg) && (-90.0..=90.0).contains(&dec_deg) && (0.0..=180.0).contains(&radius_deg);
-    ensure!(fits, "--around: wanted 0..360, -90..90 and a radius up to 180 degrees, got {around:?}");
+    let (ra_deg, dec_deg) = (right_ascension_deg("--around", ra_deg)?, declination_deg("--around", dec_deg)?);
+    ensure!((0.0..=180.0).contains(&radius_deg), "--around: wanted a radius of 0 to 180 degrees, got {radius_deg}");
     Ok((direction_from_ra_dec(ra_deg * DEG, dec_deg * DEG), radius_deg * DEG))
 }
 
@@ -143,6 +143,8 @@ mod tests {
         assert!(refused(&["--layers", "14,10"]).contains("got [14.0, 10.0, 15.0]"));
         assert!(refused(&["--stars", "0"]).contains("--stars: wanted 1..2000000000, got 0"));
         assert!(refused(&["--stars", "NaN"]).contains("got NaN"));
-        assert!(refused(&["--around", "10,-95,3"]).contains("--around: wanted 0..360, -90..90"));
+        assert!(refused(&["--around", "10,-95,3"]).contains("--around: declination wanted -90 to 90 degrees, got -95"));
+        assert!(refused(&["--around", "370,-5,3"]).contains("--around: right ascension wanted -360 to 360 degrees"));
+        assert!(refused(&["--around", "10,-5,200"]).contains("a radius of 0 to 180 degrees, got 200"));
     }
 }

@@ -41,6 +41,7 @@ mod named_camera;
 pub mod psf;
 mod psf_plot;
 mod radiometry_told;
+mod ranges;
 pub mod render;
 pub mod render_input;
 pub mod render_output;

@@ -51,7 +51,7 @@ pub struct PsfArgs {
     /// Camera or bench file (TOML), or the name of a built-in one; without it: the built-in loopback bench's camera
     file: Option<PathBuf>,
     /// Frequencies of the MTF table, shares of the Nyquist frequency
-    #[arg(long, value_name = "SHARES", value_delimiter = ',', default_values_t = [0.1, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0])]
+    #[arg(long, value_name = "SHARES", value_delimiter = ',', default_value = "0.1,0.25,0.5,0.75,1,1.5,2")]
     at: Vec<f64>,
     /// Colour of the star instead of the camera's, Gaia BP-RP (chains over a band only)
     #[arg(long, value_name = "MAG", allow_negative_numbers = true)]

@@ -6,6 +6,7 @@
 use crate::astrometry::{ApparentSource, Sight, Vantage, apparent_places, cone_margin_rad, years_since};
 use crate::attitude::LosPath;
 use crate::base::axes::{Icrf, Rotation, Sensor};
+use crate::base::source_id::SourceId;
 use crate::base::time::{Span, Tai};
 use crate::base::units::AU_KM;
 use crate::exposure::{Source, SourcePlace};
@@ -132,6 +133,16 @@ impl SkyView {
     #[must_use]
     pub fn found(&self) -> &[Source] {
         &self.sources
+    }
+
+    /// The name in its source catalog of a source that was found last, by its `id`; `None` when it has none. Reads no file and
+    /// allocates nothing.
+    #[must_use]
+    pub fn source_id(&self, id: u32) -> Option<SourceId> {
+        match &self.stars {
+            Stars::Catalog { catalog, .. } => catalog.sources().get(usize::try_from(id).ok()?)?.source_id,
+            Stars::Tiles { tiles, .. } => tiles.source_id(id),
+        }
     }
 
     /// As [`Self::in_view`]; they are in [`Self::found`] then.

@@ -70,6 +70,17 @@ pub enum ObserverError {
         /// Objects in the file.
         objects: usize,
     },
+    /// A file has several sets of elements of the object.
+    #[error(
+        "object {norad_id}: got {sets} sets of elements, wanted one: keep the set whose epoch is nearest to the run, others \
+         may be hundreds of kilometres off"
+    )]
+    WhichSet {
+        /// Catalog number of the object.
+        norad_id: u64,
+        /// Sets of it in the file.
+        sets: usize,
+    },
     /// A file from which the only object was to be taken has other lines.
     #[error(
         "two-line elements, line {line} of the file: wanted one object with at most a title before it, got \"{got}\" besides; \

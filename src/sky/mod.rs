@@ -10,6 +10,8 @@
 //! * [`density_map`]: stars per square degree over the whole sky;
 //! * [`galactic`]: galactic longitude and latitude;
 //! * [`hats`]: catalogs partitioned by HEALPix -> layers, and back;
+//! * [`credits`]: whom stars' origins ask to name;
+//! * [`numbering`]: stored numbers -> names in source catalogs; [`radial_velocity`]: of the fastest stars;
 //! * [`earth`]: the Earth's barycentric state from VSOP87E;
 //! * [`ephemeris`]: Moon and planets by polynomials fitted to DE421, 1990 to 2051;
 //! * [`moon`], [`planets`], [`magnitude`]: where they are and how bright;
@@ -22,6 +24,7 @@
 
 pub mod bodies;
 pub mod catalog;
+pub mod credits;
 pub mod density_map;
 pub mod earth;
 pub mod ephemeris;
@@ -32,9 +35,11 @@ pub mod import;
 pub mod layer;
 pub mod magnitude;
 pub mod moon;
+pub mod numbering;
 pub mod observer;
 pub mod orbit;
 pub mod planets;
+pub mod radial_velocity;
 pub mod spheroid;
 pub mod sun;
 mod stars;

@@ -4,8 +4,11 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::backtrace::Backtrace;
 use std::cell::Cell;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
+/// Bytes that are allocated now, and the most that were since the last look.
+static HELD: AtomicUsize = AtomicUsize::new(0);
+static MOST_HELD: AtomicUsize = AtomicUsize::new(0);
 static ARMED: AtomicBool = AtomicBool::new(false);
 static FOUND: Mutex<Vec<Found>> = Mutex::new(Vec::new());
 
@@ -47,23 +50,29 @@ pub(crate) struct Counting;
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         write_down(layout.size());
+        take(layout.size());
         // SAFETY: the caller's promises are those of the system's allocator.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        HELD.fetch_sub(layout.size(), Ordering::Relaxed);
         // SAFETY: as above.
         unsafe { System.dealloc(pointer, layout) }
     }
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
         write_down(layout.size());
+        take(layout.size());
         // SAFETY: as above.
         unsafe { System.alloc_zeroed(layout) }
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, bytes: usize) -> *mut u8 {
         write_down(bytes);
+        // Both blocks may be there while one is copied.
+        take(bytes);
+        HELD.fetch_sub(layout.size(), Ordering::Relaxed);
         // SAFETY: as above.
         unsafe { System.realloc(pointer, layout, bytes) }
     }
@@ -80,6 +89,19 @@ fn write_down(bytes: usize) {
         found.push(Found { bytes, stack });
     }
     WRITING.set(false);
+}
+
+fn take(bytes: usize) {
+    let held = HELD.fetch_add(bytes, Ordering::Relaxed) + bytes;
+    MOST_HELD.fetch_max(held, Ordering::Relaxed);
+}
+
+/// The most bytes that all threads hold at a time while `work` runs, beyond those that were held before.
+pub(crate) fn most_held_in(work: impl FnOnce()) -> usize {
+    let before = HELD.load(Ordering::Relaxed);
+    MOST_HELD.store(before, Ordering::Relaxed);
+    work();
+    MOST_HELD.load(Ordering::Relaxed).saturating_sub(before)
 }
 
 /// What all threads allocate while `work` runs.

@@ -1,5 +1,5 @@
 //! After its first frames the frame path allocates nothing: planning, CPU drawing, detector, and the whole frame engine;
-//! nor do packets on real links, nor frames on their way into several sinks.
+//! nor do packets on real links, nor frames on their way into several sinks. Imports hold no more than they are given.
 //!
 //! One test, so that no other one allocates beside it. Left out: sinks that write files, the GPU driver, the link's threads.
 #![allow(
@@ -10,6 +10,7 @@
 
 mod counting;
 mod engine;
+mod imports;
 mod links;
 mod scenes;
 mod sinks;
@@ -32,7 +33,7 @@ fn complaints(case: &str, found: &[Found]) -> Vec<String> {
 }
 
 #[test]
-fn frames_allocate_nothing_once_warm() {
+fn frames_allocate_nothing_once_warm_and_imports_keep_their_bound() {
     let control = allocations_in(|| drop(std::hint::black_box(vec![1_u8; 100])));
     assert_eq!(complaints("control", &control).len(), 1, "one allocation is seen: {control:?}");
     let elsewhere =
@@ -48,5 +49,6 @@ fn frames_allocate_nothing_once_warm() {
     wrong.extend(engine::complaints_of_the_bench());
     wrong.extend(links::complaints_of_links());
     wrong.extend(sinks::complaints_of_sinks());
+    wrong.extend(imports::complaints_of_imports());
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
 }

@@ -36,9 +36,11 @@ fn case(line: &'static str) -> Case {
     let fields: Vec<&'static str> = line.split(',').collect();
     let [at, observer, star] = [fields[0], fields[1], fields[2]];
     let numbers: Vec<f64> = fields[3..].iter().map(|field| field.parse().unwrap()).collect();
-    let proper_motion = ProperMotion { pm_ra_cosdec_mas_yr: numbers[2] as f32, pm_dec_mas_yr: numbers[3] as f32 };
+    let proper_motion =
+        ProperMotion { pm_ra_cosdec_mas_yr: numbers[2] as f32, pm_dec_mas_yr: numbers[3] as f32, radial_mas_yr: 0.0 };
     let source = CatalogSource {
         id: 0,
+        source_id: None,
         direction_icrf: direction_from_ra_dec(numbers[0] * DEG, numbers[1] * DEG),
         proper_motion: Some(proper_motion),
         parallax_mas: Some(numbers[4] as f32),

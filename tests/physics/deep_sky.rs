@@ -17,6 +17,7 @@ use starloop::runtime::{BackendChoice, Imager};
 use starloop::sky::Sky;
 use starloop::sky::catalog::{Catalog, ra_dec_rad};
 use starloop::sky::layer::{NewStar, Sorting};
+use starloop::sky::numbering::stored_number;
 use starloop::sky::observer::Observer;
 use starloop::sky::tiles::Shortfall;
 use starloop::wiring::camera_parts::camera_params;
@@ -44,7 +45,7 @@ fn built_in_layers(folder: &Path) -> Vec<PathBuf> {
     let star = |star: &starloop::sky::catalog::CatalogSource| {
         let [ra_rad, dec_rad] = ra_dec_rad(star.direction_icrf);
         NewStar {
-            source_id: i64::from(star.id),
+            source_id: stored_number(star.source_id),
             ra_rad,
             dec_rad,
             motion_mas_yr: star.proper_motion.map(|m| [m.pm_ra_cosdec_mas_yr, m.pm_dec_mas_yr].map(f64::from)),

@@ -33,6 +33,7 @@ mod random_scenes;
 mod response;
 mod scene;
 mod snr;
+mod space_motion;
 mod stability;
 mod stamps;
 mod targets;

@@ -129,6 +129,11 @@ impl Grid {
                 self.dot_px.to_string(),
             );
         }
+        let half_px = display.width_px.min(display.height_px) / 2;
+        if !(self.dot_px..half_px).contains(&self.margin_px) {
+            let wanted = format!("at least a dot, {} px, and less than half the display, {half_px} px", self.dot_px);
+            return refuse("grid.margin_px", wanted, self.margin_px.to_string());
+        }
         let sides = [("grid.columns", self.columns, display.width_px), ("grid.rows", self.rows, display.height_px)];
         for (name, count, side) in sides {
             let room = side.saturating_sub(1 + 2 * self.margin_px);
@@ -136,9 +141,6 @@ impl Grid {
             if !(3..=most).contains(&count) {
                 return refuse(name, format!("3 to {most} (dots at least {APART} sides apart)"), count.to_string());
             }
-        }
-        if self.margin_px < self.dot_px {
-            return refuse("grid.margin_px", format!("at least a dot, {} px", self.dot_px), self.margin_px.to_string());
         }
         Ok(())
     }

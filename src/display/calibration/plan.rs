@@ -210,6 +210,7 @@ pub(super) mod tests {
             ("bits = 8", "bits = 9", "8 or 10"),
             ("bits = 8", "bits = 12", "8 or 10"),
             ("margin_px = 12", "margin_px = 2", "margin_px"),
+            ("margin_px = 12", "margin_px = 9223372036854775807", "less than half the display"),
             ("ramp_steps = 16", "ramp_steps = 1", "ramp_steps"),
             ("[grid]", "[gird]", "gird"),
         ] {
@@ -218,6 +219,10 @@ pub(super) mod tests {
             let error = Plan::read(&path).unwrap_err().to_string();
             assert!(error.contains(told), "{error}");
         }
+        // Twice this is zero in 64 bits.
+        let wide = Grid { margin_px: 1 << 63, ..sample().grid };
+        let error = Plan::new(sample().display, sample().tracker, wide, 16).unwrap_err().to_string();
+        assert!(error.contains("grid.margin_px") && error.contains("9223372036854775808"), "{error}");
         assert!(Plan::read(&folder.path().join("none.toml")).unwrap_err().to_string().contains("none.toml"));
     }
 }

@@ -66,11 +66,14 @@ pub enum CatalogError {
         /// What is wrong.
         why: String,
     },
-    /// The CSV has no column of this name.
-    #[error("catalog CSV: no column \"{wanted}\"; got {got}")]
-    Column {
-        /// The name looked for.
-        wanted: &'static str,
+    /// The CSV lacks columns.
+    #[error(
+        "catalog CSV: no column {missing}; got {got}; cells may be blank, or take the CSV in by `starloop catalog import`, \
+         which reads Gaia's column names and, by --column, others"
+    )]
+    Columns {
+        /// The names looked for.
+        missing: String,
         /// The header line.
         got: String,
     },
@@ -92,8 +95,10 @@ pub enum CatalogError {
     /// A layer on disk.
     #[error(transparent)]
     Layer(#[from] LayerError),
-    /// More stars or text than the format's 32-bit counts hold.
-    #[error("catalog: {count} {what}, wanted at most {most}")]
+    /// More stars or text than a catalog in memory is meant to hold.
+    #[error(
+        "packed catalog: {count} {what}, wanted at most {most}: `starloop catalog import` takes any number of stars"
+    )]
     TooMany {
         /// What was counted.
         what: &'static str,

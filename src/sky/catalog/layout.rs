@@ -9,11 +9,14 @@
 //! | 20..24 | u32 bytes of credits |
 //! | 24..32 | f64 epoch, Julian year |
 //! | 32..36 | u32 CRC-32 of all other bytes of the file |
-//! | 36..40 | zero |
+//! | 36..40 | u32 origin of the stars' numbers ([`crate::sky::numbering::Numbering::mark`]) |
 //! | then | u32 x (tiles + 1): first star of each tile, and the number of stars |
-//! | then | 16 B per star: u32 ra, i32 dec, i16 pm ra, i16 pm dec, u16 G, i16 BP-RP ([`StarRecord`]) |
+//! | then | 20 B per star: u32 ra, i32 dec, i32 pm ra, i32 pm dec, u16 G, i16 BP-RP ([`StarRecord`]) |
 //! | then | u16 per star: parallax |
+//! | then | i64 per star: number in its source catalog |
 //! | then | UTF-8 credits |
+//!
+//! Version 1 had proper motions of 16 bits in steps of 0.5 mas/yr, which cost up to 12 mas by 2050, and no numbers.
 //!
 //! Stars of one tile are sorted by magnitude, so that a brightness cut is a prefix of the tile.
 
@@ -22,32 +25,33 @@ use core::f64::consts::{PI, TAU};
 /// First bytes of a packed catalog.
 pub(super) const MAGIC: [u8; 8] = *b"STARCAT1";
 /// Format version read and written.
-pub(super) const VERSION: u32 = 1;
+pub(super) const VERSION: u32 = 2;
 /// HEALPix order of the tiles.
 pub(super) const TILE_ORDER: u8 = 4;
 /// Tiles of the sphere at [`TILE_ORDER`].
 pub(super) const TILES: usize = 12 << (2 * TILE_ORDER);
 /// Bytes of the header.
 pub(super) const HEADER_BYTES: usize = 40;
+/// Most stars of a packed catalog, which is held in memory: layers have more.
+pub(super) const MOST_STARS: usize = 20_000_000;
+/// Longest packed catalog, bytes: as many stars, and a megabyte of credits.
+pub(super) const MOST_BYTES: u64 = (MOST_STARS * (RECORD_BYTES + PARALLAX_BYTES + NUMBER_BYTES) + (2 << 20)) as u64;
 /// Where the checksum stands.
 pub(super) const CRC_AT: usize = 32;
 /// Bytes of one star record.
-pub(super) const RECORD_BYTES: usize = 16;
+pub(super) const RECORD_BYTES: usize = 20;
 /// Bytes of one parallax.
 pub(super) const PARALLAX_BYTES: usize = 2;
+/// Bytes of one number.
+pub(super) const NUMBER_BYTES: usize = 8;
 
 /// Photometric bands of every packed catalog.
 pub const BANDS: &str = "Gaia DR3 G, and BP - RP (Vega system)";
 
-/// Credits that the catalog's sources ask for; carried inside the packed file.
-pub const DEFAULT_CREDITS: &str = "This work has made use of data from the European Space Agency (ESA) mission Gaia \
-    (https://www.cosmos.esa.int/gaia), processed by the Gaia Data Processing and Analysis Consortium (DPAC, \
-    https://www.cosmos.esa.int/web/gaia/dpac/consortium). Proper motions, parallaxes and the brightest stars: \
-    Hipparcos, the new reduction (van Leeuwen 2007, A&A 474, 653). Proper motions of the rest: Tycho-2 (Hog et al. \
-    2000, A&A 355, L27).";
-
 /// Step of a proper motion, mas/yr.
-pub(super) const PM_STEP_MAS_YR: f64 = 0.5;
+pub(super) const PM_STEP_MAS_YR: f64 = 0.001;
+/// Fastest proper motion in either axis, mas/yr: twice that of Barnard's star, and far below the field's limit.
+pub(super) const FASTEST_MAS_YR: f64 = 20_000.0;
 /// Step of a parallax, mas.
 pub(super) const PARALLAX_STEP_MAS: f64 = 0.05;
 /// Step of magnitudes and colours, mag.
@@ -55,7 +59,7 @@ pub(super) const MAG_STEP: f64 = 1e-3;
 /// Magnitude stored as zero.
 pub(super) const MAG_ZERO: f64 = -2.0;
 /// Both proper-motion fields of a star whose motion is unknown.
-pub(super) const NO_PROPER_MOTION: i16 = i16::MIN;
+pub(super) const NO_PROPER_MOTION: i32 = i32::MIN;
 /// Parallax field of a star whose parallax is unknown.
 pub(super) const NO_PARALLAX: u16 = u16::MAX;
 /// Radians in one step of right ascension.
@@ -72,6 +76,8 @@ pub(super) struct Header {
     pub(super) credits_bytes: u32,
     pub(super) epoch_yr: f64,
     pub(super) crc32: u32,
+    /// Origin of the stars' numbers.
+    pub(super) numbering_mark: u32,
 }
 
 impl Header {
@@ -84,6 +90,7 @@ impl Header {
         bytes[20..24].copy_from_slice(&self.credits_bytes.to_le_bytes());
         bytes[24..32].copy_from_slice(&self.epoch_yr.to_le_bytes());
         bytes[CRC_AT..36].copy_from_slice(&self.crc32.to_le_bytes());
+        bytes[36..40].copy_from_slice(&self.numbering_mark.to_le_bytes());
         bytes
     }
 
@@ -96,6 +103,7 @@ impl Header {
             credits_bytes: u32_at(bytes, 20),
             epoch_yr: f64::from_bits(u64::from(u32_at(bytes, 24)) | u64::from(u32_at(bytes, 28)) << 32),
             crc32: u32_at(bytes, CRC_AT),
+            numbering_mark: u32_at(bytes, 36),
         }
     }
 }
@@ -108,9 +116,9 @@ pub(super) struct StarRecord {
     /// Declination, 2^32 steps per half turn; +90 degrees is stored as the last step below it.
     pub(super) dec: i32,
     /// Proper motion in right ascension with cos(dec), [`PM_STEP_MAS_YR`]; [`NO_PROPER_MOTION`] when unknown.
-    pub(super) pm_ra: i16,
+    pub(super) pm_ra: i32,
     /// Proper motion in declination, likewise.
-    pub(super) pm_dec: i16,
+    pub(super) pm_dec: i32,
     /// G magnitude above [`MAG_ZERO`], [`MAG_STEP`].
     pub(super) g: u16,
     /// BP - RP, [`MAG_STEP`].
@@ -124,10 +132,10 @@ impl StarRecord {
         let mut bytes = [0; RECORD_BYTES];
         bytes[0..4].copy_from_slice(&self.ra.to_le_bytes());
         bytes[4..8].copy_from_slice(&self.dec.to_le_bytes());
-        bytes[8..10].copy_from_slice(&self.pm_ra.to_le_bytes());
-        bytes[10..12].copy_from_slice(&self.pm_dec.to_le_bytes());
-        bytes[12..14].copy_from_slice(&self.g.to_le_bytes());
-        bytes[14..16].copy_from_slice(&self.bp_rp.to_le_bytes());
+        bytes[8..12].copy_from_slice(&self.pm_ra.to_le_bytes());
+        bytes[12..16].copy_from_slice(&self.pm_dec.to_le_bytes());
+        bytes[16..18].copy_from_slice(&self.g.to_le_bytes());
+        bytes[18..20].copy_from_slice(&self.bp_rp.to_le_bytes());
         bytes
     }
 
@@ -135,11 +143,11 @@ impl StarRecord {
         let b = record;
         Self {
             ra: u32_at(b, 0),
-            dec: i32::from_le_bytes([b[4], b[5], b[6], b[7]]),
-            pm_ra: i16::from_le_bytes([b[8], b[9]]),
-            pm_dec: i16::from_le_bytes([b[10], b[11]]),
-            g: u16::from_le_bytes([b[12], b[13]]),
-            bp_rp: i16::from_le_bytes([b[14], b[15]]),
+            dec: u32_at(b, 4).cast_signed(),
+            pm_ra: u32_at(b, 8).cast_signed(),
+            pm_dec: u32_at(b, 12).cast_signed(),
+            g: u16::from_le_bytes([b[16], b[17]]),
+            bp_rp: i16::from_le_bytes([b[18], b[19]]),
             parallax: u16::from_le_bytes(parallax),
         }
     }
@@ -164,9 +172,17 @@ mod tests {
 
     #[test]
     fn header_and_record_round_trip() {
-        let header = Header { version: 1, order: 4, stars: 7, credits_bytes: 9, epoch_yr: 2016.0, crc32: 0xDEAD_BEEF };
+        let header = Header {
+            version: 2,
+            order: 4,
+            stars: 7,
+            credits_bytes: 9,
+            epoch_yr: 2016.0,
+            crc32: 0xDEAD_BEEF,
+            numbering_mark: 0x102,
+        };
         assert_eq!(Header::from_bytes(&header.to_bytes()), header);
-        let star = StarRecord { ra: 1 << 31, dec: -5, pm_ra: -7, pm_dec: 8, g: 9000, bp_rp: -300, parallax: 12 };
+        let star = StarRecord { ra: 1 << 31, dec: -5, pm_ra: -7, pm_dec: 1 << 24, g: 9000, bp_rp: -300, parallax: 12 };
         assert_eq!(StarRecord::from_bytes(&star.to_bytes(), star.parallax.to_le_bytes()), star);
     }
 }

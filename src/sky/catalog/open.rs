@@ -3,11 +3,14 @@
 use super::cone::Tile;
 use super::error::CatalogError;
 use super::layout::{
-    DEC_STEP_RAD, HEADER_BYTES, Header, MAG_STEP, MAG_ZERO, MAGIC, NO_PARALLAX, NO_PROPER_MOTION, PARALLAX_BYTES,
-    PARALLAX_STEP_MAS, PM_STEP_MAS_YR, RA_STEP_RAD, RECORD_BYTES, StarRecord, TILE_ORDER, TILES, VERSION, file_crc32,
-    u32_at,
+    DEC_STEP_RAD, HEADER_BYTES, Header, MAG_STEP, MAG_ZERO, MAGIC, MOST_BYTES, NO_PARALLAX, NO_PROPER_MOTION,
+    NUMBER_BYTES, PARALLAX_BYTES, PARALLAX_STEP_MAS, PM_STEP_MAS_YR, RA_STEP_RAD, RECORD_BYTES, StarRecord, TILE_ORDER,
+    TILES, VERSION, file_crc32, u32_at,
 };
 use super::{CatalogSource, ProperMotion, direction_from_ra_dec};
+use crate::base::source_id::SourceId;
+use crate::sky::numbering::Numbering;
+use crate::sky::radial_velocity::radial_mas_yr;
 use std::path::Path;
 
 /// The catalog that is part of the program: 106 462 stars to G < 8.5, epoch J2016.0.
@@ -38,6 +41,12 @@ impl Catalog {
     /// # Errors
     /// When the file cannot be read, and as [`Self::from_bytes`].
     pub fn open(path: &Path) -> Result<Self, CatalogError> {
+        let failed = |source| CatalogError::File { path: path.into(), source };
+        let length = std::fs::metadata(path).map_err(failed)?.len();
+        if length > MOST_BYTES {
+            let count = usize::try_from(length).unwrap_or(usize::MAX);
+            return Err(CatalogError::TooMany { what: "bytes", count, most: MOST_BYTES as usize });
+        }
         let bytes = std::fs::read(path).map_err(|source| CatalogError::File { path: path.into(), source })?;
         Self::from_bytes(&bytes)
     }
@@ -49,9 +58,17 @@ impl Catalog {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, CatalogError> {
         let (header, parts) = checked_parts(bytes)?;
         let records = parts.records.chunks_exact(RECORD_BYTES).zip(parts.parallaxes.chunks_exact(PARALLAX_BYTES));
-        let sources: Vec<_> = (0..).zip(records).map(|(id, (r, p))| source(id, &record(r, p))).collect();
+        let numbering = numbering(&header)?;
+        let numbers = parts.numbers.as_chunks::<NUMBER_BYTES>().0.iter();
+        let named = numbers.map(|bytes| numbering.source_id(i64::from_le_bytes(*bytes)));
+        let stars = (0..).zip(records.zip(named));
+        let sources: Vec<_> = stars.map(|(id, ((r, p), name))| source(id, name, &record(r, p))).collect();
         let tiles = tiles(parts.offsets, &sources)?;
-        let fastest_mas_yr = sources.iter().filter_map(|s| s.proper_motion).map(total_mas_yr).fold(0.0, f64::max);
+        let fastest_mas_yr = sources
+            .iter()
+            .filter_map(|s| s.proper_motion)
+            .map(|motion| f64::from(motion.speed_mas_yr()))
+            .fold(0.0, f64::max);
         let credits = String::from_utf8_lossy(parts.credits).into_owned();
         Ok(Self { epoch_yr: header.epoch_yr, crc32: header.crc32, credits, fastest_mas_yr, sources, tiles })
     }
@@ -91,6 +108,7 @@ struct Parts<'a> {
     offsets: &'a [u8],
     records: &'a [u8],
     parallaxes: &'a [u8],
+    numbers: &'a [u8],
     credits: &'a [u8],
 }
 
@@ -109,6 +127,7 @@ fn checked_parts(bytes: &[u8]) -> Result<(Header, Parts<'_>), CatalogError> {
         offsets: left.take("tile offsets", (TILES + 1) * 4)?,
         records: left.take("star records", stars.saturating_mul(RECORD_BYTES))?,
         parallaxes: left.take("parallaxes", stars.saturating_mul(PARALLAX_BYTES))?,
+        numbers: left.take("numbers", stars.saturating_mul(NUMBER_BYTES))?,
         credits: left.take("credits", header.credits_bytes as usize)?,
     };
     if left.taken != bytes.len() {
@@ -121,7 +140,8 @@ fn checked_parts(bytes: &[u8]) -> Result<(Header, Parts<'_>), CatalogError> {
 fn check_header(header: &Header) -> Result<(), CatalogError> {
     let refuse = |field, wanted: String, got: String| Err(CatalogError::Layout { field, wanted, got });
     if header.version != VERSION {
-        return refuse("format version", VERSION.to_string(), header.version.to_string());
+        let wanted = format!("{VERSION} (pack its CSV again with `starloop catalog pack`)");
+        return refuse("format version", wanted, header.version.to_string());
     }
     if header.order != u32::from(TILE_ORDER) {
         return refuse("HEALPix order", TILE_ORDER.to_string(), header.order.to_string());
@@ -130,6 +150,14 @@ fn check_header(header: &Header) -> Result<(), CatalogError> {
         return refuse("epoch", "a Julian year in 1900..2100".into(), header.epoch_yr.to_string());
     }
     Ok(())
+}
+
+fn numbering(header: &Header) -> Result<Numbering, CatalogError> {
+    Numbering::of_mark(header.numbering_mark).ok_or_else(|| CatalogError::Layout {
+        field: "origin of numbers",
+        wanted: "a mark that this program knows".into(),
+        got: header.numbering_mark.to_string(),
+    })
 }
 
 /// Takes parts off the front of the file.
@@ -155,22 +183,24 @@ fn record(record: &[u8], parallax: &[u8]) -> StarRecord {
 }
 
 #[allow(clippy::cast_possible_truncation, reason = "an f32 holds every step of these fields to 1e-7 of itself")]
-fn source(id: u32, star: &StarRecord) -> CatalogSource {
+fn source(id: u32, source_id: Option<SourceId>, star: &StarRecord) -> CatalogSource {
     let known_motion = star.pm_ra != NO_PROPER_MOTION && star.pm_dec != NO_PROPER_MOTION;
-    let mas_yr = |steps: i16| (f64::from(steps) * PM_STEP_MAS_YR) as f32;
+    let mas_yr = |steps: i32| (f64::from(steps) * PM_STEP_MAS_YR) as f32;
+    let parallax_mas = (star.parallax != NO_PARALLAX).then(|| (f64::from(star.parallax) * PARALLAX_STEP_MAS) as f32);
+    let proper_motion = || {
+        let [east, north] = [star.pm_ra, star.pm_dec].map(mas_yr);
+        let radial_mas_yr = radial_mas_yr(source_id, east.hypot(north), parallax_mas);
+        ProperMotion { pm_ra_cosdec_mas_yr: east, pm_dec_mas_yr: north, radial_mas_yr }
+    };
     CatalogSource {
         id,
+        source_id,
         direction_icrf: direction_from_ra_dec(f64::from(star.ra) * RA_STEP_RAD, f64::from(star.dec) * DEC_STEP_RAD),
-        proper_motion: known_motion
-            .then(|| ProperMotion { pm_ra_cosdec_mas_yr: mas_yr(star.pm_ra), pm_dec_mas_yr: mas_yr(star.pm_dec) }),
-        parallax_mas: (star.parallax != NO_PARALLAX).then(|| (f64::from(star.parallax) * PARALLAX_STEP_MAS) as f32),
+        proper_motion: known_motion.then(proper_motion),
+        parallax_mas,
         mag_g: (f64::from(star.g) * MAG_STEP + MAG_ZERO) as f32,
         bp_rp: (f64::from(star.bp_rp) * MAG_STEP) as f32,
     }
-}
-
-pub(super) fn total_mas_yr(motion: ProperMotion) -> f64 {
-    f64::from(motion.pm_ra_cosdec_mas_yr.hypot(motion.pm_dec_mas_yr))
 }
 
 fn tiles(offsets: &[u8], sources: &[CatalogSource]) -> Result<Vec<Tile>, CatalogError> {

@@ -5,14 +5,19 @@
 //! (allowed for proper motion and parallax). Some origins write an unknown proper motion as `0.00,0.00`
 //! ([`ORIGINS_WITHOUT_MOTION`]): those become blank too.
 //!
+//! The numbers in `source_id` are kept: Gaia's, those of bright stars below zero, or one's own ([`Origins`]); credits that are
+//! not given are those that the stars' origins ask for.
+//!
 //! The same CSV gives the same bytes: stars are ordered by tile, stored magnitude, then `source_id`.
 
 use super::error::CatalogError;
 use super::layout::{
-    DEC_STEP_RAD, Header, MAG_STEP, MAG_ZERO, NO_PARALLAX, NO_PROPER_MOTION, PARALLAX_STEP_MAS, PM_STEP_MAS_YR,
-    RA_STEP_RAD, StarRecord, TILE_ORDER, TILES, VERSION, file_crc32,
+    DEC_STEP_RAD, FASTEST_MAS_YR, Header, MAG_STEP, MAG_ZERO, MOST_STARS, NO_PARALLAX, NO_PROPER_MOTION,
+    PARALLAX_STEP_MAS, PM_STEP_MAS_YR, RA_STEP_RAD, StarRecord, TILE_ORDER, TILES, VERSION, file_crc32,
 };
 use crate::base::units::DEG;
+use crate::sky::credits::credits_of;
+use crate::sky::numbering::Origins;
 use csv::StringRecord;
 use std::io::Read;
 
@@ -22,6 +27,9 @@ const ORIGINS_WITHOUT_MOTION: [&str; 3] = ["gaia_nopm", "gaia+tyc_lb_nopm", "tyc
 /// documentation, section 5.5.1), beyond which their cubics run away. 199 of the default catalog's stars are redder
 /// and 2 bluer.
 const COLOUR_DOMAIN_MAG: [f64; 2] = [-0.5, 5.0];
+
+/// Characters of a file that a message shows.
+const LONGEST_SHOWN: usize = 400;
 
 /// What packing found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -36,6 +44,8 @@ pub struct PackReport {
     pub negative_parallaxes: usize,
     /// Colours clamped to -0.5..5.
     pub clamped_colours: usize,
+    /// Where stars came from.
+    pub origins: Origins,
 }
 
 struct Star {
@@ -44,24 +54,29 @@ struct Star {
     record: StarRecord,
 }
 
-/// Packs the CSV's stars, whose positions are those of Julian year `epoch_yr`, with the credits they ask for.
+/// Packs the CSV's stars, whose positions are those of Julian year `epoch_yr`, with `credits`, or those that their origins
+/// ask for.
 ///
 /// # Errors
 /// When the text is no CSV, a column is missing or a cell is no number in its field's range (with line and column).
-pub fn pack(input: impl Read, epoch_yr: f64, credits: &str) -> Result<(Vec<u8>, PackReport), CatalogError> {
+pub fn pack(input: impl Read, epoch_yr: f64, credits: Option<&str>) -> Result<(Vec<u8>, PackReport), CatalogError> {
     let mut reader = csv::Reader::from_reader(input);
     let columns = Columns::find(reader.headers()?)?;
     let mut report = PackReport::default();
     let mut stars = Vec::new();
     for row in reader.records() {
+        if stars.len() == MOST_STARS {
+            return Err(CatalogError::TooMany { what: "stars", count: MOST_STARS + 1, most: MOST_STARS });
+        }
         stars.push(star(&Row { columns: &columns, cells: row? }, &mut report)?);
     }
     report.stars = stars.len();
     stars.sort_by_key(|star| (star.tile, star.record.g, star.source_id, star.record.ra, star.record.dec));
-    Ok((file(&stars, epoch_yr, credits)?, report))
+    let asked_for = credits_of(&report.origins);
+    Ok((file(&stars, &report.origins, epoch_yr, credits.unwrap_or(&asked_for))?, report))
 }
 
-fn file(stars: &[Star], epoch_yr: f64, credits: &str) -> Result<Vec<u8>, CatalogError> {
+fn file(stars: &[Star], origins: &Origins, epoch_yr: f64, credits: &str) -> Result<Vec<u8>, CatalogError> {
     let header = Header {
         version: VERSION,
         order: u32::from(TILE_ORDER),
@@ -69,6 +84,7 @@ fn file(stars: &[Star], epoch_yr: f64, credits: &str) -> Result<Vec<u8>, Catalog
         credits_bytes: count("bytes of credits", credits.len())?,
         epoch_yr,
         crc32: 0,
+        numbering_mark: origins.numbering(epoch_yr).mark(),
     };
     let mut bytes = header.to_bytes().to_vec();
     for tile in 0..=TILES as u64 {
@@ -77,6 +93,7 @@ fn file(stars: &[Star], epoch_yr: f64, credits: &str) -> Result<Vec<u8>, Catalog
     }
     bytes.extend(stars.iter().flat_map(|star| star.record.to_bytes()));
     bytes.extend(stars.iter().flat_map(|star| star.record.parallax.to_le_bytes()));
+    bytes.extend(stars.iter().flat_map(|star| star.source_id.to_le_bytes()));
     bytes.extend(credits.as_bytes());
     let header = Header { crc32: file_crc32(&bytes), ..header };
     bytes[..header.to_bytes().len()].copy_from_slice(&header.to_bytes());
@@ -101,17 +118,19 @@ fn star(row: &Row<'_>, report: &mut PackReport) -> Result<Star, CatalogError> {
         parallax: parallax(row, report)?,
     };
     let tile = cdshealpix::nested::hash(TILE_ORDER, ra_rad, dec_rad);
-    Ok(Star { tile, source_id: row.source_id()?, record })
+    let source_id = row.source_id()?;
+    report.origins.see(source_id, ra_rad, dec_rad);
+    report.origins.see_words(row.origin());
+    Ok(Star { tile, source_id, record })
 }
 
-fn proper_motion(row: &Row<'_>, report: &mut PackReport) -> Result<[i16; 2], CatalogError> {
-    let most_mas_yr = f64::from(i16::MAX) * PM_STEP_MAS_YR;
-    let east = row.optional(PM_RA, -most_mas_yr, most_mas_yr)?;
-    let north = row.optional(PM_DEC, -most_mas_yr, most_mas_yr)?;
+fn proper_motion(row: &Row<'_>, report: &mut PackReport) -> Result<[i32; 2], CatalogError> {
+    let east = row.optional(PM_RA, -FASTEST_MAS_YR, FASTEST_MAS_YR)?;
+    let north = row.optional(PM_DEC, -FASTEST_MAS_YR, FASTEST_MAS_YR)?;
     let unknown_as_zero = ORIGINS_WITHOUT_MOTION.contains(&row.origin());
     match (east, north) {
         (Some(east), Some(north)) if !(unknown_as_zero && east == 0.0 && north == 0.0) => {
-            Ok([east, north].map(|pm| nearest_i16(pm / PM_STEP_MAS_YR)))
+            Ok([east, north].map(|pm| nearest_i32(pm / PM_STEP_MAS_YR)))
         }
         _ => {
             report.without_proper_motion += 1;
@@ -177,11 +196,12 @@ struct Columns {
 impl Columns {
     fn find(header: &StringRecord) -> Result<Self, CatalogError> {
         let place = |name: &str| header.iter().position(|cell| cell.trim() == name);
-        let mut places = [0; NAMES.len()];
-        for (slot, wanted) in places.iter_mut().zip(NAMES) {
-            let missing = || CatalogError::Column { wanted, got: header.iter().collect::<Vec<_>>().join(",") };
-            *slot = place(wanted).ok_or_else(missing)?;
+        let missing: Vec<&str> = NAMES.into_iter().filter(|name| place(name).is_none()).collect();
+        if !missing.is_empty() {
+            let got = header.iter().collect::<Vec<_>>().join(",").chars().take(LONGEST_SHOWN).collect();
+            return Err(CatalogError::Columns { missing: missing.join(", "), got });
         }
+        let places = NAMES.map(|name| place(name).unwrap_or(usize::MAX));
         Ok(Self { places, origin: place("origin") })
     }
 }
@@ -202,7 +222,8 @@ impl Row<'_> {
 
     fn refuse(&self, column: usize, wanted: String) -> CatalogError {
         let line = self.cells.position().map_or(0, csv::Position::line);
-        CatalogError::Cell { line, column: NAMES[column], wanted, got: self.text(column).into() }
+        let got = self.text(column).chars().take(LONGEST_SHOWN).collect();
+        CatalogError::Cell { line, column: NAMES[column], wanted, got }
     }
 
     fn required(&self, column: usize, low: f64, high: f64) -> Result<f64, CatalogError> {

@@ -1,8 +1,10 @@
 //! Round trip, refusal of bad files, cone against brute force, and the built-in catalog's facts.
 
-use super::layout::{DEC_STEP_RAD, PARALLAX_STEP_MAS, PM_STEP_MAS_YR};
+use super::layout::{DEC_STEP_RAD, FASTEST_MAS_YR, PARALLAX_STEP_MAS};
 use super::*;
+use crate::base::source_id::GaiaRelease;
 use crate::base::units::{ARCSEC, DEG, MAS};
+use crate::sky::numbering::Origins;
 
 const HEADER: &str = "source_id,hip,ra_deg,dec_deg,pmra_masyr,pmdec_masyr,parallax_mas,g_mag,bp_rp,origin\n";
 
@@ -13,7 +15,7 @@ const ALL: f32 = 99.0;
 const POSITION_MAS: f64 = 0.17;
 
 fn packed(rows: &str) -> Vec<u8> {
-    pack(format!("{HEADER}{rows}").as_bytes(), 2016.0, "credits").expect("a valid CSV").0
+    pack(format!("{HEADER}{rows}").as_bytes(), 2016.0, Some("credits")).expect("a valid CSV").0
 }
 
 fn small() -> Vec<u8> {
@@ -45,11 +47,14 @@ fn packing_keeps_every_field() {
 #[test]
 fn blank_is_not_zero_and_traps_are_counted() {
     let csv = format!("{HEADER}1,,10,20,0.00,0.00,,8.1,7.2,gaia_nopm\n2,,10,20,0.00,0.00,-5.0,8.0,1.0,gaia+hip_lb\n");
-    let (bytes, report) = pack(csv.as_bytes(), 2016.0, "").expect("a valid CSV");
+    let (bytes, report) = pack(csv.as_bytes(), 2016.0, None).expect("a valid CSV");
     let catalog = Catalog::from_bytes(&bytes).expect("a valid file");
     let [bright, faint] = catalog.sources() else { panic!("two stars") };
     assert_eq!((faint.proper_motion, faint.parallax_mas, faint.bp_rp), (None, None, 5.0));
-    assert_eq!(bright.proper_motion, Some(ProperMotion { pm_ra_cosdec_mas_yr: 0.0, pm_dec_mas_yr: 0.0 }));
+    assert_eq!(
+        bright.proper_motion,
+        Some(ProperMotion { pm_ra_cosdec_mas_yr: 0.0, pm_dec_mas_yr: 0.0, radial_mas_yr: 0.0 })
+    );
     assert_eq!(bright.parallax_mas, Some(0.0));
     let wanted = PackReport {
         stars: 2,
@@ -57,6 +62,7 @@ fn blank_is_not_zero_and_traps_are_counted() {
         without_parallax: 1,
         negative_parallaxes: 1,
         clamped_colours: 1,
+        origins: Origins { numbered: 2, named_hipparcos: 1, ..Origins::default() },
     };
     assert_eq!(report, wanted);
 }
@@ -70,14 +76,28 @@ fn row_order_of_the_csv_does_not_matter() {
 
 #[test]
 fn bad_csv_is_refused_with_line_and_column() {
-    let refuse = |text: &str| pack(text.as_bytes(), 2016.0, "").expect_err("bad CSV").to_string();
+    let refuse = |text: &str| pack(text.as_bytes(), 2016.0, None).expect_err("bad CSV").to_string();
     let cell = refuse(&format!("{HEADER}1,,10,20,1,1,,8.1,1,\n1,,10,95,1,1,,8.1,1,\n"));
     assert!(cell.contains("line 3") && cell.contains("dec_deg") && cell.contains("95"), "{cell}");
     let blank = refuse(&format!("{HEADER}1,,10,20,1,1,,,1,\n"));
     assert!(blank.contains("g_mag") && blank.contains("\"\""), "{blank}");
-    let fast = refuse(&format!("{HEADER}1,,10,20,1,17000,,8,1,\n"));
-    assert!(fast.contains("pmdec_masyr") && fast.contains(&(32_767.0 * PM_STEP_MAS_YR).to_string()), "{fast}");
-    assert!(refuse("ra_deg\n").contains("no column \"dec_deg\""), "missing column");
+    let fast = refuse(&format!("{HEADER}1,,10,20,1,21000,,8,1,\n"));
+    assert!(fast.contains("pmdec_masyr") && fast.contains(&FASTEST_MAS_YR.to_string()), "{fast}");
+    let missing = refuse("ra_deg,pmra_masyr,pmdec_masyr,g_mag\n");
+    assert!(missing.contains("no column dec_deg, parallax_mas, bp_rp, source_id; got ra_deg,"), "{missing}");
+}
+
+#[test]
+fn a_file_too_long_for_memory_is_refused_unread() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("long.starcat");
+    let file = std::fs::File::create(&path).expect("a new file");
+    file.set_len(layout::MOST_BYTES + 1).expect("a sparse file");
+    let told = Catalog::open(&path).expect_err("too long").to_string();
+    assert!(told.contains("bytes, wanted at most") && told.contains("catalog import"), "{told}");
+    let long = "9".repeat(100_000);
+    let cell = pack(format!("{HEADER}1,,10,{long},1,1,,8.1,1,\n").as_bytes(), 2016.0, None).expect_err("a bad cell");
+    assert!(cell.to_string().len() < 600, "a long cell is not shown whole");
 }
 
 #[test]
@@ -95,9 +115,15 @@ fn bad_files_are_refused_never_misread() {
         bytes[flipped] ^= 1;
         assert!(matches!(refuse(&bytes), CatalogError::Checksum { .. }), "byte {flipped}: {}", refuse(&bytes));
     }
-    let mut newer = good.clone();
-    newer[8] = 2;
-    assert!(refuse(&newer).to_string().contains("format version wanted 1, got 2"), "{}", refuse(&newer));
+    for version in [1, 3] {
+        let mut other = good.clone();
+        other[8] = version;
+        let told = refuse(&other).to_string();
+        assert!(
+            told.contains("format version wanted 2 (pack its CSV again") && told.ends_with(&format!("got {version}")),
+            "{told}"
+        );
+    }
 }
 
 #[test]
@@ -116,9 +142,10 @@ fn unsorted_tiles_are_refused_even_with_a_good_checksum() {
 fn the_built_in_catalog_opens() {
     let catalog = Catalog::built_in().expect("the bytes this program was built with");
     assert_eq!((catalog.sources().len(), catalog.epoch_yr()), (106_462, 2016.0));
-    assert!(catalog.credits().contains("Gaia") && catalog.credits().contains("Hipparcos"), "{}", catalog.credits());
     let without_motion = catalog.sources().iter().filter(|s| s.proper_motion.is_none()).count();
     assert_eq!(without_motion, 278, "258 + 16 + 4 unknown proper motions in the CSV");
+    let credited = ["Gaia", "Hipparcos", "Tycho-2"].iter().all(|name| catalog.credits().contains(name));
+    assert!(credited, "{}", catalog.credits());
     assert!((catalog.fastest_mas_yr() / 1000.0 - 10.4).abs() < 0.1, "Barnard's star: {}", catalog.fastest_mas_yr());
 }
 
@@ -182,4 +209,32 @@ fn declination_reaches_both_poles() {
     let catalog = Catalog::from_bytes(&packed("1,,0,90,1,1,,8.1,1,\n2,,360,-90,1,1,,8.2,1,\n")).expect("a valid file");
     let z: Vec<f64> = catalog.sources().iter().map(|s| s.direction_icrf.z).collect();
     assert!(z.iter().all(|z| (z.abs() - 1.0).abs() < DEC_STEP_RAD), "{z:?}");
+}
+
+#[test]
+fn built_in_stars_have_the_names_of_their_sources() {
+    let catalog = Catalog::built_in().expect("the built-in catalog");
+    let counted = |is: fn(&SourceId) -> bool| {
+        catalog.sources().iter().filter(|star| star.source_id.is_some_and(|name| is(&name))).count()
+    };
+    let gaia = counted(|name| matches!(name, SourceId::Gaia(GaiaRelease::Dr3, _)));
+    let hipparcos = counted(|name| matches!(name, SourceId::Hipparcos(_)));
+    let tycho = counted(|name| matches!(name, SourceId::Tycho(..)));
+    assert_eq!([gaia, hipparcos, tycho], [106_363, 93, 6], "as the CSV's origins count them");
+    let sirius = catalog.sources().iter().min_by(|a, b| a.mag_g.total_cmp(&b.mag_g)).expect("stars");
+    assert_eq!(sirius.source_id.map(|name| name.to_string()).as_deref(), Some("HIP 32349"));
+}
+
+#[test]
+fn own_stars_keep_their_numbers_and_credit_no_one() {
+    let own = format!("{HEADER}7,,10,20,1,1,,8.1,1,\n-9,,10,21,1,1,,8.2,1,\n");
+    let catalog =
+        Catalog::from_bytes(&pack(own.as_bytes(), 2016.0, None).expect("a valid CSV").0).expect("a valid file");
+    assert_eq!(catalog.credits(), "");
+    let names: Vec<Option<SourceId>> = catalog.sources().iter().map(|star| star.source_id).collect();
+    assert_eq!(names, [Some(SourceId::Own(7)), Some(SourceId::Own(-9))]);
+    let barnard = format!("{HEADER}4472832130942575872,,269.448503,4.73942,1,1,,8.1,1,gaia+tyc_lb\n");
+    let gaia = pack(barnard.as_bytes(), 2016.0, None).expect("a valid CSV");
+    let credits = Catalog::from_bytes(&gaia.0).expect("a valid file").credits().to_owned();
+    assert!(credits.contains("Gaia") && credits.contains("Tycho-2"), "control: {credits}");
 }

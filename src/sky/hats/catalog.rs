@@ -16,6 +16,8 @@ use std::path::{Path, PathBuf};
 const OBJECTS: &str = "object";
 /// Epoch of the positions, in catalogs that starloop wrote: HATS has no word for it.
 pub(super) const EPOCH: &str = "starloop_epoch_yr";
+/// The property of the credits that a catalog asks for.
+pub(super) const ACKNOWLEDGEMENT: &str = "obs_ack";
 
 /// A catalog whose partitions are all there.
 #[derive(Debug)]
@@ -99,6 +101,12 @@ impl HatsCatalog {
     pub fn epoch_yr(&self) -> Result<Option<f64>, HatsError> {
         let number = |text: &str| text.parse().map_err(|_| self.properties.refuse(EPOCH, "a Julian year", text));
         self.properties.get(EPOCH).map(number).transpose()
+    }
+
+    /// Credits that the catalog asks for, where it names some.
+    #[must_use]
+    pub fn credits(&self) -> Option<&str> {
+        self.properties.get(ACKNOWLEDGEMENT)
     }
 
     /// Rows by the footers of all files against what the catalog says.

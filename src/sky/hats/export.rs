@@ -5,7 +5,7 @@
 //! of the whole of Gaia DR3 some 100,000 stars, 100 bytes each. The catalog gets its name when it is whole. An import of it
 //! with the limits of the layers makes the same layers, byte for byte (`super::tests`).
 
-use super::catalog::EPOCH;
+use super::catalog::{ACKNOWLEDGEMENT, EPOCH};
 use super::error::HatsError;
 use super::pixel::{MOST_ORDER, Pixel};
 use super::properties;
@@ -123,7 +123,9 @@ impl<'a> Export<'a> {
     ) -> Result<Self, HatsError> {
         let dataset = folder.join("dataset");
         fs::create_dir_all(&dataset).map_err(HatsError::file("cannot make", &dataset))?;
-        let writer = CatalogWriter::new().map_err(|source| HatsError::Writing { path: dataset.clone(), source })?;
+        let has_numbers = layers.iter().all(|layer| layer.numbering().is_some());
+        let writer =
+            CatalogWriter::new(has_numbers).map_err(|source| HatsError::Writing { path: dataset.clone(), source })?;
         let cell_order = layers.iter().map(Layer::order).min().unwrap_or(0).min(MOST_CELL_ORDER);
         let mut before = vec![0; (12 << (2 * cell_order)) + 1];
         for layer in layers {
@@ -174,14 +176,16 @@ impl<'a> Export<'a> {
         for layer in self.layers {
             for tile in pixel.at(layer.order()) {
                 layer.restore_tile(tile, &mut bytes, &mut stars)?;
-                rows.extend(stars.drain(..).map(|star: NewStar| CatalogRow {
+                let places = first + layer.first_of_tile(tile).cast_signed()..;
+                rows.extend(places.zip(stars.drain(..)).map(|(starloop_id, star): (i64, NewStar)| CatalogRow {
                     healpix: cdshealpix::nested::hash(MOST_ORDER, star.ra_rad, star.dec_rad),
-                    star: NewStar { source_id: star.source_id + first, ..star },
+                    starloop_id,
+                    star,
                 }));
             }
             first += layer.stars().cast_signed();
         }
-        rows.sort_unstable_by_key(|row| (row.healpix, row.star.source_id));
+        rows.sort_unstable_by_key(|row| (row.healpix, row.starloop_id));
         Ok(rows)
     }
 
@@ -225,7 +229,7 @@ impl<'a> Export<'a> {
 
     fn write_properties(&self) -> Result<(), HatsError> {
         let share: f64 = self.pixels.iter().map(|pixel| 1.0 / (12_u64 << (2 * pixel.order)) as f64).sum();
-        let mut credits: Vec<&str> = self.layers.iter().map(Layer::credits).collect();
+        let mut credits: Vec<&str> = self.layers.iter().map(Layer::credits).filter(|text| !text.is_empty()).collect();
         credits.dedup();
         let epoch_yr = self.layers.first().map_or(String::new(), |layer| layer.epoch_yr().to_string());
         let values = [
@@ -242,7 +246,7 @@ impl<'a> Export<'a> {
             ("moc_sky_fraction", format!("{share:.5}")),
             ("hats_builder", concat!("starloop ", env!("CARGO_PKG_VERSION")).into()),
             ("hats_version", "v1.0".into()),
-            ("obs_ack", credits.join("; ")),
+            (ACKNOWLEDGEMENT, credits.join("; ")),
             (EPOCH, epoch_yr),
         ];
         // Older readers know the file by its second name.

@@ -33,6 +33,9 @@ pub fn import(
     let wanted = file.rows()?;
     let mut rows = Rows::begin(file, names)?;
     let is_coarse = rows.has_coarse_places();
+    if rows.has_places_as_ids() {
+        sorting.leave_numbers_out();
+    }
     let mut got = 0;
     while rows.read_batch()? {
         for row in 0..rows.batch.rows {
@@ -40,7 +43,8 @@ pub fn import(
                 check_place(&rows, row, pixel, is_coarse)?;
             }
             let number = |column| rows.number(row, column);
-            if let Some(star) = star_of_row(rows.source_id(row)?, number, sorting)? {
+            let refuse = |column, wanted, got: f64| rows.refuse(row, column, wanted, got.to_string());
+            if let Some(star) = star_of_row(rows.source_id(row)?, number, refuse, sorting)? {
                 let refused = |source| HatsError::Star { path: path.into(), row: rows.number_of(row), source };
                 sorting.add(&star).map_err(refused)?;
             }

@@ -53,18 +53,19 @@ pub(super) struct Batch {
 
 impl Rows {
     /// Finds the columns of a file.
-    pub(super) fn begin(file: ParquetFile, names: &Names) -> Result<Self, HatsError> {
+    pub(super) fn begin(file: ParquetFile, of_archive: &Names) -> Result<Self, HatsError> {
         let schema = file.metadata.file_metadata().schema_descr();
         let place = |name: &str| schema.columns().iter().position(|column| column.path().string() == name);
-        let mut names: [String; COLUMNS] = core::array::from_fn(|column| names.here(column).into());
+        let mut names: [String; COLUMNS] = core::array::from_fn(|column| of_archive.here(column).into());
         let is_archives = names[SOURCE_ID] == Names::all()[SOURCE_ID];
         if is_archives && place(&names[SOURCE_ID]).is_none() && place(STARLOOP_ID).is_some() {
             names[SOURCE_ID] = STARLOOP_ID.into();
         }
         let places = core::array::from_fn(|column| place(&names[column]));
-        if let Some(missing) = Names::missing(|column| places[column].is_some()) {
+        let missing = of_archive.missing(|column| places[column].is_some());
+        if !missing.is_empty() {
             let there: Vec<String> = schema.columns().iter().map(|column| column.path().string()).collect();
-            let (column, got) = (names[missing].clone(), format!("none; the file has {}", there.join(", ")));
+            let (column, got) = (missing.join(", "), format!("none; the file has {}", there.join(", ")));
             return Err(HatsError::Column { path: file.path, column, wanted: "a column of that name", got });
         }
         for (column, place) in places.iter().enumerate() {
@@ -151,7 +152,12 @@ impl Rows {
         }
     }
 
-    fn refuse(&self, row: usize, column: usize, wanted: &'static str, got: String) -> HatsError {
+    /// True when the rows' numbers are their places in layers, and not those of a source catalog.
+    pub(super) fn has_places_as_ids(&self) -> bool {
+        self.names[SOURCE_ID] == STARLOOP_ID
+    }
+
+    pub(super) fn refuse(&self, row: usize, column: usize, wanted: &'static str, got: String) -> HatsError {
         let (path, column) = (self.file.path.clone(), self.names[column].clone());
         HatsError::Cell { path, row: self.number_of(row), column, wanted, got }
     }

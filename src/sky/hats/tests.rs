@@ -129,7 +129,7 @@ fn layers_that_do_not_fit_together_are_not_exported() {
     let last = bytes.len() - 1;
     bytes[last] ^= 1;
     std::fs::write(path("damaged"), bytes).unwrap();
-    assert!(refused(&[Layer::open(&path("damaged")).unwrap()], 100).contains("damaged: tile"));
+    assert!(refused(&[Layer::open(&path("damaged")).unwrap()], 100).contains("damaged: numbers of the stars"));
     export(&[layer(0)], &path("out"), &exporting(100), &mut |_| {}).unwrap();
     let slash = PathBuf::from(format!("{}/", path("slash").display()));
     export(&[layer(0)], &slash, &exporting(100), &mut |_| {}).unwrap();
@@ -371,7 +371,7 @@ fn cells_that_are_wrong_are_told_with_file_row_and_column() {
     let told = refused(2, with(8_500, Some(f64::INFINITY)));
     assert!(told.contains("wrong.parquet, row 8501, column ra: wanted a number, or null, got inf"), "{told}");
     let told = refused(2, with(8_500, Some(-1.0)));
-    assert!(told.contains("wrong.parquet, row 8501: source 8501: right ascension"), "{told}");
+    assert!(told.contains("wrong.parquet, row 8501, column ra: wanted degrees from 0 to 360, got -1"), "{told}");
     let ids = (0..9_000).map(|i| (i != 20).then_some(i)).collect();
     let told = refused(1, Cells::I64(ids));
     assert!(told.contains("row 21, column source_id: wanted a whole number, got null"), "{told}");

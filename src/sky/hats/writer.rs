@@ -1,7 +1,7 @@
 //! Stars -> the Parquet files of a catalog: its partitions, and the footers of all of them in one file.
 //!
 //! Columns: `_healpix_29` (nested HEALPix at order 29, by which rows are sorted), `starloop_id` (the star's place in the
-//! layers, in the order they were named: layers keep no `source_id`), `ra`, `dec` (deg, ICRS), `pmra` (with cos dec),
+//! layers, in the order they were named), `source_id` (its number in its source catalog, when all layers have numbers), `ra`, `dec` (deg, ICRS), `pmra` (with cos dec),
 //! `pmdec` (mas/yr), `parallax` (mas), `phot_g_mean_mag`, `bp_rp` (mag); null where it is unknown. Pages are Zstandard.
 
 use super::error::HatsError;
@@ -25,10 +25,12 @@ use std::sync::Arc;
 const GROUP_ROWS: usize = 131_072;
 /// Who wrote a file, in the form that Parquet asks for.
 const WRITER: &str = concat!("starloop version ", env!("CARGO_PKG_VERSION"));
+/// The column of numbers, where the layers have them.
+const SOURCE_ID: &str = "required int64 source_id;";
 const SCHEMA: &str = "message catalog {
     required int64 _healpix_29;
     required int64 starloop_id;
-    required double ra;
+    SOURCE_ID    required double ra;
     required double dec;
     optional float pmra;
     optional float pmdec;
@@ -42,7 +44,8 @@ const SCHEMA: &str = "message catalog {
 pub(super) struct CatalogRow {
     /// Nested HEALPix number at order 29.
     pub(super) healpix: u64,
-    /// Its `source_id` is the star's place in the layers.
+    /// The star's place in the layers.
+    pub(super) starloop_id: i64,
     pub(super) star: NewStar,
 }
 
@@ -50,11 +53,12 @@ pub(super) struct CatalogRow {
 pub(super) struct CatalogWriter {
     schema: TypePtr,
     properties: WriterPropertiesPtr,
+    has_numbers: bool,
     groups: Vec<RowGroupMetaData>,
 }
 
 impl CatalogWriter {
-    pub(super) fn new() -> Written<Self> {
+    pub(super) fn new(has_numbers: bool) -> Written<Self> {
         let by_healpix = SortingColumn { column_idx: 0, descending: false, nulls_first: false };
         let properties = WriterProperties::builder()
             .set_compression(Compression::ZSTD(Default::default()))
@@ -63,8 +67,9 @@ impl CatalogWriter {
             .set_offset_index_disabled(true)
             .set_sorting_columns(Some(vec![by_healpix]))
             .set_created_by(WRITER.into());
-        let schema = Arc::new(parse_message_type(SCHEMA)?);
-        Ok(Self { schema, properties: Arc::new(properties.build()), groups: Vec::new() })
+        let schema = SCHEMA.replace("SOURCE_ID", if has_numbers { SOURCE_ID } else { "" });
+        let schema = Arc::new(parse_message_type(&schema)?);
+        Ok(Self { schema, properties: Arc::new(properties.build()), has_numbers, groups: Vec::new() })
     }
 
     /// Writes sorted rows to the file `within` the folder `dataset`.
@@ -74,7 +79,7 @@ impl CatalogWriter {
         let write = || {
             let mut file = SerializedFileWriter::new(file, Arc::clone(&self.schema), Arc::clone(&self.properties))?;
             for rows in rows.chunks(GROUP_ROWS) {
-                write_group(file.next_row_group()?, rows)?;
+                write_group(file.next_row_group()?, rows, self.has_numbers)?;
             }
             for group in file.close()?.row_groups() {
                 self.groups.push(group_of(group, within)?);
@@ -109,9 +114,12 @@ fn group_of(group: &RowGroupMetaData, within: &str) -> Written<RowGroupMetaData>
     group.clone().into_builder().set_column_metadata(columns).build()
 }
 
-fn write_group(mut group: SerializedRowGroupWriter<'_, File>, rows: &[CatalogRow]) -> Written<()> {
+fn write_group(mut group: SerializedRowGroupWriter<'_, File>, rows: &[CatalogRow], has_numbers: bool) -> Written<()> {
     known::<Int64Type>(&mut group, rows, |row| row.healpix.cast_signed())?;
-    known::<Int64Type>(&mut group, rows, |row| row.star.source_id)?;
+    known::<Int64Type>(&mut group, rows, |row| row.starloop_id)?;
+    if has_numbers {
+        known::<Int64Type>(&mut group, rows, |row| row.star.source_id)?;
+    }
     known::<DoubleType>(&mut group, rows, |row| row.star.ra_rad / DEG)?;
     known::<DoubleType>(&mut group, rows, |row| row.star.dec_rad / DEG)?;
     maybe(&mut group, rows, |row| row.star.motion_mas_yr.map(|[east, _]| east))?;

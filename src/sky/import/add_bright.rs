@@ -32,6 +32,7 @@ pub(super) fn add_by(
     epoch_yr: f64,
     sorting: &mut Sorting,
 ) -> Result<(), LayerError> {
+    sorting.begin_bright();
     bright.told.iter().for_each(|(what, count)| sorting.tell(what, *count));
     let twice = keep_first(&mut bright.hipparcos) + keep_first(&mut bright.tycho);
     tell_some(sorting, TWICE, twice);

@@ -48,13 +48,17 @@ pub enum ImportError {
         /// Cells of the row.
         got: usize,
     },
-    /// A column is missing.
-    #[error("{path}: no column \"{wanted}\"; got {got}", path = path.display())]
-    Column {
+    /// Columns are missing.
+    #[error(
+        "{path}: no column {missing}; got {got}; say what the file calls them, such as --column phot_g_mean_mag=NAME, or that it \
+         has none, such as --column pmra= (of pmra, pmdec, parallax and bp_rp)",
+        path = path.display()
+    )]
+    Columns {
         /// The file.
         path: PathBuf,
-        /// The name looked for.
-        wanted: String,
+        /// The names looked for.
+        missing: String,
         /// The header line.
         got: String,
     },

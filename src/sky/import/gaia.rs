@@ -91,14 +91,22 @@ impl Names {
         &self.columns[column]
     }
 
-    /// The column that a file must have and `is_there` says it has not: all but colours, of which one form is enough.
-    pub(in crate::sky) fn missing(is_there: impl Fn(usize) -> bool) -> Option<usize> {
+    /// The columns that a file must have and `is_there` says it has not, by their names in the file: all but colours, of
+    /// which one form is enough, and those that are said to be missing (an empty name).
+    pub(in crate::sky) fn missing(&self, is_there: impl Fn(usize) -> bool) -> Vec<&str> {
         let is_missing = |column: &usize| match *column {
             BP_RP => !(is_there(BP_RP) || is_there(BP) && is_there(RP)),
             BP | RP => false,
             column => !is_there(column),
         };
-        (0..COLUMNS).find(is_missing)
+        let wanted = (0..COLUMNS).filter(|column| !self.here(*column).is_empty()).filter(is_missing);
+        wanted.map(|column| self.here(column)).collect()
+    }
+
+    /// Columns that may be said to be missing, by their names in Gaia's archive: nothing else is known of their values.
+    #[must_use]
+    pub fn may_be_missing(archive: &str) -> bool {
+        [PM_RA, PM_DEC, PARALLAX, BP_RP].iter().any(|column| ARCHIVE[*column] == archive)
     }
 
     /// What may be renamed.
@@ -169,17 +177,29 @@ pub fn import_text(
     Ok(rows)
 }
 
+/// Values that a cell of a column may have, in the column's unit, and in words.
+type CellRange = (usize, [f64; 2], &'static str);
+/// Columns of places.
+const ANGLES: [CellRange; 2] =
+    [(RA, [0.0, 360.0], "degrees from 0 to 360"), (DEC, [-90.0, 90.0], "degrees from -90 to 90")];
+
 /// A row of Gaia's archive as a star; `None`, counted, when nothing can be drawn of it. `number` gives a cell by its column,
-/// `None` where it is blank.
+/// `None` where it is blank; `refuse` makes an error of a cell by its column, what was wanted, and what it holds.
 pub(in crate::sky) fn star_of_row<E>(
     source_id: i64,
     number: impl Fn(usize) -> Result<Option<f64>, E>,
+    refuse: impl Fn(usize, &'static str, f64) -> E,
     sorting: &mut Sorting,
 ) -> Result<Option<NewStar>, E> {
     let (Some(ra_deg), Some(dec_deg)) = (number(RA)?, number(DEC)?) else {
         sorting.tell(WITHOUT_PLACE, 1);
         return Ok(None);
     };
+    for ((column, [low, high], wanted), angle) in ANGLES.into_iter().zip([ra_deg, dec_deg]) {
+        if !(low..=high).contains(&angle) {
+            return Err(refuse(column, wanted, angle));
+        }
+    }
     let Some(mag_g) = number(G)? else {
         sorting.tell(WITHOUT_MAGNITUDE, 1);
         return Ok(None);
@@ -217,14 +237,14 @@ impl<'a> Columns<'a> {
         // Some programs begin a file with the mark of UTF-8.
         let header = header.trim_start_matches('\u{feff}');
         let cells: Vec<&str> = header.split(',').map(without_quotes).collect();
-        let places = names.columns.each_ref().map(|name| cells.iter().position(|cell| cell == name));
-        match Names::missing(|column| places[column].is_some()) {
-            Some(missing) => {
-                let got = header.chars().take(LONGEST_SHOWN).collect();
-                Err(ImportError::Column { path: path.into(), wanted: names.columns[missing].clone(), got })
-            }
-            None => Ok(Self { path, names, places, count: cells.len() }),
+        let place = |name: &String| cells.iter().position(|cell| cell == name).filter(|_| !name.is_empty());
+        let places = names.columns.each_ref().map(place);
+        let missing = names.missing(|column| places[column].is_some());
+        if missing.is_empty() {
+            return Ok(Self { path, names, places, count: cells.len() });
         }
+        let got = header.chars().take(LONGEST_SHOWN).collect();
+        Err(ImportError::Columns { path: path.into(), missing: missing.join(", "), got })
     }
 }
 
@@ -249,7 +269,8 @@ impl<'a> Row<'a> {
     fn star(&self, sorting: &mut Sorting) -> Result<Option<NewStar>, ImportError> {
         let text = self.text(SOURCE_ID);
         let source_id = text.parse().map_err(|_| self.refuse(SOURCE_ID, "a whole number"))?;
-        star_of_row(source_id, |column| self.number(column), sorting)
+        let refuse = |column, wanted, _| self.refuse(column, wanted);
+        star_of_row(source_id, |column| self.number(column), refuse, sorting)
     }
 
     fn text(&self, column: usize) -> &str {
@@ -373,12 +394,15 @@ mod tests {
         let bad = BULK.replace("11.938616", "11.9x");
         let told = refused(bad.as_bytes(), "g.csv");
         assert!(told.contains("g.csv, line 7, column pmra: wanted a number, or null, got \"11.9x\""), "{told}");
-        let told = refused(BULK.replace("phot_g_mean_mag", "g_mag").as_bytes(), "g.csv");
-        assert!(told.contains("no column \"phot_g_mean_mag\"; got solution_id,source_id"), "{told}");
+        let told = refused(BULK.replace("phot_g_mean_mag", "g_mag").replace("pmra,", "pm_e,").as_bytes(), "g.csv");
+        assert!(told.contains("g.csv: no column pmra, phot_g_mean_mag; got solution_id,source_id"), "{told}");
+        assert!(told.contains("--column phot_g_mean_mag=NAME") && told.contains("--column pmra= "), "{told}");
         let told = refused(BULK.replace("4295806720", "4.3e9").as_bytes(), "g.csv");
         assert!(told.contains("column source_id: wanted a whole number"), "{told}");
         let told = refused(BULK.replace("44.99615537864534", "444.9").as_bytes(), "g.csv");
-        assert!(told.contains("line 7: source 4295806720: right ascension"), "{told}");
+        assert!(told.contains("line 7, column ra: wanted degrees from 0 to 360, got \"444.9"), "{told}");
+        let told = refused(BULK.replace("0.005615226341865997", "95.5").as_bytes(), "g.csv");
+        assert!(told.contains("column dec: wanted degrees from -90 to 90, got \"95.5\""), "{told}");
         let told = refused(BULK.replace(",1.2\n", "\n").as_bytes(), "g.csv");
         assert!(told.contains("line 7: wanted 12 cells"), "{told}");
         let whole = packed(BULK.as_bytes());

@@ -13,6 +13,7 @@ use super::crossmatch::tolerance_mag;
 use super::error::ImportError;
 use crate::base::units::DEG;
 use crate::sky::catalog::direction_from_ra_dec;
+use crate::sky::numbering::TYCHO_NUMBERS;
 
 /// Parts of a line of `tyc2.dat`.
 pub(super) const PARTS: usize = 32;
@@ -22,8 +23,6 @@ pub(super) const SUPPLEMENT_PARTS: usize = 18;
 const MEAN_EPOCH_YR: f64 = 2000.0;
 /// Epoch of the supplement's positions, Julian year.
 const SUPPLEMENT_EPOCH_YR: f64 = 1991.25;
-/// Beyond all Hipparcos numbers.
-const TYCHO_NUMBERS: i64 = 1_000_000_000_000;
 
 /// Where parts stand in a line.
 struct Places {

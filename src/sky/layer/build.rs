@@ -1,8 +1,9 @@
 //! Stars in any order -> layers, in bounded memory and resumable.
 //!
 //! Stars are dealt to files on disk, one for each layer and each of 3,072 parts of the sky ([`Sorting::add`]); then each
-//! file is sorted by tile and magnitude and appended to its layer ([`Sorting::finish`]). Memory: buffers of 64 MiB, and one
-//! file at a time (the densest part of the whole of Gaia DR3 has some 5 million stars: half a gigabyte while it is sorted).
+//! file is sorted by tile and magnitude and appended to its layer ([`Sorting::finish`]). Memory: [`MEMORY_BYTES`] or what
+//! [`Sorting::with_memory`] says, wherever the stars are: while stars come, half of it for rows that wait for the disk;
+//! while files are sorted, as many rows as it holds at a time (`runs`), beside the tables of one layer (`writer`).
 //! After each input, [`Sorting::checkpoint`] writes down how long the files are: an import that is cut short goes on after
 //! its last whole input, as files are cut back to those lengths, when it reads the same inputs in the same way
 //! ([`Sorting::hold_to`]). Layers get their names when all are whole; that they are about to is written down before, so that
@@ -10,20 +11,27 @@
 //! and magnitude) is taken once and counted. Tests: `tests`.
 
 use super::error::LayerError;
-use super::layout::{
-    HEADER_BYTES, Header, RECORD_BYTES, StarRecord, TileFrame, VERSION, head_crc32, order_for, tiles_of,
-};
-use super::star::{IDENTITY_BYTES, NewStar, ROW_BYTES, StarCounts, TakenStar, WaitingRow};
+use super::layout::{TileFrame, order_for, tiles_of};
+use super::runs::{RunSort, SORTED_BYTES, each_row, new_file};
+use super::star::{NewStar, ROW_BYTES, StarCounts, TakenStar, WaitingRow};
+use super::writer::{Head, LayerReport, LayerWriter, UnnamedLayer, sync_folder_of};
+use crate::sky::credits::credits_of;
+use crate::sky::numbering::Origins;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
-use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// HEALPix order of the parts of the sky that are sorted one at a time.
 const PART_ORDER: u8 = 4;
-/// Rows are written to disk when so many bytes wait.
-const BUFFERED_BYTES: usize = 64 << 20;
+/// Memory of an import, as long as no one asks for another amount, bytes: the densest part of the whole of Gaia DR3, some 5
+/// million stars, is sorted at once.
+pub const MEMORY_BYTES: usize = 512 << 20;
+/// Least memory of an import, bytes.
+pub const LEAST_MEMORY_BYTES: usize = 1 << 20;
+/// Rows of one part of the sky are written when this share of the memory waits for it alone: its buffer grows no further.
+const PART_SHARE: usize = 16;
 /// Where an import keeps what it needs to go on.
 const PROGRESS: &str = "progress.json";
 
@@ -43,6 +51,12 @@ struct Progress {
     /// Bytes of each file of rows.
     rows: BTreeMap<String, u64>,
     counts: StarCounts,
+    /// Where stars came from.
+    #[serde(default)]
+    origins: Origins,
+    /// Stars whose numbers are those of no source catalog were taken in, or numbers were not asked for.
+    #[serde(default)]
+    is_without_numbers: bool,
     /// What else the importer counts.
     told: BTreeMap<String, u64>,
 }
@@ -50,29 +64,13 @@ struct Progress {
 /// Stars on their way into layers.
 pub struct Sorting {
     work: PathBuf,
+    memory_bytes: usize,
     progress: Progress,
     /// Rows that wait for the disk, by layer and part.
     waiting: BTreeMap<(usize, u64), Vec<u8>>,
     waiting_bytes: usize,
     /// Files written to since the last checkpoint.
     unsynced: BTreeSet<String>,
-}
-
-/// A layer that was written.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LayerReport {
-    /// Its file.
-    pub path: PathBuf,
-    /// Magnitudes from, and below.
-    pub magnitudes: [f32; 2],
-    /// Stars in it.
-    pub stars: u64,
-    /// Stars that came twice and were taken once.
-    pub doubled: u64,
-    /// HEALPix order of its tiles.
-    pub order: u8,
-    /// Bytes of the file.
-    pub bytes: u64,
 }
 
 impl Sorting {
@@ -104,9 +102,32 @@ impl Sorting {
             )));
         }
         let (waiting, unsynced) = (BTreeMap::new(), BTreeSet::new());
-        let sorting = Self { work: work.into(), progress, waiting, waiting_bytes: 0, unsynced };
+        let (work, memory_bytes) = (work.into(), MEMORY_BYTES);
+        let sorting = Self { work, memory_bytes, progress, waiting, waiting_bytes: 0, unsynced };
         sorting.cut_back()?;
         Ok(sorting)
+    }
+
+    /// Takes this much memory, at least [`LEAST_MEMORY_BYTES`], instead of [`MEMORY_BYTES`].
+    #[must_use]
+    pub fn with_memory(self, memory_bytes: usize) -> Self {
+        Self { memory_bytes: memory_bytes.max(LEAST_MEMORY_BYTES), ..self }
+    }
+
+    /// Leaves the numbers of stars out of the layers: they are not asked for, or are those of no source catalog.
+    pub fn leave_numbers_out(&mut self) {
+        self.progress.is_without_numbers = true;
+    }
+
+    /// Says that stars with numbers of Hipparcos and Tycho-2 below zero follow.
+    pub fn begin_bright(&mut self) {
+        self.progress.origins.begin_bright();
+    }
+
+    /// Credits that the origins of the stars ask for.
+    #[must_use]
+    pub fn credits(&self) -> String {
+        credits_of(&self.progress.origins)
     }
 
     /// True when an earlier import into the folder `work` had begun to write its layers into `out`: those that are there
@@ -190,10 +211,13 @@ impl Sorting {
             return Ok(());
         };
         let row = WaitingRow::new(star, &mut self.progress.counts)?;
+        self.progress.origins.see(star.source_id, star.ra_rad, star.dec_rad);
         let waiting = self.waiting.entry((layer, row.tile(PART_ORDER))).or_default();
         waiting.extend_from_slice(&row.to_bytes());
         self.waiting_bytes += ROW_BYTES;
-        if self.waiting_bytes >= BUFFERED_BYTES { self.write_rows() } else { Ok(()) }
+        // A buffer has up to twice the bytes in it.
+        let is_full = waiting.len() >= self.memory_bytes / PART_SHARE || self.waiting_bytes >= self.memory_bytes / 4;
+        if is_full { self.write_rows() } else { Ok(()) }
     }
 
     /// Shows every star taken in so far that layers below `faintest_mag` hold, part by part; of a star that came twice both.
@@ -206,8 +230,9 @@ impl Sorting {
         let begins = |layer: usize| layer.checked_sub(1).map_or(f64::NEG_INFINITY, |before| limits[before].into());
         for part in 0..tiles_of(PART_ORDER) as u64 {
             for layer in (0..limits.len()).take_while(|layer| begins(*layer) < faintest_mag) {
-                if self.progress.rows.contains_key(&rows_name(layer, part)) {
-                    self.read_rows(layer, part)?.iter().for_each(|row| look(&row.taken()));
+                let name = rows_name(layer, part);
+                if self.progress.rows.contains_key(&name) {
+                    each_row(&self.work.join(name), &mut |row| look(&row.taken()))?;
                 }
             }
         }
@@ -277,7 +302,11 @@ impl Sorting {
         let path = self.work.join(PROGRESS);
         let written = text.and_then(|text| {
             let part = path.with_extension("part");
-            fs::write(&part, text).and_then(|()| File::open(&part)?.sync_all()).and_then(|()| fs::rename(&part, &path))
+            let mut file = new_file(&part)?;
+            file.write_all(&text)?;
+            file.sync_all()?;
+            fs::rename(&part, &path)?;
+            sync_folder_of(&path)
         });
         written.map_err(LayerError::file("cannot write", &path))
     }
@@ -299,11 +328,12 @@ impl Sorting {
         self.progress.finishing = Some(folder_mark(out).map_err(LayerError::file("cannot find", out))?);
         self.save()?;
         let limits = self.progress.limits_mag.clone();
+        let numbering = (!self.progress.is_without_numbers).then(|| self.progress.origins.numbering(epoch_yr));
         let mut whole = Vec::with_capacity(limits.len());
         for (layer, limit) in limits.iter().enumerate() {
             let from = layer.checked_sub(1).map_or(f32::NEG_INFINITY, |before| limits[before]);
             let path = out.join(layer_name(*limit));
-            let head = Head { magnitudes: [from, *limit], epoch_yr, credits };
+            let head = Head { magnitudes: [from, *limit], epoch_yr, credits, numbering };
             let mut share = |done: f64| progress((layer as f64 + done) / limits.len() as f64);
             whole.push(self.write_layer(layer, &path, &head, &mut share)?);
         }
@@ -335,28 +365,23 @@ impl Sorting {
         let parts: Vec<u64> = (0..tiles_of(PART_ORDER) as u64).collect();
         let length = |part: &u64| self.progress.rows.get(&rows_name(layer, *part)).copied().unwrap_or(0);
         let order = order_for(parts.iter().map(length).sum::<u64>() / ROW_BYTES as u64);
-        let mut writer = LayerWriter::create(path, order, head.credits)?;
+        let mut writer = LayerWriter::create(path, order, head.credits, head.numbering.is_some())?;
+        let sort = RunSort { order, most_rows: self.memory_bytes / SORTED_BYTES };
         for part in &parts {
             if length(part) > 0 {
-                let rows = self.read_rows(layer, *part)?;
-                writer.append(rows)?;
+                let mut frame: Option<(u64, TileFrame)> = None;
+                let mut append = |tile, row: &WaitingRow| {
+                    let known = frame.filter(|(of, _)| *of == tile);
+                    let (_, axes) = known.unwrap_or_else(|| (tile, TileFrame::new(order, tile)));
+                    frame = Some((tile, axes));
+                    writer.append(tile, row.record(&axes), row.source_id)
+                };
+                let doubled = sort.each_star(&self.work.join(rows_name(layer, *part)), &mut append)?;
+                writer.count_doubled(doubled);
             }
             progress(*part as f64 / parts.len() as f64);
         }
         writer.complete(head)
-    }
-
-    fn read_rows(&self, layer: usize, part: u64) -> Result<Vec<WaitingRow>, LayerError> {
-        let path = self.work.join(rows_name(layer, part));
-        let mut bytes = Vec::new();
-        File::open(&path)
-            .and_then(|mut file| file.read_to_end(&mut bytes))
-            .map_err(LayerError::file("cannot read", &path))?;
-        let (rows, rest) = bytes.as_chunks::<ROW_BYTES>();
-        if !rest.is_empty() {
-            return Err(LayerError::Work { path, why: format!("{} bytes are no whole rows", bytes.len()) });
-        }
-        Ok(rows.iter().map(WaitingRow::from_bytes).collect())
     }
 }
 
@@ -379,152 +404,4 @@ pub fn layer_name(limit_mag: f32) -> String {
 
 fn rows_name(layer: usize, part: u64) -> String {
     format!("layer{layer}_part{part:04}.rows")
-}
-
-/// What stands at the head of a layer beside its tables.
-pub(in crate::sky) struct Head<'a> {
-    pub(in crate::sky) magnitudes: [f32; 2],
-    pub(in crate::sky) epoch_yr: f64,
-    pub(in crate::sky) credits: &'a str,
-}
-
-/// A layer that is whole and on the disk, before it gets its name.
-#[must_use]
-struct UnnamedLayer {
-    unfinished: PathBuf,
-    report: LayerReport,
-}
-
-impl UnnamedLayer {
-    /// Gives the file its name.
-    fn name(self) -> Result<LayerReport, LayerError> {
-        let renamed = fs::rename(&self.unfinished, &self.report.path);
-        renamed.map_err(LayerError::file("cannot rename", &self.unfinished))?;
-        Ok(self.report)
-    }
-}
-
-/// A layer while it is written: records first, then the head before them. It gets its name when it is whole.
-pub(in crate::sky) struct LayerWriter {
-    path: PathBuf,
-    unfinished: PathBuf,
-    out: BufWriter<File>,
-    order: u8,
-    stars: u64,
-    doubled: u64,
-    fastest_mas_yr: f64,
-    /// First star of each tile up to the one being written.
-    firsts: Vec<u64>,
-    crcs: Vec<u32>,
-}
-
-impl LayerWriter {
-    pub(in crate::sky) fn create(path: &Path, order: u8, credits: &str) -> Result<Self, LayerError> {
-        let unfinished = path.with_extension("part");
-        let mut file = File::create(&unfinished).map_err(LayerError::file("cannot make", &unfinished))?;
-        let head_bytes = head_bytes(order, credits.len());
-        file.seek(SeekFrom::Start(head_bytes)).map_err(LayerError::file("cannot write", &unfinished))?;
-        let (firsts, crcs) = (Vec::with_capacity(tiles_of(order) + 1), Vec::with_capacity(tiles_of(order)));
-        Ok(Self {
-            path: path.into(),
-            unfinished,
-            out: BufWriter::with_capacity(1 << 20, file),
-            order,
-            stars: 0,
-            doubled: 0,
-            fastest_mas_yr: 0.0,
-            firsts,
-            crcs,
-        })
-    }
-
-    /// Appends the stars of one part of the sky, which come after those before.
-    fn append(&mut self, mut rows: Vec<WaitingRow>) -> Result<(), LayerError> {
-        rows.sort_unstable_by_key(|row| row.to_bytes());
-        let before = rows.len();
-        // Catalogs that are imported together may use the same numbers for different stars.
-        rows.dedup_by(|a, b| a.to_bytes()[..IDENTITY_BYTES] == b.to_bytes()[..IDENTITY_BYTES]);
-        self.doubled += (before - rows.len()) as u64;
-        let mut sorted: Vec<(u64, WaitingRow)> = rows.into_iter().map(|row| (row.tile(self.order), row)).collect();
-        sorted.sort_by_key(|(tile, row)| (*tile, row.g, row.source_id));
-        for tile in sorted.chunk_by(|a, b| a.0 == b.0) {
-            let frame = TileFrame::new(self.order, tile[0].0);
-            self.append_tile(tile[0].0, tile.iter().map(|(_, row)| row.record(&frame)))?;
-        }
-        Ok(())
-    }
-
-    /// Appends the stars of one tile, brightest first; tiles come in rising order.
-    pub(in crate::sky) fn append_tile(
-        &mut self,
-        tile: u64,
-        records: impl IntoIterator<Item = StarRecord>,
-    ) -> Result<(), LayerError> {
-        self.skip_to(tile);
-        self.firsts.push(self.stars);
-        let mut crc = crc32fast::Hasher::new();
-        for record in records {
-            self.fastest_mas_yr = self.fastest_mas_yr.max(record.speed_mas_yr());
-            let record = record.to_bytes();
-            crc.update(&record);
-            self.out.write_all(&record).map_err(LayerError::file("cannot write", &self.unfinished))?;
-            self.stars += 1;
-        }
-        self.crcs.push(crc.finalize());
-        Ok(())
-    }
-
-    /// Tiles without stars up to `tile`.
-    fn skip_to(&mut self, tile: u64) {
-        while (self.crcs.len() as u64) < tile {
-            self.firsts.push(self.stars);
-            self.crcs.push(0);
-        }
-    }
-
-    /// Writes the head, and gives the file its name.
-    pub(in crate::sky) fn finish(self, head: &Head<'_>) -> Result<LayerReport, LayerError> {
-        self.complete(head)?.name()
-    }
-
-    /// Writes the head.
-    fn complete(mut self, head: &Head<'_>) -> Result<UnnamedLayer, LayerError> {
-        self.skip_to(tiles_of(self.order) as u64);
-        self.firsts.push(self.stars);
-        let header = Header {
-            version: VERSION,
-            order: u32::from(self.order),
-            stars: self.stars,
-            epoch_yr: head.epoch_yr,
-            magnitudes: head.magnitudes,
-            credits_bytes: u32::try_from(head.credits.len()).unwrap_or(u32::MAX),
-            crc32: 0,
-            // Never below it, whatever the rounding.
-            fastest_mas_yr: (self.fastest_mas_yr as f32).next_up(),
-        };
-        let mut bytes = header.to_bytes().to_vec();
-        bytes.extend(self.firsts.iter().flat_map(|first| first.to_le_bytes()));
-        bytes.extend(self.crcs.iter().flat_map(|crc| crc.to_le_bytes()));
-        bytes.extend(head.credits.as_bytes());
-        let header = Header { crc32: head_crc32(&bytes), ..header };
-        bytes[..HEADER_BYTES].copy_from_slice(&header.to_bytes());
-        let written = (|| {
-            self.out.seek(SeekFrom::Start(0))?;
-            self.out.write_all(&bytes)?;
-            self.out.flush()?;
-            self.out.get_ref().sync_all()
-        })();
-        written.map_err(LayerError::file("cannot write", &self.unfinished))?;
-        let Self { path, unfinished, order, stars, doubled, .. } = self;
-        let bytes = bytes.len() as u64 + stars * RECORD_BYTES as u64;
-        Ok(UnnamedLayer {
-            unfinished,
-            report: LayerReport { path, magnitudes: head.magnitudes, stars, doubled, order, bytes },
-        })
-    }
-}
-
-/// Bytes before the first record.
-pub(super) fn head_bytes(order: u8, credits_bytes: usize) -> u64 {
-    (HEADER_BYTES + 8 * (tiles_of(order) + 1) + 4 * tiles_of(order) + credits_bytes) as u64
 }

@@ -59,6 +59,44 @@ pub enum LayerError {
         /// Value of the bytes read.
         got: u32,
     },
+    /// A file that takes far less of the disk than it is long.
+    #[error(
+        "{path}: {bytes} bytes long, of which {stored} are on the disk: it has holes where stars should be, as of a copy that \
+         was cut short; import it again",
+        path = path.display()
+    )]
+    Holes {
+        /// The file.
+        path: PathBuf,
+        /// Its length.
+        bytes: u64,
+        /// Bytes of it that are stored.
+        stored: u64,
+    },
+    /// Memory is not there.
+    #[error(
+        "{path}: its stars want {bytes} bytes of memory more than there are: a smaller field or brighter stars take less, and an \
+         import with less --memory-mb",
+        path = path.display()
+    )]
+    Memory {
+        /// The file.
+        path: PathBuf,
+        /// Bytes that were wanted.
+        bytes: usize,
+    },
+    /// The numbers of a tile's stars are not those that were written.
+    #[error("{path}: damaged: numbers of the stars of tile {tile}, CRC-32 wanted {wanted:08x}, got {got:08x}; import it again", path = path.display())]
+    Numbers {
+        /// The file.
+        path: PathBuf,
+        /// Nested HEALPix index.
+        tile: u64,
+        /// Value stored.
+        wanted: u32,
+        /// Value of the bytes read.
+        got: u32,
+    },
     /// The bytes of a tile are not those that were written.
     #[error(
         "{path}: damaged: tile {tile} of order {order} (about RA {ra_deg:.3} Dec {dec_deg:+.3} deg), CRC-32 wanted \

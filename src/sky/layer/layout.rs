@@ -11,11 +11,14 @@
 //! | 40..44 | u32 bytes of credits |
 //! | 44..48 | u32 CRC-32 of everything before the records, this field taken as zero |
 //! | 48..52 | f32 fastest proper motion, mas/yr |
-//! | 52..64 | zero |
+//! | 52..56 | u32 origin of the stars' numbers ([`crate::sky::numbering::Numbering::mark`]); zero in version 2 |
+//! | 56..64 | zero |
 //! | then | u64 x (tiles + 1): first star of each tile, and the number of stars |
 //! | then | u32 per tile: CRC-32 of its records |
+//! | then | version 3: u32 per tile: CRC-32 of its numbers |
 //! | then | UTF-8 credits |
 //! | then | 16 B per star ([`StarRecord`]), of one tile together, brightest first |
+//! | then | version 3: i64 per star: number in its source catalog |
 //!
 //! The checksum at the head covers the table and the table's checksums cover the records: a layer is opened by reading
 //! its head, and every tile is checked when it is read. Places are tangents about the tile's centre ([`TileFrame`]):
@@ -27,14 +30,20 @@ use glam::DVec3;
 
 /// First bytes of a layer.
 pub(super) const MAGIC: [u8; 8] = *b"STARLAY1";
-/// Format version read and written.
-pub(super) const VERSION: u32 = 2;
+/// Format version of layers with numbers.
+pub(super) const VERSION: u32 = 3;
+/// Format version of layers without numbers.
+pub(super) const VERSION_WITHOUT_NUMBERS: u32 = 2;
 /// Bytes of the header.
 pub(super) const HEADER_BYTES: usize = 64;
 /// Where the checksum stands.
 pub(super) const CRC_AT: usize = 44;
 /// Bytes of one star record.
 pub(super) const RECORD_BYTES: usize = 16;
+/// Bytes of one number.
+pub(super) const NUMBER_BYTES: usize = 8;
+/// Longest credits, bytes.
+pub(super) const LONGEST_CREDITS: usize = 1 << 20;
 /// Coarsest tiles: coordinates have steps of half a milliarcsecond.
 pub(super) const LEAST_ORDER: u8 = 6;
 /// Finest tiles: the table has 150 MB.
@@ -93,6 +102,7 @@ pub(super) struct Header {
     pub(super) credits_bytes: u32,
     pub(super) crc32: u32,
     pub(super) fastest_mas_yr: f32,
+    pub(super) numbering_mark: u32,
 }
 
 impl Header {
@@ -108,6 +118,7 @@ impl Header {
         bytes[40..44].copy_from_slice(&self.credits_bytes.to_le_bytes());
         bytes[CRC_AT..CRC_AT + 4].copy_from_slice(&self.crc32.to_le_bytes());
         bytes[48..52].copy_from_slice(&self.fastest_mas_yr.to_le_bytes());
+        bytes[52..56].copy_from_slice(&self.numbering_mark.to_le_bytes());
         bytes
     }
 
@@ -122,6 +133,7 @@ impl Header {
             credits_bytes: u32_at(bytes, 40),
             crc32: u32_at(bytes, CRC_AT),
             fastest_mas_yr: f32::from_bits(u32_at(bytes, 48)),
+            numbering_mark: u32_at(bytes, 52),
         }
     }
 }
@@ -262,6 +274,7 @@ mod tests {
             credits_bytes: 9,
             crc32: 0xDEAD_BEEF,
             fastest_mas_yr: 10_393.0,
+            numbering_mark: 0x102,
         };
         assert_eq!(Header::from_bytes(&header.to_bytes()), header);
         let star = StarRecord { place: [1, 0x00FE_DCBA], g: 9000, bp_rp: -300, motion: [-7, 28_005], parallax: 12 };

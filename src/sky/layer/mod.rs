@@ -6,7 +6,7 @@
 //!
 //! Positions are ICRS at the catalog's epoch. Stored values differ from those given by at most 0.36 mas (at order 6, and
 //! half of it with each order more), 0.025 mas/yr (1.25 beyond 1.4 arcsec/yr), 0.01 mas of parallax, 0.5 mmag of
-//! magnitude and colour. Unknown colours are told apart in the file and read as [`UNKNOWN_BP_RP_MAG`]. Tests: `tests`
+//! magnitude and colour. Numbers of stars in their source catalogs are kept, unless they were not asked for. Unknown colours are told apart in the file and read as [`UNKNOWN_BP_RP_MAG`]. Tests: `tests`
 //! (round trip, brute force, resuming, damage), and on real rows `hil_scripts/test_catalog.py`.
 
 mod build;
@@ -15,11 +15,12 @@ mod error;
 mod layout;
 mod open;
 mod restored;
+mod runs;
 mod set;
 mod star;
+mod writer;
 
-pub(in crate::sky) use build::{Head, LayerWriter};
-pub use build::{LayerReport, Sorting, layer_name};
+pub use build::{LEAST_MEMORY_BYTES, MEMORY_BYTES, Sorting, layer_name};
 pub(in crate::sky) use cover::CIRCLE;
 pub use error::LayerError;
 pub use layout::FASTEST_MAS_YR;
@@ -28,6 +29,8 @@ pub use open::{Layer, UNKNOWN_BP_RP_MAG, is_layer};
 pub use set::{LayerSet, TileId};
 pub(in crate::sky) use star::tile_records;
 pub use star::{NewStar, StarCounts, TakenStar};
+pub use writer::LayerReport;
+pub(in crate::sky) use writer::{Head, LayerWriter, UnnamedLayer};
 
 #[cfg(test)]
 mod tests;

@@ -6,8 +6,7 @@
 
 use super::error::LayerError;
 use super::layout::{
-    MAG_STEP, MAG_ZERO, NO_COLOUR, NO_MOTION, NO_PARALLAX, PARALLAX_STEP_MAS, RECORD_BYTES, StarRecord, TileFrame,
-    motion_mas_yr,
+    MAG_STEP, MAG_ZERO, NO_COLOUR, NO_MOTION, NO_PARALLAX, PARALLAX_STEP_MAS, StarRecord, TileFrame, motion_mas_yr,
 };
 use super::open::Layer;
 use super::star::NewStar;
@@ -19,8 +18,8 @@ const OFFSETS_STEPS: [f64; 8] = [0.0, 0.25, 0.45, 0.49, 0.499, 0.4999, 1.0, 2.0]
 const SIGNS: [f64; 3] = [-1.0, 0.0, 1.0];
 
 impl Layer {
-    /// Appends the stars of a tile to `out`, brightest first; `bytes` is scratch. A star's `source_id` is its place in the
-    /// layer: layers keep no other.
+    /// Appends the stars of a tile to `out`, brightest first; `bytes` is scratch. A star's `source_id` is its number, or its
+    /// place in a layer without numbers.
     ///
     /// # Errors
     /// When the tile cannot be read or is damaged.
@@ -28,22 +27,29 @@ impl Layer {
         if self.places(tile).is_empty() {
             return Ok(());
         }
-        self.read_records(tile, bytes)?;
         let frame = TileFrame::new(self.order(), tile);
-        let (records, _) = bytes.as_chunks::<RECORD_BYTES>();
-        for (place, record) in self.places(tile).zip(records.iter().map(StarRecord::from_bytes)) {
-            let [ra_rad, dec_rad] = inside(&frame, self.order(), tile, record.place);
-            out.push(NewStar {
-                source_id: place.cast_signed(),
-                ra_rad,
-                dec_rad,
-                motion_mas_yr: (!record.motion.contains(&NO_MOTION)).then(|| record.motion.map(motion_mas_yr)),
-                parallax_mas: (record.parallax != NO_PARALLAX).then(|| f64::from(record.parallax) * PARALLAX_STEP_MAS),
-                mag_g: magnitude(record.g, self.magnitudes()),
-                bp_rp: (record.bp_rp != NO_COLOUR).then(|| f64::from(record.bp_rp) * MAG_STEP),
-            });
+        let before = out.len();
+        let read = self.each_piece(tile, bytes, &mut |piece| {
+            out.extend(piece.stars().map(|(place, record, number)| {
+                let record = StarRecord::from_bytes(record);
+                let [ra_rad, dec_rad] = inside(&frame, self.order(), tile, record.place);
+                NewStar {
+                    source_id: if self.numbering().is_some() { number } else { place.cast_signed() },
+                    ra_rad,
+                    dec_rad,
+                    motion_mas_yr: (!record.motion.contains(&NO_MOTION)).then(|| record.motion.map(motion_mas_yr)),
+                    parallax_mas: (record.parallax != NO_PARALLAX)
+                        .then(|| f64::from(record.parallax) * PARALLAX_STEP_MAS),
+                    mag_g: magnitude(record.g, self.magnitudes()),
+                    bp_rp: (record.bp_rp != NO_COLOUR).then(|| f64::from(record.bp_rp) * MAG_STEP),
+                }
+            }));
+            Ok(())
+        });
+        if read.is_err() {
+            out.truncate(before);
         }
-        Ok(())
+        read
     }
 }
 

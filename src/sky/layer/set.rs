@@ -71,7 +71,7 @@ impl LayerSet {
             first_ids.push(next as u32);
             next += layer.stars();
             crc.update(&layer.crc32().to_le_bytes());
-            if !credits.contains(&layer.credits()) {
+            if !layer.credits().is_empty() && !credits.contains(&layer.credits()) {
                 credits.push(layer.credits());
             }
         }
@@ -156,6 +156,17 @@ impl LayerSet {
     pub fn read(&self, tile: TileId, bytes: &mut Vec<u8>, stars: &mut Vec<CatalogSource>) -> Result<(), LayerError> {
         let number = usize::from(tile.layer);
         self.layers[number].read_tile(u64::from(tile.tile), self.limiting_mag, self.first_ids[number], bytes, stars)
+    }
+
+    /// Where the star with this `id` is: its tile, and its place in it. In skies of more than 2^32 stars `id`s come twice: the
+    /// star found may be another one of the same `id`.
+    #[must_use]
+    pub fn place_of(&self, id: u32) -> Option<(TileId, usize)> {
+        let number = self.first_ids.partition_point(|first| *first <= id).checked_sub(1)?;
+        let (layer, place) = (&self.layers[number], u64::from(id - self.first_ids[number]));
+        let tile = layer.tile_of(place)?;
+        let within = usize::try_from(place - layer.places(tile).start).ok()?;
+        Some((TileId { layer: u8::try_from(number).ok()?, tile: u32::try_from(tile).ok()? }, within))
     }
 
     /// Every tile with stars, layer by layer.

@@ -1,6 +1,7 @@
 //! Layers against brute force over the same stars; imports that are cut short; files that are damaged.
 
 use super::*;
+use crate::base::source_id::SourceId;
 use crate::base::units::{DEG, MAS};
 use crate::sky::catalog::{chord_squared, direction_from_ra_dec};
 use core::f64::consts::{PI, TAU};
@@ -321,6 +322,62 @@ fn work_that_does_not_fit_is_refused() {
     assert!(refused(&garbled, &LIMITS).contains("cannot be read"));
 }
 
+#[test]
+fn numbers_come_back_and_may_be_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let stars = stars(3000, 16);
+    let reports = build(&folder.path().join("with"), &stars);
+    let mut sorting = Sorting::start(&folder.path().join("work"), &LIMITS).unwrap();
+    sorting.leave_numbers_out();
+    stars.iter().for_each(|star| sorting.add(star).unwrap());
+    let without = sorting.finish(&folder.path().join("without"), 2016.0, "whom it concerns", &mut |_| {}).unwrap();
+    let paths = |reports: &[LayerReport]| reports.iter().map(|report| report.path.clone()).collect::<Vec<_>>();
+    let set = LayerSet::open(&paths(&reports), 99.0).unwrap();
+    let (mut bytes, mut found) = (Vec::new(), Vec::new());
+    for tile in set.all_tiles() {
+        found.clear();
+        set.read(tile, &mut bytes, &mut found).unwrap();
+        for (place, star) in found.iter().enumerate() {
+            assert_eq!(set.place_of(star.id), Some((tile, place)));
+            let Some(SourceId::Own(number)) = star.source_id else { panic!("{star:?}") };
+            let given = &stars[usize::try_from((number - 3) / 7).unwrap()];
+            assert!((star.direction_icrf - direction(given)).length() < 0.4 * MAS, "{star:?} is not {given:?}");
+        }
+    }
+    assert_eq!(set.place_of(3000), None, "no star has this number");
+    for (with, without) in reports.iter().zip(&without) {
+        let tables = 4 * tiles_of(with.order) as u64;
+        assert_eq!(with.bytes - without.bytes, 8 * with.stars + tables);
+        let layer = Layer::open(&without.path).unwrap();
+        layer.verify(&mut |_| {}).unwrap();
+        layer.cone(DVec3::Z, PI, 99.0, &mut found).unwrap();
+        assert!(found.iter().all(|star| star.source_id.is_none()) && found.len() as u64 == without.stars);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_layer_with_holes_in_the_place_of_stars_is_refused_before_memory_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let reports = build(folder.path(), &stars(300, 17));
+    let whole = std::fs::read(&reports[0].path).unwrap();
+    let head_bytes = writer::head_bytes(reports[0].order, "whom it concerns".len(), true) as usize;
+    // Two terabytes of stars in the last tile, by a head whose checksum fits.
+    let stars = 1_u64 << 37;
+    let mut head = whole[..head_bytes].to_vec();
+    head[16..24].copy_from_slice(&stars.to_le_bytes());
+    let last_first = layout::HEADER_BYTES + 8 * tiles_of(reports[0].order);
+    head[last_first..last_first + 8].copy_from_slice(&stars.to_le_bytes());
+    let crc32 = layout::head_crc32(&head);
+    head[layout::CRC_AT..][..4].copy_from_slice(&crc32.to_le_bytes());
+    let path = folder.path().join("sparse.starlayer");
+    std::fs::write(&path, &head).unwrap();
+    let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+    file.set_len(head_bytes as u64 + 24 * stars).expect("a file system with long files");
+    let told = Layer::open(&path).unwrap_err().to_string();
+    assert!(told.contains("sparse.starlayer") && told.contains("has holes where stars should be"), "{told}");
+}
+
 /// What is said of a layer whose bytes were changed, opened and read.
 fn told_of(bytes: &[u8], folder: &Path) -> Option<String> {
     let path = folder.join("damaged.starlayer");
@@ -349,11 +406,13 @@ fn damage_anywhere_is_told() {
     let mut longer = whole.clone();
     longer.push(0);
     assert!(told_of(&longer, folder.path()).unwrap().contains("follows its end"));
-    let mut record = whole.clone();
-    let last = record.len() - 5;
-    record[last] ^= 4;
-    let told = told_of(&record, folder.path()).unwrap();
-    assert!(told.contains("tile") && told.contains("RA"), "{told}");
+    let stars = reports[2].stars as usize;
+    for (before_end, words) in [(8 * stars + 5, ["tile", "RA"]), (5, ["numbers of the stars of tile", "CRC-32"])] {
+        let mut changed = whole.clone();
+        changed[whole.len() - before_end] ^= 4;
+        let told = told_of(&changed, folder.path()).unwrap();
+        assert!(words.iter().all(|word| told.contains(word)), "{told}");
+    }
 }
 
 #[test]
@@ -365,7 +424,7 @@ fn heads_that_were_written_wrong_are_refused() {
     let told = |at: usize, value: f32| {
         let mut bytes = whole.clone();
         bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
-        let head = build::head_bytes(reports[2].order, "whom it concerns".len()) as usize;
+        let head = writer::head_bytes(reports[2].order, "whom it concerns".len(), true) as usize;
         let crc32 = layout::head_crc32(&bytes[..head]);
         bytes[layout::CRC_AT..][..4].copy_from_slice(&crc32.to_le_bytes());
         told_of(&bytes, folder.path())

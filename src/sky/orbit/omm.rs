@@ -33,8 +33,8 @@ impl TleOrbit {
     /// Reads the object with `norad_id`, or the only one, of an OMM in JSON.
     ///
     /// # Errors
-    /// When the text is no JSON (with line and column), has not that object, or the object lacks a key or has a value that
-    /// no orbit has; or when SGP4 refuses the elements.
+    /// When the text is no JSON (with line and column), lacks that object or has several sets of its elements, or the object
+    /// lacks a key or has a value that no orbit has; or when SGP4 refuses the elements.
     pub fn parse_omm(text: &str, norad_id: Option<u64>) -> Result<Self, ObserverError> {
         let whole: Value = serde_json::from_str(text).map_err(|error| ObserverError::OmmText {
             line: error.line(),
@@ -74,7 +74,7 @@ fn chosen(objects: Vec<Value>, norad_id: Option<u64>) -> Result<Value, ObserverE
     let mut found = objects.into_iter().filter(|object| norad_id.is_none() || number_of(object) == norad_id);
     match (found.next(), found.next(), norad_id) {
         (Some(object), None, _) => Ok(object),
-        (Some(object), Some(_), Some(_)) => Ok(object),
+        (Some(_), Some(_), Some(norad_id)) => Err(ObserverError::WhichSet { norad_id, sets: 2 + found.count() }),
         (Some(_), Some(_), None) => Err(refuse(format!("{count} objects: wanted the norad_id of one of them"))),
         (None, _, Some(id)) => Err(refuse(format!("wanted an object with NORAD_CAT_ID {id} among {count}, got none"))),
         (None, _, None) => Err(refuse("wanted an object, got an empty list".into())),
@@ -142,6 +142,9 @@ mod tests {
         assert!(message(&list, None).contains("2 objects"), "{}", message(&list, None));
         assert!(message(&list, Some(7)).contains("NORAD_CAT_ID 7"), "{}", message(&list, Some(7)));
         assert!(message("[]", None).contains("empty list"));
+        let newer = OBJECT.replace("2008-09-20T12", "2008-09-25T12");
+        let sets = message(&format!("[{OBJECT}, {other}, {newer}, {newer}]"), Some(25_544));
+        assert!(sets.contains("object 25544: got 3 sets of elements, wanted one"), "{sets}");
     }
 
     #[test]

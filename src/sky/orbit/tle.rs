@@ -68,14 +68,19 @@ impl TleOrbit {
     /// each pair.
     ///
     /// # Errors
-    /// When there is no such pair of lines, or none to choose by, or as for [`Self::parse`]. Without a number, when there are
+    /// When there is no such pair of lines, several of that number, or none to choose by, or as for [`Self::parse`]. Without a number, when there are
     /// other lines than the pair and its title: they may be an object whose lines are damaged.
     pub fn parse_one_of(text: &str, norad_id: Option<u64>) -> Result<Self, ObserverError> {
         let lines = || text.lines().map(str::trim_end);
         let pairs = || lines().zip(lines().skip(1)).filter(|(a, b)| a.starts_with("1 ") && b.starts_with("2 "));
         let is_it = |first: &str| norad_id.is_none() || first.get(2..7).and_then(number_of) == norad_id;
         let objects = pairs().count();
-        match pairs().find(|(first, _)| is_it(first)) {
+        let mut found = pairs().filter(|(first, _)| is_it(first));
+        let (chosen, others) = (found.next(), found.count());
+        if let (Some(norad_id), 1..) = (norad_id, others) {
+            return Err(ObserverError::WhichSet { norad_id, sets: 1 + others });
+        }
+        match chosen {
             Some(_) if norad_id.is_none() && objects > 1 => Err(ObserverError::WhichObject { objects }),
             Some((first, second)) => {
                 if norad_id.is_none() {

@@ -8,8 +8,8 @@ use super::star::{LayerDraw, SPHERE_DEG2};
 use crate::base::random::key;
 use crate::sky::catalog::direction_from_ra_dec;
 use crate::sky::layer::{
-    CIRCLE, Head, LayerError, LayerReport, LayerWriter, NewStar, StarRecord, layer_name, order_for, tile_records,
-    tiles_of,
+    CIRCLE, Head, LayerError, LayerReport, LayerWriter, NewStar, StarRecord, UnnamedLayer, layer_name, order_for,
+    tile_records, tiles_of,
 };
 use glam::DVec3;
 use rayon::prelude::*;
@@ -84,13 +84,14 @@ impl Population {
         fs::create_dir_all(out).map_err(LayerError::file("cannot make", out))?;
         let draws: Vec<(LayerDraw, f64)> = (0..self.limits_mag.len()).map(|layer| self.draw(layer)).collect();
         let all: f64 = draws.iter().map(|(_, expected)| expected).sum();
-        let (mut reports, mut done) = (Vec::new(), 0.0);
+        let (mut whole, mut done) = (Vec::new(), 0.0);
         for ((draw, expected), limit) in draws.into_iter().zip(&self.limits_mag) {
             let mut share = |part: f64| progress((done + part * expected) / all);
-            reports.push(self.write_layer(&draw, &out.join(layer_name(*limit)), &mut share)?);
+            whole.push(self.write_layer(&draw, &out.join(layer_name(*limit)), &mut share)?);
             done += expected;
         }
-        Ok(reports)
+        // None gets its name before all are whole.
+        whole.into_iter().map(UnnamedLayer::name).collect()
     }
 
     /// How a layer is drawn, and how many stars are expected in it.
@@ -109,9 +110,9 @@ impl Population {
         draw: &LayerDraw,
         path: &Path,
         progress: &mut dyn FnMut(f64),
-    ) -> Result<LayerReport, LayerError> {
+    ) -> Result<UnnamedLayer, LayerError> {
         let credits = credits(self.seed);
-        let mut writer = LayerWriter::create(path, draw.order, &credits)?;
+        let mut writer = LayerWriter::create(path, draw.order, &credits, false)?;
         let tiles = tiles_of(draw.order) as u64;
         for first in (0..tiles).step_by(usize::try_from(TILES_AT_A_TIME).unwrap_or(usize::MAX)) {
             let drawn: Vec<Vec<StarRecord>> = (first..tiles.min(first + TILES_AT_A_TIME))
@@ -128,7 +129,7 @@ impl Population {
         }
         let from = if draw.layer == 0 { f32::NEG_INFINITY } else { self.limits_mag[draw.layer as usize - 1] };
         let magnitudes = [from, self.limits_mag[draw.layer as usize]];
-        writer.finish(&Head { magnitudes, epoch_yr: EPOCH_YR, credits: &credits })
+        writer.complete(&Head { magnitudes, epoch_yr: EPOCH_YR, credits: &credits, numbering: None })
     }
 }
 

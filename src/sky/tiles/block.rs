@@ -3,11 +3,12 @@
 use crate::base::units::MAS;
 use crate::sky::catalog::CatalogSource;
 use crate::sky::layer::{LayerError, LayerSet, TileId};
+use crate::sky::numbering::stored_number;
 use core::fmt;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// A star of a tile: 56 bytes.
+/// A star of a tile: 64 bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TileStar {
     /// Barycentric direction at the layers' epoch, unit vector, ICRF axes.
@@ -18,6 +19,9 @@ pub struct TileStar {
     pub rate_icrf: [f32; 3],
     /// Parallax, rad: zero when it is unknown.
     pub parallax_rad: f32,
+    /// Its number in its source catalog as its layer stores it; [`NO_NUMBER`](crate::sky::numbering::NO_NUMBER) when it has
+    /// none.
+    pub number: i64,
     /// Number of the star among the layers' stars.
     pub id: u32,
     /// Magnitude in the instrument's band.
@@ -76,13 +80,15 @@ fn tile_star(star: &CatalogSource, light: &Light) -> TileStar {
     let east = DVec3::new(-direction.y, direction.x, 0.0).normalize_or_zero();
     let north = direction.cross(east);
     let rate = star.proper_motion.map_or(DVec3::ZERO, |motion| {
-        (east * f64::from(motion.pm_ra_cosdec_mas_yr) + north * f64::from(motion.pm_dec_mas_yr)) * MAS
+        let across = east * f64::from(motion.pm_ra_cosdec_mas_yr) + north * f64::from(motion.pm_dec_mas_yr);
+        (across + direction * f64::from(motion.radial_mas_yr)) * MAS
     });
     TileStar {
         direction_icrf: direction,
         electrons,
         rate_icrf: rate.as_vec3().to_array(),
         parallax_rad: (f64::from(star.parallax_mas.unwrap_or(0.0)) * MAS) as f32,
+        number: stored_number(star.source_id),
         id: star.id,
         mag,
     }

@@ -3,6 +3,7 @@
 use super::block::{Decoder, Light, TileStar};
 use super::reader::{Answer, Reader};
 use super::store::{Place, Store};
+use crate::base::source_id::SourceId;
 use crate::sky::layer::{LayerError, LayerSet, TileId};
 use core::ops::Range;
 use glam::DVec3;
@@ -247,6 +248,15 @@ impl TileSky {
     #[must_use]
     pub fn block(&self, number: usize) -> &[TileStar] {
         self.store.stars(self.slots[number])
+    }
+
+    /// The name in its source catalog of a star of the field, by its `id`; `None` when it has none, or is not in memory.
+    #[must_use]
+    pub fn source_id(&self, id: u32) -> Option<SourceId> {
+        let (tile, place) = self.layers.place_of(id)?;
+        let Some(Place::Held(slot)) = self.store.place(tile) else { return None };
+        let star = self.store.stars(slot).get(place).filter(|star| star.id == id)?;
+        self.layers.layers()[usize::from(tile.layer)].source_id(star.number)
     }
 
     #[cfg(test)]

@@ -4,6 +4,7 @@ use super::*;
 use crate::base::units::{DEG, MAS};
 use crate::sky::catalog::{Catalog, CatalogSource, direction_from_ra_dec, ra_dec_rad};
 use crate::sky::layer::{LayerSet, NewStar, Sorting};
+use crate::sky::numbering::stored_number;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,7 +16,7 @@ fn layers(folder: &Path, epoch_yr: f64) -> Vec<PathBuf> {
         let [ra_rad, dec_rad] = ra_dec_rad(star.direction_icrf);
         let motion = star.proper_motion.map(|m| [m.pm_ra_cosdec_mas_yr, m.pm_dec_mas_yr].map(f64::from));
         let new = NewStar {
-            source_id: i64::from(star.id),
+            source_id: stored_number(star.source_id),
             ra_rad,
             dec_rad,
             motion_mas_yr: motion,
@@ -73,7 +74,7 @@ fn a_field_has_the_stars_of_the_catalog() {
                 (f64::from(other.parallax_rad) - f64::from(star.parallax_mas.unwrap_or(0.0)) * MAS).abs() < 0.02 * MAS
             );
             let speed_mas = DVec3::from_array(other.rate_icrf.map(f64::from)).length() / MAS;
-            let motion = star.proper_motion.map_or(0.0, |m| f64::from(m.pm_ra_cosdec_mas_yr.hypot(m.pm_dec_mas_yr)));
+            let motion = star.proper_motion.map_or(0.0, |m| f64::from(m.speed_mas_yr().hypot(m.radial_mas_yr)));
             assert!((speed_mas - motion).abs() < 1.8, "{speed_mas} {motion}");
         }
         total += got.len();

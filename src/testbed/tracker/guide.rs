@@ -176,7 +176,8 @@ fn moved(source: &CatalogSource, years: f64) -> DVec3 {
     let at = source.direction_icrf;
     let (Some(motion), Some(east)) = (source.proper_motion, DVec3::Z.cross(at).try_normalize()) else { return at };
     let north = at.cross(east);
-    let rate_mas_yr = east * f64::from(motion.pm_ra_cosdec_mas_yr) + north * f64::from(motion.pm_dec_mas_yr);
+    let across_mas_yr = east * f64::from(motion.pm_ra_cosdec_mas_yr) + north * f64::from(motion.pm_dec_mas_yr);
+    let rate_mas_yr = across_mas_yr + at * f64::from(motion.radial_mas_yr);
     (at + rate_mas_yr * (years * MAS)).normalize()
 }
 

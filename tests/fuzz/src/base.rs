@@ -4,6 +4,8 @@
 pub mod image;
 #[path = "../../../src/base/leap.rs"]
 mod leap;
+#[path = "../../../src/base/source_id.rs"]
+pub mod source_id;
 #[path = "../../../src/base/time.rs"]
 pub mod time;
 #[path = "../../../src/base/units.rs"]

@@ -4,6 +4,8 @@
 
 #[path = "../../../src/sky/catalog/mod.rs"]
 pub mod catalog;
+#[path = "../../../src/sky/credits.rs"]
+pub mod credits;
 #[path = "../../../src/sky/ephemeris/mod.rs"]
 pub mod ephemeris;
 #[path = "../../../src/sky/error.rs"]
@@ -14,10 +16,14 @@ pub mod import;
 pub mod layer;
 #[path = "sky_moon.rs"]
 pub mod moon;
+#[path = "../../../src/sky/numbering.rs"]
+pub mod numbering;
 #[path = "sky_observer.rs"]
 pub mod observer;
 #[path = "sky_orbit.rs"]
 pub mod orbit;
+#[path = "../../../src/sky/radial_velocity.rs"]
+pub mod radial_velocity;
 #[path = "../../../src/sky/state.rs"]
 mod state;
 
