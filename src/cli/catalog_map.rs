@@ -1,15 +1,15 @@
 //! `starloop catalog map`: where on the sky the stars of catalogs and layers are, as a picture and a table.
 
 use crate::cli::catalog_map_picture::write_png;
+use crate::sink::write_file_atomically;
 use crate::sky::catalog::Catalog;
 use crate::sky::density_map::DensityMap;
 use crate::sky::galactic::galactic_rad;
 use crate::sky::layer::{Layer, is_layer};
 use anyhow::{Context, ensure};
 use clap::Args;
-use std::fs::File;
-use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::io::Write;
+use std::path::PathBuf;
 
 /// Arguments of `starloop catalog map`.
 #[derive(Debug, Args)]
@@ -38,16 +38,9 @@ pub(super) fn map(args: &MapArgs, out: &mut impl Write) -> anyhow::Result<()> {
         Some(mag) => format!("stars per square degree, G < {mag}"),
         None => "stars per square degree".to_owned(),
     };
-    let write = |path: &Path, write: &dyn Fn(&mut BufWriter<File>) -> std::io::Result<()>| {
-        let mut file = BufWriter::new(File::create(path)?);
-        write(&mut file)?;
-        file.flush()
-    };
-    let picture = write(&args.out, &|file| write_png(file, &map, args.galactic, &what));
-    picture.with_context(|| format!("cannot write {}", args.out.display()))?;
+    write_file_atomically(&args.out, |file| write_png(file, &map, args.galactic, &what))?;
     if let Some(path) = &args.csv {
-        let table = write(path, &|file| write_table(&map, file));
-        table.with_context(|| format!("cannot write {}", path.display()))?;
+        write_file_atomically(path, |mut file| write_table(&map, &mut file))?;
     }
     let [least, most] = map.range().unwrap_or([0.0; 2]);
     writeln!(
@@ -119,6 +112,6 @@ mod tests {
         let none = mapped(&["--out", &picture, "no/such.starcat"]).unwrap_err();
         assert!(format!("{none:#}").contains("no/such.starcat"));
         let nowhere = mapped(&["--out", "/no/such/map.png"]).unwrap_err();
-        assert!(format!("{nowhere:#}").contains("cannot write /no/such/map.png"));
+        assert!(format!("{nowhere:#}").contains("/no/such/map.png could not be written"));
     }
 }

@@ -14,6 +14,7 @@ use super::layout::{
     HEADER_BYTES, Header, RECORD_BYTES, StarRecord, TileFrame, VERSION, head_crc32, order_for, tiles_of,
 };
 use super::star::{IDENTITY_BYTES, NewStar, ROW_BYTES, StarCounts, TakenStar, WaitingRow};
+use crate::base::unfinished::Unfinished;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
@@ -392,6 +393,8 @@ pub(in crate::sky) struct Head<'a> {
 #[must_use]
 struct UnnamedLayer {
     unfinished: PathBuf,
+    /// Until it gets its name.
+    _registered: Unfinished,
     report: LayerReport,
 }
 
@@ -408,6 +411,7 @@ impl UnnamedLayer {
 pub(in crate::sky) struct LayerWriter {
     path: PathBuf,
     unfinished: PathBuf,
+    registered: Unfinished,
     out: BufWriter<File>,
     order: u8,
     stars: u64,
@@ -421,6 +425,7 @@ pub(in crate::sky) struct LayerWriter {
 impl LayerWriter {
     pub(in crate::sky) fn create(path: &Path, order: u8, credits: &str) -> Result<Self, LayerError> {
         let unfinished = path.with_extension("part");
+        let registered = Unfinished::register(&unfinished);
         let mut file = File::create(&unfinished).map_err(LayerError::file("cannot make", &unfinished))?;
         let head_bytes = head_bytes(order, credits.len());
         file.seek(SeekFrom::Start(head_bytes)).map_err(LayerError::file("cannot write", &unfinished))?;
@@ -428,6 +433,7 @@ impl LayerWriter {
         Ok(Self {
             path: path.into(),
             unfinished,
+            registered,
             out: BufWriter::with_capacity(1 << 20, file),
             order,
             stars: 0,
@@ -515,10 +521,11 @@ impl LayerWriter {
             self.out.get_ref().sync_all()
         })();
         written.map_err(LayerError::file("cannot write", &self.unfinished))?;
-        let Self { path, unfinished, order, stars, doubled, .. } = self;
+        let Self { path, unfinished, registered, order, stars, doubled, .. } = self;
         let bytes = bytes.len() as u64 + stars * RECORD_BYTES as u64;
         Ok(UnnamedLayer {
             unfinished,
+            _registered: registered,
             report: LayerReport { path, magnitudes: head.magnitudes, stars, doubled, order, bytes },
         })
     }
