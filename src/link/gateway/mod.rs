@@ -15,6 +15,8 @@ mod address;
 mod admission;
 mod client;
 mod counters;
+#[cfg(test)]
+mod end_tests;
 mod hex;
 mod outgoing;
 #[cfg(test)]
