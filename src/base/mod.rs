@@ -1,4 +1,5 @@
-//! What every room may use: axes and rotations, time, images, counter-based random numbers, the accuracy budget.
+//! What every room may use: axes and rotations, time, images, counter-based random numbers, the accuracy budget,
+//! standard output and standard error, names of files that are being written.
 //!
 //! Imports no other room of the crate.
 
@@ -10,5 +11,7 @@ pub mod image;
 mod leap;
 pub mod random;
 pub mod source_id;
+pub mod streams;
 pub mod time;
+pub mod unfinished;
 pub mod units;

@@ -1,23 +1,25 @@
 //! Command lines that cannot be read: the parser's message, and below it what to type instead.
 
+use crate::base::streams;
+use crate::cli::EXIT_USAGE;
 use crate::cli::degrees::degrees_of_hours;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{ArgAction, Command, CommandFactory, FromArgMatches};
 
-/// Reads the command line. One that cannot be read ends the program with a message, advice and status 2.
-pub(super) fn parsed<P: CommandFactory + FromArgMatches>() -> P {
-    match read(std::env::args_os()) {
-        Ok(arguments) => arguments,
-        Err(error) => {
-            if let (true, Some(advice)) = (error.use_stderr(), advice(&error)) {
-                // The parser's own message comes first and ends with an empty line.
-                let _ = error.print();
-                eprintln!("\n{advice}");
-                std::process::exit(error.exit_code());
-            }
-            error.exit()
+/// Reads the command line.
+///
+/// # Errors
+/// With the exit status, after printing help, the version, or what is wrong and what to type instead.
+pub(super) fn parsed<P: CommandFactory + FromArgMatches>() -> Result<P, u8> {
+    read(std::env::args_os()).map_err(|error| {
+        let status = u8::try_from(error.exit_code()).unwrap_or(EXIT_USAGE);
+        if let Err(failure) = error.print() {
+            streams::note_failure(error.use_stderr(), failure);
+        } else if let (true, Some(advice)) = (error.use_stderr(), advice(&error)) {
+            eprintln!("\n{advice}");
         }
-    }
+        streams::status_of_streams(status)
+    })
 }
 
 fn read<P: CommandFactory + FromArgMatches>(

@@ -18,7 +18,8 @@ use std::path::PathBuf;
 /// Command line of `budget`.
 #[derive(Debug, Args)]
 #[command(after_help = "Exit status: 0 inside the budget; 3 over it (the stage that broke it is named); 5 the run \
-                        ended, but something was lost; 1 the run could not be done; 130 stopped by Ctrl-C.\n\n\
+                        ended, but something was lost; 1 the run could not be done; 130, 143 or 129 stopped by Ctrl-C, \
+                        SIGTERM or SIGHUP.\n\n\
                         Limits are 99 % quantiles in ms, one key a stage, in the bench's [budget]: wake_ms, receive_ms, \
                         bus_age_ms, arrival_age_ms, correlation_ms, attitude_ms, sky_ms, plan_ms, upload_ms, render_ms, \
                         detector_ms, readback_ms, handover_ms, queue_ms, sink_ms, total_ms, latency_ms; and missed_frames. Threads: \
@@ -58,9 +59,12 @@ pub fn run(arguments: &BudgetArgs) -> Result<u8> {
     let finished = run::perform(&run_arguments(arguments))?;
     drop(load);
     let report = budget_report(&finished, arguments.load)?;
-    print!("{}", budget_table(&report));
+    // First: output that cannot be written ends the program.
     if let Some(directory) = &arguments.report {
         budget_files::write(directory, &report, &finished.outcome.record.ring)?;
+    }
+    print!("{}", budget_table(&report));
+    if let Some(directory) = &arguments.report {
         println!("report in {}", directory.display());
     }
     let is_broken = report.culprit().is_some();

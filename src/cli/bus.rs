@@ -1,11 +1,13 @@
 //! `starloop bus`: a simulated CAN bus with gateways, so that programs without CAN in their kernel can talk.
 
 use crate::base::clock::{Clock, Monotonic, Stopwatch};
+use crate::base::streams::Output;
 use crate::base::time::Span;
-use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED};
+use crate::cli::run_end::say_losses;
+use crate::cli::{EXIT_DONE, EXIT_LOST, signals};
 use crate::link::gateway::{GatewayAddress, GatewayCounters, GatewayKind, GatewayParams, Gateways, TcpAddress};
 use crate::link::simulated::{BusModel, BusParams, BusStatistics, BusTiming, SimulatedBus, Stuffing};
-use crate::report::GatewayRow;
+use crate::report::{GatewayRow, Losses};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
@@ -13,7 +15,6 @@ use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::signal::unix::{SignalKind, signal};
 
 /// Command line of `bus`.
 #[derive(Debug, Args)]
@@ -98,22 +99,16 @@ pub fn run(arguments: &BusArgs) -> Result<u8> {
     let params = arguments.gateways()?;
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
     let bus = arguments.bus(&clock)?;
-    // Signals are caught before anybody can know that there is something to stop.
+    // From here on a signal ends the bus in order: its link is removed.
+    let stop = signals::stop();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let (mut interrupt, mut terminate) = {
-        let _entered = runtime.enter();
-        (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?)
-    };
-    let gateways = Gateways::start(&bus, &params, &clock)?;
+    let mut gateways = Gateways::start(&bus, &params, &clock)?;
     warn_of_exposed(&gateways);
     arguments.announce(&gateways)?;
     let mut wall = Stopwatch::start();
     let was_stopped = runtime.block_on(async {
-        let stopped = async {
-            tokio::select! { _ = interrupt.recv() => (), _ = terminate.recv() => () }
-        };
         tokio::select! {
-            () = stopped => true,
+            () = signals::stopped(&stop) => true,
             () = passed(arguments.duration) => false,
             () = watch(&bus, &gateways) => false,
         }
@@ -122,10 +117,15 @@ pub fn run(arguments: &BusArgs) -> Result<u8> {
         eprintln!();
     }
     let summary = summary(wall.lap(), &bus.statistics(), &gateways);
+    let mut losses = Losses::default();
+    (0..gateways.finish()).for_each(|_| losses.note_thread("gateway"));
     drop(gateways);
     arguments.tell(&summary)?;
-    // Without a duration, Ctrl-C is how it ends.
-    Ok(if was_stopped && arguments.duration.is_some() { EXIT_INTERRUPTED } else { EXIT_DONE })
+    if say_losses(&losses) {
+        return Ok(EXIT_LOST);
+    }
+    // Without a duration, a signal is how it ends.
+    Ok(if was_stopped && arguments.duration.is_some() { signals::exit_status() } else { EXIT_DONE })
 }
 
 impl BusArgs {
@@ -159,7 +159,7 @@ impl BusArgs {
     }
 
     fn announce(&self, gateways: &Gateways) -> Result<()> {
-        let mut out = std::io::stdout().lock();
+        let mut out = Output;
         for (gateway, address) in gateways.addresses() {
             if self.json {
                 let line = AddressLine { gateway, address: address.to_string() };
@@ -172,7 +172,7 @@ impl BusArgs {
     }
 
     fn tell(&self, summary: &Summary) -> Result<()> {
-        let mut out = std::io::stdout().lock();
+        let mut out = Output;
         if self.json {
             writeln!(out, "{}", serde_json::to_string(summary)?)?;
             return Ok(());
@@ -233,13 +233,16 @@ fn kind_name(kind: GatewayKind) -> &'static str {
 }
 
 fn sentence(counters: &GatewayCounters) -> String {
-    let GatewayCounters { clients, refused, stalled, from_clients, to_clients, dropped, withheld, .. } = counters;
+    let GatewayCounters {
+        clients, refused, stalled, from_clients, to_clients, dropped, withheld, lost_threads, ..
+    } = counters;
     let mut text = format!("{clients} clients; {from_clients} frames from them, {to_clients} to them");
     let losses = [
         (*dropped, "frames dropped"),
         (*withheld, "FD frames withheld"),
         (*refused, "clients refused"),
         (*stalled, "clients that did not read"),
+        (*lost_threads, "threads lost"),
     ];
     for (count, what) in losses.iter().filter(|(count, _)| *count > 0) {
         text += &format!("; {count} {what}");
@@ -286,7 +289,7 @@ async fn watch(bus: &SimulatedBus, gateways: &Gateways) {
             "load {load_percent:5.1} %  {rate} frames/s  {} frames  {connected} clients  {dropped} dropped  {rejected} rejected",
             now.frames
         );
-        let _a_closed_terminal_is_no_error = write!(std::io::stderr().lock(), "\r{line:<110}");
+        eprint!("\r{line:<110}");
         before = now;
     }
 }

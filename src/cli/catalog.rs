@@ -1,6 +1,7 @@
 //! `starloop catalog`: pack a CSV, import a published catalog into layers, show what they hold, query a cone.
 
 use crate::astrometry::{at_epoch, years_since};
+use crate::base::streams::Output;
 use crate::base::time::Tai;
 use crate::base::units::{DEG, MAS};
 use crate::cli::catalog_hats::{ExportArgs, export};
@@ -99,7 +100,7 @@ struct QueryArgs {
 /// # Errors
 /// When a file cannot be read or written, is no catalog, or an argument is out of range.
 pub fn run(args: CatalogArgs) -> anyhow::Result<()> {
-    let mut stdout = std::io::stdout().lock();
+    let mut stdout = Output;
     match args.action {
         Action::Pack(args) => pack_file(&args, &mut stdout),
         Action::Import(args) => import(&args, &mut stdout),

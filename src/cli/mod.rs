@@ -1,5 +1,7 @@
 //! One file per command; parses the command line, wires rooms, prints.
 
+#[macro_use]
+mod print;
 mod advice;
 pub mod budget;
 mod budget_advice;
@@ -53,10 +55,12 @@ mod run_input;
 pub mod run_scenario;
 pub mod scenario_plot;
 pub mod scenario_report;
+mod signals;
 pub mod snr;
 pub mod study;
 pub mod verify;
 
+use crate::base::streams;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -73,7 +77,8 @@ pub const EXIT_NOT_MET: u8 = 4;
 /// Exit status: it reached its end, but something was lost: frames, a file, a capture, a thread. One line on standard error
 /// says what, also when the command is quiet. It comes before every other status except [`EXIT_FAILED`].
 pub const EXIT_LOST: u8 = 5;
-/// Exit status: stopped by Ctrl-C; everything finished by then is written.
+/// Exit status: stopped by Ctrl-C (SIGINT); everything finished by then is written. SIGTERM gives 143, SIGHUP 129: 128 and
+/// the signal's number.
 pub const EXIT_INTERRUPTED: u8 = 130;
 
 #[derive(Debug, Parser)]
@@ -85,8 +90,8 @@ pub const EXIT_INTERRUPTED: u8 = 130;
                   (`budget`); 4 a scenario's expectation or invariant, or a study's prediction, did not hold, a replayed frame differs, or a camera's frames are not what its file says; \
                   5 it reached its end, but something was lost (frames that a sink did not take, a file, a capture, a \
                   thread: one line says what); \
-                  130 stopped by Ctrl-C \
-                  (what was finished is written).\n\n\
+                  130, 143 or 129 stopped by Ctrl-C (SIGINT), SIGTERM or SIGHUP (what was finished is written; a second \
+                  signal ends the program at once); 141 the reader of its output went away.\n\n\
                   Start with `starloop run`: a simulated flight computer slews over a simulated bus, and ten seconds \
                   of frames are recorded. No hardware, no GPU needed."
 )]
@@ -142,25 +147,43 @@ fn chain(error: &anyhow::Error) -> String {
     told
 }
 
-/// Lets the program end as others do when nobody reads its output any more (`| head`): quietly, with the status of a
-/// broken pipe. Standard output says so by a panic.
-fn end_with_the_reader() {
-    const BROKEN_PIPE: i32 = 128 + 13;
-    let told = std::panic::take_hook();
+/// Prints without our macros (those of libraries) panic when a standard stream cannot be written: the program ends as by
+/// [`print`](streams::print), without a backtrace.
+fn end_on_a_failed_print() {
+    let report = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         let text = panic.payload().downcast_ref::<String>().map_or("", String::as_str);
-        if text.starts_with("failed printing to std") && text.contains("Broken pipe") {
-            std::process::exit(BROKEN_PIPE);
+        if text.starts_with("failed printing to std") {
+            let is_closed = text.contains("Broken pipe");
+            std::process::exit(i32::from(if is_closed { streams::EXIT_BROKEN_PIPE } else { EXIT_FAILED }));
         }
-        told(panic);
+        report(panic);
     }));
 }
 
 /// Runs the command line; errors are printed with their causes.
 #[must_use]
 pub fn main() -> ExitCode {
-    end_with_the_reader();
-    let done = match advice::parsed::<Arguments>().command {
+    end_on_a_failed_print();
+    let arguments = match advice::parsed::<Arguments>() {
+        Ok(arguments) => arguments,
+        Err(status) => return ExitCode::from(status),
+    };
+    let status = match signals::catch().and_then(|()| run_command(arguments.command)) {
+        Ok(status) => status,
+        // Output that failed is reported below, with the stream.
+        Err(error) if streams::output_has_failed() && error.root_cause().is::<std::io::Error>() => EXIT_DONE,
+        Err(error) => {
+            eprintln!("starloop: {}", chain(&error));
+            EXIT_FAILED
+        }
+    };
+    ExitCode::from(streams::status_of_streams(status))
+}
+
+/// Runs one command; the exit status.
+fn run_command(command: Command) -> anyhow::Result<u8> {
+    match command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Budget(arguments) => budget::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
@@ -177,12 +200,5 @@ pub fn main() -> ExitCode {
         Command::LinkCheck(arguments) => link_check::run(&arguments),
         Command::Psf(arguments) => psf::run(&arguments).map(|()| EXIT_DONE),
         Command::Catalog(arguments) => catalog::run(arguments).map(|()| EXIT_DONE),
-    };
-    match done {
-        Ok(status) => ExitCode::from(status),
-        Err(error) => {
-            eprintln!("starloop: {}", chain(&error));
-            ExitCode::from(EXIT_FAILED)
-        }
     }
 }

@@ -1,66 +1,74 @@
-//! Ctrl-C and the progress line of a run, in a thread of their own.
+//! The progress line of a run, drawn by a thread of its own.
 
+use crate::base::streams::say;
 use crate::report::{Progress, progress_line};
 use anyhow::{Context, Result};
-use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::{Receiver as Queue, Sender, bounded};
-use std::io::{IsTerminal, Write};
-use std::sync::Arc;
+use std::io::IsTerminal;
 use std::time::Duration;
 
-/// Ctrl-C and the progress line: nothing real-time, so it lives on tokio.
+/// The thread that draws the progress line: nothing real-time.
 pub(super) struct Monitor {
     pub(super) updates: Sender<Progress>,
-    over: Arc<AtomicBool>,
     thread: std::thread::JoinHandle<()>,
 }
 
 impl Monitor {
-    pub(super) fn start(stop: Arc<AtomicBool>, say: bool) -> Result<Self> {
+    pub(super) fn start(say: bool) -> Result<Self> {
         let (updates, queue) = bounded(1);
-        let over = Arc::new(AtomicBool::new(false));
-        let ended = Arc::clone(&over);
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        let watch = move || watch(&queue, say && std::io::stderr().is_terminal());
         let thread = std::thread::Builder::new()
             .name("monitor".into())
-            .spawn(move || runtime.block_on(watch(&queue, &stop, &ended, say)))
+            .spawn(watch)
             .context("cannot start the monitor thread")?;
-        Ok(Self { updates, over, thread })
+        Ok(Self { updates, thread })
     }
 
-    pub(super) fn finish(self) {
-        self.over.store(true, Ordering::SeqCst);
+    /// Ends the thread; false when it had ended before.
+    ///
+    /// Whoever else holds `updates` must have dropped it.
+    pub(super) fn finish(self) -> bool {
         drop(self.updates);
-        let _nothing_to_report = self.thread.join();
+        self.thread.join().is_ok()
     }
 }
 
-/// How often the progress line is drawn.
+/// How often the progress line is drawn at most.
 const REDRAW: Duration = Duration::from_millis(100);
 
-async fn watch(queue: &Queue<Progress>, stop: &AtomicBool, over: &AtomicBool, say: bool) {
-    let terminal = std::io::stderr().is_terminal();
-    let mut redraw = tokio::time::interval(REDRAW);
+/// Draws until nobody can send an update any more.
+fn watch(queue: &Queue<Progress>, draws: bool) {
     let mut drawn = false;
-    while !over.load(Ordering::SeqCst) {
-        tokio::select! {
-            pressed = tokio::signal::ctrl_c() => if pressed.is_ok() { stop.store(true, Ordering::SeqCst) },
-            _ = redraw.tick() => {
-                if let (true, true, Some(update)) = (say, terminal, queue.try_iter().last()) {
-                    draw(&update);
-                    drawn = true;
-                }
-            }
+    for update in queue {
+        if draws {
+            draw(&update);
+            drawn = true;
+            std::thread::sleep(REDRAW);
         }
     }
     if drawn {
-        eprintln!();
+        say(format_args!("\n"));
     }
 }
 
 fn draw(update: &Progress) {
     const WIDTH: usize = 120;
-    let mut out = std::io::stderr().lock();
-    let _a_closed_terminal_is_no_error = write!(out, "\r{:<WIDTH$}", progress_line(update, WIDTH));
-    let _ = out.flush();
+    say(format_args!("\r{:<WIDTH$}", progress_line(update, WIDTH)));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn monitor_thread_that_panics_is_reported() {
+        assert!(Monitor::start(false).unwrap().finish(), "control: one that ends in order");
+        let (updates, queue) = bounded::<Progress>(1);
+        let broken = move || {
+            let _queue = queue;
+            panic!("as the test wants it");
+        };
+        let thread = std::thread::Builder::new().name("monitor".into()).spawn(broken).unwrap();
+        assert!(!Monitor { updates, thread }.finish());
+    }
 }

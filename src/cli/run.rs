@@ -9,13 +9,13 @@ use crate::cli::monitor::Monitor;
 use crate::cli::run_end::Finished;
 use crate::cli::run_heads::{BenchHead, Sinks, bench_heads, sinks};
 use crate::cli::run_input::{bench, document, scenario};
-use crate::cli::{live_view, run_scenario};
+use crate::cli::{live_view, run_scenario, signals};
 use crate::config::{self, Bench, Scenario, StartTime};
 use crate::link::capture::CaptureFormat;
-use crate::link::gateway::TcpAddress;
+use crate::link::gateway::{Gateways, TcpAddress};
 use crate::link::{Link, Port};
 use crate::live::Numbers;
-use crate::report::{GatewayRow, HygieneLine, Losses, Progress};
+use crate::report::{GatewayRow, HygieneLine, Progress};
 use crate::runtime::hygiene::Role;
 use crate::runtime::real_time::Sources;
 use crate::runtime::{FrameEngine, Hygiene, HygieneParams, RunError, RunOutcome, RunRecord, real_time, virtual_time};
@@ -194,11 +194,13 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
         bail!("--random-faults: got a bench; wanted a scenario file: nothing flies in a bench that faults could upset");
     }
     let mut finished = perform(arguments)?;
-    finished.report(arguments)?;
+    finished.write_summary(arguments)?;
     if let Some(directory) = &arguments.report {
         let report = budget_report(&finished, 0)?;
         budget_files::write(directory, &report, &finished.outcome.record.ring)?;
     }
+    // Last: output that cannot be written ends the program.
+    finished.print_table(arguments);
     finished.status()
 }
 
@@ -215,14 +217,11 @@ fn run_as_scenario(scenario: &Scenario, arguments: &RunArgs) -> Result<u8> {
         let all = scenario.events_left_out + scenario.events.len();
         eprintln!("starloop: {} of {all} events come after the end of this run: left out", scenario.events_left_out);
     }
-    let stop = Arc::new(AtomicBool::new(false));
-    let monitor = Monitor::start(Arc::clone(&stop), false)?;
-    let status = match arguments.clock {
+    let stop = signals::stop();
+    match arguments.clock {
         ClockKind::Real => run_scenario::run_on_real_clock(scenario, arguments, &stop),
         ClockKind::Virtual => run_scenario::run(scenario, arguments, &stop),
-    };
-    monitor.finish();
-    status
+    }
 }
 
 /// Runs a bench from its first frame to its last.
@@ -230,6 +229,8 @@ fn run_as_scenario(scenario: &Scenario, arguments: &RunArgs) -> Result<u8> {
 /// # Errors
 /// When the run could not begin.
 pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
+    // First: from here on a signal ends the run in order, however much of it is made.
+    let stop = signals::stop();
     let bench = bench(arguments)?;
     let start = match bench.timing.start {
         StartTime::At(at) => at,
@@ -267,8 +268,7 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     }
     sinks.insert(0, sink);
     let mut wall = Stopwatch::start();
-    let stop = Arc::new(AtomicBool::new(false));
-    let monitor = Monitor::start(Arc::clone(&stop), say)?;
+    let monitor = Monitor::start(say)?;
     let setup = Setup {
         bench: &bench,
         start,
@@ -279,32 +279,37 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
         hygiene: hygiene.as_ref(),
         recording: recording.as_ref(),
     };
-    let (outcome, gateways, mut losses) = match &clock {
+    let (mut outcome, gateways) = match &clock {
         RunClock::Real(clock) => setup.real(clock, &mut heads, sinks)?,
-        RunClock::Virtual(clock) => {
-            let (outcome, losses) = setup.simulated(clock, &mut heads, sinks)?;
-            (outcome, Vec::new(), losses)
-        }
+        RunClock::Virtual(clock) => (setup.simulated(clock, &mut heads, sinks)?, Vec::new()),
     };
     // After a failure they stay away: a run that broke down must not look like one that is over.
     if let (Some(numbers), None) = (&setup.numbers, &outcome.error) {
         numbers.tell_last(&outcome.record.numbers(Some(setup.frames)));
     }
-    if let Some(recording) = recording {
-        let lost = outcome.ports.iter().map(|port| port.queue_overflows).sum();
-        match recording.finish(lost) {
-            Ok(session) => session.doubts().iter().for_each(|doubt| losses.note_capture(doubt)),
-            Err(error) => losses.note_capture(error),
-        }
-    }
+    let missing = recording.map(|recording| missing_in_capture(recording, &outcome)).unwrap_or_default();
     let wall_s = wall.lap().s();
     let was_interrupted = stop.load(Ordering::SeqCst);
-    if let Some(view) = view {
-        view.finish();
+    let ended = clock.shared().now();
+    if view.is_some_and(|view| !view.finish()) {
+        outcome.note_lost_thread("live view", ended);
     }
-    monitor.finish();
+    if !monitor.finish() {
+        outcome.note_lost_thread("monitor", ended);
+    }
+    let mut losses = outcome.losses();
+    missing.iter().for_each(|what| losses.note_capture(what));
     let hygiene = hygiene.map(|hygiene| hygiene.lines()).unwrap_or_default();
     Ok(Finished { bench, start, heads, outcome, gateways, losses, hygiene, wall_s, was_interrupted, directory })
+}
+
+/// Ends a capture; returns what it lacks, a sentence each.
+fn missing_in_capture(recording: Recording, outcome: &RunOutcome) -> Vec<String> {
+    let lost = outcome.ports.iter().map(|port| port.queue_overflows).sum();
+    match recording.finish(lost) {
+        Ok(session) => session.doubts(),
+        Err(error) => vec![error.to_string()],
+    }
 }
 
 /// What the bench asks of the system, with what cannot be had told at once.
@@ -410,11 +415,11 @@ impl Setup<'_> {
         clock: &Arc<Monotonic>,
         heads: &mut [BenchHead],
         sinks: Vec<Box<dyn Sink>>,
-    ) -> Result<(RunOutcome, Vec<GatewayRow>, Losses)> {
+    ) -> Result<(RunOutcome, Vec<GatewayRow>)> {
         // Sinks have had the time they took to begin.
         clock.restart_at(self.start);
         let clock: Arc<dyn Clock> = clock.clone();
-        let Ports { near, far, pulses, gateways } = open_ports(self.bench, &clock, &mut |link| self.tapped(link))?;
+        let Ports { near, far, pulses, mut gateways } = open_ports(self.bench, &clock, &mut |link| self.tapped(link))?;
         announce_gateways(&gateways);
         let over = Arc::new(AtomicBool::new(false));
         let begin = |far| {
@@ -428,15 +433,20 @@ impl Setup<'_> {
         let heads = heads.iter_mut().zip(sinks).map(|(head, sink)| head.on_real_clock(sink)).collect();
         let mut outcome = real_time::run_in(&setting, heads, Sources { ports: near, pulses }, &mut send);
         over.store(true, Ordering::SeqCst);
-        let mut losses = outcome.losses();
+        let ended = clock.now();
         match thread.map(std::thread::JoinHandle::join) {
             None | Some(Ok(Ok(()))) => {}
             Some(Ok(Err(error))) => {
                 outcome.error.get_or_insert(RunError::FarEnd(error.into()));
             }
-            Some(Err(_panicked)) => losses.note_thread("flight computer"),
+            Some(Err(_panicked)) => outcome.note_lost_thread("flight computer", ended),
         }
-        Ok((outcome, gateway_rows(&gateways), losses))
+        let rows = gateway_rows(&gateways);
+        let lost_in_gateways: u64 = gateways.iter_mut().map(Gateways::finish).sum();
+        for _ in 0..lost_in_gateways {
+            outcome.note_lost_thread("gateway", ended);
+        }
+        Ok((outcome, rows))
     }
 
     fn simulated(
@@ -444,7 +454,7 @@ impl Setup<'_> {
         clock: &Arc<Virtual>,
         heads: &mut [BenchHead],
         mut sinks: Vec<Box<dyn Sink>>,
-    ) -> Result<(RunOutcome, Losses)> {
+    ) -> Result<RunOutcome> {
         let shared: Arc<dyn Clock> = clock.clone();
         if let Some(what) = needs_real_clock(self.bench) {
             bail!("--clock virtual: got a bench with {what}, which has a time of its own; wanted --clock real");
@@ -463,9 +473,7 @@ impl Setup<'_> {
         };
         let heads = heads.iter_mut().zip(&mut sinks).map(|(head, sink)| head.on_virtual_clock(&mut **sink)).collect();
         let mut world = virtual_time::World { port: near, far_end: &mut far_end, progress: &mut progress };
-        let outcome = virtual_time::run_in(clock, heads, &mut world);
-        let losses = outcome.losses();
-        Ok((outcome, losses))
+        Ok(virtual_time::run_in(clock, heads, &mut world))
     }
 
     /// What a link of the stimulator is behind, when the run is captured.

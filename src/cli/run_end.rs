@@ -3,7 +3,7 @@
 use crate::base::time::Tai;
 use crate::cli::run::{ClockKind, RunArgs};
 use crate::cli::run_heads::BenchHead;
-use crate::cli::{EXIT_DONE, EXIT_INTERRUPTED, EXIT_LOST};
+use crate::cli::{EXIT_DONE, EXIT_LOST, signals};
 use crate::config::Bench;
 use crate::report::{GatewayRow, HygieneLine, Losses, RunSummary, summary_table};
 use crate::runtime::{FrameEngine, RunOutcome, sink_rows};
@@ -38,11 +38,11 @@ impl Finished {
             return Err(error).context("the run ended early; everything finished before is kept");
         }
         if self.was_interrupted {
-            eprintln!("starloop: stopped by Ctrl-C; everything finished before is kept");
+            eprintln!("starloop: stopped by {}; everything finished before is kept", signals::cause());
         }
         Ok(match (was_lost, self.was_interrupted) {
             (true, _) => EXIT_LOST,
-            (false, true) => EXIT_INTERRUPTED,
+            (false, true) => signals::exit_status(),
             (false, false) => EXIT_DONE,
         })
     }
@@ -66,15 +66,12 @@ impl Finished {
         summary
     }
 
-    /// Prints the table and writes `summary.json`; a file that cannot be written is a loss.
+    /// Writes `summary.json`; a file that cannot be written is a loss.
     ///
     /// # Errors
     /// When the summary does not go into JSON.
-    pub(super) fn report(&mut self, arguments: &RunArgs) -> Result<()> {
-        let summary = self.summary(match arguments.clock {
-            ClockKind::Real => "monotonic",
-            ClockKind::Virtual => "virtual",
-        });
+    pub(super) fn write_summary(&mut self, arguments: &RunArgs) -> Result<()> {
+        let summary = self.summary(clock_name(arguments));
         if let Some(directory) = &self.directory {
             let path = directory.join("summary.json");
             let json = summary.to_json_pretty()?;
@@ -82,10 +79,21 @@ impl Finished {
                 self.losses.note_file("summary.json", error);
             }
         }
-        if !arguments.quiet {
-            println!("{}", summary_table(&summary));
-        }
         Ok(())
+    }
+
+    /// Prints the table, unless the run is quiet.
+    pub(super) fn print_table(&self, arguments: &RunArgs) {
+        if !arguments.quiet {
+            println!("{}", summary_table(&self.summary(clock_name(arguments))));
+        }
+    }
+}
+
+fn clock_name(arguments: &RunArgs) -> &'static str {
+    match arguments.clock {
+        ClockKind::Real => "monotonic",
+        ClockKind::Virtual => "virtual",
     }
 }
 

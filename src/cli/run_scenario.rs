@@ -9,7 +9,7 @@ use crate::cli::run_end::say_losses;
 use crate::cli::run_heads::directory_of_head;
 use crate::cli::scenario_plot::TelemetryPlot;
 use crate::cli::scenario_report::{ScenarioReport, table};
-use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_LOST, EXIT_NOT_MET};
+use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_LOST, EXIT_NOT_MET, signals};
 use crate::config::{Scenario, StartTime};
 use crate::runtime::params::CameraParams;
 use crate::runtime::real_time::STARS_AT_FIRST;
@@ -74,9 +74,9 @@ pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> 
     let outcome = going.finish()?;
     let refusals = client.as_ref().map(|(session, _)| session.refusals());
     let report = ScenarioReport::of(scenario, &outcome.view(), wall_s).with_sinks(&outcome.sink_lines);
-    let report = report.with_control(refusals);
-    let status = tell(&report, arguments, directory.as_deref(), stop)?;
-    if status == EXIT_INTERRUPTED {
+    let mut report = report.with_control(refusals);
+    let status = tell(&mut report, arguments, directory.as_deref(), stop)?;
+    if stop.load(Ordering::SeqCst) {
         return Ok(status);
     }
     match client {
@@ -124,8 +124,8 @@ pub fn run_on_real_clock(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<At
     if let Some(written) = written {
         written.finish(&title(scenario))?;
     }
-    let report = ScenarioReport::of(scenario, &outcome.view(), wall.lap().s()).with_sinks(&outcome.sink_lines);
-    tell(&report, arguments, directory.as_deref(), stop)
+    let mut report = ScenarioReport::of(scenario, &outcome.view(), wall.lap().s()).with_sinks(&outcome.sink_lines);
+    tell(&mut report, arguments, directory.as_deref(), stop)
 }
 
 fn announce(scenario: &Scenario, say: bool, kind: &str) {
@@ -136,15 +136,18 @@ fn announce(scenario: &Scenario, say: bool, kind: &str) {
 }
 
 /// Writes and prints the report; the exit status.
-fn tell(report: &ScenarioReport, arguments: &RunArgs, directory: Option<&Path>, stop: &AtomicBool) -> Result<u8> {
+fn tell(report: &mut ScenarioReport, arguments: &RunArgs, directory: Option<&Path>, stop: &AtomicBool) -> Result<u8> {
     if let Some(directory) = directory {
-        let json = serde_json::to_string_pretty(report)?;
-        write_file_atomically(&directory.join("scenario.json"), |out| out.write_all(json.as_bytes()))?;
+        let json = serde_json::to_string_pretty(&report)?;
+        let path = directory.join("scenario.json");
+        if let Err(error) = write_file_atomically(&path, |out| out.write_all(json.as_bytes())) {
+            report.losses.note_file("scenario.json", error);
+        }
     }
     if arguments.json {
-        println!("{}", serde_json::to_string(report)?);
+        println!("{}", serde_json::to_string(&report)?);
     } else if !arguments.quiet {
-        print!("{}", table(report));
+        print!("{}", table(&report));
     }
     let was_lost = say_losses(&report.losses);
     let was_interrupted = stop.load(Ordering::SeqCst);
@@ -153,7 +156,7 @@ fn tell(report: &ScenarioReport, arguments: &RunArgs, directory: Option<&Path>, 
     }
     Ok(match (was_lost, was_interrupted, report.passed) {
         (true, _, _) => EXIT_LOST,
-        (false, true, _) => EXIT_INTERRUPTED,
+        (false, true, _) => signals::exit_status(),
         (false, false, false) => EXIT_NOT_MET,
         (false, false, true) => EXIT_DONE,
     })
@@ -380,9 +383,7 @@ impl Progress {
             t_s / self.wall_s.max(1e-3),
             record.frames.delivered,
         );
-        let mut out = std::io::stderr().lock();
-        let _a_closed_terminal_is_no_error = write!(out, "\r{text:<110}");
-        let _ = out.flush();
+        eprint!("\r{text:<110}");
     }
 
     fn finish(&self) {

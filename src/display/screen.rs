@@ -193,12 +193,13 @@ impl Sink for Display {
     fn finish(&mut self) -> Result<SinkSummary, SinkError> {
         self.is_finished = true;
         self.state.finish();
-        if let Some(presenter) = self.presenter.take() {
-            let _a_panic_is_told_by_its_thread = presenter.join();
-        }
+        let is_lost = self.presenter.take().is_some_and(|presenter| presenter.join().is_err());
         self.log_submits();
         let written = self.log.as_mut().map_or(Ok(()), SubmitLog::finish);
         written.map_err(|error| SinkError::Unfinished { sink: NAME, source: Box::new(error) })?;
+        if is_lost {
+            return Err(SinkError::Lost { sink: NAME });
+        }
         let (frames, refused, run_crc32) = (self.frames, self.refused, self.run_crc32.value());
         Ok(SinkSummary { sink: NAME, frames, refused, bytes: 0, run_crc32, output: None })
     }

@@ -59,8 +59,10 @@ impl LiveView {
         Ok((Self { address, board, stop, thread }, sink, numbers))
     }
 
-    /// Serves the end of a run for [`LINGER`], when somebody looks, and ends.
-    pub fn finish(self) {
+    /// Serves the end of a run for [`LINGER`], when somebody looks, and ends; false when its thread had ended before, by a
+    /// panic or because it could not listen.
+    #[must_use]
+    pub fn finish(mut self) -> bool {
         let is_watched = {
             let mut board = lock(&self.board);
             board.listen();
@@ -69,12 +71,20 @@ impl LiveView {
         if is_watched {
             std::thread::sleep(LINGER);
         }
+        self.end()
     }
 
     /// Where it listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    fn end(&mut self) -> bool {
+        let Some(thread) = self.thread.take() else { return true };
+        let was_at_work = !thread.is_finished();
+        self.stop.notify_one();
+        thread.join().is_ok() && was_at_work
     }
 
     /// True when other machines can reach it: it asks for no password.
@@ -86,10 +96,7 @@ impl LiveView {
 
 impl Drop for LiveView {
     fn drop(&mut self) {
-        self.stop.notify_one();
-        if let Some(thread) = self.thread.take() {
-            let _a_lost_thread_serves_nobody = thread.join();
-        }
+        self.end();
     }
 }
 
@@ -128,6 +135,18 @@ pub(super) mod tests {
     pub(in crate::live) fn board() -> (Board, LiveSink, Numbers) {
         let clock: Arc<dyn Clock> = Arc::new(Virtual::new(Tai::from_ns(1_790_000_000_000_000_000)));
         parts(params(), &clock)
+    }
+
+    #[test]
+    fn view_whose_thread_panics_is_reported() {
+        let clock: Arc<dyn Clock> = Arc::new(Virtual::new(Tai::from_ns(0)));
+        let (whole, _sink, _numbers) = LiveView::start(params(), Arc::clone(&clock)).unwrap();
+        assert!(whole.finish(), "control: one that ends in order");
+        let (mut broken, _sink, _numbers) = LiveView::start(params(), clock).unwrap();
+        assert!(broken.end());
+        broken.thread =
+            Some(std::thread::Builder::new().name("live".into()).spawn(|| panic!("as the test wants it")).unwrap());
+        assert!(!broken.finish());
     }
 
     #[test]

@@ -63,6 +63,8 @@ events! {
     SinkRefused = "sink_refused",
     /// A sink broke down: it takes no more frames, and the others go on.
     SinkLost = "sink_lost",
+    /// A thread beside the run ended before it did; the event names it.
+    ThreadLost = "thread_lost",
     /// An attitude arrived before the clocks were correlated.
     NoTimeYet = "no_time_yet",
     /// An attitude or jitter sample was refused by its history.
@@ -140,7 +142,7 @@ pub struct Event {
     pub span: Span,
     /// How far a frame was degraded; [`Rung::Full`] in events of other kinds.
     pub rung: Rung,
-    /// Which fault; empty in events of other kinds.
+    /// Which fault, or which thread; empty in events of other kinds.
     pub what: &'static str,
 }
 

@@ -1,7 +1,9 @@
 //! How a run ended.
 
+use crate::base::time::{Span, Tai};
 use crate::report::Losses;
 use crate::runtime::error::RunError;
+use crate::runtime::ledger::{Event, EventKind};
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::record::{RunRecord, sink_rows};
 use crate::sink::{SinkLine, SinkSummary};
@@ -16,15 +18,25 @@ pub struct RunOutcome {
     pub summaries: Vec<Option<SinkSummary>>,
     /// What each sink of each head did, failures included: on the real clock they do not end a run.
     pub sinks: Vec<SinkLine>,
+    /// Threads beside the run that ended before it did: pulses, gateways, the live view.
+    pub lost_threads: Vec<&'static str>,
     /// Why the run ended early, if it did.
     pub error: Option<RunError>,
 }
 
 impl RunOutcome {
-    /// Lists what the sinks lost: frames dropped or refused, sinks that could not be finished or broke down.
+    /// Lists what was lost: frames that a sink dropped or refused, sinks that could not be finished or broke down, threads.
     #[must_use]
     pub fn losses(&self) -> Losses {
-        Losses::of_sinks(&sink_rows(&self.sinks))
+        let mut losses = Losses::of_sinks(&sink_rows(&self.sinks));
+        self.lost_threads.iter().for_each(|name| losses.note_thread(name));
+        losses
+    }
+
+    /// Notes a thread that had ended before the run did, which was seen at `at`.
+    pub fn note_lost_thread(&mut self, name: &'static str, at: Tai) {
+        self.lost_threads.push(name);
+        self.record.ledger.note(Event { what: name, ..Event::new(EventKind::ThreadLost, at, None, Span::ZERO) });
     }
 }
 

@@ -45,7 +45,7 @@ pub(super) enum Heard {
 pub(super) struct Radio {
     received: Queue<Heard>,
     stations: Vec<Station>,
-    _pulses: Option<PulseThread>,
+    pulses: Option<PulseThread>,
 }
 
 /// One port's thread.
@@ -70,7 +70,7 @@ impl Radio {
     ) -> Result<Self, RunError> {
         let (arrived, received) = bounded(RECEIVE_QUEUE);
         let pulses = pulses.map(|pulses| PulseThread::start(pulses, arrived.clone(), clock)).transpose()?;
-        let mut radio = Self { received, stations: Vec::with_capacity(ports.len()), _pulses: pulses };
+        let mut radio = Self { received, stations: Vec::with_capacity(ports.len()), pulses };
         for (number, port) in ports.into_iter().enumerate() {
             let own = Own { number, port, arrived: arrived.clone(), clock: Arc::clone(clock) };
             radio.stations.push(Station::start(own, hygiene.map(Arc::clone))?);
@@ -112,6 +112,11 @@ impl Radio {
     /// True when a thread has ended early.
     pub(super) fn is_finished(&self) -> bool {
         self.stations.iter().any(|station| station.thread.as_ref().is_none_or(JoinHandle::is_finished))
+    }
+
+    /// Returns true when the thread that looks for pulses has ended early.
+    pub(super) fn has_lost_pulses(&self) -> bool {
+        self.pulses.as_ref().is_some_and(PulseThread::is_lost)
     }
 
     /// Counters of the ports, and why a thread ended early.
@@ -226,6 +231,11 @@ impl PulseThread {
         let thread = Some(thread.map_err(|source| RunError::Thread { name: "pps", source })?);
         Ok(Self { stop, thread })
     }
+
+    /// Returns true when the thread has ended by itself: it goes on until this is dropped.
+    fn is_lost(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
 }
 
 impl Drop for PulseThread {
@@ -234,5 +244,32 @@ impl Drop for PulseThread {
         if let Some(thread) = self.thread.take() {
             let _nobody_asks = thread.join();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn radio_with(look: impl FnOnce() + Send + 'static) -> Radio {
+        let (_arrived, received) = bounded(1);
+        let thread = std::thread::Builder::new().name("pps".into()).spawn(look).unwrap();
+        let pulses = PulseThread { stop: Arc::default(), thread: Some(thread) };
+        Radio { received, stations: Vec::new(), pulses: Some(pulses) }
+    }
+
+    #[test]
+    fn pulse_thread_that_panics_is_reported_as_lost() {
+        let (gate, opened) = bounded::<()>(0);
+        let waiting = radio_with(move || {
+            let _ = opened.recv();
+        });
+        assert!(!waiting.has_lost_pulses(), "control: at work");
+        drop(gate);
+        let broken = radio_with(|| panic!("as the test wants it"));
+        while !broken.pulses.as_ref().unwrap().thread.as_ref().unwrap().is_finished() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert!(broken.has_lost_pulses());
     }
 }

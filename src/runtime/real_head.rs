@@ -67,7 +67,13 @@ impl<'a> RealHead<'a> {
     ) -> Result<(), RunError> {
         let spare = self.spare.take().or_else(|| self.delivery.take(|back| take_back(record, back)));
         let Some(mut parcel) = spare else {
-            drop_slot(slot, &mut timed, EventKind::SinkBusy, MissCause::SinkBusy, record);
+            // A slot that began too late to be drawn, as after a pause of the whole program, is not missed because of the sink.
+            let (kind, cause) = if self.is_over(slot, timed.woken) {
+                (EventKind::Dropped, timed.cause_of_late_start())
+            } else {
+                (EventKind::SinkBusy, MissCause::SinkBusy)
+            };
+            drop_slot(slot, &mut timed, kind, cause, record);
             return Ok(());
         };
         if self.is_over(slot, timed.woken) {

@@ -102,7 +102,8 @@ pub fn run_in(
     let mut record = RunRecord::with_ring(setting.ring_frames, heads.len());
     match start(setting, heads, sources) {
         Err(error) => {
-            RunOutcome { record, ports: Vec::new(), summaries: Vec::new(), sinks: Vec::new(), error: Some(error) }
+            let (ports, summaries, sinks, lost_threads) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+            RunOutcome { record, ports, summaries, sinks, lost_threads, error: Some(error) }
         }
         Ok((heads, radio)) => {
             let readings = vec![PortReading::default(); radio.readings().count()];
@@ -127,8 +128,14 @@ pub fn run_in(
                 sinks.extend(lines_of_head(number, heads, delivered.lines));
                 error = delivered.error.or(error);
             }
+            let has_lost_pulses = radio.has_lost_pulses();
             let (ports, receiving) = radio.finish();
-            RunOutcome { record, ports, summaries, sinks, error: receiving.or(error) }
+            let (lost_threads, error) = (Vec::new(), receiving.or(error));
+            let mut outcome = RunOutcome { record, ports, summaries, sinks, lost_threads, error };
+            if has_lost_pulses {
+                outcome.note_lost_thread("pps", setting.clock.now());
+            }
+            outcome
         }
     }
 }

@@ -352,5 +352,5 @@ pub fn run_in(clock: &Arc<Virtual>, mut heads: Vec<Head<'_>>, world: &mut World<
         }
     }
     let ports = vec![PortReading::of(world.port, 0)];
-    RunOutcome { record: going.into_record(), ports, summaries, sinks, error }
+    RunOutcome { record: going.into_record(), ports, summaries, sinks, lost_threads: Vec::new(), error }
 }

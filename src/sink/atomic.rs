@@ -5,6 +5,7 @@
 //! killed program; it does not wait for the disk (no fsync), so it says nothing about loss of power. A path that
 //! exists and is no regular file (a pipe, `/dev/stdout`) is written directly, since it must not be replaced.
 
+use crate::base::unfinished::Unfinished;
 use crate::sink::SinkError;
 use core::sync::atomic::{AtomicU64, Ordering};
 use std::fs::{self, File, OpenOptions};
@@ -66,12 +67,15 @@ fn temporary_name(path: &Path) -> io::Result<PathBuf> {
 pub(super) struct Temporary {
     /// Its name.
     pub(super) path: PathBuf,
+    /// Registered until it is renamed or removed.
+    _unfinished: Unfinished,
 }
 
 impl Temporary {
     /// A name for it in the directory of the file that it is to become.
     pub(super) fn beside(path: &Path) -> io::Result<Self> {
-        temporary_name(path).map(|path| Self { path })
+        let path = temporary_name(path)?;
+        Ok(Self { _unfinished: Unfinished::register(&path), path })
     }
 }
 

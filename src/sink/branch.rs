@@ -5,7 +5,8 @@
 //! became of its frame, so every loss is told with the number of its own frame. A sink that fails on a frame is given the
 //! next one: a disk that is full now may have room later. A sink that panics is not called again.
 //!
-//! A branch that goes, also without [`Branch::finish`], lets its sink finish what it was handed, and waits for that.
+//! A branch that goes, also without [`Branch::finish`], lets its sink finish what it was handed, and waits for that as long
+//! as frames come back: a sink that blocks is given up after [`END_PATIENCE`], and its thread is left behind.
 //! Tests: `fan_tests.rs`.
 
 use crate::base::clock::Stopwatch;
@@ -15,9 +16,18 @@ use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 /// Losses that are kept for whoever asks; of more than that the numbers are in the line alone.
 const LOSSES_KEPT: usize = 4096;
+
+/// A sink that finishes neither a frame nor itself for this long at the end of a run is given up, plus the time that its
+/// frame takes at 10 MB/s. Short in tests, which wait for it.
+pub const END_PATIENCE: Span = Span::from_ms(if cfg!(test) { 1_000 } else { 5_000 });
+/// Rate of a slow disk or encoder, by which large frames add to the patience.
+const SLOW_BYTES_PER_S: f64 = 10e6;
+/// Between two looks at sinks that are to end.
+const LOOK: Duration = Duration::from_millis(2);
 
 /// A sink that is to get a thread.
 pub struct BranchParams {
@@ -48,6 +58,12 @@ pub(super) struct Branch {
     thread: Option<JoinHandle<Ended>>,
     /// Frames that were offered.
     offered: u64,
+    /// Of these: taken and refused, as far as their buffers have come back.
+    returned: [u64; 2],
+    /// Number of the newest frame.
+    newest: u32,
+    /// How long it may finish nothing at the end.
+    patience: Span,
     /// What was lost and not yet told.
     losses: Vec<Loss>,
 }
@@ -78,7 +94,10 @@ impl Branch {
             .spawn(move || carrier.carry(&to_send, &sent))
             .map_err(|source| SinkError::Thread { sink: name, source })?;
         let (full, thread) = (Some(full), Some(thread));
-        Ok(Self { name, line, full, back, free, thread, offered: 0, losses: Vec::new() })
+        let bytes = 2.0 * (prototype.image.width() * prototype.image.height()) as f64;
+        let patience = END_PATIENCE + Span::from_s(bytes / SLOW_BYTES_PER_S);
+        let (offered, returned, newest, losses) = (0, [0; 2], 0, Vec::new());
+        Ok(Self { name, line, full, back, free, thread, offered, returned, newest, patience, losses })
     }
 
     /// Hands a copy of a frame over when a buffer is free now; else the branch goes without it, which is counted.
@@ -104,6 +123,7 @@ impl Branch {
     /// buffer, or no thread any more.
     fn put(&mut self, free: Option<Held>, frame: &SentFrame) -> bool {
         self.offered += 1;
+        self.newest = frame.meta.number;
         let is_put = free.zip(self.full.as_ref()).is_some_and(|(mut held, full)| {
             held.frame.copy_from(frame);
             held.since = Stopwatch::start();
@@ -118,8 +138,19 @@ impl Branch {
     /// Takes back the buffers that have come.
     fn collect(&mut self) {
         while let Ok(held) = self.back.try_recv() {
-            let _told_as_a_loss = self.take_back(held);
+            let _ = self.take_back(held); // a failure is kept as a loss
         }
+    }
+
+    /// Returns true when buffers have come back since the last look.
+    fn has_moved(&mut self) -> bool {
+        let before = self.free.len();
+        self.collect();
+        self.free.len() > before
+    }
+
+    fn has_ended(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
     /// Frees a buffer: what became of its frame.
@@ -130,8 +161,12 @@ impl Branch {
         }
         let failure = held.failure.take();
         self.free.push(held);
-        let Some(error) = failure else { return Ok(()) };
+        let Some(error) = failure else {
+            self.returned[0] += 1;
+            return Ok(());
+        };
         let is_lost = matches!(error, SinkError::Lost { .. });
+        self.returned[1] += u64::from(!is_lost);
         self.lose(if is_lost { LossKind::Dropped } else { LossKind::Refused }, number);
         Err(error)
     }
@@ -159,10 +194,14 @@ impl Branch {
         self.full = None;
     }
 
-    /// Lets the sink finish what it has been handed, and ends the thread. Once.
+    /// Ends the thread of a sink that has finished what it was handed, for which [`wait_for`] waits; a sink that has not is
+    /// given up. Once.
     pub(super) fn finish(&mut self) -> Result<Option<SinkSummary>, SinkError> {
         self.hang_up();
         let Some(thread) = self.thread.take() else { return Ok(None) };
+        if !thread.is_finished() {
+            return Err(self.give_up());
+        }
         let joined = thread.join();
         self.collect();
         let Ok(ended) = joined else {
@@ -175,6 +214,18 @@ impl Branch {
         ended.finished.transpose()
     }
 
+    /// Leaves a sink behind that blocks.
+    fn give_up(&mut self) -> SinkError {
+        self.collect();
+        let error = SinkError::Stuck { sink: self.name, patience: self.patience };
+        let [frames, refused] = self.returned;
+        let dropped = self.offered - frames - refused;
+        self.line = SinkLine { frames, refused, dropped, is_lost: true, ..core::mem::take(&mut self.line) };
+        self.line.first_error.get_or_insert_with(|| error.to_string());
+        self.lose(LossKind::SinkLost, self.newest);
+        error
+    }
+
     /// What the sink did; whole after [`Self::finish`].
     pub(super) fn line(&self) -> &SinkLine {
         &self.line
@@ -183,7 +234,24 @@ impl Branch {
 
 impl Drop for Branch {
     fn drop(&mut self) {
-        let _nobody_asks_any_more = self.finish();
+        wait_for(core::slice::from_mut(self));
+        let _ = self.finish(); // nobody is left to ask
+    }
+}
+
+/// Waits until every sink has finished what it was handed, or until none of them has finished anything for the patience of
+/// the most patient.
+pub(super) fn wait_for(branches: &mut [Branch]) {
+    branches.iter_mut().for_each(Branch::hang_up);
+    let patience = branches.iter().map(|branch| branch.patience).max().unwrap_or(END_PATIENCE);
+    let (mut watch, mut quiet) = (Stopwatch::start(), Span::ZERO);
+    while quiet < patience && !branches.iter().all(Branch::has_ended) {
+        std::thread::sleep(LOOK);
+        // Of a pause of the whole machine one look is counted.
+        quiet = quiet + watch.lap().min(Span::from_ns(patience.ns() / 2));
+        if branches.iter_mut().fold(false, |any, branch| branch.has_moved() | any) {
+            quiet = Span::ZERO;
+        }
     }
 }
 

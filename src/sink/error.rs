@@ -1,5 +1,6 @@
 //! What can go wrong on the way out.
 
+use crate::base::time::Span;
 use std::io;
 use std::path::PathBuf;
 
@@ -103,6 +104,18 @@ pub enum SinkError {
     Lost {
         /// The sink's name.
         sink: &'static str,
+    },
+    /// A sink that blocks, at the end of a run.
+    #[error(
+        "the {sink} sink has finished nothing for {:.1} s at the end of the run and was given up: is its disk, network or \
+         reader still there?",
+        patience.s()
+    )]
+    Stuck {
+        /// The sink's name.
+        sink: &'static str,
+        /// How long it was waited for.
+        patience: Span,
     },
     /// A device that took its frames, but not all that belongs to them.
     #[error("the {sink} sink ended with a failure: {source}")]

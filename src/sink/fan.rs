@@ -6,11 +6,14 @@
 //! virtual clock ([`OnFull::Wait`]) `send` returns when every sink is done with the frame, or with the first failure of
 //! one, so that a run gives the same bits on every machine, also one that ends early.
 //!
-//! Limits: `finish` waits for what is still queued, so a sink that never returns holds up the end of a run, and nothing
-//! before it. Dropping a fan does the same, so that nothing of a sink outlives it, also when a run never began. Memory: buffers times (2 bytes a pixel and the truth table) per sink, all of it at the start.
+//! Limits: `finish` waits for what is still queued as long as a sink finishes something within
+//! [`END_PATIENCE`](crate::sink::END_PATIENCE); after
+//! that a sink that blocks is given up, counted as lost, and its thread is left behind. Dropping a fan waits in the same
+//! way, so that nothing of a sink that works outlives it, also when a run never began. On the virtual clock `send` waits
+//! without a limit. Memory: buffers times (2 bytes a pixel and the truth table) per sink, all of it at the start.
 //! Tests: `fan_tests.rs`, `tests/closed_loop/sinks.rs`.
 
-use crate::sink::branch::{Branch, BranchParams};
+use crate::sink::branch::{Branch, BranchParams, wait_for};
 use crate::sink::line::{Loss, SinkLine};
 use crate::sink::tally::Tally;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
@@ -106,7 +109,7 @@ impl Sink for Fan {
         let mut failure = None;
         let mut bytes = 0;
         // All at the same time: what each has left to send takes as long as it takes.
-        self.branches.iter_mut().for_each(Branch::hang_up);
+        wait_for(&mut self.branches);
         for branch in &mut self.branches {
             match branch.finish() {
                 Ok(summary) => bytes += summary.map_or(0, |summary| summary.bytes),

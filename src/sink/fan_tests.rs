@@ -123,6 +123,45 @@ fn a_slow_sink_loses_frames_and_the_others_none() {
 }
 
 #[test]
+fn sink_that_blocks_at_the_end_is_given_up_and_the_others_finish() {
+    let (gated, _begun, _never_opened) = gate();
+    let mut fan = fan(vec![Box::new(gated), Box::new(NullSink::new())], 3, OnFull::Drop);
+    for number in 0..5 {
+        fan.send(&sample_frame(number)).unwrap();
+        while fan.lag(1) > 0 {
+            std::thread::yield_now();
+        }
+    }
+    let summary = fan.finish().unwrap();
+    assert_eq!(summary.frames, 5, "handed to the sinks");
+    let lines = fan.lines();
+    assert_eq!([counts(&lines[0]), counts(&lines[1])], [[0, 5, 0], [5, 0, 0]]);
+    assert!(lines[0].is_lost && !lines[1].is_lost);
+    let error = lines[0].first_error.as_deref().unwrap();
+    assert!(error.contains("gated") && error.contains("given up"), "{error}");
+    assert_eq!(losses(&mut fan).last(), Some(&(LossKind::SinkLost, 4)));
+}
+
+#[test]
+fn slow_sink_that_finishes_frames_at_the_end_is_waited_for() {
+    let (gated, begun, go_on) = gate();
+    let mut fan = fan(vec![Box::new(gated)], 4, OnFull::Drop);
+    (0..4).for_each(|number| fan.send(&sample_frame(number)).unwrap());
+    // Together they take longer than the patience, one by one they do not.
+    let one_by_one = move || {
+        for _ in begun {
+            std::thread::sleep(std::time::Duration::from_millis(400));
+            let _ = go_on.send(()); // the sink may not wait yet, or no longer
+        }
+    };
+    let opens = std::thread::Builder::new().name("gate".into()).spawn(one_by_one).unwrap();
+    fan.finish().unwrap();
+    assert_eq!(counts(&fan.lines()[0]), [4, 0, 0]);
+    drop(fan);
+    opens.join().unwrap();
+}
+
+#[test]
 fn a_sink_that_fails_gets_the_next_frame_and_its_first_error_is_kept() {
     for on_full in [OnFull::Drop, OnFull::Wait] {
         let frail = Frail { fails_on: vec![2, 4], ..Frail::default() };

@@ -47,7 +47,7 @@ pub mod truth;
 
 pub use active_fault::{ActiveFault, ActiveFaults, Amount};
 pub use atomic::write_file_atomically;
-pub use branch::BranchParams;
+pub use branch::{BranchParams, END_PATIENCE};
 pub use error::SinkError;
 pub use fan::{Fan, OnFull};
 pub use faults::FaultFlags;

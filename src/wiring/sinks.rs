@@ -5,6 +5,7 @@
 //! is, several in step ([`OnFull::Wait`]).
 
 use crate::base::clock::Clock;
+use crate::base::streams::say;
 use crate::base::time::Span;
 use crate::config::{DisplaySettings, Sink as Kind, SinkSettings};
 use crate::display::MonitorChoice;
@@ -114,9 +115,10 @@ fn network_camera(params: &network_camera::Params, setting: &SinkSetting<'_>) ->
         gain_e_per_dn: camera.detector.gain_e_per_dn,
     };
     let made = NetworkCamera::start(&params, &sensor, Arc::clone(setting.clock))?;
-    eprintln!("network camera: GVCP at {}", made.address());
+    say(format_args!("network camera: GVCP at {}\n", made.address()));
     if made.is_exposed() {
-        eprintln!("starloop: the network camera can be reached from other machines, and asks for no password");
+        let text = "starloop: the network camera can be reached from other machines, and asks for no password\n";
+        say(format_args!("{text}"));
     }
     Ok(Box::new(made))
 }
@@ -125,8 +127,8 @@ fn network_camera(params: &network_camera::Params, setting: &SinkSetting<'_>) ->
 fn display(settings: &DisplaySettings, number: usize, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
     let directory = setting.directory.map(|_run| files_of(number, None, setting));
     let (display, notes) = open_display(settings, setting, directory.as_deref())?;
-    eprintln!("display: {}", display.description());
-    notes.iter().for_each(|note| eprintln!("starloop: {note}"));
+    say(format_args!("display: {}\n", display.description()));
+    notes.iter().for_each(|note| say(format_args!("starloop: {note}\n")));
     Ok(Box::new(display))
 }
 

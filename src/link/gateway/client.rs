@@ -10,7 +10,7 @@
 //! protocol, or sends too many malformed lines, is hung up on for good: nothing of what it sent afterwards is obeyed.
 
 use super::admission::Admission;
-use super::counters::Tally;
+use super::counters::{CountsIfLost, Tally};
 use super::outgoing::{Flow, Outgoing};
 use super::screen::Screen;
 use crate::base::clock::Clock;
@@ -335,15 +335,43 @@ pub(super) fn serve(parts: ClientParts, mut dialogue: Box<dyn Dialogue>, scribe:
         counters.clients += 1;
         counters.connected += 1;
     }
-    let writing = Arc::clone(&client);
-    let writer =
-        std::thread::Builder::new().name("gateway writer".into()).spawn(move || writing.write_until_over(&scribe))?;
-    let reading = Arc::downgrade(&client);
+    let writing = Watched::new(&client);
+    let writer = std::thread::Builder::new()
+        .name("gateway writer".into())
+        .spawn(move || writing.client.write_until_over(&scribe))?;
+    let (reading, served) = (Watched::new(&client), Arc::downgrade(&client));
     let thread = std::thread::Builder::new().name("gateway reader".into()).spawn(move || {
-        client.read_until_over(&mut *dialogue);
-        client.leave();
-        let _a_lost_writer_is_gone_too = writer.join();
-        client.tally.lock().connected -= 1;
+        let _connected = Connected(Arc::clone(&client.tally));
+        reading.client.read_until_over(&mut *dialogue);
+        drop(reading);
+        let _ = writer.join(); // one that panicked has counted itself
     })?;
-    Ok(Served { thread, client: reading })
+    Ok(Served { thread, client: served })
+}
+
+/// A client, for one of its threads: when the thread ends, however it ends, the other one does too.
+struct Watched {
+    client: Arc<Client>,
+    _counts: CountsIfLost,
+}
+
+impl Watched {
+    fn new(client: &Arc<Client>) -> Self {
+        Self { client: Arc::clone(client), _counts: CountsIfLost(Arc::clone(&client.tally)) }
+    }
+}
+
+impl Drop for Watched {
+    fn drop(&mut self) {
+        self.client.leave();
+    }
+}
+
+/// Counts a client as connected until it is dropped.
+struct Connected(Arc<Tally>);
+
+impl Drop for Connected {
+    fn drop(&mut self) {
+        self.0.lock().connected -= 1;
+    }
 }

@@ -1,7 +1,7 @@
 //! What the gateways let through, lost and refused.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Traffic of one gateway.
 #[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize)]
@@ -24,6 +24,8 @@ pub struct GatewayCounters {
     pub withheld: u64,
     /// What was refused, by reason.
     pub rejects: BTreeMap<&'static str, u64>,
+    /// Threads of this gateway that ended by a panic.
+    pub lost_threads: u64,
 }
 
 impl GatewayCounters {
@@ -47,5 +49,14 @@ impl Tally {
 
     pub(super) fn reject(&self, reason: &'static str) {
         *self.lock().rejects.entry(reason).or_default() += 1;
+    }
+}
+
+/// Counts the thread that holds it as lost when it panics.
+pub(super) struct CountsIfLost(pub(super) Arc<Tally>);
+
+impl Drop for CountsIfLost {
+    fn drop(&mut self) {
+        self.0.lock().lost_threads += u64::from(std::thread::panicking());
     }
 }

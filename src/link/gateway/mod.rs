@@ -15,6 +15,8 @@ mod address;
 mod admission;
 mod client;
 mod counters;
+#[cfg(test)]
+mod end_tests;
 mod hex;
 mod outgoing;
 #[cfg(test)]
@@ -164,6 +166,18 @@ impl Gateways {
         self.at_work.iter().map(|(kind, address, _)| (*kind, address.clone())).collect()
     }
 
+    /// Ends them; returns how many of their threads were lost. Once; dropping them does the same.
+    pub fn finish(&mut self) -> u64 {
+        self.ended.store(true, Ordering::Release);
+        for listener in self.listeners.drain(..) {
+            let _ = listener.join(); // one that panicked has counted itself
+        }
+        if let Some(pty) = &mut self.pty {
+            pty.join();
+        }
+        self.counters().iter().map(|(_, counters)| counters.lost_threads).sum()
+    }
+
     /// What each gateway let through, lost and refused.
     #[must_use]
     pub fn counters(&self) -> Vec<(GatewayKind, GatewayCounters)> {
@@ -173,13 +187,7 @@ impl Gateways {
 
 impl Drop for Gateways {
     fn drop(&mut self) {
-        self.ended.store(true, Ordering::Release);
-        for listener in self.listeners.drain(..) {
-            let _a_lost_listener_is_gone_too = listener.join();
-        }
-        if let Some(pty) = &mut self.pty {
-            pty.join();
-        }
+        self.finish();
     }
 }
 

@@ -1,4 +1,6 @@
 //! A pseudo-terminal with slcan on it: what a USB adapter looks like to a program.
+//!
+//! The link of a run that was killed is replaced by the next run's; that of a run that goes on is not.
 
 use super::client::{ClientParts, OnStall, serve};
 use super::counters::Tally;
@@ -9,11 +11,18 @@ use crate::link::LinkError;
 use crate::link::serial::PseudoTerminal;
 use crate::link::simulated::SimulatedBus;
 use core::sync::atomic::{AtomicBool, Ordering};
+use nix::fcntl::{FcntlArg, fcntl};
+use nix::libc;
+use rustix::fs::{Mode, OFlags};
+use rustix::io::Errno;
+use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
 const NAME: &str = "slcan on a PTY";
+/// Where the system puts PTYs.
+const DEVICES: &str = "/dev/pts";
 
 /// A PTY that is served, with a symbolic link to it.
 pub(super) struct Pty {
@@ -34,9 +43,20 @@ pub(super) fn open(
     ended: &Arc<AtomicBool>,
 ) -> Result<Pty, LinkError> {
     let (fd, device_end, device) = PseudoTerminal::open()?.into_ends();
-    let advice = "; name a path in a folder that is there, with nothing at it";
-    std::os::unix::fs::symlink(&device, path)
-        .map_err(|source| system(&format!("{NAME} {}", path.display()), "link to the PTY", source, advice))?;
+    let refuse = |doing, advice| {
+        let link = format!("{NAME} {}", path.display());
+        move |source| system(&link, doing, source, advice)
+    };
+    lock(&device_end).map_err(refuse("lock the PTY", ""))?;
+    let is_live = is_live_link(path, &device);
+    if is_live == Some(false) {
+        std::fs::remove_file(path).map_err(refuse("remove the link of a run that is over", ""))?;
+    }
+    let advice = match is_live {
+        Some(true) => "; a run that goes on serves this link: give each run a path of its own",
+        Some(false) | None => "; name a path in a folder that is there, with nothing at it",
+    };
+    std::os::unix::fs::symlink(&device, path).map_err(refuse("link to the PTY", advice))?;
     // From here on: dropped, it takes the link away.
     let mut pty = Pty { path: path.into(), device, thread: None };
     let parts = ClientParts {
@@ -55,6 +75,37 @@ pub(super) fn open(
     Ok(pty)
 }
 
+/// Marks a PTY as served for as long as its device end is open: by a lock of the open file, which the line's users do not
+/// look at (they use `flock`, if any) and which the system releases however the program ends.
+fn lock(device_end: &OwnedFd) -> std::io::Result<()> {
+    #[allow(clippy::cast_possible_truncation, reason = "small constants, which the system takes as short ones")]
+    const WHOLE: libc::flock = libc::flock {
+        l_type: libc::F_WRLCK as libc::c_short,
+        l_whence: libc::SEEK_SET as libc::c_short,
+        l_start: 0,
+        l_len: 0,
+        l_pid: 0,
+    };
+    fcntl(device_end, FcntlArg::F_OFD_SETLK(&WHOLE))?;
+    Ok(())
+}
+
+/// Returns whether `path` is a link to a PTY that another run serves; `None` when it is not a link to a PTY. `ours` has just
+/// been made: a link to it was made when its number belonged to another PTY.
+fn is_live_link(path: &Path, ours: &Path) -> Option<bool> {
+    let device = std::fs::read_link(path).ok().filter(|device| device.starts_with(DEVICES))?;
+    if device == ours {
+        return Some(false);
+    }
+    match rustix::fs::open(&device, OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty()) {
+        Ok(device_end) => Some(lock(&device_end).is_err()),
+        // Nothing there, or the number of a PTY whose other end is closed: its run is over.
+        Err(Errno::NOENT | Errno::NXIO | Errno::IO) => Some(false),
+        // Somebody else's.
+        Err(_) => Some(true),
+    }
+}
+
 /// The writing half of slcan.
 pub(super) fn slcan_scribe() -> super::client::Scribe {
     Box::new(|packet, listening, out| slcan::line(packet, listening.stamps.load(Ordering::Relaxed), out))
@@ -64,7 +115,7 @@ impl Pty {
     /// Waits for its threads, which end when the gateways do.
     pub(super) fn join(&mut self) {
         if let Some(thread) = self.thread.take() {
-            let _a_lost_thread_is_gone_too = thread.join();
+            let _ = thread.join(); // one that panicked has counted itself
         }
     }
 }

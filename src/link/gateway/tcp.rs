@@ -5,7 +5,7 @@
 
 use super::admission::{Admission, GRACE, keep_alive};
 use super::client::{Client, ClientParts, Dialogue, LOOK_MS, OnStall, Scribe, Served, is_readable, serve};
-use super::counters::Tally;
+use super::counters::{CountsIfLost, Tally};
 use super::system;
 use crate::base::clock::Clock;
 use crate::base::time::Span;
@@ -54,7 +54,12 @@ pub(super) fn listen(hall: Hall, address: SocketAddr) -> Result<(SocketAddr, Joi
     listener.set_nonblocking(true).map_err(refuse("listen without blocking", ""))?;
     let got = listener.local_addr().map_err(refuse("tell its address", ""))?;
     let name = hall.name;
-    let thread = std::thread::Builder::new().name(name.into()).spawn(move || hall.welcome(&listener));
+    let counts = CountsIfLost(Arc::clone(&hall.tally));
+    let welcome = move || {
+        let _counts = counts;
+        hall.welcome(&listener);
+    };
+    let thread = std::thread::Builder::new().name(name.into()).spawn(welcome);
     Ok((got, thread.map_err(|source| system(name, "start a thread", source, ""))?))
 }
 
@@ -77,7 +82,7 @@ impl Hall {
             }
         }
         for client in clients {
-            let _a_lost_client_is_gone_too = client.thread.join();
+            let _ = client.thread.join(); // one that panicked has counted itself
         }
     }
 

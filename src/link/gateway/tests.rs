@@ -10,16 +10,16 @@ use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpStream};
 use std::time::Duration;
 
-const CAN: BusTiming = BusTiming::CanFd { arbitration_bps: 500_000, data_bps: 2_000_000 };
+pub(super) const CAN: BusTiming = BusTiming::CanFd { arbitration_bps: 500_000, data_bps: 2_000_000 };
 const FREE_PORT: Option<SocketAddr> = Some(SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 0));
 const PATIENCE: Duration = Duration::from_secs(60);
 
-fn bus(timing: BusTiming, clock: &Arc<dyn Clock>) -> SimulatedBus {
+pub(super) fn bus(timing: BusTiming, clock: &Arc<dyn Clock>) -> SimulatedBus {
     let params = BusParams { name: "test bus".into(), timing, latency: Span::ZERO, queue_packets: 64 };
     SimulatedBus::new(params, clock)
 }
 
-fn real_clock() -> Arc<dyn Clock> {
+pub(super) fn real_clock() -> Arc<dyn Clock> {
     Arc::new(Monotonic::start())
 }
 

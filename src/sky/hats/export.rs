@@ -10,6 +10,7 @@ use super::error::HatsError;
 use super::pixel::{MOST_ORDER, Pixel};
 use super::properties;
 use super::writer::{CatalogRow, CatalogWriter};
+use crate::base::unfinished::Unfinished;
 use crate::sky::layer::{Layer, NewStar};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -64,6 +65,7 @@ pub fn export(
     if let Some(path) = [folder, &unfinished].into_iter().find(|path| path.exists()) {
         return Err(HatsError::There { path: path.into() });
     }
+    let _registered = Unfinished::register(&unfinished);
     let done = Export::begin(layers, &unfinished, what, progress).and_then(|export| export.finish());
     let done = done.and_then(|report| {
         fs::rename(&unfinished, folder).map_err(HatsError::file("cannot rename", &unfinished))?;

@@ -1,0 +1,123 @@
+//! Standard output and standard error, which may be full or closed: an error, never a panic.
+//!
+//! Output that cannot be written ends the program: silently when its reader has gone (`| head`), with a message on
+//! standard error otherwise. Messages that cannot be written end nothing, since a run must reach its end without them;
+//! [`status_of_streams`] turns them into an exit status at the end.
+
+use core::fmt;
+use std::io::{self, Write};
+use std::sync::OnceLock;
+
+/// Exit status when nobody reads standard output any more: that of a program which SIGPIPE ends.
+pub const EXIT_BROKEN_PIPE: u8 = 128 + 13;
+/// Exit status when a standard stream cannot be written for another reason, such as a full disk.
+const EXIT_UNWRITTEN: u8 = 1;
+
+/// The first failure of standard output and of standard error.
+static FAILURES: [OnceLock<io::Error>; 2] = [const { OnceLock::new() }; 2];
+
+/// One of the two streams.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stream {
+    Output,
+    Error,
+}
+
+impl Stream {
+    fn failure(self) -> &'static OnceLock<io::Error> {
+        &FAILURES[self as usize]
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Output => "standard output",
+            Self::Error => "standard error",
+        }
+    }
+
+    fn write(self, text: fmt::Arguments<'_>) -> io::Result<()> {
+        match self {
+            Self::Output => io::stdout().lock().write_fmt(text),
+            Self::Error => io::stderr().lock().write_fmt(text),
+        }
+    }
+
+    /// Keeps the first failure; returns the same error.
+    fn noted(self, error: io::Error) -> io::Error {
+        let again = copy_of(&error);
+        let _ = self.failure().set(error); // the first one is kept
+        again
+    }
+}
+
+fn copy_of(error: &io::Error) -> io::Error {
+    error.raw_os_error().map_or_else(|| io::Error::new(error.kind(), error.to_string()), io::Error::from_raw_os_error)
+}
+
+/// Writes to standard output; ends the program when that is impossible.
+pub fn print(text: fmt::Arguments<'_>) {
+    if let Err(error) = Stream::Output.write(text) {
+        drop(Stream::Output.noted(error));
+        crate::base::unfinished::remove_all_at_the_end();
+        std::process::exit(i32::from(status_of_streams(0)));
+    }
+}
+
+/// Writes to standard error; what cannot be written is left out.
+pub fn say(text: fmt::Arguments<'_>) {
+    if Stream::Error.failure().get().is_none()
+        && let Err(error) = Stream::Error.write(text)
+    {
+        drop(Stream::Error.noted(error));
+    }
+}
+
+/// Standard output for whoever writes more than lines: its errors are returned, and [`status_of_streams`] knows them.
+#[derive(Debug, Default)]
+pub struct Output;
+
+impl Write for Output {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        io::stdout().write(bytes).map_err(|error| Stream::Output.noted(error))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        io::stdout().flush().map_err(|error| Stream::Output.noted(error))
+    }
+}
+
+/// Notes that somebody else could not write to standard error, or to standard output.
+pub fn note_failure(is_error_stream: bool, error: io::Error) {
+    let stream = if is_error_stream { Stream::Error } else { Stream::Output };
+    drop(stream.noted(error));
+}
+
+/// Returns true when standard output could not be written.
+#[must_use]
+pub fn output_has_failed() -> bool {
+    Stream::Output.failure().get().is_some()
+}
+
+/// Returns the exit status of a command that ended with `status`: the same when both streams could be written to their
+/// end. Otherwise 0 becomes an error, and the other stream gets a message, unless the reader has gone.
+#[must_use]
+pub fn status_of_streams(status: u8) -> u8 {
+    if !output_has_failed()
+        && let Err(error) = io::stdout().flush()
+    {
+        drop(Stream::Output.noted(error));
+    }
+    let mut worst = status;
+    for (stream, other) in [(Stream::Output, Stream::Error), (Stream::Error, Stream::Output)] {
+        let Some(failure) = stream.failure().get() else { continue };
+        let is_closed = failure.kind() == io::ErrorKind::BrokenPipe;
+        if !is_closed {
+            // There is no third stream to report a failure of both to.
+            let _ = other.write(format_args!("starloop: cannot write to {}: {failure}\n", stream.name()));
+        }
+        if worst == 0 {
+            worst = if is_closed { EXIT_BROKEN_PIPE } else { EXIT_UNWRITTEN };
+        }
+    }
+    worst
+}
