@@ -36,6 +36,7 @@ mod live_view;
 mod load_threads;
 mod monitor;
 mod named_camera;
+mod plain_text;
 pub mod psf;
 mod psf_plot;
 mod radiometry_told;
@@ -178,7 +179,7 @@ pub fn main() -> ExitCode {
     match done {
         Ok(status) => ExitCode::from(status),
         Err(error) => {
-            eprintln!("starloop: {}", chain(&error));
+            eprintln!("starloop: {}", plain_text::plain_text(&chain(&error)));
             ExitCode::from(EXIT_FAILED)
         }
     }
