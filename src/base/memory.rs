@@ -18,6 +18,8 @@ pub enum MemoryLimit {
     AddressSpace,
     /// Limit of the process's private memory.
     Data,
+    /// What the system still promises to programs, where it promises no more than it has (`vm.overcommit_memory = 2`).
+    Commit,
 }
 
 impl fmt::Display for MemoryLimit {
@@ -27,6 +29,7 @@ impl fmt::Display for MemoryLimit {
             Self::ControlGroup => "below the control group's limit (memory.max)",
             Self::AddressSpace => "below the limit of the address space (ulimit -v)",
             Self::Data => "below the limit of private memory (ulimit -d)",
+            Self::Commit => "that the system still promises (CommitLimit)",
         })
     }
 }
@@ -49,7 +52,7 @@ pub fn available() -> Option<Available> {
     ])
 }
 
-/// Returns how much the process's address space may still grow; `None` where it has no limit.
+/// Returns how much the process's private memory may still grow; `None` where it has no limit.
 #[must_use]
 pub fn available_in_process() -> Option<Available> {
     let left = |limit: Option<u64>, key: &str| Some(limit?.saturating_sub(number_of("/proc/self/status", key)?));
@@ -57,10 +60,11 @@ pub fn available_in_process() -> Option<Available> {
     least([
         left(space, "VmSize:").map(|bytes| Available { bytes, limit: MemoryLimit::AddressSpace }),
         left(data, "VmData:").map(|bytes| Available { bytes, limit: MemoryLimit::Data }),
+        promised().map(|bytes| Available { bytes, limit: MemoryLimit::Commit }),
     ])
 }
 
-fn least(found: [Option<Available>; 2]) -> Option<Available> {
+fn least<const N: usize>(found: [Option<Available>; N]) -> Option<Available> {
     found.into_iter().flatten().min_by_key(|available| available.bytes)
 }
 
@@ -73,6 +77,13 @@ fn process_limits() -> [Option<u64>; 2] {
 #[cfg(not(unix))]
 fn process_limits() -> [Option<u64>; 2] {
     [None; 2]
+}
+
+fn promised() -> Option<u64> {
+    let policy = std::fs::read_to_string("/proc/sys/vm/overcommit_memory").ok()?;
+    let is_strict = policy.trim() == "2";
+    let number = |key| number_of("/proc/meminfo", key).filter(|_| is_strict);
+    Some(number("CommitLimit:")?.saturating_sub(number("Committed_AS:")?))
 }
 
 /// A line such as `MemAvailable:   123 kB`, in bytes.
