@@ -56,7 +56,7 @@ pub fn available() -> Option<Available> {
 #[must_use]
 pub fn available_in_process() -> Option<Available> {
     let left = |limit: Option<u64>, key: &str| Some(limit?.saturating_sub(number_of("/proc/self/status", key)?));
-    let [space, data] = process_limits();
+    let [space, data] = own_limits();
     least([
         left(space, "VmSize:").map(|bytes| Available { bytes, limit: MemoryLimit::AddressSpace }),
         left(data, "VmData:").map(|bytes| Available { bytes, limit: MemoryLimit::Data }),
@@ -69,13 +69,13 @@ fn least<const N: usize>(found: [Option<Available>; N]) -> Option<Available> {
 }
 
 #[cfg(unix)]
-fn process_limits() -> [Option<u64>; 2] {
+fn own_limits() -> [Option<u64>; 2] {
     use rustix::process::{Resource, getrlimit};
     [Resource::As, Resource::Data].map(|resource| getrlimit(resource).current)
 }
 
 #[cfg(not(unix))]
-fn process_limits() -> [Option<u64>; 2] {
+fn own_limits() -> [Option<u64>; 2] {
     [None; 2]
 }
 
