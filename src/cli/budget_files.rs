@@ -1,7 +1,7 @@
 //! What `--report DIR` writes: budget.json, frames_timing.csv, junit.xml, worst.svg. Each whole or not at all.
 
 use crate::report::{BudgetReport, FrameRing, frames_csv, timeline_svg, to_junit};
-use crate::sink::write_file_atomically;
+use crate::sink::replace_own_file;
 use anyhow::{Context, Result};
 use std::path::Path;
 
@@ -23,7 +23,7 @@ pub(super) fn write(directory: &Path, report: &BudgetReport, ring: &FrameRing) -
         ("worst.svg", timeline_svg(&title, &worst).into_bytes()),
     ];
     for (name, bytes) in files {
-        write_file_atomically(&directory.join(name), |out| out.write_all(&bytes))?;
+        replace_own_file(&directory.join(name), |out| out.write_all(&bytes))?;
     }
     Ok(())
 }

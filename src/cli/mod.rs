@@ -40,6 +40,7 @@ mod live_view;
 mod load_threads;
 mod monitor;
 mod named_camera;
+mod plain_text;
 pub mod psf;
 mod psf_plot;
 mod radiometry_told;
@@ -174,7 +175,7 @@ pub fn main() -> ExitCode {
         // Output that failed is reported below, with the stream.
         Err(error) if streams::output_has_failed() && error.root_cause().is::<std::io::Error>() => EXIT_DONE,
         Err(error) => {
-            eprintln!("starloop: {}", chain(&error));
+            eprintln!("starloop: {}", plain_text::plain_text(&chain(&error)));
             EXIT_FAILED
         }
     };

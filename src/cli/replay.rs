@@ -1,8 +1,10 @@
 //! `starloop replay`: a captured run drawn again and compared bit by bit, or a capture of a bus drawn as a bench would.
 //!
 //! Input: the directory of `starloop run --capture`, or a candump log or pcapng file with `--bench`. Output: a verdict,
-//! recorded frames with `--out`, and an exit status for scripts: 4 when an image differs.
+//! recorded frames with `--out`, and an exit status for scripts: 4 when an image differs, 1 for a capture that does not
+//! hold what its end record states.
 
+use crate::cli::plain_text::plain_text;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
 use crate::config::Bench;
 use crate::sink::{Recorder, RecorderOptions, Sink};
@@ -48,6 +50,9 @@ pub fn run(arguments: &ReplayArgs) -> Result<u8> {
     let is_session = arguments.capture.is_dir();
     let bench = match (&arguments.bench, is_session) {
         (Some(_), true) => bail!("--bench: got the directory of a captured run, which holds its own bench"),
+        (None, false) if !arguments.capture.exists() => {
+            bail!("{}: does not exist; wanted the directory of a captured run", arguments.capture.display())
+        }
         (None, false) => bail!(
             "{}: no directory of a captured run; wanted --bench FILE with a capture of a bus",
             arguments.capture.display()
@@ -76,7 +81,8 @@ pub fn run(arguments: &ReplayArgs) -> Result<u8> {
 
 /// Prints the verdict; the exit status.
 fn tell(outcome: &ReplayOutcome, is_session: bool) -> u8 {
-    outcome.doubts.iter().for_each(|doubt| eprintln!("starloop: {doubt}"));
+    // Some are words of the capture's own files.
+    outcome.doubts.iter().for_each(|doubt| eprintln!("starloop: {}", plain_text(doubt)));
     if outcome.skipped_packets > 0 {
         eprintln!("starloop: {} packets have no form here and were skipped", outcome.skipped_packets);
     }

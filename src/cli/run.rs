@@ -24,6 +24,7 @@ use crate::testbed::flight_computer::{FlightComputer, FlightError, run_until};
 use crate::wiring::bench_parts;
 use crate::wiring::control::ControlAddress;
 use crate::wiring::display_parts::{calibrated_display, hold_cards};
+use crate::wiring::memory::{RunForm, RunMemory};
 use crate::wiring::ports::{Ports, needs_real_clock, open_ports};
 use crate::wiring::replay::{Recording, SessionParams};
 use anyhow::{Context, Result, bail};
@@ -232,6 +233,8 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     // First: from here on a signal ends the run in order, however much of it is made.
     let stop = signals::stop();
     let bench = bench(arguments)?;
+    let form = RunForm { is_real: arguments.clock == ClockKind::Real, has_view: arguments.monitor.is_some() };
+    RunMemory::of(&bench, &arguments.sinks(&bench), form).check()?;
     let start = match bench.timing.start {
         StartTime::At(at) => at,
         StartTime::Now => Monotonic::start().now(),

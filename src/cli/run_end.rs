@@ -7,7 +7,7 @@ use crate::cli::{EXIT_DONE, EXIT_LOST, signals};
 use crate::config::Bench;
 use crate::report::{GatewayRow, HygieneLine, Losses, RunSummary, summary_table};
 use crate::runtime::{FrameEngine, RunOutcome, sink_rows};
-use crate::sink::write_file_atomically;
+use crate::sink::replace_own_file;
 use anyhow::{Context, Result};
 use std::path::PathBuf;
 
@@ -75,7 +75,7 @@ impl Finished {
         if let Some(directory) = &self.directory {
             let path = directory.join("summary.json");
             let json = summary.to_json_pretty()?;
-            if let Err(error) = write_file_atomically(&path, |out| out.write_all(json.as_bytes())) {
+            if let Err(error) = replace_own_file(&path, |out| out.write_all(json.as_bytes())) {
                 self.losses.note_file("summary.json", error);
             }
         }

@@ -14,7 +14,7 @@ use crate::config::{Scenario, StartTime};
 use crate::runtime::params::CameraParams;
 use crate::runtime::real_time::STARS_AT_FIRST;
 use crate::runtime::{RunParams, RunRecord};
-use crate::sink::{NullSink, SentFrame, Sink, write_file_atomically};
+use crate::sink::{NullSink, SentFrame, Sink, replace_own_file};
 use crate::testbed::vehicle::TelemetryRow;
 use crate::wiring::assessment::mode_name;
 use crate::wiring::bench_parts;
@@ -23,6 +23,7 @@ use crate::wiring::closed_loop::ClosedLoop;
 use crate::wiring::control::{ControlAddress, ControlListener, ControlSession, SessionEnd, Stage};
 use crate::wiring::display_parts::calibrated_display;
 use crate::wiring::loop_outcome::LoopView;
+use crate::wiring::memory::{RunForm, RunMemory};
 use crate::wiring::real_loop::{RealSetting, run_real};
 use crate::wiring::sinks::{SinkSetting, make_sinks, run_directory};
 use anyhow::{Context, Result, bail};
@@ -38,6 +39,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> Result<u8> {
     // An address that cannot be had is told before anything is made.
     let listener = arguments.control.map(listen).transpose()?;
+    check_memory(scenario, arguments)?;
     let directory = directory(scenario, arguments)?;
     let mut wall = Stopwatch::start();
     let camera = camera_params(&scenario.bench.camera)?;
@@ -96,6 +98,7 @@ pub fn run(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> 
 /// With what could not be done.
 pub fn run_on_real_clock(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<AtomicBool>) -> Result<u8> {
     let say = !arguments.quiet;
+    check_memory(scenario, arguments)?;
     let hygiene = prepared_hygiene(&scenario.bench, say);
     let directory = directory(scenario, arguments)?;
     announce(scenario, say, "real");
@@ -128,6 +131,13 @@ pub fn run_on_real_clock(scenario: &Scenario, arguments: &RunArgs, stop: &Arc<At
     tell(&mut report, arguments, directory.as_deref(), stop)
 }
 
+/// Refuses a scenario whose memory is not there, before any of it is taken.
+fn check_memory(scenario: &Scenario, arguments: &RunArgs) -> Result<()> {
+    let (bench, heads) = (&scenario.bench, scenario.heads.len());
+    let form = RunForm { is_real: arguments.clock == ClockKind::Real, has_view: false };
+    Ok(RunMemory::of_heads(bench, heads, &arguments.sinks(bench), form).check()?)
+}
+
 fn announce(scenario: &Scenario, say: bool, kind: &str) {
     if say {
         let seconds = scenario.bench.timing.duration_s;
@@ -140,7 +150,7 @@ fn tell(report: &mut ScenarioReport, arguments: &RunArgs, directory: Option<&Pat
     if let Some(directory) = directory {
         let json = serde_json::to_string_pretty(&report)?;
         let path = directory.join("scenario.json");
-        if let Err(error) = write_file_atomically(&path, |out| out.write_all(json.as_bytes())) {
+        if let Err(error) = replace_own_file(&path, |out| out.write_all(json.as_bytes())) {
             report.losses.note_file("scenario.json", error);
         }
     }
@@ -271,7 +281,7 @@ impl TelemetryFile {
         let written = written.and_then(|()| rows.out.flush().map_err(csv::Error::from));
         written.with_context(|| format!("cannot write {}", self.path.display()))?;
         let svg = rows.plot.svg(title);
-        write_file_atomically(&self.path.with_extension("svg"), |out| out.write_all(svg.as_bytes()))?;
+        replace_own_file(&self.path.with_extension("svg"), |out| out.write_all(svg.as_bytes()))?;
         Ok(())
     }
 }

@@ -245,7 +245,7 @@ impl Bench {
     fn checked(document: &Document) -> Result<Self, ConfigError> {
         let keys: BenchKeys = document.read_as()?;
         let mut check = Checker::new(document);
-        let name = check.given_or("name", keys.name, document.stem());
+        let name = check.folder_name(keys.name)?;
         let camera = camera(keys.camera.as_deref(), &mut check)?;
         let sinks = SinkSettings::check_all(keys.sink, keys.extra_sink, &name, camera.image_px(), &mut check)?;
         // A calibrated display shows each frame from one refresh to the next, whatever the tracker's exposure is.

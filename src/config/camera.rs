@@ -89,7 +89,7 @@ impl Camera {
     fn checked(document: &Document) -> Result<Self, ConfigError> {
         let keys: CameraKeys = document.read_as()?;
         let mut check = Checker::new(document);
-        let name = check.given_or("name", keys.name, document.stem());
+        let name = check.label(keys.name)?;
         let detector = Detector::check(&keys.detector, &mut check)?;
         let optics = Optics::check(&keys.optics, &detector, &mut check)?;
         let distortion = Distortion::check(&keys.distortion, &check)?;

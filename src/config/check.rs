@@ -5,6 +5,18 @@ use crate::config::error::ConfigError;
 use core::fmt;
 use std::ops::RangeInclusive;
 
+/// Longest name, characters: with endings and numbers it is still a file name.
+const NAME_MAX: usize = 100;
+/// Characters of a refused name that a message shows.
+const SHOWN: usize = 60;
+
+/// A refused name, escaped and not longer than a line.
+fn quoted(name: &str) -> String {
+    let shown: String = name.chars().take(SHOWN).collect();
+    let more = if name.chars().count() > SHOWN { "..." } else { "" };
+    format!("{shown:?}{more}")
+}
+
 /// A value nobody gave.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Defaulted {
@@ -85,6 +97,32 @@ impl<'a> Checker<'a> {
             self.defaulted.push(Defaulted { key: key.into(), value: default.to_string() });
             default
         })
+    }
+
+    /// The `name` of what the document describes, or the file's: it is printed, and written into files.
+    pub(super) fn label(&mut self, given: Option<String>) -> Result<String, ConfigError> {
+        let name = self.given_or("name", given, self.document.stem());
+        let is_printable = !name.trim().is_empty() && !name.chars().any(char::is_control);
+        if is_printable && name.chars().count() <= NAME_MAX {
+            return Ok(name);
+        }
+        let wanted = format!("1 to {NAME_MAX} printable characters");
+        Err(self.invalid(
+            "name",
+            quoted(&name),
+            wanted,
+            "without line breaks, escape sequences or other control characters",
+        ))
+    }
+
+    /// The `name` of a bench or scenario, which is also that of a folder below `out/`.
+    pub(super) fn folder_name(&mut self, given: Option<String>) -> Result<String, ConfigError> {
+        let name = self.label(given)?;
+        if name.contains(['/', '\\']) || matches!(name.as_str(), "." | "..") {
+            let advice = "it names a folder below out/: to write elsewhere, give sink.directory or --out";
+            return Err(self.invalid("name", quoted(&name), "a name without / and \\, and not . or ..", advice));
+        }
+        Ok(name)
     }
 
     /// A number that meets the rule, or the default.

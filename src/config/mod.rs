@@ -90,6 +90,8 @@ mod detector_tests;
 #[cfg(test)]
 mod light_tests;
 #[cfg(test)]
+mod name_tests;
+#[cfg(test)]
 mod setting_tests;
 #[cfg(test)]
 mod tests;

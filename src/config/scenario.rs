@@ -144,7 +144,7 @@ impl Scenario {
     fn checked(document: &Document) -> Result<Self, ConfigError> {
         let keys: ScenarioKeys = document.read_as()?;
         let mut check = Checker::new(document);
-        let name = check.given_or("name", keys.name.clone(), document.stem());
+        let name = check.folder_name(keys.name.clone())?;
         let mut bench = named_bench(keys.bench.as_deref(), &check)?;
         override_bench(&mut bench, &keys, &check)?;
         let spacecraft = named_spacecraft(keys.spacecraft.as_deref(), &check)?;

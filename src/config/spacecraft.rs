@@ -170,7 +170,7 @@ impl Spacecraft {
     pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
         let keys: SpacecraftKeys = document.read_as()?;
         let mut check = Checker::new(document);
-        let name = check.given_or("name", keys.name.clone(), document.stem());
+        let name = check.label(keys.name.clone())?;
         let inertia = "three rows of three numbers, symmetric, about the centre of mass";
         let missing = |check: &Checker<'_>| check.invalid("body.inertia_kg_m2", "missing", inertia, "kg m^2");
         let rows = keys.body.inertia_kg_m2.ok_or_else(|| missing(&check))?;

@@ -82,7 +82,9 @@ pub fn normal_map(pixels: usize, rms: f64, seed: u64, stage: Stage) -> Option<Ve
         let (even, odd) = normal_pair::<true>(a, b);
         [even * rms as f32, odd * rms as f32]
     };
-    let mut map: Vec<f32> = (0..pixels.div_ceil(2)).flat_map(pair).collect();
+    // Of a known size: a vector that grows would take three times the memory for a moment.
+    let mut map: Vec<f32> = Vec::with_capacity(pixels + 1);
+    (0..pixels.div_ceil(2)).for_each(|i| map.extend(pair(i)));
     map.truncate(pixels);
     Some(map)
 }

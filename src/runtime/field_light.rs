@@ -108,6 +108,7 @@ pub fn light_pixels(camera: &CameraParams, imager: &mut Imager) -> Result<(), Re
         let tangent = camera.geometry.tangent_of_pixel([x as f64, y as f64]);
         tangent.map_or(0.0, |tangent| camera.illumination.at(tangent)) as f32
     };
-    let map = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| at(x, y)).collect();
+    let mut map = Vec::with_capacity(width * height);
+    (0..height).for_each(|y| map.extend((0..width).map(|x| at(x, y))));
     imager.set_illumination_map(map)
 }

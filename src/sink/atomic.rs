@@ -1,23 +1,30 @@
 //! A file appears under its final name only when all of its bytes are written.
 //!
-//! The bytes go to a hidden temporary file in the same directory, which is then renamed; when anything fails the
-//! temporary is removed and an older file of the final name stays as it was. Limits: this survives a full disk and a
-//! killed program; it does not wait for the disk (no fsync), so it says nothing about loss of power. A path that
-//! exists and is no regular file (a pipe, `/dev/stdout`) is written directly, since it must not be replaced.
+//! The bytes go to a hidden temporary file with a random name in the same directory, made by `O_CREAT | O_EXCL`, so that
+//! no link that somebody planted is followed and no file of another program is opened. It then gets its final name in
+//! one step; when anything fails it is removed. There are three ways to take the name:
+//!
+//! * [`write_new_file`]: names that the program chose and that are free, such as the frames of a recording. Whatever
+//!   has the name already (file, link, pipe, device, folder) stays as it is, and the write is refused without blocking.
+//! * [`replace_own_file`]: names that the program chose and writes again, such as `session.json`. A regular file is
+//!   replaced, everything else refused.
+//! * [`write_file_atomically`]: paths that a person typed. A link stays and its target is replaced; a pipe or device
+//!   (`/dev/stdout`) is written directly.
+//!
+//! Limits: this survives a full disk and a killed program; it does not wait for the disk (no fsync), so it does not
+//! protect from loss of power.
 
 use crate::base::unfinished::Unfinished;
 use crate::sink::SinkError;
-use core::sync::atomic::{AtomicU64, Ordering};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use tempfile::NamedTempFile;
 
 /// Bytes collected before they go to the system.
 const BUFFER_BYTES: usize = 64 * 1024;
 
-static TEMPORARIES: AtomicU64 = AtomicU64::new(0);
-
-/// Writes a file whole or not at all; gives its size in bytes.
+/// Writes a file at a path that a person named, whole or not at all; returns its size in bytes.
 ///
 /// # Errors
 /// [`SinkError::Write`] with the path and the reason when the file cannot be made, written or renamed, or when
@@ -35,55 +42,78 @@ pub fn write_file_atomically(
     bytes.map_err(|source| SinkError::Write { path: path.to_path_buf(), source })
 }
 
+/// Writes a file that does not exist yet, whole or not at all; returns its size in bytes.
+///
+/// # Errors
+/// [`SinkError::NameTaken`] when anything has the name, also when it came while the bytes were written;
+/// [`SinkError::Write`] otherwise.
+pub fn write_new_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<u64, SinkError> {
+    let failed = |source: io::Error| SinkError::Write { path: path.to_path_buf(), source };
+    if fs::symlink_metadata(path).is_ok() {
+        return Err(SinkError::NameTaken { path: path.to_path_buf() });
+    }
+    let mut temporary = temporary_beside(path).map_err(failed)?;
+    let _registered = Unfinished::register(temporary.path());
+    let bytes = write_through(temporary.as_file_mut(), write).map_err(failed)?;
+    match temporary.persist_noclobber(path).map_err(|refused| refused.error) {
+        Ok(_file) => Ok(bytes),
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+            Err(SinkError::NameTaken { path: path.to_path_buf() })
+        }
+        Err(error) => Err(failed(error)),
+    }
+}
+
+/// Writes a file that the program may have written before, whole or not at all; returns its size in bytes.
+///
+/// # Errors
+/// [`SinkError::NameTaken`] when the name belongs to a link, a pipe, a device or a folder; [`SinkError::Write`] otherwise.
+pub fn replace_own_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<u64, SinkError> {
+    if fs::symlink_metadata(path).is_ok_and(|found| !found.is_file()) {
+        return Err(SinkError::NameTaken { path: path.to_path_buf() });
+    }
+    // Renaming replaces what has the name and follows nothing, whatever comes in between.
+    write_and_rename(path, write).map_err(|source| SinkError::Write { path: path.to_path_buf(), source })
+}
+
 fn write_directly(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<u64> {
-    write_through(OpenOptions::new().write(true).open(path)?, write)
+    write_through(&mut OpenOptions::new().write(true).open(path)?, write)
 }
 
 fn write_and_rename(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<u64> {
-    let temporary = Temporary::beside(path)?;
-    let bytes = write_through(File::create(&temporary.path)?, write)?;
-    fs::rename(&temporary.path, path)?;
+    let mut temporary = temporary_beside(path)?;
+    let _registered = Unfinished::register(temporary.path());
+    let bytes = write_through(temporary.as_file_mut(), write)?;
+    temporary.persist(path).map_err(|refused| refused.error)?;
     Ok(bytes)
 }
 
-fn write_through(file: File, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<u64> {
+fn write_through(file: &mut File, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<u64> {
     let mut out = Counted { out: BufWriter::with_capacity(BUFFER_BYTES, file), bytes: 0 };
     write(&mut out)?;
     out.flush()?;
     Ok(out.bytes)
 }
 
-/// A hidden name beside `path`, not used by another thread or program.
-fn temporary_name(path: &Path) -> io::Result<PathBuf> {
+/// Makes a hidden temporary file beside `path`, readable as other files of the user; removed when dropped.
+///
+/// # Errors
+/// With the system's reason, or when the path does not end in a file name.
+pub(super) fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
     let no_name = || io::Error::new(io::ErrorKind::InvalidInput, "the path does not end in a file name");
-    let mut name = std::ffi::OsString::from(".");
-    name.push(path.file_name().ok_or_else(no_name)?);
-    let number = TEMPORARIES.fetch_add(1, Ordering::Relaxed);
-    name.push(format!(".{}-{number}.part", std::process::id()));
-    Ok(path.with_file_name(name))
+    let mut prefix = std::ffi::OsString::from(".");
+    prefix.push(path.file_name().ok_or_else(no_name)?);
+    prefix.push(".");
+    let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(&prefix).suffix(".part").rand_bytes(RANDOM_CHARACTERS);
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(directory)
 }
 
-/// Removes the temporary file, unless it has been renamed.
-pub(super) struct Temporary {
-    /// Its name.
-    pub(super) path: PathBuf,
-    /// Registered until it is renamed or removed.
-    _unfinished: Unfinished,
-}
-
-impl Temporary {
-    /// A name for it in the directory of the file that it is to become.
-    pub(super) fn beside(path: &Path) -> io::Result<Self> {
-        let path = temporary_name(path)?;
-        Ok(Self { _unfinished: Unfinished::register(&path), path })
-    }
-}
-
-impl Drop for Temporary {
-    fn drop(&mut self) {
-        let _gone_after_rename = fs::remove_file(&self.path);
-    }
-}
+/// Random letters and digits in a temporary name: 62^10 names.
+const RANDOM_CHARACTERS: usize = 10;
 
 struct Counted<W> {
     out: W,
@@ -103,64 +133,5 @@ impl<W: Write> Write for Counted<W> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn names_in(directory: &Path) -> Vec<String> {
-        let mut names: Vec<String> =
-            fs::read_dir(directory).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
-    }
-
-    #[test]
-    fn a_failure_leaves_the_old_file_and_no_other() {
-        let directory = tempfile::tempdir().unwrap();
-        let path = directory.path().join("a.txt");
-        let bytes = write_file_atomically(&path, |out| out.write_all(b"first")).unwrap();
-        assert_eq!(bytes, 5);
-        let error = write_file_atomically(&path, |out| {
-            out.write_all(b"second")?;
-            Err(io::ErrorKind::StorageFull.into())
-        });
-        assert!(matches!(error, Err(SinkError::Write { .. })), "{error:?}");
-        assert_eq!(fs::read(&path).unwrap(), b"first");
-        assert_eq!(names_in(directory.path()), ["a.txt"]);
-    }
-
-    #[test]
-    fn a_file_is_replaced_whole() {
-        let directory = tempfile::tempdir().unwrap();
-        let path = directory.path().join("a.txt");
-        write_file_atomically(&path, |out| out.write_all(b"a longer first text")).unwrap();
-        write_file_atomically(&path, |out| out.write_all(b"second")).unwrap();
-        assert_eq!(fs::read(&path).unwrap(), b"second");
-        assert_eq!(names_in(directory.path()), ["a.txt"]);
-    }
-
-    #[test]
-    fn a_missing_directory_or_a_directory_in_the_way_is_a_clear_error() {
-        let directory = tempfile::tempdir().unwrap();
-        let missing = directory.path().join("none/a.txt");
-        let error = write_file_atomically(&missing, |_| Ok(())).unwrap_err().to_string();
-        assert!(error.contains("none/a.txt") && error.contains("existing directory"), "{error}");
-        write_file_atomically(directory.path(), |_| Ok(())).unwrap_err();
-        write_file_atomically(Path::new("/"), |_| Ok(())).unwrap_err();
-    }
-
-    #[cfg(target_os = "linux")]
-    #[test]
-    fn a_full_device_is_an_error_and_is_not_replaced() {
-        use std::os::unix::fs::{FileTypeExt, symlink};
-        let directory = tempfile::tempdir().unwrap();
-        let path = directory.path().join("full");
-        symlink("/dev/full", &path).unwrap();
-        let error = write_file_atomically(&path, |out| out.write_all(&[7; 100_000])).unwrap_err();
-        assert!(
-            matches!(&error, SinkError::Write { source, .. } if source.kind() == io::ErrorKind::StorageFull),
-            "{error}"
-        );
-        assert!(fs::metadata("/dev/full").unwrap().file_type().is_char_device(), "the device is still a device");
-        assert!(fs::symlink_metadata(&path).unwrap().is_symlink(), "the link is still a link");
-    }
-}
+#[path = "atomic_tests.rs"]
+mod tests;

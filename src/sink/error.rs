@@ -37,6 +37,26 @@ pub enum SinkError {
         /// The system's reason.
         source: io::Error,
     },
+    /// A name that a file of the program needs belongs to something else.
+    #[error(
+        "{} is there already (a file, link, pipe, device or folder that this run did not make) and is left as it is; \
+         wanted a free name: try a new or empty directory",
+        path.display()
+    )]
+    NameTaken {
+        /// The path.
+        path: PathBuf,
+    },
+    /// The ring of frames lost its name while the run went on.
+    #[error(
+        "{} was removed or replaced by another program while the run wrote to it: readers that have it open still get \
+         frames, new readers find none; start the run again, and keep other programs from removing the file",
+        path.display()
+    )]
+    Vanished {
+        /// The file.
+        path: PathBuf,
+    },
     /// A frame number that does not follow the ones already recorded.
     #[error("frame {got} after frame {last} in {}: wanted a larger number; give a repeated frame a number of its own", path.display())]
     FrameOrder {

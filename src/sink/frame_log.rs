@@ -155,6 +155,14 @@ impl FrameLog {
         }
     }
 
+    /// A log whose lines cannot be written.
+    #[cfg(all(test, target_os = "linux"))]
+    pub(super) fn on_a_full_disk() -> Self {
+        let path = PathBuf::from("/dev/full");
+        let file = OpenOptions::new().write(true).open(&path).unwrap();
+        Self { path, file, whole_bytes: 0 }
+    }
+
     /// Appends one line (and the header before the first); it is with the system when this returns.
     ///
     /// # Errors

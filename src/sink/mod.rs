@@ -11,10 +11,11 @@
 //!   complete before stays complete: every file gets its final name only when all of its bytes are written.
 //!
 //! Tour: `frame` (what is sent) -> `fits`, `png`, `ser`, `truth`, `frame_log` (its forms on disk) -> `atomic`
-//! (how a file appears) -> `recorder`, `shared_memory`, `iceoryx`, `null`, `tap`, `tee` (the sinks) -> `branch`, `fan` (several at once) -> `line`
+//! (how a file appears) -> `recorder`, `shared_memory`, `iceoryx`, `null`, `tap`, `tee` (the sinks) -> `alone`, `branch`, `fan` (one or several) -> `line`
 //! (what each of them did).
 
 pub mod active_fault;
+mod alone;
 pub mod atomic;
 mod branch;
 #[cfg(test)]
@@ -46,7 +47,8 @@ pub mod tee;
 pub mod truth;
 
 pub use active_fault::{ActiveFault, ActiveFaults, Amount};
-pub use atomic::write_file_atomically;
+pub use alone::Alone;
+pub use atomic::{replace_own_file, write_file_atomically, write_new_file};
 pub use branch::{BranchParams, END_PATIENCE};
 pub use error::SinkError;
 pub use fan::{Fan, OnFull};

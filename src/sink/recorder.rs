@@ -1,16 +1,20 @@
 //! The sink that writes a directory per run.
 //!
-//! Per frame: `frame_000012.truth.csv`, with targets on the sky `frame_000012.targets.csv`, `frame_000012.fits`, every so often `frame_000012.png`, then a line in
-//! `frames.csv`. The line comes last, so a frame listed there is complete; files of a frame that is not listed are
-//! left from a failure. With `ser` the images are in one file as well, `frames.ser`, in the order of the lines; a frame
-//! that is not listed is not in it. A directory that already holds a recording is refused.
+//! Per frame: `frame_000012.fits`, `frame_000012.truth.csv`, with targets on the sky `frame_000012.targets.csv`, every so
+//! often `frame_000012.png`, then a line in `frames.csv`. The image comes first, so that no truth table is without its
+//! image, and the line last, so that a frame listed there is complete. When a step fails, the files that the frame has
+//! got so far are removed; a frame whose files are there and that is not listed was under way when the program was
+//! killed. With `ser` the images are in one file as well, `frames.ser`, in the order of the lines; a frame that is not
+//! listed is not in it. A directory that already holds a recording is refused, and no file, link, pipe or device that
+//! the recording did not make is opened or replaced: the frame is refused instead.
 
-use crate::sink::atomic::write_file_atomically;
+use crate::sink::atomic::write_new_file;
 use crate::sink::crc32::{RunCrc32, pixel_crc32};
 use crate::sink::frame_log::{FrameLog, FrameRow, path_in};
 use crate::sink::ser::SerFile;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary, fits, png, target_table, truth};
 use std::fs;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// What is recorded.
@@ -79,7 +83,9 @@ impl Recorder {
     fn record(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
         self.check(frame)?;
         let crc32 = pixel_crc32(&frame.image);
-        let bytes = self.write_files(frame)? + self.append(frame, crc32)?;
+        let mut files = FrameFiles::new(&self.directory, frame.meta.number);
+        let recorded = self.write_files(frame, &mut files).and_then(|()| self.append(frame, crc32));
+        let bytes = recorded.inspect_err(|_| files.remove())? + files.bytes;
         self.last_number = Some(frame.meta.number);
         self.frames += 1;
         self.bytes += bytes;
@@ -110,24 +116,49 @@ impl Recorder {
         }
     }
 
-    fn write_files(&self, frame: &SentFrame) -> Result<u64, SinkError> {
-        let number = frame.meta.number;
-        let path = |ending: &str| frame_path(&self.directory, number, ending);
-        let mut bytes = 0;
+    fn write_files(&self, frame: &SentFrame, files: &mut FrameFiles) -> Result<(), SinkError> {
+        if self.options.fits {
+            files.write("fits", |out| fits::write_frame(out, frame))?;
+        }
         if self.options.truth {
-            bytes += write_file_atomically(&path("truth.csv"), |out| truth::write_truth(out, &frame.truth))?;
+            files.write("truth.csv", |out| truth::write_truth(out, &frame.truth))?;
         }
         if self.options.truth && !frame.targets.is_empty() {
-            let write = |out: &mut dyn std::io::Write| target_table::write_targets(out, &frame.targets);
-            bytes += write_file_atomically(&path("targets.csv"), write)?;
+            files.write("targets.csv", |out| target_table::write_targets(out, &frame.targets))?;
         }
-        if self.options.fits {
-            bytes += write_file_atomically(&path("fits"), |out| fits::write_frame(out, frame))?;
+        if self.options.png_every > 0 && frame.meta.number.is_multiple_of(self.options.png_every) {
+            files.write("png", |out| png::write_dn_for_people(out, &frame.image))?;
         }
-        if self.options.png_every > 0 && number.is_multiple_of(self.options.png_every) {
-            bytes += write_file_atomically(&path("png"), |out| png::write_dn_for_people(out, &frame.image))?;
+        Ok(())
+    }
+}
+
+/// The files that one frame has got so far.
+struct FrameFiles {
+    directory: PathBuf,
+    number: u32,
+    written: Vec<PathBuf>,
+    bytes: u64,
+}
+
+impl FrameFiles {
+    fn new(directory: &Path, number: u32) -> Self {
+        Self { directory: directory.into(), number, written: Vec::new(), bytes: 0 }
+    }
+
+    fn write(&mut self, ending: &str, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), SinkError> {
+        let path = frame_path(&self.directory, self.number, ending);
+        self.bytes += write_new_file(&path, write)?;
+        self.written.push(path);
+        Ok(())
+    }
+
+    /// Removes them: a frame is recorded with all of its files or with none.
+    fn remove(&mut self) {
+        for path in self.written.drain(..) {
+            // The failure that led here is the one to report; a file that cannot be removed is not listed.
+            let _ = fs::remove_file(path);
         }
-        Ok(bytes)
     }
 }
 
@@ -245,20 +276,68 @@ mod tests {
         assert_eq!(listed(directory.path()).len(), 2);
     }
 
+    fn names_in(directory: &Path) -> Vec<String> {
+        let entries = fs::read_dir(directory).unwrap();
+        let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_costs_the_frame_and_leaves_none_of_its_files() {
+        for blocked in ["fits", "truth.csv", "png"] {
+            let directory = tempfile::tempdir().unwrap();
+            let mut recorder = Recorder::create(directory.path(), EVERYTHING).unwrap();
+            recorder.send(&sample_frame(1)).unwrap();
+            let before = names_in(directory.path());
+            let in_the_way = frame_path(directory.path(), 2, blocked);
+            fs::create_dir(&in_the_way).unwrap();
+            let error = recorder.send(&sample_frame(2)).unwrap_err();
+            assert!(error.to_string().contains(&format!("frame_000002.{blocked}")), "{error}");
+            fs::remove_dir(&in_the_way).unwrap();
+            assert_eq!(names_in(directory.path()), before, "{blocked}: neither an image nor a truth table of frame 2");
+            assert_eq!(listed(directory.path()).len(), 1, "not listed");
+            recorder.send(&sample_frame(2)).expect("the way is free: the same frame may be tried again");
+            let summary = recorder.finish().unwrap();
+            assert_eq!((summary.frames, summary.refused), (2, 1));
+        }
+    }
+
     #[cfg(target_os = "linux")]
     #[test]
-    fn a_disk_that_fills_up_loses_only_that_frame() {
+    fn a_row_that_cannot_be_written_costs_the_frame_and_leaves_none_of_its_files() {
         let directory = tempfile::tempdir().unwrap();
         let mut recorder = Recorder::create(directory.path(), EVERYTHING).unwrap();
         recorder.send(&sample_frame(1)).unwrap();
-        let full = directory.path().join("frame_000002.fits");
-        std::os::unix::fs::symlink("/dev/full", &full).unwrap();
+        let before = names_in(directory.path());
+        let log = std::mem::replace(&mut recorder.log, FrameLog::on_a_full_disk());
         let error = recorder.send(&sample_frame(2)).unwrap_err();
-        assert!(error.to_string().contains("frame_000002.fits"), "{error}");
-        assert_eq!(listed(directory.path()).len(), 1, "not listed");
-        fs::remove_file(&full).unwrap();
-        recorder.send(&sample_frame(2)).expect("room again: the same frame may be tried again");
-        let summary = recorder.finish().unwrap();
-        assert_eq!((summary.frames, summary.refused), (2, 1));
+        assert!(matches!(&error, SinkError::Write { source, .. } if source.kind() == io::ErrorKind::StorageFull));
+        assert_eq!(names_in(directory.path()), before);
+        assert_eq!(recorder.ser.as_ref().map(SerFile::frames), Some(1));
+        recorder.log = log;
+        recorder.send(&sample_frame(2)).expect("space again");
+        assert_eq!(listed(directory.path()).len(), 2);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_a_link_or_a_strangers_file_at_a_frames_name_is_refused_and_stays() {
+        let directory = tempfile::tempdir().unwrap();
+        let victim = directory.path().join("victim");
+        fs::write(&victim, "precious").unwrap();
+        let mut recorder = Recorder::create(directory.path().join("run"), EVERYTHING).unwrap();
+        let path = |number: u32| frame_path(&directory.path().join("run"), number, "fits");
+        nix::unistd::mkfifo(&path(1), nix::sys::stat::Mode::S_IRWXU).unwrap();
+        std::os::unix::fs::symlink(&victim, path(2)).unwrap();
+        fs::write(path(3), "a stranger's").unwrap();
+        for number in 1..=3 {
+            let error = recorder.send(&sample_frame(number)).unwrap_err();
+            assert!(matches!(error, SinkError::NameTaken { .. }), "{error}");
+        }
+        recorder.send(&sample_frame(4)).expect("the run goes on");
+        assert_eq!(fs::read(&victim).unwrap(), b"precious");
+        assert_eq!(fs::read(path(3)).unwrap(), b"a stranger's");
+        assert_eq!(recorder.finish().unwrap().refused, 3);
     }
 }

@@ -19,12 +19,15 @@
 //!
 //! *The name.* The file gets its name when it is whole. A run holds a lock on its file for as long as it lives, and only
 //! who holds the lock of the file that bears the name takes the name from it: a run that was killed is replaced, one that
-//! goes on is not, and no run removes what is another's.
+//! goes on is not, and no run removes what is another's. The lock is one of an open file description (`F_OFD_SETLK`) on a
+//! byte far behind the end of the file, so that a reader's `flock` does not collide with it. A ring that loses its name
+//! while the run goes on (somebody removed or replaced the file) costs every frame from then on
+//! ([`SinkError::Vanished`]): readers that have it open still get them, new readers cannot.
 //!
 //! Limits: one size of frame. Unix. Written by `pwrite`, so that no memory is shared by reference with other programs: no
 //! `unsafe`, at the cost of one copy by the kernel. Tests: below, and `hil_scripts/test_recorders.py` from another process.
 
-use crate::sink::atomic::Temporary;
+use crate::sink::atomic::temporary_beside;
 use crate::sink::crc32::pixel_crc32;
 use crate::sink::tally::Tally;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
@@ -45,6 +48,20 @@ pub const VERSION: u32 = 1;
 const ALIGNED_BYTES: u64 = 64;
 const FILE_HEAD_BYTES: u64 = size_of::<FileHead>() as u64;
 const SLOT_HEAD_BYTES: u64 = size_of::<SlotHead>() as u64;
+
+/// Bytes that are written at a time when the ring is made.
+const FILLED_BYTES: usize = 64 * 1024;
+
+/// Returns the size of a ring of `slots` frames of `size_px` (columns, rows), bytes.
+#[must_use]
+pub fn ring_bytes(size_px: [usize; 2], slots: u32) -> u64 {
+    FILE_HEAD_BYTES + u64::from(slots.max(1)) * slot_bytes(size_px)
+}
+
+/// Bytes from one slot to the next.
+fn slot_bytes([width, height]: [usize; 2]) -> u64 {
+    (SLOT_HEAD_BYTES + 2 * (width * height) as u64).next_multiple_of(ALIGNED_BYTES)
+}
 
 /// The first 64 bytes.
 #[repr(C)]
@@ -133,34 +150,39 @@ impl SharedMemory {
         let failed = |source: io::Error| SinkError::Write { path: path.clone(), source };
         remove_left(&path)?;
         let side = |px: usize| u32::try_from(px).map_err(|_| failed(io::ErrorKind::FileTooLarge.into()));
-        let frame_bytes = 2 * (size_px[0] * size_px[1]) as u64;
         let head = FileHead {
             magic: MAGIC,
             version: VERSION,
             slots: slots.max(1),
             width_px: side(size_px[0])?,
             height_px: side(size_px[1])?,
-            slot_bytes: (SLOT_HEAD_BYTES + frame_bytes).next_multiple_of(ALIGNED_BYTES),
+            slot_bytes: slot_bytes(size_px),
             ..FileHead::zeroed()
         };
-        let temporary = Temporary::beside(&path).map_err(failed)?;
-        let file = OpenOptions::new().read(true).write(true).create_new(true).open(&temporary.path).map_err(failed)?;
-        file.lock().map_err(failed)?;
+        let temporary = temporary_beside(&path).map_err(failed)?;
+        let file = OpenOptions::new().read(true).write(true).open(temporary.path()).map_err(failed)?;
+        if !take_lock(&file).map_err(failed)? {
+            return Err(SinkError::InUse { path });
+        }
         let made = Self { path: path.clone(), file, head, bytes: 0, tally: Tally::default() };
         made.fill().map_err(failed)?;
-        // Unlike renaming, this takes the name from nobody.
-        fs::hard_link(&temporary.path, &path).map_err(|source| match source.kind() {
+        // This takes the name from nobody.
+        temporary.persist_noclobber(&path).map_err(|refused| match refused.error.kind() {
             io::ErrorKind::AlreadyExists => SinkError::InUse { path: path.clone() },
-            _ => failed(source),
+            _ => failed(refused.error),
         })?;
         Ok(made)
     }
 
     /// Writes every page, so that a machine without the memory says so now.
     fn fill(&self) -> io::Result<()> {
-        let empty = vec![0; usize::try_from(self.head.slot_bytes).unwrap_or_default()];
-        for slot in 0..u64::from(self.head.slots) {
-            self.file.write_all_at(&empty, FILE_HEAD_BYTES + slot * self.head.slot_bytes)?;
+        let empty = [0; FILLED_BYTES];
+        let mut at = FILE_HEAD_BYTES;
+        let end = FILE_HEAD_BYTES + u64::from(self.head.slots) * self.head.slot_bytes;
+        while at < end {
+            let part = usize::try_from(end - at).unwrap_or(FILLED_BYTES).min(FILLED_BYTES);
+            self.file.write_all_at(&empty[..part], at)?;
+            at += part as u64;
         }
         self.file.write_all_at(bytemuck::bytes_of(&self.head), 0)
     }
@@ -188,16 +210,46 @@ fn remove_left(path: &Path) -> Result<(), SinkError> {
     // A pipe that has come since would be waited for.
     let flags = rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::NOFOLLOW;
     let flags = i32::try_from(flags.bits()).unwrap_or_default();
-    let left = OpenOptions::new().read(true).custom_flags(flags).open(path).map_err(failed)?;
+    let left = OpenOptions::new().read(true).write(true).custom_flags(flags).open(path).map_err(failed)?;
     let mut magic = [0; 16];
     if left.read_exact_at(&mut magic, 0).is_err() || magic != MAGIC {
         return Err(SinkError::NotShared { path: path.into() });
     }
     // A writer that lives holds its lock; one that was quicker than we are has another file there by now.
-    if left.try_lock().is_err() || !has_name(&left, path) {
+    if !take_lock(&left).map_err(failed)? || !has_name(&left, path) {
         return Err(SinkError::InUse { path: path.into() });
     }
     fs::remove_file(path).map_err(failed)
+}
+
+/// Takes the writer's lock of a ring; false when another writer has it. It goes with the file's last descriptor.
+#[cfg(target_os = "linux")]
+fn take_lock(file: &File) -> io::Result<bool> {
+    use nix::errno::Errno;
+    use nix::fcntl::{FcntlArg, fcntl};
+    use nix::libc;
+    let whence = i16::try_from(libc::SEEK_SET).unwrap_or_default();
+    let kind = i16::try_from(libc::F_WRLCK).unwrap_or_default();
+    let lock = libc::flock { l_type: kind, l_whence: whence, l_start: LOCKED_BYTE, l_len: 1, l_pid: 0 };
+    match fcntl(file, FcntlArg::F_OFD_SETLK(&lock)) {
+        Ok(_) => Ok(true),
+        Err(Errno::EAGAIN | Errno::EACCES) => Ok(false),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// The byte that the writer locks: behind every ring's end.
+#[cfg(target_os = "linux")]
+const LOCKED_BYTE: i64 = 1 << 62;
+
+/// Takes the writer's lock of a ring; false when another program has a lock.
+#[cfg(not(target_os = "linux"))]
+fn take_lock(file: &File) -> io::Result<bool> {
+    match file.try_lock() {
+        Ok(()) => Ok(true),
+        Err(fs::TryLockError::WouldBlock) => Ok(false),
+        Err(fs::TryLockError::Error(error)) => Err(error),
+    }
 }
 
 /// True when the open file is the one that bears the name.
@@ -250,6 +302,11 @@ impl Sink for SharedMemory {
             self.tally.refuse();
             return Err(SinkError::Write { path: self.path.clone(), source });
         }
+        // Published all the same: who has the ring open still reads it.
+        if !has_name(&self.file, &self.path) {
+            self.tally.refuse();
+            return Err(SinkError::Vanished { path: self.path.clone() });
+        }
         self.bytes += SLOT_HEAD_BYTES + 2 * frame.image.pixels().len() as u64;
         self.tally.take(self.name(), frame)
     }
@@ -259,6 +316,9 @@ impl Sink for SharedMemory {
         let told = self.file.write_all_at(&1_u32.to_ne_bytes(), offset_of!(FileHead, is_over) as u64);
         told.map_err(|source| SinkError::Write { path: self.path.clone(), source })?;
         let summary = self.tally.finish(self.name());
+        if !has_name(&self.file, &self.path) {
+            return Err(SinkError::Vanished { path: self.path.clone() });
+        }
         Ok(SinkSummary { bytes: self.bytes, output: Some(self.path.clone()), ..summary })
     }
 }
@@ -309,6 +369,7 @@ mod tests {
         let mut sink = SharedMemory::create(path.clone(), [31, 17], 3).unwrap();
         let file = File::open(&path).unwrap();
         let length = file.metadata().unwrap().len();
+        assert_eq!(length, ring_bytes([31, 17], 3), "as added up before the start");
         for n in 1..=8_u32 {
             sink.send(&sample_frame(100 + n)).unwrap();
             let (slot, pixels) = read(&file, n.into()).expect("the newest");
@@ -352,6 +413,49 @@ mod tests {
         assert!(has_name(&second.file, &path), "another run's");
         drop(second);
         assert!(fs::read_dir(directory.path()).unwrap().next().is_none(), "and nothing is left of either");
+    }
+
+    #[test]
+    fn ring_that_was_removed_or_replaced_costs_every_frame_from_then_on() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("frames");
+        for is_replaced in [false, true] {
+            let mut sink = SharedMemory::create(path.clone(), [31, 17], 2).unwrap();
+            let reader = File::open(&path).unwrap();
+            sink.send(&sample_frame(1)).unwrap();
+            fs::remove_file(&path).unwrap();
+            if is_replaced {
+                fs::write(&path, "another program's").unwrap();
+            }
+            for number in [2, 3] {
+                let error = sink.send(&sample_frame(number)).unwrap_err();
+                assert!(matches!(error, SinkError::Vanished { .. }), "{error}");
+            }
+            assert!(read(&reader, 3).is_some(), "a reader that has it open still gets frames");
+            assert!(matches!(sink.finish(), Err(SinkError::Vanished { .. })), "and the end says so");
+            assert_eq!(sink.tally.finish("shared_memory").refused, 2);
+            drop(sink);
+            assert_eq!(path.exists(), is_replaced, "what another program made stays");
+            let _ = fs::remove_file(&path);
+        }
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn reader_that_locks_the_ring_of_a_dead_run_does_not_keep_the_next_run_out() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("frames");
+        let living = SharedMemory::create(path.clone(), [4, 4], 1).unwrap();
+        let left = fs::read(&path).unwrap();
+        let reader = File::open(&path).unwrap();
+        reader.lock_shared().unwrap();
+        let error = SharedMemory::create(path.clone(), [4, 4], 1).unwrap_err();
+        assert!(matches!(error, SinkError::InUse { .. }), "control: a live run's ring is refused: {error}");
+        drop(living);
+        fs::write(&path, left).unwrap();
+        let reader = File::open(&path).unwrap();
+        reader.lock_shared().unwrap();
+        drop(SharedMemory::create(path.clone(), [31, 17], 1).unwrap());
     }
 
     #[test]

@@ -16,6 +16,7 @@ pub mod faults;
 pub mod loop_outcome;
 mod loop_parts;
 pub mod light_parts;
+pub mod memory;
 pub mod real_loop;
 pub mod replay;
 pub mod seeded;

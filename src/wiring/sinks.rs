@@ -1,8 +1,8 @@
 //! Checked sinks of a bench -> what takes the frames.
 //!
 //! On the real clock every sink has a thread and a queue of its own ([`Fan`]), also when there is one only: what writes
-//! files may take longer than a frame. The null sink alone needs no thread. On the virtual clock one sink is called as it
-//! is, several in step ([`OnFull::Wait`]).
+//! files may take longer than a frame. The null sink alone needs no thread. On the virtual clock one sink is called directly
+//! ([`Alone`]), several in step ([`OnFull::Wait`]).
 
 use crate::base::clock::Clock;
 use crate::base::streams::say;
@@ -14,7 +14,7 @@ use crate::network_camera::{self, NetworkCamera, SensorParams};
 use crate::runtime::params::CameraParams;
 #[cfg(unix)]
 use crate::sink::shared_memory::SharedMemory;
-use crate::sink::{BranchParams, Fan, NullSink, OnFull, Recorder, RecorderOptions, SentFrame, Sink};
+use crate::sink::{Alone, BranchParams, Fan, NullSink, OnFull, Recorder, RecorderOptions, SentFrame, Sink};
 use crate::wiring::display_parts::open_display;
 use anyhow::{Context, Result};
 use std::path::{Component, Path, PathBuf};
@@ -72,7 +72,8 @@ pub fn make_sinks(sinks: &[SinkSettings], setting: &SinkSetting<'_>) -> Result<B
     }
     let needs_no_thread = !setting.is_real || sinks.iter().all(|settings| settings.sink == Kind::Null);
     if made.len() <= 1 && needs_no_thread {
-        return Ok(made.pop().map_or_else(|| Box::new(NullSink::new()) as Box<dyn Sink>, |only| only.sink));
+        let alone = |only: BranchParams| Box::new(Alone::new(only.place, only.sink)) as Box<dyn Sink>;
+        return Ok(made.pop().map_or_else(|| Box::new(NullSink::new()) as Box<dyn Sink>, alone));
     }
     let on_full = if setting.is_real { OnFull::Drop } else { OnFull::Wait };
     Ok(Box::new(Fan::start(made, setting.prototype, on_full)?))

@@ -53,6 +53,14 @@ fn rows(directory: &Path) -> Vec<Vec<String>> {
     text.lines().skip(1).map(|line| line.split(',').map(str::to_owned).collect()).collect()
 }
 
+/// Changes the end record of a session.
+fn change_end(directory: &Path, change: impl FnOnce(&mut serde_json::Value)) {
+    let path = directory.join("session.json");
+    let mut session: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    change(&mut session["end"]);
+    std::fs::write(&path, session.to_string()).unwrap();
+}
+
 /// The place of the attitude record that decides frame 10: the last one that arrived before it.
 fn decisive(directory: &Path, packets: &[CapturedPacket]) -> usize {
     let messages: usize = rows(directory)[10][1].parse().unwrap();
@@ -144,8 +152,11 @@ fn a_bit_a_packet_and_a_tail_that_are_not_as_captured_are_told() {
     let missing: Vec<CapturedPacket> = kept.map(|(_, packet)| *packet).collect();
     assert!(missing.len() < whole.len() - 10, "{} of {}", missing.len(), whole.len());
     rewrite(&bus, CaptureFormat::Pcapng, &missing);
+    let session = std::fs::read(directory.join("session.json")).unwrap();
+    change_end(&directory, |end| end["packets"] = missing.len().into());
     let (status, text) = replay(&directory, &[]);
-    assert_eq!(status, 4, "{text}");
+    assert_eq!(status, 4, "also when the end record agrees: {text}");
+    std::fs::write(directory.join("session.json"), &session).unwrap();
 
     // Stamps are off by a millisecond: time marks come from stamps.
     let mut shifted = whole.clone();
@@ -160,11 +171,74 @@ fn a_bit_a_packet_and_a_tail_that_are_not_as_captured_are_told() {
     let bytes = std::fs::read(&bus).unwrap();
     std::fs::write(&bus, &bytes[..bytes.len() / 2 + 1]).unwrap();
     let (status, text) = replay(&directory, &[]);
+    assert!(status == 1 && text.contains("bus.pcapng: capture is cut off at byte "), "{text}");
+    // A run that was killed has no end record: what there is is replayed.
+    change_end(&directory, |end| *end = serde_json::Value::Null);
+    let (status, text) = replay(&directory, &[]);
     assert!(status == 4 && text.contains("cut off at byte ") && text.contains("the capture holds"), "{text}");
+    std::fs::write(directory.join("session.json"), &session).unwrap();
 
     // And as it was, it replays.
     rewrite(&bus, CaptureFormat::Pcapng, &whole);
     assert_eq!(replay(&directory, &[]).0, 0);
+}
+
+#[test]
+fn capture_that_is_shorter_than_its_end_record_states_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for (format, bus) in [("pcapng", "bus.pcapng"), ("candump", "bus.log")] {
+        let directory = capture(folder.path(), format, &["--clock", "virtual", "--capture-format", format]);
+        let (bus, frames) = (directory.join(bus), directory.join("frames.csv"));
+        let (whole_bus, whole_rows) = (std::fs::read(&bus).unwrap(), std::fs::read_to_string(&frames).unwrap());
+        let lines: Vec<&str> = whole_rows.split_inclusive('\n').collect();
+        let without = |range: core::ops::Range<usize>| {
+            let kept = lines.iter().enumerate().filter(|(number, _)| !range.contains(number));
+            kept.map(|(_, line)| *line).collect::<String>()
+        };
+        // Without its last byte the last line is cut off; all others end where a line ends.
+        let cut_in_a_line = whole_rows[..whole_rows.len() - 1].to_owned();
+        for (what, rows) in [
+            ("the last rows", without(8..lines.len())),
+            ("a row in the middle", without(9..10)),
+            ("the first row", without(1..2)),
+            ("all rows", without(1..lines.len())),
+            ("half a row", cut_in_a_line),
+        ] {
+            std::fs::write(&frames, rows).unwrap();
+            let (status, text) = replay(&directory, &[]);
+            assert!(status == 1 && text.contains("frames.csv: holds "), "{what}: {text}");
+            assert!(text.contains(&format!(" rows, wanted {FRAMES} as its end record")), "{what}: {text}");
+        }
+        // As many rows, and not the same frames.
+        let last = lines[FRAMES].replacen(&format!("{}", FRAMES - 1), "77", 1);
+        std::fs::write(&frames, format!("{}{last}", without(FRAMES..FRAMES + 1))).unwrap();
+        let (status, text) = replay(&directory, &[]);
+        assert!(status == 1 && text.contains("the last frame's number"), "{text}");
+        std::fs::write(&frames, &whole_rows).unwrap();
+
+        let kind = if format == "pcapng" { CaptureFormat::Pcapng } else { CaptureFormat::Candump };
+        let all = packets(&bus);
+        let mut fewer = all.clone();
+        let _ = fewer.remove(all.len() / 2);
+        for (what, left) in [("the last packets", &all[..all.len() - 7]), ("one in the middle", &fewer)] {
+            rewrite(&bus, kind, left);
+            let (status, text) = replay(&directory, &[]);
+            let wanted = format!("holds {} packets, wanted {}", left.len(), all.len());
+            assert!(status == 1 && text.contains(&wanted), "{format}, {what}: {text}");
+        }
+        std::fs::write(&bus, &whole_bus).unwrap();
+        let (status, text) = replay(&directory, &[]);
+        assert_eq!(
+            (status, text.trim()),
+            (0, format!("{FRAMES} of {FRAMES} frames bit-identical").as_str()),
+            "control"
+        );
+
+        // As captured by a version that did not count rows.
+        change_end(&directory, |end| drop(end.as_object_mut().unwrap().remove("counted")));
+        let (status, text) = replay(&directory, &[]);
+        assert!(status == 0 && text.contains("whether frames.csv is complete cannot be checked"), "{text}");
+    }
 }
 
 #[test]

@@ -17,6 +17,9 @@ pub enum CaptureError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// The thread that writes broke down.
+    #[error("capture: the thread that writes it broke down; the file ends somewhere before the run did")]
+    WriterLost,
     /// Nothing is in the file.
     #[error("capture: got an empty file, wanted a candump log or pcapng")]
     Empty,

@@ -18,6 +18,9 @@ use std::thread::JoinHandle;
 /// Packets between a tap and the writer: 5 s of a full 1 Mbit/s bus of short frames.
 const QUEUE_PACKETS: usize = 65_536;
 
+/// Packets that may wait in the writer's buffer.
+const FLUSHED_PACKETS: u64 = 4;
+
 /// A capture under way: the writer thread, and what taps are made from.
 pub struct Capture {
     queue: Queue,
@@ -77,34 +80,34 @@ impl Capture {
     pub fn finish(self) -> CaptureOutcome {
         let _a_writer_that_is_gone_says_why = self.queue.to_write.send(None);
         let lost = self.queue.lost;
-        let (written, error) = self.writer.join().unwrap_or((0, None));
+        let (written, error) = self.writer.join().unwrap_or((0, Some(CaptureError::WriterLost)));
         CaptureOutcome { written, lost: lost.load(Ordering::Relaxed), error }
     }
 }
 
-/// The writer thread: hands everything to the system whenever nothing waits, so that a power cut costs little.
+/// The writer thread: hands everything to the system whenever nothing waits, so that a power cut costs little. A packet
+/// counts as written when the system has it: one that waits in the buffer when writing fails is lost.
 fn write_all(
     queue: &Receiver<Option<CapturedPacket>>,
     mut writer: CaptureWriter<Box<dyn Write + Send>>,
     lost: &AtomicU64,
 ) -> (u64, Option<CaptureError>) {
-    let (mut written, mut error) = (0, None);
+    let (mut written, mut buffered, mut error) = (0, 0, None);
     for captured in queue.iter().map_while(|packet| packet) {
-        if error.is_some() {
-            lost.fetch_add(1, Ordering::Relaxed);
-            continue;
+        buffered += 1;
+        if error.is_none() {
+            error = writer.write(&captured).err();
         }
-        error = writer.write(&captured).err();
-        if error.is_none() && queue.is_empty() {
+        if error.is_none() && (queue.is_empty() || buffered == FLUSHED_PACKETS) {
             error = writer.flush().err();
-        }
-        if error.is_some() {
-            lost.fetch_add(1, Ordering::Relaxed);
-        } else {
-            written += 1;
+            written += if error.is_none() { core::mem::take(&mut buffered) } else { 0 };
         }
     }
     let error = error.or_else(|| writer.flush().err());
+    if error.is_none() {
+        written += core::mem::take(&mut buffered);
+    }
+    lost.fetch_add(buffered, Ordering::Relaxed);
     (written, error)
 }
 

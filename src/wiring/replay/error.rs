@@ -53,6 +53,22 @@ pub enum ReplayError {
         /// Why.
         source: CaptureError,
     },
+    /// The capture does not hold what its end record states.
+    #[error(
+        "{}: holds {got} {what}, wanted {wanted} as its end record (session.json) states: the capture was cut short or \
+         changed; wanted the whole directory as the run left it: copy it again",
+        path.display()
+    )]
+    Incomplete {
+        /// The file.
+        path: PathBuf,
+        /// What was counted.
+        what: &'static str,
+        /// Number in the end record.
+        wanted: u64,
+        /// Number in the file.
+        got: u64,
+    },
     /// The bench does not check.
     #[error(transparent)]
     Config(#[from] ConfigError),

@@ -9,15 +9,18 @@
 //! that the bench names; the capture holds the packets with their stamps; `frames.csv` holds, frame by frame, how many
 //! messages had been taken in, the load as exact bits, and the CRC-32 of the image. A replay feeds the packets through
 //! the same port and receiver in the same portions and compares each image. Limits: bits repeat on the same backend and
-//! vector level; a capture that lost packets, messages or rows says so and may not repeat.
+//! vector level; a capture that lost packets, messages or rows says so and may not repeat. A capture that does not hold the
+//! packets, rows and frames that its end record states is refused ([`completeness`]).
 //! [`replay_bus`] draws what a bench would have made of a capture of someone else's. Tests: `tests/closed_loop/replay.rs`.
 
+mod completeness;
 mod error;
 mod playback;
 mod recording;
 mod rows;
 mod session;
 
+pub use completeness::RowCounts;
 pub use error::ReplayError;
 pub use playback::{Difference, ReplayOutcome, replay_bus, replay_session};
 pub use recording::Recording;

@@ -1,6 +1,6 @@
 //! A capture -> frames, through the same port, receiver and engine as in the run.
 
-use super::{CapturedFate, FRAMES_FILE, FrameRow, ReplayError, RowReader, Session};
+use super::{CapturedFate, FRAMES_FILE, FrameRow, ReplayError, RowReader, Session, completeness};
 use crate::base::time::{Span, Tai};
 use crate::config::{Bench, Wire};
 use crate::link::capture::{CaptureReader, Direction};
@@ -55,6 +55,7 @@ pub fn replay_session(
     sink: Option<&mut dyn Sink>,
 ) -> Result<ReplayOutcome, ReplayError> {
     let session = Session::read(directory)?;
+    completeness::check(directory, &session)?;
     let bench = session.bench()?;
     let mut params = run_params(&bench, session.start())?;
     if session.is_real {

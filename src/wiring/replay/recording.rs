@@ -37,7 +37,7 @@ impl Recording {
         }
         let session = Session::new(params, format)?;
         let bus = directory.join(&session.bus);
-        let out = File::create(&bus).map_err(refuse(&bus, "write the packets"))?;
+        let out = File::create_new(&bus).map_err(refuse(&bus, "write the packets"))?;
         let capture = Capture::start(Box::new(BufWriter::new(out)), format, !params.is_real)
             .map_err(|source| ReplayError::Capture { path: bus, source })?;
         session.write(directory)?;
@@ -75,6 +75,7 @@ impl Recording {
             packets_lost: outcome.lost,
             messages_lost,
             rows_lost: rows.lost,
+            counted: Some(rows.counts),
             error: packets.or_else(|| rows.error.clone()),
         });
         session.write(&self.directory)?;

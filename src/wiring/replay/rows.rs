@@ -4,7 +4,7 @@
 //! 64 bits of the number in hexadecimal; rung; fate; CRC-32 of the pixels that went out (empty: none did). A row of fate
 //! `held` has the checksum of the frame that went out again in its place.
 
-use super::ReplayError;
+use super::{ReplayError, RowCounts};
 use crate::base::time::Span;
 use crate::runtime::{FrameMark, FrameMarksEnd};
 use crate::sink::crc32::pixel_crc32;
@@ -106,6 +106,7 @@ impl FrameRow {
 #[derive(Debug, Default)]
 pub(super) struct RowsState {
     pub(super) lost: u64,
+    pub(super) counts: RowCounts,
     pub(super) error: Option<String>,
 }
 
@@ -128,7 +129,7 @@ impl RowSink {
         state: Arc<Mutex<RowsState>>,
     ) -> Result<Self, ReplayError> {
         let refuse = |source| ReplayError::File { path: path.into(), doing: "write the frames", source };
-        let mut out = BufWriter::new(File::create(path).map_err(refuse)?);
+        let mut out = BufWriter::new(File::create_new(path).map_err(refuse)?);
         writeln!(out, "{HEADER}").and_then(|()| out.flush()).map_err(refuse)?;
         Ok(Self { inner, marks, next: None, out, state })
     }
@@ -146,7 +147,10 @@ impl RowSink {
             let written = row.write(&mut self.out).and_then(|()| self.out.flush());
             state.error = written.err().map(|error| format!("frames.csv: {error}"));
         }
-        state.lost += u64::from(state.error.is_some());
+        match state.error {
+            None => state.counts.add(row),
+            Some(_) => state.lost += 1,
+        }
     }
 
     /// Rows of frames before `frame` that were drawn and never came.
@@ -327,6 +331,8 @@ mod tests {
         assert_eq!(fates, wanted);
         assert_eq!((rows[2].drawn, rows[3].drawn), (Some((20, 1.0 / 3.0)), None), "exact bits");
         assert!(!is_cut_off && state.lock().unwrap().lost == 0);
+        let counts = state.lock().unwrap().counts;
+        assert_eq!(counts, RowCounts { rows: 5, frames: 3, last_frame: Some(4) });
     }
 
     #[test]

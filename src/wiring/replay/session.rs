@@ -3,12 +3,12 @@
 //! Floating-point numbers stand as text, in the fewest digits that give the same bits again, as not every reader of JSON
 //! keeps them. Written when the run begins, and again when it ends: without `end` the run was cut off.
 
-use super::{ReplayError, SESSION_FILE};
+use super::{ReplayError, RowCounts, SESSION_FILE};
 use crate::base::time::Tai;
 use crate::config::{Backend, Bench, Document, PackedDocuments, Setting};
 use crate::exposure::cost::CostModel;
 use crate::link::capture::CaptureFormat;
-use crate::sink::write_file_atomically;
+use crate::sink::replace_own_file;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -16,6 +16,9 @@ use std::path::Path;
 
 /// Form of the file; another one is refused.
 const FORM: u32 = 1;
+/// Note about a capture whose end record has no counts of rows.
+const UNCOUNTED: &str =
+    "captured by a version that did not count its rows: whether frames.csv is complete cannot be checked";
 /// Largest file that is read, bytes.
 const FILE_MAX: u64 = 16 * 1024 * 1024;
 
@@ -67,6 +70,9 @@ pub struct SessionEnd {
     pub messages_lost: u64,
     /// Frames without a row.
     pub rows_lost: u64,
+    /// What the rows add up to; absent in captures of versions that did not count them.
+    #[serde(default)]
+    pub counted: Option<RowCounts>,
     /// Why writing ended early, if it did.
     pub error: Option<String>,
 }
@@ -129,7 +135,7 @@ impl Session {
         let path = directory.join(SESSION_FILE);
         let refuse = |why: serde_json::Error| ReplayError::Session { path: path.clone(), why: why.to_string() };
         let text = serde_json::to_string_pretty(self).map_err(refuse)?;
-        write_file_atomically(&path, |out| out.write_all(text.as_bytes()))?;
+        replace_own_file(&path, |out| out.write_all(text.as_bytes()))?;
         Ok(())
     }
 
@@ -207,7 +213,8 @@ impl Session {
             (end.rows_lost, "frames have no row"),
         ];
         let lost = lost.into_iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}"));
-        lost.chain(end.error.clone()).collect()
+        let uncounted = end.counted.is_none().then(|| UNCOUNTED.to_owned());
+        lost.chain(end.error.clone()).chain(uncounted).collect()
     }
 }
 
