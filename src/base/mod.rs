@@ -8,6 +8,7 @@ pub mod clock;
 pub mod fused;
 pub mod image;
 mod leap;
+pub mod least_squares;
 pub mod random;
 pub mod time;
 pub mod units;

@@ -53,6 +53,7 @@ pub mod scenario_report;
 pub mod snr;
 pub mod study;
 pub mod verify;
+mod wcs_warning;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
