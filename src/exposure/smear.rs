@@ -2,13 +2,18 @@
 //!
 //! Both are exact at the nine probes and quadratic between them; of the length, its square: for a constant rate that is a
 //! polynomial of the place, and a roll about a star leaves it a length of zero. A path is the polyline through the dense
-//! nodes of its probe, its two ends included. Limits: 24 nodes per period of the fastest jitter line, fewer where
-//! [`nodes::MOST_DENSE_NODES`](crate::exposure::nodes::MOST_DENSE_NODES) are too few (8 per period leave out 3 % of
-//! the length); under a rolling shutter the exposure is that of the row where the star is. Tests: below, by brute force.
+//! nodes of its probe, its two ends and its corners (samples of jitter). Limits: 24 nodes per period of the fastest jitter
+//! line, fewer where [`nodes::MOST_DENSE_NODES`](crate::exposure::nodes::MOST_DENSE_NODES) are too few (8 per period leave
+//! out 3 % of the length); under a rolling shutter the exposure is that of the row where the star is. Tests: below, by
+//! brute force.
 
 use crate::exposure::correction::Correction;
 use crate::exposure::motion::Motion;
-use crate::exposure::probes::{Probes, SIDE};
+use crate::exposure::pixel_path::PixelPath;
+use crate::exposure::probes::{Probe, Probes, SIDE};
+
+/// Times closer than this share of the exposure are the same.
+const SAME_TIME: f64 = 1e-9;
 
 /// Motion of the whole field during one exposure.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,12 +42,12 @@ impl SmearField {
         let (mut squared, mut net) = ([[0.0; 2]; SIDE * SIDE], [[0.0; 2]; SIDE * SIDE]);
         for (i, probe) in probes.probes.iter().enumerate().take(SIDE * SIDE) {
             let delay_s = probes.delay_s(i / SIDE);
-            let [begin, end] = [-0.5, 0.5].map(|tau| {
+            let at = |tau: f64| {
                 let [x, y] = probe.track.exact_px(camera, &motion.pose_at(tau, delay_s));
                 [x - probe.mean_px[0], y - probe.mean_px[1]]
-            });
-            let between = probe.trace.iter().map(|[_, x, y]| [*x, *y]);
-            let length_px = polyline_px(core::iter::once(begin).chain(between).chain([end]));
+            };
+            let [begin, end] = [at(-0.5), at(0.5)];
+            let length_px = path_px(probe, [begin, end], |corner| corner_tau(motion, corner, delay_s), at);
             squared[i] = [length_px * length_px, 0.0];
             net[i] = [end[0] - begin[0], end[1] - begin[1]];
         }
@@ -63,6 +68,46 @@ impl SmearField {
         let [x, y] = self.net.at(px);
         y.atan2(x)
     }
+}
+
+/// Length of a probe's path from end to end: its dense nodes in order of time and the corners between them, px. `corner`
+/// gives the times of the corners one after another, as shares of the exposure from its middle; `at` the place at a time.
+fn path_px(
+    probe: &Probe,
+    [begin, end]: [[f64; 2]; 2],
+    corner: impl Fn(usize) -> Option<f64>,
+    at: impl Fn(f64) -> [f64; 2],
+) -> f64 {
+    let (mut length_px, mut from) = (0.0, begin);
+    let mut go = |to: [f64; 2]| {
+        length_px += (to[0] - from[0]).hypot(to[1] - from[1]);
+        from = to;
+    };
+    // Corners are at the ends of the nodes' stretches.
+    let (mut passed, mut next) = (-0.5, 0);
+    for [weight, x, y] in &probe.trace {
+        while let Some(tau) = corner(next).filter(|tau| *tau <= passed + SAME_TIME) {
+            next += 1;
+            if tau > -0.5 {
+                go(at(tau));
+            }
+        }
+        go([*x, *y]);
+        passed += weight;
+    }
+    go(end);
+    length_px
+}
+
+/// When the path has its corner number `corner` in an exposure that is `delay_s` late: share of the exposure from its middle.
+fn corner_tau(motion: &Motion, corner: usize, delay_s: f64) -> Option<f64> {
+    let exposure_s = motion.los.exposure_s;
+    let after_mid_s = match &motion.image_path {
+        None => (motion.los.jitter.points.get(corner)?.at - motion.los.mid_exposure()).s(),
+        Some(PixelPath::Line(points)) => points.get(corner)?.t_s - 0.5 * exposure_s,
+        Some(PixelPath::Samples(_)) => return None,
+    };
+    Some((after_mid_s - delay_s) / exposure_s)
 }
 
 /// Returns the length of a polyline, px.
