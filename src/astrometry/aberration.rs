@@ -36,6 +36,15 @@ impl Aberration {
     }
 }
 
+impl Aberration {
+    /// Returns the direction in which an observer at rest sees light that the moving one sees in `seen_icrf`: the same
+    /// transformation with the velocity reversed, exactly.
+    #[must_use]
+    pub fn undone(&self, seen_icrf: DVec3) -> DVec3 {
+        Self { speed: -self.speed, ..*self }.aberrated(seen_icrf)
+    }
+}
+
 /// Direction of light seen by an observer moving at `velocity_km_s` (barycentric, slower than light), where one at
 /// rest sees `direction_icrf`; unit vectors.
 #[must_use]

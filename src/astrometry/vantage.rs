@@ -13,6 +13,9 @@ use glam::DVec3;
 /// Parallax of the nearest star, Proxima Centauri, rad (768.07 mas, Gaia DR3), rounded up.
 const LARGEST_PARALLAX_RAD: f64 = 769.0 * MAS;
 
+/// Steps of the inverse of deflection: each is 500 times nearer at the Sun's limb, and more away from it.
+const STRAIGHTENING_STEPS: u32 = 5;
+
 /// Place and motion of an observer, and of what bends light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Vantage {
@@ -36,6 +39,16 @@ impl Sight {
     pub fn apparent(&self, natural_icrf: DVec3) -> DVec3 {
         let arriving = self.deflection.map_or(natural_icrf, |deflection| deflection.deflected(natural_icrf));
         self.aberration.aberrated(arriving)
+    }
+
+    /// Returns the direction from the observer's place of what it sees in the direction `apparent_icrf`: without aberration
+    /// and deflection. The inverse of [`Self::apparent`], to rounding, but behind the Sun's disc.
+    #[must_use]
+    pub fn natural(&self, apparent_icrf: DVec3) -> DVec3 {
+        let arriving = self.aberration.undone(apparent_icrf);
+        let Some(deflection) = &self.deflection else { return arriving };
+        let straighter = |natural: DVec3| (arriving - (deflection.deflected(natural) - natural)).normalize();
+        (0..STRAIGHTENING_STEPS).fold(arriving, |natural, _| straighter(natural))
     }
 }
 
@@ -114,6 +127,22 @@ mod tests {
                 farthest_rad / ARCSEC,
                 margin_rad / ARCSEC
             );
+        }
+    }
+
+    #[test]
+    fn natural_directions_come_back_from_apparent_ones() {
+        let velocity_km_s = DVec3::new(4.0, 28.0, -11.0);
+        let observer = BarycentricState { position_km: DVec3::X * AU_KM, velocity_km_s };
+        for heliocentric_km in [None, Some(observer.position_km)] {
+            let sight = Vantage { observer, heliocentric_km }.sight();
+            for elongation_deg in [0.3, 1.0, 30.0, 90.0, 179.0] {
+                let (sin, cos) = (elongation_deg * DEG).sin_cos();
+                let star = DVec3::new(-cos, 0.6 * sin, 0.8 * sin);
+                let seen = sight.apparent(star);
+                assert!(sight.natural(seen).distance(star) < 1e-14, "{elongation_deg} deg from the Sun");
+                assert!(seen.distance(star) > 1.0 * ARCSEC, "control: aberration has moved it");
+            }
         }
     }
 

@@ -9,6 +9,7 @@ pub mod clock;
 pub mod fused;
 pub mod image;
 mod leap;
+pub mod least_squares;
 pub mod memory;
 pub mod random;
 pub mod source_id;

@@ -60,6 +60,7 @@ mod signals;
 pub mod snr;
 pub mod study;
 pub mod verify;
+mod wcs_warning;
 
 use crate::base::streams;
 use clap::{Parser, Subcommand};

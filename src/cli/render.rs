@@ -1,5 +1,6 @@
 //! `starloop render`: one image for a given attitude and time.
 
+use crate::astrometry::{Sight, Vantage};
 use crate::attitude::LosPath;
 use crate::base::accuracy::AccuracyBudget;
 use crate::base::axes::{Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
@@ -10,6 +11,7 @@ use crate::cli::named_camera::named_camera;
 use crate::cli::render_input::{four, read_los, read_los_samples, read_sources, three};
 use crate::cli::render_output::{Format, format_of, write_dn, write_electrons, write_truth};
 use crate::cli::run::BackendName;
+use crate::cli::wcs_warning::warn_of_wcs;
 use crate::config::STAR_MEMORY_MB;
 use crate::detector::Seeds;
 use crate::detector::window::OutputGeometry;
@@ -20,9 +22,10 @@ use crate::runtime::field_light::{FieldLight, light_pixels};
 use crate::runtime::params::CameraParams;
 use crate::runtime::sky_view::SkyView;
 use crate::runtime::truth::fill_truth;
+use crate::runtime::wcs::WcsMaker;
 use crate::sink::SentFrame;
 use crate::sky::Sky;
-use crate::sky::observer::Observer;
+use crate::sky::observer::{Observer, ObserverTrack};
 use crate::wiring::bench_parts::backend_choice;
 use crate::wiring::camera_parts::camera_params;
 use anyhow::{Context, Result, bail};
@@ -84,7 +87,7 @@ pub struct RenderArgs {
     /// Number of the exposure: with the noise seed it fixes the noise, so that one sensor can be exposed many times
     #[arg(long, value_name = "N", default_value_t = 0)]
     frame: u32,
-    /// Write the truth table: id,ra_deg,dec_deg,mag,x_px,y_px,electrons,kind,smear_px,smear_deg
+    /// Write the truth table (CSV): where each star is and how much light of it; the README lists its columns
     #[arg(long, value_name = "FILE.csv")]
     truth: Option<PathBuf>,
     /// Print milliseconds per stage (median of several after a warm-up) as one JSON line
@@ -117,6 +120,9 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
     }
     scene.draw(arguments.stage)?;
     scene.warn_of_error();
+    if format == Format::Fits {
+        scene.warn_of_wcs();
+    }
     scene.write(arguments, format)?;
     if let Some(path) = &arguments.truth {
         write_truth(path, &scene.frame)?;
@@ -134,6 +140,10 @@ struct Scene {
     imager: Imager,
     sky: Option<SkyView>,
     light: FieldLight,
+    /// What the observer does to directions; `None` without an attitude.
+    sight: Option<Sight>,
+    /// Maps the image to the sky.
+    wcs: Option<WcsMaker>,
     sources: Vec<Source>,
     frame: SentFrame,
     seeds: Seeds,
@@ -161,8 +171,13 @@ impl Scene {
                 (Some(SkyView::new(&camera, Observer::Geocentre, arguments.time, &sky)), Vec::new())
             }
         };
+        let mut observer = ObserverTrack::new(Observer::Geocentre, arguments.time);
+        let vantage = Vantage::of(&mut observer, arguments.time, true)?;
+        let has_attitude = arguments.ra.is_some() || arguments.attitude.is_some();
+        let sight = has_attitude.then(|| vantage.sight());
+        let wcs = WcsMaker::new(&camera.geometry, &output_of(arguments.stage, &camera));
         let frame = SentFrame::with_capacity(size[0], size[1], sources.len(), camera.name.clone());
-        Ok(Self { camera, planner, imager, sky, light, sources, frame, seeds, number: arguments.frame })
+        Ok(Self { camera, planner, imager, sky, light, sight, wcs, sources, frame, seeds, number: arguments.frame })
     }
 
     /// Finds the sources and plans; the wall time of both.
@@ -193,13 +208,18 @@ impl Scene {
                 [sky, planning, times.render, times.detector]
             }
         };
-        let output = match stage {
-            StageName::Electrons => OutputGeometry::whole(self.camera.sensor_px()),
-            StageName::Dn => self.camera.output(),
-        };
-        fill_truth(plan, &output, &mut self.frame.truth);
+        let output = output_of(stage, &self.camera);
+        fill_truth(plan, &output, self.sight.as_ref(), &mut self.frame.truth);
+        if self.sight.is_none() {
+            // Sources given in pixels, and no attitude: they are nowhere on the sky.
+            self.frame.truth.iter_mut().for_each(|row| row.apparent_deg = [f64::NAN; 2]);
+        }
         fill_meta(plan, self.number, self.seeds, &self.camera.detector, self.imager.name(), &mut self.frame.meta);
         (self.frame.meta.binning, self.frame.meta.window_px) = (output.binning, output.first_px);
+        self.frame.meta.facts = Some(self.camera.facts());
+        let attitude = &plan.motion.los.mid_sensor_from_icrf;
+        let maker = self.wcs.as_mut().zip(self.sight.as_ref());
+        self.frame.meta.wcs = maker.and_then(|(maker, sight)| maker.at(attitude, sight));
         Ok(times)
     }
 
@@ -211,6 +231,11 @@ impl Scene {
             let why = if chosen.verdict.is_drawable() { "over the accuracy budget" } else { "outside its domain" };
             eprintln!("WARNING: {why}: {method} may be off by {px:.1e} px and {sigma:.1e} sigma of a pixel's noise");
         }
+    }
+
+    /// Warns of a map to the sky that is worse than promised.
+    fn warn_of_wcs(&self) {
+        self.frame.meta.wcs.iter().for_each(|wcs| warn_of_wcs(wcs.error_px));
     }
 
     fn write(&self, arguments: &RenderArgs, format: Format) -> Result<()> {
@@ -254,6 +279,14 @@ impl Scene {
             "repeats": repeats.len(),
         })
         .to_string())
+    }
+}
+
+/// Returns where the pixels of an image of this stage are on the sensor.
+fn output_of(stage: StageName, camera: &CameraParams) -> OutputGeometry {
+    match stage {
+        StageName::Electrons => OutputGeometry::whole(camera.sensor_px()),
+        StageName::Dn => camera.output(),
     }
 }
 

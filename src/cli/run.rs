@@ -9,6 +9,7 @@ use crate::cli::monitor::Monitor;
 use crate::cli::run_end::Finished;
 use crate::cli::run_heads::{BenchHead, Sinks, bench_heads, sinks};
 use crate::cli::run_input::{bench, document, scenario};
+use crate::cli::wcs_warning::warn_of_wcs;
 use crate::cli::{live_view, run_scenario, signals};
 use crate::config::{self, Bench, Scenario, StartTime};
 use crate::link::capture::CaptureFormat;
@@ -367,6 +368,7 @@ fn announce(bench: &Bench, engine: &FrameEngine) {
     if let Some(note) = engine.imager().note() {
         eprintln!("{note}");
     }
+    engine.wcs_error_px().into_iter().for_each(warn_of_wcs);
     eprintln!(
         "bench \"{}\": {} frames at {} Hz, camera \"{}\", {} backend ({})",
         bench.name,

@@ -59,6 +59,13 @@ impl OutputGeometry {
         [0, 1].map(|axis| (sensor_px[axis] - f64::from(self.first_px[axis]) - 0.5 * (by - 1.0)) / by)
     }
 
+    /// Returns the place on the sensor of a place in output pixels.
+    #[must_use]
+    pub fn sensor_from_output(&self, output_px: [f64; 2]) -> [f64; 2] {
+        let by = f64::from(self.binning);
+        [0, 1].map(|axis| output_px[axis] * by + f64::from(self.first_px[axis]) + 0.5 * (by - 1.0))
+    }
+
     /// Whether the output is the sensor's image itself.
     #[must_use]
     pub fn is_whole(&self, sensor_px: [usize; 2]) -> bool {
@@ -87,6 +94,7 @@ mod tests {
         assert_eq!(output.size_px, [16, 8]);
         // The first output pixel is sensor pixels 100..=103: its centre is 101.5.
         assert_eq!(output.output_from_sensor([101.5, 41.5]), [0.0, 0.0]);
+        assert_eq!(output.sensor_from_output([1.0, 2.0]), [105.5, 41.5 + 8.0]);
         assert_eq!(output.output_from_sensor([105.5, 41.5 + 8.0]), [1.0, 2.0]);
         assert_eq!(OutputGeometry::whole([256, 256]).output_from_sensor([3.25, 7.5]), [3.25, 7.5]);
         assert!(OutputGeometry::new([256, 256], 1, None).is_whole([256, 256]));

@@ -5,7 +5,7 @@
 //! angle of a pixel together, which is what a star's magnitude needs; what the tracker's own optics vignette, as its camera
 //! file states it, has been divided out before. Limits: structure finer than the grid of dots is not in it. Tests below.
 
-use super::least_squares::{Basis, median, rms};
+use crate::base::least_squares::{Basis, median, rms};
 use serde::{Deserialize, Serialize};
 
 /// Highest degree.

@@ -9,7 +9,7 @@
 //! Input: CSV with `submit_s,edge_s`, one row a flip, seconds of one clock; no edge: leave `edge_s` empty.
 //! Tests below.
 
-use super::least_squares::median;
+use crate::base::least_squares::median;
 use crate::base::time::{Span, Tai};
 use serde::{Deserialize, Serialize};
 use std::io::Read;

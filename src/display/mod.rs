@@ -41,7 +41,6 @@ mod glass;
 pub mod grey;
 mod hand_over;
 pub mod latency;
-pub mod least_squares;
 pub mod luminance_code;
 pub mod marker;
 #[cfg(feature = "direct_scanout")]

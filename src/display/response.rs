@@ -9,7 +9,7 @@
 //! Limits: one response for all places and all times; no cross-talk between neighbouring pixels.
 //! Tests below; end to end in `tests/physics/display_calibration`.
 
-use super::least_squares::median;
+use crate::base::least_squares::median;
 use serde::{Deserialize, Serialize};
 
 /// Fewest greys that make a response, black and full among them.

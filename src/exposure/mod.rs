@@ -26,6 +26,7 @@ pub mod probes;
 pub mod sampling;
 pub mod share;
 pub mod sky_path;
+pub mod smear;
 pub mod spectrum;
 pub mod target;
 pub mod target_plan;

@@ -8,6 +8,7 @@ use crate::exposure::moments::TracePoint;
 use crate::exposure::motion::{Motion, Shutter};
 use crate::exposure::pose::{PathNode, Pose};
 use crate::exposure::sampling::PsfSampling;
+use crate::exposure::smear::SmearField;
 use crate::exposure::target_plan::PlannedTarget;
 use crate::exposure::track::{StarPlace, StarTrack};
 use crate::optics::PsfModel;
@@ -202,6 +203,8 @@ pub struct ExposurePlan {
     pub reach_px: f64,
     /// Furthest the path leads a star from its mean position, px.
     pub extent_px: f64,
+    /// How far the exposure's motion takes a star, by its place.
+    pub smear: SmearField,
     /// The stars, in source order; behind them the nodes of the targets.
     pub stars: Vec<PlannedStar>,
     /// The targets that are seen.

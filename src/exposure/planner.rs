@@ -20,6 +20,7 @@ use crate::exposure::plan::{Assessment, CutOff, ExposurePlan, Verdict};
 use crate::exposure::probes::Probes;
 use crate::exposure::sampling::PsfSampling;
 use crate::exposure::share::Share;
+use crate::exposure::smear::SmearField;
 use crate::exposure::target::Target;
 use crate::exposure::target_plan::TargetPlanner;
 use crate::optics::{Illumination, PsfModel};
@@ -121,6 +122,7 @@ impl Planner {
             lists: Vec::with_capacity(256),
             reach_px: 0.0,
             extent_px: 0.0,
+            smear: SmearField::still(),
             stars: Vec::with_capacity(STARS_RESERVED),
             targets: Vec::new(),
             motion: Motion { los, image_path: None },
@@ -217,6 +219,7 @@ impl Planner {
         means.measure(&plan.motion, instrument.shutter, probes);
         plan.reach_px = probes.reach_px;
         plan.extent_px = probes.extent_px;
+        plan.smear = SmearField::measured(&plan.motion, probes);
         chooser.measure(&plan.motion, probes, means);
     }
 

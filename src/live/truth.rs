@@ -23,6 +23,10 @@ pub(super) fn truth_of(frame: &SentFrame) -> Value {
                 "kind": star.kind.name(),
                 "x_px": star.x_px,
                 "y_px": star.y_px,
+                "apparent_ra_deg": star.apparent_deg[0],
+                "apparent_dec_deg": star.apparent_deg[1],
+                "catalog_ra_deg": star.catalog_deg[0],
+                "catalog_dec_deg": star.catalog_deg[1],
                 "mag": star.mag,
                 "electrons": star.electrons,
                 "smear_px": star.smear_px,
@@ -46,7 +50,13 @@ mod tests {
     #[test]
     fn the_brightest_come_first_and_the_rest_is_counted() {
         let mut frame = SentFrame::with_capacity(8, 6, 500, "c".into());
-        let star = |i: u32| TruthStar { id: i, electrons: f64::from(i * 7_919 % 500), x_px: 1.25, ..TruthStar::NONE };
+        let star = |i: u32| TruthStar {
+            id: i,
+            electrons: f64::from(i * 7_919 % 500),
+            x_px: 1.25,
+            smear_px: 24.5,
+            ..TruthStar::NONE
+        };
         frame.truth.extend((0..500).map(star));
         frame.truth[3].electrons = f64::NAN;
         let truth = truth_of(&frame);
@@ -56,5 +66,6 @@ mod tests {
         assert_eq!((stars.len(), stars[1]["electrons"].as_f64()), (STARS_MAX, Some(499.0)));
         assert!(electrons.windows(2).all(|pair| pair[0] >= pair[1]) && electrons.len() == STARS_MAX - 1);
         assert_eq!((&stars[1]["x_px"], &stars[1]["kind"]), (&json!(1.25), &json!("star")));
+        assert_eq!((&stars[1]["smear_px"], &stars[1]["catalog_ra_deg"]), (&json!(24.5), &json!(0.0)));
     }
 }

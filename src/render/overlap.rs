@@ -62,7 +62,7 @@ impl Apart {
         half.chosen = plan.chosen;
         half.rung = plan.rung;
         half.cut_off = plan.cut_off;
-        (half.reach_px, half.extent_px) = (plan.reach_px, plan.extent_px);
+        (half.reach_px, half.extent_px, half.smear) = (plan.reach_px, plan.extent_px, plan.smear);
         if half.psf != plan.psf {
             half.psf.clone_from(&plan.psf);
         }

@@ -25,6 +25,7 @@ use crate::runtime::params::RunParams;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::scene::Scene;
 use crate::runtime::truth::{add_tracks, fill_targets, fill_truth};
+use crate::runtime::wcs::WcsMaker;
 use crate::sink::{ActiveFaults, FaultFlags, FrameMeta, SentFrame};
 use crate::sky::Sky;
 use glam::DVec3;
@@ -54,6 +55,8 @@ pub struct FrameEngine {
     in_use: usize,
     conditions: Conditions,
     scene: Scene,
+    /// Maps of frames to the sky; `None` where there are none.
+    wcs: Option<WcsMaker>,
     imager: Imager,
     cost: CostModel,
     /// Followed on the real clock only.
@@ -100,6 +103,9 @@ impl FrameEngine {
             imager.keep_brighter()?;
         }
         let scene = Scene::new(&params, sky);
+        // What is drawn for a display is no image of the sky by this camera.
+        let of_sensor = params.drawn_from_sensor.is_none();
+        let wcs = of_sensor.then(|| WcsMaker::new(&camera.geometry, &camera.output())).flatten();
         light_pixels(camera, &mut imager)?;
         Ok(Self {
             planner,
@@ -107,6 +113,7 @@ impl FrameEngine {
             in_use: 0,
             conditions: Conditions::new(),
             scene,
+            wcs,
             imager,
             params,
             cost,
@@ -230,6 +237,13 @@ impl FrameEngine {
         self.pointing_bound_rad
     }
 
+    /// Returns the largest error of the map to the sky in the headers of frames, px, as far as it is the lens's; `None` where
+    /// frames have no map.
+    #[must_use]
+    pub fn wcs_error_px(&self) -> Option<f64> {
+        self.wcs.as_ref().map(WcsMaker::lens_error_px)
+    }
+
     /// Backend and detector.
     #[must_use]
     pub fn imager(&self) -> &Imager {
@@ -314,7 +328,8 @@ impl FrameEngine {
         }
         times.merge(&imaging.by_stage());
         let output = self.params.camera.output();
-        fill_truth(plan, &output, &mut frame.truth);
+        let sight = self.scene.stars.sight();
+        fill_truth(plan, &output, sight, &mut frame.truth);
         fill_targets(plan, self.scene.targets.facts(), &output, &mut frame.targets);
         add_tracks(self.imager.proton_tracks(), &output, &mut frame.truth);
         let (seeds, detector) = (self.params.seeds(), &self.params.camera.detector);
@@ -322,6 +337,9 @@ impl FrameEngine {
         if let Some(drawn_from_sensor) = &self.params.drawn_from_sensor {
             tell_pointing(&plan.motion.los, &drawn_from_sensor.inverse(), &mut frame.meta);
         }
+        frame.meta.facts = self.params.drawn_from_sensor.is_none().then(|| self.params.camera.facts());
+        let maker = self.wcs.as_mut().filter(|_| has_stars).zip(sight);
+        frame.meta.wcs = maker.and_then(|(maker, sight)| maker.at(&plan.motion.los.mid_sensor_from_icrf, sight));
         frame.meta.left_out_stars += found.missing_stars();
         frame.meta.occulted_stars = found.bodies.occulted;
         frame.meta.overlap_lost_e = self.imager.overlap_lost_e();

@@ -258,6 +258,10 @@ impl FrameFaults {
         if fate.is_blank {
             frame_damage::blank(frame);
         }
+        if fate.is_blank || fate.repeated != Repeated::Nothing {
+            // Its pixels are not, or not all, of its own attitude.
+            frame.meta.wcs = None;
+        }
         if self.needs_previous() {
             frame_damage::repeat(fate.repeated, frame, &mut self.previous);
         }

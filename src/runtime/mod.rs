@@ -40,6 +40,7 @@ pub mod sky_view;
 pub mod triggers;
 pub mod truth;
 pub mod virtual_time;
+pub mod wcs;
 
 pub use engine::{FrameEngine, Slot};
 pub use error::RunError;

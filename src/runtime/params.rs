@@ -6,7 +6,7 @@ use crate::base::accuracy::AccuracyBudget;
 use crate::base::axes::{Body, Rotation, Sensor};
 use crate::base::time::{Span, Tai};
 use crate::detector;
-use crate::detector::binning::{Binning, BinningKind};
+use crate::detector::binning::{Binning, BinningKind, Levels};
 use crate::detector::pattern::PatternSizeError;
 use crate::detector::window::OutputGeometry;
 use crate::detector::{Detector, DetectorParams, Patterns, Seeds};
@@ -15,6 +15,7 @@ use crate::exposure::{Instrument, MethodChoice, PsfSampling, Shutter, Target};
 use crate::optics::{BackgroundLight, Illumination, PsfModel, StarLight};
 use crate::runtime::imager::BackendChoice;
 use crate::runtime::sky_targets::SkyTarget;
+use crate::sink::CameraFacts;
 use crate::sky::Sky;
 use crate::sky::catalog::CatalogError;
 use crate::sky::observer::Observer;
@@ -55,6 +56,10 @@ pub struct CameraParams {
     pub detector: DetectorParams,
     /// Fixed patterns that were measured; the others are drawn from the run's seed.
     pub patterns: Patterns,
+    /// Pitch of the pixels, um.
+    pub pixel_pitch_um: f64,
+    /// Focal length, mm.
+    pub focal_length_mm: f64,
     /// Faintest Gaia G magnitude that is drawn.
     pub limiting_mag: f32,
     /// Exposure time, s.
@@ -83,6 +88,19 @@ impl CameraParams {
         let [width, height] = self.sensor_px();
         let made = Detector::new(self.detector, width, height, seeds);
         made.with_patterns(&self.patterns)
+    }
+
+    /// Returns what readers of its images want to know besides.
+    #[must_use]
+    pub fn facts(&self) -> CameraFacts {
+        let levels = Levels::of_output(&self.detector);
+        let full_dn = levels.black_level_dn + levels.full_well_e / levels.gain_e_per_dn;
+        CameraFacts {
+            pixel_pitch_um: self.pixel_pitch_um,
+            focal_length_mm: self.focal_length_mm,
+            saturation_dn: full_dn.min(levels.largest_dn),
+            read_noise_e_rms: levels.read_noise_e_rms,
+        }
     }
 
     /// The camera as the planner sees it.

@@ -36,6 +36,8 @@ pub struct SkyView {
     /// The same in the catalog, at the latest time asked for.
     radius_rad: f64,
     bounds: FieldBounds,
+    /// What the observer does to directions in the latest field.
+    sight: Option<Sight>,
     sources: Vec<Source>,
 }
 
@@ -76,6 +78,7 @@ impl SkyView {
             field_rad,
             radius_rad: field_rad,
             bounds: FieldBounds::new(&camera.geometry),
+            sight: None,
             observer: ObserverTrack::new(observer, at),
             light_deflection: true,
             camera: camera.clone(),
@@ -118,6 +121,12 @@ impl SkyView {
     #[must_use]
     pub fn shortfall(&self) -> Shortfall {
         self.shortfall
+    }
+
+    /// Returns what the observer did to directions at the latest exposure; `None` before the first.
+    #[must_use]
+    pub fn sight(&self) -> Option<&Sight> {
+        self.sight.as_ref()
     }
 
     /// Sources in view during an exposure: about its boresight, at mid-exposure, as far as it sweeps.
@@ -183,6 +192,7 @@ impl SkyView {
         at: Tai,
     ) -> Result<(), RunError> {
         let vantage = Vantage::of(&mut self.observer, at, self.light_deflection)?;
+        self.sight = Some(vantage.sight());
         self.radius_rad = self.field_rad + cone_margin_rad(self.epoch_yr, self.fastest_mas_yr, at, &vantage);
         let margin_rad = self.radius_rad - self.camera.geometry.half_diagonal_rad() + sweep_rad;
         let bounds = attitude.and_then(|attitude| self.bounds.at(attitude, margin_rad));

@@ -1,8 +1,10 @@
 //! Plan -> truth table: which stars are in the image, where, and with how much light.
 
+use crate::astrometry::Sight;
 use crate::base::axes::{Icrf, Rotation, Sensor};
 use crate::detector::protons::ProtonTrack;
 use crate::detector::window::OutputGeometry;
+use crate::exposure::smear::polyline_px;
 use crate::exposure::target::{FIRST_BODY_ID, FIRST_FALSE_STAR_ID, FIRST_TARGET_ID, FIRST_TRACK_ID, Smear};
 use crate::exposure::target_plan::{seen_after_mid_s, seen_by_row};
 use crate::exposure::track::StarPlace;
@@ -11,13 +13,15 @@ use crate::runtime::sky_bodies::{EARTH_NUMBER, MOON_NUMBER};
 use crate::runtime::sky_targets::TargetFacts;
 use crate::sink::{TargetRow, TruthKind, TruthStar};
 use crate::sky::catalog::ra_dec_rad;
+use glam::DVec3;
 
 /// Stars this far outside a window may still shine into it, sensor pixels.
 const MARGIN_PX: f64 = 32.0;
 
 /// Writes one row per planned star, body and target into `out`: places in pixels of the image that is put out, electrons on the
-/// whole sensor. Stars well outside a window are left out.
-pub fn fill_truth(plan: &ExposurePlan, output: &OutputGeometry, out: &mut Vec<TruthStar>) {
+/// whole sensor. Stars well outside a window are left out. `sight` is what the observer does to directions; without it there
+/// are no catalog places.
+pub fn fill_truth(plan: &ExposurePlan, output: &OutputGeometry, sight: Option<&Sight>, out: &mut Vec<TruthStar>) {
     let margin_px = MARGIN_PX / f64::from(output.binning);
     let is_near = |place_px: [f64; 2]| {
         let inside = |axis: usize| {
@@ -26,7 +30,8 @@ pub fn fill_truth(plan: &ExposurePlan, output: &OutputGeometry, out: &mut Vec<Tr
         };
         !output.is_cut || (inside(0) && inside(1))
     };
-    let icrf_from_sensor = plan.motion.los.mid_sensor_from_icrf.inverse();
+    let directions = Directions { icrf_from_sensor: plan.motion.los.mid_sensor_from_icrf.inverse(), sight };
+    let binning = f64::from(output.binning);
     out.clear();
     let bodies = FIRST_BODY_ID..FIRST_TRACK_ID;
     out.extend(plan.sky_stars().iter().filter(|star| !bodies.contains(&star.id)).filter_map(|star| {
@@ -38,12 +43,14 @@ pub fn fill_truth(plan: &ExposurePlan, output: &OutputGeometry, out: &mut Vec<Tr
             y_px,
             electrons: star.electrons_on_detector,
             kind: kind_of(star.id),
-            ..row_at(&star.place, &icrf_from_sensor)
+            smear_px: plan.smear.length_px(star.place.mid_px) / binning,
+            smear_deg: plan.smear.angle_rad(star.place.mid_px).to_degrees(),
+            ..directions.row_at(&star.place)
         })
     }));
-    add_bodies(plan, output, &icrf_from_sensor, out);
+    add_bodies(plan, output, &directions, out);
     out.extend(plan.targets.iter().filter_map(|planned| {
-        let Smear { length_px, angle_rad } = planned.smear;
+        let Smear { length_px, angle_rad } = smear_of(planned, plan);
         let [x_px, y_px] = output.output_from_sensor(planned.mean_px);
         is_near([x_px, y_px]).then(|| TruthStar {
             id: planned.target.id,
@@ -52,9 +59,9 @@ pub fn fill_truth(plan: &ExposurePlan, output: &OutputGeometry, out: &mut Vec<Tr
             y_px,
             electrons: planned.electrons_on_detector,
             kind: TruthKind::Target,
-            smear_px: length_px / f64::from(output.binning),
+            smear_px: length_px / binning,
             smear_deg: angle_rad.to_degrees(),
-            ..row_at(&planned.place, &icrf_from_sensor)
+            ..directions.row_at(&planned.place)
         })
     }));
 }
@@ -88,12 +95,7 @@ pub fn fill_targets(plan: &ExposurePlan, facts: &[TargetFacts], output: &OutputG
 }
 
 /// Adds a row per body: the sum of its sources and the middle of their light.
-fn add_bodies(
-    plan: &ExposurePlan,
-    output: &OutputGeometry,
-    icrf_from_sensor: &Rotation<Icrf, Sensor>,
-    out: &mut Vec<TruthStar>,
-) {
+fn add_bodies(plan: &ExposurePlan, output: &OutputGeometry, directions: &Directions<'_>, out: &mut Vec<TruthStar>) {
     let mut sums = [BodySum::default(); MOON_NUMBER as usize + 1];
     for star in plan.sky_stars() {
         let sum = star.id.checked_sub(FIRST_BODY_ID).and_then(|number| sums.get_mut(number as usize));
@@ -111,7 +113,10 @@ fn add_bodies(
             _ => TruthKind::Planet,
         };
         let (id, mag, electrons) = (FIRST_BODY_ID + number, sum.mag, sum.on_detector);
-        out.push(TruthStar { id, mag, x_px, y_px, electrons, kind, ..row_at(&place, icrf_from_sensor) });
+        let smear_px = plan.smear.length_px(mid_px) / f64::from(output.binning);
+        let smear_deg = plan.smear.angle_rad(mid_px).to_degrees();
+        let row = directions.row_at(&place);
+        out.push(TruthStar { id, mag, x_px, y_px, electrons, kind, smear_px, smear_deg, ..row });
     }
 }
 
@@ -146,8 +151,8 @@ pub fn add_tracks(tracks: &[ProtonTrack], output: &OutputGeometry, out: &mut Vec
         TruthStar {
             id,
             // It comes from nowhere in the sky.
-            ra_deg: f64::NAN,
-            dec_deg: f64::NAN,
+            apparent_deg: [f64::NAN; 2],
+            catalog_deg: [f64::NAN; 2],
             mag: f32::NAN,
             x_px,
             y_px,
@@ -164,8 +169,31 @@ fn kind_of(id: u32) -> TruthKind {
     if (FIRST_FALSE_STAR_ID..FIRST_TARGET_ID).contains(&id) { TruthKind::FalseStar } else { TruthKind::Star }
 }
 
-/// A row with nothing but its direction.
-fn row_at(place: &StarPlace, icrf_from_sensor: &Rotation<Icrf, Sensor>) -> TruthStar {
-    let [ra_rad, dec_rad] = ra_dec_rad(icrf_from_sensor.apply(place.mid_sensor()));
-    TruthStar { ra_deg: ra_rad.to_degrees(), dec_deg: dec_rad.to_degrees(), ..TruthStar::NONE }
+/// What turns places on the detector into directions on the sky.
+struct Directions<'a> {
+    icrf_from_sensor: Rotation<Icrf, Sensor>,
+    sight: Option<&'a Sight>,
+}
+
+impl Directions<'_> {
+    /// Returns a row with nothing but its directions.
+    fn row_at(&self, place: &StarPlace) -> TruthStar {
+        let degrees = |direction: DVec3| ra_dec_rad(direction).map(f64::to_degrees);
+        let apparent = self.icrf_from_sensor.apply(place.mid_sensor());
+        let catalog_deg = self.sight.map_or([f64::NAN; 2], |sight| degrees(sight.natural(apparent)));
+        TruthStar { apparent_deg: degrees(apparent), catalog_deg, ..TruthStar::NONE }
+    }
+}
+
+/// Path of a target's light on the sensor: of its own motion, and of the camera's where that moves.
+fn smear_of(planned: &PlannedTarget, plan: &ExposurePlan) -> Smear {
+    let ends = || {
+        let times_s = seen_after_mid_s(&planned.target, &plan.motion, 0.0)?;
+        let [begin, end] = times_s.map(|t_s| seen_by_row(&planned.target, plan, t_s));
+        Some((begin?, end?))
+    };
+    let (false, Some((begin, end))) = (plan.motion.is_still(), ends()) else { return planned.smear };
+    let nodes = plan.stars[planned.nodes.clone()].iter().map(|node| node.mean_px);
+    let length_px = polyline_px(core::iter::once(begin).chain(nodes).chain([end]));
+    Smear { length_px, angle_rad: (end[1] - begin[1]).atan2(end[0] - begin[0]) }
 }

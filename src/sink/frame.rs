@@ -5,6 +5,9 @@ use crate::base::time::{Span, Tai};
 use crate::sink::active_fault::ActiveFaults;
 use crate::sink::faults::FaultFlags;
 use crate::sink::target_table::TargetRow;
+use crate::sink::wcs::Wcs;
+#[cfg(test)]
+use crate::sink::wcs::{Sip, SipTerm};
 use std::sync::Arc;
 
 /// Targets on the sky for which there is room from the start.
@@ -110,11 +113,14 @@ impl TruthKind {
 pub struct TruthStar {
     /// Identifier: the catalog's; false stars and targets have ranges of their own.
     pub id: u32,
-    /// Right ascension of the apparent direction at mid-exposure, ICRF axes, deg.
-    pub ra_deg: f64,
-    /// Declination of the apparent direction at mid-exposure, ICRF axes, deg.
-    pub dec_deg: f64,
-    /// Magnitude in the instrument's band.
+    /// Right ascension and declination in which the moving observer sees it at mid-exposure, ICRF axes, deg: with
+    /// aberration and deflection. Not a number for what is not on the sky.
+    pub apparent_deg: [f64; 2],
+    /// The same without aberration and deflection, as a catalog has it: ICRS at the frame's epoch, space motion and parallax
+    /// applied.
+    pub catalog_deg: [f64; 2],
+    /// Magnitude in the instrument's band; infinite for a target that is dark at mid-exposure, not a number where there is
+    /// none.
     pub mag: f32,
     /// Mean column over the exposure, px (first pixel's centre is 0).
     pub x_px: f64,
@@ -124,9 +130,9 @@ pub struct TruthStar {
     pub electrons: f64,
     /// What it is.
     pub kind: TruthKind,
-    /// Length of the smear by its own motion, px; 0 for what moves with the sky.
+    /// Length of its path over the image during the exposure, px: slews, jitter, a target's own motion.
     pub smear_px: f64,
-    /// Direction of its own motion, from columns towards rows, deg.
+    /// Direction from the start of that path to its end, from columns towards rows, deg; 0 for one that comes back.
     pub smear_deg: f64,
 }
 
@@ -134,8 +140,8 @@ impl TruthStar {
     /// A row with nothing in it.
     pub const NONE: Self = Self {
         id: 0,
-        ra_deg: 0.0,
-        dec_deg: 0.0,
+        apparent_deg: [0.0; 2],
+        catalog_deg: [0.0; 2],
         mag: 0.0,
         x_px: 0.0,
         y_px: 0.0,
@@ -205,6 +211,23 @@ pub struct FrameMeta {
     pub binning: u32,
     /// First sensor pixel of the image, column and row.
     pub window_px: [u32; 2],
+    /// What else is known of the camera; `None` where the image is not that of its own detector.
+    pub facts: Option<CameraFacts>,
+    /// Where on the sky its pixels are; `None` without stars, and for an image that does not show its attitude.
+    pub wcs: Option<Wcs>,
+}
+
+/// Numbers of a camera that readers of its images want.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraFacts {
+    /// Pitch of the sensor's pixels, um.
+    pub pixel_pitch_um: f64,
+    /// Focal length, mm.
+    pub focal_length_mm: f64,
+    /// Digital number at which a pixel of the image saturates: of the full well or of the converter, whichever is less.
+    pub saturation_dn: f64,
+    /// Read noise of one pixel of the image, e- rms.
+    pub read_noise_e_rms: f64,
 }
 
 impl FrameMeta {
@@ -240,6 +263,8 @@ impl FrameMeta {
             black_level_dn: 0.0,
             binning: 1,
             window_px: [0; 2],
+            facts: None,
+            wcs: None,
         }
     }
 
@@ -247,6 +272,12 @@ impl FrameMeta {
     #[must_use]
     pub fn exposure_start(&self) -> Tai {
         self.mid_exposure - Span::from_s(self.exposure_s / 2.0)
+    }
+
+    /// Returns the end of the exposure.
+    #[must_use]
+    pub fn exposure_end(&self) -> Tai {
+        self.exposure_start() + Span::from_s(self.exposure_s)
     }
 }
 
@@ -260,8 +291,8 @@ pub(crate) fn sample_frame(number: u32) -> SentFrame {
     }
     let star = TruthStar {
         id: 424,
-        ra_deg: 37.954_560_671,
-        dec_deg: 89.264_109_444,
+        apparent_deg: [37.954_560_671, 89.264_109_444],
+        catalog_deg: [37.961_234_567, 89.263_987_654],
         mag: 1.98,
         x_px: 12.345_678_901,
         y_px: -0.25,
@@ -286,5 +317,19 @@ pub(crate) fn sample_frame(number: u32) -> SentFrame {
     let amount = Amount { value: 31.25, unit: "e-/s" };
     frame.meta.active.push(ActiveFault { name: "hot_pixels", number: 3, amount });
     (frame.meta.gain_e_per_dn, frame.meta.black_level_dn) = (2.5, 64.0);
+    let (pixel_pitch_um, focal_length_mm) = (5.5, 52.25);
+    let facts = CameraFacts { pixel_pitch_um, focal_length_mm, saturation_dn: 4095.0, read_noise_e_rms: 7.5 };
+    frame.meta.facts = Some(facts);
+    let term = |i, j, a, b| SipTerm { i, j, along: [a, b] };
+    let forward = vec![term(2, 0, 1e-6, -2e-6), term(1, 2, 3e-9, 4e-9)];
+    let sip = Sip { order: 3, forward, inverse_order: 2, inverse: vec![term(0, 1, 5e-6, 6e-6)] };
+    frame.meta.wcs = Some(Wcs {
+        crpix: [16.25, 9.5],
+        crval_deg: [359.987_654_321, -0.333],
+        cd_deg_px: [[-0.01, 0.002], [0.002, 0.01]],
+        quadratic_px: [[1e-7, 0.0, 0.0], [0.0, 2e-7, 0.0]],
+        sip: Some(Arc::new(sip)),
+        error_px: 0.001_25,
+    });
     frame
 }

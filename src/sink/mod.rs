@@ -45,6 +45,7 @@ pub mod tap;
 pub mod target_table;
 pub mod tee;
 pub mod truth;
+pub mod wcs;
 
 pub use active_fault::{ActiveFault, ActiveFaults, Amount};
 pub use alone::Alone;
@@ -53,7 +54,7 @@ pub use branch::{BranchParams, END_PATIENCE};
 pub use error::SinkError;
 pub use fan::{Fan, OnFull};
 pub use faults::FaultFlags;
-pub use frame::{FrameMeta, SentFrame, TruthKind, TruthStar};
+pub use frame::{CameraFacts, FrameMeta, SentFrame, TruthKind, TruthStar};
 pub use frame_fault::{DefectSpots, FaultPixels, FrameFault, PixelFault, ProtonStorm};
 pub use line::{Loss, LossKind, SinkLine, sink_lines};
 pub use null::NullSink;
@@ -61,6 +62,7 @@ pub use recorder::{Recorder, RecorderOptions};
 pub use tap::{Tap, TapEnd, tap};
 pub use target_table::TargetRow;
 pub use tee::Tee;
+pub use wcs::{MOST_SIP_ORDER, QUADRATIC, Sip, SipTerm, Wcs};
 
 use std::path::PathBuf;
 

@@ -6,7 +6,7 @@
 use std::io::{self, Write};
 
 /// Names of the columns, in order.
-pub const HEADER: &str = "id,ra_deg,dec_deg,x_begin_px,y_begin_px,x_end_px,y_end_px,range_km,range_rate_km_s,rate_deg_s,\
+pub const HEADER: &str = "id,apparent_ra_deg,apparent_dec_deg,x_begin_px,y_begin_px,x_end_px,y_end_px,range_km,range_rate_km_s,rate_deg_s,\
                           phase_deg,sunlight,mag_g";
 
 /// One target on the sky in a frame.

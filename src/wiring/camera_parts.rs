@@ -60,6 +60,8 @@ pub fn camera_params(camera: &config::Camera) -> Result<CameraParams> {
             spatial: detector.spatial,
         },
         patterns: detector.maps.clone(),
+        pixel_pitch_um: detector.pixel_pitch_um,
+        focal_length_mm: optics.focal_length_mm,
         limiting_mag: camera.radiometry.limiting_mag as f32,
         exposure_s: camera.exposure.exposure_s,
         readout_s: camera.exposure.readout_s,

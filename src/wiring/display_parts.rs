@@ -140,6 +140,8 @@ pub fn take_display(params: &mut RunParams, bench: &Bench, now: Tai) -> Result<O
             ..DetectorParams::QUIET
         },
         patterns: Patterns::default(),
+        pixel_pitch_um: camera.pixel_pitch_um,
+        focal_length_mm: camera.focal_length_mm,
         limiting_mag: camera.limiting_mag,
         exposure_s: exposure.s(),
         readout_s: refresh.s(),

@@ -81,7 +81,7 @@ impl Run {
 
 /// Unit vector of a star.
 fn direction(star: &TruthStar) -> DVec3 {
-    let (ra, dec) = (star.ra_deg * DEG, star.dec_deg * DEG);
+    let [ra, dec] = star.apparent_deg.map(|deg| deg * DEG);
     DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin())
 }
 

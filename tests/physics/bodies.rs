@@ -473,7 +473,7 @@ fn the_truth_has_a_row_for_each_body_and_the_picture_its_light() {
     let mut planner = scene::planner(size, &PsfModel::gaussian(0.7), "static", scene::los(), None);
     let plan = planner.plan(sources).clone();
     let mut rows = Vec::new();
-    fill_truth(&plan, &OutputGeometry::whole([size, size]), &mut rows);
+    fill_truth(&plan, &OutputGeometry::whole([size, size]), None, &mut rows);
     let kinds: Vec<_> = rows.iter().map(|row| (row.id, row.kind)).collect();
     assert_eq!(kinds, [(7, TruthKind::Star), (FIRST_BODY_ID + MOON_NUMBER, TruthKind::Moon)]);
     let [star, crescent] = [rows[0], rows[1]];

@@ -76,6 +76,8 @@ fn camera() -> CameraParams {
             dsnu_e_rms: 0.0,
             ..DetectorParams::QUIET
         },
+        pixel_pitch_um: 10.0,
+        focal_length_mm: FOCAL_PX * 0.01,
         limiting_mag: 6.0, // few neighbours, so that many stars stand alone
         exposure_s: 0.1,
         readout_s: 0.1,

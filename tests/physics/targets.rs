@@ -255,7 +255,7 @@ fn a_target_seen_for_a_part_of_the_exposure_leaves_that_part_of_its_light() {
     assert_drawn("seen for 30 of 100 ms", planner.plan(&[]), &truth);
     let mut rows = Vec::new();
     let plan = planner.latest();
-    fill_truth(plan, &whole(plan), &mut rows);
+    fill_truth(plan, &whole(plan), None, &mut rows);
     let [row] = rows[..] else { panic!("one row: {rows:?}") };
     assert!((row.electrons / (0.3 * LIGHT_E) - 1.0).abs() < 1e-6, "{}", row.electrons);
     assert!((row.x_px - 33.0).abs() < 1e-9 && (row.y_px - 41.5).abs() < 1e-9, "{row:?}");
@@ -275,7 +275,7 @@ fn the_truth_has_a_row_for_each_target_and_every_star() {
     let mut planner = still(vec![target(through([20.0, 30.0], [-30.0, 40.0])), other, away]);
     let plan = planner.plan(&[star(7, 2e4, [60.0, 60.0]), star(8, 3e4, [70.0, 10.0])]).clone();
     let mut rows = Vec::new();
-    fill_truth(&plan, &whole(&plan), &mut rows);
+    fill_truth(&plan, &whole(&plan), None, &mut rows);
     let kinds: Vec<_> = rows.iter().map(|row| (row.id, row.kind)).collect();
     let wanted = [
         (7, TruthKind::Star),

@@ -61,7 +61,7 @@ fn neighbour_distance(places: &[[f64; 2]]) -> f64 {
         others.map(|(_, place)| distance(place, at)).fold(f64::INFINITY, f64::min)
     };
     let mut distances: Vec<f64> = places.iter().enumerate().map(nearest).collect();
-    crate::display::least_squares::median(&mut distances)
+    crate::base::least_squares::median(&mut distances)
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@
 use super::error::CalibrationError;
 use super::measurement::Sight;
 use super::pattern::Pattern;
-use crate::display::least_squares::median;
+use crate::base::least_squares::median;
 use crate::display::response::{GreyLevel, ResponseParameters, response_of};
 use std::collections::BTreeMap;
 

@@ -14,10 +14,10 @@
 //! Tests: `fit_map_tests`; `tests/physics/display_calibration`.
 
 use super::error::CalibrationError;
+use crate::base::least_squares::{Basis, median, rms};
 use crate::base::random::philox;
 use crate::display::covered::Covered;
 use crate::display::geometry::{DisplayGeometry, GeometryParameters, Pinhole, taken_apart, wxyz};
-use crate::display::least_squares::{Basis, median, rms};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 /// Fewest dots that make a map.

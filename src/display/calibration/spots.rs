@@ -11,7 +11,7 @@
 use super::measurement::Sight;
 use super::pattern::Pattern;
 use crate::base::image::{DnImage, Image};
-use crate::display::least_squares::median;
+use crate::base::least_squares::median;
 
 /// Standard deviations above the background.
 const THRESHOLD_SIGMA: f64 = 8.0;

@@ -2,6 +2,7 @@
 
 use super::BLOCK_BYTES;
 use super::card::{CARD_BYTES, Card, Header, end_card, format_card};
+use super::checksum::{NO_CHECKSUM, Sum32, encoded};
 use std::io::{self, Write};
 
 /// Bytes converted at a time; whole blocks, and whole pixels of every kind.
@@ -29,6 +30,15 @@ impl Pixels<'_> {
         }
     }
 
+    /// Hands the bytes of the file to `take`, some at a time, whole words but for the last.
+    fn for_each_chunk(&self, take: impl FnMut(&[u8]) -> io::Result<()>) -> io::Result<()> {
+        match self {
+            Self::U16(p) => convert(p, |v| (v ^ BZERO_U16).to_be_bytes(), take),
+            Self::F32(p) => convert(p, f32::to_be_bytes, take),
+            Self::F64(p) => convert(p, f64::to_be_bytes, take),
+        }
+    }
+
     fn bitpix(&self) -> i64 {
         match self {
             Self::U16(_) => 16,
@@ -53,31 +63,42 @@ pub fn write_image(
         let text = format!("wanted {width} x {height} pixels, got {}", pixels.len());
         return Err(io::Error::new(io::ErrorKind::InvalidInput, text));
     }
-    write_header(&mut out, width, height, pixels, header)?;
-    let bytes = match pixels {
-        Pixels::U16(p) => write_pixels(&mut out, p, |v| (v ^ BZERO_U16).to_be_bytes()),
-        Pixels::F32(p) => write_pixels(&mut out, p, f32::to_be_bytes),
-        Pixels::F64(p) => write_pixels(&mut out, p, f64::to_be_bytes),
-    }?;
-    out.write_all(&[0; BLOCK_BYTES][..fill_bytes(bytes)])?;
+    let mut data_sum = Sum32::default();
+    pixels.for_each_chunk(|bytes| {
+        data_sum.add(bytes);
+        Ok(())
+    })?;
+    out.write_all(&header_bytes(width, height, pixels, header, data_sum))?;
+    let mut written = 0;
+    pixels.for_each_chunk(|bytes| {
+        written += bytes.len();
+        out.write_all(bytes)
+    })?;
+    out.write_all(&[0; BLOCK_BYTES][..fill_bytes(written)])?;
     out.flush()
 }
 
-fn write_header(
-    out: &mut impl Write,
-    width: usize,
-    height: usize,
-    pixels: Pixels<'_>,
-    header: &Header,
-) -> io::Result<()> {
-    let mut bytes = Vec::with_capacity(4 * BLOCK_BYTES);
-    let mandatory = mandatory_cards(width, height, pixels);
-    for card in mandatory.iter().chain(header.cards()).chain([&end_card()]) {
+/// Returns the whole header, with the checksums of the data and of the file.
+fn header_bytes(width: usize, height: usize, pixels: Pixels<'_>, header: &Header, data_sum: Sum32) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(8 * BLOCK_BYTES);
+    for card in mandatory_cards(width, height, pixels).iter().chain(header.cards()) {
         bytes.extend_from_slice(card);
     }
+    let data_text = data_sum.value().to_string();
+    bytes.extend_from_slice(&format_card("DATASUM", &data_text.into(), "of the data, ones' complement"));
+    let at = bytes.len();
+    bytes.extend_from_slice(&checksum_card(NO_CHECKSUM));
+    bytes.extend_from_slice(&end_card());
     bytes.resize(bytes.len() + fill_bytes(bytes.len()), b' ');
     debug_assert_eq!(bytes.len() % CARD_BYTES, 0, "whole cards");
-    out.write_all(&bytes)
+    let mut sum = data_sum;
+    sum.add(&bytes);
+    bytes[at..at + CARD_BYTES].copy_from_slice(&checksum_card(&encoded(sum.value())));
+    bytes
+}
+
+fn checksum_card(text: &str) -> Card {
+    format_card("CHECKSUM", &text.into(), "of header and data")
 }
 
 fn mandatory_cards(width: usize, height: usize, pixels: Pixels<'_>) -> Vec<Card> {
@@ -95,21 +116,21 @@ fn mandatory_cards(width: usize, height: usize, pixels: Pixels<'_>) -> Vec<Card>
     cards
 }
 
-/// Converts and writes pixels, a chunk at a time; gives the number of bytes.
-fn write_pixels<T: Copy, const N: usize>(
-    out: &mut impl Write,
+/// Converts pixels a chunk at a time and hands each chunk to `take`.
+fn convert<T: Copy, const N: usize>(
     pixels: &[T],
     big_endian: impl Fn(T) -> [u8; N],
-) -> io::Result<usize> {
+    mut take: impl FnMut(&[u8]) -> io::Result<()>,
+) -> io::Result<()> {
     let mut chunk = vec![0; CHUNK_BYTES];
     for some in pixels.chunks(CHUNK_BYTES / N) {
         let bytes = &mut chunk[..some.len() * N];
         for (to, &pixel) in bytes.chunks_exact_mut(N).zip(some) {
             to.copy_from_slice(&big_endian(pixel));
         }
-        out.write_all(bytes)?;
+        take(bytes)?;
     }
-    Ok(pixels.len() * N)
+    Ok(())
 }
 
 /// Bytes from `length` to the end of its block.
@@ -139,6 +160,23 @@ mod tests {
         for pixels in [0, 1, 1439, 1440, 1441, 100_000] {
             assert_eq!(file(pixels, 1, Pixels::U16(&vec![7; pixels])).len() % BLOCK_BYTES, 0, "{pixels} px");
             assert_eq!(file(1, pixels, Pixels::F64(&vec![7.0; pixels])).len() % BLOCK_BYTES, 0, "{pixels} px");
+        }
+    }
+
+    #[test]
+    fn the_words_of_every_file_sum_to_minus_zero() {
+        for pixels in [1, 2, 3, 1441, 50_001] {
+            let values: Vec<u16> = (0..pixels).map(|i| (i * 7919 % 65_521) as u16).collect();
+            let mut bytes = file(pixels, 1, Pixels::U16(&values));
+            let sum = |bytes: &[u8]| {
+                let mut sum = Sum32::default();
+                sum.add(bytes);
+                sum.value()
+            };
+            assert_eq!(sum(&bytes), u32::MAX, "{pixels} px");
+            assert_eq!(sum(&file(pixels, 1, Pixels::F32(&vec![0.1; pixels]))), u32::MAX, "{pixels} px");
+            bytes[BLOCK_BYTES] ^= 1;
+            assert_ne!(sum(&bytes), u32::MAX, "control: damage is seen");
         }
     }
 

@@ -5,6 +5,7 @@
 
 use super::card::Header;
 use super::image::{Pixels, write_image};
+use super::wcs_cards::push_wcs;
 use crate::base::time::Tai;
 use crate::base::units::DAY_S;
 use crate::sink::crc32::pixel_crc32;
@@ -22,6 +23,10 @@ pub fn write_frame(out: impl Write, frame: &SentFrame) -> io::Result<()> {
     let mut header = Header::default();
     header.push("BUNIT", "adu", "digital numbers (DN)");
     push_meta(&mut header, &frame.meta);
+    if let Some(facts) = &frame.meta.facts {
+        header.push("SATURATE", facts.saturation_dn, "[DN] a pixel saturates");
+        header.push("RDNOISE", facts.read_noise_e_rms, "[e-] rms of one pixel");
+    }
     header.push("NSTARS", frame.truth.len(), "stars in the truth table");
     header.push("PIXCRC32", pixel_crc32(&frame.image), "CRC-32 of the DN, little-endian, row by row");
     write_image(out, frame.image.width(), frame.image.height(), Pixels::U16(frame.image.pixels()), &header)
@@ -52,16 +57,42 @@ pub fn push_meta(header: &mut Header, meta: &FrameMeta) {
     push_time(header, meta);
     push_attitude(header, meta);
     push_origin(header, meta);
+    push_optics(header, meta);
+    if let Some(wcs) = &meta.wcs {
+        push_wcs(header, wcs);
+    }
 }
 
 fn push_time(header: &mut Header, meta: &FrameMeta) {
     let start = meta.exposure_start();
     header.push("TIMESYS", "UTC", "");
     header.push("DATE-OBS", utc_text(start), "[UTC] start of exposure");
-    header.push("MJD-OBS", UNIX_EPOCH_MJD + start.unix_s() / DAY_S, "[d] UTC, start of exposure");
+    header.push("MJD-OBS", mjd(start), "[d] UTC, start of exposure");
+    for (name, at, what) in [
+        ("BEG", start, "start of exposure"),
+        ("AVG", meta.mid_exposure, "mid-exposure"),
+        ("END", meta.exposure_end(), "end of exposure"),
+    ] {
+        header.push(&format!("DATE-{name}"), utc_text(at), &format!("[UTC] {what}"));
+        header.push(&format!("MJD-{name}"), mjd(at), &format!("[d] UTC, {what}"));
+    }
     header.push("T-MID", utc_text(meta.mid_exposure), "[UTC] mid-exposure");
     header.push("MID_NS", meta.mid_exposure.ns(), "[ns] mid-exposure, TAI since 1970.0 TAI");
     header.push("EXPTIME", meta.exposure_s, "[s] integration time");
+}
+
+/// Modified Julian date, UTC.
+fn mjd(at: Tai) -> f64 {
+    UNIX_EPOCH_MJD + at.unix_s() / DAY_S
+}
+
+/// Pixels and focal length, as readers of other cameras' files look for them.
+fn push_optics(header: &mut Header, meta: &FrameMeta) {
+    let Some(facts) = &meta.facts else { return };
+    let pitch_um = facts.pixel_pitch_um * f64::from(meta.binning);
+    header.push("XPIXSZ", pitch_um, "[um] width of a pixel of the image, binned");
+    header.push("YPIXSZ", pitch_um, "[um] height of a pixel of the image, binned");
+    header.push("FOCALLEN", facts.focal_length_mm, "[mm] focal length");
 }
 
 fn push_attitude(header: &mut Header, meta: &FrameMeta) {
@@ -167,10 +198,32 @@ mod tests {
         let header = round_trip(&frame).header;
         assert_eq!(header.text("DATE-OBS").as_deref(), Some("2026-03-01T11:59:59.750000"));
         assert_eq!(header.text("T-MID").as_deref(), Some("2026-03-01T12:00:00.000000"));
+        assert_eq!(header.text("DATE-BEG"), header.text("DATE-OBS"));
+        assert_eq!(header.text("DATE-AVG"), header.text("T-MID"));
+        assert_eq!(header.text("DATE-END").as_deref(), Some("2026-03-01T12:00:00.250000"));
         // f64 resolves 0.6 us at MJD 61100.
         const MJD_D: f64 = 1e-6 / DAY_S;
         let mjd = header.real("MJD-OBS").unwrap();
         assert!((mjd - (61_100.5 - 0.25 / DAY_S)).abs() < MJD_D, "{mjd}");
+    }
+
+    #[test]
+    fn the_camera_and_the_sky_are_in_the_header() {
+        let mut frame = sample_frame(1);
+        frame.meta.binning = 2;
+        let header = round_trip(&frame).header;
+        assert_eq!((header.real("XPIXSZ"), header.real("FOCALLEN")), (Some(11.0), Some(52.25)), "binned pixels");
+        assert_eq!((header.real("SATURATE"), header.real("RDNOISE")), (Some(4095.0), Some(7.5)));
+        assert_eq!(header.text("CTYPE1").as_deref(), Some("RA---TAN-SIP"));
+        assert_eq!((header.real("CRPIX1"), header.real("CD1_2")), (Some(16.25), Some(0.002)));
+        assert_eq!((header.integer("A_ORDER"), header.integer("AP_ORDER")), (Some(3), Some(2)));
+        // The lens's terms and the frame's own together; to the sky added, back subtracted.
+        assert_eq!((header.real("A_2_0"), header.real("B_2_0")), (Some(1e-6 + 1e-7), Some(-2e-6)));
+        assert_eq!((header.real("B_1_2"), header.real("A_0_3")), (Some(4e-9), None));
+        assert_eq!((header.real("AP_0_1"), header.real("BP_1_1")), (Some(5e-6), Some(-2e-7)));
+        (frame.meta.wcs, frame.meta.facts) = (None, None);
+        let header = round_trip(&frame).header;
+        assert_eq!((header.text("CTYPE1"), header.real("FOCALLEN")), (None, None), "nothing where nothing is known");
     }
 
     #[test]

@@ -6,8 +6,10 @@
 //! at the bottom, so they show the image upside down. FITS counts pixels from 1: pixel (x, y) here is (x + 1, y + 1)
 //! there.
 //!
-//! Limits: no extensions, tables, compression or `CONTINUE`; long text is cut. Attitude keywords are truth about the
-//! stimulus, not a WCS.
+//! The WCS maps pixels to ICRS catalog places at the epoch of the frame (`wcs_cards`); `DATASUM` and `CHECKSUM` as in the
+//! standard (`checksum`).
+//!
+//! Limits: no extensions, tables, compression or `CONTINUE`; long text is cut.
 //!
 //! Checked outside the tests with astropy 8.0.2 on files of this writer (u16, f32, f64, odd sizes): `verify('exception')`
 //! is silent with every warning turned into an error, every card's own verification passes, the pixels are equal bit by
@@ -15,9 +17,11 @@
 //! to 2 us, `Unit(BUNIT)` parses, and zlib gives the same CRC-32 as `PIXCRC32` and `frames.csv`.
 
 pub mod card;
+mod checksum;
 pub mod image;
 pub mod keywords;
 pub mod read;
+mod wcs_cards;
 
 pub use card::{Header, Value};
 pub use image::{Pixels, write_image};

@@ -8,5 +8,7 @@ pub mod faults;
 pub mod frame;
 #[path = "../../../src/sink/target_table.rs"]
 pub mod target_table;
+#[path = "../../../src/sink/wcs.rs"]
+pub mod wcs;
 
 pub use frame::FrameMeta;
