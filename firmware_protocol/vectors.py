@@ -11,7 +11,7 @@ import json
 import math
 import struct
 
-MAJOR, MINOR = 1, 2
+MAJOR, MINOR = 1, 3
 REJECTS = ["NotFinite", "QuaternionNorm", "BadCrc", "WrongLength", "TornGroup", "UnknownId", "UnknownValue",
            "WrongVersion", "ReplayedSequence", "StaleTime", "FutureTime", "BadFraming", "Oversize"]
 NUMBERS = {"SYNC": 0x08, "EXPOSURE": 0x18, "STATUS": 0x19, "TIME_FUP": 0x20, "ATT_Q01": 0x21, "ATT_Q23": 0x22,
@@ -92,7 +92,7 @@ def status(f):
         return struct.pack("<BBhi", 2, 0, f["drift_0_1ppm"], f["residual_ns"])
     if page == 3:
         return struct.pack("<BBHI", 3, f["reason"], 0, f["count"])
-    return struct.pack("<BBHI", page, f["frame"], 0, f["turns_2_32"])
+    return struct.pack("<BBHI", page, f["frame"], f["flags"], f["turns_2_32"])
 
 
 def command(f):
@@ -205,7 +205,7 @@ def messages():
     for reason, name in enumerate(REJECTS):
         add(f"status: rejects, {name}", "STATUS", page=3, reason=reason, count=70000 + reason)
     for page, turn in turns.items():
-        add(f"status: pointing, page {page}", "STATUS", page=page, frame=200, turns_2_32=turn)
+        add(f"status: pointing, page {page}", "STATUS", page=page, frame=200, turns_2_32=turn, flags=0)
     add("hello", "CMD", opcode=1, token=5, major=1, minor=1)
     add("hello of a 1.0 peer", "CMD", opcode=1, token=6, major=1, minor=0)
     add("info", "CMD", opcode=2, token=7, page=1)
@@ -238,6 +238,12 @@ def messages():
     add("triggered late", "RSP", opcode=6, token=15, code=0, trigger=65535, late=1)
     for code in range(8, 11):
         add(f"trigger refused, code {code}", "RSP", opcode=6, token=16, code=code)
+    # Since 1.3; the bytes above are those of 1.2.
+    add("hello of a 1.3 peer", "CMD", opcode=1, token=17, major=1, minor=3)
+    add("hello done by 1.3", "RSP", opcode=1, token=17, code=0, major=1, minor=3, capabilities=15, attitude_convention=1)
+    for page, flags in ((4, 1), (5, 2), (6, 3), (6, 0x8000)):
+        add(f"status: pointing, page {page}, flags {flags:#x}", "STATUS", page=page, frame=201, turns_2_32=turns[page], flags=flags)
+    add("trigger refused, code 11", "RSP", opcode=6, token=18, code=11)
     return out
 
 
@@ -307,7 +313,7 @@ def can_rejected():
     yield "status mode 5", [("STATUS", changed(bytes(8), 1, 5))], "UnknownValue"
     yield "status reason 13", [("STATUS", b"\3\x0d" + bytes(6))], "UnknownValue"
     yield "response of opcode 7", [("RSP", b"\7" + bytes(7))], "UnknownValue"
-    yield "response with code 11", [("RSP", b"\5\0\x0b" + bytes(5))], "UnknownValue"
+    yield "response with code 12", [("RSP", b"\5\0\x0c" + bytes(5))], "UnknownValue"
     yield "response with page 2", [("RSP", b"\2\0\0\2" + bytes(4))], "UnknownValue"
     yield "response for table 4", [("RSP", b"\5\0\0\4" + bytes(4))], "UnknownValue"
     yield "heartbeat state 4", [("HEARTBEAT", b"\4\1")], "UnknownValue"

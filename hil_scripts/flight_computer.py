@@ -9,7 +9,8 @@
 It shakes hands (HELLO, INFO, RUN), sends time marks and attitude, turns by --slew-deg from rest to rest, and reads
 EXPOSURE and STATUS back: for each frame the right ascension, declination and roll that were rendered are compared with
 its own attitude at the exposure time that it was told. Exit status: 0 when every frame is within --limit-arcsec, 4 when
-one is not or too few came, 1 when the stimulator cannot be reached or refuses.
+one is not or too few came, 1 when the stimulator cannot be reached or refuses a command (a trigger that no fault or event
+of the run waits for, for example).
 """
 
 import argparse
@@ -212,12 +213,12 @@ class FlightComputer:
                 self.fly(self.now_s() + 0.02)
                 if answer := self.answers.pop(self.token, None):
                     if answer["Code"] != 0:
-                        raise Refused(f"{what} was refused with code {answer['Code']}")
+                        raise Refused(f"{what} was refused: {self.transport.codec.refusal(answer['Code'])}")
                     return answer
         raise TimeoutError(f"no answer to {what} within {10 * RETRY_S:.0f} s")
 
     def shake_hands(self):
-        hello = self.ask("HELLO", Major=1, Minor=2)
+        hello = self.ask("HELLO", Major=1, Minor=3)
         info = self.ask("INFO", InfoPage=0)
         self.ask("RUN")
         return hello, info
@@ -286,7 +287,8 @@ def arguments():
     parser.add_argument("--least-frames", type=int, default=20, help="fewer compared frames are a failure")
     parser.add_argument("--limit-arcsec", type=float, default=1.0)
     parser.add_argument("--trigger", type=trigger, metavar="NUMBER[@S]", action="append", default=[],
-                        help="fire a trigger at once, or S seconds after the turn began; may be repeated")
+                        help="fire a trigger at once, or S seconds after the turn began; may be repeated; "
+                        "a number that nothing in the run waits for is refused")
     parser.add_argument("--biased-deg", type=float, default=0.0, help="compare with a slew longer by this (control)")
     parsed = parser.parse_args()
     if (parsed.serial is None) == (parsed.interface is None):
@@ -319,12 +321,12 @@ def main():
     print(f"protocol {hello['Major']}.{hello['Minor']}, DBC CRC-32 {info['DbcCrc32']:08x} ({'the same' if same else 'ANOTHER'} file)")
     computer.fly(computer.now_s() + 1.0)
     slew.start_s = computer.now_s() + 0.5
-    try:
-        for number, after_s in given.trigger:
+    for number, after_s in given.trigger:
+        try:
             answer = computer.fire(number, None if after_s is None else slew.start_s + after_s)
-            print(f"trigger {number} was taken{', late' if answer['TriggeredLate'] else ''}")
-    except (Refused, TimeoutError, ValueError) as error:
-        sys.exit(f"flight_computer: {error}")
+        except (Refused, TimeoutError, ValueError) as error:
+            sys.exit(f"flight_computer: trigger {number}: {error}")
+        print(f"trigger {number} was taken{', late' if answer['TriggeredLate'] else ''}")
     computer.fly(slew.start_s + given.slew_s + 1.0)
     slew.angle += math.radians(given.biased_deg)
     # Frames exposed before the turn was planned saw the same attitude at rest.

@@ -162,7 +162,7 @@ class Starloop:
     def trigger(self, number: int, at_s: Optional[float] = None) -> Dict[str, Any]:
         """Lets the flight computer fire a numbered trigger over the bus, to act at `at_s`, or at once.
 
-        Whether the stimulator took it is told by the events in `summary()`: trigger_taken, trigger_late, command_refused.
+        Whether the stimulator took it is told by the events in `summary()`: trigger_taken, trigger_late, trigger_refused.
         """
         given = {} if at_s is None else {"at_s": at_s}
         return self.request("trigger", number=number, **given)

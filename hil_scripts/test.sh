@@ -5,8 +5,8 @@
 #
 # Installs what is missing of the software Vulkan driver, of user-mode Linux (a kernel with CAN, run as a program), of
 # other people's programs that read what starloop sends (can-utils, tshark, Aravis, GStreamer, Siril, a browser, an X
-# server), and a linker and Python's venv if there are none (apt, as root or through sudo), and says so; with these
-# present it needs neither apt nor root. What the Python scripts need comes from PyPI into target/python and is kept
+# server), of further compilers for the C kit (clang, GCC for Cortex-M), and a linker and Python's venv if there are none
+# (apt, as root or through sudo), and says so; with these present it needs neither apt nor root. What the Python scripts need comes from PyPI into target/python and is kept
 # there. All steps run, also after one has failed; the last line counts the tests.
 #
 #   --no-vcan                leave out what needs a kernel with CAN, where user-mode Linux cannot be started
@@ -30,6 +30,7 @@ readonly no_vcan
 packages=(mesa-vulkan-drivers libvulkan1)             # software Vulkan, for the GPU tests
 command -v cc >/dev/null || packages+=(gcc libc6-dev) # the linker that Rust calls, and the C kit's compiler
 command -v c++ >/dev/null || packages+=(g++)          # the fuzzer's runtime
+packages+=(clang gcc-arm-none-eabi libnewlib-arm-none-eabi) # the C kit under other compilers
 packages+=(can-utils tshark)                          # other people's readers of captures
 packages+=(aravis-tools-cli gir1.2-aravis-0.8 python3-gi python3-numpy gstreamer1.0-tools) # clients of network cameras
 packages+=(xvfb xdotool evilwm twm x11-xserver-utils libxkbcommon-x11-0 chromium siril)    # screens without a monitor, a browser, a reader of SER files

@@ -4,6 +4,7 @@ Needs cantools (hil_scripts/requirements.txt). Both directions, CAN FD and class
 """
 
 import json
+import re
 import struct
 import sys
 import unittest
@@ -11,7 +12,8 @@ from pathlib import Path
 
 import cantools
 
-from wire import Codec
+from shared_frames import FILE_HEAD, SLOT_HEAD, SLOT_NAMES
+from wire import REFUSALS, Codec
 
 KIT = Path(__file__).resolve().parent.parent / "firmware_protocol"
 VECTORS = json.loads((KIT / "vectors.json").read_text())
@@ -67,7 +69,7 @@ def status(f):
     turns = f["turns_2_32"]
     if page > 4 and turns >= 2**31:
         turns -= 2**32
-    return {"Page": page, name + "Frame": f["frame"], name: turns * 360 / 2**32}
+    return {"Page": page, name + "Frame": f["frame"], name + "Flags": f["flags"], name: turns * 360 / 2**32}
 
 
 def command(f):
@@ -152,6 +154,45 @@ def differences(db, vector, frame):
     return found
 
 
+def documented_heads():
+    """(offset, type code) of every scalar of the two tables of FRAMES.md, and the names of their rows."""
+    codes = {"u8": "B", "u32": "I", "i64": "q", "u64": "Q", "f64": "d"}
+    for table in (KIT / "FRAMES.md").read_text().split("| offset |")[1:]:
+        places, names = [], []
+        for row in table.splitlines()[2:]:
+            if not row.startswith("|"):
+                break
+            offset, kind, name = (cell.strip() for cell in row.strip("|").split("|")[:3])
+            scalar, _, count = kind.rstrip("]").partition("[")
+            step = struct.calcsize(codes[scalar])
+            if name != "reserved":
+                places += [(int(offset) + step * i, codes[scalar]) for i in range(int(count or 1))]
+                names.append(name)
+        yield places, names
+
+
+def places_of(form):
+    """(offset, type code) of every scalar of a struct without padding."""
+    places, at = [], 0
+    for count, code in re.findall(r"(\d*)([a-zA-Z])", form.format):
+        for _ in range(int(count or 1)):
+            if code != "x":
+                places.append((at, "B" if code == "s" else code))
+            at += struct.calcsize("=B" if code in "sx" else "=" + code)
+    return places
+
+
+class SharedMemory(unittest.TestCase):
+    def test_reader_has_the_documented_layout(self):
+        (file_head, _), (slot_head, names) = documented_heads()
+        self.assertEqual(places_of(FILE_HEAD), file_head)
+        self.assertEqual(places_of(SLOT_HEAD), slot_head)
+        self.assertEqual((FILE_HEAD.size, SLOT_HEAD.size), (64, 256))
+        arrays = {"attitude_wxyz": ["qw", "qx", "qy", "qz"], "ra_dec_roll_deg": ["ra_deg", "dec_deg", "roll_deg"],
+                  "rate_deg_s": ["rate_x_deg_s", "rate_y_deg_s", "rate_z_deg_s"]}
+        self.assertEqual([name for row in names for name in arrays.get(row, [row])], SLOT_NAMES)
+
+
 class AgainstTheVectors(unittest.TestCase):
     def test_every_frame_is_read_as_it_was_meant(self):
         db, count = database(), 0
@@ -190,6 +231,13 @@ class AgainstTheVectors(unittest.TestCase):
         # Negative control: everything that is sent is read.
         for vector, frame in frames():
             self.assertIsNotNone(codec.fields(int(frame["id"], 16), bytes.fromhex(frame["data"])), vector["name"])
+
+    def test_every_refusal_has_a_meaning_in_the_scripts(self):
+        codec = Codec()
+        names = codec.database.get_message_by_name("RSP").get_signal_by_name("Code").choices
+        self.assertEqual(sorted(REFUSALS), sorted(code for code in names if code != 0))
+        self.assertTrue(codec.refusal(11).startswith("UnknownTrigger (code 11): "))
+        self.assertIn("later version", codec.refusal(200))
 
     def test_a_moved_signal_is_noticed(self):
         text = (KIT / "dbc/starloop.dbc").read_text()

@@ -21,6 +21,20 @@ DBC = Path(__file__).resolve().parent.parent / "firmware_protocol/dbc/starloop.d
 MAJOR = 1
 # The packet's type on a serial line is the CAN identifier without its node.
 NODE_BITS = 4
+# What a refusal in RSP means, by its code; the DBC has the names.
+REFUSALS = {
+    1: "the stimulator does not know this command, or lacks the capability",
+    2: "the stimulator speaks another major version",
+    3: "no HELLO came before it",
+    4: "there is no such page",
+    5: "a cell of the table has not arrived",
+    6: "a cell of the table differs from what was summed",
+    7: "no such table, too many rows, or a value outside its limits",
+    8: "an instant was given before the first SYNC and TIME_FUP",
+    9: "its instant is more than 1 h ahead or 5 min past",
+    10: "64 triggers wait already",
+    11: "no fault or event of the run waits for this number",
+}
 # Bytes without a delimiter that are kept: no packet is as long.
 HELD_MAX = 4096
 
@@ -87,6 +101,12 @@ class Codec:
 
     def identifier(self, name):
         return self.database.get_message_by_name(name).frame_id
+
+    def refusal(self, code):
+        """Name, code and meaning of a refusal in RSP; a code of a later version has no name here."""
+        names = self.database.get_message_by_name("RSP").get_signal_by_name("Code").choices
+        meaning = REFUSALS.get(code, "a later version of the protocol has this code")
+        return f"{names.get(code, 'unknown')} (code {code}): {meaning}"
 
     def fields(self, identifier, data):
         """Name and fields of a payload; None for an identifier or a length that the DBC does not have, or a scaled integer

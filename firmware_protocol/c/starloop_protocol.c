@@ -4,14 +4,18 @@
 
 #include <string.h>
 
-#define NORM_TOLERANCE 1e-3
 #define REPLAY_WINDOW 16
-#define RATE_LSB 1e-6
+/* Counts per unit of the scaled fields. */
+#define RATE_COUNTS 1000000u /* per rad/s, rad/s^2 */
 #define RATE_BITS 21
-#define PAIR_LSB 0.02
+#define PAIR_COUNTS 50u /* per arcsec */
 #define PAIR_BITS 14
-#define BURST_LSB 0.01
-#define SPEED_LSB 0.25
+#define BURST_COUNTS 100u /* per arcsec */
+#define SPEED_COUNTS 4u /* per rpm */
+/* One in the fixed point of norms, and the squares of (1 - 1e-3) and (1 + 1e-3) of it. */
+#define NORM_ONE ((uint32_t)1 << 30)
+#define NORM_SQUARE_MIN UINT64_C(1150616814519137889)
+#define NORM_SQUARE_MAX UINT64_C(1155228500537565276)
 
 /* --- bytes ------------------------------------------------------------------------------------------------------- */
 
@@ -84,35 +88,53 @@ uint16_t sl_table_crc(uint16_t crc, float value) {
 
 /* --- scaled numbers ---------------------------------------------------------------------------------------------- */
 
+/* |value| * scale to the nearest integer, halves up, by integer arithmetic alone: exact on processors whose
+ * floating-point unit has single precision only. UINT64_MAX for 2^23 and more, infinities and NaN. */
+static uint64_t scaled_magnitude(float value, uint32_t scale) {
+    uint32_t bits, exponent, mantissa, shift;
+    memcpy(&bits, &value, 4);
+    exponent = bits >> 23 & 0xFF;
+    mantissa = bits & 0x7FFFFF;
+    if (exponent >= 150) return UINT64_MAX;
+    if (exponent != 0) mantissa |= 0x800000;
+    shift = 150 - (exponent != 0 ? exponent : 1);
+    if (shift > 60) return 0;
+    return ((uint64_t)mantissa * scale + ((uint64_t)1 << (shift - 1))) >> shift;
+}
+
+static int is_negative(float value) {
+    uint32_t bits;
+    memcpy(&bits, &value, 4);
+    return (int)(bits >> 31);
+}
+
 /* The nearest count, halves away from zero; 0 when it does not fit or is NaN. */
-static int to_counts(float value, double lsb, unsigned bits, int32_t *counts) {
-    double exact = (double)value / lsb;
-    double nearest = exact < 0 ? exact - 0.5 : exact + 0.5;
-    double limit = (double)((int32_t)1 << (bits - 1));
-    if (!(nearest < limit && nearest > -limit)) return 0;
-    *counts = (int32_t)nearest;
+static int to_counts(float value, uint32_t scale, unsigned bits, int32_t *counts) {
+    uint64_t magnitude = scaled_magnitude(value, scale);
+    if (magnitude >= (uint64_t)1 << (bits - 1)) return 0;
+    *counts = is_negative(value) ? -(int32_t)magnitude : (int32_t)magnitude;
     return 1;
 }
 
 /* Packs values from bit `shift` upwards into the word. */
-static int pack(const float *values, size_t count, double lsb, unsigned bits, unsigned shift, uint64_t *word) {
+static int pack(const float *values, size_t count, uint32_t scale, unsigned bits, unsigned shift, uint64_t *word) {
     size_t i;
     uint64_t mask = ((uint64_t)1 << bits) - 1;
     for (i = 0; i < count; i++) {
         int32_t counts;
-        if (!to_counts(values[i], lsb, bits, &counts)) return 0;
+        if (!to_counts(values[i], scale, bits, &counts)) return 0;
         *word |= ((uint64_t)(uint32_t)counts & mask) << (shift + bits * i);
     }
     return 1;
 }
 
 /* 0 when a field has its lowest count, which no encoder sends: it has no positive counterpart. */
-static int unpack(uint64_t word, double lsb, unsigned bits, unsigned shift, float *values, size_t count) {
+static int unpack(uint64_t word, uint32_t scale, unsigned bits, unsigned shift, float *values, size_t count) {
     size_t i;
     for (i = 0; i < count; i++) {
         uint32_t field = (uint32_t)(word >> (shift + bits * i)) & (((uint32_t)1 << bits) - 1);
         if (field == (uint32_t)1 << (bits - 1)) return 0;
-        values[i] = (float)(sign_extended(field, bits) * lsb);
+        values[i] = (float)sign_extended(field, bits) / (float)scale; /* both exact: the nearest float */
     }
     return 1;
 }
@@ -139,12 +161,16 @@ static void put_attitude(const sl_attitude *attitude, uint8_t *to) {
     put16(to + 6, sl_crc16(sl_crc16(SL_CRC16_START, to, 6), to + 8, 40));
 }
 
-/* Norm within the tolerance; squares are compared, so that no square root is needed. */
+/* Norm within 1e-3 of 1, decided to 1e-9; squares are compared, so that no square root is needed. */
 static int is_unit(const float q[4]) {
-    double low = 1.0 - NORM_TOLERANCE, high = 1.0 + NORM_TOLERANCE, square = 0.0;
+    uint64_t square = 0;
     int i;
-    for (i = 0; i < 4; i++) square += (double)q[i] * (double)q[i];
-    return square >= low * low && square <= high * high;
+    for (i = 0; i < 4; i++) {
+        uint64_t part = scaled_magnitude(q[i], NORM_ONE);
+        if (part > NORM_ONE + (NORM_ONE >> 6)) return 0; /* the sum of squares stays below 2^63 */
+        square += part * part;
+    }
+    return square >= NORM_SQUARE_MIN && square <= NORM_SQUARE_MAX;
 }
 
 /* Judges the quaternion; parts that do not hold become zero. */
@@ -177,7 +203,7 @@ static int put_burst(const sl_jitter_burst *burst, uint8_t *to) {
     to[7] = burst->count;
     for (i = 0; i < 2 * burst->count; i++) {
         int32_t counts;
-        if (!to_counts(burst->samples_arcsec[i / 2][i % 2], BURST_LSB, 16, &counts)) return 0;
+        if (!to_counts(burst->samples_arcsec[i / 2][i % 2], BURST_COUNTS, 16, &counts)) return 0;
         put16(to + 8 + 2 * i, (uint16_t)counts);
     }
     return 1;
@@ -192,21 +218,21 @@ static int get_burst(const uint8_t *from, sl_jitter_burst *burst) {
     if (burst->period_us == 0 || burst->count == 0 || burst->count > SL_BURST_MAX)
         return SL_REJECTED(SL_UNKNOWN_VALUE);
     for (i = 0; i < 2 * burst->count; i++)
-        if (!unpack(get16(from + 8 + 2 * i), BURST_LSB, 16, 0, &burst->samples_arcsec[i / 2][i % 2], 1))
+        if (!unpack(get16(from + 8 + 2 * i), BURST_COUNTS, 16, 0, &burst->samples_arcsec[i / 2][i % 2], 1))
             return SL_REJECTED(SL_UNKNOWN_VALUE);
     return SL_MESSAGE;
 }
 
 static int put_pair(const sl_jitter_pair *pair, uint8_t *to) {
     uint64_t word = pair->slot;
-    if (!pack(&pair->samples_arcsec[0][0], 4, PAIR_LSB, PAIR_BITS, 8, &word)) return 0;
+    if (!pack(&pair->samples_arcsec[0][0], 4, PAIR_COUNTS, PAIR_BITS, 8, &word)) return 0;
     put64(to, word);
     return 1;
 }
 
 static int put_wheels(const sl_wheels *wheels, uint8_t *to) {
     uint64_t word = 0;
-    if (!pack(wheels->speed_rpm, 4, SPEED_LSB, 16, 0, &word)) return 0;
+    if (!pack(wheels->speed_rpm, 4, SPEED_COUNTS, 16, 0, &word)) return 0;
     put64(to, word);
     return 1;
 }
@@ -241,6 +267,7 @@ static int put_status(const sl_status *status, uint8_t *to) {
         break;
     default:
         to[1] = status->frame;
+        put16(to + 2, status->flags);
         put32(to + 4, status->turns_2_32);
     }
     return 1;
@@ -268,6 +295,7 @@ static int get_status(const uint8_t *from, sl_status *status) {
         break;
     default:
         status->frame = from[1];
+        status->flags = get16(from + 2);
         status->turns_2_32 = get32(from + 4);
     }
     return is_status(status) ? SL_MESSAGE : SL_REJECTED(SL_UNKNOWN_VALUE);
@@ -336,7 +364,7 @@ static void get_command(const uint8_t *from, sl_command *command) {
 }
 
 static int is_response(const sl_response *response) {
-    if (response->code != SL_DONE) return response->code <= SL_TRIGGERS_FULL;
+    if (response->code != SL_DONE) return response->code <= SL_UNKNOWN_TRIGGER;
     if (response->opcode < SL_HELLO || response->opcode > SL_TRIGGER) return 0;
     if (response->opcode == SL_INFO && response->page > 1) return 0;
     return response->opcode != SL_APPLY || is_table(response->table);
@@ -474,11 +502,11 @@ int sl_payload_decode(uint8_t number, const uint8_t *payload, size_t len, sl_mes
     case SL_JITTER_BURST: return get_burst(payload, &message->as.jitter_burst);
     case SL_JITTER_PAIR:
         message->as.jitter_pair.slot = payload[0];
-        if (!unpack(get64(payload), PAIR_LSB, PAIR_BITS, 8, &message->as.jitter_pair.samples_arcsec[0][0], 4))
+        if (!unpack(get64(payload), PAIR_COUNTS, PAIR_BITS, 8, &message->as.jitter_pair.samples_arcsec[0][0], 4))
             return SL_REJECTED(SL_UNKNOWN_VALUE);
         break;
     case SL_WHEELS:
-        if (!unpack(get64(payload), SPEED_LSB, 16, 0, message->as.wheels.speed_rpm, 4))
+        if (!unpack(get64(payload), SPEED_COUNTS, 16, 0, message->as.wheels.speed_rpm, 4))
             return SL_REJECTED(SL_UNKNOWN_VALUE);
         break;
     case SL_EXPOSURE:
@@ -540,13 +568,13 @@ static uint16_t group_crc(uint8_t parts[4][8], unsigned present, const uint8_t h
 
 static int encode_group(const sl_attitude *attitude, uint16_t base, uint8_t node, sl_frame *frames) {
     uint8_t parts[4][8], commit[8];
-    unsigned present = 3 | (attitude->flags & (SL_FLAG_RATE | SL_FLAG_ACCELERATION)) << 2;
+    unsigned present = 3u | ((unsigned)attitude->flags & (SL_FLAG_RATE | SL_FLAG_ACCELERATION)) << 2;
     uint64_t rate = 0, acceleration = 0;
     int i, count = 0;
     put_floats(parts[0], attitude->q_wxyz, 2);
     put_floats(parts[1], attitude->q_wxyz + 2, 2);
-    if (present & 4 && !pack(attitude->rate_rad_s, 3, RATE_LSB, RATE_BITS, 0, &rate)) return SL_ERROR_RANGE;
-    if (present & 8 && !pack(attitude->acceleration_rad_s2, 3, RATE_LSB, RATE_BITS, 0, &acceleration))
+    if (present & 4 && !pack(attitude->rate_rad_s, 3, RATE_COUNTS, RATE_BITS, 0, &rate)) return SL_ERROR_RANGE;
+    if (present & 8 && !pack(attitude->acceleration_rad_s2, 3, RATE_COUNTS, RATE_BITS, 0, &acceleration))
         return SL_ERROR_RANGE;
     put64(parts[2], rate);
     put64(parts[3], acceleration);
@@ -599,8 +627,8 @@ static int close_group(sl_can_decoder *decoder, const sl_frame *frame, sl_attitu
         return SL_REJECTED(SL_TORN_GROUP);
     if (!get_floats(parts[0], attitude->q_wxyz, 2) || !get_floats(parts[1], attitude->q_wxyz + 2, 2))
         return SL_REJECTED(SL_NOT_FINITE);
-    if ((present & 4 && !unpack(get64(parts[2]), RATE_LSB, RATE_BITS, 0, attitude->rate_rad_s, 3)) ||
-        (present & 8 && !unpack(get64(parts[3]), RATE_LSB, RATE_BITS, 0, attitude->acceleration_rad_s2, 3)))
+    if ((present & 4 && !unpack(get64(parts[2]), RATE_COUNTS, RATE_BITS, 0, attitude->rate_rad_s, 3)) ||
+        (present & 8 && !unpack(get64(parts[3]), RATE_COUNTS, RATE_BITS, 0, attitude->acceleration_rad_s2, 3)))
         return SL_REJECTED(SL_UNKNOWN_VALUE);
     return judge_attitude(attitude);
 }

@@ -1,4 +1,4 @@
-/* Messages between flight firmware and the starloop star-sensor stimulator, protocol 1.2, in C99.
+/* Messages between flight firmware and the starloop star-sensor stimulator, protocol 1.3, in C99.
  *
  * No allocation, no global state, no library beyond <stdint.h>, <stddef.h> and <string.h>. INTERFACE.md gives every
  * byte. Two implementations stand behind this header: starloop_protocol.c, and the Rust crate as a static library
@@ -6,7 +6,8 @@
  *
  * Conventions: little-endian on the wire whatever the processor; quaternion body_from_icrf, Hamilton, scalar first,
  * passive (v_body = q v_icrf conj(q)); rates in body axes; time tags are spacecraft elapsed time in microseconds,
- * modulo 2^32. float and double must be IEEE 754.
+ * modulo 2^32. float must be IEEE 754; double is not used, so that nothing needs more than a single-precision
+ * floating-point unit. The bytes and values are those that double precision gives, to the last bit.
  */
 #ifndef STARLOOP_PROTOCOL_H
 #define STARLOOP_PROTOCOL_H
@@ -19,7 +20,7 @@ extern "C" {
 #endif
 
 #define SL_MAJOR 1
-#define SL_MINOR 2
+#define SL_MINOR 3
 
 /* Message numbers: CAN identifier = base + (number << 4 | node), SYNC without node; the type of a serial packet. */
 enum {
@@ -121,6 +122,9 @@ typedef struct {
     uint32_t age_us; /* of that attitude, in steps of 10; 655350 stands for that or more */
 } sl_exposure;
 
+#define SL_FRAME_JITTER_MISSING 1      /* jitter samples were missing when the frame was drawn */
+#define SL_FRAME_PARTLY_EXTRAPOLATED 2 /* part of the exposure lies after the newest attitude, its middle does not */
+
 /* One page; the fields of the other pages are zero. */
 typedef struct {
     uint8_t page;
@@ -135,6 +139,7 @@ typedef struct {
     uint32_t count;         /* page 3 */
     uint8_t frame;          /* pages 4, 5, 6 */
     uint32_t turns_2_32;    /* pages 4, 5, 6: right ascension, declination, roll; the last two as int32_t */
+    uint16_t flags;         /* pages 4, 5, 6: SL_FRAME_..., since protocol 1.3; other bits are reserved */
 } sl_status;
 
 enum { SL_TABLE_LINES = 1, SL_TABLE_PSD = 2, SL_TABLE_WHEEL_HARMONICS = 3 };
@@ -172,7 +177,8 @@ enum {
     SL_TABLE_VALUE = 7,
     SL_NO_TIME_YET = 8,
     SL_TRIGGER_TIME = 9,
-    SL_TRIGGERS_FULL = 10
+    SL_TRIGGERS_FULL = 10,
+    SL_UNKNOWN_TRIGGER = 11
 };
 
 /* Bits of capabilities. */

@@ -2,7 +2,8 @@
 //!
 //! A retry with the token of the last command gets the same answer and changes nothing. RUN, APPLY and TRIGGER need a
 //! HELLO of the same major version first. Without the capability of parameter tables, APPLY is an unknown opcode, as in
-//! 1.0; without that of triggers, TRIGGER is one, as in 1.1.
+//! 1.0; without that of triggers, TRIGGER is one, as in 1.1. A peer gets the refusal codes of its own minor version
+//! ([`Refusal::for_minor`]).
 
 use crate::message::{
     Command, Identity, Info, Rates, Refusal, Reply, Request, Response, Table, Trigger, Triggered, capability,
@@ -17,6 +18,8 @@ pub struct Handshake {
     rates: Rates,
     capabilities: u16,
     agreed: bool,
+    /// Minor version of the peer, from its last HELLO.
+    peer_minor: u8,
     running: bool,
     last: Option<(Command, Response)>,
 }
@@ -47,7 +50,7 @@ impl Handshake {
     /// Before the first HELLO; [`crate::DBC_CRC32`] is this crate's own file.
     #[must_use]
     pub const fn new(dbc_crc32: u32, rates: Rates) -> Self {
-        Self { dbc_crc32, rates, capabilities: 0, agreed: false, running: false, last: None }
+        Self { dbc_crc32, rates, capabilities: 0, agreed: false, peer_minor: 0, running: false, last: None }
     }
 
     /// The same with [`capability`] bits to tell; none without this.
@@ -108,6 +111,7 @@ impl Handshake {
         match request {
             Request::Hello(peer) => {
                 self.agreed = peer.major == version::MAJOR;
+                self.peer_minor = peer.minor;
                 self.running &= self.agreed;
                 if self.agreed { Reply::Hello(self.identity()) } else { refused(Refusal::WrongMajor) }
             }
@@ -130,7 +134,10 @@ impl Handshake {
             Request::Apply { table, rows, crc, seed } => {
                 tables.apply(table, rows, crc, seed).map_or_else(refused, Reply::Applied)
             }
-            Request::Trigger(trigger) => fire(trigger).map_or_else(refused, Reply::Triggered),
+            Request::Trigger(trigger) => {
+                let minor = self.peer_minor;
+                fire(trigger).map_or_else(|reason| refused(reason.for_minor(minor)), Reply::Triggered)
+            }
             Request::Unknown { .. } => refused(Refusal::UnknownOpcode),
         }
     }
@@ -221,6 +228,20 @@ mod tests {
         assert_eq!(say(&mut with, 5, odd), (refused(Refusal::TriggerTime), None, 3));
         let answer = with.answer(&Command { token: 6, request: Request::Trigger(trigger) }, &mut TableStore::new());
         assert_eq!(answer.response.reply, refused(Refusal::UnknownOpcode), "nobody there to take it");
+    }
+
+    #[test]
+    fn peer_of_an_earlier_minor_gets_no_refusal_code_it_lacks() {
+        for (minor, wanted) in [(2, Refusal::UnknownOpcode), (3, Refusal::UnknownTrigger), (9, Refusal::UnknownTrigger)]
+        {
+            let (mut handshake, mut tables) = (new().with_capabilities(capability::TRIGGERS), TableStore::new());
+            ask(&mut handshake, 1, Request::Hello(Version { major: version::MAJOR, minor }));
+            let command = Command { token: 2, request: Request::Trigger(Trigger { number: 7, at_us: 0 }) };
+            let answer = handshake.answer_with(&command, &mut tables, |_| Err(Refusal::UnknownTrigger));
+            assert_eq!(answer.response.reply, Reply::Refused { opcode: 6, reason: wanted }, "HELLO 1.{minor}");
+        }
+        // Negative control: the codes of 1.2 are sent as they are.
+        assert!(Refusal::ALL.iter().take(10).all(|reason| reason.for_minor(0) == *reason));
     }
 
     #[test]

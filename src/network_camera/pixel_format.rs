@@ -156,6 +156,25 @@ mod tests {
         assert_eq!(packed(PixelFormat::Mono12, 8, &[0xFFFF]), [0xF0, 0x0F], "beyond full scale is full scale");
     }
 
+    /// Every unpacked format as the table of `firmware_protocol/FRAMES.md` has it.
+    #[test]
+    fn documented_samples_are_those_sent() {
+        let document = include_str!("../../firmware_protocol/FRAMES.md");
+        for (name, format) in PixelFormat::NAMED {
+            let start = format!("| {name} | DN");
+            let rule = document.lines().find_map(|line| line.strip_prefix(&start)).unwrap();
+            let rule = rule.split('|').next().unwrap().trim();
+            let documented = match rule.trim_end_matches(", rounded down").trim_end_matches(" (left-aligned)") {
+                "" => 0xABC,
+                "/ 4" => 0xABC / 4,
+                "/ 16" => 0xABC / 16,
+                "* 16" => 0xABC * 16,
+                other => panic!("{name}: `DN {other}`"),
+            };
+            assert_eq!(shifted(0xABC, 12, format.bits()), documented, "{name}");
+        }
+    }
+
     #[test]
     fn nothing_is_lost_when_the_format_is_as_deep_as_the_detector() {
         for (_, format) in PixelFormat::NAMED {

@@ -99,6 +99,8 @@ events! {
     TriggerTaken = "trigger_taken",
     /// A trigger came after its instant; the span is how long after.
     TriggerLate = "trigger_late",
+    /// A trigger was refused: nothing waits for its number, or its instant is out of range.
+    TriggerRefused = "trigger_refused",
     /// A trigger acts from this frame on; the span is the time from its instant to the end of the exposure.
     TriggerFired = "trigger_fired",
     /// A trigger was forgotten before its instant: a STOP, or a peer of another major version.

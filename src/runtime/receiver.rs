@@ -92,6 +92,11 @@ impl Receiver {
         self
     }
 
+    /// Accepts triggers of this number from now on: a fault or an event of the run waits for it.
+    pub fn expect_trigger(&mut self, number: u16) {
+        self.session.expect_trigger(number);
+    }
+
     /// The conversation with the flight computer.
     #[must_use]
     pub fn session(&self) -> &Session {

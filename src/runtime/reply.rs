@@ -122,7 +122,7 @@ fn exposure(meta: &FrameMeta, receiver: &Receiver) -> Option<Exposure> {
 
 fn pointing(meta: &FrameMeta, angle: PointingAngle, degrees: f64) -> Message {
     let turns_2_32 = PointingAngle::to_turns(degrees.to_radians());
-    Message::Status(StatusPage::Pointing { angle, frame: low_byte(meta.number), turns_2_32 })
+    Message::Status(StatusPage::Pointing { angle, frame: low_byte(meta.number), flags: 0, turns_2_32 })
 }
 
 /// How far the attitude was predicted, and how well, where that is known.

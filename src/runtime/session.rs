@@ -10,11 +10,11 @@ use crate::base::time::{Span, Tai};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::triggers::{Taken, Triggers};
 use firmware_protocol::handshake::{Answer, Handshake};
-use firmware_protocol::message::{Command, Heartbeat, Rates, Reply, Request, TableCell, capability};
+use firmware_protocol::message::{Command, Heartbeat, Rates, Refusal, Reply, Request, TableCell, capability};
 use firmware_protocol::tables::TableStore;
 use firmware_protocol::{DBC_CRC32, version};
 
-/// Highest rates taken: what the protocol has room for.
+/// Rates that are sure to be taken; faster records are taken too.
 const RATES: Rates = Rates { attitude_hz: 100, jitter_hz: 1000 };
 /// What the stimulator takes beside attitude.
 const CAPABILITIES: u16 =
@@ -95,6 +95,11 @@ impl Session {
         &mut self.triggers
     }
 
+    /// Accepts triggers of this number from now on; all others are refused.
+    pub fn expect_trigger(&mut self, number: u16) {
+        self.triggers.expect(number);
+    }
+
     /// Takes one cell of a table in; it has no effect before APPLY.
     pub fn put(&mut self, cell: &TableCell) {
         self.tables.put(cell);
@@ -115,7 +120,7 @@ impl Session {
         let mut taken = None;
         let answer = self.handshake.answer_with(command, &mut self.tables, |trigger| {
             let result = self.triggers.take(trigger, clock, at);
-            taken = result.ok();
+            taken = Some(result);
             result.map(|taken| taken.triggered)
         });
         match (command.request, answer.response.reply) {
@@ -129,7 +134,10 @@ impl Session {
                 self.forget_triggers(at, ledger);
             }
             (Request::Run, Reply::Run) => self.is_halted = false,
-            (_, Reply::Triggered(_)) => self.tell_trigger(taken, at, ledger),
+            (_, Reply::Triggered(_)) => self.note_trigger(taken, at, ledger),
+            (Request::Trigger(_), Reply::Refused { reason, .. }) if reason != Refusal::NoHandshake => {
+                self.note_trigger(taken, at, ledger);
+            }
             (_, Reply::Refused { .. }) => ledger.note(Event::new(EventKind::CommandRefused, at, None, Span::ZERO)),
             _ => {}
         }
@@ -141,13 +149,14 @@ impl Session {
         answer
     }
 
-    /// Tells of a trigger that was taken in, or counts its repeat.
-    fn tell_trigger(&mut self, taken: Option<Taken>, at: Tai, ledger: &mut Ledger) {
+    /// Notes that a trigger was taken in or refused, or counts its repeat.
+    fn note_trigger(&mut self, taken: Option<Result<Taken, Refusal>>, at: Tai, ledger: &mut Ledger) {
         match taken {
-            Some(Taken { triggered, ahead }) if triggered.is_late => {
+            Some(Ok(Taken { triggered, ahead })) if triggered.is_late => {
                 ledger.note(Event::new(EventKind::TriggerLate, at, None, Span::from_ns(-ahead.ns())));
             }
-            Some(Taken { ahead, .. }) => ledger.note(Event::new(EventKind::TriggerTaken, at, None, ahead)),
+            Some(Err(_)) => ledger.note(Event::new(EventKind::TriggerRefused, at, None, Span::ZERO)),
+            Some(Ok(Taken { ahead, .. })) => ledger.note(Event::new(EventKind::TriggerTaken, at, None, ahead)),
             None => self.triggers.count_repeat(),
         }
     }
@@ -185,7 +194,7 @@ impl Session {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use firmware_protocol::message::NodeState;
+    use firmware_protocol::message::{NodeState, Trigger};
     use firmware_protocol::version::Version;
 
     fn at_ms(ms: i64) -> Tai {
@@ -241,6 +250,24 @@ mod tests {
         talk.say(Request::Hello(version::CURRENT));
         talk.say(Request::Run);
         assert!(talk.session.is_rendering());
+    }
+
+    #[test]
+    fn trigger_that_nothing_waits_for_is_refused_noted_once_and_not_fired() {
+        let mut talk = talk(SessionStart::AtOnce);
+        talk.session.expect_trigger(3);
+        talk.say(Request::Hello(version::CURRENT));
+        let trigger = |number| Request::Trigger(Trigger { number, at_us: 0 });
+        let refused = Reply::Refused { opcode: 6, reason: Refusal::UnknownTrigger };
+        assert_eq!(talk.say(trigger(7)), refused);
+        talk.token -= 1;
+        assert_eq!(talk.say(trigger(7)), refused, "the repeat");
+        let counts = talk.session.triggers().counts();
+        assert_eq!((counts.refused, counts.repeated, talk.session.triggers().waiting()), (1, 1, 0));
+        assert_eq!((talk.count(EventKind::TriggerRefused), talk.count(EventKind::CommandRefused)), (1, 0));
+        // Negative control: the number that a fault waits for is taken.
+        assert!(matches!(talk.say(trigger(3)), Reply::Triggered(_)));
+        assert_eq!((talk.count(EventKind::TriggerRefused), talk.count(EventKind::TriggerTaken)), (1, 1));
     }
 
     #[test]

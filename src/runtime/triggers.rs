@@ -2,7 +2,8 @@
 //!
 //! In: TRIGGER commands, stamped, and what is known of the flight computer's clock. Out: [`FiredTrigger`]s, each once, or a
 //! refusal with its reason. An instant is told modulo 71.6 minutes: it is taken as ahead by up to an hour, or as past by up
-//! to five minutes (then it acts when it came); between the two it is refused. Those that wait follow the clock's estimate.
+//! to five minutes (then it acts when it came); between the two it is refused. A number that no fault or event of the run
+//! waits for is refused first. Those that wait follow the clock's estimate.
 //! A fixed number of places; nothing is allocated after the start. What a trigger does is for others to say. Tests: below,
 //! and `tests/closed_loop/triggers.rs`.
 
@@ -70,20 +71,29 @@ struct Waiting {
 pub struct Triggers {
     /// By rising time; those of one instant as they came.
     waiting: VecDeque<Waiting>,
+    /// The numbers that faults or events of the run wait for, rising.
+    expected: Vec<u16>,
     counts: TriggerCounts,
 }
 
 impl Default for Triggers {
     fn default() -> Self {
-        Self { waiting: VecDeque::with_capacity(PLACES), counts: TriggerCounts::default() }
+        Self { waiting: VecDeque::with_capacity(PLACES), expected: Vec::new(), counts: TriggerCounts::default() }
     }
 }
 
 impl Triggers {
+    /// Accepts triggers of this number from now on: a fault or an event of the run waits for it. Allocates.
+    pub fn expect(&mut self, number: u16) {
+        if let Err(place) = self.expected.binary_search(&number) {
+            self.expected.insert(place, number);
+        }
+    }
+
     /// Takes in a trigger that arrived at `at`.
     ///
     /// # Errors
-    /// When all places are taken, no time is known yet, or the instant is too far away.
+    /// When nothing waits for its number, all places are taken, no time is known yet, or the instant is too far away.
     pub fn take(&mut self, trigger: Trigger, clock: Option<&ClockEstimate>, at: Tai) -> Result<Taken, Refusal> {
         let taken = self.dated(trigger, clock, at).and_then(|(waiting, ahead)| {
             self.put(waiting)?;
@@ -101,6 +111,9 @@ impl Triggers {
 
     /// A trigger with its instant, and how far ahead of its arrival that lies.
     fn dated(&self, trigger: Trigger, clock: Option<&ClockEstimate>, at: Tai) -> Result<(Waiting, Span), Refusal> {
+        if self.expected.binary_search(&trigger.number).is_err() {
+            return Err(Refusal::UnknownTrigger);
+        }
         let (number, order) = (trigger.number, self.counts.accepted);
         let now = Waiting { fired: FiredTrigger { number, at }, order, remote_ns: None };
         if trigger.is_at_once() {
@@ -198,6 +211,13 @@ mod tests {
         }
     }
 
+    /// Triggers of a run with a fault behind every number that these tests use.
+    fn expecting_all() -> Triggers {
+        let mut triggers = Triggers::default();
+        (0..100).for_each(|number| triggers.expect(number));
+        triggers
+    }
+
     fn trigger(number: u16, at_us: u32) -> Trigger {
         Trigger { number, at_us }
     }
@@ -212,7 +232,7 @@ mod tests {
 
     #[test]
     fn triggers_come_out_once_in_order_of_time_and_not_before() {
-        let mut triggers = Triggers::default();
+        let mut triggers = expecting_all();
         for (number, at_us) in [(1, 4_003_000_000), (2, 4_001_000_000), (3, 0), (4, 4_001_000_000)] {
             take(&mut triggers, number, at_us).unwrap();
         }
@@ -238,7 +258,7 @@ mod tests {
             (-300_000_000, Ok(true)),
             (-300_000_001, Err(Refusal::TriggerTime)),
         ] {
-            let mut triggers = Triggers::default();
+            let mut triggers = expecting_all();
             let got = take(&mut triggers, 5, told(ahead_us));
             assert_eq!(got.map(|taken| taken.triggered.is_late), wanted, "{ahead_us} us ahead");
             assert_eq!(got.is_ok_and(|taken| taken.ahead.ns() == 1000 * ahead_us), got.is_ok(), "{got:?}");
@@ -256,7 +276,7 @@ mod tests {
 
     #[test]
     fn an_instant_needs_a_clock_and_at_once_does_not() {
-        let mut triggers = Triggers::default();
+        let mut triggers = expecting_all();
         assert_eq!(triggers.take(trigger(1, 7), None, at_s(1)), Err(Refusal::NoTimeYet));
         assert!(triggers.take(trigger(2, 0), None, at_s(1)).is_ok());
         assert_eq!(fired(&mut triggers, at_s(1)), [(2, at_s(1))]);
@@ -264,7 +284,7 @@ mod tests {
 
     #[test]
     fn the_place_after_the_last_is_refused_and_a_stop_frees_all() {
-        let mut triggers = Triggers::default();
+        let mut triggers = expecting_all();
         let places = u16::try_from(PLACES).unwrap();
         assert!((0..places).all(|number| take(&mut triggers, number, 4_001_000_000).is_ok()));
         assert_eq!(take(&mut triggers, 99, 0), Err(Refusal::TriggersFull));
@@ -275,7 +295,7 @@ mod tests {
 
     #[test]
     fn those_that_wait_follow_the_clock_and_keep_their_order() {
-        let mut triggers = Triggers::default();
+        let mut triggers = expecting_all();
         for (number, at_us) in [(1, 4_010_000_000), (2, 4_010_000_000), (3, 0), (4, 4_020_000_000)] {
             take(&mut triggers, number, at_us).unwrap();
         }
@@ -285,5 +305,18 @@ mod tests {
         let wanted =
             [(3, at_s(10_000)), (1, at_s(10_010) - early), (2, at_s(10_010) - early), (4, at_s(10_020) - early)];
         assert_eq!(fired(&mut triggers, at_s(20_000)), wanted);
+    }
+
+    #[test]
+    fn number_that_nothing_waits_for_is_refused_and_counted() {
+        let mut triggers = Triggers::default();
+        triggers.expect(7);
+        triggers.expect(7);
+        for (number, at_us) in [(6, 0), (8, 4_001_000_000), (0, 0), (u16::MAX, 0)] {
+            assert_eq!(take(&mut triggers, number, at_us), Err(Refusal::UnknownTrigger), "{number}");
+        }
+        assert!(take(&mut triggers, 7, 0).is_ok());
+        assert_eq!(fired(&mut triggers, at_s(20_000)), [(7, at_s(10_000))]);
+        assert_eq!((triggers.counts().refused, triggers.counts().accepted), (4, 1));
     }
 }

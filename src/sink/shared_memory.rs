@@ -4,7 +4,8 @@
 //! the truth numbers of each. The writer waits for nobody and knows of no reader: the oldest frame is overwritten, and a
 //! reader sees by the numbers how many it missed. Nothing but the copy of a frame is done: no name service, no daemon.
 //!
-//! Layout, numbers in the byte order of the machine:
+//! Layout, numbers in the byte order of the machine (`firmware_protocol/FRAMES.md` has every field, held to these structures by
+//! `tests/conformance/frames_document.rs`):
 //!
 //! | at | what |
 //! |---|---|

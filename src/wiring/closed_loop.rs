@@ -164,6 +164,7 @@ impl ClosedLoop {
             self.going.record_mut().ledger.note(event);
         }
         for head in &mut self.heads {
+            event.on_trigger.into_iter().for_each(|number| head.receiver.expect_trigger(number));
             head.faults.prepare(&mut head.engine)?;
         }
         Ok(())

@@ -57,7 +57,8 @@ pub(super) fn loop_head(
     let mut params = bench_parts::run_params(&bench, start).map_err(|error| LoopError::Parts(format!("{error:#}")))?;
     change(&mut params);
     let size = params.camera.output().size_px;
-    let receiver = Receiver::new(params.attitude.clone())?.with_session(bench_parts::session_params(&bench));
+    let mut receiver = Receiver::new(params.attitude.clone())?.with_session(bench_parts::session_params(&bench));
+    scenario.events.iter().filter_map(|event| event.on_trigger).for_each(|number| receiver.expect_trigger(number));
     let engine = FrameEngine::new(params)?;
     let (sender, end) = tap(size, TAP_FRAMES);
     let sink = Box::new(Tee::new(sink, Box::new(sender)));

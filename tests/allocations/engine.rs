@@ -38,6 +38,7 @@ fn complaints_of(mut bench: Bench) -> Vec<String> {
     let params = bench_parts::run_params(&bench, start).unwrap();
     let mut engine = FrameEngine::new(params.clone()).unwrap();
     let mut receiver = Receiver::new(params.attitude).unwrap();
+    receiver.expect_trigger(7);
     let mut ledger = Ledger::default();
     let camera = &params.camera;
     let (width, height) = (camera.geometry.width_px(), camera.geometry.height_px());

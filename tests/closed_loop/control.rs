@@ -304,10 +304,18 @@ fn a_control_client_that_turns_to_http_is_hung_up_on() {
 #[test]
 fn triggers_go_over_the_bus_and_show_in_the_report() {
     let mut stepped = Stepped::start(&[]);
+    // Faults that wait for these numbers, each of no length to speak of; nothing waits for 9.
+    for number in [3, 4, 65_535] {
+        let event = json!({ "on_trigger": number, "for_s": 0.01, "do": "frame_blank" });
+        stepped.told(json!({ "request": "inject", "event": event }));
+    }
     stepped.told(json!({ "request": "step", "until_s": 1.0 }));
-    for trigger in
-        [json!({ "number": 3 }), json!({ "number": 65_535, "at_s": 2.25 }), json!({ "number": 4, "at_s": 0.5 })]
-    {
+    for trigger in [
+        json!({ "number": 3 }),
+        json!({ "number": 65_535, "at_s": 2.25 }),
+        json!({ "number": 4, "at_s": 0.5 }),
+        json!({ "number": 9 }),
+    ] {
         let mut request = trigger;
         request["request"] = "trigger".into();
         let told = stepped.told(request.clone());
@@ -318,10 +326,11 @@ fn triggers_go_over_the_bus_and_show_in_the_report() {
     let events = |stepped: &mut Stepped, until_s: f64| {
         stepped.told(json!({ "request": "step", "until_s": until_s }));
         let report = stepped.told(json!({ "request": "summary" }))["report"].clone();
-        ["trigger_taken", "trigger_late", "trigger_fired"].map(|name| report["events"][name].as_u64().unwrap_or(0))
+        ["trigger_taken", "trigger_late", "trigger_fired", "trigger_refused"]
+            .map(|name| report["events"][name].as_u64().unwrap_or(0))
     };
-    assert_eq!(events(&mut stepped, 2.0), [2, 1, 2], "the second waits");
-    assert_eq!(events(&mut stepped, 2.5), [2, 1, 3]);
+    assert_eq!(events(&mut stepped, 2.0), [2, 1, 2, 1], "the second waits, the last is refused");
+    assert_eq!(events(&mut stepped, 2.5), [2, 1, 3, 1]);
     let _ = stepped.finish();
 }
 

@@ -44,6 +44,7 @@ fn overhear(bench: &Bench, script: &[(f64, Says)]) -> Overheard {
     let mut engine = FrameEngine::new(params.clone()).unwrap();
     let session = bench_parts::session_params(bench);
     let mut receiver = Receiver::new(params.attitude).unwrap().with_session(session);
+    [2, 3].into_iter().for_each(|number| receiver.expect_trigger(number));
     let clock = Arc::new(Virtual::new(start));
     let shared: Arc<dyn Clock> = clock.clone();
     let (bus, format) = bench_parts::bus(bench);
@@ -177,7 +178,7 @@ fn status_echoes_the_pointing_of_each_frame_at_the_time_told_for_it() {
                 let boot = start(&built_in(4.0));
                 told = Some((exposure.frame, boot + Span::from_ns(i64::from(exposure.mid_exposure_us) * 1000)));
             }
-            Message::Status(StatusPage::Pointing { angle, frame, turns_2_32 }) => {
+            Message::Status(StatusPage::Pointing { angle, frame, turns_2_32, .. }) => {
                 let Some((number, at)) = told else { continue };
                 assert_eq!(frame, number, "pages follow the EXPOSURE of their frame");
                 angles[angle as usize - PointingAngle::RightAscension as usize] = angle.to_rad(turns_2_32);
@@ -223,6 +224,8 @@ fn a_trigger_is_answered_fired_once_and_refused_by_name() {
         (1.6, fire(51, 2, 0)),
         (1.7, fire(52, 2, 3_700_000_000)),
         (1.8, fire(53, 3, 3_000_000)),
+        (1.85, fire(55, 7, 0)),
+        (1.88, fire(55, 7, 0)),
         (1.9, command(54, Request::Stop)),
     ];
     let run = overhear(&built_in(2.0), &script);
@@ -236,9 +239,15 @@ fn a_trigger_is_answered_fired_once_and_refused_by_name() {
     assert_eq!(reply(51), [done(2), done(2)], "the repeat is answered");
     assert_eq!(reply(52), refused(Refusal::TriggerTime));
     assert_eq!(reply(53), [done(3)]);
-    let kinds =
-        [EventKind::TriggerTaken, EventKind::TriggerFired, EventKind::TriggerForgotten, EventKind::CommandRefused];
-    assert_eq!(kinds.map(|kind| run.count(kind)), [2, 1, 1, 2], "fired once; the other is forgotten at STOP");
+    assert_eq!(
+        reply(55),
+        [refused(Refusal::UnknownTrigger), refused(Refusal::UnknownTrigger)].concat(),
+        "and its repeat"
+    );
+    let kinds = [EventKind::TriggerTaken, EventKind::TriggerFired, EventKind::TriggerForgotten];
+    assert_eq!(kinds.map(|kind| run.count(kind)), [2, 1, 1], "fired once; the other is forgotten at STOP");
+    let refusals = [EventKind::TriggerRefused, EventKind::CommandRefused].map(|kind| run.count(kind));
+    assert_eq!(refusals, [2, 1], "out of range, nothing waits for it; before HELLO");
 }
 
 #[test]

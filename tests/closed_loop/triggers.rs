@@ -44,7 +44,9 @@ struct Flown {
 
 fn receiver(bench: &Bench, start: Tai) -> Receiver {
     let params = bench_parts::run_params(bench, start).unwrap();
-    Receiver::new(params.attitude).unwrap().with_session(bench_parts::session_params(bench))
+    let mut receiver = Receiver::new(params.attitude).unwrap().with_session(bench_parts::session_params(bench));
+    SENT.iter().for_each(|(_, number, _)| receiver.expect_trigger(*number));
+    receiver
 }
 
 fn fly(bench: &Bench, sent: &[Sent]) -> Flown {

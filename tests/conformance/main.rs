@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test stops at the first surprise: unreadable sources are one")]
 
+mod frames_document;
 mod imports;
 mod paths;
 mod readme;

@@ -203,6 +203,18 @@ pub(crate) fn exam_of_payloads(seed: u64, inputs: usize) -> Exam {
     exam
 }
 
+/// A sequence number 16 behind the newest is that of a sender which has restarted; 15 behind is a replay.
+fn examine_restart(exam: &mut Exam) {
+    let mut decoder = can::Decoder::new(IdMap::default());
+    exam.put("restart", "listen 0 0".into(), "ok".into());
+    for seq in [42, 42 - 15, 42 - 16] {
+        let burst = firmware_protocol::message::JitterBurst::new(0, 1, seq, &[[0.0, 0.0]]).unwrap();
+        for frame in can::encode(&Message::Jitter(burst), Format::Fd, &IdMap::default()).unwrap().iter() {
+            exam.put("restart", frame_question(frame), outcome_text(&decoder.read(frame)));
+        }
+    }
+}
+
 /// Values at and beyond the edges of scaled fields, and NaN: the same frames, or refused by both.
 fn exam_of_edges() -> Exam {
     let mut exam = Exam::default();
@@ -239,9 +251,10 @@ fn exam_of_edges() -> Exam {
         exam.put("address", format!("listen {base} {node}"), "error -1".into());
         exam.put("address", format!("encode 1 {base} {node} 8 1"), "error -1".into());
     }
+    examine_restart(&mut exam);
     // What the Rust types cannot say: illegal enumerations and counts.
     for illegal in
-        ["25 0 5 0 0", "25 3 13 0", "25 7 0 0", "88 7 0 0", "88 5 0 11", "88 2 0 0 2", "88 5 0 0 4", "112 4 1"]
+        ["25 0 5 0 0", "25 3 13 0", "25 7 0 0", "88 7 0 0", "88 5 0 12", "88 2 0 0 2", "88 5 0 0 4", "112 4 1"]
     {
         exam.put("illegal", format!("encode 1 0 0 {illegal}"), "error -1".into());
     }
@@ -297,9 +310,11 @@ fn differences_are_noticed() {
     assert_eq!(exam.failures(&program).len(), 1);
 
     let source = crate::text("c/starloop_protocol.c");
-    for (right, wrong) in
-        [("to[6] = burst->seq;", "to[5] = burst->seq;"), ("< REPLAY_WINDOW", "< REPLAY_WINDOW + 1"), ("1e-3", "2e-3")]
-    {
+    for (right, wrong) in [
+        ("to[6] = burst->seq;", "to[5] = burst->seq;"),
+        ("< REPLAY_WINDOW", "< REPLAY_WINDOW + 1"),
+        ("RATE_BITS 21", "RATE_BITS 20"),
+    ] {
         assert_eq!(source.matches(right).count(), 1, "{right}");
         let folder = folder("wrong");
         let path = folder.join("starloop_protocol.c");

@@ -175,13 +175,14 @@ fn status(page: &StatusPage) -> Expected {
         StatusPage::Rejects { reason, count } => {
             vec![exact("Page", 3), exact("Reason", reason.code()), exact("Count", count)]
         }
-        StatusPage::Pointing { angle, frame, turns_2_32 } => {
+        StatusPage::Pointing { angle, frame, flags, turns_2_32 } => {
             let (name, turns) = match angle {
                 PointingAngle::RightAscension => ("RightAscension", f64::from(turns_2_32)),
                 PointingAngle::Declination => ("Declination", f64::from(turns_2_32.cast_signed())),
                 PointingAngle::Roll => ("Roll", f64::from(turns_2_32.cast_signed())),
             };
-            vec![exact("Page", angle as u8), exact(&format!("{name}Frame"), frame), exact(name, turns_deg(turns))]
+            let (page, frame) = (exact("Page", angle as u8), exact(&format!("{name}Frame"), frame));
+            vec![page, frame, exact(&format!("{name}Flags"), flags), exact(name, turns_deg(turns))]
         }
     }
 }

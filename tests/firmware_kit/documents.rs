@@ -166,6 +166,38 @@ fn the_worked_example_says_what_the_text_says() {
     assert!(matches!(last.reply, Reply::Applied(applied) if applied.rows == 2));
 }
 
+/// Node of a CANopen identifier of the predefined connection set (CiA 301); 0 for what belongs to the network.
+fn canopen_node(id: u16) -> Option<u16> {
+    const FUNCTIONS: [u16; 12] = [0x080, 0x180, 0x200, 0x280, 0x300, 0x380, 0x400, 0x480, 0x500, 0x580, 0x600, 0x700];
+    // NMT, SYNC, TIME, LSS.
+    if [0x000, 0x080, 0x100, 0x7E4, 0x7E5].contains(&id) {
+        return Some(0);
+    }
+    FUNCTIONS.iter().find_map(|function| id.checked_sub(*function).filter(|node| (1..=127).contains(node)))
+}
+
+/// CANopen nodes whose identifiers, or the network's, none of our nodes uses at this base; as in the document.
+fn clear_of_canopen(base: u16) -> String {
+    let ids = (0..16).map(|node| IdMap::new(base, node).unwrap());
+    let used: Vec<_> = ids.flat_map(|map| MessageId::ALL.map(|id| map.id(id))).filter_map(canopen_node).collect();
+    if used.contains(&0) {
+        return "none".into();
+    }
+    let clear: Vec<_> = (1..=127).filter(|node| !used.contains(node)).collect();
+    let runs = clear.chunk_by(|a, b| a + 1 == *b);
+    runs.map(|run| format!("{} to {}", run[0], run[run.len() - 1])).collect::<Vec<_>>().join(", ")
+}
+
+#[test]
+fn bases_beside_canopen_are_clear_of_the_nodes_that_the_document_names() {
+    let text = interface();
+    let documented: Vec<_> = rows(&text, "## 2. Messages").into_iter().filter(|row| row.len() == 2).collect();
+    let wanted = (1..8).map(|i| vec![format!("0x{:03X}", 16 * i), clear_of_canopen(16 * i)]);
+    assert_eq!(documented[1..], wanted.collect::<Vec<_>>());
+    // The default shares the SYNC of CANopen; so do 0x080 (its TIME) and 0x0E0 (its LSS), which the document leaves out.
+    assert_eq!([0x000, 0x080, 0x0E0].map(clear_of_canopen), ["none", "none", "none"]);
+}
+
 /// `CODE NAME` of a table's rows.
 fn coded(text: &str, heading: &str) -> Vec<String> {
     let is_coded = |row: &Vec<String>| row[0].parse::<u8>().is_ok();

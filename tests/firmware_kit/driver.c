@@ -78,6 +78,7 @@ static void read_status(sl_status *status) {
     } else {
         status->frame = u8();
         status->turns_2_32 = u32();
+        status->flags = u16();
     }
 }
 
@@ -201,7 +202,7 @@ static void print_status(const sl_status *s) {
     else if (s->page == 1) printf(" %d", s->horizon_10us), print_floats(&s->error_arcsec, 1);
     else if (s->page == 2) printf(" %d %ld", s->drift_0_1ppm, (long)s->residual_ns);
     else if (s->page == 3) printf(" %u %lu", s->reason, (unsigned long)s->count);
-    else printf(" %u %lu", s->frame, (unsigned long)s->turns_2_32);
+    else printf(" %u %lu %u", s->frame, (unsigned long)s->turns_2_32, s->flags);
 }
 
 static void print_response(const sl_response *r) {

@@ -94,8 +94,8 @@ fn status(page: &StatusPage) -> Vec<f64> {
         StatusPage::Prediction { horizon_10us, error_arcsec } => vec![1.0, horizon_10us.into(), error_arcsec.into()],
         StatusPage::Clock { drift_0_1ppm, residual_ns } => vec![2.0, drift_0_1ppm.into(), residual_ns.into()],
         StatusPage::Rejects { reason, count } => vec![3.0, reason.code().into(), count.into()],
-        StatusPage::Pointing { angle, frame, turns_2_32 } => {
-            vec![f64::from(angle as u8), frame.into(), turns_2_32.into()]
+        StatusPage::Pointing { angle, frame, flags, turns_2_32 } => {
+            vec![f64::from(angle as u8), frame.into(), turns_2_32.into(), flags.into()]
         }
     }
 }

@@ -4,6 +4,7 @@
 
 mod c_codec;
 mod c_program;
+mod compilers;
 mod dbc;
 mod dbc_signals;
 mod documents;

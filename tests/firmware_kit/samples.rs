@@ -137,7 +137,10 @@ impl Samples {
                 residual_ns: self.int::<u32>(32).cast_signed(),
             },
             3 => StatusPage::Rejects { reason: self.pick(&Reject::ALL), count: self.int(32) },
-            _ => StatusPage::Pointing { angle: self.pick(&angles), frame: self.u8(), turns_2_32: self.int(32) },
+            _ => {
+                let (angle, frame, flags) = (self.pick(&angles), self.u8(), self.int(16));
+                StatusPage::Pointing { angle, frame, flags, turns_2_32: self.int(32) }
+            }
         }
     }
 

@@ -190,6 +190,7 @@ impl Fields<'_> {
                 angle: angles[page - 4],
                 frame: self.int("frame"),
                 turns_2_32: self.int("turns_2_32"),
+                flags: self.int("flags"),
             },
         }
     }

@@ -58,7 +58,7 @@ pub struct Command {
 pub enum Request {
     /// Exchange versions.
     Hello(Version),
-    /// One page of facts: 0 the CRC-32 of the DBC file, 1 the highest rates.
+    /// One page of facts: 0 the CRC-32 of the DBC file, 1 the rates that are sure to be taken.
     Info {
         /// Page.
         page: u8,
@@ -143,11 +143,11 @@ pub struct Identity {
 pub enum Info {
     /// Page 0: CRC-32 of the DBC file that the answering side was built with.
     DbcCrc32(u32),
-    /// Page 1: highest rates taken.
+    /// Page 1: rates that are sure to be taken.
     Rates(Rates),
 }
 
-/// Highest rates the stimulator takes.
+/// Rates that the stimulator is sure to take; faster records are no error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rates {
     /// Attitude records per second.
@@ -180,11 +180,13 @@ pub enum Refusal {
     TriggerTime = 9,
     /// As many triggers wait for their instants as there is room for.
     TriggersFull = 10,
+    /// No fault or event of the run waits for the number of TRIGGER. Since protocol 1.3.
+    UnknownTrigger = 11,
 }
 
 impl Refusal {
     /// Every refusal, in the order of the codes, which begin with 1.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::UnknownOpcode,
         Self::WrongMajor,
         Self::NoHandshake,
@@ -195,12 +197,33 @@ impl Refusal {
         Self::NoTimeYet,
         Self::TriggerTime,
         Self::TriggersFull,
+        Self::UnknownTrigger,
     ];
 
     /// The code in RSP.
     #[must_use]
     pub const fn code(self) -> u8 {
         self as u8
+    }
+
+    /// The refusal to send to a peer of this minor version: its decoder rejects codes that came later, so that it would
+    /// wait for an answer in vain. Code 1 asks it to do without.
+    #[must_use]
+    pub const fn for_minor(self, minor: u8) -> Self {
+        match self {
+            Self::UnknownTrigger if minor < 3 => Self::UnknownOpcode,
+            Self::UnknownOpcode
+            | Self::WrongMajor
+            | Self::NoHandshake
+            | Self::UnknownPage
+            | Self::TableIncomplete
+            | Self::TableCrc
+            | Self::TableValue
+            | Self::NoTimeYet
+            | Self::TriggerTime
+            | Self::TriggersFull
+            | Self::UnknownTrigger => self,
+        }
     }
 }
 

@@ -16,7 +16,7 @@ pub use command::{Command, Identity, Info, Rates, Refusal, Reply, Request, Respo
 pub use exposure::Exposure;
 pub use heartbeat::{Heartbeat, NodeState};
 pub use jitter::{JITTER_BURST_MAX, JitterBurst, JitterPair, PAIR_PERIOD_US};
-pub use status::{PointingAngle, StatusPage, StimulatorMode};
+pub use status::{PointingAngle, StatusPage, StimulatorMode, frame_flag};
 pub use table::{Table, TableCell};
 pub use time::{Scet, Sync, TimeFollowUp};
 pub use trigger::{Trigger, Triggered};

@@ -6,6 +6,14 @@ use crate::bytes::{Reader, Writer};
 /// 2^32 of these make one turn: 0.3 milliarcsec each.
 const ANGLE_LSB_RAD: f64 = core::f64::consts::TAU / 4_294_967_296.0;
 
+/// Bits of [`StatusPage::Pointing`]'s flags. A stimulator before protocol 1.3 sends none; unknown bits are ignored.
+pub mod frame_flag {
+    /// Jitter samples were missing when the frame was drawn.
+    pub const JITTER_MISSING: u16 = 1;
+    /// Part of the exposure lies after the newest attitude, though its middle does not.
+    pub const PARTLY_EXTRAPOLATED: u16 = 1 << 1;
+}
+
 /// `0x19n`, 8 bytes, multiplexed by byte 0.
 ///
 /// | page | 1 | 2..4 | 4..8 |
@@ -14,7 +22,7 @@ const ANGLE_LSB_RAD: f64 = core::f64::consts::TAU / 4_294_967_296.0;
 /// | 1 prediction | reserved | horizon, 10 us, i16 | predicted error, arcsec, f32 |
 /// | 2 clock | reserved | drift, 0.1 ppm, i16 | residual offset, ns, i32 |
 /// | 3 rejects | reason | reserved | count, u32 |
-/// | 4, 5, 6 pointing | frame, modulo 256 | reserved | right ascension, declination, roll; 2^-32 turn, u32 |
+/// | 4, 5, 6 pointing | frame, modulo 256 | [`frame_flag`] bits, u16 | right ascension, declination, roll; 2^-32 turn, u32 |
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum StatusPage {
     /// Mode, frames and latency.
@@ -53,6 +61,8 @@ pub enum StatusPage {
         angle: PointingAngle,
         /// Frame number, modulo 256: pages of one frame belong together.
         frame: u8,
+        /// Bits of [`frame_flag`], the same on the three pages of a frame. Since protocol 1.3; before, zero.
+        flags: u16,
         /// The angle in units of 2^-32 turn; see [`PointingAngle::to_turns`].
         turns_2_32: u32,
     },
@@ -130,7 +140,9 @@ impl StatusPage {
                 to.u8(2).u8(0).put(&drift_0_1ppm.to_le_bytes()).put(&residual_ns.to_le_bytes())
             }
             Self::Rejects { reason, count } => to.u8(3).u8(reason.code()).u16(0).u32(count),
-            Self::Pointing { angle, frame, turns_2_32 } => to.u8(angle as u8).u8(frame).u16(0).u32(turns_2_32),
+            Self::Pointing { angle, frame, flags, turns_2_32 } => {
+                to.u8(angle as u8).u8(frame).u16(flags).u32(turns_2_32)
+            }
         };
     }
 
@@ -166,9 +178,7 @@ impl StatusPage {
     }
 
     fn read_pointing(angle: PointingAngle, from: &mut Reader<'_>) -> Result<Self, Reject> {
-        let frame = from.u8()?;
-        from.u16()?;
-        Ok(Self::Pointing { angle, frame, turns_2_32: from.u32()? })
+        Ok(Self::Pointing { angle, frame: from.u8()?, flags: from.u16()?, turns_2_32: from.u32()? })
     }
 }
 

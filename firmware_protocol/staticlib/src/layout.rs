@@ -58,6 +58,7 @@ structures! {
         count: u32,
         frame: u8,
         turns_2_32: u32,
+        flags: u16,
     }
     /// `sl_table_cell`
     RawCell { table: u8, row: u8, column: u8, value: f32, }
@@ -182,7 +183,10 @@ impl RawExposure {
 
 impl RawStatus {
     pub(crate) fn read(&self) -> Option<StatusPage> {
-        let pointing = |angle| StatusPage::Pointing { angle, frame: self.frame, turns_2_32: self.turns_2_32 };
+        let pointing = |angle| {
+            let Self { frame, flags, turns_2_32, .. } = *self;
+            StatusPage::Pointing { angle, frame, flags, turns_2_32 }
+        };
         match self.page {
             0 => {
                 let mode = StimulatorMode::from_code(self.mode)?;
@@ -207,7 +211,9 @@ impl RawStatus {
             }
             StatusPage::Clock { drift_0_1ppm, residual_ns } => Self { page: 2, drift_0_1ppm, residual_ns, ..none },
             StatusPage::Rejects { reason, count } => Self { page: 3, reason: reason.code(), count, ..none },
-            StatusPage::Pointing { angle, frame, turns_2_32 } => Self { page: angle as u8, frame, turns_2_32, ..none },
+            StatusPage::Pointing { angle, frame, flags, turns_2_32 } => {
+                Self { page: angle as u8, frame, flags, turns_2_32, ..none }
+            }
         }
     }
 }

@@ -52,9 +52,10 @@ fn status() -> impl Strategy<Value = StatusPage> {
             .prop_map(|(drift_0_1ppm, residual_ns)| StatusPage::Clock { drift_0_1ppm, residual_ns }),
         (prop::sample::select(&Reject::ALL[..]), any::<u32>())
             .prop_map(|(reason, count)| StatusPage::Rejects { reason, count }),
-        (any::<u8>(), any::<u32>()).prop_map(|(frame, turns_2_32)| StatusPage::Pointing {
+        (any::<u8>(), any::<u16>(), any::<u32>()).prop_map(|(frame, flags, turns_2_32)| StatusPage::Pointing {
             angle: PointingAngle::Roll,
             frame,
+            flags,
             turns_2_32
         }),
     ]

@@ -123,10 +123,14 @@ fn command(choice: u8, model: &Model, input: &mut Input<'_>) -> Command {
     Command { token, request }
 }
 
-/// A stimulator that finds every other trigger too far away.
+/// A stimulator that takes even numbers, finds 1 too far away, and has nothing that waits for 3.
 fn fire(trigger: Trigger) -> Result<Triggered, Refusal> {
     let triggered = Triggered { number: trigger.number, is_late: trigger.at_us % 2 == 1 };
-    if trigger.number % 2 == 0 { Ok(triggered) } else { Err(Refusal::TriggerTime) }
+    match trigger.number % 4 {
+        1 => Err(Refusal::TriggerTime),
+        3 => Err(Refusal::UnknownTrigger),
+        _ => Ok(triggered),
+    }
 }
 
 /// APPLY, mostly with the right CRC.
@@ -152,6 +156,8 @@ fn crc_of(values: &[f32]) -> u16 {
 struct Model {
     has_tables: bool,
     is_agreed: bool,
+    /// Minor version of the last HELLO.
+    peer_minor: u8,
     is_running: bool,
     last: Option<(Command, Response)>,
     fired: u32,
@@ -202,7 +208,7 @@ impl Model {
     fn reply(&mut self, request: Request) -> Result<Reply, Refusal> {
         match request {
             Request::Hello(peer) if peer.major == version::MAJOR => {
-                self.is_agreed = true;
+                (self.is_agreed, self.peer_minor) = (true, peer.minor);
                 let capabilities = if self.has_tables { 1 } else { 8 };
                 let bytes = [1, 0, 0, version::MAJOR, version::MINOR, capabilities, 0, 1];
                 match Message::from_payload(MessageId::Response, &bytes) {
@@ -231,7 +237,10 @@ impl Model {
             }
             Request::Trigger(trigger) => {
                 self.fired += 1;
-                fire(trigger).map(Reply::Triggered)
+                // Before 1.3 there was no code for it.
+                let is_known = |reason| reason != Refusal::UnknownTrigger || self.peer_minor >= 3;
+                let known = |reason| if is_known(reason) { reason } else { Refusal::UnknownOpcode };
+                fire(trigger).map(Reply::Triggered).map_err(known)
             }
             Request::Apply { table, rows, crc, seed } => self.apply(table, rows, crc, seed).map(Reply::Applied),
         }
