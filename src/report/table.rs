@@ -247,6 +247,7 @@ mod tests {
     #[test]
     fn each_sink_has_its_line_and_one_alone_without_trouble_has_none() {
         let mut summary = sample_summary();
+        summary.gateways.clear();
         let text = summary_table(&summary);
         let heading = line_of(&text, "sinks");
         let row = text.lines().find(|line| line.starts_with("recorder")).unwrap();
