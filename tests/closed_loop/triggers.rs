@@ -12,7 +12,7 @@ use starloop::link::{Packet, Port, Stamped};
 use starloop::runtime::ledger::Event;
 use starloop::runtime::receiver::Receiver;
 use starloop::runtime::{EventKind, FrameEngine, Ledger, RunOutcome, virtual_time};
-use starloop::sink::NullSink;
+use starloop::sink::{NullSink, Sink};
 use starloop::testbed::flight_computer::{FlightComputer, TriggerAnswers};
 use starloop::wiring::bench_parts;
 use std::sync::Arc;
@@ -34,7 +34,11 @@ const SENT: [Sent; 6] = [
     (2.60, 10, Some(60.0)),
 ];
 
+/// The numbers of [`SENT`].
+const NUMBERS: [u16; 5] = [3, 7, 9, 10, 40_000];
+
 struct Flown {
+    pixels_crc32: u32,
     outcome: RunOutcome,
     answers: TriggerAnswers,
     captured: Vec<CapturedPacket>,
@@ -42,17 +46,19 @@ struct Flown {
     start: Tai,
 }
 
-fn receiver(bench: &Bench, start: Tai) -> Receiver {
+/// A receiver of a run whose faults wait for these numbers.
+fn receiver(bench: &Bench, start: Tai, numbers: &[u16]) -> Receiver {
     let params = bench_parts::run_params(bench, start).unwrap();
     let mut receiver = Receiver::new(params.attitude).unwrap().with_session(bench_parts::session_params(bench));
-    SENT.iter().for_each(|(_, number, _)| receiver.expect_trigger(*number));
+    numbers.iter().for_each(|number| receiver.expect_trigger(*number));
     receiver
 }
 
-fn fly(bench: &Bench, sent: &[Sent]) -> Flown {
+fn fly(bench: &Bench, sent: &[Sent], numbers: &[u16]) -> Flown {
     let start = start(bench);
     let mut engine = FrameEngine::new(bench_parts::run_params(bench, start).unwrap()).unwrap();
-    let mut receiver = receiver(bench, start);
+    let mut receiver = receiver(bench, start, numbers);
+    let mut sink = NullSink::new();
     let clock = Arc::new(Virtual::new(start));
     let shared: Arc<dyn Clock> = clock.clone();
     let (bus, format) = bench_parts::bus(bench);
@@ -70,7 +76,7 @@ fn fly(bench: &Bench, sent: &[Sent]) -> Flown {
         &mut receiver,
         &mut near,
         &clock,
-        &mut NullSink::new(),
+        &mut sink,
         &mut |now| {
             while let Some((_, number, at_s)) = next.filter(|(s, ..)| start + Span::from_s(*s) <= now) {
                 computer.send_trigger(*number, at_s.map(|s| start + Span::from_s(s)), now).unwrap();
@@ -85,7 +91,8 @@ fn fly(bench: &Bench, sent: &[Sent]) -> Flown {
     assert_eq!(capture.finish().lost, 0);
     let mut reader = CaptureReader::new(file.reopen().unwrap()).unwrap();
     let captured = core::iter::from_fn(|| reader.read().unwrap()).collect();
-    Flown { outcome, answers: computer.trigger_answers(), captured, engine, start }
+    let pixels_crc32 = sink.finish().unwrap().run_crc32;
+    Flown { pixels_crc32, outcome, answers: computer.trigger_answers(), captured, engine, start }
 }
 
 /// Instant and frame of the triggers that acted.
@@ -101,7 +108,7 @@ fn only_triggers(ledger: &Ledger) -> [u64; 4] {
 
 #[test]
 fn triggers_act_once_each_in_the_frame_of_their_instant() {
-    let flown = fly(&built_in(4.0), &SENT);
+    let flown = fly(&built_in(4.0), &SENT, &NUMBERS);
     assert_eq!(flown.answers, TriggerAnswers { taken: 6, late: 1, refused: 0 });
     assert_eq!(only_triggers(&flown.outcome.record.ledger), [5, 1, 5, 0]);
     let told = fired(&flown.outcome.record.ledger);
@@ -121,9 +128,9 @@ fn triggers_act_once_each_in_the_frame_of_their_instant() {
 #[test]
 fn a_captured_run_has_the_same_triggers_when_it_is_replayed() {
     let bench = built_in(4.0);
-    let flown = fly(&bench, &SENT);
+    let flown = fly(&bench, &SENT, &NUMBERS);
     let replay = |packets: &[CapturedPacket]| {
-        let mut receiver = receiver(&bench, flown.start);
+        let mut receiver = receiver(&bench, flown.start, &NUMBERS);
         let (mut decoder, mut ledger) = (Decoder::new(IdMap::default()), Ledger::default());
         let received = packets.iter().filter(|packet| packet.direction == Direction::Received);
         let mut messages = received.filter_map(|captured| match captured.packet {
@@ -149,4 +156,21 @@ fn a_captured_run_has_the_same_triggers_when_it_is_replayed() {
     let mut missing = flown.captured.clone();
     missing.remove(missing.iter().position(is_trigger).unwrap());
     assert_eq!(replay(&missing).0, [3, 3, 9, 40_000]);
+}
+
+/// A capture of protocol 1.2, which took every trigger, has the same pixels now that they are refused: on a bench no fault
+/// waits for them.
+#[test]
+fn refused_triggers_leave_pixels_as_they_were_when_every_trigger_was_taken() {
+    let bench = built_in(4.0);
+    let (taken, refused) = (fly(&bench, &SENT, &NUMBERS), fly(&bench, &SENT, &[]));
+    assert_eq!(taken.answers, TriggerAnswers { taken: 6, late: 1, refused: 0 });
+    assert_eq!(refused.answers, TriggerAnswers { taken: 0, late: 0, refused: 6 });
+    assert_eq!(refused.outcome.record.ledger.count(EventKind::TriggerRefused), 6);
+    assert_eq!(only_triggers(&refused.outcome.record.ledger), [0; 4]);
+    assert_eq!(refused.pixels_crc32, taken.pixels_crc32);
+    // Negative control: another seed has other pixels.
+    let mut other = bench.clone();
+    other.seed += 1;
+    assert_ne!(fly(&other, &SENT, &[]).pixels_crc32, taken.pixels_crc32);
 }
