@@ -36,6 +36,7 @@ mod live_view;
 mod load_threads;
 mod monitor;
 mod named_camera;
+mod over_budget;
 pub mod psf;
 mod psf_plot;
 mod radiometry_told;
