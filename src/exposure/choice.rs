@@ -16,7 +16,7 @@ use crate::exposure::planner::Instrument;
 use crate::exposure::pose::PathNode;
 use crate::exposure::probes::{Probes, SIDE};
 use crate::exposure::sampling::{ANALYTIC_HALF_PX, SamplingError, TABLE_ERROR, sampling_error};
-use crate::exposure::trial::{Noise, SAFETY, Trial, TriedError};
+use crate::exposure::trial::{Noise, Trial, TriedError};
 use crate::exposure::weigh::{NodeError, Scales, ShapeOf, WINDOW_PX, light_share, shear_error, stretch_error};
 use crate::optics::PsfModel;
 use rayon::prelude::*;
@@ -51,9 +51,14 @@ const CLASSES: usize = 3;
 /// Stars that methods are tried on where no bound is inside the budget, and where a frame has its time.
 const TRIED: usize = 9;
 const TRIED_IN_TIME: usize = 3;
-/// Error of a pixel in the wings of a star, of the star's peak: single-precision error functions near 1, on the CPU and
-/// on the GPU (measured 3e-7 and 7e-7).
-const F32_WING: f64 = 7e-7;
+/// Multiples of the budget that a tried error is surely over and surely inside, whatever is added to it.
+const SURELY_OVER: f64 = 1.2;
+const SURELY_INSIDE: f64 = 0.7;
+/// Relative flux error of a list of nodes that was tried: dots lose what lies between windows.
+const TRIED_FLUX: f64 = 1e-4;
+/// Error of a pixel in the wings of a star, of the star's peak: single-precision error functions near 1 (measured 1e-7
+/// to 3e-7 on the CPU, up to 7e-7 on a GPU).
+const F32_WING: f64 = 5e-7;
 /// Stars one thread counts at a time.
 const COUNTED_TOGETHER: usize = 16_384;
 
@@ -170,7 +175,7 @@ impl Chooser {
         if let Shutter::Rolling { line_s } = self.instrument.shutter {
             let speed_px_s = probes.reach_px / motion.los.exposure_s;
             self.common = self.common.plus(shear_error(speed_px_s, line_s, sigma_px));
-            self.rolling_flux = stretch_error(speed_px_s, line_s, sigma_px);
+            self.rolling_flux = stretch_error(speed_px_s, line_s, sigma_px, motion.is_smooth());
             self.choose_bands(motion, probes);
         }
     }
@@ -274,7 +279,8 @@ impl Chooser {
         trial.prepare(plan, probes, sigma_px, if self.limit_ms.is_finite() { TRIED_IN_TIME } else { TRIED });
         let mut order = core::mem::take(&mut self.order);
         order.clear();
-        order.extend((0..self.weighed.len()).filter(|i| self.weighed[*i].can_be_tried()));
+        let one_psf = self.instrument.psf.blended() == 1;
+        order.extend((0..self.weighed.len()).filter(|i| one_psf && self.weighed[*i].can_be_tried()));
         let cost_ms = |i: &usize| self.cost.stars_ms(self.weighed[*i].method, &self.load(all.stars, plan.extent_px));
         order.sort_by(|a, b| cost_ms(a).total_cmp(&cost_ms(b)));
         let (is_tracked, shows_all) = (self.is_tracked(all.brightest_e), self.is_thorough || self.is_fixed());
@@ -285,26 +291,25 @@ impl Chooser {
             let excess = |tried: &TriedError| tried.excess(budget, is_tracked);
             let tried =
                 trial.error(plan, probes, (method, bands), noise, |tried| !shows_all && excess(tried) > least.max(1.0));
-            self.weighed[i].tried = tried;
+            // A method that was asked for is inside the budget by its bound or not at all.
+            let is_kept = |tried: &TriedError| !self.is_fixed() || excess(tried) > SURELY_OVER;
+            self.weighed[i].tried = tried.filter(is_kept);
             least = tried.map_or(least, |tried| least.min(excess(&tried)));
-            if least <= 1.0 && !shows_all {
+            if least <= SURELY_INSIDE && !shows_all {
                 break;
             }
         }
         (self.trial, self.order) = (trial, order);
     }
 
-    /// Adds what the wings of an overexposed star err by, which no method changes: what its footprint leaves out, and
-    /// single precision. Both grow with all of its light, though its core cannot be seen.
+    /// With what the wings of a star err by, where that is more; no method changes it: what its footprint leaves out, and
+    /// single precision. Both grow with all of its light, though an overexposed star's core cannot be seen.
     fn with_wings(&self, assessment: Assessment, brightest_e: f64, budget: &AccuracyBudget) -> Assessment {
         let Instrument { psf, full_well_e, read_noise_e_rms, .. } = &self.instrument;
-        let peak_e = brightest_e * psf.peak();
-        if peak_e <= *full_well_e {
-            return assessment;
-        }
-        let rim_e = brightest_e * self.rim_share;
-        let rim = rim_e.min(*full_well_e) / rim_e.min(*full_well_e).sqrt().hypot(*read_noise_e_rms).max(1.0);
-        let pixel_sigma = assessment.pixel_sigma + rim.max(F32_WING * peak_e / read_noise_e_rms.max(1.0));
+        let rim_e = (brightest_e * self.rim_share).min(*full_well_e);
+        let rim_sigma = rim_e / rim_e.sqrt().hypot(*read_noise_e_rms).max(1.0);
+        let rounding_sigma = F32_WING * brightest_e * psf.peak() / read_noise_e_rms.max(1.0);
+        let pixel_sigma = assessment.pixel_sigma.max(rim_sigma).max(rounding_sigma);
         let verdict = match assessment.verdict {
             Verdict::Fits | Verdict::FluxOverBudget if pixel_sigma > budget.pixel_sigma => Verdict::PixelOverBudget,
             other => other,
@@ -444,14 +449,15 @@ impl Chooser {
         let sigma_of = |peak: f64| self.pixel_sigma(peak, class.brightest_e, probes);
         let (mut pixel_sigma, mut whole_sigma) = (sigma_of(whole_peak.min(1.0) + drawn_peak), sigma_of(whole_peak));
         if let Some(tried) = tried {
-            let found_px = SAFETY * tried.centroid_px + self.sampling.centroid_px + rim_px + drawn_px + unknown_px;
-            let found_sigma = SAFETY * tried.pixel_sigma + sigma_of(self.sampling.peak + drawn_peak);
+            let found = tried.reported();
+            let found_px = found.centroid_px + self.sampling.centroid_px + rim_px + drawn_px + unknown_px;
+            let found_sigma = found.pixel_sigma + sigma_of(self.sampling.peak + drawn_peak);
             centroid_px = centroid_px.min(found_px);
             pixel_sigma = pixel_sigma.min(found_sigma);
             whole_sigma = pixel_sigma;
         }
-        let flux_rel =
-            psf.lost_flux(self.half_px) + F32_FLUX + F32_ROUNDING * (method.nodes() as f64).sqrt() + self.rolling_flux;
+        let drawn_flux = F32_FLUX + F32_ROUNDING * (method.nodes() as f64).sqrt() + tried.map_or(0.0, |_| TRIED_FLUX);
+        let flux_rel = psf.lost_flux(self.half_px) + drawn_flux + self.rolling_flux;
         let cost_ms = match verdict {
             Some(Verdict::NeedsSmoothMotion) => f64::INFINITY,
             _ => self.cost.stars_ms(method, &self.load(class.stars, extent_px)),
@@ -493,8 +499,9 @@ impl Weighed {
 impl TriedError {
     /// The larger of both errors as a multiple of the budget, centroids where stars `is_tracked`.
     fn excess(&self, budget: &AccuracyBudget, is_tracked: bool) -> f64 {
-        let of_centroid = if is_tracked { self.centroid_px / (MOTION_SHARE * budget.centroid_px) } else { 0.0 };
-        SAFETY * of_centroid.max(self.pixel_sigma / budget.pixel_sigma)
+        let Self { centroid_px, pixel_sigma } = self.reported();
+        let of_centroid = if is_tracked { centroid_px / (MOTION_SHARE * budget.centroid_px) } else { 0.0 };
+        of_centroid.max(pixel_sigma / budget.pixel_sigma)
     }
 }
 

@@ -16,7 +16,9 @@ use crate::exposure::probes::Probes;
 use crate::exposure::track::StarTrack;
 
 /// What a tried error is multiplied by before it is reported: other stars and other windows may be worse.
-pub(super) const SAFETY: f64 = 2.0;
+const SAFETY: f64 = 2.0;
+/// What other stars and windows may err by where those that were tried do not, px and sigma.
+const FLOOR: TriedError = TriedError { centroid_px: 3e-4, pixel_sigma: 5e-3 };
 /// Zones along each side of the detector; the brightest star of each is tried.
 const ZONES: usize = 3;
 /// Windows along a star's path.
@@ -27,8 +29,9 @@ const SIDE: usize = 5;
 const HALF: i32 = 2;
 /// Furthest from a pixel's edge that a star is drawn in a window, sigma (beyond: 1e-9 of its light).
 const REACH_SIGMA: f64 = 6.0;
-/// A window with less than this share of the light of the star's brightest one has no centroid.
-const CENTROID_LIGHT: f64 = 0.5;
+/// A window with less than this share of the light of the star's brightest one has no centroid: a tracker looks where a
+/// star is brightest, not at the ends of its streak.
+const CENTROID_LIGHT: f64 = 0.8;
 /// A path whose nodes are further apart on average than this shows them as dots, sigma.
 const DOTS_SIGMA: f64 = 1.5;
 
@@ -221,6 +224,14 @@ impl Trial {
 }
 
 impl TriedError {
+    /// What is reported: more than was found.
+    pub(super) fn reported(self) -> Self {
+        Self {
+            centroid_px: SAFETY * self.centroid_px + FLOOR.centroid_px,
+            pixel_sigma: SAFETY * self.pixel_sigma + FLOOR.pixel_sigma,
+        }
+    }
+
     fn worst(self, other: Self) -> Self {
         Self {
             centroid_px: self.centroid_px.max(other.centroid_px),
