@@ -34,7 +34,7 @@ const NAMED_WITHIN: f64 = 10.0;
 /// Share of an image's light that may be in the wrong pixels: a row of dots has more than half of it.
 const NOT_DOTS: f64 = 0.3;
 /// Streaks of which the planner may say that they are over the budget though they are not, share.
-const FALSE_ALARMS: f64 = 0.1;
+const FALSE_ALARMS: f64 = 0.15;
 
 /// One exposure.
 struct Streak {
