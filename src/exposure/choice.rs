@@ -282,7 +282,7 @@ impl Chooser {
         let one_psf = self.instrument.psf.blended() == 1;
         order.extend((0..self.weighed.len()).filter(|i| one_psf && self.weighed[*i].can_be_tried()));
         let cost_ms = |i: &usize| self.cost.stars_ms(self.weighed[*i].method, &self.load(all.stars, plan.extent_px));
-        order.sort_by(|a, b| cost_ms(a).total_cmp(&cost_ms(b)));
+        order.sort_unstable_by(|a, b| cost_ms(a).total_cmp(&cost_ms(b)).then(a.cmp(b)));
         let (is_tracked, shows_all) = (self.is_tracked(all.brightest_e), self.is_thorough || self.is_fixed());
         let mut least = f64::INFINITY;
         for &i in &order {
