@@ -12,8 +12,10 @@ use glam::{DVec2, DVec3};
 use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use starloop::attitude::LosPath;
 use starloop::base::accuracy::AccuracyBudget;
+use starloop::exposure::cost::CostModel;
+use starloop::exposure::plan::Verdict;
 use starloop::exposure::planner::Source;
-use starloop::exposure::{ExposurePlan, Instrument, Shutter};
+use starloop::exposure::{ExposurePlan, Instrument, Planner, Rung, Shutter};
 use starloop::optics::PsfModel;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -91,9 +93,13 @@ impl Streak {
         Self { instrument, rate_rad_s, exposure_s, sigma_px, stars, places_px }
     }
 
-    fn plan(&self, method: &str) -> ExposurePlan {
+    fn planner(&self, method: &str) -> Planner {
         let los = LosPath { rate_rad_s: self.rate_rad_s, exposure_s: self.exposure_s, ..los() };
-        planner_of(self.instrument.clone(), method, los, None).plan(&self.stars).clone()
+        planner_of(self.instrument.clone(), method, los, None)
+    }
+
+    fn plan(&self, method: &str) -> ExposurePlan {
+        self.planner(method).plan(&self.stars).clone()
     }
 
     /// Light of each star by the integral.
@@ -304,4 +310,22 @@ fn four_nodes_are_dots_and_this_integral_sees_them() {
     println!("{dots} of {} are dots, {inside} inside the budget", STREAKS / 4);
     assert!(dots > 12, "only {dots} rows of dots seen");
     assert!(inside < STREAKS as usize / 4 * 3 / 4, "{inside} inside the budget with four nodes");
+}
+
+#[test]
+fn a_streak_without_enough_time_has_as_many_nodes_as_fit() {
+    let is_long = |streak: &Streak| {
+        let chosen = streak.plan("auto").chosen;
+        chosen.verdict == Verdict::CentroidOverBudget && chosen.method.nodes() > 64
+    };
+    let streak = (0..STREAKS).map(Streak::new).find(is_long).expect("a long streak over the budget");
+    let full = streak.plan("auto").chosen;
+    let empty_ms = CostModel::CPU.empty_frame_ms(SIZE * SIZE, true);
+    let limit_ms = empty_ms + 0.4 * (full.cost_ms - empty_ms);
+    let plan = streak.planner("auto").within_ms(limit_ms).plan(&streak.stars).clone();
+    let (fewer, all) = (plan.chosen.method.nodes(), full.method.nodes());
+    println!("{}: {} in {limit_ms} ms, {} in {} ms", streak.words(), plan.chosen.method, full.method, full.cost_ms);
+    assert_eq!(plan.rung, Rung::Full, "{:?}", plan.chosen);
+    assert!(plan.chosen.cost_ms <= limit_ms, "{:?} in {limit_ms} ms", plan.chosen);
+    assert!(fewer < all && fewer * 8 > all, "{fewer} nodes of {all}");
 }
