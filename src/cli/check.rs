@@ -241,6 +241,9 @@ fn plans(
     numbers.dedup();
     for number in numbers {
         let mut planner = frames.planner(planned.cost, planned.limit_ms);
+        if imager.is_exact() {
+            planner = planner.exact();
+        }
         let plan = frames.plan(number, &mut planner)?;
         check_plan::write_plan(text, number, plan, &planned)?;
         check_light::write_frame(text, &mut light, &params.camera, plan)?;

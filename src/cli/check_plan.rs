@@ -3,6 +3,8 @@
 //! Input: a plan of the frame planner. Output: text. Predictions are for the real clock of this machine; nothing is
 //! drawn here.
 
+use crate::base::accuracy::AccuracyBudget;
+use crate::cli::over_budget::over_budget_told;
 use crate::config::{Bench, Degrade};
 use crate::exposure::cost::CostModel;
 use crate::exposure::plan::{Assessment, MOTION_SHARE, Verdict};
@@ -14,6 +16,7 @@ use core::fmt::{Error, Write};
 
 /// What the plans are judged by.
 pub(super) struct Planned {
+    budget: AccuracyBudget,
     pub(super) cost: CostModel,
     /// Time for drawing before frames are degraded, ms; `None`: they never are.
     pub(super) limit_ms: Option<f64>,
@@ -29,6 +32,7 @@ impl Planned {
         let cost = params.cost.unwrap_or(imager.cost());
         let budget_ms = params.drawing_budget_ms(&cost);
         Self {
+            budget: params.budget,
             cost,
             limit_ms: (params.degrade && imager.may_degrade()).then_some(budget_ms),
             budget_ms,
@@ -140,7 +144,7 @@ pub(super) fn write_plan(text: &mut String, number: u32, plan: &ExposurePlan, pl
 fn is_told(assessment: &Assessment, plan: &ExposurePlan) -> bool {
     let variants = || plan.assessed.iter().filter(|other| other.method.name() == assessment.method.name());
     let least_wrong = || variants().min_by(|a, b| a.pixel_sigma.total_cmp(&b.pixel_sigma));
-    let best = variants().find(|other| other.verdict.is_met()).or_else(least_wrong);
+    let best = variants().find(|other| other.verdict.keeps_shape()).or_else(least_wrong);
     assessment.method == plan.chosen.method || best.is_some_and(|best| best.method == assessment.method)
 }
 
@@ -181,7 +185,14 @@ fn write_time(text: &mut String, plan: &ExposurePlan, planned: &Planned) -> Resu
     )?;
     let rung = plan.rung;
     let late = if draw_ms > budget_ms { "; WARNING: it will be late all the same" } else { "" };
-    writeln!(text, "  rung         {rung}: gives up {}{late}\n", rung.gives_up())
+    let over = over_budget_told(plan, &planned.budget);
+    let gives_up =
+        if over.is_some() && rung == Rung::Full { "nothing that any method would keep" } else { rung.gives_up() };
+    writeln!(text, "  rung         {rung}: gives up {gives_up}{late}")?;
+    if let Some(words) = over {
+        writeln!(text, "  WARNING      {words}")?;
+    }
+    writeln!(text)
 }
 
 fn assessment_line(a: &Assessment) -> String {

@@ -40,6 +40,7 @@ mod live_view;
 mod load_threads;
 mod monitor;
 mod named_camera;
+mod over_budget;
 mod plain_text;
 pub mod psf;
 mod psf_plot;

@@ -8,6 +8,7 @@ use crate::base::clock::Stopwatch;
 use crate::base::time::{Span, Tai};
 use crate::cli::degrees::{declination_deg, right_ascension_deg};
 use crate::cli::named_camera::named_camera;
+use crate::cli::over_budget::over_budget_told;
 use crate::cli::render_input::{four, read_los, read_los_samples, read_sources, three};
 use crate::cli::render_output::{Format, format_of, write_dn, write_electrons, write_truth};
 use crate::cli::run::BackendName;
@@ -163,6 +164,9 @@ impl Scene {
         let instrument = camera.instrument();
         let budget = AccuracyBudget::default();
         let mut planner = Planner::new(instrument, budget, imager.cost(), arguments.method, motion.los.clone());
+        if imager.is_exact() {
+            planner = planner.exact();
+        }
         *planner.motion_mut() = motion;
         let (sky, sources) = match &arguments.sources {
             Some(path) => (None, read_sources(path)?),
@@ -223,13 +227,12 @@ impl Scene {
         Ok(times)
     }
 
-    /// Says so when no method meets the budget.
+    /// Says what is over the budget, and by how much.
     fn warn_of_error(&self) {
-        let chosen = self.planner.latest().chosen;
-        if !chosen.verdict.is_met() && self.imager.name() != "reference" {
-            let (method, px, sigma) = (chosen.method, chosen.centroid_px, chosen.pixel_sigma);
-            let why = if chosen.verdict.is_drawable() { "over the accuracy budget" } else { "outside its domain" };
-            eprintln!("WARNING: {why}: {method} may be off by {px:.1e} px and {sigma:.1e} sigma of a pixel's noise");
+        let plan = self.planner.latest();
+        if let Some(words) = over_budget_told(plan, &AccuracyBudget::default()) {
+            let who = if self.imager.is_exact() { "the reference".into() } else { plan.chosen.method.to_string() };
+            eprintln!("WARNING: {who}: {words}");
         }
     }
 

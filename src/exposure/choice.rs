@@ -16,6 +16,7 @@ use crate::exposure::planner::Instrument;
 use crate::exposure::pose::PathNode;
 use crate::exposure::probes::{Probes, SIDE};
 use crate::exposure::sampling::{ANALYTIC_HALF_PX, SamplingError, TABLE_ERROR, sampling_error};
+use crate::exposure::trial::{Noise, Trial, TriedError};
 use crate::exposure::weigh::{NodeError, Scales, ShapeOf, WINDOW_PX, light_share, shear_error, stretch_error};
 use crate::optics::PsfModel;
 use rayon::prelude::*;
@@ -47,6 +48,17 @@ const TRACKED_SIGMA: f64 = 3.0;
 const CLASS_STEP: f64 = 8.0;
 /// Classes of stars at most.
 const CLASSES: usize = 3;
+/// Stars that methods are tried on where no bound is inside the budget, and where a frame has its time.
+const TRIED: usize = 9;
+const TRIED_IN_TIME: usize = 3;
+/// Multiples of the budget that a tried error is surely over and surely inside, whatever is added to it.
+const SURELY_OVER: f64 = 1.2;
+const SURELY_INSIDE: f64 = 0.7;
+/// Relative flux error of a list of nodes that was tried: dots lose what lies between windows.
+const TRIED_FLUX: f64 = 1e-4;
+/// Error of a pixel in the wings of a star, of the star's peak: single-precision error functions near 1 (measured 1e-7
+/// to 3e-7 on the CPU, up to 7e-7 on a GPU).
+const F32_WING: f64 = 5e-7;
 /// Stars one thread counts at a time.
 const COUNTED_TOGETHER: usize = 16_384;
 
@@ -56,6 +68,8 @@ struct Weighed {
     method: Method,
     error: NodeError,
     verdict: Option<Verdict>,
+    /// What it errs by on some of the frame's stars, where no bound was inside the budget.
+    tried: Option<TriedError>,
 }
 
 /// Weighs and chooses; keeps its buffers.
@@ -82,8 +96,19 @@ pub(super) struct Chooser {
     /// Stars of the frame.
     stars: usize,
     moves: bool,
+    trial: Trial,
+    /// Methods in the order in which they are tried.
+    order: Vec<usize>,
+    /// The methods have been tried on some of the frame's stars.
+    is_tried: bool,
+    /// The backend integrates the exact path, whatever the method.
+    is_exact: bool,
+    /// Share of a star's light in the brightest pixel outside its footprint.
+    rim_share: f64,
     /// Weigh every method.
     pub(super) is_thorough: bool,
+    /// Time for drawing, ms (infinite: as long as it takes).
+    pub(super) limit_ms: f64,
 }
 
 impl Chooser {
@@ -113,8 +138,20 @@ impl Chooser {
             one_band: NodeError::default(),
             stars: 0,
             moves: false,
+            trial: Trial::default(),
+            order: Vec::with_capacity(64),
+            is_tried: false,
+            is_exact: false,
+            rim_share: rim_share(&instrument.psf, half_px),
             is_thorough: false,
+            limit_ms: f64::INFINITY,
         }
+    }
+
+    /// For a backend that integrates every star's exact path in footprints of `half_px`.
+    pub(super) fn draw_exactly(&mut self, half_px: usize) {
+        self.is_exact = true;
+        self.half_px = half_px;
     }
 
     /// Errors that every method has: the mean field's, the dense list's own, a rolling shutter's.
@@ -122,6 +159,7 @@ impl Chooser {
         self.common = NodeError::default();
         self.rolling_flux = 0.0;
         self.bands = 1;
+        self.is_tried = false;
         self.weighed.clear();
         self.moves = !motion.is_still();
         if !self.moves {
@@ -137,7 +175,7 @@ impl Chooser {
         if let Shutter::Rolling { line_s } = self.instrument.shutter {
             let speed_px_s = probes.reach_px / motion.los.exposure_s;
             self.common = self.common.plus(shear_error(speed_px_s, line_s, sigma_px));
-            self.rolling_flux = stretch_error(speed_px_s, line_s, sigma_px);
+            self.rolling_flux = stretch_error(speed_px_s, line_s, sigma_px, motion.is_smooth());
             self.choose_bands(motion, probes);
         }
     }
@@ -194,26 +232,89 @@ impl Chooser {
         let budget = rung.loosened(&self.budget);
         let pixels = self.instrument.camera.width_px() * self.instrument.camera.height_px();
         let empty_ms = self.cost.empty_frame_ms(pixels, self.moves);
+        let limit_ms = self.limit_ms - empty_ms;
         let all = StarClass { brightest_e, faintest_e: 0.0, stars: plan.stars.len(), bands: 1, chosen: plan.chosen };
+        let mut together = self.best(&all, &budget, rung, (plan.extent_px, limit_ms), probes);
+        let may_help = !self.is_exact && (rung < Rung::MotionOut || self.is_fixed());
+        if self.moves && may_help && !self.is_tried && !together.chosen.verdict.keeps_shape() {
+            self.try_methods(plan, &all, &budget, probes);
+            together = self.best(&all, &budget, rung, (plan.extent_px, limit_ms), probes);
+        }
         plan.assessed.clear();
         plan.assessed.extend(self.weighed.iter().map(|weighed| {
-            let mut assessment = self.assess(weighed, &all, &budget, plan.extent_px, probes);
-            assessment.cost_ms += empty_ms;
-            assessment
+            let (assessment, _) = self.assess(weighed, &all, &budget, plan.extent_px, probes);
+            let assessment = self.with_wings(assessment, all.brightest_e, &budget);
+            Assessment { cost_ms: assessment.cost_ms + empty_ms, ..assessment }
         }));
         plan.assessed.sort_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
-        let together = self.best(&all, &budget, rung, plan.extent_px, probes);
         plan.classes.clear();
         if matches!(self.choice, MethodChoice::Auto) && rung < Rung::MotionOut && self.weighed.len() > 1 {
             self.choose_by_class(plan, brightest_e, &budget, rung, probes);
         }
         let apart_ms: f64 = plan.classes.iter().map(|class| class.chosen.cost_ms).sum();
-        if plan.classes.is_empty() || together.chosen.cost_ms <= apart_ms || !together.chosen.verdict.is_met() {
+        if plan.classes.is_empty() || together.chosen.cost_ms <= apart_ms || !together.chosen.verdict.keeps_shape() {
             plan.classes.clear();
             plan.classes.push(together);
         }
+        for class in &mut plan.classes {
+            class.chosen = self.with_wings(class.chosen, class.brightest_e, &budget);
+        }
         let stars_ms: f64 = plan.classes.iter().map(|class| class.chosen.cost_ms).sum();
         plan.chosen = Assessment { cost_ms: empty_ms + stars_ms, ..plan.classes[0].chosen };
+        if self.is_exact {
+            let flux_rel = self.instrument.psf.lost_flux(self.half_px);
+            let verdict = if flux_rel > budget.flux_rel { Verdict::FluxOverBudget } else { Verdict::Fits };
+            plan.chosen = Assessment { centroid_px: 0.0, pixel_sigma: 0.0, flux_rel, verdict, ..plan.chosen };
+        }
+    }
+
+    /// Tries the methods on some of the plan's stars, cheapest first, until one is inside the budget; what cannot be
+    /// the least wrong one is left at its bound.
+    fn try_methods(&mut self, plan: &ExposurePlan, all: &StarClass, budget: &AccuracyBudget, probes: &Probes) {
+        self.is_tried = true;
+        let sigma_px = self.instrument.psf.core_sigma_px();
+        let (full_well_e, read_noise_e_rms) = (self.instrument.full_well_e, self.instrument.read_noise_e_rms);
+        let noise = Noise { full_well_e, read_noise_e_rms, sigma_px };
+        let mut trial = core::mem::take(&mut self.trial);
+        trial.prepare(plan, probes, sigma_px, if self.limit_ms.is_finite() { TRIED_IN_TIME } else { TRIED });
+        let mut order = core::mem::take(&mut self.order);
+        order.clear();
+        let one_psf = self.instrument.psf.blended() == 1;
+        order.extend((0..self.weighed.len()).filter(|i| one_psf && self.weighed[*i].can_be_tried()));
+        let cost_ms = |i: &usize| self.cost.stars_ms(self.weighed[*i].method, &self.load(all.stars, plan.extent_px));
+        order.sort_unstable_by(|a, b| cost_ms(a).total_cmp(&cost_ms(b)).then(a.cmp(b)));
+        let (is_tracked, shows_all) = (self.is_tracked(all.brightest_e), self.is_thorough || self.is_fixed());
+        let mut least = f64::INFINITY;
+        for &i in &order {
+            let method = self.weighed[i].method;
+            let bands = if method.kernels() > 0 { 1 } else { self.bands };
+            let excess = |tried: &TriedError| tried.excess(budget, is_tracked);
+            let tried =
+                trial.error(plan, probes, (method, bands), noise, |tried| !shows_all && excess(tried) > least.max(1.0));
+            // A method that was asked for is inside the budget by its bound or not at all.
+            let is_kept = |tried: &TriedError| !self.is_fixed() || excess(tried) > SURELY_OVER;
+            self.weighed[i].tried = tried.filter(is_kept);
+            least = tried.map_or(least, |tried| least.min(excess(&tried)));
+            if least <= SURELY_INSIDE && !shows_all {
+                break;
+            }
+        }
+        (self.trial, self.order) = (trial, order);
+    }
+
+    /// With what the wings of a star err by, where that is more; no method changes it: what its footprint leaves out, and
+    /// single precision. Both grow with all of its light, though an overexposed star's core cannot be seen.
+    fn with_wings(&self, assessment: Assessment, brightest_e: f64, budget: &AccuracyBudget) -> Assessment {
+        let Instrument { psf, full_well_e, read_noise_e_rms, .. } = &self.instrument;
+        let rim_e = (brightest_e * self.rim_share).min(*full_well_e);
+        let rim_sigma = rim_e / rim_e.sqrt().hypot(*read_noise_e_rms).max(1.0);
+        let rounding_sigma = F32_WING * brightest_e * psf.peak() / read_noise_e_rms.max(1.0);
+        let pixel_sigma = assessment.pixel_sigma.max(rim_sigma).max(rounding_sigma);
+        let verdict = match assessment.verdict {
+            Verdict::Fits | Verdict::FluxOverBudget if pixel_sigma > budget.pixel_sigma => Verdict::PixelOverBudget,
+            other => other,
+        };
+        Assessment { pixel_sigma, verdict, ..assessment }
     }
 
     fn choose_by_class(
@@ -233,7 +334,7 @@ impl Chooser {
             if class.stars == 0 {
                 continue;
             }
-            let class = self.best(&class, budget, rung, plan.extent_px, probes);
+            let class = self.best(&class, budget, rung, (plan.extent_px, f64::INFINITY), probes);
             match plan.classes.last_mut() {
                 Some(before) if before.chosen.method == class.chosen.method => {
                     before.stars += class.stars;
@@ -251,13 +352,14 @@ impl Chooser {
         self.instrument.full_well_e / self.instrument.psf.peak()
     }
 
-    /// The cheapest method for one class; its cost is that of its stars.
+    /// The cheapest method for one class that is inside the budget; without one, the least wrong one of those that fit
+    /// the time, or of all. Its cost is that of its stars.
     fn best(
         &self,
         class: &StarClass,
         budget: &AccuracyBudget,
         rung: Rung,
-        extent_px: f64,
+        (extent_px, limit_ms): (f64, f64),
         probes: &Probes,
     ) -> StarClass {
         let wanted = match self.choice {
@@ -268,10 +370,18 @@ impl Chooser {
         let of_wanted = |weighed: &&Weighed| wanted.is_none_or(|name| weighed.method.name() == name);
         let weighed = || self.weighed.iter().filter(of_wanted);
         let assessed = || weighed().map(|weighed| self.assess(weighed, class, budget, extent_px, probes));
-        let cheapest = assessed().filter(|a| a.verdict.is_met()).min_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
-        let least_wrong =
-            || assessed().filter(|a| a.verdict.is_drawable()).min_by(|a, b| a.centroid_px.total_cmp(&b.centroid_px));
-        let chosen = cheapest.or_else(least_wrong).or_else(|| assessed().next()).unwrap_or(class.chosen);
+        let of_shape = assessed().map(|(a, _)| a).filter(|a| a.verdict.keeps_shape());
+        let cheapest = of_shape.min_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
+        let least_wrong = |limit_ms: f64| {
+            let in_time = assessed().filter(|(a, _)| a.verdict.is_drawable() && a.cost_ms <= limit_ms);
+            let order = |(a, x): &(Assessment, f64), (b, y): &(Assessment, f64)| {
+                x.total_cmp(y).then(a.cost_ms.total_cmp(&b.cost_ms))
+            };
+            in_time.min_by(order).map(|(a, _)| a)
+        };
+        let least_wrong = || least_wrong(limit_ms).or_else(|| least_wrong(f64::INFINITY));
+        let first = || assessed().next().map(|(a, _)| a);
+        let chosen = cheapest.or_else(least_wrong).or_else(first).unwrap_or(class.chosen);
         StarClass { chosen, bands: if chosen.method.kernels() > 0 { 1 } else { self.bands }, ..*class }
     }
 
@@ -296,18 +406,27 @@ impl Chooser {
     /// Largest pixel error in units of its own noise when it is `peak` of the peak of a star of `brightest_e`.
     fn pixel_sigma(&self, peak: f64, brightest_e: f64, probes: &Probes) -> f64 {
         let psf = &self.instrument.psf;
-        let peak_e = (brightest_e * psf.peak()).min(self.instrument.full_well_e);
+        let whole_e = brightest_e * psf.peak();
+        let peak_e = whole_e.min(self.instrument.full_well_e);
         // Errors are largest on the flanks: a quarter of the smeared peak's light is there at least.
         let light_e = 0.25 * peak_e * light_share(CORE_SIGMAS * psf.core_sigma_px(), probes);
         let noise_e = light_e.sqrt().hypot(self.instrument.read_noise_e_rms).max(1.0);
-        peak * peak_e / noise_e
+        // Where an overexposed star's light falls below saturation, it is steeper than at its peak.
+        let steeper = (0.5 * (whole_e / peak_e).ln()).max(1.0);
+        peak * peak_e * steeper / noise_e
+    }
+
+    /// True when a tracker uses stars of this brightness.
+    fn is_tracked(&self, brightest_e: f64) -> bool {
+        brightest_e * self.instrument.psf.peak() >= TRACKED_SIGMA * self.instrument.read_noise_e_rms.max(1.0)
     }
 
     fn load(&self, stars: usize, extent_px: f64) -> Load<'_> {
         Load { psf: &self.instrument.psf, half_px: self.half_px, extent_px, stars, moves: self.moves }
     }
 
-    /// Bounds of a method for one class of stars; its cost is that of the class's stars.
+    /// Bounds of a method for one class of stars, or what it was found to err by; its cost is that of the class's stars.
+    /// With it, the largest error as a multiple of the budget, pixels beyond a star's peak included.
     fn assess(
         &self,
         weighed: &Weighed,
@@ -315,8 +434,8 @@ impl Chooser {
         budget: &AccuracyBudget,
         extent_px: f64,
         probes: &Probes,
-    ) -> Assessment {
-        let Weighed { method, error, verdict } = *weighed;
+    ) -> (Assessment, f64) {
+        let Weighed { method, error, verdict, tried } = *weighed;
         let psf = &self.instrument.psf;
         let tabulated =
             method.kernels() > 0 || !matches!(psf, PsfModel::Gaussian { .. }) || self.half_px > ANALYTIC_HALF_PX;
@@ -324,17 +443,26 @@ impl Chooser {
         // Without probes nothing is known of the motion, and nothing is promised.
         let unknown_px = if probes.probes.len() < SIDE * SIDE { f64::INFINITY } else { 0.0 };
         let rim_px = self.rim_error_px(extent_px);
-        let centroid_px =
+        let mut centroid_px =
             error.centroid_px + self.common.centroid_px + self.sampling.centroid_px + rim_px + drawn_px + unknown_px;
-        let peak = (error.peak + self.common.peak + self.sampling.peak).min(1.0) + drawn_peak;
-        let pixel_sigma = self.pixel_sigma(peak, class.brightest_e, probes);
-        let flux_rel =
-            psf.lost_flux(self.half_px) + F32_FLUX + F32_ROUNDING * (method.nodes() as f64).sqrt() + self.rolling_flux;
+        let whole_peak = error.peak + self.common.peak + self.sampling.peak;
+        let sigma_of = |peak: f64| self.pixel_sigma(peak, class.brightest_e, probes);
+        let (mut pixel_sigma, mut whole_sigma) = (sigma_of(whole_peak.min(1.0) + drawn_peak), sigma_of(whole_peak));
+        if let Some(tried) = tried {
+            let found = tried.reported();
+            let found_px = found.centroid_px + self.sampling.centroid_px + rim_px + drawn_px + unknown_px;
+            let found_sigma = found.pixel_sigma + sigma_of(self.sampling.peak + drawn_peak);
+            centroid_px = centroid_px.min(found_px);
+            pixel_sigma = pixel_sigma.min(found_sigma);
+            whole_sigma = pixel_sigma;
+        }
+        let drawn_flux = F32_FLUX + F32_ROUNDING * (method.nodes() as f64).sqrt() + tried.map_or(0.0, |_| TRIED_FLUX);
+        let flux_rel = psf.lost_flux(self.half_px) + drawn_flux + self.rolling_flux;
         let cost_ms = match verdict {
             Some(Verdict::NeedsSmoothMotion) => f64::INFINITY,
             _ => self.cost.stars_ms(method, &self.load(class.stars, extent_px)),
         };
-        let tracked = class.brightest_e * psf.peak() >= TRACKED_SIGMA * self.instrument.read_noise_e_rms.max(1.0);
+        let tracked = self.is_tracked(class.brightest_e);
         let verdict = verdict.unwrap_or(if tracked && centroid_px > MOTION_SHARE * budget.centroid_px {
             Verdict::CentroidOverBudget
         } else if pixel_sigma > budget.pixel_sigma {
@@ -344,13 +472,36 @@ impl Chooser {
         } else {
             Verdict::Fits
         });
-        Assessment { method, centroid_px, flux_rel, pixel_sigma, cost_ms, verdict }
+        let of_centroid = if tracked { centroid_px / (MOTION_SHARE * budget.centroid_px) } else { 0.0 };
+        let excess = of_centroid.max(whole_sigma / budget.pixel_sigma).max(flux_rel / budget.flux_rel);
+        (Assessment { method, centroid_px, flux_rel, pixel_sigma, cost_ms, verdict }, excess)
     }
 
     /// Centroid error of light that the footprint drops, px: none while the footprint's rim stays outside the window.
     fn rim_error_px(&self, extent_px: f64) -> f64 {
         let rim_px = self.half_px as f64 - 0.5 - extent_px;
         if rim_px > 0.5 * WINDOW_PX + 0.5 { 0.0 } else { 0.5 * self.instrument.psf.lost_flux(self.half_px) }
+    }
+}
+
+/// Share of a star's light in the brightest pixel outside a footprint of `half_px`, wherever in its pixel it stands.
+fn rim_share(psf: &PsfModel, half_px: usize) -> f64 {
+    psf.nodes().iter().map(|psf| psf.pixel(half_px as f64 + 0.5, 0.0)).fold(0.0, f64::max)
+}
+
+impl Weighed {
+    /// True when it is drawn from nodes that are known before the plan is made.
+    fn can_be_tried(&self) -> bool {
+        self.verdict.is_none() && !matches!(self.method, Method::ZonalPsf { .. })
+    }
+}
+
+impl TriedError {
+    /// The larger of both errors as a multiple of the budget, centroids where stars `is_tracked`.
+    fn excess(&self, budget: &AccuracyBudget, is_tracked: bool) -> f64 {
+        let Self { centroid_px, pixel_sigma } = self.reported();
+        let of_centroid = if is_tracked { centroid_px / (MOTION_SHARE * budget.centroid_px) } else { 0.0 };
+        of_centroid.max(pixel_sigma / budget.pixel_sigma)
     }
 }
 

@@ -111,7 +111,7 @@ pub fn give(plan: &mut ExposurePlan, share: &Share, buffers: &Buffers) {
         let class = brighter.iter().zip(&*classes).find(|(_, class)| star.electrons >= class.faintest_e);
         star.list = class.map_or(last, |(give, _)| give).list(star, camera, used);
         let nodes = lists.get(star.list as usize).map_or(&nodes[..0], |list| &nodes[list.nodes.clone()]);
-        star.electrons_on_detector = star.electrons * share.on_detector(star, camera, nodes, extent_px);
+        star.electrons_on_detector = star.drawn_e * share.on_detector(star, camera, nodes, extent_px);
     });
 }
 
@@ -124,8 +124,7 @@ fn push_band(
     [band, bands]: [usize; 2],
 ) {
     let height = camera.height_px();
-    let middle_px = (band as f64 + 0.5) / bands as f64 * (height as f64 - 1.0);
-    let delay_s = plan.shutter.delay_s(middle_px, height);
+    let delay_s = band_delay_s(plan.shutter, height, [band, bands]);
     let first = plan.nodes.len();
     fill_nodes(&plan.motion, method, delay_s, probes, &mut plan.nodes);
     let drawing = match (method, probes.centre()) {
@@ -134,6 +133,12 @@ fn push_band(
         _ => Drawing::Nodes,
     };
     push_list(plan, probes, first, drawing);
+}
+
+/// How much later than the frame the middle of a band is exposed, s; `[band, bands]` of `height` rows.
+pub(super) fn band_delay_s(shutter: Shutter, height: usize, [band, bands]: [usize; 2]) -> f64 {
+    let middle_px = (band as f64 + 0.5) / bands as f64 * (height as f64 - 1.0);
+    shutter.delay_s(middle_px, height)
 }
 
 fn push_list(plan: &mut ExposurePlan, probes: &Probes, first: usize, drawing: Drawing) {
@@ -150,7 +155,7 @@ fn push_list(plan: &mut ExposurePlan, probes: &Probes, first: usize, drawing: Dr
 }
 
 /// What the mean displacement at the probes is more than that of the mean pose.
-fn correction(nodes: &[PathNode], mean: &Pose, probes: &Probes) -> Correction {
+pub(super) fn correction(nodes: &[PathNode], mean: &Pose, probes: &Probes) -> Correction {
     let camera = &probes.camera;
     let mut off = [[0.0; 2]; SIDE * SIDE];
     for (off, probe) in off.iter_mut().zip(&probes.probes) {
@@ -187,7 +192,7 @@ pub fn fill_nodes(motion: &Motion, method: Method, delay_s: f64, probes: &Probes
 }
 
 /// The band that holds row `y_px`.
-fn band_of(y_px: f64, height: f64, bands: usize) -> usize {
+pub(super) fn band_of(y_px: f64, height: f64, bands: usize) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the bands")]
     let band = ((y_px + 0.5) / height * bands as f64).clamp(0.0, bands as f64 - 1.0) as usize;
     band

@@ -20,6 +20,9 @@ const SMOOTH_NODES: usize = 5;
 /// Rows at which the mean pose of a rolling shutter is worked out.
 const ROLLING_ROWS: usize = 33;
 
+/// Most that a star may move down from one row to the next for its light to be worked out, px.
+const MOST_PER_ROW: f64 = 0.9;
+
 /// Mean positions over one exposure.
 #[derive(Debug)]
 pub struct MeanField {
@@ -114,6 +117,20 @@ impl MeanField {
         }
         let [cx, cy] = self.correction.at(track.place.mid_px);
         [moved[0] + cx, moved[1] + cy]
+    }
+
+    /// What a rolling shutter multiplies a star's light by: a star that moves by `v` px down from row to row is exposed
+    /// by `1 / (1 - v)` times the rows (with a global shutter: 1).
+    #[must_use]
+    pub fn rolling_gain(&self, track: &StarTrack) -> f64 {
+        if !self.moves || self.poses.len() < 2 {
+            return 1.0;
+        }
+        let row_px = track.place.mid_px[1] + self.displacement_px(track)[1];
+        let down_px = |row_px: f64| track.displacement_px(&self.pose_at(row_px))[1];
+        let per_row = down_px(row_px + 0.5) - down_px(row_px - 0.5);
+        // A star that keeps pace with the rows is in no image that could be drawn.
+        1.0 / (1.0 - per_row.min(MOST_PER_ROW))
     }
 }
 

@@ -31,6 +31,7 @@ pub mod spectrum;
 pub mod target;
 pub mod target_plan;
 pub mod track;
+mod trial;
 pub mod weigh;
 
 pub use ladder::Rung;

@@ -6,7 +6,7 @@ use crate::base::time::Tai;
 use crate::exposure::motion::Motion;
 use crate::exposure::pixel_path::{PixelPath, PixelPoint};
 use crate::exposure::pose::{PathNode, Pose, SHIFT, recentre};
-use crate::optics::quadrature::gauss_legendre_node;
+use crate::optics::quadrature::{Node, gauss_legendre_node};
 
 /// Mean distance of dense nodes, share of the PSF's sigma. They come in Gauss-Legendre pairs: variance along a straight
 /// piece is exact, and the characteristic function errs by `(k h)^4 / 270`.
@@ -15,6 +15,13 @@ const DENSE_STEP_SIGMA: f64 = 0.1;
 const DENSE_PER_PERIOD: f64 = 24.0;
 /// Most dense nodes of a path with jitter (the frame path's buffers hold this many).
 pub const MOST_DENSE_NODES: usize = 4096;
+/// Most Gauss-Legendre nodes of one rule over a whole exposure, which costs the square of its nodes: 512 of a method,
+/// and the few more of the list that it is compared with.
+pub const ONE_RULE_NODES: usize = 520;
+/// Nodes of a panel, where more are wanted.
+pub const PANEL_NODES: usize = 16;
+/// Most nodes of a smooth path, a whole number of panels.
+pub const MOST_SMOOTH_NODES: usize = 1 << 14;
 /// Most dense nodes of a commanded image path.
 pub const MOST_PATH_NODES: usize = 1 << 18;
 /// An axis of a Gaussian thinner than this share of the wider gets one node.
@@ -36,12 +43,30 @@ pub fn samples(motion: &Motion, k: usize, delay_s: f64, mean: &Pose, out: &mut V
     recentre(&mut out[first..], mean);
 }
 
-/// `n` Gauss-Legendre nodes in time (smooth motion only: jitter between nodes would be missed).
+/// `n` Gauss-Legendre nodes in time (smooth motion only: jitter between nodes would be missed); more than
+/// [`ONE_RULE_NODES`] come in panels of equal time, of at most [`PANEL_NODES`] each.
 pub fn gauss_legendre_in_time(motion: &Motion, n: usize, delay_s: f64, out: &mut Vec<PathNode>) {
-    out.extend((0..n).map(|i| {
-        let node = gauss_legendre_node(n, i);
-        PathNode { weight: node.weight, pose: motion.pose_at(node.x, delay_s) }
-    }));
+    if n <= ONE_RULE_NODES {
+        out.extend((0..n).map(|i| {
+            let node = gauss_legendre_node(n, i);
+            PathNode { weight: node.weight, pose: motion.pose_at(node.x, delay_s) }
+        }));
+        return;
+    }
+    let panels = n.div_ceil(PANEL_NODES);
+    let (each, longer, share) = (n / panels, n % panels, 1.0 / panels as f64);
+    let rule = |nodes: usize| -> [Node; PANEL_NODES] {
+        core::array::from_fn(|i| if i < nodes { gauss_legendre_node(nodes, i) } else { Node { x: 0.0, weight: 0.0 } })
+    };
+    let rules = [rule(each), rule((each + 1).min(PANEL_NODES))];
+    for panel in 0..panels {
+        let middle = (panel as f64 + 0.5) * share - 0.5;
+        let is_longer = usize::from(panel < longer);
+        out.extend(rules[is_longer][..each + is_longer].iter().map(|node| PathNode {
+            weight: node.weight * share,
+            pose: motion.pose_at(middle + node.x * share, delay_s),
+        }));
+    }
 }
 
 /// `count` straight segments of equal time between points of the path, `per_segment` Gauss-Legendre nodes along each,

@@ -156,13 +156,14 @@ impl NullaryFnOnce for PlaceBlocks<'_, '_> {
 #[inline(always)]
 fn star_at(source: &Source, place: StarPlace, mean_px: [f64; 2], lit: Lit<'_>) -> PlannedStar {
     let electrons = source.electrons * lit.illumination.at(place.tangent);
-    PlannedStar { id: source.id, mag: source.mag, electrons, place, mean_px, ..EMPTY }
+    PlannedStar { id: source.id, mag: source.mag, electrons, drawn_e: electrons, place, mean_px, ..EMPTY }
 }
 
 const EMPTY: PlannedStar = PlannedStar {
     id: 0,
     mag: 0.0,
     electrons: 0.0,
+    drawn_e: 0.0,
     electrons_on_detector: 0.0,
     place: StarPlace { mid_px: NOWHERE, tangent: DVec2::ZERO },
     mean_px: NOWHERE,
@@ -186,7 +187,9 @@ fn place(source: &Source, lit: Lit<'_>, los: &LosPath, means: &MeanField, margin
     if !inside(mean_px[0], camera.width_px()) || !inside(mean_px[1], camera.height_px()) {
         return EMPTY;
     }
-    star_at(source, place, mean_px, lit)
+    let mut star = star_at(source, place, mean_px, lit);
+    star.drawn_e *= means.rolling_gain(&StarTrack::new(camera, place));
+    star
 }
 
 #[cfg(test)]

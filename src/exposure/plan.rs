@@ -23,6 +23,9 @@ pub struct PlannedStar {
     pub mag: f32,
     /// Electrons the star sends into the whole image plane during the exposure.
     pub electrons: f64,
+    /// Electrons that a backend draws which gives all rows of a star one exposure: those of [`Self::electrons`] times
+    /// what a rolling shutter makes of the star's motion along its rows. The reference exposes row by row instead.
+    pub drawn_e: f64,
     /// Electrons of it that land on the detector within the footprint.
     pub electrons_on_detector: f64,
     /// Place at mid-exposure.
@@ -148,9 +151,15 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// True when motion is drawn inside the budget (light beyond a footprint's cap is told in `flux_rel`).
+    /// True when every error is inside the budget.
     #[must_use]
     pub fn is_met(self) -> bool {
+        self == Self::Fits
+    }
+
+    /// True when motion is drawn inside the budget; light that no method keeps may be lost.
+    #[must_use]
+    pub fn keeps_shape(self) -> bool {
         matches!(self, Self::Fits | Self::FluxOverBudget)
     }
 

@@ -90,6 +90,8 @@ pub struct Planner {
     share: Share,
     targets: TargetPlanner,
     cost: CostModel,
+    /// For a backend that integrates every star's exact path.
+    is_exact: bool,
     /// Room for the stars' electrons.
     brightness_e: Vec<f64>,
     /// Room for the numbers of stars in sight, chunk by chunk of the sources.
@@ -142,6 +144,7 @@ impl Planner {
             share,
             targets: TargetPlanner::new(),
             cost,
+            is_exact: false,
             brightness_e: Vec::with_capacity(STARS_RESERVED),
             seen: Vec::with_capacity(STARS_RESERVED),
         }
@@ -159,6 +162,19 @@ impl Planner {
         self.time_budget_ms = Some(time_budget_ms);
     }
 
+    /// For the reference: every star, however faint, and as much of each as the reference draws; nothing is over the
+    /// budget but light beyond the furthest footprint.
+    #[must_use]
+    pub fn exact(mut self) -> Self {
+        self.is_exact = true;
+        let camera = &self.instrument.camera;
+        let half_px = self.plan.half_px.max(self.instrument.psf.whole_half_px());
+        self.plan.half_px = half_px;
+        self.share = Share::new(&self.instrument.psf, half_px, [camera.width_px(), camera.height_px()]);
+        self.chooser.draw_exactly(half_px);
+        self
+    }
+
     /// Weighs every method, also where a cheaper one has been found that fits: for reports.
     #[must_use]
     pub fn thorough(mut self) -> Self {
@@ -170,12 +186,14 @@ impl Planner {
     pub fn set_targets(&mut self, scripts: Vec<Target>) {
         self.plan.targets.reserve(scripts.len());
         self.targets.set(scripts);
+        self.plan.stars.reserve(self.targets.most_nodes());
     }
 
     /// Makes room for so many targets on the sky.
     pub fn reserve_targets_on_sky(&mut self, most: usize) {
         self.plan.targets.reserve(self.targets.scripts() + most);
         self.targets.reserve(most);
+        self.plan.stars.reserve(self.targets.most_nodes());
     }
 
     /// Targets on the sky in the next exposure.
@@ -239,6 +257,7 @@ impl Planner {
         self.leave_out_faint(rung, brightness.least_e);
         loop {
             self.plan.rung = rung;
+            self.chooser.limit_ms = self.time_budget_ms.map_or(f64::INFINITY, |limit_ms| limit_ms - targets_ms);
             self.chooser.choose(&mut self.plan, rung, brightness.most_e, &self.probes);
             self.plan.chosen.cost_ms += targets_ms;
             let Some(limit_ms) = self.time_budget_ms else { return };
@@ -262,9 +281,12 @@ impl Planner {
 
     /// Leaves out the stars that stay below the rung's share of the noise.
     fn leave_out_faint(&mut self, rung: Rung, least_e: f64) {
-        let Self { plan, cells, instrument, budget, .. } = self;
+        let Self { plan, cells, instrument, budget, is_exact, .. } = self;
         let reach_px = light_reach_px(plan);
         let camera = &instrument.camera;
+        if *is_exact {
+            return;
+        }
         // What an earlier rung left out counts too.
         let allowed_e = rung.cut_off_sigma(budget) * instrument.read_noise_e_rms - plan.cut_off.most_in_pixel_e;
         let peak = plan.psf.peak();

@@ -17,6 +17,8 @@ use glam::{DQuat, DVec3};
 pub const SIDE: usize = 3;
 /// Rotation by which a probe's response is measured, rad.
 const SMALL_RAD: f64 = 1e-7;
+/// Nodes that the dense list of a smooth path has more than a method.
+const DENSER: usize = 8;
 /// Arc over chord of a smooth path, generously.
 const ARC: f64 = 1.05;
 
@@ -142,6 +144,11 @@ impl Probes {
         self.shutter.delay_s(row as f64 / (SIDE - 1) as f64 * (height as f64 - 1.0), height)
     }
 
+    /// Appends dense nodes of the exposure of rows that are `delay_s` late.
+    pub fn true_nodes(&self, motion: &Motion, sigma_px: f64, delay_s: f64, out: &mut Vec<PathNode>) {
+        dense_nodes(motion, sigma_px, self.reach_px, furthest_corner_px(&self.camera), delay_s, out);
+    }
+
     /// Largest distance of a mean position worked out by `mean_px` from the true one, between the probes, px. `own` is
     /// room for the nodes of a row.
     #[must_use]
@@ -230,7 +237,7 @@ fn dense_nodes(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, de
     if motion.is_still() {
         nodes::single(&Pose::STILL, out);
     } else if motion.is_smooth() {
-        nodes::gauss_legendre_in_time(motion, gauss_legendre_count(reach_px, sigma_px) + 8, delay_s, out);
+        nodes::gauss_legendre_in_time(motion, gauss_legendre_count(reach_px, sigma_px) + DENSER, delay_s, out);
     } else {
         nodes::dense(motion, sigma_px, reach_px, radius_px, delay_s, out);
     }
@@ -244,10 +251,16 @@ pub fn furthest_corner_px(camera: &CameraGeometry) -> f64 {
     furthest(cx, camera.width_px()).hypot(furthest(cy, camera.height_px()))
 }
 
-/// Gauss-Legendre nodes for a smooth path of `reach_px`: 1.5 per sigma, and two for the ends.
+/// Gauss-Legendre nodes for a smooth path of `reach_px`: 1.5 per sigma, and two for the ends, of the path or of every
+/// panel of a long one.
 #[must_use]
 pub fn gauss_legendre_count(reach_px: f64, sigma_px: f64) -> usize {
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 2..=512")]
-    let count = (1.5 * reach_px / sigma_px + 2.0).ceil().clamp(2.0, 512.0) as usize;
-    count
+    let wanted = (1.5 * reach_px / sigma_px + 2.0).ceil();
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to MOST_SMOOTH_NODES")]
+    let count = wanted.clamp(2.0, nodes::MOST_SMOOTH_NODES as f64) as usize;
+    if count <= nodes::ONE_RULE_NODES - DENSER {
+        return count;
+    }
+    let panels = count.div_ceil(nodes::PANEL_NODES - 2);
+    (panels * nodes::PANEL_NODES).min(nodes::MOST_SMOOTH_NODES)
 }

@@ -1,7 +1,7 @@
 //! Share of a star's light that lands on the detector: what the truth table calls its electrons.
 //!
 //! Inside the detector: the footprint's share. Across an edge: the mean over the path nodes of the share inside.
-//! Gaussian: exact products of error functions. Airy: products of its line-spread function's integral, exact at one
+//! Gaussian: exact products of error functions, within the footprint. Airy: products of its line-spread function's integral, exact at one
 //! edge, at a corner off by what the pattern is not separable (< 3e-3 of the star; none for a star on the corner). A
 //! Moffat profile likewise; a grid by the sums of its own samples, each side for itself.
 
@@ -73,7 +73,10 @@ impl NodeShare {
         };
         let footprint = || square_sum(half_px, |x, y| psf.pixel(x, y));
         match psf {
-            PsfModel::Gaussian { sigma_px } => round(1.0, gaussian_line(half_px, *sigma_px), GAUSSIAN_STEP * sigma_px),
+            PsfModel::Gaussian { sigma_px } => {
+                let within = gaussian_within(half_px as f64 + 0.5, *sigma_px);
+                round(within * within, gaussian_line(half_px, *sigma_px), GAUSSIAN_STEP * sigma_px)
+            }
             PsfModel::Airy(airy) => {
                 round(footprint(), line_integral(|r_px| airy.irradiance(r_px), half_px, LINE_STEP), LINE_STEP)
             }
@@ -136,11 +139,19 @@ impl NodeShare {
     }
 }
 
-/// Share of a Gaussian's light between its middle and every step, one axis.
+/// Share of a Gaussian's light no further than `px` from its middle, one axis.
+fn gaussian_within(px: f64, sigma_px: f64) -> f64 {
+    libm::erf(px / sigma_px * core::f64::consts::FRAC_1_SQRT_2)
+}
+
+/// Share of the footprint's light of a Gaussian between its middle and every step, one axis.
 fn gaussian_line(half_px: usize, sigma_px: f64) -> Vec<f64> {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a footprint is small")]
     let steps = ((half_px as f64 + 2.0) / (GAUSSIAN_STEP * sigma_px)).ceil() as usize;
-    (0..=steps).map(|i| 0.5 * libm::erf(i as f64 * GAUSSIAN_STEP * core::f64::consts::FRAC_1_SQRT_2)).collect()
+    let rim_px = half_px as f64 + 0.5;
+    let all = gaussian_within(rim_px, sigma_px);
+    let within = |px: f64| 0.5 * gaussian_within(px.min(rim_px), sigma_px) / all;
+    (0..=steps).map(|i| within(i as f64 * GAUSSIAN_STEP * sigma_px)).collect()
 }
 
 /// Cumulative line-spread function of a round profile within its footprint, from 0, normalised to 1/2 at the rim.
@@ -229,6 +240,7 @@ mod tests {
             id: 0,
             mag: 0.0,
             electrons: 1.0,
+            drawn_e: 1.0,
             electrons_on_detector: 0.0,
             place,
             mean_px: [10.0, 50.0],

@@ -5,7 +5,8 @@
 //! way of length L (its own and the camera's together), in pieces between the corners of the camera's path. Each node
 //! is one more star of the plan, drawn once, so that every backend draws targets as it draws stars; the reference
 //! integrates the way itself instead. Limits: under a rolling shutter a node's instant is that of the row where it
-//! stands; at most [`MOST_NODES`] nodes for one target, beyond which it says that it is coarse.
+//! stands; at most [`MOST_NODES`] nodes for one target: where its way or the corners of the camera's path ask for more,
+//! corners are left out evenly, and it says that it is coarse.
 //! Tests: `tests/physics/targets.rs` against an integral of its own.
 
 use crate::astrometry::CameraGeometry;
@@ -28,6 +29,8 @@ use core::ops::Range;
 const NODES_PER_SIGMA: f64 = 1.5;
 /// Nodes of every piece beyond that.
 const NODES_MORE: usize = 2;
+/// Share of the nodes of a long stretch that are not those of its pieces' ends.
+const PIECE_SHARE: f64 = 1.0 - (NODES_MORE + 1) as f64 / PIECE_NODES as f64;
 /// Most nodes of one piece; longer ones are divided.
 const PIECE_NODES: usize = 16;
 /// Nodes per period of the fastest jitter line.
@@ -36,6 +39,12 @@ const NODES_PER_PERIOD: f64 = 8.0;
 const NODES_OF_FADING: f64 = 32.0;
 /// Most nodes of one target.
 pub const MOST_NODES: usize = 4096;
+/// Least nodes of a stretch between corners.
+const LEAST_NODES: usize = 2 + NODES_MORE;
+/// Most stretches between corners: each has its least nodes, and half of all are left for the way.
+const MOST_STRETCHES: usize = MOST_NODES / (2 * LEAST_NODES);
+/// Room for the nodes of all targets together, from the start: beyond it a frame may allocate once.
+const MOST_RESERVED: usize = 8 * MOST_NODES;
 /// Steps to the row, and so the instant, of a target under a rolling shutter.
 const ROW_STEPS: usize = 3;
 
@@ -102,11 +111,16 @@ impl TargetPlanner {
         let most = self.scripts + on_sky;
         if most > 0 && self.rules.is_empty() {
             self.rules = (1..=PIECE_NODES).map(gauss_legendre).collect();
-            self.corners = Vec::with_capacity(MOST_NODES);
+            self.corners = Vec::with_capacity(MOST_STRETCHES);
         }
         self.planned.reserve(most);
-        self.nodes.reserve(most * 4 * PIECE_NODES);
         self.targets.reserve(on_sky);
+        self.nodes.reserve(self.most_nodes());
+    }
+
+    /// Nodes there is room for.
+    pub(super) fn most_nodes(&self) -> usize {
+        (self.targets.capacity().max(self.targets.len()) * MOST_NODES).min(MOST_RESERVED)
     }
 
     /// How many scripts there are.
@@ -138,10 +152,11 @@ impl TargetPlanner {
         if targets.is_empty() {
             return;
         }
-        fill_corners(&plan.motion, corners);
+        let lacks_corners = fill_corners(&plan.motion, corners);
         for target in targets {
             let dimmed = Target { e_per_s: target.e_per_s * *light_share, ..*target };
-            planned.extend(place(&dimmed, illumination, plan, rules, corners, nodes));
+            let found = place(&dimmed, illumination, plan, rules, corners, nodes);
+            planned.extend(found.map(|found| PlannedTarget { is_coarse: found.is_coarse || lacks_corners, ..found }));
         }
     }
 
@@ -179,20 +194,30 @@ impl TargetPlanner {
     }
 }
 
-/// Instants at which the camera's path has corners, s after mid-exposure, ascending.
-fn fill_corners(motion: &Motion, corners: &mut Vec<f64>) {
-    corners.clear();
+/// Instants at which the camera's path has corners, s after mid-exposure, ascending; true when there are more than
+/// [`MOST_STRETCHES`] within the exposure, of which only every so many are taken.
+fn fill_corners(motion: &Motion, corners: &mut Vec<f64>) -> bool {
     let exposure_s = motion.los.exposure_s;
     match &motion.image_path {
         None => {
             let mid = motion.los.mid_exposure();
-            corners.extend(motion.los.jitter.points.iter().map(|point| (point.at - mid).s()));
+            let points = motion.los.jitter.points.iter().map(|point| (point.at - mid).s());
+            take_corners(points.filter(|t_s| t_s.abs() < 0.5 * exposure_s), corners)
         }
-        Some(PixelPath::Line(points)) => corners.extend(points.iter().map(|point| point.t_s - 0.5 * exposure_s)),
+        Some(PixelPath::Line(points)) => take_corners(points.iter().map(|point| point.t_s - 0.5 * exposure_s), corners),
         Some(PixelPath::Samples(points)) => {
-            corners.extend((1..points.len()).map(|i| (i as f64 / points.len() as f64 - 0.5) * exposure_s));
+            let at = |i: usize| (i as f64 / points.len() as f64 - 0.5) * exposure_s;
+            take_corners((1..points.len()).map(at), corners)
         }
     }
+}
+
+/// Takes corners, evenly fewer where there are too many; true then.
+fn take_corners(all: impl Iterator<Item = f64> + Clone, corners: &mut Vec<f64>) -> bool {
+    corners.clear();
+    let every = all.clone().count().div_ceil(MOST_STRETCHES - 1).max(1);
+    corners.extend(all.step_by(every));
+    every > 1
 }
 
 /// Where a target stands `t_s` after mid-exposure, px, the camera's motion included; rows there are `delay_s` late.
@@ -246,8 +271,11 @@ fn place(
     let camera_px = plan.reach_px * ((to_s - from_s) / exposure_s);
     let fading = if target.fades() { NODES_OF_FADING } else { 0.0 };
     let wanted = (NODES_PER_SIGMA * (own_px + camera_px) / sigma_px + NODES_PER_PERIOD * periods).max(fading);
-    let is_coarse = wanted > MOST_NODES as f64;
-    let wanted = wanted.min(MOST_NODES as f64);
+    let inside = corners.iter().filter(|at| **at > from_s && **at < to_s).count();
+    // Every stretch has its least nodes beyond those that are wanted.
+    let most = (MOST_NODES - LEAST_NODES * (inside + 1)) as f64 * PIECE_SHARE;
+    let is_coarse = wanted > most;
+    let wanted = wanted.min(most);
     let first = nodes.len();
     let mut sum = [0.0; 3];
     let mut begin_s = from_s;
@@ -263,6 +291,7 @@ fn place(
                 id: target.id,
                 mag: target.mag,
                 electrons,
+                drawn_e: electrons,
                 electrons_on_detector: 0.0,
                 place: middle,
                 mean_px: px,

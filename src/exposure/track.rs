@@ -82,6 +82,17 @@ impl StarTrack {
         let [mx, my] = camera.pixel_of_tangent(self.place.tangent);
         rolled_and_shifted([x - mx, y - my], self.from_principal_px, pose)
     }
+
+    /// Place at `pose`, distortion and all, px; `None` outside the camera's domain.
+    #[must_use]
+    pub fn seen_px(&self, camera: &CameraGeometry, pose: &Pose) -> Option<[f64; 2]> {
+        let tangent = self.place.tangent;
+        let forward = 1.0 + pose.0[6] * tangent.x + pose.0[7] * tangent.y + pose.0[8];
+        let [du, dv] = tangent_step(tangent, pose);
+        let is_imaged = forward > 0.0 && (tangent + DVec2::new(du, dv)).length() <= camera.largest_tangent();
+        let [dx, dy] = self.exact_px(camera, pose);
+        is_imaged.then_some([self.place.mid_px[0] + dx, self.place.mid_px[1] + dy])
+    }
 }
 
 /// Change of a direction's tangents: with `d = (R - I) (u, v, 1)`, `(d_x - u d_z, d_y - v d_z) / (1 + d_z)`.

@@ -134,6 +134,25 @@ impl PsfModel {
         }
     }
 
+    /// Footprint half-width within which all light is that double precision can see, where the PSF ends there: a Gaussian
+    /// of any width; other PSFs are cut as by [`Self::half_px`].
+    #[must_use]
+    pub fn whole_half_px(&self) -> usize {
+        /// Light that may be lost.
+        const LOST_FLUX: f64 = 1e-13;
+        /// Half-width of a Gaussian, sigma.
+        const GAUSSIAN_SIGMAS: f64 = 8.0;
+        match self {
+            #[allow(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a PSF is narrower than a detector"
+            )]
+            Self::Gaussian { sigma_px } => (GAUSSIAN_SIGMAS * sigma_px).ceil().max(0.0) as usize + 1,
+            _ => self.half_px(LOST_FLUX),
+        }
+    }
+
     /// Smallest footprint half-width that loses no more than `flux_rel`, at most [`LARGEST_HALF_PX`] and a grid's own.
     #[must_use]
     pub fn half_px(&self, flux_rel: f64) -> usize {

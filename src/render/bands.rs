@@ -200,7 +200,7 @@ impl<H: Fn(usize) -> usize, T: Fn(usize) -> u32> NullaryFnOnce for SortStars<'_,
         for star in stars {
             for (list, share) in plan.parts(star) {
                 let half = half_px(list).cast_signed() as i64;
-                let (electrons, table) = (share * star.electrons, table_of(list));
+                let (electrons, table) = (share * star.drawn_e, table_of(list));
                 if matches!(plan.lists[list].drawing, Drawing::Nodes) {
                     sort_trail(plan, star, (list, electrons, table), half, rows, chunk);
                     continue;

@@ -4,7 +4,8 @@
 //! path has corners; every node projects every star anew (no list of poses, no derivative), and under a rolling shutter
 //! every row has instants of its own. Error: 1e-9 of the flux per
 //! pixel and better for a Gaussian (tests against independent truth in `tests/physics`). An Airy pattern costs about
-//! 0.2 s per star and node.
+//! 0.2 s per star and node. A PSF that is no Gaussian is cut [`LARGEST_HALF_PX`](crate::optics::psf::LARGEST_HALF_PX)
+//! from a star: what its wings hold beyond is lost here too.
 
 use crate::base::image::Image;
 use crate::exposure::nodes::for_each_segment;
@@ -26,8 +27,6 @@ const PANELS_PER_PERIOD: f64 = 6.0;
 const PANEL_SIGMA: f64 = 1.0;
 /// Rows that a rolling shutter may move a star by, beyond its own path, px.
 const ROLLING_SLACK_PX: f64 = 8.0;
-/// Light the reference may lose beyond its footprint (Gaussian).
-const LOST_FLUX: f64 = 1e-13;
 
 /// One instant of the exposure.
 #[derive(Debug, Clone, Copy)]
@@ -62,7 +61,7 @@ impl Backend for Reference {
     }
 
     fn render(&mut self, plan: &ExposurePlan) -> Result<(), RenderError> {
-        let half = plan.half_px.max(plan.psf.half_px(LOST_FLUX));
+        let half = plan.half_px.max(plan.psf.whole_half_px());
         match plan.shutter {
             Shutter::Global => self.render_at_once(plan, half),
             Shutter::Rolling { .. } => self.render_by_row(plan, half),

@@ -422,6 +422,9 @@ fn new_planner(params: &RunParams, imager: &Imager, los: LosPath, psf: Option<Ps
     if params.degrade && imager.may_degrade() {
         planner = planner.within_ms(params.drawing_budget_ms(&cost));
     }
+    if imager.is_exact() {
+        planner = planner.exact();
+    }
     planner.set_targets(params.targets.clone());
     planner.reserve_targets_on_sky(params.sky_targets.len());
     planner

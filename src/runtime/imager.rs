@@ -279,10 +279,16 @@ impl Imager {
         self.cost
     }
 
+    /// True for the reference: it integrates every star's exact path.
+    #[must_use]
+    pub fn is_exact(&self) -> bool {
+        self.name() == "reference"
+    }
+
     /// False for the reference: it is the truth, however long it takes.
     #[must_use]
     pub fn may_degrade(&self) -> bool {
-        self.name() != "reference"
+        !self.is_exact()
     }
 
     /// True when drawing is only submitted in the first of a frame's [`ImagingTimes`].

@@ -2,7 +2,7 @@
 
 use crate::bench::{Kept, built_in, over, run, start};
 use starloop::base::time::Span;
-use starloop::config::{Bench, Degrade, Wire};
+use starloop::config::{Bench, Degrade, Psf, Wire};
 use starloop::exposure::Rung;
 use starloop::runtime::receiver::Receiver;
 use starloop::runtime::{EventKind, FrameEngine};
@@ -118,4 +118,18 @@ fn files_say_what_the_frame_says() {
         assert_eq!(header.integer("NLEFTOUT"), i128::try_from(meta.left_out_stars).ok(), "FITS");
         assert_eq!(header.real("LEFTOUTE"), Some(meta.left_out_e), "FITS");
     }
+}
+
+#[test]
+fn light_that_is_missing_is_over_the_budget_in_every_frame() {
+    let events = |sigma_px: f64| {
+        let mut bench = over(Wire::CanFd, 0.5);
+        bench.camera.psf = Psf::Gaussian { sigma_px };
+        let run = run(&bench);
+        assert!(run.outcome.error.is_none());
+        (run.outcome.record.ledger.count(EventKind::OverBudget), run.frames.len() as u64)
+    };
+    let (over, frames) = events(20.0);
+    assert_eq!(over, frames, "3 % of the light of a PSF this wide lies beyond its footprint");
+    assert_eq!(events(0.8).0, 0, "control: a narrow one loses nothing");
 }

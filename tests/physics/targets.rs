@@ -6,12 +6,13 @@ use crate::scene::{
 };
 use core::f64::consts::{FRAC_1_SQRT_2, PI};
 use glam::DVec3;
-use starloop::attitude::JitterLine;
+use starloop::attitude::{JitterLine, JitterPoint};
 use starloop::base::axes::{Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
 use starloop::base::time::{Span, Tai};
 use starloop::detector::window::OutputGeometry;
 use starloop::exposure::planner::Planner;
 use starloop::exposure::target::FIRST_TARGET_ID;
+use starloop::exposure::target_plan::MOST_NODES;
 use starloop::exposure::{
     ExposurePlan, LightCurve, PixelPath, PixelPoint, PlannedStar, Shutter, SkyPath, Target, TargetCurve, TargetPath,
     TargetWay,
@@ -407,4 +408,31 @@ fn targets_on_the_sky_go_with_each_exposure_and_scripts_stay() {
     assert_eq!(ids(&mut planner), [FIRST_TARGET_ID, FIRST_TARGET_ID + 1]);
     planner.set_targets_on_sky(&[]);
     assert_eq!(ids(&mut planner), [FIRST_TARGET_ID]);
+}
+
+#[test]
+fn a_target_under_jitter_with_many_corners_has_few_nodes_and_says_that_it_is_coarse() {
+    let amplitude_rad = 0.2 / FOCAL_PX;
+    let plan_of = |points: i64| {
+        let mut los = los();
+        let mid = los.mid_exposure();
+        // Samples as they come from a bus, over the whole exposure.
+        los.jitter.points = (0..points)
+            .map(|i| JitterPoint {
+                at: mid + Span::from_s(EXPOSURE_S * (i as f64 / (points - 1) as f64 - 0.5)),
+                rotation_rad: DVec3::new(0.0, amplitude_rad * (0.01 * i as f64).sin(), 0.0),
+            })
+            .collect();
+        let mut planner = planner(SIZE, &PsfModel::gaussian(SIGMA_PX), "auto", los, None);
+        planner.set_targets(vec![target(through([47.3, 48.8], [30.0, -20.0]))]);
+        planner.plan(&[]).clone()
+    };
+    for (points, is_coarse) in [(100, false), (5000, true)] {
+        let plan = plan_of(points);
+        let [planned] = plan.targets.as_slice() else { panic!("one target") };
+        assert!(planned.nodes.len() <= MOST_NODES, "{points} corners: {} nodes", planned.nodes.len());
+        assert_eq!(planned.is_coarse, is_coarse, "{points} corners, {} nodes", planned.nodes.len());
+        let light_e = draw_cpu(&plan).sum();
+        assert!((light_e / LIGHT_E - 1.0).abs() < 1e-4, "{points} corners: {light_e} e-");
+    }
 }

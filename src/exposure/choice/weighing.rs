@@ -22,6 +22,8 @@ const ORDER: [MethodName; 6] = [
 ];
 /// Most nodes the planner gives to a commanded path.
 const MOST_NODES: usize = 16_384;
+/// Nodes for every sigma of a path, beyond which more are of no use.
+const NODES_PER_SIGMA: f64 = 4.0;
 /// Gauss-Legendre nodes along a straight segment.
 const PER_SEGMENT: usize = 2;
 /// Zones along each side that are tried.
@@ -80,7 +82,12 @@ impl Chooser {
                 if self.is_thorough {
                     let method = Method::GaussLegendre { nodes: 0 };
                     let error = NodeError { centroid_px: f64::NAN, peak: f64::NAN };
-                    self.weighed.push(Weighed { method, error, verdict: Some(Verdict::NeedsSmoothMotion) });
+                    self.weighed.push(Weighed {
+                        method,
+                        error,
+                        verdict: Some(Verdict::NeedsSmoothMotion),
+                        tried: None,
+                    });
                 }
             }
             MethodName::GaussLegendre => {
@@ -121,7 +128,7 @@ impl Chooser {
         let own = match &motion.image_path {
             Some(PixelPath::Samples(points)) => points.len(),
             Some(PixelPath::Line(_)) => MOST_NODES,
-            None => MOST_JITTER_NODES,
+            None => self.most_nodes(motion, probes),
         };
         let mut count = fixed.unwrap_or(least.min(own));
         // As many nodes as another method needs are no gain.
@@ -140,6 +147,18 @@ impl Chooser {
             }
             count = (2 * count).min(own);
         }
+    }
+
+    /// Most nodes of a path that is not commanded: as many as its length is worth where there is time for them.
+    fn most_nodes(&self, motion: &Motion, probes: &Probes) -> usize {
+        // Smooth motion has Gauss-Legendre's.
+        if motion.is_smooth() || self.limit_ms.is_finite() {
+            return MOST_JITTER_NODES;
+        }
+        let wanted = NODES_PER_SIGMA * probes.reach_px / self.instrument.psf.core_sigma_px();
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to MOST_NODES")]
+        let most = wanted.clamp(MOST_JITTER_NODES as f64, MOST_NODES as f64) as usize;
+        most.next_power_of_two()
     }
 
     /// True when more nodes would not help: what the other errors leave of the budget is kept.
@@ -182,7 +201,7 @@ impl Chooser {
             Method::GaussLegendre { .. } if !motion.is_smooth() => Some(Verdict::NeedsSmoothMotion),
             _ => self.kernel_verdict(method, probes),
         };
-        self.weighed.push(Weighed { method, error, verdict });
+        self.weighed.push(Weighed { method, error, verdict, tried: None });
     }
 
     /// Nodes of `method` for every row of probes.
@@ -230,7 +249,8 @@ impl Chooser {
                 }
             }
             let error = error.plus(sampled);
-            self.weighed.push(Weighed { method, error, verdict: self.kernel_verdict(method, probes) });
+            let verdict = self.kernel_verdict(method, probes);
+            self.weighed.push(Weighed { method, error, verdict, tried: None });
             if self.is_enough(error, brightest_e, probes) {
                 return;
             }

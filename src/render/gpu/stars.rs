@@ -123,7 +123,7 @@ fn record(
         fraction: [(px[0] - whole[0]) as f32, (px[1] - whole[1]) as f32],
         box_start: start,
         box_size,
-        electrons: (share * star.electrons) as f32,
+        electrons: (share * star.drawn_e) as f32,
         px_per_tangent: [xu, xv, yu, yv],
         tangent: star.place.tangent.to_array().map(|v| v as f32),
         from_principal_px: track.from_principal_px.map(|v| v as f32),

@@ -1,0 +1,345 @@
+//! Methods tried on a few stars of the frame itself, for frames where no bound is inside the budget.
+//!
+//! Bounds add up all that may go wrong anywhere in the field, so they cannot tell a streak that is a little off from a
+//! row of dots. Here the brightest star of each zone of the detector is drawn twice in f64, in windows of 5 x 5 pixels
+//! along its path: at the nodes of a method as backends draw them, and along its exact path, every row of a rolling
+//! shutter at its own time. In: plan, probes, method. Out: the differences as centroid (px) and pixel error (sigma).
+//! They are samples, not bounds; the chooser multiplies them by [`SAFETY`]. A PSF that is no Gaussian is tried with a
+//! Gaussian of its core. Test: `tests/physics/streaks`.
+
+use crate::exposure::lists::{band_delay_s, band_of, correction, fill_nodes};
+use crate::exposure::method::Method;
+use crate::exposure::motion::Shutter;
+use crate::exposure::plan::{ExposurePlan, PlannedStar};
+use crate::exposure::pose::{PathNode, mean_pose};
+use crate::exposure::probes::Probes;
+use crate::exposure::track::StarTrack;
+
+/// What a tried error is multiplied by before it is reported: other stars and other windows may be worse.
+const SAFETY: f64 = 2.0;
+/// What other stars and windows may err by where those that were tried do not, px and sigma.
+const FLOOR: TriedError = TriedError { centroid_px: 3e-4, pixel_sigma: 5e-3 };
+/// Zones along each side of the detector; the brightest star of each is tried.
+const ZONES: usize = 3;
+/// Windows along a star's path.
+const WINDOWS: usize = 5;
+/// Pixels along a side of a window.
+const SIDE: usize = 5;
+/// Pixels from the middle of a window to its edge.
+const HALF: i32 = 2;
+/// Furthest from a pixel's edge that a star is drawn in a window, sigma (beyond: 1e-9 of its light).
+const REACH_SIGMA: f64 = 6.0;
+/// A window with less than this share of the light of the star's brightest one has no centroid: a tracker looks where a
+/// star is brightest, not at the ends of its streak.
+const CENTROID_LIGHT: f64 = 0.8;
+/// A path whose nodes are further apart on average than this shows them as dots, sigma.
+const DOTS_SIGMA: f64 = 1.5;
+
+/// Light of a star in the pixels of a window, shares of its electrons.
+type Shares = [[f64; SIDE]; SIDE];
+
+/// One instant of a star: weight and place, px.
+type Lit = [f64; 3];
+
+/// What a method errs by on the stars it was tried on.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct TriedError {
+    /// Centroid in a 5 x 5 window, px.
+    pub(super) centroid_px: f64,
+    /// Largest pixel error in units of that pixel's noise.
+    pub(super) pixel_sigma: f64,
+}
+
+/// What a window is compared by.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Noise {
+    pub(super) full_well_e: f64,
+    pub(super) read_noise_e_rms: f64,
+    pub(super) sigma_px: f64,
+}
+
+/// A place on the detector and the true light there.
+#[derive(Debug, Clone, Copy)]
+struct Window {
+    first_px: [i32; 2],
+    truth: Shares,
+}
+
+/// A star that methods are tried on.
+#[derive(Debug, Clone, Copy)]
+struct Tried {
+    star: PlannedStar,
+    track: StarTrack,
+    windows: [Option<Window>; WINDOWS],
+}
+
+/// The stars that methods are tried on; keeps its buffers.
+#[derive(Debug, Default)]
+pub(super) struct Trial {
+    stars: Vec<Tried>,
+    nodes: Vec<PathNode>,
+    lit: Vec<Lit>,
+}
+
+impl Trial {
+    /// Takes the brightest stars of the zones, at most `most` of them, and follows their true paths.
+    pub(super) fn prepare(&mut self, plan: &ExposurePlan, probes: &Probes, sigma_px: f64, most: usize) {
+        self.stars.clear();
+        let mut brightest = brightest_of_zones(plan);
+        brightest.sort_by(|a, b| brightness(b).total_cmp(&brightness(a)));
+        for star in brightest.into_iter().flatten().take(most) {
+            let mut tried = Tried { star, track: StarTrack::new(&plan.camera, star.place), windows: [None; WINDOWS] };
+            self.place_windows(plan, probes, sigma_px, &mut tried);
+            self.stars.push(tried);
+        }
+    }
+
+    /// Windows at even steps of the part of the true path that lies on the detector.
+    fn place_windows(&mut self, plan: &ExposurePlan, probes: &Probes, sigma_px: f64, tried: &mut Tried) {
+        let row_px = tried.star.mean_px[1];
+        self.follow(plan, probes, sigma_px, &tried.track, row_px);
+        let on = |lit: &&Lit| is_on(plan, [lit[1], lit[2]]);
+        let count = self.lit.iter().filter(on).count();
+        let places: [Option<[i32; 2]>; WINDOWS] = core::array::from_fn(|k| {
+            let lit = self.lit.iter().filter(on).nth(k * count.saturating_sub(1) / (WINDOWS - 1))?;
+            Some(window_about([lit[1], lit[2]]))
+        });
+        for (i, first_px) in places.into_iter().enumerate() {
+            if let Some(first_px) = first_px.filter(|_| !places[..i].contains(&first_px)) {
+                let truth = self.true_light(plan, probes, sigma_px, &tried.track, first_px);
+                tried.windows[i] = Some(Window { first_px, truth });
+            }
+        }
+    }
+
+    /// The true path of a star while the row at `row_px` is exposed.
+    fn follow(&mut self, plan: &ExposurePlan, probes: &Probes, sigma_px: f64, track: &StarTrack, row_px: f64) {
+        let delay_s = plan.shutter.delay_s(row_px, plan.camera.height_px());
+        self.nodes.clear();
+        probes.true_nodes(&plan.motion, sigma_px, delay_s, &mut self.nodes);
+        self.lit.clear();
+        let seen = |node: &PathNode| track.seen_px(&plan.camera, &node.pose).map(|[x, y]| [node.weight, x, y]);
+        self.lit.extend(self.nodes.iter().filter_map(seen));
+    }
+
+    /// True light of a star in a window.
+    fn true_light(
+        &mut self,
+        plan: &ExposurePlan,
+        probes: &Probes,
+        sigma_px: f64,
+        track: &StarTrack,
+        first_px: [i32; 2],
+    ) -> Shares {
+        let mut shares = Shares::default();
+        if plan.shutter == Shutter::Global {
+            self.follow(plan, probes, sigma_px, track, 0.0);
+            add_light(&self.lit, first_px, sigma_px, &mut shares);
+            return shares;
+        }
+        for (row, out) in shares.iter_mut().enumerate() {
+            self.follow(plan, probes, sigma_px, track, f64::from(first_px[1]) + row as f64);
+            let mut all = Shares::default();
+            add_light(&self.lit, first_px, sigma_px, &mut all);
+            *out = all[row];
+        }
+        shares
+    }
+
+    /// What `method` errs by; `None` as soon as `is_hopeless` says so of what was found until then.
+    pub(super) fn error(
+        &mut self,
+        plan: &ExposurePlan,
+        probes: &Probes,
+        (method, bands): (Method, usize),
+        noise: Noise,
+        is_hopeless: impl Fn(&TriedError) -> bool,
+    ) -> Option<TriedError> {
+        let mut worst = TriedError::default();
+        let stars = core::mem::take(&mut self.stars);
+        for tried in &stars {
+            self.draw(plan, probes, (method, bands), tried);
+            let shows_dots = method.nodes() as f64 * DOTS_SIGMA * noise.sigma_px < probes.reach_px;
+            let windows = || tried.windows.iter().flatten();
+            let brightest = windows().map(|window| sum(&window.truth)).fold(0.0, f64::max);
+            for window in windows() {
+                let mut drawn = Shares::default();
+                add_light(&self.lit, window.first_px, noise.sigma_px, &mut drawn);
+                let has_centroid = sum(&window.truth) >= CENTROID_LIGHT * brightest;
+                worst = worst.worst(window_error(plan, &tried.star, window, &drawn, noise, has_centroid));
+                if is_hopeless(&worst) {
+                    self.stars = stars;
+                    return None;
+                }
+            }
+            let dot = self.lit.iter().find(|lit| is_on(plan, [lit[1], lit[2]])).copied();
+            if let Some([_, x, y]) = dot.filter(|_| shows_dots) {
+                // The path may pass between the windows that were placed on it.
+                let first_px = window_about([x, y]);
+                let mut drawn = Shares::default();
+                add_light(&self.lit, first_px, noise.sigma_px, &mut drawn);
+                let truth = self.true_light(plan, probes, noise.sigma_px, &tried.track, first_px);
+                let window = Window { first_px, truth };
+                worst = worst.worst(window_error(plan, &tried.star, &window, &drawn, noise, false));
+            }
+        }
+        self.stars = stars;
+        Some(worst)
+    }
+
+    /// Where backends draw a star, instant by instant.
+    fn draw(&mut self, plan: &ExposurePlan, probes: &Probes, (method, bands): (Method, usize), tried: &Tried) {
+        let (star, track, height) = (&tried.star, &tried.track, plan.camera.height_px());
+        let [mx, my] = star.mean_px;
+        let gain = star.drawn_e / star.electrons.max(f64::MIN_POSITIVE);
+        self.lit.clear();
+        if method == Method::Static {
+            self.lit.push([gain, mx, my]);
+            return;
+        }
+        let band = band_of(my, height as f64, bands);
+        self.nodes.clear();
+        fill_nodes(&plan.motion, method, band_delay_s(plan.shutter, height, [band, bands]), probes, &mut self.nodes);
+        if let (true, Some(centre)) = (method.kernels() > 0, probes.centre()) {
+            let place = |node: &PathNode| centre.track.exact_px(&plan.camera, &node.pose);
+            let mean = self.nodes.iter().fold([0.0; 2], |[x, y], node| {
+                let [dx, dy] = place(node);
+                [x + node.weight * dx, y + node.weight * dy]
+            });
+            self.lit.extend(self.nodes.iter().map(|node| {
+                let [dx, dy] = place(node);
+                [gain * node.weight, mx + dx - mean[0], my + dy - mean[1]]
+            }));
+            return;
+        }
+        let mean = mean_pose(&self.nodes);
+        let ([dx, dy], [cx, cy]) =
+            (track.displacement_px(&mean), correction(&self.nodes, &mean, probes).at(star.place.mid_px));
+        let (x, y) = (mx - dx - cx, my - dy - cy);
+        self.lit.extend(self.nodes.iter().map(|node| {
+            let [dx, dy] = track.displacement_px(&node.pose);
+            [gain * node.weight, x + dx, y + dy]
+        }));
+    }
+}
+
+impl TriedError {
+    /// What is reported: more than was found.
+    pub(super) fn reported(self) -> Self {
+        Self {
+            centroid_px: SAFETY * self.centroid_px + FLOOR.centroid_px,
+            pixel_sigma: SAFETY * self.pixel_sigma + FLOOR.pixel_sigma,
+        }
+    }
+
+    fn worst(self, other: Self) -> Self {
+        Self {
+            centroid_px: self.centroid_px.max(other.centroid_px),
+            pixel_sigma: self.pixel_sigma.max(other.pixel_sigma),
+        }
+    }
+}
+
+fn brightness(star: &Option<PlannedStar>) -> f64 {
+    star.map_or(0.0, |star| star.electrons)
+}
+
+/// The brightest star of every zone of the detector.
+fn brightest_of_zones(plan: &ExposurePlan) -> [Option<PlannedStar>; ZONES * ZONES] {
+    let size = [plan.camera.width_px(), plan.camera.height_px()];
+    let mut brightest = [None; ZONES * ZONES];
+    // The nodes of targets come behind the stars later.
+    for star in &plan.stars {
+        let [column, row] = core::array::from_fn(|i| band_of(star.mean_px[i], size[i] as f64, ZONES));
+        let held = &mut brightest[row * ZONES + column];
+        if brightness(held) < star.electrons {
+            *held = Some(*star);
+        }
+    }
+    brightest
+}
+
+fn is_on(plan: &ExposurePlan, [x, y]: [f64; 2]) -> bool {
+    let inside = |v: f64, size: usize| v > -0.5 && v < size as f64 - 0.5;
+    inside(x, plan.camera.width_px()) && inside(y, plan.camera.height_px())
+}
+
+/// First pixel of the window about a place.
+fn window_about(px: [f64; 2]) -> [i32; 2] {
+    #[allow(clippy::cast_possible_truncation, reason = "a place on the detector")]
+    px.map(|v| (v + 0.5).floor() as i32 - HALF)
+}
+
+fn sum(shares: &Shares) -> f64 {
+    shares.iter().flatten().sum()
+}
+
+/// Adds the light of all instants to a window.
+fn add_light(lit: &[Lit], first_px: [i32; 2], sigma_px: f64, out: &mut Shares) {
+    let [left, top] = first_px.map(|v| f64::from(v) - 0.5);
+    let (reach, side) = (REACH_SIGMA * sigma_px, SIDE as f64);
+    let is_near = |v: f64, start: f64| v > start - reach && v < start + side + reach;
+    let scale = core::f64::consts::FRAC_1_SQRT_2 / sigma_px;
+    let cells = |from: f64| -> [f64; SIDE] {
+        let edges: [f64; SIDE + 1] = core::array::from_fn(|i| libm::erf((from + i as f64) * scale));
+        core::array::from_fn(|i| 0.5 * (edges[i + 1] - edges[i]))
+    };
+    for [weight, x, y] in lit {
+        if is_near(*x, left) && is_near(*y, top) {
+            let (across, down) = (cells(left - x), cells(top - y));
+            for (row, gain) in out.iter_mut().zip(down) {
+                for (pixel, share) in row.iter_mut().zip(across) {
+                    *pixel += weight * gain * share;
+                }
+            }
+        }
+    }
+}
+
+/// What one window errs by.
+fn window_error(
+    plan: &ExposurePlan,
+    star: &PlannedStar,
+    window: &Window,
+    drawn: &Shares,
+    noise: Noise,
+    has_centroid: bool,
+) -> TriedError {
+    let Window { first_px, truth } = window;
+    let mut pixel_sigma = 0.0_f64;
+    let mut is_whole = true;
+    for (y, (drawn, truth)) in (first_px[1]..).zip(drawn.iter().zip(truth)) {
+        for (x, (drawn, truth)) in (first_px[0]..).zip(drawn.iter().zip(truth)) {
+            if !is_on(plan, [f64::from(x), f64::from(y)]) {
+                is_whole = false;
+                continue;
+            }
+            let held_e = |share: f64| (share * star.electrons).min(noise.full_well_e);
+            let (drawn_e, true_e) = (held_e(*drawn), held_e(*truth));
+            let noise_e = true_e.max(0.0).sqrt().hypot(noise.read_noise_e_rms).max(1.0);
+            pixel_sigma = pixel_sigma.max((drawn_e - true_e).abs() / noise_e);
+        }
+    }
+    let centroid_px = if is_whole && has_centroid {
+        let ([a, b], [c, d]) = (centroid(drawn), centroid(truth));
+        let apart = (a - c).hypot(b - d);
+        // Without light there is none; it is nowhere in the window.
+        if apart.is_finite() { apart } else { SIDE as f64 }
+    } else {
+        0.0
+    };
+    TriedError { centroid_px, pixel_sigma }
+}
+
+/// Centroid of a window, px from its first pixel.
+fn centroid(shares: &Shares) -> [f64; 2] {
+    let mut moments = [0.0; 3];
+    for (y, row) in (0_u8..).zip(shares) {
+        for (x, share) in (0_u8..).zip(row) {
+            moments[0] += share;
+            moments[1] += share * f64::from(x);
+            moments[2] += share * f64::from(y);
+        }
+    }
+    [moments[1] / moments[0], moments[2] / moments[0]]
+}
