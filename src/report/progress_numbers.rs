@@ -11,7 +11,7 @@ use crate::report::time_tally::TimeTally;
 /// Ports whose counts are told.
 pub const PORTS_MAX: usize = 4;
 /// Named counts in one list.
-pub const NAMES_MAX: usize = 48;
+pub const NAMES_MAX: usize = 56;
 
 /// Counts with names, in the order they were given; a list of fixed length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -65,6 +65,10 @@ events! {
     SinkLost = "sink_lost",
     /// An attitude arrived before the clocks were correlated.
     NoTimeYet = "no_time_yet",
+    /// The flight computer's clock stepped, or a step turned out to be none; the span is the step.
+    ClockStepped = "clock_stepped",
+    /// The flight computer's clock began again: its attitudes and dated triggers are forgotten; the span is the step.
+    ClockRestarted = "clock_restarted",
     /// An attitude or jitter sample was refused by its history.
     SampleRefused = "sample_refused",
     /// The queue from the receiving thread was full.
@@ -103,7 +107,7 @@ events! {
     TriggerRefused = "trigger_refused",
     /// A trigger acts from this frame on; the span is the time from its instant to the end of the exposure.
     TriggerFired = "trigger_fired",
-    /// A trigger was forgotten before its instant: a STOP, or a peer of another major version.
+    /// A trigger was forgotten before its instant: a STOP, a peer of another major version, or a restarted clock.
     TriggerForgotten = "trigger_forgotten",
     /// The flight computer's heartbeat has stopped; the span is the silence.
     HeartbeatLost = "heartbeat_lost",

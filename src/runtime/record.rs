@@ -208,7 +208,7 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
     let mut add = |name: &str, count: u64| counts.counters.insert(name.to_string(), count);
     add("attitudes_accepted", history.accepted);
     add("jitter_points_accepted", receiver.jitter().counts().accepted);
-    add("clock_pairs", receiver.clock().estimate().map_or(0, |estimate| estimate.pairs as u64));
+    add("clock_pairs", receiver.clock().pairs());
     for (number, port) in ports.iter().enumerate() {
         count_port(&mut counts, number, port);
     }
@@ -237,14 +237,15 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
         ("jitter_not_finite", jitter.not_finite),
         ("jitter_older_than_history", jitter.older_than_history),
         ("duplicate_epoch", history.duplicate_epoch),
-        ("replayed_sequence", history.replayed_sequence),
         ("stale_time", history.stale),
         ("future_time", history.future),
         ("not_finite", history.not_finite),
+        ("too_fast", history.too_fast),
         ("older_than_history", history.older_than_history),
     ];
-    let lonely = ("lonely_time_mark", receiver.clock().lonely());
-    for (name, count) in history.into_iter().chain([lonely]).filter(|(_, count)| *count > 0) {
+    let clock = receiver.clock();
+    let marks = [("late_time_mark", clock.late()), ("outlier_time_mark", clock.outliers())];
+    for (name, count) in history.into_iter().chain(marks).filter(|(_, count)| *count > 0) {
         *counts.rejects.entry(name.into()).or_default() += count;
     }
     counts

@@ -97,18 +97,18 @@ fn latency_us(receiver: &Receiver, now: Tai) -> u32 {
 /// What the ports refused, and what the histories did.
 fn all_rejects(ports: &[u32; REASONS], receiver: &Receiver) -> [u32; REASONS] {
     let mut all = *ports;
-    let (attitude, jitter) = (receiver.history().counts(), receiver.jitter().counts());
-    for counts in [attitude, jitter] {
-        for (reason, count) in [
-            (Reject::StaleTime, counts.stale + counts.older_than_history),
-            (Reject::FutureTime, counts.future),
-            (Reject::ReplayedSequence, counts.replayed_sequence),
-            (Reject::NotFinite, counts.not_finite),
-        ] {
-            let total = &mut all[usize::from(reason.code())];
-            *total = total.saturating_add(u32::try_from(count).unwrap_or(u32::MAX));
-        }
+    let mut add = |reason: Reject, count: u64| {
+        let total = &mut all[usize::from(reason.code())];
+        *total = total.saturating_add(u32::try_from(count).unwrap_or(u32::MAX));
+    };
+    for counts in [receiver.history().counts(), receiver.jitter().counts()] {
+        add(Reject::StaleTime, counts.stale + counts.older_than_history);
+        add(Reject::FutureTime, counts.future);
+        add(Reject::NotFinite, counts.not_finite);
     }
+    // A pair that came too late looks older than it can be, an outlying one newer.
+    add(Reject::StaleTime, receiver.clock().late());
+    add(Reject::FutureTime, receiver.clock().outliers());
     all
 }
 
