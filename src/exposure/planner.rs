@@ -80,6 +80,7 @@ pub struct Planner {
     instrument: Instrument,
     budget: AccuracyBudget,
     time_budget_ms: Option<f64>,
+    last_rung: Rung,
     plan: ExposurePlan,
     probes: Probes,
     means: MeanField,
@@ -134,6 +135,7 @@ impl Planner {
             cells: CutOffCells::default(),
             lists: lists::Buffers::default(),
             time_budget_ms: None,
+            last_rung: Rung::LAST_BY_DEFAULT,
             instrument,
             budget,
             plan,
@@ -149,6 +151,13 @@ impl Planner {
     #[must_use]
     pub fn within_ms(mut self, time_budget_ms: f64) -> Self {
         self.time_budget_ms = Some(time_budget_ms);
+        self
+    }
+
+    /// With another level than [`Rung::LAST_BY_DEFAULT`] as the last one that may be taken.
+    #[must_use]
+    pub fn down_to(mut self, last_rung: Rung) -> Self {
+        self.last_rung = last_rung;
         self
     }
 
@@ -246,6 +255,9 @@ impl Planner {
             if next == Rung::MotionOut && self.chooser.is_fixed() {
                 // A method that the user fixed stays.
                 next = Rung::BrightStarsOnly;
+            }
+            if next > self.last_rung {
+                return;
             }
             if next.cut_off_sigma(&self.budget) > rung.cut_off_sigma(&self.budget) {
                 self.leave_out_faint(next, brightness.least_e);

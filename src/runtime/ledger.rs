@@ -41,6 +41,12 @@ events! {
     AttitudeHeld = "attitude_held",
     /// A frame without stars: the stream had stopped and the policy is `blank`; the span is the age.
     Blank = "blank",
+    /// No frame: the stream had stopped and the policy is `drop`; the span is the newest sample's age.
+    AttitudeMissing = "attitude_missing",
+    /// Two or more attitudes were missing at an end of the exposure, whose middle was interpolated; the span is the time without.
+    PartlyExtrapolated = "partly_extrapolated",
+    /// Jitter samples were missing when the frame was drawn; the span is the time without.
+    JitterMissing = "jitter_missing",
     /// A frame without stars: no attitude had been received yet.
     NoAttitude = "no_attitude",
     /// The planner found no method inside the budget and took the best there is.

@@ -59,6 +59,10 @@ pub struct Receiver {
     /// Tags of the newest attitudes, and the instants they were read as, by rising instant.
     tags: VecDeque<(u32, Tai)>,
     newest_arrival: Option<Tai>,
+    /// End of the newest exposure that was drawn.
+    drawn_until: Option<Tai>,
+    /// Jitter samples that arrived after the exposure they belong to was drawn.
+    late_jitter: u64,
     messages: u64,
 }
 
@@ -81,6 +85,8 @@ impl Receiver {
             newest_epoch: None,
             tags: VecDeque::with_capacity(TAGS),
             newest_arrival: None,
+            drawn_until: None,
+            late_jitter: 0,
             messages: 0,
             params,
         })
@@ -135,6 +141,17 @@ impl Receiver {
     #[must_use]
     pub fn jitter(&self) -> &JitterHistory {
         &self.jitter
+    }
+
+    /// Takes note that an exposure is drawn, which ends at `until`: samples of it that arrive from now on are late.
+    pub fn note_drawn(&mut self, until: Tai) {
+        self.drawn_until = self.drawn_until.max(Some(until));
+    }
+
+    /// Returns the number of jitter samples that arrived after the exposure they belong to was drawn.
+    #[must_use]
+    pub fn late_jitter(&self) -> u64 {
+        self.late_jitter
     }
 
     /// Time correlation.
@@ -357,12 +374,14 @@ impl Receiver {
 
     /// Jitter on the wire is a rotation about body X and Y.
     fn take_jitter(&mut self, first: Tai, period: Span, samples_arcsec: &[[f32; 2]], at: Tai, ledger: &mut Ledger) {
+        self.jitter.note_stream(first, period, at);
         for (i, [x, y]) in (0_i64..).zip(samples_arcsec) {
             let body_rad = DVec3::new(f64::from(*x), f64::from(*y), 0.0) * ARCSEC;
             let rotation_rad = self.params.sensor_from_body.apply(body_rad);
             let point = JitterPoint { at: first + Span::from_ns(period.ns() * i), rotation_rad };
-            if self.jitter.insert(point, at).is_err() {
-                ledger.note(Event::new(EventKind::SampleRefused, at, None, at - point.at));
+            match self.jitter.insert(point, at) {
+                Ok(()) => self.late_jitter += u64::from(self.drawn_until.is_some_and(|until| point.at <= until)),
+                Err(_counted) => ledger.note(Event::new(EventKind::SampleRefused, at, None, at - point.at)),
             }
         }
     }

@@ -29,15 +29,18 @@ impl Cable {
             history: HistoryLimits::default(),
             jitter_history: HistoryLimits::default(),
             jitter_max_gap: Span::from_ms(100),
+            jitter_wait: Span::from_ms(20),
             clock: RemoteClockLimits::default(),
             jitter_lines: Vec::new(),
             jitter_epoch: Tai::from_ns(0),
             sensor_from_body: Rotation::IDENTITY,
         };
         let now_ns = 1000 * NS_PER_S;
+        let mut receiver = Receiver::new(params).unwrap();
+        receiver.expect_trigger(5);
         Self {
             decoder: Decoder::new(IdMap::new(0, 0).unwrap()),
-            receiver: Receiver::new(params).unwrap(),
+            receiver,
             ledger: Ledger::default(),
             now_ns,
             ahead_ns: scet_s * NS_PER_S - now_ns,

@@ -4,7 +4,7 @@ use crate::base::time::{Span, Tai};
 use crate::exposure::Rung;
 use crate::exposure::method::MethodName;
 use crate::report::{
-    CountHistogram, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, NAMES_MAX, RunNumbers,
+    CountHistogram, EVENTS_MAX, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, RunNumbers,
     RunSummary, SinkRow, Stage, StageHistogram, StageHistograms, StageTimes,
 };
 use crate::runtime::engine::FrameEngine;
@@ -62,7 +62,7 @@ impl Default for RunRecord {
 }
 
 // Every kind of event has room in what a watcher of the run is told.
-const _: () = assert!(EventKind::ALL.len() <= NAMES_MAX);
+const _: () = assert!(EventKind::ALL.len() <= EVENTS_MAX);
 
 impl RunRecord {
     /// A record that keeps the times of the last `frames` frames of each of `heads`.
@@ -99,6 +99,8 @@ impl RunRecord {
         let blank = frame.meta.faults.contains(FaultFlags::BLANK);
         self.frames.blank += u64::from(blank);
         self.frames.extrapolated += u64::from(!blank && matches!(frame.meta.origin, "predicted" | "held"));
+        self.frames.partly_extrapolated += u64::from(frame.meta.is_partly_extrapolated);
+        self.frames.jitter_missing += u64::from(frame.meta.jitter_missing > Span::ZERO);
         self.stages.record(times);
         self.stars.record(frame.truth.len() as u64);
         self.attitude_age.record(frame.meta.attitude_age);
@@ -215,6 +217,7 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
     let pulses = receiver.pulses();
     let triggers = receiver.session().triggers().counts();
     let sometimes = [
+        ("jitter_points_late", receiver.late_jitter()),
         ("pulses_used", pulses.used),
         ("pulses_refused", pulses.refused),
         ("triggers_accepted", triggers.accepted),

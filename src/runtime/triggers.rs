@@ -142,9 +142,13 @@ impl Triggers {
 
     /// The clock is known anew: those that wait for an instant get its new place in time.
     pub fn follow_clock(&mut self, clock: &ClockEstimate) {
+        self.place_by(|remote_ns| clock.to_tai(remote_ns));
+    }
+
+    fn place_by(&mut self, instant_of: impl Fn(i64) -> Tai) {
         for waiting in &mut self.waiting {
             if let Some(remote_ns) = waiting.remote_ns {
-                waiting.fired.at = clock.to_tai(remote_ns);
+                waiting.fired.at = instant_of(remote_ns);
             }
         }
         self.waiting.make_contiguous().sort_unstable_by_key(|waiting| (waiting.fired.at, waiting.order));
@@ -153,10 +157,7 @@ impl Triggers {
     /// The clock has stepped: those that wait for an instant get its new place in time, at once where it has passed. Returns how
     /// many are forgotten because their instant is now further ahead than one may lie.
     pub fn follow_step(&mut self, clock: &ClockEstimate, now: Tai) -> u64 {
-        self.follow_clock(clock);
-        for waiting in self.waiting.iter_mut().filter(|waiting| waiting.remote_ns.is_some()) {
-            waiting.fired.at = waiting.fired.at.max(now);
-        }
+        self.place_by(|remote_ns| clock.to_tai(remote_ns).max(now));
         self.forget_where(|waiting| waiting.fired.at > now + MOST_AHEAD)
     }
 
@@ -342,7 +343,7 @@ mod tests {
 
     #[test]
     fn triggers_follow_a_step_and_act_at_once_where_their_instant_has_passed() {
-        let mut triggers = Triggers::default();
+        let mut triggers = expecting_all();
         for (number, at_us) in [(1, 4_010_000_000), (2, 4_100_000_000), (3, 0)] {
             take(&mut triggers, number, at_us).unwrap();
         }
@@ -354,7 +355,7 @@ mod tests {
 
     #[test]
     fn triggers_leave_a_clock_on_which_they_are_out_of_reach() {
-        let mut triggers = Triggers::default();
+        let mut triggers = expecting_all();
         for (number, at_us) in [(1, 4_010_000_000), (2, 0)] {
             take(&mut triggers, number, at_us).unwrap();
         }
