@@ -527,11 +527,19 @@ int sl_payload_decode(uint8_t number, const uint8_t *payload, size_t len, sl_mes
     return SL_MESSAGE;
 }
 
-/* Refuses a number received already, or up to 15 behind the newest; further behind, the sender has restarted.
+/* Refuses a number received already, or up to 15 behind the newest; further behind, the sender has restarted. It has
+ * restarted too when it sends HELLO, or when its SCET runs backwards by a second or more: every number is new then.
  * `sequences` holds (seen, newest) of attitude, bursts and pairs. */
-static int admit(uint8_t sequences[6], const sl_message *message) {
+static int admit(uint8_t sequences[6], uint32_t *scet_s, const sl_message *message) {
     uint8_t *seen, seq;
     switch (message->number) {
+    case SL_TIME_FUP:
+        if (message->as.time_fup.seconds < *scet_s) memset(sequences, 0, 6);
+        *scet_s = message->as.time_fup.seconds;
+        return SL_MESSAGE;
+    case SL_COMMAND:
+        if (message->as.command.opcode == SL_HELLO) memset(sequences, 0, 6);
+        return SL_MESSAGE;
     case SL_ATTITUDE: seen = sequences, seq = message->as.attitude.seq; break;
     case SL_JITTER_BURST: seen = sequences + 2, seq = message->as.jitter_burst.seq; break;
     case SL_JITTER_PAIR: seen = sequences + 4, seq = message->as.jitter_pair.slot; break;
@@ -647,7 +655,7 @@ int sl_can_read(sl_can_decoder *decoder, const sl_frame *frame, sl_message *mess
     } else {
         result = sl_payload_decode((uint8_t)number, frame->data, frame->len, message);
     }
-    return result == SL_MESSAGE ? admit(decoder->c.sequences, message) : result;
+    return result == SL_MESSAGE ? admit(decoder->c.sequences, &decoder->c.scet_s, message) : result;
 }
 
 /* --- serial ------------------------------------------------------------------------------------------------------ */
@@ -704,7 +712,7 @@ static int open_packet(sl_serial_decoder *decoder, uint8_t *packet, size_t len, 
     if (sl_crc16(SL_CRC16_START, packet, len - 2) != get16(packet + len - 2)) return SL_REJECTED(SL_BAD_CRC);
     if (packet[0] != SL_MAJOR) return SL_REJECTED(SL_WRONG_VERSION);
     result = sl_payload_decode(packet[1], packet + 4, packet[3], message);
-    return result == SL_MESSAGE ? admit(decoder->c.sequences, message) : result;
+    return result == SL_MESSAGE ? admit(decoder->c.sequences, &decoder->c.scet_s, message) : result;
 }
 
 int sl_serial_read(sl_serial_decoder *decoder, uint8_t byte, sl_message *message) {

@@ -263,6 +263,7 @@ typedef union {
         uint8_t present; /* bit per part */
         uint8_t parts[4][8];
         uint8_t sequences[6];
+        uint32_t scet_s; /* whole seconds of the newest SCET */
     } c;
     uint64_t room[8]; /* what any implementation needs */
 } sl_can_decoder;
@@ -282,6 +283,7 @@ typedef union {
         uint8_t stuffed[71];
         uint8_t len;
         uint8_t sequences[6];
+        uint32_t scet_s;
     } c;
     uint64_t room[16];
 } sl_serial_decoder;

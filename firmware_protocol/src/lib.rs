@@ -43,6 +43,7 @@ mod sequence;
 /// Serial framing: COBS, header, CRC.
 pub mod serial;
 pub mod tables;
+pub mod ticks;
 /// Protocol version and how it may change.
 pub mod version;
 
@@ -50,6 +51,7 @@ pub use bytes::{PAYLOAD_MAX, Payload};
 pub use encode_error::EncodeError;
 pub use message::{Message, MessageId};
 pub use reject::{Reject, RejectCounters};
+pub use sequence::REPLAY_WINDOW;
 
 /// The only attitude convention of this major version: Hamilton, scalar first, passive `body_from_icrf`.
 pub const ATTITUDE_CONVENTION: u8 = 1;

@@ -9,9 +9,6 @@ pub enum HistoryReject {
     /// A sample of the same epoch is already held.
     #[error("a sample of the same epoch is already held")]
     DuplicateEpoch,
-    /// The sequence number was accepted a moment ago: a replay, or a counter that is stuck.
-    #[error("the sequence number was among the last 64 accepted")]
-    ReplayedSequence,
     /// The epoch is older than the limit allows at its receive time.
     #[error("the epoch is older than the limit at receive time")]
     Stale,
@@ -21,6 +18,9 @@ pub enum HistoryReject {
     /// A rate, an acceleration or a jitter rotation is NaN or infinite.
     #[error("a component is not finite")]
     NotFinite,
+    /// The rate, the acceleration, or the turn from a neighbouring sample is above the limit.
+    #[error("a rate or a turn above 1000 deg/s, or an acceleration above 1000 deg/s^2")]
+    TooFast,
     /// The history is full of newer samples.
     #[error("the history is full of newer samples")]
     OlderThanHistory,

@@ -16,6 +16,8 @@ pub enum StalePolicy {
     Hold,
     /// Show no stars.
     Blank,
+    /// Send no frame.
+    Drop,
     /// Stop the run.
     Stop,
 }
@@ -34,11 +36,11 @@ pub struct EstimateLimits {
 }
 
 impl Default for EstimateLimits {
-    /// 500 ms (five missed samples of a slow 10 Hz stream), hold, acceleration for 200 ms, decay over 200 ms.
+    /// 500 ms (five missed samples of a slow 10 Hz stream), no frame then, acceleration for 200 ms, decay over 200 ms.
     fn default() -> Self {
         Self {
             stale_after: Span::from_ms(500),
-            policy: StalePolicy::Hold,
+            policy: StalePolicy::Drop,
             max_horizon: Span::from_ms(200),
             rate_decay: Span::from_ms(200),
         }
@@ -68,6 +70,11 @@ pub enum Decision {
         /// Age of the newest sample.
         age: Span,
     },
+    /// Send no frame: the newest sample is this old.
+    Drop {
+        /// Age of the newest sample.
+        age: Span,
+    },
     /// Stop: the newest sample is this old.
     Stop {
         /// Age of the newest sample.
@@ -80,6 +87,7 @@ pub enum Decision {
 pub fn decide(estimated: &EstimatedAttitude, policy: StalePolicy) -> Decision {
     match (estimated.origin, policy) {
         (PathOrigin::Held, StalePolicy::Blank) => Decision::Blank { age: estimated.horizon },
+        (PathOrigin::Held, StalePolicy::Drop) => Decision::Drop { age: estimated.horizon },
         (PathOrigin::Held, StalePolicy::Stop) => Decision::Stop { age: estimated.horizon },
         _ => Decision::Show,
     }
@@ -180,13 +188,14 @@ mod tests {
     }
 
     #[test]
-    fn blank_and_stop_are_decided_only_when_stale() {
+    fn blank_drop_and_stop_are_decided_only_when_stale() {
         let (fresh, stale) = (estimate(ms(400)), estimate(ms(700)));
-        for policy in [StalePolicy::Hold, StalePolicy::Blank, StalePolicy::Stop] {
+        for policy in [StalePolicy::Hold, StalePolicy::Blank, StalePolicy::Drop, StalePolicy::Stop] {
             assert_eq!(decide(&fresh, policy), Decision::Show, "{policy:?}");
         }
         assert_eq!(decide(&stale, StalePolicy::Hold), Decision::Show);
         assert_eq!(decide(&stale, StalePolicy::Blank), Decision::Blank { age: Span::from_ms(600) });
+        assert_eq!(decide(&stale, StalePolicy::Drop), Decision::Drop { age: Span::from_ms(600) });
         assert_eq!(decide(&stale, StalePolicy::Stop), Decision::Stop { age: Span::from_ms(600) });
     }
 

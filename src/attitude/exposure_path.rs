@@ -19,7 +19,7 @@ use glam::DVec3;
 /// differences over less lose digits.
 const FIT_FROM_S: f64 = 1e-3;
 
-/// How the path was made; the ledger keeps it with the frame.
+/// How the path was made; the frame's metadata say it, and the ledger what is out of the ordinary.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PathReport {
     /// Mid-exposure minus the epoch of the newest sample used.
@@ -28,10 +28,23 @@ pub struct PathReport {
     pub end_horizon: Span,
     /// Time between the samples around mid-exposure (zero when predicted).
     pub gap: Span,
+    /// The longer of the two parts of the exposure that lie before the oldest and after the newest sample.
+    pub outside: Span,
+    /// Shortest time between samples used in the exposure; zero when there was one only.
+    pub interval: Span,
     /// Largest motion the quadratic missed, rad; above 0.01 arcsec it was added to the track.
     pub residual_rad: f64,
     /// How much of the exposure has received jitter.
     pub jitter: JitterCoverage,
+}
+
+impl PathReport {
+    /// Returns true when two or more samples are missing at one end of the exposure: the motion there is extrapolated, though
+    /// its middle may be interpolated. One missing sample is the one that is always under way.
+    #[must_use]
+    pub fn is_partly_extrapolated(&self) -> bool {
+        self.outside > self.interval + self.interval
+    }
 }
 
 /// What became of an exposure. The path is filled in every case (truth for the ledger).
@@ -41,6 +54,11 @@ pub enum PathOutcome {
     Show(PathReport),
     /// By policy: render no stars.
     Blank {
+        /// Age of the newest sample at mid-exposure.
+        age: Span,
+    },
+    /// By policy: send no frame.
+    Drop {
         /// Age of the newest sample at mid-exposure.
         age: Span,
     },
@@ -82,12 +100,32 @@ pub fn compose(
     let coverage = jitter.fill(exposure_start, motion.end(), &mut path.jitter);
     let residual_rad = motion.add_residual(&middle, [rate_rad_s, acceleration_rad_s2], sensor_from_body, path);
 
-    let end_horizon = state_at(history, motion.end(), limits)?.horizon;
-    let (horizon, gap) = (middle.horizon, middle.gap);
+    let end = state_at(history, motion.end(), limits)?;
+    let before = history.oldest().map_or(Span::ZERO, |oldest| oldest.at - exposure_start);
+    let gaps = [exposure_start, motion.mid(), motion.end()].map(|at| interval_at(history, at));
+    let report = PathReport {
+        horizon: middle.horizon,
+        end_horizon: end.horizon,
+        gap: middle.gap,
+        outside: end.horizon.max(before).max(Span::ZERO),
+        interval: gaps.into_iter().flatten().min().unwrap_or(Span::ZERO),
+        residual_rad,
+        jitter: coverage,
+    };
     Ok(match decide(&middle, limits.policy) {
-        Decision::Show => PathOutcome::Show(PathReport { horizon, end_horizon, gap, residual_rad, jitter: coverage }),
+        Decision::Show => PathOutcome::Show(report),
         Decision::Blank { age } => PathOutcome::Blank { age },
+        Decision::Drop { age } => PathOutcome::Drop { age },
         Decision::Stop { age } => PathOutcome::Stop { age },
+    })
+}
+
+/// Time between the samples on both sides of an instant, also where a sample is of that very instant.
+fn interval_at(history: &AttitudeHistory, at: Tai) -> Option<Span> {
+    let instants = [at - Span::from_ns(1), at];
+    instants.into_iter().find_map(|at| match history.around(at) {
+        (Some(earlier), Some(later)) => Some(later.at - earlier.at),
+        _ => None,
     })
 }
 

@@ -145,14 +145,29 @@ fn received_jitter_and_residual_add_up() {
 }
 
 #[test]
-fn a_stopped_stream_is_held_blanked_or_stopped() {
+fn stopped_stream_is_held_blanked_dropped_or_stopped() {
     let history = history(accelerating, 100);
     let (held, path) = composed(&history, 1000, 0.1, StalePolicy::Hold);
     assert!(matches!(held, PathOutcome::Show(_)), "{held:?}");
     assert_eq!((path.origin, path.horizon), (PathOrigin::Held, Span::from_ms(950)));
     let age = Span::from_ms(950);
     assert_eq!(composed(&history, 1000, 0.1, StalePolicy::Blank).0, PathOutcome::Blank { age });
+    assert_eq!(composed(&history, 1000, 0.1, StalePolicy::Drop).0, PathOutcome::Drop { age });
     assert_eq!(composed(&history, 1000, 0.1, StalePolicy::Stop).0, PathOutcome::Stop { age });
+}
+
+/// Exposures of 200 ms, of samples every 10 ms: one missing at an end is usual, two are reported.
+#[test]
+fn exposure_is_partly_extrapolated_when_two_samples_are_missing_at_an_end() {
+    for (from_ms, until_ms, outside_ms, wanted) in
+        [(100, 300, 0, false), (100, 290, 10, false), (100, 280, 20, false), (100, 270, 30, true), (-30, 300, 30, true)]
+    {
+        let (outcome, path) = composed(&history(accelerating, until_ms), from_ms, 0.2, StalePolicy::Hold);
+        let PathOutcome::Show(report) = outcome else { panic!("{outcome:?}") };
+        assert_eq!(path.origin, PathOrigin::Interpolated);
+        assert_eq!((report.outside, report.interval), (Span::from_ms(outside_ms), Span::from_ms(10)));
+        assert_eq!(report.is_partly_extrapolated(), wanted, "{from_ms} to {} of {until_ms} ms", from_ms + 200);
+    }
 }
 
 #[test]

@@ -1,32 +1,26 @@
 //! The samples received lately, in order of epoch.
 //!
-//! Late samples go to their place; duplicates, replays, stale and future tags are refused and counted. The property
-//! test `any_arrival_order_equals_a_sorted_reference` holds it against sorting.
+//! Late samples go to their place; duplicates, stale and future tags, and motion that no spacecraft makes are refused and
+//! counted. Replayed sequence numbers do not come this far: `firmware_protocol` refuses them. The property test
+//! `any_arrival_order_equals_a_sorted_reference` compares it with sorting.
 
 use crate::attitude::error::HistoryReject;
 use crate::attitude::ring::{EpochRing, HistoryCounts, HistoryLimits};
 use crate::attitude::sample::AttitudeSample;
 use crate::base::time::Tai;
 
-/// A sequence number is a replay while it is among this many messages accepted last: a quarter of the `u8` range, so that a
-/// burst of 190 lost messages cannot make a fresh number look like a replay.
-const REPLAY_WINDOW: u64 = 64;
-
 /// Bounded history of attitude samples.
 #[derive(Debug, Clone)]
 pub struct AttitudeHistory {
     ring: EpochRing<AttitudeSample>,
     counts: HistoryCounts,
-    /// For each sequence number: the 1-based count of the message that last carried it, since the last clear.
-    last_carried: [u64; 256],
-    carried: u64,
 }
 
 impl AttitudeHistory {
     /// An empty history; all memory is taken here.
     #[must_use]
     pub fn new(limits: HistoryLimits) -> Self {
-        Self { ring: EpochRing::new(limits), counts: HistoryCounts::default(), last_carried: [0; 256], carried: 0 }
+        Self { ring: EpochRing::new(limits), counts: HistoryCounts::default() }
     }
 
     /// Takes a sample that arrived at `received_at`.
@@ -38,29 +32,26 @@ impl AttitudeHistory {
         if !self.ring.insert(place, sample.at, sample) {
             self.counts.out_of_order += 1;
         }
-        self.carried += 1;
-        self.last_carried[usize::from(sample.seq)] = self.carried;
         self.counts.accepted += 1;
         Ok(())
     }
 
     fn admit(&self, sample: &AttitudeSample, received_at: Tai) -> Result<usize, HistoryReject> {
-        if !(sample.rate_rad_s.is_finite() && sample.acceleration_rad_s2.is_finite()) {
+        if !sample.is_finite() {
             return Err(HistoryReject::NotFinite);
         }
         let place = self.ring.admit(sample.at, received_at)?;
-        let last = self.last_carried[usize::from(sample.seq)];
-        if last != 0 && self.carried - last < REPLAY_WINDOW {
-            return Err(HistoryReject::ReplayedSequence);
+        let neighbours = [place.checked_sub(1), Some(place)].into_iter().flatten();
+        let is_too_far = neighbours.filter_map(|at| self.ring.get(at)).any(|other| other.is_too_far_from(sample));
+        if sample.is_too_fast() || is_too_far {
+            return Err(HistoryReject::TooFast);
         }
         Ok(place)
     }
 
-    /// Forgets all samples and sequence numbers (a new session of the flight computer); the counters stay.
+    /// Forgets all samples, when the flight computer has restarted; the counters stay.
     pub fn clear(&mut self) {
         self.ring.clear();
-        self.last_carried = [0; 256];
-        self.carried = 0;
     }
 
     /// What was taken and refused so far.
@@ -109,6 +100,7 @@ impl AttitudeHistory {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::attitude::sample::{MOST_ACCELERATION_RAD_S2, MOST_RATE_RAD_S};
     use crate::base::axes::Rotation;
     use crate::base::time::Span;
     use glam::DVec3;
@@ -134,13 +126,14 @@ mod tests {
         let now = Tai::from_ns(2000);
         assert_eq!(history.insert(sample(2000, 1), now), Ok(()));
         assert_eq!(history.insert(sample(2000, 2), now), Err(HistoryReject::DuplicateEpoch));
-        assert_eq!(history.insert(sample(2010, 1), now), Err(HistoryReject::ReplayedSequence));
         assert_eq!(history.insert(sample(999, 3), now), Err(HistoryReject::Stale));
         assert_eq!(history.insert(sample(2101, 3), now), Err(HistoryReject::Future));
         let spinning = AttitudeSample { rate_rad_s: DVec3::new(f64::NAN, 0.0, 0.0), ..sample(2020, 3) };
         assert_eq!(history.insert(spinning, now), Err(HistoryReject::NotFinite));
         let jerking = AttitudeSample { acceleration_rad_s2: DVec3::INFINITY, ..sample(2020, 3) };
         assert_eq!(history.insert(jerking, now), Err(HistoryReject::NotFinite));
+        let far = AttitudeSample { body_from_icrf: Rotation::from_rotation_vector(DVec3::Z), ..sample(2020, 3) };
+        assert_eq!(history.insert(far, now), Err(HistoryReject::TooFast));
         for (at_ns, seq) in [(2030, 4), (2040, 5), (2050, 6)] {
             assert_eq!(history.insert(sample(at_ns, seq), now), Ok(()), "epoch {at_ns}");
         }
@@ -149,10 +142,10 @@ mod tests {
             accepted: 4,
             out_of_order: 0,
             duplicate_epoch: 1,
-            replayed_sequence: 1,
             stale: 1,
             future: 1,
             not_finite: 2,
+            too_fast: 1,
             older_than_history: 1,
         };
         assert_eq!(history.counts(), wanted);
@@ -168,17 +161,42 @@ mod tests {
     }
 
     #[test]
-    fn a_sequence_number_is_free_again_after_the_replay_window() {
-        let mut history = AttitudeHistory::new(limits(512));
-        let window = u8::try_from(REPLAY_WINDOW).expect("fits");
-        for seq in 0..window {
-            assert_eq!(history.insert(sample(i64::from(seq), seq), Tai::from_ns(0)), Ok(()), "message {seq}");
-        }
-        assert_eq!(history.insert(sample(64, 0), Tai::from_ns(0)), Err(HistoryReject::ReplayedSequence));
-        assert_eq!(history.insert(sample(65, window), Tai::from_ns(0)), Ok(()), "pushes 0 out of the window");
-        assert_eq!(history.insert(sample(66, 0), Tai::from_ns(0)), Ok(()));
+    fn cleared_history_takes_any_epoch_again_and_keeps_its_counts() {
+        let mut history = AttitudeHistory::new(limits(4));
+        assert_eq!(history.insert(sample(5, 1), Tai::from_ns(5)), Ok(()));
+        assert_eq!(history.insert(sample(5, 1), Tai::from_ns(5)), Err(HistoryReject::DuplicateEpoch));
         history.clear();
-        assert_eq!(history.insert(sample(3, 5), Tai::from_ns(0)), Ok(()), "a new session may start anywhere");
+        assert!(history.is_empty());
+        assert_eq!(history.insert(sample(5, 1), Tai::from_ns(5)), Ok(()));
+        assert_eq!((history.counts().accepted, history.counts().duplicate_epoch), (2, 1));
+    }
+
+    /// Both sides of each limit, and a turn that two tags a microsecond apart make impossible.
+    #[test]
+    fn motion_above_the_limits_is_refused() {
+        let axis = DVec3::new(0.6, 0.0, -0.8);
+        let turned = |rad: f64| Rotation::from_rotation_vector(DVec3::Y * rad);
+        let at = |us: i64| AttitudeSample { at: Tai::from_ns(1000 * us), ..sample(0, 1) };
+        let cases = [
+            (AttitudeSample { rate_rad_s: axis * MOST_RATE_RAD_S * 0.999, ..at(1) }, Ok(())),
+            (AttitudeSample { rate_rad_s: axis * MOST_RATE_RAD_S * 1.001, ..at(1) }, Err(HistoryReject::TooFast)),
+            (AttitudeSample { acceleration_rad_s2: axis * MOST_ACCELERATION_RAD_S2 * 0.999, ..at(1) }, Ok(())),
+            (
+                AttitudeSample { acceleration_rad_s2: axis * MOST_ACCELERATION_RAD_S2 * 1.001, ..at(1) },
+                Err(HistoryReject::TooFast),
+            ),
+            (AttitudeSample { body_from_icrf: turned(3.1), ..at(1) }, Err(HistoryReject::TooFast)),
+            (AttitudeSample { body_from_icrf: turned(-3.1), ..at(-1) }, Err(HistoryReject::TooFast)),
+            (AttitudeSample { body_from_icrf: turned(1e-4), ..at(1) }, Ok(())),
+            (AttitudeSample { body_from_icrf: turned(1.6), ..at(100_000) }, Ok(())),
+            (AttitudeSample { body_from_icrf: turned(1.8), ..at(100_000) }, Err(HistoryReject::TooFast)),
+        ];
+        for (sample, wanted) in cases {
+            let mut history = AttitudeHistory::new(HistoryLimits::default());
+            assert_eq!(history.insert(at(0), Tai::from_ns(0)), Ok(()));
+            assert_eq!(history.insert(sample, Tai::from_ns(0)), wanted, "{sample:?}");
+            assert_eq!(history.counts().too_fast, u64::from(wanted.is_err()));
+        }
     }
 
     #[test]
@@ -213,16 +231,13 @@ mod tests {
     /// What the history promises, the slow way: sort everything admitted, keep the newest `capacity`.
     fn sorted_reference(arrivals: &[(i64, u8, i64)], limits: HistoryLimits) -> Vec<i64> {
         let mut held: Vec<i64> = Vec::new();
-        let mut carried: Vec<u8> = Vec::new();
-        for &(at_ns, seq, received_ns) in arrivals {
-            let window = carried.len().saturating_sub(usize::try_from(REPLAY_WINDOW).expect("fits"));
+        for &(at_ns, _, received_ns) in arrivals {
             let is_outside = at_ns < received_ns - limits.max_age.ns() || at_ns > received_ns + limits.max_lead.ns();
             let is_too_old = held.len() >= limits.capacity && at_ns < held[0];
-            if is_outside || held.contains(&at_ns) || carried[window..].contains(&seq) || is_too_old {
+            if is_outside || held.contains(&at_ns) || is_too_old {
                 continue;
             }
             held.push(at_ns);
-            carried.push(seq);
             held.sort_unstable();
             let surplus = held.len().saturating_sub(limits.capacity);
             held.drain(..surplus);
@@ -259,7 +274,7 @@ mod tests {
 
     #[test]
     fn the_reference_would_notice_a_wrong_history() {
-        let arrivals = [(10, 0, 10), (5, 1, 10), (10, 2, 10), (7, 1, 10)];
+        let arrivals = [(10, 0, 10), (5, 1, 10), (10, 2, 10)];
         assert_eq!(sorted_reference(&arrivals, limits(4)), [5, 10]);
         assert_ne!(sorted_reference(&arrivals, limits(4)), [10, 5], "order matters");
         assert_ne!(taken(&arrivals[..1], limits(4)).0, sorted_reference(&arrivals, limits(4)), "a lost sample shows");

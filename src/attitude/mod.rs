@@ -46,8 +46,6 @@ pub use measured::{AnalyticMotion, MeasuredError, SinusoidTurn, measured_predict
 pub use method::{AttitudeAssessment, AttitudeMethod, AttitudeVerdict, Reach, assess_methods, cheapest, state_by};
 pub use motion_scale::{MotionScale, Sinusoid};
 pub use predict::{AttitudeState, PredictionErrors, held_state, predict};
-pub use remote_clock::{
-    ClockEstimate, MeasuredDelay, Observed, ObservedPps, RemoteClock, RemoteClockLimits, remote_ticks_us, scet_ns,
-};
+pub use remote_clock::{ClockEstimate, MeasuredDelay, Observed, ObservedPps, RemoteClock, RemoteClockLimits};
 pub use ring::{HistoryCounts, HistoryLimits};
-pub use sample::AttitudeSample;
+pub use sample::{AttitudeSample, MOST_ACCELERATION_RAD_S2, MOST_RATE_RAD_S};

@@ -34,14 +34,14 @@ pub struct HistoryCounts {
     pub out_of_order: u64,
     /// Refused: [`HistoryReject::DuplicateEpoch`].
     pub duplicate_epoch: u64,
-    /// Refused: [`HistoryReject::ReplayedSequence`].
-    pub replayed_sequence: u64,
     /// Refused: [`HistoryReject::Stale`].
     pub stale: u64,
     /// Refused: [`HistoryReject::Future`].
     pub future: u64,
     /// Refused: [`HistoryReject::NotFinite`].
     pub not_finite: u64,
+    /// Refused: [`HistoryReject::TooFast`].
+    pub too_fast: u64,
     /// Refused: [`HistoryReject::OlderThanHistory`].
     pub older_than_history: u64,
 }
@@ -50,21 +50,16 @@ impl HistoryCounts {
     /// All refusals together.
     #[must_use]
     pub fn refused(&self) -> u64 {
-        self.duplicate_epoch
-            + self.replayed_sequence
-            + self.stale
-            + self.future
-            + self.not_finite
-            + self.older_than_history
+        self.duplicate_epoch + self.stale + self.future + self.not_finite + self.too_fast + self.older_than_history
     }
 
     pub(super) fn count(&mut self, reject: HistoryReject) -> HistoryReject {
         let counter = match reject {
             HistoryReject::DuplicateEpoch => &mut self.duplicate_epoch,
-            HistoryReject::ReplayedSequence => &mut self.replayed_sequence,
             HistoryReject::Stale => &mut self.stale,
             HistoryReject::Future => &mut self.future,
             HistoryReject::NotFinite => &mut self.not_finite,
+            HistoryReject::TooFast => &mut self.too_fast,
             HistoryReject::OlderThanHistory => &mut self.older_than_history,
         };
         *counter += 1;

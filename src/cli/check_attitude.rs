@@ -163,7 +163,7 @@ fn write_limits(text: &mut String, bench: &Bench, situation: &Situation) -> Resu
     if situation.reach.spacing_s.is_none() && horizon_ms > limits.stale_after.ms() {
         writeln!(
             text,
-            "  WARNING      {horizon_ms:.1} ms are beyond attitude.stale_after_ms = {}: attitudes will be held or blanked",
+            "  WARNING      {horizon_ms:.1} ms are beyond attitude.stale_after_ms = {}: frames will be missing, held or blank, by attitude.stale_policy",
             limits.stale_after.ms()
         )?;
     } else if situation.reach.spacing_s.is_none() && horizon_ms > limits.max_horizon.ms() {

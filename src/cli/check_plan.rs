@@ -25,6 +25,7 @@ pub(super) struct Planned {
     readout_ms: f64,
     due_ms: f64,
     degrade: Degrade,
+    last_rung: Rung,
 }
 
 impl Planned {
@@ -39,6 +40,7 @@ impl Planned {
             readout_ms: params.camera.predicted_readout_ms(&cost),
             due_ms: params.camera.readout_s * 1e3,
             degrade: bench.timing.degrade,
+            last_rung: params.last_rung,
         }
     }
 }
@@ -100,7 +102,8 @@ pub(super) fn write_ladder(text: &mut String, planned: &Planned) -> Result<(), E
         )?;
     }
     for rung in Rung::ALL {
-        writeln!(text, "  {:<18} {}", rung.name(), rung.gives_up())?;
+        let taken = if rung > planned.last_rung { " (not taken: timing.degrade_to)" } else { "" };
+        writeln!(text, "  {:<18} {}{taken}", rung.name(), rung.gives_up())?;
     }
     writeln!(text)
 }

@@ -22,6 +22,10 @@ pub struct AttitudeSettings {
     pub jitter_history: HistoryLimits,
     /// Jitter points further than this outside an exposure are not used for it.
     pub jitter_max_gap: Span,
+    /// A frame may wait so long for jitter samples that are under way.
+    pub jitter_wait: Span,
+    /// What is shown on the real clock when the stream has stopped; `estimate` has that of the virtual clock.
+    pub policy_on_real_clock: StalePolicy,
     /// Time correlation.
     pub clock: RemoteClockLimits,
 }
@@ -55,6 +59,7 @@ pub(super) struct AttitudeKeys {
     stale_policy: Option<String>,
     max_horizon_ms: Option<f64>,
     rate_decay_ms: Option<f64>,
+    jitter_wait_ms: Option<f64>,
     max_age_ms: Option<f64>,
     max_lead_ms: Option<f64>,
     pub(super) link_delay_us: Option<f64>,
@@ -90,9 +95,7 @@ impl AttitudeSettings {
         exposure_s: f64,
         check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
-        let policies = [("hold", StalePolicy::Hold), ("blank", StalePolicy::Blank), ("stop", StalePolicy::Stop)];
-        let advice = "hold goes on from the last attitude, blank shows no stars, stop ends the run";
-        let policy = check.choice("attitude.stale_policy", keys.stale_policy.as_deref(), &policies, advice)?;
+        let [policy, policy_on_real_clock] = stale_policies(keys, check)?;
         let mut ms = |key: &str, given, default, advice| {
             let rule = Rule::Within(0.0, 3_600_000.0);
             check.number(&format!("attitude.{key}"), given, default, rule, advice).map(|ms| Span::from_s(ms * 1e-3))
@@ -102,6 +105,8 @@ impl AttitudeSettings {
         let stale_after = ms("stale_after_ms", keys.stale_after_ms, 500_f64.max(5.0 * period_ms), stale)?;
         let horizon = "milliseconds over which the angular acceleration is used to predict, such as 200";
         let max_horizon = ms("max_horizon_ms", keys.max_horizon_ms, 200.0, horizon)?;
+        let wait = "milliseconds that a frame may wait for jitter samples that are under way, such as 20";
+        let jitter_wait = ms("jitter_wait_ms", keys.jitter_wait_ms, 20.0, wait)?;
         let decay = "time constant in milliseconds with which a held rate decays; 0 stops at once";
         let rate_decay = ms("rate_decay_ms", keys.rate_decay_ms, 200.0, decay)?;
         let age = "oldest time tag accepted, milliseconds before its arrival, such as 1000";
@@ -124,9 +129,26 @@ impl AttitudeSettings {
             history: limits(attitude_hz),
             jitter_history: limits(jitter_hz),
             jitter_max_gap: Span::from_ms(100),
+            jitter_wait,
+            policy_on_real_clock,
             clock,
         })
     }
+}
+
+/// Returns what is shown when the stream has stopped, on the virtual clock and on the real one. Without the key a simulated run
+/// goes on from the last attitude, while one with hardware sends no frame: a tracker must not see a sky that stands still.
+fn stale_policies(keys: &AttitudeKeys, check: &mut Checker<'_>) -> Result<[StalePolicy; 2], ConfigError> {
+    let policies = [
+        ("drop", StalePolicy::Drop),
+        ("hold", StalePolicy::Hold),
+        ("blank", StalePolicy::Blank),
+        ("stop", StalePolicy::Stop),
+    ];
+    let advice = "drop sends no frame, hold goes on from the last attitude, blank shows no stars, stop ends the run; without \
+                  the key: drop on the real clock, hold on the virtual one";
+    let policy = check.choice("attitude.stale_policy", keys.stale_policy.as_deref(), &policies, advice)?;
+    Ok(if keys.stale_policy.is_some() { [policy; 2] } else { [StalePolicy::Hold, StalePolicy::Drop] })
 }
 
 /// Time correlation: what the link and the remote clock are like.

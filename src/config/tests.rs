@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::attitude::StalePolicy;
+use crate::exposure::Rung;
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -226,6 +227,7 @@ fn each_bench_rule_has_a_failing_example() {
         ("[timing]\nframe_rate_hz = 0", "timing.frame_rate_hz", ["above 0", "bench.toml:2"]),
         ("[timing]\nframe_rate_hz = 30", "timing.frame_rate_hz", ["one exposure", "shorten"]),
         ("[timing]\nduration_s = nan", "timing.duration_s", ["above 0", "seconds"]),
+        ("[timing]\ndegrade_to = \"motion\"", "timing.degrade_to", ["\"motion-out\"", "no sensor would see"]),
         ("[timing]\ndeadline_policy = \"skip\"", "timing.deadline_policy", ["\"drop\"", "leaves a gap"]),
         ("[timing]\nstart_utc = \"noon\"", "timing.start_utc", ["RFC 3339", "noon"]),
         ("[link]\nkind = \"telepathy\"", "link.kind", ["\"simulated\"", "bench.toml:2"]),
@@ -347,9 +349,31 @@ fn element_sets_are_checked_by_their_checksums() {
 fn a_bench_of_nothing_runs_on_the_built_in_camera() {
     let bench = bench("").expect("all has a default");
     assert_eq!(bench.camera.name, "20 degree star tracker");
-    assert_eq!(bench.attitude.estimate.policy, StalePolicy::Hold);
+    assert_eq!(bench.attitude.estimate.policy, StalePolicy::Hold, "simulated runs go on");
     assert!(bench.attitude.history.capacity >= 210, "1 s of age, 1 s of margin, 0.1 s of exposure at 100 Hz");
     assert!(bench.defaulted.iter().any(|d| d.key == "camera" && d.value.contains("built-in")), "and it is told");
+}
+
+/// With hardware a frame is right or missing, never a sky that stands still or one without motion; who wants those says so.
+#[test]
+fn frames_with_hardware_are_right_or_missing_unless_a_key_says_otherwise() {
+    let usual = bench("").expect("all has a default");
+    assert_eq!(usual.attitude.policy_on_real_clock, StalePolicy::Drop);
+    assert_eq!((usual.timing.deadline_policy, usual.timing.degrade_to), (DeadlinePolicy::Drop, Rung::Budget10));
+    let text =
+        "[timing]\ndeadline_policy = \"hold\"\ndegrade_to = \"motion-out\"\n[attitude]\nstale_policy = \"hold\"\n";
+    let asked = bench(text).expect("legal");
+    assert_eq!(
+        (asked.attitude.policy_on_real_clock, asked.attitude.estimate.policy),
+        (StalePolicy::Hold, StalePolicy::Hold)
+    );
+    assert_eq!((asked.timing.deadline_policy, asked.timing.degrade_to), (DeadlinePolicy::Hold, Rung::MotionOut));
+    for path in Document::built_in_paths().filter(|path| path.starts_with("benches/")) {
+        let bench = Document::built_in(path).and_then(|document| Bench::from_document(&document)).expect("legal");
+        assert_ne!(bench.attitude.policy_on_real_clock, StalePolicy::Hold, "{path}");
+        assert_ne!(bench.timing.deadline_policy, DeadlinePolicy::Hold, "{path}");
+        assert!(bench.timing.degrade_to <= Rung::Budget10, "{path}");
+    }
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use crate::base::time::Tai;
 use crate::config::check::{Checker, Rule};
 use crate::config::error::ConfigError;
+use crate::exposure::Rung;
 use serde::Deserialize;
 
 const DEFAULT_START_UTC: &str = "2026-03-01T00:00:00Z";
@@ -63,6 +64,8 @@ pub struct Timing {
     pub deadline_policy: DeadlinePolicy,
     /// Frames that would be late.
     pub degrade: Degrade,
+    /// The last level of degradation that may be taken.
+    pub degrade_to: Rung,
     /// Sky time at the start.
     pub start: StartTime,
 }
@@ -75,6 +78,7 @@ pub(super) struct TimingKeys {
     ahead_ms: Option<f64>,
     deadline_policy: Option<String>,
     degrade: Option<String>,
+    degrade_to: Option<String>,
     start_utc: Option<String>,
 }
 
@@ -96,13 +100,14 @@ impl Timing {
         }
         let length = "length of the run in seconds";
         let duration_s = check.number("timing.duration_s", keys.duration_s, 10.0, Rule::PositiveUpTo(1e7), length)?;
-        let policies = [("hold", DeadlinePolicy::Hold), ("drop", DeadlinePolicy::Drop), ("late", DeadlinePolicy::Late)];
-        let advice = "hold repeats the last frame, drop leaves a gap, late sends it when it is ready";
+        let policies = [("drop", DeadlinePolicy::Drop), ("hold", DeadlinePolicy::Hold), ("late", DeadlinePolicy::Late)];
+        let advice = "drop leaves a gap, hold repeats the last frame, late sends it when it is ready";
         let deadline_policy =
             check.choice("timing.deadline_policy", keys.deadline_policy.as_deref(), &policies, advice)?;
         let degrades = [("real_clock", Degrade::OnRealClock), ("always", Degrade::Always), ("never", Degrade::Never)];
         let advice = "real_clock degrades frames that would be late, always does so on the virtual clock too";
         let degrade = check.choice("timing.degrade", keys.degrade.as_deref(), &degrades, advice)?;
+        let degrade_to = degrade_to(keys, check)?;
         check.unused(
             "timing.ahead_ms",
             keys.ahead_ms.is_some() && exposure_s.is_none(),
@@ -111,7 +116,8 @@ impl Timing {
         let advice = "0 for a sensor that reads out when it has exposed; for a display without calibration: exposure, drawing and \
              its latency";
         let ahead_ms = check.number("timing.ahead_ms", keys.ahead_ms, 0.0, Rule::Within(0.0, 500.0), advice)?;
-        Ok(Self { frame_rate_hz, duration_s, ahead_ms, deadline_policy, degrade, start: start(keys, check)? })
+        let start = start(keys, check)?;
+        Ok(Self { frame_rate_hz, duration_s, ahead_ms, deadline_policy, degrade, degrade_to, start })
     }
 
     /// Frames in the run (at least one).
@@ -121,6 +127,13 @@ impl Timing {
         let frames = (self.duration_s * self.frame_rate_hz + 1e-9).floor() as u64;
         frames.max(1)
     }
+}
+
+/// Returns the last level of degradation: by default the last one whose frames still show motion and every star that can be seen.
+fn degrade_to(keys: &TimingKeys, check: &mut Checker<'_>) -> Result<Rung, ConfigError> {
+    let rungs = [Rung::Budget10, Rung::FaintStarsOut, Rung::Budget3, Rung::MotionOut, Rung::BrightStarsOnly];
+    let advice = "the last step that is taken: motion-out and bright-stars-only give frames that no sensor would see";
+    check.choice("timing.degrade_to", keys.degrade_to.as_deref(), &rungs.map(|rung| (rung.name(), rung)), advice)
 }
 
 fn start(keys: &TimingKeys, check: &mut Checker<'_>) -> Result<StartTime, ConfigError> {

@@ -23,6 +23,9 @@ pub enum Rung {
 }
 
 impl Rung {
+    /// The last level that is taken unless the user names another one: those below it leave out motion, or stars that can be seen.
+    pub const LAST_BY_DEFAULT: Self = Self::Budget10;
+
     /// All rungs, best first.
     pub const ALL: [Self; 6] =
         [Self::Full, Self::FaintStarsOut, Self::Budget3, Self::Budget10, Self::MotionOut, Self::BrightStarsOnly];

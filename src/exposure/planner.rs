@@ -81,6 +81,7 @@ pub struct Planner {
     instrument: Instrument,
     budget: AccuracyBudget,
     time_budget_ms: Option<f64>,
+    last_rung: Rung,
     plan: ExposurePlan,
     probes: Probes,
     means: MeanField,
@@ -138,6 +139,7 @@ impl Planner {
             cells: CutOffCells::default(),
             lists: lists::Buffers::default(),
             time_budget_ms: None,
+            last_rung: Rung::LAST_BY_DEFAULT,
             instrument,
             budget,
             plan,
@@ -154,6 +156,13 @@ impl Planner {
     #[must_use]
     pub fn within_ms(mut self, time_budget_ms: f64) -> Self {
         self.time_budget_ms = Some(time_budget_ms);
+        self
+    }
+
+    /// With another level than [`Rung::LAST_BY_DEFAULT`] as the last one that may be taken.
+    #[must_use]
+    pub fn down_to(mut self, last_rung: Rung) -> Self {
+        self.last_rung = last_rung;
         self
     }
 
@@ -268,6 +277,9 @@ impl Planner {
             if next == Rung::MotionOut && self.chooser.is_fixed() {
                 // A method that the user fixed stays.
                 next = Rung::BrightStarsOnly;
+            }
+            if next > self.last_rung {
+                return;
             }
             if next.cut_off_sigma(&self.budget) > rung.cut_off_sigma(&self.budget) {
                 self.leave_out_faint(next, brightness.least_e);

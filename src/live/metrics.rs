@@ -171,6 +171,12 @@ fn run(out: &mut Text, numbers: &RunNumbers) {
         ("frames_held", "Frames repeated because the new one was not ready.", frames.held),
         ("frames_dropped", "Slots without a frame.", frames.dropped),
         ("frames_extrapolated", "Frames whose attitude was predicted beyond the newest sample.", frames.extrapolated),
+        (
+            "frames_partly_extrapolated",
+            "Frames whose attitude was extrapolated at an end of the exposure only.",
+            frames.partly_extrapolated,
+        ),
+        ("frames_jitter_missing", "Frames that lack jitter samples.", frames.jitter_missing),
         ("frames_blank", "Frames sent without a scene.", frames.blank),
     ];
     counters(out, counts);

@@ -131,6 +131,10 @@ pub struct FrameRecord {
     pub origin: &'static str,
     /// Newest attitude to mid-exposure: how far it was predicted; negative when it was interpolated.
     pub horizon: Span,
+    /// Newest attitude to the end of the exposure: how far its last part was extrapolated.
+    pub end_horizon: Span,
+    /// Part of the exposure that lacks jitter samples.
+    pub jitter_missing: Span,
     /// Bound of the pointing error of that, rad; `None`: nothing is known about how the body may move.
     pub pointing_bound_rad: Option<f64>,
     /// Measured over predicted drawing time when the frame was planned; 1 without load.
@@ -166,6 +170,8 @@ impl FrameRecord {
             method: "none",
             origin: "none",
             horizon: Span::ZERO,
+            end_horizon: Span::ZERO,
+            jitter_missing: Span::ZERO,
             pointing_bound_rad: None,
             load: 1.0,
         }

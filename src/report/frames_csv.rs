@@ -35,7 +35,7 @@ fn heading() -> Vec<String> {
     ];
     let more =
         ["submitted_ms", "delivered_ms", "lateness_ms", "fate", "cause", "rung", "method", "origin", "horizon_ms"];
-    let last = ["pointing_bound_arcsec", "load"];
+    let last = ["end_horizon_ms", "jitter_missing_ms", "pointing_bound_arcsec", "load"];
     let names = names.into_iter().chain(more).chain(last).map(String::from);
     names.chain(Stage::ALL.iter().map(|stage| format!("{}_ms", stage.name()))).collect()
 }
@@ -62,6 +62,8 @@ fn row(record: &FrameRecord) -> Vec<String> {
         record.method.to_owned(),
         record.origin.to_owned(),
         ms(record.horizon),
+        ms(record.end_horizon),
+        ms(record.jitter_missing),
         bound,
         format!("{:.4}", record.load),
     ];
@@ -77,7 +79,12 @@ mod tests {
     #[test]
     fn rows_hold_what_the_records_hold() {
         let missed = FrameRecord { cause: Some(MissCause::SinkBusy), delivered: None, ..sample_record(7) };
-        let known = FrameRecord { pointing_bound_rad: Some(0.5 * ARCSEC), ..sample_record(8) };
+        let known = FrameRecord {
+            pointing_bound_rad: Some(0.5 * ARCSEC),
+            end_horizon: Span::from_ms(12),
+            jitter_missing: Span::from_ms(14),
+            ..sample_record(8)
+        };
         let text = frames_csv([&missed, &known]).unwrap();
         let mut reader = csv::Reader::from_reader(&text[..]);
         let names = reader.headers().unwrap().clone();
@@ -87,6 +94,7 @@ mod tests {
         assert_eq!((cell(0, "cause"), cell(1, "cause")), ("sink busy".into(), String::new()));
         assert_eq!((cell(0, "delivered_ms"), cell(1, "delivered_ms")), (String::new(), "36.000000".into()));
         assert_eq!((cell(0, "commanded_ms"), cell(0, "due_ms")), ("-40.000000".into(), "80.000000".into()));
+        assert_eq!((cell(1, "end_horizon_ms"), cell(1, "jitter_missing_ms")), ("12.000000".into(), "14.000000".into()));
         let bounds = [0, 1].map(|i| cell(i, "pointing_bound_arcsec"));
         assert_eq!(bounds, [UNKNOWN, "0.500000"], "never a made-up number");
         assert_eq!((cell(0, "render_ms"), cell(0, "readback_ms")), ("20.000000".into(), String::new()));

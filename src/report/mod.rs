@@ -42,7 +42,7 @@ pub use losses::{LossLine, Losses, LostPart};
 pub use machine::Machine;
 pub use plot::{Chart, pareto_front, to_svg};
 pub use progress::{Progress, progress_line, step_line};
-pub use progress_numbers::{NAMES_MAX, NamedCounts, PortCounts, RunNumbers};
+pub use progress_numbers::{EVENTS_MAX, NAMES_MAX, NamedCounts, PortCounts, RunNumbers};
 pub use stages::{Stage, StageHistograms, StageTimes};
 pub use summary::{EventLine, FrameCounts, LinkCounts, RunSummary, SinkRow};
 pub use table::summary_table;

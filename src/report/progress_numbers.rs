@@ -2,7 +2,7 @@
 //!
 //! In: counts and tallies of the run's record, copied by the frame thread after a frame: no allocation, no text. All are
 //! counts since the start, so a value that is lost on the way costs nothing but its age. Size: about 15 KiB. Limits:
-//! [`PORTS_MAX`] ports and [`NAMES_MAX`] names each; what does not fit is counted. Tests: below.
+//! [`PORTS_MAX`] ports and [`NAMES_MAX`] names each, [`EVENTS_MAX`] kinds of events; what does not fit is counted. Tests: below.
 
 use crate::report::stages::Stage;
 use crate::report::summary::FrameCounts;
@@ -10,20 +10,22 @@ use crate::report::time_tally::TimeTally;
 
 /// Ports whose counts are told.
 pub const PORTS_MAX: usize = 4;
-/// Named counts in one list.
-pub const NAMES_MAX: usize = 52;
+/// Named counts in one list of a port.
+pub const NAMES_MAX: usize = 48;
+/// Kinds of events.
+pub const EVENTS_MAX: usize = 68;
 
 /// Counts with names, in the order they were given; a list of fixed length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct NamedCounts {
-    list: [(&'static str, u64); NAMES_MAX],
+pub struct NamedCounts<const MOST: usize = NAMES_MAX> {
+    list: [(&'static str, u64); MOST],
     len: usize,
     left_out: usize,
 }
 
-impl NamedCounts {
+impl<const MOST: usize> NamedCounts<MOST> {
     /// No names.
-    pub const NONE: Self = Self { list: [("", 0); NAMES_MAX], len: 0, left_out: 0 };
+    pub const NONE: Self = Self { list: [("", 0); MOST], len: 0, left_out: 0 };
 
     /// Adds a count.
     pub fn push(&mut self, name: &'static str, count: u64) {
@@ -48,7 +50,7 @@ impl NamedCounts {
     }
 }
 
-impl FromIterator<(&'static str, u64)> for NamedCounts {
+impl<const MOST: usize> FromIterator<(&'static str, u64)> for NamedCounts<MOST> {
     fn from_iter<I: IntoIterator<Item = (&'static str, u64)>>(counts: I) -> Self {
         let mut all = Self::NONE;
         counts.into_iter().for_each(|(name, count)| all.push(name, count));
@@ -80,7 +82,7 @@ pub struct RunNumbers {
     /// Wall time per stage, in the order of [`Stage::ALL`].
     pub stages: [TimeTally; Stage::COUNT],
     /// Events of the ledger by kind, zeros included.
-    pub events: NamedCounts,
+    pub events: NamedCounts<EVENTS_MAX>,
     /// Counts per port; those beyond `port_count` are empty.
     pub ports: [PortCounts; PORTS_MAX],
     /// Ports there are.
@@ -99,6 +101,8 @@ impl RunNumbers {
             held: 0,
             dropped: 0,
             extrapolated: 0,
+            partly_extrapolated: 0,
+            jitter_missing: 0,
             blank: 0,
         },
         stages: [TimeTally::EMPTY; Stage::COUNT],

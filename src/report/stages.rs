@@ -32,7 +32,7 @@ stages! {
     Wait = "wait",
     /// Release of the slot to the moment the frame thread ran: the system's delay, or the frames before.
     Wake = "wake",
-    /// Taking in what the bus brought.
+    /// Taking in what the bus brought, and waiting for jitter samples that are under way.
     Receive = "receive",
     /// No work: epoch of the newest attitude to the release.
     BusAge = "bus_age",

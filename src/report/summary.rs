@@ -135,6 +135,10 @@ pub struct FrameCounts {
     pub dropped: u64,
     /// Frames whose attitude was extrapolated beyond the newest sample.
     pub extrapolated: u64,
+    /// Frames whose attitude was interpolated in the middle, but extrapolated at an end of the exposure.
+    pub partly_extrapolated: u64,
+    /// Frames that lack jitter samples.
+    pub jitter_missing: u64,
     /// Frames sent without a scene.
     pub blank: u64,
 }
@@ -236,6 +240,8 @@ pub(crate) fn sample_summary() -> RunSummary {
         held: 2,
         dropped: 1,
         extrapolated: 590,
+        partly_extrapolated: 6,
+        jitter_missing: 5,
         blank: 4,
     };
     summary.stages = core::array::from_fn(|i| times(0.1 * (i as f64 + 1.0)));

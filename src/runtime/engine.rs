@@ -22,6 +22,7 @@ use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::load::{LoadChange, LoadEstimate};
 use crate::runtime::marks::{FrameMark, FrameMarks};
 use crate::runtime::params::RunParams;
+use crate::runtime::path_facts::PathFacts;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::scene::Scene;
 use crate::runtime::truth::{add_tracks, fill_targets, fill_truth};
@@ -45,6 +46,13 @@ pub struct Slot {
     pub due: Tai,
 }
 
+/// What a slot shows.
+enum Shown {
+    Stars,
+    Dark,
+    Nothing,
+}
+
 /// Draws frames.
 pub struct FrameEngine {
     params: RunParams,
@@ -64,6 +72,8 @@ pub struct FrameEngine {
     /// How the body may move, where that is known.
     motion: Option<MotionScale>,
     pointing_bound_rad: Option<f64>,
+    /// The latest frame's line of sight.
+    path: PathFacts,
     /// Where it says what each frame was drawn from, when a run is captured.
     marks: Option<FrameMarks>,
 }
@@ -120,6 +130,7 @@ impl FrameEngine {
             load: None,
             motion: None,
             pointing_bound_rad: None,
+            path: PathFacts::default(),
             marks: None,
         })
     }
@@ -266,6 +277,33 @@ impl FrameEngine {
         Slot { number, exposure_start, exposure_end, release, due }
     }
 
+    /// Returns how long a slot waits for jitter samples that are under way, at most: nothing without a stream of them or for frames
+    /// drawn ahead, and no more than half of the time that a frame like the one before leaves.
+    #[must_use]
+    pub fn jitter_wait(&self, slot: Slot, receiver: &Receiver) -> Span {
+        let params = &self.params;
+        if params.ahead > Span::ZERO || !receiver.jitter().is_streaming(slot.exposure_end) {
+            return Span::ZERO;
+        }
+        let (load, latest_ms) = (self.load(), self.planner.latest().chosen.cost_ms);
+        let spare_ms = (params.drawing_budget_under_ms(&self.cost, load) - latest_ms) * load;
+        let frame_ms = (latest_ms + params.camera.predicted_readout_ms(&self.cost)) * load * f64::from(params.heads);
+        let half_ms = 0.5 * spare_ms.min(params.frame_period.ms() - frame_ms).max(0.0);
+        receiver.params().jitter_wait.min(Span::from_s(half_ms * 1e-3))
+    }
+
+    /// Returns true when jitter samples of a slot's exposure are still to come.
+    #[must_use]
+    pub fn lacks_jitter(&self, slot: Slot, receiver: &Receiver) -> bool {
+        receiver.jitter().is_behind(slot.exposure_end + Span::from_s(0.5 * self.rows_s()))
+    }
+
+    /// From the exposure of the first row to that of the last, s: the path must cover them all.
+    fn rows_s(&self) -> f64 {
+        let camera = &self.params.camera;
+        camera.shutter.line_s() * (camera.geometry.height_px() as f64 - 1.0)
+    }
+
     /// Draws a frame into `frame` before the run, so that nothing is done for the first time during it.
     ///
     /// # Errors
@@ -279,7 +317,8 @@ impl FrameEngine {
         Ok(())
     }
 
-    /// Exposes one slot. `receiver` holds what had arrived at release.
+    /// Exposes one slot. `receiver` holds what had arrived. Returns the times of the stages, or `None` when there is no attitude
+    /// and the policy is to send no frame.
     ///
     /// # Errors
     /// When the backend failed or the policy for a stopped stream is to stop.
@@ -289,14 +328,19 @@ impl FrameEngine {
         receiver: &mut Receiver,
         ledger: &mut Ledger,
         frame: &mut SentFrame,
-    ) -> Result<StageTimes, RunError> {
+    ) -> Result<Option<StageTimes>, RunError> {
         let mut times = bus_times(slot, receiver);
         if let Some(load) = self.load {
             let limit_ms = self.params.drawing_budget_under_ms(&self.cost, load.ratio());
-            self.planner.set_time_budget_ms(limit_ms);
+            let wait_ms = self.jitter_wait(slot, receiver).ms() / load.ratio();
+            self.planner.set_time_budget_ms(limit_ms - wait_ms);
         }
         let mut watch = Stopwatch::start();
-        let has_stars = self.compose(slot, receiver, ledger)?;
+        let has_stars = match self.compose(slot, receiver, ledger)? {
+            Shown::Stars => true,
+            Shown::Dark => false,
+            Shown::Nothing => return Ok(None),
+        };
         times.set(Stage::Attitude, watch.lap());
         let los = &self.planner.latest().motion.los;
         let found = self.scene.find(los, has_stars)?;
@@ -340,37 +384,33 @@ impl FrameEngine {
         frame.meta.facts = self.params.drawn_from_sensor.is_none().then(|| self.params.camera.facts());
         let maker = self.wcs.as_mut().filter(|_| has_stars).zip(sight);
         frame.meta.wcs = maker.and_then(|(maker, sight)| maker.at(&plan.motion.los.mid_sensor_from_icrf, sight));
+        self.path.describe(&mut frame.meta);
+        receiver.note_drawn(slot.exposure_end);
         frame.meta.left_out_stars += found.missing_stars();
         frame.meta.occulted_stars = found.bodies.occulted;
         frame.meta.overlap_lost_e = self.imager.overlap_lost_e();
         (frame.meta.binning, frame.meta.window_px) = (output.binning, output.first_px);
         frame.meta.attitude_age = receiver.age_at(slot.release).unwrap_or(Span::ZERO);
-        if !has_stars {
-            frame.meta.faults |= FaultFlags::BLANK;
-        }
-        if plan.motion.los.origin == PathOrigin::Held {
-            frame.meta.faults |= FaultFlags::LINK_STALE;
-        }
+        frame.meta.faults |= flags_of(plan.motion.los.origin, has_stars);
         if let Some(marks) = &self.marks {
             let (load, rung) = (self.load(), frame.meta.rung);
             marks.put(FrameMark { frame: slot.number, messages: receiver.messages(), load, rung });
         }
-        Ok(times)
+        Ok(Some(times))
     }
 
-    /// Line of sight of the slot into the planner; false when there is nothing to show.
-    fn compose(&mut self, slot: Slot, receiver: &Receiver, ledger: &mut Ledger) -> Result<bool, RunError> {
-        let params = receiver.params();
+    /// Line of sight of the slot into the planner.
+    fn compose(&mut self, slot: Slot, receiver: &Receiver, ledger: &mut Ledger) -> Result<Shown, RunError> {
+        let (params, rows_s) = (receiver.params(), self.rows_s());
+        self.path = PathFacts::default();
         let los = &mut self.planner.motion_mut().los;
         if !receiver.session().is_rendering() {
             note(ledger, EventKind::NotRunning, slot, Span::ZERO);
             self.pointing_bound_rad = None;
             show_nothing(los, slot.exposure_start);
-            return Ok(false);
+            return Ok(Shown::Dark);
         }
         let camera = &self.params.camera;
-        // The rows of a rolling shutter are exposed one after another: the path must cover them all.
-        let rows_s = camera.shutter.line_s() * (camera.geometry.height_px() as f64 - 1.0);
         let outcome = compose(
             receiver.history(),
             receiver.jitter(),
@@ -394,11 +434,17 @@ impl FrameEngine {
                     PathOrigin::Predicted => note(ledger, EventKind::Predicted, slot, report.horizon),
                     PathOrigin::Interpolated | PathOrigin::Commanded | PathOrigin::Absent => {}
                 }
-                Ok(true)
+                self.path = PathFacts::of(&report, los.origin);
+                self.path.note(slot, ledger);
+                Ok(Shown::Stars)
             }
             Ok(PathOutcome::Blank { age }) => {
                 note(ledger, EventKind::Blank, slot, age);
-                Ok(false)
+                Ok(Shown::Dark)
+            }
+            Ok(PathOutcome::Drop { age }) => {
+                note(ledger, EventKind::AttitudeMissing, slot, age);
+                Ok(Shown::Nothing)
             }
             Ok(PathOutcome::Stop { age }) => {
                 note(ledger, EventKind::AttitudeStopped, slot, age);
@@ -407,10 +453,17 @@ impl FrameEngine {
             Err(_nothing_received_yet) => {
                 note(ledger, EventKind::NoAttitude, slot, Span::ZERO);
                 show_nothing(los, slot.exposure_start);
-                Ok(false)
+                Ok(Shown::Dark)
             }
         }
     }
+}
+
+/// Flags of a frame that shows no stars, or an attitude that was held.
+fn flags_of(origin: PathOrigin, has_stars: bool) -> FaultFlags {
+    let blank = if has_stars { FaultFlags::NONE } else { FaultFlags::BLANK };
+    let stale = if origin == PathOrigin::Held { FaultFlags::LINK_STALE } else { FaultFlags::NONE };
+    blank | stale
 }
 
 /// A planner of the run, for the camera's own optics or for others.
@@ -420,7 +473,7 @@ fn new_planner(params: &RunParams, imager: &Imager, los: LosPath, psf: Option<Ps
     let instrument = Instrument { psf: psf.unwrap_or_else(|| own.psf.clone()), ..own };
     let mut planner = Planner::new(instrument, params.budget, cost, params.method, los);
     if params.degrade && imager.may_degrade() {
-        planner = planner.within_ms(params.drawing_budget_ms(&cost));
+        planner = planner.within_ms(params.drawing_budget_ms(&cost)).down_to(params.last_rung);
     }
     if imager.is_exact() {
         planner = planner.exact();
@@ -518,6 +571,7 @@ pub fn fill_meta(
     (meta.seed, meta.noise_seed) = (seeds.sensor, seeds.noise);
     meta.lateness = Span::ZERO;
     meta.horizon = los.horizon;
+    PathFacts::default().describe(meta);
     meta.backend = backend;
     // The reference integrates the exact motion, whatever method was planned.
     meta.method = if backend == "reference" { "exact" } else { plan.chosen.method.name().name() };

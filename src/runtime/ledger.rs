@@ -41,6 +41,12 @@ events! {
     AttitudeHeld = "attitude_held",
     /// A frame without stars: the stream had stopped and the policy is `blank`; the span is the age.
     Blank = "blank",
+    /// No frame: the stream had stopped and the policy is `drop`; the span is the newest sample's age.
+    AttitudeMissing = "attitude_missing",
+    /// Two or more attitudes were missing at an end of the exposure, whose middle was interpolated; the span is the time without.
+    PartlyExtrapolated = "partly_extrapolated",
+    /// Jitter samples were missing when the frame was drawn; the span is the time without.
+    JitterMissing = "jitter_missing",
     /// A frame without stars: no attitude had been received yet.
     NoAttitude = "no_attitude",
     /// The planner found no method inside the budget and took the best there is.
@@ -67,6 +73,10 @@ events! {
     ThreadLost = "thread_lost",
     /// An attitude arrived before the clocks were correlated.
     NoTimeYet = "no_time_yet",
+    /// The flight computer's clock stepped, or a step turned out to be none; the span is the step.
+    ClockStepped = "clock_stepped",
+    /// The flight computer's clock began again: its attitudes and dated triggers are forgotten; the span is the step.
+    ClockRestarted = "clock_restarted",
     /// An attitude or jitter sample was refused by its history.
     SampleRefused = "sample_refused",
     /// The queue from the receiving thread was full.
@@ -105,7 +115,7 @@ events! {
     TriggerRefused = "trigger_refused",
     /// A trigger acts from this frame on; the span is the time from its instant to the end of the exposure.
     TriggerFired = "trigger_fired",
-    /// A trigger was forgotten before its instant: a STOP, or a peer of another major version.
+    /// A trigger was forgotten before its instant: a STOP, a peer of another major version, or a restarted clock.
     TriggerForgotten = "trigger_forgotten",
     /// The flight computer's heartbeat has stopped; the span is the silence.
     HeartbeatLost = "heartbeat_lost",

@@ -25,6 +25,7 @@ pub mod marks;
 pub mod occultation;
 pub mod outcome;
 pub mod params;
+mod path_facts;
 pub mod port_reading;
 mod radio;
 mod real_head;

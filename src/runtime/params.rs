@@ -11,7 +11,7 @@ use crate::detector::pattern::PatternSizeError;
 use crate::detector::window::OutputGeometry;
 use crate::detector::{Detector, DetectorParams, Patterns, Seeds};
 use crate::exposure::cost::CostModel;
-use crate::exposure::{Instrument, MethodChoice, PsfSampling, Shutter, Target};
+use crate::exposure::{Instrument, MethodChoice, PsfSampling, Rung, Shutter, Target};
 use crate::optics::{BackgroundLight, Illumination, PsfModel, StarLight};
 use crate::runtime::imager::BackendChoice;
 use crate::runtime::sky_targets::SkyTarget;
@@ -129,6 +129,8 @@ pub struct AttitudeParams {
     pub jitter_history: HistoryLimits,
     /// Jitter points further than this outside an exposure are not used for it.
     pub jitter_max_gap: Span,
+    /// A frame waits for jitter samples that are under way as long as this, where its time allows it.
+    pub jitter_wait: Span,
     /// Time correlation.
     pub clock: RemoteClockLimits,
     /// Jitter lines given as parameters, sensor axes, and the instant of their phases.
@@ -172,6 +174,8 @@ pub struct RunParams {
     pub cost: Option<CostModel>,
     /// Whether frames that would not be drawn in time are degraded.
     pub degrade: bool,
+    /// The last level of degradation that may be taken.
+    pub last_rung: Rung,
     /// Seed of the sensor (fixed patterns) and of faults.
     pub seed: u64,
     /// Seed of the noise of exposures.

@@ -84,7 +84,10 @@ impl<'a> RealHead<'a> {
             return self.deliver_late(parcel, slot, shared, record);
         }
         timed.load = self.engine.load();
-        let times = self.draw(slot, &mut parcel.frame, shared, record)?;
+        let Some(times) = self.draw(slot, &mut parcel.frame, shared, record)? else {
+            self.leave_out(parcel, timed, shared, record);
+            return Ok(());
+        };
         let finished = shared.clock.now();
         parcel.frame.meta.lateness = finished - slot.due;
         self.engine.learn_load(drawn(&times), finished, slot, &mut record.ledger);
@@ -106,7 +109,7 @@ impl<'a> RealHead<'a> {
         frame: &mut SentFrame,
         shared: &Shared<'_>,
         record: &mut RunRecord,
-    ) -> Result<StageTimes, RunError> {
+    ) -> Result<Option<StageTimes>, RunError> {
         let (faults, ledger) = (&mut self.faults, &mut record.ledger);
         self.receiver.fire_triggers(slot, ledger, &mut |fired| {
             if let Some(faults) = faults.as_mut() {
@@ -119,6 +122,17 @@ impl<'a> RealHead<'a> {
             shared.radio.send(0, shared.reply.stopped(self.receiver, slot.release));
         }
         exposed
+    }
+
+    /// Sends nothing for a slot without an attitude, and says so to the flight computer.
+    fn leave_out(&mut self, parcel: Parcel, mut timed: FrameRecord, shared: &Shared<'_>, record: &mut RunRecord) {
+        if self.number == 0 {
+            shared.radio.send(0, shared.reply.stopped(self.receiver, shared.clock.now()));
+        }
+        record.frames.dropped += 1;
+        (timed.fate, timed.cause) = (Fate::Dropped, Some(MissCause::AwaitingAttitude));
+        record.ring.push(timed);
+        self.spare = Some(parcel);
     }
 
     /// Writes down how a frame came about, and why it is missed if it is.
@@ -135,6 +149,7 @@ impl<'a> RealHead<'a> {
         timed.lateness = meta.lateness;
         (timed.rung, timed.method, timed.origin) = (meta.rung, meta.method, meta.origin);
         timed.horizon = meta.horizon;
+        (timed.end_horizon, timed.jitter_missing) = (meta.end_horizon, meta.jitter_missing);
         timed.pointing_bound_rad = self.engine.pointing_bound_rad();
         timed.cause = if meta.faults.contains(FaultFlags::BLANK) {
             Some(MissCause::AwaitingAttitude)

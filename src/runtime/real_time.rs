@@ -13,7 +13,7 @@ use crate::link::Port;
 use crate::link::pps::Pps;
 use crate::report::{FrameRecord, Stage};
 use crate::runtime::delivery::Parcel;
-use crate::runtime::engine::FrameEngine;
+use crate::runtime::engine::{FrameEngine, Slot};
 use crate::runtime::error::RunError;
 use crate::runtime::frame_faults::FrameFaults;
 use crate::runtime::hygiene::{Hygiene, Role};
@@ -32,6 +32,8 @@ use std::time::Duration;
 
 /// A sleeping frame thread notices a stop within this.
 const STOP_POLL: Span = Span::from_ms(50);
+/// A slot that waits for jitter samples looks for them this often.
+const JITTER_POLL: Span = Span::from_ms(1);
 
 /// Stars that a frame has room for at the start: more make its buffers grow, once.
 pub const STARS_AT_FIRST: usize = 16_384;
@@ -216,6 +218,9 @@ impl Bench<'_> {
             if self.shared.radio.is_finished() {
                 break; // its error is told when the run ends
             }
+            if !self.await_jitter(slot, stop, record) {
+                break;
+            }
             self.receive(record);
             let received = self.shared.clock.now() - begun;
             for head in &mut self.heads {
@@ -251,6 +256,23 @@ impl Bench<'_> {
             }
         }
         false
+    }
+
+    /// Waits for jitter samples of the exposure that are under way, as long as every head has time for it; false when the run is
+    /// to stop.
+    fn await_jitter(&mut self, slot: Slot, stop: &AtomicBool, record: &mut RunRecord) -> bool {
+        let waits = self.heads.iter().map(|head| head.engine.jitter_wait(slot, head.receiver));
+        let until = slot.release + waits.min().unwrap_or(Span::ZERO);
+        while self.heads.first().is_some_and(|head| head.engine.lacks_jitter(slot, head.receiver)) {
+            let now = self.shared.clock.now();
+            if now >= until {
+                break;
+            }
+            if !self.listen_until(until.min(now + JITTER_POLL), stop, record) {
+                return false;
+            }
+        }
+        true
     }
 
     /// What has arrived and was not waited for; and what became of the ports.

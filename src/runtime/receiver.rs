@@ -1,6 +1,8 @@
 //! Messages -> time correlation, attitude history, jitter history, triggers, answers to commands.
 
-use crate::attitude::{AttitudeHistory, AttitudeSample, JitterHistory, JitterPoint, ObservedPps, RemoteClock};
+use crate::attitude::{
+    AttitudeHistory, AttitudeSample, ClockEstimate, JitterHistory, JitterPoint, Observed, ObservedPps, RemoteClock,
+};
 use crate::base::axes::Rotation;
 use crate::base::time::{Span, Tai};
 use crate::base::units::ARCSEC;
@@ -15,13 +17,12 @@ use crate::runtime::triggers::FiredTrigger;
 use firmware_protocol::Message;
 use firmware_protocol::handshake::Did;
 use firmware_protocol::message::{AttitudeRecord, Command, JitterBurst, JitterPair, Request, TimeFollowUp, Wheels};
+use firmware_protocol::ticks::{ticks_diff, wrapped};
 use glam::DVec3;
 use std::collections::VecDeque;
 
 /// Period of classic jitter pairs' samples.
 const PAIR_PERIOD: Span = Span::from_ms(1);
-/// Faster turns (1000 deg/s) are no attitude of a spacecraft that a star sensor follows; NaN is not below it either.
-const MOST_RATE_RAD_S: f64 = 17.453_292_519_943_295;
 /// Wheel speeds on the wire are in revolutions per minute.
 const RAD_S_PER_RPM: f64 = core::f64::consts::TAU / 60.0;
 /// Norm tolerance of a quaternion that the protocol has already checked.
@@ -58,6 +59,10 @@ pub struct Receiver {
     /// Tags of the newest attitudes, and the instants they were read as, by rising instant.
     tags: VecDeque<(u32, Tai)>,
     newest_arrival: Option<Tai>,
+    /// End of the newest exposure that was drawn.
+    drawn_until: Option<Tai>,
+    /// Jitter samples that arrived after the exposure they belong to was drawn.
+    late_jitter: u64,
     messages: u64,
 }
 
@@ -80,6 +85,8 @@ impl Receiver {
             newest_epoch: None,
             tags: VecDeque::with_capacity(TAGS),
             newest_arrival: None,
+            drawn_until: None,
+            late_jitter: 0,
             messages: 0,
             params,
         })
@@ -136,6 +143,17 @@ impl Receiver {
         &self.jitter
     }
 
+    /// Takes note that an exposure is drawn, which ends at `until`: samples of it that arrive from now on are late.
+    pub fn note_drawn(&mut self, until: Tai) {
+        self.drawn_until = self.drawn_until.max(Some(until));
+    }
+
+    /// Returns the number of jitter samples that arrived after the exposure they belong to was drawn.
+    #[must_use]
+    pub fn late_jitter(&self) -> u64 {
+        self.late_jitter
+    }
+
     /// Time correlation.
     #[must_use]
     pub fn clock(&self) -> &RemoteClock {
@@ -185,7 +203,7 @@ impl Receiver {
         self.messages += 1;
         match &message.value {
             Message::Sync(sync) => self.syncs[port] = Some((sync.counter, at)),
-            Message::TimeFollowUp(follow_up) => self.correlate(port, follow_up),
+            Message::TimeFollowUp(follow_up) => self.correlate(port, follow_up, at, ledger),
             Message::Attitude(record) => self.take_attitude(record, at, ledger),
             Message::Jitter(burst) => self.take_burst(burst, at, ledger),
             Message::JitterPair(pair) => self.take_pair(pair, at, ledger),
@@ -237,13 +255,13 @@ impl Receiver {
         let ahead_ns = match self.tags.get(after).filter(|_| after > 0) {
             // Between two tags in proportion: the estimate may have moved between them.
             Some((later_us, later)) => {
-                let (ticks_ns, span_ns) = (1000 * i64::from(later_us.wrapping_sub(t_us)), (*later - epoch).ns().max(1));
+                let (ticks_ns, span_ns) = (1000 * i64::from(ticks_diff(*later_us, t_us)), (*later - epoch).ns().max(1));
                 Span::from_s(ticks_ns as f64 * 1e-9 * (since_ns as f64 / span_ns as f64)).ns()
             }
             None => since_ns - Span::from_s(since_ns as f64 * 1e-9 * self.clock.estimate()?.drift).ns(),
         };
         let remote_ns = i64::from(t_us) * 1000 + ahead_ns;
-        u32::try_from((remote_ns + 500).div_euclid(1000).rem_euclid(1 << 32)).ok()
+        Some(wrapped((remote_ns + 500).div_euclid(1000)))
     }
 
     fn keep_tag(&mut self, t_us: u32, epoch: Tai) {
@@ -260,22 +278,48 @@ impl Receiver {
             ObservedPps::Used => self.pulses.used += 1,
             ObservedPps::Odd | ObservedPps::Ambiguous | ObservedPps::NoTimeYet => self.pulses.refused += 1,
         }
-        self.tell_clock();
+        self.follow_clock();
     }
 
-    fn correlate(&mut self, port: usize, follow_up: &TimeFollowUp) {
+    fn correlate(&mut self, port: usize, follow_up: &TimeFollowUp, now: Tai, ledger: &mut Ledger) {
         let scet_ns = i64::try_from(follow_up.scet.ns()).unwrap_or(i64::MAX);
         if let Some((counter, at)) = self.syncs[port]
             && counter == follow_up.counter
         {
             self.syncs[port] = None;
-            self.clock.observe(scet_ns, at);
-            self.tell_clock();
+            let before = self.clock.estimate();
+            let observed = self.clock.observe(scet_ns, at);
+            if let (Observed::Restarted, Some(before)) = (observed, before) {
+                self.take_step(&before, scet_ns, at, now, ledger);
+            }
+            self.follow_clock();
+        }
+    }
+
+    /// Follows a step of the flight computer's clock, which reads `scet_ns` at `sync_at`. A clock that reads less than half of
+    /// what was expected has restarted: attitudes, jitter and dated triggers of the session before are then forgotten. After
+    /// any other step the attitudes received so far are still those of their instants.
+    fn take_step(&mut self, before: &ClockEstimate, scet_ns: i64, sync_at: Tai, now: Tai, ledger: &mut Ledger) {
+        let expected_ns = before.to_remote_ns(sync_at);
+        let step = Span::from_ns(scet_ns.saturating_sub(expected_ns));
+        // Tags of two clocks have no order.
+        self.tags.clear();
+        if scet_ns < expected_ns / 2 {
+            ledger.note(Event::new(EventKind::ClockRestarted, now, None, step));
+            self.history.clear();
+            self.jitter.clear_points();
+            self.newest_epoch = None;
+            self.session.forget_dated_triggers(now, ledger);
+        } else {
+            ledger.note(Event::new(EventKind::ClockStepped, now, None, step));
+            if let Some(estimate) = self.clock.estimate() {
+                self.session.step_triggers(&estimate, now, ledger);
+            }
         }
     }
 
     /// Uploaded jitter and triggers run by the flight computer's clock.
-    fn tell_clock(&mut self) {
+    fn follow_clock(&mut self) {
         if let Some(estimate) = self.clock.estimate() {
             self.jitter.follow_clock(&estimate);
             self.session.triggers_mut().follow_clock(&estimate);
@@ -297,8 +341,7 @@ impl Receiver {
                 acceleration_rad_s2: vector(record.acceleration_rad_s2),
             }
         });
-        let sane = |sample: &AttitudeSample| sample.rate_rad_s.length() <= MOST_RATE_RAD_S;
-        if sample.filter(sane).is_some_and(|sample| self.history.insert(sample, at).is_ok()) {
+        if sample.is_some_and(|sample| self.history.insert(sample, at).is_ok()) {
             self.keep_tag(record.t_us, epoch);
             self.newest_epoch = self.newest_epoch.max(Some(epoch));
             self.newest_arrival = self.newest_arrival.max(Some(at));
@@ -331,13 +374,19 @@ impl Receiver {
 
     /// Jitter on the wire is a rotation about body X and Y.
     fn take_jitter(&mut self, first: Tai, period: Span, samples_arcsec: &[[f32; 2]], at: Tai, ledger: &mut Ledger) {
+        self.jitter.note_stream(first, period, at);
         for (i, [x, y]) in (0_i64..).zip(samples_arcsec) {
             let body_rad = DVec3::new(f64::from(*x), f64::from(*y), 0.0) * ARCSEC;
             let rotation_rad = self.params.sensor_from_body.apply(body_rad);
             let point = JitterPoint { at: first + Span::from_ns(period.ns() * i), rotation_rad };
-            if self.jitter.insert(point, at).is_err() {
-                ledger.note(Event::new(EventKind::SampleRefused, at, None, at - point.at));
+            match self.jitter.insert(point, at) {
+                Ok(()) => self.late_jitter += u64::from(self.drawn_until.is_some_and(|until| point.at <= until)),
+                Err(_counted) => ledger.note(Event::new(EventKind::SampleRefused, at, None, at - point.at)),
             }
         }
     }
 }
+
+#[cfg(test)]
+#[path = "receiver_tests.rs"]
+mod tests;

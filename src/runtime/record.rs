@@ -4,7 +4,7 @@ use crate::base::time::{Span, Tai};
 use crate::exposure::Rung;
 use crate::exposure::method::MethodName;
 use crate::report::{
-    CountHistogram, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, NAMES_MAX, RunNumbers,
+    CountHistogram, EVENTS_MAX, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, RunNumbers,
     RunSummary, SinkRow, Stage, StageHistogram, StageHistograms, StageTimes,
 };
 use crate::runtime::engine::FrameEngine;
@@ -62,7 +62,7 @@ impl Default for RunRecord {
 }
 
 // Every kind of event has room in what a watcher of the run is told.
-const _: () = assert!(EventKind::ALL.len() <= NAMES_MAX);
+const _: () = assert!(EventKind::ALL.len() <= EVENTS_MAX);
 
 impl RunRecord {
     /// A record that keeps the times of the last `frames` frames of each of `heads`.
@@ -99,6 +99,8 @@ impl RunRecord {
         let blank = frame.meta.faults.contains(FaultFlags::BLANK);
         self.frames.blank += u64::from(blank);
         self.frames.extrapolated += u64::from(!blank && matches!(frame.meta.origin, "predicted" | "held"));
+        self.frames.partly_extrapolated += u64::from(frame.meta.is_partly_extrapolated);
+        self.frames.jitter_missing += u64::from(frame.meta.jitter_missing > Span::ZERO);
         self.stages.record(times);
         self.stars.record(frame.truth.len() as u64);
         self.attitude_age.record(frame.meta.attitude_age);
@@ -208,13 +210,14 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
     let mut add = |name: &str, count: u64| counts.counters.insert(name.to_string(), count);
     add("attitudes_accepted", history.accepted);
     add("jitter_points_accepted", receiver.jitter().counts().accepted);
-    add("clock_pairs", receiver.clock().estimate().map_or(0, |estimate| estimate.pairs as u64));
+    add("clock_pairs", receiver.clock().pairs());
     for (number, port) in ports.iter().enumerate() {
         count_port(&mut counts, number, port);
     }
     let pulses = receiver.pulses();
     let triggers = receiver.session().triggers().counts();
     let sometimes = [
+        ("jitter_points_late", receiver.late_jitter()),
         ("pulses_used", pulses.used),
         ("pulses_refused", pulses.refused),
         ("triggers_accepted", triggers.accepted),
@@ -237,14 +240,15 @@ fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
         ("jitter_not_finite", jitter.not_finite),
         ("jitter_older_than_history", jitter.older_than_history),
         ("duplicate_epoch", history.duplicate_epoch),
-        ("replayed_sequence", history.replayed_sequence),
         ("stale_time", history.stale),
         ("future_time", history.future),
         ("not_finite", history.not_finite),
+        ("too_fast", history.too_fast),
         ("older_than_history", history.older_than_history),
     ];
-    let lonely = ("lonely_time_mark", receiver.clock().lonely());
-    for (name, count) in history.into_iter().chain([lonely]).filter(|(_, count)| *count > 0) {
+    let clock = receiver.clock();
+    let marks = [("late_time_mark", clock.late()), ("outlier_time_mark", clock.outliers())];
+    for (name, count) in history.into_iter().chain(marks).filter(|(_, count)| *count > 0) {
         *counts.rejects.entry(name.into()).or_default() += count;
     }
     counts

@@ -11,7 +11,7 @@ use crate::base::units::ARCSEC;
 use crate::runtime::port_reading::REASONS;
 use crate::runtime::receiver::Receiver;
 use crate::sink::{FaultFlags, FrameMeta};
-use firmware_protocol::message::{Exposure, PointingAngle, StatusPage, StimulatorMode};
+use firmware_protocol::message::{Exposure, PointingAngle, StatusPage, StimulatorMode, frame_flag};
 use firmware_protocol::{Message, Reject};
 
 /// Counts of one reason are told this far apart at least.
@@ -65,7 +65,7 @@ impl Reply {
         .flatten()
     }
 
-    /// Said once, when the stream has stopped and the policy is to stop: no frame follows.
+    /// Returns what is sent in place of a frame when the stream has stopped and the policy is to send none.
     #[must_use]
     pub fn stopped(&self, receiver: &Receiver, now: Tai) -> Message {
         Message::Status(self.state(StimulatorMode::Stopped, receiver, now))
@@ -97,18 +97,19 @@ fn latency_us(receiver: &Receiver, now: Tai) -> u32 {
 /// What the ports refused, and what the histories did.
 fn all_rejects(ports: &[u32; REASONS], receiver: &Receiver) -> [u32; REASONS] {
     let mut all = *ports;
-    let (attitude, jitter) = (receiver.history().counts(), receiver.jitter().counts());
-    for counts in [attitude, jitter] {
-        for (reason, count) in [
-            (Reject::StaleTime, counts.stale + counts.older_than_history),
-            (Reject::FutureTime, counts.future),
-            (Reject::ReplayedSequence, counts.replayed_sequence),
-            (Reject::NotFinite, counts.not_finite),
-        ] {
-            let total = &mut all[usize::from(reason.code())];
-            *total = total.saturating_add(u32::try_from(count).unwrap_or(u32::MAX));
-        }
+    let mut add = |reason: Reject, count: u64| {
+        let total = &mut all[usize::from(reason.code())];
+        *total = total.saturating_add(u32::try_from(count).unwrap_or(u32::MAX));
+    };
+    for counts in [receiver.history().counts(), receiver.jitter().counts()] {
+        add(Reject::StaleTime, counts.stale + counts.older_than_history);
+        add(Reject::FutureTime, counts.future);
+        add(Reject::NotFinite, counts.not_finite);
+        add(Reject::UnknownValue, counts.too_fast);
     }
+    // A pair that came too late looks older than it can be, an outlying one newer.
+    add(Reject::StaleTime, receiver.clock().late());
+    add(Reject::FutureTime, receiver.clock().outliers());
     all
 }
 
@@ -122,7 +123,14 @@ fn exposure(meta: &FrameMeta, receiver: &Receiver) -> Option<Exposure> {
 
 fn pointing(meta: &FrameMeta, angle: PointingAngle, degrees: f64) -> Message {
     let turns_2_32 = PointingAngle::to_turns(degrees.to_radians());
-    Message::Status(StatusPage::Pointing { angle, frame: low_byte(meta.number), flags: 0, turns_2_32 })
+    Message::Status(StatusPage::Pointing { angle, frame: low_byte(meta.number), flags: frame_flags(meta), turns_2_32 })
+}
+
+/// What a frame lacks, in the bits of its STATUS pages.
+fn frame_flags(meta: &FrameMeta) -> u16 {
+    let jitter = if meta.jitter_missing > Span::ZERO { frame_flag::JITTER_MISSING } else { 0 };
+    let attitude = if meta.is_partly_extrapolated { frame_flag::PARTLY_EXTRAPOLATED } else { 0 };
+    jitter | attitude
 }
 
 /// How far the attitude was predicted, and how well, where that is known.
@@ -163,6 +171,21 @@ fn mode(meta: &FrameMeta, receiver: &Receiver) -> StimulatorMode {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn pointing_pages_carry_what_the_frame_lacks() {
+        let (late, stopped) = (frame_flag::JITTER_MISSING, frame_flag::PARTLY_EXTRAPOLATED);
+        for (missing_ms, is_partly_extrapolated, wanted) in
+            [(0, false, 0), (3, false, late), (0, true, stopped), (3, true, late | stopped)]
+        {
+            let mut meta = FrameMeta::empty("camera".into());
+            (meta.jitter_missing, meta.is_partly_extrapolated) = (Span::from_ms(missing_ms), is_partly_extrapolated);
+            let Message::Status(StatusPage::Pointing { flags, .. }) = pointing(&meta, PointingAngle::Roll, 0.0) else {
+                panic!("a pointing page");
+            };
+            assert_eq!(flags, wanted);
+        }
+    }
 
     #[test]
     fn a_reason_is_told_when_its_count_has_risen_and_once_a_second() {

@@ -162,9 +162,20 @@ impl Session {
     }
 
     fn forget_triggers(&mut self, at: Tai, ledger: &mut Ledger) {
-        for _ in 0..self.triggers.forget() {
-            ledger.note(Event::new(EventKind::TriggerForgotten, at, None, Span::ZERO));
-        }
+        let forgotten = self.triggers.forget();
+        note_forgotten(forgotten, at, ledger);
+    }
+
+    /// Forgets the triggers that wait for an instant of a clock that has restarted.
+    pub fn forget_dated_triggers(&mut self, at: Tai, ledger: &mut Ledger) {
+        let forgotten = self.triggers.forget_dated();
+        note_forgotten(forgotten, at, ledger);
+    }
+
+    /// Moves the triggers that wait to their instants on a clock that has stepped, and forgets those that are then out of reach.
+    pub fn step_triggers(&mut self, clock: &ClockEstimate, at: Tai, ledger: &mut Ledger) {
+        let forgotten = self.triggers.follow_step(clock, at);
+        note_forgotten(forgotten, at, ledger);
     }
 
     /// Takes a heartbeat of the flight computer in.
@@ -188,6 +199,12 @@ impl Session {
             self.is_silent = true;
             ledger.note(Event::new(EventKind::HeartbeatLost, now, None, silence));
         }
+    }
+}
+
+fn note_forgotten(forgotten: u64, at: Tai, ledger: &mut Ledger) {
+    for _ in 0..forgotten {
+        ledger.note(Event::new(EventKind::TriggerForgotten, at, None, Span::ZERO));
     }
 }
 

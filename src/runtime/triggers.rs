@@ -3,13 +3,15 @@
 //! In: TRIGGER commands, stamped, and what is known of the flight computer's clock. Out: [`FiredTrigger`]s, each once, or a
 //! refusal with its reason. An instant is told modulo 71.6 minutes: it is taken as ahead by up to an hour, or as past by up
 //! to five minutes (then it acts when it came); between the two it is refused. A number that no fault or event of the run
-//! waits for is refused first. Those that wait follow the clock's estimate.
+//! waits for is refused first. Those that wait follow the clock's estimate and its steps; when the clock restarts they are
+//! forgotten, since their instants mean nothing on it.
 //! A fixed number of places; nothing is allocated after the start. What a trigger does is for others to say. Tests: below,
 //! and `tests/closed_loop/triggers.rs`.
 
 use crate::attitude::ClockEstimate;
 use crate::base::time::{Span, Tai};
 use firmware_protocol::message::{Refusal, Trigger, Triggered};
+use firmware_protocol::ticks::{WRAP_US, ticks_ahead, wrapped};
 use std::collections::VecDeque;
 
 /// Triggers that may wait.
@@ -18,8 +20,6 @@ pub const PLACES: usize = 64;
 pub const MOST_AHEAD: Span = Span::from_ms(3_600_000);
 /// Furthest instant past.
 pub const MOST_LATE: Span = Span::from_ms(300_000);
-/// Time tags wrap after this, us.
-const WRAP_US: i64 = 1 << 32;
 
 /// A trigger whose instant has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,7 +41,7 @@ pub struct TriggerCounts {
     pub repeated: u64,
     /// Not taken in.
     pub refused: u64,
-    /// Taken in, and forgotten at a STOP before their instant.
+    /// Taken in, and forgotten before their instant: at a STOP, or because the clock restarted or stepped out of reach.
     pub forgotten: u64,
     /// Handed out.
     pub fired: u64,
@@ -121,7 +121,7 @@ impl Triggers {
         }
         let clock = clock.ok_or(Refusal::NoTimeYet)?;
         let now_us = clock.to_remote_ns(at).div_euclid(1000);
-        let ahead_us = (i64::from(trigger.at_us) - now_us).rem_euclid(WRAP_US);
+        let ahead_us = i64::from(ticks_ahead(trigger.at_us, wrapped(now_us)));
         if ahead_us <= MOST_AHEAD.ns() / 1000 {
             let remote_ns = now_us.saturating_add(ahead_us).saturating_mul(1000);
             let fired = FiredTrigger { number, at: clock.to_tai(remote_ns).max(at) };
@@ -142,12 +142,36 @@ impl Triggers {
 
     /// The clock is known anew: those that wait for an instant get its new place in time.
     pub fn follow_clock(&mut self, clock: &ClockEstimate) {
+        self.place_by(|remote_ns| clock.to_tai(remote_ns));
+    }
+
+    fn place_by(&mut self, instant_of: impl Fn(i64) -> Tai) {
         for waiting in &mut self.waiting {
             if let Some(remote_ns) = waiting.remote_ns {
-                waiting.fired.at = clock.to_tai(remote_ns);
+                waiting.fired.at = instant_of(remote_ns);
             }
         }
         self.waiting.make_contiguous().sort_unstable_by_key(|waiting| (waiting.fired.at, waiting.order));
+    }
+
+    /// The clock has stepped: those that wait for an instant get its new place in time, at once where it has passed. Returns how
+    /// many are forgotten because their instant is now further ahead than one may lie.
+    pub fn follow_step(&mut self, clock: &ClockEstimate, now: Tai) -> u64 {
+        self.place_by(|remote_ns| clock.to_tai(remote_ns).max(now));
+        self.forget_where(|waiting| waiting.fired.at > now + MOST_AHEAD)
+    }
+
+    /// Forgets those that wait for an instant of the flight computer's clock; returns how many there were.
+    pub fn forget_dated(&mut self) -> u64 {
+        self.forget_where(|waiting| waiting.remote_ns.is_some())
+    }
+
+    fn forget_where(&mut self, is_forgotten: impl Fn(&Waiting) -> bool) -> u64 {
+        let before = self.waiting.len();
+        self.waiting.retain(|waiting| !is_forgotten(waiting));
+        let forgotten = (before - self.waiting.len()) as u64;
+        self.counts.forgotten += forgotten;
+        forgotten
     }
 
     /// A repeat was answered from memory.
@@ -157,10 +181,7 @@ impl Triggers {
 
     /// Forgets those that wait; how many there were.
     pub fn forget(&mut self) -> u64 {
-        let forgotten = self.waiting.len() as u64;
-        self.counts.forgotten += forgotten;
-        self.waiting.clear();
-        forgotten
+        self.forget_where(|_all| true)
     }
 
     /// The next trigger that acts at or before `up_to`.
@@ -249,7 +270,7 @@ mod tests {
     #[test]
     fn instants_are_ahead_late_or_refused() {
         let now = 4_000_000_000_i64;
-        let told = |ahead_us: i64| u32::try_from((now + ahead_us).rem_euclid(WRAP_US)).unwrap();
+        let told = |ahead_us: i64| wrapped(now + ahead_us);
         for (ahead_us, wanted) in [
             (0, Ok(false)),
             (-1, Ok(true)),
@@ -318,5 +339,31 @@ mod tests {
         assert!(take(&mut triggers, 7, 0).is_ok());
         assert_eq!(fired(&mut triggers, at_s(20_000)), [(7, at_s(10_000))]);
         assert_eq!((triggers.counts().refused, triggers.counts().accepted), (4, 1));
+    }
+
+    #[test]
+    fn triggers_follow_a_step_and_act_at_once_where_their_instant_has_passed() {
+        let mut triggers = expecting_all();
+        for (number, at_us) in [(1, 4_010_000_000), (2, 4_100_000_000), (3, 0)] {
+            take(&mut triggers, number, at_us).unwrap();
+        }
+        // The flight computer's clock is set 60 s ahead at 10 005 s here: it reads 4065 s.
+        assert_eq!(triggers.follow_step(&clock_behind(5940 * NS_PER_S), at_s(10_005)), 0);
+        assert_eq!(fired(&mut triggers, at_s(10_039)), [(3, at_s(10_000)), (1, at_s(10_005))]);
+        assert_eq!(fired(&mut triggers, at_s(10_040)), [(2, at_s(10_040))]);
+    }
+
+    #[test]
+    fn triggers_leave_a_clock_on_which_they_are_out_of_reach() {
+        let mut triggers = expecting_all();
+        for (number, at_us) in [(1, 4_010_000_000), (2, 0)] {
+            take(&mut triggers, number, at_us).unwrap();
+        }
+        // It is set back by 3595 s: the first one's instant is an hour and 5 s ahead.
+        assert_eq!(triggers.follow_step(&clock_behind(9595 * NS_PER_S), at_s(10_000)), 1);
+        assert_eq!((triggers.waiting(), triggers.counts().forgotten), (1, 1));
+        take(&mut triggers, 4, 4_010_000_000).unwrap();
+        assert_eq!((triggers.forget_dated(), triggers.counts().forgotten), (1, 2), "after a restart");
+        assert_eq!(fired(&mut triggers, at_s(20_000)), [(2, at_s(10_000))], "what acts as it came stays");
     }
 }

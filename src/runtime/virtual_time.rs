@@ -22,6 +22,9 @@ use crate::sink::{SentFrame, Sink, sink_lines};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+/// A slot that waits for jitter samples looks for them this often.
+const JITTER_POLL: Span = Span::from_ms(1);
+
 /// One camera head: what draws its frames, what it has heard, where its frames go, and what goes wrong with them.
 pub struct Head<'a> {
     /// Draws.
@@ -60,6 +63,8 @@ pub struct VirtualLoop {
     far_due: Option<Tai>,
     /// Each head's next slot.
     slots: Vec<u32>,
+    /// Until when each head's next slot waits for jitter samples; `None` when it is drawn at its release.
+    waits_until: Vec<Option<Tai>>,
     pending: VecDeque<Pending>,
     spare: Vec<SentFrame>,
     stopped: bool,
@@ -87,6 +92,7 @@ impl VirtualLoop {
             record: RunRecord::default(),
             far_due: None,
             slots: Vec::new(),
+            waits_until: Vec::new(),
             pending: VecDeque::new(),
             spare: Vec::new(),
             stopped: false,
@@ -166,7 +172,9 @@ impl VirtualLoop {
             let last_release =
                 |head: &Head<'_>| head.engine.slot(head.engine.params().frames.saturating_sub(1)).release;
             let last_pending = self.pending.iter().map(|pending| pending.deliver_at).max();
-            let until = heads.iter().map(last_release).chain(last_pending).max().unwrap_or(self.clock.now());
+            let last_wait = self.waits_until.iter().copied().flatten().max();
+            let lasts = heads.iter().map(last_release).chain(last_pending).chain(last_wait);
+            let until = lasts.max().unwrap_or(self.clock.now());
             self.advance_to(until, heads, world)?;
             if self.stopped || self.is_finished(heads) {
                 return Ok(());
@@ -182,6 +190,7 @@ impl VirtualLoop {
 
     fn start(&mut self, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
         self.slots = vec![0; heads.len()];
+        self.waits_until = vec![None; heads.len()];
         for head in heads.iter_mut() {
             let mut frame = empty_frame(head.engine);
             head.engine.warm_up(&mut frame)?;
@@ -210,7 +219,8 @@ impl VirtualLoop {
         let far_end = self.far_due.map(|at| (at, Next::FarEnd));
         let delivery = self.pending.iter().map(|pending| pending.deliver_at).min().map(|at| (at, Next::Deliver));
         let draw = |(i, (head, slot)): (usize, (&Head<'_>, &u32))| {
-            (*slot < head.engine.params().frames).then(|| (head.engine.slot(*slot).release, Next::Draw(i)))
+            let release = || self.waits_until[i].unwrap_or(head.engine.slot(*slot).release);
+            (*slot < head.engine.params().frames).then(|| (release(), Next::Draw(i)))
         };
         let draws = heads.iter().zip(&self.slots).enumerate().filter_map(draw);
         draws.chain(delivery).chain(far_end).min()
@@ -219,6 +229,9 @@ impl VirtualLoop {
     fn draw(&mut self, i: usize, heads: &mut [Head<'_>], port: &mut Port) -> Result<(), RunError> {
         let head = &mut heads[i];
         let slot = head.engine.slot(self.slots[i]);
+        if self.must_wait(i, slot, head) {
+            return Ok(());
+        }
         self.slots[i] += 1;
         self.record.frames.scheduled += 1;
         let mut frame = self.take_buffer(head.engine);
@@ -235,7 +248,7 @@ impl VirtualLoop {
         if let (Err(RunError::AttitudeStopped { .. }), 0) = (&exposed, i) {
             port.send(&self.reply.stopped(head.receiver, slot.release))?;
         }
-        let times = exposed?;
+        let Some(times) = exposed? else { return self.leave_out(i, slot, frame, head, port) };
         frame.meta.lateness = Span::ZERO;
         let drawn = watch.lap();
         self.record.count_rendered(&frame, &times);
@@ -251,19 +264,52 @@ impl VirtualLoop {
         Ok(())
     }
 
+    /// Lets a slot wait for jitter samples that are under way, a step at a time and as long as there is time for it.
+    fn must_wait(&mut self, i: usize, slot: Slot, head: &Head<'_>) -> bool {
+        let now = self.clock.now();
+        let limit = slot.release + head.engine.jitter_wait(slot, head.receiver);
+        let waits = now < limit && head.engine.lacks_jitter(slot, head.receiver);
+        self.waits_until[i] = waits.then(|| limit.min(now + JITTER_POLL));
+        waits
+    }
+
+    /// Sends nothing for a slot without an attitude, and says so to the flight computer.
+    fn leave_out(
+        &mut self,
+        i: usize,
+        slot: Slot,
+        frame: SentFrame,
+        head: &mut Head<'_>,
+        port: &mut Port,
+    ) -> Result<(), RunError> {
+        if i == 0 {
+            self.watch_link(slot.due, head, port);
+            port.send(&self.reply.stopped(head.receiver, slot.due))?;
+        }
+        self.record.frames.dropped += 1;
+        self.spare.push(frame);
+        Ok(())
+    }
+
     /// Tells the flight computer what was drawn, and the ledger what became of the link.
     fn tell(&mut self, frame: &SentFrame, now: Tai, head: &mut Head<'_>, port: &mut Port) -> Result<(), RunError> {
-        head.receiver.watch(now, &mut self.record.ledger);
-        let reading = PortReading::of(port, 0);
-        reading.tell(&self.reading, now, &mut self.record.ledger);
-        self.reading = reading;
-        self.record.keep_ports(&[reading]);
+        let reading = self.watch_link(now, head, port);
         let pointing_bound_rad = head.engine.pointing_bound_rad();
         let told = ToldFrame { meta: &frame.meta, pointing_bound_rad, rejects: &reading.rejects, now };
         for message in self.reply.messages(&told, head.receiver) {
             port.send(&message)?;
         }
         Ok(())
+    }
+
+    /// Brings to the ledger what became of the link; what the port has counted.
+    fn watch_link(&mut self, now: Tai, head: &mut Head<'_>, port: &Port) -> PortReading {
+        head.receiver.watch(now, &mut self.record.ledger);
+        let reading = PortReading::of(port, 0);
+        reading.tell(&self.reading, now, &mut self.record.ledger);
+        self.reading = reading;
+        self.record.keep_ports(&[reading]);
+        reading
     }
 
     fn queue(&mut self, head: usize, slot: Slot, frame: SentFrame, fate: Fate, drawn: Span) {

@@ -181,6 +181,14 @@ pub struct FrameMeta {
     pub attitude_age: Span,
     /// Newest attitude sample to mid-exposure: how far the attitude was predicted; negative when it was interpolated.
     pub horizon: Span,
+    /// Newest attitude sample used to the end of the exposure: how far its last part was extrapolated; negative when it was not.
+    pub end_horizon: Span,
+    /// The middle of the exposure was interpolated, and two or more attitude samples were missing at one of its ends.
+    pub is_partly_extrapolated: bool,
+    /// Largest motion in the exposure beyond rate and acceleration, arcsec; above 0.01 it is drawn, along a polyline.
+    pub residual_arcsec: f64,
+    /// Part of the exposure that lacks jitter samples of a stream that was expected to go on.
+    pub jitter_missing: Span,
     /// Render backend.
     pub backend: &'static str,
     /// Smear method.
@@ -248,6 +256,10 @@ impl FrameMeta {
             lateness: Span::ZERO,
             attitude_age: Span::ZERO,
             horizon: Span::ZERO,
+            end_horizon: Span::ZERO,
+            is_partly_extrapolated: false,
+            residual_arcsec: 0.0,
+            jitter_missing: Span::ZERO,
             backend: "none",
             method: "none",
             rung: "full",
@@ -311,6 +323,8 @@ pub(crate) fn sample_frame(number: u32) -> SentFrame {
     frame.meta.lateness = Span::from_ns(-1_234_567);
     frame.meta.attitude_age = Span::from_ms(12);
     frame.meta.horizon = Span::from_ms(-38);
+    (frame.meta.end_horizon, frame.meta.is_partly_extrapolated) = (Span::from_ms(62), true);
+    (frame.meta.residual_arcsec, frame.meta.jitter_missing) = (0.375, Span::from_ms(14));
     (frame.meta.backend, frame.meta.method, frame.meta.origin) = ("cpu", "kernel", "predicted");
     (frame.meta.rung, frame.meta.left_out_stars, frame.meta.left_out_e) = ("budget-x3", 17, 12.25);
     frame.meta.faults = FaultFlags::HOT_PIXELS | FaultFlags::LINK_DROP;

@@ -51,6 +51,14 @@ pub struct FrameRow {
     pub attitude_age_ns: i64,
     /// Newest attitude to mid-exposure, ns.
     pub horizon_ns: i64,
+    /// Newest attitude to the end of the exposure, ns.
+    pub end_horizon_ns: i64,
+    /// Two or more attitudes were missing at an end of the exposure, whose middle was interpolated.
+    pub partly_extrapolated: bool,
+    /// Largest motion in the exposure beyond rate and acceleration, arcsec.
+    pub residual_arcsec: f64,
+    /// Part of the exposure that lacks jitter samples, ns.
+    pub jitter_missing_ns: i64,
     /// Render backend.
     pub backend: String,
     /// Smear method.
@@ -114,6 +122,10 @@ impl FrameRow {
             lateness_ns: meta.lateness.ns(),
             attitude_age_ns: meta.attitude_age.ns(),
             horizon_ns: meta.horizon.ns(),
+            end_horizon_ns: meta.end_horizon.ns(),
+            partly_extrapolated: meta.is_partly_extrapolated,
+            residual_arcsec: meta.residual_arcsec,
+            jitter_missing_ns: meta.jitter_missing.ns(),
             backend: meta.backend.into(),
             method: meta.method.into(),
             rung: meta.rung.into(),

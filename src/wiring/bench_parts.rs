@@ -53,6 +53,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         method: bench.render.method,
         cost: None,
         degrade: bench.timing.degrade.applies(false),
+        last_rung: bench.timing.degrade_to,
         seed: bench.seed,
         noise_seed: bench.noise_seed(),
         first_exposure,
@@ -191,10 +192,12 @@ pub fn imager(params: &RunParams) -> Result<Imager> {
     Ok(Imager::of_detector(params.backend, params.camera.make_detector(params.seeds())?)?)
 }
 
-/// What the real clock changes: costs are those of this machine, and frames may be degraded to be in time.
+/// Applies what the real clock changes: costs are those of this machine, frames may be degraded to be in time, and a stopped
+/// stream of attitudes leaves frames out unless the bench says otherwise.
 pub fn take_real_clock(params: &mut RunParams, bench: &Bench, measured: Option<CostModel>) {
     params.cost = measured;
     params.degrade = bench.timing.degrade.applies(true);
+    params.attitude.estimate.policy = bench.attitude.policy_on_real_clock;
 }
 
 /// The backend a bench or a user names.
@@ -222,6 +225,7 @@ fn attitude_params(bench: &Bench, boot: Tai) -> AttitudeParams {
         history: settings.history,
         jitter_history: settings.jitter_history,
         jitter_max_gap: settings.jitter_max_gap,
+        jitter_wait: settings.jitter_wait,
         clock: RemoteClockLimits { constant_delay, ..settings.clock },
         jitter_lines: lines.map(|line| mount(line.line())).collect(),
         jitter_epoch: boot,

@@ -54,7 +54,7 @@ fn complaints_of(mut bench: Bench) -> Vec<String> {
         cable.carry_until(slot.release, &mut receiver, &mut ledger);
         let mut expose = || {
             fire(slot, &mut receiver, &mut ledger);
-            let times = engine.expose(slot, &mut receiver, &mut ledger, &mut frame).unwrap();
+            let times = engine.expose(slot, &mut receiver, &mut ledger, &mut frame).unwrap().unwrap();
             engine.learn_load(Span::from_ms(i64::from(number % 40)), slot.due, slot, &mut ledger);
             let at = [slot.exposure_start, slot.release, slot.due];
             let mut timed = FrameRecord::released(number, at, [slot.release, slot.release]);

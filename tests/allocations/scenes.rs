@@ -109,7 +109,7 @@ impl Drawn {
         let method: MethodChoice = scene.method.parse().unwrap();
         let mut planner = Planner::new(instrument, AccuracyBudget::default(), CostModel::CPU, method, los);
         if let Some(time_budget_ms) = scene.time_budget_ms {
-            planner = planner.within_ms(time_budget_ms);
+            planner = planner.within_ms(time_budget_ms).down_to(Rung::BrightStarsOnly);
         }
         let params = DetectorParams {
             full_well_e: 1e5,

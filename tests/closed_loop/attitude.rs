@@ -110,3 +110,45 @@ fn a_stream_that_stops_is_held_and_said_so() {
     let counted = ledger.count(EventKind::Predicted) + ledger.count(EventKind::AttitudeHeld);
     assert_eq!(counted, run.outcome.record.frames.extrapolated, "never silent");
 }
+
+/// The stream stops within an exposure whose middle is still interpolated: not a word was said of its extrapolated rest.
+#[test]
+fn long_exposure_that_outlives_the_stream_is_partly_extrapolated() {
+    let mut bench = built_in(4.0);
+    bench.camera.exposure.exposure_s = 0.5;
+    bench.timing.frame_rate_hz = 2.0;
+    let whole = run(&bench);
+    assert_eq!(whole.outcome.record.frames.partly_extrapolated, 0, "while the stream goes on");
+    // Exposures begin every 0.5 s from the first second on: the third one's middle is at 2.25 s.
+    let stop = crate::bench::start(&bench) + Span::from_ms(2350);
+    let stopped = run_changed(&bench, |computer| computer.faults.stop_stream_at = Some(stop), usize::MAX);
+    let record = &stopped.outcome.record;
+    assert_eq!((record.frames.partly_extrapolated, record.ledger.count(EventKind::PartlyExtrapolated)), (1, 1));
+    let meta = &stopped.frames[2].meta;
+    assert_eq!((meta.origin, meta.is_partly_extrapolated), ("interpolated", true));
+    assert!(meta.horizon <= Span::ZERO, "{:?}", meta.horizon);
+    let outside_ms = meta.end_horizon.ms();
+    assert!((150.0..=170.0).contains(&outside_ms), "{outside_ms} ms after the last sample");
+    assert!(!stopped.frames[1].meta.is_partly_extrapolated, "the one before was complete");
+    assert!(
+        !stopped.frames[3].meta.is_partly_extrapolated,
+        "the one after is predicted from its middle on, and says so"
+    );
+    assert_ne!(stopped.frames[3].meta.origin, "interpolated");
+}
+
+/// The last rows of a rolling shutter are exposed after the frame's release: their motion is always extrapolated.
+#[test]
+fn rolling_shutter_says_that_its_last_rows_are_extrapolated() {
+    for (line_us, frames) in [(0.0, 0), (10.0, 0), (100.0, 10)] {
+        let mut bench = built_in(1.0);
+        bench.camera.exposure.rolling_line_us = line_us;
+        let run = run(&bench);
+        let record = &run.outcome.record;
+        assert_eq!(
+            record.frames.partly_extrapolated, frames,
+            "{line_us} us per line: half of 1024 of them after the end"
+        );
+        assert_eq!(record.ledger.count(EventKind::PartlyExtrapolated), frames);
+    }
+}

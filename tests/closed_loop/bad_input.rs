@@ -1,6 +1,7 @@
 //! What goes wrong is an error or a count, never a panic, and nothing finished before is lost.
 
 use crate::bench::{built_in, run_changed, start};
+use firmware_protocol::message::{StatusPage, StimulatorMode};
 use starloop::attitude::StalePolicy;
 use starloop::base::time::Span;
 use starloop::runtime::{EventKind, RunError};
@@ -32,6 +33,29 @@ fn a_stopped_stream_blanks_frames_when_the_policy_says_so() {
     assert!(last.meta.faults.contains(FaultFlags::BLANK), "{}", last.meta.faults);
     assert_eq!(last.stars, 0, "no stars in a blank frame");
     assert!(run.outcome.record.ledger.count(EventKind::Blank) > 0, "and it is counted");
+}
+
+/// Frames are missing from the moment at which the stream counts as stopped, each with its event; the flight computer hears it.
+#[test]
+fn stopped_stream_leaves_frames_out_when_the_policy_says_so() {
+    let mut bench = built_in(3.0);
+    bench.attitude.estimate.policy = StalePolicy::Drop;
+    let stop = start(&bench) + Span::from_ms(2000);
+    let run = run_changed(&bench, |computer| computer.faults.stop_stream_at = Some(stop), usize::MAX);
+    assert!(run.outcome.error.is_none());
+    let record = &run.outcome.record;
+    let missing = record.ledger.count(EventKind::AttitudeMissing);
+    assert!(missing > 5, "{missing} frames");
+    assert_eq!(
+        (record.frames.dropped, record.frames.delivered + missing),
+        (missing, 30),
+        "every slot is accounted for"
+    );
+    assert_eq!(run.frames.len() as u64 + missing, 30);
+    assert!(run.frames.iter().all(|frame| frame.meta.origin != "held"), "no sky that stands still");
+    assert_eq!(record.ledger.count(EventKind::AttitudeHeld), 0);
+    let told = run.computer.received().last_status.unwrap().value;
+    assert!(matches!(told, StatusPage::State { mode: StimulatorMode::Stopped, .. }), "{told:?}");
 }
 
 #[test]

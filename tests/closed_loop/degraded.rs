@@ -28,6 +28,7 @@ fn without_time(readout_s: f64, degrade: Degrade) -> Bench {
     bench.camera.radiometry.limiting_mag = 12.0;
     bench.camera.exposure.readout_s = readout_s;
     bench.timing.degrade = degrade;
+    bench.timing.degrade_to = Rung::BrightStarsOnly;
     bench
 }
 
@@ -73,6 +74,16 @@ fn when_even_the_detector_has_no_time_the_brightest_stars_stay_and_the_rest_is_a
         assert_eq!(all(impossible), all(whole), "every star is drawn or counted");
         assert!(impossible.meta.left_out_e > whole.meta.left_out_e, "and its light");
     }
+}
+
+/// A frame without motion, or without stars that a sensor would see, is drawn only for those who ask for it by name.
+#[test]
+fn default_ladder_ends_before_unphysical_frames() {
+    let mut bench = without_time(IMPOSSIBLE_S, Degrade::Always);
+    bench.timing.degrade_to = built_in(1.0).timing.degrade_to;
+    let run = run(&bench);
+    assert_eq!(by_rung(&run.frames), BTreeMap::from([(Rung::Budget10.name().to_owned(), FRAMES)]));
+    assert!(run.frames.iter().all(|frame| frame.stars > 10 * LEAST_STARS), "visible stars are there");
 }
 
 #[test]

@@ -15,6 +15,7 @@ mod display;
 mod full_load;
 mod heads;
 mod imaging_faults;
+mod late_jitter;
 mod pixels;
 mod program;
 mod replay;

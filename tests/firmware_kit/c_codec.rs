@@ -314,6 +314,7 @@ fn differences_are_noticed() {
         ("to[6] = burst->seq;", "to[5] = burst->seq;"),
         ("< REPLAY_WINDOW", "< REPLAY_WINDOW + 1"),
         ("RATE_BITS 21", "RATE_BITS 20"),
+        ("seconds < *scet_s", "seconds > *scet_s"),
     ] {
         assert_eq!(source.matches(right).count(), 1, "{right}");
         let folder = folder("wrong");

@@ -21,6 +21,7 @@
 
 mod lines;
 mod psd;
+mod stream;
 mod wheels;
 
 pub use psd::{LINES_PER_AXIS, PSD_POINTS_MAX, PsdPoint, psd_variance};
@@ -32,6 +33,7 @@ use crate::attitude::remote_clock::ClockEstimate;
 use crate::attitude::ring::{EpochRing, HistoryCounts, HistoryLimits};
 use crate::base::time::{Span, Tai};
 use glam::DVec3;
+use stream::Stream;
 use wheels::WheelHarmonics;
 
 /// Lines that can be uploaded.
@@ -43,6 +45,7 @@ pub const BUS_LINES_MAX: usize = UPLOADED_LINES_MAX + 3 * LINES_PER_AXIS + HARMO
 #[derive(Debug, Clone)]
 pub struct JitterHistory {
     ring: EpochRing<JitterPoint>,
+    stream: Stream,
     capacity: usize,
     max_gap: Span,
     counts: HistoryCounts,
@@ -64,6 +67,8 @@ pub struct JitterCoverage {
     pub covered: Span,
     /// Longest time between neighbours in the track.
     pub longest_gap: Span,
+    /// Part of the window that lacks samples of a stream that is expected to go on; zero without such a stream.
+    pub missing: Span,
 }
 
 impl JitterHistory {
@@ -72,6 +77,7 @@ impl JitterHistory {
     pub fn new(limits: HistoryLimits, max_gap: Span) -> Self {
         Self {
             ring: EpochRing::new(limits),
+            stream: Stream::default(),
             capacity: limits.capacity,
             max_gap,
             counts: HistoryCounts::default(),
@@ -192,9 +198,27 @@ impl JitterHistory {
         accepted
     }
 
-    /// Forgets the points (not the lines, nor the counters).
+    /// Takes note of a message whose samples begin at `first_at` and are `period` apart: from now on samples are expected.
+    pub fn note_stream(&mut self, first_at: Tai, period: Span, received_at: Tai) {
+        self.stream.note(first_at, period, received_at);
+    }
+
+    /// Returns true while samples are expected: something of a stream of them arrived in the second before `at`.
+    #[must_use]
+    pub fn is_streaming(&self, at: Tai) -> bool {
+        self.stream.is_live(at)
+    }
+
+    /// Returns true when samples of an exposure that ends at `until` are still to come.
+    #[must_use]
+    pub fn is_behind(&self, until: Tai) -> bool {
+        self.stream.is_behind(self.ring.newest().map(|point| point.at), until)
+    }
+
+    /// Forgets the points and the stream they came in, when the flight computer has restarted (not the lines, nor the counters).
     pub fn clear_points(&mut self) {
         self.ring.clear();
+        self.stream.clear();
     }
 
     /// What was taken and refused so far.
@@ -220,7 +244,10 @@ impl JitterHistory {
         let last = self.ring.count_until(until);
         let bearing = (first..=last).filter_map(|place| self.ring.get(place));
         track.points.extend(bearing.filter(|point| point.at >= earliest && point.at <= latest));
-        coverage(&track.points, from, until)
+        JitterCoverage {
+            missing: self.stream.missing(&track.points, from, until),
+            ..coverage(&track.points, from, until)
+        }
     }
 
     /// With tables of the bus in effect all phases are moved to mid-exposure: short times keep their digits.
@@ -253,7 +280,8 @@ fn coverage(points: &[JitterPoint], from: Tai, until: Tai) -> JitterCoverage {
     };
     let covered = (last.at.min(until) - first.at.max(from)).max(Span::ZERO);
     let gaps = points.windows(2).map(|pair| pair[1].at - pair[0].at);
-    JitterCoverage { points: points.len(), covered, longest_gap: gaps.max().unwrap_or(Span::ZERO) }
+    let longest_gap = gaps.max().unwrap_or(Span::ZERO);
+    JitterCoverage { points: points.len(), covered, longest_gap, missing: Span::ZERO }
 }
 
 #[cfg(test)]
@@ -287,7 +315,8 @@ mod tests {
         let coverage = history.fill(us(4_500), us(8_500), &mut track);
         let epochs: Vec<i64> = track.points.iter().map(|p| p.at.ns() / 1_000_000).collect();
         assert_eq!(epochs, [4, 5, 6, 7, 8, 9]);
-        let wanted = JitterCoverage { points: 6, covered: Span::from_ms(4), longest_gap: Span::from_ms(1) };
+        let (covered, longest_gap) = (Span::from_ms(4), Span::from_ms(1));
+        let wanted = JitterCoverage { points: 6, covered, longest_gap, missing: Span::ZERO };
         assert_eq!(coverage, wanted);
         assert!((track.rotation_at(us(6_500)).x / ARCSEC - 6.5).abs() < 1e-12, "linear between samples");
     }

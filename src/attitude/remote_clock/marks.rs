@@ -8,10 +8,10 @@
 use super::line::Line;
 use std::collections::VecDeque;
 
-/// Lonely marks that a further one must agree with.
+/// Outliers that a further one must agree with.
 pub(super) const AGREEING: usize = 2;
-/// Marks after which a lonely one is forgotten: when the link has become faster most marks say so, damage is rare.
-const LONELY_FOR: u64 = 16;
+/// Marks after which an outlier is forgotten: when the link has become faster most marks say so, damage is rare.
+const OUTLIER_KEPT_FOR: u64 = 16;
 /// Consecutive marks beyond the limit that make a growing step.
 const LATE_MARKS_FOR_STEP: u32 = 3;
 /// Early marks agree within this, ns: at the rate of a fast slew (0.5 deg/s) it is 0.2 arcsec. Or within
@@ -42,7 +42,7 @@ pub(super) enum Verdict {
     /// Earlier than can be, as others before it.
     Fell,
     /// Earlier than can be.
-    Lonely,
+    Outlier,
     /// Later than the limit.
     Late,
     /// Of a clock that stepped.
@@ -53,7 +53,7 @@ pub(super) enum Verdict {
 #[derive(Debug, Clone)]
 pub(super) struct Doubts {
     /// With the number of each.
-    lonely: VecDeque<(u64, Mark)>,
+    outliers: VecDeque<(u64, Mark)>,
     judged: u64,
     late_in_a_row: u32,
 }
@@ -100,19 +100,19 @@ fn is_step_away(mark: &Mark, line: &Line, step_ns: f64) -> bool {
 
 impl Doubts {
     pub(super) fn new() -> Self {
-        Self { lonely: VecDeque::with_capacity(LONELY_FOR as usize), judged: 0, late_in_a_row: 0 }
+        Self { outliers: VecDeque::with_capacity(OUTLIER_KEPT_FOR as usize), judged: 0, late_in_a_row: 0 }
     }
 
     pub(super) fn clear(&mut self) {
-        self.lonely.clear();
+        self.outliers.clear();
         self.late_in_a_row = 0;
     }
 
-    /// Judges a mark against the line; lonely ones are kept for those that may follow.
+    /// Judges a mark against the line; outliers are kept for those that may follow.
     pub(super) fn judge(&mut self, line: &Line, mark: &Mark, step_ns: f64) -> Verdict {
         self.judged += 1;
-        while self.lonely.front().is_some_and(|(number, _)| self.judged - number >= LONELY_FOR) {
-            self.lonely.pop_front();
+        while self.outliers.front().is_some_and(|(number, _)| self.judged - number >= OUTLIER_KEPT_FOR) {
+            self.outliers.pop_front();
         }
         let above_ns = line.at(mark.remote_ns).above_ns(mark.difference_ns);
         if mark.remote_ns < line.newest().remote_ns || above_ns < -step_ns {
@@ -130,17 +130,17 @@ impl Doubts {
             self.late_in_a_row = 0;
             return Verdict::Fell;
         }
-        self.lonely.push_back((self.judged, *mark));
-        Verdict::Lonely
+        self.outliers.push_back((self.judged, *mark));
+        Verdict::Outlier
     }
 
-    /// Lonely marks that agree with this one, in order of time.
+    /// Outliers that agree with this one, in order of time.
     pub(super) fn agreeing<'a>(&'a self, line: &Line, mark: &'a Mark) -> impl Iterator<Item = Mark> + 'a {
         let within_ns = AGREE_NS.max(AGREE_SCALES * line.scale_ns());
         let rate = line.at(mark.remote_ns).rate_ns_per_s();
-        self.lonely.iter().map(|(_, lonely)| *lonely).filter(move |lonely| {
-            let between_ns = mark.difference_ns.saturating_sub(lonely.difference_ns) as f64;
-            (between_ns - rate * mark.since_s(lonely)).abs() <= within_ns
+        self.outliers.iter().map(|(_, outlier)| *outlier).filter(move |outlier| {
+            let between_ns = mark.difference_ns.saturating_sub(outlier.difference_ns) as f64;
+            (between_ns - rate * mark.since_s(outlier)).abs() <= within_ns
         })
     }
 }

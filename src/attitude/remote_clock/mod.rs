@@ -2,7 +2,7 @@
 //!
 //! *The relation.* The flight computer has one clock, counted since its boot. TIME messages carry it as SCET (whole
 //! seconds + 24-bit fraction); attitude messages carry `t_us`: the low 32 bits of the same clock in whole
-//! microseconds ([`remote_ticks_us`]). Two-step SYNC + TIME_FUP gives marks (remote time of SYNC's transmission,
+//! microseconds (`firmware_protocol::ticks`). Two-step SYNC + TIME_FUP gives marks (remote time of SYNC's transmission,
 //! local time of its reception).
 //!
 //! *Estimator.* `local - remote` is a line, the clocks' offset and drift, plus the link's delay; delays only add. The
@@ -33,7 +33,6 @@ mod ticks;
 
 pub use estimate::ClockEstimate;
 pub use pps::ObservedPps;
-pub use ticks::{remote_ticks_us, scet_ns};
 
 use crate::base::time::{Span, Tai};
 
@@ -84,7 +83,7 @@ pub enum Observed {
     /// Left out: too late to be of use.
     Late,
     /// Left out for now: earlier than can be, and no two others say so yet.
-    Lonely,
+    Outlier,
     /// The remote clock stepped, or a step turned out to be none: the line is another from this mark on.
     Restarted,
 }
@@ -110,7 +109,9 @@ pub struct RemoteClock {
     pulses: Pulses,
     delay: Option<MeasuredDelay>,
     estimate: Option<ClockEstimate>,
-    lonely: u64,
+    pairs: u64,
+    late: u64,
+    outliers: u64,
     shifts: u64,
     steps: u64,
 }
@@ -129,7 +130,9 @@ impl RemoteClock {
             pulses: Pulses::new(limits.pps_sigma.ns() as f64, walk, 0.25 * most_rate_ns_per_s),
             delay: None,
             estimate: None,
-            lonely: 0,
+            pairs: 0,
+            late: 0,
+            outliers: 0,
             shifts: 0,
             steps: 0,
             limits,
@@ -141,8 +144,13 @@ impl RemoteClock {
     pub fn observe(&mut self, sync_scet_ns: i64, local: Tai) -> Observed {
         let mark = Mark { remote_ns: sync_scet_ns, difference_ns: local.ns().saturating_sub(sync_scet_ns) };
         let outcome = self.take(mark);
-        if matches!(outcome, Observed::Used | Observed::Restarted) {
-            self.estimate = Some(self.conclude());
+        match outcome {
+            Observed::Used | Observed::Restarted => {
+                self.pairs += 1;
+                self.estimate = Some(self.conclude());
+            }
+            Observed::Late => self.late += 1,
+            Observed::Outlier => self.outliers += 1,
         }
         outcome
     }
@@ -158,10 +166,7 @@ impl RemoteClock {
         }
         match self.doubts.judge(&self.line, &mark, self.limits.step.ns() as f64) {
             Verdict::Late => return Observed::Late,
-            Verdict::Lonely => {
-                self.lonely += 1;
-                return Observed::Lonely;
-            }
+            Verdict::Outlier => return Observed::Outlier,
             Verdict::Stepped => return self.step(mark),
             Verdict::Fell => self.fall(mark),
             Verdict::Fits => {
@@ -199,7 +204,7 @@ impl RemoteClock {
         let agreeing = self.doubts.agreeing(&self.line, &mark);
         // The line is changed while it is asked: a copy of a few marks on the stack.
         let mut marks = [mark; 17];
-        let count = agreeing.zip(&mut marks).map(|(lonely, place)| *place = lonely).count();
+        let count = agreeing.zip(&mut marks).map(|(outlier, place)| *place = outlier).count();
         self.line.begin_shifted(marks.into_iter().take(count).chain([mark]));
         self.doubts.clear();
         self.shifts += 1;
@@ -263,10 +268,22 @@ impl RemoteClock {
         self.estimate
     }
 
-    /// Marks that were earlier than can be when they came alone.
+    /// Returns the number of pairs of SYNC and TIME_FUP that were taken since the start.
     #[must_use]
-    pub fn lonely(&self) -> u64 {
-        self.lonely
+    pub fn pairs(&self) -> u64 {
+        self.pairs
+    }
+
+    /// Returns the number of pairs that were left out because they were too late to be of use.
+    #[must_use]
+    pub fn late(&self) -> u64 {
+        self.late
+    }
+
+    /// Returns the number of pairs that were left out because they were earlier than can be and no others agreed.
+    #[must_use]
+    pub fn outliers(&self) -> u64 {
+        self.outliers
     }
 
     /// Times the line was put elsewhere by less than a step: marks agreed that the delay had changed.

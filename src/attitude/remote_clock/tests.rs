@@ -1,5 +1,6 @@
 use super::*;
 use crate::base::units::NS_PER_S;
+use firmware_protocol::ticks::{WRAP_US, wrapped};
 use proptest::prelude::*;
 
 const LOCAL_AT_BOOT_NS: i64 = 1_800_000_000_000_000_000;
@@ -16,6 +17,10 @@ fn clock_after(marks: impl IntoIterator<Item = (i64, i64)>, limits: RemoteClockL
         clock.observe(remote_ns, local(remote_ns, delay_ns));
     }
     clock
+}
+
+fn ticks_of(remote_ns: i64) -> u32 {
+    wrapped(remote_ns.div_euclid(1000))
 }
 
 fn offset_ns(clock: &RemoteClock) -> i64 {
@@ -39,7 +44,7 @@ fn the_least_delayed_marks_count() {
     let clock =
         clock_after((0..).zip(delays_us).map(|(i, us)| (i * TENTH_NS, us * 1000)), RemoteClockLimits::default());
     assert!((30_000..65_000).contains(&offset_ns(&clock)), "{} ns", offset_ns(&clock));
-    assert_eq!((clock.lonely(), clock.shifts()), (3, 1), "700 us was early beside 900");
+    assert_eq!((clock.outliers(), clock.shifts()), (3, 1), "700 us was early beside 900");
 }
 
 #[test]
@@ -57,10 +62,10 @@ fn drift_is_followed_and_carries_on() {
 
 #[test]
 fn ticks_unwrap_across_71_minutes() {
-    let wrap_ns = (1_i64 << 32) * 1000;
+    let wrap_ns = WRAP_US * 1000;
     let clock = clock_after([(wrap_ns - NS_PER_S, 0)], RemoteClockLimits::default());
     for remote_ns in [wrap_ns - 2_000, wrap_ns - 1_000, wrap_ns, wrap_ns + 1_000, wrap_ns + 1_000_000] {
-        let at = clock.to_tai(remote_ticks_us(remote_ns), local(wrap_ns, 0)).expect("known clock");
+        let at = clock.to_tai(ticks_of(remote_ns), local(wrap_ns, 0)).expect("known clock");
         assert_eq!(at, local(remote_ns, 0), "{remote_ns}");
     }
     let unaware = clock.to_tai(0, local(0, 0)).expect("known clock");
@@ -86,6 +91,7 @@ fn a_late_message_is_left_out_and_a_reboot_is_found() {
     assert_eq!(jumped, Observed::Restarted, "remote time jumped ahead");
     let slow = [9, 10, 11].map(|s| clock.observe(s * NS_PER_S, local((s + 1) * NS_PER_S, 0)));
     assert_eq!(slow, [Observed::Late, Observed::Late, Observed::Restarted], "a growing step needs three marks");
+    assert_eq!((clock.pairs(), clock.late(), clock.outliers()), (13, 3, 0), "counted since the start, over all steps");
 }
 
 #[test]
@@ -94,24 +100,24 @@ fn a_damaged_mark_is_not_believed_and_a_shorter_delay_is_with_the_third_mark_tha
     let before_ns = offset_ns(&clock);
     assert!((before_ns - 50_000).abs() < 100, "{before_ns}");
     // A bit of its fraction is wrong: 4 ms early.
-    assert_eq!(clock.observe(NS_PER_S, local(NS_PER_S, -4_000_000)), Observed::Lonely);
+    assert_eq!(clock.observe(NS_PER_S, local(NS_PER_S, -4_000_000)), Observed::Outlier);
     let again = clock.observe(11 * TENTH_NS, local(11 * TENTH_NS, -9_000_000));
-    assert_eq!(again, Observed::Lonely, "another bit");
-    assert_eq!((offset_ns(&clock), clock.lonely()), (before_ns, 2), "unmoved, and counted");
+    assert_eq!(again, Observed::Outlier, "another bit");
+    assert_eq!((offset_ns(&clock), clock.outliers()), (before_ns, 2), "unmoved, and counted");
     // The bus has become faster by 4 ms: two marks more, beside the one that happened to say so.
     let marks = [12, 13].map(|i| clock.observe(i * TENTH_NS, local(i * TENTH_NS, -3_990_000)));
-    assert_eq!(marks, [Observed::Lonely, Observed::Used]);
+    assert_eq!(marks, [Observed::Outlier, Observed::Used]);
     assert!((offset_ns(&clock) + 3_995_000).abs() <= 10_000, "{}", offset_ns(&clock));
     assert_eq!((clock.shifts(), clock.steps()), (1, 0));
 }
 
 #[test]
-fn two_lonely_marks_far_apart_bear_nobody_out() {
+fn outliers_far_apart_do_not_support_each_other() {
     let mut clock = clock_after((0..100).map(|i| (i * TENTH_NS, 50_000)), RemoteClockLimits::default());
     for i in 100..400 {
         let is_damaged = i % 20 == 0;
         let outcome = clock.observe(i * TENTH_NS, local(i * TENTH_NS, if is_damaged { 0 } else { 50_000 }));
-        assert_eq!(outcome == Observed::Lonely, is_damaged, "mark {i}");
+        assert_eq!(outcome == Observed::Outlier, is_damaged, "mark {i}");
     }
     assert!((offset_ns(&clock) - 50_000).abs() < 100, "{}", offset_ns(&clock));
 }
@@ -119,12 +125,12 @@ fn two_lonely_marks_far_apart_bear_nobody_out() {
 proptest! {
     #[test]
     fn ticks_come_back_as_the_instant_they_left(
-        remote_us in 0_i64..40 * (1 << 32),
+        remote_us in 0_i64..40 * WRAP_US,
         age_us in -2_000_000_000_i64..2_000_000_000,
     ) {
         let clock = clock_after([(remote_us * 1000, 0)], RemoteClockLimits::default());
         let near = local((remote_us + age_us) * 1000, 0);
-        prop_assert_eq!(clock.to_tai(remote_ticks_us(remote_us * 1000), near), Some(local(remote_us * 1000, 0)));
+        prop_assert_eq!(clock.to_tai(ticks_of(remote_us * 1000), near), Some(local(remote_us * 1000, 0)));
     }
 
     #[test]

@@ -115,6 +115,10 @@ fn push_origin(header: &mut Header, meta: &FrameMeta) {
     header.push("LATE_MS", meta.lateness.ms(), "[ms] completion - deadline");
     header.push("AGE_MS", meta.attitude_age.ms(), "[ms] age of the newest attitude");
     header.push("HORIZ_MS", meta.horizon.ms(), "[ms] newest attitude to mid-exposure");
+    header.push("ENDHZ_MS", meta.end_horizon.ms(), "[ms] newest attitude to end of exposure");
+    header.push("PARTEXTR", meta.is_partly_extrapolated, "an end of the exposure is extrapolated");
+    header.push("RESIDAS", meta.residual_arcsec, "[arcsec] motion beyond rate, acceleration");
+    header.push("JITMIS", meta.jitter_missing.ms(), "[ms] of exposure without jitter samples");
     header.push("BACKEND", meta.backend, "render backend");
     header.push("METHOD", meta.method, "smear method");
     header.push("RUNG", meta.rung, "degraded so far to be in time");
@@ -156,6 +160,7 @@ fn utc_text(at: Tai) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::card::Value;
     use super::super::read::OwnedPixels;
     use super::super::read_image;
     use super::*;
@@ -181,6 +186,9 @@ mod tests {
         assert_eq!(header.integer("NOISSEED"), Some(meta.noise_seed.into()));
         assert_eq!(header.integer("MID_NS"), Some(meta.mid_exposure.ns().into()));
         assert_eq!(header.real("LATE_MS"), Some(meta.lateness.ms()));
+        assert_eq!(header.real("ENDHZ_MS"), Some(62.0));
+        assert_eq!((header.get("PARTEXTR"), header.real("RESIDAS")), (Some(Value::Logical(true)), Some(0.375)));
+        assert_eq!(header.real("JITMIS"), Some(14.0));
         assert_eq!(header.text("INSTRUME").as_deref(), Some(&*meta.camera));
         assert_eq!(header.text("FAULTS").as_deref(), Some("link_drop+hot_pixels"));
         assert_eq!((header.integer("NFAULTS"), header.text("FLT1").as_deref()), (Some(1), Some("hot_pixels")));

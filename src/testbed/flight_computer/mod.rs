@@ -32,6 +32,7 @@ use crate::testbed::vehicle::{Vehicle, VehicleError};
 use firmware_protocol::message::{
     AttitudeFlags, AttitudeRecord, Heartbeat, JitterBurst, JitterPair, NodeState, Scet, Sync, TimeFollowUp, Trigger,
 };
+use firmware_protocol::ticks::ticks_diff;
 use firmware_protocol::{Message, version};
 use glam::DVec3;
 use schedule::{Schedule, Stream};
@@ -264,7 +265,7 @@ impl FlightComputer {
         if let (Some(vehicle), Message::Exposure(exposure)) = (self.vehicle.as_mut(), &message.value) {
             let now_us = self.clock.elapsed_us(message.at);
             // The tag has the low 32 bits of its microseconds: the nearest such instant is meant.
-            let back_us = i64::from(wrapped(now_us).wrapping_sub(exposure.mid_exposure_us).cast_signed());
+            let back_us = i64::from(ticks_diff(wrapped(now_us), exposure.mid_exposure_us));
             let mid_us = now_us.saturating_add_signed(-back_us);
             vehicle.tag_frame(exposure.frame, self.clock.at_us(mid_us));
         }

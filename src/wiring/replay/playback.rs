@@ -277,7 +277,7 @@ impl<'a> Replay<'a> {
             self.receive_up_to(messages, row.frame)?;
             if self.frames.contains(&row.frame) {
                 self.engine.assume_load(load);
-                own = Some(self.draw(row.frame)?);
+                own = self.draw(row.frame)?;
             }
         }
         let (wanted, got) = match row.fate {
@@ -318,16 +318,19 @@ impl<'a> Replay<'a> {
     }
 
     /// Draws a frame and hands it on; its checksum.
-    fn draw(&mut self, number: u32) -> Result<u32, ReplayError> {
+    fn draw(&mut self, number: u32) -> Result<Option<u32>, ReplayError> {
         let slot = self.engine.slot(number);
         self.receiver.fire_triggers(slot, &mut self.ledger, &mut |_fired| {});
-        self.engine.expose(slot, &mut self.receiver, &mut self.ledger, &mut self.frame)?;
+        if self.engine.expose(slot, &mut self.receiver, &mut self.ledger, &mut self.frame)?.is_none() {
+            self.doubt(format!("frame {number} was drawn, and has no attitude here"));
+            return Ok(None);
+        }
         self.frame.meta.lateness = Span::ZERO;
         self.outcome.drawn += 1;
         if let Some(sink) = &mut self.sink {
             sink.send(&self.frame)?;
         }
-        Ok(pixel_crc32(&self.frame.image))
+        Ok(Some(pixel_crc32(&self.frame.image)))
     }
 
     fn finish(mut self) -> Result<ReplayOutcome, ReplayError> {

@@ -49,7 +49,17 @@ fn planner(cost: CostModel) -> Planner {
 }
 
 fn within(limit_ms: f64) -> ExposurePlan {
-    planner(COST).within_ms(limit_ms).plan(&stars()).clone()
+    planner(COST).within_ms(limit_ms).down_to(Rung::BrightStarsOnly).plan(&stars()).clone()
+}
+
+/// Without a word of the user nothing is drawn that no sensor would see: the frame is late instead.
+#[test]
+fn default_ladder_ends_before_motion_and_visible_stars_are_left_out() {
+    let plan = planner(COST).within_ms(0.0).plan(&stars()).clone();
+    assert_eq!(plan.rung, Rung::Budget10);
+    assert_ne!(plan.chosen.method.name(), MethodName::Static, "motion is drawn: {:?}", plan.chosen);
+    assert!(plan.chosen.cost_ms > 0.0, "late by its prediction");
+    assert_eq!(within(0.0).rung, Rung::BrightStarsOnly, "which is there for those who name it");
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! Damaged marks, steps of either clock, and links that change.
 
-use super::link::{Bench, Link, as_on_the_wire, limits, quantile, scet};
+use super::link::{Bench, Link, as_on_the_wire, limits, quantile, received_ns, scet, with_bit_flipped};
 use super::others::HullAlone;
 use super::{CONVERGED_S, PROMISE_NS, QUIET};
-use starloop::attitude::{Observed, RemoteClock, scet_ns};
+use starloop::attitude::{Observed, RemoteClock};
 use starloop::base::time::Span;
 
 /// A single damaged mark may move the estimate by so much, ns: "a few microseconds".
@@ -39,12 +39,7 @@ fn one_flipped_bit_anywhere_in_a_time_mark_changes_little() {
         let (mut bench, mut clock, now_s) = settled(u64::from(bit), 900);
         let before = clock.estimate().expect("marks");
         let (remote_ns, local) = bench.mark(now_s);
-        let (seconds, fraction) = scet(remote_ns);
-        let damaged = if bit < 24 {
-            scet_ns(seconds, fraction ^ (1 << bit))
-        } else {
-            scet_ns(seconds ^ (1 << (bit - 24)), fraction)
-        };
+        let damaged = received_ns(with_bit_flipped(scet(remote_ns), bit));
         let outcome = clock.observe(damaged, local);
         let (again_ns, again) = bench.mark(now_s + 0.1);
         clock.observe(again_ns, again);
@@ -57,7 +52,7 @@ fn one_flipped_bit_anywhere_in_a_time_mark_changes_little() {
 /// Every hundredth mark has one wrong bit in its fraction: half of those are early, and a hull alone believes them.
 #[test]
 fn damaged_marks_now_and_then_do_not_matter() {
-    let (mut errors, mut hull_errors, mut lonely) = (Vec::new(), Vec::new(), 0);
+    let (mut errors, mut hull_errors, mut outlier) = (Vec::new(), Vec::new(), 0);
     for seed in 0..10 {
         let mut bench = Bench::new(seed, QUIET, Link::USUAL);
         let mut clock = RemoteClock::new(limits());
@@ -66,8 +61,8 @@ fn damaged_marks_now_and_then_do_not_matter() {
             let at_s = f64::from(i) / 10.0;
             let (mut remote_ns, local) = bench.mark(at_s);
             if bench.dice.uniform() < 0.01 {
-                let (seconds, fraction) = scet(remote_ns);
-                remote_ns = scet_ns(seconds, fraction ^ (1 << ((24.0 * bench.dice.uniform()) as u32)));
+                let bit = (24.0 * bench.dice.uniform()) as u32;
+                remote_ns = received_ns(with_bit_flipped(scet(remote_ns), bit));
             }
             clock.observe(remote_ns, local);
             hull.observe(remote_ns, local);
@@ -80,7 +75,7 @@ fn damaged_marks_now_and_then_do_not_matter() {
                 }
             }
         }
-        lonely += clock.lonely();
+        outlier += clock.outliers();
     }
     let (p99, hull_p50) = (quantile(&mut errors, 0.99), quantile(&mut hull_errors, 0.5));
     println!(
@@ -90,7 +85,7 @@ fn damaged_marks_now_and_then_do_not_matter() {
     );
     // A mark early by less than the gate is believed, and tilts a window's line.
     assert!(p99 < 4.0 * PROMISE_NS, "{p99}");
-    assert!(lonely > 50, "{lonely} of about 100 early ones");
+    assert!(outlier > 50, "{outlier} of about 100 early ones");
     assert!(hull_p50 > 100.0 * PROMISE_NS, "damage matters to those who believe it: {hull_p50}");
 }
 

@@ -1,6 +1,7 @@
 //! The simulated far end: an oscillator, and a link that delays its marks.
 
-use starloop::attitude::{RemoteClockLimits, scet_ns};
+use firmware_protocol::message::Scet;
+use starloop::attitude::RemoteClockLimits;
 use starloop::base::random::{key, philox};
 use starloop::base::time::{Span, Tai};
 
@@ -123,15 +124,25 @@ impl Bench {
     }
 }
 
-/// SCET of whole seconds and 2^-24 s, cut.
+/// What the receiver reads of a SCET that the sender cut to 2^-24 s.
 pub(super) fn as_on_the_wire(remote_ns: i64) -> i64 {
-    let (seconds, fraction) = scet(remote_ns);
-    scet_ns(seconds, fraction)
+    received_ns(scet(remote_ns))
 }
 
-pub(super) fn scet(remote_ns: i64) -> (u32, u32) {
-    let (seconds, rest_ns) = (remote_ns.div_euclid(1_000_000_000), remote_ns.rem_euclid(1_000_000_000));
-    (u32::try_from(seconds).unwrap(), u32::try_from((rest_ns << 24) / 1_000_000_000).unwrap())
+pub(super) fn scet(remote_ns: i64) -> Scet {
+    Scet::from_ns(u64::try_from(remote_ns).unwrap())
+}
+
+/// The conversion of the receiver.
+pub(super) fn received_ns(scet: Scet) -> i64 {
+    i64::try_from(scet.ns()).unwrap()
+}
+
+/// The SCET with one of the 24 bits of its fraction (from 0), or of the 32 of its seconds (from 24), the other way.
+pub(super) fn with_bit_flipped(scet: Scet, bit: u32) -> Scet {
+    let (seconds, fraction) = (scet.seconds(), scet.fraction());
+    let flipped = if bit < 24 { (seconds, fraction ^ (1 << bit)) } else { (seconds ^ (1 << (bit - 24)), fraction) };
+    Scet::new(flipped.0, flipped.1).unwrap()
 }
 
 pub(super) fn limits() -> RemoteClockLimits {

@@ -1,0 +1,212 @@
+//! Jitter samples that arrive late: how wrong the frames are without them, and that every such frame says so.
+//!
+//! The flight computer's own jitter stream is off; a sender of this file sends the same jitter so much later. The truth is a run
+//! in which the stimulator knows the jitter as a line.
+
+use crate::bench::{over, start};
+use starloop::base::clock::{Clock, Virtual};
+use starloop::base::time::{Span, Tai};
+use starloop::base::units::ARCSEC;
+use starloop::config::{Bench, Camera, JitterSource, Wire};
+use starloop::link::Port;
+use starloop::link::simulated::simulated_pair;
+use starloop::runtime::receiver::Receiver;
+use starloop::runtime::{EventKind, FrameEngine, RunRecord, virtual_time};
+use starloop::sink::{SentFrame, Sink, SinkError, SinkSummary, TruthStar};
+use starloop::testbed::flight_computer::{FlightComputer, JitterLineParams, JitterStream};
+use starloop::wiring::bench_parts;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+use firmware_protocol::Message;
+use firmware_protocol::message::{JitterBurst, JitterPair};
+
+/// A slow line of the amplitude that shows a lost sample best.
+const LINE: JitterLineParams =
+    JitterLineParams { frequency_hz: 0.4, amplitude_arcsec: [80.0, 0.0, 0.0], phase_rad: 0.3 };
+/// The small tracker's pixel: 20 degrees over 256 px.
+const ARCSEC_PER_PX: f64 = 281.0;
+/// Frames with all their samples are this close to the truth: counts of the wire (0.02 arcsec) and of place.
+const COMPLETE_ARCSEC: f64 = 0.1;
+/// Frames at the start, before the clock and the stream are known.
+const SETTLING: usize = 3;
+
+/// One frame: its stars' places by number, and what it says of its jitter.
+struct Shot {
+    places: BTreeMap<u32, [f64; 2]>,
+    missing: Span,
+}
+
+/// Keeps the places of the stars.
+struct Album(Arc<Mutex<Vec<Shot>>>);
+
+impl Sink for Album {
+    fn name(&self) -> &'static str {
+        "album"
+    }
+
+    fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        let place = |star: &TruthStar| (star.id, [star.x_px, star.y_px]);
+        let shot = Shot { places: frame.truth.iter().map(place).collect(), missing: frame.meta.jitter_missing };
+        self.0.lock().unwrap().push(shot);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<SinkSummary, SinkError> {
+        Ok(SinkSummary { sink: "album", frames: 0, refused: 0, bytes: 0, run_crc32: 0, output: None })
+    }
+}
+
+/// Sends the jitter so long after its samples' epochs.
+struct LateSender {
+    wire: Wire,
+    delay: Span,
+    boot: Tai,
+    sent: i64,
+}
+
+impl LateSender {
+    fn samples(&self) -> i64 {
+        if self.wire == Wire::CanClassic { 2 } else { 14 }
+    }
+
+    /// A message is sent when its last sample is as old as the delay.
+    fn next_due(&self) -> Tai {
+        self.boot + Span::from_ms(self.samples() * (self.sent + 1) - 1) + self.delay
+    }
+
+    fn send_due(&mut self, now: Tai, computer: &FlightComputer, port: &mut Port) {
+        while self.next_due() <= now {
+            let first_ms = self.samples() * self.sent;
+            let sample = |i: i64| {
+                let body_rad = computer.jitter_truth(self.boot + Span::from_ms(first_ms + i));
+                [(body_rad.x / ARCSEC) as f32, (body_rad.y / ARCSEC) as f32]
+            };
+            let samples: Vec<[f32; 2]> = (0..self.samples()).map(sample).collect();
+            let message = if self.wire == Wire::CanClassic {
+                let slot = u8::try_from(first_ms / 2 % 256).unwrap();
+                Message::JitterPair(JitterPair { slot, samples_arcsec: [samples[0], samples[1]] })
+            } else {
+                let (t_us, seq) = (u32::try_from(1000 * first_ms).unwrap(), u8::try_from(self.sent % 256).unwrap());
+                Message::Jitter(JitterBurst::new(t_us, 1000, seq, &samples).unwrap())
+            };
+            port.send(&message).unwrap();
+            self.sent += 1;
+        }
+    }
+}
+
+/// What a run leaves behind: its frames, its record, and the samples that came after their frame.
+struct Flown {
+    shots: Vec<Shot>,
+    record: RunRecord,
+    late_samples: u64,
+}
+
+/// Flies the bench with jitter that is so late; `None`: the stimulator knows it as a line.
+fn fly(bench: &Bench, delay: Option<Span>) -> Flown {
+    let start = start(bench);
+    let params = bench_parts::run_params(bench, start).unwrap();
+    let mut computer_params = bench_parts::flight_computer(bench, start);
+    computer_params.jitter = JitterStream::OFF;
+    let mut computer = FlightComputer::new(computer_params);
+    let mut engine = FrameEngine::new(params.clone()).unwrap();
+    let mut receiver = Receiver::new(params.attitude).unwrap();
+    let clock = Arc::new(Virtual::new(start));
+    let shared: Arc<dyn Clock> = clock.clone();
+    let (bus, format) = bench_parts::bus(bench);
+    let (near, far) = simulated_pair(bus, &shared);
+    let ids = firmware_protocol::can::IdMap::new(0, 0).unwrap();
+    let (mut near, mut far) = (Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids));
+    let shots = Arc::new(Mutex::new(Vec::new()));
+    let mut sender = delay.map(|delay| LateSender { wire: bench.link.wire, delay, boot: start, sent: 0 });
+    let mut far_end = |now: Tai| {
+        computer.step(now, &mut far)?;
+        let mut due = computer.next_due();
+        if let Some(sender) = &mut sender {
+            sender.send_due(now, &computer, &mut far);
+            due = due.min(sender.next_due());
+        }
+        Ok(due)
+    };
+    let mut sink = Album(Arc::clone(&shots));
+    let outcome =
+        virtual_time::run(&mut engine, &mut receiver, &mut near, &clock, &mut sink, &mut far_end, &mut |_, _| true);
+    assert!(outcome.error.is_none(), "{:?}", outcome.error.map(|error| error.to_string()));
+    let shots = core::mem::take(&mut *shots.lock().unwrap());
+    Flown { shots, record: outcome.record, late_samples: receiver.late_jitter() }
+}
+
+fn bench(wire: Wire, source: JitterSource) -> Bench {
+    let mut bench = over(wire, 2.0);
+    bench.camera = Camera::load(Path::new("configs/cameras/small_tracker.toml")).unwrap();
+    // Time to spare: a frame waits half of it at most.
+    bench.camera.exposure.readout_s = 0.1;
+    let line = starloop::config::JitterLineSettings {
+        frequency_hz: LINE.frequency_hz,
+        amplitude_arcsec: LINE.amplitude_arcsec,
+        phase_deg: LINE.phase_rad.to_degrees(),
+    };
+    bench.flight_computer.jitter_lines = vec![line];
+    bench.flight_computer.jitter_source = source;
+    bench
+}
+
+/// The largest displacement of any star between two frames, arcsec.
+fn error_arcsec(frame: &Shot, truth: &Shot) -> f64 {
+    let off = |(id, a): (&u32, &[f64; 2])| truth.places.get(id).map(|b| (a[0] - b[0]).hypot(a[1] - b[1]));
+    let off_px: Vec<f64> = frame.places.iter().filter_map(off).collect();
+    assert!(off_px.len() > 20, "{} stars in both", off_px.len());
+    off_px.into_iter().fold(0.0, f64::max) * ARCSEC_PER_PX
+}
+
+/// Checks that frames without all their samples say so, and returns the largest error.
+fn checked(wire: Wire, delay_ms: i64, truth: &[Shot]) -> f64 {
+    let flown = fly(&bench(wire, JitterSource::Samples), Some(Span::from_ms(delay_ms)));
+    assert_eq!(flown.shots.len(), truth.len());
+    let flagged = flown.shots.iter().filter(|shot| shot.missing > Span::ZERO).count() as u64;
+    let ledger = &flown.record.ledger;
+    assert_eq!(
+        flown.record.frames.jitter_missing, flagged,
+        "{wire:?}, {delay_ms} ms: the summary counts what frames say"
+    );
+    assert_eq!(ledger.count(EventKind::JitterMissing), flagged, "{wire:?}, {delay_ms} ms: and so does the ledger");
+    let mut worst = 0.0_f64;
+    for (number, (shot, truth)) in flown.shots.iter().zip(truth).enumerate().skip(SETTLING) {
+        let error = error_arcsec(shot, truth);
+        let is_flagged = shot.missing > Span::ZERO;
+        assert!(is_flagged || error < COMPLETE_ARCSEC, "{wire:?}, {delay_ms} ms, frame {number}: {error} and silent");
+        worst = worst.max(error);
+    }
+    let share = flagged as f64 / flown.shots.len() as f64;
+    println!("{wire:?}, {delay_ms} ms late: {worst:.3} arcsec at worst, {:.0} % flagged", 100.0 * share);
+    if delay_ms == 0 {
+        assert_eq!((flagged, flown.late_samples), (0, 0), "{wire:?}: all came in time");
+    } else {
+        assert!(share > 0.8 && flown.late_samples > 100, "{wire:?}, {delay_ms} ms: {share}, {}", flown.late_samples);
+    }
+    worst
+}
+
+#[test]
+fn frames_that_lack_jitter_samples_say_so_and_others_do_not() {
+    for wire in [Wire::CanFd, Wire::CanClassic] {
+        let truth = fly(&bench(wire, JitterSource::Lines), None);
+        assert_eq!(truth.record.ledger.count(EventKind::JitterMissing), 0, "no stream of samples, nothing missing");
+        let errors = [0, 20, 60, 200].map(|delay_ms| checked(wire, delay_ms, &truth.shots));
+        assert!(errors[0] < COMPLETE_ARCSEC, "{wire:?}: {errors:?}");
+        assert!(errors[2] > 10.0 * COMPLETE_ARCSEC && errors[3] > 20.0, "lateness matters: {wire:?}, {errors:?}");
+    }
+}
+
+/// A burst of 14 ms is whole only after the exposure's end: without the wait every frame lacks its last samples.
+#[test]
+fn frames_wait_for_samples_that_are_under_way() {
+    let mut impatient = bench(Wire::CanFd, JitterSource::Samples);
+    impatient.attitude.jitter_wait = Span::ZERO;
+    let flown = fly(&impatient, Some(Span::ZERO));
+    assert!(flown.record.frames.jitter_missing > 15, "{:?}", flown.record.frames);
+    let patient = fly(&bench(Wire::CanFd, JitterSource::Samples), Some(Span::ZERO));
+    assert_eq!(patient.record.frames.jitter_missing, 0);
+}
