@@ -105,7 +105,7 @@ fn stage_of(stage: Stage, tally: &TimeTally) -> Value {
 }
 
 /// Names and counts from `least` on.
-fn counts(named: &NamedCounts, least: u64) -> Map<String, Value> {
+fn counts<const MOST: usize>(named: &NamedCounts<MOST>, least: u64) -> Map<String, Value> {
     let told = named.iter().filter(|(_, count)| *count >= least);
     told.map(|(name, count)| (name.to_owned(), count.into())).collect()
 }

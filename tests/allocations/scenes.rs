@@ -15,7 +15,7 @@ use starloop::detector::protons::{ProtonDirection, ProtonFlux};
 use starloop::detector::{Detector, DetectorParams, LinePattern, Nonlinearity, RowNoise, SpatialParams};
 use starloop::exposure::cost::CostModel;
 use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
-use starloop::exposure::{MethodChoice, PsfSampling, Shutter};
+use starloop::exposure::{MethodChoice, PsfSampling, Rung, Shutter};
 use starloop::gpu::Electrons;
 use starloop::optics::{Illumination, PsfModel};
 use starloop::render::Backend;

@@ -4,6 +4,7 @@ use crate::scene::{Dice, camera, draw_cpu, instrument, star};
 use crate::stability::motion::zigzag;
 use starloop::base::accuracy::AccuracyBudget;
 use starloop::exposure::cost::CostModel;
+use starloop::exposure::method::MethodName;
 use starloop::exposure::plan::Verdict;
 use starloop::exposure::planner::Source;
 use starloop::exposure::{ExposurePlan, MethodChoice, Planner, Rung};
