@@ -10,6 +10,7 @@ use super::layout::{
     tiles_of,
 };
 use super::runs::new_file;
+use crate::base::unfinished;
 use crate::sky::numbering::Numbering;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -48,12 +49,15 @@ pub(in crate::sky) struct Head<'a> {
 struct Unfinished {
     path: PathBuf,
     is_kept: bool,
+    /// A signal that ends the program removes it too.
+    _registered: unfinished::Unfinished,
 }
 
 impl Unfinished {
     fn create(path: PathBuf) -> Result<(Self, File), LayerError> {
+        let registered = unfinished::Unfinished::register(&path);
         let file = new_file(&path).map_err(LayerError::file("cannot make", &path))?;
-        Ok((Self { path, is_kept: false }, file))
+        Ok((Self { path, is_kept: false, _registered: registered }, file))
     }
 }
 
