@@ -51,7 +51,8 @@ const CLASSES: usize = 3;
 /// Stars that methods are tried on where no bound is inside the budget, and where a frame has its time.
 const TRIED: usize = 9;
 const TRIED_IN_TIME: usize = 3;
-/// Multiples of the budget that a tried error is surely over and surely inside, whatever is added to it.
+/// Multiples of the budget: what is reported at least of an error that is over it by its bound alone, and what a tried
+/// error is surely inside, whatever is added to it.
 const SURELY_OVER: f64 = 1.2;
 const SURELY_INSIDE: f64 = 0.7;
 /// Relative flux error of a list of nodes that was tried: dots lose what lies between windows.
@@ -101,6 +102,9 @@ pub(super) struct Chooser {
     order: Vec<usize>,
     /// The methods have been tried on some of the frame's stars.
     is_tried: bool,
+    /// What is found on a few stars may stand for all: the motion is smooth, and the planner chooses. A method that was
+    /// asked for, and any method for another motion, is inside the budget by its bound or not at all.
+    accepts_tried: bool,
     /// The backend integrates the exact path, whatever the method.
     is_exact: bool,
     /// Share of a star's light in the brightest pixel outside its footprint.
@@ -141,6 +145,7 @@ impl Chooser {
             trial: Trial::default(),
             order: Vec::with_capacity(64),
             is_tried: false,
+            accepts_tried: false,
             is_exact: false,
             rim_share: rim_share(&instrument.psf, half_px),
             is_thorough: false,
@@ -160,6 +165,7 @@ impl Chooser {
         self.rolling_flux = 0.0;
         self.bands = 1;
         self.is_tried = false;
+        self.accepts_tried = motion.is_smooth() && !self.is_fixed();
         self.weighed.clear();
         self.moves = !motion.is_still();
         if !self.moves {
@@ -291,9 +297,7 @@ impl Chooser {
             let excess = |tried: &TriedError| tried.excess(budget, is_tracked);
             let tried =
                 trial.error(plan, probes, (method, bands), noise, |tried| !shows_all && excess(tried) > least.max(1.0));
-            // A method that was asked for is inside the budget by its bound or not at all.
-            let is_kept = |tried: &TriedError| !self.is_fixed() || excess(tried) > SURELY_OVER;
-            self.weighed[i].tried = tried.filter(is_kept);
+            self.weighed[i].tried = tried;
             least = tried.map_or(least, |tried| least.min(excess(&tried)));
             if least <= SURELY_INSIDE && !shows_all {
                 break;
@@ -452,8 +456,10 @@ impl Chooser {
             let found = tried.reported();
             let found_px = found.centroid_px + self.sampling.centroid_px + rim_px + drawn_px + unknown_px;
             let found_sigma = found.pixel_sigma + sigma_of(self.sampling.peak + drawn_peak);
-            centroid_px = centroid_px.min(found_px);
-            pixel_sigma = pixel_sigma.min(found_sigma);
+            // Where a sample is not taken for a bound, what is over the budget by its bound stays over it.
+            let least = if self.accepts_tried { 0.0 } else { SURELY_OVER };
+            centroid_px = centroid_px.min(found_px.max(least * MOTION_SHARE * budget.centroid_px));
+            pixel_sigma = pixel_sigma.min(found_sigma.max(least * budget.pixel_sigma));
             whole_sigma = pixel_sigma;
         }
         let drawn_flux = F32_FLUX + F32_ROUNDING * (method.nodes() as f64).sqrt() + tried.map_or(0.0, |_| TRIED_FLUX);

@@ -53,8 +53,9 @@ fn wings_that_are_cut_are_over_the_budget_and_missing_in_the_truth_table() {
     ] {
         let plan = planner(SIZE, &psf, "auto", los(), None).plan(&middle()).clone();
         let told = plan.chosen;
-        assert_eq!(told.verdict, Verdict::FluxOverBudget, "{psf:?}: {told:?}");
-        assert!(!told.verdict.is_met(), "light that is missing is over the budget");
+        // The rim of a wide footprint may be over the pixel budget too.
+        let verdicts = [Verdict::FluxOverBudget, Verdict::PixelOverBudget];
+        assert!(verdicts.contains(&told.verdict), "light that is missing is over the budget, {psf:?}: {told:?}");
         assert!(told.flux_rel < 2.0 * lost && told.flux_rel > 0.5 * lost, "{psf:?}: {lost:e} lost, {told:?}");
         let (drawn_e, table_e) = (draw_cpu(&plan).sum(), plan.electrons_on_detector());
         assert!((drawn_e / table_e - 1.0).abs() < TABLE_REL, "{psf:?}: {drawn_e} drawn, {table_e} in the truth table");
