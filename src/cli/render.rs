@@ -218,6 +218,9 @@ impl Scene {
             // Sources given in pixels, and no attitude: they are nowhere on the sky.
             self.frame.truth.iter_mut().for_each(|row| row.apparent_deg = [f64::NAN; 2]);
         }
+        if let Some(sky) = &self.sky {
+            sky.name_stars(&mut self.frame.truth);
+        }
         fill_meta(plan, self.number, self.seeds, &self.camera.detector, self.imager.name(), &mut self.frame.meta);
         (self.frame.meta.binning, self.frame.meta.window_px) = (output.binning, output.first_px);
         self.frame.meta.facts = Some(self.camera.facts());

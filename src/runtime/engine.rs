@@ -374,6 +374,7 @@ impl FrameEngine {
         let output = self.params.camera.output();
         let sight = self.scene.stars.sight();
         fill_truth(plan, &output, sight, &mut frame.truth);
+        self.scene.stars.name_stars(&mut frame.truth);
         fill_targets(plan, self.scene.targets.facts(), &output, &mut frame.targets);
         add_tracks(self.imager.proton_tracks(), &output, &mut frame.truth);
         let (seeds, detector) = (self.params.seeds(), &self.params.camera.detector);

@@ -14,6 +14,7 @@ use crate::runtime::error::RunError;
 use crate::runtime::field_bounds::FieldBounds;
 use crate::runtime::field_stars::FieldStars;
 use crate::runtime::params::CameraParams;
+use crate::sink::{TruthKind, TruthStar};
 use crate::sky::Sky;
 use crate::sky::catalog::{Catalog, CatalogSource, chord_squared};
 use crate::sky::observer::{Observer, ObserverTrack};
@@ -151,6 +152,13 @@ impl SkyView {
         match &self.stars {
             Stars::Catalog { catalog, .. } => catalog.sources().get(usize::try_from(id).ok()?)?.source_id,
             Stars::Tiles { tiles, .. } => tiles.source_id(id),
+        }
+    }
+
+    /// Writes into the truth table which star of its source catalog each star is, where that is known.
+    pub fn name_stars(&self, rows: &mut [TruthStar]) {
+        for row in rows.iter_mut().filter(|row| row.kind == TruthKind::Star) {
+            row.source_id = self.source_id(row.id);
         }
     }
 

@@ -1,6 +1,7 @@
 //! One frame on its way out: pixels, the stars that are truly in it, and how it came about.
 
 use crate::base::image::DnImage;
+use crate::base::source_id::SourceId;
 use crate::base::time::{Span, Tai};
 use crate::sink::active_fault::ActiveFaults;
 use crate::sink::faults::FaultFlags;
@@ -134,6 +135,8 @@ pub struct TruthStar {
     pub smear_px: f64,
     /// Direction from the start of that path to its end, from columns towards rows, deg; 0 for one that comes back.
     pub smear_deg: f64,
+    /// Name in its source catalog, where it has one.
+    pub source_id: Option<SourceId>,
 }
 
 impl TruthStar {
@@ -149,6 +152,7 @@ impl TruthStar {
         kind: TruthKind::Star,
         smear_px: 0.0,
         smear_deg: 0.0,
+        source_id: None,
     };
 }
 

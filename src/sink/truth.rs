@@ -9,7 +9,7 @@ use core::fmt;
 use std::io::{self, Read, Write};
 
 /// Every column in order, with what it is.
-pub const COLUMNS: [(&str, &str); 12] = [
+pub const COLUMNS: [(&str, &str); 13] = [
     ("id", "row of the star in the catalog; false stars, targets, bodies and tracks have ranges of their own"),
     (
         "apparent_ra_deg",
@@ -31,7 +31,14 @@ pub const COLUMNS: [(&str, &str); 12] = [
     ("kind", "star, target, false_star, planet, moon, earth or proton_track"),
     ("smear_px", "length of its path over the image during the exposure: slew, jitter, a target's own motion"),
     ("smear_deg", "direction from the start of that path to its end, from columns towards rows"),
+    (
+        "source_id",
+        "its name in the catalog that the star was taken from, such as Gaia DR3 4472832130942575872, HIP 87937 or TYC 1-13-1, or the number in a catalog of one's own; empty when it has none",
+    ),
 ];
+
+/// What the last column holds.
+const SOURCE_ID: &str = "a name such as Gaia DR3 4472832130942575872, HIP 87937 or TYC 1-13-1, a number, or nothing";
 
 /// Returns the first line of a table.
 fn header() -> String {
@@ -63,11 +70,27 @@ impl<T: fmt::Display + Copy + Into<f64>> fmt::Display for Exact<T> {
 pub fn write_truth(mut out: impl Write, stars: &[TruthStar]) -> io::Result<()> {
     writeln!(out, "{}", header())?;
     for s in stars {
-        let TruthStar { id, apparent_deg, catalog_deg, mag, x_px, y_px, electrons, kind, smear_px, smear_deg } = *s;
+        let TruthStar {
+            id,
+            apparent_deg,
+            catalog_deg,
+            mag,
+            x_px,
+            y_px,
+            electrons,
+            kind,
+            smear_px,
+            smear_deg,
+            source_id,
+        } = *s;
         let ([a, b], [c, d]) = (apparent_deg.map(Nine), catalog_deg.map(Nine));
         let (mag, electrons, kind) = (Exact(mag), Exact(electrons), kind.name());
         let [x_px, y_px, smear_px, smear_deg] = [x_px, y_px, smear_px, smear_deg].map(Nine);
-        writeln!(out, "{id},{a},{b},{c},{d},{mag},{x_px},{y_px},{electrons},{kind},{smear_px},{smear_deg}")?;
+        write!(out, "{id},{a},{b},{c},{d},{mag},{x_px},{y_px},{electrons},{kind},{smear_px},{smear_deg},")?;
+        match source_id {
+            Some(name) => writeln!(out, "{name}")?,
+            None => writeln!(out)?,
+        }
     }
     out.flush()
 }
@@ -82,7 +105,7 @@ pub fn read_truth(input: impl Read) -> Result<Vec<TruthStar>, SinkError> {
     if !header.iter().eq(COLUMNS.iter().map(|(name, _)| *name)) {
         return Err(bad(
             1,
-            "the columns of a truth table, from id to smear_deg",
+            "the columns of a truth table, from id to source_id",
             &header.iter().collect::<Vec<_>>().join(","),
         ));
     }
@@ -101,6 +124,7 @@ fn read_star(record: &csv::StringRecord) -> Result<TruthStar, SinkError> {
     let id = record.get(0).unwrap_or("");
     let mag = record.get(5).unwrap_or("");
     let kind = record.get(9).unwrap_or("");
+    let name = record.get(12).unwrap_or("");
     let named = TruthKind::NAMED.iter().find(|(_, name)| *name == kind);
     Ok(TruthStar {
         id: id.parse().map_err(|_| bad(line, "a catalog identifier", id))?,
@@ -113,6 +137,7 @@ fn read_star(record: &csv::StringRecord) -> Result<TruthStar, SinkError> {
         kind: named.map(|(kind, _)| *kind).ok_or_else(|| bad(line, "a kind of source such as star", kind))?,
         smear_px: number(10)?,
         smear_deg: number(11)?,
+        source_id: if name.is_empty() { None } else { Some(name.parse().map_err(|_| bad(line, SOURCE_ID, name))?) },
     })
 }
 
@@ -147,8 +172,8 @@ mod tests {
         let places = "37.954560671,89.264109444,37.961234567,89.263987654";
         let line = format!("424,{places},1.98,12.345678901,-0.250000000,0.30000000000000004");
         let columns = "id,apparent_ra_deg,apparent_dec_deg,catalog_ra_deg,catalog_dec_deg,mag,x_px,y_px,electrons,kind,\
-                       smear_px,smear_deg";
-        assert_eq!(text, format!("{columns}\n{line},star,0.000000000,0.000000000\n"));
+                       smear_px,smear_deg,source_id";
+        assert_eq!(text, format!("{columns}\n{line},star,0.000000000,0.000000000,\n"));
     }
 
     #[test]
@@ -176,6 +201,11 @@ mod tests {
             let star = TruthStar { kind, smear_px: 2.5, smear_deg: -53.25, ..sample_frame(0).truth[0] };
             assert_eq!(round_trip(&[star]), [star]);
         }
+        for name in ["Gaia DR3 4472832130942575872", "HIP 87937", "TYC 1-13-1", "-5"] {
+            let star = TruthStar { source_id: name.parse().ok(), ..sample_frame(0).truth[0] };
+            assert!(star.source_id.is_some());
+            assert_eq!(round_trip(&[star]), [star]);
+        }
     }
 
     #[test]
@@ -183,10 +213,12 @@ mod tests {
         let line = |text: &str| read_truth(text.as_bytes()).unwrap_err().to_string();
         assert!(line("id,ra\n1,2\n").contains("line 1"), "{}", line("id,ra\n1,2\n"));
         let header = header();
-        let text = format!("{header}\n1,2,3,2,3,4,5,6,7,star,0,0\n1,2,three,2,3,4,5,6,7,star,0,0\n");
+        let text = format!("{header}\n1,2,3,2,3,4,5,6,7,star,0,0,\n1,2,three,2,3,4,5,6,7,star,0,0,\n");
         assert!(line(&text).contains("line 3") && line(&text).contains("three"), "{}", line(&text));
         assert!(line(&format!("{header}\n1,2\n")).contains("line 2"));
-        let comet = line(&format!("{header}\n1,2,3,2,3,4,5,6,7,comet,0,0\n"));
+        let comet = line(&format!("{header}\n1,2,3,2,3,4,5,6,7,comet,0,0,\n"));
+        let name = line(&format!("{header}\n1,2,3,2,3,4,5,6,7,star,0,0,Barnard\n"));
+        assert!(name.contains("line 2") && name.contains("HIP 87937") && name.contains("Barnard"), "{name}");
         assert!(comet.contains("line 2") && comet.contains("comet"), "{comet}");
     }
 

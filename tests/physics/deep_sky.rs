@@ -75,11 +75,11 @@ fn layers_show_the_sky_of_the_catalog_they_were_made_of() {
     let (mut total, mut worst_mas, mut worst_light) = (0, 0.0_f64, 0.0_f64);
     for (ra_deg, dec_deg) in [(84.0, -1.2), (269.5, 4.7), (10.0, 89.0), (266.4, -29.0)] {
         let axis = starloop::sky::catalog::direction_from_ra_dec(ra_deg * DEG, dec_deg * DEG);
-        let wanted = by_catalog.sources(axis, 0.0, at).unwrap();
+        let wanted = by_catalog.sources(axis, 0.0, at).unwrap().to_vec();
         by_layers.sources(axis, 0.0, at).unwrap();
         assert_eq!(by_layers.shortfall(), Shortfall::default());
         let got = by_layers.found();
-        for star in wanted {
+        for star in &wanted {
             // The cones differ by what the fastest star moves: look for stars, not for numbers of them.
             let near = got.iter().filter(|other| (other.mag - star.mag).abs() < 2e-3);
             let found = near.min_by(|a, b| {
@@ -93,6 +93,9 @@ fn layers_show_the_sky_of_the_catalog_they_were_made_of() {
                 worst_mas = worst_mas.max(off_mas);
                 worst_light = worst_light.max((found.electrons / star.electrons - 1.0).abs());
                 total += 1;
+                let name = by_catalog.source_id(star.id);
+                assert!(name.is_some(), "{star:?} has a name");
+                assert_eq!(by_layers.source_id(found.id), name, "{found:?}");
             }
         }
     }
