@@ -1,5 +1,6 @@
 //! Angles on the command line: the same ranges in every command, and those of bench files.
 
+use crate::config::RIGHT_ASCENSION_DEG;
 use anyhow::ensure;
 
 /// A right ascension from -360 to 360 degrees, as one from 0 to below 360; `option` names it in messages.
@@ -7,9 +8,10 @@ use anyhow::ensure;
 /// # Errors
 /// When it is out of range or no number.
 pub(super) fn right_ascension_deg(option: &str, deg: f64) -> anyhow::Result<f64> {
+    let [least, most] = RIGHT_ASCENSION_DEG;
     ensure!(
-        (-360.0..=360.0).contains(&deg),
-        "{option}: right ascension wanted -360 to 360 degrees, got {deg}; 5h 30m is 82.5"
+        (least..=most).contains(&deg),
+        "{option}: right ascension wanted {least} to {most} degrees, got {deg}; 5h 30m is 82.5"
     );
     Ok(deg.rem_euclid(360.0))
 }
