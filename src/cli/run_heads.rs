@@ -13,7 +13,7 @@ use crate::sink::{SentFrame, Sink};
 use crate::wiring::bench_parts;
 use crate::wiring::display_parts::take_display;
 use crate::wiring::sinks::{SinkSetting, make_sinks, run_directory};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -75,8 +75,8 @@ pub(super) struct Sinks {
 pub(super) fn sinks(arguments: &RunArgs, bench: &Bench, heads: &[BenchHead], clock: &Arc<dyn Clock>) -> Result<Sinks> {
     let settings = arguments.sinks(bench);
     let directory = run_directory(&settings, arguments.out.as_deref(), &stamp(Monotonic::start().now()));
-    if let (Some(out), None) = (&arguments.out, &directory) {
-        bail!("--out {}: no sink of this run writes files; leave it out, or add --sink recorder", out.display());
+    if let Some(out) = &arguments.out {
+        std::fs::create_dir_all(out).with_context(|| format!("--out: cannot make {}", out.display()))?;
     }
     let is_real = arguments.clock == ClockKind::Real;
     let made = heads.iter().enumerate().map(|(number, BenchHead { engine, calibration, .. })| {

@@ -40,8 +40,8 @@ pub struct SinkSetting<'a> {
     pub clock: &'a Arc<dyn Clock>,
 }
 
-/// The directory of a run: `out` when it is given, else a `stamp` below the first that a sink names. `None` when no sink
-/// keeps files.
+/// Returns the directory of a run: `out` when it is given, which then has at least the summary, else a `stamp` below the
+/// first that a sink names. `None` when neither is there.
 #[must_use]
 pub fn run_directory(sinks: &[SinkSettings], out: Option<&Path>, stamp: &str) -> Option<PathBuf> {
     let mut keeping = sinks.iter().filter_map(|settings| match &settings.sink {
@@ -50,13 +50,12 @@ pub fn run_directory(sinks: &[SinkSettings], out: Option<&Path>, stamp: &str) ->
             None
         }
     });
-    let Some(first) = keeping.next() else {
-        // A display keeps its submit times where the command line says.
-        let has_display = sinks.iter().any(|settings| matches!(settings.sink, Kind::Display(_)));
-        return out.filter(|_| has_display).map(Path::to_path_buf);
-    };
+    if let Some(out) = out {
+        return Some(out.to_path_buf());
+    }
+    let first = keeping.next()?;
     let named = first.or_else(|| keeping.flatten().next()).unwrap_or(Path::new("out"));
-    Some(out.map_or_else(|| named.join(stamp), Path::to_path_buf))
+    Some(named.join(stamp))
 }
 
 /// What takes the frames of one camera head.
@@ -309,7 +308,8 @@ mod tests {
         let of = |text: &str, out: Option<&str>| run_directory(&sinks(text), out.map(Path::new), "now");
         assert_eq!(of("", None), Some("out/b/now".into()));
         assert_eq!(of("", Some("here")), Some("here".into()));
-        assert_eq!(of("[sink]\nkind = \"null\"", Some("here")), None, "nothing to keep");
+        assert_eq!(of("[sink]\nkind = \"null\"", Some("here")), Some("here".into()), "the summary");
+        assert_eq!(of("[sink]\nkind = \"null\"", None), None, "nothing to keep");
         assert_eq!(of("[sink]\nkind = \"display\"", Some("here")), Some("here".into()), "submit times");
         assert_eq!(of("[sink]\nkind = \"display\"", None), None, "which are kept only when asked for");
         assert_eq!(of(THREE, None), Some("out/now".into()));
