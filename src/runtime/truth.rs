@@ -160,6 +160,7 @@ pub fn add_tracks(tracks: &[ProtonTrack], output: &OutputGeometry, out: &mut Vec
             kind: TruthKind::ProtonTrack,
             smear_px: (bx - ax).hypot(by - ay) / f64::from(output.binning),
             smear_deg: (by - ay).atan2(bx - ax).to_degrees(),
+            source_id: None,
         }
     }));
 }
