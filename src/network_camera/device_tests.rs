@@ -439,20 +439,6 @@ fn a_repeated_command_is_answered_as_before_and_carried_out_once() {
 }
 
 #[test]
-fn control_that_was_lost_is_not_told_from_memory() {
-    let mut bench = bench();
-    bench.control();
-    let control = [at::CONTROL.to_be_bytes(), 2_u32.to_be_bytes()].concat();
-    bench.now = START + Span::from_ms(3001);
-    bench.device.tick(bench.now);
-    assert_eq!(bench.read(B, at::CONTROL), Ok(0));
-    bench.id -= 1;
-    assert_eq!(bench.ask_again(A, 0x82, &control), Some((OK, vec![0, 0, 0, 1])));
-    assert_eq!(bench.read(B, at::CONTROL), Ok(2), "taken again");
-    assert_eq!(bench.device.counters().repeats, 0);
-}
-
-#[test]
 fn by_broadcast_come_discovery_actions_and_addresses_alone() {
     let mut bench = bench();
     assert!(bench.broadcast(B, 0x02, &[]).is_some());

@@ -146,7 +146,7 @@ fn errors_say_what_where_wanted_got() {
     let cases: [(&[&str], Option<i32>, &str); 11] = [
         (&["--attitude", "1,0,0,NaN"], Some(2), "4 finite numbers"),
         (&["--attitude", "2,0,0,0"], Some(1), "norm 2"),
-        (&["--ra", "10", "--dec", "91"], Some(1), "-90 to 90"),
+        (&["--ra", "10", "--dec", "91"], Some(2), "-90 to 90"),
         (&["--ra", "10", "--dec", "0", "--sources", "none.csv"], Some(1), "none.csv"),
         (&["--ra", "10", "--dec", "0", "--time", "noon"], Some(2), "RFC 3339"),
         (&["--ra", "10", "--dec", "0", "--method", "magic"], Some(2), "magic"),

@@ -83,3 +83,17 @@ fn heartbeat_of_an_unproven_or_remote_controller_is_bounded() {
     bench.device.tick(bench.now);
     assert_eq!(bench.read(B, own::WIDTH), Ok(31));
 }
+
+#[test]
+fn control_that_was_lost_is_not_answered_from_memory() {
+    let mut bench = bench();
+    bench.control();
+    let control = [at::CONTROL.to_be_bytes(), 2_u32.to_be_bytes()].concat();
+    bench.now = START + Span::from_ms(3001);
+    bench.device.tick(bench.now);
+    assert_eq!(bench.read(B, at::CONTROL), Ok(0));
+    bench.id -= 1;
+    assert_eq!(bench.ask_again(A, 0x82, &control), Some((OK, vec![0, 0, 0, 1])));
+    assert_eq!(bench.read(B, at::CONTROL), Ok(2), "taken again");
+    assert_eq!(bench.device.counters().repeats, 0);
+}

@@ -31,7 +31,7 @@ fn distortion_round_trips() {
     let geometry = bent();
     let mut largest: f64 = 0.0;
     for step in 0..=40_u8 {
-        let place = DVec2::new(f64::from(step) * 25.6 - 0.5, 1023.5 - f64::from(step * step % 41) * 25.6);
+        let place = DVec2::new(f64::from(step) * 25.6 - 0.5, 1023.5 - f64::from(step.wrapping_mul(step) % 41) * 25.6);
         let direction = geometry.direction(place);
         let back = geometry.pixel(direction).expect("before the camera");
         assert!(back.distance(place) < ROUND_TRIP_PX, "{place} came back as {back}");
