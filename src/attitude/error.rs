@@ -19,7 +19,7 @@ pub enum HistoryReject {
     #[error("a component is not finite")]
     NotFinite,
     /// The rate, the acceleration, or the turn from a neighbouring sample is above the limit.
-    #[error("a rate or a turn above 1000 deg/s, or an acceleration above 1000 deg/s^2")]
+    #[error("a rate or a turn above 1000 deg/s, or an acceleration above 10,000 deg/s^2")]
     TooFast,
     /// The history is full of newer samples.
     #[error("the history is full of newer samples")]
