@@ -24,7 +24,6 @@ use std::str::FromStr;
 const TT_LESS_TAI_NS: i64 = 32_184_000_000;
 /// 1980-01-06T00:00:00 UTC, when TAI - UTC was 19 s.
 const GPS_EPOCH_NS: i64 = (3657 * 86_400 + 19) * NS_PER_S;
-/// Julian date of 1970-01-01T00:00:00.
 
 /// An instant: nanoseconds of TAI since 1970-01-01T00:00:00 TAI.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -157,7 +157,7 @@ fn tell(report: &mut ScenarioReport, arguments: &RunArgs, directory: Option<&Pat
     if arguments.json {
         println!("{}", serde_json::to_string(&report)?);
     } else if !arguments.quiet {
-        print!("{}", table(&report));
+        print!("{}", table(report));
     }
     let was_lost = say_losses(&report.losses);
     let was_interrupted = stop.load(Ordering::SeqCst);

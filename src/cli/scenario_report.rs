@@ -237,6 +237,11 @@ fn write_table(text: &mut String, report: &ScenarioReport) -> core::fmt::Result 
     for (reason, count) in &report.control_refusals {
         writeln!(text, "control   {count} connections refused: {reason}")?;
     }
+    write_verdicts(text, report)
+}
+
+/// Writes what was expected, what broke, and the last line.
+fn write_verdicts(text: &mut String, report: &ScenarioReport) -> core::fmt::Result {
     for verdict in &report.verdicts {
         let mark = if verdict.passed { "ok    " } else { "FAILED" };
         writeln!(text, "{mark}    {}: wanted {}, got {}", verdict.name, verdict.wanted, verdict.got)?;

@@ -33,18 +33,23 @@ pub(super) fn push_wcs(header: &mut Header, wcs: &Wcs) {
 
 fn push_sip(header: &mut Header, wcs: &Wcs) {
     let [order, inverse_order] = wcs.orders();
-    let maps: [(_, _, u8, &dyn Fn(u8, u8) -> [f64; 2]); 2] = [
-        (["A", "B"], order, 2, &|i, j| wcs.forward(i, j)),
-        (["AP", "BP"], inverse_order, 1, &|i, j| wcs.inverse(i, j)),
-    ];
-    for (names, order, least, coefficients) in maps {
-        for (axis, name) in names.into_iter().enumerate() {
-            header.push(&format!("{name}_ORDER"), u32::from(order), "SIP polynomial");
-            for (i, j) in (least..=order).flat_map(|degree| (0..=degree).map(move |j| (degree - j, j))) {
-                let value = coefficients(i, j)[axis];
-                if value != 0.0 {
-                    header.push(&format!("{name}_{i}_{j}"), value, "");
-                }
+    push_polynomials(header, ["A", "B"], 2..=order, |i, j| wcs.forward(i, j));
+    push_polynomials(header, ["AP", "BP"], 1..=inverse_order, |i, j| wcs.inverse(i, j));
+}
+
+/// Writes the terms of these degrees of two polynomials, one for each axis; zeros are left out.
+fn push_polynomials(
+    header: &mut Header,
+    names: [&str; 2],
+    degrees: core::ops::RangeInclusive<u8>,
+    coefficients: impl Fn(u8, u8) -> [f64; 2],
+) {
+    for (axis, name) in names.into_iter().enumerate() {
+        header.push(&format!("{name}_ORDER"), u32::from(*degrees.end()), "SIP polynomial");
+        for (i, j) in degrees.clone().flat_map(|degree| (0..=degree).map(move |j| (degree - j, j))) {
+            let value = coefficients(i, j)[axis];
+            if value != 0.0 {
+                header.push(&format!("{name}_{i}_{j}"), value, "");
             }
         }
     }

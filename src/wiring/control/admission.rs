@@ -49,10 +49,9 @@ pub(super) fn admit(
         let now = clock.now();
         if waiting.as_ref().is_none_or(|(_, since)| now - *since >= GRACE)
             && let Ok(newcomer) = listener.accept().and_then(|(stream, _)| LineSocket::new(stream))
+            && let Some((idle, _)) = waiting.replace((newcomer, now))
         {
-            if let Some((idle, _)) = waiting.replace((newcomer, now)) {
-                refuse(idle, refusals, "gave_way", None, "no hello came, and another client waits");
-            }
+            refuse(idle, refusals, "gave_way", None, "no hello came, and another client waits");
         }
         let Some((mut socket, since)) = waiting.take() else {
             std::thread::sleep(LOOK);
