@@ -48,6 +48,7 @@ mod radiometry_told;
 mod ranges;
 pub mod render;
 pub mod render_input;
+mod render_notes;
 pub mod render_output;
 pub mod replay;
 pub mod run;

@@ -10,6 +10,7 @@ use crate::cli::degrees::{declination_deg, right_ascension_deg};
 use crate::cli::named_camera::named_camera;
 use crate::cli::over_budget::over_budget_told;
 use crate::cli::render_input::{four, read_los, read_los_samples, read_sources, three};
+use crate::cli::render_notes::notes;
 use crate::cli::render_output::{Format, format_of, write_dn, write_electrons, write_truth};
 use crate::cli::run::BackendName;
 use crate::cli::wcs_warning::warn_of_wcs;
@@ -172,6 +173,9 @@ impl Scene {
             Some(path) => (None, read_sources(path)?),
             None => {
                 let sky = Sky::open(&arguments.layers, camera.limiting_mag, STAR_MEMORY_MB)?;
+                for note in notes(arguments.time, camera.limiting_mag, sky.faintest_mag()) {
+                    eprintln!("{note}");
+                }
                 (Some(SkyView::new(&camera, Observer::Geocentre, arguments.time, &sky)), Vec::new())
             }
         };

@@ -370,11 +370,16 @@ fn announce(bench: &Bench, engine: &FrameEngine) {
     }
     engine.wcs_error_px().into_iter().for_each(warn_of_wcs);
     eprintln!(
-        "bench \"{}\": {} frames at {} Hz, camera \"{}\", {} backend ({})",
+        "bench \"{}\": {} frames at {} Hz, camera \"{}\"{}, {} backend ({})",
         bench.name,
         engine.params().frames,
         bench.timing.frame_rate_hz,
         engine.params().camera.name,
+        if bench.defaulted.iter().any(|value| value.key == "camera") {
+            " (built in: the bench names none)"
+        } else {
+            ""
+        },
         engine.imager().name(),
         engine.imager().description(),
     );
