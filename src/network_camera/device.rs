@@ -7,6 +7,8 @@
 //! A command that comes again under the same number is answered as before and carried out once. By broadcast come
 //! discovery, actions, and a new address, which this device cannot take: its address is the machine's.
 
+// By its path: the fuzz package takes this file in as a module of another folder.
+#[path = "device/features.rs"]
 mod features;
 
 use crate::base::time::{Span, Tai};

@@ -8,5 +8,7 @@ mod leap;
 pub mod source_id;
 #[path = "../../../src/base/time.rs"]
 pub mod time;
+#[path = "../../../src/base/unfinished.rs"]
+pub mod unfinished;
 #[path = "../../../src/base/units.rs"]
 pub mod units;

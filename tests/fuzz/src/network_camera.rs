@@ -24,6 +24,8 @@ mod gvsp;
 mod params;
 #[path = "../../../src/network_camera/pixel_format.rs"]
 mod pixel_format;
+#[path = "../../../src/network_camera/proof.rs"]
+mod proof;
 #[path = "../../../src/network_camera/registers.rs"]
 mod registers;
 #[path = "../../../src/network_camera/repeats.rs"]
