@@ -3,7 +3,7 @@
 //! A retry with the token of the last command gets the same answer and changes nothing. RUN, APPLY and TRIGGER need a
 //! HELLO of the same major version first. Without the capability of parameter tables, APPLY is an unknown opcode, as in
 //! 1.0; without that of triggers, TRIGGER is one, as in 1.1. A peer gets the refusal codes of its own minor version
-//! ([`Refusal::for_minor`]).
+//! ([`crate::message::Refusal::for_minor`]).
 
 use crate::message::{
     Command, Identity, Info, Rates, Refusal, Reply, Request, Response, Table, Trigger, Triggered, capability,

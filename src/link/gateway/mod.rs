@@ -6,8 +6,8 @@
 //!
 //! Real clock only, and nothing real-time: threads that block, bounded queues, every loss and refusal counted. Listens
 //! where it is asked to, which should be loopback: there is no password. Web pages can reach loopback too, so a TCP client
-//! that speaks HTTP or TLS is hung up on before anything of it is obeyed ([`Screen`]), and a client that does not open the
-//! bus loses its seat ([`OPENING_WITHIN`], [`GRACE`]). A frame of a client takes its place in the arbitration like any
+//! that speaks HTTP or TLS is hung up on before anything of it is obeyed (`screen`), and a client that does not open the
+//! bus loses its seat (`OPENING_WITHIN`, `GRACE`). A frame of a client takes its place in the arbitration like any
 //! other; what one client sends reaches the others and not itself. `hil_scripts/test_gateways.py` checks all three with
 //! python-can, `hil_scripts/test_doors.py` with a browser; the parsers are tested beside their code.
 

@@ -1,7 +1,7 @@
 //! Attitude, observer and camera of a frame -> its [`Wcs`]: image pixels to catalog places.
 //!
 //! Pixel, distorted -> tangents in sensor axes -> apparent direction -> direction without aberration and deflection: that
-//! chain is what frames are drawn by, the other way round. Of it, the lens is fitted once per camera ([`lens`]); per frame,
+//! chain is what frames are drawn by, the other way round. Of it, the lens is fitted once per camera (`lens`); per frame,
 //! least squares over a grid of the image find the linear part (rotation, scale) and the quadratic part of what is left,
 //! which aberration bends (0.009 px over 20 degrees at 1024 px; left out where it is small and the lens needs no polynomials). The reference point is the principal point: there the
 //! plane of the camera is that of the projection. Every frame's error is measured on the grid ([`Wcs::error_px`]).

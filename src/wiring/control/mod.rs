@@ -3,8 +3,8 @@
 //! In: requests, one line of JSON each ([`protocol`]). Out: one line of JSON per request, `"ok"` true or false, the
 //! request's `"id"` echoed. What is wrong with a request is said in its reply and changes nothing; only the end of the
 //! connection, `finish`, Ctrl-C, another protocol or a failed loop end a session. One client, loopback only, no
-//! encryption: whoever can read the token ([`token`]) may control the run, and nobody else. Frames are written below the
-//! run's output folder only ([`output`]). Stepping in any lengths gives the bits of the run in one piece.
+//! encryption: whoever can read the token (`token`) may control the run, and nobody else. Frames are written below the
+//! run's output folder only (`output`). Stepping in any lengths gives the bits of the run in one piece.
 //! Tests: `tests` of the parts, and `tests/closed_loop/control.rs` through the binary.
 
 mod admission;

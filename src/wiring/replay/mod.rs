@@ -10,7 +10,7 @@
 //! messages had been taken in, the load as exact bits, and the CRC-32 of the image. A replay feeds the packets through
 //! the same port and receiver in the same portions and compares each image. Limits: bits repeat on the same backend and
 //! vector level; a capture that lost packets, messages or rows says so and may not repeat. A capture that does not hold the
-//! packets, rows and frames that its end record states is refused ([`completeness`]).
+//! packets, rows and frames that its end record states is refused (`completeness`).
 //! [`replay_bus`] draws what a bench would have made of a capture of someone else's. Tests: `tests/closed_loop/replay.rs`.
 
 mod completeness;

@@ -158,7 +158,7 @@ fn with_reserved_zero(kind: MessageId, data: &[u8]) -> Vec<u8> {
     match (kind, data[0]) {
         (MessageId::Table, _) if !control::is_broken() => bytes[3] = 0,
         (MessageId::Status, 1 | 2) => bytes[1] = 0,
-        (MessageId::Status, 3..=6) => bytes[2..4].fill(0),
+        (MessageId::Status, 3) => bytes[2..4].fill(0),
         (MessageId::Jitter, _) => bytes[8 + 4 * usize::from(data[7])..].fill(0),
         (MessageId::Command, 1) => bytes[4..].fill(0),
         (MessageId::Command, 2) => bytes[3..].fill(0),
