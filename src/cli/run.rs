@@ -500,10 +500,14 @@ impl Setup<'_> {
         let updates = self.updates.clone();
         let numbers = self.numbers.clone();
         let mut since_first: Option<(Stopwatch, f64)> = None;
+        // Every head counts, the first one shows where it points.
+        let mut first_head = None;
         move |head, frame, record| {
-            if head > 0 {
-                return;
+            if head == 0 {
+                let meta = &frame.meta;
+                first_head = Some(([meta.ra_deg, meta.dec_deg, meta.roll_deg], frame.truth.len(), meta.method));
             }
+            let Some(([ra_deg, dec_deg, roll_deg], stars, method)) = first_head else { return };
             let (watch, elapsed_s) = since_first.get_or_insert_with(|| (Stopwatch::start(), 0.0));
             *elapsed_s += watch.lap().s();
             let done = record.frames.rendered;
@@ -514,11 +518,11 @@ impl Setup<'_> {
                 p99_ms: record.p99_ms(),
                 late: record.frames.late,
                 dropped: record.frames.dropped,
-                ra_deg: frame.meta.ra_deg,
-                dec_deg: frame.meta.dec_deg,
-                roll_deg: frame.meta.roll_deg,
-                stars: frame.truth.len(),
-                method: frame.meta.method,
+                ra_deg,
+                dec_deg,
+                roll_deg,
+                stars,
+                method,
             };
             let _monitor_is_busy = updates.try_send(update);
             if let Some(numbers) = &numbers {

@@ -27,7 +27,7 @@ pub enum Observer {
         inclination_deg: f64,
         /// Right ascension of the ascending node, deg.
         raan_deg: f64,
-        /// Angle from the node along the orbit at the start of the run, deg.
+        /// Angle from the node along the orbit at the first exposure, deg: one second after `timing.start_utc`.
         argument_of_latitude_deg: f64,
     },
     /// A conic about the Earth, the Moon or the Sun.
