@@ -12,7 +12,7 @@
 //!
 //! A product of rotations whose inner axes differ does not compile:
 //! ```compile_fail
-//! use starloop::base::axes::{Body, Icrf, Rotation, Sensor};
+//! use crate::axes::{Body, Icrf, Rotation, Sensor};
 //! let a = Rotation::<Sensor, Body>::IDENTITY;
 //! let b = Rotation::<Sensor, Icrf>::IDENTITY;
 //! let wrong = a * b;
@@ -174,7 +174,7 @@ pub fn ra_dec_roll(sensor_from_icrf: &Rotation<Sensor, Icrf>) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::units::{ARCSEC, DEG};
+    use crate::units::{ARCSEC, DEG};
 
     /// Round trips through f64 trigonometry: a few ulp of 2 pi.
     const ROUND_TRIP_RAD: f64 = 1e-14;

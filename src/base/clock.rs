@@ -2,7 +2,7 @@
 //!
 //! Loops take `&dyn Clock`; physics takes `at`. On the virtual clock a run does not depend on the machine's speed.
 
-use crate::base::time::{Span, Tai};
+use crate::time::{Span, Tai};
 use core::sync::atomic::{AtomicI64, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 

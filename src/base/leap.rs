@@ -5,7 +5,7 @@
 //! last minute before a leap second as well, where `hifitime` 4.3 gives UTC a second early. Before 1972 UTC had another
 //! rate: here it is TAI.
 
-use crate::base::units::NS_PER_S;
+use crate::units::NS_PER_S;
 
 /// Unix time, s, from which TAI - UTC is the second number, s.
 const TABLE: [(i64, i64); 28] = [
@@ -59,7 +59,7 @@ pub(super) fn is_leap_second(tai_ns: i64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::time::Tai;
+    use crate::time::Tai;
 
     /// The other table at hand, away from where it is wrong.
     #[test]
@@ -96,7 +96,7 @@ mod tests {
         for (day, after) in days.into_iter().zip(26_i64..) {
             let midnight = Tai::from_rfc3339(&format!("{day}T00:00:00Z")).expect("a valid instant");
             assert_eq!(midnight.ns() - midnight.to_unix_ns(), after * NS_PER_S, "{day}");
-            let before = midnight - crate::base::time::Span::from_s(2.0);
+            let before = midnight - crate::time::Span::from_s(2.0);
             assert_eq!(before.ns() - before.to_unix_ns(), (after - 1) * NS_PER_S, "the day before {day}");
         }
     }

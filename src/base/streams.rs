@@ -58,7 +58,7 @@ fn copy_of(error: &io::Error) -> io::Error {
 pub fn print(text: fmt::Arguments<'_>) {
     if let Err(error) = Stream::Output.write(text) {
         drop(Stream::Output.noted(error));
-        crate::base::unfinished::remove_all_at_the_end();
+        crate::unfinished::remove_all_at_the_end();
         std::process::exit(i32::from(status_of_streams(0)));
     }
 }

@@ -13,8 +13,8 @@
 //! day (the rule of POSIX), and of the two instants of a repeated count [`Tai::from_unix_ns`] gives the later.
 //! Range: years 1678 to 2262; UTC before 1972 is counted as TAI.
 
-use crate::base::leap;
-use crate::base::units::{DAY_S, JULIAN_YEAR_D, NS_PER_S};
+use crate::leap;
+use crate::units::{DAY_S, JULIAN_YEAR_D, NS_PER_S};
 use core::fmt;
 use core::ops::{Add, Sub};
 use hifitime::{Duration, Epoch, TimeScale};

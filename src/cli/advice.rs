@@ -1,8 +1,8 @@
 //! Command lines that cannot be read: the parser's message, and below it what to type instead.
 
-use crate::base::streams;
 use crate::cli::EXIT_USAGE;
 use crate::cli::degrees::degrees_of_hours;
+use base::streams;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{ArgAction, Command, CommandFactory, FromArgMatches};
 

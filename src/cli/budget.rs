@@ -8,11 +8,11 @@ use crate::cli::load_threads::LoadThreads;
 use crate::cli::run::{self, BackendName, CaptureFormatName, ClockKind, RunArgs, SinkKind};
 use crate::cli::run_end::Finished;
 use crate::cli::{EXIT_DONE, EXIT_OVER_BUDGET, budget_files};
-use crate::config::Bench;
-use crate::report::{BudgetLimits, BudgetReport, Stage, budget_lines, budget_table};
-use crate::runtime::{FrameEngine, RunParams};
+use ::run::runtime::{FrameEngine, RunParams};
 use anyhow::Result;
 use clap::Args;
+use config::Bench;
+use frames::report::{BudgetLimits, BudgetReport, Stage, budget_lines, budget_table};
 use std::path::PathBuf;
 
 /// Command line of `budget`.
@@ -155,9 +155,9 @@ fn derived_render_ms(engine: &FrameEngine) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::time::Tai;
-    use crate::runtime::FrameEngine;
-    use crate::wiring::bench_parts;
+    use ::run::runtime::FrameEngine;
+    use ::run::wiring::bench_parts;
+    use base::time::Tai;
 
     fn limits_of(bench: &Bench) -> BudgetLimits {
         let params = bench_parts::run_params(bench, Tai::from_rfc3339("2026-03-01T00:00:00Z").unwrap()).unwrap();
@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn every_stage_of_the_config_is_a_stage_of_the_report() {
         let mut bench = Bench::built_in().unwrap();
-        bench.render.backend = crate::config::Backend::Cpu;
+        bench.render.backend = config::Backend::Cpu;
         let limits = limits_of(&bench);
         let of = |stage: Stage| limits.stage_p99_ms[stage as usize];
         let readout_ms = bench.camera.exposure.readout_s * 1e3;

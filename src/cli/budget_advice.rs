@@ -6,10 +6,10 @@
 
 use crate::cli::frame_plan::FramePlans;
 use crate::cli::run_end::Finished;
-use crate::exposure::{ExposurePlan, Rung};
-use crate::report::{BudgetLine, LineVerdict, Stage};
-use crate::runtime::load::ratio_of;
 use anyhow::Result;
+use frames::report::{BudgetLine, LineVerdict, Stage};
+use plan::exposure::{ExposurePlan, Rung};
+use run::runtime::load::ratio_of;
 
 /// Lines of advice; none when nothing is broken.
 ///

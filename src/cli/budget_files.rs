@@ -1,8 +1,8 @@
 //! What `--report DIR` writes: budget.json, frames_timing.csv, junit.xml, worst.svg. Each whole or not at all.
 
-use crate::report::{BudgetReport, FrameRing, frames_csv, timeline_svg, to_junit};
-use crate::sink::replace_own_file;
 use anyhow::{Context, Result};
+use frames::report::{BudgetReport, FrameRing, frames_csv, timeline_svg, to_junit};
+use frames::sink::replace_own_file;
 use std::path::Path;
 
 /// Frames in worst.svg.

@@ -1,15 +1,15 @@
 //! `starloop bus`: a simulated CAN bus with gateways, so that programs without CAN in their kernel can talk.
 
-use crate::base::clock::{Clock, Monotonic, Stopwatch};
-use crate::base::streams::Output;
-use crate::base::time::Span;
 use crate::cli::run_end::say_losses;
 use crate::cli::{EXIT_DONE, EXIT_LOST, signals};
-use crate::link::gateway::{GatewayAddress, GatewayCounters, GatewayKind, GatewayParams, Gateways, TcpAddress};
-use crate::link::simulated::{BusModel, BusParams, BusStatistics, BusTiming, SimulatedBus, Stuffing};
-use crate::report::{GatewayRow, Losses};
 use anyhow::{Context, Result, bail};
+use base::clock::{Clock, Monotonic, Stopwatch};
+use base::streams::Output;
+use base::time::Span;
 use clap::{Args, ValueEnum};
+use frames::report::{GatewayRow, Losses};
+use link::gateway::{GatewayAddress, GatewayCounters, GatewayKind, GatewayParams, Gateways, TcpAddress};
+use link::simulated::{BusModel, BusParams, BusStatistics, BusTiming, SimulatedBus, Stuffing};
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;

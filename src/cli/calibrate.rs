@@ -2,17 +2,17 @@
 //!
 //! `starloop calibrate` alone means `starloop calibrate costs`; `starloop calibrate display` is a file of its own.
 
-use crate::base::clock::{Clock, Monotonic, Stopwatch};
 use crate::cli::calibrate_display::{self, DisplayArgs};
 use crate::cli::run::BackendName;
-use crate::exposure::cost::CostModel;
-use crate::runtime::Imager;
-use crate::runtime::calibrate::{Calibration, Effort, calibrate};
-use crate::runtime::cost_cache::{self, CachedCost, CostOwner};
-use crate::wiring::bench_parts::backend_choice;
 use anyhow::{Context, Result};
+use base::clock::{Clock, Monotonic, Stopwatch};
 use clap::{Args, Subcommand};
 use core::fmt::Write as _;
+use plan::exposure::cost::CostModel;
+use run::runtime::Imager;
+use run::runtime::calibrate::{Calibration, Effort, calibrate};
+use run::runtime::cost_cache::{self, CachedCost, CostOwner};
+use run::wiring::bench_parts::backend_choice;
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 

@@ -4,27 +4,27 @@
 //! measured (CSV, or a folder with a FITS frame for each image) and writes the calibration; `check` says what a file
 //! says, and whether it may be used; `beat` holds a shutter against a refresh rate; `simulate` does all of it on a simulated bench.
 
-use crate::astrometry::CameraGeometry;
-use crate::base::clock::{Clock, Monotonic};
-use crate::base::time::{Span, Tai};
 use crate::cli::calibrate_display_simulate::{SimulateArgs, simulate};
 use crate::cli::display_latency::CornerWord;
 use crate::cli::display_measurements::{Measurements, date_of, earlier, measurements_of_folder, sights_of_table};
 use crate::cli::named_camera::named_camera;
-use crate::config::Camera;
-use crate::display::beat::BeatInput;
-use crate::display::calibration::fit::FitOptions;
-use crate::display::calibration::report::told;
-use crate::display::calibration::{
+use anyhow::{Context, Result, bail};
+use base::clock::{Clock, Monotonic};
+use base::time::{Span, Tai};
+use clap::{Args, Subcommand};
+use config::Camera;
+use frames::sink::{png, write_file_atomically};
+use outputs::display::beat::BeatInput;
+use outputs::display::calibration::fit::FitOptions;
+use outputs::display::calibration::report::told;
+use outputs::display::calibration::{
     Calibration, DisplayIdentity, Fitted, Grid, Pattern, Plan, Tracker, TrackerIdentity, fit,
 };
-use crate::display::dither::Dither;
-use crate::display::latency::Latency;
-use crate::sink::{png, write_file_atomically};
-use crate::wiring::camera_parts::camera_params;
-use crate::wiring::display_parts::SPOT_SIGMA_PX;
-use anyhow::{Context, Result, bail};
-use clap::{Args, Subcommand};
+use outputs::display::dither::Dither;
+use outputs::display::latency::Latency;
+use run::wiring::camera_parts::camera_params;
+use run::wiring::display_parts::SPOT_SIGMA_PX;
+use sky::astrometry::CameraGeometry;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -388,7 +388,7 @@ fn beat(arguments: &BeatArgs) -> Result<()> {
 mod tests {
     use super::*;
     use crate::cli::display;
-    use crate::display::GreyTable;
+    use outputs::display::GreyTable;
 
     fn plan(bits: u32) -> Plan {
         let display = DisplayIdentity { name: "d".into(), width_px: 320, height_px: 200, bits };

@@ -1,22 +1,24 @@
 //! `starloop calibrate display simulate`: the whole procedure on a simulated display, collimator and camera, and the
 //! result against the truth.
 
-use crate::base::time::Span;
 use crate::cli::calibrate_display::{now, tell, write_plan};
-use crate::config::{Camera, Document};
-use crate::display::calibration::fit::FitOptions;
-use crate::display::calibration::measurement::write_csv;
-use crate::display::calibration::spots::{FrameScale, sights_of_frame};
-use crate::display::calibration::{DisplayIdentity, Fitted, Grid, Pattern, Plan, Sight, Tracker, TrackerIdentity, fit};
-use crate::display::latency::Latency;
-use crate::sink::write_file_atomically;
-use crate::testbed::display_bench::{BenchTruth, DisplayBench};
-use crate::wiring::camera_parts::camera_params;
-use crate::wiring::display_parts::SPOT_SIGMA_PX;
 use anyhow::Result;
+use base::time::Span;
 use clap::Args;
+use config::{Camera, Document};
+use frames::sink::write_file_atomically;
 use glam::DVec2;
+use outputs::display::calibration::fit::FitOptions;
+use outputs::display::calibration::measurement::write_csv;
+use outputs::display::calibration::spots::{FrameScale, sights_of_frame};
+use outputs::display::calibration::{
+    DisplayIdentity, Fitted, Grid, Pattern, Plan, Sight, Tracker, TrackerIdentity, fit,
+};
+use outputs::display::latency::Latency;
+use run::wiring::camera_parts::camera_params;
+use run::wiring::display_parts::SPOT_SIGMA_PX;
 use std::path::{Path, PathBuf};
+use testbed::display_bench::{BenchTruth, DisplayBench};
 
 /// Exposure of the simulated tracker, s.
 const SIMULATED_EXPOSURE_S: f64 = 0.1;

@@ -1,14 +1,14 @@
 //! `starloop campaign`: many simulated hours of random faults, checked throughout.
 
-use crate::base::clock::Stopwatch;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
-use crate::config::{Document, Scenario};
-use crate::wiring::campaign::{Episode, check_room_for_faults, random_faults, run_episode};
-use crate::wiring::closed_loop::LoopError;
 use anyhow::{Context, Result, bail};
+use base::clock::Stopwatch;
+use batch::campaign::{Episode, check_room_for_faults, random_faults, run_episode};
 use clap::Args;
+use config::{Document, Scenario};
 use core::sync::atomic::{AtomicU64, Ordering};
 use rayon::prelude::*;
+use run::wiring::closed_loop::LoopError;
 use std::io::Write;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -179,7 +179,7 @@ fn report((results, wall_s): &(Vec<Flown>, f64), episode_s: f64, arguments: &Cam
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Setting;
+    use config::Setting;
 
     const WHOLE: Shard = Shard { number: 1, of: 1 };
 

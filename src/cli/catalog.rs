@@ -1,21 +1,22 @@
 //! `starloop catalog`: pack a CSV, import a published catalog into layers, show what they hold, query a cone.
 
-use crate::astrometry::{at_epoch, years_since};
-use crate::base::streams::Output;
-use crate::base::time::Tai;
-use crate::base::units::{DEG, MAS};
 use crate::cli::catalog_hats::{ExportArgs, export};
 use crate::cli::catalog_layers::{ImportArgs, VerifyArgs, import, layer_info, verify};
 use crate::cli::catalog_map::{MapArgs, map};
 use crate::cli::catalog_synthetic::{SynthesizeArgs, synthesize};
 use crate::cli::ranges::{declination_deg, right_ascension_deg};
-use crate::sink::write_file_atomically;
-use crate::sky::catalog::{BANDS, Catalog, CatalogSource, chord_squared, direction_from_ra_dec, pack, ra_dec_rad};
-use crate::sky::credits;
-use crate::sky::layer::{FASTEST_MAS_YR, Layer, is_layer};
 use anyhow::{Context, ensure};
+use base::source::{CatalogSource, direction_from_ra_dec, ra_dec_rad};
+use base::streams::Output;
+use base::time::Tai;
+use base::units::{DEG, MAS};
 use clap::{Args, Subcommand};
+use frames::sink::write_file_atomically;
 use glam::DVec3;
+use sky::astrometry::{at_epoch, years_since};
+use stars::catalog::{BANDS, Catalog, chord_squared, pack};
+use stars::credits;
+use stars::layer::{FASTEST_MAS_YR, Layer, is_layer};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 

@@ -1,10 +1,10 @@
 //! `--bright` of `starloop catalog import`: Hipparcos and Tycho-2 files, the last input of an import.
 
 use crate::cli::catalog_layers::{ProgressLine, mark, name_of};
-use crate::sky::import::add_bright;
-use crate::sky::import::bright::BrightStars;
-use crate::sky::layer::Sorting;
 use anyhow::ensure;
+use imports::published::add_bright;
+use imports::published::bright::BrightStars;
+use stars::layer::Sorting;
 use std::path::PathBuf;
 
 /// The name of all of them together among an import's inputs.

@@ -1,13 +1,13 @@
 //! HATS catalogs for `starloop catalog`: what an import reads, file by file, and `starloop catalog export`.
 
 use crate::cli::catalog_layers::{ProgressLine, name_of};
-use crate::sky::hats::{
-    ExportReport, Exporting, HatsCatalog, Pixel, export as export_hats, import as import_hats, is_hats,
-};
-use crate::sky::import::gaia::{Names, import as import_gaia};
-use crate::sky::layer::{Layer, Sorting};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
+use imports::hats::{
+    ExportReport, Exporting, HatsCatalog, Pixel, export as export_hats, import as import_hats, is_hats,
+};
+use imports::published::gaia::{Names, import as import_gaia};
+use stars::layer::{Layer, Sorting};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -120,7 +120,7 @@ fn partitions(folder: &Path, names: &Names, epoch_yr: f64) -> anyhow::Result<Vec
     }
     let mut names = names.clone();
     catalog.name_columns(&mut names)?;
-    let input = |partition: &crate::sky::hats::Partition| Input {
+    let input = |partition: &imports::hats::Partition| Input {
         name: partition.name.clone(),
         path: partition.path.clone(),
         names: names.clone(),

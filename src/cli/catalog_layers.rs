@@ -2,12 +2,12 @@
 
 use crate::cli::catalog_bright::{self, BrightInput};
 use crate::cli::catalog_hats::{Input, inputs};
-use crate::sky::catalog::Catalog;
-use crate::sky::credits;
-use crate::sky::import::gaia::{EPOCH_YR, Names};
-use crate::sky::layer::{LEAST_MEMORY_BYTES, Layer, LayerReport, MEMORY_BYTES, Sorting, is_layer, layer_name};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
+use imports::published::gaia::{EPOCH_YR, Names};
+use stars::catalog::Catalog;
+use stars::credits;
+use stars::layer::{LEAST_MEMORY_BYTES, Layer, LayerReport, MEMORY_BYTES, Sorting, is_layer, layer_name};
 use std::collections::BTreeMap;
 use std::io::{IsTerminal, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};

@@ -1,13 +1,13 @@
 //! `starloop catalog map`: where on the sky the stars of catalogs and layers are, as a picture and a table.
 
 use crate::cli::catalog_map_picture::write_png;
-use crate::sink::write_file_atomically;
-use crate::sky::catalog::Catalog;
-use crate::sky::density_map::DensityMap;
-use crate::sky::galactic::galactic_rad;
-use crate::sky::layer::{Layer, is_layer};
 use anyhow::{Context, ensure};
 use clap::Args;
+use frames::sink::write_file_atomically;
+use imports::density_map::DensityMap;
+use stars::catalog::Catalog;
+use stars::galactic::galactic_rad;
+use stars::layer::{Layer, is_layer};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -72,7 +72,7 @@ fn counted(files: &[PathBuf], limiting_mag: f32) -> anyhow::Result<DensityMap> {
 fn write_table(map: &DensityMap, out: &mut impl Write) -> std::io::Result<()> {
     writeln!(out, "healpix_{},ra_deg,dec_deg,l_deg,b_deg,stars,stars_per_deg2", map.order())?;
     for (cell, ([ra, dec], stars, density)) in map.cells().enumerate() {
-        let galactic = galactic_rad(crate::sky::catalog::direction_from_ra_dec(ra, dec));
+        let galactic = galactic_rad(base::source::direction_from_ra_dec(ra, dec));
         let [ra, dec, l, b] = [ra, dec, galactic[0], galactic[1]].map(f64::to_degrees);
         writeln!(out, "{cell},{ra:.4},{dec:.4},{l:.4},{b:.4},{stars},{density:.4}")?;
     }

@@ -1,7 +1,7 @@
 //! A density map -> a PNG: the sky as an ellipse, below it the colours with their densities.
 
 use crate::cli::lettering::{LETTER_PX, dots, width_px};
-use crate::sky::density_map::{DensityMap, direction_at};
+use imports::density_map::{DensityMap, direction_at};
 use std::io::{self, Write};
 
 /// Size of the sky, pixels.
@@ -162,7 +162,7 @@ impl Canvas {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sky::catalog::Catalog;
+    use stars::catalog::Catalog;
 
     #[test]
     fn colours_brighten_with_density_and_marks_are_round() {

@@ -1,13 +1,13 @@
 //! `starloop catalog synthesize`: layers of stars that are not real, in the numbers of the real sky.
 
-use crate::base::units::DEG;
 use crate::cli::catalog_layers::{ProgressLine, refuse_layers_that_are_there, tell_layer};
 use crate::cli::ranges::{declination_deg, right_ascension_deg};
-use crate::sky::catalog::direction_from_ra_dec;
-use crate::sky::synthetic::{Population, credits};
 use anyhow::{bail, ensure};
+use base::source::direction_from_ra_dec;
+use base::units::DEG;
 use clap::Args;
 use glam::DVec3;
+use imports::synthetic::{Population, credits};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -84,8 +84,8 @@ fn region(around: &[f64]) -> anyhow::Result<(DVec3, f64)> {
 mod tests {
     use super::*;
     use crate::cli::catalog_layers::layer_info;
-    use crate::sky::layer::Layer;
     use clap::Parser;
+    use stars::layer::Layer;
 
     #[derive(Debug, Parser)]
     struct Program {

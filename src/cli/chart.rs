@@ -1,11 +1,11 @@
 //! `starloop chart`: accuracy against speed, measured on this machine -> CSV tables and SVG charts in a folder.
 
-use crate::base::clock::Stopwatch;
-use crate::chart::{self, Backends, Settings, Step};
-use crate::report::step_line;
-use crate::sink::write_file_atomically;
 use anyhow::{Context, Result};
+use base::clock::Stopwatch;
+use batch::chart::{self, Backends, Settings, Step};
 use clap::{Args, ValueEnum};
+use frames::report::step_line;
+use frames::sink::write_file_atomically;
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 

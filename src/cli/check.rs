@@ -1,7 +1,5 @@
 //! `starloop check`: is this bench or scenario sound, what does it mean, what will be drawn and at what error and cost.
 
-use crate::base::clock::{Clock, Monotonic};
-use crate::base::time::{Span, Tai};
 use crate::cli::calibrate::{Costs, costs_here};
 use crate::cli::check_bodies;
 use crate::cli::check_display;
@@ -13,20 +11,22 @@ use crate::cli::check_scenario;
 use crate::cli::check_targets;
 use crate::cli::frame_plan::FramePlans;
 use crate::cli::radiometry_told::radiometry_told;
-use crate::config::{Bench, Document, Event, Scenario, Setting, StartTime, is_scenario};
-use crate::detector::cost::effect_costs;
-use crate::runtime::field_light::FieldLight;
-use crate::runtime::{Imager, RunParams};
-use crate::sky::Sky;
-use crate::sky::layer::Layer;
-use crate::testbed::flight_computer::FlightComputer;
-use crate::wiring::bench_parts;
-use crate::wiring::display_parts::take_display;
-use crate::wiring::sinks::told_lines;
 use anyhow::Result;
+use base::clock::{Clock, Monotonic};
+use base::time::{Span, Tai};
 use clap::Args;
+use config::{Bench, Document, Event, Scenario, Setting, StartTime, is_scenario};
 use core::fmt::Write;
+use image::detector::cost::effect_costs;
+use run::runtime::field_light::FieldLight;
+use run::runtime::{Imager, RunParams};
+use run::wiring::bench_parts;
+use run::wiring::display_parts::take_display;
+use run::wiring::sinks::told_lines;
+use stars::Sky;
+use stars::layer::Layer;
 use std::path::PathBuf;
+use testbed::flight_computer::FlightComputer;
 
 /// Command line of `check`.
 #[derive(Debug, Args)]
@@ -311,7 +311,7 @@ mod tests {
     #[test]
     fn bright_layers_that_are_left_out_are_told() {
         let folder = tempfile::tempdir().unwrap();
-        let sorting = crate::sky::layer::Sorting::start(&folder.path().join("work"), &[4.5, 7.0]).unwrap();
+        let sorting = stars::layer::Sorting::start(&folder.path().join("work"), &[4.5, 7.0]).unwrap();
         let reports = sorting.finish(folder.path(), 2016.0, "whom it concerns", &mut |_| {}).unwrap();
         let mut bench = Bench::built_in().unwrap();
         bench.layers = reports.into_iter().map(|report| report.path).collect();

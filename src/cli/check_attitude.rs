@@ -4,20 +4,20 @@
 //! the records carry; its jitter is never part of them, and is judged by how it travels. Left out: waiting for other
 //! messages on the bus (a record takes its own time on an idle wire).
 
-use crate::attitude::{
-    AttitudeAssessment, AttitudeMethod, AttitudeVerdict, MotionScale, PredictionErrors, Reach, Sinusoid,
-    assess_methods, cheapest,
-};
-use crate::base::time::Span;
-use crate::base::units::{ARCSEC, DEG};
-use crate::config::{Bench, JitterSource, Wire};
-use crate::link::{CHUNK_MAX, Packet, SerialChunk};
-use crate::runtime::RunParams;
-use crate::wiring::bench_parts;
+use base::time::Span;
+use base::units::{ARCSEC, DEG};
+use config::{Bench, JitterSource, Wire};
 use core::f64::consts::{PI, TAU};
 use core::fmt::{Error, Write};
 use firmware_protocol::can::CanFrame;
 use glam::DVec3;
+use link::{CHUNK_MAX, Packet, SerialChunk};
+use plan::attitude::{
+    AttitudeAssessment, AttitudeMethod, AttitudeVerdict, MotionScale, PredictionErrors, Reach, Sinusoid,
+    assess_methods, cheapest,
+};
+use run::runtime::RunParams;
+use run::wiring::bench_parts;
 
 /// Four f32 of up to 1 are each wrong by up to 2^-25; an attitude turns by twice the error of its quaternion.
 const WIRE_QUATERNION_RAD: f64 = 4.0 / 33_554_432.0;
@@ -222,7 +222,7 @@ fn write_jitter(text: &mut String, bench: &Bench, situation: &Situation) -> Resu
     Ok(())
 }
 
-fn sinusoid(line: &crate::attitude::JitterLine) -> Sinusoid {
+fn sinusoid(line: &plan::attitude::JitterLine) -> Sinusoid {
     Sinusoid { frequency_hz: line.frequency_hz, amplitude_rad: line.amplitude_rad.length() }
 }
 
@@ -260,7 +260,7 @@ const BURST_SAMPLES: u32 = 14;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::time::Tai;
+    use base::time::Tai;
 
     fn report(bench: &Bench) -> String {
         report_drawn_ahead(bench, 0)

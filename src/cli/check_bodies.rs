@@ -1,12 +1,12 @@
 //! Which of Sun, Moon, Earth and planets are in the field of a planned frame, or near it.
 
-use crate::exposure::ExposurePlan;
-use crate::runtime::discs;
-use crate::runtime::params::CameraParams;
-use crate::runtime::sky_bodies::SkyBodies;
 use anyhow::Result;
 use core::fmt::Write;
 use glam::DVec3;
+use plan::exposure::ExposurePlan;
+use run::runtime::discs;
+use run::runtime::params::CameraParams;
+use run::runtime::sky_bodies::SkyBodies;
 
 /// Bodies whose limb is nearer to the field than this are told, deg.
 const NEAR_DEG: f64 = 10.0;

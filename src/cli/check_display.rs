@@ -2,16 +2,16 @@
 //!
 //! Input: a bench and the run that was made of it. Output: text. The numbers are those of `wiring::display_parts`.
 
-use crate::base::time::Span;
-use crate::base::units::ARCSEC;
 use crate::cli::check_attitude::slew_scale;
-use crate::config::{Bench, Sink};
-use crate::display::calibration::Calibration;
-use crate::display::latency::LatencySource;
-use crate::runtime::RunParams;
-use crate::wiring::display_parts::{CLOCKS_PPM, NO_CALIBRATION, NO_LATENCY, beat, calibrated_display, latency};
 use anyhow::Result;
+use base::time::Span;
+use base::units::ARCSEC;
+use config::{Bench, Sink};
 use core::fmt::Write;
+use outputs::display::calibration::Calibration;
+use outputs::display::latency::LatencySource;
+use run::runtime::RunParams;
+use run::wiring::display_parts::{CLOCKS_PPM, NO_CALIBRATION, NO_LATENCY, beat, calibrated_display, latency};
 
 /// Writes what there is to say of the displays of a bench.
 ///
@@ -91,9 +91,9 @@ fn write_times(text: &mut String, bench: &Bench, params: &RunParams, calibration
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::time::Tai;
-    use crate::config::Document;
-    use crate::wiring::bench_parts::run_params;
+    use base::time::Tai;
+    use config::Document;
+    use run::wiring::bench_parts::run_params;
     use std::path::Path;
 
     fn told(text: &str) -> String {

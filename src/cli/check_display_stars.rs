@@ -3,12 +3,12 @@
 //! Input: the run as it is drawn for the display, and its calibration. Output: text. Stars brighter than the display are
 //! counted as if they stood still in the middle of a pixel; stars beyond the outermost dots stand where the map is a guess.
 
-use crate::display::calibration::report::peak_share;
-use crate::display::calibration::{Calibrated, Calibration};
-use crate::exposure::ExposurePlan;
-use crate::runtime::RunParams;
 use anyhow::Result;
 use core::fmt::Write;
+use outputs::display::calibration::report::peak_share;
+use outputs::display::calibration::{Calibrated, Calibration};
+use plan::exposure::ExposurePlan;
+use run::runtime::RunParams;
 
 /// What a display can show.
 pub(super) struct DisplayLimits {

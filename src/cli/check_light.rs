@@ -1,12 +1,12 @@
 //! What the light sections of a camera amount to: illumination at the corners, background, stray light.
 
-use crate::exposure::ExposurePlan;
-use crate::optics::baffle::BrightBodies;
-use crate::runtime::field_light::FieldLight;
-use crate::runtime::params::CameraParams;
 use anyhow::Result;
 use core::fmt::Write;
 use glam::DVec3;
+use plan::exposure::ExposurePlan;
+use plan::optics::baffle::BrightBodies;
+use run::runtime::field_light::FieldLight;
+use run::runtime::params::CameraParams;
 
 /// Angles of the Sun off the boresight at which stray light is told, deg.
 const SUN_ANGLES_DEG: [f64; 5] = [20.0, 30.0, 45.0, 60.0, 85.0];
@@ -55,8 +55,8 @@ pub(super) fn write_light(text: &mut String, camera: &CameraParams) -> Result<()
             "\n               not meant to work within {sun} deg of the Sun, {moon} of the Moon, {earth} of the Earth"
         )?;
         let full_moon = BrightBodies {
-            sun_km: DVec3::NEG_Z * crate::base::units::AU_KM,
-            moon_km: DVec3::new(0.5, 0.0, 0.75_f64.sqrt()) * crate::sky::moon::MEAN_DISTANCE_KM,
+            sun_km: DVec3::NEG_Z * base::units::AU_KM,
+            moon_km: DVec3::new(0.5, 0.0, 0.75_f64.sqrt()) * sky::moon::MEAN_DISTANCE_KM,
             earth_km: None,
         };
         let moon = stray.glare(&full_moon).share * stray.sun_e_per_s * exposure_s;

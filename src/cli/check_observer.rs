@@ -1,12 +1,12 @@
 //! Where the observer is at the first exposure, how fast, and what that does to the stars.
 
-use crate::astrometry::{PROVEN_YEARS, Vantage};
-use crate::base::time::{Span, Tai};
-use crate::base::units::{ARCSEC, DAY_S, SPEED_OF_LIGHT_KM_S};
-use crate::runtime::RunParams;
-use crate::sky::observer::{Observer, ObserverTrack};
 use anyhow::Result;
+use base::time::{Span, Tai};
+use base::units::{ARCSEC, DAY_S, SPEED_OF_LIGHT_KM_S};
 use core::fmt::Write;
+use run::runtime::RunParams;
+use sky::astrometry::{PROVEN_YEARS, Vantage};
+use sky::observer::{Observer, ObserverTrack};
 
 /// Place, speed, size of the aberration; a warning outside the years for which places are proven.
 pub(super) fn write_observer(text: &mut String, params: &RunParams) -> Result<()> {
@@ -54,7 +54,7 @@ fn place(observer: &Observer, at: Tai) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::time::Tai;
+    use base::time::Tai;
 
     #[test]
     fn years_are_told_on_both_sides() {
@@ -74,7 +74,7 @@ mod tests {
         let at = Tai::from_rfc3339("2026-03-01T00:00:00Z").unwrap();
         assert_eq!(place(&Observer::Barycentre, at).unwrap(), "at rest at the barycentre");
         assert_eq!(place(&Observer::Geocentre, at).unwrap(), "at the centre of the Earth");
-        let orbit = crate::sky::orbit::CircularOrbit::new(500.0, 97.4, 30.0, 10.0, at).unwrap();
+        let orbit = sky::orbit::CircularOrbit::new(500.0, 97.4, 30.0, 10.0, at).unwrap();
         let told = place(&Observer::Circular(orbit), at).unwrap();
         assert_eq!(told, "6878 km from the centre of the Earth, 7.613 km/s");
     }

@@ -3,16 +3,16 @@
 //! Input: a plan of the frame planner. Output: text. Predictions are for the real clock of this machine; nothing is
 //! drawn here.
 
-use crate::base::accuracy::AccuracyBudget;
 use crate::cli::over_budget::over_budget_told;
-use crate::config::{Bench, Degrade};
-use crate::exposure::cost::CostModel;
-use crate::exposure::plan::{Assessment, MOTION_SHARE, Verdict};
-use crate::exposure::sampling::sampling_error;
-use crate::exposure::{ExposurePlan, PsfSampling, Rung};
-use crate::optics::PsfModel;
-use crate::runtime::{Imager, RunParams};
+use base::accuracy::AccuracyBudget;
+use config::{Bench, Degrade};
 use core::fmt::{Error, Write};
+use plan::exposure::cost::CostModel;
+use plan::exposure::plan::{Assessment, MOTION_SHARE, Verdict};
+use plan::exposure::sampling::sampling_error;
+use plan::exposure::{ExposurePlan, PsfSampling, Rung};
+use plan::optics::PsfModel;
+use run::runtime::{Imager, RunParams};
 
 /// What the plans are judged by.
 pub(super) struct Planned {

@@ -3,15 +3,15 @@
 //! Input: a checked scenario. Output: text. All parts of the loop are made once, so that what only a run would refuse (a
 //! wheel that is not there) is refused here.
 
-use crate::base::units::DEG;
-use crate::config::{Action, Event, Expect, GyroFaultKind, Pointing, Scenario};
-use crate::link::tap::LinkFault;
-use crate::sink::{FrameFault, NullSink};
-use crate::wiring::closed_loop::ClosedLoop;
-use crate::wiring::faults::action_name;
 use anyhow::Result;
+use base::units::DEG;
+use config::{Action, Event, Expect, GyroFaultKind, Pointing, Scenario};
 use core::fmt::{Error, Write};
+use frames::sink::{FrameFault, NullSink};
 use glam::DVec3;
+use link::tap::LinkFault;
+use run::wiring::closed_loop::ClosedLoop;
+use run::wiring::faults::action_name;
 
 /// The section about the scenario.
 ///

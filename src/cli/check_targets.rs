@@ -5,15 +5,15 @@
 //! time it is in the field, at the instant when it is nearest to the boresight; a target that stays outside is told with
 //! the nearest it comes. Steps of a frame, of long runs 4000 in all: a shorter pass may go unseen.
 
-use crate::astrometry::CameraGeometry;
-use crate::base::time::Tai;
-use crate::runtime::RunParams;
-use crate::runtime::sky_targets::{SkyTargets, TargetFacts};
-use crate::sky::ObserverError;
-use crate::sky::target::{Orbit, Sunlight};
-use crate::testbed::flight_computer::FlightComputer;
+use base::time::Tai;
 use core::fmt::{Error, Write};
 use glam::DVec3;
+use run::runtime::RunParams;
+use run::runtime::sky_targets::{SkyTargets, TargetFacts};
+use sky::ObserverError;
+use sky::astrometry::CameraGeometry;
+use sky::target::{Orbit, Sunlight};
+use testbed::flight_computer::FlightComputer;
 
 /// Most instants of a run that are looked at.
 const MOST_STEPS: u32 = 4_000;
@@ -115,7 +115,7 @@ fn steps(frames: u32) -> impl Iterator<Item = u32> {
 }
 
 fn mid_exposure(params: &RunParams, number: u32) -> Tai {
-    params.exposure_start(number) + crate::base::time::Span::from_s(0.5 * params.camera.exposure_s)
+    params.exposure_start(number) + base::time::Span::from_s(0.5 * params.camera.exposure_s)
 }
 
 fn after_first_s(params: &RunParams, number: u32) -> f64 {

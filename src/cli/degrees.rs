@@ -2,7 +2,7 @@
 //!
 //! The ranges are those of configuration files, so that a number means the same everywhere.
 
-use crate::config::RIGHT_ASCENSION_DEG;
+use config::RIGHT_ASCENSION_DEG;
 
 /// Reads a right ascension, degrees.
 ///

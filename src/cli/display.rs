@@ -1,14 +1,14 @@
 //! `starloop display`: the monitors there are, and images on one of them: a look at a marker, a pattern, a grey ramp.
 //! What measures the latency is a file of its own.
 
-use crate::base::clock::{Clock, Monotonic};
-use crate::base::image::DnImage;
 use crate::cli::display_latency::{CornerWord, FlipArgs, LatencyArgs, flip, latency, monitor_choice};
-use crate::display::{Bits, Display, GreyMaker, GreyTable, Marker, Params, monitors};
-use crate::sink::{SentFrame, Sink};
 use anyhow::{Context, Result, bail};
+use base::clock::{Clock, Monotonic};
+use base::image::DnImage;
 use clap::{Args, Subcommand};
 use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
+use frames::sink::{SentFrame, Sink};
+use outputs::display::{Bits, Display, GreyMaker, GreyTable, Marker, Params, monitors};
 use std::io::{BufRead, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -4,14 +4,16 @@
 //! submit times; meanwhile a photodiode on the patch is logged by the user's own means. `latency` holds the two tables
 //! against one another. Both must be stamped by one clock: this machine's, or one that is kept with it (PTP, NTP).
 
-use crate::base::clock::{Clock, Monotonic};
-use crate::base::time::Span;
-use crate::display::latency::{APART_S, Flip, Latency, flips_of};
-use crate::display::monitor::choose;
-use crate::display::{Bits, Corner, Display, GreyMaker, GreyTable, Marker, MonitorChoice, Params, SubmitRow, monitors};
-use crate::sink::{SentFrame, Sink, write_file_atomically};
 use anyhow::{Context, Result, bail};
+use base::clock::{Clock, Monotonic};
+use base::time::Span;
 use clap::{Args, ValueEnum};
+use frames::sink::{SentFrame, Sink, write_file_atomically};
+use outputs::display::latency::{APART_S, Flip, Latency, flips_of};
+use outputs::display::monitor::choose;
+use outputs::display::{
+    Bits, Corner, Display, GreyMaker, GreyTable, Marker, MonitorChoice, Params, SubmitRow, monitors,
+};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};

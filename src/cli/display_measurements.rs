@@ -3,16 +3,16 @@
 //! A frame is named as its image: `level_114.fits` of `level_114.png`. `EXPTIME` (s) must be in its header, `DATE-OBS` (UTC)
 //! should be. Integers are digital numbers, which the camera's file makes electrons of; floating point is electrons.
 
-use crate::base::image::{DnImage, Image};
-use crate::base::time::Tai;
-use crate::config::Camera;
-use crate::detector::DetectorParams;
-use crate::display::calibration::measurement::read_csv;
-use crate::display::calibration::spots::{FrameScale, sights_of_frame};
-use crate::display::calibration::{Pattern, Plan, Sight};
-use crate::sink::fits::FitsImage;
-use crate::sink::fits::read::OwnedPixels;
 use anyhow::{Context, Result, bail};
+use base::image::{DnImage, Image};
+use base::time::Tai;
+use config::Camera;
+use frames::sink::fits::FitsImage;
+use frames::sink::fits::read::OwnedPixels;
+use image::detector::DetectorParams;
+use outputs::display::calibration::measurement::read_csv;
+use outputs::display::calibration::spots::{FrameScale, sights_of_frame};
+use outputs::display::calibration::{Pattern, Plan, Sight};
 use std::fs::File;
 use std::path::Path;
 
@@ -127,9 +127,9 @@ pub(super) fn date_of(text: &str) -> Result<Tai> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Document;
-    use crate::display::calibration::{DisplayIdentity, Grid, TrackerIdentity};
-    use crate::sink::fits::{Header, Pixels, write_image};
+    use config::Document;
+    use frames::sink::fits::{Header, Pixels, write_image};
+    use outputs::display::calibration::{DisplayIdentity, Grid, TrackerIdentity};
 
     fn plan() -> Plan {
         let display = DisplayIdentity { name: "d".into(), width_px: 320, height_px: 200, bits: 8 };

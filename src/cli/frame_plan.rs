@@ -1,18 +1,18 @@
 //! The plan of one frame of a bench, without drawing it: from the simulated flight computer's own truth.
 
-use crate::attitude::LosPath;
-use crate::base::axes::Rotation;
-use crate::base::time::Tai;
-use crate::config::Bench;
-use crate::exposure::cost::CostModel;
-use crate::exposure::{ExposurePlan, Planner};
-use crate::runtime::RunParams;
-use crate::runtime::scene::Scene;
-use crate::runtime::sky_bodies::SkyBodies;
-use crate::sky::Sky;
-use crate::testbed::flight_computer::FlightComputer;
-use crate::wiring::bench_parts;
 use anyhow::Result;
+use base::axes::Rotation;
+use base::time::Tai;
+use config::Bench;
+use plan::attitude::LosPath;
+use plan::exposure::cost::CostModel;
+use plan::exposure::{ExposurePlan, Planner};
+use run::runtime::RunParams;
+use run::runtime::scene::Scene;
+use run::runtime::sky_bodies::SkyBodies;
+use run::wiring::bench_parts;
+use stars::Sky;
+use testbed::flight_computer::FlightComputer;
 
 /// Everything but the planner.
 pub(super) struct FramePlans<'a> {

@@ -1,18 +1,18 @@
 //! `starloop link-check`: holds a link of this machine to what links promise, or stands at one end of it and sends back
 //! what arrives, or shows the pulses of a PPS source.
 
-use crate::base::clock::{Clock, Monotonic, PairedReading};
-use crate::base::time::{Span, Tai};
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
-use crate::link::conformance::{Check, Ends, check_filters, check_link};
-use crate::link::pps::Pps;
-use crate::link::serial::{PseudoTerminal, SerialLink, SerialParams};
-use crate::link::simulated::{BusParams, BusTiming, simulated_pair};
-use crate::link::socketcan::{Hears, SocketCanLink, SocketCanParams};
-use crate::link::{Link, LinkCounters, LinkError, WireFormat};
 use anyhow::{Context, Result};
+use base::clock::{Clock, Monotonic, PairedReading};
+use base::time::{Span, Tai};
 use clap::{Args, ValueEnum};
 use firmware_protocol::can::IdMap;
+use link::conformance::{Check, Ends, check_filters, check_link};
+use link::pps::Pps;
+use link::serial::{PseudoTerminal, SerialLink, SerialParams};
+use link::simulated::{BusParams, BusTiming, simulated_pair};
+use link::socketcan::{Hears, SocketCanLink, SocketCanParams};
+use link::{Link, LinkCounters, LinkError, WireFormat};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

@@ -1,10 +1,10 @@
 //! `--monitor`: the live view beside the sink of a run.
 
-use crate::base::clock::{Clock, Monotonic};
-use crate::live::{LiveView, Numbers, Params};
-use crate::runtime::FrameEngine;
-use crate::sink::{Sink, Tee};
 use anyhow::{Context, Result};
+use base::clock::{Clock, Monotonic};
+use frames::sink::{Sink, Tee};
+use outputs::live::{LiveView, Numbers, Params};
+use run::runtime::FrameEngine;
 use std::net::SocketAddr;
 use std::sync::Arc;
 

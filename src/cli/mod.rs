@@ -64,7 +64,7 @@ pub mod study;
 pub mod verify;
 mod wcs_warning;
 
-use crate::base::streams;
+use base::streams;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 

@@ -1,9 +1,9 @@
 //! The progress line of a run, drawn by a thread of its own.
 
-use crate::base::streams::say;
-use crate::report::{Progress, progress_line};
 use anyhow::{Context, Result};
+use base::streams::say;
 use crossbeam_channel::{Receiver as Queue, Sender, bounded};
+use frames::report::{Progress, progress_line};
 use std::io::IsTerminal;
 use std::time::Duration;
 

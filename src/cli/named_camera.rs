@@ -1,7 +1,7 @@
 //! The camera that a command line names: a camera file, a bench file, or a built-in one by its path below `configs/`.
 
-use crate::config::{Bench, Camera, Document, is_camera};
 use anyhow::Result;
+use config::{Bench, Camera, Document, is_camera};
 use std::path::Path;
 
 /// The camera that was named, by itself or by its bench; of nothing, the built-in bench's.

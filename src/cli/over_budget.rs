@@ -1,8 +1,8 @@
 //! What a plan is over the accuracy budget by, in words, with the share of the budget that is meant.
 
-use crate::base::accuracy::AccuracyBudget;
-use crate::exposure::ExposurePlan;
-use crate::exposure::plan::{MOTION_SHARE, Verdict};
+use base::accuracy::AccuracyBudget;
+use plan::exposure::ExposurePlan;
+use plan::exposure::plan::{MOTION_SHARE, Verdict};
 
 /// Every error of `plan` that is over `budget` (or over the share of it that motion may use); `None` when there is none.
 pub(super) fn over_budget_told(plan: &ExposurePlan, budget: &AccuracyBudget) -> Option<String> {
@@ -38,15 +38,15 @@ pub(super) fn over_budget_told(plan: &ExposurePlan, budget: &AccuracyBudget) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attitude::LosPath;
-    use crate::base::axes::Rotation;
-    use crate::base::time::Tai;
-    use crate::config::Bench;
-    use crate::exposure::cost::CostModel;
-    use crate::exposure::{Instrument, MethodChoice, Planner, Source, SourcePlace};
-    use crate::optics::PsfModel;
-    use crate::wiring::camera_parts::camera_params;
+    use base::axes::Rotation;
+    use base::time::Tai;
+    use config::Bench;
     use glam::DVec3;
+    use plan::attitude::LosPath;
+    use plan::exposure::cost::CostModel;
+    use plan::exposure::{Instrument, MethodChoice, Planner, Source, SourcePlace};
+    use plan::optics::PsfModel;
+    use run::wiring::camera_parts::camera_params;
 
     /// Words about a star of 1e4 e- in the middle of the built-in bench's camera.
     fn words(sigma_px: f64, method: &str, rate_rad_s: f64) -> Option<String> {

@@ -2,17 +2,17 @@
 
 use crate::cli::named_camera::named_camera;
 use crate::cli::psf_plot;
-use crate::config::{Camera, Chain, LightOfChain, Psf};
-use crate::optics::chain_light::ChainLight;
-use crate::optics::chain_psf::{ChainPsf, Drawing};
-use crate::optics::energy::{self, Centring};
-use crate::optics::mtf::MtfChain;
-use crate::optics::{Band, PsfGrid, PsfModel};
-use crate::sink::write_file_atomically;
-use crate::wiring::camera_parts::camera_params;
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use config::{Camera, Chain, LightOfChain, Psf};
 use core::fmt::Write;
+use frames::sink::write_file_atomically;
+use plan::optics::chain_light::ChainLight;
+use plan::optics::chain_psf::{ChainPsf, Drawing};
+use plan::optics::energy::{self, Centring};
+use plan::optics::mtf::MtfChain;
+use plan::optics::{Band, PsfGrid, PsfModel};
+use run::wiring::camera_parts::camera_params;
 use std::path::PathBuf;
 
 /// Nyquist frequency, cycles/px.
@@ -385,7 +385,7 @@ mod tests {
 
     #[test]
     fn a_place_belongs_to_a_field() {
-        use crate::optics::psf_field::PsfField;
+        use plan::optics::psf_field::PsfField;
         let mut star = Star::new(named_camera(Some(Path::new("cameras/small_tracker.toml"))).unwrap(), None).unwrap();
         let error = star.move_to(&[10.0, 10.0]).unwrap_err().to_string();
         assert!(error.contains("one PSF for all places"), "{error}");

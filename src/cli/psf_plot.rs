@@ -1,9 +1,9 @@
 //! The plots of `starloop psf`: the chain over frequency, and the star over distance.
 
 use crate::cli::psf::{NYQUIST, Star};
-use crate::optics::energy;
-use crate::report::plot::{Axis, Chart, Series, Style};
-use crate::report::to_svg;
+use frames::report::plot::{Axis, Chart, Series, Style};
+use frames::report::to_svg;
+use plan::optics::energy;
 use std::path::{Path, PathBuf};
 
 /// Points of a curve.
@@ -95,7 +95,7 @@ fn star_chart(star: &Star) -> Chart {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{Camera, Document};
+    use config::{Camera, Document};
 
     fn star(name: &str) -> Star {
         Star::new(Camera::from_document(&Document::built_in(name).unwrap()).unwrap(), None).unwrap()

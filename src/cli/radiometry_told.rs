@@ -1,7 +1,7 @@
 //! A camera's radiometry in words: which model, and the numbers that follow from it.
 
-use crate::config::{Camera, RadiometryModel};
-use crate::optics::{StarLight, StarSpectra};
+use config::{Camera, RadiometryModel};
+use plan::optics::{StarLight, StarSpectra};
 
 /// Colours at which a band's colour term is told.
 const BLUE_AND_RED: [f64; 2] = [0.0, 2.0];

@@ -1,7 +1,7 @@
 //! Angles on the command line: the same ranges in every command, and those of bench files.
 
-use crate::config::RIGHT_ASCENSION_DEG;
 use anyhow::ensure;
+use config::RIGHT_ASCENSION_DEG;
 
 /// A right ascension from -360 to 360 degrees, as one from 0 to below 360; `option` names it in messages.
 ///

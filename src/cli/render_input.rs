@@ -1,8 +1,8 @@
 //! What `render` reads: numbers from the command line, tables from CSV files. Every refusal says file, row, wanted, got.
 
-use crate::base::units::ARCSEC;
-use crate::exposure::{PixelPath, PixelPoint, Source, SourcePlace};
 use anyhow::{Context, Result, bail};
+use base::units::ARCSEC;
+use plan::exposure::{PixelPath, PixelPoint, Source, SourcePlace};
 use std::path::Path;
 
 /// Three comma-separated numbers.

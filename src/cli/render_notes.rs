@@ -1,7 +1,7 @@
 //! Notes of `render` about input that is legal, and often a mistake.
 
-use crate::astrometry::PROVEN_YEARS;
-use crate::base::time::Tai;
+use base::time::Tai;
+use sky::astrometry::PROVEN_YEARS;
 
 /// Returns what a person should know: a time for which places are not proven, a camera that sees more than the sky has.
 pub(super) fn notes(at: Tai, limiting_mag: f32, faintest_mag: f32) -> Vec<String> {

@@ -1,9 +1,9 @@
 //! What `render` writes: FITS or PNG by the name's ending, the truth table, the timing line.
 
-use crate::base::image::Image;
-use crate::gpu::Electrons;
-use crate::sink::{FrameMeta, SentFrame, SinkError, fits, png, truth, write_file_atomically};
 use anyhow::{Result, bail};
+use base::image::Image;
+use frames::sink::{FrameMeta, SentFrame, SinkError, fits, png, truth, write_file_atomically};
+use image::gpu::Electrons;
 use std::path::Path;
 
 /// A format.

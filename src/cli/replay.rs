@@ -6,12 +6,12 @@
 
 use crate::cli::plain_text::plain_text;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
-use crate::config::Bench;
-use crate::sink::{Recorder, RecorderOptions, Sink};
-use crate::wiring::replay::{ReplayOutcome, replay_bus, replay_session};
 use anyhow::{Result, bail};
 use clap::Args;
+use config::Bench;
 use core::ops::Range;
+use frames::sink::{Recorder, RecorderOptions, Sink};
+use run::wiring::replay::{ReplayOutcome, replay_bus, replay_session};
 use std::path::PathBuf;
 
 /// Command line of `replay`.

@@ -1,7 +1,5 @@
 //! `starloop run`: a bench from its first frame to its summary.
 
-use crate::base::clock::{Clock, Monotonic, Stopwatch, Virtual};
-use crate::base::time::Tai;
 use crate::cli::budget::budget_report;
 use crate::cli::budget_files;
 use crate::cli::bus::{announce_gateways, gateway_rows};
@@ -11,29 +9,31 @@ use crate::cli::run_heads::{BenchHead, Sinks, bench_heads, sinks};
 use crate::cli::run_input::{bench, document, scenario};
 use crate::cli::wcs_warning::warn_of_wcs;
 use crate::cli::{live_view, run_scenario, signals};
-use crate::config::{self, Bench, Scenario, StartTime};
-use crate::link::capture::CaptureFormat;
-use crate::link::gateway::{Gateways, TcpAddress};
-use crate::link::{Link, Port};
-use crate::live::Numbers;
-use crate::report::{GatewayRow, HygieneLine, Progress};
-use crate::runtime::hygiene::Role;
-use crate::runtime::real_time::Sources;
-use crate::runtime::{FrameEngine, Hygiene, HygieneParams, RunError, RunOutcome, RunRecord, real_time, virtual_time};
-use crate::sink::{SentFrame, Sink};
-use crate::testbed::flight_computer::{FlightComputer, FlightError, run_until};
-use crate::wiring::bench_parts;
-use crate::wiring::control::ControlAddress;
-use crate::wiring::display_parts::{calibrated_display, hold_cards};
-use crate::wiring::memory::{RunForm, RunMemory};
-use crate::wiring::ports::{Ports, needs_real_clock, open_ports};
-use crate::wiring::replay::{Recording, SessionParams};
 use anyhow::{Context, Result, bail};
+use base::clock::{Clock, Monotonic, Stopwatch, Virtual};
+use base::time::Tai;
 use clap::{Args, ValueEnum};
+use config::{self, Bench, Scenario, StartTime};
 use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::Sender;
+use frames::report::{GatewayRow, HygieneLine, Progress};
+use frames::sink::{SentFrame, Sink};
+use link::capture::CaptureFormat;
+use link::gateway::{Gateways, TcpAddress};
+use link::{Link, Port};
+use outputs::live::Numbers;
+use run::runtime::hygiene::Role;
+use run::runtime::real_time::Sources;
+use run::runtime::{FrameEngine, Hygiene, HygieneParams, RunError, RunOutcome, RunRecord, real_time, virtual_time};
+use run::wiring::bench_parts;
+use run::wiring::control::ControlAddress;
+use run::wiring::display_parts::{calibrated_display, hold_cards};
+use run::wiring::memory::{RunForm, RunMemory};
+use run::wiring::ports::{Ports, needs_real_clock, open_ports};
+use run::wiring::replay::{Recording, SessionParams};
 use std::path::PathBuf;
 use std::sync::Arc;
+use testbed::flight_computer::{FlightComputer, FlightError, run_until};
 
 /// Command line of `run`.
 #[derive(Debug, Args)]

@@ -1,14 +1,14 @@
 //! How a run of a bench ends: its table, its `summary.json`, what it lost, its exit status.
 
-use crate::base::time::Tai;
 use crate::cli::run::{ClockKind, RunArgs};
 use crate::cli::run_heads::BenchHead;
 use crate::cli::{EXIT_DONE, EXIT_LOST, signals};
-use crate::config::Bench;
-use crate::report::{GatewayRow, HygieneLine, Losses, RunSummary, summary_table};
-use crate::runtime::{FrameEngine, RunOutcome, sink_rows};
-use crate::sink::replace_own_file;
 use anyhow::{Context, Result};
+use base::time::Tai;
+use config::Bench;
+use frames::report::{GatewayRow, HygieneLine, Losses, RunSummary, summary_table};
+use frames::sink::replace_own_file;
+use run::runtime::{FrameEngine, RunOutcome, sink_rows};
 use std::path::PathBuf;
 
 /// A run that has ended, and everything it ran with.

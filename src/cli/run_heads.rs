@@ -1,19 +1,19 @@
 //! The camera heads of a bench that is run: what draws the frames of each, and what takes them.
 
-use crate::base::clock::{Clock, Monotonic};
-use crate::base::time::Tai;
 use crate::cli::calibrate::costs_here;
 use crate::cli::check_attitude::slew_scale;
 use crate::cli::run::{ClockKind, RunArgs, stamp};
-use crate::config::Bench;
-use crate::display::calibration::Calibration;
-use crate::runtime::receiver::Receiver;
-use crate::runtime::{FrameEngine, real_time, virtual_time};
-use crate::sink::{SentFrame, Sink};
-use crate::wiring::bench_parts;
-use crate::wiring::display_parts::take_display;
-use crate::wiring::sinks::{SinkSetting, make_sinks, run_directory};
 use anyhow::{Context, Result};
+use base::clock::{Clock, Monotonic};
+use base::time::Tai;
+use config::Bench;
+use frames::sink::{SentFrame, Sink};
+use outputs::display::calibration::Calibration;
+use run::runtime::receiver::Receiver;
+use run::runtime::{FrameEngine, real_time, virtual_time};
+use run::wiring::bench_parts;
+use run::wiring::display_parts::take_display;
+use run::wiring::sinks::{SinkSetting, make_sinks, run_directory};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

@@ -1,9 +1,9 @@
 //! The command line of `run` and the file that it names -> the bench or scenario that is run.
 
 use crate::cli::run::RunArgs;
-use crate::config::{Bench, Document, Scenario, Setting, is_scenario};
-use crate::wiring::campaign::{check_room_for_faults, episode_scenario};
 use anyhow::{Context, Result, bail};
+use batch::campaign::{check_room_for_faults, episode_scenario};
+use config::{Bench, Document, Scenario, Setting, is_scenario};
 
 /// The scenario with the command line's changes, when the file is one.
 pub(super) fn scenario(arguments: &RunArgs) -> Result<Option<Scenario>> {

@@ -1,8 +1,5 @@
 //! `starloop run SCENARIO`: the closed loop, on the virtual clock or on the bench's.
 
-use crate::base::clock::{Clock, Monotonic, Stopwatch, Virtual};
-use crate::base::time::{Span, Tai};
-use crate::base::units::ARCSEC;
 use crate::cli::calibrate::costs_here;
 use crate::cli::run::{ClockKind, RunArgs, prepared_hygiene, stamp};
 use crate::cli::run_end::say_losses;
@@ -10,27 +7,30 @@ use crate::cli::run_heads::directory_of_head;
 use crate::cli::scenario_plot::TelemetryPlot;
 use crate::cli::scenario_report::{ScenarioReport, table};
 use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_LOST, EXIT_NOT_MET, signals};
-use crate::config::{Scenario, StartTime};
-use crate::runtime::params::CameraParams;
-use crate::runtime::real_time::STARS_AT_FIRST;
-use crate::runtime::{RunParams, RunRecord};
-use crate::sink::{NullSink, SentFrame, Sink, replace_own_file};
-use crate::testbed::vehicle::TelemetryRow;
-use crate::wiring::assessment::mode_name;
-use crate::wiring::bench_parts;
-use crate::wiring::camera_parts::camera_params;
-use crate::wiring::closed_loop::ClosedLoop;
-use crate::wiring::control::{ControlAddress, ControlListener, ControlSession, SessionEnd, Stage};
-use crate::wiring::display_parts::calibrated_display;
-use crate::wiring::loop_outcome::LoopView;
-use crate::wiring::memory::{RunForm, RunMemory};
-use crate::wiring::real_loop::{RealSetting, run_real};
-use crate::wiring::sinks::{SinkSetting, make_sinks, run_directory};
 use anyhow::{Context, Result, bail};
+use base::clock::{Clock, Monotonic, Stopwatch, Virtual};
+use base::time::{Span, Tai};
+use base::units::ARCSEC;
+use config::{Scenario, StartTime};
 use core::sync::atomic::{AtomicBool, Ordering};
+use frames::sink::{NullSink, SentFrame, Sink, replace_own_file};
+use run::runtime::params::CameraParams;
+use run::runtime::real_time::STARS_AT_FIRST;
+use run::runtime::{RunParams, RunRecord};
+use run::wiring::assessment::mode_name;
+use run::wiring::bench_parts;
+use run::wiring::camera_parts::camera_params;
+use run::wiring::closed_loop::ClosedLoop;
+use run::wiring::control::{ControlAddress, ControlListener, ControlSession, SessionEnd, Stage};
+use run::wiring::display_parts::calibrated_display;
+use run::wiring::loop_outcome::LoopView;
+use run::wiring::memory::{RunForm, RunMemory};
+use run::wiring::real_loop::{RealSetting, run_real};
+use run::wiring::sinks::{SinkSetting, make_sinks, run_directory};
 use std::io::{BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use testbed::vehicle::TelemetryRow;
 
 /// Runs a scenario; the exit status.
 ///

@@ -3,11 +3,11 @@
 //! Rows are gathered into at most `BINS` bins of equal length that double when they run out, each with its largest
 //! values, so that a flight of any length is one small picture and no spike is lost.
 
-use crate::base::time::Tai;
-use crate::base::units::ARCSEC;
-use crate::report::plot::{Axis, Chart, Series, Style, to_svg};
-use crate::testbed::vehicle::TelemetryRow;
-use crate::wiring::assessment::mode_name;
+use base::time::Tai;
+use base::units::ARCSEC;
+use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
+use run::wiring::assessment::mode_name;
+use testbed::vehicle::TelemetryRow;
 
 /// Most bins of the picture; even.
 const BINS: usize = 400;
@@ -102,9 +102,9 @@ fn largest(a: Bin, b: Bin) -> Bin {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::time::Span;
-    use crate::testbed::acs::Mode;
+    use base::time::Span;
     use glam::DVec3;
+    use testbed::acs::Mode;
 
     fn row(t_s: f64, pointing_rad: f64) -> TelemetryRow {
         TelemetryRow {

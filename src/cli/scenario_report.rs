@@ -1,15 +1,15 @@
 //! What a scenario came to: JSON for machines, a table for people.
 
-use crate::base::units::ARCSEC;
-use crate::config::Scenario;
-use crate::report::{FrameCounts, Losses, Machine, SinkRow};
-use crate::runtime::sink_rows;
-use crate::sink::SinkLine;
-use crate::wiring::assessment::{ModeLine, Verdict, WindowErrors};
-use crate::wiring::control::ControlRefusals;
-use crate::wiring::faults::FaultLine;
-use crate::wiring::loop_outcome::LoopView;
+use base::units::ARCSEC;
+use config::Scenario;
 use core::fmt::Write;
+use frames::report::{FrameCounts, Losses, Machine, SinkRow};
+use frames::sink::SinkLine;
+use run::runtime::sink_rows;
+use run::wiring::assessment::{ModeLine, Verdict, WindowErrors};
+use run::wiring::control::ControlRefusals;
+use run::wiring::faults::FaultLine;
+use run::wiring::loop_outcome::LoopView;
 use serde::Serialize;
 
 /// The report of one scenario run.
@@ -101,7 +101,7 @@ impl ScenarioReport {
         let (violations, lines) = assessment.violations();
         let (frames_held_to_truth, largest_rendered_error_arcsec) = assessment.rendered();
         let events =
-            crate::runtime::EventKind::ALL.iter().map(|kind| (kind.name().to_owned(), record.ledger.count(*kind)));
+            run::runtime::EventKind::ALL.iter().map(|kind| (kind.name().to_owned(), record.ledger.count(*kind)));
         Self {
             scenario: scenario.name.clone(),
             seed: scenario.bench.seed,

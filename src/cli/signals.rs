@@ -5,9 +5,9 @@
 //! files that it has not finished are removed. The handlers set flags that nothing resets, so no signal is lost however
 //! early or often it comes. SIGHUP stays ignored where the caller ignores it (`nohup`).
 
-use crate::base::streams::say;
-use crate::base::unfinished;
 use anyhow::{Context, Result};
+use base::streams::say;
+use base::unfinished;
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;

@@ -2,15 +2,15 @@
 
 use crate::cli::named_camera::named_camera;
 use crate::cli::radiometry_told::radiometry_told;
-use crate::config::Camera;
-use crate::optics::photometry_v::mag_v;
-use crate::optics::star_light::surface_brightness_e_per_s_px;
-use crate::report::plot::{Axis, Chart, Series, Style, to_svg};
-use crate::sink::write_file_atomically;
-use crate::wiring::sensitivity::{Conditions, Sensitivity};
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use config::Camera;
 use core::fmt::Write;
+use frames::report::plot::{Axis, Chart, Series, Style, to_svg};
+use frames::sink::write_file_atomically;
+use plan::optics::photometry_v::mag_v;
+use plan::optics::star_light::surface_brightness_e_per_s_px;
+use run::wiring::sensitivity::{Conditions, Sensitivity};
 use std::path::PathBuf;
 
 /// Ratios whose magnitudes are told.

@@ -1,12 +1,12 @@
 //! `starloop study`: latency and jitter injected into the closed loop, held against linear theory -> a table and charts.
 
-use crate::base::clock::Stopwatch;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
-use crate::config::{Document, Scenario};
-use crate::sink::write_file_atomically;
-use crate::wiring::study::{Effort, Study};
 use anyhow::{Context, Result};
+use base::clock::Stopwatch;
+use batch::study::{Effort, Study};
 use clap::Args;
+use config::{Document, Scenario};
+use frames::sink::write_file_atomically;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 

@@ -1,27 +1,27 @@
 //! `starloop verify`: a camera's own frames held against its file: photon transfer, and errors by brightness.
 
-use crate::attitude::LosPath;
-use crate::base::accuracy::AccuracyBudget;
-use crate::base::axes::Rotation;
-use crate::base::image::{DnImage, ElectronImage, Image};
-use crate::base::time::Tai;
 use crate::cli::named_camera::named_camera;
 use crate::cli::run::BackendName;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
-use crate::detector::{Detector, DetectorParams, Nonlinearity, Patterns, SpatialParams};
-use crate::exposure::{MethodChoice, Planner};
-use crate::optics::Illumination;
-use crate::report::to_svg;
-use crate::runtime::Imager;
-use crate::runtime::params::CameraParams;
-use crate::sink::write_file_atomically;
-use crate::verify::data_sheet::Stated;
-use crate::verify::fidelity::{self, Truth};
-use crate::verify::{DataSheet, Procedure, StarField, characterise, table};
-use crate::wiring::bench_parts::backend_choice;
-use crate::wiring::camera_parts::camera_params;
 use anyhow::{Result, bail};
+use base::accuracy::AccuracyBudget;
+use base::axes::Rotation;
+use base::image::{DnImage, ElectronImage, Image};
+use base::time::Tai;
+use batch::verify::data_sheet::Stated;
+use batch::verify::fidelity::{self, Truth};
+use batch::verify::{DataSheet, Procedure, StarField, characterise, table};
 use clap::Args;
+use frames::report::to_svg;
+use frames::sink::write_file_atomically;
+use image::detector::{Detector, DetectorParams, Nonlinearity, Patterns, SpatialParams};
+use plan::attitude::LosPath;
+use plan::exposure::{MethodChoice, Planner};
+use plan::optics::Illumination;
+use run::runtime::Imager;
+use run::runtime::params::CameraParams;
+use run::wiring::bench_parts::backend_choice;
+use run::wiring::camera_parts::camera_params;
 use std::path::{Path, PathBuf};
 
 /// The camera of a command line without one.

@@ -1,7 +1,7 @@
 //! `[background]`: light on the whole detector that is not the stars': uniform, or the sky's.
 
-use crate::config::check::{Checker, Rule};
-use crate::config::error::ConfigError;
+use crate::check::{Checker, Rule};
+use crate::error::ConfigError;
 use serde::Deserialize;
 
 /// The background, checked. All zero without the section.

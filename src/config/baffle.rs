@@ -1,10 +1,10 @@
 //! `[baffle]`: stray light of Sun, Moon and Earth. Without the section there is none.
 
-use crate::base::units::DEG;
-use crate::config::background::check_shape;
-use crate::config::check::{Checker, Rule};
-use crate::config::error::ConfigError;
-use crate::optics::baffle::{Baffle as Shade, EARTH_ALBEDO, PointSourceTransmittance};
+use crate::background::check_shape;
+use crate::check::{Checker, Rule};
+use crate::error::ConfigError;
+use base::units::DEG;
+use plan::optics::baffle::{Baffle as Shade, EARTH_ALBEDO, PointSourceTransmittance};
 use serde::Deserialize;
 use std::sync::Arc;
 

@@ -6,11 +6,11 @@
 //! (`detector.quantum_efficiency`, the photons and colour law of `[radiometry]`) are refused beside them: two statements
 //! of one thing.
 
-use crate::config::check::Checker;
-use crate::config::document::Document;
-use crate::config::error::ConfigError;
-use crate::config::{Psf, RadiometryModel};
-use crate::optics::{Band, Spectrum, SpectrumError};
+use crate::check::Checker;
+use crate::document::Document;
+use crate::error::ConfigError;
+use crate::{Psf, RadiometryModel};
+use plan::optics::{Band, Spectrum, SpectrumError};
 use serde::Deserialize;
 
 #[derive(Debug, Default, Deserialize)]
@@ -135,7 +135,7 @@ fn wavelength_inside(psf: &Psf, band: &Band, check: &Checker<'_>) -> Result<(), 
 
 #[cfg(test)]
 mod tests {
-    use crate::config::{Camera, Document};
+    use crate::{Camera, Document};
     use std::path::Path;
 
     const OPTICS: &str = "[optics]\nfocal_length_mm = 25\n";

@@ -1,24 +1,24 @@
 //! A bench file: one run of the stimulator.
 
-use crate::base::accuracy::AccuracyBudget;
-use crate::base::axes::{Body, Rotation, Sensor};
-use crate::config::budget::{Budget, BudgetKeys};
-use crate::config::camera::Camera;
-use crate::config::check::{Checker, Defaulted};
-use crate::config::document::Document;
-use crate::config::error::ConfigError;
-use crate::config::file_kind::{FileKind, must_be};
-use crate::config::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
-use crate::config::head::{HEADS_MAX, HeadKeys, check_heads};
-use crate::config::link::{Carrier, Doors, Link, Wire};
-use crate::config::link_keys::LinkKeys;
-use crate::config::observer::{Observer, ObserverKeys};
-use crate::config::session::{Session, SessionKeys};
-use crate::config::several::check_all;
-use crate::config::sink::{Sink, SinkKeys, SinkSettings};
-use crate::config::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, check_accuracy};
-use crate::config::target::{Overlap, TargetKeys, TargetSettings, check_overlap, check_targets};
-use crate::config::timing::{Timing, TimingKeys};
+use crate::budget::{Budget, BudgetKeys};
+use crate::camera::Camera;
+use crate::check::{Checker, Defaulted};
+use crate::document::Document;
+use crate::error::ConfigError;
+use crate::file_kind::{FileKind, must_be};
+use crate::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
+use crate::head::{HEADS_MAX, HeadKeys, check_heads};
+use crate::link::{Carrier, Doors, Link, Wire};
+use crate::link_keys::LinkKeys;
+use crate::observer::{Observer, ObserverKeys};
+use crate::session::{Session, SessionKeys};
+use crate::several::check_all;
+use crate::sink::{Sink, SinkKeys, SinkSettings};
+use crate::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, check_accuracy};
+use crate::target::{Overlap, TargetKeys, TargetSettings, check_overlap, check_targets};
+use crate::timing::{Timing, TimingKeys};
+use base::accuracy::AccuracyBudget;
+use base::axes::{Body, Rotation, Sensor};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

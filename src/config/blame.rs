@@ -1,6 +1,6 @@
 //! The part of a TOML text that an error is about, and the text without it.
 
-use crate::config::error::ConfigError;
+use crate::error::ConfigError;
 use core::ops::Range;
 use toml::de::{DeTable, DeValue};
 

@@ -4,8 +4,8 @@
 //! `missed_frames` to 0; `starloop budget` adds a limit for drawing from the planner's time. What is measured: see the
 //! stages of a run's summary.
 
-use crate::config::check::{Checker, Rule};
-use crate::config::error::ConfigError;
+use crate::check::{Checker, Rule};
+use crate::error::ConfigError;
 use serde::Deserialize;
 
 /// Records kept: 400 s at 10 Hz, 2.5 MiB.
@@ -140,7 +140,7 @@ fn affinity(given: Option<&[i64]>, check: &Checker<'_>) -> Result<Vec<usize>, Co
 
 #[cfg(test)]
 mod tests {
-    use crate::config::{Bench, ConfigError, Document};
+    use crate::{Bench, ConfigError, Document};
     use std::path::Path;
 
     fn bench(section: &str) -> Result<Bench, ConfigError> {

@@ -1,22 +1,22 @@
 //! A camera file.
 
-use crate::base::units::{ARCSEC, DEG};
-use crate::config::background::{Background, BackgroundKeys};
-use crate::config::baffle::{Baffle, BaffleKeys};
-use crate::config::band::{BandKeys, check_band};
-use crate::config::check::{Checker, Defaulted};
-use crate::config::detector::{Detector, DetectorKeys};
-use crate::config::detector_effects::tdi_exposure;
-use crate::config::document::Document;
-use crate::config::error::ConfigError;
-use crate::config::file_kind::{FileKind, must_be};
-use crate::config::illumination::IlluminationKeys;
-use crate::config::mtf::{MtfKeys, belongs_to_chain};
-use crate::config::optics::{Distortion, DistortionKeys, Optics, OpticsKeys, Psf, PsfKeys};
-use crate::config::radiometry::{Exposure, ExposureKeys, Radiometry, RadiometryKeys, RadiometryModel};
-use crate::config::several::check_all;
-use crate::exposure::PsfSampling;
-use crate::optics::{Band, BandRadiometry, Illumination, StarLight};
+use crate::background::{Background, BackgroundKeys};
+use crate::baffle::{Baffle, BaffleKeys};
+use crate::band::{BandKeys, check_band};
+use crate::check::{Checker, Defaulted};
+use crate::detector::{Detector, DetectorKeys};
+use crate::detector_effects::tdi_exposure;
+use crate::document::Document;
+use crate::error::ConfigError;
+use crate::file_kind::{FileKind, must_be};
+use crate::illumination::IlluminationKeys;
+use crate::mtf::{MtfKeys, belongs_to_chain};
+use crate::optics::{Distortion, DistortionKeys, Optics, OpticsKeys, Psf, PsfKeys};
+use crate::radiometry::{Exposure, ExposureKeys, Radiometry, RadiometryKeys, RadiometryModel};
+use crate::several::check_all;
+use base::units::{ARCSEC, DEG};
+use plan::exposure::PsfSampling;
+use plan::optics::{Band, BandRadiometry, Illumination, StarLight};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -150,7 +150,7 @@ impl Camera {
     /// Magnitude and colour to electrons, as the file says.
     #[must_use]
     pub fn star_light(&self) -> StarLight {
-        let parametric = crate::optics::Radiometry {
+        let parametric = plan::optics::Radiometry {
             zero_magnitude_photons_per_s_m2: self.radiometry.zero_magnitude_photons_per_s_m2,
             aperture_mm: self.optics.aperture_mm,
             obscuration: self.optics.obscuration,

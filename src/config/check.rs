@@ -1,7 +1,7 @@
 //! The rules a value must meet, with one form of message, and the list of defaults that were taken.
 
-use crate::config::document::{Document, nearest};
-use crate::config::error::ConfigError;
+use crate::document::{Document, nearest};
+use crate::error::ConfigError;
 use core::fmt;
 use std::ops::RangeInclusive;
 

@@ -1,15 +1,15 @@
 //! `[detector]`: geometry, charge, conversion.
 
-use crate::config::check::{Checker, Rule};
-use crate::config::detector_dark::DarkCurrent;
-use crate::config::detector_effects::{
+use crate::check::{Checker, Rule};
+use crate::detector_dark::DarkCurrent;
+use crate::detector_effects::{
     BinningKeys, BloomingKeys, ChargeTransferKeys, DefectsKeys, Fits, ImageLagKeys, ProtonsKeys, TdiKeys, WindowKeys,
     check_effects,
 };
-use crate::config::detector_pattern::{FixedPatterns, LineKeys, MapKeys};
-use crate::config::detector_readout::{Converter, NonlinearityKeys, Readout, RowNoiseKeys};
-use crate::config::error::ConfigError;
-use crate::detector::{DarkLaw, LinePattern, Nonlinearity, Patterns, PoissonMethod, Rounding, RowNoise, SpatialParams};
+use crate::detector_pattern::{FixedPatterns, LineKeys, MapKeys};
+use crate::detector_readout::{Converter, NonlinearityKeys, Readout, RowNoiseKeys};
+use crate::error::ConfigError;
+use image::detector::{DarkLaw, LinePattern, Nonlinearity, Patterns, PoissonMethod, Rounding, RowNoise, SpatialParams};
 use serde::Deserialize;
 
 const LARGEST_SIDE_PX: u32 = 16_384;

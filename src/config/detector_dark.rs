@@ -1,9 +1,9 @@
 //! Dark current of `[detector]`: rate or density, temperatures, doubling, non-uniformity.
 
-use crate::config::check::{Checker, Rule};
-use crate::config::detector::DetectorKeys;
-use crate::config::error::ConfigError;
-use crate::detector::DarkLaw;
+use crate::check::{Checker, Rule};
+use crate::detector::DetectorKeys;
+use crate::error::ConfigError;
+use image::detector::DarkLaw;
 
 const DEFAULT_E_PER_S: f64 = 10.0;
 const DEFAULT_REFERENCE_C: f64 = 20.0;

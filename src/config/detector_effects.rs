@@ -1,19 +1,19 @@
 //! `[detector.blooming]`, `[detector.image_lag]` and so on: effects that are off until their table is given.
 
-use crate::config::check::{Checker, Rule};
-use crate::config::detector::DetectorKeys;
-use crate::config::error::ConfigError;
-use crate::config::radiometry::Exposure;
-use crate::detector::SpatialParams;
-use crate::detector::binning::{Binning, BinningKind, MOST};
-use crate::detector::blooming::Blooming;
-use crate::detector::charge_transfer::{ChargeTransfer, MOST_LEFT_BEHIND, OutputCorner};
-use crate::detector::defects::{DefectPopulation, Rates};
-use crate::detector::image_lag::ImageLag;
-use crate::detector::protons::stopping_power::DOMAIN_MEV;
-use crate::detector::protons::{ProtonDirection, ProtonFlux, SensitiveLayer};
-use crate::detector::tdi::Tdi;
-use crate::detector::window::Window;
+use crate::check::{Checker, Rule};
+use crate::detector::DetectorKeys;
+use crate::error::ConfigError;
+use crate::radiometry::Exposure;
+use image::detector::SpatialParams;
+use image::detector::binning::{Binning, BinningKind, MOST};
+use image::detector::blooming::Blooming;
+use image::detector::charge_transfer::{ChargeTransfer, MOST_LEFT_BEHIND, OutputCorner};
+use image::detector::defects::{DefectPopulation, Rates};
+use image::detector::image_lag::ImageLag;
+use image::detector::protons::stopping_power::DOMAIN_MEV;
+use image::detector::protons::{ProtonDirection, ProtonFlux, SensitiveLayer};
+use image::detector::tdi::Tdi;
+use image::detector::window::Window;
 use serde::Deserialize;
 
 /// Largest share of the pixels that a random population may make defective, of each kind.

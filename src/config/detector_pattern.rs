@@ -1,10 +1,10 @@
 //! Fixed patterns of `[detector]`: rms or peak-to-peak, maps, columns and rows.
 
-use crate::config::check::{Checker, Rule};
-use crate::config::detector::DetectorKeys;
-use crate::config::error::ConfigError;
-use crate::config::image_file;
-use crate::detector::{LinePattern, Patterns};
+use crate::check::{Checker, Rule};
+use crate::detector::DetectorKeys;
+use crate::error::ConfigError;
+use crate::image_file;
+use image::detector::{LinePattern, Patterns};
 use serde::Deserialize;
 use std::sync::Arc;
 

@@ -1,9 +1,9 @@
 //! Readout of `[detector]`: gain, rounding, amplifier and row noise, response.
 
-use crate::config::check::{Checker, Rule};
-use crate::config::detector::DetectorKeys;
-use crate::config::error::ConfigError;
-use crate::detector::{DetectorParams, Nonlinearity, Rounding, RowNoise};
+use crate::check::{Checker, Rule};
+use crate::detector::DetectorKeys;
+use crate::error::ConfigError;
+use image::detector::{DetectorParams, Nonlinearity, Rounding, RowNoise};
 use serde::Deserialize;
 
 /// Readout beyond the read noise, checked.

@@ -1,7 +1,7 @@
 //! `[detector]` beyond its geometry: what is taken, and what is refused with which words.
 
 use super::*;
-use crate::detector::{DarkLaw, LinePattern, Rounding, RowNoise};
+use image::detector::{DarkLaw, LinePattern, Rounding, RowNoise};
 use std::path::Path;
 
 fn camera_at(path: &Path, lines: &str) -> Result<Detector, String> {
@@ -21,7 +21,7 @@ fn what_is_not_asked_for_is_off() {
     assert_eq!((plain.line_pattern, plain.row_noise), (LinePattern::OFF, RowNoise::OFF));
     assert_eq!((plain.rounding, plain.nonlinearity.is_on()), (Rounding::Nearest, false));
     assert_eq!((plain.amplifier_noise_e_rms, plain.dark_nonuniformity), (0.0, 0.0));
-    assert_eq!(plain.maps, crate::detector::Patterns::default());
+    assert_eq!(plain.maps, image::detector::Patterns::default());
 }
 
 #[test]

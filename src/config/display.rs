@@ -1,9 +1,9 @@
 //! `[sink] kind = "display"`: a monitor in front of a tracker.
 
-use crate::base::time::Span;
-use crate::config::check::{Checker, Rule};
-use crate::config::error::ConfigError;
-use crate::display::{Bits, CardChoice, Corner, Marker, MonitorChoice, Params};
+use crate::check::{Checker, Rule};
+use crate::error::ConfigError;
+use base::time::Span;
+use outputs::display::{Bits, CardChoice, Corner, Marker, MonitorChoice, Params};
 use serde::Deserialize;
 use std::path::PathBuf;
 
@@ -216,7 +216,7 @@ fn marker(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::document::Document;
+    use crate::document::Document;
     use std::path::Path;
 
     const IMAGE_PX: [u32; 2] = [640, 480];

@@ -1,8 +1,8 @@
 //! The polynomial of `[distortion]`.
 
-use crate::astrometry::{DISTORTION_DEGREE, PolynomialDistortion};
-use crate::config::check::{Checker, Rule};
-use crate::config::error::ConfigError;
+use crate::check::{Checker, Rule};
+use crate::error::ConfigError;
+use sky::astrometry::{DISTORTION_DEGREE, PolynomialDistortion};
 
 /// Rows of exponents of x and y, and the coefficient of that term.
 pub(super) type Terms = Vec<(usize, usize, f64)>;

@@ -1,8 +1,8 @@
 //! One TOML text and where it came from: a file, or compiled in.
 
-use crate::config::blame::without_the_blamed;
-use crate::config::error::ConfigError;
-use crate::config::setting::{NAMES_A_FILE, Setting};
+use crate::blame::without_the_blamed;
+use crate::error::ConfigError;
+use crate::setting::{NAMES_A_FILE, Setting};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -3,15 +3,15 @@
 //! A key that a word has no use for is refused: it would be given in vain. Words: `event_word`; their values:
 //! `event_reader`. Tests: `event_tests`.
 
-use crate::base::time::Span;
-use crate::config::check::{Checker, Rule};
-use crate::config::document::Document;
-use crate::config::error::ConfigError;
-use crate::config::event_reader::Reader;
-use crate::config::event_word::{ACTIONS, EventKeys, words};
-use crate::link::tap::LinkFault;
-use crate::sink::FrameFault;
+use crate::check::{Checker, Rule};
+use crate::document::Document;
+use crate::error::ConfigError;
+use crate::event_reader::Reader;
+use crate::event_word::{ACTIONS, EventKeys, words};
+use base::time::Span;
+use frames::sink::FrameFault;
 use glam::DVec3;
+use link::tap::LinkFault;
 use std::path::Path;
 
 /// Direction and roll of a sensor, deg.

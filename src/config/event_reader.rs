@@ -1,15 +1,15 @@
 //! Keys of one event -> what happens, when, and for how long.
 
-use crate::base::time::Span;
-use crate::base::units::DEG;
-use crate::config::check::{Checker, Rule};
-use crate::config::error::ConfigError;
-use crate::config::event::{Action, GyroFaultKind, Pointing};
-use crate::config::event_word::{EventKeys, Kind};
-use crate::detector::protons::stopping_power::DOMAIN_MEV;
-use crate::link::tap::LinkFault;
-use crate::sink::{DefectSpots, FaultPixels, FrameFault, PixelFault, ProtonStorm};
+use crate::check::{Checker, Rule};
+use crate::error::ConfigError;
+use crate::event::{Action, GyroFaultKind, Pointing};
+use crate::event_word::{EventKeys, Kind};
+use base::time::Span;
+use base::units::DEG;
+use frames::sink::{DefectSpots, FaultPixels, FrameFault, PixelFault, ProtonStorm};
 use glam::DVec3;
+use image::detector::protons::stopping_power::DOMAIN_MEV;
+use link::tap::LinkFault;
 
 /// Reads the keys of one event.
 pub(super) struct Reader<'a, 'd> {

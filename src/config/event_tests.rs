@@ -1,7 +1,7 @@
 //! Every word takes its own keys, asks for those it needs, and refuses all others.
 
 use super::*;
-use crate::link::tap::LinkFault;
+use link::tap::LinkFault;
 
 /// From one frame to the next.
 const PERIOD: Span = Span::from_ms(100);
@@ -192,7 +192,7 @@ fn contradicting_times_are_refused() {
 
 #[test]
 fn defects_and_storms_are_read_as_they_are_given() {
-    use crate::sink::{DefectSpots, FaultPixels, FrameFault, PixelFault, ProtonStorm};
+    use frames::sink::{DefectSpots, FaultPixels, FrameFault, PixelFault, ProtonStorm};
     let fault = |word: &str, lines: &str| {
         let text = format!("do = \"{word}\"\nat_s = 1.0\nfor_s = 2.0\n{lines}");
         let document = Document::from_text(&text, Path::new("lab/event.toml"));

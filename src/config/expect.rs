@@ -1,7 +1,7 @@
 //! `[expect]`: what must come true for a scenario to have passed.
 
-use crate::config::check::{Checker, Rule};
-use crate::config::error::ConfigError;
+use crate::check::{Checker, Rule};
+use crate::error::ConfigError;
 use serde::Deserialize;
 
 /// Expectations, checked. What is `None` is not expected.

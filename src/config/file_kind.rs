@@ -1,7 +1,7 @@
 //! Kinds of configuration files, and the refusal of one in the place of another.
 
-use crate::config::document::Document;
-use crate::config::error::ConfigError;
+use crate::document::Document;
+use crate::error::ConfigError;
 
 /// The kinds of files below `configs/`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,7 +82,7 @@ pub(super) fn must_be(wanted: FileKind, document: &Document) -> Result<(), Confi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{Bench, Camera};
+    use crate::{Bench, Camera};
 
     #[test]
     fn kind_of_every_built_in_file_is_that_of_its_folder() {

@@ -1,10 +1,10 @@
 //! `[flight_computer]`: the simulated one at the other end of the link.
 
-use crate::attitude::JitterLine;
-use crate::base::units::{ARCSEC, DEG};
-use crate::config::check::{Checker, Rule};
-use crate::config::error::ConfigError;
+use crate::check::{Checker, Rule};
+use crate::error::ConfigError;
+use base::units::{ARCSEC, DEG};
 use glam::DVec3;
+use plan::attitude::JitterLine;
 use serde::Deserialize;
 
 /// Least and largest right ascension that is taken, degrees: one turn to either side.

@@ -1,9 +1,9 @@
 //! Camera heads beside the first: how each is mounted. All have the bench's camera and timing.
 
-use crate::base::axes::{Body, Rotation, Sensor};
-use crate::config::bench::quaternion;
-use crate::config::check::Checker;
-use crate::config::error::ConfigError;
+use crate::bench::quaternion;
+use crate::check::Checker;
+use crate::error::ConfigError;
+use base::axes::{Body, Rotation, Sensor};
 use serde::Deserialize;
 
 /// Most camera heads of one bench or spacecraft.

@@ -1,10 +1,10 @@
 //! `[illumination]`: vignetting, the cosine's fourth power, blocked aperture. Without the section the field is even.
 
-use crate::config::check::{Checker, Rule};
-use crate::config::error::ConfigError;
-use crate::config::optics::Optics;
-use crate::optics::Illumination;
-use crate::optics::illumination::Vignetting;
+use crate::check::{Checker, Rule};
+use crate::error::ConfigError;
+use crate::optics::Optics;
+use plan::optics::Illumination;
+use plan::optics::illumination::Vignetting;
 use serde::Deserialize;
 
 /// Largest share of the aperture that may be blocked: more leaves no aperture worth the name.

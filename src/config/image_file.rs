@@ -1,8 +1,8 @@
 //! Images that a configuration names: FITS files, relative to the file that names them.
 
-use crate::config::check::Checker;
-use crate::config::error::ConfigError;
-use crate::sink::fits::FitsImage;
+use crate::check::Checker;
+use crate::error::ConfigError;
+use frames::sink::fits::FitsImage;
 use std::fs::File;
 use std::io::BufReader;
 

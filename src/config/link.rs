@@ -1,10 +1,10 @@
 //! `[link]` and `[[extra_link]]`: buses to the flight computer; a table, or the path of a file that holds the same keys.
 
-use crate::config::check::{Checker, Defaulted, Rule};
-use crate::config::error::ConfigError;
-use crate::config::link_keys::{Address, LinkKeys, LinkTable};
-use crate::link::gateway::TcpAddress;
+use crate::check::{Checker, Defaulted, Rule};
+use crate::error::ConfigError;
+use crate::link_keys::{Address, LinkKeys, LinkTable};
 use core::net::SocketAddr;
+use link::gateway::TcpAddress;
 use std::path::PathBuf;
 
 /// What the bytes travel on.

@@ -1,7 +1,7 @@
 //! Links of every kind: what is taken, and what is refused with which words.
 
 use super::*;
-use crate::config::{Bench, Document};
+use crate::{Bench, Document};
 use std::path::Path;
 
 fn link(text: &str) -> Result<Link, String> {

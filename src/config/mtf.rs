@@ -3,15 +3,15 @@
 //! Every key left out is off. Diffraction is always on (`[psf]` has its F-number and obscuration), the pixel too. The
 //! light is one wavelength (`psf.wavelength_nm`), or the camera's `[band]` for a star of colour `psf.bp_rp`.
 
-use crate::config::check::{Checker, Rule};
-use crate::config::detector::Detector;
-use crate::config::error::ConfigError;
-use crate::config::optics::{DEFAULT_WAVELENGTH_NM, LARGEST_OBSCURATION, Optics, Psf};
-use crate::detector::tdi::Tdi;
-use crate::optics::mtf::circuit::{Circuit, LOWEST_CUTOFF};
-use crate::optics::mtf::diffusion::{Diffusion, Layers, Side};
-use crate::optics::mtf::{ChainParams, Defocus, DefocusForm, MtfChain, MtfError, TdiBlur, Wavefront};
-use crate::optics::{Band, SpectralWeight};
+use crate::check::{Checker, Rule};
+use crate::detector::Detector;
+use crate::error::ConfigError;
+use crate::optics::{DEFAULT_WAVELENGTH_NM, LARGEST_OBSCURATION, Optics, Psf};
+use image::detector::tdi::Tdi;
+use plan::optics::mtf::circuit::{Circuit, LOWEST_CUTOFF};
+use plan::optics::mtf::diffusion::{Diffusion, Layers, Side};
+use plan::optics::mtf::{ChainParams, Defocus, DefocusForm, MtfChain, MtfError, TdiBlur, Wavefront};
+use plan::optics::{Band, SpectralWeight};
 use serde::Deserialize;
 
 /// Light in which the star is drawn.
@@ -240,8 +240,8 @@ fn circuit(keys: &MtfKeys, check: &mut Checker<'_>) -> Result<Option<Circuit>, C
 
 #[cfg(test)]
 mod tests {
-    use crate::config::{Camera, ConfigError, Document, Psf};
-    use crate::optics::mtf::TdiBlur;
+    use crate::{Camera, ConfigError, Document, Psf};
+    use plan::optics::mtf::TdiBlur;
     use std::path::Path;
 
     fn camera(psf: &str, mtf: &str) -> Result<Camera, ConfigError> {

@@ -1,6 +1,6 @@
 //! Names of benches, scenarios, cameras: what is printed and what becomes a folder.
 
-use crate::config::{Bench, Camera, Document, Scenario};
+use crate::{Bench, Camera, Document, Scenario};
 use std::path::Path;
 
 const CAMERA: &str =

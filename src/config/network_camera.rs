@@ -1,8 +1,8 @@
 //! Keys of a camera on the network: `kind = "network_camera"` in a table of a sink.
 
-use crate::config::check::{Checker, Rule};
-use crate::config::error::ConfigError;
-use crate::network_camera::{Identity, Params, PixelFormat, XmlForm};
+use crate::check::{Checker, Rule};
+use crate::error::ConfigError;
+use outputs::network_camera::{Identity, Params, PixelFormat, XmlForm};
 use serde::Deserialize;
 use std::net::Ipv4Addr;
 
@@ -120,7 +120,7 @@ fn mac(key: &str, given: Option<&str>, check: &Checker<'_>) -> Result<Option<[u8
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::document::Document;
+    use crate::document::Document;
     use std::path::Path;
 
     fn read(text: &str) -> Result<Params, ConfigError> {

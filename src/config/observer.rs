@@ -1,11 +1,11 @@
 //! `[observer]`: where the sensor is, for parallax and aberration.
 
-use crate::base::time::Tai;
-use crate::base::units::DEG;
-use crate::config::check::{Checker, Rule};
-use crate::config::error::ConfigError;
-use crate::sky::orbit::{CentralBody, KeplerElements};
+use crate::check::{Checker, Rule};
+use crate::error::ConfigError;
+use base::time::Tai;
+use base::units::DEG;
 use serde::Deserialize;
+use sky::orbit::{CentralBody, KeplerElements};
 
 /// Place and motion of the sensor, checked.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,7 +1,7 @@
 //! `[observer]` about Earth, Moon or Sun: what it means, what is refused.
 
 use super::*;
-use crate::config::document::Document;
+use crate::document::Document;
 use std::path::Path;
 
 #[derive(Debug, Deserialize)]

@@ -1,15 +1,15 @@
 //! `[optics]`, `[distortion]`, `[psf]`.
 
-use crate::astrometry::PolynomialDistortion;
-use crate::config::check::{Checker, Rule};
-use crate::config::detector::Detector;
-use crate::config::distortion::{Terms, check_polynomial};
-use crate::config::error::ConfigError;
-use crate::config::mtf::{Chain, LensKeys, MtfKeys};
-use crate::config::psf::{self, LevelOrWord, NodeKeys, PlaceOrWord};
-use crate::exposure::PsfSampling;
-use crate::optics::PsfModel;
+use crate::check::{Checker, Rule};
+use crate::detector::Detector;
+use crate::distortion::{Terms, check_polynomial};
+use crate::error::ConfigError;
+use crate::mtf::{Chain, LensKeys, MtfKeys};
+use crate::psf::{self, LevelOrWord, NodeKeys, PlaceOrWord};
+use plan::exposure::PsfSampling;
+use plan::optics::PsfModel;
 use serde::Deserialize;
+use sky::astrometry::PolynomialDistortion;
 
 /// Shortest focal length, mm: a tenth of that, and one pixel sees most of the sky.
 const LEAST_FOCAL_MM: f64 = 0.1;

@@ -4,12 +4,12 @@
 //! A measured PSF's file is read when the camera is; its path is relative to the camera file. It is no part of a packed
 //! configuration: a replay reads it where it was.
 
-use crate::config::check::{Checker, Rule};
-use crate::config::error::ConfigError;
-use crate::optics::measured::{Background, Holds, MeasuredError, Measurement, StarAt};
-use crate::optics::psf_field::{MOST_NODES, PsfField};
-use crate::optics::{PsfGrid, PsfModel};
-use crate::sink::fits::FitsImage;
+use crate::check::{Checker, Rule};
+use crate::error::ConfigError;
+use frames::sink::fits::FitsImage;
+use plan::optics::measured::{Background, Holds, MeasuredError, Measurement, StarAt};
+use plan::optics::psf_field::{MOST_NODES, PsfField};
+use plan::optics::{PsfGrid, PsfModel};
 use serde::Deserialize;
 
 /// Default exponent of a Moffat profile: turbulence (Trujillo et al. 2001).

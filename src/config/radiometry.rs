@@ -1,9 +1,9 @@
 //! `[radiometry]` and `[exposure]`.
 
-use crate::config::check::{Checker, Rule};
-use crate::config::detector::Detector;
-use crate::config::error::ConfigError;
-use crate::optics::{GreyMap, GreyScale};
+use crate::check::{Checker, Rule};
+use crate::detector::Detector;
+use crate::error::ConfigError;
+use plan::optics::{GreyMap, GreyScale};
 use serde::Deserialize;
 
 /// Photons per second and square metre of a star of G = 0 in the band of Gaia G, above the optics.
@@ -198,8 +198,8 @@ impl Exposure {
 
 #[cfg(test)]
 mod tests {
-    use crate::config::{Camera, Document};
-    use crate::optics::StarLight;
+    use crate::{Camera, Document};
+    use plan::optics::StarLight;
     use std::path::Path;
 
     fn camera(radiometry: &str) -> Result<Camera, String> {

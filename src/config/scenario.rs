@@ -1,25 +1,25 @@
 //! A scenario file: a bench whose attitude is flown in closed loop, by a spacecraft with a flight computer and trackers.
 
-use crate::base::axes::{Body, Rotation, Sensor};
-use crate::base::time::Span;
-use crate::config::bench::{Bench, given_seed};
-use crate::config::check::{Checker, Defaulted, Rule};
-use crate::config::document::Document;
-use crate::config::error::ConfigError;
-use crate::config::event::{Action, Event, Pointing};
-use crate::config::event_word::EventKeys;
-use crate::config::expect::{Expect, ExpectKeys};
-use crate::config::file_kind::{FileKind, must_be};
-use crate::config::head::{HEADS_MAX, HeadKeys, check_heads};
-use crate::config::link::{Carrier, Doors};
-use crate::config::observer::Observer;
-use crate::config::session::SessionStart;
-use crate::config::several::check_all;
-use crate::config::spacecraft::Spacecraft;
-use crate::testbed::spacecraft::TestTorque;
+use crate::bench::{Bench, given_seed};
+use crate::check::{Checker, Defaulted, Rule};
+use crate::document::Document;
+use crate::error::ConfigError;
+use crate::event::{Action, Event, Pointing};
+use crate::event_word::EventKeys;
+use crate::expect::{Expect, ExpectKeys};
+use crate::file_kind::{FileKind, must_be};
+use crate::head::{HEADS_MAX, HeadKeys, check_heads};
+use crate::link::{Carrier, Doors};
+use crate::observer::Observer;
+use crate::session::SessionStart;
+use crate::several::check_all;
+use crate::spacecraft::Spacecraft;
+use base::axes::{Body, Rotation, Sensor};
+use base::time::Span;
 use glam::DVec3;
 use serde::Deserialize;
 use std::path::Path;
+use testbed::spacecraft::TestTorque;
 
 /// A scenario, checked, with everything it names.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,8 +1,8 @@
 //! `[session]`: how the conversation with the flight computer is kept.
 
-use crate::base::time::Span;
-use crate::config::check::{Checker, Rule};
-use crate::config::error::ConfigError;
+use crate::check::{Checker, Rule};
+use crate::error::ConfigError;
+use base::time::Span;
 use serde::Deserialize;
 
 /// When frames begin to show stars.

@@ -4,7 +4,7 @@
 //! names another file, such as `bench.timing.frame_rate_hz`, changes that file's value. VALUE is TOML; a word that is
 //! no TOML is taken as a string, so that a shell needs no second quotes. Tests: `setting_tests`.
 
-use crate::config::error::ConfigError;
+use crate::error::ConfigError;
 
 /// Keys whose value may be the path of a file that is read in their place.
 pub(super) const NAMES_A_FILE: [&str; 4] = ["bench", "camera", "link", "spacecraft"];

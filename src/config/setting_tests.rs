@@ -4,7 +4,7 @@ use super::*;
 use std::path::Path;
 
 fn acquisition(settings: &[&str]) -> Result<Scenario, ConfigError> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenarios/acquisition.toml");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/scenarios/acquisition.toml");
     let settings = settings.iter().map(|text| Setting::parse(text)).collect::<Result<Vec<_>, _>>()?;
     Scenario::from_document(&Document::open(&path)?.with_settings(settings))
 }

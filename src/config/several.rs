@@ -4,8 +4,8 @@
 //! reading finds as many errors as there are keys to blame. Errors after the first are found with the bad values at
 //! their defaults, and say so.
 
-use crate::config::document::Document;
-use crate::config::error::ConfigError;
+use crate::document::Document;
+use crate::error::ConfigError;
 
 /// Errors after which no more are looked for.
 const ERRORS_MAX: usize = 20;
@@ -40,7 +40,7 @@ pub(super) fn check_all<T>(
 
 #[cfg(test)]
 mod tests {
-    use crate::config::{Bench, Camera, ConfigError, Document};
+    use crate::{Bench, Camera, ConfigError, Document};
     use std::path::Path;
 
     fn errors_of_bench(text: &str) -> Vec<String> {

@@ -2,11 +2,11 @@
 //!
 //! A new kind is an arm of [`Sink`], a line in [`KINDS`] and a reader in [`read_kind`]; `wiring::sinks` makes it.
 
-use crate::config::check::Checker;
-use crate::config::display::DisplaySettings;
-use crate::config::error::ConfigError;
-use crate::config::network_camera as network_camera_keys;
-use crate::network_camera::Params as NetworkCameraParams;
+use crate::check::Checker;
+use crate::display::DisplaySettings;
+use crate::error::ConfigError;
+use crate::network_camera as network_camera_keys;
+use outputs::network_camera::Params as NetworkCameraParams;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

@@ -1,18 +1,18 @@
 //! A spacecraft file: body, wheels, modes, disturbances, gyro, Sun sensor, control.
 
-use crate::base::time::{Span, Tai};
-use crate::base::units::{ARCSEC, DEG};
-use crate::config::check::{Checker, Defaulted, Rule};
-use crate::config::document::Document;
-use crate::config::error::ConfigError;
-use crate::testbed::spacecraft::{
-    CircularOrbitParams, DisturbanceParams, FlexibleMode, GyroParams, Harmonic, SpacecraftParams, UnloadingParams,
-    WheelParams,
-};
+use crate::check::{Checker, Defaulted, Rule};
+use crate::document::Document;
+use crate::error::ConfigError;
+use base::time::{Span, Tai};
+use base::units::{ARCSEC, DEG};
 use core::f64::consts::TAU;
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
 use std::path::Path;
+use testbed::spacecraft::{
+    CircularOrbitParams, DisturbanceParams, FlexibleMode, GyroParams, Harmonic, SpacecraftParams, UnloadingParams,
+    WheelParams,
+};
 
 /// Revolutions per minute in rad/s.
 const RPM: f64 = TAU / 60.0;

@@ -1,11 +1,11 @@
 //! `[attitude]`, `[accuracy]`, `[render]`: how the stimulator does its work.
 
-use crate::attitude::{EstimateLimits, HistoryLimits, RemoteClockLimits, StalePolicy};
-use crate::base::accuracy::AccuracyBudget;
-use crate::base::time::Span;
-use crate::config::check::{Checker, Rule};
-use crate::config::error::ConfigError;
-use crate::exposure::MethodChoice;
+use crate::check::{Checker, Rule};
+use crate::error::ConfigError;
+use base::accuracy::AccuracyBudget;
+use base::time::Span;
+use plan::attitude::{EstimateLimits, HistoryLimits, RemoteClockLimits, StalePolicy};
+use plan::exposure::MethodChoice;
 use serde::Deserialize;
 
 /// Seconds of samples kept beyond the exposure and the oldest tag.

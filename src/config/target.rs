@@ -1,12 +1,12 @@
 //! `[[target]]`: point sources that move over the detector by a script, or fly about the Earth, and what becomes of stars
 //! behind them.
 
-use crate::config::check::{Checker, Rule};
-use crate::config::error::ConfigError;
-use crate::config::target_orbit::{OrbitSettings, check_brightness};
-use crate::exposure::{TargetCurve, TargetPath};
-use crate::sky::target::Brightness;
+use crate::check::{Checker, Rule};
+use crate::error::ConfigError;
+use crate::target_orbit::{OrbitSettings, check_brightness};
+use plan::exposure::{TargetCurve, TargetPath};
 use serde::Deserialize;
+use sky::target::Brightness;
 
 /// Most targets of a bench.
 const TARGETS_MAX: usize = 256;
@@ -245,7 +245,7 @@ impl TargetSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::document::Document;
+    use crate::document::Document;
     use std::path::Path;
 
     fn checked(lines: &str) -> Result<TargetSettings, String> {

@@ -1,12 +1,12 @@
 //! `[[target]] orbit = ...`: targets on the sky, by where they fly about the Earth and how they shine.
 
-use crate::base::time::Tai;
-use crate::base::units::DEG;
-use crate::config::check::{Checker, Rule};
-use crate::config::error::ConfigError;
-use crate::config::target::TargetKeys;
-use crate::sky::orbit::KeplerElements;
-use crate::sky::target::{Brightness, MOST_PHASE_POINTS, PhaseCurve, SUN_BP_RP};
+use crate::check::{Checker, Rule};
+use crate::error::ConfigError;
+use crate::target::TargetKeys;
+use base::time::Tai;
+use base::units::DEG;
+use sky::orbit::KeplerElements;
+use sky::target::{Brightness, MOST_PHASE_POINTS, PhaseCurve, SUN_BP_RP};
 
 /// Largest size of a file of elements, bytes: a whole catalog.
 const LARGEST_FILE: usize = 64 << 20;

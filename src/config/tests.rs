@@ -1,8 +1,8 @@
 //! Shipped files load; every rule has a failing example; what is wrong is said with file, line, key and advice.
 
 use super::*;
-use crate::attitude::StalePolicy;
-use crate::exposure::Rung;
+use plan::attitude::StalePolicy;
+use plan::exposure::Rung;
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -57,7 +57,7 @@ fn every_built_in_configuration_loads() {
 
 #[test]
 fn every_shipped_file_is_built_in_and_loads_from_disk() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
     let mut seen = 0;
     for folder in ["benches", "cameras", "links", "scenarios", "spacecraft"] {
         for entry in std::fs::read_dir(root.join(folder)).expect("a folder of configs") {
@@ -90,7 +90,7 @@ fn the_built_in_bench_is_the_loopback() {
     assert_eq!((bench.timing.frames(), bench.link.wire), (100, Wire::CanFd));
     assert_eq!(bench.flight_computer.jitter_lines.len(), 3);
     let wheel = bench.flight_computer.jitter_lines[2].line();
-    assert_eq!((wheel.frequency_hz, wheel.amplitude_rad.x), (53.0, 6.0 * crate::base::units::ARCSEC));
+    assert_eq!((wheel.frequency_hz, wheel.amplitude_rad.x), (53.0, 6.0 * base::units::ARCSEC));
     let slew = bench.flight_computer.slew.expect("a slew");
     assert_eq!((slew.axis, slew.angle_deg), ([0.0, -1.0, 0.0], 2.0));
 }
@@ -160,7 +160,7 @@ fn wrong_types_and_broken_toml_show_the_line() {
 
 #[test]
 fn shot_noise_is_drawn_as_the_camera_file_says() {
-    use crate::detector::PoissonMethod;
+    use image::detector::PoissonMethod;
     let of = |line: &str| camera_with("detector", line).expect("a camera").detector.poisson;
     assert_eq!(of(""), PoissonMethod::Auto, "the default");
     for method in PoissonMethod::ALL {
@@ -480,21 +480,21 @@ proptest! {
 
 #[test]
 fn a_date_error_of_the_trackers_is_read_and_held_to_its_range() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenarios");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/scenarios");
     let text = std::fs::read_to_string(folder.join("study.toml")).expect("shipped");
     let with = |line: &str| {
         let text = text.replace("delay_ms = 50.0", &format!("delay_ms = 50.0\n{line}"));
         Scenario::from_document(&Document::from_text(&text, &folder.join("lab.toml")))
     };
-    assert_eq!(with("").expect("sound").tag_error, crate::base::time::Span::ZERO);
-    assert_eq!(with("tag_error_ms = -20.0").expect("sound").tag_error, crate::base::time::Span::from_ms(-20));
+    assert_eq!(with("").expect("sound").tag_error, base::time::Span::ZERO);
+    assert_eq!(with("tag_error_ms = -20.0").expect("sound").tag_error, base::time::Span::from_ms(-20));
     let refused = with("tag_error_ms = 1001.0").expect_err("refused").to_string();
     assert!(refused.contains("tracker.tag_error_ms"), "{refused}");
 }
 
 /// A shipped scenario after some of its text was replaced, with settings.
 fn scenario(name: &str, replaced: [&str; 2], settings: &[&str]) -> Result<Scenario, ConfigError> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenarios");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/scenarios");
     let text = std::fs::read_to_string(folder.join(name)).expect("shipped");
     let document = Document::from_text(&text.replace(replaced[0], replaced[1]), &folder.join("../scenarios/lab.toml"));
     let settings = settings.iter().map(|text| Setting::parse(text).expect("sound")).collect();

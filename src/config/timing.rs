@@ -1,9 +1,9 @@
 //! `[timing]`: frames, duration, the simulated start.
 
-use crate::base::time::Tai;
-use crate::config::check::{Checker, Rule};
-use crate::config::error::ConfigError;
-use crate::exposure::Rung;
+use crate::check::{Checker, Rule};
+use crate::error::ConfigError;
+use base::time::Tai;
+use plan::exposure::Rung;
 use serde::Deserialize;
 
 const DEFAULT_START_UTC: &str = "2026-03-01T00:00:00Z";
@@ -141,7 +141,7 @@ fn start(keys: &TimingKeys, check: &mut Checker<'_>) -> Result<StartTime, Config
     if text.trim() == "now" {
         return Ok(StartTime::Now);
     }
-    let refuse = |error: crate::base::time::TimeError| {
+    let refuse = |error: base::time::TimeError| {
         check.invalid("timing.start_utc", format!("\"{text}\""), "RFC 3339 or \"now\"", &error.to_string())
     };
     Tai::from_rfc3339(&text).map(StartTime::At).map_err(refuse)

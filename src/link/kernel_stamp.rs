@@ -9,8 +9,8 @@
 //! its reading instead. Steps smaller than [`STEP_MIN`] cannot be told from slewing and pass into the stamps.
 //! The unit tests give the readings as arguments.
 
-use crate::base::clock::PairedReading;
-use crate::base::time::{Span, Tai};
+use base::clock::PairedReading;
+use base::time::{Span, Tai};
 
 /// A packet that seems to have waited longer than this has an impossible stamp.
 const AGE_MAX: Span = Span::from_ms(60_000);

@@ -1,7 +1,7 @@
 //! A link with a codec: packets <-> messages, rejections counted.
 
 use super::{CHUNK_MAX, Departure, Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped};
-use crate::base::time::{Span, Tai};
+use base::time::{Span, Tai};
 use firmware_protocol::can::{self, CanFrame, Format, IdMap};
 use firmware_protocol::{Message, Reject, RejectCounters, serial};
 

@@ -2,8 +2,8 @@
 
 use super::simulated::{BusParams, BusTiming, SimulatedLink, simulated_pair};
 use super::*;
-use crate::base::clock::{Clock, Virtual};
-use crate::base::time::Span;
+use base::clock::{Clock, Virtual};
+use base::time::Span;
 use firmware_protocol::can::{CanFrame, IdMap};
 use firmware_protocol::message::{AttitudeFlags, AttitudeRecord, Sync};
 use firmware_protocol::{Message, Reject};

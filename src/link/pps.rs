@@ -10,9 +10,9 @@
 
 use super::LinkError;
 use super::kernel_stamp::StampMap;
-use crate::base::clock::PairedReading;
-use crate::base::time::{Span, Tai};
-use crate::base::units::NS_PER_S;
+use base::clock::PairedReading;
+use base::time::{Span, Tai};
+use base::units::NS_PER_S;
 use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;

@@ -1,6 +1,6 @@
 //! Waiting for a descriptor with a limit: sleeps in `ppoll`, to the nanosecond of the limit, and never spins.
 
-use crate::base::time::Span;
+use base::time::Span;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::io;
 use std::os::fd::BorrowedFd;

@@ -6,14 +6,14 @@
 //!
 //! Observer, Earth and Sun are followed by one [`ObserverTrack`]. Limits: an observer at the barycentre has no such sky and is refused; for one
 //! at the geocentre there is no Earth.
-//! Tests: below; `tests/physics/bodies.rs`; the Moon in [`crate::sky::moon`].
+//! Tests: below; `tests/physics/bodies.rs`; the Moon in [`crate::moon`].
 
-use crate::base::time::Tai;
-use crate::sky::ObserverError;
-use crate::sky::observer::{BarycentricState, Observer, ObserverTrack};
-use crate::sky::planets::Planet;
-use crate::sky::spheroid::Spheroid;
-use crate::sky::{ephemeris, moon, orbit};
+use crate::ObserverError;
+use crate::observer::{BarycentricState, Observer, ObserverTrack};
+use crate::planets::Planet;
+use crate::spheroid::Spheroid;
+use crate::{ephemeris, moon, orbit};
+use base::time::Tai;
 use glam::DVec3;
 
 /// Positions from the observer, ICRF axes, km.
@@ -125,8 +125,8 @@ impl BodiesTrack {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::units::{AU_KM, DEG};
-    use crate::sky::orbit::CircularOrbit;
+    use crate::orbit::CircularOrbit;
+    use base::units::{AU_KM, DEG};
 
     fn at(text: &str) -> Tai {
         Tai::from_rfc3339(text).expect("a valid instant")

@@ -11,10 +11,10 @@
 //!
 //! Test: `agrees_with_a_numerical_ephemeris` against literals from `erfa.epv00`.
 
-use crate::base::time::Tai;
-use crate::base::units::{AU_KM, DAY_S};
-use crate::sky::observer::BarycentricState;
-use crate::sky::planets::Planet;
+use crate::observer::BarycentricState;
+use crate::planets::Planet;
+use base::time::Tai;
+use base::units::{AU_KM, DAY_S};
 use glam::{DMat3, DVec3};
 
 /// Half of the interval over which positions are differenced, days.
@@ -128,7 +128,7 @@ impl EarthTrack {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::units::{ARCSEC, MAS, SPEED_OF_LIGHT_KM_S};
+    use base::units::{ARCSEC, MAS, SPEED_OF_LIGHT_KM_S};
 
     /// Twice the difference measured (module doc); 0.014 mas of aberration.
     const VELOCITY_KM_S: f64 = 2e-5;
@@ -162,8 +162,7 @@ mod tests {
     fn a_year_of_aberration_has_the_published_size() {
         // kappa = 20.4955 arcsec is n a / (c sqrt(1 - e^2)); extremes of the speed are kappa (1 +- e), e = 0.0167.
         let day = |d: i64| {
-            Tai::from_rfc3339("2026-01-01T00:00:00Z").expect("valid")
-                + crate::base::time::Span::from_s(86_400.0 * d as f64)
+            Tai::from_rfc3339("2026-01-01T00:00:00Z").expect("valid") + base::time::Span::from_s(86_400.0 * d as f64)
         };
         let speeds =
             (0..73).map(|i| barycentric_state(day(5 * i)).velocity_km_s.length() / SPEED_OF_LIGHT_KM_S / ARCSEC);
@@ -179,7 +178,7 @@ mod tests {
         let mut track = EarthTrack::new(start);
         let mut worst = (0.0_f64, 0.0_f64);
         for hour in (0..9_000).step_by(67) {
-            let at = start + crate::base::time::Span::from_s(3_600.0 * f64::from(hour));
+            let at = start + base::time::Span::from_s(3_600.0 * f64::from(hour));
             let (got, wanted) = (track.barycentric_state(at), barycentric_state(at));
             worst.0 = worst.0.max(got.velocity_km_s.distance(wanted.velocity_km_s));
             worst.1 = worst.1.max(got.position_km.distance(wanted.position_km));

@@ -1,8 +1,8 @@
 //! What can be wrong with an observer.
 
-use crate::base::time::Tai;
-use crate::sky::ephemeris::TableError;
-use crate::sky::orbit::CentralBody;
+use crate::ephemeris::TableError;
+use crate::orbit::CentralBody;
+use base::time::Tai;
 
 /// Why an observer's orbit was refused or could not be followed.
 #[derive(Debug, thiserror::Error)]

@@ -10,8 +10,8 @@
 //! the Sun's 0.65) is worth -0.3 mag in G.
 //! Tests: `tests/physics/bodies.rs`, against skyfield's values and published ones.
 
-use crate::base::units::{AU_KM, DEG};
-use crate::sky::planets::Planet;
+use crate::planets::Planet;
+use base::units::{AU_KM, DEG};
 use glam::DVec3;
 
 /// Gaia BP - RP of the Sun (Casagrande and VandenBerg 2018, MNRAS 479, L102).

@@ -1,18 +1,18 @@
 //! Time -> geocentric position and velocity of the Moon, km and km/s, ICRF axes.
 //!
-//! * From 1989-12-28 to 2052-01-08 by the table of [`crate::sky::ephemeris`], fitted to DE421: 0.15 km, 0.08 arcsec.
+//! * From 1989-12-28 to 2052-01-08 by the table of [`crate::ephemeris`], fitted to DE421: 0.15 km, 0.08 arcsec.
 //! * At other times by a series: ELP-2000/82 as truncated in Meeus, Astronomical Algorithms, 2nd ed. (1998), chapter 47,
 //!   here without the terms below 0.002 deg in longitude and 0.001 deg in latitude; mean equinox and ecliptic of date,
-//!   turned to ICRF by the mean obliquity and the precession of [`crate::sky::orbit`]. Against DE421 (1900-2053) within
+//!   turned to ICRF by the mean obliquity and the precession of [`crate::orbit`]. Against DE421 (1900-2053) within
 //!   0.015 deg and 60 km: enough for the glare of the Moon.
 //!
 //! [`method`] says which. Tests: `agrees_with_a_numerical_ephemeris`, `both_sides_of_the_table`.
 
-use crate::base::time::{Span, Tai};
-use crate::base::units::{ARCSEC, DEG, JULIAN_YEAR_D};
-use crate::sky::ephemeris::{self, Method};
-use crate::sky::observer::BarycentricState;
-use crate::sky::orbit::icrf_from_mean_of_date;
+use crate::ephemeris::{self, Method};
+use crate::observer::BarycentricState;
+use crate::orbit::icrf_from_mean_of_date;
+use base::time::{Span, Tai};
+use base::units::{ARCSEC, DEG, JULIAN_YEAR_D};
 use glam::DVec3;
 
 /// Mean radius, km (IAU Working Group on Cartographic Coordinates 2015).
@@ -132,8 +132,8 @@ fn by_series_km(at: Tai) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::units::DAY_S;
-    use crate::sky::ephemeris::{FIRST_DAY, LAST_DAY};
+    use crate::ephemeris::{FIRST_DAY, LAST_DAY};
+    use base::units::DAY_S;
 
     /// Sum of squares of what the series leaves out is 0.004 deg; three times that, and precession's neglected nutation.
     const SERIES_DEG: f64 = 0.015;

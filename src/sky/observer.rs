@@ -2,17 +2,17 @@
 //!
 //! About the Moon the Earth's state has the Moon's added, about the Sun it is the Sun's. Errors of those bodies, as
 //! aberration: the Earth 0.005 mas, the Sun 0.01 mas, the Moon 0.01 mas
-//! from 1990 to 2052 and 1 mas outside (its table and its series, [`crate::sky::moon`]).
+//! from 1990 to 2052 and 1 mas outside (its table and its series, [`crate::moon`]).
 //!
-//! Proven by the tests of [`crate::sky::earth`] and [`crate::sky::orbit`] and by `tests/physics/apparent_places`.
+//! Proven by the tests of [`crate::earth`] and [`crate::orbit`] and by `tests/physics/apparent_places`.
 
-use crate::base::time::Tai;
-use crate::sky::ObserverError;
-use crate::sky::earth::{self, EarthTrack};
-use crate::sky::moon;
-use crate::sky::orbit::{CentralBody, CircularOrbit, TleOrbit, TwoBodyOrbit};
-pub use crate::sky::state::BarycentricState;
-use crate::sky::sun::{self, SunTrack};
+use crate::ObserverError;
+use crate::earth::{self, EarthTrack};
+use crate::moon;
+use crate::orbit::{CentralBody, CircularOrbit, TleOrbit, TwoBodyOrbit};
+pub use crate::state::BarycentricState;
+use crate::sun::{self, SunTrack};
+use base::time::Tai;
 
 /// Where the star sensor flies.
 #[derive(Debug, Clone)]
@@ -163,7 +163,7 @@ impl ObserverTrack {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::time::Span;
+    use base::time::Span;
     use glam::DVec3;
 
     fn conic(about: CentralBody, position_km: DVec3, velocity_km_s: DVec3, at: Tai) -> Observer {

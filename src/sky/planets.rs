@@ -1,6 +1,6 @@
 //! Time and the observer's place -> where a planet's light comes from, km, ICRF axes.
 //!
-//! Heliocentric positions by the table of [`crate::sky::ephemeris`], outside its span by VSOP87E (Bretagnon and Francou
+//! Heliocentric positions by the table of [`crate::ephemeris`], outside its span by VSOP87E (Bretagnon and Francou
 //! 1988, A&A 202, 309). Light time: the planet is taken where it was when the light left, in `LIGHT_STEPS` steps. What
 //! is given is then geometric in the observer's axes of rest with the barycentre, so that the aberration of stars applies.
 //! The Sun's own motion meanwhile (0.013 km/s) is left out: 200 km, or 0.01 arcsec, at Neptune. Mars to Neptune are the
@@ -9,10 +9,10 @@
 //! Against DE421 1990-2051: 0.05 arcsec by the table; by VSOP87E 0.4 arcsec for Mercury to Saturn, 1.7 for Uranus, 2.4 for
 //! Neptune. Tests: below; `tests/physics/bodies.rs` for apparent places.
 
-use crate::base::time::Tai;
-use crate::base::units::{DAY_S, SPEED_OF_LIGHT_KM_S};
-use crate::sky::earth;
-use crate::sky::ephemeris::{self, Method};
+use crate::earth;
+use crate::ephemeris::{self, Method};
+use base::time::Tai;
+use base::units::{DAY_S, SPEED_OF_LIGHT_KM_S};
 use glam::DVec3;
 
 /// Steps to the light time: each leaves v/c of the one before, 3e-4 of 4 hours at first.
@@ -113,8 +113,8 @@ impl Planet {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::units::ARCSEC;
-    use crate::sky::ephemeris::{FIRST_DAY, LAST_DAY};
+    use crate::ephemeris::{FIRST_DAY, LAST_DAY};
+    use base::units::ARCSEC;
 
     /// What VSOP87E errs by on either side of the table, arcsec: the outermost planets most (module doc), and a margin.
     const SERIES_ARCSEC: f64 = 3.0;

@@ -9,8 +9,8 @@
 //! few seconds of an orbit) and no dimming; no mountains.
 //! Tests: below.
 
-use crate::base::units::SPEED_OF_LIGHT_KM_S;
-use crate::sky::observer::BarycentricState;
+use crate::observer::BarycentricState;
+use base::units::SPEED_OF_LIGHT_KM_S;
 use glam::DVec3;
 
 /// A body from where the observer is.

@@ -1,13 +1,13 @@
 //! Time -> barycentric position and velocity of the Sun's centre.
 //!
-//! Source and axes as for [`crate::sky::earth`] (VSOP87E). The Sun moves by up to 16 m/s about the barycentre: 11 mas of
+//! Source and axes as for [`crate::earth`] (VSOP87E). The Sun moves by up to 16 m/s about the barycentre: 11 mas of
 //! aberration for an observer in orbit about it. Velocity is the central difference over a day: truncation below 1e-10 km/s.
 //! Test: `agrees_with_a_numerical_ephemeris`.
 
-use crate::base::time::Tai;
-use crate::base::units::DAY_S;
-use crate::sky::earth::{state_by_difference, sun_position_km};
-use crate::sky::observer::BarycentricState;
+use crate::earth::{state_by_difference, sun_position_km};
+use crate::observer::BarycentricState;
+use base::time::Tai;
+use base::units::DAY_S;
 
 /// Half of the interval over which positions are differenced, days.
 const HALF_STEP_D: f64 = 0.5;
@@ -57,7 +57,7 @@ impl SunTrack {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::time::Span;
+    use base::time::Span;
     use glam::DVec3;
 
     /// The theory's older planet masses place the barycentre so (as for the Earth): 2e-5 au.

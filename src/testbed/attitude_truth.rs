@@ -1,6 +1,6 @@
 //! What a simulated spacecraft's attitude really is at one instant: the scripted one's and the dynamic one's alike.
 
-use crate::base::axes::{Body, Icrf, Rotation};
+use base::axes::{Body, Icrf, Rotation};
 use glam::DVec3;
 
 /// Attitude, rate and acceleration at one instant.

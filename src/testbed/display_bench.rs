@@ -9,8 +9,8 @@
 //! Limits: no diffraction rings, no moire of pixel grids. Tests below; used by `tests/physics/display_calibration` and
 //! `starloop calibrate display simulate`.
 
-use crate::base::image::{DnImage, Image};
-use crate::testbed::noise::Gaussian;
+use crate::noise::Gaussian;
+use base::image::{DnImage, Image};
 use glam::{DMat3, DVec2, DVec3};
 
 /// Reach of a spot, standard deviations: 6e-7 of its light lies beyond.

@@ -2,20 +2,20 @@
 
 use crate::complaints;
 use crate::counting::{Found, allocations_in};
+use base::clock::{Clock, Virtual};
+use base::time::{Span, Tai};
+use config::{Backend, Bench, Setting, StartTime};
 use firmware_protocol::Message;
 use firmware_protocol::message::{Command, Request, Trigger};
-use starloop::base::clock::{Clock, Virtual};
-use starloop::base::time::{Span, Tai};
-use starloop::config::{Backend, Bench, Setting, StartTime};
-use starloop::link::simulated::simulated_pair;
-use starloop::link::{Port, Stamped};
-use starloop::report::FrameRecord;
-use starloop::runtime::receiver::Receiver;
-use starloop::runtime::{FrameEngine, Ledger, RunRecord, Slot};
-use starloop::sink::SentFrame;
-use starloop::testbed::flight_computer::FlightComputer;
-use starloop::wiring::bench_parts;
+use frames::report::FrameRecord;
+use frames::sink::SentFrame;
+use link::simulated::simulated_pair;
+use link::{Port, Stamped};
+use run::runtime::receiver::Receiver;
+use run::runtime::{FrameEngine, Ledger, RunRecord, Slot};
+use run::wiring::bench_parts;
 use std::sync::Arc;
+use testbed::flight_computer::FlightComputer;
 
 const WARM_UP: u32 = 10;
 

@@ -1,7 +1,7 @@
 //! Imports hold no more memory than they are given, also when all stars are in one place; layers are read piece by piece.
 
 use crate::counting::most_held_in;
-use starloop::sky::layer::{Layer, NewStar, Sorting};
+use stars::layer::{Layer, NewStar, Sorting};
 use std::path::Path;
 
 /// Stars of an import, all in one part of the sky: 34 bytes each on disk, 56 while they are sorted.

@@ -2,12 +2,12 @@
 
 use crate::complaints;
 use crate::counting::allocations_in;
+use base::clock::{Clock, Monotonic};
+use base::time::Span;
 use firmware_protocol::can::{CanFrame, IdMap};
-use starloop::base::clock::{Clock, Monotonic};
-use starloop::base::time::Span;
-use starloop::link::serial::{PseudoTerminal, SerialLink, SerialParams};
-use starloop::link::socketcan::{Hears, SocketCanLink, SocketCanParams};
-use starloop::link::{Link, Packet, SerialChunk};
+use link::serial::{PseudoTerminal, SerialLink, SerialParams};
+use link::socketcan::{Hears, SocketCanLink, SocketCanParams};
+use link::{Link, Packet, SerialChunk};
 use std::path::Path;
 use std::sync::Arc;
 

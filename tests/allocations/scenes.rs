@@ -1,25 +1,25 @@
 //! Scenes that slew, so that the number of stars changes from frame to frame, by every method and shutter.
 
-use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use starloop::attitude::LosPath;
-use starloop::base::accuracy::AccuracyBudget;
-use starloop::base::axes::Rotation;
-use starloop::base::image::DnImage;
-use starloop::base::random::philox;
-use starloop::base::time::Tai;
-use starloop::detector::blooming::Blooming;
-use starloop::detector::charge_transfer::ChargeTransfer;
-use starloop::detector::defects::{Defect, DefectKind, DefectPlace, DefectPopulation, Rates};
-use starloop::detector::image_lag::ImageLag;
-use starloop::detector::protons::{ProtonDirection, ProtonFlux};
-use starloop::detector::{Detector, DetectorParams, LinePattern, Nonlinearity, RowNoise, SpatialParams};
-use starloop::exposure::cost::CostModel;
-use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
-use starloop::exposure::{MethodChoice, PsfSampling, Rung, Shutter};
-use starloop::gpu::Electrons;
-use starloop::optics::{Illumination, PsfModel};
-use starloop::render::Backend;
-use starloop::render::cpu::Cpu;
+use base::accuracy::AccuracyBudget;
+use base::axes::Rotation;
+use base::image::DnImage;
+use base::random::philox;
+use base::time::Tai;
+use image::detector::blooming::Blooming;
+use image::detector::charge_transfer::ChargeTransfer;
+use image::detector::defects::{Defect, DefectKind, DefectPlace, DefectPopulation, Rates};
+use image::detector::image_lag::ImageLag;
+use image::detector::protons::{ProtonDirection, ProtonFlux};
+use image::detector::{Detector, DetectorParams, LinePattern, Nonlinearity, RowNoise, SpatialParams};
+use image::gpu::Electrons;
+use image::render::Backend;
+use image::render::cpu::Cpu;
+use plan::attitude::LosPath;
+use plan::exposure::cost::CostModel;
+use plan::exposure::planner::{Instrument, Planner, Source, SourcePlace};
+use plan::exposure::{MethodChoice, PsfSampling, Rung, Shutter};
+use plan::optics::{Illumination, PsfModel};
+use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
 /// Frames after which nothing may be allocated any more.
 pub(crate) const WARM_UP: u32 = 10;

@@ -2,8 +2,8 @@
 
 use crate::complaints;
 use crate::counting::allocations_in;
-use starloop::sink::shared_memory::SharedMemory;
-use starloop::sink::{BranchParams, Fan, NullSink, OnFull, SentFrame, Sink, TruthStar};
+use frames::sink::shared_memory::SharedMemory;
+use frames::sink::{BranchParams, Fan, NullSink, OnFull, SentFrame, Sink, TruthStar};
 
 const FRAMES: u32 = 40;
 

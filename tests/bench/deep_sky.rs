@@ -8,29 +8,29 @@
 //!   also with 0.5 px, where one shape for the whole field is not enough, and the splat alone: without motion.
 #![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
 
+use base::accuracy::AccuracyBudget;
+use base::axes::sensor_from_ra_dec_roll;
+use base::clock::Stopwatch;
+use base::source::direction_from_ra_dec;
+use base::time::Tai;
+use base::units::DEG;
+use config::{Camera, Document};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use glam::DVec3;
-use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use starloop::attitude::{JitterLine, LosPath};
-use starloop::base::accuracy::AccuracyBudget;
-use starloop::base::axes::sensor_from_ra_dec_roll;
-use starloop::base::clock::Stopwatch;
-use starloop::base::time::Tai;
-use starloop::base::units::DEG;
-use starloop::config::{Camera, Document};
-use starloop::exposure::cost::CostModel;
-use starloop::exposure::{MethodChoice, Planner};
-use starloop::render::Backend;
-use starloop::render::cpu::Cpu;
-use starloop::runtime::params::CameraParams;
-use starloop::runtime::sky_view::SkyView;
-use starloop::sky::Sky;
-use starloop::sky::catalog::direction_from_ra_dec;
-use starloop::sky::layer::LayerSet;
-use starloop::sky::observer::Observer;
-use starloop::sky::synthetic::Population;
-use starloop::sky::tiles::{Light, TileSky};
-use starloop::wiring::camera_parts::camera_params;
+use image::render::Backend;
+use image::render::cpu::Cpu;
+use imports::synthetic::Population;
+use plan::attitude::{JitterLine, LosPath};
+use plan::exposure::cost::CostModel;
+use plan::exposure::{MethodChoice, Planner};
+use run::runtime::params::CameraParams;
+use run::runtime::sky_view::SkyView;
+use run::wiring::camera_parts::camera_params;
+use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
+use sky::observer::Observer;
+use stars::Sky;
+use stars::layer::LayerSet;
+use stars::tiles::{Light, TileSky};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

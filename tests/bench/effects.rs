@@ -1,9 +1,9 @@
 //! What every pixel-local effect adds to the detector's readout: one flat million pixels on one thread, effect by effect.
 #![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
 
+use base::image::{DnImage, Image};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use starloop::base::image::{DnImage, Image};
-use starloop::detector::{Detector, DetectorParams, LinePattern, Nonlinearity, RowNoise};
+use starloop_image::detector::{Detector, DetectorParams, LinePattern, Nonlinearity, RowNoise};
 
 const SIZE: usize = 1000;
 

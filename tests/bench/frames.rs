@@ -1,24 +1,24 @@
 //! ms per frame: 1024 x 1024, {100, 2k, 10k} stars x {1, 16, 64} path samples, mean image and full noise, per backend.
 #![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
 
+use base::accuracy::AccuracyBudget;
+use base::axes::Rotation;
+use base::image::DnImage;
+use base::random::philox;
+use base::time::{Span, Tai};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use starloop::attitude::{JitterTrack, LosPath, PathOrigin};
-use starloop::base::accuracy::AccuracyBudget;
-use starloop::base::axes::Rotation;
-use starloop::base::image::DnImage;
-use starloop::base::random::philox;
-use starloop::base::time::{Span, Tai};
-use starloop::detector::gpu::GpuDetector;
-use starloop::detector::{Detector, DetectorParams};
-use starloop::exposure::cost::CostModel;
-use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
-use starloop::exposure::{MethodChoice, PixelPath, PixelPoint, PsfSampling, Shutter};
-use starloop::gpu::{AdapterChoice, Electrons, GpuDevice};
-use starloop::optics::{Illumination, PsfModel};
-use starloop::render::Backend;
-use starloop::render::cpu::Cpu;
-use starloop::render::gpu::Gpu;
+use plan::attitude::{JitterTrack, LosPath, PathOrigin};
+use plan::exposure::cost::CostModel;
+use plan::exposure::planner::{Instrument, Planner, Source, SourcePlace};
+use plan::exposure::{MethodChoice, PixelPath, PixelPoint, PsfSampling, Shutter};
+use plan::optics::{Illumination, PsfModel};
+use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
+use starloop_image::detector::gpu::GpuDetector;
+use starloop_image::detector::{Detector, DetectorParams};
+use starloop_image::gpu::{AdapterChoice, Electrons, GpuDevice};
+use starloop_image::render::Backend;
+use starloop_image::render::cpu::Cpu;
+use starloop_image::render::gpu::Gpu;
 
 const SIZE: usize = 1024;
 

@@ -2,9 +2,9 @@
 //! The same with no light at all is the rest of the detector.
 #![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
 
+use base::image::{DnImage, Image};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use starloop::base::image::{DnImage, Image};
-use starloop::detector::{Detector, DetectorParams, PoissonMethod};
+use starloop_image::detector::{Detector, DetectorParams, PoissonMethod};
 
 const SIZE: usize = 1000;
 

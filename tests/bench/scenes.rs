@@ -4,21 +4,21 @@
 //! Gaussian PSF of 0.8 px, isolated and crowded stars alike, methods by the planner.
 #![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
 
+use base::accuracy::AccuracyBudget;
+use base::axes::Rotation;
+use base::random::philox;
+use base::time::Tai;
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use starloop::attitude::LosPath;
-use starloop::base::accuracy::AccuracyBudget;
-use starloop::base::axes::Rotation;
-use starloop::base::random::philox;
-use starloop::base::time::Tai;
-use starloop::exposure::cost::CostModel;
-use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
-use starloop::exposure::{MethodChoice, PixelPath, PixelPoint, PsfSampling, Shutter};
-use starloop::gpu::{AdapterChoice, GpuDevice};
-use starloop::optics::{Illumination, PsfModel};
-use starloop::render::Backend;
-use starloop::render::cpu::Cpu;
-use starloop::render::gpu::Gpu;
+use plan::attitude::LosPath;
+use plan::exposure::cost::CostModel;
+use plan::exposure::planner::{Instrument, Planner, Source, SourcePlace};
+use plan::exposure::{MethodChoice, PixelPath, PixelPoint, PsfSampling, Shutter};
+use plan::optics::{Illumination, PsfModel};
+use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
+use starloop_image::gpu::{AdapterChoice, GpuDevice};
+use starloop_image::render::Backend;
+use starloop_image::render::cpu::Cpu;
+use starloop_image::render::gpu::Gpu;
 
 /// One scene.
 struct Scene {

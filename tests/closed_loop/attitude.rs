@@ -1,11 +1,11 @@
 //! The attitude rendered is the attitude sent, over every wire; runs repeat.
 
 use crate::bench::{built_in, over, run, run_changed};
-use starloop::base::axes::{Icrf, Rotation, Sensor};
-use starloop::base::time::Span;
-use starloop::base::units::ARCSEC;
-use starloop::config::{JitterSource, Wire};
-use starloop::runtime::EventKind;
+use base::axes::{Icrf, Rotation, Sensor};
+use base::time::Span;
+use base::units::ARCSEC;
+use config::{JitterSource, Wire};
+use run::runtime::EventKind;
 
 /// f32 quaternion on the wire 0.019 arcsec, interpolation of a 2 degree slew at 100 Hz < 0.001, time tag rounding
 /// (1 us at 0.5 deg/s) 0.002.

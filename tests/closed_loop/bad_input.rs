@@ -1,12 +1,12 @@
 //! What goes wrong is an error or a count, never a panic, and nothing finished before is lost.
 
 use crate::bench::{built_in, run_changed, start};
+use base::time::Span;
 use firmware_protocol::message::{StatusPage, StimulatorMode};
-use starloop::attitude::StalePolicy;
-use starloop::base::time::Span;
-use starloop::runtime::{EventKind, RunError};
-use starloop::sink::FaultFlags;
-use starloop::testbed::flight_computer::{CorruptRecord, Corruption};
+use frames::sink::FaultFlags;
+use plan::attitude::StalePolicy;
+use run::runtime::{EventKind, RunError};
+use testbed::flight_computer::{CorruptRecord, Corruption};
 
 #[test]
 fn broken_quaternions_are_rejected_and_counted() {

@@ -1,16 +1,16 @@
 //! The built-in bench on the virtual clock, with changes, and every frame it sends kept.
 
-use starloop::base::clock::{Clock, Virtual};
-use starloop::base::time::Tai;
-use starloop::config::{Bench, StartTime, Wire};
-use starloop::link::Port;
-use starloop::link::simulated::simulated_pair;
-use starloop::runtime::receiver::Receiver;
-use starloop::runtime::{FrameEngine, RunOutcome, virtual_time};
-use starloop::sink::{FrameMeta, SentFrame, Sink, SinkError, SinkSummary};
-use starloop::testbed::flight_computer::{FlightComputer, FlightComputerParams};
-use starloop::wiring::bench_parts;
+use base::clock::{Clock, Virtual};
+use base::time::Tai;
+use config::{Bench, StartTime, Wire};
+use frames::sink::{FrameMeta, SentFrame, Sink, SinkError, SinkSummary};
+use link::Port;
+use link::simulated::simulated_pair;
+use run::runtime::receiver::Receiver;
+use run::runtime::{FrameEngine, RunOutcome, virtual_time};
+use run::wiring::bench_parts;
 use std::sync::{Arc, Mutex};
+use testbed::flight_computer::{FlightComputer, FlightComputerParams};
 
 /// What one run leaves behind.
 pub(crate) struct Run {
@@ -58,7 +58,7 @@ impl Sink for Keeper {
 pub(crate) fn built_in(seconds: f64) -> Bench {
     let mut bench = Bench::built_in().unwrap();
     bench.timing.duration_s = seconds;
-    bench.render.backend = starloop::config::Backend::Cpu;
+    bench.render.backend = config::Backend::Cpu;
     bench
 }
 

@@ -4,23 +4,23 @@
 //! No wall time is asserted: limits are either far beyond what any machine takes or far below, and load is injected.
 
 use crate::bench::{built_in, start};
-use starloop::attitude::MotionScale;
-use starloop::base::clock::{Clock, Monotonic, Virtual};
-use starloop::base::time::{Span, Tai};
-use starloop::config::{Bench, Degrade};
-use starloop::link::Port;
-use starloop::link::simulated::simulated_pair;
-use starloop::report::{Fate, FrameRecord};
-use starloop::runtime::receiver::Receiver;
-use starloop::runtime::virtual_time::{Head, VirtualLoop, World};
-use starloop::runtime::{EventKind, FrameEngine, Ledger, real_time};
-use starloop::sink::{NullSink, SentFrame};
-use starloop::testbed::flight_computer::FlightComputer;
-use starloop::wiring::bench_parts;
+use base::clock::{Clock, Monotonic, Virtual};
+use base::time::{Span, Tai};
+use config::{Bench, Degrade};
+use frames::report::{Fate, FrameRecord};
+use frames::sink::{NullSink, SentFrame};
+use link::Port;
+use link::simulated::simulated_pair;
+use plan::attitude::MotionScale;
+use run::runtime::receiver::Receiver;
+use run::runtime::virtual_time::{Head, VirtualLoop, World};
+use run::runtime::{EventKind, FrameEngine, Ledger, real_time};
+use run::wiring::bench_parts;
 use std::path::Path;
 use std::process::{Command, Output};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use testbed::flight_computer::FlightComputer;
 
 /// Drawing that takes ten times what is predicted, or more: the estimate ends there.
 const SLOW: Span = Span::from_ms(5_000);
@@ -138,7 +138,7 @@ fn the_attitude_has_a_bound_where_the_motion_is_known_and_none_where_it_is_not()
 }
 
 /// A bench on the real clock with nobody at the other end of the bus.
-fn alone(bench: &Bench, ring_frames: usize) -> (Vec<FrameRecord>, starloop::runtime::RunOutcome) {
+fn alone(bench: &Bench, ring_frames: usize) -> (Vec<FrameRecord>, run::runtime::RunOutcome) {
     let start = start(bench);
     let params = bench_parts::run_params(bench, start).unwrap();
     let mut engine = FrameEngine::new(params.clone()).unwrap();

@@ -1,14 +1,14 @@
 //! Fault campaigns: the invariants hold over simulated hours, the seed replays, and the witness can see.
 
 use crate::pixels::scenario;
-use starloop::base::axes::Rotation;
-use starloop::base::time::{Span, Tai};
-use starloop::config::{Action, Event};
-use starloop::link::tap::LinkFault;
-use starloop::sink::{FrameFault, FrameMeta, NullSink};
-use starloop::wiring::campaign::{episode_scenario, run_episode};
-use starloop::wiring::closed_loop::ClosedLoop;
-use starloop::wiring::witness::Witness;
+use base::axes::Rotation;
+use base::time::{Span, Tai};
+use batch::campaign::{episode_scenario, run_episode};
+use config::{Action, Event};
+use frames::sink::{FrameFault, FrameMeta, NullSink};
+use link::tap::LinkFault;
+use run::wiring::closed_loop::ClosedLoop;
+use run::wiring::witness::Witness;
 
 /// Episodes of an hour flown here; `starloop campaign --hours 100` flies a hundred.
 const SEEDS: core::ops::Range<u64> = 101..105;
@@ -37,7 +37,7 @@ fn the_seed_replays_an_episode() {
     assert_eq!(episode_scenario(&base, 7).events, episode_scenario(&base, 7).events);
 }
 
-fn quiet() -> starloop::config::Scenario {
+fn quiet() -> config::Scenario {
     let mut quiet = scenario("bus_dropouts");
     quiet.events.clear();
     quiet.bench.timing.duration_s = 60.0;
@@ -45,10 +45,7 @@ fn quiet() -> starloop::config::Scenario {
     quiet
 }
 
-fn meta(
-    attitude: &Rotation<starloop::base::axes::Sensor, starloop::base::axes::Icrf>,
-    origin: &'static str,
-) -> FrameMeta {
+fn meta(attitude: &Rotation<base::axes::Sensor, base::axes::Icrf>, origin: &'static str) -> FrameMeta {
     let mut meta = FrameMeta::empty("test".into());
     meta.attitude_wxyz = attitude.wxyz();
     meta.origin = origin;
@@ -99,7 +96,7 @@ fn a_loop_that_does_not_recover_is_seen() {
     let jump = glam::DVec3::new(0.0, 2e-5, 0.0);
     scenario.events = vec![
         event(100.0, 5.0, Action::Frame { head: None, fault: FrameFault::Drop }),
-        event(110.0, 0.0, Action::Gyro(starloop::config::GyroFaultKind::BiasJump(jump))),
+        event(110.0, 0.0, Action::Gyro(config::GyroFaultKind::BiasJump(jump))),
     ];
     let control = {
         let mut going = ClosedLoop::new(&scenario, |_| Box::new(NullSink::new())).unwrap();
@@ -129,10 +126,7 @@ fn events_that_name_what_is_not_there_are_refused() {
 }
 
 /// A quiet flight of `seconds` with these events, small frames.
-fn flown(
-    seconds: f64,
-    events: Vec<Event>,
-) -> (starloop::wiring::loop_outcome::LoopOutcome, starloop::testbed::acs::Mode) {
+fn flown(seconds: f64, events: Vec<Event>) -> (run::wiring::loop_outcome::LoopOutcome, testbed::acs::Mode) {
     let mut scenario = quiet();
     scenario.bench.timing.duration_s = seconds;
     scenario.events = events;
@@ -145,7 +139,7 @@ fn event(at_s: f64, for_s: f64, action: Action) -> Event {
 
 #[test]
 fn a_commanded_safe_mode_stays_until_it_is_left_by_command() {
-    use starloop::testbed::acs::Mode;
+    use testbed::acs::Mode;
     let (_, mode) = flown(120.0, vec![event(40.0, 0.0, Action::Safe)]);
     assert_eq!(mode, Mode::Safe, "nobody resumed");
     let (outcome, mode) = flown(300.0, vec![event(40.0, 0.0, Action::Safe), event(45.0, 0.0, Action::Resume)]);
@@ -155,8 +149,8 @@ fn a_commanded_safe_mode_stays_until_it_is_left_by_command() {
 #[test]
 fn overlapping_faults_aboard_end_one_by_one_whatever_is_added_later() {
     let off = || Action::TrackerOff { head: None };
-    let dropout = Action::Gyro(starloop::config::GyroFaultKind::Dropout);
-    let stuck = Action::Gyro(starloop::config::GyroFaultKind::Stuck);
+    let dropout = Action::Gyro(config::GyroFaultKind::Dropout);
+    let stuck = Action::Gyro(config::GyroFaultKind::Stuck);
     let events = vec![
         event(20.0, 20.0, off()),
         event(40.0, 10.0, off()),
@@ -176,7 +170,7 @@ fn overlapping_faults_aboard_end_one_by_one_whatever_is_added_later() {
 
 #[test]
 fn a_refused_command_is_no_success() {
-    use starloop::config::Pointing;
+    use config::Pointing;
     let mut scenario = scenario("sun_avoidance");
     scenario.bench.timing.duration_s = 130.0;
     scenario.expect.window_s = 10.0;

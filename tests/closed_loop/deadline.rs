@@ -3,14 +3,14 @@
 //! No wall time is asserted: the readout time leaves 1 ms for a frame that the reference backend needs far more for.
 
 use crate::bench::{built_in, start};
-use starloop::base::clock::{Clock, Monotonic};
-use starloop::config::{Backend, Bench, DeadlinePolicy};
-use starloop::link::Port;
-use starloop::link::simulated::simulated_pair;
-use starloop::runtime::receiver::Receiver;
-use starloop::runtime::{EventKind, FrameEngine, RunOutcome, RunRecord, real_time};
-use starloop::sink::{NullSink, SentFrame};
-use starloop::wiring::bench_parts;
+use base::clock::{Clock, Monotonic};
+use config::{Backend, Bench, DeadlinePolicy};
+use frames::sink::{NullSink, SentFrame};
+use link::Port;
+use link::simulated::simulated_pair;
+use run::runtime::receiver::Receiver;
+use run::runtime::{EventKind, FrameEngine, RunOutcome, RunRecord, real_time};
+use run::wiring::bench_parts;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 

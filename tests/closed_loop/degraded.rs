@@ -1,15 +1,15 @@
 //! The degradation ladder: a frame that would not be drawn in time gives something up, and everything says so.
 
 use crate::bench::{Kept, built_in, over, run, start};
-use starloop::base::time::Span;
-use starloop::config::{Bench, Degrade, Psf, Wire};
-use starloop::exposure::Rung;
-use starloop::runtime::receiver::Receiver;
-use starloop::runtime::{EventKind, FrameEngine};
-use starloop::sink::fits::read_image;
-use starloop::sink::frame_log::{path_in, read_frame_log};
-use starloop::sink::{Recorder, RecorderOptions, SentFrame, Sink};
-use starloop::wiring::bench_parts;
+use base::time::Span;
+use config::{Bench, Degrade, Psf, Wire};
+use frames::sink::fits::read_image;
+use frames::sink::frame_log::{path_in, read_frame_log};
+use frames::sink::{Recorder, RecorderOptions, SentFrame, Sink};
+use plan::exposure::Rung;
+use run::runtime::receiver::Receiver;
+use run::runtime::{EventKind, FrameEngine};
+use run::wiring::bench_parts;
 use std::collections::BTreeMap;
 use std::fs::File;
 

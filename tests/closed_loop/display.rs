@@ -1,15 +1,15 @@
 //! A bench that is drawn for a calibrated display: stars stand where the calibration says, as bright as the calibration
 //! says, and what is told of the frames is the tracker's own pointing.
 
+use base::units::DEG;
+use frames::sink::TruthStar;
+use frames::sink::fits::{Pixels, read_image};
+use frames::sink::frame_log::{FrameRow, path_in, read_frame_log};
+use frames::sink::recorder::frame_path;
+use frames::sink::truth::read_truth;
 use glam::{DQuat, DVec2, DVec3};
-use starloop::base::units::DEG;
-use starloop::display::calibration::Calibration;
-use starloop::display::luminance_code::luminance;
-use starloop::sink::TruthStar;
-use starloop::sink::fits::{Pixels, read_image};
-use starloop::sink::frame_log::{FrameRow, path_in, read_frame_log};
-use starloop::sink::recorder::frame_path;
-use starloop::sink::truth::read_truth;
+use outputs::display::calibration::Calibration;
+use outputs::display::luminance_code::luminance;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -4,18 +4,18 @@
 //! are flown without it. Times are told and not asserted.
 
 use crate::bench::built_in;
+use base::clock::{Clock, Monotonic};
+use base::time::{Span, Tai};
 use firmware_protocol::Message;
 use firmware_protocol::can::IdMap;
 use firmware_protocol::message::{JitterBurst, Scet, Sync as TimeMark, TimeFollowUp, Wheels};
-use starloop::base::clock::{Clock, Monotonic};
-use starloop::base::time::{Span, Tai};
-use starloop::link::simulated::{BusParams, BusTiming, SimulatedBus};
-use starloop::link::{Port, WireFormat};
-use starloop::runtime::real_time::{self, Head, Setting, Sources};
-use starloop::runtime::receiver::Receiver;
-use starloop::runtime::{FrameEngine, RunParams};
-use starloop::sink::NullSink;
-use starloop::wiring::bench_parts;
+use frames::sink::NullSink;
+use link::simulated::{BusParams, BusTiming, SimulatedBus};
+use link::{Port, WireFormat};
+use run::runtime::real_time::{self, Head, Setting, Sources};
+use run::runtime::receiver::Receiver;
+use run::runtime::{FrameEngine, RunParams};
+use run::wiring::bench_parts;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;

@@ -3,20 +3,20 @@
 use crate::bench::start;
 use crate::pixels::scenario;
 use crate::sinks::{FRAMES, Trouble, Troubled, bench};
+use base::clock::{Clock, Monotonic};
+use base::time::Span;
+use config::{Bench, Document};
 use crossbeam_channel::bounded;
+use frames::report::{Fate, MissCause};
+use frames::sink::{NullSink, Sink};
 use glam::DQuat;
-use starloop::base::clock::{Clock, Monotonic};
-use starloop::base::time::Span;
-use starloop::config::{Bench, Document};
-use starloop::link::Port;
-use starloop::link::simulated::simulated_pair;
-use starloop::report::{Fate, MissCause};
-use starloop::runtime::real_time::{self, Head, Setting};
-use starloop::runtime::receiver::Receiver;
-use starloop::runtime::{EventKind, FrameEngine};
-use starloop::sink::{NullSink, Sink};
-use starloop::wiring::bench_parts;
-use starloop::wiring::real_loop::{RealSetting, run_real};
+use link::Port;
+use link::simulated::simulated_pair;
+use run::runtime::real_time::{self, Head, Setting};
+use run::runtime::receiver::Receiver;
+use run::runtime::{EventKind, FrameEngine};
+use run::wiring::bench_parts;
+use run::wiring::real_loop::{RealSetting, run_real};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
@@ -170,12 +170,12 @@ fn three_heads_fly_on_the_real_clock() {
     let sinks = (0..3).map(|_| Box::new(NullSink::new()) as Box<dyn Sink>).collect();
     let most_solved = Arc::new(Mutex::new(0));
     let seen = Arc::clone(&most_solved);
-    let on_row = Box::new(move |row: &starloop::testbed::vehicle::TelemetryRow| {
+    let on_row = Box::new(move |row: &testbed::vehicle::TelemetryRow| {
         let mut most = seen.lock().unwrap();
         *most = row.heads_solved.max(*most);
     });
     let mut interpolated = 0;
-    let mut count = |frame: &starloop::sink::SentFrame, _: &starloop::runtime::RunRecord| {
+    let mut count = |frame: &frames::sink::SentFrame, _: &run::runtime::RunRecord| {
         interpolated += u64::from(frame.meta.origin == "interpolated");
     };
     let outcome = run_real(&scenario, sinks, &setting, |_| {}, on_row, &mut count).unwrap();
@@ -217,7 +217,7 @@ fn benches_with_heads_are_refused_what_they_cannot_have() {
         bench_parts::run_params(&bench, start(&bench)).unwrap()
     };
     let (one, eight) = (params(""), params(&head.repeat(7)));
-    let cost = starloop::exposure::cost::CostModel::CPU;
+    let cost = plan::exposure::cost::CostModel::CPU;
     let detector_ms = one.camera.predicted_readout_ms(&cost);
     let whole = one.drawing_budget_ms(&cost) + detector_ms;
     assert!((eight.drawing_budget_ms(&cost) + detector_ms - whole / 8.0).abs() < 1e-9, "an eighth of the time each");

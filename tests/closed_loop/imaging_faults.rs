@@ -1,19 +1,19 @@
 //! Faults of optics, light and frames: every frame says what it was made under, and shows it.
 
 use crate::pixels::scenario;
-use starloop::base::clock::Monotonic;
-use starloop::base::time::Span;
-use starloop::config::{Action, Event, Scenario};
-use starloop::runtime::EventKind;
-use starloop::sink::{
+use base::clock::Monotonic;
+use base::time::Span;
+use config::{Action, Event, Scenario};
+use frames::sink::{
     FaultFlags, FaultPixels, FrameFault, FrameMeta, SentFrame, Sink, SinkError, SinkSummary, TruthKind, TruthStar,
 };
-use starloop::testbed::acs::Mode;
-use starloop::wiring::closed_loop::ClosedLoop;
-use starloop::wiring::loop_outcome::LoopOutcome;
-use starloop::wiring::real_loop::{RealSetting, run_real};
+use run::runtime::EventKind;
+use run::wiring::closed_loop::ClosedLoop;
+use run::wiring::loop_outcome::LoopOutcome;
+use run::wiring::real_loop::{RealSetting, run_real};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
+use testbed::acs::Mode;
 
 /// What is kept of a frame.
 struct Seen {

@@ -4,20 +4,20 @@
 //! in which the stimulator knows the jitter as a line.
 
 use crate::bench::{over, start};
-use starloop::base::clock::{Clock, Virtual};
-use starloop::base::time::{Span, Tai};
-use starloop::base::units::ARCSEC;
-use starloop::config::{Bench, Camera, JitterSource, Wire};
-use starloop::link::Port;
-use starloop::link::simulated::simulated_pair;
-use starloop::runtime::receiver::Receiver;
-use starloop::runtime::{EventKind, FrameEngine, RunRecord, virtual_time};
-use starloop::sink::{SentFrame, Sink, SinkError, SinkSummary, TruthStar};
-use starloop::testbed::flight_computer::{FlightComputer, JitterLineParams, JitterStream};
-use starloop::wiring::bench_parts;
+use base::clock::{Clock, Virtual};
+use base::time::{Span, Tai};
+use base::units::ARCSEC;
+use config::{Bench, Camera, JitterSource, Wire};
+use frames::sink::{SentFrame, Sink, SinkError, SinkSummary, TruthStar};
+use link::Port;
+use link::simulated::simulated_pair;
+use run::runtime::receiver::Receiver;
+use run::runtime::{EventKind, FrameEngine, RunRecord, virtual_time};
+use run::wiring::bench_parts;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
+use testbed::flight_computer::{FlightComputer, JitterLineParams, JitterStream};
 
 use firmware_protocol::Message;
 use firmware_protocol::message::{JitterBurst, JitterPair};
@@ -143,7 +143,7 @@ fn bench(wire: Wire, source: JitterSource) -> Bench {
     bench.camera = Camera::load(Path::new("configs/cameras/small_tracker.toml")).unwrap();
     // Time to spare: a frame waits half of it at most.
     bench.camera.exposure.readout_s = 0.1;
-    let line = starloop::config::JitterLineSettings {
+    let line = config::JitterLineSettings {
         frequency_hz: LINE.frequency_hz,
         amplitude_arcsec: LINE.amplitude_arcsec,
         phase_deg: LINE.phase_rad.to_degrees(),

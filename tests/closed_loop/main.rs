@@ -16,6 +16,7 @@ mod full_load;
 mod heads;
 mod imaging_faults;
 mod late_jitter;
+mod link_check;
 mod pixels;
 mod program;
 mod replay;

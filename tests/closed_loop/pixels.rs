@@ -1,14 +1,14 @@
 //! The loop closed over pixels: from lost in space to fine pointing, against theory and against its own control.
 
-use starloop::base::clock::Stopwatch;
-use starloop::config::{Document, Scenario};
-use starloop::sink::NullSink;
-use starloop::testbed::acs::Mode;
-use starloop::wiring::closed_loop::ClosedLoop;
-use starloop::wiring::loop_outcome::LoopOutcome;
+use base::clock::Stopwatch;
+use config::{Document, Scenario};
+use frames::sink::NullSink;
+use run::wiring::closed_loop::ClosedLoop;
+use run::wiring::loop_outcome::LoopOutcome;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use testbed::acs::Mode;
 
 /// What the closed loop may err over what linear theory makes of the tracker's noise: star places err by more than noise
 /// (pixel phase, neighbours), and the window holds few independent values of a slow loop.
@@ -29,7 +29,7 @@ pub(crate) fn fly(scenario: &Scenario) -> (LoopOutcome, Mode) {
 }
 
 fn complaints(name: &str, outcome: &LoopOutcome) -> Vec<String> {
-    let predicted = outcome.predicted_pointing_rad.map(|rad| rad / starloop::base::units::ARCSEC);
+    let predicted = outcome.predicted_pointing_rad.map(|rad| rad / base::units::ARCSEC);
     let verdicts = outcome.assessment.verdicts(predicted);
     let failed = verdicts.iter().filter(|verdict| !verdict.passed).map(|verdict| format!("{name}: {verdict:?}"));
     let broken = outcome.assessment.violations().1.iter().map(|line| format!("{name}: {line}"));
@@ -42,7 +42,7 @@ fn lost_in_space_becomes_fine_pointing_as_theory_predicts() {
     let (outcome, mode) = fly(&acquisition);
     assert_eq!(complaints("acquisition", &outcome), Vec::<String>::new());
     assert_eq!(mode, Mode::FinePointing);
-    let predicted_arcsec = outcome.predicted_pointing_rad.unwrap() / starloop::base::units::ARCSEC;
+    let predicted_arcsec = outcome.predicted_pointing_rad.unwrap() / base::units::ARCSEC;
     let pointing_arcsec = outcome.assessment.pointing().boresight_arcsec.unwrap();
     println!("pointing {pointing_arcsec:.3} arcsec rms, predicted {predicted_arcsec:.3}");
     assert!(pointing_arcsec <= OVER_PREDICTION * predicted_arcsec, "{pointing_arcsec} for {predicted_arcsec} arcsec");
@@ -99,10 +99,10 @@ fn stray_light_takes_the_stars_and_gives_them_back() {
     let mut going = ClosedLoop::new(&light, |_| Box::new(NullSink::new())).unwrap();
     let zero = going.zero();
     let mut stars_at = |seconds: f64| {
-        going.advance_to(zero + starloop::base::time::Span::from_s(seconds), &mut |_, _, _| true).unwrap();
+        going.advance_to(zero + base::time::Span::from_s(seconds), &mut |_, _, _| true).unwrap();
         let reports: Vec<_> = going.with_vehicle(|v| v.head_reports().copied().collect::<Vec<_>>()).unwrap();
         match reports[0].last {
-            Some(starloop::testbed::tracker::Outcome::Solved(solution)) => solution.stars,
+            Some(testbed::tracker::Outcome::Solved(solution)) => solution.stars,
             _ => 0,
         }
     };
@@ -122,7 +122,7 @@ fn wheels_shake_the_line_of_sight_where_the_mode_is() {
     let free_hz = mode.frequency_hz / stiffening.sqrt();
     assert!((wheel_hz / free_hz - 1.0).abs() < 0.03, "loudest at {wheel_hz} Hz, mode at {free_hz} Hz");
     // The rigid body alone: imbalance over inertia for each of four wheels at most.
-    let rigid_arcsec = 4.0 * 5e-6 / 9.0 / starloop::base::units::ARCSEC;
+    let rigid_arcsec = 4.0 * 5e-6 / 9.0 / base::units::ARCSEC;
     assert!(arcsec > 3.0 * rigid_arcsec, "{arcsec} arcsec against {rigid_arcsec} without the mode");
 }
 
@@ -136,7 +136,7 @@ fn crcs(seed: u64, step_s: Option<f64>) -> (Vec<u32>, u32) {
     if let Some(step_s) = step_s {
         let mut at = going.now();
         while at < going.end() {
-            at = at + starloop::base::time::Span::from_s(step_s);
+            at = at + base::time::Span::from_s(step_s);
             going.advance_to(at.min(going.end()), &mut |_, _, _| true).unwrap();
         }
     }

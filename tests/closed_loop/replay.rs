@@ -1,8 +1,8 @@
 //! A captured run is drawn again to the same bits, on both clocks; a changed bit, a lost packet and a cut file are told;
 //! captures are what other people's programs read.
 
-use starloop::link::Packet;
-use starloop::link::capture::{CaptureFormat, CaptureReader, CaptureWriter, CapturedPacket, Direction};
+use link::Packet;
+use link::capture::{CaptureFormat, CaptureReader, CaptureWriter, CapturedPacket, Direction};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -161,7 +161,7 @@ fn a_bit_a_packet_and_a_tail_that_are_not_as_captured_are_told() {
     // Stamps are off by a millisecond: time marks come from stamps.
     let mut shifted = whole.clone();
     for packet in &mut shifted[..place] {
-        packet.at = packet.at + starloop::base::time::Span::from_ms(1);
+        packet.at = packet.at + base::time::Span::from_ms(1);
     }
     rewrite(&bus, CaptureFormat::Pcapng, &shifted);
     assert_eq!(replay(&directory, &[]).0, 4, "stamps count");

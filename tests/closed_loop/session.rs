@@ -1,6 +1,11 @@
 //! The session over the simulated bus: HELLO and RUN begin it, STOP ends it, STATUS echoes what is rendered.
 
 use crate::bench::{built_in, start};
+use base::axes::{Icrf, Rotation, Sensor, ra_dec_roll};
+use base::clock::{Clock, Virtual};
+use base::time::{Span, Tai};
+use base::units::ARCSEC;
+use config::{Bench, SessionStart};
 use firmware_protocol::can::IdMap;
 use firmware_protocol::message::{
     Command, PointingAngle, Refusal, Reply, Request, Response, StatusPage, StimulatorMode, Table, Trigger, Triggered,
@@ -8,19 +13,14 @@ use firmware_protocol::message::{
 use firmware_protocol::tables::{Applied, LineRow, cells, crc};
 use firmware_protocol::version::Version;
 use firmware_protocol::{DBC_CRC32, Message, Reject};
-use starloop::base::axes::{Icrf, Rotation, Sensor, ra_dec_roll};
-use starloop::base::clock::{Clock, Virtual};
-use starloop::base::time::{Span, Tai};
-use starloop::base::units::ARCSEC;
-use starloop::config::{Bench, SessionStart};
-use starloop::link::simulated::simulated_bus;
-use starloop::link::{Link, Packet, Port, Stamped};
-use starloop::runtime::receiver::Receiver;
-use starloop::runtime::{EventKind, FrameEngine, RunOutcome, virtual_time};
-use starloop::sink::NullSink;
-use starloop::testbed::flight_computer::FlightComputer;
-use starloop::wiring::bench_parts;
+use frames::sink::NullSink;
+use link::simulated::simulated_bus;
+use link::{Link, Packet, Port, Stamped};
+use run::runtime::receiver::Receiver;
+use run::runtime::{EventKind, FrameEngine, RunOutcome, virtual_time};
+use run::wiring::bench_parts;
 use std::sync::Arc;
+use testbed::flight_computer::FlightComputer;
 
 /// The echo's own resolution is 0.3 mas; f32 on the wire 0.019 arcsec, time tags of 1 us at 0.5 deg/s 0.002.
 const ECHO_ARCSEC: f64 = 0.03;

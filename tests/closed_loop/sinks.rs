@@ -3,16 +3,16 @@
 //! A slow sink is one that waits until the last frame has been drawn: no time is measured.
 
 use crate::bench::{built_in, start};
+use base::clock::{Clock, Monotonic};
+use config::Bench;
 use crossbeam_channel::{Receiver as Gate, bounded};
-use starloop::base::clock::{Clock, Monotonic};
-use starloop::config::Bench;
-use starloop::link::Port;
-use starloop::link::simulated::simulated_pair;
-use starloop::report::MissCause;
-use starloop::runtime::receiver::Receiver;
-use starloop::runtime::{EventKind, FrameEngine, RunOutcome, real_time};
-use starloop::sink::{BranchParams, Fan, NullSink, OnFull, SentFrame, Sink, SinkError, SinkSummary};
-use starloop::wiring::bench_parts;
+use frames::report::MissCause;
+use frames::sink::{BranchParams, Fan, NullSink, OnFull, SentFrame, Sink, SinkError, SinkSummary};
+use link::Port;
+use link::simulated::simulated_pair;
+use run::runtime::receiver::Receiver;
+use run::runtime::{EventKind, FrameEngine, RunOutcome, real_time};
+use run::wiring::bench_parts;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 

@@ -1,13 +1,13 @@
 //! Latency and jitter injected into the loop over pixels: margins, rejection and errors are those of linear theory.
 
-use starloop::base::units::DEG;
-use starloop::config::{Document, Scenario};
-use starloop::wiring::study::frequency::{CROSSOVER_SHARE, PHASE_MARGIN_DEG, REJECTION_SHARE};
-use starloop::wiring::study::point::{
+use base::units::DEG;
+use batch::study::frequency::{CROSSOVER_SHARE, PHASE_MARGIN_DEG, REJECTION_SHARE};
+use batch::study::point::{
     ACTUATION_DELAY, CROSSOVER, JITTER, PHASE_MARGIN, POINTING_ERROR, REJECTION, TAG, TAG_ERROR,
 };
-use starloop::wiring::study::theory::LoopOnPaper;
-use starloop::wiring::study::{Agreement, Effort, Studied, Study};
+use batch::study::theory::LoopOnPaper;
+use batch::study::{Agreement, Effort, Studied, Study};
+use config::{Document, Scenario};
 
 fn scenario() -> Scenario {
     Scenario::from_document(&Document::built_in("scenarios/study.toml").unwrap()).unwrap()

@@ -1,21 +1,21 @@
 //! Triggers of the flight computer: each acts once, in the frame that its instant falls into, and again in a replay.
 
 use crate::bench::{built_in, start};
+use base::clock::{Clock, Virtual};
+use base::time::{Span, Tai};
+use config::Bench;
 use firmware_protocol::can::{Decoder, IdMap};
-use starloop::base::clock::{Clock, Virtual};
-use starloop::base::time::{Span, Tai};
-use starloop::config::Bench;
-use starloop::link::capture::{CaptureFormat, CaptureReader, CapturedPacket, Direction};
-use starloop::link::simulated::simulated_pair;
-use starloop::link::tap::Capture;
-use starloop::link::{Packet, Port, Stamped};
-use starloop::runtime::ledger::Event;
-use starloop::runtime::receiver::Receiver;
-use starloop::runtime::{EventKind, FrameEngine, Ledger, RunOutcome, virtual_time};
-use starloop::sink::{NullSink, Sink};
-use starloop::testbed::flight_computer::{FlightComputer, TriggerAnswers};
-use starloop::wiring::bench_parts;
+use frames::sink::{NullSink, Sink};
+use link::capture::{CaptureFormat, CaptureReader, CapturedPacket, Direction};
+use link::simulated::simulated_pair;
+use link::tap::Capture;
+use link::{Packet, Port, Stamped};
+use run::runtime::ledger::Event;
+use run::runtime::receiver::Receiver;
+use run::runtime::{EventKind, FrameEngine, Ledger, RunOutcome, virtual_time};
+use run::wiring::bench_parts;
 use std::sync::Arc;
+use testbed::flight_computer::{FlightComputer, TriggerAnswers};
 
 /// Two seconds of time marks: how well an instant of the far clock is known here.
 const CLOCK: Span = Span::from_ns(100_000);

@@ -30,7 +30,7 @@ pub(crate) fn folder(name: &str) -> PathBuf {
 }
 
 pub(crate) fn driver_source() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/firmware_kit/driver.c")
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/firmware_kit/driver.c")
 }
 
 impl Program {

@@ -106,7 +106,7 @@ fn compared(program: &Path, arguments: &[&str]) -> (u64, u64, bool) {
 #[test]
 fn integer_arithmetic_has_the_bits_of_double_precision() {
     let program = folder("scaled").join("scaled");
-    let source = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/firmware_kit/scaled.c");
+    let source = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/firmware_kit/scaled.c");
     compile(&[&source], &program, &["-lm"]);
     let (count, differ, is_well) = compared(&program, &[]);
     assert!(count > 10_000_000 && is_well, "{count} compared, {differ} differ");

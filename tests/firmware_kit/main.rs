@@ -18,7 +18,7 @@ use std::path::PathBuf;
 
 /// Folder of the kit.
 fn kit() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("firmware_protocol")
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
 /// A text file of the kit.

@@ -1,11 +1,11 @@
 //! The background's shape and the illumination map: GPU against CPU, in one pass and in two.
 
 use crate::scene::{DnDifference, EXPOSURE_S, Motion, Scene, detector, device, draw_cpu, draw_gpu};
-use starloop::base::image::DnImage;
-use starloop::detector::Background;
-use starloop::detector::gpu::GpuDetector;
-use starloop::optics::PsfModel;
-use starloop::render::gpu::Gpu;
+use base::image::DnImage;
+use plan::optics::PsfModel;
+use starloop_image::detector::Background;
+use starloop_image::detector::gpu::GpuDetector;
+use starloop_image::render::gpu::Gpu;
 
 /// As for the detector's other stages.
 const SHARE: f64 = 3e-4;

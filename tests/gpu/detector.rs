@@ -1,13 +1,13 @@
 //! Digital numbers: GPU against CPU with every effect on.
 
 use crate::scene::{DnDifference, EXPOSURE_S, Motion, Scene, detector, device, draw_cpu, draw_gpu, star};
-use starloop::base::image::{DnImage, Image};
-use starloop::detector::gpu::GpuDetector;
-use starloop::detector::{Detector, DetectorParams, PoissonMethod};
-use starloop::exposure::Source;
-use starloop::gpu::{DeviceElectrons, GpuDevice, GpuError};
-use starloop::optics::PsfModel;
-use starloop::render::gpu::Gpu;
+use base::image::{DnImage, Image};
+use plan::exposure::Source;
+use plan::optics::PsfModel;
+use starloop_image::detector::gpu::GpuDetector;
+use starloop_image::detector::{Detector, DetectorParams, PoissonMethod};
+use starloop_image::gpu::{DeviceElectrons, GpuDevice, GpuError};
+use starloop_image::render::gpu::Gpu;
 use std::sync::Arc;
 
 /// Share of pixels that may differ by 1 DN: the ADC rounds apart where a value lies within the rounding error of the

@@ -1,11 +1,11 @@
 //! Electrons: GPU against CPU for every method and PSF.
 
 use crate::scene::{Difference, Motion, Scene, device, draw_cpu, draw_gpu, star};
-use starloop::base::image::Image;
-use starloop::exposure::{Shutter, Source};
-use starloop::gpu::GpuDevice;
-use starloop::optics::PsfModel;
-use starloop::render::gpu::Gpu;
+use base::image::Image;
+use plan::exposure::{Shutter, Source};
+use plan::optics::PsfModel;
+use starloop_image::gpu::GpuDevice;
+use starloop_image::render::gpu::Gpu;
 use std::sync::Arc;
 
 /// Both sides draw in f32 with 1e-6 of rounding at most per star (erf 5e-7 twice); overlapping stars add up.
@@ -73,7 +73,7 @@ fn wide_gaussian_analytic_and_from_a_table() {
     assert!((8..=15).contains(&plan.half_px), "half {}", plan.half_px);
     let difference = Difference::between(&draw_cpu(plan, scene.size), &draw_gpu(&mut gpu, plan, scene.size));
     // The table's own promise, and stars that overlap.
-    assert!(difference.within(2.0 * starloop::exposure::sampling::TABLE_ERROR, 0.0, 1e-4), "{difference:?}");
+    assert!(difference.within(2.0 * plan::exposure::sampling::TABLE_ERROR, 0.0, 1e-4), "{difference:?}");
 }
 
 #[test]

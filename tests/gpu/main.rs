@@ -14,7 +14,6 @@ mod detector;
 mod device;
 mod drawing;
 mod effects;
-mod greys;
 mod overflow;
 mod overlap;
 mod passes;

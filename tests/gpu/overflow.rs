@@ -1,10 +1,10 @@
 //! Bright stars: the fixed point gives way in resolution, never in range.
 
 use crate::scene::{Difference, Motion, Scene, device, draw_cpu, draw_gpu, star};
-use starloop::gpu::GpuDevice;
-use starloop::optics::PsfModel;
-use starloop::render::gpu::Gpu;
-use starloop::render::gpu::scale::LARGEST_SCALE;
+use plan::optics::PsfModel;
+use starloop_image::gpu::GpuDevice;
+use starloop_image::render::gpu::Gpu;
+use starloop_image::render::gpu::scale::LARGEST_SCALE;
 use std::sync::Arc;
 
 /// f32 rounding of both sides; the floor is half a unit of the scale the frame got.

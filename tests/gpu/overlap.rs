@@ -1,16 +1,16 @@
 //! Targets, and the brighter of stars and targets: GPU against CPU.
 
 use crate::scene::{EXPOSURE_S, Motion, Scene, device, draw_cpu, draw_gpu};
-use starloop::base::image::Image;
-use starloop::base::time::{Span, Tai};
-use starloop::exposure::target::FIRST_TARGET_ID;
-use starloop::exposure::{ExposurePlan, Target, TargetCurve, TargetPath, TargetWay};
-use starloop::gpu::Electrons;
-use starloop::optics::PsfModel;
-use starloop::render::cpu::Cpu;
-use starloop::render::gpu::Gpu;
-use starloop::render::gpu::brighter::Brighter;
-use starloop::render::overlap::Apart;
+use base::image::Image;
+use base::time::{Span, Tai};
+use plan::exposure::target::FIRST_TARGET_ID;
+use plan::exposure::{ExposurePlan, Target, TargetCurve, TargetPath, TargetWay};
+use plan::optics::PsfModel;
+use starloop_image::gpu::Electrons;
+use starloop_image::render::cpu::Cpu;
+use starloop_image::render::gpu::Gpu;
+use starloop_image::render::gpu::brighter::Brighter;
+use starloop_image::render::overlap::Apart;
 
 /// Of the brightest pixel: rounding of single precision on both sides.
 const PEAK_SHARE: f64 = 5e-6;

@@ -1,10 +1,10 @@
 //! One pass over all stages and two passes with a charge image between them put out the same numbers.
 
 use crate::scene::{DnDifference, EXPOSURE_S, Motion, Scene, detector, device, draw_cpu, draw_gpu, star};
-use starloop::base::image::DnImage;
-use starloop::detector::gpu::GpuDetector;
-use starloop::optics::PsfModel;
-use starloop::render::gpu::Gpu;
+use base::image::DnImage;
+use plan::optics::PsfModel;
+use starloop_image::detector::gpu::GpuDetector;
+use starloop_image::render::gpu::Gpu;
 
 /// A driver may fuse a multiply-add across what is a store to memory in the other form: as CPU against GPU.
 const SHARE: f64 = 3e-4;

@@ -1,10 +1,10 @@
 //! Electrons of PSFs that come from tables alone: GPU against CPU for a lopsided grid, a Moffat profile and a field.
 
 use crate::scene::{Difference, Motion, Scene, device, draw_cpu, draw_gpu};
-use starloop::exposure::{Drawing, Shutter};
-use starloop::gpu::GpuDevice;
-use starloop::optics::{PsfField, PsfGrid, PsfModel};
-use starloop::render::gpu::Gpu;
+use plan::exposure::{Drawing, Shutter};
+use plan::optics::{PsfField, PsfGrid, PsfModel};
+use starloop_image::gpu::GpuDevice;
+use starloop_image::render::gpu::Gpu;
 use std::sync::Arc;
 
 /// Both sides draw in f32 from the same tables: 1e-6 of rounding per star and part; overlapping stars add up.

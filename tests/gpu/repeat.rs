@@ -1,12 +1,12 @@
 //! The same plan and frame number give the same bits, whatever was drawn in between.
 
 use crate::scene::{EXPOSURE_S, Motion, Scene, detector, device, draw_gpu};
-use starloop::base::image::DnImage;
-use starloop::detector::gpu::GpuDetector;
-use starloop::exposure::ExposurePlan;
-use starloop::optics::PsfModel;
-use starloop::render::Backend;
-use starloop::render::gpu::Gpu;
+use base::image::DnImage;
+use plan::exposure::ExposurePlan;
+use plan::optics::PsfModel;
+use starloop_image::detector::gpu::GpuDetector;
+use starloop_image::render::Backend;
+use starloop_image::render::gpu::Gpu;
 
 #[test]
 fn frames_repeat_bit_for_bit() {

@@ -1,22 +1,22 @@
 //! Scenes and comparators that all GPU tests share.
 
-use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use starloop::attitude::{JitterTrack, LosPath, PathOrigin};
-use starloop::base::accuracy::AccuracyBudget;
-use starloop::base::axes::Rotation;
-use starloop::base::image::{DnImage, Image};
-use starloop::base::random::philox;
-use starloop::base::time::{Span, Tai};
-use starloop::detector::{Detector, DetectorParams};
-use starloop::exposure::cost::CostModel;
-use starloop::exposure::{
+use base::accuracy::AccuracyBudget;
+use base::axes::Rotation;
+use base::image::{DnImage, Image};
+use base::random::philox;
+use base::time::{Span, Tai};
+use plan::attitude::{JitterTrack, LosPath, PathOrigin};
+use plan::exposure::cost::CostModel;
+use plan::exposure::{
     ExposurePlan, Instrument, PixelPath, PixelPoint, Planner, PsfSampling, Shutter, Source, SourcePlace,
 };
-use starloop::gpu::{AdapterChoice, Electrons, GpuDevice};
-use starloop::optics::{Illumination, PsfModel};
-use starloop::render::Backend;
-use starloop::render::cpu::Cpu;
-use starloop::render::gpu::Gpu;
+use plan::optics::{Illumination, PsfModel};
+use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
+use starloop_image::detector::{Detector, DetectorParams};
+use starloop_image::gpu::{AdapterChoice, Electrons, GpuDevice};
+use starloop_image::render::Backend;
+use starloop_image::render::cpu::Cpu;
+use starloop_image::render::gpu::Gpu;
 use std::sync::{Arc, OnceLock};
 
 /// Exposure of every scene, s.

@@ -4,18 +4,18 @@
 //! left is rounding (the device may fuse multiply-adds).
 
 use crate::scene::{DnDifference, EXPOSURE_S, device};
-use starloop::base::image::{DnImage, Image};
-use starloop::base::random::philox;
-use starloop::detector::binning::{Binning, BinningKind};
-use starloop::detector::blooming::Blooming;
-use starloop::detector::charge_transfer::{ChargeTransfer, OutputCorner};
-use starloop::detector::defects::{Defect, DefectKind, DefectPlace, DefectPopulation, Rates};
-use starloop::detector::gpu::GpuDetector;
-use starloop::detector::image_lag::ImageLag;
-use starloop::detector::protons::{ProtonDirection, ProtonFlux};
-use starloop::detector::window::Window;
-use starloop::detector::{Detector, DetectorParams, SpatialParams};
-use starloop::gpu::{DeviceElectrons, GpuDevice};
+use base::image::{DnImage, Image};
+use base::random::philox;
+use starloop_image::detector::binning::{Binning, BinningKind};
+use starloop_image::detector::blooming::Blooming;
+use starloop_image::detector::charge_transfer::{ChargeTransfer, OutputCorner};
+use starloop_image::detector::defects::{Defect, DefectKind, DefectPlace, DefectPopulation, Rates};
+use starloop_image::detector::gpu::GpuDetector;
+use starloop_image::detector::image_lag::ImageLag;
+use starloop_image::detector::protons::{ProtonDirection, ProtonFlux};
+use starloop_image::detector::window::Window;
+use starloop_image::detector::{Detector, DetectorParams, SpatialParams};
+use starloop_image::gpu::{DeviceElectrons, GpuDevice};
 
 /// Odd, so that pairs of pixels lie across the ends of rows; 4 divides one side less one.
 const SIZE: [usize; 2] = [121, 85];

@@ -1,10 +1,10 @@
 //! Links that break one promise each: the suite must refuse every one, for the right reason.
 
 use crate::ends::{clock, simulated};
-use starloop::base::clock::Clock;
-use starloop::base::time::{Span, Tai};
-use starloop::link::conformance::{Ends, check_link};
-use starloop::link::{Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped, WireFormat};
+use base::clock::Clock;
+use base::time::{Span, Tai};
+use starloop_link::conformance::{Ends, check_link};
+use starloop_link::{Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped, WireFormat};
 use std::sync::Arc;
 
 #[derive(Debug, Clone, Copy, PartialEq)]

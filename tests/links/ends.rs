@@ -1,10 +1,10 @@
 //! Pairs of ends on one clock.
 
-use starloop::base::clock::{Clock, Monotonic};
-use starloop::base::time::Span;
-use starloop::link::conformance::Ends;
-use starloop::link::simulated::{BusParams, BusTiming, simulated_pair};
-use starloop::link::{LinkError, WireFormat};
+use base::clock::{Clock, Monotonic};
+use base::time::Span;
+use starloop_link::conformance::Ends;
+use starloop_link::simulated::{BusParams, BusTiming, simulated_pair};
+use starloop_link::{LinkError, WireFormat};
 use std::sync::Arc;
 
 pub(crate) const FORMATS: [WireFormat; 3] = [WireFormat::CanClassic, WireFormat::CanFd, WireFormat::Serial];

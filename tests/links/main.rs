@@ -3,6 +3,5 @@
 
 mod broken;
 mod ends;
-mod program;
 mod simulated;
 mod terminal;

@@ -1,9 +1,9 @@
 //! The suite on simulated buses, on the real clock.
 
 use crate::ends::{FORMATS, clock, simulated};
-use starloop::base::clock::{Clock, Virtual};
-use starloop::base::time::Tai;
-use starloop::link::conformance::check_link;
+use base::clock::{Clock, Virtual};
+use base::time::Tai;
+use starloop_link::conformance::check_link;
 use std::sync::Arc;
 
 #[test]

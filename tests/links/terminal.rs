@@ -1,10 +1,10 @@
 //! The suite on serial ports over pseudo terminals.
 
 use crate::ends::clock;
-use starloop::base::clock::Clock;
-use starloop::link::conformance::{Ends, check_link};
-use starloop::link::serial::{PseudoTerminal, SerialLink, SerialParams};
-use starloop::link::{LinkError, WireFormat};
+use base::clock::Clock;
+use starloop_link::conformance::{Ends, check_link};
+use starloop_link::serial::{PseudoTerminal, SerialLink, SerialParams};
+use starloop_link::{LinkError, WireFormat};
 use std::sync::Arc;
 
 /// 300 baud: a write waits long enough for any reader on a busy machine.

@@ -5,11 +5,11 @@
 //! Used by `hil_scripts/test_network_camera.py`.
 
 use anyhow::Context;
+use base::clock::{Clock, Monotonic};
+use base::time::Span;
 use core::sync::atomic::{AtomicBool, Ordering};
-use starloop::base::clock::{Clock, Monotonic};
-use starloop::base::time::Span;
-use starloop::network_camera::{Identity, NetworkCamera, Params, PixelFormat, SensorParams, XmlForm};
-use starloop::sink::{FaultFlags, Recorder, RecorderOptions, SentFrame, Sink};
+use frames::sink::{FaultFlags, Recorder, RecorderOptions, SentFrame, Sink};
+use starloop_outputs::network_camera::{Identity, NetworkCamera, Params, PixelFormat, SensorParams, XmlForm};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

@@ -1,13 +1,11 @@
 //! Motions in closed form: slews and sinusoids about axes fixed in the body, one after the other, and the error of an
 //! attitude method that sees perfect samples of them.
 
+use base::axes::{Body, Icrf, Rotation};
+use base::time::{Span, Tai};
 use core::f64::consts::TAU;
 use glam::DVec3;
-use starloop::attitude::{
-    AttitudeHistory, AttitudeMethod, AttitudeSample, HistoryLimits, MotionScale, Sinusoid, state_by,
-};
-use starloop::base::axes::{Body, Icrf, Rotation};
-use starloop::base::time::{Span, Tai};
+use plan::attitude::{AttitudeHistory, AttitudeMethod, AttitudeSample, HistoryLimits, MotionScale, Sinusoid, state_by};
 
 /// Starts over one period of a sinusoid: the worst phase is missed by 0.1 %.
 const STARTS: u32 = 64;

@@ -10,14 +10,14 @@
 //!
 //! Only time (`Tai`) is shared. [`apparent_icrf`] and [`project`] serve other tests of this folder.
 
+use base::axes::sensor_from_ra_dec_roll;
+use base::time::Tai;
 use core::f64::consts::PI;
 use glam::DVec3;
-use starloop::astrometry::{ApparentSource, BrownConrady, CameraGeometry, CameraParameters};
-use starloop::astrometry::{Vantage, apparent_places, cone_margin_rad};
-use starloop::base::axes::sensor_from_ra_dec_roll;
-use starloop::base::time::Tai;
-use starloop::sky::catalog::Catalog;
-use starloop::sky::observer::Observer;
+use sky::astrometry::{ApparentSource, BrownConrady, CameraGeometry, CameraParameters};
+use sky::astrometry::{Vantage, apparent_places, cone_margin_rad};
+use sky::observer::Observer;
+use stars::catalog::Catalog;
 
 const DEG: f64 = PI / 180.0;
 const ARCSEC: f64 = DEG / 3600.0;

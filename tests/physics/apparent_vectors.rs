@@ -6,12 +6,12 @@
 //! Moon by JPL's DE421; orbits by formulae written there, and by the Python package `sgp4` with skyfield's axes. Only the
 //! numbers of the cases are shared.
 
+use base::source::{CatalogSource, ProperMotion, direction_from_ra_dec};
+use base::time::{Span, Tai};
 use glam::DVec3;
-use starloop::astrometry::{Vantage, apparent_places};
-use starloop::base::time::{Span, Tai};
-use starloop::sky::catalog::{CatalogSource, ProperMotion, direction_from_ra_dec};
-use starloop::sky::observer::{Observer, ObserverTrack};
-use starloop::sky::orbit::{CentralBody, CircularOrbit, KeplerElements, TleOrbit, TwoBodyOrbit};
+use sky::astrometry::{Vantage, apparent_places};
+use sky::observer::{Observer, ObserverTrack};
+use sky::orbit::{CentralBody, CircularOrbit, KeplerElements, TleOrbit, TwoBodyOrbit};
 use std::sync::OnceLock;
 
 const VECTORS: &str = include_str!("apparent_vectors.csv");

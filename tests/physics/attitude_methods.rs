@@ -3,14 +3,14 @@
 
 use crate::analytic_motion::{Motion, Turn, epoch};
 use crate::scene::Dice;
+use base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
+use base::units::{ARCSEC, DEG};
 use core::f64::consts::{PI, TAU};
 use glam::DVec3;
-use starloop::attitude::{
+use plan::attitude::{
     AttitudeHistory, AttitudeMethod, AttitudeSample, AttitudeVerdict, HistoryLimits, MotionScale, Reach,
     assess_methods, cheapest, state_by,
 };
-use starloop::base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
-use starloop::base::units::{ARCSEC, DEG};
 
 /// Quaternions in f64 through a product, a root and an arc tangent, seen as an angle.
 const ROUNDING_RAD: f64 = 2e-14;

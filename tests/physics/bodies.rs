@@ -3,22 +3,22 @@
 //! Vectors: `bodies_vectors.csv`, made by `hil_scripts/body_vectors.py` with skyfield and DE421.
 
 use crate::scene;
+use base::axes::{Icrf, Rotation, Sensor};
+use base::time::{Span, Tai};
+use base::units::{ARCSEC, DEG};
+use frames::sink::TruthKind;
 use glam::{DQuat, DVec3};
-use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use starloop::base::axes::{Icrf, Rotation, Sensor};
-use starloop::base::time::{Span, Tai};
-use starloop::base::units::{ARCSEC, DEG};
-use starloop::detector::window::OutputGeometry;
-use starloop::exposure::target::FIRST_BODY_ID;
-use starloop::exposure::{Source, SourcePlace};
-use starloop::optics::{PsfModel, Radiometry, StarLight};
-use starloop::runtime::sky_bodies::{BodyCamera, MOON_NUMBER, SeenBody, SkyBodies, seen_from};
-use starloop::runtime::truth::fill_truth;
-use starloop::sink::TruthKind;
-use starloop::sky::bodies::{BodiesTrack, Standpoint};
-use starloop::sky::magnitude::{Lighting, SUN_G_LESS_V};
-use starloop::sky::observer::{BarycentricState, Observer};
-use starloop::sky::orbit::CircularOrbit;
+use image::detector::window::OutputGeometry;
+use plan::exposure::target::FIRST_BODY_ID;
+use plan::exposure::{Source, SourcePlace};
+use plan::optics::{PsfModel, Radiometry, StarLight};
+use run::runtime::sky_bodies::{BodyCamera, MOON_NUMBER, SeenBody, SkyBodies, seen_from};
+use run::runtime::truth::fill_truth;
+use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
+use sky::bodies::{BodiesTrack, Standpoint};
+use sky::magnitude::{Lighting, SUN_G_LESS_V};
+use sky::observer::{BarycentricState, Observer};
+use sky::orbit::CircularOrbit;
 
 /// What the issue asks for.
 const PLACE_ARCSEC: f64 = 1.0;
@@ -152,7 +152,7 @@ fn distances_and_magnitudes_agree() {
 }
 
 fn lit(from_sun_au: DVec3, from_observer_au: DVec3) -> Lighting {
-    let au_km = starloop::base::units::AU_KM;
+    let au_km = base::units::AU_KM;
     Lighting { from_sun_km: from_sun_au * au_km, from_observer_km: from_observer_au * au_km }
 }
 
@@ -161,8 +161,8 @@ fn the_full_moon_is_as_bright_as_published() {
     // -12.74 at 384,400 km and 1 au (Allen); quarters 2.6 mag fainter by the same phase law: 2.34 + 0.26.
     let moon = |phase_deg: f64| {
         let (s, c) = phase_deg.to_radians().sin_cos();
-        let observer = DVec3::X * (384_400.0 / starloop::base::units::AU_KM);
-        starloop::sky::magnitude::moon_v(&lit(DVec3::new(c, s, 0.0), observer))
+        let observer = DVec3::X * (384_400.0 / base::units::AU_KM);
+        sky::magnitude::moon_v(&lit(DVec3::new(c, s, 0.0), observer))
     };
     assert!((moon(0.0) + 12.74).abs() < 1e-9, "{}", moon(0.0));
     assert!((moon(90.0) + 12.74 - 2.6024).abs() < 1e-3, "{}", moon(90.0));
@@ -197,7 +197,7 @@ fn camera(size: usize, focal_px: f64) -> BodyCamera {
 fn pointed(boresight: DVec3) -> Rotation<Sensor, Icrf> {
     let ra = boresight.y.atan2(boresight.x);
     let dec = boresight.z.clamp(-1.0, 1.0).asin();
-    starloop::base::axes::sensor_from_ra_dec_roll(ra, dec, 0.0)
+    base::axes::sensor_from_ra_dec_roll(ra, dec, 0.0)
 }
 
 fn pixel(source: &Source) -> [f64; 2] {
@@ -419,7 +419,7 @@ fn a_far_earth_shines_as_a_lambert_sphere() {
     let sum: f64 = sources.iter().filter(|s| s.id == FIRST_BODY_ID + 3).map(|source| source.electrons).sum();
     let phase = (2.0 * earth.lit_share - 1.0).acos();
     let pi = core::f64::consts::PI;
-    let sun_au = (from.from_sun_km - from.from_earth.position_km).length() / starloop::base::units::AU_KM;
+    let sun_au = (from.from_sun_km - from.from_earth.position_km).length() / base::units::AU_KM;
     let sun_e = camera.light.electrons(-26.90, 0.82, 0.1) / (sun_au * sun_au);
     let lambert = 2.0 / (3.0 * pi) * (phase.sin() + (pi - phase) * phase.cos());
     let wanted = sun_e * 0.306 * earth.radius_rad.sin().powi(2) * lambert;

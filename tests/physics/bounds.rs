@@ -7,11 +7,11 @@ use crate::measure::{class_alone, measure, peak_error};
 use crate::random_scenes::{SIZE, scene};
 use crate::scene::{EXPOSURE_S, FOCAL_PX, draw_cpu, draw_reference, everything, los, planner, star};
 use glam::DVec3;
-use starloop::attitude::{JitterLine, LosPath};
-use starloop::exposure::plan::Verdict;
-use starloop::exposure::planner::Source;
-use starloop::exposure::{PixelPath, PixelPoint};
-use starloop::optics::PsfModel;
+use plan::attitude::{JitterLine, LosPath};
+use plan::exposure::plan::Verdict;
+use plan::exposure::planner::Source;
+use plan::exposure::{PixelPath, PixelPoint};
+use plan::optics::PsfModel;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Random scenes.

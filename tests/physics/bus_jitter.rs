@@ -1,12 +1,12 @@
 //! Jitter that comes over the bus as parameters, against formulae written afresh.
 
+use base::time::{Span, Tai};
 use core::f64::consts::TAU;
 use glam::DVec3;
-use starloop::attitude::{
+use plan::attitude::{
     ClockEstimate, HARMONICS_MAX, HistoryLimits, JitterHistory, JitterLine, JitterTrack, LINES_PER_AXIS, PsdPoint,
     UPLOADED_LINES_MAX, WheelHarmonic, psd_variance,
 };
-use starloop::base::time::{Span, Tai};
 
 const ARCSEC: f64 = 4.848_136_811_095_36e-6;
 /// 2027-01-15, some local instant.

@@ -2,10 +2,10 @@
 
 use crate::scene::{EXPOSURE_S, FOCAL_PX, Picture, camera, draw_cpu, draw_reference, everything, instrument, los};
 use crate::scene::{planner_of, star};
+use base::time::{Span, Tai};
 use glam::DVec3;
-use starloop::attitude::{ClockEstimate, HistoryLimits, JitterHistory, JitterLine, LosPath, WheelHarmonic};
-use starloop::base::time::{Span, Tai};
-use starloop::optics::PsfModel;
+use plan::attitude::{ClockEstimate, HistoryLimits, JitterHistory, JitterLine, LosPath, WheelHarmonic};
+use plan::optics::PsfModel;
 
 const SIZE: usize = 48;
 const SIGMA_PX: f64 = 1.2;

@@ -1,16 +1,16 @@
 //! `starloop chart` in its quick form: tables that parse, bounds that hold, fronts that nothing beats, charts that show
 //! what the tables say.
 
-use starloop::chart::effect_cases;
-use starloop::chart::effects::EffectRow;
-use starloop::chart::footprint::FootprintRow;
-use starloop::chart::poisson::PoissonRow;
-use starloop::chart::prediction::PredictionRow;
-use starloop::chart::rows::broken;
-use starloop::chart::scenes::scenes;
-use starloop::chart::{Backends, Charted, MethodRow, Settings, Step, run, speed_accuracy};
-use starloop::detector::DetectorParams;
-use starloop::report::plot::{Chart, Style};
+use batch::chart::effect_cases;
+use batch::chart::effects::EffectRow;
+use batch::chart::footprint::FootprintRow;
+use batch::chart::poisson::PoissonRow;
+use batch::chart::prediction::PredictionRow;
+use batch::chart::rows::broken;
+use batch::chart::scenes::scenes;
+use batch::chart::{Backends, Charted, MethodRow, Settings, Step, run, speed_accuracy};
+use frames::report::plot::{Chart, Style};
+use image::detector::DetectorParams;
 use std::collections::BTreeSet;
 use std::sync::OnceLock;
 
@@ -184,7 +184,7 @@ fn every_effect_has_its_cost_on_every_backend() {
 fn every_effect_is_something_that_is_switched_on() {
     use effect_cases::{DETECTOR, DRAWING, DrawingSwitch, Switch};
     let scene = scenes(true)[0];
-    let before = starloop::chart::stage::Stage::new(&scene, 1).unwrap().instrument;
+    let before = batch::chart::stage::Stage::new(&scene, 1).unwrap().instrument;
     for (name, switch) in DRAWING {
         if let DrawingSwitch::Instrument(switch) = switch {
             let mut with = before.clone();

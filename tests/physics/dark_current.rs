@@ -2,7 +2,7 @@
 
 use crate::flats::{Flats, mean, variance, variance_error};
 use crate::noise::STANDARD_ERRORS;
-use starloop::detector::{DarkLaw, DetectorParams};
+use image::detector::{DarkLaw, DetectorParams};
 
 const SIZE: [usize; 2] = [256, 256];
 const PIXELS: usize = SIZE[0] * SIZE[1];

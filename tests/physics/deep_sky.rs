@@ -2,25 +2,26 @@
 //! them, and the two cases of dense-field simulation, magnitude 15 and 22 at a signal-to-noise ratio of 3, drawn and counted.
 
 use crate::noise::STANDARD_ERRORS;
-use starloop::astrometry::CameraGeometry;
-use starloop::attitude::LosPath;
-use starloop::base::accuracy::AccuracyBudget;
-use starloop::base::axes::{Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
-use starloop::base::image::DnImage;
-use starloop::base::time::{Span, Tai};
-use starloop::base::units::{DEG, MAS};
-use starloop::config::{Camera, Document};
-use starloop::exposure::{MethodChoice, Planner, Source, SourcePlace};
-use starloop::runtime::params::CameraParams;
-use starloop::runtime::sky_view::SkyView;
-use starloop::runtime::{BackendChoice, Imager};
-use starloop::sky::Sky;
-use starloop::sky::catalog::{Catalog, ra_dec_rad};
-use starloop::sky::layer::{NewStar, Sorting};
-use starloop::sky::numbering::stored_number;
-use starloop::sky::observer::Observer;
-use starloop::sky::tiles::Shortfall;
-use starloop::wiring::camera_parts::camera_params;
+use base::accuracy::AccuracyBudget;
+use base::axes::{Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
+use base::image::DnImage;
+use base::source::ra_dec_rad;
+use base::time::{Span, Tai};
+use base::units::{DEG, MAS};
+use config::{Camera, Document};
+use plan::attitude::LosPath;
+use plan::exposure::{MethodChoice, Planner, Source, SourcePlace};
+use run::runtime::params::CameraParams;
+use run::runtime::sky_view::SkyView;
+use run::runtime::{BackendChoice, Imager};
+use run::wiring::camera_parts::camera_params;
+use sky::astrometry::CameraGeometry;
+use sky::observer::Observer;
+use stars::Sky;
+use stars::catalog::Catalog;
+use stars::layer::{NewStar, Sorting};
+use stars::numbering::stored_number;
+use stars::tiles::Shortfall;
 use std::path::{Path, PathBuf};
 
 const AT: &str = "2026-03-01T00:00:00Z";
@@ -42,7 +43,7 @@ fn layers(folder: &Path, limits_mag: &[f32], stars: impl Iterator<Item = NewStar
 
 fn built_in_layers(folder: &Path) -> Vec<PathBuf> {
     let catalog = Catalog::built_in().unwrap();
-    let star = |star: &starloop::sky::catalog::CatalogSource| {
+    let star = |star: &base::source::CatalogSource| {
         let [ra_rad, dec_rad] = ra_dec_rad(star.direction_icrf);
         NewStar {
             source_id: stored_number(star.source_id),
@@ -74,7 +75,7 @@ fn layers_show_the_sky_of_the_catalog_they_were_made_of() {
     let mut by_layers = view(&Sky::open(&built_in_layers(folder.path()), camera.limiting_mag, MEMORY_MB).unwrap());
     let (mut total, mut worst_mas, mut worst_light) = (0, 0.0_f64, 0.0_f64);
     for (ra_deg, dec_deg) in [(84.0, -1.2), (269.5, 4.7), (10.0, 89.0), (266.4, -29.0)] {
-        let axis = starloop::sky::catalog::direction_from_ra_dec(ra_deg * DEG, dec_deg * DEG);
+        let axis = base::source::direction_from_ra_dec(ra_deg * DEG, dec_deg * DEG);
         let wanted = by_catalog.sources(axis, 0.0, at).unwrap().to_vec();
         by_layers.sources(axis, 0.0, at).unwrap();
         assert_eq!(by_layers.shortfall(), Shortfall::default());

@@ -1,16 +1,16 @@
 //! The detector's defects, protons and effects of neighbours in whole frames, on the CPU: what a frame shows is what the
 //! parameters say. Formulae are written afresh here.
 
-use starloop::base::image::{DnImage, Image};
-use starloop::detector::binning::{Binning, BinningKind, Levels};
-use starloop::detector::blooming::Blooming;
-use starloop::detector::charge_transfer::{ChargeTransfer, OutputCorner};
-use starloop::detector::defects::{Defect, DefectKind, DefectPlace, Rates};
-use starloop::detector::image_lag::ImageLag;
-use starloop::detector::protons::{ProtonDirection, ProtonFlux};
-use starloop::detector::tdi::Tdi;
-use starloop::detector::window::Window;
-use starloop::detector::{Detector, DetectorParams, SpatialParams};
+use base::image::{DnImage, Image};
+use image::detector::binning::{Binning, BinningKind, Levels};
+use image::detector::blooming::Blooming;
+use image::detector::charge_transfer::{ChargeTransfer, OutputCorner};
+use image::detector::defects::{Defect, DefectKind, DefectPlace, Rates};
+use image::detector::image_lag::ImageLag;
+use image::detector::protons::{ProtonDirection, ProtonFlux};
+use image::detector::tdi::Tdi;
+use image::detector::window::Window;
+use image::detector::{Detector, DetectorParams, SpatialParams};
 
 const SIZE: [usize; 2] = [128, 96];
 const EXPOSURE_S: f64 = 0.5;

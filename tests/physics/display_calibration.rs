@@ -4,25 +4,25 @@
 //! What is known only to the bench: distortion, tilt, roll, mirror, response, black level, vignetting, noise. What is
 //! known to both: the tracker's own camera, as from its data sheet.
 
+use base::image::Image;
+use base::time::{Span, Tai};
 use glam::{DVec2, DVec3};
-use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use starloop::base::image::Image;
-use starloop::base::time::{Span, Tai};
-use starloop::detector::Nonlinearity;
-use starloop::display::calibration::fit::FitOptions;
-use starloop::display::calibration::pattern::Pattern;
-use starloop::display::calibration::report::MagnitudeRange;
-use starloop::display::calibration::spots::{FrameScale, sights_of_frame};
-use starloop::display::calibration::{
+use image::detector::Nonlinearity;
+use outputs::display::calibration::fit::FitOptions;
+use outputs::display::calibration::pattern::Pattern;
+use outputs::display::calibration::report::MagnitudeRange;
+use outputs::display::calibration::spots::{FrameScale, sights_of_frame};
+use outputs::display::calibration::{
     Calibration, CalibrationError, DisplayIdentity, Fitted, Grid, Plan, Sight, Tracker, TrackerIdentity, fit,
 };
-use starloop::display::dither::Dither;
-use starloop::display::drive::DisplayDrive;
-use starloop::display::latency::Latency;
-use starloop::display::luminance_code::{KNOTS, code, luminance};
-use starloop::display::response::Response;
-use starloop::testbed::display_bench::{BenchTruth, DisplayBench};
+use outputs::display::dither::Dither;
+use outputs::display::drive::DisplayDrive;
+use outputs::display::latency::Latency;
+use outputs::display::luminance_code::{KNOTS, code, luminance};
+use outputs::display::response::Response;
+use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use std::sync::OnceLock;
+use testbed::display_bench::{BenchTruth, DisplayBench};
 
 /// What the map may be off, display px: what is promised of a calibration.
 const PROMISED_PX: f64 = 0.02;
@@ -232,7 +232,7 @@ fn wrong_measurements_are_refused() {
     // Dots that changed places: numbers given, each dot another's.
     let number_of = |px: [f64; 2]| {
         let v = tracker.unproject(px)?;
-        let near = |dot: &&starloop::display::calibration::fit_map::SeenDot| dot.v_sensor.distance(v) < 1e-9;
+        let near = |dot: &&outputs::display::calibration::fit_map::SeenDot| dot.v_sensor.distance(v) < 1e-9;
         fitted.dots.iter().find(near).map(|dot| dot.number)
     };
     let named = |shuffle: bool| -> Vec<Sight> {

@@ -2,17 +2,17 @@
 //! brightness, and the scatter of centroids against theory.
 
 use crate::photon_transfer::built_in;
-use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use starloop::attitude::LosPath;
-use starloop::base::accuracy::AccuracyBudget;
-use starloop::base::axes::Rotation;
-use starloop::base::time::Tai;
-use starloop::detector::{Detector, DetectorParams, LinePattern, RowNoise};
-use starloop::exposure::{Instrument, MethodChoice, Planner, PsfSampling, Shutter};
-use starloop::optics::{Illumination, PsfModel};
-use starloop::runtime::{BackendChoice, Imager};
-use starloop::verify::fidelity::{Fidelity, LEAST_CENTROID_SNR, Truth, measure};
-use starloop::verify::star_field::StarField;
+use base::accuracy::AccuracyBudget;
+use base::axes::Rotation;
+use base::time::Tai;
+use batch::verify::fidelity::{Fidelity, LEAST_CENTROID_SNR, Truth, measure};
+use batch::verify::star_field::StarField;
+use image::detector::{Detector, DetectorParams, LinePattern, RowNoise};
+use plan::attitude::LosPath;
+use plan::exposure::{Instrument, MethodChoice, Planner, PsfSampling, Shutter};
+use plan::optics::{Illumination, PsfModel};
+use run::runtime::{BackendChoice, Imager};
+use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
 /// Ten times better than published: SNR 10 %, centroid 0.01 px, background mean 5 % and sigma 10 %.
 const SNR_ERROR: f64 = 0.01;

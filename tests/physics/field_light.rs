@@ -2,21 +2,21 @@
 //! afresh here.
 
 use crate::scene::{camera, draw_cpu, draw_reference, instrument, los, planner_of, star};
+use base::axes::{Icrf, Rotation, Sensor};
+use base::time::{Span, Tai};
+use config::{Camera, Document};
 use glam::{DVec2, DVec3};
-use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters, PolynomialDistortion};
-use starloop::attitude::LosPath;
-use starloop::base::axes::{Icrf, Rotation, Sensor};
-use starloop::base::time::{Span, Tai};
-use starloop::config::{Camera, Document};
-use starloop::exposure::{Instrument, Source};
-use starloop::optics::illumination::Vignetting;
-use starloop::optics::{Illumination, PsfModel};
-use starloop::runtime::field_light::FieldLight;
-use starloop::runtime::params::CameraParams;
-use starloop::sky::bodies::BodiesTrack;
-use starloop::sky::observer::Observer;
-use starloop::sky::orbit::CircularOrbit;
-use starloop::wiring::camera_parts::camera_params;
+use plan::attitude::LosPath;
+use plan::exposure::{Instrument, Source};
+use plan::optics::illumination::Vignetting;
+use plan::optics::{Illumination, PsfModel};
+use run::runtime::field_light::FieldLight;
+use run::runtime::params::CameraParams;
+use run::wiring::camera_parts::camera_params;
+use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters, PolynomialDistortion};
+use sky::bodies::BodiesTrack;
+use sky::observer::Observer;
+use sky::orbit::CircularOrbit;
 use std::path::Path;
 
 const SIZE: usize = 256;
@@ -112,9 +112,9 @@ fn a_polynomial_lens_draws_what_brown_and_conrady_draw() {
         let slew = LosPath { rate_rad_s: DVec3::new(0.01, -0.02, 0.2), ..los() };
         let mut planner = planner_of(instrument, "gauss-legendre:8", slew, None);
         let directions = sources().into_iter().map(|source| {
-            let starloop::exposure::SourcePlace::Pixel(px) = source.place else { panic!("given in pixels") };
+            let plan::exposure::SourcePlace::Pixel(px) = source.place else { panic!("given in pixels") };
             let v = camera_plain().unproject(px).unwrap();
-            Source { place: starloop::exposure::SourcePlace::Icrf(v), ..source }
+            Source { place: plan::exposure::SourcePlace::Icrf(v), ..source }
         });
         let sources: Vec<Source> = directions.collect();
         draw_reference(planner.plan(&sources)).pixels

@@ -1,7 +1,7 @@
 //! Flat images through a detector, and the moments of what comes out.
 
-use starloop::base::image::{DnImage, ElectronImage, Image};
-use starloop::detector::{Detector, DetectorParams};
+use base::image::{DnImage, ElectronImage, Image};
+use image::detector::{Detector, DetectorParams};
 
 /// Seed of every detector.
 pub(crate) const SEED: u64 = 20_240_601;

@@ -2,22 +2,22 @@
 //! and the electron image holds the light that the truth table says.
 
 use crate::apparent_places::{NORTH, ORION, Pointing, Star, apparent_icrf, project};
-use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use starloop::attitude::LosPath;
-use starloop::base::accuracy::AccuracyBudget;
-use starloop::base::axes::sensor_from_ra_dec_roll;
-use starloop::base::image::DnImage;
-use starloop::base::time::{Span, Tai};
-use starloop::detector::{DetectorParams, Patterns};
-use starloop::exposure::{Instrument, MethodChoice, Planner};
-use starloop::exposure::{PsfSampling, Shutter};
-use starloop::gpu::Electrons;
-use starloop::optics::{BackgroundLight, Illumination, PsfModel, Radiometry};
-use starloop::runtime::params::CameraParams;
-use starloop::runtime::sky_view::SkyView;
-use starloop::runtime::{BackendChoice, Imager};
-use starloop::sky::Sky;
-use starloop::sky::observer::Observer;
+use base::accuracy::AccuracyBudget;
+use base::axes::sensor_from_ra_dec_roll;
+use base::image::DnImage;
+use base::time::{Span, Tai};
+use image::detector::{DetectorParams, Patterns};
+use image::gpu::Electrons;
+use plan::attitude::LosPath;
+use plan::exposure::{Instrument, MethodChoice, Planner};
+use plan::exposure::{PsfSampling, Shutter};
+use plan::optics::{BackgroundLight, Illumination, PsfModel, Radiometry};
+use run::runtime::params::CameraParams;
+use run::runtime::sky_view::SkyView;
+use run::runtime::{BackendChoice, Imager};
+use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
+use sky::observer::Observer;
+use stars::Sky;
 
 /// What the project promises for a 20 degree tracker, px (71 arcsec each).
 const PLACE_PX: f64 = 0.02;

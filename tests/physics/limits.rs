@@ -6,11 +6,11 @@ use crate::scene::{
     star,
 };
 use glam::DVec3;
-use starloop::attitude::LosPath;
-use starloop::exposure::plan::Verdict;
-use starloop::exposure::planner::{Instrument, Source};
-use starloop::exposure::{ExposurePlan, Shutter};
-use starloop::optics::PsfModel;
+use plan::attitude::LosPath;
+use plan::exposure::plan::Verdict;
+use plan::exposure::planner::{Instrument, Source};
+use plan::exposure::{ExposurePlan, Shutter};
+use plan::optics::PsfModel;
 
 /// Detector, px.
 const SIZE: usize = 193;

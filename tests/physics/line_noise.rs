@@ -2,7 +2,7 @@
 
 use crate::flats::{Flats, column_means, mean, row_means, variance, variance_error};
 use crate::noise::STANDARD_ERRORS;
-use starloop::detector::{DetectorParams, LinePattern, RowNoise};
+use image::detector::{DetectorParams, LinePattern, RowNoise};
 
 /// Fine steps about a high black level: numbers are electrons within 0.03 e-.
 fn fine() -> DetectorParams {

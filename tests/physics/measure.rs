@@ -3,8 +3,8 @@
 use crate::scene::{
     FULL_WELL_E, Picture, READ_NOISE_E, Window, centroid_error_px, draw_cpu, draw_reference, flux_error,
 };
-use starloop::exposure::ExposurePlan;
-use starloop::exposure::plan::{Assessment, PlannedStar};
+use plan::exposure::ExposurePlan;
+use plan::exposure::plan::{Assessment, PlannedStar};
 
 /// Rounding of a sum of a few hundred single-precision pixels.
 pub(crate) const F32_FLUX: f64 = 2e-6;

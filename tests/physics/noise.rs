@@ -3,8 +3,8 @@
 //! Seeds are fixed, so a test here passes or fails for ever; the bounds are those of a random seed: moments within
 //! [`STANDARD_ERRORS`] (false alarm 6e-7 each), chi-square at [`FALSE_ALARM_Z`].
 
-use starloop::base::image::{DnImage, ElectronImage, Image};
-use starloop::detector::{Detector, DetectorParams, PoissonMethod};
+use base::image::{DnImage, ElectronImage, Image};
+use image::detector::{Detector, DetectorParams, PoissonMethod};
 
 /// Side of the images, px.
 const SIZE: usize = 512;

@@ -1,16 +1,16 @@
 //! Where targets cover stars: photons add, or each pixel shows the brighter of the two.
 
 use crate::scene::{EXPOSURE_S, draw_cpu, draw_reference, los, planner, star};
-use starloop::base::time::{Span, Tai};
-use starloop::exposure::planner::Planner;
-use starloop::exposure::target::FIRST_TARGET_ID;
-use starloop::exposure::{ExposurePlan, Target, TargetCurve, TargetPath, TargetWay};
-use starloop::gpu::Electrons;
-use starloop::optics::PsfModel;
-use starloop::render::Backend;
-use starloop::render::cpu::Cpu;
-use starloop::render::overlap::Apart;
-use starloop::render::reference::Reference;
+use base::time::{Span, Tai};
+use image::gpu::Electrons;
+use image::render::Backend;
+use image::render::cpu::Cpu;
+use image::render::overlap::Apart;
+use image::render::reference::Reference;
+use plan::exposure::planner::Planner;
+use plan::exposure::target::FIRST_TARGET_ID;
+use plan::exposure::{ExposurePlan, Target, TargetCurve, TargetPath, TargetWay};
+use plan::optics::PsfModel;
 
 const SIZE: usize = 64;
 

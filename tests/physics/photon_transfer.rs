@@ -1,14 +1,14 @@
 //! A laboratory that sees digital numbers only finds what the camera file says, in the manner of EMVA 1288.
 //!
-//! The laboratory (`starloop::verify`) knows the light and the exposure time, nothing else. Promised: gain, read noise, DSNU, PRNU
+//! The laboratory (`batch::verify`) knows the light and the exposure time, nothing else. Promised: gain, read noise, DSNU, PRNU
 //! and full well within [`SHEET_REL`] of the file, dark current within [`DARK_REL`].
 
-use starloop::base::image::{DnImage, ElectronImage, Image};
-use starloop::config::{Camera, Document};
-use starloop::detector::{DarkLaw, Detector, DetectorParams, LinePattern, Nonlinearity, RowNoise};
-use starloop::verify::data_sheet::{Stated, response_error};
-use starloop::verify::{DataSheet, Flat, Procedure, characterise};
-use starloop::wiring::camera_parts::camera_params;
+use base::image::{DnImage, ElectronImage, Image};
+use batch::verify::data_sheet::{Stated, response_error};
+use batch::verify::{DataSheet, Flat, Procedure, characterise};
+use config::{Camera, Document};
+use image::detector::{DarkLaw, Detector, DetectorParams, LinePattern, Nonlinearity, RowNoise};
+use run::wiring::camera_parts::camera_params;
 
 /// What the procedure must find, relative.
 const SHEET_REL: f64 = 0.01;

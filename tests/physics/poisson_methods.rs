@@ -5,11 +5,11 @@
 //! what was computed, at the false-alarm rates of [`crate::noise`].
 
 use crate::noise::{STANDARD_ERRORS, chi_square, counts_by, moment_errors, shot_only};
-use starloop::detector::DetectorParams;
-use starloop::detector::PoissonMethod::{self, Auto, CornishFisher, Inversion, Ptrs, RoundedNormal};
-use starloop::detector::poisson::distance::{departure, distance};
-use starloop::detector::poisson::law::{Departure, Law};
-use starloop::runtime::{BackendChoice, Imager};
+use image::detector::DetectorParams;
+use image::detector::PoissonMethod::{self, Auto, CornishFisher, Inversion, Ptrs, RoundedNormal};
+use image::detector::poisson::distance::{departure, distance};
+use image::detector::poisson::law::{Departure, Law};
+use run::runtime::{BackendChoice, Imager};
 
 /// Means on both sides of every edge of a domain.
 const EDGES: [f64; 8] = [9.9, 10.0, 19.99, 20.0, 20.01, 999.0, 1000.0, 1e6];

@@ -1,14 +1,14 @@
 //! PSFs drawn from chains of transfer functions against Airy stamps computed elsewhere, against the chain by transforming
 //! the drawn star back, and against the bounds they state.
 
-use starloop::optics::PsfModel;
-use starloop::optics::airy::Airy;
-use starloop::optics::chain_psf::{ChainPsf, ChainPsfError, Drawing};
-use starloop::optics::mtf::circuit::Circuit;
-use starloop::optics::mtf::diffusion::Diffusion;
-use starloop::optics::mtf::{ChainParams, Defocus, DefocusForm, MtfChain, TdiBlur, Wavefront, diffraction};
-use starloop::optics::quadrature::gauss_legendre;
-use starloop::optics::{SpectralWeight, energy};
+use plan::optics::PsfModel;
+use plan::optics::airy::Airy;
+use plan::optics::chain_psf::{ChainPsf, ChainPsfError, Drawing};
+use plan::optics::mtf::circuit::Circuit;
+use plan::optics::mtf::diffusion::Diffusion;
+use plan::optics::mtf::{ChainParams, Defocus, DefocusForm, MtfChain, TdiBlur, Wavefront, diffraction};
+use plan::optics::quadrature::gauss_legendre;
+use plan::optics::{SpectralWeight, energy};
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 
@@ -328,8 +328,8 @@ fn a_band_is_drawn_as_the_mean_of_its_wavelengths() {
 
 #[test]
 fn sixteen_wavelengths_stand_for_a_band() {
-    use starloop::optics::mtf::WAVELENGTHS;
-    use starloop::optics::{Band, Spectrum, spectral_weights};
+    use plan::optics::mtf::WAVELENGTHS;
+    use plan::optics::{Band, Spectrum, spectral_weights};
     /// What the number of wavelengths may change, share of the flux per pixel.
     const BAND: f64 = 1e-5;
     let qe = Spectrum::share(vec![[400.0, 0.35], [550.0, 0.6], [700.0, 0.43], [850.0, 0.17], [1000.0, 0.02]]).unwrap();

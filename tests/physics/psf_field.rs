@@ -6,11 +6,11 @@ use crate::scene::{
     EXPOSURE_S, FOCAL_PX, camera, draw_cpu, draw_reference, instrument, los, planner, planner_of, star,
 };
 use glam::DVec3;
-use starloop::attitude::LosPath;
-use starloop::exposure::plan::Verdict;
-use starloop::exposure::planner::Source;
-use starloop::exposure::{Drawing, ExposurePlan, Instrument, PixelPath, PixelPoint, Shutter};
-use starloop::optics::{PsfField, PsfGrid, PsfModel};
+use plan::attitude::LosPath;
+use plan::exposure::plan::Verdict;
+use plan::exposure::planner::Source;
+use plan::exposure::{Drawing, ExposurePlan, Instrument, PixelPath, PixelPoint, Shutter};
+use plan::optics::{PsfField, PsfGrid, PsfModel};
 
 /// Side of the detector, px.
 const SIZE: usize = 64;

@@ -1,9 +1,9 @@
 //! `[psf]` of a camera file, Moffat, measured and field: what is made of it, and what is refused.
 
-use starloop::config::{Camera, ConfigError, Document, Psf};
-use starloop::optics::PsfModel;
-use starloop::sink::fits::card::Header;
-use starloop::sink::fits::{Pixels, write_image};
+use config::{Camera, ConfigError, Document, Psf};
+use frames::sink::fits::card::Header;
+use frames::sink::fits::{Pixels, write_image};
+use plan::optics::PsfModel;
 use std::path::Path;
 
 /// Share of a Gaussian's light in the pixel `x` from its middle.

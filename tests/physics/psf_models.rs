@@ -4,15 +4,15 @@
 
 use crate::measure::{around, measure, peak_error};
 use crate::scene::{EXPOSURE_S, FOCAL_PX, centroid_error_px, draw_cpu, draw_reference, los, planner, star};
+use base::accuracy::AccuracyBudget;
 use glam::DVec3;
-use starloop::attitude::LosPath;
-use starloop::base::accuracy::AccuracyBudget;
-use starloop::exposure::cost::CostModel;
-use starloop::exposure::plan::Verdict;
-use starloop::exposure::planner::{Planner, Source};
-use starloop::exposure::sampling::{TABLE_ERROR, oversampling, sampling_error, table_error};
-use starloop::exposure::{Instrument, PixelPath, PixelPoint, PsfSampling};
-use starloop::optics::{PsfGrid, PsfModel};
+use plan::attitude::LosPath;
+use plan::exposure::cost::CostModel;
+use plan::exposure::plan::Verdict;
+use plan::exposure::planner::{Planner, Source};
+use plan::exposure::sampling::{TABLE_ERROR, oversampling, sampling_error, table_error};
+use plan::exposure::{Instrument, PixelPath, PixelPoint, PsfSampling};
+use plan::optics::{PsfGrid, PsfModel};
 
 /// Side of the detector, px.
 const SIZE: usize = 64;

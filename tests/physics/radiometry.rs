@@ -1,7 +1,7 @@
 //! Radiometry against others' measurements: Gaia's published figures, the mean colours of stars, two measured spectra.
 
-use starloop::optics::gaia_bands::GaiaBand;
-use starloop::optics::{Band, BandRadiometry, Spectrum, StarSpectra, StarSpectrum, spectral_weights};
+use plan::optics::gaia_bands::GaiaBand;
+use plan::optics::{Band, BandRadiometry, Spectrum, StarSpectra, StarSpectrum, spectral_weights};
 
 /// Planck's constant, J s (SI).
 const PLANCK_J_S: f64 = 6.626_070_15e-34;

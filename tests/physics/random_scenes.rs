@@ -1,13 +1,13 @@
 //! Random scenes for the planner's property test: cameras, shutters, motions, methods, and stars over five decades.
 
 use crate::scene::{Dice, EXPOSURE_S, instrument, los, planner_of, star};
+use base::time::Tai;
 use glam::DVec3;
-use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use starloop::attitude::{JitterLine, JitterPoint, LosPath};
-use starloop::base::time::Tai;
-use starloop::exposure::planner::Source;
-use starloop::exposure::{ExposurePlan, Instrument, PixelPath, PixelPoint, Shutter};
-use starloop::optics::PsfModel;
+use plan::attitude::{JitterLine, JitterPoint, LosPath};
+use plan::exposure::planner::Source;
+use plan::exposure::{ExposurePlan, Instrument, PixelPath, PixelPoint, Shutter};
+use plan::optics::PsfModel;
+use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
 /// Detector, px.
 pub(crate) const SIZE: usize = 64;

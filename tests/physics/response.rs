@@ -2,7 +2,7 @@
 
 use crate::flats::{Flats, mean, variance};
 use crate::noise::STANDARD_ERRORS;
-use starloop::detector::{DetectorParams, Nonlinearity, Rounding};
+use image::detector::{DetectorParams, Nonlinearity, Rounding};
 
 const SIZE: [usize; 2] = [256, 256];
 const PIXELS: usize = SIZE[0] * SIZE[1];

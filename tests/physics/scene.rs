@@ -1,21 +1,21 @@
 //! Scenes for the tests of this folder: a camera, a plan, an image in f64, and the window a tracker looks through.
 
+use base::accuracy::AccuracyBudget;
+use base::axes::Rotation;
+use base::random::philox;
+use base::time::{Span, Tai};
 use core::ops::Range;
 use glam::DVec3;
-use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use starloop::attitude::{JitterTrack, LosPath, PathOrigin};
-use starloop::base::accuracy::AccuracyBudget;
-use starloop::base::axes::Rotation;
-use starloop::base::random::philox;
-use starloop::base::time::{Span, Tai};
-use starloop::exposure::cost::CostModel;
-use starloop::exposure::planner::{Instrument, Planner, Source, SourcePlace};
-use starloop::exposure::{ExposurePlan, MethodChoice, PixelPath, PsfSampling, Shutter};
-use starloop::gpu::Electrons;
-use starloop::optics::{Illumination, PsfModel};
-use starloop::render::Backend;
-use starloop::render::cpu::Cpu;
-use starloop::render::reference::Reference;
+use image::gpu::Electrons;
+use image::render::Backend;
+use image::render::cpu::Cpu;
+use image::render::reference::Reference;
+use plan::attitude::{JitterTrack, LosPath, PathOrigin};
+use plan::exposure::cost::CostModel;
+use plan::exposure::planner::{Instrument, Planner, Source, SourcePlace};
+use plan::exposure::{ExposurePlan, MethodChoice, PixelPath, PsfSampling, Shutter};
+use plan::optics::{Illumination, PsfModel};
+use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
 /// Exposure of every scene, s.
 pub(crate) const EXPOSURE_S: f64 = 0.1;

@@ -3,12 +3,12 @@
 
 use crate::noise::STANDARD_ERRORS;
 use crate::scene::{EXPOSURE_S, draw_cpu, planner, star};
-use starloop::base::image::{DnImage, ElectronImage, Image};
-use starloop::config::{Camera, Document};
-use starloop::detector::{Detector, DetectorParams};
-use starloop::optics::PsfModel;
-use starloop::optics::snr::{PixelNoise, Window, electrons_for_snr};
-use starloop::wiring::sensitivity::{Conditions, Sensitivity};
+use base::image::{DnImage, ElectronImage, Image};
+use config::{Camera, Document};
+use image::detector::{Detector, DetectorParams};
+use plan::optics::PsfModel;
+use plan::optics::snr::{PixelNoise, Window, electrons_for_snr};
+use run::wiring::sensitivity::{Conditions, Sensitivity};
 
 /// How near a limiting magnitude of a camera file must be to the case it stands for, mag.
 const CASE_MAG: f64 = 0.05;
@@ -70,7 +70,7 @@ const SIGMA_PX: f64 = 0.7;
 /// A detector of the class of the 15 mag camera, noisy enough that its rounding is one noise among others.
 fn detector() -> DetectorParams {
     let camera = camera("detection_limit_15mag");
-    let params = starloop::wiring::camera_parts::camera_params(&camera).unwrap().detector;
+    let params = run::wiring::camera_parts::camera_params(&camera).unwrap().detector;
     DetectorParams { gain_e_per_dn: 3.0, dark_e_per_s: 20.0, prnu: 0.0, dsnu_e_rms: 0.0, ..params }
 }
 

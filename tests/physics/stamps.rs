@@ -8,9 +8,9 @@
 use crate::scene::{
     EXPOSURE_S, Picture, Window, centroid_error_px, draw_cpu, draw_reference, flux_error, los, planner, star,
 };
+use plan::exposure::{ExposurePlan, PixelPath, PixelPoint};
+use plan::optics::PsfModel;
 use serde::Deserialize;
-use starloop::exposure::{ExposurePlan, PixelPath, PixelPoint};
-use starloop::optics::PsfModel;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

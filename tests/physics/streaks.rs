@@ -8,15 +8,15 @@ use crate::scene::{
     Dice, FULL_WELL_E, Picture, READ_NOISE_E, centroid_error_px, draw_cpu, everything, instrument, los, planner_of,
     star,
 };
+use base::accuracy::AccuracyBudget;
 use glam::{DVec2, DVec3};
-use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use starloop::attitude::LosPath;
-use starloop::base::accuracy::AccuracyBudget;
-use starloop::exposure::cost::CostModel;
-use starloop::exposure::plan::Verdict;
-use starloop::exposure::planner::Source;
-use starloop::exposure::{ExposurePlan, Instrument, Planner, Rung, Shutter};
-use starloop::optics::PsfModel;
+use plan::attitude::LosPath;
+use plan::exposure::cost::CostModel;
+use plan::exposure::plan::Verdict;
+use plan::exposure::planner::Source;
+use plan::exposure::{ExposurePlan, Instrument, Planner, Rung, Shutter};
+use plan::optics::PsfModel;
+use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Streaks, half of them with a lens that distorts, half with a rolling shutter.

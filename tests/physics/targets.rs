@@ -4,22 +4,22 @@
 use crate::scene::{
     EXPOSURE_S, FOCAL_PX, Picture, camera, draw_cpu, draw_reference, instrument, los, planner, planner_of, star,
 };
+use base::axes::{Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
+use base::time::{Span, Tai};
 use core::f64::consts::{FRAC_1_SQRT_2, PI};
+use frames::sink::TruthKind;
 use glam::DVec3;
-use starloop::attitude::{JitterLine, JitterPoint};
-use starloop::base::axes::{Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
-use starloop::base::time::{Span, Tai};
-use starloop::detector::window::OutputGeometry;
-use starloop::exposure::planner::Planner;
-use starloop::exposure::target::FIRST_TARGET_ID;
-use starloop::exposure::target_plan::MOST_NODES;
-use starloop::exposure::{
+use image::detector::window::OutputGeometry;
+use plan::attitude::{JitterLine, JitterPoint};
+use plan::exposure::planner::Planner;
+use plan::exposure::target::FIRST_TARGET_ID;
+use plan::exposure::target_plan::MOST_NODES;
+use plan::exposure::{
     ExposurePlan, LightCurve, PixelPath, PixelPoint, PlannedStar, Shutter, SkyPath, Target, TargetCurve, TargetPath,
     TargetWay,
 };
-use starloop::optics::PsfModel;
-use starloop::runtime::truth::fill_truth;
-use starloop::sink::TruthKind;
+use plan::optics::PsfModel;
+use run::runtime::truth::fill_truth;
 
 const SIZE: usize = 96;
 const SIGMA_PX: f64 = 0.8;

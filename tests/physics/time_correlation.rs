@@ -16,7 +16,7 @@ mod pulses;
 
 use link::{Bench, Link, limits, quantile};
 use others::{HullAlone, LastMark, LeastOfTwoSeconds};
-use starloop::attitude::RemoteClock;
+use plan::attitude::RemoteClock;
 
 /// Two windows: one to learn the drift, one to use it.
 const CONVERGED_S: f64 = 60.0;
@@ -158,7 +158,7 @@ fn a_minute_of_silence_is_bridged_by_the_drift() {
         let error_ns = (estimate.to_tai(remote_ns) - truth).ns() as f64;
         in_sigmas.push(error_ns.abs() / estimate.sigma_at(remote_ns).ns() as f64);
         assert!(error_ns.abs() < 20_000.0, "seed {seed}: {error_ns} ns");
-        let undrifted = starloop::attitude::ClockEstimate { drift: 0.0, ..estimate };
+        let undrifted = plan::attitude::ClockEstimate { drift: 0.0, ..estimate };
         let without_ns = (undrifted.to_tai(remote_ns) - truth).ns().abs();
         assert!(without_ns > 1_000_000, "20 ppm of a minute: {without_ns} ns");
         // Marks that come again are taken at once.

@@ -32,7 +32,7 @@ fn each_effect_rule_has_a_failing_example() {
 
 #[test]
 fn effects_are_off_until_their_table_is_given() {
-    use crate::detector::SpatialParams;
+    use image::detector::SpatialParams;
     let plain = camera(MINIMAL_CAMERA).expect("a camera");
     let spatial = plain.detector.spatial;
     let layer = spatial.layer;
@@ -42,13 +42,13 @@ fn effects_are_off_until_their_table_is_given() {
 
 #[test]
 fn effects_of_neighbours_are_as_the_camera_file_says() {
-    use crate::detector::binning::{Binning, BinningKind};
-    use crate::detector::blooming::Blooming;
-    use crate::detector::charge_transfer::{ChargeTransfer, OutputCorner};
-    use crate::detector::image_lag::ImageLag;
-    use crate::detector::protons::{ProtonDirection, ProtonFlux};
-    use crate::detector::tdi::Tdi;
-    use crate::detector::window::Window;
+    use image::detector::binning::{Binning, BinningKind};
+    use image::detector::blooming::Blooming;
+    use image::detector::charge_transfer::{ChargeTransfer, OutputCorner};
+    use image::detector::image_lag::ImageLag;
+    use image::detector::protons::{ProtonDirection, ProtonFlux};
+    use image::detector::tdi::Tdi;
+    use image::detector::window::Window;
     let of = |section: &str, lines: &str| camera_with(section, lines).expect("a camera").detector.spatial;
     assert_eq!(of("detector.blooming", "drained_share = 0.25").blooming, Some(Blooming { drained_share: 0.25 }));
     assert_eq!(of("detector.blooming", "").blooming, Some(Blooming { drained_share: 0.0 }), "an empty table is on");

@@ -4,9 +4,9 @@
 //! interface, 3 or 8 hexadecimal digits of identifier. Input: bytes without the line's end. Tests: `tests`.
 
 use super::{CapturedPacket, Direction};
-use crate::base::time::Tai;
-use crate::base::units::NS_PER_S;
-use crate::link::Packet;
+use crate::Packet;
+use base::time::Tai;
+use base::units::NS_PER_S;
 use firmware_protocol::can::CanFrame;
 use std::io::Write;
 

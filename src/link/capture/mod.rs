@@ -21,8 +21,8 @@ mod reader;
 mod tests;
 mod writer;
 
-use crate::base::time::Tai;
-use crate::link::Packet;
+use crate::Packet;
+use base::time::Tai;
 
 pub use candump::{Line, parse_line};
 pub use error::CaptureError;

@@ -2,8 +2,8 @@
 //! an error with its place, or reads as something, and never panics.
 
 use super::*;
-use crate::base::time::Span;
-use crate::link::{CHUNK_MAX, SerialChunk};
+use crate::{CHUNK_MAX, SerialChunk};
+use base::time::Span;
 use firmware_protocol::can::CanFrame;
 use proptest::prelude::*;
 

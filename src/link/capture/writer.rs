@@ -2,7 +2,7 @@
 
 use super::pcapng::PcapngWriter;
 use super::{CaptureError, CaptureFormat, CapturedPacket, candump};
-use crate::link::Packet;
+use crate::Packet;
 use std::io::Write;
 
 /// Writes packets in a format of choice. The output should be buffered.

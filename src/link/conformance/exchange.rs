@@ -1,8 +1,8 @@
 //! Packets made from numbers; sending them and holding what arrives against them.
 
 use super::{PATIENCE, Suite};
-use crate::base::time::Tai;
-use crate::link::{CHUNK_MAX, Link, Packet, SerialChunk, Stamped, WireFormat};
+use crate::{CHUNK_MAX, Link, Packet, SerialChunk, Stamped, WireFormat};
+use base::time::Tai;
 use firmware_protocol::can::CanFrame;
 
 /// Lengths of FD data (ISO 11898-1).

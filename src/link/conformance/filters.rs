@@ -1,10 +1,10 @@
 //! Ends of a bus that hear one side of one node only.
 
 use super::Check;
-use crate::base::clock::Clock;
-use crate::link::conformance::PATIENCE;
-use crate::link::socketcan::Hears;
-use crate::link::{Link, LinkError, Packet};
+use crate::conformance::PATIENCE;
+use crate::socketcan::Hears;
+use crate::{Link, LinkError, Packet};
+use base::clock::Clock;
 use firmware_protocol::can::CanFrame;
 use std::sync::Arc;
 

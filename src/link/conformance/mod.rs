@@ -11,8 +11,8 @@ mod protocol;
 mod raw;
 
 use super::{Link, LinkError, WireFormat};
-use crate::base::clock::Clock;
-use crate::base::time::Span;
+use base::clock::Clock;
+use base::time::Span;
 use std::sync::Arc;
 
 pub use filters::check_filters;

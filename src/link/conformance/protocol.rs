@@ -1,7 +1,7 @@
 //! Messages through ports over the link, and damaged ones.
 
 use super::{PATIENCE, Suite};
-use crate::link::{Packet, Port, SerialChunk, WireFormat};
+use crate::{Packet, Port, SerialChunk, WireFormat};
 use firmware_protocol::can::{CanFrame, Format, IdMap, encode};
 use firmware_protocol::message::{
     AttitudeFlags, AttitudeRecord, Command, Exposure, Heartbeat, JitterBurst, JitterPair, NodeState, Reply, Request,

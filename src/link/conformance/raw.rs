@@ -2,8 +2,8 @@
 
 use super::exchange::{lengths, packet};
 use super::{BURST, PATIENCE, Suite};
-use crate::base::time::{Span, Tai};
-use crate::link::{Link, LinkCounters, LinkError, Packet, SerialChunk, WireFormat};
+use crate::{Link, LinkCounters, LinkError, Packet, SerialChunk, WireFormat};
+use base::time::{Span, Tai};
 use firmware_protocol::can::CanFrame;
 
 /// How far a stamp may lie before the sending: the kernel's stamps come over a paired reading of two clocks.

@@ -6,7 +6,7 @@
 //! at the [`MALFORMED_MAX`]th malformed line before its first valid one. TCP alone: a pseudo-terminal has one line, which
 //! outlives its users.
 
-use crate::base::time::{Span, Tai};
+use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use rustix::net::sockopt;
 use std::os::fd::AsFd;

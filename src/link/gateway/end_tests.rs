@@ -12,8 +12,8 @@ fn link_of_a_dead_run_is_replaced_and_that_of_a_live_run_is_not() {
     let path = folder.path().join("line");
     let params = GatewayParams { slcan_pty: Some(path.clone()), ..GatewayParams::default() };
     // A device that is gone, one that something else uses by now, and one whose number the next run may get again.
-    let other = crate::link::serial::PseudoTerminal::open().unwrap();
-    let again = crate::link::serial::PseudoTerminal::open().unwrap().path().to_path_buf();
+    let other = crate::serial::PseudoTerminal::open().unwrap();
+    let again = crate::serial::PseudoTerminal::open().unwrap().path().to_path_buf();
     for stale in [Path::new("/dev/pts/999999"), other.path(), &again] {
         std::os::unix::fs::symlink(stale, &path).unwrap();
         drop(Gateways::start(&bus, &params, &clock).unwrap_or_else(|error| panic!("{}: {error}", stale.display())));

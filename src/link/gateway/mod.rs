@@ -31,10 +31,10 @@ mod tcp;
 #[cfg(test)]
 mod tests;
 
-use crate::base::clock::Clock;
-use crate::base::time::Span;
-use crate::link::LinkError;
-use crate::link::simulated::SimulatedBus;
+use crate::LinkError;
+use crate::simulated::SimulatedBus;
+use base::clock::Clock;
+use base::time::Span;
 use client::{Dialogue, Scribe};
 use core::sync::atomic::{AtomicBool, Ordering};
 use counters::Tally;

@@ -1,6 +1,6 @@
 //! What goes to one client: a bounded buffer in front of a descriptor that never blocks.
 
-use crate::base::time::{Span, Tai};
+use base::time::{Span, Tai};
 use rustix::io::Errno;
 use std::os::fd::OwnedFd;
 

@@ -5,11 +5,11 @@
 use super::client::{ClientParts, OnStall, serve};
 use super::counters::Tally;
 use super::{slcan, system};
-use crate::base::clock::Clock;
-use crate::base::time::Span;
-use crate::link::LinkError;
-use crate::link::serial::PseudoTerminal;
-use crate::link::simulated::SimulatedBus;
+use crate::LinkError;
+use crate::serial::PseudoTerminal;
+use crate::simulated::SimulatedBus;
+use base::clock::Clock;
+use base::time::Span;
 use core::sync::atomic::{AtomicBool, Ordering};
 use nix::fcntl::{FcntlArg, fcntl};
 use nix::libc;

@@ -1,10 +1,10 @@
 //! Starting, refusing and ending; what passes is held by `hil_scripts/test_gateways.py` with python-can.
 
 use super::*;
-use crate::base::clock::{Monotonic, Virtual};
-use crate::base::time::Tai;
-use crate::link::simulated::{BusParams, BusTiming};
-use crate::link::{Link, Packet};
+use crate::simulated::{BusParams, BusTiming};
+use crate::{Link, Packet};
+use base::clock::{Monotonic, Virtual};
+use base::time::Tai;
 use firmware_protocol::can::CanFrame;
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpStream};
@@ -118,10 +118,7 @@ fn a_port_that_is_taken_is_refused_and_nothing_is_left_running() {
 }
 
 /// One gateway of a kind on a bus with an end of ours.
-fn one_gateway(
-    kind: GatewayKind,
-    opening_within: Span,
-) -> (Arc<dyn Clock>, crate::link::simulated::SimulatedLink, Gateways) {
+fn one_gateway(kind: GatewayKind, opening_within: Span) -> (Arc<dyn Clock>, crate::simulated::SimulatedLink, Gateways) {
     let clock = real_clock();
     let bus = bus(CAN, &clock);
     let end = bus.attach();

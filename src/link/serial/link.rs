@@ -3,11 +3,11 @@
 use super::opening::{name, open_port};
 use super::unmark::Unmark;
 use super::{DELIMITER, PseudoTerminal, RETRY, SerialParams};
-use crate::base::clock::Clock;
-use crate::base::time::{Span, Tai};
-use crate::base::units::NS_PER_S;
-use crate::link::readiness::{Readiness, wait_for};
-use crate::link::{CHUNK_MAX, Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped};
+use crate::readiness::{Readiness, wait_for};
+use crate::{CHUNK_MAX, Link, LinkCounters, LinkError, Packet, SerialChunk, Stamped};
+use base::clock::Clock;
+use base::time::{Span, Tai};
+use base::units::NS_PER_S;
 use rustix::io::Errno;
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};

@@ -27,7 +27,7 @@ mod settings;
 mod tests;
 mod unmark;
 
-use crate::base::time::Span;
+use base::time::Span;
 use std::path::PathBuf;
 
 pub use link::SerialLink;

@@ -2,7 +2,7 @@
 
 use super::SerialParams;
 use super::settings::apply;
-use crate::link::LinkError;
+use crate::LinkError;
 use rustix::fs::{FlockOperation, Mode, OFlags, flock, open};
 use rustix::io::Errno;
 use rustix::termios::{QueueSelector, ioctl_tiocexcl, tcflush};

@@ -2,7 +2,7 @@
 //!
 //! It has no bit times and no parity, and holds 4 KiB each way. Closing it throws away what is under way.
 
-use crate::link::LinkError;
+use crate::LinkError;
 use rustix::fs::{Mode, OFlags, fcntl_setfl, open};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use std::ffi::OsString;

@@ -1,9 +1,9 @@
 //! Settings refused, ports absent or taken, full lines, unplugging; over pseudo terminals.
 
 use super::*;
-use crate::base::clock::{Clock, Monotonic};
-use crate::base::time::{Span, Tai};
-use crate::link::{CHUNK_MAX, Link, LinkError, Packet, SerialChunk};
+use crate::{CHUNK_MAX, Link, LinkError, Packet, SerialChunk};
+use base::clock::{Clock, Monotonic};
+use base::time::{Span, Tai};
 use std::path::Path;
 use std::sync::Arc;
 

@@ -1,9 +1,9 @@
 //! Who goes first: against an independent bus that is stepped bit by bit.
 
 use super::*;
-use crate::base::clock::{Clock, Virtual};
-use crate::base::time::{Span, Tai};
-use crate::link::{Departure, Link, Packet};
+use crate::{Departure, Link, Packet};
+use base::clock::{Clock, Virtual};
+use base::time::{Span, Tai};
 use firmware_protocol::can::CanFrame;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};

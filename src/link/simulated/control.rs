@@ -1,7 +1,7 @@
 //! What goes wrong on the wire itself: bit errors, a babbling node, controllers put off the bus; timed and counted.
 
 use super::bus::Bus;
-use crate::base::time::Tai;
+use base::time::Tai;
 use std::sync::Arc;
 
 /// What goes wrong on the wire. CAN only: a serial line has no such faults.

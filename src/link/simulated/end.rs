@@ -1,8 +1,8 @@
 //! One controller on the bus: what it has to send, what it has received, its error counters.
 
 use super::error_counters::{ErrorCounters, ErrorState};
-use crate::base::time::{Span, Tai};
-use crate::link::{Departure, LinkCounters, Packet, Stamped};
+use crate::{Departure, LinkCounters, Packet, Stamped};
+use base::time::{Span, Tai};
 use std::collections::VecDeque;
 
 /// Departures that are remembered for whoever asks.

@@ -2,9 +2,9 @@
 
 use super::arbitration_tests::{Bench, frame, heard};
 use super::*;
-use crate::base::clock::Clock;
-use crate::base::time::{Span, Tai};
-use crate::link::{Departure, Link, Packet, SerialChunk};
+use crate::{Departure, Link, Packet, SerialChunk};
+use base::clock::Clock;
+use base::time::{Span, Tai};
 
 const START: Tai = Tai::from_ns(1_000_000_000);
 const END: Tai = Tai::from_ns(i64::MAX);

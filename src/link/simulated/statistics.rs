@@ -1,6 +1,6 @@
 //! What went over the wire so far.
 
-use crate::base::time::{Span, Tai};
+use base::time::{Span, Tai};
 
 /// Traffic of one bus since it was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -118,9 +118,9 @@ fn counts_made_by_hand() {
 
 #[test]
 fn exact_frames_are_shorter_on_the_wire() {
-    use crate::base::time::Span;
-    use crate::link::Packet;
-    use crate::link::simulated::BusTiming;
+    use crate::Packet;
+    use crate::simulated::BusTiming;
+    use base::time::Span;
     let bus = BusTiming::CanClassic { bit_rate_bps: 500_000 };
     let frame = Packet::Can(CanFrame::classic(0, &[]).unwrap());
     // 44 bits, 6 stuff bits and 3 of interframe space, of 2 us each.

@@ -1,9 +1,9 @@
 //! Delays to the bit, order, bounded queues; both clocks.
 
 use super::*;
-use crate::base::clock::{Clock, Monotonic, Virtual};
-use crate::base::time::{Span, Tai};
-use crate::link::{Link, LinkError, Packet, SerialChunk};
+use crate::{Link, LinkError, Packet, SerialChunk};
+use base::clock::{Clock, Monotonic, Virtual};
+use base::time::{Span, Tai};
 use firmware_protocol::can::CanFrame;
 use std::sync::Arc;
 

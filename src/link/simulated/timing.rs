@@ -4,9 +4,9 @@
 //! holds on a bench; exact stuffing is counted in `stuffing`.
 
 use super::stuffing::{self, Stuffing};
-use crate::base::time::Span;
-use crate::base::units::NS_PER_S;
-use crate::link::Packet;
+use crate::Packet;
+use base::time::Span;
+use base::units::NS_PER_S;
 use firmware_protocol::can::CanFrame;
 
 /// Kind and speed of the wire.
@@ -125,7 +125,7 @@ fn fd_bits(frame: &CanFrame, stuffing: Stuffing) -> (u64, u64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::link::SerialChunk;
+    use crate::SerialChunk;
 
     fn classic(len: usize) -> Packet {
         Packet::Can(CanFrame::classic(1, &[0; 8][..len]).unwrap())

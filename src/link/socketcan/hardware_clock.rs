@@ -7,7 +7,7 @@
 //! kernel's stamp. A stamp that places a frame more than [`DELAY_MAX`] before the kernel's means that the adapter's clock
 //! was set anew: the search starts again.
 
-use crate::base::time::{Span, Tai};
+use base::time::{Span, Tai};
 
 /// Two of these are remembered.
 const BUCKET: Span = Span::from_ms(1000);

@@ -25,7 +25,7 @@ mod socket;
 #[cfg(test)]
 mod tests;
 
-use crate::base::time::Span;
+use base::time::Span;
 use firmware_protocol::can::IdMap;
 
 pub use filters::Hears;

@@ -3,7 +3,7 @@
 use super::SocketCanParams;
 use super::filters::filters;
 use super::raw_frame::FD_BYTES;
-use crate::link::LinkError;
+use crate::LinkError;
 use nix::sys::socket::sockopt::{RcvBuf, RcvBufForce, RxqOvfl, SocketError, Timestamping};
 use nix::sys::socket::{
     AddressFamily, SockFlag, SockProtocol, SockType, TimestampingFlag, getsockopt, setsockopt, socket,

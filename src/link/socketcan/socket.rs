@@ -3,9 +3,9 @@
 use super::SocketCanParams;
 use super::opening::open;
 use super::raw_frame::{self, FD_BYTES, RawFrame};
-use crate::base::time::Span;
-use crate::link::LinkError;
-use crate::link::readiness::{Readiness, wait_for};
+use crate::LinkError;
+use crate::readiness::{Readiness, wait_for};
+use base::time::Span;
 use firmware_protocol::can::CanFrame;
 use nix::sys::socket::{ControlMessageOwned, MsgFlags, Timestamps, recvmsg};
 use nix::sys::time::TimeSpec;

@@ -6,9 +6,9 @@
 //! the run, the tap waits instead. What the writer cannot write it counts as lost too, and says why at the end. Outermost
 //! of the taps, it sees what the port sees. Tests: `capture_tests`.
 
-use crate::base::time::Tai;
-use crate::link::capture::{CaptureError, CaptureFormat, CaptureWriter, CapturedPacket, Direction};
-use crate::link::{Departure, Link, LinkCounters, LinkError, Packet, Stamped};
+use crate::capture::{CaptureError, CaptureFormat, CaptureWriter, CapturedPacket, Direction};
+use crate::{Departure, Link, LinkCounters, LinkError, Packet, Stamped};
+use base::time::Tai;
 use core::sync::atomic::{AtomicU64, Ordering};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use std::io::Write;

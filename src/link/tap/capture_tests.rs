@@ -1,11 +1,11 @@
 //! What passes is passed on unchanged and is in the capture; what is not in it is counted.
 
 use super::capture::Capture;
-use crate::base::clock::{Clock, Virtual};
-use crate::base::time::{Span, Tai};
-use crate::link::capture::{CaptureError, CaptureFormat, CaptureReader, Direction};
-use crate::link::simulated::{BusParams, BusTiming, simulated_pair};
-use crate::link::{Link, Packet};
+use crate::capture::{CaptureError, CaptureFormat, CaptureReader, Direction};
+use crate::simulated::{BusParams, BusTiming, simulated_pair};
+use crate::{Link, Packet};
+use base::clock::{Clock, Virtual};
+use base::time::{Span, Tai};
 use firmware_protocol::can::CanFrame;
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex};

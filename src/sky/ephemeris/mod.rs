@@ -5,7 +5,7 @@
 //! | method | domain | error against DE421 |
 //! |---|---|---|
 //! | [`Method::Table`]: Chebyshev polynomials fitted to JPL's DE421 (`table`) | [`FIRST_DAY`] to [`LAST_DAY`]: 1989-12-28 to 2052-01-08 | 0.1 arcsec |
-//! | [`Method::Series`]: [`crate::sky::moon`]'s short series, VSOP87E | any time | 0.015 deg for the Moon, 2.5 arcsec for planets |
+//! | [`Method::Series`]: [`crate::moon`]'s short series, VSOP87E | any time | 0.015 deg for the Moon, 2.5 arcsec for planets |
 //!
 //! The table is part of the program (0.5 MB) and made by `hil_scripts/make_ephemeris_table.py`. A state costs below a
 //! microsecond by the table and some milliseconds by VSOP87E; neither allocates.
@@ -13,7 +13,7 @@
 
 mod table;
 
-use crate::sky::observer::BarycentricState;
+use crate::observer::BarycentricState;
 use std::sync::OnceLock;
 use table::Table;
 pub use table::TableError;
@@ -83,12 +83,12 @@ mod tests {
             for granule in [1.0, 7.0, 20.0, 43.0] {
                 let joint = FIRST_DAY + granule * granule_d;
                 let [a, b] = [joint - 1e-7, joint + 1e-7].map(|days| state(number, days).expect("inside"));
-                let moved_km = a.velocity_km_s * (2e-7 * crate::base::units::DAY_S);
+                let moved_km = a.velocity_km_s * (2e-7 * base::units::DAY_S);
                 assert!(b.position_km.distance(a.position_km + moved_km) < joint_km, "{number}");
             }
             let (day, half_d) = (FIRST_DAY + 0.37 * granule_d, 1e-4 * granule_d);
             let [a, m, b] = [-half_d, 0.0, half_d].map(|d| state(number, day + d).expect("inside"));
-            let difference = (b.position_km - a.position_km) / (2.0 * half_d * crate::base::units::DAY_S);
+            let difference = (b.position_km - a.position_km) / (2.0 * half_d * base::units::DAY_S);
             assert!(difference.distance(m.velocity_km_s) < 1e-6 * m.velocity_km_s.length(), "{number}");
         }
     }

@@ -1,7 +1,7 @@
 //! The bodies that something may be in orbit about.
 
 use super::{EARTH_GM_KM3_S2, MOON_GM_KM3_S2, SUN_GM_KM3_S2};
-use crate::sky::moon;
+use crate::moon;
 use core::fmt;
 
 /// What an orbit is about.

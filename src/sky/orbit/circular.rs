@@ -3,11 +3,11 @@
 //! Axes: equator and equinox J2000, taken as ICRF (25 mas). Limits: no oblateness, so the node does not regress (up to
 //! 8 degrees per day in low orbit) and no drag: a stand-in for an orbit's geometry, not for a given spacecraft.
 
-use crate::base::time::Tai;
-use crate::base::units::DEG;
-use crate::sky::ObserverError;
-use crate::sky::observer::BarycentricState;
-use crate::sky::orbit::EARTH_GM_KM3_S2;
+use crate::ObserverError;
+use crate::observer::BarycentricState;
+use crate::orbit::EARTH_GM_KM3_S2;
+use base::time::Tai;
+use base::units::DEG;
 use core::f64::consts::TAU;
 use glam::DVec3;
 
@@ -85,7 +85,7 @@ fn check(parameter: &'static str, wanted: &'static str, got: f64, low: f64, high
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::time::Span;
+    use base::time::Span;
 
     fn low_orbit() -> CircularOrbit {
         let epoch = Tai::from_rfc3339("2026-03-01T00:00:00Z").expect("a valid instant");

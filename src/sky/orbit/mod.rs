@@ -16,6 +16,6 @@ mod two_body;
 
 pub use centre::CentralBody;
 pub use circular::CircularOrbit;
-pub(in crate::sky) use precession::icrf_from_mean_of_date;
+pub(crate) use precession::icrf_from_mean_of_date;
 pub use tle::TleOrbit;
 pub use two_body::{EARTH_GM_KM3_S2, KeplerElements, MOON_GM_KM3_S2, SUN_GM_KM3_S2, TwoBodyOrbit};

@@ -5,7 +5,7 @@
 //! Limit: against IAU 2006/2000A, 1991-2050, the pole is within 11 mas (28 in longitude, 10 in obliquity).
 //! Test: `agrees_with_the_whole_series`.
 
-use crate::base::units::{ARCSEC, MAS};
+use base::units::{ARCSEC, MAS};
 
 /// Largest error of the pole against the whole series, 1991-2050, mas.
 #[cfg(test)]

@@ -7,7 +7,7 @@
 //! Tests: below; elements in both forms are one orbit.
 
 use super::TleOrbit;
-use crate::sky::ObserverError;
+use crate::ObserverError;
 use serde_json::Value;
 
 /// Most objects of one file.
@@ -108,7 +108,7 @@ fn check_ranges(object: &Value) -> Result<(), ObserverError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::time::{Span, Tai};
+    use base::time::{Span, Tai};
 
     /// Elements of the documentation of the two-line format (International Space Station, 2008), in both forms.
     const LINES: &str = "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927\n\

@@ -12,17 +12,17 @@
 //! Tests: `teme_agrees_with_a_published_library`, `published_teme_state`.
 
 use super::nutation::nutation_rad;
-use crate::base::time::Tai;
-use crate::base::units::{ARCSEC, JULIAN_YEAR_D};
+use base::time::Tai;
+use base::units::{ARCSEC, JULIAN_YEAR_D};
 use glam::{DMat3, DVec3};
 
 /// Rotation from mean axes of date to ICRF axes.
-pub(in crate::sky) fn icrf_from_mean_of_date(at: Tai) -> DMat3 {
+pub(crate) fn icrf_from_mean_of_date(at: Tai) -> DMat3 {
     date_from_icrf(centuries_tdb(at), [0.0; 2]).transpose()
 }
 
 /// Rotation from SGP4's axes to ICRF axes. Two microseconds; does not allocate.
-pub(in crate::sky) fn icrf_from_teme(at: Tai) -> DMat3 {
+pub(crate) fn icrf_from_teme(at: Tai) -> DMat3 {
     let t = centuries_tdb(at);
     let [longitude, obliquity] = nutation_rad(t);
     let equation_of_equinoxes = longitude * (mean_obliquity_rad(t) + obliquity).cos();
@@ -66,7 +66,7 @@ fn turn_axes_about_x(angle_rad: f64) -> DMat3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::units::MAS;
+    use base::units::MAS;
 
     /// Largest turn between TEME of here and of the whole series, rad (module doc).
     const TEME_RAD: f64 = 14.0 * MAS;
@@ -103,7 +103,7 @@ mod tests {
             let off_rad = turn_rad(icrf_from_teme(at(text)), wanted);
             println!("{text}: {:.1} mas", off_rad / MAS);
             worst = worst.max(off_rad);
-            let day_later = at(text) + crate::base::time::Span::from_s(86_400.0);
+            let day_later = at(text) + base::time::Span::from_s(86_400.0);
             assert!(turn_rad(icrf_from_teme(day_later), wanted) > TEME_RAD, "control: a day later");
         }
         assert!(worst < TEME_RAD, "{} mas", worst / MAS);

@@ -6,10 +6,10 @@
 //! by km per day in low orbit: 1 m/s is 0.7 mas of aberration.
 
 use super::precession::icrf_from_teme;
-use crate::base::time::Tai;
-use crate::base::units::DAY_S;
-use crate::sky::ObserverError;
-use crate::sky::observer::BarycentricState;
+use crate::ObserverError;
+use crate::observer::BarycentricState;
+use base::time::Tai;
+use base::units::DAY_S;
 use core::ops::RangeInclusive;
 use glam::DVec3;
 use sgp4::chrono::Datelike;
@@ -221,7 +221,7 @@ fn check_field(text: &str, field: (usize, usize, usize, &'static str)) -> Result
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::time::Span;
+    use base::time::Span;
 
     // The verification set of "Revisiting Spacetrack Report #3" (AIAA 2006-6753): object 5.
     const FIRST: &str = "1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753";

@@ -23,9 +23,9 @@
 //!
 //! So give a state near the time it is used at. Tests: below, against 40-digit arithmetic and a published case.
 
-use crate::base::time::Tai;
-use crate::sky::ObserverError;
-use crate::sky::observer::BarycentricState;
+use crate::ObserverError;
+use crate::observer::BarycentricState;
+use base::time::Tai;
 use core::f64::consts::TAU;
 use glam::DVec3;
 

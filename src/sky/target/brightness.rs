@@ -8,7 +8,7 @@
 //! leaves. Limits: convex bodies that do not flash; no light from the Earth or the Moon. Test: below, against a numerical
 //! integral over the sphere and the full Moon.
 
-use crate::base::units::AU_KM;
+use base::units::AU_KM;
 use core::f64::consts::PI;
 
 /// The Sun at 1 au, Gaia G (absolute magnitude 4.67: Casagrande and VandenBerg 2018, MNRAS 479, L102; distance modulus
@@ -88,7 +88,7 @@ impl PhaseCurve {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::units::DEG;
+    use base::units::DEG;
     use glam::DVec3;
 
     /// Light of a Lambert sphere of unit radius and reflectance by summing its surface: both cosines over pi.

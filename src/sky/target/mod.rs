@@ -1,6 +1,6 @@
 //! Targets about the Earth: time and observer -> where a target stands, how far, how it is lit, how bright it is.
 //!
-//! * [`Orbit`]: any of the orbits of [`crate::sky::orbit`], followed from the geocentre;
+//! * [`Orbit`]: any of the orbits of [`crate::orbit`], followed from the geocentre;
 //! * [`Sighting`]: the target as its light left it, seen from the observer; range, rates, phase;
 //! * [`Sunlight`]: full light, penumbra or umbra of the Earth, and what the Earth itself covers;
 //! * [`Brightness`]: magnitude from size and reflectance, from a magnitude at 1000 km, or as given.

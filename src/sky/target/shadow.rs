@@ -99,7 +99,7 @@ pub fn limb_clearance_km(observer_km: DVec3, target_km: DVec3) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::units::AU_KM;
+    use base::units::AU_KM;
     use core::f64::consts::PI;
 
     #[test]

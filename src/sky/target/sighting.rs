@@ -9,11 +9,11 @@
 //! Earth's motion undoes nearly whole, by 20. Deflection of light by the Earth: below 1 mas, left out.
 //! Tests: below against a fixed point of its own; `hil_scripts/test_targets.py` against another program.
 
-use crate::base::time::{Span, Tai};
-use crate::base::units::SPEED_OF_LIGHT_KM_S;
-use crate::sky::ObserverError;
-use crate::sky::observer::BarycentricState;
-use crate::sky::orbit::{CircularOrbit, TleOrbit, TwoBodyOrbit};
+use crate::ObserverError;
+use crate::observer::BarycentricState;
+use crate::orbit::{CircularOrbit, TleOrbit, TwoBodyOrbit};
+use base::time::{Span, Tai};
+use base::units::SPEED_OF_LIGHT_KM_S;
 use glam::DVec3;
 
 /// How a target flies about the Earth.
@@ -113,7 +113,7 @@ impl Sighting {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::units::{ARCSEC, DEG};
+    use base::units::{ARCSEC, DEG};
 
     /// Two circles whose bodies pass each other within a thousand kilometres.
     fn pair() -> (Orbit, CircularOrbit, Tai) {

@@ -12,7 +12,7 @@
 //! `avoidance_tests.rs` (1000 random slews, dense samples).
 
 use super::slew::{Leg, SlewLimits, SlewPath};
-use crate::base::axes::{Body, Icrf, Rotation};
+use base::axes::{Body, Icrf, Rotation};
 use core::f64::consts::{PI, TAU};
 use glam::DVec3;
 

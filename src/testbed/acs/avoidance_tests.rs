@@ -2,8 +2,8 @@
 
 use super::avoidance::KeepOut;
 use super::slew::{Leg, SlewLimits, SlewPath};
-use crate::base::axes::{Body, Icrf, Rotation};
-use crate::base::units::DEG;
+use base::axes::{Body, Icrf, Rotation};
+use base::units::DEG;
 use glam::{DQuat, DVec3};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};

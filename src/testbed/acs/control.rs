@@ -11,9 +11,9 @@ use super::laws::{Gains, error_to_direction, gyroscopic, limited};
 use super::mode_logic::{Cause, Mode, ModeEvent, ModeLogic, Situation};
 use super::params::{AcsError, AcsParams};
 use super::slew::{Leg, Reference, SlewLimits, SlewPath};
-use crate::base::axes::{Body, Icrf, Rotation};
-use crate::base::time::Tai;
-use crate::base::units::DEG;
+use base::axes::{Body, Icrf, Rotation};
+use base::time::Tai;
+use base::units::DEG;
 use core::f64::consts::TAU;
 use glam::DVec3;
 

@@ -1,7 +1,7 @@
 //! What goes into the attitude control and what comes out of it.
 
 use super::mode_logic::{Mode, ModeEvent};
-use crate::base::axes::{Body, Icrf, Rotation};
+use base::axes::{Body, Icrf, Rotation};
 use glam::DVec3;
 
 /// What people may ask for.

@@ -4,7 +4,7 @@
 //! at every step for its dwell time; enter and leave thresholds differ (hysteresis). Rows are tried in order. Tests:
 //! `mode_tests.rs`.
 
-use crate::base::time::{Span, Tai};
+use base::time::{Span, Tai};
 
 /// What the control is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use super::mode_logic::{Cause, Mode, ModeLogic, Situation, Thresholds};
 use super::test_body::{PERIOD, start, thresholds};
-use crate::base::time::{Span, Tai};
+use base::time::{Span, Tai};
 
 /// A body at rest on its target.
 fn calm() -> Situation {

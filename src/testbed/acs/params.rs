@@ -5,7 +5,7 @@ use super::filter::StructuralFilter;
 use super::laws::Gains;
 use super::mode_logic::{Mode, Thresholds};
 use super::slew::SlewLimits;
-use crate::base::time::Span;
+use base::time::Span;
 use glam::{DMat3, DVec3};
 
 /// Safe mode: a body axis to the Sun.

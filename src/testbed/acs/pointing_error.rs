@@ -21,7 +21,7 @@
 
 use super::complex::Complex;
 use super::linear::PointingLoop;
-use crate::testbed::estimator::{Farrenkopf, GyroNoise};
+use crate::estimator::{Farrenkopf, GyroNoise};
 
 /// Decades below the lowest and above the highest corner that are integrated, and points per decade.
 const DECADES: f64 = 4.0;

@@ -6,7 +6,7 @@
 //! steps in acceleration or jerk. With `w = A tr / 2` the rate reached: angle `w (tr + tc)`, duration `2 tr + tc`
 //! with coast `tc`. Tests: `slew_tests.rs`.
 
-use crate::base::axes::{Body, Icrf, Rotation};
+use base::axes::{Body, Icrf, Rotation};
 use core::f64::consts::TAU;
 use glam::DVec3;
 

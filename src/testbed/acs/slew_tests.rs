@@ -1,8 +1,8 @@
 //! Turns against their limits, their closed-form durations and finite differences.
 
 use super::slew::{Leg, SlewLimits, SlewPath};
-use crate::base::axes::{Body, Icrf, Rotation};
-use crate::base::units::DEG;
+use base::axes::{Body, Icrf, Rotation};
+use base::units::DEG;
 use glam::DVec3;
 
 const LIMITS: SlewLimits = SlewLimits { largest_rate_rad_s: 0.02, largest_acceleration_rad_s2: 0.002 };

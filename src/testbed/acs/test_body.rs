@@ -8,9 +8,9 @@ use super::laws::Gains;
 use super::mode_logic::{ModeEvent, Thresholds};
 use super::params::{AcsParams, SafeParams, UnloadParams};
 use super::slew::SlewLimits;
-use crate::base::axes::{Body, Icrf, Rotation};
-use crate::base::time::{Span, Tai};
-use crate::base::units::DEG;
+use base::axes::{Body, Icrf, Rotation};
+use base::time::{Span, Tai};
+use base::units::DEG;
 use glam::{DMat3, DVec3};
 
 pub(super) const PERIOD: Span = Span::from_ms(100);

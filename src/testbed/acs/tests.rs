@@ -7,9 +7,9 @@ use super::laws::{Gains, error_to_direction, limited};
 use super::mode_logic::{Cause, Mode};
 use super::params::{AcsError, AcsParams};
 use super::test_body::{KEEP_OUT, PERIOD, TestBody, inertia, params, run, start};
-use crate::base::axes::{Body, Icrf, Rotation};
-use crate::base::time::Span;
-use crate::base::units::{ARCSEC, DEG};
+use base::axes::{Body, Icrf, Rotation};
+use base::time::Span;
+use base::units::{ARCSEC, DEG};
 use core::f64::consts::{PI, TAU};
 use glam::DVec3;
 

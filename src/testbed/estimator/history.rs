@@ -5,8 +5,8 @@
 
 use super::covariance6::{Covariance6, Turn};
 use super::params::MekfParams;
-use crate::base::axes::{Body, Icrf, Rotation};
-use crate::base::time::{Span, Tai};
+use base::axes::{Body, Icrf, Rotation};
+use base::time::{Span, Tai};
 use glam::{DMat3, DVec3};
 use std::collections::VecDeque;
 

@@ -8,8 +8,8 @@
 use super::covariance6::Covariance6;
 use super::history::{Estimate, Fix, History, Step, propagated};
 use super::params::{MekfParams, MekfParamsError};
-use crate::base::axes::{Body, Icrf, Rotation};
-use crate::base::time::{Span, Tai};
+use base::axes::{Body, Icrf, Rotation};
+use base::time::{Span, Tai};
 use glam::{DMat3, DVec3};
 
 /// What became of an attitude.

@@ -1,6 +1,6 @@
 //! What the estimator is told about its gyro, its first guess and its measurements.
 
-use crate::base::time::Span;
+use base::time::Span;
 use glam::DVec3;
 
 /// Settings of the estimator.

@@ -1,9 +1,9 @@
 //! The filter against a simulated body, gyro and tracker written here afresh.
 
 use super::*;
-use crate::base::axes::{Body, Icrf, Rotation};
-use crate::base::time::{Span, Tai};
-use crate::base::units::{ARCSEC, DEG};
+use base::axes::{Body, Icrf, Rotation};
+use base::time::{Span, Tai};
+use base::units::{ARCSEC, DEG};
 use core::f64::consts::{PI, TAU};
 use glam::{DMat3, DVec3};
 use rand::rngs::StdRng;

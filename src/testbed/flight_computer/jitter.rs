@@ -1,6 +1,6 @@
 //! Jitter as the attitude control system causes it: lines, and how their samples are sent.
 
-use crate::base::units::ARCSEC;
+use base::units::ARCSEC;
 use core::f64::consts::TAU;
 use glam::DVec3;
 

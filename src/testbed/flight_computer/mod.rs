@@ -16,7 +16,7 @@ mod talk;
 #[cfg(test)]
 mod tests;
 
-pub use crate::testbed::attitude_truth::AttitudeTruth;
+pub use crate::attitude_truth::AttitudeTruth;
 pub use jitter::{JitterLineParams, JitterStream};
 pub use received::Received;
 pub use remote_clock::RemoteClock;
@@ -24,17 +24,17 @@ pub use runner::run_until;
 pub use slew::{RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
 pub use talk::TriggerAnswers;
 
-use crate::base::time::{Span, Tai};
-use crate::base::units::ARCSEC;
-use crate::link::{Departure, LinkError, Port, Stamped};
-use crate::testbed::noise::Gaussian;
-use crate::testbed::vehicle::{Vehicle, VehicleError};
+use crate::noise::Gaussian;
+use crate::vehicle::{Vehicle, VehicleError};
+use base::time::{Span, Tai};
+use base::units::ARCSEC;
 use firmware_protocol::message::{
     AttitudeFlags, AttitudeRecord, Heartbeat, JitterBurst, JitterPair, NodeState, Scet, Sync, TimeFollowUp, Trigger,
 };
 use firmware_protocol::ticks::ticks_diff;
 use firmware_protocol::{Message, version};
 use glam::DVec3;
+use link::{Departure, LinkError, Port, Stamped};
 use schedule::{Schedule, Stream};
 use talk::Talk;
 

@@ -1,8 +1,8 @@
 //! What the stimulator said.
 
-use crate::link::Stamped;
 use firmware_protocol::Message;
 use firmware_protocol::message::{Exposure, StatusPage};
+use link::Stamped;
 
 /// Counts of what came in, and the newest of each kind.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -1,6 +1,6 @@
 //! The flight computer's own clock: elapsed time since boot, at a rate slightly off.
 
-use crate::base::time::{Span, Tai};
+use base::time::{Span, Tai};
 
 /// Elapsed time since boot; on the wire its microseconds wrap at 2^32.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,9 +1,9 @@
 //! The flight computer's loop, for a thread of its own.
 
 use super::{FlightComputer, FlightError};
-use crate::base::clock::Clock;
-use crate::link::Port;
+use base::clock::Clock;
 use core::sync::atomic::{AtomicBool, Ordering};
+use link::Port;
 
 /// Sleeps to each due time and sends, until `stop` is set; notices that within 0.1 s, the period of SYNC.
 ///

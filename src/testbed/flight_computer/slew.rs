@@ -4,9 +4,9 @@
 //! `q(t) = exp(-a theta / 2) q(0)`, rate `a theta'`, acceleration `a theta''`. Exact, because the axis is fixed in the
 //! body. `tests` below: finite differences.
 
-use crate::base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
-use crate::base::time::Tai;
-use crate::testbed::attitude_truth::AttitudeTruth;
+use crate::attitude_truth::AttitudeTruth;
+use base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
+use base::time::Tai;
 use core::f64::consts::PI;
 use glam::DVec3;
 
@@ -137,8 +137,8 @@ impl SlewProfile {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::time::Span;
-    use crate::base::units::DEG;
+    use base::time::Span;
+    use base::units::DEG;
 
     const START: Tai = Tai::from_ns(5_000_000_000);
     /// Step of the central differences.

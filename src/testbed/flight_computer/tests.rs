@@ -1,15 +1,15 @@
 //! What leaves the flight computer is what its truth says, on every wire.
 
 use super::*;
-use crate::base::axes::{Body, Icrf, Rotation};
-use crate::base::clock::{Clock, Monotonic, Virtual};
-use crate::base::units::DEG;
-use crate::link::simulated::{BusFault, BusParams, BusTiming, SimulatedBus, simulated_pair};
-use crate::link::{Stamped, WireFormat};
+use base::axes::{Body, Icrf, Rotation};
+use base::clock::{Clock, Monotonic, Virtual};
+use base::units::DEG;
 use core::sync::atomic::{AtomicBool, Ordering};
 use firmware_protocol::Reject;
 use firmware_protocol::can::IdMap;
 use firmware_protocol::message::{Exposure, StatusPage};
+use link::simulated::{BusFault, BusParams, BusTiming, SimulatedBus, simulated_pair};
+use link::{Stamped, WireFormat};
 use std::sync::Arc;
 
 const BOOT: Tai = Tai::from_ns(1_800_000_000_000_000_000);

@@ -7,7 +7,7 @@
 use super::equations::COULOMB_SMOOTHING_RAD_S;
 use super::error::SpacecraftError;
 use super::params::{FlexibleMode, MODES_MAX, SpacecraftParams, WHEELS_MAX, WheelParams};
-use crate::base::time::Span;
+use base::time::Span;
 use core::f64::consts::TAU;
 use glam::{DMat3, DVec3};
 

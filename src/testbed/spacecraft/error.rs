@@ -1,7 +1,7 @@
 //! What is refused, with what was wanted and what was got.
 
 use super::params::{MODES_MAX, WHEELS_MAX};
-use crate::base::time::{Span, Tai};
+use base::time::{Span, Tai};
 use glam::DMat3;
 
 /// Parameters that are not physical, or a question about a time that is not kept.

@@ -14,9 +14,9 @@
 
 use super::check::within;
 use super::error::SpacecraftError;
-use crate::base::axes::{Body, Icrf, Rotation};
-use crate::base::time::Span;
-use crate::testbed::noise::Gaussian;
+use crate::noise::Gaussian;
+use base::axes::{Body, Icrf, Rotation};
+use base::time::Span;
 use glam::{DMat3, DVec3};
 
 /// Errors of a gyro triad. `Default`: none, and no limit set, which [`Gyro::new`] refuses.

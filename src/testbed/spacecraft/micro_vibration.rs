@@ -19,7 +19,7 @@ use super::history::History;
 use super::params::SpacecraftParams;
 use super::vibration_lines::{Line, Oscillator, lines};
 use super::{KEPT, entries_kept};
-use crate::base::time::{Span, Tai};
+use base::time::{Span, Tai};
 use core::f64::consts::TAU;
 use glam::DVec3;
 

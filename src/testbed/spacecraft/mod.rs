@@ -25,7 +25,7 @@ mod vibration_lines;
 #[cfg(test)]
 mod tests;
 
-pub use crate::testbed::attitude_truth::AttitudeTruth;
+pub use crate::attitude_truth::AttitudeTruth;
 pub use error::SpacecraftError;
 pub use gyro::{Gyro, GyroFault, GyroParams, GyroReading};
 pub use micro_vibration::MicroVibration;
@@ -37,9 +37,9 @@ pub use params::{
 pub use sun::{SunReading, SunSensor, sun_direction_icrf};
 pub use test_torque::TestTorque;
 
-use crate::base::axes::{Body, Icrf, Rotation};
-use crate::base::time::{Span, Tai};
-use crate::testbed::noise::Gaussian;
+use crate::noise::Gaussian;
+use base::axes::{Body, Icrf, Rotation};
+use base::time::{Span, Tai};
 use equations::{Equations, Held, State};
 use glam::DVec3;
 use history::History;

@@ -4,7 +4,7 @@
 //! this simulator is asked. The Earth's pole is taken as ICRF's (0.14 degrees off in 2026).
 
 use super::params::CircularOrbitParams;
-use crate::base::time::Tai;
+use base::time::Tai;
 use glam::DVec3;
 
 /// `GM` of the Earth, m^3/s^2 (IERS Conventions 2010, table 1.1, TT-compatible value).
@@ -89,7 +89,7 @@ impl CircularOrbit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::time::Span;
+    use base::time::Span;
     use core::f64::consts::{FRAC_PI_2, PI};
 
     const EPOCH: Tai = Tai::from_ns(1_700_000_000_000_000_000);

@@ -1,6 +1,6 @@
 //! What a spacecraft is made of. Plain data; `check.rs` refuses what is not physical.
 
-use crate::base::time::{Span, Tai};
+use base::time::{Span, Tai};
 use glam::{DMat3, DVec3};
 
 /// Most reaction wheels of one spacecraft.

@@ -5,10 +5,10 @@
 //! et al. 1977, Astron. Astrophys. 58, 1: 5029.0966 arcsec per Julian century) to reach the axes of J2000.0; the
 //! ecliptic's own motion of 47 arcsec per century is left in. Annual aberration (20 arcsec) is contained.
 
-use crate::base::axes::{Body, Icrf, Rotation};
-use crate::base::time::Tai;
-use crate::base::units::DEG;
-use crate::testbed::noise::Gaussian;
+use crate::noise::Gaussian;
+use base::axes::{Body, Icrf, Rotation};
+use base::time::Tai;
+use base::units::DEG;
 use glam::DVec3;
 
 /// General precession in longitude, degrees per day.

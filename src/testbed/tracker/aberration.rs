@@ -7,8 +7,8 @@
 //! barycentre (13 m/s), the Earth about the Earth-Moon barycentre (12 m/s), together below 0.02 arcsec; light
 //! deflection (4 mas at 90 degrees from the Sun). Test: `earth_velocity_gives_the_published_aberration`.
 
-use crate::base::time::Tai;
-use crate::base::units::{AU_KM, DAY_S, DEG, SPEED_OF_LIGHT_KM_S};
+use base::time::Tai;
+use base::units::{AU_KM, DAY_S, DEG, SPEED_OF_LIGHT_KM_S};
 use glam::DVec3;
 
 /// General precession in longitude, deg per day: 50.2880 arcsec per Julian year (IAU 2006, Capitaine et al. 2003).

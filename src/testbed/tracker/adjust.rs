@@ -8,7 +8,7 @@
 
 use super::centroid::Spot;
 use super::geometry::Geometry;
-use crate::base::axes::{Icrf, Rotation, Sensor};
+use base::axes::{Icrf, Rotation, Sensor};
 use glam::{DMat2, DMat3, DVec2, DVec3};
 
 /// Largest squared residual of one spot in units of its covariance: chance 4e-6 for two degrees of freedom.

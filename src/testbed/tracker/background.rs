@@ -5,7 +5,7 @@
 //! Limit: a cell filled with stars or with structure finer than a cell is not followed. Tests:
 //! `background_is_found_under_stars`, `background_follows_a_slope`.
 
-use crate::base::image::DnImage;
+use base::image::DnImage;
 
 /// Samples along each axis of one cell.
 const SAMPLES_PER_AXIS: usize = 24;

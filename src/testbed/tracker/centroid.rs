@@ -7,7 +7,7 @@
 //! follow the model, not the data: pixels that happen to be bright must not count less. Saturated pixels are left out.
 //! Tests: `fit_has_no_pixel_phase_error`, `centre_of_gravity_has_its_known_pixel_phase_error`, `fit_covariance_is_true`.
 
-use crate::base::image::DnImage;
+use base::image::DnImage;
 use core::f64::consts::{FRAC_1_SQRT_2, PI};
 use glam::DVec2;
 

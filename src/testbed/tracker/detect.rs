@@ -8,7 +8,7 @@
 use super::background::BackgroundGrid;
 use super::error::Reason;
 use super::params::TrackerParams;
-use crate::base::image::DnImage;
+use base::image::DnImage;
 use glam::DVec2;
 
 /// Least height of a spot's brightest pixel, in standard deviations of the background.

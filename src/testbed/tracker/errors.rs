@@ -17,7 +17,7 @@
 //! `noise_agrees_with_prediction`.
 
 use super::geometry::Geometry;
-use crate::base::axes::{Icrf, Rotation, Sensor};
+use base::axes::{Icrf, Rotation, Sensor};
 use glam::DVec3;
 
 /// Two true attitudes closer than this are one station, px.

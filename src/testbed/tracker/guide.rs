@@ -15,12 +15,13 @@ use super::error::TrackerError;
 use super::geometry::Geometry;
 use super::pairs::PairIndex;
 use super::params::TrackerParams;
-use crate::base::axes::{Icrf, Rotation, Sensor};
-use crate::base::time::Tai;
-use crate::base::units::MAS;
-use crate::sky::catalog::{Catalog, CatalogSource};
+use base::axes::{Icrf, Rotation, Sensor};
+use base::source::CatalogSource;
+use base::time::Tai;
+use base::units::MAS;
 use core::f64::consts::PI;
 use glam::{DVec2, DVec3};
+use stars::catalog::Catalog;
 
 /// Mean number of pattern stars in a field; the emptiest fields have about a third of it.
 const PATTERN_STARS_PER_FIELD: f64 = 28.0;

@@ -12,9 +12,9 @@ use super::guide::GuideStars;
 use super::identify::{Identifier, Sighting};
 use super::params::TrackerParams;
 use super::track::{Follower, Prediction, refuse_bright, ring_about, set_background, spot_model, trail_of};
-use crate::base::axes::{Icrf, Rotation, Sensor};
-use crate::base::image::DnImage;
-use crate::base::time::Tai;
+use base::axes::{Icrf, Rotation, Sensor};
+use base::image::DnImage;
+use base::time::Tai;
 use glam::{DMat3, DVec2, DVec3};
 use std::sync::Arc;
 

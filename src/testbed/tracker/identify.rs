@@ -18,7 +18,7 @@ use super::guide::{Expected, GuideStars};
 use super::pairs::angle_of_chord;
 use super::params::TrackerParams;
 use super::wahba::{Observation, davenport};
-use crate::base::axes::{Icrf, Rotation, Sensor};
+use base::axes::{Icrf, Rotation, Sensor};
 use core::f64::consts::PI;
 use glam::{DVec2, DVec3};
 

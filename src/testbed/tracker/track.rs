@@ -11,8 +11,8 @@ use super::detect::hot_share;
 use super::error::Reason;
 use super::guide::{Expected, GuideStars};
 use super::params::TrackerParams;
-use crate::base::axes::{Icrf, Rotation, Sensor};
-use crate::base::image::DnImage;
+use base::axes::{Icrf, Rotation, Sensor};
+use base::image::DnImage;
 use glam::{DVec2, DVec3};
 
 /// Stars searched in the first pass.

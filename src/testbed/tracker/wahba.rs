@@ -6,7 +6,7 @@
 //! vector part changes sign. The eigenvector is found by Jacobi rotations: no case of slow or failed convergence, unlike
 //! Newton on the characteristic polynomial. Tests: `davenport_recovers_the_attitude`, `triad_agrees`.
 
-use crate::base::axes::{Icrf, Rotation, Sensor};
+use base::axes::{Icrf, Rotation, Sensor};
 use glam::{DMat3, DQuat, DVec3};
 
 /// Sweeps of the Jacobi method; a 4 x 4 matrix needs 5 to reach rounding.

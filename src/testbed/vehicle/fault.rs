@@ -1,6 +1,6 @@
 //! What can go wrong aboard.
 
-use crate::testbed::spacecraft::{Gyro, GyroFault};
+use crate::spacecraft::{Gyro, GyroFault};
 use glam::DVec3;
 
 /// A fault of the vehicle.

@@ -4,10 +4,10 @@
 //! come out in the order of their readiness. Tests: `tests` of the vehicle.
 
 use super::params::HeadParams;
-use crate::base::axes::Rotation;
-use crate::base::image::DnImage;
-use crate::base::time::{Span, Tai};
-use crate::testbed::tracker::{GuideStars, Outcome, Solution, Tracker};
+use crate::tracker::{GuideStars, Outcome, Solution, Tracker};
+use base::axes::Rotation;
+use base::image::DnImage;
+use base::time::{Span, Tai};
 use glam::DVec3;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -125,6 +125,6 @@ impl Head {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BodyAttitude {
     pub(super) at: Tai,
-    pub(super) body_from_icrf: Rotation<crate::base::axes::Body, crate::base::axes::Icrf>,
+    pub(super) body_from_icrf: Rotation<base::axes::Body, base::axes::Icrf>,
     pub(super) covariance_rad2: glam::DMat3,
 }

@@ -22,20 +22,20 @@ pub use head::HeadReport;
 pub use params::{HeadParams, VehicleParams};
 pub use telemetry::{ROW_BYTES, Telemetry, TelemetryRow};
 
-use crate::base::axes::{Body, Icrf, Rotation};
-use crate::base::image::DnImage;
-use crate::base::time::{Span, Tai};
-use crate::base::units::DEG;
-use crate::sky::catalog::{Catalog, CatalogError};
-use crate::testbed::acs::{Acs, AcsError, AcsInput, AcsOutput, Command, Mode};
-use crate::testbed::estimator::{Mekf, MekfCounts, MekfParamsError};
-use crate::testbed::spacecraft::{
+use crate::acs::{Acs, AcsError, AcsInput, AcsOutput, Command, Mode};
+use crate::estimator::{Mekf, MekfCounts, MekfParamsError};
+use crate::spacecraft::{
     AttitudeTruth, CircularOrbit, Gyro, GyroFault, MicroVibration, Spacecraft, SpacecraftError, SunSensor,
     sun_direction_icrf,
 };
-use crate::testbed::tracker::{GuideStars, Outcome, Solution, TrackerError, TrackerParams, earth_beta};
+use crate::tracker::{GuideStars, Outcome, Solution, TrackerError, TrackerParams, earth_beta};
+use base::axes::{Body, Icrf, Rotation};
+use base::image::DnImage;
+use base::time::{Span, Tai};
+use base::units::DEG;
 use glam::DVec3;
 use head::Head;
+use stars::catalog::{Catalog, CatalogError};
 use std::collections::VecDeque;
 use std::sync::Arc;
 

@@ -1,11 +1,11 @@
 //! What flies: spacecraft, sensors, estimator, control, heads.
 
-use crate::base::axes::{Body, Icrf, Rotation, Sensor};
-use crate::base::time::Span;
-use crate::testbed::acs::AcsParams;
-use crate::testbed::estimator::MekfParams;
-use crate::testbed::spacecraft::{GyroParams, SpacecraftParams, TestTorque};
-use crate::testbed::tracker::TrackerParams;
+use crate::acs::AcsParams;
+use crate::estimator::MekfParams;
+use crate::spacecraft::{GyroParams, SpacecraftParams, TestTorque};
+use crate::tracker::TrackerParams;
+use base::axes::{Body, Icrf, Rotation, Sensor};
+use base::time::Span;
 use glam::DVec3;
 
 /// One vehicle.

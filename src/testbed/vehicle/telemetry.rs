@@ -3,9 +3,9 @@
 //! Plain numbers; angles are rotation vectors in body axes. A row has one binary form ([`TelemetryRow::bytes`]) by which
 //! runs are compared bit for bit.
 
-use crate::base::time::Tai;
-use crate::testbed::acs::{Mode, ModeEvent};
-use crate::testbed::tracker::Reason;
+use crate::acs::{Mode, ModeEvent};
+use crate::tracker::Reason;
+use base::time::Tai;
 use glam::DVec3;
 
 /// One row.

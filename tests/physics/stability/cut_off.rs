@@ -2,10 +2,10 @@
 
 use crate::scene::{Dice, draw_cpu, draw_reference, instrument, star};
 use crate::stability::{ELECTRONS, Scene};
-use starloop::base::accuracy::AccuracyBudget;
-use starloop::exposure::planner::Source;
-use starloop::exposure::{ExposurePlan, Instrument};
-use starloop::optics::PsfModel;
+use base::accuracy::AccuracyBudget;
+use plan::exposure::planner::Source;
+use plan::exposure::{ExposurePlan, Instrument};
+use plan::optics::PsfModel;
 
 /// Detector, px.
 const SIDE: usize = 256;

@@ -4,11 +4,11 @@ use crate::measure::{compare, measure};
 use crate::scene::{FOCAL_PX, draw_cpu, draw_reference, instrument, star};
 use crate::stability::motion::narrow_field;
 use crate::stability::{ELECTRONS, Scene, assert_hopeless, assert_inside, assert_outside, assert_replaced};
-use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use starloop::base::accuracy::AccuracyBudget;
-use starloop::exposure::plan::Verdict;
-use starloop::exposure::{ExposurePlan, Instrument, Shutter};
-use starloop::optics::PsfModel;
+use base::accuracy::AccuracyBudget;
+use plan::exposure::plan::Verdict;
+use plan::exposure::{ExposurePlan, Instrument, Shutter};
+use plan::optics::PsfModel;
+use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
 /// A tall detector: many rows, few pixels.
 const TALL: [usize; 2] = [48, 512];

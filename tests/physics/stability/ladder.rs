@@ -2,13 +2,13 @@
 
 use crate::scene::{Dice, camera, draw_cpu, instrument, star};
 use crate::stability::motion::zigzag;
-use starloop::base::accuracy::AccuracyBudget;
-use starloop::exposure::cost::CostModel;
-use starloop::exposure::method::MethodName;
-use starloop::exposure::plan::Verdict;
-use starloop::exposure::planner::Source;
-use starloop::exposure::{ExposurePlan, MethodChoice, Planner, Rung};
-use starloop::optics::PsfModel;
+use base::accuracy::AccuracyBudget;
+use plan::exposure::cost::CostModel;
+use plan::exposure::method::MethodName;
+use plan::exposure::plan::Verdict;
+use plan::exposure::planner::Source;
+use plan::exposure::{ExposurePlan, MethodChoice, Planner, Rung};
+use plan::optics::PsfModel;
 
 /// Detector, px.
 const SIDE: usize = 256;

@@ -10,13 +10,13 @@ mod sampling;
 
 use crate::measure::{Measured, measure};
 use crate::scene::{EXPOSURE_S, FOCAL_PX, camera, instrument, los, planner_of, star};
+use base::accuracy::AccuracyBudget;
 use glam::DVec3;
-use starloop::attitude::{JitterLine, LosPath};
-use starloop::base::accuracy::AccuracyBudget;
-use starloop::exposure::plan::Verdict;
-use starloop::exposure::planner::Source;
-use starloop::exposure::{ExposurePlan, Instrument, PixelPath, PixelPoint};
-use starloop::optics::PsfModel;
+use plan::attitude::{JitterLine, LosPath};
+use plan::exposure::plan::Verdict;
+use plan::exposure::planner::Source;
+use plan::exposure::{ExposurePlan, Instrument, PixelPath, PixelPoint};
+use plan::optics::PsfModel;
 
 /// Detector of most scenes, px.
 const SIZE: usize = 64;

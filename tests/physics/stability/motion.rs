@@ -5,10 +5,10 @@ use crate::scene::{Dice, EXPOSURE_S, FOCAL_PX};
 use crate::stability::{Scene, assert_inside, assert_replaced, point};
 use core::f64::consts::TAU;
 use glam::DVec3;
-use starloop::astrometry::CameraGeometry;
-use starloop::attitude::JitterLine;
-use starloop::exposure::PixelPath;
-use starloop::exposure::method::MethodName;
+use plan::attitude::JitterLine;
+use plan::exposure::PixelPath;
+use plan::exposure::method::MethodName;
+use sky::astrometry::CameraGeometry;
 
 /// PSF of most scenes, px.
 const SIGMA_PX: f64 = 0.8;

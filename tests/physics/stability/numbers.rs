@@ -5,16 +5,16 @@ use crate::scene::{
     Dice, EXPOSURE_S, Picture, centroid_error_px, draw_cpu, draw_reference, everything, instrument, planner, star,
 };
 use crate::stability::{ELECTRONS, SIZE, Scene, assert_inside, assert_replaced};
+use base::clock::{Clock, Monotonic};
+use base::time::Tai;
 use glam::DVec3;
-use starloop::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use starloop::attitude::JitterLine;
-use starloop::base::clock::{Clock, Monotonic};
-use starloop::base::time::Tai;
-use starloop::exposure::planner::Source;
-use starloop::exposure::{ExposurePlan, Instrument};
-use starloop::optics::PsfModel;
-use starloop::render::Backend;
-use starloop::render::cpu::Cpu;
+use image::render::Backend;
+use image::render::cpu::Cpu;
+use plan::attitude::JitterLine;
+use plan::exposure::planner::Source;
+use plan::exposure::{ExposurePlan, Instrument};
+use plan::optics::PsfModel;
+use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
 /// Columns of the wide detector: coordinates of an 8k sensor in an image that stays small.
 const WIDE_PX: usize = 8192;

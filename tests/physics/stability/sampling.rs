@@ -3,10 +3,10 @@
 use crate::measure::around;
 use crate::scene::{centroid_error_px, draw_cpu, draw_reference, star};
 use crate::stability::{ELECTRONS, Scene};
-use starloop::base::accuracy::AccuracyBudget;
-use starloop::exposure::plan::Verdict;
-use starloop::exposure::sampling::{SamplingError, sampling_error};
-use starloop::exposure::{Instrument, PsfSampling};
+use base::accuracy::AccuracyBudget;
+use plan::exposure::plan::Verdict;
+use plan::exposure::sampling::{SamplingError, sampling_error};
+use plan::exposure::{Instrument, PsfSampling};
 
 /// Widths of the PSF, px.
 const SIGMAS: [f64; 4] = [0.3, 0.5, 0.8, 1.2];

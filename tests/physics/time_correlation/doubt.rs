@@ -3,8 +3,8 @@
 use super::link::{Bench, Link, as_on_the_wire, limits, quantile, received_ns, scet, with_bit_flipped};
 use super::others::HullAlone;
 use super::{CONVERGED_S, PROMISE_NS, QUIET};
-use starloop::attitude::{Observed, RemoteClock};
-use starloop::base::time::Span;
+use base::time::Span;
+use plan::attitude::{Observed, RemoteClock};
 
 /// A single damaged mark may move the estimate by so much, ns: "a few microseconds".
 const ONE_DAMAGED_NS: i64 = 5000;

@@ -1,9 +1,9 @@
 //! The simulated far end: an oscillator, and a link that delays its marks.
 
+use base::random::{key, philox};
+use base::time::{Span, Tai};
 use firmware_protocol::message::Scet;
-use starloop::attitude::RemoteClockLimits;
-use starloop::base::random::{key, philox};
-use starloop::base::time::{Span, Tai};
+use plan::attitude::RemoteClockLimits;
 
 const BOOT_NS: i64 = 1_800_000_000_000_000_000;
 /// The link's delay when nothing queues.

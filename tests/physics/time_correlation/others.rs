@@ -1,7 +1,7 @@
 //! Simpler estimators, to compare with.
 
 use super::link::CONSTANT_DELAY;
-use starloop::base::time::{Span, Tai};
+use base::time::{Span, Tai};
 use std::collections::VecDeque;
 
 const HULL_S: f64 = 30.0;

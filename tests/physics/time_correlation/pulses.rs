@@ -2,8 +2,8 @@
 
 use super::link::{Bench, CONSTANT_DELAY, Link, quantile};
 use super::{CONVERGED_S, QUIET};
-use starloop::attitude::{ObservedPps, RemoteClock, RemoteClockLimits};
-use starloop::base::time::{Span, Tai};
+use base::time::{Span, Tai};
+use plan::attitude::{ObservedPps, RemoteClock, RemoteClockLimits};
 
 /// The local time at which the remote clock reads the second that comes next, by small steps of the truth.
 fn edge_after(bench: &mut Bench, at_s: f64) -> Tai {

@@ -5,9 +5,9 @@ use super::{
     OBSOLETE_PACKET, OPTION_COMMENT, OPTION_END, OPTION_FLAGS, OPTION_OFFSET, OPTION_RESOLUTION, ORDER_MAGIC, OUTBOUND,
     SECTION, SIMPLE_PACKET, TAI_AFTER, TAI_BEFORE,
 };
-use crate::base::time::Tai;
-use crate::link::capture::{BLOCK_MAX, CaptureError, CapturedPacket, Direction};
-use crate::link::{CHUNK_MAX, Packet, SerialChunk};
+use crate::capture::{BLOCK_MAX, CaptureError, CapturedPacket, Direction};
+use crate::{CHUNK_MAX, Packet, SerialChunk};
+use base::time::Tai;
 use firmware_protocol::can::CanFrame;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read};
@@ -19,7 +19,7 @@ const EMPTY_BLOCK: u32 = 12;
 const NS_PER_S: i128 = 1_000_000_000;
 
 /// Reads blocks.
-pub(in crate::link::capture) struct PcapngReader<R> {
+pub(in crate::capture) struct PcapngReader<R> {
     source: R,
     /// Bytes taken from the source.
     offset: u64,
@@ -30,7 +30,7 @@ pub(in crate::link::capture) struct PcapngReader<R> {
     body: Vec<u8>,
     /// Pieces of a long run of serial bytes.
     ready: VecDeque<CapturedPacket>,
-    pub(in crate::link::capture) skipped: u64,
+    pub(in crate::capture) skipped: u64,
 }
 
 #[derive(Clone, Copy)]
@@ -41,7 +41,7 @@ struct Interface {
 }
 
 impl<R: Read> PcapngReader<R> {
-    pub(in crate::link::capture) fn new(source: R) -> Self {
+    pub(in crate::capture) fn new(source: R) -> Self {
         Self {
             source,
             offset: 0,
@@ -55,7 +55,7 @@ impl<R: Read> PcapngReader<R> {
     }
 
     /// The next packet; `None` at the end.
-    pub(in crate::link::capture) fn next(&mut self) -> Result<Option<CapturedPacket>, CaptureError> {
+    pub(in crate::capture) fn next(&mut self) -> Result<Option<CapturedPacket>, CaptureError> {
         loop {
             if let Some(packet) = self.ready.pop_front() {
                 return Ok(Some(packet));

@@ -5,8 +5,8 @@ use super::{
     OPTION_FLAGS, OPTION_NAME, OPTION_PROGRAM, OPTION_RESOLUTION, ORDER_MAGIC, OUTBOUND, SECTION, TAI_AFTER,
     TAI_BEFORE,
 };
-use crate::link::Packet;
-use crate::link::capture::{CapturedPacket, Direction};
+use crate::Packet;
+use crate::capture::{CapturedPacket, Direction};
 use firmware_protocol::can::CanFrame;
 use std::io::{self, Write};
 
@@ -14,7 +14,7 @@ use std::io::{self, Write};
 const NANOSECONDS: u8 = 9;
 
 /// Writes blocks; its buffers are made once.
-pub(in crate::link::capture) struct PcapngWriter<W> {
+pub(in crate::capture) struct PcapngWriter<W> {
     out: W,
     body: Vec<u8>,
     data: Vec<u8>,
@@ -25,7 +25,7 @@ pub(in crate::link::capture) struct PcapngWriter<W> {
 
 impl<W: Write> PcapngWriter<W> {
     /// Begins a section.
-    pub(in crate::link::capture) fn new(out: W) -> Result<Self, io::Error> {
+    pub(in crate::capture) fn new(out: W) -> Result<Self, io::Error> {
         let (body, data) = (Vec::with_capacity(256), Vec::with_capacity(128));
         let mut writer = Self { out, body, data, can: None, serial: None };
         writer.body.extend(ORDER_MAGIC.to_le_bytes());
@@ -37,12 +37,12 @@ impl<W: Write> PcapngWriter<W> {
         Ok(writer)
     }
 
-    pub(in crate::link::capture) fn out(&mut self) -> &mut W {
+    pub(in crate::capture) fn out(&mut self) -> &mut W {
         &mut self.out
     }
 
     /// Writes one packet, and its interface before the first of its kind.
-    pub(in crate::link::capture) fn write(&mut self, captured: &CapturedPacket) -> Result<(), io::Error> {
+    pub(in crate::capture) fn write(&mut self, captured: &CapturedPacket) -> Result<(), io::Error> {
         let interface = match captured.packet {
             Packet::Can(_) => self.can,
             Packet::Serial(_) => self.serial,

@@ -7,9 +7,9 @@
 use super::super::client::{Client, Dialogue, Sending};
 use super::super::hex::{put_bytes, put_digits};
 use super::parser::{Command, LENGTHS, Parser};
-use crate::base::time::Tai;
-use crate::link::simulated::{BusTiming, ErrorState};
-use crate::link::{Packet, Stamped};
+use crate::simulated::{BusTiming, ErrorState};
+use crate::{Packet, Stamped};
+use base::time::Tai;
 use core::sync::atomic::Ordering;
 use firmware_protocol::can::CanFrame;
 

@@ -1,7 +1,7 @@
 //! Every letter, both sides of every length, and lines that come in pieces.
 
 use super::*;
-use crate::link::gateway::parser_checks::{read_in_pieces, stands_random_words};
+use crate::gateway::parser_checks::{read_in_pieces, stands_random_words};
 
 type Outcome = Result<Command, SlcanReject>;
 

@@ -6,9 +6,9 @@
 use super::super::client::{Client, Dialogue, Sending};
 use super::super::hex::{put_bytes, put_digits};
 use super::parser::{Command, Parser};
-use crate::base::time::{Span, Tai};
-use crate::base::units::NS_PER_S;
-use crate::link::{Packet, Stamped};
+use crate::{Packet, Stamped};
+use base::time::{Span, Tai};
+use base::units::NS_PER_S;
 use std::io::Write;
 
 /// After `< ok >` to raw mode, no frame for so long: clients read the answer and expect nothing behind it.

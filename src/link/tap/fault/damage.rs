@@ -1,6 +1,6 @@
 //! Packets with a wrong bit, packets without their tail, packets of nonsense.
 
-use crate::link::{CHUNK_MAX, Packet, SerialChunk, WireFormat};
+use crate::{CHUNK_MAX, Packet, SerialChunk, WireFormat};
 use firmware_protocol::can::CanFrame;
 use rand::RngExt;
 use rand::rngs::StdRng;

@@ -5,9 +5,9 @@
 
 use super::damage::{babble, cut_the_tail, flip_a_bit};
 use super::{FaultControl, LinkFault, TimedLinkFault};
-use crate::base::clock::Clock;
-use crate::base::time::{Span, Tai};
-use crate::link::{Departure, Link, LinkCounters, LinkError, Packet, Stamped, WireFormat};
+use crate::{Departure, Link, LinkCounters, LinkError, Packet, Stamped, WireFormat};
+use base::clock::Clock;
+use base::time::{Span, Tai};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use std::collections::VecDeque;

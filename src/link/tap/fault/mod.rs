@@ -16,7 +16,7 @@ mod tests;
 
 pub use link::FaultyLink;
 
-use crate::base::time::{Span, Tai};
+use base::time::{Span, Tai};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What goes wrong.

@@ -1,10 +1,10 @@
 //! Every fault does what it says, as often as it says, and only in its time.
 
 use super::{FaultControl, FaultyLink, LinkFault};
-use crate::base::clock::{Clock, Virtual};
-use crate::base::time::{Span, Tai};
-use crate::link::simulated::{BusParams, BusTiming, SimulatedLink, simulated_pair};
-use crate::link::{Link, Packet, Stamped};
+use crate::simulated::{BusParams, BusTiming, SimulatedLink, simulated_pair};
+use crate::{Link, Packet, Stamped};
+use base::clock::{Clock, Virtual};
+use base::time::{Span, Tai};
 use firmware_protocol::can::CanFrame;
 use std::sync::Arc;
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::base::time::Span;
+use base::time::Span;
 
 /// Gravitational parameter; elements as in [`KeplerElements`]; seconds after the epoch; position, km, and velocity, km/s, by
 /// Kepler's equation solved and rotated in 40-digit arithmetic (mpmath 1.3; no universal variable there).

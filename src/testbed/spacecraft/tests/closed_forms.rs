@@ -1,7 +1,7 @@
 //! Motions with a closed form: symmetric top, gravity gradient, constant torque.
 
 use super::*;
-use crate::base::axes::Icrf;
+use base::axes::Icrf;
 use core::f64::consts::{PI, TAU};
 
 /// Rounding of the closed form and of 2e4 steps.

@@ -1,15 +1,16 @@
 //! Star images for the tests, drawn afresh: own projection, aberration, space motion, error function, noise.
 
 use super::super::{DetectorFigures, Geometry, TrackerParams};
-use crate::base::axes::{Icrf, Rotation, Sensor};
-use crate::base::image::DnImage;
-use crate::base::time::Tai;
-use crate::base::units::MAS;
-use crate::sky::catalog::{Catalog, direction_from_ra_dec, ra_dec_rad};
+use base::axes::{Icrf, Rotation, Sensor};
+use base::image::DnImage;
+use base::source::{direction_from_ra_dec, ra_dec_rad};
+use base::time::Tai;
+use base::units::MAS;
 use core::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
+use stars::catalog::Catalog;
 
 /// Numbers in the noise pool: drawing a Gaussian for every pixel of every frame would take most of the tests' time.
 const POOL: usize = 1 << 20;

@@ -3,9 +3,9 @@
 use super::super::{Mode, Outcome, Reason, Solution, Tracker};
 use super::draw::{Painter, Shot, random_attitude};
 use super::*;
-use crate::base::axes::{Icrf, Rotation, Sensor};
-use crate::base::image::DnImage;
-use crate::base::units::DEG;
+use base::axes::{Icrf, Rotation, Sensor};
+use base::image::DnImage;
+use base::units::DEG;
 use glam::{DMat3, DVec2};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};

@@ -7,10 +7,10 @@ mod series;
 mod spots;
 
 use super::{GuideStars, earth_beta};
-use crate::base::time::Tai;
-use crate::sky::catalog::Catalog;
+use base::time::Tai;
 use draw::Camera;
 use glam::DVec3;
+use stars::catalog::Catalog;
 use std::sync::{Arc, OnceLock};
 
 /// Middle of every test exposure.

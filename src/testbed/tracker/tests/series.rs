@@ -3,9 +3,9 @@
 use super::super::{AttitudePair, Mode, Outcome, Solution, Tracker, error_terms, predicted_nea_rad};
 use super::draw::{Painter, Shot, gaussian, random_attitude};
 use super::*;
-use crate::base::axes::{Icrf, Rotation, Sensor};
-use crate::base::time::Span;
-use crate::base::units::{ARCSEC, DEG};
+use base::axes::{Icrf, Rotation, Sensor};
+use base::time::Span;
+use base::units::{ARCSEC, DEG};
 use rand::SeedableRng;
 use rand::rngs::StdRng;
 

@@ -8,7 +8,7 @@ use super::super::track::spot_model;
 use super::super::{Reason, TrackerParams};
 use super::draw::{Painter, gaussian};
 use super::*;
-use crate::base::image::DnImage;
+use base::image::DnImage;
 use glam::DVec2;
 use rand::SeedableRng;
 use rand::rngs::StdRng;

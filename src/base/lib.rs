@@ -1,0 +1,18 @@
+//! What every crate may use: axes and rotations, time, clocks, images, counter-based random numbers, the accuracy
+//! budget, sources on the sky, standard output and standard error, names of files that are being written.
+
+pub mod accuracy;
+pub mod axes;
+pub mod clock;
+pub mod fused;
+pub mod image;
+mod leap;
+pub mod least_squares;
+pub mod memory;
+pub mod random;
+pub mod source;
+pub mod source_id;
+pub mod streams;
+pub mod time;
+pub mod unfinished;
+pub mod units;

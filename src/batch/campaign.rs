@@ -1,0 +1,137 @@
+//! A fault campaign: episodes of one scenario, each with random faults from its own seed, each checked throughout.
+//!
+//! In: a scenario, seeds. Out: per episode what held and what did not. An episode is one [`ClosedLoop`] whose events are
+//! the scenario's own and those of [`fault_schedule`]; its seed alone repeats it.
+
+use config::{Event, Scenario};
+use frames::sink::NullSink;
+use run::wiring::closed_loop::{ClosedLoop, LoopError};
+use run::wiring::fault_schedule::{ScheduleLimits, fault_schedule};
+use serde::Serialize;
+use testbed::acs::Mode;
+
+/// Time for acquisition before the first fault, s.
+const QUIET_START_S: f64 = 600.0;
+/// Time without faults at the end, s: the loop must recover from the last one.
+const QUIET_END_S: f64 = 600.0;
+
+/// What became of one episode.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Episode {
+    /// Its seed.
+    pub seed: u64,
+    /// Simulated time, s.
+    pub simulated_s: f64,
+    /// Events that were injected.
+    pub events: usize,
+    /// Times a fault hit something.
+    pub hits: u64,
+    /// Frames sent.
+    pub frames: u64,
+    /// CRC-32 over all frames.
+    pub frames_crc32: u32,
+    /// CRC-32 over all telemetry.
+    pub telemetry_crc32: u32,
+    /// Broken invariants.
+    pub violations: u64,
+    /// The first of them in words.
+    pub violation_lines: Vec<String>,
+}
+
+/// A run too short for random faults.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error(
+    "duration_s is {duration_s}; wanted more than {least_s}: random faults come between {QUIET_START_S} s after the \
+     first exposure and {QUIET_END_S} s before the end"
+)]
+pub struct NoRoomForFaults {
+    /// How long the run is, s.
+    pub duration_s: f64,
+    /// It must be longer than this, s.
+    pub least_s: f64,
+}
+
+/// Refuses a scenario in which no random fault would ever come: flown as an episode, it would hold and say nothing.
+///
+/// # Errors
+/// With the least duration.
+pub fn check_room_for_faults(base: &Scenario) -> Result<(), NoRoomForFaults> {
+    let limits = schedule_limits(base);
+    if limits.until_s > limits.from_s {
+        return Ok(());
+    }
+    Err(NoRoomForFaults { duration_s: base.bench.timing.duration_s, least_s: QUIET_START_S + QUIET_END_S })
+}
+
+fn schedule_limits(base: &Scenario) -> ScheduleLimits {
+    ScheduleLimits {
+        from_s: QUIET_START_S,
+        until_s: base.bench.timing.duration_s - QUIET_END_S,
+        wheels: base.spacecraft.params.wheels.len(),
+    }
+}
+
+/// The random faults of `seed` in the scenario `base`.
+#[must_use]
+pub fn random_faults(base: &Scenario, seed: u64) -> Vec<Event> {
+    fault_schedule(seed, &schedule_limits(base))
+}
+
+/// The scenario of one episode: `base` with the faults of `seed`.
+#[must_use]
+pub fn episode_scenario(base: &Scenario, seed: u64) -> Scenario {
+    let mut scenario = base.clone();
+    scenario.bench.seed = seed;
+    scenario.expect.allows_refusals = true;
+    scenario.events.extend(random_faults(base, seed));
+    scenario.events.sort_by_key(|event| event.at);
+    scenario
+}
+
+/// Runs one episode.
+///
+/// # Errors
+/// When a part of the loop failed: that, too, breaks an invariant, and is told with the seed.
+pub fn run_episode(base: &Scenario, seed: u64) -> Result<Episode, LoopError> {
+    let scenario = episode_scenario(base, seed);
+    let mut going = ClosedLoop::new(&scenario, |_| Box::new(NullSink::new()))?;
+    going.run_to_end(&mut |_, _, _| true)?;
+    let mode = going.with_vehicle(|vehicle| vehicle.mode());
+    let mut outcome = going.finish()?;
+    let assessment = &mut outcome.assessment;
+    if !assessment.is_on_target() {
+        assessment.violate(|| "not on target at the end".into());
+    }
+    if mode != Some(Mode::FinePointing) {
+        assessment.violate(|| format!("mode at the end is {mode:?}, wanted FinePointing"));
+    }
+    let (violations, lines) = assessment.violations();
+    Ok(Episode {
+        seed,
+        simulated_s: scenario.bench.timing.duration_s,
+        events: scenario.events.len(),
+        hits: outcome.faults.iter().map(|fault| fault.hits).sum(),
+        frames: outcome.record.frames.delivered,
+        frames_crc32: outcome.sinks.first().map_or(0, |sink| sink.run_crc32),
+        telemetry_crc32: assessment.telemetry_crc32(),
+        violations,
+        violation_lines: lines.to_vec(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use config::Document;
+
+    #[test]
+    fn a_run_without_time_for_faults_is_refused_with_the_least_duration() {
+        let mut base = Scenario::from_document(&Document::built_in("scenarios/campaign.toml").unwrap()).unwrap();
+        assert_eq!(check_room_for_faults(&base), Ok(()));
+        assert!(!random_faults(&base, 1).is_empty());
+        base.bench.timing.duration_s = 1200.0;
+        let error = check_room_for_faults(&base).expect_err("600 s and 600 s").to_string();
+        assert!(error.contains("duration_s is 1200; wanted more than 1200"), "{error}");
+        assert!(random_faults(&base, 1).is_empty(), "what is refused is empty");
+    }
+}

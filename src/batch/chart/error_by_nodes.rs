@@ -1,0 +1,50 @@
+//! Centroid error against the number of nodes, with the bound beside it, for the methods that count nodes.
+
+use crate::chart::rows::MethodRow;
+use crate::chart::scenes::Scene;
+use frames::report::plot::{Axis, Chart, Series, Style};
+use plan::exposure::method::MethodName;
+
+/// Methods with a number worth varying.
+const SHOWN: [MethodName; 3] = [MethodName::Samples, MethodName::Segments, MethodName::GaussLegendre];
+
+/// Charts of the charted scenes, with their file names, by the first backend.
+#[must_use]
+pub fn charts(rows: &[MethodRow], scenes: &[Scene], backends: &[&str]) -> Vec<(String, Chart)> {
+    let Some(backend) = backends.first() else { return Vec::new() };
+    let charted = scenes.iter().filter(|scene| scene.is_charted);
+    charted.map(|scene| (format!("error_by_nodes_{}", scene.name), chart(rows, scene, backend))).collect()
+}
+
+/// The chart of one scene.
+#[must_use]
+pub fn chart(rows: &[MethodRow], scene: &Scene, backend: &str) -> Chart {
+    let mut series = Vec::new();
+    for (group, name) in SHOWN.into_iter().enumerate() {
+        let is_shown = |row: &&MethodRow| {
+            row.scene == scene.name && row.backend == backend && row.method == name.name() && row.is_drawn()
+        };
+        let members: Vec<&MethodRow> = rows.iter().filter(is_shown).collect();
+        let points = |value: fn(&MethodRow) -> f64| {
+            members.iter().map(|row| [row.nodes as f64, value(row)]).collect::<Vec<[f64; 2]>>()
+        };
+        let line = |name: String, style, points| Series { name, style, group, points, marked: Vec::new() };
+        if members.is_empty() {
+            continue;
+        }
+        series.push(line(name.name().into(), Style::Points, points(|row| row.centroid_px)));
+        series.push(line(String::new(), Style::Line, points(|row| row.centroid_px)));
+        series.push(line(format!("{}, bound", name.name()), Style::DashedLine, points(|row| row.bound_centroid_px)));
+    }
+    Chart {
+        title: format!("{}: error by number of nodes, {backend} backend", scene.title),
+        x: Axis::log("nodes per star"),
+        y: Axis::log("5 x 5 centroid error, px"),
+        series,
+        ring: String::new(),
+        notes: vec![
+            "Worst star against the f64 reference; dashed: the bound known before drawing. Segments carry two nodes each."
+                .into(),
+        ],
+    }
+}

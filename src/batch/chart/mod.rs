@@ -1,0 +1,167 @@
+//! Accuracy against speed, measured: every method, scene and backend -> CSV tables and SVG charts.
+//!
+//! In: [`Settings`]. Out: [`Charted`], texts of files and a table for a terminal; nothing here touches a disk. Each image
+//! is held against the f64 reference drawing the same stars, image with image: an undersampled star's centroid has its
+//! own S-curve. Bounds and predicted times are those the planner knew before anything was drawn.
+//!
+//! ```text
+//! scenes -> stage (planner, stars) -> sweep (methods x backends: measure, timing) -> rows -> charts, verdicts
+//! sampling, poisson, prediction, footprint, effects, crowding: tables and charts of their own
+//! ```
+//!
+//! *Limits.* Times are medians on the machine at hand, whatever else it does, with the fastest beside them; predicted
+//! times are those of planning and drawing. Errors on fields of many stars are those of a few stars that
+//! stand alone. *Validation.* `tests/physics/chart.rs` runs the quick form.
+
+pub mod crowding;
+pub mod drawer;
+pub mod effect_cases;
+pub mod effects;
+mod error;
+pub mod error_by_nodes;
+pub mod footprint;
+pub mod measure;
+pub mod poisson;
+pub mod prediction;
+pub mod rows;
+pub mod sampling;
+pub mod scenes;
+pub mod speed_accuracy;
+pub mod stage;
+pub mod sweep;
+mod table;
+pub mod timing;
+
+pub use error::ChartError;
+pub use rows::MethodRow;
+
+use drawer::Drawer;
+use frames::report::{Chart, to_svg};
+use rows::csv_text;
+use timing::Effort;
+
+/// What is measured.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// Fewer parameters, frames and stars.
+    pub quick: bool,
+    /// Which backends.
+    pub backends: Backends,
+    /// Random paths, star places and brightnesses follow from it.
+    pub seed: u32,
+}
+
+/// Backends to measure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Backends {
+    /// The CPU.
+    Cpu,
+    /// The GPU; without one there is nothing to chart.
+    Gpu,
+    /// The CPU, and the GPU where there is one.
+    All,
+}
+
+/// How far a chart has come.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Step {
+    /// Parts done.
+    pub done: usize,
+    /// Parts in all.
+    pub total: usize,
+    /// What comes next.
+    pub next: String,
+}
+
+/// A file to be written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct File {
+    /// Name, without a folder.
+    pub name: String,
+    /// Content.
+    pub text: String,
+}
+
+/// Everything that was measured.
+#[derive(Debug, Clone)]
+pub struct Charted {
+    /// CSV tables and SVG charts.
+    pub files: Vec<File>,
+    /// Rows of `methods.csv`.
+    pub methods: Vec<MethodRow>,
+    /// Rows of `sampling.csv`.
+    pub sampling: Vec<MethodRow>,
+    /// The table for a terminal.
+    pub summary: String,
+}
+
+/// Counts parts and tells of each.
+struct Steps<'a> {
+    done: usize,
+    total: usize,
+    tell: &'a mut dyn FnMut(&Step),
+}
+
+impl Steps<'_> {
+    fn begin(&mut self, next: impl Into<String>) {
+        (self.tell)(&Step { done: self.done, total: self.total, next: next.into() });
+        self.done += 1;
+    }
+}
+
+/// Measures and draws everything; `tell` hears of every part before it begins.
+///
+/// # Errors
+/// When the backend asked for is not there, or fails.
+pub fn run(settings: &Settings, tell: &mut dyn FnMut(&Step)) -> Result<Charted, ChartError> {
+    let (mut drawers, missing) = Drawer::open(settings.backends)?;
+    let scenes = scenes::scenes(settings.quick);
+    let effort = Effort::new(settings.quick);
+    let sigmas_px = sampling::sigmas_px(settings.quick);
+    // Poisson, prediction, footprint, effects and crowding follow the scenes and the samplings.
+    let total = scenes.len() * drawers.len() + sigmas_px.len() + 5;
+    let mut steps = Steps { done: 0, total, tell };
+    let mut methods = Vec::new();
+    for scene in &scenes {
+        sweep::measure_scene(scene, settings, &mut drawers, effort, |name| steps.begin(name), &mut methods)?;
+    }
+    let mut samplings = Vec::new();
+    for sigma_px in sigmas_px {
+        steps.begin(format!("PSF sampling, sigma {sigma_px} px"));
+        sampling::measure_all(*sigma_px, settings, &mut drawers, effort, &mut samplings)?;
+    }
+    let names: Vec<&str> = drawers.iter().map(Drawer::name).collect();
+    let mut files = vec![csv("methods", &methods)?, csv("sampling", &samplings)?];
+    files.extend(speed_accuracy::charts(&methods, &scenes, &names).iter().map(svg));
+    files.extend(error_by_nodes::charts(&methods, &scenes, &names).iter().map(svg));
+    files.push(svg(&("sampling".into(), sampling::chart(&samplings))));
+    steps.begin("Poisson methods");
+    let poisson = poisson::measure(settings.quick, effort)?;
+    files.extend([csv("poisson", &poisson)?, svg(&("poisson".into(), poisson::chart(&poisson)))]);
+    steps.begin("attitude prediction");
+    let prediction = prediction::measure(settings.quick);
+    files.push(csv("prediction", &prediction)?);
+    files.extend(prediction::charts(&prediction).iter().map(svg));
+    steps.begin("footprints");
+    let footprint = footprint::measure();
+    files.extend([csv("footprint", &footprint)?, svg(&("footprint".into(), footprint::chart(&footprint)))]);
+    steps.begin("effects");
+    let effects = effects::measure(settings.quick, &mut drawers)?;
+    files.push(csv("effects", &effects)?);
+    steps.begin("stars by number");
+    let crowding = crowding::measure(settings, &mut drawers, effort)?;
+    files.extend([csv("crowding", &crowding)?, svg(&("crowding".into(), crowding::chart(&crowding)))]);
+    let notes: Vec<String> = drawers.iter().map(Drawer::description).chain(missing).collect();
+    let summary = table::summary(&methods, &samplings, &scenes, &notes)
+        + &effects::summary(&effects)
+        + &crowding::summary(&crowding);
+    Ok(Charted { files, methods, sampling: samplings, summary })
+}
+
+fn csv<R: serde::Serialize>(name: &str, rows: &[R]) -> Result<File, ChartError> {
+    Ok(File { name: format!("{name}.csv"), text: csv_text(rows)? })
+}
+
+fn svg((name, chart): &(String, Chart)) -> File {
+    File { name: format!("{name}.svg"), text: to_svg(chart) }
+}

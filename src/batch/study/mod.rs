@@ -1,0 +1,279 @@
+//! How sensitive the loop over pixels is to latency and jitter, held against linear theory.
+//!
+//! In: a scenario (its camera, bus, spacecraft and control; durations and injections are the study's). Out: points with
+//! what was measured on the true attitude, what theory says and whether they agree ([`StudyPoint`]), a table, CSV and
+//! charts. Every point is a run of its own of [`run::wiring::closed_loop::ClosedLoop`] on the CPU, so points run side
+//! by side and the result does not depend on how many do.
+//!
+//! Assumptions: theory is one rigid axis with small angles ([`theory`]); flexible modes lie well above the bandwidth.
+//! Tour: [`theory`] (what should be), [`trial`] (one run), [`tone`] (sines in a record), `frequency` (margins and
+//! rejection), `noise` (pointing error, time tags, beyond the margin), `figures` (charts, table). Tests: `tests`,
+//! `tests/closed_loop/study.rs`.
+
+pub mod figures;
+pub mod frequency;
+mod noise;
+pub mod point;
+#[cfg(test)]
+mod tests;
+pub mod theory;
+pub mod tone;
+pub mod trial;
+
+pub use figures::File;
+pub use noise::{POINTING_SHARE, TAG_SHARE};
+pub use point::{Agreement, StudyPoint};
+
+use config::{Scenario, StartTime};
+use core::f64::consts::TAU;
+use core::sync::atomic::{AtomicUsize, Ordering};
+use frequency::Latency;
+use rayon::prelude::*;
+use run::wiring::closed_loop::LoopError;
+use run::wiring::vehicle_parts::vehicle_params;
+use testbed::vehicle::VehicleParams;
+use theory::LoopOnPaper;
+use trial::{Injection, at_rest};
+
+/// A delay this many times the margin must lose the target.
+const BEYOND: f64 = 1.25;
+
+/// Why a study cannot be done.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    /// a run failed
+    #[error("{point}: {why}")]
+    Run {
+        /// Which point.
+        point: String,
+        /// Why.
+        why: Box<LoopError>,
+    },
+    /// the scenario's control has no crossover
+    #[error("the control's gain is one at no frequency: wanted a fine pointing loop within its control period")]
+    NoCrossover,
+    /// the table cannot be written
+    #[error("study.csv: {0}")]
+    Table(#[from] csv::Error),
+}
+
+/// How much is done.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Effort {
+    /// Actuation delays for phase margin and error, shares of the delay margin.
+    pub shares: Vec<f64>,
+    /// Tracker delays for the error, s.
+    pub tracker_delays_s: Vec<f64>,
+    /// Tracker delay at which the phase margin is measured too, s.
+    pub margin_tracker_delay_s: f64,
+    /// Jitter frequencies over the crossover, one run each group.
+    pub jitter: Vec<Vec<f64>>,
+    /// Time tag errors, s.
+    pub tag_errors_s: Vec<f64>,
+    /// Records of a margin are this many times ten periods of the crossover.
+    pub repeats: u32,
+    /// Record of a pointing error, s, and how many of them.
+    pub noise_s: f64,
+    /// Seeds per pointing error.
+    pub seeds: u64,
+}
+
+impl Effort {
+    /// Everything, for charts.
+    #[must_use]
+    pub fn full() -> Self {
+        Self {
+            shares: vec![0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8],
+            tracker_delays_s: vec![0.05, 0.25, 0.5, 1.0, 1.5],
+            margin_tracker_delay_s: 1.5,
+            jitter: vec![
+                vec![0.04, 0.08, 0.12, 0.16],
+                vec![0.1, 0.2, 0.3, 0.4],
+                vec![0.25, 0.5, 0.75, 1.0],
+                vec![0.6, 0.9, 1.2, 1.6],
+                vec![1.4, 2.0, 2.8, 4.0],
+                vec![3.4, 5.0, 7.0, 14.0],
+                vec![8.0, 10.0, 12.0, 20.0],
+            ],
+            tag_errors_s: vec![-0.1, 0.02, 0.05],
+            repeats: 2,
+            noise_s: 1000.0,
+            seeds: 3,
+        }
+    }
+
+    /// Under half a minute on two cores.
+    #[must_use]
+    pub fn quick() -> Self {
+        Self {
+            shares: vec![0.0, 0.4, 0.8],
+            tracker_delays_s: vec![1.0],
+            margin_tracker_delay_s: 1.0,
+            jitter: vec![vec![0.2, 0.4, 0.6, 0.8], vec![0.9, 1.8, 3.6]],
+            tag_errors_s: vec![0.05],
+            repeats: 1,
+            noise_s: 600.0,
+            seeds: 1,
+        }
+    }
+}
+
+/// A study: a scenario and what theory knows of it.
+#[derive(Debug, Clone)]
+pub struct Study {
+    scenario: Scenario,
+    effort: Effort,
+    vehicle: VehicleParams,
+    paper: LoopOnPaper,
+    crossover_rad_s: f64,
+    control_period_s: f64,
+    step_s: f64,
+    frame_period_s: f64,
+    frame_latency_s: f64,
+}
+
+/// What a study gave.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Studied {
+    /// Every point.
+    pub points: Vec<StudyPoint>,
+    /// Table and charts.
+    pub files: Vec<File>,
+    /// The table for a terminal.
+    pub summary: String,
+}
+
+impl Studied {
+    /// True when no point was outside its tolerance.
+    #[must_use]
+    pub fn is_met(&self) -> bool {
+        self.points.iter().all(|point| point.verdict != Agreement::NotMet)
+    }
+}
+
+/// One part of the work.
+#[derive(Debug, Clone, PartialEq)]
+enum Part {
+    Margin(Latency),
+    Rejection(Vec<f64>),
+    Error(Latency),
+    Tag(f64),
+    Beyond(f64),
+}
+
+impl Study {
+    /// A study of a scenario.
+    ///
+    /// # Errors
+    /// When its control has no crossover.
+    pub fn new(scenario: &Scenario, effort: Effort) -> Result<Self, StudyError> {
+        let still = at_rest(scenario, 1.0, 1.0, &Injection::NONE);
+        let at = match still.bench.timing.start {
+            StartTime::At(at) => at,
+            StartTime::Now => base::time::Tai::from_ns(0),
+        };
+        let vehicle = vehicle_params(&still, at);
+        let paper = LoopOnPaper::of(&vehicle);
+        let exposure = &scenario.bench.camera.exposure;
+        Ok(Self {
+            crossover_rad_s: paper.crossover_rad_s().ok_or(StudyError::NoCrossover)?,
+            control_period_s: vehicle.acs.control_period.s(),
+            step_s: vehicle.spacecraft.step.s(),
+            frame_period_s: 1.0 / scenario.bench.timing.frame_rate_hz,
+            frame_latency_s: 0.5 * exposure.exposure_s + exposure.readout_s,
+            scenario: scenario.clone(),
+            effort,
+            vehicle,
+            paper,
+        })
+    }
+
+    /// The loop on paper.
+    #[must_use]
+    pub fn paper(&self) -> &LoopOnPaper {
+        &self.paper
+    }
+
+    /// Up to here theory is held to its word: the crossover, Hz.
+    #[must_use]
+    pub fn bandwidth_hz(&self) -> f64 {
+        self.crossover_rad_s / TAU
+    }
+
+    /// Measures everything; `tell` hears of every part that is done: how many are, of how many, and which it was.
+    ///
+    /// # Errors
+    /// When a run fails.
+    pub fn run(&self, tell: &(dyn Fn(usize, usize, &str) + Sync)) -> Result<Studied, StudyError> {
+        let parts = self.parts();
+        let done = AtomicUsize::new(0);
+        let measure = |part: &Part| {
+            let name = part.name();
+            let points =
+                self.measure(part).map_err(|why| StudyError::Run { point: name.clone(), why: Box::new(why) })?;
+            tell(done.fetch_add(1, Ordering::Relaxed) + 1, parts.len(), &name);
+            Ok(points)
+        };
+        let found: Result<Vec<Vec<StudyPoint>>, StudyError> = parts.par_iter().map(measure).collect();
+        let mut points = found?.concat();
+        points.extend(frequency::delay_margin(self, &points));
+        Ok(Studied { files: figures::files(self, &points)?, summary: figures::table(&points), points })
+    }
+
+    /// The work, longest parts first.
+    fn parts(&self) -> Vec<Part> {
+        let effort = &self.effort;
+        let margin_s = self.paper.delay_margin_s().unwrap_or(0.0);
+        let delays: Vec<Latency> =
+            effort.shares.iter().map(|share| Latency::Actuation(rounded_to(self.step_s, share * margin_s))).collect();
+        let late = effort.tracker_delays_s.iter().map(|s| Latency::Tracker(*s));
+        let in_hz = |group: &Vec<f64>| Part::Rejection(group.iter().map(|share| share * self.bandwidth_hz()).collect());
+        let mut parts: Vec<Part> = delays.iter().copied().chain(late).map(Part::Error).collect();
+        parts.extend(effort.jitter.iter().map(in_hz));
+        parts.extend(delays.iter().copied().map(Part::Margin));
+        parts.push(Part::Margin(Latency::Tracker(effort.margin_tracker_delay_s)));
+        parts.push(Part::Beyond(BEYOND));
+        parts.extend(effort.tag_errors_s.iter().copied().map(Part::Tag));
+        parts
+    }
+
+    fn measure(&self, part: &Part) -> Result<Vec<StudyPoint>, LoopError> {
+        match part {
+            Part::Margin(latency) => frequency::margin(self, *latency),
+            Part::Rejection(frequencies_hz) => frequency::rejection(self, frequencies_hz),
+            Part::Error(latency) => noise::pointing_error(self, *latency),
+            Part::Tag(tag_s) => noise::tag_error(self, *tag_s),
+            Part::Beyond(times) => noise::beyond(self, *times),
+        }
+    }
+
+    /// Sensor from body of the first head.
+    fn head(&self) -> glam::DQuat {
+        self.scenario.heads.first().map_or(glam::DQuat::IDENTITY, |head| head.quat())
+    }
+
+    fn slew_acceleration_rad_s2(&self) -> f64 {
+        self.vehicle.acs.slew.largest_acceleration_rad_s2
+    }
+}
+
+impl Part {
+    fn name(&self) -> String {
+        let of = |latency: &Latency| {
+            let (varied, value) = latency.varied();
+            format!("{varied} {value:.0}")
+        };
+        match self {
+            Self::Margin(latency) => format!("phase margin, {}", of(latency)),
+            Self::Rejection(hz) => format!("jitter from {:.4} Hz", hz.first().copied().unwrap_or(0.0)),
+            Self::Error(latency) => format!("pointing error, {}", of(latency)),
+            Self::Tag(tag_s) => format!("time tags wrong by {:.0} ms", tag_s * 1e3),
+            Self::Beyond(times) => format!("delay of {times} times the margin"),
+        }
+    }
+}
+
+/// The nearest multiple of `unit`.
+pub(crate) fn rounded_to(unit: f64, value: f64) -> f64 {
+    (value / unit).round() * unit
+}

@@ -1,0 +1,196 @@
+//! What a laboratory would write down of a detector, and how it compares with what was asked for.
+
+use frames::report::plot::{Axis, Chart, Series, Style};
+use image::detector::{DetectorParams, LinePattern};
+
+/// One level of light, less the dark level.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LightPoint {
+    /// Electrons that light makes in every pixel.
+    pub light_e: f64,
+    /// Mean signal, DN.
+    pub signal_dn: f64,
+    /// Temporal variance more than in the dark, DN^2.
+    pub variance_dn2: f64,
+    /// Temporal variance with that of the dark, DN^2.
+    pub total_variance_dn2: f64,
+}
+
+/// Measured properties of a detector.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DataSheet {
+    /// Electrons per digital number (EMVA: 1/K).
+    pub gain_e_per_dn: f64,
+    /// Mean of a dark image of no exposure, DN.
+    pub black_level_dn: f64,
+    /// Noise of a read, e- rms.
+    pub read_noise_e_rms: f64,
+    /// Dark current, e-/s.
+    pub dark_e_per_s: f64,
+    /// Spread of the pixels' dark means (EMVA: DSNU), e- rms.
+    pub dsnu_e_rms: f64,
+    /// Standard error of its square, e-^2.
+    pub dsnu2_se: f64,
+    /// Spread of the pixels' responses at half saturation (EMVA: PRNU), rms share.
+    pub prnu: f64,
+    /// Plateau over the dark level, e-.
+    pub saturation_e: f64,
+    /// Electrons counted per electron that light made: 1 when gain and signal agree.
+    pub responsivity: f64,
+    /// Largest deviation from a straight line between 5 and 95 % of saturation, relative.
+    pub linearity_error: f64,
+    /// The photon transfer curve.
+    pub points: Vec<LightPoint>,
+}
+
+/// A property that a file states and a sheet has measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Comparison {
+    /// Its name.
+    pub name: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// What the file says.
+    pub file: f64,
+    /// What was measured.
+    pub measured: f64,
+    /// How far they may differ, as a share of the file's value.
+    pub most: f64,
+    /// What the procedure resolves: one standard error, as a share of the file's value, where it is not small.
+    pub se: f64,
+}
+
+/// What statistics alone may add to a difference, standard errors.
+const STANDARD_ERRORS: f64 = 4.0;
+
+impl Comparison {
+    /// Measured over stated, less 1; the difference itself where the file says none.
+    #[must_use]
+    pub fn error(&self) -> f64 {
+        if self.file == 0.0 { self.measured } else { self.measured / self.file - 1.0 }
+    }
+
+    /// True when the two agree.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.error().abs() <= self.most.max(STANDARD_ERRORS * self.se)
+    }
+}
+
+/// Largest relative difference between the response that points show and the one that a file states, from 5 to 95 % of
+/// saturation. Both are taken against their own slope at the first point of that range.
+#[must_use]
+pub fn response_error(points: &[LightPoint], saturation_e: f64, seen_e: impl Fn(f64) -> f64) -> f64 {
+    let judged = points.iter().filter(|p| (0.05..=0.95).contains(&(p.light_e / saturation_e)));
+    let ratio = |p: &LightPoint| p.signal_dn / seen_e(p.light_e);
+    let first = judged.clone().next().map_or(f64::NAN, ratio);
+    judged.map(|p| (ratio(p) / first - 1.0).abs()).fold(0.0, f64::max)
+}
+
+/// What a file states, in the sheet's terms.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stated {
+    /// As in [`DataSheet`].
+    pub gain_e_per_dn: f64,
+    /// As in [`DataSheet`].
+    pub black_level_dn: f64,
+    /// As in [`DataSheet`].
+    pub read_noise_e_rms: f64,
+    /// As in [`DataSheet`].
+    pub dark_e_per_s: f64,
+    /// As in [`DataSheet`].
+    pub dsnu_e_rms: f64,
+    /// As in [`DataSheet`].
+    pub prnu: f64,
+    /// Full well, or what the converter holds of it, e-.
+    pub saturation_e: f64,
+}
+
+impl Stated {
+    /// What detector parameters amount to in an exposure: noise and patterns of every kind together, as a laboratory finds them.
+    #[must_use]
+    pub fn of(params: &DetectorParams, exposure_s: f64) -> Self {
+        let dark_e_per_s = params.operating_dark_e_per_s();
+        let LinePattern { column_e_rms, column_gain_rms, row_e_rms } = params.line_pattern;
+        let uneven_dark_e = params.dark_nonuniformity * dark_e_per_s * exposure_s;
+        let converter_e = (f64::from(params.largest_dn()) - params.black_level_dn) * params.gain_e_per_dn;
+        Self {
+            gain_e_per_dn: params.gain_e_per_dn,
+            black_level_dn: params.black_level_dn,
+            read_noise_e_rms: params.temporal_noise_e_rms(),
+            dark_e_per_s,
+            dsnu_e_rms: params.dsnu_e_rms.hypot(column_e_rms).hypot(row_e_rms).hypot(uneven_dark_e),
+            prnu: params.prnu.hypot(column_gain_rms),
+            saturation_e: params.full_well_e.min(converter_e),
+        }
+    }
+}
+
+/// How far a sheet may be off its file; of the dark current [`DARK_REL`].
+pub const SHEET_REL: f64 = 0.01;
+/// The same for the dark current.
+pub const DARK_REL: f64 = 0.02;
+
+impl DataSheet {
+    /// The sheet beside its file.
+    #[must_use]
+    pub fn compare(&self, file: &Stated) -> [Comparison; 8] {
+        let line = |name, unit, file, measured| Comparison { name, unit, file, measured, most: SHEET_REL, se: 0.0 };
+        [
+            line("gain", "e-/DN", file.gain_e_per_dn, self.gain_e_per_dn),
+            line("black level", "DN", file.black_level_dn, self.black_level_dn),
+            line("read noise", "e- rms", file.read_noise_e_rms, self.read_noise_e_rms),
+            Comparison { most: DARK_REL, ..line("dark current", "e-/s", file.dark_e_per_s, self.dark_e_per_s) },
+            // Half of the square's own error; a file that says none may show as little as the square resolves.
+            Comparison {
+                se: if file.dsnu_e_rms > 0.0 {
+                    0.5 * self.dsnu2_se / file.dsnu_e_rms.powi(2)
+                } else {
+                    self.dsnu2_se.sqrt()
+                },
+                ..line("DSNU", "e- rms", file.dsnu_e_rms, self.dsnu_e_rms)
+            },
+            line("PRNU", "rms", file.prnu, self.prnu),
+            line("saturation", "e-", file.saturation_e, self.saturation_e),
+            line("e- counted per e-", "", 1.0, self.responsivity),
+        ]
+    }
+
+    /// Variance over signal, with the line of the gain.
+    #[must_use]
+    pub fn chart(&self, camera: &str) -> Chart {
+        let measured = self.points.iter().map(|p| [p.signal_dn, p.variance_dn2]).collect();
+        let line = |p: &LightPoint| [p.signal_dn, p.signal_dn / self.gain_e_per_dn];
+        let series =
+            |name: &str, style, group, points| Series { name: name.into(), style, group, points, marked: Vec::new() };
+        Chart {
+            title: format!("Photon transfer of {camera}"),
+            x: Axis::log("signal over the dark level, DN"),
+            y: Axis::log("temporal variance over that of the dark, DN^2"),
+            series: vec![
+                series("pairs of flats", Style::Points, 0, measured),
+                series(
+                    &format!("slope 1 / {:.4} e-/DN", self.gain_e_per_dn),
+                    Style::Line,
+                    1,
+                    self.points.iter().map(line).collect(),
+                ),
+            ],
+            ring: String::new(),
+            notes: vec!["EMVA 1288: the slope up to 70 % of saturation is the reciprocal gain.".into()],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_off_does_not_hold() {
+        let line = |file, measured| Comparison { name: "x", unit: "", file, measured, most: 0.01, se: 0.0 };
+        assert!(line(2.0, 2.019).holds() && !line(2.0, 2.021).holds() && !line(2.0, f64::NAN).holds());
+        assert!(line(0.0, 0.005).holds() && !line(0.0, 0.5).holds(), "a file that says none");
+        assert!(Comparison { se: 0.1, ..line(2.0, 2.7) }.holds(), "what cannot be resolved is no difference");
+    }
+}

@@ -1,0 +1,343 @@
+//! One sink on a thread of its own, behind a fixed number of buffers that go round.
+//!
+//! Input: frames, copied into a free buffer. Output: what the sink makes of them, and counts. A buffer is made once, at
+//! the start; copying into it allocates nothing unless a frame is larger than any before. A buffer comes back with what
+//! became of its frame, so every loss is told with the number of its own frame. A sink that fails on a frame is given the
+//! next one: a disk that is full now may have room later. A sink that panics is not called again.
+//!
+//! A branch that goes, also without [`Branch::finish`], lets its sink finish what it was handed, and waits for that as long
+//! as frames come back: a sink that blocks is given up after [`END_PATIENCE`], and its thread is left behind.
+//! Tests: `fan_tests.rs`.
+
+use crate::sink::line::{Loss, LossKind, SinkLine};
+use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
+use base::clock::Stopwatch;
+use base::time::Span;
+use crossbeam_channel::{Receiver, Sender, bounded};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Losses that are kept for whoever asks; of more than that the numbers are in the line alone.
+const LOSSES_KEPT: usize = 4096;
+
+/// A sink that finishes neither a frame nor itself for this long at the end of a run is given up, plus the time that its
+/// frame takes at 10 MB/s. Short in tests, which wait for it.
+pub const END_PATIENCE: Span = Span::from_ms(if cfg!(test) { 1_000 } else { 5_000 });
+/// Rate of a slow disk or encoder, by which large frames add to the patience.
+const SLOW_BYTES_PER_S: f64 = 10e6;
+/// Between two looks at sinks that are to end.
+const LOOK: Duration = Duration::from_millis(2);
+
+/// A sink that is to get a thread.
+pub struct BranchParams {
+    /// Where the bench names it, for the summary.
+    pub place: String,
+    /// The sink.
+    pub sink: Box<dyn Sink>,
+    /// Frames that it may be behind, the one it is busy with included; at least 1.
+    pub buffers: usize,
+}
+
+/// A frame on its way through a branch, and back.
+struct Held {
+    frame: SentFrame,
+    since: Stopwatch,
+    failure: Option<SinkError>,
+    /// The sink broke down on this frame.
+    broke_down: bool,
+}
+
+/// The sender's end of a branch.
+pub(super) struct Branch {
+    name: &'static str,
+    line: SinkLine,
+    full: Option<Sender<Held>>,
+    back: Receiver<Held>,
+    free: Vec<Held>,
+    thread: Option<JoinHandle<Ended>>,
+    /// Frames that were offered.
+    offered: u64,
+    /// Of these: taken and refused, as far as their buffers have come back.
+    returned: [u64; 2],
+    /// Number of the newest frame.
+    newest: u32,
+    /// How long it may finish nothing at the end.
+    patience: Span,
+    /// What was lost and not yet told.
+    losses: Vec<Loss>,
+}
+
+/// What a branch's thread comes back with.
+struct Ended {
+    line: SinkLine,
+    finished: Option<Result<SinkSummary, SinkError>>,
+}
+
+impl Branch {
+    /// Starts the thread. Buffers are copies of `prototype`, with all their memory touched.
+    pub(super) fn start(params: BranchParams, prototype: &SentFrame) -> Result<Self, SinkError> {
+        let BranchParams { place, sink, buffers } = params;
+        let buffers = buffers.max(1);
+        let (full, to_send) = bounded(buffers);
+        let (sent, back) = bounded(buffers);
+        let held = || {
+            let frame = prototype.touched_copy();
+            Held { frame, since: Stopwatch::start(), failure: None, broke_down: false }
+        };
+        let free = core::iter::repeat_with(held).take(buffers).collect();
+        let name = sink.name();
+        let line = SinkLine { place, kind: name, ..SinkLine::default() };
+        let carrier = Carrier { sink: Some(sink), line: line.clone(), delays: Span::ZERO };
+        let thread = std::thread::Builder::new()
+            .name(name.into())
+            .spawn(move || carrier.carry(&to_send, &sent))
+            .map_err(|source| SinkError::Thread { sink: name, source })?;
+        let (full, thread) = (Some(full), Some(thread));
+        let bytes = 2.0 * (prototype.image.width() * prototype.image.height()) as f64;
+        let patience = END_PATIENCE + Span::from_s(bytes / SLOW_BYTES_PER_S);
+        let (offered, returned, newest, losses) = (0, [0; 2], 0, Vec::new());
+        Ok(Self { name, line, full, back, free, thread, offered, returned, newest, patience, losses })
+    }
+
+    /// Hands a copy of a frame over when a buffer is free now; else the branch goes without it, which is counted.
+    pub(super) fn offer(&mut self, frame: &SentFrame) {
+        self.collect();
+        let free = self.free.pop();
+        let _the_loss_is_told = self.put(free, frame);
+    }
+
+    /// Hands a copy of a frame over as soon as there is a buffer.
+    pub(super) fn hand(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        let free = self.free.pop().or_else(|| self.back.recv().ok());
+        if self.put(free, frame) { Ok(()) } else { Err(SinkError::Lost { sink: self.name }) }
+    }
+
+    /// Waits for the oldest frame that was handed over: what became of it.
+    pub(super) fn settle(&mut self) -> Result<(), SinkError> {
+        let held = self.back.recv().map_err(|_| SinkError::Lost { sink: self.name })?;
+        self.take_back(held)
+    }
+
+    /// Puts a frame into the queue: there are as many places as buffers, so this waits for nothing. False when there is no
+    /// buffer, or no thread any more.
+    fn put(&mut self, free: Option<Held>, frame: &SentFrame) -> bool {
+        self.offered += 1;
+        self.newest = frame.meta.number;
+        let is_put = free.zip(self.full.as_ref()).is_some_and(|(mut held, full)| {
+            held.frame.copy_from(frame);
+            held.since = Stopwatch::start();
+            full.send(held).is_ok()
+        });
+        if !is_put {
+            self.lose(LossKind::Dropped, frame.meta.number);
+        }
+        is_put
+    }
+
+    /// Takes back the buffers that have come.
+    fn collect(&mut self) {
+        while let Ok(held) = self.back.try_recv() {
+            let _ = self.take_back(held); // a failure is kept as a loss
+        }
+    }
+
+    /// Returns true when buffers have come back since the last look.
+    fn has_moved(&mut self) -> bool {
+        let before = self.free.len();
+        self.collect();
+        self.free.len() > before
+    }
+
+    fn has_ended(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// Frees a buffer: what became of its frame.
+    fn take_back(&mut self, mut held: Held) -> Result<(), SinkError> {
+        let number = held.frame.meta.number;
+        if core::mem::take(&mut held.broke_down) {
+            self.lose(LossKind::SinkLost, number);
+        }
+        let failure = held.failure.take();
+        self.free.push(held);
+        let Some(error) = failure else {
+            self.returned[0] += 1;
+            return Ok(());
+        };
+        let is_lost = matches!(error, SinkError::Lost { .. });
+        self.returned[1] += u64::from(!is_lost);
+        self.lose(if is_lost { LossKind::Dropped } else { LossKind::Refused }, number);
+        Err(error)
+    }
+
+    fn lose(&mut self, kind: LossKind, frame: u32) {
+        if self.losses.len() < LOSSES_KEPT {
+            self.losses.push(Loss { kind, frame });
+        }
+    }
+
+    /// Buffers that are not free.
+    #[cfg(test)]
+    pub(super) fn lag(&self) -> usize {
+        self.back.capacity().unwrap_or_default() - self.back.len() - self.free.len()
+    }
+
+    /// Tells what was lost since the last time.
+    pub(super) fn take_losses(&mut self, tell: &mut dyn FnMut(Loss)) {
+        self.collect();
+        self.losses.drain(..).for_each(tell);
+    }
+
+    /// No more frames come.
+    pub(super) fn hang_up(&mut self) {
+        self.full = None;
+    }
+
+    /// Ends the thread of a sink that has finished what it was handed, for which [`wait_for`] waits; a sink that has not is
+    /// given up. Once.
+    pub(super) fn finish(&mut self) -> Result<Option<SinkSummary>, SinkError> {
+        self.hang_up();
+        let Some(thread) = self.thread.take() else { return Ok(None) };
+        if !thread.is_finished() {
+            return Err(self.give_up());
+        }
+        let joined = thread.join();
+        self.collect();
+        let Ok(ended) = joined else {
+            self.line.is_lost = true;
+            self.line.dropped = self.offered;
+            return Err(SinkError::Lost { sink: self.name });
+        };
+        self.line = ended.line;
+        self.line.dropped = self.offered - self.line.frames - self.line.refused;
+        ended.finished.transpose()
+    }
+
+    /// Leaves a sink behind that blocks.
+    fn give_up(&mut self) -> SinkError {
+        self.collect();
+        let error = SinkError::Stuck { sink: self.name, patience: self.patience };
+        let [frames, refused] = self.returned;
+        let dropped = self.offered - frames - refused;
+        self.line = SinkLine { frames, refused, dropped, is_lost: true, ..core::mem::take(&mut self.line) };
+        self.line.first_error.get_or_insert_with(|| error.to_string());
+        self.lose(LossKind::SinkLost, self.newest);
+        error
+    }
+
+    /// What the sink did; whole after [`Self::finish`].
+    pub(super) fn line(&self) -> &SinkLine {
+        &self.line
+    }
+}
+
+impl Drop for Branch {
+    fn drop(&mut self) {
+        wait_for(core::slice::from_mut(self));
+        let _ = self.finish(); // nobody is left to ask
+    }
+}
+
+/// Waits until every sink has finished what it was handed, or until none of them has finished anything for the patience of
+/// the most patient.
+pub(super) fn wait_for(branches: &mut [Branch]) {
+    branches.iter_mut().for_each(Branch::hang_up);
+    let patience = branches.iter().map(|branch| branch.patience).max().unwrap_or(END_PATIENCE);
+    let (mut watch, mut quiet) = (Stopwatch::start(), Span::ZERO);
+    while quiet < patience && !branches.iter().all(Branch::has_ended) {
+        std::thread::sleep(LOOK);
+        // Of a pause of the whole machine one look is counted.
+        quiet = quiet + watch.lap().min(Span::from_ns(patience.ns() / 2));
+        if branches.iter_mut().fold(false, |any, branch| branch.has_moved() | any) {
+            quiet = Span::ZERO;
+        }
+    }
+}
+
+/// The thread's own state.
+struct Carrier {
+    /// `None`: it broke down.
+    sink: Option<Box<dyn Sink>>,
+    line: SinkLine,
+    delays: Span,
+}
+
+impl Carrier {
+    fn carry(mut self, to_send: &Receiver<Held>, sent: &Sender<Held>) -> Ended {
+        for mut held in to_send {
+            self.send(&mut held);
+            let _whoever_waited_has_ended = sent.send(held);
+        }
+        self.finish()
+    }
+
+    fn send(&mut self, held: &mut Held) {
+        let Some(sink) = &mut self.sink else {
+            held.failure = Some(SinkError::Lost { sink: self.line.kind });
+            return;
+        };
+        match catch_unwind(AssertUnwindSafe(|| sink.send(&held.frame))) {
+            Ok(outcome) => self.count(outcome, held),
+            Err(panic) => {
+                self.line.is_lost = true;
+                self.line.first_error.get_or_insert_with(|| words_of(&*panic));
+                held.failure = Some(SinkError::Lost { sink: self.line.kind });
+                held.broke_down = true;
+                let broken = self.sink.take();
+                let _what_is_broken_may_break_once_more = catch_unwind(AssertUnwindSafe(|| drop(broken)));
+            }
+        }
+    }
+
+    fn count(&mut self, outcome: Result<(), SinkError>, held: &mut Held) {
+        let delay = held.since.lap();
+        match outcome {
+            Ok(()) => {
+                self.line.frames += 1;
+                self.delays = self.delays + delay;
+                self.line.longest_delay = self.line.longest_delay.max(delay);
+            }
+            Err(error) => {
+                self.line.refused += 1;
+                self.line.first_error.get_or_insert_with(|| error.to_string());
+                held.failure = Some(error);
+            }
+        }
+    }
+
+    fn finish(mut self) -> Ended {
+        let (frames, refused) = (self.line.frames, self.line.refused);
+        if let Ok(taken) = i64::try_from(frames.max(1)) {
+            self.line.mean_delay = Span::from_ns(self.delays.ns() / taken);
+        }
+        let Some(mut sink) = self.sink.take() else { return Ended { line: self.line, finished: None } };
+        let finished = catch_unwind(AssertUnwindSafe(|| {
+            let finished = sink.finish();
+            (finished, sink.counts())
+        }));
+        let finished = match finished {
+            Ok((finished, counts)) => {
+                self.line.counts = counts;
+                finished
+            }
+            Err(_panic) => Err(SinkError::Lost { sink: self.line.kind }),
+        };
+        match &finished {
+            Ok(summary) => self.line.take_summary(summary),
+            Err(error) => {
+                self.line.first_error.get_or_insert_with(|| error.to_string());
+            }
+        }
+        // What was counted here adds up with what was offered, whatever a sink says of itself.
+        (self.line.frames, self.line.refused) = (frames, refused);
+        Ended { line: self.line, finished: Some(finished) }
+    }
+}
+
+/// What a panic said.
+fn words_of(panic: &(dyn core::any::Any + Send)) -> String {
+    let said = panic.downcast_ref::<&str>().map(ToString::to_string);
+    let said = said.or_else(|| panic.downcast_ref::<String>().cloned());
+    format!("broke down: {}", said.unwrap_or_else(|| "no reason given".into()))
+}

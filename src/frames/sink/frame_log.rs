@@ -1,0 +1,275 @@
+//! `frames.csv`: one line per recorded frame, with everything that is known about it.
+//!
+//! Times are given twice: UTC text for people and exact integer nanoseconds (spans: nanoseconds only). A line appears
+//! whole or not at all: when the disk fills up in the middle of one, the file is cut back to the last whole line.
+
+use crate::sink::SinkError;
+use crate::sink::frame::SentFrame;
+use serde::{Deserialize, Serialize};
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+
+/// One line of `frames.csv`; the fields are the columns. Units and meaning as in [`crate::sink::FrameMeta`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FrameRow {
+    /// Frame number in the run.
+    pub frame: u32,
+    /// Mid-exposure, UTC, RFC 3339.
+    pub mid_exposure_utc: String,
+    /// Mid-exposure, TAI since 1970-01-01T00:00:00 TAI, ns.
+    pub mid_exposure_tai_ns: i64,
+    /// Integration time, s.
+    pub exposure_s: f64,
+    /// Attitude `sensor_from_icrf` at mid-exposure, scalar part.
+    pub qw: f64,
+    /// Its x part.
+    pub qx: f64,
+    /// Its y part.
+    pub qy: f64,
+    /// Its z part.
+    pub qz: f64,
+    /// Boresight right ascension, deg.
+    pub ra_deg: f64,
+    /// Boresight declination, deg.
+    pub dec_deg: f64,
+    /// Image up, east of north, deg.
+    pub roll_deg: f64,
+    /// Angular rate about sensor x, deg/s.
+    pub rate_x_deg_s: f64,
+    /// Angular rate about sensor y, deg/s.
+    pub rate_y_deg_s: f64,
+    /// Angular rate about the boresight, deg/s.
+    pub rate_z_deg_s: f64,
+    /// Seed of the sensor and of faults.
+    pub seed: u64,
+    /// Seed of the exposure's noise.
+    pub noise_seed: u64,
+    /// Completion minus deadline, ns.
+    pub lateness_ns: i64,
+    /// Age of the newest attitude when planned, ns.
+    pub attitude_age_ns: i64,
+    /// Newest attitude to mid-exposure, ns.
+    pub horizon_ns: i64,
+    /// Newest attitude to the end of the exposure, ns.
+    pub end_horizon_ns: i64,
+    /// Two or more attitudes were missing at an end of the exposure, whose middle was interpolated.
+    pub partly_extrapolated: bool,
+    /// Largest motion in the exposure beyond rate and acceleration, arcsec.
+    pub residual_arcsec: f64,
+    /// Part of the exposure that lacks jitter samples, ns.
+    pub jitter_missing_ns: i64,
+    /// Render backend.
+    pub backend: String,
+    /// Smear method.
+    pub method: String,
+    /// How far the frame was degraded; `full`: not at all.
+    pub rung: String,
+    /// Stars left out.
+    pub left_out_stars: usize,
+    /// Their electrons together.
+    pub left_out_e: f64,
+    /// Stars behind the Earth or the Moon.
+    pub occulted_stars: usize,
+    /// Electrons lost where targets cover stars (`target_overlap = "brighter"`).
+    pub overlap_lost_e: f64,
+    /// Where the attitude came from.
+    pub origin: String,
+    /// Active faults: `none`, or names joined by `+`.
+    pub faults: String,
+    /// Faults of frames and imaging with their numbers: `none`, or `word#number=amount unit` joined by `; `.
+    pub active_faults: String,
+    /// Camera name.
+    pub camera: String,
+    /// Detector gain, e-/DN.
+    pub gain_e_per_dn: f64,
+    /// Black level, DN.
+    pub black_level_dn: f64,
+    /// Columns.
+    pub width_px: usize,
+    /// Rows.
+    pub height_px: usize,
+    /// Stars in the truth table.
+    pub stars: usize,
+    /// CRC-32 of the pixels, eight hexadecimal digits.
+    pub pixel_crc32: String,
+}
+
+impl FrameRow {
+    /// The line of a frame whose pixels have this checksum.
+    #[must_use]
+    pub fn new(frame: &SentFrame, pixel_crc32: u32) -> Self {
+        let meta = &frame.meta;
+        let [qw, qx, qy, qz] = meta.attitude_wxyz;
+        let [rate_x_deg_s, rate_y_deg_s, rate_z_deg_s] = meta.rate_deg_s;
+        Self {
+            frame: meta.number,
+            mid_exposure_utc: meta.mid_exposure.to_rfc3339(),
+            mid_exposure_tai_ns: meta.mid_exposure.ns(),
+            exposure_s: meta.exposure_s,
+            qw,
+            qx,
+            qy,
+            qz,
+            ra_deg: meta.ra_deg,
+            dec_deg: meta.dec_deg,
+            roll_deg: meta.roll_deg,
+            rate_x_deg_s,
+            rate_y_deg_s,
+            rate_z_deg_s,
+            seed: meta.seed,
+            noise_seed: meta.noise_seed,
+            lateness_ns: meta.lateness.ns(),
+            attitude_age_ns: meta.attitude_age.ns(),
+            horizon_ns: meta.horizon.ns(),
+            end_horizon_ns: meta.end_horizon.ns(),
+            partly_extrapolated: meta.is_partly_extrapolated,
+            residual_arcsec: meta.residual_arcsec,
+            jitter_missing_ns: meta.jitter_missing.ns(),
+            backend: meta.backend.into(),
+            method: meta.method.into(),
+            rung: meta.rung.into(),
+            left_out_stars: meta.left_out_stars,
+            left_out_e: meta.left_out_e,
+            occulted_stars: meta.occulted_stars,
+            overlap_lost_e: meta.overlap_lost_e,
+            origin: meta.origin.into(),
+            faults: meta.faults.to_string(),
+            active_faults: meta.active.to_string(),
+            camera: meta.camera.to_string(),
+            gain_e_per_dn: meta.gain_e_per_dn,
+            black_level_dn: meta.black_level_dn,
+            width_px: frame.image.width(),
+            height_px: frame.image.height(),
+            stars: frame.truth.len(),
+            pixel_crc32: format!("{pixel_crc32:08x}"),
+        }
+    }
+}
+
+/// The file under way.
+#[derive(Debug)]
+pub struct FrameLog {
+    path: PathBuf,
+    file: File,
+    whole_bytes: u64,
+}
+
+impl FrameLog {
+    /// Makes a new file.
+    ///
+    /// # Errors
+    /// [`SinkError::Write`] when the file is already there or cannot be made.
+    pub fn create(path: PathBuf) -> Result<Self, SinkError> {
+        match OpenOptions::new().write(true).create_new(true).open(&path) {
+            Ok(file) => Ok(Self { path, file, whole_bytes: 0 }),
+            Err(source) => Err(SinkError::Write { path, source }),
+        }
+    }
+
+    /// A log whose lines cannot be written.
+    #[cfg(all(test, target_os = "linux"))]
+    pub(super) fn on_a_full_disk() -> Self {
+        let path = PathBuf::from("/dev/full");
+        let file = OpenOptions::new().write(true).open(&path).unwrap();
+        Self { path, file, whole_bytes: 0 }
+    }
+
+    /// Appends one line (and the header before the first); it is with the system when this returns.
+    ///
+    /// # Errors
+    /// [`SinkError::Write`]; the lines before stay whole.
+    pub fn append(&mut self, row: &FrameRow) -> Result<u64, SinkError> {
+        let written = self.lines(row).and_then(|bytes| self.append_bytes(&bytes));
+        written.map_err(|source| SinkError::Write { path: self.path.clone(), source })
+    }
+
+    /// Waits until the lines are on the disk.
+    ///
+    /// # Errors
+    /// [`SinkError::Write`] when they cannot be brought there.
+    pub fn finish(&mut self) -> Result<(), SinkError> {
+        self.file.sync_data().map_err(|source| SinkError::Write { path: self.path.clone(), source })
+    }
+
+    fn lines(&self, row: &FrameRow) -> io::Result<Vec<u8>> {
+        let mut writer = csv::WriterBuilder::new().has_headers(self.whole_bytes == 0).from_writer(Vec::new());
+        writer.serialize(row)?;
+        writer.into_inner().map_err(|e| e.into_error())
+    }
+
+    fn append_bytes(&mut self, bytes: &[u8]) -> io::Result<u64> {
+        if let Err(error) = self.file.write_all(bytes) {
+            // The first error is the one to report; a cut that fails leaves a line that does not parse.
+            let _cut = cut_back(&mut self.file, self.whole_bytes);
+            return Err(error);
+        }
+        self.whole_bytes += bytes.len() as u64;
+        Ok(bytes.len() as u64)
+    }
+}
+
+fn cut_back(file: &mut File, length: u64) -> io::Result<()> {
+    file.set_len(length)?;
+    io::Seek::seek(file, io::SeekFrom::Start(length)).map(drop)
+}
+
+/// Reads a `frames.csv` back.
+///
+/// # Errors
+/// [`SinkError::BadTable`] with the line that is not as written by [`FrameLog`].
+pub fn read_frame_log(input: impl Read) -> Result<Vec<FrameRow>, SinkError> {
+    let bad = |e: csv::Error| SinkError::BadTable {
+        table: "frames.csv",
+        line: e.position().map_or(0, csv::Position::line),
+        wanted: "the columns of FrameRow",
+        got: e.to_string(),
+    };
+    csv::Reader::from_reader(input).into_deserialize().map(|row| row.map_err(bad)).collect()
+}
+
+/// Name of the file in a recording.
+#[must_use]
+pub fn path_in(directory: &Path) -> PathBuf {
+    directory.join("frames.csv")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sink::sample::sample_frame;
+
+    #[test]
+    fn lines_read_back_exactly() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = path_in(directory.path());
+        let mut log = FrameLog::create(path.clone()).unwrap();
+        let rows: Vec<FrameRow> = (0..3).map(|n| FrameRow::new(&sample_frame(n), n)).collect();
+        for (i, row) in rows.iter().enumerate() {
+            log.append(row).unwrap();
+            assert_eq!(read_frame_log(File::open(&path).unwrap()).unwrap(), rows[..=i], "as it goes");
+        }
+        assert_ne!(rows[0], rows[1], "the comparison can fail");
+        log.finish().unwrap();
+    }
+
+    #[test]
+    fn a_line_cut_short_is_taken_back() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = path_in(directory.path());
+        let mut log = FrameLog::create(path.clone()).unwrap();
+        log.append(&FrameRow::new(&sample_frame(1), 1)).unwrap();
+        let before = std::fs::read(&path).unwrap();
+        log.file.write_all(b"2,half a li").unwrap();
+        cut_back(&mut log.file, log.whole_bytes).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), before);
+        log.append(&FrameRow::new(&sample_frame(2), 2)).unwrap();
+        assert_eq!(read_frame_log(File::open(&path).unwrap()).unwrap().len(), 2);
+    }
+
+    #[test]
+    fn a_damaged_line_is_named() {
+        let error = read_frame_log("frame,seed\n1,x\n".as_bytes()).unwrap_err().to_string();
+        assert!(error.contains("line 2"), "{error}");
+    }
+}

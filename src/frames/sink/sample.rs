@@ -1,0 +1,62 @@
+//! A frame for tests of sinks.
+
+use crate::sink::active_fault::{ActiveFault, Amount};
+use crate::sink::faults::FaultFlags;
+use crate::sink::frame::{CameraFacts, SentFrame, TruthStar};
+use crate::sink::wcs::{Sip, SipTerm, Wcs};
+use base::time::{Span, Tai};
+use std::sync::Arc;
+
+/// Returns a small frame with something in every field, for tests of sinks.
+#[must_use]
+pub fn sample_frame(number: u32) -> SentFrame {
+    let mut frame = SentFrame::with_capacity(31, 17, 4, "test camera, \"A\"".into());
+    for (i, pixel) in frame.image.pixels_mut().iter_mut().enumerate() {
+        *pixel = (i as u16).wrapping_mul(2_477).wrapping_add(number as u16);
+    }
+    let star = TruthStar {
+        id: 424,
+        apparent_deg: [37.954_560_671, 89.264_109_444],
+        catalog_deg: [37.961_234_567, 89.263_987_654],
+        mag: 1.98,
+        x_px: 12.345_678_901,
+        y_px: -0.25,
+        electrons: 0.1 + 0.2,
+        ..TruthStar::NONE
+    };
+    frame.truth.extend([star, TruthStar { id: u32::MAX, mag: 6.5, electrons: 1e7 / 3.0, ..star }]);
+    frame.meta.number = number;
+    frame.meta.mid_exposure = Tai::from_ns(1_790_000_000_123_456_789) + Span::from_ms(100 * i64::from(number));
+    frame.meta.exposure_s = 0.1;
+    frame.meta.attitude_wxyz = [0.5, -0.5, 0.1_f64.sqrt(), -0.4_f64.sqrt()];
+    (frame.meta.ra_deg, frame.meta.dec_deg, frame.meta.roll_deg) = (359.999_999_999, -1.0 / 3.0, 1e-7);
+    frame.meta.rate_deg_s = [0.1, -0.02, 3.0];
+    frame.meta.seed = u64::MAX - u64::from(number);
+    frame.meta.noise_seed = u64::MAX / 2 - u64::from(number);
+    frame.meta.lateness = Span::from_ns(-1_234_567);
+    frame.meta.attitude_age = Span::from_ms(12);
+    frame.meta.horizon = Span::from_ms(-38);
+    (frame.meta.end_horizon, frame.meta.is_partly_extrapolated) = (Span::from_ms(62), true);
+    (frame.meta.residual_arcsec, frame.meta.jitter_missing) = (0.375, Span::from_ms(14));
+    (frame.meta.backend, frame.meta.method, frame.meta.origin) = ("cpu", "kernel", "predicted");
+    (frame.meta.rung, frame.meta.left_out_stars, frame.meta.left_out_e) = ("budget-x3", 17, 12.25);
+    frame.meta.faults = FaultFlags::HOT_PIXELS | FaultFlags::LINK_DROP;
+    let amount = Amount { value: 31.25, unit: "e-/s" };
+    frame.meta.active.push(ActiveFault { name: "hot_pixels", number: 3, amount });
+    (frame.meta.gain_e_per_dn, frame.meta.black_level_dn) = (2.5, 64.0);
+    let (pixel_pitch_um, focal_length_mm) = (5.5, 52.25);
+    let facts = CameraFacts { pixel_pitch_um, focal_length_mm, saturation_dn: 4095.0, read_noise_e_rms: 7.5 };
+    frame.meta.facts = Some(facts);
+    let term = |i, j, a, b| SipTerm { i, j, along: [a, b] };
+    let forward = vec![term(2, 0, 1e-6, -2e-6), term(1, 2, 3e-9, 4e-9)];
+    let sip = Sip { order: 3, forward, inverse_order: 2, inverse: vec![term(0, 1, 5e-6, 6e-6)] };
+    frame.meta.wcs = Some(Wcs {
+        crpix: [16.25, 9.5],
+        crval_deg: [359.987_654_321, -0.333],
+        cd_deg_px: [[-0.01, 0.002], [0.002, 0.01]],
+        quadratic_px: [[1e-7, 0.0, 0.0], [0.0, 2e-7, 0.0]],
+        sip: Some(Arc::new(sip)),
+        error_px: 0.001_25,
+    });
+    frame
+}

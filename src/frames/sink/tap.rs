@@ -1,0 +1,128 @@
+//! The sink that hands pixels to another part of the program: a tracker that sees what a cable would carry.
+//!
+//! Input: frames. Output: the number and the pixels of each, nothing of its truth, through a bounded queue whose buffers
+//! go round. When the other end is too slow the new frame is lost and counted, and the sender never waits.
+
+use crate::sink::tally::Tally;
+use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
+use base::image::DnImage;
+use crossbeam_channel::{Receiver, Sender, bounded};
+
+/// What comes out of a tap.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TappedFrame {
+    /// Frame number.
+    pub number: u32,
+    /// Pixels.
+    pub image: DnImage,
+}
+
+/// The sending end.
+#[derive(Debug)]
+pub struct Tap {
+    full: Sender<TappedFrame>,
+    empty: Receiver<TappedFrame>,
+    tally: Tally,
+    lost: u64,
+}
+
+/// The receiving end.
+#[derive(Debug)]
+pub struct TapEnd {
+    full: Receiver<TappedFrame>,
+    empty: Sender<TappedFrame>,
+}
+
+/// A tap with room for `room` frames of `size_px` (columns, rows).
+#[must_use]
+pub fn tap(size_px: [usize; 2], room: usize) -> (Tap, TapEnd) {
+    let (full, to_take) = bounded(room);
+    let (given_back, empty) = bounded(room);
+    for _ in 0..room {
+        let buffer = TappedFrame { number: 0, image: DnImage::new(size_px[0], size_px[1]) };
+        let _there_is_room_for_all = given_back.try_send(buffer);
+    }
+    let tap = Tap { full, empty, tally: Tally::default(), lost: 0 };
+    (tap, TapEnd { full: to_take, empty: given_back })
+}
+
+impl Tap {
+    /// Frames that the other end was too slow to take.
+    #[must_use]
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+}
+
+impl TapEnd {
+    /// The oldest frame not yet taken; give it back with [`Self::give_back`].
+    #[must_use]
+    pub fn take(&self) -> Option<TappedFrame> {
+        self.full.try_recv().ok()
+    }
+
+    /// Returns a frame's buffer.
+    pub fn give_back(&self, frame: TappedFrame) {
+        let _there_is_room_for_all = self.empty.try_send(frame);
+    }
+}
+
+impl Sink for Tap {
+    fn name(&self) -> &'static str {
+        "tap"
+    }
+
+    fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        self.tally.take(self.name(), frame)?;
+        let Ok(mut buffer) = self.empty.try_recv() else {
+            self.lost += 1;
+            return Ok(());
+        };
+        buffer.number = frame.meta.number;
+        if buffer.image.pixels().len() == frame.image.pixels().len() {
+            buffer.image.pixels_mut().copy_from_slice(frame.image.pixels());
+        } else {
+            buffer.image.clone_from(&frame.image);
+        }
+        let _the_end_may_be_gone = self.full.try_send(buffer);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<SinkSummary, SinkError> {
+        Ok(self.tally.finish(self.name()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sink::compliance::check_sink;
+    use crate::sink::sample::sample_frame;
+
+    #[test]
+    fn the_tap_complies() {
+        check_sink(|| Box::new(tap([31, 17], 2).0)).unwrap();
+    }
+
+    #[test]
+    fn frames_arrive_in_order_with_their_pixels_and_buffers_go_round() {
+        let (mut sender, end) = tap([31, 17], 1);
+        for number in 0..5 {
+            let frame = sample_frame(number);
+            sender.send(&frame).unwrap();
+            let taken = end.take().expect("one frame");
+            assert_eq!((taken.number, taken.image.pixels()), (number, frame.image.pixels()));
+            end.give_back(taken);
+        }
+        assert_eq!(sender.lost(), 0);
+        assert!(end.take().is_none());
+    }
+
+    #[test]
+    fn a_slow_end_loses_new_frames_and_they_are_counted() {
+        let (mut sender, end) = tap([31, 17], 2);
+        (0..5).for_each(|number| sender.send(&sample_frame(number)).unwrap());
+        assert_eq!(sender.lost(), 3);
+        assert_eq!(end.take().map(|frame| frame.number), Some(0), "the oldest is kept");
+    }
+}

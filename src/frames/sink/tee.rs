@@ -1,0 +1,71 @@
+//! Two sinks at once: the first keeps the record, the second gets the same frames.
+
+use crate::sink::{Loss, SentFrame, Sink, SinkError, SinkLine, SinkSummary};
+
+/// Sends every frame to both.
+pub struct Tee {
+    first: Box<dyn Sink>,
+    second: Box<dyn Sink>,
+}
+
+impl Tee {
+    /// Name and summary are the first one's.
+    #[must_use]
+    pub fn new(first: Box<dyn Sink>, second: Box<dyn Sink>) -> Self {
+        Self { first, second }
+    }
+}
+
+impl Sink for Tee {
+    fn name(&self) -> &'static str {
+        self.first.name()
+    }
+
+    fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        let second = self.second.send(frame);
+        self.first.send(frame).and(second)
+    }
+
+    fn finish(&mut self) -> Result<SinkSummary, SinkError> {
+        let second = self.second.finish();
+        let first = self.first.finish()?;
+        second.map(|_| first)
+    }
+
+    /// The first one's.
+    fn counts(&self) -> Vec<(&'static str, u64)> {
+        self.first.counts()
+    }
+
+    fn take_losses(&mut self, tell: &mut dyn FnMut(Loss)) {
+        self.first.take_losses(tell);
+        self.second.take_losses(tell);
+    }
+
+    /// The first one's, as the summary is.
+    fn lines(&self) -> Vec<SinkLine> {
+        self.first.lines()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sink::compliance::check_sink;
+    use crate::sink::sample::sample_frame;
+    use crate::sink::{NullSink, tap};
+
+    #[test]
+    fn the_tee_complies() {
+        check_sink(|| Box::new(Tee::new(Box::new(NullSink::new()), Box::new(NullSink::new())))).unwrap();
+    }
+
+    #[test]
+    fn both_get_the_frame() {
+        let (sender, end) = tap([31, 17], 1);
+        let mut tee = Tee::new(Box::new(NullSink::new()), Box::new(sender));
+        tee.send(&sample_frame(3)).unwrap();
+        assert_eq!(end.take().map(|frame| frame.number), Some(3));
+        assert_eq!(tee.finish().unwrap().frames, 1);
+    }
+}

@@ -1,0 +1,370 @@
+//! The detector on the CPU: in one pass, every stage over a block of pixels while it is in the first-level cache; or,
+//! when neighbour stages are on, a pass that makes charge, the neighbour stages, and a pass that reads out.
+
+use crate::detector::background::{Background, Shape};
+use crate::detector::binning::{Binning, BinningKind, sums_of_squares};
+use crate::detector::defects::Defects;
+use crate::detector::disturbances::Disturbances;
+use crate::detector::effect::{ORDER, Part, effects_of};
+use crate::detector::ends::{ChargeToDn, Mean, MeanToCharge, MeanToDn};
+use crate::detector::line_pattern::Lines;
+use crate::detector::neighbours::{self, FrameAt, NeighbourStage};
+use crate::detector::output::Output;
+use crate::detector::params::Constants;
+use crate::detector::pattern::{PatternSizeError, Patterns};
+use crate::detector::protons::{ProtonFlux, ProtonFluxError, ProtonTrack};
+use crate::detector::seeds::Seeds;
+use crate::detector::stages::Stages;
+use crate::detector::{DetectorParams, Effect};
+use base::image::{DnImage, Image};
+use base::random::key;
+use core::marker::PhantomData;
+use pulp::Arch;
+
+/// A detector with its fixed patterns and what it keeps from frame to frame.
+#[derive(Debug)]
+pub struct Detector {
+    params: DetectorParams,
+    seeds: Seeds,
+    stray_light_e: f32,
+    background: Background,
+    /// Relative illumination of every pixel, for the sky's part of the background; `None`: even.
+    illumination: Option<Vec<f32>>,
+    patterns: Patterns,
+    lines: Lines,
+    /// Noise of the rows of the latest frame, e-; empty when off.
+    rows_e: Vec<f32>,
+    neighbours: Vec<Box<dyn NeighbourStage>>,
+    keeps_charge: bool,
+    /// Electrons between the passes; no pixels while one pass does.
+    charge: Image<f32>,
+    disturbances: Disturbances,
+    /// Of the temperature that the camera file says: rates of defects hold there.
+    dark_factor_at_start: f64,
+    output: Output,
+    size_px: [usize; 2],
+    arch: Arch,
+}
+
+impl Detector {
+    /// A detector of this size; `seeds` fix its patterns and its noise (one number: both).
+    #[must_use]
+    pub fn new(params: DetectorParams, width_px: usize, height_px: usize, seeds: impl Into<Seeds>) -> Self {
+        let seeds = seeds.into();
+        let seed = seeds.sensor;
+        let size_px = [width_px, height_px];
+        let output = Output::new(&params.spatial, size_px);
+        let adc_px = output.adc_px();
+        let drawn = Patterns::draw(&params, width_px * height_px, seed);
+        let mut made = Self {
+            params,
+            seeds,
+            stray_light_e: 0.0,
+            background: Background::DARK,
+            illumination: None,
+            patterns: params.spatial.tdi.map_or(drawn.clone(), |tdi| tdi.patterns(&drawn, width_px)),
+            lines: Lines::draw(&params.line_pattern, adc_px, seed),
+            rows_e: vec![0.0; if params.row_noise.is_on() { adc_px[1] } else { 0 }],
+            neighbours: Vec::new(),
+            keeps_charge: false,
+            charge: Image::new(0, 0),
+            disturbances: Disturbances::new(&params, size_px, seeds),
+            dark_factor_at_start: params.dark_law.factor(),
+            output,
+            size_px,
+            arch: Arch::new(),
+        };
+        made.prepare_passes();
+        made
+    }
+
+    /// The same with patterns that are given instead of drawn, sensor pixel by sensor pixel: TDI averages them along its
+    /// stages, charge binning adds up offsets.
+    ///
+    /// # Errors
+    /// When one has not as many pixels as the detector.
+    pub fn with_patterns(mut self, given: &Patterns) -> Result<Self, PatternSizeError> {
+        let [width, height] = self.size_px;
+        let mut given = given.clone();
+        given.check(width * height)?;
+        if let Some(tdi) = &self.params.spatial.tdi {
+            given = tdi.patterns(&given, width);
+        }
+        if let Some(Binning { factor, kind: BinningKind::Charge { .. } }) = self.params.spatial.binning {
+            given.dsnu_e = given.dsnu_e.map(|map| sums_of_squares(&map, self.size_px, factor));
+        }
+        self.patterns = given.or(&self.patterns);
+        Ok(self)
+    }
+
+    /// Keeps every frame's charge for [`Self::charge`]: the stages run in two passes from here on, and draw the same.
+    pub fn keep_charge(&mut self) {
+        self.keeps_charge = true;
+        self.prepare_passes();
+    }
+
+    fn prepare_passes(&mut self) {
+        self.neighbours = neighbours::stages(&self.params, self.size_px, self.keeps_charge);
+        let [width, height] = if self.neighbours.is_empty() { [0, 0] } else { self.size_px };
+        self.charge = Image::new(width, height);
+    }
+
+    /// Parameters.
+    #[must_use]
+    pub fn params(&self) -> &DetectorParams {
+        &self.params
+    }
+
+    /// Background of the frames from here on. Does not allocate.
+    pub fn set_background(&mut self, background: Background) {
+        self.background = background;
+    }
+
+    /// Relative illumination of every pixel, row by row, for the sky's part of the background; `None`, or a map of
+    /// another size: even.
+    pub fn set_illumination_map(&mut self, map: Option<Vec<f32>>) {
+        self.illumination = map.filter(|map| map.len() == self.size_px[0] * self.size_px[1]);
+    }
+
+    /// The map, where there is one.
+    #[must_use]
+    pub fn illumination_map(&self) -> Option<&[f32]> {
+        self.illumination.as_deref()
+    }
+
+    /// Stray light of the frames from here on, on top of the background: mean electrons more in every pixel.
+    pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
+        self.stray_light_e = stray_light_e;
+    }
+
+    /// Defects, to be changed from the next frame on.
+    pub fn defects_mut(&mut self) -> &mut Defects {
+        self.disturbances.defects_mut()
+    }
+
+    /// Protons of the frames from here on; `None`: none.
+    ///
+    /// # Errors
+    /// When a value means nothing; the flux stays as it was.
+    pub fn set_proton_flux(&mut self, flux: Option<ProtonFlux>) -> Result<(), ProtonFluxError> {
+        self.disturbances.protons_mut().set_flux(flux)
+    }
+
+    /// Proton tracks of the latest frame, in sensor pixels.
+    #[must_use]
+    pub fn proton_tracks(&self) -> &[ProtonTrack] {
+        self.disturbances.proton_tracks()
+    }
+
+    /// Defects and protons.
+    #[must_use]
+    pub fn disturbances(&self) -> &Disturbances {
+        &self.disturbances
+    }
+
+    /// Columns and rows of the ADC's image: charge binning makes it smaller than the sensor.
+    #[must_use]
+    pub fn adc_px(&self) -> [usize; 2] {
+        self.output.adc_px()
+    }
+
+    /// How the image that is put out comes from that of the ADC, and where its pixels are on the sensor.
+    #[must_use]
+    pub fn output(&self) -> &Output {
+        &self.output
+    }
+
+    /// Forgets what is kept from frame to frame: the next frame is as the first.
+    pub fn reset(&mut self) {
+        self.neighbours.iter_mut().for_each(|stage| stage.reset());
+    }
+
+    /// The detector's temperature in the frames from here on, degrees Celsius: scales the dark current.
+    pub fn set_temperature_c(&mut self, operating_c: f64) {
+        self.params.dark_law.operating_c = operating_c;
+    }
+
+    /// Returns the seeds of its patterns and of its noise.
+    #[must_use]
+    pub fn seeds(&self) -> Seeds {
+        self.seeds
+    }
+
+    /// Fixed patterns, where switched on.
+    #[must_use]
+    pub fn patterns(&self) -> &Patterns {
+        &self.patterns
+    }
+
+    /// Fixed patterns of columns and rows; empty where off.
+    #[must_use]
+    pub fn lines(&self) -> &Lines {
+        &self.lines
+    }
+
+    /// Columns and rows.
+    #[must_use]
+    pub fn size_px(&self) -> [usize; 2] {
+        self.size_px
+    }
+
+    /// Whether all stages run in one pass: no neighbour stage is on.
+    #[must_use]
+    pub fn is_one_pass(&self) -> bool {
+        self.neighbours.is_empty()
+    }
+
+    /// The neighbour stages that are on, in order.
+    pub fn neighbour_effects(&self) -> impl Iterator<Item = Effect> + '_ {
+        self.neighbours.iter().map(|stage| stage.effect())
+    }
+
+    /// Charge of the latest frame in the pixels, e-, where two passes are run; after the neighbour stages that keep the
+    /// image's size.
+    #[must_use]
+    pub fn charge(&self) -> Option<&Image<f32>> {
+        (!self.neighbours.is_empty()).then_some(&self.charge)
+    }
+
+    /// Reads `mean` electrons out as frame `frame`.
+    pub fn collect(&mut self, mean: &Image<f32>, frame: u32, exposure_s: f64, out: &mut DnImage) {
+        self.collect_from(mean, frame, exposure_s, out);
+    }
+
+    /// The same from an image in double precision.
+    pub fn collect_precise(&mut self, mean: &Image<f64>, frame: u32, exposure_s: f64, out: &mut DnImage) {
+        self.collect_from(mean, frame, exposure_s, out);
+    }
+
+    fn collect_from<T: Mean>(&mut self, mean: &Image<T>, frame: u32, exposure_s: f64, out: &mut DnImage) {
+        let key = key(self.seeds.noise);
+        let warmer = self.params.dark_law.factor() / self.dark_factor_at_start;
+        self.disturbances.advance(frame, exposure_s, warmer);
+        if !self.rows_e.is_empty() {
+            self.params.row_noise.draw(frame, key, &mut self.rows_e);
+        }
+        let illumination = self.illumination.as_deref();
+        let background = self.background.and_uniform(self.stray_light_e);
+        let stages = Stages {
+            constants: Constants::new(&self.params, exposure_s, background.level_e(illumination.is_some())),
+            background: background.is_shaped(illumination.is_some()).then_some(Shape {
+                background,
+                size_px: self.size_px,
+                illumination,
+            }),
+            key,
+            frame,
+            poisson: self.params.poisson,
+            patterns: &self.patterns,
+            outliers: self.disturbances.outliers(),
+            lines: &self.lines,
+            rows_e: &self.rows_e,
+            width: self.output.adc_px()[0],
+        };
+        let adc = self.output.adc_image(out);
+        if self.neighbours.is_empty() {
+            stages.run(MeanToDn(PhantomData::<T>), self.arch, &ORDER, mean.pixels(), adc.pixels_mut());
+        } else {
+            let before = effects_of(Part::Charge);
+            stages.run(MeanToCharge(PhantomData::<T>), self.arch, before, mean.pixels(), self.charge.pixels_mut());
+            let at = FrameAt { frame, exposure_s, key };
+            let charge = self.neighbours.iter_mut().fold(&mut self.charge, |charge, stage| stage.apply(charge, &at));
+            stages.run(ChargeToDn, self.arch, effects_of(Part::Readout), charge.pixels(), adc.pixels_mut());
+        }
+        self.disturbances.stick(adc);
+        self.output.finish(out);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::detector::PoissonMethod;
+
+    const SIZE: [usize; 2] = [301, 203];
+
+    fn params(poisson: PoissonMethod) -> DetectorParams {
+        DetectorParams {
+            full_well_e: 3000.0,
+            gain_e_per_dn: 1.5,
+            bits: 11,
+            black_level_dn: 100.0,
+            read_noise_e_rms: 10.0,
+            dark_e_per_s: 30.0,
+            prnu: 0.01,
+            dsnu_e_rms: 2.0,
+            poisson,
+            ..DetectorParams::QUIET
+        }
+    }
+
+    /// Dark and bright pixels, below zero and above the full well.
+    fn mean() -> Image<f32> {
+        let mut mean = Image::new(SIZE[0], SIZE[1]);
+        for (i, e) in mean.pixels_mut().iter_mut().enumerate() {
+            *e = ((i * 7919) % 4001) as f32 * 0.9 - 2.0;
+            if i % 3 == 0 {
+                *e *= 0.004;
+            }
+        }
+        mean
+    }
+
+    fn read_out(detector: &mut Detector) -> DnImage {
+        let mut dn = DnImage::new(SIZE[0], SIZE[1]);
+        detector.set_stray_light_e(3.5);
+        detector.collect(&mean(), 5, 0.1, &mut dn);
+        dn
+    }
+
+    /// Fowler, Noll and Vo's hash.
+    fn hash(dn: &DnImage) -> u64 {
+        let bytes = dn.pixels().iter().flat_map(|dn| dn.to_le_bytes());
+        bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3))
+    }
+
+    fn quiet(poisson: PoissonMethod) -> DetectorParams {
+        DetectorParams { read_noise_e_rms: 0.0, prnu: 0.0, dsnu_e_rms: 0.0, dark_e_per_s: 0.0, ..params(poisson) }
+    }
+
+    #[test]
+    fn one_pass_and_two_draw_the_bits_that_were_always_drawn() {
+        // Taken before there were two passes, on a processor that fuses multiply-add.
+        for (params, wanted) in [
+            (params(PoissonMethod::Auto), 0x7f5d_97ae_9678_7a16),
+            (quiet(PoissonMethod::Auto), 0x97c3_41a8_7436_b8f6),
+            (params(PoissonMethod::Ptrs), 0x7e7c_511a_924c_3d1d),
+            (quiet(PoissonMethod::Ptrs), 0xe1f1_7c1f_4618_56d4),
+        ] {
+            let mut detector = Detector::new(params, SIZE[0], SIZE[1], 17);
+            assert!(detector.charge().is_none(), "one pass keeps no charge");
+            let one = read_out(&mut detector);
+            if matches!(detector.arch, Arch::Scalar) {
+                println!("SKIPPED: the bits of one pass: this processor does not fuse multiply-add");
+            } else {
+                assert_eq!(hash(&one), wanted, "{params:?}");
+            }
+            detector.keep_charge();
+            assert_eq!(read_out(&mut detector), one, "two passes: {params:?}");
+            let most = detector.charge().expect("kept").pixels().iter().copied().fold(0.0, f32::max);
+            assert_eq!(most, 3000.0, "clipped between the passes");
+            // Negative control.
+            detector.seeds.noise = 18;
+            assert_ne!(read_out(&mut detector), one, "another seed");
+        }
+    }
+
+    #[test]
+    fn double_precision_goes_the_same_ways() {
+        let mut detector = Detector::new(params(PoissonMethod::Auto), SIZE[0], SIZE[1], 17);
+        let single = read_out(&mut detector);
+        let mut precise = Image::<f64>::new(SIZE[0], SIZE[1]);
+        precise.pixels_mut().iter_mut().zip(mean().pixels()).for_each(|(p, e)| *p = f64::from(*e));
+        let mut dn = DnImage::new(SIZE[0], SIZE[1]);
+        for _ in 0..2 {
+            detector.collect_precise(&precise, 5, 0.1, &mut dn);
+            assert_eq!(dn, single);
+            detector.keep_charge();
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! What disturbs single pixels of a detector: its defects and the protons that hit it -> each frame's outliers.
+//!
+//! Both backends own one; the same seed and the same commands give the same list. Nothing is allocated after the start.
+
+use crate::detector::DetectorParams;
+use crate::detector::binning::{Binning, BinningKind};
+use crate::detector::defects::{DefectRoom, Defects};
+use crate::detector::outliers::{Outlier, Outliers};
+use crate::detector::protons::{ProtonTrack, Protons};
+use crate::detector::seeds::Seeds;
+use base::image::DnImage;
+
+/// Defects that may be commanded besides those of the camera file.
+pub const SPARE_DEFECTS: usize = 4096;
+/// Pixels of such defects: four columns of 4096 px.
+pub const SPARE_PX: usize = 16_384;
+/// Tracks of one frame.
+pub const MOST_TRACKS: usize = 1024;
+/// Pixels with charge of tracks in one frame.
+pub const MOST_TRACK_PX: usize = 32_768;
+/// Frames per second until somebody says otherwise.
+const FRAME_PERIOD_S: f64 = 1.0;
+
+/// Defects and protons.
+#[derive(Debug, Clone)]
+pub struct Disturbances {
+    defects: Defects,
+    protons: Protons,
+    outliers: Outliers,
+}
+
+impl Disturbances {
+    /// Those of the parameters, and room for more.
+    #[must_use]
+    pub fn new(params: &DetectorParams, size_px: [usize; 2], seeds: Seeds) -> Self {
+        let spatial = &params.spatial;
+        let population = spatial.defects.count(size_px[0] * size_px[1]);
+        let charge_binning = match spatial.binning {
+            Some(Binning { factor, kind: BinningKind::Charge { .. } }) => factor,
+            _ => 1,
+        };
+        let room =
+            DefectRoom { size_px, charge_binning, defects: population + SPARE_DEFECTS, pixels: population + SPARE_PX };
+        let mut defects = Defects::new(room, seeds.noise, FRAME_PERIOD_S);
+        // There is room for all of them, and all are on the detector.
+        let _ = defects.insert_all(spatial.defects.draw(size_px, seeds.sensor));
+        let mut protons = Protons::new(size_px, spatial.layer, seeds.noise, MOST_TRACKS, MOST_TRACK_PX);
+        // The configuration has checked it; without one it would stay off.
+        let _ = protons.set_flux(spatial.protons);
+        let outliers = Outliers::with_capacity(room.pixels + MOST_TRACK_PX);
+        Self { defects, protons, outliers }
+    }
+
+    /// Defects.
+    #[must_use]
+    pub fn defects(&self) -> &Defects {
+        &self.defects
+    }
+
+    /// Defects, to be changed from the next frame on.
+    pub fn defects_mut(&mut self) -> &mut Defects {
+        &mut self.defects
+    }
+
+    /// Protons, to be changed from the next frame on.
+    pub fn protons_mut(&mut self) -> &mut Protons {
+        &mut self.protons
+    }
+
+    /// Proton tracks of the latest frame.
+    #[must_use]
+    pub fn proton_tracks(&self) -> &[ProtonTrack] {
+        self.protons.tracks()
+    }
+
+    /// Protons that no longer fitted into their frames, since the start.
+    #[must_use]
+    pub fn protons_left_out(&self) -> u64 {
+        self.protons.left_out()
+    }
+
+    /// Makes the outliers of a frame; there is room for all of both lists.
+    pub fn advance(&mut self, frame: u32, exposure_s: f64, warmer: f64) {
+        // What more dark current leaves grows with temperature as all dark current does.
+        let defects: &[Outlier] = self.defects.at_frame(frame, exposure_s * warmer);
+        let tracks = self.protons.at_frame(frame, exposure_s);
+        self.outliers.merge(defects, tracks);
+    }
+
+    /// The outliers of the latest frame.
+    #[must_use]
+    pub fn outliers(&self) -> &Outliers {
+        &self.outliers
+    }
+
+    /// Writes the numbers of stuck pixels into the image that the ADC made.
+    pub fn stick(&self, adc: &mut DnImage) {
+        self.defects.stick(adc);
+    }
+}

@@ -1,0 +1,80 @@
+//! Stages that need more than one pixel or an earlier frame: charge image -> charge image, between shot noise and
+//! readout. The list is empty when none is on; the detector then runs in one pass and keeps no charge image.
+//!
+//! A stage is an object: what it keeps from frame to frame and its working memory are its own, made in
+//! [`stages`], never in a frame. [`crate::detector::gpu::neighbours`] has the same list on a device.
+
+use crate::detector::binning::{Binning, BinningKind, ChargeBinningStage};
+use crate::detector::blooming::BloomingStage;
+use crate::detector::charge_transfer::ChargeTransferStage;
+use crate::detector::image_lag::ImageLagStage;
+use crate::detector::{DetectorParams, Effect, full_well};
+use base::image::Image;
+use core::fmt::Debug;
+
+/// Which frame the charge belongs to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameAt {
+    /// Number of the frame: random words are counted by it.
+    pub frame: u32,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Key of the seed.
+    pub key: [u32; 2],
+}
+
+/// One stage.
+pub trait NeighbourStage: Debug + Send + Sync {
+    /// Which effect it is: stages run in the order of [`crate::detector::ORDER`].
+    fn effect(&self) -> Effect;
+
+    /// Changes the charge, e- per pixel, and returns the image that the next stage goes on with: the same one, or one
+    /// of the stage's own where the size changes.
+    fn apply<'a>(&'a mut self, charge: &'a mut Image<f32>, at: &FrameAt) -> &'a mut Image<f32>;
+
+    /// Forgets what it keeps from frame to frame.
+    fn reset(&mut self) {}
+}
+
+/// The stages that are on, in order; with `keep_charge` at least the full well, so that there is a charge image.
+#[must_use]
+pub fn stages(params: &DetectorParams, size_px: [usize; 2], keep_charge: bool) -> Vec<Box<dyn NeighbourStage>> {
+    // Stages that are on are pushed here by their constructors, whichever order they come in.
+    let mut stages: Vec<Box<dyn NeighbourStage>> = Vec::new();
+    let spatial = &params.spatial;
+    if let Some(lag) = &spatial.image_lag {
+        stages.push(Box::new(ImageLagStage::new(lag, full_well::limit_e(params), size_px)));
+    }
+    if let Some(transfer) = &spatial.charge_transfer {
+        stages.push(Box::new(ChargeTransferStage::new(transfer, size_px)));
+    }
+    if let Some(Binning { factor, kind: BinningKind::Charge { full_well_e } }) = spatial.binning {
+        stages.push(Box::new(ChargeBinningStage::new(factor, full_well_e, size_px)));
+    }
+    let full_well_e = full_well::limit_e(params);
+    if let Some(blooming) = &spatial.blooming {
+        stages.push(Box::new(BloomingStage::new(blooming, full_well_e, size_px)));
+    } else if keep_charge || !stages.is_empty() {
+        // In one pass the full well is clipped block by block; here it must stand between its neighbours.
+        stages.push(Box::new(ClipFullWell { full_well_e }));
+    }
+    stages.sort_by_key(|stage| crate::detector::ORDER.iter().position(|effect| *effect == stage.effect()));
+    stages
+}
+
+/// [`full_well::clip`] on a charge image.
+#[derive(Debug)]
+struct ClipFullWell {
+    full_well_e: f32,
+}
+
+impl NeighbourStage for ClipFullWell {
+    fn effect(&self) -> Effect {
+        Effect::FullWell
+    }
+
+    fn apply<'a>(&'a mut self, charge: &'a mut Image<f32>, _at: &FrameAt) -> &'a mut Image<f32> {
+        full_well::clip(charge.pixels_mut(), self.full_well_e);
+        charge
+    }
+}

@@ -1,0 +1,32 @@
+//! wgpu machinery: device, buffers, passes, readback, timing. No physics.
+//!
+//! One [`crate::gpu::GpuDevice`] is shared by everything that draws on it. After warm-up a frame allocates no device
+//! memory and makes no bind group; what wgpu itself allocates per submission is small and its own. Everything fits
+//! wgpu's default limits. A failure of the device, at whatever call, is an error of the next call into this room, never
+//! a panic. Held by `tests/gpu`.
+
+pub mod buffers;
+pub mod device;
+pub mod electrons;
+pub mod error;
+pub mod passes;
+pub mod readback;
+pub mod shader;
+pub mod texture;
+pub mod timing;
+
+pub use device::{AdapterChoice, GpuDevice};
+pub use electrons::DeviceElectrons;
+pub use error::GpuError;
+
+use base::image::Image;
+
+/// Where a mean electron image lives after a backend has rendered it.
+pub enum Electrons<'a> {
+    /// On the host, single precision (CPU backend).
+    Host(&'a Image<f32>),
+    /// On the host, double precision (reference backend).
+    Precise(&'a Image<f64>),
+    /// On a GPU, fixed point (GPU backend).
+    Device(&'a DeviceElectrons),
+}

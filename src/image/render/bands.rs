@@ -1,0 +1,255 @@
+//! A plan's stars in single precision, sorted into bands of image rows: what the CPU backend's threads read.
+//!
+//! Positions are integer + fraction, so that f32 keeps 1e-8 px of the fraction wherever the star stands. Stars are
+//! taken in chunks, each sorted by its own thread; a band reads the chunks in order, so its stars come in source order
+//! whatever the number of threads.
+
+use plan::exposure::pose::{POSE, PathNode};
+use plan::exposure::track::StarTrack;
+use plan::exposure::{Drawing, ExposurePlan, PlannedStar};
+use pulp::{Arch, NullaryFnOnce};
+use rayon::prelude::*;
+
+/// Rows of one band.
+pub(super) const BAND_ROWS: usize = 64;
+/// Stars one thread sorts at a time.
+const CHUNK: usize = 4096;
+/// Chunks there is room for from the start.
+const CHUNKS_RESERVED: usize = 4;
+/// Lists of nodes there is room for from the start, and nodes in each.
+const LISTS_RESERVED: usize = 16;
+const NODES_RESERVED: usize = 256;
+/// Room in a band of a chunk, as multiples of its share of the stars.
+const ROOM: usize = 8;
+/// A star that is drawn from the PSF itself: this, less the PSF's number where it is one of several.
+pub(super) const NO_KERNEL: u32 = u32::MAX;
+
+/// A star drawn once, at its mean position.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Spot {
+    pub(super) column: i32,
+    pub(super) row: i32,
+    pub(super) fraction: [f32; 2],
+    pub(super) electrons: f32,
+    /// Index of its kernel, or of its PSF down from [`NO_KERNEL`].
+    pub(super) kernel: u32,
+}
+
+/// A star drawn at every node of its list.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Trail {
+    pub(super) spot: Spot,
+    pub(super) list: u32,
+    pub(super) tangent: [f32; 2],
+    pub(super) px_per_tangent: [[f32; 2]; 2],
+    pub(super) from_principal_px: [f32; 2],
+}
+
+/// One band's stars from one chunk.
+#[derive(Debug, Default)]
+pub(super) struct Members {
+    pub(super) spots: Vec<Spot>,
+    pub(super) trails: Vec<Trail>,
+}
+
+/// Nodes of one list, number by number: weight, then the thirteen of the pose; padded with weight 0.
+#[derive(Debug, Default)]
+pub(super) struct NodeColumns {
+    pub(super) count: usize,
+    pub(super) padded: usize,
+    pub(super) values: Vec<f32>,
+}
+
+/// All bands.
+#[derive(Debug)]
+pub(super) struct Bands {
+    rows: usize,
+    bands: usize,
+    chunks: Vec<Vec<Members>>,
+    used: usize,
+    pub(super) nodes: Vec<NodeColumns>,
+}
+
+/// Splats that inner loops take together.
+pub(super) const BLOCK: usize = 16;
+
+impl Bands {
+    pub(super) fn new(rows: usize) -> Self {
+        let bands = rows.div_ceil(BAND_ROWS);
+        let chunks = (0..CHUNKS_RESERVED).map(|_| chunk(bands)).collect();
+        let columns =
+            || NodeColumns { values: Vec::with_capacity((POSE + 1) * NODES_RESERVED), ..NodeColumns::default() };
+        let nodes = core::iter::repeat_with(columns).take(LISTS_RESERVED).collect();
+        Self { rows, bands, chunks, used: 0, nodes }
+    }
+
+    /// Sorts a plan. `half_px`: half-height of the footprint of a list; `table_of`: its kernel or PSF ([`Spot::kernel`]).
+    pub(super) fn sort(
+        &mut self,
+        plan: &ExposurePlan,
+        half_px: impl Fn(usize) -> usize + Sync,
+        table_of: impl Fn(usize) -> u32 + Sync,
+    ) {
+        self.fill_nodes(plan);
+        self.used = plan.stars.len().div_ceil(CHUNK);
+        let bands = self.bands;
+        if self.chunks.len() < self.used {
+            self.chunks.resize_with(self.used, || chunk(bands));
+        }
+        let (rows, arch) = (self.rows, Arch::new());
+        let fill = |(chunk, stars): (&mut Vec<Members>, &[PlannedStar])| {
+            for members in chunk.iter_mut() {
+                members.spots.clear();
+                members.trails.clear();
+            }
+            arch.dispatch(SortStars { plan, stars, half_px: &half_px, table_of: &table_of, rows, chunk });
+            for members in chunk.iter_mut() {
+                reserve(&mut members.spots);
+                reserve(&mut members.trails);
+            }
+        };
+        if self.used == 1 {
+            self.chunks.iter_mut().zip(plan.stars.chunks(CHUNK)).for_each(fill);
+        } else {
+            self.chunks[..self.used].par_iter_mut().zip(plan.stars.par_chunks(CHUNK)).for_each(fill);
+        }
+    }
+
+    /// Members of band `band`, chunk by chunk.
+    pub(super) fn members(&self, band: usize) -> impl Iterator<Item = &Members> {
+        self.chunks[..self.used].iter().map(move |chunk| &chunk[band])
+    }
+
+    fn fill_nodes(&mut self, plan: &ExposurePlan) {
+        if self.nodes.len() < plan.lists.len() {
+            self.nodes.resize_with(plan.lists.len(), NodeColumns::default);
+        }
+        for (columns, list) in self.nodes.iter_mut().zip(&plan.lists) {
+            let nodes = if matches!(list.drawing, Drawing::Nodes) { plan.nodes_of(list) } else { &[] };
+            columns.fill(nodes);
+        }
+    }
+}
+
+impl NodeColumns {
+    fn fill(&mut self, nodes: &[PathNode]) {
+        self.count = nodes.len();
+        self.padded = nodes.len().next_multiple_of(BLOCK);
+        self.values.clear();
+        self.values.resize((POSE + 1) * self.padded, 0.0);
+        for (i, node) in nodes.iter().enumerate() {
+            self.values[i] = node.weight as f32;
+            for (k, value) in node.pose.0.iter().enumerate() {
+                self.values[(k + 1) * self.padded + i] = *value as f32;
+            }
+        }
+    }
+
+    /// Number `k` (0: weight) of the nodes from `first`.
+    #[inline(always)]
+    pub(super) fn lanes(&self, k: usize, first: usize) -> &[f32; BLOCK] {
+        const NONE: [f32; BLOCK] = [0.0; BLOCK];
+        let at = k * self.padded + first;
+        self.values.get(at..at + BLOCK).and_then(|lanes| lanes.try_into().ok()).unwrap_or(&NONE)
+    }
+}
+
+/// Empty bands of one chunk; memory that is never written is never taken.
+fn chunk(bands: usize) -> Vec<Members> {
+    let room = (ROOM * CHUNK).div_ceil(bands.max(1)).min(CHUNK);
+    let members = |_| Members { spots: Vec::with_capacity(room), trails: Vec::with_capacity(room) };
+    (0..bands).map(members).collect()
+}
+
+/// Room for half as many again, so that a slowly changing field does not allocate in every frame.
+fn reserve<T>(members: &mut Vec<T>) {
+    if members.len() + members.len() / 4 > members.capacity() {
+        members.reserve(members.len() + 16);
+    }
+}
+
+/// Splits a position into pixel and fraction.
+#[allow(clippy::cast_possible_truncation, reason = "the planner keeps positions within a few detectors of the origin")]
+#[inline(always)]
+fn spot(px: [f64; 2], electrons: f64, kernel: u32) -> Spot {
+    let (column, row) = ((px[0] + 0.5).floor(), (px[1] + 0.5).floor());
+    Spot {
+        column: column as i32,
+        row: row as i32,
+        fraction: [(px[0] - column) as f32, (px[1] - row) as f32],
+        electrons: electrons as f32,
+        kernel,
+    }
+}
+
+/// One chunk's stars, in the shape `pulp` compiles once per vector level.
+struct SortStars<'a, H, T> {
+    plan: &'a ExposurePlan,
+    stars: &'a [PlannedStar],
+    half_px: &'a H,
+    table_of: &'a T,
+    rows: usize,
+    chunk: &'a mut [Members],
+}
+
+impl<H: Fn(usize) -> usize, T: Fn(usize) -> u32> NullaryFnOnce for SortStars<'_, H, T> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let Self { plan, stars, half_px, table_of, rows, chunk } = self;
+        for star in stars {
+            for (list, share) in plan.parts(star) {
+                let half = half_px(list).cast_signed() as i64;
+                let (electrons, table) = (share * star.drawn_e, table_of(list));
+                if matches!(plan.lists[list].drawing, Drawing::Nodes) {
+                    sort_trail(plan, star, (list, electrons, table), half, rows, chunk);
+                    continue;
+                }
+                let spot = spot(star.mean_px, electrons, table);
+                let row = i64::from(spot.row);
+                for band in bands_of(row - half, row + half, rows) {
+                    chunk[band].spots.push(spot);
+                }
+            }
+        }
+    }
+}
+
+fn sort_trail(
+    plan: &ExposurePlan,
+    star: &PlannedStar,
+    (list, electrons, table): (usize, f64, u32),
+    half: i64,
+    rows: usize,
+    chunk: &mut [Members],
+) {
+    let track = StarTrack::new(&plan.camera, star.place);
+    let origin_px = plan.origin_px(star, &track);
+    let trail = Trail {
+        spot: spot(origin_px, electrons, table),
+        list: u32::try_from(list).unwrap_or(u32::MAX),
+        tangent: star.place.tangent.to_array().map(|v| v as f32),
+        px_per_tangent: track.px_per_tangent.map(|row| row.map(|v| v as f32)),
+        from_principal_px: track.from_principal_px.map(|v| v as f32),
+    };
+    // The path stays within its extent of the mean; one pixel for what the probes did not see, one for rounding.
+    #[allow(clippy::cast_possible_truncation, reason = "a path on a detector, px")]
+    let reach = half + plan.extent_px.ceil() as i64 + 2;
+    #[allow(clippy::cast_possible_truncation, reason = "the planner keeps positions within a few detectors")]
+    let row = star.mean_px[1].round() as i64;
+    for band in bands_of(row - reach, row + reach, rows) {
+        chunk[band].trails.push(trail);
+    }
+}
+
+/// Bands that hold any of the rows `first..=last`.
+#[inline(always)]
+fn bands_of(first: i64, last: i64, rows: usize) -> core::ops::Range<usize> {
+    let (first, last) = (first.max(0), last.min(rows as i64 - 1));
+    if first > last {
+        return 0..0;
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the image's rows")]
+    let bands = first as usize / BAND_ROWS..last as usize / BAND_ROWS + 1;
+    bands
+}

@@ -1,0 +1,141 @@
+//! A plan's stars and nodes in the layout of the shaders, with the box each star stays in.
+
+use bytemuck::{Pod, Zeroable};
+use plan::exposure::plan::NodeList;
+use plan::exposure::pose::{PathNode, ROLL, SHIFT};
+use plan::exposure::track::StarTrack;
+use plan::exposure::{Drawing, ExposurePlan, PlannedStar};
+
+/// `Star` of `place.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct StarRecord {
+    origin: [i32; 2],
+    fraction: [f32; 2],
+    box_start: [i32; 2],
+    box_size: u32,
+    pub(super) electrons: f32,
+    px_per_tangent: [f32; 4],
+    tangent: [f32; 2],
+    from_principal_px: [f32; 2],
+    first_node: u32,
+    pub(super) nodes: u32,
+    pub(super) layer: u32,
+    half_px: u32,
+}
+
+/// `Node` of `place.wgsl`: rows of the turn with sine, cosine less one and shift x; then weight and shift y.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct NodeRecord {
+    rows: [[f32; 4]; 3],
+    rest: [f32; 4],
+}
+
+/// What a star is drawn from: a layer of the table (or none: analytically) and its half-width, px.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Source {
+    pub(super) layer: Option<u32>,
+    pub(super) half_px: [usize; 2],
+}
+
+/// Rows and columns beyond the probes' extent of the path that a star may be led, px.
+const SLACK_PX: i64 = 2;
+
+impl StarRecord {
+    /// First pixel and size of the star's box.
+    pub(super) fn box_px(&self) -> ([usize; 2], [usize; 2]) {
+        let start = self.box_start.map(|v| usize::try_from(v).unwrap_or(0));
+        (start, [(self.box_size & 0xffff) as usize, (self.box_size >> 16) as usize])
+    }
+}
+
+impl NodeRecord {
+    /// The node of a star that is drawn once.
+    const ONCE: Self = Self { rows: [[0.0; 4]; 3], rest: [1.0, 0.0, 0.0, 0.0] };
+
+    fn new(node: &PathNode) -> Self {
+        let p = node.pose.0.map(|v| v as f32);
+        Self {
+            rows: [[p[0], p[1], p[2], p[ROLL]], [p[3], p[4], p[5], p[ROLL + 1]], [p[6], p[7], p[8], p[SHIFT]]],
+            rest: [node.weight as f32, p[SHIFT + 1], 0.0, 0.0],
+        }
+    }
+}
+
+/// Nodes of a plan: one for stars that are drawn once, then those of the lists that are drawn node by node.
+pub(super) fn fill_nodes(plan: &ExposurePlan, nodes: &mut Vec<NodeRecord>) {
+    nodes.clear();
+    nodes.push(NodeRecord::ONCE);
+    nodes.extend(plan.nodes.iter().map(NodeRecord::new));
+}
+
+/// Stars of a plan that touch an image of `size` px, those without a table layer first; how many those are.
+pub(super) fn fill_stars(
+    plan: &ExposurePlan,
+    source: impl Fn(usize) -> Source,
+    size: [usize; 2],
+    stars: &mut Vec<StarRecord>,
+) -> usize {
+    stars.clear();
+    let of_kind = |analytic: bool, stars: &mut Vec<StarRecord>| {
+        let parts = plan.stars.iter().flat_map(|star| plan.parts(star).map(move |part| (star, part)));
+        let members = parts.filter_map(|(star, (list, share))| {
+            let source = source(list);
+            if source.layer.is_none() == analytic { record(plan, star, (list, share), source, size) } else { None }
+        });
+        stars.extend(members);
+    };
+    of_kind(true, stars);
+    let analytic = stars.len();
+    of_kind(false, stars);
+    analytic
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "the planner keeps positions within a few detectors of the origin")]
+fn record(
+    plan: &ExposurePlan,
+    star: &PlannedStar,
+    (list, share): (usize, f64),
+    source: Source,
+    size: [usize; 2],
+) -> Option<StarRecord> {
+    let list = plan.lists.get(list)?;
+    let track = StarTrack::new(&plan.camera, star.place);
+    let by_nodes = matches!(list.drawing, Drawing::Nodes);
+    let px = if by_nodes { plan.origin_px(star, &track) } else { star.mean_px };
+    let whole = px.map(|v| (v + 0.5).floor());
+    let path = if by_nodes { plan.extent_px.ceil() as i64 + SLACK_PX } else { 0 };
+    let mut start = [0; 2];
+    let mut box_size = 0;
+    for axis in 0..2 {
+        let middle = if by_nodes { (star.mean_px[axis] + 0.5).floor() } else { whole[axis] } as i64;
+        let reach = path + source.half_px[axis] as i64;
+        let (first, last) = ((middle - reach).max(0), (middle + reach).min(size[axis] as i64 - 1));
+        start[axis] = i32::try_from(first).ok()?;
+        // Empty boxes end here; 16 bits hold the longest side of an image the device takes.
+        box_size |= u32::from(u16::try_from(last - first + 1).ok().filter(|n| *n > 0)?) << (16 * axis);
+    }
+    let (first_node, nodes) = if by_nodes { node_range(list) } else { (0, 1) };
+    let [[xu, xv], [yu, yv]] = track.px_per_tangent.map(|row| row.map(|v| v as f32));
+    Some(StarRecord {
+        origin: whole.map(|v| v as i32),
+        fraction: [(px[0] - whole[0]) as f32, (px[1] - whole[1]) as f32],
+        box_start: start,
+        box_size,
+        electrons: (share * star.drawn_e) as f32,
+        px_per_tangent: [xu, xv, yu, yv],
+        tangent: star.place.tangent.to_array().map(|v| v as f32),
+        from_principal_px: track.from_principal_px.map(|v| v as f32),
+        first_node,
+        nodes,
+        layer: source.layer.unwrap_or(0),
+        half_px: (source.half_px[0] as u32) | (source.half_px[1] as u32) << 16,
+    })
+}
+
+/// First node and number of nodes of a list; the node of stars drawn once comes before all.
+fn node_range(list: &NodeList) -> (u32, u32) {
+    let count = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+    (count(list.nodes.start + 1), count(list.nodes.len()))
+}

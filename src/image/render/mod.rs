@@ -1,0 +1,138 @@
+//! Plan -> mean electrons per pixel, by one of three backends behind one trait.
+//!
+//! * `cpu`: all cores, vectorised; agrees with `reference` to the budget and repeats bit for bit.
+//! * `gpu`: wgpu compute; the same methods in the same order, integer accumulation, repeats bit for bit.
+//! * `reference`: f64, slow, integrates the exact motion: the truth in the house.
+
+mod bands;
+pub mod cpu;
+pub mod erf;
+pub mod gpu;
+mod kernel;
+pub mod overlap;
+pub mod plan_tables;
+mod products;
+mod profile;
+mod psf_samples;
+pub mod reference;
+pub mod spline;
+mod stamp;
+pub mod table;
+mod taps;
+
+use crate::gpu::Electrons;
+use plan::exposure::plan::{LONGEST_KERNEL_PX, MOST_KERNEL_BYTES, MOST_KERNELS, StarClass, Verdict};
+use plan::exposure::sampling::{oversampling, table_images};
+use plan::exposure::{ExposurePlan, Method, PsfSampling};
+
+/// Draws plans.
+pub trait Backend: Send {
+    /// The name people type: `cpu`, `gpu` or `reference`.
+    fn name(&self) -> &'static str;
+
+    /// The device behind it, for reports.
+    fn description(&self) -> String;
+
+    /// Draws `plan`; the image stays with the backend until the next call.
+    ///
+    /// # Errors
+    /// When the device failed.
+    fn render(&mut self, plan: &ExposurePlan) -> Result<(), RenderError>;
+
+    /// The latest image.
+    fn electrons(&self) -> Electrons<'_>;
+}
+
+/// Refuses a plan whose tables would be beyond all bounds.
+///
+/// # Errors
+/// When the tables of a field of PSFs are too large, the path leads further than [`LONGEST_KERNEL_PX`] from its mean, or
+/// there are too many kernels.
+pub fn check_kernel(plan: &ExposurePlan) -> Result<(), RenderError> {
+    let long = plan.extent_px.is_nan() || plan.extent_px > LONGEST_KERNEL_PX;
+    if plan.has_kernel() && long {
+        return Err(RenderError::KernelTooLong { extent_px: plan.extent_px });
+    }
+    let nodes = plan.psf.nodes().len();
+    let side = 2 * plan.half_px + 1;
+    let bytes = nodes * table_images(oversampling(&plan.psf)) * side * side.next_multiple_of(16) * size_of::<f32>();
+    if nodes > 1 && bytes > MOST_KERNEL_BYTES {
+        return Err(RenderError::FieldTooLarge { nodes, half_px: plan.half_px, got_mib: bytes >> 20 });
+    }
+    let too_many = |class: &StarClass| class.chosen.verdict == Verdict::TooManyKernels;
+    if let Some(class) = plan.classes.iter().find(|class| too_many(class)) {
+        return Err(RenderError::TooManyKernels { method: class.chosen.method });
+    }
+    Ok(())
+}
+
+/// Refuses a sampling of the PSF that only an analytic form has, where there is none.
+///
+/// # Errors
+/// When the sampling is neither automatic nor a table, and the PSF is not drawn analytically.
+pub fn check_sampling(plan: &ExposurePlan, is_analytic: bool) -> Result<(), RenderError> {
+    match plan.sampling {
+        PsfSampling::Auto | PsfSampling::Table { .. } => Ok(()),
+        _ if is_analytic && !plan.has_kernel() => Ok(()),
+        sampling => Err(RenderError::Sampling { sampling }),
+    }
+}
+
+/// Why a frame could not be drawn.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// no usable GPU
+    #[error("no GPU backend: {0}")]
+    NoGpu(String),
+    /// the GPU failed while it drew
+    #[error("the GPU failed while drawing: {0}")]
+    Device(String),
+    /// the path is too long for an effective PSF
+    #[error(
+        "effective-psf: the path leads {extent_px:.0} px from its mean, wanted at most {LONGEST_KERNEL_PX} px; use \
+         samples or auto"
+    )]
+    KernelTooLong {
+        /// How far it leads, px.
+        extent_px: f64,
+    },
+    /// the kernels of a method take too much memory
+    #[error("{method}: its kernels would take more than {} MiB or {MOST_KERNELS} tables; use samples or auto", MOST_KERNEL_BYTES >> 20)]
+    TooManyKernels {
+        /// The method.
+        method: Method,
+    },
+    /// the tables of a field of PSFs take too much memory
+    #[error(
+        "the tables of {nodes} PSFs over the field, {half_px} px to each side, would take {got_mib} MiB, wanted at most {} MiB; \
+         take fewer nodes, PSFs on smaller grids, or a looser flux budget",
+        MOST_KERNEL_BYTES >> 20
+    )]
+    FieldTooLarge {
+        /// PSFs.
+        nodes: usize,
+        /// Half-width of their footprints, px.
+        half_px: usize,
+        /// What they take, MiB.
+        got_mib: usize,
+    },
+    /// a sampling of the PSF that this backend, or this PSF, does not have
+    #[error(
+        "PSF sampling \"{sampling}\" is for narrow Gaussian PSFs on the CPU backend, drawn star by star: use auto or table:S, \
+         or another method"
+    )]
+    Sampling {
+        /// What was asked for.
+        sampling: PsfSampling,
+    },
+    /// a plan is larger than the device's buffers
+    #[error("{what}: got {got}, the device takes at most {most}; lower the limiting magnitude or use the CPU backend")]
+    TooLarge {
+        /// What is too large.
+        what: &'static str,
+        /// How large it is.
+        got: usize,
+        /// The limit.
+        most: usize,
+    },
+}

@@ -1,0 +1,177 @@
+//! Which tables a plan is drawn from, and the tables themselves, kept from frame to frame.
+//!
+//! A Gaussian narrow enough for the backend's analytic form needs none; another PSF needs its own table, built once;
+//! kernels are rebuilt for every plan, side by side. Held by the agreement tests of both backends.
+
+use crate::render::table::{Form, PsfTable};
+use plan::exposure::cost::kernel_half_px;
+use plan::exposure::sampling::oversampling;
+use plan::exposure::{Drawing, ExposurePlan, PsfSampling};
+use plan::optics::PsfModel;
+use rayon::prelude::*;
+
+/// The tables of one backend.
+#[derive(Debug)]
+pub struct PlanTables {
+    analytic_half_px: usize,
+    form: Form,
+    /// The PSF whose tables there are: one, or one for every node of its field.
+    psf: Option<PsfModel>,
+    bases: Vec<PsfTable>,
+    kernels: Vec<PsfTable>,
+    /// Kernels of the latest plan, by list, and the lists they are of.
+    kernel_of_list: Vec<Option<usize>>,
+    list_of_kernel: Vec<usize>,
+}
+
+/// What [`PlanTables::prepare`] did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Prepared {
+    /// The table of the PSF itself was built anew.
+    pub base_rebuilt: bool,
+    /// Kernels that were built.
+    pub kernels: usize,
+}
+
+impl PlanTables {
+    /// For a backend that draws Gaussians of up to this half-width analytically, and tables from this form.
+    #[must_use]
+    pub fn new(analytic_half_px: usize, form: Form) -> Self {
+        Self {
+            analytic_half_px,
+            form,
+            psf: None,
+            bases: Vec::new(),
+            kernels: Vec::new(),
+            kernel_of_list: Vec::new(),
+            list_of_kernel: Vec::new(),
+        }
+    }
+
+    /// Builds or rebuilds the tables this plan needs.
+    pub fn prepare(&mut self, plan: &ExposurePlan) -> Prepared {
+        self.kernel_of_list.clear();
+        self.list_of_kernel.clear();
+        for (i, list) in plan.lists.iter().enumerate() {
+            let is_kernel = matches!(list.drawing, Drawing::Kernel(_));
+            self.kernel_of_list.push(is_kernel.then_some(self.list_of_kernel.len()));
+            if is_kernel {
+                self.list_of_kernel.push(i);
+            }
+        }
+        let kernels = self.list_of_kernel.len();
+        let is_drawn = plan.lists.iter().any(|list| matches!(list.drawing, Drawing::Once | Drawing::Nodes));
+        // The kernel of a Gaussian is made of Gaussians.
+        let needs_base = (is_drawn && !self.is_analytic(plan)) || (kernels > 0 && !is_gaussian(plan));
+        let base_rebuilt = needs_base && self.rebuild_base(plan);
+        if kernels > 0 {
+            self.build_kernels(plan, kernels);
+        }
+        Prepared { base_rebuilt, kernels }
+    }
+
+    fn rebuild_base(&mut self, plan: &ExposurePlan) -> bool {
+        let s = grid_points(plan);
+        let fits = |table: &PsfTable| table.half_px == [plan.half_px; 2] && table.oversampling == s;
+        let rebuilt = self.psf.as_ref() != Some(&plan.psf) || !self.bases.iter().all(fits);
+        if rebuilt {
+            self.psf = Some(plan.psf.clone());
+            let of_psf = |psf| PsfTable::of_psf(psf, plan.half_px, s, self.form);
+            self.bases = plan.psf.nodes().iter().map(of_psf).collect();
+        }
+        rebuilt
+    }
+
+    fn build_kernels(&mut self, plan: &ExposurePlan, kernels: usize) {
+        if self.kernels.len() < kernels {
+            let form = self.form;
+            self.kernels.resize_with(kernels.next_power_of_two(), || PsfTable::empty(form));
+        }
+        let half_px = kernel_reach(plan).map(|reach| kernel_half_px(plan.half_px, reach));
+        let s = grid_points(plan);
+        let bases = &self.bases;
+        let lists = &self.list_of_kernel;
+        let build = |(i, table): (usize, &mut PsfTable)| {
+            let list = &plan.lists[lists[i]];
+            if let Drawing::Kernel(at) = &list.drawing {
+                let path = plan.kernel_trace(plan.nodes_of(list), at);
+                table.rebuild_kernel(&plan.psf, half_px, s, path, psfs_at(plan, list.psf_px), bases);
+            }
+        };
+        if kernels == 1 {
+            self.kernels.iter_mut().take(1).enumerate().for_each(build);
+        } else {
+            self.kernels[..kernels].par_iter_mut().enumerate().for_each(build);
+        }
+        // Zones that get their first star later find room.
+        if let Some((first, spare)) = self.kernels.split_first_mut() {
+            spare.iter_mut().skip(kernels - 1).for_each(|table| table.reserve_as(first));
+        }
+    }
+
+    /// Tables of the PSF itself, when stars that are not drawn from a kernel need them: one, or one for every node of a
+    /// field.
+    #[must_use]
+    pub fn bases(&self, plan: &ExposurePlan) -> &[PsfTable] {
+        if self.is_analytic(plan) { &[] } else { &self.bases }
+    }
+
+    /// Index of the table of the PSF that a list is drawn with.
+    #[must_use]
+    pub fn psf_of(&self, plan: &ExposurePlan, list: usize) -> usize {
+        let psfs = plan.lists.get(list).map(|list| psfs_at(plan, list.psf_px));
+        psfs.and_then(|psfs| psfs.into_iter().max_by(|a, b| a.1.total_cmp(&b.1))).map_or(0, |(psf, _)| psf)
+    }
+
+    /// Kernels of the latest plan.
+    #[must_use]
+    pub fn kernels(&self) -> &[PsfTable] {
+        &self.kernels[..self.list_of_kernel.len()]
+    }
+
+    /// Index of a list's kernel.
+    #[must_use]
+    pub fn kernel_of(&self, list: usize) -> Option<usize> {
+        self.kernel_of_list.get(list).copied().flatten()
+    }
+
+    /// True when stars without a kernel are drawn analytically.
+    #[must_use]
+    pub fn is_analytic(&self, plan: &ExposurePlan) -> bool {
+        let tabled = matches!(plan.sampling, PsfSampling::Table { .. });
+        is_gaussian(plan) && plan.half_px <= self.analytic_half_px && !tabled
+    }
+}
+
+/// The PSFs that make that of a place, and their shares.
+fn psfs_at(plan: &ExposurePlan, px: [f64; 2]) -> [(usize, f64); 4] {
+    match &plan.psf {
+        PsfModel::Field(field) => field.around(px),
+        _ => [(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)],
+    }
+}
+
+/// Furthest any kernel's path leads from its mean along x and y, px.
+fn kernel_reach(plan: &ExposurePlan) -> [f64; 2] {
+    let mut reach = [0.0_f64; 2];
+    for list in &plan.lists {
+        if let Drawing::Kernel(at) = &list.drawing {
+            for [_, x, y] in plan.kernel_trace(plan.nodes_of(list), at) {
+                reach = [reach[0].max(x.abs()), reach[1].max(y.abs())];
+            }
+        }
+    }
+    reach
+}
+
+/// Grid points per pixel of the plan's tables.
+fn grid_points(plan: &ExposurePlan) -> usize {
+    match plan.sampling {
+        PsfSampling::Table { oversampling } => oversampling,
+        _ => oversampling(&plan.psf),
+    }
+}
+
+fn is_gaussian(plan: &ExposurePlan) -> bool {
+    matches!(plan.psf, PsfModel::Gaussian { .. })
+}

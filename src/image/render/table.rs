@@ -1,0 +1,337 @@
+//! Tabulated pixel PSF, for PSFs without a closed form and for effective PSFs.
+//!
+//! `P(u)`: share of the light in the pixel whose centre lies `u` px from the star, sampled every `1 / S` px, stored as
+//! cubic B-spline coefficients. A star of fraction `f` needs `P(i - f)` for all pixels `i`: with integer `S` the four
+//! taps per axis are the same for every pixel, so the table is kept by phase,
+//! `[phase_y][row][16 columns][phase_x][column]`, and a star is a weighted sum of 16 small images; the four phases along
+//! x that a pixel needs stand side by side. Error: `3 / (384 (S sigma)^4)` of the peak; `S` is chosen to keep it
+//! below [`TABLE_ERROR`](plan::exposure::sampling::TABLE_ERROR). Tests below compare with the exact integral.
+
+use crate::render::kernel::{GaussianPath, accumulate};
+use crate::render::products::{Phases, Products};
+use crate::render::{psf_samples, spline};
+use plan::exposure::moments::TracePoint;
+use plan::optics::PsfModel;
+
+/// Columns of every stored image are a multiple of this.
+pub const LANES: usize = 16;
+
+/// A tabulated pixel PSF.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PsfTable {
+    /// Grid points per pixel.
+    pub oversampling: usize,
+    /// Half-width of the images along x and y, px.
+    pub half_px: [usize; 2],
+    /// Columns of an image, padded to a multiple of [`LANES`]; beyond `2 half_px + 1` they are 0.
+    pub stride: usize,
+    /// Coefficients by phase; stale where there is a sum of products.
+    pub data: Vec<f32>,
+    /// The same as a sum of products, where it was asked for and is cheaper.
+    pub(super) products: Products,
+    form: Form,
+    grid: Grid,
+    path: GaussianPath,
+    /// Room for one column of the grid.
+    column: Vec<f32>,
+}
+
+/// How a table's images are kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Form {
+    /// By phase.
+    #[default]
+    Images,
+    /// As a sum of products where that is cheaper.
+    Products,
+}
+
+/// Samples or coefficients on the grid of step `1 / S`, centre in the middle; rows padded to whole vectors.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Grid {
+    pub(super) half: [usize; 2],
+    pub(super) stride: usize,
+    pub(super) values: Vec<f32>,
+}
+
+impl Grid {
+    pub(super) fn columns(&self) -> usize {
+        2 * self.half[0] + 1
+    }
+
+    pub(super) fn rows(&self) -> usize {
+        2 * self.half[1] + 1
+    }
+
+    fn reset(&mut self, half: [usize; 2]) {
+        self.half = half;
+        self.stride = self.columns().next_multiple_of(LANES);
+        self.values.clear();
+        self.values.resize(self.rows() * self.stride, 0.0);
+    }
+}
+
+impl PsfTable {
+    /// Phases per axis: taps reach from `-S/2 - 1` to `S/2 + 2`.
+    #[must_use]
+    pub fn phases(&self) -> usize {
+        self.oversampling + 4
+    }
+
+    /// Columns and rows of one image.
+    #[must_use]
+    pub fn size_px(&self) -> [usize; 2] {
+        self.half_px.map(|half| 2 * half + 1)
+    }
+
+    /// First tap and the four weights for a star fraction in [-1/2, 1/2]: `(first phase, weights)`.
+    #[inline(always)]
+    #[must_use]
+    pub fn taps(&self, fraction: f32) -> (usize, [f32; 4]) {
+        let half = (self.oversampling / 2) as f32;
+        let s = half - fraction * self.oversampling as f32;
+        let j = s.floor().clamp(0.0, 2.0 * half);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=S")]
+        (j as usize, spline::weights(s - j))
+    }
+
+    /// Sixteen columns (the `c`-th) of a row at four phases along x, from `px` on.
+    #[inline(always)]
+    pub(super) fn four(&self, py: usize, row: usize, c: usize, px: usize) -> Option<&[[f32; LANES]; 4]> {
+        let (vectors, _) = self.data.as_chunks::<LANES>();
+        let at = ((py * self.size_px()[1] + row) * (self.stride / LANES) + c) * self.phases() + px;
+        vectors.get(at..)?.first_chunk::<4>()
+    }
+
+    /// One coefficient.
+    #[must_use]
+    pub fn value(&self, py: usize, px: usize, row: usize, column: usize) -> f32 {
+        let (c, lane) = (column / LANES, column % LANES);
+        let at = ((py * self.size_px()[1] + row) * (self.stride / LANES) + c) * self.phases() + px;
+        self.data.get(at * LANES + lane).copied().unwrap_or(0.0)
+    }
+
+    /// A table to be filled.
+    #[must_use]
+    pub fn empty(form: Form) -> Self {
+        Self { form, ..Self::default() }
+    }
+
+    /// The PSF itself, `s` grid points per pixel.
+    #[must_use]
+    pub fn of_psf(psf: &PsfModel, half_px: usize, s: usize, form: Form) -> Self {
+        let mut table = Self::empty(form);
+        table.size([half_px; 2], s);
+        match psf {
+            PsfModel::Gaussian { sigma_px } => {
+                table.path.trace([[1.0, 0.0, 0.0]].into_iter());
+                accumulate(&mut table.path, &mut table.grid, *sigma_px, s);
+            }
+            PsfModel::Airy(airy) => {
+                psf_samples::of_profile(|r_px| airy.irradiance(r_px), s, &mut table.grid);
+                table.prefilter();
+            }
+            PsfModel::Moffat(moffat) => {
+                psf_samples::of_profile(|r_px| moffat.irradiance(r_px), s, &mut table.grid);
+                table.prefilter();
+            }
+            PsfModel::Grid(grid) => {
+                if !psf_samples::refine(grid, s, &mut table.grid) {
+                    psf_samples::of_grid(grid, s, &mut table.grid);
+                    table.prefilter();
+                }
+            }
+            // A field has a table for every node.
+            PsfModel::Field(_) => {}
+        }
+        table.finish();
+        table
+    }
+
+    /// The PSF convolved with a path about its mean. `bases`: tables of the PSF itself, for PSFs that are not Gaussian,
+    /// with as many grid points; `shares`: which of them, and how much of each.
+    pub fn rebuild_kernel(
+        &mut self,
+        psf: &PsfModel,
+        half_px: [usize; 2],
+        s: usize,
+        path: impl Iterator<Item = TracePoint>,
+        shares: [(usize, f64); 4],
+        bases: &[Self],
+    ) {
+        self.size(half_px, s);
+        match psf {
+            PsfModel::Gaussian { sigma_px } => {
+                self.path.trace(path);
+                accumulate(&mut self.path, &mut self.grid, *sigma_px, s);
+            }
+            _ => {
+                for [weight, dx, dy] in path {
+                    for (base, share) in shares.iter().filter(|(_, share)| *share > 0.0) {
+                        let Some(base) = bases.get(*base) else { continue };
+                        self.add_shifted(&base.grid, share * weight, dx, dy);
+                    }
+                }
+                self.prefilter();
+            }
+        }
+        self.finish();
+    }
+
+    /// Makes room for a table like `other`.
+    pub(super) fn reserve_as(&mut self, other: &Self) {
+        reserve_as(&mut self.data, &other.data);
+        reserve_as(&mut self.grid.values, &other.grid.values);
+        reserve_as(&mut self.column, &other.column);
+        self.products.reserve_as(&other.products);
+        self.path.reserve_as(&other.path);
+    }
+
+    fn size(&mut self, half_px: [usize; 2], s: usize) {
+        self.oversampling = s;
+        self.half_px = half_px;
+        self.stride = (2 * half_px[0] + 1).next_multiple_of(LANES);
+        self.grid.reset(half_px.map(|half| half * s + s / 2 + 2));
+    }
+
+    /// Adds samples of a displaced base table (given as coefficients).
+    fn add_shifted(&mut self, base: &Grid, weight: f64, dx: f64, dy: f64) {
+        let s = self.oversampling as f64;
+        let split = |shift: f64| {
+            let at = -shift * s;
+            let j = at.floor();
+            #[allow(clippy::cast_possible_truncation, reason = "a displacement on a detector in grid steps")]
+            (j as isize, spline::weights((at - j) as f32))
+        };
+        let ((jx, wx), (jy, wy)) = (split(dx), split(dy));
+        let columns = self.grid.columns();
+        let offset: [isize; 2] = core::array::from_fn(|i| base.half[i].cast_signed() - self.grid.half[i].cast_signed());
+        for (gy, row) in self.grid.values.chunks_exact_mut(self.grid.stride).enumerate() {
+            for (m, wy) in wy.iter().enumerate() {
+                let by = gy.cast_signed() + offset[1] + jy + m.cast_signed() - 1;
+                let Some(source) =
+                    usize::try_from(by).ok().and_then(|by| base.values.chunks_exact(base.stride).nth(by))
+                else {
+                    continue;
+                };
+                for (n, wx) in wx.iter().enumerate() {
+                    let gain = weight as f32 * wy * wx;
+                    let first = offset[0] + jx + n.cast_signed() - 1;
+                    add_scaled(&mut row[..columns], &source[..base.columns()], first, gain);
+                }
+            }
+        }
+    }
+
+    fn prefilter(&mut self) {
+        let (columns, rows, stride) = (self.grid.columns(), self.grid.rows(), self.grid.stride);
+        for row in self.grid.values.chunks_exact_mut(stride) {
+            spline::prefilter(&mut row[..columns]);
+        }
+        let mut column = core::mem::take(&mut self.column);
+        column.resize(rows, 0.0);
+        for x in 0..columns {
+            for (y, value) in column.iter_mut().enumerate() {
+                *value = self.grid.values[y * stride + x];
+            }
+            spline::prefilter(&mut column);
+            for (y, value) in column.iter().enumerate() {
+                self.grid.values[y * stride + x] = *value;
+            }
+        }
+        self.column = column;
+    }
+
+    fn finish(&mut self) {
+        let phases = Phases { oversampling: self.oversampling, count: self.phases(), size_px: self.size_px() };
+        if self.form == Form::Images || !self.products.find(&self.grid, phases) {
+            self.products.terms = 0;
+            self.arrange();
+        }
+    }
+
+    /// Grid -> images by phase.
+    fn arrange(&mut self) {
+        let (phases, [columns, rows], per_row) = (self.phases(), self.size_px(), self.stride / LANES);
+        let (stride, s) = (self.grid.stride, self.oversampling);
+        self.data.resize(phases * rows * per_row * phases * LANES, 0.0);
+        let (vectors, _) = self.data.as_chunks_mut::<LANES>();
+        // Phase p at pixel 0 stands at grid point half_px * S + S / 2 + 2 + (p - S / 2 - 1); so pixel -half_px at p + 1.
+        for (i, vectors) in vectors.chunks_exact_mut(phases).enumerate() {
+            let (py, row, c) = (i / per_row / rows, i / per_row % rows, i % per_row);
+            let gy = py + 1 + row * s;
+            // The last phase would read one past the grid's edge, where the PSF has ended.
+            let source = self.grid.values.get(gy * stride..(gy + 1) * stride).unwrap_or(&[]);
+            for (px, vector) in vectors.iter_mut().enumerate() {
+                let first = c * LANES;
+                for (lane, value) in vector.iter_mut().enumerate() {
+                    let taken = source.get(px + 1 + (first + lane) * s).filter(|_| first + lane < columns);
+                    *value = taken.copied().unwrap_or(0.0);
+                }
+            }
+        }
+    }
+}
+
+/// Makes `room` hold as much as `other` could without growing.
+pub(super) fn reserve_as<T>(room: &mut Vec<T>, other: &Vec<T>) {
+    room.reserve_exact(other.capacity().saturating_sub(room.len()));
+}
+
+/// `row[x] += gain * source[x + first]` where both exist.
+fn add_scaled(row: &mut [f32], source: &[f32], first: isize, gain: f32) {
+    let skip_row = usize::try_from(-first).unwrap_or(0);
+    let skip_source = usize::try_from(first).unwrap_or(0);
+    for (value, s) in row.iter_mut().skip(skip_row).zip(source.iter().skip(skip_source)) {
+        *value += gain * s;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plan::exposure::sampling::{MOST_OVERSAMPLING, TABLE_ERROR, oversampling};
+
+    /// Largest error over pixels and fractions, relative to the peak.
+    fn worst(psf: &PsfModel, half_px: usize) -> f64 {
+        let table = PsfTable::of_psf(psf, half_px, oversampling(psf), Form::Images);
+        let mut worst = 0.0_f64;
+        for fraction in [[0.0_f32, 0.0], [0.5, -0.5], [0.25, 0.4375], [-0.3, 0.11], [0.06, -0.44]] {
+            let ((px, wx), (py, wy)) = (table.taps(fraction[0]), table.taps(fraction[1]));
+            for row in 0..table.size_px()[0] {
+                for column in 0..table.size_px()[0] {
+                    let mut value = 0.0;
+                    for (m, wy) in wy.iter().enumerate() {
+                        for (n, wx) in wx.iter().enumerate() {
+                            value += f64::from(wy * wx) * f64::from(table.value(py + m, px + n, row, column));
+                        }
+                    }
+                    let half = half_px as f64;
+                    let x = column as f64 - half - f64::from(fraction[0]);
+                    let y = row as f64 - half - f64::from(fraction[1]);
+                    worst = worst.max((value - psf.pixel(x, y)).abs());
+                }
+            }
+        }
+        worst / psf.peak()
+    }
+
+    #[test]
+    fn tables_keep_the_error_they_promise() {
+        for sigma in [0.5, 0.8, 1.5] {
+            let worst = worst(&PsfModel::gaussian(sigma), 8);
+            assert!(worst < TABLE_ERROR, "sigma {sigma}: {worst:e}");
+        }
+        for (l, e) in [(0.978_909, 0.0), (0.244_727, 0.3)] {
+            let worst = worst(&PsfModel::airy(l, e), 6);
+            assert!(worst < TABLE_ERROR, "L {l}: {worst:e}");
+        }
+    }
+
+    #[test]
+    fn a_table_too_coarse_breaks_the_promise() {
+        let narrow = PsfModel::gaussian(0.15);
+        assert_eq!(oversampling(&narrow), MOST_OVERSAMPLING, "the finest there is");
+        assert!(oversampling(&PsfModel::gaussian(1.5)) < oversampling(&PsfModel::gaussian(0.5)), "follows sigma");
+    }
+}

@@ -1,0 +1,203 @@
+//! A HATS catalog on disk -> its partitions, each of which is there and listed.
+//!
+//! Source: IVOA Note "HATS: Hierarchical Adaptive Tiling Scheme". A catalog is a folder of `hats.properties` (older ones:
+//! `properties`), `partition_info.csv` and `dataset/Norder=k/Dir=d/Npix=n.parquet`, or `Npix=n/` with files in it; a
+//! collection is a folder of catalogs, whose main one is taken. Tests: `super::tests`.
+
+use super::error::HatsError;
+use super::file::ParquetFile;
+use super::pixel::{MOST_ORDER, Pixel};
+use super::properties::Properties;
+use crate::published::gaia::Names;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// Kind of catalog that is read: one row, one object.
+const OBJECTS: &str = "object";
+/// Epoch of the positions, in catalogs that starloop wrote: HATS has no word for it.
+pub(super) const EPOCH: &str = "starloop_epoch_yr";
+/// The property of the credits that a catalog asks for.
+pub(super) const ACKNOWLEDGEMENT: &str = "obs_ack";
+
+/// A catalog whose partitions are all there.
+#[derive(Debug)]
+pub struct HatsCatalog {
+    properties: Properties,
+    partitions: Vec<Partition>,
+}
+
+/// A Parquet file of a catalog.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Partition {
+    /// Pixel that has all its rows.
+    pub pixel: Pixel,
+    /// The file.
+    pub path: PathBuf,
+    /// What tells it from all others, wherever the catalog lies: catalog, folders and file.
+    pub name: String,
+}
+
+impl HatsCatalog {
+    /// Opens a catalog: holds its list of partitions against its files, and its number of rows against theirs.
+    ///
+    /// # Errors
+    /// When it is of another kind (a margin, an index), a partition is missing, not listed, cannot be opened or overlaps
+    /// another, or the rows are not as many as it says.
+    pub fn open(folder: &Path) -> Result<Self, HatsError> {
+        let properties = Properties::read(folder)?;
+        let kind = properties.wanted("dataproduct_type", OBJECTS)?;
+        if kind != OBJECTS {
+            let wanted = format!("\"{OBJECTS}\": one row a star, each in its own partition");
+            return Err(properties.refuse("dataproduct_type", &wanted, &format!("\"{kind}\"")));
+        }
+        let listed = listed(&properties.folder().join("partition_info.csv"))?;
+        let mut there = there(properties.folder(), properties.get("hats_npix_suffix").unwrap_or(".parquet"))?;
+        let mut partitions = Vec::new();
+        for pixel in listed {
+            let dataset = properties.folder().join("dataset").join(pixel.folder());
+            let files = there.remove(&pixel).ok_or_else(|| HatsError::Partition {
+                path: dataset.join(format!("Npix={}", pixel.number)),
+                what: "listed in partition_info.csv, and missing".into(),
+            })?;
+            partitions.extend(files.into_iter().map(|path| (pixel, path)));
+        }
+        if let Some((_, files)) = there.first_key_value() {
+            let what = "there, and not listed in partition_info.csv".into();
+            return Err(HatsError::Partition { path: files[0].clone(), what });
+        }
+        let name = properties.wanted("obs_collection", "a name")?;
+        let partitions = partitions.into_iter().map(|(pixel, path)| {
+            let within = path.strip_prefix(properties.folder()).unwrap_or(&path);
+            Partition { pixel, name: format!("{name}/{}", within.display()), path }
+        });
+        let partitions = partitions.collect();
+        let catalog = Self { properties, partitions };
+        catalog.check_rows()?;
+        Ok(catalog)
+    }
+
+    /// Its files, in the order of the list.
+    #[must_use]
+    pub fn partitions(&self) -> &[Partition] {
+        &self.partitions
+    }
+
+    /// Gives `names` the columns of right ascension and declination that the catalog says, where nobody else did.
+    ///
+    /// # Errors
+    /// When it does not say.
+    pub fn name_columns(&self, names: &mut Names) -> Result<(), HatsError> {
+        let said = ["hats_col_ra", "hats_col_dec"].map(|key| self.properties.wanted(key, "the name of a column"));
+        for (archive, said) in ["ra", "dec"].iter().zip(said) {
+            names.rename_unless_renamed(archive, said?);
+        }
+        Ok(())
+    }
+
+    /// Epoch of the positions, Julian year, where the catalog says it.
+    ///
+    /// # Errors
+    /// When it is no number.
+    pub fn epoch_yr(&self) -> Result<Option<f64>, HatsError> {
+        let number = |text: &str| text.parse().map_err(|_| self.properties.refuse(EPOCH, "a Julian year", text));
+        self.properties.get(EPOCH).map(number).transpose()
+    }
+
+    /// Credits that the catalog asks for, where it names some.
+    #[must_use]
+    pub fn credits(&self) -> Option<&str> {
+        self.properties.get(ACKNOWLEDGEMENT)
+    }
+
+    /// Rows by the footers of all files against what the catalog says.
+    fn check_rows(&self) -> Result<(), HatsError> {
+        let rows = self.partitions.iter().map(|partition| ParquetFile::open(&partition.path)?.rows());
+        let got = rows.sum::<Result<u64, HatsError>>()?;
+        match self.properties.number("hats_nrows")? {
+            Some(wanted) if wanted != got => {
+                let path = self.properties.path.clone();
+                Err(HatsError::Rows { path, what: "hats_nrows, and the footers of its partitions", wanted, got })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The pixels of `partition_info.csv`, none within another.
+fn listed(path: &Path) -> Result<Vec<Pixel>, HatsError> {
+    let text = std::fs::read_to_string(path).map_err(HatsError::file("cannot read", path))?;
+    let mut lines = text.lines().enumerate();
+    let refuse = |line: usize, got: &str| HatsError::List { path: path.into(), line: line + 1, got: got.into() };
+    let (_, head) = lines.next().ok_or_else(|| refuse(0, ""))?;
+    let place = |name| head.split(',').position(|cell| cell.trim() == name).ok_or_else(|| refuse(0, head));
+    let (order, number) = (place("Norder")?, place("Npix")?);
+    let mut pixels = Vec::new();
+    for (at, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
+        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+        let cell = |place: usize| cells.get(place).and_then(|cell| cell.parse().ok());
+        let pixel = cell(order).zip(cell(number)).and_then(|(order, number)| Pixel::new(order, number));
+        pixels.push(pixel.ok_or_else(|| refuse(at, line))?);
+    }
+    pixels.sort_by_key(|pixel| (pixel.finest().start, pixel.order));
+    let shared = pixels.windows(2).find(|pair| pair[1].finest().start < pair[0].finest().end);
+    match shared {
+        Some(pair) => {
+            let [one, other] = [pair[0], pair[1]].map(|pixel| format!("{}/Npix={}", pixel.folder(), pixel.number));
+            Err(HatsError::Partition { path: path.into(), what: format!("{one} and {other} share a part of the sky") })
+        }
+        None => Ok(pixels),
+    }
+}
+
+/// The files of each pixel that are on disk.
+fn there(folder: &Path, suffix: &str) -> Result<BTreeMap<Pixel, Vec<PathBuf>>, HatsError> {
+    let mut there = BTreeMap::new();
+    let mut orders = visible(&folder.join("dataset"))?;
+    // Files beside them tell of the catalog as a whole: `data_thumbnail.parquet`, `per_partition_statistics.parquet`, ...
+    orders.retain(|path| path.is_dir());
+    for (order, path) in numbered(orders, "Norder=", "")? {
+        for (_, path) in numbered(visible(&path)?, "Dir=", "")? {
+            for (number, path) in numbered(visible(&path)?, "Npix=", suffix.trim_matches('/'))? {
+                let foreign = |what: &str| HatsError::Partition { path: path.clone(), what: what.into() };
+                let pixel = Pixel::new(order, number);
+                let pixel = pixel.ok_or_else(|| foreign(&format!("no HEALPix pixel of order 0 to {MOST_ORDER}")))?;
+                if !path.parent().is_some_and(|parent| parent.ends_with(pixel.folder())) {
+                    return Err(foreign(&format!("wanted it in {}", pixel.folder())));
+                }
+                let files = if path.is_dir() { visible(&path)?.into_iter().collect() } else { vec![path.clone()] };
+                if files.is_empty() {
+                    return Err(foreign("a folder without a file"));
+                }
+                if there.insert(pixel, files).is_some() {
+                    return Err(foreign("there twice: as a file and as a folder"));
+                }
+            }
+        }
+    }
+    Ok(there)
+}
+
+/// Files and folders of names like `Norder=5`, by number; anything else is foreign to a catalog.
+fn numbered(paths: BTreeSet<PathBuf>, prefix: &str, suffix: &str) -> Result<Vec<(u64, PathBuf)>, HatsError> {
+    let number = |path: PathBuf| {
+        let name = path.file_name().and_then(|name| name.to_str());
+        let suffix = if path.is_dir() { "" } else { suffix };
+        let number = name.and_then(|name| name.strip_prefix(prefix)?.strip_suffix(suffix)?.parse().ok());
+        let what = || format!("wanted {prefix}, a number, and \"{suffix}\"");
+        number.map(|number| (number, path.clone())).ok_or_else(|| HatsError::Partition { path, what: what() })
+    };
+    paths.into_iter().map(number).collect()
+}
+
+/// Files and folders, sorted, but those that readers of Parquet folders leave out: `_metadata`, `.crc` files, ...
+fn visible(folder: &Path) -> Result<BTreeSet<PathBuf>, HatsError> {
+    let cannot = |source| HatsError::file("cannot list", folder)(source);
+    let mut paths = BTreeSet::new();
+    for entry in std::fs::read_dir(folder).map_err(cannot)? {
+        let entry = entry.map_err(cannot)?;
+        if !entry.file_name().to_string_lossy().starts_with(['_', '.']) {
+            paths.insert(entry.path());
+        }
+    }
+    Ok(paths)
+}

@@ -1,0 +1,77 @@
+//! Parquet files -> stars for layers.
+//!
+//! Rows become stars as those of Gaia's CSV do ([`crate::published::gaia`]): by the same columns, of the same units, with
+//! the same counts of what is blank. A row of a partition must lie in the pixel of the partition, within 0.02 mas (0.06
+//! arcsec where places are of single precision).
+
+use super::error::HatsError;
+use super::file::ParquetFile;
+use super::pixel::Pixel;
+use super::rows::Rows;
+use crate::published::gaia::{DEC, Names, RA, star_of_row};
+use base::units::DEG;
+use stars::layer::Sorting;
+use std::path::Path;
+
+/// Count of rows whose place is of single precision.
+pub const COARSE_PLACES: &str = "rows with places of single precision, good to 0.06 arcsec";
+
+/// Takes a file in; the number of rows. `pixel` is that of the partition, when it is one. `progress` is told rows now and
+/// then.
+///
+/// # Errors
+/// When the file cannot be read to its end, lacks a column, a cell is no number, or a row lies elsewhere; stars taken in
+/// before are then to be forgotten (no checkpoint was written).
+pub fn import(
+    path: &Path,
+    pixel: Option<Pixel>,
+    names: &Names,
+    sorting: &mut Sorting,
+    progress: &mut dyn FnMut(u64),
+) -> Result<u64, HatsError> {
+    let file = ParquetFile::open(path)?;
+    let wanted = file.rows()?;
+    let mut rows = Rows::begin(file, names)?;
+    let is_coarse = rows.has_coarse_places();
+    if rows.has_places_as_ids() {
+        sorting.leave_numbers_out();
+    }
+    let mut got = 0;
+    while rows.read_batch()? {
+        for row in 0..rows.batch.rows {
+            if let Some(pixel) = pixel {
+                check_place(&rows, row, pixel, is_coarse)?;
+            }
+            let number = |column| rows.number(row, column);
+            let refuse = |column, wanted, got: f64| rows.refuse(row, column, wanted, got.to_string());
+            if let Some(star) = star_of_row(rows.source_id(row)?, number, refuse, sorting)? {
+                let refused = |source| HatsError::Star { path: path.into(), row: rows.number_of(row), source };
+                sorting.add(&star).map_err(refused)?;
+            }
+        }
+        got += rows.batch.rows as u64;
+        progress(got);
+    }
+    if is_coarse {
+        sorting.tell(COARSE_PLACES, got);
+    }
+    if got == wanted { Ok(got) } else { Err(HatsError::Rows { path: path.into(), what: "its footer", wanted, got }) }
+}
+
+/// That a row with a place is in the right partition. A place that is none is refused where the star is stored.
+fn check_place(rows: &Rows, row: usize, pixel: Pixel, is_coarse: bool) -> Result<(), HatsError> {
+    let (Some(ra_deg), Some(dec_deg)) = (rows.number(row, RA)?, rows.number(row, DEC)?) else { return Ok(()) };
+    let (ra_rad, dec_rad) = (ra_deg * DEG, dec_deg * DEG);
+    match Pixel::of(pixel.order, ra_rad, dec_rad) {
+        Some(got) if !pixel.has(ra_rad, dec_rad, is_coarse) => Err(HatsError::Place {
+            path: rows.file.path.clone(),
+            row: rows.number_of(row),
+            ra_deg,
+            dec_deg,
+            order: pixel.order,
+            wanted: pixel.number,
+            got: got.number,
+        }),
+        _ => Ok(()),
+    }
+}

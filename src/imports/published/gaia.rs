@@ -1,0 +1,419 @@
+//! Gaia's bulk CSV (`GaiaSource_AAAAAA-BBBBBB.csv.gz`: an ECSV header of `#` lines, `null` for what is blank) -> stars.
+//!
+//! Columns, found by name, others ignored: `source_id`, `ra`, `dec` (deg, ICRS), `pmra` (with cos dec), `pmdec` (mas/yr),
+//! `parallax` (mas), `phot_g_mean_mag`, and `bp_rp` or else `phot_bp_mean_mag` and `phot_rp_mean_mag` (mag). Where a file
+//! has other names, [`Names`] says so. A cell may stand between quotes; a row is one line all the same, so that a stray
+//! quote cannot swallow the lines after it, and at most [`LONGEST_LINE`]. Blank is an empty cell, `null`, `nan` or `NaN`. A row
+//! without place or magnitude is left out and counted: nothing can be drawn of it; so is a line of `#` after the header: it may
+//! be a row whose first bytes are damaged. Positions are of epoch J2016.0 (Gaia DR3). Tests: `tests` below, `damage_tests`.
+
+use super::error::ImportError;
+use super::lines::{Lines, TextLine};
+use base::units::DEG;
+use flate2::read::MultiGzDecoder;
+use stars::layer::{NewStar, Sorting};
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+
+/// Epoch of Gaia DR3's positions, Julian year.
+pub const EPOCH_YR: f64 = 2016.0;
+/// Longest line, bytes: the archive's rows of 152 columns have some 1,500.
+pub const LONGEST_LINE: usize = 1 << 20;
+/// Characters of a file that a message shows.
+const LONGEST_SHOWN: usize = 400;
+/// Rows from one call of `progress` to the next.
+const ROWS_A_STEP: u64 = 50_000;
+/// Count of rows left out because they have no place.
+pub const WITHOUT_PLACE: &str = "rows without a place, left out";
+/// Count of rows left out because they have no G magnitude.
+pub const WITHOUT_MAGNITUDE: &str = "rows without a G magnitude, left out";
+/// Count of lines after the header that begin as those before it.
+pub const COMMENTS: &str = "lines of # after the header, left out";
+/// Count of last lines that end with the file: of a row that is cut short in its last cell, nothing else is seen.
+pub const WITHOUT_END: &str = "last lines without an end, taken: the file may be cut short";
+
+/// Columns by what they hold, as a file names them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Names {
+    columns: [String; COLUMNS],
+}
+
+pub(crate) const SOURCE_ID: usize = 0;
+pub(crate) const RA: usize = 1;
+pub(crate) const DEC: usize = 2;
+pub(crate) const PM_RA: usize = 3;
+pub(crate) const PM_DEC: usize = 4;
+pub(crate) const PARALLAX: usize = 5;
+pub(crate) const G: usize = 6;
+pub(crate) const BP_RP: usize = 7;
+pub(crate) const BP: usize = 8;
+pub(crate) const RP: usize = 9;
+pub(crate) const COLUMNS: usize = 10;
+
+/// Names in Gaia's archive.
+const ARCHIVE: [&str; COLUMNS] = [
+    "source_id",
+    "ra",
+    "dec",
+    "pmra",
+    "pmdec",
+    "parallax",
+    "phot_g_mean_mag",
+    "bp_rp",
+    "phot_bp_mean_mag",
+    "phot_rp_mean_mag",
+];
+
+impl Default for Names {
+    /// Those of Gaia's archive.
+    fn default() -> Self {
+        Self { columns: ARCHIVE.map(String::from) }
+    }
+}
+
+impl Names {
+    /// The column that Gaia's archive calls `archive` is called `here`; false when the archive has no such column.
+    pub fn rename(&mut self, archive: &str, here: &str) -> bool {
+        let place = ARCHIVE.iter().position(|name| *name == archive);
+        place.map(|place| self.columns[place] = here.into()).is_some()
+    }
+
+    /// As [`Self::rename`], when nobody renamed it before.
+    pub fn rename_unless_renamed(&mut self, archive: &str, here: &str) {
+        if self.columns.iter().zip(ARCHIVE).any(|(name, of_archive)| of_archive == archive && name == archive) {
+            self.rename(archive, here);
+        }
+    }
+
+    /// What the column is called in the file.
+    pub(crate) fn here(&self, column: usize) -> &str {
+        &self.columns[column]
+    }
+
+    /// The columns that a file must have and `is_there` says it has not, by their names in the file: all but colours, of
+    /// which one form is enough, and those that are said to be missing (an empty name).
+    pub(crate) fn missing(&self, is_there: impl Fn(usize) -> bool) -> Vec<&str> {
+        let is_missing = |column: &usize| match *column {
+            BP_RP => !(is_there(BP_RP) || is_there(BP) && is_there(RP)),
+            BP | RP => false,
+            column => !is_there(column),
+        };
+        let wanted = (0..COLUMNS).filter(|column| !self.here(*column).is_empty()).filter(is_missing);
+        wanted.map(|column| self.here(column)).collect()
+    }
+
+    /// Columns that may be said to be missing, by their names in Gaia's archive: nothing else is known of their values.
+    #[must_use]
+    pub fn may_be_missing(archive: &str) -> bool {
+        [PM_RA, PM_DEC, PARALLAX, BP_RP].iter().any(|column| ARCHIVE[*column] == archive)
+    }
+
+    /// What may be renamed.
+    #[must_use]
+    pub fn all() -> &'static [&'static str] {
+        &ARCHIVE
+    }
+}
+
+/// Takes a file in, `.csv` or `.csv.gz`; the number of rows. `progress` is told rows now and then.
+///
+/// # Errors
+/// When the file cannot be read to its end, lacks a column, or a cell is no number; stars taken in before are then to be
+/// forgotten (no checkpoint was written).
+pub fn import(
+    path: &Path,
+    names: &Names,
+    sorting: &mut Sorting,
+    progress: &mut dyn FnMut(u64),
+) -> Result<u64, ImportError> {
+    let file = File::open(path).map_err(|source| ImportError::File { path: path.into(), source })?;
+    let is_packed = path.extension().is_some_and(|kind| kind.eq_ignore_ascii_case("gz"));
+    let file = BufReader::with_capacity(1 << 20, file);
+    if is_packed {
+        import_text(BufReader::new(MultiGzDecoder::new(file)), path, names, sorting, progress)
+    } else {
+        import_text(file, path, names, sorting, progress)
+    }
+}
+
+/// Takes a file's text in; `path` is for messages.
+///
+/// # Errors
+/// As [`import`].
+pub fn import_text(
+    text: impl BufRead,
+    path: &Path,
+    names: &Names,
+    sorting: &mut Sorting,
+    progress: &mut dyn FnMut(u64),
+) -> Result<u64, ImportError> {
+    let mut lines = Lines::new(text, path, LONGEST_LINE);
+    let columns = loop {
+        match lines.next()? {
+            Some(line) if line.text.starts_with('#') => {}
+            header => break Columns::find(path, names, header.map_or("", |line| line.text))?,
+        }
+    };
+    let mut rows = 0;
+    while let Some(line) = lines.next()? {
+        if line.text.starts_with('#') {
+            sorting.tell(COMMENTS, 1);
+            continue;
+        }
+        rows += 1;
+        let row = Row::split(&columns, &line)?;
+        if let Some(star) = row.star(sorting)? {
+            sorting.add(&star).map_err(|source| ImportError::Star { path: path.into(), line: line.number, source })?;
+        }
+        if !line.is_ended {
+            sorting.tell(WITHOUT_END, 1);
+        }
+        if rows % ROWS_A_STEP == 0 {
+            progress(rows);
+        }
+    }
+    progress(rows);
+    Ok(rows)
+}
+
+/// Values that a cell of a column may have, in the column's unit, and in words.
+type CellRange = (usize, [f64; 2], &'static str);
+/// Columns of places.
+const ANGLES: [CellRange; 2] =
+    [(RA, [0.0, 360.0], "degrees from 0 to 360"), (DEC, [-90.0, 90.0], "degrees from -90 to 90")];
+
+/// A row of Gaia's archive as a star; `None`, counted, when nothing can be drawn of it. `number` gives a cell by its column,
+/// `None` where it is blank; `refuse` makes an error of a cell by its column, what was wanted, and what it holds.
+pub(crate) fn star_of_row<E>(
+    source_id: i64,
+    number: impl Fn(usize) -> Result<Option<f64>, E>,
+    refuse: impl Fn(usize, &'static str, f64) -> E,
+    sorting: &mut Sorting,
+) -> Result<Option<NewStar>, E> {
+    let (Some(ra_deg), Some(dec_deg)) = (number(RA)?, number(DEC)?) else {
+        sorting.tell(WITHOUT_PLACE, 1);
+        return Ok(None);
+    };
+    for ((column, [low, high], wanted), angle) in ANGLES.into_iter().zip([ra_deg, dec_deg]) {
+        if !(low..=high).contains(&angle) {
+            return Err(refuse(column, wanted, angle));
+        }
+    }
+    let Some(mag_g) = number(G)? else {
+        sorting.tell(WITHOUT_MAGNITUDE, 1);
+        return Ok(None);
+    };
+    let bp_rp = match (number(BP_RP)?, number(BP)?, number(RP)?) {
+        (Some(bp_rp), ..) => Some(bp_rp),
+        (None, Some(bp), Some(rp)) => Some(bp - rp),
+        _ => None,
+    };
+    let motion_mas_yr = number(PM_RA)?.zip(number(PM_DEC)?).map(<[f64; 2]>::from);
+    let parallax_mas = number(PARALLAX)?;
+    let (ra_rad, dec_rad) = (ra_deg * DEG, dec_deg * DEG);
+    Ok(Some(NewStar { source_id, ra_rad, dec_rad, motion_mas_yr, parallax_mas, mag_g, bp_rp }))
+}
+
+/// What a cell holds, without blanks and the pair of quotes that may be around it.
+fn without_quotes(cell: &str) -> &str {
+    // Blanks alone: the bit that makes a carriage return of a minus sign must not make a number positive.
+    let blanks = [' ', '\t'];
+    let cell = cell.trim_matches(blanks);
+    cell.strip_prefix('"').and_then(|cell| cell.strip_suffix('"')).map_or(cell, |cell| cell.trim_matches(blanks))
+}
+
+struct Columns<'a> {
+    path: &'a Path,
+    names: &'a Names,
+    /// `None`: the file has no such column, and needs none.
+    places: [Option<usize>; COLUMNS],
+    /// Cells of a line.
+    count: usize,
+}
+
+impl<'a> Columns<'a> {
+    fn find(path: &'a Path, names: &'a Names, header: &str) -> Result<Self, ImportError> {
+        // Some programs begin a file with the mark of UTF-8.
+        let header = header.trim_start_matches('\u{feff}');
+        let cells: Vec<&str> = header.split(',').map(without_quotes).collect();
+        let place = |name: &String| cells.iter().position(|cell| cell == name).filter(|_| !name.is_empty());
+        let places = names.columns.each_ref().map(place);
+        let missing = names.missing(|column| places[column].is_some());
+        if missing.is_empty() {
+            return Ok(Self { path, names, places, count: cells.len() });
+        }
+        let got = header.chars().take(LONGEST_SHOWN).collect();
+        Err(ImportError::Columns { path: path.into(), missing: missing.join(", "), got })
+    }
+}
+
+struct Row<'a> {
+    columns: &'a Columns<'a>,
+    line: u64,
+    cells: Vec<&'a str>,
+}
+
+impl<'a> Row<'a> {
+    fn split(columns: &'a Columns<'a>, line: &TextLine<'a>) -> Result<Self, ImportError> {
+        let mut cells = Vec::with_capacity(columns.count);
+        cells.extend(line.text.split(','));
+        if cells.len() != columns.count {
+            let (path, wanted, got) = (columns.path.into(), columns.count, cells.len());
+            return Err(ImportError::Cells { path, line: line.number, wanted, got });
+        }
+        Ok(Self { columns, line: line.number, cells })
+    }
+
+    /// The star of the row; `None`, counted, when nothing can be drawn of it.
+    fn star(&self, sorting: &mut Sorting) -> Result<Option<NewStar>, ImportError> {
+        let text = self.text(SOURCE_ID);
+        let source_id = text.parse().map_err(|_| self.refuse(SOURCE_ID, "a whole number"))?;
+        let refuse = |column, wanted, _| self.refuse(column, wanted);
+        star_of_row(source_id, |column| self.number(column), refuse, sorting)
+    }
+
+    fn text(&self, column: usize) -> &str {
+        self.columns.places[column].and_then(|place| self.cells.get(place)).map_or("", |cell| without_quotes(cell))
+    }
+
+    /// A number, or `None` where the cell is blank or the file has no such column.
+    fn number(&self, column: usize) -> Result<Option<f64>, ImportError> {
+        let text = self.text(column);
+        if text.is_empty() || ["null", "nan"].iter().any(|blank| text.eq_ignore_ascii_case(blank)) {
+            return Ok(None);
+        }
+        let number = text.parse().ok().filter(|number: &f64| number.is_finite());
+        number.map(Some).ok_or_else(|| self.refuse(column, "a number, or null"))
+    }
+
+    fn refuse(&self, column: usize, wanted: &'static str) -> ImportError {
+        ImportError::Cell {
+            path: self.columns.path.into(),
+            line: self.line,
+            column: self.columns.names.columns[column].clone(),
+            wanted,
+            got: self.text(column).chars().take(LONGEST_SHOWN).collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use flate2::Compression;
+    use flate2::write::GzEncoder;
+    use glam::DVec3;
+    use stars::layer::Layer;
+    use std::io::Write;
+
+    /// The head of a bulk file, as the archive writes it, with two rows, of which the second lacks much.
+    const BULK: &str = "# %ECSV 1.0\n# ---\n# delimiter: ','\n# datatype:\n# - {name: source_id, datatype: int64}\n\
+        solution_id,source_id,ref_epoch,ra,dec,parallax,pmra,pmdec,phot_g_mean_mag,phot_bp_mean_mag,phot_rp_mean_mag,bp_rp\n\
+        1636148068921376768,4295806720,2016.0,44.99615537864534,0.005615226341865997,0.3543305595550248,\
+        11.938616,-3.4,17.641426,18.1,16.9,1.2\n\
+        1636148068921376768,34361129088,2016.0,45.0,0.02,null,null,null,18.5,null,null,null\n";
+
+    fn take(text: &[u8], name: &str, names: &Names) -> (Result<u64, ImportError>, Sorting, tempfile::TempDir) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        let mut sorting = Sorting::start(&folder.path().join("work"), &[22.0]).unwrap();
+        let done = import(&path, names, &mut sorting, &mut |_| {});
+        (done, sorting, folder)
+    }
+
+    fn packed(text: &[u8]) -> Vec<u8> {
+        let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+        encoder.write_all(text).unwrap();
+        encoder.finish().unwrap()
+    }
+
+    #[test]
+    fn bulk_files_are_read_packed_or_not() {
+        for (text, name) in [(BULK.as_bytes().to_vec(), "g.csv"), (packed(BULK.as_bytes()), "g.csv.gz")] {
+            let (done, sorting, folder) = take(&text, name, &Names::default());
+            assert_eq!(done.unwrap(), 2);
+            let counts = sorting.counts();
+            assert_eq!((counts.stars, counts.without_motion, counts.without_parallax), (2, 1, 1));
+            assert_eq!(counts.without_colour, 1);
+            let reports = sorting.finish(folder.path(), EPOCH_YR, "", &mut |_| {}).unwrap();
+            let mut found = Vec::new();
+            Layer::open(&reports[0].path).unwrap().cone(DVec3::Z, 4.0, 99.0, &mut found).unwrap();
+            let [bright, faint] = found[..] else { panic!("two stars") };
+            // Python's math, from 44.99615537864534 and 0.005615226341865997 degrees.
+            let wanted = DVec3::new(0.707154223984, 0.707059328414, 0.000098004188);
+            assert!((bright.direction_icrf - wanted).length() < 2e-9, "{:?}", bright.direction_icrf);
+            assert!((bright.mag_g - 17.641).abs() < 1e-3 && (bright.bp_rp - 1.2).abs() < 1e-6);
+            assert!((bright.proper_motion.unwrap().pm_ra_cosdec_mas_yr - 11.95).abs() < 0.026);
+            assert!(faint.proper_motion.is_none() && faint.parallax_mas.is_none());
+        }
+    }
+
+    #[test]
+    fn rows_of_which_nothing_can_be_drawn_are_counted() {
+        let head = "source_id,ra,dec,pmra,pmdec,parallax,phot_g_mean_mag,bp_rp\n";
+        let text = format!("{head}1,,2.0,,,,15.0,1.0\n2,1.0,2.0,,,,null,1.0\n3,1.0,2.0,1.0,,,15.0,\n");
+        let (done, sorting, _folder) = take(text.as_bytes(), "g.csv", &Names::default());
+        assert_eq!((done.unwrap(), sorting.counts().stars), (3, 1));
+        assert_eq!(sorting.told().collect::<Vec<_>>(), [(WITHOUT_MAGNITUDE, 1), (WITHOUT_PLACE, 1)]);
+        assert_eq!(sorting.counts().without_motion, 1, "half a motion is none");
+    }
+
+    #[test]
+    fn other_names_and_colours_in_two_columns() {
+        let text = "id,ra,dec,pmra,pmdec,parallax,G,phot_bp_mean_mag,phot_rp_mean_mag\n5,1.0,2.0,,,,15.0,15.5,14.5\n";
+        let mut names = Names::default();
+        assert!(names.rename("source_id", "id") && names.rename("phot_g_mean_mag", "G"));
+        assert!(!names.rename("no_such_column", "x"));
+        let (done, sorting, folder) = take(text.as_bytes(), "g.csv", &names);
+        done.unwrap();
+        let reports = sorting.finish(folder.path(), EPOCH_YR, "", &mut |_| {}).unwrap();
+        let mut found = Vec::new();
+        Layer::open(&reports[0].path).unwrap().cone(DVec3::Z, 4.0, 99.0, &mut found).unwrap();
+        assert!((found[0].bp_rp - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn quotes_are_taken_off_and_a_stray_one_costs_no_other_row() {
+        let head = "\"source_id\",\"ra\",dec,pmra,pmdec,parallax,phot_g_mean_mag,bp_rp,note\n";
+        let (row, last) = ("\"1\",\"3.5\",2.0,,\"\",\"null\",15.0,1.0,\"n\"\n", "2,1.0,2.0,,,,15.0,1.0,\"\n");
+        let (done, sorting, _folder) = take(format!("{head}{row}{last}{row}").as_bytes(), "g.csv", &Names::default());
+        assert_eq!((done.unwrap(), sorting.counts().stars), (3, 3), "a quote where nobody looks");
+        let stray = format!("{head}2,\"1.0,2.0,,,,15.0,1.0,\n{row}{row}");
+        let told = take(stray.as_bytes(), "g.csv", &Names::default()).0.unwrap_err().to_string();
+        assert!(told.contains("line 2, column ra: wanted a number"), "{told}");
+        let comma = format!("{head}{}", row.replace("\"n\"", "\"n,m\""));
+        let told = take(comma.as_bytes(), "g.csv", &Names::default()).0.unwrap_err().to_string();
+        assert!(told.contains("wanted 9 cells as the header has, got 10"), "{told}");
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_file_line_and_column() {
+        let refused = |text: &[u8], name: &str| take(text, name, &Names::default()).0.unwrap_err().to_string();
+        let bad = BULK.replace("11.938616", "11.9x");
+        let told = refused(bad.as_bytes(), "g.csv");
+        assert!(told.contains("g.csv, line 7, column pmra: wanted a number, or null, got \"11.9x\""), "{told}");
+        let told = refused(BULK.replace("phot_g_mean_mag", "g_mag").replace("pmra,", "pm_e,").as_bytes(), "g.csv");
+        assert!(told.contains("g.csv: no column pmra, phot_g_mean_mag; got solution_id,source_id"), "{told}");
+        assert!(told.contains("--column phot_g_mean_mag=NAME") && told.contains("--column pmra= "), "{told}");
+        let told = refused(BULK.replace("4295806720", "4.3e9").as_bytes(), "g.csv");
+        assert!(told.contains("column source_id: wanted a whole number"), "{told}");
+        let told = refused(BULK.replace("44.99615537864534", "444.9").as_bytes(), "g.csv");
+        assert!(told.contains("line 7, column ra: wanted degrees from 0 to 360, got \"444.9"), "{told}");
+        let told = refused(BULK.replace("0.005615226341865997", "95.5").as_bytes(), "g.csv");
+        assert!(told.contains("column dec: wanted degrees from -90 to 90, got \"95.5\""), "{told}");
+        let told = refused(BULK.replace(",1.2\n", "\n").as_bytes(), "g.csv");
+        assert!(told.contains("line 7: wanted 12 cells"), "{told}");
+        let whole = packed(BULK.as_bytes());
+        for cut in [whole.len() - 1, whole.len() - 9, whole.len() / 2] {
+            refused(&whole[..cut], "g.csv.gz");
+        }
+        let mut flipped = whole.clone();
+        let crc = flipped.len() - 6;
+        flipped[crc] ^= 1;
+        refused(&flipped, "g.csv.gz");
+        refused(BULK.as_bytes(), "g.csv.gz");
+        assert_eq!(take(&whole, "g.csv.gz", &Names::default()).0.unwrap(), 2, "control");
+    }
+}

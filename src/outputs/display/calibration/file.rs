@@ -1,0 +1,255 @@
+//! The calibration file: TOML, dated, with a CRC-32 over its content, of one display and one tracker.
+//!
+//! The check sum is taken over the content as this program writes it (every key, numbers with all their digits), without the line of
+//! the sum itself: comments and spaces may change, a digit may not. It finds damage and edits; it is no signature.
+//! A file is refused when it is damaged, too old or from the future, or of another display, mode or tracker: each with
+//! what was wanted, what is there, and what to do. Tests: `file_tests`.
+
+use super::error::CalibrationError;
+use super::identity::{DisplayIdentity, TrackerIdentity, same_display, same_tracker};
+use super::plan::Plan;
+use crate::display::dither::Dither;
+use crate::display::drive::DisplayDrive;
+use crate::display::flat_field::{FlatField, FlatParameters};
+use crate::display::geometry::{DisplayGeometry, GeometryParameters};
+use crate::display::latency::Latency;
+use crate::display::response::{Response, ResponseParameters};
+use base::time::Tai;
+use base::units::DAY_S;
+use frames::sink::crc32::Crc32;
+use frames::sink::write_file_atomically;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Version of the file's form.
+pub const FORMAT: u32 = 2;
+/// Clocks of two machines may differ by this much before a file is from the future, days.
+const CLOCK_DAYS: f64 = 1.0;
+/// The key of the check sum.
+const SUM: &str = "crc32";
+
+/// Light of one pixel.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Light {
+    /// Of a pixel of full grey where the flat field is 1, above black, electrons per second in the tracker, less what the
+    /// tracker's file says that it vignettes.
+    pub full_px_e_per_s: f64,
+    /// Electrons per second of a star of instrument magnitude 0 in the same tracker.
+    pub zero_point_e_per_s: f64,
+    /// Standard deviation of the Gaussians that stars are drawn as, display px.
+    pub spot_sigma_px: f64,
+    /// The brightest star that is nowhere clipped: standing still, in the middle of a pixel, where the display is dimmest.
+    pub brightest_mag: f64,
+}
+
+/// How well it fits.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Residuals {
+    /// Dots that the map was fitted to.
+    pub dots_used: usize,
+    /// Dots that were left out: off, without a number, or saturated.
+    pub dots_left_out: usize,
+    /// Those of them that were saturated.
+    pub dots_saturated: usize,
+    /// Share of what the tracker sees of the display that lies within the outermost dots.
+    pub coverage: f64,
+    /// Shown less mapped place of the dots, display px rms.
+    pub rms_px: f64,
+    /// Largest, display px.
+    pub max_px: f64,
+    /// The same rms as an angle, arcsec.
+    pub rms_arcsec: f64,
+    /// What the noise of the dots leaves in the map, display px rms.
+    pub map_error_px: f64,
+    /// Standard error of the response, magnitudes, median of the greys above 1 % of full.
+    pub response_mag: f64,
+    /// Residual of the flat field, magnitudes rms; 0 when none was measured.
+    pub flat_mag_rms: f64,
+}
+
+/// A calibration as it is kept.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Calibration {
+    /// [`FORMAT`].
+    pub format: u32,
+    /// When the measurements were made, UTC, RFC 3339.
+    pub measured_utc: String,
+    /// When they were fitted, UTC, RFC 3339.
+    pub made_utc: String,
+    /// Days from the measurements on.
+    pub valid_days: u32,
+    /// What wrote it.
+    pub starloop_version: String,
+    /// Sum of the plan that was measured.
+    pub plan_crc32: String,
+    /// The display.
+    pub display: DisplayIdentity,
+    /// The tracker.
+    pub tracker: TrackerIdentity,
+    /// Directions to pixels.
+    pub geometry: GeometryParameters,
+    /// Greys to luminance.
+    pub response: ResponseParameters,
+    /// Light by place.
+    pub flat: FlatParameters,
+    /// Electrons and magnitudes; `None`: no fluxes were measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light: Option<Light>,
+    /// Submit to photons; `None`: not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub latency: Option<Latency>,
+    /// Residuals.
+    pub residual: Residuals,
+}
+
+/// A calibration's numbers, checked and ready for use.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Calibrated {
+    /// Directions to pixels.
+    pub geometry: DisplayGeometry,
+    /// Greys to luminance.
+    pub response: Response,
+    /// Light by place.
+    pub flat: FlatField,
+}
+
+impl Calibrated {
+    /// What makes greys of luminance, dithering over so many refreshes.
+    #[must_use]
+    pub fn drive(&self, dither: Dither) -> DisplayDrive {
+        let camera = self.geometry.camera();
+        let size_px = [camera.width_px(), camera.height_px()];
+        DisplayDrive::new(&self.response, &self.flat, size_px, dither, self.geometry.mirrored())
+    }
+}
+
+impl Calibration {
+    /// Its content as text, without the check sum.
+    fn content(&self) -> Result<String, CalibrationError> {
+        toml::to_string(self)
+            .map_err(|error| CalibrationError::File { path: "calibration".into(), reason: error.to_string() })
+    }
+
+    /// The check sum of its content.
+    ///
+    /// # Errors
+    /// When the content cannot be written as TOML.
+    pub fn sum(&self) -> Result<String, CalibrationError> {
+        let mut crc = Crc32::default();
+        crc.update(self.content()?.as_bytes());
+        Ok(format!("{:08x}", crc.value()))
+    }
+
+    /// Writes the file, whole or not at all.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn write(&self, path: &Path) -> Result<(), CalibrationError> {
+        let text = format!("{SUM} = \"{}\"\n{}", self.sum()?, self.content()?);
+        write_file_atomically(path, |out| out.write_all(text.as_bytes()))?;
+        Ok(())
+    }
+
+    /// Reads a file and checks its sum; not yet whether it belongs to anything ([`Self::admit`]).
+    ///
+    /// # Errors
+    /// When it cannot be read, is no calibration, or was changed since it was written.
+    pub fn read(path: &Path) -> Result<Self, CalibrationError> {
+        let refuse = |reason: &str| CalibrationError::File {
+            path: path.into(),
+            reason: format!("no calibration that can be used: {}", reason.trim().replace('\n', "; ")),
+        };
+        let text = std::fs::read_to_string(path).map_err(|error| refuse(&error.to_string()))?;
+        let mut table: toml::Table = toml::from_str(&text).map_err(|error| refuse(error.message()))?;
+        let sum = table.remove(SUM);
+        let got = sum.as_ref().and_then(toml::Value::as_str).unwrap_or("none").to_owned();
+        if let Some(format) = table.get("format").and_then(toml::Value::as_integer).filter(|f| *f != i64::from(FORMAT))
+        {
+            return Err(refuse(&format!("format {format}, this version of starloop reads format {FORMAT}")));
+        }
+        let calibration: Self = table.try_into().map_err(|error: toml::de::Error| refuse(error.message()))?;
+        let wanted = calibration.sum()?;
+        if got != wanted {
+            return Err(CalibrationError::Damaged { path: path.into(), wanted, got });
+        }
+        calibration.calibrated()?;
+        Ok(calibration)
+    }
+
+    /// Refuses it for another display, another tracker, or another time. `tracker` `None`: not asked.
+    ///
+    /// # Errors
+    /// With the first thing that does not match.
+    pub fn admit(
+        &self,
+        display: &DisplayIdentity,
+        tracker: Option<&TrackerIdentity>,
+        now: Tai,
+    ) -> Result<(), CalibrationError> {
+        same_display(&self.measured_utc, display, &self.display)?;
+        if let Some(tracker) = tracker {
+            same_tracker(&self.measured_utc, tracker, &self.tracker)?;
+        }
+        in_time(&self.measured_utc, self.valid_days, now).map(|_| ())
+    }
+
+    /// Refuses it for a plan other than the one that was measured.
+    ///
+    /// # Errors
+    /// With both sums.
+    pub fn admit_plan(&self, plan: &Plan) -> Result<(), CalibrationError> {
+        let (wanted, got) = (plan.crc32(), self.plan_crc32.clone());
+        if wanted == got {
+            return Ok(());
+        }
+        let what = "plan (display, dots, ramp or tracker were changed since)";
+        Err(CalibrationError::Mismatch { measured_utc: self.measured_utc.clone(), what, wanted, got })
+    }
+
+    /// Days since its measurements.
+    ///
+    /// # Errors
+    /// When its date is none.
+    pub fn age_days(&self, now: Tai) -> Result<f64, CalibrationError> {
+        age_days(&self.measured_utc, now)
+    }
+
+    /// Its numbers, checked.
+    ///
+    /// # Errors
+    /// When a number is out of range.
+    pub fn calibrated(&self) -> Result<Calibrated, CalibrationError> {
+        let size_px = self.display.size_px();
+        if size_px.iter().any(|side| !(1..=crate::display::geometry::LARGEST_SIDE_PX).contains(side)) {
+            let (wanted, got) = ("1 to 16384".into(), format!("{} x {}", size_px[0], size_px[1]));
+            return Err(CalibrationError::Plan { name: "display size", wanted, got });
+        }
+        Ok(Calibrated {
+            geometry: DisplayGeometry::new(&self.geometry, size_px)?,
+            response: Response::new(self.response.clone())?,
+            flat: FlatField::new(self.flat.clone(), size_px).map_err(CalibrationError::Flat)?,
+        })
+    }
+}
+
+fn age_days(measured_utc: &str, now: Tai) -> Result<f64, CalibrationError> {
+    let measured = Tai::from_rfc3339(measured_utc)
+        .map_err(|error| CalibrationError::File { path: "measured_utc".into(), reason: error.to_string() })?;
+    Ok((now - measured).s() / DAY_S)
+}
+
+/// The age of measurements in days, when they are neither too old nor from the future.
+pub(super) fn in_time(measured_utc: &str, valid_days: u32, now: Tai) -> Result<f64, CalibrationError> {
+    let age_days = age_days(measured_utc, now)?;
+    if (-CLOCK_DAYS..=f64::from(valid_days)).contains(&age_days) {
+        return Ok(age_days);
+    }
+    Err(CalibrationError::Stale { measured_utc: measured_utc.into(), valid_days, age_days })
+}
+
+#[cfg(test)]
+#[path = "file_tests.rs"]
+mod tests;

@@ -1,0 +1,73 @@
+//! Linear-luminance frames -> greys on a monitor in front of a tracker.
+//!
+//! Input: [`frames::sink::SentFrame`], whose pixels are luminances, 0 none, 65535 the full luminance of the display, or codes
+//! of luminance ([`luminance_code`]) where they are drawn by a calibration. Output: a window that fills a monitor and shows, pixel by pixel, the greys that the display's table gives for them; nothing
+//! is scaled or filtered. Each new frame leaves a [`Submitted`]: when it was handed to the graphics driver. That is not when
+//! light left the screen, which nothing in this program can see; the marker patch lets a photodiode measure the rest.
+//!
+//! Greys are made on the CPU ([`grey`], [`picture`]) and shown from a texture of whole numbers: one form of the
+//! arithmetic, the same with and without a GPU, and the fragment shader has nothing to do but `grey / most`. That is exact:
+//! its error is below 1e-4 of a grey, and a driver rounds to the nearest. Proved for every grey of 8 and of 10 bits by
+//! `tests/gpu/greys.rs`, and through an X server by `hil_scripts/test_display.py`.
+//!
+//! Threads: one event loop for the whole program (`window`), and one presenter for each display, which waits for the
+//! monitor's refresh. `send` copies a frame into one of five buffers and returns: it never waits for either.
+//!
+//! Limits: X11 (Wayland desktops through Xwayland), Vulkan; without a server `direct_scanout`, a cargo feature that has never
+//! been run on a monitor. Ten bits where the driver offers A2B10G10R10. When the X server
+//! itself dies, Xlib ends the program; so does a client that is killed from outside (`xkill`).
+//!
+//! Tour: `params` (what is asked) -> `monitor` (which screen), `refresh` (how often) -> `window`, `placement`, `plug` (a
+//! window that fills it) or `direct_scanout`, `mode` (a monitor without a server) -> `glass`, `surface`, `format`, `painter` (what can be shown on) -> `hand_over` (the newest frame
+//! whose time has come) -> `grey`, `marker`, `picture` (what is shown) -> `presenter` (each refresh) -> `counters`,
+//! `submitted`, `submit_log` (what came of it) -> `screen` (the sink).
+//!
+//! Calibration: `geometry` and `response` say where and how bright, `drive` and `dither` make greys of luminance, `beat` and
+//! `latency` tell what shutters and clocks do to it; `calibration` measures all of them.
+
+pub mod beat;
+pub mod calibration;
+pub mod counters;
+pub mod covered;
+#[cfg(feature = "direct_scanout")]
+mod direct_scanout;
+pub mod dither;
+pub mod drive;
+pub mod error;
+pub mod flat_field;
+mod format;
+pub mod geometry;
+mod glass;
+pub mod grey;
+mod hand_over;
+pub mod latency;
+pub mod luminance_code;
+pub mod marker;
+#[cfg(feature = "direct_scanout")]
+mod mode;
+pub mod monitor;
+pub mod painter;
+pub mod params;
+pub mod picture;
+mod placement;
+mod plug;
+mod presenter;
+mod refresh;
+pub mod response;
+mod screen;
+mod state;
+pub mod submit_log;
+pub mod submitted;
+mod surface;
+mod window;
+
+pub use counters::Counts;
+pub use error::DisplayError;
+pub use grey::{GreyMaker, GreyTable};
+pub use marker::{Corner, Marker};
+pub use monitor::MonitorChoice;
+pub use params::{Bits, CardChoice, Params};
+pub use screen::Display;
+pub use submit_log::{SUBMITS, SubmitRow};
+pub use submitted::Submitted;
+pub use window::monitors;

@@ -1,0 +1,92 @@
+//! What is asked of a display.
+
+use crate::display::marker::Marker;
+use crate::display::monitor::MonitorChoice;
+use base::time::Span;
+use std::path::PathBuf;
+
+/// Bits of a grey on the way to the monitor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Bits {
+    /// 256 greys: every monitor.
+    #[default]
+    Eight,
+    /// 1024 greys: where driver, server and monitor agree on it.
+    Ten,
+}
+
+impl Bits {
+    /// The number.
+    #[must_use]
+    pub const fn count(self) -> u32 {
+        match self {
+            Self::Eight => 8,
+            Self::Ten => 10,
+        }
+    }
+
+    /// The brightest grey, `2^bits - 1`.
+    #[must_use]
+    pub const fn most(self) -> u16 {
+        match self {
+            Self::Eight => 255,
+            Self::Ten => 1023,
+        }
+    }
+}
+
+/// The graphics card that is asked for.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum CardChoice {
+    /// The first that has the monitor.
+    #[default]
+    First,
+    /// By its file, such as `/dev/dri/card1`.
+    At(PathBuf),
+}
+
+/// A display, as a bench describes it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Params {
+    /// Which monitor is filled.
+    pub monitor: MonitorChoice,
+    /// A window of this size (columns, rows) in place of a full screen.
+    pub window_px: Option<[u32; 2]>,
+    /// Bits of a grey.
+    pub bits: Bits,
+    /// A square for a photodiode.
+    pub marker: Option<Marker>,
+    /// Submit to light in the middle of the display, as measured or given: added to a submit time it predicts when light
+    /// left the screen. `None`: not known.
+    pub latency: Option<Span>,
+    /// Time of the refresh that each frame was drawn for: frames are held back until theirs. `None`: each is shown as soon
+    /// as it is there.
+    pub refresh: Option<Span>,
+    /// Direct scan-out: the monitor of this card, without an X server and with no window. Refused in a build without the
+    /// feature `direct_scanout`. `None`: through the server.
+    pub direct_scanout: Option<CardChoice>,
+}
+
+impl Params {
+    /// The whole primary monitor, 8 bits, no marker.
+    #[must_use]
+    pub const fn full_screen() -> Self {
+        Self {
+            monitor: MonitorChoice::Primary,
+            window_px: None,
+            bits: Bits::Eight,
+            marker: None,
+            latency: None,
+            refresh: None,
+            direct_scanout: None,
+        }
+    }
+
+    /// How long before its light is to leave a frame may be submitted at the earliest: the latency and half a refresh,
+    /// so that of all refreshes it gets the one whose light comes nearest. `None`: at any time.
+    #[must_use]
+    pub fn lead(&self) -> Option<Span> {
+        let refresh = self.refresh?;
+        Some(self.latency.unwrap_or(Span::ZERO) + Span::from_ns(refresh.ns() / 2))
+    }
+}

@@ -1,0 +1,432 @@
+//! The sink: frames in, a monitor that shows them.
+
+use crate::display::counters::{Counts, count};
+#[cfg(feature = "direct_scanout")]
+use crate::display::direct_scanout::{self, Connector, ScanOut};
+use crate::display::error::DisplayError;
+use crate::display::glass::Glass;
+use crate::display::grey::GreyMaker;
+use crate::display::hand_over::{Outgoing, hand_over};
+use crate::display::params::{CardChoice, Params};
+use crate::display::picture::Picture;
+use crate::display::presenter::{Pace, Presenter, Showing};
+use crate::display::refresh;
+use crate::display::state::State;
+use crate::display::submit_log::SubmitLog;
+use crate::display::submitted::Submitted;
+use crate::display::surface::{Pane, VulkanGlass};
+use crate::display::window::{self, Opened, Order};
+use base::clock::Clock;
+use base::time::Span;
+use crossbeam_channel::{Receiver, bounded};
+use frames::sink::crc32::{RunCrc32, pixel_crc32};
+use frames::sink::{SentFrame, Sink, SinkError, SinkSummary};
+use std::path::Path;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+/// Submit times kept for whoever asks: more than a minute at 60 Hz.
+const SUBMITS: usize = 4096;
+const NAME: &str = "display";
+
+/// A monitor that shows frames.
+///
+/// When its window is closed (Esc, the window manager, another program), or the driver fails, the next `send` refuses its
+/// frame and says why; later frames are taken, counted as unseen, and not shown. Whether a run goes on is for the run to
+/// say. An unplugged monitor is no error: frames are counted as unseen until it is back.
+#[derive(Debug)]
+pub struct Display {
+    image_px: [u32; 2],
+    outgoing: Outgoing,
+    state: Arc<State>,
+    submits: Receiver<Submitted>,
+    presenter: Option<JoinHandle<()>>,
+    description: String,
+    latency: Option<Span>,
+    log: Option<SubmitLog>,
+    has_told_its_end: bool,
+    is_finished: bool,
+    frames: u64,
+    refused: u64,
+    run_crc32: RunCrc32,
+}
+
+impl Display {
+    /// Opens the window for frames of `image_px` (columns, rows), or takes the monitor by direct scan-out, and starts its
+    /// presenter. Submit times are read from `clock`.
+    ///
+    /// # Errors
+    /// When there is no X server, no such monitor, no driver, or what is asked for does not fit together; with direct
+    /// scan-out also when the card is not to be had, or this build is one without it.
+    pub fn open(
+        params: &Params,
+        image_px: [u32; 2],
+        maker: GreyMaker,
+        clock: Arc<dyn Clock>,
+    ) -> Result<Self, DisplayError> {
+        check(params, image_px, &maker)?;
+        let state = Arc::new(State::default());
+        if let Some(card) = &params.direct_scanout {
+            return scan_out(card, Start { params, image_px, maker, clock, state, refresh: None });
+        }
+        let opened = window::open(Order {
+            monitor: params.monitor.clone(),
+            window_px: params.window_px,
+            image_px,
+            state: Arc::clone(&state),
+        })?;
+        let (mhz, id) = (opened.monitor.refresh_mhz, opened.window.id());
+        let rate =
+            refresh::told(params.refresh, mhz, params.window_px.is_none()).inspect_err(|_| window::forget(id))?;
+        let place = [Some(place_of(&opened, params)), rate].into_iter().flatten().collect::<Vec<_>>().join("; ");
+        let refresh = opened.monitor.refresh_mhz.map(period);
+        let (bits, shared) = (params.bits, Arc::clone(&state));
+        let glass = move || VulkanGlass::open(Pane::Window(opened.window), image_px, bits, shared);
+        let start = Start { params, image_px, maker, clock, state, refresh };
+        let describe = move |glass: &VulkanGlass| format!("{place}; {}", glass.description());
+        start.display(glass, describe, move || window::forget(id))
+    }
+
+    /// Which monitor, how it is filled, which driver and which format.
+    #[must_use]
+    pub fn description(&self) -> &str {
+        &self.description
+    }
+
+    /// What became of frames and refreshes so far.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        self.state.counters.read()
+    }
+
+    /// Writes the submit time of every frame from here on into a new file ([`crate::display::SubmitRow`]). Who asks for
+    /// this does not read [`Self::submits`].
+    ///
+    /// # Errors
+    /// When it is there already, or cannot be made.
+    pub fn keep_submits(&mut self, path: &Path) -> Result<(), DisplayError> {
+        self.log = Some(SubmitLog::create(path, self.latency)?);
+        Ok(())
+    }
+
+    fn log_submits(&mut self) {
+        let Some(log) = &mut self.log else { return };
+        self.submits.try_iter().for_each(|submitted| log.add(&submitted));
+    }
+
+    /// Submit times, oldest first, for one reader; when 4096 wait, further ones are lost and counted.
+    #[must_use]
+    pub fn submits(&self) -> Receiver<Submitted> {
+        self.submits.clone()
+    }
+
+    /// Submit to light, as it was given.
+    #[must_use]
+    pub fn latency(&self) -> Option<Span> {
+        self.latency
+    }
+
+    /// Why nothing is shown any more, if so.
+    #[must_use]
+    pub fn ended(&self) -> Option<&DisplayError> {
+        self.state.ended()
+    }
+
+    fn refuse(&mut self, frame: u32, why: DisplayError) -> Result<(), SinkError> {
+        self.refused += 1;
+        Err(SinkError::Device { sink: NAME, frame, source: Box::new(why) })
+    }
+}
+
+impl Sink for Display {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        let number = frame.meta.number;
+        if self.is_finished {
+            self.refused += 1;
+            return Err(SinkError::Finished { sink: NAME, frame: number });
+        }
+        let got_px = [frame.image.width(), frame.image.height()].map(|length| length as u32);
+        if got_px != self.image_px {
+            return self.refuse(number, DisplayError::FrameSize { got_px, wanted_px: self.image_px });
+        }
+        self.log_submits();
+        let end = self.state.ended().cloned();
+        if let (Some(end), false) = (&end, self.has_told_its_end) {
+            self.has_told_its_end = true;
+            return self.refuse(number, end.clone());
+        }
+        self.run_crc32.add(number, pixel_crc32(&frame.image));
+        self.frames += 1;
+        if end.is_some() {
+            count(&self.state.counters.unseen);
+        } else {
+            let exposure_start = frame.meta.mid_exposure - Span::from_s(0.5 * frame.meta.exposure_s);
+            if self.outgoing.put(number, Some(exposure_start), frame.image.pixels()) {
+                count(&self.state.counters.replaced);
+            }
+        }
+        Ok(())
+    }
+
+    fn counts(&self) -> Vec<(&'static str, u64)> {
+        let c = self.state.counters.read();
+        let named = [
+            ("presented", c.presented),
+            ("repeated", c.repeated),
+            ("replaced", c.replaced),
+            ("late", c.late),
+            ("unseen", c.unseen),
+            ("lost_surface", c.lost_surface),
+            ("reconfigured", c.reconfigured),
+            ("monitor_lost", c.monitor_lost),
+            ("monitor_regained", c.monitor_regained),
+            ("submits_lost", c.submits_lost + self.log.as_ref().map_or(0, SubmitLog::unwritten)),
+            ("clipped_px", c.clipped_px),
+        ];
+        named.into_iter().filter(|(_, count)| *count > 0).collect()
+    }
+
+    fn finish(&mut self) -> Result<SinkSummary, SinkError> {
+        self.is_finished = true;
+        self.state.finish();
+        let is_lost = self.presenter.take().is_some_and(|presenter| presenter.join().is_err());
+        self.log_submits();
+        let written = self.log.as_mut().map_or(Ok(()), SubmitLog::finish);
+        written.map_err(|error| SinkError::Unfinished { sink: NAME, source: Box::new(error) })?;
+        if is_lost {
+            return Err(SinkError::Lost { sink: NAME });
+        }
+        let (frames, refused, run_crc32) = (self.frames, self.refused, self.run_crc32.value());
+        Ok(SinkSummary { sink: NAME, frames, refused, bytes: 0, run_crc32, output: None })
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        self.state.finish();
+        if let Some(presenter) = self.presenter.take() {
+            let _nobody_is_left_to_ask = presenter.join();
+        }
+    }
+}
+
+/// What must hold before a window is opened.
+fn check(params: &Params, image_px: [u32; 2], maker: &GreyMaker) -> Result<(), DisplayError> {
+    if maker.bits() != params.bits.count() {
+        return Err(DisplayError::TableDepth { table: maker.bits(), display: params.bits.count() });
+    }
+    params.marker.map_or(Ok(()), |marker| marker.check(image_px))
+}
+
+/// A display on a connector of `card`.
+#[cfg(feature = "direct_scanout")]
+fn scan_out(card: &CardChoice, start: Start<'_>) -> Result<Display, DisplayError> {
+    let (params, image_px, state) = (start.params, start.image_px, Arc::clone(&start.state));
+    let connector = Arc::new(Connector::take(card, params, image_px)?);
+    let mhz = connector.refresh_mhz();
+    let place = [Some(connector.to_string()), refresh::told(params.refresh, Some(mhz), true)?];
+    let place = place.into_iter().flatten().collect::<Vec<_>>().join("; ");
+    state.set_window_px(connector.size_px());
+    let (bits, shown, shared) = (params.bits, Arc::clone(&connector), Arc::clone(&state));
+    let glass = move || ScanOut::open(shown, image_px, bits, shared);
+    let describe = move |glass: &ScanOut| format!("{place}; {}", glass.description());
+    let display = Start { refresh: Some(period(mhz)), ..start }.display(glass, describe, || {})?;
+    direct_scanout::watch(&connector, &state)?;
+    Ok(display)
+}
+
+#[cfg(not(feature = "direct_scanout"))]
+fn scan_out(_: &CardChoice, _: Start<'_>) -> Result<Display, DisplayError> {
+    Err(DisplayError::DirectScanOut)
+}
+
+fn period(mhz: u32) -> Span {
+    Span::from_s(1000.0 / f64::from(mhz))
+}
+
+fn place_of(opened: &Opened, params: &Params) -> String {
+    match (params.window_px, opened.is_managed) {
+        (Some([w, h]), _) => format!("a window of {w} x {h} px"),
+        (None, true) => format!("monitor {}, full screen", opened.monitor),
+        (None, false) => format!("monitor {}, full screen without the window manager", opened.monitor),
+    }
+}
+
+/// What a display is started with, whatever it shows on.
+struct Start<'a> {
+    params: &'a Params,
+    image_px: [u32; 2],
+    maker: GreyMaker,
+    clock: Arc<dyn Clock>,
+    state: Arc<State>,
+    refresh: Option<Span>,
+}
+
+impl Start<'_> {
+    /// Starts the presenter. `glass` is made on its thread; `at_end` is called there when nothing is shown any more.
+    fn display<G: Glass>(
+        self,
+        glass: impl FnOnce() -> Result<G, DisplayError> + Send + 'static,
+        describe: impl FnOnce(&G) -> String + Send + 'static,
+        at_end: impl FnOnce() + Send + 'static,
+    ) -> Result<Display, DisplayError> {
+        let Self { params, image_px, maker, clock, state, refresh } = self;
+        let (latency, lead) = (params.latency, params.lead());
+        let size_px = image_px.map(|length| length as usize);
+        let (outgoing, incoming) = hand_over(size_px[0] * size_px[1]);
+        let (submitted, submits) = bounded(SUBMITS);
+        let (told, answer) = bounded(1);
+        let picture = Picture::new(size_px, params.marker, params.bits.most());
+        let shared = Arc::clone(&state);
+        let present = move || {
+            let opened = glass();
+            let _the_opener_waits = told.send(opened.as_ref().map(describe).map_err(Clone::clone));
+            if let Ok(glass) = opened {
+                let (pace, now) = (Pace::new(refresh), Showing::default());
+                let (state, submits) = (shared, submitted);
+                Presenter { glass, incoming, picture, maker, state, clock, submits, pace, lead, now }.run();
+            }
+            at_end();
+        };
+        let no_thread = |error: std::io::Error| DisplayError::Thread { name: NAME, reason: error.to_string() };
+        let presenter = std::thread::Builder::new().name(NAME.into()).spawn(present).map_err(no_thread)?;
+        let ended = |_| DisplayError::Driver("its thread ended at its start".into());
+        let description = answer.recv().map_err(ended)??;
+        Ok(Display {
+            image_px,
+            outgoing,
+            state,
+            submits,
+            presenter: Some(presenter),
+            description,
+            latency,
+            log: None,
+            has_told_its_end: false,
+            is_finished: false,
+            frames: 0,
+            refused: 0,
+            run_crc32: RunCrc32::default(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::display::error::Closing;
+    use crate::display::glass::Turn;
+    use crate::display::grey::GreyTable;
+    use crate::display::marker::{Corner, Marker};
+    use crate::display::params::Bits;
+    use base::clock::Monotonic;
+    use frames::sink::compliance::check_sink;
+    use frames::sink::sample::sample_frame;
+
+    /// Takes everything.
+    struct Paper;
+
+    impl Glass for Paper {
+        fn turn(&mut self) -> Turn {
+            Turn::Ready
+        }
+
+        fn show(&mut self, _: &Picture, _: bool) {}
+
+        fn failure(&self) -> Option<String> {
+            None
+        }
+    }
+
+    fn maker() -> GreyMaker {
+        GreyMaker::nearest(&GreyTable::linear(8))
+    }
+
+    fn on_paper() -> Display {
+        let (params, image_px) = (Params::full_screen(), [31, 17]);
+        let refresh = Some(Span::from_ns(1_000_000));
+        let (clock, state) = (Arc::new(Monotonic::start()), Arc::new(State::default()));
+        let start = Start { params: &params, image_px, maker: maker(), clock, state, refresh };
+        start.display(|| Ok(Paper), |_| "paper".into(), || {}).unwrap()
+    }
+
+    #[test]
+    fn the_display_complies() {
+        check_sink(|| Box::new(on_paper())).unwrap();
+    }
+
+    #[test]
+    fn each_frame_is_presented_or_replaced() {
+        let mut display = on_paper();
+        (0..50).for_each(|number| display.send(&sample_frame(number)).unwrap());
+        assert_eq!(display.finish().unwrap().frames, 50);
+        let counts = display.counts();
+        assert_eq!(counts.presented + counts.replaced, 50, "{counts:?}");
+        let last = display.submits().try_iter().last().unwrap();
+        assert_eq!(last.frame, 49, "the last one is shown before the end");
+    }
+
+    #[test]
+    fn submit_times_of_a_run_are_kept_when_asked_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(crate::display::SUBMITS);
+        let mut display = on_paper();
+        display.keep_submits(&path).unwrap();
+        (0..50).for_each(|number| display.send(&sample_frame(number)).unwrap());
+        display.finish().unwrap();
+        let mut read = csv::Reader::from_path(path).unwrap();
+        let rows: Vec<crate::display::SubmitRow> = read.deserialize().map(Result::unwrap).collect();
+        assert_eq!(rows.len() as u64, display.counts().presented);
+        assert_eq!(rows.last().unwrap().frame, 49);
+        assert!(rows.windows(2).all(|pair| pair[1].submit_tai_ns >= pair[0].submit_tai_ns));
+        assert!(rows.iter().all(|row| row.light_off_ns.is_none()), "no latency is known");
+    }
+
+    #[test]
+    fn a_closed_window_is_told_once_and_then_counted() {
+        let mut display = on_paper();
+        display.state.end(DisplayError::Closed(Closing::Escape));
+        let told = display.send(&sample_frame(1)).unwrap_err().to_string();
+        assert!(told.contains("Esc"), "{told}");
+        display.send(&sample_frame(2)).unwrap();
+        let summary = display.finish().unwrap();
+        assert_eq!((summary.frames, summary.refused, display.counts().unseen), (1, 1, 1));
+    }
+
+    #[test]
+    fn a_frame_of_another_size_is_refused_and_the_next_is_taken() {
+        let mut display = on_paper();
+        let mut wrong = sample_frame(1);
+        wrong.image = base::image::DnImage::new(31, 18);
+        let text = display.send(&wrong).unwrap_err().to_string();
+        assert!(text.contains("31 x 18") && text.contains("31 x 17"), "{text}");
+        display.send(&sample_frame(2)).unwrap();
+    }
+
+    #[test]
+    fn what_does_not_fit_together_opens_no_window() {
+        let clock = || Arc::new(Monotonic::start());
+        let open = |params: Params| Display::open(&params, [64, 48], maker(), clock()).unwrap_err();
+        let plain = Params::full_screen();
+        #[cfg(not(feature = "direct_scanout"))]
+        {
+            let direct_scanout = Some(CardChoice::First);
+            let scanout = open(Params { direct_scanout, ..plain.clone() });
+            assert_eq!(scanout, DisplayError::DirectScanOut);
+            assert!(scanout.to_string().contains("--features direct_scanout"), "{scanout}");
+        }
+        #[cfg(feature = "direct_scanout")]
+        {
+            let direct_scanout = Some(CardChoice::At("/dev/null".into()));
+            let scanout = open(Params { direct_scanout, ..plain.clone() });
+            assert!(matches!(scanout, DisplayError::Card { .. }), "no window instead: {scanout}");
+        }
+        let depth = open(Params { bits: Bits::Ten, ..plain.clone() });
+        assert_eq!(depth, DisplayError::TableDepth { table: 8, display: 10 });
+        let marker = Some(Marker { size_px: 49, corner: Corner::TopLeft });
+        assert!(matches!(open(Params { marker, ..plain }), DisplayError::MarkerSize { marker_px: 49, .. }));
+    }
+}

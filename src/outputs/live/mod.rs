@@ -1,0 +1,67 @@
+//! Frames and numbers of a run under way -> one page for people and metrics for machines, over HTTP.
+//!
+//! ```text
+//! sink thread:  SentFrame -> LiveSink -> newest picture (three buffers that change places)
+//! frame thread: RunNumbers -> Numbers -> queue of one, dropped when full          -> "live" thread (tokio): requests
+//! ```
+//!
+//! Input: frames (a copy of each, the newest is kept) and [`RunNumbers`](frames::report::RunNumbers), all counts since the
+//! start. Output: `/` (the page, which loads nothing from elsewhere), `/frame.png`, `/truth.json`, `/state.json` and
+//! `/metrics` (Prometheus text 0.0.4). Units are in the names.
+//!
+//! Read-only: GET and HEAD, everything else is 405. No password: loopback unless told otherwise, and only who asks for an
+//! address of this machine, `localhost` or a name it was told is answered. Nothing here runs on the frame thread but a copy of 15 KiB; a sink
+//! thread waits for no client, as the buffers change places under a lock that is held for two moves. Bounded: clients
+//! ([`CLIENTS_MAX`]), time of a connection, size of a request, one encoding at a time for a quarter of a core at most.
+//!
+//! Tour: `latest` and `sink` (frames in), `numbers` (counts in) -> `board` (what is known now) -> `picture`, `truth`, `state`,
+//! `metrics` (its forms) -> `route` (request to answer) -> `server` (clients) and `page/`.
+//!
+//! Tests: beside the code; `http_tests` with raw requests; `hil_scripts/test_live.py` with a browser and Prometheus's parser.
+
+mod board;
+mod error;
+#[cfg(test)]
+mod http_tests;
+mod lateness;
+mod latest;
+mod metrics;
+mod numbers;
+mod picture;
+mod query;
+mod route;
+mod server;
+mod sink;
+mod state;
+mod truth;
+mod view;
+
+pub use error::LiveError;
+pub use numbers::Numbers;
+pub use server::CLIENTS_MAX;
+pub use sink::LiveSink;
+pub use view::{LINGER, LiveView};
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+/// What the page is of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Params {
+    /// Where to listen; port 0 takes a free one.
+    pub address: SocketAddr,
+    /// Names of this machine by which it may be asked, beside `localhost` and addresses; without a port.
+    pub names: Vec<String>,
+    /// Name of the bench.
+    pub bench: String,
+    /// Name of the camera.
+    pub camera: Arc<str>,
+    /// Columns and rows of a frame, px: buffers are made for it.
+    pub size_px: [usize; 2],
+    /// Full field of view along columns and rows, deg.
+    pub field_deg: [f64; 2],
+    /// Frame period, s.
+    pub frame_period_s: f64,
+    /// From the end of the exposure to the deadline, s.
+    pub readout_s: f64,
+}

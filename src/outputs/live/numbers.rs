@@ -1,0 +1,43 @@
+//! The run's end of the view: counts, handed over when the queue has space, else dropped.
+//!
+//! A queue of one: the frame thread never waits, and as all values are counts since the start, a dropped one costs nothing
+//! but its age. The last ones, after the run, are never dropped.
+
+use crossbeam_channel::{Receiver, Sender, bounded};
+use frames::report::RunNumbers;
+use std::time::Duration;
+
+/// Time that the view may take for what is in the queue, at the end of a run.
+const TAKES_WITHIN: Duration = Duration::from_secs(1);
+
+/// Numbers on their way to the view.
+#[derive(Debug)]
+pub(super) struct Told {
+    pub(super) numbers: RunNumbers,
+    /// The run is over: these are its totals.
+    pub(super) are_last: bool,
+}
+
+/// Where the numbers of a run are told.
+#[derive(Debug, Clone)]
+pub struct Numbers {
+    to_view: Sender<Told>,
+}
+
+impl Numbers {
+    pub(super) fn new() -> (Self, Receiver<Told>) {
+        let (to_view, told) = bounded(1);
+        (Self { to_view }, told)
+    }
+
+    /// Hands the numbers over; drops them while the view has not taken the ones before. No allocation, no wait.
+    pub fn tell(&self, numbers: &RunNumbers) {
+        let _the_view_is_busy = self.to_view.try_send(Told { numbers: *numbers, are_last: false });
+    }
+
+    /// Hands over the totals of a run that is over. Waits for the view, but not for long: one that has ended takes none.
+    pub fn tell_last(&self, numbers: &RunNumbers) {
+        let last = Told { numbers: *numbers, are_last: true };
+        let _the_view_has_ended = self.to_view.send_timeout(last, TAKES_WITHIN);
+    }
+}

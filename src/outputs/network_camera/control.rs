@@ -1,0 +1,137 @@
+//! Who may command the camera: one application at a time, as long as it is heard from.
+//!
+//! Open access reads; control reads and writes while others still read; exclusive access shuts others out. Whoever has
+//! control keeps it by any command within the heartbeat time, and loses it when silent: a killed client blocks nobody for
+//! longer. Time is an argument.
+
+use crate::network_camera::gvcp::Status;
+use crate::network_camera::proof::Proof;
+use base::time::{Span, Tai};
+use std::net::SocketAddrV4;
+
+/// Bits of the control privilege register.
+const EXCLUSIVE: u32 = 0x1;
+const CONTROL: u32 = 0x2;
+const SWITCHOVER: u32 = 0x4;
+
+/// The present controller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Controller {
+    address: SocketAddrV4,
+    is_exclusive: bool,
+    heard: Tai,
+}
+
+/// Control, given or not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Control {
+    controller: Option<Controller>,
+}
+
+/// What a write to the privilege register did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Change {
+    /// A new controller.
+    Taken,
+    /// The controller asked for another privilege, or for the same.
+    Kept,
+    /// The controller let go.
+    Released,
+}
+
+impl Control {
+    /// The controller's address.
+    pub(super) fn controller(&self) -> Option<SocketAddrV4> {
+        self.controller.map(|controller| controller.address)
+    }
+
+    /// Notes that somebody was heard.
+    pub(super) fn hear(&mut self, from: SocketAddrV4, now: Tai) {
+        if let Some(controller) = self.controller.as_mut().filter(|controller| controller.address == from) {
+            controller.heard = now;
+        }
+    }
+
+    /// Refuses readers while another application has exclusive access, which takes effect once its address is proven.
+    pub(super) fn may_read(&self, from: SocketAddrV4, proof: &Proof) -> Result<(), Status> {
+        let is_shut_out = self.controller.is_some_and(|controller| {
+            controller.is_exclusive && controller.address != from && proof.is_proven(controller.address)
+        });
+        if is_shut_out { Err(Status::AccessDenied) } else { Ok(()) }
+    }
+
+    /// Refuses everybody but the controller.
+    pub(super) fn may_write(&self, from: SocketAddrV4) -> Result<(), Status> {
+        if self.controller() == Some(from) { Ok(()) } else { Err(Status::AccessDenied) }
+    }
+
+    /// A write to the privilege register.
+    pub(super) fn request(&mut self, from: SocketAddrV4, value: u32, now: Tai) -> Result<Change, Status> {
+        if self.controller.is_some() {
+            self.may_write(from)?;
+        }
+        if value & !(EXCLUSIVE | CONTROL | SWITCHOVER) != 0 {
+            return Err(Status::InvalidParameter);
+        }
+        let had = self.controller.is_some();
+        let wants = value & (EXCLUSIVE | CONTROL) != 0;
+        let is_exclusive = value & EXCLUSIVE != 0;
+        self.controller = wants.then_some(Controller { address: from, is_exclusive, heard: now });
+        Ok(match (had, wants) {
+            (false, true) => Change::Taken,
+            (true, false) => Change::Released,
+            _ => Change::Kept,
+        })
+    }
+
+    /// Ends the control of an application that has not been heard for longer than `timeout`; true when it did.
+    pub(super) fn time_out(&mut self, now: Tai, timeout: Span) -> bool {
+        let is_silent = self.controller.is_some_and(|controller| now - controller.heard > timeout);
+        if is_silent {
+            self.controller = None;
+        }
+        is_silent
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::Ipv4Addr;
+
+    const A: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 1000);
+    const B: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 1001);
+    const START: Tai = Tai::from_ns(1_000);
+
+    #[test]
+    fn one_application_has_control() {
+        let mut control = Control::default();
+        assert_eq!(control.may_write(A), Err(Status::AccessDenied), "nobody has it");
+        assert_eq!(control.request(A, CONTROL, START), Ok(Change::Taken));
+        assert_eq!(control.request(B, CONTROL, START), Err(Status::AccessDenied));
+        assert_eq!(control.request(B, 0, START), Err(Status::AccessDenied), "nor may it be taken away");
+        let mut proof = Proof::default();
+        assert_eq!((control.may_read(B, &proof), control.may_write(B)), (Ok(()), Err(Status::AccessDenied)));
+        assert_eq!(control.request(A, EXCLUSIVE, START), Ok(Change::Kept));
+        assert_eq!(control.may_read(B, &proof), Ok(()), "one datagram, perhaps forged, shuts out no reader");
+        proof.accept(A, Some(A), START);
+        assert_eq!((control.may_read(B, &proof), control.may_read(A, &proof)), (Err(Status::AccessDenied), Ok(())));
+        assert_eq!(control.request(A, 8, START), Err(Status::InvalidParameter));
+        assert_eq!(control.request(A, 0, START), Ok(Change::Released));
+        assert_eq!(control.request(B, CONTROL, START), Ok(Change::Taken));
+    }
+
+    #[test]
+    fn silence_ends_control_at_the_timeout_and_not_before() {
+        let timeout = Span::from_ms(3000);
+        let mut control = Control::default();
+        control.request(A, CONTROL, START).unwrap();
+        control.hear(B, START + Span::from_ms(2000));
+        assert!(!control.time_out(START + timeout, timeout));
+        control.hear(A, START + Span::from_ms(2000));
+        assert!(!control.time_out(START + Span::from_ms(5000), timeout));
+        assert!(control.time_out(START + Span::from_ns(5_000_000_001), timeout));
+        assert!(!control.time_out(START + Span::from_ms(9000), timeout), "only once");
+        assert_eq!(control.request(B, CONTROL, START), Ok(Change::Taken));
+    }
+}

@@ -1,0 +1,519 @@
+//! The camera as clients see it: one datagram of the control port -> an answer and what is to be done.
+//!
+//! No sockets, no threads, no clock: sender and time are arguments, so that the whole protocol is tested and fuzzed as a
+//! function. Answers never exceed one datagram of 576 bytes. Settings of the stream are told to [`Shared`] before a datagram
+//! is answered and before its frames are wanted; the number of the acquisition in them goes up with each start and stop.
+//!
+//! A command that comes again under the same number is answered as before and carried out once. By broadcast come
+//! discovery, actions, and a new address, which this device cannot take: its address is the machine's.
+
+// By its path: the fuzz package takes this file in as a module of another folder.
+#[path = "device/features.rs"]
+mod features;
+
+use crate::network_camera::acquisition::{Acquisition, Wanted};
+use crate::network_camera::control::{Change, Control};
+use crate::network_camera::counters::{Counters, Tally};
+use crate::network_camera::first_values::{HEARTBEAT_MS, XmlView, write_bootstrap, write_features, write_urls};
+use crate::network_camera::gvcp::{self, Action, Command, Malformed, Resend, Status};
+use crate::network_camera::gvsp::{IP_UDP_BYTES, StreamSettings};
+use crate::network_camera::params::{PACKET_BYTES_MIN, Params, SensorParams, XmlForm};
+use crate::network_camera::pixel_format::PixelFormat;
+use crate::network_camera::proof::Proof;
+use crate::network_camera::registers::{FIRST_XML, Memory, SECOND_XML, at, own};
+use crate::network_camera::repeats::LastChange;
+use crate::network_camera::shared::Shared;
+use crate::network_camera::{chunk, xml};
+use base::time::{Span, Tai};
+use std::net::{Ipv4Addr, SocketAddrV4};
+use std::sync::Arc;
+
+/// Bounds of the heartbeat time that a client may ask for, ms.
+const HEARTBEAT_LEAST_MS: u32 = 500;
+const HEARTBEAT_MOST_MS: u32 = 600_000;
+/// The longest when other machines reach the camera: a client that is gone, or was forged, blocks others no longer.
+const HEARTBEAT_MOST_EXPOSED_MS: u32 = 30_000;
+/// The end of the registers with the XML's addresses.
+const URLS_END: u32 = at::SECOND_URL + 0x200;
+/// Bytes of memory that answer a discovery.
+const DISCOVERY_BYTES: usize = 0xF8;
+/// Bytes of a word of memory.
+const WORD_BYTES: u16 = 4;
+/// Bits of the packet size register.
+const FIRE_TEST: u32 = 0x8000_0000;
+const DO_NOT_FRAGMENT: u32 = 0x4000_0000;
+/// Longest pause between packets that is kept, ns.
+const DELAY_MOST_NS: u32 = 10_000_000;
+/// Bit of the time stamp control register that latches.
+const LATCH: u32 = 2;
+/// Every field of the truth.
+const ALL_CHUNKS: u32 = (1 << chunk::FIELDS.len()) - 1;
+/// Sources of triggers.
+const SOURCE_SOFTWARE: u32 = 0;
+const SOURCE_ACTION: u32 = 1;
+
+/// What the device is, beside what [`Params`] says: found on the machine when it comes up.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DeviceParams {
+    /// The camera's own address.
+    pub address: Ipv4Addr,
+    /// Mask of its subnet.
+    pub mask: Ipv4Addr,
+    /// Hardware address.
+    pub mac: [u8; 6],
+    /// Most bytes of one packet, IP and UDP headers included.
+    pub packet_bytes_max: u32,
+    /// Port that packets come from.
+    pub stream_source_port: u16,
+}
+
+/// What is to be done after one datagram. Made once, used again.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Answer {
+    /// To be sent back to the sender; empty for nothing.
+    pub reply: Vec<u8>,
+    /// A datagram of so many bytes, zeros, to be sent from the stream's port: the client measures what gets through.
+    pub test_packet: Option<(SocketAddrV4, usize)>,
+    /// Packets to be sent again, if the stream goes to this sender.
+    pub resend: Option<Resend>,
+}
+
+/// The state of the control side.
+pub struct Device {
+    memory: Memory,
+    control: Control,
+    acquisition: Acquisition,
+    shared: Arc<Shared>,
+    last_change: LastChange,
+    proof: Proof,
+    xml: XmlForm,
+    xml_bytes: [usize; 2],
+    place: DeviceParams,
+    allow_other_receivers: bool,
+    /// Of the present acquisition or the pause before the next.
+    number: u32,
+    /// Fields of the truth that are wanted, one bit each.
+    chunks: u32,
+    /// The half of a frame rate that was written; the other half makes it hold.
+    rate_high: u32,
+}
+
+impl Device {
+    /// A device that nobody controls.
+    ///
+    /// # Errors
+    /// When the XML cannot be deflated, which memory alone could prevent.
+    pub fn new(params: &Params, sensor: &SensorParams, place: DeviceParams) -> std::io::Result<Self> {
+        let (plain, zipped) = (xml::plain(&params.identity, &place), xml::zipped(&params.identity, &place)?);
+        let lengths = [plain.len(), zipped.len()];
+        let (first, second) = if params.xml == XmlForm::Zip { (zipped, plain) } else { (plain, zipped) };
+        let mut memory = Memory::new(first, second);
+        write_bootstrap(&mut memory, &params.identity, &place);
+        let format = params.pixel_format.unwrap_or(PixelFormat::for_bits(sensor.bits));
+        write_features(&mut memory, sensor, format);
+        memory.set(at::PACKET_SIZE, DO_NOT_FRAGMENT | params.packet_bytes.min(place.packet_bytes_max) & !3);
+        let mut device = Self {
+            memory,
+            control: Control::default(),
+            acquisition: Acquisition::default(),
+            shared: Arc::new(Shared::new()),
+            last_change: LastChange::default(),
+            proof: Proof::default(),
+            xml: params.xml,
+            xml_bytes: lengths,
+            place,
+            allow_other_receivers: params.allow_other_receivers,
+            number: 1,
+            chunks: ALL_CHUNKS,
+            rate_high: 0,
+        };
+        device.measure_payload();
+        device.publish();
+        Ok(device)
+    }
+
+    /// The count of frames that clients still want.
+    #[must_use]
+    pub fn wanted(&self) -> Arc<Wanted> {
+        Arc::clone(&self.shared.wanted)
+    }
+
+    pub(super) fn shared(&self) -> Arc<Shared> {
+        Arc::clone(&self.shared)
+    }
+
+    fn tally(&self) -> &Tally {
+        &self.shared.tally
+    }
+
+    /// What was counted so far.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        self.tally().read()
+    }
+
+    /// Takes one datagram that came to the control port.
+    pub fn answer(&mut self, from: SocketAddrV4, bytes: &[u8], now: Tai, out: &mut Answer) {
+        self.hear(from, bytes, false, now, out);
+    }
+
+    /// Takes one datagram that came by broadcast.
+    pub fn answer_broadcast(&mut self, from: SocketAddrV4, bytes: &[u8], now: Tai, out: &mut Answer) {
+        self.hear(from, bytes, true, now, out);
+    }
+
+    fn hear(&mut self, from: SocketAddrV4, bytes: &[u8], is_broadcast: bool, now: Tai, out: &mut Answer) {
+        out.reply.clear();
+        (out.test_packet, out.resend) = (None, None);
+        if !self.is_neighbour(*from.ip()) {
+            return self.tally().strangers.one();
+        }
+        let request = match gvcp::parse(bytes) {
+            Ok(request) => request,
+            Err(reason) => return self.tally().malformed(reason),
+        };
+        if is_broadcast && !request.command.may_be_broadcast() {
+            return self.tally().broadcasts_ignored.one();
+        }
+        self.control.hear(from, now);
+        if let Some(reply) = self.last_change.answer_to(from, bytes, now) {
+            out.reply.extend(reply);
+            return self.tally().repeats.one();
+        }
+        gvcp::begin_answer(request.code, request.id, &mut out.reply);
+        let is_silent = self.is_silent(&request.command);
+        let is_change = request.command.is_change() && !is_silent;
+        let status = self.carry_out(request.command, from, now, out);
+        if status != Status::Success {
+            self.tally().commands_refused.one();
+        }
+        gvcp::end_answer(status, &mut out.reply);
+        if is_silent || !request.wants_answer {
+            out.reply.clear();
+        }
+        // What was refused to somebody without control changed nothing, and must not push out what did.
+        if is_change && (status == Status::Success || self.control.controller() == Some(from)) {
+            self.last_change.keep(from, bytes, &out.reply, now);
+        }
+        self.publish();
+    }
+
+    /// Lets time pass: a controller that has been silent for too long loses control, and its stream ends.
+    pub fn tick(&mut self, now: Tai) {
+        let asked_ms = self.memory.word(at::HEARTBEAT_MS);
+        let is_proven = self.is_controller_proven();
+        let timeout = Span::from_ms(i64::from(if is_proven { asked_ms } else { asked_ms.min(HEARTBEAT_MS) }));
+        if self.control.time_out(now, timeout) {
+            self.tally().controllers_timed_out.one();
+            self.last_change.forget();
+            self.release();
+            self.publish();
+        }
+    }
+
+    /// Ends the stream of an acquisition whose receiver is gone.
+    pub(super) fn end_stream_of(&mut self, acquisition: u32) {
+        if self.number == acquisition {
+            self.stop();
+            self.publish();
+        }
+    }
+
+    fn is_controller_proven(&self) -> bool {
+        self.control.controller().is_some_and(|controller| self.proof.is_proven(controller))
+    }
+
+    /// Refuses what sends more than was received, as long as the controller may be a forged address.
+    fn must_be_proven(&self) -> Result<(), Status> {
+        if self.is_controller_proven() {
+            return Ok(());
+        }
+        self.tally().unproven_refused.one();
+        Err(Status::AccessDenied)
+    }
+
+    /// How frames are to be sent from now on.
+    #[must_use]
+    pub fn stream(&self) -> StreamSettings {
+        let word = |address| self.memory.word(address);
+        let port = u16::try_from(word(at::STREAM_PORT) & 0xFFFF).unwrap_or_default();
+        let destination = SocketAddrV4::new(Ipv4Addr::from_bits(word(at::STREAM_ADDRESS)), port);
+        let is_open = port != 0 && !destination.ip().is_unspecified() && self.acquisition.is_started();
+        StreamSettings {
+            acquisition: self.number,
+            destination: is_open.then_some(destination),
+            packet_bytes: usize::try_from(word(at::PACKET_SIZE) & 0xFFFF).unwrap_or_default(),
+            delay_ns: word(at::PACKET_DELAY),
+            format: self.format(),
+            region_px: [own::OFFSET_X, own::OFFSET_Y, own::WIDTH, own::HEIGHT].map(word),
+            with_chunks: self.has_chunks(),
+        }
+    }
+
+    /// Before an answer leaves and before frames are wanted: what follows finds the settings told.
+    fn publish(&self) {
+        let settings = self.stream();
+        if settings != self.shared.settings() {
+            self.shared.publish(settings);
+        }
+    }
+
+    fn is_neighbour(&self, other: Ipv4Addr) -> bool {
+        let mask = self.place.mask.to_bits();
+        self.place.address.to_bits() & mask == other.to_bits() & mask
+    }
+
+    /// What is never answered: requests to send again, and what is for others.
+    fn is_silent(&self, command: &Command<'_>) -> bool {
+        match command {
+            Command::Resend(_) => true,
+            Command::Action(action) => !self.is_meant(*action) || self.control.controller().is_none(),
+            Command::ForceAddress { mac, .. } => *mac != self.place.mac,
+            _ => false,
+        }
+    }
+
+    fn carry_out(&mut self, command: Command<'_>, from: SocketAddrV4, now: Tai, out: &mut Answer) -> Status {
+        let done = match command {
+            Command::Bad(reason) => {
+                self.tally().malformed(reason);
+                let is_unknown = reason == Malformed::UnknownCommand;
+                Err(if is_unknown { Status::NotImplemented } else { Status::InvalidParameter })
+            }
+            Command::Discovery => {
+                self.tally().discoveries.one();
+                self.memory.read(0, DISCOVERY_BYTES).map(|bytes| out.reply.extend(bytes))
+            }
+            Command::Resend(resend) => {
+                out.resend = Some(resend);
+                Ok(())
+            }
+            Command::ReadRegisters(addresses) => self.read_registers(addresses, from, now, &mut out.reply),
+            Command::ReadMemory { address, bytes } => self.read_memory(address, bytes, from, now, &mut out.reply),
+            Command::WriteRegisters(pairs) => {
+                let pairs = pairs.as_chunks::<2>().0.iter().map(|[address, value]| (number(address), number(value)));
+                self.write_all(pairs, 1, from, now, out)
+            }
+            Command::WriteMemory { address, words } => {
+                let addresses = (0..u32::MAX).step_by(4).map(|step| address.wrapping_add(step));
+                self.write_all(addresses.zip(words.iter().map(number)), WORD_BYTES, from, now, out)
+            }
+            Command::ForceAddress { mac, address, mask } => self.force_address(mac, address, mask),
+            Command::Action(action) => self.act(action),
+        };
+        done.err().unwrap_or(Status::Success)
+    }
+
+    fn read_registers(
+        &mut self,
+        addresses: &[[u8; 4]],
+        from: SocketAddrV4,
+        now: Tai,
+        reply: &mut Vec<u8>,
+    ) -> Result<(), Status> {
+        self.control.may_read(from, &self.proof)?;
+        for address in addresses {
+            let place = self.place_in_memory(number(address), from, now)?;
+            reply.extend(self.memory.read(place, 4)?);
+        }
+        Ok(())
+    }
+
+    fn read_memory(
+        &mut self,
+        address: u32,
+        bytes: usize,
+        from: SocketAddrV4,
+        now: Tai,
+        reply: &mut Vec<u8>,
+    ) -> Result<(), Status> {
+        self.control.may_read(from, &self.proof)?;
+        let place = self.place_in_memory(address, from, now)?;
+        let data = self.memory.read(place, bytes)?;
+        reply.extend(address.to_be_bytes());
+        reply.extend(data);
+        Ok(())
+    }
+
+    /// Returns the place behind an address that a client reads; the XML is at another address for each client.
+    fn place_in_memory(&mut self, address: u32, from: SocketAddrV4, now: Tai) -> Result<u32, Status> {
+        let view = XmlView { run_number: self.proof.run_number(), shift: self.proof.shift(from) };
+        if (at::FIRST_URL..URLS_END).contains(&address) {
+            write_urls(&mut self.memory, self.xml, self.xml_bytes, view);
+        }
+        if !Proof::is_shown(address) {
+            return if address >= FIRST_XML { Err(Status::InvalidAddress) } else { Ok(address) };
+        }
+        let place = address.wrapping_sub(view.shift);
+        if place < FIRST_XML || self.memory.read(place, 4).is_err() {
+            self.tally().xml_misses.one();
+            self.proof.miss(now);
+            return Err(Status::InvalidAddress);
+        }
+        if place == FIRST_XML || place == SECOND_XML {
+            self.proof.accept(from, self.control.controller(), now);
+        }
+        Ok(place)
+    }
+
+    /// The machine's address cannot be changed from here; asking for the one there is does no harm.
+    fn force_address(&self, mac: [u8; 6], address: Ipv4Addr, mask: Ipv4Addr) -> Result<(), Status> {
+        if mac != self.place.mac || (address, mask) == (self.place.address, self.place.mask) {
+            return Ok(());
+        }
+        let is_taken = self.control.controller().is_some();
+        Err(if is_taken { Status::AccessDenied } else { Status::NotImplemented })
+    }
+
+    /// Writes in order up to the first word that is refused. The answer's index counts `index_step` for each word
+    /// written: WRITEREG_ACK counts registers, WRITEMEM_ACK counts bytes.
+    fn write_all(
+        &mut self,
+        pairs: impl Iterator<Item = (u32, u32)>,
+        index_step: u16,
+        from: SocketAddrV4,
+        now: Tai,
+        out: &mut Answer,
+    ) -> Result<(), Status> {
+        let mut index = 0_u16;
+        let mut done = Ok(());
+        for (address, value) in pairs {
+            done = self.write(address, value, from, now, out);
+            if done.is_err() {
+                break;
+            }
+            index += index_step;
+        }
+        out.reply.extend([0, 0]);
+        out.reply.extend(index.to_be_bytes());
+        done
+    }
+
+    fn write(
+        &mut self,
+        address: u32,
+        value: u32,
+        from: SocketAddrV4,
+        now: Tai,
+        out: &mut Answer,
+    ) -> Result<(), Status> {
+        // The ranges below hold whole words only.
+        if !address.is_multiple_of(4) {
+            return Err(Status::BadAlignment);
+        }
+        if address == at::CONTROL {
+            return self.write_control(value, from, now);
+        }
+        self.control.may_write(from)?;
+        match address {
+            at::USER_NAME..=at::USER_NAME_LAST => self.memory.set(address, value),
+            at::HEARTBEAT_MS => self.memory.set(address, value.clamp(HEARTBEAT_LEAST_MS, self.heartbeat_most_ms())),
+            at::TIMESTAMP_CONTROL => {
+                if value & LATCH != 0 {
+                    self.memory.set_long(at::TIMESTAMP, u64::try_from(now.ns()).unwrap_or_default());
+                }
+            }
+            at::ACTION_DEVICE_KEY | at::ACTION_GROUP_KEY | at::ACTION_GROUP_MASK => self.memory.set(address, value),
+            at::STREAM_PORT..=at::STREAM_SOURCE_PORT => return self.write_stream(address, value, from, out),
+            own::SENSOR_WIDTH..own::END => return self.write_feature(address, value),
+            _ => return self.memory.read(address, 4).and(Err(Status::WriteProtect)),
+        }
+        Ok(())
+    }
+
+    fn heartbeat_most_ms(&self) -> u32 {
+        if self.place.address.is_loopback() { HEARTBEAT_MOST_MS } else { HEARTBEAT_MOST_EXPOSED_MS }
+    }
+
+    fn write_control(&mut self, value: u32, from: SocketAddrV4, now: Tai) -> Result<(), Status> {
+        let change = self.control.request(from, value, now);
+        match change {
+            Ok(Change::Taken) => self.tally().controllers_accepted.one(),
+            Ok(Change::Released) => self.release(),
+            Ok(Change::Kept) => {}
+            Err(Status::AccessDenied) => self.tally().controllers_refused.one(),
+            Err(_) => {}
+        }
+        if change.is_ok() {
+            let controller = self.control.controller();
+            self.memory.set(at::CONTROL, value);
+            self.memory.set(at::CONTROLLER_PORT, controller.map_or(0, |controller| controller.port().into()));
+            self.memory.set(at::CONTROLLER_ADDRESS, controller.map_or(0, |controller| controller.ip().to_bits()));
+        }
+        change.map(|_| ())
+    }
+
+    fn write_stream(&mut self, address: u32, value: u32, from: SocketAddrV4, out: &mut Answer) -> Result<(), Status> {
+        match address {
+            at::STREAM_PORT => self.memory.set(address, value & 0xFFFF),
+            at::PACKET_SIZE => return self.write_packet_size(value, out),
+            at::PACKET_DELAY => self.memory.set(address, value.min(DELAY_MOST_NS)),
+            at::STREAM_ADDRESS if value == 0 || self.may_receive(Ipv4Addr::from_bits(value), from) => {
+                self.memory.set(address, value);
+            }
+            at::STREAM_ADDRESS => return Err(Status::InvalidParameter),
+            _ => return self.memory.read(address, 4).and(Err(Status::WriteProtect)),
+        }
+        Ok(())
+    }
+
+    /// A few bytes of commands make many of frames: they go to who sent the commands, so that the camera cannot be turned
+    /// against a third party; when the bench allows others, to one neighbour, never to all.
+    fn may_receive(&self, receiver: Ipv4Addr, controller: SocketAddrV4) -> bool {
+        let host_bits = !self.place.mask.to_bits();
+        let is_all = receiver.is_broadcast() || host_bits > 1 && receiver.to_bits() & host_bits == host_bits;
+        let is_allowed = self.allow_other_receivers && self.is_neighbour(receiver) && !is_all;
+        is_allowed || receiver == *controller.ip()
+    }
+
+    /// Sets the packet size within what the interface carries. A test packet is sent only at a size that can get
+    /// through, and only to a client that has proven its address.
+    fn write_packet_size(&mut self, value: u32, out: &mut Answer) -> Result<(), Status> {
+        if value & FIRE_TEST != 0 {
+            self.must_be_proven()?;
+        }
+        let asked = value & 0xFFFF;
+        let size = asked.min(self.place.packet_bytes_max).max(PACKET_BYTES_MIN) & !3;
+        self.memory.set(at::PACKET_SIZE, value & DO_NOT_FRAGMENT | size);
+        let port = u16::try_from(self.memory.word(at::STREAM_PORT)).unwrap_or_default();
+        let to = SocketAddrV4::new(Ipv4Addr::from_bits(self.memory.word(at::STREAM_ADDRESS)), port);
+        if value & FIRE_TEST != 0 && asked <= self.place.packet_bytes_max && port != 0 && !to.ip().is_unspecified() {
+            let bytes = usize::try_from(asked).unwrap_or_default().saturating_sub(IP_UDP_BYTES);
+            out.test_packet = Some((to, bytes));
+        }
+        Ok(())
+    }
+
+    fn is_meant(&self, action: Action) -> bool {
+        action.device_key == self.memory.word(at::ACTION_DEVICE_KEY)
+            && action.group_key == self.memory.word(at::ACTION_GROUP_KEY)
+            && action.group_mask & self.memory.word(at::ACTION_GROUP_MASK) != 0
+    }
+
+    fn act(&mut self, action: Action) -> Result<(), Status> {
+        if self.is_meant(action) && self.control.controller().is_some() {
+            self.trigger(SOURCE_ACTION);
+        }
+        Ok(())
+    }
+
+    /// Ends what the controller had begun.
+    fn release(&mut self) {
+        self.stop();
+        for address in [
+            at::CONTROL,
+            at::CONTROLLER_PORT,
+            at::CONTROLLER_ADDRESS,
+            at::STREAM_PORT,
+            at::STREAM_ADDRESS,
+            own::PARAMETERS_LOCKED,
+        ] {
+            self.memory.set(address, 0);
+        }
+        self.memory.set(at::HEARTBEAT_MS, HEARTBEAT_MS);
+    }
+}
+
+fn number(bytes: &[u8; 4]) -> u32 {
+    u32::from_be_bytes(*bytes)
+}

@@ -1,0 +1,94 @@
+//! The control thread: datagrams of the control port -> the device -> answers, test packets, requests to send again.
+//!
+//! It renders nothing and sends no frames: however much comes in, only this thread is busy with it. Requests to send again
+//! go through a bounded queue; what does not fit is refused and counted, as is what comes from anybody but the stream's
+//! receiver. Test packets leave before the answer to their command, no faster than the stream's rate.
+
+use crate::network_camera::device::{Answer, Device};
+use crate::network_camera::gvcp::Resend;
+use crate::network_camera::packets::TestOutlet;
+use crate::network_camera::shared::Shared;
+use base::clock::Clock;
+use crossbeam_channel::Sender;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use std::net::{SocketAddr, SocketAddrV4, UdpSocket};
+use std::os::fd::AsFd;
+use std::sync::Arc;
+
+/// Longest wait for a datagram, ms: how soon a silent controller is noticed.
+const LOOK_MS: u16 = 50;
+/// Datagrams of one socket that are read in a row.
+const IN_A_ROW: usize = 64;
+/// No command is longer; the rest of a longer datagram is cut off and it is malformed.
+const DATAGRAM_BYTES: usize = 1024;
+
+/// The parts that the control side needs.
+pub(super) struct Listener {
+    pub(super) device: Device,
+    pub(super) shared: Arc<Shared>,
+    pub(super) clock: Arc<dyn Clock>,
+    /// The control port, which also answers what came by broadcast.
+    pub(super) control: UdpSocket,
+    /// Sockets that hear broadcasts.
+    pub(super) broadcasts: Vec<UdpSocket>,
+    pub(super) tests: TestOutlet,
+    pub(super) asks: Sender<Resend>,
+}
+
+impl Listener {
+    /// Until the camera ends.
+    pub(super) fn run(mut self) {
+        let mut answer = Answer::default();
+        let mut buffer = [0; DATAGRAM_BYTES];
+        while !self.shared.is_ended() {
+            self.wait();
+            for place in 0..=self.broadcasts.len() {
+                for _ in 0..IN_A_ROW {
+                    let broadcast = place.checked_sub(1).map(|place| &self.broadcasts[place]);
+                    let socket = broadcast.unwrap_or(&self.control);
+                    let Ok((bytes, SocketAddr::V4(from))) = socket.recv_from(&mut buffer) else { break };
+                    let (datagram, now) = (&buffer[..bytes], self.clock.now());
+                    if broadcast.is_some() {
+                        self.device.answer_broadcast(from, datagram, now, &mut answer);
+                    } else {
+                        self.device.answer(from, datagram, now, &mut answer);
+                    }
+                    self.act(from, &answer);
+                }
+            }
+            self.device.tick(self.clock.now());
+            self.device.end_stream_of(self.shared.gone());
+        }
+    }
+
+    fn wait(&self) {
+        let mut sockets: [Option<PollFd<'_>>; 3] = [None, None, None];
+        let all = core::iter::once(&self.control).chain(&self.broadcasts);
+        sockets
+            .iter_mut()
+            .zip(all)
+            .for_each(|(place, socket)| *place = Some(PollFd::new(socket.as_fd(), PollFlags::POLLIN)));
+        let mut filled: Vec<PollFd<'_>> = sockets.into_iter().flatten().collect();
+        let _nothing_came_or_something_did = poll(&mut filled, PollTimeout::from(LOOK_MS));
+    }
+
+    fn act(&mut self, from: SocketAddrV4, answer: &Answer) {
+        if let Some((to, bytes)) = answer.test_packet {
+            self.tests.send(to, bytes, self.clock.now());
+        }
+        if let Some(resend) = answer.resend {
+            self.ask_again(from, resend);
+        }
+        if !answer.reply.is_empty() {
+            let _lost_like_any_packet = self.control.send_to(&answer.reply, from);
+        }
+    }
+
+    fn ask_again(&self, from: SocketAddrV4, resend: Resend) {
+        self.shared.tally.resends_asked.add(resend.packets());
+        let is_receiver = self.shared.settings().destination.is_some_and(|to| to.ip() == from.ip());
+        if !is_receiver || self.asks.try_send(resend).is_err() {
+            self.shared.tally.resends_refused.add(resend.packets());
+        }
+    }
+}

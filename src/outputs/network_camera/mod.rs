@@ -1,0 +1,68 @@
+//! Frames -> a camera on the network: a device that speaks GVCP (control) and GVSP (stream) over UDP/IPv4.
+//!
+//! Input: frames through [`frames::sink::Sink`]. Output: what a GenICam client sees of a camera: discovery, bootstrap
+//! registers, an XML that names the features, image packets on a stated rate, each frame's truth as chunk data.
+//!
+//! ```text
+//! client --GVCP--> "camera control" thread: Device (registers, control privilege, acquisition), no frame in sight
+//!                         | settings (small, copied), resend requests (bounded)
+//! sink thread: send() --> | free slot? copy : count a drop
+//!                         v
+//!                  "camera stream" thread: pixel format, packets, pacing, kept frames for resend --GVSP--> client
+//! ```
+//!
+//! `send` never waits for either thread: a client that does nothing, stalls, or floods the control port costs frames,
+//! which are counted, and no time. Memory is fixed at the start: incoming slots, kept frames, two bounded queues.
+//!
+//! Limits: IPv4, one stream channel, no message channel, no scheduled actions, no multicast. Nothing here is certified;
+//! the registers and packets are those that Aravis and its relatives use. Packets carry at most the interface's MTU.
+//! Discovery is answered to the device's own subnet only: who hears of it can also get its frames. Frames go to the
+//! controller's own address, unless the bench allows others. At the end of a run what waits is sent for one second more.
+//!
+//! Tests: `device_tests` (the protocol with virtual time, no sockets), `pixel_format`, `gvsp`, `xml`, `zip` beside their
+//! code, `tests` (loopback, stalled clients), `tests/network_camera` (any bytes), and `hil_scripts/test_network_camera.py`
+//! (Aravis, GStreamer, the reference GenApi; bit-exact).
+//!
+//! Tour: `params` -> `pixel_format`, `chunk` (what a frame becomes) -> `gvcp`, `gvsp` (bytes) -> `registers`, `xml`, `zip`
+//! (memory) -> `acquisition`, `control`, `repeats`, `device` (the state machine) -> `shared`, `slots` (between threads) ->
+//! `interface`, `pacing`, `packets`, `stream`, `listener` (sockets and threads) -> `camera` (the sink).
+
+mod acquisition;
+mod camera;
+mod chunk;
+mod control;
+mod counters;
+mod device;
+#[cfg(test)]
+mod device_tests;
+mod error;
+mod first_values;
+mod gvcp;
+mod gvsp;
+mod interface;
+mod listener;
+mod pacing;
+mod packets;
+mod params;
+mod pixel_format;
+mod proof;
+mod registers;
+mod repeats;
+mod shared;
+mod slots;
+mod stream;
+mod unreachable;
+#[cfg(test)]
+mod tests;
+mod xml;
+mod zip;
+
+pub use acquisition::Wanted;
+pub use camera::NetworkCamera;
+pub use counters::Counters;
+pub use device::{Answer, Device, DeviceParams};
+pub use error::NetworkCameraError;
+pub use gvcp::{Malformed, Status};
+pub use gvsp::StreamSettings;
+pub use params::{Identity, Params, SensorParams, XmlForm};
+pub use pixel_format::PixelFormat;

@@ -1,0 +1,83 @@
+//! What the control side, the stream and the sink share. The one lock is held for a copy of a few words, and never by the
+//! sink.
+
+use crate::network_camera::acquisition::Wanted;
+use crate::network_camera::counters::Tally;
+use crate::network_camera::gvsp::StreamSettings;
+use base::time::Tai;
+use core::sync::atomic::{AtomicBool, AtomicI64, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Shared by reference from the start to the end of a camera.
+#[derive(Debug)]
+pub(super) struct Shared {
+    settings: Mutex<StreamSettings>,
+    acquisition: AtomicU32,
+    /// The last acquisition whose receiver was found gone; 0 for none.
+    gone: AtomicU32,
+    /// When the stream must be over; the end of time while the sink is there.
+    deadline_ns: AtomicI64,
+    ended: AtomicBool,
+    pub(super) wanted: Arc<Wanted>,
+    pub(super) tally: Arc<Tally>,
+}
+
+impl Shared {
+    pub(super) fn new() -> Self {
+        Self {
+            settings: Mutex::new(StreamSettings::NONE),
+            acquisition: AtomicU32::new(StreamSettings::NONE.acquisition),
+            gone: AtomicU32::new(0),
+            deadline_ns: AtomicI64::new(i64::MAX),
+            ended: AtomicBool::new(false),
+            wanted: Arc::default(),
+            tally: Arc::default(),
+        }
+    }
+
+    pub(super) fn settings(&self) -> StreamSettings {
+        *self.settings.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Tells new settings to the stream. What wants frames comes after: a frame that is taken finds its settings told.
+    pub(super) fn publish(&self, settings: StreamSettings) {
+        *self.settings.lock().unwrap_or_else(PoisonError::into_inner) = settings;
+        self.acquisition.store(settings.acquisition, Ordering::Release);
+    }
+
+    /// The acquisition of the settings.
+    pub(super) fn acquisition(&self) -> u32 {
+        self.acquisition.load(Ordering::Acquire)
+    }
+
+    /// Records that the receiver of an acquisition's stream is gone.
+    pub(super) fn receiver_is_gone(&self, acquisition: u32) {
+        if self.gone.swap(acquisition, Ordering::AcqRel) != acquisition {
+            self.tally.receivers_gone.one();
+        }
+    }
+
+    /// Returns the last acquisition whose receiver was found gone.
+    pub(super) fn gone(&self) -> u32 {
+        self.gone.load(Ordering::Acquire)
+    }
+
+    /// The sink has no more frames; those that wait may be sent until `deadline`.
+    pub(super) fn hang_up(&self, deadline: Tai) {
+        self.deadline_ns.store(deadline.ns(), Ordering::Release);
+    }
+
+    /// True when the time for what waits is over.
+    pub(super) fn is_overdue(&self, now: Tai) -> bool {
+        now.ns() >= self.deadline_ns.load(Ordering::Acquire)
+    }
+
+    /// Ends the control side.
+    pub(super) fn end(&self) {
+        self.ended.store(true, Ordering::Release);
+    }
+
+    pub(super) fn is_ended(&self) -> bool {
+        self.ended.load(Ordering::Acquire)
+    }
+}

@@ -1,0 +1,259 @@
+//! The line of sight during one exposure: what `attitude` hands to `exposure`.
+
+use base::axes::{Icrf, Rotation, Sensor};
+use base::time::{Span, Tai};
+use glam::DVec3;
+
+/// Where the attitude of an exposure came from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PathOrigin {
+    /// Between two received samples.
+    Interpolated,
+    /// Beyond the last received sample, by its rate and acceleration.
+    Predicted,
+    /// The stream stopped: last attitude held by policy.
+    Held,
+    /// Given by the user (`render`), not by a bus.
+    Commanded,
+    /// Nothing received yet: no attitude at all.
+    Absent,
+}
+
+/// One line of a jitter spectrum: `amplitude_rad * sin(2 pi frequency_hz t + phase_rad)` with t in seconds TAI
+/// since the track's `lines_epoch`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JitterLine {
+    /// Frequency, Hz.
+    pub frequency_hz: f64,
+    /// Rotation vector amplitude, sensor axes, rad.
+    pub amplitude_rad: DVec3,
+    /// Phase at the epoch, rad.
+    pub phase_rad: f64,
+}
+
+/// One sample of measured or received jitter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JitterPoint {
+    /// Instant of the sample.
+    pub at: Tai,
+    /// Rotation vector of the sensor axes away from the smooth attitude, sensor axes, rad.
+    pub rotation_rad: DVec3,
+}
+
+/// Motion on top of the smooth quadratic: spectral lines plus a polyline through samples (received jitter, and what
+/// of the attitude's own motion a quadratic cannot follow).
+#[derive(Debug, Clone, PartialEq)]
+pub struct JitterTrack {
+    /// Spectral lines.
+    pub lines: Vec<JitterLine>,
+    /// Instant at which the lines' phases hold.
+    pub lines_epoch: Tai,
+    /// Samples in time order, linear between them, held beyond both ends. Empty: none.
+    pub points: Vec<JitterPoint>,
+}
+
+/// Line of sight of one exposure: smooth motion about mid-exposure, and jitter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LosPath {
+    /// First instant of the exposure.
+    pub exposure_start: Tai,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Attitude at mid-exposure without jitter.
+    pub mid_sensor_from_icrf: Rotation<Sensor, Icrf>,
+    /// Rate at mid-exposure, sensor axes, rad/s.
+    pub rate_rad_s: DVec3,
+    /// Acceleration, sensor axes, rad/s^2.
+    pub acceleration_rad_s2: DVec3,
+    /// Jitter during the exposure.
+    pub jitter: JitterTrack,
+    /// How the attitude was had.
+    pub origin: PathOrigin,
+    /// Mid-exposure minus the epoch of the newest sample used (negative when interpolated).
+    pub horizon: Span,
+}
+
+impl LosPath {
+    /// Becomes the same as `from`, in buffers that are kept.
+    pub fn copy_from(&mut self, from: &Self) {
+        let mut jitter = core::mem::replace(&mut self.jitter, JitterTrack::none());
+        jitter.lines.clone_from(&from.jitter.lines);
+        jitter.points.clone_from(&from.jitter.points);
+        jitter.lines_epoch = from.jitter.lines_epoch;
+        *self = Self { jitter, ..*from };
+    }
+}
+
+impl JitterTrack {
+    /// No jitter.
+    #[must_use]
+    pub fn none() -> Self {
+        Self { lines: Vec::new(), lines_epoch: Tai::from_ns(0), points: Vec::new() }
+    }
+
+    /// No jitter, and room for so many configured lines and received points, for the lines of all tables that come over
+    /// the bus, and for the knots of a long exposure.
+    #[must_use]
+    pub fn with_capacity(lines: usize, points: usize) -> Self {
+        let points = Vec::with_capacity(points + super::residual::KNOTS_MAX);
+        let lines = Vec::with_capacity(lines + super::jitter::BUS_LINES_MAX);
+        Self { lines, lines_epoch: Tai::from_ns(0), points }
+    }
+
+    /// True when there is nothing to integrate.
+    #[must_use]
+    pub fn is_still(&self) -> bool {
+        self.lines.is_empty() && self.points.is_empty()
+    }
+
+    /// Highest frequency, Hz, of the lines that move anything (0 without lines): quadrature must resolve it.
+    #[must_use]
+    pub fn highest_line_hz(&self) -> f64 {
+        let moving = self.lines.iter().filter(|line| line.amplitude_rad.abs().max_element() > NEGLIGIBLE_RAD);
+        moving.fold(0.0, |highest, line| line.frequency_hz.max(highest))
+    }
+
+    /// Rotation vector of the sensor axes at `at`, sensor axes, rad.
+    #[must_use]
+    pub fn rotation_at(&self, at: Tai) -> DVec3 {
+        let t_s = (at - self.lines_epoch).s();
+        let turns = |line: &JitterLine| line.frequency_hz * t_s + line.phase_rad * (1.0 / core::f64::consts::TAU);
+        let mut sum = DVec3::ZERO;
+        let groups = self.lines.chunks_exact(LANES);
+        for line in groups.remainder() {
+            sum += line.amplitude_rad * sines_of_turns([turns(line)])[0];
+        }
+        for group in groups {
+            let sines = sines_of_turns::<LANES>(core::array::from_fn(|i| turns(&group[i])));
+            for (line, sine) in group.iter().zip(sines) {
+                sum += line.amplitude_rad * sine;
+            }
+        }
+        sum + polyline_at(&self.points, at)
+    }
+}
+
+/// Lines below this need no nodes of their own, rad (1e-5 arcsec): a table full of them is 2e-3 arcsec.
+const NEGLIGIBLE_RAD: f64 = 5e-11;
+/// Lines whose sines are made together: a loop over an array this long becomes vector instructions.
+const LANES: usize = 4;
+/// Adding and subtracting it rounds to whole numbers.
+const ROUND: f64 = 6_755_399_441_055_744.0;
+/// Taylor's, of `sin x / x - 1` in `x^2`, highest first.
+const SINE_SERIES: [f64; 9] = [
+    -1.0 / 121_645_100_408_832_000.0,
+    1.0 / 355_687_428_096_000.0,
+    -1.0 / 1_307_674_368_000.0,
+    1.0 / 6_227_020_800.0,
+    -1.0 / 39_916_800.0,
+    1.0 / 362_880.0,
+    -1.0 / 5040.0,
+    1.0 / 120.0,
+    -1.0 / 6.0,
+];
+
+/// `sin(2 pi turns)` to 3e-16, for up to 1e15 turns: additions and products only, so the same bits on every machine, and
+/// quick (a frame may ask for 200 lines at 4000 instants). Whole turns leave exactly; a quarter turn either way is left
+/// for Taylor's series, whose first term left out is `(pi/2)^21 / 21!` = 3e-16.
+fn sines_of_turns<const N: usize>(turns: [f64; N]) -> [f64; N] {
+    let mut x = [0.0; N];
+    let mut series = [0.0; N];
+    for i in 0..N {
+        let rest = turns[i] - ((turns[i] + ROUND) - ROUND);
+        x[i] = core::f64::consts::TAU * rest.abs().min(0.5 - rest.abs()).copysign(rest);
+    }
+    for coefficient in SINE_SERIES {
+        for i in 0..N {
+            series[i] = series[i] * (x[i] * x[i]) + coefficient;
+        }
+    }
+    core::array::from_fn(|i| x[i] + x[i] * (x[i] * x[i] * series[i]))
+}
+
+pub(super) fn polyline_at(points: &[JitterPoint], at: Tai) -> DVec3 {
+    let after = points.partition_point(|point| point.at <= at);
+    match (after.checked_sub(1).and_then(|i| points.get(i)), points.get(after)) {
+        (Some(a), Some(b)) => {
+            let share = (at - a.at).s() / (b.at - a.at).s();
+            a.rotation_rad.lerp(b.rotation_rad, share)
+        }
+        (Some(only), None) | (None, Some(only)) => only.rotation_rad,
+        (None, None) => DVec3::ZERO,
+    }
+}
+
+impl LosPath {
+    /// A line of sight that stands still, as the user commanded it.
+    #[must_use]
+    pub fn commanded(sensor_from_icrf: Rotation<Sensor, Icrf>, exposure_start: Tai, exposure_s: f64) -> Self {
+        Self {
+            exposure_start,
+            exposure_s,
+            mid_sensor_from_icrf: sensor_from_icrf,
+            rate_rad_s: DVec3::ZERO,
+            acceleration_rad_s2: DVec3::ZERO,
+            jitter: JitterTrack::none(),
+            origin: PathOrigin::Commanded,
+            horizon: Span::ZERO,
+        }
+    }
+
+    /// The instant in the middle of the exposure.
+    #[must_use]
+    pub fn mid_exposure(&self) -> Tai {
+        self.exposure_start + Span::from_s(0.5 * self.exposure_s)
+    }
+
+    /// Smooth rotation vector away from mid-exposure, `t_s` seconds from mid-exposure, sensor axes, rad:
+    /// `w t + a t^2 / 2` (error: commutation `|w x a| t^3 / 12`, and the jerk).
+    #[must_use]
+    pub fn smooth_rotation_rad(&self, t_s: f64) -> DVec3 {
+        self.rate_rad_s * t_s + self.acceleration_rad_s2 * (0.5 * t_s * t_s)
+    }
+
+    /// Jitter rotation vector `t_s` seconds from mid-exposure, sensor axes, rad.
+    #[must_use]
+    pub fn jitter_rotation_rad(&self, t_s: f64) -> DVec3 {
+        self.jitter.rotation_at(self.mid_exposure() + Span::from_s(t_s))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::f64::consts::TAU;
+
+    /// Truncation 3e-16, rounding of `2 pi x` and of the sum: 2e-16 each.
+    const SINE: f64 = 8e-16;
+
+    fn sine_of_turns(turns: f64) -> f64 {
+        sines_of_turns([turns])[0]
+    }
+
+    #[test]
+    fn the_sine_is_that_of_the_library() {
+        for i in -40_000..=40_000 {
+            let turns = f64::from(i) / 16_384.0;
+            let wanted = (TAU * turns.fract()).sin();
+            // The library's own argument is rounded: 4e-16 at most for less than a turn.
+            assert!((sine_of_turns(turns) - wanted).abs() < SINE + 5e-16, "{turns}");
+        }
+        assert_eq!([0.0, 0.5, -0.5, 1.0, 7.0].map(sine_of_turns), [0.0; 5], "exact at half turns");
+        assert_eq!([0.25, 1.25, -0.75].map(sine_of_turns).map(|s| (s - 1.0).abs() < SINE), [true; 3]);
+        let far = 123_456_789_012.0;
+        assert!((sine_of_turns(far + 0.125) - 0.5_f64.sqrt()).abs() < 1e-4, "1e11 turns keep 1e-5 of one");
+    }
+
+    #[test]
+    fn lines_add_up_with_their_phases() {
+        let line = |frequency_hz, phase_rad| JitterLine { frequency_hz, amplitude_rad: DVec3::X, phase_rad };
+        let lines_epoch = Tai::from_ns(1_000);
+        let track = JitterTrack { lines: vec![line(2.0, 0.5), line(31.0, -2.0)], lines_epoch, points: Vec::new() };
+        for t_s in [-1.0, 0.0, 0.123, 40.0] {
+            let wanted = (TAU * 2.0 * t_s + 0.5_f64).sin() + (TAU * 31.0 * t_s - 2.0_f64).sin();
+            let found = track.rotation_at(lines_epoch + Span::from_s(t_s)).x;
+            assert!((found - wanted).abs() < 1e-11, "{found} for {wanted} at {t_s} s");
+        }
+        assert!((track.highest_line_hz() - 31.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,540 @@
+//! Choosing among methods that have been weighed, class of stars by class.
+
+mod weighing;
+
+use crate::exposure::cost::{CostModel, Load};
+use crate::exposure::ladder::Rung;
+use crate::exposure::lists::fill_nodes;
+use crate::exposure::mean_field::MeanField;
+use crate::exposure::method::{Method, MethodChoice, MethodName};
+use crate::exposure::motion::{Motion, Shutter};
+use crate::exposure::nodes::MOST_DENSE_NODES;
+use crate::exposure::pixel_path::PixelPath;
+use crate::exposure::plan::{Assessment, ExposurePlan, MOTION_SHARE, PlannedStar, StarClass, Verdict};
+use crate::exposure::planner::Instrument;
+use crate::exposure::pose::PathNode;
+use crate::exposure::probes::{Probes, SIDE};
+use crate::exposure::sampling::{ANALYTIC_HALF_PX, SamplingError, TABLE_ERROR, sampling_error};
+use crate::exposure::trial::{Noise, Trial, TriedError};
+use crate::exposure::weigh::{NodeError, Scales, ShapeOf, WINDOW_PX, light_share, shear_error, stretch_error};
+use crate::optics::PsfModel;
+use base::accuracy::AccuracyBudget;
+use rayon::prelude::*;
+
+/// Centroid error a table of [`TABLE_ERROR`] leaves, px (measured at most 3e-5 for sigma 0.3 to 1.2).
+const TABLE_CENTROID_PX: f64 = 1e-4;
+/// Rounding of single-precision drawing, px.
+const F32_CENTROID_PX: f64 = 5e-6;
+/// Bias of the single-precision error function in a star's sum.
+const F32_FLUX: f64 = 1e-6;
+/// Rounding of one addition in single precision; sums over nodes wander as the root of their number, and a little more:
+/// the light of neighbouring nodes is rounded alike (measured 1.1e-7 with 32,768 nodes; doubled).
+const F32_ROUNDING: f64 = 2.4e-7;
+/// Steepest slope of a Gaussian, peaks per sigma: `exp(-1/2)`.
+const STEEPEST: f64 = 0.607;
+/// Side of the square that holds a star's core, sigma.
+const CORE_SIGMAS: f64 = 2.5;
+/// Between probes the mean may be off by more than at the checks.
+const BETWEEN_CHECKS: f64 = 2.0;
+/// Most nodes it gives to jitter, on the frame path.
+const MOST_JITTER_NODES: usize = 1024;
+/// Row bands that are tried under a rolling shutter.
+const BANDS: [usize; 4] = [1, 4, 16, 64];
+/// Share of the budget that the windows of a band's rows may differ by.
+const BAND_SHARE: f64 = 0.15;
+/// A tracker uses stars whose brightest pixel stands this many sigma above the noise floor.
+const TRACKED_SIGMA: f64 = 3.0;
+/// Classes of stars differ by this factor in brightness.
+const CLASS_STEP: f64 = 8.0;
+/// Classes of stars at most.
+const CLASSES: usize = 3;
+/// Stars that methods are tried on where no bound is inside the budget, and where a frame has its time.
+const TRIED: usize = 9;
+const TRIED_IN_TIME: usize = 3;
+/// Multiples of the budget: what is reported at least of an error that is over it by its bound alone, and what a tried
+/// error is surely inside, whatever is added to it.
+const SURELY_OVER: f64 = 1.2;
+const SURELY_INSIDE: f64 = 0.7;
+/// Relative flux error of a list of nodes that was tried: dots lose what lies between windows.
+const TRIED_FLUX: f64 = 1e-4;
+/// Error of a pixel in the wings of a star, of the star's peak: single-precision error functions near 1 (measured 1e-7
+/// to 3e-7 on the CPU, up to 7e-7 on a GPU).
+const F32_WING: f64 = 5e-7;
+/// Stars one thread counts at a time.
+const COUNTED_TOGETHER: usize = 16_384;
+
+/// A method and the error of its nodes, whatever the stars.
+#[derive(Debug, Clone, Copy)]
+struct Weighed {
+    method: Method,
+    error: NodeError,
+    verdict: Option<Verdict>,
+    /// What it errs by on some of the frame's stars, where no bound was inside the budget.
+    tried: Option<TriedError>,
+}
+
+/// Weighs and chooses; keeps its buffers.
+#[derive(Debug)]
+pub(super) struct Chooser {
+    instrument: Instrument,
+    budget: AccuracyBudget,
+    cost: CostModel,
+    choice: MethodChoice,
+    half_px: usize,
+    sampling: SamplingError,
+    scales: Scales,
+    lists: Vec<Vec<PathNode>>,
+    /// Room for the dense nodes of one row.
+    dense: Vec<PathNode>,
+    weighed: Vec<Weighed>,
+    /// Errors that every method has.
+    common: NodeError,
+    /// Flux error of a rolling shutter.
+    rolling_flux: f64,
+    bands: usize,
+    /// Error of one list for all rows under a rolling shutter.
+    one_band: NodeError,
+    /// Stars of the frame.
+    stars: usize,
+    moves: bool,
+    trial: Trial,
+    /// Methods in the order in which they are tried.
+    order: Vec<usize>,
+    /// The methods have been tried on some of the frame's stars.
+    is_tried: bool,
+    /// What is found on a few stars may stand for all: the motion is smooth, and the planner chooses. A method that was
+    /// asked for, and any method for another motion, is inside the budget by its bound or not at all.
+    accepts_tried: bool,
+    /// The backend integrates the exact path, whatever the method.
+    is_exact: bool,
+    /// Share of a star's light in the brightest pixel outside its footprint.
+    rim_share: f64,
+    /// Weigh every method.
+    pub(super) is_thorough: bool,
+    /// Time for drawing, ms (infinite: as long as it takes).
+    pub(super) limit_ms: f64,
+}
+
+impl Chooser {
+    /// For one instrument, budget and backend.
+    #[must_use]
+    pub(super) fn new(
+        instrument: &Instrument,
+        budget: AccuracyBudget,
+        cost: CostModel,
+        choice: MethodChoice,
+        half_px: usize,
+    ) -> Self {
+        Self {
+            sampling: sampling_error(&instrument.psf, instrument.sampling),
+            scales: Scales::new(instrument.psf.core_sigma_px()),
+            instrument: instrument.clone(),
+            budget,
+            cost,
+            choice,
+            half_px,
+            lists: (0..SIDE).map(|_| Vec::with_capacity(MOST_JITTER_NODES)).collect(),
+            dense: Vec::with_capacity(MOST_DENSE_NODES),
+            weighed: Vec::with_capacity(64),
+            common: NodeError::default(),
+            rolling_flux: 0.0,
+            bands: 1,
+            one_band: NodeError::default(),
+            stars: 0,
+            moves: false,
+            trial: Trial::default(),
+            order: Vec::with_capacity(64),
+            is_tried: false,
+            accepts_tried: false,
+            is_exact: false,
+            rim_share: rim_share(&instrument.psf, half_px),
+            is_thorough: false,
+            limit_ms: f64::INFINITY,
+        }
+    }
+
+    /// For a backend that integrates every star's exact path in footprints of `half_px`.
+    pub(super) fn draw_exactly(&mut self, half_px: usize) {
+        self.is_exact = true;
+        self.half_px = half_px;
+    }
+
+    /// Errors that every method has: the mean field's, the dense list's own, a rolling shutter's.
+    pub(super) fn measure(&mut self, motion: &Motion, probes: &Probes, means: &MeanField) {
+        self.common = NodeError::default();
+        self.rolling_flux = 0.0;
+        self.bands = 1;
+        self.is_tried = false;
+        self.accepts_tried = motion.is_smooth() && !self.is_fixed();
+        self.weighed.clear();
+        self.moves = !motion.is_still();
+        if !self.moves {
+            return;
+        }
+        self.scales.watch(probes);
+        let sigma_px = self.instrument.psf.core_sigma_px();
+        let mean_px = |track: &_| means.displacement_px(track);
+        let mean_px = BETWEEN_CHECKS * probes.mean_error_px(motion, sigma_px, &mut self.dense, mean_px);
+        let dense = dense_error(motion, probes, sigma_px);
+        self.common =
+            NodeError { centroid_px: mean_px + dense * sigma_px, peak: STEEPEST * mean_px / sigma_px + dense };
+        if let Shutter::Rolling { line_s } = self.instrument.shutter {
+            let speed_px_s = probes.reach_px / motion.los.exposure_s;
+            self.common = self.common.plus(shear_error(speed_px_s, line_s, sigma_px));
+            self.rolling_flux = stretch_error(speed_px_s, line_s, sigma_px, motion.is_smooth());
+            self.choose_bands(motion, probes);
+        }
+    }
+
+    /// The fewest bands of rows whose stars may share a list.
+    fn choose_bands(&mut self, motion: &Motion, probes: &Probes) {
+        let mut error = NodeError::default();
+        for bands in BANDS {
+            self.bands = bands;
+            error = self.band_error(motion, probes, bands);
+            if bands == 1 {
+                self.one_band = error;
+            }
+            let limit = BAND_SHARE * self.budget.centroid_px;
+            if error.centroid_px <= limit && error.peak <= STEEPEST * limit / self.instrument.psf.core_sigma_px() {
+                break;
+            }
+        }
+        self.common = self.common.plus(error);
+    }
+
+    /// Error of drawing rows at the edge of a band with the path of the band's middle.
+    fn band_error(&mut self, motion: &Motion, probes: &Probes, bands: usize) -> NodeError {
+        let height = self.instrument.camera.height_px();
+        let half_s = 0.5 * self.instrument.shutter.line_s() * height as f64 / bands as f64;
+        // Listed positions are all there is; other paths are compared well enough by so many samples.
+        let listed = matches!(motion.image_path, Some(PixelPath::Samples(_)));
+        let count = if listed { probes.dense().len() } else { probes.dense().len().clamp(64, 1024) };
+        let mut worst = NodeError::default();
+        for side in [-half_s, half_s] {
+            for row in 0..SIDE {
+                self.lists[row].clear();
+                let delay_s = probes.delay_s(row)
+                    + if row == 0 {
+                        half_s
+                    } else if row + 1 == SIDE {
+                        -half_s
+                    } else {
+                        side
+                    };
+                fill_nodes(motion, Method::Samples { nodes: count }, delay_s, probes, &mut self.lists[row]);
+            }
+            worst = worst.worst(self.scales.error(&self.lists, ShapeOf::EachStar, probes));
+        }
+        worst
+    }
+
+    /// Chooses a method for every class of stars of `plan`, on a rung of the ladder.
+    pub(super) fn choose(&mut self, plan: &mut ExposurePlan, rung: Rung, brightest_e: f64, probes: &Probes) {
+        self.stars = plan.stars.len();
+        if self.weighed.is_empty() {
+            self.weigh(&plan.motion, brightest_e, probes);
+        }
+        let budget = rung.loosened(&self.budget);
+        let pixels = self.instrument.camera.width_px() * self.instrument.camera.height_px();
+        let empty_ms = self.cost.empty_frame_ms(pixels, self.moves);
+        let limit_ms = self.limit_ms - empty_ms;
+        let all = StarClass { brightest_e, faintest_e: 0.0, stars: plan.stars.len(), bands: 1, chosen: plan.chosen };
+        let mut together = self.best(&all, &budget, rung, (plan.extent_px, limit_ms), probes);
+        let may_help = !self.is_exact && (rung < Rung::MotionOut || self.is_fixed());
+        if self.moves && may_help && !self.is_tried && !together.chosen.verdict.keeps_shape() {
+            self.try_methods(plan, &all, &budget, probes);
+            together = self.best(&all, &budget, rung, (plan.extent_px, limit_ms), probes);
+        }
+        plan.assessed.clear();
+        plan.assessed.extend(self.weighed.iter().map(|weighed| {
+            let (assessment, _) = self.assess(weighed, &all, &budget, plan.extent_px, probes);
+            let assessment = self.with_wings(assessment, all.brightest_e, &budget);
+            Assessment { cost_ms: assessment.cost_ms + empty_ms, ..assessment }
+        }));
+        plan.assessed.sort_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
+        plan.classes.clear();
+        if matches!(self.choice, MethodChoice::Auto) && rung < Rung::MotionOut && self.weighed.len() > 1 {
+            self.choose_by_class(plan, brightest_e, &budget, rung, probes);
+        }
+        let apart_ms: f64 = plan.classes.iter().map(|class| class.chosen.cost_ms).sum();
+        if plan.classes.is_empty() || together.chosen.cost_ms <= apart_ms || !together.chosen.verdict.keeps_shape() {
+            plan.classes.clear();
+            plan.classes.push(together);
+        }
+        for class in &mut plan.classes {
+            class.chosen = self.with_wings(class.chosen, class.brightest_e, &budget);
+        }
+        let stars_ms: f64 = plan.classes.iter().map(|class| class.chosen.cost_ms).sum();
+        plan.chosen = Assessment { cost_ms: empty_ms + stars_ms, ..plan.classes[0].chosen };
+        if self.is_exact {
+            let flux_rel = self.instrument.psf.lost_flux(self.half_px);
+            let verdict = if flux_rel > budget.flux_rel { Verdict::FluxOverBudget } else { Verdict::Fits };
+            plan.chosen = Assessment { centroid_px: 0.0, pixel_sigma: 0.0, flux_rel, verdict, ..plan.chosen };
+        }
+    }
+
+    /// Tries the methods on some of the plan's stars, cheapest first, until one is inside the budget; what cannot be
+    /// the least wrong one is left at its bound.
+    fn try_methods(&mut self, plan: &ExposurePlan, all: &StarClass, budget: &AccuracyBudget, probes: &Probes) {
+        self.is_tried = true;
+        let sigma_px = self.instrument.psf.core_sigma_px();
+        let (full_well_e, read_noise_e_rms) = (self.instrument.full_well_e, self.instrument.read_noise_e_rms);
+        let noise = Noise { full_well_e, read_noise_e_rms, sigma_px };
+        let mut trial = core::mem::take(&mut self.trial);
+        trial.prepare(plan, probes, sigma_px, if self.limit_ms.is_finite() { TRIED_IN_TIME } else { TRIED });
+        let mut order = core::mem::take(&mut self.order);
+        order.clear();
+        let one_psf = self.instrument.psf.blended() == 1;
+        order.extend((0..self.weighed.len()).filter(|i| one_psf && self.weighed[*i].can_be_tried()));
+        let cost_ms = |i: &usize| self.cost.stars_ms(self.weighed[*i].method, &self.load(all.stars, plan.extent_px));
+        order.sort_unstable_by(|a, b| cost_ms(a).total_cmp(&cost_ms(b)).then(a.cmp(b)));
+        let (is_tracked, shows_all) = (self.is_tracked(all.brightest_e), self.is_thorough || self.is_fixed());
+        let mut least = f64::INFINITY;
+        for &i in &order {
+            let method = self.weighed[i].method;
+            let bands = if method.kernels() > 0 { 1 } else { self.bands };
+            let excess = |tried: &TriedError| tried.excess(budget, is_tracked);
+            let tried =
+                trial.error(plan, probes, (method, bands), noise, |tried| !shows_all && excess(tried) > least.max(1.0));
+            self.weighed[i].tried = tried;
+            least = tried.map_or(least, |tried| least.min(excess(&tried)));
+            if least <= SURELY_INSIDE && !shows_all {
+                break;
+            }
+        }
+        (self.trial, self.order) = (trial, order);
+    }
+
+    /// With what the wings of a star err by, where that is more; no method changes it: what its footprint leaves out, and
+    /// single precision. Both grow with all of its light, though an overexposed star's core cannot be seen.
+    fn with_wings(&self, assessment: Assessment, brightest_e: f64, budget: &AccuracyBudget) -> Assessment {
+        let Instrument { psf, full_well_e, read_noise_e_rms, .. } = &self.instrument;
+        let rim_e = (brightest_e * self.rim_share).min(*full_well_e);
+        let rim_sigma = rim_e / rim_e.sqrt().hypot(*read_noise_e_rms).max(1.0);
+        let rounding_sigma = F32_WING * brightest_e * psf.peak() / read_noise_e_rms.max(1.0);
+        let pixel_sigma = assessment.pixel_sigma.max(rim_sigma).max(rounding_sigma);
+        let verdict = match assessment.verdict {
+            Verdict::Fits | Verdict::FluxOverBudget if pixel_sigma > budget.pixel_sigma => Verdict::PixelOverBudget,
+            other => other,
+        };
+        Assessment { pixel_sigma, verdict, ..assessment }
+    }
+
+    fn choose_by_class(
+        &self,
+        plan: &mut ExposurePlan,
+        brightest_e: f64,
+        budget: &AccuracyBudget,
+        rung: Rung,
+        probes: &Probes,
+    ) {
+        let begin_e = brightest_e.min(self.saturating_e());
+        let faintest_e: [f64; CLASSES] =
+            core::array::from_fn(|i| if i + 1 == CLASSES { 0.0 } else { begin_e * CLASS_STEP.powi(-(i as i32 + 1)) });
+        let counted = count_classes(&plan.stars, faintest_e);
+        for ((stars, brightest_e), faintest_e) in counted.into_iter().zip(faintest_e) {
+            let class = StarClass { brightest_e, faintest_e, stars, bands: 1, chosen: plan.chosen };
+            if class.stars == 0 {
+                continue;
+            }
+            let class = self.best(&class, budget, rung, (plan.extent_px, f64::INFINITY), probes);
+            match plan.classes.last_mut() {
+                Some(before) if before.chosen.method == class.chosen.method => {
+                    before.stars += class.stars;
+                    before.faintest_e = class.faintest_e;
+                    let load = self.load(before.stars, plan.extent_px);
+                    before.chosen.cost_ms = self.cost.stars_ms(before.chosen.method, &load);
+                }
+                _ => plan.classes.push(class),
+            }
+        }
+    }
+
+    /// Electrons of a star that fills its brightest pixel: errors of brighter ones are no larger.
+    fn saturating_e(&self) -> f64 {
+        self.instrument.full_well_e / self.instrument.psf.peak()
+    }
+
+    /// The cheapest method for one class that is inside the budget; without one, the least wrong one of those that fit
+    /// the time, or of all. Its cost is that of its stars.
+    fn best(
+        &self,
+        class: &StarClass,
+        budget: &AccuracyBudget,
+        rung: Rung,
+        (extent_px, limit_ms): (f64, f64),
+        probes: &Probes,
+    ) -> StarClass {
+        let wanted = match self.choice {
+            MethodChoice::Fixed(name, _) => Some(name),
+            MethodChoice::Auto if rung >= Rung::MotionOut => Some(MethodName::Static),
+            MethodChoice::Auto => None,
+        };
+        let of_wanted = |weighed: &&Weighed| wanted.is_none_or(|name| weighed.method.name() == name);
+        let weighed = || self.weighed.iter().filter(of_wanted);
+        let assessed = || weighed().map(|weighed| self.assess(weighed, class, budget, extent_px, probes));
+        let of_shape = assessed().map(|(a, _)| a).filter(|a| a.verdict.keeps_shape());
+        let cheapest = of_shape.min_by(|a, b| a.cost_ms.total_cmp(&b.cost_ms));
+        let least_wrong = |limit_ms: f64| {
+            let in_time = assessed().filter(|(a, _)| a.verdict.is_drawable() && a.cost_ms <= limit_ms);
+            let order = |(a, x): &(Assessment, f64), (b, y): &(Assessment, f64)| {
+                x.total_cmp(y).then(a.cost_ms.total_cmp(&b.cost_ms))
+            };
+            in_time.min_by(order).map(|(a, _)| a)
+        };
+        let least_wrong = || least_wrong(limit_ms).or_else(|| least_wrong(f64::INFINITY));
+        let first = || assessed().next().map(|(a, _)| a);
+        let chosen = cheapest.or_else(least_wrong).or_else(first).unwrap_or(class.chosen);
+        StarClass { chosen, bands: if chosen.method.kernels() > 0 { 1 } else { self.bands }, ..*class }
+    }
+
+    /// True when the user fixed the method.
+    pub(super) fn is_fixed(&self) -> bool {
+        matches!(self.choice, MethodChoice::Fixed(..))
+    }
+
+    /// How many of the plan's stars fit `limit_ms` with the method that the plan has now.
+    #[must_use]
+    pub(super) fn stars_within(&self, plan: &ExposurePlan, limit_ms: f64) -> usize {
+        let pixels = self.instrument.camera.width_px() * self.instrument.camera.height_px();
+        let left_ms = limit_ms - self.cost.empty_frame_ms(pixels, self.moves);
+        let method = plan.chosen.method;
+        let ms = |stars| self.cost.stars_ms(method, &self.load(stars, plan.extent_px));
+        let (kernels_ms, each_ms) = (ms(0), (ms(1000) - ms(0)) * 1e-3);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the stars there are")]
+        let keep = ((left_ms - kernels_ms) / each_ms).clamp(0.0, plan.stars.len() as f64) as usize;
+        keep
+    }
+
+    /// Largest pixel error in units of its own noise when it is `peak` of the peak of a star of `brightest_e`.
+    fn pixel_sigma(&self, peak: f64, brightest_e: f64, probes: &Probes) -> f64 {
+        let psf = &self.instrument.psf;
+        let whole_e = brightest_e * psf.peak();
+        let peak_e = whole_e.min(self.instrument.full_well_e);
+        // Errors are largest on the flanks: a quarter of the smeared peak's light is there at least.
+        let light_e = 0.25 * peak_e * light_share(CORE_SIGMAS * psf.core_sigma_px(), probes);
+        let noise_e = light_e.sqrt().hypot(self.instrument.read_noise_e_rms).max(1.0);
+        // Where an overexposed star's light falls below saturation, it is steeper than at its peak.
+        let steeper = (0.5 * (whole_e / peak_e).ln()).max(1.0);
+        peak * peak_e * steeper / noise_e
+    }
+
+    /// True when a tracker uses stars of this brightness.
+    fn is_tracked(&self, brightest_e: f64) -> bool {
+        brightest_e * self.instrument.psf.peak() >= TRACKED_SIGMA * self.instrument.read_noise_e_rms.max(1.0)
+    }
+
+    fn load(&self, stars: usize, extent_px: f64) -> Load<'_> {
+        Load { psf: &self.instrument.psf, half_px: self.half_px, extent_px, stars, moves: self.moves }
+    }
+
+    /// Bounds of a method for one class of stars, or what it was found to err by; its cost is that of the class's stars.
+    /// With it, the largest error as a multiple of the budget, pixels beyond a star's peak included.
+    fn assess(
+        &self,
+        weighed: &Weighed,
+        class: &StarClass,
+        budget: &AccuracyBudget,
+        extent_px: f64,
+        probes: &Probes,
+    ) -> (Assessment, f64) {
+        let Weighed { method, error, verdict, tried } = *weighed;
+        let psf = &self.instrument.psf;
+        let tabulated =
+            method.kernels() > 0 || !matches!(psf, PsfModel::Gaussian { .. }) || self.half_px > ANALYTIC_HALF_PX;
+        let (drawn_px, drawn_peak) = if tabulated { (TABLE_CENTROID_PX, TABLE_ERROR) } else { (F32_CENTROID_PX, 0.0) };
+        // Without probes nothing is known of the motion, and nothing is promised.
+        let unknown_px = if probes.probes.len() < SIDE * SIDE { f64::INFINITY } else { 0.0 };
+        let rim_px = self.rim_error_px(extent_px);
+        let mut centroid_px =
+            error.centroid_px + self.common.centroid_px + self.sampling.centroid_px + rim_px + drawn_px + unknown_px;
+        let whole_peak = error.peak + self.common.peak + self.sampling.peak;
+        let sigma_of = |peak: f64| self.pixel_sigma(peak, class.brightest_e, probes);
+        let (mut pixel_sigma, mut whole_sigma) = (sigma_of(whole_peak.min(1.0) + drawn_peak), sigma_of(whole_peak));
+        if let Some(tried) = tried {
+            let found = tried.reported();
+            let found_px = found.centroid_px + self.sampling.centroid_px + rim_px + drawn_px + unknown_px;
+            let found_sigma = found.pixel_sigma + sigma_of(self.sampling.peak + drawn_peak);
+            // Where a sample is not taken for a bound, what is over the budget by its bound stays over it.
+            let least = if self.accepts_tried { 0.0 } else { SURELY_OVER };
+            centroid_px = centroid_px.min(found_px.max(least * MOTION_SHARE * budget.centroid_px));
+            pixel_sigma = pixel_sigma.min(found_sigma.max(least * budget.pixel_sigma));
+            whole_sigma = pixel_sigma;
+        }
+        let drawn_flux = F32_FLUX + F32_ROUNDING * (method.nodes() as f64).sqrt() + tried.map_or(0.0, |_| TRIED_FLUX);
+        let flux_rel = psf.lost_flux(self.half_px) + drawn_flux + self.rolling_flux;
+        let cost_ms = match verdict {
+            Some(Verdict::NeedsSmoothMotion) => f64::INFINITY,
+            _ => self.cost.stars_ms(method, &self.load(class.stars, extent_px)),
+        };
+        let tracked = self.is_tracked(class.brightest_e);
+        let verdict = verdict.unwrap_or(if tracked && centroid_px > MOTION_SHARE * budget.centroid_px {
+            Verdict::CentroidOverBudget
+        } else if pixel_sigma > budget.pixel_sigma {
+            Verdict::PixelOverBudget
+        } else if flux_rel > budget.flux_rel {
+            Verdict::FluxOverBudget
+        } else {
+            Verdict::Fits
+        });
+        let of_centroid = if tracked { centroid_px / (MOTION_SHARE * budget.centroid_px) } else { 0.0 };
+        let excess = of_centroid.max(whole_sigma / budget.pixel_sigma).max(flux_rel / budget.flux_rel);
+        (Assessment { method, centroid_px, flux_rel, pixel_sigma, cost_ms, verdict }, excess)
+    }
+
+    /// Centroid error of light that the footprint drops, px: none while the footprint's rim stays outside the window.
+    fn rim_error_px(&self, extent_px: f64) -> f64 {
+        let rim_px = self.half_px as f64 - 0.5 - extent_px;
+        if rim_px > 0.5 * WINDOW_PX + 0.5 { 0.0 } else { 0.5 * self.instrument.psf.lost_flux(self.half_px) }
+    }
+}
+
+/// Share of a star's light in the brightest pixel outside a footprint of `half_px`, wherever in its pixel it stands.
+fn rim_share(psf: &PsfModel, half_px: usize) -> f64 {
+    psf.nodes().iter().map(|psf| psf.pixel(half_px as f64 + 0.5, 0.0)).fold(0.0, f64::max)
+}
+
+impl Weighed {
+    /// True when it is drawn from nodes that are known before the plan is made.
+    fn can_be_tried(&self) -> bool {
+        self.verdict.is_none() && !matches!(self.method, Method::ZonalPsf { .. })
+    }
+}
+
+impl TriedError {
+    /// The larger of both errors as a multiple of the budget, centroids where stars `is_tracked`.
+    fn excess(&self, budget: &AccuracyBudget, is_tracked: bool) -> f64 {
+        let Self { centroid_px, pixel_sigma } = self.reported();
+        let of_centroid = if is_tracked { centroid_px / (MOTION_SHARE * budget.centroid_px) } else { 0.0 };
+        of_centroid.max(pixel_sigma / budget.pixel_sigma)
+    }
+}
+
+/// Of every class, brightest first, its stars and the electrons of the brightest; each begins at its `faintest_e`.
+fn count_classes(stars: &[PlannedStar], faintest_e: [f64; CLASSES]) -> [(usize, f64); CLASSES] {
+    let and = |mut all: [(usize, f64); CLASSES], more: [(usize, f64); CLASSES]| {
+        for (class, more) in all.iter_mut().zip(more) {
+            *class = (class.0 + more.0, class.1.max(more.1));
+        }
+        all
+    };
+    let count = |stars: &[PlannedStar]| {
+        stars.iter().fold([(0, 0.0_f64); CLASSES], |mut classes, star| {
+            let class = faintest_e[..CLASSES - 1].iter().filter(|faintest_e| star.electrons < **faintest_e).count();
+            classes[class] = (classes[class].0 + 1, classes[class].1.max(star.electrons));
+            classes
+        })
+    };
+    stars.par_chunks(COUNTED_TOGETHER).map(count).reduce(|| [(0, 0.0); CLASSES], and)
+}
+
+/// What the planner's own list of nodes leaves out, relative to its PSF: pairs `h` apart on average and up to `pi / 2`
+/// times further where a sinusoid is fast err by `(h / sigma)^4 / 270`.
+fn dense_error(motion: &Motion, probes: &Probes, sigma_px: f64) -> f64 {
+    if motion.is_smooth() || matches!(motion.image_path, Some(PixelPath::Samples(_))) {
+        return 0.0;
+    }
+    let step_px = core::f64::consts::FRAC_PI_2 * probes.reach_px / probes.dense().len() as f64;
+    (step_px / sigma_px).powi(4) / 270.0
+}

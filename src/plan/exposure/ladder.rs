@@ -1,0 +1,108 @@
+//! The degradation ladder: what is given up, in order, when the cheapest plan inside the accuracy budget does not fit
+//! the time budget. `starloop check` announces it; every frame says on which rung it stands.
+
+use base::accuracy::AccuracyBudget;
+use core::fmt;
+
+/// How far a frame was degraded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub enum Rung {
+    /// Not at all.
+    #[default]
+    Full,
+    /// Stars whose light stays below half a sigma of the noise in every pixel are left out.
+    FaintStarsOut,
+    /// Errors may be three times the budget.
+    Budget3,
+    /// Errors may be ten times the budget.
+    Budget10,
+    /// Every star is drawn at its mean position: motion in the exposure is given up.
+    MotionOut,
+    /// Only as many of the brightest stars as fit the time.
+    BrightStarsOnly,
+}
+
+impl Rung {
+    /// The last level that is taken unless the user names another one: those below it leave out motion, or stars that can be seen.
+    pub const LAST_BY_DEFAULT: Self = Self::Budget10;
+
+    /// All rungs, best first.
+    pub const ALL: [Self; 6] =
+        [Self::Full, Self::FaintStarsOut, Self::Budget3, Self::Budget10, Self::MotionOut, Self::BrightStarsOnly];
+
+    /// The word for it in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Full => "full",
+            Self::FaintStarsOut => "faint-stars-out",
+            Self::Budget3 => "budget-x3",
+            Self::Budget10 => "budget-x10",
+            Self::MotionOut => "motion-out",
+            Self::BrightStarsOnly => "bright-stars-only",
+        }
+    }
+
+    /// What it gives up, in words.
+    #[must_use]
+    pub fn gives_up(self) -> &'static str {
+        match self {
+            Self::Full => "nothing: every star that can be seen, inside the accuracy budget",
+            Self::FaintStarsOut => "stars that stay below half a sigma of the noise in every pixel",
+            Self::Budget3 => "accuracy: errors up to 3 times the budget",
+            Self::Budget10 => "more accuracy: errors up to 10 times the budget",
+            Self::MotionOut => "motion in the exposure: every star at its mean position",
+            Self::BrightStarsOnly => "all but the brightest stars that fit the time (32 at least)",
+        }
+    }
+
+    /// The next rung down; `None` at the end.
+    #[must_use]
+    pub fn next(self) -> Option<Self> {
+        let at = Self::ALL.iter().position(|rung| *rung == self)?;
+        Self::ALL.get(at + 1).copied()
+    }
+
+    /// The accuracy budget on this rung.
+    #[must_use]
+    pub fn loosened(self, budget: &AccuracyBudget) -> AccuracyBudget {
+        let times = match self {
+            Self::Full | Self::FaintStarsOut => 1.0,
+            Self::Budget3 => 3.0,
+            Self::Budget10 | Self::MotionOut | Self::BrightStarsOnly => 10.0,
+        };
+        AccuracyBudget { centroid_px: budget.centroid_px * times, pixel_sigma: budget.pixel_sigma * times, ..*budget }
+    }
+
+    /// Share of the noise below which stars are left out.
+    #[must_use]
+    pub fn cut_off_sigma(self, budget: &AccuracyBudget) -> f64 {
+        const SHARE_OF_BUDGET: f64 = 0.2;
+        const DEGRADED: f64 = 0.5;
+        if self == Self::Full { SHARE_OF_BUDGET * budget.pixel_sigma } else { DEGRADED }
+    }
+}
+
+impl fmt::Display for Rung {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rungs_are_taken_in_order_and_only_ever_give_up_more() {
+        let budget = AccuracyBudget::default();
+        let mut rung = Rung::Full;
+        while let Some(next) = rung.next() {
+            assert!(next > rung);
+            assert!(next.loosened(&budget).centroid_px >= rung.loosened(&budget).centroid_px, "{next}");
+            assert!(next.cut_off_sigma(&budget) >= rung.cut_off_sigma(&budget), "{next}");
+            rung = next;
+        }
+        assert_eq!(rung, Rung::BrightStarsOnly);
+    }
+}

@@ -1,0 +1,147 @@
+//! Mean positions of stars over the exposure, all over the detector, from a few exact ones.
+//!
+//! A star's mean displacement is that of the mean pose plus a small correction (perspective and distortion are not
+//! linear), which is a smooth function of the field: it is exact at the nine probes and quadratic between them. With a
+//! rolling shutter the mean pose follows the row: exact at `rows` rows, quadratic through the nearest three.
+//! [`Probes::mean_error_px`] measures what is left.
+
+use crate::exposure::correction::{Correction, quadratic};
+use crate::exposure::motion::{Motion, Shutter};
+use crate::exposure::pose::Pose;
+use crate::exposure::probes::{Probes, SIDE};
+use crate::exposure::track::StarTrack;
+use crate::optics::quadrature::gauss_legendre_node;
+use sky::astrometry::CameraGeometry;
+
+/// Midpoints in time from which a row's mean pose is taken when there is jitter.
+const ROW_SAMPLES: usize = 256;
+/// Gauss-Legendre nodes in time for smooth motion.
+const SMOOTH_NODES: usize = 5;
+/// Rows at which the mean pose of a rolling shutter is worked out.
+const ROLLING_ROWS: usize = 33;
+
+/// Most that a star may move down from one row to the next for its light to be worked out, px.
+const MOST_PER_ROW: f64 = 0.9;
+
+/// Mean positions over one exposure.
+#[derive(Debug)]
+pub struct MeanField {
+    size_px: [f64; 2],
+    /// Mean pose at equally spaced rows (one: the same for all rows).
+    poses: Vec<Pose>,
+    correction: Correction,
+    moves: bool,
+}
+
+impl MeanField {
+    /// For a detector of this size.
+    #[must_use]
+    pub fn new(camera: &CameraGeometry) -> Self {
+        Self {
+            size_px: [camera.width_px(), camera.height_px()].map(|side| (side as f64 - 1.0).max(1.0)),
+            poses: Vec::with_capacity(ROLLING_ROWS),
+            correction: Correction::none(),
+            moves: false,
+        }
+    }
+
+    /// Works the field out from measured probes.
+    pub fn measure(&mut self, motion: &Motion, shutter: Shutter, probes: &Probes) {
+        self.moves = !motion.is_still();
+        self.poses.clear();
+        match shutter {
+            Shutter::Global => self.poses.push(probes.mean()),
+            Shutter::Rolling { .. } if !self.moves => self.poses.push(Pose::STILL),
+            Shutter::Rolling { .. } => {
+                let height = self.size_px[1];
+                let delay_s = |row: usize| shutter.line_s() * height * (row as f64 / (ROLLING_ROWS - 1) as f64 - 0.5);
+                self.poses.extend((0..ROLLING_ROWS).map(|row| row_mean(motion, delay_s(row))));
+            }
+        }
+        let mut off = [[0.0; 2]; SIDE * SIDE];
+        for (off, probe) in off.iter_mut().zip(&probes.probes) {
+            let [x, y] = probe.track.displacement_px(&self.pose_at(probe.track.place.mid_px[1]));
+            *off = [probe.mean_px[0] - x, probe.mean_px[1] - y];
+        }
+        self.correction = Correction::through(self.size_px, off);
+    }
+
+    /// True when every star stays where it stands at mid-exposure.
+    #[must_use]
+    pub fn is_still(&self) -> bool {
+        !self.moves
+    }
+
+    /// Mean pose and correction, where all rows have the same.
+    #[must_use]
+    pub fn same_for_all_rows(&self) -> Option<(Pose, Correction)> {
+        match self.poses.as_slice() {
+            _ if !self.moves => Some((Pose::STILL, Correction::none())),
+            [pose] => Some((*pose, self.correction)),
+            _ => None,
+        }
+    }
+
+    /// Mean pose of the exposure of the row at `y_px`.
+    #[must_use]
+    pub fn pose_at(&self, y_px: f64) -> Pose {
+        let Some(last) = self.poses.len().checked_sub(1) else { return Pose::STILL };
+        if last < 2 {
+            return self.poses[0];
+        }
+        let at = (y_px / self.size_px[1]).clamp(-0.5, 1.5) * last as f64;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the rows")]
+        let middle = at.round().clamp(1.0, last as f64 - 1.0) as usize;
+        let [a, b, c] = quadratic(at - middle as f64);
+        let mut pose = Pose(self.poses[middle - 1].0.map(|v| a * v));
+        pose = pose.plus(b, &self.poses[middle]);
+        pose.plus(c, &self.poses[middle + 1])
+    }
+
+    /// Mean displacement of a star, px.
+    #[inline]
+    #[must_use]
+    pub fn displacement_px(&self, track: &StarTrack) -> [f64; 2] {
+        if !self.moves {
+            return [0.0; 2];
+        }
+        let y_px = track.place.mid_px[1];
+        let mut moved;
+        if let [pose] = self.poses.as_slice() {
+            moved = track.displacement_px(pose);
+        } else {
+            moved = track.displacement_px(&self.pose_at(y_px));
+            // The row in which the star spends its exposure, not the one in which it stands in the middle of it.
+            moved = track.displacement_px(&self.pose_at(y_px + moved[1]));
+            moved = track.displacement_px(&self.pose_at(y_px + moved[1]));
+        }
+        let [cx, cy] = self.correction.at(track.place.mid_px);
+        [moved[0] + cx, moved[1] + cy]
+    }
+
+    /// What a rolling shutter multiplies a star's light by: a star that moves by `v` px down from row to row is exposed
+    /// by `1 / (1 - v)` times the rows (with a global shutter: 1).
+    #[must_use]
+    pub fn rolling_gain(&self, track: &StarTrack) -> f64 {
+        if !self.moves || self.poses.len() < 2 {
+            return 1.0;
+        }
+        let row_px = track.place.mid_px[1] + self.displacement_px(track)[1];
+        let down_px = |row_px: f64| track.displacement_px(&self.pose_at(row_px))[1];
+        let per_row = down_px(row_px + 0.5) - down_px(row_px - 0.5);
+        // A star that keeps pace with the rows is in no image that could be drawn.
+        1.0 / (1.0 - per_row.min(MOST_PER_ROW))
+    }
+}
+
+/// Mean pose of an exposure that is `delay_s` late.
+fn row_mean(motion: &Motion, delay_s: f64) -> Pose {
+    if motion.is_smooth() {
+        let nodes = (0..SMOOTH_NODES).map(|i| gauss_legendre_node(SMOOTH_NODES, i));
+        nodes.fold(Pose::STILL, |mean, node| mean.plus(node.weight, &motion.pose_at(node.x, delay_s)))
+    } else {
+        let share = 1.0 / ROW_SAMPLES as f64;
+        let taus = (0..ROW_SAMPLES).map(|i| (i as f64 + 0.5) * share - 0.5);
+        taus.fold(Pose::STILL, |mean, tau| mean.plus(share, &motion.pose_at(tau, delay_s)))
+    }
+}

@@ -1,0 +1,213 @@
+//! Lists of path nodes: samples in time, Gauss-Legendre in time, straight segments, a Gaussian of the path's covariance,
+//! and the dense list the planner trusts. Every function appends to `out`; `delay_s` is how much later than the frame
+//! the rows in question are exposed.
+
+use crate::exposure::motion::Motion;
+use crate::exposure::pixel_path::{PixelPath, PixelPoint};
+use crate::exposure::pose::{PathNode, Pose, SHIFT, recentre};
+use crate::optics::quadrature::{Node, gauss_legendre_node};
+use base::time::Tai;
+
+/// Mean distance of dense nodes, share of the PSF's sigma. They come in Gauss-Legendre pairs: variance along a straight
+/// piece is exact, and the characteristic function errs by `(k h)^4 / 270`.
+const DENSE_STEP_SIGMA: f64 = 0.1;
+/// Dense nodes per period of the fastest jitter line.
+const DENSE_PER_PERIOD: f64 = 24.0;
+/// Most dense nodes of a path with jitter (the frame path's buffers hold this many).
+pub const MOST_DENSE_NODES: usize = 4096;
+/// Most Gauss-Legendre nodes of one rule over a whole exposure, which costs the square of its nodes: 512 of a method,
+/// and the few more of the list that it is compared with.
+pub const ONE_RULE_NODES: usize = 520;
+/// Nodes of a panel, where more are wanted.
+pub const PANEL_NODES: usize = 16;
+/// Most nodes of a smooth path, a whole number of panels.
+pub const MOST_SMOOTH_NODES: usize = 1 << 14;
+/// Most dense nodes of a commanded image path.
+pub const MOST_PATH_NODES: usize = 1 << 18;
+/// An axis of a Gaussian thinner than this share of the wider gets one node.
+const THIN_AXIS: f64 = 1e-3;
+
+/// `k` equally weighted samples in time, moved together so that their mean pose is exactly `mean`: no centroid error
+/// is left. Gauss-Legendre pairs (fourth order in the step); midpoints when `k` is odd or the path is itself a list of
+/// samples.
+pub fn samples(motion: &Motion, k: usize, delay_s: f64, mean: &Pose, out: &mut Vec<PathNode>) {
+    let (weight, first) = (1.0 / k as f64, out.len());
+    let listed = matches!(motion.image_path, Some(PixelPath::Samples(_)));
+    let node = |tau: f64| PathNode { weight, pose: motion.pose_at(tau, delay_s) };
+    if listed || k % 2 == 1 {
+        out.extend((0..k).map(|i| node((i as f64 + 0.5) * weight - 0.5)));
+    } else {
+        let taus = (0..k / 2).flat_map(|panel| pair().map(|at| 2.0 * (panel as f64 + at) * weight - 0.5));
+        out.extend(taus.map(node));
+    }
+    recentre(&mut out[first..], mean);
+}
+
+/// `n` Gauss-Legendre nodes in time (smooth motion only: jitter between nodes would be missed); more than
+/// [`ONE_RULE_NODES`] come in panels of equal time, of at most [`PANEL_NODES`] each.
+pub fn gauss_legendre_in_time(motion: &Motion, n: usize, delay_s: f64, out: &mut Vec<PathNode>) {
+    if n <= ONE_RULE_NODES {
+        out.extend((0..n).map(|i| {
+            let node = gauss_legendre_node(n, i);
+            PathNode { weight: node.weight, pose: motion.pose_at(node.x, delay_s) }
+        }));
+        return;
+    }
+    let panels = n.div_ceil(PANEL_NODES);
+    let (each, longer, share) = (n / panels, n % panels, 1.0 / panels as f64);
+    let rule = |nodes: usize| -> [Node; PANEL_NODES] {
+        core::array::from_fn(|i| if i < nodes { gauss_legendre_node(nodes, i) } else { Node { x: 0.0, weight: 0.0 } })
+    };
+    let rules = [rule(each), rule((each + 1).min(PANEL_NODES))];
+    for panel in 0..panels {
+        let middle = (panel as f64 + 0.5) * share - 0.5;
+        let is_longer = usize::from(panel < longer);
+        out.extend(rules[is_longer][..each + is_longer].iter().map(|node| PathNode {
+            weight: node.weight * share,
+            pose: motion.pose_at(middle + node.x * share, delay_s),
+        }));
+    }
+}
+
+/// `count` straight segments of equal time between points of the path, `per_segment` Gauss-Legendre nodes along each,
+/// moved together to `mean`. Domain: a path that is nearly straight between the points.
+pub fn segments(motion: &Motion, count: usize, per_segment: usize, delay_s: f64, mean: &Pose, out: &mut Vec<PathNode>) {
+    let (share, first) = (1.0 / count as f64, out.len());
+    let mut from = motion.pose_at(-0.5, delay_s);
+    for segment in 1..=count {
+        let to = motion.pose_at(segment as f64 * share - 0.5, delay_s);
+        out.extend((0..per_segment).map(|i| {
+            let node = gauss_legendre_node(per_segment, i);
+            PathNode { weight: node.weight * share, pose: from.towards(&to, node.x + 0.5) }
+        }));
+        from = to;
+    }
+    recentre(&mut out[first..], mean);
+}
+
+/// A Gaussian of the path's own covariance (xx, xy, yy, px^2) about `mean`: three Gauss-Hermite nodes along each of its
+/// axes, the same shift for all stars. Domain: paths that look like noise, short against the PSF or crossed many times.
+pub fn gaussian(covariance_px2: [f64; 3], mean: &Pose, out: &mut Vec<PathNode>) {
+    let [xx, xy, yy] = covariance_px2;
+    let (middle, half) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
+    let (sin, cos) = (0.5 * xy.atan2(0.5 * (xx - yy))).sin_cos();
+    let long = (middle + half).max(0.0).sqrt();
+    let thin = (middle - half).max(0.0).sqrt();
+    for (wa, a) in hermite(long, long) {
+        for (wb, b) in hermite(thin, long) {
+            if wa * wb > 0.0 {
+                let mut pose = *mean;
+                pose.0[SHIFT] += a * cos - b * sin;
+                pose.0[SHIFT + 1] += a * sin + b * cos;
+                out.push(PathNode { weight: wa * wb, pose });
+            }
+        }
+    }
+}
+
+/// Three-point Gauss-Hermite rule for a normal of this deviation; one point when it is thin against `widest`.
+fn hermite(deviation: f64, widest: f64) -> [(f64, f64); 3] {
+    if deviation <= THIN_AXIS * widest || deviation == 0.0 {
+        return [(1.0, 0.0), (0.0, 0.0), (0.0, 0.0)];
+    }
+    let at = 3.0_f64.sqrt() * deviation;
+    [(1.0 / 6.0, -at), (2.0 / 3.0, 0.0), (1.0 / 6.0, at)]
+}
+
+/// One node at the mean of the path.
+pub fn single(mean: &Pose, out: &mut Vec<PathNode>) {
+    out.push(PathNode { weight: 1.0, pose: *mean });
+}
+
+/// The list the planner measures other lists against. `reach_px`: length of the jittered path on the detector,
+/// `radius_px`: furthest star from the principal point.
+pub fn dense(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, delay_s: f64, out: &mut Vec<PathNode>) {
+    let step_px = DENSE_STEP_SIGMA * sigma_px;
+    let exposure_s = motion.los.exposure_s;
+    match &motion.image_path {
+        None => {
+            let by_period = motion.los.jitter.highest_line_hz() * exposure_s * DENSE_PER_PERIOD;
+            let by_samples = 4.0 * motion.los.jitter.points.len() as f64;
+            let wanted = (reach_px / step_px).max(by_period).max(by_samples);
+            let panels = clamped(0.5 * wanted, 8, MOST_DENSE_NODES / 2) as f64;
+            // Panels end at the samples: the track has corners there.
+            let (mut from, mid) = (-0.5, motion.los.mid_exposure());
+            let tau = |at: Tai| ((at - mid).s() - delay_s) / exposure_s;
+            let corners = motion.los.jitter.points.iter().map(|point| tau(point.at));
+            for to in corners.chain([0.5]) {
+                let to = to.clamp(from, 0.5);
+                let share = to - from;
+                if share > 0.0 {
+                    let count = clamped(panels * share, 1, MOST_DENSE_NODES / 2);
+                    let step = share / count as f64;
+                    let taus = (0..count).flat_map(|panel| pair().map(|at| from + (panel as f64 + at) * step));
+                    out.extend(taus.map(|tau| PathNode { weight: 0.5 * step, pose: motion.pose_at(tau, delay_s) }));
+                }
+                from = to;
+            }
+        }
+        Some(PixelPath::Samples(points)) => {
+            let weight = 1.0 / points.len() as f64;
+            out.extend(points.iter().enumerate().map(|(i, point)| {
+                let t_s = ((i as f64 + 0.5) * weight - 0.5) * exposure_s + delay_s;
+                PathNode { weight, pose: motion.pose_on_path(t_s, point) }
+            }));
+        }
+        Some(PixelPath::Line(points)) => along_line(motion, points, step_px, radius_px, delay_s, out),
+    }
+}
+
+/// The two Gauss-Legendre nodes of a piece, as shares of it.
+fn pair() -> [f64; 2] {
+    const OFF: f64 = 0.288_675_134_594_812_9; // 1 / (2 sqrt 3)
+    [0.5 - OFF, 0.5 + OFF]
+}
+
+/// Node pairs of short pieces of every segment, weighted by their time.
+fn along_line(
+    motion: &Motion,
+    points: &[PixelPoint],
+    step_px: f64,
+    radius_px: f64,
+    delay_s: f64,
+    out: &mut Vec<PathNode>,
+) {
+    let exposure_s = motion.los.exposure_s;
+    let first = out.len();
+    for_each_segment(points, exposure_s, delay_s, |a, b| {
+        let left = (MOST_PATH_NODES.saturating_sub(out.len() - first) / 2).max(1);
+        let pieces = clamped(0.5 * a.distance_px(b, radius_px) / step_px, 1, left);
+        let weight = 0.5 * (b.t_s - a.t_s) / exposure_s / pieces as f64;
+        for share in (0..pieces).flat_map(|piece| pair().map(|at| (piece as f64 + at) / pieces as f64)) {
+            let point = a.towards(b, share);
+            out.push(PathNode { weight, pose: motion.pose_on_path(point.t_s - 0.5 * exposure_s, &point) });
+        }
+    });
+}
+
+/// Calls `visit(from, to)` for every stretch with positive duration of an exposure that is `delay_s` late, the held
+/// ends included; times count from the start of the frame's own exposure.
+pub fn for_each_segment(
+    points: &[PixelPoint],
+    exposure_s: f64,
+    delay_s: f64,
+    mut visit: impl FnMut(&PixelPoint, &PixelPoint),
+) {
+    let (Some(first), Some(last)) = (points.first(), points.last()) else { return };
+    let (begin_s, end_s) = (delay_s, delay_s + exposure_s);
+    let ends = [PixelPoint { t_s: begin_s.min(first.t_s), ..*first }, PixelPoint { t_s: end_s.max(last.t_s), ..*last }];
+    let mut from = ends[0];
+    for to in points.iter().chain([&ends[1]]) {
+        let (a, b) = (from.t_s.max(begin_s), to.t_s.min(end_s));
+        if b > a {
+            let at = |t_s: f64| PixelPoint { t_s, ..from.towards(to, (t_s - from.t_s) / (to.t_s - from.t_s)) };
+            visit(&at(a), &at(b));
+        }
+        from = *to;
+    }
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to usize bounds first")]
+fn clamped(wanted: f64, least: usize, most: usize) -> usize {
+    wanted.ceil().clamp(least as f64, most.max(least) as f64) as usize
+}

@@ -1,0 +1,277 @@
+//! Sources -> stars of a plan: where each stands at mid-exposure, its mean over the exposure, and its electrons there:
+//! those of the source times the relative illumination at its place at mid-exposure (bound of what the value may change
+//! by during the exposure: [`crate::optics::illumination`]). All cores; source
+//! order is kept, so a repeated plan is the same whatever the number of threads.
+
+use crate::attitude::LosPath;
+use crate::exposure::mean_field::MeanField;
+use crate::exposure::place_block::{BlockPlacer, STARS};
+use crate::exposure::plan::PlannedStar;
+use crate::exposure::planner::{Source, SourcePlace};
+use crate::exposure::track::{StarPlace, StarTrack};
+use crate::optics::Illumination;
+use glam::{DVec2, DVec3};
+use pulp::{Arch, NullaryFnOnce};
+use rayon::prelude::*;
+use sky::astrometry::CameraGeometry;
+
+/// Stars one thread takes at a time.
+const CHUNK: usize = 1024;
+/// A star that leaves no light on the detector.
+const NOWHERE: [f64; 2] = [f64::NAN; 2];
+
+/// The brightest and the faintest of the stars.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Brightness {
+    /// Electrons of the brightest (0 without stars).
+    pub(super) most_e: f64,
+    /// Electrons of the faintest (infinite without stars).
+    pub(super) least_e: f64,
+}
+
+impl Brightness {
+    const NONE: Self = Self { most_e: 0.0, least_e: f64::INFINITY };
+
+    fn and(self, other: Self) -> Self {
+        Self { most_e: self.most_e.max(other.most_e), least_e: self.least_e.min(other.least_e) }
+    }
+}
+
+/// The field that sources stand in.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Lit<'a> {
+    /// Projection and distortion.
+    pub(super) camera: &'a CameraGeometry,
+    /// How the image plane is lit.
+    pub(super) illumination: &'a Illumination,
+}
+
+/// Replaces `stars` by those of all sources whose light can reach the detector: mean place within `margin_px` of it. A star
+/// is out of sight when its direction is outside the camera's domain. `seen`: room for the number of stars of every chunk.
+pub(super) fn place_stars(
+    sources: &[Source],
+    lit: Lit<'_>,
+    los: &LosPath,
+    means: &MeanField,
+    margin_px: f64,
+    (stars, seen): (&mut Vec<PlannedStar>, &mut Vec<usize>),
+) -> Brightness {
+    // No clearing: every star is written.
+    stars.resize(sources.len(), EMPTY);
+    seen.resize(sources.len().div_ceil(CHUNK), 0);
+    let (blocks, arch) = (BlockPlacer::new(lit.camera, los, means, margin_px), Arch::new());
+    let chunk = |((stars, seen), sources): ((&mut [PlannedStar], &mut usize), &[Source])| {
+        let mut placed = Placed { stars, seen: 0, brightness: Brightness::NONE };
+        // Sources of pixel places are few, and come alone.
+        let is_icrf = |source: &Source| matches!(source.place, SourcePlace::Icrf(_));
+        let in_blocks = blocks.filter(|_| sources.iter().all(is_icrf));
+        let (eights, rest) = sources.as_chunks::<STARS>();
+        if let Some(placer) = in_blocks {
+            arch.dispatch(PlaceBlocks { placer, sources: eights, lit, placed: &mut placed });
+        }
+        let single = if in_blocks.is_some() { rest } else { sources };
+        single.iter().for_each(|source| placed.push(place(source, lit, los, means, margin_px)));
+        *seen = placed.seen;
+        placed.brightness
+    };
+    let found = if let [seen] = seen.as_mut_slice() {
+        chunk(((stars, seen), sources))
+    } else {
+        let chunks = stars.par_chunks_mut(CHUNK).zip(&mut *seen).zip(sources.par_chunks(CHUNK));
+        chunks.map(chunk).reduce(|| Brightness::NONE, Brightness::and)
+    };
+    let mut end = 0;
+    for (first, seen) in (0..).step_by(CHUNK).zip(&*seen) {
+        if end < first {
+            stars.copy_within(first..first + seen, end);
+        }
+        end += seen;
+    }
+    stars.truncate(end);
+    found
+}
+
+/// Runs `work` on all stars, side by side when there are many.
+pub(super) fn for_each_star(stars: &mut [PlannedStar], work: impl Fn(&mut PlannedStar) + Sync) {
+    if stars.len() <= CHUNK {
+        stars.iter_mut().for_each(work);
+    } else {
+        stars.par_chunks_mut(CHUNK).for_each(|stars| stars.iter_mut().for_each(&work));
+    }
+}
+
+/// The stars of a chunk that are in sight, at its front.
+struct Placed<'a> {
+    stars: &'a mut [PlannedStar],
+    seen: usize,
+    brightness: Brightness,
+}
+
+impl Placed<'_> {
+    #[inline(always)]
+    fn push(&mut self, star: PlannedStar) {
+        if !star.mean_px[0].is_nan() {
+            self.stars[self.seen] = star;
+            self.seen += 1;
+            self.brightness = self.brightness.and(Brightness { most_e: star.electrons, least_e: star.electrons });
+        }
+    }
+}
+
+/// Blocks of a chunk, in the shape `pulp` compiles once per vector level.
+struct PlaceBlocks<'a, 'b> {
+    placer: BlockPlacer,
+    sources: &'a [[Source; STARS]],
+    lit: Lit<'a>,
+    placed: &'a mut Placed<'b>,
+}
+
+impl NullaryFnOnce for PlaceBlocks<'_, '_> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        for sources in self.sources {
+            let mut directions = [[0.0; STARS]; 3];
+            for (k, source) in sources.iter().enumerate() {
+                if let SourcePlace::Icrf(DVec3 { x, y, z }) = source.place {
+                    directions[0][k] = x;
+                    directions[1][k] = y;
+                    directions[2][k] = z;
+                }
+            }
+            let places = self.placer.place(&directions);
+            for (k, source) in sources.iter().enumerate() {
+                if places.in_sight[k] {
+                    let tangent = DVec2::new(places.tangent[0][k], places.tangent[1][k]);
+                    let place = StarPlace { mid_px: [places.mid_px[0][k], places.mid_px[1][k]], tangent };
+                    let mean_px = [places.mean_px[0][k], places.mean_px[1][k]];
+                    self.placed.push(star_at(source, place, mean_px, self.lit));
+                }
+            }
+        }
+    }
+}
+
+/// A source that is seen.
+#[inline(always)]
+fn star_at(source: &Source, place: StarPlace, mean_px: [f64; 2], lit: Lit<'_>) -> PlannedStar {
+    let electrons = source.electrons * lit.illumination.at(place.tangent);
+    PlannedStar { id: source.id, mag: source.mag, electrons, drawn_e: electrons, place, mean_px, ..EMPTY }
+}
+
+const EMPTY: PlannedStar = PlannedStar {
+    id: 0,
+    mag: 0.0,
+    electrons: 0.0,
+    drawn_e: 0.0,
+    electrons_on_detector: 0.0,
+    place: StarPlace { mid_px: NOWHERE, tangent: DVec2::ZERO },
+    mean_px: NOWHERE,
+    list: 0,
+};
+
+fn place(source: &Source, lit: Lit<'_>, los: &LosPath, means: &MeanField, margin_px: f64) -> PlannedStar {
+    let camera = lit.camera;
+    let place = match source.place {
+        SourcePlace::Icrf(direction) => StarPlace::of_direction(camera, los.mid_sensor_from_icrf.apply(direction)),
+        SourcePlace::Pixel(px) => StarPlace::of_pixel(camera, px),
+    };
+    let Some(place) = place else { return EMPTY };
+    let mean_px = if means.is_still() {
+        place.mid_px
+    } else {
+        let [dx, dy] = means.displacement_px(&StarTrack::new(camera, place));
+        [place.mid_px[0] + dx, place.mid_px[1] + dy]
+    };
+    let inside = |v: f64, size: usize| v > -margin_px && v < size as f64 - 1.0 + margin_px;
+    if !inside(mean_px[0], camera.width_px()) || !inside(mean_px[1], camera.height_px()) {
+        return EMPTY;
+    }
+    let mut star = star_at(source, place, mean_px, lit);
+    star.drawn_e *= means.rolling_gain(&StarTrack::new(camera, place));
+    star
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attitude::JitterLine;
+    use crate::exposure::motion::{Motion, Shutter};
+    use crate::exposure::probes::Probes;
+    use base::axes::{Rotation, sensor_from_ra_dec_roll};
+    use base::time::Tai;
+    use sky::astrometry::{BrownConrady, CameraParameters};
+
+    /// Rounding of a few operations on tens of thousands of px.
+    const ROUNDING_PX: f64 = 1e-10;
+
+    fn camera(k1: f64) -> CameraGeometry {
+        CameraGeometry::new(CameraParameters {
+            width_px: 700,
+            height_px: 500,
+            focal_px: [900.0, 905.0],
+            principal_point_px: [350.0, 244.0],
+            distortion: BrownConrady { k1, ..BrownConrady::default() },
+        })
+        .unwrap()
+    }
+
+    fn motion(moves: bool) -> Motion {
+        let at = Tai::from_rfc3339("2026-03-01T00:00:00Z").unwrap();
+        let mut los = LosPath::commanded(sensor_from_ra_dec_roll(1.0, -0.4, 0.7), at, 0.1);
+        if moves {
+            los.rate_rad_s = DVec3::new(0.02, -0.03, 0.4);
+            let amplitude_rad = DVec3::new(1e-3, 2e-3, 0.0);
+            los.jitter.lines = vec![JitterLine { frequency_hz: 31.0, amplitude_rad, phase_rad: 0.3 }];
+        }
+        Motion { los, image_path: None }
+    }
+
+    /// Directions all over the sky, most of them about the boresight.
+    fn sources(motion: &Motion) -> Vec<Source> {
+        let back: Rotation<_, _> = motion.los.mid_sensor_from_icrf.inverse();
+        let source = |i: u32| {
+            let [x, y] = [i * 131 % 1009, i * 197 % 907].map(|v| f64::from(v) / 500.0 - 0.95);
+            let z = if i.is_multiple_of(17) { -1.0 } else { 1.0 };
+            let direction = back.apply(DVec3::new(x, y, z).normalize());
+            Source { id: i, electrons: f64::from(i), mag: 1.0, place: SourcePlace::Icrf(direction) }
+        };
+        (1..4000).map(source).collect()
+    }
+
+    #[test]
+    fn blocks_place_as_single_stars_do() {
+        for (moves, k1, shutter, in_blocks) in [
+            (true, 0.0, Shutter::Global, true),
+            (false, 0.0, Shutter::Global, true),
+            (true, -0.05, Shutter::Global, false),
+            (true, 0.0, Shutter::Rolling { line_s: 1e-5 }, false),
+        ] {
+            let (camera, motion, illumination) = (camera(k1), motion(moves), Illumination::EVEN);
+            let mut probes = Probes::new(&camera, shutter);
+            probes.measure(&motion, 0.8);
+            let mut means = MeanField::new(&camera);
+            means.measure(&motion, shutter, &probes);
+            let lit = Lit { camera: &camera, illumination: &illumination };
+            assert_eq!(BlockPlacer::new(&camera, &motion.los, &means, 5.0).is_some(), in_blocks, "{moves} {k1}");
+            let sources = sources(&motion);
+            let (mut stars, mut seen) = (Vec::new(), Vec::new());
+            let found = place_stars(&sources, lit, &motion.los, &means, 5.0, (&mut stars, &mut seen));
+            let single = |source: &Source| place(source, lit, &motion.los, &means, 5.0);
+            let wanted: Vec<_> = sources.iter().map(single).filter(|star| !star.mean_px[0].is_nan()).collect();
+            let ids = |stars: &[PlannedStar]| stars.iter().map(|star| star.id).collect::<Vec<_>>();
+            assert_eq!(ids(&stars), ids(&wanted), "the same stars, in source order");
+            assert!((400..3000).contains(&stars.len()), "control: {} in sight, others not", stars.len());
+            let apart = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+            for (star, wanted) in stars.iter().zip(&wanted) {
+                assert!(apart(star.mean_px, wanted.mean_px) < ROUNDING_PX, "{star:?} {wanted:?}");
+                assert!(apart(star.place.mid_px, wanted.place.mid_px) < ROUNDING_PX);
+                assert!(star.place.tangent.distance(wanted.place.tangent) < 1e-14);
+            }
+            let furthest = stars.iter().map(|star| apart(star.mean_px, star.place.mid_px)).fold(0.0, f64::max);
+            assert_eq!(furthest > 1e-3, moves, "control: motion has moved the means by {furthest} px");
+            let most_e = stars.iter().map(|star| star.electrons).fold(0.0, f64::max);
+            assert_eq!(found.most_e, most_e);
+        }
+    }
+}

@@ -1,0 +1,316 @@
+//! The plan of one exposure: plain data that any backend can draw.
+
+use crate::exposure::correction::Correction;
+use crate::exposure::ladder::Rung;
+use crate::exposure::method::Method;
+use crate::exposure::moments::TracePoint;
+use crate::exposure::motion::{Motion, Shutter};
+use crate::exposure::pose::{PathNode, Pose};
+use crate::exposure::sampling::PsfSampling;
+use crate::exposure::smear::SmearField;
+use crate::exposure::target_plan::PlannedTarget;
+use crate::exposure::track::{StarPlace, StarTrack};
+use crate::optics::PsfModel;
+use core::ops::Range;
+use sky::astrometry::CameraGeometry;
+
+/// One star of a plan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlannedStar {
+    /// Identifier of the source.
+    pub id: u32,
+    /// Magnitude in the instrument's band (NaN: not a star of a catalog).
+    pub mag: f32,
+    /// Electrons the star sends into the whole image plane during the exposure.
+    pub electrons: f64,
+    /// Electrons that a backend draws which gives all rows of a star one exposure: those of [`Self::electrons`] times
+    /// what a rolling shutter makes of the star's motion along its rows. The reference exposes row by row instead.
+    pub drawn_e: f64,
+    /// Electrons of it that land on the detector within the footprint.
+    pub electrons_on_detector: f64,
+    /// Place at mid-exposure.
+    pub place: StarPlace,
+    /// Exposure-averaged position: the star's true centroid, px.
+    pub mean_px: [f64; 2],
+    /// The list of [`ExposurePlan::lists`] it is drawn with.
+    pub list: u32,
+}
+
+/// How the stars of one list are drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Drawing {
+    /// The PSF once, at the mean position.
+    Once,
+    /// The PSF at every node, each star by its own displacements.
+    Nodes,
+    /// The PSF convolved with the path of a star at this place, once at the mean position.
+    Kernel(StarTrack),
+    /// Four lists, made for the corners of a cell of the field, blended by the star's place in it.
+    Blend(Cell),
+}
+
+/// A cell of the field between four lists.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cell {
+    /// Lists of the corners: top left, top right, bottom left, bottom right.
+    pub corners: [u32; 4],
+    /// Top left corner, px.
+    pub origin_px: [f64; 2],
+    /// Width and height, px.
+    pub size_px: [f64; 2],
+}
+
+impl Cell {
+    /// Shares of the four lists for a star at `px`; they sum to 1.
+    #[must_use]
+    pub fn shares(&self, px: [f64; 2]) -> [f64; 4] {
+        let [x, y] = core::array::from_fn(|i| ((px[i] - self.origin_px[i]) / self.size_px[i]).clamp(0.0, 1.0));
+        [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y]
+    }
+}
+
+/// Path nodes and what is done with them, for some of the stars.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NodeList {
+    /// Among [`ExposurePlan::nodes`].
+    pub nodes: Range<usize>,
+    /// Their mean pose.
+    pub mean: Pose,
+    /// What the mean of the nodes' displacements is more than the displacement of the mean pose.
+    pub correction: Correction,
+    /// What is drawn.
+    pub drawing: Drawing,
+    /// The place whose PSF is drawn, px, where the PSF depends on the place.
+    pub psf_px: [f64; 2],
+}
+
+/// What a method is predicted to do to a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Assessment {
+    /// The method.
+    pub method: Method,
+    /// Bound of the 5 x 5 centroid error, px.
+    pub centroid_px: f64,
+    /// Bound of the relative flux error of a star that no edge cuts.
+    pub flux_rel: f64,
+    /// Bound of the largest pixel error in units of that pixel's noise sigma.
+    pub pixel_sigma: f64,
+    /// Predicted time, ms.
+    pub cost_ms: f64,
+    /// What the budget says.
+    pub verdict: Verdict,
+}
+
+/// Stars of similar brightness, and the method that draws them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StarClass {
+    /// Electrons of its brightest star.
+    pub brightest_e: f64,
+    /// Stars fainter than this are in the next class, e-.
+    pub faintest_e: f64,
+    /// Stars in it.
+    pub stars: usize,
+    /// Bands of rows with a list of nodes each (more than one: rolling shutter).
+    pub bands: usize,
+    /// Its method.
+    pub chosen: Assessment,
+}
+
+/// Furthest an effective PSF may reach from a star's mean position, px: its table grows with the square.
+pub const LONGEST_KERNEL_PX: f64 = 256.0;
+
+/// Share of the budget's centroid error that a method's bound may take; the rest is for what the bound does not cover.
+pub const MOTION_SHARE: f64 = 0.5;
+
+/// Largest kernels of a frame together, bytes (a device holds up to four times as much).
+pub const MOST_KERNEL_BYTES: usize = 256 << 20;
+
+/// Most kernels of a frame: with the PSF's own table, the layers of a texture.
+pub const MOST_KERNELS: usize = 255;
+
+/// Whether a method may be used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// Inside the budget.
+    Fits,
+    /// Its domain is smooth motion, and there is jitter.
+    NeedsSmoothMotion,
+    /// The path is too long for a kernel ([`LONGEST_KERNEL_PX`]).
+    PathTooLong,
+    /// Its kernels together are too large ([`MOST_KERNEL_BYTES`]).
+    TooManyKernels,
+    /// Its kernels are made of exact pixel integrals, and another sampling was asked for.
+    OtherSampling,
+    /// Its centroid error is over the budget.
+    CentroidOverBudget,
+    /// Its pixel error is over the budget.
+    PixelOverBudget,
+    /// Its flux error is over the budget (the footprint cap of a PSF with wide wings, or a
+    /// rolling shutter that stretches a fast star).
+    FluxOverBudget,
+}
+
+impl Verdict {
+    /// True when every error is inside the budget.
+    #[must_use]
+    pub fn is_met(self) -> bool {
+        self == Self::Fits
+    }
+
+    /// True when motion is drawn inside the budget; light that no method keeps may be lost.
+    #[must_use]
+    pub fn keeps_shape(self) -> bool {
+        matches!(self, Self::Fits | Self::FluxOverBudget)
+    }
+
+    /// True when the method can be drawn at all.
+    #[must_use]
+    pub fn is_drawable(self) -> bool {
+        !matches!(self, Self::NeedsSmoothMotion | Self::PathTooLong | Self::TooManyKernels | Self::OtherSampling)
+    }
+}
+
+/// Stars that were left out because they stay below a share of the noise.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct CutOff {
+    /// How many.
+    pub stars: usize,
+    /// Their electrons together.
+    pub electrons: f64,
+    /// Bound of what any pixel lacks, e-.
+    pub most_in_pixel_e: f64,
+}
+
+/// Everything a backend needs to draw one exposure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExposurePlan {
+    /// The camera.
+    pub camera: CameraGeometry,
+    /// How its rows are exposed.
+    pub shutter: Shutter,
+    /// The PSF.
+    pub psf: PsfModel,
+    /// How pixel values are had from it.
+    pub sampling: PsfSampling,
+    /// Footprint half-width, px: a star is drawn in the square of `2 half_px + 1` pixels around each node.
+    pub half_px: usize,
+    /// The method of the brightest stars and its predicted error, with the cost of the whole frame.
+    pub chosen: Assessment,
+    /// All methods that were weighed for the brightest stars, cheapest first.
+    pub assessed: Vec<Assessment>,
+    /// The stars by brightness, brightest first.
+    pub classes: Vec<StarClass>,
+    /// What was left out.
+    pub cut_off: CutOff,
+    /// How far the frame was degraded to keep its time budget.
+    pub rung: Rung,
+    /// Path nodes of all lists.
+    pub nodes: Vec<PathNode>,
+    /// Lists of nodes.
+    pub lists: Vec<NodeList>,
+    /// Bound of the path's length on the detector, px.
+    pub reach_px: f64,
+    /// Furthest the path leads a star from its mean position, px.
+    pub extent_px: f64,
+    /// How far the exposure's motion takes a star, by its place.
+    pub smear: SmearField,
+    /// The stars, in source order; behind them the nodes of the targets.
+    pub stars: Vec<PlannedStar>,
+    /// The targets that are seen.
+    pub targets: Vec<PlannedTarget>,
+    /// What moves the image, for backends that integrate it exactly.
+    pub motion: Motion,
+}
+
+impl CutOff {
+    /// Adds what else was left out.
+    pub fn add(&mut self, more: &Self) {
+        self.stars += more.stars;
+        self.electrons += more.electrons;
+        self.most_in_pixel_e += more.most_in_pixel_e;
+    }
+}
+
+impl ExposurePlan {
+    /// The stars without the nodes of targets.
+    #[must_use]
+    pub fn sky_stars(&self) -> &[PlannedStar] {
+        let nodes = self.targets.first().map_or(self.stars.len(), |target| target.nodes.start);
+        &self.stars[..nodes.min(self.stars.len())]
+    }
+
+    /// The test for stars of a class.
+    pub fn is_member(&self, class: usize) -> impl Fn(&PlannedStar) -> bool + Copy + Sync + use<> {
+        let only = self.classes.len() == 1;
+        let (above, faintest) = self.brightness_of(class);
+        move |star| only || (star.electrons < above && star.electrons >= faintest)
+    }
+
+    /// Electrons between which the stars of a class lie: below the first, from the second on.
+    #[must_use]
+    pub fn brightness_of(&self, class: usize) -> (f64, f64) {
+        let above_e = class.checked_sub(1).map_or(f64::INFINITY, |before| self.classes[before].faintest_e);
+        (above_e, self.classes[class].faintest_e)
+    }
+
+    /// Nodes of a list.
+    #[must_use]
+    pub fn nodes_of(&self, list: &NodeList) -> &[PathNode] {
+        &self.nodes[list.nodes.clone()]
+    }
+
+    /// The list a star is drawn with.
+    #[must_use]
+    pub fn list_of(&self, star: &PlannedStar) -> &NodeList {
+        &self.lists[star.list as usize]
+    }
+
+    /// Where a star's poses count from when it is drawn node by node: its mean comes out at `mean_px`.
+    #[must_use]
+    pub fn origin_px(&self, star: &PlannedStar, track: &StarTrack) -> [f64; 2] {
+        let list = self.list_of(star);
+        let ([x, y], [cx, cy]) = (track.displacement_px(&list.mean), list.correction.at(star.place.mid_px));
+        [star.mean_px[0] - x - cx, star.mean_px[1] - y - cy]
+    }
+
+    /// Displacement about its mean, for every node, of a star that stands where the kernel is made: the shape of an
+    /// effective PSF.
+    pub fn kernel_trace<'a>(
+        &'a self,
+        nodes: &'a [PathNode],
+        at: &'a StarTrack,
+    ) -> impl Iterator<Item = TracePoint> + 'a {
+        let mean = nodes.iter().fold([0.0; 2], |[x, y], node| {
+            let [dx, dy] = at.exact_px(&self.camera, &node.pose);
+            [x + node.weight * dx, y + node.weight * dy]
+        });
+        nodes.iter().map(move |node| {
+            let [x, y] = at.exact_px(&self.camera, &node.pose);
+            [node.weight, x - mean[0], y - mean[1]]
+        })
+    }
+
+    /// What a star is made of: lists and shares of its light.
+    pub fn parts(&self, star: &PlannedStar) -> impl Iterator<Item = (usize, f64)> + use<> {
+        let parts = match self.list_of(star).drawing {
+            Drawing::Blend(cell) => {
+                let shares = cell.shares(star.mean_px);
+                core::array::from_fn(|i| (cell.corners[i] as usize, shares[i]))
+            }
+            _ => [(star.list as usize, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)],
+        };
+        parts.into_iter().filter(|(_, share)| *share > 0.0)
+    }
+
+    /// True when any star is drawn from a kernel.
+    #[must_use]
+    pub fn has_kernel(&self) -> bool {
+        self.lists.iter().any(|list| matches!(list.drawing, Drawing::Kernel(_)))
+    }
+
+    /// Sum of the electrons that land on the detector.
+    #[must_use]
+    pub fn electrons_on_detector(&self) -> f64 {
+        self.stars.iter().map(|star| star.electrons_on_detector).sum()
+    }
+}

@@ -1,0 +1,360 @@
+//! The planner: the cheapest methods whose error bounds fit the budget, in the time there is.
+//!
+//! In: motion, sources, instrument. Out: [`ExposurePlan`]. After the first frames it allocates nothing. Bounds are held
+//! against the reference by `tests/physics`.
+
+use crate::attitude::LosPath;
+use crate::exposure::choice::Chooser;
+use crate::exposure::cost::CostModel;
+use crate::exposure::cut_off::CutOffCells;
+use crate::exposure::ladder::Rung;
+use crate::exposure::lists;
+use crate::exposure::mean_field::MeanField;
+use crate::exposure::method::{Method, MethodChoice};
+use crate::exposure::motion::{Motion, Shutter};
+use crate::exposure::nodes;
+use crate::exposure::place::{Brightness, Lit, place_stars};
+use crate::exposure::plan::{Assessment, CutOff, ExposurePlan, Verdict};
+use crate::exposure::probes::Probes;
+use crate::exposure::sampling::PsfSampling;
+use crate::exposure::share::Share;
+use crate::exposure::smear::SmearField;
+use crate::exposure::target::Target;
+use crate::exposure::target_plan::TargetPlanner;
+use crate::optics::{Illumination, PsfModel};
+use base::accuracy::AccuracyBudget;
+use glam::DVec3;
+use sky::astrometry::CameraGeometry;
+
+/// The instrument as the planner sees it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Instrument {
+    /// Projection and distortion.
+    pub camera: CameraGeometry,
+    /// How its rows are exposed.
+    pub shutter: Shutter,
+    /// PSF.
+    pub psf: PsfModel,
+    /// How pixel values are had from it.
+    pub sampling: PsfSampling,
+    /// How the image plane is lit: sources are multiplied by its value where they stand at mid-exposure.
+    pub illumination: Illumination,
+    /// Electrons at which a pixel saturates: errors above it cannot be seen.
+    pub full_well_e: f64,
+    /// Noise floor of a pixel, e-.
+    pub read_noise_e_rms: f64,
+}
+
+/// A source to draw.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Source {
+    /// Identifier.
+    pub id: u32,
+    /// Electrons into the whole image plane during the exposure, were it on the axis of an instrument that blocks nothing.
+    pub electrons: f64,
+    /// Magnitude in the instrument's band, for the truth table (NaN: not a star of a catalog).
+    pub mag: f32,
+    /// Where it is.
+    pub place: SourcePlace,
+}
+
+/// Where a source is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SourcePlace {
+    /// Apparent direction, ICRF axes, unit.
+    Icrf(DVec3),
+    /// Place on the detector at mid-exposure, px.
+    Pixel([f64; 2]),
+}
+
+/// Share of the budget's flux error that footprint truncation may use.
+const TRUNCATION_SHARE: f64 = 0.05;
+/// Stars a frame's buffers hold from the start.
+const STARS_RESERVED: usize = 16_384;
+
+/// Stars that are drawn whatever the time: a frame without any is of no use, and hardly sooner ready.
+const LEAST_STARS: usize = 32;
+
+/// Chooses methods; owns the buffers of the plan.
+#[derive(Debug)]
+pub struct Planner {
+    instrument: Instrument,
+    budget: AccuracyBudget,
+    time_budget_ms: Option<f64>,
+    last_rung: Rung,
+    plan: ExposurePlan,
+    probes: Probes,
+    means: MeanField,
+    chooser: Chooser,
+    cells: CutOffCells,
+    lists: lists::Buffers,
+    share: Share,
+    targets: TargetPlanner,
+    cost: CostModel,
+    /// For a backend that integrates every star's exact path.
+    is_exact: bool,
+    /// Room for the stars' electrons.
+    brightness_e: Vec<f64>,
+    /// Room for the numbers of stars in sight, chunk by chunk of the sources.
+    seen: Vec<usize>,
+}
+
+impl Planner {
+    /// A planner for one instrument, budget and backend.
+    #[must_use]
+    pub fn new(
+        instrument: Instrument,
+        budget: AccuracyBudget,
+        cost: CostModel,
+        choice: MethodChoice,
+        los: LosPath,
+    ) -> Self {
+        let half_px = instrument.psf.half_px(budget.flux_rel * TRUNCATION_SHARE);
+        let plan = ExposurePlan {
+            camera: instrument.camera,
+            shutter: instrument.shutter,
+            psf: instrument.psf.clone(),
+            sampling: instrument.sampling,
+            half_px,
+            chosen: NOTHING_CHOSEN,
+            assessed: Vec::with_capacity(16),
+            classes: Vec::with_capacity(4),
+            cut_off: CutOff::default(),
+            rung: Rung::Full,
+            nodes: Vec::with_capacity(nodes::MOST_DENSE_NODES),
+            lists: Vec::with_capacity(256),
+            reach_px: 0.0,
+            extent_px: 0.0,
+            smear: SmearField::still(),
+            stars: Vec::with_capacity(STARS_RESERVED),
+            targets: Vec::new(),
+            motion: Motion { los, image_path: None },
+        };
+        let camera = &instrument.camera;
+        let share = Share::new(&instrument.psf, half_px, [camera.width_px(), camera.height_px()]);
+        Self {
+            probes: Probes::new(camera, instrument.shutter),
+            means: MeanField::new(camera),
+            chooser: Chooser::new(&instrument, budget, cost, choice, half_px),
+            cells: CutOffCells::default(),
+            lists: lists::Buffers::default(),
+            time_budget_ms: None,
+            last_rung: Rung::LAST_BY_DEFAULT,
+            instrument,
+            budget,
+            plan,
+            share,
+            targets: TargetPlanner::new(),
+            cost,
+            is_exact: false,
+            brightness_e: Vec::with_capacity(STARS_RESERVED),
+            seen: Vec::with_capacity(STARS_RESERVED),
+        }
+    }
+
+    /// Milliseconds in which drawing must be done; without one, frames are never degraded.
+    #[must_use]
+    pub fn within_ms(mut self, time_budget_ms: f64) -> Self {
+        self.time_budget_ms = Some(time_budget_ms);
+        self
+    }
+
+    /// With another level than [`Rung::LAST_BY_DEFAULT`] as the last one that may be taken.
+    #[must_use]
+    pub fn down_to(mut self, last_rung: Rung) -> Self {
+        self.last_rung = last_rung;
+        self
+    }
+
+    /// Another such time from the next plan on.
+    pub fn set_time_budget_ms(&mut self, time_budget_ms: f64) {
+        self.time_budget_ms = Some(time_budget_ms);
+    }
+
+    /// For the reference: every star, however faint, and as much of each as the reference draws; nothing is over the
+    /// budget but light beyond the furthest footprint.
+    #[must_use]
+    pub fn exact(mut self) -> Self {
+        self.is_exact = true;
+        let camera = &self.instrument.camera;
+        let half_px = self.plan.half_px.max(self.instrument.psf.whole_half_px());
+        self.plan.half_px = half_px;
+        self.share = Share::new(&self.instrument.psf, half_px, [camera.width_px(), camera.height_px()]);
+        self.chooser.draw_exactly(half_px);
+        self
+    }
+
+    /// Weighs every method, also where a cheaper one has been found that fits: for reports.
+    #[must_use]
+    pub fn thorough(mut self) -> Self {
+        self.chooser.is_thorough = true;
+        self
+    }
+
+    /// Targets that move over the detector by their own script, from the next plan on.
+    pub fn set_targets(&mut self, scripts: Vec<Target>) {
+        self.plan.targets.reserve(scripts.len());
+        self.targets.set(scripts);
+        self.plan.stars.reserve(self.targets.most_nodes());
+    }
+
+    /// Makes room for so many targets on the sky.
+    pub fn reserve_targets_on_sky(&mut self, most: usize) {
+        self.plan.targets.reserve(self.targets.scripts() + most);
+        self.targets.reserve(most);
+        self.plan.stars.reserve(self.targets.most_nodes());
+    }
+
+    /// Targets on the sky in the next exposure.
+    pub fn set_targets_on_sky(&mut self, targets: &[Target]) {
+        self.targets.set_on_sky(targets);
+    }
+
+    /// Share of the targets' light that comes through, from the next plan on.
+    pub fn set_target_light(&mut self, share: f64) {
+        self.targets.light_share = share;
+    }
+
+    /// The motion of the next exposure, to be filled in before [`Self::plan`].
+    pub fn motion_mut(&mut self) -> &mut Motion {
+        &mut self.plan.motion
+    }
+
+    /// The latest plan.
+    #[must_use]
+    pub fn latest(&self) -> &ExposurePlan {
+        &self.plan
+    }
+
+    /// Plans one exposure.
+    pub fn plan(&mut self, sources: &[Source]) -> &ExposurePlan {
+        self.measure_path();
+        let brightness = self.place(sources);
+        self.targets.place(&self.plan, &self.instrument.illumination);
+        self.take_rungs(brightness);
+        let Self { plan, probes, lists, instrument, share, targets, .. } = self;
+        lists::fill(plan, probes, &instrument.camera, lists);
+        lists::give(plan, share, lists);
+        targets.append(plan, share);
+        &self.plan
+    }
+
+    /// The true paths of the probes, and mean positions all over the field.
+    fn measure_path(&mut self) {
+        let Self { plan, probes, means, instrument, chooser, .. } = self;
+        probes.measure(&plan.motion, instrument.psf.core_sigma_px());
+        means.measure(&plan.motion, instrument.shutter, probes);
+        plan.reach_px = probes.reach_px;
+        plan.extent_px = probes.extent_px;
+        plan.smear = SmearField::measured(&plan.motion, probes);
+        chooser.measure(&plan.motion, probes, means);
+    }
+
+    fn place(&mut self, sources: &[Source]) -> Brightness {
+        let Self { plan, means, instrument, seen, .. } = self;
+        let margin_px = light_reach_px(plan);
+        let lit = Lit { camera: &instrument.camera, illumination: &instrument.illumination };
+        place_stars(sources, lit, &plan.motion.los, means, margin_px, (&mut plan.stars, seen))
+    }
+
+    /// Down the ladder until the frame fits its time.
+    fn take_rungs(&mut self, brightness: Brightness) {
+        let mut rung = Rung::Full;
+        // Targets are drawn whatever the time: they are what the frame is for.
+        let targets_ms = self.targets.cost_ms(&self.cost, &self.plan);
+        self.plan.cut_off = CutOff::default();
+        self.leave_out_faint(rung, brightness.least_e);
+        loop {
+            self.plan.rung = rung;
+            self.chooser.limit_ms = self.time_budget_ms.map_or(f64::INFINITY, |limit_ms| limit_ms - targets_ms);
+            self.chooser.choose(&mut self.plan, rung, brightness.most_e, &self.probes);
+            self.plan.chosen.cost_ms += targets_ms;
+            let Some(limit_ms) = self.time_budget_ms else { return };
+            if self.plan.chosen.cost_ms <= limit_ms {
+                return;
+            }
+            let Some(mut next) = rung.next() else { return };
+            if next == Rung::MotionOut && self.chooser.is_fixed() {
+                // A method that the user fixed stays.
+                next = Rung::BrightStarsOnly;
+            }
+            if next > self.last_rung {
+                return;
+            }
+            if next.cut_off_sigma(&self.budget) > rung.cut_off_sigma(&self.budget) {
+                self.leave_out_faint(next, brightness.least_e);
+            }
+            if next == Rung::BrightStarsOnly {
+                self.keep_brightest(limit_ms - targets_ms);
+            }
+            rung = next;
+        }
+    }
+
+    /// Leaves out the stars that stay below the rung's share of the noise.
+    fn leave_out_faint(&mut self, rung: Rung, least_e: f64) {
+        let Self { plan, cells, instrument, budget, is_exact, .. } = self;
+        let reach_px = light_reach_px(plan);
+        let camera = &instrument.camera;
+        if *is_exact {
+            return;
+        }
+        // What an earlier rung left out counts too.
+        let allowed_e = rung.cut_off_sigma(budget) * instrument.read_noise_e_rms - plan.cut_off.most_in_pixel_e;
+        let peak = plan.psf.peak();
+        if least_e * peak >= allowed_e {
+            return;
+        }
+        cells.resize([camera.width_px(), camera.height_px()], reach_px);
+        let places = plan.stars.iter().map(|star| (star.electrons, star.mean_px));
+        let (limit_e, cut) = cells.choose(allowed_e, peak, places);
+        if cut.stars > 0 {
+            plan.stars.retain(|star| star.electrons >= limit_e);
+            plan.cut_off.add(&cut);
+        }
+    }
+
+    /// Leaves as many of the brightest stars as fit the time.
+    fn keep_brightest(&mut self, limit_ms: f64) {
+        let Self { plan, chooser, brightness_e, cells, instrument, .. } = self;
+        let keep = chooser.stars_within(plan, limit_ms).max(LEAST_STARS);
+        if keep >= plan.stars.len() {
+            return;
+        }
+        brightness_e.clear();
+        brightness_e.extend(plan.stars.iter().map(|star| star.electrons));
+        let limit_e = *brightness_e.select_nth_unstable_by(keep - 1, |a, b| b.total_cmp(a)).1;
+        // Of stars as bright as the last one kept, the first in order stay.
+        let mut ties = keep - brightness_e.iter().filter(|electrons| **electrons > limit_e).count();
+        for star in &mut plan.stars {
+            let ties_left = star.electrons == limit_e && ties > 0;
+            ties -= usize::from(ties_left);
+            star.list = if star.electrons > limit_e || ties_left { STAYS } else { GOES };
+        }
+        let camera = &instrument.camera;
+        let reach_px = light_reach_px(plan);
+        cells.resize([camera.width_px(), camera.height_px()], reach_px);
+        let gone = plan.stars.iter().filter(|star| star.list == GOES);
+        let cut = cells.left_out(plan.psf.peak(), gone.map(|star| (star.electrons, star.mean_px)));
+        plan.stars.retain(|star| star.list == STAYS);
+        plan.cut_off.add(&cut);
+    }
+}
+
+/// How far from its mean place a star leaves light, px.
+fn light_reach_px(plan: &ExposurePlan) -> f64 {
+    plan.half_px as f64 + 1.0 + plan.extent_px
+}
+
+/// Marks of stars while some are left out; lists are given afterwards.
+const STAYS: u32 = 0;
+const GOES: u32 = 1;
+
+const NOTHING_CHOSEN: Assessment = Assessment {
+    method: Method::Static,
+    centroid_px: 0.0,
+    flux_rel: 0.0,
+    pixel_sigma: 0.0,
+    cost_ms: 0.0,
+    verdict: Verdict::Fits,
+};

@@ -1,0 +1,266 @@
+//! Stars that stand for all: at the corners, the edges' middles and the centre of the detector, and their true paths.
+//!
+//! In: motion, camera. Out: for nine probes the mean, the moments and the trace of the exact path, integrated over a
+//! dense list of poses; for four more, between them, the mean. What a method draws is held against these before
+//! anything is drawn. Limits: what happens between probes is smooth in the field (perspective, a lens).
+
+use crate::exposure::moments::{Moments, TracePoint, trace};
+use crate::exposure::motion::{Motion, Shutter};
+use crate::exposure::nodes;
+use crate::exposure::pose::{PathNode, Pose, mean_pose};
+use crate::exposure::track::{StarPlace, StarTrack};
+use core::ops::Range;
+use glam::{DQuat, DVec3};
+use sky::astrometry::CameraGeometry;
+
+/// Probes along each side of the detector.
+pub const SIDE: usize = 3;
+/// Rotation by which a probe's response is measured, rad.
+const SMALL_RAD: f64 = 1e-7;
+/// Nodes that the dense list of a smooth path has more than a method.
+const DENSER: usize = 8;
+/// Arc over chord of a smooth path, generously.
+const ARC: f64 = 1.05;
+
+/// One probe.
+#[derive(Debug, Clone)]
+pub struct Probe {
+    /// Its place.
+    pub track: StarTrack,
+    /// Movement per rotation about each sensor axis, px/rad.
+    px_per_rad: [f64; 3],
+    /// True path about its mean.
+    pub trace: Vec<TracePoint>,
+    /// True mean displacement, px.
+    pub mean_px: [f64; 2],
+    /// Its moments.
+    pub moments: Moments,
+}
+
+/// All probes of one camera.
+#[derive(Debug)]
+pub struct Probes {
+    /// The camera.
+    pub camera: CameraGeometry,
+    shutter: Shutter,
+    /// Row by row from the top left corner.
+    pub probes: Vec<Probe>,
+    checks: Vec<Probe>,
+    dense: Vec<PathNode>,
+    rows: [Row; SIDE],
+    /// Upper bound of the path's length on the detector, px.
+    pub reach_px: f64,
+    /// Furthest the path leads a star from its mean position, px.
+    pub extent_px: f64,
+}
+
+/// Dense nodes of one row of probes.
+#[derive(Debug, Clone, Default)]
+struct Row {
+    nodes: Range<usize>,
+    mean: Pose,
+}
+
+impl Probes {
+    /// Probes on `camera`'s detector.
+    #[must_use]
+    pub fn new(camera: &CameraGeometry, shutter: Shutter) -> Self {
+        let size = [camera.width_px(), camera.height_px()].map(|side| side as f64 - 1.0);
+        let place = |at: [f64; 2]| Probe::new(camera, [at[0] * size[0], at[1] * size[1]]);
+        let grid = |i: usize| i as f64 / (SIDE - 1) as f64;
+        let probes = (0..SIDE * SIDE).filter_map(|i| place([grid(i % SIDE), grid(i / SIDE)])).collect();
+        let checks = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]].into_iter().filter_map(place).collect();
+        Self {
+            camera: *camera,
+            shutter,
+            probes,
+            checks,
+            dense: Vec::with_capacity(nodes::MOST_DENSE_NODES),
+            rows: Default::default(),
+            reach_px: 0.0,
+            extent_px: 0.0,
+        }
+    }
+
+    /// The probe in the middle of the detector.
+    #[must_use]
+    pub fn centre(&self) -> Option<&Probe> {
+        self.probes.get(self.centre_index())
+    }
+
+    /// Its index.
+    #[must_use]
+    pub fn centre_index(&self) -> usize {
+        self.probes.len() / 2
+    }
+
+    /// The probe whose path spreads most.
+    #[must_use]
+    pub fn widest_index(&self) -> usize {
+        let spread = |i: &usize| self.probes[*i].moments.covariance_px2[0] + self.probes[*i].moments.covariance_px2[2];
+        (0..self.probes.len()).max_by(|a, b| spread(a).total_cmp(&spread(b))).unwrap_or(0)
+    }
+
+    /// Mean pose of the middle row's exposure.
+    #[must_use]
+    pub fn mean(&self) -> Pose {
+        self.rows[SIDE / 2].mean
+    }
+
+    /// Dense nodes of the middle row's exposure.
+    #[must_use]
+    pub fn dense(&self) -> &[PathNode] {
+        &self.dense[self.rows[SIDE / 2].nodes.clone()]
+    }
+
+    /// Integrates the true paths of all probes.
+    pub fn measure(&mut self, motion: &Motion, sigma_px: f64) {
+        let radius_px = furthest_corner_px(&self.camera);
+        self.reach_px = self.probes.iter().map(|probe| probe.path_length_px(motion, radius_px)).fold(0.0, f64::max);
+        self.dense.clear();
+        for row in 0..SIDE {
+            if row > 0 && self.shutter == Shutter::Global {
+                self.rows[row] = self.rows[0].clone();
+                continue;
+            }
+            let delay_s = self.delay_s(row);
+            let first = self.dense.len();
+            dense_nodes(motion, sigma_px, self.reach_px, radius_px, delay_s, &mut self.dense);
+            let nodes = first..self.dense.len();
+            self.rows[row] = Row { mean: mean_pose(&self.dense[nodes.clone()]), nodes };
+        }
+        let Self { camera, probes, dense, rows, extent_px, .. } = self;
+        *extent_px = 0.0;
+        for (i, probe) in probes.iter_mut().enumerate() {
+            probe.follow(camera, &dense[rows[(i / SIDE).min(SIDE - 1)].nodes.clone()]);
+            *extent_px = probe.trace.iter().fold(*extent_px, |far, [_, x, y]| far.max(x.abs()).max(y.abs()));
+        }
+    }
+
+    /// Delay of a row of probes, s.
+    #[must_use]
+    pub fn delay_s(&self, row: usize) -> f64 {
+        let height = self.camera.height_px();
+        self.shutter.delay_s(row as f64 / (SIDE - 1) as f64 * (height as f64 - 1.0), height)
+    }
+
+    /// Appends dense nodes of the exposure of rows that are `delay_s` late.
+    pub fn true_nodes(&self, motion: &Motion, sigma_px: f64, delay_s: f64, out: &mut Vec<PathNode>) {
+        dense_nodes(motion, sigma_px, self.reach_px, furthest_corner_px(&self.camera), delay_s, out);
+    }
+
+    /// Largest distance of a mean position worked out by `mean_px` from the true one, between the probes, px. `own` is
+    /// room for the nodes of a row.
+    #[must_use]
+    pub fn mean_error_px(
+        &self,
+        motion: &Motion,
+        sigma_px: f64,
+        own: &mut Vec<PathNode>,
+        mean_px: impl Fn(&StarTrack) -> [f64; 2],
+    ) -> f64 {
+        let radius_px = furthest_corner_px(&self.camera);
+        let height = self.camera.height_px();
+        let mut worst = 0.0_f64;
+        for check in &self.checks {
+            let track = &check.track;
+            let nodes = if self.shutter == Shutter::Global {
+                self.dense()
+            } else {
+                own.clear();
+                let row_px = mean_px(track)[1] + track.place.mid_px[1];
+                dense_nodes(motion, sigma_px, self.reach_px, radius_px, self.shutter.delay_s(row_px, height), own);
+                &*own
+            };
+            let truth = nodes.iter().fold([0.0; 2], |[x, y], node| {
+                let [dx, dy] = track.exact_px(&self.camera, &node.pose);
+                [x + node.weight * dx, y + node.weight * dy]
+            });
+            let [x, y] = mean_px(track);
+            worst = worst.max((x - truth[0]).hypot(y - truth[1]));
+        }
+        worst
+    }
+}
+
+impl Probe {
+    fn new(camera: &CameraGeometry, px: [f64; 2]) -> Option<Self> {
+        let track = StarTrack::new(camera, StarPlace::of_pixel(camera, px)?);
+        let px_per_rad = DVec3::AXES.map(|axis| {
+            let turn = Pose::new(DQuat::from_scaled_axis(axis * SMALL_RAD), 0.0, [0.0; 2]);
+            let [x, y] = track.displacement_px(&turn);
+            x.hypot(y) / SMALL_RAD
+        });
+        let trace = Vec::with_capacity(nodes::MOST_DENSE_NODES);
+        Some(Self { track, px_per_rad, trace, mean_px: [0.0; 2], moments: Moments::default() })
+    }
+
+    fn follow(&mut self, camera: &CameraGeometry, nodes: &[PathNode]) {
+        let track = &self.track;
+        let points = nodes.iter().map(|node| {
+            let [x, y] = track.exact_px(camera, &node.pose);
+            [node.weight, x, y]
+        });
+        self.mean_px = trace(points, &mut self.trace);
+        self.moments = Moments::of(&self.trace);
+    }
+
+    /// Upper bound of the length of the star's path on the detector, px.
+    fn path_length_px(&self, motion: &Motion, radius_px: f64) -> f64 {
+        let moved = |v: DVec3| v.abs().dot(self.px_per_rad.into());
+        let half_s = 0.5 * motion.los.exposure_s;
+        let (start, end) = (motion.smooth_rotation_rad(-half_s), motion.smooth_rotation_rad(half_s));
+        let smooth = ARC * (self.chord_px(start) + self.chord_px(end));
+        let shared = match &motion.image_path {
+            Some(path) => path.points().windows(2).map(|pair| pair[0].distance_px(&pair[1], radius_px)).sum(),
+            None => {
+                let jitter = &motion.los.jitter;
+                let cycles = |hz: f64| hz * motion.los.exposure_s;
+                // A sinusoid's arc: 4 A per cycle; less than a cycle may still be crossed once: 2 A.
+                let lines: f64 =
+                    jitter.lines.iter().map(|l| moved(l.amplitude_rad) * 4.0 * cycles(l.frequency_hz).max(0.5)).sum();
+                let points: f64 = jitter.points.windows(2).map(|p| moved(p[1].rotation_rad - p[0].rotation_rad)).sum();
+                lines + points
+            }
+        };
+        smooth + shared
+    }
+
+    fn chord_px(&self, rotation_rad: DVec3) -> f64 {
+        let [x, y] = self.track.displacement_px(&Pose::new(DQuat::from_scaled_axis(-rotation_rad), 0.0, [0.0; 2]));
+        x.hypot(y)
+    }
+}
+
+/// The dense list of one row's exposure.
+fn dense_nodes(motion: &Motion, sigma_px: f64, reach_px: f64, radius_px: f64, delay_s: f64, out: &mut Vec<PathNode>) {
+    if motion.is_still() {
+        nodes::single(&Pose::STILL, out);
+    } else if motion.is_smooth() {
+        nodes::gauss_legendre_in_time(motion, gauss_legendre_count(reach_px, sigma_px) + DENSER, delay_s, out);
+    } else {
+        nodes::dense(motion, sigma_px, reach_px, radius_px, delay_s, out);
+    }
+}
+
+/// Distance of the furthest pixel from the principal point, px.
+#[must_use]
+pub fn furthest_corner_px(camera: &CameraGeometry) -> f64 {
+    let [cx, cy] = camera.parameters().principal_point_px;
+    let furthest = |c: f64, size: usize| c.abs().max((size as f64 - 1.0 - c).abs());
+    furthest(cx, camera.width_px()).hypot(furthest(cy, camera.height_px()))
+}
+
+/// Gauss-Legendre nodes for a smooth path of `reach_px`: 1.5 per sigma, and two for the ends, of the path or of every
+/// panel of a long one.
+#[must_use]
+pub fn gauss_legendre_count(reach_px: f64, sigma_px: f64) -> usize {
+    let wanted = (1.5 * reach_px / sigma_px + 2.0).ceil();
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to MOST_SMOOTH_NODES")]
+    let count = wanted.clamp(2.0, nodes::MOST_SMOOTH_NODES as f64) as usize;
+    if count <= nodes::ONE_RULE_NODES - DENSER {
+        return count;
+    }
+    let panels = count.div_ceil(nodes::PANEL_NODES - 2);
+    (panels * nodes::PANEL_NODES).min(nodes::MOST_SMOOTH_NODES)
+}

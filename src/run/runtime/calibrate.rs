@@ -1,0 +1,308 @@
+//! Calibration of costs: small scenes through the real planner, backend and detector -> [`CostModel`] of this machine.
+//!
+//! Empty frames of two sizes, static stars, stars by samples, an effective PSF with few and many nodes and stars, and an
+//! Airy PSF; the median time of each, then `exposure::cost_fit`. Limits: an idle machine is assumed; on a GPU drawing
+//! and readout are timed together and the time per pixel is shared out between the two as in the built-in constants.
+//!
+//! Who uses the result: runs on the real clock and `check`. The virtual clock and `render` always use the built-in
+//! constants, because what the planner chooses must be the same, bit for bit, on every machine
+//! (`tests/closed_loop/calibrated.rs`).
+
+use crate::runtime::error::RunError;
+use crate::runtime::imager::{BackendChoice, Imager};
+use base::accuracy::AccuracyBudget;
+use base::axes::Rotation;
+use base::clock::Stopwatch;
+use base::image::DnImage;
+use base::random::philox;
+use base::time::Tai;
+use image::detector::DetectorParams;
+use plan::attitude::LosPath;
+use plan::exposure::cost::{CostModel, Load};
+use plan::exposure::cost_fit::{Timing, fit};
+use plan::exposure::method::{Method, MethodName};
+use plan::exposure::{
+    Instrument, MethodChoice, PixelPath, PixelPoint, Planner, PsfSampling, Shutter, Source, SourcePlace,
+};
+use plan::optics::{Illumination, PsfModel};
+use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
+
+/// Exposure of every scene, s.
+const EXPOSURE_S: f64 = 0.1;
+/// Focal length, px: a 20 degree field on 1024 pixels.
+const FOCAL_PX: f64 = 2900.0;
+/// Path of the scenes with motion, px.
+const PATH_PX: f64 = 3.0;
+/// Longest time spent on one scene, s.
+const SCENE_S: f64 = 0.8;
+/// Frames drawn before any is timed.
+const WARM_UP: u32 = 2;
+
+/// How much is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Effort {
+    /// Sides of the two detectors, px.
+    sides_px: [usize; 2],
+    /// Stars of a scene with few and one with many.
+    stars: [usize; 2],
+    /// Frames timed per scene.
+    repeats: usize,
+}
+
+impl Effort {
+    /// A few seconds; `quick`: about one. The reference backend gets scenes it can draw in that time.
+    #[must_use]
+    pub fn of(choice: BackendChoice, quick: bool) -> Self {
+        match (choice, quick) {
+            (BackendChoice::Reference, _) => Self { sides_px: [128, 256], stars: [20, 80], repeats: 3 },
+            (_, true) => Self { sides_px: [512, 1024], stars: [2_000, 8_000], repeats: 5 },
+            (_, false) => Self { sides_px: [1024, 2048], stars: [5_000, 20_000], repeats: 25 },
+        }
+    }
+}
+
+/// One scene and what it took.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeasuredScene {
+    /// What it is.
+    pub name: &'static str,
+    /// Side of its detector, px.
+    pub side_px: usize,
+    /// Stars drawn.
+    pub stars: usize,
+    /// Method.
+    pub method: Method,
+    /// Median time of planning and drawing, ms (on a GPU: and of readout).
+    pub render_ms: f64,
+    /// Median time of readout, ms (on a GPU: of waiting for both).
+    pub readout_ms: f64,
+    psf: PsfModel,
+    half_px: usize,
+    extent_px: f64,
+    moves: bool,
+}
+
+/// Constants of one backend on this machine.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Calibration {
+    /// Name of the backend.
+    pub backend: &'static str,
+    /// What it ran on.
+    pub adapter: String,
+    /// The constants.
+    pub cost: CostModel,
+    /// The scenes.
+    pub scenes: Vec<MeasuredScene>,
+}
+
+struct Scene {
+    name: &'static str,
+    large: bool,
+    stars: usize,
+    method: MethodChoice,
+    psf: PsfModel,
+}
+
+/// Scenes that tell all constants apart.
+fn scenes(effort: &Effort) -> [Scene; 10] {
+    const FEW_FOR_A_KERNEL: usize = 16;
+    let fixed = |name, nodes| MethodChoice::Fixed(name, Some(nodes));
+    let still = MethodChoice::Fixed(MethodName::Static, None);
+    let [few, many] = effort.stars;
+    let scene = |name, stars, method| Scene { name, large: false, stars, method, psf: PsfModel::gaussian(0.8) };
+    [
+        Scene { large: true, ..scene("empty, large", 0, still) },
+        scene("empty, small", 0, still),
+        scene("static, few stars", few, still),
+        scene("static, many stars", many, still),
+        scene("samples, 16 nodes", few, fixed(MethodName::Samples, 16)),
+        scene("samples, 64 nodes", few, fixed(MethodName::Samples, 64)),
+        scene("kernel, 16 nodes", FEW_FOR_A_KERNEL, fixed(MethodName::EffectivePsf, 16)),
+        scene("kernel, 256 nodes", FEW_FOR_A_KERNEL, fixed(MethodName::EffectivePsf, 256)),
+        scene("kernel, many stars", many, fixed(MethodName::EffectivePsf, 16)),
+        Scene { psf: PsfModel::airy(1.5, 0.0), ..scene("Airy, few stars", few.div_ceil(10), still) },
+    ]
+}
+
+/// Measures a backend. `progress` gets each scene's name, its number and how many there are.
+///
+/// # Errors
+/// When the backend cannot be had or failed.
+pub fn calibrate(
+    choice: BackendChoice,
+    effort: &Effort,
+    progress: &mut dyn FnMut(&str, usize, usize),
+) -> Result<Calibration, RunError> {
+    let scenes = scenes(effort);
+    let mut measured = Vec::with_capacity(scenes.len());
+    let mut imager: Option<(usize, Imager)> = None;
+    for (i, scene) in scenes.iter().enumerate() {
+        progress(scene.name, i, scenes.len());
+        let side_px = effort.sides_px[usize::from(scene.large)];
+        let here = match imager.take() {
+            Some((side, imager)) if side == side_px => imager,
+            _ => Imager::new(choice, detector(), [side_px; 2], 1)?,
+        };
+        let (_, here) = imager.insert((side_px, here));
+        measured.push(measure(scene, side_px, effort.repeats, here)?);
+    }
+    progress("done", scenes.len(), scenes.len());
+    let Some((_, imager)) = imager else { return Err(RunError::NothingMeasured) };
+    let cost = constants(&measured, &imager);
+    Ok(Calibration { backend: imager.name(), adapter: imager.description(), cost, scenes: measured })
+}
+
+/// The constants that explain the times.
+fn constants(scenes: &[MeasuredScene], imager: &Imager) -> CostModel {
+    let built_in = imager.cost();
+    let threads = if built_in.threads > 1.0 { rayon::current_num_threads() as f64 } else { built_in.threads };
+    let timings: Vec<_> = scenes.iter().map(MeasuredScene::timing).collect();
+    let mut cost = fit(&timings, &CostModel { threads, ..built_in });
+    if imager.is_on_device() {
+        // Drawing is only submitted in the first half of a frame: the two were timed as one.
+        let share = built_in.pixel_ns / (built_in.pixel_ns + built_in.readout_pixel_ns);
+        (cost.pixel_ns, cost.readout_pixel_ns) = (cost.pixel_ns * share, cost.pixel_ns * (1.0 - share));
+    } else if let Some(empty) = scenes.iter().find(|scene| scene.stars == 0) {
+        cost.readout_pixel_ns = empty.readout_ms * 1e6 / (empty.side_px * empty.side_px) as f64;
+    }
+    cost
+}
+
+impl MeasuredScene {
+    fn timing(&self) -> Timing<'_> {
+        let load = Load {
+            psf: &self.psf,
+            half_px: self.half_px,
+            extent_px: self.extent_px,
+            stars: self.stars,
+            moves: self.moves,
+        };
+        Timing { pixels: self.side_px * self.side_px, method: self.method, load, ms: self.render_ms }
+    }
+
+    /// What constants predict for it, ms; on a GPU with the readout.
+    #[must_use]
+    pub fn predicted_ms(&self, cost: &CostModel, is_timed_whole: bool) -> f64 {
+        let readout_ms = if is_timed_whole { cost.readout_ms(self.side_px * self.side_px) } else { 0.0 };
+        self.timing().predicted_ms(cost) + readout_ms
+    }
+}
+
+fn measure(scene: &Scene, side_px: usize, repeats: usize, imager: &mut Imager) -> Result<MeasuredScene, RunError> {
+    let mut planner = planner(scene, side_px, imager.cost())?;
+    let sources = sources(scene.stars, side_px);
+    let mut out = DnImage::new(side_px, side_px);
+    let mut times: Vec<[f64; 2]> = Vec::with_capacity(repeats);
+    for number in 0..WARM_UP {
+        imager.image(planner.plan(&sources), number, &mut out)?;
+    }
+    let mut spent_s = 0.0;
+    while times.len() < repeats && (times.len() < 3 || spent_s < SCENE_S) {
+        let mut watch = Stopwatch::start();
+        let plan = planner.plan(&sources);
+        let plan_ms = watch.lap().ms();
+        let taken = imager.image(plan, WARM_UP, &mut out)?;
+        let (render_ms, readout_ms) = (plan_ms + taken.render.ms(), taken.detector.ms());
+        times.push([if imager.is_on_device() { render_ms + readout_ms } else { render_ms }, readout_ms]);
+        spent_s += plan_ms * 1e-3 + watch.lap().s();
+    }
+    let plan = planner.latest();
+    let [render_ms, readout_ms] = [0, 1].map(|i| median(times.iter().map(|times| times[i]).collect()));
+    Ok(MeasuredScene {
+        name: scene.name,
+        side_px,
+        stars: plan.stars.len(),
+        method: plan.chosen.method,
+        render_ms,
+        readout_ms,
+        psf: plan.psf.clone(),
+        half_px: plan.half_px,
+        extent_px: plan.extent_px,
+        moves: !plan.motion.is_still(),
+    })
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn detector() -> DetectorParams {
+    DetectorParams {
+        full_well_e: 1e5,
+        gain_e_per_dn: 2.0,
+        bits: 16,
+        black_level_dn: 100.0,
+        read_noise_e_rms: 5.0,
+        dark_e_per_s: 1.0,
+        prnu: 0.01,
+        dsnu_e_rms: 1.0,
+        ..DetectorParams::QUIET
+    }
+}
+
+fn planner(scene: &Scene, side_px: usize, cost: CostModel) -> Result<Planner, RunError> {
+    let camera = CameraGeometry::new(CameraParameters {
+        width_px: side_px,
+        height_px: side_px,
+        focal_px: [FOCAL_PX; 2],
+        principal_point_px: [0.5 * (side_px as f64 - 1.0); 2],
+        distortion: BrownConrady::default(),
+    })
+    .map_err(|_| RunError::NothingMeasured)?;
+    let detector = detector();
+    let instrument = Instrument {
+        camera,
+        shutter: Shutter::Global,
+        psf: scene.psf.clone(),
+        sampling: PsfSampling::Auto,
+        illumination: Illumination::EVEN,
+        full_well_e: detector.full_well_e,
+        read_noise_e_rms: detector.read_noise_e_rms,
+    };
+    let los = LosPath::commanded(Rotation::IDENTITY, Tai::from_ns(0), EXPOSURE_S);
+    let mut planner = Planner::new(instrument, AccuracyBudget::default(), cost, scene.method, los);
+    match scene.method {
+        MethodChoice::Fixed(MethodName::Static, _) | MethodChoice::Auto => {}
+        // As jitter is drawn: from samples, not from the nodes of smooth motion.
+        MethodChoice::Fixed(_, nodes) => planner.motion_mut().image_path = path(nodes.unwrap_or(1)),
+    }
+    Ok(planner)
+}
+
+/// A path along a line, as a list of positions.
+fn path(positions: usize) -> Option<PixelPath> {
+    let at = |i: usize| PATH_PX * ((i as f64 + 0.5) / positions as f64 - 0.5);
+    let point = |i| PixelPoint { t_s: 0.0, dx_px: at(i), dy_px: 0.3 * at(i), roll_rad: 0.0 };
+    PixelPath::samples((0..positions).map(point).collect()).ok()
+}
+
+/// Stars all over the detector, none of them faint.
+#[allow(clippy::cast_possible_truncation, reason = "thousands of stars")]
+fn sources(stars: usize, side_px: usize) -> Vec<Source> {
+    let source = |i: u32| {
+        let [x, y, light, _] = philox([i, 0, 0, 0], [1, 2]).map(|word| f64::from(word) / 4_294_967_296.0);
+        let place = SourcePlace::Pixel([x * (side_px as f64 - 1.0), y * (side_px as f64 - 1.0)]);
+        Source { id: i, electrons: 1e3 + 1e4 * light, mag: f32::NAN, place }
+    };
+    (0..stars as u32).map(source).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quick_calibration_gives_constants_that_predict_its_own_scenes() {
+        let effort = Effort { sides_px: [256, 512], stars: [500, 2000], repeats: 3 };
+        let mut told = 0;
+        let found = calibrate(BackendChoice::Cpu, &effort, &mut |_, _, _| told += 1).unwrap();
+        assert_eq!(told, 11, "one line per scene and one at the end");
+        assert_eq!(found.backend, "cpu");
+        let CostModel { frame_ms, pixel_ns, readout_pixel_ns, .. } = found.cost;
+        assert!(frame_ms + pixel_ns > 0.0 && readout_pixel_ns > 0.0, "{:?}", found.cost);
+        let kernel = found.scenes.iter().find(|scene| scene.name == "kernel, 256 nodes").unwrap();
+        assert_eq!(kernel.method, Method::EffectivePsf { nodes: 256 }, "the scene is drawn as asked");
+        assert!(found.scenes.iter().all(|scene| scene.predicted_ms(&found.cost, false) > 0.0));
+    }
+}

@@ -1,0 +1,241 @@
+//! What a frame is exposed under when something is wrong on purpose: light, optics, temperature, sources.
+//!
+//! In: what the faults of a frame amount to. Out: other sources, and numbers for the planner and the detector. With
+//! nothing wrong, sources pass untouched and nothing is computed. Nothing here allocates after it was made.
+//! Dark current follows temperature by the camera's own law (`detector::dark_current`).
+
+use base::axes::{Icrf, Rotation, Sensor};
+use base::random::{key, philox};
+use image::detector::Background;
+use image::detector::protons::ProtonFlux;
+use plan::exposure::target::FIRST_BODY_ID;
+use plan::exposure::track::StarPlace;
+use plan::exposure::{Source, SourcePlace};
+use sky::astrometry::CameraGeometry;
+
+/// Sources there is room for from the start.
+const SOURCES_RESERVED: usize = 16_384;
+/// Last word of the counter of faults' random numbers: no detector stage draws from there.
+pub(super) const FAULT_STREAM: u32 = 0x6661_756c;
+/// Most false stars at once.
+pub const FALSE_STARS_MAX: usize = 4096;
+
+/// Stars of the catalog that are not drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Missing {
+    /// This share of all.
+    pub(super) share: f64,
+    /// Which ones, with the seed.
+    pub(super) stream: u32,
+    /// And so many of the brightest on the detector.
+    pub(super) brightest: usize,
+}
+
+/// The conditions of one frame.
+#[derive(Debug)]
+pub struct Conditions {
+    /// Stray light, e-/s in every pixel.
+    pub(super) stray_e_per_s: f64,
+    /// Light on top of everything, e- in every pixel.
+    pub(super) flood_e: f64,
+    /// Share of the light of stars, targets and sky that comes through.
+    pub(super) throughput: f64,
+    /// Temperature beyond the camera's own, K.
+    pub(super) warmer_k: f64,
+    /// Protons in place of the camera's own.
+    pub(super) protons: Option<ProtonFlux>,
+    /// Which optics: 0 for the camera's own.
+    pub(super) optics: usize,
+    /// Stars left out.
+    pub(super) missing: Missing,
+    /// Stars that are in no catalog.
+    pub(super) false_stars: Vec<Source>,
+    sources: Vec<Source>,
+    on_detector_e: Vec<f64>,
+}
+
+impl Conditions {
+    /// Nothing is wrong.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            stray_e_per_s: 0.0,
+            flood_e: 0.0,
+            throughput: 1.0,
+            warmer_k: 0.0,
+            protons: None,
+            optics: 0,
+            missing: Missing::default(),
+            false_stars: Vec::new(),
+            sources: Vec::new(),
+            on_detector_e: Vec::new(),
+        }
+    }
+
+    /// Makes room, before the run.
+    pub(super) fn reserve(&mut self) {
+        self.false_stars.reserve(FALSE_STARS_MAX);
+        self.sources.reserve(SOURCES_RESERVED + FALSE_STARS_MAX);
+        self.on_detector_e.reserve(SOURCES_RESERVED);
+    }
+
+    /// Nothing is wrong any more.
+    pub(super) fn reset(&mut self) {
+        self.false_stars.clear();
+        self.stray_e_per_s = 0.0;
+        self.flood_e = 0.0;
+        self.throughput = 1.0;
+        self.warmer_k = 0.0;
+        self.protons = None;
+        self.optics = 0;
+        self.missing = Missing::default();
+    }
+
+    /// The background that comes through.
+    #[must_use]
+    #[allow(clippy::cast_possible_truncation, reason = "electrons are single precision")]
+    pub(super) fn dimmed(&self, background: Background) -> Background {
+        let share = self.throughput as f32;
+        let Background { uniform_e, gradient_e, quadratic_e, sky_e } = background;
+        Background {
+            uniform_e: uniform_e * share,
+            gradient_e: gradient_e.map(|e| e * share),
+            quadratic_e: quadratic_e * share,
+            sky_e: sky_e * share,
+        }
+    }
+
+    fn leaves_sources(&self) -> bool {
+        let all_light = self.throughput >= 1.0;
+        all_light && self.missing == Missing::default() && self.false_stars.is_empty()
+    }
+
+    /// The sources as they are seen. Bodies are not among the stars that may be missing.
+    pub(super) fn seen<'a>(
+        &'a mut self,
+        sources: &'a [Source],
+        camera: &CameraGeometry,
+        sensor_from_icrf: &Rotation<Sensor, Icrf>,
+        seed: u64,
+    ) -> &'a [Source] {
+        if self.leaves_sources() {
+            return sources;
+        }
+        let Missing { share, stream, brightest } = self.missing;
+        let on_detector = |source: &Source| {
+            let place = match source.place {
+                SourcePlace::Icrf(direction) => StarPlace::of_direction(camera, sensor_from_icrf.apply(direction)),
+                SourcePlace::Pixel(px) => StarPlace::of_pixel(camera, px),
+            };
+            place.is_some_and(|StarPlace { mid_px: [x, y], .. }| {
+                let inside = |v: f64, size: usize| v > -0.5 && v < size as f64 - 0.5;
+                inside(x, camera.width_px()) && inside(y, camera.height_px())
+            })
+        };
+        let is_body = |source: &Source| source.id >= FIRST_BODY_ID;
+        let is_kept = |source: &Source| share <= 0.0 || is_body(source) || lot(source.id, stream, seed) >= share;
+        let limit_e = if brightest == 0 {
+            f64::INFINITY
+        } else {
+            self.on_detector_e.clear();
+            self.on_detector_e
+                .extend(sources.iter().filter(|s| !is_body(s) && on_detector(s)).map(|source| source.electrons));
+            nth_brightest(&mut self.on_detector_e, brightest)
+        };
+        self.sources.clear();
+        let seen = sources.iter().filter(|source| is_kept(source));
+        let stays = |source: &&Source| source.electrons < limit_e || is_body(source) || !on_detector(source);
+        self.sources.extend(seen.filter(stays));
+        self.sources.extend_from_slice(&self.false_stars);
+        for source in &mut self.sources {
+            source.electrons *= self.throughput;
+        }
+        &self.sources
+    }
+}
+
+impl Default for Conditions {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// A number in [0, 1) that belongs to a source.
+fn lot(id: u32, stream: u32, seed: u64) -> f64 {
+    f64::from(philox([id, stream, 1, FAULT_STREAM], key(seed))[0]) / 4_294_967_296.0
+}
+
+/// Electrons of the star of this rank, brightest first; 0 when there are fewer.
+fn nth_brightest(electrons: &mut [f64], rank: usize) -> f64 {
+    if rank > electrons.len() {
+        return 0.0;
+    }
+    *electrons.select_nth_unstable_by(rank - 1, |a, b| b.total_cmp(a)).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sky::astrometry::{BrownConrady, CameraParameters};
+
+    fn camera() -> CameraGeometry {
+        CameraGeometry::new(CameraParameters {
+            width_px: 100,
+            height_px: 80,
+            focal_px: [1000.0; 2],
+            principal_point_px: [49.5, 39.5],
+            distortion: BrownConrady::default(),
+        })
+        .unwrap()
+    }
+
+    fn star(id: u32, electrons: f64, x: f64) -> Source {
+        Source { id, electrons, mag: 5.0, place: SourcePlace::Pixel([x, 40.0]) }
+    }
+
+    fn seen(conditions: &mut Conditions, sources: &[Source]) -> Vec<(u32, f64)> {
+        let seen = conditions.seen(sources, &camera(), &Rotation::IDENTITY, 7);
+        seen.iter().map(|source| (source.id, source.electrons)).collect()
+    }
+
+    #[test]
+    fn nothing_wrong_changes_nothing_and_copies_nothing() {
+        let sources = [star(1, 10.0, 5.0), star(2, 20.0, 6.0)];
+        let mut conditions = Conditions::new();
+        let untouched = conditions.seen(&sources, &camera(), &Rotation::IDENTITY, 7);
+        assert!(core::ptr::eq(untouched, &sources[..]));
+    }
+
+    #[test]
+    fn the_brightest_on_the_detector_are_missing_and_no_other() {
+        let sources = [star(1, 10.0, 5.0), star(2, 99.0, 300.0), star(3, 30.0, 6.0), star(4, 20.0, 7.0)];
+        let mut conditions = Conditions::new();
+        conditions.missing.brightest = 2;
+        assert_eq!(seen(&mut conditions, &sources), [(1, 10.0), (2, 99.0)], "the second is not on the detector");
+        conditions.missing.brightest = 9;
+        assert_eq!(seen(&mut conditions, &sources), [(2, 99.0)], "more than there are");
+    }
+
+    #[test]
+    fn a_share_is_missing_and_it_is_the_same_one_in_every_frame() {
+        let sources: Vec<Source> = (0..4000).map(|id| star(id, 10.0, 5.0)).collect();
+        let mut conditions = Conditions::new();
+        conditions.missing = Missing { share: 0.3, stream: 1, brightest: 0 };
+        let first = seen(&mut conditions, &sources);
+        assert_eq!(first, seen(&mut conditions, &sources));
+        // Five sigma of a binomial.
+        assert!((first.len() as f64 - 2800.0).abs() < 5.0 * (4000.0_f64 * 0.3 * 0.7).sqrt(), "{}", first.len());
+        conditions.missing.stream = 2;
+        assert_ne!(first, seen(&mut conditions, &sources), "another fault leaves out others");
+    }
+
+    #[test]
+    fn dirt_dims_everything_and_false_stars_are_added() {
+        let mut conditions = Conditions::new();
+        conditions.throughput = 0.5;
+        conditions.false_stars.push(star(77, 8.0, 9.0));
+        assert_eq!(seen(&mut conditions, &[star(1, 10.0, 5.0)]), [(1, 5.0), (77, 4.0)]);
+        conditions.reset();
+        assert_eq!(seen(&mut conditions, &[star(1, 10.0, 5.0)]), [(1, 10.0)]);
+    }
+}

@@ -1,0 +1,233 @@
+//! Finished frames -> the sink thread and back: a fixed number of buffers that go round.
+//!
+//! A frame that the sink fails on is counted, and the next one is sent: a run on the real clock never ends because of
+//! where its frames go. What the sink lost comes back with the buffers, for the ledger. A sink that is busy for longer
+//! than all buffers last costs slots; a [`frames::sink::Fan`] is never busy for longer than it takes to copy a frame.
+//! Tests: `tests/closed_loop/sinks.rs`.
+
+use crate::runtime::error::RunError;
+use crate::runtime::hygiene::{Hygiene, Role};
+use base::clock::Clock;
+use base::time::Tai;
+use crossbeam_channel::{Receiver, Sender, bounded};
+use frames::report::{FrameRecord, Stage};
+use frames::sink::{Loss, LossKind, SentFrame, Sink, SinkError, SinkLine, SinkSummary, sink_lines};
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+/// Frames in flight between the frame thread and the sink thread.
+pub const BUFFERS: usize = 4;
+
+/// A frame with its times.
+pub struct Parcel {
+    /// The frame.
+    pub frame: SentFrame,
+    /// Its times: the frame thread begins them, the sink thread completes them.
+    pub record: FrameRecord,
+    /// Held back until then, on purpose.
+    pub not_before: Option<Tai>,
+    /// The sink took the frame.
+    pub delivered: bool,
+    /// What sinks lost since the buffer before came back, of this frame and of earlier ones.
+    pub losses: Vec<Loss>,
+}
+
+/// What the sink thread did.
+struct Carried {
+    frames: u64,
+    refused: u64,
+    failure: Option<SinkError>,
+}
+
+/// What became of the frames that were sent.
+pub struct Delivered {
+    /// Frames the sink took.
+    pub frames: u64,
+    /// Frames it failed on.
+    pub refused: u64,
+    /// What sinks lost and no buffer told.
+    pub losses: Vec<Loss>,
+    /// What the sink wrote; `None` when it could not finish.
+    pub summary: Option<SinkSummary>,
+    /// What each sink did.
+    pub lines: Vec<SinkLine>,
+    /// The thread was lost.
+    pub error: Option<RunError>,
+}
+
+/// The sink thread and its queues.
+pub struct Delivery {
+    /// `None`: no more frames come.
+    full: Option<Sender<Parcel>>,
+    empty: Receiver<Parcel>,
+    /// Buffers that have come back, oldest first.
+    returned: VecDeque<Parcel>,
+    thread: JoinHandle<Delivered>,
+}
+
+impl Delivery {
+    /// Starts the sink thread; `prototype` is copied into every buffer, and all their memory is touched.
+    ///
+    /// # Errors
+    /// When the thread cannot be started.
+    pub fn start(
+        mut sink: Box<dyn Sink>,
+        prototype: &SentFrame,
+        clock: &Arc<dyn Clock>,
+        hygiene: Option<&Arc<Hygiene>>,
+    ) -> Result<Self, RunError> {
+        let (full, to_send) = bounded::<Parcel>(BUFFERS);
+        let (sent, empty) = bounded::<Parcel>(BUFFERS);
+        for _ in 0..BUFFERS {
+            let at = clock.now();
+            let record = FrameRecord::released(0, [at; 3], [at; 2]);
+            let parcel = Parcel {
+                frame: prototype.touched_copy(),
+                record,
+                not_before: None,
+                delivered: false,
+                losses: Vec::new(),
+            };
+            let _room_for_all = sent.try_send(parcel);
+        }
+        let (clock, hygiene) = (Arc::clone(clock), hygiene.map(Arc::clone));
+        let thread = std::thread::Builder::new()
+            .name("sink".into())
+            .spawn(move || {
+                if let Some(hygiene) = hygiene {
+                    hygiene.enter(Role::Sink);
+                }
+                let carried = carry(&mut *sink, &*clock, &to_send, &sent);
+                finish(&mut *sink, carried)
+            })
+            .map_err(|source| RunError::Thread { name: "sink", source })?;
+        Ok(Self { full: Some(full), empty, returned: VecDeque::with_capacity(BUFFERS), thread })
+    }
+
+    /// A free buffer, if there is one now. `visit` sees each buffer that has come back from the sink thread, once.
+    pub fn take(&mut self, mut visit: impl FnMut(&Parcel)) -> Option<Parcel> {
+        for parcel in self.empty.try_iter() {
+            visit(&parcel);
+            self.returned.push_back(parcel);
+        }
+        self.returned.pop_front()
+    }
+
+    /// Puts a frame into the queue; `now` is when.
+    ///
+    /// # Errors
+    /// When the sink thread has ended.
+    pub fn send(&self, mut parcel: Parcel, now: Tai) -> Result<(), RunError> {
+        parcel.record.submitted = Some(now);
+        parcel.delivered = false;
+        parcel.losses.clear();
+        // There are as many places as buffers: this waits for nothing.
+        let lost = || RunError::ThreadLost { name: "sink" };
+        self.full.as_ref().ok_or_else(lost)?.send(parcel).map_err(|_| lost())
+    }
+
+    /// No more frames come: the sink thread ends when it has sent those that wait. Several end at the same time so.
+    pub fn hang_up(&mut self) {
+        self.full = None;
+    }
+
+    /// Waits until everything is delivered. `visit` sees the buffers that were not yet taken.
+    pub fn finish(mut self, mut visit: impl FnMut(&Parcel)) -> Delivered {
+        self.hang_up();
+        let joined = self.thread.join();
+        self.empty.try_iter().for_each(|parcel| visit(&parcel));
+        joined.unwrap_or_else(|_panicked| Delivered {
+            frames: 0,
+            refused: 0,
+            losses: Vec::new(),
+            summary: None,
+            lines: Vec::new(),
+            error: Some(RunError::ThreadLost { name: "sink" }),
+        })
+    }
+}
+
+/// The sink thread: sends until the queue closes.
+fn carry(sink: &mut dyn Sink, clock: &dyn Clock, to_send: &Receiver<Parcel>, sent: &Sender<Parcel>) -> Carried {
+    let mut carried = Carried { frames: 0, refused: 0, failure: None };
+    for mut parcel in to_send {
+        if let Some(at) = parcel.not_before.take() {
+            clock.sleep_until(at);
+        }
+        let taken = clock.now();
+        let outcome = sink.send(&parcel.frame);
+        sink.take_losses(&mut |loss| parcel.losses.push(loss));
+        match outcome {
+            Ok(()) => {
+                carried.frames += 1;
+                complete(&mut parcel, taken, clock.now());
+            }
+            Err(error) => {
+                carried.refused += 1;
+                parcel.losses.push(Loss { kind: LossKind::Refused, frame: parcel.frame.meta.number });
+                carried.failure.get_or_insert(error);
+            }
+        }
+        let _frame_thread_has_ended = sent.send(parcel);
+    }
+    carried
+}
+
+/// Writes down when a frame was taken and delivered.
+fn complete(parcel: &mut Parcel, taken: Tai, delivered: Tai) {
+    let record = &mut parcel.record;
+    record.times.set(Stage::Queue, taken - record.submitted.unwrap_or(taken));
+    record.times.set(Stage::Sink, delivered - taken);
+    record.times.set(Stage::ReleaseToDelivered, delivered - record.release);
+    record.delivered = Some(delivered);
+    parcel.delivered = true;
+}
+
+/// Ends the sink; what it fails on now is told in its line.
+fn finish(sink: &mut dyn Sink, carried: Carried) -> Delivered {
+    let Carried { frames, refused, mut failure } = carried;
+    let finished = sink.finish();
+    let mut losses = Vec::new();
+    sink.take_losses(&mut |loss| losses.push(loss));
+    let summary = match finished {
+        Ok(summary) => Some(summary),
+        Err(error) => {
+            failure.get_or_insert(error);
+            None
+        }
+    };
+    let mut lines = sink_lines(sink, summary.as_ref());
+    if let (Some(error), [line]) = (failure, lines.as_mut_slice()) {
+        line.first_error.get_or_insert_with(|| error.to_string());
+        (line.frames, line.refused) = (frames, refused);
+    }
+    Delivered { frames, refused, losses, summary, lines, error: None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::clock::Monotonic;
+    use frames::sink::NullSink;
+    use frames::sink::sample::sample_frame;
+
+    #[test]
+    fn every_buffer_that_has_come_back_is_seen_at_once_and_only_once() {
+        let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
+        let mut delivery = Delivery::start(Box::new(NullSink::new()), &sample_frame(0), &clock, None).unwrap();
+        for _ in 0..3 {
+            let parcel = delivery.take(|parcel| assert!(!parcel.delivered, "nothing has been sent")).unwrap();
+            delivery.send(parcel, clock.now()).unwrap();
+            while delivery.empty.is_empty() {
+                std::thread::yield_now();
+            }
+            let mut seen = 0;
+            let parcel = delivery.take(|parcel| seen += u32::from(parcel.delivered)).unwrap();
+            assert_eq!(seen, 1, "also when other buffers are free");
+            delivery.returned.push_front(parcel);
+        }
+        let delivered = delivery.finish(|parcel| assert!(!parcel.delivered, "all were seen"));
+        assert_eq!(delivered.frames, 3);
+    }
+}

@@ -1,0 +1,102 @@
+//! Why a run could not start or go on.
+
+use base::time::Span;
+use frames::sink::SinkError;
+use image::detector::pattern::PatternSizeError;
+use image::render::RenderError;
+use link::LinkError;
+use sky::ObserverError;
+use stars::catalog::CatalogError;
+use stars::layer::LayerError;
+use std::path::PathBuf;
+
+/// Whatever went wrong at the other end of the cable.
+pub type FarEndError = Box<dyn core::error::Error + Send + Sync>;
+
+/// Errors of a run.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// the link failed
+    #[error("link: {0}")]
+    Link(#[from] LinkError),
+    /// the other end of the cable failed
+    #[error("the other end of the cable: {0}")]
+    FarEnd(FarEndError),
+    /// the backend failed
+    #[error("backend: {0}")]
+    Render(#[from] RenderError),
+    /// a map of the detector has another size
+    #[error("detector: {0}")]
+    Patterns(#[from] PatternSizeError),
+    /// the sink failed
+    #[error("sink: {0}")]
+    Sink(#[from] SinkError),
+    /// the catalog could not be read
+    #[error("catalog: {0}")]
+    Catalog(#[from] CatalogError),
+    /// a layer of stars could not be read
+    #[error("stars: {0}")]
+    Stars(#[from] LayerError),
+    /// the observer's orbit could not be computed
+    #[error("observer: {0}")]
+    Observer(#[from] ObserverError),
+    /// the jitter lines do not fit
+    #[error("jitter lines: {0}")]
+    Jitter(#[from] plan::attitude::HistoryReject),
+    /// the attitude stream stopped and the policy is to stop
+    #[error("the attitude stream stopped: newest attitude {} ms old, and stale_policy is \"stop\"", age.ms())]
+    AttitudeStopped {
+        /// Age of the newest attitude.
+        age: Span,
+    },
+    /// a thread could not be started
+    #[error("thread \"{name}\": {source}")]
+    Thread {
+        /// Name of the thread.
+        name: &'static str,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// a calibration had no scene to measure
+    #[error("calibration: there was no scene to measure")]
+    NothingMeasured,
+    /// a thread ended before the run did
+    #[error("thread \"{name}\" ended before the run did")]
+    ThreadLost {
+        /// Name of the thread.
+        name: &'static str,
+    },
+}
+
+/// Why cached cost constants are not used, or could not be kept.
+#[derive(Debug, thiserror::Error)]
+pub enum CostCacheError {
+    /// the file is not as `starloop calibrate` writes it
+    #[error("{}: damaged ({reason}); `starloop calibrate` makes a new one", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// the constants belong to another machine, adapter or version
+    #[error("{}: {what}: wanted \"{wanted}\", got \"{got}\"; `starloop calibrate` measures again", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// In what it differs.
+        what: &'static str,
+        /// What is here.
+        wanted: String,
+        /// What the file is of.
+        got: String,
+    },
+    /// the file could not be written
+    #[error("{}: {reason}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+}

@@ -1,0 +1,116 @@
+//! A camera -> whether a direction may leave light on its detector: two bounds on its tangents in sensor axes.
+//!
+//! A cone about a square field has half as many stars again as the field. In: a margin for what a star's place may change by
+//! between the catalog and the detector. Out: for one attitude, a test of three products. It holds for fields of less than
+//! a hemisphere whose whole border is imaged; of others nothing is left out. Test: `no_star_of_the_field_is_left_out`.
+
+use base::axes::{Icrf, Rotation, Sensor};
+use glam::DVec3;
+use sky::astrometry::CameraGeometry;
+
+/// Points of each side of the border at which the lens is asked.
+const POINTS: u32 = 64;
+/// Between two of them a border may bulge by this share of the tangent.
+const BULGE: f64 = 0.01;
+
+/// The largest tangents of a field, x and y.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct FieldBounds {
+    tangent: Option<[f64; 2]>,
+}
+
+/// The same for one attitude.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Field {
+    axes_icrf: [DVec3; 3],
+    tangent: [f64; 2],
+}
+
+impl FieldBounds {
+    pub(super) fn new(camera: &CameraGeometry) -> Self {
+        let [width, height] = [camera.width_px() as f64, camera.height_px() as f64];
+        let along = |size: f64, i: u32| f64::from(i) / f64::from(POINTS) * size - 0.5;
+        let border = (0..=POINTS).flat_map(|i| {
+            let (x, y) = (along(width, i), along(height, i));
+            [[x, -0.5], [x, height - 0.5], [-0.5, y], [width - 0.5, y]]
+        });
+        let largest = border.map(|px| camera.tangent_of_pixel(px)).try_fold([0.0_f64; 2], |[x, y], tangent| {
+            tangent.map(|tangent| [x.max(tangent.x.abs()), y.max(tangent.y.abs())])
+        });
+        Self { tangent: largest.map(|largest| largest.map(|tangent| tangent * (1.0 + BULGE))) }
+    }
+
+    /// For a camera that stands so, and directions that are known to `margin_rad`. `None`: nothing may be left out.
+    pub(super) fn at(&self, sensor_from_icrf: &Rotation<Sensor, Icrf>, margin_rad: f64) -> Option<Field> {
+        let icrf_from_sensor = sensor_from_icrf.inverse();
+        let axes_icrf = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| icrf_from_sensor.apply(axis));
+        // In a corner a turn by the margin is more than that about one axis: as a step in longitude far from the equator.
+        let [x, y] = self.tangent?;
+        let wider = [x, y].map(|tangent| tangent.atan() + margin_rad * (1.0 + x.max(y)));
+        let is_bounded = wider.iter().all(|angle| *angle < 1.4);
+        is_bounded.then(|| Field { axes_icrf, tangent: wider.map(f64::tan) })
+    }
+}
+
+impl Field {
+    /// False only for a direction that is more than the margin outside.
+    pub(super) fn may_have(&self, direction_icrf: DVec3) -> bool {
+        let [x, y, z] = self.axes_icrf.map(|axis| axis.dot(direction_icrf));
+        x.abs() <= z * self.tangent[0] && y.abs() <= z * self.tangent[1]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::axes::sensor_from_ra_dec_roll;
+    use glam::DQuat;
+    use sky::astrometry::{BrownConrady, CameraParameters};
+
+    #[test]
+    fn no_star_of_the_field_is_left_out() {
+        for (focal_px, k1) in [(500.0, 0.0), (2900.0, -0.2), (2900.0, 0.05), (20_000.0, 0.0)] {
+            let camera = CameraGeometry::new(CameraParameters {
+                width_px: 1024,
+                height_px: 700,
+                focal_px: [focal_px; 2],
+                principal_point_px: [480.0, 360.0],
+                distortion: BrownConrady { k1, ..BrownConrady::default() },
+            })
+            .unwrap();
+            let attitude = sensor_from_ra_dec_roll(4.6, -0.5, 0.3);
+            let margin_rad = 1e-3;
+            let field = FieldBounds::new(&camera).at(&attitude, margin_rad).unwrap();
+            let (mut inside, mut outside) = (0, 0);
+            for i in 0..200_000_u32 {
+                let px = [f64::from(i % 447) * 5.0 - 600.0, f64::from(i / 447) * 5.0 - 700.0];
+                let Some(tangent) = camera.tangent_of_pixel(px) else { continue };
+                let direction = attitude.inverse().apply(tangent.extend(1.0).normalize());
+                // Pushed outwards by all of the margin, along the way from the middle of the field.
+                let boresight = attitude.inverse().apply(DVec3::Z);
+                let about = boresight.cross(direction).normalize_or(DVec3::X);
+                let pushed = DQuat::from_axis_angle(about, margin_rad) * direction;
+                let is_on = (-0.5..1023.5).contains(&px[0]) && (-0.5..699.5).contains(&px[1]);
+                assert!(!is_on || field.may_have(pushed), "{px:?} at {focal_px} px");
+                inside += u32::from(is_on);
+                outside += u32::from(!is_on && !field.may_have(direction));
+            }
+            assert!(inside > 10_000 && outside > 10_000, "control: {inside} in, {outside} left out");
+        }
+    }
+
+    #[test]
+    fn nothing_behind_the_camera_is_in_the_field() {
+        let parameters = CameraParameters {
+            width_px: 100,
+            height_px: 100,
+            focal_px: [60.0; 2],
+            principal_point_px: [49.5; 2],
+            distortion: BrownConrady::default(),
+        };
+        let bounds = FieldBounds::new(&CameraGeometry::new(parameters).unwrap());
+        let field = bounds.at(&Rotation::IDENTITY, 0.0).unwrap();
+        assert!(field.may_have(DVec3::Z) && !field.may_have(DVec3::NEG_Z) && !field.may_have(DVec3::X));
+        assert_eq!(bounds.at(&Rotation::IDENTITY, 0.6), None, "a margin beyond a hemisphere bounds nothing");
+    }
+}

@@ -1,0 +1,114 @@
+//! Attitude and time -> a frame's background: sky, and stray light of Sun, Moon and Earth. Evaluated at the boresight at
+//! mid-exposure, once per frame; allocates nothing after start.
+
+use crate::runtime::error::RunError;
+use crate::runtime::imager::Imager;
+use crate::runtime::params::CameraParams;
+use base::time::Tai;
+use glam::DVec3;
+use image::detector::Background;
+use image::render::RenderError;
+use plan::attitude::{LosPath, PathOrigin};
+use plan::optics::background::{BackgroundLight, BackgroundRates};
+use plan::optics::baffle::{BrightBodies, Glare};
+use sky::bodies::BodiesTrack;
+use sky::observer::Observer;
+
+/// The light beside the stars, as one camera sees it.
+#[derive(Debug, Clone)]
+pub struct FieldLight {
+    light: BackgroundLight,
+    bodies: Option<BodiesTrack>,
+    exposure_s: f64,
+}
+
+impl FieldLight {
+    /// For `camera` where `observer` flies, ready for the day of `at`.
+    #[must_use]
+    pub fn new(camera: &CameraParams, observer: Observer, at: Tai) -> Self {
+        let light = camera.background.clone();
+        let bodies = light.needs_bodies().then(|| BodiesTrack::new(observer, at));
+        Self { light, bodies, exposure_s: camera.exposure_s }
+    }
+
+    /// The glare at mid-exposure, and the background it makes; what is there without any sky when no attitude is known.
+    ///
+    /// # Errors
+    /// When the observer's orbit cannot be computed at that time.
+    pub fn at(&mut self, los: &LosPath) -> Result<(Background, Glare), RunError> {
+        if self.light.is_dark() {
+            return Ok((Background::DARK, Glare::default()));
+        }
+        if los.origin == PathOrigin::Absent {
+            return Ok((self.electrons(&self.light.constant()), Glare::default()));
+        }
+        let sensor_from_icrf = los.mid_sensor_from_icrf;
+        let boresight_icrf = sensor_from_icrf.inverse().apply(DVec3::Z);
+        let (mut sun_icrf, mut glare) = (DVec3::Z, Glare::default());
+        if let Some(track) = &mut self.bodies {
+            let bodies = track.at(los.mid_exposure())?;
+            sun_icrf = bodies.sun_km;
+            let in_sensor = |km: DVec3| sensor_from_icrf.apply(km);
+            if let Some(stray) = &self.light.stray {
+                glare = stray.glare(&BrightBodies {
+                    sun_km: in_sensor(bodies.sun_km),
+                    moon_km: in_sensor(bodies.moon_km),
+                    earth_km: bodies.earth_km.map(in_sensor),
+                });
+            }
+        }
+        Ok((self.electrons(&self.light.rates(boresight_icrf, sun_icrf, &glare)), glare))
+    }
+
+    /// Least and most electrons of the modelled sky in a pixel on the axis, were it in these directions (sensor axes).
+    ///
+    /// # Errors
+    /// As for [`Self::at`].
+    pub fn sky_over<const N: usize>(
+        &mut self,
+        los: &LosPath,
+        directions: [Option<DVec3>; N],
+    ) -> Result<(f64, f64), RunError> {
+        let sun_icrf = match &mut self.bodies {
+            Some(track) => track.at(los.mid_exposure())?.sun_km,
+            None => DVec3::Z,
+        };
+        let icrf_from_sensor = los.mid_sensor_from_icrf.inverse();
+        let here = |v: DVec3| self.light.sky.e_per_s(icrf_from_sensor.apply(v), sun_icrf) * self.exposure_s;
+        let all = directions.into_iter().flatten().map(here);
+        Ok(all.fold((f64::INFINITY, 0.0), |(least, most), e| (least.min(e), most.max(e))))
+    }
+
+    #[allow(clippy::cast_possible_truncation, reason = "electrons are single precision")]
+    fn electrons(&self, rates: &BackgroundRates) -> Background {
+        let e = |e_per_s: f64| (e_per_s * self.exposure_s) as f32;
+        Background {
+            uniform_e: e(rates.uniform),
+            gradient_e: rates.gradient.to_array().map(e),
+            quadratic_e: e(rates.quadratic),
+            sky_e: e(rates.sky),
+        }
+    }
+}
+
+/// Gives the imager the relative illumination of every pixel, where the camera has an uneven one and a background to
+/// multiply: made once, before the first frame.
+///
+/// # Errors
+/// When the device has no room for it.
+#[allow(clippy::cast_possible_truncation, reason = "the detector works in single precision")]
+pub fn light_pixels(camera: &CameraParams, imager: &mut Imager) -> Result<(), RenderError> {
+    let has_sky = camera.background.sky_e_per_s != 0.0 || !camera.background.sky.is_dark();
+    if camera.illumination.is_even() || !has_sky {
+        return Ok(());
+    }
+    let [width, height] = [camera.geometry.width_px(), camera.geometry.height_px()];
+    let at = |x: usize, y: usize| {
+        // Every pixel of a checked camera is in the domain of its distortion.
+        let tangent = camera.geometry.tangent_of_pixel([x as f64, y as f64]);
+        tangent.map_or(0.0, |tangent| camera.illumination.at(tangent)) as f32
+    };
+    let mut map = Vec::with_capacity(width * height);
+    (0..height).for_each(|y| map.extend((0..width).map(|x| at(x, y))));
+    imager.set_illumination_map(map)
+}

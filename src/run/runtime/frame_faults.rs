@@ -1,0 +1,419 @@
+//! What goes wrong with frames and with the chain that images them, on purpose, and when.
+//!
+//! In: a list of faults, each with its begin (an instant, or a trigger) and its length. A frame is hit when its exposure
+//! ends inside a fault's time. Every hit is counted by fault, marked in the frame's flags and written with its numbers
+//! into the frame's truth, so that nothing is spoilt in silence; begin and end go into the ledger. Deterministic. What a
+//! fault needs (tables of other optics, places of stars) is made before the run, by [`FrameFaults::prepare`].
+//! Tests: below, `conditions`, and `tests/closed_loop/imaging_faults.rs`.
+
+use crate::runtime::conditions::{Conditions, FALSE_STARS_MAX, FAULT_STREAM};
+use crate::runtime::engine::{FrameEngine, Slot};
+use crate::runtime::error::RunError;
+use crate::runtime::frame_damage::{self, Repeated, scaled};
+use crate::runtime::ledger::{Event, EventKind, Ledger};
+use base::random::{key, philox};
+use base::time::{Span, Tai};
+use frames::sink::{
+    ActiveFault, ActiveFaults, DefectSpots, FaultFlags, FaultPixels, FrameFault, PixelFault, ProtonStorm, SentFrame,
+};
+use image::detector::defects::{Defect, DefectEdit, DefectId, DefectKind, DefectPlace, Rates};
+use image::detector::protons::{ProtonDirection, ProtonFlux};
+use plan::exposure::target::FIRST_FALSE_STAR_ID;
+use plan::exposure::{Source, SourcePlace};
+use plan::optics::PsfModel;
+
+/// The end of a fault that has not been triggered; so is its begin.
+pub const NEVER: Tai = Tai::from_ns(i64::MAX);
+
+/// When a fault begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Begin {
+    /// At this instant.
+    At(Tai),
+    /// So long after a trigger is fired, each time it is.
+    OnTrigger {
+        /// The trigger's number.
+        number: u16,
+        /// How long after it.
+        delay: Span,
+    },
+}
+
+/// A fault with its time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TimedFrameFault {
+    /// Begin; [`NEVER`] until it is triggered.
+    pub from: Tai,
+    /// End, exclusive.
+    pub until: Tai,
+    /// What happens.
+    pub fault: FrameFault,
+    /// Frames hit so far.
+    pub hits: u64,
+    begin: Begin,
+    lasts: Span,
+    /// In the run's list of faults, from 1.
+    number: u16,
+    is_on: bool,
+    made: Made,
+}
+
+/// What was made for a fault before the run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Made {
+    NotYet,
+    Nothing,
+    /// Other optics of the engine.
+    Optics(usize),
+    /// A part of the list of false stars: first and number.
+    Stars(usize, usize),
+    /// A part of the list of defects: first and number.
+    Defects(usize, usize),
+}
+
+/// What becomes of one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fate {
+    /// Not sent.
+    pub is_dropped: bool,
+    /// Sent later by this.
+    pub delay: Span,
+    repeated: Repeated,
+    is_blank: bool,
+    flags: FaultFlags,
+    active: ActiveFaults,
+}
+
+impl Fate {
+    /// Sent, once, in time and whole.
+    pub const SEND: Self = Self {
+        is_dropped: false,
+        delay: Span::ZERO,
+        repeated: Repeated::Nothing,
+        is_blank: false,
+        flags: FaultFlags::NONE,
+        active: ActiveFaults::NONE,
+    };
+}
+
+/// A fault elsewhere that frames exposed in its time are marked with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Mark {
+    from: Tai,
+    until: Tai,
+    flag: FaultFlags,
+}
+
+/// The faults of one head.
+#[derive(Debug, Default)]
+pub struct FrameFaults {
+    timed: Vec<TimedFrameFault>,
+    marks: Vec<Mark>,
+    false_stars: Vec<Source>,
+    defects: Vec<Commanded>,
+    previous: Vec<u16>,
+}
+
+/// A defect of the detector, and its name while it is there.
+#[derive(Debug, Clone, Copy)]
+struct Commanded {
+    defect: Defect,
+    id: Option<DefectId>,
+}
+
+impl FrameFaults {
+    /// Adds a fault between two instants; the index under which [`Self::timed`] lists it.
+    pub fn add(&mut self, from: Tai, until: Tai, fault: FrameFault) -> usize {
+        let number = u16::try_from(self.timed.len() + 1).unwrap_or(u16::MAX);
+        self.arm(Begin::At(from), until - from, fault, number)
+    }
+
+    /// Adds a fault that lasts so long from its begin, with its number in the run's list of faults.
+    pub fn arm(&mut self, begin: Begin, lasts: Span, fault: FrameFault, number: u16) -> usize {
+        let (from, until) = match begin {
+            Begin::At(from) => (from, from + lasts),
+            Begin::OnTrigger { .. } => (NEVER, NEVER),
+        };
+        let (is_on, made) = (false, Made::NotYet);
+        self.timed.push(TimedFrameFault { from, until, fault, hits: 0, begin, lasts, number, is_on, made });
+        self.timed.len() - 1
+    }
+
+    /// Fires a trigger at `at`, now or later: the faults that wait for it begin then (again, if they have been before).
+    /// How many there are. Allocates nothing.
+    pub fn fire_trigger(&mut self, number: u16, at: Tai) -> usize {
+        let mut fired = 0;
+        for timed in &mut self.timed {
+            if let Begin::OnTrigger { number: own, delay } = timed.begin
+                && own == number
+            {
+                (timed.from, timed.until) = (at + delay, at + delay + timed.lasts);
+                fired += 1;
+            }
+        }
+        fired
+    }
+
+    /// Marks frames whose exposure ends in a time at which something else is faulty: the bus.
+    pub fn mark(&mut self, from: Tai, until: Tai, flag: FaultFlags) {
+        self.marks.push(Mark { from, until, flag });
+    }
+
+    /// Every fault, in the order in which they were added.
+    #[must_use]
+    pub fn timed(&self) -> &[TimedFrameFault] {
+        &self.timed
+    }
+
+    /// Makes everything the faults will need, so that none of it is made on the way of a frame.
+    ///
+    /// # Errors
+    /// When the tables of other optics cannot be had.
+    pub fn prepare(&mut self, engine: &mut FrameEngine) -> Result<(), RunError> {
+        let params = engine.params();
+        let (seed, exposure_s) = (params.seed, params.camera.exposure_s);
+        let size = [params.camera.geometry.width_px(), params.camera.geometry.height_px()];
+        let radiometry = params.camera.radiometry.clone();
+        if self.timed.iter().any(|timed| timed.made == Made::NotYet) {
+            engine.conditions_mut().reserve();
+            // The image before the first fault may be wanted by it.
+            self.previous.reserve(size[0] * size[1]);
+        }
+        for timed in self.timed.iter_mut().filter(|timed| timed.made == Made::NotYet) {
+            timed.made = match timed.fault {
+                FrameFault::Defocus { sigma_px } => Made::Optics(engine.add_optics(PsfModel::gaussian(sigma_px))?),
+                FrameFault::FalseStars { pixels, mag } => {
+                    let first = self.false_stars.len();
+                    let electrons = radiometry.electrons(mag, 0.0, exposure_s);
+                    add_false_stars(
+                        &mut self.false_stars,
+                        pixels,
+                        [mag, electrons],
+                        size,
+                        u32::from(timed.number),
+                        seed,
+                    );
+                    Made::Stars(first, self.false_stars.len() - first)
+                }
+                FrameFault::Pixels { spots, fault } => {
+                    let first = self.defects.len();
+                    let kind = defect_kind(fault);
+                    let commanded = |place| Commanded { defect: Defect { place, kind }, id: None };
+                    let places = defect_places(spots, size, u32::from(timed.number), seed);
+                    self.defects.extend(places.map(commanded));
+                    Made::Defects(first, self.defects.len() - first)
+                }
+                _ => Made::Nothing,
+            };
+        }
+        Ok(())
+    }
+
+    /// What becomes of the frame of `slot`; sets the conditions it is exposed under.
+    pub fn begin(&mut self, slot: Slot, engine: &mut FrameEngine, ledger: &mut Ledger) -> Fate {
+        let end = slot.exposure_end;
+        let mut fate = Fate::SEND;
+        for mark in self.marks.iter().filter(|mark| mark.from <= end && end < mark.until) {
+            fate.flags |= mark.flag;
+        }
+        let has_previous = !self.previous.is_empty();
+        let full_well_e = engine.params().camera.detector.full_well_e;
+        engine.conditions_mut().reset();
+        for timed in &mut self.timed {
+            let is_on = timed.from <= end && end < timed.until;
+            if timed.tell(is_on, slot, ledger)
+                && let Made::Defects(first, count) = timed.made
+            {
+                let commanded = &mut self.defects[first..first + count];
+                let left_out = engine.defects_mut().edit(|list| switch(commanded, is_on, list));
+                if left_out > 0 {
+                    ledger.note(Event::new(EventKind::DefectLeftOut, end, Some(slot.number), Span::ZERO));
+                }
+            }
+            // The first frame of all has none before it to be repeated.
+            let needs_previous = matches!(timed.fault, FrameFault::Torn | FrameFault::Duplicate);
+            if !is_on || (needs_previous && !has_previous) {
+                continue;
+            }
+            timed.hits += 1;
+            fate.flags |= timed.fault.flag();
+            let share = (end - timed.from).s() / (timed.until - timed.from).s();
+            let (name, number, amount) = (timed.fault.name(), timed.number, timed.fault.amount(share));
+            fate.active.push(ActiveFault { name, number, amount });
+            fate.take(&timed.fault);
+            let stars = match timed.made {
+                Made::Stars(first, count) => &self.false_stars[first..first + count],
+                _ => &[],
+            };
+            expose_under(engine.conditions_mut(), timed, amount.value, full_well_e, stars);
+        }
+        engine.take_conditions();
+        fate
+    }
+
+    /// Spoils the finished frame and says so in its flags and its truth.
+    pub fn spoil(&mut self, fate: &Fate, frame: &mut SentFrame) {
+        frame.meta.faults |= fate.flags;
+        frame.meta.active = fate.active;
+        if fate.is_blank {
+            frame_damage::blank(frame);
+        }
+        if fate.is_blank || fate.repeated != Repeated::Nothing {
+            // Its pixels are not, or not all, of its own attitude.
+            frame.meta.wcs = None;
+        }
+        if self.needs_previous() {
+            frame_damage::repeat(fate.repeated, frame, &mut self.previous);
+        }
+        for timed in self.timed.iter().filter(|timed| timed.is_on) {
+            if let FrameFault::BitFlip { bit, pixels } = timed.fault {
+                frame_damage::flip(bit, pixels, u32::from(timed.number), frame);
+            }
+        }
+    }
+
+    fn needs_previous(&self) -> bool {
+        self.timed.iter().any(|timed| matches!(timed.fault, FrameFault::Torn | FrameFault::Duplicate))
+    }
+}
+
+impl Fate {
+    /// What a fault does to a frame when it is finished.
+    fn take(&mut self, fault: &FrameFault) {
+        match *fault {
+            FrameFault::Drop => self.is_dropped = true,
+            FrameFault::Duplicate => self.repeated = Repeated::All,
+            FrameFault::Torn if self.repeated == Repeated::Nothing => self.repeated = Repeated::UpperHalf,
+            FrameFault::Late(delay) => self.delay = self.delay.max(delay),
+            FrameFault::Blank => self.is_blank = true,
+            _ => {}
+        }
+    }
+}
+
+/// Puts defects into the detector, or takes them out; how many there was no room for.
+fn switch(commanded: &mut [Commanded], is_on: bool, list: &mut DefectEdit<'_>) -> usize {
+    let mut left_out = 0;
+    for Commanded { defect, id } in commanded {
+        *id = match id.take() {
+            None if is_on => {
+                let taken = list.insert(*defect).ok();
+                left_out += usize::from(taken.is_none());
+                taken
+            }
+            Some(there) if !is_on => {
+                list.remove(there);
+                None
+            }
+            there => there,
+        };
+    }
+    left_out
+}
+
+impl TimedFrameFault {
+    /// Tells the ledger when it begins and when it is over; true when it did.
+    fn tell(&mut self, is_on: bool, slot: Slot, ledger: &mut Ledger) -> bool {
+        if is_on == self.is_on {
+            return false;
+        }
+        self.is_on = is_on;
+        let (kind, at) = if is_on { (EventKind::Fault, self.from) } else { (EventKind::FaultOver, slot.exposure_end) };
+        let event = Event::new(kind, at, Some(slot.number), self.lasts);
+        ledger.note(Event { what: self.fault.name(), ..event });
+        true
+    }
+}
+
+/// What a fault does to the exposure of a frame; `value` is its amount now.
+fn expose_under(
+    conditions: &mut Conditions,
+    timed: &TimedFrameFault,
+    value: f64,
+    full_well_e: f64,
+    false_stars: &[Source],
+) {
+    match timed.fault {
+        FrameFault::StrayLight { .. } | FrameFault::StrayLightRamp { .. } => conditions.stray_e_per_s += value,
+        FrameFault::Defocus { .. } => {
+            if let Made::Optics(optics) = timed.made {
+                conditions.optics = optics;
+            }
+        }
+        FrameFault::Contamination { .. } => conditions.throughput *= value,
+        FrameFault::TemperatureStep { .. } => conditions.warmer_k += value,
+        FrameFault::Saturation { .. } => conditions.flood_e += value * full_well_e,
+        FrameFault::MissingStars { share } => {
+            conditions.missing.share = 1.0 - (1.0 - conditions.missing.share) * (1.0 - share);
+            conditions.missing.stream = u32::from(timed.number);
+        }
+        FrameFault::MissingBrightStars { count } => conditions.missing.brightest += count as usize,
+        FrameFault::Protons(storm) => conditions.protons = Some(flux(storm)),
+        FrameFault::FalseStars { .. } => {
+            let room = FALSE_STARS_MAX.saturating_sub(conditions.false_stars.len());
+            conditions.false_stars.extend_from_slice(&false_stars[..false_stars.len().min(room)]);
+        }
+        _ => {}
+    }
+}
+
+fn flux(storm: ProtonStorm) -> ProtonFlux {
+    let direction = match storm.beam_deg {
+        None => ProtonDirection::Isotropic,
+        Some([incidence_deg, azimuth_deg]) => ProtonDirection::Beam { incidence_deg, azimuth_deg },
+    };
+    ProtonFlux { per_cm2_s: storm.per_cm2_s, energy_mev: storm.energy_mev, direction }
+}
+
+fn defect_kind(fault: PixelFault) -> DefectKind {
+    match fault {
+        PixelFault::Hot { e_per_s } => DefectKind::Hot { extra_e_per_s: e_per_s },
+        PixelFault::Dead { response } => DefectKind::Dead { response },
+        PixelFault::Rts { e_per_s, high_s, low_s } => {
+            let rates = Rates { up_per_s: 1.0 / low_s, down_per_s: 1.0 / high_s };
+            DefectKind::Rts { extra_e_per_s: e_per_s, rates }
+        }
+        PixelFault::Stuck { dn } => DefectKind::Stuck { dn },
+    }
+}
+
+/// Places of defects: those that are given, and random pixels.
+fn defect_places(spots: DefectSpots, size: [usize; 2], stream: u32, seed: u64) -> impl Iterator<Item = DefectPlace> {
+    let DefectSpots { pixels, column, row } = spots;
+    let given = pixels.at.map(|[x, y]| DefectPlace::Pixel(x, y));
+    let lines = column.map(DefectPlace::Column).into_iter().chain(row.map(DefectPlace::Row));
+    #[allow(clippy::cast_possible_truncation, reason = "sides are below 2^16")]
+    let random = (0..pixels.random).map(move |i| {
+        let [a, b, ..] = philox([0, i, stream, FAULT_STREAM], key(seed));
+        DefectPlace::Pixel(scaled(a, size[0]) as u32, scaled(b, size[1]) as u32)
+    });
+    given.into_iter().chain(lines).chain(random)
+}
+
+/// False stars of one fault: where it says, and at random places of the detector.
+fn add_false_stars(
+    out: &mut Vec<Source>,
+    pixels: FaultPixels,
+    [mag, electrons]: [f64; 2],
+    size: [usize; 2],
+    stream: u32,
+    seed: u64,
+) {
+    let given = pixels.at.map(|px| px.map(f64::from));
+    // To a thousandth of a pixel: a star stands anywhere between their centres.
+    let along = |word: u32, side: usize| scaled(word, 1000 * side) as f64 * 1e-3 - 0.5;
+    let random = (0..pixels.random).map(|i| {
+        let [a, b, ..] = philox([0, i, stream, FAULT_STREAM], key(seed));
+        [along(a, size[0]), along(b, size[1])]
+    });
+    for px in given.into_iter().chain(random) {
+        let id = FIRST_FALSE_STAR_ID + u32::try_from(out.len()).unwrap_or(0);
+        #[allow(clippy::cast_possible_truncation, reason = "magnitudes are single precision")]
+        let mag = mag as f32;
+        out.push(Source { id, electrons, mag, place: SourcePlace::Pixel(px) });
+    }
+}
+
+#[cfg(test)]
+#[path = "frame_faults_tests.rs"]
+mod tests;

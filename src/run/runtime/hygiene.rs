@@ -1,0 +1,266 @@
+//! What an operating system can do for threads that must be in time, and what of it was had.
+//!
+//! In: [`HygieneParams`]. Out: one [`HygieneLine`] for everything asked for: got, or why not. Nothing here is needed for
+//! right frames, and nothing that could not be had ends a run. Three things are asked for:
+//!
+//! * **Scheduling**: first-in-first-out (POSIX `SCHED_FIFO`) for the link, frame and sink threads and for the threads
+//!   that draw. All of them sleep when they have nothing to do (drawing threads spin for some microseconds first), and the
+//!   priorities are low: the kernel's own threads come first. Linux gives real-time threads 95 % of a processor at most
+//!   (`sched_rt_runtime_us`). Links come first because a late stamp is wrong for good; drawing comes last.
+//! * **Memory**: all pages locked, now and later (`mlockall`), so that none is fetched while a frame waits. Only where
+//!   the limit allows it whole: half a lock makes later allocations fail.
+//! * **Processors**: the threads stay on given ones (`sched_setaffinity`).
+//!
+//! *Limits.* Linux only; elsewhere every line says so. No `unsafe` of ours: `thread-priority` and `rustix` wrap the calls.
+//! Whether it helps is for `starloop budget --load` to show; the tests hold that whatever happens is told.
+
+use frames::report::HygieneLine;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Stack touched before a thread's work begins, bytes: more than the deepest frame path was seen to use.
+const STACK_BYTES: usize = 256 * 1024;
+
+/// What is asked for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct HygieneParams {
+    /// Real-time scheduling and locked memory.
+    pub realtime: bool,
+    /// Priority of the drawing threads, 1 to 90; sink, frame and link come 1, 2 and 3 above.
+    pub priority: u8,
+    /// Processors to stay on; empty: any.
+    pub affinity: Vec<usize>,
+}
+
+impl Default for HygieneParams {
+    /// Real-time, at a low priority, on any processor.
+    fn default() -> Self {
+        Self { realtime: true, priority: 10, affinity: Vec::new() }
+    }
+}
+
+/// A kind of thread.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// Stamps what arrives.
+    Link,
+    /// Makes frames.
+    Frame,
+    /// Sends them.
+    Sink,
+    /// Draws and reads out, with others of its kind.
+    Drawing,
+    /// Stands for a machine at the other end of the cable, which no load here would hold up.
+    FarEnd,
+}
+
+impl Role {
+    /// Name in reports.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Link => "link thread",
+            Self::Frame => "frame thread",
+            Self::Sink => "sink thread",
+            Self::Drawing => "drawing threads",
+            Self::FarEnd => "simulated flight computer",
+        }
+    }
+
+    fn above(self) -> u8 {
+        match self {
+            Self::Drawing => 0,
+            Self::Sink => 1,
+            Self::Frame => 2,
+            Self::Link | Self::FarEnd => 3,
+        }
+    }
+}
+
+/// The parameters, and what became of them. Threads enter at their start; the lock is never taken after that.
+pub struct Hygiene {
+    params: HygieneParams,
+    told: Mutex<Vec<HygieneLine>>,
+    announce: fn(&HygieneLine),
+}
+
+impl Hygiene {
+    /// Nothing has been asked of the system yet.
+    #[must_use]
+    pub fn new(params: HygieneParams) -> Self {
+        Self { params, told: Mutex::default(), announce: |_| {} }
+    }
+
+    /// Calls `announce` with every new line, when it is told.
+    #[must_use]
+    pub fn announcing(mut self, announce: fn(&HygieneLine)) -> Self {
+        self.announce = announce;
+        self
+    }
+
+    /// Locks memory and starts the drawing threads. Call before anything is drawn: rayon starts them once.
+    pub fn prepare(self: &Arc<Self>) {
+        if self.params.realtime {
+            self.tell("locked memory", system::lock_memory());
+        }
+        if !self.params.realtime && self.params.affinity.is_empty() {
+            return;
+        }
+        let hygiene = Arc::clone(self);
+        // 0: as many as there are processors.
+        let threads = self.params.affinity.len();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .thread_name(|i| format!("draw {i}"))
+            .start_handler(move |_| hygiene.enter(Role::Drawing));
+        if let Err(error) = pool.build_global() {
+            self.tell(Role::Drawing.name(), Err(error.to_string()));
+        }
+    }
+
+    /// Makes the calling thread what it should be, and touches its stack.
+    pub fn enter(&self, role: Role) {
+        if self.params.realtime {
+            let priority = self.params.priority.saturating_add(role.above());
+            self.tell(&format!("{}: first-in-first-out", role.name()), system::schedule(priority));
+        }
+        if !self.params.affinity.is_empty() {
+            let what = format!("{}: processors", role.name());
+            self.tell(&what, system::stay_on(&self.params.affinity));
+        }
+        touch_stack();
+    }
+
+    fn tell(&self, what: &str, outcome: Result<String, String>) {
+        let (got, detail) = outcome.map_or_else(|why| (false, why), |how| (true, how));
+        let line = HygieneLine { what: what.to_owned(), got, detail };
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        // Drawing threads say the same thing.
+        if !told.contains(&line) {
+            (self.announce)(&line);
+            told.push(line);
+        }
+    }
+
+    /// What was had so far, and what not; in order of names, because threads start in any order.
+    #[must_use]
+    pub fn lines(&self) -> Vec<HygieneLine> {
+        let mut lines = self.told.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        lines.sort_by(|a, b| (&a.what, &a.detail).cmp(&(&b.what, &b.detail)));
+        lines
+    }
+}
+
+/// Writes to the pages of the stack that later calls will use.
+#[inline(never)]
+fn touch_stack() {
+    let mut pages = [0_u8; STACK_BYTES];
+    for byte in pages.iter_mut().step_by(4096) {
+        *byte = 1;
+    }
+    core::hint::black_box(&mut pages);
+}
+
+#[cfg(target_os = "linux")]
+mod system {
+    use rustix::mm::{MlockAllFlags, mlockall};
+    use rustix::process::{Resource, getrlimit};
+    use rustix::thread::{CapabilitySet, CpuSet, capabilities, sched_setaffinity};
+    use thread_priority::{
+        RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
+        set_thread_priority_and_policy, thread_native_id,
+    };
+
+    pub(super) fn lock_memory() -> Result<String, String> {
+        let limit = getrlimit(Resource::Memlock).current;
+        let is_free = capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::IPC_LOCK));
+        if let (Some(bytes), false) = (limit, is_free) {
+            return Err(format!("the limit is {} KiB (ulimit -l); wanted unlimited, or CAP_IPC_LOCK", bytes / 1024));
+        }
+        match mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE) {
+            Ok(()) => Ok("all pages, now and later".into()),
+            Err(error) => Err(error.to_string()),
+        }
+    }
+
+    pub(super) fn schedule(priority: u8) -> Result<String, String> {
+        let value = ThreadPriorityValue::try_from(priority)?;
+        let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+        match set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Crossplatform(value), policy) {
+            Ok(()) => Ok(format!("priority {priority}")),
+            Err(thread_priority::Error::OS(code)) => {
+                let error = std::io::Error::from_raw_os_error(code);
+                Err(format!("priority {priority}: {error}; wanted CAP_SYS_NICE, or a higher limit (ulimit -r)"))
+            }
+            Err(error) => Err(format!("priority {priority}: {error}")),
+        }
+    }
+
+    pub(super) fn stay_on(processors: &[usize]) -> Result<String, String> {
+        let mut set = CpuSet::new();
+        if let Some(beyond) = processors.iter().find(|processor| **processor >= CpuSet::MAX_CPU) {
+            return Err(format!("there is no processor {beyond}"));
+        }
+        processors.iter().for_each(|processor| set.set(*processor));
+        match sched_setaffinity(None, &set) {
+            Ok(()) => Ok(format!("{processors:?}")),
+            Err(error) => Err(format!("{processors:?}: {error}")),
+        }
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+mod system {
+    const WHY_NOT: &str = "only done on Linux";
+
+    pub(super) fn lock_memory() -> Result<String, String> {
+        Err(WHY_NOT.into())
+    }
+
+    pub(super) fn schedule(_priority: u8) -> Result<String, String> {
+        Err(WHY_NOT.into())
+    }
+
+    pub(super) fn stay_on(_processors: &[usize]) -> Result<String, String> {
+        Err(WHY_NOT.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a thread of its own is told: this test's thread stays as it is.
+    fn told(params: HygieneParams, role: Role) -> Vec<HygieneLine> {
+        let hygiene = Arc::new(Hygiene::new(params));
+        let inside = Arc::clone(&hygiene);
+        let thread = std::thread::Builder::new().name("told".into());
+        thread.spawn(move || inside.enter(role)).unwrap().join().unwrap();
+        hygiene.lines()
+    }
+
+    #[test]
+    fn whatever_is_asked_for_is_told_whether_it_was_had_or_not() {
+        let lines = told(HygieneParams { affinity: vec![0], ..HygieneParams::default() }, Role::Link);
+        let names: Vec<&str> = lines.iter().map(|line| line.what.as_str()).collect();
+        assert_eq!(names, ["link thread: first-in-first-out", "link thread: processors"]);
+        assert!(lines.iter().all(|line| !line.detail.is_empty()), "{lines:?}");
+        let nothing = HygieneParams { realtime: false, ..HygieneParams::default() };
+        assert!(told(nothing, Role::Sink).is_empty(), "nothing asked, nothing told");
+    }
+
+    #[test]
+    fn what_cannot_be_had_says_why() {
+        for affinity in [vec![usize::MAX], vec![1023]] {
+            let lines = told(HygieneParams { realtime: false, affinity, ..HygieneParams::default() }, Role::Frame);
+            assert!(!lines[0].got && !lines[0].detail.is_empty(), "{lines:?}");
+        }
+        let lines = told(HygieneParams { priority: 200, ..HygieneParams::default() }, Role::Drawing);
+        assert!(!lines[0].got, "{lines:?}");
+    }
+
+    #[test]
+    fn links_come_before_frames_before_sinks_before_drawing() {
+        let above = [Role::Link, Role::Frame, Role::Sink, Role::Drawing].map(Role::above);
+        assert!(above.windows(2).all(|pair| pair[0] > pair[1]), "{above:?}");
+    }
+}

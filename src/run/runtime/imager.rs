@@ -1,0 +1,466 @@
+//! Backend and detector together: plan -> DN.
+
+use base::clock::Stopwatch;
+use base::image::{DnImage, Image};
+use base::time::Span;
+use frames::report::{Stage, StageTimes};
+use image::detector::defects::Defects;
+use image::detector::gpu::GpuDetector;
+use image::detector::protons::{ProtonFlux, ProtonFluxError, ProtonTrack};
+use image::detector::{Background, Detector, DetectorParams, PoissonMethod};
+use image::gpu::{AdapterChoice, Electrons, GpuDevice};
+use image::render::cpu::Cpu;
+use image::render::gpu::Gpu;
+use image::render::gpu::brighter::Brighter;
+use image::render::overlap::Apart;
+use image::render::reference::Reference;
+use image::render::{Backend, RenderError};
+use plan::exposure::ExposurePlan;
+use plan::exposure::cost::CostModel;
+use std::sync::Arc;
+
+/// Which backend the user asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BackendChoice {
+    /// A hardware GPU when there is one, else the CPU.
+    #[default]
+    Auto,
+    /// The GPU (software Vulkan counts), or an error.
+    Gpu,
+    /// The CPU.
+    Cpu,
+    /// The f64 reference.
+    Reference,
+}
+
+/// A backend and the detector behind it.
+pub struct Imager {
+    drawing: Drawing,
+    /// Which tables are in use: 0 are the camera's own, others follow in the order in which they were added.
+    tables: usize,
+    size_px: [usize; 2],
+    /// Stars and targets are drawn apart, and each pixel shows the brighter.
+    apart: Option<Box<Apart>>,
+    /// The latest image was.
+    is_apart: bool,
+    cost: CostModel,
+    note: Option<String>,
+}
+
+/// Where images are drawn and read out.
+#[allow(clippy::vec_box, reason = "others change places with the one in use")]
+enum Drawing {
+    /// In memory, by the CPU or reference backend.
+    Host { backend: Box<dyn Backend>, others: Vec<Box<dyn Backend>>, detector: Box<Detector> },
+    /// On a GPU; `mean` is for those who ask for the mean image.
+    Device {
+        backend: Box<Gpu>,
+        others: Vec<Box<Gpu>>,
+        detector: Box<GpuDetector>,
+        brighter: Option<Box<Brighter>>,
+        mean: Image<f32>,
+    },
+}
+
+/// Wall time of the two halves of an image. On a GPU drawing is only submitted in the first; the second waits for both.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ImagingTimes {
+    /// Plan to electrons.
+    pub render: Span,
+    /// Electrons to DN.
+    pub detector: Span,
+    /// The same time otherwise divided; `None` where memory is shared.
+    pub device: Option<DeviceTimes>,
+}
+
+/// Wall time of an image that was made on a device, which draws and reads out in one go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DeviceTimes {
+    /// Writing buffers, recording and submitting.
+    pub upload: Span,
+    /// Waiting for the device.
+    pub wait: Span,
+    /// Copying DN to memory.
+    pub readback: Span,
+}
+
+impl ImagingTimes {
+    /// By stage: what did not run is absent.
+    #[must_use]
+    pub fn by_stage(&self) -> StageTimes {
+        let mut times = StageTimes::default();
+        match self.device {
+            None => {
+                times.set(Stage::Render, self.render);
+                times.set(Stage::Detector, self.detector);
+            }
+            Some(device) => {
+                times.set(Stage::Upload, device.upload);
+                times.set(Stage::Render, device.wait);
+                times.set(Stage::Readback, device.readback);
+            }
+        }
+        times
+    }
+}
+
+impl Imager {
+    /// For a detector of this size.
+    ///
+    /// # Errors
+    /// When the GPU was asked for and there is none, or it cannot draw by the detector's Poisson method.
+    pub fn new(
+        choice: BackendChoice,
+        params: DetectorParams,
+        size_px: [usize; 2],
+        seed: u64,
+    ) -> Result<Self, RenderError> {
+        let [width, height] = size_px;
+        Self::of_detector(choice, Detector::new(params, width, height, seed))
+    }
+
+    /// For a detector with patterns that were measured or drawn.
+    ///
+    /// # Errors
+    /// When the GPU was asked for and there is none, or it cannot draw by the detector's Poisson method.
+    pub fn of_detector(choice: BackendChoice, detector: Detector) -> Result<Self, RenderError> {
+        let (params, size_px) = (*detector.params(), detector.size_px());
+        let [width, height] = size_px;
+        match choice {
+            BackendChoice::Cpu => {
+                Ok(Self::on_host(Box::new(Cpu::new(width, height)), detector, size_px, CostModel::CPU, None))
+            }
+            BackendChoice::Reference => {
+                let backend = Box::new(Reference::new(width, height));
+                Ok(Self::on_host(backend, detector, size_px, CostModel::REFERENCE, None))
+            }
+            BackendChoice::Gpu => Self::on_device(GpuDevice::open(&AdapterChoice::Best)?, &detector, size_px),
+            BackendChoice::Auto if params.poisson != PoissonMethod::Auto => {
+                let note = format!("only the CPU draws shot noise by \"{}\": using the CPU backend", params.poisson);
+                Ok(Self::on_host(Box::new(Cpu::new(width, height)), detector, size_px, CostModel::CPU, Some(note)))
+            }
+            BackendChoice::Auto => {
+                let note = match GpuDevice::open(&AdapterChoice::Best) {
+                    Ok(gpu) if !gpu.is_software() => return Self::on_device(gpu, &detector, size_px),
+                    Ok(gpu) => format!(
+                        "only software Vulkan here ({}): using the CPU backend, which is faster",
+                        gpu.description()
+                    ),
+                    Err(error) => format!("no Vulkan driver ({error}): using the CPU backend"),
+                };
+                Ok(Self::on_host(Box::new(Cpu::new(width, height)), detector, size_px, CostModel::CPU, Some(note)))
+            }
+        }
+    }
+
+    fn on_host(
+        backend: Box<dyn Backend>,
+        detector: Detector,
+        size_px: [usize; 2],
+        cost: CostModel,
+        note: Option<String>,
+    ) -> Self {
+        let drawing = Drawing::Host { backend, others: Vec::new(), detector: Box::new(detector) };
+        Self { drawing, tables: 0, size_px, apart: None, is_apart: false, cost, note }
+    }
+
+    fn on_device(gpu: Arc<GpuDevice>, detector: &Detector, size_px: [usize; 2]) -> Result<Self, RenderError> {
+        let [width, height] = size_px;
+        let cost = if gpu.is_software() { CostModel::SOFTWARE_GPU } else { CostModel::GPU };
+        let detector = Box::new(GpuDetector::new(Arc::clone(&gpu), detector, width, height)?);
+        let backend = Box::new(Gpu::new(gpu, width, height)?);
+        let (others, mean) = (Vec::new(), Image::new(width, height));
+        let drawing = Drawing::Device { backend, others, detector, brighter: None, mean };
+        Ok(Self { drawing, tables: 0, size_px, apart: None, is_apart: false, cost, note: None })
+    }
+
+    /// A second backend of the same kind with tables of its own, so that another PSF can be drawn without building any.
+    ///
+    /// # Errors
+    /// When the device cannot have it.
+    pub fn add_tables(&mut self) -> Result<(), RenderError> {
+        let [width, height] = self.size_px;
+        match &mut self.drawing {
+            Drawing::Host { backend, others, .. } => others.push(match backend.name() {
+                "reference" => Box::new(Reference::new(width, height)),
+                _ => Box::new(Cpu::new(width, height)),
+            }),
+            Drawing::Device { backend, others, .. } => {
+                others.push(Box::new(Gpu::new(Arc::clone(backend.device()), width, height)?));
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes the set of tables away that was added last.
+    pub fn remove_last_tables(&mut self) {
+        match &mut self.drawing {
+            Drawing::Host { others, .. } => drop(others.pop()),
+            Drawing::Device { others, .. } => drop(others.pop()),
+        }
+    }
+
+    /// Draws with these tables from here on, 0 for the camera's own; those before.
+    pub fn use_tables(&mut self, number: usize) -> usize {
+        let before = self.tables;
+        self.exchange(before);
+        self.exchange(number);
+        self.tables = number;
+        before
+    }
+
+    /// Exchanges the camera's own tables, when in use, and others.
+    fn exchange(&mut self, number: usize) {
+        let Some(place) = number.checked_sub(1) else { return };
+        match &mut self.drawing {
+            Drawing::Host { backend, others, .. } => {
+                others.get_mut(place).into_iter().for_each(|other| core::mem::swap(backend, other));
+            }
+            Drawing::Device { backend, others, .. } => {
+                others.get_mut(place).into_iter().for_each(|other| core::mem::swap(backend, other));
+            }
+        }
+    }
+
+    /// From here on, where targets cover stars, each pixel shows the brighter of the two only.
+    ///
+    /// # Errors
+    /// When the device cannot have what it takes.
+    pub fn keep_brighter(&mut self) -> Result<(), RenderError> {
+        self.apart = Some(Box::default());
+        if let Drawing::Device { backend, brighter, .. } = &mut self.drawing {
+            *brighter = Some(Box::new(Brighter::new(backend.device(), self.size_px)?));
+        }
+        Ok(())
+    }
+
+    /// Electrons that the latest image lacks because only the brighter of stars and targets is kept.
+    #[must_use]
+    pub fn overlap_lost_e(&self) -> f64 {
+        self.apart.as_ref().map_or(0.0, |apart| apart.lost_e())
+    }
+
+    /// The detector's temperature in the frames from here on, degrees Celsius.
+    pub fn set_temperature_c(&mut self, operating_c: f64) {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.set_temperature_c(operating_c),
+            Drawing::Device { detector, .. } => detector.set_temperature_c(operating_c),
+        }
+    }
+
+    fn backend(&self) -> &dyn Backend {
+        match &self.drawing {
+            Drawing::Host { backend, .. } => &**backend,
+            Drawing::Device { backend, .. } => &**backend,
+        }
+    }
+
+    /// Name of the backend.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        self.backend().name()
+    }
+
+    /// Device behind it.
+    #[must_use]
+    pub fn description(&self) -> String {
+        self.backend().description()
+    }
+
+    /// Why this backend and not another, in one line, when the choice was left to us.
+    #[must_use]
+    pub fn note(&self) -> Option<&str> {
+        self.note.as_deref()
+    }
+
+    /// Built-in cost constants of the backend.
+    #[must_use]
+    pub fn cost(&self) -> CostModel {
+        self.cost
+    }
+
+    /// True for the reference: it integrates every star's exact path.
+    #[must_use]
+    pub fn is_exact(&self) -> bool {
+        self.name() == "reference"
+    }
+
+    /// False for the reference: it is the truth, however long it takes.
+    #[must_use]
+    pub fn may_degrade(&self) -> bool {
+        !self.is_exact()
+    }
+
+    /// True when drawing is only submitted in the first of a frame's [`ImagingTimes`].
+    #[must_use]
+    pub fn is_on_device(&self) -> bool {
+        matches!(self.drawing, Drawing::Device { .. })
+    }
+
+    /// Background of the frames from here on.
+    pub fn set_background(&mut self, background: Background) {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.set_background(background),
+            Drawing::Device { detector, .. } => detector.set_background(background),
+        }
+    }
+
+    /// Relative illumination of every pixel, row by row, for the sky's part of the background.
+    ///
+    /// # Errors
+    /// When the device has no room for it.
+    pub fn set_illumination_map(&mut self, map: Vec<f32>) -> Result<(), RenderError> {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.set_illumination_map(Some(map)),
+            Drawing::Device { detector, .. } => detector.set_illumination_map(Some(&map))?,
+        }
+        Ok(())
+    }
+
+    /// Stray light of the frames from here on, on top of the background: mean electrons more in every pixel.
+    pub fn set_stray_light_e(&mut self, stray_light_e: f32) {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.set_stray_light_e(stray_light_e),
+            Drawing::Device { detector, .. } => detector.set_stray_light_e(stray_light_e),
+        }
+    }
+
+    /// Defects, to be changed from the next frame on; places are sensor pixels.
+    pub fn defects_mut(&mut self) -> &mut Defects {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.defects_mut(),
+            Drawing::Device { detector, .. } => detector.defects_mut(),
+        }
+    }
+
+    /// Protons of the frames from here on; `None`: none.
+    ///
+    /// # Errors
+    /// When a value means nothing; the flux stays as it was.
+    pub fn set_proton_flux(&mut self, flux: Option<ProtonFlux>) -> Result<(), ProtonFluxError> {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.set_proton_flux(flux),
+            Drawing::Device { detector, .. } => detector.set_proton_flux(flux),
+        }
+    }
+
+    /// Proton tracks of the latest frame, in sensor pixels.
+    #[must_use]
+    pub fn proton_tracks(&self) -> &[ProtonTrack] {
+        match &self.drawing {
+            Drawing::Host { detector, .. } => detector.proton_tracks(),
+            Drawing::Device { detector, .. } => detector.proton_tracks(),
+        }
+    }
+
+    /// Protons that no longer fitted into their frames, since the start.
+    #[must_use]
+    pub fn protons_left_out(&self) -> u64 {
+        match &self.drawing {
+            Drawing::Host { detector, .. } => detector.disturbances().protons_left_out(),
+            Drawing::Device { detector, .. } => detector.disturbances().protons_left_out(),
+        }
+    }
+
+    /// Frames come every so often: how often telegraph pixels are looked at.
+    pub fn set_frame_period(&mut self, period: Span) {
+        self.defects_mut().set_frame_period_s(period.s());
+    }
+
+    /// Forgets what the detector keeps from frame to frame: the next frame is as the first.
+    pub fn reset_detector(&mut self) {
+        match &mut self.drawing {
+            Drawing::Host { detector, .. } => detector.reset(),
+            Drawing::Device { detector, .. } => detector.reset(),
+        }
+    }
+
+    /// Draws the mean image only; it comes back in memory whatever the backend.
+    ///
+    /// # Errors
+    /// When the device failed.
+    pub fn render(&mut self, plan: &ExposurePlan) -> Result<Electrons<'_>, RenderError> {
+        let apart = Self::apart_for(&mut self.apart, plan);
+        match &mut self.drawing {
+            Drawing::Host { backend, .. } => match apart {
+                Some(apart) => apart.render(&mut **backend, plan)?,
+                None => backend.render(plan)?,
+            },
+            Drawing::Device { backend, brighter, mean, .. } => match (apart, brighter) {
+                (Some(apart), Some(brighter)) => {
+                    brighter.render(backend, plan, apart)?;
+                    backend.read_image(brighter.electrons(), mean)?;
+                }
+                _ => {
+                    backend.render(plan)?;
+                    backend.read_electrons(mean)?;
+                }
+            },
+        }
+        self.is_apart = self.apart.is_some() && !plan.targets.is_empty();
+        Ok(self.latest_mean())
+    }
+
+    /// What the latest [`Self::render`] drew.
+    #[must_use]
+    pub fn latest_mean(&self) -> Electrons<'_> {
+        match (&self.drawing, &self.apart) {
+            (Drawing::Host { .. }, Some(apart)) if self.is_apart => apart.electrons(),
+            (Drawing::Host { backend, .. }, _) => backend.electrons(),
+            (Drawing::Device { mean, .. }, _) => Electrons::Host(mean),
+        }
+    }
+
+    /// Where stars and targets are drawn apart: not in plans without targets.
+    fn apart_for<'a>(apart: &'a mut Option<Box<Apart>>, plan: &ExposurePlan) -> Option<&'a mut Apart> {
+        let apart = apart.as_deref_mut()?;
+        apart.set_lost_e(0.0);
+        (!plan.targets.is_empty()).then_some(apart)
+    }
+
+    /// Draws and reads out frame `frame`.
+    ///
+    /// # Errors
+    /// When the device failed.
+    pub fn image(&mut self, plan: &ExposurePlan, frame: u32, out: &mut DnImage) -> Result<ImagingTimes, RenderError> {
+        let mut watch = Stopwatch::start();
+        let exposure_s = plan.motion.los.exposure_s;
+        let render;
+        let mut on_device = None;
+        let mut apart = Self::apart_for(&mut self.apart, plan);
+        self.is_apart = apart.is_some();
+        match &mut self.drawing {
+            Drawing::Host { backend, detector, .. } => {
+                match &mut apart {
+                    Some(apart) => apart.render(&mut **backend, plan)?,
+                    None => backend.render(plan)?,
+                }
+                render = watch.lap();
+                let electrons = apart.as_ref().map_or_else(|| backend.electrons(), |apart| apart.electrons());
+                match electrons {
+                    Electrons::Host(mean) => detector.collect(mean, frame, exposure_s, out),
+                    Electrons::Precise(mean) => detector.collect_precise(mean, frame, exposure_s, out),
+                    Electrons::Device(_) => return Err(RenderError::Device("a host backend drew on a device".into())),
+                }
+            }
+            Drawing::Device { backend, detector, brighter, .. } => {
+                let electrons = match (apart, brighter) {
+                    (Some(apart), Some(brighter)) => {
+                        brighter.render(backend, plan, apart)?;
+                        brighter.electrons()
+                    }
+                    _ => {
+                        backend.render(plan)?;
+                        backend.device_electrons()
+                    }
+                };
+                render = watch.lap();
+                detector.collect(electrons, frame, exposure_s, out)?;
+                let times = detector.times();
+                let upload = render + times.submit;
+                on_device = Some(DeviceTimes { upload, wait: times.wait, readback: times.copy });
+            }
+        }
+        Ok(ImagingTimes { render, detector: watch.lap(), device: on_device })
+    }
+}

@@ -1,0 +1,226 @@
+//! The ledger: every late, held, dropped, predicted or refused thing, counted; the last few kept.
+//!
+//! Counts survive when entries are overwritten. No allocation after construction, no text.
+
+use base::time::{Span, Tai};
+use plan::exposure::Rung;
+
+macro_rules! events {
+    ($($(#[$doc:meta])* $kind:ident = $name:literal,)*) => {
+        /// What happened.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum EventKind {
+            $($(#[$doc])* $kind,)*
+        }
+
+        impl EventKind {
+            /// Every kind.
+            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$kind),*];
+
+            /// Name in tables and files.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$kind => $name,)*
+                }
+            }
+        }
+    };
+}
+
+events! {
+    /// A frame was finished after its deadline; the span is its lateness.
+    Late = "late",
+    /// The previous image went out in place of a late one; the span is the lateness.
+    Held = "held",
+    /// A frame did not go out; the span is its lateness, or zero when it was never begun.
+    Dropped = "dropped",
+    /// The attitude at mid-exposure lay beyond the newest sample; the span is the horizon.
+    Predicted = "predicted",
+    /// The stream had stopped; the last attitude was held; the span is the newest sample's age.
+    AttitudeHeld = "attitude_held",
+    /// A frame without stars: the stream had stopped and the policy is `blank`; the span is the age.
+    Blank = "blank",
+    /// No frame: the stream had stopped and the policy is `drop`; the span is the newest sample's age.
+    AttitudeMissing = "attitude_missing",
+    /// Two or more attitudes were missing at an end of the exposure, whose middle was interpolated; the span is the time without.
+    PartlyExtrapolated = "partly_extrapolated",
+    /// Jitter samples were missing when the frame was drawn; the span is the time without.
+    JitterMissing = "jitter_missing",
+    /// A frame without stars: no attitude had been received yet.
+    NoAttitude = "no_attitude",
+    /// The planner found no method inside the budget and took the best there is.
+    OverBudget = "over_budget",
+    /// The frame would not have been drawn in time and was degraded to a rung; the span is its predicted drawing time.
+    Degraded = "degraded",
+    /// Drawing takes much longer than predicted: the planner has less time; the span is what the frame took to draw.
+    Overloaded = "overloaded",
+    /// Drawing takes about as long as predicted again; the span is what the frame took to draw.
+    LoadGone = "load_gone",
+    /// Tiles of stars had not been read in time: their stars are missing from the frame.
+    StarsLate = "stars_late",
+    /// The field has more stars than the memory for them: its faintest layers are missing from the frame.
+    StarsCrowdedOut = "stars_crowded_out",
+    /// The sink had no free buffer in time.
+    SinkBusy = "sink_busy",
+    /// A sink was too slow for a frame, or is lost: the frame went past it.
+    SinkDropped = "sink_dropped",
+    /// A sink failed on a frame, such as on a full disk.
+    SinkRefused = "sink_refused",
+    /// A sink broke down: it takes no more frames, and the others go on.
+    SinkLost = "sink_lost",
+    /// A thread beside the run ended before it did; the event names it.
+    ThreadLost = "thread_lost",
+    /// An attitude arrived before the clocks were correlated.
+    NoTimeYet = "no_time_yet",
+    /// The flight computer's clock stepped, or a step turned out to be none; the span is the step.
+    ClockStepped = "clock_stepped",
+    /// The flight computer's clock began again: its attitudes and dated triggers are forgotten; the span is the step.
+    ClockRestarted = "clock_restarted",
+    /// An attitude or jitter sample was refused by its history.
+    SampleRefused = "sample_refused",
+    /// The queue from the receiving thread was full.
+    QueueOverflow = "queue_overflow",
+    /// The interface or port of the bus was lost.
+    LinkLost = "link_lost",
+    /// It came back.
+    LinkRegained = "link_regained",
+    /// The CAN controller went bus-off.
+    BusOff = "bus_off",
+    /// The controller or the line reported errors.
+    LinkErrors = "link_errors",
+    /// Packets were lost in a full queue of the link, or could not be sent.
+    LinkOverflow = "link_overflow",
+    /// Frames show stars from here on: a RUN was accepted.
+    SessionRun = "session_run",
+    /// Frames show no stars from here on: a STOP, or a peer of another major version.
+    SessionHalt = "session_halt",
+    /// A frame without stars: the session is not running.
+    NotRunning = "not_running",
+    /// A peer of another major version was refused, or tells so in its heartbeat.
+    VersionRefused = "version_refused",
+    /// A command was refused.
+    CommandRefused = "command_refused",
+    /// A command came too soon after another like it and is to be said again.
+    CommandDeferred = "command_deferred",
+    /// The stream had stopped and the policy is `stop`: the run ends; the span is the newest sample's age.
+    AttitudeStopped = "attitude_stopped",
+    /// A table of jitter parameters was put into effect.
+    TableApplied = "table_applied",
+    /// A trigger was taken in; the span is the time to its instant.
+    TriggerTaken = "trigger_taken",
+    /// A trigger came after its instant; the span is how long after.
+    TriggerLate = "trigger_late",
+    /// A trigger was refused: nothing waits for its number, or its instant is out of range.
+    TriggerRefused = "trigger_refused",
+    /// A trigger acts from this frame on; the span is the time from its instant to the end of the exposure.
+    TriggerFired = "trigger_fired",
+    /// A trigger was forgotten before its instant: a STOP, a peer of another major version, or a restarted clock.
+    TriggerForgotten = "trigger_forgotten",
+    /// The flight computer's heartbeat has stopped; the span is the silence.
+    HeartbeatLost = "heartbeat_lost",
+    /// The flight computer's heartbeat is back; the span is the silence.
+    HeartbeatBack = "heartbeat_back",
+    /// The boresight was nearer to Sun, Moon or Earth than the baffle's exclusion angle.
+    InsideExclusion = "inside_exclusion",
+    /// A target's orbit could not be followed any more: it is missing from here on.
+    TargetLost = "target_lost",
+    /// The Sun's disc was on the detector: it is not drawn.
+    SunInField = "sun_in_field",
+    /// A disc was drawn by cells larger than pixels, of which it would have had too many.
+    CoarseDisc = "coarse_disc",
+    /// More protons hit the detector in a frame than there is room for: the rest left no track.
+    ProtonsLeftOut = "protons_left_out",
+    /// A defect was commanded for which the detector's list has no room: it is not there.
+    DefectLeftOut = "defect_left_out",
+    /// A commanded fault began; the span is how long it lasts.
+    Fault = "fault",
+    /// A commanded fault of frames or of imaging is over; the span is how long it was to last.
+    FaultOver = "fault_over",
+}
+
+/// One event.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Event {
+    /// What happened.
+    pub kind: EventKind,
+    /// When.
+    pub at: Tai,
+    /// In which frame.
+    pub frame: Option<u32>,
+    /// How long (see the kind).
+    pub span: Span,
+    /// How far a frame was degraded; [`Rung::Full`] in events of other kinds.
+    pub rung: Rung,
+    /// Which fault, or which thread; empty in events of other kinds.
+    pub what: &'static str,
+}
+
+impl Event {
+    /// An event that is no degradation.
+    #[must_use]
+    pub fn new(kind: EventKind, at: Tai, frame: Option<u32>, span: Span) -> Self {
+        Self { kind, at, frame, span, rung: Rung::Full, what: "" }
+    }
+}
+
+/// Events kept in full.
+pub const KEPT: usize = 64;
+
+/// Counts and the last [`KEPT`] events.
+#[derive(Debug, Clone)]
+pub struct Ledger {
+    counts: [u64; EventKind::ALL.len()],
+    last: Vec<Event>,
+    next: usize,
+}
+
+impl Default for Ledger {
+    fn default() -> Self {
+        Self { counts: [0; EventKind::ALL.len()], last: Vec::with_capacity(KEPT), next: 0 }
+    }
+}
+
+impl Ledger {
+    /// Writes an event down.
+    pub fn note(&mut self, event: Event) {
+        self.counts[event.kind as usize] += 1;
+        if self.last.len() < KEPT {
+            self.last.push(event);
+        } else {
+            self.last[self.next] = event;
+        }
+        self.next = (self.next + 1) % KEPT;
+    }
+
+    /// How often something happened.
+    #[must_use]
+    pub fn count(&self, kind: EventKind) -> u64 {
+        self.counts[kind as usize]
+    }
+
+    /// The last events, oldest first.
+    pub fn last(&self) -> impl Iterator<Item = &Event> {
+        let split = if self.last.len() < KEPT { 0 } else { self.next };
+        let (newer, older) = self.last.split_at(split);
+        older.iter().chain(newer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_survive_and_the_last_stay_in_order() {
+        let mut ledger = Ledger::default();
+        for i in 0..150_u32 {
+            let kind = if i % 3 == 0 { EventKind::Late } else { EventKind::Predicted };
+            let at = Tai::from_ns(i64::from(i));
+            ledger.note(Event::new(kind, at, Some(i), Span::ZERO));
+        }
+        assert_eq!((ledger.count(EventKind::Late), ledger.count(EventKind::Predicted)), (50, 100));
+        let frames: Vec<u32> = ledger.last().filter_map(|event| event.frame).collect();
+        assert_eq!(frames, (150 - KEPT as u32..150).collect::<Vec<_>>());
+    }
+}

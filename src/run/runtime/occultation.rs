@@ -1,0 +1,51 @@
+//! Directions -> which stand behind the Earth or the Moon at mid-exposure.
+//!
+//! In: where the observer stands among the bodies, and the field. Out: yes or no for an apparent direction and a distance;
+//! the Earth is the WGS 84 ellipsoid, the Moon a sphere. Taken as a sphere the Earth would be wrong by up to 21 km at the
+//! limb, 0.45 deg from 550 km up: 23 px of 71 arcsec. Limits: no refraction, air or mountains ([`sky::spheroid`]); a
+//! star that sets during the exposure is there for all of it or for none, so it sets right to half an exposure.
+//! Tests: `tests/physics/bodies.rs`.
+
+use glam::DVec3;
+use sky::bodies::Standpoint;
+use sky::spheroid::Spheroid;
+
+/// The bodies that may stand before others in one field.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Occultation {
+    /// The Earth and the Moon, where they reach into the field.
+    bodies: [Option<Spheroid>; 2],
+}
+
+impl Occultation {
+    /// Those of the bodies whose limb comes within `radius_rad` of the boresight.
+    #[must_use]
+    pub fn in_field(standpoint: &Standpoint, boresight_icrf: DVec3, radius_rad: f64) -> Self {
+        let is_near = |body: &Spheroid| {
+            body.apparent_centre().angle_between(boresight_icrf) < body.angular_radius_rad() + radius_rad
+        };
+        Self { bodies: [standpoint.earth(), standpoint.moon()].map(|body| body.filter(is_near)) }
+    }
+
+    /// True when nothing in the field is hidden.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        self.bodies.iter().all(Option::is_none)
+    }
+
+    /// True when a body nearer than `range_km` stands before this apparent direction (unit).
+    #[must_use]
+    pub fn hides(&self, apparent_icrf: DVec3, range_km: f64) -> bool {
+        self.bodies.iter().flatten().any(|body| stands_before(body, apparent_icrf, range_km))
+    }
+
+    /// The same of the Moon alone.
+    #[must_use]
+    pub fn moon_hides(&self, apparent_icrf: DVec3, range_km: f64) -> bool {
+        self.bodies[1].is_some_and(|moon| stands_before(&moon, apparent_icrf, range_km))
+    }
+}
+
+fn stands_before(body: &Spheroid, apparent_icrf: DVec3, range_km: f64) -> bool {
+    body.centre_km.length() < range_km && body.hides(apparent_icrf)
+}

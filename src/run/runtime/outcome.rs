@@ -1,0 +1,50 @@
+//! How a run ended.
+
+use crate::runtime::error::RunError;
+use crate::runtime::ledger::{Event, EventKind};
+use crate::runtime::port_reading::PortReading;
+use crate::runtime::record::{RunRecord, sink_rows};
+use base::time::{Span, Tai};
+use frames::report::Losses;
+use frames::sink::{SinkLine, SinkSummary};
+
+/// Everything that is known after a run, whether it ended well or not.
+pub struct RunOutcome {
+    /// Counts, times and events.
+    pub record: RunRecord,
+    /// What each port counted.
+    pub ports: Vec<PortReading>,
+    /// What the sink of each head wrote; `None` when it could not finish.
+    pub summaries: Vec<Option<SinkSummary>>,
+    /// What each sink of each head did, failures included: on the real clock they do not end a run.
+    pub sinks: Vec<SinkLine>,
+    /// Threads beside the run that ended before it did: pulses, gateways, the live view.
+    pub lost_threads: Vec<&'static str>,
+    /// Why the run ended early, if it did.
+    pub error: Option<RunError>,
+}
+
+impl RunOutcome {
+    /// Lists what was lost: frames that a sink dropped or refused, sinks that could not be finished or broke down, threads.
+    #[must_use]
+    pub fn losses(&self) -> Losses {
+        let mut losses = Losses::of_sinks(&sink_rows(&self.sinks));
+        self.lost_threads.iter().for_each(|name| losses.note_thread(name));
+        losses
+    }
+
+    /// Notes a thread that had ended before the run did, which was seen at `at`.
+    pub fn note_lost_thread(&mut self, name: &'static str, at: Tai) {
+        self.lost_threads.push(name);
+        self.record.ledger.note(Event { what: name, ..Event::new(EventKind::ThreadLost, at, None, Span::ZERO) });
+    }
+}
+
+/// The lines of one head's sinks; with several heads their places say which.
+pub fn lines_of_head(head: usize, heads: usize, lines: Vec<SinkLine>) -> impl Iterator<Item = SinkLine> {
+    let named = move |line: SinkLine| match heads {
+        0 | 1 => line,
+        _ => SinkLine { place: format!("head{head} {}", line.place), ..line },
+    };
+    lines.into_iter().map(named)
+}

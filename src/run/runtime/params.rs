@@ -1,0 +1,264 @@
+//! Everything a run needs to know, checked before it starts.
+
+use crate::runtime::imager::BackendChoice;
+use crate::runtime::sky_targets::SkyTarget;
+use base::accuracy::AccuracyBudget;
+use base::axes::{Body, Rotation, Sensor};
+use base::time::{Span, Tai};
+use frames::sink::CameraFacts;
+use image::detector;
+use image::detector::binning::{Binning, BinningKind, Levels};
+use image::detector::pattern::PatternSizeError;
+use image::detector::window::OutputGeometry;
+use image::detector::{Detector, DetectorParams, Patterns, Seeds};
+use plan::attitude::{EstimateLimits, HistoryLimits, JitterLine, RemoteClockLimits};
+use plan::exposure::cost::CostModel;
+use plan::exposure::{Instrument, MethodChoice, PsfSampling, Rung, Shutter, Target};
+use plan::optics::{BackgroundLight, Illumination, PsfModel, StarLight};
+use sky::astrometry::CameraGeometry;
+use sky::observer::Observer;
+use stars::Sky;
+use stars::catalog::CatalogError;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// What becomes of a frame that misses its deadline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DeadlinePolicy {
+    /// The previous image goes out again in its place.
+    Hold,
+    /// Nothing goes out.
+    Drop,
+    /// It goes out late.
+    Late,
+}
+
+/// One camera.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraParams {
+    /// Name, for files and tables.
+    pub name: Arc<str>,
+    /// Projection and distortion.
+    pub geometry: CameraGeometry,
+    /// How the rows of the detector are exposed.
+    pub shutter: Shutter,
+    /// PSF.
+    pub psf: PsfModel,
+    /// How pixel values are had from it.
+    pub sampling: PsfSampling,
+    /// How the image plane is lit.
+    pub illumination: Illumination,
+    /// What lights the detector beside the stars.
+    pub background: BackgroundLight,
+    /// Magnitude to electrons.
+    pub radiometry: StarLight,
+    /// Detector.
+    pub detector: DetectorParams,
+    /// Fixed patterns that were measured; the others are drawn from the run's seed.
+    pub patterns: Patterns,
+    /// Pitch of the pixels, um.
+    pub pixel_pitch_um: f64,
+    /// Focal length, mm.
+    pub focal_length_mm: f64,
+    /// Faintest Gaia G magnitude that is drawn.
+    pub limiting_mag: f32,
+    /// Exposure time, s.
+    pub exposure_s: f64,
+    /// Readout time, s: a frame is due this long after its exposure ends.
+    pub readout_s: f64,
+}
+
+impl CameraParams {
+    /// Bits of the numbers in an image: the converter's, or more where numbers are summed.
+    #[must_use]
+    pub fn output_bits(&self) -> u32 {
+        let summed = match self.detector.spatial.binning {
+            Some(Binning { factor, kind: BinningKind::DigitalSum }) => factor * factor,
+            _ => 1,
+        };
+        let largest = u32::from(self.detector.largest_dn()) * summed;
+        u32::BITS - largest.leading_zeros()
+    }
+
+    /// The detector with its patterns: those that were measured, and the others drawn from the sensor seed.
+    ///
+    /// # Errors
+    /// When a measured pattern has another size than the detector.
+    pub fn make_detector(&self, seeds: impl Into<Seeds>) -> Result<Detector, PatternSizeError> {
+        let [width, height] = self.sensor_px();
+        let made = Detector::new(self.detector, width, height, seeds);
+        made.with_patterns(&self.patterns)
+    }
+
+    /// Returns what readers of its images want to know besides.
+    #[must_use]
+    pub fn facts(&self) -> CameraFacts {
+        let levels = Levels::of_output(&self.detector);
+        let full_dn = levels.black_level_dn + levels.full_well_e / levels.gain_e_per_dn;
+        CameraFacts {
+            pixel_pitch_um: self.pixel_pitch_um,
+            focal_length_mm: self.focal_length_mm,
+            saturation_dn: full_dn.min(levels.largest_dn),
+            read_noise_e_rms: levels.read_noise_e_rms,
+        }
+    }
+
+    /// The camera as the planner sees it.
+    #[must_use]
+    pub fn instrument(&self) -> Instrument {
+        Instrument {
+            camera: self.geometry,
+            shutter: self.shutter,
+            psf: self.psf.clone(),
+            sampling: self.sampling,
+            illumination: self.illumination,
+            full_well_e: self.detector.full_well_e,
+            read_noise_e_rms: self.detector.readout_noise_e_rms(),
+        }
+    }
+}
+
+/// Parameters of the attitude room.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AttitudeParams {
+    /// Prediction and the policy for a stopped stream.
+    pub estimate: EstimateLimits,
+    /// History of attitudes.
+    pub history: HistoryLimits,
+    /// History of sampled jitter.
+    pub jitter_history: HistoryLimits,
+    /// Jitter points further than this outside an exposure are not used for it.
+    pub jitter_max_gap: Span,
+    /// A frame waits for jitter samples that are under way as long as this, where its time allows it.
+    pub jitter_wait: Span,
+    /// Time correlation.
+    pub clock: RemoteClockLimits,
+    /// Jitter lines given as parameters, sensor axes, and the instant of their phases.
+    pub jitter_lines: Vec<JitterLine>,
+    /// When the lines' phases hold.
+    pub jitter_epoch: Tai,
+    /// Mounting.
+    pub sensor_from_body: Rotation<Sensor, Body>,
+}
+
+/// One run.
+#[derive(Debug, Clone)]
+pub struct RunParams {
+    /// Camera.
+    pub camera: CameraParams,
+    /// Attitude.
+    pub attitude: AttitudeParams,
+    /// Targets that move over the detector.
+    pub targets: Vec<Target>,
+    /// Targets on the sky.
+    pub sky_targets: Vec<SkyTarget>,
+    /// Of stars and targets each pixel shows the brighter only; otherwise their photons add.
+    pub keeps_brighter: bool,
+    /// Where the sensor is.
+    pub observer: Observer,
+    /// Whether the Sun bends the stars' light.
+    pub light_deflection: bool,
+    /// Planets, Moon and Earth are drawn, and hide what is behind them.
+    pub bodies: bool,
+    /// Layers of stars that are the sky; none: the built-in catalog is.
+    pub layers: Vec<PathBuf>,
+    /// Memory for the stars of layers, MiB, for each head.
+    pub star_memory_mb: u32,
+    /// Accuracy budget.
+    pub budget: AccuracyBudget,
+    /// Which backend.
+    pub backend: BackendChoice,
+    /// Which method.
+    pub method: MethodChoice,
+    /// Cost constants measured on this machine; `None`: the backend's built-in ones, as on the virtual clock always.
+    pub cost: Option<CostModel>,
+    /// Whether frames that would not be drawn in time are degraded.
+    pub degrade: bool,
+    /// The last level of degradation that may be taken.
+    pub last_rung: Rung,
+    /// Seed of the sensor (fixed patterns) and of faults.
+    pub seed: u64,
+    /// Seed of the noise of exposures.
+    pub noise_seed: u64,
+    /// Start of the first exposure.
+    pub first_exposure: Tai,
+    /// What is drawn in other axes than the sensor's own, as for a display in front of it: the turn that
+    /// `attitude.sensor_from_body` ends with. What is told of frames is told without it. `None`: nothing is turned.
+    pub drawn_from_sensor: Option<Rotation<Sensor, Sensor>>,
+    /// Time from one exposure's start to the next.
+    pub frame_period: Span,
+    /// How long before their exposures end frames are begun: zero for a sensor that reads out, more for a display, whose
+    /// frames must be there when their light is to leave it.
+    pub ahead: Span,
+    /// Frames to expose.
+    pub frames: u32,
+    /// Camera heads that are drawn in turn in each slot: each has its share of the readout time.
+    pub heads: u32,
+    /// What becomes of a late frame.
+    pub deadline_policy: DeadlinePolicy,
+}
+
+/// Share of the readout time kept for attitude, sky, planning, the sink's queue and a busy machine.
+const TIME_MARGIN: f64 = 0.2;
+
+impl CameraParams {
+    /// Columns and rows of the sensor, on which light is drawn.
+    #[must_use]
+    pub fn sensor_px(&self) -> [usize; 2] {
+        [self.geometry.width_px(), self.geometry.height_px()]
+    }
+
+    /// Where the pixels of the image that is put out are on the sensor; its size.
+    #[must_use]
+    pub fn output(&self) -> OutputGeometry {
+        self.detector.spatial.output(self.sensor_px())
+    }
+
+    /// Predicted time of the detector, ms.
+    #[must_use]
+    pub fn predicted_readout_ms(&self, cost: &CostModel) -> f64 {
+        let [width, height] = [self.geometry.width_px(), self.geometry.height_px()];
+        cost.readout_ms(width * height) * detector::cost::factor(&self.detector, &self.patterns, width)
+    }
+}
+
+impl RunParams {
+    /// Returns the seeds of the detector.
+    #[must_use]
+    pub fn seeds(&self) -> Seeds {
+        Seeds { sensor: self.seed, noise: self.noise_seed }
+    }
+
+    /// The stars of the run.
+    ///
+    /// # Errors
+    /// When a layer cannot be read or is damaged, or the layers are no one sky.
+    pub fn open_sky(&self) -> Result<Sky, CatalogError> {
+        Sky::open(&self.layers, self.camera.limiting_mag, self.star_memory_mb)
+    }
+
+    /// Time in which a frame must be drawn, ms: its share of the readout time without the detector's own and a margin.
+    #[must_use]
+    pub fn drawing_budget_ms(&self, cost: &CostModel) -> f64 {
+        self.drawing_budget_under_ms(cost, 1.0)
+    }
+
+    /// The same, in predicted time, on a machine on which drawing and detector take `load` times as long as predicted.
+    #[must_use]
+    pub fn drawing_budget_under_ms(&self, cost: &CostModel, load: f64) -> f64 {
+        let share_ms = self.camera.readout_s * 1e3 / f64::from(self.heads.max(1));
+        (1.0 - TIME_MARGIN) * share_ms / load - self.camera.predicted_readout_ms(cost)
+    }
+
+    /// True when any target may be drawn.
+    #[must_use]
+    pub fn has_targets(&self) -> bool {
+        !self.targets.is_empty() || !self.sky_targets.is_empty()
+    }
+
+    /// First instant of frame `number`'s exposure.
+    #[must_use]
+    pub fn exposure_start(&self, number: u32) -> Tai {
+        self.first_exposure + Span::from_ns(self.frame_period.ns() * i64::from(number))
+    }
+}

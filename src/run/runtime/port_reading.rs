@@ -1,0 +1,213 @@
+//! What a port counted, across threads: the link's thread publishes, the frame thread reads and tells the ledger.
+//!
+//! In: a port. Out: a [`PortReading`], and events where a count has risen. Each value is exact; values of one reading may
+//! be a packet apart. No lock, no allocation. Tests: below.
+
+use crate::runtime::ledger::{Event, EventKind, Ledger};
+use base::time::{Span, Tai};
+use core::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use firmware_protocol::Reject;
+use frames::report::{NAMES_MAX, PortCounts};
+use link::{LinkCounters, Port};
+
+/// Reasons to refuse input.
+pub const REASONS: usize = Reject::ALL.len();
+const COUNTS: usize = 12;
+
+/// One count of a reading.
+#[derive(Debug, Clone, Copy)]
+struct Count {
+    /// Name in reports.
+    name: &'static str,
+    /// In reports also when zero.
+    is_always_told: bool,
+    place: fn(&mut PortReading) -> &mut u64,
+}
+
+/// Every count: the one list by which they cross threads and are told.
+const ALL: [Count; COUNTS] = [
+    always("packets_received", |reading| &mut reading.counters.received),
+    always("packets_sent", |reading| &mut reading.counters.sent),
+    always("packets_overflowed", |reading| &mut reading.counters.overflows),
+    always("queue_overflowed", |reading| &mut reading.queue_overflows),
+    sometimes("send_queue_overflowed", |reading| &mut reading.send_overflows),
+    sometimes("packets_unsent", |reading| &mut reading.counters.unsent),
+    sometimes("bus_errors", |reading| &mut reading.counters.errors),
+    sometimes("bus_off", |reading| &mut reading.counters.bus_off),
+    sometimes("bus_restarted", |reading| &mut reading.counters.restarted),
+    sometimes("packets_unstamped", |reading| &mut reading.counters.unstamped),
+    sometimes("link_lost", |reading| &mut reading.counters.lost),
+    sometimes("link_regained", |reading| &mut reading.counters.regained),
+];
+
+// A counter that is added to a link must be added above.
+const _: () = assert!(size_of::<LinkCounters>() == (COUNTS - 2) * size_of::<u64>());
+// All of them have room in what a watcher of the run is told.
+const _: () = assert!(COUNTS <= NAMES_MAX && REASONS <= NAMES_MAX);
+
+const fn always(name: &'static str, place: fn(&mut PortReading) -> &mut u64) -> Count {
+    Count { name, is_always_told: true, place }
+}
+
+const fn sometimes(name: &'static str, place: fn(&mut PortReading) -> &mut u64) -> Count {
+    Count { name, is_always_told: false, place }
+}
+
+/// What a port counted so far.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct PortReading {
+    /// Packets, and what became of the link.
+    pub counters: LinkCounters,
+    /// Rejections, by the reason's code.
+    pub rejects: [u32; REASONS],
+    /// Messages lost between the receiving thread and the frame thread.
+    pub queue_overflows: u64,
+    /// Messages to the flight computer lost between the frame thread and the sending thread.
+    pub send_overflows: u64,
+}
+
+impl PortReading {
+    /// Of a port.
+    #[must_use]
+    pub fn of(port: &Port, queue_overflows: u64) -> Self {
+        let mut rejects = [0; REASONS];
+        for (count, (_, counted)) in rejects.iter_mut().zip(port.rejects().iter()) {
+            *count = counted;
+        }
+        Self { counters: port.counters(), rejects, queue_overflows, send_overflows: 0 }
+    }
+
+    /// Rejections of several ports together.
+    #[must_use]
+    pub fn rejects_of_all(readings: &[Self]) -> [u32; REASONS] {
+        core::array::from_fn(|i| readings.iter().fold(0_u32, |sum, reading| sum.saturating_add(reading.rejects[i])))
+    }
+
+    /// Each reason with its count.
+    pub fn rejects(&self) -> impl Iterator<Item = (Reject, u32)> + '_ {
+        Reject::ALL.into_iter().zip(self.rejects)
+    }
+
+    /// Names and counts for a report; most only when they are not zero.
+    pub fn told(&self) -> impl Iterator<Item = (&'static str, u64)> {
+        let named = ALL.into_iter().zip(self.counts());
+        named.filter(|(count, value)| count.is_always_told || *value > 0).map(|(count, value)| (count.name, value))
+    }
+
+    /// All counts with their names, zeros included.
+    #[must_use]
+    pub fn named(&self) -> PortCounts {
+        PortCounts {
+            counters: ALL.into_iter().map(|count| count.name).zip(self.counts()).collect(),
+            rejects: self.rejects().map(|(reason, count)| (reason.name(), u64::from(count))).collect(),
+        }
+    }
+
+    fn counts(mut self) -> [u64; COUNTS] {
+        ALL.map(|count| *(count.place)(&mut self))
+    }
+
+    /// Tells the ledger what has happened to the link since `earlier`.
+    pub fn tell(&self, earlier: &Self, at: Tai, ledger: &mut Ledger) {
+        let (now, then) = (&self.counters, &earlier.counters);
+        let risen = [
+            (EventKind::LinkLost, now.lost, then.lost),
+            (EventKind::LinkRegained, now.regained, then.regained),
+            (EventKind::BusOff, now.bus_off, then.bus_off),
+            (EventKind::LinkErrors, now.errors, then.errors),
+            (EventKind::LinkOverflow, now.overflows + now.unsent, then.overflows + then.unsent),
+            (EventKind::QueueOverflow, self.queue_overflows, earlier.queue_overflows),
+            (EventKind::LinkOverflow, self.send_overflows, earlier.send_overflows),
+        ];
+        for (kind, _, _) in risen.into_iter().filter(|(_, now, then)| now > then) {
+            ledger.note(Event::new(kind, at, None, Span::ZERO));
+        }
+    }
+}
+
+/// A reading that one thread writes and others read.
+#[derive(Debug, Default)]
+pub struct SharedReading {
+    counts: [AtomicU64; COUNTS],
+    rejects: [AtomicU32; REASONS],
+}
+
+impl SharedReading {
+    /// Makes a reading known.
+    pub fn publish(&self, reading: &PortReading) {
+        for (shared, count) in self.counts.iter().zip(reading.counts()) {
+            shared.store(count, Ordering::Relaxed);
+        }
+        for (shared, count) in self.rejects.iter().zip(reading.rejects) {
+            shared.store(count, Ordering::Relaxed);
+        }
+    }
+
+    /// What was last made known.
+    #[must_use]
+    pub fn read(&self) -> PortReading {
+        let rejects = self.rejects.each_ref().map(|count| count.load(Ordering::Relaxed));
+        let mut reading = PortReading { rejects, ..PortReading::default() };
+        for (count, shared) in ALL.iter().zip(&self.counts) {
+            *(count.place)(&mut reading) = shared.load(Ordering::Relaxed);
+        }
+        reading
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reading() -> PortReading {
+        let counters = LinkCounters {
+            received: 1,
+            sent: 2,
+            overflows: 3,
+            unsent: 4,
+            errors: 5,
+            bus_off: 6,
+            lost: 7,
+            regained: 8,
+            restarted: 11,
+            unstamped: 12,
+        };
+        let mut rejects = [0; REASONS];
+        rejects[Reject::BadCrc as usize] = 9;
+        PortReading { counters, rejects, queue_overflows: 10, send_overflows: 13 }
+    }
+
+    #[test]
+    fn every_value_crosses() {
+        let shared = SharedReading::default();
+        assert_eq!(shared.read(), PortReading::default());
+        shared.publish(&reading());
+        assert_eq!(shared.read(), reading());
+    }
+
+    #[test]
+    fn reports_have_what_is_not_zero_and_a_few_counts_always() {
+        let told: Vec<_> = PortReading::default().told().collect();
+        let always = ["packets_received", "packets_sent", "packets_overflowed", "queue_overflowed"];
+        assert_eq!(told, always.map(|name| (name, 0)));
+        let told: Vec<_> = reading().told().map(|(_, count)| count).collect();
+        // Each of the twelve once: 9 is the rejections' own.
+        assert_eq!(told, [1, 2, 3, 10, 13, 4, 5, 6, 11, 12, 7, 8]);
+        let named = reading().named();
+        assert!(named.counters.iter().map(|(_, count)| count).eq(told), "the same with all names");
+        let refused: Vec<_> = named.rejects.iter().filter(|(_, count)| *count > 0).collect();
+        assert_eq!((refused, named.rejects.iter().count()), (vec![("BadCrc", 9)], REASONS));
+    }
+
+    #[test]
+    fn only_what_has_risen_is_told() {
+        let mut ledger = Ledger::default();
+        reading().tell(&reading(), Tai::from_ns(0), &mut ledger);
+        assert!(EventKind::ALL.iter().all(|kind| ledger.count(*kind) == 0), "nothing has happened");
+        let mut later = reading();
+        later.counters.bus_off += 1;
+        later.counters.received += 100;
+        later.tell(&reading(), Tai::from_ns(0), &mut ledger);
+        assert_eq!((ledger.count(EventKind::BusOff), ledger.count(EventKind::LinkLost)), (1, 0));
+    }
+}

@@ -1,0 +1,275 @@
+//! The receiving threads of the bench clock: one per port, a bounded queue each way.
+//!
+//! In: ports. Out: messages stamped where they arrived, with the port they came by. When a queue is full, messages are lost
+//! and counted: the threads wait for nobody. What a port counts is published after each packet.
+
+use crate::runtime::error::RunError;
+use crate::runtime::hygiene::{Hygiene, Role};
+use crate::runtime::port_reading::{PortReading, SharedReading};
+use base::clock::{Clock, PairedReading};
+use base::time::{Span, Tai};
+use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use crossbeam_channel::{Receiver as Queue, RecvTimeoutError, Sender, TryIter, bounded};
+use firmware_protocol::Message;
+use link::pps::Pps;
+use link::{Polled, Port, Stamped};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Messages between the receiving threads and the frame thread: 0.3 s of a full 1 Mbit/s bus and a full 3 Mbaud line.
+const RECEIVE_QUEUE: usize = 4096;
+/// Messages to the flight computer.
+const SEND_QUEUE: usize = 64;
+/// A receiving thread looks for something to send this often.
+const SEND_POLL: Span = Span::from_ms(2);
+
+/// Pulses come once a second and are looked for this often.
+const PULSE_POLL: Span = Span::from_ms(100);
+
+/// What the receiving threads bring.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Heard {
+    /// A message.
+    Message {
+        /// Number of the port by which it came, from 0.
+        port: usize,
+        /// The message.
+        message: Stamped<Message>,
+    },
+    /// A pulse of the flight computer's clock at one of its whole seconds.
+    Pulse(Tai),
+}
+
+/// The receiving threads and their queues.
+pub(super) struct Radio {
+    received: Queue<Heard>,
+    stations: Vec<Station>,
+    pulses: Option<PulseThread>,
+}
+
+/// One port's thread.
+struct Station {
+    to_send: Sender<Message>,
+    send_overflows: AtomicU64,
+    shared: Arc<SharedReading>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<Result<PortReading, RunError>>>,
+}
+
+impl Radio {
+    /// Starts one thread per port, and one for pulses where there is a source.
+    ///
+    /// # Errors
+    /// When one cannot be started; those before it are ended.
+    pub(super) fn start(
+        ports: Vec<Port>,
+        pulses: Option<Pps>,
+        clock: &Arc<dyn Clock>,
+        hygiene: Option<&Arc<Hygiene>>,
+    ) -> Result<Self, RunError> {
+        let (arrived, received) = bounded(RECEIVE_QUEUE);
+        let pulses = pulses.map(|pulses| PulseThread::start(pulses, arrived.clone(), clock)).transpose()?;
+        let mut radio = Self { received, stations: Vec::with_capacity(ports.len()), pulses };
+        for (number, port) in ports.into_iter().enumerate() {
+            let own = Own { number, port, arrived: arrived.clone(), clock: Arc::clone(clock) };
+            radio.stations.push(Station::start(own, hygiene.map(Arc::clone))?);
+        }
+        Ok(radio)
+    }
+
+    /// What has arrived.
+    pub(super) fn arrived(&self) -> TryIter<'_, Heard> {
+        self.received.try_iter()
+    }
+
+    /// Waits for a message, this long at most.
+    pub(super) fn wait(&self, at_most: Duration) -> Option<Heard> {
+        match self.received.recv_timeout(at_most) {
+            Ok(heard) => Some(heard),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => {
+                std::thread::sleep(at_most);
+                None
+            }
+        }
+    }
+
+    /// Queues a message for a port; a full queue is no reason to wait.
+    pub(super) fn send(&self, port: usize, message: Message) {
+        if let Some(station) = self.stations.get(port)
+            && station.to_send.try_send(message).is_err()
+        {
+            station.send_overflows.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// What each port counted.
+    pub(super) fn readings(&self) -> impl Iterator<Item = PortReading> + '_ {
+        self.stations.iter().map(Station::reading)
+    }
+
+    /// True when a thread has ended early.
+    pub(super) fn is_finished(&self) -> bool {
+        self.stations.iter().any(|station| station.thread.as_ref().is_none_or(JoinHandle::is_finished))
+    }
+
+    /// Returns true when the thread that looks for pulses has ended early.
+    pub(super) fn has_lost_pulses(&self) -> bool {
+        self.pulses.as_ref().is_some_and(PulseThread::is_lost)
+    }
+
+    /// Counters of the ports, and why a thread ended early.
+    pub(super) fn finish(mut self) -> (Vec<PortReading>, Option<RunError>) {
+        let mut failure = None;
+        let mut readings = Vec::new();
+        for station in &mut self.stations {
+            match station.finish() {
+                Ok(reading) => {
+                    let send_overflows = station.reading().send_overflows;
+                    readings.push(PortReading { send_overflows, ..reading });
+                }
+                Err(error) => {
+                    readings.push(station.reading());
+                    failure = failure.or(Some(error));
+                }
+            }
+        }
+        (readings, failure)
+    }
+}
+
+impl Station {
+    fn start(own: Own, hygiene: Option<Arc<Hygiene>>) -> Result<Self, RunError> {
+        let (to_send, outgoing) = bounded::<Message>(SEND_QUEUE);
+        let (stop, shared) = (Arc::new(AtomicBool::new(false)), Arc::new(SharedReading::default()));
+        let (stopped, published) = (Arc::clone(&stop), Arc::clone(&shared));
+        let listen = move || {
+            if let Some(hygiene) = hygiene {
+                hygiene.enter(Role::Link);
+            }
+            own.listen(&outgoing, &stopped, &published)
+        };
+        let thread = std::thread::Builder::new().name("link".into()).spawn(listen);
+        let thread = Some(thread.map_err(|source| RunError::Thread { name: "link", source })?);
+        Ok(Self { to_send, send_overflows: AtomicU64::new(0), shared, stop, thread })
+    }
+
+    fn reading(&self) -> PortReading {
+        PortReading { send_overflows: self.send_overflows.load(Ordering::Relaxed), ..self.shared.read() }
+    }
+
+    fn finish(&mut self) -> Result<PortReading, RunError> {
+        self.stop.store(true, Ordering::Relaxed);
+        let lost = || RunError::ThreadLost { name: "link" };
+        self.thread.take().ok_or_else(lost)?.join().map_err(|_panicked| lost())?
+    }
+}
+
+impl Drop for Station {
+    /// A run that could not start leaves no thread behind.
+    fn drop(&mut self) {
+        if self.thread.is_some() {
+            let _nobody_asks = self.finish();
+        }
+    }
+}
+
+/// What a port's thread has.
+struct Own {
+    number: usize,
+    port: Port,
+    arrived: Sender<Heard>,
+    clock: Arc<dyn Clock>,
+}
+
+impl Own {
+    fn listen(
+        mut self,
+        outgoing: &Queue<Message>,
+        stop: &AtomicBool,
+        shared: &SharedReading,
+    ) -> Result<PortReading, RunError> {
+        let mut overflows = 0;
+        while !stop.load(Ordering::Relaxed) {
+            for message in outgoing.try_iter() {
+                self.port.send(&message)?;
+            }
+            let polled = self.port.poll(self.clock.now() + SEND_POLL)?;
+            if let Polled::Message(message) = polled {
+                overflows += u64::from(self.arrived.try_send(Heard::Message { port: self.number, message }).is_err());
+            }
+            shared.publish(&PortReading::of(&self.port, overflows));
+        }
+        // What was said last goes out.
+        for message in outgoing.try_iter() {
+            self.port.send(&message)?;
+        }
+        Ok(PortReading::of(&self.port, overflows))
+    }
+}
+
+/// Looks for pulses; ends when dropped.
+struct PulseThread {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl PulseThread {
+    fn start(mut pulses: Pps, arrived: Sender<Heard>, clock: &Arc<dyn Clock>) -> Result<Self, RunError> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let (stopped, clock) = (Arc::clone(&stop), Arc::clone(clock));
+        let look = move || {
+            while !stopped.load(Ordering::Relaxed) {
+                clock.sleep_until(clock.now() + PULSE_POLL);
+                if let Some(at) = pulses.poll(PairedReading::take(&*clock)) {
+                    let _a_pulse_lost_is_followed_by_another = arrived.try_send(Heard::Pulse(at));
+                }
+            }
+        };
+        let thread = std::thread::Builder::new().name("pps".into()).spawn(look);
+        let thread = Some(thread.map_err(|source| RunError::Thread { name: "pps", source })?);
+        Ok(Self { stop, thread })
+    }
+
+    /// Returns true when the thread has ended by itself: it goes on until this is dropped.
+    fn is_lost(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+}
+
+impl Drop for PulseThread {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _nobody_asks = thread.join();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn radio_with(look: impl FnOnce() + Send + 'static) -> Radio {
+        let (_arrived, received) = bounded(1);
+        let thread = std::thread::Builder::new().name("pps".into()).spawn(look).unwrap();
+        let pulses = PulseThread { stop: Arc::default(), thread: Some(thread) };
+        Radio { received, stations: Vec::new(), pulses: Some(pulses) }
+    }
+
+    #[test]
+    fn pulse_thread_that_panics_is_reported_as_lost() {
+        let (gate, opened) = bounded::<()>(0);
+        let waiting = radio_with(move || {
+            let _ = opened.recv();
+        });
+        assert!(!waiting.has_lost_pulses(), "control: at work");
+        drop(gate);
+        let broken = radio_with(|| panic!("as the test wants it"));
+        while !broken.pulses.as_ref().unwrap().thread.as_ref().unwrap().is_finished() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert!(broken.has_lost_pulses());
+    }
+}

@@ -1,0 +1,287 @@
+//! One camera head on the bench clock: its engine, its buffers, what goes out of it in each slot.
+//!
+//! In: a slot that has been released. Out: a frame on its way to the head's sink, or why there is none, and the record of
+//! the slot. The frame thread takes the heads in turn; each has a sink thread of its own. Tests: as of `real_time`.
+
+use crate::runtime::delivery::{Delivery, Parcel};
+use crate::runtime::engine::{FrameEngine, Slot, origin_name};
+use crate::runtime::error::RunError;
+use crate::runtime::frame_faults::{Fate as Spoiling, FrameFaults};
+use crate::runtime::ledger::EventKind;
+use crate::runtime::params::DeadlinePolicy;
+use crate::runtime::real_time::{Head, Setting, Shared, take_back};
+use crate::runtime::receiver::Receiver;
+use crate::runtime::record::RunRecord;
+use base::time::{Span, Tai};
+use frames::report::{Fate, FrameRecord, MissCause, Stage, StageTimes};
+use frames::sink::{FaultFlags, FrameMeta, SentFrame};
+use plan::attitude::PathOrigin;
+
+/// One head as the frame thread has it.
+pub(super) struct RealHead<'a> {
+    /// From 0.
+    pub(super) number: usize,
+    pub(super) engine: &'a mut FrameEngine,
+    pub(super) receiver: &'a mut Receiver,
+    pub(super) delivery: Delivery,
+    faults: Option<&'a mut FrameFaults>,
+    /// What becomes of the frame that is being made.
+    spoiling: Spoiling,
+    spare: Option<Parcel>,
+    previous: SentFrame,
+    has_previous: bool,
+}
+
+impl<'a> RealHead<'a> {
+    /// A head whose engine is warm; starts its sink thread.
+    pub(super) fn start(
+        number: usize,
+        head: Head<'a>,
+        prototype: SentFrame,
+        setting: &Setting<'_>,
+    ) -> Result<Self, RunError> {
+        let Head { engine, receiver, sink, faults } = head;
+        let delivery = Delivery::start(sink, &prototype, setting.clock, setting.hygiene)?;
+        let (spoiling, spare) = (Spoiling::SEND, None);
+        Ok(Self {
+            number,
+            engine,
+            receiver,
+            delivery,
+            faults,
+            spoiling,
+            spare,
+            previous: prototype,
+            has_previous: false,
+        })
+    }
+
+    /// Draws the frame of a slot and sends it, or does what is to be done where it cannot.
+    pub(super) fn take_slot(
+        &mut self,
+        slot: Slot,
+        mut timed: FrameRecord,
+        shared: &mut Shared<'_>,
+        record: &mut RunRecord,
+        progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
+    ) -> Result<(), RunError> {
+        let spare = self.spare.take().or_else(|| self.delivery.take(|back| take_back(record, back)));
+        let Some(mut parcel) = spare else {
+            // A slot that began too late to be drawn, as after a pause of the whole program, is not missed because of the sink.
+            let (kind, cause) = if self.is_over(slot, timed.woken) {
+                (EventKind::Dropped, timed.cause_of_late_start())
+            } else {
+                (EventKind::SinkBusy, MissCause::SinkBusy)
+            };
+            drop_slot(slot, &mut timed, kind, cause, record);
+            return Ok(());
+        };
+        if self.is_over(slot, timed.woken) {
+            // What was drawn before took so long that this slot is over: nothing is drawn for it.
+            parcel.frame.meta.lateness = timed.lateness;
+            timed.cause = Some(timed.cause_of_late_start());
+            parcel.record = timed;
+            return self.deliver_late(parcel, slot, shared, record);
+        }
+        timed.load = self.engine.load();
+        let Some(times) = self.draw(slot, &mut parcel.frame, shared, record)? else {
+            self.leave_out(parcel, timed, shared, record);
+            return Ok(());
+        };
+        let finished = shared.clock.now();
+        parcel.frame.meta.lateness = finished - slot.due;
+        self.engine.learn_load(drawn(&times), finished, slot, &mut record.ledger);
+        record.count_rendered(&parcel.frame, &times);
+        self.finish_record(&mut timed, &times, &parcel.frame.meta, finished, record);
+        parcel.record = timed;
+        progress(self.number, &parcel.frame, record);
+        if self.spoiling.is_dropped {
+            self.withhold(parcel, shared, record);
+            return Ok(());
+        }
+        self.deliver(parcel, slot, shared, record)
+    }
+
+    /// Draws under the faults of the slot.
+    fn draw(
+        &mut self,
+        slot: Slot,
+        frame: &mut SentFrame,
+        shared: &Shared<'_>,
+        record: &mut RunRecord,
+    ) -> Result<Option<StageTimes>, RunError> {
+        let (faults, ledger) = (&mut self.faults, &mut record.ledger);
+        self.receiver.fire_triggers(slot, ledger, &mut |fired| {
+            if let Some(faults) = faults.as_mut() {
+                faults.fire_trigger(fired.number, fired.at);
+            }
+        });
+        self.spoiling = faults.as_mut().map_or(Spoiling::SEND, |faults| faults.begin(slot, self.engine, ledger));
+        let exposed = self.engine.expose(slot, self.receiver, ledger, frame);
+        if matches!(exposed, Err(RunError::AttitudeStopped { .. })) && self.number == 0 {
+            shared.radio.send(0, shared.reply.stopped(self.receiver, slot.release));
+        }
+        exposed
+    }
+
+    /// Sends nothing for a slot without an attitude, and says so to the flight computer.
+    fn leave_out(&mut self, parcel: Parcel, mut timed: FrameRecord, shared: &Shared<'_>, record: &mut RunRecord) {
+        if self.number == 0 {
+            shared.radio.send(0, shared.reply.stopped(self.receiver, shared.clock.now()));
+        }
+        record.frames.dropped += 1;
+        (timed.fate, timed.cause) = (Fate::Dropped, Some(MissCause::AwaitingAttitude));
+        record.ring.push(timed);
+        self.spare = Some(parcel);
+    }
+
+    /// Writes down how a frame came about, and why it is missed if it is.
+    fn finish_record(
+        &self,
+        timed: &mut FrameRecord,
+        times: &StageTimes,
+        meta: &FrameMeta,
+        finished: Tai,
+        record: &RunRecord,
+    ) {
+        timed.times.merge(times);
+        timed.finished = Some(finished);
+        timed.lateness = meta.lateness;
+        (timed.rung, timed.method, timed.origin) = (meta.rung, meta.method, meta.origin);
+        timed.horizon = meta.horizon;
+        (timed.end_horizon, timed.jitter_missing) = (meta.end_horizon, meta.jitter_missing);
+        timed.pointing_bound_rad = self.engine.pointing_bound_rad();
+        timed.cause = if meta.faults.contains(FaultFlags::BLANK) {
+            Some(MissCause::AwaitingAttitude)
+        } else {
+            (timed.lateness > Span::ZERO).then(|| timed.cause_of_lateness(&record.stages))
+        };
+    }
+
+    /// Tells the flight computer what is in a frame. Heads share one exposure time: the first speaks for all.
+    fn tell(&self, meta: &FrameMeta, shared: &mut Shared<'_>) {
+        if self.number == 0 {
+            shared.tell(meta, self.engine.pointing_bound_rad(), self.receiver);
+        }
+    }
+
+    /// True when drawing a slot makes no sense any more: it is past due, and under `late` by more than a frame.
+    fn is_over(&self, slot: Slot, now: Tai) -> bool {
+        let params = self.engine.params();
+        let grace = if params.deadline_policy == DeadlinePolicy::Late { params.frame_period } else { Span::ZERO };
+        now > slot.due + grace
+    }
+
+    /// Loses a frame on purpose: the flight computer hears of it, and nobody sees it.
+    fn withhold(&mut self, mut parcel: Parcel, shared: &mut Shared<'_>, record: &mut RunRecord) {
+        self.tell(&parcel.frame.meta, shared);
+        if let Some(faults) = self.faults.as_mut() {
+            faults.spoil(&self.spoiling, &mut parcel.frame);
+        }
+        record.frames.dropped += 1;
+        parcel.record.fate = Fate::Dropped;
+        record.ring.push(parcel.record);
+        self.spare = Some(parcel);
+    }
+
+    /// Sends a finished frame, or does with a late one what the policy says.
+    fn deliver(
+        &mut self,
+        mut parcel: Parcel,
+        slot: Slot,
+        shared: &mut Shared<'_>,
+        record: &mut RunRecord,
+    ) -> Result<(), RunError> {
+        let policy = self.engine.params().deadline_policy;
+        let lateness = parcel.frame.meta.lateness;
+        if lateness > Span::ZERO && policy != DeadlinePolicy::Late {
+            return self.deliver_late(parcel, slot, shared, record);
+        }
+        parcel.record.fate = Fate::Sent;
+        if lateness > Span::ZERO {
+            record.frames.late += 1;
+            record.note(EventKind::Late, slot.due + lateness, slot.number, lateness);
+            parcel.record.fate = Fate::Late;
+        }
+        self.spoil_and_send(parcel, shared, record)
+    }
+
+    /// A slot whose own frame does not go out: the previous one does under `hold`, else nothing.
+    fn deliver_late(
+        &mut self,
+        mut parcel: Parcel,
+        slot: Slot,
+        shared: &mut Shared<'_>,
+        record: &mut RunRecord,
+    ) -> Result<(), RunError> {
+        let lateness = parcel.frame.meta.lateness;
+        let at = slot.due + lateness;
+        record.frames.late += 1;
+        if self.engine.params().deadline_policy == DeadlinePolicy::Hold && self.has_previous {
+            record.frames.held += 1;
+            record.note(EventKind::Held, at, slot.number, lateness);
+            parcel.frame.copy_from(&self.previous);
+            parcel.frame.meta.number = slot.number;
+            parcel.frame.meta.lateness = lateness;
+            parcel.frame.meta.faults |= FaultFlags::FRAME_DUPLICATE;
+            parcel.record.fate = Fate::Held;
+            self.tell(&parcel.frame.meta, shared);
+            return self.send(parcel, Span::ZERO, shared.clock.now(), record);
+        }
+        let cause = parcel.record.cause.unwrap_or(MissCause::FramesBefore);
+        drop_slot(slot, &mut parcel.record, EventKind::Dropped, cause, record);
+        self.spare = Some(parcel);
+        Ok(())
+    }
+
+    /// Tells the flight computer what is in a frame, spoils it if it is to be, and sends it.
+    fn spoil_and_send(
+        &mut self,
+        mut parcel: Parcel,
+        shared: &mut Shared<'_>,
+        record: &mut RunRecord,
+    ) -> Result<(), RunError> {
+        // What the stimulator says of itself it says before its frame is spoilt.
+        self.tell(&parcel.frame.meta, shared);
+        if let Some(faults) = self.faults.as_mut() {
+            faults.spoil(&self.spoiling, &mut parcel.frame);
+        }
+        if self.engine.params().deadline_policy == DeadlinePolicy::Hold {
+            // What is repeated is what went out, with all that is said of it.
+            self.previous.copy_from(&parcel.frame);
+            self.has_previous = true;
+        }
+        self.send(parcel, self.spoiling.delay, shared.clock.now(), record)
+    }
+
+    /// Sends a frame out `now`, or `delay` after it is due if there is one.
+    fn send(&mut self, mut parcel: Parcel, delay: Span, now: Tai, record: &mut RunRecord) -> Result<(), RunError> {
+        parcel.not_before = (delay > Span::ZERO).then(|| parcel.record.due + delay);
+        record.count_outgoing(&parcel.frame.meta);
+        let meta = &parcel.frame.meta;
+        // A held image is as old as when it was made: latency is that of what is seen.
+        parcel.record.mid_exposure = meta.mid_exposure;
+        parcel.record.commanded =
+            (meta.origin != origin_name(PathOrigin::Absent)).then(|| meta.mid_exposure - meta.horizon);
+        if let Some(finished) = parcel.record.finished {
+            parcel.record.times.set(Stage::Handover, now - finished);
+        }
+        record.ring.push(parcel.record);
+        self.delivery.send(parcel, now)
+    }
+}
+
+/// A slot for which nothing goes out.
+fn drop_slot(slot: Slot, timed: &mut FrameRecord, kind: EventKind, cause: MissCause, record: &mut RunRecord) {
+    record.frames.dropped += 1;
+    record.note(kind, slot.due + timed.lateness, slot.number, timed.lateness);
+    timed.fate = Fate::Dropped;
+    timed.cause = timed.cause.or(Some(cause));
+    record.ring.push(*timed);
+}
+
+/// Drawing and detector together, on whichever side of a device.
+fn drawn(times: &StageTimes) -> Span {
+    let stages = [Stage::Upload, Stage::Render, Stage::Detector, Stage::Readback];
+    stages.into_iter().filter_map(|stage| times.get(stage)).fold(Span::ZERO, |sum, time| sum + time)
+}

@@ -1,0 +1,321 @@
+//! The loop on the bench clock: receiving threads, this (frame) thread and a sink thread per camera head, bounded queues
+//! between them.
+//!
+//! In: heads (an engine and a sink each), ports. Out: a run's record. In every slot the heads are drawn in turn, each with
+//! all cores and its share of the readout time. Every slot leaves a [`FrameRecord`], also those for which nothing is
+//! drawn: pushed when its fate is decided, completed when its buffer comes back from the sink thread. Limits: work begins
+//! at the release and not before; late frames are judged when finished, not when delivered (`[budget]` total is held
+//! against delivery). Tests: `tests/closed_loop/{deadline,budget}.rs`, which assert no wall time.
+
+use crate::runtime::delivery::Parcel;
+use crate::runtime::engine::{FrameEngine, Slot};
+use crate::runtime::error::RunError;
+use crate::runtime::frame_faults::FrameFaults;
+use crate::runtime::hygiene::{Hygiene, Role};
+use crate::runtime::ledger::Ledger;
+use crate::runtime::outcome::{RunOutcome, lines_of_head};
+use crate::runtime::port_reading::PortReading;
+use crate::runtime::radio::{Heard, Radio};
+use crate::runtime::real_head::RealHead;
+use crate::runtime::receiver::Receiver;
+use crate::runtime::record::RunRecord;
+use crate::runtime::reply::{Reply, ToldFrame};
+use base::clock::Clock;
+use base::time::{Span, Tai};
+use core::sync::atomic::{AtomicBool, Ordering};
+use frames::report::{FrameRecord, Stage};
+use frames::sink::{FrameMeta, SentFrame, Sink};
+use link::Port;
+use link::pps::Pps;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A sleeping frame thread notices a stop within this.
+const STOP_POLL: Span = Span::from_ms(50);
+/// A slot that waits for jitter samples looks for them this often.
+const JITTER_POLL: Span = Span::from_ms(1);
+
+/// Stars that a frame has room for at the start: more make its buffers grow, once.
+pub const STARS_AT_FIRST: usize = 16_384;
+
+/// What a run on the bench clock runs in.
+pub struct Setting<'a> {
+    /// The bench clock.
+    pub clock: &'a Arc<dyn Clock>,
+    /// Set by whoever wants the run to end.
+    pub stop: &'a Arc<AtomicBool>,
+    /// What threads ask of the system; `None`: nothing.
+    pub hygiene: Option<&'a Arc<Hygiene>>,
+    /// Frames whose times are kept one by one.
+    pub ring_frames: usize,
+}
+
+/// Where a run on the bench clock hears the flight computer.
+pub struct Sources {
+    /// The bench's ports; the first one is told of the frames.
+    pub ports: Vec<Port>,
+    /// Pulses of the flight computer's clock.
+    pub pulses: Option<Pps>,
+}
+
+impl From<Port> for Sources {
+    fn from(port: Port) -> Self {
+        Self { ports: vec![port], pulses: None }
+    }
+}
+
+/// One camera head: what draws its frames, what it has heard, where its frames go, and what goes wrong with them.
+pub struct Head<'a> {
+    /// Draws.
+    pub engine: &'a mut FrameEngine,
+    /// Hears.
+    pub receiver: &'a mut Receiver,
+    /// Takes the frames, in a thread of its own.
+    pub sink: Box<dyn Sink>,
+    /// Spoils them; `None`: nothing does.
+    pub faults: Option<&'a mut FrameFaults>,
+}
+
+/// Runs every slot of the engine until the end, an error, or `stop`. `progress` is called after each frame and must
+/// not block.
+pub fn run(
+    engine: &mut FrameEngine,
+    receiver: &mut Receiver,
+    port: Port,
+    clock: &Arc<dyn Clock>,
+    sink: Box<dyn Sink>,
+    stop: &Arc<AtomicBool>,
+    progress: &mut dyn FnMut(&SentFrame, &RunRecord),
+) -> RunOutcome {
+    let setting = Setting { clock, stop, hygiene: None, ring_frames: 0 };
+    let heads = vec![Head { engine, receiver, sink, faults: None }];
+    run_in(&setting, heads, port.into(), &mut |_head, frame, record| progress(frame, record))
+}
+
+/// The same for several heads and in a setting of choice. The calling thread becomes the frame thread and stays what it
+/// is made. All heads have the timing of the first: in each slot they are drawn one after another. `progress` sees the
+/// number of the head, and frames before they are spoilt.
+pub fn run_in(
+    setting: &Setting<'_>,
+    heads: Vec<Head<'_>>,
+    sources: Sources,
+    progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
+) -> RunOutcome {
+    let mut record = RunRecord::with_ring(setting.ring_frames, heads.len());
+    match start(setting, heads, sources) {
+        Err(error) => {
+            let (ports, summaries, sinks, lost_threads) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+            RunOutcome { record, ports, summaries, sinks, lost_threads, error: Some(error) }
+        }
+        Ok((heads, radio)) => {
+            let readings = vec![PortReading::default(); radio.readings().count()];
+            let shared = Shared {
+                clock: &**setting.clock,
+                radio: &radio,
+                readings,
+                reply: Reply::default(),
+                said_already: Ledger::default(),
+            };
+            let mut bench = Bench { heads, shared };
+            let mut error = bench.frames(setting.stop, &mut record, progress).err();
+            let (mut summaries, mut sinks) = (Vec::new(), Vec::new());
+            let heads = bench.heads.len();
+            bench.heads.iter_mut().for_each(|head| head.delivery.hang_up());
+            for (number, head) in bench.heads.into_iter().enumerate() {
+                let delivered = head.delivery.finish(|back| take_back(&mut record, back));
+                record.frames.delivered += delivered.frames;
+                record.frames.dropped += delivered.refused;
+                record.note_losses(&delivered.losses, setting.clock.now());
+                summaries.push(delivered.summary);
+                sinks.extend(lines_of_head(number, heads, delivered.lines));
+                error = delivered.error.or(error);
+            }
+            let has_lost_pulses = radio.has_lost_pulses();
+            let (ports, receiving) = radio.finish();
+            let (lost_threads, error) = (Vec::new(), receiving.or(error));
+            let mut outcome = RunOutcome { record, ports, summaries, sinks, lost_threads, error };
+            if has_lost_pulses {
+                outcome.note_lost_thread("pps", setting.clock.now());
+            }
+            outcome
+        }
+    }
+}
+
+/// Warms up, and starts the threads.
+fn start<'a>(
+    setting: &Setting<'_>,
+    heads: Vec<Head<'a>>,
+    sources: Sources,
+) -> Result<(Vec<RealHead<'a>>, Radio), RunError> {
+    let mut warm = Vec::with_capacity(heads.len());
+    for head in heads {
+        let camera = &head.engine.params().camera;
+        let [width, height] = camera.output().size_px;
+        let mut prototype = SentFrame::with_capacity(width, height, STARS_AT_FIRST, camera.name.clone());
+        head.engine.warm_up(&mut prototype)?;
+        head.engine.follow_load();
+        head.engine.read_stars_ahead()?;
+        warm.push((head, prototype));
+    }
+    let radio = Radio::start(sources.ports, sources.pulses, setting.clock, setting.hygiene)?;
+    let started = warm
+        .into_iter()
+        .enumerate()
+        .map(|(number, (head, prototype))| RealHead::start(number, head, prototype, setting));
+    let started = started.collect::<Result<Vec<_>, _>>()?;
+    // Last: threads are born with the policy of the thread that starts them.
+    if let Some(hygiene) = setting.hygiene {
+        hygiene.enter(Role::Frame);
+    }
+    Ok((started, radio))
+}
+
+/// What all heads share.
+pub(super) struct Shared<'a> {
+    pub(super) clock: &'a dyn Clock,
+    pub(super) radio: &'a Radio,
+    /// What each port had counted at the frame before.
+    readings: Vec<PortReading>,
+    pub(super) reply: Reply,
+    /// What further heads note of messages of which the first has noted the same.
+    said_already: Ledger,
+}
+
+impl Shared<'_> {
+    /// Tells the flight computer what is in a frame.
+    pub(super) fn tell(&mut self, meta: &FrameMeta, pointing_bound_rad: Option<f64>, receiver: &Receiver) {
+        let now = self.clock.now();
+        let rejects = PortReading::rejects_of_all(&self.readings);
+        let told = ToldFrame { meta, pointing_bound_rad, rejects: &rejects, now };
+        for message in self.reply.messages(&told, receiver) {
+            self.radio.send(0, message);
+        }
+    }
+}
+
+/// The frame thread's own state.
+struct Bench<'a> {
+    heads: Vec<RealHead<'a>>,
+    shared: Shared<'a>,
+}
+
+impl Bench<'_> {
+    fn frames(
+        &mut self,
+        stop: &AtomicBool,
+        record: &mut RunRecord,
+        progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
+    ) -> Result<(), RunError> {
+        let Some(frames) = self.heads.first().map(|head| head.engine.params().frames) else { return Ok(()) };
+        for number in 0..frames {
+            let slot = self.heads[0].engine.slot(number);
+            let mut asked = self.shared.clock.now();
+            if !self.listen_until(slot.release, stop, record) {
+                break;
+            }
+            let mut begun = self.shared.clock.now();
+            if self.shared.radio.is_finished() {
+                break; // its error is told when the run ends
+            }
+            if !self.await_jitter(slot, stop, record) {
+                break;
+            }
+            self.receive(record);
+            let received = self.shared.clock.now() - begun;
+            for head in &mut self.heads {
+                let mut timed =
+                    FrameRecord::released(slot.number, [slot.exposure_start, slot.release, slot.due], [asked, begun]);
+                timed.head = head.number;
+                timed.times.set(Stage::Receive, received);
+                record.frames.scheduled += 1;
+                if head.number == 0 {
+                    // Once a slot: what a further head waited for is the drawing of those before it.
+                    record.stages.record(&timed.times);
+                }
+                head.take_slot(slot, timed, &mut self.shared, record, progress)?;
+                // The next head waits for this one: that is where its time goes from the release on.
+                begun = self.shared.clock.now();
+                asked = begun;
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes messages in as they come, and sleeps in between, until `at`; false when the run is to stop.
+    fn listen_until(&mut self, at: Tai, stop: &AtomicBool, record: &mut RunRecord) -> bool {
+        let (clock, radio) = (self.shared.clock, self.shared.radio);
+        while !stop.load(Ordering::Relaxed) {
+            let now = clock.now();
+            if now >= at {
+                return true;
+            }
+            let span = at.min(now + STOP_POLL) - now;
+            if let Some(heard) = radio.wait(Duration::from_nanos(span.ns().unsigned_abs())) {
+                self.take_in(&heard, record);
+            }
+        }
+        false
+    }
+
+    /// Waits for jitter samples of the exposure that are under way, as long as every head has time for it; false when the run is
+    /// to stop.
+    fn await_jitter(&mut self, slot: Slot, stop: &AtomicBool, record: &mut RunRecord) -> bool {
+        let waits = self.heads.iter().map(|head| head.engine.jitter_wait(slot, head.receiver));
+        let until = slot.release + waits.min().unwrap_or(Span::ZERO);
+        while self.heads.first().is_some_and(|head| head.engine.lacks_jitter(slot, head.receiver)) {
+            let now = self.shared.clock.now();
+            if now >= until {
+                break;
+            }
+            if !self.listen_until(until.min(now + JITTER_POLL), stop, record) {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// What has arrived and was not waited for; and what became of the ports.
+    fn receive(&mut self, record: &mut RunRecord) {
+        let radio = self.shared.radio;
+        for heard in radio.arrived() {
+            self.take_in(&heard, record);
+        }
+        let now = self.shared.clock.now();
+        if let Some(first) = self.heads.first_mut() {
+            first.receiver.watch(now, &mut record.ledger);
+        }
+        for (earlier, reading) in self.shared.readings.iter_mut().zip(radio.readings()) {
+            reading.tell(earlier, now, &mut record.ledger);
+            *earlier = reading;
+        }
+        record.keep_ports(&self.shared.readings);
+    }
+
+    /// Every head hears everything; the first one answers and notes.
+    fn take_in(&mut self, heard: &Heard, record: &mut RunRecord) {
+        for head in &mut self.heads {
+            let ledger = if head.number == 0 { &mut record.ledger } else { &mut self.shared.said_already };
+            match heard {
+                Heard::Pulse(at) => head.receiver.accept_pulse(*at),
+                Heard::Message { port, message } => {
+                    let answer = head.receiver.accept_from(*port, message, ledger);
+                    if let Some(answer) = answer.filter(|_| head.number == 0) {
+                        self.shared.radio.send(*port, answer);
+                    }
+                }
+            }
+        }
+        if let Heard::Message { message, .. } = heard {
+            record.count_intake(self.shared.clock.now() - message.at);
+        }
+    }
+}
+
+/// What the sink thread says of a frame whose buffer comes back.
+pub(super) fn take_back(record: &mut RunRecord, parcel: &Parcel) {
+    if parcel.delivered {
+        record.complete(&parcel.record);
+    }
+    record.note_losses(&parcel.losses, parcel.record.due);
+}

@@ -1,0 +1,392 @@
+//! Messages -> time correlation, attitude history, jitter history, triggers, answers to commands.
+
+use crate::runtime::engine::Slot;
+use crate::runtime::error::RunError;
+use crate::runtime::jitter_tables;
+use crate::runtime::ledger::{Event, EventKind, Ledger};
+use crate::runtime::params::AttitudeParams;
+use crate::runtime::session::{Session, SessionParams};
+use crate::runtime::triggers::FiredTrigger;
+use base::axes::Rotation;
+use base::time::{Span, Tai};
+use base::units::ARCSEC;
+use firmware_protocol::Message;
+use firmware_protocol::handshake::Did;
+use firmware_protocol::message::{AttitudeRecord, Command, JitterBurst, JitterPair, Request, TimeFollowUp, Wheels};
+use firmware_protocol::ticks::{ticks_diff, wrapped};
+use glam::DVec3;
+use link::Stamped;
+use plan::attitude::{
+    AttitudeHistory, AttitudeSample, ClockEstimate, JitterHistory, JitterPoint, Observed, ObservedPps, RemoteClock,
+};
+use std::collections::VecDeque;
+
+/// Period of classic jitter pairs' samples.
+const PAIR_PERIOD: Span = Span::from_ms(1);
+/// Wheel speeds on the wire are in revolutions per minute.
+const RAD_S_PER_RPM: f64 = core::f64::consts::TAU / 60.0;
+/// Norm tolerance of a quaternion that the protocol has already checked.
+const NORM_TOLERANCE: f64 = 2e-3;
+
+/// Attitudes whose tags are kept: more than an exposure and a readout bring.
+const TAGS: usize = 256;
+/// Ports whose time marks are kept apart.
+const PORTS_MAX: usize = 8;
+/// Tables are put into effect this often at most.
+const APPLY_PERIOD: Span = Span::from_ms(50);
+
+/// What became of the pulses per second.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct PulseCounts {
+    /// Taken as a whole second of the flight computer's clock.
+    pub used: u64,
+    /// Of no use: before the first mark, or too far from a whole second.
+    pub refused: u64,
+}
+
+/// The receiving half of the stimulator.
+pub struct Receiver {
+    params: AttitudeParams,
+    clock: RemoteClock,
+    history: AttitudeHistory,
+    jitter: JitterHistory,
+    session: Session,
+    /// The last SYNC of each port that has not been told of.
+    syncs: [Option<(u8, Tai)>; PORTS_MAX],
+    pulses: PulseCounts,
+    applied: Option<Tai>,
+    newest_epoch: Option<Tai>,
+    /// Tags of the newest attitudes, and the instants they were read as, by rising instant.
+    tags: VecDeque<(u32, Tai)>,
+    newest_arrival: Option<Tai>,
+    /// End of the newest exposure that was drawn.
+    drawn_until: Option<Tai>,
+    /// Jitter samples that arrived after the exposure they belong to was drawn.
+    late_jitter: u64,
+    messages: u64,
+}
+
+impl Receiver {
+    /// A receiver that has heard nothing.
+    ///
+    /// # Errors
+    /// When a jitter line is not finite.
+    pub fn new(params: AttitudeParams) -> Result<Self, RunError> {
+        let mut jitter = JitterHistory::new(params.jitter_history, params.jitter_max_gap);
+        jitter.set_lines(&params.jitter_lines, params.jitter_epoch)?;
+        Ok(Self {
+            clock: RemoteClock::new(params.clock),
+            history: AttitudeHistory::new(params.history),
+            jitter,
+            session: Session::new(SessionParams::default()),
+            syncs: [None; PORTS_MAX],
+            pulses: PulseCounts::default(),
+            applied: None,
+            newest_epoch: None,
+            tags: VecDeque::with_capacity(TAGS),
+            newest_arrival: None,
+            drawn_until: None,
+            late_jitter: 0,
+            messages: 0,
+            params,
+        })
+    }
+
+    /// The same with a session kept in another way than the default; before anything is heard.
+    #[must_use]
+    pub fn with_session(mut self, params: SessionParams) -> Self {
+        self.session = Session::new(params);
+        self
+    }
+
+    /// Accepts triggers of this number from now on: a fault or an event of the run waits for it.
+    pub fn expect_trigger(&mut self, number: u16) {
+        self.session.expect_trigger(number);
+    }
+
+    /// The conversation with the flight computer.
+    #[must_use]
+    pub fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// The flight computer's triggers that act at or before `up_to`, by rising time, each once. What is not taken from the
+    /// iterator stays. Allocates nothing.
+    pub fn take_triggers(&mut self, up_to: Tai) -> impl Iterator<Item = FiredTrigger> + use<'_> {
+        let triggers = self.session.triggers_mut();
+        core::iter::from_fn(move || triggers.next(up_to))
+    }
+
+    /// Hands the triggers that act by the end of a slot's exposure to `fire`, and tells the ledger.
+    pub fn fire_triggers(&mut self, slot: Slot, ledger: &mut Ledger, fire: &mut dyn FnMut(FiredTrigger)) {
+        for fired in self.take_triggers(slot.exposure_end) {
+            let event = Event::new(EventKind::TriggerFired, fired.at, Some(slot.number), slot.exposure_end - fired.at);
+            ledger.note(event);
+            fire(fired);
+        }
+    }
+
+    /// Notices what time alone brings: heartbeats that have stopped.
+    pub fn watch(&mut self, now: Tai, ledger: &mut Ledger) {
+        self.session.watch(now, ledger);
+    }
+
+    /// Attitudes so far.
+    #[must_use]
+    pub fn history(&self) -> &AttitudeHistory {
+        &self.history
+    }
+
+    /// Jitter so far.
+    #[must_use]
+    pub fn jitter(&self) -> &JitterHistory {
+        &self.jitter
+    }
+
+    /// Takes note that an exposure is drawn, which ends at `until`: samples of it that arrive from now on are late.
+    pub fn note_drawn(&mut self, until: Tai) {
+        self.drawn_until = self.drawn_until.max(Some(until));
+    }
+
+    /// Returns the number of jitter samples that arrived after the exposure they belong to was drawn.
+    #[must_use]
+    pub fn late_jitter(&self) -> u64 {
+        self.late_jitter
+    }
+
+    /// Time correlation.
+    #[must_use]
+    pub fn clock(&self) -> &RemoteClock {
+        &self.clock
+    }
+
+    /// Pulses per second so far.
+    #[must_use]
+    pub fn pulses(&self) -> PulseCounts {
+        self.pulses
+    }
+
+    /// Parameters.
+    #[must_use]
+    pub fn params(&self) -> &AttitudeParams {
+        &self.params
+    }
+
+    /// Messages taken in, all kinds.
+    #[must_use]
+    pub fn messages(&self) -> u64 {
+        self.messages
+    }
+
+    /// Age at `at` of the newest attitude accepted.
+    #[must_use]
+    pub fn age_at(&self, at: Tai) -> Option<Span> {
+        self.newest_epoch.map(|epoch| at - epoch)
+    }
+
+    /// Time from the arrival of the attitude accepted last to `at`.
+    #[must_use]
+    pub fn arrival_age_at(&self, at: Tai) -> Option<Span> {
+        self.newest_arrival.map(|arrival| at - arrival)
+    }
+
+    /// Takes one message of the first port in; an answer to send, if it wants one.
+    pub fn accept(&mut self, message: &Stamped<Message>, ledger: &mut Ledger) -> Option<Message> {
+        self.accept_from(0, message, ledger)
+    }
+
+    /// Takes one message in; an answer to send by the same port, if it wants one. Time marks of ports beyond the first
+    /// `PORTS_MAX` share a place.
+    pub fn accept_from(&mut self, port: usize, message: &Stamped<Message>, ledger: &mut Ledger) -> Option<Message> {
+        let at = message.at;
+        let port = port.min(PORTS_MAX - 1);
+        self.messages += 1;
+        match &message.value {
+            Message::Sync(sync) => self.syncs[port] = Some((sync.counter, at)),
+            Message::TimeFollowUp(follow_up) => self.correlate(port, follow_up, at, ledger),
+            Message::Attitude(record) => self.take_attitude(record, at, ledger),
+            Message::Jitter(burst) => self.take_burst(burst, at, ledger),
+            Message::JitterPair(pair) => self.take_pair(pair, at, ledger),
+            Message::Command(command) => return self.answer(command, at, ledger),
+            Message::Wheels(wheels) => self.take_wheels(wheels, at, ledger),
+            Message::Table(cell) => self.session.put(cell),
+            Message::Heartbeat(heartbeat) => self.session.hear(heartbeat, at, ledger),
+            _ => {}
+        }
+        None
+    }
+
+    /// `None` for an APPLY that follows another too soon: noise takes a millisecond to be made, and whoever is not answered
+    /// asks again.
+    fn answer(&mut self, command: &Command, at: Tai, ledger: &mut Ledger) -> Option<Message> {
+        let is_apply = matches!(command.request, Request::Apply { .. });
+        if is_apply && self.applied.is_some_and(|last| at - last < APPLY_PERIOD) {
+            ledger.note(Event::new(EventKind::CommandDeferred, at, None, Span::ZERO));
+            return None;
+        }
+        if is_apply {
+            self.applied = Some(at);
+        }
+        let answer = self.session.answer(command, at, self.clock.estimate().as_ref(), ledger);
+        if let Some(Did::Applied(table)) = answer.did {
+            let mounting = self.params.sensor_from_body;
+            let applied = jitter_tables::apply(table, self.session.tables(), mounting, &mut self.jitter);
+            let kind = if applied.is_ok() { EventKind::TableApplied } else { EventKind::SampleRefused };
+            ledger.note(Event::new(kind, at, None, Span::ZERO));
+        }
+        Some(Message::Response(answer.response))
+    }
+
+    /// Speeds have no time tag: they hold when their message was sent.
+    fn take_wheels(&mut self, wheels: &Wheels, at: Tai, ledger: &mut Ledger) {
+        let rad_s = wheels.speed_rpm.map(|rpm| f64::from(rpm) * RAD_S_PER_RPM);
+        if self.jitter.wheel_speeds(rad_s, at - self.params.clock.constant_delay).is_err() {
+            ledger.note(Event::new(EventKind::SampleRefused, at, None, Span::ZERO));
+        }
+    }
+
+    /// The flight computer's time of an instant, us modulo 2^32, by the tags of the attitudes about it: the time by which
+    /// they were read, also when the clock's estimate has moved since. `None` before the first attitude.
+    #[must_use]
+    pub fn remote_us_at(&self, at: Tai) -> Option<u32> {
+        let after = self.tags.partition_point(|(_, epoch)| *epoch <= at);
+        let (t_us, epoch) = *self.tags.get(after.saturating_sub(1))?;
+        let since_ns = (at - epoch).ns();
+        let ahead_ns = match self.tags.get(after).filter(|_| after > 0) {
+            // Between two tags in proportion: the estimate may have moved between them.
+            Some((later_us, later)) => {
+                let (ticks_ns, span_ns) = (1000 * i64::from(ticks_diff(*later_us, t_us)), (*later - epoch).ns().max(1));
+                Span::from_s(ticks_ns as f64 * 1e-9 * (since_ns as f64 / span_ns as f64)).ns()
+            }
+            None => since_ns - Span::from_s(since_ns as f64 * 1e-9 * self.clock.estimate()?.drift).ns(),
+        };
+        let remote_ns = i64::from(t_us) * 1000 + ahead_ns;
+        Some(wrapped((remote_ns + 500).div_euclid(1000)))
+    }
+
+    fn keep_tag(&mut self, t_us: u32, epoch: Tai) {
+        if self.tags.len() >= TAGS {
+            self.tags.pop_front();
+        }
+        let place = self.tags.partition_point(|(_, other)| *other <= epoch);
+        self.tags.insert(place, (t_us, epoch));
+    }
+
+    /// Takes in a pulse at a whole second of the flight computer's clock.
+    pub fn accept_pulse(&mut self, at: Tai) {
+        match self.clock.observe_pps(at) {
+            ObservedPps::Used => self.pulses.used += 1,
+            ObservedPps::Odd | ObservedPps::Ambiguous | ObservedPps::NoTimeYet => self.pulses.refused += 1,
+        }
+        self.follow_clock();
+    }
+
+    fn correlate(&mut self, port: usize, follow_up: &TimeFollowUp, now: Tai, ledger: &mut Ledger) {
+        let scet_ns = i64::try_from(follow_up.scet.ns()).unwrap_or(i64::MAX);
+        if let Some((counter, at)) = self.syncs[port]
+            && counter == follow_up.counter
+        {
+            self.syncs[port] = None;
+            let before = self.clock.estimate();
+            let observed = self.clock.observe(scet_ns, at);
+            if let (Observed::Restarted, Some(before)) = (observed, before) {
+                self.take_step(&before, scet_ns, at, now, ledger);
+            }
+            self.follow_clock();
+        }
+    }
+
+    /// Follows a step of the flight computer's clock, which reads `scet_ns` at `sync_at`. A clock that reads less than half of
+    /// what was expected has restarted: attitudes, jitter and dated triggers of the session before are then forgotten. After
+    /// any other step the attitudes received so far are still those of their instants.
+    fn take_step(&mut self, before: &ClockEstimate, scet_ns: i64, sync_at: Tai, now: Tai, ledger: &mut Ledger) {
+        let expected_ns = before.to_remote_ns(sync_at);
+        let step = Span::from_ns(scet_ns.saturating_sub(expected_ns));
+        // Tags of two clocks have no order.
+        self.tags.clear();
+        if scet_ns < expected_ns / 2 {
+            ledger.note(Event::new(EventKind::ClockRestarted, now, None, step));
+            self.history.clear();
+            self.jitter.clear_points();
+            self.newest_epoch = None;
+            self.session.forget_dated_triggers(now, ledger);
+        } else {
+            ledger.note(Event::new(EventKind::ClockStepped, now, None, step));
+            if let Some(estimate) = self.clock.estimate() {
+                self.session.step_triggers(&estimate, now, ledger);
+            }
+        }
+    }
+
+    /// Uploaded jitter and triggers run by the flight computer's clock.
+    fn follow_clock(&mut self) {
+        if let Some(estimate) = self.clock.estimate() {
+            self.jitter.follow_clock(&estimate);
+            self.session.triggers_mut().follow_clock(&estimate);
+        }
+    }
+
+    fn take_attitude(&mut self, record: &AttitudeRecord, at: Tai, ledger: &mut Ledger) {
+        let Some(epoch) = self.clock.to_tai(record.t_us, at) else {
+            ledger.note(Event::new(EventKind::NoTimeYet, at, None, Span::ZERO));
+            return;
+        };
+        let sample = Rotation::from_wxyz(record.q_wxyz.map(f64::from), NORM_TOLERANCE).map(|body_from_icrf| {
+            let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
+            AttitudeSample {
+                at: epoch,
+                seq: record.seq,
+                body_from_icrf,
+                rate_rad_s: vector(record.rate_rad_s),
+                acceleration_rad_s2: vector(record.acceleration_rad_s2),
+            }
+        });
+        if sample.is_some_and(|sample| self.history.insert(sample, at).is_ok()) {
+            self.keep_tag(record.t_us, epoch);
+            self.newest_epoch = self.newest_epoch.max(Some(epoch));
+            self.newest_arrival = self.newest_arrival.max(Some(at));
+        } else {
+            ledger.note(Event::new(EventKind::SampleRefused, at, None, at - epoch));
+        }
+    }
+
+    fn take_burst(&mut self, burst: &JitterBurst, at: Tai, ledger: &mut Ledger) {
+        let period = Span::from_ns(i64::from(burst.period_us) * 1000);
+        match self.clock.to_tai(burst.t_first_us, at) {
+            Some(first) => self.take_jitter(first, period, burst.samples_arcsec(), at, ledger),
+            None => ledger.note(Event::new(EventKind::NoTimeYet, at, None, Span::ZERO)),
+        }
+    }
+
+    /// A classic pair names its place in remote time only modulo 256 slots of 2 ms: the nearest one is meant.
+    fn take_pair(&mut self, pair: &JitterPair, at: Tai, ledger: &mut Ledger) {
+        let Some(estimate) = self.clock.estimate() else {
+            ledger.note(Event::new(EventKind::NoTimeYet, at, None, Span::ZERO));
+            return;
+        };
+        const SLOT_NS: i64 = 2_000_000;
+        let now_slot = estimate.to_remote_ns(at).div_euclid(SLOT_NS);
+        let behind = (now_slot - i64::from(pair.slot)).rem_euclid(256);
+        let behind = if behind > 128 { behind - 256 } else { behind };
+        let first = estimate.to_tai((now_slot - behind) * SLOT_NS);
+        self.take_jitter(first, PAIR_PERIOD, &pair.samples_arcsec, at, ledger);
+    }
+
+    /// Jitter on the wire is a rotation about body X and Y.
+    fn take_jitter(&mut self, first: Tai, period: Span, samples_arcsec: &[[f32; 2]], at: Tai, ledger: &mut Ledger) {
+        self.jitter.note_stream(first, period, at);
+        for (i, [x, y]) in (0_i64..).zip(samples_arcsec) {
+            let body_rad = DVec3::new(f64::from(*x), f64::from(*y), 0.0) * ARCSEC;
+            let rotation_rad = self.params.sensor_from_body.apply(body_rad);
+            let point = JitterPoint { at: first + Span::from_ns(period.ns() * i), rotation_rad };
+            match self.jitter.insert(point, at) {
+                Ok(()) => self.late_jitter += u64::from(self.drawn_until.is_some_and(|until| point.at <= until)),
+                Err(_counted) => ledger.note(Event::new(EventKind::SampleRefused, at, None, at - point.at)),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "receiver_tests.rs"]
+mod tests;

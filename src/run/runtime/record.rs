@@ -1,0 +1,302 @@
+//! The record of a run: counts, histograms and events while it goes on; a summary when it has ended.
+
+use crate::runtime::engine::FrameEngine;
+use crate::runtime::ledger::{Event, EventKind, Ledger};
+use crate::runtime::port_reading::PortReading;
+use crate::runtime::receiver::Receiver;
+use base::time::{Span, Tai};
+use firmware_protocol::Reject;
+use frames::report::{
+    CountHistogram, EVENTS_MAX, EventLine, FrameCounts, FrameRecord, FrameRing, LinkCounts, Machine, RunNumbers,
+    RunSummary, SinkRow, Stage, StageHistogram, StageHistograms, StageTimes,
+};
+use frames::sink::{FaultFlags, FrameMeta, Loss, LossKind, SentFrame, SinkLine, SinkSummary};
+use plan::exposure::Rung;
+use plan::exposure::method::MethodName;
+use std::collections::BTreeMap;
+
+/// What a run leaves behind.
+pub struct RunRecord {
+    /// Frame counts.
+    pub frames: FrameCounts,
+    /// Events.
+    pub ledger: Ledger,
+    /// Wall time per stage.
+    pub stages: StageHistograms,
+    /// The last frames' times, and why slots were missed (real clock).
+    pub ring: FrameRing,
+    lateness: StageHistogram,
+    attitude_age: StageHistogram,
+    horizon: StageHistogram,
+    /// From the bus into the history (real clock).
+    intake: StageHistogram,
+    stars: CountHistogram,
+    methods: [u64; MethodName::ALL.len()],
+    rungs: [u64; Rung::ALL.len()],
+    faults: Vec<u64>,
+    /// What the ports had counted at the newest frame.
+    ports: Vec<PortReading>,
+}
+
+/// Ports for whose readings there is room from the start.
+const PORTS: usize = 8;
+
+impl Default for RunRecord {
+    fn default() -> Self {
+        Self {
+            frames: FrameCounts::default(),
+            ledger: Ledger::default(),
+            stages: StageHistograms::default(),
+            ring: FrameRing::default(),
+            lateness: StageHistogram::default(),
+            attitude_age: StageHistogram::default(),
+            horizon: StageHistogram::default(),
+            intake: StageHistogram::default(),
+            stars: CountHistogram::default(),
+            methods: [0; MethodName::ALL.len()],
+            rungs: [0; Rung::ALL.len()],
+            faults: vec![0; FaultFlags::NAMED.len()],
+            ports: Vec::with_capacity(PORTS),
+        }
+    }
+}
+
+// Every kind of event has room in what a watcher of the run is told.
+const _: () = assert!(EventKind::ALL.len() <= EVENTS_MAX);
+
+impl RunRecord {
+    /// A record that keeps the times of the last `frames` frames of each of `heads`.
+    #[must_use]
+    pub fn with_ring(frames: usize, heads: usize) -> Self {
+        Self { ring: FrameRing::with_capacity(frames, heads), ..Self::default() }
+    }
+
+    /// A frame has been delivered: what the sink thread measured.
+    pub fn complete(&mut self, delivered: &FrameRecord) {
+        for stage in [Stage::Handover, Stage::Queue, Stage::Sink, Stage::ReleaseToDelivered] {
+            if let Some(time) = delivered.times.get(stage) {
+                self.stages.record_stage(stage, time);
+            }
+        }
+        self.ring.complete(*delivered);
+    }
+
+    /// Writes down what sinks lost: an event for each frame and sink, with the frame's own number and when it was told.
+    pub fn note_losses(&mut self, losses: &[Loss], at: Tai) {
+        for loss in losses {
+            let kind = match loss.kind {
+                LossKind::Dropped => EventKind::SinkDropped,
+                LossKind::Refused => EventKind::SinkRefused,
+                LossKind::SinkLost => EventKind::SinkLost,
+            };
+            self.note(kind, at, loss.frame, Span::ZERO);
+        }
+    }
+
+    /// Counts a frame that was drawn.
+    pub fn count_rendered(&mut self, frame: &SentFrame, times: &StageTimes) {
+        self.frames.rendered += 1;
+        let blank = frame.meta.faults.contains(FaultFlags::BLANK);
+        self.frames.blank += u64::from(blank);
+        self.frames.extrapolated += u64::from(!blank && matches!(frame.meta.origin, "predicted" | "held"));
+        self.frames.partly_extrapolated += u64::from(frame.meta.is_partly_extrapolated);
+        self.frames.jitter_missing += u64::from(frame.meta.jitter_missing > Span::ZERO);
+        self.stages.record(times);
+        self.stars.record(frame.truth.len() as u64);
+        self.attitude_age.record(frame.meta.attitude_age);
+        self.horizon.record(frame.meta.horizon);
+        if let Some(i) = MethodName::ALL.iter().position(|method| method.name() == frame.meta.method) {
+            self.methods[i] += 1;
+        }
+        if let Some(i) = Rung::ALL.iter().position(|rung| rung.name() == frame.meta.rung) {
+            self.rungs[i] += 1;
+        }
+    }
+
+    /// A message was taken in this long after it had arrived at the edge.
+    pub fn count_intake(&mut self, after: Span) {
+        self.intake.record(after);
+    }
+
+    /// Counts a frame that goes out.
+    pub fn count_outgoing(&mut self, meta: &FrameMeta) {
+        self.lateness.record(meta.lateness);
+        for (count, (flag, _)) in self.faults.iter_mut().zip(FaultFlags::NAMED) {
+            *count += u64::from(meta.faults.contains(*flag));
+        }
+    }
+
+    /// Writes an event down.
+    pub fn note(&mut self, kind: EventKind, at: Tai, frame: u32, span: Span) {
+        self.ledger.note(Event::new(kind, at, Some(frame), span));
+    }
+
+    /// Keeps what the ports have counted so far.
+    pub fn keep_ports(&mut self, readings: &[PortReading]) {
+        self.ports.clear();
+        self.ports.extend_from_slice(readings);
+    }
+
+    /// Counts and times so far, for whoever watches the run: a copy, without allocation.
+    #[must_use]
+    pub fn numbers(&self, frames_in_run: Option<u64>) -> RunNumbers {
+        let events = EventKind::ALL.iter().map(|kind| (kind.name(), self.ledger.count(*kind))).collect();
+        let stages = self.stages.tallies();
+        // On the real clock the frames that are out are counted at the end; until then by what their sending took.
+        let sent = stages[Stage::Sink as usize].count();
+        let frames = FrameCounts { delivered: self.frames.delivered.max(sent), ..self.frames };
+        let mut numbers = RunNumbers { frames_in_run, frames, stages, events, ..RunNumbers::NONE };
+        self.ports.iter().for_each(|port| numbers.push_port(port.named()));
+        numbers
+    }
+
+    /// 99 % quantile of release to delivery, ms.
+    #[must_use]
+    pub fn p99_ms(&self) -> f64 {
+        self.stages.of(Stage::ReleaseToDelivered).p99_ms
+    }
+
+    /// The summary of the run (names of bench, clock and times are the caller's to fill in).
+    #[must_use]
+    pub fn summary(
+        &self,
+        engine: &FrameEngine,
+        receiver: &Receiver,
+        ports: &[PortReading],
+        sink: Option<&SinkSummary>,
+    ) -> RunSummary {
+        let mut summary = RunSummary::empty(Machine::read());
+        let params = engine.params();
+        summary.camera = params.camera.name.to_string();
+        summary.backend = engine.imager().name().into();
+        summary.adapter = engine.imager().description();
+        summary.start_utc = params.first_exposure.to_rfc3339();
+        summary.frame_period_s = params.frame_period.s();
+        summary.duration_s = params.frame_period.s() * f64::from(params.frames);
+        (summary.seed, summary.noise_seed) = (params.seed, params.noise_seed);
+        summary.frames = self.frames;
+        summary.stages = self.stages.quantiles();
+        summary.lateness = self.lateness.quantiles();
+        summary.attitude_age = self.attitude_age.quantiles();
+        summary.horizon = self.horizon.quantiles();
+        summary.latency = self.ring.latency();
+        summary.misses = self.ring.misses();
+        summary.stars = self.stars.spread();
+        summary.intake = self.intake.quantiles();
+        summary.link = link_counts(receiver, ports);
+        summary.methods = named(MethodName::ALL.iter().map(|m| m.name()).zip(self.methods));
+        let degraded = Rung::ALL.iter().zip(self.rungs).filter(|(rung, _)| **rung > Rung::Full);
+        summary.degraded = named(degraded.map(|(rung, count)| (rung.name(), count)));
+        summary.faults = named(FaultFlags::NAMED.iter().map(|(_, name)| *name).zip(self.faults.iter().copied()));
+        summary.event_counts = named(EventKind::ALL.iter().map(|kind| (kind.name(), self.ledger.count(*kind))));
+        summary.last_events = self.ledger.last().map(event_line).collect();
+        if let Some(sink) = sink {
+            summary.sink = sink.sink.into();
+            summary.output = sink.output.as_ref().map(|path| path.display().to_string());
+            summary.run_crc32 = format!("{:08x}", sink.run_crc32);
+        }
+        summary
+    }
+}
+
+/// Names with counts above zero.
+fn named<'a>(counts: impl Iterator<Item = (&'a str, u64)>) -> BTreeMap<String, u64> {
+    counts.filter(|(_, count)| *count > 0).map(|(name, count)| (name.to_string(), count)).collect()
+}
+
+fn link_counts(receiver: &Receiver, ports: &[PortReading]) -> LinkCounts {
+    let history = receiver.history().counts();
+    let mut counts = LinkCounts::default();
+    let mut add = |name: &str, count: u64| counts.counters.insert(name.to_string(), count);
+    add("attitudes_accepted", history.accepted);
+    add("jitter_points_accepted", receiver.jitter().counts().accepted);
+    add("clock_pairs", receiver.clock().pairs());
+    for (number, port) in ports.iter().enumerate() {
+        count_port(&mut counts, number, port);
+    }
+    let pulses = receiver.pulses();
+    let triggers = receiver.session().triggers().counts();
+    let sometimes = [
+        ("jitter_points_late", receiver.late_jitter()),
+        ("pulses_used", pulses.used),
+        ("pulses_refused", pulses.refused),
+        ("triggers_accepted", triggers.accepted),
+        ("triggers_late", triggers.late),
+        ("triggers_repeated", triggers.repeated),
+        ("triggers_refused", triggers.refused),
+        ("triggers_forgotten", triggers.forgotten),
+        ("triggers_fired", triggers.fired),
+    ];
+    for (name, count) in sometimes {
+        if count > 0 {
+            counts.counters.insert(name.into(), count);
+        }
+    }
+    let jitter = receiver.jitter().counts();
+    let history = [
+        ("jitter_duplicate_epoch", jitter.duplicate_epoch),
+        ("jitter_stale_time", jitter.stale),
+        ("jitter_future_time", jitter.future),
+        ("jitter_not_finite", jitter.not_finite),
+        ("jitter_older_than_history", jitter.older_than_history),
+        ("duplicate_epoch", history.duplicate_epoch),
+        ("stale_time", history.stale),
+        ("future_time", history.future),
+        ("not_finite", history.not_finite),
+        ("too_fast", history.too_fast),
+        ("older_than_history", history.older_than_history),
+    ];
+    let clock = receiver.clock();
+    let marks = [("late_time_mark", clock.late()), ("outlier_time_mark", clock.outliers())];
+    for (name, count) in history.into_iter().chain(marks).filter(|(_, count)| *count > 0) {
+        *counts.rejects.entry(name.into()).or_default() += count;
+    }
+    counts
+}
+
+/// Counters of one port: the first has plain names, further ones have their number before them.
+fn count_port(counts: &mut LinkCounts, number: usize, port: &PortReading) {
+    let name = |what: &str| if number == 0 { what.to_string() } else { format!("port_{number}_{what}") };
+    counts.counters.extend(port.told().map(|(what, count)| (name(what), count)));
+    for (reason, count) in port.rejects().filter(|(_, count)| *count > 0) {
+        *counts.rejects.entry(reject_name(reason)).or_default() += u64::from(count);
+    }
+}
+
+fn reject_name(reason: Reject) -> String {
+    format!("{reason:?}")
+}
+
+/// What each sink did, for the summary.
+#[must_use]
+pub fn sink_rows(sinks: &[SinkLine]) -> Vec<SinkRow> {
+    let row = |line: &SinkLine| SinkRow {
+        place: line.place.clone(),
+        sink: line.kind.into(),
+        frames: line.frames,
+        dropped: line.dropped,
+        refused: line.refused,
+        bytes: line.bytes,
+        run_crc32: line.run_crc32.map(|crc32| format!("{crc32:08x}")),
+        output: line.output.clone(),
+        first_error: line.first_error.clone(),
+        is_lost: line.is_lost,
+        mean_delay_ms: line.mean_delay.ms(),
+        longest_delay_ms: line.longest_delay.ms(),
+        counts: named(line.counts.iter().copied()),
+    };
+    sinks.iter().map(row).collect()
+}
+
+fn event_line(event: &Event) -> EventLine {
+    EventLine {
+        at_utc: event.at.to_rfc3339(),
+        frame: event.frame,
+        kind: event.kind.name().into(),
+        detail: match event.kind {
+            EventKind::Degraded => format!("{}, drawn in {:.3} ms as predicted", event.rung, event.span.ms()),
+            _ if !event.what.is_empty() => format!("{}, {:.3} ms", event.what, event.span.ms()),
+            _ => format!("{:.3} ms", event.span.ms()),
+        },
+    }
+}

@@ -1,0 +1,205 @@
+//! What the stimulator tells the flight computer after each frame: EXPOSURE, the pointing rendered, its own state.
+//!
+//! In: a frame's truth, the receiver, what the port refused. Out: at most seven messages, most urgent first: EXPOSURE,
+//! STATUS state, right ascension, declination and roll of this frame, one of STATUS prediction and clock in turn, one
+//! STATUS rejects (each reason when its count has risen, once a second at most). No EXPOSURE before the first attitude.
+//! HEARTBEAT is the flight computer's: two senders of one identifier would collide on a real bus, and STATUS is sign of
+//! life enough. Tests: `tests/closed_loop/session.rs`.
+
+use crate::runtime::port_reading::REASONS;
+use crate::runtime::receiver::Receiver;
+use base::time::{Span, Tai};
+use base::units::ARCSEC;
+use firmware_protocol::message::{Exposure, PointingAngle, StatusPage, StimulatorMode, frame_flag};
+use firmware_protocol::{Message, Reject};
+use frames::sink::{FaultFlags, FrameMeta};
+
+/// Counts of one reason are told this far apart at least.
+const ONCE: Span = Span::from_ms(1000);
+
+/// Who says what, and when it was last said.
+#[derive(Debug, Clone, Default)]
+pub struct Reply {
+    /// Told of so far.
+    frames: u64,
+    rejects: [Told; REASONS],
+}
+
+/// What the flight computer knows of one reason's count.
+#[derive(Debug, Clone, Copy, Default)]
+struct Told {
+    count: u32,
+    at: Option<Tai>,
+}
+
+/// One frame as it is told of.
+#[derive(Debug, Clone, Copy)]
+pub struct ToldFrame<'a> {
+    /// The frame's truth.
+    pub meta: &'a FrameMeta,
+    /// Bound of its pointing error, where one is known.
+    pub pointing_bound_rad: Option<f64>,
+    /// How often the ports refused input, by the reason's code.
+    pub rejects: &'a [u32; REASONS],
+    /// Now.
+    pub now: Tai,
+}
+
+impl Reply {
+    /// Messages for one frame.
+    pub fn messages(&mut self, frame: &ToldFrame<'_>, receiver: &Receiver) -> impl Iterator<Item = Message> + use<> {
+        let ToldFrame { meta, now, .. } = *frame;
+        self.frames += 1;
+        let state = self.state(mode(meta, receiver), receiver, now);
+        let in_turn = if self.frames.is_multiple_of(2) { prediction(frame) } else { clock(receiver) };
+        [
+            exposure(meta, receiver).map(Message::Exposure),
+            Some(Message::Status(state)),
+            Some(pointing(meta, PointingAngle::RightAscension, meta.ra_deg)),
+            Some(pointing(meta, PointingAngle::Declination, meta.dec_deg)),
+            Some(pointing(meta, PointingAngle::Roll, meta.roll_deg)),
+            in_turn.map(Message::Status),
+            self.reject(&all_rejects(frame.rejects, receiver), now).map(Message::Status),
+        ]
+        .into_iter()
+        .flatten()
+    }
+
+    /// Returns what is sent in place of a frame when the stream has stopped and the policy is to send none.
+    #[must_use]
+    pub fn stopped(&self, receiver: &Receiver, now: Tai) -> Message {
+        Message::Status(self.state(StimulatorMode::Stopped, receiver, now))
+    }
+
+    fn state(&self, mode: StimulatorMode, receiver: &Receiver, now: Tai) -> StatusPage {
+        let frames = u16::try_from(self.frames & 0xffff).unwrap_or(0);
+        StatusPage::State { mode, frames, latency_us: latency_us(receiver, now) }
+    }
+
+    /// The reason told longest ago of those whose count has risen and that may be told again.
+    fn reject(&mut self, counts: &[u32; REASONS], now: Tai) -> Option<StatusPage> {
+        let is_due = |told: &Told| told.at.is_none_or(|last| now - last >= ONCE);
+        let risen = self.rejects.iter_mut().zip(counts).zip(Reject::ALL);
+        let ((told, count), reason) = risen
+            .filter(|((told, count), _)| **count > told.count && is_due(told))
+            .min_by_key(|((told, _), _)| told.at)?;
+        *told = Told { count: *count, at: Some(now) };
+        Some(StatusPage::Rejects { reason, count: *count })
+    }
+}
+
+/// From the epoch of the newest attitude to now, when the frame goes out.
+fn latency_us(receiver: &Receiver, now: Tai) -> u32 {
+    let age = receiver.age_at(now).unwrap_or(Span::ZERO);
+    u32::try_from(age.ns().max(0) / 1000).unwrap_or(u32::MAX)
+}
+
+/// What the ports refused, and what the histories did.
+fn all_rejects(ports: &[u32; REASONS], receiver: &Receiver) -> [u32; REASONS] {
+    let mut all = *ports;
+    let mut add = |reason: Reject, count: u64| {
+        let total = &mut all[usize::from(reason.code())];
+        *total = total.saturating_add(u32::try_from(count).unwrap_or(u32::MAX));
+    };
+    for counts in [receiver.history().counts(), receiver.jitter().counts()] {
+        add(Reject::StaleTime, counts.stale + counts.older_than_history);
+        add(Reject::FutureTime, counts.future);
+        add(Reject::NotFinite, counts.not_finite);
+        add(Reject::UnknownValue, counts.too_fast);
+    }
+    // A pair that came too late looks older than it can be, an outlying one newer.
+    add(Reject::StaleTime, receiver.clock().late());
+    add(Reject::FutureTime, receiver.clock().outliers());
+    all
+}
+
+fn exposure(meta: &FrameMeta, receiver: &Receiver) -> Option<Exposure> {
+    let mid_exposure_us = receiver.remote_us_at(meta.mid_exposure)?;
+    let seq = receiver.history().newest().map_or(0, |sample| sample.seq);
+    let age_us = meta.horizon.max(Span::ZERO).ns() / 1000;
+    let age_us = u32::try_from(age_us).unwrap_or(u32::MAX);
+    Some(Exposure::new(low_byte(meta.number), seq, mid_exposure_us, age_us))
+}
+
+fn pointing(meta: &FrameMeta, angle: PointingAngle, degrees: f64) -> Message {
+    let turns_2_32 = PointingAngle::to_turns(degrees.to_radians());
+    Message::Status(StatusPage::Pointing { angle, frame: low_byte(meta.number), flags: frame_flags(meta), turns_2_32 })
+}
+
+/// What a frame lacks, in the bits of its STATUS pages.
+fn frame_flags(meta: &FrameMeta) -> u16 {
+    let jitter = if meta.jitter_missing > Span::ZERO { frame_flag::JITTER_MISSING } else { 0 };
+    let attitude = if meta.is_partly_extrapolated { frame_flag::PARTLY_EXTRAPOLATED } else { 0 };
+    jitter | attitude
+}
+
+/// How far the attitude was predicted, and how well, where that is known.
+fn prediction(frame: &ToldFrame<'_>) -> Option<StatusPage> {
+    let ten_us = (frame.meta.horizon.ns() / 10_000).clamp(i64::from(i16::MIN), i64::from(i16::MAX));
+    let horizon_10us = i16::try_from(ten_us).unwrap_or(i16::MAX);
+    #[allow(clippy::cast_possible_truncation, reason = "an error in f32 is as good")]
+    let error_arcsec = (frame.pointing_bound_rad? / ARCSEC) as f32;
+    Some(StatusPage::Prediction { horizon_10us, error_arcsec })
+}
+
+fn clock(receiver: &Receiver) -> Option<StatusPage> {
+    let estimate = receiver.clock().estimate()?;
+    // The drift is local seconds per remote second; the flight computer wants its own rate against ours.
+    #[allow(clippy::cast_possible_truncation, reason = "float-to-int casts saturate")]
+    let drift_0_1ppm = (-estimate.drift * 1e7).round() as i16;
+    let limits = (i64::from(i32::MIN), i64::from(i32::MAX));
+    let residual_ns = i32::try_from(estimate.residual.ns().clamp(limits.0, limits.1)).unwrap_or(i32::MAX);
+    Some(StatusPage::Clock { drift_0_1ppm, residual_ns })
+}
+
+fn low_byte(number: u32) -> u8 {
+    u8::try_from(number & 0xff).unwrap_or(0)
+}
+
+fn mode(meta: &FrameMeta, receiver: &Receiver) -> StimulatorMode {
+    if !receiver.session().is_rendering() {
+        StimulatorMode::Idle
+    } else if meta.faults.contains(FaultFlags::BLANK) {
+        StimulatorMode::Blank
+    } else if meta.faults.contains(FaultFlags::LINK_STALE) {
+        StimulatorMode::Holding
+    } else {
+        StimulatorMode::Running
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pointing_pages_carry_what_the_frame_lacks() {
+        let (late, stopped) = (frame_flag::JITTER_MISSING, frame_flag::PARTLY_EXTRAPOLATED);
+        for (missing_ms, is_partly_extrapolated, wanted) in
+            [(0, false, 0), (3, false, late), (0, true, stopped), (3, true, late | stopped)]
+        {
+            let mut meta = FrameMeta::empty("camera".into());
+            (meta.jitter_missing, meta.is_partly_extrapolated) = (Span::from_ms(missing_ms), is_partly_extrapolated);
+            let Message::Status(StatusPage::Pointing { flags, .. }) = pointing(&meta, PointingAngle::Roll, 0.0) else {
+                panic!("a pointing page");
+            };
+            assert_eq!(flags, wanted);
+        }
+    }
+
+    #[test]
+    fn a_reason_is_told_when_its_count_has_risen_and_once_a_second() {
+        let mut reply = Reply::default();
+        let mut counts = [0; REASONS];
+        let mut told = |counts: &[u32; REASONS], ms: i64| reply.reject(counts, Tai::from_ns(ms * 1_000_000));
+        assert_eq!(told(&counts, 0), None);
+        counts[Reject::BadCrc as usize] = 3;
+        counts[Reject::TornGroup as usize] = 1;
+        assert_eq!(told(&counts, 100), Some(StatusPage::Rejects { reason: Reject::BadCrc, count: 3 }));
+        assert_eq!(told(&counts, 200), Some(StatusPage::Rejects { reason: Reject::TornGroup, count: 1 }));
+        counts[Reject::BadCrc as usize] = 4;
+        assert_eq!(told(&counts, 1099), None, "within the second");
+        assert_eq!(told(&counts, 1100), Some(StatusPage::Rejects { reason: Reject::BadCrc, count: 4 }));
+        assert_eq!(told(&counts, 5000), None, "nothing new");
+    }
+}

@@ -1,0 +1,305 @@
+//! The conversation with the flight computer: HELLO, RUN, STOP, tables of parameters, triggers, heartbeats.
+//!
+//! In: commands and heartbeats, stamped. Out: answers, whether frames show stars, events when a peer is refused, falls
+//! silent or speaks again. One answer per command; a retry gets the same answer and changes nothing (the protocol's
+//! `handshake`). Limits: on one bus every sender of commands for this node is the same flight computer. Tests: below, and
+//! `tests/closed_loop/session.rs`.
+
+use crate::runtime::ledger::{Event, EventKind, Ledger};
+use crate::runtime::triggers::{Taken, Triggers};
+use base::time::{Span, Tai};
+use firmware_protocol::handshake::{Answer, Handshake};
+use firmware_protocol::message::{Command, Heartbeat, Rates, Refusal, Reply, Request, TableCell, capability};
+use firmware_protocol::tables::TableStore;
+use firmware_protocol::{DBC_CRC32, version};
+use plan::attitude::ClockEstimate;
+
+/// Rates that are sure to be taken; faster records are taken too.
+const RATES: Rates = Rates { attitude_hz: 100, jitter_hz: 1000 };
+/// What the stimulator takes beside attitude.
+const CAPABILITIES: u16 =
+    capability::PARAMETER_TABLES | capability::JITTER_SAMPLES | capability::WHEELS | capability::TRIGGERS;
+
+/// When frames begin to show stars.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SessionStart {
+    /// With the first attitude. A STOP, or a HELLO of another major version, ends it until the next RUN.
+    AtOnce,
+    /// With an accepted RUN.
+    OnRun,
+}
+
+/// How the session is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SessionParams {
+    /// When frames begin to show stars.
+    pub start: SessionStart,
+    /// A flight computer that has sent heartbeats and sends none for this long has fallen silent.
+    pub heartbeat_timeout: Span,
+}
+
+impl Default for SessionParams {
+    /// At once; three missed heartbeats.
+    fn default() -> Self {
+        Self { start: SessionStart::AtOnce, heartbeat_timeout: Span::from_ms(3500) }
+    }
+}
+
+/// The state of the conversation.
+#[derive(Debug, Clone)]
+pub struct Session {
+    params: SessionParams,
+    handshake: Handshake,
+    tables: TableStore,
+    triggers: Triggers,
+    /// Stopped, or refused, since the last RUN.
+    is_halted: bool,
+    /// The last heartbeat heard.
+    heard: Option<Tai>,
+    is_silent: bool,
+    /// Its last heartbeat was of another major version.
+    is_foreign: bool,
+}
+
+impl Session {
+    /// Before the first word.
+    #[must_use]
+    pub fn new(params: SessionParams) -> Self {
+        let handshake = Handshake::new(DBC_CRC32, RATES).with_capabilities(CAPABILITIES);
+        Self {
+            params,
+            handshake,
+            tables: TableStore::new(),
+            triggers: Triggers::default(),
+            is_halted: false,
+            heard: None,
+            is_silent: false,
+            is_foreign: false,
+        }
+    }
+
+    /// The parameter tables in effect.
+    #[must_use]
+    pub fn tables(&self) -> &TableStore {
+        &self.tables
+    }
+
+    /// The triggers taken in.
+    #[must_use]
+    pub fn triggers(&self) -> &Triggers {
+        &self.triggers
+    }
+
+    /// The same, for whoever takes out those whose instant has come, or knows the clock anew.
+    pub fn triggers_mut(&mut self) -> &mut Triggers {
+        &mut self.triggers
+    }
+
+    /// Accepts triggers of this number from now on; all others are refused.
+    pub fn expect_trigger(&mut self, number: u16) {
+        self.triggers.expect(number);
+    }
+
+    /// Takes one cell of a table in; it has no effect before APPLY.
+    pub fn put(&mut self, cell: &TableCell) {
+        self.tables.put(cell);
+    }
+
+    /// True when frames show what is received.
+    #[must_use]
+    pub fn is_rendering(&self) -> bool {
+        match self.params.start {
+            SessionStart::AtOnce => !self.is_halted,
+            SessionStart::OnRun => self.handshake.is_running(),
+        }
+    }
+
+    /// The one answer to a command that arrived at `at`; `clock` is what is known of the flight computer's.
+    pub fn answer(&mut self, command: &Command, at: Tai, clock: Option<&ClockEstimate>, ledger: &mut Ledger) -> Answer {
+        let was_rendering = self.is_rendering();
+        let mut taken = None;
+        let answer = self.handshake.answer_with(command, &mut self.tables, |trigger| {
+            let result = self.triggers.take(trigger, clock, at);
+            taken = Some(result);
+            result.map(|taken| taken.triggered)
+        });
+        match (command.request, answer.response.reply) {
+            (Request::Hello(_), Reply::Refused { .. }) => {
+                self.is_halted = true;
+                self.forget_triggers(at, ledger);
+                ledger.note(Event::new(EventKind::VersionRefused, at, None, Span::ZERO));
+            }
+            (Request::Stop, Reply::Stop) => {
+                self.is_halted = true;
+                self.forget_triggers(at, ledger);
+            }
+            (Request::Run, Reply::Run) => self.is_halted = false,
+            (_, Reply::Triggered(_)) => self.note_trigger(taken, at, ledger),
+            (Request::Trigger(_), Reply::Refused { reason, .. }) if reason != Refusal::NoHandshake => {
+                self.note_trigger(taken, at, ledger);
+            }
+            (_, Reply::Refused { .. }) => ledger.note(Event::new(EventKind::CommandRefused, at, None, Span::ZERO)),
+            _ => {}
+        }
+        match (was_rendering, self.is_rendering()) {
+            (false, true) => ledger.note(Event::new(EventKind::SessionRun, at, None, Span::ZERO)),
+            (true, false) => ledger.note(Event::new(EventKind::SessionHalt, at, None, Span::ZERO)),
+            _ => {}
+        }
+        answer
+    }
+
+    /// Notes that a trigger was taken in or refused, or counts its repeat.
+    fn note_trigger(&mut self, taken: Option<Result<Taken, Refusal>>, at: Tai, ledger: &mut Ledger) {
+        match taken {
+            Some(Ok(Taken { triggered, ahead })) if triggered.is_late => {
+                ledger.note(Event::new(EventKind::TriggerLate, at, None, Span::from_ns(-ahead.ns())));
+            }
+            Some(Err(_)) => ledger.note(Event::new(EventKind::TriggerRefused, at, None, Span::ZERO)),
+            Some(Ok(Taken { ahead, .. })) => ledger.note(Event::new(EventKind::TriggerTaken, at, None, ahead)),
+            None => self.triggers.count_repeat(),
+        }
+    }
+
+    fn forget_triggers(&mut self, at: Tai, ledger: &mut Ledger) {
+        let forgotten = self.triggers.forget();
+        note_forgotten(forgotten, at, ledger);
+    }
+
+    /// Forgets the triggers that wait for an instant of a clock that has restarted.
+    pub fn forget_dated_triggers(&mut self, at: Tai, ledger: &mut Ledger) {
+        let forgotten = self.triggers.forget_dated();
+        note_forgotten(forgotten, at, ledger);
+    }
+
+    /// Moves the triggers that wait to their instants on a clock that has stepped, and forgets those that are then out of reach.
+    pub fn step_triggers(&mut self, clock: &ClockEstimate, at: Tai, ledger: &mut Ledger) {
+        let forgotten = self.triggers.follow_step(clock, at);
+        note_forgotten(forgotten, at, ledger);
+    }
+
+    /// Takes a heartbeat of the flight computer in.
+    pub fn hear(&mut self, heartbeat: &Heartbeat, at: Tai, ledger: &mut Ledger) {
+        let is_foreign = heartbeat.major != version::MAJOR;
+        if is_foreign && !self.is_foreign {
+            ledger.note(Event::new(EventKind::VersionRefused, at, None, Span::ZERO));
+        }
+        self.is_foreign = is_foreign;
+        if let (true, Some(last)) = (self.is_silent, self.heard) {
+            ledger.note(Event::new(EventKind::HeartbeatBack, at, None, at - last));
+        }
+        self.is_silent = false;
+        self.heard = self.heard.max(Some(at));
+    }
+
+    /// Notices, once each time, that heartbeats have stopped.
+    pub fn watch(&mut self, now: Tai, ledger: &mut Ledger) {
+        let silence = self.heard.map_or(Span::ZERO, |last| now - last);
+        if !self.is_silent && silence > self.params.heartbeat_timeout {
+            self.is_silent = true;
+            ledger.note(Event::new(EventKind::HeartbeatLost, now, None, silence));
+        }
+    }
+}
+
+fn note_forgotten(forgotten: u64, at: Tai, ledger: &mut Ledger) {
+    for _ in 0..forgotten {
+        ledger.note(Event::new(EventKind::TriggerForgotten, at, None, Span::ZERO));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use firmware_protocol::message::{NodeState, Trigger};
+    use firmware_protocol::version::Version;
+
+    fn at_ms(ms: i64) -> Tai {
+        Tai::from_ns(ms * 1_000_000)
+    }
+
+    struct Talk {
+        session: Session,
+        ledger: Ledger,
+        token: u8,
+    }
+
+    fn talk(start: SessionStart) -> Talk {
+        let params = SessionParams { start, ..SessionParams::default() };
+        Talk { session: Session::new(params), ledger: Ledger::default(), token: 0 }
+    }
+
+    impl Talk {
+        fn say(&mut self, request: Request) -> Reply {
+            self.token += 1;
+            let command = Command { token: self.token, request };
+            self.session.answer(&command, at_ms(0), None, &mut self.ledger).response.reply
+        }
+
+        fn count(&self, kind: EventKind) -> u64 {
+            self.ledger.count(kind)
+        }
+    }
+
+    #[test]
+    fn on_run_nothing_is_shown_before_hello_and_run_and_nothing_after_stop() {
+        let mut talk = talk(SessionStart::OnRun);
+        assert!(!talk.session.is_rendering());
+        assert!(matches!(talk.say(Request::Run), Reply::Refused { .. }), "no HELLO yet");
+        assert_eq!((talk.session.is_rendering(), talk.count(EventKind::CommandRefused)), (false, 1));
+        talk.say(Request::Hello(version::CURRENT));
+        assert!(!talk.session.is_rendering(), "not yet");
+        talk.say(Request::Run);
+        assert!(talk.session.is_rendering());
+        talk.say(Request::Stop);
+        assert!(!talk.session.is_rendering());
+        assert_eq!((talk.count(EventKind::SessionRun), talk.count(EventKind::SessionHalt)), (1, 1));
+    }
+
+    #[test]
+    fn at_once_stars_are_shown_until_a_stop_or_a_peer_of_another_major() {
+        let mut talk = talk(SessionStart::AtOnce);
+        assert!(talk.session.is_rendering());
+        talk.say(Request::Hello(Version { major: version::MAJOR + 1, minor: 0 }));
+        assert_eq!((talk.session.is_rendering(), talk.count(EventKind::VersionRefused)), (false, 1));
+        assert!(matches!(talk.say(Request::Run), Reply::Refused { .. }), "another major may not run");
+        assert!(!talk.session.is_rendering());
+        talk.say(Request::Hello(version::CURRENT));
+        talk.say(Request::Run);
+        assert!(talk.session.is_rendering());
+    }
+
+    #[test]
+    fn trigger_that_nothing_waits_for_is_refused_noted_once_and_not_fired() {
+        let mut talk = talk(SessionStart::AtOnce);
+        talk.session.expect_trigger(3);
+        talk.say(Request::Hello(version::CURRENT));
+        let trigger = |number| Request::Trigger(Trigger { number, at_us: 0 });
+        let refused = Reply::Refused { opcode: 6, reason: Refusal::UnknownTrigger };
+        assert_eq!(talk.say(trigger(7)), refused);
+        talk.token -= 1;
+        assert_eq!(talk.say(trigger(7)), refused, "the repeat");
+        let counts = talk.session.triggers().counts();
+        assert_eq!((counts.refused, counts.repeated, talk.session.triggers().waiting()), (1, 1, 0));
+        assert_eq!((talk.count(EventKind::TriggerRefused), talk.count(EventKind::CommandRefused)), (1, 0));
+        // Negative control: the number that a fault waits for is taken.
+        assert!(matches!(talk.say(trigger(3)), Reply::Triggered(_)));
+        assert_eq!((talk.count(EventKind::TriggerRefused), talk.count(EventKind::TriggerTaken)), (1, 1));
+    }
+
+    #[test]
+    fn silence_is_told_once_and_so_is_its_end() {
+        let mut talk = talk(SessionStart::AtOnce);
+        let beat = Heartbeat { state: NodeState::Running, major: version::MAJOR };
+        talk.session.watch(at_ms(60_000), &mut talk.ledger);
+        assert_eq!(talk.count(EventKind::HeartbeatLost), 0, "who never spoke is not silent");
+        talk.session.hear(&beat, at_ms(0), &mut talk.ledger);
+        for ms in [3_500, 3_501, 9_000] {
+            talk.session.watch(at_ms(ms), &mut talk.ledger);
+            assert_eq!(talk.count(EventKind::HeartbeatLost), u64::from(ms > 3_500), "{ms} ms");
+        }
+        talk.session.hear(&beat, at_ms(10_000), &mut talk.ledger);
+        talk.session.hear(&beat, at_ms(11_000), &mut talk.ledger);
+        assert_eq!(talk.count(EventKind::HeartbeatBack), 1);
+    }
+}

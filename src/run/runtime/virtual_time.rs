@@ -1,0 +1,402 @@
+//! The loop on the virtual clock: one thread, events in order of time, bit-identical whatever the machine does.
+//!
+//! Three kinds of events: the other end of the cable has something to do; a slot's exposure ends and its frame is drawn;
+//! a frame has been read out and goes out. At one instant they come in that order, save that a frame goes out before the
+//! next one is drawn. Drawing takes no simulated time, so nothing is late; wall times per stage are measured all the same.
+//! [`VirtualLoop`] can be advanced step by step; [`run`] takes it to the end.
+
+use crate::runtime::engine::{FrameEngine, Slot};
+use crate::runtime::error::{FarEndError, RunError};
+use crate::runtime::frame_faults::{Fate, FrameFaults};
+use crate::runtime::ledger::Ledger;
+use crate::runtime::outcome::{RunOutcome, lines_of_head};
+use crate::runtime::port_reading::PortReading;
+use crate::runtime::receiver::Receiver;
+use crate::runtime::record::RunRecord;
+use crate::runtime::reply::{Reply, ToldFrame};
+use base::clock::{Clock, Stopwatch, Virtual};
+use base::time::{Span, Tai};
+use frames::report::Stage;
+use frames::sink::{SentFrame, Sink, sink_lines};
+use link::Port;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// A slot that waits for jitter samples looks for them this often.
+const JITTER_POLL: Span = Span::from_ms(1);
+
+/// One camera head: what draws its frames, what it has heard, where its frames go, and what goes wrong with them.
+pub struct Head<'a> {
+    /// Draws.
+    pub engine: &'a mut FrameEngine,
+    /// Hears.
+    pub receiver: &'a mut Receiver,
+    /// Takes the frames.
+    pub sink: &'a mut dyn Sink,
+    /// Spoils them; `None`: nothing does.
+    pub faults: Option<&'a mut FrameFaults>,
+}
+
+/// The world around a [`VirtualLoop`].
+pub struct World<'a> {
+    /// The stimulator's end of the cable.
+    pub port: &'a mut Port,
+    /// Steps the other end to an instant and says when it next has something to do.
+    pub far_end: &'a mut dyn FnMut(Tai) -> Result<Tai, FarEndError>,
+    /// Called with every frame that goes out, and the number of its head; false ends the run.
+    pub progress: &'a mut dyn FnMut(usize, &SentFrame, &RunRecord) -> bool,
+}
+
+/// A frame between its exposure and its delivery.
+struct Pending {
+    deliver_at: Tai,
+    head: usize,
+    frame: SentFrame,
+    drawn: Span,
+}
+
+/// The loop's own state.
+pub struct VirtualLoop {
+    clock: Arc<Virtual>,
+    record: RunRecord,
+    /// When the other end next has something to do; `None` before the start.
+    far_due: Option<Tai>,
+    /// Each head's next slot.
+    slots: Vec<u32>,
+    /// Until when each head's next slot waits for jitter samples; `None` when it is drawn at its release.
+    waits_until: Vec<Option<Tai>>,
+    pending: VecDeque<Pending>,
+    spare: Vec<SentFrame>,
+    stopped: bool,
+    reply: Reply,
+    /// What the port had counted at the frame before.
+    reading: PortReading,
+    /// What further heads note of messages of which the first has noted the same.
+    said_already: Ledger,
+}
+
+/// What comes next.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Next {
+    FarEnd,
+    Deliver,
+    Draw(usize),
+}
+
+impl VirtualLoop {
+    /// A loop in which nothing has happened.
+    #[must_use]
+    pub fn new(clock: Arc<Virtual>) -> Self {
+        Self {
+            clock,
+            record: RunRecord::default(),
+            far_due: None,
+            slots: Vec::new(),
+            waits_until: Vec::new(),
+            pending: VecDeque::new(),
+            spare: Vec::new(),
+            stopped: false,
+            reply: Reply::default(),
+            reading: PortReading::default(),
+            said_already: Ledger::default(),
+        }
+    }
+
+    /// Simulated time.
+    #[must_use]
+    pub fn now(&self) -> Tai {
+        self.clock.now()
+    }
+
+    /// Counts and events so far.
+    #[must_use]
+    pub fn record(&self) -> &RunRecord {
+        &self.record
+    }
+
+    /// The same, for events that others bring.
+    pub fn record_mut(&mut self) -> &mut RunRecord {
+        &mut self.record
+    }
+
+    /// True when `progress` ended the run.
+    #[must_use]
+    pub fn is_stopped(&self) -> bool {
+        self.stopped
+    }
+
+    /// Frames drawn that have not gone out, and when the last of them will.
+    #[must_use]
+    pub fn on_the_way(&self) -> (u64, Option<Tai>) {
+        let last = self.pending.iter().map(|pending| pending.deliver_at).max();
+        (self.pending.len() as u64, last)
+    }
+
+    /// True when every slot of every head has been drawn and every frame is out.
+    #[must_use]
+    pub fn is_finished(&self, heads: &[Head<'_>]) -> bool {
+        let drawn = |(head, slot): (&Head<'_>, &u32)| *slot >= head.engine.params().frames;
+        self.far_due.is_some() && self.pending.is_empty() && heads.iter().zip(&self.slots).all(drawn)
+    }
+
+    /// Does everything that is due up to and including `until`, and leaves the clock there.
+    ///
+    /// # Errors
+    /// When the link, the backend or a sink failed.
+    pub fn advance_to(&mut self, until: Tai, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
+        if self.far_due.is_none() {
+            self.start(heads, world)?;
+        }
+        while let Some((at, next)) = self.next(heads).filter(|(at, _)| *at <= until && !self.stopped) {
+            self.clock.advance_to(at);
+            self.receive(at, heads, world.port)?;
+            match next {
+                Next::FarEnd => self.far_due = Some((world.far_end)(at).map_err(RunError::FarEnd)?),
+                Next::Deliver => self.deliver(at, heads, world)?,
+                Next::Draw(head) => self.draw(head, heads, world.port)?,
+            }
+        }
+        if !self.stopped {
+            self.clock.advance_to(until);
+            self.receive(until, heads, world.port)?;
+        }
+        Ok(())
+    }
+
+    /// Advances until the last frame of every head is out.
+    ///
+    /// # Errors
+    /// As [`Self::advance_to`].
+    pub fn finish(&mut self, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
+        loop {
+            let last_release =
+                |head: &Head<'_>| head.engine.slot(head.engine.params().frames.saturating_sub(1)).release;
+            let last_pending = self.pending.iter().map(|pending| pending.deliver_at).max();
+            let last_wait = self.waits_until.iter().copied().flatten().max();
+            let lasts = heads.iter().map(last_release).chain(last_pending).chain(last_wait);
+            let until = lasts.max().unwrap_or(self.clock.now());
+            self.advance_to(until, heads, world)?;
+            if self.stopped || self.is_finished(heads) {
+                return Ok(());
+            }
+        }
+    }
+
+    /// The record, when the run is over.
+    #[must_use]
+    pub fn into_record(self) -> RunRecord {
+        self.record
+    }
+
+    fn start(&mut self, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
+        self.slots = vec![0; heads.len()];
+        self.waits_until = vec![None; heads.len()];
+        for head in heads.iter_mut() {
+            let mut frame = empty_frame(head.engine);
+            head.engine.warm_up(&mut frame)?;
+            self.spare.push(frame);
+        }
+        self.far_due = Some((world.far_end)(self.clock.now()).map_err(RunError::FarEnd)?);
+        Ok(())
+    }
+
+    /// Takes in what has arrived by `now`: every head hears everything, the first one answers and notes.
+    fn receive(&mut self, now: Tai, heads: &mut [Head<'_>], port: &mut Port) -> Result<(), RunError> {
+        while let Some(message) = port.receive(now)? {
+            for (i, head) in heads.iter_mut().enumerate() {
+                let ledger = if i == 0 { &mut self.record.ledger } else { &mut self.said_already };
+                let answer = head.receiver.accept(&message, ledger);
+                if let Some(answer) = answer.filter(|_| i == 0) {
+                    port.send(&answer)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The earliest event; of simultaneous ones the first by kind.
+    fn next(&self, heads: &[Head<'_>]) -> Option<(Tai, Next)> {
+        let far_end = self.far_due.map(|at| (at, Next::FarEnd));
+        let delivery = self.pending.iter().map(|pending| pending.deliver_at).min().map(|at| (at, Next::Deliver));
+        let draw = |(i, (head, slot)): (usize, (&Head<'_>, &u32))| {
+            let release = || self.waits_until[i].unwrap_or(head.engine.slot(*slot).release);
+            (*slot < head.engine.params().frames).then(|| (release(), Next::Draw(i)))
+        };
+        let draws = heads.iter().zip(&self.slots).enumerate().filter_map(draw);
+        draws.chain(delivery).chain(far_end).min()
+    }
+
+    fn draw(&mut self, i: usize, heads: &mut [Head<'_>], port: &mut Port) -> Result<(), RunError> {
+        let head = &mut heads[i];
+        let slot = head.engine.slot(self.slots[i]);
+        if self.must_wait(i, slot, head) {
+            return Ok(());
+        }
+        self.slots[i] += 1;
+        self.record.frames.scheduled += 1;
+        let mut frame = self.take_buffer(head.engine);
+        let ledger = &mut self.record.ledger;
+        let faults = &mut head.faults;
+        head.receiver.fire_triggers(slot, ledger, &mut |fired| {
+            if let Some(faults) = faults.as_mut() {
+                faults.fire_trigger(fired.number, fired.at);
+            }
+        });
+        let fate = head.faults.as_mut().map_or(Fate::SEND, |faults| faults.begin(slot, head.engine, ledger));
+        let mut watch = Stopwatch::start();
+        let exposed = head.engine.expose(slot, head.receiver, &mut self.record.ledger, &mut frame);
+        if let (Err(RunError::AttitudeStopped { .. }), 0) = (&exposed, i) {
+            port.send(&self.reply.stopped(head.receiver, slot.release))?;
+        }
+        let Some(times) = exposed? else { return self.leave_out(i, slot, frame, head, port) };
+        frame.meta.lateness = Span::ZERO;
+        let drawn = watch.lap();
+        self.record.count_rendered(&frame, &times);
+        // Heads share one exposure time: the first speaks for all.
+        if i == 0 {
+            self.tell(&frame, slot.due, head, port)?;
+        }
+        // What the stimulator says of itself it says before its frame is spoilt.
+        if let Some(faults) = head.faults.as_mut() {
+            faults.spoil(&fate, &mut frame);
+        }
+        self.queue(i, slot, frame, fate, drawn);
+        Ok(())
+    }
+
+    /// Lets a slot wait for jitter samples that are under way, a step at a time and as long as there is time for it.
+    fn must_wait(&mut self, i: usize, slot: Slot, head: &Head<'_>) -> bool {
+        let now = self.clock.now();
+        let limit = slot.release + head.engine.jitter_wait(slot, head.receiver);
+        let waits = now < limit && head.engine.lacks_jitter(slot, head.receiver);
+        self.waits_until[i] = waits.then(|| limit.min(now + JITTER_POLL));
+        waits
+    }
+
+    /// Sends nothing for a slot without an attitude, and says so to the flight computer.
+    fn leave_out(
+        &mut self,
+        i: usize,
+        slot: Slot,
+        frame: SentFrame,
+        head: &mut Head<'_>,
+        port: &mut Port,
+    ) -> Result<(), RunError> {
+        if i == 0 {
+            self.watch_link(slot.due, head, port);
+            port.send(&self.reply.stopped(head.receiver, slot.due))?;
+        }
+        self.record.frames.dropped += 1;
+        self.spare.push(frame);
+        Ok(())
+    }
+
+    /// Tells the flight computer what was drawn, and the ledger what became of the link.
+    fn tell(&mut self, frame: &SentFrame, now: Tai, head: &mut Head<'_>, port: &mut Port) -> Result<(), RunError> {
+        let reading = self.watch_link(now, head, port);
+        let pointing_bound_rad = head.engine.pointing_bound_rad();
+        let told = ToldFrame { meta: &frame.meta, pointing_bound_rad, rejects: &reading.rejects, now };
+        for message in self.reply.messages(&told, head.receiver) {
+            port.send(&message)?;
+        }
+        Ok(())
+    }
+
+    /// Brings to the ledger what became of the link; what the port has counted.
+    fn watch_link(&mut self, now: Tai, head: &mut Head<'_>, port: &Port) -> PortReading {
+        head.receiver.watch(now, &mut self.record.ledger);
+        let reading = PortReading::of(port, 0);
+        reading.tell(&self.reading, now, &mut self.record.ledger);
+        self.reading = reading;
+        self.record.keep_ports(&[reading]);
+        reading
+    }
+
+    fn queue(&mut self, head: usize, slot: Slot, frame: SentFrame, fate: Fate, drawn: Span) {
+        if fate.is_dropped {
+            self.record.frames.dropped += 1;
+            self.spare.push(frame);
+            return;
+        }
+        let deliver_at = slot.due.max(slot.release) + fate.delay;
+        self.pending.push_back(Pending { deliver_at, head, frame, drawn });
+    }
+
+    fn deliver(&mut self, at: Tai, heads: &mut [Head<'_>], world: &mut World<'_>) -> Result<(), RunError> {
+        while let Some(place) = self.pending.iter().position(|pending| pending.deliver_at <= at) {
+            let Some(pending) = self.pending.remove(place) else { break };
+            let head = &mut heads[pending.head];
+            let mut watch = Stopwatch::start();
+            head.sink.send(&pending.frame)?;
+            self.record.count_outgoing(&pending.frame.meta);
+            self.record.frames.delivered += 1;
+            let sending = watch.lap();
+            self.record.stages.record_stage(Stage::Sink, sending);
+            self.record.stages.record_stage(Stage::ReleaseToDelivered, pending.drawn + sending);
+            self.stopped |= !(world.progress)(pending.head, &pending.frame, &self.record);
+            self.spare.push(pending.frame);
+        }
+        // Whoever looks at the frames is at the other end.
+        self.far_due = Some((world.far_end)(at).map_err(RunError::FarEnd)?);
+        Ok(())
+    }
+
+    /// A buffer of the engine's size.
+    fn take_buffer(&mut self, engine: &FrameEngine) -> SentFrame {
+        let size = engine.params().camera.output().size_px;
+        let fits = |frame: &SentFrame| {
+            [frame.image.width(), frame.image.height()] == size && frame.meta.camera == engine.params().camera.name
+        };
+        let place = self.spare.iter().position(fits);
+        place.map_or_else(|| empty_frame(engine), |place| self.spare.swap_remove(place))
+    }
+}
+
+fn empty_frame(engine: &FrameEngine) -> SentFrame {
+    let camera = &engine.params().camera;
+    let [width, height] = camera.output().size_px;
+    SentFrame::with_capacity(width, height, 0, camera.name.clone())
+}
+
+/// Runs every slot of one engine. `far_end` steps the other end of the cable to an instant and says when it next has
+/// something to do; `progress` is called after each frame, and says whether to go on.
+pub fn run(
+    engine: &mut FrameEngine,
+    receiver: &mut Receiver,
+    port: &mut Port,
+    clock: &Arc<Virtual>,
+    sink: &mut dyn Sink,
+    far_end: &mut dyn FnMut(Tai) -> Result<Tai, FarEndError>,
+    progress: &mut dyn FnMut(&SentFrame, &RunRecord) -> bool,
+) -> RunOutcome {
+    let progress = &mut |_head: usize, frame: &SentFrame, record: &RunRecord| progress(frame, record);
+    let heads = vec![Head { engine, receiver, sink, faults: None }];
+    run_in(clock, heads, &mut World { port, far_end, progress })
+}
+
+/// The same for several heads.
+pub fn run_in(clock: &Arc<Virtual>, mut heads: Vec<Head<'_>>, world: &mut World<'_>) -> RunOutcome {
+    let mut going = VirtualLoop::new(Arc::clone(clock));
+    let mut error = going.finish(&mut heads, world).err();
+    let (mut summaries, mut sinks) = (Vec::new(), Vec::new());
+    let count = heads.len();
+    for (number, head) in heads.iter_mut().enumerate() {
+        let summary = match head.sink.finish() {
+            Ok(summary) => Some(summary),
+            Err(finishing) => {
+                error.get_or_insert(finishing.into());
+                None
+            }
+        };
+        sinks.extend(lines_of_head(number, count, sink_lines(head.sink, summary.as_ref())));
+        summaries.push(summary);
+    }
+    if let Some(RunError::Sink(failure)) = &error {
+        // A sink that is alone keeps no error of its own.
+        for line in sinks.iter_mut().filter(|line| line.refused > 0) {
+            line.first_error.get_or_insert_with(|| failure.to_string());
+        }
+    }
+    let ports = vec![PortReading::of(world.port, 0)];
+    RunOutcome { record: going.into_record(), ports, summaries, sinks, lost_threads: Vec::new(), error }
+}

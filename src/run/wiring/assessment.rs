@@ -1,0 +1,392 @@
+//! Rows of telemetry and frames as they come -> what a run amounts to, and whether its expectations and invariants held.
+//!
+//! Nothing is kept but sums, so that a run of a hundred hours needs no more memory than one of a minute.
+
+use base::time::{Span, Tai};
+use base::units::ARCSEC;
+use config::Expect;
+use frames::sink::crc32::Crc32;
+use serde::Serialize;
+use testbed::acs::{Mode, ModeEvent};
+use testbed::vehicle::TelemetryRow;
+
+/// Mode changes kept in full; more are counted.
+const MODE_EVENTS_KEPT: usize = 256;
+/// Violations kept in words; more are counted.
+const VIOLATIONS_KEPT: usize = 32;
+
+/// Mean square of a vector, by axes across and along the boresight.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Square {
+    count: u64,
+    across: f64,
+    about: f64,
+    largest: f64,
+}
+
+impl Square {
+    /// A rotation vector in axes whose z is the boresight.
+    fn add(&mut self, v: glam::DVec3) {
+        self.count += 1;
+        self.across += v.x * v.x + v.y * v.y;
+        self.about += v.z * v.z;
+        self.largest = self.largest.max(v.truncate().length());
+    }
+
+    fn rms(&self, sum: f64) -> Option<f64> {
+        (self.count > 0).then(|| (sum / self.count as f64).sqrt())
+    }
+}
+
+/// Errors over the window, arcsec.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct WindowErrors {
+    /// Rows in the window.
+    pub rows: u64,
+    /// Of the first head's boresight, rms of the angle.
+    pub boresight_arcsec: Option<f64>,
+    /// About the boresight, rms.
+    pub roll_arcsec: Option<f64>,
+    /// Largest of the boresight.
+    pub largest_boresight_arcsec: Option<f64>,
+}
+
+/// One mode change, for people.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ModeLine {
+    /// Seconds after the first exposure.
+    pub t_s: f64,
+    /// From.
+    pub from: &'static str,
+    /// To.
+    pub to: &'static str,
+    /// Why.
+    pub cause: String,
+}
+
+/// One expectation or invariant and what became of it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Verdict {
+    /// What was looked at.
+    pub name: &'static str,
+    /// What was wanted.
+    pub wanted: String,
+    /// What was found.
+    pub got: String,
+    /// Whether it held.
+    pub passed: bool,
+}
+
+/// The sums.
+pub struct Assessment {
+    expect: Expect,
+    zero: Tai,
+    window_from: Tai,
+    head_from_body: glam::DQuat,
+    pointing: Square,
+    knowledge: Square,
+    telemetry_crc32: Crc32,
+    rows: u64,
+    first_fine: Option<Tai>,
+    mode: Mode,
+    mode_changes: u64,
+    mode_lines: Vec<ModeLine>,
+    last_boresight_rad: f64,
+    /// When pointing was last off target by more than the recovered angle.
+    last_off: Tai,
+    least_sun_angle_rad: Option<f64>,
+    solved_rows: u64,
+    /// Sum of the tracker's variances in the window, and their number.
+    tracker_variance: (f64, u64),
+    /// Largest micro-vibration, rad, with the wheel speed then, rad/s.
+    vibration: (f64, f64),
+    violations: u64,
+    violation_lines: Vec<String>,
+    refusals: Vec<String>,
+    frames_held_to_truth: u64,
+    frames_unchecked: u64,
+    largest_rendered_rad: f64,
+}
+
+/// Name of a mode in files.
+#[must_use]
+pub fn mode_name(mode: Mode) -> &'static str {
+    match mode {
+        Mode::Safe => "safe",
+        Mode::RateDamping => "rate_damping",
+        Mode::CoarsePointing => "coarse_pointing",
+        Mode::FinePointing => "fine_pointing",
+        Mode::Slew => "slew",
+    }
+}
+
+impl Assessment {
+    /// Judges the last `expect.window_s` before `end`; `sensor_from_body` is the first head's mounting.
+    #[must_use]
+    pub fn new(expect: Expect, zero: Tai, end: Tai, sensor_from_body: glam::DQuat) -> Self {
+        Self {
+            zero,
+            window_from: end - Span::from_s(expect.window_s),
+            expect,
+            head_from_body: sensor_from_body,
+            pointing: Square::default(),
+            knowledge: Square::default(),
+            telemetry_crc32: Crc32::default(),
+            rows: 0,
+            first_fine: None,
+            mode: Mode::RateDamping,
+            mode_changes: 0,
+            mode_lines: Vec::with_capacity(MODE_EVENTS_KEPT),
+            last_boresight_rad: f64::INFINITY,
+            last_off: zero,
+            least_sun_angle_rad: None,
+            solved_rows: 0,
+            tracker_variance: (0.0, 0),
+            vibration: (0.0, 0.0),
+            violations: 0,
+            violation_lines: Vec::new(),
+            refusals: Vec::new(),
+            frames_held_to_truth: 0,
+            frames_unchecked: 0,
+            largest_rendered_rad: 0.0,
+        }
+    }
+
+    /// Takes one row in.
+    pub fn take_row(&mut self, row: &TelemetryRow) {
+        self.telemetry_crc32.update(&row.bytes());
+        self.rows += 1;
+        self.mode = row.mode;
+        let sensor = self.head_from_body * row.pointing_error_rad;
+        self.last_boresight_rad = sensor.truncate().length();
+        if self.last_boresight_rad > self.expect.recovered_arcsec * ARCSEC {
+            self.last_off = row.at;
+        }
+        if row.vibration_rad > self.vibration.0 {
+            self.vibration = (row.vibration_rad, row.wheel_speed_rad_s);
+        }
+        self.solved_rows += u64::from(row.heads_solved > 0);
+        self.least_sun_angle_rad = match (self.least_sun_angle_rad, row.sun_angle_rad) {
+            (Some(least), Some(angle)) => Some(f64::min(least, angle)),
+            (least, angle) => least.or(angle),
+        };
+        if row.at >= self.window_from {
+            self.pointing.add(sensor);
+            if let Some(sigma) = row.tracker_sigma_rad {
+                self.tracker_variance = (self.tracker_variance.0 + sigma * sigma, self.tracker_variance.1 + 1);
+            }
+            if let Some(error) = row.knowledge_error_rad {
+                self.knowledge.add(self.head_from_body * error);
+            }
+        }
+    }
+
+    /// Takes a mode change in.
+    pub fn take_mode(&mut self, event: &ModeEvent) {
+        self.mode_changes += 1;
+        if event.to == Mode::FinePointing {
+            self.first_fine = self.first_fine.or(Some(event.at));
+        }
+        if self.mode_lines.len() < MODE_EVENTS_KEPT {
+            self.mode_lines.push(ModeLine {
+                t_s: (event.at - self.zero).s(),
+                from: mode_name(event.from),
+                to: mode_name(event.to),
+                cause: format!("{:?}", event.cause),
+            });
+        }
+    }
+
+    /// Notes that an invariant was broken.
+    pub fn violate(&mut self, what: impl FnOnce() -> String) {
+        self.violations += 1;
+        if self.violation_lines.len() < VIOLATIONS_KEPT {
+            self.violation_lines.push(what());
+        }
+    }
+
+    /// First exposure.
+    #[must_use]
+    pub fn zero(&self) -> Tai {
+        self.zero
+    }
+
+    /// Notes how far from the truth a frame was rendered that claims to show it.
+    pub fn note_rendered(&mut self, error_rad: f64) {
+        self.frames_held_to_truth += 1;
+        self.largest_rendered_rad = self.largest_rendered_rad.max(error_rad);
+    }
+
+    /// Notes a frame whose truth is not known any more: it went out seconds late.
+    pub fn note_unchecked(&mut self) {
+        self.frames_unchecked += 1;
+    }
+
+    /// Frames that could not be held against the truth.
+    #[must_use]
+    pub fn frames_unchecked(&self) -> u64 {
+        self.frames_unchecked
+    }
+
+    /// Frames held against the truth, and the largest distance from it, arcsec.
+    #[must_use]
+    pub fn rendered(&self) -> (u64, f64) {
+        (self.frames_held_to_truth, self.largest_rendered_rad / ARCSEC)
+    }
+
+    /// Notes a command that the flight computer refused.
+    pub fn note_refusal(&mut self, why: &str) {
+        if self.refusals.len() < VIOLATIONS_KEPT {
+            self.refusals.push(why.into());
+        }
+    }
+
+    /// Commands that the flight computer refused.
+    #[must_use]
+    pub fn refusals(&self) -> &[String] {
+        &self.refusals
+    }
+
+    /// Broken invariants so far, in words (the first few).
+    #[must_use]
+    pub fn violations(&self) -> (u64, &[String]) {
+        (self.violations, &self.violation_lines)
+    }
+
+    /// Mode changes so far (the first few).
+    #[must_use]
+    pub fn mode_lines(&self) -> &[ModeLine] {
+        &self.mode_lines
+    }
+
+    /// CRC-32 over every row's bytes.
+    #[must_use]
+    pub fn telemetry_crc32(&self) -> u32 {
+        self.telemetry_crc32.value()
+    }
+
+    /// Rows so far.
+    #[must_use]
+    pub fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    /// Share of the rows in which a head had an attitude.
+    #[must_use]
+    pub fn tracker_availability(&self) -> f64 {
+        self.solved_rows as f64 / self.rows.max(1) as f64
+    }
+
+    /// Noise-equivalent angle across the boresight in the window, as the tracker's own covariance has it, rad.
+    #[must_use]
+    pub fn nea_rad(&self) -> Option<f64> {
+        let (sum, count) = self.tracker_variance;
+        (count > 0).then(|| (sum / count as f64).sqrt())
+    }
+
+    /// Largest micro-vibration, arcsec, and the largest wheel speed then, in revolutions per second; `None`: none.
+    #[must_use]
+    pub fn vibration(&self) -> Option<(f64, f64)> {
+        let (vibration_rad, speed_rad_s) = self.vibration;
+        (vibration_rad > 0.0).then(|| (vibration_rad / ARCSEC, speed_rad_s / core::f64::consts::TAU))
+    }
+
+    /// Smallest angle between the kept boresight and the Sun, rad.
+    #[must_use]
+    pub fn least_sun_angle_rad(&self) -> Option<f64> {
+        self.least_sun_angle_rad
+    }
+
+    /// Seconds from the first exposure to fine pointing.
+    #[must_use]
+    pub fn fine_after_s(&self) -> Option<f64> {
+        self.first_fine.map(|at| (at - self.zero).s())
+    }
+
+    /// Pointing errors in the window: from the true attitude to the target's.
+    #[must_use]
+    pub fn pointing(&self) -> WindowErrors {
+        window(&self.pointing)
+    }
+
+    /// Knowledge errors in the window: from the true attitude to the estimated one.
+    #[must_use]
+    pub fn knowledge(&self) -> WindowErrors {
+        window(&self.knowledge)
+    }
+
+    /// When pointing was last off by more than `recovered_arcsec`.
+    #[must_use]
+    pub fn last_off(&self) -> Tai {
+        self.last_off
+    }
+
+    /// True when the last row was on target.
+    #[must_use]
+    pub fn is_on_target(&self) -> bool {
+        self.last_boresight_rad <= self.expect.recovered_arcsec * ARCSEC
+    }
+
+    /// What the expectations came to. `predicted_arcsec` is what linear theory says of the boresight's rms error.
+    #[must_use]
+    pub fn verdicts(&self, predicted_arcsec: Option<f64>) -> Vec<Verdict> {
+        let expect = &self.expect;
+        let mut verdicts = Vec::new();
+        let mut at_most = |name, limit: Option<f64>, got: Option<f64>, unit: &str| {
+            if let Some(limit) = limit {
+                let wanted = format!("at most {limit} {unit}");
+                let told = got.map_or_else(|| "never".into(), |got| format!("{got:.3} {unit}"));
+                verdicts.push(Verdict { name, wanted, got: told, passed: got.is_some_and(|got| got <= limit) });
+            }
+        };
+        let pointing = self.pointing().boresight_arcsec;
+        at_most("fine pointing reached after", expect.fine_pointing_within_s, self.fine_after_s(), "s");
+        at_most("rms pointing error", expect.pointing_arcsec.filter(|_| !expect.diverges), pointing, "arcsec");
+        let knowledge = self.knowledge().boresight_arcsec;
+        at_most("rms knowledge error", expect.knowledge_arcsec, knowledge, "arcsec");
+        let ratio = pointing.zip(predicted_arcsec).map(|(got, predicted)| got / predicted);
+        at_most("pointing error over the linear prediction", expect.pointing_over_predicted, ratio, "times");
+        if !self.refusals.is_empty() && !expect.allows_refusals {
+            let got = self.refusals.join("; ");
+            verdicts.push(Verdict { name: "commands", wanted: "all taken".into(), got, passed: false });
+        }
+        if expect.diverges {
+            let limit = expect.pointing_arcsec.unwrap_or(expect.recovered_arcsec);
+            verdicts.push(Verdict {
+                name: "the control fails, as it must here",
+                wanted: format!("rms pointing error above {limit} arcsec"),
+                got: pointing.map_or_else(|| "none".into(), |got| format!("{got:.3} arcsec")),
+                passed: pointing.is_some_and(|got| got > limit),
+            });
+        }
+        if let Some(least) = expect.least_sun_angle_deg {
+            let got = self.least_sun_angle_rad.map(f64::to_degrees);
+            verdicts.push(Verdict {
+                name: "smallest angle to the Sun",
+                wanted: format!("at least {least} deg"),
+                got: got.map_or_else(|| "no boresight is kept from it".into(), |got| format!("{got:.3} deg")),
+                passed: got.is_some_and(|got| got >= least),
+            });
+        }
+        if let Some(mode) = expect.final_mode {
+            let got = mode_name(self.mode);
+            verdicts.push(Verdict {
+                name: "mode at the end",
+                wanted: mode.into(),
+                got: got.into(),
+                passed: got == mode,
+            });
+        }
+        verdicts
+    }
+}
+
+fn window(square: &Square) -> WindowErrors {
+    let arcsec = |rad: f64| rad / ARCSEC;
+    WindowErrors {
+        rows: square.count,
+        boresight_arcsec: square.rms(square.across).map(arcsec),
+        roll_arcsec: square.rms(square.about).map(arcsec),
+        largest_boresight_arcsec: (square.count > 0).then(|| arcsec(square.largest)),
+    }
+}

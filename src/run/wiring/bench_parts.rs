@@ -1,0 +1,340 @@
+//! A checked bench file -> the parameters of a run, of its simulated bus and of its simulated flight computer.
+
+use crate::runtime::params::{AttitudeParams, CameraParams};
+use crate::runtime::sky_targets::SkyTarget;
+use crate::runtime::{BackendChoice, DeadlinePolicy, Imager, RunParams, SessionParams, SessionStart};
+use crate::wiring::camera_parts::camera_params;
+use crate::wiring::sensitivity::{Conditions, Sensitivity};
+use anyhow::{Context, Result, bail};
+use base::axes::{Body, Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
+use base::time::{Span, Tai};
+use config::{
+    self, Bench, JitterSource, OrbitSettings, OrbitStart, Overlap, TargetCourse, TargetLight, TargetSettings, Wire,
+};
+use glam::DVec3;
+use link::WireFormat;
+use link::simulated::{BusParams, BusTiming};
+use plan::attitude::{JitterLine, RemoteClockLimits};
+use plan::exposure::cost::CostModel;
+use plan::exposure::target::FIRST_TARGET_ID;
+use plan::exposure::{Target, TargetWay};
+use plan::optics::PsfModel;
+use plan::optics::snr::electrons_for_snr;
+use sky::ObserverError;
+use sky::observer::Observer;
+use sky::orbit::{CircularOrbit, EARTH_GM_KM3_S2, TleOrbit, TwoBodyOrbit};
+use sky::target::Orbit;
+use testbed::flight_computer::{
+    Faults, FlightComputerParams, JitterLineParams, JitterStream, RampShape, Slew, SlewProfile,
+};
+
+/// Time before the first exposure: the bus carries its first time marks and attitudes.
+const LEAD: Span = Span::from_ms(1000);
+
+/// Parameters of a run on the virtual clock that begins when the clock reads `start`.
+///
+/// # Errors
+/// When the camera or the observer's orbit cannot be used.
+pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
+    let camera = camera_params(&bench.camera)?;
+    let first_exposure = start + LEAD;
+    Ok(RunParams {
+        attitude: attitude_params(bench, start),
+        targets: scripted(bench, &camera, first_exposure)?,
+        sky_targets: on_sky(bench, &camera, first_exposure)?,
+        keeps_brighter: bench.target_overlap == Overlap::Brighter,
+        observer: observer(&bench.observer, first_exposure)?,
+        light_deflection: bench.light_deflection,
+        bodies: bodies(bench, &camera)?,
+        layers: bench.layers.clone(),
+        star_memory_mb: bench.star_memory_mb,
+        budget: bench.accuracy,
+        backend: backend_choice(bench.render.backend),
+        method: bench.render.method,
+        cost: None,
+        degrade: bench.timing.degrade.applies(false),
+        last_rung: bench.timing.degrade_to,
+        seed: bench.seed,
+        noise_seed: bench.noise_seed(),
+        first_exposure,
+        ahead: Span::from_s(bench.timing.ahead_ms * 1e-3),
+        drawn_from_sensor: None,
+        frame_period: Span::from_s(1.0 / bench.timing.frame_rate_hz),
+        heads: 1 + u32::try_from(bench.extra_heads.len()).context("extra_head: more than 2^32 heads")?,
+        frames: u32::try_from(bench.timing.frames()).context("timing.duration_s: more than 2^32 frames")?,
+        deadline_policy: match bench.timing.deadline_policy {
+            config::DeadlinePolicy::Hold => DeadlinePolicy::Hold,
+            config::DeadlinePolicy::Drop => DeadlinePolicy::Drop,
+            config::DeadlinePolicy::Late => DeadlinePolicy::Late,
+        },
+        camera,
+    })
+}
+
+/// Targets on the sky, ready to be followed.
+fn on_sky(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<Vec<SkyTarget>> {
+    let is_on_sky = |target: &TargetSettings| matches!(target.course, TargetCourse::Orbit(_));
+    if bench.targets.iter().any(is_on_sky) && camera.radiometry.zero_point_e_per_s().is_none() {
+        bail!(
+            "bench \"{}\" has a [[target]] in orbit, and camera \"{}\" a grey mapping: its light changes within an exposure, which \
+             wants electrons per second; give the camera a zero point, or leave the target out",
+            bench.name,
+            camera.name
+        );
+    }
+    let mut found = Vec::new();
+    for ((place, id), settings) in (0..).zip(FIRST_TARGET_ID..).zip(&bench.targets) {
+        let (TargetCourse::Orbit(orbit), TargetLight::Reflected { brightness, bp_rp }) =
+            (&settings.course, &settings.light)
+        else {
+            continue;
+        };
+        let orbit = orbit_of(orbit, first_exposure).with_context(|| format!("target[{place}]"))?;
+        let [begin, end] = seen(settings, first_exposure);
+        found.push(SkyTarget { id, orbit, brightness: brightness.clone(), bp_rp: *bp_rp, begin, end });
+    }
+    Ok(found)
+}
+
+fn orbit_of(settings: &OrbitSettings, first_exposure: Tai) -> Result<Orbit, ObserverError> {
+    Ok(match settings {
+        OrbitSettings::Tle { text, norad_id } => Orbit::Sgp4(Box::new(TleOrbit::parse_one_of(text, *norad_id)?)),
+        OrbitSettings::Omm { text, norad_id } => Orbit::Sgp4(Box::new(TleOrbit::parse_omm(text, *norad_id)?)),
+        OrbitSettings::TwoBody { epoch, elements } => {
+            Orbit::TwoBody(TwoBodyOrbit::from_elements(*epoch, elements, EARTH_GM_KM3_S2)?)
+        }
+        OrbitSettings::StateVector { epoch, position_km, velocity_km_s } => {
+            let [position_km, velocity_km_s] = [*position_km, *velocity_km_s].map(DVec3::from_array);
+            Orbit::TwoBody(TwoBodyOrbit::from_state(*epoch, position_km, velocity_km_s, EARTH_GM_KM3_S2)?)
+        }
+        OrbitSettings::Circular { altitude_km, inclination_deg, raan_deg, argument_of_latitude_deg } => {
+            let [inclination, raan, latitude] = [*inclination_deg, *raan_deg, *argument_of_latitude_deg];
+            Orbit::Circular(CircularOrbit::new(*altitude_km, inclination, raan, latitude, first_exposure)?)
+        }
+    })
+}
+
+/// From when to when a target is there.
+fn seen(settings: &TargetSettings, first_exposure: Tai) -> [Tai; 2] {
+    let begin = first_exposure + Span::from_s(settings.start_s);
+    // A century: spans end at 292 years.
+    [begin, begin + Span::from_s(settings.for_s.min(3e9))]
+}
+
+/// Whether bodies are drawn: their light needs electrons that follow the exposure.
+fn bodies(bench: &Bench, camera: &CameraParams) -> Result<bool> {
+    if bench.bodies && camera.radiometry.zero_point_e_per_s().is_none() {
+        bail!(
+            "bench \"{}\" has sky.bodies = true, and camera \"{}\" a grey mapping: a disc's light is spread over its pixels, which \
+             wants electrons per second; give the camera a zero point, or leave the bodies out",
+            bench.name,
+            camera.name
+        );
+    }
+    Ok(bench.bodies)
+}
+
+/// Targets by script with their light in electrons and their times in TAI.
+fn scripted(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<Vec<Target>> {
+    if !bench.targets.is_empty() && matches!(camera.psf, PsfModel::Field(_)) {
+        bail!(
+            "bench \"{}\" has [[target]], and camera \"{}\" a PSF that changes over the field: targets are drawn with one PSF; \
+             choose a camera with one, or leave the targets out",
+            bench.name,
+            camera.name
+        );
+    }
+    let is_by_snr = |target: &TargetSettings| matches!(target.light, TargetLight::Snr(_));
+    // Draws the PSF: once for all targets, and only when one asks.
+    let sensitivity = (bench.targets.iter().any(is_by_snr))
+        .then(|| Sensitivity::new(&bench.camera, &Conditions::default()))
+        .transpose()?;
+    let electrons_of = |snr: f64| {
+        let noise = sensitivity.as_ref().map(|Sensitivity { window, pixel, .. }| window.noise(pixel));
+        noise.map_or(f64::NAN, |noise| electrons_for_snr(snr, &noise))
+    };
+    let target = |(id, settings): (u32, &TargetSettings)| {
+        let TargetCourse::Script(path) = settings.course else { return None };
+        let (mag, e_per_s) = match settings.light {
+            TargetLight::Snr(snr) => (f64::NAN, electrons_of(snr) / camera.exposure_s),
+            TargetLight::Electrons(electrons) => (f64::NAN, electrons / camera.exposure_s),
+            TargetLight::Reflected { .. } => return None,
+            TargetLight::Mag { mag, bp_rp } => (
+                camera.radiometry.mag_instrument(mag, bp_rp),
+                camera.radiometry.electrons(mag, bp_rp, camera.exposure_s) / camera.exposure_s,
+            ),
+        };
+        let [begin, end] = seen(settings, first_exposure);
+        #[allow(clippy::cast_possible_truncation, reason = "magnitudes are single precision")]
+        let mag = mag as f32;
+        Some(Target { id, mag, e_per_s, begin, end, way: TargetWay::Script(path), light: None })
+    };
+    Ok((FIRST_TARGET_ID..).zip(&bench.targets).filter_map(target).collect())
+}
+
+/// The bench as one of its heads is drawn from it: its mounting, and patterns and noise of its own.
+#[must_use]
+pub fn bench_of_head(bench: &Bench, number: usize, sensor_from_body: Rotation<Sensor, Body>) -> Bench {
+    let own = |seed: u64| seed.wrapping_add(number as u64);
+    Bench {
+        sensor_from_body,
+        seed: own(bench.seed),
+        noise_seed_given: bench.noise_seed_given.map(own),
+        ..bench.clone()
+    }
+}
+
+/// The imager of a run.
+///
+/// # Errors
+/// When the backend cannot be had.
+pub fn imager(params: &RunParams) -> Result<Imager> {
+    Ok(Imager::of_detector(params.backend, params.camera.make_detector(params.seeds())?)?)
+}
+
+/// Applies what the real clock changes: costs are those of this machine, frames may be degraded to be in time, and a stopped
+/// stream of attitudes leaves frames out unless the bench says otherwise.
+pub fn take_real_clock(params: &mut RunParams, bench: &Bench, measured: Option<CostModel>) {
+    params.cost = measured;
+    params.degrade = bench.timing.degrade.applies(true);
+    params.attitude.estimate.policy = bench.attitude.policy_on_real_clock;
+}
+
+/// The backend a bench or a user names.
+#[must_use]
+pub fn backend_choice(backend: config::Backend) -> BackendChoice {
+    match backend {
+        config::Backend::Auto => BackendChoice::Auto,
+        config::Backend::Gpu => BackendChoice::Gpu,
+        config::Backend::Cpu => BackendChoice::Cpu,
+        config::Backend::Reference => BackendChoice::Reference,
+    }
+}
+
+fn attitude_params(bench: &Bench, boot: Tai) -> AttitudeParams {
+    let settings = &bench.attitude;
+    let mount =
+        |line: JitterLine| JitterLine { amplitude_rad: bench.sensor_from_body.apply(line.amplitude_rad), ..line };
+    let known_lines = bench.flight_computer.jitter_source == JitterSource::Lines;
+    let lines = bench.flight_computer.jitter_lines.iter().filter(|_| known_lines);
+    // The simulated bus has a known latency: it stands for the calibrated constant delay of a real one.
+    let latency = Span::from_s(bench.link.latency_us * 1e-6);
+    let constant_delay = settings.clock.constant_delay.max(latency);
+    AttitudeParams {
+        estimate: settings.estimate,
+        history: settings.history,
+        jitter_history: settings.jitter_history,
+        jitter_max_gap: settings.jitter_max_gap,
+        jitter_wait: settings.jitter_wait,
+        clock: RemoteClockLimits { constant_delay, ..settings.clock },
+        jitter_lines: lines.map(|line| mount(line.line())).collect(),
+        jitter_epoch: boot,
+        sensor_from_body: bench.sensor_from_body,
+    }
+}
+
+fn observer(observer: &config::Observer, epoch: Tai) -> Result<Observer> {
+    Ok(match observer {
+        config::Observer::Geocentre => Observer::Geocentre,
+        config::Observer::Tle { line1, line2 } => {
+            Observer::Tle(Box::new(TleOrbit::parse(&format!("{line1}\n{line2}")).context("[observer]")?))
+        }
+        config::Observer::CircularOrbit { altitude_km, inclination_deg, raan_deg, argument_of_latitude_deg } => {
+            let angles = [*inclination_deg, *raan_deg, *argument_of_latitude_deg];
+            let [inclination, raan, latitude] = angles;
+            Observer::Circular(
+                CircularOrbit::new(*altitude_km, inclination, raan, latitude, epoch).context("[observer]")?,
+            )
+        }
+        config::Observer::TwoBody { about, epoch: given, start } => {
+            let (about, epoch) = (*about, given.unwrap_or(epoch));
+            let gm_km3_s2 = about.gm_km3_s2();
+            let orbit = match start {
+                OrbitStart::State { position_km, velocity_km_s } => {
+                    let [position_km, velocity_km_s] = [*position_km, *velocity_km_s].map(DVec3::from_array);
+                    TwoBodyOrbit::from_state(epoch, position_km, velocity_km_s, gm_km3_s2)
+                }
+                OrbitStart::Elements(elements) => TwoBodyOrbit::from_elements(epoch, elements, gm_km3_s2),
+            };
+            Observer::TwoBody { about, orbit: orbit.context("[observer]")? }
+        }
+    })
+}
+
+/// How the session is kept.
+#[must_use]
+pub fn session_params(bench: &Bench) -> SessionParams {
+    let start = match bench.session.start {
+        config::SessionStart::AtOnce => SessionStart::AtOnce,
+        config::SessionStart::OnRun => SessionStart::OnRun,
+    };
+    SessionParams { start, heartbeat_timeout: bench.session.heartbeat_timeout }
+}
+
+/// The bus between the simulated flight computer and the stimulator, and the form of messages on it.
+#[must_use]
+pub fn bus(bench: &Bench) -> (BusParams, WireFormat) {
+    bus_of(&bench.link)
+}
+
+/// The simulated bus of a link, and the form of messages on it.
+#[must_use]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the config's bit rates are checked")]
+pub fn bus_of(link: &config::Link) -> (BusParams, WireFormat) {
+    let (timing, format) = match link.wire {
+        Wire::CanFd => {
+            let (arbitration_bps, data_bps) = (link.bit_rate as u32, link.data_bit_rate as u32);
+            (BusTiming::CanFd { arbitration_bps, data_bps }, WireFormat::CanFd)
+        }
+        Wire::CanClassic => (BusTiming::CanClassic { bit_rate_bps: link.bit_rate as u32 }, WireFormat::CanClassic),
+        Wire::Serial => (BusTiming::Serial { baud: link.bit_rate as u32 }, WireFormat::Serial),
+    };
+    let latency = Span::from_s(link.latency_us * 1e-6);
+    (BusParams { name: "simulated".into(), timing, latency, queue_packets: link.queue as usize }, format)
+}
+
+/// The simulated flight computer that boots at `boot`.
+#[must_use]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the config's rates are checked")]
+pub fn flight_computer(bench: &Bench, boot: Tai) -> FlightComputerParams {
+    let settings = &bench.flight_computer;
+    let [ra, dec, roll] = [settings.ra_deg, settings.dec_deg, settings.roll_deg].map(f64::to_radians);
+    let initial: Rotation<Body, Icrf> = bench.sensor_from_body.inverse() * sensor_from_ra_dec_roll(ra, dec, roll);
+    let profile = match &settings.slew {
+        None => SlewProfile::hold(initial),
+        Some(slew) => {
+            let turn = Slew {
+                axis_body: DVec3::from_array(slew.axis),
+                angle_rad: slew.angle_deg.to_radians(),
+                // A versine ramp up and one down: the mean of each is half the peak.
+                peak_rate_rad_s: 2.0 * slew.angle_deg.to_radians().abs() / slew.duration_s,
+                ramp_s: 0.5 * slew.duration_s,
+                shape: RampShape::Versine,
+            };
+            SlewProfile::slew(initial, boot + LEAD + Span::from_s(slew.start_s), &turn)
+        }
+    };
+    let line = |line: &config::JitterLineSettings| JitterLineParams {
+        frequency_hz: line.frequency_hz,
+        amplitude_arcsec: line.amplitude_arcsec,
+        phase_rad: line.phase_deg.to_radians(),
+    };
+    let jitter = match (settings.jitter_source, bench.link.wire) {
+        (JitterSource::Lines, _) => JitterStream::OFF,
+        (JitterSource::Samples, Wire::CanClassic) => JitterStream::PAIRS,
+        (JitterSource::Samples, _) => JitterStream::bursts(settings.jitter_sample_hz as u32),
+    };
+    FlightComputerParams {
+        boot,
+        clock_drift_ppm: settings.clock_drift_ppm,
+        stream_start: boot,
+        attitude_hz: settings.attitude_hz as u32,
+        profile,
+        attitude_noise_arcsec: 0.0,
+        gyro_noise_rad_s: 0.0,
+        seed: bench.seed,
+        jitter_lines: settings.jitter_lines.iter().map(line).collect(),
+        jitter,
+        faults: Faults::default(),
+    }
+}

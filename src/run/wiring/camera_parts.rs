@@ -1,0 +1,92 @@
+//! A checked camera file -> the parameters of the rooms.
+
+use crate::runtime::params::CameraParams;
+use crate::wiring::light_parts::background_light;
+use anyhow::{Context, Result};
+use config;
+use image::detector::DetectorParams;
+use plan::exposure::Shutter;
+use plan::optics::chain_psf::{ChainPsf, Drawing};
+use plan::optics::mtf::MtfChain;
+use plan::optics::{BackgroundLight, PsfModel};
+use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
+
+/// The camera as the rooms want it.
+///
+/// # Errors
+/// When the distortion model does not hold over the whole detector, or light is wanted that the photometry cannot give.
+pub fn camera_params(camera: &config::Camera) -> Result<CameraParams> {
+    let (detector, optics) = (&camera.detector, &camera.optics);
+    let focal_px = optics.focal_length_mm * 1e3 / detector.pixel_pitch_um;
+    let d = &camera.distortion;
+    let parameters = CameraParameters {
+        width_px: detector.width_px as usize,
+        height_px: detector.height_px as usize,
+        focal_px: [focal_px; 2],
+        principal_point_px: optics.principal_point_px,
+        distortion: BrownConrady { k1: d.k1, k2: d.k2, k3: d.k3, p1: d.p1, p2: d.p2 },
+    };
+    let geometry = match d.polynomial {
+        None => CameraGeometry::new(parameters),
+        Some(polynomial) => CameraGeometry::with_polynomial(parameters, polynomial),
+    }
+    .with_context(|| format!("camera \"{}\"", camera.name))?;
+    let mut params = CameraParams {
+        name: camera.name.as_str().into(),
+        geometry,
+        shutter: shutter(camera.exposure.rolling_line_us),
+        psf: psf(camera)?,
+        sampling: camera.sampling,
+        radiometry: camera.star_light(),
+        illumination: camera.illumination,
+        background: BackgroundLight::default(),
+        detector: DetectorParams {
+            full_well_e: detector.full_well_e,
+            gain_e_per_dn: detector.gain_e_per_dn,
+            bits: detector.bits,
+            black_level_dn: detector.black_level_dn,
+            read_noise_e_rms: detector.read_noise_e_rms,
+            amplifier_noise_e_rms: detector.amplifier_noise_e_rms,
+            dark_e_per_s: detector.dark_e_per_s,
+            dark_law: detector.dark_law,
+            dark_nonuniformity: detector.dark_nonuniformity,
+            prnu: detector.prnu,
+            dsnu_e_rms: detector.dsnu_e_rms,
+            nonlinearity: detector.nonlinearity,
+            line_pattern: detector.line_pattern,
+            row_noise: detector.row_noise,
+            rounding: detector.rounding,
+            poisson: detector.poisson,
+            spatial: detector.spatial,
+        },
+        patterns: detector.maps.clone(),
+        pixel_pitch_um: detector.pixel_pitch_um,
+        focal_length_mm: optics.focal_length_mm,
+        limiting_mag: camera.radiometry.limiting_mag as f32,
+        exposure_s: camera.exposure.exposure_s,
+        readout_s: camera.exposure.readout_s,
+    };
+    let star_e_per_s = |mag_g, bp_rp| params.radiometry.electrons(mag_g, bp_rp, 1.0);
+    params.background = background_light(camera, geometry.ifov_rad(), star_e_per_s)?;
+    Ok(params)
+}
+
+fn shutter(rolling_line_us: f64) -> Shutter {
+    if rolling_line_us > 0.0 { Shutter::Rolling { line_s: rolling_line_us * 1e-6 } } else { Shutter::Global }
+}
+
+fn psf(camera: &config::Camera) -> Result<PsfModel> {
+    Ok(match &camera.psf {
+        config::Psf::Gaussian { sigma_px } => PsfModel::gaussian(*sigma_px),
+        config::Psf::Airy { f_number, wavelength_nm, obscuration } => {
+            let lambda_n_px = wavelength_nm * 1e-3 * f_number / camera.detector.pixel_pitch_um;
+            PsfModel::airy(lambda_n_px, *obscuration)
+        }
+        config::Psf::Chain(chain) => {
+            let chain = MtfChain::new(chain.params.clone()).with_context(|| format!("camera \"{}\"", camera.name))?;
+            let drawn = ChainPsf::draw(&chain, &Drawing::default());
+            PsfModel::grid(drawn.with_context(|| format!("camera \"{}\"", camera.name))?.grid)
+        }
+        config::Psf::Made(psf) => psf.clone(),
+    })
+}

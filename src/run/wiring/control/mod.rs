@@ -1,0 +1,277 @@
+//! The control socket: a program outside advances the clock of a closed loop, looks at it and injects faults.
+//!
+//! In: requests, one line of JSON each ([`protocol`]). Out: one line of JSON per request, `"ok"` true or false, the
+//! request's `"id"` echoed. What is wrong with a request is said in its reply and changes nothing; only the end of the
+//! connection, `finish`, Ctrl-C, another protocol or a failed loop end a session. One client, loopback only, no
+//! encryption: whoever can read the token (`token`) may control the run, and nobody else. Frames are written below the
+//! run's output folder only (`output`). Stepping in any lengths gives the bits of the run in one piece.
+//! Tests: `tests` of the parts, and `tests/closed_loop/control.rs` through the binary.
+
+mod admission;
+mod answers;
+mod base64;
+mod lines;
+mod newest;
+mod output;
+pub mod protocol;
+#[cfg(test)]
+mod tests;
+mod token;
+
+pub use admission::ControlRefusals;
+pub use lines::ControlAddress;
+
+use crate::runtime::RunRecord;
+use crate::wiring::closed_loop::{ClosedLoop, LoopError};
+use crate::wiring::loop_outcome::LoopView;
+use admission::{Admitted, admit, foreign_sentence};
+use config::Scenario;
+use core::sync::atomic::{AtomicBool, Ordering};
+use frames::sink::SentFrame;
+use lines::{Incoming, LineSocket};
+use newest::NewestFrames;
+use protocol::{Request, StepBy, refused, told};
+use serde_json::{Value, json};
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use token::{Token, TokenFile};
+
+/// Why the control socket cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ControlError {
+    /// The address cannot be listened on.
+    #[error("control socket: cannot listen on {address} ({source}); port 0 takes any free one")]
+    Listen {
+        /// The address.
+        address: ControlAddress,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The system has no random numbers.
+    #[error("control socket: no random numbers for a token: {source}")]
+    Random {
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The token cannot be written.
+    #[error("control socket: cannot write the token to {} ({source})", path.display())]
+    TokenFile {
+        /// Its file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The loop failed while it was stepped.
+    #[error(transparent)]
+    Loop(#[from] LoopError),
+}
+
+/// How a session ended.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SessionEnd {
+    /// The client asked for the end; its request's id is wanted in the last reply.
+    Finish(Option<Value>),
+    /// The client went away.
+    Gone,
+    /// Ctrl-C.
+    Interrupted,
+}
+
+/// A socket that waits for its client.
+pub struct ControlListener {
+    listener: TcpListener,
+    address: ControlAddress,
+    token: Token,
+    file: TokenFile,
+}
+
+impl ControlListener {
+    /// Listens, with a new token.
+    ///
+    /// # Errors
+    /// When the system refuses the address, or the token's file.
+    pub fn bind(address: ControlAddress) -> Result<Self, ControlError> {
+        let refuse = |source| ControlError::Listen { address, source };
+        let listener = TcpListener::bind(address.socket()).map_err(refuse)?;
+        listener.set_nonblocking(true).map_err(refuse)?;
+        let address = ControlAddress::of(listener.local_addr().map_err(refuse)?).unwrap_or(address);
+        let token = Token::random()?;
+        let file = TokenFile::write(&token, address)?;
+        Ok(Self { listener, address, token, file })
+    }
+
+    /// Where it listens, and the token with its file, a line each.
+    #[must_use]
+    pub fn announcement(&self) -> String {
+        let Self { address, token, file, .. } = self;
+        format!("control: listening on {address}\ncontrol: token {token}, also in {}", file.path.display())
+    }
+
+    /// Waits for a client with the token; `None` when `stop` came first. Frames may be written below `output`.
+    #[must_use]
+    pub fn accept(self, scenario: &Scenario, output: Option<&Path>, stop: &AtomicBool) -> Option<ControlSession> {
+        let Self { listener, token, file, .. } = self;
+        let mut refusals = ControlRefusals::new();
+        let Admitted { socket, id } = admit(&listener, &token, stop, &mut refusals)?;
+        let newest = NewestFrames::new(scenario.heads.len(), output);
+        Some(ControlSession { socket, newest, token, refusals, hello: Some(id), _removed_at_the_end: file })
+    }
+}
+
+/// A connected client.
+pub struct ControlSession {
+    socket: LineSocket,
+    newest: NewestFrames,
+    token: Token,
+    refusals: ControlRefusals,
+    /// Id of the hello that is not answered yet.
+    hello: Option<Option<Value>>,
+    _removed_at_the_end: TokenFile,
+}
+
+/// What a session is about.
+pub struct Stage<'a> {
+    /// What is run.
+    pub scenario: &'a Scenario,
+    /// The run.
+    pub going: &'a mut ClosedLoop,
+    /// The report of a run under way.
+    pub report: &'a mut dyn FnMut(&LoopView<'_>) -> Value,
+    /// Ctrl-C.
+    pub stop: &'a AtomicBool,
+}
+
+impl ControlSession {
+    /// Answers requests until the session ends.
+    ///
+    /// # Errors
+    /// When the loop failed; the client has been told.
+    pub fn serve(&mut self, stage: &mut Stage<'_>) -> Result<SessionEnd, ControlError> {
+        if let Some(id) = self.hello.take() {
+            self.socket.send(&told(id, answers::hello(stage.scenario, stage.going)));
+        }
+        loop {
+            let line = match self.socket.read_line(stage.stop) {
+                Incoming::Line(line) => line,
+                Incoming::Unusable(why) => {
+                    self.socket.send(&refused(None, &why));
+                    continue;
+                }
+                Incoming::Foreign(foreign) => {
+                    *self.refusals.entry(foreign.name()).or_default() += 1;
+                    self.socket.send(&refused(None, &foreign_sentence()));
+                    return Ok(SessionEnd::Gone);
+                }
+                Incoming::Gone => return Ok(SessionEnd::Gone),
+                Incoming::Stopped => return Ok(SessionEnd::Interrupted),
+            };
+            let (id, request) = protocol::parse(&line);
+            let answer = match request {
+                Ok(Request::Finish) => return Ok(SessionEnd::Finish(id)),
+                Ok(request) => self.answer(&request, stage),
+                Err(why) => Err(Refusal::Request(why)),
+            };
+            match answer {
+                Ok(answer) => self.socket.send(&told(id, answer)),
+                Err(Refusal::Request(why)) => self.socket.send(&refused(id, &why)),
+                Err(Refusal::Loop(error)) => {
+                    self.socket.send(&refused(id, &format!("the run failed and is over: {error}")));
+                    return Err(error.into());
+                }
+            }
+            if stage.stop.load(Ordering::SeqCst) {
+                return Ok(SessionEnd::Interrupted);
+            }
+        }
+    }
+
+    /// Connections that were refused before and during the session, by reason.
+    #[must_use]
+    pub fn refusals(&self) -> &ControlRefusals {
+        &self.refusals
+    }
+
+    /// Sends the last reply: the final report and the exit status to come.
+    pub fn close(mut self, id: Option<Value>, report: Value, exit_status: u8) {
+        self.socket.send(&told(id, json!({ "report": report, "exit_status": exit_status })));
+    }
+
+    fn answer(&mut self, request: &Request, stage: &mut Stage<'_>) -> Result<Value, Refusal> {
+        let going = &mut *stage.going;
+        match request {
+            Request::Hello { token: Some(text) } if !self.token.is(text) => {
+                Err(Refusal::Request("the token is not that of this run".into()))
+            }
+            Request::Hello { .. } => Ok(answers::hello(stage.scenario, going)),
+            Request::Step(by) => self.step(*by, stage),
+            Request::Inject(keys) => Ok(answers::inject(keys, going)?),
+            Request::Trigger { number, at_s } => Ok(answers::trigger(*number, *at_s, going)?),
+            Request::Truth { at_s } => Ok(answers::truth(*at_s, going)?),
+            Request::Estimate => Ok(answers::estimate(going)),
+            Request::Frame { head, path } => Ok(self.newest.answer(*head, path.as_deref(), going.zero())?),
+            Request::Summary => {
+                let report = going.look(self.newest.frames_crc32(), &mut *stage.report);
+                Ok(json!({ "finished": going.is_finished(), "report": report }))
+            }
+            Request::Finish => Ok(Value::Null),
+        }
+    }
+
+    fn step(&mut self, by: StepBy, stage: &mut Stage<'_>) -> Result<Value, Refusal> {
+        let going = &mut *stage.going;
+        let goal = answers::step_goal(by, going, self.newest.out_of_first_head())?;
+        let before = self.newest.out();
+        let newest = &mut self.newest;
+        let mut on_frame = |head: usize, frame: &SentFrame, _: &RunRecord| {
+            newest.keep(head, frame);
+            !stage.stop.load(Ordering::Relaxed)
+        };
+        match goal {
+            answers::Goal::Time(at) => going.advance_to(at, &mut on_frame)?,
+            answers::Goal::Frames(out) => step_frames(going, out, newest, stage.stop)?,
+        }
+        Ok(answers::stepped(going, self.newest.out() - before))
+    }
+}
+
+/// Advances from one readout to the next until the first head has sent `out` frames, or the run is over.
+fn step_frames(
+    going: &mut ClosedLoop,
+    out: u64,
+    newest: &mut NewestFrames,
+    stop: &AtomicBool,
+) -> Result<(), LoopError> {
+    let mut next = 0;
+    while newest.out_of_first_head() < out && !going.is_finished() && !stop.load(Ordering::Relaxed) {
+        // Dropped and late frames do not come at their own readout's end: later ones are waited for.
+        while going.frame_due(next) <= going.now() && next < going.frames_per_head() {
+            next += 1;
+        }
+        let at = if next < going.frames_per_head() { going.frame_due(next) } else { going.end() };
+        going.advance_to(at, &mut |head, frame, _| {
+            newest.keep(head, frame);
+            !stop.load(Ordering::Relaxed)
+        })?;
+    }
+    Ok(())
+}
+
+/// Why a request is not answered with what it asked for.
+enum Refusal {
+    /// Something is wrong with the request; the session goes on.
+    Request(String),
+    /// The loop failed.
+    Loop(LoopError),
+}
+
+impl From<String> for Refusal {
+    fn from(why: String) -> Self {
+        Self::Request(why)
+    }
+}
+
+impl From<LoopError> for Refusal {
+    fn from(error: LoopError) -> Self {
+        Self::Loop(error)
+    }
+}

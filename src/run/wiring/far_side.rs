@@ -1,0 +1,203 @@
+//! The far end of the cable with all that looks at it: flight computer, vehicle, trackers' frames, events, witness.
+//!
+//! Whoever has a clock steps it; it never reads one.
+
+use crate::runtime::error::FarEndError;
+use crate::wiring::bench_parts;
+use crate::wiring::faults::{Aboard, FaultLog, LoggedFault, Places};
+use crate::wiring::vehicle_parts::vehicle_params;
+use crate::wiring::witness::Witness;
+use base::axes::{Body, Rotation, Sensor};
+use base::time::{Span, Tai};
+use config::{Action, Event, Scenario};
+use frames::sink::tap::TappedFrame;
+use frames::sink::{FrameMeta, TapEnd};
+use link::Port;
+use link::tap::LinkFault;
+use testbed::flight_computer::{FlightComputer, FlightError};
+use testbed::vehicle::{TelemetryRow, Vehicle, VehicleError, VehicleFault};
+
+/// A fault aboard that has begun, with the count of its kind's hits then and at its end.
+struct Watched {
+    number: usize,
+    fault: VehicleFault,
+    began_at: u64,
+    ended_at: Option<u64>,
+}
+
+/// How long a frame waits for its time tag, which comes over the bus.
+const TAG_WAIT: Span = Span::from_ms(50);
+
+/// The far end of the cable: flight computer, vehicle, and what looks at them.
+pub(super) struct FarSide {
+    pub(super) port: Port,
+    pub(super) computer: FlightComputer,
+    pub(super) taps: Vec<TapEnd>,
+    /// Half a turn and half of one more to go around the Sun, at the spacecraft's slew rate, and settling.
+    longest_slew: Span,
+    /// Faults aboard that have begun.
+    watched: Vec<Watched>,
+    /// Frames that came before their time tag: until when each waits, and whose it is.
+    waiting: Vec<(Tai, usize, TappedFrame)>,
+    /// Faults and commands aboard, the next one last.
+    pub(super) aboard: Vec<(Tai, Aboard)>,
+    pub(super) witness: Witness,
+    pub(super) on_row: Box<dyn FnMut(&TelemetryRow) + Send>,
+}
+
+impl FarSide {
+    /// A vehicle that is flown from `start` over frames that begin at `zero` and end at `end`.
+    pub(super) fn new(
+        scenario: &Scenario,
+        port: Port,
+        taps: Vec<TapEnd>,
+        [start, zero, end]: [Tai; 3],
+    ) -> Result<Self, VehicleError> {
+        let vehicle = Vehicle::new(vehicle_params(scenario, zero), start)?;
+        let mut computer = bench_parts::flight_computer(&scenario.bench, start);
+        computer.jitter_lines.clear();
+        Ok(Self {
+            port,
+            computer: FlightComputer::flying(computer, vehicle),
+            taps,
+            waiting: Vec::new(),
+            watched: Vec::new(),
+            longest_slew: longest_slew(scenario),
+            aboard: Vec::new(),
+            witness: Witness::new(scenario, zero, end),
+            on_row: Box::new(|_| {}),
+        })
+    }
+
+    /// Puts an event where it acts and tells whoever has to know; the fault it is, if it is one.
+    pub(super) fn take_event<'a>(
+        &mut self,
+        event: &Event,
+        zero: Tai,
+        head: &Rotation<Sensor, Body>,
+        log: &'a mut FaultLog,
+        places: &mut Places<'_>,
+    ) -> Option<&'a LoggedFault> {
+        let (before, mut aboard) = (log.faults().len(), Vec::new());
+        log.place(event, zero, head, places, &mut aboard);
+        self.add_aboard(aboard);
+        self.tell_witness(event, zero);
+        if let Action::Trigger { number } = event.action {
+            log.triggered_by(number).for_each(|(from, until)| self.witness.expect_disturbance(from, until));
+        }
+        let fault = log.faults().get(before)?;
+        if event.on_trigger.is_none() {
+            self.witness.expect_disturbance(fault.from, fault.until);
+        }
+        Some(fault)
+    }
+
+    /// Adds what is to be done aboard: the next one stands last, and of simultaneous ones the first added.
+    fn add_aboard(&mut self, actions: Vec<(Tai, Aboard)>) {
+        for (at, action) in actions {
+            let place = self.aboard.partition_point(|(other, _)| *other > at);
+            self.aboard.insert(place, (at, action));
+        }
+    }
+
+    /// Tells the witness what an event will do to pointing and time marks.
+    fn tell_witness(&mut self, event: &Event, zero: Tai) {
+        let from = zero + event.at;
+        match event.action {
+            Action::Slew(_) => self.witness.expect_disturbance(from, from + self.longest_slew),
+            Action::Bus(LinkFault::Delay { by, jitter }) => {
+                self.witness.expect_delay(from, from + event.lasts, by + jitter);
+            }
+            Action::Bus(LinkFault::Reorder { by, .. }) => self.witness.expect_delay(from, from + event.lasts, by),
+            Action::Bus(LinkFault::ClockStep { by }) => self.witness.expect_clock(from, from + event.lasts, by),
+            Action::Bus(LinkFault::ClockDrift { ppm }) => {
+                let by = Span::from_s(event.lasts.s() * ppm * 1e-6);
+                self.witness.expect_clock(from, from + event.lasts, by);
+            }
+            _ => {}
+        }
+    }
+
+    /// How often the fault of this number has hit something aboard.
+    pub(super) fn hits_aboard(&self, number: usize) -> u64 {
+        let Some(watched) = self.watched.iter().find(|watched| watched.number == number) else { return 0 };
+        let now = self.computer.vehicle().map_or(0, |vehicle| vehicle.fault_hits(&watched.fault));
+        watched.ended_at.unwrap_or(now) - watched.began_at
+    }
+
+    /// Everything due by `now`; when the next thing is due.
+    pub(super) fn step(&mut self, now: Tai) -> Result<Tai, FarEndError> {
+        self.computer.listen(now, &mut self.port)?;
+        self.take_frames(now);
+        while let Some((_, action)) = self.aboard.last().copied().filter(|(at, _)| *at <= now) {
+            self.aboard.pop();
+            self.do_aboard(action)?;
+        }
+        self.computer.step(now, &mut self.port)?;
+        if let Some(vehicle) = self.computer.vehicle_mut() {
+            let telemetry = vehicle.telemetry_mut();
+            for row in telemetry.rows.drain(..) {
+                self.witness.take_row(&row);
+                (self.on_row)(&row);
+            }
+            telemetry.mode_events.drain(..).for_each(|event| self.witness.take_mode(&event));
+        }
+        let next_aboard = self.aboard.last().map(|(at, _)| *at);
+        Ok(next_aboard.map_or(self.computer.next_due(), |at| at.min(self.computer.next_due())))
+    }
+
+    /// Hands frames to the trackers, each with its time tag; one that came before its tag waits a little for it.
+    fn take_frames(&mut self, now: Tai) {
+        let Some(vehicle) = self.computer.vehicle_mut() else { return };
+        for (head, tap) in self.taps.iter().enumerate() {
+            self.waiting.extend(core::iter::from_fn(|| tap.take()).map(|frame| (now + TAG_WAIT, head, frame)));
+        }
+        let is_ready = |(until, head, frame): &mut (Tai, usize, TappedFrame)| {
+            *until <= now || vehicle.has_tag(*head, frame.number)
+        };
+        let ready: Vec<_> = self.waiting.extract_if(.., is_ready).collect();
+        for (_, head, frame) in ready {
+            vehicle.take_frame(head, frame.number, &frame.image, now);
+            if let Some(tap) = self.taps.get(head) {
+                tap.give_back(frame);
+            }
+        }
+    }
+
+    fn do_aboard(&mut self, action: Aboard) -> Result<(), FlightError> {
+        let Some(vehicle) = self.computer.vehicle_mut() else { return Ok(()) };
+        match action {
+            Aboard::Inject { fault, number } => {
+                let began_at = vehicle.fault_hits(&fault);
+                vehicle.inject(fault)?;
+                self.watched.push(Watched { number, fault, began_at, ended_at: None });
+            }
+            Aboard::Clear { fault, number } => {
+                vehicle.clear(fault);
+                let hits = vehicle.fault_hits(&fault);
+                let ended = self.watched.iter_mut().find(|watched| watched.number == number);
+                ended.map(|watched| watched.ended_at = Some(hits)).unwrap_or_default();
+            }
+            Aboard::Command(command) => {
+                if let Err(refused) = vehicle.command(command) {
+                    self.witness.refuse(&refused.to_string());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Holds what was rendered against what is true.
+    pub(super) fn witness_frame(&mut self, head: usize, meta: &FrameMeta) {
+        let truth = self.computer.vehicle_mut().and_then(|vehicle| vehicle.truth(meta.mid_exposure).ok());
+        self.witness.take_frame(head, meta, truth.map(|truth| (truth.body_from_icrf, truth.rate_rad_s.length())));
+    }
+}
+
+fn longest_slew(scenario: &Scenario) -> Span {
+    const SETTLING_S: f64 = 90.0;
+    let control = &scenario.spacecraft.control;
+    let turning_s = 1.5 * core::f64::consts::PI / control.slew_rate_rad_s;
+    let ramps_s = 6.0 * control.slew_rate_rad_s / control.slew_acceleration_rad_s2;
+    Span::from_s(turning_s + ramps_s + SETTLING_S)
+}

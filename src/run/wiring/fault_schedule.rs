@@ -1,0 +1,175 @@
+//! A random schedule of faults and commands, decided by a seed.
+//!
+//! In: seed, start and end, number of wheels. Out: events in order of time. Kinds are drawn with equal weight; gaps are
+//! uniform from 5 to 400 s, so that some faults overlap and some leave the loop time to recover. Durations, shares and
+//! sizes are drawn within the limits written here: from what a loop rides through to what takes its attitude away.
+
+use base::time::Span;
+use base::units::DEG;
+use config::{Action, Event, GyroFaultKind, Pointing};
+use frames::sink::FrameFault;
+use glam::DVec3;
+use link::tap::LinkFault;
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+
+/// What a schedule is drawn for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScheduleLimits {
+    /// First event, s after the first exposure.
+    pub from_s: f64,
+    /// No event is under way after this.
+    pub until_s: f64,
+    /// Wheels of the spacecraft: at most one fails, and only of four or more.
+    pub wheels: usize,
+}
+
+/// Shortest and longest gap between the begins of two events, s.
+const GAPS_S: (f64, f64) = (5.0, 400.0);
+
+/// Largest share of packets with a wrong bit that got past the bus's own checksum: time marks have no other. Beyond it
+/// marks that are damaged alike outnumber the good ones of a window, and no receiver could tell.
+const MOST_WRONG: f64 = 0.2;
+
+/// Largest share of packets without their tail.
+const MOST_CUT: f64 = 0.3;
+
+/// Identifiers of babble: the attitude's own, which has a checksum, and one of nobody's. Time marks have none: nonsense
+/// under their identifiers that is as frequent as they are could not be told from them.
+const BABBLED: [u16; 2] = [0x300, 0x7FF];
+
+/// The events of `seed`.
+#[must_use]
+pub fn fault_schedule(seed: u64, limits: &ScheduleLimits) -> Vec<Event> {
+    let mut draw = Draw { dice: StdRng::seed_from_u64(seed), wheels: limits.wheels, wheel_has_failed: false };
+    let mut events = Vec::new();
+    let mut at_s = limits.from_s;
+    loop {
+        at_s += draw.between(GAPS_S.0, GAPS_S.1);
+        let (action, lasts_s) = draw.action();
+        if at_s + lasts_s >= limits.until_s {
+            return events;
+        }
+        // Whole milliseconds: a schedule reads well, and is the same in a file.
+        let whole = |s: f64| Span::from_s((s * 1e3).round() * 1e-3);
+        events.push(Event { at: whole(at_s), on_trigger: None, lasts: whole(lasts_s), action });
+    }
+}
+
+struct Draw {
+    dice: StdRng,
+    wheels: usize,
+    wheel_has_failed: bool,
+}
+
+impl Draw {
+    fn between(&mut self, least: f64, most: f64) -> f64 {
+        least + (most - least) * self.dice.random::<f64>()
+    }
+
+    /// Uniform in the logarithm.
+    fn scale(&mut self, least: f64, most: f64) -> f64 {
+        self.between(least.ln(), most.ln()).exp()
+    }
+
+    fn rate(&mut self, most_rad_s: f64) -> DVec3 {
+        DVec3::new(
+            self.between(-most_rad_s, most_rad_s),
+            self.between(-most_rad_s, most_rad_s),
+            self.between(-most_rad_s, most_rad_s),
+        )
+    }
+
+    /// What happens, and for how many seconds.
+    fn action(&mut self) -> (Action, f64) {
+        let frame = |fault| Action::Frame { head: None, fault };
+        match self.dice.random_range(0..24_u32) {
+            0 => (Action::Bus(LinkFault::Loss { share: self.between(0.1, 0.9) }), self.between(2.0, 60.0)),
+            1 => (Action::Bus(LinkFault::Silence), self.between(1.0, 30.0)),
+            2 => {
+                let by = Span::from_s(self.scale(0.002, 0.15));
+                let jitter = Span::from_s(self.scale(0.001, 0.05));
+                (Action::Bus(LinkFault::Delay { by, jitter }), self.between(2.0, 60.0))
+            }
+            3 => (Action::Bus(LinkFault::Duplicate { share: self.between(0.1, 1.0) }), self.between(2.0, 60.0)),
+            4 => (Action::Bus(LinkFault::WrongBits { share: self.between(0.02, MOST_WRONG) }), self.between(2.0, 60.0)),
+            5 => (Action::BusBack(LinkFault::Loss { share: self.between(0.2, 1.0) }), self.between(2.0, 60.0)),
+            6 => (frame(FrameFault::Drop), self.between(2.0, 60.0)),
+            7 => (frame(FrameFault::Duplicate), self.between(2.0, 30.0)),
+            8 => (frame(FrameFault::Late(Span::from_s(self.scale(0.05, 1.5)))), self.between(2.0, 60.0)),
+            9 => (frame(FrameFault::Torn), self.between(2.0, 60.0)),
+            10 => (frame(FrameFault::Blank), self.between(2.0, 60.0)),
+            11 => (frame(FrameFault::StrayLight { e_per_s: self.scale(1e3, 1e7) }), self.between(2.0, 120.0)),
+            12 => (Action::Gyro(GyroFaultKind::Dropout), self.between(1.0, 10.0)),
+            13 => (Action::Gyro(GyroFaultKind::Stuck), self.between(1.0, 5.0)),
+            14 => (Action::Gyro(GyroFaultKind::BiasJump(self.rate(20.0 * DEG / 3600.0))), 0.0),
+            15 => (Action::Gyro(GyroFaultKind::Spike(self.rate(0.02 * DEG))), self.between(1.0, 3.0)),
+            16 => (Action::TrackerOff { head: None }, self.between(5.0, 200.0)),
+            17..23 => self.bus_or_clock(),
+            _ => self.wheel_or_slew(),
+        }
+    }
+
+    fn bus_or_clock(&mut self) -> (Action, f64) {
+        let fault = match self.dice.random_range(0..6_u32) {
+            0 => LinkFault::Reorder { share: self.between(0.05, 0.5), by: Span::from_s(self.scale(0.005, 0.1)) },
+            1 => LinkFault::Truncate { share: self.between(0.02, MOST_CUT) },
+            2 => {
+                let id = BABBLED[self.dice.random_range(0..BABBLED.len())];
+                LinkFault::Babble { id, period: Span::from_s(self.scale(0.001, 0.02)), bytes: 48 }
+            }
+            3 => return (Action::Bus(LinkFault::Off), self.between(1.0, 30.0)),
+            4 => LinkFault::ClockStep { by: Span::from_s(self.either_way(0.001, 0.05)) },
+            _ => LinkFault::ClockDrift { ppm: self.either_way(10.0, 200.0) },
+        };
+        (Action::Bus(fault), self.between(2.0, 60.0))
+    }
+
+    /// Uniform in the logarithm of its size, of either sign.
+    fn either_way(&mut self, least: f64, most: f64) -> f64 {
+        let size = self.scale(least, most);
+        if self.dice.random::<bool>() { size } else { -size }
+    }
+
+    fn wheel_or_slew(&mut self) -> (Action, f64) {
+        if self.wheels >= 4 && !self.wheel_has_failed && self.dice.random::<f64>() < 0.2 {
+            self.wheel_has_failed = true;
+            return (Action::WheelFailure { wheel: self.dice.random_range(0..self.wheels) }, 0.0);
+        }
+        // Uniform over the sphere.
+        let pointing = Pointing {
+            ra_deg: self.between(0.0, 360.0),
+            dec_deg: self.between(-1.0, 1.0).asin() / DEG,
+            roll_deg: self.between(-180.0, 180.0),
+        };
+        (Action::Slew(pointing), 0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: ScheduleLimits = ScheduleLimits { from_s: 600.0, until_s: 3_000_000.0, wheels: 4 };
+
+    #[test]
+    fn the_seed_decides() {
+        let short = ScheduleLimits { until_s: 36_000.0, ..LIMITS };
+        assert_eq!(fault_schedule(5, &short), fault_schedule(5, &short));
+        assert_ne!(fault_schedule(5, &short), fault_schedule(6, &short));
+    }
+
+    #[test]
+    fn events_keep_their_time_and_every_kind_comes() {
+        let events = fault_schedule(1, &LIMITS);
+        assert!(events.iter().all(|event| event.at >= Span::from_s(600.0)));
+        assert!(events.iter().all(|event| event.at + event.lasts < Span::from_s(3_000_000.0)));
+        assert!(events.is_sorted_by_key(|event| event.at));
+        let mut names: Vec<_> = events.iter().map(|event| crate::wiring::faults::action_name(&event.action)).collect();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), 25, "{names:?}");
+        let failures = events.iter().filter(|event| matches!(event.action, Action::WheelFailure { .. })).count();
+        assert_eq!(failures, 1, "three wheels still control all axes");
+    }
+}

@@ -1,0 +1,350 @@
+//! A scenario's events, sorted into the places where they act: bus, frames, vehicle; and what became of each.
+
+use crate::runtime::EventKind;
+use crate::runtime::frame_faults::{Begin, FrameFaults, NEVER};
+use crate::runtime::ledger::Event as LedgerEvent;
+use crate::wiring::vehicle_parts::attitude;
+use base::time::{Span, Tai};
+use config::{Action, Event, GyroFaultKind};
+use frames::sink::{DefectSpots, FaultFlags, FaultPixels, FrameFault};
+use link::tap::{FaultControl, LinkFault};
+use serde::Serialize;
+use testbed::acs::Command;
+use testbed::vehicle::VehicleFault;
+
+/// Delayed packets and the estimate of the flight computer's clock outlive a fault of the bus by this.
+const BUS_AFTERMATH: Span = Span::from_ms(2000);
+
+/// What the vehicle's side does at an instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Aboard {
+    /// A fault begins.
+    Inject {
+        /// What goes wrong.
+        fault: VehicleFault,
+        /// Its number in the log.
+        number: usize,
+    },
+    /// A fault ends.
+    Clear {
+        /// What ends.
+        fault: VehicleFault,
+        /// Its number in the log.
+        number: usize,
+    },
+    /// A command from the ground.
+    Command(Command),
+}
+
+/// Where a fault acts, and under which number.
+#[derive(Debug, Clone, PartialEq)]
+enum Place {
+    BusToStimulator(usize),
+    BusToComputer(usize),
+    /// Number per head; `None` for heads it does not touch.
+    Frames(Vec<Option<usize>>),
+    Aboard(usize),
+}
+
+/// One fault with its time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LoggedFault {
+    /// What it is, in the words of a scenario file.
+    pub name: &'static str,
+    /// Begin.
+    pub from: Tai,
+    /// End; equal to the begin for faults that stay.
+    pub until: Tai,
+    /// The trigger it waits for, and how long after that it begins.
+    trigger: Option<(u16, Span)>,
+    lasts: Span,
+    place: Place,
+}
+
+/// A fault as a report has it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FaultLine {
+    /// What it is, in the words of a scenario file.
+    pub name: &'static str,
+    /// Begin, s after the first exposure.
+    pub from_s: f64,
+    /// End.
+    pub until_s: f64,
+    /// Packets, frames or times it hit.
+    pub hits: u64,
+}
+
+/// Every fault of a run.
+#[derive(Debug, Default)]
+pub struct FaultLog {
+    faults: Vec<LoggedFault>,
+}
+
+/// The places where faults act.
+pub struct Places<'a> {
+    /// Faults of what the stimulator receives.
+    pub to_stimulator: &'a FaultControl,
+    /// Faults of what the flight computer receives.
+    pub to_computer: &'a FaultControl,
+    /// Faults of each head's frames.
+    pub frames: Vec<&'a mut FrameFaults>,
+}
+
+impl FaultLog {
+    /// Puts one event where it acts, its time counted from `zero`. What the vehicle's side has to do is added to `aboard`.
+    pub fn place(
+        &mut self,
+        event: &Event,
+        zero: Tai,
+        head: &base::axes::Rotation<base::axes::Sensor, base::axes::Body>,
+        places: &mut Places<'_>,
+        aboard: &mut Vec<(Tai, Aboard)>,
+    ) {
+        let (from, until) = (zero + event.at, zero + event.at + event.lasts);
+        let place = match event.action {
+            Action::Slew(pointing) => {
+                let target = head.inverse() * attitude(&pointing);
+                return aboard.push((from, Aboard::Command(Command::SlewTo(target))));
+            }
+            Action::Safe => return aboard.push((from, Aboard::Command(Command::Safe))),
+            Action::Resume => return aboard.push((from, Aboard::Command(Command::Resume))),
+            Action::Bus(fault) => {
+                for frames in &mut places.frames {
+                    frames.mark(from, until + BUS_AFTERMATH, link_flag(&fault));
+                }
+                Place::BusToStimulator(places.to_stimulator.add(from, until, fault))
+            }
+            Action::BusBack(fault) => Place::BusToComputer(places.to_computer.add(from, until, fault)),
+            Action::Frame { head, fault } => {
+                let number = u16::try_from(self.faults.len() + 1).unwrap_or(u16::MAX);
+                let begin = match event.on_trigger {
+                    None => Begin::At(from),
+                    Some(number) => Begin::OnTrigger { number, delay: event.at },
+                };
+                let add = |(i, faults): (usize, &mut &mut FrameFaults)| {
+                    head.is_none_or(|head| head == i).then(|| faults.arm(begin, event.lasts, fault, number))
+                };
+                Place::Frames(places.frames.iter_mut().enumerate().map(add).collect())
+            }
+            Action::Trigger { number } => {
+                for frames in &mut places.frames {
+                    frames.fire_trigger(number, from);
+                }
+                return self.fire(number, from);
+            }
+            Action::Gyro(_) | Action::WheelFailure { .. } | Action::TrackerOff { .. } => {
+                let Some(fault) = vehicle_fault(&event.action) else { return };
+                let number = self.faults.len();
+                aboard.push((from, Aboard::Inject { fault, number }));
+                if event.lasts > Span::ZERO {
+                    aboard.push((until, Aboard::Clear { fault, number }));
+                }
+                Place::Aboard(number)
+            }
+        };
+        let trigger = event.on_trigger.map(|number| (number, event.at));
+        let (from, until) = if trigger.is_some() { (NEVER, NEVER) } else { (from, until) };
+        let (name, lasts) = (action_name(&event.action), event.lasts);
+        self.faults.push(LoggedFault { name, from, until, trigger, lasts, place });
+    }
+
+    /// Faults that wait for this trigger begin after `at`.
+    fn fire(&mut self, number: u16, at: Tai) {
+        for fault in &mut self.faults {
+            if let Some((own, delay)) = fault.trigger
+                && own == number
+            {
+                (fault.from, fault.until) = (at + delay, at + delay + fault.lasts);
+            }
+        }
+    }
+
+    /// Begin and end of the faults that wait for this trigger.
+    pub fn triggered_by(&self, number: u16) -> impl Iterator<Item = (Tai, Tai)> + '_ {
+        let waits = move |fault: &&LoggedFault| fault.trigger.is_some_and(|(own, _)| own == number);
+        self.faults.iter().filter(waits).map(|fault| (fault.from, fault.until))
+    }
+
+    /// Every fault so far.
+    #[must_use]
+    pub fn faults(&self) -> &[LoggedFault] {
+        &self.faults
+    }
+
+    /// Every fault as a report has it, its times counted from `zero`.
+    #[must_use]
+    pub fn lines(&self, zero: Tai, places: &PlacesRead<'_>) -> Vec<FaultLine> {
+        let after_zero_s = |at: Tai| if at == NEVER { f64::INFINITY } else { (at - zero).s() };
+        let line = |fault: &LoggedFault| {
+            let (from, until) = fault.times(places);
+            let hits = self.hits(fault, places);
+            FaultLine { name: fault.name, from_s: after_zero_s(from), until_s: after_zero_s(until), hits }
+        };
+        self.faults.iter().map(line).collect()
+    }
+
+    /// How often a fault hit: packets, frames, gyro samples.
+    #[must_use]
+    pub fn hits(&self, fault: &LoggedFault, places: &PlacesRead<'_>) -> u64 {
+        match &fault.place {
+            Place::BusToStimulator(i) => places.to_stimulator.timed().get(*i).map_or(0, |timed| timed.hits),
+            Place::BusToComputer(i) => places.to_computer.timed().get(*i).map_or(0, |timed| timed.hits),
+            Place::Frames(numbers) => {
+                let of = |(faults, number): (&&FrameFaults, &Option<usize>)| {
+                    number.and_then(|number| faults.timed().get(number)).map_or(0, |timed| timed.hits)
+                };
+                places.frames.iter().zip(numbers).map(of).sum()
+            }
+            Place::Aboard(number) => (places.aboard)(*number),
+        }
+    }
+}
+
+impl LoggedFault {
+    /// What the ledger says of it.
+    ///
+    /// `None` for faults of frames: those tell it themselves, with the frame in which they begin and end.
+    #[must_use]
+    pub fn ledger_event(&self) -> Option<LedgerEvent> {
+        let event = LedgerEvent::new(EventKind::Fault, self.from, None, self.until - self.from);
+        (!matches!(self.place, Place::Frames(_))).then_some(LedgerEvent { what: self.name, ..event })
+    }
+
+    /// Begin and end; of one that waits for a trigger, as the frames have it.
+    fn times(&self, places: &PlacesRead<'_>) -> (Tai, Tai) {
+        let Place::Frames(numbers) = &self.place else { return (self.from, self.until) };
+        let timed = places.frames.iter().zip(numbers).find_map(|(faults, number)| faults.timed().get((*number)?));
+        timed.map_or((self.from, self.until), |timed| (timed.from, timed.until))
+    }
+}
+
+/// The places, to be looked at only.
+pub struct PlacesRead<'a> {
+    /// As in [`Places`].
+    pub to_stimulator: &'a FaultControl,
+    /// As in [`Places`].
+    pub to_computer: &'a FaultControl,
+    /// As in [`Places`].
+    pub frames: Vec<&'a FrameFaults>,
+    /// Hits of a fault aboard, by its number in the log.
+    pub aboard: &'a dyn Fn(usize) -> u64,
+}
+
+/// The flag of a fault of the bus in the frames of its time.
+fn link_flag(fault: &LinkFault) -> FaultFlags {
+    match fault {
+        LinkFault::Loss { .. } => FaultFlags::LINK_DROP,
+        LinkFault::Silence => FaultFlags::LINK_STALE,
+        LinkFault::Delay { .. } => FaultFlags::LINK_DELAY,
+        LinkFault::Duplicate { .. } => FaultFlags::LINK_DUPLICATE,
+        LinkFault::WrongBits { .. } | LinkFault::Truncate { .. } => FaultFlags::LINK_CORRUPT,
+        LinkFault::Reorder { .. } => FaultFlags::LINK_REORDER,
+        LinkFault::Babble { .. } => FaultFlags::LINK_BABBLE,
+        LinkFault::Off => FaultFlags::LINK_OFF,
+        LinkFault::ClockStep { .. } => FaultFlags::CLOCK_STEP,
+        LinkFault::ClockDrift { .. } => FaultFlags::CLOCK_DRIFT,
+    }
+}
+
+/// What there is in a loop.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Inventory {
+    pub(super) heads: usize,
+    pub(super) wheels: usize,
+    /// Columns and rows of the detectors.
+    pub(super) size_px: [usize; 2],
+    /// Columns and rows of their images.
+    pub(super) output_px: [usize; 2],
+}
+
+/// Refuses an event that names a head, wheel or pixel that is not there, with why.
+pub(super) fn check_places(event: &Event, there: Inventory) -> Result<(), String> {
+    let Inventory { heads, wheels, size_px, output_px } = there;
+    let [width, height] = size_px;
+    match event.action {
+        Action::Frame { fault: FrameFault::BitFlip { pixels, .. }, .. } if is_outside(pixels, output_px) => {
+            let [width, height] = output_px;
+            Err(format!("{}: images have {width} x {height} pixels, counted from 0", place_of(pixels)))
+        }
+        Action::Frame { fault: FrameFault::FalseStars { pixels, .. }, .. } if is_outside(pixels, size_px) => {
+            Err(format!("{}: the detector has {width} x {height} pixels, counted from 0", place_of(pixels)))
+        }
+        Action::Frame { fault: FrameFault::Pixels { spots, .. }, .. } if spots_are_outside(&spots, size_px) => {
+            Err(format!("{}: the detector has {width} x {height} pixels, counted from 0", place_of_spots(&spots)))
+        }
+        Action::Frame { head: Some(head), .. } | Action::TrackerOff { head: Some(head) } if head >= heads => {
+            Err(format!("head {head}: there are {heads}, counted from 0"))
+        }
+        Action::WheelFailure { wheel } if wheel >= wheels => {
+            Err(format!("wheel {wheel}: there are {wheels}, counted from 0"))
+        }
+        _ if event.at < Span::ZERO => Err("wanted a time not before the first exposure".into()),
+        _ => Ok(()),
+    }
+}
+
+/// How messages name a pixel, as event files do.
+fn place_of(pixels: FaultPixels) -> String {
+    pixels.at.map_or_else(String::new, |[x, y]| format!("px = [{x}, {y}]"))
+}
+
+/// How messages name pixels, a column and a row, as event files do.
+fn place_of_spots(spots: &DefectSpots) -> String {
+    let line = |name: &str, number: Option<u32>| number.map(|number| format!("{name} = {number}"));
+    let pixel = Some(place_of(spots.pixels)).filter(|place| !place.is_empty());
+    let all = [pixel, line("column", spots.column), line("row", spots.row)];
+    all.into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+fn is_outside(pixels: FaultPixels, [width, height]: [usize; 2]) -> bool {
+    let beyond = |[x, y]: [u32; 2]| x as usize >= width || y as usize >= height;
+    pixels.at.is_some_and(beyond)
+}
+
+fn spots_are_outside(spots: &DefectSpots, size_px: [usize; 2]) -> bool {
+    let beyond = |line: Option<u32>, side: usize| line.is_some_and(|line| line as usize >= side);
+    let [width, height] = size_px;
+    is_outside(spots.pixels, size_px) || beyond(spots.column, width) || beyond(spots.row, height)
+}
+
+fn vehicle_fault(action: &Action) -> Option<VehicleFault> {
+    Some(match *action {
+        Action::Gyro(GyroFaultKind::Dropout) => VehicleFault::GyroDropout,
+        Action::Gyro(GyroFaultKind::Stuck) => VehicleFault::GyroStuck,
+        Action::Gyro(GyroFaultKind::BiasJump(jump)) => VehicleFault::GyroBiasJump(jump),
+        Action::Gyro(GyroFaultKind::Spike(spike)) => VehicleFault::GyroSpike(spike),
+        Action::WheelFailure { wheel } => VehicleFault::WheelFailure(wheel),
+        Action::TrackerOff { head } => VehicleFault::TrackerOff(head),
+        _ => return None,
+    })
+}
+
+/// The word for an action in a scenario file.
+#[must_use]
+pub fn action_name(action: &Action) -> &'static str {
+    match action {
+        Action::Slew(_) => "slew",
+        Action::Safe => "safe",
+        Action::Resume => "resume",
+        Action::Bus(LinkFault::Loss { .. }) => "bus_loss",
+        Action::Bus(LinkFault::Silence) => "bus_silence",
+        Action::Bus(LinkFault::Delay { .. }) => "bus_delay",
+        Action::Bus(LinkFault::Duplicate { .. }) => "bus_duplicate",
+        Action::Bus(LinkFault::WrongBits { .. }) => "bus_wrong_bits",
+        Action::Bus(LinkFault::Reorder { .. }) => "bus_reorder",
+        Action::Bus(LinkFault::Truncate { .. }) => "bus_truncate",
+        Action::Bus(LinkFault::Babble { .. }) => "bus_babble",
+        Action::Bus(LinkFault::Off) => "bus_off",
+        Action::Bus(LinkFault::ClockStep { .. }) => "clock_step",
+        Action::Bus(LinkFault::ClockDrift { .. }) => "clock_drift",
+        Action::BusBack(_) => "bus_back_loss",
+        Action::Frame { fault, .. } => fault.name(),
+        Action::Gyro(GyroFaultKind::Dropout) => "gyro_dropout",
+        Action::Gyro(GyroFaultKind::Stuck) => "gyro_stuck",
+        Action::Gyro(GyroFaultKind::BiasJump(_)) => "gyro_bias_jump",
+        Action::Gyro(GyroFaultKind::Spike(_)) => "gyro_spike",
+        Action::WheelFailure { .. } => "wheel_failure",
+        Action::TrackerOff { .. } => "tracker_off",
+        Action::Trigger { .. } => "trigger",
+    }
+}

@@ -1,0 +1,325 @@
+//! The memory of a run, added up before any of it is taken.
+//!
+//! Input: a checked bench, its sinks and how it runs. Output: a list of parts in bytes ([`RunMemory`]), and a refusal with
+//! the sum and the biggest parts when it does not fit ([`RunMemory::check`]). A program that runs out of memory is ended by
+//! an abort in mid-allocation or by the kernel in mid-run; a sum that does not fit is an error in words at once.
+//!
+//! Counted: images and maps of the detector, frames on their way, queues and kept frames of every sink, the ring in
+//! shared memory, pictures of the live view, stars of layers, a fixed share for everything whose size does not depend on
+//! the camera. Estimates err upwards. Limits: memory of a graphics card and its driver is not counted.
+//! Tests: below, `hil_scripts/test_files.py` (limits set from outside).
+
+use crate::runtime::delivery;
+use crate::runtime::real_time::STARS_AT_FIRST;
+use base::memory::{Available, available, available_in_process};
+use config::{Backend, Bench, Sink, SinkSettings};
+use core::fmt;
+#[cfg(unix)]
+use frames::sink::shared_memory::ring_bytes;
+use frames::sink::{TargetRow, TruthStar};
+use image::detector::binning::BinningKind;
+use std::path::Path;
+
+/// Memory that does not depend on the camera: the program, catalog, tables, threads and their stacks.
+const FIXED_BYTES: u64 = 128 << 20;
+/// Bytes of one number of the detector's images and maps.
+const CHARGE_BYTES: u64 = 4;
+/// Bytes of a pixel of a frame.
+const DN_BYTES: u64 = 2;
+/// Frames beside those in queues on the real clock: the one that is drawn, the one before it, two patterns for buffers.
+const FRAMES_AT_HAND: u64 = 4;
+/// Frames that are under way on the virtual clock.
+const FRAMES_UNDER_WAY: u64 = 4;
+/// Pictures of the live view that change places, and one that becomes a PNG.
+const LIVE_PICTURES: u64 = 4;
+/// Images of a display: luminances and greys that change places.
+const DISPLAY_PICTURES: u64 = 8;
+/// Parts that a refusal names.
+const NAMED_PARTS: usize = 4;
+
+/// How a bench is run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RunForm {
+    /// On the bench clock, where every sink has a queue.
+    pub is_real: bool,
+    /// With the live view.
+    pub has_view: bool,
+}
+
+/// One part of the sum.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MemoryPart {
+    /// What takes it, with the keys that decide how much.
+    pub name: String,
+    /// Bytes.
+    pub bytes: u64,
+    /// False for a file in memory, which is outside the process's address space.
+    pub is_in_process: bool,
+}
+
+/// The parts of a run's memory.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RunMemory {
+    parts: Vec<MemoryPart>,
+}
+
+/// A run that does not fit into memory.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "this run needs {} of memory, and {} are free {}: {biggest}; wanted a run that fits: try a smaller camera, or fewer \
+     frames in the largest of these",
+    size(*.needed), size(.available.bytes), .available.limit
+)]
+pub struct MemoryError {
+    /// The sum, bytes.
+    pub needed: u64,
+    /// What there is.
+    pub available: Available,
+    /// The biggest parts, in words.
+    pub biggest: String,
+}
+
+impl RunMemory {
+    /// Adds up a bench with these sinks.
+    #[must_use]
+    pub fn of(bench: &Bench, sinks: &[SinkSettings], form: RunForm) -> Self {
+        Self::of_heads(bench, 1 + bench.extra_heads.len(), sinks, form)
+    }
+
+    /// Adds up a bench with so many camera heads, as scenarios have.
+    #[must_use]
+    pub fn of_heads(bench: &Bench, heads: usize, sinks: &[SinkSettings], form: RunForm) -> Self {
+        let heads = heads.max(1) as u64;
+        let mut memory = Self { parts: Vec::new() };
+        memory.add("program, tables and threads", FIXED_BYTES);
+        let detector = &bench.camera.detector;
+        let [width, height] = [detector.width_px, detector.height_px];
+        let images = heads * detector_numbers(bench) * CHARGE_BYTES * u64::from(width) * u64::from(height);
+        memory.add(&format!("images and maps of the detector ({width} x {height} px, heads: {heads})"), images);
+        let frame = frame_bytes(bench);
+        let under_way = if form.is_real { delivery::BUFFERS as u64 + FRAMES_AT_HAND } else { FRAMES_UNDER_WAY };
+        memory.add("frames between drawing and sinks", heads * under_way * frame);
+        for (number, settings) in sinks.iter().enumerate() {
+            let place = number.checked_sub(1).map_or_else(|| "sink".into(), |extra| format!("extra_sink[{extra}]"));
+            memory.add_sink(&place, settings, heads, frame, bench, (form, sinks.len()));
+        }
+        if form.has_view {
+            memory.add("pictures of the live view (--monitor)", LIVE_PICTURES * frame);
+        }
+        if !bench.layers.is_empty() {
+            let stars = u64::from(bench.star_memory_mb) << 20;
+            memory.add(&format!("stars of layers (sky.memory_mb = {})", bench.star_memory_mb), heads * stars);
+        }
+        memory
+    }
+
+    fn add(&mut self, name: &str, bytes: u64) {
+        self.parts.push(MemoryPart { name: name.into(), bytes, is_in_process: true });
+    }
+
+    fn add_sink(
+        &mut self,
+        place: &str,
+        settings: &SinkSettings,
+        heads: u64,
+        frame: u64,
+        bench: &Bench,
+        (form, sinks): (RunForm, usize),
+    ) {
+        let queue = match form.is_real {
+            true if settings.sink == Sink::Null && sinks == 1 => 0,
+            true => u64::from(settings.queue_frames),
+            false => u64::from(sinks > 1),
+        };
+        self.add(
+            &format!("frames that wait for {place} ({place}.queue = {})", settings.queue_frames),
+            heads * queue * frame,
+        );
+        match &settings.sink {
+            // One frame as bytes (SER), or as a picture (PNG).
+            Sink::Recorder { .. } => self.add(&format!("a frame on its way to files ({place})"), heads * frame),
+            Sink::SharedMemory { path, slots } => {
+                let bytes = heads * ring_bytes(bench.camera.image_px().map(|side| side as usize), *slots);
+                let name = format!("ring in shared memory ({place}.slots = {slots})");
+                // A ring on a disk is no memory.
+                if path.starts_with(Path::new("/dev/shm")) {
+                    self.parts.push(MemoryPart { name, bytes, is_in_process: false });
+                }
+            }
+            Sink::Iceoryx { slots, .. } => {
+                self.add(&format!("frames for readers ({place}.slots = {slots})"), heads * u64::from(*slots) * frame);
+            }
+            Sink::NetworkCamera(params) => {
+                let (kept, queued) = (params.frames_kept, params.frames_queued);
+                let name = format!("frames kept for clients ({place}.frames_kept = {kept})");
+                self.add(&name, heads * u64::from(kept) * frame);
+                let name = format!("frames that wait for the network ({place}.frames_queued = {queued})");
+                self.add(&name, heads * u64::from(queued) * frame);
+            }
+            Sink::Display(_) => self.add(&format!("pictures of the display ({place})"), DISPLAY_PICTURES * frame),
+            Sink::Null => {}
+        }
+    }
+
+    /// The parts, in no order.
+    #[must_use]
+    pub fn parts(&self) -> &[MemoryPart] {
+        &self.parts
+    }
+
+    /// The sum, bytes.
+    #[must_use]
+    pub fn total(&self) -> u64 {
+        sum(self.parts.iter())
+    }
+
+    /// Refuses a run that does not fit into what the machine, its control group and the process's limits leave.
+    ///
+    /// # Errors
+    /// [`MemoryError`] with the sum and the biggest parts.
+    pub fn check(&self) -> Result<(), MemoryError> {
+        self.check_against(available(), available_in_process())
+    }
+
+    fn check_against(&self, machine: Option<Available>, process: Option<Available>) -> Result<(), MemoryError> {
+        let in_process = sum(self.parts.iter().filter(|part| part.is_in_process));
+        for (needed, available) in [(in_process, process), (self.total(), machine)] {
+            if let Some(available) = available.filter(|available| available.bytes < needed) {
+                return Err(MemoryError { needed, available, biggest: self.biggest() });
+            }
+        }
+        Ok(())
+    }
+
+    fn biggest(&self) -> String {
+        let mut parts: Vec<&MemoryPart> = self.parts.iter().collect();
+        parts.sort_by_key(|part| core::cmp::Reverse(part.bytes));
+        let named = parts.iter().take(NAMED_PARTS).map(|part| format!("{} {}", part.name, size(part.bytes)));
+        named.collect::<Vec<_>>().join(", ")
+    }
+}
+
+fn sum<'a>(parts: impl Iterator<Item = &'a MemoryPart>) -> u64 {
+    parts.map(|part| part.bytes).fold(0, u64::saturating_add)
+}
+
+/// Numbers per sensor pixel and head: the drawn image, maps, and the images of stages with neighbours.
+fn detector_numbers(bench: &Bench) -> u64 {
+    let detector = &bench.camera.detector;
+    let spatial = &detector.spatial;
+    let drawn = if bench.render.backend == Backend::Reference { 2 } else { 1 };
+    let of_file = &detector.maps;
+    let maps = [
+        detector.prnu != 0.0 || of_file.prnu.is_some(),
+        detector.dsnu_e_rms != 0.0 || of_file.dsnu_e.is_some(),
+        detector.dark_nonuniformity != 0.0 || of_file.dark_factor.is_some(),
+        !bench.camera.illumination.is_even(),
+    ];
+    let maps = maps.into_iter().filter(|is_on| *is_on).count() as u64;
+    // A map is drawn in one place and kept in another.
+    let drawing = u64::from(maps > 0);
+    let charge_binning = matches!(spatial.binning, Some(binning) if matches!(binning.kind, BinningKind::Charge { .. }));
+    let neighbours = [spatial.image_lag.is_some(), spatial.charge_transfer.is_some(), charge_binning];
+    let stages = neighbours.into_iter().filter(|is_on| *is_on).count() as u64;
+    let charge = u64::from(stages > 0 || spatial.blooming.is_some());
+    // The converter's image where it is not the output itself.
+    let converter = u64::from(spatial.binning.is_some() || spatial.window.is_some());
+    drawn + maps + drawing + stages + charge + converter
+}
+
+/// A frame with its truth table.
+fn frame_bytes(bench: &Bench) -> u64 {
+    let [width, height] = bench.camera.image_px().map(u64::from);
+    let truth = (STARS_AT_FIRST * size_of::<TruthStar>() + bench.targets.len() * size_of::<TargetRow>()) as u64;
+    DN_BYTES * width * height + truth
+}
+
+/// Without shared memory there is no ring.
+#[cfg(not(unix))]
+fn ring_bytes(_size_px: [usize; 2], _slots: u32) -> u64 {
+    0
+}
+
+/// A number of bytes for people.
+fn size(bytes: u64) -> impl fmt::Display {
+    let mib = bytes as f64 / f64::from(1 << 20);
+    if mib < 1024.0 { format!("{mib:.0} MiB") } else { format!("{:.1} GiB", mib / 1024.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::memory::MemoryLimit;
+    use config::Document;
+
+    const GIB: u64 = 1 << 30;
+    const REAL: RunForm = RunForm { is_real: true, has_view: false };
+
+    /// The built-in camera with another number of pixels, and these sinks.
+    fn bench(side_px: u32, sinks: &str) -> Bench {
+        let mut bench = Bench::from_document(&Document::from_text(sinks, Path::new("b.toml"))).unwrap();
+        bench.camera.detector.width_px = side_px;
+        bench.camera.detector.height_px = side_px;
+        bench
+    }
+
+    fn memory(side_px: u32, sinks: &str, form: RunForm) -> RunMemory {
+        let bench = bench(side_px, sinks);
+        RunMemory::of(&bench, &bench.sinks, form)
+    }
+
+    fn here(bytes: u64) -> Option<Available> {
+        Some(Available { bytes, limit: MemoryLimit::Machine })
+    }
+
+    #[test]
+    fn kept_and_queued_frames_of_a_large_camera_are_refused_with_the_sum_and_the_biggest_part() {
+        let sinks = "[sink]\nkind = \"network_camera\"\nport = 0\nframes_kept = 64\nframes_queued = 16\n";
+        let memory = memory(16_384, sinks, REAL);
+        assert!(
+            (48 * GIB..56 * GIB).contains(&memory.total()),
+            "64 + 16 + 8 + 8 frames of 0.5 GiB, and the detector's images: {}",
+            memory.total()
+        );
+        let error = memory.check_against(here(8 * GIB), None).unwrap_err();
+        let text = error.to_string();
+        assert!(text.contains("8.0 GiB are free on this machine"), "{text}");
+        let biggest = "frames kept for clients (sink.frames_kept = 64) 32.1 GiB, ";
+        assert!(text.contains(&format!("(MemAvailable): {biggest}")), "the biggest part first: {text}");
+        memory.check_against(here(64 * GIB), None).expect("control: it fits here");
+    }
+
+    #[test]
+    fn every_queue_head_and_ring_is_in_the_sum() {
+        let grown = |change: &dyn Fn(&mut Bench)| {
+            let mut bench = bench(1024, "[sink]\nkind = \"recorder\"\n");
+            change(&mut bench);
+            RunMemory::of(&bench, &bench.sinks, REAL).total()
+        };
+        let plain = grown(&|_| {});
+        let frame = 2 * 1024 * 1024;
+        assert!(grown(&|bench| bench.sinks[0].queue_frames += 100) >= plain + 100 * frame);
+        assert!(grown(&|bench| bench.extra_heads.push(bench.sensor_from_body)) >= plain + 16 * frame);
+        assert!(grown(&|bench| bench.camera.detector.prnu += 0.01) >= plain);
+        let ring = Sink::SharedMemory { path: "/dev/shm/x".into(), slots: 64 };
+        let ring = SinkSettings { sink: ring, queue_frames: 1 };
+        assert!(grown(&|bench| bench.sinks.push(ring.clone())) >= plain + 65 * frame);
+        let layers = |bench: &mut Bench| (bench.layers, bench.star_memory_mb) = (vec!["a".into()], 3000);
+        assert!(grown(&layers) >= plain + (3000 << 20));
+        let bench = bench(1024, "");
+        let of = |form| RunMemory::of(&bench, &bench.sinks, form).total();
+        assert!(of(RunForm { has_view: true, ..REAL }) > of(REAL));
+        assert!(of(REAL) > of(RunForm { is_real: false, has_view: false }), "queues are for the real clock");
+    }
+
+    #[test]
+    fn ring_in_shared_memory_is_outside_the_address_space() {
+        let memory = memory(4096, "[sink]\nkind = \"shared_memory\"\nslots = 64\n", REAL);
+        let ring: u64 = memory.parts().iter().filter(|part| !part.is_in_process).map(|part| part.bytes).sum();
+        assert!(ring >= 64 * 2 * 4096 * 4096);
+        let limit = Available { bytes: memory.total() - ring, limit: MemoryLimit::AddressSpace };
+        memory.check_against(None, Some(limit)).expect("it fits without the ring");
+        memory.check_against(here(limit.bytes), None).expect_err("and does not with it");
+        memory.check_against(None, None).expect("a system that does not say is not asked");
+    }
+}

@@ -1,0 +1,146 @@
+//! The links of a checked bench -> the stimulator's ports, and the far end's where it is simulated too.
+
+use crate::wiring::bench_parts;
+use anyhow::{Context, Result};
+use base::clock::{Clock, PairedReading};
+use base::time::Span;
+use config::{self, Bench, Carrier, Doors, Link, Wire};
+use firmware_protocol::can::IdMap;
+use link::gateway::{GatewayParams, Gateways};
+use link::pps::Pps;
+use link::serial::{FlowControl, Parity, SerialLink, SerialParams, StopBits};
+use link::simulated::SimulatedBus;
+use link::socketcan::{Hears, SocketCanLink, SocketCanParams};
+use link::{Link as LinkEnd, LinkError, Port};
+use std::sync::Arc;
+
+/// The ports of a run.
+pub struct Ports {
+    /// Doors to the simulated buses; they close when this is dropped.
+    pub gateways: Vec<Gateways>,
+    /// Pulses per second of the flight computer, where a link names a source.
+    pub pulses: Option<Pps>,
+    /// The stimulator's: the bench's link, then its extra links.
+    pub near: Vec<Port>,
+    /// The simulated flight computer's; `None` for one that is no part of this program.
+    pub far: Option<Port>,
+}
+
+/// What stands between a link of the stimulator and its port.
+pub type Tap<'a> = &'a mut dyn FnMut(Box<dyn LinkEnd>) -> Box<dyn LinkEnd>;
+
+/// Opens every link of a bench; `tap` stands before the first one's port.
+///
+/// # Errors
+/// When a link cannot be opened, with what to try.
+pub fn open_ports(bench: &Bench, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result<Ports> {
+    let wants_far = !bench.flight_computer.is_external;
+    let first = open(&bench.link, wants_far, clock, tap).context("[link]")?;
+    let mut ports = Ports { gateways: Vec::new(), pulses: None, near: Vec::new(), far: first.far };
+    ports.near.push(first.near);
+    ports.gateways.extend(first.gateways);
+    for (i, link) in bench.extra_links.iter().enumerate() {
+        let opened = open(link, false, clock, &mut |link| link).with_context(|| format!("[[extra_link]] {i}"))?;
+        let longer_us = link.latency_us - bench.link.latency_us;
+        ports.near.push(opened.near.less_delay(Span::from_s(longer_us * 1e-6)));
+        ports.gateways.extend(opened.gateways);
+    }
+    let source = core::iter::once(&bench.link).chain(&bench.extra_links).find_map(|link| link.pps.as_ref());
+    ports.pulses = source.map(|path| Pps::open(path, PairedReading::take(&**clock))).transpose()?;
+    Ok(ports)
+}
+
+/// One link, opened.
+struct Opened {
+    near: Port,
+    far: Option<Port>,
+    gateways: Option<Gateways>,
+}
+
+fn open(link: &Link, wants_far: bool, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result<Opened> {
+    let ids = identifiers(link)?;
+    let (params, format) = bench_parts::bus_of(link);
+    match &link.carrier {
+        Carrier::Simulated(doors) => {
+            let bus = SimulatedBus::new(params, clock);
+            let near = Port::new(tap(Box::new(bus.attach())), format, ids);
+            let far = wants_far.then(|| Port::new(Box::new(bus.attach()), format, ids));
+            Ok(Opened { near, far, gateways: gateways(doors, &bus, clock)? })
+        }
+        Carrier::SocketCan { interface } => {
+            let end = |hears| can_link(interface, ids, hears, link.wire, clock);
+            let near = tap(Box::new(end(Hears::FlightComputer)?));
+            let far = wants_far.then(|| end(Hears::Stimulator)).transpose()?;
+            let far = far.map(|far| Port::new(Box::new(far), format, ids));
+            Ok(Opened { near: Port::new(near, format, ids), far, gateways: None })
+        }
+        Carrier::SerialPort(settings) => {
+            let near = SerialLink::open(serial_params(settings, link.bit_rate), clock)?;
+            Ok(Opened { near: Port::new(tap(Box::new(near)), format, ids), far: None, gateways: None })
+        }
+    }
+}
+
+fn gateways(doors: &Doors, bus: &SimulatedBus, clock: &Arc<dyn Clock>) -> Result<Option<Gateways>, LinkError> {
+    if *doors == Doors::default() {
+        return Ok(None);
+    }
+    let Doors { slcan_tcp, slcan_pty, socketcand } = doors.clone();
+    let params = GatewayParams { slcan_tcp, slcan_pty, socketcand, ..GatewayParams::default() };
+    Gateways::start(bus, &params, clock).map(Some)
+}
+
+fn can_link(
+    interface: &str,
+    ids: IdMap,
+    hears: Hears,
+    wire: Wire,
+    clock: &Arc<dyn Clock>,
+) -> Result<SocketCanLink, LinkError> {
+    let fd = wire == Wire::CanFd;
+    let params = SocketCanParams { interface: interface.into(), ids, hears, fd, bit_rate_switch: true };
+    SocketCanLink::open(params, clock)
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the config's rates are checked")]
+fn serial_params(settings: &config::SerialPort, bit_rate: f64) -> SerialParams {
+    SerialParams {
+        path: settings.port.clone(),
+        baud: bit_rate as u32,
+        parity: match settings.parity {
+            config::Parity::None => Parity::None,
+            config::Parity::Even => Parity::Even,
+            config::Parity::Odd => Parity::Odd,
+        },
+        stop_bits: if settings.stop_bits == 2 { StopBits::Two } else { StopBits::One },
+        flow: match settings.flow_control {
+            config::FlowControl::None => FlowControl::None,
+            config::FlowControl::Hardware => FlowControl::Hardware,
+        },
+    }
+}
+
+/// The identifiers of a link's node.
+///
+/// # Errors
+/// Never for a checked link.
+pub fn identifiers(link: &Link) -> Result<IdMap> {
+    IdMap::new(link.id_base, link.node).context("CAN identifiers: node or base out of range")
+}
+
+/// Why a bench cannot be run on the virtual clock, if it cannot.
+#[must_use]
+pub fn needs_real_clock(bench: &Bench) -> Option<&'static str> {
+    let has_doors = |link: &Link| matches!(&link.carrier, Carrier::Simulated(doors) if *doors != Doors::default());
+    let is_real = |link: &Link| !matches!(link.carrier, Carrier::Simulated(_));
+    let any = |is: &dyn Fn(&Link) -> bool| core::iter::once(&bench.link).chain(&bench.extra_links).any(is);
+    if any(&is_real) {
+        Some("a real bus")
+    } else if any(&has_doors) {
+        Some("gateways")
+    } else if bench.flight_computer.is_external {
+        Some("an external flight computer")
+    } else {
+        None
+    }
+}

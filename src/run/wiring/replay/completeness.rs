@@ -1,0 +1,83 @@
+//! The end record of a captured run, compared with the files beside it before anything is drawn.
+//!
+//! A table or log that is cut at the end of a line is as readable as a whole one, so its end says nothing: the end record
+//! in `session.json` states how many packets and rows there were. Input: a session and its directory. Output: nothing, or
+//! the first number that differs. A run that was cut off has no end record; captures of earlier versions have no counts
+//! of rows. Both are replayed with a note ([`Session::doubts`]). Tests: `tests/closed_loop/replay.rs`.
+
+use super::{FRAMES_FILE, FrameRow, ReplayError, RowReader, Session, SessionEnd};
+use link::capture::{CaptureError, CaptureReader};
+use serde::{Deserialize, Serialize};
+use std::fs::File;
+use std::path::Path;
+
+/// What the rows of `frames.csv` add up to.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RowCounts {
+    /// Rows.
+    pub rows: u64,
+    /// Frames that went out: rows with a checksum.
+    pub frames: u64,
+    /// Number of the last row's frame; absent without rows.
+    pub last_frame: Option<u32>,
+}
+
+impl RowCounts {
+    /// Counts one more row.
+    pub(super) fn add(&mut self, row: &FrameRow) {
+        self.rows += 1;
+        self.frames += u64::from(row.crc32.is_some());
+        self.last_frame = Some(row.frame);
+    }
+}
+
+/// Refuses a capture that does not hold what its end record states.
+///
+/// # Errors
+/// [`ReplayError::Incomplete`] with the first number that differs; what makes a file unreadable.
+pub(super) fn check(directory: &Path, session: &Session) -> Result<(), ReplayError> {
+    let Some(end) = &session.end else { return Ok(()) };
+    let bus = directory.join(&session.bus);
+    compare(end, &bus, "packets", end.packets, count_packets(&bus)?)?;
+    let Some(wanted) = end.counted else { return Ok(()) };
+    let frames = directory.join(FRAMES_FILE);
+    let got = count_rows(&frames)?;
+    compare(end, &frames, "rows", wanted.rows, got.rows)?;
+    compare(end, &frames, "frames that went out", wanted.frames, got.frames)?;
+    let number = |last: Option<u32>| last.map_or(0, u64::from);
+    compare(end, &frames, "as the last frame's number", number(wanted.last_frame), number(got.last_frame))
+}
+
+fn compare(end: &SessionEnd, path: &Path, what: &'static str, wanted: u64, got: u64) -> Result<(), ReplayError> {
+    // A disk that filled up may have taken more than was confirmed; the session says that it did.
+    let is_more_than_confirmed = got > wanted && end.error.is_some();
+    if got == wanted || is_more_than_confirmed {
+        return Ok(());
+    }
+    Err(ReplayError::Incomplete { path: path.into(), what, wanted, got })
+}
+
+fn count_packets(path: &Path) -> Result<u64, ReplayError> {
+    let refuse = |source| ReplayError::File { path: path.into(), doing: "read the packets", source };
+    let file = File::open(path).map_err(refuse)?;
+    let damaged = |source| ReplayError::Capture { path: path.into(), source };
+    let mut reader = match CaptureReader::new(file) {
+        Err(CaptureError::Empty) => return Ok(0),
+        reader => reader.map_err(damaged)?,
+    };
+    let mut packets = 0;
+    while reader.read().map_err(damaged)?.is_some() {
+        packets += 1;
+    }
+    Ok(packets)
+}
+
+fn count_rows(path: &Path) -> Result<RowCounts, ReplayError> {
+    let mut reader = RowReader::open(path)?;
+    let mut counts = RowCounts::default();
+    while let Some(row) = reader.read()? {
+        counts.add(&row);
+    }
+    Ok(counts)
+}

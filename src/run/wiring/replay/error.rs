@@ -1,0 +1,84 @@
+//! Why a run cannot be captured or replayed.
+
+use crate::runtime::RunError;
+use config::ConfigError;
+use frames::sink::SinkError;
+use link::capture::CaptureError;
+use std::path::PathBuf;
+
+/// A capture that cannot be made or replayed.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// The system refused a file.
+    #[error("{}: cannot {doing}: {source}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What was tried.
+        doing: &'static str,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The directory is in use.
+    #[error("{}: holds a captured run already; wanted another directory", path.display())]
+    Occupied {
+        /// The directory.
+        path: PathBuf,
+    },
+    /// The session's file is damaged or of another form.
+    #[error("{}: {why}", path.display())]
+    Session {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, wanted and got.
+        why: String,
+    },
+    /// A row of the frames' file is damaged.
+    #[error("{}:{line}: {why}; got \"{text}\"", path.display())]
+    Row {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// What is wrong, and what was wanted.
+        why: &'static str,
+        /// Its beginning.
+        text: String,
+    },
+    /// The capture cannot be read or written at all.
+    #[error("{}: {source}", path.display())]
+    Capture {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: CaptureError,
+    },
+    /// The capture does not hold what its end record states.
+    #[error(
+        "{}: holds {got} {what}, wanted {wanted} as its end record (session.json) states: the capture was cut short or \
+         changed; wanted the whole directory as the run left it: copy it again",
+        path.display()
+    )]
+    Incomplete {
+        /// The file.
+        path: PathBuf,
+        /// What was counted.
+        what: &'static str,
+        /// Number in the end record.
+        wanted: u64,
+        /// Number in the file.
+        got: u64,
+    },
+    /// The bench does not check.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The bench's parts cannot be made.
+    #[error("{0}")]
+    Parts(String),
+    /// Drawing failed.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// A frame could not be kept.
+    #[error("sink: {0}")]
+    Sink(#[from] SinkError),
+}

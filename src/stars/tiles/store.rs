@@ -1,0 +1,158 @@
+//! Decoded tiles in memory: found by their name, the least lately used given up first.
+//!
+//! Bounded by stars and by tiles. A hand goes round the slots and gives up the first whose tile no field has wanted since
+//! the hand's last turn (the clock algorithm: nearly least lately used, in constant time, without lists). Everything is
+//! allocated when the store is made, save the blocks themselves, which come from who reads them and go back there.
+
+use super::block::TileStar;
+use crate::layer::TileId;
+use std::collections::HashMap;
+
+/// Most tiles in memory.
+const MOST_TILES: usize = 1 << 17;
+
+/// What is known of a tile.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Place {
+    /// It is in this slot.
+    Held(u32),
+    /// The field lacks it: it has been asked for.
+    Lacking,
+    /// A coming field may want it: it has been asked for, behind those that are lacking.
+    Ahead,
+}
+
+#[derive(Debug)]
+struct Slot {
+    /// `None`: the slot is free.
+    tile: Option<TileId>,
+    /// The latest field that wanted it.
+    wanted_in: u64,
+    stars: Vec<TileStar>,
+}
+
+/// Tiles in memory.
+#[derive(Debug)]
+pub(super) struct Store {
+    places: HashMap<TileId, Place>,
+    slots: Vec<Slot>,
+    free: Vec<u32>,
+    most_stars: u64,
+    stars: u64,
+    hand: usize,
+}
+
+impl Store {
+    /// For so many stars.
+    pub(super) fn new(most_stars: u64) -> Self {
+        // Tiles that are asked for have names too.
+        let places = HashMap::with_capacity(2 * MOST_TILES);
+        let (slots, free) = (Vec::with_capacity(MOST_TILES), Vec::with_capacity(MOST_TILES));
+        Self { places, slots, free, most_stars, stars: 0, hand: 0 }
+    }
+
+    pub(super) fn place(&self, tile: TileId) -> Option<Place> {
+        self.places.get(&tile).copied()
+    }
+
+    /// A tile that has been asked for, as lacking or ahead: false when there is no room for more names.
+    pub(super) fn ask(&mut self, tile: TileId, place: Place) -> bool {
+        let has_room = self.places.len() < 2 * MOST_TILES || self.places.contains_key(&tile);
+        if has_room {
+            self.places.insert(tile, place);
+        }
+        has_room
+    }
+
+    /// Tiles that are to come.
+    pub(super) fn asked(&self) -> usize {
+        self.places.len() - (self.slots.len() - self.free.len())
+    }
+
+    /// What was asked for does not come.
+    pub(super) fn forget(&mut self, tile: TileId) {
+        self.places.remove(&tile);
+    }
+
+    pub(super) fn stars(&self, slot: u32) -> &[TileStar] {
+        &self.slots[slot as usize].stars
+    }
+
+    /// Field number `field` wants the tile of a slot.
+    pub(super) fn want(&mut self, slot: u32, field: u64) {
+        self.slots[slot as usize].wanted_in = field;
+    }
+
+    /// Room for all of the field's tiles is there as long as their stars and their number stay below this.
+    pub(super) fn has_room(&self, stars: u64, tiles: usize) -> bool {
+        stars <= self.most_stars && tiles <= MOST_TILES
+    }
+
+    /// Stars in memory.
+    #[cfg(test)]
+    pub(super) fn held_stars(&self) -> u64 {
+        self.stars
+    }
+
+    /// Takes a tile in, wanted by field number `field`, and gives up others for it through `give_up` where there is no
+    /// room; tiles that this field wants stay. Its slot; `None`, with the block given up, when there is no room at all.
+    pub(super) fn insert(
+        &mut self,
+        tile: TileId,
+        stars: Vec<TileStar>,
+        field: u64,
+        mut give_up: impl FnMut(Vec<TileStar>),
+    ) -> Option<u32> {
+        let more = stars.len() as u64;
+        let mut steps = 2 * self.slots.len();
+        while steps > 0 && !self.fits(more) {
+            // Tiles that the field before wanted are passed over in the first turn.
+            let oldest = field.saturating_sub(u64::from(steps > self.slots.len()));
+            if let Some(block) = self.step(oldest) {
+                give_up(block);
+            }
+            steps -= 1;
+        }
+        if !self.fits(more) {
+            self.places.remove(&tile);
+            give_up(stars);
+            return None;
+        }
+        self.stars += more;
+        let slot = Slot { tile: Some(tile), wanted_in: field, stars };
+        let place = match self.free.pop() {
+            Some(place) => {
+                self.slots[place as usize] = slot;
+                place
+            }
+            None => {
+                self.slots.push(slot);
+                to_u32(self.slots.len() - 1)
+            }
+        };
+        self.places.insert(tile, Place::Held(place));
+        Some(place)
+    }
+
+    fn fits(&self, more: u64) -> bool {
+        self.stars + more <= self.most_stars && (!self.free.is_empty() || self.slots.len() < MOST_TILES)
+    }
+
+    /// Moves the hand on by a slot and empties it when no field from `oldest` on has wanted it.
+    fn step(&mut self, oldest: u64) -> Option<Vec<TileStar>> {
+        self.hand = (self.hand + 1) % self.slots.len();
+        let slot = &mut self.slots[self.hand];
+        let tile = slot.tile.filter(|_| slot.wanted_in < oldest)?;
+        slot.tile = None;
+        let block = core::mem::take(&mut slot.stars);
+        self.places.remove(&tile);
+        self.stars -= block.len() as u64;
+        self.free.push(to_u32(self.hand));
+        Some(block)
+    }
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "at most MOST_TILES slots")]
+fn to_u32(slot: usize) -> u32 {
+    slot as u32
+}
