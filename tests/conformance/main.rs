@@ -1,12 +1,12 @@
-//! The house rules a compiler does not hold: who imports whom, forbidden words, README commands that run.
+//! Rules that no compiler holds: the documents agree with the program and the crates, words, lengths of files.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test stops at the first surprise: unreadable sources are one")]
 
+mod architecture;
+mod crates;
 mod excerpts;
+mod file_length;
 mod frames_document;
-mod imports;
-mod paths;
 mod readme;
 mod source;
-mod table;
 mod words;
