@@ -5,6 +5,7 @@ use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
 use crate::config::{Document, Scenario};
 use crate::wiring::campaign::{Episode, check_room_for_faults, random_faults, run_episode};
 use crate::wiring::closed_loop::LoopError;
+use crate::wiring::memory::RunMemory;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use core::sync::atomic::{AtomicU64, Ordering};
@@ -77,6 +78,8 @@ pub fn run(arguments: &CampaignArgs) -> Result<u8> {
     if seeds.iter().all(|seed| random_faults(&scenario, *seed).is_empty()) {
         bail!("duration_s is {episode_s}; wanted a longer run: no fault is drawn in it from any of these seeds");
     }
+    let (heads, threads) = (scenario.heads.len(), rayon::current_num_threads());
+    RunMemory::of_loops(&scenario.bench, heads, seeds.len(), threads).check()?;
     eprintln!(
         "campaign \"{}\": {} episodes of {episode_s} s, seeds {} to {}",
         scenario.name,

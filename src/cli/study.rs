@@ -4,6 +4,7 @@ use crate::base::clock::Stopwatch;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
 use crate::config::{Document, Scenario};
 use crate::sink::write_file_atomically;
+use crate::wiring::memory::RunMemory;
 use crate::wiring::study::{Effort, Study};
 use anyhow::{Context, Result};
 use clap::Args;
@@ -44,6 +45,7 @@ pub fn run(arguments: &StudyArgs) -> Result<u8> {
         None => Scenario::from_document(&Document::built_in("scenarios/study.toml")?)?,
     };
     scenario.bench.seed = arguments.seed.unwrap_or(scenario.bench.seed);
+    RunMemory::of_loops(&scenario.bench, scenario.heads.len(), usize::MAX, rayon::current_num_threads()).check()?;
     // A folder that cannot be made is told before minutes of measuring.
     std::fs::create_dir_all(&arguments.out).with_context(|| format!("--out {}", arguments.out.display()))?;
     let effort = if arguments.quick { Effort::quick() } else { Effort::full() };
