@@ -11,6 +11,7 @@ pub mod image;
 mod leap;
 pub mod least_squares;
 pub mod memory;
+pub mod patience;
 pub mod random;
 pub mod source_id;
 pub mod streams;

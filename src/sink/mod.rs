@@ -47,10 +47,11 @@ pub mod tee;
 pub mod truth;
 pub mod wcs;
 
+pub use crate::base::patience::END_PATIENCE;
 pub use active_fault::{ActiveFault, ActiveFaults, Amount};
 pub use alone::Alone;
 pub use atomic::{replace_own_file, write_file_atomically, write_new_file};
-pub use branch::{BranchParams, END_PATIENCE};
+pub use branch::BranchParams;
 pub use error::SinkError;
 pub use fan::{Fan, OnFull};
 pub use faults::FaultFlags;

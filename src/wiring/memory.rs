@@ -22,6 +22,8 @@ use std::path::Path;
 
 /// Memory that does not depend on the camera: the program, catalog, tables, threads and their stacks.
 const FIXED_BYTES: u64 = 128 << 20;
+/// Address space that the thread of a sink takes: its stack, and what glibc's allocator reserves for a thread.
+const THREAD_BYTES: u64 = 68 << 20;
 /// Bytes of one number of the detector's images and maps.
 const CHARGE_BYTES: u64 = 4;
 /// Bytes of a pixel of a frame.
@@ -160,11 +162,15 @@ impl RunMemory {
         bench: &Bench,
         (form, sinks): (RunForm, usize),
     ) {
+        let has_thread = settings.sink != Sink::Null || sinks > 1;
         let queue = match form.is_real {
-            true if settings.sink == Sink::Null && sinks == 1 => 0,
+            _ if !has_thread => 0,
             true => u64::from(settings.queue_frames),
-            false => u64::from(sinks > 1),
+            false => 1,
         };
+        if has_thread {
+            self.add(&format!("the thread of {place}"), heads * THREAD_BYTES);
+        }
         self.add(
             &format!("frames that wait for {place} ({place}.queue = {})", settings.queue_frames),
             heads * queue * frame,
@@ -366,10 +372,14 @@ mod tests {
     fn image_of_a_large_camera_is_refused_with_the_sum() {
         let camera = bench(32_768, "").camera;
         let memory = RunMemory::of_image(&camera, false, None);
-        assert!((10 * GIB..14 * GIB).contains(&memory.total()), "4 + 2 + 4 bytes a pixel: {}", memory.in_words());
+        assert!(
+            (22 * GIB..23 * GIB).contains(&memory.total()),
+            "4 images of 4 bytes a pixel, 2, 4: {}",
+            memory.in_words()
+        );
         let text = memory.check_against(here(8 * GIB), None).unwrap_err().to_string();
-        assert!(text.contains("images and maps of the detector (32768 x 32768 px) 4.0 GiB"), "{text}");
-        memory.check_against(here(16 * GIB), None).expect("control: it fits here");
+        assert!(text.contains("images and maps of the detector (32768 x 32768 px) 16.0 GiB"), "{text}");
+        memory.check_against(here(24 * GIB), None).expect("control: it fits here");
         assert!(RunMemory::of_image(&camera, true, None).total() >= memory.total() + 4 * GIB, "f64 of the reference");
         assert_eq!(RunMemory::of_image(&camera, false, Some(512)).total(), memory.total() + GIB / 2);
     }
