@@ -50,7 +50,9 @@ class FrameHead(ctypes.Structure):
         ("black_level_dn", ctypes.c_double),
         ("width_px", ctypes.c_uint32),
         ("height_px", ctypes.c_uint32),
-        ("reserved", ctypes.c_uint64 * 12),
+        ("noise_seed", ctypes.c_uint64),
+        ("jitter_missing_ns", ctypes.c_int64),
+        ("reserved", ctypes.c_uint64 * 10),
     ]
 
     @staticmethod

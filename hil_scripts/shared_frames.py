@@ -26,10 +26,11 @@ from collections import namedtuple
 
 # Native byte order: the file never leaves the machine. firmware_protocol/FRAMES.md has the layout.
 FILE_HEAD = struct.Struct("=16sIIIIQQI12x")
-SLOT_HEAD = struct.Struct("=QqqqIIIId4d3d3dddII96x")
+SLOT_HEAD = struct.Struct("=QqqqIIIId4d3d3dddIIQq80x")
 SLOT_NAMES = (
     "serial mid_exposure_tai_ns lateness_ns horizon_ns frame pixel_crc32 faults stars exposure_s qw qx qy qz "
-    "ra_deg dec_deg roll_deg rate_x_deg_s rate_y_deg_s rate_z_deg_s gain_e_per_dn black_level_dn width_px height_px"
+    "ra_deg dec_deg roll_deg rate_x_deg_s rate_y_deg_s rate_z_deg_s gain_e_per_dn black_level_dn width_px height_px "
+    "noise_seed jitter_missing_ns"
 ).split()
 MAGIC = b"STARLOOP-FRAMES\0"
 

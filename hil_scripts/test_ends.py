@@ -16,34 +16,15 @@ import unittest
 from pathlib import Path
 
 sys.dont_write_bytecode = True
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from bench_text import CAMERA, PATIENCE_S, bench_text, until
 
 ROOT = Path(__file__).resolve().parent.parent
 BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop"))
-CAMERA = ROOT / "configs/cameras/small_tracker.toml"
 LOST = 5
-PATIENCE_S = 120.0
-"""Nothing here takes so long; a test that waits longer fails."""
-BENCH = f"""
-name = "ends"
-camera = "{CAMERA}"
-[timing]
-frame_rate_hz = 10.0
-deadline_policy = "late"
-start_utc = "2026-03-01T00:00:00Z"
-[flight_computer]
-ra_deg = 82.05
-dec_deg = -1.2
-"""
 RECORDER = '[sink]\nkind = "recorder"\nfits = true\n'
 SIGNALS = ((signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129))
-
-
-def until(what, holds):
-    end = time.monotonic() + PATIENCE_S
-    while not holds():
-        if time.monotonic() > end:
-            raise AssertionError(f"not within {PATIENCE_S} s: {what}")
-        time.sleep(0.01)
 
 
 class Case(unittest.TestCase):
@@ -55,7 +36,7 @@ class Case(unittest.TestCase):
 
     def bench(self, more=RECORDER):
         path = self.folder / "bench.toml"
-        path.write_text(BENCH + more)
+        path.write_text(bench_text("ends") + more)
         return str(path)
 
     def run_words(self, *words, bench=RECORDER):

@@ -17,21 +17,12 @@ import unittest
 from pathlib import Path
 
 sys.dont_write_bytecode = True
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from bench_text import CAMERA, bench_text
 
 ROOT = Path(__file__).resolve().parent.parent
 BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop"))
-CAMERA = ROOT / "configs/cameras/small_tracker.toml"
-BENCH = """
-name = "{name}"
-camera = "{camera}"
-[timing]
-frame_rate_hz = 10.0
-deadline_policy = "late"
-start_utc = "2026-03-01T00:00:00Z"
-[flight_computer]
-ra_deg = 82.05
-dec_deg = -1.2
-"""
 LARGE_CAMERA = """
 [detector]
 width_px = {side}
@@ -58,7 +49,7 @@ class Folder(unittest.TestCase):
 
     def bench(self, sinks="", name="files", camera=CAMERA):
         path = self.folder / "bench.toml"
-        path.write_text(BENCH.format(name=name, camera=camera) + sinks)
+        path.write_text(bench_text(name, camera) + sinks)
         return str(path)
 
     def large(self, side, sinks=""):
@@ -204,6 +195,34 @@ class Memory(Folder):
                 if done.returncode != 0:
                     self.refused(done)
         self.assertEqual(seen, {0, 1}, "control: both happened")
+
+    def test_image_of_a_large_camera_is_refused_in_words_and_never_aborted(self):
+        camera = self.folder / "camera.toml"
+        camera.write_text(LARGE_CAMERA.format(side=8192))
+        words = ["render", "--camera", str(camera), "--ra", "82", "--dec", "-1", "--backend", "cpu", "--out", "a.fits"]
+        for megabytes in (150, 300, 500, 700):
+            with self.subTest(megabytes=megabytes):
+                self.refused(self.run_it(*words, preexec_fn=limited(megabytes)))
+        self.assertFalse((self.folder / "a.fits").exists())
+
+    def test_study_and_campaign_of_a_large_camera_are_refused_in_words(self):
+        for command, name in (("study", "study"), ("campaign", "campaign")):
+            with self.subTest(command=command):
+                scenario = ROOT / f"configs/scenarios/{name}.toml"
+                done = self.run_it(command, str(scenario), preexec_fn=limited(150))
+                self.refused(done)
+                self.assertIn("closed loops (RAYON_NUM_THREADS", done.stderr)
+
+    def test_check_states_the_memory_of_a_run_and_warns(self):
+        done = self.run_it("check", self.large(2048, '[sink]\nkind = "recorder"\n'))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertRegex(done.stdout, r"\n  memory       \d+ MiB: ")
+        self.assertNotIn("this run needs", done.stdout)
+
+    def test_load_without_bounds_is_refused_in_words(self):
+        done = self.run_it("budget", "--load", "4294967296")
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertIn("wanted a number of threads from 0 to 1024", done.stderr)
 
 
 if __name__ == "__main__":

@@ -159,7 +159,7 @@ class Grab:
 
 CHUNK_KINDS = {
     "integer": ["ChunkFrameID", "ChunkTimestamp", "ChunkLateness", "ChunkAttitudeAge", "ChunkHorizon", "ChunkFaults",
-                "ChunkFaultCount", "ChunkSeed", "ChunkLeftOutStars"],
+                "ChunkFaultCount", "ChunkSeed", "ChunkLeftOutStars", "ChunkNoiseSeed", "ChunkJitterMissing"],
     "float": ["ChunkExposureTime", "ChunkAttitudeW", "ChunkAttitudeX", "ChunkAttitudeY", "ChunkAttitudeZ",
               "ChunkRightAscension", "ChunkDeclination", "ChunkRoll", "ChunkRateX", "ChunkRateY", "ChunkRateZ"],
     "string": ["ChunkAttitudeOrigin", "ChunkRung"],

@@ -29,31 +29,20 @@ from astropy.time import Time
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+from bench_text import bench_text
 from iceoryx_frames import SILENCE_S, FrameHead, IceoryxFrames
 from shared_frames import SharedFrames
 
 ROOT = Path(__file__).resolve().parent.parent
 BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop"))
-CAMERA = ROOT / "configs/cameras/small_tracker.toml"
 SIDE_PX = 256
 FRAME_BYTES = 2 * SIDE_PX * SIDE_PX
-BENCH = f"""
-name = "recorders"
-camera = "{CAMERA}"
-[timing]
-frame_rate_hz = 10.0
-deadline_policy = "late"
-start_utc = "2026-03-01T00:00:00Z"
-[flight_computer]
-ra_deg = 82.05
-dec_deg = -1.2
-"""
 SER_RECORDER = '[sink]\nkind = "recorder"\nfits = false\nser = true\n'
 
 
 def command(folder, sinks, *words):
     bench = folder / "bench.toml"
-    bench.write_text(BENCH + sinks)
+    bench.write_text(bench_text("recorders") + sinks)
     return [BINARY, "run", str(bench), "--quiet", "--backend", "cpu", "--out", str(folder / "run"), *words]
 
 

@@ -9,6 +9,7 @@ pub mod image;
 mod leap;
 pub mod least_squares;
 pub mod memory;
+pub mod patience;
 pub mod random;
 pub mod source;
 pub mod source_id;

@@ -34,7 +34,7 @@ pub struct BudgetArgs {
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     /// Keep this many threads busy beside the run
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = load_threads)]
     load: usize,
     /// Draw with this backend instead of the bench's
     #[arg(long, value_enum)]
@@ -48,6 +48,15 @@ pub struct BudgetArgs {
     /// Predict with the built-in costs, whatever `starloop calibrate` has measured
     #[arg(long)]
     built_in_costs: bool,
+}
+
+/// Most threads that `--load` starts.
+const MOST_LOAD_THREADS: usize = 1024;
+
+/// Reads a number of busy threads.
+fn load_threads(text: &str) -> Result<usize, String> {
+    let count = text.parse().ok().filter(|count| *count <= MOST_LOAD_THREADS);
+    count.ok_or_else(|| format!("wanted a number of threads from 0 to {MOST_LOAD_THREADS}"))
 }
 
 /// Runs the command; the exit status.
@@ -162,6 +171,16 @@ mod tests {
     fn limits_of(bench: &Bench) -> BudgetLimits {
         let params = bench_parts::run_params(bench, Tai::from_rfc3339("2026-03-01T00:00:00Z").unwrap()).unwrap();
         limits(bench, &FrameEngine::new(params).unwrap())
+    }
+
+    #[test]
+    fn load_of_more_threads_than_a_machine_has_use_for_is_refused() {
+        for (text, count) in [("0", Ok(0)), ("8", Ok(8)), ("1024", Ok(1024))] {
+            assert_eq!(load_threads(text), count);
+        }
+        for text in ["1025", "4294967296", "99999999999999999999999", "-1", "two", ""] {
+            assert_eq!(load_threads(text).unwrap_err(), "wanted a number of threads from 0 to 1024", "{text}");
+        }
     }
 
     #[test]

@@ -9,6 +9,7 @@ use config::{Document, Scenario};
 use core::sync::atomic::{AtomicU64, Ordering};
 use rayon::prelude::*;
 use run::wiring::closed_loop::LoopError;
+use run::wiring::memory::RunMemory;
 use std::io::Write;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -77,6 +78,8 @@ pub fn run(arguments: &CampaignArgs) -> Result<u8> {
     if seeds.iter().all(|seed| random_faults(&scenario, *seed).is_empty()) {
         bail!("duration_s is {episode_s}; wanted a longer run: no fault is drawn in it from any of these seeds");
     }
+    let (heads, threads) = (scenario.heads.len(), rayon::current_num_threads());
+    RunMemory::of_loops(&scenario.bench, heads, seeds.len(), threads).check()?;
     eprintln!(
         "campaign \"{}\": {} episodes of {episode_s} s, seeds {} to {}",
         scenario.name,

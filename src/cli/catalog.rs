@@ -4,7 +4,7 @@ use crate::cli::catalog_hats::{ExportArgs, export};
 use crate::cli::catalog_layers::{ImportArgs, VerifyArgs, import, layer_info, verify};
 use crate::cli::catalog_map::{MapArgs, map};
 use crate::cli::catalog_synthetic::{SynthesizeArgs, synthesize};
-use crate::cli::ranges::{declination_deg, right_ascension_deg};
+use crate::cli::degrees::{declination_deg, right_ascension_deg};
 use anyhow::{Context, ensure};
 use base::source::{CatalogSource, direction_from_ra_dec, ra_dec_rad};
 use base::streams::Output;
@@ -77,10 +77,10 @@ struct InfoArgs {
 #[derive(Debug, Args)]
 struct QueryArgs {
     /// Right ascension of the cone's axis, deg, -360..360 (ICRS)
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = right_ascension_deg)]
     ra: f64,
     /// Declination of the cone's axis, deg, -90..90 (ICRS)
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = declination_deg)]
     dec: f64,
     /// Radius of the cone, deg, up to 180
     #[arg(long, value_name = "DEG")]
@@ -171,12 +171,11 @@ fn count(stars: &[CatalogSource], is: impl Fn(&CatalogSource) -> bool) -> usize 
 }
 
 fn query(args: &QueryArgs, out: &mut impl Write) -> anyhow::Result<()> {
-    let (ra_deg, dec_deg) = (right_ascension_deg("--ra", args.ra)?, declination_deg("--dec", args.dec)?);
     let radii = 0.0..=WHOLE_SKY_DEG;
     ensure!(radii.contains(&args.radius), "--radius: wanted 0 to {WHOLE_SKY_DEG} degrees, got {}", args.radius);
     ensure!(args.mag.is_finite(), "--mag: wanted a magnitude, got {}", args.mag);
     let at = args.at.as_deref().map(Tai::from_rfc3339).transpose().context("--at")?;
-    let axis = direction_from_ra_dec(ra_deg * DEG, dec_deg * DEG);
+    let axis = direction_from_ra_dec(args.ra * DEG, args.dec * DEG);
     let mut found = Vec::new();
     let years_from = |epoch_yr: f64| at.map_or(0.0, |at| years_since(epoch_yr, at));
     let radius_rad = |years: f64, fastest_mas_yr: f64| args.radius * DEG + years.abs() * fastest_mas_yr * MAS;
@@ -276,11 +275,14 @@ mod tests {
     #[test]
     fn bad_arguments_are_named() {
         let refuse = |line: &[&str]| format!("{:#}", query_text(line).expect_err("a bad argument"));
-        assert!(
-            refuse(&["--ra", "400", "--dec", "0", "--radius", "1"])
-                .contains("--ra: right ascension wanted -360 to 360 degrees, got 400")
-        );
-        assert!(refuse(&["--ra", "1", "--dec", "NaN", "--radius", "1"]).contains("--dec"));
+        let unread = |line: &[&str]| {
+            Program::try_parse_from([&["x", "query"], line].concat()).expect_err("a bad angle").to_string()
+        };
+        let ra = unread(&["--ra", "400", "--dec", "0", "--radius", "1"]);
+        assert!(ra.contains("--ra <DEG>") && ra.contains("wanted decimal degrees from -360 to 360"), "{ra}");
+        let hours = unread(&["--ra", "5h30m", "--dec", "0", "--radius", "1"]);
+        assert!(hours.contains("not hours: 5h30m is 82.5"), "{hours}");
+        assert!(unread(&["--ra", "1", "--dec", "NaN", "--radius", "1"]).contains("--dec <DEG>"));
         let at = refuse(&["--ra", "1", "--dec", "0", "--radius", "1", "--at", "noon"]);
         assert!(at.contains("--at") && at.contains("RFC 3339"), "{at}");
         let file = refuse(&["--ra", "1", "--dec", "0", "--radius", "1", "--catalog", "no/such.starcat"]);

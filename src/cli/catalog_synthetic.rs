@@ -1,8 +1,8 @@
 //! `starloop catalog synthesize`: layers of stars that are not real, in the numbers of the real sky.
 
 use crate::cli::catalog_layers::{ProgressLine, refuse_layers_that_are_there, tell_layer};
-use crate::cli::ranges::{declination_deg, right_ascension_deg};
-use anyhow::{bail, ensure};
+use crate::cli::degrees::{declination_deg, right_ascension_deg};
+use anyhow::ensure;
 use base::source::direction_from_ra_dec;
 use base::units::DEG;
 use clap::Args;
@@ -38,8 +38,8 @@ pub(super) struct SynthesizeArgs {
     #[arg(long, value_delimiter = ',', default_value = "10,14,18")]
     layers: Vec<f32>,
     /// Only stars near a direction, degrees: the rest of the sky stays empty
-    #[arg(long, value_name = "RA,DEC,RADIUS", value_delimiter = ',', allow_negative_numbers = true)]
-    around: Option<Vec<f64>>,
+    #[arg(long, value_name = "RA,DEC,RADIUS", allow_hyphen_values = true, value_parser = region)]
+    around: Option<Region>,
     /// Write layers in the place of those that are in --out already
     #[arg(long)]
     replace: bool,
@@ -54,8 +54,7 @@ pub(super) fn synthesize(args: &SynthesizeArgs, out: &mut impl Write) -> anyhow:
     limits.push(args.mag);
     let population = Population::new(&limits, args.stars, args.seed);
     let mut population = population.map_err(|why| anyhow::anyhow!("--mag, --layers: {why}"))?;
-    if let Some(around) = &args.around {
-        let (axis, radius_rad) = region(around)?;
+    if let Some(Region { axis, radius_rad }) = args.around {
         population = population.around(axis, radius_rad);
     }
     refuse_layers_that_are_there(&args.out, &limits, args.replace)?;
@@ -72,12 +71,24 @@ pub(super) fn synthesize(args: &SynthesizeArgs, out: &mut impl Write) -> anyhow:
     Ok(())
 }
 
-/// Direction, and radius in rad.
-fn region(around: &[f64]) -> anyhow::Result<(DVec3, f64)> {
-    let &[ra_deg, dec_deg, radius_deg] = around else { bail!("--around: wanted RA,DEC,RADIUS, got {around:?}") };
-    let (ra_deg, dec_deg) = (right_ascension_deg("--around", ra_deg)?, declination_deg("--around", dec_deg)?);
-    ensure!((0.0..=180.0).contains(&radius_deg), "--around: wanted a radius of 0 to 180 degrees, got {radius_deg}");
-    Ok((direction_from_ra_dec(ra_deg * DEG, dec_deg * DEG), radius_deg * DEG))
+/// A part of the sky.
+#[derive(Debug, Clone, Copy)]
+struct Region {
+    /// Its middle.
+    axis: DVec3,
+    /// Its radius, rad.
+    radius_rad: f64,
+}
+
+/// Reads a right ascension, a declination and a radius, degrees.
+fn region(text: &str) -> Result<Region, String> {
+    let parts: Vec<&str> = text.split(',').collect();
+    let &[ra, dec, radius] = parts.as_slice() else { return Err("wanted RA,DEC,RADIUS in degrees".into()) };
+    let ra_deg = right_ascension_deg(ra).map_err(|wanted| format!("right ascension: {wanted}"))?;
+    let dec_deg = declination_deg(dec).map_err(|wanted| format!("declination: {wanted}"))?;
+    let radius_deg = radius.trim().parse::<f64>().ok().filter(|radius_deg| (0.0..=180.0).contains(radius_deg));
+    let radius_deg = radius_deg.ok_or("radius: wanted 0 to 180 degrees")?;
+    Ok(Region { axis: direction_from_ra_dec(ra_deg * DEG, dec_deg * DEG), radius_rad: radius_deg * DEG })
 }
 
 #[cfg(test)]
@@ -143,8 +154,14 @@ mod tests {
         assert!(refused(&["--layers", "14,10"]).contains("got [14.0, 10.0, 15.0]"));
         assert!(refused(&["--stars", "0"]).contains("--stars: wanted 1..2000000000, got 0"));
         assert!(refused(&["--stars", "NaN"]).contains("got NaN"));
-        assert!(refused(&["--around", "10,-95,3"]).contains("--around: declination wanted -90 to 90 degrees, got -95"));
-        assert!(refused(&["--around", "370,-5,3"]).contains("--around: right ascension wanted -360 to 360 degrees"));
-        assert!(refused(&["--around", "10,-5,200"]).contains("a radius of 0 to 180 degrees, got 200"));
+        for (text, wanted) in [
+            ("10,-95,3", "declination: wanted decimal degrees from -90 to 90"),
+            ("370,-5,3", "right ascension: wanted decimal degrees from -360 to 360"),
+            ("10,-5,200", "radius: wanted 0 to 180 degrees"),
+            ("10,-5", "wanted RA,DEC,RADIUS in degrees"),
+        ] {
+            assert_eq!(region(text).unwrap_err(), wanted, "{text}");
+        }
+        assert!(region("-10, -5, 3").is_ok(), "a sign in front is no option");
     }
 }

@@ -15,13 +15,14 @@ use anyhow::Result;
 use base::clock::{Clock, Monotonic};
 use base::time::{Span, Tai};
 use clap::Args;
-use config::{Bench, Document, Event, Scenario, Setting, StartTime, is_scenario};
+use config::{Backend, Bench, Document, Event, Scenario, Setting, StartTime, is_scenario};
 use core::fmt::Write;
 use image::detector::cost::effect_costs;
 use run::runtime::field_light::FieldLight;
 use run::runtime::{Imager, RunParams};
 use run::wiring::bench_parts;
 use run::wiring::display_parts::take_display;
+use run::wiring::memory::{RunForm, RunMemory};
 use run::wiring::sinks::told_lines;
 use stars::Sky;
 use stars::layer::Layer;
@@ -70,10 +71,11 @@ pub fn run(arguments: &CheckArgs) -> Result<()> {
 /// Everything there is to say about the file.
 fn checked(document: &Document, only_built_in: bool) -> Result<String> {
     if !is_scenario(document) {
-        return report(&Bench::from_document(document)?, only_built_in);
+        let bench = Bench::from_document(document)?;
+        return report(&bench, 1 + bench.extra_heads.len(), only_built_in);
     }
     let scenario = Scenario::from_document(document)?;
-    Ok(check_scenario::report(&scenario)? + "\n" + &report(&scenario.bench, only_built_in)?)
+    Ok(check_scenario::report(&scenario)? + "\n" + &report(&scenario.bench, scenario.heads.len(), only_built_in)?)
 }
 
 /// The conventions every number in files and on the wire follows.
@@ -89,7 +91,9 @@ conventions
 ";
 
 /// The whole report.
-fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
+fn report(bench: &Bench, heads: usize, only_built_in: bool) -> Result<String> {
+    // The check itself makes one detector.
+    RunMemory::of_image(&bench.camera, bench.render.backend == Backend::Reference, None).check()?;
     let start = match bench.timing.start {
         StartTime::At(at) => at,
         StartTime::Now => Tai::from_rfc3339("2026-01-01T00:00:00Z")?,
@@ -103,6 +107,7 @@ fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
     let mut text = String::new();
     let sky = params.open_sky()?;
     describe(&mut text, bench, &params, (&imager, &sky), &costs)?;
+    write_memory(&mut text, bench, heads)?;
     check_display::write_display(&mut text, bench, &params, calibration.as_ref())?;
     write_defaults(&mut text, bench)?;
     text.push('\n');
@@ -185,6 +190,16 @@ fn describe(
     Ok(())
 }
 
+/// Writes the memory that a run takes, on the real clock where its sinks have queues, and whether there is as much here.
+fn write_memory(text: &mut String, bench: &Bench, heads: usize) -> Result<()> {
+    let memory = RunMemory::of_heads(bench, heads, &bench.sinks, RunForm { is_real: true, has_view: false });
+    writeln!(text, "  memory       {}", memory.in_words())?;
+    if let Err(error) = memory.check() {
+        writeln!(text, "  WARNING      {error}")?;
+    }
+    Ok(())
+}
+
 /// The stars there are, and which of those that the camera sees are not.
 fn write_stars(text: &mut String, params: &RunParams, limiting_mag: f64, sky: &Sky) -> Result<()> {
     if let Sky::Layers { layers, most_stars } = sky {
@@ -263,10 +278,11 @@ mod tests {
 
     #[test]
     fn the_built_in_bench_is_explained() {
-        let text = report(&Bench::built_in().unwrap(), true).unwrap();
+        let text = report(&Bench::built_in().unwrap(), 1, true).unwrap();
         for word in [
             "is sound",
             "sink         recorder: FITS, ",
+            "memory       ",
             "passive",
             "plan of frame 0",
             "fits",
@@ -315,11 +331,31 @@ mod tests {
         let reports = sorting.finish(folder.path(), 2016.0, "whom it concerns", &mut |_| {}).unwrap();
         let mut bench = Bench::built_in().unwrap();
         bench.layers = reports.into_iter().map(|report| report.path).collect();
+        let report = |bench: &Bench, only_built_in| report(bench, 1, only_built_in);
         let warning = "WARNING      stars brighter than G = 4.5 are missing from the frames";
         assert!(!report(&bench, true).unwrap().contains("stars brighter than"), "control: with all layers");
         bench.layers.remove(0);
         let text = report(&bench, true).unwrap();
         assert!(text.contains(warning), "no \"{warning}\" in:\n{text}");
+    }
+
+    #[test]
+    fn memory_of_a_run_is_added_up_and_one_that_does_not_fit_is_a_warning() {
+        let mut bench = Bench::built_in().unwrap();
+        let memory = |bench: &Bench, heads| {
+            let mut text = String::new();
+            write_memory(&mut text, bench, heads).unwrap();
+            text
+        };
+        let text = memory(&bench, 1);
+        assert!(text.starts_with("  memory       ") && text.contains(" MiB: ") && !text.contains("WARNING"), "{text}");
+        (bench.camera.detector.width_px, bench.camera.detector.height_px) = (16_384, 1024);
+        let text = memory(&bench, 3);
+        assert!(text.contains("(16384 x 1024 px, heads: 3)"), "{text}");
+        // Nobody has so many frames' memory: 100 PiB.
+        bench.sinks[0].queue_frames = u32::MAX;
+        let text = memory(&bench, 1);
+        assert!(text.contains("\n  WARNING      this run needs") && text.contains("sink.queue = 4294967295"), "{text}");
     }
 
     #[test]

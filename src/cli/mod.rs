@@ -45,7 +45,6 @@ mod plain_text;
 pub mod psf;
 mod psf_plot;
 mod radiometry_told;
-mod ranges;
 pub mod render;
 pub mod render_input;
 mod render_notes;

@@ -30,6 +30,7 @@ use run::runtime::truth::fill_truth;
 use run::runtime::wcs::WcsMaker;
 use run::wiring::bench_parts::backend_choice;
 use run::wiring::camera_parts::camera_params;
+use run::wiring::memory::RunMemory;
 use sky::astrometry::{Sight, Vantage};
 use sky::observer::{Observer, ObserverTrack};
 use stars::Sky;
@@ -115,7 +116,10 @@ enum StageName {
 /// With what could not be done, and why.
 pub fn run(arguments: &RenderArgs) -> Result<()> {
     let format = format_of(&arguments.out)?;
-    let camera = camera_params(&named_camera(Some(&arguments.camera))?)?;
+    let camera = named_camera(Some(&arguments.camera))?;
+    let layers_mb = (!arguments.layers.is_empty()).then_some(STAR_MEMORY_MB);
+    RunMemory::of_image(&camera, arguments.backend == BackendName::Reference, layers_mb).check()?;
+    let camera = camera_params(&camera)?;
     let mut scene = Scene::new(arguments, camera)?;
     if let Some(note) = scene.imager.note() {
         eprintln!("{note}");

@@ -5,7 +5,7 @@ use config::Scenario;
 use core::fmt::Write;
 use frames::report::{FrameCounts, Losses, Machine, SinkRow};
 use frames::sink::SinkLine;
-use run::runtime::sink_rows;
+use run::runtime::{note_lost_reader, sink_rows};
 use run::wiring::assessment::{ModeLine, Verdict, WindowErrors};
 use run::wiring::control::ControlRefusals;
 use run::wiring::faults::FaultLine;
@@ -100,6 +100,8 @@ impl ScenarioReport {
         let verdicts = assessment.verdicts(predicted);
         let (violations, lines) = assessment.violations();
         let (frames_held_to_truth, largest_rendered_error_arcsec) = assessment.rendered();
+        let mut losses = Losses::default();
+        note_lost_reader(&mut losses, &record.ledger);
         let events =
             run::runtime::EventKind::ALL.iter().map(|kind| (kind.name().to_owned(), record.ledger.count(*kind)));
         Self {
@@ -137,7 +139,7 @@ impl ScenarioReport {
             violations,
             violation_lines: lines.to_vec(),
             sinks: Vec::new(),
-            losses: Losses::default(),
+            losses,
             control_refusals: ControlRefusals::new(),
         }
     }
@@ -146,7 +148,9 @@ impl ScenarioReport {
     #[must_use]
     pub fn with_sinks(self, sinks: &[SinkLine]) -> Self {
         let sinks = sink_rows(sinks);
-        Self { losses: Losses::of_sinks(&sinks), sinks, ..self }
+        let mut losses = Losses::of_sinks(&sinks);
+        self.losses.lines().iter().for_each(|line| losses.note(line.clone()));
+        Self { losses, sinks, ..self }
     }
 
     /// The same with the connections that the control socket refused.

@@ -83,8 +83,21 @@ pub(crate) fn run(bench: &Bench) -> Run {
     run_changed(bench, |_| {}, usize::MAX)
 }
 
-/// Runs a bench with a changed flight computer and a sink with room for so many frames.
-pub(crate) fn run_changed(bench: &Bench, change: impl FnOnce(&mut FlightComputerParams), room: usize) -> Run {
+/// What flew: the outcome, and what the two ends know afterwards.
+pub(crate) struct Flight {
+    pub(crate) outcome: RunOutcome,
+    pub(crate) computer: FlightComputer,
+    pub(crate) receiver: Receiver,
+}
+
+/// Flies a bench with a changed flight computer into `sink`. `beside` may send more at the computer's end of the cable after
+/// each of its steps, and says when it next wants to.
+pub(crate) fn fly(
+    bench: &Bench,
+    change: impl FnOnce(&mut FlightComputerParams),
+    sink: &mut dyn Sink,
+    beside: &mut dyn FnMut(Tai, &FlightComputer, &mut Port) -> Option<Tai>,
+) -> Flight {
     let start = start(bench);
     let params = bench_parts::run_params(bench, start).unwrap();
     let mut computer_params = bench_parts::flight_computer(bench, start);
@@ -98,20 +111,21 @@ pub(crate) fn run_changed(bench: &Bench, change: impl FnOnce(&mut FlightComputer
     let (near, far) = simulated_pair(bus, &shared);
     let ids = firmware_protocol::can::IdMap::new(0, 0).unwrap();
     let (mut near, mut far) = (Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids));
+    let mut far_end = |now: Tai| {
+        computer.step(now, &mut far)?;
+        let due = computer.next_due();
+        Ok(beside(now, &computer, &mut far).map_or(due, |wanted| due.min(wanted)))
+    };
+    let outcome =
+        virtual_time::run(&mut engine, &mut receiver, &mut near, &clock, sink, &mut far_end, &mut |_, _| true);
+    Flight { outcome, computer, receiver }
+}
+
+/// Runs a bench with a changed flight computer and a sink with room for so many frames.
+pub(crate) fn run_changed(bench: &Bench, change: impl FnOnce(&mut FlightComputerParams), room: usize) -> Run {
     let frames = Arc::new(Mutex::new(Vec::new()));
     let mut sink = Keeper { frames: Arc::clone(&frames), room };
-    let outcome = virtual_time::run(
-        &mut engine,
-        &mut receiver,
-        &mut near,
-        &clock,
-        &mut sink,
-        &mut |now| {
-            computer.step(now, &mut far)?;
-            Ok(computer.next_due())
-        },
-        &mut |_, _| true,
-    );
+    let Flight { outcome, computer, .. } = fly(bench, change, &mut sink, &mut |_, _, _| None);
     let frames = frames.lock().unwrap().clone();
     Run { outcome, frames, computer }
 }

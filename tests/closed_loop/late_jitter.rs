@@ -3,21 +3,17 @@
 //! The flight computer's own jitter stream is off; a sender of this file sends the same jitter so much later. The truth is a run
 //! in which the stimulator knows the jitter as a line.
 
-use crate::bench::{over, start};
-use base::clock::{Clock, Virtual};
+use crate::bench::{self, Flight, over, start};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
 use config::{Bench, Camera, JitterSource, Wire};
 use frames::sink::{SentFrame, Sink, SinkError, SinkSummary, TruthStar};
 use link::Port;
-use link::simulated::simulated_pair;
-use run::runtime::receiver::Receiver;
-use run::runtime::{EventKind, FrameEngine, RunRecord, virtual_time};
-use run::wiring::bench_parts;
+use run::runtime::{EventKind, RunRecord};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
-use testbed::flight_computer::{FlightComputer, JitterLineParams, JitterStream};
+use testbed::flight_computer::{FlightComputer, FlightComputerParams, JitterLineParams, JitterStream};
 
 use firmware_protocol::Message;
 use firmware_protocol::message::{JitterBurst, JitterPair};
@@ -106,33 +102,15 @@ struct Flown {
 
 /// Flies the bench with jitter that is so late; `None`: the stimulator knows it as a line.
 fn fly(bench: &Bench, delay: Option<Span>) -> Flown {
-    let start = start(bench);
-    let params = bench_parts::run_params(bench, start).unwrap();
-    let mut computer_params = bench_parts::flight_computer(bench, start);
-    computer_params.jitter = JitterStream::OFF;
-    let mut computer = FlightComputer::new(computer_params);
-    let mut engine = FrameEngine::new(params.clone()).unwrap();
-    let mut receiver = Receiver::new(params.attitude).unwrap();
-    let clock = Arc::new(Virtual::new(start));
-    let shared: Arc<dyn Clock> = clock.clone();
-    let (bus, format) = bench_parts::bus(bench);
-    let (near, far) = simulated_pair(bus, &shared);
-    let ids = firmware_protocol::can::IdMap::new(0, 0).unwrap();
-    let (mut near, mut far) = (Port::new(Box::new(near), format, ids), Port::new(Box::new(far), format, ids));
     let shots = Arc::new(Mutex::new(Vec::new()));
-    let mut sender = delay.map(|delay| LateSender { wire: bench.link.wire, delay, boot: start, sent: 0 });
-    let mut far_end = |now: Tai| {
-        computer.step(now, &mut far)?;
-        let mut due = computer.next_due();
-        if let Some(sender) = &mut sender {
-            sender.send_due(now, &computer, &mut far);
-            due = due.min(sender.next_due());
-        }
-        Ok(due)
-    };
+    let mut sender = delay.map(|delay| LateSender { wire: bench.link.wire, delay, boot: start(bench), sent: 0 });
     let mut sink = Album(Arc::clone(&shots));
-    let outcome =
-        virtual_time::run(&mut engine, &mut receiver, &mut near, &clock, &mut sink, &mut far_end, &mut |_, _| true);
+    let silent = |computer: &mut FlightComputerParams| computer.jitter = JitterStream::OFF;
+    let Flight { outcome, receiver, .. } = bench::fly(bench, silent, &mut sink, &mut |now, computer, far| {
+        let sender = sender.as_mut()?;
+        sender.send_due(now, computer, far);
+        Some(sender.next_due())
+    });
     assert!(outcome.error.is_none(), "{:?}", outcome.error.map(|error| error.to_string()));
     let shots = core::mem::take(&mut *shots.lock().unwrap());
     Flown { shots, record: outcome.record, late_samples: receiver.late_jitter() }

@@ -24,7 +24,7 @@ fn slot_head() -> Vec<Field> {
         serial: "u64", mid_exposure_tai_ns: "i64", lateness_ns: "i64", horizon_ns: "i64", frame: "u32",
         pixel_crc32: "u32", faults: "u32", stars: "u32", exposure_s: "f64", attitude_wxyz: "f64[4]",
         ra_dec_roll_deg: "f64[3]", rate_deg_s: "f64[3]", gain_e_per_dn: "f64", black_level_dn: "f64",
-        width_px: "u32", height_px: "u32", reserved: "u64[12]",
+        width_px: "u32", height_px: "u32", noise_seed: "u64", jitter_missing_ns: "i64", reserved: "u64[10]",
     }
 }
 

@@ -3,7 +3,7 @@
 //! Truth here is the reference backend, itself held by `stamps`. Images are compared with images: an undersampled
 //! star's centroid has its own S-curve.
 
-use crate::measure::{class_alone, measure, peak_error};
+use crate::measure::{class_alone, measure, peak_error, tally_of};
 use crate::random_scenes::{SIZE, scene};
 use crate::scene::{EXPOSURE_S, FOCAL_PX, draw_cpu, draw_reference, everything, los, planner, star};
 use glam::DVec3;
@@ -12,7 +12,6 @@ use plan::exposure::plan::Verdict;
 use plan::exposure::planner::Source;
 use plan::exposure::{PixelPath, PixelPoint};
 use plan::optics::PsfModel;
-use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Random scenes.
 const SCENES: u32 = 2000;
@@ -83,24 +82,7 @@ impl Tally {
 
 /// All scenes, by as many threads as there are.
 fn tally(scenes: u32) -> Tally {
-    let next = AtomicU32::new(0);
-    let work = || {
-        let mut tally = Tally::default();
-        loop {
-            let number = next.fetch_add(1, Ordering::Relaxed);
-            if number >= scenes {
-                return tally;
-            }
-            tally.take(number);
-        }
-    };
-    let mut all = Tally::default();
-    std::thread::scope(|scope| {
-        let threads = std::thread::available_parallelism().map_or(2, usize::from);
-        let running: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-        running.into_iter().for_each(|thread| all.add(thread.join().unwrap()));
-    });
-    all
+    tally_of(scenes, Tally::take, Tally::add)
 }
 
 fn brief(numbers: &[f64]) -> String {

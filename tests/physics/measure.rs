@@ -5,6 +5,7 @@ use crate::scene::{
 };
 use plan::exposure::ExposurePlan;
 use plan::exposure::plan::{Assessment, PlannedStar};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Rounding of a sum of a few hundred single-precision pixels.
 pub(crate) const F32_FLUX: f64 = 2e-6;
@@ -88,4 +89,26 @@ pub(crate) fn class_alone(plan: &ExposurePlan, class: usize) -> ExposurePlan {
     let is_of = |star: &PlannedStar| star.electrons < above_e && star.electrons >= faintest_e;
     let stars = plan.stars.iter().filter(|star| plan.classes.len() == 1 || is_of(star)).copied().collect();
     ExposurePlan { stars, ..plan.clone() }
+}
+
+/// Tallies so many cases, by as many threads as there are; each has a tally of its own, which are added up at the end.
+pub(crate) fn tally_of<T: Default + Send>(cases: u32, take: impl Fn(&mut T, u32) + Sync, add: impl Fn(&mut T, T)) -> T {
+    let next = AtomicU32::new(0);
+    let work = || {
+        let mut tally = T::default();
+        loop {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            if number >= cases {
+                return tally;
+            }
+            take(&mut tally, number);
+        }
+    };
+    let mut all = T::default();
+    std::thread::scope(|scope| {
+        let threads = std::thread::available_parallelism().map_or(2, usize::from);
+        let running: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        running.into_iter().for_each(|thread| add(&mut all, thread.join().unwrap()));
+    });
+    all
 }

@@ -4,6 +4,7 @@
 //! A streak is inside the budget, or the plan says that it is over it and names an error within a factor of ten of the
 //! true one; and it is a streak, never a row of dots.
 
+use crate::measure::tally_of;
 use crate::scene::{
     Dice, FULL_WELL_E, Picture, READ_NOISE_E, centroid_error_px, draw_cpu, everything, instrument, los, planner_of,
     star,
@@ -17,7 +18,6 @@ use plan::exposure::planner::Source;
 use plan::exposure::{ExposurePlan, Instrument, Planner, Rung, Shutter};
 use plan::optics::PsfModel;
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Streaks, half of them with a lens that distorts, half with a rolling shutter.
 const STREAKS: u32 = 384;
@@ -273,24 +273,7 @@ impl Tally {
 
 /// All streaks, by as many threads as there are.
 fn tally(streaks: u32, method: &str) -> Tally {
-    let next = AtomicU32::new(0);
-    let work = || {
-        let mut tally = Tally::default();
-        loop {
-            let number = next.fetch_add(1, Ordering::Relaxed);
-            if number >= streaks {
-                return tally;
-            }
-            tally.take(number, method);
-        }
-    };
-    let mut all = Tally::default();
-    std::thread::scope(|scope| {
-        let threads = std::thread::available_parallelism().map_or(2, usize::from);
-        let running: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-        running.into_iter().for_each(|thread| all.add(thread.join().unwrap()));
-    });
-    all
+    tally_of(streaks, |tally: &mut Tally, number| tally.take(number, method), Tally::add)
 }
 
 #[test]

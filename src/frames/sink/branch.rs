@@ -6,28 +6,24 @@
 //! next one: a disk that is full now may have room later. A sink that panics is not called again.
 //!
 //! A branch that goes, also without [`Branch::finish`], lets its sink finish what it was handed, and waits for that as long
-//! as frames come back: a sink that blocks is given up after [`END_PATIENCE`], and its thread is left behind.
+//! as frames come back: a sink that blocks is given up after [`END_PATIENCE`], and its thread is left behind. Where every
+//! frame is waited for, a sink that blocks is given up after [`STALL_PATIENCE`] in the middle of a run.
 //! Tests: `fan_tests.rs`.
 
 use crate::sink::line::{Loss, LossKind, SinkLine};
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 use base::clock::Stopwatch;
+use base::patience::{END_PATIENCE, LOOK, Patience, QUEUE_LOOK, STALL_PATIENCE};
 use base::time::Span;
-use crossbeam_channel::{Receiver, Sender, bounded};
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::thread::JoinHandle;
-use std::time::Duration;
 
 /// Losses that are kept for whoever asks; of more than that the numbers are in the line alone.
 const LOSSES_KEPT: usize = 4096;
 
-/// A sink that finishes neither a frame nor itself for this long at the end of a run is given up, plus the time that its
-/// frame takes at 10 MB/s. Short in tests, which wait for it.
-pub const END_PATIENCE: Span = Span::from_ms(if cfg!(test) { 1_000 } else { 5_000 });
 /// Rate of a slow disk or encoder, by which large frames add to the patience.
 const SLOW_BYTES_PER_S: f64 = 10e6;
-/// Between two looks at sinks that are to end.
-const LOOK: Duration = Duration::from_millis(2);
 
 /// A sink that is to get a thread.
 pub struct BranchParams {
@@ -62,8 +58,9 @@ pub(super) struct Branch {
     returned: [u64; 2],
     /// Number of the newest frame.
     newest: u32,
-    /// How long it may finish nothing at the end.
-    patience: Span,
+    /// Time that a frame takes on a slow disk, by which it may finish nothing for longer.
+    slow_frame: Span,
+    is_given_up: bool,
     /// What was lost and not yet told.
     losses: Vec<Loss>,
 }
@@ -95,9 +92,10 @@ impl Branch {
             .map_err(|source| SinkError::Thread { sink: name, source })?;
         let (full, thread) = (Some(full), Some(thread));
         let bytes = 2.0 * (prototype.image.width() * prototype.image.height()) as f64;
-        let patience = END_PATIENCE + Span::from_s(bytes / SLOW_BYTES_PER_S);
+        let slow_frame = Span::from_s(bytes / SLOW_BYTES_PER_S);
         let (offered, returned, newest, losses) = (0, [0; 2], 0, Vec::new());
-        Ok(Self { name, line, full, back, free, thread, offered, returned, newest, patience, losses })
+        let is_given_up = false;
+        Ok(Self { name, line, full, back, free, thread, offered, returned, newest, slow_frame, is_given_up, losses })
     }
 
     /// Hands a copy of a frame over when a buffer is free now; else the branch goes without it, which is counted.
@@ -113,10 +111,29 @@ impl Branch {
         if self.put(free, frame) { Ok(()) } else { Err(SinkError::Lost { sink: self.name }) }
     }
 
-    /// Waits for the oldest frame that was handed over: what became of it.
+    /// Waits for the oldest frame that was handed over: what became of it. A sink that blocks is given up.
     pub(super) fn settle(&mut self) -> Result<(), SinkError> {
-        let held = self.back.recv().map_err(|_| SinkError::Lost { sink: self.name })?;
-        self.take_back(held)
+        let limit = STALL_PATIENCE + self.slow_frame;
+        let mut patience = Patience::new(limit);
+        loop {
+            match self.back.recv_timeout(QUEUE_LOOK) {
+                Ok(held) => return self.take_back(held),
+                Err(RecvTimeoutError::Disconnected) => return Err(SinkError::Lost { sink: self.name }),
+                Err(RecvTimeoutError::Timeout) if patience.is_over() => return Err(self.give_up(limit)),
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+        }
+    }
+
+    /// Returns true when the sink was given up: frames go past it.
+    pub(super) fn is_given_up(&self) -> bool {
+        self.is_given_up
+    }
+
+    /// Counts a frame that goes past a sink that was given up.
+    pub(super) fn pass(&mut self, frame: &SentFrame) {
+        self.put(None, frame);
+        self.line.dropped += 1;
     }
 
     /// Puts a frame into the queue: there are as many places as buffers, so this waits for nothing. False when there is no
@@ -200,7 +217,7 @@ impl Branch {
         self.hang_up();
         let Some(thread) = self.thread.take() else { return Ok(None) };
         if !thread.is_finished() {
-            return Err(self.give_up());
+            return Err(self.give_up(END_PATIENCE + self.slow_frame));
         }
         let joined = thread.join();
         self.collect();
@@ -214,10 +231,13 @@ impl Branch {
         ended.finished.transpose()
     }
 
-    /// Leaves a sink behind that blocks.
-    fn give_up(&mut self) -> SinkError {
+    /// Leaves a sink behind, with its thread, that has finished nothing for `patience`.
+    fn give_up(&mut self, patience: Span) -> SinkError {
+        self.is_given_up = true;
+        self.hang_up();
+        self.thread = None;
         self.collect();
-        let error = SinkError::Stuck { sink: self.name, patience: self.patience };
+        let error = SinkError::Stuck { sink: self.name, patience };
         let [frames, refused] = self.returned;
         let dropped = self.offered - frames - refused;
         self.line = SinkLine { frames, refused, dropped, is_lost: true, ..core::mem::take(&mut self.line) };
@@ -243,14 +263,12 @@ impl Drop for Branch {
 /// the most patient.
 pub(super) fn wait_for(branches: &mut [Branch]) {
     branches.iter_mut().for_each(Branch::hang_up);
-    let patience = branches.iter().map(|branch| branch.patience).max().unwrap_or(END_PATIENCE);
-    let (mut watch, mut quiet) = (Stopwatch::start(), Span::ZERO);
-    while quiet < patience && !branches.iter().all(Branch::has_ended) {
+    let slowest = branches.iter().map(|branch| branch.slow_frame).max().unwrap_or(Span::ZERO);
+    let mut patience = Patience::new(END_PATIENCE + slowest);
+    while !patience.is_over() && !branches.iter().all(Branch::has_ended) {
         std::thread::sleep(LOOK);
-        // Of a pause of the whole machine one look is counted.
-        quiet = quiet + watch.lap().min(Span::from_ns(patience.ns() / 2));
         if branches.iter_mut().fold(false, |any, branch| branch.has_moved() | any) {
-            quiet = Span::ZERO;
+            patience.restart();
         }
     }
 }

@@ -125,10 +125,10 @@ pub enum SinkError {
         /// The sink's name.
         sink: &'static str,
     },
-    /// A sink that blocks, at the end of a run.
+    /// A sink that blocks.
     #[error(
-        "the {sink} sink has finished nothing for {:.1} s at the end of the run and was given up: is its disk, network or \
-         reader still there?",
+        "the {sink} sink has finished nothing for {:.1} s and was given up: is its disk, network or reader \
+         still there?",
         patience.s()
     )]
     Stuck {

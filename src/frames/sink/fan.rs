@@ -4,13 +4,13 @@
 //! [`OnFull`]: on the real clock ([`OnFull::Drop`]) a frame goes past a sink that has no free buffer, a failure is
 //! counted, and the other sinks do not notice; `send` copies the frame once per sink and waits for nothing. On the
 //! virtual clock ([`OnFull::Wait`]) `send` returns when every sink is done with the frame, or with the first failure of
-//! one, so that a run gives the same bits on every machine, also one that ends early.
+//! one, so that a run gives the same bits on every machine, also one that ends early. Only a sink that blocks for
+//! [`STALL_PATIENCE`](base::patience::STALL_PATIENCE) is given up and counted as lost; the others go on.
 //!
 //! Limits: `finish` waits for what is still queued as long as a sink finishes something within
 //! [`END_PATIENCE`](crate::sink::END_PATIENCE); after
 //! that a sink that blocks is given up, counted as lost, and its thread is left behind. Dropping a fan waits in the same
-//! way, so that nothing of a sink that works outlives it, also when a run never began. On the virtual clock `send` waits
-//! without a limit. Memory: buffers times (2 bytes a pixel and the truth table) per sink, all of it at the start.
+//! way, so that nothing of a sink that works outlives it, also when a run never began. Memory: buffers times (2 bytes a pixel and the truth table) per sink, all of it at the start.
 //! Tests: `fan_tests.rs`, `tests/closed_loop/sinks.rs`.
 
 use crate::sink::branch::{Branch, BranchParams, wait_for};
@@ -62,11 +62,16 @@ impl Fan {
         self.branches[sink].lag()
     }
 
-    /// Every sink gets the frame, or the first failure comes back.
+    /// Every sink gets the frame, or the first failure comes back. One that blocks is no failure of the others: its line
+    /// says that it is lost.
     fn send_to_all(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
         let mut failure = None;
         let mut handed = Vec::with_capacity(self.branches.len());
         for branch in &mut self.branches {
+            if branch.is_given_up() {
+                branch.pass(frame);
+                continue;
+            }
             match branch.hand(frame) {
                 Ok(()) => handed.push(branch),
                 Err(error) => {
@@ -75,12 +80,17 @@ impl Fan {
             }
         }
         for branch in handed {
-            if let Err(error) = branch.settle() {
+            if let Some(error) = branch.settle().err().filter(|error| !is_given_up(error)) {
                 failure.get_or_insert(error);
             }
         }
         failure.map_or(Ok(()), Err)
     }
+}
+
+/// True for a sink that was given up, which its line tells.
+fn is_given_up(error: &SinkError) -> bool {
+    matches!(error, SinkError::Stuck { .. })
 }
 
 impl Sink for Fan {
@@ -124,7 +134,7 @@ impl Sink for Fan {
         }
         summary.bytes = bytes;
         summary.output = self.branches.iter().find_map(|branch| branch.line().output.clone()).map(Into::into);
-        match failure.filter(|_| self.on_full == OnFull::Wait) {
+        match failure.filter(|error| self.on_full == OnFull::Wait && !is_given_up(error)) {
             Some(error) => Err(error),
             None => Ok(self.finished.insert(summary).clone()),
         }

@@ -67,6 +67,31 @@ impl Sink for Frail {
     }
 }
 
+/// Takes every frame and never ends.
+struct BlocksAtEnd(NullSink);
+
+impl Sink for BlocksAtEnd {
+    fn name(&self) -> &'static str {
+        "blocks_at_end"
+    }
+
+    fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        self.0.send(frame)
+    }
+
+    fn finish(&mut self) -> Result<SinkSummary, SinkError> {
+        let (_nobody, never) = bounded::<()>(0);
+        let _ = never.recv_timeout(std::time::Duration::from_secs(3600)); // as good as never
+        self.0.finish()
+    }
+}
+
+/// Lets a gate go once, when its sink has come to it.
+fn let_go_soon(gate: Sender<()>) {
+    let go = move || gate.send(()).is_ok();
+    let _ = std::thread::Builder::new().name("gate".into()).spawn(go).unwrap(); // it ends by itself
+}
+
 fn fan(sinks: Vec<Box<dyn Sink>>, buffers: usize, on_full: OnFull) -> Fan {
     let named = (0..).zip(sinks).map(|(i, sink)| BranchParams { place: format!("sink {i}"), sink, buffers });
     Fan::start(named, &sample_frame(0), on_full).unwrap()
@@ -140,6 +165,35 @@ fn sink_that_blocks_at_the_end_is_given_up_and_the_others_finish() {
     let error = lines[0].first_error.as_deref().unwrap();
     assert!(error.contains("gated") && error.contains("given up"), "{error}");
     assert_eq!(losses(&mut fan).last(), Some(&(LossKind::SinkLost, 4)));
+}
+
+#[test]
+fn where_it_waits_a_sink_that_blocks_in_send_is_given_up_and_the_others_go_on() {
+    let (gated, _begun, let_go) = gate();
+    let mut fan = fan(vec![Box::new(gated), Box::new(NullSink::new())], 1, OnFull::Wait);
+    for number in 0..4 {
+        if number == 0 {
+            let_go_soon(let_go.clone());
+        }
+        fan.send(&sample_frame(number)).unwrap();
+    }
+    assert_eq!(fan.finish().unwrap().frames, 4, "handed to the sinks");
+    let lines = fan.lines();
+    assert_eq!([counts(&lines[0]), counts(&lines[1])], [[1, 3, 0], [4, 0, 0]]);
+    assert!(lines[0].is_lost && !lines[1].is_lost);
+    assert!(lines[0].first_error.as_ref().unwrap().contains("given up"), "{:?}", lines[0]);
+    let lost = [(LossKind::SinkLost, 1), (LossKind::Dropped, 2), (LossKind::Dropped, 3)];
+    assert_eq!(losses(&mut fan), lost);
+}
+
+#[test]
+fn where_it_waits_a_sink_that_blocks_at_its_end_is_given_up_and_the_run_is_whole() {
+    let mut fan = fan(vec![Box::new(BlocksAtEnd(NullSink::new())), Box::new(NullSink::new())], 1, OnFull::Wait);
+    (0..3).for_each(|number| fan.send(&sample_frame(number)).unwrap());
+    assert_eq!(fan.finish().unwrap().frames, 3);
+    let lines = fan.lines();
+    assert_eq!([counts(&lines[0]), counts(&lines[1])], [[3, 0, 0], [3, 0, 0]]);
+    assert!(lines[0].is_lost && !lines[1].is_lost);
 }
 
 #[test]

@@ -26,7 +26,7 @@ pub struct SinkLine {
     pub output: Option<String>,
     /// Its first failure in words; of a frame, or of its end.
     pub first_error: Option<String>,
-    /// True when it broke down (a panic) and took nothing from then on.
+    /// True when it broke down (a panic) or was given up because it blocked, and took nothing from then on.
     pub is_lost: bool,
     /// Handed to the sinks to taken by this one, wall time, mean; zero when nothing waits between the two.
     pub mean_delay: Span,

@@ -125,8 +125,12 @@ pub struct SlotHead {
     pub width_px: u32,
     /// Rows.
     pub height_px: u32,
+    /// Seed of the exposure's noise, with the frame number.
+    pub noise_seed: u64,
+    /// Part of the exposure without jitter samples, ns.
+    pub jitter_missing_ns: i64,
     /// Nothing.
-    pub reserved: [u64; 12],
+    pub reserved: [u64; 10],
 }
 
 /// The writing end. The file is removed when it goes, if it still bears the name.
@@ -281,7 +285,9 @@ pub(super) fn slot_head(frame: &SentFrame) -> SlotHead {
         black_level_dn: meta.black_level_dn,
         width_px: u32::try_from(frame.image.width()).unwrap_or(u32::MAX),
         height_px: u32::try_from(frame.image.height()).unwrap_or(u32::MAX),
-        reserved: [0; 12],
+        noise_seed: meta.noise_seed,
+        jitter_missing_ns: meta.jitter_missing.ns(),
+        reserved: [0; 10],
     }
 }
 

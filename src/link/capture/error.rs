@@ -1,5 +1,7 @@
 //! Why a capture file cannot be written or read.
 
+use base::time::Span;
+
 /// A capture file that cannot be written, or not read any further.
 #[derive(Debug, thiserror::Error)]
 pub enum CaptureError {
@@ -20,6 +22,17 @@ pub enum CaptureError {
     /// The thread that writes broke down.
     #[error("capture: the thread that writes it broke down; the file ends somewhere before the run did")]
     WriterLost,
+    /// The thread that writes blocks.
+    #[error(
+        "{file} cannot be written: nothing was written for {:.1} s and the rest was given up: is the disk still there?",
+        patience.s()
+    )]
+    GivenUp {
+        /// Which file of the capture.
+        file: &'static str,
+        /// How long it was waited for.
+        patience: Span,
+    },
     /// Nothing is in the file.
     #[error("capture: got an empty file, wanted a candump log or pcapng")]
     Empty,

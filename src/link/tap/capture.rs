@@ -3,14 +3,15 @@
 //! In: a link and an output. Out: the same packets, and a capture of what was received and sent. The packet path takes no
 //! lock of ours, allocates nothing and touches no file: packets go by a bounded queue to a writer thread. When the queue
 //! is full they are not written and counted ([`Capture::finish`]); on the virtual clock, where waiting costs no time of
-//! the run, the tap waits instead. What the writer cannot write it counts as lost too, and says why at the end. Outermost
-//! of the taps, it sees what the port sees. Tests: `capture_tests`.
+//! the run, the tap waits instead. What the writer cannot write it counts as lost too, and says why at the end. A writer
+//! that blocks is given up, and what it has not written is lost. Outermost of the taps, it sees what the port sees. Tests: `capture_tests`.
 
 use crate::capture::{CaptureError, CaptureFormat, CaptureWriter, CapturedPacket, Direction};
 use crate::{Departure, Link, LinkCounters, LinkError, Packet, Stamped};
+use base::patience::{END_PATIENCE, Patience, QUEUE_LOOK, STALL_PATIENCE, join_or_give_up};
 use base::time::Tai;
-use core::sync::atomic::{AtomicU64, Ordering};
-use crossbeam_channel::{Receiver, Sender, bounded};
+use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use crossbeam_channel::{Receiver, SendTimeoutError, Sender, TrySendError, bounded};
 use std::io::Write;
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -24,7 +25,7 @@ const FLUSHED_PACKETS: u64 = 4;
 /// A capture under way: the writer thread, and what taps are made from.
 pub struct Capture {
     queue: Queue,
-    writer: JoinHandle<(u64, Option<CaptureError>)>,
+    writer: JoinHandle<Option<CaptureError>>,
 }
 
 /// What a capture came to.
@@ -40,9 +41,21 @@ pub struct CaptureOutcome {
 
 #[derive(Clone)]
 struct Queue {
+    /// Packets, and `None` at the end.
     to_write: Sender<Option<CapturedPacket>>,
-    lost: Arc<AtomicU64>,
+    counts: Arc<Counts>,
     waits: bool,
+}
+
+/// What taps and the writer have counted.
+#[derive(Default)]
+struct Counts {
+    /// Packets that passed a tap.
+    passed: AtomicU64,
+    /// Of these: written.
+    written: AtomicU64,
+    /// What passes from here on is lost: the capture is over, or its writer was given up.
+    is_over: AtomicBool,
 }
 
 impl Capture {
@@ -62,10 +75,10 @@ impl Capture {
     ) -> Result<Self, CaptureError> {
         let writer = CaptureWriter::new(out, format)?;
         let (to_write, written) = bounded(room);
-        let queue = Queue { to_write, lost: Arc::default(), waits };
-        let lost = Arc::clone(&queue.lost);
+        let queue = Queue { to_write, counts: Arc::default(), waits };
+        let counts = Arc::clone(&queue.counts);
         let thread = std::thread::Builder::new().name("capture".into());
-        let writer = thread.spawn(move || write_all(&written, writer, &lost)).map_err(CaptureError::Write)?;
+        let writer = thread.spawn(move || write_all(&written, writer, &counts)).map_err(CaptureError::Write)?;
         Ok(Self { queue, writer })
     }
 
@@ -78,10 +91,20 @@ impl Capture {
     /// Ends the capture: what has passed so far is written. Taps that are still there lose what passes from here on.
     #[must_use]
     pub fn finish(self) -> CaptureOutcome {
-        let _a_writer_that_is_gone_says_why = self.queue.to_write.send(None);
-        let lost = self.queue.lost;
-        let (written, error) = self.writer.join().unwrap_or((0, Some(CaptureError::WriterLost)));
-        CaptureOutcome { written, lost: lost.load(Ordering::Relaxed), error }
+        let Queue { to_write, counts, .. } = self.queue;
+        counts.is_over.store(true, Ordering::SeqCst);
+        let mut is_marked = false;
+        let joined = join_or_give_up(self.writer, || {
+            // A full queue has no place for the mark of the end yet.
+            is_marked = is_marked || !matches!(to_write.try_send(None), Err(TrySendError::Full(_)));
+            to_write.len() as u64
+        });
+        let error = match joined {
+            Some(ended) => ended.unwrap_or(Some(CaptureError::WriterLost)),
+            None => Some(CaptureError::GivenUp { file: "the capture's packets", patience: END_PATIENCE }),
+        };
+        let written = counts.written.load(Ordering::SeqCst);
+        CaptureOutcome { written, lost: counts.passed.load(Ordering::SeqCst).saturating_sub(written), error }
     }
 }
 
@@ -90,9 +113,9 @@ impl Capture {
 fn write_all(
     queue: &Receiver<Option<CapturedPacket>>,
     mut writer: CaptureWriter<Box<dyn Write + Send>>,
-    lost: &AtomicU64,
-) -> (u64, Option<CaptureError>) {
-    let (mut written, mut buffered, mut error) = (0, 0, None);
+    counts: &Counts,
+) -> Option<CaptureError> {
+    let (mut buffered, mut error) = (0, None);
     for captured in queue.iter().map_while(|packet| packet) {
         buffered += 1;
         if error.is_none() {
@@ -100,26 +123,40 @@ fn write_all(
         }
         if error.is_none() && (queue.is_empty() || buffered == FLUSHED_PACKETS) {
             error = writer.flush().err();
-            written += if error.is_none() { core::mem::take(&mut buffered) } else { 0 };
+            if error.is_none() {
+                counts.written.fetch_add(core::mem::take(&mut buffered), Ordering::SeqCst);
+            }
         }
     }
     let error = error.or_else(|| writer.flush().err());
     if error.is_none() {
-        written += core::mem::take(&mut buffered);
+        counts.written.fetch_add(buffered, Ordering::SeqCst);
     }
-    lost.fetch_add(buffered, Ordering::Relaxed);
-    (written, error)
+    error
 }
 
 impl Queue {
     fn put(&self, packet: CapturedPacket) {
-        let is_lost = if self.waits {
-            self.to_write.send(Some(packet)).is_err()
+        self.counts.passed.fetch_add(1, Ordering::SeqCst);
+        if self.counts.is_over.load(Ordering::SeqCst) {
+            return;
+        }
+        if self.waits {
+            self.put_in_time(packet);
         } else {
-            self.to_write.try_send(Some(packet)).is_err()
-        };
-        if is_lost {
-            self.lost.fetch_add(1, Ordering::Relaxed);
+            let _ = self.to_write.try_send(Some(packet)); // a packet that passed and is never written counts as lost
+        }
+    }
+
+    /// Waits until there is a place in the queue; gives up a writer that takes nothing.
+    fn put_in_time(&self, packet: CapturedPacket) {
+        let (mut packet, mut patience) = (Some(packet), Patience::new(STALL_PATIENCE));
+        while let Err(SendTimeoutError::Timeout(back)) = self.to_write.send_timeout(packet, QUEUE_LOOK) {
+            if patience.is_over() {
+                self.counts.is_over.store(true, Ordering::SeqCst);
+                return;
+            }
+            packet = back;
         }
     }
 }

@@ -94,6 +94,37 @@ fn a_full_disk_ends_the_capture_and_not_the_run() {
 }
 
 #[test]
+fn writer_that_blocks_is_given_up_and_what_it_has_not_written_is_lost() {
+    struct Blocking(crossbeam_channel::Receiver<()>);
+    impl Write for Blocking {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let _ = self.0.recv(); // the test ends it
+            Ok(bytes.len())
+        }
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+    // Where taps wait, room for two: the third packet waits for the writer. Where they do not, it is lost.
+    for (waits, room) in [(true, 2), (true, 64), (false, 2)] {
+        let (_never, blocks) = crossbeam_channel::bounded(0);
+        let shared: Arc<dyn Clock> = Arc::new(Virtual::new(START));
+        let timing = BusTiming::CanClassic { bit_rate_bps: 1_000_000 };
+        let bus = BusParams { name: "test".into(), timing, latency: Span::ZERO, queue_packets: 64 };
+        let (near, _far) = simulated_pair(bus, &shared);
+        let capture = Capture::with_room(Box::new(Blocking(blocks)), CaptureFormat::Candump, waits, room).unwrap();
+        let mut near = capture.tap(Box::new(near));
+        for n in 0..20 {
+            near.send(&packet(n)).unwrap();
+        }
+        let outcome = capture.finish();
+        assert_eq!((outcome.written, outcome.lost), (0, 20), "{outcome:?}");
+        let error = outcome.error.expect("the reason").to_string();
+        assert!(error.contains("packets cannot be written") && error.contains("given up"), "{error}");
+    }
+}
+
+#[test]
 fn a_full_queue_loses_packets_and_counts_them() {
     // A disk that hangs until it is let go.
     struct Hanging(Arc<Mutex<()>>, Disk);

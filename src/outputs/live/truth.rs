@@ -20,6 +20,7 @@ pub(super) fn truth_of(frame: &SentFrame) -> Value {
             let star = &frame.truth[*i];
             json!({
                 "id": star.id,
+                "source_id": star.source_id.map(|id| id.to_string()),
                 "kind": star.kind.name(),
                 "x_px": star.x_px,
                 "y_px": star.y_px,
@@ -45,6 +46,7 @@ pub(super) fn truth_of(frame: &SentFrame) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use base::source_id::{GaiaRelease, SourceId};
     use frames::sink::TruthStar;
 
     #[test]
@@ -55,6 +57,7 @@ mod tests {
             electrons: f64::from(i * 7_919 % 500),
             x_px: 1.25,
             smear_px: 24.5,
+            source_id: (i != 498).then(|| SourceId::Gaia(GaiaRelease::Dr3, 4_000_000_000_000_000_000 + u64::from(i))),
             ..TruthStar::NONE
         };
         frame.truth.extend((0..500).map(star));
@@ -66,6 +69,13 @@ mod tests {
         assert_eq!((stars.len(), stars[1]["electrons"].as_f64()), (STARS_MAX, Some(499.0)));
         assert!(electrons.windows(2).all(|pair| pair[0] >= pair[1]) && electrons.len() == STARS_MAX - 1);
         assert_eq!((&stars[1]["x_px"], &stars[1]["kind"]), (&json!(1.25), &json!("star")));
+        let of_id = |id: u32| stars.iter().find(|star| star["id"] == id).map(|star| star["source_id"].clone());
+        let name = frame.truth[497].source_id.map(|id| id.to_string());
+        assert_eq!(
+            (of_id(497), of_id(498)),
+            (Some(json!(name)), Some(json!(null))),
+            "text: no number keeps its digits"
+        );
         assert_eq!((&stars[1]["smear_px"], &stars[1]["catalog_ra_deg"]), (&json!(24.5), &json!(0.0)));
     }
 }

@@ -89,10 +89,12 @@ fields! {
     "ChunkHorizon" Integer "ns" "Newest attitude to mid-exposure; negative when interpolated" = |m: &FrameMeta| m.horizon.ns();
     "ChunkFaults" Bits "" "Commanded faults, one bit each, as in frames.csv" = |m: &FrameMeta| u64::from(m.faults.bits());
     "ChunkFaultCount" Integer "" "Faults of frames and of the imaging chain in this frame" = |m: &FrameMeta| count(m.active.count());
-    "ChunkSeed" Bits "" "Seed of every random number in the frame" = |m: &FrameMeta| m.seed;
+    "ChunkSeed" Bits "" "Seed of the sensor's patterns and of faults" = |m: &FrameMeta| m.seed;
     "ChunkLeftOutStars" Integer "" "Stars left out: too faint, or for want of time" = |m: &FrameMeta| count(m.left_out_stars);
     "ChunkAttitudeOrigin" Text "" "Where the attitude came from: measured, predicted, held" = |m: &FrameMeta| m.origin;
     "ChunkRung" Text "" "How far the frame was degraded to be ready in time; full: not at all" = |m: &FrameMeta| m.rung;
+    "ChunkNoiseSeed" Bits "" "Seed of the exposure's noise, with the frame number" = |m: &FrameMeta| m.noise_seed;
+    "ChunkJitterMissing" Integer "ns" "Part of the exposure without jitter samples" = |m: &FrameMeta| m.jitter_missing.ns();
 }
 
 fn count(count: usize) -> i64 {
@@ -158,6 +160,8 @@ mod tests {
         assert_eq!((float("ChunkAttitudeZ"), float("ChunkRateZ")), (meta.attitude_wxyz[3], meta.rate_deg_s[2]));
         assert_eq!(integer("ChunkSeed"), -78, "the bits of the largest numbers");
         assert_eq!(&truth[at("ChunkRung")..][..10], b"budget-x3\0");
+        assert_eq!(integer("ChunkNoiseSeed"), i64::MAX - 77, "the seed of the exposure, which FITS calls NOISSEED");
+        assert_eq!(integer("ChunkJitterMissing"), 14_000_000);
         assert_eq!(&out[5..13], [0, 0, 0, 1, 0, 0, 0, 5]);
         assert_eq!(out[out.len() - 4..], u32::try_from(truth_bytes()).unwrap().to_be_bytes());
     }

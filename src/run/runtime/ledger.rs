@@ -59,6 +59,8 @@ events! {
     LoadGone = "load_gone",
     /// Tiles of stars had not been read in time: their stars are missing from the frame.
     StarsLate = "stars_late",
+    /// The thread that reads tiles of stars broke down: tiles that are not in memory stay missing from here on.
+    StarReaderLost = "star_reader_lost",
     /// The field has more stars than the memory for them: its faintest layers are missing from the frame.
     StarsCrowdedOut = "stars_crowded_out",
     /// The sink had no free buffer in time.

@@ -49,7 +49,7 @@ pub use hygiene::{Hygiene, HygieneParams};
 pub use imager::{BackendChoice, Imager};
 pub use ledger::{EventKind, Ledger};
 pub use marks::{FrameMark, FrameMarks, FrameMarksEnd, frame_marks};
-pub use outcome::{RunOutcome, lines_of_head};
+pub use outcome::{RunOutcome, lines_of_head, note_lost_reader};
 pub use params::{DeadlinePolicy, RunParams};
 pub use port_reading::PortReading;
 pub use record::{RunRecord, sink_rows};

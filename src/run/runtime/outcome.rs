@@ -1,7 +1,7 @@
 //! How a run ended.
 
 use crate::runtime::error::RunError;
-use crate::runtime::ledger::{Event, EventKind};
+use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::port_reading::PortReading;
 use crate::runtime::record::{RunRecord, sink_rows};
 use base::time::{Span, Tai};
@@ -30,6 +30,7 @@ impl RunOutcome {
     pub fn losses(&self) -> Losses {
         let mut losses = Losses::of_sinks(&sink_rows(&self.sinks));
         self.lost_threads.iter().for_each(|name| losses.note_thread(name));
+        note_lost_reader(&mut losses, &self.record.ledger);
         losses
     }
 
@@ -40,6 +41,13 @@ impl RunOutcome {
     }
 }
 
+/// Adds the thread that reads tiles of stars where the ledger has its loss.
+pub fn note_lost_reader(losses: &mut Losses, ledger: &Ledger) {
+    if ledger.count(EventKind::StarReaderLost) > 0 {
+        losses.note_thread("tiles");
+    }
+}
+
 /// The lines of one head's sinks; with several heads their places say which.
 pub fn lines_of_head(head: usize, heads: usize, lines: Vec<SinkLine>) -> impl Iterator<Item = SinkLine> {
     let named = move |line: SinkLine| match heads {
@@ -47,4 +55,25 @@ pub fn lines_of_head(head: usize, heads: usize, lines: Vec<SinkLine>) -> impl It
         _ => SinkLine { place: format!("head{head} {}", line.place), ..line },
     };
     lines.into_iter().map(named)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lost_reader_of_stars_is_a_loss_of_the_run() {
+        let mut record = RunRecord::default();
+        let outcome = |record| RunOutcome {
+            record,
+            ports: Vec::new(),
+            summaries: Vec::new(),
+            sinks: Vec::new(),
+            lost_threads: Vec::new(),
+            error: None,
+        };
+        assert!(outcome(RunRecord::default()).losses().is_empty(), "control: nothing was lost");
+        record.ledger.note(Event::new(EventKind::StarReaderLost, Tai::from_ns(0), Some(1), Span::ZERO));
+        assert_eq!(outcome(record).losses().to_string(), "lost: tiles: the thread ended before the run did");
+    }
 }

@@ -29,6 +29,8 @@ pub struct Scene {
     light: FieldLight,
     /// The latest exposure shows more than background.
     has_stars: bool,
+    /// It was reported that tiles are read no more.
+    has_lost_reader: bool,
 }
 
 /// What was found for an exposure.
@@ -40,6 +42,8 @@ pub struct SceneReport {
     pub is_excluded: bool,
     /// Stars that are missing.
     pub shortfall: Shortfall,
+    /// The thread that reads stars broke down since the exposure before.
+    pub lost_reader: bool,
     /// What bodies hide, and how they are drawn.
     pub bodies: BodyCounts,
     /// Targets whose orbits could be followed until now.
@@ -58,6 +62,7 @@ impl Scene {
             targets: SkyTargets::new(camera, observer(), at, params.sky_targets.clone()),
             light: FieldLight::new(camera, observer(), at),
             has_stars: false,
+            has_lost_reader: false,
         }
     }
 
@@ -69,7 +74,8 @@ impl Scene {
         let (background, glare) = self.light.at(los)?;
         let is_excluded = glare.excluded.contains(&true);
         let (shortfall, bodies) = (Shortfall::default(), BodyCounts::default());
-        let mut report = SceneReport { background, is_excluded, shortfall, bodies, lost_targets: 0 };
+        let (lost_reader, lost_targets) = (false, 0);
+        let mut report = SceneReport { background, is_excluded, shortfall, lost_reader, bodies, lost_targets };
         self.has_stars = has_stars;
         if !has_stars {
             self.targets.forget();
@@ -77,6 +83,8 @@ impl Scene {
         }
         self.stars.find_in_view(los)?;
         report.shortfall = self.stars.shortfall();
+        report.lost_reader = self.stars.has_lost_reader() && !self.has_lost_reader;
+        self.has_lost_reader |= report.lost_reader;
         if let Some(bodies) = &mut self.bodies {
             bodies.expect_sweep(los.rate_rad_s.length() * los.exposure_s);
             bodies.seen(self.stars.found(), &los.mid_sensor_from_icrf, los.mid_exposure())?;
@@ -104,9 +112,10 @@ impl Scene {
 impl SceneReport {
     /// Tells the ledger.
     pub(super) fn note(&self, slot: Slot, ledger: &mut Ledger) {
-        let Self { is_excluded, shortfall, bodies, .. } = *self;
+        let Self { is_excluded, shortfall, lost_reader, bodies, .. } = *self;
         for (kind, happened) in [
             (EventKind::StarsLate, shortfall.late_tiles > 0),
+            (EventKind::StarReaderLost, lost_reader),
             (EventKind::StarsCrowdedOut, shortfall.crowded_out_stars > 0),
             (EventKind::InsideExclusion, is_excluded),
             (EventKind::SunInField, bodies.has_sun),
@@ -124,5 +133,30 @@ impl SceneReport {
     /// Stars that are missing, those too faint for the camera among them.
     pub(super) fn missing_stars(&self) -> usize {
         usize::try_from(self.shortfall.late_stars + self.shortfall.crowded_out_stars).unwrap_or(usize::MAX)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::time::Tai;
+
+    #[test]
+    fn lost_reader_is_an_event_with_a_name_of_its_own() {
+        let at = Tai::from_ns(0);
+        let slot = Slot { number: 3, exposure_start: at, exposure_end: at, release: at, due: at };
+        let report = SceneReport {
+            background: Background::default(),
+            is_excluded: false,
+            shortfall: Shortfall { late_tiles: 1, late_stars: 1, crowded_out_stars: 0 },
+            lost_reader: true,
+            bodies: BodyCounts::default(),
+            lost_targets: 0,
+        };
+        let mut ledger = Ledger::default();
+        report.note(slot, &mut ledger);
+        SceneReport { lost_reader: false, ..report }.note(slot, &mut ledger);
+        let count = |kind| ledger.count(kind);
+        assert_eq!((count(EventKind::StarReaderLost), count(EventKind::StarsLate)), (1, 2));
     }
 }

@@ -119,6 +119,15 @@ impl SkyView {
         }
     }
 
+    /// Returns true when the thread that reads tiles has broken down.
+    #[must_use]
+    pub fn has_lost_reader(&self) -> bool {
+        match &self.stars {
+            Stars::Catalog { .. } => false,
+            Stars::Tiles { tiles, .. } => tiles.has_lost_reader(),
+        }
+    }
+
     /// What the latest field lacks.
     #[must_use]
     pub fn shortfall(&self) -> Shortfall {

@@ -327,7 +327,9 @@ impl VirtualLoop {
             let Some(pending) = self.pending.remove(place) else { break };
             let head = &mut heads[pending.head];
             let mut watch = Stopwatch::start();
-            head.sink.send(&pending.frame)?;
+            let sent = head.sink.send(&pending.frame);
+            self.note_losses(head);
+            sent?;
             self.record.count_outgoing(&pending.frame.meta);
             self.record.frames.delivered += 1;
             let sending = watch.lap();
@@ -339,6 +341,12 @@ impl VirtualLoop {
         // Whoever looks at the frames is at the other end.
         self.far_due = Some((world.far_end)(at).map_err(RunError::FarEnd)?);
         Ok(())
+    }
+
+    /// Brings to the ledger what the sinks of a head lost.
+    fn note_losses(&mut self, head: &mut Head<'_>) {
+        let (now, record) = (self.clock.now(), &mut self.record);
+        head.sink.take_losses(&mut |loss| record.note_losses(&[loss], now));
     }
 
     /// A buffer of the engine's size.
@@ -381,7 +389,9 @@ pub fn run_in(clock: &Arc<Virtual>, mut heads: Vec<Head<'_>>, world: &mut World<
     let (mut summaries, mut sinks) = (Vec::new(), Vec::new());
     let count = heads.len();
     for (number, head) in heads.iter_mut().enumerate() {
-        let summary = match head.sink.finish() {
+        let finished = head.sink.finish();
+        going.note_losses(head);
+        let summary = match finished {
             Ok(summary) => Some(summary),
             Err(finishing) => {
                 error.get_or_insert(finishing.into());
@@ -390,12 +400,6 @@ pub fn run_in(clock: &Arc<Virtual>, mut heads: Vec<Head<'_>>, world: &mut World<
         };
         sinks.extend(lines_of_head(number, count, sink_lines(head.sink, summary.as_ref())));
         summaries.push(summary);
-    }
-    if let Some(RunError::Sink(failure)) = &error {
-        // A sink that is alone keeps no error of its own.
-        for line in sinks.iter_mut().filter(|line| line.refused > 0) {
-            line.first_error.get_or_insert_with(|| failure.to_string());
-        }
     }
     let ports = vec![PortReading::of(world.port, 0)];
     RunOutcome { record: going.into_record(), ports, summaries, sinks, lost_threads: Vec::new(), error }

@@ -1,6 +1,6 @@
-//! The memory of a run, added up before any of it is taken.
+//! The memory of a run, a single image or several closed loops, added up before any of it is taken.
 //!
-//! Input: a checked bench, its sinks and how it runs. Output: a list of parts in bytes ([`RunMemory`]), and a refusal with
+//! Input: a checked bench, its sinks and how it runs, or a camera. Output: a list of parts in bytes ([`RunMemory`]), and a refusal with
 //! the sum and the biggest parts when it does not fit ([`RunMemory::check`]). A program that runs out of memory is ended by
 //! an abort in mid-allocation or by the kernel in mid-run; a sum that does not fit is an error in words at once.
 //!
@@ -12,7 +12,7 @@
 use crate::runtime::delivery;
 use crate::runtime::real_time::STARS_AT_FIRST;
 use base::memory::{Available, available, available_in_process};
-use config::{Backend, Bench, Sink, SinkSettings};
+use config::{Backend, Bench, Camera, Sink, SinkSettings};
 use core::fmt;
 #[cfg(unix)]
 use frames::sink::shared_memory::ring_bytes;
@@ -22,6 +22,8 @@ use std::path::Path;
 
 /// Memory that does not depend on the camera: the program, catalog, tables, threads and their stacks.
 const FIXED_BYTES: u64 = 128 << 20;
+/// Address space that the thread of a sink takes: its stack, and what glibc's allocator reserves for a thread.
+const THREAD_BYTES: u64 = 68 << 20;
 /// Bytes of one number of the detector's images and maps.
 const CHARGE_BYTES: u64 = 4;
 /// Bytes of a pixel of a frame.
@@ -34,6 +36,8 @@ const FRAMES_UNDER_WAY: u64 = 4;
 const LIVE_PICTURES: u64 = 4;
 /// Images of a display: luminances and greys that change places.
 const DISPLAY_PICTURES: u64 = 8;
+/// Closed loops that one thread may have under way: while it waits for a part of one it may begin another.
+const LOOPS_PER_THREAD: usize = 2;
 /// Parts that a refusal names.
 const NAMED_PARTS: usize = 4;
 
@@ -94,7 +98,8 @@ impl RunMemory {
         memory.add("program, tables and threads", FIXED_BYTES);
         let detector = &bench.camera.detector;
         let [width, height] = [detector.width_px, detector.height_px];
-        let images = heads * detector_numbers(bench) * CHARGE_BYTES * u64::from(width) * u64::from(height);
+        let is_reference = bench.render.backend == Backend::Reference;
+        let images = heads * detector_bytes(&bench.camera, is_reference);
         memory.add(&format!("images and maps of the detector ({width} x {height} px, heads: {heads})"), images);
         let frame = frame_bytes(bench);
         let under_way = if form.is_real { delivery::BUFFERS as u64 + FRAMES_AT_HAND } else { FRAMES_UNDER_WAY };
@@ -113,6 +118,37 @@ impl RunMemory {
         memory
     }
 
+    /// Adds up one image of a camera, as `starloop render` draws it, from layers of stars or the built-in catalog.
+    #[must_use]
+    pub fn of_image(camera: &Camera, is_reference: bool, layers_mb: Option<u32>) -> Self {
+        let mut memory = Self { parts: Vec::new() };
+        memory.add("program, tables and threads", FIXED_BYTES);
+        let [width, height] = [camera.detector.width_px, camera.detector.height_px];
+        let images = detector_bytes(camera, is_reference);
+        memory.add(&format!("images and maps of the detector ({width} x {height} px)"), images);
+        memory.add("the frame", DN_BYTES * pixels(camera.image_px()));
+        // An image of electrons becomes a picture by way of a copy.
+        memory.add("the picture on its way to a file", CHARGE_BYTES * pixels([width, height]));
+        if let Some(mb) = layers_mb {
+            memory.add(&format!("stars of layers (at most {mb} MiB)"), u64::from(mb) << 20);
+        }
+        memory
+    }
+
+    /// Adds up closed loops that are flown side by side on `threads` threads, at most `loops` of them, with no sinks.
+    #[must_use]
+    pub fn of_loops(bench: &Bench, heads: usize, loops: usize, threads: usize) -> Self {
+        let one = Self::of_heads(bench, heads, &[], RunForm { is_real: false, has_view: false });
+        let side_by_side = loops.min(threads.saturating_mul(LOOPS_PER_THREAD)).max(1);
+        let mut memory = Self { parts: Vec::new() };
+        memory.add("program, tables and threads", FIXED_BYTES);
+        for part in one.parts.into_iter().skip(1) {
+            let name = format!("{}, for {side_by_side} closed loops (RAYON_NUM_THREADS = {threads})", part.name);
+            memory.add(&name, part.bytes.saturating_mul(side_by_side as u64));
+        }
+        memory
+    }
+
     fn add(&mut self, name: &str, bytes: u64) {
         self.parts.push(MemoryPart { name: name.into(), bytes, is_in_process: true });
     }
@@ -126,11 +162,15 @@ impl RunMemory {
         bench: &Bench,
         (form, sinks): (RunForm, usize),
     ) {
+        let has_thread = settings.sink != Sink::Null || sinks > 1;
         let queue = match form.is_real {
-            true if settings.sink == Sink::Null && sinks == 1 => 0,
+            _ if !has_thread => 0,
             true => u64::from(settings.queue_frames),
-            false => u64::from(sinks > 1),
+            false => 1,
         };
+        if has_thread {
+            self.add(&format!("the thread of {place}"), heads * THREAD_BYTES);
+        }
         self.add(
             &format!("frames that wait for {place} ({place}.queue = {})", settings.queue_frames),
             heads * queue * frame,
@@ -173,6 +213,12 @@ impl RunMemory {
         sum(self.parts.iter())
     }
 
+    /// Returns the sum and its biggest parts in words.
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        format!("{}: {}", size(self.total()), self.biggest())
+    }
+
     /// Refuses a run that does not fit into what the machine, its control group and the process's limits leave.
     ///
     /// # Errors
@@ -203,17 +249,28 @@ fn sum<'a>(parts: impl Iterator<Item = &'a MemoryPart>) -> u64 {
     parts.map(|part| part.bytes).fold(0, u64::saturating_add)
 }
 
+fn pixels(size_px: [u32; 2]) -> u64 {
+    let [width, height] = size_px.map(u64::from);
+    width * height
+}
+
+/// Bytes of the images and maps of one head's detector.
+fn detector_bytes(camera: &Camera, is_reference: bool) -> u64 {
+    let side_px = [camera.detector.width_px, camera.detector.height_px];
+    detector_numbers(camera, is_reference) * CHARGE_BYTES * pixels(side_px)
+}
+
 /// Numbers per sensor pixel and head: the drawn image, maps, and the images of stages with neighbours.
-fn detector_numbers(bench: &Bench) -> u64 {
-    let detector = &bench.camera.detector;
+fn detector_numbers(camera: &Camera, is_reference: bool) -> u64 {
+    let detector = &camera.detector;
     let spatial = &detector.spatial;
-    let drawn = if bench.render.backend == Backend::Reference { 2 } else { 1 };
+    let drawn = if is_reference { 2 } else { 1 };
     let of_file = &detector.maps;
     let maps = [
         detector.prnu != 0.0 || of_file.prnu.is_some(),
         detector.dsnu_e_rms != 0.0 || of_file.dsnu_e.is_some(),
         detector.dark_nonuniformity != 0.0 || of_file.dark_factor.is_some(),
-        !bench.camera.illumination.is_even(),
+        !camera.illumination.is_even(),
     ];
     let maps = maps.into_iter().filter(|is_on| *is_on).count() as u64;
     // A map is drawn in one place and kept in another.
@@ -229,9 +286,8 @@ fn detector_numbers(bench: &Bench) -> u64 {
 
 /// A frame with its truth table.
 fn frame_bytes(bench: &Bench) -> u64 {
-    let [width, height] = bench.camera.image_px().map(u64::from);
     let truth = (STARS_AT_FIRST * size_of::<TruthStar>() + bench.targets.len() * size_of::<TargetRow>()) as u64;
-    DN_BYTES * width * height + truth
+    DN_BYTES * pixels(bench.camera.image_px()) + truth
 }
 
 /// Without shared memory there is no ring.
@@ -310,6 +366,34 @@ mod tests {
         let of = |form| RunMemory::of(&bench, &bench.sinks, form).total();
         assert!(of(RunForm { has_view: true, ..REAL }) > of(REAL));
         assert!(of(REAL) > of(RunForm { is_real: false, has_view: false }), "queues are for the real clock");
+    }
+
+    #[test]
+    fn image_of_a_large_camera_is_refused_with_the_sum() {
+        let camera = bench(32_768, "").camera;
+        let memory = RunMemory::of_image(&camera, false, None);
+        assert!(
+            (22 * GIB..23 * GIB).contains(&memory.total()),
+            "4 images of 4 bytes a pixel, 2, 4: {}",
+            memory.in_words()
+        );
+        let text = memory.check_against(here(8 * GIB), None).unwrap_err().to_string();
+        assert!(text.contains("images and maps of the detector (32768 x 32768 px) 16.0 GiB"), "{text}");
+        memory.check_against(here(24 * GIB), None).expect("control: it fits here");
+        assert!(RunMemory::of_image(&camera, true, None).total() >= memory.total() + 4 * GIB, "f64 of the reference");
+        assert_eq!(RunMemory::of_image(&camera, false, Some(512)).total(), memory.total() + GIB / 2);
+    }
+
+    #[test]
+    fn closed_loops_side_by_side_are_added_up_as_far_as_threads_fly_them() {
+        let bench = bench(8192, "");
+        let of = |loops, threads| RunMemory::of_loops(&bench, 1, loops, threads).total() - FIXED_BYTES;
+        assert_eq!(of(100, 2), 4 * of(1, 2), "two threads, two loops each");
+        assert_eq!(of(3, 8), 3 * of(1, 2), "no more than there are");
+        let single = RunForm { is_real: false, has_view: false };
+        assert_eq!(of(1, 1), RunMemory::of(&bench, &[], single).total() - FIXED_BYTES);
+        let text = RunMemory::of_loops(&bench, 1, 9, 4).check_against(here(GIB), None).unwrap_err().to_string();
+        assert!(text.contains("for 8 closed loops (RAYON_NUM_THREADS = 4)"), "{text}");
     }
 
     #[test]

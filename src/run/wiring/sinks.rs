@@ -1,8 +1,8 @@
 //! Checked sinks of a bench -> what takes the frames.
 //!
 //! On the real clock every sink has a thread and a queue of its own ([`Fan`]), also when there is one only: what writes
-//! files may take longer than a frame. The null sink alone needs no thread. On the virtual clock one sink is called directly
-//! ([`Alone`]), several in step ([`OnFull::Wait`]).
+//! files may take longer than a frame. On the virtual clock they go in step ([`OnFull::Wait`]), also when there is one only:
+//! one that blocks can be given up. The null sink alone needs no thread and is called directly ([`Alone`]).
 
 use crate::runtime::params::CameraParams;
 use crate::wiring::display_parts::open_display;
@@ -69,7 +69,7 @@ pub fn make_sinks(sinks: &[SinkSettings], setting: &SinkSetting<'_>) -> Result<B
         let sink = make(settings, number, setting).with_context(|| place.clone())?;
         made.push(BranchParams { place, sink, buffers: settings.queue_frames as usize });
     }
-    let needs_no_thread = !setting.is_real || sinks.iter().all(|settings| settings.sink == Kind::Null);
+    let needs_no_thread = sinks.iter().all(|settings| settings.sink == Kind::Null);
     if made.len() <= 1 && needs_no_thread {
         let alone = |only: BranchParams| Box::new(Alone::new(only.place, only.sink)) as Box<dyn Sink>;
         return Ok(made.pop().map_or_else(|| Box::new(NullSink::new()) as Box<dyn Sink>, alone));

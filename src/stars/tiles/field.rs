@@ -83,6 +83,12 @@ impl TileSky {
         Ok(())
     }
 
+    /// Returns true when the thread that reads has broken down: tiles that are not in memory stay missing.
+    #[must_use]
+    pub fn has_lost_reader(&self) -> bool {
+        self.reader.as_ref().is_some_and(Reader::is_lost)
+    }
+
     /// The field within `radius_rad` of `axis` (a unit vector): what it lacks. Its stars are in [`Self::blocks`] then.
     ///
     /// # Errors

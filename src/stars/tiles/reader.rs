@@ -2,7 +2,8 @@
 //!
 //! Two queues of names: those that a field lacks go before those that a coming field may want. What was asked for so many
 //! fields ago that it is of no use any more is not read. Blocks that are given up come back here, where they are used
-//! again. All queues are bounded and made at the start; a full one is "not now", never a wait.
+//! again. All queues are bounded and made at the start; a full one is "not now", never a wait. A thread that breaks down
+//! is known by [`Reader::is_lost`]: nothing is read from then on.
 
 use super::block::{Decoder, TileStar};
 use crate::layer::{LayerError, TileId};
@@ -78,6 +79,11 @@ impl Reader {
             }
         })?;
         Ok(Self { ends: Some(Ends { lacking, ahead, answers, spent }), field, thread: Some(thread) })
+    }
+
+    /// Returns true when the thread has ended although somebody still asks: it broke down.
+    pub(super) fn is_lost(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
     /// From here on field number `field` is the present one.

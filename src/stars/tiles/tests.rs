@@ -239,6 +239,25 @@ fn a_damaged_tile_is_told_by_either_way_of_reading() {
 }
 
 #[test]
+fn reader_that_breaks_down_is_known_and_its_tiles_stay_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let layers = Arc::new(LayerSet::open(&layers(folder.path(), 2016.0), 6.5).unwrap());
+    let broken = Light::new(|_, _| panic!("as the test wants it"));
+    for (light, is_lost) in [(light(), false), (broken, true)] {
+        let mut sky = TileSky::new(Arc::clone(&layers), light, 100_000);
+        assert!(!sky.has_lost_reader(), "nothing reads yet");
+        sky.read_ahead().unwrap();
+        sky.take_field(DVec3::X, 0.5).unwrap();
+        let in_time = (0..10_000).any(|_| {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+            sky.has_lost_reader() || sky.settle().unwrap() == 0
+        });
+        assert!(in_time && sky.has_lost_reader() == is_lost, "wanted lost: {is_lost}");
+        assert_eq!(sky.take_field(DVec3::X, 0.5).unwrap().late_tiles > 0, is_lost);
+    }
+}
+
+#[test]
 fn a_sky_tells_where_its_stars_begin_and_end() {
     let folder = tempfile::tempdir().unwrap();
     let paths = layers(folder.path(), 2016.0);

@@ -1,6 +1,6 @@
 //! A run that is being captured: its session, its packets, its frames.
 
-use super::rows::{RowSink, RowsState};
+use super::rows::{RowSink, RowsState, RowsTo};
 use super::session::SessionParams;
 use super::{FRAMES_FILE, ReplayError, SESSION_FILE, Session, SessionEnd};
 use crate::runtime::{FrameEngine, frame_marks};
@@ -19,6 +19,8 @@ pub struct Recording {
     session: Session,
     capture: Capture,
     rows: Arc<Mutex<RowsState>>,
+    /// Whether the run waits for files, on the virtual clock.
+    waits: bool,
 }
 
 impl Recording {
@@ -38,10 +40,11 @@ impl Recording {
         let session = Session::new(params, format)?;
         let bus = directory.join(&session.bus);
         let out = File::create_new(&bus).map_err(refuse(&bus, "write the packets"))?;
-        let capture = Capture::start(Box::new(BufWriter::new(out)), format, !params.is_real)
+        let waits = !params.is_real;
+        let capture = Capture::start(Box::new(BufWriter::new(out)), format, waits)
             .map_err(|source| ReplayError::Capture { path: bus, source })?;
         session.write(directory)?;
-        Ok(Self { directory: directory.into(), session, capture, rows: Arc::default() })
+        Ok(Self { directory: directory.into(), session, capture, rows: Arc::default(), waits })
     }
 
     /// Captures what passes a link.
@@ -58,7 +61,8 @@ impl Recording {
         let (marks, end) = frame_marks();
         engine.mark_frames(marks);
         let path = self.directory.join(FRAMES_FILE);
-        Ok(Box::new(RowSink::create(&path, sink, end, Arc::clone(&self.rows))?))
+        let to = RowsTo { state: Arc::clone(&self.rows), waits: self.waits };
+        Ok(Box::new(RowSink::create(&path, sink, end, to)?))
     }
 
     /// Ends the capture; `messages_lost` were lost inside the run. What was lost is in the session that comes back.

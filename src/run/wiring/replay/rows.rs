@@ -3,18 +3,26 @@
 //! Columns: frame; messages taken in before it was drawn (all since the run began; empty: nothing was drawn); load, the
 //! 64 bits of the number in hexadecimal; rung; fate; CRC-32 of the pixels that went out (empty: none did). A row of fate
 //! `held` has the checksum of the frame that went out again in its place.
+//!
+//! A thread of their own writes the rows: one that blocks is given up, as the writer of a capture's packets is.
 
 use super::{ReplayError, RowCounts};
 use crate::runtime::{FrameMark, FrameMarksEnd};
+use base::patience::{END_PATIENCE, Patience, QUEUE_LOOK, STALL_PATIENCE, join_or_give_up};
 use base::time::Span;
+use crossbeam_channel::{Receiver, SendTimeoutError, Sender, bounded};
 use frames::sink::crc32::pixel_crc32;
 use frames::sink::{FaultFlags, Loss, SentFrame, Sink, SinkError, SinkLine, SinkSummary};
+use link::capture::CaptureError;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
 
 const HEADER: &str = "frame,messages,load_bits,rung,fate,crc32";
+/// Rows between the sink's side and the writer.
+const QUEUE_ROWS: usize = 4096;
 /// Longest row, bytes.
 const ROW_MAX: u64 = 256;
 
@@ -60,7 +68,7 @@ pub struct FrameRow {
 }
 
 impl FrameRow {
-    fn write(&self, out: &mut impl Write) -> io::Result<()> {
+    fn write(&self, out: &mut dyn Write) -> io::Result<()> {
         write!(out, "{},", self.frame)?;
         match self.drawn {
             Some((messages, load)) => write!(out, "{messages},{:016x},", load.to_bits())?,
@@ -108,6 +116,20 @@ pub(super) struct RowsState {
     pub(super) lost: u64,
     pub(super) counts: RowCounts,
     pub(super) error: Option<String>,
+    /// The writer was given up: what it writes from here on does not count.
+    is_given_up: bool,
+}
+
+fn lock(state: &Mutex<RowsState>) -> MutexGuard<'_, RowsState> {
+    state.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Where rows go, and what becomes of them.
+pub(super) struct RowsTo {
+    /// What has been written, and why not more.
+    pub(super) state: Arc<Mutex<RowsState>>,
+    /// Whether frames wait for the writer, on the virtual clock.
+    pub(super) waits: bool,
 }
 
 /// A sink around a sink: writes a row for each frame that went out or was given up.
@@ -116,8 +138,13 @@ pub(super) struct RowSink {
     marks: FrameMarksEnd,
     /// The oldest mark whose frame has not been seen.
     next: Option<FrameMark>,
-    out: BufWriter<File>,
-    state: Arc<Mutex<RowsState>>,
+    /// `None`: no more rows come, or the writer was given up.
+    to_write: Option<Sender<FrameRow>>,
+    writer: Option<JoinHandle<()>>,
+    /// Rows so far, and frames whose mark was lost.
+    offered: u64,
+    lost_marks: u64,
+    to: RowsTo,
 }
 
 impl RowSink {
@@ -126,12 +153,26 @@ impl RowSink {
         path: &Path,
         inner: Box<dyn Sink>,
         marks: FrameMarksEnd,
-        state: Arc<Mutex<RowsState>>,
+        to: RowsTo,
     ) -> Result<Self, ReplayError> {
         let refuse = |source| ReplayError::File { path: path.into(), doing: "write the frames", source };
         let mut out = BufWriter::new(File::create_new(path).map_err(refuse)?);
         writeln!(out, "{HEADER}").and_then(|()| out.flush()).map_err(refuse)?;
-        Ok(Self { inner, marks, next: None, out, state })
+        Self::start(Box::new(out), inner, marks, to).map_err(refuse)
+    }
+
+    /// Starts the writer of a file that has begun.
+    fn start(
+        mut out: Box<dyn Write + Send>,
+        inner: Box<dyn Sink>,
+        marks: FrameMarksEnd,
+        to: RowsTo,
+    ) -> io::Result<Self> {
+        let (to_write, rows) = bounded(QUEUE_ROWS);
+        let state = Arc::clone(&to.state);
+        let thread = std::thread::Builder::new().name("frames.csv".into());
+        let writer = Some(thread.spawn(move || write_all(&rows, &mut *out, &state))?);
+        Ok(Self { inner, marks, next: None, to_write: Some(to_write), writer, offered: 0, lost_marks: 0, to })
     }
 
     fn next_mark(&mut self) -> Option<FrameMark> {
@@ -139,26 +180,67 @@ impl RowSink {
         self.next
     }
 
-    /// A row that cannot be written is lost and counted: the run goes on.
-    fn write(&mut self, row: &FrameRow) {
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        if state.error.is_none() {
-            // The sink thread may touch files, and a power cut should cost few rows.
-            let written = row.write(&mut self.out).and_then(|()| self.out.flush());
-            state.error = written.err().map(|error| format!("frames.csv: {error}"));
+    /// Hands a row to the writer. One that cannot be written is lost and counted: the run goes on.
+    fn write(&mut self, row: FrameRow) {
+        self.offered += 1;
+        let Some(to_write) = &self.to_write else { return };
+        if !self.to.waits {
+            let _ = to_write.try_send(row); // a row that is not written counts as lost
+            return;
         }
-        match state.error {
-            None => state.counts.add(row),
-            Some(_) => state.lost += 1,
+        let (mut row, mut patience) = (row, Patience::new(STALL_PATIENCE));
+        while let Err(SendTimeoutError::Timeout(back)) = to_write.send_timeout(row, QUEUE_LOOK) {
+            if patience.is_over() {
+                return self.give_up(STALL_PATIENCE);
+            }
+            row = back;
         }
+    }
+
+    /// Ends the writer, and counts the rows that it has not written; one that blocks is given up.
+    fn end_writer(&mut self) {
+        self.to_write = None;
+        if let Some(writer) = self.writer.take() {
+            let joined = join_or_give_up(writer, || lock(&self.to.state).counts.rows);
+            if !matches!(joined, Some(Ok(()))) {
+                self.give_up(END_PATIENCE);
+            }
+        }
+        let mut state = lock(&self.to.state);
+        state.lost = self.offered - state.counts.rows;
+    }
+
+    /// Leaves the writer behind.
+    fn give_up(&mut self, patience: Span) {
+        (self.to_write, self.writer) = (None, None);
+        let mut state = lock(&self.to.state);
+        state.is_given_up = true;
+        let error = CaptureError::GivenUp { file: "frames.csv", patience };
+        state.error.get_or_insert_with(|| error.to_string());
     }
 
     /// Rows of frames before `frame` that were drawn and never came.
     fn write_dropped_before(&mut self, frame: u32) {
         while let Some(mark) = self.next_mark().filter(|mark| mark.frame < frame) {
             self.next = None;
-            self.write(&row(&mark, CapturedFate::Dropped, None));
+            self.write(row(&mark, CapturedFate::Dropped, None));
         }
+    }
+}
+
+/// The writer's thread: each row is in the file before the next is taken, as a power cut should cost few rows.
+fn write_all(rows: &Receiver<FrameRow>, out: &mut dyn Write, state: &Mutex<RowsState>) {
+    for row in rows {
+        let written = row.write(out).and_then(|()| out.flush());
+        let mut state = lock(state);
+        if state.is_given_up {
+            return;
+        }
+        if let Err(error) = written {
+            state.error = Some(format!("frames.csv: {error}"));
+            return;
+        }
+        state.counts.add(&row);
     }
 }
 
@@ -184,11 +266,11 @@ impl Sink for RowSink {
         match self.next_mark().filter(|mark| mark.frame == meta.number) {
             Some(mark) => {
                 self.next = None;
-                self.write(&row(&mark, fate, crc32));
+                self.write(row(&mark, fate, crc32));
             }
             None => {
                 let rung = meta.rung.into();
-                self.write(&FrameRow { frame: meta.number, drawn: None, rung, fate, crc32 });
+                self.write(FrameRow { frame: meta.number, drawn: None, rung, fate, crc32 });
             }
         }
         Ok(())
@@ -196,7 +278,9 @@ impl Sink for RowSink {
 
     fn finish(&mut self) -> Result<SinkSummary, SinkError> {
         self.write_dropped_before(u32::MAX);
-        self.state.lock().unwrap_or_else(PoisonError::into_inner).lost += self.marks.take_lost();
+        self.end_writer();
+        self.lost_marks += self.marks.take_lost();
+        lock(&self.to.state).lost += self.lost_marks;
         self.inner.finish()
     }
 
@@ -304,7 +388,8 @@ mod tests {
         let path = folder.path().join("frames.csv");
         let (marks, end) = frame_marks();
         let state = Arc::default();
-        let mut sink = RowSink::create(&path, Box::new(NullSink::new()), end, Arc::clone(&state)).unwrap();
+        let to = RowsTo { state: Arc::clone(&state), waits: true };
+        let mut sink = RowSink::create(&path, Box::new(NullSink::new()), end, to).unwrap();
         let mark = |frame: u32| FrameMark { frame, messages: 10 * u64::from(frame), load: 1.0 / 3.0, rung: "full" };
         let mut frame = sample_frame(0);
         frame.meta.faults = FaultFlags::NONE;
@@ -333,6 +418,58 @@ mod tests {
         assert!(!is_cut_off && state.lock().unwrap().lost == 0);
         let counts = state.lock().unwrap().counts;
         assert_eq!(counts, RowCounts { rows: 5, frames: 3, last_frame: Some(4) });
+    }
+
+    /// A disk on which writing never ends.
+    struct Hanging(Receiver<()>);
+
+    impl Write for Hanging {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let _ = self.0.recv(); // the test ends it
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn writer_that_blocks_is_given_up_and_its_rows_are_lost() {
+        for waits in [true, false] {
+            let (_marks, end) = frame_marks();
+            let (_never, blocks) = bounded(0);
+            let state = Arc::default();
+            let to = RowsTo { state: Arc::clone(&state), waits };
+            let inner = Box::new(NullSink::new());
+            let mut sink = RowSink::start(Box::new(Hanging(blocks)), inner, end, to).unwrap();
+            (0..7).for_each(|number| sink.send(&sample_frame(number)).unwrap());
+            assert_eq!(sink.finish().unwrap().frames, 7, "the sink has them all");
+            assert_eq!(lock(&state).lost, 7);
+            let error = lock(&state).error.clone().unwrap();
+            assert!(error.starts_with("frames.csv cannot be written") && error.contains("given up"), "{error}");
+        }
+    }
+
+    #[test]
+    fn full_disk_costs_rows_and_not_the_run() {
+        struct Full;
+        impl Write for Full {
+            fn write(&mut self, _bytes: &[u8]) -> io::Result<usize> {
+                Err(io::ErrorKind::StorageFull.into())
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        let (_marks, end) = frame_marks();
+        let state = Arc::default();
+        let to = RowsTo { state: Arc::clone(&state), waits: true };
+        let mut sink = RowSink::start(Box::new(Full), Box::new(NullSink::new()), end, to).unwrap();
+        (0..7).for_each(|number| sink.send(&sample_frame(number)).unwrap());
+        sink.finish().unwrap();
+        assert_eq!(lock(&state).lost, 7);
+        assert!(lock(&state).error.as_ref().is_some_and(|error| error.starts_with("frames.csv: ")));
     }
 
     #[test]
