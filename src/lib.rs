@@ -28,6 +28,7 @@ pub use link;
 pub use outputs;
 pub use plan;
 pub use run;
+pub use scene;
 pub use sky;
 pub use stars;
 pub use testbed;

@@ -4,9 +4,9 @@ use anyhow::Result;
 use core::fmt::Write;
 use glam::DVec3;
 use plan::exposure::ExposurePlan;
-use run::runtime::discs;
-use run::runtime::params::CameraParams;
-use run::runtime::sky_bodies::SkyBodies;
+use scene::camera::CameraParams;
+use scene::discs;
+use scene::sky_bodies::SkyBodies;
 
 /// Bodies whose limb is nearer to the field than this are told, deg.
 const NEAR_DEG: f64 = 10.0;

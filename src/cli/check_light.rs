@@ -5,8 +5,8 @@ use core::fmt::Write;
 use glam::DVec3;
 use plan::exposure::ExposurePlan;
 use plan::optics::baffle::BrightBodies;
-use run::runtime::field_light::FieldLight;
-use run::runtime::params::CameraParams;
+use scene::camera::CameraParams;
+use scene::field_light::FieldLight;
 
 /// Angles of the Sun off the boresight at which stray light is told, deg.
 const SUN_ANGLES_DEG: [f64; 5] = [20.0, 30.0, 45.0, 60.0, 85.0];

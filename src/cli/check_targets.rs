@@ -9,7 +9,7 @@ use base::time::Tai;
 use core::fmt::{Error, Write};
 use glam::DVec3;
 use run::runtime::RunParams;
-use run::runtime::sky_targets::{SkyTargets, TargetFacts};
+use scene::sky_targets::{SkyTargets, TargetFacts};
 use sky::ObserverError;
 use sky::astrometry::CameraGeometry;
 use sky::target::{Orbit, Sunlight};

@@ -8,9 +8,9 @@ use plan::attitude::LosPath;
 use plan::exposure::cost::CostModel;
 use plan::exposure::{ExposurePlan, Planner};
 use run::runtime::RunParams;
-use run::runtime::scene::Scene;
-use run::runtime::sky_bodies::SkyBodies;
 use run::wiring::bench_parts;
+use scene::Scene;
+use scene::sky_bodies::SkyBodies;
 use stars::Sky;
 use testbed::flight_computer::FlightComputer;
 
@@ -27,7 +27,7 @@ impl<'a> FramePlans<'a> {
         Self {
             params,
             computer: FlightComputer::new(bench_parts::flight_computer(bench, start)),
-            scene: Scene::new(params, sky),
+            scene: Scene::new(&params.scene(), sky),
         }
     }
 

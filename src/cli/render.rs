@@ -23,14 +23,14 @@ use plan::attitude::LosPath;
 use plan::exposure::{ExposurePlan, MethodChoice, Motion, Planner, Source};
 use run::runtime::Imager;
 use run::runtime::engine::fill_meta;
-use run::runtime::field_light::{FieldLight, light_pixels};
-use run::runtime::params::CameraParams;
-use run::runtime::sky_view::SkyView;
-use run::runtime::truth::fill_truth;
-use run::runtime::wcs::WcsMaker;
 use run::wiring::bench_parts::backend_choice;
 use run::wiring::camera_parts::camera_params;
 use run::wiring::memory::RunMemory;
+use scene::camera::CameraParams;
+use scene::field_light::{FieldLight, illumination_map};
+use scene::sky_view::SkyView;
+use scene::truth::fill_truth;
+use scene::wcs::WcsMaker;
 use sky::astrometry::{Sight, Vantage};
 use sky::observer::{Observer, ObserverTrack};
 use stars::Sky;
@@ -163,7 +163,9 @@ impl Scene {
         let sensor = arguments.seed;
         let seeds = Seeds { sensor, noise: arguments.noise_seed.unwrap_or(sensor) };
         let mut imager = Imager::of_detector(backend, camera.make_detector(seeds)?)?;
-        light_pixels(&camera, &mut imager)?;
+        if let Some(map) = illumination_map(&camera) {
+            imager.set_illumination_map(map)?;
+        }
         let light = FieldLight::new(&camera, Observer::Geocentre, arguments.time);
         let motion = motion(arguments, camera.exposure_s)?;
         let instrument = camera.instrument();

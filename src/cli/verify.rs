@@ -19,9 +19,9 @@ use plan::attitude::LosPath;
 use plan::exposure::{MethodChoice, Planner};
 use plan::optics::Illumination;
 use run::runtime::Imager;
-use run::runtime::params::CameraParams;
 use run::wiring::bench_parts::backend_choice;
 use run::wiring::camera_parts::camera_params;
+use scene::camera::CameraParams;
 use std::path::{Path, PathBuf};
 
 /// The camera of a command line without one.

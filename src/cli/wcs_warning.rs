@@ -1,6 +1,6 @@
 //! The warning of a lens that FITS headers cannot follow.
 
-use run::runtime::wcs::PROMISED_PX;
+use scene::wcs::PROMISED_PX;
 
 /// Warns of a map to the sky that is worse than promised.
 pub(super) fn warn_of_wcs(error_px: f64) {

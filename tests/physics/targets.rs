@@ -19,7 +19,7 @@ use plan::exposure::{
     TargetWay,
 };
 use plan::optics::PsfModel;
-use run::runtime::truth::fill_truth;
+use scene::truth::fill_truth;
 
 const SIZE: usize = 96;
 const SIGMA_PX: f64 = 0.8;

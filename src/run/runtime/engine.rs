@@ -3,7 +3,6 @@
 
 use crate::runtime::conditions::Conditions;
 use crate::runtime::error::RunError;
-use crate::runtime::field_light::light_pixels;
 use crate::runtime::imager::Imager;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::load::{LoadChange, LoadEstimate};
@@ -11,9 +10,8 @@ use crate::runtime::marks::{FrameMark, FrameMarks};
 use crate::runtime::params::RunParams;
 use crate::runtime::path_facts::PathFacts;
 use crate::runtime::receiver::Receiver;
-use crate::runtime::scene::Scene;
-use crate::runtime::truth::{add_tracks, fill_targets, fill_truth};
-use crate::runtime::wcs::WcsMaker;
+use crate::runtime::scene_events;
+use crate::runtime::slot::Slot;
 use base::axes::{Rotation, Sensor, ra_dec_roll};
 use base::clock::Stopwatch;
 use base::time::{Span, Tai};
@@ -29,22 +27,11 @@ use plan::attitude::{
 use plan::exposure::cost::CostModel;
 use plan::exposure::{ExposurePlan, Instrument, Planner, Rung, Source, SourcePlace};
 use plan::optics::PsfModel;
+use scene::Scene;
+use scene::field_light::illumination_map;
+use scene::truth::{add_tracks, fill_targets, fill_truth};
+use scene::wcs::WcsMaker;
 use stars::Sky;
-
-/// One frame's place in time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Slot {
-    /// Frame number, from 0.
-    pub number: u32,
-    /// First instant of the exposure.
-    pub exposure_start: Tai,
-    /// Last instant of the exposure.
-    pub exposure_end: Tai,
-    /// Work on the frame begins: at the exposure's end, or so much earlier as frames are drawn ahead.
-    pub release: Tai,
-    /// The frame is due.
-    pub due: Tai,
-}
 
 /// What a slot shows.
 enum Shown {
@@ -112,11 +99,13 @@ impl FrameEngine {
         if params.keeps_brighter && params.has_targets() {
             imager.keep_brighter()?;
         }
-        let scene = Scene::new(&params, sky);
+        let scene = Scene::new(&params.scene(), sky);
         // What is drawn for a display is no image of the sky by this camera.
         let of_sensor = params.drawn_from_sensor.is_none();
         let wcs = of_sensor.then(|| WcsMaker::new(&camera.geometry, &camera.output())).flatten();
-        light_pixels(camera, &mut imager)?;
+        if let Some(map) = illumination_map(camera) {
+            imager.set_illumination_map(map)?;
+        }
         Ok(Self {
             planner,
             optics: vec![None],
@@ -344,7 +333,7 @@ impl FrameEngine {
         times.set(Stage::Attitude, watch.lap());
         let los = &self.planner.latest().motion.los;
         let found = self.scene.find(los, has_stars)?;
-        found.note(slot, ledger);
+        scene_events::note(&found, slot, ledger);
         self.imager.set_background(self.conditions.dimmed(found.background));
         let (camera, sensor_from_icrf) = (&self.params.camera.geometry, los.mid_sensor_from_icrf);
         let sources = if has_stars {

@@ -5,9 +5,8 @@ use frames::sink::SinkError;
 use image::detector::pattern::PatternSizeError;
 use image::render::RenderError;
 use link::LinkError;
-use sky::ObserverError;
+use scene::error::SceneError;
 use stars::catalog::CatalogError;
-use stars::layer::LayerError;
 use std::path::PathBuf;
 
 /// Whatever went wrong at the other end of the cable.
@@ -34,12 +33,9 @@ pub enum RunError {
     /// the catalog could not be read
     #[error("catalog: {0}")]
     Catalog(#[from] CatalogError),
-    /// a layer of stars could not be read
-    #[error("stars: {0}")]
-    Stars(#[from] LayerError),
-    /// the observer's orbit could not be computed
-    #[error("observer: {0}")]
-    Observer(#[from] ObserverError),
+    /// the scene of an exposure could not be found
+    #[error(transparent)]
+    Scene(#[from] SceneError),
     /// the jitter lines do not fit
     #[error("jitter lines: {0}")]
     Jitter(#[from] plan::attitude::HistoryReject),

@@ -7,10 +7,11 @@
 //! Tests: below, `conditions`, and `tests/closed_loop/imaging_faults.rs`.
 
 use crate::runtime::conditions::{Conditions, FALSE_STARS_MAX, FAULT_STREAM};
-use crate::runtime::engine::{FrameEngine, Slot};
+use crate::runtime::engine::FrameEngine;
 use crate::runtime::error::RunError;
 use crate::runtime::frame_damage::{self, Repeated, scaled};
 use crate::runtime::ledger::{Event, EventKind, Ledger};
+use crate::runtime::slot::Slot;
 use base::random::{key, philox};
 use base::time::{Span, Tai};
 use frames::sink::{

@@ -1,7 +1,6 @@
 //! Everything a run needs to know, checked before it starts.
 
 use crate::runtime::imager::BackendChoice;
-use crate::runtime::sky_targets::SkyTarget;
 use base::accuracy::AccuracyBudget;
 use base::axes::{Body, Rotation, Sensor};
 use base::time::{Span, Tai};
@@ -15,6 +14,9 @@ use plan::attitude::{EstimateLimits, HistoryLimits, JitterLine, RemoteClockLimit
 use plan::exposure::cost::CostModel;
 use plan::exposure::{Instrument, MethodChoice, PsfSampling, Rung, Shutter, Target};
 use plan::optics::{BackgroundLight, Illumination, PsfModel, StarLight};
+use scene::SceneParams;
+use scene::camera::CameraParams;
+use scene::sky_targets::SkyTarget;
 use sky::astrometry::CameraGeometry;
 use sky::observer::Observer;
 use stars::Sky;
@@ -31,91 +33,6 @@ pub enum DeadlinePolicy {
     Drop,
     /// It goes out late.
     Late,
-}
-
-/// One camera.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CameraParams {
-    /// Name, for files and tables.
-    pub name: Arc<str>,
-    /// Projection and distortion.
-    pub geometry: CameraGeometry,
-    /// How the rows of the detector are exposed.
-    pub shutter: Shutter,
-    /// PSF.
-    pub psf: PsfModel,
-    /// How pixel values are had from it.
-    pub sampling: PsfSampling,
-    /// How the image plane is lit.
-    pub illumination: Illumination,
-    /// What lights the detector beside the stars.
-    pub background: BackgroundLight,
-    /// Magnitude to electrons.
-    pub radiometry: StarLight,
-    /// Detector.
-    pub detector: DetectorParams,
-    /// Fixed patterns that were measured; the others are drawn from the run's seed.
-    pub patterns: Patterns,
-    /// Pitch of the pixels, um.
-    pub pixel_pitch_um: f64,
-    /// Focal length, mm.
-    pub focal_length_mm: f64,
-    /// Faintest Gaia G magnitude that is drawn.
-    pub limiting_mag: f32,
-    /// Exposure time, s.
-    pub exposure_s: f64,
-    /// Readout time, s: a frame is due this long after its exposure ends.
-    pub readout_s: f64,
-}
-
-impl CameraParams {
-    /// Bits of the numbers in an image: the converter's, or more where numbers are summed.
-    #[must_use]
-    pub fn output_bits(&self) -> u32 {
-        let summed = match self.detector.spatial.binning {
-            Some(Binning { factor, kind: BinningKind::DigitalSum }) => factor * factor,
-            _ => 1,
-        };
-        let largest = u32::from(self.detector.largest_dn()) * summed;
-        u32::BITS - largest.leading_zeros()
-    }
-
-    /// The detector with its patterns: those that were measured, and the others drawn from the sensor seed.
-    ///
-    /// # Errors
-    /// When a measured pattern has another size than the detector.
-    pub fn make_detector(&self, seeds: impl Into<Seeds>) -> Result<Detector, PatternSizeError> {
-        let [width, height] = self.sensor_px();
-        let made = Detector::new(self.detector, width, height, seeds);
-        made.with_patterns(&self.patterns)
-    }
-
-    /// Returns what readers of its images want to know besides.
-    #[must_use]
-    pub fn facts(&self) -> CameraFacts {
-        let levels = Levels::of_output(&self.detector);
-        let full_dn = levels.black_level_dn + levels.full_well_e / levels.gain_e_per_dn;
-        CameraFacts {
-            pixel_pitch_um: self.pixel_pitch_um,
-            focal_length_mm: self.focal_length_mm,
-            saturation_dn: full_dn.min(levels.largest_dn),
-            read_noise_e_rms: levels.read_noise_e_rms,
-        }
-    }
-
-    /// The camera as the planner sees it.
-    #[must_use]
-    pub fn instrument(&self) -> Instrument {
-        Instrument {
-            camera: self.geometry,
-            shutter: self.shutter,
-            psf: self.psf.clone(),
-            sampling: self.sampling,
-            illumination: self.illumination,
-            full_well_e: self.detector.full_well_e,
-            read_noise_e_rms: self.detector.readout_noise_e_rms(),
-        }
-    }
 }
 
 /// Parameters of `plan::attitude`.
@@ -201,32 +118,24 @@ pub struct RunParams {
 /// Share of the readout time kept for attitude, sky, planning, the sink's queue and a busy machine.
 const TIME_MARGIN: f64 = 0.2;
 
-impl CameraParams {
-    /// Columns and rows of the sensor, on which light is drawn.
-    #[must_use]
-    pub fn sensor_px(&self) -> [usize; 2] {
-        [self.geometry.width_px(), self.geometry.height_px()]
-    }
-
-    /// Where the pixels of the image that is put out are on the sensor; its size.
-    #[must_use]
-    pub fn output(&self) -> OutputGeometry {
-        self.detector.spatial.output(self.sensor_px())
-    }
-
-    /// Predicted time of the detector, ms.
-    #[must_use]
-    pub fn predicted_readout_ms(&self, cost: &CostModel) -> f64 {
-        let [width, height] = [self.geometry.width_px(), self.geometry.height_px()];
-        cost.readout_ms(width * height) * detector::cost::factor(&self.detector, &self.patterns, width)
-    }
-}
-
 impl RunParams {
     /// Returns the seeds of the detector.
     #[must_use]
     pub fn seeds(&self) -> Seeds {
         Seeds { sensor: self.seed, noise: self.noise_seed }
+    }
+
+    /// Returns what the scene of the run is made from.
+    #[must_use]
+    pub fn scene(&self) -> SceneParams<'_> {
+        SceneParams {
+            camera: &self.camera,
+            observer: &self.observer,
+            at: self.first_exposure,
+            light_deflection: self.light_deflection,
+            bodies: self.bodies,
+            targets: &self.sky_targets,
+        }
     }
 
     /// The stars of the run.

@@ -3,8 +3,8 @@
 //! In: the report of the path. Out: fields of the frame's metadata, and events where attitudes or jitter samples were
 //! missing. Tests: `tests/closed_loop/attitude.rs`, `tests/closed_loop/late_jitter.rs`.
 
-use crate::runtime::engine::Slot;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
+use crate::runtime::slot::Slot;
 use base::time::Span;
 use base::units::ARCSEC;
 use frames::sink::FrameMeta;

@@ -4,7 +4,7 @@
 //! the slot. The frame thread takes the heads in turn; each has a sink thread of its own. Tests: as of `real_time`.
 
 use crate::runtime::delivery::{Delivery, Parcel};
-use crate::runtime::engine::{FrameEngine, Slot, origin_name};
+use crate::runtime::engine::{FrameEngine, origin_name};
 use crate::runtime::error::RunError;
 use crate::runtime::frame_faults::{Fate as Spoiling, FrameFaults};
 use crate::runtime::ledger::EventKind;
@@ -12,6 +12,7 @@ use crate::runtime::params::DeadlinePolicy;
 use crate::runtime::real_time::{Head, Setting, Shared, take_back};
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
+use crate::runtime::slot::Slot;
 use base::time::{Span, Tai};
 use frames::report::{Fate, FrameRecord, MissCause, Stage, StageTimes};
 use frames::sink::{FaultFlags, FrameMeta, SentFrame};

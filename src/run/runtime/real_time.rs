@@ -8,7 +8,7 @@
 //! against delivery). Tests: `tests/closed_loop/{deadline,budget}.rs`, which assert no wall time.
 
 use crate::runtime::delivery::Parcel;
-use crate::runtime::engine::{FrameEngine, Slot};
+use crate::runtime::engine::FrameEngine;
 use crate::runtime::error::RunError;
 use crate::runtime::frame_faults::FrameFaults;
 use crate::runtime::hygiene::{Hygiene, Role};
@@ -20,6 +20,7 @@ use crate::runtime::real_head::RealHead;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
 use crate::runtime::reply::{Reply, ToldFrame};
+use crate::runtime::slot::Slot;
 use base::clock::Clock;
 use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, Ordering};

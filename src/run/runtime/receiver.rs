@@ -1,11 +1,11 @@
 //! Messages -> time correlation, attitude history, jitter history, triggers, answers to commands.
 
-use crate::runtime::engine::Slot;
 use crate::runtime::error::RunError;
 use crate::runtime::jitter_tables;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::params::AttitudeParams;
 use crate::runtime::session::{Session, SessionParams};
+use crate::runtime::slot::Slot;
 use crate::runtime::triggers::FiredTrigger;
 use base::axes::Rotation;
 use base::time::{Span, Tai};

@@ -5,7 +5,7 @@
 //! next one is drawn. Drawing takes no simulated time, so nothing is late; wall times per stage are measured all the same.
 //! [`VirtualLoop`] can be advanced step by step; [`run`] takes it to the end.
 
-use crate::runtime::engine::{FrameEngine, Slot};
+use crate::runtime::engine::FrameEngine;
 use crate::runtime::error::{FarEndError, RunError};
 use crate::runtime::frame_faults::{Fate, FrameFaults};
 use crate::runtime::ledger::Ledger;
@@ -14,6 +14,7 @@ use crate::runtime::port_reading::PortReading;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
 use crate::runtime::reply::{Reply, ToldFrame};
+use crate::runtime::slot::Slot;
 use base::clock::{Clock, Stopwatch, Virtual};
 use base::time::{Span, Tai};
 use frames::report::Stage;

@@ -1,7 +1,6 @@
 //! A checked bench file -> the parameters of a run, of its simulated bus and of its simulated flight computer.
 
-use crate::runtime::params::{AttitudeParams, CameraParams};
-use crate::runtime::sky_targets::SkyTarget;
+use crate::runtime::params::AttitudeParams;
 use crate::runtime::{BackendChoice, DeadlinePolicy, Imager, RunParams, SessionParams, SessionStart};
 use crate::wiring::camera_parts::camera_params;
 use crate::wiring::sensitivity::{Conditions, Sensitivity};
@@ -20,6 +19,8 @@ use plan::exposure::target::FIRST_TARGET_ID;
 use plan::exposure::{Target, TargetWay};
 use plan::optics::PsfModel;
 use plan::optics::snr::electrons_for_snr;
+use scene::camera::CameraParams;
+use scene::sky_targets::SkyTarget;
 use sky::ObserverError;
 use sky::observer::Observer;
 use sky::orbit::{CircularOrbit, EARTH_GM_KM3_S2, TleOrbit, TwoBodyOrbit};

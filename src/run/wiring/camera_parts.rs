@@ -1,6 +1,5 @@
 //! A checked camera file -> the parameters of the other crates.
 
-use crate::runtime::params::CameraParams;
 use crate::wiring::light_parts::background_light;
 use anyhow::{Context, Result};
 use config;
@@ -9,6 +8,7 @@ use plan::exposure::Shutter;
 use plan::optics::chain_psf::{ChainPsf, Drawing};
 use plan::optics::mtf::MtfChain;
 use plan::optics::{BackgroundLight, PsfModel};
+use scene::camera::CameraParams;
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
 /// The camera as the other crates take it.

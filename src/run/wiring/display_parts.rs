@@ -24,7 +24,7 @@
 //! and later than drawn. Shot noise of what is drawn stays below [`NOISE_LUMINANCE`] of the full luminance. Tests:
 //! `tests/closed_loop/display.rs` over a simulated flight computer.
 
-use crate::runtime::params::{CameraParams, RunParams};
+use crate::runtime::params::RunParams;
 use crate::wiring::sinks::SinkSetting;
 use anyhow::{Context, Result, bail};
 use base::time::{Span, Tai};
@@ -38,6 +38,7 @@ use outputs::display::luminance_code::{KNOTS, luminance};
 use outputs::display::{Display, GreyMaker, GreyTable, Params, SUBMITS};
 use plan::exposure::Shutter;
 use plan::optics::{BackgroundLight, Illumination, PsfModel, Radiometry, StarLight};
+use scene::camera::CameraParams;
 use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;

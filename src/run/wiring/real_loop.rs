@@ -7,7 +7,6 @@
 use crate::runtime::error::FarEndError;
 use crate::runtime::frame_faults::FrameFaults;
 use crate::runtime::hygiene::{Hygiene, Role};
-use crate::runtime::params::CameraParams;
 use crate::runtime::real_time::Head;
 use crate::runtime::{RunError, RunParams, RunRecord, real_time};
 use crate::wiring::closed_loop::LoopError;
@@ -25,6 +24,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use crossbeam_channel::{Receiver as Queue, bounded};
 use frames::sink::{FrameMeta, SentFrame, Sink};
 use link::tap::FaultControl;
+use scene::camera::CameraParams;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use testbed::vehicle::TelemetryRow;

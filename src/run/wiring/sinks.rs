@@ -4,7 +4,6 @@
 //! files may take longer than a frame. On the virtual clock they go in step ([`OnFull::Wait`]), also when there is one only:
 //! one that blocks can be given up. The null sink alone needs no thread and is called directly ([`Alone`]).
 
-use crate::runtime::params::CameraParams;
 use crate::wiring::display_parts::open_display;
 use anyhow::{Context, Result};
 use base::clock::Clock;
@@ -17,6 +16,7 @@ use frames::sink::{Alone, BranchParams, Fan, NullSink, OnFull, Recorder, Recorde
 use outputs::display::MonitorChoice;
 use outputs::display::calibration::Calibration;
 use outputs::network_camera::{self, NetworkCamera, SensorParams};
+use scene::camera::CameraParams;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 

@@ -6,10 +6,10 @@
 //! Reuses its buffers; more sources than ever before may allocate once.
 //! Tests: `tests/physics/bodies.rs`.
 
-use crate::runtime::discs::{Disc, DiscPainter, Law};
-use crate::runtime::error::RunError;
-use crate::runtime::occultation::Occultation;
-use crate::runtime::params::CameraParams;
+use crate::camera::CameraParams;
+use crate::discs::{Disc, DiscPainter, Law};
+use crate::error::SceneError;
+use crate::occultation::Occultation;
 use base::axes::{Icrf, Rotation, Sensor};
 use base::time::Tai;
 use base::units::AU_KM;
@@ -148,7 +148,7 @@ impl SkyBodies {
         stars: &[Source],
         sensor_from_icrf: &Rotation<Sensor, Icrf>,
         at: Tai,
-    ) -> Result<&[Source], RunError> {
+    ) -> Result<&[Source], SceneError> {
         let standpoint = self.track.standpoint(at)?;
         let boresight = sensor_from_icrf.inverse().apply(DVec3::Z);
         let field_rad = self.field_rad();
@@ -186,7 +186,7 @@ impl SkyBodies {
     ///
     /// # Errors
     /// As for [`Self::seen`].
-    pub fn all(&mut self, at: Tai) -> Result<Vec<SeenBody>, RunError> {
+    pub fn all(&mut self, at: Tai) -> Result<Vec<SeenBody>, SceneError> {
         Ok(seen_from(&self.track.standpoint(at)?))
     }
 

@@ -1,7 +1,7 @@
 //! Plan -> truth table: which stars are in the image, where, and with how much light.
 
-use crate::runtime::sky_bodies::{EARTH_NUMBER, MOON_NUMBER};
-use crate::runtime::sky_targets::TargetFacts;
+use crate::sky_bodies::{EARTH_NUMBER, MOON_NUMBER};
+use crate::sky_targets::TargetFacts;
 use base::axes::{Icrf, Rotation, Sensor};
 use base::source::ra_dec_rad;
 use frames::sink::{TargetRow, TruthKind, TruthStar};

@@ -17,7 +17,7 @@
 //! the disc stands still among the stars during an exposure (the Earth's limb turns by 0.06 deg/s in low orbit).
 //! Tests: below; `tests/physics/bodies.rs`.
 
-use crate::runtime::occultation::Occultation;
+use crate::occultation::Occultation;
 use base::axes::{Icrf, Rotation, Sensor};
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::DVec3;

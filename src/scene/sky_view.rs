@@ -3,10 +3,10 @@
 //! From a catalog in memory star by star; from layers by the tiles of the field, whose light was computed when they were
 //! read, on all cores. Tests: `tests/physics/frames.rs`, `tests/physics/deep_sky.rs`.
 
-use crate::runtime::error::RunError;
-use crate::runtime::field_bounds::FieldBounds;
-use crate::runtime::field_stars::FieldStars;
-use crate::runtime::params::CameraParams;
+use crate::camera::CameraParams;
+use crate::error::SceneError;
+use crate::field_bounds::FieldBounds;
+use crate::field_stars::FieldStars;
 use base::axes::{Icrf, Rotation, Sensor};
 use base::source::CatalogSource;
 use base::source_id::SourceId;
@@ -99,11 +99,11 @@ impl SkyView {
     ///
     /// # Errors
     /// When the system has no thread for it.
-    pub fn read_ahead(&mut self) -> Result<(), RunError> {
+    pub fn read_ahead(&mut self) -> Result<(), SceneError> {
         match &mut self.stars {
             Stars::Catalog { .. } => Ok(()),
             Stars::Tiles { tiles, .. } => {
-                tiles.read_ahead().map_err(|source| RunError::Thread { name: "tiles", source })
+                tiles.read_ahead().map_err(|source| SceneError::Thread { name: "tiles", source })
             }
         }
     }
@@ -112,7 +112,7 @@ impl SkyView {
     ///
     /// # Errors
     /// When a tile cannot be read.
-    pub fn settle(&mut self) -> Result<usize, RunError> {
+    pub fn settle(&mut self) -> Result<usize, SceneError> {
         match &mut self.stars {
             Stars::Catalog { .. } => Ok(0),
             Stars::Tiles { tiles, .. } => Ok(tiles.settle()?),
@@ -144,7 +144,7 @@ impl SkyView {
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time, or a tile cannot be read.
-    pub fn in_view(&mut self, los: &LosPath) -> Result<&[Source], RunError> {
+    pub fn in_view(&mut self, los: &LosPath) -> Result<&[Source], SceneError> {
         self.find_in_view(los)?;
         Ok(&self.sources)
     }
@@ -176,7 +176,7 @@ impl SkyView {
     ///
     /// # Errors
     /// As there.
-    pub fn find_in_view(&mut self, los: &LosPath) -> Result<(), RunError> {
+    pub fn find_in_view(&mut self, los: &LosPath) -> Result<(), SceneError> {
         let icrf_from_sensor = los.mid_sensor_from_icrf.inverse();
         let boresight = icrf_from_sensor.apply(DVec3::Z);
         let rate_rad_s = los.rate_rad_s.length();
@@ -196,7 +196,7 @@ impl SkyView {
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time, or a tile cannot be read.
-    pub fn sources(&mut self, boresight_icrf: DVec3, sweep_rad: f64, at: Tai) -> Result<&[Source], RunError> {
+    pub fn sources(&mut self, boresight_icrf: DVec3, sweep_rad: f64, at: Tai) -> Result<&[Source], SceneError> {
         self.find(boresight_icrf, sweep_rad, None, at)?;
         Ok(&self.sources)
     }
@@ -208,7 +208,7 @@ impl SkyView {
         sweep_rad: f64,
         attitude: Option<&Rotation<Sensor, Icrf>>,
         at: Tai,
-    ) -> Result<(), RunError> {
+    ) -> Result<(), SceneError> {
         let vantage = Vantage::of(&mut self.observer, at, self.light_deflection)?;
         self.sight = Some(vantage.sight());
         self.radius_rad = self.field_rad + cone_margin_rad(self.epoch_yr, self.fastest_mas_yr, at, &vantage);

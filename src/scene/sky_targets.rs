@@ -11,8 +11,8 @@
 //! once.
 //! Tests: below; `hil_scripts/test_targets.py` against another program.
 
-use crate::runtime::error::RunError;
-use crate::runtime::params::CameraParams;
+use crate::camera::CameraParams;
+use crate::error::SceneError;
 use base::time::{Span, Tai};
 use core::f64::consts::PI;
 use glam::DVec3;
@@ -141,7 +141,7 @@ impl SkyTargets {
     ///
     /// # Errors
     /// When the observer's own orbit cannot be computed at that time.
-    pub fn find_in_view(&mut self, los: &LosPath) -> Result<u32, RunError> {
+    pub fn find_in_view(&mut self, los: &LosPath) -> Result<u32, SceneError> {
         self.forget();
         if self.targets.is_empty() {
             return Ok(0);

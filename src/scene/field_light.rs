@@ -1,13 +1,11 @@
 //! Attitude and time -> a frame's background: sky, and stray light of Sun, Moon and Earth. Evaluated at the boresight at
 //! mid-exposure, once per frame; allocates nothing after start.
 
-use crate::runtime::error::RunError;
-use crate::runtime::imager::Imager;
-use crate::runtime::params::CameraParams;
+use crate::camera::CameraParams;
+use crate::error::SceneError;
 use base::time::Tai;
 use glam::DVec3;
 use image::detector::Background;
-use image::render::RenderError;
 use plan::attitude::{LosPath, PathOrigin};
 use plan::optics::background::{BackgroundLight, BackgroundRates};
 use plan::optics::baffle::{BrightBodies, Glare};
@@ -35,7 +33,7 @@ impl FieldLight {
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time.
-    pub fn at(&mut self, los: &LosPath) -> Result<(Background, Glare), RunError> {
+    pub fn at(&mut self, los: &LosPath) -> Result<(Background, Glare), SceneError> {
         if self.light.is_dark() {
             return Ok((Background::DARK, Glare::default()));
         }
@@ -68,7 +66,7 @@ impl FieldLight {
         &mut self,
         los: &LosPath,
         directions: [Option<DVec3>; N],
-    ) -> Result<(f64, f64), RunError> {
+    ) -> Result<(f64, f64), SceneError> {
         let sun_icrf = match &mut self.bodies {
             Some(track) => track.at(los.mid_exposure())?.sun_km,
             None => DVec3::Z,
@@ -91,16 +89,14 @@ impl FieldLight {
     }
 }
 
-/// Gives the imager the relative illumination of every pixel, where the camera has an uneven one and a background to
-/// multiply: made once, before the first frame.
-///
-/// # Errors
-/// When the device has no room for it.
+/// Returns the relative illumination of every pixel, where the camera has an uneven one and a background to multiply:
+/// made once, before the first frame. `None` where every pixel is lit alike or there is nothing to light it.
+#[must_use]
 #[allow(clippy::cast_possible_truncation, reason = "the detector works in single precision")]
-pub fn light_pixels(camera: &CameraParams, imager: &mut Imager) -> Result<(), RenderError> {
+pub fn illumination_map(camera: &CameraParams) -> Option<Vec<f32>> {
     let has_sky = camera.background.sky_e_per_s != 0.0 || !camera.background.sky.is_dark();
     if camera.illumination.is_even() || !has_sky {
-        return Ok(());
+        return None;
     }
     let [width, height] = [camera.geometry.width_px(), camera.geometry.height_px()];
     let at = |x: usize, y: usize| {
@@ -110,5 +106,5 @@ pub fn light_pixels(camera: &CameraParams, imager: &mut Imager) -> Result<(), Re
     };
     let mut map = Vec::with_capacity(width * height);
     (0..height).for_each(|y| map.extend((0..width).map(|x| at(x, y))));
-    imager.set_illumination_map(map)
+    Some(map)
 }

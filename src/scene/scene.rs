@@ -3,20 +3,36 @@
 //! In: a line of sight. Out: the sources, the targets, and what a person must be told of them ([`SceneReport`]). Allocates
 //! nothing after its first frames.
 
-use crate::runtime::engine::Slot;
-use crate::runtime::error::RunError;
-use crate::runtime::field_light::FieldLight;
-use crate::runtime::ledger::{Event, EventKind, Ledger};
-use crate::runtime::params::RunParams;
-use crate::runtime::sky_bodies::{BodyCounts, SkyBodies};
-use crate::runtime::sky_targets::SkyTargets;
-use crate::runtime::sky_view::SkyView;
-use base::time::Span;
+use crate::camera::CameraParams;
+use crate::error::SceneError;
+use crate::field_light::FieldLight;
+use crate::sky_bodies::{BodyCounts, SkyBodies};
+use crate::sky_targets::{SkyTarget, SkyTargets};
+use crate::sky_view::SkyView;
+use base::time::Tai;
 use image::detector::Background;
 use plan::attitude::LosPath;
 use plan::exposure::Source;
+use sky::observer::Observer;
 use stars::Sky;
 use stars::tiles::Shortfall;
+
+/// What a scene is made from.
+#[derive(Debug, Clone, Copy)]
+pub struct SceneParams<'a> {
+    /// The camera.
+    pub camera: &'a CameraParams,
+    /// Where the sensor is.
+    pub observer: &'a Observer,
+    /// First instant of the first exposure.
+    pub at: Tai,
+    /// Whether the Sun bends the light of stars.
+    pub light_deflection: bool,
+    /// Whether planets, Moon and Earth are drawn, and hide what is behind them.
+    pub bodies: bool,
+    /// Targets on the sky.
+    pub targets: &'a [SkyTarget],
+}
 
 /// What one camera may see.
 pub struct Scene {
@@ -51,15 +67,15 @@ pub struct SceneReport {
 }
 
 impl Scene {
-    /// For a run, with the stars of `sky`.
+    /// Makes the scene of a camera, with the stars of `sky`, ready for the day of the first exposure.
     #[must_use]
-    pub fn new(params: &RunParams, sky: &Sky) -> Self {
-        let (camera, at) = (&params.camera, params.first_exposure);
+    pub fn new(params: &SceneParams<'_>, sky: &Sky) -> Self {
+        let SceneParams { camera, at, .. } = *params;
         let observer = || params.observer.clone();
         Self {
             stars: SkyView::new(camera, observer(), at, sky).with_light_deflection(params.light_deflection),
             bodies: params.bodies.then(|| SkyBodies::new(camera, observer(), at)),
-            targets: SkyTargets::new(camera, observer(), at, params.sky_targets.clone()),
+            targets: SkyTargets::new(camera, observer(), at, params.targets.to_vec()),
             light: FieldLight::new(camera, observer(), at),
             has_stars: false,
             has_lost_reader: false,
@@ -70,7 +86,7 @@ impl Scene {
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time, or a tile of stars cannot be read.
-    pub fn find(&mut self, los: &LosPath, has_stars: bool) -> Result<SceneReport, RunError> {
+    pub fn find(&mut self, los: &LosPath, has_stars: bool) -> Result<SceneReport, SceneError> {
         let (background, glare) = self.light.at(los)?;
         let is_excluded = glare.excluded.contains(&true);
         let (shortfall, bodies) = (Shortfall::default(), BodyCounts::default());
@@ -110,53 +126,9 @@ impl Scene {
 }
 
 impl SceneReport {
-    /// Tells the ledger.
-    pub(super) fn note(&self, slot: Slot, ledger: &mut Ledger) {
-        let Self { is_excluded, shortfall, lost_reader, bodies, .. } = *self;
-        for (kind, happened) in [
-            (EventKind::StarsLate, shortfall.late_tiles > 0),
-            (EventKind::StarReaderLost, lost_reader),
-            (EventKind::StarsCrowdedOut, shortfall.crowded_out_stars > 0),
-            (EventKind::InsideExclusion, is_excluded),
-            (EventKind::SunInField, bodies.has_sun),
-            (EventKind::CoarseDisc, bodies.coarsest_px > 1.0),
-        ] {
-            if happened {
-                ledger.note(Event::new(kind, slot.release, Some(slot.number), Span::ZERO));
-            }
-        }
-        for _ in 0..self.lost_targets {
-            ledger.note(Event::new(EventKind::TargetLost, slot.release, Some(slot.number), Span::ZERO));
-        }
-    }
-
-    /// Stars that are missing, those too faint for the camera among them.
-    pub(super) fn missing_stars(&self) -> usize {
+    /// Returns how many stars are missing, those too faint for the camera among them.
+    #[must_use]
+    pub fn missing_stars(&self) -> usize {
         usize::try_from(self.shortfall.late_stars + self.shortfall.crowded_out_stars).unwrap_or(usize::MAX)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use base::time::Tai;
-
-    #[test]
-    fn lost_reader_is_an_event_with_a_name_of_its_own() {
-        let at = Tai::from_ns(0);
-        let slot = Slot { number: 3, exposure_start: at, exposure_end: at, release: at, due: at };
-        let report = SceneReport {
-            background: Background::default(),
-            is_excluded: false,
-            shortfall: Shortfall { late_tiles: 1, late_stars: 1, crowded_out_stars: 0 },
-            lost_reader: true,
-            bodies: BodyCounts::default(),
-            lost_targets: 0,
-        };
-        let mut ledger = Ledger::default();
-        report.note(slot, &mut ledger);
-        SceneReport { lost_reader: false, ..report }.note(slot, &mut ledger);
-        let count = |kind| ledger.count(kind);
-        assert_eq!((count(EventKind::StarReaderLost), count(EventKind::StarsLate)), (1, 2));
     }
 }
