@@ -193,7 +193,7 @@ impl FrameEngine {
     /// # Errors
     /// When the system has no thread for it.
     pub fn read_stars_ahead(&mut self) -> Result<(), RunError> {
-        self.scene.stars.read_ahead()
+        Ok(self.scene.stars.read_ahead()?)
     }
 
     /// The next frame is planned under this load, where it is followed at all: a replay's word instead of a measurement.

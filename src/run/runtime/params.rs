@@ -4,25 +4,17 @@ use crate::runtime::imager::BackendChoice;
 use base::accuracy::AccuracyBudget;
 use base::axes::{Body, Rotation, Sensor};
 use base::time::{Span, Tai};
-use frames::sink::CameraFacts;
-use image::detector;
-use image::detector::binning::{Binning, BinningKind, Levels};
-use image::detector::pattern::PatternSizeError;
-use image::detector::window::OutputGeometry;
-use image::detector::{Detector, DetectorParams, Patterns, Seeds};
+use image::detector::Seeds;
 use plan::attitude::{EstimateLimits, HistoryLimits, JitterLine, RemoteClockLimits};
 use plan::exposure::cost::CostModel;
-use plan::exposure::{Instrument, MethodChoice, PsfSampling, Rung, Shutter, Target};
-use plan::optics::{BackgroundLight, Illumination, PsfModel, StarLight};
+use plan::exposure::{MethodChoice, Rung, Target};
 use scene::SceneParams;
 use scene::camera::CameraParams;
 use scene::sky_targets::SkyTarget;
-use sky::astrometry::CameraGeometry;
 use sky::observer::Observer;
 use stars::Sky;
 use stars::catalog::CatalogError;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// What becomes of a frame that misses its deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
