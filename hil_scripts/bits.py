@@ -67,10 +67,10 @@ def pixels_of(tables):
     return f"{crc:08x}"
 
 
-def fly(binary, name, folder):
+def fly(binary, name, folder, *options):
     """One row of the table: flies a file and takes its CRCs."""
     is_scenario = name.startswith("scenarios/")
-    command = [binary, "run", str(ROOT / "configs" / name), "--clock", "virtual", "--backend", "cpu"]
+    command = [binary, "run", str(ROOT / "configs" / name), "--clock", "virtual", "--backend", "cpu", *options]
     command += ["--out", str(folder / "out")]
     duration = ""
     if is_scenario:
