@@ -157,22 +157,41 @@ as_libtest() {
         }'
 }
 
+# One script against the program: its output and exit status into files, its seconds behind them.
+run_python_script() {
+    local script=$1 folder=$2 name begin=$SECONDS status=0
+    name=$(basename "$script")
+    STARLOOP_NO_VCAN="$no_vcan" STARLOOP_BINARY="$(realpath "$target/release/starloop")" \
+        "$python/bin/python" "$script" >"$folder/$name.output" 2>&1 || status=$?
+    echo "$status $((SECONDS - begin))" >"$folder/$name.status"
+}
+
 # The scripts against the program: client, campaigns on a cluster of two workers, gateways, flights, the kit, cameras on
-# the network, displays, recorders, the live view, and CAN in user-mode Linux.
+# the network, displays, recorders, the live view, and CAN in user-mode Linux. Two at a time: most of them wait for a real
+# clock. A script that fails beside another one is run again alone, and that run counts.
 run_python_tests() {
-    local script output status=0
-    output=$(mktemp)
+    local folder script name result seconds status=0
+    folder=$(mktemp -d)
     # shellcheck disable=SC2064  # expanded now: the variable is gone when the subshell exits
-    trap "rm -f '$output'" EXIT
+    trap "rm -rf '$folder'" EXIT
     for script in hil_scripts/test_*.py; do
-        echo "     Running $script"
-        if ! STARLOOP_NO_VCAN="$no_vcan" STARLOOP_BINARY="$(realpath "$target/release/starloop")" \
-            "$python/bin/python" "$script" >"$output" 2>&1; then
-            status=1
-            cat "$output"
+        while [[ $(jobs -rp | wc -l) -ge 2 ]]; do wait -n; done
+        run_python_script "$script" "$folder" &
+    done
+    wait
+    for script in hil_scripts/test_*.py; do
+        name=$(basename "$script")
+        read -r result seconds <"$folder/$name.status"
+        if [[ $result -ne 0 ]]; then
+            echo "     $script failed beside another script; again, alone"
+            cat "$folder/$name.output"
+            run_python_script "$script" "$folder"
+            read -r result seconds <"$folder/$name.status"
+            [[ $result -eq 0 ]] || { status=1 && cat "$folder/$name.output"; }
         fi
-        cat "$output" >>"$log"
-        as_libtest <"$output" | tee -a "$log"
+        echo "     Running $script ($seconds s)"
+        cat "$folder/$name.output" >>"$log"
+        as_libtest <"$folder/$name.output" | tee -a "$log"
     done
     return $status
 }
