@@ -63,6 +63,10 @@ pub mod snr;
 pub mod study;
 pub mod verify;
 mod wcs_warning;
+#[cfg(feature = "hats")]
+mod with_hats;
+#[cfg(not(feature = "hats"))]
+mod without_hats;
 
 use base::streams;
 use clap::{Parser, Subcommand};
