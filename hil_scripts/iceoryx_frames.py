@@ -31,7 +31,7 @@ SILENCE_S = 1.0
 
 
 class FrameHead(ctypes.Structure):
-    """What stands before the pixels: `SlotHead` in src/sink/shared_memory.rs."""
+    """What comes before the pixels: `SlotHead` in src/frames/sink/shared_memory.rs."""
 
     _fields_ = [
         ("serial", ctypes.c_uint64),

@@ -10,9 +10,10 @@
         loop.step(frames=5)
         print(loop.finish()["passed"])
 
-Simulated time stands still between calls. All times are seconds after the first exposure. The protocol, one line of JSON
-each way, is written down in src/wiring/control/protocol.rs. The program answers only a client that knows its token, which
-it prints and writes to a file that only the user may read: this client reads that file. Run this file for a demonstration:
+Simulated time does not advance between calls. All times are seconds after the first exposure. The protocol, one line of
+JSON each way, is described in src/run/wiring/control/protocol.rs. The program answers only a client that knows its token,
+which it prints and writes to a file that only the user may read: this client reads that file. Run this file for a
+demonstration:
 
     python3 hil_scripts/starloop_client.py --binary target/release/starloop configs/scenarios/acquisition.toml
 """

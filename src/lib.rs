@@ -1,11 +1,10 @@
 //! starloop: a hardware-in-the-loop star-sensor stimulator.
 //!
-//! Data flows one way, in the order of these rooms; a room never imports one that stands after it
-//! (`tests/conformance` holds the import table):
+//! Data flows one way, in the order of these crates; a crate depends only on crates before it (its `Cargo.toml` says which):
 //!
 //! ```text
 //! bytes -> Stamped<AttitudeSample> -> LosPath -> [ApparentSource] -> ExposurePlan -> ElectronImage -> DnImage -> SentFrame -> FrameRecord
-//! link     link                       attitude   sky+astrometry     exposure        render           detector   sink         runtime
+//! link     link                       plan       stars + sky        plan            image            image      frames       run
 //! ```
 
 #![cfg_attr(

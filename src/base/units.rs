@@ -1,4 +1,4 @@
-//! Unit conversions and the physical constants more than one room needs.
+//! Unit conversions and the physical constants more than one crate needs.
 
 /// Radians in one degree.
 pub const DEG: f64 = core::f64::consts::PI / 180.0;

@@ -1,6 +1,6 @@
 //! `starloop check`, displays: when their light leaves against when it was drawn for, and what is not known of them.
 //!
-//! Input: a bench and the run that was made of it. Output: text. The numbers are those of `wiring::display_parts`.
+//! Input: a bench and the run that was made of it. Output: text. The numbers are those of `run::wiring::display_parts`.
 
 use crate::cli::check_attitude::slew_scale;
 use anyhow::Result;

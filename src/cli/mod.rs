@@ -1,4 +1,4 @@
-//! One file per command; parses the command line, wires rooms, prints.
+//! One file per command; parses the command line, assembles the crates, prints.
 
 #[macro_use]
 mod print;

@@ -32,7 +32,7 @@ pub(super) struct BaffleKeys {
     quadratic: f64,
 }
 
-/// Bodies in the order of the rooms.
+/// Bodies in the order of `plan::optics::baffle`.
 const BODIES: [&str; 3] = ["sun", "moon", "earth"];
 
 impl BaffleKeys {

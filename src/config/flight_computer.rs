@@ -35,7 +35,7 @@ pub struct JitterLineSettings {
 }
 
 impl JitterLineSettings {
-    /// The line as the attitude room takes it, its epoch being the start of the run.
+    /// The line as `plan::attitude` takes it, its epoch being the start of the run.
     #[must_use]
     pub fn line(&self) -> JitterLine {
         JitterLine {

@@ -1,4 +1,4 @@
-//! TOML -> schema -> checked parameters; nothing after this room re-validates.
+//! TOML -> schema -> checked parameters; nothing after this crate validates again.
 //!
 //! Input: a bench file, which names a camera file and perhaps a link file. Output: [`Bench`] and
 //! [`Camera`], in the units of their field names, with every default that was taken listed by

@@ -1,6 +1,6 @@
 //! `[sink]` and `[[extra_sink]]`: where frames go. `kind` says which other keys there are.
 //!
-//! A new kind is an arm of [`Sink`], a line in [`KINDS`] and a reader in [`read_kind`]; `wiring::sinks` makes it.
+//! A new kind is an arm of [`Sink`], a line in [`KINDS`] and a reader in [`read_kind`]; `run::wiring::sinks` makes it.
 
 use crate::check::Checker;
 use crate::display::DisplaySettings;

@@ -11,7 +11,7 @@ use serde::Deserialize;
 /// Seconds of samples kept beyond the exposure and the oldest tag.
 const HISTORY_MARGIN_S: f64 = 1.0;
 
-/// Parameters of the attitude room, checked.
+/// Parameters of `plan::attitude`, checked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AttitudeSettings {
     /// Prediction and the policy for a stopped stream.

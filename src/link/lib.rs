@@ -5,7 +5,7 @@
 //! ```
 //!
 //! A [`Link`] moves packets and knows nothing of messages; a [`Port`] knows the wire format. Wrappers (fault, capture)
-//! implement the trait they wrap. Nothing downstream of this room knows about CAN or serial.
+//! implement the trait they wrap. Nothing downstream of this crate knows about CAN or serial.
 
 /// Files of captured packets.
 pub mod capture;

@@ -1,6 +1,7 @@
 //! Where stars came from -> the credits that their catalogs ask for.
 //!
-//! A catalog of one's own stars credits no one unless its maker says whom. Tests: below, and in `sky::catalog`, `cli`.
+//! A catalog of one's own stars credits no one unless its maker says whom. Tests: below, and in `stars::catalog`,
+//! `cli`.
 
 use super::numbering::Origins;
 

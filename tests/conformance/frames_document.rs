@@ -1,7 +1,7 @@
 //! `firmware_protocol/FRAMES.md` against the structures that are written into shared memory.
 
 use core::mem::offset_of;
-use starloop::sink::shared_memory::{FileHead, MAGIC, SlotHead, VERSION};
+use frames::sink::shared_memory::{FileHead, MAGIC, SlotHead, VERSION};
 
 /// Offset, type, name of a field.
 type Field = (usize, &'static str, &'static str);

@@ -188,7 +188,7 @@ fn methods_draw_what_the_reference_draws() {
 fn electrons_on_the_detector_are_all_accounted_for() {
     /// Share of a Gaussian star: what the footprint drops (5 % of the flux budget) and f32.
     const GAUSSIAN_SUM: f64 = 1e-4;
-    /// Share of an Airy star cut by an edge (`exposure::share`).
+    /// Share of an Airy star cut by an edge (`plan::exposure::share`).
     const AIRY_SUM: f64 = 1e-3;
     let end = SIZE as f64 - 0.5;
     let across = [-0.5, 0.2, -1.7, end, end - 0.8, end + 1.3];

@@ -1,7 +1,7 @@
 //! What a run says about itself: timing quantiles, counts, a JSON summary, a table and a line of progress.
 //!
 //! Input: plain numbers from the runtime, frame by frame (`stages::StageTimes`) and at the end
-//! (`summary::RunSummary`). Output: text. Nothing here reads a clock or knows another room.
+//! (`summary::RunSummary`). Output: text. Nothing here reads a clock or uses the other modules.
 //!
 //! Tour: `stages` (where the time of a frame goes) -> `histogram` (quantiles, without allocation while running)
 //! -> `summary`, `losses` and `machine` (JSON) -> `table` (the same for people), `progress` and `progress_numbers` (while it runs). Apart from a run:

@@ -142,7 +142,7 @@ pub enum SinkError {
     Unfinished {
         /// The sink's name.
         sink: &'static str,
-        /// What the device's own room says.
+        /// What the device's own module reports.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// A device that did not take a frame.
@@ -152,7 +152,7 @@ pub enum SinkError {
         sink: &'static str,
         /// The frame.
         frame: u32,
-        /// What the device's own room says.
+        /// What the device's own module reports.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// Bytes that are not a FITS image this reader knows.

@@ -1,4 +1,4 @@
-//! The ways in which a frame, or the chain that images it, can be spoilt on purpose; `runtime` does it, files name it.
+//! The ways in which a frame, or the chain that images it, can be spoilt on purpose; `run::runtime` does it, files name it.
 
 use crate::sink::active_fault::Amount;
 use crate::sink::faults::FaultFlags;

@@ -2,7 +2,7 @@
 //!
 //! What stands before the neighbour stages makes charge, what stands after them reads it out. When no neighbour stage
 //! is on, all runs in one pass, block by block. Random words are counted by (frame, pixel, stage), not by pass: both
-//! forms draw the same numbers (`detector::cpu`'s tests, `tests/gpu/passes.rs`).
+//! forms draw the same numbers (`image::detector::cpu`'s tests, `tests/gpu/passes.rs`).
 
 /// The stages, named.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -5,7 +5,7 @@
 //! `y = s_1 x + sum (s_{k+1} - s_k) max(x - x_k, 0)`: up to four pieces, three thresholds. Exact for its knots; a smooth
 //! curve of second derivative `c` between knots `h` apart is off by `c h^2 / 8` at most.
 //!
-//! Tests: below, and `tests/physics/nonlinearity.rs`.
+//! Tests: below, and `tests/physics/response.rs`.
 
 use crate::detector::block::BLOCK;
 use base::fused::mul_add;

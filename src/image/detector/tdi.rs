@@ -7,8 +7,8 @@
 //!
 //! How it is drawn: as one exposure of `stages * line_s` in which the frame moves with the image; what motion is left
 //! is the motion of the line of sight in that exposure, which the planner draws as any other. What the discrete steps and a
-//! mismatch of scan rate cost in sharpness is a link of a chain PSF (`[mtf]`, `optics::mtf::motion`). Source: Holst, "CCD
-//! Arrays, Cameras and Displays", 1998, section 10.3.
+//! mismatch of scan rate cost in sharpness is a link of a chain PSF (`[mtf]`, `plan::optics::mtf::motion`). Source:
+//! Holst, "CCD Arrays, Cameras and Displays", 1998, section 10.3.
 //!
 //! Not modelled: that a frame's rows are exposed one after another (all rows share one exposure window), and the partly
 //! integrated rows at the start and end of a scan. Held by the tests below and `tests/physics/detector_spatial.rs`.

@@ -2,7 +2,7 @@
 //!
 //! * `cpu`: all cores, vectorised; agrees with `reference` to the budget and repeats bit for bit.
 //! * `gpu`: wgpu compute; the same methods in the same order, integer accumulation, repeats bit for bit.
-//! * `reference`: f64, slow, integrates the exact motion: the truth in the house.
+//! * `reference`: f64, slow, integrates the exact motion: the truth that the others are compared with.
 
 mod bands;
 pub mod cpu;

@@ -1,4 +1,5 @@
-//! The f64 reference: integrates the exact motion with the exact PSF. Slow; the truth in the house.
+//! The f64 reference: integrates the exact motion with the exact PSF. Slow; the truth that the others are compared
+//! with.
 //!
 //! Time: composite Gauss-Legendre, panels short against the PSF and against the fastest jitter, broken where the
 //! path has corners; every node projects every star anew (no list of poses, no derivative), and under a rolling shutter

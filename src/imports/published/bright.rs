@@ -64,7 +64,7 @@ impl BrightStar {
     }
 }
 
-/// Direction and proper motion `years` later: uniform straight motion in space, as [`sky::astrometry::at_epoch`]; what
+/// Direction and proper motion `years` later: uniform straight motion in space, as `sky::astrometry::at_epoch`; what
 /// is eastward there may not be here (Polaris). A star without a motion stays.
 #[must_use]
 pub(super) fn moved(direction: DVec3, motion_mas_yr: Option<[f64; 2]>, years: f64) -> (DVec3, Option<[f64; 2]>) {

@@ -4,7 +4,7 @@
 //! dithering shows parts of that. In even steps, sixteen bits would round such light to nothing before it is dithered, and
 //! take faint stars off the screen. So a code is straight pieces of luminance through [`KNOTS`], each with an eighth of the
 //! steps per luminance of the one before; four pieces, as a detector's response has
-//! `detector::Nonlinearity`, so that frames are born with them on every backend.
+//! `image::detector::Nonlinearity`, so that frames are born with them on every backend.
 //!
 //! Rounding to codes: at most [`LEAST_STEP`] / 2 below 1/512 of full, at most 3.5e-4 of the luminance above. Light of
 //! 1e-5 of full is right to 1 %. Limit: 1 is the full luminance, and nothing is brighter. Tests below; a faint star's light

@@ -10,7 +10,8 @@
 //! proof is accepted until that time is over: half of the addresses take 36 days.
 //!
 //! The file name in the XML's URL changes with each run, so that a client that keeps XML files by name reads it again.
-//! Limits are checked by `network_camera::device_tests` and, with sockets, by `network_camera::tests`.
+//! Limits are checked by `outputs::network_camera::device_tests` and, with sockets, by
+//! `outputs::network_camera::tests`.
 
 use base::time::{Span, Tai};
 use std::collections::hash_map::RandomState;

@@ -2,7 +2,7 @@
 //!
 //! Linux keeps such answers in the socket's error queue, each with the address that the packet went to (`man 7 ip`,
 //! IP_RECVERR). Only answers from the network count, not errors of this machine, and "fragmentation needed" is not an
-//! absent receiver. Proven by `network_camera::tests`.
+//! absent receiver. Proven by `outputs::network_camera::tests`.
 
 use nix::sys::socket::{ControlMessageOwned, MsgFlags, SockaddrIn, recvmsg};
 use std::io::IoSliceMut;

@@ -1,4 +1,4 @@
-//! What this room refuses, and why.
+//! What this module refuses, and why.
 
 use base::time::Tai;
 

@@ -1,6 +1,6 @@
 //! Attitude beyond the last sample, from its rate and acceleration, and what that prediction can be wrong by.
 //!
-//! *Algorithm.* In the house's passive convention `q(t + T) = exp(-(w T + a T^2 / 2) / 2) * q(t)`: the rotation
+//! *Algorithm.* In the project's passive convention `q(t + T) = exp(-(w T + a T^2 / 2) / 2) * q(t)`: the rotation
 //! vector is the integral of a rate that changes linearly in body axes (first term of the Magnus series). What it
 //! leaves out has the bounds of [`PredictionErrors`]; `errors_stay_within_their_bounds_on_both_sides` holds each
 //! against analytic motion.
@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn constant_rate_prediction_is_wrong_by_half_a_t_squared() {
-        // The house's published numbers: arcsec after 20 and 100 ms.
+        // The project's published numbers: arcsec after 20 and 100 ms.
         for (t_s, deg_s2, arcsec) in [(0.02, 0.1, 0.07), (0.02, 1.0, 0.72), (0.1, 0.1, 1.8), (0.1, 1.0, 18.0)] {
             let truth = state(DVec3::X * DEG, DVec3::X * deg_s2 * DEG);
             let blind = AttitudeState { acceleration_rad_s2: DVec3::ZERO, ..truth };

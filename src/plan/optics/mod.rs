@@ -1,7 +1,7 @@
 //! Point-spread function and radiometry.
 //!
 //! In: magnitude and colour, a PSF model. Out: electrons, and the share of a star's light in each pixel (f64, exact).
-//! Fast forms of the pixel integral live with the backends that use them and are measured against this room.
+//! Fast forms of the pixel integral live with the backends that use them and are measured against this module.
 
 pub mod airy;
 pub mod background;

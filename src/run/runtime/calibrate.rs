@@ -1,8 +1,9 @@
 //! Calibration of costs: small scenes through the real planner, backend and detector -> [`CostModel`] of this machine.
 //!
 //! Empty frames of two sizes, static stars, stars by samples, an effective PSF with few and many nodes and stars, and an
-//! Airy PSF; the median time of each, then `exposure::cost_fit`. Limits: an idle machine is assumed; on a GPU drawing
-//! and readout are timed together and the time per pixel is shared out between the two as in the built-in constants.
+//! Airy PSF; the median time of each, then `plan::exposure::cost_fit`. Limits: an idle machine is assumed; on a GPU
+//! drawing and readout are timed together and the time per pixel is shared out between the two as in the built-in
+//! constants.
 //!
 //! Who uses the result: runs on the real clock and `check`. The virtual clock and `render` always use the built-in
 //! constants, because what the planner chooses must be the same, bit for bit, on every machine

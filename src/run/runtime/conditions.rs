@@ -2,7 +2,7 @@
 //!
 //! In: what the faults of a frame amount to. Out: other sources, and numbers for the planner and the detector. With
 //! nothing wrong, sources pass untouched and nothing is computed. Nothing here allocates after it was made.
-//! Dark current follows temperature by the camera's own law (`detector::dark_current`).
+//! Dark current follows temperature by the camera's own law (`image::detector::dark_current`).
 
 use base::axes::{Icrf, Rotation, Sensor};
 use base::random::{key, philox};

@@ -118,7 +118,7 @@ impl CameraParams {
     }
 }
 
-/// Parameters of the attitude room.
+/// Parameters of `plan::attitude`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AttitudeParams {
     /// Prediction and the policy for a stopped stream.

@@ -1,4 +1,4 @@
-//! A checked camera file -> the parameters of the rooms.
+//! A checked camera file -> the parameters of the other crates.
 
 use crate::runtime::params::CameraParams;
 use crate::wiring::light_parts::background_light;
@@ -11,7 +11,7 @@ use plan::optics::mtf::MtfChain;
 use plan::optics::{BackgroundLight, PsfModel};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 
-/// The camera as the rooms want it.
+/// The camera as the other crates take it.
 ///
 /// # Errors
 /// When the distortion model does not hold over the whole detector, or light is wanted that the photometry cannot give.

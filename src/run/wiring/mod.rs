@@ -1,6 +1,6 @@
 //! Checked configurations -> the parts of a run.
 //!
-//! In: a [`config::Bench`] or [`config::Scenario`]. Out: parameters of every room, and the closed loop with
+//! In: a [`config::Bench`] or [`config::Scenario`]. Out: parameters of every crate, and the closed loop with
 //! both ends of its cable. Nothing here computes physics or prints.
 
 pub mod assessment;

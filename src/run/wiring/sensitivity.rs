@@ -1,8 +1,8 @@
 //! A camera's sensitivity: SNR of its stars, limiting magnitudes, saturation.
 //!
 //! Input: a checked camera and what it looks at (colour, background). Output: everything `starloop snr` prints. The
-//! formulas are those of `optics::snr`. The camera's own even background counts; left out are what depends on where it looks
-//! (Galaxy, zodiacal light, Sun, Moon, Earth), motion, defects and effects that depend on neighbours.
+//! formulas are those of `plan::optics::snr`. The camera's own even background counts; left out are what depends on
+//! where it looks (Galaxy, zodiacal light, Sun, Moon, Earth), motion, defects and effects that depend on neighbours.
 
 use crate::wiring::camera_parts::camera_params;
 use anyhow::Result;

@@ -3,7 +3,7 @@
 //!
 //! [`apparent_places`] composes the first four, in ICRF axes and for one observer's
 //! [`Vantage`]; [`CameraGeometry`] does the last two, in sensor axes.
-//! Between them stands the attitude, which is not this room's.
+//! The attitude comes between the two; it belongs to `plan::attitude`.
 
 mod aberration;
 mod apparent;

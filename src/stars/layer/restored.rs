@@ -2,7 +2,7 @@
 //!
 //! Rounding may have put a star half a step beyond the edge of its tile, or to the faint end of its layer, where an import
 //! would take it to be its neighbour's. Such a star is given less than half a step inside, so that it rounds to where it
-//! was: layer -> stars -> layer gives the same bytes (`sky::hats::tests::layers_come_back_as_they_were`).
+//! was: layer -> stars -> layer gives the same bytes (`imports::hats::tests::layers_come_back_as_they_were`).
 
 use super::error::LayerError;
 use super::layout::{

@@ -4,7 +4,7 @@
 //! the runs are merged, at most [`FAN_IN`] at once. Memory does not depend on where the stars are: all of them may be in one
 //! place. The order is total, so the bytes of a layer depend neither on the order of the input nor on the budget. A star
 //! whose row comes twice (the same number, place and magnitude) is given once and counted. Tests: below,
-//! `tests/allocations/import.rs` (bytes held).
+//! `tests/allocations/imports.rs` (bytes held).
 
 use super::error::LayerError;
 use super::star::{IDENTITY_BYTES, ROW_BYTES, WaitingRow};

@@ -1,4 +1,4 @@
-//! A rigid body with wheels for the tests of this room, and settings for it.
+//! A rigid body with wheels for the tests of this module, and settings for it.
 
 use super::avoidance::KeepOut;
 use super::control::Acs;

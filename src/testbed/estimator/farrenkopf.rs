@@ -3,7 +3,7 @@
 //! Input: gyro noise, tracker noise, tracker period. Output: variances before and after an update and the gains.
 //! Source: Farrenkopf, "Analytic steady-state accuracy solutions for two common spacecraft attitude estimators",
 //! J. Guidance and Control 1 (1978); Markley and Crassidis (2014), section 6.3, without readout noise. Tests: the
-//! equations of covariance hold at the solution (below); the filter of this room ends there (`tests.rs`).
+//! equations of covariance hold at the solution (below); the filter of this module ends there (`tests.rs`).
 
 /// Noise of one gyro axis.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,4 +1,4 @@
-// Elementary functions: the same steps as `detector::elementary`; no built-in logarithm, exponential or sine.
+// Elementary functions: the same steps as `image::detector::elementary`; no built-in logarithm, exponential or sine.
 
 // Natural logarithm of positive normal numbers.
 fn ln(x: vec2<f32>) -> vec2<f32> {

@@ -1,4 +1,4 @@
-// Philox-4x32-10 and uniforms from its words: the same steps as `base::random` and `detector::elementary`.
+// Philox-4x32-10 and uniforms from its words: the same steps as `base::random` and `image::detector::elementary`.
 
 // High half of a 32 x 32 bit product.
 fn high(a: u32, b: u32) -> u32 {

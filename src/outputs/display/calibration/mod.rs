@@ -7,7 +7,7 @@
 //! Tour: `identity`, `pattern`, `dot_code`, `plan` (what is shown) -> `measurement`, `spots` (what was seen) -> `fit_map`, `coverage`,
 //! `fit_levels`, `fit` (what it means) -> `file`, `report` (what is kept and told).
 //! Proved end to end by `tests/physics/display_calibration` on a simulated display, collimator and camera that share
-//! no code with this room: the map to 0.02 display px.
+//! no code with this module: the map to 0.02 display px.
 
 pub mod coverage;
 pub mod dot_code;

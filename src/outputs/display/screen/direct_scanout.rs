@@ -6,7 +6,7 @@
 //!
 //! **Whose the card is.** One open file of a card may set its modes: the first one, for as long as nobody else has it. A
 //! Vulkan driver that is asked for its adapters opens the card as well and would keep it from us, so the card is opened
-//! before this display's driver, and by `wiring::display_parts::hold_cards` before the renderer's.
+//! before this display's driver, and by `run::wiring::display_parts::hold_cards` before the renderer's.
 //!
 //! Limits: a driver with `VK_EXT_acquire_drm_display`; one display on a card; no keys, as no window has them. **Never run on a
 //! monitor:** tests below and in `mode` prove the choice of a mode and the refusals; what needs a card was compiled, no more.

@@ -10,7 +10,7 @@
 //!
 //! Nothing is averaged beforehand: all of it is a function of time ([`JitterTrack::rotation_at`]), integrated inside the image
 //! by the planner's quadrature. Its node count follows the highest line's frequency and every sampled point, and its
-//! bound (`exposure::weigh`) says what is left.
+//! bound (`plan::exposure::weigh`) says what is left.
 //!
 //! Bursts arrive late and batched, so they are kept by epoch under the same rules as attitude samples, and an exposure
 //! takes what covers it. Jitter that stopped arriving is not held for ever: a point further than `max_gap` from the

@@ -3,7 +3,7 @@
 //! In: the camera and the part of the sensor that is put out. Out: for image pixels (u, v) from the principal point, the
 //! undistorted place `L (u + f)` with a linear part `L` and [SIP](frames::sink::Sip) polynomials `f`, and the way back. Least
 //! squares over a grid that is denser towards the edges (Chebyshev's), of the lowest order whose error is below
-//! [`GOOD_PX`], or of the best one. Made once per camera. Test: `runtime::wcs`.
+//! [`GOOD_PX`], or of the best one. Made once per camera. Test: `run::runtime::wcs`.
 
 use base::least_squares::Basis;
 use frames::sink::{MOST_SIP_ORDER, Sip, SipTerm};
