@@ -24,14 +24,13 @@ use crate::display::grey::GreyMaker;
 use crate::display::params::{CardChoice, Params};
 use crate::display::picture::Picture;
 #[cfg(feature = "direct_scanout")]
-use crate::display::screen::direct_scanout::{self, Connector, ScanOut};
+use crate::display::screen::direct_scanout::{Connector, ScanOut};
 use crate::display::screen::glass::Glass;
 use crate::display::screen::hand_over::{Outgoing, hand_over};
 use crate::display::screen::presenter::{Pace, Presenter, Showing};
-use crate::display::screen::refresh;
 use crate::display::screen::state::State;
 use crate::display::screen::surface::{Pane, VulkanGlass};
-use crate::display::screen::window::{self, Opened, Order};
+use crate::display::screen::window::{Opened, Order};
 use crate::display::submit_log::SubmitLog;
 use crate::display::submitted::Submitted;
 use base::clock::Clock;
