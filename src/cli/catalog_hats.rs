@@ -1,15 +1,18 @@
 //! HATS catalogs for `starloop catalog`: what an import reads, file by file, and `starloop catalog export`.
+//!
+//! What opens Parquet files is in `with_hats`, and in `without_hats` for a program built without the feature `hats`.
 
 use crate::cli::catalog_layers::{ProgressLine, name_of};
+#[cfg(feature = "hats")]
+use crate::cli::with_hats as hats;
+#[cfg(not(feature = "hats"))]
+use crate::cli::without_hats as hats;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
-use imports::hats::{
-    ExportReport, Exporting, HatsCatalog, Pixel, export as export_hats, import as import_hats, is_hats,
-};
 use imports::published::gaia::{Names, import as import_gaia};
 use stars::layer::{Layer, Sorting};
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Rows that HATS importers commonly put into a partition at most.
 const MAX_ROWS: usize = 1_000_000;
@@ -49,17 +52,11 @@ pub(super) fn export(args: &ExportArgs, out: &mut impl Write) -> anyhow::Result<
     let is_name = |name: &str| !name.trim().is_empty() && !name.contains(char::is_control);
     ensure!(is_name(name), "--name: wanted one line, got {name:?}");
     let layers = args.layers.iter().map(|path| Layer::open(path)).collect::<Result<Vec<_>, _>>()?;
-    let what = Exporting { name: name.into(), max_rows: args.max_rows };
     let line = ProgressLine::new();
     let mut share = |share: f64| line.show(&format!("{}: {:.0} %", args.hats.display(), 100.0 * share));
-    let report = export_hats(&layers, &args.hats, &what, &mut share)?;
+    let written = hats::export(&layers, &args.hats, (name, args.max_rows), &mut share)?;
     line.clear();
-    let ExportReport { stars, partitions, orders: [from, to], bytes } = report;
-    writeln!(
-        out,
-        "{}: {stars} stars in {partitions} partitions of order {from} to {to}, {bytes} bytes",
-        args.hats.display()
-    )?;
+    writeln!(out, "{}: {written}", args.hats.display())?;
     Ok(())
 }
 
@@ -68,25 +65,25 @@ pub(super) struct Input {
     /// By which it is known when an import goes on.
     pub(super) name: String,
     pub(super) path: PathBuf,
-    names: Names,
-    kind: Kind,
+    pub(super) names: Names,
+    pub(super) kind: Kind,
     /// Credits that its catalog asks for.
     pub(super) credits: Option<String>,
 }
 
-enum Kind {
+/// How a file is read.
+pub(super) enum Kind {
     Csv,
-    /// With the pixel of the partition, when it is one.
-    Parquet(Option<Pixel>),
+    Parquet(hats::Parquet),
 }
 
 impl Input {
     /// Takes it in; the number of rows.
     pub(super) fn import(&self, sorting: &mut Sorting, told: &mut dyn FnMut(u64)) -> anyhow::Result<u64> {
-        Ok(match self.kind {
-            Kind::Csv => import_gaia(&self.path, &self.names, sorting, told)?,
-            Kind::Parquet(pixel) => import_hats(&self.path, pixel, &self.names, sorting, told)?,
-        })
+        match &self.kind {
+            Kind::Csv => Ok(import_gaia(&self.path, &self.names, sorting, told)?),
+            Kind::Parquet(parquet) => parquet.import(self, sorting, told),
+        }
     }
 }
 
@@ -94,13 +91,13 @@ impl Input {
 pub(super) fn inputs(paths: &[PathBuf], names: &Names, epoch_yr: f64) -> anyhow::Result<Vec<Input>> {
     let mut inputs = Vec::new();
     for path in paths {
-        if is_hats(path) {
-            inputs.extend(partitions(path, names, epoch_yr)?);
+        if hats::is_hats(path) {
+            inputs.extend(hats::partitions(path, names, epoch_yr)?);
         } else if path.is_dir() {
             bail!("{}: wanted a HATS catalog, which has a file hats.properties, or the name of a file", path.display());
         } else {
             let is_parquet = path.extension().is_some_and(|kind| kind.eq_ignore_ascii_case("parquet"));
-            let kind = if is_parquet { Kind::Parquet(None) } else { Kind::Csv };
+            let kind = if is_parquet { Kind::Parquet(hats::Parquet::alone(path)?) } else { Kind::Csv };
             inputs.push(Input { name: name_of(path)?, path: path.clone(), names: names.clone(), kind, credits: None });
         }
     }
@@ -111,23 +108,6 @@ pub(super) fn inputs(paths: &[PathBuf], names: &Names, epoch_yr: f64) -> anyhow:
         bail!("two files are called {name}: an import that goes on tells them apart by their names; rename one");
     }
     Ok(inputs)
-}
-
-fn partitions(folder: &Path, names: &Names, epoch_yr: f64) -> anyhow::Result<Vec<Input>> {
-    let catalog = HatsCatalog::open(folder)?;
-    if let Some(said) = catalog.epoch_yr()?.filter(|said| *said != epoch_yr) {
-        bail!("--epoch: wanted {said}, of which {} says to be, got {epoch_yr}", folder.display());
-    }
-    let mut names = names.clone();
-    catalog.name_columns(&mut names)?;
-    let input = |partition: &imports::hats::Partition| Input {
-        name: partition.name.clone(),
-        path: partition.path.clone(),
-        names: names.clone(),
-        kind: Kind::Parquet(Some(partition.pixel)),
-        credits: catalog.credits().map(str::to_owned),
-    };
-    Ok(catalog.partitions().iter().map(input).collect())
 }
 
 #[cfg(test)]
@@ -152,6 +132,7 @@ mod tests {
         done.map(|()| String::from_utf8(out).unwrap()).map_err(|error| format!("{error:#}"))
     }
 
+    #[cfg(feature = "hats")]
     #[test]
     fn layers_become_a_catalog_and_an_import_of_it_that_was_cut_short_goes_on() {
         let folder = tempfile::tempdir().unwrap();
@@ -193,6 +174,30 @@ mod tests {
         assert!(told.contains("layers: wanted a HATS catalog, which has a file hats.properties"), "{told}");
         let twice = catalog(&["import", &path("hats"), &path("hats"), "--out", &path("twice")]).unwrap_err();
         assert!(twice.contains("two files are called hats/dataset/"), "{twice}");
+    }
+
+    #[cfg(not(feature = "hats"))]
+    #[test]
+    fn program_without_hats_says_how_to_build_it_and_writes_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        std::fs::write(path("stars.csv"), "source_id,ra,dec,phot_g_mean_mag\n1,10.5,20.5,6.5\n").unwrap();
+        let no_colour = ["pmra=", "pmdec=", "parallax=", "bp_rp="].map(|column| ["--column", column]).concat();
+        let (stars, layers) = (path("stars.csv"), path("layers"));
+        catalog(&[&["import", &stars, "--out", &layers], &no_colour[..]].concat()).unwrap();
+        let layer = path("layers/g10.starlayer");
+        std::fs::create_dir(path("gaia")).unwrap();
+        std::fs::write(path("gaia/hats.properties"), "").unwrap();
+        for line in [
+            &["export", &layer, "--hats", &path("out")],
+            &["import", &path("gaia"), "--out", &path("out")],
+            &["import", &path("stars.parquet"), "--out", &path("out")],
+        ] {
+            let error = catalog(line).unwrap_err();
+            assert!(error.contains("built without HATS catalogs") && error.contains("--features hats"), "{error}");
+            assert!(!folder.path().join("out").exists(), "{line:?}");
+        }
+        assert!(catalog(&["export", "no.starlayer", "--hats", "b"]).unwrap_err().contains("no.starlayer"), "control");
     }
 
     #[test]

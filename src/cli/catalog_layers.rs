@@ -21,7 +21,8 @@ const END_BYTES: u64 = 64 << 10;
 #[command(
     after_help = "Reads Gaia's bulk files (GaiaSource_*.csv.gz) and any CSV with Gaia's column names: source_id, ra, dec, \
     pmra, pmdec, parallax, phot_g_mean_mag, and bp_rp or phot_bp_mean_mag and phot_rp_mean_mag; --column says where a \
-    file has another name, or that it has none. Stars of --bright are held against theirs by place and magnitude: none comes twice.\n\nReads Parquet files of the same columns too, and HATS catalogs (folders with \
+    file has another name, or that it has none. Stars of --bright are held against theirs by place and magnitude: none comes twice.\n\nA build with \
+    --features hats reads Parquet files of the same columns too, and HATS catalogs (folders with \
     hats.properties, as hats-import makes them): each partition is there and listed, has the rows it should, and they lie \
     in its pixel, or the import ends. The catalog says what its columns of right ascension and declination are \
     called.\n\nAn import that was cut short goes on after its last whole file, or partition, when it is started again \

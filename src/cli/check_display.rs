@@ -88,7 +88,7 @@ fn write_times(text: &mut String, bench: &Bench, params: &RunParams, calibration
     Ok(())
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "display"))]
 mod tests {
     use super::*;
     use base::time::Tai;

@@ -62,6 +62,10 @@ pub mod snr;
 pub mod study;
 pub mod verify;
 mod wcs_warning;
+#[cfg(feature = "hats")]
+mod with_hats;
+#[cfg(not(feature = "hats"))]
+mod without_hats;
 
 use base::streams;
 use clap::{Parser, Subcommand};
@@ -117,7 +121,7 @@ enum Command {
     Check(check::CheckArgs),
     /// Measure what frames cost on this machine, for runs on the real clock and `check`; calibrate a display
     Calibrate(calibrate::CalibrateArgs),
-    /// List this machine's monitors, or show images on one
+    /// List this machine's monitors, or show images on one (in a build with --features display)
     Display(display::DisplayArgs),
     /// Host a simulated CAN bus that programs join over slcan (TCP, PTY) and socketcand
     Bus(bus::BusArgs),

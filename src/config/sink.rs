@@ -240,6 +240,10 @@ fn read_kind(kind: Kind, table: &SinkTable<'_>, check: &mut Checker<'_>) -> Resu
         }
         Kind::Display => {
             let keys = check.document.read_table(&table.keys, table.name, " (kind = \"display\")")?;
+            if !cfg!(feature = "display") {
+                let advice = "build with `cargo build --release --features display`";
+                return Err(not_built(table, "display", advice, check));
+            }
             DisplaySettings::check(&keys, table.name, table.image_px, check)
                 .map(|settings| Sink::Display(Box::new(settings)))
         }
@@ -287,12 +291,7 @@ fn iceoryx(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, Confi
     let key = table.key("service");
     if !cfg!(feature = "iceoryx2") {
         let advice = "build with `cargo build --release --features iceoryx2`, or use kind = \"shared_memory\"";
-        return Err(check.invalid(
-            &table.key("kind"),
-            "\"iceoryx2\"",
-            "a kind that this starloop was built with",
-            advice,
-        ));
+        return Err(not_built(table, "iceoryx2", advice, check));
     }
     let service = check.given_or(&key, keys.service, format!("starloop/{}", table.bench));
     if service.trim().is_empty() || service.len() > SERVICE_BYTES_MAX {
@@ -306,6 +305,11 @@ fn iceoryx(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, Confi
         ));
     }
     Ok(Sink::Iceoryx { service, slots: slots(table, keys.slots, check)? })
+}
+
+/// The error for a kind that needs a feature of the build.
+fn not_built(table: &SinkTable<'_>, kind: &str, advice: &'static str, check: &Checker<'_>) -> ConfigError {
+    check.invalid(&table.key("kind"), format!("\"{kind}\""), "a kind that this starloop was built with", advice)
 }
 
 /// Frames that a reader may be behind.

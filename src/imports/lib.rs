@@ -6,6 +6,7 @@
 //! * [`density_map`]: stars per square degree over the whole sky.
 
 pub mod density_map;
+#[cfg(feature = "hats")]
 pub mod hats;
 pub mod published;
 pub mod synthetic;

@@ -11,6 +11,7 @@ mod campaign;
 mod control;
 mod deadline;
 mod degraded;
+#[cfg(feature = "display")]
 mod display;
 mod full_load;
 mod heads;

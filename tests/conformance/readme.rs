@@ -3,7 +3,8 @@
 //! A command is a line that begins with `$ ` in a fenced block marked `console`; a trailing `\` continues it. It
 //! concerns this test when it calls `starloop` or `cargo run --release --`. The marker stands on the line above the
 //! fence and speaks for the whole block. Marked commands run in order, in one empty folder, with `configs/` taken from
-//! the repository; so a later command may read what an earlier one wrote.
+//! the repository; so a later command may read what an earlier one wrote. Blocks marked
+//! `<!-- test with --features display -->` run in a build with that feature.
 
 use crate::source::root;
 use std::path::Path;
@@ -11,6 +12,8 @@ use std::process::{Command, Output};
 use std::time::Duration;
 
 const MARK: &str = "<!-- test -->";
+/// Marks a block for a program with displays.
+const MARK_DISPLAY: &str = "<!-- test with --features display -->";
 const CALLS: &[&str] = &["cargo run --release -- ", "starloop "];
 /// Longest run of one command: README promises seconds, a busy machine takes longer.
 const LIMIT_S: u64 = 300;
@@ -35,7 +38,7 @@ fn calls(document: &str) -> Vec<Call> {
         if let Some(language) = line.trim().strip_prefix("```") {
             let block: Vec<_> = lines.by_ref().take_while(|line| line.trim() != "```").collect();
             if language == "console" {
-                calls.extend(commands(&block).into_iter().filter_map(|command| call(command, last_text == MARK)));
+                calls.extend(commands(&block).into_iter().filter_map(|command| call(command, is_mark(last_text))));
             }
             last_text = "";
         } else if !line.trim().is_empty() {
@@ -43,6 +46,11 @@ fn calls(document: &str) -> Vec<Call> {
         }
     }
     calls
+}
+
+/// Whether the commands of a block under this line run.
+fn is_mark(line: &str) -> bool {
+    line == MARK || cfg!(feature = "display") && line == MARK_DISPLAY
 }
 
 /// The `$ ` lines of a block.

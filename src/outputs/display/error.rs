@@ -5,6 +5,9 @@ use std::path::PathBuf;
 /// Why nothing, or not this, is shown.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DisplayError {
+    /// This build has no displays.
+    #[error("this program was built without displays; build it with --features display")]
+    NotBuilt,
     /// No X server answers.
     #[error("no window can be opened: {0}; start an X server and set DISPLAY (XAUTHORITY too, for another user's)")]
     NoServer(String),

@@ -13,53 +13,46 @@
 //! Threads: one event loop for the whole program (`window`), and one presenter for each display, which waits for the
 //! monitor's refresh. `send` copies a frame into one of five buffers and returns: it never waits for either.
 //!
+//! What opens windows, `screen`, is in builds with the feature `display`; `without` has its names in the others, and its error says
+//! how to build it. Calibrations and numbers are in all of them.
+//!
 //! Limits: X11 (Wayland desktops through Xwayland), Vulkan; without a server `direct_scanout`, a cargo feature that has never
 //! been run on a monitor. Ten bits where the driver offers A2B10G10R10. When the X server
 //! itself dies, Xlib ends the program; so does a client that is killed from outside (`xkill`).
 //!
-//! Tour: `params` (what is asked) -> `monitor` (which screen), `refresh` (how often) -> `window`, `placement`, `plug` (a
-//! window that fills it) or `direct_scanout`, `mode` (a monitor without a server) -> `glass`, `surface`, `format`, `painter` (what can be shown on) -> `hand_over` (the newest frame
-//! whose time has come) -> `grey`, `marker`, `picture` (what is shown) -> `presenter` (each refresh) -> `counters`,
-//! `submitted`, `submit_log` (what came of it) -> `screen` (the sink).
+//! Tour: `params` (what is asked) -> `monitor` (which screen) -> `screen` (the sink): `refresh` (how often), `window`,
+//! `placement`, `plug` (a window that fills it) or `direct_scanout`, `mode` (a monitor without a server), `glass`, `surface`,
+//! `format`, `painter` (what can be shown on), `hand_over` (the newest frame whose time has come), `presenter` (each
+//! refresh) -> `grey`, `marker`, `picture` (what is shown) -> `counters`, `submitted`, `submit_log` (what came of it).
 //!
 //! Calibration: `geometry` and `response` say where and how bright, `drive` and `dither` make greys of luminance, `beat` and
 //! `latency` tell what shutters and clocks do to it; `calibration` measures all of them.
 
 pub mod beat;
 pub mod calibration;
+#[cfg_attr(not(feature = "display"), allow(dead_code, reason = "counted by a display that is open"))]
 pub mod counters;
 pub mod covered;
-#[cfg(feature = "direct_scanout")]
-mod direct_scanout;
 pub mod dither;
 pub mod drive;
 pub mod error;
 pub mod flat_field;
-mod format;
 pub mod geometry;
-mod glass;
 pub mod grey;
-mod hand_over;
 pub mod latency;
 pub mod luminance_code;
 pub mod marker;
-#[cfg(feature = "direct_scanout")]
-mod mode;
 pub mod monitor;
-pub mod painter;
 pub mod params;
 pub mod picture;
-mod placement;
-mod plug;
-mod presenter;
-mod refresh;
 pub mod response;
+#[cfg(feature = "display")]
 mod screen;
-mod state;
+#[cfg_attr(not(feature = "display"), allow(dead_code, reason = "written by a display that is open"))]
 pub mod submit_log;
 pub mod submitted;
-mod surface;
-mod window;
+#[cfg(not(feature = "display"))]
+mod without;
 
 pub use counters::Counts;
 pub use error::DisplayError;
@@ -67,7 +60,9 @@ pub use grey::{GreyMaker, GreyTable};
 pub use marker::{Corner, Marker};
 pub use monitor::MonitorChoice;
 pub use params::{Bits, CardChoice, Params};
-pub use screen::Display;
+#[cfg(feature = "display")]
+pub use screen::{Display, monitors, painter};
 pub use submit_log::{SUBMITS, SubmitRow};
 pub use submitted::Submitted;
-pub use window::monitors;
+#[cfg(not(feature = "display"))]
+pub use without::{Display, monitors};

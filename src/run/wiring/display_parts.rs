@@ -12,7 +12,7 @@
 //! over [s + L, s + L + P], one that flashes over [s + L, s + L + `duty` P]: that interval is the exposure that is drawn,
 //! so its start wants s = start - L. Submits come once a refresh, at a phase that nobody knows, as the bench clock and the monitor's
 //! are two: of all refreshes a frame gets the nearest one, s = start - L + u with u even in [-P/2, P/2], 0 on the average
-//! (`outputs::display::presenter` holds it back until then, so that u does not depend on how fast it was drawn;
+//! (`outputs::display::screen::presenter` holds it back until then, so that u does not depend on how fast it was drawn;
 //! P/sqrt(12) rms). It must be there at the earliest of these, start - L - P/2, and C (`COMPOSING`) before it for
 //! copies and greys, and is given P to be drawn in: it is begun 3/2 P + C + L before the start, so `ahead` = exposure +
 //! 3/2 P + C + L. Shown as soon as drawn, light would come P/2 less the drawing time too soon; begun a refresh later,

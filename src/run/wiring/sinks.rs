@@ -310,8 +310,10 @@ mod tests {
         assert_eq!(of("", Some("here")), Some("here".into()));
         assert_eq!(of("[sink]\nkind = \"null\"", Some("here")), Some("here".into()), "the summary");
         assert_eq!(of("[sink]\nkind = \"null\"", None), None, "nothing to keep");
-        assert_eq!(of("[sink]\nkind = \"display\"", Some("here")), Some("here".into()), "submit times");
-        assert_eq!(of("[sink]\nkind = \"display\"", None), None, "which are kept only when asked for");
+        if cfg!(feature = "display") {
+            assert_eq!(of("[sink]\nkind = \"display\"", Some("here")), Some("here".into()), "submit times");
+            assert_eq!(of("[sink]\nkind = \"display\"", None), None, "which are kept only when asked for");
+        }
         assert_eq!(of(THREE, None), Some("out/now".into()));
         assert_eq!(of(&THREE.replace("fits = false", "directory = \"disk\""), None), Some("disk/now".into()));
     }

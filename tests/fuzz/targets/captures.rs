@@ -2,14 +2,14 @@
 
 #![no_main]
 
+use base::time::Tai;
 use firmware_protocol::can::CanFrame;
 use libfuzzer_sys::fuzz_target;
-use starloop_fuzz::base::time::Tai;
-use starloop_fuzz::link::capture::{
+use link::capture::{
     BLOCK_MAX, CaptureError, CaptureFormat, CaptureReader, CaptureWriter, CapturedPacket, Direction, LINE_MAX, Line,
     parse_line,
 };
-use starloop_fuzz::link::{CHUNK_MAX, Packet, SerialChunk};
+use link::{CHUNK_MAX, Packet, SerialChunk};
 use starloop_fuzz::{Input, control};
 
 /// One block, the packets that its serial bytes become (more than twice their size, in a queue that doubles), buffers.

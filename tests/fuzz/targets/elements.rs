@@ -3,10 +3,10 @@
 
 #![no_main]
 
+use base::time::{Span, Tai};
 use libfuzzer_sys::fuzz_target;
-use starloop_fuzz::base::time::{Span, Tai};
-use starloop_fuzz::sky::ObserverError;
-use starloop_fuzz::sky::orbit::TleOrbit;
+use sky::ObserverError;
+use sky::orbit::TleOrbit;
 use starloop_fuzz::{Input, control};
 
 /// Elements of the documentation of the two-line format (International Space Station, 2008).

@@ -3,10 +3,10 @@
 
 #![no_main]
 
+use base::source::{CatalogSource, direction_from_ra_dec};
 use libfuzzer_sys::fuzz_target;
-use starloop_fuzz::sky::catalog::{CatalogSource, direction_from_ra_dec};
-use starloop_fuzz::sky::layer::{Layer, LayerError, LayerSet, NewStar, Sorting, is_layer};
 use starloop_fuzz::{Input, control, scratch};
+use stars::layer::{Layer, LayerError, LayerSet, NewStar, Sorting, is_layer};
 use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;

@@ -3,9 +3,9 @@
 
 #![no_main]
 
+use base::time::{Span, Tai};
 use libfuzzer_sys::fuzz_target;
-use starloop_fuzz::base::time::{Span, Tai};
-use starloop_fuzz::network_camera::{Answer, Device, DeviceParams, Params, SensorParams, StreamSettings};
+use outputs::network_camera::{Answer, Device, DeviceParams, Params, SensorParams, StreamSettings};
 use starloop_fuzz::{Input, control};
 use std::net::{Ipv4Addr, SocketAddrV4};
 

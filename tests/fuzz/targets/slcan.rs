@@ -3,7 +3,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use starloop_fuzz::link::gateway::slcan::{Command, LINE_MAX, Parser, SlcanReject};
+use link::gateway::slcan::{Command, LINE_MAX, Parser, SlcanReject};
 use starloop_fuzz::{Input, input};
 
 const DATA_LENGTHS: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];

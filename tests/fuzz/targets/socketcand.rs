@@ -4,7 +4,7 @@
 
 use firmware_protocol::can::CanFrame;
 use libfuzzer_sys::fuzz_target;
-use starloop_fuzz::link::gateway::socketcand::{Command, ELEMENT_MAX, NAME_MAX, Parser, SocketcandReject};
+use link::gateway::socketcand::{Command, ELEMENT_MAX, NAME_MAX, Parser, SocketcandReject};
 use starloop_fuzz::{Input, input};
 
 fuzz_target!(|bytes: &[u8]| {

@@ -4,12 +4,12 @@
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
+use imports::published::bright::BrightStars;
+use imports::published::gaia::{self, Names};
+use imports::published::{ImportError, add_bright};
 use libfuzzer_sys::fuzz_target;
-use starloop_fuzz::sky::import::bright::BrightStars;
-use starloop_fuzz::sky::import::gaia::{self, Names};
-use starloop_fuzz::sky::import::{ImportError, add_bright};
-use starloop_fuzz::sky::layer::Sorting;
 use starloop_fuzz::{Input, control, scratch};
+use stars::layer::Sorting;
 use std::io::{BufReader, Write};
 use std::path::Path;
 

@@ -6,9 +6,9 @@
 
 use crate::display::error::{Closing, DisplayError};
 use crate::display::monitor::{self, MonitorChoice, MonitorFacts};
-use crate::display::placement::{Area, Placement, Verdict};
-use crate::display::plug::Plugs;
-use crate::display::state::State;
+use crate::display::screen::placement::{Area, Placement, Verdict};
+use crate::display::screen::plug::Plugs;
+use crate::display::screen::state::State;
 use base::clock::Stopwatch;
 use base::time::Span;
 use crossbeam_channel::{Sender, bounded};

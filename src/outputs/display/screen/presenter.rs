@@ -7,11 +7,11 @@
 
 use crate::display::counters::count;
 use crate::display::error::DisplayError;
-use crate::display::glass::{Glass, Turn};
 use crate::display::grey::GreyMaker;
-use crate::display::hand_over::{Incoming, Luminances};
 use crate::display::picture::Picture;
-use crate::display::state::State;
+use crate::display::screen::glass::{Glass, Turn};
+use crate::display::screen::hand_over::{Incoming, Luminances};
+use crate::display::screen::state::State;
 use crate::display::submitted::Submitted;
 use base::clock::{Clock, Stopwatch};
 use base::time::{Span, Tai};
@@ -204,9 +204,9 @@ impl<G: Glass> Presenter<G> {
 mod tests {
     use super::*;
     use crate::display::grey::{GreyTable, Row};
-    use crate::display::hand_over::{Outgoing, hand_over};
     use crate::display::marker::{Corner, Marker};
     use crate::display::params::Params;
+    use crate::display::screen::hand_over::{Outgoing, hand_over};
     use base::clock::Virtual;
     use crossbeam_channel::{Receiver, bounded};
 

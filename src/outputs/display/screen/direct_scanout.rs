@@ -13,13 +13,13 @@
 
 use crate::display::counters::Counts;
 use crate::display::error::DisplayError;
-use crate::display::glass::{Glass, Turn};
-use crate::display::mode::{self, Mode};
 use crate::display::monitor::{self, MonitorFacts};
 use crate::display::params::{Bits, CardChoice, Params};
 use crate::display::picture::Picture;
-use crate::display::state::State;
-use crate::display::surface::{MOST_LOSSES, Pane, VulkanGlass};
+use crate::display::screen::glass::{Glass, Turn};
+use crate::display::screen::mode::{self, Mode};
+use crate::display::screen::state::State;
+use crate::display::screen::surface::{MOST_LOSSES, Pane, VulkanGlass};
 use core::panic::AssertUnwindSafe;
 use drm::Device as _;
 use drm::control::{Device as _, connector};

@@ -1,21 +1,38 @@
 //! The sink: frames in, a monitor that shows them.
 
-use crate::display::counters::{Counts, count};
 #[cfg(feature = "direct_scanout")]
-use crate::display::direct_scanout::{self, Connector, ScanOut};
+mod direct_scanout;
+mod format;
+mod glass;
+mod hand_over;
+#[cfg(feature = "direct_scanout")]
+mod mode;
+pub mod painter;
+mod placement;
+mod plug;
+mod presenter;
+mod refresh;
+mod state;
+mod surface;
+mod window;
+
+pub use window::monitors;
+
+use crate::display::counters::{Counts, count};
 use crate::display::error::DisplayError;
-use crate::display::glass::Glass;
 use crate::display::grey::GreyMaker;
-use crate::display::hand_over::{Outgoing, hand_over};
 use crate::display::params::{CardChoice, Params};
 use crate::display::picture::Picture;
-use crate::display::presenter::{Pace, Presenter, Showing};
-use crate::display::refresh;
-use crate::display::state::State;
+#[cfg(feature = "direct_scanout")]
+use crate::display::screen::direct_scanout::{Connector, ScanOut};
+use crate::display::screen::glass::Glass;
+use crate::display::screen::hand_over::{Outgoing, hand_over};
+use crate::display::screen::presenter::{Pace, Presenter, Showing};
+use crate::display::screen::state::State;
+use crate::display::screen::surface::{Pane, VulkanGlass};
+use crate::display::screen::window::{Opened, Order};
 use crate::display::submit_log::SubmitLog;
 use crate::display::submitted::Submitted;
-use crate::display::surface::{Pane, VulkanGlass};
-use crate::display::window::{self, Opened, Order};
 use base::clock::Clock;
 use base::time::Span;
 use crossbeam_channel::{Receiver, bounded};
@@ -318,10 +335,10 @@ impl Start<'_> {
 mod tests {
     use super::*;
     use crate::display::error::Closing;
-    use crate::display::glass::Turn;
     use crate::display::grey::GreyTable;
     use crate::display::marker::{Corner, Marker};
     use crate::display::params::Bits;
+    use crate::display::screen::glass::Turn;
     use base::clock::Monotonic;
     use frames::sink::compliance::check_sink;
     use frames::sink::sample::sample_frame;

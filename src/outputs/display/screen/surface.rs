@@ -3,15 +3,15 @@
 //! What may come back is no error: a surface that is lost or has another size is configured or made again. What does not come
 //! back within a second, or a lost device, ends the display.
 
-#[cfg(feature = "direct_scanout")]
-use crate::display::direct_scanout::Connector;
 use crate::display::error::DisplayError;
-use crate::display::format;
-use crate::display::glass::{Glass, Turn};
-use crate::display::painter::GreyPainter;
 use crate::display::params::Bits;
 use crate::display::picture::Picture;
-use crate::display::state::State;
+#[cfg(feature = "direct_scanout")]
+use crate::display::screen::direct_scanout::Connector;
+use crate::display::screen::format;
+use crate::display::screen::glass::{Glass, Turn};
+use crate::display::screen::painter::GreyPainter;
+use crate::display::screen::state::State;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use wgpu::{CurrentSurfaceTexture, SurfaceTexture};
 use winit::window::Window;

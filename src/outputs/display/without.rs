@@ -1,0 +1,82 @@
+//! The display of a build without the feature `display`: none can be opened, and the error says how to build it.
+
+use crate::display::counters::Counts;
+use crate::display::error::DisplayError;
+use crate::display::grey::GreyMaker;
+use crate::display::monitor::MonitorFacts;
+use crate::display::params::Params;
+use crate::display::submitted::Submitted;
+use base::clock::Clock;
+use core::convert::Infallible;
+use crossbeam_channel::Receiver;
+use frames::sink::{SentFrame, Sink, SinkError, SinkSummary};
+use std::path::Path;
+use std::sync::Arc;
+
+/// A monitor that shows frames. This build has none.
+#[derive(Debug)]
+pub struct Display(Infallible);
+
+impl Display {
+    /// Fails.
+    ///
+    /// # Errors
+    /// Always: [`DisplayError::NotBuilt`].
+    pub fn open(_: &Params, _: [u32; 2], _: GreyMaker, _: Arc<dyn Clock>) -> Result<Self, DisplayError> {
+        Err(DisplayError::NotBuilt)
+    }
+
+    /// Which monitor, driver and format.
+    #[must_use]
+    pub fn description(&self) -> &str {
+        match self.0 {}
+    }
+
+    /// What became of frames and refreshes so far.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        match self.0 {}
+    }
+
+    /// Writes the submit times into a file.
+    ///
+    /// # Errors
+    /// Never, as there is no display.
+    pub fn keep_submits(&mut self, _: &Path) -> Result<(), DisplayError> {
+        match self.0 {}
+    }
+
+    /// Submit times, for one reader.
+    #[must_use]
+    pub fn submits(&self) -> Receiver<Submitted> {
+        match self.0 {}
+    }
+
+    /// Why nothing is shown any more, if so.
+    #[must_use]
+    pub fn ended(&self) -> Option<&DisplayError> {
+        match self.0 {}
+    }
+}
+
+impl Sink for Display {
+    fn name(&self) -> &'static str {
+        match self.0 {}
+    }
+
+    fn send(&mut self, _: &SentFrame) -> Result<(), SinkError> {
+        match self.0 {}
+    }
+
+    fn finish(&mut self) -> Result<SinkSummary, SinkError> {
+        match self.0 {}
+    }
+}
+
+/// Fails.
+///
+/// # Errors
+/// Always: [`DisplayError::NotBuilt`].
+pub fn monitors() -> Result<Vec<MonitorFacts>, DisplayError> {
+    Err(DisplayError::NotBuilt)
+}

@@ -1,3 +1,0 @@
-//! `starloop::sky::observer`: the state alone.
-
-pub use crate::sky::state::BarycentricState;
