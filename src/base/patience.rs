@@ -5,13 +5,35 @@
 
 use crate::clock::Stopwatch;
 use crate::time::Span;
+use core::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// A thread that finishes nothing for this long at the end of a run is given up. Short in tests, which wait for it.
-pub const END_PATIENCE: Span = Span::from_ms(if cfg!(test) { 1_000 } else { 5_000 });
+/// A thread that finishes nothing for this long at the end of a run is given up.
+pub const END_PATIENCE: Span = Span::from_ms(5_000);
 /// The same in the middle of a run on the virtual clock, which waits for slow disks: longer, as no frame is late there.
-pub const STALL_PATIENCE: Span = Span::from_ms(if cfg!(test) { 3_000 } else { 60_000 });
+pub const STALL_PATIENCE: Span = Span::from_ms(60_000);
+/// Both after [`be_short`].
+const SHORT_PATIENCE: [Span; 2] = [Span::from_ms(1_000), Span::from_ms(3_000)];
+static IS_SHORT: AtomicBool = AtomicBool::new(false);
+
+/// Shortens all patience of this program to 1 and 3 s, for tests that wait until it is over.
+pub fn be_short() {
+    IS_SHORT.store(true, Ordering::Relaxed);
+}
+
+/// Returns the patience at the end of a run, [`END_PATIENCE`].
+#[must_use]
+pub fn end() -> Span {
+    if IS_SHORT.load(Ordering::Relaxed) { SHORT_PATIENCE[0] } else { END_PATIENCE }
+}
+
+/// Returns the patience in the middle of a run, [`STALL_PATIENCE`].
+#[must_use]
+pub fn stall() -> Span {
+    if IS_SHORT.load(Ordering::Relaxed) { SHORT_PATIENCE[1] } else { STALL_PATIENCE }
+}
+
 /// Between two looks at a thread that is to end.
 pub const LOOK: Duration = Duration::from_millis(2);
 /// Between two looks at the clock of whoever a queue wakes.
@@ -47,7 +69,7 @@ impl Patience {
 
 /// Joins a thread; `None` when it ended neither in time nor moved `progress` for [`END_PATIENCE`]: it is left behind.
 pub fn join_or_give_up<T>(thread: JoinHandle<T>, mut progress: impl FnMut() -> u64) -> Option<std::thread::Result<T>> {
-    let (mut patience, mut seen) = (Patience::new(END_PATIENCE), progress());
+    let (mut patience, mut seen) = (Patience::new(end()), progress());
     while !thread.is_finished() {
         let now = progress();
         if now != seen {
@@ -64,7 +86,7 @@ pub fn join_or_give_up<T>(thread: JoinHandle<T>, mut progress: impl FnMut() -> u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use core::sync::atomic::{AtomicU64, Ordering};
+    use core::sync::atomic::AtomicU64;
     use std::sync::Arc;
 
     fn started<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> JoinHandle<T> {
@@ -73,6 +95,7 @@ mod tests {
 
     #[test]
     fn slow_thread_that_goes_on_is_waited_for_and_one_that_blocks_is_not() {
+        be_short();
         let steps = Arc::new(AtomicU64::new(0));
         let counted = Arc::clone(&steps);
         let slow = started(move || {

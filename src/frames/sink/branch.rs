@@ -6,14 +6,14 @@
 //! next one: a disk that is full now may have room later. A sink that panics is not called again.
 //!
 //! A branch that goes, also without [`Branch::finish`], lets its sink finish what it was handed, and waits for that as long
-//! as frames come back: a sink that blocks is given up after [`END_PATIENCE`], and its thread is left behind. Where every
-//! frame is waited for, a sink that blocks is given up after [`STALL_PATIENCE`] in the middle of a run.
+//! as frames come back: a sink that blocks is given up after [`patience::END_PATIENCE`], and its thread is left behind. Where every
+//! frame is waited for, a sink that blocks is given up after [`patience::STALL_PATIENCE`] in the middle of a run.
 //! Tests: `fan_tests.rs`.
 
 use crate::sink::line::{Loss, LossKind, SinkLine};
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 use base::clock::Stopwatch;
-use base::patience::{END_PATIENCE, LOOK, Patience, QUEUE_LOOK, STALL_PATIENCE};
+use base::patience::{self, LOOK, Patience, QUEUE_LOOK};
 use base::time::Span;
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -113,7 +113,7 @@ impl Branch {
 
     /// Waits for the oldest frame that was handed over: what became of it. A sink that blocks is given up.
     pub(super) fn settle(&mut self) -> Result<(), SinkError> {
-        let limit = STALL_PATIENCE + self.slow_frame;
+        let limit = patience::stall() + self.slow_frame;
         let mut patience = Patience::new(limit);
         loop {
             match self.back.recv_timeout(QUEUE_LOOK) {
@@ -217,7 +217,7 @@ impl Branch {
         self.hang_up();
         let Some(thread) = self.thread.take() else { return Ok(None) };
         if !thread.is_finished() {
-            return Err(self.give_up(END_PATIENCE + self.slow_frame));
+            return Err(self.give_up(patience::end() + self.slow_frame));
         }
         let joined = thread.join();
         self.collect();
@@ -264,7 +264,7 @@ impl Drop for Branch {
 pub(super) fn wait_for(branches: &mut [Branch]) {
     branches.iter_mut().for_each(Branch::hang_up);
     let slowest = branches.iter().map(|branch| branch.slow_frame).max().unwrap_or(Span::ZERO);
-    let mut patience = Patience::new(END_PATIENCE + slowest);
+    let mut patience = Patience::new(patience::end() + slowest);
     while !patience.is_over() && !branches.iter().all(Branch::has_ended) {
         std::thread::sleep(LOOK);
         if branches.iter_mut().fold(false, |any, branch| branch.has_moved() | any) {

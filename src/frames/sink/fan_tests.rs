@@ -93,6 +93,7 @@ fn let_go_soon(gate: Sender<()>) {
 }
 
 fn fan(sinks: Vec<Box<dyn Sink>>, buffers: usize, on_full: OnFull) -> Fan {
+    base::patience::be_short();
     let named = (0..).zip(sinks).map(|(i, sink)| BranchParams { place: format!("sink {i}"), sink, buffers });
     Fan::start(named, &sample_frame(0), on_full).unwrap()
 }

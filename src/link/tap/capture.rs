@@ -8,7 +8,7 @@
 
 use crate::capture::{CaptureError, CaptureFormat, CaptureWriter, CapturedPacket, Direction};
 use crate::{Departure, Link, LinkCounters, LinkError, Packet, Stamped};
-use base::patience::{END_PATIENCE, Patience, QUEUE_LOOK, STALL_PATIENCE, join_or_give_up};
+use base::patience::{self, Patience, QUEUE_LOOK, join_or_give_up};
 use base::time::Tai;
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use crossbeam_channel::{Receiver, SendTimeoutError, Sender, TrySendError, bounded};
@@ -101,7 +101,7 @@ impl Capture {
         });
         let error = match joined {
             Some(ended) => ended.unwrap_or(Some(CaptureError::WriterLost)),
-            None => Some(CaptureError::GivenUp { file: "the capture's packets", patience: END_PATIENCE }),
+            None => Some(CaptureError::GivenUp { file: "the capture's packets", patience: patience::end() }),
         };
         let written = counts.written.load(Ordering::SeqCst);
         CaptureOutcome { written, lost: counts.passed.load(Ordering::SeqCst).saturating_sub(written), error }
@@ -150,7 +150,7 @@ impl Queue {
 
     /// Waits until there is a place in the queue; gives up a writer that takes nothing.
     fn put_in_time(&self, packet: CapturedPacket) {
-        let (mut packet, mut patience) = (Some(packet), Patience::new(STALL_PATIENCE));
+        let (mut packet, mut patience) = (Some(packet), Patience::new(patience::stall()));
         while let Err(SendTimeoutError::Timeout(back)) = self.to_write.send_timeout(packet, QUEUE_LOOK) {
             if patience.is_over() {
                 self.counts.is_over.store(true, Ordering::SeqCst);

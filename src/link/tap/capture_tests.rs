@@ -95,6 +95,7 @@ fn a_full_disk_ends_the_capture_and_not_the_run() {
 
 #[test]
 fn writer_that_blocks_is_given_up_and_what_it_has_not_written_is_lost() {
+    base::patience::be_short();
     struct Blocking(crossbeam_channel::Receiver<()>);
     impl Write for Blocking {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {

@@ -8,7 +8,7 @@
 
 use super::{ReplayError, RowCounts};
 use crate::runtime::{FrameMark, FrameMarksEnd};
-use base::patience::{END_PATIENCE, Patience, QUEUE_LOOK, STALL_PATIENCE, join_or_give_up};
+use base::patience::{self, Patience, QUEUE_LOOK, join_or_give_up};
 use base::time::Span;
 use crossbeam_channel::{Receiver, SendTimeoutError, Sender, bounded};
 use frames::sink::crc32::pixel_crc32;
@@ -188,10 +188,10 @@ impl RowSink {
             let _ = to_write.try_send(row); // a row that is not written counts as lost
             return;
         }
-        let (mut row, mut patience) = (row, Patience::new(STALL_PATIENCE));
+        let (mut row, mut patience) = (row, Patience::new(patience::stall()));
         while let Err(SendTimeoutError::Timeout(back)) = to_write.send_timeout(row, QUEUE_LOOK) {
             if patience.is_over() {
-                return self.give_up(STALL_PATIENCE);
+                return self.give_up(patience::stall());
             }
             row = back;
         }
@@ -203,7 +203,7 @@ impl RowSink {
         if let Some(writer) = self.writer.take() {
             let joined = join_or_give_up(writer, || lock(&self.to.state).counts.rows);
             if !matches!(joined, Some(Ok(()))) {
-                self.give_up(END_PATIENCE);
+                self.give_up(patience::end());
             }
         }
         let mut state = lock(&self.to.state);
@@ -436,6 +436,7 @@ mod tests {
 
     #[test]
     fn writer_that_blocks_is_given_up_and_its_rows_are_lost() {
+        base::patience::be_short();
         for waits in [true, false] {
             let (_marks, end) = frame_marks();
             let (_never, blocks) = bounded(0);
