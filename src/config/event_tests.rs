@@ -197,10 +197,9 @@ fn defects_and_storms_are_read_as_they_are_given() {
         let text = format!("do = \"{word}\"\nat_s = 1.0\nfor_s = 2.0\n{lines}");
         let document = Document::from_text(&text, Path::new("lab/event.toml"));
         let keys: EventKeys = document.read_as().unwrap();
-        match Event::check(&keys, 0, PERIOD, &mut Checker::new(&document)).unwrap().action {
-            Action::Frame { fault, .. } => fault,
-            other => panic!("{other:?}"),
-        }
+        let action = Event::check(&keys, 0, PERIOD, &mut Checker::new(&document)).unwrap().action;
+        let Action::Frame { fault, .. } = action else { panic!("{action:?}") };
+        fault
     };
     let none = FaultPixels { at: None, random: 0 };
     let column = DefectSpots { pixels: none, column: Some(7), row: None };

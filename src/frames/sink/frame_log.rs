@@ -171,7 +171,7 @@ impl FrameLog {
     #[cfg(all(test, target_os = "linux"))]
     pub(super) fn on_a_full_disk() -> Self {
         let path = PathBuf::from("/dev/full");
-        let file = OpenOptions::new().write(true).open(&path).unwrap();
+        let file = OpenOptions::new().write(true).open(&path).expect("Linux has /dev/full");
         Self { path, file, whole_bytes: 0 }
     }
 

@@ -171,9 +171,9 @@ impl SharedMemory {
         let made = Self { path: path.clone(), file, head, bytes: 0, tally: Tally::default() };
         made.fill().map_err(failed)?;
         // This takes the name from nobody.
-        temporary.persist_noclobber(&path).map_err(|refused| match refused.error.kind() {
-            io::ErrorKind::AlreadyExists => SinkError::InUse { path: path.clone() },
-            _ => failed(refused.error),
+        temporary.persist_noclobber(&path).map_err(|refused| {
+            let is_taken = refused.error.kind() == io::ErrorKind::AlreadyExists;
+            if is_taken { SinkError::InUse { path: path.clone() } } else { failed(refused.error) }
         })?;
         Ok(made)
     }

@@ -63,7 +63,12 @@ pub fn fill(plan: &mut ExposurePlan, probes: &Probes, camera: &CameraGeometry, b
         let first = plan.lists.len();
         match method {
             Method::ZonalPsf { zones, .. } => fill_zones(plan, probes, camera, class, zones, buffers),
-            _ => {
+            Method::Static
+            | Method::Gaussian
+            | Method::GaussLegendre { .. }
+            | Method::Segments { .. }
+            | Method::Samples { .. }
+            | Method::EffectivePsf { .. } => {
                 let bands = bands.max(1);
                 let field = field_of(&plan.psf);
                 for band in 0..bands {

@@ -212,7 +212,11 @@ fn brighter(light: &StarLight, times: f64) -> Result<StarLight> {
 pub fn hold_cards(sinks: &[SinkSettings]) -> Vec<File> {
     let is_direct = |settings: &SinkSettings| match &settings.sink {
         Sink::Display(settings) => settings.params.direct_scanout.is_some(),
-        _ => false,
+        Sink::Recorder { .. }
+        | Sink::SharedMemory { .. }
+        | Sink::Iceoryx { .. }
+        | Sink::NetworkCamera(_)
+        | Sink::Null => false,
     };
     let entries = sinks.iter().any(is_direct).then(|| std::fs::read_dir("/dev/dri").ok()).flatten();
     let cards = entries.into_iter().flatten().filter_map(Result::ok);

@@ -278,8 +278,19 @@ pub(super) fn check_places(event: &Event, there: Inventory) -> Result<(), String
         Action::WheelFailure { wheel } if wheel >= wheels => {
             Err(format!("wheel {wheel}: there are {wheels}, counted from 0"))
         }
-        _ if event.at < Span::ZERO => Err("wanted a time not before the first exposure".into()),
-        _ => Ok(()),
+        Action::Slew(_)
+        | Action::Safe
+        | Action::Resume
+        | Action::Bus(_)
+        | Action::BusBack(_)
+        | Action::Frame { .. }
+        | Action::Gyro(_)
+        | Action::WheelFailure { .. }
+        | Action::TrackerOff { .. }
+        | Action::Trigger { .. } => {
+            let is_before = event.at < Span::ZERO;
+            if is_before { Err("wanted a time not before the first exposure".into()) } else { Ok(()) }
+        }
     }
 }
 
@@ -315,7 +326,13 @@ fn vehicle_fault(action: &Action) -> Option<VehicleFault> {
         Action::Gyro(GyroFaultKind::Spike(spike)) => VehicleFault::GyroSpike(spike),
         Action::WheelFailure { wheel } => VehicleFault::WheelFailure(wheel),
         Action::TrackerOff { head } => VehicleFault::TrackerOff(head),
-        _ => return None,
+        Action::Slew(_)
+        | Action::Safe
+        | Action::Resume
+        | Action::Bus(_)
+        | Action::BusBack(_)
+        | Action::Frame { .. }
+        | Action::Trigger { .. } => return None,
     })
 }
 

@@ -206,7 +206,7 @@ pub fn told(settings: &SinkSettings) -> String {
             let calibration = settings.calibration.as_ref();
             let monitor = match &settings.params.monitor {
                 MonitorChoice::Primary => "the primary monitor".into(),
-                other => format!("the monitor {other}"),
+                named @ (MonitorChoice::Index(_) | MonitorChoice::Named(_)) => format!("the monitor {named}"),
             };
             let calibration =
                 calibration.map_or_else(|| "none: greys taken for luminances".into(), |c| c.display().to_string());

@@ -93,11 +93,12 @@ impl Layer {
         let file = File::open(path).map_err(LayerError::file("cannot open", path))?;
         let got = file.metadata().map_err(LayerError::file("cannot read", path))?.len();
         let read = |at: u64, bytes: &mut [u8]| {
-            read_at(&file, at, bytes).map_err(|source| match source.kind() {
-                std::io::ErrorKind::UnexpectedEof => {
+            read_at(&file, at, bytes).map_err(|source| {
+                if source.kind() == std::io::ErrorKind::UnexpectedEof {
                     LayerError::Length { path: path.into(), wanted: at + bytes.len() as u64, got }
+                } else {
+                    LayerError::file("cannot read", path)(source)
                 }
-                _ => LayerError::file("cannot read", path)(source),
             })
         };
         let mut magic = [0; MAGIC.len()];
