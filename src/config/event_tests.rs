@@ -1,6 +1,7 @@
 //! Every word takes its own keys, asks for those it needs, and refuses all others.
 
 use super::*;
+use crate::event_word::Kind;
 use link::tap::LinkFault;
 
 /// From one frame to the next.
@@ -48,6 +49,12 @@ const VALUES: [(&str, &str); 39] = [
     ("incidence_deg", "45.0"),
     ("azimuth_deg", "30.0"),
 ];
+
+/// The event of a word with every key that it takes.
+pub(crate) fn given_in_full(word: &str, kind: Kind) -> Event {
+    let (needed, optional) = kind.keys();
+    checked(word, &[needed, optional].concat()).expect(word)
+}
 
 fn checked(word: &str, names: &[&str]) -> Result<Event, String> {
     let line =
