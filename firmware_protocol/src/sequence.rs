@@ -45,7 +45,14 @@ impl Sequences {
             Message::Attitude(record) => self.attitude.admit(record.seq)?,
             Message::Jitter(burst) => self.jitter.admit(burst.seq)?,
             Message::JitterPair(pair) => self.jitter_pair.admit(pair.slot)?,
-            _ => {}
+            Message::Sync(_)
+            | Message::Wheels(_)
+            | Message::Table(_)
+            | Message::Exposure(_)
+            | Message::Status(_)
+            | Message::Command(_)
+            | Message::Response(_)
+            | Message::Heartbeat(_) => {}
         }
         Ok(message)
     }

@@ -68,15 +68,9 @@ fn least<const N: usize>(found: [Option<Available>; N]) -> Option<Available> {
     found.into_iter().flatten().min_by_key(|available| available.bytes)
 }
 
-#[cfg(unix)]
 fn own_limits() -> [Option<u64>; 2] {
     use rustix::process::{Resource, getrlimit};
     [Resource::As, Resource::Data].map(|resource| getrlimit(resource).current)
-}
-
-#[cfg(not(unix))]
-fn own_limits() -> [Option<u64>; 2] {
-    [None; 2]
 }
 
 fn promised() -> Option<u64> {
@@ -113,7 +107,7 @@ fn left_in_group(folder: &std::path::Path) -> Option<u64> {
     Some(most.saturating_sub(used.saturating_sub(files)))
 }
 
-#[cfg(all(test, target_os = "linux"))]
+#[cfg(test)]
 mod tests {
     use super::*;
 

@@ -49,16 +49,14 @@ fn advice(error: &clap::Error) -> Option<String> {
         Some(ContextValue::String(text)) => Some(text.as_str()),
         _ => None,
     };
-    match error.kind() {
-        ErrorKind::UnknownArgument => {
-            let is_number = text(ContextKind::InvalidArg)?.parse::<f64>().is_ok();
-            is_number.then(|| "Several numbers of one option are separated by commas, without blanks: 0.1,0.2".into())
-        }
-        ErrorKind::ValueValidation | ErrorKind::InvalidValue => {
-            let (option, given) = (text(ContextKind::InvalidArg)?, text(ContextKind::InvalidValue)?);
-            advice_for_number(option, given)
-        }
-        _ => None,
+    if error.kind() == ErrorKind::UnknownArgument {
+        let is_number = text(ContextKind::InvalidArg)?.parse::<f64>().is_ok();
+        is_number.then(|| "Several numbers of one option are separated by commas, without blanks: 0.1,0.2".into())
+    } else if matches!(error.kind(), ErrorKind::ValueValidation | ErrorKind::InvalidValue) {
+        let (option, given) = (text(ContextKind::InvalidArg)?, text(ContextKind::InvalidValue)?);
+        advice_for_number(option, given)
+    } else {
+        None
     }
 }
 

@@ -115,7 +115,9 @@ fn simulated_sights(bench: &mut DisplayBench, plan: &Plan) -> Vec<Sight> {
     for pattern in plan.patterns() {
         let frame = match pattern {
             Pattern::Dark => bench.frame(None),
-            shown => bench.frame(Some(&plan.draw(shown))),
+            Pattern::Level(_) | Pattern::Dots | Pattern::DotsBit(_) | Pattern::Marker(_) => {
+                bench.frame(Some(&plan.draw(pattern)))
+            }
         };
         sights.extend(sights_of_frame(pattern, &scale.applied(&frame), scale.saturated_from()));
     }

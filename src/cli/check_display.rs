@@ -25,7 +25,11 @@ pub(super) fn write_display(
 ) -> Result<()> {
     let displays = bench.sinks.iter().filter_map(|settings| match &settings.sink {
         Sink::Display(display) => Some(display),
-        _ => None,
+        Sink::Recorder { .. }
+        | Sink::SharedMemory { .. }
+        | Sink::Iceoryx { .. }
+        | Sink::NetworkCamera(_)
+        | Sink::Null => None,
     });
     for display in displays {
         if display.calibration.is_none() {

@@ -11,7 +11,6 @@ use frames::sink::{FrameFault, NullSink};
 use glam::DVec3;
 use link::tap::LinkFault;
 use run::wiring::closed_loop::ClosedLoop;
-use run::wiring::faults::action_name;
 
 /// The section about the scenario.
 ///
@@ -62,7 +61,7 @@ fn write_events(text: &mut String, events: &[Event]) -> Result<(), Error> {
     }
     writeln!(text, "  events        at s    for s  do")?;
     for event in events {
-        let line = format!("{:<20} {}", action_name(&event.action), told(&event.action));
+        let line = format!("{:<20} {}", event.action.word(), told(&event.action));
         let after = event.on_trigger.map_or_else(String::new, |number| format!(", after trigger {number}"));
         writeln!(text, "            {:9.1} {:9.1}  {}{after}", event.at.s(), event.lasts.s(), line.trim_end())?;
     }

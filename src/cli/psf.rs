@@ -209,7 +209,7 @@ fn model_told(psf: &Psf) -> String {
         Psf::Airy { f_number, wavelength_nm, obscuration } => {
             format!("Airy, f/{f_number:.2}, obscuration {obscuration}, {wavelength_nm} nm")
         }
-        _ => "as the camera file gives it".into(),
+        Psf::Chain(_) | Psf::Made(_) => "as the camera file gives it".into(),
     }
 }
 

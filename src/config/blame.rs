@@ -51,13 +51,13 @@ fn range_of_key(root: &DeTable<'_>, key: &str) -> Option<Range<usize>> {
 fn range_on_line(table: &DeTable<'_>, text: &str, line: usize) -> Option<Range<usize>> {
     let line_of = |offset: usize| 1 + text.bytes().take(offset).filter(|byte| *byte == b'\n').count();
     table.iter().find_map(|(key, value)| {
-        let inner = match value.get_ref() {
-            DeValue::Table(inner) => range_on_line(inner, text, line),
-            DeValue::Array(items) => items.iter().find_map(|item| match item.get_ref() {
-                DeValue::Table(inner) => range_on_line(inner, text, line),
-                _ => None,
-            }),
-            _ => None,
+        let in_table = |value: &DeValue<'_>| {
+            if let DeValue::Table(inner) = value { range_on_line(inner, text, line) } else { None }
+        };
+        let inner = if let DeValue::Array(items) = value.get_ref() {
+            items.iter().find_map(|item| in_table(item.get_ref()))
+        } else {
+            in_table(value.get_ref())
         };
         let is_here = line_of(key.span().start) == line || line_of(value.span().start) == line;
         inner.or_else(|| is_here.then(|| key.span().start..value.span().end))

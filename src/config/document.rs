@@ -309,7 +309,11 @@ impl Document {
             ConfigError::UnknownKey { place, nearest, known, .. } => {
                 ConfigError::UnknownKey { place, key, nearest, known: format!("{known}{which}") }
             }
-            refused => refused,
+            refused @ (ConfigError::Read { .. }
+            | ConfigError::Syntax { .. }
+            | ConfigError::WrongKind { .. }
+            | ConfigError::Several { .. }
+            | ConfigError::Invalid { .. }) => refused,
         })
     }
 
@@ -388,9 +392,10 @@ pub(super) fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> O
 
 /// What the system says of a file that cannot be read, in words for a person.
 fn reason(error: &std::io::Error) -> String {
-    match error.kind() {
-        std::io::ErrorKind::InvalidData => "it is not text; wanted a TOML file".into(),
-        _ => error.to_string(),
+    if error.kind() == std::io::ErrorKind::InvalidData {
+        "it is not text; wanted a TOML file".into()
+    } else {
+        error.to_string()
     }
 }
 
@@ -459,7 +464,7 @@ fn without_dots(path: &Path) -> PathBuf {
                 clean.pop();
             }
             Component::CurDir => {}
-            other => clean.push(other),
+            Component::Prefix(_) | Component::RootDir | Component::Normal(_) => clean.push(component),
         }
         clean
     })

@@ -178,4 +178,4 @@ impl Pointing {
 
 #[cfg(test)]
 #[path = "event_tests.rs"]
-mod tests;
+pub(crate) mod tests;

@@ -3,7 +3,7 @@
 use crate::check::{Checker, Rule};
 use crate::error::ConfigError;
 use crate::event::{Action, GyroFaultKind, Pointing};
-use crate::event_word::{EventKeys, Kind};
+use crate::event_word::{BusKind, EventKeys, FrameKind, GyroKind, Kind, PixelKind};
 use base::time::Span;
 use base::units::DEG;
 use frames::sink::{DefectSpots, FaultPixels, FrameFault, PixelFault, ProtonStorm};
@@ -20,82 +20,93 @@ pub(super) struct Reader<'a, 'd> {
 
 impl Reader<'_, '_> {
     pub(super) fn action(&self, kind: Kind) -> Result<Action, ConfigError> {
-        if kind.is_of_frames() {
-            return Ok(Action::Frame { head: self.number("head", self.keys.head)?, fault: self.frame_fault(kind)? });
-        }
         Ok(match kind {
             Kind::Slew => Action::Slew(self.pointing()?),
             Kind::Safe => Action::Safe,
             Kind::Resume => Action::Resume,
-            Kind::BusLoss => Action::Bus(LinkFault::Loss { share: self.share()? }),
-            Kind::BusSilence => Action::Bus(LinkFault::Silence),
-            Kind::BusDelay => Action::Bus(LinkFault::Delay {
-                by: self.milliseconds("delay_ms", self.keys.delay_ms)?,
-                jitter: self.milliseconds("jitter_ms", Some(self.keys.jitter_ms.unwrap_or(0.0)))?,
-            }),
-            Kind::BusDuplicate => Action::Bus(LinkFault::Duplicate { share: self.share()? }),
-            Kind::BusWrongBits => Action::Bus(LinkFault::WrongBits { share: self.share()? }),
-            Kind::BusReorder => Action::Bus(LinkFault::Reorder {
-                share: self.share()?,
-                by: self.milliseconds("delay_ms", self.keys.delay_ms)?,
-            }),
-            Kind::BusTruncate => Action::Bus(LinkFault::Truncate { share: self.share()? }),
-            Kind::BusBabble => Action::Bus(self.babble()?),
-            Kind::BusOff => Action::Bus(LinkFault::Off),
-            Kind::ClockStep => {
-                let advice = "milliseconds, below zero for a clock that falls behind";
-                let ms = self.required("step_ms", self.keys.step_ms, Rule::Within(-60_000.0, 60_000.0), advice)?;
-                Action::Bus(LinkFault::ClockStep { by: Span::from_s(ms * 1e-3) })
-            }
-            Kind::ClockDrift => {
-                let advice = "parts per million, below zero for a slow clock";
-                let ppm = self.required("ppm", self.keys.ppm, Rule::Within(-10_000.0, 10_000.0), advice)?;
-                Action::Bus(LinkFault::ClockDrift { ppm })
-            }
+            Kind::Bus(kind) => Action::Bus(self.bus_fault(kind)?),
             Kind::BusBackLoss => Action::BusBack(LinkFault::Loss { share: self.share()? }),
-            Kind::Trigger => Action::Trigger { number: self.trigger("number", self.keys.number)? },
-            Kind::GyroDropout => Action::Gyro(GyroFaultKind::Dropout),
-            Kind::GyroStuck => Action::Gyro(GyroFaultKind::Stuck),
-            Kind::GyroBiasJump => Action::Gyro(GyroFaultKind::BiasJump(self.rate()?)),
-            Kind::GyroSpike => Action::Gyro(GyroFaultKind::Spike(self.rate()?)),
+            Kind::Frame(kind) => Action::Frame { head: self.head()?, fault: self.frame_fault(kind)? },
+            Kind::Gyro(kind) => Action::Gyro(self.gyro_fault(kind)?),
             Kind::WheelFailure => {
                 let missing = || self.check.invalid(&self.key("wheel"), "missing", "its number, from 0", "such as 2");
                 Action::WheelFailure { wheel: self.number("wheel", self.keys.wheel)?.ok_or_else(missing)? }
             }
-            // The rest are faults of frames.
-            _ => Action::TrackerOff { head: self.number("head", self.keys.head)? },
+            Kind::TrackerOff => Action::TrackerOff { head: self.head()? },
+            Kind::Trigger => Action::Trigger { number: self.trigger("number", self.keys.number)? },
+        })
+    }
+
+    /// Reads a fault on the bus towards the stimulator.
+    fn bus_fault(&self, kind: BusKind) -> Result<LinkFault, ConfigError> {
+        Ok(match kind {
+            BusKind::Loss => LinkFault::Loss { share: self.share()? },
+            BusKind::Silence => LinkFault::Silence,
+            BusKind::Delay => LinkFault::Delay {
+                by: self.milliseconds("delay_ms", self.keys.delay_ms)?,
+                jitter: self.milliseconds("jitter_ms", Some(self.keys.jitter_ms.unwrap_or(0.0)))?,
+            },
+            BusKind::Duplicate => LinkFault::Duplicate { share: self.share()? },
+            BusKind::WrongBits => LinkFault::WrongBits { share: self.share()? },
+            BusKind::Reorder => {
+                LinkFault::Reorder { share: self.share()?, by: self.milliseconds("delay_ms", self.keys.delay_ms)? }
+            }
+            BusKind::Truncate => LinkFault::Truncate { share: self.share()? },
+            BusKind::Babble => self.babble()?,
+            BusKind::Off => LinkFault::Off,
+            BusKind::ClockStep => {
+                let advice = "milliseconds, below zero for a clock that falls behind";
+                let ms = self.required("step_ms", self.keys.step_ms, Rule::Within(-60_000.0, 60_000.0), advice)?;
+                LinkFault::ClockStep { by: Span::from_s(ms * 1e-3) }
+            }
+            BusKind::ClockDrift => {
+                let advice = "parts per million, below zero for a slow clock";
+                let ppm = self.required("ppm", self.keys.ppm, Rule::Within(-10_000.0, 10_000.0), advice)?;
+                LinkFault::ClockDrift { ppm }
+            }
+        })
+    }
+
+    /// Reads a fault of the gyro.
+    fn gyro_fault(&self, kind: GyroKind) -> Result<GyroFaultKind, ConfigError> {
+        Ok(match kind {
+            GyroKind::Dropout => GyroFaultKind::Dropout,
+            GyroKind::Stuck => GyroFaultKind::Stuck,
+            GyroKind::BiasJump => GyroFaultKind::BiasJump(self.rate()?),
+            GyroKind::Spike => GyroFaultKind::Spike(self.rate()?),
         })
     }
 
     /// What happens to frames, or to the chain that images them.
-    fn frame_fault(&self, kind: Kind) -> Result<FrameFault, ConfigError> {
+    fn frame_fault(&self, kind: FrameKind) -> Result<FrameFault, ConfigError> {
         let light = "electrons per second in every pixel, such as 200000.0";
         let share = "a share of the light, 0 to 1";
         let keys = self.keys;
         Ok(match kind {
-            Kind::FrameDrop => FrameFault::Drop,
-            Kind::FrameDuplicate => FrameFault::Duplicate,
-            Kind::FrameLate => FrameFault::Late(self.milliseconds("late_ms", keys.late_ms)?),
-            Kind::FrameTorn => FrameFault::Torn,
-            Kind::BitFlip => {
+            FrameKind::Drop => FrameFault::Drop,
+            FrameKind::Duplicate => FrameFault::Duplicate,
+            FrameKind::Late => FrameFault::Late(self.milliseconds("late_ms", keys.late_ms)?),
+            FrameKind::Torn => FrameFault::Torn,
+            FrameKind::Blank => FrameFault::Blank,
+            FrameKind::BitFlip => {
                 let bit = self.whole("bit", keys.bit, 15, "which bit of the pixels' numbers, from 0")?;
                 FrameFault::BitFlip { bit, pixels: self.pixels(1_000_000)? }
             }
-            Kind::StrayLight => FrameFault::StrayLight {
+            FrameKind::StrayLight => FrameFault::StrayLight {
                 e_per_s: self.required("e_per_s", keys.e_per_s, Rule::PositiveUpTo(1e12), light)?,
             },
-            Kind::StrayLightRamp => {
+            FrameKind::StrayLightRamp => {
                 let number = |name, given| self.required(name, given, Rule::Within(0.0, 1e12), light);
                 let from_e_per_s = number("from_e_per_s", keys.from_e_per_s)?;
                 FrameFault::StrayLightRamp { from_e_per_s, to_e_per_s: number("to_e_per_s", keys.to_e_per_s)? }
             }
-            Kind::Defocus => {
+            FrameKind::Defocus => {
                 let advice = "sigma of the defocused, Gaussian spot, px";
                 FrameFault::Defocus {
                     sigma_px: self.required("sigma_px", keys.sigma_px, Rule::Within(0.2, 12.0), advice)?,
                 }
             }
-            Kind::Contamination => {
+            FrameKind::Contamination => {
                 let number = |name, given| self.required(name, given, Rule::Within(0.0, 1.0), share);
                 let from_share = number("throughput", keys.throughput)?;
                 FrameFault::Contamination {
@@ -103,51 +114,48 @@ impl Reader<'_, '_> {
                     to_share: number("to_throughput", keys.to_throughput.or(Some(from_share)))?,
                 }
             }
-            Kind::TemperatureStep => {
+            FrameKind::TemperatureStep => {
                 let advice = "kelvin by which the detector is warmer, below zero for colder";
                 FrameFault::TemperatureStep {
                     by_k: self.required("by_k", keys.by_k, Rule::Within(-100.0, 100.0), advice)?,
                 }
             }
-            Kind::Saturation => {
+            FrameKind::Saturation => {
                 let advice = "light in each exposure, full wells; 4 if left out";
                 let given = keys.full_wells.or(Some(4.0));
                 FrameFault::Saturation {
                     full_wells: self.required("full_wells", given, Rule::PositiveUpTo(1e3), advice)?,
                 }
             }
-            Kind::FalseStars => {
+            FrameKind::FalseStars => {
                 let mag =
                     self.required("mag", keys.mag, Rule::Within(-30.0, 40.0), "magnitude in the instrument's band")?;
                 FrameFault::FalseStars { pixels: self.pixels(4096)?, mag }
             }
-            Kind::MissingStars => {
+            FrameKind::MissingStars => {
                 let advice = "a share of the catalog's stars, 0 to 1";
                 FrameFault::MissingStars { share: self.required("share", keys.share, Rule::Within(0.0, 1.0), advice)? }
             }
-            Kind::MissingBrightStars => FrameFault::MissingBrightStars {
+            FrameKind::MissingBrightStars => FrameFault::MissingBrightStars {
                 count: self.whole("count", keys.count, 100_000, "how many of the brightest stars")?,
             },
-            Kind::HotPixels | Kind::DeadPixels | Kind::RtsPixels | Kind::StuckPixels => {
-                FrameFault::Pixels { spots: self.spots()?, fault: self.pixel_fault(kind)? }
-            }
-            Kind::ProtonStorm => FrameFault::Protons(self.storm()?),
-            _ => FrameFault::Blank,
+            FrameKind::Pixels(kind) => FrameFault::Pixels { spots: self.spots()?, fault: self.pixel_fault(kind)? },
+            FrameKind::ProtonStorm => FrameFault::Protons(self.storm()?),
         })
     }
 
     /// What is wrong with a pixel.
-    fn pixel_fault(&self, kind: Kind) -> Result<PixelFault, ConfigError> {
+    fn pixel_fault(&self, kind: PixelKind) -> Result<PixelFault, ConfigError> {
         let keys = self.keys;
         let rate = |advice| self.required("e_per_s", keys.e_per_s, Rule::PositiveUpTo(1e9), advice);
         Ok(match kind {
-            Kind::HotPixels => PixelFault::Hot { e_per_s: rate("electrons per second more")? },
-            Kind::DeadPixels => {
+            PixelKind::Hot => PixelFault::Hot { e_per_s: rate("electrons per second more")? },
+            PixelKind::Dead => {
                 let share = "a share of the light, 0 to 1";
                 let response = self.required("response", keys.response.or(Some(0.0)), Rule::Within(0.0, 1.0), share)?;
                 PixelFault::Dead { response }
             }
-            Kind::RtsPixels => {
+            PixelKind::Rts => {
                 let e_per_s = rate("at the high level")?;
                 let time = |name, given: Option<f64>| {
                     let mean = "mean seconds at this level; 1 if left out";
@@ -155,7 +163,9 @@ impl Reader<'_, '_> {
                 };
                 PixelFault::Rts { e_per_s, high_s: time("high_s", keys.high_s)?, low_s: time("low_s", keys.low_s)? }
             }
-            _ => PixelFault::Stuck { dn: self.whole("dn", keys.dn, 65_535, "the digital number that they read")? },
+            PixelKind::Stuck => {
+                PixelFault::Stuck { dn: self.whole("dn", keys.dn, 65_535, "the digital number that they read")? }
+            }
         })
     }
 
@@ -293,6 +303,11 @@ impl Reader<'_, '_> {
             self.check.meets(&self.key("rate_deg_h"), component, Rule::Within(-1e6, 1e6), advice)?;
         }
         Ok(DVec3::from_array(rate_deg_h) * (DEG / 3600.0))
+    }
+
+    /// Which head the event is about; `None`: all.
+    fn head(&self) -> Result<Option<usize>, ConfigError> {
+        self.number("head", self.keys.head)
     }
 
     fn number(&self, name: &str, given: Option<i64>) -> Result<Option<usize>, ConfigError> {

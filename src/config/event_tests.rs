@@ -1,6 +1,7 @@
 //! Every word takes its own keys, asks for those it needs, and refuses all others.
 
 use super::*;
+use crate::event_word::Kind;
 use link::tap::LinkFault;
 
 /// From one frame to the next.
@@ -48,6 +49,12 @@ const VALUES: [(&str, &str); 39] = [
     ("incidence_deg", "45.0"),
     ("azimuth_deg", "30.0"),
 ];
+
+/// The event of a word with every key that it takes.
+pub(crate) fn given_in_full(word: &str, kind: Kind) -> Event {
+    let (needed, optional) = kind.keys();
+    checked(word, &[needed, optional].concat()).expect(word)
+}
 
 fn checked(word: &str, names: &[&str]) -> Result<Event, String> {
     let line =
@@ -197,10 +204,9 @@ fn defects_and_storms_are_read_as_they_are_given() {
         let text = format!("do = \"{word}\"\nat_s = 1.0\nfor_s = 2.0\n{lines}");
         let document = Document::from_text(&text, Path::new("lab/event.toml"));
         let keys: EventKeys = document.read_as().unwrap();
-        match Event::check(&keys, 0, PERIOD, &mut Checker::new(&document)).unwrap().action {
-            Action::Frame { fault, .. } => fault,
-            other => panic!("{other:?}"),
-        }
+        let action = Event::check(&keys, 0, PERIOD, &mut Checker::new(&document)).unwrap().action;
+        let Action::Frame { fault, .. } = action else { panic!("{action:?}") };
+        fault
     };
     let none = FaultPixels { at: None, random: 0 };
     let column = DefectSpots { pixels: none, column: Some(7), row: None };

@@ -52,74 +52,91 @@ pub(super) struct EventKeys {
     pub(super) azimuth_deg: Option<f64>,
 }
 
-/// Every word for `do`, and what it is.
+/// Every word for `do` with its kind.
 pub(super) const ACTIONS: [(&str, Kind); 42] = [
     ("slew", Kind::Slew),
     ("safe", Kind::Safe),
     ("resume", Kind::Resume),
-    ("bus_loss", Kind::BusLoss),
-    ("bus_silence", Kind::BusSilence),
-    ("bus_delay", Kind::BusDelay),
-    ("bus_duplicate", Kind::BusDuplicate),
-    ("bus_wrong_bits", Kind::BusWrongBits),
-    ("bus_reorder", Kind::BusReorder),
-    ("bus_truncate", Kind::BusTruncate),
-    ("bus_babble", Kind::BusBabble),
-    ("bus_off", Kind::BusOff),
-    ("clock_step", Kind::ClockStep),
-    ("clock_drift", Kind::ClockDrift),
+    ("bus_loss", Kind::Bus(BusKind::Loss)),
+    ("bus_silence", Kind::Bus(BusKind::Silence)),
+    ("bus_delay", Kind::Bus(BusKind::Delay)),
+    ("bus_duplicate", Kind::Bus(BusKind::Duplicate)),
+    ("bus_wrong_bits", Kind::Bus(BusKind::WrongBits)),
+    ("bus_reorder", Kind::Bus(BusKind::Reorder)),
+    ("bus_truncate", Kind::Bus(BusKind::Truncate)),
+    ("bus_babble", Kind::Bus(BusKind::Babble)),
+    ("bus_off", Kind::Bus(BusKind::Off)),
+    ("clock_step", Kind::Bus(BusKind::ClockStep)),
+    ("clock_drift", Kind::Bus(BusKind::ClockDrift)),
     ("bus_back_loss", Kind::BusBackLoss),
-    ("frame_drop", Kind::FrameDrop),
-    ("frame_duplicate", Kind::FrameDuplicate),
-    ("frame_late", Kind::FrameLate),
-    ("frame_torn", Kind::FrameTorn),
-    ("frame_blank", Kind::FrameBlank),
-    ("frame_bit_flip", Kind::BitFlip),
-    ("stray_light", Kind::StrayLight),
-    ("stray_light_ramp", Kind::StrayLightRamp),
-    ("defocus_step", Kind::Defocus),
-    ("contamination", Kind::Contamination),
-    ("temperature_step", Kind::TemperatureStep),
-    ("saturation", Kind::Saturation),
-    ("false_stars", Kind::FalseStars),
-    ("missing_stars", Kind::MissingStars),
-    ("missing_bright_stars", Kind::MissingBrightStars),
-    ("hot_pixels", Kind::HotPixels),
-    ("dead_pixels", Kind::DeadPixels),
-    ("rts_pixels", Kind::RtsPixels),
-    ("stuck_pixels", Kind::StuckPixels),
-    ("proton_storm", Kind::ProtonStorm),
-    ("gyro_dropout", Kind::GyroDropout),
-    ("gyro_stuck", Kind::GyroStuck),
-    ("gyro_bias_jump", Kind::GyroBiasJump),
-    ("gyro_spike", Kind::GyroSpike),
+    ("frame_drop", Kind::Frame(FrameKind::Drop)),
+    ("frame_duplicate", Kind::Frame(FrameKind::Duplicate)),
+    ("frame_late", Kind::Frame(FrameKind::Late)),
+    ("frame_torn", Kind::Frame(FrameKind::Torn)),
+    ("frame_blank", Kind::Frame(FrameKind::Blank)),
+    ("frame_bit_flip", Kind::Frame(FrameKind::BitFlip)),
+    ("stray_light", Kind::Frame(FrameKind::StrayLight)),
+    ("stray_light_ramp", Kind::Frame(FrameKind::StrayLightRamp)),
+    ("defocus_step", Kind::Frame(FrameKind::Defocus)),
+    ("contamination", Kind::Frame(FrameKind::Contamination)),
+    ("temperature_step", Kind::Frame(FrameKind::TemperatureStep)),
+    ("saturation", Kind::Frame(FrameKind::Saturation)),
+    ("false_stars", Kind::Frame(FrameKind::FalseStars)),
+    ("missing_stars", Kind::Frame(FrameKind::MissingStars)),
+    ("missing_bright_stars", Kind::Frame(FrameKind::MissingBrightStars)),
+    ("hot_pixels", Kind::Frame(FrameKind::Pixels(PixelKind::Hot))),
+    ("dead_pixels", Kind::Frame(FrameKind::Pixels(PixelKind::Dead))),
+    ("rts_pixels", Kind::Frame(FrameKind::Pixels(PixelKind::Rts))),
+    ("stuck_pixels", Kind::Frame(FrameKind::Pixels(PixelKind::Stuck))),
+    ("proton_storm", Kind::Frame(FrameKind::ProtonStorm)),
+    ("gyro_dropout", Kind::Gyro(GyroKind::Dropout)),
+    ("gyro_stuck", Kind::Gyro(GyroKind::Stuck)),
+    ("gyro_bias_jump", Kind::Gyro(GyroKind::BiasJump)),
+    ("gyro_spike", Kind::Gyro(GyroKind::Spike)),
     ("wheel_failure", Kind::WheelFailure),
     ("tracker_off", Kind::TrackerOff),
     ("trigger", Kind::Trigger),
 ];
 
+/// The kinds of events, in groups: each group is read by a function of its own, whose match has an arm for every kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Slew,
     Safe,
     Resume,
-    BusLoss,
-    BusSilence,
-    BusDelay,
-    BusDuplicate,
-    BusWrongBits,
-    BusReorder,
-    BusTruncate,
-    BusBabble,
-    BusOff,
+    Bus(BusKind),
+    BusBackLoss,
+    Frame(FrameKind),
+    Gyro(GyroKind),
+    WheelFailure,
+    TrackerOff,
+    Trigger,
+}
+
+/// Faults on the bus towards the stimulator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum BusKind {
+    Loss,
+    Silence,
+    Delay,
+    Duplicate,
+    WrongBits,
+    Reorder,
+    Truncate,
+    Babble,
+    Off,
     ClockStep,
     ClockDrift,
-    BusBackLoss,
-    FrameDrop,
-    FrameDuplicate,
-    FrameLate,
-    FrameTorn,
-    FrameBlank,
+}
+
+/// Faults of frames and of the imaging chain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum FrameKind {
+    Drop,
+    Duplicate,
+    Late,
+    Torn,
+    Blank,
     BitFlip,
     StrayLight,
     StrayLightRamp,
@@ -130,19 +147,30 @@ pub(super) enum Kind {
     FalseStars,
     MissingStars,
     MissingBrightStars,
-    HotPixels,
-    DeadPixels,
-    RtsPixels,
-    StuckPixels,
+    Pixels(PixelKind),
     ProtonStorm,
-    GyroDropout,
-    GyroStuck,
-    GyroBiasJump,
-    GyroSpike,
-    WheelFailure,
-    TrackerOff,
-    Trigger,
 }
+
+/// Defects of pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PixelKind {
+    Hot,
+    Dead,
+    Rts,
+    Stuck,
+}
+
+/// Faults of the gyro.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum GyroKind {
+    Dropout,
+    Stuck,
+    BiasJump,
+    Spike,
+}
+
+/// Keys that an event needs, and keys that may be left out.
+type Keys = (&'static [&'static str], &'static [&'static str]);
 
 impl EventKeys {
     /// Every key that belongs to some words only, and whether it is given.
@@ -200,27 +228,49 @@ pub(super) fn words(is_wanted: impl Fn(Kind) -> bool) -> String {
 impl Kind {
     /// True for faults of frames and of the imaging chain, which may wait for a trigger.
     pub(super) fn is_of_frames(self) -> bool {
-        self.has_key("head") && self != Self::TrackerOff
+        matches!(self, Self::Frame(_))
     }
 
     /// The keys that go with it beside `at_s` and `do`: those it needs, and those that may be left out.
-    pub(super) fn keys(self) -> (&'static [&'static str], &'static [&'static str]) {
+    pub(super) fn keys(self) -> Keys {
         match self {
             Self::Slew => (&["ra_deg", "dec_deg"], &["roll_deg"]),
             Self::Safe | Self::Resume => (&[], &[]),
-            Self::BusLoss | Self::BusDuplicate | Self::BusWrongBits | Self::BusTruncate | Self::BusBackLoss => {
-                (&["for_s", "share"], &[])
-            }
-            Self::BusReorder => (&["for_s", "share", "delay_ms"], &[]),
-            Self::BusBabble => (&["for_s", "can_id", "period_ms"], &["bytes"]),
+            Self::Bus(kind) => kind.keys(),
+            Self::BusBackLoss => (&["for_s", "share"], &[]),
+            Self::Frame(kind) => kind.keys(),
+            Self::Gyro(kind) => kind.keys(),
+            Self::WheelFailure => (&["wheel"], &[]),
+            Self::TrackerOff => (&["for_s"], &["head"]),
+            Self::Trigger => (&["number"], &[]),
+        }
+    }
+
+    pub(super) fn has_key(self, name: &str) -> bool {
+        let (needed, optional) = self.keys();
+        needed.contains(&name) || optional.contains(&name)
+    }
+}
+
+impl BusKind {
+    fn keys(self) -> Keys {
+        match self {
+            Self::Loss | Self::Duplicate | Self::WrongBits | Self::Truncate => (&["for_s", "share"], &[]),
+            Self::Silence | Self::Off => (&["for_s"], &[]),
+            Self::Delay => (&["for_s", "delay_ms"], &["jitter_ms"]),
+            Self::Reorder => (&["for_s", "share", "delay_ms"], &[]),
+            Self::Babble => (&["for_s", "can_id", "period_ms"], &["bytes"]),
             Self::ClockStep => (&["for_s", "step_ms"], &[]),
             Self::ClockDrift => (&["for_s", "ppm"], &[]),
-            Self::BusSilence | Self::BusOff | Self::GyroDropout | Self::GyroStuck => (&["for_s"], &[]),
-            Self::BusDelay => (&["for_s", "delay_ms"], &["jitter_ms"]),
-            Self::FrameDrop | Self::FrameDuplicate | Self::FrameTorn | Self::FrameBlank | Self::TrackerOff => {
-                (&["for_s"], &["head"])
-            }
-            Self::FrameLate => (&["for_s", "late_ms"], &["head"]),
+        }
+    }
+}
+
+impl FrameKind {
+    fn keys(self) -> Keys {
+        match self {
+            Self::Drop | Self::Duplicate | Self::Torn | Self::Blank => (&["for_s"], &["head"]),
+            Self::Late => (&["for_s", "late_ms"], &["head"]),
             Self::BitFlip => (&["for_s", "bit"], &["px", "count", "head"]),
             Self::StrayLight => (&["for_s", "e_per_s"], &["head"]),
             Self::StrayLightRamp => (&["for_s", "from_e_per_s", "to_e_per_s"], &["head"]),
@@ -231,20 +281,29 @@ impl Kind {
             Self::FalseStars => (&["for_s", "mag"], &["px", "count", "head"]),
             Self::MissingStars => (&["for_s", "share"], &["head"]),
             Self::MissingBrightStars => (&["for_s", "count"], &["head"]),
-            Self::HotPixels => (&["for_s", "e_per_s"], &["px", "column", "row", "count", "head"]),
-            Self::DeadPixels => (&["for_s"], &["response", "px", "column", "row", "count", "head"]),
-            Self::RtsPixels => (&["for_s", "e_per_s"], &["high_s", "low_s", "px", "column", "row", "count", "head"]),
-            Self::StuckPixels => (&["for_s", "dn"], &["px", "column", "row", "count", "head"]),
+            Self::Pixels(kind) => kind.keys(),
             Self::ProtonStorm => (&["for_s", "per_cm2_s", "energy_mev"], &["incidence_deg", "azimuth_deg", "head"]),
-            Self::Trigger => (&["number"], &[]),
-            Self::GyroBiasJump => (&["rate_deg_h"], &[]),
-            Self::GyroSpike => (&["for_s", "rate_deg_h"], &[]),
-            Self::WheelFailure => (&["wheel"], &[]),
         }
     }
+}
 
-    pub(super) fn has_key(self, name: &str) -> bool {
-        let (needed, optional) = self.keys();
-        needed.contains(&name) || optional.contains(&name)
+impl PixelKind {
+    fn keys(self) -> Keys {
+        match self {
+            Self::Hot => (&["for_s", "e_per_s"], &["px", "column", "row", "count", "head"]),
+            Self::Dead => (&["for_s"], &["response", "px", "column", "row", "count", "head"]),
+            Self::Rts => (&["for_s", "e_per_s"], &["high_s", "low_s", "px", "column", "row", "count", "head"]),
+            Self::Stuck => (&["for_s", "dn"], &["px", "column", "row", "count", "head"]),
+        }
+    }
+}
+
+impl GyroKind {
+    fn keys(self) -> Keys {
+        match self {
+            Self::Dropout | Self::Stuck => (&["for_s"], &[]),
+            Self::BiasJump => (&["rate_deg_h"], &[]),
+            Self::Spike => (&["for_s", "rate_deg_h"], &[]),
+        }
     }
 }

@@ -280,12 +280,12 @@ impl Psf {
         check.unused("psf.nodes", keys.nodes.is_some() && !is_field, "model = \"field\"")?;
         check.unused("psf.node", !keys.node.is_empty() && !is_field, "model = \"field\"")?;
         let own = keys.of_node();
-        match model {
-            Model::Moffat => return Ok(Self::Made(own.moffat("psf", check)?)),
-            Model::Measured => return Ok(Self::Made(own.measured("psf", check)?)),
-            _ => own.unused_by("", "psf", check)?,
+        if !matches!(model, Model::Moffat | Model::Measured) {
+            own.unused_by("", "psf", check)?;
         }
         match model {
+            Model::Moffat => Ok(Self::Made(own.moffat("psf", check)?)),
+            Model::Measured => Ok(Self::Made(own.measured("psf", check)?)),
             Model::Field => {
                 let size_px = [detector.width_px, detector.height_px];
                 Ok(Self::Made(psf::field(keys.nodes, &keys.node, size_px, check)?))
@@ -305,7 +305,7 @@ impl Psf {
                 };
                 Ok(Self::Chain(Box::new(Chain::check(&lens, mtf, optics, detector, check)?)))
             }
-            _ => Self::check_airy(keys, optics, check),
+            Model::Airy => Self::check_airy(keys, optics, check),
         }
     }
 

@@ -49,7 +49,11 @@ mod tests {
             ConfigError::Several { first, others } => {
                 core::iter::once(*first).chain(others).map(|error| error.to_string()).collect()
             }
-            one => vec![one.to_string()],
+            ConfigError::Read { .. }
+            | ConfigError::Syntax { .. }
+            | ConfigError::UnknownKey { .. }
+            | ConfigError::WrongKind { .. }
+            | ConfigError::Invalid { .. } => vec![error.to_string()],
         }
     }
 

@@ -207,7 +207,7 @@ impl SkyBodies {
                     let is_on_detector = self.is_on_detector(sensor_from_icrf.apply(apparent), 0.0);
                     self.counts.occulted += usize::from(is_on_detector);
                 }
-                _ => self.sources.push(*star),
+                SourcePlace::Icrf(_) | SourcePlace::Pixel(_) => self.sources.push(*star),
             }
         }
     }

@@ -68,7 +68,6 @@ fn summary_that_cannot_be_written_is_a_loss_with_its_own_exit_status() {
     assert_eq!(summary(&folder.path().join("kept"))["losses"], serde_json::json!([]));
 }
 
-#[cfg(unix)]
 #[test]
 fn ctrl_c_ends_cleanly_with_everything_written() {
     let folder = tempfile::tempdir().unwrap();
@@ -166,7 +165,6 @@ fn errors_say_what_where_wanted_got() {
     assert_eq!(code, Some(0), "and a right one works: {error}");
 }
 
-#[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_a_clear_error() {
     let folder = tempfile::tempdir().unwrap();

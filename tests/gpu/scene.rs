@@ -88,7 +88,7 @@ impl Scene {
         .expect("a camera");
         let rate = match self.motion {
             Motion::Slew(rate) => rate.into(),
-            _ => glam::DVec3::ZERO,
+            Motion::Still | Motion::Jitter(..) | Motion::Roll(_) => glam::DVec3::ZERO,
         };
         let los = LosPath {
             exposure_start: Tai::from_ns(0),

@@ -3,6 +3,8 @@
 //! Vectors: `bodies_vectors.csv`, made by `hil_scripts/body_vectors.py` with skyfield and DE421.
 
 use crate::scene;
+use ::scene::sky_bodies::{BodyCamera, MOON_NUMBER, SeenBody, SkyBodies, seen_from};
+use ::scene::truth::fill_truth;
 use base::axes::{Icrf, Rotation, Sensor};
 use base::time::{Span, Tai};
 use base::units::{ARCSEC, DEG};
@@ -12,8 +14,6 @@ use image::detector::window::OutputGeometry;
 use plan::exposure::target::FIRST_BODY_ID;
 use plan::exposure::{Source, SourcePlace};
 use plan::optics::{PsfModel, Radiometry, StarLight};
-use ::scene::sky_bodies::{BodyCamera, MOON_NUMBER, SeenBody, SkyBodies, seen_from};
-use ::scene::truth::fill_truth;
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
 use sky::bodies::{BodiesTrack, Standpoint};
 use sky::magnitude::{Lighting, SUN_G_LESS_V};

@@ -34,7 +34,18 @@ impl Decoder {
             MessageId::AttitudeRate => return self.keep(Part::Rate, data),
             MessageId::AttitudeAcceleration => return self.keep(Part::Acceleration, data),
             MessageId::AttitudeCommit => Message::Attitude(self.group.close(data)?),
-            _ => Message::from_payload(id, data)?,
+            MessageId::Sync
+            | MessageId::Exposure
+            | MessageId::Status
+            | MessageId::TimeFollowUp
+            | MessageId::Wheels
+            | MessageId::JitterPair
+            | MessageId::Attitude
+            | MessageId::Jitter
+            | MessageId::Table
+            | MessageId::Response
+            | MessageId::Command
+            | MessageId::Heartbeat => Message::from_payload(id, data)?,
         };
         self.sequences.admit(message).map(Some)
     }

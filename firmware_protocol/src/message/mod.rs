@@ -111,7 +111,19 @@ impl MessageId {
             Self::Heartbeat => 2,
             Self::Attitude => 48,
             Self::Jitter => 64,
-            _ => 8,
+            Self::Exposure
+            | Self::Status
+            | Self::TimeFollowUp
+            | Self::AttitudeQ01
+            | Self::AttitudeQ23
+            | Self::AttitudeRate
+            | Self::AttitudeAcceleration
+            | Self::AttitudeCommit
+            | Self::Wheels
+            | Self::JitterPair
+            | Self::Table
+            | Self::Response
+            | Self::Command => 8,
         }
     }
 

@@ -62,7 +62,6 @@ fn new_file_with_a_taken_name_is_refused_and_the_first_stays() {
     assert_eq!(names_in(directory.path()), ["a.txt", "late.txt"], "no temporary file is left");
 }
 
-#[cfg(unix)]
 #[test]
 fn new_file_is_as_readable_as_other_files_of_the_user() {
     use std::os::unix::fs::PermissionsExt;
@@ -73,7 +72,6 @@ fn new_file_is_as_readable_as_other_files_of_the_user() {
     assert_eq!(mode("ours"), mode("plain"));
 }
 
-#[cfg(unix)]
 #[test]
 fn planted_link_pipe_or_folder_is_refused_without_a_wait_and_its_target_stays() {
     let directory = tempfile::tempdir().unwrap();
@@ -111,7 +109,6 @@ fn temporary_names_are_random() {
     assert!(names_in(directory.path()).is_empty(), "removed when dropped");
 }
 
-#[cfg(target_os = "linux")]
 #[test]
 fn a_full_device_is_an_error_and_is_not_replaced() {
     use std::os::unix::fs::{FileTypeExt, symlink};

@@ -180,6 +180,7 @@ pub enum SinkError {
 }
 
 /// What a person can do about an I/O error.
+#[allow(clippy::wildcard_enum_match_arm, reason = "the kinds of I/O errors are the standard library's, and open")]
 fn advice(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "freeing space or another disk",

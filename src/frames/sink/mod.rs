@@ -29,7 +29,7 @@ pub mod fits;
 pub mod frame;
 pub mod frame_fault;
 pub mod frame_log;
-#[cfg(all(unix, feature = "iceoryx2"))]
+#[cfg(feature = "iceoryx2")]
 pub mod iceoryx;
 pub mod line;
 pub mod null;
@@ -37,7 +37,6 @@ pub mod png;
 pub mod recorder;
 pub mod sample;
 pub mod ser;
-#[cfg(unix)]
 pub mod shared_memory;
 pub mod stretch;
 mod tally;

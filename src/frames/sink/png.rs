@@ -66,9 +66,10 @@ fn write_grey(mut out: impl Write, width: usize, height: usize, depth: png::BitD
 
 /// The system's own error where there is one: the crate's conversion hides its kind (a full disk would not be told).
 fn io_error(error: png::EncodingError) -> io::Error {
-    match error {
-        png::EncodingError::IoError(source) => source,
-        other => io::Error::new(io::ErrorKind::InvalidInput, other),
+    if let png::EncodingError::IoError(source) = error {
+        source
+    } else {
+        io::Error::new(io::ErrorKind::InvalidInput, error)
     }
 }
 

@@ -275,7 +275,6 @@ mod tests {
     }
 
     /// A file that may not grow (a limit of the process would kill it): the device that is always full.
-    #[cfg(target_os = "linux")]
     #[test]
     fn a_full_disk_is_an_error_each_time() {
         let full = || OpenOptions::new().write(true).open("/dev/full").unwrap();

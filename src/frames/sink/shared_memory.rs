@@ -171,9 +171,9 @@ impl SharedMemory {
         let made = Self { path: path.clone(), file, head, bytes: 0, tally: Tally::default() };
         made.fill().map_err(failed)?;
         // This takes the name from nobody.
-        temporary.persist_noclobber(&path).map_err(|refused| match refused.error.kind() {
-            io::ErrorKind::AlreadyExists => SinkError::InUse { path: path.clone() },
-            _ => failed(refused.error),
+        temporary.persist_noclobber(&path).map_err(|refused| {
+            let is_taken = refused.error.kind() == io::ErrorKind::AlreadyExists;
+            if is_taken { SinkError::InUse { path: path.clone() } } else { failed(refused.error) }
         })?;
         Ok(made)
     }
@@ -227,7 +227,6 @@ fn remove_left(path: &Path) -> Result<(), SinkError> {
 }
 
 /// Takes the writer's lock of a ring; false when another writer has it. It goes with the file's last descriptor.
-#[cfg(target_os = "linux")]
 fn take_lock(file: &File) -> io::Result<bool> {
     use nix::errno::Errno;
     use nix::fcntl::{FcntlArg, fcntl};
@@ -243,18 +242,7 @@ fn take_lock(file: &File) -> io::Result<bool> {
 }
 
 /// The byte that the writer locks: behind every ring's end.
-#[cfg(target_os = "linux")]
 const LOCKED_BYTE: i64 = 1 << 62;
-
-/// Takes the writer's lock of a ring; false when another program has a lock.
-#[cfg(not(target_os = "linux"))]
-fn take_lock(file: &File) -> io::Result<bool> {
-    match file.try_lock() {
-        Ok(()) => Ok(true),
-        Err(fs::TryLockError::WouldBlock) => Ok(false),
-        Err(fs::TryLockError::Error(error)) => Err(error),
-    }
-}
 
 /// True when the open file is the one that bears the name.
 fn has_name(file: &File, path: &Path) -> bool {
@@ -446,7 +434,6 @@ mod tests {
         }
     }
 
-    #[cfg(target_os = "linux")]
     #[test]
     fn reader_that_locks_the_ring_of_a_dead_run_does_not_keep_the_next_run_out() {
         let directory = tempfile::tempdir().unwrap();

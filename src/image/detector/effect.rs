@@ -87,7 +87,14 @@ impl Effect {
                 Part::Charge
             }
             Self::ImageLag | Self::FullWell | Self::ChargeTransfer | Self::Binning => Part::Neighbours,
-            _ => Part::Readout,
+            Self::Nonlinearity
+            | Self::LinePattern
+            | Self::Offset
+            | Self::RowNoise
+            | Self::ReadNoise
+            | Self::Adc
+            | Self::Stuck
+            | Self::Window => Part::Readout,
         }
     }
 }

@@ -133,13 +133,19 @@ impl Stages<'_> {
                     electrons.iter_mut().zip(&map[first..]).for_each(|(e, offset)| *e += offset);
                 }
             }
-            Effect::RowNoise if !self.rows_e.is_empty() => {
-                line_pattern::add_rows(electrons, self.rows_e, first, self.width);
+            Effect::RowNoise => {
+                if !self.rows_e.is_empty() {
+                    line_pattern::add_rows(electrons, self.rows_e, first, self.width);
+                }
             }
-            Effect::ReadNoise if c.read_noise_e > 0.0 => read_noise::add::<FUSED>(electrons, words, c.read_noise_e),
+            Effect::ReadNoise => {
+                if c.read_noise_e > 0.0 {
+                    read_noise::add::<FUSED>(electrons, words, c.read_noise_e);
+                }
+            }
             Effect::Adc => adc::convert::<FUSED>(electrons, c, dn),
-            // Off, or stages of the neighbours' part, which run over whole images.
-            _ => {}
+            // These run over whole images, elsewhere.
+            Effect::ImageLag | Effect::ChargeTransfer | Effect::Binning | Effect::Stuck | Effect::Window => {}
         }
     }
 }

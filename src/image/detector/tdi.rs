@@ -55,12 +55,6 @@ impl Tdi {
         let one: Vec<f32> = (0..width).map(column).collect();
         (0..rows).flat_map(|_| one.iter().copied()).collect()
     }
-
-    /// Spread of a fixed pattern over the columns, as a share of its spread over the pixels.
-    #[must_use]
-    pub fn pattern_share(&self) -> f64 {
-        1.0 / f64::from(self.stages).sqrt()
-    }
 }
 
 #[cfg(test)]
@@ -90,6 +84,5 @@ mod tests {
     #[test]
     fn stages_add_up() {
         assert!((TDI.exposure_s(0.01) - 0.32).abs() < 1e-12);
-        assert!((TDI.pattern_share() - 0.176_776_695).abs() < 1e-9);
     }
 }

@@ -73,8 +73,10 @@ pub fn check_kernel(plan: &ExposurePlan) -> Result<(), RenderError> {
 pub fn check_sampling(plan: &ExposurePlan, is_analytic: bool) -> Result<(), RenderError> {
     match plan.sampling {
         PsfSampling::Auto | PsfSampling::Table { .. } => Ok(()),
-        _ if is_analytic && !plan.has_kernel() => Ok(()),
-        sampling => Err(RenderError::Sampling { sampling }),
+        PsfSampling::Supersampled { .. } | PsfSampling::Point | PsfSampling::Bicubic => {
+            let is_drawn = is_analytic && !plan.has_kernel();
+            if is_drawn { Ok(()) } else { Err(RenderError::Sampling { sampling: plan.sampling }) }
+        }
     }
 }
 

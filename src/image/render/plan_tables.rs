@@ -147,7 +147,9 @@ impl PlanTables {
 fn psfs_at(plan: &ExposurePlan, px: [f64; 2]) -> [(usize, f64); 4] {
     match &plan.psf {
         PsfModel::Field(field) => field.around(px),
-        _ => [(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)],
+        PsfModel::Gaussian { .. } | PsfModel::Airy(_) | PsfModel::Moffat(_) | PsfModel::Grid(_) => {
+            [(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)]
+        }
     }
 }
 
@@ -168,7 +170,9 @@ fn kernel_reach(plan: &ExposurePlan) -> [f64; 2] {
 fn grid_points(plan: &ExposurePlan) -> usize {
     match plan.sampling {
         PsfSampling::Table { oversampling } => oversampling,
-        _ => oversampling(&plan.psf),
+        PsfSampling::Auto | PsfSampling::Supersampled { .. } | PsfSampling::Point | PsfSampling::Bicubic => {
+            oversampling(&plan.psf)
+        }
     }
 }
 

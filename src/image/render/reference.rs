@@ -151,14 +151,14 @@ fn add_row(psf: &PsfModel, half: usize, row: &mut [f64], y: usize, px: [f64; 2],
     let (first, end) = (clamp((px[0] - reach).ceil()), clamp((px[0] + reach).floor() + 1.0));
     let scale = match psf {
         PsfModel::Gaussian { sigma_px } => electrons * gaussian::cell(dy, *sigma_px),
-        _ => electrons,
+        PsfModel::Airy(_) | PsfModel::Moffat(_) | PsfModel::Grid(_) | PsfModel::Field(_) => electrons,
     };
     for (x, pixel) in row.iter_mut().enumerate().take(end).skip(first) {
         let dx = x as f64 - px[0];
         *pixel += scale
             * match psf {
                 PsfModel::Gaussian { sigma_px } => gaussian::cell(dx, *sigma_px),
-                psf => psf.pixel(dx, dy),
+                PsfModel::Airy(_) | PsfModel::Moffat(_) | PsfModel::Grid(_) | PsfModel::Field(_) => psf.pixel(dx, dy),
             };
     }
 }

@@ -165,7 +165,7 @@ impl PsfTable {
                 self.path.trace(path);
                 accumulate(&mut self.path, &mut self.grid, *sigma_px, s);
             }
-            _ => {
+            PsfModel::Airy(_) | PsfModel::Moffat(_) | PsfModel::Grid(_) | PsfModel::Field(_) => {
                 for [weight, dx, dy] in path {
                     for (base, share) in shares.iter().filter(|(_, share)| *share > 0.0) {
                         let Some(base) = bases.get(*base) else { continue };

@@ -170,7 +170,7 @@ fn check_type(column: &ColumnDescriptor, is_whole: bool) -> Result<(), (&'static
     let fits = match kind {
         Type::INT32 | Type::INT64 => true,
         Type::FLOAT | Type::DOUBLE => !is_whole,
-        _ => false,
+        Type::BOOLEAN | Type::INT96 | Type::BYTE_ARRAY | Type::FIXED_LEN_BYTE_ARRAY => false,
     };
     // Dates, times and decimal numbers are whole numbers of something else.
     let is_plain = match column.logical_type_ref() {
@@ -216,7 +216,9 @@ impl ColumnRows {
             Type::INT64 => Self::I64(Typed::new(column, pages)),
             Type::FLOAT => Self::F32(Typed::new(column, pages)),
             Type::DOUBLE => Self::F64(Typed::new(column, pages)),
-            other => return Err(format!("wanted {WANTED_NUMBER}, got {other}")),
+            other @ (Type::BOOLEAN | Type::INT96 | Type::BYTE_ARRAY | Type::FIXED_LEN_BYTE_ARRAY) => {
+                return Err(format!("wanted {WANTED_NUMBER}, got {other}"));
+            }
         })
     }
 

@@ -452,7 +452,7 @@ fn made_sky() -> MadeSky {
         let mag_g = match kind {
             Kind::Missing => rng.random_range(0.0..5.0),
             Kind::Fast | Kind::Pair => rng.random_range(5.0..11.0),
-            _ => rng.random_range(1.0..12.0),
+            Kind::Single | Kind::Variable => rng.random_range(1.0..12.0),
         };
         let star = MadeStar { kind, direction, motion, mag_g };
         match kind {
@@ -478,7 +478,7 @@ fn made_sky() -> MadeSky {
                 see(&mut sky, &mut rng, &star);
                 sky.stars.push(star);
             }
-            _ => {
+            Kind::Single | Kind::Fast | Kind::Variable => {
                 see(&mut sky, &mut rng, &star);
                 sky.stars.push(star);
             }

@@ -109,7 +109,7 @@ fn mark(format: WireFormat, counter: u8) -> Result<Vec<Packet>, String> {
     match format {
         // A delimiter first: whatever stands before the mark ends there.
         WireFormat::Serial => Ok(vec![chunk(&[0])?, chunk(&encoded(&message)?)?]),
-        _ => frames(&message, Format::Fd).map(packets),
+        WireFormat::CanClassic | WireFormat::CanFd => frames(&message, Format::Fd).map(packets),
     }
 }
 

@@ -189,7 +189,7 @@ impl SerialLink {
         if self.is_torn {
             match self.write(&[DELIMITER], limit)? {
                 Written::Whole => self.is_torn = false,
-                stuck => return Ok(stuck),
+                stuck @ (Written::GivenUp(_) | Written::Lost) => return Ok(stuck),
             }
         }
         self.write(bytes, limit)

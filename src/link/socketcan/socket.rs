@@ -54,13 +54,11 @@ impl Socket {
         };
         let mut heard = Heard { frame: RawFrame::Foreign, kernel_ns: None, hardware_ns: None, drops: 0 };
         for control in message.cmsgs()? {
-            match control {
-                ControlMessageOwned::ScmTimestampsns(stamps) => heard.stamp(&stamps),
-                ControlMessageOwned::RxqOvfl(total) => {
-                    heard.drops = u64::from(total.wrapping_sub(self.drops));
-                    self.drops = total;
-                }
-                _ => {}
+            if let ControlMessageOwned::ScmTimestampsns(stamps) = control {
+                heard.stamp(&stamps);
+            } else if let ControlMessageOwned::RxqOvfl(total) = control {
+                heard.drops = u64::from(total.wrapping_sub(self.drops));
+                self.drops = total;
             }
         }
         let len = message.bytes;

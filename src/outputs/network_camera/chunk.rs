@@ -35,7 +35,7 @@ impl FieldKind {
     pub(super) const fn bytes(self) -> usize {
         match self {
             Self::Text => TEXT_BYTES,
-            _ => 8,
+            Self::Integer | Self::Bits | Self::Float => 8,
         }
     }
 }

@@ -269,7 +269,12 @@ impl Device {
             Command::Resend(_) => true,
             Command::Action(action) => !self.is_meant(*action) || self.control.controller().is_none(),
             Command::ForceAddress { mac, .. } => *mac != self.place.mac,
-            _ => false,
+            Command::Discovery
+            | Command::ReadRegisters(_)
+            | Command::WriteRegisters(_)
+            | Command::ReadMemory { .. }
+            | Command::WriteMemory { .. }
+            | Command::Bad(_) => false,
         }
     }
 

@@ -107,7 +107,9 @@ pub(super) fn append_region(
             lines.for_each(|line| out.extend(line.iter().map(|dn| sample(*dn).to_le_bytes()[0])));
         }
         PixelFormat::Mono12Packed => append_packed(lines.flatten().map(|dn| sample(*dn)), out),
-        _ => lines.for_each(|line| append_words(line, sample, out)),
+        PixelFormat::Mono10 | PixelFormat::Mono12 | PixelFormat::Mono16 => {
+            lines.for_each(|line| append_words(line, sample, out))
+        }
     }
 }
 

@@ -85,11 +85,14 @@ pub enum Decision {
 /// Applies the policy to an attitude at mid-exposure.
 #[must_use]
 pub fn decide(estimated: &EstimatedAttitude, policy: StalePolicy) -> Decision {
-    match (estimated.origin, policy) {
-        (PathOrigin::Held, StalePolicy::Blank) => Decision::Blank { age: estimated.horizon },
-        (PathOrigin::Held, StalePolicy::Drop) => Decision::Drop { age: estimated.horizon },
-        (PathOrigin::Held, StalePolicy::Stop) => Decision::Stop { age: estimated.horizon },
-        _ => Decision::Show,
+    if estimated.origin != PathOrigin::Held {
+        return Decision::Show;
+    }
+    match policy {
+        StalePolicy::Hold => Decision::Show,
+        StalePolicy::Blank => Decision::Blank { age: estimated.horizon },
+        StalePolicy::Drop => Decision::Drop { age: estimated.horizon },
+        StalePolicy::Stop => Decision::Stop { age: estimated.horizon },
     }
 }
 

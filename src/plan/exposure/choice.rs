@@ -316,7 +316,14 @@ impl Chooser {
         let pixel_sigma = assessment.pixel_sigma.max(rim_sigma).max(rounding_sigma);
         let verdict = match assessment.verdict {
             Verdict::Fits | Verdict::FluxOverBudget if pixel_sigma > budget.pixel_sigma => Verdict::PixelOverBudget,
-            other => other,
+            verdict @ (Verdict::Fits
+            | Verdict::NeedsSmoothMotion
+            | Verdict::PathTooLong
+            | Verdict::TooManyKernels
+            | Verdict::OtherSampling
+            | Verdict::CentroidOverBudget
+            | Verdict::PixelOverBudget
+            | Verdict::FluxOverBudget) => verdict,
         };
         Assessment { pixel_sigma, verdict, ..assessment }
     }

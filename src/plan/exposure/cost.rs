@@ -190,7 +190,12 @@ pub fn kernel_bytes(method: Method, psf: &PsfModel, half_px: usize, extent_px: f
 pub fn kernel_count(method: Method, psf: &PsfModel) -> usize {
     match method {
         Method::ZonalPsf { .. } => method.kernels(),
-        _ => method.kernels() * psf.nodes().len(),
+        Method::Static
+        | Method::Gaussian
+        | Method::GaussLegendre { .. }
+        | Method::Segments { .. }
+        | Method::Samples { .. }
+        | Method::EffectivePsf { .. } => method.kernels() * psf.nodes().len(),
     }
 }
 

@@ -33,12 +33,6 @@ impl Timing<'_> {
         let stars_ms = if self.load.stars == 0 { 0.0 } else { cost.stars_ms(self.method, &self.load) };
         cost.empty_frame_ms(self.pixels, self.load.moves) + stars_ms
     }
-
-    /// Predicted / measured - 1, absolute.
-    #[must_use]
-    pub fn misfit(&self, cost: &CostModel) -> f64 {
-        (self.predicted_ms(cost) / self.ms - 1.0).abs()
-    }
 }
 
 /// The constants, none below 0, whose predictions come nearest to the timings.
@@ -169,7 +163,8 @@ mod tests {
         disturbed[1].ms *= 0.1;
         let found = fit(&disturbed, &CostModel::CPU);
         assert!(of(&found).into_iter().all(|constant| constant >= 0.0), "{found:?}");
-        let worst = disturbed.iter().map(|timing| timing.misfit(&found)).fold(0.0, f64::max);
+        let misfit = |timing: &Timing<'_>| (timing.predicted_ms(&found) / timing.ms - 1.0).abs();
+        let worst = disturbed.iter().map(misfit).fold(0.0, f64::max);
         assert!(worst > 0.1, "no constants explain these timings: {worst}");
     }
 }

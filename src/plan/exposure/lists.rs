@@ -63,7 +63,12 @@ pub fn fill(plan: &mut ExposurePlan, probes: &Probes, camera: &CameraGeometry, b
         let first = plan.lists.len();
         match method {
             Method::ZonalPsf { zones, .. } => fill_zones(plan, probes, camera, class, zones, buffers),
-            _ => {
+            Method::Static
+            | Method::Gaussian
+            | Method::GaussLegendre { .. }
+            | Method::Segments { .. }
+            | Method::Samples { .. }
+            | Method::EffectivePsf { .. } => {
                 let bands = bands.max(1);
                 let field = field_of(&plan.psf);
                 for band in 0..bands {
@@ -127,10 +132,14 @@ fn push_band(
     let delay_s = band_delay_s(plan.shutter, height, [band, bands]);
     let first = plan.nodes.len();
     fill_nodes(&plan.motion, method, delay_s, probes, &mut plan.nodes);
-    let drawing = match (method, probes.centre()) {
-        (Method::Static, _) => Drawing::Once,
-        (Method::Gaussian | Method::EffectivePsf { .. }, Some(centre)) => Drawing::Kernel(centre.track),
-        _ => Drawing::Nodes,
+    let drawing = match method {
+        Method::Static => Drawing::Once,
+        Method::Gaussian | Method::EffectivePsf { .. } => {
+            probes.centre().map_or(Drawing::Nodes, |centre| Drawing::Kernel(centre.track))
+        }
+        Method::GaussLegendre { .. } | Method::Segments { .. } | Method::Samples { .. } | Method::ZonalPsf { .. } => {
+            Drawing::Nodes
+        }
     };
     push_list(plan, probes, first, drawing);
 }

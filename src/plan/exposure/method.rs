@@ -159,7 +159,9 @@ impl fmt::Display for Method {
                 write!(f, "{name} ({columns} x {rows}, {nodes} nodes)")
             }
             Self::Segments { segments, per_segment } => write!(f, "{name} ({segments} of {per_segment} nodes)"),
-            other => write!(f, "{name} ({} nodes)", other.nodes()),
+            Self::GaussLegendre { .. } | Self::Samples { .. } | Self::EffectivePsf { .. } => {
+                write!(f, "{name} ({} nodes)", self.nodes())
+            }
         }
     }
 }

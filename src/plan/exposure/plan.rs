@@ -297,7 +297,9 @@ impl ExposurePlan {
                 let shares = cell.shares(star.mean_px);
                 core::array::from_fn(|i| (cell.corners[i] as usize, shares[i]))
             }
-            _ => [(star.list as usize, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)],
+            Drawing::Once | Drawing::Nodes | Drawing::Kernel(_) => {
+                [(star.list as usize, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)]
+            }
         };
         parts.into_iter().filter(|(_, share)| *share > 0.0)
     }

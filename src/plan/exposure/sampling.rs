@@ -138,7 +138,9 @@ pub fn oversampling(psf: &PsfModel) -> usize {
         }
         // One for all nodes.
         PsfModel::Field(field) => field.nodes().iter().map(oversampling).max().unwrap_or(MOST_OVERSAMPLING),
-        _ => [4, 8, 16].into_iter().find(enough).unwrap_or(MOST_OVERSAMPLING),
+        PsfModel::Gaussian { .. } | PsfModel::Airy(_) | PsfModel::Moffat(_) => {
+            [4, 8, 16].into_iter().find(enough).unwrap_or(MOST_OVERSAMPLING)
+        }
     }
 }
 

@@ -65,7 +65,7 @@ impl PsfModel {
     pub fn nodes(&self) -> &[Self] {
         match self {
             Self::Field(field) => field.nodes(),
-            one => core::slice::from_ref(one),
+            Self::Gaussian { .. } | Self::Airy(_) | Self::Moffat(_) | Self::Grid(_) => core::slice::from_ref(self),
         }
     }
 
@@ -80,7 +80,7 @@ impl PsfModel {
     pub fn pixel_of(&self, star_px: [f64; 2], x_px: f64, y_px: f64) -> f64 {
         match self {
             Self::Field(field) => field.pixel(star_px, x_px, y_px),
-            one => one.pixel(x_px, y_px),
+            Self::Gaussian { .. } | Self::Airy(_) | Self::Moffat(_) | Self::Grid(_) => self.pixel(x_px, y_px),
         }
     }
 
@@ -103,7 +103,7 @@ impl PsfModel {
         match self {
             Self::Grid(grid) => grid.peak(),
             Self::Field(field) => field.nodes().iter().map(Self::peak).fold(0.0, f64::max),
-            _ => self.pixel(0.0, 0.0),
+            Self::Gaussian { .. } | Self::Airy(_) | Self::Moffat(_) => self.pixel(0.0, 0.0),
         }
     }
 
@@ -149,7 +149,7 @@ impl PsfModel {
                 reason = "a PSF is narrower than a detector"
             )]
             Self::Gaussian { sigma_px } => (GAUSSIAN_SIGMAS * sigma_px).ceil().max(0.0) as usize + 1,
-            _ => self.half_px(LOST_FLUX),
+            Self::Airy(_) | Self::Moffat(_) | Self::Grid(_) | Self::Field(_) => self.half_px(LOST_FLUX),
         }
     }
 
@@ -159,7 +159,7 @@ impl PsfModel {
         let most = match self {
             Self::Grid(grid) => grid.half_px(),
             Self::Field(field) => return field.nodes().iter().map(|node| node.half_px(flux_rel)).max().unwrap_or(1),
-            _ => LARGEST_HALF_PX,
+            Self::Gaussian { .. } | Self::Airy(_) | Self::Moffat(_) => LARGEST_HALF_PX,
         };
         (1..most).find(|&half| self.lost_flux(half) <= flux_rel).unwrap_or(most)
     }

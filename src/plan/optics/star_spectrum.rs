@@ -89,11 +89,6 @@ impl StarSpectra {
     }
 
     /// BP-RP of a black body.
-    #[must_use]
-    pub fn color_of_temperature(&self, temperature_k: f64) -> f64 {
-        self.color(temperature_k.recip())
-    }
-
     fn color(&self, reciprocal_k: f64) -> f64 {
         self.bp.0.mag(counts(&self.bp, reciprocal_k)) - self.rp.0.mag(counts(&self.rp, reciprocal_k))
     }
@@ -138,7 +133,7 @@ mod tests {
             };
             assert!((counted(&spectra.bp) - counted(&spectra.rp) - color).abs() < 1e-9, "colour {color}");
             assert!(counted(&spectra.g).abs() < 1e-9, "G at colour {color}");
-            assert!((spectra.color_of_temperature(star.temperature_k()) - color).abs() < 1e-9, "{color}");
+            assert!((spectra.color(star.temperature_k().recip()) - color).abs() < 1e-9, "{color}");
         }
     }
 

@@ -204,7 +204,20 @@ impl FrameFaults {
                     self.defects.extend(places.map(commanded));
                     Made::Defects(first, self.defects.len() - first)
                 }
-                _ => Made::Nothing,
+                FrameFault::Drop
+                | FrameFault::Duplicate
+                | FrameFault::Late(_)
+                | FrameFault::Torn
+                | FrameFault::Blank
+                | FrameFault::BitFlip { .. }
+                | FrameFault::StrayLight { .. }
+                | FrameFault::StrayLightRamp { .. }
+                | FrameFault::Contamination { .. }
+                | FrameFault::TemperatureStep { .. }
+                | FrameFault::Saturation { .. }
+                | FrameFault::MissingStars { .. }
+                | FrameFault::MissingBrightStars { .. }
+                | FrameFault::Protons(_) => Made::Nothing,
             };
         }
         Ok(())
@@ -244,7 +257,7 @@ impl FrameFaults {
             fate.take(&timed.fault);
             let stars = match timed.made {
                 Made::Stars(first, count) => &self.false_stars[first..first + count],
-                _ => &[],
+                Made::NotYet | Made::Nothing | Made::Optics(_) | Made::Defects(..) => &[],
             };
             expose_under(engine.conditions_mut(), timed, amount.value, full_well_e, stars);
         }
@@ -284,10 +297,26 @@ impl Fate {
         match *fault {
             FrameFault::Drop => self.is_dropped = true,
             FrameFault::Duplicate => self.repeated = Repeated::All,
-            FrameFault::Torn if self.repeated == Repeated::Nothing => self.repeated = Repeated::UpperHalf,
+            FrameFault::Torn => {
+                if self.repeated == Repeated::Nothing {
+                    self.repeated = Repeated::UpperHalf;
+                }
+            }
             FrameFault::Late(delay) => self.delay = self.delay.max(delay),
             FrameFault::Blank => self.is_blank = true,
-            _ => {}
+            // They change the exposure or single pixels.
+            FrameFault::BitFlip { .. }
+            | FrameFault::StrayLight { .. }
+            | FrameFault::StrayLightRamp { .. }
+            | FrameFault::Defocus { .. }
+            | FrameFault::Contamination { .. }
+            | FrameFault::TemperatureStep { .. }
+            | FrameFault::Saturation { .. }
+            | FrameFault::FalseStars { .. }
+            | FrameFault::MissingStars { .. }
+            | FrameFault::MissingBrightStars { .. }
+            | FrameFault::Pixels { .. }
+            | FrameFault::Protons(_) => {}
         }
     }
 }
@@ -354,7 +383,14 @@ fn expose_under(
             let room = FALSE_STARS_MAX.saturating_sub(conditions.false_stars.len());
             conditions.false_stars.extend_from_slice(&false_stars[..false_stars.len().min(room)]);
         }
-        _ => {}
+        // They act on the detector or on the finished frame.
+        FrameFault::Drop
+        | FrameFault::Duplicate
+        | FrameFault::Late(_)
+        | FrameFault::Torn
+        | FrameFault::Blank
+        | FrameFault::BitFlip { .. }
+        | FrameFault::Pixels { .. } => {}
     }
 }
 

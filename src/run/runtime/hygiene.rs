@@ -11,7 +11,7 @@
 //!   the limit allows it whole: half a lock makes later allocations fail.
 //! * **Processors**: the threads stay on given ones (`sched_setaffinity`).
 //!
-//! *Limits.* Linux only; elsewhere every line says so. No `unsafe` of ours: `thread-priority` and `rustix` wrap the calls.
+//! *Limits.* No `unsafe` of ours: `thread-priority` and `rustix` wrap the calls.
 //! Whether it helps is for `starloop budget --load` to show; the tests hold that whatever happens is told.
 
 use frames::report::HygieneLine;
@@ -160,7 +160,6 @@ fn touch_stack() {
     core::hint::black_box(&mut pages);
 }
 
-#[cfg(target_os = "linux")]
 mod system {
     use rustix::mm::{MlockAllFlags, mlockall};
     use rustix::process::{Resource, getrlimit};
@@ -205,23 +204,6 @@ mod system {
             Ok(()) => Ok(format!("{processors:?}")),
             Err(error) => Err(format!("{processors:?}: {error}")),
         }
-    }
-}
-
-#[cfg(not(target_os = "linux"))]
-mod system {
-    const WHY_NOT: &str = "only done on Linux";
-
-    pub(super) fn lock_memory() -> Result<String, String> {
-        Err(WHY_NOT.into())
-    }
-
-    pub(super) fn schedule(_priority: u8) -> Result<String, String> {
-        Err(WHY_NOT.into())
-    }
-
-    pub(super) fn stay_on(_processors: &[usize]) -> Result<String, String> {
-        Err(WHY_NOT.into())
     }
 }
 

@@ -211,7 +211,8 @@ impl Receiver {
             Message::Wheels(wheels) => self.take_wheels(wheels, at, ledger),
             Message::Table(cell) => self.session.put(cell),
             Message::Heartbeat(heartbeat) => self.session.hear(heartbeat, at, ledger),
-            _ => {}
+            // Answers of a stimulator: ours, or another one's on the same bus.
+            Message::Exposure(_) | Message::Status(_) | Message::Response(_) => {}
         }
         None
     }

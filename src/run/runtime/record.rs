@@ -293,10 +293,12 @@ fn event_line(event: &Event) -> EventLine {
         at_utc: event.at.to_rfc3339(),
         frame: event.frame,
         kind: event.kind.name().into(),
-        detail: match event.kind {
-            EventKind::Degraded => format!("{}, drawn in {:.3} ms as predicted", event.rung, event.span.ms()),
-            _ if !event.what.is_empty() => format!("{}, {:.3} ms", event.what, event.span.ms()),
-            _ => format!("{:.3} ms", event.span.ms()),
+        detail: if event.kind == EventKind::Degraded {
+            format!("{}, drawn in {:.3} ms as predicted", event.rung, event.span.ms())
+        } else if event.what.is_empty() {
+            format!("{:.3} ms", event.span.ms())
+        } else {
+            format!("{}, {:.3} ms", event.what, event.span.ms())
         },
     }
 }

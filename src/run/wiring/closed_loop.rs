@@ -7,9 +7,7 @@
 use crate::runtime::virtual_time::{Head, VirtualLoop, World};
 use crate::runtime::{RunError, RunParams, RunRecord, lines_of_head};
 use crate::wiring::far_side::FarSide;
-use crate::wiring::faults::{
-    FaultLine, FaultLog, Inventory, LoggedFault, Places, PlacesRead, action_name, check_places,
-};
+use crate::wiring::faults::{FaultLine, FaultLog, Inventory, LoggedFault, Places, PlacesRead, check_places};
 use crate::wiring::loop_outcome::{LoopOutcome, LoopView, predicted_pointing_rad, vehicle_counts};
 use crate::wiring::loop_parts::{LoopHead, loop_head, ports};
 use base::axes::{Body, Icrf, Rotation, Sensor};
@@ -148,7 +146,7 @@ impl ClosedLoop {
             size_px: self.heads[0].size_px(),
             output_px: self.heads[0].output_px(),
         };
-        check_places(event, there).map_err(|why| LoopError::Event { what: action_name(&event.action), why })?;
+        check_places(event, there).map_err(|why| LoopError::Event { what: event.action.word(), why })?;
         let mut event = *event;
         if event.on_trigger.is_none() {
             event.at = event.at.max(self.clock.now() - self.zero);

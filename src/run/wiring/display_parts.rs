@@ -21,7 +21,7 @@
 //! Limits: stars are Gaussians of [`SPOT_SIGMA_PX`] on the display, whatever the tracker's own PSF is, which comes on top;
 //! the sky's background is not shown, as a display's black is brighter; light by `[band]` or a grey mapping is refused, and
 //! so are scripted targets, whose places are pixels of the tracker (targets on the sky are shown). Rows above and below the middle light up to half the scan sooner
-//! and later than drawn. Shot noise of what is drawn stays below [`NOISE_LUMINANCE`] of the full luminance. Tests:
+//! and later than drawn. Shot noise of what is drawn stays below 2.5e-5 of the full luminance. Tests:
 //! `tests/closed_loop/display.rs` over a simulated flight computer.
 
 use crate::runtime::params::RunParams;
@@ -58,8 +58,6 @@ const LEAST_DUTY: f64 = 0.01;
 const SAME_ZERO_POINT: f64 = 1e-3;
 /// The row that timing is for, of all rows.
 const MIDDLE_ROW: f64 = 0.5;
-/// Largest noise of a luminance, share of the full one.
-pub const NOISE_LUMINANCE: f64 = 2.5e-5;
 
 /// The display of a bench that is drawn for one: its first sink, calibrated.
 #[must_use]
@@ -212,7 +210,11 @@ fn brighter(light: &StarLight, times: f64) -> Result<StarLight> {
 pub fn hold_cards(sinks: &[SinkSettings]) -> Vec<File> {
     let is_direct = |settings: &SinkSettings| match &settings.sink {
         Sink::Display(settings) => settings.params.direct_scanout.is_some(),
-        _ => false,
+        Sink::Recorder { .. }
+        | Sink::SharedMemory { .. }
+        | Sink::Iceoryx { .. }
+        | Sink::NetworkCamera(_)
+        | Sink::Null => false,
     };
     let entries = sinks.iter().any(is_direct).then(|| std::fs::read_dir("/dev/dri").ok()).flatten();
     let cards = entries.into_iter().flatten().filter_map(Result::ok);

@@ -114,7 +114,24 @@ impl FarSide {
                 let by = Span::from_s(event.lasts.s() * ppm * 1e-6);
                 self.witness.expect_clock(from, from + event.lasts, by);
             }
-            _ => {}
+            // They change neither the pointing nor when packets arrive.
+            Action::Bus(
+                LinkFault::Loss { .. }
+                | LinkFault::Silence
+                | LinkFault::Duplicate { .. }
+                | LinkFault::WrongBits { .. }
+                | LinkFault::Truncate { .. }
+                | LinkFault::Babble { .. }
+                | LinkFault::Off,
+            )
+            | Action::BusBack(_)
+            | Action::Safe
+            | Action::Resume
+            | Action::Frame { .. }
+            | Action::Gyro(_)
+            | Action::WheelFailure { .. }
+            | Action::TrackerOff { .. }
+            | Action::Trigger { .. } => {}
         }
     }
 

@@ -165,7 +165,7 @@ mod tests {
         assert!(events.iter().all(|event| event.at >= Span::from_s(600.0)));
         assert!(events.iter().all(|event| event.at + event.lasts < Span::from_s(3_000_000.0)));
         assert!(events.is_sorted_by_key(|event| event.at));
-        let mut names: Vec<_> = events.iter().map(|event| crate::wiring::faults::action_name(&event.action)).collect();
+        let mut names: Vec<_> = events.iter().map(|event| event.action.word()).collect();
         names.sort_unstable();
         names.dedup();
         assert_eq!(names.len(), 25, "{names:?}");

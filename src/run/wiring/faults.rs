@@ -5,9 +5,9 @@ use crate::runtime::frame_faults::{Begin, FrameFaults, NEVER};
 use crate::runtime::ledger::Event as LedgerEvent;
 use crate::wiring::vehicle_parts::attitude;
 use base::time::{Span, Tai};
-use config::{Action, Event, GyroFaultKind};
-use frames::sink::{DefectSpots, FaultFlags, FaultPixels, FrameFault};
-use link::tap::{FaultControl, LinkFault};
+use config::{Action, Event, GyroFaultKind, link_flag};
+use frames::sink::{DefectSpots, FaultPixels, FrameFault};
+use link::tap::FaultControl;
 use serde::Serialize;
 use testbed::acs::Command;
 use testbed::vehicle::VehicleFault;
@@ -144,7 +144,7 @@ impl FaultLog {
         };
         let trigger = event.on_trigger.map(|number| (number, event.at));
         let (from, until) = if trigger.is_some() { (NEVER, NEVER) } else { (from, until) };
-        let (name, lasts) = (action_name(&event.action), event.lasts);
+        let (name, lasts) = (event.action.word(), event.lasts);
         self.faults.push(LoggedFault { name, from, until, trigger, lasts, place });
     }
 
@@ -230,22 +230,6 @@ pub struct PlacesRead<'a> {
     pub aboard: &'a dyn Fn(usize) -> u64,
 }
 
-/// The flag of a fault of the bus in the frames of its time.
-fn link_flag(fault: &LinkFault) -> FaultFlags {
-    match fault {
-        LinkFault::Loss { .. } => FaultFlags::LINK_DROP,
-        LinkFault::Silence => FaultFlags::LINK_STALE,
-        LinkFault::Delay { .. } => FaultFlags::LINK_DELAY,
-        LinkFault::Duplicate { .. } => FaultFlags::LINK_DUPLICATE,
-        LinkFault::WrongBits { .. } | LinkFault::Truncate { .. } => FaultFlags::LINK_CORRUPT,
-        LinkFault::Reorder { .. } => FaultFlags::LINK_REORDER,
-        LinkFault::Babble { .. } => FaultFlags::LINK_BABBLE,
-        LinkFault::Off => FaultFlags::LINK_OFF,
-        LinkFault::ClockStep { .. } => FaultFlags::CLOCK_STEP,
-        LinkFault::ClockDrift { .. } => FaultFlags::CLOCK_DRIFT,
-    }
-}
-
 /// What there is in a loop.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Inventory {
@@ -278,8 +262,19 @@ pub(super) fn check_places(event: &Event, there: Inventory) -> Result<(), String
         Action::WheelFailure { wheel } if wheel >= wheels => {
             Err(format!("wheel {wheel}: there are {wheels}, counted from 0"))
         }
-        _ if event.at < Span::ZERO => Err("wanted a time not before the first exposure".into()),
-        _ => Ok(()),
+        Action::Slew(_)
+        | Action::Safe
+        | Action::Resume
+        | Action::Bus(_)
+        | Action::BusBack(_)
+        | Action::Frame { .. }
+        | Action::Gyro(_)
+        | Action::WheelFailure { .. }
+        | Action::TrackerOff { .. }
+        | Action::Trigger { .. } => {
+            let is_before = event.at < Span::ZERO;
+            if is_before { Err("wanted a time not before the first exposure".into()) } else { Ok(()) }
+        }
     }
 }
 
@@ -315,36 +310,12 @@ fn vehicle_fault(action: &Action) -> Option<VehicleFault> {
         Action::Gyro(GyroFaultKind::Spike(spike)) => VehicleFault::GyroSpike(spike),
         Action::WheelFailure { wheel } => VehicleFault::WheelFailure(wheel),
         Action::TrackerOff { head } => VehicleFault::TrackerOff(head),
-        _ => return None,
+        Action::Slew(_)
+        | Action::Safe
+        | Action::Resume
+        | Action::Bus(_)
+        | Action::BusBack(_)
+        | Action::Frame { .. }
+        | Action::Trigger { .. } => return None,
     })
-}
-
-/// The word for an action in a scenario file.
-#[must_use]
-pub fn action_name(action: &Action) -> &'static str {
-    match action {
-        Action::Slew(_) => "slew",
-        Action::Safe => "safe",
-        Action::Resume => "resume",
-        Action::Bus(LinkFault::Loss { .. }) => "bus_loss",
-        Action::Bus(LinkFault::Silence) => "bus_silence",
-        Action::Bus(LinkFault::Delay { .. }) => "bus_delay",
-        Action::Bus(LinkFault::Duplicate { .. }) => "bus_duplicate",
-        Action::Bus(LinkFault::WrongBits { .. }) => "bus_wrong_bits",
-        Action::Bus(LinkFault::Reorder { .. }) => "bus_reorder",
-        Action::Bus(LinkFault::Truncate { .. }) => "bus_truncate",
-        Action::Bus(LinkFault::Babble { .. }) => "bus_babble",
-        Action::Bus(LinkFault::Off) => "bus_off",
-        Action::Bus(LinkFault::ClockStep { .. }) => "clock_step",
-        Action::Bus(LinkFault::ClockDrift { .. }) => "clock_drift",
-        Action::BusBack(_) => "bus_back_loss",
-        Action::Frame { fault, .. } => fault.name(),
-        Action::Gyro(GyroFaultKind::Dropout) => "gyro_dropout",
-        Action::Gyro(GyroFaultKind::Stuck) => "gyro_stuck",
-        Action::Gyro(GyroFaultKind::BiasJump(_)) => "gyro_bias_jump",
-        Action::Gyro(GyroFaultKind::Spike(_)) => "gyro_spike",
-        Action::WheelFailure { .. } => "wheel_failure",
-        Action::TrackerOff { .. } => "tracker_off",
-        Action::Trigger { .. } => "trigger",
-    }
 }

@@ -14,7 +14,6 @@ use crate::runtime::real_time::STARS_AT_FIRST;
 use base::memory::{Available, available, available_in_process};
 use config::{Backend, Bench, Camera, Sink, SinkSettings};
 use core::fmt;
-#[cfg(unix)]
 use frames::sink::shared_memory::ring_bytes;
 use frames::sink::{TargetRow, TruthStar};
 use image::detector::binning::BinningKind;
@@ -288,12 +287,6 @@ fn detector_numbers(camera: &Camera, is_reference: bool) -> u64 {
 fn frame_bytes(bench: &Bench) -> u64 {
     let truth = (STARS_AT_FIRST * size_of::<TruthStar>() + bench.targets.len() * size_of::<TargetRow>()) as u64;
     DN_BYTES * pixels(bench.camera.image_px()) + truth
-}
-
-/// Without shared memory there is no ring.
-#[cfg(not(unix))]
-fn ring_bytes(_size_px: [usize; 2], _slots: u32) -> u64 {
-    0
 }
 
 /// A number of bytes for people.

@@ -11,9 +11,7 @@ use crate::runtime::real_time::Head;
 use crate::runtime::{RunError, RunParams, RunRecord, real_time};
 use crate::wiring::closed_loop::LoopError;
 use crate::wiring::far_side::FarSide;
-use crate::wiring::faults::{
-    FaultLine, FaultLog, Inventory, LoggedFault, Places, PlacesRead, action_name, check_places,
-};
+use crate::wiring::faults::{FaultLine, FaultLog, Inventory, LoggedFault, Places, PlacesRead, check_places};
 use crate::wiring::loop_outcome::{LoopOutcome, predicted_pointing_rad, vehicle_counts};
 use crate::wiring::loop_parts::{loop_head, ports};
 use base::axes::Rotation;
@@ -154,7 +152,7 @@ impl Made {
         let is_trigger = |event: &&Event| matches!(event.action, Action::Trigger { .. });
         let triggers = scenario.events.iter().filter(is_trigger);
         for event in scenario.events.iter().filter(|event| !is_trigger(event)).chain(triggers) {
-            let what = action_name(&event.action);
+            let what = event.action.word();
             check_places(event, there).map_err(|why| LoopError::Event { what, why })?;
             let Self { log, to_stimulator, to_computer, frames } = self;
             let mut places = Places { to_stimulator, to_computer, frames: frames.iter_mut().collect() };

@@ -10,7 +10,6 @@ use base::clock::Clock;
 use base::streams::say;
 use base::time::Span;
 use config::{DisplaySettings, Sink as Kind, SinkSettings};
-#[cfg(unix)]
 use frames::sink::shared_memory::SharedMemory;
 use frames::sink::{Alone, BranchParams, Fan, NullSink, OnFull, Recorder, RecorderOptions, SentFrame, Sink};
 use outputs::display::MonitorChoice;
@@ -153,7 +152,6 @@ fn files_of(number: usize, own: Option<&Path>, setting: &SinkSetting<'_>) -> Pat
     }
 }
 
-#[cfg(unix)]
 fn shared_memory(path: &Path, slots: u32, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
     Ok(Box::new(SharedMemory::create(
         path.to_path_buf(),
@@ -162,20 +160,15 @@ fn shared_memory(path: &Path, slots: u32, setting: &SinkSetting<'_>) -> Result<B
     )?))
 }
 
-#[cfg(all(unix, feature = "iceoryx2"))]
+#[cfg(feature = "iceoryx2")]
 fn iceoryx(service: &str, slots: u32, setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
     let size_px = [setting.prototype.image.width(), setting.prototype.image.height()];
     Ok(Box::new(frames::sink::iceoryx::Iceoryx::create(service.into(), size_px, slots)?))
 }
 
-#[cfg(not(all(unix, feature = "iceoryx2")))]
+#[cfg(not(feature = "iceoryx2"))]
 fn iceoryx(service: &str, _slots: u32, _setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
-    anyhow::bail!("{service}: got a starloop without iceoryx2; wanted Unix and `--features iceoryx2`")
-}
-
-#[cfg(not(unix))]
-fn shared_memory(path: &Path, _slots: u32, _setting: &SinkSetting<'_>) -> Result<Box<dyn Sink>> {
-    anyhow::bail!("{}: got a system without it; wanted Unix", path.display())
+    anyhow::bail!("{service}: got a starloop without iceoryx2; wanted `--features iceoryx2`")
 }
 
 /// A sink in words, for people.
@@ -206,7 +199,7 @@ pub fn told(settings: &SinkSettings) -> String {
             let calibration = settings.calibration.as_ref();
             let monitor = match &settings.params.monitor {
                 MonitorChoice::Primary => "the primary monitor".into(),
-                other => format!("the monitor {other}"),
+                named @ (MonitorChoice::Index(_) | MonitorChoice::Named(_)) => format!("the monitor {named}"),
             };
             let calibration =
                 calibration.map_or_else(|| "none: greys taken for luminances".into(), |c| c.display().to_string());

@@ -139,7 +139,7 @@ impl Distortion {
                 let down = f64::from(OCTAVES * STEPS_PER_OCTAVE - step) / f64::from(STEPS_PER_OCTAVE);
                 Some(LARGEST_RADIUS * (-down).exp2())
             }
-            _ => None,
+            Self::BrownConrady(_) | Self::Polynomial(_) => None,
         }
     }
 }

@@ -41,10 +41,7 @@ impl TleOrbit {
             column: error.column(),
             why: error.to_string(),
         })?;
-        let objects = match whole {
-            Value::Array(objects) => objects,
-            object => vec![object],
-        };
+        let objects = if let Value::Array(objects) = whole { objects } else { vec![whole] };
         if objects.len() > MOST_OBJECTS {
             return Err(refuse(format!("wanted at most {MOST_OBJECTS} objects, got {}", objects.len())));
         }
@@ -63,10 +60,8 @@ fn refuse(why: String) -> ObserverError {
 
 /// The catalog number of an object, where it has one.
 fn number_of(object: &Value) -> Option<u64> {
-    match object.get("NORAD_CAT_ID")? {
-        Value::String(text) => text.trim().parse().ok(),
-        number => number.as_u64(),
-    }
+    let number = object.get("NORAD_CAT_ID")?;
+    number.as_str().map_or_else(|| number.as_u64(), |text| text.trim().parse().ok())
 }
 
 fn chosen(objects: Vec<Value>, norad_id: Option<u64>) -> Result<Value, ObserverError> {
@@ -94,10 +89,7 @@ fn check_theory(object: &Value) -> Result<(), ObserverError> {
 fn check_ranges(object: &Value) -> Result<(), ObserverError> {
     for (key, least, most) in RANGES {
         let got = object.get(key).unwrap_or(&Value::Null);
-        let number = match got {
-            Value::String(text) => text.trim().parse().ok(),
-            number => number.as_f64(),
-        };
+        let number = got.as_str().map_or_else(|| got.as_f64(), |text| text.trim().parse().ok());
         if !number.is_some_and(|number| (least..=most).contains(&number)) {
             return Err(refuse(format!("{key}: wanted a number from {least} to {most}, got {got}")));
         }

@@ -93,11 +93,12 @@ impl Layer {
         let file = File::open(path).map_err(LayerError::file("cannot open", path))?;
         let got = file.metadata().map_err(LayerError::file("cannot read", path))?.len();
         let read = |at: u64, bytes: &mut [u8]| {
-            read_at(&file, at, bytes).map_err(|source| match source.kind() {
-                std::io::ErrorKind::UnexpectedEof => {
+            read_at(&file, at, bytes).map_err(|source| {
+                if source.kind() == std::io::ErrorKind::UnexpectedEof {
                     LayerError::Length { path: path.into(), wanted: at + bytes.len() as u64, got }
+                } else {
+                    LayerError::file("cannot read", path)(source)
                 }
-                _ => LayerError::file("cannot read", path)(source),
             })
         };
         let mut magic = [0; MAGIC.len()];
@@ -408,7 +409,6 @@ fn zeros(path: &Path, bytes: usize) -> Result<Vec<u8>, LayerError> {
 }
 
 /// Holds the length of a file against what the disk has of it.
-#[cfg(unix)]
 fn refuse_holes(path: &Path, file: &File) -> Result<(), LayerError> {
     use std::os::unix::fs::MetadataExt;
     let about = file.metadata().map_err(LayerError::file("cannot read", path))?;
@@ -417,11 +417,6 @@ fn refuse_holes(path: &Path, file: &File) -> Result<(), LayerError> {
     if bytes >= LEAST_HOLES_BYTES && stored > 0 && stored.saturating_mul(MOST_PACKED) < bytes {
         return Err(LayerError::Holes { path: path.into(), bytes, stored });
     }
-    Ok(())
-}
-
-#[cfg(not(unix))]
-fn refuse_holes(_path: &Path, _file: &File) -> Result<(), LayerError> {
     Ok(())
 }
 
@@ -492,20 +487,6 @@ fn source(id: u32, source_id: Option<SourceId>, star: &StarRecord, frame: &TileF
     }
 }
 
-#[cfg(unix)]
 fn read_at(file: &File, at: u64, bytes: &mut [u8]) -> std::io::Result<()> {
     std::os::unix::fs::FileExt::read_exact_at(file, bytes, at)
-}
-
-#[cfg(windows)]
-fn read_at(file: &File, mut at: u64, mut bytes: &mut [u8]) -> std::io::Result<()> {
-    while !bytes.is_empty() {
-        let read = std::os::windows::fs::FileExt::seek_read(file, bytes, at)?;
-        if read == 0 {
-            return Err(std::io::ErrorKind::UnexpectedEof.into());
-        }
-        bytes = &mut bytes[read..];
-        at += read as u64;
-    }
-    Ok(())
 }

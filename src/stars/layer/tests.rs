@@ -355,7 +355,6 @@ fn numbers_come_back_and_may_be_left_out() {
     }
 }
 
-#[cfg(target_os = "linux")]
 #[test]
 fn a_layer_with_holes_in_the_place_of_stars_is_refused_before_memory_is_taken() {
     let folder = tempfile::tempdir().unwrap();

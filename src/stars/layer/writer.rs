@@ -94,8 +94,7 @@ impl UnnamedLayer {
 /// Waits until the names in the folder of `path` are on the disk.
 pub(super) fn sync_folder_of(path: &Path) -> io::Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    // Other systems cannot open a folder as a file.
-    if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
+    File::open(folder)?.sync_all()
 }
 
 /// Numbers of stars on their way to the end of a layer.

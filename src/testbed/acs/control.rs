@@ -228,10 +228,14 @@ impl Acs {
     }
 
     fn reference(&self, at: Tai) -> Option<Reference> {
-        match (self.logic.mode(), &self.slew) {
-            (Mode::Slew, Some((start, path))) => Some(path.reference((at - *start).s())),
-            (Mode::Safe | Mode::RateDamping, _) => None,
-            _ => self.target.map(Reference::at_rest),
+        let at_rest = || self.target.map(Reference::at_rest);
+        match self.logic.mode() {
+            Mode::Safe | Mode::RateDamping => None,
+            Mode::CoarsePointing | Mode::FinePointing => at_rest(),
+            Mode::Slew => match &self.slew {
+                Some((start, path)) => Some(path.reference((at - *start).s())),
+                None => at_rest(),
+            },
         }
     }
 

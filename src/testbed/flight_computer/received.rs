@@ -31,7 +31,16 @@ impl Received {
                 self.status_pages += 1;
                 self.last_status = Some(Stamped { at, value });
             }
-            _ => self.others += 1,
+            Message::Sync(_)
+            | Message::TimeFollowUp(_)
+            | Message::Attitude(_)
+            | Message::Jitter(_)
+            | Message::JitterPair(_)
+            | Message::Wheels(_)
+            | Message::Table(_)
+            | Message::Command(_)
+            | Message::Response(_)
+            | Message::Heartbeat(_) => self.others += 1,
         }
     }
 }

@@ -100,7 +100,7 @@ impl Talk {
                 self.answers.taken += 1;
                 self.answers.late += u64::from(triggered.is_late);
             }
-            _ => {}
+            Reply::Hello(_) | Reply::Info(_) | Reply::Run | Reply::Stop | Reply::Applied(_) => {}
         }
         if is_trigger {
             self.triggers.pop_front();

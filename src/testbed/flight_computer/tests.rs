@@ -150,16 +150,14 @@ fn time_marks_tell_when_the_sync_left() {
         let mut marks = 0;
         let mut arrived = None;
         for message in messages {
-            match message.value {
-                Message::Sync(sync) => arrived = Some((sync.counter, message.at)),
-                Message::TimeFollowUp(told) => {
-                    let (counter, at) = arrived.take().expect("a follow-up follows a SYNC");
-                    assert_eq!(told.counter, counter);
-                    let left_ns = bench.computer.clock().elapsed_ns(at - LATENCY);
-                    assert!(told.scet.ns().abs_diff(left_ns) <= MARK_NS, "{format:?}: {:?}, {left_ns}", told.scet);
-                    marks += 1;
-                }
-                _ => {}
+            if let Message::Sync(sync) = message.value {
+                arrived = Some((sync.counter, message.at));
+            } else if let Message::TimeFollowUp(mark) = message.value {
+                let (counter, at) = arrived.take().expect("a follow-up follows a SYNC");
+                assert_eq!(mark.counter, counter);
+                let left_ns = bench.computer.clock().elapsed_ns(at - LATENCY);
+                assert!(mark.scet.ns().abs_diff(left_ns) <= MARK_NS, "{format:?}: {:?}, {left_ns}", mark.scet);
+                marks += 1;
             }
         }
         assert_eq!(marks, 10, "{format:?}");
@@ -168,11 +166,11 @@ fn time_marks_tell_when_the_sync_left() {
 
 /// Time on the FC's clock that the first follow-up within 50 ms tells, ns; and the counter of its SYNC.
 fn first_follow_up(bench: &mut Bench) -> (u64, u8) {
-    let told = bench.run(Span::from_ms(50)).into_iter().find_map(|message| match message.value {
-        Message::TimeFollowUp(told) => Some((told.scet.ns(), told.counter)),
-        _ => None,
+    let first = bench.run(Span::from_ms(50)).into_iter().find_map(|message| {
+        let Message::TimeFollowUp(mark) = message.value else { return None };
+        Some((mark.scet.ns(), mark.counter))
     });
-    told.unwrap_or_default()
+    first.unwrap_or_default()
 }
 
 #[test]
@@ -229,12 +227,12 @@ fn timed_samples(message: &Message) -> Vec<(u64, [f32; 2])> {
     let timed = |first_us: u64, period_us: u64, samples: &[[f32; 2]]| {
         samples.iter().enumerate().map(|(i, sample)| (first_us + i as u64 * period_us, *sample)).collect()
     };
-    match message {
-        Message::Jitter(burst) => {
-            timed(u64::from(burst.t_first_us), u64::from(burst.period_us), burst.samples_arcsec())
-        }
-        Message::JitterPair(pair) => timed(u64::from(pair.slot) * 2000, 1000, &pair.samples_arcsec),
-        _ => Vec::new(),
+    if let Message::Jitter(burst) = message {
+        timed(u64::from(burst.t_first_us), u64::from(burst.period_us), burst.samples_arcsec())
+    } else if let Message::JitterPair(pair) = message {
+        timed(u64::from(pair.slot) * 2000, 1000, &pair.samples_arcsec)
+    } else {
+        Vec::new()
     }
 }
 

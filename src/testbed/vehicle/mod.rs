@@ -281,7 +281,11 @@ impl Vehicle {
                 let chosen = |(i, _): &(usize, &Head)| head.is_none_or(|head| head == *i);
                 self.heads.iter().enumerate().filter(chosen).map(|(_, head)| head.report.ignored).sum()
             }
-            _ => self.faults.hits(fault),
+            VehicleFault::GyroDropout
+            | VehicleFault::GyroStuck
+            | VehicleFault::GyroBiasJump(_)
+            | VehicleFault::GyroSpike(_)
+            | VehicleFault::WheelFailure(_) => self.faults.hits(fault),
         }
     }
 

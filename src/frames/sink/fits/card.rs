@@ -221,7 +221,7 @@ impl Header {
         match self.get(keyword)? {
             Value::Real(v) => Some(v),
             Value::Integer(v) => Some(v as f64),
-            _ => None,
+            Value::Undefined | Value::Logical(_) | Value::Text(_) => None,
         }
     }
 

@@ -100,7 +100,7 @@ mod tests {
             .iter()
             .filter_map(|defect| match defect.kind {
                 DefectKind::Hot { extra_e_per_s } => Some(extra_e_per_s),
-                _ => None,
+                DefectKind::Dead { .. } | DefectKind::Rts { .. } | DefectKind::Stuck { .. } => None,
             })
             .collect();
         let mean = hot.iter().sum::<f64>() / hot.len() as f64;

@@ -46,23 +46,43 @@ pub fn stages(
     let full_well_e = full_well::limit_e(detector.params());
     let mut charge_out = charge.clone();
     for effect in detector.neighbour_effects() {
-        match (effect, &spatial.image_lag, &spatial.blooming, &spatial.charge_transfer, spatial.binning) {
-            (Effect::ImageLag, Some(lag), ..) => {
-                stages.push(Box::new(GpuImageLag::new(gpu, lag, full_well_e, size_px, charge)?));
+        match effect {
+            Effect::ImageLag => {
+                if let Some(lag) = &spatial.image_lag {
+                    stages.push(Box::new(GpuImageLag::new(gpu, lag, full_well_e, size_px, charge)?));
+                }
             }
-            (Effect::FullWell, _, Some(blooming), ..) => {
-                stages.push(Box::new(GpuBlooming::new(gpu, blooming, full_well_e, size_px, charge)?));
+            Effect::FullWell => stages.push(match &spatial.blooming {
+                Some(blooming) => Box::new(GpuBlooming::new(gpu, blooming, full_well_e, size_px, charge)?),
+                None => Box::new(ClipFullWell::new(gpu, full_well_e, size_px, charge)?),
+            }),
+            Effect::ChargeTransfer => {
+                if let Some(transfer) = &spatial.charge_transfer {
+                    stages.push(Box::new(GpuChargeTransfer::new(gpu, transfer, size_px, charge)?));
+                }
             }
-            (Effect::FullWell, ..) => stages.push(Box::new(ClipFullWell::new(gpu, full_well_e, size_px, charge)?)),
-            (Effect::ChargeTransfer, _, _, Some(transfer), _) => {
-                stages.push(Box::new(GpuChargeTransfer::new(gpu, transfer, size_px, charge)?));
+            Effect::Binning => {
+                if let Some(Binning { factor, kind: BinningKind::Charge { full_well_e } }) = spatial.binning {
+                    let stage = GpuChargeBinning::new(gpu, factor, full_well_e, size_px, charge)?;
+                    charge_out = stage.sums().clone();
+                    stages.push(Box::new(stage));
+                }
             }
-            (Effect::Binning, .., Some(Binning { factor, kind: BinningKind::Charge { full_well_e } })) => {
-                let stage = GpuChargeBinning::new(gpu, factor, full_well_e, size_px, charge)?;
-                charge_out = stage.sums().clone();
-                stages.push(Box::new(stage));
-            }
-            _ => {}
+            // They act pixel by pixel, in other passes.
+            Effect::Background
+            | Effect::PhotoResponse
+            | Effect::Dark
+            | Effect::Defects
+            | Effect::Shot
+            | Effect::ProtonTracks
+            | Effect::Nonlinearity
+            | Effect::LinePattern
+            | Effect::Offset
+            | Effect::RowNoise
+            | Effect::ReadNoise
+            | Effect::Adc
+            | Effect::Stuck
+            | Effect::Window => {}
         }
     }
     Ok((stages, charge_out))

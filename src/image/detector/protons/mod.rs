@@ -111,7 +111,7 @@ impl ProtonFlux {
             ProtonDirection::Beam { azimuth_deg, .. } if !azimuth_deg.is_finite() => {
                 error("azimuth_deg", azimuth_deg, "a finite number")
             }
-            _ => Ok(self),
+            ProtonDirection::Isotropic | ProtonDirection::Beam { .. } => Ok(self),
         }
     }
 

@@ -151,7 +151,11 @@ impl Spoilt {
             | LinkFault::Reorder { share, .. }
             | LinkFault::Truncate { share } => dice.random::<f64>() < share,
             LinkFault::Babble { .. } => false,
-            _ => true,
+            LinkFault::Silence
+            | LinkFault::Delay { .. }
+            | LinkFault::ClockStep { .. }
+            | LinkFault::ClockDrift { .. }
+            | LinkFault::Off => true,
         };
         if !is_hit {
             return false;

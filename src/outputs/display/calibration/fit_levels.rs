@@ -54,7 +54,7 @@ pub fn fit_levels(sights: &[Sight], bits: u32) -> Result<LevelFit, CalibrationEr
         match sight.pattern {
             Pattern::Dark => place.dark.push(luminance),
             Pattern::Level(grey) => place.by_grey.entry(grey).or_default().push(luminance),
-            _ => {}
+            Pattern::Dots | Pattern::DotsBit(_) | Pattern::Marker(_) => {}
         }
     }
     if saturated > 0 && places.values().all(|place| !place.by_grey.contains_key(&full)) {

@@ -76,7 +76,7 @@ impl Plan {
     pub fn draw(&self, pattern: Pattern) -> Image<u16> {
         let is_lit = |number: usize| match pattern {
             Pattern::DotsBit(bit) => code(number, self.grid.count()) >> bit & 1 == 1,
-            _ => true,
+            Pattern::Dark | Pattern::Level(_) | Pattern::Dots | Pattern::Marker(_) => true,
         };
         draw(pattern, &self.display, &self.grid, is_lit)
     }

@@ -271,7 +271,7 @@ impl Glass for ScanOut {
                 }
                 Turn::Lost
             }
-            turn => {
+            turn @ (Turn::Ready | Turn::Reconfigured | Turn::NotNow) => {
                 self.losses = 0;
                 turn
             }

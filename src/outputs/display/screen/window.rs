@@ -308,6 +308,7 @@ impl ApplicationHandler<Request> for Windows {
         }
     }
 
+    #[allow(clippy::wildcard_enum_match_arm, reason = "winit's events: a window needs few of them")]
     fn window_event(&mut self, _: &ActiveEventLoop, id: WindowId, event: WindowEvent) {
         let Some(shown) = self.shown.iter().find(|shown| shown.window.id() == id) else { return };
         let state = &shown.order.state;

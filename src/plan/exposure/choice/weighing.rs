@@ -197,10 +197,8 @@ impl Chooser {
             }
             error
         };
-        let verdict = match method {
-            Method::GaussLegendre { .. } if !motion.is_smooth() => Some(Verdict::NeedsSmoothMotion),
-            _ => self.kernel_verdict(method, probes),
-        };
+        let is_too_rough = matches!(method, Method::GaussLegendre { .. }) && !motion.is_smooth();
+        let verdict = if is_too_rough { Some(Verdict::NeedsSmoothMotion) } else { self.kernel_verdict(method, probes) };
         self.weighed.push(Weighed { method, error, verdict, tried: None });
     }
 
@@ -228,7 +226,7 @@ impl Chooser {
         let cheapest_ms = enough.map(|weighed| self.stars_ms(weighed.method, probes)).fold(f64::INFINITY, f64::min);
         let field = match &self.instrument.psf {
             PsfModel::Field(field) => field.cells().map(|n| u16::try_from(n).unwrap_or(u16::MAX)),
-            _ => [1; 2],
+            PsfModel::Gaussian { .. } | PsfModel::Airy(_) | PsfModel::Moffat(_) | PsfModel::Grid(_) => [1; 2],
         };
         for zones in ZONES {
             let [columns, rows] = field.map(|cells| cells * zones);

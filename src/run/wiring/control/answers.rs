@@ -3,7 +3,6 @@
 use crate::wiring::assessment::mode_name;
 use crate::wiring::closed_loop::ClosedLoop;
 use crate::wiring::control::protocol::{PROTOCOL_VERSION, StepBy};
-use crate::wiring::faults::action_name;
 use base::axes::{Icrf, Rotation, Sensor, ra_dec_roll};
 use base::time::{Span, Tai};
 use config::{Event, Scenario};
@@ -80,7 +79,7 @@ pub(super) fn inject(keys: &Map<String, Value>, going: &mut ClosedLoop) -> Resul
     let event = Event::from_json(keys, now_s(going), going.frame_period()).map_err(|error| error.to_string())?;
     going.inject(&event).map_err(|error| error.to_string())?;
     let from_s = event.at.s().max(now_s(going));
-    Ok(json!({ "event": action_name(&event.action), "from_s": from_s, "for_s": event.lasts.s() }))
+    Ok(json!({ "event": event.action.word(), "from_s": from_s, "for_s": event.lasts.s() }))
 }
 
 /// A trigger goes over the bus: whether the stimulator takes it, the events in its report tell.
