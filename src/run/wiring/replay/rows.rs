@@ -436,7 +436,7 @@ mod tests {
 
     #[test]
     fn writer_that_blocks_is_given_up_and_its_rows_are_lost() {
-        base::patience::be_short();
+        patience::be_short();
         for waits in [true, false] {
             let (_marks, end) = frame_marks();
             let (_never, blocks) = bounded(0);
