@@ -90,7 +90,7 @@ format() {
 lint() {
     cargo clippy --locked --workspace --all-features --all-targets --release -- -D warnings
     # As most people build it: without what is off by default.
-    cargo clippy --locked --release --lib --bins -- -D warnings
+    cargo clippy --locked --workspace --release --lib --bins -- -D warnings
 }
 
 build() { cargo test --locked --workspace --all-features --release --no-run; }
