@@ -7,11 +7,10 @@
 //! Proven by the tests of [`crate::earth`] and [`crate::orbit`] and by `tests/physics/apparent_places`.
 
 use crate::ObserverError;
-use crate::earth::{self, EarthTrack};
-use crate::moon;
+use crate::almanac::Almanac;
+use crate::{earth, moon, sun};
 use crate::orbit::{CentralBody, CircularOrbit, TleOrbit, TwoBodyOrbit};
 pub use crate::state::BarycentricState;
-use crate::sun::{self, SunTrack};
 use base::time::Tai;
 
 /// Where the star sensor flies.
@@ -115,19 +114,24 @@ fn above_surface(about: CentralBody, at: Tai, state: BarycentricState) -> Result
     Ok(state)
 }
 
-/// An observer followed from frame to frame: the orbit at each time, Earth and Sun by [`EarthTrack`] and [`SunTrack`].
+/// An observer followed from frame to frame: the orbit at each time, Earth and Sun from an [`Almanac`].
 #[derive(Debug, Clone)]
 pub struct ObserverTrack {
     observer: Observer,
-    earth: EarthTrack,
-    sun: SunTrack,
+    pub(super) almanac: Almanac,
 }
 
 impl ObserverTrack {
-    /// Follows `observer`, ready for the day of `at`.
+    /// Follows `observer`, ready for instants near `at`.
     #[must_use]
     pub fn new(observer: Observer, at: Tai) -> Self {
-        Self { observer, earth: EarthTrack::new(at), sun: SunTrack::new(at) }
+        Self::with_almanac(observer, Almanac::over(at, at))
+    }
+
+    /// Follows `observer` over the days of `almanac`.
+    #[must_use]
+    pub fn with_almanac(observer: Observer, almanac: Almanac) -> Self {
+        Self { observer, almanac }
     }
 
     /// Where the star sensor flies.
@@ -140,23 +144,22 @@ impl ObserverTrack {
     ///
     /// # Errors
     /// When SGP4 cannot follow the elements to `at`, or the orbit is below the surface there.
-    pub fn barycentric_state(&mut self, at: Tai) -> Result<BarycentricState, ObserverError> {
-        let Self { observer, earth, sun } = self;
-        observer.barycentric_by(at, || earth.barycentric_state(at), || sun.barycentric_state(at))
+    pub fn barycentric_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
+        self.observer.barycentric_by(at, || self.almanac.earth(at), || self.almanac.sun(at))
     }
 
     /// State from the Earth's centre, likewise; `None` at the barycentre.
     ///
     /// # Errors
     /// As for [`Self::barycentric_state`].
-    pub fn geocentric_state(&mut self, at: Tai) -> Result<Option<BarycentricState>, ObserverError> {
-        let Self { observer, earth, sun } = self;
-        observer.geocentric_by(at, || earth.barycentric_state(at), || sun.barycentric_state(at))
+    pub fn geocentric_state(&self, at: Tai) -> Result<Option<BarycentricState>, ObserverError> {
+        self.observer.geocentric_by(at, || self.almanac.earth(at), || self.almanac.sun(at))
     }
 
     /// Barycentric state of the Sun's centre.
-    pub fn sun_state(&mut self, at: Tai) -> BarycentricState {
-        self.sun.barycentric_state(at)
+    #[must_use]
+    pub fn sun_state(&self, at: Tai) -> BarycentricState {
+        self.almanac.sun(at)
     }
 }
 
@@ -186,10 +189,10 @@ mod tests {
         let off = of(&sun) - sun::barycentric_state(at);
         assert!(off.position_km.distance(r) < 1e-6 && off.velocity_km_s.distance(v) < 1e-12, "{off:?}");
         for observer in [&moon, &sun, &Observer::Geocentre] {
-            let mut track = ObserverTrack::new(observer.clone(), at);
+            let track = ObserverTrack::new(observer.clone(), at);
             let near = |a: BarycentricState, b: BarycentricState| {
                 let off = a - b;
-                // Three times the errors of EarthTrack and SunTrack.
+                // Three times the errors of an almanac.
                 off.position_km.length() < 0.5 && off.velocity_km_s.length() < 4e-5
             };
             let (geocentric, followed) = (observer.geocentric_state(at), track.geocentric_state(at));
@@ -223,6 +226,6 @@ mod tests {
         assert!((speed_km_s - 7.6127).abs() < 1e-4, "{speed_km_s}");
         assert_eq!(state(Observer::Barycentre), BarycentricState::default());
         let followed = ObserverTrack::new(Observer::Circular(orbit), at).barycentric_state(at).expect("no error");
-        assert!(followed.velocity_km_s.distance(flying.velocity_km_s) < 2e-5, "three times EarthTrack's");
+        assert!(followed.velocity_km_s.distance(flying.velocity_km_s) < 2e-5, "three times the almanac's");
     }
 }
