@@ -196,10 +196,11 @@ mod tests {
         let mut worst_km = 0.0_f64;
         for (edge, sign) in [(FIRST_DAY, -1.0), (LAST_DAY, 1.0)] {
             let noon = at("2000-01-01T11:58:55.816Z") + Span::from_s(DAY_S * edge);
-            let almanac = Almanac::over(noon - Span::from_s(90.0 * DAY_S), noon + Span::from_s(90.0 * DAY_S));
+            let far = noon + Span::from_s(sign * 90.0 * DAY_S);
+            let almanac = Almanac::over(noon.min(far), noon.max(far));
             for planet in Planet::ALL {
                 // A revolution of Mercury; 1e-3 is 86 s from the edge.
-                for days in (0..176).map(|i| edge + sign * (1e-3 + 0.5 * f64::from(i))) {
+                for days in (0..39).map(|i| edge + sign * (1e-3 + 2.25 * f64::from(i))) {
                     let off_km = almanac.planet_km(planet, days).distance(planet.by_series_km(days));
                     worst_km = worst_km.max(off_km);
                     assert!(off_km < PLANET_KM, "{} at {days}: {off_km} km", planet.name());
