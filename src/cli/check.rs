@@ -23,7 +23,6 @@ use run::wiring::bench_parts;
 use run::wiring::display_parts::take_display;
 use run::wiring::memory::{RunForm, RunMemory};
 use run::wiring::sinks::told_lines;
-use scene::field_light::FieldLight;
 use stars::Sky;
 use stars::layer::Layer;
 use std::path::PathBuf;
@@ -250,7 +249,6 @@ fn plans(
     check_plan::write_sampling(text, params)?;
     check_plan::write_ladder(text, &planned)?;
     let mut frames = FramePlans::new(bench, start, params, sky);
-    let mut light = FieldLight::new(&params.camera, params.observer.clone(), start);
     let last = params.frames.saturating_sub(1);
     let mut numbers = vec![0, last / 2, last];
     numbers.dedup();
@@ -261,8 +259,8 @@ fn plans(
         }
         let plan = frames.plan(number, &mut planner)?;
         check_plan::write_plan(text, number, plan, &planned)?;
-        check_light::write_frame(text, &mut light, &params.camera, plan)?;
-        if let Some(bodies) = frames.bodies_mut() {
+        check_light::write_frame(text, &frames.scene().light, &params.camera, plan)?;
+        if let Some(bodies) = &frames.scene().bodies {
             check_bodies::write_frame(text, bodies, &params.camera, plan)?;
         }
         if let Some(limits) = limits {

@@ -14,7 +14,7 @@ const NEAR_DEG: f64 = 10.0;
 /// Bodies of one planned frame; nothing when none is near.
 pub(super) fn write_frame(
     text: &mut String,
-    bodies: &mut SkyBodies,
+    bodies: &SkyBodies,
     camera: &CameraParams,
     plan: &ExposurePlan,
 ) -> Result<()> {

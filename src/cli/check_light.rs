@@ -68,7 +68,7 @@ pub(super) fn write_light(text: &mut String, camera: &CameraParams) -> Result<()
 /// Background of one planned frame; nothing when there is none.
 pub(super) fn write_frame(
     text: &mut String,
-    light: &mut FieldLight,
+    light: &FieldLight,
     camera: &CameraParams,
     plan: &ExposurePlan,
 ) -> Result<()> {

@@ -11,8 +11,8 @@ use sky::observer::{Observer, ObserverTrack};
 /// Place, speed, size of the aberration; a warning outside the years for which places are proven.
 pub(super) fn write_observer(text: &mut String, params: &RunParams) -> Result<()> {
     let at = params.first_exposure;
-    let mut track = ObserverTrack::new(params.observer.clone(), at);
-    let vantage = Vantage::of(&mut track, at, params.light_deflection)?;
+    let track = ObserverTrack::new(params.observer.clone(), at);
+    let vantage = Vantage::of(&track, at, params.light_deflection)?;
     let speed_km_s = vantage.observer.velocity_km_s.length();
     let aberration_arcsec = speed_km_s / SPEED_OF_LIGHT_KM_S / ARCSEC;
     let bent = if vantage.heliocentric_km.is_some() { "bent by the Sun" } else { "not bent" };

@@ -12,6 +12,7 @@ use run::runtime::RunParams;
 use scene::sky_targets::{SkyTargets, TargetFacts};
 use sky::ObserverError;
 use sky::astrometry::CameraGeometry;
+use sky::observer::ObserverTrack;
 use sky::target::{Orbit, Sunlight};
 use testbed::flight_computer::FlightComputer;
 
@@ -44,14 +45,15 @@ pub(super) fn write_targets(text: &mut String, params: &RunParams, computer: &Fl
         return Ok(());
     }
     let (camera, targets) = (&params.camera, params.sky_targets.clone());
-    let mut followed = SkyTargets::new(camera, params.observer.clone(), params.first_exposure, targets);
+    let observer = ObserverTrack::with_almanac(params.observer.clone(), params.almanac());
+    let followed = SkyTargets::new(camera, observer, targets);
     writeln!(text, "targets on the sky: seconds after the first exposure; rates with respect to the stars")?;
     writeln!(
         text,
         "  target      from s    to s    at s  off axis deg   range km    km/s  deg/s    px/s  phase deg     G  light"
     )?;
     for place in 0..params.sky_targets.len() {
-        write_target(text, params, computer, &mut followed, place)?;
+        write_target(text, params, computer, &followed, place)?;
     }
     text.write_char('\n')
 }
@@ -60,7 +62,7 @@ fn write_target(
     text: &mut String,
     params: &RunParams,
     computer: &FlightComputer,
-    targets: &mut SkyTargets,
+    targets: &SkyTargets,
     place: usize,
 ) -> Result<(), Error> {
     let name = name_of(&params.sky_targets[place].orbit);
@@ -125,7 +127,7 @@ fn after_first_s(params: &RunParams, number: u32) -> f64 {
 fn moment(
     params: &RunParams,
     computer: &FlightComputer,
-    targets: &mut SkyTargets,
+    targets: &SkyTargets,
     place: usize,
     number: u32,
 ) -> Result<Moment, ObserverError> {

@@ -10,7 +10,6 @@ use plan::exposure::{ExposurePlan, Planner};
 use run::runtime::RunParams;
 use run::wiring::bench_parts;
 use scene::Scene;
-use scene::sky_bodies::SkyBodies;
 use stars::Sky;
 use testbed::flight_computer::FlightComputer;
 
@@ -27,7 +26,7 @@ impl<'a> FramePlans<'a> {
         Self {
             params,
             computer: FlightComputer::new(bench_parts::flight_computer(bench, start)),
-            scene: Scene::new(&params.scene(), sky),
+            scene: Scene::new(&params.scene(&params.almanac()), sky),
         }
     }
 
@@ -43,9 +42,9 @@ impl<'a> FramePlans<'a> {
         }
     }
 
-    /// Planets, Moon and Earth as in the latest plan, where the bench has them.
-    pub(super) fn bodies_mut(&mut self) -> Option<&mut SkyBodies> {
-        self.scene.bodies.as_mut()
+    /// Returns what shines into the frames.
+    pub(super) fn scene(&self) -> &Scene {
+        &self.scene
     }
 
     /// Plans frame `number`.

@@ -166,7 +166,8 @@ impl Scene {
         if let Some(map) = illumination_map(&camera) {
             imager.set_illumination_map(map)?;
         }
-        let light = FieldLight::new(&camera, Observer::Geocentre, arguments.time);
+        let observer = ObserverTrack::new(Observer::Geocentre, arguments.time);
+        let light = FieldLight::new(&camera, observer.clone());
         let motion = motion(arguments, camera.exposure_s)?;
         let instrument = camera.instrument();
         let budget = AccuracyBudget::default();
@@ -182,11 +183,10 @@ impl Scene {
                 for note in notes(arguments.time, camera.limiting_mag, sky.faintest_mag()) {
                     eprintln!("{note}");
                 }
-                (Some(SkyView::new(&camera, Observer::Geocentre, arguments.time, &sky)), Vec::new())
+                (Some(SkyView::new(&camera, observer.clone(), &sky)), Vec::new())
             }
         };
-        let mut observer = ObserverTrack::new(Observer::Geocentre, arguments.time);
-        let vantage = Vantage::of(&mut observer, arguments.time, true)?;
+        let vantage = Vantage::of(&observer, arguments.time, true)?;
         let has_attitude = arguments.ra.is_some() || arguments.attitude.is_some();
         let sight = has_attitude.then(|| vantage.sight());
         let wcs = WcsMaker::new(&camera.geometry, &output_of(arguments.stage, &camera));

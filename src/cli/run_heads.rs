@@ -39,7 +39,7 @@ impl BenchHead {
 
 /// The heads of a bench whose clock reads `start` when it begins; at least one.
 pub(super) fn bench_heads(arguments: &RunArgs, bench: &Bench, start: Tai) -> Result<Vec<BenchHead>> {
-    let (mut measured, mut sky) = (None, None);
+    let (mut measured, mut shared) = (None, None);
     let mut heads = Vec::with_capacity(1 + bench.extra_heads.len());
     for (number, mounting) in bench.heads().into_iter().enumerate() {
         let own = bench_parts::bench_of_head(bench, number, mounting);
@@ -52,11 +52,11 @@ pub(super) fn bench_heads(arguments: &RunArgs, bench: &Bench, start: Tai) -> Res
             bench_parts::take_real_clock(&mut params, &own, costs);
         }
         let receiver = Receiver::new(params.attitude.clone())?.with_session(bench_parts::session_params(&own));
-        let sky = match &sky {
-            Some(sky) => sky,
-            None => &*sky.insert(params.open_sky()?),
+        let (sky, almanac) = match &shared {
+            Some(shared) => shared,
+            None => &*shared.insert((params.open_sky()?, params.almanac())),
         };
-        let mut engine = FrameEngine::with_sky(params, imager, sky)?;
+        let mut engine = FrameEngine::with_sky(params, imager, sky, almanac)?;
         engine.expect_motion(slew_scale(bench));
         heads.push(BenchHead { engine, receiver, calibration });
     }

@@ -3,37 +3,35 @@
 
 use crate::camera::CameraParams;
 use crate::error::SceneError;
-use base::time::Tai;
 use glam::DVec3;
 use image::detector::Background;
 use plan::attitude::{LosPath, PathOrigin};
 use plan::optics::background::{BackgroundLight, BackgroundRates};
 use plan::optics::baffle::{BrightBodies, Glare};
-use sky::bodies::BodiesTrack;
-use sky::observer::Observer;
+use sky::observer::ObserverTrack;
 
 /// The light beside the stars, as one camera sees it.
 #[derive(Debug, Clone)]
 pub struct FieldLight {
     light: BackgroundLight,
-    bodies: Option<BodiesTrack>,
+    observer: Option<ObserverTrack>,
     exposure_s: f64,
 }
 
 impl FieldLight {
-    /// For `camera` where `observer` flies, ready for the day of `at`.
+    /// For `camera` where `observer` flies.
     #[must_use]
-    pub fn new(camera: &CameraParams, observer: Observer, at: Tai) -> Self {
+    pub fn new(camera: &CameraParams, observer: ObserverTrack) -> Self {
         let light = camera.background.clone();
-        let bodies = light.needs_bodies().then(|| BodiesTrack::new(observer, at));
-        Self { light, bodies, exposure_s: camera.exposure_s }
+        let observer = light.needs_bodies().then_some(observer);
+        Self { light, observer, exposure_s: camera.exposure_s }
     }
 
     /// The glare at mid-exposure, and the background it makes; what is there without any sky when no attitude is known.
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time.
-    pub fn at(&mut self, los: &LosPath) -> Result<(Background, Glare), SceneError> {
+    pub fn at(&self, los: &LosPath) -> Result<(Background, Glare), SceneError> {
         if self.light.is_dark() {
             return Ok((Background::DARK, Glare::default()));
         }
@@ -43,8 +41,8 @@ impl FieldLight {
         let sensor_from_icrf = los.mid_sensor_from_icrf;
         let boresight_icrf = sensor_from_icrf.inverse().apply(DVec3::Z);
         let (mut sun_icrf, mut glare) = (DVec3::Z, Glare::default());
-        if let Some(track) = &mut self.bodies {
-            let bodies = track.at(los.mid_exposure())?;
+        if let Some(observer) = &self.observer {
+            let bodies = observer.bodies(los.mid_exposure())?;
             sun_icrf = bodies.sun_km;
             let in_sensor = |km: DVec3| sensor_from_icrf.apply(km);
             if let Some(stray) = &self.light.stray {
@@ -63,12 +61,12 @@ impl FieldLight {
     /// # Errors
     /// As for [`Self::at`].
     pub fn sky_over<const N: usize>(
-        &mut self,
+        &self,
         los: &LosPath,
         directions: [Option<DVec3>; N],
     ) -> Result<(f64, f64), SceneError> {
-        let sun_icrf = match &mut self.bodies {
-            Some(track) => track.at(los.mid_exposure())?.sun_km,
+        let sun_icrf = match &self.observer {
+            Some(observer) => observer.bodies(los.mid_exposure())?.sun_km,
             None => DVec3::Z,
         };
         let icrf_from_sensor = los.mid_sensor_from_icrf.inverse();

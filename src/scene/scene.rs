@@ -9,11 +9,11 @@ use crate::field_light::FieldLight;
 use crate::sky_bodies::{BodyCounts, SkyBodies};
 use crate::sky_targets::{SkyTarget, SkyTargets};
 use crate::sky_view::SkyView;
-use base::time::Tai;
 use image::detector::Background;
 use plan::attitude::LosPath;
 use plan::exposure::Source;
-use sky::observer::Observer;
+use sky::almanac::Almanac;
+use sky::observer::{Observer, ObserverTrack};
 use stars::Sky;
 use stars::tiles::Shortfall;
 
@@ -24,8 +24,8 @@ pub struct SceneParams<'a> {
     pub camera: &'a CameraParams,
     /// Where the sensor is.
     pub observer: &'a Observer,
-    /// First instant of the first exposure.
-    pub at: Tai,
+    /// Days prepared for the exposures.
+    pub almanac: &'a Almanac,
     /// Whether the Sun bends the light of stars.
     pub light_deflection: bool,
     /// Whether planets, Moon and Earth are drawn, and hide what is behind them.
@@ -42,7 +42,9 @@ pub struct Scene {
     pub bodies: Option<SkyBodies>,
     /// Targets on the sky.
     pub targets: SkyTargets,
-    light: FieldLight,
+    /// The light beside them.
+    pub light: FieldLight,
+    almanac: Almanac,
     /// The latest exposure shows more than background.
     has_stars: bool,
     /// It was reported that tiles are read no more.
@@ -64,19 +66,22 @@ pub struct SceneReport {
     pub bodies: BodyCounts,
     /// Targets whose orbits could be followed until now.
     pub lost_targets: u32,
+    /// A day of the almanac was not prepared: its series were evaluated in this call.
+    pub evaluated_series: bool,
 }
 
 impl Scene {
-    /// Makes the scene of a camera, with the stars of `sky`, ready for the day of the first exposure.
+    /// Makes the scene of a camera, with the stars of `sky`.
     #[must_use]
     pub fn new(params: &SceneParams<'_>, sky: &Sky) -> Self {
-        let SceneParams { camera, at, .. } = *params;
-        let observer = || params.observer.clone();
+        let SceneParams { camera, almanac, .. } = *params;
+        let observer = || ObserverTrack::with_almanac(params.observer.clone(), almanac.clone());
         Self {
-            stars: SkyView::new(camera, observer(), at, sky).with_light_deflection(params.light_deflection),
-            bodies: params.bodies.then(|| SkyBodies::new(camera, observer(), at)),
-            targets: SkyTargets::new(camera, observer(), at, params.targets.to_vec()),
-            light: FieldLight::new(camera, observer(), at),
+            stars: SkyView::new(camera, observer(), sky).with_light_deflection(params.light_deflection),
+            bodies: params.bodies.then(|| SkyBodies::new(camera, observer())),
+            targets: SkyTargets::new(camera, observer(), params.targets.to_vec()),
+            light: FieldLight::new(camera, observer()),
+            almanac: almanac.clone(),
             has_stars: false,
             has_lost_reader: false,
         }
@@ -87,11 +92,25 @@ impl Scene {
     /// # Errors
     /// When the observer's orbit cannot be computed at that time, or a tile of stars cannot be read.
     pub fn find(&mut self, los: &LosPath, has_stars: bool) -> Result<SceneReport, SceneError> {
+        let evaluated = self.almanac.evaluated();
+        let mut report = self.find_all(los, has_stars)?;
+        report.evaluated_series = self.almanac.evaluated() > evaluated;
+        Ok(report)
+    }
+
+    fn find_all(&mut self, los: &LosPath, has_stars: bool) -> Result<SceneReport, SceneError> {
         let (background, glare) = self.light.at(los)?;
         let is_excluded = glare.excluded.contains(&true);
         let (shortfall, bodies) = (Shortfall::default(), BodyCounts::default());
-        let (lost_reader, lost_targets) = (false, 0);
-        let mut report = SceneReport { background, is_excluded, shortfall, lost_reader, bodies, lost_targets };
+        let mut report = SceneReport {
+            background,
+            is_excluded,
+            shortfall,
+            lost_reader: false,
+            bodies,
+            lost_targets: 0,
+            evaluated_series: false,
+        };
         self.has_stars = has_stars;
         if !has_stars {
             self.targets.forget();

@@ -20,9 +20,9 @@ use plan::exposure::{Source, SourcePlace};
 use plan::optics::StarLight;
 use plan::optics::baffle::{EARTH_ALBEDO, SUN_MAG_G};
 use sky::astrometry::{CameraGeometry, aberrated};
-use sky::bodies::{BodiesTrack, SUN_RADIUS_KM, Standpoint};
+use sky::bodies::{SUN_RADIUS_KM, Standpoint};
 use sky::magnitude::{Lighting, SUN_BP_RP, SUN_G_LESS_V, moon_v, planet_v};
-use sky::observer::Observer;
+use sky::observer::ObserverTrack;
 use sky::planets::Planet;
 use sky::spheroid::Spheroid;
 
@@ -87,7 +87,7 @@ pub struct BodyCamera {
 /// The bodies as one camera sees them.
 #[derive(Debug)]
 pub struct SkyBodies {
-    track: BodiesTrack,
+    observer: ObserverTrack,
     camera: BodyCamera,
     painter: DiscPainter,
     sources: Vec<Source>,
@@ -96,23 +96,23 @@ pub struct SkyBodies {
 }
 
 impl SkyBodies {
-    /// For `camera` where `observer` flies, ready for the day of `at`.
+    /// For `camera` where `observer` flies.
     #[must_use]
-    pub fn new(camera: &CameraParams, observer: Observer, at: Tai) -> Self {
+    pub fn new(camera: &CameraParams, observer: ObserverTrack) -> Self {
         let body_camera = BodyCamera {
             geometry: camera.geometry,
             light: camera.radiometry.clone(),
             exposure_s: camera.exposure_s,
             limiting_mag: f64::from(camera.limiting_mag),
         };
-        Self::through(body_camera, observer, at)
+        Self::through(body_camera, observer)
     }
 
     /// The same with nothing else of a camera.
     #[must_use]
-    pub fn through(camera: BodyCamera, observer: Observer, at: Tai) -> Self {
+    pub fn through(camera: BodyCamera, observer: ObserverTrack) -> Self {
         Self {
-            track: BodiesTrack::new(observer, at),
+            observer,
             camera,
             painter: DiscPainter::default(),
             sources: Vec::with_capacity(SOURCES_RESERVED),
@@ -149,7 +149,7 @@ impl SkyBodies {
         sensor_from_icrf: &Rotation<Sensor, Icrf>,
         at: Tai,
     ) -> Result<&[Source], SceneError> {
-        let standpoint = self.track.standpoint(at)?;
+        let standpoint = self.observer.standpoint(at)?;
         let boresight = sensor_from_icrf.inverse().apply(DVec3::Z);
         let field_rad = self.field_rad();
         let before = Occultation::in_field(&standpoint, boresight, field_rad);
@@ -186,8 +186,8 @@ impl SkyBodies {
     ///
     /// # Errors
     /// As for [`Self::seen`].
-    pub fn all(&mut self, at: Tai) -> Result<Vec<SeenBody>, SceneError> {
-        Ok(seen_from(&self.track.standpoint(at)?))
+    pub fn all(&self, at: Tai) -> Result<Vec<SeenBody>, SceneError> {
+        Ok(seen_from(&self.observer.standpoint(at)?))
     }
 
     fn field_rad(&self) -> f64 {

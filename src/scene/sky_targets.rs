@@ -23,7 +23,6 @@ use plan::exposure::{LightCurve, Shutter, SkyPath, Target, TargetWay};
 use plan::optics::StarLight;
 use sky::ObserverError;
 use sky::astrometry::{CameraGeometry, aberrated};
-use sky::bodies::BodiesTrack;
 use sky::observer::{BarycentricState, Observer, ObserverTrack};
 use sky::orbit::{CentralBody, EARTH_GM_KM3_S2};
 use sky::target::{Brightness, Orbit, Sighting, limb_clearance_km, sunlight};
@@ -91,7 +90,6 @@ pub struct SkyTargets {
     targets: Vec<SkyTarget>,
     is_lost: Vec<bool>,
     observer: ObserverTrack,
-    bodies: BodiesTrack,
     camera: CameraGeometry,
     /// From the first row's exposure to the last one's, s.
     rows_s: f64,
@@ -102,10 +100,10 @@ pub struct SkyTargets {
 }
 
 impl SkyTargets {
-    /// Follows `targets`, ready for the day of `at`.
+    /// Follows `targets` from where `observer` flies.
     #[must_use]
-    pub fn new(camera: &CameraParams, observer: Observer, at: Tai, targets: Vec<SkyTarget>) -> Self {
-        Self::with_optics(camera.geometry, camera.shutter, camera.radiometry.clone(), observer, at, targets)
+    pub fn new(camera: &CameraParams, observer: ObserverTrack, targets: Vec<SkyTarget>) -> Self {
+        Self::with_optics(camera.geometry, camera.shutter, camera.radiometry.clone(), observer, targets)
     }
 
     /// The same by what it needs of a camera.
@@ -113,16 +111,14 @@ impl SkyTargets {
         camera: CameraGeometry,
         shutter: Shutter,
         light: StarLight,
-        observer: Observer,
-        at: Tai,
+        observer: ObserverTrack,
         targets: Vec<SkyTarget>,
     ) -> Self {
         Self {
             is_lost: vec![false; targets.len()],
             in_view: Vec::with_capacity(targets.len()),
             facts: Vec::with_capacity(targets.len()),
-            observer: ObserverTrack::new(observer.clone(), at),
-            bodies: BodiesTrack::new(observer, at),
+            observer,
             camera,
             rows_s: shutter.line_s() * (camera.height_px() as f64 - 1.0),
             light,
@@ -201,20 +197,20 @@ impl SkyTargets {
     ///
     /// # Errors
     /// When its orbit, or the observer's, cannot be computed.
-    pub fn facts_at(&mut self, place: usize, at: Tai) -> Result<TargetFacts, ObserverError> {
+    pub fn facts_at(&self, place: usize, at: Tai) -> Result<TargetFacts, ObserverError> {
         let vantage = self.vantage(at)?;
         let sighting = sight(&self.targets[place].orbit, &vantage)?;
         Ok(self.facts_of(&self.targets[place], &sighting, &vantage))
     }
 
-    fn vantage(&mut self, at: Tai) -> Result<Vantage, ObserverError> {
+    fn vantage(&self, at: Tai) -> Result<Vantage, ObserverError> {
         let observer = self.observer.geocentric_state(at)?.ok_or(ObserverError::NoBodies)?;
         let earth_km_s = self.observer.barycentric_state(at)?.velocity_km_s - observer.velocity_km_s;
-        let sun_km = self.bodies.at(at)?.sun_km + observer.position_km;
+        let sun_km = self.observer.bodies(at)?.sun_km + observer.position_km;
         Ok(Vantage { at, observer, earth_km_s, sun_km })
     }
 
-    fn exposure(&mut self, vantage: Vantage, half_s: f64) -> Result<Exposure, ObserverError> {
+    fn exposure(&self, vantage: Vantage, half_s: f64) -> Result<Exposure, ObserverError> {
         let mut observers = [BarycentricState::default(); PATH_INSTANTS];
         let mut fall = Fall::NONE;
         for (state, t_s) in observers.iter_mut().zip(SkyPath::instants_s(half_s)) {

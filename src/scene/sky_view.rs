@@ -17,7 +17,7 @@ use glam::{DQuat, DVec3};
 use plan::attitude::LosPath;
 use plan::exposure::{Source, SourcePlace};
 use sky::astrometry::{ApparentSource, Sight, Vantage, apparent_places, cone_margin_rad, years_since};
-use sky::observer::{Observer, ObserverTrack};
+use sky::observer::ObserverTrack;
 use stars::Sky;
 use stars::catalog::{Catalog, chord_squared};
 use stars::tiles::{Light, Shortfall, TileSky, TileStar};
@@ -56,9 +56,9 @@ const MARGIN_PX: f64 = 64.0;
 const AHEAD: Span = Span::from_ms(2000);
 
 impl SkyView {
-    /// The stars of `sky` through `camera`.
+    /// The stars of `sky` through `camera` where `observer` flies.
     #[must_use]
-    pub fn new(camera: &CameraParams, observer: Observer, at: Tai, sky: &Sky) -> Self {
+    pub fn new(camera: &CameraParams, observer: ObserverTrack, sky: &Sky) -> Self {
         let [ifov_x, ifov_y] = camera.geometry.ifov_rad();
         let field_rad = camera.geometry.half_diagonal_rad() + MARGIN_PX * ifov_x.max(ifov_y);
         let stars = match sky {
@@ -81,7 +81,7 @@ impl SkyView {
             radius_rad: field_rad,
             bounds: FieldBounds::new(&camera.geometry),
             sight: None,
-            observer: ObserverTrack::new(observer, at),
+            observer,
             light_deflection: true,
             camera: camera.clone(),
             sources: Vec::with_capacity(STARS_RESERVED),
@@ -209,7 +209,7 @@ impl SkyView {
         attitude: Option<&Rotation<Sensor, Icrf>>,
         at: Tai,
     ) -> Result<(), SceneError> {
-        let vantage = Vantage::of(&mut self.observer, at, self.light_deflection)?;
+        let vantage = Vantage::of(&self.observer, at, self.light_deflection)?;
         self.sight = Some(vantage.sight());
         self.radius_rad = self.field_rad + cone_margin_rad(self.epoch_yr, self.fastest_mas_yr, at, &vantage);
         let margin_rad = self.radius_rad - self.camera.geometry.half_diagonal_rad() + sweep_rad;

@@ -4,8 +4,8 @@
 //!   arcsec), no aberration.
 //! * [`Standpoint`], for what is drawn: the states from which apparent places follow, to 0.1 arcsec of DE421.
 //!
-//! Observer, Earth and Sun are followed by one [`ObserverTrack`]. Limits: an observer at the barycentre has no such sky and is refused; for one
-//! at the geocentre there is no Earth.
+//! Both are of an [`ObserverTrack`]. Limits: an observer at the barycentre has no such sky and is refused; for one at the
+//! geocentre there is no Earth.
 //! Tests: below; `tests/physics/bodies.rs`; the Moon in [`crate::moon`].
 
 use crate::ObserverError;
@@ -48,6 +48,8 @@ pub struct Standpoint {
     pub from_moon: BarycentricState,
     /// The Earth's axis: mean of date, ICRF.
     pub earth_axis: DVec3,
+    /// Planets from the Sun where their light left, in the order of [`Planet::ALL`], km.
+    pub planets_from_sun_km: [DVec3; Planet::ALL.len()],
 }
 
 impl Standpoint {
@@ -68,56 +70,44 @@ impl Standpoint {
     /// A planet where its light left: from the Sun and from the observer, km. The aberration of stars is still to come.
     #[must_use]
     pub fn planet_km(&self, planet: Planet) -> [DVec3; 2] {
-        let from_sun_km = planet.light_left_km(self.at, self.from_sun_km);
+        let from_sun_km = self.planets_from_sun_km[planet as usize];
         [from_sun_km, from_sun_km - self.from_sun_km]
     }
 }
 
-/// The bodies followed from frame to frame. After start it allocates nothing; a new day evaluates the Sun's and the
-/// Earth's series (about 5 ms).
-#[derive(Debug, Clone)]
-pub struct BodiesTrack {
-    observer: ObserverTrack,
-}
-
-impl BodiesTrack {
-    /// Follows what `observer` sees, ready for the day of `at`.
-    #[must_use]
-    pub fn new(observer: Observer, at: Tai) -> Self {
-        Self { observer: ObserverTrack::new(observer, at) }
-    }
-
-    /// Where the bodies stand at `at`; depends on the time only.
+impl ObserverTrack {
+    /// Where the bodies stand at `at`; depends on the time only. Does not allocate.
     ///
     /// # Errors
     /// When SGP4 cannot follow the elements to `at`, or the observer is at the barycentre.
-    pub fn at(&mut self, at: Tai) -> Result<Bodies, ObserverError> {
-        let observer_km = self.observer.geocentric_state(at)?.ok_or(ObserverError::NoBodies)?.position_km;
-        let from_barycentre_km = self.observer.barycentric_state(at)?.position_km;
-        let is_there = matches!(self.observer.observer(), Observer::Geocentre);
+    pub fn bodies(&self, at: Tai) -> Result<Bodies, ObserverError> {
+        let observer_km = self.geocentric_state(at)?.ok_or(ObserverError::NoBodies)?.position_km;
+        let from_barycentre_km = self.barycentric_state(at)?.position_km;
+        let is_there = matches!(self.observer(), Observer::Geocentre);
         Ok(Bodies {
-            sun_km: self.observer.sun_state(at).position_km - from_barycentre_km,
+            sun_km: self.sun_state(at).position_km - from_barycentre_km,
             moon_km: moon::geocentric_km(at) - observer_km,
             earth_km: (!is_there).then_some(-observer_km),
         })
     }
 
-    /// Where the observer stands at `at`; depends on the time only.
+    /// Where the observer stands at `at`, likewise.
     ///
     /// # Errors
-    /// As for [`Self::at`], and when the ephemeris table is damaged.
-    pub fn standpoint(&mut self, at: Tai) -> Result<Standpoint, ObserverError> {
+    /// As for [`Self::bodies`], and when the ephemeris table is damaged.
+    pub fn standpoint(&self, at: Tai) -> Result<Standpoint, ObserverError> {
         ephemeris::check()?;
-        let from_earth = self.observer.geocentric_state(at)?.ok_or(ObserverError::NoBodies)?;
-        let observer = self.observer.barycentric_state(at)?;
-        let moon = moon::geocentric_state(at);
+        let from_earth = self.geocentric_state(at)?.ok_or(ObserverError::NoBodies)?;
+        let observer = self.barycentric_state(at)?;
+        let from_sun_km = observer.position_km - self.sun_state(at).position_km;
         Ok(Standpoint {
             at,
             observer,
-            from_sun_km: observer.position_km - self.observer.sun_state(at).position_km,
+            from_sun_km,
             from_earth,
-            from_moon: from_earth - moon,
+            from_moon: from_earth - moon::geocentric_state(at),
             earth_axis: orbit::icrf_from_mean_of_date(at) * DVec3::Z,
+            planets_from_sun_km: Planet::ALL.map(|planet| planet.light_left_km(at, from_sun_km, &self.almanac)),
         })
     }
 }
@@ -137,11 +127,11 @@ mod tests {
         // March equinox 2026-03-20 14:46 UTC (apparent longitude 0: aberration 20.5 arcsec ahead of the geometric one),
         // perihelion 2026-01-03 17:16 UTC at 0.983 30 au (Astronomical Almanac 2026).
         let equinox = at("2026-03-20T14:46:00Z");
-        let sun = BodiesTrack::new(Observer::Geocentre, equinox).at(equinox).expect("a sky").sun_km;
+        let sun = ObserverTrack::new(Observer::Geocentre, equinox).bodies(equinox).expect("a sky").sun_km;
         // Precession since 2000 has moved the equinox by 0.365 deg.
         assert!((sun.y.atan2(sun.x) / DEG + 0.335).abs() < 0.02, "{}", sun.y.atan2(sun.x) / DEG);
         let perihelion = at("2026-01-03T17:16:00Z");
-        let sun = BodiesTrack::new(Observer::Geocentre, perihelion).at(perihelion).expect("a sky").sun_km;
+        let sun = ObserverTrack::new(Observer::Geocentre, perihelion).bodies(perihelion).expect("a sky").sun_km;
         assert!((sun.length() / AU_KM - 0.983_30).abs() < 2e-5, "{}", sun.length() / AU_KM);
     }
 
@@ -150,7 +140,7 @@ mod tests {
         // Greatest eclipse 2026-08-12 17:46 UTC, gamma 0.898 (NASA eclipse catalogue): the axis of the shadow passes the
         // geocentre at 0.898 Earth radii, so the angle seen from there is near 0.9 x 0.95 deg.
         let eclipse = at("2026-08-12T17:46:00Z");
-        let bodies = BodiesTrack::new(Observer::Geocentre, eclipse).at(eclipse).expect("a sky");
+        let bodies = ObserverTrack::new(Observer::Geocentre, eclipse).bodies(eclipse).expect("a sky");
         let moon = bodies.moon_km;
         let axis = (moon - bodies.sun_km).normalize();
         let gamma = moon.cross(axis).length() / 6_378.137;
@@ -162,10 +152,10 @@ mod tests {
     fn the_earth_is_below_an_orbit_and_nobody_is_at_the_barycentre() {
         let now = at("2026-03-01T12:00:00Z");
         let orbit = CircularOrbit::new(500.0, 97.4, 30.0, 10.0, now).expect("a valid orbit");
-        let bodies = BodiesTrack::new(Observer::Circular(orbit), now).at(now).expect("a sky");
+        let bodies = ObserverTrack::new(Observer::Circular(orbit), now).bodies(now).expect("a sky");
         let earth_km = bodies.earth_km.expect("below");
         assert!((earth_km.length() - 6_878.137).abs() < 0.5, "{}", earth_km.length());
         assert!(earth_km.distance(-orbit.geocentric_state(now).position_km) < 0.5, "nadir");
-        assert!(BodiesTrack::new(Observer::Barycentre, now).at(now).is_err());
+        assert!(ObserverTrack::new(Observer::Barycentre, now).bodies(now).is_err());
     }
 }

@@ -29,13 +29,14 @@ const EQUATORIAL_FROM_VSOP87: [[f64; 3]; 3] = [
     [0.0, 0.397_776_982_902, 0.917_482_137_087],
 ];
 
-/// Barycentric state of the Earth's centre, ICRF axes: three evaluations of the series, 0.3 to 0.8 ms.
+/// Barycentric state of the Earth's centre, ICRF axes: three evaluations of the series, 0.3 to 0.8 ms. Frames use
+/// [`crate::almanac`].
 #[must_use]
 pub fn barycentric_state(at: Tai) -> BarycentricState {
     state_on_day(at.days_tdb_since_j2000())
 }
 
-fn state_on_day(days: f64) -> BarycentricState {
+pub(super) fn state_on_day(days: f64) -> BarycentricState {
     state_by_difference(position_km, days, HALF_STEP_D)
 }
 
@@ -75,54 +76,6 @@ pub(super) fn planet_position_km(planet: Planet, days_tdb_since_j2000: f64) -> D
 fn equatorial_km(ecliptic_au: DVec3) -> DVec3 {
     let rows = EQUATORIAL_FROM_VSOP87.map(DVec3::from_array);
     DMat3::from_cols(rows[0], rows[1], rows[2]).transpose() * ecliptic_au * AU_KM
-}
-
-/// The Earth's state for every frame: Hermite cubics between the days (TDB) on which [`barycentric_state`] is evaluated.
-///
-/// The result depends on the time only, not on what was asked before. A step to another day evaluates the series
-/// again (1 to 4 ms, no allocation); within a day a state costs well under a microsecond. Error of the cubic: sqrt(3)/216
-/// x 1 day^3 x the fourth derivative, 13 km/day^4 for the year's motion and 13 to 40 for the Moon's pull; measured
-/// against the direct evaluation over a year 7e-6 km/s, or 5 microarcsec of aberration.
-/// Test: `the_track_follows_the_series`.
-#[derive(Debug, Clone)]
-pub struct EarthTrack {
-    day: f64,
-    morning: BarycentricState,
-    next_morning: BarycentricState,
-}
-
-impl EarthTrack {
-    /// A track that is ready for the day of `at`.
-    #[must_use]
-    pub fn new(at: Tai) -> Self {
-        Self::for_day(at.days_tdb_since_j2000().floor())
-    }
-
-    /// Barycentric state of the Earth's centre, ICRF axes.
-    pub fn barycentric_state(&mut self, at: Tai) -> BarycentricState {
-        let days = at.days_tdb_since_j2000();
-        if days.floor() != self.day {
-            *self = Self::for_day(days.floor());
-        }
-        self.within_day(days - self.day)
-    }
-
-    fn for_day(day: f64) -> Self {
-        Self { day, morning: state_on_day(day), next_morning: state_on_day(day + 1.0) }
-    }
-
-    /// Cubic through both mornings' positions and velocities; `u` days after the first.
-    fn within_day(&self, u: f64) -> BarycentricState {
-        let (a, b) = (&self.morning, &self.next_morning);
-        let chord_km = b.position_km - a.position_km;
-        let (rate_a_km, rate_b_km) = (a.velocity_km_s * DAY_S, b.velocity_km_s * DAY_S);
-        let square_km = 3.0 * chord_km - 2.0 * rate_a_km - rate_b_km;
-        let cube_km = rate_a_km + rate_b_km - 2.0 * chord_km;
-        BarycentricState {
-            position_km: a.position_km + u * (rate_a_km + u * (square_km + u * cube_km)),
-            velocity_km_s: (rate_a_km + u * (2.0 * square_km + u * 3.0 * cube_km)) / DAY_S,
-        }
-    }
 }
 
 #[cfg(test)]
@@ -170,22 +123,5 @@ mod tests {
         // The Sun's own 12.5 m/s and the Moon's on the Earth, likewise, are 0.009 arcsec each.
         assert!((low - 20.4955 * (1.0 - 0.0167)).abs() < 0.03, "{low}");
         assert!((high - 20.4955 * (1.0 + 0.0167)).abs() < 0.03, "{high}");
-    }
-
-    #[test]
-    fn the_track_follows_the_series() {
-        let start = Tai::from_rfc3339("2026-01-01T00:00:00Z").expect("a valid instant");
-        let mut track = EarthTrack::new(start);
-        let mut worst = (0.0_f64, 0.0_f64);
-        for hour in (0..9_000).step_by(67) {
-            let at = start + base::time::Span::from_s(3_600.0 * f64::from(hour));
-            let (got, wanted) = (track.barycentric_state(at), barycentric_state(at));
-            worst.0 = worst.0.max(got.velocity_km_s.distance(wanted.velocity_km_s));
-            worst.1 = worst.1.max(got.position_km.distance(wanted.position_km));
-            assert_eq!(got, EarthTrack::new(at).barycentric_state(at), "only the time matters");
-        }
-        println!("track against series: {:.2e} km/s, {:.3} km", worst.0, worst.1);
-        assert!(worst.0 < VELOCITY_KM_S && worst.1 < 0.2, "{worst:?}");
-        assert!(worst.0 > 1e-9, "control: the cubic is not the series");
     }
 }

@@ -3,6 +3,7 @@
 //! Directions and states are in ICRF axes, positions from the solar-system barycentre, km and km/s.
 //!
 //! * [`earth`], [`sun`]: barycentric states from VSOP87E;
+//! * [`almanac`]: the same for every frame, and planets, evaluated before the first one;
 //! * [`ephemeris`]: Moon and planets by polynomials fitted to DE421, 1990 to 2051;
 //! * [`moon`], [`planets`], [`magnitude`]: places and brightness;
 //! * [`spheroid`]: limb and surface of a body, seen from near or far;
@@ -12,6 +13,7 @@
 //! * [`target`]: targets about the Earth: sightings, sunlight, brightness;
 //! * [`astrometry`]: catalog places -> apparent directions -> pixels.
 
+pub mod almanac;
 pub mod astrometry;
 pub mod bodies;
 pub mod earth;

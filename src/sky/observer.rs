@@ -7,11 +7,10 @@
 //! Proven by the tests of [`crate::earth`] and [`crate::orbit`] and by `tests/physics/apparent_places`.
 
 use crate::ObserverError;
-use crate::earth::{self, EarthTrack};
+use crate::almanac::Almanac;
 use crate::moon;
 use crate::orbit::{CentralBody, CircularOrbit, TleOrbit, TwoBodyOrbit};
 pub use crate::state::BarycentricState;
-use crate::sun::{self, SunTrack};
 use base::time::Tai;
 
 /// Where the star sensor flies.
@@ -35,23 +34,6 @@ pub enum Observer {
 }
 
 impl Observer {
-    /// State at `at`, by direct evaluation of the series (0.3 to 1 ms); frames use [`ObserverTrack`]. Does not allocate.
-    ///
-    /// # Errors
-    /// When SGP4 cannot follow the elements to `at`, or the orbit is below the surface there.
-    pub fn barycentric_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
-        self.barycentric_by(at, || earth::barycentric_state(at), || sun::barycentric_state(at))
-    }
-
-    /// State from the Earth's centre at `at`; `None` at the barycentre. Does not allocate. About the Sun this evaluates
-    /// series; frames use [`ObserverTrack`].
-    ///
-    /// # Errors
-    /// As for [`Self::barycentric_state`].
-    pub fn geocentric_state(&self, at: Tai) -> Result<Option<BarycentricState>, ObserverError> {
-        self.geocentric_by(at, || earth::barycentric_state(at), || sun::barycentric_state(at))
-    }
-
     /// The body it is about; `None` at the barycentre.
     #[must_use]
     pub fn about(&self) -> Option<CentralBody> {
@@ -65,7 +47,7 @@ impl Observer {
     /// State from the centre of that body; at rest at the barycentre. Does not allocate.
     ///
     /// # Errors
-    /// As for [`Self::barycentric_state`].
+    /// When SGP4 cannot follow the elements to `at`, or the orbit is below the surface there.
     pub fn relative_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
         match self {
             Self::Barycentre | Self::Geocentre => Ok(BarycentricState::default()),
@@ -73,37 +55,6 @@ impl Observer {
             Self::Circular(orbit) => Ok(orbit.geocentric_state(at)),
             Self::TwoBody { about, orbit } => above_surface(*about, at, orbit.state(at)),
         }
-    }
-
-    fn barycentric_by(
-        &self,
-        at: Tai,
-        earth: impl FnOnce() -> BarycentricState,
-        sun: impl FnOnce() -> BarycentricState,
-    ) -> Result<BarycentricState, ObserverError> {
-        let relative = self.relative_state(at)?;
-        Ok(relative
-            + match self.about() {
-                None => BarycentricState::default(),
-                Some(CentralBody::Earth) => earth(),
-                Some(CentralBody::Moon) => earth() + moon::geocentric_state(at),
-                Some(CentralBody::Sun) => sun(),
-            })
-    }
-
-    fn geocentric_by(
-        &self,
-        at: Tai,
-        earth: impl FnOnce() -> BarycentricState,
-        sun: impl FnOnce() -> BarycentricState,
-    ) -> Result<Option<BarycentricState>, ObserverError> {
-        let relative = self.relative_state(at)?;
-        Ok(match self.about() {
-            None => None,
-            Some(CentralBody::Earth) => Some(relative),
-            Some(CentralBody::Moon) => Some(relative + moon::geocentric_state(at)),
-            Some(CentralBody::Sun) => Some(relative + (sun() - earth())),
-        })
     }
 }
 
@@ -115,19 +66,24 @@ fn above_surface(about: CentralBody, at: Tai, state: BarycentricState) -> Result
     Ok(state)
 }
 
-/// An observer followed from frame to frame: the orbit at each time, Earth and Sun by [`EarthTrack`] and [`SunTrack`].
+/// An observer followed from frame to frame: the orbit at each time, Earth and Sun from an [`Almanac`].
 #[derive(Debug, Clone)]
 pub struct ObserverTrack {
     observer: Observer,
-    earth: EarthTrack,
-    sun: SunTrack,
+    pub(super) almanac: Almanac,
 }
 
 impl ObserverTrack {
-    /// Follows `observer`, ready for the day of `at`.
+    /// Follows `observer`, ready for instants near `at`.
     #[must_use]
     pub fn new(observer: Observer, at: Tai) -> Self {
-        Self { observer, earth: EarthTrack::new(at), sun: SunTrack::new(at) }
+        Self::with_almanac(observer, Almanac::over(at, at))
+    }
+
+    /// Follows `observer` over the days of `almanac`.
+    #[must_use]
+    pub fn with_almanac(observer: Observer, almanac: Almanac) -> Self {
+        Self { observer, almanac }
     }
 
     /// Where the star sensor flies.
@@ -139,30 +95,42 @@ impl ObserverTrack {
     /// State at `at`; depends on the time only. Does not allocate.
     ///
     /// # Errors
-    /// When SGP4 cannot follow the elements to `at`, or the orbit is below the surface there.
-    pub fn barycentric_state(&mut self, at: Tai) -> Result<BarycentricState, ObserverError> {
-        let Self { observer, earth, sun } = self;
-        observer.barycentric_by(at, || earth.barycentric_state(at), || sun.barycentric_state(at))
+    /// As for [`Observer::relative_state`].
+    pub fn barycentric_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
+        let relative = self.observer.relative_state(at)?;
+        Ok(relative
+            + match self.observer.about() {
+                None => BarycentricState::default(),
+                Some(CentralBody::Earth) => self.almanac.earth(at),
+                Some(CentralBody::Moon) => self.almanac.earth(at) + moon::geocentric_state(at),
+                Some(CentralBody::Sun) => self.almanac.sun(at),
+            })
     }
 
     /// State from the Earth's centre, likewise; `None` at the barycentre.
     ///
     /// # Errors
-    /// As for [`Self::barycentric_state`].
-    pub fn geocentric_state(&mut self, at: Tai) -> Result<Option<BarycentricState>, ObserverError> {
-        let Self { observer, earth, sun } = self;
-        observer.geocentric_by(at, || earth.barycentric_state(at), || sun.barycentric_state(at))
+    /// As for [`Observer::relative_state`].
+    pub fn geocentric_state(&self, at: Tai) -> Result<Option<BarycentricState>, ObserverError> {
+        let relative = self.observer.relative_state(at)?;
+        Ok(self.observer.about().map(|about| match about {
+            CentralBody::Earth => relative,
+            CentralBody::Moon => relative + moon::geocentric_state(at),
+            CentralBody::Sun => relative + (self.almanac.sun(at) - self.almanac.earth(at)),
+        }))
     }
 
     /// Barycentric state of the Sun's centre.
-    pub fn sun_state(&mut self, at: Tai) -> BarycentricState {
-        self.sun.barycentric_state(at)
+    #[must_use]
+    pub fn sun_state(&self, at: Tai) -> BarycentricState {
+        self.almanac.sun(at)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{earth, sun};
     use base::time::Span;
     use glam::DVec3;
 
@@ -171,11 +139,19 @@ mod tests {
         Observer::TwoBody { about, orbit }
     }
 
+    /// Three times the errors of an almanac.
+    fn near(a: BarycentricState, b: BarycentricState) -> bool {
+        let off = a - b;
+        off.position_km.length() < 0.5 && off.velocity_km_s.length() < 4e-5
+    }
+
     #[test]
     fn moon_and_sun_may_be_the_centre() {
         let at = Tai::from_rfc3339("2026-03-01T12:34:56Z").expect("a valid instant");
-        let of = |observer: &Observer| observer.barycentric_state(at).expect("above the surface");
+        let track = |observer: &Observer| ObserverTrack::new(observer.clone(), at);
+        let of = |observer: &Observer| track(observer).barycentric_state(at).expect("above the surface");
         let earth = of(&Observer::Geocentre);
+        assert!(near(earth, earth::barycentric_state(at)));
         let (r, v) = (DVec3::new(0.0, 3_000.0, 1_000.0), DVec3::new(1.2, 0.0, 0.0));
         let moon = conic(CentralBody::Moon, r, v, at);
         assert!((of(&moon).position_km - earth.position_km).distance(moon::geocentric_km(at) + r) < 1e-6);
@@ -183,30 +159,20 @@ mod tests {
         assert!((0.95..1.10).contains(&along_km_s), "the Moon goes at 0.97 to 1.08 km/s: {along_km_s}");
         let (r, v) = (DVec3::new(2e8, 0.0, 0.0), DVec3::new(0.0, 20.0, 5.0));
         let sun = conic(CentralBody::Sun, r, v, at);
-        let off = of(&sun) - sun::barycentric_state(at);
-        assert!(off.position_km.distance(r) < 1e-6 && off.velocity_km_s.distance(v) < 1e-12, "{off:?}");
+        assert!(near(of(&sun), sun::barycentric_state(at) + BarycentricState { position_km: r, velocity_km_s: v }));
         for observer in [&moon, &sun, &Observer::Geocentre] {
-            let mut track = ObserverTrack::new(observer.clone(), at);
-            let near = |a: BarycentricState, b: BarycentricState| {
-                let off = a - b;
-                // Three times the errors of EarthTrack and SunTrack.
-                off.position_km.length() < 0.5 && off.velocity_km_s.length() < 4e-5
-            };
-            let (geocentric, followed) = (observer.geocentric_state(at), track.geocentric_state(at));
-            let geocentric = geocentric.expect("no error").expect("not at the barycentre");
+            let geocentric = track(observer).geocentric_state(at).expect("no error").expect("not at the barycentre");
             assert!(near(geocentric + earth, of(observer)), "{observer:?}");
-            assert!(near(followed.expect("no error").expect("likewise"), geocentric), "{observer:?}");
-            assert!(near(track.barycentric_state(at).expect("no error"), of(observer)), "{observer:?}");
         }
-        assert!(Observer::Barycentre.geocentric_state(at).expect("no error").is_none());
+        assert!(track(&Observer::Barycentre).geocentric_state(at).expect("no error").is_none());
     }
 
     #[test]
     fn an_orbit_that_comes_down_is_told() {
         let at = Tai::from_rfc3339("2026-03-01T00:00:00Z").expect("a valid instant");
         let dropped = conic(CentralBody::Moon, DVec3::X * 1_800.0, DVec3::Y * 0.5, at);
-        assert!(dropped.barycentric_state(at).is_ok(), "63 km above the ground");
-        let later = dropped.barycentric_state(at + Span::from_s(600.0)).expect_err("it has fallen").to_string();
+        assert!(dropped.relative_state(at).is_ok(), "63 km above the ground");
+        let later = dropped.relative_state(at + Span::from_s(600.0)).expect_err("it has fallen").to_string();
         assert!(
             later.contains("the Moon") && later.contains("1737.4") && later.contains("2026-03-01T00:10"),
             "{later}"
@@ -217,12 +183,12 @@ mod tests {
     fn orbit_and_earth_add_up_and_the_barycentre_rests() {
         let at = Tai::from_rfc3339("2026-03-01T12:34:56Z").expect("a valid instant");
         let orbit = CircularOrbit::new(500.0, 97.4, 30.0, 10.0, at).expect("a valid orbit");
-        let state = |observer: Observer| observer.barycentric_state(at).expect("no elements, no error");
+        let state =
+            |observer: Observer| ObserverTrack::new(observer, at).barycentric_state(at).expect("no elements, no error");
         let [flying, earth] = [Observer::Circular(orbit), Observer::Geocentre].map(state);
         let speed_km_s = (flying.velocity_km_s - earth.velocity_km_s).length();
         assert!((speed_km_s - 7.6127).abs() < 1e-4, "{speed_km_s}");
+        assert!(near(earth, earth::barycentric_state(at)));
         assert_eq!(state(Observer::Barycentre), BarycentricState::default());
-        let followed = ObserverTrack::new(Observer::Circular(orbit), at).barycentric_state(at).expect("no error");
-        assert!(followed.velocity_km_s.distance(flying.velocity_km_s) < 2e-5, "three times EarthTrack's");
     }
 }

@@ -27,7 +27,7 @@ use run::wiring::camera_parts::camera_params;
 use scene::camera::CameraParams;
 use scene::sky_view::SkyView;
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use sky::observer::Observer;
+use sky::observer::{Observer, ObserverTrack};
 use stars::Sky;
 use stars::layer::LayerSet;
 use stars::tiles::{Light, TileSky};
@@ -138,7 +138,7 @@ fn dense(c: &mut Criterion) {
         let budget = AccuracyBudget::default();
         Planner::new(camera.instrument(), budget, CostModel::CPU, MethodChoice::Auto, los.clone())
     };
-    let mut view = SkyView::new(&camera, Observer::Geocentre, at, &sky);
+    let mut view = SkyView::new(&camera, ObserverTrack::new(Observer::Geocentre, at), &sky);
     let mut backend = Cpu::new(2048, 2048);
     let mut group = c.benchmark_group("dense");
     group.sample_size(20);

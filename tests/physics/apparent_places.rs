@@ -16,7 +16,6 @@ use core::f64::consts::PI;
 use glam::DVec3;
 use sky::astrometry::{ApparentSource, BrownConrady, CameraGeometry, CameraParameters};
 use sky::astrometry::{Vantage, apparent_places, cone_margin_rad};
-use sky::observer::Observer;
 use stars::catalog::Catalog;
 
 const DEG: f64 = PI / 180.0;
@@ -242,7 +241,7 @@ pub(crate) fn project(direction: [f64; 3], pointing: &Pointing) -> Option<[f64; 
 /// The apparent sources of the production path within 40 degrees of an axis.
 fn production(axis: [f64; 3], at: Tai) -> Vec<ApparentSource> {
     let catalog = Catalog::built_in().expect("the built-in catalog");
-    let vantage = Vantage::from(Observer::Geocentre.barycentric_state(at).expect("no orbit, no error"));
+    let vantage = Vantage::from(sky::earth::barycentric_state(at));
     let (mut sources, mut out) = (Vec::new(), Vec::new());
     let radius_rad = 40.0 * DEG + cone_margin_rad(catalog.epoch_yr(), catalog.fastest_mas_yr(), at, &vantage);
     catalog.cone(DVec3::from_array(axis), radius_rad, LIMITING_MAG, &mut sources);

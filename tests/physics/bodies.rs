@@ -15,9 +15,9 @@ use plan::exposure::target::FIRST_BODY_ID;
 use plan::exposure::{Source, SourcePlace};
 use plan::optics::{PsfModel, Radiometry, StarLight};
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use sky::bodies::{BodiesTrack, Standpoint};
+use sky::bodies::Standpoint;
 use sky::magnitude::{Lighting, SUN_G_LESS_V};
-use sky::observer::{BarycentricState, Observer};
+use sky::observer::{BarycentricState, Observer, ObserverTrack};
 use sky::orbit::CircularOrbit;
 
 /// What the issue asks for.
@@ -65,7 +65,7 @@ fn instant(text: &str) -> Tai {
 }
 
 fn standpoint(row: &Row) -> Standpoint {
-    let earth = BodiesTrack::new(Observer::Geocentre, row.at).standpoint(row.at).expect("a sky");
+    let earth = ObserverTrack::new(Observer::Geocentre, row.at).standpoint(row.at).expect("a sky");
     if !row.is_satellite {
         return earth;
     }
@@ -122,7 +122,13 @@ fn leaving_out_light_time_or_aberration_is_noticed() {
     );
     assert!(moon > 2.0 * PLACE_ARCSEC, "the satellite's own: {moon}");
     // Five minutes earlier or later: half of a light time.
-    let late = worst_arcsec(|row| row.body == "mars", |from| from.at = from.at + Span::from_s(300.0));
+    let late = worst_arcsec(
+        |row| row.body == "mars",
+        |from| {
+            let later = ObserverTrack::new(Observer::Geocentre, from.at).standpoint(from.at + Span::from_s(300.0));
+            from.planets_from_sun_km = later.expect("a sky").planets_from_sun_km;
+        },
+    );
     assert!(late > 2.0 * PLACE_ARCSEC, "light time: {late}");
     let parallax = worst_arcsec(
         |row| row.body == "moon" && row.is_satellite,
@@ -225,7 +231,7 @@ fn the_moon_has_its_size_its_light_and_its_bright_limb() {
     for row in rows().iter().filter(|row| row.body == "moon" && !row.is_satellite && row.phase_deg < 150.0) {
         // 20 arcsec a pixel: the Moon is 93 px across.
         let camera = camera(256, 10_000.0);
-        let mut bodies = SkyBodies::through(camera.clone(), Observer::Geocentre, row.at);
+        let mut bodies = SkyBodies::through(camera.clone(), ObserverTrack::new(Observer::Geocentre, row.at));
         let sources = bodies.seen(&[], &pointed(row.apparent), row.at).expect("a sky").to_vec();
         let sources: Vec<Source> =
             sources.into_iter().filter(|source| source.id == FIRST_BODY_ID + MOON_NUMBER).collect();
@@ -256,7 +262,7 @@ fn the_moon_has_its_size_its_light_and_its_bright_limb() {
 #[test]
 fn the_lit_part_of_the_disc_is_the_phase() {
     for row in rows().iter().filter(|row| row.body == "moon" && !row.is_satellite) {
-        let mut bodies = SkyBodies::through(camera(256, 20_000.0), Observer::Geocentre, row.at);
+        let mut bodies = SkyBodies::through(camera(256, 20_000.0), ObserverTrack::new(Observer::Geocentre, row.at));
         let sources = bodies.seen(&[], &pointed(row.apparent), row.at).expect("a sky").to_vec();
         let moon = sources.iter().filter(|source| source.id == FIRST_BODY_ID + MOON_NUMBER);
         // Cells of half a pixel, all of them lit: those cut by limb and terminator count as whole.
@@ -296,7 +302,8 @@ fn low_orbit(at: Tai) -> Observer {
 
 /// Towards the limb ahead, so that stars rise or set across the field.
 fn towards_limb(observer: &Observer, at: Tai, sign: f64) -> DVec3 {
-    let state = observer.geocentric_state(at).expect("an orbit").expect("near the Earth");
+    let state =
+        ObserverTrack::new(observer.clone(), at).geocentric_state(at).expect("an orbit").expect("near the Earth");
     let (down, ahead) = (-state.position_km.normalize(), state.velocity_km_s.normalize() * sign);
     let limb = (6_378.137 / state.position_km.length()).asin();
     down * limb.cos() + ahead * limb.sin()
@@ -320,7 +327,7 @@ fn hidden_stars_are_exactly_those_behind_the_limb() {
             star(id, to_icrf.apply(camera.geometry.unproject([x, y]).expect("imaged")))
         })
         .collect();
-    let mut bodies = SkyBodies::through(camera, observer.clone(), at);
+    let mut bodies = SkyBodies::through(camera, ObserverTrack::new(observer.clone(), at));
     let left: Vec<u32> = bodies
         .seen(&stars, &attitude, at)
         .expect("a sky")
@@ -328,7 +335,7 @@ fn hidden_stars_are_exactly_those_behind_the_limb() {
         .map(|s| s.id)
         .filter(|id| *id < FIRST_BODY_ID)
         .collect();
-    let standpoint = BodiesTrack::new(observer, at).standpoint(at).expect("a sky");
+    let standpoint = ObserverTrack::new(observer, at).standpoint(at).expect("a sky");
     let direction = |star: &Source| match star.place {
         SourcePlace::Icrf(direction) => direction,
         SourcePlace::Pixel(_) => panic!("stars have directions"),
@@ -351,19 +358,24 @@ fn a_star_sets_in_the_frame_in_which_it_should() {
     let observer = low_orbit(start);
     // Behind the satellite the limb sinks away from where it has been: stars set there.
     let back = towards_limb(&observer, start, -1.0);
-    let up = observer.geocentric_state(start).expect("an orbit").expect("near the Earth").position_km.normalize();
+    let up = ObserverTrack::new(observer.clone(), start)
+        .geocentric_state(start)
+        .expect("an orbit")
+        .expect("near the Earth")
+        .position_km
+        .normalize();
     let direction = (back + up * 0.02).normalize();
     let attitude = pointed(direction);
     let at = |s: f64| start + Span::from_s(s);
-    let mut track = BodiesTrack::new(observer.clone(), start);
-    let mut is_up = |s: f64| !is_behind_earth(&track.standpoint(at(s)).expect("a sky"), direction, POLAR_KM);
+    let track = ObserverTrack::new(observer.clone(), start);
+    let is_up = |s: f64| !is_behind_earth(&track.standpoint(at(s)).expect("a sky"), direction, POLAR_KM);
     let (mut up_s, mut down_s) = (0.0, 60.0);
     assert!(is_up(up_s) && !is_up(down_s), "it sets in the first minute");
     while down_s - up_s > 1e-4 {
         let middle = 0.5 * (up_s + down_s);
         if is_up(middle) { up_s = middle } else { down_s = middle }
     }
-    let mut bodies = SkyBodies::through(camera(32, 1_500.0), observer, start);
+    let mut bodies = SkyBodies::through(camera(32, 1_500.0), ObserverTrack::new(observer, start));
     let mut last_seen = None;
     // Frames of 10 Hz, three seconds about the setting.
     for frame in -15..15 {
@@ -383,7 +395,7 @@ fn a_planet_has_the_light_of_its_magnitude_where_it_is_seen() {
         // 100 arcsec a pixel: points and the tiniest discs; 2 arcsec a pixel: discs of up to 30 px.
         for focal_px in [2_000.0, 100_000.0] {
             let camera = camera(128, focal_px);
-            let mut bodies = SkyBodies::through(camera.clone(), Observer::Geocentre, row.at);
+            let mut bodies = SkyBodies::through(camera.clone(), ObserverTrack::new(Observer::Geocentre, row.at));
             let attitude = pointed(row.apparent);
             let sources = bodies.seen(&[], &attitude, row.at).expect("a sky").to_vec();
             let planet = seen(&standpoint(row), &row.body);
@@ -410,11 +422,11 @@ fn a_planet_has_the_light_of_its_magnitude_where_it_is_seen() {
 fn a_far_earth_shines_as_a_lambert_sphere() {
     let at = instant("2026-07-01T00:00:00Z");
     let observer = Observer::Circular(CircularOrbit::new(300_000.0, 10.0, 100.0, 0.0, at).expect("an orbit"));
-    let from = BodiesTrack::new(observer.clone(), at).standpoint(at).expect("a sky");
+    let from = ObserverTrack::new(observer.clone(), at).standpoint(at).expect("a sky");
     let earth = seen(&from, "earth");
     // 1.2 deg of radius, 62 px.
     let camera = camera(256, 3_000.0);
-    let mut bodies = SkyBodies::through(camera.clone(), observer, at);
+    let mut bodies = SkyBodies::through(camera.clone(), ObserverTrack::new(observer, at));
     let sources = bodies.seen(&[], &pointed(earth.apparent_icrf), at).expect("a sky").to_vec();
     let sum: f64 = sources.iter().filter(|s| s.id == FIRST_BODY_ID + 3).map(|source| source.electrons).sum();
     let phase = (2.0 * earth.lit_share - 1.0).acos();
@@ -439,9 +451,9 @@ fn a_far_earth_shines_as_a_lambert_sphere() {
 #[test]
 fn the_sun_is_told_and_never_drawn() {
     let at = instant("2026-07-01T00:00:00Z");
-    let from = BodiesTrack::new(Observer::Geocentre, at).standpoint(at).expect("a sky");
+    let from = ObserverTrack::new(Observer::Geocentre, at).standpoint(at).expect("a sky");
     let sun = seen(&from, "sun");
-    let mut bodies = SkyBodies::through(camera(128, 1_000.0), Observer::Geocentre, at);
+    let mut bodies = SkyBodies::through(camera(128, 1_000.0), ObserverTrack::new(Observer::Geocentre, at));
     let drawn = bodies.seen(&[], &pointed(sun.apparent_icrf), at).expect("a sky").iter().any(|s| s.id == FIRST_BODY_ID);
     assert!(bodies.counts().has_sun && !drawn);
     bodies.seen(&[], &pointed(-sun.apparent_icrf), at).expect("a sky");
@@ -451,9 +463,9 @@ fn the_sun_is_told_and_never_drawn() {
 #[test]
 fn nobody_is_at_the_barycentre_and_nothing_changes_without_bodies_in_the_field() {
     let at = instant("2026-07-01T00:00:00Z");
-    let mut bodies = SkyBodies::through(camera(128, 1_000.0), Observer::Barycentre, at);
+    let mut bodies = SkyBodies::through(camera(128, 1_000.0), ObserverTrack::new(Observer::Barycentre, at));
     assert!(bodies.seen(&[], &pointed(DVec3::X), at).is_err());
-    let mut bodies = SkyBodies::through(camera(128, 1_000.0), Observer::Geocentre, at);
+    let mut bodies = SkyBodies::through(camera(128, 1_000.0), ObserverTrack::new(Observer::Geocentre, at));
     let stars = [star(1, DVec3::Z), star(2, DVec3::new(0.01, 0.0, 1.0).normalize())];
     assert_eq!(bodies.seen(&stars, &pointed(DVec3::Z), at).expect("a sky"), stars);
 }
@@ -462,12 +474,12 @@ fn nobody_is_at_the_barycentre_and_nothing_changes_without_bodies_in_the_field()
 fn the_truth_has_a_row_for_each_body_and_the_picture_its_light() {
     // The bench "moon": a crescent with Jupiter 4 deg below it.
     let at = instant("2026-04-22T20:00:01Z");
-    let from = BodiesTrack::new(Observer::Geocentre, at).standpoint(at).expect("a sky");
+    let from = ObserverTrack::new(Observer::Geocentre, at).standpoint(at).expect("a sky");
     let moon = seen(&from, "moon");
     let attitude = pointed(moon.apparent_icrf);
     let size = 128;
     let camera = BodyCamera { geometry: scene::camera(size), ..camera(size, scene::FOCAL_PX) };
-    let mut bodies = SkyBodies::through(camera, Observer::Geocentre, at);
+    let mut bodies = SkyBodies::through(camera, ObserverTrack::new(Observer::Geocentre, at));
     let stars = [scene::star(7, 2e4, [20.0, 30.0])];
     let sources = bodies.seen(&stars, &attitude, at).expect("a sky");
     let mut planner = scene::planner(size, &PsfModel::gaussian(0.7), "static", scene::los(), None);

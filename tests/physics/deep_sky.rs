@@ -16,7 +16,7 @@ use run::wiring::camera_parts::camera_params;
 use scene::camera::CameraParams;
 use scene::sky_view::SkyView;
 use sky::astrometry::CameraGeometry;
-use sky::observer::Observer;
+use sky::observer::{Observer, ObserverTrack};
 use stars::Sky;
 use stars::catalog::Catalog;
 use stars::layer::{NewStar, Sorting};
@@ -70,7 +70,7 @@ fn layers_show_the_sky_of_the_catalog_they_were_made_of() {
     let folder = tempfile::tempdir().unwrap();
     let (camera, _) = camera("star_tracker_20deg");
     let at = Tai::from_rfc3339(AT).unwrap();
-    let view = |sky: &Sky| SkyView::new(&camera, Observer::Geocentre, at, sky);
+    let view = |sky: &Sky| SkyView::new(&camera, ObserverTrack::new(Observer::Geocentre, at), sky);
     let mut by_catalog = view(&Sky::open(&[], camera.limiting_mag, MEMORY_MB).unwrap());
     let mut by_layers = view(&Sky::open(&built_in_layers(folder.path()), camera.limiting_mag, MEMORY_MB).unwrap());
     let (mut total, mut worst_mas, mut worst_light) = (0, 0.0_f64, 0.0_f64);
@@ -127,7 +127,7 @@ fn a_slew_finds_its_tiles_there() {
     let at = Tai::from_rfc3339(AT).unwrap();
     let sky = Sky::open(&built_in_layers(folder.path()), camera.limiting_mag, MEMORY_MB).unwrap();
     let late_frames = |turn: f64| {
-        let mut view = SkyView::new(&camera, Observer::Geocentre, at, &sky);
+        let mut view = SkyView::new(&camera, ObserverTrack::new(Observer::Geocentre, at), &sky);
         view.read_ahead().unwrap();
         let mut late = Vec::new();
         for i in 0..60 {
@@ -187,7 +187,7 @@ fn count(name: &str, mag_g: f64) -> Counts {
     let at = Tai::from_rfc3339(AT).unwrap();
     let sky = Sky::open(&paths, camera.limiting_mag, MEMORY_MB).unwrap();
     // At rest at the barycentre: stars stand where they were put.
-    let mut view = SkyView::new(&camera, Observer::Barycentre, at, &sky);
+    let mut view = SkyView::new(&camera, ObserverTrack::new(Observer::Barycentre, at), &sky);
     let [width, height] = camera.sensor_px();
     let los = LosPath::commanded(attitude, at, camera.exposure_s);
     let (mut sums, mut dark) = (Vec::new(), Vec::new());

@@ -14,8 +14,7 @@ use run::wiring::camera_parts::camera_params;
 use scene::camera::CameraParams;
 use scene::field_light::FieldLight;
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters, PolynomialDistortion};
-use sky::bodies::BodiesTrack;
-use sky::observer::Observer;
+use sky::observer::{Observer, ObserverTrack};
 use sky::orbit::CircularOrbit;
 use std::path::Path;
 
@@ -172,7 +171,7 @@ fn sunlight_through_the_baffle_is_what_the_table_says() {
          quadratic = -0.5\nexclusion_sun_deg = 35\n",
     );
     let at = noon();
-    let mut light = FieldLight::new(&camera, Observer::Geocentre, at);
+    let light = FieldLight::new(&camera, ObserverTrack::new(Observer::Geocentre, at));
     let days = at.days_tdb_since_j2000();
     let (of_date, au) = almanac_sun(days);
     // From the equinox of date to J2000: 50.29 arcsec a year about the ecliptic's pole.
@@ -211,13 +210,13 @@ fn night_is_dark_and_the_sky_is_lit_by_latitude() {
     };
     let lit = |observer: Observer| {
         let los = pointed(attitude_with(sun, 50.0, DVec2::X), at);
-        FieldLight::new(&camera, observer, at).at(&los).unwrap().0.uniform_e
+        FieldLight::new(&camera, ObserverTrack::new(observer, at)).at(&los).unwrap().0.uniform_e
     };
     assert!(lit(orbit(declination_deg)) > 0.0, "noon");
     assert_eq!(lit(orbit(declination_deg - 180.0)), 0.0, "midnight");
 
     let sky = params("[background]\nsky = [\"zodiacal\"]\n[illumination]\ncos4 = true\n");
-    let mut light = FieldLight::new(&sky, Observer::Geocentre, at);
+    let light = FieldLight::new(&sky, ObserverTrack::new(Observer::Geocentre, at));
     // Ecliptic pole: 60 S10 of V = 10, G = V - 0.14 stars per square degree, through aperture, transmission and QE.
     let tilt = 23.439_28_f64.to_radians();
     let pole = DVec3::new(0.0, -tilt.sin(), tilt.cos());
@@ -229,7 +228,7 @@ fn night_is_dark_and_the_sky_is_lit_by_latitude() {
     let wanted = 60.0 * star_e * pixel_deg2;
     assert!((f64::from(background.sky_e) / wanted - 1.0).abs() < 2e-3, "{} {wanted}", background.sky_e);
     assert_eq!((background.uniform_e, background.gradient_e), (0.0, [0.0; 2]));
-    let bodies = BodiesTrack::new(Observer::Geocentre, at).at(at).unwrap();
+    let bodies = ObserverTrack::new(Observer::Geocentre, at).bodies(at).unwrap();
     let near_sun = pointed(attitude_with(bodies.sun_km, 40.0, DVec2::X), at);
     assert!(light.at(&near_sun).unwrap().0.sky_e > 3.0 * background.sky_e, "control: brighter near the Sun");
 }

@@ -16,7 +16,7 @@ use run::runtime::{BackendChoice, Imager};
 use scene::camera::CameraParams;
 use scene::sky_view::SkyView;
 use sky::astrometry::{BrownConrady, CameraGeometry, CameraParameters};
-use sky::observer::Observer;
+use sky::observer::{Observer, ObserverTrack};
 use stars::Sky;
 
 /// What the project promises for a 20 degree tracker, px (71 arcsec each).
@@ -100,7 +100,7 @@ fn draw(ra_dec_roll_deg: [f64; 3], backend: BackendChoice) -> Frame {
     let instrument: Instrument = camera.instrument();
     let mut imager = Imager::new(backend, camera.detector, [SIZE, SIZE], 3).unwrap();
     let mut planner = Planner::new(instrument, AccuracyBudget::default(), imager.cost(), MethodChoice::Auto, los);
-    let mut sky = SkyView::new(&camera, Observer::Geocentre, at, &Sky::open(&[], 8.5, 1).unwrap());
+    let mut sky = SkyView::new(&camera, ObserverTrack::new(Observer::Geocentre, at), &Sky::open(&[], 8.5, 1).unwrap());
     let boresight = attitude.inverse().apply(glam::DVec3::Z);
     let plan = planner.plan(sky.sources(boresight, 0.0, at).unwrap());
     let mut dn = DnImage::new(SIZE, SIZE);

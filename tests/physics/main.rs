@@ -1,6 +1,7 @@
 //! Physics: the stimulator against independent computations.
 #![allow(clippy::panic, clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+mod almanac;
 mod analytic_motion;
 mod apparent_places;
 mod apparent_vectors;

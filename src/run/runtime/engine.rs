@@ -31,6 +31,7 @@ use scene::Scene;
 use scene::field_light::illumination_map;
 use scene::truth::{add_tracks, fill_targets, fill_truth};
 use scene::wcs::WcsMaker;
+use sky::almanac::Almanac;
 use stars::Sky;
 
 /// What a slot shows.
@@ -69,26 +70,18 @@ impl FrameEngine {
     /// Everything that can be made before the first frame.
     ///
     /// # Errors
-    /// When the backend, the catalog or the observer cannot be had.
+    /// When the backend or the catalog is unavailable.
     pub fn new(params: RunParams) -> Result<Self, RunError> {
         let imager = Imager::of_detector(params.backend, params.camera.make_detector(params.seeds())?)?;
-        Self::with_imager(params, imager)
+        let (sky, almanac) = (params.open_sky()?, params.almanac());
+        Self::with_sky(params, imager, &sky, &almanac)
     }
 
-    /// The same with an imager that is already there, made for the same camera, backend and seed.
+    /// Makes it with an imager for the same camera, backend and seed; the heads of a run share its sky and its almanac.
     ///
     /// # Errors
-    /// When the catalog or the observer cannot be had.
-    pub fn with_imager(params: RunParams, imager: Imager) -> Result<Self, RunError> {
-        let sky = params.open_sky()?;
-        Self::with_sky(params, imager, &sky)
-    }
-
-    /// The same with a sky that is already there: heads of one bench share it.
-    ///
-    /// # Errors
-    /// When the observer cannot be had.
-    pub fn with_sky(params: RunParams, mut imager: Imager, sky: &Sky) -> Result<Self, RunError> {
+    /// When the imager refuses what the parameters want of it.
+    pub fn with_sky(params: RunParams, mut imager: Imager, sky: &Sky, almanac: &Almanac) -> Result<Self, RunError> {
         imager.set_frame_period(params.frame_period);
         let camera = &params.camera;
         let mut los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
@@ -99,7 +92,7 @@ impl FrameEngine {
         if params.keeps_brighter && params.has_targets() {
             imager.keep_brighter()?;
         }
-        let scene = Scene::new(&params.scene(), sky);
+        let scene = Scene::new(&params.scene(almanac), sky);
         // What is drawn for a display is no image of the sky by this camera.
         let of_sensor = params.drawn_from_sensor.is_none();
         let wcs = of_sensor.then(|| WcsMaker::new(&camera.geometry, &camera.output())).flatten();

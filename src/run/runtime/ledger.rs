@@ -131,6 +131,8 @@ events! {
     SunInField = "sun_in_field",
     /// A disc was drawn by cells larger than pixels, of which it would have had too many.
     CoarseDisc = "coarse_disc",
+    /// Series of a day that had not been prepared were evaluated on the frame thread.
+    SeriesOnFrameThread = "series_on_frame_thread",
     /// More protons hit the detector in a frame than there is room for: the rest left no track.
     ProtonsLeftOut = "protons_left_out",
     /// A defect was commanded for which the detector's list has no room: it is not there.

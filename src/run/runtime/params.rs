@@ -11,6 +11,7 @@ use plan::exposure::{MethodChoice, Rung, Target};
 use scene::SceneParams;
 use scene::camera::CameraParams;
 use scene::sky_targets::SkyTarget;
+use sky::almanac::Almanac;
 use sky::observer::Observer;
 use stars::Sky;
 use stars::catalog::CatalogError;
@@ -117,13 +118,19 @@ impl RunParams {
         Seeds { sensor: self.seed, noise: self.noise_seed }
     }
 
+    /// Prepares Earth, Sun and planets for the exposures of the run: milliseconds a day.
+    #[must_use]
+    pub fn almanac(&self) -> Almanac {
+        Almanac::over(self.first_exposure, self.exposure_start(self.frames))
+    }
+
     /// Returns what the scene of the run is made from.
     #[must_use]
-    pub fn scene(&self) -> SceneParams<'_> {
+    pub fn scene<'a>(&'a self, almanac: &'a Almanac) -> SceneParams<'a> {
         SceneParams {
             camera: &self.camera,
             observer: &self.observer,
-            at: self.first_exposure,
+            almanac,
             light_deflection: self.light_deflection,
             bodies: self.bodies,
             targets: &self.sky_targets,

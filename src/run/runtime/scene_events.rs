@@ -7,7 +7,8 @@ use scene::SceneReport;
 
 /// Adds an event for each thing that a scene lacks or that a person must know of.
 pub(super) fn note(report: &SceneReport, slot: Slot, ledger: &mut Ledger) {
-    let SceneReport { is_excluded, shortfall, lost_reader, bodies, lost_targets, background: _ } = *report;
+    let SceneReport { is_excluded, shortfall, lost_reader, bodies, lost_targets, evaluated_series, background: _ } =
+        *report;
     for (kind, happened) in [
         (EventKind::StarsLate, shortfall.late_tiles > 0),
         (EventKind::StarReaderLost, lost_reader),
@@ -15,6 +16,7 @@ pub(super) fn note(report: &SceneReport, slot: Slot, ledger: &mut Ledger) {
         (EventKind::InsideExclusion, is_excluded),
         (EventKind::SunInField, bodies.has_sun),
         (EventKind::CoarseDisc, bodies.coarsest_px > 1.0),
+        (EventKind::SeriesOnFrameThread, evaluated_series),
     ] {
         if happened {
             ledger.note(Event::new(kind, slot.release, Some(slot.number), Span::ZERO));
@@ -34,7 +36,7 @@ mod tests {
     use stars::tiles::Shortfall;
 
     #[test]
-    fn lost_reader_is_an_event_with_a_name_of_its_own() {
+    fn lost_reader_and_late_series_are_events_with_names_of_their_own() {
         let at = Tai::from_ns(0);
         let slot = Slot { number: 3, exposure_start: at, exposure_end: at, release: at, due: at };
         let report = SceneReport {
@@ -44,11 +46,16 @@ mod tests {
             lost_reader: true,
             bodies: BodyCounts::default(),
             lost_targets: 0,
+            evaluated_series: false,
         };
+        let mut ledger = Ledger::default();
+        note(&SceneReport { evaluated_series: true, ..report }, slot, &mut ledger);
+        assert_eq!(ledger.count(EventKind::SeriesOnFrameThread), 1);
         let mut ledger = Ledger::default();
         note(&report, slot, &mut ledger);
         note(&SceneReport { lost_reader: false, ..report }, slot, &mut ledger);
         let count = |kind| ledger.count(kind);
         assert_eq!((count(EventKind::StarReaderLost), count(EventKind::StarsLate)), (1, 2));
+        assert_eq!(count(EventKind::SeriesOnFrameThread), 0);
     }
 }

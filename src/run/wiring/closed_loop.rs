@@ -92,9 +92,9 @@ impl ClosedLoop {
         mut sink: impl FnMut(usize) -> Box<dyn Sink>,
     ) -> Result<Self, LoopError> {
         let start = clock.now();
-        let (mut heads, mut taps) = (Vec::new(), Vec::new());
+        let (mut heads, mut taps, mut shared) = (Vec::new(), Vec::new(), None);
         for (i, mounting) in scenario.heads.iter().enumerate() {
-            let (head, end) = loop_head(scenario, i, mounting, start, sink(i), |_| {})?;
+            let (head, end) = loop_head(scenario, i, mounting, start, sink(i), &mut shared, |_| {})?;
             heads.push(head);
             taps.push(end);
         }

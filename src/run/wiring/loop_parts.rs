@@ -1,6 +1,8 @@
 //! The stimulator's part of a closed loop, and the bus between its ends; the same on both clocks.
 
+use crate::runtime::error::RunError;
 use crate::runtime::frame_faults::FrameFaults;
+use crate::runtime::imager::Imager;
 use crate::runtime::receiver::Receiver;
 use crate::runtime::{FrameEngine, RunParams};
 use crate::wiring::bench_parts;
@@ -14,6 +16,8 @@ use frames::sink::{Sink, TapEnd, Tee, tap};
 use link::Port;
 use link::simulated::simulated_pair;
 use link::tap::{FaultControl, FaultyLink};
+use sky::almanac::Almanac;
+use stars::Sky;
 use std::sync::Arc;
 
 /// Frames on their way to a tracker.
@@ -42,13 +46,14 @@ impl LoopHead {
     }
 }
 
-/// The stimulator's part of one head, and the tracker's end of its tap.
+/// The stimulator's part of one head, and the tracker's end of its tap. The first head makes what all of them share.
 pub(super) fn loop_head(
     scenario: &Scenario,
     number: usize,
     mounting: &Rotation<Sensor, Body>,
     start: Tai,
     sink: Box<dyn Sink>,
+    shared: &mut Option<(Sky, Almanac)>,
     change: impl FnOnce(&mut RunParams),
 ) -> Result<(LoopHead, TapEnd), LoopError> {
     let mut bench = bench_parts::bench_of_head(&scenario.bench, number, *mounting);
@@ -59,10 +64,19 @@ pub(super) fn loop_head(
     let size = params.camera.output().size_px;
     let mut receiver = Receiver::new(params.attitude.clone())?.with_session(bench_parts::session_params(&bench));
     scenario.events.iter().filter_map(|event| event.on_trigger).for_each(|number| receiver.expect_trigger(number));
-    let engine = FrameEngine::new(params)?;
+    let engine = engine(params, shared)?;
     let (sender, end) = tap(size, TAP_FRAMES);
     let sink = Box::new(Tee::new(sink, Box::new(sender)));
     Ok((LoopHead { engine, receiver, sink, faults: FrameFaults::default() }, end))
+}
+
+fn engine(params: RunParams, shared: &mut Option<(Sky, Almanac)>) -> Result<FrameEngine, RunError> {
+    let imager = Imager::of_detector(params.backend, params.camera.make_detector(params.seeds())?)?;
+    let (sky, almanac) = match shared {
+        Some(shared) => &*shared,
+        None => &*shared.insert((params.open_sky()?, params.almanac())),
+    };
+    FrameEngine::with_sky(params, imager, sky, almanac)
 }
 
 /// Both ends of the bus, each behind its faults.

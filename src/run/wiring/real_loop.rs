@@ -62,8 +62,9 @@ pub fn run_real(
         StartTime::Now => Monotonic::start().now(),
     };
     let (mut drawing, mut tapped, mut taps, mut faults) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut shared = None;
     for ((number, mounting), sink) in scenario.heads.iter().enumerate().zip(sinks) {
-        let (head, tap) = loop_head(scenario, number, mounting, start, sink, &mut change)?;
+        let (head, tap) = loop_head(scenario, number, mounting, start, sink, &mut shared, &mut change)?;
         drawing.push((head.engine, head.receiver));
         tapped.push(head.sink);
         taps.push(tap);

@@ -47,7 +47,7 @@ fn light() -> StarLight {
 }
 
 fn targets_of(observer: Observer, targets: Vec<SkyTarget>) -> SkyTargets {
-    SkyTargets::with_optics(geometry(), Shutter::Global, light(), observer, start(), targets)
+    SkyTargets::with_optics(geometry(), Shutter::Global, light(), ObserverTrack::new(observer, start()), targets)
 }
 
 fn target(orbit: Orbit) -> SkyTarget {
@@ -79,7 +79,7 @@ fn path_of(target: &Target) -> &SkyPath {
 /// The apparent direction by the definition: light time by iteration between barycentric places, each from the Earth's own
 /// series; then aberration by components.
 fn apparent(orbit: &Orbit, observer: &Observer, at: Tai) -> DVec3 {
-    let observer = observer.barycentric_state(at).expect("an orbit");
+    let observer = earth::barycentric_state(at) + observer.relative_state(at).expect("an orbit about the Earth");
     let mut from = DVec3::X;
     let mut light_time_s = 0.0;
     for _ in 0..6 {
@@ -189,7 +189,7 @@ fn brightness_is_that_of_range_and_phase() {
 fn setting() -> (SkyTarget, Tai) {
     let high = target(Orbit::Circular(CircularOrbit::new(35_786.0, 0.0, 0.0, 100.0, start()).expect("a valid orbit")));
     let mut targets = targets_of(observer(), vec![high.clone()]);
-    let mut clearance = |s: f64| targets.facts_at(0, start() + Span::from_s(s)).expect("a sky").clearance_km;
+    let clearance = |s: f64| targets.facts_at(0, start() + Span::from_s(s)).expect("a sky").clearance_km;
     let mut second = 0.0;
     while !(clearance(second) > 0.0 && clearance(second + 10.0) <= 0.0) {
         second += 10.0;
@@ -226,7 +226,7 @@ fn a_target_that_enters_the_shadow_fades() {
     // From the geocentre, which sees through the Earth: a low orbit in the equator's plane, near an equinox.
     let low = target(Orbit::Circular(CircularOrbit::new(700.0, 0.0, 0.0, 0.0, start()).expect("a valid orbit")));
     let mut targets = targets_of(Observer::Geocentre, vec![low]);
-    let mut lit = |s: f64| targets.facts_at(0, start() + Span::from_s(s)).expect("a sky").sunlight;
+    let lit = |s: f64| targets.facts_at(0, start() + Span::from_s(s)).expect("a sky").sunlight;
     let mut second = 0.0;
     while !(lit(second) >= 1.0 && lit(second + 20.0) <= 0.0) {
         second += 10.0;

@@ -64,7 +64,7 @@ impl Vantage {
     ///
     /// # Errors
     /// When the observer's orbit cannot be computed at that time.
-    pub fn of(track: &mut ObserverTrack, at: Tai, light_deflection: bool) -> Result<Self, ObserverError> {
+    pub fn of(track: &ObserverTrack, at: Tai, light_deflection: bool) -> Result<Self, ObserverError> {
         let observer = track.barycentric_state(at)?;
         let bends = light_deflection && !matches!(track.observer(), Observer::Barycentre);
         let heliocentric_km = bends.then(|| observer.position_km - track.sun_state(at).position_km);

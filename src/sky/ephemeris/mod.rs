@@ -8,7 +8,7 @@
 //! | [`Method::Series`]: [`crate::moon`]'s short series, VSOP87E | any time | 0.015 deg for the Moon, 2.5 arcsec for planets |
 //!
 //! The table is part of the program (0.5 MB) and made by `hil_scripts/make_ephemeris_table.py`. A state costs below a
-//! microsecond by the table and some milliseconds by VSOP87E; neither allocates.
+//! microsecond by the table and some milliseconds by VSOP87E, which [`crate::almanac`] evaluates; neither allocates.
 //! Tests: below, `sky::moon`, `sky::planets`.
 
 mod table;
