@@ -188,7 +188,7 @@ fn brightness_is_that_of_range_and_phase() {
 /// A target that stands behind the Earth as the observer flies, and the instant when it sets.
 fn setting() -> (SkyTarget, Tai) {
     let high = target(Orbit::Circular(CircularOrbit::new(35_786.0, 0.0, 0.0, 100.0, start()).expect("a valid orbit")));
-    let mut targets = targets_of(observer(), vec![high.clone()]);
+    let targets = targets_of(observer(), vec![high.clone()]);
     let clearance = |s: f64| targets.facts_at(0, start() + Span::from_s(s)).expect("a sky").clearance_km;
     let mut second = 0.0;
     while !(clearance(second) > 0.0 && clearance(second + 10.0) <= 0.0) {
