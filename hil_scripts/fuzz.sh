@@ -20,7 +20,7 @@ cd "$(dirname "$0")/.."
 readonly targets=(can_decode serial_resync slcan socketcand captures network_camera session layer star_lines elements)
 readonly memory_mb=512
 readonly growth_mb=32
-readonly control_seconds=60
+readonly control_seconds=300
 readonly max_len=4096
 target="$(realpath -m "${CARGO_TARGET_DIR:-target}")"
 readonly target
