@@ -313,7 +313,7 @@ fn each_rule_of_sinks_has_a_failing_example() {
         (
             "[sink]\nkind = \"display\"\nbits = 9",
             if cfg!(feature = "display") { "sink.bits" } else { "sink.kind" },
-            if cfg!(feature = "display") { ["8 or 10", "greys"] } else { ["was built with", "--features display"] },
+            if cfg!(feature = "display") { ["8 or 10", "monitor"] } else { ["was built with", "--features display"] },
         ),
         ("[sink]\ndirectory = \" \"", "sink.directory", ["empty", "working directory"]),
         ("[sink]\npng_every = -1", "sink.png_every", ["whole number", "PNG"]),

@@ -30,15 +30,18 @@ fn run_about(middle: Tai, frame_period: Span) -> RunParams {
 fn follow(params: &RunParams, almanac: &Almanac) -> [usize; 2] {
     let sky = Sky::open(&[], params.camera.limiting_mag, 1).unwrap();
     let mut scene = Scene::new(&params.scene(almanac), &sky);
-    let mut late = 0;
+    let (mut late, mut with_stars) = (0, 0);
     for number in 0..params.frames {
         let start = params.exposure_start(number);
         let report = scene.find(&LosPath::commanded(Rotation::IDENTITY, start, params.camera.exposure_s), true);
         let report = report.unwrap();
         late += usize::from(report.evaluated_series);
         assert!(report.background.sky_e > 0.0 && report.lost_targets == 0);
-        assert!(!scene.sources().is_empty() && scene.bodies.is_some() && scene.targets.targets().len() == 1);
+        assert_eq!((scene.bodies.is_some(), scene.targets.targets().len()), (true, 1), "frame {number}");
+        // In some frames the Earth fills the field and hides all stars.
+        with_stars += u32::from(!scene.sources().is_empty());
     }
+    assert!(with_stars > params.frames / 2, "stars in {with_stars} of {} frames", params.frames);
     [late, usize::try_from(params.frames).unwrap()]
 }
 
