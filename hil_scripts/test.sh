@@ -252,7 +252,7 @@ check_dependencies() {
     fi
 }
 
-document() { RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --release; }
+document() { RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --all-features --no-deps --release; }
 
 # --- counting --------------------------------------------------------------------------------------------------------
 

@@ -1,7 +1,7 @@
 //! Published and made-up star catalogs -> star layers on disk, and back. Batch work: no run needs this crate.
 //!
 //! * [`published`]: catalogs as their archives give them (CSV, text): Gaia, Hipparcos, Tycho-2;
-//! * [`hats`]: catalogs partitioned by HEALPix (Parquet), read and written;
+//! * `hats` (a feature): catalogs partitioned by HEALPix (Parquet), read and written;
 //! * [`synthetic`]: made-up deep populations by the densities that were measured;
 //! * [`density_map`]: stars per square degree over the whole sky.
 

@@ -85,9 +85,11 @@ fn assert_has_a_place(error: &CaptureError, bytes: &[u8]) {
             let number = number.expect("a number");
             assert!(number <= lines || number <= bytes.len() as u64, "{error}");
         }
-        CaptureError::Read { .. } | CaptureError::Write(_) | CaptureError::WriterLost | CaptureError::NotCan => {
-            panic!("not here: {error}")
-        }
+        CaptureError::Read { .. }
+        | CaptureError::Write(_)
+        | CaptureError::WriterLost
+        | CaptureError::GivenUp { .. }
+        | CaptureError::NotCan => panic!("not here: {error}"),
     }
 }
 
