@@ -67,8 +67,20 @@ def pixels_of(tables):
     return f"{crc:08x}"
 
 
-def fly(binary, name, folder, *options):
-    """One row of the table: flies a file and takes its CRCs."""
+def golden():
+    """Rows of the golden table by file."""
+    with TABLE.open(newline="") as lines:
+        return {row["file"]: row for row in csv.DictReader(lines)}
+
+
+def fly(binary, name, *options):
+    """One row of the table: flies a file in a folder of its own and takes the CRCs."""
+    with tempfile.TemporaryDirectory() as folder:
+        return fly_in(pathlib.Path(folder), binary, name, *options)
+
+
+def fly_in(folder, binary, name, *options):
+    """As `fly`, in this folder, which keeps the run's files."""
     is_scenario = name.startswith("scenarios/")
     command = [binary, "run", str(ROOT / "configs" / name), "--clock", "virtual", "--backend", "cpu", *options]
     command += ["--out", str(folder / "out")]
@@ -105,15 +117,11 @@ def main():
         names = [name for name in names if name in options.only]
     if not names:
         sys.exit(f"no such file: wanted one of {', '.join(shipped())}")
-    wanted = {}
-    if not options.write:
-        with TABLE.open(newline="") as lines:
-            wanted = {row["file"]: row for row in csv.DictReader(lines)}
+    wanted = {} if options.write else golden()
     rows, different = [], 0
     for name in names:
         begin = time.monotonic()
-        with tempfile.TemporaryDirectory() as folder:
-            row = fly(str(pathlib.Path(options.binary).resolve()), name, pathlib.Path(folder))
+        row = fly(str(pathlib.Path(options.binary).resolve()), name)
         rows.append(row)
         is_equal = options.write or row == wanted.get(name)
         different += not is_equal

@@ -9,6 +9,7 @@ use crate::cli::with_hats as hats;
 use crate::cli::without_hats as hats;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
+use imports::hats_folder::is_hats;
 use imports::published::gaia::{Names, import as import_gaia};
 use stars::layer::{Layer, Sorting};
 use std::io::Write;
@@ -91,7 +92,7 @@ impl Input {
 pub(super) fn inputs(paths: &[PathBuf], names: &Names, epoch_yr: f64) -> anyhow::Result<Vec<Input>> {
     let mut inputs = Vec::new();
     for path in paths {
-        if hats::is_hats(path) {
+        if is_hats(path) {
             inputs.extend(hats::partitions(path, names, epoch_yr)?);
         } else if path.is_dir() {
             bail!("{}: wanted a HATS catalog, which has a file hats.properties, or the name of a file", path.display());

@@ -350,7 +350,7 @@ mod tests {
         (bench.camera.detector.width_px, bench.camera.detector.height_px) = (16_384, 1024);
         let text = memory(&bench, 3);
         assert!(text.contains("(16384 x 1024 px, heads: 3)"), "{text}");
-        // Nobody has so many frames' memory: 100 PiB.
+        // No machine has memory for so many frames: 100 PiB.
         bench.sinks[0].queue_frames = u32::MAX;
         let text = memory(&bench, 1);
         assert!(text.contains("\n  WARNING      this run needs") && text.contains("sink.queue = 4294967295"), "{text}");

@@ -2,7 +2,6 @@
 
 use crate::cli::catalog_hats::{Input, Kind};
 use anyhow::bail;
-pub(super) use imports::hats::is_hats;
 use imports::hats::{ExportReport, Exporting, HatsCatalog, Partition, Pixel, export as export_hats, import};
 use imports::published::gaia::Names;
 use stars::layer::{Layer, Sorting};
@@ -26,9 +25,9 @@ impl Parquet {
         &self,
         input: &Input,
         sorting: &mut Sorting,
-        told: &mut dyn FnMut(u64),
+        progress: &mut dyn FnMut(u64),
     ) -> anyhow::Result<u64> {
-        Ok(import(&input.path, self.0, &input.names, sorting, told)?)
+        Ok(import(&input.path, self.0, &input.names, sorting, progress)?)
     }
 }
 

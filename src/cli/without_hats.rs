@@ -21,11 +21,6 @@ impl Parquet {
     }
 }
 
-/// Returns whether a folder looks like a HATS catalog.
-pub(super) fn is_hats(folder: &Path) -> bool {
-    ["hats.properties", "properties", "collection.properties"].iter().any(|name| folder.join(name).is_file())
-}
-
 /// Fails for every catalog.
 pub(super) fn partitions(folder: &Path, _: &Names, _: f64) -> Result<Vec<Input>> {
     Err(missing(folder))

@@ -1,7 +1,7 @@
 //! Time -> Earth, Sun and planets for every frame, from series that were evaluated before the first one.
 //!
-//! The series of [`crate::earth`] and [`crate::sun`] cost about 2 ms a day and those of the planets, where
-//! [`crate::ephemeris`] has none, 10 ms: too much for the frame thread. An [`Almanac`] has them at the start of each day of
+//! The series of [`crate::earth`] and [`crate::sun`], and those of the planets where [`crate::ephemeris`] has no table, cost
+//! milliseconds a day: too much for the frame thread. An [`Almanac`] has them at the start of each day of
 //! a run (TDB days since J2000.0, which start at noon), and interpolates within a day:
 //!
 //! | body | method | error against its series |
@@ -25,7 +25,7 @@ use glam::DVec3;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Most days that are prepared: about a second, 4 s outside the table. A configured run lasts 116 days at most.
+/// Most days that are prepared. A configured run lasts 116 days at most.
 pub const MOST_DAYS: usize = 400;
 /// Bound of a planet's cubic against its series, km: Mercury near the Sun, 0.06 arcsec from the Earth.
 pub const PLANET_KM: f64 = 30.0;

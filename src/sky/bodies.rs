@@ -91,7 +91,7 @@ impl ObserverTrack {
         })
     }
 
-    /// Where the observer stands at `at`, likewise.
+    /// Place and motion of the observer at `at`, likewise.
     ///
     /// # Errors
     /// As for [`Self::bodies`], and when the ephemeris table is damaged.

@@ -49,7 +49,6 @@ pub mod wcs;
 pub use active_fault::{ActiveFault, ActiveFaults, Amount};
 pub use alone::Alone;
 pub use atomic::{replace_own_file, write_file_atomically, write_new_file};
-pub use base::patience::END_PATIENCE;
 pub use branch::BranchParams;
 pub use error::SinkError;
 pub use fan::{Fan, OnFull};

@@ -26,7 +26,6 @@ pub use error::HatsError;
 pub use export::{ExportReport, Exporting, export};
 pub use import::{COARSE_PLACES, import};
 pub use pixel::Pixel;
-pub use properties::is_hats;
 pub use rows::STARLOOP_ID;
 
 #[cfg(test)]

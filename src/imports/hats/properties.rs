@@ -3,25 +3,15 @@
 //! Source: IVOA Note "HATS" (keys); Java's `Properties` (comments, escapes, lines that go on).
 
 use super::error::HatsError;
+use crate::hats_folder::{COLLECTION, FILES};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-
-/// Names of the file, the newer first.
-const FILES: [&str; 2] = ["hats.properties", "properties"];
-/// What a collection of catalogs (a main one and its margins and indexes) has instead.
-const COLLECTION: &str = "collection.properties";
 
 /// The properties of a catalog.
 #[derive(Debug)]
 pub(super) struct Properties {
     pub(super) path: PathBuf,
     values: BTreeMap<String, String>,
-}
-
-/// Whether a folder is a HATS catalog, or a collection of them.
-#[must_use]
-pub fn is_hats(folder: &Path) -> bool {
-    folder.is_dir() && FILES.iter().chain([&COLLECTION]).any(|name| folder.join(name).is_file())
 }
 
 impl Properties {
@@ -148,6 +138,7 @@ pub(super) fn write(path: &Path, values: &[(&str, String)]) -> Result<(), HatsEr
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::hats_folder::is_hats;
 
     #[test]
     fn properties_as_java_writes_them() {

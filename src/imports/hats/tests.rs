@@ -1,6 +1,7 @@
 //! Catalogs there and back; Parquet in all its forms; catalogs and files that are not what they should be.
 
 use super::*;
+use crate::hats_folder::is_hats;
 use crate::published::gaia::{EPOCH_YR, Names, WITHOUT_MAGNITUDE, WITHOUT_PLACE};
 use base::units::DEG;
 use core::f64::consts::TAU;

@@ -8,10 +8,10 @@
 
 use crate::capture::{CaptureError, CaptureFormat, CaptureWriter, CapturedPacket, Direction};
 use crate::{Departure, Link, LinkCounters, LinkError, Packet, Stamped};
-use base::patience::{self, Patience, QUEUE_LOOK, join_or_give_up};
+use base::patience::{self, join_or_give_up, put_in_time};
 use base::time::Tai;
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use crossbeam_channel::{Receiver, SendTimeoutError, Sender, TrySendError, bounded};
+use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
 use std::io::Write;
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -142,21 +142,12 @@ impl Queue {
             return;
         }
         if self.waits {
-            self.put_in_time(packet);
+            // A writer that takes nothing is given up.
+            if !put_in_time(&self.to_write, Some(packet)) {
+                self.counts.is_over.store(true, Ordering::SeqCst);
+            }
         } else {
             let _ = self.to_write.try_send(Some(packet)); // a packet that passed and is never written counts as lost
-        }
-    }
-
-    /// Waits until there is a place in the queue; gives up a writer that takes nothing.
-    fn put_in_time(&self, packet: CapturedPacket) {
-        let (mut packet, mut patience) = (Some(packet), Patience::new(patience::stall()));
-        while let Err(SendTimeoutError::Timeout(back)) = self.to_write.send_timeout(packet, QUEUE_LOOK) {
-            if patience.is_over() {
-                self.counts.is_over.store(true, Ordering::SeqCst);
-                return;
-            }
-            packet = back;
         }
     }
 }

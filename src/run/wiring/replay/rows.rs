@@ -8,9 +8,9 @@
 
 use super::{ReplayError, RowCounts};
 use crate::runtime::{FrameMark, FrameMarksEnd};
-use base::patience::{self, Patience, QUEUE_LOOK, join_or_give_up};
+use base::patience::{self, join_or_give_up, put_in_time};
 use base::time::Span;
-use crossbeam_channel::{Receiver, SendTimeoutError, Sender, bounded};
+use crossbeam_channel::{Receiver, Sender, bounded};
 use frames::sink::crc32::pixel_crc32;
 use frames::sink::{FaultFlags, Loss, SentFrame, Sink, SinkError, SinkLine, SinkSummary};
 use link::capture::CaptureError;
@@ -188,12 +188,8 @@ impl RowSink {
             let _ = to_write.try_send(row); // a row that is not written counts as lost
             return;
         }
-        let (mut row, mut patience) = (row, Patience::new(patience::stall()));
-        while let Err(SendTimeoutError::Timeout(back)) = to_write.send_timeout(row, QUEUE_LOOK) {
-            if patience.is_over() {
-                return self.give_up(patience::stall());
-            }
-            row = back;
+        if !put_in_time(to_write, row) {
+            self.give_up(patience::stall());
         }
     }
 
