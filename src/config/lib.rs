@@ -38,6 +38,8 @@ mod flight_computer;
 mod head;
 mod illumination;
 mod image_file;
+mod key;
+mod key_type;
 mod link;
 mod link_keys;
 mod mtf;
