@@ -14,7 +14,8 @@
 
 use crate::check::Checker;
 use crate::error::ConfigError;
-use crate::key_type::{KeyType, Shape, TextDefault};
+use crate::key_type::{KeyType, Numbers, Shape, TextDefault};
+use base::time::Span;
 use core::fmt;
 use serde::de::DeserializeOwned;
 use std::borrow::Cow;
@@ -45,6 +46,12 @@ macro_rules! noted {
 }
 
 noted!(f64, i64, bool, &'static str);
+
+impl<const N: usize> From<Numbers<N>> for Preset<Numbers<N>> {
+    fn from(default: Numbers<N>) -> Self {
+        Self::Noted(default)
+    }
+}
 
 impl From<&'static str> for Preset<TextDefault> {
     fn from(default: &'static str) -> Self {
@@ -143,6 +150,18 @@ impl<'k, T: KeyType> Given<'k, T> {
     }
 }
 
+impl Given<'_, f64> {
+    /// The milliseconds that are given, or the default; checked.
+    pub(super) fn ms(self, check: &mut Checker<'_>) -> Result<Span, ConfigError> {
+        Ok(Span::from_s(self.check(check)? * 1e-3))
+    }
+}
+
+/// Variables of the same names as keys, with their checked values.
+macro_rules! taken {
+    ($check:expr, $keys:expr => $($key:ident),+) => { $( let $key = $keys.$key().check($check)?; )+ };
+}
+
 /// A table of keys.
 pub(super) trait Section: Clone + Default + DeserializeOwned {
     /// Its keys and tables, as they are declared.
@@ -184,6 +203,8 @@ pub(super) enum Presence {
     Optional,
     /// As a list.
     List,
+    /// As a list of tables, or of paths of files that hold the same keys.
+    ListOrFiles,
     /// Once, or the path of a file that holds the same keys.
     OrFile,
 }
@@ -211,7 +232,10 @@ impl<S: Section> Inner for Option<S> {
 }
 
 impl<I: Inner> Inner for Vec<I> {
-    const PRESENCE: Presence = Presence::List;
+    const PRESENCE: Presence = match I::PRESENCE {
+        Presence::OrFile => Presence::ListOrFiles,
+        Presence::Once | Presence::Optional | Presence::List | Presence::ListOrFiles => Presence::List,
+    };
     fn forms() -> Vec<Declared> {
         I::forms()
     }
@@ -241,12 +265,13 @@ pub(super) struct Key {
     pub(super) shape: Shape,
     pub(super) preset: Preset<toml::Value>,
     /// What an error advises beside the sentence; empty when that is the advice.
-    pub(super) advice: &'static str,
+    pub(super) advice: String,
 }
 
 impl Key {
     pub(super) fn of<T: KeyType>(
-        [name, sentence, advice]: [&'static str; 3],
+        [name, sentence]: [&'static str; 2],
+        advice: &[&'static str],
         preset: Preset<T::Default>,
         limit: &T::Limit,
     ) -> Self {
@@ -257,7 +282,7 @@ impl Key {
             Preset::Computed(text) => Preset::Computed(text),
             Preset::Optional => Preset::Optional,
         };
-        Self { name: plain(name), sentence: sentence.trim(), shape: T::shape(limit), preset, advice }
+        Self { name: plain(name), sentence: sentence.trim(), shape: T::shape(limit), preset, advice: advice.concat() }
     }
 }
 
@@ -267,15 +292,17 @@ pub(super) fn plain(name: &'static str) -> &'static str {
 }
 
 /// The advice of a key: a text of its own, or its sentence as a clause.
-pub(super) fn advice(sentence: &'static str, own: &'static str) -> Cow<'static, str> {
-    if !own.is_empty() {
-        return own.into();
+pub(super) fn advice(sentence: &'static str, own: &[&'static str]) -> Cow<'static, str> {
+    if let Some(own) = own.first() {
+        return (*own).into();
     }
     let sentence = sentence.trim().trim_end_matches('.');
     let mut rest = sentence.chars();
-    match rest.next() {
-        Some(first) => format!("{}{}", first.to_lowercase(), rest.as_str()).into(),
-        None => sentence.into(),
+    match (rest.next(), rest.clone().next()) {
+        (Some(first), Some(second)) if !second.is_uppercase() => {
+            format!("{}{}", first.to_lowercase(), rest.as_str()).into()
+        }
+        _ => sentence.into(),
     }
 }
 
@@ -286,7 +313,7 @@ macro_rules! section {
         $keys:ident at $place:literal {
             $(
                 $(#[doc = $sentence:literal])+
-                $key:ident: $type:ty = $preset:expr, $limit:expr $(, $advice:literal)?;
+                $key:ident: $type:ty = $preset:expr, $limit:expr $(, $advice:expr)?;
             )*
             $(tables: $( $(#[doc = $what:literal])+ $inner:ident: $nested:ty; )+)?
         }
@@ -314,7 +341,7 @@ macro_rules! section {
                         raw: self.$key.as_ref(),
                         preset: ($preset).into(),
                         limit: ($limit).into(),
-                        advice: $crate::key::advice(concat!($($sentence),+), concat!($($advice)?)),
+                        advice: $crate::key::advice(concat!($($sentence),+), &[$($advice)?]),
                     }
                 }
             )*
@@ -327,7 +354,8 @@ macro_rules! section {
                 use $crate::key::Preset::*;
                 $crate::key::Declared {
                     keys: vec![$( $crate::key::Key::of::<$type>(
-                        [stringify!($key), concat!($($sentence),+), concat!($($advice)?)],
+                        [stringify!($key), concat!($($sentence),+)],
+                        &[$($advice)?],
                         ($preset).into(),
                         &($limit).into(),
                     ), )*],
@@ -355,4 +383,4 @@ macro_rules! section {
     )+ };
 }
 
-pub(super) use section;
+pub(super) use {section, taken};
