@@ -134,25 +134,6 @@ impl<'a> Checker<'a> {
         Ok(name)
     }
 
-    /// A number that meets the rule, or the default.
-    pub(super) fn number(
-        &mut self,
-        key: &str,
-        given: Option<f64>,
-        default: f64,
-        rule: Rule,
-        advice: &str,
-    ) -> Result<f64, ConfigError> {
-        let value = self.given_or(key, given, default);
-        self.meets(key, value, rule, advice)
-    }
-
-    /// A number that must be given, and meet the rule.
-    pub(super) fn required(&self, key: &str, given: Option<f64>, rule: Rule, advice: &str) -> Result<f64, ConfigError> {
-        let value = given.ok_or_else(|| self.invalid(key, "missing", rule, advice))?;
-        self.meets(key, value, rule, advice)
-    }
-
     /// The number itself, when it meets the rule.
     pub(super) fn meets(&self, key: &str, value: f64, rule: Rule, advice: &str) -> Result<f64, ConfigError> {
         if rule.is_met_by(value) { Ok(value) } else { Err(self.invalid(key, value, rule, advice)) }

@@ -13,8 +13,9 @@
 //! a key that is not declared cannot be read.
 
 use crate::check::Checker;
+use crate::declared::Declared;
 use crate::error::ConfigError;
-use crate::key_type::{KeyType, Numbers, Shape, TextDefault};
+use crate::key_type::{KeyType, Numbers, TextDefault};
 use base::time::Span;
 use core::fmt;
 use serde::de::DeserializeOwned;
@@ -194,98 +195,6 @@ pub(super) fn listed<S: Section>(tables: &[S], name: &str) -> Vec<S> {
     tables.iter().enumerate().map(|(place, table)| table.at(&format!("{name}[{place}]"))).collect()
 }
 
-/// How often a table may be there.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Presence {
-    /// Once; without it every key has its default.
-    Once,
-    /// Once; without it what it describes is not there.
-    Optional,
-    /// As a list.
-    List,
-    /// As a list of tables, or of paths of files that hold the same keys.
-    ListOrFiles,
-    /// Once, or the path of a file that holds the same keys.
-    OrFile,
-}
-
-/// A table within a table.
-pub(super) trait Inner {
-    /// How often.
-    const PRESENCE: Presence;
-    /// Its forms: one, or one for each kind of it.
-    fn forms() -> Vec<Declared>;
-}
-
-impl<S: Section> Inner for S {
-    const PRESENCE: Presence = Presence::Once;
-    fn forms() -> Vec<Declared> {
-        vec![S::declared()]
-    }
-}
-
-impl<S: Section> Inner for Option<S> {
-    const PRESENCE: Presence = Presence::Optional;
-    fn forms() -> Vec<Declared> {
-        vec![S::declared()]
-    }
-}
-
-impl<I: Inner> Inner for Vec<I> {
-    const PRESENCE: Presence = match I::PRESENCE {
-        Presence::OrFile => Presence::ListOrFiles,
-        Presence::Once | Presence::Optional | Presence::List | Presence::ListOrFiles => Presence::List,
-    };
-    fn forms() -> Vec<Declared> {
-        I::forms()
-    }
-}
-
-/// What is declared of a table.
-#[derive(Debug, Clone)]
-pub(super) struct Declared {
-    pub(super) keys: Vec<Key>,
-    pub(super) tables: Vec<Table>,
-}
-
-/// What is declared of a table within a table.
-#[derive(Debug, Clone)]
-pub(super) struct Table {
-    pub(super) name: &'static str,
-    pub(super) sentence: &'static str,
-    pub(super) presence: Presence,
-    pub(super) forms: Vec<Declared>,
-}
-
-/// What is declared of a key.
-#[derive(Debug, Clone)]
-pub(super) struct Key {
-    pub(super) name: &'static str,
-    pub(super) sentence: &'static str,
-    pub(super) shape: Shape,
-    pub(super) preset: Preset<toml::Value>,
-    /// What an error advises beside the sentence; empty when that is the advice.
-    pub(super) advice: String,
-}
-
-impl Key {
-    pub(super) fn of<T: KeyType>(
-        [name, sentence]: [&'static str; 2],
-        advice: &[&'static str],
-        preset: Preset<T::Default>,
-        limit: &T::Limit,
-    ) -> Self {
-        let preset = match preset {
-            Preset::Needed => Preset::Needed,
-            Preset::Noted(default) => Preset::Noted(default.into()),
-            Preset::Silent(default) => Preset::Silent(default.into()),
-            Preset::Computed(text) => Preset::Computed(text),
-            Preset::Optional => Preset::Optional,
-        };
-        Self { name: plain(name), sentence: sentence.trim(), shape: T::shape(limit), preset, advice: advice.concat() }
-    }
-}
-
 /// A name without the mark that lets Rust take it where it is a word of its own: `do`.
 pub(super) fn plain(name: &'static str) -> &'static str {
     name.trim_start_matches("r#")
@@ -349,21 +258,21 @@ macro_rules! section {
 
         #[allow(unused_imports, reason = "not every section has every kind of default and limit")]
         impl $crate::key::Section for $keys {
-            fn declared() -> $crate::key::Declared {
+            fn declared() -> $crate::declared::Declared {
                 use $crate::check::Rule::*;
                 use $crate::key::Preset::*;
-                $crate::key::Declared {
-                    keys: vec![$( $crate::key::Key::of::<$type>(
+                $crate::declared::Declared {
+                    keys: vec![$( $crate::declared::Key::of::<$type>(
                         [stringify!($key), concat!($($sentence),+)],
                         &[$($advice)?],
                         ($preset).into(),
                         &($limit).into(),
                     ), )*],
-                    tables: vec![$($( $crate::key::Table {
+                    tables: vec![$($( $crate::declared::Table {
                         name: stringify!($inner),
                         sentence: concat!($($what),+).trim_ascii(),
-                        presence: <$nested as $crate::key::Inner>::PRESENCE,
-                        forms: <$nested as $crate::key::Inner>::forms(),
+                        presence: <$nested as $crate::declared::Inner>::PRESENCE,
+                        forms: <$nested as $crate::declared::Inner>::forms(),
                     }, )+)?],
                 }
             }

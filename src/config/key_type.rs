@@ -88,6 +88,23 @@ impl Shape {
     }
 }
 
+impl fmt::Display for Shape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number(rule) => {
+                write!(f, "{}", rule.to_string().trim_start_matches("a finite ").trim_start_matches("a "))
+            }
+            Self::Whole(range) => write!(f, "{}", Whole::<u32>::wanted(range).trim_start_matches("a ")),
+            Self::Words(words) => write!(f, "\"{}\"", words.join("\", \"")),
+            Self::Text(what) => f.write_str(what),
+            Self::Flag => f.write_str("true or false"),
+            Self::Row(count, of) => write!(f, "list of {count}: {of}"),
+            Self::List(of) => write!(f, "list of: {of}"),
+            Self::Either(forms) => write!(f, "{}; or {}", forms[0], forms[1]),
+        }
+    }
+}
+
 impl KeyType for f64 {
     type Raw = f64;
     type Default = f64;

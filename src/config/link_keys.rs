@@ -1,6 +1,7 @@
 //! The keys of a link as serde reads them.
 
-use crate::key::{Declared, Inner, Presence, section};
+use crate::declared::{Declared, Inner, Presence};
+use crate::key::section;
 use crate::key_type::{Raw, Shape, Whole, Word};
 use crate::link::{FlowControl, Parity, Wire};
 use core::fmt;
