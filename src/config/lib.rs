@@ -100,6 +100,8 @@ pub use template::key_template;
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 
 #[cfg(test)]
+mod declared_tests;
+#[cfg(test)]
 mod detector_tests;
 #[cfg(test)]
 mod light_tests;

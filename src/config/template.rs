@@ -89,7 +89,7 @@ fn write_key(text: &mut String, key: &Key, path: &str, is_live: bool) {
 }
 
 /// A value of this form.
-fn sample(shape: &Shape) -> String {
+pub(super) fn sample(shape: &Shape) -> String {
     match shape {
         Shape::Number(Rule::Within(least, most)) if !(*least..=*most).contains(&1.0) => format!("{least:?}"),
         Shape::Number(Rule::PositiveUpTo(most)) if *most < 1.0 => format!("{most:?}"),
