@@ -9,7 +9,9 @@ use core::time::Duration;
 use frames::sink::SentFrame;
 use run::runtime::RunRecord;
 use run::wiring::assemble::Run;
-use run::wiring::control::{ControlAddress, ControlListener, ControlRefusals, ControlSession, NewestFrames, SessionEnd, Stage};
+use run::wiring::control::{
+    ControlAddress, ControlListener, ControlRefusals, ControlSession, NewestFrames, SessionEnd, Stage,
+};
 use run::wiring::run_end::{LoopView, RunEnd};
 use run::wiring::steering::Steering;
 use run::wiring::stepped::SteppedRun;
