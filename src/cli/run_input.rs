@@ -3,7 +3,7 @@
 use crate::cli::run_args::RunArgs;
 use anyhow::{Context, Result, bail};
 use batch::campaign::{check_room_for_faults, episode_scenario};
-use config::{Bench, Document, Scenario, Setting};
+use config::{Bench, Document, Scenario, Setting, is_over_bench, is_scenario};
 
 /// What is run, and the file that says so.
 pub(super) struct RunInput {
@@ -21,12 +21,16 @@ pub(super) fn input(arguments: &RunArgs) -> Result<RunInput> {
     let mut settings: Vec<Setting> =
         arguments.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
     let document = document.with_settings(settings.clone());
-    // Set before anything is checked: events and expectations depend on it.
-    if let Some(duration_s) = duration_s(arguments)? {
-        let key = if document.names_bench() { "duration_s" } else { "timing.duration_s" };
+    let duration_s = duration_s(arguments)?;
+    // Set before anything is checked where a spacecraft is flown: what is expected of its pointing depends on it.
+    if let Some(duration_s) = duration_s.filter(|_| is_scenario(&document)) {
+        let key = if is_over_bench(&document) { "duration_s" } else { "timing.duration_s" };
         settings.push(Setting::parse(&format!("{key}={duration_s:?}"))?);
     }
     let mut scenario = Scenario::from_document(&document.clone().with_settings(settings))?;
+    if let Some(duration_s) = duration_s.filter(|_| scenario.vehicle().is_none()) {
+        scenario = scenario.lasting(duration_s);
+    }
     change_bench(&mut scenario.bench, arguments);
     if arguments.random_faults {
         if scenario.vehicle().is_none() {

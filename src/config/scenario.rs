@@ -68,7 +68,8 @@ pub fn is_scenario(document: &Document) -> bool {
 }
 
 /// Whether a file names a bench, or has tables that only such a file has at its top.
-fn is_over_bench(document: &Document) -> bool {
+#[must_use]
+pub fn is_over_bench(document: &Document) -> bool {
     ["bench", "initial", "tracker", "control", "telemetry", "duration_s"].iter().any(|key| document.has_key(key))
 }
 
@@ -88,6 +89,16 @@ impl Scenario {
     pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
         must_be_one_of(&[FileKind::Bench, FileKind::Scenario], document)?;
         check_all(document, if is_over_bench(document) { Self::over_bench } else { Self::in_one_file })
+    }
+
+    /// Returns the run cut, or made longer, to this duration. Events that come after its end are left out and counted.
+    #[must_use]
+    pub fn lasting(mut self, duration_s: f64) -> Self {
+        self.bench.timing.duration_s = duration_s;
+        let before = self.events.len();
+        self.events.retain(|event| event.on_trigger.is_some() || event.at.s() < duration_s);
+        self.events_left_out += before - self.events.len();
+        self
     }
 
     /// Returns the spacecraft that is flown inside, if one is.

@@ -86,8 +86,7 @@ pub(super) fn fly(
     let desk = desk.lock().unwrap_or_else(PoisonError::into_inner);
     let faults = desk.lines(heads.iter().map(|head| &head.faults).collect(), &|number| far.hits_aboard(number));
     let (estimator, untagged) = vehicle_counts(far.vehicle());
-    let predicted =
-        predicted_pointing_rad(far.vehicle(), far.witness.assessment(), heads[0].engine.params());
+    let predicted = predicted_pointing_rad(far.vehicle(), far.witness.assessment(), heads[0].engine.params());
     let assessment = far.witness.finish(&record, &faults, now, 0);
     let mut end = RunEnd {
         times,

@@ -57,7 +57,12 @@ impl Recording {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn tap_frames(&self, _head: usize, engine: &mut FrameEngine, sink: Box<dyn Sink>) -> Result<Box<dyn Sink>, ReplayError> {
+    pub fn tap_frames(
+        &self,
+        _head: usize,
+        engine: &mut FrameEngine,
+        sink: Box<dyn Sink>,
+    ) -> Result<Box<dyn Sink>, ReplayError> {
         let (marks, end) = frame_marks();
         engine.mark_frames(marks);
         let path = self.directory.join(FRAMES_FILE);
