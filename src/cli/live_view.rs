@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 use base::clock::{Clock, Monotonic};
 use frames::sink::{Sink, Tee};
-use outputs::live::{LiveView, Numbers, Params};
+use outputs::live::{HeadParams, LiveView, Numbers, Params};
 use run::runtime::FrameEngine;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ pub(super) fn beside(
 ) -> Result<(Box<dyn Sink>, LiveView, Numbers)> {
     // The view tells people when a frame came: its clock is the machine's, also on a simulated bench.
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
-    let (view, shown, numbers) =
+    let (view, mut shown, numbers) =
         LiveView::start(Params { names: names.to_vec(), ..params(address, bench, engine) }, clock)
             .context("--monitor")?;
     eprintln!("live view: http://{}/", view.address());
@@ -28,7 +28,7 @@ pub(super) fn beside(
         let address = view.address();
         eprintln!("starloop: the live view at {address} can be reached from other machines, and asks for no password");
     }
-    Ok((Box::new(Tee::new(sink, Box::new(shown))), view, numbers))
+    Ok((Box::new(Tee::new(sink, Box::new(shown.remove(0)))), view, numbers))
 }
 
 fn params(address: SocketAddr, bench: &str, engine: &FrameEngine) -> Params {
@@ -39,14 +39,13 @@ fn params(address: SocketAddr, bench: &str, engine: &FrameEngine) -> Params {
         let sensor_px = output.size_px[axis] as f64 * f64::from(output.binning);
         sensor_px * camera.geometry.ifov_rad()[axis] / 2.0
     };
-    Params {
-        address,
-        names: Vec::new(),
-        bench: bench.into(),
+    let head = HeadParams {
+        name: "head 0".into(),
         camera: Arc::clone(&camera.name),
         size_px: output.size_px,
         field_deg: [0, 1].map(|axis| 2.0 * half_tangent(axis).atan().to_degrees()),
         frame_period_s: run.frame_period.s(),
         readout_s: camera.readout_s,
-    }
+    };
+    Params { address, names: Vec::new(), bench: bench.into(), heads: vec![head] }
 }
