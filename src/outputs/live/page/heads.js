@@ -1,5 +1,8 @@
 // Several camera heads: a tile each, with its newest picture and its own numbers. The chosen head is shown large.
 
+// Columns or rows of a small picture at most.
+const TILE_PX = 144;
+
 let chosenHead = 0;
 let lastTile = 0;
 
@@ -60,16 +63,30 @@ function isStale(head) {
   return head.frame !== null && head.frame.age_s > Math.max(2, (3 * head.frame_period_ms) / 1000);
 }
 
+// Draws a small picture in which each pixel is the brightest of those it is made of: a mean would lose the stars.
 function drawTile(head, picture) {
   const tile = byId("heads").children[head];
   if (!tile) return;
+  const { width, height } = picture;
+  const step = Math.max(Math.ceil(Math.max(width, height) / TILE_PX), 1);
+  const whole = new OffscreenCanvas(width, height).getContext("2d");
+  whole.drawImage(picture, 0, 0);
+  const from = whole.getImageData(0, 0, width, height).data;
   const canvas = tile.querySelector("canvas");
-  const wide = canvas.clientWidth || 96;
-  canvas.width = Math.round(wide * (window.devicePixelRatio || 1));
-  canvas.height = Math.max(Math.round((canvas.width * picture.height) / picture.width), 1);
+  [canvas.width, canvas.height] = [Math.ceil(width / step), Math.ceil(height / step)];
   const pen = canvas.getContext("2d");
-  pen.imageSmoothingQuality = "high";
-  pen.drawImage(picture, 0, 0, canvas.width, canvas.height);
+  const small = pen.createImageData(canvas.width, canvas.height);
+  for (let y = 0; y < height; y += 1) {
+    for (let x = 0; x < width; x += 1) {
+      const to = 4 * (Math.floor(y / step) * canvas.width + Math.floor(x / step));
+      small.data[to] = Math.max(small.data[to], from[4 * (y * width + x)]);
+    }
+  }
+  for (let at = 0; at < small.data.length; at += 4) {
+    small.data[at + 1] = small.data[at + 2] = small.data[at];
+    small.data[at + 3] = 255;
+  }
+  pen.putImageData(small, 0, 0);
 }
 
 // The picture of one tile, another one each time; the chosen head's comes with the large picture.
