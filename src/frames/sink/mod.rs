@@ -33,6 +33,8 @@ pub mod frame_log;
 pub mod iceoryx;
 pub mod line;
 pub mod null;
+#[cfg(test)]
+mod pinned_tests;
 pub mod png;
 pub mod recorder;
 pub mod sample;

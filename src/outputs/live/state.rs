@@ -135,7 +135,7 @@ mod tests {
     use super::*;
     use crate::live::view::tests::{board, board_of, params_of_three};
     use frames::sink::Sink;
-    use frames::sink::sample::sample_frame;
+    use frames::sink::sample::{bare_sample_frame, compare_with_pinned, differs_from_pinned, sample_frame};
 
     fn state_of(board: &mut Board) -> Value {
         super::state_of(board, 0).unwrap()
@@ -210,5 +210,16 @@ mod tests {
         assert_eq!((&state["is_over"], &state["heads"][1]["is_over"]), (&json!(false), &json!(true)));
         drop(sinks);
         assert_eq!(state_of(&mut board)["is_over"], json!(true));
+    }
+
+    #[test]
+    fn state_of_a_frame_is_as_pinned() {
+        let (mut board, mut sink, _numbers) = board();
+        for (name, frame) in [("live_frame.json", sample_frame(7)), ("live_frame_bare.json", bare_sample_frame(8))] {
+            sink.send(&frame).unwrap();
+            let text = serde_json::to_string_pretty(&state_of(&mut board)["frame"]).unwrap() + "\n";
+            compare_with_pinned(name, &text).unwrap();
+            assert!(differs_from_pinned(name, &text.replace("\"rung\"", "\"level\"")), "control: another key");
+        }
     }
 }

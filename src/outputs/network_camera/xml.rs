@@ -88,3 +88,27 @@ fn write_chunk_node(text: &mut String, field: &Field, offset: usize) -> core::fm
     }
     writeln!(text, "</{node}>")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use frames::sink::sample::{bare_sample_frame, compare_with_pinned, differs_from_pinned, hex_lines, sample_frame};
+
+    #[test]
+    fn chunk_features_of_the_xml_are_as_pinned() {
+        let features = [chunk_names(), chunk_entries(), chunk_nodes()].join("\n");
+        compare_with_pinned("chunk_features.xml", &features).unwrap();
+        assert!(differs_from_pinned("chunk_features.xml", &features.replace("ChunkRoll", "ChunkRole")), "control");
+    }
+
+    #[test]
+    fn chunk_bytes_are_as_pinned() {
+        for (name, frame) in [("chunk.txt", sample_frame(7)), ("chunk_bare.txt", bare_sample_frame(8))] {
+            let mut bytes = Vec::new();
+            chunk::append_chunks(&frame.meta, 5, &mut bytes);
+            compare_with_pinned(name, &hex_lines(&bytes)).unwrap();
+            bytes[20] ^= 1;
+            assert!(differs_from_pinned(name, &hex_lines(&bytes)), "control: one bit");
+        }
+    }
+}

@@ -113,3 +113,22 @@ fn meta(meta: &FrameMeta, stars: usize) -> Value {
         "stars": stars,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::time::Span;
+    use frames::sink::sample::{bare_sample_frame, compare_with_pinned, differs_from_pinned, sample_frame};
+
+    #[test]
+    fn answer_about_a_frame_is_as_pinned() {
+        for (name, frame) in [("control.json", sample_frame(7)), ("control_bare.json", bare_sample_frame(8))] {
+            let zero = frame.meta.mid_exposure - Span::from_ms(1250);
+            let mut kept = NewestFrames::new(1, None);
+            kept.keep(0, &frame);
+            let text = serde_json::to_string_pretty(&described(kept.heads[0].newest.as_ref().unwrap(), zero)).unwrap();
+            compare_with_pinned(name, &(text.clone() + "\n")).unwrap();
+            assert!(differs_from_pinned(name, &text.replace("rung", "level")), "control: another key");
+        }
+    }
+}
