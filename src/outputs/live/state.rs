@@ -1,7 +1,7 @@
 //! Everything the page shows beside the picture, as one JSON object.
 //!
 //! At the top: the run, and one head, the first where none is asked for. `heads` lists all of them with the same keys.
-//! Keys carry their unit; what is not known is `null`. Times are UTC: of the frame by the run's clock, of its arrival by the
+//! The facts of a frame are those of [`frames::sink::facts`]. Keys carry their unit; what is not known is `null`. Times are UTC: of the frame by the run's clock, of its arrival by the
 //! view's. Test: below.
 
 use crate::live::board::Board;
@@ -9,6 +9,7 @@ use crate::live::head::Head;
 use crate::live::latest::Picture;
 use base::time::Tai;
 use frames::report::{NamedCounts, RunNumbers, Stage, TimeTally};
+use frames::sink::facts::{FactSource, json_keys};
 use serde_json::{Map, Value, json};
 
 /// The state now, with head `chosen` at the top; `None` when there is no such head.
@@ -51,42 +52,12 @@ fn head_of(number: usize, head: &mut Head, now: Tai) -> Map<String, Value> {
     facts.map(|(key, value)| (key.to_owned(), value)).into_iter().collect()
 }
 
-fn frame_of(picture: &Picture, age_s: f64) -> Value {
-    let meta = &picture.frame.meta;
-    let active: Vec<Value> = meta
-        .active
-        .named()
-        .iter()
-        .map(|fault| {
-            json!({ "name": fault.name, "number": fault.number, "value": fault.amount.value, "unit": fault.amount.unit })
-        })
-        .collect();
-    json!({
-        "number": meta.number,
-        "count": picture.count,
-        "utc": meta.mid_exposure.to_rfc3339(),
-        "taken_utc": picture.taken.to_rfc3339(),
-        "age_s": age_s,
-        "exposure_s": meta.exposure_s,
-        "attitude_wxyz": meta.attitude_wxyz,
-        "ra_deg": meta.ra_deg,
-        "dec_deg": meta.dec_deg,
-        "roll_deg": meta.roll_deg,
-        "rate_deg_s": meta.rate_deg_s,
-        "lateness_ms": meta.lateness.ms(),
-        "attitude_age_ms": meta.attitude_age.ms(),
-        "horizon_ms": meta.horizon.ms(),
-        "backend": meta.backend,
-        "method": meta.method,
-        "rung": meta.rung,
-        "origin": meta.origin,
-        "camera": &*meta.camera,
-        "stars": picture.frame.truth.len(),
-        "left_out_stars": meta.left_out_stars,
-        "fault_flags": meta.faults.names().collect::<Vec<_>>(),
-        "faults": active,
-        "fault_count": meta.active.count(),
-    })
+fn frame_of(picture: &Picture, age_s: f64) -> Map<String, Value> {
+    let of_view =
+        [("count", json!(picture.count)), ("taken_utc", json!(picture.taken.to_rfc3339())), ("age_s", json!(age_s))];
+    let mut frame = json_keys(&FactSource::of_frame(&picture.frame, None), |row| row.live);
+    frame.extend(of_view.map(|(key, value)| (key.to_owned(), value)));
+    frame
 }
 
 fn lateness_of(picture: &Picture) -> Value {

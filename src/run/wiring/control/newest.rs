@@ -4,8 +4,9 @@ use crate::wiring::control::base64;
 use crate::wiring::control::output::write_below;
 use base::time::Tai;
 use frames::sink::crc32::{RunCrc32, pixel_crc32};
-use frames::sink::{FrameMeta, SentFrame, fits};
-use serde_json::{Value, json};
+use frames::sink::facts::{FactSource, json_keys};
+use frames::sink::{SentFrame, fits};
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// Frames of all heads.
@@ -79,39 +80,13 @@ impl NewestFrames {
     }
 }
 
+/// Returns the facts of a frame that [`frames::sink::facts`] has for the control socket, and its time since the run's zero.
 fn described(frame: &SentFrame, zero: Tai) -> Value {
-    let faults: Vec<&str> = frame.meta.faults.names().collect();
-    json!({
-        "number": frame.meta.number,
-        "mid_exposure_s": (frame.meta.mid_exposure - zero).s(),
-        "width": frame.image.width(),
-        "height": frame.image.height(),
-        "faults": faults,
-        "crc32": format!("{:08x}", pixel_crc32(&frame.image)),
-        "meta": meta(&frame.meta, frame.truth.len()),
-    })
-}
-
-fn meta(meta: &FrameMeta, stars: usize) -> Value {
-    json!({
-        "mid_exposure_utc": meta.mid_exposure.to_rfc3339(),
-        "exposure_s": meta.exposure_s,
-        "attitude_wxyz": meta.attitude_wxyz,
-        "ra_deg": meta.ra_deg,
-        "dec_deg": meta.dec_deg,
-        "roll_deg": meta.roll_deg,
-        "rate_deg_s": meta.rate_deg_s,
-        "attitude_age_s": meta.attitude_age.s(),
-        "horizon_s": meta.horizon.s(),
-        "origin": meta.origin,
-        "method": meta.method,
-        "rung": meta.rung,
-        "backend": meta.backend,
-        "camera": &*meta.camera,
-        "gain_e_per_dn": meta.gain_e_per_dn,
-        "black_level_dn": meta.black_level_dn,
-        "stars": stars,
-    })
+    let source = FactSource::of_frame(frame, Some(pixel_crc32(&frame.image)));
+    let mut answer = Value::Object(json_keys(&source, |row| row.control));
+    answer["mid_exposure_s"] = (frame.meta.mid_exposure - zero).s().into();
+    answer["meta"] = json_keys(&source, |row| row.control_meta).into();
+    answer
 }
 
 #[cfg(test)]

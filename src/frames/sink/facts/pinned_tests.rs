@@ -2,9 +2,10 @@
 
 use crate::sink::SentFrame;
 use crate::sink::crc32::pixel_crc32;
+use crate::sink::facts::FactSource;
 use crate::sink::fits::card::CARD_BYTES;
 use crate::sink::fits::{Pixels, write_electrons, write_frame};
-use crate::sink::frame_log::{FrameLog, FrameRow};
+use crate::sink::frame_log::FrameLog;
 use crate::sink::sample::{bare_sample_frame, compare_with_pinned, differs_from_pinned, hex_lines, sample_frame};
 use crate::sink::shared_memory::slot_head;
 
@@ -40,7 +41,7 @@ fn csv_of(frames: &[SentFrame]) -> String {
     let path = directory.path().join("frames.csv");
     let mut log = FrameLog::create(path.clone()).unwrap();
     for frame in frames {
-        log.append(&FrameRow::new(frame, pixel_crc32(&frame.image))).unwrap();
+        log.append(&FactSource::of_frame(frame, Some(pixel_crc32(&frame.image)))).unwrap();
     }
     std::fs::read_to_string(path).unwrap()
 }
