@@ -138,5 +138,6 @@ fn forms_of_one_fact_differ() {
 fn reference_is_the_table() {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../guide/frame_facts.md"));
     compare_with_file(path, &reference()).unwrap();
-    compare_with_file(path, &reference().replace("NOISSEED", "NOISESEED")).expect_err("control: one keyword");
+    let other = reference().replace("NOISSEED", "NOISESEED");
+    assert_ne!(std::fs::read_to_string(path).unwrap(), other, "control: one keyword");
 }
