@@ -27,6 +27,7 @@ ROOT = Path(__file__).resolve().parent.parent
 BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop"))
 CHROMIUM = shutil.which(os.environ.get("STARLOOP_CHROMIUM", "chromium"))
 BENCH = ROOT / "configs/benches/loopback.toml"
+THREE_HEADS = ROOT / "configs/benches/three_heads.toml"
 # Something that takes longer than this does not come any more.
 HANGS_S = 90
 
@@ -34,8 +35,8 @@ HANGS_S = 90
 class Run:
     """The program with its live view; ended when left."""
 
-    def __init__(self, address="0", duration_s=600, *more):
-        words = [BINARY, "run", str(BENCH), "--sink", "null", "--duration", str(duration_s), "--monitor", address, *more]
+    def __init__(self, address="0", duration_s=600, *more, bench=BENCH):
+        words = [BINARY, "run", str(bench), "--sink", "null", "--duration", str(duration_s), "--monitor", address, *more]
         self.program = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         self.said = []
         for line in self.program.stderr:
@@ -335,6 +336,20 @@ class InABrowser(unittest.TestCase):
                     self.assertLessEqual(shown["wide"], width, "nothing to scroll to")
                     for tile in shown["tiles"]:
                         self.assertTrue(0 <= tile["left"] < tile["left"] + 100 < tile["right"] <= width, tile)
+            self.assertEqual(self.browser.complaints(), [])
+
+    def test_three_heads_have_a_picture_each_and_the_chosen_one_is_shown_large(self):
+        with Run(bench=THREE_HEADS) as run:
+            self.opened(run)
+            tiles = '[...document.querySelectorAll("#heads .tile")].map((tile) => Number(tile.dataset.number || -1))'
+            until("a picture in each other tile", lambda: self.browser.value(f"({tiles}).slice(1).every((n) => n >= 0)"))
+            boresights = {(head["frame"]["ra_deg"], head["frame"]["dec_deg"]) for head in run.state()["heads"]}
+            self.assertEqual(len(boresights), 3, "each looks elsewhere")
+            self.browser.value('document.querySelectorAll("#heads .tile")[2].click()')
+            until("its picture", lambda: self.browser.value('pictureOf?.includes("head=2&")'))
+            self.assertIn("head 2", self.browser.text("bench"))
+            shown = json.loads(run.get("/state.json?head=2"))["frame"]["ra_deg"]
+            self.assertLess(abs(self.browser.value("lastState.frame.ra_deg") - shown), 0.1)
             self.assertEqual(self.browser.complaints(), [])
 
     def test_the_stars_are_in_the_picture_where_the_truth_says(self):

@@ -5,14 +5,16 @@ use crate::camera::Camera;
 use crate::check::{Checker, Defaulted};
 use crate::document::Document;
 use crate::error::ConfigError;
-use crate::file_kind::{FileKind, must_be};
+use crate::event_word::EventKeys;
+use crate::expect::ExpectKeys;
 use crate::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
-use crate::head::{HEADS_MAX, HeadKeys, check_heads};
+use crate::head::{HEADS_MAX, Head, HeadKeys, check_heads};
 use crate::link::{Carrier, Doors, Link, Wire};
 use crate::link_keys::LinkKeys;
 use crate::observer::{Observer, ObserverKeys};
+use crate::plant::{PlantKeys, PlantKind};
+use crate::scenario::Scenario;
 use crate::session::{Session, SessionKeys};
-use crate::several::check_all;
 use crate::sink::{Sink, SinkKeys, SinkSettings};
 use crate::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, check_accuracy};
 use crate::target::{Overlap, TargetKeys, TargetSettings, check_overlap, check_targets};
@@ -52,8 +54,8 @@ pub struct Bench {
     pub session: Session,
     /// How the sensor is mounted.
     pub sensor_from_body: Rotation<Sensor, Body>,
-    /// How further heads with the same camera are mounted: each gives a frame in every slot.
-    pub extra_heads: Vec<Rotation<Sensor, Body>>,
+    /// Further camera heads.
+    pub extra_heads: Vec<Head>,
     /// Where the sensor is.
     pub observer: Observer,
     /// Whether the Sun bends the stars' light.
@@ -94,7 +96,12 @@ struct BenchKeys {
     extra_link: Vec<LinkKeys>,
     session: SessionKeys,
     mounting: MountingKeys,
+    head: Vec<HeadKeys>,
     extra_head: Vec<HeadKeys>,
+    spacecraft: Option<String>,
+    plant: PlantKeys,
+    event: Vec<EventKeys>,
+    expect: ExpectKeys,
     observer: ObserverKeys,
     sky: SkyKeys,
     flight_computer: FlightComputerKeys,
@@ -158,11 +165,7 @@ fn check_classic_jitter(link: &Link, computer: &FlightComputer, check: &Checker<
 }
 
 /// A display shows one head.
-fn check_sinks_of_heads(
-    sinks: &[SinkSettings],
-    extra_heads: &[Rotation<Sensor, Body>],
-    check: &Checker<'_>,
-) -> Result<(), ConfigError> {
+fn check_sinks_of_heads(sinks: &[SinkSettings], extra_heads: &[Head], check: &Checker<'_>) -> Result<(), ConfigError> {
     let display = sinks.iter().position(|settings| matches!(settings.sink, Sink::Display(_)));
     match display {
         Some(place) if !extra_heads.is_empty() => {
@@ -196,8 +199,13 @@ fn check_both_ends(
         let advice = "the flight computer has one clock: name its pulses at one link";
         return Err(check.invalid("link.pps", format!("{sources} sources of pulses"), "one", advice));
     }
-    if matches!(link.carrier, Carrier::SerialPort(_)) && !computer.is_external {
-        let advice = "a serial port has another program, or machine, at its other end";
+    let far_port = |link: &Link| match &link.carrier {
+        Carrier::SerialPort(settings) => Some(settings.far_port.is_some()),
+        Carrier::Simulated(_) | Carrier::SocketCan { .. } => None,
+    };
+    if far_port(link) == Some(false) && !computer.is_external {
+        let advice = "a serial port has another program, or machine, at its other end; link.far_port names a second port at \
+                      which the simulated one is";
         return Err(check.invalid(
             "flight_computer.kind",
             "\"simulated\"",
@@ -205,7 +213,13 @@ fn check_both_ends(
             advice,
         ));
     }
-    Ok(())
+    check.unused(
+        "link.far_port",
+        far_port(link) == Some(true) && computer.is_external,
+        "a bench whose flight computer is simulated",
+    )?;
+    let extra = extra_links.iter().position(|link| far_port(link) == Some(true));
+    extra.map_or(Ok(()), |i| check.unused(&format!("extra_link[{i}].far_port"), true, "[link]"))
 }
 
 impl Bench {
@@ -233,20 +247,20 @@ impl Bench {
         Document::built_in(BUILT_IN_BENCH)
     }
 
-    /// Checks a bench that is already text.
+    /// Checks a bench that is already text, and all else that is in it: the bench of [`Scenario::from_document`].
     ///
     /// # Errors
     /// Everything that is wrong, as far as one error does not hide another.
     pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
-        must_be(FileKind::Bench, document)?;
-        check_all(document, Self::checked)
+        Scenario::from_document(document).map(|scenario| scenario.bench)
     }
 
-    fn checked(document: &Document) -> Result<Self, ConfigError> {
+    /// Checks the bench of a document; what else is in it is returned as it was read.
+    pub(super) fn checked(document: &Document) -> Result<(Self, BesideBench), ConfigError> {
         let keys: BenchKeys = document.read_as()?;
         let mut check = Checker::new(document);
         let name = check.folder_name(keys.name)?;
-        let camera = camera(keys.camera.as_deref(), &mut check)?;
+        let camera = camera(&keys.head, keys.camera.as_deref(), &mut check)?;
         let sinks = SinkSettings::check_all(keys.sink, keys.extra_sink, &name, camera.image_px(), &mut check)?;
         // A calibrated display shows each frame from one refresh to the next, whatever the tracker's exposure is.
         let own_exposure_s = (!is_drawn_for_display(&sinks)).then_some(camera.exposure.exposure_s);
@@ -256,13 +270,13 @@ impl Bench {
         let extra_links = Link::check_extra(&keys.extra_link, &mut check)?;
         let session = Session::check(&keys.session, &mut check)?;
         let sensor_from_body = mounting(&keys.mounting, &mut check)?;
-        let extra_heads = check_heads("extra_head", &keys.extra_head, HEADS_MAX - 1, &check)?;
         let observer = Observer::check(&keys.observer, &mut check)?;
         let light_deflection = keys.observer.light_deflection(&mut check);
         let layers = keys.sky.layers(&check)?;
         let star_memory_mb = keys.sky.memory_mb(&mut check)?;
         let bodies = check.given_or("sky.bodies", keys.sky.bodies, false);
-        let flight_computer = FlightComputer::check(&keys.flight_computer, &mut check)?;
+        let flight_computer = FlightComputer::check(&keys.flight_computer, keys.plant.is_outside(), &mut check)?;
+        let plant_kind = keys.plant.kind(keys.spacecraft.is_some(), flight_computer.is_external, &mut check)?;
         flight_computer.check_slew_begins_before(timing.duration_s, &check)?;
         check_classic_jitter(&link, &flight_computer, &check)?;
         check_both_ends(&link, &extra_links, &flight_computer, &check)?;
@@ -287,7 +301,6 @@ impl Bench {
         let accuracy = check_accuracy(&keys.accuracy, &mut check)?;
         let budget = Budget::check(&keys.budget, camera.exposure.readout_s, &mut check)?;
         let render = Render::check(&keys.render, &mut check)?;
-        check_sinks_of_heads(&sinks, &extra_heads, &check)?;
         let targets = check_targets(&keys.target, &mut check)?;
         let is_given_in_vain = keys.target_overlap.is_some() && targets.is_empty();
         check.unused("target_overlap", is_given_in_vain, "a bench with a [[target]]")?;
@@ -296,7 +309,7 @@ impl Bench {
         } else {
             check_overlap(keys.target_overlap.as_deref(), &mut check)?
         };
-        Ok(Self {
+        let bench = Self {
             targets,
             target_overlap,
             seed: seed(keys.seed, &mut check)?,
@@ -308,7 +321,7 @@ impl Bench {
             extra_links,
             session,
             sensor_from_body,
-            extra_heads,
+            extra_heads: Vec::new(),
             observer,
             light_deflection,
             layers,
@@ -320,9 +333,43 @@ impl Bench {
             budget,
             render,
             sinks,
-            defaulted: check.defaulted,
-        })
+            defaulted: Vec::new(),
+        };
+        let mut bench =
+            bench.with_heads(&keys.head, &keys.extra_head, keys.mounting.sensor_from_body.is_some(), &check)?;
+        check_sinks_of_heads(&bench.sinks, &bench.extra_heads, &check)?;
+        bench.defaulted = check.defaulted;
+        let BenchKeys { spacecraft, plant, event, expect, .. } = keys;
+        Ok((bench, BesideBench { plant_kind, spacecraft, plant, event, expect }))
     }
+
+    /// Returns the bench with all its heads: those of `[[head]]`, which are all, or the first one and `[[extra_head]]`.
+    fn with_heads(
+        self,
+        all: &[HeadKeys],
+        extra: &[HeadKeys],
+        has_mounting: bool,
+        check: &Checker<'_>,
+    ) -> Result<Self, ConfigError> {
+        if all.is_empty() {
+            let extra_heads = check_heads("extra_head", extra, HEADS_MAX - 1, &self.first_head(), check)?;
+            return Ok(Self { extra_heads, ..self });
+        }
+        check.unused("extra_head", !extra.is_empty(), "a bench without [[head]], which lists all of them")?;
+        check.unused("mounting.sensor_from_body", has_mounting, "a bench without [[head]], which says it for each")?;
+        let heads = check_heads("head", all, HEADS_MAX, &self.first_head(), check)?;
+        Ok(self.of_heads(heads))
+    }
+}
+
+/// What is in a bench file beside the bench, as it was read.
+#[derive(Debug)]
+pub(super) struct BesideBench {
+    pub(super) plant_kind: PlantKind,
+    pub(super) spacecraft: Option<String>,
+    pub(super) plant: PlantKeys,
+    pub(super) event: Vec<EventKeys>,
+    pub(super) expect: ExpectKeys,
 }
 
 /// Whether the first sink is a display with a calibration.
@@ -337,15 +384,60 @@ impl Bench {
         self.noise_seed_given.unwrap_or(self.seed)
     }
 
+    /// Returns the first head.
+    #[must_use]
+    pub fn first_head(&self) -> Head {
+        let Self { sensor_from_body, ref camera, timing: Timing { frame_rate_hz, phase, .. }, .. } = *self;
+        Head { sensor_from_body, camera: camera.clone(), frame_rate_hz, phase }
+    }
+
+    /// Returns how many heads there are, 1 at least.
+    #[must_use]
+    pub fn head_count(&self) -> usize {
+        1 + self.extra_heads.len()
+    }
+
     /// How each head is mounted, the first one first.
     #[must_use]
-    pub fn heads(&self) -> Vec<Rotation<Sensor, Body>> {
-        core::iter::once(self.sensor_from_body).chain(self.extra_heads.iter().copied()).collect()
+    pub fn mountings(&self) -> Vec<Rotation<Sensor, Body>> {
+        core::iter::once(self.sensor_from_body)
+            .chain(self.extra_heads.iter().map(|head| head.sensor_from_body))
+            .collect()
+    }
+
+    /// Returns the bench with these heads and no others; as it is when there are none.
+    #[must_use]
+    pub fn of_heads(mut self, heads: Vec<Head>) -> Self {
+        let mut heads = heads.into_iter();
+        let Some(first) = heads.next() else { return self };
+        self.sensor_from_body = first.sensor_from_body;
+        self.camera = first.camera;
+        (self.timing.frame_rate_hz, self.timing.phase) = (first.frame_rate_hz, first.phase);
+        self.extra_heads = heads.collect();
+        self
+    }
+
+    /// Returns the bench as the head of this number is drawn from it: its camera, mounting and rate, and patterns and
+    /// noise of its own.
+    #[must_use]
+    pub fn of_head(&self, number: usize) -> Self {
+        let own = |seed: u64| seed.wrapping_add(number as u64);
+        let mut bench = Self { seed: own(self.seed), noise_seed_given: self.noise_seed_given.map(own), ..self.clone() };
+        if let Some(head) = number.checked_sub(1).and_then(|place| self.extra_heads.get(place)) {
+            bench.sensor_from_body = head.sensor_from_body;
+            bench.camera.clone_from(&head.camera);
+            (bench.timing.frame_rate_hz, bench.timing.phase) = (head.frame_rate_hz, head.phase);
+        }
+        bench
     }
 }
 
-fn camera(given: Option<&str>, check: &mut Checker<'_>) -> Result<Camera, ConfigError> {
-    match given {
+/// Returns the camera of the first head: its own, that of the bench, or the built-in one.
+fn camera(heads: &[HeadKeys], of_bench: Option<&str>, check: &mut Checker<'_>) -> Result<Camera, ConfigError> {
+    if let Some(path) = heads.first().and_then(|head| head.camera.as_deref()) {
+        return Camera::from_document(&check.document.named("head[0].camera", path)?);
+    }
+    match of_bench {
         Some(path) => Camera::from_document(&check.document.named("camera", path)?),
         None => {
             check.given_or("camera", None, format!("built-in {BUILT_IN_CAMERA}"));

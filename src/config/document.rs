@@ -35,6 +35,7 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("cameras/wide_field_telescope.toml", include_str!("../../configs/cameras/wide_field_telescope.toml")),
     ("cameras/detection_limit_15mag.toml", include_str!("../../configs/cameras/detection_limit_15mag.toml")),
     ("cameras/detection_limit_22mag.toml", include_str!("../../configs/cameras/detection_limit_22mag.toml")),
+    ("benches/gateways_faults.toml", include_str!("../../configs/benches/gateways_faults.toml")),
     ("benches/gateways.toml", include_str!("../../configs/benches/gateways.toml")),
     ("benches/grabber.toml", include_str!("../../configs/benches/grabber.toml")),
     ("benches/serial.toml", include_str!("../../configs/benches/serial.toml")),
@@ -64,6 +65,9 @@ const BUILT_IN: &[(&str, &str)] = &[
 
 /// Keys of a camera that name a file of points.
 const NAMES_A_TABLE: [&str; 2] = ["band.qe_file", "band.transmission_file"];
+
+/// Lists of heads, each of which may name a camera.
+const NAMES_CAMERAS: [&str; 2] = ["head", "extra_head"];
 
 /// Names nearer than this (Jaro-Winkler, 0 to 1) are offered as what was meant.
 const NEAR_ENOUGH: f64 = 0.75;
@@ -237,6 +241,15 @@ impl Document {
         for key in NAMES_A_FILE.into_iter().chain(NAMES_A_TABLE) {
             if let Some(path) = value_of(&table, key).and_then(toml::Value::as_str) {
                 self.named(key, path)?.pack_into(documents, joined(&keys, key))?;
+            }
+        }
+        for list in NAMES_CAMERAS {
+            let heads = table.get(list).and_then(toml::Value::as_array).into_iter().flatten();
+            for (place, head) in heads.enumerate() {
+                if let Some(path) = head.get("camera").and_then(toml::Value::as_str) {
+                    let key = format!("{list}[{place}].camera");
+                    self.named(&key, path)?.pack_into(documents, joined(&keys, &key))?;
+                }
             }
         }
         documents.insert(keys, PackedText { name: self.name(), text: self.text.clone() });

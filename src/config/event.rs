@@ -77,6 +77,22 @@ pub enum Action {
     },
 }
 
+impl Action {
+    /// Whether it acts aboard a spacecraft that is flown inside the program.
+    #[must_use]
+    pub fn is_aboard(&self) -> bool {
+        match self {
+            Self::Slew(_)
+            | Self::Safe
+            | Self::Resume
+            | Self::Gyro(_)
+            | Self::WheelFailure { .. }
+            | Self::TrackerOff { .. } => true,
+            Self::Bus(_) | Self::BusBack(_) | Self::Frame { .. } | Self::Trigger { .. } => false,
+        }
+    }
+}
+
 /// Something at its time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Event {

@@ -1,4 +1,4 @@
-//! `[expect]`: what must come true for a scenario to have passed.
+//! `[expect]`: what must come true for a run to have passed.
 
 use crate::check::{Checker, Rule};
 use crate::error::ConfigError;
@@ -29,6 +29,21 @@ pub struct Expect {
     pub allows_refusals: bool,
     /// The control must fail: at the end it points nowhere near its target.
     pub diverges: bool,
+    /// What is expected of the frames, with or without a vehicle.
+    pub frames: ExpectFrames,
+}
+
+/// What is expected of the frames of a run; `None`: anything.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct ExpectFrames {
+    /// Most frames that are late.
+    pub late_at_most: Option<u32>,
+    /// Most frames that are dropped.
+    pub dropped_at_most: Option<u32>,
+    /// Most frames that are blank.
+    pub blank_at_most: Option<u32>,
+    /// Fewest triggers that are fired.
+    pub triggers_at_least: Option<u32>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -44,10 +59,79 @@ pub(super) struct ExpectKeys {
     least_sun_angle_deg: Option<f64>,
     final_mode: Option<String>,
     diverges: Option<bool>,
+    late_frames_at_most: Option<i64>,
+    dropped_frames_at_most: Option<i64>,
+    blank_frames_at_most: Option<i64>,
+    triggers_at_least: Option<i64>,
+}
+
+impl ExpectKeys {
+    /// Keys that need a vehicle, and whether they are given.
+    fn of_vehicle(&self) -> [(&'static str, bool); 10] {
+        [
+            ("fine_pointing_within_s", self.fine_pointing_within_s.is_some()),
+            ("window_s", self.window_s.is_some()),
+            ("pointing_arcsec", self.pointing_arcsec.is_some()),
+            ("knowledge_arcsec", self.knowledge_arcsec.is_some()),
+            ("pointing_over_predicted", self.pointing_over_predicted.is_some()),
+            ("recovery_s", self.recovery_s.is_some()),
+            ("recovered_arcsec", self.recovered_arcsec.is_some()),
+            ("least_sun_angle_deg", self.least_sun_angle_deg.is_some()),
+            ("final_mode", self.final_mode.is_some()),
+            ("diverges", self.diverges.is_some()),
+        ]
+    }
+}
+
+impl ExpectFrames {
+    fn check(keys: &ExpectKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+        let mut count = |name: &str, given: Option<i64>, advice: &str| {
+            let key = format!("expect.{name}");
+            given.map(|_| check.whole(&key, given, None, 0..=u32::MAX, advice)).transpose()
+        };
+        Ok(Self {
+            late_at_most: count("late_frames_at_most", keys.late_frames_at_most, "frames of all heads together")?,
+            dropped_at_most: count(
+                "dropped_frames_at_most",
+                keys.dropped_frames_at_most,
+                "frames of all heads together, those that a fault drops included",
+            )?,
+            blank_at_most: count("blank_frames_at_most", keys.blank_frames_at_most, "frames of all heads together")?,
+            triggers_at_least: count("triggers_at_least", keys.triggers_at_least, "triggers that were fired")?,
+        })
+    }
 }
 
 impl Expect {
-    pub(super) fn check(keys: &ExpectKeys, duration_s: f64, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+    /// Checks what is expected of a run of this duration, in which a vehicle `is_flown` or not.
+    pub(super) fn check(
+        keys: &ExpectKeys,
+        duration_s: f64,
+        is_flown: bool,
+        check: &mut Checker<'_>,
+    ) -> Result<Self, ConfigError> {
+        let frames = ExpectFrames::check(keys, check)?;
+        if !is_flown {
+            for (name, is_given) in keys.of_vehicle() {
+                check.unused(
+                    &format!("expect.{name}"),
+                    is_given,
+                    "a run with a spacecraft, whose pointing it judges",
+                )?;
+            }
+            let document = check.document;
+            let expect = Self::check_flown(keys, duration_s, frames, &mut Checker::new(document))?;
+            return Ok(expect);
+        }
+        Self::check_flown(keys, duration_s, frames, check)
+    }
+
+    fn check_flown(
+        keys: &ExpectKeys,
+        duration_s: f64,
+        frames: ExpectFrames,
+        check: &mut Checker<'_>,
+    ) -> Result<Self, ConfigError> {
         let modes = [
             ("any", None),
             ("fine_pointing", Some("fine_pointing")),
@@ -79,6 +163,7 @@ impl Expect {
             final_mode,
             allows_refusals: false,
             diverges: keys.diverges.unwrap_or(false),
+            frames,
         })
     }
 }

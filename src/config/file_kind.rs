@@ -66,15 +66,21 @@ impl FileKind {
 
 /// Refuses a document of another kind than `wanted`.
 pub(super) fn must_be(wanted: FileKind, document: &Document) -> Result<(), ConfigError> {
+    must_be_one_of(&[wanted], document)
+}
+
+/// Refuses a document of a kind that is not among those wanted, the first of which the message names.
+pub(super) fn must_be_one_of(wanted: &[FileKind], document: &Document) -> Result<(), ConfigError> {
     let got = FileKind::of(document);
     let is_unclear = got == FileKind::Bench && !BENCH_KEYS.iter().any(|key| document.has_key(key));
-    if got == wanted || is_unclear {
+    let Some(first) = wanted.first() else { return Ok(()) };
+    if wanted.contains(&got) || is_unclear {
         return Ok(());
     }
     Err(ConfigError::WrongKind {
         place: document.name(),
         got: got.name(),
-        wanted: wanted.name(),
+        wanted: first.name(),
         advice: got.use_of_it(),
     })
 }
@@ -108,7 +114,9 @@ mod tests {
         assert!(camera.contains("is a camera file; wanted a bench file: `starloop snr`"), "{camera}");
         assert!(refused("links/socketcan.toml").contains("is a link file; wanted a bench"));
         assert!(refused("spacecraft/smallsat.toml").contains("is a spacecraft file"));
-        assert!(refused("scenarios/acquisition.toml").contains("is a scenario file"));
+        let scenario = Document::built_in("scenarios/acquisition.toml").unwrap();
+        let refused = Camera::from_document(&scenario).unwrap_err().to_string();
+        assert!(refused.contains("is a scenario file"), "{refused}");
         let bench = Document::built_in("benches/loopback.toml").unwrap();
         let refused = Camera::from_document(&bench).unwrap_err().to_string();
         assert!(refused.contains("is a bench file; wanted a camera file"), "{refused}");

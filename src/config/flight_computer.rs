@@ -134,8 +134,13 @@ impl FlightComputerKeys {
 }
 
 impl FlightComputer {
-    pub(super) fn check(keys: &FlightComputerKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
-        let kind = keys.kind.as_deref();
+    /// Checks the flight computer; without `kind` it is the external one where the plant `is_outside`.
+    pub(super) fn check(
+        keys: &FlightComputerKeys,
+        is_outside: bool,
+        check: &mut Checker<'_>,
+    ) -> Result<Self, ConfigError> {
+        let kind = keys.kind.as_deref().or(is_outside.then_some("external"));
         let kinds = [("simulated", false), ("external", true)];
         let advice = "simulated is the one inside this program, external the one at the other end of the link";
         let is_external = check.choice("flight_computer.kind", kind, &kinds, advice)?;

@@ -48,6 +48,8 @@ pub struct Doors {
 pub struct SerialPort {
     /// Device, such as `/dev/ttyUSB0`.
     pub port: PathBuf,
+    /// Device of the other end of the cable, for a flight computer that is simulated inside the program.
+    pub far_port: Option<PathBuf>,
     /// Parity bit.
     pub parity: Parity,
     /// Stop bits, 1 or 2.
@@ -184,6 +186,7 @@ fn carrier(keys: &LinkTable, kind: Kind, prefix: &str, check: &mut Checker<'_>) 
     for (name, is_given, belongs_to, is_here) in [
         ("interface", keys.interface.is_some(), "kind = \"socketcan\"", kind == Kind::SocketCan),
         ("port", keys.port.is_some(), "kind = \"serial\"", is_serial),
+        ("far_port", keys.far_port.is_some(), "kind = \"serial\"", is_serial),
         ("parity", keys.parity.is_some(), "kind = \"serial\"", is_serial),
         ("stop_bits", keys.stop_bits.is_some(), "kind = \"serial\"", is_serial),
         ("flow_control", keys.flow_control.is_some(), "kind = \"serial\"", is_serial),
@@ -218,7 +221,8 @@ fn serial_port(keys: &LinkTable, prefix: &str, check: &mut Checker<'_>) -> Resul
     let controls = [("none", FlowControl::None), ("hardware", FlowControl::Hardware)];
     let advice = "none, unless RTS and CTS are wired";
     let flow_control = check.choice(&key("flow_control"), keys.flow_control.as_deref(), &controls, advice)?;
-    Ok(SerialPort { port, parity, stop_bits: if stop_bits == 2 { 2 } else { 1 }, flow_control })
+    let far_port = keys.far_port.as_ref().map(PathBuf::from);
+    Ok(SerialPort { port, far_port, parity, stop_bits: if stop_bits == 2 { 2 } else { 1 }, flow_control })
 }
 
 /// A text that must be given.

@@ -19,6 +19,7 @@ pub(super) struct LinkTable {
     pub(super) pps: Option<String>,
     pub(super) interface: Option<String>,
     pub(super) port: Option<String>,
+    pub(super) far_port: Option<String>,
     pub(super) parity: Option<String>,
     pub(super) stop_bits: Option<i64>,
     pub(super) flow_control: Option<String>,

@@ -25,17 +25,19 @@ fn values_reach_the_scenario_and_the_files_it_names() {
         "spacecraft.wheel[2].initial_speed_rpm=1234",
     ])
     .expect("all right");
-    assert_eq!(changed.actuation_delay.ms(), 300.0);
+    let vehicle = changed.vehicle().expect("flown");
+    assert_eq!(vehicle.actuation_delay.ms(), 300.0);
     assert_eq!((changed.expect.window_s, changed.expect.final_mode), (30.5, Some("fine_pointing")));
-    assert_eq!(changed.initial_rate_rad_s.z, 1.0_f64.to_radians());
+    assert_eq!(vehicle.initial_rate_rad_s.z, 1.0_f64.to_radians());
     assert_eq!(changed.events.len(), 1);
     assert_eq!(changed.bench.timing.frame_rate_hz, 5.0);
     assert_eq!((changed.bench.camera.detector.width_px, changed.bench.camera.detector.height_px), (128, 256));
     assert_eq!(changed.bench.link.latency_us, 75.0);
-    assert_eq!(changed.spacecraft.control.fine_bandwidth_hz, 0.1);
+    assert_eq!(vehicle.spacecraft.control.fine_bandwidth_hz, 0.1);
     let as_written = acquisition(&[]).expect("the shipped file");
-    assert_ne!(changed.spacecraft.params.wheels[2], as_written.spacecraft.params.wheels[2], "a wheel of a list");
-    assert_eq!(changed.spacecraft.params.wheels[1], as_written.spacecraft.params.wheels[1], "and no other");
+    let written_vehicle = as_written.vehicle().expect("flown");
+    assert_ne!(vehicle.spacecraft.params.wheels[2], written_vehicle.spacecraft.params.wheels[2], "a wheel of a list");
+    assert_eq!(vehicle.spacecraft.params.wheels[1], written_vehicle.spacecraft.params.wheels[1], "and no other");
 }
 
 #[test]

@@ -491,8 +491,9 @@ fn a_date_error_of_the_trackers_is_read_and_held_to_its_range() {
         let text = text.replace("delay_ms = 50.0", &format!("delay_ms = 50.0\n{line}"));
         Scenario::from_document(&Document::from_text(&text, &folder.join("lab.toml")))
     };
-    assert_eq!(with("").expect("sound").tag_error, base::time::Span::ZERO);
-    assert_eq!(with("tag_error_ms = -20.0").expect("sound").tag_error, base::time::Span::from_ms(-20));
+    let tag_error = |line: &str| with(line).expect("sound").vehicle().expect("flown").tag_error;
+    assert_eq!(tag_error(""), base::time::Span::ZERO);
+    assert_eq!(tag_error("tag_error_ms = -20.0"), base::time::Span::from_ms(-20));
     let refused = with("tag_error_ms = 1001.0").expect_err("refused").to_string();
     assert!(refused.contains("tracker.tag_error_ms"), "{refused}");
 }

@@ -2,7 +2,7 @@
 
 use crate::check::{Checker, Rule};
 use crate::error::ConfigError;
-use base::time::Tai;
+use base::time::{Span, Tai};
 use plan::exposure::Rung;
 use serde::Deserialize;
 
@@ -68,6 +68,8 @@ pub struct Timing {
     pub degrade_to: Rung,
     /// Sky time at the start.
     pub start: StartTime,
+    /// By how much exposures begin after the whole frame periods of the run.
+    pub phase: Span,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -80,7 +82,11 @@ pub(super) struct TimingKeys {
     degrade: Option<String>,
     degrade_to: Option<String>,
     start_utc: Option<String>,
+    phase_ms: Option<f64>,
 }
+
+/// Later starts of exposures than this are a mistake, ms.
+const PHASE_MAX_MS: f64 = 60_000.0;
 
 impl Timing {
     /// `exposure_s`: of the camera; `None` where a frame is one refresh of a calibrated display.
@@ -89,15 +95,8 @@ impl Timing {
         exposure_s: Option<f64>,
         check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
-        let frames = "frames per second, such as 10.0";
-        let frame_rate_hz =
-            check.number("timing.frame_rate_hz", keys.frame_rate_hz, 10.0, Rule::PositiveUpTo(10_000.0), frames)?;
-        let longer = exposure_s.filter(|exposure_s| exposure_s * frame_rate_hz > 1.0 + f64::EPSILON);
-        if let Some(exposure_s) = longer {
-            let wanted = format!("at most {:.6} (one exposure of {exposure_s} s per frame)", 1.0 / exposure_s);
-            let advice = "lower the frame rate, or shorten exposure.exposure_s of the camera";
-            return Err(check.invalid("timing.frame_rate_hz", frame_rate_hz, wanted, advice));
-        }
+        let frame_rate_hz = check.given_or("timing.frame_rate_hz", keys.frame_rate_hz, 10.0);
+        check_frame_rate("timing.frame_rate_hz", frame_rate_hz, exposure_s, check)?;
         let length = "length of the run in seconds";
         let duration_s = check.number("timing.duration_s", keys.duration_s, 10.0, Rule::PositiveUpTo(1e7), length)?;
         let policies = [("drop", DeadlinePolicy::Drop), ("hold", DeadlinePolicy::Hold), ("late", DeadlinePolicy::Late)];
@@ -117,7 +116,8 @@ impl Timing {
              its latency";
         let ahead_ms = check.number("timing.ahead_ms", keys.ahead_ms, 0.0, Rule::Within(0.0, 500.0), advice)?;
         let start = start(keys, check)?;
-        Ok(Self { frame_rate_hz, duration_s, ahead_ms, deadline_policy, degrade, degrade_to, start })
+        let phase = phase("timing.phase_ms", keys.phase_ms, check)?;
+        Ok(Self { frame_rate_hz, duration_s, ahead_ms, deadline_policy, degrade, degrade_to, start, phase })
     }
 
     /// Frames in the run (at least one).
@@ -127,6 +127,28 @@ impl Timing {
         let frames = (self.duration_s * self.frame_rate_hz + 1e-9).floor() as u64;
         frames.max(1)
     }
+}
+
+/// Refuses a frame rate that is none, or at which an exposure would not end before the next begins.
+pub(super) fn check_frame_rate(
+    key: &str,
+    frame_rate_hz: f64,
+    exposure_s: Option<f64>,
+    check: &Checker<'_>,
+) -> Result<(), ConfigError> {
+    check.meets(key, frame_rate_hz, Rule::PositiveUpTo(10_000.0), "frames per second, such as 10.0")?;
+    let longer = exposure_s.filter(|exposure_s| exposure_s * frame_rate_hz > 1.0 + f64::EPSILON);
+    let Some(exposure_s) = longer else { return Ok(()) };
+    let wanted = format!("at most {:.6} (one exposure of {exposure_s} s per frame)", 1.0 / exposure_s);
+    let advice = "lower the frame rate, or shorten exposure.exposure_s of the camera";
+    Err(check.invalid(key, frame_rate_hz, wanted, advice))
+}
+
+/// Returns by how much exposures begin after the whole frame periods of the run; 0 when nothing is given.
+pub(super) fn phase(key: &str, given: Option<f64>, check: &Checker<'_>) -> Result<Span, ConfigError> {
+    let Some(phase_ms) = given else { return Ok(Span::ZERO) };
+    let advice = "milliseconds after the run's first exposure at which this head begins its own";
+    Ok(Span::from_s(1e-3 * check.meets(key, phase_ms, Rule::Within(0.0, PHASE_MAX_MS), advice)?))
 }
 
 /// Returns the last level of degradation: by default the last one whose frames still show motion and every star that can be seen.

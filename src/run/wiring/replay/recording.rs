@@ -49,7 +49,7 @@ impl Recording {
 
     /// Captures what passes a link.
     #[must_use]
-    pub fn tap(&self, link: Box<dyn Link>) -> Box<dyn Link> {
+    pub fn tap(&self, link: Box<dyn Link>, _number: usize) -> Box<dyn Link> {
         Box::new(self.capture.tap(link))
     }
 
@@ -57,13 +57,21 @@ impl Recording {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn tap_frames(&self, engine: &mut FrameEngine, sink: Box<dyn Sink>) -> Result<Box<dyn Sink>, ReplayError> {
+    pub fn tap_frames(
+        &self,
+        _head: usize,
+        engine: &mut FrameEngine,
+        sink: Box<dyn Sink>,
+    ) -> Result<Box<dyn Sink>, ReplayError> {
         let (marks, end) = frame_marks();
         engine.mark_frames(marks);
         let path = self.directory.join(FRAMES_FILE);
         let to = RowsTo { state: Arc::clone(&self.rows), waits: self.waits };
         Ok(Box::new(RowSink::create(&path, sink, end, to)?))
     }
+
+    /// Notes an event that was injected while the run goes on.
+    pub fn note_injected(&self, _event: &config::Event) {}
 
     /// Ends the capture; `messages_lost` were lost inside the run. What was lost is in the session that comes back.
     ///

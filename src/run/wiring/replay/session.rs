@@ -5,7 +5,7 @@
 
 use super::{ReplayError, RowCounts, SESSION_FILE};
 use base::time::Tai;
-use config::{Backend, Bench, Document, PackedDocuments, Setting};
+use config::{Backend, Bench, Document, PackedDocuments, Scenario, Setting};
 use frames::sink::replace_own_file;
 use link::capture::CaptureFormat;
 use plan::exposure::cost::CostModel;
@@ -84,8 +84,8 @@ pub struct SessionParams<'a> {
     pub document: &'a Document,
     /// Values changed by the command line, as given.
     pub settings: &'a [String],
-    /// The bench as it runs.
-    pub bench: &'a Bench,
+    /// The run as it goes.
+    pub scenario: &'a Scenario,
     /// When the run's clock starts.
     pub start: Tai,
     /// True on the bench clock.
@@ -114,12 +114,12 @@ impl Session {
             is_real: params.is_real,
             start_tai_ns: params.start.ns(),
             start_utc: params.start.to_rfc3339(),
-            seed: params.bench.seed,
-            noise_seed: params.bench.noise_seed_given,
+            seed: params.scenario.bench.seed,
+            noise_seed: params.scenario.bench.noise_seed_given,
             backend: params.backend.into(),
             adapter: params.adapter.clone(),
             bus: bus.into(),
-            duration_s: exact(params.bench.timing.duration_s),
+            duration_s: exact(params.scenario.bench.timing.duration_s),
             cost: params.cost.as_ref().map(cost_texts),
             settings: params.settings.to_vec(),
             bench: params.document.pack()?,
