@@ -108,7 +108,7 @@ impl RunMemory {
             memory.add_sink(&place, settings, heads, frame, bench, (form, sinks.len()));
         }
         if form.has_view {
-            memory.add("pictures of the live view (--monitor)", LIVE_PICTURES * frame);
+            memory.add("pictures of the live view (--monitor)", heads * LIVE_PICTURES * frame);
         }
         if !bench.layers.is_empty() {
             let stars = u64::from(bench.star_memory_mb) << 20;
