@@ -80,7 +80,7 @@ pub use observer::{Observer, OrbitStart};
 pub use optics::{Distortion, Optics, Psf};
 pub use plant::{Plant, Vehicle};
 pub use radiometry::{Exposure, Radiometry, RadiometryModel};
-pub use scenario::{Scenario, is_scenario};
+pub use scenario::{Scenario, duration_key, is_scenario};
 pub use session::{Session, SessionStart};
 pub use setting::Setting;
 pub use sink::{Sink, SinkSettings};

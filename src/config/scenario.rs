@@ -67,6 +67,12 @@ pub fn is_scenario(document: &Document) -> bool {
     document.has_key("spacecraft")
 }
 
+/// Returns the key of a run file that gives its length.
+#[must_use]
+pub fn duration_key(document: &Document) -> &'static str {
+    if is_over_bench(document) { "duration_s" } else { "timing.duration_s" }
+}
+
 /// Whether a file names a bench, or has tables that only such a file has at its top.
 fn is_over_bench(document: &Document) -> bool {
     ["bench", "initial", "tracker", "control", "telemetry", "duration_s"].iter().any(|key| document.has_key(key))

@@ -1,26 +1,38 @@
-//! A run that is being captured: its session, its packets, its frames.
+//! A run that is being captured: its session, its packets, its frames, what came from outside.
+//!
+//! Whoever assembles a run uses it so, whatever the run file and the clock:
+//!
+//! 1. [`Recording::start`] when the run file is checked and an engine is made (it says what draws);
+//! 2. [`Recording::tap`] around each link of the stimulator, outside of its faults, with the number of the link: 0 for
+//!    `[link]`, then those of `[[extra_link]]`; a receiver takes the messages of that link by `accept_from` that number;
+//! 3. [`Recording::tap_frames`] around the sink of each head, before its first frame; a tracker's tap may be inside;
+//! 4. [`Recording::note_injected`] for each event that is added while the run goes on, with the run's time, before the run
+//!    goes on: nothing that is due later has been drawn;
+//! 5. [`Recording::finish`] when all sinks are finished and links are closed.
+//!
+//! It waits for the disk on the virtual clock only; on the real clock what the disk does not take is lost and counted.
 
-use super::rows::{RowSink, RowsState, RowsTo};
+use super::injected::Injected;
+use super::row_writer::RowWriter;
 use super::session::SessionParams;
 use super::{FRAMES_FILE, ReplayError, SESSION_FILE, Session, SessionEnd};
-use crate::runtime::{FrameEngine, frame_marks};
+use crate::runtime::{DeadlinePolicy, FrameEngine, frame_marks};
 use frames::sink::Sink;
 use link::Link;
 use link::capture::CaptureFormat;
 use link::tap::Capture;
+use serde_json::{Map, Value};
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 /// A capture under way.
 pub struct Recording {
     directory: PathBuf,
-    session: Session,
+    session: Mutex<Session>,
     capture: Capture,
-    rows: Arc<Mutex<RowsState>>,
-    /// Whether the run waits for files, on the virtual clock.
-    waits: bool,
+    rows: RowWriter,
 }
 
 impl Recording {
@@ -40,29 +52,37 @@ impl Recording {
         let session = Session::new(params, format)?;
         let bus = directory.join(&session.bus);
         let out = File::create_new(&bus).map_err(refuse(&bus, "write the packets"))?;
-        let waits = !params.is_real;
+        let (links, waits) = (1 + params.scenario.bench.extra_links.len(), !params.is_real);
         let capture = Capture::start(Box::new(BufWriter::new(out)), format, waits)
             .map_err(|source| ReplayError::Capture { path: bus, source })?;
+        let rows = RowWriter::create(&directory.join(FRAMES_FILE), links, waits)?;
         session.write(directory)?;
-        Ok(Self { directory: directory.into(), session, capture, rows: Arc::default(), waits })
+        Ok(Self { directory: directory.into(), session: Mutex::new(session), capture, rows })
     }
 
-    /// Captures what passes a link.
+    /// Captures what passes a link of this number.
     #[must_use]
-    pub fn tap(&self, link: Box<dyn Link>) -> Box<dyn Link> {
-        Box::new(self.capture.tap(link))
+    pub fn tap(&self, link: Box<dyn Link>, number: usize) -> Box<dyn Link> {
+        Box::new(self.capture.tap(link, u8::try_from(number).unwrap_or(u8::MAX)))
     }
 
-    /// Writes down the frames that `engine` draws and `sink` sends.
-    ///
-    /// # Errors
-    /// When the file cannot be written.
-    pub fn tap_frames(&self, engine: &mut FrameEngine, sink: Box<dyn Sink>) -> Result<Box<dyn Sink>, ReplayError> {
+    /// Writes down the frames that `engine` draws for this head and `sink` sends.
+    #[must_use]
+    pub fn tap_frames(&self, head: usize, engine: &mut FrameEngine, sink: Box<dyn Sink>) -> Box<dyn Sink> {
         let (marks, end) = frame_marks();
         engine.mark_frames(marks);
-        let path = self.directory.join(FRAMES_FILE);
-        let to = RowsTo { state: Arc::clone(&self.rows), waits: self.waits };
-        Ok(Box::new(RowSink::create(&path, sink, end, to)?))
+        let holds = engine.params().deadline_policy == DeadlinePolicy::Hold;
+        Box::new(self.rows.sink(head, sink, end, holds))
+    }
+
+    /// Writes down an event that is added `came_s` seconds after the first exposure: the keys of `[[event]]`, as they came.
+    ///
+    /// # Errors
+    /// When the session cannot be written.
+    pub fn note_injected(&self, event: &Map<String, Value>, came_s: f64) -> Result<(), ReplayError> {
+        let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
+        session.injected.push(Injected::new(event, came_s));
+        session.write(&self.directory)
     }
 
     /// Ends the capture; `messages_lost` were lost inside the run. What was lost is in the session that comes back.
@@ -70,17 +90,15 @@ impl Recording {
     /// # Errors
     /// When the session cannot be written.
     pub fn finish(self, messages_lost: u64) -> Result<Session, ReplayError> {
-        let outcome = self.capture.finish();
-        let rows = self.rows.lock().unwrap_or_else(PoisonError::into_inner);
-        let packets = outcome.error.map(|error| error.to_string());
-        let mut session = self.session;
+        let (packets, rows) = (self.capture.finish(), self.rows.finish());
+        let mut session = self.session.into_inner().unwrap_or_else(PoisonError::into_inner);
         session.end = Some(SessionEnd {
-            packets: outcome.written,
-            packets_lost: outcome.lost,
+            packets: packets.written,
+            packets_lost: packets.lost,
             messages_lost,
             rows_lost: rows.lost,
             counted: Some(rows.counts),
-            error: packets.or_else(|| rows.error.clone()),
+            error: packets.error.map(|error| error.to_string()).or(rows.error),
         });
         session.write(&self.directory)?;
         Ok(session)
