@@ -1,12 +1,13 @@
 //! A fault campaign: episodes of one scenario, each with random faults from its own seed, each checked throughout.
 //!
-//! In: a scenario, seeds. Out: per episode what held and what did not. An episode is one [`ClosedLoop`] whose events are
+//! In: a scenario, seeds. Out: per episode what held and what did not. An episode is one [`SteppedRun`] whose events are
 //! the scenario's own and those of [`fault_schedule`]; its seed alone repeats it.
 
 use config::{Event, Scenario};
 use frames::sink::NullSink;
-use run::wiring::closed_loop::{ClosedLoop, LoopError};
+use run::wiring::error::LoopError;
 use run::wiring::fault_schedule::{ScheduleLimits, fault_schedule};
+use run::wiring::stepped::SteppedRun;
 use serde::Serialize;
 use testbed::acs::Mode;
 
@@ -67,7 +68,7 @@ fn schedule_limits(base: &Scenario) -> ScheduleLimits {
     ScheduleLimits {
         from_s: QUIET_START_S,
         until_s: base.bench.timing.duration_s - QUIET_END_S,
-        wheels: base.spacecraft.params.wheels.len(),
+        wheels: base.vehicle().map_or(0, |vehicle| vehicle.spacecraft.params.wheels.len()),
     }
 }
 
@@ -94,10 +95,13 @@ pub fn episode_scenario(base: &Scenario, seed: u64) -> Scenario {
 /// When a part of the loop failed: that, too, breaks an invariant, and is told with the seed.
 pub fn run_episode(base: &Scenario, seed: u64) -> Result<Episode, LoopError> {
     let scenario = episode_scenario(base, seed);
-    let mut going = ClosedLoop::new(&scenario, |_| Box::new(NullSink::new()))?;
+    let mut going = SteppedRun::new(&scenario, |_| Box::new(NullSink::new()))?;
     going.run_to_end(&mut |_, _, _| true)?;
     let mode = going.with_vehicle(|vehicle| vehicle.mode());
-    let mut outcome = going.finish()?;
+    let mut outcome = going.end(None);
+    if let Some(error) = outcome.error {
+        return Err(error);
+    }
     let assessment = &mut outcome.assessment;
     if !assessment.is_on_target() {
         assessment.violate(|| "not on target at the end".into());
@@ -112,7 +116,7 @@ pub fn run_episode(base: &Scenario, seed: u64) -> Result<Episode, LoopError> {
         events: scenario.events.len(),
         hits: outcome.faults.iter().map(|fault| fault.hits).sum(),
         frames: outcome.record.frames.delivered,
-        frames_crc32: outcome.sinks.first().map_or(0, |sink| sink.run_crc32),
+        frames_crc32: outcome.summaries.first().and_then(Option::as_ref).map_or(0, |sink| sink.run_crc32),
         telemetry_crc32: assessment.telemetry_crc32(),
         violations,
         violation_lines: lines.to_vec(),

@@ -65,19 +65,20 @@ fn load_threads(text: &str) -> Result<usize, String> {
 /// With what could not be done, and why.
 pub fn run(arguments: &BudgetArgs) -> Result<u8> {
     let load = LoadThreads::start(arguments.load)?;
-    let finished = run::perform(&run_arguments(arguments))?;
+    let arguments_of_run = run_arguments(arguments);
+    let finished = run::perform(&arguments_of_run)?;
     drop(load);
     let report = budget_report(&finished, arguments.load)?;
     // First: output that cannot be written ends the program.
     if let Some(directory) = &arguments.report {
-        budget_files::write(directory, &report, &finished.outcome.record.ring)?;
+        budget_files::write(directory, &report, &finished.end.record.ring)?;
     }
     print!("{}", budget_table(&report));
     if let Some(directory) = &arguments.report {
         println!("report in {}", directory.display());
     }
     let is_broken = report.culprit().is_some();
-    let status = finished.status()?;
+    let status = finished.status(&arguments_of_run)?;
     Ok(if status == EXIT_DONE && is_broken { EXIT_OVER_BUDGET } else { status })
 }
 
@@ -101,6 +102,7 @@ fn run_arguments(arguments: &BudgetArgs) -> RunArgs {
         monitor_names: Vec::new(),
         capture_format: CaptureFormatName::Pcapng,
         json: false,
+        details: false,
         quiet: false,
     }
 }
@@ -110,10 +112,10 @@ fn run_arguments(arguments: &BudgetArgs) -> RunArgs {
 /// # Errors
 /// When a frame cannot be planned again for advice.
 pub(super) fn budget_report(finished: &Finished, load_threads: usize) -> Result<BudgetReport> {
-    let record = &finished.outcome.record;
-    let limits = limits(&finished.bench, finished.engine());
+    let record = &finished.end.record;
+    let limits = limits(finished.bench(), finished.engine());
     let lines = budget_lines(&limits, &record.stages, &record.ring);
-    let summary = finished.summary("monotonic");
+    let summary = finished.summary(ClockKind::Real);
     let render_limit_ms = limits.stage_p99_ms[Stage::Render as usize].unwrap_or(0.0);
     let advice = advice(finished, &lines, render_limit_ms)?;
     Ok(BudgetReport {
@@ -130,7 +132,7 @@ pub(super) fn budget_report(finished: &Finished, load_threads: usize) -> Result<
         latency: summary.latency,
         misses: summary.misses,
         degraded: summary.degraded,
-        hygiene: finished.hygiene.clone(),
+        hygiene: finished.end.hygiene.clone(),
         advice,
     })
 }

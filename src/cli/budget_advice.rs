@@ -28,11 +28,11 @@ pub(super) fn advice(finished: &Finished, lines: &[BudgetLine], render_limit_ms:
         .map(|line| format!("{}: the planner shortens drawing only; this is not its to change", line.name))
         .collect();
     let drawn =
-        finished.outcome.record.ring.last().filter_map(|record| Some((record, record.times.get(Stage::Render)?)));
+        finished.end.record.ring.last().filter_map(|record| Some((record, record.times.get(Stage::Render)?)));
     let Some((slowest, took)) = drawn.max_by_key(|(_, time)| *time) else { return Ok(advice) };
     let params = finished.engine().params();
     let cost = params.cost.unwrap_or(finished.engine().imager().cost());
-    let mut frames = FramePlans::new(&finished.bench, finished.start, params, &params.open_sky()?);
+    let mut frames = FramePlans::new(finished.bench(), finished.end.times.start, params, &params.open_sky()?);
     let mut planner = frames.planner(cost, None);
     let whole = frames.plan(slowest.number, &mut planner)?;
     // What was drawn may have been degraded already; its own cost is not kept, so the load may be higher than this.

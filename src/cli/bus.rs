@@ -11,6 +11,7 @@ use frames::report::{GatewayRow, Losses};
 use link::gateway::{GatewayAddress, GatewayCounters, GatewayKind, GatewayParams, Gateways, TcpAddress};
 use link::simulated::{BusModel, BusParams, BusStatistics, BusTiming, SimulatedBus, Stuffing};
 use serde::Serialize;
+use run::wiring::cable::{gateway_name, gateway_notes};
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -103,7 +104,8 @@ pub fn run(arguments: &BusArgs) -> Result<u8> {
     let stop = signals::stop();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let mut gateways = Gateways::start(&bus, &params, &clock)?;
-    warn_of_exposed(&gateways);
+    let exposed = gateway_notes(&gateways).into_iter().filter(|note| note.starts_with("starloop: "));
+    exposed.for_each(|note| eprintln!("{note}"));
     arguments.announce(&gateways)?;
     let mut wall = Stopwatch::start();
     let was_stopped = runtime.block_on(async {
@@ -165,7 +167,7 @@ impl BusArgs {
                 let line = AddressLine { gateway, address: address.to_string() };
                 writeln!(out, "{}", serde_json::to_string(&line)?)?;
             } else {
-                writeln!(out, "{:<12} {address}", kind_name(gateway))?;
+                writeln!(out, "{:<12} {address}", gateway_name(gateway))?;
             }
         }
         out.flush().context("cannot print the addresses")
@@ -181,54 +183,9 @@ impl BusArgs {
         let load_percent = 100.0 * load;
         writeln!(out, "{duration_s:.1} s: {frames} frames, load {load_percent:.1} %, {error_frames} error frames")?;
         for GatewayLine { gateway, counters } in gateways {
-            writeln!(out, "{:<12} {}", kind_name(*gateway), sentence(counters))?;
+            writeln!(out, "{:<12} {}", gateway_name(*gateway), sentence(counters))?;
         }
         Ok(())
-    }
-}
-
-/// Says which gateways other machines can reach.
-fn warn_of_exposed(gateways: &Gateways) {
-    for (kind, address) in gateways.addresses().into_iter().filter(|(_, address)| address.is_exposed()) {
-        let name = kind_name(kind);
-        eprintln!("starloop: {name} at {address} can be reached from other machines, and asks for no password");
-    }
-}
-
-/// Prints where programs outside find the bus, and which gateways other machines can reach.
-pub(super) fn announce_gateways(gateways: &[Gateways]) {
-    for (kind, address) in gateways.iter().flat_map(Gateways::addresses) {
-        eprintln!("gateway: {} at {address}", kind_name(kind));
-    }
-    gateways.iter().for_each(warn_of_exposed);
-}
-
-/// What gateways did, for the summary of a run.
-pub(super) fn gateway_rows(gateways: &[Gateways]) -> Vec<GatewayRow> {
-    let row = |((kind, address), (_, counters)): ((GatewayKind, GatewayAddress), (GatewayKind, GatewayCounters))| {
-        let rejects = counters.rejects.iter().map(|(reason, count)| ((*reason).to_owned(), *count));
-        GatewayRow {
-            gateway: kind_name(kind).into(),
-            address: address.to_string(),
-            clients: counters.clients,
-            refused: counters.refused,
-            stalled: counters.stalled,
-            from_clients: counters.from_clients,
-            to_clients: counters.to_clients,
-            dropped: counters.dropped,
-            withheld: counters.withheld,
-            rejects: rejects.collect(),
-        }
-    };
-    gateways.iter().flat_map(|of_link| of_link.addresses().into_iter().zip(of_link.counters())).map(row).collect()
-}
-
-/// A gateway in words.
-fn kind_name(kind: GatewayKind) -> &'static str {
-    match kind {
-        GatewayKind::SlcanTcp => "slcan (TCP)",
-        GatewayKind::SlcanPty => "slcan (PTY)",
-        GatewayKind::Socketcand => "socketcand",
     }
 }
 

@@ -78,7 +78,7 @@ pub fn run(arguments: &CampaignArgs) -> Result<u8> {
     if seeds.iter().all(|seed| random_faults(&scenario, *seed).is_empty()) {
         bail!("duration_s is {episode_s}; wanted a longer run: no fault is drawn in it from any of these seeds");
     }
-    let (heads, threads) = (scenario.heads.len(), rayon::current_num_threads());
+    let (heads, threads) = (scenario.bench.head_count(), rayon::current_num_threads());
     RunMemory::of_loops(&scenario.bench, heads, seeds.len(), threads).check()?;
     eprintln!(
         "campaign \"{}\": {} episodes of {episode_s} s, seeds {} to {}",

@@ -15,7 +15,7 @@ use anyhow::Result;
 use base::clock::{Clock, Monotonic};
 use base::time::{Span, Tai};
 use clap::Args;
-use config::{Backend, Bench, Document, Event, Scenario, Setting, StartTime, is_scenario};
+use config::{Backend, Bench, Document, Event, Scenario, Setting, StartTime};
 use core::fmt::Write;
 use image::detector::cost::effect_costs;
 use run::runtime::{Imager, RunParams};
@@ -69,12 +69,10 @@ pub fn run(arguments: &CheckArgs) -> Result<()> {
 
 /// Everything there is to say about the file.
 fn checked(document: &Document, only_built_in: bool) -> Result<String> {
-    if !is_scenario(document) {
-        let bench = Bench::from_document(document)?;
-        return report(&bench, 1 + bench.extra_heads.len(), only_built_in);
-    }
     let scenario = Scenario::from_document(document)?;
-    Ok(check_scenario::report(&scenario)? + "\n" + &report(&scenario.bench, scenario.heads.len(), only_built_in)?)
+    let bench = report(&scenario.bench, scenario.bench.head_count(), only_built_in)?;
+    let is_plain = scenario.vehicle().is_none() && scenario.events.is_empty();
+    Ok(if is_plain { bench } else { check_scenario::report(&scenario)? + "\n" + &bench })
 }
 
 /// The conventions every number in files and on the wire follows.
@@ -164,7 +162,7 @@ fn describe(
         writeln!(text, "               {note}")?;
     }
     if !bench.extra_heads.is_empty() {
-        let mountings: Vec<String> = bench.heads().iter().map(|head| format!("{:.4?}", head.wxyz())).collect();
+        let mountings: Vec<String> = bench.mountings().iter().map(|head| format!("{:.4?}", head.wxyz())).collect();
         writeln!(text, "  heads        {}, drawn in turn, sensor_from_body {}", mountings.len(), mountings.join(" "))?;
     }
     for (place, words) in told_lines(&bench.sinks) {

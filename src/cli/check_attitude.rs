@@ -7,7 +7,7 @@
 use base::time::Span;
 use base::units::{ARCSEC, DEG};
 use config::{Bench, JitterSource, Wire};
-use core::f64::consts::{PI, TAU};
+use core::f64::consts::TAU;
 use core::fmt::{Error, Write};
 use firmware_protocol::can::CanFrame;
 use glam::DVec3;
@@ -18,6 +18,7 @@ use plan::attitude::{
 };
 use run::runtime::RunParams;
 use run::wiring::bench_parts;
+use run::wiring::motion::slew_scale;
 
 /// Four f32 of up to 1 are each wrong by up to 2^-25; an attitude turns by twice the error of its quaternion.
 const WIRE_QUATERNION_RAD: f64 = 4.0 / 33_554_432.0;
@@ -113,18 +114,6 @@ fn record_on_wire(bench: &Bench) -> Span {
     };
     let one = packet.and_then(|packet| timing.duration(&packet)).unwrap_or(Span::ZERO);
     Span::from_ns(one.ns().saturating_mul(frames))
-}
-
-/// The slew at its fastest: ramps of half its length, `rate = peak (1 - cos(pi t / ramp)) / 2`.
-pub(super) fn slew_scale(bench: &Bench) -> MotionScale {
-    let Some(slew) = &bench.flight_computer.slew else { return MotionScale::default() };
-    let (peak_rad_s, ramp_s) = (2.0 * slew.angle_deg.abs() * DEG / slew.duration_s, 0.5 * slew.duration_s);
-    MotionScale {
-        rate_rad_s: peak_rad_s,
-        acceleration_rad_s2: 0.5 * peak_rad_s * PI / ramp_s,
-        jerk_rad_s3: 0.5 * peak_rad_s * (PI / ramp_s).powi(2),
-        sinusoids: Vec::new(),
-    }
 }
 
 /// What the records themselves are wrong by.

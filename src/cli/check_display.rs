@@ -2,7 +2,6 @@
 //!
 //! Input: a bench and the run that was made of it. Output: text. The numbers are those of `run::wiring::display_parts`.
 
-use crate::cli::check_attitude::slew_scale;
 use anyhow::Result;
 use base::time::Span;
 use base::units::ARCSEC;
@@ -10,6 +9,7 @@ use config::{Bench, Sink};
 use core::fmt::Write;
 use outputs::display::calibration::Calibration;
 use outputs::display::latency::LatencySource;
+use run::wiring::motion::slew_scale;
 use run::runtime::RunParams;
 use run::wiring::display_parts::{CLOCKS_PPM, NO_CALIBRATION, NO_LATENCY, beat, calibrated_display, latency};
 

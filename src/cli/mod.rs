@@ -36,7 +36,6 @@ pub mod degrees;
 mod frame_plan;
 pub mod link_check;
 mod lettering;
-mod live_view;
 mod load_threads;
 mod monitor;
 mod named_camera;
@@ -51,15 +50,18 @@ mod render_notes;
 pub mod render_output;
 pub mod replay;
 pub mod run;
+pub mod run_args;
+mod run_control;
 mod run_end;
-mod run_heads;
 mod run_input;
-pub mod run_scenario;
+mod run_progress;
+mod run_verdict;
 pub mod scenario_plot;
 pub mod scenario_report;
 mod signals;
 pub mod snr;
 pub mod study;
+mod telemetry_file;
 pub mod verify;
 mod wcs_warning;
 #[cfg(feature = "hats")]
@@ -110,7 +112,7 @@ struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Run a bench or a scenario: attitude from its link, frames into its sink, on a deadline
-    Run(run::RunArgs),
+    Run(run_args::RunArgs),
     /// Run a bench on the real clock and hold the time of every stage against its budget
     Budget(budget::BudgetArgs),
     /// Draw the frames of a captured run again and compare them bit by bit, or those of a capture of the bus

@@ -1,99 +1,153 @@
-//! How a run of a bench ends: its table, its `summary.json`, what it lost, its exit status.
+//! How a run ends: verdict, tables, `summary.json` and `scenario.json`, what it lost, its exit status.
 
-use crate::cli::run::{ClockKind, RunArgs};
-use crate::cli::run_heads::BenchHead;
-use crate::cli::{EXIT_DONE, EXIT_LOST, signals};
+use crate::cli::run_args::{ClockKind, RunArgs};
+use crate::cli::run_control::Client;
+use crate::cli::run_verdict::verdict_line;
+use crate::cli::scenario_report::{ScenarioReport, table};
+use crate::cli::{EXIT_DONE, EXIT_FAILED, EXIT_LOST, EXIT_NOT_MET, signals};
 use anyhow::{Context, Result};
-use base::time::Tai;
-use config::Bench;
-use frames::report::{GatewayRow, HygieneLine, Losses, RunSummary, summary_table};
+use config::{Bench, Scenario};
+use frames::report::{Losses, RunSummary, short_table, summary_table};
 use frames::sink::replace_own_file;
-use run::runtime::{FrameEngine, RunOutcome, sink_rows};
+use run::runtime::FrameEngine;
+use run::wiring::run_end::RunEnd;
 use std::path::PathBuf;
 
 /// A run that has ended, and everything it ran with.
 pub(super) struct Finished {
-    pub(super) bench: Bench,
-    pub(super) start: Tai,
-    /// At least one.
-    pub(super) heads: Vec<BenchHead>,
-    pub(super) outcome: RunOutcome,
-    pub(super) gateways: Vec<GatewayRow>,
-    /// What is lost although the run reached its end.
-    pub(super) losses: Losses,
-    pub(super) hygiene: Vec<HygieneLine>,
+    pub(super) scenario: Scenario,
+    pub(super) end: RunEnd,
+    /// Who steered it.
+    pub(super) client: Option<Client>,
     pub(super) wall_s: f64,
     pub(super) was_interrupted: bool,
     pub(super) directory: Option<PathBuf>,
 }
 
 impl Finished {
-    /// Returns the exit status, and prints what was lost, also when the run is quiet.
-    ///
-    /// # Errors
-    /// With why the run ended early, if it did.
-    pub(super) fn status(self) -> Result<u8> {
-        let was_lost = say_losses(&self.losses);
-        if let Some(error) = self.outcome.error {
-            return Err(error).context("the run ended early; everything finished before is kept");
-        }
-        if self.was_interrupted {
-            eprintln!("starloop: stopped by {}; everything finished before is kept", signals::cause());
-        }
-        Ok(match (was_lost, self.was_interrupted) {
-            (true, _) => EXIT_LOST,
-            (false, true) => signals::exit_status(),
-            (false, false) => EXIT_DONE,
-        })
+    /// Returns the bench.
+    pub(super) fn bench(&self) -> &Bench {
+        &self.scenario.bench
     }
 
     /// Returns what drew the frames of the first head.
     pub(super) fn engine(&self) -> &FrameEngine {
-        &self.heads[0].engine
+        &self.end.heads[0].engine
     }
 
     /// Returns counts, times and events.
-    pub(super) fn summary(&self, clock: &str) -> RunSummary {
-        let RunOutcome { record, ports, summaries, .. } = &self.outcome;
-        let sink = summaries.first().and_then(Option::as_ref);
-        let mut summary = record.summary(self.engine(), &self.heads[0].receiver, ports, sink);
-        summary.bench.clone_from(&self.bench.name);
-        summary.sinks = sink_rows(&self.outcome.sinks);
-        summary.losses = self.losses.clone();
-        summary.gateways.clone_from(&self.gateways);
+    pub(super) fn summary(&self, clock: ClockKind) -> RunSummary {
+        let mut summary = self.end.summary();
+        summary.bench.clone_from(&self.scenario.name);
         summary.wall_s = self.wall_s;
-        summary.clock = clock.into();
+        summary.clock = clock.summary_name().into();
         summary
     }
 
-    /// Writes `summary.json`; a file that cannot be written is a loss.
+    /// Returns what became of expectations, faults and the spacecraft; `None` for a run without any of them.
+    pub(super) fn report(&self) -> Option<ScenarioReport> {
+        let is_judged = self.scenario.vehicle().is_some()
+            || !self.end.faults.is_empty()
+            || !self.end.assessment.verdicts(None, &self.end.record).is_empty();
+        is_judged.then(|| {
+            let report = ScenarioReport::of(&self.scenario, &self.end.view(), self.wall_s);
+            let mut report = report.with_sinks(&self.end.sink_lines);
+            report.losses = self.end.losses.clone();
+            report.with_control(self.client.as_ref().map(Client::refusals))
+        })
+    }
+
+    /// Writes `summary.json`, and `scenario.json` where there is something to judge; a file that cannot be written is a loss.
     ///
     /// # Errors
-    /// When the summary does not go into JSON.
-    pub(super) fn write_summary(&mut self, arguments: &RunArgs) -> Result<()> {
-        let summary = self.summary(clock_name(arguments));
-        if let Some(directory) = &self.directory {
-            let path = directory.join("summary.json");
-            let json = summary.to_json_pretty()?;
-            if let Err(error) = replace_own_file(&path, |out| out.write_all(json.as_bytes())) {
-                self.losses.note_file("summary.json", error);
+    /// When a report does not go into JSON.
+    pub(super) fn write_files(&mut self, arguments: &RunArgs) -> Result<()> {
+        let Some(directory) = self.directory.clone() else { return Ok(()) };
+        if let Some(report) = self.report() {
+            let json = serde_json::to_string_pretty(&report)?;
+            self.write(&directory.join("scenario.json"), &json);
+        }
+        let json = self.summary(arguments.clock).to_json_pretty()?;
+        self.write(&directory.join("summary.json"), &json);
+        Ok(())
+    }
+
+    fn write(&mut self, path: &std::path::Path, json: &str) {
+        if let Err(error) = replace_own_file(path, |out| out.write_all(json.as_bytes())) {
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            self.end.losses.note_file(&name, error);
+        }
+    }
+
+    /// Prints the verdict and a table, or the report as JSON, unless the run is quiet.
+    ///
+    /// # Errors
+    /// When a report does not go into JSON.
+    pub(super) fn print(&self, arguments: &RunArgs) -> Result<()> {
+        let report = self.report();
+        if arguments.json {
+            match report {
+                Some(report) => println!("{}", serde_json::to_string(&report)?),
+                None => println!("{}", serde_json::to_string(&self.summary(arguments.clock))?),
             }
+            return Ok(());
+        }
+        if arguments.quiet {
+            return Ok(());
+        }
+        println!("{}", verdict_line(self, arguments.clock));
+        let summary = self.summary(arguments.clock);
+        let is_flown = self.scenario.vehicle().is_some();
+        if arguments.details && !is_flown {
+            println!("{}", summary_table(&summary));
+        } else if !is_flown {
+            print!("{}", short_table(&summary));
+        }
+        if let Some(report) = report {
+            print!("{}", table(&report, arguments.details, is_flown));
+        }
+        if arguments.details && is_flown {
+            println!("{}", summary_table(&summary));
         }
         Ok(())
     }
 
-    /// Prints the table, unless the run is quiet.
-    pub(super) fn print_table(&self, arguments: &RunArgs) {
-        if !arguments.quiet {
-            println!("{}", summary_table(&self.summary(clock_name(arguments))));
+    /// Returns the exit status, and prints what was lost, also when the run is quiet. A client that waits for the end gets it.
+    ///
+    /// # Errors
+    /// With why the run ended early, if it did.
+    pub(super) fn status(self, arguments: &RunArgs) -> Result<u8> {
+        let was_lost = say_losses(&self.end.losses);
+        let holds = self.end.holds();
+        let (name, seed) = (&self.scenario.name, self.scenario.bench.seed);
+        let report = match self.report() {
+            Some(report) => serde_json::to_value(&report)?,
+            None => serde_json::to_value(self.summary(arguments.clock))?,
+        };
+        let mut status = match (was_lost, self.was_interrupted, holds) {
+            (true, _, _) => EXIT_LOST,
+            (false, true, _) => signals::exit_status(),
+            (false, false, false) => EXIT_NOT_MET,
+            (false, false, true) => EXIT_DONE,
+        };
+        if let Some(client) = self.client {
+            if client.is_gone() && arguments.clock == ClockKind::Virtual && !self.was_interrupted {
+                let now_s = self.end.simulated_s;
+                eprintln!("starloop: the control client went away at {now_s} s; what was finished by then is written");
+                status = EXIT_FAILED;
+            }
+            client.close(report, status);
         }
-    }
-}
-
-fn clock_name(arguments: &RunArgs) -> &'static str {
-    match arguments.clock {
-        ClockKind::Real => "monotonic",
-        ClockKind::Virtual => "virtual",
+        if let Some(error) = self.end.error {
+            let why = "the run ended early; everything finished before is kept";
+            return Err(error).with_context(|| format!("{why}; seed {seed} repeats it"));
+        }
+        if self.was_interrupted {
+            eprintln!("starloop: stopped by {}; everything finished before is kept", signals::cause());
+        } else if !holds {
+            eprintln!("starloop: \"{name}\" did not hold; seed {seed} repeats it");
+        }
+        Ok(status)
     }
 }
 

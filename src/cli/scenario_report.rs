@@ -9,7 +9,7 @@ use run::runtime::{note_lost_reader, sink_rows};
 use run::wiring::assessment::{ModeLine, Verdict, WindowErrors};
 use run::wiring::control::ControlRefusals;
 use run::wiring::faults::FaultLine;
-use run::wiring::loop_outcome::LoopView;
+use run::wiring::run_end::LoopView;
 use serde::Serialize;
 
 /// The report of one scenario run.
@@ -97,7 +97,7 @@ impl ScenarioReport {
         let (record, assessment) = (outcome.record, outcome.assessment);
         let simulated_s = outcome.simulated_s;
         let predicted = outcome.predicted_pointing_rad.map(|rad| rad / ARCSEC);
-        let verdicts = assessment.verdicts(predicted);
+        let verdicts = assessment.verdicts(predicted, record);
         let (violations, lines) = assessment.violations();
         let (frames_held_to_truth, largest_rendered_error_arcsec) = assessment.rendered();
         let mut losses = Losses::default();
@@ -160,15 +160,17 @@ impl ScenarioReport {
     }
 }
 
-/// The report for people.
+/// Returns the report for people; of a run without a spacecraft its faults and expectations only.
 #[must_use]
-pub fn table(report: &ScenarioReport) -> String {
+pub fn table(report: &ScenarioReport, details: bool, is_flown: bool) -> String {
     let mut text = String::new();
-    write_table(&mut text, report).expect("a string takes everything");
+    let flown = if is_flown { write_flight(&mut text, report, details) } else { Ok(()) };
+    let written = flown.and_then(|()| write_faults(&mut text, report)).and_then(|()| write_verdicts(&mut text, report));
+    written.expect("a string takes everything");
     text
 }
 
-fn write_table(text: &mut String, report: &ScenarioReport) -> core::fmt::Result {
+fn write_flight(text: &mut String, report: &ScenarioReport, details: bool) -> core::fmt::Result {
     let frames = &report.frames;
     writeln!(text, "scenario  {} (seed {})", report.scenario, report.seed)?;
     writeln!(
@@ -211,6 +213,9 @@ fn write_table(text: &mut String, report: &ScenarioReport) -> core::fmt::Result 
             )?;
         }
     }
+    if !details {
+        return Ok(());
+    }
     if let Some(predicted) = report.predicted_pointing_arcsec {
         writeln!(text, "predicted boresight {predicted:.3} arcsec rms by linear theory")?;
     }
@@ -223,6 +228,10 @@ fn write_table(text: &mut String, report: &ScenarioReport) -> core::fmt::Result 
     for mode in report.modes.iter().take(20) {
         writeln!(text, "mode      {:9.1} s  {} -> {} ({})", mode.t_s, mode.from, mode.to, mode.cause)?;
     }
+    Ok(())
+}
+
+fn write_faults(text: &mut String, report: &ScenarioReport) -> core::fmt::Result {
     for fault in report.faults.iter().take(40) {
         writeln!(
             text,
@@ -241,7 +250,7 @@ fn write_table(text: &mut String, report: &ScenarioReport) -> core::fmt::Result 
     for (reason, count) in &report.control_refusals {
         writeln!(text, "control   {count} connections refused: {reason}")?;
     }
-    write_verdicts(text, report)
+    Ok(())
 }
 
 /// Writes what was expected, what broke, and the last line.

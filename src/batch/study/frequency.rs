@@ -10,7 +10,7 @@ use super::{Study, rounded_to};
 use base::time::Span;
 use base::units::{ARCSEC, DEG};
 use core::f64::consts::TAU;
-use run::wiring::closed_loop::LoopError;
+use run::wiring::error::LoopError;
 use testbed::acs::complex::Complex;
 
 /// A phase margin may be off by this, deg. Pointing noise of 0.55 arcsec rms about an axis, within about 0.1 Hz, is 0.3

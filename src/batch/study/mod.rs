@@ -2,7 +2,7 @@
 //!
 //! In: a scenario (its camera, bus, spacecraft and control; durations and injections are the study's). Out: points with
 //! what was measured on the true attitude, what theory says and whether they agree ([`StudyPoint`]), a table, CSV and
-//! charts. Every point is a run of its own of [`run::wiring::closed_loop::ClosedLoop`] on the CPU, so points run side
+//! charts. Every point is a run of its own of [`run::wiring::stepped::SteppedRun`] on the CPU, so points run side
 //! by side and the result does not depend on how many do.
 //!
 //! Assumptions: theory is one rigid axis with small angles ([`theory`]); flexible modes lie well above the bandwidth.
@@ -29,7 +29,7 @@ use core::f64::consts::TAU;
 use core::sync::atomic::{AtomicUsize, Ordering};
 use frequency::Latency;
 use rayon::prelude::*;
-use run::wiring::closed_loop::LoopError;
+use run::wiring::error::LoopError;
 use run::wiring::vehicle_parts::vehicle_params;
 use testbed::vehicle::VehicleParams;
 use theory::LoopOnPaper;
@@ -49,6 +49,9 @@ pub enum StudyError {
         /// Why.
         why: Box<LoopError>,
     },
+    /// a spacecraft is needed
+    #[error("got a run without a spacecraft; wanted one whose control can be studied")]
+    NothingFlown,
     /// the scenario's control has no crossover
     #[error("the control's gain is one at no frequency: wanted a fine pointing loop within its control period")]
     NoCrossover,
@@ -172,7 +175,7 @@ impl Study {
             StartTime::At(at) => at,
             StartTime::Now => base::time::Tai::from_ns(0),
         };
-        let vehicle = vehicle_params(&still, at);
+        let vehicle = vehicle_params(&still, still.vehicle().ok_or(StudyError::NothingFlown)?, at);
         let paper = LoopOnPaper::of(&vehicle);
         let exposure = &scenario.bench.camera.exposure;
         Ok(Self {
@@ -249,7 +252,7 @@ impl Study {
 
     /// Sensor from body of the first head.
     fn head(&self) -> glam::DQuat {
-        self.scenario.heads.first().map_or(glam::DQuat::IDENTITY, |head| head.quat())
+        self.scenario.bench.sensor_from_body.quat()
     }
 
     fn slew_acceleration_rad_s2(&self) -> f64 {

@@ -9,7 +9,7 @@ use base::time::Span;
 use base::units::{ARCSEC, DEG};
 use config::{Action, Event, Pointing};
 use glam::DVec3;
-use run::wiring::closed_loop::LoopError;
+use run::wiring::error::LoopError;
 
 /// A pointing error may be off by this share: two axes of noise within about 0.05 Hz over one record of 600 s are 120
 /// independent values, whose rms scatters by 6.5 %; three sigmas. Points share their seeds, and so their scatter.
@@ -92,9 +92,10 @@ fn turning(study: &Study, tag_s: f64) -> Result<Trace, LoopError> {
     let injection = Injection { tag_error: Span::from_s(tag_s), ..Injection::NONE };
     let duration_s = TURN_AT_S + TURN_DEG * DEG / TURN_RAD_S;
     let mut scenario = at_rest(&study.scenario, duration_s, duration_s - TURN_AT_S, &injection);
-    scenario.spacecraft.control.slew_rate_rad_s = TURN_RAD_S;
-    let up = if scenario.target.dec_deg > 0.0 { -TURN_DEG } else { TURN_DEG };
-    let target = Pointing { dec_deg: scenario.target.dec_deg + up, ..scenario.target };
+    let vehicle = scenario.vehicle_mut().ok_or(LoopError::NothingFlown)?;
+    vehicle.spacecraft.control.slew_rate_rad_s = TURN_RAD_S;
+    let up = if vehicle.target.dec_deg > 0.0 { -TURN_DEG } else { TURN_DEG };
+    let target = Pointing { dec_deg: vehicle.target.dec_deg + up, ..vehicle.target };
     scenario.events.push(Event {
         at: Span::from_s(TURN_AT_S),
         on_trigger: None,

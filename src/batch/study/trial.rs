@@ -12,7 +12,8 @@ use config::{Backend, Scenario};
 use core::f64::consts::TAU;
 use frames::sink::NullSink;
 use glam::DVec3;
-use run::wiring::closed_loop::{ClosedLoop, LoopError};
+use run::wiring::error::LoopError;
+use run::wiring::stepped::SteppedRun;
 use std::sync::{Arc, Mutex, PoisonError};
 use testbed::acs::Mode;
 use testbed::acs::complex::Complex;
@@ -84,22 +85,23 @@ pub struct Trace {
 #[must_use]
 pub fn at_rest(scenario: &Scenario, duration_s: f64, window_s: f64, injection: &Injection) -> Scenario {
     let mut scenario = scenario.clone();
-    scenario.initial = Some(scenario.target);
-    scenario.initial_rate_rad_s = DVec3::ZERO;
     scenario.bench.timing.duration_s = duration_s;
     scenario.bench.render.backend = Backend::Cpu;
     scenario.bench.sinks.clear();
     scenario.bench.seed = scenario.bench.seed.wrapping_add(injection.seed);
-    scenario.telemetry_every = 1;
     scenario.events.clear();
     scenario.expect.window_s = window_s;
-    scenario.actuation_delay = injection.actuation_delay;
-    scenario.tracker_delay = injection.tracker_delay.unwrap_or(scenario.tracker_delay);
-    scenario.tag_error = injection.tag_error;
-    for wheel in &mut scenario.spacecraft.params.wheels {
+    let Some(vehicle) = scenario.vehicle_mut() else { return scenario };
+    vehicle.initial = Some(vehicle.target);
+    vehicle.initial_rate_rad_s = DVec3::ZERO;
+    vehicle.telemetry_every = 1;
+    vehicle.actuation_delay = injection.actuation_delay;
+    vehicle.tracker_delay = injection.tracker_delay.unwrap_or(vehicle.tracker_delay);
+    vehicle.tag_error = injection.tag_error;
+    for wheel in &mut vehicle.spacecraft.params.wheels {
         (wheel.viscous_n_m_s, wheel.coulomb_n_m) = (0.0, 0.0);
     }
-    let inertia = scenario.spacecraft.params.inertia_kg_m2;
+    let inertia = vehicle.spacecraft.params.inertia_kg_m2;
     let torque = |tone: &Tone| {
         let mut acceleration = DVec3::ZERO;
         acceleration[tone.axis] = tone.amplitude_rad * (TAU * tone.frequency_hz).powi(2);
@@ -110,7 +112,7 @@ pub fn at_rest(scenario: &Scenario, duration_s: f64, window_s: f64, injection: &
             ramp_s: RAMP_S,
         }
     };
-    scenario.test_torques = injection.tones.iter().map(torque).collect();
+    vehicle.test_torques = injection.tones.iter().map(torque).collect();
     scenario
 }
 
@@ -119,7 +121,7 @@ pub fn at_rest(scenario: &Scenario, duration_s: f64, window_s: f64, injection: &
 /// # Errors
 /// When the loop cannot be made or fails.
 pub fn fly(scenario: &Scenario) -> Result<Trace, LoopError> {
-    let mut going = ClosedLoop::new(scenario, |_| Box::new(NullSink::new()))?;
+    let mut going = SteppedRun::new(scenario, |_| Box::new(NullSink::new()))?;
     let start = going.now();
     let heard = Arc::new(Mutex::new(Vec::new()));
     let told = Arc::clone(&heard);
@@ -134,7 +136,10 @@ pub fn fly(scenario: &Scenario) -> Result<Trace, LoopError> {
         told.lock().unwrap_or_else(PoisonError::into_inner).push(sample);
     }));
     going.run_to_end(&mut |_, _, _| true)?;
-    let outcome = going.finish()?;
+    let outcome = going.end(None);
+    if let Some(error) = outcome.error {
+        return Err(error);
+    }
     let samples = core::mem::take(&mut *heard.lock().unwrap_or_else(PoisonError::into_inner));
     Ok(Trace { samples, nea_rad: outcome.assessment.nea_rad() })
 }
@@ -163,7 +168,7 @@ pub fn measured_sensitivity(
     settle_s: f64,
     record_s: f64,
 ) -> Result<Option<Vec<Complex>>, LoopError> {
-    let period_s = scenario.spacecraft.control.period.s();
+    let period_s = scenario.vehicle().ok_or(LoopError::NothingFlown)?.spacecraft.control.period.s();
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some thousands")]
     let count = (record_s / period_s).round() as usize;
     let duration_s = QUIET_S + settle_s + record_s;

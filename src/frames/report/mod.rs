@@ -45,7 +45,7 @@ pub use progress::{Progress, progress_line, step_line};
 pub use progress_numbers::{EVENTS_MAX, NAMES_MAX, NamedCounts, PortCounts, RunNumbers};
 pub use stages::{Stage, StageHistograms, StageTimes};
 pub use summary::{EventLine, FrameCounts, LinkCounts, RunSummary, SinkRow};
-pub use table::summary_table;
+pub use table::{short_table, summary_table};
 pub use time_tally::TimeTally;
 pub use timeline::timeline_svg;
 

@@ -29,6 +29,38 @@ pub fn summary_table(summary: &RunSummary) -> String {
     trimmed.join("\n") + "\n"
 }
 
+/// Lays out what matters most of a summary; ends in a line break.
+#[must_use]
+pub fn short_table(s: &RunSummary) -> String {
+    let f = &s.frames;
+    let times = |q: &Quantiles| format!("p50 {:.3} ms, p99 {:.3} ms, longest {:.3} ms", q.p50_ms, q.p99_ms, q.max_ms);
+    let counts = [("late", f.late), ("held", f.held), ("dropped", f.dropped), ("blank", f.blank), ("extrapolated", f.extrapolated)];
+    let counts: Vec<String> = counts.iter().filter(|(_, n)| *n > 0).map(|(name, n)| format!(", {n} {name}")).collect();
+    let rejected: u64 = s.link.rejects.values().sum();
+    let accepted = s.link.counters.get("attitudes_accepted").copied().unwrap_or(0);
+    let mut rows = vec![
+        ("bench", format!("{}, camera \"{}\", {} backend", s.bench, s.camera, s.backend)),
+        ("frames", format!("{} scheduled, {} delivered{}", f.scheduled, f.delivered, counts.concat())),
+        ("release to delivered", times(&s.stages[Stage::ReleaseToDelivered as usize])),
+        ("attitudes", format!("{accepted} accepted, {rejected} messages refused; age {}", times(&s.attitude_age))),
+    ];
+    if !s.faults.is_empty() {
+        rows.push(("frames with", joined(&s.faults)));
+    }
+    if !s.degraded.is_empty() {
+        rows.push(("degraded, frames", joined(&s.degraded)));
+    }
+    rows.push(("output", format!("{} {}", s.sink, s.output.as_deref().unwrap_or("(nothing kept)"))));
+    rows.push(("run CRC-32", s.run_crc32.clone()));
+    let mut lines: Vec<String> = rows.into_iter().map(|(name, value)| format!("{name:<NAME_WIDTH$}{value}")).collect();
+    let in_trouble = |row: &&SinkRow| row.dropped + row.refused > 0 || row.is_lost;
+    lines.extend(s.sinks.iter().filter(in_trouble).map(|row| {
+        format!("{:<NAME_WIDTH$}{} taken, {} dropped, {} refused", row.place, row.frames, row.dropped, row.refused)
+    }));
+    lines.push("(--details: every stage, counter and event)".into());
+    lines.join("\n") + "\n"
+}
+
 fn push_run(lines: &mut Vec<String>, s: &RunSummary) {
     let machine = format!("{}, {} hardware threads, {}", s.machine.cpu, s.machine.cores, s.machine.system);
     let length = format!("{:.3} s on the {} clock, {:.3} s of wall time", s.duration_s, s.clock, s.wall_s);

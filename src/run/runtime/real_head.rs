@@ -9,7 +9,7 @@ use crate::runtime::error::RunError;
 use crate::runtime::frame_faults::{Fate as Spoiling, FrameFaults};
 use crate::runtime::ledger::EventKind;
 use crate::runtime::params::DeadlinePolicy;
-use crate::runtime::real_time::{Head, Setting, Shared, take_back};
+use crate::runtime::real_time::{Head, HeadParts, Setting, Shared, take_back};
 use crate::runtime::receiver::Receiver;
 use crate::runtime::record::RunRecord;
 use crate::runtime::slot::Slot;
@@ -55,6 +55,12 @@ impl<'a> RealHead<'a> {
             previous: prototype,
             has_previous: false,
         })
+    }
+
+    /// Returns what an order from outside may change.
+    pub(super) fn parts(&mut self) -> HeadParts<'_> {
+        let Self { engine, receiver, faults, .. } = self;
+        HeadParts { engine, receiver, faults: faults.as_deref_mut() }
     }
 
     /// Draws the frame of a slot and sends it, or does what is to be done where it cannot.

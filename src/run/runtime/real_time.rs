@@ -24,6 +24,7 @@ use crate::runtime::slot::Slot;
 use base::clock::Clock;
 use base::time::{Span, Tai};
 use core::sync::atomic::{AtomicBool, Ordering};
+use crossbeam_channel::Receiver as Queue;
 use frames::report::{FrameRecord, Stage};
 use frames::sink::{FrameMeta, SentFrame, Sink};
 use link::Port;
@@ -49,6 +50,22 @@ pub struct Setting<'a> {
     pub hygiene: Option<&'a Arc<Hygiene>>,
     /// Frames whose times are kept one by one.
     pub ring_frames: usize,
+    /// What the frame thread is to do between two slots; `None`: nothing.
+    pub orders: Option<&'a Queue<FrameOrder>>,
+}
+
+/// Something that the frame thread is to do between two slots, with all heads. It may take long and allocate: what it
+/// delays is counted as late.
+pub type FrameOrder = Box<dyn FnOnce(&mut [HeadParts<'_>], &mut RunRecord) + Send>;
+
+/// The parts of a head that an order may change.
+pub struct HeadParts<'a> {
+    /// Draws.
+    pub engine: &'a mut FrameEngine,
+    /// Hears.
+    pub receiver: &'a mut Receiver,
+    /// Spoils frames; `None`: nothing does.
+    pub faults: Option<&'a mut FrameFaults>,
 }
 
 /// Where a run on the bench clock hears the flight computer.
@@ -88,7 +105,7 @@ pub fn run(
     stop: &Arc<AtomicBool>,
     progress: &mut dyn FnMut(&SentFrame, &RunRecord),
 ) -> RunOutcome {
-    let setting = Setting { clock, stop, hygiene: None, ring_frames: 0 };
+    let setting = Setting { clock, stop, hygiene: None, ring_frames: 0, orders: None };
     let heads = vec![Head { engine, receiver, sink, faults: None }];
     run_in(&setting, heads, port.into(), &mut |_head, frame, record| progress(frame, record))
 }
@@ -118,7 +135,7 @@ pub fn run_in(
                 said_already: Ledger::default(),
             };
             let mut bench = Bench { heads, shared };
-            let mut error = bench.frames(setting.stop, &mut record, progress).err();
+            let mut error = bench.frames(setting, &mut record, progress).err();
             let (mut summaries, mut sinks) = (Vec::new(), Vec::new());
             let heads = bench.heads.len();
             bench.heads.iter_mut().for_each(|head| head.delivery.hang_up());
@@ -204,33 +221,39 @@ struct Bench<'a> {
 impl Bench<'_> {
     fn frames(
         &mut self,
-        stop: &AtomicBool,
+        setting: &Setting<'_>,
         record: &mut RunRecord,
         progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
     ) -> Result<(), RunError> {
-        let Some(frames) = self.heads.first().map(|head| head.engine.params().frames) else { return Ok(()) };
-        for number in 0..frames {
-            let slot = self.heads[0].engine.slot(number);
+        let mut next = vec![0; self.heads.len()];
+        while let Some(release) = self.next_release(&next) {
             let mut asked = self.shared.clock.now();
-            if !self.listen_until(slot.release, stop, record) {
+            self.take_orders(setting.orders, record);
+            if !self.listen_until(release, setting.stop, record) {
                 break;
             }
             let mut begun = self.shared.clock.now();
             if self.shared.radio.is_finished() {
-                break; // its error is told when the run ends
+                break; // its error is reported when the run ends
             }
-            if !self.await_jitter(slot, stop, record) {
+            if !self.await_jitter(release, &next, setting.stop, record) {
                 break;
             }
             self.receive(record);
             let received = self.shared.clock.now() - begun;
-            for head in &mut self.heads {
+            let mut is_first = true;
+            for (head, next) in self.heads.iter_mut().zip(&mut next) {
+                let slot = head.engine.slot(*next);
+                if *next >= head.engine.params().frames || slot.release != release {
+                    continue;
+                }
+                *next += 1;
                 let mut timed =
                     FrameRecord::released(slot.number, [slot.exposure_start, slot.release, slot.due], [asked, begun]);
                 timed.head = head.number;
                 timed.times.set(Stage::Receive, received);
                 record.frames.scheduled += 1;
-                if head.number == 0 {
+                if core::mem::take(&mut is_first) {
                     // Once a slot: what a further head waited for is the drawing of those before it.
                     record.stages.record(&timed.times);
                 }
@@ -241,6 +264,20 @@ impl Bench<'_> {
             }
         }
         Ok(())
+    }
+
+    /// When the next slot of any head is released; `None` when all are over.
+    fn next_release(&self, next: &[u32]) -> Option<Tai> {
+        let left = self.heads.iter().zip(next).filter(|(head, next)| **next < head.engine.params().frames);
+        left.map(|(head, next)| head.engine.slot(*next).release).min()
+    }
+
+    /// Does what was ordered from outside.
+    fn take_orders(&mut self, orders: Option<&Queue<FrameOrder>>, record: &mut RunRecord) {
+        for order in orders.into_iter().flat_map(Queue::try_iter) {
+            let mut parts: Vec<HeadParts<'_>> = self.heads.iter_mut().map(RealHead::parts).collect();
+            order(&mut parts, record);
+        }
     }
 
     /// Takes messages in as they come, and sleeps in between, until `at`; false when the run is to stop.
@@ -259,12 +296,19 @@ impl Bench<'_> {
         false
     }
 
-    /// Waits for jitter samples of the exposure that are under way, as long as every head has time for it; false when the run is
-    /// to stop.
-    fn await_jitter(&mut self, slot: Slot, stop: &AtomicBool, record: &mut RunRecord) -> bool {
-        let waits = self.heads.iter().map(|head| head.engine.jitter_wait(slot, head.receiver));
-        let until = slot.release + waits.min().unwrap_or(Span::ZERO);
-        while self.heads.first().is_some_and(|head| head.engine.lacks_jitter(slot, head.receiver)) {
+    /// Waits for jitter samples of the exposures released at `release` that are under way, as long as every head of them has
+    /// time for it; false when the run is to stop.
+    fn await_jitter(&mut self, release: Tai, next: &[u32], stop: &AtomicBool, record: &mut RunRecord) -> bool {
+        let limit = |bench: &Self| {
+            let waits = bench.released(release, next).map(|(head, slot)| head.engine.jitter_wait(slot, head.receiver));
+            release + waits.min().unwrap_or(Span::ZERO)
+        };
+        let until = limit(self);
+        let lacks = |bench: &Self| {
+            let first = bench.released(release, next).next();
+            first.is_some_and(|(head, slot)| head.engine.lacks_jitter(slot, head.receiver))
+        };
+        while lacks(self) {
             let now = self.shared.clock.now();
             if now >= until {
                 break;
@@ -274,6 +318,12 @@ impl Bench<'_> {
             }
         }
         true
+    }
+
+    /// Heads with a slot that is released at this instant, and that slot.
+    fn released<'s>(&'s self, release: Tai, next: &'s [u32]) -> impl Iterator<Item = (&'s RealHead<'s>, Slot)> {
+        let slots = self.heads.iter().zip(next).filter(|(head, next)| **next < head.engine.params().frames);
+        slots.map(|(head, next)| (head, head.engine.slot(*next))).filter(move |(_, slot)| slot.release == release)
     }
 
     /// What has arrived and was not waited for; and what became of the ports.

@@ -329,7 +329,7 @@ impl VirtualLoop {
             let head = &mut heads[pending.head];
             let mut watch = Stopwatch::start();
             let sent = head.sink.send(&pending.frame);
-            self.note_losses(head);
+            self.note_losses(head.sink);
             sent?;
             self.record.count_outgoing(&pending.frame.meta);
             self.record.frames.delivered += 1;
@@ -344,10 +344,10 @@ impl VirtualLoop {
         Ok(())
     }
 
-    /// Brings to the ledger what the sinks of a head lost.
-    fn note_losses(&mut self, head: &mut Head<'_>) {
+    /// Brings to the ledger what a sink lost.
+    pub fn note_losses(&mut self, sink: &mut dyn Sink) {
         let (now, record) = (self.clock.now(), &mut self.record);
-        head.sink.take_losses(&mut |loss| record.note_losses(&[loss], now));
+        sink.take_losses(&mut |loss| record.note_losses(&[loss], now));
     }
 
     /// A buffer of the engine's size.
@@ -391,7 +391,7 @@ pub fn run_in(clock: &Arc<Virtual>, mut heads: Vec<Head<'_>>, world: &mut World<
     let count = heads.len();
     for (number, head) in heads.iter_mut().enumerate() {
         let finished = head.sink.finish();
-        going.note_losses(head);
+        going.note_losses(head.sink);
         let summary = match finished {
             Ok(summary) => Some(summary),
             Err(finishing) => {

@@ -2,9 +2,10 @@
 //!
 //! Nothing is kept but sums, so that a run of a hundred hours needs no more memory than one of a minute.
 
+use crate::runtime::{EventKind, RunRecord};
 use base::time::{Span, Tai};
 use base::units::ARCSEC;
-use config::Expect;
+use config::{Expect, ExpectFrames};
 use frames::sink::crc32::Crc32;
 use serde::Serialize;
 use testbed::acs::{Mode, ModeEvent};
@@ -329,7 +330,7 @@ impl Assessment {
 
     /// What the expectations came to. `predicted_arcsec` is what linear theory says of the boresight's rms error.
     #[must_use]
-    pub fn verdicts(&self, predicted_arcsec: Option<f64>) -> Vec<Verdict> {
+    pub fn verdicts(&self, predicted_arcsec: Option<f64>, record: &RunRecord) -> Vec<Verdict> {
         let expect = &self.expect;
         let mut verdicts = Vec::new();
         let mut at_most = |name, limit: Option<f64>, got: Option<f64>, unit: &str| {
@@ -377,8 +378,32 @@ impl Assessment {
                 passed: got == mode,
             });
         }
+        verdicts.extend(frame_verdicts(&expect.frames, record));
         verdicts
     }
+}
+
+/// What the expectations of frames came to.
+fn frame_verdicts(expect: &ExpectFrames, record: &RunRecord) -> impl Iterator<Item = Verdict> {
+    let (frames, fired) = (record.frames, record.ledger.count(EventKind::TriggerFired));
+    let at_most = |name, limit: Option<u32>, got: u64| {
+        let verdict = |limit: u32| {
+            let (wanted, passed) = (format!("at most {limit}"), got <= u64::from(limit));
+            Verdict { name, wanted, got: got.to_string(), passed }
+        };
+        limit.map(verdict)
+    };
+    let triggers = expect.triggers_at_least.map(|least| {
+        let (wanted, passed) = (format!("at least {least}"), fired >= u64::from(least));
+        Verdict { name: "triggers fired", wanted, got: fired.to_string(), passed }
+    });
+    let counted = [
+        at_most("late frames", expect.late_at_most, frames.late),
+        at_most("dropped frames", expect.dropped_at_most, frames.dropped),
+        at_most("blank frames", expect.blank_at_most, frames.blank),
+        triggers,
+    ];
+    counted.into_iter().flatten()
 }
 
 fn window(square: &Square) -> WindowErrors {

@@ -5,7 +5,7 @@ use crate::runtime::{BackendChoice, DeadlinePolicy, Imager, RunParams, SessionPa
 use crate::wiring::camera_parts::camera_params;
 use crate::wiring::sensitivity::{Conditions, Sensitivity};
 use anyhow::{Context, Result, bail};
-use base::axes::{Body, Icrf, Rotation, Sensor, sensor_from_ra_dec_roll};
+use base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
 use base::time::{Span, Tai};
 use config::{
     self, Bench, JitterSource, OrbitSettings, OrbitStart, Overlap, TargetCourse, TargetLight, TargetSettings, Wire,
@@ -38,7 +38,7 @@ const LEAD: Span = Span::from_ms(1000);
 /// When the camera or the observer's orbit cannot be used.
 pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
     let camera = camera_params(&bench.camera)?;
-    let first_exposure = start + LEAD;
+    let first_exposure = start + LEAD + bench.timing.phase;
     Ok(RunParams {
         attitude: attitude_params(bench, start),
         targets: scripted(bench, &camera, first_exposure)?,
@@ -61,7 +61,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
         ahead: Span::from_s(bench.timing.ahead_ms * 1e-3),
         drawn_from_sensor: None,
         frame_period: Span::from_s(1.0 / bench.timing.frame_rate_hz),
-        heads: 1 + u32::try_from(bench.extra_heads.len()).context("extra_head: more than 2^32 heads")?,
+        heads: u32::try_from(bench.head_count()).context("extra_head: more than 2^32 heads")?,
         frames: u32::try_from(bench.timing.frames()).context("timing.duration_s: more than 2^32 frames")?,
         deadline_policy: match bench.timing.deadline_policy {
             config::DeadlinePolicy::Hold => DeadlinePolicy::Hold,
@@ -171,18 +171,6 @@ fn scripted(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result
         Some(Target { id, mag, e_per_s, begin, end, way: TargetWay::Script(path), light: None })
     };
     Ok((FIRST_TARGET_ID..).zip(&bench.targets).filter_map(target).collect())
-}
-
-/// The bench as one of its heads is drawn from it: its mounting, and patterns and noise of its own.
-#[must_use]
-pub fn bench_of_head(bench: &Bench, number: usize, sensor_from_body: Rotation<Sensor, Body>) -> Bench {
-    let own = |seed: u64| seed.wrapping_add(number as u64);
-    Bench {
-        sensor_from_body,
-        seed: own(bench.seed),
-        noise_seed_given: bench.noise_seed_given.map(own),
-        ..bench.clone()
-    }
 }
 
 /// The imager of a run.

@@ -4,12 +4,16 @@
 
 use crate::runtime::error::FarEndError;
 use crate::wiring::bench_parts;
-use crate::wiring::faults::{Aboard, FaultLog, LoggedFault, Places};
+use crate::runtime::frame_faults::NEVER;
+use crate::wiring::error::LoopError;
+use crate::wiring::fault_desk::Placed;
+use crate::wiring::faults::Aboard;
+use crate::wiring::run_times::RunTimes;
 use crate::wiring::vehicle_parts::vehicle_params;
 use crate::wiring::witness::Witness;
 use base::axes::{Body, Rotation, Sensor};
 use base::time::{Span, Tai};
-use config::{Action, Event, Scenario};
+use config::{Action, Event, Plant, Scenario};
 use frames::sink::tap::TappedFrame;
 use frames::sink::{FrameMeta, TapEnd};
 use link::Port;
@@ -30,8 +34,8 @@ const TAG_WAIT: Span = Span::from_ms(50);
 
 /// The far end of the cable: flight computer, vehicle, and what looks at them.
 pub(super) struct FarSide {
-    pub(super) port: Port,
-    pub(super) computer: FlightComputer,
+    /// Its end of the cable, and the simulated flight computer there; `None`: one that is no part of this program.
+    simulated: Option<(Port, FlightComputer)>,
     pub(super) taps: Vec<TapEnd>,
     /// Half a turn and half of one more to go around the Sun, at the spacecraft's slew rate, and settling.
     longest_slew: Span,
@@ -46,50 +50,63 @@ pub(super) struct FarSide {
 }
 
 impl FarSide {
-    /// A vehicle that is flown from `start` over frames that begin at `zero` and end at `end`.
+    /// The far end of a run with these times and mountings of the heads; `port` is its end of the cable, where it is simulated.
     pub(super) fn new(
         scenario: &Scenario,
-        port: Port,
+        port: Option<Port>,
         taps: Vec<TapEnd>,
-        [start, zero, end]: [Tai; 3],
+        (times, mountings): (RunTimes, Vec<Rotation<Sensor, Body>>),
     ) -> Result<Self, VehicleError> {
-        let vehicle = Vehicle::new(vehicle_params(scenario, zero), start)?;
-        let mut computer = bench_parts::flight_computer(&scenario.bench, start);
-        computer.jitter_lines.clear();
+        let RunTimes { start, zero, end } = times;
+        let mut params = bench_parts::flight_computer(&scenario.bench, start);
+        let computer = match &scenario.plant {
+            Plant::Outside => None,
+            Plant::FlightComputer => Some(FlightComputer::new(params)),
+            Plant::Vehicle(vehicle) => {
+                params.jitter_lines.clear();
+                let vehicle = Vehicle::new(vehicle_params(scenario, vehicle, zero), start)?;
+                Some(FlightComputer::flying(params, vehicle))
+            }
+        };
         Ok(Self {
-            port,
-            computer: FlightComputer::flying(computer, vehicle),
+            simulated: port.zip(computer),
             taps,
             waiting: Vec::new(),
             watched: Vec::new(),
-            longest_slew: longest_slew(scenario),
+            longest_slew: scenario.vehicle().map_or(Span::ZERO, longest_slew),
             aboard: Vec::new(),
-            witness: Witness::new(scenario, zero, end),
+            witness: Witness::new(scenario, mountings, zero, end),
             on_row: Box::new(|_| {}),
         })
     }
 
-    /// Puts an event where it acts and tells whoever has to know; the fault it is, if it is one.
-    pub(super) fn take_event<'a>(
-        &mut self,
-        event: &Event,
-        zero: Tai,
-        head: &Rotation<Sensor, Body>,
-        log: &'a mut FaultLog,
-        places: &mut Places<'_>,
-    ) -> Option<&'a LoggedFault> {
-        let (before, mut aboard) = (log.faults().len(), Vec::new());
-        log.place(event, zero, head, places, &mut aboard);
-        self.add_aboard(aboard);
-        self.tell_witness(event, zero);
-        if let Action::Trigger { number } = event.action {
-            log.triggered_by(number).for_each(|(from, until)| self.witness.expect_disturbance(from, until));
-        }
-        let fault = log.faults().get(before)?;
-        if event.on_trigger.is_none() {
-            self.witness.expect_disturbance(fault.from, fault.until);
-        }
-        Some(fault)
+    /// Whether there is anything to step.
+    pub(super) fn is_simulated(&self) -> bool {
+        self.simulated.is_some()
+    }
+
+    /// The vehicle, where one is flown.
+    pub(super) fn vehicle(&self) -> Option<&Vehicle> {
+        self.simulated.as_ref().and_then(|(_, computer)| computer.vehicle())
+    }
+
+    fn vehicle_mut(&mut self) -> Option<&mut Vehicle> {
+        self.simulated.as_mut().and_then(|(_, computer)| computer.vehicle_mut())
+    }
+
+    /// Lets the flight computer fire a trigger over the bus, to act at `at` or as soon as it has come.
+    pub(super) fn send_trigger(&mut self, number: u16, at: Option<Tai>, now: Tai) -> Result<(), LoopError> {
+        let event = |why: String| LoopError::Event { what: "trigger", why };
+        let outside = || event("the flight computer is outside this program: fire it there".into());
+        let (_, computer) = self.simulated.as_mut().ok_or_else(outside)?;
+        computer.send_trigger(number, at, now).map_err(|error| event(error.to_string()))
+    }
+
+    /// Takes in an event that was placed: what is to be done aboard, and what the witness has to expect.
+    pub(super) fn take_event(&mut self, placed: Placed, zero: Tai) {
+        self.add_aboard(placed.aboard);
+        self.prepare_witness(&placed.event, zero);
+        placed.disturbances.into_iter().for_each(|(from, until)| self.witness.expect_disturbance(from, until));
     }
 
     /// Adds what is to be done aboard: the next one stands last, and of simultaneous ones the first added.
@@ -100,8 +117,8 @@ impl FarSide {
         }
     }
 
-    /// Tells the witness what an event will do to pointing and time marks.
-    fn tell_witness(&mut self, event: &Event, zero: Tai) {
+    /// Lets the witness expect what an event will do to pointing and time marks.
+    fn prepare_witness(&mut self, event: &Event, zero: Tai) {
         let from = zero + event.at;
         match event.action {
             Action::Slew(_) => self.witness.expect_disturbance(from, from + self.longest_slew),
@@ -138,20 +155,24 @@ impl FarSide {
     /// How often the fault of this number has hit something aboard.
     pub(super) fn hits_aboard(&self, number: usize) -> u64 {
         let Some(watched) = self.watched.iter().find(|watched| watched.number == number) else { return 0 };
-        let now = self.computer.vehicle().map_or(0, |vehicle| vehicle.fault_hits(&watched.fault));
+        let now = self.vehicle().map_or(0, |vehicle| vehicle.fault_hits(&watched.fault));
         watched.ended_at.unwrap_or(now) - watched.began_at
     }
 
     /// Everything due by `now`; when the next thing is due.
     pub(super) fn step(&mut self, now: Tai) -> Result<Tai, FarEndError> {
-        self.computer.listen(now, &mut self.port)?;
+        if let Some((port, computer)) = &mut self.simulated {
+            computer.listen(now, port)?;
+        }
         self.take_frames(now);
         while let Some((_, action)) = self.aboard.last().copied().filter(|(at, _)| *at <= now) {
             self.aboard.pop();
             self.do_aboard(action)?;
         }
-        self.computer.step(now, &mut self.port)?;
-        if let Some(vehicle) = self.computer.vehicle_mut() {
+        let Some((port, computer)) = &mut self.simulated else { return Ok(NEVER) };
+        computer.step(now, port)?;
+        let computer_due = computer.next_due();
+        if let Some(vehicle) = computer.vehicle_mut() {
             let telemetry = vehicle.telemetry_mut();
             for row in telemetry.rows.drain(..) {
                 self.witness.take_row(&row);
@@ -160,12 +181,13 @@ impl FarSide {
             telemetry.mode_events.drain(..).for_each(|event| self.witness.take_mode(&event));
         }
         let next_aboard = self.aboard.last().map(|(at, _)| *at);
-        Ok(next_aboard.map_or(self.computer.next_due(), |at| at.min(self.computer.next_due())))
+        Ok(next_aboard.map_or(computer_due, |at| at.min(computer_due)))
     }
 
     /// Hands frames to the trackers, each with its time tag; one that came before its tag waits a little for it.
     fn take_frames(&mut self, now: Tai) {
-        let Some(vehicle) = self.computer.vehicle_mut() else { return };
+        let Some((_, computer)) = &mut self.simulated else { return };
+        let Some(vehicle) = computer.vehicle_mut() else { return };
         for (head, tap) in self.taps.iter().enumerate() {
             self.waiting.extend(core::iter::from_fn(|| tap.take()).map(|frame| (now + TAG_WAIT, head, frame)));
         }
@@ -182,7 +204,8 @@ impl FarSide {
     }
 
     fn do_aboard(&mut self, action: Aboard) -> Result<(), FlightError> {
-        let Some(vehicle) = self.computer.vehicle_mut() else { return Ok(()) };
+        let Some((_, computer)) = &mut self.simulated else { return Ok(()) };
+        let Some(vehicle) = computer.vehicle_mut() else { return Ok(()) };
         match action {
             Aboard::Inject { fault, number } => {
                 let began_at = vehicle.fault_hits(&fault);
@@ -204,16 +227,17 @@ impl FarSide {
         Ok(())
     }
 
-    /// Holds what was rendered against what is true.
+    /// Compares what was rendered with what is true; without a vehicle nothing is known to be true.
     pub(super) fn witness_frame(&mut self, head: usize, meta: &FrameMeta) {
-        let truth = self.computer.vehicle_mut().and_then(|vehicle| vehicle.truth(meta.mid_exposure).ok());
+        let Some(vehicle) = self.vehicle_mut() else { return };
+        let truth = vehicle.truth(meta.mid_exposure).ok();
         self.witness.take_frame(head, meta, truth.map(|truth| (truth.body_from_icrf, truth.rate_rad_s.length())));
     }
 }
 
-fn longest_slew(scenario: &Scenario) -> Span {
+fn longest_slew(vehicle: &config::Vehicle) -> Span {
     const SETTLING_S: f64 = 90.0;
-    let control = &scenario.spacecraft.control;
+    let control = &vehicle.spacecraft.control;
     let turning_s = 1.5 * core::f64::consts::PI / control.slew_rate_rad_s;
     let ramps_s = 6.0 * control.slew_rate_rad_s / control.slew_acceleration_rad_s2;
     Span::from_s(turning_s + ramps_s + SETTLING_S)

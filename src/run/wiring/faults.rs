@@ -230,32 +230,38 @@ pub struct PlacesRead<'a> {
     pub aboard: &'a dyn Fn(usize) -> u64,
 }
 
-/// What there is in a loop.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Inventory {
-    pub(super) heads: usize,
-    pub(super) wheels: usize,
-    /// Columns and rows of the detectors.
-    pub(super) size_px: [usize; 2],
-    /// Columns and rows of their images.
-    pub(super) output_px: [usize; 2],
+/// What there is in a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Inventory {
+    /// Each head's detector and images.
+    pub heads: Vec<HeadSize>,
+    /// Wheels of the spacecraft that is flown; `None`: none is.
+    pub wheels: Option<usize>,
 }
 
-/// Refuses an event that names a head, wheel or pixel that is not there, with why.
-pub(super) fn check_places(event: &Event, there: Inventory) -> Result<(), String> {
-    let Inventory { heads, wheels, size_px, output_px } = there;
-    let [width, height] = size_px;
+/// Sizes of one head.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct HeadSize {
+    /// Columns and rows of the detector.
+    pub size_px: [usize; 2],
+    /// Columns and rows of its images.
+    pub output_px: [usize; 2],
+}
+
+/// Refuses an event that names a head, wheel or pixel that does not exist, with why.
+pub(super) fn check_places(event: &Event, there: &Inventory) -> Result<(), String> {
+    let heads = there.heads.len();
+    let wheels = match there.wheels {
+        None if event.action.is_aboard() => return Err("nothing is flown: it needs a simulated spacecraft".into()),
+        wheels => wheels.unwrap_or(0),
+    };
+    if let Action::Frame { head, fault } = event.action {
+        let hit = there.heads.iter().enumerate().filter(|(number, _)| head.is_none_or(|head| head == *number));
+        for (_, size) in hit {
+            check_pixels(&fault, *size)?;
+        }
+    }
     match event.action {
-        Action::Frame { fault: FrameFault::BitFlip { pixels, .. }, .. } if is_outside(pixels, output_px) => {
-            let [width, height] = output_px;
-            Err(format!("{}: images have {width} x {height} pixels, counted from 0", place_of(pixels)))
-        }
-        Action::Frame { fault: FrameFault::FalseStars { pixels, .. }, .. } if is_outside(pixels, size_px) => {
-            Err(format!("{}: the detector has {width} x {height} pixels, counted from 0", place_of(pixels)))
-        }
-        Action::Frame { fault: FrameFault::Pixels { spots, .. }, .. } if spots_are_outside(&spots, size_px) => {
-            Err(format!("{}: the detector has {width} x {height} pixels, counted from 0", place_of_spots(&spots)))
-        }
         Action::Frame { head: Some(head), .. } | Action::TrackerOff { head: Some(head) } if head >= heads => {
             Err(format!("head {head}: there are {heads}, counted from 0"))
         }
@@ -276,6 +282,39 @@ pub(super) fn check_places(event: &Event, there: Inventory) -> Result<(), String
             if is_before { Err("wanted a time not before the first exposure".into()) } else { Ok(()) }
         }
     }
+}
+
+/// Refuses pixels that a head does not have.
+fn check_pixels(fault: &FrameFault, HeadSize { size_px, output_px }: HeadSize) -> Result<(), String> {
+    let (what, place, [width, height]) = match fault {
+        FrameFault::BitFlip { pixels, .. } if is_outside(*pixels, output_px) => {
+            ("images have", place_of(*pixels), output_px)
+        }
+        FrameFault::FalseStars { pixels, .. } if is_outside(*pixels, size_px) => {
+            ("the detector has", place_of(*pixels), size_px)
+        }
+        FrameFault::Pixels { spots, .. } if spots_are_outside(spots, size_px) => {
+            ("the detector has", place_of_spots(spots), size_px)
+        }
+        FrameFault::Drop
+        | FrameFault::Duplicate
+        | FrameFault::Late(_)
+        | FrameFault::Torn
+        | FrameFault::Blank
+        | FrameFault::BitFlip { .. }
+        | FrameFault::StrayLight { .. }
+        | FrameFault::StrayLightRamp { .. }
+        | FrameFault::Defocus { .. }
+        | FrameFault::Contamination { .. }
+        | FrameFault::TemperatureStep { .. }
+        | FrameFault::Saturation { .. }
+        | FrameFault::FalseStars { .. }
+        | FrameFault::MissingStars { .. }
+        | FrameFault::MissingBrightStars { .. }
+        | FrameFault::Pixels { .. }
+        | FrameFault::Protons(_) => return Ok(()),
+    };
+    Err(format!("{place}: {what} {width} x {height} pixels, counted from 0"))
 }
 
 /// How messages name a pixel, as event files do.

@@ -3,24 +3,34 @@
 //! In: a [`config::Bench`] or [`config::Scenario`]. Out: parameters of every crate, and the closed loop with
 //! both ends of its cable. Nothing here computes physics or prints.
 
+pub mod assemble;
 pub mod assessment;
 pub mod bench_parts;
+pub mod cable;
 pub mod camera_parts;
-pub mod closed_loop;
+pub mod capture_tap;
 pub mod control;
 pub mod display_parts;
+pub mod error;
 mod far_side;
+mod fault_desk;
 pub mod fault_schedule;
 pub mod faults;
-pub mod loop_outcome;
-mod loop_parts;
+pub mod heads;
 pub mod light_parts;
+pub mod live_tap;
 pub mod memory;
-pub mod real_loop;
+pub mod motion;
+pub mod ports;
+mod real;
 pub mod replay;
+pub mod run_end;
+pub mod run_times;
 pub mod seeded;
 pub mod sensitivity;
-pub mod ports;
 pub mod sinks;
+pub mod steering;
+pub mod stepped;
+mod taps;
 pub mod vehicle_parts;
 pub mod witness;

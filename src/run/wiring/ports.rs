@@ -12,6 +12,7 @@ use link::serial::{FlowControl, Parity, SerialLink, SerialParams, StopBits};
 use link::simulated::SimulatedBus;
 use link::socketcan::{Hears, SocketCanLink, SocketCanParams};
 use link::{Link as LinkEnd, LinkError, Port};
+use std::path::Path;
 use std::sync::Arc;
 
 /// The ports of a run.
@@ -26,21 +27,30 @@ pub struct Ports {
     pub far: Option<Port>,
 }
 
-/// What stands between a link of the stimulator and its port.
-pub type Tap<'a> = &'a mut dyn FnMut(Box<dyn LinkEnd>) -> Box<dyn LinkEnd>;
+/// Which end of which link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum End {
+    /// The stimulator's end of a link, counted from 0: the bench's link, then its extra links.
+    Near(usize),
+    /// The simulated flight computer's end of the first link.
+    Far,
+}
 
-/// Opens every link of a bench; `tap` stands before the first one's port.
+/// What is put between an end of a link and its port, such as faults or a capture.
+pub type Tap<'a> = &'a mut dyn FnMut(End, Box<dyn LinkEnd>) -> Box<dyn LinkEnd>;
+
+/// Opens every link of a bench; `tap` gets every end before its port.
 ///
 /// # Errors
 /// When a link cannot be opened, with what to try.
 pub fn open_ports(bench: &Bench, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result<Ports> {
     let wants_far = !bench.flight_computer.is_external;
-    let first = open(&bench.link, wants_far, clock, tap).context("[link]")?;
+    let first = open(&bench.link, 0, wants_far, clock, tap).context("[link]")?;
     let mut ports = Ports { gateways: Vec::new(), pulses: None, near: Vec::new(), far: first.far };
     ports.near.push(first.near);
     ports.gateways.extend(first.gateways);
     for (i, link) in bench.extra_links.iter().enumerate() {
-        let opened = open(link, false, clock, &mut |link| link).with_context(|| format!("[[extra_link]] {i}"))?;
+        let opened = open(link, i + 1, false, clock, tap).with_context(|| format!("[[extra_link]] {i}"))?;
         let longer_us = link.latency_us - bench.link.latency_us;
         ports.near.push(opened.near.less_delay(Span::from_s(longer_us * 1e-6)));
         ports.gateways.extend(opened.gateways);
@@ -57,26 +67,31 @@ struct Opened {
     gateways: Option<Gateways>,
 }
 
-fn open(link: &Link, wants_far: bool, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result<Opened> {
+fn open(link: &Link, number: usize, wants_far: bool, clock: &Arc<dyn Clock>, tap: Tap<'_>) -> Result<Opened> {
     let ids = identifiers(link)?;
     let (params, format) = bench_parts::bus_of(link);
+    let near_end = End::Near(number);
     match &link.carrier {
         Carrier::Simulated(doors) => {
             let bus = SimulatedBus::new(params, clock);
-            let near = Port::new(tap(Box::new(bus.attach())), format, ids);
-            let far = wants_far.then(|| Port::new(Box::new(bus.attach()), format, ids));
+            let near = Port::new(tap(near_end, Box::new(bus.attach())), format, ids);
+            let far = wants_far.then(|| Port::new(tap(End::Far, Box::new(bus.attach())), format, ids));
             Ok(Opened { near, far, gateways: gateways(doors, &bus, clock)? })
         }
         Carrier::SocketCan { interface } => {
             let end = |hears| can_link(interface, ids, hears, link.wire, clock);
-            let near = tap(Box::new(end(Hears::FlightComputer)?));
+            let near = tap(near_end, Box::new(end(Hears::FlightComputer)?));
             let far = wants_far.then(|| end(Hears::Stimulator)).transpose()?;
-            let far = far.map(|far| Port::new(Box::new(far), format, ids));
+            let far = far.map(|far| Port::new(tap(End::Far, Box::new(far)), format, ids));
             Ok(Opened { near: Port::new(near, format, ids), far, gateways: None })
         }
         Carrier::SerialPort(settings) => {
-            let near = SerialLink::open(serial_params(settings, link.bit_rate), clock)?;
-            Ok(Opened { near: Port::new(tap(Box::new(near)), format, ids), far: None, gateways: None })
+            let end = |path: &Path| SerialLink::open(serial_params(settings, path, link.bit_rate), clock);
+            let near = Port::new(tap(near_end, Box::new(end(&settings.port)?)), format, ids);
+            let far_port = settings.far_port.as_deref().filter(|_| wants_far);
+            let far = far_port.map(end).transpose()?;
+            let far = far.map(|far| Port::new(tap(End::Far, Box::new(far)), format, ids));
+            Ok(Opened { near, far, gateways: None })
         }
     }
 }
@@ -103,9 +118,9 @@ fn can_link(
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the config's rates are checked")]
-fn serial_params(settings: &config::SerialPort, bit_rate: f64) -> SerialParams {
+fn serial_params(settings: &config::SerialPort, path: &Path, bit_rate: f64) -> SerialParams {
     SerialParams {
-        path: settings.port.clone(),
+        path: path.to_path_buf(),
         baud: bit_rate as u32,
         parity: match settings.parity {
             config::Parity::None => Parity::None,

@@ -77,6 +77,12 @@ pub fn make_sinks(sinks: &[SinkSettings], setting: &SinkSetting<'_>) -> Result<B
     Ok(Box::new(Fan::start(made, setting.prototype, on_full)?))
 }
 
+/// Returns where the files of one head are: several have a directory each.
+#[must_use]
+pub fn directory_of_head(run: &Path, head: Option<usize>) -> PathBuf {
+    head.map_or_else(|| run.to_path_buf(), |head| run.join(format!("head{head}")))
+}
+
 /// Where a sink stands in its bench.
 fn place(number: usize) -> String {
     number.checked_sub(1).map_or_else(|| "sink".into(), |extra| format!("extra_sink[{extra}]"))

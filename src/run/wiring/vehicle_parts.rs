@@ -6,7 +6,7 @@
 use base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
 use base::time::{Span, Tai};
 use base::units::{ARCSEC, DEG};
-use config::{self, JitterSource, Observer, Pointing, Scenario};
+use config::{self, Camera, JitterSource, Observer, Pointing, Scenario, Vehicle};
 use glam::{DMat3, DVec3};
 use image::detector::binning::Levels;
 use plan::optics::mtf::MtfChain;
@@ -25,31 +25,31 @@ const INTEGRAL_RATIO: f64 = 5.0;
 /// Frequency of an Airy pattern's Gaussian core, sigma over wavelength times f-number.
 const AIRY_SIGMA: f64 = 0.42;
 
-/// The vehicle of a scenario whose first exposure is at `first_exposure`, flown from `start`.
+/// The vehicle that flies a scenario whose first exposure is at `first_exposure`.
 #[must_use]
-pub fn vehicle_params(scenario: &Scenario, first_exposure: Tai) -> VehicleParams {
-    let head = scenario.heads.first().copied().unwrap_or(Rotation::IDENTITY);
+pub fn vehicle_params(scenario: &Scenario, flown: &Vehicle, first_exposure: Tai) -> VehicleParams {
+    let head = scenario.bench.sensor_from_body;
     let body = |pointing: &Pointing| head.inverse() * attitude(pointing);
-    let spacecraft = spacecraft_params(scenario, first_exposure);
-    let craft = &scenario.spacecraft;
+    let spacecraft = spacecraft_params(scenario, &flown.spacecraft, first_exposure);
+    let craft = &flown.spacecraft;
     let samples = scenario.bench.flight_computer.jitter_source == JitterSource::Samples;
     let hz = scenario.bench.flight_computer.jitter_sample_hz;
     VehicleParams {
-        initial: scenario.initial.as_ref().map_or_else(|| random_attitude(scenario.bench.seed), body),
-        initial_rate_rad_s: scenario.initial_rate_rad_s,
+        initial: flown.initial.as_ref().map_or_else(|| random_attitude(scenario.bench.seed), body),
+        initial_rate_rad_s: flown.initial_rate_rad_s,
         gyro: craft.gyro,
         sun_sensor_noise_rad: craft.sun_sensor_noise_rad,
-        estimator: estimator_params(scenario),
+        estimator: estimator_params(scenario, flown),
         attitude_known_sigma_rad: KNOWN_SIGMA_RAD,
         acs: acs_params(craft, &spacecraft),
-        target: body(&scenario.target),
-        heads: head_params(scenario),
-        actuation_delay: scenario.actuation_delay,
-        tag_error: scenario.tag_error,
-        test_torques: scenario.test_torques.clone(),
+        target: body(&flown.target),
+        heads: head_params(scenario, flown),
+        actuation_delay: flown.actuation_delay,
+        tag_error: flown.tag_error,
+        test_torques: flown.test_torques.clone(),
         vibration_period: samples.then(|| Span::from_s(1.0 / hz)),
         resume_after: Some(RESUME_AFTER),
-        telemetry_every: scenario.telemetry_every,
+        telemetry_every: flown.telemetry_every,
         seed: scenario.bench.seed,
         spacecraft,
     }
@@ -61,8 +61,8 @@ pub fn attitude(pointing: &Pointing) -> Rotation<base::axes::Sensor, Icrf> {
     sensor_from_ra_dec_roll(pointing.ra_deg * DEG, pointing.dec_deg * DEG, pointing.roll_deg * DEG)
 }
 
-fn spacecraft_params(scenario: &Scenario, epoch: Tai) -> SpacecraftParams {
-    let mut params = scenario.spacecraft.params.clone();
+fn spacecraft_params(scenario: &Scenario, craft: &config::Spacecraft, epoch: Tai) -> SpacecraftParams {
+    let mut params = craft.params.clone();
     if let Observer::CircularOrbit { altitude_km, inclination_deg, raan_deg, argument_of_latitude_deg } =
         &scenario.bench.observer
     {
@@ -86,12 +86,14 @@ fn random_attitude(seed: u64) -> Rotation<Body, Icrf> {
     Rotation::from_quat(glam::DQuat::from_xyzw(a * s2, a * c2, b * s3, b * c3))
 }
 
-fn estimator_params(scenario: &Scenario) -> MekfParams {
-    let (craft, camera) = (&scenario.spacecraft, &scenario.bench.camera.exposure);
+fn estimator_params(scenario: &Scenario, flown: &Vehicle) -> MekfParams {
+    let (craft, bench) = (&flown.spacecraft, &scenario.bench);
+    let cameras = core::iter::once(&bench.camera).chain(bench.extra_heads.iter().map(|head| &head.camera));
+    let exposed_s = cameras.map(|camera| camera.exposure.exposure_s + camera.exposure.readout_s).fold(0.0, f64::max);
     // The oldest attitude that can come: an exposure, its readout, the tracker's thinking, and what a bus may add.
-    let history_s = camera.exposure_s + camera.readout_s + scenario.tracker_delay.s() + 2.0;
-    let heads = scenario.heads.len() as f64;
-    let steps = history_s * (1.0 / craft.control.period.s() + heads * scenario.bench.timing.frame_rate_hz);
+    let history_s = exposed_s + flown.tracker_delay.s() + 2.0;
+    let extra_hz: f64 = bench.extra_heads.iter().map(|head| head.frame_rate_hz).sum();
+    let steps = history_s * (1.0 / craft.control.period.s() + (bench.timing.frame_rate_hz + extra_hz));
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few thousand at most")]
     let history_steps = (2.0 * steps) as usize + 64;
     MekfParams {
@@ -175,18 +177,16 @@ fn largest_torque_n_m(spacecraft: &SpacecraftParams) -> f64 {
     if longest > 0.0 && weakest.is_finite() { weakest / longest } else { 1e-3 }
 }
 
-fn head_params(scenario: &Scenario) -> Vec<HeadParams> {
-    let tracker = tracker_params(scenario);
-    let head = |sensor_from_body: &_| HeadParams {
-        sensor_from_body: *sensor_from_body,
-        tracker,
-        delay: scenario.tracker_delay,
+fn head_params(scenario: &Scenario, flown: &Vehicle) -> Vec<HeadParams> {
+    let head = |number: usize| {
+        let bench = scenario.bench.of_head(number);
+        let tracker = tracker_params(&bench.camera, flown.tracker_stars);
+        HeadParams { sensor_from_body: bench.sensor_from_body, tracker, delay: flown.tracker_delay }
     };
-    scenario.heads.iter().map(head).collect()
+    (0..scenario.bench.head_count()).map(head).collect()
 }
 
-fn tracker_params(scenario: &Scenario) -> TrackerParams {
-    let camera = &scenario.bench.camera;
+fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParams {
     let (detector, optics, d) = (&camera.detector, &camera.optics, &camera.distortion);
     let focal_px = optics.focal_length_mm * 1e3 / detector.pixel_pitch_um;
     let output = detector.spatial.output([detector.width_px, detector.height_px].map(|side| side as usize));
@@ -232,7 +232,7 @@ fn tracker_params(scenario: &Scenario) -> TrackerParams {
         prnu: detector.prnu / levels.pixels.sqrt(),
         limiting_mag: camera.radiometry.limiting_mag.min(7.0),
         exposure_s: camera.exposure.exposure_s,
-        most_stars: scenario.tracker_stars,
+        most_stars,
         ..TrackerParams::new(geometry, figures, (psf_sigma_px / binning).max(0.3))
     }
 }

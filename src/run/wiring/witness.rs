@@ -47,11 +47,11 @@ pub struct Witness {
 impl Witness {
     /// A witness who has seen nothing.
     #[must_use]
-    pub fn new(scenario: &Scenario, zero: Tai, end: Tai) -> Self {
-        let head = scenario.heads.first().copied().unwrap_or(Rotation::IDENTITY);
+    pub fn new(scenario: &Scenario, heads: Vec<Rotation<Sensor, Body>>, zero: Tai, end: Tai) -> Self {
+        let head = scenario.bench.sensor_from_body;
         Self {
             assessment: Assessment::new(scenario.expect, zero, end, head.quat()),
-            heads: scenario.heads.clone(),
+            heads,
             faults: Vec::new(),
             delays: Vec::new(),
             recovery: Span::from_s(scenario.expect.recovery_s),

@@ -26,6 +26,8 @@ pub struct FaultyLink {
     dice: StdRng,
     /// How babble looks.
     format: WireFormat,
+    /// Faults that lose a share of what is sent.
+    sent_faults: Option<FaultControl>,
     /// Received and not yet handed on, in order of when they are due.
     waiting: VecDeque<Waiting>,
     overflows: u64,
@@ -52,6 +54,7 @@ impl FaultyLink {
             control,
             dice: StdRng::seed_from_u64(seed),
             format: WireFormat::CanClassic,
+            sent_faults: None,
             waiting: VecDeque::new(),
             overflows: 0,
             unsent: 0,
@@ -64,6 +67,36 @@ impl FaultyLink {
     #[must_use]
     pub fn babbling_as(self, format: WireFormat) -> Self {
         Self { format, ..self }
+    }
+
+    /// The same with faults of `control` on the way out: where the other end is no part of this program, losses and
+    /// silence on its side hit what is sent.
+    #[must_use]
+    pub fn losing_sent(self, control: FaultControl) -> Self {
+        Self { sent_faults: Some(control), ..self }
+    }
+
+    /// Whether a packet that is sent now is lost on its way.
+    fn loses_sent(&mut self, now: Tai) -> bool {
+        let Self { sent_faults: Some(control), dice, .. } = self else { return false };
+        let mut is_lost = false;
+        for timed in control.lock().iter_mut().filter(|timed| timed.is_active(now)) {
+            let hits = match timed.fault {
+                LinkFault::Loss { share } => dice.random::<f64>() < share,
+                LinkFault::Silence | LinkFault::Off => true,
+                LinkFault::Delay { .. }
+                | LinkFault::Duplicate { .. }
+                | LinkFault::WrongBits { .. }
+                | LinkFault::Reorder { .. }
+                | LinkFault::Truncate { .. }
+                | LinkFault::Babble { .. }
+                | LinkFault::ClockStep { .. }
+                | LinkFault::ClockDrift { .. } => false,
+            };
+            timed.hits += u64::from(hits);
+            is_lost |= hits;
+        }
+        is_lost
     }
 
     /// Takes a packet in, after the babble that was there before it.
@@ -199,8 +232,8 @@ impl Link for FaultyLink {
     fn send(&mut self, packet: &Packet) -> Result<Tai, LinkError> {
         let now = self.clock.now();
         let is_off = |timed: &&mut TimedLinkFault| timed.fault == LinkFault::Off && timed.is_active(now);
-        if let Some(off) = self.control.lock().iter_mut().find(is_off) {
-            off.hits += 1;
+        let off = self.control.lock().iter_mut().find(is_off).map(|off| off.hits += 1);
+        if off.is_some() || self.loses_sent(now) {
             self.unsent += 1;
             self.last_unsent = Some(self.sent);
             self.sent += 1;

@@ -1,13 +1,15 @@
 //! What a closed loop answers to each request: times in seconds after the first exposure, angles in deg or rad as named.
 
 use crate::wiring::assessment::mode_name;
-use crate::wiring::closed_loop::ClosedLoop;
 use crate::wiring::control::protocol::{PROTOCOL_VERSION, StepBy};
-use base::axes::{Icrf, Rotation, Sensor, ra_dec_roll};
+use crate::wiring::stepped::SteppedRun;
+use base::axes::{Body, Icrf, Rotation, Sensor, ra_dec_roll};
 use base::time::{Span, Tai};
 use config::{Event, Scenario};
+use frames::report::RunNumbers;
 use serde_json::{Map, Value, json};
-use testbed::tracker::{Mode, Outcome};
+use testbed::acs::Mode;
+use testbed::tracker::{Mode as TrackerMode, Outcome};
 use testbed::vehicle::{HeadReport, Vehicle};
 
 /// Where a step goes.
@@ -19,29 +21,77 @@ pub(super) enum Goal {
     Frames(u64),
 }
 
-pub(super) fn hello(scenario: &Scenario, going: &ClosedLoop) -> Value {
+/// The instants of a run under way.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Instants {
+    pub(super) zero: Tai,
+    pub(super) now: Tai,
+    pub(super) end: Tai,
+}
+
+impl Instants {
+    /// Of a run on the virtual clock.
+    pub(super) fn of(going: &SteppedRun) -> Self {
+        Self { zero: going.zero(), now: going.now(), end: going.end_at() }
+    }
+
+    /// Seconds after the first exposure.
+    pub(super) fn s(&self, at: Tai) -> f64 {
+        (at - self.zero).s()
+    }
+
+    pub(super) fn now_s(&self) -> f64 {
+        self.s(self.now)
+    }
+}
+
+/// What is run, by which protocol, on which clock.
+pub(super) fn hello(scenario: &Scenario, instants: &Instants, clock: &str) -> Value {
     let (camera, timing) = (&scenario.bench.camera, &scenario.bench.timing);
     let sensor_px = [camera.detector.width_px, camera.detector.height_px].map(|side| side as usize);
     let [width, height] = camera.detector.spatial.output(sensor_px).size_px;
     json!({
         "protocol": PROTOCOL_VERSION,
         "scenario": scenario.name,
+        "clock": clock,
         "seed": scenario.bench.seed,
-        "zero_utc": going.zero().to_rfc3339(),
-        "now_s": now_s(going),
-        "duration_s": (going.end() - going.zero()).s(),
-        "frames": going.frames_per_head(),
+        "zero_utc": instants.zero.to_rfc3339(),
+        "now_s": instants.now_s(),
+        "duration_s": instants.s(instants.end),
+        "frames": timing.frames(),
         "frame_rate_hz": timing.frame_rate_hz,
         "camera": camera.name,
         "width": width,
         "height": height,
-        "heads": scenario.heads.len(),
+        "heads": scenario.bench.head_count(),
+    })
+}
+
+/// Counts so far; `mode` is that of the flight computer where a spacecraft is flown.
+pub(super) fn state(numbers: &RunNumbers, instants: &Instants, mode: Option<Mode>, is_finished: bool) -> Value {
+    let frames = numbers.frames;
+    let events: Map<String, Value> =
+        numbers.events.iter().filter(|(_, count)| *count > 0).map(|(name, count)| (name.into(), count.into())).collect();
+    json!({
+        "now_s": instants.now_s(),
+        "finished": is_finished,
+        "mode": mode.map(mode_name),
+        "frames": {
+            "scheduled": frames.scheduled,
+            "rendered": frames.rendered,
+            "delivered": frames.delivered,
+            "late": frames.late,
+            "held": frames.held,
+            "dropped": frames.dropped,
+            "blank": frames.blank,
+        },
+        "events": events,
     })
 }
 
 /// Where a step goes, when it goes forward and not past the end.
-pub(super) fn step_goal(by: StepBy, going: &ClosedLoop, frames_out: u64) -> Result<Goal, String> {
-    let (now, end_s) = (going.now(), (going.end() - going.zero()).s());
+pub(super) fn step_goal(by: StepBy, going: &SteppedRun, frames_out: u64) -> Result<Goal, String> {
+    let (now, end_s) = (going.now(), (going.end_at() - going.zero()).s());
     if going.is_finished() {
         return Err(format!("the run has reached its end at {end_s} s; wanted summary or finish"));
     }
@@ -56,7 +106,7 @@ pub(super) fn step_goal(by: StepBy, going: &ClosedLoop, frames_out: u64) -> Resu
         }
     };
     // At the end, what is on its way goes out by itself: a run is over at its last readout.
-    if at > going.end() {
+    if at > going.end_at() {
         return Err(format!("{asked}, past the end; wanted at most until_s {end_s}, it is {} s now", now_s(going)));
     }
     if at <= now {
@@ -65,7 +115,7 @@ pub(super) fn step_goal(by: StepBy, going: &ClosedLoop, frames_out: u64) -> Resu
     Ok(Goal::Time(at))
 }
 
-pub(super) fn stepped(going: &ClosedLoop, frames_out: u64) -> Value {
+pub(super) fn stepped(going: &SteppedRun, frames_out: u64) -> Value {
     json!({
         "now_s": now_s(going),
         "frames_out": frames_out,
@@ -75,7 +125,7 @@ pub(super) fn stepped(going: &ClosedLoop, frames_out: u64) -> Value {
     })
 }
 
-pub(super) fn inject(keys: &Map<String, Value>, going: &mut ClosedLoop) -> Result<Value, String> {
+pub(super) fn inject(keys: &Map<String, Value>, going: &mut SteppedRun) -> Result<Value, String> {
     let event = Event::from_json(keys, now_s(going), going.frame_period()).map_err(|error| error.to_string())?;
     going.inject(&event).map_err(|error| error.to_string())?;
     let from_s = event.at.s().max(now_s(going));
@@ -83,60 +133,65 @@ pub(super) fn inject(keys: &Map<String, Value>, going: &mut ClosedLoop) -> Resul
 }
 
 /// A trigger goes over the bus: whether the stimulator takes it, the events in its report tell.
-pub(super) fn trigger(number: u16, at_s: Option<f64>, going: &mut ClosedLoop) -> Result<Value, String> {
+pub(super) fn trigger(number: u16, at_s: Option<f64>, going: &mut SteppedRun) -> Result<Value, String> {
     let at = at_s.map(|at_s| going.zero() + Span::from_s(at_s));
     going.send_trigger(number, at).map_err(|error| error.to_string())?;
     Ok(json!({ "number": number, "at_s": at_s.unwrap_or_else(|| now_s(going)) }))
 }
 
-pub(super) fn truth(at_s: Option<f64>, going: &ClosedLoop) -> Result<Value, String> {
-    let flown = going.with_vehicle(Vehicle::flown_until).map_or(going.now(), |flown| flown.min(going.now()));
-    let at = at_s.map_or(flown, |at_s| going.zero() + Span::from_s(at_s));
-    if at > going.now() {
-        return Err(format!("at_s is {} s; wanted a time not after now, which is {} s", s(at, going), now_s(going)));
+/// The true attitude of the first head, at most two seconds ago.
+pub(super) fn truth(
+    at_s: Option<f64>,
+    vehicle: Option<&Vehicle>,
+    mounting: Rotation<Sensor, Body>,
+    instants: &Instants,
+) -> Result<Value, String> {
+    let vehicle = vehicle.ok_or("nothing is flown inside: its truth is with whoever flies it")?;
+    let flown = vehicle.flown_until().min(instants.now);
+    let at = at_s.map_or(flown, |at_s| instants.zero + Span::from_s(at_s));
+    if at > instants.now {
+        let (asked, now_s) = (instants.s(at), instants.now_s());
+        return Err(format!("at_s is {asked} s; wanted a time not after now, which is {now_s} s"));
     }
-    let (sensor_from_icrf, rate_rad_s) = going.truth(at).map_err(|_| {
-        let (asked, last) = (s(at, going), s(flown, going));
+    let truth = vehicle.flown_truth(at).map_err(|_| {
+        let (asked, last) = (instants.s(at), instants.s(flown));
         format!("at_s is {asked}; wanted a time from {} to {last}: the last two seconds", last - 2.0)
     })?;
-    let wheels = going.with_vehicle(|vehicle| vehicle.wheel_speeds_rad_s().to_vec());
-    let mut answer = attitude(&sensor_from_icrf);
-    answer["at_s"] = s(at, going).into();
-    answer["body_rate_rad_s"] = rate_rad_s.to_array().to_vec().into();
-    answer["wheel_speeds_rad_s"] = wheels.into();
+    let mut answer = attitude(&(mounting * truth.body_from_icrf));
+    answer["at_s"] = instants.s(at).into();
+    answer["body_rate_rad_s"] = truth.rate_rad_s.to_array().to_vec().into();
+    answer["wheel_speeds_rad_s"] = vehicle.wheel_speeds_rad_s().to_vec().into();
     Ok(answer)
 }
 
-pub(super) fn estimate(going: &ClosedLoop) -> Value {
-    let mounting = going.mounting();
-    let looked = going.with_vehicle(|vehicle| {
-        let heads: Vec<Value> = vehicle.head_reports().map(|report| head(report, going)).collect();
-        let estimate = vehicle.estimate().map(|estimate| attitude(&(mounting * estimate)));
-        json!({
-            "at_s": s(vehicle.estimate_at(), going),
-            "estimate": estimate,
-            "sigma_rad": vehicle.estimate_sigma_rad().to_array(),
-            "mode": mode_name(vehicle.mode()),
-            "heads": heads,
-        })
-    });
-    looked.unwrap_or_else(|| json!({}))
+/// What the flight computer believes; nothing without one inside.
+pub(super) fn estimate(vehicle: Option<&Vehicle>, mounting: Rotation<Sensor, Body>, instants: &Instants) -> Value {
+    let Some(vehicle) = vehicle else { return json!({}) };
+    let heads: Vec<Value> = vehicle.head_reports().map(|report| head(report, instants)).collect();
+    let estimate = vehicle.estimate().map(|estimate| attitude(&(mounting * estimate)));
+    json!({
+        "at_s": instants.s(vehicle.estimate_at()),
+        "estimate": estimate,
+        "sigma_rad": vehicle.estimate_sigma_rad().to_array(),
+        "mode": mode_name(vehicle.mode()),
+        "heads": heads,
+    })
 }
 
 /// What a tracker said last.
-fn head(report: &HeadReport, going: &ClosedLoop) -> Value {
+fn head(report: &HeadReport, instants: &Instants) -> Value {
     let mut answer = match report.last {
         None => json!({ "outcome": "no_frame_yet" }),
         Some(Outcome::NoSolution(reason)) => json!({ "outcome": "no_attitude", "reason": reason.to_string() }),
         Some(Outcome::Solved(solution)) => {
             let mut answer = attitude(&solution.sensor_from_icrf);
             answer["outcome"] = "attitude".into();
-            answer["at_s"] = s(solution.at, going).into();
+            answer["at_s"] = instants.s(solution.at).into();
             answer["stars"] = solution.stars.into();
             answer["residual_rms_px"] = solution.residual_rms_px.into();
             answer["found_by"] = match solution.mode {
-                Mode::LostInSpace => "lost_in_space".into(),
-                Mode::Tracking => "tracking".into(),
+                TrackerMode::LostInSpace => "lost_in_space".into(),
+                TrackerMode::Tracking => "tracking".into(),
             };
             answer
         }
@@ -156,10 +211,10 @@ fn attitude(sensor_from_icrf: &Rotation<Sensor, Icrf>) -> Value {
     })
 }
 
-fn now_s(going: &ClosedLoop) -> f64 {
+fn now_s(going: &SteppedRun) -> f64 {
     s(going.now(), going)
 }
 
-fn s(at: Tai, going: &ClosedLoop) -> f64 {
+fn s(at: Tai, going: &SteppedRun) -> f64 {
     (at - going.zero()).s()
 }

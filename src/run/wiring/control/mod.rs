@@ -14,6 +14,7 @@ mod lines;
 mod newest;
 mod output;
 pub mod protocol;
+mod steered;
 #[cfg(test)]
 mod tests;
 mod token;
@@ -22,18 +23,22 @@ pub use admission::ControlRefusals;
 pub use lines::ControlAddress;
 
 use crate::runtime::RunRecord;
-use crate::wiring::closed_loop::{ClosedLoop, LoopError};
-use crate::wiring::loop_outcome::LoopView;
+use crate::wiring::error::LoopError;
+use crate::wiring::run_end::LoopView;
+use crate::wiring::steering::Steering;
+use crate::wiring::stepped::SteppedRun;
 use admission::{Admitted, admit, foreign_sentence};
+use answers::Instants;
 use config::Scenario;
 use core::sync::atomic::{AtomicBool, Ordering};
 use frames::sink::SentFrame;
 use lines::{Incoming, LineSocket};
-use newest::NewestFrames;
+pub use newest::NewestFrames;
 use protocol::{Request, StepBy, refused, told};
 use serde_json::{Value, json};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
+use testbed::vehicle::Vehicle;
 use token::{Token, TokenFile};
 
 /// Why the control socket cannot be used.
@@ -113,7 +118,7 @@ impl ControlListener {
         let Self { listener, token, file, .. } = self;
         let mut refusals = ControlRefusals::new();
         let Admitted { socket, id } = admit(&listener, &token, stop, &mut refusals)?;
-        let newest = NewestFrames::new(scenario.heads.len(), output);
+        let newest = NewestFrames::new(scenario.bench.head_count(), output);
         Some(ControlSession { socket, newest, token, refusals, hello: Some(id), _removed_at_the_end: file })
     }
 }
@@ -134,7 +139,7 @@ pub struct Stage<'a> {
     /// What is run.
     pub scenario: &'a Scenario,
     /// The run.
-    pub going: &'a mut ClosedLoop,
+    pub going: &'a mut SteppedRun,
     /// The report of a run under way.
     pub report: &'a mut dyn FnMut(&LoopView<'_>) -> Value,
     /// Ctrl-C.
@@ -148,22 +153,13 @@ impl ControlSession {
     /// When the loop failed; the client has been told.
     pub fn serve(&mut self, stage: &mut Stage<'_>) -> Result<SessionEnd, ControlError> {
         if let Some(id) = self.hello.take() {
-            self.socket.send(&told(id, answers::hello(stage.scenario, stage.going)));
+            self.socket.send(&told(id, hello(stage)));
         }
         loop {
-            let line = match self.socket.read_line(stage.stop) {
-                Incoming::Line(line) => line,
-                Incoming::Unusable(why) => {
-                    self.socket.send(&refused(None, &why));
-                    continue;
-                }
-                Incoming::Foreign(foreign) => {
-                    *self.refusals.entry(foreign.name()).or_default() += 1;
-                    self.socket.send(&refused(None, &foreign_sentence()));
-                    return Ok(SessionEnd::Gone);
-                }
-                Incoming::Gone => return Ok(SessionEnd::Gone),
-                Incoming::Stopped => return Ok(SessionEnd::Interrupted),
+            let line = match self.next_line(stage.stop) {
+                Next::Line(line) => line,
+                Next::Again => continue,
+                Next::End(end) => return Ok(end),
             };
             let (id, request) = protocol::parse(&line);
             let answer = match request {
@@ -185,6 +181,50 @@ impl ControlSession {
         }
     }
 
+    /// Answers requests about a run on the real clock until the session ends, or `over` is set.
+    #[must_use]
+    pub fn serve_steered(&mut self, scenario: &Scenario, steering: &Steering, over: &AtomicBool) -> SessionEnd {
+        if let Some(id) = self.hello.take() {
+            let hello = steered::hello(scenario, steering);
+            self.socket.send(&hello.map_or_else(|why| refused(id.clone(), &why), |hello| told(id.clone(), hello)));
+        }
+        loop {
+            let line = match self.next_line(over) {
+                Next::Line(line) => line,
+                Next::Again => continue,
+                Next::End(end) => return end,
+            };
+            let (id, request) = protocol::parse(&line);
+            let answer = match request {
+                Ok(Request::Finish) => return SessionEnd::Finish(id),
+                Ok(Request::Hello { token: Some(text) }) if !self.token.is(&text) => {
+                    Err("the token is not that of this run".into())
+                }
+                Ok(request) => steered::answer(&request, scenario, steering),
+                Err(why) => Err(why),
+            };
+            self.socket.send(&answer.map_or_else(|why| refused(id.clone(), &why), |answer| told(id.clone(), answer)));
+        }
+    }
+
+    /// Reads the next line that may be a request; what is no line is answered here.
+    fn next_line(&mut self, stop: &AtomicBool) -> Next {
+        match self.socket.read_line(stop) {
+            Incoming::Line(line) => Next::Line(line),
+            Incoming::Unusable(why) => {
+                self.socket.send(&refused(None, &why));
+                Next::Again
+            }
+            Incoming::Foreign(foreign) => {
+                *self.refusals.entry(foreign.name()).or_default() += 1;
+                self.socket.send(&refused(None, &foreign_sentence()));
+                Next::End(SessionEnd::Gone)
+            }
+            Incoming::Gone => Next::End(SessionEnd::Gone),
+            Incoming::Stopped => Next::End(SessionEnd::Interrupted),
+        }
+    }
+
     /// Connections that were refused before and during the session, by reason.
     #[must_use]
     pub fn refusals(&self) -> &ControlRefusals {
@@ -202,12 +242,13 @@ impl ControlSession {
             Request::Hello { token: Some(text) } if !self.token.is(text) => {
                 Err(Refusal::Request("the token is not that of this run".into()))
             }
-            Request::Hello { .. } => Ok(answers::hello(stage.scenario, going)),
+            Request::Hello { .. } => Ok(hello(stage)),
+            Request::State => Ok(state(going)),
             Request::Step(by) => self.step(*by, stage),
             Request::Inject(keys) => Ok(answers::inject(keys, going)?),
             Request::Trigger { number, at_s } => Ok(answers::trigger(*number, *at_s, going)?),
-            Request::Truth { at_s } => Ok(answers::truth(*at_s, going)?),
-            Request::Estimate => Ok(answers::estimate(going)),
+            Request::Truth { at_s } => Ok(truth(*at_s, going)?),
+            Request::Estimate => Ok(estimate(going)),
             Request::Frame { head, path } => Ok(self.newest.answer(*head, path.as_deref(), going.zero())?),
             Request::Summary => {
                 let report = going.look(self.newest.frames_crc32(), &mut *stage.report);
@@ -234,9 +275,30 @@ impl ControlSession {
     }
 }
 
+fn hello(stage: &Stage<'_>) -> Value {
+    answers::hello(stage.scenario, &Instants::of(stage.going), "virtual")
+}
+
+fn state(going: &SteppedRun) -> Value {
+    let mode = going.with_vehicle(Vehicle::mode);
+    answers::state(&going.record().numbers(None), &Instants::of(going), mode, going.is_finished())
+}
+
+fn truth(at_s: Option<f64>, going: &SteppedRun) -> Result<Value, String> {
+    let (mounting, instants) = (going.mounting(), Instants::of(going));
+    let looked = going.with_vehicle(|vehicle| answers::truth(at_s, Some(vehicle), mounting, &instants));
+    looked.unwrap_or_else(|| answers::truth(at_s, None, mounting, &instants))
+}
+
+fn estimate(going: &SteppedRun) -> Value {
+    let (mounting, instants) = (going.mounting(), Instants::of(going));
+    let looked = going.with_vehicle(|vehicle| answers::estimate(Some(vehicle), mounting, &instants));
+    looked.unwrap_or_else(|| answers::estimate(None, mounting, &instants))
+}
+
 /// Advances from one readout to the next until the first head has sent `out` frames, or the run is over.
 fn step_frames(
-    going: &mut ClosedLoop,
+    going: &mut SteppedRun,
     out: u64,
     newest: &mut NewestFrames,
     stop: &AtomicBool,
@@ -247,13 +309,20 @@ fn step_frames(
         while going.frame_due(next) <= going.now() && next < going.frames_per_head() {
             next += 1;
         }
-        let at = if next < going.frames_per_head() { going.frame_due(next) } else { going.end() };
+        let at = if next < going.frames_per_head() { going.frame_due(next) } else { going.end_at() };
         going.advance_to(at, &mut |head, frame, _| {
             newest.keep(head, frame);
             !stop.load(Ordering::Relaxed)
         })?;
     }
     Ok(())
+}
+
+/// What comes next from a client.
+enum Next {
+    Line(String),
+    Again,
+    End(SessionEnd),
 }
 
 /// Why a request is not answered with what it asked for.

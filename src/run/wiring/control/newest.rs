@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 /// Frames of all heads.
 #[derive(Debug)]
-pub(super) struct NewestFrames {
+pub struct NewestFrames {
     heads: Vec<HeadFrames>,
     /// Where files may be written.
     output: Option<PathBuf>,
@@ -24,12 +24,14 @@ struct HeadFrames {
 }
 
 impl NewestFrames {
-    pub(super) fn new(heads: usize, output: Option<&Path>) -> Self {
+    /// Of so many heads; frames may be written below `output`.
+    #[must_use]
+    pub fn new(heads: usize, output: Option<&Path>) -> Self {
         Self { heads: (0..heads).map(|_| HeadFrames::default()).collect(), output: output.map(Path::to_path_buf) }
     }
 
     /// Keeps a frame that has gone out, in the buffer of the one before.
-    pub(super) fn keep(&mut self, head: usize, frame: &SentFrame) {
+    pub(crate) fn keep(&mut self, head: usize, frame: &SentFrame) {
         let Some(kept) = self.heads.get_mut(head) else { return };
         kept.out += 1;
         kept.crc32.add(frame.meta.number, pixel_crc32(&frame.image));

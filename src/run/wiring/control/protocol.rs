@@ -6,6 +6,7 @@
 //! {"request": "inject", "event": {"do": "gyro_dropout", "for_s": 2.0}}
 //! {"request": "trigger", "number": 7, "at_s": 12.5}   at_s may be left out: at once
 //! {"request": "truth", "at_s": 11.9}               at_s may be left out
+//! {"request": "state"}                             counts so far, on either clock
 //! {"request": "estimate"}
 //! {"request": "frame", "head": 0, "path": "f.fits"}    a new file below the run's output folder;
 //!                                                  path may be left out: pixels come as base64
@@ -48,7 +49,9 @@ pub enum Request {
         /// When; `None`: now.
         at_s: Option<f64>,
     },
-    /// What the flight computer thinks.
+    /// Counts so far.
+    State,
+    /// What the flight computer believes.
     Estimate,
     /// Newest frame.
     Frame {
@@ -75,7 +78,8 @@ pub enum StepBy {
 }
 
 /// Every request by name, with the keys that it takes.
-const REQUESTS: [(&str, &[&str]); 9] = [
+const REQUESTS: [(&str, &[&str]); 10] = [
+    ("state", &[]),
     ("hello", &["token"]),
     ("step", &["s", "frames", "until_s"]),
     ("inject", &["event"]),
@@ -150,6 +154,7 @@ impl Keys {
             "inject" => Request::Inject(self.event()?),
             "trigger" => Request::Trigger { number: self.trigger_number()?, at_s: self.number("at_s")? },
             "truth" => Request::Truth { at_s: self.number("at_s")? },
+            "state" => Request::State,
             "estimate" => Request::Estimate,
             "frame" => Request::Frame { head: self.head()?, path: self.path()? },
             "summary" => Request::Summary,

@@ -1,0 +1,135 @@
+//! `--control`: a run that a program outside steps (virtual clock) or steers (real clock).
+
+use crate::cli::scenario_report::ScenarioReport;
+use anyhow::{Context, Result};
+use base::clock::Stopwatch;
+use config::Scenario;
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::time::Duration;
+use frames::sink::SentFrame;
+use run::runtime::RunRecord;
+use run::wiring::assemble::Run;
+use run::wiring::control::{ControlAddress, ControlListener, ControlRefusals, ControlSession, NewestFrames, SessionEnd, Stage};
+use run::wiring::run_end::{LoopView, RunEnd};
+use run::wiring::steering::Steering;
+use run::wiring::stepped::SteppedRun;
+use serde_json::Value;
+use std::path::Path;
+use std::sync::Arc;
+
+/// After the run has ended, a client that has not sent `finish` is waited for so long.
+const FINISH_WITHIN: Duration = Duration::from_secs(5);
+/// How often that is looked at.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// A run that ended, and the client that steered it, when one came.
+pub(super) struct Controlled {
+    pub(super) end: RunEnd,
+    pub(super) client: Option<Client>,
+}
+
+/// The client of a run that has ended.
+pub(super) struct Client {
+    session: ControlSession,
+    end: SessionEnd,
+}
+
+impl Client {
+    /// Whether it ended the run.
+    pub(super) fn asked_to_finish(&self) -> bool {
+        matches!(self.end, SessionEnd::Finish(_))
+    }
+
+    /// Whether it went away before.
+    pub(super) fn is_gone(&self) -> bool {
+        self.end == SessionEnd::Gone
+    }
+
+    /// Connections that the socket refused, by reason.
+    pub(super) fn refusals(&self) -> &ControlRefusals {
+        self.session.refusals()
+    }
+
+    /// Sends the last reply to one that waits for it.
+    pub(super) fn close(self, report: Value, status: u8) {
+        if let SessionEnd::Finish(id) = self.end {
+            self.session.close(id, report, status);
+        }
+    }
+}
+
+/// Listens; prints where and with which token, also when quiet: a port that the system chose is known nowhere else.
+pub(super) fn listen(address: ControlAddress) -> Result<ControlListener> {
+    let listener = ControlListener::bind(address)?;
+    eprintln!("{}", listener.announcement());
+    Ok(listener)
+}
+
+/// The two ways in which a run is controlled.
+pub(super) mod controlled {
+    use super::*;
+
+    /// Makes what a run on the real clock is steered by.
+    pub(in crate::cli) fn steering(scenario: &Scenario, output: Option<&Path>) -> Steering {
+        Steering::new(NewestFrames::new(scenario.bench.head_count(), output))
+    }
+
+    /// Runs on the virtual clock, in steps as a client asks.
+    pub(in crate::cli) fn stepped(
+        listener: ControlListener,
+        run: Run,
+        output: Option<&Path>,
+        stop: &AtomicBool,
+    ) -> Result<Controlled> {
+        let scenario = run.scenario().clone();
+        let mut going = SteppedRun::of(run)?;
+        let Some(mut session) = listener.accept(&scenario, output, stop) else {
+            return Ok(Controlled { end: going.end(None), client: None });
+        };
+        let refusals = session.refusals().clone();
+        let (mut watch, mut wall_s) = (Stopwatch::start(), 0.0);
+        let mut report = |view: &LoopView<'_>| {
+            wall_s += watch.lap().s();
+            let report = ScenarioReport::of(&scenario, view, wall_s).with_control(Some(&refusals));
+            serde_json::to_value(report).unwrap_or_default()
+        };
+        let served = session.serve(&mut Stage { scenario: &scenario, going: &mut going, report: &mut report, stop });
+        let (client, error) = match served {
+            Ok(end) => (Some(Client { session, end }), None),
+            Err(error) => (None, Some(error.into_loop_error())),
+        };
+        Ok(Controlled { end: going.end(error), client })
+    }
+
+    /// Runs on the real clock beside a client.
+    pub(in crate::cli) fn real(
+        listener: ControlListener,
+        run: Run,
+        steering: Steering,
+        output: Option<&Path>,
+        stop: &Arc<AtomicBool>,
+        progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
+    ) -> Result<Controlled> {
+        let (scenario, over) = (run.scenario().clone(), Arc::new(AtomicBool::new(false)));
+        let (end_run, is_over, output) = (Arc::clone(stop), Arc::clone(&over), output.map(Path::to_path_buf));
+        let serve = move || {
+            let mut session = listener.accept(&scenario, output.as_deref(), &is_over)?;
+            let end = session.serve_steered(&scenario, &steering, &is_over);
+            if matches!(end, SessionEnd::Finish(_)) {
+                end_run.store(true, Ordering::SeqCst);
+            }
+            Some(Client { session, end })
+        };
+        let thread = std::thread::Builder::new().name("control".into()).spawn(serve);
+        let thread = thread.context("cannot start the control thread")?;
+        let end = run.fly(stop, progress);
+        let mut waited = Duration::ZERO;
+        while !thread.is_finished() && waited < FINISH_WITHIN && !stop.load(Ordering::SeqCst) {
+            std::thread::sleep(LOOK);
+            waited += LOOK;
+        }
+        over.store(true, Ordering::SeqCst);
+        let client = thread.join().ok().flatten();
+        Ok(Controlled { end: end?, client })
+    }
+}

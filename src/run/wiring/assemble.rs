@@ -1,0 +1,384 @@
+//! The assembly of a run: every run, on either clock, with any plant, is put together here.
+//!
+//! ```text
+//! Scenario + RunOptions -> Run { heads with sinks, fault desk, taps, clock } -> connect -> Run::fly      real clock
+//!                                                                                       -> SteppedRun    virtual clock
+//! ```
+//!
+//! Order: memory is added up; heads (engine, receiver, faults) are made; then their sinks, on the run's clock; around the
+//! sinks the trackers' taps, the capture and the live view; the cable and the far end when the run connects; the events of
+//! the file last. Tests: `tests/closed_loop`, above all `matrix`.
+
+use crate::runtime::{Hygiene, Imager};
+use crate::wiring::cable::{Cable, CableSetting};
+use crate::wiring::display_parts::hold_cards;
+use crate::wiring::error::LoopError;
+use crate::wiring::far_side::FarSide;
+use crate::wiring::fault_desk::{FaultDesk, in_order_of_placing};
+use crate::wiring::faults::Inventory;
+use crate::wiring::heads::{HeadSetting, RunHead, make_heads, take_sink};
+use crate::wiring::live_tap::{LiveOptions, LiveTap};
+use crate::wiring::memory::{RunForm, RunMemory};
+use crate::wiring::real;
+use crate::wiring::capture_tap::CaptureOptions;
+use crate::wiring::run_end::RunEnd;
+use crate::wiring::run_times::RunTimes;
+use crate::wiring::sinks::{SinkSetting, directory_of_head, make_sinks};
+use crate::wiring::steering::Steering;
+use crate::wiring::stepped::SteppedRun;
+use crate::wiring::taps::Taps;
+use anyhow::Context;
+use base::clock::{Clock, Monotonic, Virtual};
+use base::time::Tai;
+use config::{Scenario, SinkSettings, StartTime};
+use core::sync::atomic::AtomicBool;
+use frames::report::GatewayRow;
+use frames::sink::{SentFrame, Sink};
+use link::tap::FaultControl;
+use outputs::live::Numbers;
+use plan::exposure::cost::CostModel;
+use std::path::PathBuf;
+use std::sync::Arc;
+use testbed::vehicle::TelemetryRow;
+
+/// Which clock a run goes by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RunClockKind {
+    /// The bench clock.
+    Real,
+    /// Simulated time: the run repeats bit for bit.
+    Virtual,
+}
+
+/// Where frames go.
+pub enum Outputs<'a> {
+    /// To these sinks; files below this directory.
+    Configured {
+        /// Kinds and settings.
+        sinks: &'a [SinkSettings],
+        /// Of the run; `None`: no sink keeps files.
+        directory: Option<PathBuf>,
+    },
+    /// To what is made for each head.
+    Made(&'a mut dyn FnMut(usize) -> Box<dyn Sink>),
+}
+
+/// Looks up the costs that were measured on this machine for an imager.
+pub type CostsHere<'a> = &'a mut dyn FnMut(&Imager) -> Option<CostModel>;
+
+/// What is not in the run's file.
+pub struct RunOptions<'a> {
+    /// Which clock.
+    pub clock: RunClockKind,
+    /// Where frames go.
+    pub outputs: Outputs<'a>,
+    /// Costs of this machine, for the real clock; `None`: the built-in ones.
+    pub costs: Option<CostsHere<'a>>,
+    /// What threads ask of the system, on the real clock.
+    pub hygiene: Option<Arc<Hygiene>>,
+    /// The capture, where one is made.
+    pub capture: Option<CaptureOptions<'a>>,
+    /// The live view, where there is one.
+    pub live: Option<LiveOptions>,
+    /// Whoever steers the run while it goes on, where somebody does.
+    pub steering: Option<Steering>,
+}
+
+impl<'a> RunOptions<'a> {
+    /// A run on the virtual clock with these outputs and nothing else.
+    #[must_use]
+    pub fn stepped(outputs: Outputs<'a>) -> Self {
+        let (costs, hygiene, capture, live, steering) = (None, None, None, None, None);
+        Self { clock: RunClockKind::Virtual, outputs, costs, hygiene, capture, live, steering }
+    }
+
+    /// The same on the real clock.
+    #[must_use]
+    pub fn real(outputs: Outputs<'a>) -> Self {
+        Self { clock: RunClockKind::Real, ..Self::stepped(outputs) }
+    }
+}
+
+/// The clock of a run, which its sinks read too.
+#[derive(Debug, Clone)]
+pub enum RunClock {
+    /// The bench clock.
+    Real(Arc<Monotonic>),
+    /// Simulated time.
+    Virtual(Arc<Virtual>),
+}
+
+impl RunClock {
+    fn new(kind: RunClockKind, start: Tai) -> Self {
+        match kind {
+            RunClockKind::Real => Self::Real(Arc::new(Monotonic::start_at(start))),
+            RunClockKind::Virtual => Self::Virtual(Arc::new(Virtual::new(start))),
+        }
+    }
+
+    /// Returns it as whoever only reads it takes it.
+    #[must_use]
+    pub fn shared(&self) -> Arc<dyn Clock> {
+        match self {
+            Self::Real(clock) => clock.clone(),
+            Self::Virtual(clock) => clock.clone(),
+        }
+    }
+}
+
+/// A run that is put together.
+pub struct Run {
+    pub(super) scenario: Scenario,
+    pub(super) times: RunTimes,
+    pub(super) clock: RunClock,
+    pub(super) heads: Vec<RunHead>,
+    pub(super) desk: FaultDesk,
+    pub(super) faults_of_bus: [FaultControl; 2],
+    pub(super) hygiene: Option<Arc<Hygiene>>,
+    pub(super) taps: Taps,
+    pub(super) on_row: Option<OnRow>,
+    pub(super) steering: Option<Steering>,
+    pub(super) cable: Option<Cable>,
+}
+
+/// Takes rows of telemetry.
+pub type OnRow = Box<dyn FnMut(&TelemetryRow) + Send>;
+
+impl Run {
+    /// Puts a run together: everything but the cable, which [`Self::connect`] opens.
+    ///
+    /// # Errors
+    /// The first part that cannot be made.
+    pub fn assemble(scenario: &Scenario, options: RunOptions<'_>) -> Result<Self, LoopError> {
+        let scenario = scenario.clone();
+        let RunOptions { clock, mut outputs, costs, hygiene, capture, live, steering } = options;
+        check_memory(&scenario, &outputs, clock, live.is_some())?;
+        let start = start_of(&scenario);
+        let cards = match &outputs {
+            Outputs::Configured { sinks, .. } => Some(hold_cards(sinks)),
+            Outputs::Made(_) => None,
+        };
+        let costs = costs.filter(|_| clock == RunClockKind::Real);
+        let mut no_costs = |_: &Imager| None;
+        let costs: Option<CostsHere<'_>> = match (clock, costs) {
+            (RunClockKind::Real, Some(costs)) => Some(costs),
+            (RunClockKind::Real, None) => Some(&mut no_costs),
+            (RunClockKind::Virtual, _) => None,
+        };
+        let mut heads = make_heads(HeadSetting { scenario: &scenario, start, costs })?;
+        drop(cards);
+        let clock = RunClock::new(clock, start);
+        let count = heads.len();
+        for (number, head) in heads.iter_mut().enumerate() {
+            let sink = sink_of_head(head, (number, count), &mut outputs, &clock)?;
+            take_sink(head, sink);
+        }
+        let recording = capture.map(|capture| capture.start(&scenario, start, &clock, &mut heads)).transpose();
+        let recording = recording.context("--capture")?;
+        if let Some(steering) = &steering {
+            steering.watch_frames(&mut heads);
+        }
+        let live = live.map(|live| LiveTap::beside(&live, &scenario.bench.name, &mut heads)).transpose()?;
+        let times = times(start, &heads)?;
+        let there = Inventory {
+            heads: heads.iter().map(RunHead::size).collect(),
+            wheels: scenario.vehicle().map(|vehicle| vehicle.spacecraft.params.wheels.len()),
+        };
+        let faults_of_bus = [FaultControl::default(), FaultControl::default()];
+        let desk = FaultDesk::new(times.zero, scenario.bench.sensor_from_body, there, faults_of_bus.clone());
+        scenario.events.iter().try_for_each(|event| desk.check(event))?;
+        let taps = Taps { recording, live };
+        let (on_row, cable) = (None, None);
+        Ok(Self { scenario, times, clock, heads, desk, faults_of_bus, hygiene, taps, on_row, steering, cable })
+    }
+
+    /// Opens the cable. On the real clock time begins here, at the run's start.
+    ///
+    /// # Errors
+    /// When a link cannot be opened, or has a time of its own on the virtual clock.
+    pub fn connect(&mut self) -> Result<(), LoopError> {
+        if self.cable.is_some() {
+            return Ok(());
+        }
+        if let RunClock::Real(clock) = &self.clock {
+            // Sinks have had the time they took to begin.
+            clock.restart_at(self.times.start);
+        }
+        let setting = CableSetting {
+            scenario: &self.scenario,
+            clock: &self.clock,
+            faults: &self.faults_of_bus,
+            recording: self.taps.recording.as_ref(),
+            is_steered: self.steering.is_some(),
+        };
+        self.cable = Some(Cable::open(&setting)?);
+        Ok(())
+    }
+
+    /// Calls `on_row` with every row of telemetry, where a spacecraft is flown.
+    pub fn on_row(&mut self, on_row: OnRow) {
+        self.on_row = Some(on_row);
+    }
+
+    /// Flies the run to its end, or until `stop` is set. `progress` is called after each frame with the number of its head,
+    /// and must not block.
+    ///
+    /// # Errors
+    /// When the run cannot begin; why one that has begun ended early is in the result.
+    pub fn fly(
+        self,
+        stop: &Arc<AtomicBool>,
+        progress: &mut dyn FnMut(usize, &SentFrame, &crate::runtime::RunRecord),
+    ) -> Result<RunEnd, LoopError> {
+        match self.clock.clone() {
+            RunClock::Real(clock) => real::fly(self, &clock, stop, progress),
+            RunClock::Virtual(_) => {
+                let mut run = SteppedRun::of(self)?;
+                let error = run.run_to_end(&mut |head, frame, record| {
+                    progress(head, frame, record);
+                    !stop.load(core::sync::atomic::Ordering::Relaxed)
+                });
+                Ok(run.end(error.err()))
+            }
+        }
+    }
+
+    /// Makes the far end, and places the events of the file.
+    pub(super) fn far_side(&mut self) -> Result<FarSide, LoopError> {
+        self.connect()?;
+        let port = self.cable.as_mut().and_then(|cable| cable.far.take());
+        let trackers = self.heads.iter_mut().filter_map(|head| head.tracker.take()).collect();
+        let mountings = self.heads.iter().map(|head| head.mounting).collect();
+        let mut far = FarSide::new(&self.scenario, port, trackers, (self.times, mountings))?;
+        if let Some(on_row) = self.on_row.take() {
+            far.on_row = on_row;
+        }
+        Ok(far)
+    }
+
+    /// Places the events of the file; returns what the ledger says of them.
+    pub(super) fn place_events(&mut self, far: &mut FarSide) -> Result<Vec<crate::runtime::ledger::Event>, LoopError> {
+        let mut notes = Vec::new();
+        for event in in_order_of_placing(&self.scenario.events) {
+            let frames = self.heads.iter_mut().map(|head| &mut head.faults).collect();
+            let placed = self.desk.place(event, self.times.start, frames);
+            notes.extend(placed.note);
+            far.take_event(placed, self.times.zero);
+        }
+        for head in &mut self.heads {
+            head.faults.prepare(&mut head.engine)?;
+        }
+        Ok(notes)
+    }
+
+    /// The scenario.
+    #[must_use]
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// Its instants.
+    #[must_use]
+    pub fn times(&self) -> RunTimes {
+        self.times
+    }
+
+    /// Its heads, the first one first; at least one.
+    #[must_use]
+    pub fn heads(&self) -> &[RunHead] {
+        &self.heads
+    }
+
+    /// Frames of all heads in the whole run.
+    #[must_use]
+    pub fn frames(&self) -> u64 {
+        self.heads.iter().map(|head| u64::from(head.engine.params().frames)).sum()
+    }
+
+    /// Gateways of the cable, once it is open.
+    #[must_use]
+    pub fn gateways(&self) -> Vec<GatewayRow> {
+        self.cable.as_ref().map(Cable::gateway_rows).unwrap_or_default()
+    }
+
+    /// Where the numbers of the live view go, where there is one.
+    #[must_use]
+    pub fn numbers(&self) -> Option<Numbers> {
+        self.taps.live.as_ref().map(LiveTap::numbers)
+    }
+
+    /// What people should know before the run begins, a sentence each.
+    #[must_use]
+    pub fn notes(&self) -> Vec<String> {
+        let cable = self.cable.as_ref().map(Cable::notes).unwrap_or_default();
+        self.taps.live.as_ref().map(LiveTap::notes).unwrap_or_default().into_iter().chain(cable).collect()
+    }
+}
+
+/// When the clock of a run starts.
+fn start_of(scenario: &Scenario) -> Tai {
+    match scenario.bench.timing.start {
+        StartTime::At(at) => at,
+        StartTime::Now => Monotonic::start().now(),
+    }
+}
+
+/// Refuses a run whose memory is not there, before any of it is taken.
+fn check_memory(
+    scenario: &Scenario,
+    outputs: &Outputs<'_>,
+    clock: RunClockKind,
+    has_view: bool,
+) -> Result<(), LoopError> {
+    let sinks: &[SinkSettings] = match outputs {
+        Outputs::Configured { sinks, .. } => sinks,
+        Outputs::Made(_) => &[],
+    };
+    let form = RunForm { is_real: clock == RunClockKind::Real, has_view };
+    RunMemory::of(&scenario.bench, sinks, form).check().map_err(anyhow::Error::from)?;
+    Ok(())
+}
+
+/// The instants of a run: from the first exposure of the first head to the end of the last frame of any.
+fn times(start: Tai, heads: &[RunHead]) -> Result<RunTimes, LoopError> {
+    let params = || heads.iter().map(|head| head.engine.params());
+    let zero = params().next().map(|params| params.first_exposure).context("a run without a head")?;
+    let end = params().map(|params| params.exposure_start(params.frames)).max().unwrap_or(zero);
+    Ok(RunTimes { start, zero, end })
+}
+
+/// Makes what takes the frames of one head.
+fn sink_of_head(
+    head: &RunHead,
+    (number, count): (usize, usize),
+    outputs: &mut Outputs<'_>,
+    clock: &RunClock,
+) -> Result<Box<dyn Sink>, LoopError> {
+    let (sinks, directory) = match outputs {
+        Outputs::Made(make) => return Ok(make(number)),
+        Outputs::Configured { sinks, directory } => (*sinks, directory.as_deref()),
+    };
+    let params = head.engine.params();
+    let camera = &params.camera;
+    let [width, height] = camera.output().size_px;
+    let prototype = &SentFrame::with_capacity(
+        width,
+        height,
+        crate::runtime::real_time::STARS_AT_FIRST,
+        camera.name.clone(),
+    );
+    let which = (count > 1).then_some(number);
+    let directory = directory.map(|run| directory_of_head(run, which));
+    let setting = SinkSetting {
+        directory: directory.as_deref(),
+        prototype,
+        head: which,
+        is_real: matches!(clock, RunClock::Real(_)),
+        camera,
+        frame_period: params.frame_period,
+        calibration: head.calibration.as_ref(),
+        clock: &clock.shared(),
+    };
+    let place = || which.map_or_else(|| "the sinks".to_owned(), |head| format!("head {head}"));
+    Ok(make_sinks(sinks, &setting).with_context(place)?)
+}

@@ -1,0 +1,150 @@
+//! The cable of a run: the stimulator's ports, the simulated far end's, pulses and gateways, with faults and capture between.
+//!
+//! What a capture holds is what the stimulator's ports see: faults come before it.
+
+use crate::wiring::assemble::RunClock;
+use crate::wiring::bench_parts;
+use crate::wiring::error::LoopError;
+use crate::wiring::ports::{End, Ports, needs_real_clock, open_ports};
+use crate::wiring::replay::Recording;
+use config::{Action, Plant, Scenario};
+use frames::report::GatewayRow;
+use link::gateway::{GatewayAddress, GatewayCounters, GatewayKind, Gateways};
+use link::pps::Pps;
+use link::tap::{FaultControl, FaultyLink};
+use link::{Link, Port};
+
+/// Stream of the seed for faults of the bus, so that faults, frames and sensors do not share numbers.
+const BUS_SEED: u64 = 0x6275_7300;
+
+/// An open cable.
+pub struct Cable {
+    /// The stimulator's ports; at least one.
+    pub near: Vec<Port>,
+    /// The simulated far end's port, until the far end takes it.
+    pub far: Option<Port>,
+    /// Pulses of the flight computer's clock.
+    pub pulses: Option<Pps>,
+    gateways: Vec<Gateways>,
+}
+
+/// What a cable is opened for.
+pub(super) struct CableSetting<'a> {
+    pub(super) scenario: &'a Scenario,
+    pub(super) clock: &'a RunClock,
+    /// Faults towards the stimulator, and towards the flight computer.
+    pub(super) faults: &'a [FaultControl; 2],
+    pub(super) recording: Option<&'a Recording>,
+    /// Faults may come while the run goes on.
+    pub(super) is_steered: bool,
+}
+
+impl Cable {
+    /// Opens every link of a run.
+    pub(super) fn open(setting: &CableSetting<'_>) -> Result<Self, LoopError> {
+        let bench = &setting.scenario.bench;
+        if let (RunClock::Virtual(_), Some(what)) = (setting.clock, needs_real_clock(bench)) {
+            let why = "which has a time of its own; wanted --clock real";
+            return Err(anyhow::anyhow!("--clock virtual: got a bench with {what}, {why}").into());
+        }
+        let mut tap = |end, link| setting.tapped(end, link);
+        let Ports { near, far, pulses, gateways } = open_ports(bench, &setting.clock.shared(), &mut tap)?;
+        Ok(Self { near, far, pulses, gateways })
+    }
+
+    /// What gateways did, for the summary of a run.
+    pub(super) fn gateway_rows(&self) -> Vec<GatewayRow> {
+        gateway_rows(&self.gateways)
+    }
+
+    /// Closes the gateways; returns how many of their threads ended early.
+    pub(super) fn close(&mut self) -> u64 {
+        self.gateways.iter_mut().map(Gateways::finish).sum()
+    }
+
+    /// Where the gateways are, and whether other machines can reach them.
+    pub(super) fn notes(&self) -> Vec<String> {
+        self.gateways.iter().flat_map(gateway_notes).collect()
+    }
+}
+
+impl CableSetting<'_> {
+    /// Puts faults and the capture between a link and its port, where the run may need them.
+    fn tapped(&self, end: End, link: Box<dyn Link>) -> Box<dyn Link> {
+        let [to_stimulator, to_computer] = self.faults;
+        let seed = self.scenario.bench.seed ^ BUS_SEED;
+        match end {
+            End::Near(0) if self.may_be_faulty() => {
+                let faulty = self.faulty(link, to_stimulator, seed);
+                // Nobody inside hears what goes to a flight computer outside: faults on that way hit what is sent.
+                let is_outside = self.scenario.plant == Plant::Outside;
+                let faulty = if is_outside { faulty.losing_sent(to_computer.clone()) } else { faulty };
+                self.captured(0, Box::new(faulty))
+            }
+            End::Near(number) => self.captured(number, link),
+            End::Far if self.may_be_faulty() => Box::new(self.faulty(link, to_computer, seed.wrapping_add(1))),
+            End::Far => link,
+        }
+    }
+
+    fn faulty(&self, link: Box<dyn Link>, control: &FaultControl, seed: u64) -> FaultyLink {
+        let (_, format) = bench_parts::bus(&self.scenario.bench);
+        FaultyLink::new(link, self.clock.shared(), control.clone(), seed).babbling_as(format)
+    }
+
+    fn captured(&self, number: usize, link: Box<dyn Link>) -> Box<dyn Link> {
+        match self.recording {
+            Some(recording) => recording.tap(link, number),
+            None => link,
+        }
+    }
+
+    fn may_be_faulty(&self) -> bool {
+        let is_of_bus = |action: &Action| matches!(action, Action::Bus(_) | Action::BusBack(_));
+        let has_faults = self.scenario.events.iter().any(|event| is_of_bus(&event.action));
+        has_faults || self.is_steered || self.scenario.vehicle().is_some()
+    }
+}
+
+/// Returns where programs outside find a bus, and which of its gateways other machines can reach.
+#[must_use]
+pub fn gateway_notes(gateways: &Gateways) -> Vec<String> {
+    let addresses = gateways.addresses();
+    let place = |(kind, address): &(GatewayKind, GatewayAddress)| format!("gateway: {} at {address}", gateway_name(*kind));
+    let exposed = addresses.iter().filter(|(_, address)| address.is_exposed()).map(|(kind, address)| {
+        let name = gateway_name(*kind);
+        format!("starloop: {name} at {address} can be reached from other machines, and asks for no password")
+    });
+    addresses.iter().map(place).chain(exposed).collect()
+}
+
+/// Returns what gateways did, for a summary.
+#[must_use]
+pub fn gateway_rows(gateways: &[Gateways]) -> Vec<GatewayRow> {
+    let row = |((kind, address), (_, counters)): ((GatewayKind, GatewayAddress), (GatewayKind, GatewayCounters))| {
+        let rejects = counters.rejects.iter().map(|(reason, count)| ((*reason).to_owned(), *count));
+        GatewayRow {
+            gateway: gateway_name(kind).into(),
+            address: address.to_string(),
+            clients: counters.clients,
+            refused: counters.refused,
+            stalled: counters.stalled,
+            from_clients: counters.from_clients,
+            to_clients: counters.to_clients,
+            dropped: counters.dropped,
+            withheld: counters.withheld,
+            rejects: rejects.collect(),
+        }
+    };
+    gateways.iter().flat_map(|of_link| of_link.addresses().into_iter().zip(of_link.counters())).map(row).collect()
+}
+
+/// Returns a gateway in words.
+#[must_use]
+pub fn gateway_name(kind: GatewayKind) -> &'static str {
+    match kind {
+        GatewayKind::SlcanTcp => "slcan (TCP)",
+        GatewayKind::SlcanPty => "slcan (PTY)",
+        GatewayKind::Socketcand => "socketcand",
+    }
+}

@@ -1,0 +1,52 @@
+//! The capture of a run: its cable, and what each frame was drawn from.
+
+use crate::wiring::assemble::RunClock;
+use crate::wiring::heads::RunHead;
+use crate::wiring::replay::{Recording, ReplayError, SessionParams};
+use base::time::Tai;
+use config::{Document, Scenario};
+use frames::sink::NullSink;
+use link::capture::CaptureFormat;
+use std::path::PathBuf;
+
+/// What is captured, and where it goes.
+#[derive(Debug, Clone)]
+pub struct CaptureOptions<'a> {
+    /// A directory without a capture; made when it does not exist.
+    pub directory: PathBuf,
+    /// Form of the packets.
+    pub format: CaptureFormat,
+    /// The run's file, with the values that the command line sets.
+    pub document: &'a Document,
+    /// Those values, as given.
+    pub settings: &'a [String],
+}
+
+impl CaptureOptions<'_> {
+    /// Begins the capture around the sinks of the heads.
+    pub(super) fn start(
+        &self,
+        scenario: &Scenario,
+        start: Tai,
+        clock: &RunClock,
+        heads: &mut [RunHead],
+    ) -> Result<Recording, ReplayError> {
+        let Some(first) = heads.first() else { return Err(ReplayError::Parts("a run without a head".into())) };
+        let params = SessionParams {
+            document: self.document,
+            settings: self.settings,
+            scenario,
+            start,
+            is_real: matches!(clock, RunClock::Real(_)),
+            backend: first.engine.imager().name(),
+            adapter: first.engine.imager().description(),
+            cost: first.engine.params().cost,
+        };
+        let recording = Recording::start(&self.directory, self.format, &params)?;
+        for (number, head) in heads.iter_mut().enumerate() {
+            let sink = core::mem::replace(&mut head.sink, Box::new(NullSink::new()));
+            head.sink = recording.tap_frames(number, &mut head.engine, sink)?;
+        }
+        Ok(recording)
+    }
+}

@@ -1,0 +1,77 @@
+//! Answers about a run on the real clock, which goes on while they are made.
+//!
+//! What is not answered: `step`, as the real clock cannot be held, and `summary`, as the report is made when the run ends:
+//! it comes with the answer to `finish`.
+
+use crate::wiring::control::answers::{self, Instants};
+use crate::wiring::control::protocol::Request;
+use crate::wiring::steering::Steering;
+use base::time::Span;
+use config::{Event, Plant, Scenario};
+use serde_json::{Value, json};
+use std::sync::PoisonError;
+use testbed::vehicle::Vehicle;
+
+pub(super) fn hello(scenario: &Scenario, steering: &Steering) -> Result<Value, String> {
+    Ok(answers::hello(scenario, &instants(steering)?, "real"))
+}
+
+/// Answers one request, or says why not.
+pub(super) fn answer(request: &Request, scenario: &Scenario, steering: &Steering) -> Result<Value, String> {
+    let mounting = scenario.bench.sensor_from_body;
+    match request {
+        Request::Hello { .. } => hello(scenario, steering),
+        Request::Step(_) => {
+            Err("the real clock cannot be held: ask for state, or run with --clock virtual to step".into())
+        }
+        Request::Summary => Err("the report is made when the run ends: ask for state, or send finish".into()),
+        Request::State => state(steering),
+        Request::Inject(keys) => {
+            let now_s = instants(steering)?.now_s();
+            let frame_period = Span::from_s(1.0 / scenario.bench.timing.frame_rate_hz);
+            let event = Event::from_json(keys, now_s, frame_period).map_err(|error| error.to_string())?;
+            steering.inject(&event).map_err(|error| error.to_string())?;
+            let from_s = event.at.s().max(now_s);
+            Ok(json!({ "event": event.action.word(), "from_s": from_s, "for_s": event.lasts.s() }))
+        }
+        Request::Trigger { number, at_s } => {
+            let instants = instants(steering)?;
+            let at = at_s.map(|at_s| instants.zero + Span::from_s(at_s));
+            let is_outside = scenario.plant == Plant::Outside;
+            steering.trigger(*number, at, is_outside).map_err(|error| error.to_string())?;
+            Ok(json!({ "number": number, "at_s": at_s.unwrap_or_else(|| instants.now_s()) }))
+        }
+        Request::Truth { at_s } => {
+            let (at_s, instants) = (*at_s, instants(steering)?);
+            let look = move |far: &mut crate::wiring::far_side::FarSide| {
+                answers::truth(at_s, far.vehicle(), mounting, &instants)
+            };
+            steering.on_far_end(look).map_err(|error| error.to_string())?
+        }
+        Request::Estimate => {
+            let instants = instants(steering)?;
+            let look = move |far: &mut crate::wiring::far_side::FarSide| {
+                answers::estimate(far.vehicle(), mounting, &instants)
+            };
+            steering.on_far_end(look).map_err(|error| error.to_string())
+        }
+        Request::Frame { head, path } => {
+            let zero = instants(steering)?.zero;
+            let newest = steering.newest().lock().unwrap_or_else(PoisonError::into_inner);
+            newest.answer(*head, path.as_deref(), zero)
+        }
+        Request::Finish => Ok(Value::Null),
+    }
+}
+
+fn instants(steering: &Steering) -> Result<Instants, String> {
+    let (times, now) = steering.now().map_err(|error| error.to_string())?;
+    Ok(Instants { zero: times.zero, now, end: times.end })
+}
+
+fn state(steering: &Steering) -> Result<Value, String> {
+    let instants = instants(steering)?;
+    let numbers = steering.numbers().map_err(|error| error.to_string())?;
+    let mode = steering.on_far_end(|far| far.vehicle().map(Vehicle::mode)).map_err(|error| error.to_string())?;
+    Ok(answers::state(&numbers, &instants, mode, false))
+}

@@ -1,0 +1,33 @@
+//! Why a run cannot be assembled or go on.
+
+use crate::runtime::RunError;
+use config::ConfigError;
+use testbed::vehicle::VehicleError;
+
+/// Why a run cannot be assembled or go on.
+#[derive(Debug, thiserror::Error)]
+pub enum LoopError {
+    /// the configuration
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// a part cannot be made
+    #[error("{0:#}")]
+    Parts(#[from] anyhow::Error),
+    /// the vehicle cannot be made
+    #[error("vehicle: {0}")]
+    Vehicle(#[from] VehicleError),
+    /// a spacecraft is needed
+    #[error("got a run without a spacecraft; wanted one that names a spacecraft file: spacecraft = \"FILE\"")]
+    NothingFlown,
+    /// the run failed
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// a fault or command that names what does not exist
+    #[error("event \"{what}\": {why}")]
+    Event {
+        /// Its word.
+        what: &'static str,
+        /// What is wrong.
+        why: String,
+    },
+}

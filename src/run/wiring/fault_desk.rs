@@ -1,0 +1,90 @@
+//! Where events of a run are checked and placed, before it begins and while it goes on; the same on both clocks.
+//!
+//! In: an event, and the faults of each head's frames. Out: what the far side has to do and to expect ([`Placed`]).
+//! Faults of the bus go to the links' own lists. Tests: of `faults`, and `tests/closed_loop`.
+
+use crate::runtime::frame_faults::FrameFaults;
+use crate::runtime::ledger::Event as LedgerEvent;
+use crate::wiring::error::LoopError;
+use crate::wiring::faults::{Aboard, FaultLine, FaultLog, Inventory, LoggedFault, Places, PlacesRead, check_places};
+use base::axes::{Body, Rotation, Sensor};
+use base::time::Tai;
+use config::{Action, Event};
+use link::tap::FaultControl;
+
+/// The faults of a run, and where they act.
+#[derive(Debug)]
+pub(super) struct FaultDesk {
+    log: FaultLog,
+    to_stimulator: FaultControl,
+    to_computer: FaultControl,
+    zero: Tai,
+    mounting: Rotation<Sensor, Body>,
+    there: Inventory,
+}
+
+/// An event that was placed: what the far side has to do and to expect.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Placed {
+    /// The event.
+    pub(super) event: Event,
+    /// What happens aboard, and when.
+    pub(super) aboard: Vec<(Tai, Aboard)>,
+    /// Begin and end of what disturbs pointing or frames.
+    pub(super) disturbances: Vec<(Tai, Tai)>,
+    /// For the ledger; `None` for faults of frames, which write it themselves.
+    pub(super) note: Option<LedgerEvent>,
+}
+
+impl FaultDesk {
+    /// Faults of a run whose first exposure is at `zero`; `mounting` is that of the first head.
+    #[must_use]
+    pub(super) fn new(
+        zero: Tai,
+        mounting: Rotation<Sensor, Body>,
+        there: Inventory,
+        [to_stimulator, to_computer]: [FaultControl; 2],
+    ) -> Self {
+        Self { log: FaultLog::default(), to_stimulator, to_computer, zero, mounting, there }
+    }
+
+    /// Refuses an event that names a head, wheel or pixel that does not exist, or needs a spacecraft that is not flown.
+    ///
+    /// # Errors
+    /// With what is wrong.
+    pub(super) fn check(&self, event: &Event) -> Result<(), LoopError> {
+        check_places(event, &self.there).map_err(|why| LoopError::Event { what: event.action.word(), why })
+    }
+
+    /// Puts an event where it acts. One whose time has passed `now` begins at once.
+    pub(super) fn place(&mut self, event: &Event, now: Tai, frames: Vec<&mut FrameFaults>) -> Placed {
+        let mut event = *event;
+        if event.on_trigger.is_none() {
+            event.at = event.at.max(now - self.zero);
+        }
+        let (before, mut aboard) = (self.log.faults().len(), Vec::new());
+        let mut places =
+            Places { to_stimulator: &self.to_stimulator, to_computer: &self.to_computer, frames };
+        self.log.place(&event, self.zero, &self.mounting, &mut places, &mut aboard);
+        let mut disturbances = Vec::new();
+        if let Action::Trigger { number } = event.action {
+            disturbances.extend(self.log.triggered_by(number));
+        }
+        let fault = self.log.faults().get(before);
+        disturbances.extend(fault.filter(|_| event.on_trigger.is_none()).map(|fault| (fault.from, fault.until)));
+        Placed { event, aboard, disturbances, note: fault.and_then(LoggedFault::ledger_event) }
+    }
+
+    /// Every fault so far with what it hit; `aboard` counts the hits of one aboard by its number.
+    #[must_use]
+    pub(super) fn lines(&self, frames: Vec<&FrameFaults>, aboard: &dyn Fn(usize) -> u64) -> Vec<FaultLine> {
+        let (to_stimulator, to_computer) = (&self.to_stimulator, &self.to_computer);
+        self.log.lines(self.zero, &PlacesRead { to_stimulator, to_computer, frames, aboard })
+    }
+}
+
+/// Returns events in the order in which they are placed: a trigger finds those that wait for it.
+pub(super) fn in_order_of_placing(events: &[Event]) -> impl Iterator<Item = &Event> {
+    let is_trigger = |event: &&Event| matches!(event.action, Action::Trigger { .. });
+    events.iter().filter(move |event| !is_trigger(event)).chain(events.iter().filter(is_trigger))
+}

@@ -1,0 +1,154 @@
+//! The camera heads of a run: each with what draws its frames, what it has heard, what takes the frames, and its faults.
+//!
+//! In: a scenario and the options of a run. Out: heads, and the trackers' ends of their taps where a spacecraft is flown.
+//! Heads share the stars and the almanac. With a calibrated display and a spacecraft inside, each frame is drawn twice:
+//! for the display, and as the spacecraft's own tracker sees it.
+
+use crate::runtime::frame_faults::FrameFaults;
+use crate::runtime::receiver::Receiver;
+use crate::runtime::{FrameEngine, Imager, RunParams};
+use crate::wiring::bench_parts;
+use crate::wiring::display_parts::{calibrated_display, take_display};
+use crate::wiring::faults::HeadSize;
+use crate::wiring::motion::slew_scale;
+use anyhow::Result;
+use base::axes::{Body, Rotation, Sensor};
+use base::clock::{Clock, Monotonic};
+use base::time::Tai;
+use config::{Bench, Plant, Scenario};
+use frames::sink::{NullSink, Sink, TapEnd, Tee, tap};
+use outputs::display::calibration::Calibration;
+use plan::exposure::cost::CostModel;
+use sky::almanac::Almanac;
+use stars::Sky;
+
+/// Frames on their way to a tracker.
+const TAP_FRAMES: usize = 8;
+
+/// One camera head of a run.
+pub struct RunHead {
+    /// Draws.
+    pub engine: FrameEngine,
+    /// Hears.
+    pub receiver: Receiver,
+    /// Spoils frames.
+    pub faults: FrameFaults,
+    /// Takes frames.
+    pub sink: Box<dyn Sink>,
+    /// How it is mounted.
+    pub(super) mounting: Rotation<Sensor, Body>,
+    /// By which it is drawn for a display, if it is.
+    pub(super) calibration: Option<Calibration>,
+    /// The tracker's end of its tap, until the far side takes it.
+    pub(super) tracker: Option<TapEnd>,
+}
+
+impl RunHead {
+    /// Returns the sizes of detector and images.
+    pub(super) fn size(&self) -> HeadSize {
+        let camera = &self.engine.params().camera;
+        HeadSize { size_px: camera.sensor_px(), output_px: camera.output().size_px }
+    }
+}
+
+/// What all heads are made with.
+pub(super) struct HeadSetting<'a> {
+    pub(super) scenario: &'a Scenario,
+    /// When the run's clock starts.
+    pub(super) start: Tai,
+    /// On the real clock: costs that were measured on this machine.
+    pub(super) costs: Option<&'a mut dyn FnMut(&Imager) -> Option<CostModel>>,
+}
+
+/// Makes the heads of a run, without their sinks.
+pub(super) fn make_heads(setting: HeadSetting<'_>) -> Result<Vec<RunHead>> {
+    let HeadSetting { scenario, start, mut costs } = setting;
+    let (bench, is_flown) = (&scenario.bench, scenario.vehicle().is_some());
+    let draws_twice = is_flown && calibrated_display(bench).is_some();
+    let mut prepared = Vec::new();
+    for number in 0..bench.head_count() {
+        let own = bench_of(scenario, number);
+        let mut params = bench_parts::run_params(&own, start)?;
+        let for_tracker = draws_twice.then(|| params.clone());
+        let calibration = take_display(&mut params, &own, Monotonic::start().now())?;
+        prepared.push((own.clone(), params, calibration, is_flown && !draws_twice));
+        prepared.extend(for_tracker.map(|params| (own, params, None, true)));
+    }
+    let count = u32::try_from(prepared.len())?;
+    let mut shared = Shared::new(prepared.iter().map(|(_, params, ..)| params));
+    let mut measured: Option<Option<CostModel>> = None;
+    let mut heads = Vec::with_capacity(prepared.len());
+    for (own, mut params, calibration, has_tracker) in prepared {
+        params.heads = count;
+        let imager = bench_parts::imager(&params)?;
+        // The virtual clock never sees what this machine measured: its runs repeat everywhere.
+        if let Some(costs) = &mut costs {
+            let cost = *measured.get_or_insert_with(|| costs(&imager));
+            bench_parts::take_real_clock(&mut params, &own, cost);
+        }
+        let mut receiver = Receiver::new(params.attitude.clone())?.with_session(bench_parts::session_params(&own));
+        let triggers = scenario.events.iter().filter_map(|event| event.on_trigger);
+        triggers.for_each(|number| receiver.expect_trigger(number));
+        let mut engine = shared.engine(params, imager)?;
+        if scenario.plant == Plant::FlightComputer {
+            engine.expect_motion(slew_scale(bench));
+        }
+        let (tracker, sink) = with_tap(&engine, has_tracker);
+        let (mounting, faults) = (own.sensor_from_body, FrameFaults::default());
+        heads.push(RunHead { engine, receiver, faults, sink, mounting, calibration, tracker });
+    }
+    Ok(heads)
+}
+
+/// Returns the bench of one head; the jitter of a flown vehicle comes over the bus.
+fn bench_of(scenario: &Scenario, number: usize) -> Bench {
+    let mut own = scenario.bench.of_head(number);
+    if scenario.vehicle().is_some() {
+        own.flight_computer.jitter_lines.clear();
+    }
+    own
+}
+
+/// Returns the tracker's end of a tap, and the sink that feeds it, where the head has one.
+fn with_tap(engine: &FrameEngine, has_tracker: bool) -> (Option<TapEnd>, Box<dyn Sink>) {
+    if !has_tracker {
+        return (None, Box::new(NullSink::new()));
+    }
+    let (sender, end) = tap(engine.params().camera.output().size_px, TAP_FRAMES);
+    (Some(end), Box::new(sender))
+}
+
+/// Puts what takes a head's frames before its tracker.
+pub(super) fn take_sink(head: &mut RunHead, sink: Box<dyn Sink>) {
+    let own = core::mem::replace(&mut head.sink, Box::new(NullSink::new()));
+    head.sink = if head.tracker.is_some() { Box::new(Tee::new(sink, own)) } else { sink };
+}
+
+/// What heads share.
+struct Shared {
+    almanac: Almanac,
+    /// Stars by the limiting magnitude to which they were opened.
+    skies: Vec<(f32, Sky)>,
+}
+
+impl Shared {
+    /// An almanac over the exposures of all heads.
+    fn new<'a>(params: impl Iterator<Item = &'a RunParams>) -> Self {
+        let spans = params.map(|params| (params.first_exposure, params.exposure_start(params.frames)));
+        let whole = spans.reduce(|whole, own| (whole.0.min(own.0), whole.1.max(own.1)));
+        let (from, until) = whole.unwrap_or((Tai::from_ns(0), Tai::from_ns(0)));
+        Self { almanac: Almanac::over(from, until), skies: Vec::new() }
+    }
+
+    fn engine(&mut self, params: RunParams, imager: Imager) -> Result<FrameEngine> {
+        let limiting_mag = params.camera.limiting_mag;
+        let place = match self.skies.iter().position(|(mag, _)| mag.total_cmp(&limiting_mag).is_eq()) {
+            Some(place) => place,
+            None => {
+                self.skies.push((limiting_mag, params.open_sky()?));
+                self.skies.len() - 1
+            }
+        };
+        Ok(FrameEngine::with_sky(params, imager, &self.skies[place].1, &self.almanac)?)
+    }
+}

@@ -1,0 +1,84 @@
+//! The live view of a run: a page with the newest frame of each head and the run's numbers.
+
+use crate::runtime::FrameEngine;
+use crate::wiring::heads::RunHead;
+use anyhow::{Context, Result};
+use base::clock::{Clock, Monotonic};
+use frames::sink::{NullSink, Tee};
+use outputs::live::{LiveView, Numbers, Params};
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+/// Where the live view is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LiveOptions {
+    /// Where it listens; port 0 takes a free one.
+    pub address: SocketAddr,
+    /// Names of this machine by which it may be asked, beside addresses and localhost.
+    pub names: Vec<String>,
+}
+
+/// The live view beside the sinks of a run.
+pub(super) struct LiveTap {
+    view: LiveView,
+    numbers: Numbers,
+}
+
+impl LiveTap {
+    /// Starts the view and puts it beside what takes the heads' frames.
+    ///
+    /// # Errors
+    /// When the address cannot be listened on.
+    pub(super) fn beside(options: &LiveOptions, bench: &str, heads: &mut [RunHead]) -> Result<Self> {
+        // The view shows people when a frame came: its clock is the machine's, also on a simulated bench.
+        let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
+        let first = heads.first_mut().context("a run without a head")?;
+        let params = Params { names: options.names.clone(), ..params(options.address, bench, &first.engine) };
+        let (view, shown, numbers) = LiveView::start(params, clock).context("--monitor")?;
+        let sink = core::mem::replace(&mut first.sink, Box::new(NullSink::new()));
+        first.sink = Box::new(Tee::new(sink, Box::new(shown)));
+        Ok(Self { view, numbers })
+    }
+
+    /// Where the run's numbers go.
+    pub(super) fn numbers(&self) -> Numbers {
+        self.numbers.clone()
+    }
+
+    /// Where it is, and whether other machines can reach it.
+    pub(super) fn notes(&self) -> Vec<String> {
+        let address = self.view.address();
+        let mut notes = vec![format!("live view: http://{address}/")];
+        if self.view.is_exposed() {
+            notes.push(format!(
+                "starloop: the live view at {address} can be reached from other machines, and asks for no password"
+            ));
+        }
+        notes
+    }
+
+    /// Ends the view; false when its thread ended before the run did.
+    pub(super) fn finish(self) -> bool {
+        self.view.finish()
+    }
+}
+
+fn params(address: SocketAddr, bench: &str, engine: &FrameEngine) -> Params {
+    let run = engine.params();
+    let camera = &run.camera;
+    let output = camera.output();
+    let half_tangent = |axis: usize| {
+        let sensor_px = output.size_px[axis] as f64 * f64::from(output.binning);
+        sensor_px * camera.geometry.ifov_rad()[axis] / 2.0
+    };
+    Params {
+        address,
+        names: Vec::new(),
+        bench: bench.into(),
+        camera: Arc::clone(&camera.name),
+        size_px: output.size_px,
+        field_deg: [0, 1].map(|axis| 2.0 * half_tangent(axis).atan().to_degrees()),
+        frame_period_s: run.frame_period.s(),
+        readout_s: camera.readout_s,
+    }
+}

@@ -1,0 +1,19 @@
+//! The motion that a bench's own script makes, as a scale for bounds of prediction.
+
+use base::units::DEG;
+use config::Bench;
+use core::f64::consts::PI;
+use plan::attitude::MotionScale;
+
+/// Returns the scripted slew at its fastest: ramps of half its length, `rate = peak (1 - cos(pi t / ramp)) / 2`.
+#[must_use]
+pub fn slew_scale(bench: &Bench) -> MotionScale {
+    let Some(slew) = &bench.flight_computer.slew else { return MotionScale::default() };
+    let (peak_rad_s, ramp_s) = (2.0 * slew.angle_deg.abs() * DEG / slew.duration_s, 0.5 * slew.duration_s);
+    MotionScale {
+        rate_rad_s: peak_rad_s,
+        acceleration_rad_s2: 0.5 * peak_rad_s * PI / ramp_s,
+        jerk_rad_s3: 0.5 * peak_rad_s * (PI / ramp_s).powi(2),
+        sinusoids: Vec::new(),
+    }
+}

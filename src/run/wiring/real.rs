@@ -1,0 +1,188 @@
+//! A run on the real clock: the far end in a thread of its own, the frames are late when they are late.
+//!
+//! In: an assembled run. Out: what it came to. Faults act as on the virtual clock; frames that a fault delays keep their
+//! buffers, of which each head has four: a delay beyond three frames loses some, counted. Frames go to the trackers as the
+//! sink threads deliver them; a vehicle looks every [`POLL`]. Orders from outside, such as events that are injected, reach
+//! the frame thread between two slots and the far end's thread between two steps.
+
+use crate::runtime::error::FarEndError;
+use crate::runtime::hygiene::{Hygiene, Role};
+use crate::runtime::real_time::{FrameOrder, Head, Setting, Sources, run_in};
+use crate::runtime::{RunError, RunOutcome, RunRecord};
+use crate::wiring::assemble::Run;
+use crate::wiring::cable::Cable;
+use crate::wiring::error::LoopError;
+use crate::wiring::far_side::FarSide;
+use crate::wiring::run_end::{RunEnd, keep_first, losses, predicted_pointing_rad, vehicle_counts};
+use base::clock::{Clock, Monotonic};
+use base::time::Span;
+use core::sync::atomic::{AtomicBool, Ordering};
+use crossbeam_channel::{Receiver as Queue, bounded};
+use frames::sink::{FrameMeta, SentFrame};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+/// The far end's thread looks for frames and orders this often.
+const POLL: Span = Span::from_ms(2);
+/// Frames whose attitude waits to be compared with the truth.
+const SEEN_FRAMES: usize = 64;
+
+/// Something that the far end's thread is to do between two steps.
+pub(super) type FarOrder = Box<dyn FnOnce(&mut FarSide) + Send>;
+
+/// Flies a run to its end, or until `stop` is set.
+pub(super) fn fly(
+    mut run: Run,
+    clock: &Arc<Monotonic>,
+    stop: &Arc<AtomicBool>,
+    progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
+) -> Result<RunEnd, LoopError> {
+    let mut far = run.far_side()?;
+    let notes = run.place_events(&mut far)?;
+    let Run { scenario, times, mut heads, desk, hygiene, taps, cable, steering, .. } = run;
+    let mut cable = cable.ok_or_else(|| anyhow::anyhow!("a run without a cable"))?;
+    let clock: Arc<dyn Clock> = Arc::<Monotonic>::clone(clock);
+    let desk = Arc::new(Mutex::new(desk));
+    let over = Arc::new(AtomicBool::new(false));
+    let (seen, queue) = bounded::<(usize, FrameMeta)>(SEEN_FRAMES * heads.len());
+    let orders = steering.as_ref().map(|steering| steering.attach(&desk, &clock, times));
+    let (frame_orders, far_orders) = orders.unzip();
+    let ends = Ends { over: Arc::clone(&over), stop: Arc::clone(stop) };
+    let flight = Flight { far, clock: Arc::clone(&clock), ends, seen: queue.clone(), orders: far_orders };
+    let thread = flight.start(hygiene.clone())?;
+    let ring_frames = usize::try_from(scenario.bench.budget.ring_frames).unwrap_or(0);
+    let orders: Option<&Queue<FrameOrder>> = frame_orders.as_ref();
+    let setting = Setting { clock: &clock, stop, hygiene: hygiene.as_ref(), ring_frames, orders };
+    let mut seen_and_told = |head: usize, frame: &SentFrame, record: &RunRecord| {
+        let _the_witness_may_be_busy = seen.try_send((head, frame.meta.clone()));
+        progress(head, frame, record);
+    };
+    let drawn = heads.iter_mut().map(|head| Head {
+        engine: &mut head.engine,
+        receiver: &mut head.receiver,
+        sink: core::mem::replace(&mut head.sink, Box::new(frames::sink::NullSink::new())),
+        faults: Some(&mut head.faults),
+    });
+    let sources = Sources { ports: core::mem::take(&mut cable.near), pulses: cable.pulses.take() };
+    let outcome = run_in(&setting, drawn.collect(), sources, &mut seen_and_told);
+    let now = clock.now().min(times.end);
+    over.store(true, Ordering::SeqCst);
+    if let Some(steering) = &steering {
+        steering.detach();
+        let recording = taps.recording.as_ref();
+        steering.injected().iter().for_each(|event| recording.into_iter().for_each(|tap| tap.note_injected(event)));
+    }
+    let RunOutcome { mut record, ports, summaries, sinks: sink_lines, lost_threads, error } = outcome;
+    let mut error = error.map(LoopError::from);
+    let mut far = match joined(thread) {
+        Ok(far) => far,
+        Err(lost) => {
+            keep_first(&mut error, Some(lost));
+            FarSide::new(&scenario, None, Vec::new(), (times, Vec::new()))?
+        }
+    };
+    notes.into_iter().for_each(|note| record.ledger.note(note));
+    queue_rest(&mut far, &queue);
+    let desk = desk.lock().unwrap_or_else(PoisonError::into_inner);
+    let faults = desk.lines(heads.iter().map(|head| &head.faults).collect(), &|number| far.hits_aboard(number));
+    let (estimator, untagged) = vehicle_counts(far.vehicle());
+    let predicted =
+        predicted_pointing_rad(far.vehicle(), far.witness.assessment(), heads[0].engine.params());
+    let assessment = far.witness.finish(&record, &faults, now, 0);
+    let mut end = RunEnd {
+        times,
+        losses: losses(&sink_lines, &record),
+        heads,
+        record,
+        ports,
+        summaries,
+        sink_lines,
+        gateways: cable.gateway_rows(),
+        hygiene: hygiene.map(|hygiene| hygiene.lines()).unwrap_or_default(),
+        assessment,
+        faults,
+        estimator,
+        untagged,
+        predicted_pointing_rad: predicted,
+        simulated_s: (now - times.zero).s().max(0.0),
+        error,
+    };
+    lost_threads.into_iter().for_each(|name| end.note_lost_thread(name, now));
+    close(&mut cable, &mut end, now);
+    taps.finish(&mut end, now);
+    Ok(end)
+}
+
+/// Lets the witness see the frames that its thread has not taken.
+fn queue_rest(far: &mut FarSide, seen: &Queue<(usize, FrameMeta)>) {
+    seen.try_iter().for_each(|(head, meta)| far.witness_frame(head, &meta));
+}
+
+/// Closes gateways; threads of theirs that ended early are losses.
+fn close(cable: &mut Cable, end: &mut RunEnd, now: base::time::Tai) {
+    for _ in 0..cable.close() {
+        end.note_lost_thread("gateway", now);
+    }
+}
+
+/// Ends the far end's thread with the run, and the run with the far end's thread.
+struct Ends {
+    over: Arc<AtomicBool>,
+    stop: Arc<AtomicBool>,
+}
+
+impl Drop for Ends {
+    /// A far end that ends before the run, by an error or a panic, ends the run.
+    fn drop(&mut self) {
+        if !self.over.load(Ordering::SeqCst) {
+            self.stop.store(true, Ordering::SeqCst);
+        }
+    }
+}
+
+/// The far end's thread: steps it until the run is over, and returns it with all that it has seen.
+struct Flight {
+    far: FarSide,
+    clock: Arc<dyn Clock>,
+    ends: Ends,
+    seen: Queue<(usize, FrameMeta)>,
+    orders: Option<Queue<FarOrder>>,
+}
+
+type FarThread = JoinHandle<Result<FarSide, FarEndError>>;
+
+impl Flight {
+    fn start(self, hygiene: Option<Arc<Hygiene>>) -> Result<FarThread, LoopError> {
+        let flight = move || {
+            if let Some(hygiene) = hygiene {
+                hygiene.enter(Role::FarEnd);
+            }
+            self.fly()
+        };
+        let name = "far end";
+        let thread = std::thread::Builder::new().name(name.into()).spawn(flight);
+        thread.map_err(|source| RunError::Thread { name, source }.into())
+    }
+
+    fn fly(self) -> Result<FarSide, FarEndError> {
+        let Self { mut far, clock, ends, seen, orders } = self;
+        // Frames and orders come at any time; a flight computer alone knows when it next has something to do.
+        let looks_often = orders.is_some() || far.vehicle().is_some() || !far.is_simulated();
+        while !ends.over.load(Ordering::Relaxed) {
+            let now = clock.now();
+            orders.iter().flat_map(Queue::try_iter).for_each(|order| order(&mut far));
+            let next = far.step(now)?;
+            queue_rest(&mut far, &seen);
+            clock.sleep_until(if looks_often { next.min(now + POLL) } else { next });
+        }
+        Ok(far)
+    }
+}
+
+fn joined(thread: FarThread) -> Result<FarSide, RunError> {
+    match thread.join() {
+        Ok(Ok(far)) => Ok(far),
+        Ok(Err(error)) => Err(RunError::FarEnd(error)),
+        Err(_panicked) => Err(RunError::ThreadLost { name: "far end" }),
+    }
+}

@@ -1,0 +1,218 @@
+//! What a program outside does with a run on the real clock: it looks at it, and injects events and triggers.
+//!
+//! [`Steering`] is made before the run and shared with whoever steers. The run attaches itself when it begins. Events are
+//! checked by the caller's thread, placed by the frame thread between two slots, and reach the far end's thread between two
+//! of its steps. What an event needs (tables of other optics, places of false stars) is made then: a frame that it delays is
+//! counted as late. Tests: `tests/closed_loop/control.rs`.
+
+use crate::runtime::real_time::{FrameOrder, HeadParts};
+use crate::runtime::{RunError, RunRecord};
+use crate::wiring::control::NewestFrames;
+use crate::wiring::error::LoopError;
+use crate::wiring::far_side::FarSide;
+use crate::wiring::fault_desk::FaultDesk;
+use crate::wiring::heads::RunHead;
+use crate::wiring::real::FarOrder;
+use crate::wiring::run_times::RunTimes;
+use base::clock::Clock;
+use base::time::{Span, Tai};
+use config::{Action, Event};
+use core::time::Duration;
+use crossbeam_channel::{Receiver as Queue, Sender, bounded};
+use frames::report::RunNumbers;
+use frames::sink::{NullSink, SentFrame, Sink, SinkError, SinkSummary, Tee};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Orders that wait for the frame thread or the far end.
+const ORDERS: usize = 16;
+/// An order that is not done within this is not waited for any more.
+const DONE_WITHIN: Duration = Duration::from_secs(5);
+
+/// A run on the real clock as it is seen from outside.
+#[derive(Clone)]
+pub struct Steering {
+    attached: Arc<Mutex<Option<Attached>>>,
+    newest: Arc<Mutex<NewestFrames>>,
+    injected: Arc<Mutex<Vec<Event>>>,
+}
+
+#[derive(Clone)]
+struct Attached {
+    desk: Arc<Mutex<FaultDesk>>,
+    frames: Sender<FrameOrder>,
+    far: Sender<FarOrder>,
+    clock: Arc<dyn Clock>,
+    times: RunTimes,
+}
+
+fn lock<T>(shared: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn busy(what: &str) -> LoopError {
+    LoopError::Parts(anyhow::anyhow!("{what} did not answer within {} s: the run is over or stuck", DONE_WITHIN.as_secs()))
+}
+
+impl Steering {
+    /// Of a run that has not begun; frames of its heads are kept in `newest`.
+    #[must_use]
+    pub fn new(newest: NewestFrames) -> Self {
+        Self { attached: Arc::default(), newest: Arc::new(Mutex::new(newest)), injected: Arc::default() }
+    }
+
+    /// Keeps the newest frame of each head.
+    pub(super) fn watch_frames(&self, heads: &mut [RunHead]) {
+        for (number, head) in heads.iter_mut().enumerate() {
+            let sink = core::mem::replace(&mut head.sink, Box::new(NullSink::new()));
+            let newest = NewestSink { head: number, newest: Arc::clone(&self.newest) };
+            head.sink = Box::new(Tee::new(sink, Box::new(newest)));
+        }
+    }
+
+    /// The run begins: returns where its frame thread and its far end find their orders.
+    pub(super) fn attach(
+        &self,
+        desk: &Arc<Mutex<FaultDesk>>,
+        clock: &Arc<dyn Clock>,
+        times: RunTimes,
+    ) -> (Queue<FrameOrder>, Queue<FarOrder>) {
+        let (frames, of_frames) = bounded(ORDERS);
+        let (far, of_far) = bounded(ORDERS);
+        let attached = Attached { desk: Arc::clone(desk), frames, far, clock: Arc::clone(clock), times };
+        *lock(&self.attached) = Some(attached);
+        (of_frames, of_far)
+    }
+
+    /// The run is over.
+    pub(super) fn detach(&self) {
+        *lock(&self.attached) = None;
+    }
+
+    /// Events that were injected so far, with the times at which they were placed.
+    pub(super) fn injected(&self) -> Vec<Event> {
+        lock(&self.injected).clone()
+    }
+
+    fn attached(&self) -> Result<Attached, LoopError> {
+        let none = || LoopError::Parts(anyhow::anyhow!("the run has not begun, or is over"));
+        lock(&self.attached).clone().ok_or_else(none)
+    }
+
+    /// The run's instants, and its clock now.
+    ///
+    /// # Errors
+    /// When the run has not begun, or is over.
+    pub fn now(&self) -> Result<(RunTimes, Tai), LoopError> {
+        self.attached().map(|attached| (attached.times, attached.clock.now()))
+    }
+
+    /// The newest frames.
+    #[must_use]
+    pub fn newest(&self) -> &Mutex<NewestFrames> {
+        &self.newest
+    }
+
+    /// Does something on the frame thread, between two slots, and waits for what it returns.
+    ///
+    /// # Errors
+    /// When the run is over or does not answer.
+    pub fn on_frame_thread<T: Send + 'static>(
+        &self,
+        order: impl FnOnce(&mut [HeadParts<'_>], &mut RunRecord) -> T + Send + 'static,
+    ) -> Result<T, LoopError> {
+        let (done, answer) = bounded(1);
+        let order: FrameOrder = Box::new(move |heads, record| {
+            let _whoever_asked_may_be_gone = done.try_send(order(heads, record));
+        });
+        self.attached()?.frames.try_send(order).map_err(|_| busy("the frame thread"))?;
+        answer.recv_timeout(DONE_WITHIN).map_err(|_| busy("the frame thread"))
+    }
+
+    /// Does something with the far end, between two of its steps, and waits for what it returns.
+    pub(super) fn on_far_end<T: Send + 'static>(
+        &self,
+        order: impl FnOnce(&mut FarSide) -> T + Send + 'static,
+    ) -> Result<T, LoopError> {
+        let (done, answer) = bounded(1);
+        let order: FarOrder = Box::new(move |far| {
+            let _whoever_asked_may_be_gone = done.try_send(order(far));
+        });
+        self.attached()?.far.try_send(order).map_err(|_| busy("the far end"))?;
+        answer.recv_timeout(DONE_WITHIN).map_err(|_| busy("the far end"))
+    }
+
+    /// Counts and times so far.
+    ///
+    /// # Errors
+    /// When the run is over or does not answer.
+    pub fn numbers(&self) -> Result<RunNumbers, LoopError> {
+        self.on_frame_thread(|_, record| record.numbers(None))
+    }
+
+    /// Adds an event; its time counts from the first exposure. One whose time has passed begins at once.
+    ///
+    /// # Errors
+    /// When it names a head or wheel that does not exist, or the run is over.
+    pub fn inject(&self, event: &Event) -> Result<(), LoopError> {
+        let attached = self.attached()?;
+        lock(&attached.desk).check(event)?;
+        let (event, desk, clock) = (*event, Arc::clone(&attached.desk), Arc::clone(&attached.clock));
+        let placed = self.on_frame_thread(move |heads, record| {
+            let frames = heads.iter_mut().filter_map(|head| head.faults.as_deref_mut()).collect();
+            let placed = lock(&desk).place(&event, clock.now(), frames);
+            placed.note.into_iter().for_each(|note| record.ledger.note(note));
+            prepare(heads, &event)?;
+            Ok::<_, RunError>(placed)
+        })??;
+        lock(&self.injected).push(placed.event);
+        let zero = attached.times.zero;
+        self.on_far_end(move |far| far.take_event(placed, zero))
+    }
+
+    /// Fires a trigger: the simulated flight computer does so over the bus; in the place of one outside, the stimulator
+    /// takes it as if it had come over the bus now.
+    ///
+    /// # Errors
+    /// When the flight computer cannot take it, or the run is over.
+    pub fn trigger(&self, number: u16, at: Option<Tai>, is_outside: bool) -> Result<(), LoopError> {
+        let (times, now) = self.now()?;
+        if is_outside {
+            let at = at.unwrap_or(now).max(now) - times.zero;
+            let (on_trigger, lasts) = (None, Span::ZERO);
+            return self.inject(&Event { at, on_trigger, lasts, action: Action::Trigger { number } });
+        }
+        self.on_far_end(move |far| far.send_trigger(number, at, now))?
+    }
+}
+
+/// Makes what an event needs, so that no frame waits for it later.
+fn prepare(heads: &mut [HeadParts<'_>], event: &Event) -> Result<(), RunError> {
+    for head in heads {
+        event.on_trigger.into_iter().for_each(|number| head.receiver.expect_trigger(number));
+        if let Some(faults) = head.faults.as_deref_mut() {
+            faults.prepare(head.engine)?;
+        }
+    }
+    Ok(())
+}
+
+/// Keeps the newest frame of one head; runs on the head's sink thread.
+struct NewestSink {
+    head: usize,
+    newest: Arc<Mutex<NewestFrames>>,
+}
+
+impl Sink for NewestSink {
+    fn name(&self) -> &'static str {
+        "newest frame"
+    }
+
+    fn send(&mut self, frame: &SentFrame) -> Result<(), SinkError> {
+        lock(&self.newest).keep(self.head, frame);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<SinkSummary, SinkError> {
+        NullSink::new().finish()
+    }
+}

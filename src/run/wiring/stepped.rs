@@ -1,0 +1,329 @@
+//! A run on the virtual clock, step by step: both ends of the cable, the frames between them, the faults, and the witness.
+//!
+//! In: an assembled run. Out: frames in the sinks, telemetry, verdicts. [`SteppedRun::advance_to`] moves simulated time;
+//! nothing else does. The same scenario and seed give the same bits, however it is advanced.
+//! Tests: `tests/closed_loop/pixels.rs`, `campaign.rs`, `control.rs`.
+
+use crate::runtime::virtual_time::{Head, VirtualLoop, World};
+use crate::runtime::{PortReading, RunError, RunParams, RunRecord, lines_of_head};
+use crate::wiring::assemble::{Outputs, Run, RunClock, RunOptions};
+use crate::wiring::cable::Cable;
+use crate::wiring::error::LoopError;
+use crate::wiring::far_side::FarSide;
+use crate::wiring::fault_desk::FaultDesk;
+use crate::wiring::faults::FaultLine;
+use crate::wiring::heads::RunHead;
+use crate::wiring::run_end::{LoopView, RunEnd, keep_first, losses, predicted_pointing_rad, vehicle_counts};
+use crate::wiring::run_times::RunTimes;
+use crate::wiring::taps::Taps;
+use base::axes::{Body, Icrf, Rotation, Sensor};
+use base::clock::{Clock, Virtual};
+use base::time::{Span, Tai};
+use config::{Event, Scenario};
+use core::cell::RefCell;
+use frames::sink::{SentFrame, Sink};
+use glam::DVec3;
+use std::sync::Arc;
+use testbed::vehicle::{TelemetryRow, Vehicle};
+
+/// A run on the virtual clock.
+pub struct SteppedRun {
+    clock: Arc<Virtual>,
+    going: VirtualLoop,
+    heads: Vec<RunHead>,
+    cable: Cable,
+    far: RefCell<FarSide>,
+    desk: FaultDesk,
+    taps: Taps,
+    mounting: Rotation<Sensor, Body>,
+    times: RunTimes,
+}
+
+impl SteppedRun {
+    /// A run of `scenario` in which nothing has happened. `sink` makes the sink of each head; trackers see the same frames.
+    ///
+    /// # Errors
+    /// The first thing that cannot be made.
+    pub fn new(scenario: &Scenario, mut sink: impl FnMut(usize) -> Box<dyn Sink>) -> Result<Self, LoopError> {
+        Self::of(Run::assemble(scenario, RunOptions::stepped(Outputs::Made(&mut sink)))?)
+    }
+
+    /// An assembled run in which nothing has happened.
+    ///
+    /// # Errors
+    /// When it is on the real clock, its cable cannot be opened or its far end cannot be made.
+    pub fn of(mut run: Run) -> Result<Self, LoopError> {
+        let RunClock::Virtual(clock) = run.clock.clone() else {
+            return Err(anyhow::anyhow!("the real clock cannot be stepped; wanted the virtual clock").into());
+        };
+        let mut far = run.far_side()?;
+        let mut going = VirtualLoop::new(Arc::clone(&clock));
+        for note in run.place_events(&mut far)? {
+            going.record_mut().ledger.note(note);
+        }
+        let Run { scenario, times, heads, desk, taps, cable, .. } = run;
+        let cable = cable.ok_or_else(|| anyhow::anyhow!("a run without a cable"))?;
+        let mounting = scenario.bench.sensor_from_body;
+        Ok(Self { clock, going, heads, cable, far: RefCell::new(far), desk, taps, mounting, times })
+    }
+
+    /// Calls `on_row` with every row of telemetry from here on.
+    pub fn on_row(&mut self, on_row: Box<dyn FnMut(&TelemetryRow) + Send>) {
+        self.far.get_mut().on_row = on_row;
+    }
+
+    /// Adds an event; its time counts from the first exposure. One whose time has passed begins now.
+    ///
+    /// # Errors
+    /// When it names a head or wheel that does not exist.
+    pub fn inject(&mut self, event: &Event) -> Result<(), LoopError> {
+        self.desk.check(event)?;
+        let frames = self.heads.iter_mut().map(|head| &mut head.faults).collect();
+        let placed = self.desk.place(event, self.clock.now(), frames);
+        if let Some(note) = placed.note {
+            self.going.record_mut().ledger.note(note);
+        }
+        for head in &mut self.heads {
+            event.on_trigger.into_iter().for_each(|number| head.receiver.expect_trigger(number));
+            head.faults.prepare(&mut head.engine)?;
+        }
+        if let Some(recording) = &self.taps.recording {
+            recording.note_injected(&placed.event);
+        }
+        self.far.get_mut().take_event(placed, self.times.zero);
+        Ok(())
+    }
+
+    /// The flight computer fires a trigger over the bus, to act at `at` or as soon as it has come.
+    ///
+    /// # Errors
+    /// When too many wait to be sent, or the instant is more than an hour away.
+    pub fn send_trigger(&mut self, number: u16, at: Option<Tai>) -> Result<(), LoopError> {
+        let now = self.clock.now();
+        self.far.get_mut().send_trigger(number, at, now)
+    }
+
+    /// Time from one frame to the next.
+    #[must_use]
+    pub fn frame_period(&self) -> Span {
+        self.params().frame_period
+    }
+
+    /// First exposure: where scenario time is zero.
+    #[must_use]
+    pub fn zero(&self) -> Tai {
+        self.times.zero
+    }
+
+    /// End of the last frame's period.
+    #[must_use]
+    pub fn end_at(&self) -> Tai {
+        self.times.end
+    }
+
+    /// Simulated time.
+    #[must_use]
+    pub fn now(&self) -> Tai {
+        self.going.now()
+    }
+
+    /// Counts and events so far.
+    #[must_use]
+    pub fn record(&self) -> &RunRecord {
+        self.going.record()
+    }
+
+    /// Every fault so far with the number of packets, frames or times it hit.
+    #[must_use]
+    pub fn faults(&self) -> Vec<FaultLine> {
+        let far = self.far.borrow();
+        let frames = self.heads.iter().map(|head| &head.faults).collect();
+        self.desk.lines(frames, &|number| far.hits_aboard(number))
+    }
+
+    /// Looks at the vehicle.
+    pub fn with_vehicle<T>(&self, look: impl FnOnce(&Vehicle) -> T) -> Option<T> {
+        self.far.borrow().vehicle().map(look)
+    }
+
+    /// The true attitude of the first head and the body's rate (body axes, rad/s) at `at`, at most two seconds ago.
+    /// Looking changes nothing.
+    ///
+    /// # Errors
+    /// When it is longer ago, or has not been flown.
+    pub fn truth(&self, at: Tai) -> Result<(Rotation<Sensor, Icrf>, DVec3), LoopError> {
+        let truth = self.with_vehicle(|vehicle| vehicle.flown_truth(at)).ok_or(LoopError::NothingFlown)??;
+        Ok((self.mounting * truth.body_from_icrf, truth.rate_rad_s))
+    }
+
+    /// Mounting of the first head.
+    #[must_use]
+    pub fn mounting(&self) -> Rotation<Sensor, Body> {
+        self.mounting
+    }
+
+    /// The end of a frame's readout, the number counted from 0; the same for all heads.
+    #[must_use]
+    pub fn frame_due(&self, number: u32) -> Tai {
+        self.heads[0].engine.slot(number).due
+    }
+
+    /// Frames of each head in the whole run.
+    #[must_use]
+    pub fn frames_per_head(&self) -> u32 {
+        self.heads[0].engine.params().frames
+    }
+
+    /// True when the last frame is out.
+    #[must_use]
+    pub fn is_finished(&self) -> bool {
+        self.now() >= self.last_release() && self.going.on_the_way().0 == 0
+    }
+
+    /// Advances simulated time to `at`, and does everything that is due by then; at the latest to the end of the run, so
+    /// that a run in steps is the run in one. `on_frame` sees each frame of each head as it goes out; false ends the run.
+    ///
+    /// # Errors
+    /// When a part of the loop failed.
+    pub fn advance_to(
+        &mut self,
+        at: Tai,
+        on_frame: &mut dyn FnMut(usize, &SentFrame, &RunRecord) -> bool,
+    ) -> Result<(), LoopError> {
+        let drawn = self.last_release();
+        self.go(on_frame, |going, heads, world| going.advance_to(at.min(drawn), heads, world))?;
+        // Everything is drawn: the run is over when the last frame is out, whatever else would happen later.
+        match self.going.on_the_way() {
+            _ if at < drawn => Ok(()),
+            (_, Some(last_out)) if at < last_out && at < self.times.end => {
+                self.go(on_frame, |going, heads, world| going.advance_to(at, heads, world))
+            }
+            _ => self.run_to_end(on_frame),
+        }
+    }
+
+    /// When the last frame of the run has been drawn.
+    fn last_release(&self) -> Tai {
+        let last = |head: &RunHead| head.engine.slot(head.engine.params().frames.saturating_sub(1)).release;
+        self.heads.iter().map(last).max().unwrap_or(self.times.end)
+    }
+
+    /// Shows the run as it stands; the frames' CRC-32 of each head are the caller's.
+    pub fn look<T>(&self, frames_crc32: Vec<u32>, look: impl FnOnce(&LoopView<'_>) -> T) -> T {
+        let far = self.far.borrow();
+        let assessment = far.witness.assessment();
+        let (estimator, untagged) = vehicle_counts(far.vehicle());
+        look(&LoopView {
+            record: self.record(),
+            frames_crc32,
+            assessment,
+            faults: self.faults(),
+            estimator,
+            untagged,
+            predicted_pointing_rad: predicted_pointing_rad(far.vehicle(), assessment, self.params()),
+            simulated_s: self.simulated_s(),
+        })
+    }
+
+    /// Parameters of the first head.
+    fn params(&self) -> &RunParams {
+        self.heads[0].engine.params()
+    }
+
+    /// Since the first exposure, s; the last frame's readout is not counted.
+    fn simulated_s(&self) -> f64 {
+        let RunTimes { zero, end, .. } = self.times;
+        let until = if self.is_finished() { end } else { self.now().min(end) };
+        (until - zero).s().max(0.0)
+    }
+
+    /// Advances until the last frame is out.
+    ///
+    /// # Errors
+    /// When a part of the loop failed.
+    pub fn run_to_end(
+        &mut self,
+        on_frame: &mut dyn FnMut(usize, &SentFrame, &RunRecord) -> bool,
+    ) -> Result<(), LoopError> {
+        self.go(on_frame, VirtualLoop::finish)
+    }
+
+    /// Ends the run, which `error` cut short if there is one: sinks are finished, telemetry and invariants are summed up.
+    #[must_use]
+    pub fn end(mut self, mut error: Option<LoopError>) -> RunEnd {
+        let faults = self.faults();
+        let (mut summaries, mut sink_lines) = (Vec::with_capacity(self.heads.len()), Vec::new());
+        let heads = self.heads.len();
+        for (number, head) in self.heads.iter_mut().enumerate() {
+            let finished = head.sink.finish();
+            self.going.note_losses(&mut *head.sink);
+            let summary = match finished {
+                Ok(summary) => Some(summary),
+                Err(finishing) => {
+                    keep_first(&mut error, Some(finishing.into()));
+                    None
+                }
+            };
+            sink_lines.extend(lines_of_head(number, heads, frames::sink::sink_lines(&*head.sink, summary.as_ref())));
+            summaries.push(summary);
+        }
+        let (now, simulated_s) = (self.now(), self.simulated_s());
+        let (on_the_way, _) = self.going.on_the_way();
+        let predicted_pointing_rad = {
+            let far = self.far.borrow();
+            predicted_pointing_rad(far.vehicle(), far.witness.assessment(), self.params())
+        };
+        let ports = self.cable.near.iter().map(|port| PortReading::of(port, 0)).collect();
+        let record = self.going.into_record();
+        let far = self.far.into_inner();
+        let (estimator, untagged) = vehicle_counts(far.vehicle());
+        let assessment = far.witness.finish(&record, &faults, now, on_the_way);
+        let mut end = RunEnd {
+            times: self.times,
+            heads: self.heads,
+            losses: losses(&sink_lines, &record),
+            record,
+            ports,
+            summaries,
+            sink_lines,
+            gateways: self.cable.gateway_rows(),
+            hygiene: Vec::new(),
+            assessment,
+            faults,
+            estimator,
+            untagged,
+            predicted_pointing_rad,
+            simulated_s,
+            error,
+        };
+        self.taps.finish(&mut end, now);
+        end
+    }
+
+    fn go(
+        &mut self,
+        on_frame: &mut dyn FnMut(usize, &SentFrame, &RunRecord) -> bool,
+        advance: impl FnOnce(&mut VirtualLoop, &mut [Head<'_>], &mut World<'_>) -> Result<(), RunError>,
+    ) -> Result<(), LoopError> {
+        let Self { going, heads, cable, far, .. } = self;
+        let far = &*far;
+        let no_port = || LoopError::Parts(anyhow::anyhow!("a run without a port"));
+        let port = cable.near.first_mut().ok_or_else(no_port)?;
+        let mut heads: Vec<Head<'_>> = heads
+            .iter_mut()
+            .map(|head| Head {
+                engine: &mut head.engine,
+                receiver: &mut head.receiver,
+                sink: &mut *head.sink,
+                faults: Some(&mut head.faults),
+            })
+            .collect();
+        let mut far_end = |now: Tai| far.borrow_mut().step(now);
+        let mut progress = |head: usize, frame: &SentFrame, record: &RunRecord| {
+            far.borrow_mut().witness_frame(head, &frame.meta);
+            on_frame(head, frame, record)
+        };
+        advance(going, &mut heads, &mut World { port, far_end: &mut far_end, progress: &mut progress })?;
+        Ok(())
+    }
+}

@@ -1,0 +1,35 @@
+//! What looks at a run beside its sinks: capture and live view; the same on both clocks.
+
+use crate::wiring::live_tap::LiveTap;
+use crate::wiring::replay::Recording;
+use crate::wiring::run_end::RunEnd;
+use base::time::Tai;
+
+/// The taps of one run.
+pub(super) struct Taps {
+    pub(super) recording: Option<Recording>,
+    pub(super) live: Option<LiveTap>,
+}
+
+impl Taps {
+    /// Ends them, at `now`; what they lost is a loss of the run.
+    pub(super) fn finish(self, end: &mut RunEnd, now: Tai) {
+        if let Some(recording) = self.recording {
+            let lost = end.ports.iter().map(|port| port.queue_overflows).sum();
+            let missing = match recording.finish(lost) {
+                Ok(session) => session.doubts(),
+                Err(error) => vec![error.to_string()],
+            };
+            missing.iter().for_each(|what| end.losses.note_capture(what));
+        }
+        let Some(live) = self.live else { return };
+        // After a failure the last numbers stay away: a run that broke down must not look like one that is over.
+        if end.error.is_none() {
+            let frames = end.heads.iter().map(|head| u64::from(head.engine.params().frames)).sum();
+            live.numbers().tell_last(&end.record.numbers(Some(frames)));
+        }
+        if !live.finish() {
+            end.note_lost_thread("live view", now);
+        }
+    }
+}
