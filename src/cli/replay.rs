@@ -5,7 +5,6 @@
 //! hold what its end record states.
 
 use crate::cli::plain_text::plain_text;
-use crate::cli::run_heads::directory_of_head;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
 use anyhow::{Result, bail};
 use clap::Args;
@@ -13,6 +12,7 @@ use config::Scenario;
 use core::ops::Range;
 use frames::sink::{Recorder, RecorderOptions, Sink, SinkError};
 use run::wiring::replay::{ReplayOptions, ReplayOutcome, replay_bus, replay_session};
+use run::wiring::sinks::directory_of_head;
 use std::path::PathBuf;
 
 /// Command line of `replay`.

@@ -110,7 +110,12 @@ struct CapturedLink {
 }
 
 impl CapturedLink {
-    fn open(bench: &Bench, settings: &LinkSettings, interface: Option<u8>, source: &Source<'_>) -> Result<Self, ReplayError> {
+    fn open(
+        bench: &Bench,
+        settings: &LinkSettings,
+        interface: Option<u8>,
+        source: &Source<'_>,
+    ) -> Result<Self, ReplayError> {
         let played = Arc::<Mutex<Played>>::default();
         let link = PlaybackLink {
             reader: source.open()?,

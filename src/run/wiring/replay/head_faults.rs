@@ -4,34 +4,32 @@
 //! have in the list of all faults. Faults of the bus and aboard the vehicle take their numbers there and do nothing else: the
 //! capture holds what arrived after them.
 
+use super::ReplayError;
+use crate::runtime::FrameEngine;
 use crate::runtime::frame_faults::FrameFaults;
 use crate::runtime::receiver::Receiver;
-use crate::runtime::{FrameEngine, RunError};
-use crate::wiring::faults::{FaultLog, Places};
-use base::axes::{Body, Rotation, Sensor};
+use crate::wiring::fault_desk::{FaultDesk, in_order_of_placing};
 use base::time::{Span, Tai};
-use config::{Action, Event};
-use link::tap::FaultControl;
+use config::Event;
 use std::collections::VecDeque;
 
 /// The faults of one head of several.
 pub(super) struct HeadFaults {
-    log: FaultLog,
+    desk: FaultDesk,
     /// Of every head; only those of the head at hand are made ready.
     of_heads: Vec<FrameFaults>,
     head: usize,
     /// From where the times of events count.
     zero: Tai,
-    mounting: Rotation<Sensor, Body>,
     /// Events that came while the run went on, and when.
     injected: VecDeque<(Tai, Event)>,
 }
 
 impl HeadFaults {
     /// Of head number `head` of so many, before any event.
-    pub(super) fn new(head: usize, heads: usize, zero: Tai, mounting: Rotation<Sensor, Body>) -> Self {
-        let of_heads = (0..heads.max(head + 1)).map(|_| FrameFaults::default()).collect();
-        Self { log: FaultLog::default(), of_heads, head, zero, mounting, injected: VecDeque::new() }
+    pub(super) fn new(desk: FaultDesk, zero: Tai, head: usize, heads: usize) -> Self {
+        let of_heads = (0..heads).map(|_| FrameFaults::default()).collect();
+        Self { desk, of_heads, head, zero, injected: VecDeque::new() }
     }
 
     /// Adds an event that came so long after the first exposure; those that came later are added later.
@@ -49,19 +47,15 @@ impl HeadFaults {
         !self.injected.is_empty() || self.of_heads.get(self.head).is_some_and(|faults| !faults.timed().is_empty())
     }
 
-    /// Places the events of the run file: a trigger finds those that wait for it.
+    /// Places the events of the run file, at the start of the run.
     pub(super) fn place_all(
         &mut self,
         events: &[Event],
+        start: Tai,
         receiver: &mut Receiver,
         engine: &mut FrameEngine,
-    ) -> Result<(), RunError> {
-        let is_trigger = |event: &&Event| matches!(event.action, Action::Trigger { .. });
-        let triggers = events.iter().filter(is_trigger);
-        for event in events.iter().filter(|event| !is_trigger(event)).chain(triggers) {
-            self.place(event, receiver, engine)?;
-        }
-        Ok(())
+    ) -> Result<(), ReplayError> {
+        in_order_of_placing(events).try_for_each(|event| self.place(event, start, receiver, engine))
     }
 
     /// Places the events that came before `at`, when a frame is drawn.
@@ -70,23 +64,27 @@ impl HeadFaults {
         at: Tai,
         receiver: &mut Receiver,
         engine: &mut FrameEngine,
-    ) -> Result<(), RunError> {
-        while let Some((_, event)) = self.injected.front().copied().filter(|(came, _)| *came < at) {
+    ) -> Result<(), ReplayError> {
+        while let Some((came, event)) = self.injected.front().copied().filter(|(came, _)| *came < at) {
             self.injected.pop_front();
-            self.place(&event, receiver, engine)?;
+            self.place(&event, came, receiver, engine)?;
         }
         Ok(())
     }
 
-    fn place(&mut self, event: &Event, receiver: &mut Receiver, engine: &mut FrameEngine) -> Result<(), RunError> {
-        let nothing_acts_there = FaultControl::default();
-        let mut places = Places {
-            to_stimulator: &nothing_acts_there,
-            to_computer: &nothing_acts_there,
-            frames: self.of_heads.iter_mut().collect(),
-        };
-        self.log.place(event, self.zero, &self.mounting, &mut places, &mut Vec::new());
+    fn place(
+        &mut self,
+        event: &Event,
+        now: Tai,
+        receiver: &mut Receiver,
+        engine: &mut FrameEngine,
+    ) -> Result<(), ReplayError> {
+        self.desk.check(event).map_err(|error| ReplayError::Parts(error.to_string()))?;
+        self.desk.place(event, now, self.of_heads.iter_mut().collect());
         event.on_trigger.into_iter().for_each(|number| receiver.expect_trigger(number));
-        self.own().map_or(Ok(()), |faults| faults.prepare(engine))
+        if let Some(faults) = self.own() {
+            faults.prepare(engine)?;
+        }
+        Ok(())
     }
 }

@@ -9,16 +9,16 @@ use super::{CapturedFate, Difference, DrawnFrom, FrameRow, HeadOutcome, ReplayEr
 use crate::runtime::frame_faults::Fate;
 use crate::runtime::head_step::HeadStep;
 use crate::runtime::receiver::{PORTS_MAX, Receiver};
-use crate::runtime::{FrameEngine, Imager, Ledger, RunParams, Slot};
-use crate::wiring::bench_parts;
+use crate::runtime::{FrameEngine, Imager, Ledger, Slot};
+use crate::wiring::fault_desk::FaultDesk;
+use crate::wiring::faults::Inventory;
+use crate::wiring::heads::{HeadSetting, RunHead, make_heads};
 use base::time::{Span, Tai};
-use config::{Bench, Scenario};
+use config::{Event, Scenario};
 use core::ops::Range;
 use frames::sink::crc32::pixel_crc32;
 use frames::sink::{SentFrame, Sink};
 use plan::exposure::cost::CostModel;
-use sky::almanac::Almanac;
-use stars::Sky;
 
 /// What all heads of a replay share.
 pub(super) struct Replayed<'a> {
@@ -29,50 +29,33 @@ pub(super) struct Replayed<'a> {
     pub(super) real: Option<Option<CostModel>>,
     /// Frames that are compared.
     pub(super) frames: Range<u32>,
-    /// Made by the first head.
-    pub(super) sky: Option<(Sky, Almanac)>,
+    /// Detectors and images of all heads, and wheels.
+    there: Inventory,
+    /// First exposure of the first head, from where the times of events count.
+    zero: Tai,
 }
 
-impl Replayed<'_> {
-    /// Time from one frame of the first head to the next, by which events count frames.
-    pub(super) fn event_period(&self) -> Span {
-        Span::from_s(1.0 / self.scenario.bench.timing.frame_rate_hz)
+impl<'a> Replayed<'a> {
+    /// The heads of a run whose clock started at `start`, as it makes them.
+    pub(super) fn with_heads(
+        scenario: &'a Scenario,
+        start: Tai,
+        source: &'a Source<'a>,
+        real: Option<Option<CostModel>>,
+        frames: Range<u32>,
+    ) -> Result<(Self, Vec<RunHead>), ReplayError> {
+        let mut captured = |_: &Imager| real.flatten();
+        let costs: Option<&mut dyn FnMut(&Imager) -> Option<CostModel>> =
+            if real.is_some() { Some(&mut captured) } else { None };
+        let heads = make_heads(HeadSetting { scenario, start, costs });
+        let heads = heads.map_err(|error| ReplayError::Parts(format!("{error:#}")))?;
+        let there = Inventory {
+            heads: heads.iter().map(RunHead::size).collect(),
+            wheels: scenario.vehicle().map(|vehicle| vehicle.spacecraft.params.wheels.len()),
+        };
+        let zero = heads.first().map_or(start, |head| head.engine.params().first_exposure);
+        Ok((Self { scenario, start, source, real, frames, there, zero }, heads))
     }
-
-    /// The bench as a head is drawn from it.
-    fn bench_of_head(&self, head: usize) -> Bench {
-        let mut bench = self.scenario.bench.of_head(head);
-        if self.scenario.vehicle().is_some() {
-            // The jitter of a flown vehicle comes over the bus.
-            bench.flight_computer.jitter_lines.clear();
-        }
-        bench
-    }
-
-    fn params(&self, bench: &Bench) -> Result<RunParams, ReplayError> {
-        let mut params = bench_parts::run_params(bench, self.start).map_err(parts)?;
-        if let Some(cost) = self.real {
-            bench_parts::take_real_clock(&mut params, bench, cost);
-        }
-        Ok(params)
-    }
-
-    fn engine(&mut self, params: RunParams) -> Result<FrameEngine, ReplayError> {
-        let imager = bench_parts::imager(&params).map_err(parts)?;
-        if self.sky.is_none() {
-            self.sky = Some((params.open_sky().map_err(crate::runtime::RunError::from)?, params.almanac()));
-        }
-        let made = self.sky.as_ref().map(|(sky, almanac)| FrameEngine::with_sky(params, imager, sky, almanac));
-        let mut engine = made.ok_or_else(|| ReplayError::Parts("the run has no sky".into()))??;
-        if self.real.is_some() {
-            engine.follow_load();
-        }
-        Ok(engine)
-    }
-}
-
-fn parts(error: anyhow::Error) -> ReplayError {
-    ReplayError::Parts(format!("{error:#}"))
 }
 
 /// A head under way.
@@ -94,33 +77,32 @@ pub(super) struct HeadPlayback {
 }
 
 impl HeadPlayback {
-    /// Makes the parts of a head, with the events of the run file placed.
+    /// Takes a head, and places the events of the run file.
     pub(super) fn new(
-        replayed: &mut Replayed<'_>,
-        head: usize,
+        replayed: &Replayed<'_>,
+        (number, head): (usize, RunHead),
         sink: Option<Box<dyn Sink>>,
     ) -> Result<Self, ReplayError> {
-        let bench = replayed.bench_of_head(head);
-        let params = replayed.params(&bench)?;
-        let mut receiver = Receiver::new(params.attitude.clone())?.with_session(bench_parts::session_params(&bench));
-        // The times of events count from the first exposure of the first head.
-        let zero = match head {
-            0 => params.first_exposure,
-            _ => replayed.params(&replayed.bench_of_head(0))?.first_exposure,
-        };
-        let mut engine = replayed.engine(params)?;
-        let run = &replayed.scenario.bench;
-        let mut faults = HeadFaults::new(head, run.head_count(), zero, run.sensor_from_body);
-        faults.place_all(&replayed.scenario.events, &mut receiver, &mut engine)?;
+        let Replayed { scenario, start, zero, .. } = *replayed;
+        let RunHead { mut engine, mut receiver, .. } = head;
+        let there = replayed.there.clone();
+        let heads = there.heads.len();
+        // Nothing acts on the bus.
+        let desk = FaultDesk::new(zero, scenario.bench.sensor_from_body, there, Default::default());
+        let mut faults = HeadFaults::new(desk, zero, number, heads);
+        faults.place_all(&scenario.events, start, &mut receiver, &mut engine)?;
         let camera = &engine.params().camera;
         let [width, height] = camera.output().size_px;
         let mut frame = SentFrame::with_capacity(width, height, 0, camera.name.clone());
         engine.warm_up(&mut frame)?;
+        if replayed.real.is_some() {
+            engine.follow_load();
+        }
         Ok(Self {
             engine,
             receiver,
             faults,
-            links: CapturedLinks::open(run, replayed.source)?,
+            links: CapturedLinks::open(&scenario.bench, replayed.source)?,
             ledger: Ledger::default(),
             frame,
             frames: replayed.frames.clone(),
@@ -128,7 +110,7 @@ impl HeadPlayback {
             sink,
             previous: None,
             has_run_out: false,
-            outcome: HeadOutcome { head, ..HeadOutcome::default() },
+            outcome: HeadOutcome { head: number, ..HeadOutcome::default() },
             doubts: Vec::new(),
         })
     }
@@ -144,7 +126,7 @@ impl HeadPlayback {
     }
 
     /// Adds an event that came while the run went on, so long after its first exposure.
-    pub(super) fn inject(&mut self, came: Span, event: config::Event) {
+    pub(super) fn inject(&mut self, came: Span, event: Event) {
         self.faults.add_injected(came, event);
     }
 

@@ -1,8 +1,8 @@
-//! An event that came from outside while a captured run went on, as `session.json` has it.
+//! Events of a captured run that its file does not have, as `session.json` keeps them.
 //!
 //! Numbers with a fraction stand as text, as everywhere in that file. A fault changes what is remembered of the frames
 //! before it (`torn` and `duplicate` need them), and a trigger begins the faults that wait at that time: a replay therefore
-//! adds an event when it came, not before.
+//! places an injected event when it came, not before.
 
 use super::ReplayError;
 use super::session::{exact, number};
@@ -14,36 +14,50 @@ use serde_json::{Map, Value};
 /// The key whose text is a word and no number.
 const WORD: &str = "do";
 
-/// An event from outside.
+/// An event by the keys of `[[event]]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct KeptEvent {
+    keys: Map<String, Value>,
+}
+
+impl KeptEvent {
+    /// Keeps an event.
+    pub(super) fn new(event: &Event) -> Self {
+        Self { keys: event.to_json().iter().map(|(key, value)| (key.clone(), as_text(value))).collect() }
+    }
+
+    /// The event.
+    pub(super) fn event(&self) -> Result<Event, ReplayError> {
+        let mut keys = Map::new();
+        for (key, value) in &self.keys {
+            let value = if key == WORD { value.clone() } else { as_number(key, value)? };
+            keys.insert(key.clone(), value);
+        }
+        // Times are given in seconds: no frame is counted.
+        Ok(Event::from_json(&keys, 0.0, Span::ZERO)?)
+    }
+}
+
+/// An event that came while a run went on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Injected {
     /// When it came, s after the first exposure.
     came_s: String,
-    /// What came: the keys of `[[event]]`.
-    event: Map<String, Value>,
+    /// What came.
+    event: KeptEvent,
 }
 
 impl Injected {
-    /// An event that came so many seconds after the first exposure.
-    pub(super) fn new(event: &Map<String, Value>, came_s: f64) -> Self {
-        let event = event.iter().map(|(key, value)| (key.clone(), as_text(value))).collect();
-        Self { came_s: exact(came_s), event }
+    /// An event that came so long after the first exposure.
+    pub(super) fn new(event: &Event, came: Span) -> Self {
+        Self { came_s: exact(came.s()), event: KeptEvent::new(event) }
     }
 
-    /// When it came, after the first exposure, and the event; one whose time was over begins when it came.
-    pub(super) fn event(&self, frame_period: Span) -> Result<(Span, Event), ReplayError> {
-        let came_s = number("injected.came_s", &self.came_s)?;
-        let mut keys = Map::new();
-        for (key, value) in &self.event {
-            let value = if key == WORD { value.clone() } else { as_number(key, value)? };
-            keys.insert(key.clone(), value);
-        }
-        let (came, mut event) = (Span::from_s(came_s), Event::from_json(&keys, came_s, frame_period)?);
-        if event.on_trigger.is_none() {
-            event.at = event.at.max(came);
-        }
-        Ok((came, event))
+    /// When it came, after the first exposure, and the event.
+    pub(super) fn event(&self) -> Result<(Span, Event), ReplayError> {
+        Ok((Span::from_s(number("injected.came_s", &self.came_s)?), self.event.event()?))
     }
 }
 
@@ -68,47 +82,38 @@ fn as_number(key: &str, value: &Value) -> Result<Value, ReplayError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use config::Action;
+    use config::{Action, GyroFaultKind};
     use frames::sink::FrameFault;
-    use serde_json::json;
-
-    const PERIOD: Span = Span::from_ms(100);
-
-    /// The event after it was written and read.
-    fn again(event: &Value, came_s: f64) -> Result<(Span, Event), ReplayError> {
-        let injected = Injected::new(event.as_object().unwrap(), came_s);
-        let text = serde_json::to_string_pretty(&injected).unwrap();
-        let read: Injected = serde_json::from_str(&text).unwrap();
-        assert_eq!(read, injected);
-        read.event(PERIOD)
-    }
 
     #[test]
-    fn event_comes_back_bit_by_bit_and_not_before_it_came() {
-        let e_per_s = 0.1 + 0.2;
-        let stray = json!({"do": "stray_light", "for_s": 0.25, "e_per_s": e_per_s, "head": 1});
-        let (came, event) = again(&stray, 2.5).unwrap();
-        let fault = FrameFault::StrayLight { e_per_s };
-        assert_eq!(event.action, Action::Frame { head: Some(1), fault });
-        assert_eq!((came, event.at, event.lasts), (Span::from_ms(2500), Span::from_ms(2500), Span::from_ms(250)));
-        let at = |event: &Value| again(event, 2.5).unwrap().1.at;
-        assert_eq!(at(&json!({"do": "frame_blank", "for_s": 1, "at_s": 1.5})), Span::from_ms(2500), "it is over");
-        assert_eq!(at(&json!({"do": "frame_blank", "for_s": 1, "at_s": 4})), Span::from_ms(4000));
-        assert_eq!(at(&json!({"do": "frame_blank", "for_s": 1, "at_frame": 50})), Span::from_ms(5000));
-        let waits = json!({"do": "frame_blank", "for_s": 1, "on_trigger": 7});
-        assert_eq!((at(&waits), again(&waits, 2.5).unwrap().1.on_trigger), (Span::ZERO, Some(7)));
-        let spike = json!({"do": "gyro_spike", "for_s": 1, "rate_deg_h": [1.5, 2, -0.1]});
-        assert!(matches!(again(&spike, 0.0).unwrap().1.action, Action::Gyro(_)));
+    fn event_comes_back_bit_by_bit_with_the_time_at_which_it_came() {
+        let came = Span::from_ns(2_500_000_001);
+        for action in [
+            Action::Frame { head: Some(1), fault: FrameFault::StrayLight { e_per_s: 0.1 + 0.2 } },
+            Action::Frame { head: None, fault: FrameFault::Late(Span::from_ns(1_234_567)) },
+            Action::Gyro(GyroFaultKind::Dropout),
+        ] {
+            let event = Event { at: came, on_trigger: None, lasts: Span::from_ns(1_000_000_007), action };
+            let text = serde_json::to_string_pretty(&Injected::new(&event, came)).unwrap();
+            let read: Injected = serde_json::from_str(&text).unwrap();
+            assert_eq!(read.event().unwrap(), (came, event), "{text}");
+            let other: Injected = serde_json::from_str(&text.replace("000001", "000002")).unwrap();
+            assert_ne!(other.event().unwrap(), (came, event), "control");
+        }
     }
 
     #[test]
     fn damage_is_refused_with_the_key() {
         for (event, part) in [
-            (json!({"do": "stray_light", "for_s": "soon", "e_per_s": 1}), "for_s is \"soon\", wanted a finite number"),
-            (json!({"do": "stray_light", "for_s": 1}), "e_per_s"),
-            (json!({"do": "no_such_thing", "for_s": 1}), "no_such_thing"),
+            (
+                r#"{"do": "stray_light", "at_s": 1, "for_s": "soon", "e_per_s": 1}"#,
+                "for_s is \"soon\", wanted a finite",
+            ),
+            (r#"{"do": "stray_light", "at_s": 1, "for_s": 1}"#, "e_per_s"),
+            (r#"{"do": "no_such_thing", "at_s": 1, "for_s": 1}"#, "no_such_thing"),
         ] {
-            let error = again(&event, 0.0).unwrap_err().to_string();
+            let kept: KeptEvent = serde_json::from_str(event).unwrap();
+            let error = kept.event().unwrap_err().to_string();
             assert!(error.contains(part), "{event}: {error}");
         }
     }

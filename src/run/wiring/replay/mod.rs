@@ -24,6 +24,8 @@ mod head_playback;
 mod injected;
 mod playback;
 mod recording;
+#[cfg(test)]
+mod replay_tests;
 mod row_reader;
 mod row_writer;
 mod rows;
@@ -33,10 +35,8 @@ mod session;
 
 pub use completeness::RowCounts;
 pub use error::ReplayError;
-pub use injected::Injected;
-pub use playback::{
-    Difference, HeadOutcome, ReplayOptions, ReplayOutcome, SinkOfHead, replay_bus, replay_session,
-};
+pub use injected::{Injected, KeptEvent};
+pub use playback::{Difference, HeadOutcome, ReplayOptions, ReplayOutcome, SinkOfHead, replay_bus, replay_session};
 pub use recording::Recording;
 pub use row_reader::RowReader;
 pub use rows::{CapturedFate, DrawnFrom, FrameRow, RowForm};

@@ -4,8 +4,9 @@ use super::captured_links::Source;
 use super::head_playback::{HeadPlayback, Replayed};
 use super::row_reader::RowsOfHead;
 use super::{FRAMES_FILE, ReplayError, RowReader, Session, completeness};
-use core::ops::Range;
+use crate::wiring::heads::RunHead;
 use config::Scenario;
+use core::ops::Range;
 use frames::sink::{Sink, SinkError};
 use std::path::Path;
 
@@ -99,12 +100,15 @@ pub struct ReplayOptions {
 }
 
 impl ReplayOptions {
-    fn heads(&self, scenario: &Scenario) -> Result<Range<usize>, ReplayError> {
-        let heads = scenario.bench.head_count();
-        match self.head {
-            None => Ok(0..heads),
-            Some(head) if head < heads => Ok(head..head + 1),
-            Some(head) => Err(ReplayError::NoSuchHead { head, heads }),
+    /// The heads that are wanted, with their numbers; the others are given up.
+    fn wanted(&self, heads: Vec<RunHead>) -> Result<Vec<(usize, RunHead)>, ReplayError> {
+        let count = heads.len();
+        match self.head.filter(|head| *head >= count) {
+            Some(head) => Err(ReplayError::NoSuchHead { head, heads: count }),
+            None => {
+                let is_wanted = |number: usize| self.head.is_none_or(|head| head == number);
+                Ok(heads.into_iter().enumerate().filter(|(number, _)| is_wanted(*number)).collect())
+            }
         }
     }
 
@@ -131,17 +135,17 @@ pub fn replay_session(
     let source = Source { bus: &directory.join(&session.bus), takes_sent: false };
     let real = if session.is_real { Some(session.cost()?) } else { None };
     let (start, frames) = (session.start(), options.frames());
-    let mut replayed = Replayed { scenario: &scenario, start, source: &source, real, frames, sky: None };
+    let (replayed, heads) = Replayed::with_heads(&scenario, start, &source, real, frames)?;
     let mut outcome = ReplayOutcome { doubts: session.doubts(), ..ReplayOutcome::default() };
-    let has_several = scenario.bench.head_count() > 1;
-    for head in options.heads(&scenario)? {
-        let mut playback = HeadPlayback::new(&mut replayed, head, sink(has_several.then_some(head))?)?;
+    let has_several = heads.len() > 1;
+    for (number, head) in options.wanted(heads)? {
+        let mut playback = HeadPlayback::new(&replayed, (number, head), sink(has_several.then_some(number))?)?;
         doubts_of_machine(&session, &playback).into_iter().for_each(|doubt| outcome.doubt(doubt));
         for injected in &session.injected {
-            let (came, event) = injected.event(replayed.event_period())?;
+            let (came, event) = injected.event()?;
             playback.inject(came, event);
         }
-        let mut rows = RowsOfHead::new(RowReader::open(&directory.join(FRAMES_FILE))?, head);
+        let mut rows = RowsOfHead::new(RowReader::open(&directory.join(FRAMES_FILE))?, number);
         while let Some(row) = rows.read()? {
             playback.row(&row)?;
         }
@@ -166,11 +170,11 @@ pub fn replay_bus(
 ) -> Result<ReplayOutcome, ReplayError> {
     let source = Source { bus, takes_sent: true };
     let (start, frames) = (source.first_at()?, options.frames());
-    let mut replayed = Replayed { scenario, start, source: &source, real: None, frames, sky: None };
+    let (replayed, heads) = Replayed::with_heads(scenario, start, &source, None, frames)?;
     let mut outcome = ReplayOutcome::default();
-    let has_several = scenario.bench.head_count() > 1;
-    for head in options.heads(scenario)? {
-        let mut playback = HeadPlayback::new(&mut replayed, head, sink(has_several.then_some(head))?)?;
+    let has_several = heads.len() > 1;
+    for (number, head) in options.wanted(heads)? {
+        let mut playback = HeadPlayback::new(&replayed, (number, head), sink(has_several.then_some(number))?)?;
         for number in 0..playback.frame_count() {
             if !playback.draw_at_release(number)? {
                 break;

@@ -6,8 +6,8 @@
 //! 2. [`Recording::tap`] around each link of the stimulator, outside of its faults, with the number of the link: 0 for
 //!    `[link]`, then those of `[[extra_link]]`; a receiver takes the messages of that link by `accept_from` that number;
 //! 3. [`Recording::tap_frames`] around the sink of each head, before its first frame; a tracker's tap may be inside;
-//! 4. [`Recording::note_injected`] for each event that is added while the run goes on, with the run's time, before the run
-//!    goes on: nothing that is due later has been drawn;
+//! 4. [`Recording::note_injected`] for each event that was placed while the run went on, with the time at which it came:
+//!    slots released until then were drawn before it, later ones after it;
 //! 5. [`Recording::finish`] when all sinks are finished and links are closed.
 //!
 //! It waits for the disk on the virtual clock only; on the real clock what the disk does not take is lost and counted.
@@ -17,11 +17,12 @@ use super::row_writer::RowWriter;
 use super::session::SessionParams;
 use super::{FRAMES_FILE, ReplayError, SESSION_FILE, Session, SessionEnd};
 use crate::runtime::{DeadlinePolicy, FrameEngine, frame_marks};
+use base::time::Span;
+use config::Event;
 use frames::sink::Sink;
 use link::Link;
 use link::capture::CaptureFormat;
 use link::tap::Capture;
-use serde_json::{Map, Value};
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -75,14 +76,12 @@ impl Recording {
         Box::new(self.rows.sink(head, sink, end, holds))
     }
 
-    /// Writes down an event that is added `came_s` seconds after the first exposure: the keys of `[[event]]`, as they came.
-    ///
-    /// # Errors
-    /// When the session cannot be written.
-    pub fn note_injected(&self, event: &Map<String, Value>, came_s: f64) -> Result<(), ReplayError> {
+    /// Writes down an event that came so long after the first exposure, as it was placed then.
+    pub fn note_injected(&self, event: &Event, came: Span) {
         let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
-        session.injected.push(Injected::new(event, came_s));
-        session.write(&self.directory)
+        session.injected.push(Injected::new(event, came));
+        // Now, as a run may be cut off; one that ends writes it again, and says there what is wrong with the disk.
+        let _ = session.write(&self.directory);
     }
 
     /// Ends the capture; `messages_lost` were lost inside the run. What was lost is in the session that comes back.

@@ -108,9 +108,7 @@ impl RowWriter {
         let error = match joined {
             Some(Ok(error)) => error,
             Some(Err(_panicked)) => Some("frames.csv: the thread that writes it broke down".into()),
-            None => {
-                Some(CaptureError::GivenUp { file: super::FRAMES_FILE, patience: patience::end() }.to_string())
-            }
+            None => Some(CaptureError::GivenUp { file: super::FRAMES_FILE, patience: patience::end() }.to_string()),
         };
         // What a writer that was given up writes later does not count.
         let counts = shared.written();
@@ -120,12 +118,7 @@ impl RowWriter {
 }
 
 /// The writer's thread: each row is in the file before the next is taken, as a power cut should cost few rows.
-fn write_all(
-    rows: &Receiver<Option<FrameRow>>,
-    links: usize,
-    out: &mut dyn Write,
-    shared: &Shared,
-) -> Option<String> {
+fn write_all(rows: &Receiver<Option<FrameRow>>, links: usize, out: &mut dyn Write, shared: &Shared) -> Option<String> {
     let mut error = None;
     for row in rows.iter().map_while(|row| row) {
         if error.is_some() {

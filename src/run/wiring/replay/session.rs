@@ -4,11 +4,10 @@
 //! keeps them. Written when the run begins, with each event that is injected, and again when it ends: without `end` the run
 //! was cut off. Form 1 is that of versions that captured one head of a bench; both forms are read.
 
-use super::injected::Injected;
+use super::injected::{Injected, KeptEvent};
 use super::{ReplayError, RowCounts, SESSION_FILE};
-use crate::wiring::fault_schedule::{ScheduleLimits, fault_schedule};
 use base::time::Tai;
-use config::{Backend, Document, PackedDocuments, Scenario, Setting, duration_key};
+use config::{Backend, Document, Event, PackedDocuments, Scenario, Setting, duration_key};
 use frames::sink::replace_own_file;
 use link::capture::CaptureFormat;
 use plan::exposure::cost::CostModel;
@@ -60,23 +59,14 @@ pub struct Session {
     /// The run file, whatever its kind, and the files it names.
     #[serde(alias = "bench")]
     run_file: PackedDocuments,
-    /// Where random faults were added to the run, if they were.
+    /// Events of the run that are not in the file, such as random faults.
     #[serde(default)]
-    random_faults: Option<RandomFaults>,
+    added: Vec<KeptEvent>,
     /// Events that came from outside while it ran, in this order.
     #[serde(default)]
     pub(super) injected: Vec<Injected>,
     /// How the run ended; absent: it was cut off.
     pub end: Option<SessionEnd>,
-}
-
-/// The limits of random faults, which the seed decides.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RandomFaults {
-    from_s: String,
-    until_s: String,
-    wheels: usize,
 }
 
 /// What the capture of a run came to.
@@ -105,10 +95,8 @@ pub struct SessionParams<'a> {
     pub document: &'a Document,
     /// Values changed by the command line, as given.
     pub settings: &'a [String],
-    /// The run file as it runs; its duration, seeds and backend are kept beside the file.
+    /// The run file as it runs; its duration, seeds, backend and the events that it has beyond the file are kept beside it.
     pub scenario: &'a Scenario,
-    /// Where random faults were added to its events, if they were.
-    pub random_faults: Option<ScheduleLimits>,
     /// When the run's clock starts.
     pub start: Tai,
     /// True on the bench clock.
@@ -125,19 +113,14 @@ impl Session {
     /// A session that has not ended.
     ///
     /// # Errors
-    /// When a file that the run file names cannot be read.
+    /// When a file that the run file names cannot be read, or it does not check.
     pub fn new(params: &SessionParams<'_>, format: CaptureFormat) -> Result<Self, ReplayError> {
         let bus = match format {
             CaptureFormat::Candump => "bus.log",
             CaptureFormat::Pcapng => "bus.pcapng",
         };
         let bench = &params.scenario.bench;
-        let random_faults = params.random_faults.map(|limits| RandomFaults {
-            from_s: exact(limits.from_s),
-            until_s: exact(limits.until_s),
-            wheels: limits.wheels,
-        });
-        Ok(Self {
+        let mut session = Self {
             form: FORM,
             starloop_version: env!("CARGO_PKG_VERSION").into(),
             is_real: params.is_real,
@@ -152,10 +135,12 @@ impl Session {
             cost: params.cost.as_ref().map(cost_texts),
             settings: params.settings.to_vec(),
             run_file: params.document.pack()?,
-            random_faults,
+            added: Vec::new(),
             injected: Vec::new(),
             end: None,
-        })
+        };
+        session.added = session.events_beyond_file(&params.scenario.events)?;
+        Ok(session)
     }
 
     /// Writes the file, whole or not at all.
@@ -211,7 +196,19 @@ impl Session {
         Ok(Scenario::from_document(&document.clone().with_settings(cut)).or_else(as_written)?)
     }
 
-    /// The run file as it ran, with its random faults and without what was injected.
+    /// Those of the run's events that the file alone does not have.
+    fn events_beyond_file(&self, events: &[Event]) -> Result<Vec<KeptEvent>, ReplayError> {
+        let (mut of_file, mut added) = (self.checked()?.events, Vec::new());
+        for event in events {
+            match of_file.iter().position(|known| known == event) {
+                Some(place) => drop(of_file.remove(place)),
+                None => added.push(KeptEvent::new(event)),
+            }
+        }
+        Ok(added)
+    }
+
+    /// The run file as it ran, with all its events except those that were injected.
     ///
     /// # Errors
     /// When it no longer checks, or a number is none.
@@ -227,13 +224,10 @@ impl Session {
             "reference" => Backend::Reference,
             other => return Err(wrong("backend", other, "cpu, gpu or reference")),
         };
-        if let Some(RandomFaults { from_s, until_s, wheels }) = &self.random_faults {
-            let from_s = number("random_faults.from_s", from_s)?;
-            let until_s = number("random_faults.until_s", until_s)?;
-            let limits = ScheduleLimits { from_s, until_s, wheels: *wheels };
-            scenario.events.extend(fault_schedule(self.seed, &limits));
-            scenario.events.sort_by_key(|event| event.at);
+        for added in &self.added {
+            scenario.events.push(added.event()?);
         }
+        scenario.events.sort_by_key(|event| event.at);
         Ok(scenario)
     }
 

@@ -1,16 +1,16 @@
 //! A session comes back bit by bit, whatever the run file is; sessions of the first form are read; damage is refused.
 
 use super::*;
-use config::Bench;
-use serde_json::json;
+use crate::wiring::fault_schedule::{ScheduleLimits, fault_schedule};
+use base::time::Span;
+use config::{Action, Bench};
 
 /// A session of a run file that ran for so many seconds.
-fn session(document: &Document, scenario: &Scenario, settings: &[String], cost: Option<CostModel>) -> Session {
+fn session_of(document: &Document, scenario: &Scenario, settings: &[String], cost: Option<CostModel>) -> Session {
     let params = SessionParams {
         document,
         settings,
         scenario,
-        random_faults: None,
         start: Tai::from_ns(1_790_000_000_123_456_789),
         is_real: cost.is_some(),
         backend: "cpu",
@@ -18,6 +18,11 @@ fn session(document: &Document, scenario: &Scenario, settings: &[String], cost: 
         cost,
     };
     Session::new(&params, CaptureFormat::Pcapng).unwrap()
+}
+
+/// Rates of a gyro are kept in other units.
+fn is_exact(event: &Event) -> bool {
+    !matches!(event.action, Action::Gyro(_))
 }
 
 /// The session after it was written and read.
@@ -41,7 +46,7 @@ fn a_session_comes_back_bit_by_bit() {
     bench.noise_seed_given = Some(u64::MAX - 1);
     bench.render.backend = Backend::Cpu;
     let cost = CostModel { pixel_ns: 1.0 / 3.0, threads: f64::MIN_POSITIVE, ..CostModel::CPU };
-    let read = again(&session(&document, &scenario, &settings, Some(cost)));
+    let read = again(&session_of(&document, &scenario, &settings, Some(cost)));
     assert_eq!(read.cost().unwrap(), Some(cost));
     assert_eq!(read.start(), Tai::from_ns(1_790_000_000_123_456_789));
     assert_eq!(read.doubts().len(), 1, "it has not ended");
@@ -58,19 +63,25 @@ fn scenario_over_a_bench_comes_back_with_its_vehicle_and_all_events() {
     let mut scenario = Scenario::from_document(&document.clone().with_settings(vec![cut])).unwrap();
     scenario.bench.render.backend = Backend::Cpu;
     assert!(scenario.events_left_out > 0, "cut short");
-    let mut session = session(&document, &scenario, &[], None);
+    let mut session = session_of(&document, &scenario, &[], None);
     let wanted = again(&session).scenario().unwrap();
     assert!(wanted.vehicle().is_some() && wanted.events == scenario.events, "{:?}", wanted.events);
 
-    // Random faults are events too, and come from limits and the seed.
-    let limits = ScheduleLimits { from_s: 10.0 / 3.0, until_s: 5000.0, wheels: 4 };
-    session.random_faults =
-        Some(RandomFaults { from_s: exact(limits.from_s), until_s: exact(limits.until_s), wheels: limits.wheels });
-    let with_faults = again(&session).scenario().unwrap().events;
-    assert_eq!(with_faults.len(), scenario.events.len() + fault_schedule(scenario.bench.seed, &limits).len());
-    assert!(with_faults.is_sorted_by_key(|event| event.at));
+    assert!(session.added.is_empty(), "{:?}", session.added);
 
-    session.injected.push(Injected::new(json!({"do": "safe"}).as_object().unwrap(), 1.0 / 3.0));
+    // Random faults are events too.
+    let limits = ScheduleLimits { from_s: 10.0 / 3.0, until_s: 200.0, wheels: 4 };
+    let random: Vec<Event> = fault_schedule(7, &limits).into_iter().filter(is_exact).collect();
+    scenario.events.extend(random.iter().copied());
+    scenario.events.sort_by_key(|event| event.at);
+    let mut with_faults = session_of(&document, &scenario, &[], None);
+    assert!(random.len() > 1 && with_faults.added.len() == random.len(), "{random:?}");
+    assert_eq!(again(&with_faults).scenario().unwrap().events, scenario.events);
+    with_faults.added.pop();
+    assert_ne!(again(&with_faults).scenario().unwrap().events, scenario.events, "control");
+
+    let safe = Event { at: Span::from_ms(1), on_trigger: None, lasts: Span::ZERO, action: Action::Safe };
+    session.injected.push(Injected::new(&safe, Span::from_s(1.0 / 3.0)));
     assert_eq!(again(&session).injected, session.injected);
 }
 
@@ -80,13 +91,13 @@ fn session_of_the_first_form_is_read() {
     let mut scenario = Scenario::from_document(&document).unwrap();
     scenario.bench.timing.duration_s = 2.0;
     scenario.bench.render.backend = Backend::Cpu;
-    let session = session(&document, &scenario, &[], None);
+    let session = session_of(&document, &scenario, &[], None);
     let mut first: serde_json::Value = serde_json::to_value(&session).unwrap();
     let keys = first.as_object_mut().unwrap();
     let run_file = keys.remove("run_file").unwrap();
     keys.insert("bench".into(), run_file);
     keys.insert("form".into(), 1.into());
-    assert!(keys.remove("random_faults").is_some() && keys.remove("injected").is_some(), "they are of the second");
+    assert!(keys.remove("added").is_some() && keys.remove("injected").is_some(), "they are of the second");
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(SESSION_FILE);
     std::fs::write(&path, first.to_string()).unwrap();
