@@ -3,7 +3,7 @@
 use crate::cli::run_args::RunArgs;
 use anyhow::{Context, Result, bail};
 use batch::campaign::{check_room_for_faults, episode_scenario};
-use config::{Bench, Document, Scenario, Setting, is_over_bench, is_scenario};
+use config::{Bench, Document, Scenario, Setting};
 
 /// What is run, and the file that says so.
 pub(super) struct RunInput {
@@ -18,19 +18,12 @@ pub(super) fn input(arguments: &RunArgs) -> Result<RunInput> {
         Some(path) => Document::open(path)?,
         None => Bench::built_in_document()?,
     };
-    let mut settings: Vec<Setting> =
-        arguments.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
-    let document = document.with_settings(settings.clone());
-    let duration_s = duration_s(arguments)?;
-    // Set before anything is checked where a spacecraft is flown: what is expected of its pointing depends on it.
-    if let Some(duration_s) = duration_s.filter(|_| is_scenario(&document)) {
-        let key = if is_over_bench(&document) { "duration_s" } else { "timing.duration_s" };
-        settings.push(Setting::parse(&format!("{key}={duration_s:?}"))?);
-    }
-    let mut scenario = Scenario::from_document(&document.clone().with_settings(settings))?;
-    if let Some(duration_s) = duration_s.filter(|_| scenario.vehicle().is_none()) {
-        scenario = scenario.lasting(duration_s);
-    }
+    let settings = arguments.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
+    let document = document.with_settings(settings);
+    let mut scenario = match duration_s(arguments)? {
+        Some(duration_s) => Scenario::from_document_lasting(document.clone(), duration_s)?,
+        None => Scenario::from_document(&document)?,
+    };
     change_bench(&mut scenario.bench, arguments);
     if arguments.random_faults {
         if scenario.vehicle().is_none() {

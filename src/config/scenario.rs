@@ -18,6 +18,7 @@ use crate::plant::{
     TrackerKeys, Vehicle,
 };
 use crate::session::SessionStart;
+use crate::setting::Setting;
 use crate::several::check_all;
 use base::time::Span;
 use serde::Deserialize;
@@ -68,8 +69,7 @@ pub fn is_scenario(document: &Document) -> bool {
 }
 
 /// Whether a file names a bench, or has tables that only such a file has at its top.
-#[must_use]
-pub fn is_over_bench(document: &Document) -> bool {
+fn is_over_bench(document: &Document) -> bool {
     ["bench", "initial", "tracker", "control", "telemetry", "duration_s"].iter().any(|key| document.has_key(key))
 }
 
@@ -89,6 +89,20 @@ impl Scenario {
     pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
         must_be_one_of(&[FileKind::Bench, FileKind::Scenario], document)?;
         check_all(document, if is_over_bench(document) { Self::over_bench } else { Self::in_one_file })
+    }
+
+    /// Checks a run file of which the run is to last so long. Where a spacecraft is flown the duration is set before
+    /// anything is checked: what is expected of its pointing depends on it.
+    ///
+    /// # Errors
+    /// As [`Self::from_document`].
+    pub fn from_document_lasting(document: Document, duration_s: f64) -> Result<Self, ConfigError> {
+        if !is_scenario(&document) {
+            return Self::from_document(&document).map(|scenario| scenario.lasting(duration_s));
+        }
+        let key = if is_over_bench(&document) { "duration_s" } else { "timing.duration_s" };
+        let setting = Setting::parse(&format!("{key}={duration_s:?}"))?;
+        Self::from_document(&document.with_setting(setting))
     }
 
     /// Returns the run cut, or made longer, to this duration. Events that come after its end are left out and counted.

@@ -70,7 +70,9 @@ pub(super) fn fly(
     if let Some(steering) = &steering {
         steering.detach();
         let recording = taps.recording.as_ref();
-        steering.injected().iter().for_each(|event| recording.into_iter().for_each(|tap| tap.note_injected(event)));
+        for (event, came) in steering.injected() {
+            recording.into_iter().for_each(|tap| tap.note_injected(&event, came));
+        }
     }
     let RunOutcome { mut record, ports, summaries, sinks: sink_lines, lost_threads, error } = outcome;
     let mut error = error.map(LoopError::from);

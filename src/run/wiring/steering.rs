@@ -34,7 +34,7 @@ const DONE_WITHIN: Duration = Duration::from_secs(5);
 pub struct Steering {
     attached: Arc<Mutex<Option<Attached>>>,
     newest: Arc<Mutex<NewestFrames>>,
-    injected: Arc<Mutex<Vec<Event>>>,
+    injected: Arc<Mutex<Vec<(Event, Span)>>>,
     is_over: Arc<AtomicBool>,
 }
 
@@ -95,8 +95,8 @@ impl Steering {
         self.is_over.store(true, Ordering::SeqCst);
     }
 
-    /// Events that were injected so far, with the times at which they were placed.
-    pub(super) fn injected(&self) -> Vec<Event> {
+    /// Events that were injected so far, as they were placed, and how long after the first exposure each came.
+    pub(super) fn injected(&self) -> Vec<(Event, Span)> {
         lock(&self.injected).clone()
     }
 
@@ -170,15 +170,16 @@ impl Steering {
         let attached = self.attached()?;
         lock(&attached.desk).check(event)?;
         let (event, desk, clock) = (*event, Arc::clone(&attached.desk), Arc::clone(&attached.clock));
-        let placed = self.on_frame_thread(move |heads, record| {
+        let (placed, came) = self.on_frame_thread(move |heads, record| {
+            let came = clock.now();
             let frames = heads.iter_mut().filter_map(|head| head.faults.as_deref_mut()).collect();
-            let placed = lock(&desk).place(&event, clock.now(), frames);
+            let placed = lock(&desk).place(&event, came, frames);
             placed.note.into_iter().for_each(|note| record.ledger.note(note));
             prepare(heads, &event)?;
-            Ok::<_, RunError>(placed)
+            Ok::<_, RunError>((placed, came))
         })??;
-        lock(&self.injected).push(placed.event);
         let zero = attached.times.zero;
+        lock(&self.injected).push((placed.event, came - zero));
         self.on_far_end(move |far| far.take_event(placed, zero))
     }
 
