@@ -1,4 +1,4 @@
-//! `starloop replay`: a captured run drawn again and compared bit by bit, or a capture of a bus drawn as a bench would.
+//! `starloop replay`: a captured run drawn again and compared bit by bit, or a capture of a bus drawn as a run would.
 //!
 //! Input: the directory of `starloop run --capture`, or a candump log or pcapng file with `--bench`. Output: a verdict,
 //! recorded frames with `--out`, and an exit status for scripts: 4 when an image differs, 1 for a capture that does not
@@ -8,10 +8,11 @@ use crate::cli::plain_text::plain_text;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
 use anyhow::{Result, bail};
 use clap::Args;
-use config::Bench;
+use config::Scenario;
 use core::ops::Range;
-use frames::sink::{Recorder, RecorderOptions, Sink};
-use run::wiring::replay::{ReplayOutcome, replay_bus, replay_session};
+use frames::sink::{Recorder, RecorderOptions, Sink, SinkError};
+use run::wiring::replay::{ReplayOptions, ReplayOutcome, replay_bus, replay_session};
+use run::wiring::sinks::directory_of_head;
 use std::path::PathBuf;
 
 /// Command line of `replay`.
@@ -23,18 +24,21 @@ use std::path::PathBuf;
 pub struct ReplayArgs {
     /// Directory of `starloop run --capture`, or a capture of a bus (candump log or pcapng)
     capture: PathBuf,
-    /// Bench file that a capture without a session is drawn with
+    /// Run file (bench or scenario) that a capture without a session is drawn with
     #[arg(long, value_name = "FILE")]
     bench: Option<PathBuf>,
-    /// Draw for this many seconds instead of the bench's duration (with --bench)
+    /// Draw for this many seconds instead of the run file's duration (with --bench)
     #[arg(long, value_name = "S", requires = "bench")]
     duration: Option<f64>,
-    /// Record the frames into this directory (one without a recording)
+    /// Record the frames into this directory (one without a recording); of several heads into head0, head1, ... below it
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Draw and compare these frames only, from A to before B
     #[arg(long, value_name = "A..B", value_parser = range)]
     frames: Option<Range<u32>>,
+    /// Draw and compare this head only, counted from 0
+    #[arg(long, value_name = "N")]
+    head: Option<usize>,
 }
 
 fn range(text: &str) -> Result<Range<u32>, String> {
@@ -48,7 +52,7 @@ fn range(text: &str) -> Result<Range<u32>, String> {
 /// With what could not be done, and why.
 pub fn run(arguments: &ReplayArgs) -> Result<u8> {
     let is_session = arguments.capture.is_dir();
-    let bench = match (&arguments.bench, is_session) {
+    let scenario = match (&arguments.bench, is_session) {
         (Some(_), true) => bail!("--bench: got the directory of a captured run, which holds its own bench"),
         (None, false) if !arguments.capture.exists() => {
             bail!("{}: does not exist; wanted the directory of a captured run", arguments.capture.display())
@@ -57,26 +61,29 @@ pub fn run(arguments: &ReplayArgs) -> Result<u8> {
             "{}: no directory of a captured run; wanted --bench FILE with a capture of a bus",
             arguments.capture.display()
         ),
-        (path, _) => path.as_ref().map(|path| Bench::load(path)).transpose()?,
+        (path, _) => path.as_ref().map(|path| Scenario::load(path)).transpose()?,
     };
-    let mut recorder = match &arguments.out {
-        Some(directory) => {
-            Some(Recorder::create(directory, RecorderOptions { png_every: 10, ..RecorderOptions::default() })?)
-        }
-        None => None,
-    };
-    let sink = recorder.as_mut().map(|recorder| recorder as &mut dyn Sink);
-    let outcome = match bench {
-        None => replay_session(&arguments.capture, arguments.frames.clone(), sink)?,
-        Some(mut bench) => {
+    let options = ReplayOptions { frames: arguments.frames.clone(), head: arguments.head };
+    let mut sink = |head: Option<usize>| recorder(arguments, head);
+    let outcome = match scenario {
+        None => replay_session(&arguments.capture, &options, &mut sink)?,
+        Some(mut scenario) => {
+            let timing = &mut scenario.bench.timing;
             match arguments.duration {
                 Some(s) if !(s.is_finite() && s > 0.0) => bail!("--duration: got {s}, wanted seconds above 0"),
-                given => bench.timing.duration_s = given.unwrap_or(bench.timing.duration_s),
+                given => timing.duration_s = given.unwrap_or(timing.duration_s),
             }
-            replay_bus(&arguments.capture, &bench, arguments.frames.clone(), sink)?
+            replay_bus(&arguments.capture, &scenario, &options, &mut sink)?
         }
     };
     Ok(tell(&outcome, is_session))
+}
+
+/// What records the frames of a head, when they are to be recorded.
+fn recorder(arguments: &ReplayArgs, head: Option<usize>) -> Result<Option<Box<dyn Sink>>, SinkError> {
+    let Some(directory) = &arguments.out else { return Ok(None) };
+    let options = RecorderOptions { png_every: 10, ..RecorderOptions::default() };
+    Ok(Some(Box::new(Recorder::create(directory_of_head(directory, head), options)?)))
 }
 
 /// Prints the verdict; the exit status.
@@ -86,22 +93,28 @@ fn tell(outcome: &ReplayOutcome, is_session: bool) -> u8 {
     if outcome.skipped_packets > 0 {
         eprintln!("starloop: {} packets have no form here and were skipped", outcome.skipped_packets);
     }
+    // One head is not worth a word.
+    let several = Some(outcome.heads.len()).filter(|heads| *heads > 1);
+    let heads = several.map_or_else(String::new, |heads| format!("{heads} heads, "));
     if !is_session {
-        println!("{} frames drawn; nothing to compare them with", outcome.drawn);
+        println!("{heads}{} frames drawn; nothing to compare them with", outcome.drawn());
         return EXIT_DONE;
     }
-    let ReplayOutcome { compared, differing, .. } = outcome;
-    if *compared == 0 {
+    let (compared, differing) = (outcome.compared(), outcome.differing());
+    if compared == 0 {
         println!("no frame could be compared");
         return EXIT_NOT_MET;
     }
-    println!("{} of {compared} frames bit-identical", compared - differing);
-    match outcome.first {
+    println!("{heads}{} of {compared} frames bit-identical", compared - differing);
+    match outcome.first() {
         None => EXIT_DONE,
         Some(first) => {
             println!(
-                "the first that is not: frame {}, CRC-32 {:08x} captured, {:08x} replayed",
-                first.frame, first.wanted, first.got
+                "the first that is not: {}frame {}, CRC-32 {:08x} captured, {:08x} replayed",
+                several.map_or_else(String::new, |_| format!("head {}, ", first.head)),
+                first.frame,
+                first.wanted,
+                first.got
             );
             EXIT_NOT_MET
         }

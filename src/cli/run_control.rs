@@ -97,10 +97,10 @@ pub(super) mod controlled {
         };
         let served = session.serve(&mut Stage { scenario: &scenario, going: &mut going, report: &mut report, stop });
         let (client, error) = match served {
-            Ok(end) => (Some(Client { session, end }), None),
-            Err(error) => (None, Some(error.into_loop_error())),
+            Ok(end) => (Client { session, end }, None),
+            Err(error) => (Client { session, end: SessionEnd::Interrupted }, Some(error)),
         };
-        Ok(Controlled { end: going.end(error), client })
+        Ok(Controlled { end: going.end(error), client: Some(client) })
     }
 
     /// Runs on the real clock beside a client.

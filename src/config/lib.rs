@@ -33,6 +33,7 @@ mod event;
 mod event_name;
 mod event_reader;
 mod event_word;
+mod event_writer;
 mod expect;
 mod file_kind;
 mod flight_computer;

@@ -20,6 +20,7 @@ use crate::plant::{
     TrackerKeys, Vehicle,
 };
 use crate::session::SessionStart;
+use crate::setting::Setting;
 use crate::several::check_all;
 use base::time::Span;
 use std::path::Path;
@@ -105,6 +106,30 @@ impl Scenario {
     pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
         must_be_one_of(&[FileKind::Bench, FileKind::Scenario], document)?;
         check_all(document, if is_over_bench(document) { Self::over_bench } else { Self::in_one_file })
+    }
+
+    /// Checks a run file of which the run is to last so long. Where a spacecraft is flown the duration is set before
+    /// anything is checked: what is expected of its pointing depends on it.
+    ///
+    /// # Errors
+    /// As [`Self::from_document`].
+    pub fn from_document_lasting(document: Document, duration_s: f64) -> Result<Self, ConfigError> {
+        if !is_scenario(&document) {
+            return Self::from_document(&document).map(|scenario| scenario.lasting(duration_s));
+        }
+        let key = if is_over_bench(&document) { "duration_s" } else { "timing.duration_s" };
+        let setting = Setting::parse(&format!("{key}={duration_s:?}"))?;
+        Self::from_document(&document.with_setting(setting))
+    }
+
+    /// Returns the run cut, or made longer, to this duration. Events that come after its end are left out and counted.
+    #[must_use]
+    pub fn lasting(mut self, duration_s: f64) -> Self {
+        self.bench.timing.duration_s = duration_s;
+        let before = self.events.len();
+        self.events.retain(|event| event.on_trigger.is_some() || event.at.s() < duration_s);
+        self.events_left_out += before - self.events.len();
+        self
     }
 
     /// Returns the spacecraft that is flown inside, if one is.

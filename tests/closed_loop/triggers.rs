@@ -66,7 +66,7 @@ fn fly(bench: &Bench, sent: &[Sent], numbers: &[u16]) -> Flown {
     let (near, far) = simulated_pair(bus, &shared);
     let file = tempfile::NamedTempFile::new().unwrap();
     let capture = Capture::start(Box::new(file.reopen().unwrap()), CaptureFormat::Pcapng, true).unwrap();
-    let mut near = Port::new(Box::new(capture.tap(Box::new(near))), format, ids);
+    let mut near = Port::new(Box::new(capture.tap(Box::new(near), 0)), format, ids);
     let mut far = Port::new(Box::new(far), format, ids);
     let mut computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
     let mut left = sent.iter();

@@ -34,7 +34,13 @@ pub fn summary_table(summary: &RunSummary) -> String {
 pub fn short_table(s: &RunSummary) -> String {
     let f = &s.frames;
     let times = |q: &Quantiles| format!("p50 {:.3} ms, p99 {:.3} ms, longest {:.3} ms", q.p50_ms, q.p99_ms, q.max_ms);
-    let counts = [("late", f.late), ("held", f.held), ("dropped", f.dropped), ("blank", f.blank), ("extrapolated", f.extrapolated)];
+    let counts = [
+        ("late", f.late),
+        ("held", f.held),
+        ("dropped", f.dropped),
+        ("blank", f.blank),
+        ("extrapolated", f.extrapolated),
+    ];
     let counts: Vec<String> = counts.iter().filter(|(_, n)| *n > 0).map(|(name, n)| format!(", {n} {name}")).collect();
     let rejected: u64 = s.link.rejects.values().sum();
     let accepted = s.link.counters.get("attitudes_accepted").copied().unwrap_or(0);

@@ -1,7 +1,7 @@
 //! One line of a candump log: `(sec.fraction) interface id#data`, FD `id##flags data`, with an optional ` R` or ` T`.
 //!
-//! Written: nine digits of fraction, interface `can0`, direction always. Read: one to nine digits of fraction, any
-//! interface, 3 or 8 hexadecimal digits of identifier. Input: bytes without the line's end. Tests: `tests`.
+//! Written: nine digits of fraction, interface `can0`, `can1`, ..., direction always. Read: one to nine digits of fraction,
+//! any interface (its number is that at the end of its name, 0 without one), 3 or 8 hexadecimal digits of identifier. Input: bytes without the line's end. Tests: `tests`.
 
 use super::{CapturedPacket, Direction};
 use crate::Packet;
@@ -27,12 +27,11 @@ pub enum Line {
 /// Writes a frame's line.
 pub(super) fn write_line(
     out: &mut impl Write,
-    at: Tai,
-    direction: Direction,
+    captured: &CapturedPacket,
     frame: &CanFrame,
 ) -> Result<(), std::io::Error> {
-    let unix_ns = at.to_unix_ns().max(0);
-    write!(out, "({}.{:09}) can0 {:03X}#", unix_ns / NS_PER_S, unix_ns % NS_PER_S, frame.id())?;
+    let (unix_ns, interface) = (captured.at.to_unix_ns().max(0), captured.interface);
+    write!(out, "({}.{:09}) can{interface} {:03X}#", unix_ns / NS_PER_S, unix_ns % NS_PER_S, frame.id())?;
     if frame.is_fd() {
         // Flags: bit rate switching, as the data phase of the simulated bus has it.
         out.write_all(b"#1")?;
@@ -40,7 +39,7 @@ pub(super) fn write_line(
     for byte in frame.data() {
         write!(out, "{byte:02X}")?;
     }
-    out.write_all(if direction == Direction::Sent { b" T\n" } else { b" R\n" })
+    out.write_all(if captured.direction == Direction::Sent { b" T\n" } else { b" R\n" })
 }
 
 /// Reads a line.
@@ -51,7 +50,7 @@ pub fn parse_line(line: &[u8]) -> Result<Line, &'static str> {
     let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
     let Some(stamp) = words.next() else { return Ok(Line::Blank) };
     let unix_ns = stamp_ns(stamp)?;
-    words.next().ok_or("the interface is missing")?;
+    let interface = interface_number(words.next().ok_or("the interface is missing")?);
     let frame = frame(words.next().ok_or("the frame is missing")?)?;
     let direction = match words.next() {
         None | Some(b"R") => Direction::Received,
@@ -61,8 +60,16 @@ pub fn parse_line(line: &[u8]) -> Result<Line, &'static str> {
     if words.next().is_some() {
         return Err("something follows the direction");
     }
-    let captured = |frame| CapturedPacket { at: Tai::from_unix_ns(unix_ns), direction, packet: Packet::Can(frame) };
+    let at = Tai::from_unix_ns(unix_ns);
+    let captured = |frame| CapturedPacket { at, direction, interface, packet: Packet::Can(frame) };
     Ok(frame.map_or(Line::Skipped, |frame| Line::Packet(captured(frame))))
+}
+
+/// The number at the end of an interface's name; 0 without one, the last number for all beyond it.
+fn interface_number(name: &[u8]) -> u8 {
+    let digits = name.iter().rev().take_while(|byte| byte.is_ascii_digit()).count();
+    let number = name[name.len() - digits..].iter();
+    number.fold(0, |number: u8, digit| number.saturating_mul(10).saturating_add(digit - b'0'))
 }
 
 /// `(sec.fraction)`, ns.

@@ -4,7 +4,9 @@
 //! CapturedPacket -> CaptureWriter -> bus.log, bus.pcapng -> CaptureReader -> CapturedPacket
 //! ```
 //!
-//! In and out: packets with the instant and the direction in which they passed. Stamps are Unix time to the nanosecond in
+//! In and out: packets with the instant and the direction in which they passed, and the number of the interface. One file
+//! holds several interfaces: pcapng blocks named link0, link1, ..., the interface column can0, can1, ... of a candump log. A
+//! file of someone else has the number in the name, or the place of the interface in its section. Stamps are Unix time to the nanosecond in
 //! both formats; pcapng keeps the instant (TAI) beside it, a candump log cannot tell a leap second from the second after
 //! it. A candump log holds CAN only; pcapng holds CAN (link type 227, SocketCAN) and serial bytes (link type 147, USER0).
 //! Readers take any bytes: what they refuse they refuse with line or offset, a file that was cut off is read up to the
@@ -59,6 +61,8 @@ pub struct CapturedPacket {
     pub at: Tai,
     /// Which way it went.
     pub direction: Direction,
+    /// Number of the interface it passed, from 0; the last number stands for all beyond it.
+    pub interface: u8,
     /// What passed.
     pub packet: Packet,
 }

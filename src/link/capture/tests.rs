@@ -14,7 +14,7 @@ fn at(ns: i64) -> Tai {
 }
 
 fn can(ns: i64, direction: Direction, frame: Option<CanFrame>) -> CapturedPacket {
-    CapturedPacket { at: at(ns), direction, packet: Packet::Can(frame.unwrap()) }
+    CapturedPacket { at: at(ns), direction, interface: 0, packet: Packet::Can(frame.unwrap()) }
 }
 
 /// Frames of every kind and length.
@@ -32,7 +32,7 @@ fn frames() -> Vec<CapturedPacket> {
 
 fn serial(ns: i64, bytes: &[u8]) -> CapturedPacket {
     let packet = Packet::Serial(SerialChunk::new(bytes).unwrap());
-    CapturedPacket { at: at(ns), direction: Direction::Sent, packet }
+    CapturedPacket { at: at(ns), direction: Direction::Sent, interface: 0, packet }
 }
 
 fn written(format: CaptureFormat, packets: &[CapturedPacket]) -> Vec<u8> {
@@ -72,6 +72,53 @@ fn what_is_written_is_read_again() {
     }
     let mixed = [frames()[0], serial(5, &[0; CHUNK_MAX]), serial(6, &[1]), frames()[3]];
     assert_eq!(read(&written(CaptureFormat::Pcapng, &mixed)).0, mixed);
+}
+
+/// The same packets as if each came by another link, the last one by a link beyond all numbers.
+fn of_links(mut packets: Vec<CapturedPacket>) -> Vec<CapturedPacket> {
+    for (packet, interface) in packets.iter_mut().zip([1, 0, 1, 7, 0, u8::MAX]) {
+        packet.interface = interface;
+    }
+    packets
+}
+
+#[test]
+fn packets_of_several_links_keep_the_number_of_theirs() {
+    let wanted = of_links(frames());
+    for format in FORMATS {
+        let (packets, error, _) = read(&written(format, &wanted));
+        assert!(error.is_none(), "{error:?}");
+        assert_eq!(packets, wanted, "{format:?}");
+        assert_ne!(read(&written(format, &frames())).0, wanted, "{format:?}, control: all by one link");
+    }
+    // CAN and serial together, and both kinds under one number.
+    let other = CapturedPacket { interface: 1, ..serial(5, &[7; 3]) };
+    let mixed = [frames()[0], other, serial(6, &[1]), wanted[0], other];
+    assert_eq!(read(&written(CaptureFormat::Pcapng, &mixed)).0, mixed);
+}
+
+#[test]
+fn links_are_interfaces_that_others_can_name() {
+    let bytes = written(CaptureFormat::Pcapng, &of_links(frames()));
+    let has = |name: &[u8]| bytes.windows(name.len()).any(|part| part == name);
+    assert!(has(b"link0\0") && has(b"link1\0") && has(b"link255\0") && !has(b"link2\0"));
+    let text = String::from_utf8(written(CaptureFormat::Candump, &of_links(frames()))).unwrap();
+    let names: Vec<&str> = text.lines().map(|line| line.split(' ').nth(1).unwrap()).collect();
+    assert_eq!(names, ["can1", "can0", "can1", "can7", "can0", "can255"]);
+}
+
+#[test]
+fn interfaces_of_others_have_the_number_of_their_name_or_place() {
+    let log: String =
+        ["vcan3", "can12", "x", "1", "can99999999999999999999"].map(|name| format!("(1.5) {name} 123#11\n")).concat();
+    let numbers: Vec<u8> = read(log.as_bytes()).0.iter().map(|packet| packet.interface).collect();
+    assert_eq!(numbers, [3, 12, 0, 1, u8::MAX]);
+    // Two interfaces without a name, and packets of the second.
+    let interface = block(false, 1, &[227, 0, 0, 0, 0, 0, 0, 0]);
+    let packet = [&[1, 0, 0, 0][..], &[0; 8], &[12, 0, 0, 0], &[12, 0, 0, 0], &WHOLE_HEADER].concat();
+    let section = written(CaptureFormat::Pcapng, &[]);
+    let bytes = [section, interface.clone(), interface, block(false, 6, &packet)].concat();
+    assert_eq!(read(&bytes).0[0].interface, 1);
 }
 
 #[test]

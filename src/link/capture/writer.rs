@@ -35,7 +35,7 @@ impl<W: Write> CaptureWriter<W> {
     pub fn write(&mut self, captured: &CapturedPacket) -> Result<(), CaptureError> {
         match (&mut self.form, &captured.packet) {
             (Form::Candump(out), Packet::Can(frame)) => {
-                candump::write_line(out, captured.at, captured.direction, frame).map_err(CaptureError::Write)
+                candump::write_line(out, captured, frame).map_err(CaptureError::Write)
             }
             (Form::Candump(_), Packet::Serial(_)) => Err(CaptureError::NotCan),
             (Form::Pcapng(writer), _) => writer.write(captured).map_err(CaptureError::Write),

@@ -1,6 +1,6 @@
 //! The capture tap: a link that passes everything on unchanged and has it written to a file.
 //!
-//! In: a link and an output. Out: the same packets, and a capture of what was received and sent. The packet path takes no
+//! In: links and an output. Out: the same packets, and one capture of what each link received and sent. The packet path takes no
 //! lock of ours, allocates nothing and touches no file: packets go by a bounded queue to a writer thread. When the queue
 //! is full they are not written and counted ([`Capture::finish`]); on the virtual clock, where waiting costs no time of
 //! the run, the tap waits instead. What the writer cannot write it counts as lost too, and says why at the end. A writer
@@ -82,10 +82,10 @@ impl Capture {
         Ok(Self { queue, writer })
     }
 
-    /// Taps a link.
+    /// Taps a link, whose packets the capture has under this number of an interface, from 0.
     #[must_use]
-    pub fn tap(&self, inner: Box<dyn Link>) -> CapturingLink {
-        CapturingLink { inner, queue: self.queue.clone() }
+    pub fn tap(&self, inner: Box<dyn Link>, interface: u8) -> CapturingLink {
+        CapturingLink { inner, queue: self.queue.clone(), interface }
     }
 
     /// Ends the capture: what has passed so far is written. Taps that are still there lose what passes from here on.
@@ -156,20 +156,27 @@ impl Queue {
 pub struct CapturingLink {
     inner: Box<dyn Link>,
     queue: Queue,
+    interface: u8,
+}
+
+impl CapturingLink {
+    fn put(&self, at: Tai, direction: Direction, packet: Packet) {
+        self.queue.put(CapturedPacket { at, direction, interface: self.interface, packet });
+    }
 }
 
 impl Link for CapturingLink {
     fn receive(&mut self, until: Tai) -> Result<Option<Stamped<Packet>>, LinkError> {
         let received = self.inner.receive(until)?;
         if let Some(Stamped { at, value }) = received {
-            self.queue.put(CapturedPacket { at, direction: Direction::Received, packet: value });
+            self.put(at, Direction::Received, value);
         }
         Ok(received)
     }
 
     fn send(&mut self, packet: &Packet) -> Result<Tai, LinkError> {
         let at = self.inner.send(packet)?;
-        self.queue.put(CapturedPacket { at, direction: Direction::Sent, packet: *packet });
+        self.put(at, Direction::Sent, *packet);
         Ok(at)
     }
 

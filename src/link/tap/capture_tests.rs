@@ -52,7 +52,7 @@ fn run(disk: &Disk, waits: bool, room: usize, packets: u16) -> super::CaptureOut
     let bus = BusParams { name: "test".into(), timing, latency: Span::ZERO, queue_packets: 64 };
     let (near, mut far) = simulated_pair(bus, &shared);
     let capture = Capture::with_room(Box::new(disk.clone()), CaptureFormat::Candump, waits, room).unwrap();
-    let mut near = capture.tap(Box::new(near));
+    let mut near = capture.tap(Box::new(near), 0);
     for n in 0..packets {
         clock.advance_to(START + Span::from_ms(i64::from(n)));
         far.send(&packet(n)).unwrap();
@@ -85,6 +85,35 @@ fn everything_that_passes_is_written_in_order() {
 }
 
 #[test]
+fn links_of_one_capture_keep_their_numbers() {
+    let disk = Disk::new(usize::MAX);
+    let capture = Capture::with_room(Box::new(disk.clone()), CaptureFormat::Pcapng, true, 4).unwrap();
+    let shared: Arc<dyn Clock> = Arc::new(Virtual::new(START));
+    let timing = BusTiming::CanClassic { bit_rate_bps: 1_000_000 };
+    let (mut taps, mut ends) = (Vec::new(), Vec::new());
+    for number in [0, 1, 4] {
+        let bus = BusParams { name: "test".into(), timing, latency: Span::ZERO, queue_packets: 64 };
+        let (near, far) = simulated_pair(bus, &shared);
+        taps.push((number, capture.tap(Box::new(near), number)));
+        ends.push(far);
+    }
+    for n in 0..20 {
+        for (number, tap) in &mut taps {
+            tap.send(&packet(100 * u16::from(*number) + n)).unwrap();
+        }
+    }
+    assert_eq!(capture.finish().written, 60);
+    let bytes = disk.bytes.lock().unwrap().clone();
+    let mut reader = CaptureReader::new(&bytes[..]).unwrap();
+    for n in 0..20 {
+        for number in [0_u8, 1, 4] {
+            let captured = reader.read().unwrap().expect("a packet");
+            assert_eq!((captured.interface, captured.packet), (number, packet(100 * u16::from(number) + n)));
+        }
+    }
+}
+
+#[test]
 fn a_full_disk_ends_the_capture_and_not_the_run() {
     let disk = Disk::new(1000);
     let outcome = run(&disk, true, 8, 100);
@@ -114,7 +143,7 @@ fn writer_that_blocks_is_given_up_and_what_it_has_not_written_is_lost() {
         let bus = BusParams { name: "test".into(), timing, latency: Span::ZERO, queue_packets: 64 };
         let (near, _far) = simulated_pair(bus, &shared);
         let capture = Capture::with_room(Box::new(Blocking(blocks)), CaptureFormat::Candump, waits, room).unwrap();
-        let mut near = capture.tap(Box::new(near));
+        let mut near = capture.tap(Box::new(near), 0);
         for n in 0..20 {
             near.send(&packet(n)).unwrap();
         }
@@ -146,7 +175,7 @@ fn a_full_queue_loses_packets_and_counts_them() {
     let bus = BusParams { name: "test".into(), timing, latency: Span::ZERO, queue_packets: 64 };
     let (near, _far) = simulated_pair(bus, &shared);
     let capture = Capture::with_room(Box::new(hanging), CaptureFormat::Candump, false, 4).unwrap();
-    let mut near = capture.tap(Box::new(near));
+    let mut near = capture.tap(Box::new(near), 0);
     let closed = gate.lock().unwrap();
     for n in 0..100 {
         near.send(&packet(n)).unwrap();

@@ -377,7 +377,7 @@ impl FrameEngine {
         frame.meta.faults |= flags_of(plan.motion.los.origin, has_stars);
         if let Some(marks) = &self.marks {
             let (load, rung) = (self.load(), frame.meta.rung);
-            marks.put(FrameMark { frame: slot.number, messages: receiver.messages(), load, rung });
+            marks.put(FrameMark { frame: slot.number, messages: receiver.messages_by_port(), load, rung });
         }
         Ok(Some(times))
     }

@@ -1,23 +1,25 @@
-//! What a replay needs to know of each frame: how many messages had been taken in, and under what load it was planned.
+//! What a replay needs to know of each frame: how many messages of each port were taken in before it, and under what load
+//! it was planned.
 //!
 //! In: the frame engine, once per frame drawn. Out: a bounded queue that the sink's side empties before it writes the
 //! frame's row. A full queue loses the newest mark and counts it; the frame thread never waits. Test: below, and
 //! `tests/closed_loop/replay.rs`.
 
+use crate::runtime::receiver::PORTS_MAX;
 use core::sync::atomic::{AtomicU64, Ordering};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use std::sync::Arc;
 
-/// Marks that may wait: many more than frames can be on their way.
-const QUEUE_MARKS: usize = 1024;
+/// Marks that may wait: many more than frames can be on their way, and those of a long time in which a fault drops all.
+const QUEUE_MARKS: usize = 16_384;
 
 /// What one frame was drawn from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameMark {
     /// Frame number.
     pub frame: u32,
-    /// Messages taken in since the run began, all kinds.
-    pub messages: u64,
+    /// Messages taken in by each port since the run began, all kinds.
+    pub messages: [u64; PORTS_MAX],
     /// Measured over predicted drawing time, as the planner had it.
     pub load: f64,
     /// How far the frame was degraded.
@@ -76,7 +78,7 @@ mod tests {
     #[test]
     fn a_full_queue_loses_the_newest_and_counts_it() {
         let (marks, end) = frame_marks();
-        let mark = |frame| FrameMark { frame, messages: u64::from(frame) * 10, load: 1.0, rung: "full" };
+        let mark = |frame| FrameMark { frame, messages: [u64::from(frame) * 10; PORTS_MAX], load: 1.0, rung: "full" };
         (0..QUEUE_MARKS as u32 + 3).for_each(|frame| marks.put(mark(frame)));
         assert_eq!(end.take_lost(), 3);
         assert_eq!(end.take(), Some(mark(0)));

@@ -12,6 +12,7 @@ pub mod engine;
 pub mod error;
 mod frame_damage;
 pub mod frame_faults;
+pub mod head_step;
 pub mod hygiene;
 pub mod imager;
 pub mod jitter_tables;

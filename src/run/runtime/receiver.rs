@@ -30,8 +30,8 @@ const NORM_TOLERANCE: f64 = 2e-3;
 
 /// Attitudes whose tags are kept: more than an exposure and a readout bring.
 const TAGS: usize = 256;
-/// Ports whose time marks are kept apart.
-const PORTS_MAX: usize = 8;
+/// Ports whose time marks and messages are kept apart.
+pub const PORTS_MAX: usize = 8;
 /// Tables are put into effect this often at most.
 const APPLY_PERIOD: Span = Span::from_ms(50);
 
@@ -63,7 +63,8 @@ pub struct Receiver {
     drawn_until: Option<Tai>,
     /// Jitter samples that arrived after the exposure they belong to was drawn.
     late_jitter: u64,
-    messages: u64,
+    /// Messages taken in by each port.
+    messages: [u64; PORTS_MAX],
 }
 
 impl Receiver {
@@ -87,7 +88,7 @@ impl Receiver {
             newest_arrival: None,
             drawn_until: None,
             late_jitter: 0,
-            messages: 0,
+            messages: [0; PORTS_MAX],
             params,
         })
     }
@@ -175,6 +176,12 @@ impl Receiver {
     /// Messages taken in, all kinds.
     #[must_use]
     pub fn messages(&self) -> u64 {
+        self.messages.iter().sum()
+    }
+
+    /// Returns the number of messages taken in by each port, all kinds; ports beyond the last one share its place.
+    #[must_use]
+    pub fn messages_by_port(&self) -> [u64; PORTS_MAX] {
         self.messages
     }
 
@@ -200,7 +207,7 @@ impl Receiver {
     pub fn accept_from(&mut self, port: usize, message: &Stamped<Message>, ledger: &mut Ledger) -> Option<Message> {
         let at = message.at;
         let port = port.min(PORTS_MAX - 1);
-        self.messages += 1;
+        self.messages[port] += 1;
         match &message.value {
             Message::Sync(sync) => self.syncs[port] = Some((sync.counter, at)),
             Message::TimeFollowUp(follow_up) => self.correlate(port, follow_up, at, ledger),

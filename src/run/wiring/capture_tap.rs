@@ -45,7 +45,7 @@ impl CaptureOptions<'_> {
         let recording = Recording::start(&self.directory, self.format, &params)?;
         for (number, head) in heads.iter_mut().enumerate() {
             let sink = core::mem::replace(&mut head.sink, Box::new(NullSink::new()));
-            head.sink = recording.tap_frames(number, &mut head.engine, sink)?;
+            head.sink = recording.tap_frames(number, &mut head.engine, sink);
         }
         Ok(recording)
     }

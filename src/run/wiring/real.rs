@@ -70,7 +70,9 @@ pub(super) fn fly(
     if let Some(steering) = &steering {
         steering.detach();
         let recording = taps.recording.as_ref();
-        steering.injected().iter().for_each(|event| recording.into_iter().for_each(|tap| tap.note_injected(event)));
+        for (event, came) in steering.injected() {
+            recording.into_iter().for_each(|tap| tap.note_injected(&event, came));
+        }
     }
     let RunOutcome { mut record, ports, summaries, sinks: sink_lines, lost_threads, error } = outcome;
     let mut error = error.map(LoopError::from);
@@ -86,8 +88,7 @@ pub(super) fn fly(
     let desk = desk.lock().unwrap_or_else(PoisonError::into_inner);
     let faults = desk.lines(heads.iter().map(|head| &head.faults).collect(), &|number| far.hits_aboard(number));
     let (estimator, untagged) = vehicle_counts(far.vehicle());
-    let predicted =
-        predicted_pointing_rad(far.vehicle(), far.witness.assessment(), heads[0].engine.params());
+    let predicted = predicted_pointing_rad(far.vehicle(), far.witness.assessment(), heads[0].engine.params());
     let assessment = far.witness.finish(&record, &faults, now, 0);
     let mut end = RunEnd {
         times,

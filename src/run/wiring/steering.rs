@@ -17,6 +17,7 @@ use crate::wiring::run_times::RunTimes;
 use base::clock::Clock;
 use base::time::{Span, Tai};
 use config::{Action, Event};
+use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use crossbeam_channel::{Receiver as Queue, Sender, bounded};
 use frames::report::RunNumbers;
@@ -33,7 +34,8 @@ const DONE_WITHIN: Duration = Duration::from_secs(5);
 pub struct Steering {
     attached: Arc<Mutex<Option<Attached>>>,
     newest: Arc<Mutex<NewestFrames>>,
-    injected: Arc<Mutex<Vec<Event>>>,
+    injected: Arc<Mutex<Vec<(Event, Span)>>>,
+    is_over: Arc<AtomicBool>,
 }
 
 #[derive(Clone)]
@@ -50,14 +52,18 @@ fn lock<T>(shared: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
 }
 
 fn busy(what: &str) -> LoopError {
-    LoopError::Parts(anyhow::anyhow!("{what} did not answer within {} s: the run is over or stuck", DONE_WITHIN.as_secs()))
+    LoopError::Parts(anyhow::anyhow!(
+        "{what} did not answer within {} s: the run is over or stuck",
+        DONE_WITHIN.as_secs()
+    ))
 }
 
 impl Steering {
     /// Of a run that has not begun; frames of its heads are kept in `newest`.
     #[must_use]
     pub fn new(newest: NewestFrames) -> Self {
-        Self { attached: Arc::default(), newest: Arc::new(Mutex::new(newest)), injected: Arc::default() }
+        let newest = Arc::new(Mutex::new(newest));
+        Self { attached: Arc::default(), newest, injected: Arc::default(), is_over: Arc::default() }
     }
 
     /// Keeps the newest frame of each head.
@@ -86,11 +92,18 @@ impl Steering {
     /// The run is over.
     pub(super) fn detach(&self) {
         *lock(&self.attached) = None;
+        self.is_over.store(true, Ordering::SeqCst);
     }
 
-    /// Events that were injected so far, with the times at which they were placed.
-    pub(super) fn injected(&self) -> Vec<Event> {
+    /// Events that were injected so far, as they were placed, and how long after the first exposure each came.
+    pub(super) fn injected(&self) -> Vec<(Event, Span)> {
         lock(&self.injected).clone()
+    }
+
+    /// Whether the run has begun, and may be over.
+    #[must_use]
+    pub fn has_begun(&self) -> bool {
+        lock(&self.attached).is_some() || self.is_over.load(Ordering::SeqCst)
     }
 
     fn attached(&self) -> Result<Attached, LoopError> {
@@ -157,15 +170,16 @@ impl Steering {
         let attached = self.attached()?;
         lock(&attached.desk).check(event)?;
         let (event, desk, clock) = (*event, Arc::clone(&attached.desk), Arc::clone(&attached.clock));
-        let placed = self.on_frame_thread(move |heads, record| {
+        let (placed, came) = self.on_frame_thread(move |heads, record| {
+            let came = clock.now();
             let frames = heads.iter_mut().filter_map(|head| head.faults.as_deref_mut()).collect();
-            let placed = lock(&desk).place(&event, clock.now(), frames);
+            let placed = lock(&desk).place(&event, came, frames);
             placed.note.into_iter().for_each(|note| record.ledger.note(note));
             prepare(heads, &event)?;
-            Ok::<_, RunError>(placed)
+            Ok::<_, RunError>((placed, came))
         })??;
-        lock(&self.injected).push(placed.event);
         let zero = attached.times.zero;
+        lock(&self.injected).push((placed.event, came - zero));
         self.on_far_end(move |far| far.take_event(placed, zero))
     }
 

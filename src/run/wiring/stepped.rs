@@ -88,7 +88,7 @@ impl SteppedRun {
             head.faults.prepare(&mut head.engine)?;
         }
         if let Some(recording) = &self.taps.recording {
-            recording.note_injected(&placed.event);
+            recording.note_injected(&placed.event, self.clock.now() - self.times.zero);
         }
         self.far.get_mut().take_event(placed, self.times.zero);
         Ok(())

@@ -198,5 +198,6 @@ fn packet(may_be_serial: bool, input: &mut Input<'_>) -> CapturedPacket {
     let frame = CanFrame::classic(id, data).filter(|_| form & 16 == 0).or_else(|| CanFrame::fd(id, data));
     let packet = chunk.map(Packet::Serial).or(frame.map(Packet::Can));
     let packet = packet.or(CanFrame::classic(id, &data[..data.len().min(8)]).map(Packet::Can));
-    CapturedPacket { at: Tai::from_ns(at), direction, packet: packet.expect("an 11-bit identifier") }
+    let interface = if form & 32 == 0 { 0 } else { form };
+    CapturedPacket { at: Tai::from_ns(at), direction, interface, packet: packet.expect("an 11-bit identifier") }
 }

@@ -51,6 +51,9 @@ const CAN_FD_STRUCTURE: usize = 72;
 const INBOUND: u32 = 1;
 const OUTBOUND: u32 = 2;
 
+/// Before the number in the name of an interface of ours.
+const NAME_BEFORE: &str = "link";
+
 /// Around the instant in a packet's comment.
 const TAI_BEFORE: &str = "TAI ";
 const TAI_AFTER: &str = " ns";

@@ -2,8 +2,8 @@
 
 use super::{
     CAN_FD_STRUCTURE, CAN_FDF, CAN_HEADER, CAN_NOT_PLAIN, ENHANCED_PACKET, INTERFACE, LINK_CAN, LINK_SERIAL,
-    OBSOLETE_PACKET, OPTION_COMMENT, OPTION_END, OPTION_FLAGS, OPTION_OFFSET, OPTION_RESOLUTION, ORDER_MAGIC, OUTBOUND,
-    SECTION, SIMPLE_PACKET, TAI_AFTER, TAI_BEFORE,
+    NAME_BEFORE, OBSOLETE_PACKET, OPTION_COMMENT, OPTION_END, OPTION_FLAGS, OPTION_NAME, OPTION_OFFSET,
+    OPTION_RESOLUTION, ORDER_MAGIC, OUTBOUND, SECTION, SIMPLE_PACKET, TAI_AFTER, TAI_BEFORE,
 };
 use crate::capture::{BLOCK_MAX, CaptureError, CapturedPacket, Direction};
 use crate::{CHUNK_MAX, Packet, SerialChunk};
@@ -38,6 +38,8 @@ struct Interface {
     link_type: u16,
     resolution: u8,
     offset_s: i64,
+    /// As packets have it: the one in a name of ours, else its place in the section.
+    number: u8,
 }
 
 impl<R: Read> PcapngReader<R> {
@@ -219,9 +221,11 @@ impl<R: Read> PcapngReader<R> {
         if self.interfaces.len() >= MOST_INTERFACES {
             return self.refuse(format!("more than {MOST_INTERFACES} interfaces"));
         }
-        let mut interface = Interface { link_type: self.half_at(0), resolution: 6, offset_s: 0 };
+        let number = u8::try_from(self.interfaces.len()).unwrap_or(u8::MAX);
+        let mut interface = Interface { link_type: self.half_at(0), resolution: 6, offset_s: 0, number };
         for (code, value) in self.options(8) {
             match (code, value) {
+                (OPTION_NAME, name) => interface.number = number_of(name).unwrap_or(number),
                 (OPTION_RESOLUTION, [resolution]) => interface.resolution = *resolution,
                 (OPTION_OFFSET, value) => {
                     if let Ok(bytes) = <[u8; 8]>::try_from(value) {
@@ -266,7 +270,7 @@ impl<R: Read> PcapngReader<R> {
             }
         };
         let (ready, data) = (&mut self.ready, &self.body[HEADER..HEADER + length]);
-        let captured = |packet| CapturedPacket { at, direction, packet };
+        let captured = |packet| CapturedPacket { at, direction, interface: interface.number, packet };
         match interface.link_type {
             LINK_CAN => match can_frame(data) {
                 Some(frame) => ready.push_back(captured(Packet::Can(frame))),
@@ -280,6 +284,11 @@ impl<R: Read> PcapngReader<R> {
         }
         Ok(())
     }
+}
+
+/// The number in an interface's name of ours.
+fn number_of(name: &[u8]) -> Option<u8> {
+    core::str::from_utf8(name).ok()?.strip_prefix(NAME_BEFORE)?.parse().ok()
 }
 
 /// The instant in a comment of ours.

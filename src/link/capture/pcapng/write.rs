@@ -1,9 +1,9 @@
 //! Packets -> pcapng, little-endian.
 
 use super::{
-    CAN_BRS, CAN_FDF, ENHANCED_PACKET, INBOUND, INTERFACE, LINK_CAN, LINK_SERIAL, OPTION_COMMENT, OPTION_END,
-    OPTION_FLAGS, OPTION_NAME, OPTION_PROGRAM, OPTION_RESOLUTION, ORDER_MAGIC, OUTBOUND, SECTION, TAI_AFTER,
-    TAI_BEFORE,
+    CAN_BRS, CAN_FDF, ENHANCED_PACKET, INBOUND, INTERFACE, LINK_CAN, LINK_SERIAL, NAME_BEFORE, OPTION_COMMENT,
+    OPTION_END, OPTION_FLAGS, OPTION_NAME, OPTION_PROGRAM, OPTION_RESOLUTION, ORDER_MAGIC, OUTBOUND, SECTION,
+    TAI_AFTER, TAI_BEFORE,
 };
 use crate::Packet;
 use crate::capture::{CapturedPacket, Direction};
@@ -18,16 +18,15 @@ pub(in crate::capture) struct PcapngWriter<W> {
     out: W,
     body: Vec<u8>,
     data: Vec<u8>,
-    /// Numbers of the CAN and the serial interface, once they have been described.
-    can: Option<u32>,
-    serial: Option<u32>,
+    /// Number and link type of each interface that has been described, in this order.
+    described: Vec<(u8, u16)>,
 }
 
 impl<W: Write> PcapngWriter<W> {
     /// Begins a section.
     pub(in crate::capture) fn new(out: W) -> Result<Self, io::Error> {
         let (body, data) = (Vec::with_capacity(256), Vec::with_capacity(128));
-        let mut writer = Self { out, body, data, can: None, serial: None };
+        let mut writer = Self { out, body, data, described: Vec::new() };
         writer.body.extend(ORDER_MAGIC.to_le_bytes());
         writer.body.extend([1, 0, 0, 0]); // version 1.0
         writer.body.extend(u64::MAX.to_le_bytes()); // length of the section: not given
@@ -41,29 +40,31 @@ impl<W: Write> PcapngWriter<W> {
         &mut self.out
     }
 
-    /// Writes one packet, and its interface before the first of its kind.
+    /// Writes one packet, and its interface before the first of its number and kind.
     pub(in crate::capture) fn write(&mut self, captured: &CapturedPacket) -> Result<(), io::Error> {
-        let interface = match captured.packet {
-            Packet::Can(_) => self.can,
-            Packet::Serial(_) => self.serial,
+        let link_type = match captured.packet {
+            Packet::Can(_) => LINK_CAN,
+            Packet::Serial(_) => LINK_SERIAL,
         };
-        let interface = match interface {
-            Some(number) => number,
-            None => self.describe_interface(&captured.packet)?,
+        let wanted = (captured.interface, link_type);
+        let place = match self.described.iter().position(|described| *described == wanted) {
+            Some(place) => place,
+            None => self.describe_interface(wanted)?,
         };
         self.data.clear();
         match &captured.packet {
             Packet::Can(frame) => put_can(&mut self.data, frame),
             Packet::Serial(chunk) => self.data.extend(chunk.as_slice()),
         }
-        self.put_packet(interface, captured);
+        #[allow(clippy::cast_possible_truncation, reason = "512 interfaces at most")]
+        self.put_packet(place as u32, captured);
         self.finish_block(ENHANCED_PACKET)
     }
 
-    fn put_packet(&mut self, interface: u32, captured: &CapturedPacket) {
+    fn put_packet(&mut self, place: u32, captured: &CapturedPacket) {
         let body = &mut self.body;
         let unix_ns = captured.at.to_unix_ns().max(0).unsigned_abs();
-        body.extend(interface.to_le_bytes());
+        body.extend(place.to_le_bytes());
         // The upper half of the stamp comes first.
         body.extend(unix_ns.to_le_bytes()[4..].iter());
         body.extend(unix_ns.to_le_bytes()[..4].iter());
@@ -83,25 +84,16 @@ impl<W: Write> PcapngWriter<W> {
         put_option(body, OPTION_END, &[]);
     }
 
-    fn describe_interface(&mut self, packet: &Packet) -> Result<u32, io::Error> {
-        let number = u32::from(self.can.is_some()) + u32::from(self.serial.is_some());
-        let (link_type, name) = match packet {
-            Packet::Can(_) => {
-                self.can = Some(number);
-                (LINK_CAN, "can0")
-            }
-            Packet::Serial(_) => {
-                self.serial = Some(number);
-                (LINK_SERIAL, "serial0")
-            }
-        };
+    /// Describes an interface; returns its place in the section.
+    fn describe_interface(&mut self, (number, link_type): (u8, u16)) -> Result<usize, io::Error> {
         self.body.extend(link_type.to_le_bytes());
         self.body.extend([0; 6]); // reserved; no limit to a packet's length
-        put_option(&mut self.body, OPTION_NAME, name.as_bytes());
+        put_option(&mut self.body, OPTION_NAME, format!("{NAME_BEFORE}{number}").as_bytes());
         put_option(&mut self.body, OPTION_RESOLUTION, &[NANOSECONDS]);
         put_option(&mut self.body, OPTION_END, &[]);
         self.finish_block(INTERFACE)?;
-        Ok(number)
+        self.described.push((number, link_type));
+        Ok(self.described.len() - 1)
     }
 
     /// Writes the body with its type and its length on both sides.

@@ -69,10 +69,18 @@ pub enum ReplayError {
         /// Number in the file.
         got: u64,
     },
-    /// The bench does not check.
+    /// A head that the run does not have.
+    #[error("--head {head}: the run has {heads}; wanted a number from 0 to {}", heads - 1)]
+    NoSuchHead {
+        /// The head.
+        head: usize,
+        /// How many there are, 1 at least.
+        heads: usize,
+    },
+    /// The run file does not check.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// The bench's parts cannot be made.
+    /// The run's parts cannot be made.
     #[error("{0}")]
     Parts(String),
     /// Drawing failed.

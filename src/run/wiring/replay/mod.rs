@@ -4,27 +4,42 @@
 //! a run -> Recording -> DIR/{session.json, bus.pcapng or bus.log, frames.csv} -> replay_session -> the same images
 //! ```
 //!
-//! What a frame is made of: the bench, the seed, the costs that the planner knew, the messages that had been taken in
-//! before it was drawn, and the load under which it was planned. `session.json` holds the first three with every file
-//! that the bench names; the capture holds the packets with their stamps; `frames.csv` holds, frame by frame, how many
-//! messages had been taken in, the load as exact bits, and the CRC-32 of the image. A replay feeds the packets through
-//! the same port and receiver in the same portions and compares each image. Limits: bits repeat on the same backend and
-//! vector level; a capture that lost packets, messages or rows says so and may not repeat. A capture that does not hold the
-//! packets, rows and frames that its end record states is refused (`completeness`).
-//! [`replay_bus`] draws what a bench would have made of a capture of someone else's. Tests: `tests/closed_loop/replay.rs`.
+//! What a frame is made of: the run file, the seed, the costs that the planner knew, the messages that had been taken in
+//! before it was drawn, the load under which it was planned, and the faults of its time. `session.json` holds the first three
+//! with every file that the run file names, and the events that came while the run went on; the capture holds the packets of
+//! all links with their stamps; `frames.csv` holds, frame by frame and head by head, how many messages of each link had been
+//! taken in, the load as exact bits, and the CRC-32 of the image that went out. A replay plays each head on its own: it feeds
+//! the packets through the same ports and receiver in the same portions, places the same events, and compares each image.
+//! Faults of the bus need nothing: the capture holds what arrived after them. Limits: bits repeat on the same backend and
+//! vector level; a capture that lost packets, messages or rows says so and may not repeat; with several links messages are fed
+//! in the order of their stamps, pulses per second are not captured. A capture that does not hold the packets, rows and
+//! frames that its end record states is refused (`completeness`).
+//! [`replay_bus`] draws what a run would have made of a capture of someone else's. Tests: `tests/closed_loop/replay.rs`.
 
+mod captured_links;
 mod completeness;
 mod error;
+mod head_faults;
+mod head_playback;
+mod injected;
 mod playback;
 mod recording;
+#[cfg(test)]
+mod replay_tests;
+mod row_reader;
+mod row_writer;
 mod rows;
+#[cfg(test)]
+mod rows_tests;
 mod session;
 
 pub use completeness::RowCounts;
 pub use error::ReplayError;
-pub use playback::{Difference, ReplayOutcome, replay_bus, replay_session};
+pub use injected::{Injected, KeptEvent};
+pub use playback::{Difference, HeadOutcome, ReplayOptions, ReplayOutcome, SinkOfHead, replay_bus, replay_session};
 pub use recording::Recording;
-pub use rows::{CapturedFate, FrameRow, RowReader};
+pub use row_reader::RowReader;
+pub use rows::{CapturedFate, DrawnFrom, FrameRow, RowForm};
 pub use session::{Session, SessionEnd, SessionParams};
 
 /// Name of the session's file.

@@ -1,9 +1,24 @@
-//! A run that is being captured: its session, its packets, its frames.
+//! A run that is being captured: its session, its packets, its frames, what came from outside.
+//!
+//! Whoever assembles a run uses it so, whatever the run file and the clock:
+//!
+//! 1. [`Recording::start`] when the run file is checked and an engine is made (it says what draws);
+//! 2. [`Recording::tap`] around each link of the stimulator, outside of its faults, with the number of the link: 0 for
+//!    `[link]`, then those of `[[extra_link]]`; a receiver takes the messages of that link by `accept_from` that number;
+//! 3. [`Recording::tap_frames`] around the sink of each head, before its first frame; a tracker's tap may be inside;
+//! 4. [`Recording::note_injected`] for each event that was placed while the run went on, with the time at which it came:
+//!    slots released until then were drawn before it, later ones after it;
+//! 5. [`Recording::finish`] when all sinks are finished and links are closed.
+//!
+//! It waits for the disk on the virtual clock only; on the real clock what the disk does not take is lost and counted.
 
-use super::rows::{RowSink, RowsState, RowsTo};
+use super::injected::Injected;
+use super::row_writer::RowWriter;
 use super::session::SessionParams;
 use super::{FRAMES_FILE, ReplayError, SESSION_FILE, Session, SessionEnd};
-use crate::runtime::{FrameEngine, frame_marks};
+use crate::runtime::{DeadlinePolicy, FrameEngine, frame_marks};
+use base::time::Span;
+use config::Event;
 use frames::sink::Sink;
 use link::Link;
 use link::capture::CaptureFormat;
@@ -11,16 +26,14 @@ use link::tap::Capture;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 /// A capture under way.
 pub struct Recording {
     directory: PathBuf,
-    session: Session,
+    session: Mutex<Session>,
     capture: Capture,
-    rows: Arc<Mutex<RowsState>>,
-    /// Whether the run waits for files, on the virtual clock.
-    waits: bool,
+    rows: RowWriter,
 }
 
 impl Recording {
@@ -40,50 +53,51 @@ impl Recording {
         let session = Session::new(params, format)?;
         let bus = directory.join(&session.bus);
         let out = File::create_new(&bus).map_err(refuse(&bus, "write the packets"))?;
-        let waits = !params.is_real;
+        let (links, waits) = (1 + params.scenario.bench.extra_links.len(), !params.is_real);
         let capture = Capture::start(Box::new(BufWriter::new(out)), format, waits)
             .map_err(|source| ReplayError::Capture { path: bus, source })?;
+        let rows = RowWriter::create(&directory.join(FRAMES_FILE), links, waits)?;
         session.write(directory)?;
-        Ok(Self { directory: directory.into(), session, capture, rows: Arc::default(), waits })
+        Ok(Self { directory: directory.into(), session: Mutex::new(session), capture, rows })
     }
 
-    /// Captures what passes a link.
+    /// Captures what passes a link of this number.
     #[must_use]
-    pub fn tap(&self, link: Box<dyn Link>, _number: usize) -> Box<dyn Link> {
-        Box::new(self.capture.tap(link))
+    pub fn tap(&self, link: Box<dyn Link>, number: usize) -> Box<dyn Link> {
+        Box::new(self.capture.tap(link, u8::try_from(number).unwrap_or(u8::MAX)))
     }
 
-    /// Writes down the frames that `engine` draws and `sink` sends.
-    ///
-    /// # Errors
-    /// When the file cannot be written.
-    pub fn tap_frames(&self, _head: usize, engine: &mut FrameEngine, sink: Box<dyn Sink>) -> Result<Box<dyn Sink>, ReplayError> {
+    /// Writes down the frames that `engine` draws for this head and `sink` sends.
+    #[must_use]
+    pub fn tap_frames(&self, head: usize, engine: &mut FrameEngine, sink: Box<dyn Sink>) -> Box<dyn Sink> {
         let (marks, end) = frame_marks();
         engine.mark_frames(marks);
-        let path = self.directory.join(FRAMES_FILE);
-        let to = RowsTo { state: Arc::clone(&self.rows), waits: self.waits };
-        Ok(Box::new(RowSink::create(&path, sink, end, to)?))
+        let holds = engine.params().deadline_policy == DeadlinePolicy::Hold;
+        Box::new(self.rows.sink(head, sink, end, holds))
     }
 
-    /// Notes an event that was injected while the run goes on.
-    pub fn note_injected(&self, _event: &config::Event) {}
+    /// Writes down an event that came so long after the first exposure, as it was placed then.
+    pub fn note_injected(&self, event: &Event, came: Span) {
+        let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
+        session.injected.push(Injected::new(event, came));
+        // Now, as a run may be cut off; one that ends writes it again, and says there what is wrong with the disk.
+        let _ = session.write(&self.directory);
+    }
 
     /// Ends the capture; `messages_lost` were lost inside the run. What was lost is in the session that comes back.
     ///
     /// # Errors
     /// When the session cannot be written.
     pub fn finish(self, messages_lost: u64) -> Result<Session, ReplayError> {
-        let outcome = self.capture.finish();
-        let rows = self.rows.lock().unwrap_or_else(PoisonError::into_inner);
-        let packets = outcome.error.map(|error| error.to_string());
-        let mut session = self.session;
+        let (packets, rows) = (self.capture.finish(), self.rows.finish());
+        let mut session = self.session.into_inner().unwrap_or_else(PoisonError::into_inner);
         session.end = Some(SessionEnd {
-            packets: outcome.written,
-            packets_lost: outcome.lost,
+            packets: packets.written,
+            packets_lost: packets.lost,
             messages_lost,
             rows_lost: rows.lost,
             counted: Some(rows.counts),
-            error: packets.or_else(|| rows.error.clone()),
+            error: packets.error.map(|error| error.to_string()).or(rows.error),
         });
         session.write(&self.directory)?;
         Ok(session)

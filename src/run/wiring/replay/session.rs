@@ -1,11 +1,13 @@
 //! `session.json`: everything about a captured run that is not in its packets or frames.
 //!
 //! Floating-point numbers stand as text, in the fewest digits that give the same bits again, as not every reader of JSON
-//! keeps them. Written when the run begins, and again when it ends: without `end` the run was cut off.
+//! keeps them. Written when the run begins, with each event that is injected, and again when it ends: without `end` the run
+//! was cut off. Form 1 is that of versions that captured one head of a bench; both forms are read.
 
+use super::injected::{Injected, KeptEvent};
 use super::{ReplayError, RowCounts, SESSION_FILE};
 use base::time::Tai;
-use config::{Backend, Bench, Document, PackedDocuments, Scenario, Setting};
+use config::{Backend, Document, Event, PackedDocuments, Scenario, Setting};
 use frames::sink::replace_own_file;
 use link::capture::CaptureFormat;
 use plan::exposure::cost::CostModel;
@@ -14,8 +16,10 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 
-/// Form of the file; another one is refused.
-const FORM: u32 = 1;
+/// Form of the file.
+const FORM: u32 = 2;
+/// Forms that are read; another one is refused.
+const FORMS_READ: [u32; 2] = [1, FORM];
 /// Note about a capture whose end record has no counts of rows.
 const UNCOUNTED: &str =
     "captured by a version that did not count its rows: whether frames.csv is complete cannot be checked";
@@ -52,8 +56,15 @@ pub struct Session {
     cost: Option<BTreeMap<String, String>>,
     /// Values changed by the command line, as given.
     settings: Vec<String>,
-    /// The bench and the files it names.
-    bench: PackedDocuments,
+    /// The run file, whatever its kind, and the files it names.
+    #[serde(alias = "bench")]
+    run_file: PackedDocuments,
+    /// Events of the run that are not in the file, such as random faults.
+    #[serde(default)]
+    added: Vec<KeptEvent>,
+    /// Events that came from outside while it ran, in this order.
+    #[serde(default)]
+    pub(super) injected: Vec<Injected>,
     /// How the run ended; absent: it was cut off.
     pub end: Option<SessionEnd>,
 }
@@ -80,11 +91,11 @@ pub struct SessionEnd {
 /// What a session is made of.
 #[derive(Debug, Clone)]
 pub struct SessionParams<'a> {
-    /// The bench as it stands in its file.
+    /// The run file as it is written.
     pub document: &'a Document,
     /// Values changed by the command line, as given.
     pub settings: &'a [String],
-    /// The run as it goes.
+    /// The run file as it runs; its duration, seeds, backend and the events that it has beyond the file are kept beside it.
     pub scenario: &'a Scenario,
     /// When the run's clock starts.
     pub start: Tai,
@@ -102,29 +113,34 @@ impl Session {
     /// A session that has not ended.
     ///
     /// # Errors
-    /// When a file that the bench names cannot be read.
+    /// When a file that the run file names cannot be read, or it does not check.
     pub fn new(params: &SessionParams<'_>, format: CaptureFormat) -> Result<Self, ReplayError> {
         let bus = match format {
             CaptureFormat::Candump => "bus.log",
             CaptureFormat::Pcapng => "bus.pcapng",
         };
-        Ok(Self {
+        let bench = &params.scenario.bench;
+        let mut session = Self {
             form: FORM,
             starloop_version: env!("CARGO_PKG_VERSION").into(),
             is_real: params.is_real,
             start_tai_ns: params.start.ns(),
             start_utc: params.start.to_rfc3339(),
-            seed: params.scenario.bench.seed,
-            noise_seed: params.scenario.bench.noise_seed_given,
+            seed: bench.seed,
+            noise_seed: bench.noise_seed_given,
             backend: params.backend.into(),
             adapter: params.adapter.clone(),
             bus: bus.into(),
-            duration_s: exact(params.scenario.bench.timing.duration_s),
+            duration_s: exact(bench.timing.duration_s),
             cost: params.cost.as_ref().map(cost_texts),
             settings: params.settings.to_vec(),
-            bench: params.document.pack()?,
+            run_file: params.document.pack()?,
+            added: Vec::new(),
+            injected: Vec::new(),
             end: None,
-        })
+        };
+        session.added = session.events_beyond_file(&params.scenario.events)?;
+        Ok(session)
     }
 
     /// Writes the file, whole or not at all.
@@ -152,8 +168,9 @@ impl Session {
         let damaged = |why: String| ReplayError::Session { path: path.clone(), why };
         let session: Self = serde_json::from_str(&text)
             .map_err(|error| damaged(format!("{error}; wanted the session of a captured run")))?;
-        if session.form != FORM {
-            return Err(damaged(format!("form {}, wanted {FORM}: another version wrote it", session.form)));
+        if !FORMS_READ.contains(&session.form) {
+            let wanted = FORMS_READ.map(|form| form.to_string()).join(" or ");
+            return Err(damaged(format!("form {}, wanted {wanted}: another version wrote it", session.form)));
         }
         let has_folder = |name: &str| name.contains(['/', '\\']) || name == "..";
         if has_folder(&session.bus) {
@@ -168,13 +185,33 @@ impl Session {
         Tai::from_ns(self.start_tai_ns)
     }
 
-    /// The bench as it ran.
+    /// The run file, checked with the run's duration.
+    fn checked(&self) -> Result<Scenario, ReplayError> {
+        let document = Document::packed(self.run_file.clone())?;
+        let settings: Vec<Setting> = self.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
+        let duration_s = number("duration_s", &self.duration_s)?;
+        Ok(Scenario::from_document_lasting(document.with_settings(settings), duration_s)?)
+    }
+
+    /// Those of the run's events that the file alone does not have.
+    fn events_beyond_file(&self, events: &[Event]) -> Result<Vec<KeptEvent>, ReplayError> {
+        let (mut of_file, mut added) = (self.checked()?.events, Vec::new());
+        for event in events {
+            match of_file.iter().position(|known| known == event) {
+                Some(place) => drop(of_file.remove(place)),
+                None => added.push(KeptEvent::new(event)),
+            }
+        }
+        Ok(added)
+    }
+
+    /// The run file as it ran, with all its events except those that were injected.
     ///
     /// # Errors
     /// When it no longer checks, or a number is none.
-    pub fn bench(&self) -> Result<Bench, ReplayError> {
-        let settings = self.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
-        let mut bench = Bench::from_document(&Document::packed(self.bench.clone())?.with_settings(settings))?;
+    pub fn scenario(&self) -> Result<Scenario, ReplayError> {
+        let mut scenario = self.checked()?;
+        let bench = &mut scenario.bench;
         bench.timing.duration_s = number("duration_s", &self.duration_s)?;
         bench.seed = self.seed;
         bench.noise_seed_given = self.noise_seed.or(bench.noise_seed_given);
@@ -184,7 +221,11 @@ impl Session {
             "reference" => Backend::Reference,
             other => return Err(wrong("backend", other, "cpu, gpu or reference")),
         };
-        Ok(bench)
+        for added in &self.added {
+            scenario.events.push(added.event()?);
+        }
+        scenario.events.sort_by_key(|event| event.at);
+        Ok(scenario)
     }
 
     /// Costs that were measured on the machine that captured it.
@@ -219,11 +260,11 @@ impl Session {
 }
 
 /// The fewest digits that give the same bits again.
-fn exact(value: f64) -> String {
+pub(super) fn exact(value: f64) -> String {
     format!("{value:?}")
 }
 
-fn number(name: &str, text: &str) -> Result<f64, ReplayError> {
+pub(super) fn number(name: &str, text: &str) -> Result<f64, ReplayError> {
     let value = text.parse().ok().filter(|value: &f64| value.is_finite());
     value.ok_or_else(|| wrong(name, text, "a finite number"))
 }
@@ -239,54 +280,5 @@ fn cost_texts(cost: &CostModel) -> BTreeMap<String, String> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_session_comes_back_bit_by_bit() {
-        let document = Bench::built_in_document().unwrap();
-        let settings = ["timing.frame_rate_hz=12.5".to_owned(), "camera.exposure.exposure_s=0.03".to_owned()];
-        let parsed = settings.iter().map(|text| Setting::parse(text).unwrap()).collect();
-        let document = document.with_settings(parsed);
-        let mut bench = Bench::from_document(&document).unwrap();
-        bench.timing.duration_s = 0.1 + 0.2;
-        bench.seed = u64::MAX;
-        bench.noise_seed_given = Some(u64::MAX - 1);
-        bench.render.backend = Backend::Cpu;
-        let cost = CostModel { pixel_ns: 1.0 / 3.0, threads: f64::MIN_POSITIVE, ..CostModel::CPU };
-        let params = SessionParams {
-            document: &document,
-            settings: &settings,
-            bench: &bench,
-            start: Tai::from_ns(1_790_000_000_123_456_789),
-            is_real: true,
-            backend: "cpu",
-            adapter: "2 threads, vector level V3".into(),
-            cost: Some(cost),
-        };
-        let folder = tempfile::tempdir().unwrap();
-        let session = Session::new(&params, CaptureFormat::Pcapng).unwrap();
-        session.write(folder.path()).unwrap();
-        let read = Session::read(folder.path()).unwrap();
-        assert_eq!(read, session);
-        assert_eq!(read.cost().unwrap(), Some(cost));
-        assert_eq!(read.start(), params.start);
-        assert_eq!(read.doubts().len(), 1, "it has not ended");
-        let again = read.bench().unwrap();
-        assert_eq!(again.noise_seed(), u64::MAX - 1);
-        assert_eq!((again.camera, again.timing, again.seed), (bench.camera, bench.timing, bench.seed));
-        assert_eq!((again.name, again.link, again.attitude), (bench.name, bench.link, bench.attitude));
-    }
-
-    #[test]
-    fn another_form_and_damage_are_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let error = Session::read(folder.path()).unwrap_err().to_string();
-        assert!(error.contains("session.json: cannot read"), "{error}");
-        for (text, why) in [("", "EOF"), ("{}", "missing field"), ("[1", "wanted the session"), ("\u{1}", "expected")] {
-            std::fs::write(folder.path().join(SESSION_FILE), text).unwrap();
-            let error = Session::read(folder.path()).unwrap_err().to_string();
-            assert!(error.contains(why) && error.contains("session.json"), "{text}: {error}");
-        }
-    }
-}
+#[path = "session_tests.rs"]
+mod tests;

@@ -1,0 +1,90 @@
+//! The events of a captured run, placed as in the run, for one head: frames are hit as they were.
+//!
+//! In: the run file's events and those that were injected. Out: the faults of the head's frames, with the numbers that they
+//! have in the list of all faults. Faults of the bus and aboard the vehicle take their numbers there and do nothing else: the
+//! capture holds what arrived after them.
+
+use super::ReplayError;
+use crate::runtime::FrameEngine;
+use crate::runtime::frame_faults::FrameFaults;
+use crate::runtime::receiver::Receiver;
+use crate::wiring::fault_desk::{FaultDesk, in_order_of_placing};
+use base::time::{Span, Tai};
+use config::Event;
+use std::collections::VecDeque;
+
+/// The faults of one head of several.
+pub(super) struct HeadFaults {
+    desk: FaultDesk,
+    /// Of every head; only those of the head at hand are made ready.
+    of_heads: Vec<FrameFaults>,
+    head: usize,
+    /// From where the times of events count.
+    zero: Tai,
+    /// Events that came while the run went on, and when.
+    injected: VecDeque<(Tai, Event)>,
+}
+
+impl HeadFaults {
+    /// Of head number `head` of so many, before any event.
+    pub(super) fn new(desk: FaultDesk, zero: Tai, head: usize, heads: usize) -> Self {
+        let of_heads = (0..heads).map(|_| FrameFaults::default()).collect();
+        Self { desk, of_heads, head, zero, injected: VecDeque::new() }
+    }
+
+    /// Adds an event that came so long after the first exposure; those that came later are added later.
+    pub(super) fn add_injected(&mut self, came: Span, event: Event) {
+        self.injected.push_back((self.zero + came, event));
+    }
+
+    /// The faults of the head.
+    pub(super) fn own(&mut self) -> Option<&mut FrameFaults> {
+        self.of_heads.get_mut(self.head)
+    }
+
+    /// Whether a frame may show what the one before was.
+    pub(super) fn has_any(&self) -> bool {
+        !self.injected.is_empty() || self.of_heads.get(self.head).is_some_and(|faults| !faults.timed().is_empty())
+    }
+
+    /// Places the events of the run file, at the start of the run.
+    pub(super) fn place_all(
+        &mut self,
+        events: &[Event],
+        start: Tai,
+        receiver: &mut Receiver,
+        engine: &mut FrameEngine,
+    ) -> Result<(), ReplayError> {
+        in_order_of_placing(events).try_for_each(|event| self.place(event, start, receiver, engine))
+    }
+
+    /// Places the events that came before `at`, when a frame is drawn.
+    pub(super) fn place_injected_before(
+        &mut self,
+        at: Tai,
+        receiver: &mut Receiver,
+        engine: &mut FrameEngine,
+    ) -> Result<(), ReplayError> {
+        while let Some((came, event)) = self.injected.front().copied().filter(|(came, _)| *came < at) {
+            self.injected.pop_front();
+            self.place(&event, came, receiver, engine)?;
+        }
+        Ok(())
+    }
+
+    fn place(
+        &mut self,
+        event: &Event,
+        now: Tai,
+        receiver: &mut Receiver,
+        engine: &mut FrameEngine,
+    ) -> Result<(), ReplayError> {
+        self.desk.check(event).map_err(|error| ReplayError::Parts(error.to_string()))?;
+        self.desk.place(event, now, self.of_heads.iter_mut().collect());
+        event.on_trigger.into_iter().for_each(|number| receiver.expect_trigger(number));
+        if let Some(faults) = self.own() {
+            faults.prepare(engine)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,266 @@
+//! One head of a run, drawn again: its own ports, receiver, engine and faults.
+//!
+//! In: the parts of the run and what was captured. Out: images in a sink, each compared with the captured one. Messages are
+//! fed in the order of their stamps, of each link as many as a row states.
+
+use super::captured_links::{CapturedLinks, Source};
+use super::head_faults::HeadFaults;
+use super::{CapturedFate, Difference, DrawnFrom, FrameRow, HeadOutcome, ReplayError};
+use crate::runtime::frame_faults::Fate;
+use crate::runtime::head_step::HeadStep;
+use crate::runtime::receiver::{PORTS_MAX, Receiver};
+use crate::runtime::{FrameEngine, Imager, Ledger, Slot};
+use crate::wiring::fault_desk::FaultDesk;
+use crate::wiring::faults::Inventory;
+use crate::wiring::heads::{HeadSetting, RunHead, make_heads};
+use base::time::{Span, Tai};
+use config::{Event, Scenario};
+use core::ops::Range;
+use frames::sink::crc32::pixel_crc32;
+use frames::sink::{SentFrame, Sink};
+use plan::exposure::cost::CostModel;
+
+/// What all heads of a replay share.
+pub(super) struct Replayed<'a> {
+    pub(super) scenario: &'a Scenario,
+    pub(super) start: Tai,
+    pub(super) source: &'a Source<'a>,
+    /// On the real clock: the costs that its planners used. `None`: the virtual clock.
+    pub(super) real: Option<Option<CostModel>>,
+    /// Frames that are compared.
+    pub(super) frames: Range<u32>,
+    /// Detectors and images of all heads, and wheels.
+    there: Inventory,
+    /// First exposure of the first head, from where the times of events count.
+    zero: Tai,
+}
+
+impl<'a> Replayed<'a> {
+    /// The heads of a run whose clock started at `start`, as it makes them.
+    pub(super) fn with_heads(
+        scenario: &'a Scenario,
+        start: Tai,
+        source: &'a Source<'a>,
+        real: Option<Option<CostModel>>,
+        frames: Range<u32>,
+    ) -> Result<(Self, Vec<RunHead>), ReplayError> {
+        let mut captured = |_: &Imager| real.flatten();
+        let costs: Option<&mut dyn FnMut(&Imager) -> Option<CostModel>> =
+            if real.is_some() { Some(&mut captured) } else { None };
+        let heads = make_heads(HeadSetting { scenario, start, costs });
+        let heads = heads.map_err(|error| ReplayError::Parts(format!("{error:#}")))?;
+        let there = Inventory {
+            heads: heads.iter().map(RunHead::size).collect(),
+            wheels: scenario.vehicle().map(|vehicle| vehicle.spacecraft.params.wheels.len()),
+        };
+        let zero = heads.first().map_or(start, |head| head.engine.params().first_exposure);
+        Ok((Self { scenario, start, source, real, frames, there, zero }, heads))
+    }
+}
+
+/// A head under way.
+pub(super) struct HeadPlayback {
+    engine: FrameEngine,
+    receiver: Receiver,
+    faults: HeadFaults,
+    links: CapturedLinks,
+    ledger: Ledger,
+    frame: SentFrame,
+    frames: Range<u32>,
+    is_real: bool,
+    sink: Option<Box<dyn Sink>>,
+    /// Checksum of the last frame that went out in time.
+    previous: Option<u32>,
+    has_run_out: bool,
+    outcome: HeadOutcome,
+    doubts: Vec<String>,
+}
+
+impl HeadPlayback {
+    /// Takes a head, and places the events of the run file.
+    pub(super) fn new(
+        replayed: &Replayed<'_>,
+        (number, head): (usize, RunHead),
+        sink: Option<Box<dyn Sink>>,
+    ) -> Result<Self, ReplayError> {
+        let Replayed { scenario, start, zero, .. } = *replayed;
+        let RunHead { mut engine, mut receiver, .. } = head;
+        let there = replayed.there.clone();
+        let heads = there.heads.len();
+        // Nothing acts on the bus.
+        let desk = FaultDesk::new(zero, scenario.bench.sensor_from_body, there, Default::default());
+        let mut faults = HeadFaults::new(desk, zero, number, heads);
+        faults.place_all(&scenario.events, start, &mut receiver, &mut engine)?;
+        let camera = &engine.params().camera;
+        let [width, height] = camera.output().size_px;
+        let mut frame = SentFrame::with_capacity(width, height, 0, camera.name.clone());
+        engine.warm_up(&mut frame)?;
+        if replayed.real.is_some() {
+            engine.follow_load();
+        }
+        Ok(Self {
+            engine,
+            receiver,
+            faults,
+            links: CapturedLinks::open(&scenario.bench, replayed.source)?,
+            ledger: Ledger::default(),
+            frame,
+            frames: replayed.frames.clone(),
+            is_real: replayed.real.is_some(),
+            sink,
+            previous: None,
+            has_run_out: false,
+            outcome: HeadOutcome { head: number, ..HeadOutcome::default() },
+            doubts: Vec::new(),
+        })
+    }
+
+    /// What draws it.
+    pub(super) fn imager(&self) -> &Imager {
+        self.engine.imager()
+    }
+
+    /// Frames of it in the whole run.
+    pub(super) fn frame_count(&self) -> u32 {
+        self.engine.params().frames
+    }
+
+    /// Adds an event that came while the run went on, so long after its first exposure.
+    pub(super) fn inject(&mut self, came: Span, event: Event) {
+        self.faults.add_injected(came, event);
+    }
+
+    fn doubt(&mut self, why: String) {
+        self.doubts.push(why);
+    }
+
+    /// Draws what a row says was drawn, and compares what it says went out.
+    pub(super) fn row(&mut self, row: &FrameRow) -> Result<(), ReplayError> {
+        let mut own = None;
+        if let Some(DrawnFrom { messages, load }) = &row.drawn {
+            self.receive_up_to(messages, row.frame)?;
+            // A frame may show what the one before was.
+            let from = self.frames.start.saturating_sub(u32::from(self.faults.has_any()));
+            if (from..self.frames.end).contains(&row.frame) {
+                self.engine.assume_load(*load);
+                own = self.draw_as_captured(row)?.filter(|_| self.frames.contains(&row.frame));
+            }
+        }
+        let (wanted, got) = match row.fate {
+            CapturedFate::Sent => {
+                self.previous = own;
+                (row.crc32, own)
+            }
+            CapturedFate::Late => (row.crc32, own),
+            CapturedFate::Held => (row.crc32, self.previous.filter(|_| self.frames.contains(&row.frame))),
+            CapturedFate::Dropped => (None, None),
+        };
+        if let (Some(wanted), Some(got)) = (wanted, got) {
+            self.compare(Difference { head: self.outcome.head, frame: row.frame, wanted, got });
+        }
+        Ok(())
+    }
+
+    fn compare(&mut self, pair: Difference) {
+        self.outcome.compared += 1;
+        if pair.wanted != pair.got {
+            self.outcome.differing += 1;
+            self.outcome.first = self.outcome.first.or(Some(pair));
+        }
+    }
+
+    fn receive_up_to(&mut self, messages: &[u64; PORTS_MAX], frame: u32) -> Result<(), ReplayError> {
+        while !self.has_run_out {
+            let taken = self.receiver.messages_by_port();
+            let is_wanted = |link: usize| {
+                let place = link.min(PORTS_MAX - 1);
+                taken[place] < messages[place]
+            };
+            if !(0..PORTS_MAX).any(is_wanted) {
+                return Ok(());
+            }
+            match self.links.take(Tai::from_ns(i64::MAX), is_wanted)? {
+                Some((link, message)) => drop(self.receiver.accept_from(link, &message, &mut self.ledger)),
+                None => {
+                    self.has_run_out = true;
+                    let (wanted, held) = (messages.iter().sum::<u64>(), self.receiver.messages());
+                    self.doubt(format!("frame {frame} was drawn after {wanted} messages; the capture holds {held}"));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes in what arrived by the release of a slot, and draws it; false when the capture ended before.
+    pub(super) fn draw_at_release(&mut self, number: u32) -> Result<bool, ReplayError> {
+        let slot = self.engine.slot(number);
+        while let Some((link, message)) = self.links.take(slot.release, |_| true)? {
+            self.receiver.accept_from(link, &message, &mut self.ledger);
+        }
+        if self.links.are_over() && self.links.last_at().is_none_or(|at| at < slot.release) {
+            return Ok(false);
+        }
+        if self.frames.contains(&number)
+            && let Some(fate) = self.expose(slot)?
+        {
+            self.spoil(&fate);
+            if !fate.is_dropped {
+                self.hand_on()?;
+            }
+        }
+        Ok(true)
+    }
+
+    /// Draws the frame of a row with the faults that it went out with; its checksum.
+    fn draw_as_captured(&mut self, row: &FrameRow) -> Result<Option<u32>, ReplayError> {
+        let Some(fate) = self.expose(self.engine.slot(row.frame))? else { return Ok(None) };
+        let went_out = matches!(row.fate, CapturedFate::Sent | CapturedFate::Late);
+        if went_out && fate.is_dropped {
+            self.doubt(format!("frame {} went out; by the events of the run it is dropped", row.frame));
+        }
+        // On the real clock a frame that was given up is not spoilt.
+        if went_out || fate.is_dropped || !self.is_real {
+            self.spoil(&fate);
+        }
+        if self.frames.contains(&row.frame) {
+            self.hand_on()?;
+        }
+        Ok(Some(pixel_crc32(&self.frame.image)))
+    }
+
+    /// Draws a slot; `None`, and a doubt, when it has no attitude.
+    fn expose(&mut self, slot: Slot) -> Result<Option<Fate>, ReplayError> {
+        let Self { engine, receiver, faults, ledger, frame, .. } = self;
+        faults.place_injected_before(slot.release, receiver, engine)?;
+        let drawn = HeadStep { engine, receiver, faults: faults.own() }.draw(slot, ledger, frame)?;
+        if drawn.is_none() {
+            self.doubt(format!("frame {} was drawn, and has no attitude here", slot.number));
+        }
+        self.frame.meta.lateness = Span::ZERO;
+        Ok(drawn.map(|(fate, _times)| fate))
+    }
+
+    fn spoil(&mut self, fate: &Fate) {
+        if let Some(faults) = self.faults.own() {
+            faults.spoil(fate, &mut self.frame);
+        }
+    }
+
+    fn hand_on(&mut self) -> Result<(), ReplayError> {
+        self.outcome.drawn += 1;
+        if let Some(sink) = &mut self.sink {
+            sink.send(&self.frame)?;
+        }
+        Ok(())
+    }
+
+    /// Ends the head: what it came to, how many packets have no form here, and what makes it doubtful.
+    pub(super) fn finish(mut self) -> Result<(HeadOutcome, u64, Vec<String>), ReplayError> {
+        if let Some(sink) = &mut self.sink {
+            sink.finish()?;
+        }
+        let (skipped, damage) = self.links.finish()?;
+        self.doubts.extend(damage);
+        Ok((self.outcome, skipped, self.doubts))
+    }
+}
