@@ -190,7 +190,7 @@ fn events_from_outside_are_placed_when_they_came() {
     let frame = |fault| Action::Frame { head: None, fault };
     let false_stars = FrameFault::FalseStars { pixels: FaultPixels { at: None, random: 7 }, mag: 1.0 };
     let directory = captured(folder.path(), "benches", BENCH, |run| {
-        let mut step = |run: &mut SteppedRun, ms| {
+        let step = |run: &mut SteppedRun, ms| {
             let at = run.zero() + Span::from_ms(ms);
             run.advance_to(at, &mut |_, _, _| true).unwrap();
         };
