@@ -172,6 +172,10 @@ class Starloop:
         """True attitude, body rate and wheel speeds, now or within the last two seconds."""
         return self.request("truth") if at_s is None else self.request("truth", at_s=at_s)
 
+    def state(self) -> Dict[str, Any]:
+        """Counts of frames and events so far, the time and the mode; on either clock."""
+        return self.request("state")
+
     def estimate(self) -> Dict[str, Any]:
         """What the flight computer thinks: attitude, sigma, mode, and what each tracker said last."""
         return self.request("estimate")

@@ -11,10 +11,13 @@ import re
 import select
 import subprocess
 import sys
+import tempfile
 import threading
 import tty
 import unittest
 from pathlib import Path
+
+from astropy.io import fits
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -33,8 +36,9 @@ TURN = ["--slew-s", "6", "--least-frames", "15"]
 class Stimulator:
     """`starloop run` of a bench, from its first words to its end by Ctrl-C."""
 
-    def __init__(self, bench, *settings):
-        command = [BINARY, "run", str(ROOT / "configs/benches" / bench), *SETTINGS]
+    def __init__(self, bench, *settings, out=None):
+        sink = ["--sink", "null"] if out is None else ["--out", str(out)]
+        command = [BINARY, "run", str(ROOT / "configs/benches" / bench), *sink, "--details", *SETTINGS]
         for setting in settings:
             command += ["--set", setting]
         self.program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -100,6 +104,42 @@ class Relay:
         self.thread.join()
         for fd in (fd for pair in self.pairs for fd in pair):
             os.close(fd)
+
+
+def frames_of(folder):
+    """Header and mean digital number of every recorded frame, by number."""
+    found = {}
+    for path in sorted(Path(folder).glob("frame_*.fits")):
+        with fits.open(path) as units:
+            found[units[0].header["FRAME"]] = (dict(units[0].header), float(units[0].data.mean()))
+    return found
+
+
+class TriggeredFaults(unittest.TestCase):
+    """Faults of a bench whose flight computer is no part of the program."""
+
+    def test_frames_from_the_trigger_on_carry_the_fault_in_the_header_and_in_the_light(self):
+        with tempfile.TemporaryDirectory() as folder:
+            settings = ["link.slcan_tcp=0", "link.socketcand=0"]
+            with Stimulator("gateways_faults.toml", *settings, out=Path(folder) / "run") as starloop:
+                starloop.wait_for("socketcand at")
+                channel = f"socket://{starloop.gateways['slcan (TCP)']}"
+                status, said = fly("--interface", "slcan", "--channel", channel, "--fd", "--trigger", "7@2.5")
+                self.assertEqual(status, 0, said)
+                self.assertIn("trigger 7 was taken", said)
+                summary = starloop.stop()
+            self.assertRegex(summary.splitlines()[0], r"^ok: \d+ of \d+ frames on time, 0 lost; p99 latency ")
+            self.assertIn("trigger_fired 1", summary)
+            frames = frames_of(Path(folder) / "run")
+        hit = [number for number, (header, _) in frames.items() if "stray_light" in str(header["FAULTS"])]
+        lit = {number for number, (header, _) in frames.items() if header["FAULTS"] == "none"}
+        self.assertGreater(len(hit), 20, "5 s at 10 Hz, less what the machine was late for")
+        self.assertLess(max(hit) - min(hit), 51, "and no longer")
+        before = [mean for number, (_, mean) in frames.items() if number in lit and number < min(hit)]
+        self.assertGreater(len(before), 5, "control: frames before the trigger have no fault")
+        first, last = frames[min(hit)][1], frames[max(hit)][1]
+        self.assertGreater(last, first + 20.0, f"the light rises: {first} to {last} DN")
+        self.assertLess(max(before), min(frames[number][1] for number in hit[5:]), "and is above what was before")
 
 
 class Attitude(unittest.TestCase):

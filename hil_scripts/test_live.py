@@ -27,6 +27,7 @@ ROOT = Path(__file__).resolve().parent.parent
 BINARY = os.environ.get("STARLOOP_BINARY", str(ROOT / "target/release/starloop"))
 CHROMIUM = shutil.which(os.environ.get("STARLOOP_CHROMIUM", "chromium"))
 BENCH = ROOT / "configs/benches/loopback.toml"
+THREE_HEADS = ROOT / "configs/benches/three_heads.toml"
 # Something that takes longer than this does not come any more.
 HANGS_S = 90
 
@@ -34,8 +35,8 @@ HANGS_S = 90
 class Run:
     """The program with its live view; ended when left."""
 
-    def __init__(self, address="0", duration_s=600, *more):
-        words = [BINARY, "run", str(BENCH), "--sink", "null", "--duration", str(duration_s), "--monitor", address, *more]
+    def __init__(self, address="0", duration_s=600, *more, bench=BENCH):
+        words = [BINARY, "run", str(bench), "--sink", "null", "--duration", str(duration_s), "--monitor", address, *more]
         self.program = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         self.said = []
         for line in self.program.stderr:
@@ -226,6 +227,31 @@ POINTING = """
 POINTING_DEG = 1e-6
 
 
+# The page with this many heads, made of the state of one: the tiles, what is shown large before and after the last one is
+# chosen, and the size of the document. All in one task, so that no answer of the run comes between.
+TILES = """
+(count) => {
+  const one = { ...lastState, ...lastState.heads[0], is_over: lastState.is_over };
+  const head = (i) => ({ ...one.heads[0], head: i, name: "head " + i, frame: { ...one.frame, number: 1000 + i } });
+  const heads = Array.from({ length: count }, (_, i) => head(i));
+  chooseHead(0);
+  show({ ...one, ...heads[0], is_over: one.is_over, heads });
+  const places = [...document.querySelectorAll("#heads .tile")];
+  const tiles = places.map((tile) => {
+    const { left, right } = tile.getBoundingClientRect();
+    return { left, right, text: tile.innerText, pressed: tile.ariaPressed };
+  });
+  const { scrollWidth: wide, scrollHeight: high } = document.documentElement;
+  const number = byId("number").textContent;
+  places.at(-1)?.click();
+  const found = { tiles, wide, high, number, chosen_number: byId("number").textContent };
+  chooseHead(0);
+  show(one);
+  return found;
+}
+"""
+
+
 def is_there(star):
     return star[0] >= BRIGHTER and star[1] <= NEAR_PX
 
@@ -290,6 +316,41 @@ class InABrowser(unittest.TestCase):
                 with self.subTest(width=width):
                     self.assertLessEqual(wide, width, "nothing to scroll to")
                     self.assertTrue(0 <= left < right <= width and 0 <= top < bottom <= 800, (left, right, top, bottom))
+
+    def test_every_head_is_a_tile_with_its_own_numbers_and_can_be_chosen(self):
+        self.addCleanup(self.browser.resize, (1280, 800))
+        with Run() as run:
+            self.opened(run)
+            self.assertEqual(self.browser.value(f"({TILES})(1).tiles"), [], "control: one head needs no tiles")
+            shown = self.browser.value(f"({TILES})(3)")
+            self.assertEqual([tile["text"][:6] for tile in shown["tiles"]], ["head 0", "head 1", "head 2"])
+            self.assertEqual([tile["pressed"] for tile in shown["tiles"]], ["true", "false", "false"])
+            for number, tile in enumerate(shown["tiles"]):
+                self.assertIn(f"frame {1000 + number} ", tile["text"])
+            self.assertEqual((shown["number"], shown["chosen_number"]), ("1000", "1002"))
+            self.assertLessEqual(shown["high"], 800, "all of it is seen at 1280 x 800")
+            for width in (320, 390, 840):
+                self.browser.resize((width, 800))
+                shown = self.browser.value(f"({TILES})(3)")
+                with self.subTest(width=width):
+                    self.assertLessEqual(shown["wide"], width, "nothing to scroll to")
+                    for tile in shown["tiles"]:
+                        self.assertTrue(0 <= tile["left"] < tile["left"] + 100 < tile["right"] <= width, tile)
+            self.assertEqual(self.browser.complaints(), [])
+
+    def test_three_heads_have_a_picture_each_and_the_chosen_one_is_shown_large(self):
+        with Run(bench=THREE_HEADS) as run:
+            self.opened(run)
+            tiles = '[...document.querySelectorAll("#heads .tile")].map((tile) => Number(tile.dataset.number || -1))'
+            until("a picture in each other tile", lambda: self.browser.value(f"({tiles}).slice(1).every((n) => n >= 0)"))
+            boresights = {(head["frame"]["ra_deg"], head["frame"]["dec_deg"]) for head in run.state()["heads"]}
+            self.assertEqual(len(boresights), 3, "each looks elsewhere")
+            self.browser.value('document.querySelectorAll("#heads .tile")[2].click()')
+            until("its picture", lambda: self.browser.value('pictureOf?.includes("head=2&")'))
+            self.assertIn("head 2", self.browser.text("bench"))
+            shown = json.loads(run.get("/state.json?head=2"))["frame"]["ra_deg"]
+            self.assertLess(abs(self.browser.value("lastState.frame.ra_deg") - shown), 0.1)
+            self.assertEqual(self.browser.complaints(), [])
 
     def test_the_stars_are_in_the_picture_where_the_truth_says(self):
         with Run() as run:

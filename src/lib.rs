@@ -7,6 +7,21 @@
 //! bytes -> Stamped<AttitudeSample> -> LosPath -> [ApparentSource] -> ExposurePlan -> ElectronImage -> DnImage -> SentFrame -> FrameRecord
 //! link     link                       plan       stars + sky        plan            image            image      frames       run
 //! ```
+//!
+//! A run in ten lines: the built-in bench on the virtual clock, cut to half a second, its frames counted.
+//!
+//! ```
+//! use starloop::config::{Document, Scenario};
+//! use starloop::frames::sink::{NullSink, Sink};
+//! use starloop::run::wiring::assemble::{Outputs, Run, RunOptions};
+//!
+//! let bench = Scenario::from_document(&Document::built_in("benches/loopback.toml")?)?.lasting(0.5);
+//! let mut sink = |_head: usize| Box::new(NullSink::new()) as Box<dyn Sink>;
+//! let run = Run::assemble(&bench, RunOptions::stepped(Outputs::Made(&mut sink)))?;
+//! let end = run.fly(&Default::default(), &mut |_head, frame, _record| assert!(!frame.truth.is_empty()))?;
+//! assert_eq!(end.record.frames.delivered, 5);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 #![cfg_attr(
     test,

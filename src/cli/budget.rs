@@ -5,7 +5,8 @@
 
 use crate::cli::budget_advice::advice;
 use crate::cli::load_threads::LoadThreads;
-use crate::cli::run::{self, BackendName, CaptureFormatName, ClockKind, RunArgs, SinkKind};
+use crate::cli::run;
+use crate::cli::run_args::{BackendName, CaptureFormatName, ClockKind, RunArgs, SinkKind};
 use crate::cli::run_end::Finished;
 use crate::cli::{EXIT_DONE, EXIT_OVER_BUDGET, budget_files};
 use ::run::runtime::{FrameEngine, RunParams};

@@ -27,8 +27,7 @@ pub(super) fn advice(finished: &Finished, lines: &[BudgetLine], render_limit_ms:
     let mut advice: Vec<String> = beyond
         .map(|line| format!("{}: the planner shortens drawing only; this is not its to change", line.name))
         .collect();
-    let drawn =
-        finished.end.record.ring.last().filter_map(|record| Some((record, record.times.get(Stage::Render)?)));
+    let drawn = finished.end.record.ring.last().filter_map(|record| Some((record, record.times.get(Stage::Render)?)));
     let Some((slowest, took)) = drawn.max_by_key(|(_, time)| *time) else { return Ok(advice) };
     let params = finished.engine().params();
     let cost = params.cost.unwrap_or(finished.engine().imager().cost());

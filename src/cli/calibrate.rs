@@ -3,7 +3,7 @@
 //! `starloop calibrate` alone means `starloop calibrate costs`; `starloop calibrate display` is a file of its own.
 
 use crate::cli::calibrate_display::{self, DisplayArgs};
-use crate::cli::run::BackendName;
+use crate::cli::run_args::BackendName;
 use anyhow::{Context, Result};
 use base::clock::{Clock, Monotonic, Stopwatch};
 use clap::{Args, Subcommand};

@@ -8,7 +8,7 @@ use clap::Args;
 use config::{Document, Scenario};
 use core::sync::atomic::{AtomicU64, Ordering};
 use rayon::prelude::*;
-use run::wiring::closed_loop::LoopError;
+use run::wiring::error::LoopError;
 use run::wiring::memory::RunMemory;
 use std::io::Write;
 use std::path::PathBuf;

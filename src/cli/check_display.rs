@@ -9,9 +9,9 @@ use config::{Bench, Sink};
 use core::fmt::Write;
 use outputs::display::calibration::Calibration;
 use outputs::display::latency::LatencySource;
-use run::wiring::motion::slew_scale;
 use run::runtime::RunParams;
 use run::wiring::display_parts::{CLOCKS_PPM, NO_CALIBRATION, NO_LATENCY, beat, calibrated_display, latency};
+use run::wiring::motion::slew_scale;
 
 /// Writes what there is to say of the displays of a bench.
 ///

@@ -17,9 +17,10 @@ use run::wiring::stepped::SteppedRun;
 /// Makes all parts of the run, so that what only a run would refuse is refused here; a real bus is not opened.
 fn make_once(scenario: &Scenario) -> Result<()> {
     let mut nothing = |_: usize| Box::new(NullSink::new()) as Box<dyn Sink>;
-    let run = Run::assemble(scenario, RunOptions::stepped(Outputs::Made(&mut nothing)))?;
-    if needs_real_clock(&scenario.bench).is_none() {
-        SteppedRun::of(run)?;
+    if needs_real_clock(&scenario.bench).is_some() {
+        Run::assemble(scenario, RunOptions::real(Outputs::Made(&mut nothing)))?;
+    } else {
+        SteppedRun::of(Run::assemble(scenario, RunOptions::stepped(Outputs::Made(&mut nothing)))?)?;
     }
     Ok(())
 }
@@ -66,7 +67,7 @@ pub(super) fn report(scenario: &Scenario) -> Result<String> {
 }
 
 fn write_flight(text: &mut String, scenario: &Scenario, vehicle: &Vehicle) -> Result<(), Error> {
-    let Scenario { bench, spacecraft, heads, .. } = scenario;
+    let (bench, spacecraft, heads) = (&scenario.bench, &vehicle.spacecraft, scenario.bench.mountings());
     writeln!(text, "scenario \"{}\" is sound", scenario.name)?;
     writeln!(text, "  bench        \"{}\"", bench.name)?;
     let wheels = spacecraft.params.wheels.len();

@@ -34,6 +34,8 @@ mod display_latency;
 mod display_measurements;
 pub mod degrees;
 mod frame_plan;
+pub mod init;
+pub mod keys;
 pub mod link_check;
 mod lettering;
 mod load_threads;
@@ -58,6 +60,7 @@ mod run_progress;
 mod run_verdict;
 pub mod scenario_plot;
 pub mod scenario_report;
+pub mod schema;
 mod signals;
 pub mod snr;
 pub mod study;
@@ -141,6 +144,12 @@ enum Command {
     LinkCheck(link_check::LinkCheckArgs),
     /// Tell a camera's star: MTF of every link, width, encircled energy, what star colours change; and plot them
     Psf(psf::PsfArgs),
+    /// Print every key of the configuration files with unit, range, default and meaning, as Markdown
+    Keys(keys::KeysArgs),
+    /// Print the JSON Schema of a kind of configuration files
+    Schema(schema::SchemaArgs),
+    /// Print a configuration file in which every key is explained and commented out
+    Init(init::InitArgs),
     /// Pack, describe or query a star catalog
     Catalog(catalog::CatalogArgs),
 }
@@ -208,6 +217,9 @@ fn run_command(command: Command) -> anyhow::Result<u8> {
         Command::Study(arguments) => study::run(&arguments),
         Command::LinkCheck(arguments) => link_check::run(&arguments),
         Command::Psf(arguments) => psf::run(&arguments).map(|()| EXIT_DONE),
+        Command::Keys(arguments) => keys::run(&arguments).map(|()| EXIT_DONE),
+        Command::Schema(arguments) => schema::run(&arguments).map(|()| EXIT_DONE),
+        Command::Init(arguments) => init::run(&arguments).map(|()| EXIT_DONE),
         Command::Catalog(arguments) => catalog::run(arguments).map(|()| EXIT_DONE),
     }
 }

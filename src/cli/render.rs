@@ -6,7 +6,7 @@ use crate::cli::over_budget::over_budget_told;
 use crate::cli::render_input::{four, read_los, read_los_samples, read_sources, three};
 use crate::cli::render_notes::notes;
 use crate::cli::render_output::{Format, format_of, write_dn, write_electrons, write_truth};
-use crate::cli::run::BackendName;
+use crate::cli::run_args::BackendName;
 use crate::cli::wcs_warning::warn_of_wcs;
 use anyhow::{Context, Result, bail};
 use base::accuracy::AccuracyBudget;

@@ -70,10 +70,9 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
         settings: &arguments.settings,
     });
     check_capture(arguments, &scenario)?;
-    let live = arguments.monitor.map(|address| LiveOptions {
-        address: address.socket(),
-        names: arguments.monitor_names.clone(),
-    });
+    let live = arguments
+        .monitor
+        .map(|address| LiveOptions { address: address.socket(), names: arguments.monitor_names.clone() });
     let steering = listener.as_ref().filter(|_| is_real).map(|_| controlled::steering(&scenario, directory.as_deref()));
     let options = RunOptions {
         clock: arguments.clock.kind(),
@@ -97,7 +96,9 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let Controlled { mut end, client } = match (listener, steering) {
         (None, _) => Controlled { end: run.fly(&stop, &mut progress)?, client: None },
         (Some(listener), None) => controlled::stepped(listener, run, directory.as_deref(), &stop)?,
-        (Some(listener), Some(steering)) => controlled::real(listener, run, steering, directory.as_deref(), &stop, &mut progress)?,
+        (Some(listener), Some(steering)) => {
+            controlled::real(listener, run, steering, directory.as_deref(), &stop, &mut progress)?
+        }
     };
     let wall_s = wall.lap().s();
     drop(progress);

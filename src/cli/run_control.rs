@@ -9,7 +9,9 @@ use core::time::Duration;
 use frames::sink::SentFrame;
 use run::runtime::RunRecord;
 use run::wiring::assemble::Run;
-use run::wiring::control::{ControlAddress, ControlListener, ControlRefusals, ControlSession, NewestFrames, SessionEnd, Stage};
+use run::wiring::control::{
+    ControlAddress, ControlListener, ControlRefusals, ControlSession, NewestFrames, SessionEnd, Stage,
+};
 use run::wiring::run_end::{LoopView, RunEnd};
 use run::wiring::steering::Steering;
 use run::wiring::stepped::SteppedRun;
@@ -95,10 +97,10 @@ pub(super) mod controlled {
         };
         let served = session.serve(&mut Stage { scenario: &scenario, going: &mut going, report: &mut report, stop });
         let (client, error) = match served {
-            Ok(end) => (Some(Client { session, end }), None),
-            Err(error) => (None, Some(error.into_loop_error())),
+            Ok(end) => (Client { session, end }, None),
+            Err(error) => (Client { session, end: SessionEnd::Interrupted }, Some(error)),
         };
-        Ok(Controlled { end: going.end(error), client })
+        Ok(Controlled { end: going.end(error), client: Some(client) })
     }
 
     /// Runs on the real clock beside a client.

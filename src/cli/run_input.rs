@@ -18,15 +18,12 @@ pub(super) fn input(arguments: &RunArgs) -> Result<RunInput> {
         Some(path) => Document::open(path)?,
         None => Bench::built_in_document()?,
     };
-    let mut settings: Vec<Setting> =
-        arguments.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
-    let document = document.with_settings(settings.clone());
-    // Set before anything is checked: events and expectations depend on it.
-    if let Some(duration_s) = duration_s(arguments)? {
-        let key = if document.names_bench() { "duration_s" } else { "timing.duration_s" };
-        settings.push(Setting::parse(&format!("{key}={duration_s:?}"))?);
-    }
-    let mut scenario = Scenario::from_document(&document.clone().with_settings(settings))?;
+    let settings = arguments.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
+    let document = document.with_settings(settings);
+    let mut scenario = match duration_s(arguments)? {
+        Some(duration_s) => Scenario::from_document_lasting(document.clone(), duration_s)?,
+        None => Scenario::from_document(&document)?,
+    };
     change_bench(&mut scenario.bench, arguments);
     if arguments.random_faults {
         if scenario.vehicle().is_none() {

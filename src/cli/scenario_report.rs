@@ -233,6 +233,10 @@ fn write_flight(text: &mut String, report: &ScenarioReport, details: bool) -> co
 
 fn write_faults(text: &mut String, report: &ScenarioReport) -> core::fmt::Result {
     for fault in report.faults.iter().take(40) {
+        if fault.from_s.is_infinite() {
+            writeln!(text, "fault     not triggered           {}", fault.name)?;
+            continue;
+        }
         writeln!(
             text,
             "fault     {:9.1} s .. {:9.1} s  {}: {} hit",

@@ -45,7 +45,8 @@ pub fn run(arguments: &StudyArgs) -> Result<u8> {
         None => Scenario::from_document(&Document::built_in("scenarios/study.toml")?)?,
     };
     scenario.bench.seed = arguments.seed.unwrap_or(scenario.bench.seed);
-    RunMemory::of_loops(&scenario.bench, scenario.bench.head_count(), usize::MAX, rayon::current_num_threads()).check()?;
+    RunMemory::of_loops(&scenario.bench, scenario.bench.head_count(), usize::MAX, rayon::current_num_threads())
+        .check()?;
     // A folder that cannot be made is told before minutes of measuring.
     std::fs::create_dir_all(&arguments.out).with_context(|| format!("--out {}", arguments.out.display()))?;
     let effort = if arguments.quick { Effort::quick() } else { Effort::full() };

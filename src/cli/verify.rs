@@ -1,7 +1,7 @@
 //! `starloop verify`: a camera's own frames held against its file: photon transfer, and errors by brightness.
 
 use crate::cli::named_camera::named_camera;
-use crate::cli::run::BackendName;
+use crate::cli::run_args::BackendName;
 use crate::cli::{EXIT_DONE, EXIT_NOT_MET};
 use anyhow::{Result, bail};
 use base::accuracy::AccuracyBudget;

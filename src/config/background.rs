@@ -1,8 +1,9 @@
 //! `[background]`: light on the whole detector that is not the stars': uniform, or the sky's.
 
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::error::ConfigError;
-use serde::Deserialize;
+use crate::key::section;
+use crate::key_type::{Numbers, Raw, Shape};
 
 /// The background, checked. All zero without the section.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -37,49 +38,59 @@ pub enum Sky {
     },
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub(super) struct BackgroundKeys {
-    uniform_e_per_s: f64,
-    gradient: [f64; 2],
-    quadratic: f64,
-    mag_per_arcsec2: Option<f64>,
-    sky: Vec<String>,
+section! {
+    /// Light on the whole detector that is not the stars'.
+    BackgroundKeys at "background" {
+        /// Electrons per second and pixel in the middle of the image; 0 turns it off.
+        uniform_e_per_s: f64 = Silent(0.0), Within(0.0, 1e12);
+        /// Its gradient towards the right and the bottom, a share at half a diagonal from the middle.
+        gradient: [f64; 2] = Silent(Numbers([0.0; 2])), Within(-1.0, 1.0),
+            "a share of the uniform part at half a diagonal from the middle, such as 0.2";
+        /// Its growth outwards, a share at half a diagonal from the middle.
+        quadratic: f64 = Silent(0.0), Within(-1.0, 1.0),
+            "a share of the uniform part at half a diagonal from the middle, such as 0.2";
+        /// Surface brightness of the sky where it is the same everywhere, instrument magnitudes per square arcsecond.
+        mag_per_arcsec2: f64 = Optional, Within(-10.0, 40.0),
+            "instrument magnitudes per square arcsecond: 22 to 23.5 in space";
+        /// Models of the sky's light by direction.
+        sky: Raw<Vec<String>> = Optional, Shape::list(Shape::Words(vec!["zodiacal", "galactic"])),
+            "such as sky = [\"zodiacal\", \"galactic\"]; for one brightness give mag_per_arcsec2";
+    }
 }
 
 impl BackgroundKeys {
     pub(super) fn check(&self, check: &mut Checker<'_>) -> Result<Background, ConfigError> {
-        let advice = "electrons per second and pixel in the middle of the image; 0 turns it off";
-        let rule = Rule::Within(0.0, 1e12);
-        let uniform_e_per_s = check.meets("background.uniform_e_per_s", self.uniform_e_per_s, rule, advice)?;
-        check_shape("background", self.gradient, self.quadratic, check)?;
+        let uniform_e_per_s = self.uniform_e_per_s().check(check)?;
+        let (gradient, quadratic) = (self.gradient().check(check)?, self.quadratic().check(check)?);
+        check_shape("background", gradient, quadratic, check)?;
         if uniform_e_per_s == 0.0 {
             let uniform = "a uniform_e_per_s above 0, of which it is a share";
-            check.unused("background.gradient", self.gradient != [0.0; 2], uniform)?;
-            check.unused("background.quadratic", self.quadratic != 0.0, uniform)?;
+            check.unused("background.gradient", gradient != [0.0; 2], uniform)?;
+            check.unused("background.quadratic", quadratic != 0.0, uniform)?;
         }
-        let (gradient, quadratic) = (self.gradient, self.quadratic);
         Ok(Background { uniform_e_per_s, gradient, quadratic, sky: self.check_sky(check)? })
     }
 
-    fn check_sky(&self, check: &mut Checker<'_>) -> Result<Sky, ConfigError> {
-        let key = "background.mag_per_arcsec2";
-        if let Some(mag_per_arcsec2) = self.mag_per_arcsec2 {
-            let models = "a file without background.sky: the light would count twice";
-            check.unused(key, !self.sky.is_empty(), models)?;
-            let advice = "instrument magnitudes per square arcsecond: 22 to 23.5 in space";
-            let mag_per_arcsec2 = check.meets(key, mag_per_arcsec2, Rule::Within(-10.0, 40.0), advice)?;
+    fn check_sky(&self, check: &Checker<'_>) -> Result<Sky, ConfigError> {
+        let words = self.sky().raw().map_or(&[][..], Vec::as_slice);
+        let even = self.mag_per_arcsec2();
+        if even.is_given() {
+            check.unused(
+                &even.key(),
+                !words.is_empty(),
+                "a file without background.sky: the light would count twice",
+            )?;
+        }
+        if let Some(mag_per_arcsec2) = even.optional(check)? {
             return Ok(Sky::Even { mag_per_arcsec2 });
         }
         let [mut zodiacal, mut galactic] = [false; 2];
-        for word in &self.sky {
+        for word in words {
             match word.as_str() {
                 "zodiacal" => zodiacal = true,
                 "galactic" => galactic = true,
                 other => {
-                    let advice = "such as sky = [\"zodiacal\", \"galactic\"]; for one brightness give mag_per_arcsec2";
-                    let wanted = "\"zodiacal\" and \"galactic\"";
-                    return Err(check.invalid("background.sky", format!("\"{other}\""), wanted, advice));
+                    return Err(self.sky().invalid(format!("\"{other}\""), "\"zodiacal\" and \"galactic\"", check));
                 }
             }
         }
@@ -87,19 +98,13 @@ impl BackgroundKeys {
     }
 }
 
-/// Gradient and quadratic term of a non-uniform light, which must not be negative anywhere on the image.
+/// The shape of a non-uniform light, which must not be negative anywhere on the image.
 pub(super) fn check_shape(
     section: &str,
     gradient: [f64; 2],
     quadratic: f64,
     check: &Checker<'_>,
 ) -> Result<(), ConfigError> {
-    let share = Rule::Within(-1.0, 1.0);
-    let advice = "a share of the uniform part at half a diagonal from the middle, such as 0.2";
-    for value in gradient {
-        check.meets(&format!("{section}.gradient"), value, share, advice)?;
-    }
-    check.meets(&format!("{section}.quadratic"), quadratic, share, advice)?;
     let deepest = gradient[0].hypot(gradient[1]) - quadratic.min(0.0);
     if deepest > 1.0 {
         let wanted = "a light that is nowhere below 0: the gradient's length less a negative quadratic at most 1";

@@ -1,11 +1,12 @@
 //! `[baffle]`: stray light of Sun, Moon and Earth. Without the section there is none.
 
 use crate::background::check_shape;
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::error::ConfigError;
+use crate::key::section;
+use crate::key_type::{Raw, Shape};
 use base::units::DEG;
 use plan::optics::baffle::{Baffle as Shade, EARTH_ALBEDO, PointSourceTransmittance};
-use serde::Deserialize;
 use std::sync::Arc;
 
 /// The baffle, checked.
@@ -19,17 +20,33 @@ pub struct Baffle {
     pub quadratic: f64,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub(super) struct BaffleKeys {
-    transmittance: Vec<[f64; 2]>,
-    shines: Option<Vec<String>>,
-    exclusion_sun_deg: f64,
-    exclusion_moon_deg: f64,
-    exclusion_earth_deg: f64,
-    earth_albedo: Option<f64>,
-    gradient: f64,
-    quadratic: f64,
+section! {
+    /// Stray light of Sun, Moon and Earth.
+    BaffleKeys at "baffle" {
+        /// Rows of angle off the boresight in degrees and point-source transmittance.
+        transmittance: Raw<Vec<[f64; 2]>> = Needed, Shape::pairs(),
+            "rows of angle off the boresight in degrees and point-source transmittance, such as \
+             [[10, 1e-4], [30, 1e-7], [80, 1e-11]]";
+        /// Those whose light is to fall on the detector; leave it out for all three.
+        shines: Raw<Vec<String>> = Optional, Shape::list(Shape::Words(BODIES.into()));
+        /// Angle between boresight and the Sun below which the camera is not meant to work.
+        exclusion_sun_deg: f64 = Silent(0.0), Within(0.0, 180.0),
+            "angle between the boresight and the limb, in degrees; 0 for none";
+        /// Angle between boresight and the Moon's limb below which the camera is not meant to work.
+        exclusion_moon_deg: f64 = Silent(0.0), Within(0.0, 180.0),
+            "angle between the boresight and the limb, in degrees; 0 for none";
+        /// Angle between boresight and the Earth's limb below which the camera is not meant to work.
+        exclusion_earth_deg: f64 = Silent(0.0), Within(0.0, 180.0),
+            "angle between the boresight and the limb, in degrees; 0 for none";
+        /// Share of the sunlight that the Earth sends back: 0.306 on the whole.
+        earth_albedo: f64 = EARTH_ALBEDO, Within(0.0, 1.0);
+        /// Gradient of the light towards its source, a share at half a diagonal from the middle.
+        gradient: f64 = Silent(0.0), Within(-1.0, 1.0),
+            "a share of the uniform part at half a diagonal from the middle, such as 0.2";
+        /// Its growth outwards, a share at half a diagonal from the middle.
+        quadratic: f64 = Silent(0.0), Within(-1.0, 1.0),
+            "a share of the uniform part at half a diagonal from the middle, such as 0.2";
+    }
 }
 
 /// Bodies in the order of `plan::optics::baffle`.
@@ -37,32 +54,27 @@ const BODIES: [&str; 3] = ["sun", "moon", "earth"];
 
 impl BaffleKeys {
     pub(super) fn check(&self, check: &mut Checker<'_>) -> Result<Baffle, ConfigError> {
-        let key = "baffle.transmittance";
-        let advice = "rows of angle off the boresight in degrees and point-source transmittance, such as \
-                      [[10, 1e-4], [30, 1e-7], [80, 1e-11]]";
-        let table = PointSourceTransmittance::new(&self.transmittance)
-            .map_err(|error| check.invalid(key, "refused", error, advice))?;
-        let exclusions = [self.exclusion_sun_deg, self.exclusion_moon_deg, self.exclusion_earth_deg];
-        let mut exclusion_rad = [0.0; 3];
-        for ((body, deg), rad) in BODIES.iter().zip(exclusions).zip(&mut exclusion_rad) {
-            let key = format!("baffle.exclusion_{body}_deg");
-            let advice = "angle between the boresight and the limb, in degrees; 0 for none";
-            *rad = check.meets(&key, deg, Rule::Within(0.0, 180.0), advice)? * DEG;
-        }
-        check_shape("baffle", [self.gradient, 0.0], self.quadratic, check)?;
-        let advice = "share of the sunlight that the Earth sends back: 0.306 on the whole";
-        let earth_albedo =
-            check.number("baffle.earth_albedo", self.earth_albedo, EARTH_ALBEDO, Rule::Within(0.0, 1.0), advice)?;
-        let shade = Shade { transmittance: Arc::new(table), shines: self.shines(check)?, exclusion_rad, earth_albedo };
-        Ok(Baffle { shade, gradient: self.gradient, quadratic: self.quadratic })
+        let transmittance = self.transmittance();
+        let rows = transmittance.raw().map_or(&[][..], Vec::as_slice);
+        let table =
+            PointSourceTransmittance::new(rows).map_err(|error| transmittance.invalid("refused", error, check))?;
+        let exclusion_rad = [
+            self.exclusion_sun_deg().check(check)? * DEG,
+            self.exclusion_moon_deg().check(check)? * DEG,
+            self.exclusion_earth_deg().check(check)? * DEG,
+        ];
+        let (gradient, quadratic) = (self.gradient().check(check)?, self.quadratic().check(check)?);
+        check_shape("baffle", [gradient, 0.0], quadratic, check)?;
+        let earth_albedo = self.earth_albedo().check(check)?;
+        let shade =
+            Shade { transmittance: Arc::new(table), shines: self.check_shines(check)?, exclusion_rad, earth_albedo };
+        Ok(Baffle { shade, gradient, quadratic })
     }
 
-    fn shines(&self, check: &Checker<'_>) -> Result<[bool; 3], ConfigError> {
-        let Some(words) = &self.shines else { return Ok([true; 3]) };
+    fn check_shines(&self, check: &Checker<'_>) -> Result<[bool; 3], ConfigError> {
+        let Some(words) = self.shines().raw() else { return Ok([true; 3]) };
         if let Some(strange) = words.iter().find(|word| !BODIES.contains(&word.as_str())) {
-            let wanted = "of \"sun\", \"moon\", \"earth\"";
-            let advice = "those whose light is to fall on the detector; leave it out for all three";
-            return Err(check.invalid("baffle.shines", format!("\"{strange}\""), wanted, advice));
+            return Err(self.shines().invalid(format!("\"{strange}\""), "of \"sun\", \"moon\", \"earth\"", check));
         }
         Ok(BODIES.map(|body| words.iter().any(|word| word == body)))
     }

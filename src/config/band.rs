@@ -9,17 +9,25 @@
 use crate::check::Checker;
 use crate::document::Document;
 use crate::error::ConfigError;
+use crate::key::{Given, section};
+use crate::key_type::{Raw, Shape};
 use crate::{Psf, RadiometryModel};
 use plan::optics::{Band, Spectrum, SpectrumError};
 use serde::Deserialize;
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct BandKeys {
-    qe: Option<Vec<[f64; 2]>>,
-    qe_file: Option<String>,
-    transmission: Option<Vec<[f64; 2]>>,
-    transmission_file: Option<String>,
+section! {
+    /// Quantum efficiency and transmission over wavelength, in place of mean values.
+    BandKeys at "band" {
+        /// Quantum efficiency as [nm, share], wavelengths ascending.
+        qe: Raw<Vec<[f64; 2]>> = Optional, Shape::pairs(),
+            "give the quantum efficiency over wavelength, or leave [band] out";
+        /// The same in a TOML file with the list under `points`, in place of qe.
+        qe_file: String = Optional, "path", "band.qe gives the table already: keep one of the two";
+        /// Transmission of the optics as [nm, share], in place of optics.transmission.
+        transmission: Raw<Vec<[f64; 2]>> = Optional, Shape::pairs();
+        /// The same in a TOML file with the list under `points`, in place of transmission.
+        transmission_file: String = Optional, "path", "band.transmission gives the table already: keep one of the two";
+    }
 }
 
 #[derive(Debug, Deserialize)]
@@ -51,15 +59,12 @@ pub(super) fn check_band(
         let advice = "[band] counts photons by wavelength: leave out the one or the other";
         return Err(check.invalid("radiometry.model", "given", "no other model beside [band]", advice));
     }
-    let qe = table("band.qe", keys.qe.as_ref(), keys.qe_file.as_deref(), check)?;
-    let qe = qe.ok_or_else(|| {
-        let advice = "give the quantum efficiency over wavelength, or leave [band] out";
-        check.invalid("band.qe", "missing", "a list such as [[400, 0.6], [900, 0.5]]", advice)
-    })?;
+    let qe = table(&keys.qe(), &keys.qe_file(), check)?;
+    let qe = qe.ok_or_else(|| keys.qe().missing("a list such as [[400, 0.6], [900, 0.5]]", check))?;
     for key in REPLACED {
         replaced(key, "band.qe", check)?;
     }
-    let band = match table("band.transmission", keys.transmission.as_ref(), keys.transmission_file.as_deref(), check)? {
+    let band = match table(&keys.transmission(), &keys.transmission_file(), check)? {
         None => Band::with_flat_transmission(transmission, qe),
         Some(table) => {
             replaced(TRANSMISSION, "band.transmission", check)?;
@@ -73,26 +78,20 @@ pub(super) fn check_band(
 
 /// A table given as a list, or in a file, or not at all.
 fn table(
-    key: &str,
-    given: Option<&Vec<[f64; 2]>>,
-    file: Option<&str>,
+    list: &Given<'_, Raw<Vec<[f64; 2]>>>,
+    file: &Given<'_, String>,
     check: &Checker<'_>,
 ) -> Result<Option<Spectrum>, ConfigError> {
-    let file_key = format!("{key}_file");
-    let points = match (given, file) {
+    let (named, points) = match (list.raw(), file.raw()) {
         (None, None) => return Ok(None),
-        (Some(_), Some(_)) => {
-            let advice = format!("{key} gives the table already: keep one of the two");
-            return Err(check.invalid(&file_key, "given", format!("no {file_key} here"), &advice));
-        }
-        (Some(points), None) => points.clone(),
+        (Some(_), Some(_)) => return Err(file.invalid("given", format!("no {} here", file.key()), check)),
+        (Some(points), None) => (list.key(), points.clone()),
         (None, Some(path)) => {
-            let document: Document = check.document.named(&file_key, path)?;
-            document.read_as::<TableKeys>()?.points
+            let document: Document = check.document.named(&file.key(), path)?;
+            (file.key(), document.read_as::<TableKeys>()?.points)
         }
     };
-    let named = if file.is_some() { &file_key } else { key };
-    Spectrum::share(points).map(Some).map_err(|error| refused(named, error, check))
+    Spectrum::share(points).map(Some).map_err(|error| refused(&named, error, check))
 }
 
 fn refused(key: &str, error: SpectrumError, check: &Checker<'_>) -> ConfigError {

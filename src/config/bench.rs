@@ -9,6 +9,8 @@ use crate::event_word::EventKeys;
 use crate::expect::ExpectKeys;
 use crate::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
 use crate::head::{HEADS_MAX, Head, HeadKeys, check_heads};
+use crate::key::{Section, section};
+use crate::key_type::{Any, Numbers, Raw, Shape, Whole, Word};
 use crate::link::{Carrier, Doors, Link, Wire};
 use crate::link_keys::LinkKeys;
 use crate::observer::{Observer, ObserverKeys};
@@ -17,11 +19,10 @@ use crate::scenario::Scenario;
 use crate::session::{Session, SessionKeys};
 use crate::sink::{Sink, SinkKeys, SinkSettings};
 use crate::stages::{AccuracyKeys, AttitudeKeys, AttitudeSettings, Render, RenderKeys, check_accuracy};
-use crate::target::{Overlap, TargetKeys, TargetSettings, check_overlap, check_targets};
+use crate::target::{Overlap, TargetKeys, TargetSettings, check_targets};
 use crate::timing::{Timing, TimingKeys};
 use base::accuracy::AccuracyBudget;
 use base::axes::{Body, Rotation, Sensor};
-use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
 const BUILT_IN_BENCH: &str = "benches/loopback.toml";
@@ -82,70 +83,98 @@ pub struct Bench {
     pub defaulted: Vec<Defaulted>,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct BenchKeys {
-    name: Option<String>,
-    camera: Option<String>,
-    target: Vec<TargetKeys>,
-    target_overlap: Option<String>,
-    seed: Option<i64>,
-    noise_seed: Option<i64>,
-    timing: TimingKeys,
-    link: LinkKeys,
-    extra_link: Vec<LinkKeys>,
-    session: SessionKeys,
-    mounting: MountingKeys,
-    head: Vec<HeadKeys>,
-    extra_head: Vec<HeadKeys>,
-    spacecraft: Option<String>,
-    plant: PlantKeys,
-    event: Vec<EventKeys>,
-    expect: ExpectKeys,
-    observer: ObserverKeys,
-    sky: SkyKeys,
-    flight_computer: FlightComputerKeys,
-    attitude: AttitudeKeys,
-    accuracy: AccuracyKeys,
-    budget: BudgetKeys,
-    render: RenderKeys,
-    sink: SinkKeys,
-    extra_sink: Vec<SinkKeys>,
-}
+section! {
+    /// A bench: one run of the stimulator. Every key has a default.
+    BenchKeys at "" {
+        /// What people call it; it names a folder below out/.
+        name: String = Computed("the file's name"), "text";
+        /// Camera file, relative to this one.
+        camera: String = Computed("built-in cameras/star_tracker_20deg.toml"), "path";
+        /// Seed of every random number of the run but those that have a seed of their own.
+        seed: Whole<u64> = 1, 0..=i64::MAX, "any number repeats its own run";
+        /// Seed of the noise of exposures; left out, it is seed.
+        noise_seed: Whole<u64> = Optional, 0..=i64::MAX, "any number repeats its own run";
+        /// Spacecraft file, relative to this one: it is flown inside the program.
+        spacecraft: String = Optional, "path";
+        /// Add: photons of stars and targets add up; brighter: each pixel shows the brighter of the two only.
+        target_overlap: Word<Overlap> = "add", [("add", Overlap::Add), ("brighter", Overlap::Brighter)];
+        tables:
+        /// Point sources that move over the detector by a script, or fly about the Earth.
+        target: Vec<TargetKeys>;
+        /// Frames, duration and the simulated start.
+        timing: TimingKeys;
+        /// The bus to the flight computer.
+        link: LinkKeys;
+        /// Further buses, listened to as well.
+        extra_link: Vec<LinkKeys>;
+        /// How the conversation with the flight computer is kept.
+        session: SessionKeys;
+        /// How the sensor is mounted.
+        mounting: MountingKeys;
+        /// Camera heads; they are all, and the first one counts as the bench's.
+        head: Vec<HeadKeys>;
+        /// Camera heads beside the first one.
+        extra_head: Vec<HeadKeys>;
+        /// Who moves the spacecraft.
+        plant: PlantKeys;
+        /// Commands and faults, each at its time.
+        event: Vec<EventKeys>;
+        /// What must come true for the run to have passed.
+        expect: ExpectKeys;
+        /// Where the sensor is, for parallax and aberration.
+        observer: ObserverKeys;
+        /// Stars and bodies.
+        sky: SkyKeys;
+        /// The simulated flight computer at the other end of the link.
+        flight_computer: FlightComputerKeys;
+        /// History, prediction and time correlation of attitudes.
+        attitude: AttitudeKeys;
+        /// How wrong a frame may be.
+        accuracy: AccuracyKeys;
+        /// How long the stages of a frame may take on the real clock.
+        budget: BudgetKeys;
+        /// How frames are drawn.
+        render: RenderKeys;
+        /// Where frames go.
+        sink: SinkKeys;
+        /// Further sinks for the same frames.
+        extra_sink: Vec<SinkKeys>;
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct MountingKeys {
-    sensor_from_body: Option<[f64; 4]>,
-}
+    /// How the sensor is mounted.
+    MountingKeys at "mounting" {
+        /// A unit quaternion [w, x, y, z], scalar first.
+        sensor_from_body: [f64; 4] = Numbers([1.0, 0.0, 0.0, 0.0]), Within(-1.0, 1.0);
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SkyKeys {
-    layers: Option<Vec<String>>,
-    memory_mb: Option<i64>,
-    bodies: Option<bool>,
+    /// Stars and bodies.
+    SkyKeys at "sky" {
+        /// Layers of stars in place of the built-in catalog, relative to this file.
+        layers: Raw<Vec<String>> = Optional, Shape::list(Shape::Text("path")),
+            "as `starloop catalog import` writes them, relative to this file; without the key the built-in catalog";
+        /// Memory for the stars of a field and of those that may come, MiB: 18,700 stars each.
+        memory_mb: Whole = i64::from(STAR_MEMORY_MB), 1..=65_536;
+        /// Planets, Moon and Earth are drawn, and hide what is behind them.
+        bodies: bool = false, Any;
+    }
 }
 
 impl SkyKeys {
     /// Layers beside the bench's file.
-    fn layers(&self, check: &Checker<'_>) -> Result<Vec<PathBuf>, ConfigError> {
-        let Some(layers) = &self.layers else { return Ok(Vec::new()) };
+    fn files(&self, check: &Checker<'_>) -> Result<Vec<PathBuf>, ConfigError> {
+        let Some(layers) = self.layers().raw() else { return Ok(Vec::new()) };
         if layers.is_empty() || layers.iter().any(|path| path.trim().is_empty()) {
-            let advice =
-                "as `starloop catalog import` writes them, relative to this file; without the key the built-in catalog";
-            return Err(check.invalid("sky.layers", "no file", "layers of stars", advice));
+            return Err(self.layers().invalid("no file", "layers of stars", check));
         }
         Ok(layers.iter().map(|path| check.document.file_beside(path)).collect())
     }
 
-    fn memory_mb(&self, check: &mut Checker<'_>) -> Result<u32, ConfigError> {
-        if self.layers.is_none() {
-            check.unused("sky.memory_mb", self.memory_mb.is_some(), "a bench with sky.layers")?;
+    fn memory(&self, check: &mut Checker<'_>) -> Result<u32, ConfigError> {
+        if !self.layers().is_given() {
+            self.refuse(&["memory_mb"], "a bench with sky.layers", check)?;
             return Ok(STAR_MEMORY_MB);
         }
-        let advice = "memory for the stars of a field and of those that may come, MiB: 18,700 stars each";
-        check.whole("sky.memory_mb", self.memory_mb, Some(STAR_MEMORY_MB), 1..=65_536, advice)
+        self.memory_mb().check(check)
     }
 }
 
@@ -259,9 +288,10 @@ impl Bench {
     pub(super) fn checked(document: &Document) -> Result<(Self, BesideBench), ConfigError> {
         let keys: BenchKeys = document.read_as()?;
         let mut check = Checker::new(document);
-        let name = check.folder_name(keys.name)?;
-        let camera = camera(&keys.head, keys.camera.as_deref(), &mut check)?;
-        let sinks = SinkSettings::check_all(keys.sink, keys.extra_sink, &name, camera.image_px(), &mut check)?;
+        let name = check.folder_name(keys.name().raw().cloned())?;
+        let camera = camera(&keys, &mut check)?;
+        let sinks =
+            SinkSettings::check_all(keys.sink.clone(), keys.extra_sink.clone(), &name, camera.image_px(), &mut check)?;
         // A calibrated display shows each frame from one refresh to the next, whatever the tracker's exposure is.
         let own_exposure_s = (!is_drawn_for_display(&sinks)).then_some(camera.exposure.exposure_s);
         let timing = Timing::check(&keys.timing, own_exposure_s, &mut check)?;
@@ -271,17 +301,17 @@ impl Bench {
         let session = Session::check(&keys.session, &mut check)?;
         let sensor_from_body = mounting(&keys.mounting, &mut check)?;
         let observer = Observer::check(&keys.observer, &mut check)?;
-        let light_deflection = keys.observer.light_deflection(&mut check);
-        let layers = keys.sky.layers(&check)?;
-        let star_memory_mb = keys.sky.memory_mb(&mut check)?;
-        let bodies = check.given_or("sky.bodies", keys.sky.bodies, false);
+        let light_deflection = keys.observer.light_deflection().check(&mut check)?;
+        let layers = keys.sky.files(&check)?;
+        let star_memory_mb = keys.sky.memory(&mut check)?;
+        let bodies = keys.sky.bodies().check(&mut check)?;
         let flight_computer = FlightComputer::check(&keys.flight_computer, keys.plant.is_outside(), &mut check)?;
-        let plant_kind = keys.plant.kind(keys.spacecraft.is_some(), flight_computer.is_external, &mut check)?;
+        let plant_kind = keys.plant.mover(keys.spacecraft().is_given(), flight_computer.is_external, &check)?;
         flight_computer.check_slew_begins_before(timing.duration_s, &check)?;
         check_classic_jitter(&link, &flight_computer, &check)?;
         check_both_ends(&link, &extra_links, &flight_computer, &check)?;
         let (attitude_hz, jitter_hz) = (flight_computer.attitude_hz, flight_computer.jitter_sample_hz);
-        if keys.attitude.link_delay_us.is_some() && link.latency_us > 0.0 {
+        if keys.attitude.link_delay_us().is_given() && link.latency_us > 0.0 {
             let wanted = "not given beside link.latency_us";
             let advice = "both are the constant delay of the bus: give one of them";
             return Err(check.invalid("attitude.link_delay_us", "given", wanted, advice));
@@ -302,18 +332,17 @@ impl Bench {
         let budget = Budget::check(&keys.budget, camera.exposure.readout_s, &mut check)?;
         let render = Render::check(&keys.render, &mut check)?;
         let targets = check_targets(&keys.target, &mut check)?;
-        let is_given_in_vain = keys.target_overlap.is_some() && targets.is_empty();
-        check.unused("target_overlap", is_given_in_vain, "a bench with a [[target]]")?;
         let target_overlap = if targets.is_empty() {
+            keys.refuse(&["target_overlap"], "a bench with a [[target]]", &check)?;
             Overlap::default()
         } else {
-            check_overlap(keys.target_overlap.as_deref(), &mut check)?
+            keys.target_overlap().check(&mut check)?
         };
         let bench = Self {
             targets,
             target_overlap,
-            seed: seed(keys.seed, &mut check)?,
-            noise_seed_given: given_seed("noise_seed", keys.noise_seed, &check)?,
+            seed: keys.seed().check(&mut check)?,
+            noise_seed_given: keys.noise_seed().optional(&check)?,
             name,
             camera,
             timing,
@@ -336,7 +365,7 @@ impl Bench {
             defaulted: Vec::new(),
         };
         let mut bench =
-            bench.with_heads(&keys.head, &keys.extra_head, keys.mounting.sensor_from_body.is_some(), &check)?;
+            bench.with_heads(&keys.head, &keys.extra_head, keys.mounting.sensor_from_body().is_given(), &mut check)?;
         check_sinks_of_heads(&bench.sinks, &bench.extra_heads, &check)?;
         bench.defaulted = check.defaulted;
         let BenchKeys { spacecraft, plant, event, expect, .. } = keys;
@@ -349,7 +378,7 @@ impl Bench {
         all: &[HeadKeys],
         extra: &[HeadKeys],
         has_mounting: bool,
-        check: &Checker<'_>,
+        check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
         if all.is_empty() {
             let extra_heads = check_heads("extra_head", extra, HEADS_MAX - 1, &self.first_head(), check)?;
@@ -433,40 +462,25 @@ impl Bench {
 }
 
 /// Returns the camera of the first head: its own, that of the bench, or the built-in one.
-fn camera(heads: &[HeadKeys], of_bench: Option<&str>, check: &mut Checker<'_>) -> Result<Camera, ConfigError> {
-    if let Some(path) = heads.first().and_then(|head| head.camera.as_deref()) {
+fn camera(keys: &BenchKeys, check: &mut Checker<'_>) -> Result<Camera, ConfigError> {
+    if let Some(path) = keys.head.first().and_then(|head| head.camera().raw()) {
         return Camera::from_document(&check.document.named("head[0].camera", path)?);
     }
-    match of_bench {
+    match keys.camera().raw() {
         Some(path) => Camera::from_document(&check.document.named("camera", path)?),
         None => {
-            check.given_or("camera", None, format!("built-in {BUILT_IN_CAMERA}"));
+            check.note("camera", format!("built-in {BUILT_IN_CAMERA}"));
             Camera::from_document(&Document::built_in(BUILT_IN_CAMERA)?)
         }
     }
 }
 
-fn seed(given: Option<i64>, check: &mut Checker<'_>) -> Result<u64, ConfigError> {
-    let seed = check.given_or("seed", given, 1);
-    given_seed("seed", Some(seed), check).map(Option::unwrap_or_default)
-}
-
-/// Returns a seed as it was given, checked.
-pub(super) fn given_seed(key: &str, given: Option<i64>, check: &Checker<'_>) -> Result<Option<u64>, ConfigError> {
-    let whole = |seed: i64| {
-        u64::try_from(seed)
-            .map_err(|_| check.invalid(key, seed, "a whole number, 0 or more", "any number repeats its own run"))
-    };
-    given.map(whole).transpose()
-}
-
 fn mounting(keys: &MountingKeys, check: &mut Checker<'_>) -> Result<Rotation<Sensor, Body>, ConfigError> {
-    let key = "mounting.sensor_from_body";
-    let Some(wxyz) = keys.sensor_from_body else {
-        check.given_or(key, None, "[1, 0, 0, 0]".to_owned());
-        return Ok(Rotation::IDENTITY);
-    };
-    quaternion(key, wxyz, check)
+    let given = keys.sensor_from_body();
+    match given.raw() {
+        Some(wxyz) => quaternion(&given.key(), *wxyz, check),
+        None => given.check(check).map(|_| Rotation::IDENTITY),
+    }
 }
 
 /// A typed quaternion.

@@ -4,14 +4,13 @@
 //! `missed_frames` to 0; `starloop budget` adds a limit for drawing from the planner's time. What is measured: see the
 //! stages of a run's summary.
 
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::error::ConfigError;
-use serde::Deserialize;
+use crate::key::{Given, section, taken};
+use crate::key_type::{Any, Raw, Shape, Whole};
 
 /// Records kept: 400 s at 10 Hz, 2.5 MiB.
-const DEFAULT_RING: u32 = 4096;
-/// Low: the kernel's own threads come first.
-const DEFAULT_PRIORITY: u32 = 10;
+const DEFAULT_RING: i64 = 4096;
 /// Highest processor number that is asked for.
 const LAST_PROCESSOR: i64 = 1023;
 
@@ -34,52 +33,79 @@ pub struct Budget {
     pub ring_frames: u32,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct BudgetKeys {
-    wake_ms: Option<f64>,
-    receive_ms: Option<f64>,
-    bus_age_ms: Option<f64>,
-    arrival_age_ms: Option<f64>,
-    correlation_ms: Option<f64>,
-    attitude_ms: Option<f64>,
-    sky_ms: Option<f64>,
-    plan_ms: Option<f64>,
-    upload_ms: Option<f64>,
-    render_ms: Option<f64>,
-    detector_ms: Option<f64>,
-    readback_ms: Option<f64>,
-    handover_ms: Option<f64>,
-    queue_ms: Option<f64>,
-    sink_ms: Option<f64>,
-    total_ms: Option<f64>,
-    latency_ms: Option<f64>,
-    missed_frames: Option<i64>,
-    realtime: Option<bool>,
-    priority: Option<i64>,
-    affinity: Option<Vec<i64>>,
-    ring_frames: Option<i64>,
+section! {
+    /// How long the stages of a frame may take on the real clock, and what its threads ask of the system.
+    BudgetKeys at "budget" {
+        /// From the slot's release to the frame thread's first step, 99 % quantile in milliseconds.
+        wake_ms: f64 = Optional, Positive, QUANTILE;
+        /// Taking messages in, 99 % quantile in milliseconds.
+        receive_ms: f64 = Optional, Positive, QUANTILE;
+        /// Age of the newest attitude when it arrives, 99 % quantile in milliseconds.
+        bus_age_ms: f64 = Optional, Positive, QUANTILE;
+        /// Time since the newest attitude arrived, 99 % quantile in milliseconds.
+        arrival_age_ms: f64 = Optional, Positive, QUANTILE;
+        /// Time correlation, 99 % quantile in milliseconds.
+        correlation_ms: f64 = Optional, Positive, QUANTILE;
+        /// The line-of-sight path, 99 % quantile in milliseconds.
+        attitude_ms: f64 = Optional, Positive, QUANTILE;
+        /// Stars, bodies and targets of the exposure, 99 % quantile in milliseconds.
+        sky_ms: f64 = Optional, Positive, QUANTILE;
+        /// Planning, 99 % quantile in milliseconds.
+        plan_ms: f64 = Optional, Positive, QUANTILE;
+        /// To the GPU, 99 % quantile in milliseconds.
+        upload_ms: f64 = Optional, Positive, QUANTILE;
+        /// Drawing, 99 % quantile in milliseconds.
+        render_ms: f64 = Optional, Positive, QUANTILE;
+        /// Detector and converter, 99 % quantile in milliseconds.
+        detector_ms: f64 = Optional, Positive, QUANTILE;
+        /// From the GPU, 99 % quantile in milliseconds.
+        readback_ms: f64 = Optional, Positive, QUANTILE;
+        /// To the sinks' thread, 99 % quantile in milliseconds.
+        handover_ms: f64 = Optional, Positive, QUANTILE;
+        /// Waiting for the sinks, 99 % quantile in milliseconds.
+        queue_ms: f64 = Optional, Positive, QUANTILE;
+        /// The slowest sink, 99 % quantile in milliseconds.
+        sink_ms: f64 = Optional, Positive, QUANTILE;
+        /// The whole frame, 99 % quantile in milliseconds from its release to its delivery.
+        total_ms: f64 = Computed("exposure.readout_s of the camera"), Positive, QUANTILE;
+        /// From the epoch of an image's newest attitude to its delivery, 99 % quantile in milliseconds.
+        latency_ms: f64 = Optional, Positive, QUANTILE;
+        /// Slots that may be late, held, dropped or without attitude; 0 for a bench that must be in time.
+        missed_frames: Whole = 0, 0..=i64::from(u32::MAX);
+        /// Threads ask for real-time scheduling and locked memory.
+        realtime: bool = true, Any;
+        /// Priority of the drawing threads; the sink, frame and link threads get 1, 2 and 3 more.
+        priority: Whole<u8> = 10, 1..=90,
+            "1 is lowest; the sink, frame and link threads get 1, 2 and 3 more, the kernel's own threads have 99";
+        /// Processors that the threads stay on; leave it out for any.
+        affinity: Raw<Vec<i64>> = Optional, Shape::list(Shape::Whole(0..=LAST_PROCESSOR)),
+            "as the system counts them; leave it out for any";
+        /// Frames whose times are kept for frames_timing.csv and worst.svg; about 600 bytes each.
+        ring_frames: Whole = DEFAULT_RING, 1..=1_000_000;
+    }
 }
 
+const QUANTILE: &str = "milliseconds that 99 % of the frames may take; leave the key out where any time will do";
+
 impl BudgetKeys {
-    /// Stages by their names, and what was given for them.
-    fn stages(&self) -> [(&'static str, Option<f64>); 15] {
+    /// Limits of the stages, in the order of a frame.
+    fn stages(&self) -> [Given<'_, f64>; 15] {
         [
-            ("wake", self.wake_ms),
-            ("receive", self.receive_ms),
-            ("bus_age", self.bus_age_ms),
-            ("arrival_age", self.arrival_age_ms),
-            ("correlation", self.correlation_ms),
-            ("attitude", self.attitude_ms),
-            ("sky", self.sky_ms),
-            ("plan", self.plan_ms),
-            ("upload", self.upload_ms),
-            ("render", self.render_ms),
-            ("detector", self.detector_ms),
-            ("readback", self.readback_ms),
-            ("handover", self.handover_ms),
-            ("queue", self.queue_ms),
-            ("sink", self.sink_ms),
+            self.wake_ms(),
+            self.receive_ms(),
+            self.bus_age_ms(),
+            self.arrival_age_ms(),
+            self.correlation_ms(),
+            self.attitude_ms(),
+            self.sky_ms(),
+            self.plan_ms(),
+            self.upload_ms(),
+            self.render_ms(),
+            self.detector_ms(),
+            self.readback_ms(),
+            self.handover_ms(),
+            self.queue_ms(),
+            self.sink_ms(),
         ]
     }
 }
@@ -89,53 +115,26 @@ const TOTAL: &str = "release_to_delivered";
 
 impl Budget {
     pub(super) fn check(keys: &BudgetKeys, readout_s: f64, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
-        const ADVICE: &str = "milliseconds that 99 % of the frames may take; leave the key out where any time will do";
-        let rule = Rule::Positive;
         let mut stage_p99_ms = Vec::new();
-        for (name, given) in keys.stages() {
-            if let Some(ms) = given {
-                stage_p99_ms.push((name, check.meets(&format!("budget.{name}_ms"), ms, rule, ADVICE)?));
-            }
+        for stage in keys.stages() {
+            let name = stage.name.trim_end_matches("_ms");
+            stage_p99_ms.extend(stage.optional(check)?.map(|ms| (name, ms)));
         }
-        let total_ms = match keys.total_ms {
-            Some(ms) => check.meets("budget.total_ms", ms, rule, ADVICE)?,
-            None => check.given_or("budget.total_ms", None, readout_s * 1e3),
-        };
-        stage_p99_ms.push((TOTAL, total_ms));
-        let latency_p99_ms =
-            keys.latency_ms.map(|ms| check.meets("budget.latency_ms", ms, rule, ADVICE)).transpose()?;
-        let missed = "slots that may be late, held, dropped or without attitude; 0 for a bench that must be in time";
-        let missed_frames = check.whole("budget.missed_frames", keys.missed_frames, Some(0), 0..=u32::MAX, missed)?;
-        let low = "1 is lowest; the sink, frame and link threads get 1, 2 and 3 more, the kernel's own threads have 99";
-        let priority = check.whole("budget.priority", keys.priority, Some(DEFAULT_PRIORITY), 1..=90, low)?;
-        let ring = "frames whose times are kept for frames_timing.csv and worst.svg; about 600 bytes each";
-        Ok(Self {
-            stage_p99_ms,
-            latency_p99_ms,
-            missed_frames,
-            realtime: check.given_or("budget.realtime", keys.realtime, true),
-            priority: u8::try_from(priority).unwrap_or(u8::MAX),
-            affinity: affinity(keys.affinity.as_deref(), check)?,
-            ring_frames: check.whole(
-                "budget.ring_frames",
-                keys.ring_frames,
-                Some(DEFAULT_RING),
-                1..=1_000_000,
-                ring,
-            )?,
-        })
+        stage_p99_ms.push((TOTAL, keys.total_ms().or(readout_s * 1e3).check(check)?));
+        let latency_p99_ms = keys.latency_ms().optional(check)?;
+        taken!(check, keys => missed_frames, priority, realtime);
+        let affinity = affinity(&keys.affinity(), check)?;
+        let ring_frames = keys.ring_frames().check(check)?;
+        Ok(Self { stage_p99_ms, latency_p99_ms, missed_frames, realtime, priority, affinity, ring_frames })
     }
 }
 
-fn affinity(given: Option<&[i64]>, check: &Checker<'_>) -> Result<Vec<usize>, ConfigError> {
+fn affinity(given: &Given<'_, Raw<Vec<i64>>>, check: &Checker<'_>) -> Result<Vec<usize>, ConfigError> {
     let number = |processor: &i64| {
         let in_range = usize::try_from(*processor).ok().filter(|_| *processor <= LAST_PROCESSOR);
-        in_range.ok_or_else(|| {
-            let wanted = format!("processor numbers from 0 to {LAST_PROCESSOR}");
-            check.invalid("budget.affinity", processor, wanted, "as the system counts them; leave it out for any")
-        })
+        in_range.ok_or_else(|| given.invalid(processor, format!("processor numbers from 0 to {LAST_PROCESSOR}"), check))
     };
-    given.unwrap_or_default().iter().map(number).collect()
+    given.raw().map_or(&[][..], Vec::as_slice).iter().map(number).collect()
 }
 
 #[cfg(test)]

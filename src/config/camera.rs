@@ -10,14 +10,15 @@ use crate::document::Document;
 use crate::error::ConfigError;
 use crate::file_kind::{FileKind, must_be};
 use crate::illumination::IlluminationKeys;
+use crate::key::section;
 use crate::mtf::{MtfKeys, belongs_to_chain};
-use crate::optics::{Distortion, DistortionKeys, Optics, OpticsKeys, Psf, PsfKeys};
+use crate::optics::{Distortion, DistortionKeys, Optics, OpticsKeys, Psf};
+use crate::psf::PsfKeys;
 use crate::radiometry::{Exposure, ExposureKeys, Radiometry, RadiometryKeys, RadiometryModel};
 use crate::several::check_all;
 use base::units::{ARCSEC, DEG};
 use plan::exposure::PsfSampling;
 use plan::optics::{Band, BandRadiometry, Illumination, StarLight};
-use serde::Deserialize;
 use std::path::Path;
 
 /// A camera, checked. Only the detector's size and the focal length have no default.
@@ -51,21 +52,35 @@ pub struct Camera {
     pub defaulted: Vec<Defaulted>,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct CameraKeys {
-    name: Option<String>,
-    detector: DetectorKeys,
-    optics: OpticsKeys,
-    distortion: DistortionKeys,
-    psf: PsfKeys,
-    illumination: IlluminationKeys,
-    background: BackgroundKeys,
-    baffle: Option<BaffleKeys>,
-    mtf: Option<MtfKeys>,
-    radiometry: RadiometryKeys,
-    band: Option<BandKeys>,
-    exposure: ExposureKeys,
+section! {
+    /// A camera: only the detector's size and the focal length have no default.
+    CameraKeys at "" {
+        /// What people call it.
+        name: String = Computed("the file's name"), "text";
+        tables:
+        /// Geometry, charge and conversion.
+        detector: DetectorKeys;
+        /// The lens or telescope.
+        optics: OpticsKeys;
+        /// Distortion of normalised image coordinates.
+        distortion: DistortionKeys;
+        /// Point-spread function of the optics.
+        psf: PsfKeys;
+        /// Vignetting, the cosine's fourth power, blocked aperture; without the table the field is even.
+        illumination: IlluminationKeys;
+        /// Light on the whole detector that is not the stars': uniform, or the sky's.
+        background: BackgroundKeys;
+        /// Stray light of Sun, Moon and Earth; without the table there is none.
+        baffle: Option<BaffleKeys>;
+        /// Links of the chain of transfer functions that psf.model = "chain" draws; every key left out is off.
+        mtf: Option<MtfKeys>;
+        /// Magnitudes to electrons.
+        radiometry: RadiometryKeys;
+        /// Quantum efficiency and transmission over wavelength, in place of mean values.
+        band: Option<BandKeys>;
+        /// When the detector collects light, and when its frame is due.
+        exposure: ExposureKeys;
+    }
 }
 
 impl Camera {
@@ -89,10 +104,10 @@ impl Camera {
     fn checked(document: &Document) -> Result<Self, ConfigError> {
         let keys: CameraKeys = document.read_as()?;
         let mut check = Checker::new(document);
-        let name = check.label(keys.name)?;
+        let name = check.label(keys.name().raw().cloned())?;
         let detector = Detector::check(&keys.detector, &mut check)?;
         let optics = Optics::check(&keys.optics, &detector, &mut check)?;
-        let distortion = Distortion::check(&keys.distortion, &check)?;
+        let distortion = Distortion::check(&keys.distortion, &mut check)?;
         let mut psf = Psf::check(&keys.psf, keys.mtf.as_ref(), &detector, &optics, &mut check)?;
         belongs_to_chain(keys.mtf.as_ref(), &psf, &check)?;
         let sampling = Psf::check_sampling(&keys.psf, &mut check)?;

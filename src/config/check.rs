@@ -37,16 +37,19 @@ pub(super) enum Rule {
     NotNegative,
     /// Between two numbers, both allowed.
     Within(f64, f64),
+    /// Any.
+    Finite,
 }
 
 impl Rule {
-    fn is_met_by(self, value: f64) -> bool {
+    pub(super) fn is_met_by(self, value: f64) -> bool {
         value.is_finite()
             && match self {
                 Self::Positive => value > 0.0,
                 Self::PositiveUpTo(most) => value > 0.0 && value <= most,
                 Self::NotNegative => value >= 0.0,
                 Self::Within(least, most) => (least..=most).contains(&value),
+                Self::Finite => true,
             }
     }
 }
@@ -58,6 +61,7 @@ impl fmt::Display for Rule {
             Self::PositiveUpTo(most) => write!(f, "a number above 0, up to {most}"),
             Self::NotNegative => write!(f, "a finite number, 0 or more"),
             Self::Within(least, most) => write!(f, "a number from {least} to {most}"),
+            Self::Finite => write!(f, "a finite number"),
         }
     }
 }
@@ -89,6 +93,11 @@ impl<'a> Checker<'a> {
             got: got.to_string(),
             advice: advice.into(),
         }
+    }
+
+    /// Notes a default that was taken.
+    pub(super) fn note(&mut self, key: &str, value: impl fmt::Display) {
+        self.defaulted.push(Defaulted { key: key.into(), value: value.to_string() });
     }
 
     /// What was given, or the default, which is noted.
@@ -123,25 +132,6 @@ impl<'a> Checker<'a> {
             return Err(self.invalid("name", quoted(&name), "a name without / and \\, and not . or ..", advice));
         }
         Ok(name)
-    }
-
-    /// A number that meets the rule, or the default.
-    pub(super) fn number(
-        &mut self,
-        key: &str,
-        given: Option<f64>,
-        default: f64,
-        rule: Rule,
-        advice: &str,
-    ) -> Result<f64, ConfigError> {
-        let value = self.given_or(key, given, default);
-        self.meets(key, value, rule, advice)
-    }
-
-    /// A number that must be given, and meet the rule.
-    pub(super) fn required(&self, key: &str, given: Option<f64>, rule: Rule, advice: &str) -> Result<f64, ConfigError> {
-        let value = given.ok_or_else(|| self.invalid(key, "missing", rule, advice))?;
-        self.meets(key, value, rule, advice)
     }
 
     /// The number itself, when it meets the rule.

@@ -5,11 +5,10 @@ use crate::detector::DetectorKeys;
 use crate::error::ConfigError;
 use image::detector::DarkLaw;
 
-const DEFAULT_E_PER_S: f64 = 10.0;
-const DEFAULT_REFERENCE_C: f64 = 20.0;
-const MOST_E_PER_S: f64 = 1e9;
-/// Absolute zero, and above what any detector stands.
-const CELSIUS: Rule = Rule::Within(-273.15, 200.0);
+/// Most dark current of a pixel, electrons per second.
+pub(super) const MOST_DARK_E_PER_S: f64 = 1e9;
+/// Absolute zero, and above what any detector endures.
+pub(super) const CELSIUS: Rule = Rule::Within(-273.15, 200.0);
 
 /// The dark current, checked.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,52 +25,42 @@ impl DarkCurrent {
         check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
         let e_per_s = Self::rate(keys, pixel_pitch_um, check)?;
-        let reference_c = check.number(
-            "detector.dark_temperature_c",
-            keys.dark_temperature_c,
-            DEFAULT_REFERENCE_C,
-            CELSIUS,
-            "degrees Celsius at which the dark current was measured",
-        )?;
-        // Nobody wants to be told that a detector is as warm as it was when it was measured.
-        let operating_c = keys.temperature_c.unwrap_or(reference_c);
-        let advice = "the detector's temperature in degrees Celsius; left out, it is dark_temperature_c";
-        check.meets("detector.temperature_c", operating_c, CELSIUS, advice)?;
-        let doubling_k = keys.dark_doubling_k;
-        let advice = "kelvin of warming that double the dark current, 5 to 10 for silicon";
-        let key = "detector.dark_doubling_k";
-        let doubling_k = if keys.temperature_c.is_some() {
-            check.number(key, doubling_k, DarkLaw::AT_REFERENCE.doubling_k, Rule::Positive, advice)?
+        let reference_c = keys.dark_temperature_c().check(check)?;
+        // Nobody asks how warm a detector is that is as warm as it was when it was measured.
+        let operating_c = keys.temperature_c().or_silently(reference_c).check(check)?;
+        let doubling_k = keys.dark_doubling_k();
+        let doubling_k = if keys.temperature_c().is_given() {
+            doubling_k.check(check)?
         } else {
-            check.meets(key, doubling_k.unwrap_or(DarkLaw::AT_REFERENCE.doubling_k), Rule::Positive, advice)?
+            doubling_k.or_silently(DarkLaw::AT_REFERENCE.doubling_k).check(check)?
         };
         let law = DarkLaw { reference_c, operating_c, doubling_k };
         let warm_e_per_s = e_per_s * law.factor();
-        if warm_e_per_s.is_nan() || warm_e_per_s > MOST_E_PER_S {
+        if warm_e_per_s.is_nan() || warm_e_per_s > MOST_DARK_E_PER_S {
             let got = format!("{operating_c}, where the dark current is {warm_e_per_s:.1e} e-/s");
-            let wanted = format!("a dark current of at most {MOST_E_PER_S:.0e} e-/s");
+            let wanted = format!("a dark current of at most {MOST_DARK_E_PER_S:.0e} e-/s");
             let advice = "give the dark current at a temperature nearer to the detector's, or a larger dark_doubling_k";
-            return Err(check.invalid("detector.temperature_c", got, wanted, advice));
+            return Err(keys.temperature_c().advised(advice).invalid(got, wanted, check));
         }
-        let advice = "rms share of the mean dark current: 20 % is 0.2; 0 turns it off";
-        let nonuniformity = keys.dark_nonuniformity.unwrap_or(0.0);
-        check.meets("detector.dark_nonuniformity", nonuniformity, Rule::Within(0.0, 1.0), advice)?;
+        let nonuniformity = keys.dark_nonuniformity().check(check)?;
         Ok(Self { e_per_s, law, nonuniformity })
     }
 
     fn rate(keys: &DetectorKeys, pixel_pitch_um: f64, check: &mut Checker<'_>) -> Result<f64, ConfigError> {
-        let rule = Rule::Within(0.0, MOST_E_PER_S);
-        let Some(na_per_cm2) = keys.dark_current_na_per_cm2 else {
-            return check.number("detector.dark_e_per_s", keys.dark_e_per_s, DEFAULT_E_PER_S, rule, "0 turns it off");
-        };
-        let key = "detector.dark_current_na_per_cm2";
-        if let Some(e_per_s) = keys.dark_e_per_s {
+        let density = keys.dark_current_na_per_cm2();
+        let Some(na_per_cm2) = density.raw().copied() else { return keys.dark_e_per_s().check(check) };
+        if let Some(e_per_s) = keys.dark_e_per_s().raw() {
             let advice = "give the dark current once: as a density, or per pixel";
-            return Err(check.invalid(key, na_per_cm2, format!("no dark_e_per_s ({e_per_s}) beside it"), advice));
+            return Err(density.advised(advice).invalid(
+                na_per_cm2,
+                format!("no dark_e_per_s ({e_per_s}) beside it"),
+                check,
+            ));
         }
-        let density = "nanoamperes per square centimetre, such as 0.1; 0 turns it off";
-        check.meets(key, na_per_cm2, Rule::Within(0.0, 1e6), density)?;
+        density.check(check)?;
         let advice = "electrons per second of a pixel of this density and pitch are too many";
-        check.meets(key, DarkLaw::e_per_s_of_density(na_per_cm2, pixel_pitch_um), rule, advice)
+        let e_per_s = DarkLaw::e_per_s_of_density(na_per_cm2, pixel_pitch_um);
+        let rule = Rule::Within(0.0, MOST_DARK_E_PER_S);
+        check.meets(&keys.dark_current_na_per_cm2().key(), e_per_s, rule, advice)
     }
 }

@@ -1,8 +1,10 @@
 //! `[detector.blooming]`, `[detector.image_lag]` and so on: effects that are off until their table is given.
 
 use crate::check::{Checker, Rule};
-use crate::detector::DetectorKeys;
+use crate::detector::{DetectorKeys, LARGEST_SIDE_PX};
 use crate::error::ConfigError;
+use crate::key::{Given, Section, section};
+use crate::key_type::{Whole, Word};
 use crate::radiometry::Exposure;
 use image::detector::SpatialParams;
 use image::detector::binning::{Binning, BinningKind, MOST};
@@ -14,40 +16,117 @@ use image::detector::protons::stopping_power::DOMAIN_MEV;
 use image::detector::protons::{ProtonDirection, ProtonFlux, SensitiveLayer};
 use image::detector::tdi::Tdi;
 use image::detector::window::Window;
-use serde::Deserialize;
 
 /// Largest share of the pixels that a random population may make defective, of each kind.
 const LARGEST_DEFECT_SHARE: f64 = 0.05;
 
-/// A table of keys that are all numbers or words, none of them needed.
-macro_rules! keys {
-    ($($table:ident { $($key:ident: $type:ty),* $(,)? })*) => {
-        $(
-            #[derive(Debug, Default, Deserialize)]
-            #[serde(deny_unknown_fields)]
-            pub(super) struct $table {
-                $($key: Option<$type>),*
-            }
-        )*
-    };
+section! {
+    /// Charge above the full well.
+    BloomingKeys at "detector.blooming" {
+        /// Share of the charge above the full well that the anti-blooming drain takes: 0 spills all, 1 none.
+        drained_share: f64 = 0.0, Within(0.0, 1.0);
+    }
+
+    /// Charge that comes with the next frame.
+    ImageLagKeys at "detector.image_lag" {
+        /// Share of a frame's charge that comes with the next frame, such as 0.001; leave the table out for none.
+        share: f64 = Needed, Within(1e-9, 0.9);
+    }
+
+    /// Charge that transfers of a CCD leave behind.
+    ChargeTransferKeys at "detector.charge_transfer" {
+        /// Share left behind by one transfer (1 - CTE) along columns, such as 1e-5.
+        parallel_share: f64 = 0.0, Within(0.0, 0.1),
+            "share left behind by one transfer (1 - CTE), such as 1e-5; share times transfers is 6 at most";
+        /// Share left behind by one transfer (1 - CTE) along rows, such as 1e-5.
+        serial_share: f64 = 0.0, Within(0.0, 0.1),
+            "share left behind by one transfer (1 - CTE), such as 1e-5; share times transfers is 6 at most";
+        /// Where the amplifier is, as the image is shown.
+        output_corner: Word<OutputCorner> = "top-left", [
+            ("top-left", OutputCorner::TopLeft), ("top-right", OutputCorner::TopRight),
+            ("bottom-left", OutputCorner::BottomLeft), ("bottom-right", OutputCorner::BottomRight),
+        ];
+    }
+
+    /// Pixels that become one.
+    BinningKeys at "detector.binning" {
+        /// Pixels along each side that become one.
+        factor: Whole = Needed, 2..=i64::from(MOST);
+        /// "charge" sums on the chip, the others sum or average digital numbers.
+        kind: Word<Sum> = "charge",
+            [("charge", Sum::Charge), ("digital-sum", Sum::Digital), ("digital-mean", Sum::Mean)];
+        /// Charge that the summing node holds, electrons; at least one pixel's full well.
+        summing_well_e: f64 = Computed("detector.full_well_e"), PositiveUpTo(1e9);
+    }
+
+    /// The part of the sensor that is read, in sensor pixels before binning.
+    WindowKeys at "detector.window" {
+        /// First column that is read.
+        left_px: Whole = 0, 0..=LARGEST_SIDE_PX - 1, "in sensor pixels from the top left, before binning";
+        /// First row that is read.
+        top_px: Whole = 0, 0..=LARGEST_SIDE_PX - 1, "in sensor pixels from the top left, before binning";
+        /// Columns that are read.
+        width_px: Whole = Computed("to the right edge"), 1..=LARGEST_SIDE_PX, "the window must lie on the sensor";
+        /// Rows that are read.
+        height_px: Whole = Computed("to the lower edge"), 1..=LARGEST_SIDE_PX, "the window must lie on the sensor";
+    }
+
+    /// Time delay and integration.
+    TdiKeys at "detector.tdi" {
+        /// Rows that add up; exposure.exposure_s is the time of one of them.
+        stages: Whole = Needed, 1..=4096;
+    }
+
+    /// Pixels that are hot, dead or blink.
+    DefectsKeys at "detector.defects" {
+        /// Share of hot pixels.
+        hot_share: f64 = 0.0, Within(0.0, LARGEST_DEFECT_SHARE), "a share of all pixels, such as 0.001";
+        /// Mean of what a hot pixel has more, electrons per second.
+        hot_e_per_s: f64 = 1000.0, Within(0.0, 1e9), "mean of what such a pixel has more, electrons per second";
+        /// Share of dead pixels.
+        dead_share: f64 = 0.0, Within(0.0, LARGEST_DEFECT_SHARE), "a share of all pixels, such as 0.001";
+        /// Share of the light that a dead pixel still counts.
+        dead_response: f64 = 0.0, Within(0.0, 1.0);
+        /// Share of pixels that blink (random telegraph signal).
+        rts_share: f64 = 0.0, Within(0.0, LARGEST_DEFECT_SHARE), "a share of all pixels, such as 0.001";
+        /// Mean of what a blinking pixel has more at its high level, electrons per second.
+        rts_e_per_s: f64 = 100.0, Within(0.0, 1e9), "mean of what such a pixel has more, electrons per second";
+        /// Switches per second to the high level.
+        rts_up_per_s: f64 = 0.1, Within(0.0, 1e6), "switches per second";
+        /// Switches per second to the low level.
+        rts_down_per_s: f64 = 0.1, Within(0.0, 1e6), "switches per second";
+    }
+
+    /// Tracks of protons.
+    ProtonsKeys at "detector.protons" {
+        /// From everywhere alike, or one direction by incidence_deg and azimuth_deg.
+        direction: Word<IsBeam> = "isotropic", [("isotropic", IsBeam(false)), ("beam", IsBeam(true))];
+        /// Degrees from the detector's normal.
+        incidence_deg: f64 = 0.0, Within(0.0, 89.9);
+        /// Degrees on the image from +x towards +y.
+        azimuth_deg: f64 = 0.0, Within(-360.0, 360.0);
+        /// Protons per cm^2 and second.
+        per_cm2_s: f64 = 0.0, Within(0.0, 1e9);
+        /// Kinetic energy in MeV, where stopping powers are tabulated.
+        energy_mev: f64 = 60.0, Within(DOMAIN_MEV[0], DOMAIN_MEV[1]);
+        /// Thickness of the layer that collects charge, micrometres.
+        thickness_um: f64 = SensitiveLayer::TYPICAL.thickness_um, Within(0.1, 1000.0);
+        /// Side of the square over which charge spreads about a path, pixels.
+        track_width_px: f64 = SensitiveLayer::TYPICAL.track_width_px, Within(0.1, 8.0);
+    }
 }
 
-keys! {
-    BloomingKeys { drained_share: f64 }
-    ImageLagKeys { share: f64 }
-    ChargeTransferKeys { parallel_share: f64, serial_share: f64, output_corner: String }
-    BinningKeys { factor: i64, kind: String, summing_well_e: f64 }
-    WindowKeys { left_px: i64, top_px: i64, width_px: i64, height_px: i64 }
-    TdiKeys { stages: i64 }
-    DefectsKeys {
-        hot_share: f64, hot_e_per_s: f64, dead_share: f64, dead_response: f64,
-        rts_share: f64, rts_e_per_s: f64, rts_up_per_s: f64, rts_down_per_s: f64,
-    }
-    ProtonsKeys {
-        per_cm2_s: f64, energy_mev: f64, direction: String, incidence_deg: f64, azimuth_deg: f64,
-        thickness_um: f64, track_width_px: f64,
-    }
+/// What a binned pixel is the sum of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sum {
+    Charge,
+    Digital,
+    Mean,
 }
+
+/// Whether protons come from one direction.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct IsBeam(bool);
 
 /// The detector's figures that these effects must fit.
 #[derive(Debug, Clone, Copy)]
@@ -85,114 +164,80 @@ pub(super) fn check_effects(
         defects: keys.defects.as_ref().map_or(Ok(DefectPopulation::NONE), |keys| defects(keys, check))?,
         layer,
         protons,
-        image_lag: keys.image_lag.as_ref().map(|keys| image_lag(keys, check)).transpose()?,
+        image_lag: keys
+            .image_lag
+            .as_ref()
+            .map(|keys| keys.share().check(check).map(|share| ImageLag { share }))
+            .transpose()?,
         blooming: keys.blooming.as_ref().map(|keys| blooming(keys, check)).transpose()?,
         charge_transfer: keys.charge_transfer.as_ref().map(|keys| transfer(keys, fits, check)).transpose()?,
         binning,
         window: keys.window.as_ref().map(|keys| window(keys, fits, by, check)).transpose()?,
-        tdi: keys.tdi.as_ref().map(|keys| tdi(keys, check)).transpose()?,
+        tdi: keys.tdi.as_ref().map(|keys| keys.stages().check(check).map(|stages| Tdi { stages })).transpose()?,
     })
 }
 
 fn blooming(keys: &BloomingKeys, check: &mut Checker<'_>) -> Result<Blooming, ConfigError> {
-    let advice = "share of the charge above the full well that the anti-blooming drain takes: 0 spills all, 1 none";
-    let key = "detector.blooming.drained_share";
-    Ok(Blooming { drained_share: check.number(key, keys.drained_share, 0.0, Rule::Within(0.0, 1.0), advice)? })
-}
-
-fn image_lag(keys: &ImageLagKeys, check: &Checker<'_>) -> Result<ImageLag, ConfigError> {
-    let advice =
-        "share of a frame's charge that comes with the next frame, such as 0.001; leave the table out for none";
-    let rule = Rule::Within(1e-9, 0.9);
-    Ok(ImageLag { share: check.required("detector.image_lag.share", keys.share, rule, advice)? })
+    Ok(Blooming { drained_share: keys.drained_share().check(check)? })
 }
 
 fn transfer(keys: &ChargeTransferKeys, fits: Fits, check: &mut Checker<'_>) -> Result<ChargeTransfer, ConfigError> {
-    let advice = "share left behind by one transfer (1 - CTE), such as 1e-5; share times transfers is 6 at most";
-    let [width, height] = fits.size_px.map(f64::from);
-    let corners = [
-        ("top-left", OutputCorner::TopLeft),
-        ("top-right", OutputCorner::TopRight),
-        ("bottom-left", OutputCorner::BottomLeft),
-        ("bottom-right", OutputCorner::BottomRight),
-    ];
-    let mut share = |key: &str, given, transfers: f64| {
-        let rule = Rule::Within(0.0, (MOST_LEFT_BEHIND / transfers).min(0.1));
-        check.number(&format!("detector.charge_transfer.{key}"), given, 0.0, rule, advice)
-    };
+    let share = |transfers: u32| Rule::Within(0.0, (MOST_LEFT_BEHIND / f64::from(transfers)).min(0.1));
+    let [width, height] = fits.size_px;
     Ok(ChargeTransfer {
-        parallel_share: share("parallel_share", keys.parallel_share, height)?,
-        serial_share: share("serial_share", keys.serial_share, width)?,
-        corner: check.choice(
-            "detector.charge_transfer.output_corner",
-            keys.output_corner.as_deref(),
-            &corners,
-            "where the amplifier is, as the image is shown",
-        )?,
+        parallel_share: keys.parallel_share().within(share(height)).check(check)?,
+        serial_share: keys.serial_share().within(share(width)).check(check)?,
+        corner: keys.output_corner().check(check)?,
     })
 }
 
 fn binning(keys: &BinningKeys, fits: Fits, check: &mut Checker<'_>) -> Result<Binning, ConfigError> {
-    let advice = "pixels along each side that become one";
-    let factor = check.whole("detector.binning.factor", keys.factor, None, 2..=MOST, advice)?;
+    let factor = keys.factor().check(check)?;
     for (side, name) in fits.size_px.iter().zip(["width_px", "height_px"]) {
         if !side.is_multiple_of(factor) {
             let wanted = format!("a factor that divides detector.{name} = {side}");
             let advice = "take another factor, or a sensor size that it divides";
-            return Err(check.invalid("detector.binning.factor", factor, wanted, advice));
+            return Err(keys.factor().advised(advice).invalid(factor, wanted, check));
         }
     }
-    let words = [("charge", 0), ("digital-sum", 1), ("digital-mean", 2)];
-    let advice = "\"charge\" sums on the chip, the others sum or average digital numbers";
-    let kind = check.choice("detector.binning.kind", keys.kind.as_deref(), &words, advice)?;
-    let well = "detector.binning.summing_well_e";
-    if kind != 0 {
-        check.unused(well, keys.summing_well_e.is_some(), "detector.binning.kind = \"charge\"")?;
+    let sum = keys.kind().check(check)?;
+    if sum != Sum::Charge {
+        keys.refuse(&["summing_well_e"], "detector.binning.kind = \"charge\"", check)?;
     }
-    let kind = match kind {
-        0 => {
-            let advice = "charge that the summing node holds, electrons; at least one pixel's full well";
-            let rule = Rule::Within(fits.full_well_e, 1e9);
-            BinningKind::Charge {
-                full_well_e: check.number(well, keys.summing_well_e, fits.full_well_e, rule, advice)?,
-            }
+    let kind = match sum {
+        Sum::Charge => {
+            let well = keys.summing_well_e().or(fits.full_well_e).within(Rule::Within(fits.full_well_e, 1e9));
+            BinningKind::Charge { full_well_e: well.check(check)? }
         }
-        1 => BinningKind::DigitalSum,
-        _ => BinningKind::DigitalMean,
+        Sum::Digital => BinningKind::DigitalSum,
+        Sum::Mean => BinningKind::DigitalMean,
     };
     let largest = u64::from(factor * factor) * ((1 << fits.bits) - 1);
     if kind == BinningKind::DigitalSum && largest > u64::from(u16::MAX) {
         let got = format!("\"digital-sum\" of {factor} x {factor} numbers of {} bits, up to {largest}", fits.bits);
         let advice = "average them (\"digital-mean\"), or take fewer pixels or bits";
-        return Err(check.invalid("detector.binning.kind", got, "sums up to 65535, what an image holds", advice));
+        return Err(keys.kind().advised(advice).invalid(got, "sums up to 65535, what an image holds", check));
     }
     Ok(Binning { factor, kind })
 }
 
 fn window(keys: &WindowKeys, fits: Fits, by: u32, check: &mut Checker<'_>) -> Result<Window, ConfigError> {
-    let side = |check: &mut Checker<'_>, axis: usize, names: [&str; 2], given: [Option<i64>; 2]| {
-        let whole = fits.size_px[axis];
-        let [first_key, size_key] = names.map(|name| format!("detector.window.{name}"));
-        let advice = "in sensor pixels from the top left, before binning";
-        let first = check.whole(&first_key, given[0], Some(0), 0..=whole - 1, advice)?;
-        let room = whole - first;
-        let size = check.whole(&size_key, given[1], Some(room), 1..=room, "the window must lie on the sensor")?;
-        for (key, value) in [(first_key, first), (size_key, size)] {
+    let side = |check: &mut Checker<'_>, whole: u32, [first, size]: [Given<'_, Whole>; 2]| {
+        let keys = [first.key(), size.key()];
+        let first = first.within(0..=i64::from(whole) - 1).check(check)?;
+        let rest = i64::from(whole - first);
+        let size = size.or(rest).within(1..=rest).check(check)?;
+        for (key, value) in keys.iter().zip([first, size]) {
             if !value.is_multiple_of(by) {
                 let wanted = format!("a multiple of detector.binning.factor = {by}");
-                return Err(check.invalid(&key, value, wanted, "a window begins and ends on whole output pixels"));
+                return Err(check.invalid(key, value, wanted, "a window begins and ends on whole output pixels"));
             }
         }
         Ok((first, size))
     };
-    let (left_px, width_px) = side(check, 0, ["left_px", "width_px"], [keys.left_px, keys.width_px])?;
-    let (top_px, height_px) = side(check, 1, ["top_px", "height_px"], [keys.top_px, keys.height_px])?;
+    let (left_px, width_px) = side(check, fits.size_px[0], [keys.left_px(), keys.width_px()])?;
+    let (top_px, height_px) = side(check, fits.size_px[1], [keys.top_px(), keys.height_px()])?;
     Ok(Window { left_px, top_px, width_px, height_px })
-}
-
-fn tdi(keys: &TdiKeys, check: &mut Checker<'_>) -> Result<Tdi, ConfigError> {
-    let stages = "rows that add up; exposure.exposure_s is the time of one of them";
-    Ok(Tdi { stages: check.whole("detector.tdi.stages", keys.stages, None, 1..=4096, stages)? })
 }
 
 /// The exposure of a frame: `exposure_s` is that of one stage.
@@ -217,29 +262,16 @@ pub(super) fn tdi_exposure(
 }
 
 fn defects(keys: &DefectsKeys, check: &mut Checker<'_>) -> Result<DefectPopulation, ConfigError> {
-    let mut number = |key: &str, given, default, rule, advice| {
-        check.number(&format!("detector.defects.{key}"), given, default, rule, advice)
-    };
-    let share = Rule::Within(0.0, LARGEST_DEFECT_SHARE);
-    let share_of = "a share of all pixels, such as 0.001";
-    let mean = "mean of what such a pixel has more, electrons per second";
-    let rate = "switches per second";
     Ok(DefectPopulation {
-        hot_share: number("hot_share", keys.hot_share, 0.0, share, share_of)?,
-        hot_e_per_s: number("hot_e_per_s", keys.hot_e_per_s, 1000.0, Rule::Within(0.0, 1e9), mean)?,
-        dead_share: number("dead_share", keys.dead_share, 0.0, share, share_of)?,
-        dead_response: number(
-            "dead_response",
-            keys.dead_response,
-            0.0,
-            Rule::Within(0.0, 1.0),
-            "share of the light that a dead pixel still counts",
-        )?,
-        rts_share: number("rts_share", keys.rts_share, 0.0, share, share_of)?,
-        rts_e_per_s: number("rts_e_per_s", keys.rts_e_per_s, 100.0, Rule::Within(0.0, 1e9), mean)?,
+        hot_share: keys.hot_share().check(check)?,
+        hot_e_per_s: keys.hot_e_per_s().check(check)?,
+        dead_share: keys.dead_share().check(check)?,
+        dead_response: keys.dead_response().check(check)?,
+        rts_share: keys.rts_share().check(check)?,
+        rts_e_per_s: keys.rts_e_per_s().check(check)?,
         rts_rates: Rates {
-            up_per_s: number("rts_up_per_s", keys.rts_up_per_s, 0.1, Rule::Within(0.0, 1e6), rate)?,
-            down_per_s: number("rts_down_per_s", keys.rts_down_per_s, 0.1, Rule::Within(0.0, 1e6), rate)?,
+            up_per_s: keys.rts_up_per_s().check(check)?,
+            down_per_s: keys.rts_down_per_s().check(check)?,
         },
     })
 }
@@ -252,48 +284,19 @@ fn protons(
 ) -> Result<(SensitiveLayer, Option<ProtonFlux>), ConfigError> {
     let typical = SensitiveLayer { pixel_pitch_um: fits.pixel_pitch_um, ..SensitiveLayer::TYPICAL };
     let Some(keys) = keys else { return Ok((typical, None)) };
-    let words = [("isotropic", false), ("beam", true)];
-    let advice = "from everywhere alike, or one direction by incidence_deg and azimuth_deg";
-    let is_beam = check.choice("detector.protons.direction", keys.direction.as_deref(), &words, advice)?;
-    if !is_beam {
-        let beam = "detector.protons.direction = \"beam\"";
-        check.unused("detector.protons.incidence_deg", keys.incidence_deg.is_some(), beam)?;
-        check.unused("detector.protons.azimuth_deg", keys.azimuth_deg.is_some(), beam)?;
-    }
-    let mut number = |key: &str, given, default, rule, advice| {
-        check.number(&format!("detector.protons.{key}"), given, default, rule, advice)
-    };
+    let IsBeam(is_beam) = keys.direction().check(check)?;
     let direction = if is_beam {
-        let normal = "degrees from the detector's normal";
-        let turn = "degrees on the image from +x towards +y";
-        ProtonDirection::Beam {
-            incidence_deg: number("incidence_deg", keys.incidence_deg, 0.0, Rule::Within(0.0, 89.9), normal)?,
-            azimuth_deg: number("azimuth_deg", keys.azimuth_deg, 0.0, Rule::Within(-360.0, 360.0), turn)?,
-        }
+        let incidence_deg = keys.incidence_deg().check(check)?;
+        ProtonDirection::Beam { incidence_deg, azimuth_deg: keys.azimuth_deg().check(check)? }
     } else {
+        keys.refuse(&["incidence_deg", "azimuth_deg"], "detector.protons.direction = \"beam\"", check)?;
         ProtonDirection::Isotropic
     };
-    let energy = "kinetic energy in MeV, where stopping powers are tabulated";
-    let flux = ProtonFlux {
-        per_cm2_s: number("per_cm2_s", keys.per_cm2_s, 0.0, Rule::Within(0.0, 1e9), "protons per cm^2 and second")?,
-        energy_mev: number("energy_mev", keys.energy_mev, 60.0, Rule::Within(DOMAIN_MEV[0], DOMAIN_MEV[1]), energy)?,
-        direction,
-    };
+    let per_cm2_s = keys.per_cm2_s().check(check)?;
+    let flux = ProtonFlux { per_cm2_s, energy_mev: keys.energy_mev().check(check)?, direction };
     let layer = SensitiveLayer {
-        thickness_um: number(
-            "thickness_um",
-            keys.thickness_um,
-            typical.thickness_um,
-            Rule::Within(0.1, 1000.0),
-            "thickness of the layer that collects charge, micrometres",
-        )?,
-        track_width_px: number(
-            "track_width_px",
-            keys.track_width_px,
-            typical.track_width_px,
-            Rule::Within(0.1, 8.0),
-            "side of the square over which charge spreads about a path, pixels",
-        )?,
+        thickness_um: keys.thickness_um().check(check)?,
+        track_width_px: keys.track_width_px().check(check)?,
         ..typical
     };
     Ok((layer, (flux.per_cm2_s > 0.0).then_some(flux)))

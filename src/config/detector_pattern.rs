@@ -1,17 +1,13 @@
 //! Fixed patterns of `[detector]`: rms or peak-to-peak, maps, columns and rows.
 
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::detector::DetectorKeys;
 use crate::error::ConfigError;
 use crate::image_file;
+use crate::key::{Given, section};
 use image::detector::{LinePattern, Patterns};
-use serde::Deserialize;
 use std::sync::Arc;
 
-const DEFAULT_PRNU: f64 = 0.01;
-const DEFAULT_DSNU_E: f64 = 1.0;
-/// Standard deviations between the extremes of a peak-to-peak figure.
-const DEFAULT_PP_SIGMAS: f64 = 6.0;
 /// A map of gains instead of shares has a mean near 1.
 const LARGEST_MEAN_PRNU: f64 = 0.5;
 
@@ -24,105 +20,72 @@ pub(super) struct FixedPatterns {
     pub(super) maps: Patterns,
 }
 
-/// `[detector.lines]`.
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct LineKeys {
-    column_e_rms: Option<f64>,
-    column_gain_rms: Option<f64>,
-    row_e_rms: Option<f64>,
-}
+section! {
+    /// Fixed patterns of columns and rows.
+    LineKeys at "detector.lines" {
+        /// Offset of a column, electrons rms; 0 turns it off.
+        column_e_rms: f64 = Silent(0.0), NotNegative, "electrons rms; 0 turns it off";
+        /// Gain of a column, an rms fraction: 0.1 % is 0.001.
+        column_gain_rms: f64 = Silent(0.0), Within(0.0, 0.2), "an rms fraction: 0.1 % is 0.001";
+        /// Offset of a row, electrons rms; 0 turns it off.
+        row_e_rms: f64 = Silent(0.0), NotNegative, "electrons rms; 0 turns it off";
+    }
 
-/// `[detector.maps]`: FITS files of the detector's size.
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct MapKeys {
-    prnu: Option<String>,
-    dsnu_e: Option<String>,
-    dark_factor: Option<String>,
-}
-
-/// A figure that may be given as rms, as peak-to-peak, or as a map.
-struct Spread<'a> {
-    name: &'a str,
-    rms: Option<f64>,
-    peak_to_peak: Option<f64>,
-    is_mapped: bool,
+    /// FITS images of the detector's size.
+    MapKeys at "detector.maps" {
+        /// Photo-response non-uniformity: shares about 0, 0.01 is 1 % above the mean response.
+        prnu: String = Optional, "path";
+        /// Dark-signal non-uniformity, electrons.
+        dsnu_e: String = Optional, "path";
+        /// Dark current over its mean, 0 or more.
+        dark_factor: String = Optional, "path";
+    }
 }
 
 impl FixedPatterns {
     pub(super) fn check(keys: &DetectorKeys, size_px: [u32; 2], check: &mut Checker<'_>) -> Result<Self, ConfigError> {
-        let sigmas = keys.pp_sigmas.unwrap_or(DEFAULT_PP_SIGMAS);
-        let advice = "standard deviations from peak to peak, usually 5 to 6";
-        check.meets("detector.pp_sigmas", sigmas, Rule::Within(1.0, 20.0), advice)?;
+        let sigmas = keys.pp_sigmas().check(check)?;
         let maps = &keys.maps;
-        let prnu = Spread { name: "prnu", rms: keys.prnu, peak_to_peak: keys.prnu_pp, is_mapped: maps.prnu.is_some() };
-        let advice = "an rms fraction: 1 % is 0.01";
-        let prnu = prnu.check(sigmas, DEFAULT_PRNU, Rule::Within(0.0, 0.5), advice, check)?;
-        let dsnu = Spread {
-            name: "dsnu_e_rms",
-            rms: keys.dsnu_e_rms,
-            peak_to_peak: keys.dsnu_e_pp,
-            is_mapped: maps.dsnu_e.is_some(),
-        };
-        let dsnu_e_rms = dsnu.check(sigmas, DEFAULT_DSNU_E, Rule::NotNegative, "0 turns it off", check)?;
-        if let (Some(nonuniformity), true) = (keys.dark_nonuniformity, maps.dark_factor.is_some()) {
+        let prnu = spread([keys.prnu(), keys.prnu_pp()], sigmas, maps.prnu().is_given(), check)?;
+        let dsnu_e_rms = spread([keys.dsnu_e_rms(), keys.dsnu_e_pp()], sigmas, maps.dsnu_e().is_given(), check)?;
+        if let (Some(nonuniformity), true) = (keys.dark_nonuniformity().raw(), maps.dark_factor().is_given()) {
             let advice = "leave out dark_nonuniformity: the map has the pixels' own factors";
-            return Err(check.invalid("detector.dark_nonuniformity", nonuniformity, "no dark_factor map", advice));
+            return Err(keys.dark_nonuniformity().advised(advice).invalid(nonuniformity, "no dark_factor map", check));
         }
-        Ok(Self { prnu, dsnu_e_rms, lines: Self::lines(&keys.lines, check)?, maps: read_maps(maps, size_px, check)? })
-    }
-
-    fn lines(keys: &LineKeys, check: &Checker<'_>) -> Result<LinePattern, ConfigError> {
-        let off = |key: &str, given: Option<f64>, rule, advice| {
-            check.meets(&format!("detector.lines.{key}"), given.unwrap_or(0.0), rule, advice)
+        let lines = LinePattern {
+            column_e_rms: keys.lines.column_e_rms().check(check)?,
+            column_gain_rms: keys.lines.column_gain_rms().check(check)?,
+            row_e_rms: keys.lines.row_e_rms().check(check)?,
         };
-        let offset = "electrons rms; 0 turns it off";
-        Ok(LinePattern {
-            column_e_rms: off("column_e_rms", keys.column_e_rms, Rule::NotNegative, offset)?,
-            column_gain_rms: off(
-                "column_gain_rms",
-                keys.column_gain_rms,
-                Rule::Within(0.0, 0.2),
-                "an rms fraction: 0.1 % is 0.001",
-            )?,
-            row_e_rms: off("row_e_rms", keys.row_e_rms, Rule::NotNegative, offset)?,
-        })
+        Ok(Self { prnu, dsnu_e_rms, lines, maps: read_maps(maps, size_px, check)? })
     }
 }
 
-impl Spread<'_> {
-    fn check(
-        self,
-        sigmas: f64,
-        default: f64,
-        rule: Rule,
-        advice: &str,
-        check: &mut Checker<'_>,
-    ) -> Result<f64, ConfigError> {
-        let key = format!("detector.{}", self.name);
-        let given = [self.rms.is_some(), self.peak_to_peak.is_some(), self.is_mapped];
-        if given.into_iter().filter(|given| *given).count() > 1 {
-            let got = "given more than once";
-            return Err(check.invalid(&key, got, "rms, peak-to-peak or a map", "keep one of the three"));
-        }
-        if self.is_mapped {
-            return Ok(0.0);
-        }
-        match self.peak_to_peak {
-            Some(peak_to_peak) => {
-                let advice = "a peak-to-peak figure; over pp_sigmas it is the rms";
-                check.meets(&key, peak_to_peak / sigmas, rule, advice)
-            }
-            None => check.number(&key, self.rms, default, rule, advice),
-        }
+/// A figure that may be given as rms, as peak-to-peak, or as a map.
+fn spread(
+    [rms, peak_to_peak]: [Given<'_, f64>; 2],
+    sigmas: f64,
+    is_mapped: bool,
+    check: &mut Checker<'_>,
+) -> Result<f64, ConfigError> {
+    let given = [rms.is_given(), peak_to_peak.is_given(), is_mapped];
+    if given.into_iter().filter(|given| *given).count() > 1 {
+        let wanted = "rms, peak-to-peak or a map";
+        return Err(rms.advised("keep one of the three").invalid("given more than once", wanted, check));
+    }
+    if is_mapped {
+        return Ok(0.0);
+    }
+    match peak_to_peak.raw() {
+        Some(figure) => check.meets(&rms.key(), figure / sigmas, rms.limit, &peak_to_peak.advice),
+        None => rms.check(check),
     }
 }
 
 fn read_maps(keys: &MapKeys, size_px: [u32; 2], check: &Checker<'_>) -> Result<Patterns, ConfigError> {
-    let read = |name: &str, path: &Option<String>, is_fine: fn(f32) -> bool, wanted: &str| {
-        let key = format!("detector.maps.{name}");
-        let Some(path) = path else { return Ok(None) };
+    let read = |path: Given<'_, String>, is_fine: fn(f32) -> bool, wanted: &str| {
+        let key = path.key();
+        let Some(path) = path.raw() else { return Ok(None) };
         let pixels = image_file::read(check, &key, path, size_px)?;
         match pixels.iter().position(|value| !value.is_finite() || !is_fine(*value)) {
             None => Ok(Some(Arc::from(pixels))),
@@ -134,11 +97,11 @@ fn read_maps(keys: &MapKeys, size_px: [u32; 2], check: &Checker<'_>) -> Result<P
         }
     };
     let made = Patterns {
-        prnu: read("prnu", &keys.prnu, |share| share > -1.0, "shares above -1: 0.01 is 1 % above the mean response")?,
-        dsnu_e: read("dsnu_e", &keys.dsnu_e, |_| true, "electrons")?,
-        dark_factor: read("dark_factor", &keys.dark_factor, |factor| factor >= 0.0, "factors of 0 or more")?,
+        prnu: read(keys.prnu(), |share| share > -1.0, "shares above -1: 0.01 is 1 % above the mean response")?,
+        dsnu_e: read(keys.dsnu_e(), |_| true, "electrons")?,
+        dark_factor: read(keys.dark_factor(), |factor| factor >= 0.0, "factors of 0 or more")?,
     };
-    if let (Some(map), Some(path)) = (&made.prnu, &keys.prnu) {
+    if let (Some(map), Some(path)) = (&made.prnu, keys.prnu().raw()) {
         let mean = map.iter().map(|share| f64::from(*share)).sum::<f64>() / map.len().max(1) as f64;
         if mean.abs() > LARGEST_MEAN_PRNU {
             let got = format!("{path}, whose mean is {mean:.3}");

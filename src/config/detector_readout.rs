@@ -1,10 +1,11 @@
 //! Readout of `[detector]`: gain, rounding, amplifier and row noise, response.
 
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::detector::DetectorKeys;
 use crate::error::ConfigError;
+use crate::key::section;
+use crate::key_type::{Raw, Shape};
 use image::detector::{DetectorParams, Nonlinearity, Rounding, RowNoise};
-use serde::Deserialize;
 
 /// Readout beyond the read noise, checked.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,19 +17,20 @@ pub(super) struct Readout {
     pub(super) nonlinearity: Nonlinearity,
 }
 
-/// `[detector.row_noise]`.
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RowNoiseKeys {
-    e_rms: Option<f64>,
-    corner_cycles_per_row: Option<f64>,
-}
+section! {
+    /// Noise that a row shares.
+    RowNoiseKeys at "detector.row_noise" {
+        /// White noise that a row shares, electrons rms; 0 turns it off.
+        e_rms: f64 = Silent(0.0), Within(0.0, 1e6);
+        /// Where 1/f noise equals the white noise: its frequency times the time of a row; 0: no 1/f noise.
+        corner_cycles_per_row: f64 = Silent(0.0), Within(0.0, 0.5);
+    }
 
-/// `[detector.nonlinearity]`.
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct NonlinearityKeys {
-    knots_e: Option<Vec<[f64; 2]>>,
+    /// Response to charge that is no straight line.
+    NonlinearityKeys at "detector.nonlinearity" {
+        /// Up to four [electrons, electrons seen], both rising, such as [[20000, 19900], [30000, 28500]].
+        knots_e: Raw<Vec<[f64; 2]>> = Optional, Shape::pairs();
+    }
 }
 
 /// What the gain must go with.
@@ -41,7 +43,7 @@ pub(super) struct Converter {
 
 /// How the gain is found where it is not given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum GainRule {
+pub(super) enum GainRule {
     /// The full well is the largest number.
     FillRange,
     /// One LSB is the full well over 2^bits.
@@ -55,16 +57,8 @@ impl Readout {
         check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
         let gain_e_per_dn = converter.gain(keys, check)?;
-        let roundings = [("nearest", Rounding::Nearest), ("truncate", Rounding::Truncate)];
-        let advice = "how the converter makes a whole number";
-        let rounding = match &keys.rounding {
-            None => Rounding::Nearest,
-            word => check.choice("detector.rounding", word.as_deref(), &roundings, advice)?,
-        };
-        let amplifier_noise_e_rms = keys.amplifier_noise_e_rms.unwrap_or(0.0);
-        let advice = "0 turns it off; it adds to read_noise_e_rms in quadrature";
-        let key = "detector.amplifier_noise_e_rms";
-        check.meets(key, amplifier_noise_e_rms, Rule::Within(0.0, 1e6), advice)?;
+        let rounding = keys.rounding().check(check)?;
+        let amplifier_noise_e_rms = keys.amplifier_noise_e_rms().check(check)?;
         let row_noise = row_noise(&keys.row_noise, check)?;
         let nonlinearity = nonlinearity(&keys.nonlinearity, check)?;
         Ok(Self { gain_e_per_dn, rounding, amplifier_noise_e_rms, row_noise, nonlinearity })
@@ -73,55 +67,47 @@ impl Readout {
 
 impl Converter {
     fn gain(&self, keys: &DetectorKeys, check: &mut Checker<'_>) -> Result<f64, ConfigError> {
-        let rules = [("fill-range", GainRule::FillRange), ("lsb", GainRule::Lsb)];
-        let advice = "\"fill-range\": the full well is the largest DN; \"lsb\": one DN is full well / 2^bits";
-        let key = "detector.gain_e_per_dn";
-        let rule = match (&keys.gain_rule, keys.gain_e_per_dn) {
-            (None, _) => GainRule::FillRange,
-            (word, None) => check.choice("detector.gain_rule", word.as_deref(), &rules, advice)?,
+        let given = keys.gain_e_per_dn();
+        let rule = match (keys.gain_rule().raw(), given.raw()) {
             (Some(word), Some(gain)) => {
                 let wanted = format!("no gain_rule (\"{word}\") beside it");
-                return Err(check.invalid(key, gain, wanted, "give the gain, or the rule that it follows from"));
+                let advice = "give the gain, or the rule that it follows from";
+                return Err(given.advised(advice).invalid(gain, wanted, check));
             }
+            (Some(_), None) => keys.gain_rule().check(check)?,
+            (None, _) => GainRule::FillRange,
         };
         let largest_dn = f64::from((1_u32 << self.bits) - 1);
         let default = match rule {
             GainRule::FillRange => self.full_well_e / (largest_dn - self.black_level_dn),
             GainRule::Lsb => DetectorParams::lsb_e(self.full_well_e, self.bits),
         };
-        let advice = "electrons per DN: full well / (2^bits - 1 - black level) uses the whole range";
-        let gain = check.number(key, keys.gain_e_per_dn, default, Rule::Positive, advice)?;
+        let gain = given.or(default).check(check)?;
         let full_well_dn = self.full_well_e / gain;
         if full_well_dn <= self.black_level_dn {
             let got = format!("{}, which is {full_well_dn:.1} DN at {gain} e-/DN", self.full_well_e);
             let wanted = format!("a full well of more DN than the black level, {}", self.black_level_dn);
             let advice = "lower black_level_dn or gain_e_per_dn, or check the unit of full_well_e: electrons";
-            return Err(check.invalid("detector.full_well_e", got, wanted, advice));
+            return Err(keys.full_well_e().advised(advice).invalid(got, wanted, check));
         }
         Ok(gain)
     }
 }
 
-fn row_noise(keys: &RowNoiseKeys, check: &Checker<'_>) -> Result<RowNoise, ConfigError> {
-    let e_rms = keys.e_rms.unwrap_or(0.0);
-    let advice = "white noise that a row shares, electrons rms; 0 turns it off";
-    check.meets("detector.row_noise.e_rms", e_rms, Rule::Within(0.0, 1e6), advice)?;
-    let corner = keys.corner_cycles_per_row.unwrap_or(0.0);
-    let key = "detector.row_noise.corner_cycles_per_row";
-    let advice = "where 1/f noise equals the white noise: its frequency times the time of a row; 0: no 1/f noise";
-    check.meets(key, corner, Rule::Within(0.0, 0.5), advice)?;
+fn row_noise(keys: &RowNoiseKeys, check: &mut Checker<'_>) -> Result<RowNoise, ConfigError> {
+    let (e_rms, corner) = (keys.e_rms().check(check)?, keys.corner_cycles_per_row().check(check)?);
     if corner > 0.0 && e_rms == 0.0 {
         let advice = "the corner says where 1/f noise equals the white noise: give row_noise.e_rms too";
-        return Err(check.invalid(key, corner, "row_noise.e_rms above 0", advice));
+        return Err(keys.corner_cycles_per_row().advised(advice).invalid(corner, "row_noise.e_rms above 0", check));
     }
     Ok(RowNoise { e_rms, corner_cycles_per_row: corner })
 }
 
 fn nonlinearity(keys: &NonlinearityKeys, check: &Checker<'_>) -> Result<Nonlinearity, ConfigError> {
-    let Some(knots_e) = &keys.knots_e else { return Ok(Nonlinearity::OFF) };
+    let Some(knots_e) = keys.knots_e().raw() else { return Ok(Nonlinearity::OFF) };
     Nonlinearity::through(knots_e).map_err(|error| {
         let wanted = "up to four [electrons, electrons seen], both rising";
         let advice = format!("{error}; such as [[20000, 19900], [30000, 28500]]");
-        check.invalid("detector.nonlinearity.knots_e", format!("{knots_e:?}"), wanted, &advice)
+        keys.knots_e().advised(advice).invalid(format!("{knots_e:?}"), wanted, check)
     })
 }

@@ -1,14 +1,16 @@
 //! `[sink] kind = "display"`: a monitor in front of a tracker.
 
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::error::ConfigError;
+use crate::key::{Given, Section, section, taken};
+use crate::key_type::{Any, Raw, Shape, Whole, Word};
 use base::time::Span;
 use outputs::display::{Bits, CardChoice, Corner, Marker, MonitorChoice, Params};
 use serde::Deserialize;
 use std::path::PathBuf;
 
 /// Longest side of a frame that a graphics driver must take.
-const LONGEST_PX: u32 = 8192;
+const LONGEST_PX: i64 = 8192;
 
 /// A display, checked.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,190 +29,160 @@ pub struct DisplaySettings {
     pub tracker_hz: f64,
 }
 
-/// Keys of a display, beside those that every sink has.
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct DisplayKeys {
-    monitor: Option<MonitorKey>,
-    window: Option<[i64; 2]>,
-    bits: Option<i64>,
-    marker_px: Option<i64>,
-    marker_corner: Option<String>,
-    calibration: Option<String>,
-    name: Option<String>,
-    dither: Option<i64>,
-    tracker_hz: Option<f64>,
-    duty: Option<f64>,
-    latency_ms: Option<f64>,
-    direct_scanout: Option<bool>,
-    card: Option<String>,
+section! {
+    /// A monitor in front of a tracker.
+    DisplayKeys at "sink" {
+        /// Number or name of the monitor; `starloop display monitors` lists them.
+        monitor: Raw<MonitorKey> = Computed("\"primary\""),
+            Shape::either(Shape::Whole(0..=255), Shape::Text("name")), "`starloop display monitors` lists them";
+        /// Columns and rows of the window; left out, the whole monitor.
+        window: Raw<[i64; 2]> = Optional, Shape::Row(2, Box::new(Shape::Whole(1..=LONGEST_PX))),
+            "columns and rows of the window";
+        /// Bits of a colour: 8, or 10 where driver, server and monitor agree on it.
+        bits: Whole = 8, 8..=10, "10 where driver, server and monitor agree on it";
+        /// Side of a square for a photodiode; 0 for none.
+        marker_px: Whole = 0, 0..=LONGEST_PX;
+        /// Corner of that square: where no star of interest falls.
+        marker_corner: Word<Corner> = "top_left", [
+            ("top_left", Corner::TopLeft), ("top_right", Corner::TopRight),
+            ("bottom_left", Corner::BottomLeft), ("bottom_right", Corner::BottomRight),
+        ], "where no star of interest falls";
+        /// Calibration as `starloop calibrate display` writes it, beside this file.
+        calibration: String = Optional, "path", "as `starloop calibrate display` writes it, beside this file";
+        /// What the calibration calls the display: model and serial number.
+        name: String = Optional, "text",
+            "model and serial number: a calibration of another display of the same size is refused by it";
+        /// Refreshes, a power of two: over so many the mean light of a pixel is right.
+        dither: Whole = 16, 1..=256;
+        /// Frames per second of the tracker in front of the display.
+        tracker_hz: f64 = 10.0, PositiveUpTo(1e4);
+        /// Share of a refresh during which the display shines: 1 holds its light, 0 flashes, which beats most.
+        duty: f64 = Optional, Within(0.0, 1.0);
+        /// From submit to light in the middle of the display, as `starloop display latency` tells it.
+        latency_ms: f64 = Optional, Within(0.0, 1000.0);
+        /// Frames go to a connector of the graphics card, past any window system.
+        direct_scanout: bool = false, Any;
+        /// The card of direct_scanout, such as "/dev/dri/card0"; left out, the first.
+        card: String = Optional, "path", "such as \"/dev/dri/card0\"";
+    }
 }
 
 /// A monitor by number or by name.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(untagged, expecting = "invalid type: expected a monitor's name or its number, from 0")]
-enum MonitorKey {
+pub(super) enum MonitorKey {
     Index(i64),
     Name(String),
 }
 
 impl DisplaySettings {
-    /// Reads the keys of the sink `table` (`sink`, `extra_sink[0]`) for a camera's frames of `image_px`, columns and rows.
-    pub(super) fn check(
-        keys: &DisplayKeys,
-        table: &str,
-        image_px: [u32; 2],
-        check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
-        let key = |name: &str| format!("{table}.{name}");
-        let is_calibrated = keys.calibration.is_some();
-        if is_calibrated && table != "sink" {
+    /// Reads the keys of a sink for a camera's frames of `image_px`, columns and rows.
+    pub(super) fn check(keys: &DisplayKeys, image_px: [u32; 2], check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+        let is_calibrated = keys.calibration().is_given();
+        if is_calibrated && keys.table() != "sink" {
             let advice = "frames are drawn for one display: name it in [sink], and what keeps its frames beside it";
-            return Err(check.invalid(&key("calibration"), "given", "a calibrated display in [sink] only", advice));
+            return Err(keys.calibration().advised(advice).invalid(
+                "given",
+                "a calibrated display in [sink] only",
+                check,
+            ));
         }
-        let monitor = monitor(keys.monitor.as_ref(), &key("monitor"), check)?;
+        let monitor = monitor(&keys.monitor(), check)?;
         // What is drawn for a calibrated display has the size that the calibration says.
         let image_px = (!is_calibrated).then_some(image_px);
-        let window_px = window(keys.window, &key("window"), image_px, check)?;
-        let most = "10 where driver, server and monitor agree on it";
-        let bits = match check.whole(&key("bits"), keys.bits, Some(8), 8..=10, most)? {
+        let window_px = window(&keys.window(), image_px, check)?;
+        let bits = match keys.bits().check(check)? {
             8 => Bits::Eight,
             10 => Bits::Ten,
-            other => return Err(check.invalid(&key("bits"), other, "8 or 10", most)),
+            other => return Err(keys.bits().invalid(other, "8 or 10", check)),
         };
-        let marker = marker(keys, &key, image_px, check)?;
-        let advice = "from submit to light in the middle of the display, as `starloop display latency` tells it";
-        let latency = keys.latency_ms.map(|ms| check.meets(&key("latency_ms"), ms, Rule::Within(0.0, 1000.0), advice));
-        let latency = latency.transpose()?.map(|ms| Span::from_s(ms * 1e-3));
-        let direct_scanout = direct_scanout(keys, &key, check)?;
+        let marker = marker(keys, image_px, check)?;
+        let latency = keys.latency_ms().optional(check)?.map(|ms| Span::from_s(ms * 1e-3));
+        let direct_scanout = direct_scanout(keys, check)?;
         let params = Params { monitor, window_px, bits, marker, latency, direct_scanout, refresh: None };
         let plain = Self { params, calibration: None, name: None, dither: 1, duty: None, tracker_hz: 0.0 };
-        if is_calibrated { plain.calibrated(keys, &key, check) } else { plain.uncalibrated(keys, &key, check) }
+        if is_calibrated {
+            return plain.calibrated(keys, check);
+        }
+        keys.refuse(&["name", "dither", "tracker_hz", "duty"], "a display with a calibration", check)?;
+        Ok(plain)
     }
 
     /// With the keys that only a calibrated display has.
-    fn calibrated(
-        self,
-        keys: &DisplayKeys,
-        key: &impl Fn(&str) -> String,
-        check: &mut Checker<'_>,
-    ) -> Result<Self, ConfigError> {
-        let path = keys.calibration.as_deref().filter(|path| !path.trim().is_empty());
-        let Some(path) = path else {
-            let advice = "as `starloop calibrate display` writes it, beside this file";
-            return Err(check.invalid(&key("calibration"), "empty", "a calibration file", advice));
-        };
-        let Some(name) = keys.name.clone().filter(|name| !name.trim().is_empty()) else {
-            let advice = "model and serial number: a calibration of another display of the same size is refused by it";
-            return Err(check.invalid(&key("name"), "missing", "what the calibration calls the display", advice));
-        };
-        let advice = "refreshes, a power of two: over so many the mean light of a pixel is right";
-        let dither = check.whole(&key("dither"), keys.dither, Some(16), 1..=256, advice)?;
-        let advice = "frames per second of the tracker in front of the display";
-        let tracker_hz = check.number(&key("tracker_hz"), keys.tracker_hz, 10.0, Rule::PositiveUpTo(1e4), advice)?;
-        let advice =
-            "share of a refresh during which the display shines: 1 holds its light, 0 flashes, which beats most";
-        let duty = keys.duty.map(|duty| check.meets(&key("duty"), duty, Rule::Within(0.0, 1.0), advice)).transpose()?;
+    fn calibrated(self, keys: &DisplayKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+        let path = keys.calibration().raw().filter(|path| !path.trim().is_empty());
+        let path = path.ok_or_else(|| keys.calibration().invalid("empty", "a calibration file", check))?;
+        let name = keys.name().raw().filter(|name| !name.trim().is_empty());
+        let name = name.ok_or_else(|| keys.name().missing("what the calibration calls the display", check))?;
+        taken!(check, keys => dither, tracker_hz);
+        let duty = keys.duty().optional(check)?;
         let calibration = Some(check.document.file_beside(path));
-        Ok(Self { calibration, name: Some(name), dither, duty, tracker_hz, ..self })
-    }
-
-    /// Without them: a key that would do nothing is refused.
-    fn uncalibrated(
-        self,
-        keys: &DisplayKeys,
-        key: &impl Fn(&str) -> String,
-        check: &Checker<'_>,
-    ) -> Result<Self, ConfigError> {
-        let given = [
-            ("name", keys.name.is_some()),
-            ("dither", keys.dither.is_some()),
-            ("tracker_hz", keys.tracker_hz.is_some()),
-            ("duty", keys.duty.is_some()),
-        ];
-        for (name, is_given) in given {
-            check.unused(&key(name), is_given, "a display with a calibration")?;
-        }
-        Ok(self)
+        Ok(Self { calibration, name: Some(name.clone()), dither, duty, tracker_hz, ..self })
     }
 }
 
-fn monitor(given: Option<&MonitorKey>, key: &str, check: &mut Checker<'_>) -> Result<MonitorChoice, ConfigError> {
-    let advice = "`starloop display monitors` lists them";
-    match given {
+fn monitor(given: &Given<'_, Raw<MonitorKey>>, check: &mut Checker<'_>) -> Result<MonitorChoice, ConfigError> {
+    match given.raw() {
         None => {
-            check.given_or(key, None, "primary");
+            check.note(&given.key(), "primary");
             Ok(MonitorChoice::Primary)
         }
         Some(MonitorKey::Name(name)) if name == "primary" => Ok(MonitorChoice::Primary),
         Some(MonitorKey::Name(name)) if name.trim().is_empty() => {
-            Err(check.invalid(key, "empty", "a name, a number, or \"primary\"", advice))
+            Err(given.invalid("empty", "a name, a number, or \"primary\"", check))
         }
         Some(MonitorKey::Name(name)) => Ok(MonitorChoice::Named(name.clone())),
         Some(MonitorKey::Index(index)) => {
-            Ok(MonitorChoice::Index(check.whole(key, Some(*index), None, 0..=255, advice).map(|index| index as usize)?))
+            let index = check.whole(&given.key(), Some(*index), None, 0..=255, &given.advice)?;
+            Ok(MonitorChoice::Index(index as usize))
         }
     }
 }
 
-fn direct_scanout(
-    keys: &DisplayKeys,
-    key: &impl Fn(&str) -> String,
-    check: &mut Checker<'_>,
-) -> Result<Option<CardChoice>, ConfigError> {
-    if !check.given_or(&key("direct_scanout"), keys.direct_scanout, false) {
-        check.unused(&key("card"), keys.card.is_some(), "direct_scanout = true")?;
+fn direct_scanout(keys: &DisplayKeys, check: &mut Checker<'_>) -> Result<Option<CardChoice>, ConfigError> {
+    if !keys.direct_scanout().check(check)? {
+        keys.refuse(&["card"], "direct_scanout = true", check)?;
         return Ok(None);
     }
-    check.unused(&key("window"), keys.window.is_some(), "a display without direct_scanout, which has no windows")?;
-    match keys.card.as_deref().map(str::trim) {
+    keys.refuse(&["window"], "a display without direct_scanout, which has no windows", check)?;
+    match keys.card().raw().map(|card| card.trim()) {
         None => Ok(Some(CardChoice::First)),
-        Some("") => Err(check.invalid(&key("card"), "empty", "a card's file", "such as \"/dev/dri/card0\"")),
+        Some("") => Err(keys.card().invalid("empty", "a card's file", check)),
         Some(path) => Ok(Some(CardChoice::At(path.into()))),
     }
 }
 
+/// Columns and rows of a window; those of the camera's images unless that is `None`.
 fn window(
-    given: Option<[i64; 2]>,
-    key: &str,
+    given: &Given<'_, Raw<[i64; 2]>>,
     image_px: Option<[u32; 2]>,
     check: &mut Checker<'_>,
 ) -> Result<Option<[u32; 2]>, ConfigError> {
-    let Some(sides) = given else { return Ok(None) };
+    let Some(sides) = given.raw() else { return Ok(None) };
     let mut window_px = [0; 2];
-    for (side, given) in window_px.iter_mut().zip(sides) {
-        *side = check.whole(key, Some(given), None, 1..=LONGEST_PX, "columns and rows of the window")?;
+    for (side, length) in window_px.iter_mut().zip(sides) {
+        *side = check.whole(&given.key(), Some(*length), None, 1..=8192, &given.advice)?;
     }
     if let Some(image_px) = image_px.filter(|image_px| *image_px != window_px) {
         let wanted = format!("{image_px:?}, the camera's columns and rows");
-        return Err(check.invalid(key, format!("{window_px:?}"), wanted, "frames are never scaled"));
+        return Err(check.invalid(&given.key(), format!("{window_px:?}"), wanted, "frames are never scaled"));
     }
     Ok(Some(window_px))
 }
 
 fn marker(
     keys: &DisplayKeys,
-    key: &impl Fn(&str) -> String,
     image_px: Option<[u32; 2]>,
     check: &mut Checker<'_>,
 ) -> Result<Option<Marker>, ConfigError> {
-    // Of a calibrated display the size is not known here: its marker is held against it when it is opened.
-    let longest = image_px.map_or(LONGEST_PX, |[columns, rows]| columns.min(rows));
-    let advice = "side of a square for a photodiode; 0 for none";
-    let size_px = check.whole(&key("marker_px"), keys.marker_px, Some(0), 0..=longest, advice)?;
+    // Of a calibrated display the size is not known here: its marker is compared with it when it is opened.
+    let longest = image_px.map_or(LONGEST_PX, |[columns, rows]| i64::from(columns.min(rows)));
+    let size_px = keys.marker_px().within(0..=longest).check(check)?;
     if size_px == 0 {
-        check.unused(&key("marker_corner"), keys.marker_corner.is_some(), "marker_px > 0")?;
+        keys.refuse(&["marker_corner"], "marker_px > 0", check)?;
         return Ok(None);
     }
-    let corners = [
-        ("top_left", Corner::TopLeft),
-        ("top_right", Corner::TopRight),
-        ("bottom_left", Corner::BottomLeft),
-        ("bottom_right", Corner::BottomRight),
-    ];
-    let advice = "where no star of interest falls";
-    let corner = check.choice(&key("marker_corner"), keys.marker_corner.as_deref(), &corners, advice)?;
-    Ok(Some(Marker { size_px, corner }))
+    Ok(Some(Marker { size_px, corner: keys.marker_corner().check(check)? }))
 }
 
 #[cfg(test)]
@@ -232,7 +204,7 @@ mod tests {
         }
         let document = Document::from_text(&format!("[sink]\n{text}"), Path::new("benches/a.toml"));
         let File { sink } = document.read_as()?;
-        DisplaySettings::check(&sink, table, IMAGE_PX, &mut Checker::new(&document))
+        DisplaySettings::check(&sink.at(table), IMAGE_PX, &mut Checker::new(&document))
     }
 
     #[test]

@@ -150,6 +150,13 @@ impl Document {
         Self { settings, ..self }
     }
 
+    /// The same with one more changed value.
+    #[must_use]
+    pub fn with_setting(mut self, setting: Setting) -> Self {
+        self.settings.push(setting);
+        self
+    }
+
     /// A configuration of the binary, by its path below `configs/`, such as `benches/loopback.toml`.
     ///
     /// # Errors

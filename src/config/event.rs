@@ -3,11 +3,12 @@
 //! A key that a word has no use for is refused: it would be given in vain. Words: `event_word`; their values:
 //! `event_reader`. Tests: `event_tests`.
 
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::document::Document;
 use crate::error::ConfigError;
 use crate::event_reader::Reader;
-use crate::event_word::{ACTIONS, EventKeys, words};
+use crate::event_word::{ACTIONS, EventKeys, OF_ALL, words};
+use crate::key::{Given, Section};
 use base::time::Span;
 use frames::sink::FrameFault;
 use glam::DVec3;
@@ -124,10 +125,7 @@ impl Event {
             text: serde_json::to_string(event).unwrap_or_default(),
         })?;
         let document = Document::from_text(&text, place);
-        let mut keys: EventKeys = document.read_as()?;
-        if keys.at_frame.is_none() && keys.on_trigger.is_none() {
-            keys.at_s = keys.at_s.or(Some(now_s.max(0.0)));
-        }
+        let keys = document.read_as::<EventKeys>()?.begun_by(now_s.max(0.0));
         Self::check(&keys, 0, frame_period, &mut Checker::new(&document))
     }
 
@@ -138,22 +136,18 @@ impl Event {
         frame_period: Span,
         check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
-        let key = |name: &str| format!("event[{place}].{name}");
-        if keys.action.is_none() {
-            let wanted = format!("one of {}", words(|_| true));
-            return Err(check.invalid(&key("do"), "missing", wanted, "what happens"));
+        let keys = keys.at(&format!("event[{place}]"));
+        if !keys.r#do().is_given() {
+            return Err(keys.r#do().missing(format!("one of {}", words(|_| true)), check));
         }
-        let advice = "what happens";
-        let kind = check.choice(&key("do"), keys.action.as_deref(), &ACTIONS, advice)?;
-        for (name, is_given) in keys.given() {
-            if !kind.has_key(name) {
-                check.unused(&key(name), is_given, &format!("do = {}", words(|kind| kind.has_key(name))))?;
-            }
+        let kind = keys.r#do().check(check)?;
+        for (name, _) in keys.given().iter().filter(|(name, _)| !OF_ALL.contains(name) && !kind.has_key(name)) {
+            keys.refuse(&[name], &format!("do = {}", words(|kind| kind.has_key(name))), check)?;
         }
         if !kind.has_key("for_s") {
-            check.unused(&key("for_frames"), keys.for_frames.is_some(), "events that last")?;
+            keys.refuse(&["for_frames"], "events that last", check)?;
         }
-        let reader = Reader { keys, place, check };
+        let mut reader = Reader { keys: &keys, check };
         let (at, on_trigger) = reader.begin(kind, frame_period)?;
         let action = reader.action(kind)?;
         let lasts = if kind.has_key("for_s") { reader.lasts(frame_period)? } else { Span::ZERO };
@@ -176,19 +170,10 @@ impl Event {
 }
 
 impl Pointing {
-    /// Three angles; roll may be left out.
-    pub(super) fn check(
-        given: [Option<f64>; 3],
-        key: impl Fn(&str) -> String,
-        check: &Checker<'_>,
-    ) -> Result<Self, ConfigError> {
-        let [ra_deg, dec_deg, roll_deg] = given;
-        let turn = Rule::Within(-360.0, 360.0);
-        Ok(Self {
-            ra_deg: check.required(&key("ra_deg"), ra_deg, turn, "degrees, not hours: 5h 30m is 82.5")?,
-            dec_deg: check.required(&key("dec_deg"), dec_deg, Rule::Within(-90.0, 90.0), "degrees")?,
-            roll_deg: check.required(&key("roll_deg"), Some(roll_deg.unwrap_or(0.0)), turn, "degrees")?,
-        })
+    /// Reads right ascension, declination and roll, which may be left out.
+    pub(super) fn check(angles: [Given<'_, f64>; 3], check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+        let [ra, dec, roll] = angles;
+        Ok(Self { ra_deg: ra.check(check)?, dec_deg: dec.check(check)?, roll_deg: roll.check(check)? })
     }
 }
 

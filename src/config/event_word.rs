@@ -1,55 +1,117 @@
 //! The words of `[[event]]` and the keys that go with each.
 
-use serde::Deserialize;
+use crate::key::section;
+use crate::key_type::{Raw, Shape, Whole, Word};
+use image::detector::protons::stopping_power::DOMAIN_MEV;
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct EventKeys {
-    pub(super) at_s: Option<f64>,
-    pub(super) at_frame: Option<i64>,
-    pub(super) on_trigger: Option<i64>,
-    pub(super) for_s: Option<f64>,
-    pub(super) for_frames: Option<i64>,
-    #[serde(rename = "do")]
-    pub(super) action: Option<String>,
-    pub(super) ra_deg: Option<f64>,
-    pub(super) dec_deg: Option<f64>,
-    pub(super) roll_deg: Option<f64>,
-    pub(super) share: Option<f64>,
-    pub(super) delay_ms: Option<f64>,
-    pub(super) jitter_ms: Option<f64>,
-    pub(super) can_id: Option<i64>,
-    pub(super) period_ms: Option<f64>,
-    pub(super) bytes: Option<i64>,
-    pub(super) step_ms: Option<f64>,
-    pub(super) ppm: Option<f64>,
-    pub(super) late_ms: Option<f64>,
-    pub(super) e_per_s: Option<f64>,
-    pub(super) rate_deg_h: Option<[f64; 3]>,
-    pub(super) head: Option<i64>,
-    pub(super) wheel: Option<i64>,
-    pub(super) number: Option<i64>,
-    pub(super) bit: Option<i64>,
-    pub(super) px: Option<[i64; 2]>,
-    pub(super) count: Option<i64>,
-    pub(super) from_e_per_s: Option<f64>,
-    pub(super) to_e_per_s: Option<f64>,
-    pub(super) sigma_px: Option<f64>,
-    pub(super) throughput: Option<f64>,
-    pub(super) to_throughput: Option<f64>,
-    pub(super) by_k: Option<f64>,
-    pub(super) full_wells: Option<f64>,
-    pub(super) mag: Option<f64>,
-    pub(super) column: Option<i64>,
-    pub(super) row: Option<i64>,
-    pub(super) response: Option<f64>,
-    pub(super) high_s: Option<f64>,
-    pub(super) low_s: Option<f64>,
-    pub(super) dn: Option<i64>,
-    pub(super) per_cm2_s: Option<f64>,
-    pub(super) energy_mev: Option<f64>,
-    pub(super) incidence_deg: Option<f64>,
-    pub(super) azimuth_deg: Option<f64>,
+section! {
+    /// A command to the flight computer, or a fault, at its time.
+    EventKeys at "event" {
+        /// What happens.
+        r#do: Word<Kind> = Needed, ACTIONS;
+        /// Seconds after the first exposure; after the trigger, when it waits for one.
+        at_s: f64 = Optional, NotNegative, "seconds after the first exposure";
+        /// The first frame that it hits, from 0, in place of at_s.
+        at_frame: Whole = Optional, 0..=1_000_000_000, "the first frame that it hits, from 0";
+        /// The number of a trigger that it waits for, such as 1.
+        on_trigger: Whole<u16> = Optional, 0..=65_535, "the number of a trigger, such as 1";
+        /// How many seconds it lasts.
+        for_s: f64 = Optional, Positive;
+        /// How many frames it hits, in place of for_s.
+        for_frames: Whole = Optional, 1..=1_000_000_000, "how many frames it hits";
+        /// Right ascension of the boresight to slew to, in degrees, not hours: 5h 30m is 82.5.
+        ra_deg: f64 = Optional, Within(-360.0, 360.0), "degrees, not hours: 5h 30m is 82.5";
+        /// Declination of the boresight to slew to.
+        dec_deg: f64 = Optional, Within(-90.0, 90.0), "degrees";
+        /// Position angle of the image's up direction after a slew, east of north.
+        roll_deg: f64 = Silent(0.0), Within(-360.0, 360.0), "degrees";
+        /// A share of the packets, of missing_stars a share of the catalog's stars, 0 to 1.
+        share: f64 = Optional, Within(0.0, 1.0), "a share of the packets, 0 to 1";
+        /// Milliseconds by which packets are late.
+        delay_ms: f64 = Optional, Within(0.0, MOST_MS), "milliseconds";
+        /// Random part of the delay, milliseconds.
+        jitter_ms: f64 = Silent(0.0), Within(0.0, MOST_MS), "milliseconds";
+        /// An identifier of 11 bits, such as 0x123; no use on serial.
+        can_id: Whole<u16> = Optional, 0..=0x7FF, "an identifier of 11 bits, such as 0x123; no use on serial";
+        /// Milliseconds from one packet to the next, such as 0.5.
+        period_ms: f64 = Optional, Within(0.05, MOST_MS);
+        /// Bytes of content, 8 if left out.
+        bytes: Whole<u8> = Silent(8), 0..=64;
+        /// Milliseconds by which a clock steps, below zero for a clock that falls behind.
+        step_ms: f64 = Optional, Within(-MOST_MS, MOST_MS), "milliseconds, below zero for a clock that falls behind";
+        /// Parts per million, below zero for a slow clock.
+        ppm: f64 = Optional, Within(-10_000.0, 10_000.0);
+        /// Milliseconds by which frames are late.
+        late_ms: f64 = Optional, Within(0.0, MOST_MS), "milliseconds";
+        /// Electrons per second in every pixel, such as 200000.0; of a hot or blinking pixel what it has more.
+        e_per_s: f64 = Optional, PositiveUpTo(1e12), "electrons per second in every pixel, such as 200000.0";
+        /// Degrees per hour about the body axes, such as [5.0, 0.0, 0.0].
+        rate_deg_h: [f64; 3] = Optional, Within(-1e6, 1e6);
+        /// Which head, counted from 0; left out: all.
+        head: Whole<usize> = Optional, 0..=15, "counted from 0";
+        /// Which wheel, counted from 0.
+        wheel: Whole<usize> = Optional, 0..=15, "counted from 0";
+        /// The number of a trigger, such as 1.
+        number: Whole<u16> = Optional, 0..=65_535;
+        /// Which bit of the pixels' numbers, from 0.
+        bit: Whole<u8> = Optional, 0..=15;
+        /// Column and row, from 0, such as [100, 200].
+        px: Raw<[i64; 2]> = Optional, Shape::Row(2, Box::new(Shape::Whole(0..=65_535)));
+        /// How many at random, of missing_bright_stars how many of the brightest.
+        count: Whole = Optional, 0..=1_000_000, "how many at random";
+        /// Electrons per second in every pixel at the begin of a ramp.
+        from_e_per_s: f64 = Optional, Within(0.0, 1e12), "electrons per second in every pixel, such as 200000.0";
+        /// Electrons per second in every pixel at the end of a ramp.
+        to_e_per_s: f64 = Optional, Within(0.0, 1e12), "electrons per second in every pixel, such as 200000.0";
+        /// Sigma of the defocused, Gaussian spot, px.
+        sigma_px: f64 = Optional, Within(0.2, 12.0);
+        /// A share of the light, 0 to 1.
+        throughput: f64 = Optional, Within(0.0, 1.0);
+        /// The share at the end of the event; left out: as at the begin.
+        to_throughput: f64 = Computed("throughput"), Within(0.0, 1.0), "a share of the light, 0 to 1";
+        /// Kelvin by which the detector is warmer, below zero for colder.
+        by_k: f64 = Optional, Within(-100.0, 100.0);
+        /// Light in each exposure, full wells; 4 if left out.
+        full_wells: f64 = Silent(4.0), PositiveUpTo(1e3);
+        /// Magnitude in the instrument's band.
+        mag: f64 = Optional, Within(-30.0, 40.0);
+        /// Number of a column, from 0.
+        column: Whole = Optional, 0..=65_535, "its number, from 0";
+        /// Number of a row, from 0.
+        row: Whole = Optional, 0..=65_535, "its number, from 0";
+        /// A share of the light, 0 to 1, that a dead pixel still counts.
+        response: f64 = Silent(0.0), Within(0.0, 1.0), "a share of the light, 0 to 1";
+        /// Mean seconds at the high level; 1 if left out.
+        high_s: f64 = Silent(1.0), Within(1e-3, 1e6), "mean seconds at this level; 1 if left out";
+        /// Mean seconds at the low level; 1 if left out.
+        low_s: f64 = Silent(1.0), Within(1e-3, 1e6), "mean seconds at this level; 1 if left out";
+        /// The digital number that stuck pixels read.
+        dn: Whole<u16> = Optional, 0..=65_535, "the digital number that they read";
+        /// Protons per square centimetre and second.
+        per_cm2_s: f64 = Optional, PositiveUpTo(1e9);
+        /// Energy of the protons in MeV.
+        energy_mev: f64 = Optional, Within(DOMAIN_MEV[0], DOMAIN_MEV[1]), "MeV";
+        /// Degrees from the detector's normal: a beam from there; from all sides when neither angle is given.
+        incidence_deg: f64 = Silent(0.0), Within(0.0, 89.9), BEAM;
+        /// Degrees on the image from +x: a beam from there; from all sides when neither angle is given.
+        azimuth_deg: f64 = Silent(0.0), Within(-360.0, 360.0), BEAM;
+    }
+}
+
+const MOST_MS: f64 = 60_000.0;
+const BEAM: &str = "degrees: a beam from there; from all sides when neither angle is given";
+
+/// Keys that go with every word, as far as it lasts.
+pub(super) const OF_ALL: [&str; 5] = ["do", "at_s", "at_frame", "on_trigger", "for_frames"];
+
+impl EventKeys {
+    /// The same, now when it says no other time.
+    pub(super) fn begun_by(mut self, now_s: f64) -> Self {
+        if self.at_frame.is_none() && self.on_trigger.is_none() {
+            self.at_s.get_or_insert(now_s);
+        }
+        self
+    }
 }
 
 /// Every word for `do` with its kind.
@@ -171,53 +233,6 @@ pub(super) enum GyroKind {
 
 /// Keys that an event needs, and keys that may be left out.
 type Keys = (&'static [&'static str], &'static [&'static str]);
-
-impl EventKeys {
-    /// Every key that belongs to some words only, and whether it is given.
-    pub(super) fn given(&self) -> [(&'static str, bool); 39] {
-        [
-            ("for_s", self.for_s.is_some()),
-            ("ra_deg", self.ra_deg.is_some()),
-            ("dec_deg", self.dec_deg.is_some()),
-            ("roll_deg", self.roll_deg.is_some()),
-            ("share", self.share.is_some()),
-            ("delay_ms", self.delay_ms.is_some()),
-            ("jitter_ms", self.jitter_ms.is_some()),
-            ("can_id", self.can_id.is_some()),
-            ("period_ms", self.period_ms.is_some()),
-            ("bytes", self.bytes.is_some()),
-            ("step_ms", self.step_ms.is_some()),
-            ("ppm", self.ppm.is_some()),
-            ("late_ms", self.late_ms.is_some()),
-            ("e_per_s", self.e_per_s.is_some()),
-            ("rate_deg_h", self.rate_deg_h.is_some()),
-            ("head", self.head.is_some()),
-            ("wheel", self.wheel.is_some()),
-            ("number", self.number.is_some()),
-            ("bit", self.bit.is_some()),
-            ("px", self.px.is_some()),
-            ("count", self.count.is_some()),
-            ("from_e_per_s", self.from_e_per_s.is_some()),
-            ("to_e_per_s", self.to_e_per_s.is_some()),
-            ("sigma_px", self.sigma_px.is_some()),
-            ("throughput", self.throughput.is_some()),
-            ("to_throughput", self.to_throughput.is_some()),
-            ("by_k", self.by_k.is_some()),
-            ("full_wells", self.full_wells.is_some()),
-            ("mag", self.mag.is_some()),
-            ("column", self.column.is_some()),
-            ("row", self.row.is_some()),
-            ("response", self.response.is_some()),
-            ("high_s", self.high_s.is_some()),
-            ("low_s", self.low_s.is_some()),
-            ("dn", self.dn.is_some()),
-            ("per_cm2_s", self.per_cm2_s.is_some()),
-            ("energy_mev", self.energy_mev.is_some()),
-            ("incidence_deg", self.incidence_deg.is_some()),
-            ("azimuth_deg", self.azimuth_deg.is_some()),
-        ]
-    }
-}
 
 /// The words whose kind is wanted, each in quotes.
 pub(super) fn words(is_wanted: impl Fn(Kind) -> bool) -> String {

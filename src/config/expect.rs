@@ -2,7 +2,9 @@
 
 use crate::check::{Checker, Rule};
 use crate::error::ConfigError;
-use serde::Deserialize;
+use crate::key::{Section, section, taken};
+use crate::key_type::{Any, Whole, Word};
+use core::ops::RangeInclusive;
 
 /// Expectations, checked. What is `None` is not expected.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,58 +48,67 @@ pub struct ExpectFrames {
     pub triggers_at_least: Option<u32>,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct ExpectKeys {
-    fine_pointing_within_s: Option<f64>,
-    window_s: Option<f64>,
-    pointing_arcsec: Option<f64>,
-    knowledge_arcsec: Option<f64>,
-    pointing_over_predicted: Option<f64>,
-    recovery_s: Option<f64>,
-    recovered_arcsec: Option<f64>,
-    least_sun_angle_deg: Option<f64>,
-    final_mode: Option<String>,
-    diverges: Option<bool>,
-    late_frames_at_most: Option<i64>,
-    dropped_frames_at_most: Option<i64>,
-    blank_frames_at_most: Option<i64>,
-    triggers_at_least: Option<i64>,
-}
-
-impl ExpectKeys {
-    /// Keys that need a vehicle, and whether they are given.
-    fn of_vehicle(&self) -> [(&'static str, bool); 10] {
-        [
-            ("fine_pointing_within_s", self.fine_pointing_within_s.is_some()),
-            ("window_s", self.window_s.is_some()),
-            ("pointing_arcsec", self.pointing_arcsec.is_some()),
-            ("knowledge_arcsec", self.knowledge_arcsec.is_some()),
-            ("pointing_over_predicted", self.pointing_over_predicted.is_some()),
-            ("recovery_s", self.recovery_s.is_some()),
-            ("recovered_arcsec", self.recovered_arcsec.is_some()),
-            ("least_sun_angle_deg", self.least_sun_angle_deg.is_some()),
-            ("final_mode", self.final_mode.is_some()),
-            ("diverges", self.diverges.is_some()),
-        ]
+section! {
+    /// What must come true for a run to have passed.
+    ExpectKeys at "expect" {
+        /// Fine pointing is reached within so many seconds after the first exposure.
+        fine_pointing_within_s: f64 = Optional, Positive, "seconds";
+        /// Seconds at the end of the run that are judged.
+        window_s: f64 = Computed("a quarter of the run"), Positive;
+        /// Largest rms pointing error of the first head's boresight in the window.
+        pointing_arcsec: f64 = Optional, Positive, "arcseconds rms";
+        /// Largest rms error of the estimated attitude in the window.
+        knowledge_arcsec: f64 = Optional, Positive, "arcseconds rms";
+        /// Largest ratio of the rms pointing error to what theory predicts from the tracker's noise, such as 1.5.
+        pointing_over_predicted: f64 = Optional, Positive, "such as 1.5";
+        /// Seconds after the end of a fault within which the loop points again.
+        recovery_s: f64 = 120.0, Positive, "seconds after the end of a fault";
+        /// Arcseconds off target that count as pointing again.
+        recovered_arcsec: f64 = 120.0, Positive;
+        /// The kept boresight never comes nearer to the Sun than so many degrees.
+        least_sun_angle_deg: f64 = Optional, Positive, "degrees";
+        /// The flight computer's mode when the run ends.
+        final_mode: Word<Option<&'static str>> = "any", [
+            ("any", None), ("fine_pointing", Some("fine_pointing")), ("coarse_pointing", Some("coarse_pointing")),
+            ("rate_damping", Some("rate_damping")), ("slew", Some("slew")), ("safe", Some("safe")),
+        ];
+        /// The control must fail: at the end it points nowhere near its target.
+        diverges: bool = Silent(false), Any;
+        /// Most late frames of all heads together.
+        late_frames_at_most: Whole = Optional, COUNT, "frames of all heads together";
+        /// Most dropped frames of all heads together, those that a fault drops included.
+        dropped_frames_at_most: Whole = Optional, COUNT,
+            "frames of all heads together, those that a fault drops included";
+        /// Most blank frames of all heads together.
+        blank_frames_at_most: Whole = Optional, COUNT, "frames of all heads together";
+        /// Fewest triggers that are fired.
+        triggers_at_least: Whole = Optional, COUNT, "triggers that were fired";
     }
 }
 
+const COUNT: RangeInclusive<i64> = 0..=u32::MAX as i64;
+
+/// Keys that need a vehicle.
+const OF_VEHICLE: [&str; 10] = [
+    "fine_pointing_within_s",
+    "window_s",
+    "pointing_arcsec",
+    "knowledge_arcsec",
+    "pointing_over_predicted",
+    "recovery_s",
+    "recovered_arcsec",
+    "least_sun_angle_deg",
+    "final_mode",
+    "diverges",
+];
+
 impl ExpectFrames {
-    fn check(keys: &ExpectKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
-        let mut count = |name: &str, given: Option<i64>, advice: &str| {
-            let key = format!("expect.{name}");
-            given.map(|_| check.whole(&key, given, None, 0..=u32::MAX, advice)).transpose()
-        };
+    fn check(keys: &ExpectKeys, check: &Checker<'_>) -> Result<Self, ConfigError> {
         Ok(Self {
-            late_at_most: count("late_frames_at_most", keys.late_frames_at_most, "frames of all heads together")?,
-            dropped_at_most: count(
-                "dropped_frames_at_most",
-                keys.dropped_frames_at_most,
-                "frames of all heads together, those that a fault drops included",
-            )?,
-            blank_at_most: count("blank_frames_at_most", keys.blank_frames_at_most, "frames of all heads together")?,
-            triggers_at_least: count("triggers_at_least", keys.triggers_at_least, "triggers that were fired")?,
+            late_at_most: keys.late_frames_at_most().optional(check)?,
+            dropped_at_most: keys.dropped_frames_at_most().optional(check)?,
+            blank_at_most: keys.blank_frames_at_most().optional(check)?,
+            triggers_at_least: keys.triggers_at_least().optional(check)?,
         })
     }
 }
@@ -112,13 +123,7 @@ impl Expect {
     ) -> Result<Self, ConfigError> {
         let frames = ExpectFrames::check(keys, check)?;
         if !is_flown {
-            for (name, is_given) in keys.of_vehicle() {
-                check.unused(
-                    &format!("expect.{name}"),
-                    is_given,
-                    "a run with a spacecraft, whose pointing it judges",
-                )?;
-            }
+            keys.refuse(&OF_VEHICLE, "a run with a spacecraft, whose pointing it judges", check)?;
             let document = check.document;
             let expect = Self::check_flown(keys, duration_s, frames, &mut Checker::new(document))?;
             return Ok(expect);
@@ -132,44 +137,24 @@ impl Expect {
         frames: ExpectFrames,
         check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
-        let modes = [
-            ("any", None),
-            ("fine_pointing", Some("fine_pointing")),
-            ("coarse_pointing", Some("coarse_pointing")),
-            ("rate_damping", Some("rate_damping")),
-            ("slew", Some("slew")),
-            ("safe", Some("safe")),
-        ];
-        let advice = "the flight computer's mode when the run ends";
-        let final_mode = check.choice("expect.final_mode", keys.final_mode.as_deref(), &modes, advice)?;
-        let window_s = window_s(keys.window_s, duration_s, check)?;
-        let again = "seconds after the end of a fault";
-        let recovery_s = check.number("expect.recovery_s", keys.recovery_s, 120.0, Rule::Positive, again)?;
-        let near = "arcseconds off target that count as pointing again";
-        let recovered_arcsec =
-            check.number("expect.recovered_arcsec", keys.recovered_arcsec, 120.0, Rule::Positive, near)?;
-        let positive = |name: &str, given: Option<f64>, advice: &str| {
-            given.map(|value| check.meets(&format!("expect.{name}"), value, Rule::Positive, advice)).transpose()
-        };
+        let final_mode = keys.final_mode().check(check)?;
+        let judged = format!("seconds at the end of the run that are judged, and the run lasts {duration_s} s");
+        let window = keys.window_s().or(0.25 * duration_s).within(Rule::PositiveUpTo(duration_s)).advised(judged);
+        let window_s = window.check(check)?;
+        taken!(check, keys => recovery_s, recovered_arcsec, diverges);
         Ok(Self {
-            fine_pointing_within_s: positive("fine_pointing_within_s", keys.fine_pointing_within_s, "seconds")?,
+            fine_pointing_within_s: keys.fine_pointing_within_s().optional(check)?,
             window_s,
-            pointing_arcsec: positive("pointing_arcsec", keys.pointing_arcsec, "arcseconds rms")?,
-            knowledge_arcsec: positive("knowledge_arcsec", keys.knowledge_arcsec, "arcseconds rms")?,
-            pointing_over_predicted: positive("pointing_over_predicted", keys.pointing_over_predicted, "such as 1.5")?,
+            pointing_arcsec: keys.pointing_arcsec().optional(check)?,
+            knowledge_arcsec: keys.knowledge_arcsec().optional(check)?,
+            pointing_over_predicted: keys.pointing_over_predicted().optional(check)?,
             recovery_s,
             recovered_arcsec,
-            least_sun_angle_deg: positive("least_sun_angle_deg", keys.least_sun_angle_deg, "degrees")?,
+            least_sun_angle_deg: keys.least_sun_angle_deg().optional(check)?,
             final_mode,
             allows_refusals: false,
-            diverges: keys.diverges.unwrap_or(false),
+            diverges,
             frames,
         })
     }
-}
-
-/// The judged end of the run: at most the whole of it, by default its last quarter.
-fn window_s(given: Option<f64>, duration_s: f64, check: &mut Checker<'_>) -> Result<f64, ConfigError> {
-    let advice = format!("seconds at the end of the run that are judged, and the run lasts {duration_s} s");
-    check.number("expect.window_s", given, 0.25 * duration_s, Rule::PositiveUpTo(duration_s), &advice)
 }

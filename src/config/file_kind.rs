@@ -38,7 +38,12 @@ impl FileKind {
         found.map_or(Self::Bench, |(kind, _)| *kind)
     }
 
-    const fn name(self) -> &'static str {
+    /// Every kind.
+    pub const ALL: [Self; 5] = [Self::Bench, Self::Scenario, Self::Camera, Self::Link, Self::Spacecraft];
+
+    /// Its word on the command line and in messages.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Bench => "bench",
             Self::Scenario => "scenario",

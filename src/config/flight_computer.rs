@@ -1,17 +1,18 @@
 //! `[flight_computer]`: the simulated one at the other end of the link.
 
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::error::ConfigError;
+use crate::key::{Section, listed, section, taken};
+use crate::key_type::Word;
 use base::units::{ARCSEC, DEG};
 use glam::DVec3;
 use plan::attitude::JitterLine;
-use serde::Deserialize;
 
 /// Least and largest right ascension that is taken, degrees: one turn to either side.
 pub const RIGHT_ASCENSION_DEG: [f64; 2] = [-360.0, 360.0];
-/// Highest rate of attitude messages the protocol has room for, Hz.
+/// Highest rate of attitude messages the protocol takes, Hz.
 const HIGHEST_ATTITUDE_HZ: f64 = 100.0;
-/// Highest rate of jitter samples the protocol has room for, Hz.
+/// Highest rate of jitter samples the protocol takes, Hz.
 const HIGHEST_JITTER_HZ: f64 = 1000.0;
 
 /// How jitter reaches the stimulator.
@@ -84,54 +85,61 @@ pub struct FlightComputer {
     pub clock_drift_ppm: f64,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct FlightComputerKeys {
-    kind: Option<String>,
-    attitude_hz: Option<f64>,
-    ra_deg: Option<f64>,
-    dec_deg: Option<f64>,
-    roll_deg: Option<f64>,
-    slew: Option<SlewKeys>,
-    #[serde(default)]
-    jitter_line: Vec<JitterLineKeys>,
-    jitter_source: Option<String>,
-    jitter_sample_hz: Option<f64>,
-    clock_drift_ppm: Option<f64>,
-}
+section! {
+    /// The simulated flight computer at the other end of the link.
+    FlightComputerKeys at "flight_computer" {
+        /// Simulated is the one inside this program, external the one at the other end of the link.
+        kind: Word<IsExternal> = "simulated", [("simulated", IsExternal(false)), ("external", IsExternal(true))];
+        /// Messages per second; the protocol has room for 100.
+        attitude_hz: f64 = 100.0, PositiveUpTo(HIGHEST_ATTITUDE_HZ),
+            "messages per second; the protocol has room for 100";
+        /// Right ascension of the boresight at the start, in degrees, not hours: 5h 30m is 82.5.
+        ra_deg: f64 = 0.0, Within(RIGHT_ASCENSION_DEG[0], RIGHT_ASCENSION_DEG[1]),
+            "degrees, not hours: 5h 30m is 82.5";
+        /// Declination of the boresight at the start.
+        dec_deg: f64 = 0.0, Within(-90.0, 90.0), "degrees";
+        /// Position angle, east of north, of the image's up direction at the start.
+        roll_deg: f64 = 0.0, Within(RIGHT_ASCENSION_DEG[0], RIGHT_ASCENSION_DEG[1]), "degrees";
+        /// Lines are known to both ends; samples travel over the bus.
+        jitter_source: Word<JitterSource> = "lines",
+            [("lines", JitterSource::Lines), ("samples", JitterSource::Samples)];
+        /// Samples per second; the protocol has room for 1000.
+        jitter_sample_hz: f64 = HIGHEST_JITTER_HZ, PositiveUpTo(HIGHEST_JITTER_HZ);
+        /// Drift of its clock in parts per million: 20 is a usual crystal.
+        clock_drift_ppm: f64 = 0.0, Within(-1000.0, 1000.0), "parts per million: 20 is a usual crystal";
+        tables:
+        /// A turn during the run, from rest to rest.
+        slew: Option<SlewKeys>;
+        /// A line of the spectrum of jitter of the line of sight.
+        jitter_line: Vec<JitterLineKeys>;
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SlewKeys {
-    axis: Option<[f64; 3]>,
-    angle_deg: Option<f64>,
-    start_s: Option<f64>,
-    duration_s: Option<f64>,
-}
+    /// A turn from rest to rest.
+    SlewKeys at "flight_computer.slew" {
+        /// A direction in body axes, such as [0.0, 1.0, 0.0].
+        axis: [f64; 3] = Needed, Finite;
+        /// Seconds after the start of the run.
+        start_s: f64 = 0.0, NotNegative;
+        /// Degrees to turn.
+        angle_deg: f64 = Needed, Within(-360.0, 360.0);
+        /// Seconds the turn takes.
+        duration_s: f64 = Needed, Positive;
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct JitterLineKeys {
-    frequency_hz: Option<f64>,
-    amplitude_arcsec: Option<[f64; 3]>,
-    phase_deg: Option<f64>,
-}
-
-impl FlightComputerKeys {
-    /// Who is not simulated has no script.
-    fn check_unused(&self, is_external: bool, check: &Checker<'_>) -> Result<(), ConfigError> {
-        for (key, is_given) in [
-            ("ra_deg", self.ra_deg.is_some()),
-            ("dec_deg", self.dec_deg.is_some()),
-            ("roll_deg", self.roll_deg.is_some()),
-            ("slew", self.slew.is_some()),
-            ("clock_drift_ppm", self.clock_drift_ppm.is_some()),
-        ] {
-            check.unused(&format!("flight_computer.{key}"), is_given && is_external, "kind = \"simulated\"")?;
-        }
-        Ok(())
+    /// A line of the spectrum of jitter.
+    JitterLineKeys at "flight_computer.jitter_line" {
+        /// Hertz, such as 50.0.
+        frequency_hz: f64 = Needed, PositiveUpTo(10_000.0);
+        /// Arcseconds about the sensor's x, y and z axes, such as [2.0, 1.0, 0.0].
+        amplitude_arcsec: [f64; 3] = Needed, Within(-36_000.0, 36_000.0);
+        /// Degrees at the start of the run.
+        phase_deg: f64 = Silent(0.0), Within(-360.0, 360.0);
     }
 }
+
+/// Whether the flight computer is no part of this program.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct IsExternal(bool);
 
 impl FlightComputer {
     /// Checks the flight computer; without `kind` it is the external one where the plant `is_outside`.
@@ -140,45 +148,31 @@ impl FlightComputer {
         is_outside: bool,
         check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
-        let kind = keys.kind.as_deref().or(is_outside.then_some("external"));
-        let kinds = [("simulated", false), ("external", true)];
-        let advice = "simulated is the one inside this program, external the one at the other end of the link";
-        let is_external = check.choice("flight_computer.kind", kind, &kinds, advice)?;
-        keys.check_unused(is_external, check)?;
-        let sources = [("lines", JitterSource::Lines), ("samples", JitterSource::Samples)];
-        let advice = "lines are known to both ends; samples travel over the bus";
-        let jitter_source =
-            check.choice("flight_computer.jitter_source", keys.jitter_source.as_deref(), &sources, advice)?;
-        let jitter_lines = jitter_lines(&keys.jitter_line, check)?;
+        let kind = keys.kind();
+        let IsExternal(is_external) =
+            if is_outside && !kind.is_given() { IsExternal(true) } else { kind.check(check)? };
+        if is_external {
+            let of_simulated = ["ra_deg", "dec_deg", "roll_deg"];
+            keys.refuse(&of_simulated, "kind = \"simulated\"", check)?;
+            check.unused("flight_computer.slew", keys.slew.is_some(), "kind = \"simulated\"")?;
+            keys.refuse(&["clock_drift_ppm"], "kind = \"simulated\"", check)?;
+        }
+        let jitter_source = keys.jitter_source().check(check)?;
+        let lines = listed(&keys.jitter_line, "flight_computer.jitter_line");
+        let jitter_lines = lines.iter().map(|line| jitter_line(line, check)).collect::<Result<_, _>>()?;
         let slew = keys.slew.as_ref().map(|slew| Slew::check(slew, check)).transpose()?;
-        let mut number = |key: &str, given, default, rule, advice| {
-            check.number(&format!("flight_computer.{key}"), given, default, rule, advice)
-        };
-        let turn = Rule::Within(RIGHT_ASCENSION_DEG[0], RIGHT_ASCENSION_DEG[1]);
-        let rate = "messages per second; the protocol has room for 100";
+        taken!(check, keys => attitude_hz, ra_deg, dec_deg, roll_deg, jitter_sample_hz, clock_drift_ppm);
         let checked = Self {
             is_external,
-            attitude_hz: number("attitude_hz", keys.attitude_hz, 100.0, Rule::PositiveUpTo(HIGHEST_ATTITUDE_HZ), rate)?,
-            ra_deg: number("ra_deg", keys.ra_deg, 0.0, turn, "degrees, not hours: 5h 30m is 82.5")?,
-            dec_deg: number("dec_deg", keys.dec_deg, 0.0, Rule::Within(-90.0, 90.0), "degrees")?,
-            roll_deg: number("roll_deg", keys.roll_deg, 0.0, turn, "degrees")?,
+            attitude_hz,
+            ra_deg,
+            dec_deg,
+            roll_deg,
             slew,
             jitter_lines,
             jitter_source,
-            jitter_sample_hz: number(
-                "jitter_sample_hz",
-                keys.jitter_sample_hz,
-                HIGHEST_JITTER_HZ,
-                Rule::PositiveUpTo(HIGHEST_JITTER_HZ),
-                "samples per second; the protocol has room for 1000",
-            )?,
-            clock_drift_ppm: number(
-                "clock_drift_ppm",
-                keys.clock_drift_ppm,
-                0.0,
-                Rule::Within(-1000.0, 1000.0),
-                "parts per million: 20 is a usual crystal",
-            )?,
+            jitter_sample_hz,
+            clock_drift_ppm,
         };
         checked.check_sampling(check)?;
         Ok(checked)
@@ -211,42 +205,18 @@ impl FlightComputer {
 
 impl Slew {
     fn check(keys: &SlewKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
-        let key = "flight_computer.slew.axis";
-        let given = keys.axis.unwrap_or([0.0; 3]);
+        let wanted = "three finite numbers that are not all 0";
+        let given = keys.axis().raw().copied().ok_or_else(|| keys.axis().missing(wanted, check))?;
         let norm = given.iter().map(|component| component * component).sum::<f64>().sqrt();
         if !(norm.is_finite() && norm > 1e-6) {
-            let got = if keys.axis.is_some() { format!("{given:?}") } else { "missing".into() };
-            let advice = "a direction in body axes, such as [0.0, 1.0, 0.0]";
-            return Err(check.invalid(key, got, "three finite numbers that are not all 0", advice));
+            return Err(keys.axis().invalid(format!("{given:?}"), wanted, check));
         }
-        let mut number = |key: &str, given, default, rule, advice| {
-            check.number(&format!("flight_computer.slew.{key}"), given, default, rule, advice)
-        };
-        let start_s = number("start_s", keys.start_s, 0.0, Rule::NotNegative, "seconds after the start of the run")?;
-        let angle = "degrees to turn";
-        let angle_deg =
-            check.required("flight_computer.slew.angle_deg", keys.angle_deg, Rule::Within(-360.0, 360.0), angle)?;
-        let length = "seconds the turn takes";
-        let duration_s = check.required("flight_computer.slew.duration_s", keys.duration_s, Rule::Positive, length)?;
+        taken!(check, keys => start_s, angle_deg, duration_s);
         Ok(Self { axis: given.map(|component| component / norm), angle_deg, start_s, duration_s })
     }
 }
 
-fn jitter_lines(keys: &[JitterLineKeys], check: &Checker<'_>) -> Result<Vec<JitterLineSettings>, ConfigError> {
-    let line = |(place, keys): (usize, &JitterLineKeys)| {
-        let key = |name: &str| format!("flight_computer.jitter_line[{place}].{name}");
-        let hertz = "hertz, such as 50.0";
-        let frequency_hz =
-            check.required(&key("frequency_hz"), keys.frequency_hz, Rule::PositiveUpTo(10_000.0), hertz)?;
-        let amplitude = "arcseconds about the sensor's x, y and z axes, such as [2.0, 1.0, 0.0]";
-        let missing = || check.invalid(&key("amplitude_arcsec"), "missing", "three finite numbers", amplitude);
-        let amplitude_arcsec = keys.amplitude_arcsec.ok_or_else(missing)?;
-        for component in amplitude_arcsec {
-            check.meets(&key("amplitude_arcsec"), component, Rule::Within(-36_000.0, 36_000.0), amplitude)?;
-        }
-        let phase_deg = keys.phase_deg.unwrap_or(0.0);
-        check.meets(&key("phase_deg"), phase_deg, Rule::Within(-360.0, 360.0), "degrees at the start of the run")?;
-        Ok(JitterLineSettings { frequency_hz, amplitude_arcsec, phase_deg })
-    };
-    keys.iter().enumerate().map(line).collect()
+fn jitter_line(keys: &JitterLineKeys, check: &mut Checker<'_>) -> Result<JitterLineSettings, ConfigError> {
+    taken!(check, keys => frequency_hz, amplitude_arcsec, phase_deg);
+    Ok(JitterLineSettings { frequency_hz, amplitude_arcsec, phase_deg })
 }

@@ -4,10 +4,10 @@ use crate::bench::quaternion;
 use crate::camera::Camera;
 use crate::check::Checker;
 use crate::error::ConfigError;
-use crate::timing::{check_frame_rate, phase};
+use crate::key::{listed, section};
+use crate::timing::{PHASE_MAX_MS, check_frame_rate};
 use base::axes::{Body, Rotation, Sensor};
 use base::time::Span;
-use serde::Deserialize;
 
 /// Most camera heads of one bench or spacecraft.
 pub(super) const HEADS_MAX: usize = 8;
@@ -25,13 +25,18 @@ pub struct Head {
     pub phase: Span,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct HeadKeys {
-    sensor_from_body: Option<[f64; 4]>,
-    pub(super) camera: Option<String>,
-    frame_rate_hz: Option<f64>,
-    phase_ms: Option<f64>,
+section! {
+    /// A camera head.
+    HeadKeys at "head" {
+        /// How the head is mounted: a unit quaternion [w, x, y, z], scalar first.
+        sensor_from_body: [f64; 4] = Needed, Within(-1.0, 1.0), "how the head is mounted";
+        /// Camera file; left out, the bench's camera.
+        camera: String = Optional, "path";
+        /// Frames per second, such as 10.0; left out, as in [timing].
+        frame_rate_hz: f64 = Computed("timing.frame_rate_hz"), PositiveUpTo(10_000.0), "frames per second, such as 10.0";
+        /// Milliseconds after the run's first exposure at which this head begins its own.
+        phase_ms: f64 = Optional, Within(0.0, PHASE_MAX_MS);
+    }
 }
 
 /// Returns the heads listed under `name`, of which there may be `most`; what a head does not say is as of `usual`.
@@ -40,32 +45,26 @@ pub(super) fn check_heads(
     keys: &[HeadKeys],
     most: usize,
     usual: &Head,
-    check: &Checker<'_>,
+    check: &mut Checker<'_>,
 ) -> Result<Vec<Head>, ConfigError> {
     if keys.len() > most {
         return Err(check.invalid(name, keys.len(), format!("at most {most}"), "leave some out"));
     }
-    keys.iter().enumerate().map(|(place, keys)| keys.head(&format!("{name}[{place}]"), usual, check)).collect()
+    listed(keys, name).iter().map(|keys| keys.head(usual, check)).collect()
 }
 
 impl HeadKeys {
-    /// Checks the head that is listed at `place`.
-    fn head(&self, place: &str, usual: &Head, check: &Checker<'_>) -> Result<Head, ConfigError> {
-        let key = |name: &str| format!("{place}.{name}");
-        let mounting_key = key("sensor_from_body");
-        let advice = "how the head is mounted";
-        let missing = || check.invalid(&mounting_key, "missing", "a unit quaternion [w, x, y, z]", advice);
-        let sensor_from_body = quaternion(&mounting_key, self.sensor_from_body.ok_or_else(missing)?, check)?;
-        let camera = match &self.camera {
-            Some(path) => Camera::from_document(&check.document.named(&key("camera"), path)?)?,
+    fn head(&self, usual: &Head, check: &mut Checker<'_>) -> Result<Head, ConfigError> {
+        let mounting = self.sensor_from_body();
+        let wxyz = mounting.raw().ok_or_else(|| mounting.missing("a unit quaternion [w, x, y, z]", check))?;
+        let sensor_from_body = quaternion(&mounting.key(), *wxyz, check)?;
+        let camera = match self.camera().raw() {
+            Some(path) => Camera::from_document(&check.document.named(&self.camera().key(), path)?)?,
             None => usual.camera.clone(),
         };
-        let frame_rate_hz = self.frame_rate_hz.unwrap_or(usual.frame_rate_hz);
-        check_frame_rate(&key("frame_rate_hz"), frame_rate_hz, Some(camera.exposure.exposure_s), check)?;
-        let phase = match self.phase_ms {
-            Some(given) => phase(&key("phase_ms"), Some(given), check)?,
-            None => usual.phase,
-        };
+        let frame_rate_hz = self.frame_rate_hz().or_silently(usual.frame_rate_hz);
+        let frame_rate_hz = check_frame_rate(frame_rate_hz, Some(camera.exposure.exposure_s), check)?;
+        let phase = if self.phase_ms().is_given() { self.phase_ms().ms(check)? } else { usual.phase };
         Ok(Head { sensor_from_body, camera, frame_rate_hz, phase })
     }
 }

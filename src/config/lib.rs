@@ -19,6 +19,7 @@ mod blame;
 mod budget;
 mod camera;
 mod check;
+mod declared;
 mod detector;
 mod detector_dark;
 mod detector_effects;
@@ -39,6 +40,8 @@ mod flight_computer;
 mod head;
 mod illumination;
 mod image_file;
+mod key;
+mod key_type;
 mod link;
 mod link_keys;
 mod mtf;
@@ -48,7 +51,9 @@ mod optics;
 mod plant;
 mod psf;
 mod radiometry;
+mod reference;
 mod scenario;
+mod schema;
 mod session;
 mod setting;
 mod several;
@@ -57,6 +62,7 @@ mod spacecraft;
 mod stages;
 mod target;
 mod target_orbit;
+mod template;
 mod timing;
 
 pub use background::{Background, Sky};
@@ -81,7 +87,9 @@ pub use observer::{Observer, OrbitStart};
 pub use optics::{Distortion, Optics, Psf};
 pub use plant::{Plant, Vehicle};
 pub use radiometry::{Exposure, Radiometry, RadiometryModel};
-pub use scenario::{Scenario, duration_key, is_scenario};
+pub use reference::key_reference;
+pub use scenario::{Scenario, is_scenario};
+pub use schema::key_schema;
 pub use session::{Session, SessionStart};
 pub use setting::Setting;
 pub use sink::{Sink, SinkSettings};
@@ -89,8 +97,11 @@ pub use spacecraft::{Control, Spacecraft};
 pub use stages::{AttitudeSettings, Backend, Render};
 pub use target::{Overlap, TargetCourse, TargetLight, TargetSettings};
 pub use target_orbit::OrbitSettings;
+pub use template::key_template;
 pub use timing::{DeadlinePolicy, Degrade, StartTime, Timing};
 
+#[cfg(test)]
+mod declared_tests;
 #[cfg(test)]
 mod detector_tests;
 #[cfg(test)]

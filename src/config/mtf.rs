@@ -3,16 +3,18 @@
 //! Every key left out is off. Diffraction is always on (`[psf]` has its F-number and obscuration), the pixel too. The
 //! light is one wavelength (`psf.wavelength_nm`), or the camera's `[band]` for a star of colour `psf.bp_rp`.
 
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::detector::Detector;
 use crate::error::ConfigError;
-use crate::optics::{DEFAULT_WAVELENGTH_NM, LARGEST_OBSCURATION, Optics, Psf};
+use crate::key::{Section, section};
+use crate::key_type::{Whole, Word};
+use crate::optics::{Optics, Psf};
+use crate::psf::PsfKeys;
 use image::detector::tdi::Tdi;
 use plan::optics::mtf::circuit::{Circuit, LOWEST_CUTOFF};
 use plan::optics::mtf::diffusion::{Diffusion, Layers, Side};
 use plan::optics::mtf::{ChainParams, Defocus, DefocusForm, MtfChain, MtfError, TdiBlur, Wavefront};
 use plan::optics::{Band, SpectralWeight};
-use serde::Deserialize;
 
 /// Light in which the star is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,39 +34,53 @@ pub struct Chain {
     pub light: LightOfChain,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct MtfKeys {
-    wavefront_error_waves: Option<f64>,
-    wavefront_wavelength_nm: Option<f64>,
-    defocus_um: Option<f64>,
-    defocus_model: Option<String>,
-    assembly_um: Option<f64>,
-    fabrication_um: Option<f64>,
-    diffusion_um: Option<f64>,
-    depletion_um: Option<f64>,
-    diffusion_length_um: Option<f64>,
-    field_free_um: Option<f64>,
-    pixel_aperture: Option<f64>,
-    tdi_phases: Option<i64>,
-    tdi_mismatch_px: Option<f64>,
-    circuit_cutoff: Option<f64>,
-    circuit_order: Option<i64>,
-}
-
-/// What `[psf]` says of a chain's lens and light.
-#[derive(Debug)]
-pub(super) struct LensKeys {
-    pub(super) f_number: Option<f64>,
-    pub(super) wavelength_nm: Option<f64>,
-    pub(super) obscuration: Option<f64>,
-    pub(super) bp_rp: Option<f64>,
+section! {
+    /// Links of the chain of transfer functions that psf.model = "chain" draws; every key left out is off.
+    MtfKeys at "mtf" {
+        /// Wavefront error in waves rms over the pupil, such as 0.05; the aberration term ends at 0.18.
+        wavefront_error_waves: f64 = Optional, Within(0.0, 0.18),
+            "waves rms over the pupil, such as 0.05; the aberration term ends at 0.18";
+        /// Wavelength of the measurement in nanometres, such as 632.8.
+        wavefront_wavelength_nm: f64 = Computed("psf.wavelength_nm, in a band 632.8"), Within(100.0, 20_000.0);
+        /// Image plane to focus in um, such as 20; leave it out in focus.
+        defocus_um: f64 = Optional, Within(-1e5, 1e5);
+        /// Exact holds up to 16 waves; geometric is the blur disc of rays.
+        defocus_model: Word<DefocusForm> = "exact",
+            [("exact", DefocusForm::Exact), ("geometric", DefocusForm::Geometric)];
+        /// Blur of the assembly, a standard deviation on the detector in um.
+        assembly_um: f64 = Silent(0.0), Within(0.0, 1e3),
+            "a standard deviation on the detector in um, such as 1.5; leave it out for none";
+        /// Blur of the fabrication, a standard deviation on the detector in um.
+        fabrication_um: f64 = Silent(0.0), Within(0.0, 1e3),
+            "a standard deviation on the detector in um, such as 1.5; leave it out for none";
+        /// Standard deviation of the charge's spread in um, such as 2; leave it out for none.
+        diffusion_um: f64 = Optional, Within(0.0, 1e3);
+        /// Depletion layer of a layered detector, um.
+        depletion_um: f64 = Optional, Within(0.0, 1e3),
+            "a layered detector has depletion_um, diffusion_length_um and, lit from the back, field_free_um";
+        /// Diffusion length of a layered detector, um.
+        diffusion_length_um: f64 = Optional, PositiveUpTo(1e4),
+            "a layered detector has depletion_um, diffusion_length_um and, lit from the back, field_free_um";
+        /// Field-free layer of a detector that is lit from the back, um.
+        field_free_um: f64 = Optional, PositiveUpTo(1e3),
+            "a layered detector has depletion_um, diffusion_length_um and, lit from the back, field_free_um";
+        /// Width of the sensitive square over the pitch: the square root of the fill factor.
+        pixel_aperture: f64 = Silent(1.0), PositiveUpTo(1.0);
+        /// Steps in which charge moves from row to row: 2, 3 or 4 for usual CCDs.
+        tdi_phases: Whole = 4, 1..=8;
+        /// Image against charge from one stage to the next, px, such as 0.01.
+        tdi_mismatch_px: f64 = 0.0, Within(-1.0, 1.0);
+        /// Bandwidth of the readout over its pixel rate, cycles/px, such as 2.
+        circuit_cutoff: f64 = Optional, Within(LOWEST_CUTOFF, 1e3);
+        /// Poles; 1 for RC.
+        circuit_order: Whole = 1, 1..=8;
+    }
 }
 
 impl Chain {
     /// Checks every link by itself; [`Self::take_light`] checks them in the light of the camera.
     pub(super) fn check(
-        lens: &LensKeys,
+        lens: &PsfKeys,
         keys: Option<&MtfKeys>,
         optics: &Optics,
         detector: &Detector,
@@ -72,23 +88,12 @@ impl Chain {
     ) -> Result<Self, ConfigError> {
         let none = MtfKeys::default();
         let keys = keys.unwrap_or(&none);
-        let advice = "focal length over aperture; leave it out to take that of [optics]";
-        let own = optics.focal_length_mm / optics.aperture_mm;
-        let f_number = check.number("psf.f_number", lens.f_number, own, Rule::Within(0.3, 1000.0), advice)?;
-        let advice = "a ratio of diameters; leave it out to take that of [optics]";
-        let rule = Rule::Within(0.0, LARGEST_OBSCURATION);
-        let obscuration = check.number("psf.obscuration", lens.obscuration, optics.obscuration, rule, advice)?;
+        let f_number = lens.f_number().or(optics.f_number()).check(check)?;
+        let obscuration = lens.obscuration().or(optics.obscuration).check(check)?;
         let light = light(lens, check)?;
-        let blur = |key: &str, given: Option<f64>| {
-            let advice = "a standard deviation on the detector in um, such as 1.5; leave it out for none";
-            given.map_or(Ok(0.0), |um| check.meets(&format!("mtf.{key}"), um, Rule::Within(0.0, 1e3), advice))
-        };
-        let assembly_um = blur("assembly_um", keys.assembly_um)?;
-        let fabrication_um = blur("fabrication_um", keys.fabrication_um)?;
-        let advice = "width of the sensitive square over the pitch: the square root of the fill factor";
-        let aperture_px = keys
-            .pixel_aperture
-            .map_or(Ok(1.0), |width_px| check.meets("mtf.pixel_aperture", width_px, Rule::PositiveUpTo(1.0), advice))?;
+        let assembly_um = keys.assembly_um().check(check)?;
+        let fabrication_um = keys.fabrication_um().check(check)?;
+        let aperture_px = keys.pixel_aperture().check(check)?;
         let params = ChainParams {
             pixel_pitch_um: detector.pixel_pitch_um,
             f_number,
@@ -130,16 +135,13 @@ pub(super) fn belongs_to_chain(keys: Option<&MtfKeys>, psf: &Psf, check: &Checke
 }
 
 /// One wavelength, or a colour in the band.
-fn light(lens: &LensKeys, check: &mut Checker<'_>) -> Result<LightOfChain, ConfigError> {
-    if let Some(bp_rp) = lens.bp_rp {
+fn light(lens: &PsfKeys, check: &mut Checker<'_>) -> Result<LightOfChain, ConfigError> {
+    if lens.bp_rp().is_given() {
         let owner = "one wavelength; psf.bp_rp asks for the whole band: keep one of the two";
-        check.unused("psf.wavelength_nm", lens.wavelength_nm.is_some(), owner)?;
-        let advice = "Gaia BP-RP of the star that the PSF is for, such as the Sun's, 0.82";
-        return check.meets("psf.bp_rp", bp_rp, Rule::Within(-1.0, 7.0), advice).map(LightOfChain::Color);
+        lens.refuse(&["wavelength_nm"], owner, check)?;
+        return lens.bp_rp().check(check).map(LightOfChain::Color);
     }
-    let (rule, advice) = (Rule::Within(100.0, 20_000.0), "effective wavelength in nanometres, such as 620");
-    let nm = check.number("psf.wavelength_nm", lens.wavelength_nm, DEFAULT_WAVELENGTH_NM, rule, advice)?;
-    Ok(LightOfChain::Wavelength(nm))
+    lens.wavelength_nm().check(check).map(LightOfChain::Wavelength)
 }
 
 /// The key to blame for what a chain refuses.
@@ -154,88 +156,56 @@ fn refused(error: &MtfError, check: &Checker<'_>) -> ConfigError {
 }
 
 fn wavefront(keys: &MtfKeys, light: LightOfChain, check: &mut Checker<'_>) -> Result<Option<Wavefront>, ConfigError> {
-    let Some(rms_waves) = keys.wavefront_error_waves else {
-        let owner = "mtf.wavefront_error_waves";
-        check.unused("mtf.wavefront_wavelength_nm", keys.wavefront_wavelength_nm.is_some(), owner)?;
+    let Some(rms_waves) = keys.wavefront_error_waves().optional(check)? else {
+        keys.refuse(&["wavefront_wavelength_nm"], "mtf.wavefront_error_waves", check)?;
         return Ok(None);
     };
-    let advice = "waves rms over the pupil, such as 0.05; the aberration term ends at 0.18";
-    let rms_waves = check.meets("mtf.wavefront_error_waves", rms_waves, Rule::Within(0.0, 0.18), advice)?;
     let default_nm = if let LightOfChain::Wavelength(nm) = light { nm } else { 632.8 };
-    let advice = "wavelength of the measurement in nanometres, such as 632.8";
-    let rule = Rule::Within(100.0, 20_000.0);
-    let given = keys.wavefront_wavelength_nm;
-    let at_nm = check.number("mtf.wavefront_wavelength_nm", given, default_nm, rule, advice)?;
+    let at_nm = keys.wavefront_wavelength_nm().or(default_nm).check(check)?;
     Ok(Some(Wavefront { rms_waves, at_nm }))
 }
 
 fn defocus(keys: &MtfKeys, check: &mut Checker<'_>) -> Result<Option<Defocus>, ConfigError> {
-    let Some(defocus_um) = keys.defocus_um else {
-        check.unused("mtf.defocus_model", keys.defocus_model.is_some(), "mtf.defocus_um")?;
+    let Some(defocus_um) = keys.defocus_um().optional(check)? else {
+        keys.refuse(&["defocus_model"], "mtf.defocus_um", check)?;
         return Ok(None);
     };
-    let advice = "image plane to focus in um, such as 20; leave it out in focus";
-    let defocus_um = check.meets("mtf.defocus_um", defocus_um, Rule::Within(-1e5, 1e5), advice)?;
-    let forms = [("exact", DefocusForm::Exact), ("geometric", DefocusForm::Geometric)];
-    let advice = "exact holds up to 16 waves; geometric is the blur disc of rays";
-    let form = check.choice("mtf.defocus_model", keys.defocus_model.as_deref(), &forms, advice)?;
-    Ok(Some(Defocus { defocus_um, form }))
+    Ok(Some(Defocus { defocus_um, form: keys.defocus_model().check(check)? }))
 }
 
-fn diffusion(keys: &MtfKeys, check: &Checker<'_>) -> Result<Option<Diffusion>, ConfigError> {
-    let is_layered = [keys.depletion_um, keys.diffusion_length_um, keys.field_free_um].iter().any(Option::is_some);
-    if let Some(sigma_um) = keys.diffusion_um {
+fn diffusion(keys: &MtfKeys, check: &mut Checker<'_>) -> Result<Option<Diffusion>, ConfigError> {
+    let of_layers = ["depletion_um", "diffusion_length_um", "field_free_um"];
+    if keys.diffusion_um().is_given() {
         let owner = "a layered detector, which has no mtf.diffusion_um: keep one of the two";
-        check.unused("mtf.depletion_um", keys.depletion_um.is_some(), owner)?;
-        check.unused("mtf.diffusion_length_um", keys.diffusion_length_um.is_some(), owner)?;
-        check.unused("mtf.field_free_um", keys.field_free_um.is_some(), owner)?;
-        let advice = "standard deviation of the charge's spread in um, such as 2; leave it out for none";
-        let sigma_um = check.meets("mtf.diffusion_um", sigma_um, Rule::Within(0.0, 1e3), advice)?;
-        return Ok(Some(Diffusion::Gaussian { sigma_um }));
+        keys.refuse(&of_layers, owner, check)?;
+        return Ok(Some(Diffusion::Gaussian { sigma_um: keys.diffusion_um().check(check)? }));
     }
-    if !is_layered {
+    if !keys.given().iter().any(|(key, is_given)| *is_given && of_layers.contains(key)) {
         return Ok(None);
     }
-    let advice = "a layered detector has depletion_um, diffusion_length_um and, lit from the back, field_free_um";
-    let rule = Rule::Within(0.0, 1e3);
-    let depletion_um = check.required("mtf.depletion_um", keys.depletion_um, rule, advice)?;
-    let diffusion_length_um =
-        check.required("mtf.diffusion_length_um", keys.diffusion_length_um, Rule::PositiveUpTo(1e4), advice)?;
-    let side = match keys.field_free_um {
-        None => Side::Front,
-        Some(um) => {
-            let field_free_um = check.meets("mtf.field_free_um", um, Rule::PositiveUpTo(1e3), advice)?;
-            Side::Back { field_free_um }
-        }
-    };
+    let depletion_um = keys.depletion_um().check(check)?;
+    let diffusion_length_um = keys.diffusion_length_um().check(check)?;
+    let back = keys.field_free_um().optional(check)?;
+    let side = back.map_or(Side::Front, |field_free_um| Side::Back { field_free_um });
     Ok(Some(Diffusion::Layered(Layers { depletion_um, diffusion_length_um, side })))
 }
 
 /// Blur of charge that follows the image; the stages are the detector's.
 fn tdi(keys: &MtfKeys, detector: Option<Tdi>, check: &mut Checker<'_>) -> Result<Option<TdiBlur>, ConfigError> {
     let Some(Tdi { stages }) = detector else {
-        let owner = "[detector.tdi]";
-        check.unused("mtf.tdi_phases", keys.tdi_phases.is_some(), owner)?;
-        check.unused("mtf.tdi_mismatch_px", keys.tdi_mismatch_px.is_some(), owner)?;
+        keys.refuse(&["tdi_phases", "tdi_mismatch_px"], "[detector.tdi]", check)?;
         return Ok(None);
     };
-    let advice = "steps in which charge moves from row to row: 2, 3 or 4 for usual CCDs";
-    let phases = check.whole("mtf.tdi_phases", keys.tdi_phases, Some(4), 1..=8, advice)?;
-    let advice = "image against charge from one stage to the next, px, such as 0.01";
-    let rule = Rule::Within(-1.0, 1.0);
-    let mismatch_px = check.number("mtf.tdi_mismatch_px", keys.tdi_mismatch_px, 0.0, rule, advice)?;
-    Ok(Some(TdiBlur { stages, phases, mismatch_px }))
+    let phases = keys.tdi_phases().check(check)?;
+    Ok(Some(TdiBlur { stages, phases, mismatch_px: keys.tdi_mismatch_px().check(check)? }))
 }
 
 fn circuit(keys: &MtfKeys, check: &mut Checker<'_>) -> Result<Option<Circuit>, ConfigError> {
-    let Some(cutoff) = keys.circuit_cutoff else {
-        check.unused("mtf.circuit_order", keys.circuit_order.is_some(), "mtf.circuit_cutoff")?;
+    let Some(cutoff) = keys.circuit_cutoff().optional(check)? else {
+        keys.refuse(&["circuit_order"], "mtf.circuit_cutoff", check)?;
         return Ok(None);
     };
-    let advice = "bandwidth of the readout over its pixel rate, cycles/px, such as 2";
-    let cutoff = check.meets("mtf.circuit_cutoff", cutoff, Rule::Within(LOWEST_CUTOFF, 1e3), advice)?;
-    let order = check.whole("mtf.circuit_order", keys.circuit_order, Some(1), 1..=8, "poles; 1 for RC")?;
-    Ok(Some(Circuit { cutoff, order }))
+    Ok(Some(Circuit { cutoff, order: keys.circuit_order().check(check)? }))
 }
 
 #[cfg(test)]

@@ -1,111 +1,108 @@
 //! Keys of a camera on the network: `kind = "network_camera"` in a table of a sink.
 
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::error::ConfigError;
+use crate::key::{Given, section, taken};
+use crate::key_type::{Any, Whole, Word};
 use outputs::network_camera::{Identity, Params, PixelFormat, XmlForm};
-use serde::Deserialize;
 use std::net::Ipv4Addr;
 
-/// A camera on the network, as it is written.
-#[derive(Debug, Default, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct NetworkCameraKeys {
-    address: Option<String>,
-    port: Option<i64>,
-    pixel_format: Option<String>,
-    packet_bytes: Option<i64>,
-    rate_mbit_s: Option<f64>,
-    frames_kept: Option<i64>,
-    frames_queued: Option<i64>,
-    vendor: Option<String>,
-    model: Option<String>,
-    serial: Option<String>,
-    user_name: Option<String>,
-    mac: Option<String>,
-    xml: Option<String>,
-    allow_other_receivers: Option<bool>,
-    lose_one_in: Option<i64>,
+section! {
+    /// A camera on the network, as clients of GigE Vision see it.
+    NetworkCameraKeys at "sink" {
+        /// Where it listens: 127.0.0.1 for programs on this machine, or the address of a network interface.
+        address: String = "127.0.0.1", "IPv4 address",
+            "a camera has one address: 127.0.0.1 for programs on this machine, or that of a network interface";
+        /// Port of its control channel: clients look at 3956; 0 takes a free port.
+        port: Whole<u16> = 3956, 0..=65_535, "clients look at 3956; 0 takes a free port";
+        /// Auto takes the narrowest that holds the detector's bits; clients may choose another.
+        pixel_format: Word<Option<PixelFormat>> = "auto", [
+            ("auto", None), ("Mono8", Some(PixelFormat::Mono8)), ("Mono10", Some(PixelFormat::Mono10)),
+            ("Mono12", Some(PixelFormat::Mono12)), ("Mono12Packed", Some(PixelFormat::Mono12Packed)),
+            ("Mono16", Some(PixelFormat::Mono16)),
+        ];
+        /// Bytes of a packet with IP and UDP headers: 1500, or 9000 where every switch has jumbo frames.
+        packet_bytes: Whole = 1500, 576..=65_532,
+            "bytes with IP and UDP headers: 1500, or 9000 where every switch has jumbo frames";
+        /// Rate of sending, below what the network and the receiver take: a frame sent faster is lost.
+        rate_mbit_s: f64 = 1000.0, Within(1.0, 1e5),
+            "below what the network and the receiver take: a frame sent faster is lost";
+        /// Frames that a client may ask for again, such as 4.
+        frames_kept: Whole = i64::from(Params::default().frames_kept), 1..=64;
+        /// Frames that may wait to be sent, such as 2.
+        frames_queued: Whole = i64::from(Params::default().frames_queued), 1..=16;
+        /// Vendor that clients see.
+        vendor: String = Computed("starloop's own"), "text", PLAIN;
+        /// Model that clients see.
+        model: String = Computed("starloop's own"), "text", PLAIN;
+        /// Serial number that clients see.
+        serial: String = Computed("starloop's own"), "text", PLAIN;
+        /// User-defined name that clients see.
+        user_name: String = Computed("none"), "text", PLAIN;
+        /// Hardware address that clients see, such as "02:00:7f:00:00:01"; leave it out to tell the interface's.
+        mac: String = Optional, "six pairs of hexadecimal digits", "leave it out to tell the interface's";
+        /// Form of the description at the first address; the other form is at the second address.
+        xml: Word<XmlForm> = "zip", [("zip", XmlForm::Zip), ("plain", XmlForm::Plain)],
+            "the other form is at the second address";
+        /// Frames may be sent to another machine than the one that controls the camera.
+        allow_other_receivers: bool = false, Any;
+        /// A fault: one packet in so many is not sent; leave the key out for none.
+        lose_one_in: Whole = Optional, 1..=1_000_000;
+    }
 }
 
-/// Checks the keys of the table `prefix`, such as `extra_sink[0].`. The camera file tells the sensor's size and bits.
-pub(super) fn check(keys: &NetworkCameraKeys, prefix: &str, check: &mut Checker<'_>) -> Result<Params, ConfigError> {
-    let key = |name: &str| format!("{prefix}{name}");
-    let usual = Params::default();
-    let address = address(&key("address"), keys.address.as_deref(), check)?;
-    let advice = "clients look at 3956; 0 takes a free port";
-    let port = check.whole(&key("port"), keys.port, Some(3956), 0..=65_535, advice)?;
-    let formats = [
-        ("auto", None),
-        ("Mono8", Some(PixelFormat::Mono8)),
-        ("Mono10", Some(PixelFormat::Mono10)),
-        ("Mono12", Some(PixelFormat::Mono12)),
-        ("Mono12Packed", Some(PixelFormat::Mono12Packed)),
-        ("Mono16", Some(PixelFormat::Mono16)),
-    ];
-    let advice = "auto takes the narrowest that holds the detector's bits; clients may choose another";
-    let pixel_format = check.choice(&key("pixel_format"), keys.pixel_format.as_deref(), &formats, advice)?;
-    let advice = "bytes with IP and UDP headers: 1500, or 9000 where every switch has jumbo frames";
-    let packet_bytes = check.whole(&key("packet_bytes"), keys.packet_bytes, Some(1500), 576..=65_532, advice)?;
-    let advice = "below what the network and the receiver take: a frame sent faster is lost";
-    let rate_mbit_s = check.number(&key("rate_mbit_s"), keys.rate_mbit_s, 1000.0, Rule::Within(1.0, 1e5), advice)?;
-    let advice = "frames that a client may ask for again, such as 4";
-    let frames_kept = check.whole(&key("frames_kept"), keys.frames_kept, Some(usual.frames_kept), 1..=64, advice)?;
-    let advice = "frames that may wait to be sent, such as 2";
-    let frames_queued =
-        check.whole(&key("frames_queued"), keys.frames_queued, Some(usual.frames_queued), 1..=16, advice)?;
-    let forms = [("zip", XmlForm::Zip), ("plain", XmlForm::Plain)];
-    let xml = check.choice(&key("xml"), keys.xml.as_deref(), &forms, "the other form is at the second address")?;
-    let lose_one_in = keys.lose_one_in.map(|_| {
-        let advice = "a fault: one packet in so many is not sent; leave the key out for none";
-        check.whole(&key("lose_one_in"), keys.lose_one_in, None, 1..=1_000_000, advice)
-    });
-    let allow_other_receivers = check.given_or(&key("allow_other_receivers"), keys.allow_other_receivers, false);
+const PLAIN: &str = "ASCII without < > & and quotes";
+
+/// Checks the keys of a sink. The sensor's size and bits are of the camera file.
+pub(super) fn check(keys: &NetworkCameraKeys, check: &mut Checker<'_>) -> Result<Params, ConfigError> {
+    let address = address(keys, check)?;
+    taken!(check, keys => port, pixel_format, packet_bytes, rate_mbit_s, frames_kept, frames_queued, xml);
+    let lose_one_in = keys.lose_one_in().optional(check)?;
+    let allow_other_receivers = keys.allow_other_receivers().check(check)?;
     Ok(Params {
         address,
-        port: u16::try_from(port).unwrap_or_default(),
+        port,
         pixel_format,
         packet_bytes,
         rate_bit_s: rate_mbit_s * 1e6,
         frames_kept,
         frames_queued,
-        identity: identity(keys, prefix, check)?,
-        mac: mac(&key("mac"), keys.mac.as_deref(), check)?,
+        identity: identity(keys, check)?,
+        mac: mac(&keys.mac(), check)?,
         xml,
         allow_other_receivers,
-        lose_one_in: lose_one_in.transpose()?,
+        lose_one_in,
     })
 }
 
-fn address(key: &str, given: Option<&str>, check: &mut Checker<'_>) -> Result<Ipv4Addr, ConfigError> {
-    let text = check.given_or(key, given.map(str::to_owned), Ipv4Addr::LOCALHOST.to_string());
+fn address(keys: &NetworkCameraKeys, check: &mut Checker<'_>) -> Result<Ipv4Addr, ConfigError> {
+    let text = keys.address().check(check)?;
     let found = text.parse::<Ipv4Addr>().ok().filter(|address| !address.is_unspecified() && !address.is_broadcast());
-    let advice = "a camera has one address: 127.0.0.1 for programs on this machine, or that of a network interface";
-    found.ok_or_else(|| check.invalid(key, format!("\"{text}\""), "the IPv4 address of an interface", advice))
+    found.ok_or_else(|| keys.address().invalid(format!("\"{text}\""), "the IPv4 address of an interface", check))
 }
 
-fn identity(keys: &NetworkCameraKeys, prefix: &str, check: &Checker<'_>) -> Result<Identity, ConfigError> {
+fn identity(keys: &NetworkCameraKeys, check: &Checker<'_>) -> Result<Identity, ConfigError> {
     let usual = Identity::default();
-    let text = |name: &str, given: &Option<String>, usual: String, most: usize| {
-        let text = given.clone().unwrap_or(usual);
+    let text = |given: Given<'_, String>, usual: String, most: usize| {
+        let text = given.raw().cloned().unwrap_or(usual);
         let is_plain = text.bytes().all(|byte| byte == b' ' || byte.is_ascii_graphic() && !b"<>&\"'".contains(&byte));
         if text.len() <= most && is_plain {
             return Ok(text);
         }
-        let wanted = format!("at most {most} plain characters");
-        Err(check.invalid(&format!("{prefix}{name}"), format!("\"{text}\""), wanted, "ASCII without < > & and quotes"))
+        Err(given.invalid(format!("\"{text}\""), format!("at most {most} plain characters"), check))
     };
     Ok(Identity {
-        vendor: text("vendor", &keys.vendor, usual.vendor, 31)?,
-        model: text("model", &keys.model, usual.model, 31)?,
-        serial: text("serial", &keys.serial, usual.serial, 15)?,
-        user_name: text("user_name", &keys.user_name, usual.user_name, 15)?,
+        vendor: text(keys.vendor(), usual.vendor, 31)?,
+        model: text(keys.model(), usual.model, 31)?,
+        serial: text(keys.serial(), usual.serial, 15)?,
+        user_name: text(keys.user_name(), usual.user_name, 15)?,
         ..Identity::default()
     })
 }
 
 /// Six pairs of hexadecimal digits with colons.
-fn mac(key: &str, given: Option<&str>, check: &Checker<'_>) -> Result<Option<[u8; 6]>, ConfigError> {
-    let Some(text) = given else { return Ok(None) };
+fn mac(given: &Given<'_, String>, check: &Checker<'_>) -> Result<Option<[u8; 6]>, ConfigError> {
+    let Some(text) = given.raw() else { return Ok(None) };
     let pairs: Vec<Option<u8>> = text
         .split(':')
         .map(|pair| u8::from_str_radix(pair, 16).ok().filter(|_| pair.len() == 2 && !pair.starts_with('+')))
@@ -113,20 +110,20 @@ fn mac(key: &str, given: Option<&str>, check: &Checker<'_>) -> Result<Option<[u8
     let bytes: Option<Vec<u8>> = pairs.into_iter().collect();
     let mac = bytes.and_then(|bytes| <[u8; 6]>::try_from(bytes).ok()).filter(|mac| mac[0] & 1 == 0);
     let wanted = "six pairs of hexadecimal digits of one station, such as \"02:00:7f:00:00:01\"";
-    mac.map(Some)
-        .ok_or_else(|| check.invalid(key, format!("\"{text}\""), wanted, "leave it out to tell the interface's"))
+    mac.map(Some).ok_or_else(|| given.invalid(format!("\"{text}\""), wanted, check))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::document::Document;
+    use crate::key::Section;
     use std::path::Path;
 
     fn read(text: &str) -> Result<Params, ConfigError> {
         let document = Document::from_text(text, Path::new("bench.toml"));
         let keys = document.read_as::<NetworkCameraKeys>()?;
-        check(&keys, "", &mut Checker::new(&document))
+        check(&keys.at(""), &mut Checker::new(&document))
     }
 
     #[test]

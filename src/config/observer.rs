@@ -1,10 +1,11 @@
 //! `[observer]`: where the sensor is, for parallax and aberration.
 
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::error::ConfigError;
+use crate::key::{Given, Section, section, taken};
+use crate::key_type::{Any, Word};
 use base::time::Tai;
 use base::units::DEG;
-use serde::Deserialize;
 use sky::orbit::{CentralBody, KeplerElements};
 
 /// Place and motion of the sensor, checked.
@@ -55,29 +56,59 @@ pub enum OrbitStart {
     Elements(KeplerElements),
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct ObserverKeys {
-    kind: Option<String>,
-    line1: Option<String>,
-    line2: Option<String>,
-    altitude_km: Option<f64>,
-    inclination_deg: Option<f64>,
-    raan_deg: Option<f64>,
-    argument_of_latitude_deg: Option<f64>,
-    about: Option<String>,
-    epoch: Option<String>,
-    position_km: Option<[f64; 3]>,
-    velocity_km_s: Option<[f64; 3]>,
-    semi_major_axis_km: Option<f64>,
-    eccentricity: Option<f64>,
-    argument_of_periapsis_deg: Option<f64>,
-    mean_anomaly_deg: Option<f64>,
-    light_deflection: Option<bool>,
+section! {
+    /// Where the sensor is, for parallax and aberration.
+    ObserverKeys at "observer" {
+        /// The centre of the Earth, or an orbit by element lines, as a circle, or as a conic.
+        kind: Word<Kind> = "geocentre", [
+            ("geocentre", Kind::Geocentre), ("tle", Kind::Tle), ("circular_orbit", Kind::CircularOrbit),
+            ("two_body", Kind::TwoBody),
+        ], "tle takes line1 and line2; circular_orbit takes altitude_km, inclination_deg, raan_deg, \
+            argument_of_latitude_deg; two_body takes about, epoch, and position_km and velocity_km_s or \
+            semi_major_axis_km and further elements";
+        /// First line of a two-line element set.
+        line1: String = Optional, "text of 69 characters", "copy both lines of the element set unchanged";
+        /// Second line of a two-line element set.
+        line2: String = Optional, "text of 69 characters", "copy both lines of the element set unchanged";
+        /// Kilometres above the equatorial radius: 550 is a usual low orbit, 35786 is geostationary.
+        altitude_km: f64 = 550.0, Within(100.0, 400_000.0);
+        /// Degrees to the equator, above 90 retrograde; of a conic to ICRF's equator.
+        inclination_deg: f64 = Computed("97.6 of a circular orbit, 0 of a conic"), Within(0.0, 180.0),
+            "degrees to the equator; above 90 is retrograde";
+        /// Right ascension of the ascending node.
+        raan_deg: f64 = 0.0, Within(-360.0, 360.0), "degrees";
+        /// Degrees from the ascending node at the first exposure, of a circular orbit.
+        argument_of_latitude_deg: f64 = 0.0, Within(-360.0, 360.0), "degrees from the ascending node";
+        /// The body that a conic is about.
+        about: Word<CentralBody> = "earth",
+            [("earth", CentralBody::Earth), ("moon", CentralBody::Moon), ("sun", CentralBody::Sun)],
+            "the body that the orbit is about";
+        /// Instant of the state or elements of a conic, RFC 3339, or "start" for the first exposure.
+        epoch: String = "start", "time or \"start\"",
+            "the instant of the state or the elements, such as \"2026-03-01T12:00:00Z\"";
+        /// Position from the centre of the body, kilometres in ICRF axes.
+        position_km: [f64; 3] = Optional, Finite, STATE;
+        /// Velocity from the centre of the body, kilometres per second in ICRF axes.
+        velocity_km_s: [f64; 3] = Optional, Finite, STATE;
+        /// Kilometres, negative for a hyperbola; or give position_km and velocity_km_s.
+        semi_major_axis_km: f64 = Optional, Within(-1e11, 1e11);
+        /// Below 1 with a positive semi-major axis, above 1 with a negative one; a parabola is given by a state.
+        eccentricity: f64 = 0.0, Within(0.0, 1e6);
+        /// Degrees from the node to the nearest point.
+        argument_of_periapsis_deg: f64 = 0.0, Within(-360.0, 360.0), "degrees from the node";
+        /// Degrees at the epoch; on a hyperbola, mean motion times time from the nearest point.
+        mean_anomaly_deg: f64 = 0.0, Within(-1e6, 1e6);
+        /// The Sun bends the stars' light.
+        light_deflection: bool = true, Any;
+    }
 }
 
-#[derive(Clone, Copy, PartialEq)]
-enum Kind {
+const STATE: &str = "position_km and velocity_km_s go together, both from the centre of observer.about";
+/// Elements that no other kind has.
+const OWN_ELEMENTS: [&str; 4] = ["semi_major_axis_km", "eccentricity", "argument_of_periapsis_deg", "mean_anomaly_deg"];
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Kind {
     Geocentre,
     Tle,
     CircularOrbit,
@@ -86,16 +117,7 @@ enum Kind {
 
 impl Observer {
     pub(super) fn check(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
-        let kinds = [
-            ("geocentre", Kind::Geocentre),
-            ("tle", Kind::Tle),
-            ("circular_orbit", Kind::CircularOrbit),
-            ("two_body", Kind::TwoBody),
-        ];
-        let advice = "tle takes line1 and line2; circular_orbit takes altitude_km, inclination_deg, raan_deg, \
-                      argument_of_latitude_deg; two_body takes about, epoch, and position_km and velocity_km_s or \
-                      semi_major_axis_km and further elements";
-        let kind = check.choice("observer.kind", keys.kind.as_deref(), &kinds, advice)?;
+        let kind = keys.kind().check(check)?;
         keys.refuse_strangers(kind, check)?;
         match kind {
             Kind::Geocentre => Ok(Self::Geocentre),
@@ -108,171 +130,93 @@ impl Observer {
 
 impl ObserverKeys {
     fn refuse_strangers(&self, kind: Kind, check: &Checker<'_>) -> Result<(), ConfigError> {
-        for (key, is_given) in [("observer.line1", self.line1.is_some()), ("observer.line2", self.line2.is_some())] {
-            check.unused(key, is_given && kind != Kind::Tle, "kind = \"tle\"")?;
+        if kind != Kind::Tle {
+            self.refuse(&["line1", "line2"], "kind = \"tle\"", check)?;
         }
-        for (key, given) in [
-            ("observer.altitude_km", self.altitude_km),
-            ("observer.argument_of_latitude_deg", self.argument_of_latitude_deg),
-        ] {
-            check.unused(key, given.is_some() && kind != Kind::CircularOrbit, "kind = \"circular_orbit\"")?;
+        if kind != Kind::CircularOrbit {
+            self.refuse(&["altitude_km", "argument_of_latitude_deg"], "kind = \"circular_orbit\"", check)?;
         }
-        for (key, given) in [("observer.inclination_deg", self.inclination_deg), ("observer.raan_deg", self.raan_deg)] {
-            let has_plane = matches!(kind, Kind::CircularOrbit | Kind::TwoBody);
-            check.unused(key, given.is_some() && !has_plane, "kind = \"circular_orbit\" or \"two_body\"")?;
+        if !matches!(kind, Kind::CircularOrbit | Kind::TwoBody) {
+            let owner = "kind = \"circular_orbit\" or \"two_body\"";
+            self.refuse(&["inclination_deg", "raan_deg"], owner, check)?;
         }
-        let of_two_bodies = [
-            ("observer.about", self.about.is_some()),
-            ("observer.epoch", self.epoch.is_some()),
-            ("observer.position_km", self.position_km.is_some()),
-            ("observer.velocity_km_s", self.velocity_km_s.is_some()),
-        ];
-        let elements = self.own_elements().map(|(key, given)| (key, given.is_some()));
-        for (key, is_given) in of_two_bodies.into_iter().chain(elements) {
-            check.unused(key, is_given && kind != Kind::TwoBody, "kind = \"two_body\"")?;
+        if kind != Kind::TwoBody {
+            self.refuse(&["about", "epoch", "position_km", "velocity_km_s"], "kind = \"two_body\"", check)?;
+            self.refuse(&OWN_ELEMENTS, "kind = \"two_body\"", check)?;
         }
         Ok(())
-    }
-
-    /// Elements that no other kind has.
-    fn own_elements(&self) -> [(&'static str, Option<f64>); 4] {
-        [
-            ("observer.semi_major_axis_km", self.semi_major_axis_km),
-            ("observer.eccentricity", self.eccentricity),
-            ("observer.argument_of_periapsis_deg", self.argument_of_periapsis_deg),
-            ("observer.mean_anomaly_deg", self.mean_anomaly_deg),
-        ]
-    }
-
-    /// Whether the Sun bends the stars' light.
-    pub(super) fn light_deflection(&self, check: &mut Checker<'_>) -> bool {
-        check.given_or("observer.light_deflection", self.light_deflection, true)
     }
 }
 
 fn two_body(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer, ConfigError> {
-    let bodies = [("earth", CentralBody::Earth), ("moon", CentralBody::Moon), ("sun", CentralBody::Sun)];
-    let about = check.choice("observer.about", keys.about.as_deref(), &bodies, "the body that the orbit is about")?;
-    let epoch = epoch(keys.epoch.as_deref(), check)?;
-    let start = if keys.position_km.is_some() || keys.velocity_km_s.is_some() {
-        state(keys, check)?
-    } else {
-        OrbitStart::Elements(elements(keys, check)?)
-    };
+    let about = keys.about().check(check)?;
+    let epoch = epoch(keys, check)?;
+    let is_state = keys.position_km().is_given() || keys.velocity_km_s().is_given();
+    let start = if is_state { state(keys, check)? } else { OrbitStart::Elements(elements(keys, check)?) };
     Ok(Observer::TwoBody { about, epoch, start })
 }
 
-fn epoch(given: Option<&str>, check: &mut Checker<'_>) -> Result<Option<Tai>, ConfigError> {
-    const START: &str = "start";
-    let text = check.given_or("observer.epoch", given.map(str::to_owned), START.to_owned());
-    if text == START {
+fn epoch(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Option<Tai>, ConfigError> {
+    let text = keys.epoch().check(check)?;
+    if text == "start" {
         return Ok(None);
     }
-    let advice = "the instant of the state or the elements, such as \"2026-03-01T12:00:00Z\"";
     let wanted = "an RFC 3339 time, or \"start\" for the first exposure";
-    let refuse = |_| check.invalid("observer.epoch", format!("\"{text}\""), wanted, advice);
-    Tai::from_rfc3339(&text).map(Some).map_err(refuse)
+    Tai::from_rfc3339(&text).map(Some).map_err(|_| keys.epoch().invalid(format!("\"{text}\""), wanted, check))
 }
 
 fn state(keys: &ObserverKeys, check: &Checker<'_>) -> Result<OrbitStart, ConfigError> {
-    let others = [("observer.inclination_deg", keys.inclination_deg), ("observer.raan_deg", keys.raan_deg)];
-    for (key, given) in keys.own_elements().into_iter().chain(others) {
-        check.unused(key, given.is_some(), "an orbit by elements: leave out position_km and velocity_km_s, or this")?;
-    }
-    let vector = |key: &str, given: Option<[f64; 3]>| {
+    let owner = "an orbit by elements: leave out position_km and velocity_km_s, or this";
+    keys.refuse(&OWN_ELEMENTS, owner, check)?;
+    keys.refuse(&["inclination_deg", "raan_deg"], owner, check)?;
+    let vector = |vector: Given<'_, [f64; 3]>| {
         let wanted = "three finite numbers: x, y, z in ICRF axes";
-        let advice = "position_km and velocity_km_s go together, both from the centre of observer.about";
-        let given = given.ok_or_else(|| check.invalid(key, "missing", wanted, advice))?;
+        let given = *vector.raw().ok_or_else(|| vector.missing(wanted, check))?;
         let is_finite = given.iter().all(|x| x.is_finite());
-        if is_finite { Ok(given) } else { Err(check.invalid(key, format!("{given:?}"), wanted, advice)) }
+        if is_finite { Ok(given) } else { Err(vector.invalid(format!("{given:?}"), wanted, check)) }
     };
-    let position_km = vector("observer.position_km", keys.position_km)?;
-    let velocity_km_s = vector("observer.velocity_km_s", keys.velocity_km_s)?;
-    Ok(OrbitStart::State { position_km, velocity_km_s })
+    let position_km = vector(keys.position_km())?;
+    Ok(OrbitStart::State { position_km, velocity_km_s: vector(keys.velocity_km_s())? })
 }
 
 fn elements(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<KeplerElements, ConfigError> {
-    let axis_km = check.required(
-        "observer.semi_major_axis_km",
-        keys.semi_major_axis_km,
-        Rule::Within(-1e11, 1e11),
-        "kilometres, negative for a hyperbola; or give position_km and velocity_km_s",
-    )?;
-    let mut angle_rad = |key: &str, given, rule, advice| {
-        check.number(&format!("observer.{key}"), given, 0.0, rule, advice).map(|degrees| degrees * DEG)
-    };
-    let turn = Rule::Within(-360.0, 360.0);
-    let inclination_rad =
-        angle_rad("inclination_deg", keys.inclination_deg, Rule::Within(0.0, 180.0), "degrees to ICRF's equator")?;
-    let raan_rad = angle_rad("raan_deg", keys.raan_deg, turn, "degrees")?;
-    let argument_of_periapsis_rad =
-        angle_rad("argument_of_periapsis_deg", keys.argument_of_periapsis_deg, turn, "degrees from the node")?;
-    let advice = "degrees at the epoch; on a hyperbola, mean motion times time from the nearest point";
-    let mean_anomaly_rad = angle_rad("mean_anomaly_deg", keys.mean_anomaly_deg, Rule::Within(-1e6, 1e6), advice)?;
-    let advice = "below 1 with a positive semi-major axis, above 1 with a negative one; a parabola is given by a state";
-    let eccentricity = check.number("observer.eccentricity", keys.eccentricity, 0.0, Rule::Within(0.0, 1e6), advice)?;
-    if axis_km * (1.0 - eccentricity) <= 0.0 {
-        let wanted = if axis_km > 0.0 { "below 1 with this axis" } else { "above 1 with this axis" };
-        return Err(check.invalid("observer.eccentricity", eccentricity, wanted, advice));
+    let semi_major_axis_km = keys.semi_major_axis_km().check(check)?;
+    let inclination = keys.inclination_deg().or(0.0).advised("degrees to ICRF's equator");
+    let inclination_rad = inclination.check(check)? * DEG;
+    taken!(check, keys => raan_deg, argument_of_periapsis_deg, mean_anomaly_deg, eccentricity);
+    if semi_major_axis_km * (1.0 - eccentricity) <= 0.0 {
+        let is_ellipse = semi_major_axis_km > 0.0;
+        let wanted = if is_ellipse { "below 1 with this axis" } else { "above 1 with this axis" };
+        return Err(keys.eccentricity().invalid(eccentricity, wanted, check));
     }
     Ok(KeplerElements {
-        semi_major_axis_km: axis_km,
+        semi_major_axis_km,
         eccentricity,
         inclination_rad,
-        raan_rad,
-        argument_of_periapsis_rad,
-        mean_anomaly_rad,
+        raan_rad: raan_deg * DEG,
+        argument_of_periapsis_rad: argument_of_periapsis_deg * DEG,
+        mean_anomaly_rad: mean_anomaly_deg * DEG,
     })
 }
 
 fn circular_orbit(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer, ConfigError> {
-    let mut number = |key: &str, given, default, rule, advice| {
-        check.number(&format!("observer.{key}"), given, default, rule, advice)
-    };
-    let angle = Rule::Within(-360.0, 360.0);
-    Ok(Observer::CircularOrbit {
-        altitude_km: number(
-            "altitude_km",
-            keys.altitude_km,
-            550.0,
-            Rule::Within(100.0, 400_000.0),
-            "kilometres above the equatorial radius: 550 is a usual low orbit, 35786 is geostationary",
-        )?,
-        inclination_deg: number(
-            "inclination_deg",
-            keys.inclination_deg,
-            97.6,
-            Rule::Within(0.0, 180.0),
-            "degrees to the equator; above 90 is retrograde",
-        )?,
-        raan_deg: number("raan_deg", keys.raan_deg, 0.0, angle, "degrees")?,
-        argument_of_latitude_deg: number(
-            "argument_of_latitude_deg",
-            keys.argument_of_latitude_deg,
-            0.0,
-            angle,
-            "degrees from the ascending node",
-        )?,
-    })
+    let altitude_km = keys.altitude_km().check(check)?;
+    let inclination_deg = keys.inclination_deg().or(97.6).check(check)?;
+    taken!(check, keys => raan_deg, argument_of_latitude_deg);
+    Ok(Observer::CircularOrbit { altitude_km, inclination_deg, raan_deg, argument_of_latitude_deg })
 }
 
 fn tle(keys: &ObserverKeys, check: &Checker<'_>) -> Result<Observer, ConfigError> {
-    let line = |key: &str, given: &Option<String>, number: char| {
+    let line = |given: Given<'_, String>, number: char| {
         let wanted = format!("69 characters that begin with \"{number} \" and end with their checksum");
-        let text = given.as_deref().unwrap_or("missing").trim_end();
-        if is_tle_line(text, number) {
-            Ok(text.to_owned())
-        } else {
-            let advice = "copy both lines of the element set unchanged";
-            Err(check.invalid(key, format!("\"{text}\""), wanted, advice))
-        }
+        let text = given.raw().map_or("missing", |line| line.trim_end());
+        let is_line = is_tle_line(text, number);
+        if is_line { Ok(text.to_owned()) } else { Err(given.invalid(format!("\"{text}\""), wanted, check)) }
     };
-    let line1 = line("observer.line1", &keys.line1, '1')?;
-    let line2 = line("observer.line2", &keys.line2, '2')?;
+    let (line1, line2) = (line(keys.line1(), '1')?, line(keys.line2(), '2')?);
     if line1.get(2..7) != line2.get(2..7) {
-        let advice = "both lines must be of one satellite (columns 3 to 7)";
-        let got = format!("\"{line2}\"");
-        return Err(check.invalid("observer.line2", got, "the catalogue number of line1", advice));
+        let given = keys.line2().advised("both lines must be of one satellite (columns 3 to 7)");
+        return Err(given.invalid(format!("\"{line2}\""), "the catalogue number of line1", check));
     }
     Ok(Observer::Tle { line1, line2 })
 }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::document::Document;
+use serde::Deserialize;
 use std::path::Path;
 
 #[derive(Debug, Deserialize)]
@@ -15,7 +16,7 @@ fn observer(lines: &str) -> Result<(Observer, bool, Vec<String>), ConfigError> {
     let keys: OnlyObserver = document.read_as()?;
     let mut check = Checker::new(&document);
     let observer = Observer::check(&keys.observer, &mut check)?;
-    let bent = keys.observer.light_deflection(&mut check);
+    let bent = keys.observer.light_deflection().check(&mut check)?;
     Ok((observer, bent, check.defaulted.into_iter().map(|default| default.key).collect()))
 }
 

@@ -4,21 +4,18 @@ use crate::check::{Checker, Rule};
 use crate::detector::Detector;
 use crate::distortion::{Terms, check_polynomial};
 use crate::error::ConfigError;
-use crate::mtf::{Chain, LensKeys, MtfKeys};
-use crate::psf::{self, LevelOrWord, NodeKeys, PlaceOrWord};
+use crate::key::{Given, Section, section};
+use crate::key_type::{Numbers, Raw, Shape, Word};
+use crate::mtf::{Chain, MtfKeys};
+use crate::psf::{self, Model, PsfKeys};
 use plan::exposure::PsfSampling;
 use plan::optics::PsfModel;
-use serde::Deserialize;
 use sky::astrometry::PolynomialDistortion;
 
 /// Shortest focal length, mm: a tenth of that, and one pixel sees most of the sky.
 const LEAST_FOCAL_MM: f64 = 0.1;
 /// Default f-number: a fast star-tracker lens.
 const DEFAULT_F_NUMBER: f64 = 2.0;
-/// Default PSF: the width at which centroids of 5 x 5 windows are near their best.
-const DEFAULT_SIGMA_PX: f64 = 0.7;
-/// Default wavelength, nm: near the pivot of the Gaia G band (622 nm).
-pub(super) const DEFAULT_WAVELENGTH_NM: f64 = 620.0;
 /// Largest obscuration: more leaves no aperture worth the name.
 pub(super) const LARGEST_OBSCURATION: f64 = 0.95;
 
@@ -77,170 +74,108 @@ pub enum Psf {
     Made(PsfModel),
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct OpticsKeys {
-    focal_length_mm: Option<f64>,
-    aperture_mm: Option<f64>,
-    obscuration: Option<f64>,
-    transmission: Option<f64>,
-    principal_point_px: Option<[f64; 2]>,
-}
+section! {
+    /// The lens or telescope.
+    OpticsKeys at "optics" {
+        /// Focal length in millimetres.
+        focal_length_mm: f64 = Needed, Within(LEAST_FOCAL_MM, 1e6),
+            "give the focal length in millimetres, such as 50.0; it sets the scale of the image";
+        /// Diameter of the entrance pupil in millimetres.
+        aperture_mm: f64 = Computed("half of focal_length_mm"), PositiveUpTo(1e5);
+        /// Diameter of the central obscuration over that of the aperture.
+        obscuration: f64 = 0.0, Within(0.0, LARGEST_OBSCURATION), "a ratio of diameters; 0 for a lens";
+        /// Fraction of the light that the optics pass, band average.
+        transmission: f64 = 0.8, PositiveUpTo(1.0), "a fraction: 80 % is 0.8";
+        /// Where the boresight meets the detector, pixels from the centre of the first pixel.
+        principal_point_px: [f64; 2] = Computed("the centre of the detector"), Finite,
+            "pixels from the centre of the first pixel; leave it out for the centre of the detector";
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct DistortionKeys {
-    k1: Option<f64>,
-    k2: Option<f64>,
-    k3: Option<f64>,
-    p1: Option<f64>,
-    p2: Option<f64>,
-    model: Option<String>,
-    #[serde(default)]
-    x: Terms,
-    #[serde(default)]
-    y: Terms,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct PsfKeys {
-    model: Option<String>,
-    sigma_px: Option<f64>,
-    f_number: Option<f64>,
-    wavelength_nm: Option<f64>,
-    obscuration: Option<f64>,
-    bp_rp: Option<f64>,
-    pub(super) sampling: Option<String>,
-    fwhm_px: Option<f64>,
-    beta: Option<f64>,
-    file: Option<String>,
-    samples_per_px: Option<i64>,
-    holds: Option<String>,
-    background: Option<LevelOrWord>,
-    star_at: Option<PlaceOrWord>,
-    light_inside: Option<f64>,
-    nodes: Option<[i64; 2]>,
-    #[serde(default)]
-    node: Vec<NodeKeys>,
-}
-
-impl PsfKeys {
-    /// Those of a PSF that may also stand at a node.
-    fn of_node(&self) -> NodeKeys {
-        NodeKeys {
-            model: self.model.clone(),
-            sigma_px: self.sigma_px,
-            fwhm_px: self.fwhm_px,
-            beta: self.beta,
-            file: self.file.clone(),
-            samples_per_px: self.samples_per_px,
-            holds: self.holds.clone(),
-            background: self.background.clone(),
-            star_at: self.star_at.clone(),
-            light_inside: self.light_inside,
-        }
+    /// Distortion of normalised image coordinates; without the table there is none.
+    DistortionKeys at "distortion" {
+        /// "brown-conrady" takes k1 to p2, "polynomial" takes x and y.
+        model: Word<IsPolynomial> = Silent("brown-conrady"),
+            [("brown-conrady", IsPolynomial(false)), ("polynomial", IsPolynomial(true))], "without it: brown-conrady";
+        /// Radial coefficient of r^2.
+        k1: f64 = Silent(0.0), Within(-100.0, 100.0), "a coefficient for normalised image coordinates, such as -0.05";
+        /// Radial coefficient of r^4.
+        k2: f64 = Silent(0.0), Within(-100.0, 100.0), "a coefficient for normalised image coordinates, such as -0.05";
+        /// Radial coefficient of r^6.
+        k3: f64 = Silent(0.0), Within(-100.0, 100.0), "a coefficient for normalised image coordinates, such as -0.05";
+        /// First tangential coefficient.
+        p1: f64 = Silent(0.0), Within(-100.0, 100.0), "a coefficient for normalised image coordinates, such as -0.05";
+        /// Second tangential coefficient.
+        p2: f64 = Silent(0.0), Within(-100.0, 100.0), "a coefficient for normalised image coordinates, such as -0.05";
+        /// Terms along x of a polynomial: rows of [exponent of x, exponent of y, coefficient].
+        x: Raw<Terms> = Optional, Shape::list(Shape::numbers(3));
+        /// Terms along y of a polynomial: rows of [exponent of x, exponent of y, coefficient].
+        y: Raw<Terms> = Optional, Shape::list(Shape::numbers(3));
     }
 }
 
+/// Whether distortion is a polynomial.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct IsPolynomial(bool);
+
 impl Optics {
+    /// Focal length over aperture.
+    pub(super) fn f_number(&self) -> f64 {
+        self.focal_length_mm / self.aperture_mm
+    }
+
     pub(super) fn check(keys: &OpticsKeys, detector: &Detector, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
-        let focal = "give the focal length in millimetres, such as 50.0; it sets the scale of the image";
-        let focal_length_mm =
-            check.required("optics.focal_length_mm", keys.focal_length_mm, Rule::Within(LEAST_FOCAL_MM, 1e6), focal)?;
-        let mut number = |key: &str, given, default, rule, advice| {
-            check.number(&format!("optics.{key}"), given, default, rule, advice)
-        };
-        let aperture_mm = number(
-            "aperture_mm",
-            keys.aperture_mm,
-            focal_length_mm / DEFAULT_F_NUMBER,
-            Rule::PositiveUpTo(1e5),
-            "diameter of the entrance pupil in millimetres",
-        )?;
-        let obscuration = number(
-            "obscuration",
-            keys.obscuration,
-            0.0,
-            Rule::Within(0.0, LARGEST_OBSCURATION),
-            "a ratio of diameters; 0 for a lens",
-        )?;
-        let transmission =
-            number("transmission", keys.transmission, 0.8, Rule::PositiveUpTo(1.0), "a fraction: 80 % is 0.8")?;
+        let focal_length_mm = keys.focal_length_mm().check(check)?;
+        let aperture_mm = keys.aperture_mm().or(focal_length_mm / DEFAULT_F_NUMBER).check(check)?;
+        let obscuration = keys.obscuration().check(check)?;
+        let transmission = keys.transmission().check(check)?;
         let centre = [detector.width_px, detector.height_px].map(|side| (f64::from(side) - 1.0) / 2.0);
         Ok(Self {
             focal_length_mm,
             aperture_mm,
             obscuration,
             transmission,
-            principal_point_px: principal_point(keys.principal_point_px, centre, check)?,
+            principal_point_px: principal_point(&keys.principal_point_px(), centre, check)?,
         })
     }
 }
 
 /// The principal point, not further outside the detector than its own size.
 fn principal_point(
-    given: Option<[f64; 2]>,
+    given: &Given<'_, [f64; 2]>,
     centre: [f64; 2],
     check: &mut Checker<'_>,
 ) -> Result<[f64; 2], ConfigError> {
-    let key = "optics.principal_point_px";
-    let Some(point) = given else {
-        check.given_or(key, None, format!("[{}, {}]", centre[0], centre[1]));
+    let Some(point) = given.raw().copied() else {
+        check.note(&given.key(), Numbers(centre));
         return Ok(centre);
     };
     for (coordinate, centre) in point.into_iter().zip(centre) {
         let side = 2.0 * centre + 1.0;
-        let advice = "pixels from the centre of the first pixel; leave it out for the centre of the detector";
-        check.meets(key, coordinate, Rule::Within(-side, 2.0 * side), advice)?;
+        check.meets(&given.key(), coordinate, Rule::Within(-side, 2.0 * side), &given.advice)?;
     }
     Ok(point)
 }
 
 impl Distortion {
     /// None given: none. What is given must be finite and small enough to be a lens.
-    pub(super) fn check(keys: &DistortionKeys, check: &Checker<'_>) -> Result<Self, ConfigError> {
-        let polynomial = match keys.model.as_deref() {
-            None | Some("brown-conrady") => {
-                check.unused("distortion.x", !keys.x.is_empty(), "model = \"polynomial\"")?;
-                check.unused("distortion.y", !keys.y.is_empty(), "model = \"polynomial\"")?;
-                None
-            }
-            Some("polynomial") => {
-                let brown = [("k1", keys.k1), ("k2", keys.k2), ("k3", keys.k3), ("p1", keys.p1), ("p2", keys.p2)];
-                for (key, given) in brown {
-                    check.unused(&format!("distortion.{key}"), given.is_some(), "model = \"brown-conrady\"")?;
-                }
-                Some(check_polynomial([&keys.x, &keys.y], check)?)
-            }
-            Some(word) => {
-                let (wanted, advice) = ("\"brown-conrady\" or \"polynomial\"", "without it: brown-conrady");
-                return Err(check.invalid("distortion.model", format!("\"{word}\""), wanted, advice));
-            }
-        };
-        let coefficient = |key: &str, given: Option<f64>| {
-            let advice = "a coefficient for normalised image coordinates, such as -0.05";
-            check.meets(&format!("distortion.{key}"), given.unwrap_or(0.0), Rule::Within(-100.0, 100.0), advice)
+    pub(super) fn check(keys: &DistortionKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
+        let IsPolynomial(is_polynomial) = keys.model().check(check)?;
+        let polynomial = if is_polynomial {
+            keys.refuse(&["k1", "k2", "k3", "p1", "p2"], "model = \"brown-conrady\"", check)?;
+            Some(check_polynomial([keys.x(), keys.y()], check)?)
+        } else {
+            keys.refuse(&["x", "y"], "model = \"polynomial\"", check)?;
+            None
         };
         Ok(Self {
-            k1: coefficient("k1", keys.k1)?,
-            k2: coefficient("k2", keys.k2)?,
-            k3: coefficient("k3", keys.k3)?,
-            p1: coefficient("p1", keys.p1)?,
-            p2: coefficient("p2", keys.p2)?,
+            k1: keys.k1().check(check)?,
+            k2: keys.k2().check(check)?,
+            k3: keys.k3().check(check)?,
+            p1: keys.p1().check(check)?,
+            p2: keys.p2().check(check)?,
             polynomial,
         })
     }
-}
-
-#[derive(Clone, Copy)]
-enum Model {
-    Gaussian,
-    Airy,
-    Chain,
-    Moffat,
-    Measured,
-    Field,
 }
 
 impl Psf {
@@ -251,105 +186,49 @@ impl Psf {
         optics: &Optics,
         check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
-        let models = [
-            ("gaussian", Model::Gaussian),
-            ("airy", Model::Airy),
-            ("moffat", Model::Moffat),
-            ("measured", Model::Measured),
-            ("field", Model::Field),
-            ("chain", Model::Chain),
-        ];
-        let advice = "gaussian takes sigma_px; airy takes f_number, wavelength_nm, obscuration; moffat takes fwhm_px, beta; \
-                      measured takes file, samples_per_px; field takes nodes and [[psf.node]]; chain takes what airy does, bp_rp and [mtf]";
-        let model = check.choice("psf.model", keys.model.as_deref(), &models, advice)?;
+        let model = keys.model().check(check)?;
         let is_chain = matches!(model, Model::Chain);
-        check.unused("psf.bp_rp", keys.bp_rp.is_some() && !is_chain, "model = \"chain\"")?;
+        if !is_chain {
+            keys.refuse(&["bp_rp"], "model = \"chain\"", check)?;
+        }
         if !matches!(model, Model::Airy | Model::Chain) {
-            for (key, given) in [
-                ("psf.f_number", keys.f_number),
-                ("psf.wavelength_nm", keys.wavelength_nm),
-                ("psf.obscuration", keys.obscuration),
-            ] {
-                check.unused(key, given.is_some(), "model = \"airy\"")?;
-            }
+            keys.refuse(&["f_number", "wavelength_nm", "obscuration"], "model = \"airy\"", check)?;
         }
         if !matches!(model, Model::Gaussian) {
-            check.unused("psf.sigma_px", keys.sigma_px.is_some(), "model = \"gaussian\"")?;
+            keys.refuse(&["sigma_px"], "model = \"gaussian\"", check)?;
         }
-        let is_field = matches!(model, Model::Field);
-        check.unused("psf.nodes", keys.nodes.is_some() && !is_field, "model = \"field\"")?;
-        check.unused("psf.node", !keys.node.is_empty() && !is_field, "model = \"field\"")?;
+        if !matches!(model, Model::Field) {
+            keys.refuse(&["nodes"], "model = \"field\"", check)?;
+            check.unused("psf.node", !keys.node.is_empty(), "model = \"field\"")?;
+        }
         let own = keys.of_node();
         if !matches!(model, Model::Moffat | Model::Measured) {
-            own.unused_by("", "psf", check)?;
+            own.unused_by("", check)?;
         }
         match model {
-            Model::Moffat => Ok(Self::Made(own.moffat("psf", check)?)),
-            Model::Measured => Ok(Self::Made(own.measured("psf", check)?)),
-            Model::Field => {
-                let size_px = [detector.width_px, detector.height_px];
-                Ok(Self::Made(psf::field(keys.nodes, &keys.node, size_px, check)?))
-            }
-            Model::Gaussian => {
-                let advice = "standard deviation in pixels, such as 0.7; a star must spread over a few pixels";
-                let rule = Rule::Within(0.05, 20.0);
-                let sigma_px = check.number("psf.sigma_px", keys.sigma_px, DEFAULT_SIGMA_PX, rule, advice)?;
-                Ok(Self::Gaussian { sigma_px })
-            }
-            Model::Chain => {
-                let lens = LensKeys {
-                    f_number: keys.f_number,
-                    wavelength_nm: keys.wavelength_nm,
-                    obscuration: keys.obscuration,
-                    bp_rp: keys.bp_rp,
-                };
-                Ok(Self::Chain(Box::new(Chain::check(&lens, mtf, optics, detector, check)?)))
-            }
-            Model::Airy => Self::check_airy(keys, optics, check),
+            Model::Moffat => Ok(Self::Made(own.moffat(check)?)),
+            Model::Measured => Ok(Self::Made(own.measured(check)?)),
+            Model::Field => Ok(Self::Made(psf::field(keys, [detector.width_px, detector.height_px], check)?)),
+            Model::Gaussian => Ok(Self::Gaussian { sigma_px: keys.sigma_px().check(check)? }),
+            Model::Chain => Ok(Self::Chain(Box::new(Chain::check(keys, mtf, optics, detector, check)?))),
+            Model::Airy => Ok(Self::Airy {
+                f_number: keys.f_number().or(optics.f_number()).check(check)?,
+                wavelength_nm: keys.wavelength_nm().check(check)?,
+                obscuration: keys.obscuration().or(optics.obscuration).check(check)?,
+            }),
         }
     }
 
     /// How pixel values are had from the PSF.
     pub(super) fn check_sampling(keys: &PsfKeys, check: &mut Checker<'_>) -> Result<PsfSampling, ConfigError> {
-        let word = check.given_or("psf.sampling", keys.sampling.clone(), "auto".to_owned());
-        let refuse = |wanted: &str| {
-            check.invalid("psf.sampling", format!("\"{word}\""), wanted, "auto is exact, and right for most cameras")
-        };
+        let word = keys.sampling().check(check)?;
+        let refuse = |wanted: &str| keys.sampling().invalid(format!("\"{word}\""), wanted, check);
         let sampling: PsfSampling =
             word.parse().map_err(|_| refuse("auto, table:S, supersampled:N, point or bicubic"))?;
-        let tabled = keys.model.as_deref().is_some_and(|model| ["moffat", "measured", "field"].contains(&model));
+        let tabled = keys.model().raw().is_some_and(|model| ["moffat", "measured", "field"].contains(&model.as_str()));
         if tabled && !sampling.is_exact() {
             return Err(refuse("auto or table:S for this model (the others take points of a Gaussian)"));
         }
         Ok(sampling)
-    }
-
-    fn check_airy(keys: &PsfKeys, optics: &Optics, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
-        let own_f_number = optics.focal_length_mm / optics.aperture_mm;
-        let mut number =
-            |key: &str, given, default, rule, advice| check.number(&format!("psf.{key}"), given, default, rule, advice);
-        Ok(Self::Airy {
-            f_number: number(
-                "f_number",
-                keys.f_number,
-                own_f_number,
-                Rule::Within(0.3, 1000.0),
-                "focal length over aperture; leave it out to take that of [optics]",
-            )?,
-            wavelength_nm: number(
-                "wavelength_nm",
-                keys.wavelength_nm,
-                DEFAULT_WAVELENGTH_NM,
-                Rule::Within(100.0, 20_000.0),
-                "effective wavelength in nanometres, such as 620",
-            )?,
-            obscuration: number(
-                "obscuration",
-                keys.obscuration,
-                optics.obscuration,
-                Rule::Within(0.0, LARGEST_OBSCURATION),
-                "a ratio of diameters; leave it out to take that of [optics]",
-            )?,
-        })
     }
 }

@@ -2,13 +2,14 @@
 //!
 //! A scenario file that names a bench has the same tables at its top level. Tests: `plant_tests`.
 
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::error::ConfigError;
 use crate::event::Pointing;
+use crate::key::{Section, section};
+use crate::key_type::{Numbers, Whole, Word};
 use crate::spacecraft::Spacecraft;
 use base::time::Span;
 use glam::DVec3;
-use serde::Deserialize;
 use testbed::spacecraft::TestTorque;
 
 /// Who moves the spacecraft.
@@ -47,17 +48,77 @@ pub struct Vehicle {
     pub telemetry_every: u32,
 }
 
-/// `[plant]` of a bench.
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub(super) struct PlantKeys {
-    kind: Option<String>,
-    initial: Option<InitialKeys>,
-    pointing: Option<PointingKeys>,
-    tracker: Option<TrackerKeys>,
-    control: Option<ControlKeys>,
-    telemetry: Option<TelemetryKeys>,
+section! {
+    /// Who moves the spacecraft, and how one that is flown inside begins, points and is controlled.
+    PlantKeys at "plant" {
+        /// The simulated flight computer, one at the other end of the link, or a simulated spacecraft.
+        kind: Word<PlantKind> = Computed("vehicle with spacecraft, else as flight_computer.kind says"), [
+            ("flight_computer", PlantKind::FlightComputer), ("outside", PlantKind::Outside),
+            ("vehicle", PlantKind::Vehicle),
+        ];
+        tables:
+        /// Attitude and rate at the start of a flight.
+        initial: Option<InitialKeys>;
+        /// Where the first head of a spacecraft is to point.
+        pointing: Option<PointingKeys>;
+        /// Star trackers of a spacecraft.
+        tracker: Option<TrackerKeys>;
+        /// Attitude control of a spacecraft.
+        control: Option<ControlKeys>;
+        /// Telemetry of a spacecraft.
+        telemetry: Option<TelemetryKeys>;
+    }
+
+    /// Attitude and rate at the start of a flight.
+    InitialKeys at "initial" {
+        /// Random takes an attitude from the seed; given needs ra_deg, dec_deg, roll_deg.
+        attitude: Word<IsRandom> = "random", [("random", IsRandom(true)), ("given", IsRandom(false))];
+        /// Right ascension of the boresight, in degrees, not hours: 5h 30m is 82.5.
+        ra_deg: f64 = Optional, Within(-360.0, 360.0), "degrees, not hours: 5h 30m is 82.5";
+        /// Declination of the boresight.
+        dec_deg: f64 = Optional, Within(-90.0, 90.0), "degrees";
+        /// Position angle of the image's up direction, east of north.
+        roll_deg: f64 = Silent(0.0), Within(-360.0, 360.0), "degrees";
+        /// Degrees per second about the body axes at the start.
+        rate_deg_s: [f64; 3] = Silent(Numbers([0.0; 3])), Within(-20.0, 20.0);
+    }
+
+    /// Where the first head is to point.
+    PointingKeys at "pointing" {
+        /// Right ascension of the boresight, in degrees, not hours: 5h 30m is 82.5.
+        ra_deg: f64 = Needed, Within(-360.0, 360.0), "degrees, not hours: 5h 30m is 82.5";
+        /// Declination of the boresight.
+        dec_deg: f64 = Needed, Within(-90.0, 90.0), "degrees";
+        /// Position angle of the image's up direction, east of north.
+        roll_deg: f64 = Silent(0.0), Within(-360.0, 360.0), "degrees";
+    }
+
+    /// Star trackers.
+    TrackerKeys at "tracker" {
+        /// Milliseconds from the end of readout to the attitude.
+        delay_ms: f64 = 50.0, Within(0.0, 2000.0);
+        /// Milliseconds by which the trackers' time tags are late: a date error to be studied.
+        tag_error_ms: f64 = 0.0, Within(-1000.0, 1000.0);
+        /// Most stars that are measured in a frame, brightest first.
+        stars: Whole<usize> = 40, 4..=200, "brightest first";
+    }
+
+    /// Attitude control.
+    ControlKeys at "control" {
+        /// Milliseconds from a control step to its torque: latency to be studied.
+        delay_ms: f64 = 0.0, Within(0.0, 10_000.0);
+    }
+
+    /// Telemetry.
+    TelemetryKeys at "telemetry" {
+        /// Control steps from one row to the next.
+        every: Whole = 1, 1..=1_000_000;
+    }
 }
+
+/// Whether an attitude is drawn from the seed.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct IsRandom(bool);
 
 /// The tables that describe a flight, wherever they are in the file.
 #[derive(Debug, Default)]
@@ -67,44 +128,6 @@ pub(super) struct FlightKeys {
     pub(super) tracker: TrackerKeys,
     pub(super) control: ControlKeys,
     pub(super) telemetry: TelemetryKeys,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct InitialKeys {
-    attitude: Option<String>,
-    ra_deg: Option<f64>,
-    dec_deg: Option<f64>,
-    roll_deg: Option<f64>,
-    rate_deg_s: Option<[f64; 3]>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct PointingKeys {
-    ra_deg: Option<f64>,
-    dec_deg: Option<f64>,
-    roll_deg: Option<f64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct TrackerKeys {
-    delay_ms: Option<f64>,
-    tag_error_ms: Option<f64>,
-    stars: Option<i64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct ControlKeys {
-    delay_ms: Option<f64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct TelemetryKeys {
-    every: Option<i64>,
 }
 
 /// What `plant.kind` says.
@@ -118,34 +141,25 @@ pub(super) enum PlantKind {
 impl PlantKeys {
     /// Whether the spacecraft is said to be moved from outside.
     pub(super) fn is_outside(&self) -> bool {
-        self.kind.as_deref() == Some("outside")
+        self.kind().raw().is_some_and(|kind| kind == "outside")
     }
 
     /// Reads who moves the spacecraft: without `kind` it is a vehicle where a spacecraft is named, else what
     /// `flight_computer.kind` says.
-    pub(super) fn kind(
+    pub(super) fn mover(
         &self,
         names_spacecraft: bool,
         is_external: bool,
-        check: &mut Checker<'_>,
+        check: &Checker<'_>,
     ) -> Result<PlantKind, ConfigError> {
         let usual = match (names_spacecraft, is_external) {
             (true, _) => PlantKind::Vehicle,
             (false, true) => PlantKind::Outside,
             (false, false) => PlantKind::FlightComputer,
         };
-        let kinds = [
-            ("flight_computer", PlantKind::FlightComputer),
-            ("outside", PlantKind::Outside),
-            ("vehicle", PlantKind::Vehicle),
-        ];
-        let advice = "the simulated flight computer, one at the other end of the link, or a simulated spacecraft";
-        let kind = match self.kind.as_deref() {
-            None => usual,
-            given => check.choice("plant.kind", given, &kinds, advice)?,
-        };
+        let kind = self.kind().optional(check)?.unwrap_or(usual);
         if kind != usual {
-            let got = self.kind.as_deref().unwrap_or_default();
+            let got = self.kind().raw().cloned().unwrap_or_default();
             let (wanted, advice) = match (kind, names_spacecraft) {
                 (PlantKind::Vehicle, _) => ("a spacecraft", "name its file: spacecraft = \"FILE\""),
                 (PlantKind::Outside | PlantKind::FlightComputer, true) => {
@@ -155,7 +169,7 @@ impl PlantKeys {
                     ("\"outside\" with flight_computer.kind = \"external\"", "they say different things: leave one out")
                 }
             };
-            return Err(check.invalid("plant.kind", format!("\"{got}\""), wanted, advice));
+            return Err(self.kind().advised(advice).invalid(format!("\"{got}\""), wanted, check));
         }
         if kind != PlantKind::Vehicle {
             for (name, is_given) in [
@@ -206,35 +220,27 @@ impl Vehicle {
         check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
         let FlightNames { before, pointing } = names;
-        let key = |name: &str| format!("{before}{name}");
         let spacecraft = named_spacecraft(spacecraft, check)?;
-        let initial = initial(&keys.initial, before, check)?;
-        let target_key = |name: &str| format!("{before}{pointing}.{name}");
-        let target =
-            Pointing::check([keys.pointing.ra_deg, keys.pointing.dec_deg, keys.pointing.roll_deg], target_key, check)?;
-        let delay = "milliseconds from the end of readout to the attitude";
-        let delay_ms =
-            check.number(&key("tracker.delay_ms"), keys.tracker.delay_ms, 50.0, Rule::Within(0.0, 2000.0), delay)?;
-        let tag = "milliseconds by which the trackers' time tags are late: a date error to be studied";
-        let tag_rule = Rule::Within(-1000.0, 1000.0);
-        let tag_ms = check.number(&key("tracker.tag_error_ms"), keys.tracker.tag_error_ms, 0.0, tag_rule, tag)?;
-        let late = "milliseconds from a control step to its torque: latency to be studied";
-        let late_rule = Rule::Within(0.0, 10_000.0);
-        let actuation_ms = check.number(&key("control.delay_ms"), keys.control.delay_ms, 0.0, late_rule, late)?;
-        let rows = "control steps from one row to the next";
-        let telemetry_every =
-            check.whole(&key("telemetry.every"), keys.telemetry.every, Some(1), 1..=1_000_000, rows)?;
-        let stars = "brightest first";
-        let tracker_stars = check.whole(&key("tracker.stars"), keys.tracker.stars, Some(40), 4..=200, stars)?;
+        let initial_keys = keys.initial.at(&format!("{before}initial"));
+        let pointing = keys.pointing.at(&format!("{before}{pointing}"));
+        let tracker = keys.tracker.at(&format!("{before}tracker"));
+        let initial = initial(&initial_keys, check)?;
+        let target = Pointing::check([pointing.ra_deg(), pointing.dec_deg(), pointing.roll_deg()], check)?;
+        let tracker_delay = tracker.delay_ms().ms(check)?;
+        let tag_error = tracker.tag_error_ms().ms(check)?;
+        let actuation_delay = keys.control.at(&format!("{before}control")).delay_ms().ms(check)?;
+        let telemetry_every = keys.telemetry.at(&format!("{before}telemetry")).every().check(check)?;
+        let tracker_stars = tracker.stars().check(check)?;
+        let rate_deg_s = initial_keys.rate_deg_s().check(check)?;
         Ok(Self {
             spacecraft,
             initial,
-            initial_rate_rad_s: initial_rate_rad_s(&keys.initial, before, check)?,
+            initial_rate_rad_s: DVec3::from_array(rate_deg_s.map(f64::to_radians)),
             target,
-            tracker_delay: Span::from_s(delay_ms * 1e-3),
-            tag_error: Span::from_s(tag_ms * 1e-3),
-            tracker_stars: tracker_stars as usize,
-            actuation_delay: Span::from_s(actuation_ms * 1e-3),
+            tracker_delay,
+            tag_error,
+            tracker_stars,
+            actuation_delay,
             test_torques: Vec::new(),
             telemetry_every,
         })
@@ -247,27 +253,13 @@ fn named_spacecraft(path: Option<&str>, check: &Checker<'_>) -> Result<Spacecraf
     Spacecraft::from_document(&check.document.named("spacecraft", path)?)
 }
 
-fn initial(keys: &InitialKeys, before: &str, check: &mut Checker<'_>) -> Result<Option<Pointing>, ConfigError> {
-    let key = |name: &str| format!("{before}initial.{name}");
-    let kinds = [("random", true), ("given", false)];
-    let advice = "random takes an attitude from the seed; given needs ra_deg, dec_deg, roll_deg";
-    let is_random = check.choice(&key("attitude"), keys.attitude.as_deref(), &kinds, advice)?;
+fn initial(keys: &InitialKeys, check: &mut Checker<'_>) -> Result<Option<Pointing>, ConfigError> {
+    let IsRandom(is_random) = keys.attitude().check(check)?;
     if is_random {
-        for (name, given) in [("ra_deg", keys.ra_deg), ("dec_deg", keys.dec_deg), ("roll_deg", keys.roll_deg)] {
-            check.unused(&key(name), given.is_some(), "attitude = \"given\"")?;
-        }
+        keys.refuse(&["ra_deg", "dec_deg", "roll_deg"], "attitude = \"given\"", check)?;
         return Ok(None);
     }
-    Pointing::check([keys.ra_deg, keys.dec_deg, keys.roll_deg], key, check).map(Some)
-}
-
-fn initial_rate_rad_s(keys: &InitialKeys, before: &str, check: &Checker<'_>) -> Result<DVec3, ConfigError> {
-    let rate_deg_s = keys.rate_deg_s.unwrap_or_default();
-    for component in rate_deg_s {
-        let advice = "degrees per second about the body axes at the start";
-        check.meets(&format!("{before}initial.rate_deg_s"), component, Rule::Within(-20.0, 20.0), advice)?;
-    }
-    Ok(DVec3::from_array(rate_deg_s.map(f64::to_radians)))
+    Pointing::check([keys.ra_deg(), keys.dec_deg(), keys.roll_deg()], check).map(Some)
 }
 
 #[cfg(test)]

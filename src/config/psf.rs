@@ -1,11 +1,14 @@
-//! `[psf]` beyond Gaussian and Airy: `moffat` (`fwhm_px`, `beta`), `measured` (a FITS image and how to take it), `field`
+//! `[psf]`; beyond Gaussian and Airy there are `moffat` (`fwhm_px`, `beta`), `measured` (a FITS image and how to take it), `field`
 //! (`nodes = [columns, rows]` and that many `[[psf.node]]`, row by row from the top left, each a PSF of its own).
 //!
 //! A measured PSF's file is read when the camera is; its path is relative to the camera file. It is no part of a packed
 //! configuration: a replay reads it where it was.
 
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::error::ConfigError;
+use crate::key::{Section, listed, section};
+use crate::key_type::{Raw, Shape, Whole, Word};
+use crate::optics::LARGEST_OBSCURATION;
 use frames::sink::fits::FitsImage;
 use plan::optics::measured::{Background, Holds, MeasuredError, Measurement, StarAt};
 use plan::optics::psf_field::{MOST_NODES, PsfField};
@@ -14,23 +17,105 @@ use serde::Deserialize;
 
 /// Default exponent of a Moffat profile: turbulence (Trujillo et al. 2001).
 const DEFAULT_BETA: f64 = 4.765;
-/// Default width of a Gaussian at a node, as for a whole camera, px.
+/// Default wavelength, nm: near the pivot of the Gaia G band (622 nm).
+const DEFAULT_WAVELENGTH_NM: f64 = 620.0;
+/// Default width of a Gaussian, px: centroids of 5 x 5 windows are near their best.
 const DEFAULT_SIGMA_PX: f64 = 0.7;
 
-/// Keys of the models of this file.
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct NodeKeys {
-    pub(super) model: Option<String>,
-    pub(super) sigma_px: Option<f64>,
-    pub(super) fwhm_px: Option<f64>,
-    pub(super) beta: Option<f64>,
-    pub(super) file: Option<String>,
-    pub(super) samples_per_px: Option<i64>,
-    pub(super) holds: Option<String>,
-    pub(super) background: Option<LevelOrWord>,
-    pub(super) star_at: Option<PlaceOrWord>,
-    pub(super) light_inside: Option<f64>,
+/// A table of a PSF: keys of its own, and those of a Moffat profile or measured star.
+macro_rules! psf_section {
+    ($(#[doc = $about:literal])+ $keys:ident at $place:literal { $($own:tt)* } $({ $($tables:tt)* })?) => {
+        section! {
+            $(#[doc = $about])+
+            $keys at $place {
+                $($own)*
+                /// Full width at half maximum of a Moffat profile in pixels, of the optics alone.
+                fwhm_px: f64 = Optional, Within(0.7, 40.0),
+                    "full width at half maximum in pixels, such as 2.0; of the optics, before a pixel integrates it";
+                /// Exponent of a Moffat profile.
+                beta: f64 = DEFAULT_BETA, Within(1.2, 5.0),
+                    "how fast the wings fall: 2.5 for broad ones, 4.765 for turbulence; gaussian is a model of its own";
+                /// FITS image of a measured star, with several samples along each side of a pixel.
+                file: String = Optional, "path",
+                    "a FITS image of a star, with several samples along each side of a pixel";
+                /// Samples of the image along each side of a detector pixel.
+                samples_per_px: Whole<usize> = Optional, 2..=32,
+                    "samples of the image along each side of a detector pixel; fewer than 2 do not tell where in a \
+                     pixel a star is";
+                /// "light": each sample is the light on its own small cell; "pixels": on a whole pixel centred there.
+                holds: Word<Holds> = "light", [("light", Holds::Light), ("pixels", Holds::Pixels)];
+                /// What to take off the samples: a level in their unit, or a word.
+                background: Raw<LevelOrWord> = Computed("\"none\""),
+                    Shape::either(Shape::Number(Finite), Shape::Words(vec!["none", "border"])),
+                    "or a level in the samples' unit; \"border\" takes the mean of the outermost samples";
+                /// Where the star is in the image: a word, or a sample.
+                star_at: Raw<PlaceOrWord> = Computed("\"centroid\""),
+                    Shape::either(Shape::numbers(2), Shape::Words(vec!["centroid", "middle"])),
+                    "or [column, row] of the sample the star stands at, counted from 0 at the top left";
+                /// Share of the star's light that the image holds; 1 when nothing to speak of lies outside.
+                light_inside: f64 = 1.0, Within(0.5, 1.0);
+                $(tables: $($tables)*)?
+            }
+        }
+    };
+}
+
+psf_section! {
+    /// Point-spread function of the optics.
+    PsfKeys at "psf" {
+        /// The form of a star's image.
+        model: Word<Model> = "gaussian", [
+            ("gaussian", Model::Gaussian), ("airy", Model::Airy), ("moffat", Model::Moffat),
+            ("measured", Model::Measured), ("field", Model::Field), ("chain", Model::Chain),
+        ], "gaussian takes sigma_px; airy takes f_number, wavelength_nm, obscuration; moffat takes fwhm_px, beta; \
+            measured takes file, samples_per_px; field takes nodes and [[psf.node]]; chain takes what airy does, bp_rp \
+            and [mtf]";
+        /// Standard deviation of a Gaussian in pixels.
+        sigma_px: f64 = DEFAULT_SIGMA_PX, Within(0.05, 20.0),
+            "standard deviation in pixels, such as 0.7; a star must spread over a few pixels";
+        /// F-number of an Airy pattern or chain.
+        f_number: f64 = Computed("that of [optics]"), Within(0.3, 1000.0),
+            "focal length over aperture; leave it out to take that of [optics]";
+        /// Effective wavelength in nanometres, such as 620.
+        wavelength_nm: f64 = DEFAULT_WAVELENGTH_NM, Within(100.0, 20_000.0);
+        /// Central obscuration of an Airy pattern or chain.
+        obscuration: f64 = Computed("that of [optics]"), Within(0.0, LARGEST_OBSCURATION),
+            "a ratio of diameters; leave it out to take that of [optics]";
+        /// Colour of the star that a chain is drawn for, in the light of [band].
+        bp_rp: f64 = Optional, Within(-1.0, 7.0),
+            "Gaia BP-RP of the star that the PSF is for, such as the Sun's, 0.82";
+        /// How pixel values are had from the PSF: auto, table:S, supersampled:N, point or bicubic.
+        sampling: String = "auto", "text", "auto is exact, and right for most cameras";
+        /// Nodes of a field along a row and a column, the outermost at the detector's edges.
+        nodes: Raw<[i64; 2]> = Optional, Shape::Row(2, Box::new(Shape::Whole(2..=MOST_NODES as i64))),
+            "nodes along a row and a column, the outermost at the detector's edges, and a [[psf.node]] for each";
+    } {
+        /// The PSF at a node of a field, row by row from the top left.
+        node: Vec<NodeKeys>;
+    }
+}
+
+psf_section! {
+    /// The PSF at a node of a field.
+    NodeKeys at "psf.node" {
+        /// The form of a star's image.
+        model: Word<NodeModel> = "gaussian", [
+            ("gaussian", NodeModel::Gaussian), ("moffat", NodeModel::Moffat), ("measured", NodeModel::Measured),
+        ], "gaussian takes sigma_px; moffat takes fwhm_px, beta; measured takes file, samples_per_px";
+        /// Standard deviation of a Gaussian in pixels, such as 0.7.
+        sigma_px: f64 = DEFAULT_SIGMA_PX, Within(0.05, 12.0), "standard deviation in pixels, such as 0.7";
+    }
+}
+
+/// The form of a star's image.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Model {
+    Gaussian,
+    Airy,
+    Chain,
+    Moffat,
+    Measured,
+    Field,
 }
 
 /// `background`: a level, or `"none"`, `"border"`.
@@ -50,132 +135,124 @@ pub(super) enum PlaceOrWord {
 }
 
 /// What a node may be.
-#[derive(Clone, Copy)]
-enum NodeModel {
+#[derive(Debug, Clone, Copy)]
+pub(super) enum NodeModel {
     Gaussian,
     Moffat,
     Measured,
 }
 
+impl PsfKeys {
+    /// Those of a PSF that may also stand at a node.
+    pub(super) fn of_node(&self) -> NodeKeys {
+        NodeKeys {
+            placed_at: Some("psf".into()),
+            model: self.model().raw().cloned(),
+            sigma_px: self.sigma_px().raw().copied(),
+            fwhm_px: self.fwhm_px().raw().copied(),
+            beta: self.beta().raw().copied(),
+            file: self.file().raw().cloned(),
+            samples_per_px: self.samples_per_px().raw().copied(),
+            holds: self.holds().raw().cloned(),
+            background: self.background().raw().cloned(),
+            star_at: self.star_at().raw().cloned(),
+            light_inside: self.light_inside().raw().copied(),
+        }
+    }
+}
+
 impl NodeKeys {
-    /// Refuses keys that the model does not take; `table` is theirs.
-    pub(super) fn unused_by(&self, model: &str, table: &str, check: &Checker<'_>) -> Result<(), ConfigError> {
-        for (key, is_given, owner) in [
-            ("fwhm_px", self.fwhm_px.is_some(), "moffat"),
-            ("beta", self.beta.is_some(), "moffat"),
-            ("file", self.file.is_some(), "measured"),
-            ("samples_per_px", self.samples_per_px.is_some(), "measured"),
-            ("holds", self.holds.is_some(), "measured"),
-            ("background", self.background.is_some(), "measured"),
-            ("star_at", self.star_at.is_some(), "measured"),
-            ("light_inside", self.light_inside.is_some(), "measured"),
-        ] {
-            check.unused(&format!("{table}.{key}"), is_given && owner != model, &format!("model = \"{owner}\""))?;
+    /// Refuses keys that the model does not take.
+    pub(super) fn unused_by(&self, model: &str, check: &Checker<'_>) -> Result<(), ConfigError> {
+        let of_measured = ["file", "samples_per_px", "holds", "background", "star_at", "light_inside"];
+        for (owner, keys) in [("moffat", &["fwhm_px", "beta"][..]), ("measured", &of_measured)] {
+            if owner != model {
+                self.refuse(keys, &format!("model = \"{owner}\""), check)?;
+            }
         }
         Ok(())
     }
 
     /// A Moffat profile.
-    pub(super) fn moffat(&self, table: &str, check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
-        self.unused_by("moffat", table, check)?;
-        let advice = "full width at half maximum in pixels, such as 2.0; of the optics, before a pixel integrates it";
-        let fwhm_px = check.required(&format!("{table}.fwhm_px"), self.fwhm_px, Rule::Within(0.7, 40.0), advice)?;
-        let advice =
-            "how fast the wings fall: 2.5 for broad ones, 4.765 for turbulence; gaussian is a model of its own";
-        let key = format!("{table}.beta");
-        let beta = check.number(&key, self.beta, DEFAULT_BETA, Rule::Within(1.2, 5.0), advice)?;
+    pub(super) fn moffat(&self, check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
+        self.unused_by("moffat", check)?;
+        let (fwhm_px, beta) = (self.fwhm_px().check(check)?, self.beta().check(check)?);
         let alpha_px = 0.5 * fwhm_px / (2.0_f64.powf(1.0 / beta) - 1.0).sqrt();
         Ok(PsfModel::moffat(alpha_px, beta))
     }
 
     /// The image of a star.
-    pub(super) fn measured(&self, table: &str, check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
-        self.unused_by("measured", table, check)?;
-        let key = |name: &str| format!("{table}.{name}");
-        let how = self.measurement(table, check)?;
-        let advice = "a FITS image of a star, with several samples along each side of a pixel";
-        let path = self.file.as_deref().ok_or_else(|| check.invalid(&key("file"), "missing", "a path", advice))?;
-        let bytes = check.document.bytes_of(&key("file"), path)?;
-        let refuse =
-            |why: String| check.invalid(&key("file"), format!("\"{path}\": {why}"), "an image of a star", advice);
+    pub(super) fn measured(&self, check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
+        self.unused_by("measured", check)?;
+        let how = self.measurement(check)?;
+        let file = self.file();
+        let path = file.raw().ok_or_else(|| file.missing("a path", check))?;
+        let bytes = check.document.bytes_of(&file.key(), path)?;
+        let refuse = |why: String| file.invalid(format!("\"{path}\": {why}"), "an image of a star", check);
         let image = FitsImage::read(bytes.as_slice()).map_err(|error| refuse(error.to_string()))?;
         let grid = grid_of(&image, &how).map_err(|error| refuse(error.to_string()))?;
         Ok(PsfModel::grid(grid))
     }
 
-    fn measurement(&self, table: &str, check: &mut Checker<'_>) -> Result<Measurement, ConfigError> {
-        let key = |name: &str| format!("{table}.{name}");
-        let advice = "samples of the image along each side of a detector pixel; fewer than 2 do not tell where in a pixel a star is";
-        let samples_per_px = check.whole(&key("samples_per_px"), self.samples_per_px, None, 2..=32, advice)? as usize;
-        let words = [("light", Holds::Light), ("pixels", Holds::Pixels)];
-        let advice =
-            "\"light\": each sample is the light on its own small cell; \"pixels\": on a whole pixel centred there";
-        let holds = check.choice(&key("holds"), self.holds.as_deref(), &words, advice)?;
+    fn measurement(&self, check: &mut Checker<'_>) -> Result<Measurement, ConfigError> {
+        let samples_per_px = self.samples_per_px().check(check)?;
+        let holds = self.holds().check(check)?;
         let words = [("none", Background::None), ("border", Background::Border)];
-        let advice = "or a level in the samples' unit; \"border\" takes the mean of the outermost samples";
-        let background = match &self.background {
+        let given = self.background();
+        let background = match given.raw() {
             Some(LevelOrWord::Level(level)) if level.is_finite() => Background::Level(*level),
-            Some(LevelOrWord::Level(level)) => {
-                return Err(check.invalid(&key("background"), level, "a finite level", advice));
-            }
-            Some(LevelOrWord::Word(word)) => check.choice(&key("background"), Some(word), &words, advice)?,
-            None => check.choice(&key("background"), None, &words, advice)?,
+            Some(LevelOrWord::Level(level)) => return Err(given.invalid(level, "a finite level", check)),
+            Some(LevelOrWord::Word(word)) => check.choice(&given.key(), Some(word), &words, &given.advice)?,
+            None => check.choice(&given.key(), None, &words, &given.advice)?,
         };
         let words = [("centroid", StarAt::Centroid), ("middle", StarAt::Middle)];
-        let advice = "or [column, row] of the sample the star stands at, counted from 0 at the top left";
-        let star_at = match &self.star_at {
+        let given = self.star_at();
+        let star_at = match given.raw() {
             Some(PlaceOrWord::Sample(at)) => StarAt::Sample(*at),
-            Some(PlaceOrWord::Word(word)) => check.choice(&key("star_at"), Some(word), &words, advice)?,
-            None => check.choice(&key("star_at"), None, &words, advice)?,
+            Some(PlaceOrWord::Word(word)) => check.choice(&given.key(), Some(word), &words, &given.advice)?,
+            None => check.choice(&given.key(), None, &words, &given.advice)?,
         };
-        let advice = "share of the star's light that the image holds; 1 when nothing to speak of lies outside";
-        let light_inside =
-            check.number(&key("light_inside"), self.light_inside, 1.0, Rule::Within(0.5, 1.0), advice)?;
+        let light_inside = self.light_inside().check(check)?;
         Ok(Measurement { samples_per_px, holds, background, star_at, light_inside })
     }
 
     /// The PSF of one node.
-    fn node(&self, table: &str, check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
-        let models =
-            [("gaussian", NodeModel::Gaussian), ("moffat", NodeModel::Moffat), ("measured", NodeModel::Measured)];
-        let advice = "gaussian takes sigma_px; moffat takes fwhm_px, beta; measured takes file, samples_per_px";
-        let model = check.choice(&format!("{table}.model"), self.model.as_deref(), &models, advice)?;
-        let sigma = format!("{table}.sigma_px");
-        if let NodeModel::Gaussian = model {
-            self.unused_by("gaussian", table, check)?;
-            let advice = "standard deviation in pixels, such as 0.7";
-            let sigma_px = check.number(&sigma, self.sigma_px, DEFAULT_SIGMA_PX, Rule::Within(0.05, 12.0), advice)?;
-            return Ok(PsfModel::gaussian(sigma_px));
+    fn node(&self, check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
+        let model = self.model().check(check)?;
+        if !matches!(model, NodeModel::Gaussian) {
+            self.refuse(&["sigma_px"], "model = \"gaussian\"", check)?;
         }
-        check.unused(&sigma, self.sigma_px.is_some(), "model = \"gaussian\"")?;
-        if let NodeModel::Moffat = model { self.moffat(table, check) } else { self.measured(table, check) }
+        match model {
+            NodeModel::Gaussian => {
+                self.unused_by("gaussian", check)?;
+                Ok(PsfModel::gaussian(self.sigma_px().check(check)?))
+            }
+            NodeModel::Moffat => self.moffat(check),
+            NodeModel::Measured => self.measured(check),
+        }
     }
 }
 
 /// `nodes` and `[[psf.node]]` over a detector of `size_px`.
-pub(super) fn field(
-    nodes: Option<[i64; 2]>,
-    keys: &[NodeKeys],
-    size_px: [u32; 2],
-    check: &mut Checker<'_>,
-) -> Result<PsfModel, ConfigError> {
-    let advice = "nodes along a row and a column, the outermost at the detector's edges, and a [[psf.node]] for each";
+pub(super) fn field(keys: &PsfKeys, size_px: [u32; 2], check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
+    let nodes = keys.nodes();
     let wanted = format!("two whole numbers from 2 to {MOST_NODES}");
-    let given = nodes.ok_or_else(|| check.invalid("psf.nodes", "missing", &wanted, advice))?;
+    let given = nodes.raw().ok_or_else(|| nodes.missing(&wanted, check))?;
     let most = MOST_NODES as i64;
     if !given.iter().all(|n| (2..=most).contains(n)) {
-        return Err(check.invalid("psf.nodes", format!("{given:?}"), &wanted, advice));
+        return Err(nodes.invalid(format!("{given:?}"), &wanted, check));
     }
-    let nodes = given.map(|n| usize::try_from(n).unwrap_or(2));
-    let count = nodes[0] * nodes[1];
-    if keys.len() != count {
+    let counts = given.map(|n| usize::try_from(n).unwrap_or(2));
+    let count = counts[0] * counts[1];
+    if keys.node.len() != count {
         let wanted = format!("{count}, row by row from the top left");
-        return Err(check.invalid("psf.node", format!("given {} times", keys.len()), wanted, advice));
+        return Err(check.invalid("psf.node", format!("given {} times", keys.node.len()), wanted, &nodes.advice));
     }
     let psfs: Result<Vec<PsfModel>, ConfigError> =
-        keys.iter().enumerate().map(|(i, keys)| keys.node(&format!("psf.node[{i}]"), check)).collect();
-    let field = PsfField::new(nodes, size_px.map(|n| n as usize), psfs?);
-    Ok(PsfModel::field(field.map_err(|error| check.invalid("psf.node", error.to_string(), "a field", advice))?))
+        listed(&keys.node, "psf.node").iter().map(|keys| keys.node(check)).collect();
+    let field = PsfField::new(counts, size_px.map(|n| n as usize), psfs?);
+    let field = field.map_err(|error| check.invalid("psf.node", error.to_string(), "a field", &nodes.advice));
+    Ok(PsfModel::field(field?))
 }
 
 /// The PSF of a FITS image.

@@ -1,10 +1,11 @@
 //! `[radiometry]` and `[exposure]`.
 
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::detector::Detector;
 use crate::error::ConfigError;
+use crate::key::{Section, section};
+use crate::key_type::Word;
 use plan::optics::{GreyMap, GreyScale};
-use serde::Deserialize;
 
 /// Photons per second and square metre of a star of G = 0 in the band of Gaia G, above the optics.
 ///
@@ -49,31 +50,53 @@ pub struct Exposure {
     pub rolling_line_us: f64,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RadiometryKeys {
-    model: Option<String>,
-    brightest_mag: Option<f64>,
-    faintest_mag: Option<f64>,
-    brightest_grey_dn: Option<f64>,
-    faintest_grey_dn: Option<f64>,
-    grey_scale: Option<String>,
-    zero_magnitude_photons_per_s_m2: Option<f64>,
-    color_c1: Option<f64>,
-    color_c2: Option<f64>,
-    limiting_mag: Option<f64>,
-}
+section! {
+    /// Magnitudes to electrons.
+    RadiometryKeys at "radiometry" {
+        /// Where electrons come from: photons in a band, or a mapping of magnitudes to greys.
+        model: Word<Model> = Silent("photons"),
+            [("photons", Model::PhotonsG), ("photons_v", Model::PhotonsV), ("linear_grey", Model::LinearGrey)],
+            "photons take zero_magnitude_photons_per_s_m2 (of G = 0; photons_v: of V = 0), color_c1, color_c2; \
+             linear_grey takes two magnitudes and their greys";
+        /// Faintest G magnitude to render, such as 7.0.
+        limiting_mag: f64 = 7.0, Within(-2.0, 25.0);
+        /// Photons of a star of magnitude 0 above the optics, per second and square metre.
+        zero_magnitude_photons_per_s_m2: f64 = GAIA_G_ZERO_PHOTONS_PER_S_M2, Positive,
+            "photons per second and square metre, about 3e10 for silicon";
+        /// First colour term: instrument magnitude less magnitude, per magnitude of BP-RP.
+        color_c1: f64 = 0.0, Within(-5.0, 5.0),
+            "magnitudes per magnitude of BP-RP; 0 when the band is that of the magnitude";
+        /// Second colour term, per squared magnitude of BP-RP.
+        color_c2: f64 = 0.0, Within(-5.0, 5.0),
+            "magnitudes per magnitude of BP-RP; 0 when the band is that of the magnitude";
+        /// What the grey is linear in; irradiance keeps the stars' ratios.
+        grey_scale: Word<GreyScale> = "irradiance",
+            [("irradiance", GreyScale::Irradiance), ("magnitude", GreyScale::Magnitude)];
+        /// G of the star that gets brightest_grey_dn.
+        brightest_mag: f64 = -1.5, Within(-30.0, 30.0), "G of the star that gets brightest_grey_dn";
+        /// G of the star that gets faintest_grey_dn, fainter than brightest_mag.
+        faintest_mag: f64 = Computed("limiting_mag"), Within(-30.0, 30.0),
+            "G of the star that gets faintest_grey_dn, fainter than brightest_mag";
+        /// Sum of the brightest star's grey above the black level, DN.
+        brightest_grey_dn: f64 = Computed("largest DN less black level"), Positive,
+            "sum of the star's grey above the black level, DN";
+        /// Sum of the faintest star's grey above the black level, DN.
+        faintest_grey_dn: f64 = 1.0, NotNegative, "sum of the star's grey above the black level, DN";
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct ExposureKeys {
-    exposure_s: Option<f64>,
-    readout_s: Option<f64>,
-    rolling_line_us: Option<f64>,
+    /// When the detector collects light, and when its frame is due.
+    ExposureKeys at "exposure" {
+        /// Integration time in seconds: 100 ms is 0.1.
+        exposure_s: f64 = 0.05, PositiveUpTo(3600.0);
+        /// Microseconds from one row's exposure to the next, such as 15; 0 for a global shutter.
+        rolling_line_us: f64 = 0.0, Within(0.0, 1e6);
+        /// Seconds from the end of exposure to the frame; 0 for none.
+        readout_s: f64 = 0.02, Within(0.0, 3600.0);
+    }
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum Model {
+pub(super) enum Model {
     PhotonsG,
     PhotonsV,
     LinearGrey,
@@ -85,87 +108,44 @@ impl Radiometry {
         detector: &Detector,
         check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
-        let models = [("photons", Model::PhotonsG), ("photons_v", Model::PhotonsV), ("linear_grey", Model::LinearGrey)];
-        let advice = "photons take zero_magnitude_photons_per_s_m2 (of G = 0; photons_v: of V = 0), color_c1, color_c2; \
-                      linear_grey takes two magnitudes and their greys";
-        let word = keys.model.as_deref().unwrap_or(models[0].0);
-        let model = check.choice("radiometry.model", Some(word), &models, advice)?;
-        let mut number = |key: &str, given, default, rule, advice| {
-            check.number(&format!("radiometry.{key}"), given, default, rule, advice)
-        };
-        let limiting = "faintest G magnitude to render, such as 7.0";
-        let limiting_mag = number("limiting_mag", keys.limiting_mag, 7.0, Rule::Within(-2.0, 25.0), limiting)?;
+        let model = keys.model().check(check)?;
+        let limiting_mag = keys.limiting_mag().check(check)?;
         if model == Model::LinearGrey {
             let model = RadiometryModel::LinearGrey(keys.grey_map(limiting_mag, detector, check)?);
             let zero_magnitude_photons_per_s_m2 = GAIA_G_ZERO_PHOTONS_PER_S_M2;
             return Ok(Self { model, zero_magnitude_photons_per_s_m2, color_c1: 0.0, color_c2: 0.0, limiting_mag });
         }
-        let color = "magnitudes per magnitude of BP-RP; 0 when the band is that of the magnitude";
-        let zero_magnitude_photons_per_s_m2 = number(
-            "zero_magnitude_photons_per_s_m2",
-            keys.zero_magnitude_photons_per_s_m2,
-            GAIA_G_ZERO_PHOTONS_PER_S_M2,
-            Rule::Positive,
-            "photons per second and square metre, about 3e10 for silicon",
-        )?;
-        let color_c1 = number("color_c1", keys.color_c1, 0.0, Rule::Within(-5.0, 5.0), color)?;
-        let color_c2 = number("color_c2", keys.color_c2, 0.0, Rule::Within(-5.0, 5.0), color)?;
-        keys.no_grey(check)?;
+        let zero_magnitude_photons_per_s_m2 = keys.zero_magnitude_photons_per_s_m2().check(check)?;
+        let (color_c1, color_c2) = (keys.color_c1().check(check)?, keys.color_c2().check(check)?);
+        let of_grey = ["brightest_mag", "faintest_mag", "brightest_grey_dn", "faintest_grey_dn", "grey_scale"];
+        keys.refuse(&of_grey, "model = \"linear_grey\"", check)?;
         let model = if model == Model::PhotonsV { RadiometryModel::PhotonsV } else { RadiometryModel::PhotonsG };
         Ok(Self { model, zero_magnitude_photons_per_s_m2, color_c1, color_c2, limiting_mag })
     }
 }
 
 impl RadiometryKeys {
-    /// Refuses the keys of the grey mapping where there is none.
-    fn no_grey(&self, check: &Checker<'_>) -> Result<(), ConfigError> {
-        for (key, is_given) in [
-            ("brightest_mag", self.brightest_mag.is_some()),
-            ("faintest_mag", self.faintest_mag.is_some()),
-            ("brightest_grey_dn", self.brightest_grey_dn.is_some()),
-            ("faintest_grey_dn", self.faintest_grey_dn.is_some()),
-            ("grey_scale", self.grey_scale.is_some()),
-        ] {
-            check.unused(&format!("radiometry.{key}"), is_given, "model = \"linear_grey\"")?;
-        }
-        Ok(())
-    }
-
     fn grey_map(
         &self,
         limiting_mag: f64,
         detector: &Detector,
         check: &mut Checker<'_>,
     ) -> Result<GreyMap, ConfigError> {
-        for (key, is_given) in [
-            ("zero_magnitude_photons_per_s_m2", self.zero_magnitude_photons_per_s_m2.is_some()),
-            ("color_c1", self.color_c1.is_some()),
-            ("color_c2", self.color_c2.is_some()),
-        ] {
-            check.unused(&format!("radiometry.{key}"), is_given, "model = \"photons\" or \"photons_v\"")?;
-        }
-        let scales = [("irradiance", GreyScale::Irradiance), ("magnitude", GreyScale::Magnitude)];
-        let linear_in = "what the grey is linear in; irradiance keeps the stars' ratios";
-        let scale = check.choice("radiometry.grey_scale", self.grey_scale.as_deref(), &scales, linear_in)?;
-        let mut number = |key: &str, given, default, rule, advice| {
-            check.number(&format!("radiometry.{key}"), given, default, rule, advice)
-        };
-        let mags = Rule::Within(-30.0, 30.0);
-        let brightest_mag =
-            number("brightest_mag", self.brightest_mag, -1.5, mags, "G of the star that gets brightest_grey_dn")?;
-        let faint = "G of the star that gets faintest_grey_dn, fainter than brightest_mag";
-        let faintest_mag = number("faintest_mag", self.faintest_mag, limiting_mag, mags, faint)?;
+        let of_photons = ["zero_magnitude_photons_per_s_m2", "color_c1", "color_c2"];
+        self.refuse(&of_photons, "model = \"photons\" or \"photons_v\"", check)?;
+        let scale = self.grey_scale().check(check)?;
+        let brightest_mag = self.brightest_mag().check(check)?;
+        let faintest_mag = self.faintest_mag().or(limiting_mag).check(check)?;
         let range_dn = f64::from(detector.largest_dn()) - detector.black_level_dn;
-        let grey = "sum of the star's grey above the black level, DN";
-        let brightest_grey_dn = number("brightest_grey_dn", self.brightest_grey_dn, range_dn, Rule::Positive, grey)?;
-        let faintest_grey_dn = number("faintest_grey_dn", self.faintest_grey_dn, 1.0, Rule::NotNegative, grey)?;
+        let brightest_grey_dn = self.brightest_grey_dn().or(range_dn).check(check)?;
+        let faintest_grey_dn = self.faintest_grey_dn().check(check)?;
         if faintest_mag <= brightest_mag {
             let wanted = format!("more than brightest_mag, {brightest_mag}");
-            return Err(check.invalid("radiometry.faintest_mag", faintest_mag, wanted, faint));
+            return Err(self.faintest_mag().invalid(faintest_mag, wanted, check));
         }
         if faintest_grey_dn > brightest_grey_dn {
             let wanted = format!("at most brightest_grey_dn, {brightest_grey_dn}");
-            return Err(check.invalid("radiometry.faintest_grey_dn", faintest_grey_dn, wanted, grey));
+            return Err(self.faintest_grey_dn().invalid(faintest_grey_dn, wanted, check));
         }
         let gain_e_per_dn = detector.gain_e_per_dn;
         Ok(GreyMap { brightest_mag, faintest_mag, brightest_grey_dn, faintest_grey_dn, scale, gain_e_per_dn })
@@ -174,24 +154,10 @@ impl RadiometryKeys {
 
 impl Exposure {
     pub(super) fn check(keys: &ExposureKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
-        let exposure = "integration time in seconds: 100 ms is 0.1";
-        let readout = "seconds from the end of exposure to the frame; 0 for none";
         Ok(Self {
-            exposure_s: check.number(
-                "exposure.exposure_s",
-                keys.exposure_s,
-                0.05,
-                Rule::PositiveUpTo(3600.0),
-                exposure,
-            )?,
-            rolling_line_us: check.number(
-                "exposure.rolling_line_us",
-                keys.rolling_line_us,
-                0.0,
-                Rule::Within(0.0, 1e6),
-                "microseconds from one row's exposure to the next, such as 15; 0 for a global shutter",
-            )?,
-            readout_s: check.number("exposure.readout_s", keys.readout_s, 0.02, Rule::Within(0.0, 3600.0), readout)?,
+            exposure_s: keys.exposure_s().check(check)?,
+            rolling_line_us: keys.rolling_line_us().check(check)?,
+            readout_s: keys.readout_s().check(check)?,
         })
     }
 }

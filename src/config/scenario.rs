@@ -3,8 +3,8 @@
 //! A bench file holds all of it, and a bench is a scenario without a vehicle. A scenario file names a bench and a
 //! spacecraft, and takes everything else from the bench.
 
-use crate::bench::{Bench, BesideBench, given_seed};
-use crate::check::{Checker, Defaulted, Rule};
+use crate::bench::{Bench, BesideBench};
+use crate::check::{Checker, Defaulted};
 use crate::document::Document;
 use crate::error::ConfigError;
 use crate::event::{Action, Event};
@@ -12,15 +12,17 @@ use crate::event_word::EventKeys;
 use crate::expect::{Expect, ExpectKeys};
 use crate::file_kind::{FileKind, must_be_one_of};
 use crate::head::{HEADS_MAX, HeadKeys, check_heads};
+use crate::key::{Given, section};
+use crate::key_type::Whole;
 use crate::observer::Observer;
 use crate::plant::{
     ControlKeys, FlightKeys, IN_BENCH, IN_SCENARIO, InitialKeys, Plant, PlantKind, PointingKeys, TelemetryKeys,
     TrackerKeys, Vehicle,
 };
 use crate::session::SessionStart;
+use crate::setting::Setting;
 use crate::several::check_all;
 use base::time::Span;
-use serde::Deserialize;
 use std::path::Path;
 
 /// A run of the stimulator, checked, with everything its file names.
@@ -42,35 +44,45 @@ pub struct Scenario {
     pub defaulted: Vec<Defaulted>,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct ScenarioKeys {
-    name: Option<String>,
-    bench: Option<String>,
-    spacecraft: Option<String>,
-    seed: Option<i64>,
-    noise_seed: Option<i64>,
-    duration_s: Option<f64>,
-    initial: InitialKeys,
-    target: PointingKeys,
-    head: Vec<HeadKeys>,
-    tracker: TrackerKeys,
-    control: ControlKeys,
-    telemetry: TelemetryKeys,
-    event: Vec<EventKeys>,
-    expect: ExpectKeys,
+section! {
+    /// A scenario: a bench with a spacecraft, events and expectations.
+    ScenarioKeys at "" {
+        /// What people call it; it names a folder below out/.
+        name: String = Computed("the file's name"), "text";
+        /// The path of a bench file, relative to this one.
+        bench: String = Needed, "path";
+        /// The path of a spacecraft file, relative to this one.
+        spacecraft: String = Needed, "path";
+        /// Seed of every random number of the run, in place of the bench's; any number repeats its own run.
+        seed: Whole<u64> = Optional, 0..=i64::MAX, "any number repeats its own run";
+        /// Seed of the noise of exposures, in place of the bench's.
+        noise_seed: Whole<u64> = Optional, 0..=i64::MAX, "any number repeats its own run";
+        /// Length of the run in seconds, in place of the bench's.
+        duration_s: f64 = Optional, PositiveUpTo(1e7), "length of the run in seconds";
+        tables:
+        /// Attitude and rate at the start.
+        initial: InitialKeys;
+        /// Where the first head is to point.
+        target: PointingKeys;
+        /// Camera heads, in place of the bench's.
+        head: Vec<HeadKeys>;
+        /// Star trackers.
+        tracker: TrackerKeys;
+        /// Attitude control.
+        control: ControlKeys;
+        /// Telemetry.
+        telemetry: TelemetryKeys;
+        /// Commands and faults, each at its time.
+        event: Vec<EventKeys>;
+        /// What must come true for the run to have passed.
+        expect: ExpectKeys;
+    }
 }
 
 /// Whether a document is a scenario: it names a spacecraft. A file that cannot be parsed is not.
 #[must_use]
 pub fn is_scenario(document: &Document) -> bool {
     document.has_key("spacecraft")
-}
-
-/// Returns the key of a run file that gives its length.
-#[must_use]
-pub fn duration_key(document: &Document) -> &'static str {
-    if is_over_bench(document) { "duration_s" } else { "timing.duration_s" }
 }
 
 /// Whether a file names a bench, or has tables that only such a file has at its top.
@@ -94,6 +106,30 @@ impl Scenario {
     pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
         must_be_one_of(&[FileKind::Bench, FileKind::Scenario], document)?;
         check_all(document, if is_over_bench(document) { Self::over_bench } else { Self::in_one_file })
+    }
+
+    /// Checks a run file of which the run is to last so long. Where a spacecraft is flown the duration is set before
+    /// anything is checked: what is expected of its pointing depends on it.
+    ///
+    /// # Errors
+    /// As [`Self::from_document`].
+    pub fn from_document_lasting(document: Document, duration_s: f64) -> Result<Self, ConfigError> {
+        if !is_scenario(&document) {
+            return Self::from_document(&document).map(|scenario| scenario.lasting(duration_s));
+        }
+        let key = if is_over_bench(&document) { "duration_s" } else { "timing.duration_s" };
+        let setting = Setting::parse(&format!("{key}={duration_s:?}"))?;
+        Self::from_document(&document.with_setting(setting))
+    }
+
+    /// Returns the run cut, or made longer, to this duration. Events that come after its end are left out and counted.
+    #[must_use]
+    pub fn lasting(mut self, duration_s: f64) -> Self {
+        self.bench.timing.duration_s = duration_s;
+        let before = self.events.len();
+        self.events.retain(|event| event.on_trigger.is_some() || event.at.s() < duration_s);
+        self.events_left_out += before - self.events.len();
+        self
     }
 
     /// Returns the spacecraft that is flown inside, if one is.
@@ -145,19 +181,20 @@ impl Scenario {
     fn over_bench(document: &Document) -> Result<Self, ConfigError> {
         let keys: ScenarioKeys = document.read_as()?;
         let mut check = Checker::new(document);
-        let name = check.folder_name(keys.name.clone())?;
-        let mut bench = named_bench(keys.bench.as_deref(), &check)?;
+        let name = check.folder_name(keys.name().raw().cloned())?;
+        let mut bench = named_bench(&keys.bench(), &check)?;
         override_bench(&mut bench, &keys, &check)?;
-        let heads = check_heads("head", &keys.head, HEADS_MAX, &bench.first_head(), &check)?;
+        let heads = check_heads("head", &keys.head, HEADS_MAX, &bench.first_head(), &mut check)?;
         let bench = bench.of_heads(heads);
+        let spacecraft = keys.spacecraft().raw().map(String::as_str);
         let flight = FlightKeys {
-            initial: keys.initial,
-            pointing: keys.target,
-            tracker: keys.tracker,
-            control: keys.control,
-            telemetry: keys.telemetry,
+            initial: keys.initial.clone(),
+            pointing: keys.target.clone(),
+            tracker: keys.tracker.clone(),
+            control: keys.control.clone(),
+            telemetry: keys.telemetry.clone(),
         };
-        let vehicle = Vehicle::check(&flight, IN_SCENARIO, keys.spacecraft.as_deref(), &mut check)?;
+        let vehicle = Vehicle::check(&flight, IN_SCENARIO, spacecraft, &mut check)?;
         let events = events(&keys.event, &bench, true, &mut check)?;
         let expect = Expect::check(&keys.expect, bench.timing.duration_s, true, &mut check)?;
         Ok(Self {
@@ -194,9 +231,8 @@ fn check_can_fly(bench: &Bench, check: &Checker<'_>) -> Result<(), ConfigError> 
     Ok(())
 }
 
-fn named_bench(path: Option<&str>, check: &Checker<'_>) -> Result<Bench, ConfigError> {
-    let advice = "the path of a bench file, relative to this one";
-    let path = path.ok_or_else(|| check.invalid("bench", "missing", "a path", advice))?;
+fn named_bench(given: &Given<'_, String>, check: &Checker<'_>) -> Result<Bench, ConfigError> {
+    let path = given.raw().ok_or_else(|| given.missing("a path", check))?;
     let bench = Bench::from_document(&check.document.named("bench", path)?)?;
     check_can_fly(&bench, check)?;
     Ok(bench)
@@ -254,18 +290,17 @@ fn written_duration_s(document: &Document) -> Option<f64> {
         return Some(Bench::checked(&document).ok()?.0.timing.duration_s);
     }
     let keys: ScenarioKeys = document.read_as().ok()?;
-    let of_bench = || Some(named_bench(keys.bench.as_deref(), &Checker::new(&document)).ok()?.timing.duration_s);
-    keys.duration_s.or_else(of_bench)
+    let of_bench = || Some(named_bench(&keys.bench(), &Checker::new(&document)).ok()?.timing.duration_s);
+    keys.duration_s().raw().copied().or_else(of_bench)
 }
 
 /// Takes seeds and duration from the scenario, when it gives them.
 fn override_bench(bench: &mut Bench, keys: &ScenarioKeys, check: &Checker<'_>) -> Result<(), ConfigError> {
-    if let Some(duration_s) = keys.duration_s {
-        let length = "length of the run in seconds";
-        bench.timing.duration_s = check.meets("duration_s", duration_s, Rule::PositiveUpTo(1e7), length)?;
+    if let Some(duration_s) = keys.duration_s().optional(check)? {
+        bench.timing.duration_s = duration_s;
     }
-    bench.noise_seed_given = given_seed("noise_seed", keys.noise_seed, check)?.or(bench.noise_seed_given);
-    if let Some(seed) = given_seed("seed", keys.seed, check)? {
+    bench.noise_seed_given = keys.noise_seed().optional(check)?.or(bench.noise_seed_given);
+    if let Some(seed) = keys.seed().optional(check)? {
         bench.seed = seed;
     }
     Ok(())

@@ -1,9 +1,10 @@
 //! `[session]`: how the conversation with the flight computer is kept.
 
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::error::ConfigError;
+use crate::key::{section, taken};
+use crate::key_type::Word;
 use base::time::Span;
-use serde::Deserialize;
 
 /// When frames begin to show stars.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,21 +24,20 @@ pub struct Session {
     pub heartbeat_timeout: Span,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct SessionKeys {
-    start: Option<String>,
-    heartbeat_timeout_s: Option<f64>,
+section! {
+    /// How the conversation with the flight computer is kept.
+    SessionKeys at "session" {
+        /// At_once shows stars with the first attitude, on_run waits for HELLO and RUN.
+        start: Word<SessionStart> = "at_once",
+            [("at_once", SessionStart::AtOnce), ("on_run", SessionStart::OnRun)];
+        /// Heartbeats that stop for so many seconds are an event; they come once a second.
+        heartbeat_timeout_s: f64 = 3.5, Within(0.1, 3600.0), "heartbeats come once a second";
+    }
 }
 
 impl Session {
     pub(super) fn check(keys: &SessionKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
-        let starts = [("at_once", SessionStart::AtOnce), ("on_run", SessionStart::OnRun)];
-        let advice = "at_once shows stars with the first attitude, on_run waits for HELLO and RUN";
-        let start = check.choice("session.start", keys.start.as_deref(), &starts, advice)?;
-        let key = "session.heartbeat_timeout_s";
-        let rule = Rule::Within(0.1, 3600.0);
-        let timeout_s = check.number(key, keys.heartbeat_timeout_s, 3.5, rule, "heartbeats come once a second")?;
-        Ok(Self { start, heartbeat_timeout: Span::from_s(timeout_s) })
+        taken!(check, keys => start, heartbeat_timeout_s);
+        Ok(Self { start, heartbeat_timeout: Span::from_s(heartbeat_timeout_s) })
     }
 }

@@ -3,15 +3,16 @@
 //! A new kind is an arm of [`Sink`], a line in [`KINDS`] and a reader in [`read_kind`]; `run::wiring::sinks` makes it.
 
 use crate::check::Checker;
-use crate::display::DisplaySettings;
+use crate::declared::{Declared, Inner, Presence};
+use crate::display::{DisplayKeys, DisplaySettings};
 use crate::error::ConfigError;
+use crate::key::{Preset, Section, section, taken};
+use crate::key_type::{Any, Shape, Whole, Word};
 use crate::network_camera as network_camera_keys;
 use outputs::network_camera::Params as NetworkCameraParams;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
-/// Frames that may wait for a sink on the real clock, unless it says otherwise: most of a second at 10 Hz.
-const USUAL_QUEUE: u32 = 8;
 /// Names of iceoryx2 services have at most 255 bytes; a head's number is added.
 const SERVICE_BYTES_MAX: usize = 240;
 
@@ -97,7 +98,7 @@ fn plain(path: &Path) -> String {
 
 /// A kind before its keys are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
+pub(super) enum Kind {
     Recorder,
     SharedMemory,
     Iceoryx,
@@ -117,43 +118,77 @@ const KINDS: [(&str, Kind); 6] = [
 ];
 
 /// The keys of one sink as they stand, since the kind says what they may be.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(transparent)]
 pub(super) struct SinkKeys(toml::Table);
 
-/// Keys that every kind has.
-#[derive(Debug, Default, Deserialize)]
-struct CommonKeys {
-    kind: Option<String>,
-    queue: Option<i64>,
+section! {
+    /// Keys that every kind of sink has.
+    CommonKeys at "sink" {
+        /// Recorder writes files, network_camera and display show frames to devices, shared_memory to programs here.
+        kind: Word<Kind> = "recorder", KINDS;
+        /// Frames it may be behind before it loses some: more of them take more memory.
+        queue: Whole = 8, 1..=1024;
+    }
+
+    /// Files.
+    RecorderKeys at "sink" {
+        /// Output directory, relative to the working directory, such as "out/run"; each run has one of its own in it.
+        directory: String = Computed("out/ and the bench's name; of an extra sink below that of the run"), "path",
+            "relative to the working directory, such as \"out/run\"";
+        /// One FITS file per frame.
+        fits: bool = true, Any;
+        /// All frames in one SER file.
+        ser: bool = false, Any;
+        /// A PNG of every n-th frame; 0 for none.
+        png_every: Whole = 0, 0..=1_000_000, "a PNG of every n-th frame; 0 for none";
+    }
+
+    /// Memory that programs on this machine read.
+    SharedMemoryKeys at "sink" {
+        /// The file that holds it, best in memory, such as "/dev/shm/starloop".
+        path: String = Computed("/dev/shm/starloop_ and the bench's name"), "path",
+            "in memory, such as \"/dev/shm/starloop\"";
+        /// Frames that a slow reader may be behind; each takes the memory of a frame.
+        slots: Whole = 4, 2..=64;
+    }
+
+    /// An iceoryx2 service, for programs on this machine.
+    IceoryxKeys at "sink" {
+        /// The name under which readers open it, such as "starloop/frames".
+        service: String = Computed("starloop/ and the bench's name"), "text of 1 to 240 bytes";
+        /// Frames that a slow reader may be behind; each takes the memory of a frame.
+        slots: Whole = 4, 2..=64;
+    }
+
+    /// Nowhere (timing only).
+    NullKeys at "sink" {}
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RecorderKeys {
-    directory: Option<String>,
-    fits: Option<bool>,
-    ser: Option<bool>,
-    png_every: Option<i64>,
+impl Inner for SinkKeys {
+    const PRESENCE: Presence = Presence::Once;
+    /// A form for each kind, in which `kind` is its word.
+    fn forms() -> Vec<Declared> {
+        let own = |kind| match kind {
+            Kind::Recorder => RecorderKeys::declared(),
+            Kind::SharedMemory => SharedMemoryKeys::declared(),
+            Kind::Iceoryx => IceoryxKeys::declared(),
+            Kind::NetworkCamera => network_camera_keys::NetworkCameraKeys::declared(),
+            Kind::Display => DisplayKeys::declared(),
+            Kind::Null => NullKeys::declared(),
+        };
+        let form = |(word, kind)| {
+            let mut declared = CommonKeys::declared();
+            declared.keys[0].shape = Shape::Words(vec![word]);
+            if kind != Kind::Recorder {
+                declared.keys[0].preset = Preset::Needed;
+            }
+            declared.keys.extend(own(kind).keys);
+            declared
+        };
+        KINDS.map(form).into()
+    }
 }
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SharedMemoryKeys {
-    path: Option<String>,
-    slots: Option<i64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct IceoryxKeys {
-    service: Option<String>,
-    slots: Option<i64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct NullKeys {}
 
 /// One sink while its keys are read.
 pub(super) struct SinkTable<'a> {
@@ -168,9 +203,10 @@ pub(super) struct SinkTable<'a> {
 }
 
 impl SinkTable<'_> {
-    /// A key with its table.
-    pub(super) fn key(&self, name: &str) -> String {
-        format!("{}.{name}", self.name)
+    /// Its keys as those of a kind.
+    fn read<S: Section>(&self, kind: &str, check: &Checker<'_>) -> Result<S, ConfigError> {
+        let keys: S = check.document.read_table(&self.keys, self.name, &format!(" (kind = \"{kind}\")"))?;
+        Ok(keys.at(self.name))
     }
 }
 
@@ -218,14 +254,10 @@ impl SinkSettings {
         let common = keys.iter().filter(|(key, _)| matches!(key.as_str(), "kind" | "queue"));
         let common: toml::Table = common.map(|(key, value)| (key.clone(), value.clone())).collect();
         common.keys().for_each(|key| drop(keys.remove(key)));
-        let CommonKeys { kind, queue } = document.read_table(&common, name, "")?;
+        let common = document.read_table::<CommonKeys>(&common, name, "")?.at(name);
         let table = SinkTable { name, keys, bench, image_px };
-        let advice =
-            "recorder writes files, network_camera and display show frames to devices, shared_memory to programs here";
-        let kind = check.choice(&table.key("kind"), kind.as_deref(), &KINDS, advice)?;
-        let advice = "frames it may be behind before it loses some: more of them take more memory";
-        let queue_frames = check.whole(&table.key("queue"), queue, Some(USUAL_QUEUE), 1..=1024, advice)?;
-        Ok(Self { sink: read_kind(kind, &table, check)?, queue_frames })
+        taken!(check, &common => kind, queue);
+        Ok(Self { sink: read_kind(kind, &table, check)?, queue_frames: queue })
     }
 }
 
@@ -235,85 +267,59 @@ fn read_kind(kind: Kind, table: &SinkTable<'_>, check: &mut Checker<'_>) -> Resu
         Kind::SharedMemory => shared_memory(table, check),
         Kind::Iceoryx => iceoryx(table, check),
         Kind::NetworkCamera => {
-            let keys = check.document.read_table(&table.keys, table.name, " (kind = \"network_camera\")")?;
-            network_camera_keys::check(&keys, &table.key(""), check).map(|params| Sink::NetworkCamera(Box::new(params)))
+            let keys = table.read("network_camera", check)?;
+            network_camera_keys::check(&keys, check).map(|params| Sink::NetworkCamera(Box::new(params)))
         }
         Kind::Display => {
-            let keys = check.document.read_table(&table.keys, table.name, " (kind = \"display\")")?;
+            let keys: DisplayKeys = table.read("display", check)?;
             if !cfg!(feature = "display") {
                 let advice = "build with `cargo build --release --features display`";
                 return Err(not_built(table, "display", advice, check));
             }
-            DisplaySettings::check(&keys, table.name, table.image_px, check)
-                .map(|settings| Sink::Display(Box::new(settings)))
+            DisplaySettings::check(&keys, table.image_px, check).map(|settings| Sink::Display(Box::new(settings)))
         }
-        Kind::Null => {
-            let NullKeys {} = check.document.read_table(&table.keys, table.name, " (kind = \"null\")")?;
-            Ok(Sink::Null)
-        }
+        Kind::Null => table.read("null", check).map(|_: NullKeys| Sink::Null),
     }
 }
 
 fn recorder(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, ConfigError> {
-    let keys: RecorderKeys = check.document.read_table(&table.keys, table.name, " (kind = \"recorder\")")?;
-    let key = table.key("directory");
-    let is_first = table.name == "sink";
-    let directory = match keys.directory {
-        None if !is_first => None,
-        given => Some(check.given_or(&key, given, format!("out/{}", table.bench))),
-    };
+    let keys: RecorderKeys = table.read("recorder", check)?;
+    let is_below_run = table.name != "sink" && !keys.directory().is_given();
+    let directory = keys.directory().or(format!("out/{}", table.bench));
+    let directory = if is_below_run { None } else { Some(directory.check(check)?) };
     if directory.as_deref().is_some_and(|directory| directory.trim().is_empty()) {
-        let advice = "relative to the working directory, such as \"out/run\"";
-        return Err(check.invalid(&key, "empty", "a directory", advice));
+        return Err(keys.directory().invalid("empty", "a directory", check));
     }
-    let every = "a PNG of every n-th frame; 0 for none";
-    Ok(Sink::Recorder {
-        directory: directory.map(PathBuf::from),
-        fits: check.given_or(&table.key("fits"), keys.fits, true),
-        ser: check.given_or(&table.key("ser"), keys.ser, false),
-        png_every: check.whole(&table.key("png_every"), keys.png_every, Some(0), 0..=1_000_000, every)?,
-    })
+    taken!(check, keys => fits, ser, png_every);
+    Ok(Sink::Recorder { directory: directory.map(PathBuf::from), fits, ser, png_every })
 }
 
 fn shared_memory(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, ConfigError> {
-    let keys: SharedMemoryKeys = check.document.read_table(&table.keys, table.name, " (kind = \"shared_memory\")")?;
-    let key = table.key("path");
+    let keys: SharedMemoryKeys = table.read("shared_memory", check)?;
     let name: String = table.bench.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
-    let path = check.given_or(&key, keys.path, format!("/dev/shm/starloop_{name}"));
+    let path = keys.path().or(format!("/dev/shm/starloop_{name}")).check(check)?;
     if path.trim().is_empty() {
-        return Err(check.invalid(&key, "empty", "a file", "in memory, such as \"/dev/shm/starloop\""));
+        return Err(keys.path().invalid("empty", "a file", check));
     }
-    Ok(Sink::SharedMemory { path: path.into(), slots: slots(table, keys.slots, check)? })
+    Ok(Sink::SharedMemory { path: path.into(), slots: keys.slots().check(check)? })
 }
 
 fn iceoryx(table: &SinkTable<'_>, check: &mut Checker<'_>) -> Result<Sink, ConfigError> {
-    let keys: IceoryxKeys = check.document.read_table(&table.keys, table.name, " (kind = \"iceoryx2\")")?;
-    let key = table.key("service");
+    let keys: IceoryxKeys = table.read("iceoryx2", check)?;
     if !cfg!(feature = "iceoryx2") {
         let advice = "build with `cargo build --release --features iceoryx2`, or use kind = \"shared_memory\"";
         return Err(not_built(table, "iceoryx2", advice, check));
     }
-    let service = check.given_or(&key, keys.service, format!("starloop/{}", table.bench));
+    let service = keys.service().or(format!("starloop/{}", table.bench)).check(check)?;
     if service.trim().is_empty() || service.len() > SERVICE_BYTES_MAX {
         let got = format!("{} bytes", service.len());
-        let wanted = format!("1 to {SERVICE_BYTES_MAX} bytes");
-        return Err(check.invalid(
-            &key,
-            got,
-            wanted,
-            "the name under which readers open it, such as \"starloop/frames\"",
-        ));
+        return Err(keys.service().invalid(got, format!("1 to {SERVICE_BYTES_MAX} bytes"), check));
     }
-    Ok(Sink::Iceoryx { service, slots: slots(table, keys.slots, check)? })
+    Ok(Sink::Iceoryx { service, slots: keys.slots().check(check)? })
 }
 
 /// The error for a kind that needs a feature of the build.
 fn not_built(table: &SinkTable<'_>, kind: &str, advice: &'static str, check: &Checker<'_>) -> ConfigError {
-    check.invalid(&table.key("kind"), format!("\"{kind}\""), "a kind that this starloop was built with", advice)
-}
-
-/// Frames that a reader may be behind.
-fn slots(table: &SinkTable<'_>, given: Option<i64>, check: &mut Checker<'_>) -> Result<u32, ConfigError> {
-    let advice = "frames that a slow reader may be behind; each takes the memory of a frame";
-    check.whole(&table.key("slots"), given, Some(4), 2..=64, advice)
+    let key = format!("{}.kind", table.name);
+    check.invalid(&key, format!("\"{kind}\""), "a kind that this starloop was built with", advice)
 }

@@ -3,11 +3,12 @@
 use crate::check::{Checker, Defaulted, Rule};
 use crate::document::Document;
 use crate::error::ConfigError;
+use crate::key::{Given, listed, section, taken};
+use crate::key_type::{Any, Numbers, Raw, Shape};
 use base::time::{Span, Tai};
 use base::units::{ARCSEC, DEG};
 use core::f64::consts::TAU;
 use glam::{DMat3, DVec3};
-use serde::Deserialize;
 use std::path::Path;
 use testbed::spacecraft::{
     CircularOrbitParams, DisturbanceParams, FlexibleMode, GyroParams, Harmonic, SpacecraftParams, UnloadingParams,
@@ -57,102 +58,145 @@ pub struct Control {
     pub keep_out: Option<(DVec3, f64)>,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct SpacecraftKeys {
-    name: Option<String>,
-    body: BodyKeys,
-    wheel: Vec<WheelKeys>,
-    mode: Vec<ModeKeys>,
-    disturbance: DisturbanceKeys,
-    unloading: UnloadingKeys,
-    gyro: GyroKeys,
-    sun_sensor: SunSensorKeys,
-    control: ControlKeys,
+section! {
+    /// A spacecraft: body, wheels, modes, disturbances, gyro, Sun sensor, control.
+    SpacecraftKeys at "" {
+        /// What people call it.
+        name: String = Computed("the file's name"), "text";
+        tables:
+        /// The rigid body.
+        body: BodyKeys;
+        /// A reaction wheel.
+        wheel: Vec<WheelKeys>;
+        /// A flexible mode.
+        mode: Vec<ModeKeys>;
+        /// Disturbance torques.
+        disturbance: DisturbanceKeys;
+        /// Unloading of the wheels by magnetic torquers.
+        unloading: UnloadingKeys;
+        /// The gyro.
+        gyro: GyroKeys;
+        /// The Sun sensor of safe mode.
+        sun_sensor: SunSensorKeys;
+        /// Attitude control.
+        control: ControlKeys;
+    }
+
+    /// The rigid body.
+    BodyKeys at "body" {
+        /// Inertia about the centre of mass: three rows of three numbers, symmetric, kg m^2.
+        inertia_kg_m2: Raw<[[f64; 3]; 3]> = Needed, Shape::Row(3, Box::new(Shape::numbers(3))), "kg m^2";
+        /// Step of the dynamics; 5 to 20 ms are usual.
+        step_ms: f64 = 10.0, Within(0.1, 100.0), "5 to 20 ms are usual";
+        /// Body axis that safe mode turns to the Sun.
+        sun_axis: [f64; 3] = Silent(Numbers([0.0, -1.0, 0.0])), Finite, DIRECTION;
+    }
+
+    /// A reaction wheel.
+    WheelKeys at "wheel" {
+        /// The spin axis, a direction in body axes.
+        axis: [f64; 3] = Needed, Finite, DIRECTION;
+        /// Inertia of the rotor, kg m^2.
+        inertia_kg_m2: f64 = 1e-3, Positive, "rotor, kg m^2";
+        /// Largest torque of the motor, N m.
+        largest_torque_n_m: f64 = 0.02, Positive;
+        /// Largest speed, rpm.
+        largest_speed_rpm: f64 = 6000.0, Positive;
+        /// Viscous friction, N m s.
+        viscous_n_m_s: f64 = 0.0, NotNegative;
+        /// Dry friction (Coulomb's), N m.
+        coulomb_n_m: f64 = 0.0, NotNegative, "Coulomb friction, N m";
+        /// Speed at the start, rpm.
+        initial_speed_rpm: f64 = 0.0, Finite;
+        /// Harmonics of imbalance: rows of [multiple of the speed, N m s^2], such as [1.0, 2.0e-9].
+        imbalance: Raw<Vec<[f64; 2]>> = Optional, Shape::pairs(),
+            "[multiple of the speed, N m s^2], such as [1.0, 2.0e-9]";
+    }
+
+    /// A flexible mode.
+    ModeKeys at "mode" {
+        /// Cantilever frequency, Hz.
+        frequency_hz: f64 = Needed, PositiveUpTo(1000.0);
+        /// Damping ratio, such as 0.005.
+        damping: f64 = 0.005, Within(0.0, 1.0);
+        /// Coupling to the body's rotation, square root of kilograms times metres.
+        coupling_sqrt_kg_m: [f64; 3] = Silent(Numbers([0.0; 3])), Within(-1e3, 1e3), AXES;
+    }
+
+    /// Disturbance torques.
+    DisturbanceKeys at "disturbance" {
+        /// The Earth's gravity gradient acts.
+        gravity_gradient: bool = Silent(true), Any;
+        /// Torque of the Sun's light, ICRF axes, N m.
+        solar_torque_icrf_n_m: [f64; 3] = Silent(Numbers([0.0; 3])), Within(-1.0, 1.0), AXES;
+        /// Constant torque, body axes, N m.
+        constant_torque_n_m: [f64; 3] = Silent(Numbers([0.0; 3])), Within(-1.0, 1.0), AXES;
+        /// Random walk of the torque, N m per square root of a second.
+        random_walk_n_m_sqrt_s: f64 = 0.0, NotNegative, "N m per square root of a second";
+    }
+
+    /// Unloading of the wheels.
+    UnloadingKeys at "unloading" {
+        /// Torque over the wheels' momentum, 1/s.
+        gain_per_s: f64 = 0.0, NotNegative;
+        /// Largest torque per body axis, N m.
+        largest_torque_n_m: f64 = 0.0, NotNegative, "per body axis, N m";
+    }
+
+    /// The gyro.
+    GyroKeys at "gyro" {
+        /// Angle random walk, degrees per square root of an hour.
+        angle_random_walk_deg_sqrt_h: f64 = 0.01, NotNegative, "degrees per square root of an hour";
+        /// Rate random walk, degrees per hour and square root of an hour.
+        rate_random_walk_deg_h_sqrt_h: f64 = 0.1, NotNegative, "degrees per hour and square root of an hour";
+        /// Bias at the start, degrees per hour about the body axes.
+        initial_bias_deg_h: [f64; 3] = Silent(Numbers([0.0; 3])), Within(-1e5, 1e5), AXES;
+        /// Error of the scale factor, parts per million, the same on each axis.
+        scale_factor_ppm: f64 = 0.0, Within(-1e5, 1e5), "parts per million, the same on each axis";
+        /// Misalignment about the body axes, arcseconds.
+        misalignment_arcsec: [f64; 3] = Silent(Numbers([0.0; 3])), Within(-36_000.0, 36_000.0), AXES;
+        /// Angle of one count.
+        quantum_arcsec: f64 = 0.0, NotNegative;
+        /// Largest rate that it measures, degrees per second.
+        largest_rate_deg_s: f64 = 30.0, PositiveUpTo(1000.0), "degrees per second";
+    }
+
+    /// The Sun sensor.
+    SunSensorKeys at "sun_sensor" {
+        /// Noise per axis in degrees, one sigma.
+        noise_deg: f64 = 0.5, Within(0.0, 30.0), "degrees, one sigma";
+    }
+
+    /// Attitude control.
+    ControlKeys at "control" {
+        /// Milliseconds between gyro samples and control steps.
+        period_ms: f64 = 100.0, Within(1.0, 2000.0);
+        /// Natural frequency of the loop in fine pointing, Hz.
+        fine_bandwidth_hz: f64 = 0.05, PositiveUpTo(50.0), "natural frequency of the loop, Hz";
+        /// Natural frequency of the loop in coarse pointing, Hz.
+        coarse_bandwidth_hz: f64 = 0.02, PositiveUpTo(50.0), "natural frequency of the loop, Hz";
+        /// Damping ratio.
+        damping: f64 = 0.8, Within(0.1, 5.0);
+        /// Largest rate of a slew, degrees per second.
+        slew_rate_deg_s: f64 = 0.5, PositiveUpTo(20.0), "degrees per second";
+        /// Largest acceleration of a slew, degrees per second squared.
+        slew_acceleration_deg_s2: f64 = 0.02, PositiveUpTo(20.0), "degrees per second squared";
+        tables:
+        /// A body axis that slews keep away from the Sun.
+        keep_out: Option<KeepOutKeys>;
+    }
+
+    /// A body axis that slews keep away from the Sun.
+    KeepOutKeys at "control.keep_out" {
+        /// The axis.
+        boresight_body: [f64; 3] = Silent(Numbers([0.0, 0.0, 1.0])), Finite, DIRECTION;
+        /// Degrees between this axis and the Sun.
+        half_angle_deg: f64 = Needed, Within(0.0, 120.0);
+    }
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct BodyKeys {
-    inertia_kg_m2: Option<[[f64; 3]; 3]>,
-    step_ms: Option<f64>,
-    sun_axis: Option<[f64; 3]>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct WheelKeys {
-    axis: Option<[f64; 3]>,
-    inertia_kg_m2: Option<f64>,
-    largest_torque_n_m: Option<f64>,
-    largest_speed_rpm: Option<f64>,
-    viscous_n_m_s: Option<f64>,
-    coulomb_n_m: Option<f64>,
-    initial_speed_rpm: Option<f64>,
-    #[serde(default)]
-    imbalance: Vec<[f64; 2]>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ModeKeys {
-    frequency_hz: Option<f64>,
-    damping: Option<f64>,
-    coupling_sqrt_kg_m: Option<[f64; 3]>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct DisturbanceKeys {
-    gravity_gradient: Option<bool>,
-    solar_torque_icrf_n_m: Option<[f64; 3]>,
-    constant_torque_n_m: Option<[f64; 3]>,
-    random_walk_n_m_sqrt_s: Option<f64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct UnloadingKeys {
-    gain_per_s: Option<f64>,
-    largest_torque_n_m: Option<f64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct GyroKeys {
-    angle_random_walk_deg_sqrt_h: Option<f64>,
-    rate_random_walk_deg_h_sqrt_h: Option<f64>,
-    initial_bias_deg_h: Option<[f64; 3]>,
-    scale_factor_ppm: Option<f64>,
-    misalignment_arcsec: Option<[f64; 3]>,
-    quantum_arcsec: Option<f64>,
-    largest_rate_deg_s: Option<f64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SunSensorKeys {
-    noise_deg: Option<f64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ControlKeys {
-    period_ms: Option<f64>,
-    fine_bandwidth_hz: Option<f64>,
-    coarse_bandwidth_hz: Option<f64>,
-    damping: Option<f64>,
-    slew_rate_deg_s: Option<f64>,
-    slew_acceleration_deg_s2: Option<f64>,
-    keep_out: Option<KeepOutKeys>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct KeepOutKeys {
-    boresight_body: Option<[f64; 3]>,
-    half_angle_deg: Option<f64>,
-}
+const AXES: &str = "three numbers, body axes";
+const DIRECTION: &str = "a direction in body axes, such as [0.0, 0.0, 1.0]";
 
 impl Spacecraft {
     /// Reads and checks a spacecraft file.
@@ -170,29 +214,29 @@ impl Spacecraft {
     pub fn from_document(document: &Document) -> Result<Self, ConfigError> {
         let keys: SpacecraftKeys = document.read_as()?;
         let mut check = Checker::new(document);
-        let name = check.label(keys.name.clone())?;
-        let inertia = "three rows of three numbers, symmetric, about the centre of mass";
-        let missing = |check: &Checker<'_>| check.invalid("body.inertia_kg_m2", "missing", inertia, "kg m^2");
-        let rows = keys.body.inertia_kg_m2.ok_or_else(|| missing(&check))?;
-        let step = Rule::Within(0.1, 100.0);
-        let step_ms = check.number("body.step_ms", keys.body.step_ms, 10.0, step, "5 to 20 ms are usual")?;
-        let noise = "degrees, one sigma";
-        let noise_rule = Rule::Within(0.0, 30.0);
-        let noise_deg = check.number("sun_sensor.noise_deg", keys.sun_sensor.noise_deg, 0.5, noise_rule, noise)?;
-        let axis = keys.body.sun_axis.unwrap_or([0.0, -1.0, 0.0]);
+        let name = check.label(keys.name().raw().cloned())?;
+        let inertia = keys.body.inertia_kg_m2();
+        let wanted = "three rows of three numbers, symmetric, about the centre of mass";
+        let rows = inertia.raw().ok_or_else(|| inertia.missing(wanted, &check))?;
+        let step = keys.body.step_ms().ms(&mut check)?;
+        let noise_deg = keys.sun_sensor.noise_deg().check(&mut check)?;
+        let wheel = |keys: &WheelKeys| keys.params(&mut check);
+        let wheels = listed(&keys.wheel, "wheel").iter().map(wheel).collect::<Result<_, _>>()?;
+        let mode = |keys: &ModeKeys| keys.params(&mut check);
+        let modes = listed(&keys.mode, "mode").iter().map(mode).collect::<Result<_, _>>()?;
         let params = SpacecraftParams {
-            inertia_kg_m2: DMat3::from_cols_array_2d(&rows).transpose(),
-            wheels: wheels(&keys.wheel, &mut check)?,
-            modes: modes(&keys.mode, &mut check)?,
+            inertia_kg_m2: DMat3::from_cols_array_2d(rows).transpose(),
+            wheels,
+            modes,
             disturbance: disturbance(&keys.disturbance, &mut check)?,
             unloading: unloading(&keys.unloading, &mut check)?,
             orbit: placeholder_orbit(),
-            step: Span::from_s(step_ms * 1e-3),
+            step,
         };
         Ok(Self {
             name,
             params,
-            sun_axis: direction("body.sun_axis", axis, &check)?,
+            sun_axis: direction(keys.body.sun_axis(), &mut check)?,
             gyro: gyro(&keys.gyro, &mut check)?,
             sun_sensor_noise_rad: noise_deg * DEG,
             control: control(&keys.control, &mut check)?,
@@ -212,152 +256,96 @@ fn placeholder_orbit() -> CircularOrbitParams {
     }
 }
 
-fn direction(key: &str, given: [f64; 3], check: &Checker<'_>) -> Result<DVec3, ConfigError> {
-    let direction = DVec3::from_array(given);
-    if direction.is_finite() && direction.length() > 1e-6 {
+fn direction(given: Given<'_, [f64; 3]>, check: &mut Checker<'_>) -> Result<DVec3, ConfigError> {
+    let key = given.key();
+    let advice = given.advice.clone();
+    let components = given.check(check)?;
+    let direction = DVec3::from_array(components);
+    if direction.length() > 1e-6 {
         return Ok(direction.normalize());
     }
     let wanted = "three finite numbers that are not all 0";
-    Err(check.invalid(key, format!("{given:?}"), wanted, "a direction in body axes, such as [0.0, 0.0, 1.0]"))
+    Err(check.invalid(&key, format!("{components:?}"), wanted, &advice))
 }
 
-fn vector(key: &str, given: Option<[f64; 3]>, most: f64, check: &Checker<'_>) -> Result<DVec3, ConfigError> {
-    let given = given.unwrap_or_default();
-    for component in given {
-        check.meets(key, component, Rule::Within(-most, most), "three numbers, body axes")?;
-    }
-    Ok(DVec3::from_array(given))
-}
-
-fn wheels(keys: &[WheelKeys], check: &mut Checker<'_>) -> Result<Vec<WheelParams>, ConfigError> {
-    let mut wheels = Vec::with_capacity(keys.len());
-    for (place, keys) in keys.iter().enumerate() {
-        let key = |name: &str| format!("wheel[{place}].{name}");
-        let mut number =
-            |name: &str, given, default, rule, advice| check.number(&key(name), given, default, rule, advice);
-        let inertia_kg_m2 = number("inertia_kg_m2", keys.inertia_kg_m2, 1e-3, Rule::Positive, "rotor, kg m^2")?;
-        let torque = "largest torque of the motor, N m";
-        let largest_torque_n_m = number("largest_torque_n_m", keys.largest_torque_n_m, 0.02, Rule::Positive, torque)?;
-        let speed = "largest speed, rpm";
-        let largest_rpm = number("largest_speed_rpm", keys.largest_speed_rpm, 6000.0, Rule::Positive, speed)?;
-        let viscous = number("viscous_n_m_s", keys.viscous_n_m_s, 0.0, Rule::NotNegative, "viscous friction, N m s")?;
-        let coulomb = number("coulomb_n_m", keys.coulomb_n_m, 0.0, Rule::NotNegative, "Coulomb friction, N m")?;
-        let within = Rule::Within(-largest_rpm, largest_rpm);
-        let initial_rpm = number("initial_speed_rpm", keys.initial_speed_rpm, 0.0, within, "speed at the start, rpm")?;
-        let mut imbalance = Vec::with_capacity(keys.imbalance.len());
-        for [multiple, torque_n_m_s2] in keys.imbalance.iter().copied() {
-            let advice = "[multiple of the speed, N m s^2], such as [1.0, 2.0e-9]";
-            check.meets(&key("imbalance"), multiple, Rule::PositiveUpTo(100.0), advice)?;
-            check.meets(&key("imbalance"), torque_n_m_s2, Rule::NotNegative, advice)?;
+impl WheelKeys {
+    fn params(&self, check: &mut Checker<'_>) -> Result<WheelParams, ConfigError> {
+        taken!(check, self => inertia_kg_m2, largest_torque_n_m, largest_speed_rpm, viscous_n_m_s, coulomb_n_m);
+        let initial_speed = self.initial_speed_rpm().within(Rule::Within(-largest_speed_rpm, largest_speed_rpm));
+        let initial_rpm = initial_speed.check(check)?;
+        let given = self.imbalance();
+        let mut imbalance = Vec::new();
+        for [multiple, torque_n_m_s2] in given.raw().into_iter().flatten().copied() {
+            check.meets(&given.key(), multiple, Rule::PositiveUpTo(100.0), &given.advice)?;
+            check.meets(&given.key(), torque_n_m_s2, Rule::NotNegative, &given.advice)?;
             imbalance.push(Harmonic { multiple, torque_n_m_s2 });
         }
-        let axis = keys.axis.ok_or_else(|| check.invalid(&key("axis"), "missing", "three numbers", "the spin axis"))?;
-        wheels.push(WheelParams {
-            axis_body: direction(&key("axis"), axis, check)?,
+        Ok(WheelParams {
+            axis_body: direction(self.axis(), check)?,
             inertia_kg_m2,
             largest_torque_n_m,
-            largest_speed_rad_s: largest_rpm * RPM,
-            viscous_n_m_s: viscous,
-            coulomb_n_m: coulomb,
+            largest_speed_rad_s: largest_speed_rpm * RPM,
+            viscous_n_m_s,
+            coulomb_n_m,
             initial_speed_rad_s: initial_rpm * RPM,
             imbalance,
-        });
+        })
     }
-    Ok(wheels)
 }
 
-fn modes(keys: &[ModeKeys], check: &mut Checker<'_>) -> Result<Vec<FlexibleMode>, ConfigError> {
-    let mut modes = Vec::with_capacity(keys.len());
-    for (place, keys) in keys.iter().enumerate() {
-        let key = |name: &str| format!("mode[{place}].{name}");
-        let frequency = "cantilever frequency, Hz";
-        let frequency_hz =
-            check.required(&key("frequency_hz"), keys.frequency_hz, Rule::PositiveUpTo(1000.0), frequency)?;
-        let ratio = "damping ratio, such as 0.005";
-        let damping = check.number(&key("damping"), keys.damping, 0.005, Rule::Within(0.0, 1.0), ratio)?;
-        let coupling = vector(&key("coupling_sqrt_kg_m"), keys.coupling_sqrt_kg_m, 1e3, check)?;
-        modes.push(FlexibleMode { frequency_hz, damping, coupling });
+impl ModeKeys {
+    fn params(&self, check: &mut Checker<'_>) -> Result<FlexibleMode, ConfigError> {
+        taken!(check, self => frequency_hz, damping, coupling_sqrt_kg_m);
+        Ok(FlexibleMode { frequency_hz, damping, coupling: DVec3::from_array(coupling_sqrt_kg_m) })
     }
-    Ok(modes)
 }
 
 fn disturbance(keys: &DisturbanceKeys, check: &mut Checker<'_>) -> Result<DisturbanceParams, ConfigError> {
-    let walk = "N m per square root of a second";
-    let key = "disturbance.random_walk_n_m_sqrt_s";
+    taken!(check, keys => constant_torque_n_m, solar_torque_icrf_n_m, random_walk_n_m_sqrt_s, gravity_gradient);
     Ok(DisturbanceParams {
-        constant_torque_n_m: vector("disturbance.constant_torque_n_m", keys.constant_torque_n_m, 1.0, check)?,
-        solar_torque_icrf_n_m: vector("disturbance.solar_torque_icrf_n_m", keys.solar_torque_icrf_n_m, 1.0, check)?,
-        random_walk_n_m_sqrt_s: check.number(key, keys.random_walk_n_m_sqrt_s, 0.0, Rule::NotNegative, walk)?,
-        gravity_gradient: keys.gravity_gradient.unwrap_or(true),
+        constant_torque_n_m: DVec3::from_array(constant_torque_n_m),
+        solar_torque_icrf_n_m: DVec3::from_array(solar_torque_icrf_n_m),
+        random_walk_n_m_sqrt_s,
+        gravity_gradient,
     })
 }
 
 fn unloading(keys: &UnloadingKeys, check: &mut Checker<'_>) -> Result<UnloadingParams, ConfigError> {
-    let mut number =
-        |name: &str, given, advice| check.number(&format!("unloading.{name}"), given, 0.0, Rule::NotNegative, advice);
-    Ok(UnloadingParams {
-        gain_per_s: number("gain_per_s", keys.gain_per_s, "torque over the wheels' momentum, 1/s")?,
-        largest_torque_n_m: number("largest_torque_n_m", keys.largest_torque_n_m, "per body axis, N m")?,
-    })
+    taken!(check, keys => gain_per_s, largest_torque_n_m);
+    Ok(UnloadingParams { gain_per_s, largest_torque_n_m })
 }
 
 fn gyro(keys: &GyroKeys, check: &mut Checker<'_>) -> Result<GyroParams, ConfigError> {
-    let bias_deg_h = vector("gyro.initial_bias_deg_h", keys.initial_bias_deg_h, 1e5, check)?;
-    let misalignment_arcsec = vector("gyro.misalignment_arcsec", keys.misalignment_arcsec, 36_000.0, check)?;
-    let mut number =
-        |name: &str, given, default, rule, advice| check.number(&format!("gyro.{name}"), given, default, rule, advice);
-    let walk = "degrees per square root of an hour";
-    let arw = number("angle_random_walk_deg_sqrt_h", keys.angle_random_walk_deg_sqrt_h, 0.01, Rule::NotNegative, walk)?;
-    let drift = "degrees per hour and square root of an hour";
-    let rrw =
-        number("rate_random_walk_deg_h_sqrt_h", keys.rate_random_walk_deg_h_sqrt_h, 0.1, Rule::NotNegative, drift)?;
-    let scale = "parts per million, the same on each axis";
-    let ppm = number("scale_factor_ppm", keys.scale_factor_ppm, 0.0, Rule::Within(-1e5, 1e5), scale)?;
-    let quantum = number("quantum_arcsec", keys.quantum_arcsec, 0.0, Rule::NotNegative, "angle of one count")?;
-    let largest =
-        number("largest_rate_deg_s", keys.largest_rate_deg_s, 30.0, Rule::PositiveUpTo(1000.0), "degrees per second")?;
+    taken!(check, keys => initial_bias_deg_h, misalignment_arcsec);
+    taken!(check, keys => angle_random_walk_deg_sqrt_h, rate_random_walk_deg_h_sqrt_h, scale_factor_ppm);
+    taken!(check, keys => quantum_arcsec, largest_rate_deg_s);
     Ok(GyroParams {
-        angle_random_walk_rad_sqrt_s: arw * DEG / SQRT_H,
-        rate_random_walk_rad_s_sqrt_s: rrw * DEG / 3600.0 / SQRT_H,
-        initial_bias_rad_s: bias_deg_h * (DEG / 3600.0),
-        scale_factor_error: DVec3::splat(ppm * 1e-6),
-        misalignment_rad: misalignment_arcsec * ARCSEC,
-        quantum_rad: quantum * ARCSEC,
-        largest_rate_rad_s: largest * DEG,
+        angle_random_walk_rad_sqrt_s: angle_random_walk_deg_sqrt_h * DEG / SQRT_H,
+        rate_random_walk_rad_s_sqrt_s: rate_random_walk_deg_h_sqrt_h * DEG / 3600.0 / SQRT_H,
+        initial_bias_rad_s: DVec3::from_array(initial_bias_deg_h) * (DEG / 3600.0),
+        scale_factor_error: DVec3::splat(scale_factor_ppm * 1e-6),
+        misalignment_rad: DVec3::from_array(misalignment_arcsec) * ARCSEC,
+        quantum_rad: quantum_arcsec * ARCSEC,
+        largest_rate_rad_s: largest_rate_deg_s * DEG,
     })
 }
 
 fn control(keys: &ControlKeys, check: &mut Checker<'_>) -> Result<Control, ConfigError> {
     let keep_out = keys.keep_out.as_ref().map(|keys| keep_out(keys, check)).transpose()?;
-    let mut number = |name: &str, given, default, rule, advice| {
-        check.number(&format!("control.{name}"), given, default, rule, advice)
-    };
-    let step = "milliseconds between gyro samples and control steps";
-    let period_ms = number("period_ms", keys.period_ms, 100.0, Rule::Within(1.0, 2000.0), step)?;
-    let (bandwidth, natural) = (Rule::PositiveUpTo(50.0), "natural frequency of the loop, Hz");
-    let degrees = "degrees per second";
+    let period = keys.period_ms().ms(check)?;
+    taken!(check, keys => fine_bandwidth_hz, coarse_bandwidth_hz, damping, slew_rate_deg_s, slew_acceleration_deg_s2);
     Ok(Control {
-        period: Span::from_s(period_ms * 1e-3),
-        fine_bandwidth_hz: number("fine_bandwidth_hz", keys.fine_bandwidth_hz, 0.05, bandwidth, natural)?,
-        coarse_bandwidth_hz: number("coarse_bandwidth_hz", keys.coarse_bandwidth_hz, 0.02, bandwidth, natural)?,
-        damping: number("damping", keys.damping, 0.8, Rule::Within(0.1, 5.0), "damping ratio")?,
-        slew_rate_rad_s: DEG * number("slew_rate_deg_s", keys.slew_rate_deg_s, 0.5, Rule::PositiveUpTo(20.0), degrees)?,
-        slew_acceleration_rad_s2: DEG
-            * number(
-                "slew_acceleration_deg_s2",
-                keys.slew_acceleration_deg_s2,
-                0.02,
-                Rule::PositiveUpTo(20.0),
-                "degrees per second squared",
-            )?,
+        period,
+        fine_bandwidth_hz,
+        coarse_bandwidth_hz,
+        damping,
+        slew_rate_rad_s: DEG * slew_rate_deg_s,
+        slew_acceleration_rad_s2: DEG * slew_acceleration_deg_s2,
         keep_out,
     })
 }
 
-fn keep_out(keys: &KeepOutKeys, check: &Checker<'_>) -> Result<(DVec3, f64), ConfigError> {
-    let boresight = keys.boresight_body.unwrap_or([0.0, 0.0, 1.0]);
-    let angle = "degrees between this axis and the Sun";
-    let half_angle_deg =
-        check.required("control.keep_out.half_angle_deg", keys.half_angle_deg, Rule::Within(0.0, 120.0), angle)?;
-    Ok((direction("control.keep_out.boresight_body", boresight, check)?, half_angle_deg * DEG))
+fn keep_out(keys: &KeepOutKeys, check: &mut Checker<'_>) -> Result<(DVec3, f64), ConfigError> {
+    let half_angle_deg = keys.half_angle_deg().check(check)?;
+    Ok((direction(keys.boresight_body(), check)?, half_angle_deg * DEG))
 }

@@ -1,12 +1,13 @@
 //! `[attitude]`, `[accuracy]`, `[render]`: how the stimulator does its work.
 
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::error::ConfigError;
+use crate::key::{section, taken};
+use crate::key_type::Word;
 use base::accuracy::AccuracyBudget;
 use base::time::Span;
 use plan::attitude::{EstimateLimits, HistoryLimits, RemoteClockLimits, StalePolicy};
 use plan::exposure::MethodChoice;
-use serde::Deserialize;
 
 /// Seconds of samples kept beyond the exposure and the oldest tag.
 const HISTORY_MARGIN_S: f64 = 1.0;
@@ -52,39 +53,67 @@ pub struct Render {
     pub method: MethodChoice,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct AttitudeKeys {
-    stale_after_ms: Option<f64>,
-    stale_policy: Option<String>,
-    max_horizon_ms: Option<f64>,
-    rate_decay_ms: Option<f64>,
-    jitter_wait_ms: Option<f64>,
-    max_age_ms: Option<f64>,
-    max_lead_ms: Option<f64>,
-    pub(super) link_delay_us: Option<f64>,
-    clock_window_s: Option<f64>,
-    clock_step_ms: Option<f64>,
-    clock_max_drift_ppm: Option<f64>,
-    clock_allan_1s: Option<f64>,
-    pps_sigma_us: Option<f64>,
+section! {
+    /// History, prediction and time correlation of attitudes.
+    AttitudeKeys at "attitude" {
+        /// Milliseconds without a new attitude after which stale_policy applies, such as 500.
+        stale_after_ms: f64 = Computed("500, or five periods of flight_computer.attitude_hz"), Within(0.0, MOST_MS);
+        /// Drop sends no frame, hold goes on from the last attitude, blank shows no stars, stop ends the run; without
+        /// the key: drop on the real clock, hold on the virtual one.
+        stale_policy: Word<StalePolicy> = "drop", [
+            ("drop", StalePolicy::Drop), ("hold", StalePolicy::Hold),
+            ("blank", StalePolicy::Blank), ("stop", StalePolicy::Stop),
+        ];
+        /// Milliseconds over which the angular acceleration is used to predict, such as 200.
+        max_horizon_ms: f64 = 200.0, Within(0.0, MOST_MS);
+        /// Milliseconds that a frame may wait for jitter samples that are under way, such as 20.
+        jitter_wait_ms: f64 = 20.0, Within(0.0, MOST_MS);
+        /// Time constant in milliseconds with which a held rate decays; 0 stops at once.
+        rate_decay_ms: f64 = 200.0, Within(0.0, MOST_MS);
+        /// Oldest time tag accepted, milliseconds before its arrival, such as 1000.
+        max_age_ms: f64 = 1000.0, Within(0.0, MOST_MS);
+        /// Latest time tag accepted, milliseconds after its arrival, such as 100.
+        max_lead_ms: f64 = 100.0, Within(0.0, MOST_MS);
+        /// Calibrated microseconds from transmission to the receive stamp; 0 when unknown.
+        link_delay_us: f64 = 0.0, Within(-1e6, 1e6);
+        /// Seconds of time marks that offset and drift are drawn from, such as 30.
+        clock_window_s: f64 = RemoteClockLimits::default().window.s(), Within(2.0, 600.0);
+        /// Milliseconds by which a time mark must be off to be a step of a clock, such as 250.
+        clock_step_ms: f64 = RemoteClockLimits::default().step.ms(), Within(1.0, 60_000.0);
+        /// Parts per million that a clock may be off, such as 200; more is no clock's drift.
+        clock_max_drift_ppm: f64 = RemoteClockLimits::default().most_drift * 1e6, Within(1.0, 10_000.0);
+        /// Allan deviation of the flight computer's oscillator at 1 s, such as 5e-9.
+        clock_allan_1s: f64 = RemoteClockLimits::default().allan_1s, Within(1e-13, 1e-5), ALLAN;
+        /// Microseconds, one sigma, of the stamps of pulses per second, such as 1.
+        pps_sigma_us: f64 = RemoteClockLimits::default().pps_sigma.s() * 1e6, Within(1e-3, 1000.0);
+    }
+
+    /// How wrong a frame may be.
+    AccuracyKeys at "accuracy" {
+        /// Pixels, such as 0.002: error of a star's place.
+        centroid_px: f64 = AccuracyBudget::default().centroid_px, Positive, "pixels, such as 0.002";
+        /// A fraction, such as 0.001: error of a star's flux.
+        flux_rel: f64 = AccuracyBudget::default().flux_rel, Positive, "a fraction, such as 0.001";
+        /// Error of a pixel, a share of the pixel's noise, such as 0.1.
+        pixel_sigma: f64 = AccuracyBudget::default().pixel_sigma, Positive, "of the pixel's noise, such as 0.1";
+        /// Arcseconds, such as 0.1: error of the line of sight.
+        los_arcsec: f64 = AccuracyBudget::default().los_arcsec, Positive, "arcseconds, such as 0.1";
+    }
+
+    /// How frames are drawn.
+    RenderKeys at "render" {
+        /// The implementation that draws: auto takes a GPU when there is one.
+        backend: Word<Backend> = "auto", [
+            ("auto", Backend::Auto), ("gpu", Backend::Gpu), ("cpu", Backend::Cpu), ("reference", Backend::Reference),
+        ], "auto is right for most benches";
+        /// How motion is drawn: auto, static, gauss-legendre, effective-psf or samples, with :N for a number of nodes.
+        method: String = "auto", "text", "auto is right for most benches";
+    }
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct AccuracyKeys {
-    centroid_px: Option<f64>,
-    flux_rel: Option<f64>,
-    pixel_sigma: Option<f64>,
-    los_arcsec: Option<f64>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RenderKeys {
-    backend: Option<String>,
-    method: Option<String>,
-}
+/// An hour: no limit of attitudes is longer.
+const MOST_MS: f64 = 3_600_000.0;
+const ALLAN: &str = "Allan deviation of the flight computer's oscillator at 1 s, such as 5e-9";
 
 impl AttitudeSettings {
     /// `attitude_hz`, `jitter_hz` and `exposure_s` size the histories.
@@ -96,27 +125,16 @@ impl AttitudeSettings {
         check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
         let [policy, policy_on_real_clock] = stale_policies(keys, check)?;
-        let mut ms = |key: &str, given, default, advice| {
-            let rule = Rule::Within(0.0, 3_600_000.0);
-            check.number(&format!("attitude.{key}"), given, default, rule, advice).map(|ms| Span::from_s(ms * 1e-3))
-        };
         let period_ms = 1000.0 / attitude_hz;
-        let stale = "milliseconds without a new attitude after which stale_policy applies, such as 500";
-        let stale_after = ms("stale_after_ms", keys.stale_after_ms, 500_f64.max(5.0 * period_ms), stale)?;
-        let horizon = "milliseconds over which the angular acceleration is used to predict, such as 200";
-        let max_horizon = ms("max_horizon_ms", keys.max_horizon_ms, 200.0, horizon)?;
-        let wait = "milliseconds that a frame may wait for jitter samples that are under way, such as 20";
-        let jitter_wait = ms("jitter_wait_ms", keys.jitter_wait_ms, 20.0, wait)?;
-        let decay = "time constant in milliseconds with which a held rate decays; 0 stops at once";
-        let rate_decay = ms("rate_decay_ms", keys.rate_decay_ms, 200.0, decay)?;
-        let age = "oldest time tag accepted, milliseconds before its arrival, such as 1000";
-        let max_age = ms("max_age_ms", keys.max_age_ms, 1000.0, age)?;
-        let lead = "latest time tag accepted, milliseconds after its arrival, such as 100";
-        let max_lead = ms("max_lead_ms", keys.max_lead_ms, 100.0, lead)?;
+        let stale_after = keys.stale_after_ms().or(500_f64.max(5.0 * period_ms)).ms(check)?;
+        let max_horizon = keys.max_horizon_ms().ms(check)?;
+        let jitter_wait = keys.jitter_wait_ms().ms(check)?;
+        let rate_decay = keys.rate_decay_ms().ms(check)?;
+        let (max_age, max_lead) = (keys.max_age_ms().ms(check)?, keys.max_lead_ms().ms(check)?);
         if stale_after.ms() <= period_ms {
             let wanted = format!("more than {period_ms} (one period of flight_computer.attitude_hz)");
             let advice = "a limit of several periods rides over a lost message";
-            return Err(check.invalid("attitude.stale_after_ms", stale_after.ms(), wanted, advice));
+            return Err(keys.stale_after_ms().advised(advice).invalid(stale_after.ms(), wanted, check));
         }
         let clock = check_clock(keys, check)?;
         let limits = |rate_hz: f64| HistoryLimits {
@@ -139,47 +157,19 @@ impl AttitudeSettings {
 /// Returns what is shown when the stream has stopped, on the virtual clock and on the real one. Without the key a simulated run
 /// goes on from the last attitude, while one with hardware sends no frame: a tracker must not see a sky that stands still.
 fn stale_policies(keys: &AttitudeKeys, check: &mut Checker<'_>) -> Result<[StalePolicy; 2], ConfigError> {
-    let policies = [
-        ("drop", StalePolicy::Drop),
-        ("hold", StalePolicy::Hold),
-        ("blank", StalePolicy::Blank),
-        ("stop", StalePolicy::Stop),
-    ];
-    let advice = "drop sends no frame, hold goes on from the last attitude, blank shows no stars, stop ends the run; without \
-                  the key: drop on the real clock, hold on the virtual one";
-    let policy = check.choice("attitude.stale_policy", keys.stale_policy.as_deref(), &policies, advice)?;
-    Ok(if keys.stale_policy.is_some() { [policy; 2] } else { [StalePolicy::Hold, StalePolicy::Drop] })
+    let policy = keys.stale_policy().check(check)?;
+    Ok(if keys.stale_policy().is_given() { [policy; 2] } else { [StalePolicy::Hold, StalePolicy::Drop] })
 }
 
 /// Time correlation: what the link and the remote clock are like.
 fn check_clock(keys: &AttitudeKeys, check: &mut Checker<'_>) -> Result<RemoteClockLimits, ConfigError> {
-    let usual = RemoteClockLimits::default();
-    let mut number = |key: &str, given, default, rule, advice| {
-        check.number(&format!("attitude.{key}"), given, default, rule, advice)
-    };
-    let delay = "calibrated microseconds from transmission to the receive stamp; 0 when unknown";
-    let delay_us = number("link_delay_us", keys.link_delay_us, 0.0, Rule::Within(-1e6, 1e6), delay)?;
-    let window = "seconds of time marks that offset and drift are drawn from, such as 30";
-    let window_s = number("clock_window_s", keys.clock_window_s, usual.window.s(), Rule::Within(2.0, 600.0), window)?;
-    let step = "milliseconds by which a time mark must be off to be a step of a clock, such as 250";
-    let step_ms = number("clock_step_ms", keys.clock_step_ms, usual.step.ms(), Rule::Within(1.0, 60_000.0), step)?;
-    let drift = "parts per million that a clock may be off, such as 200; more is no clock's drift";
-    let most_ppm = usual.most_drift * 1e6;
-    let most_ppm =
-        number("clock_max_drift_ppm", keys.clock_max_drift_ppm, most_ppm, Rule::Within(1.0, 10_000.0), drift)?;
-    let allan = "Allan deviation of the flight computer's oscillator at 1 s, such as 5e-9";
-    let allan_1s = number("clock_allan_1s", keys.clock_allan_1s, usual.allan_1s, Rule::Within(1e-13, 1e-5), allan)?;
-    let pps = "microseconds, one sigma, of the stamps of pulses per second, such as 1";
-    let pps_us = usual.pps_sigma.s() * 1e6;
-    let pps_us = number("pps_sigma_us", keys.pps_sigma_us, pps_us, Rule::Within(1e-3, 1000.0), pps)?;
-    Ok(RemoteClockLimits {
-        window: Span::from_s(window_s),
-        constant_delay: Span::from_s(delay_us * 1e-6),
-        step: Span::from_s(step_ms * 1e-3),
-        most_drift: most_ppm * 1e-6,
-        allan_1s,
-        pps_sigma: Span::from_s(pps_us * 1e-6),
-    })
+    let window = Span::from_s(keys.clock_window_s().check(check)?);
+    let constant_delay = Span::from_s(keys.link_delay_us().check(check)? * 1e-6);
+    let step = keys.clock_step_ms().ms(check)?;
+    let most_drift = keys.clock_max_drift_ppm().check(check)? * 1e-6;
+    let allan_1s = keys.clock_allan_1s().check(check)?;
+    let pps_sigma = Span::from_s(keys.pps_sigma_us().check(check)? * 1e-6);
+    Ok(RemoteClockLimits { window, constant_delay, step, most_drift, allan_1s, pps_sigma })
 }
 
 /// Samples at a rate over a time, 64 at least; the rates and times are checked, so 10^6 is a limit on memory only.
@@ -190,34 +180,15 @@ fn capacity(rate_hz: f64, time_s: f64) -> usize {
 }
 
 pub(super) fn check_accuracy(keys: &AccuracyKeys, check: &mut Checker<'_>) -> Result<AccuracyBudget, ConfigError> {
-    let usual = AccuracyBudget::default();
-    let mut bound = |key: &str, given, default, advice| {
-        check.number(&format!("accuracy.{key}"), given, default, Rule::Positive, advice)
-    };
-    Ok(AccuracyBudget {
-        centroid_px: bound("centroid_px", keys.centroid_px, usual.centroid_px, "pixels, such as 0.002")?,
-        flux_rel: bound("flux_rel", keys.flux_rel, usual.flux_rel, "a fraction, such as 0.001")?,
-        pixel_sigma: bound("pixel_sigma", keys.pixel_sigma, usual.pixel_sigma, "of the pixel's noise, such as 0.1")?,
-        los_arcsec: bound("los_arcsec", keys.los_arcsec, usual.los_arcsec, "arcseconds, such as 0.1")?,
-    })
+    taken!(check, keys => centroid_px, flux_rel, pixel_sigma, los_arcsec);
+    Ok(AccuracyBudget { centroid_px, flux_rel, pixel_sigma, los_arcsec })
 }
 
 impl Render {
     pub(super) fn check(keys: &RenderKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
-        let backends =
-            [("auto", Backend::Auto), ("gpu", Backend::Gpu), ("cpu", Backend::Cpu), ("reference", Backend::Reference)];
-        let advice = "auto is right for most benches";
-        Ok(Self {
-            backend: check.choice("render.backend", keys.backend.as_deref(), &backends, advice)?,
-            method: check_method(keys.method.as_deref(), check)?,
-        })
-    }
-}
-
-fn check_method(given: Option<&str>, check: &mut Checker<'_>) -> Result<MethodChoice, ConfigError> {
-    let word = check.given_or("render.method", given.map(str::to_owned), "auto".to_owned());
-    word.parse().map_err(|_| {
+        taken!(check, keys => backend, method);
         let wanted = "auto, static, gauss-legendre, effective-psf or samples, with :N for a number of nodes";
-        check.invalid("render.method", format!("\"{word}\""), wanted, "auto is right for most benches")
-    })
+        let method = method.parse().map_err(|_| keys.method().invalid(format!("\"{method}\""), wanted, check))?;
+        Ok(Self { backend, method })
+    }
 }

@@ -1,16 +1,17 @@
 //! `[[target]]`: point sources that move over the detector by a script, or fly about the Earth, and what becomes of stars
 //! behind them.
 
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::error::ConfigError;
-use crate::target_orbit::{OrbitSettings, check_brightness};
+use crate::key::{Section, section, taken};
+use crate::key_type::{Numbers, Raw, Shape, Whole, Word};
+use crate::target_orbit::{KINDS, Kind, OrbitSettings, USUAL_ALBEDO, check_brightness};
 use plan::exposure::{TargetCurve, TargetPath};
-use serde::Deserialize;
 use sky::target::Brightness;
 
 /// Most targets of a bench.
 const TARGETS_MAX: usize = 256;
-/// Furthest a target may stand from the detector's corner, px.
+/// Furthest a target may be from the detector's corner, px.
 const FAR_PX: f64 = 1e5;
 
 /// How much light a target sends.
@@ -69,77 +70,78 @@ pub enum Overlap {
     Brighter,
 }
 
-#[derive(Debug, Clone, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct TargetKeys {
-    start_s: Option<f64>,
-    for_s: Option<f64>,
-    position_px: Option<[f64; 2]>,
-    velocity_px_s: Option<[f64; 2]>,
-    acceleration_px_s2: Option<[f64; 2]>,
-    turn_deg_s: Option<f64>,
-    pub(super) mag: Option<f64>,
-    pub(super) bp_rp: Option<f64>,
-    electrons: Option<f64>,
-    snr: Option<f64>,
-    pub(super) orbit: Option<String>,
-    pub(super) line1: Option<String>,
-    pub(super) line2: Option<String>,
-    pub(super) file: Option<String>,
-    pub(super) norad_id: Option<i64>,
-    pub(super) epoch_utc: Option<String>,
-    pub(super) semi_major_axis_km: Option<f64>,
-    pub(super) eccentricity: Option<f64>,
-    pub(super) inclination_deg: Option<f64>,
-    pub(super) raan_deg: Option<f64>,
-    pub(super) argument_of_perigee_deg: Option<f64>,
-    pub(super) mean_anomaly_deg: Option<f64>,
-    pub(super) position_km: Option<[f64; 3]>,
-    pub(super) velocity_km_s: Option<[f64; 3]>,
-    pub(super) altitude_km: Option<f64>,
-    pub(super) argument_of_latitude_deg: Option<f64>,
-    pub(super) diameter_m: Option<f64>,
-    pub(super) albedo: Option<f64>,
-    pub(super) specular: Option<f64>,
-    pub(super) mag_1000km: Option<f64>,
-    pub(super) phase_mag_1000km: Option<Vec<[f64; 2]>>,
-}
-
-impl TargetKeys {
-    /// Whether a key that not every target has was given.
-    pub(super) fn is_given(&self, key: &str) -> bool {
-        match key {
-            "position_px" => self.position_px.is_some(),
-            "velocity_px_s" => self.velocity_px_s.is_some(),
-            "acceleration_px_s2" => self.acceleration_px_s2.is_some(),
-            "turn_deg_s" => self.turn_deg_s.is_some(),
-            "electrons" => self.electrons.is_some(),
-            "snr" => self.snr.is_some(),
-            "orbit" => self.orbit.is_some(),
-            "line1" => self.line1.is_some(),
-            "line2" => self.line2.is_some(),
-            "file" => self.file.is_some(),
-            "norad_id" => self.norad_id.is_some(),
-            "epoch_utc" => self.epoch_utc.is_some(),
-            "semi_major_axis_km" => self.semi_major_axis_km.is_some(),
-            "eccentricity" => self.eccentricity.is_some(),
-            "inclination_deg" => self.inclination_deg.is_some(),
-            "raan_deg" => self.raan_deg.is_some(),
-            "argument_of_perigee_deg" => self.argument_of_perigee_deg.is_some(),
-            "mean_anomaly_deg" => self.mean_anomaly_deg.is_some(),
-            "position_km" => self.position_km.is_some(),
-            "velocity_km_s" => self.velocity_km_s.is_some(),
-            "altitude_km" => self.altitude_km.is_some(),
-            "argument_of_latitude_deg" => self.argument_of_latitude_deg.is_some(),
-            "diameter_m" => self.diameter_m.is_some(),
-            "albedo" => self.albedo.is_some(),
-            "specular" => self.specular.is_some(),
-            "mag_1000km" => self.mag_1000km.is_some(),
-            "phase_mag_1000km" => self.phase_mag_1000km.is_some(),
-            _ => false,
-        }
+section! {
+    /// A point source that moves over the detector by a script, or flies about the Earth.
+    TargetKeys at "target" {
+        /// Seconds after the first exposure at which it is first seen.
+        start_s: f64 = 0.0, Within(0.0, 1e7), "seconds after the first exposure";
+        /// Seconds for which it is seen; left out: to the end.
+        for_s: f64 = Optional, PositiveUpTo(1e7), "seconds; left out: to the end";
+        /// Column and row where it is first seen, such as [100.0, 200.0].
+        position_px: [f64; 2] = Optional, Within(-FAR_PX, FAR_PX);
+        /// Pixels per second along columns and rows, such as [30.0, -10.0].
+        velocity_px_s: [f64; 2] = Silent(Numbers([0.0; 2])), Within(-1e6, 1e6);
+        /// Pixels per second squared, such as [0.0, 5.0].
+        acceleration_px_s2: [f64; 2] = Optional, Within(-1e6, 1e6);
+        /// Degrees per second by which the velocity turns, from x towards y.
+        turn_deg_s: f64 = Optional, Within(-36_000.0, 36_000.0);
+        /// Gaia G magnitude; of a target with orbit, wherever it is lit.
+        mag: f64 = Optional, Within(-30.0, 40.0), "Gaia G magnitude";
+        /// Colour BP-RP, magnitudes.
+        bp_rp: f64 = Computed("0, with orbit that of sunlight, 0.82"), Within(-0.5, 5.0);
+        /// Electrons of one whole exposure, in all pixels together.
+        electrons: f64 = Optional, PositiveUpTo(1e12);
+        /// Signal-to-noise ratio of as much light in a still star, as starloop snr has it.
+        snr: f64 = Optional, PositiveUpTo(1e6);
+        /// How its orbit is given; without it, it moves by the script of position_px and so on.
+        orbit: Word<Kind> = Optional, KINDS,
+            "tle takes line1 and line2, or file; omm takes file; two_body elements; state_vector position_km and \
+             velocity_km_s; circular altitude_km";
+        /// First line of a two-line element set.
+        line1: String = Optional, "text of 69 characters",
+            "copy both lines of the element set unchanged, or name a file of them";
+        /// Second line of a two-line element set.
+        line2: String = Optional, "text of 69 characters";
+        /// File of element lines, or of orbit mean-elements messages in JSON.
+        file: String = Optional, "path", "orbit mean-elements messages, an object or a list of them";
+        /// The catalog number of one object of the file.
+        norad_id: Whole<u64> = Optional, 1..=999_999_999;
+        /// Instant of the elements or the state, such as "2026-03-01T12:00:00Z".
+        epoch_utc: String = Optional, "time", "when the target is in this state";
+        /// Kilometres from the centre: 6878 for a low orbit; negative for a hyperbola.
+        semi_major_axis_km: f64 = Optional, Within(-1e7, 1e7);
+        /// Eccentricity, 0 for a circle.
+        eccentricity: f64 = 0.0, Within(0.0, 100.0), "0 for a circle";
+        /// Degrees to the equator; above 90 is retrograde.
+        inclination_deg: f64 = Computed("0, of a circular orbit 97.6"), Within(0.0, 180.0);
+        /// Right ascension of the ascending node.
+        raan_deg: f64 = 0.0, Within(-360.0, 360.0), "degrees";
+        /// Degrees from the ascending node to the perigee.
+        argument_of_perigee_deg: f64 = 0.0, Within(-360.0, 360.0), "degrees from the ascending node";
+        /// Mean anomaly at the epoch.
+        mean_anomaly_deg: f64 = 0.0, Within(-360.0, 360.0), "degrees";
+        /// Position from the geocentre in ICRF axes, kilometres.
+        position_km: [f64; 3] = Optional, Within(-1e7, 1e7), STATE;
+        /// Velocity in ICRF axes, kilometres per second.
+        velocity_km_s: [f64; 3] = Optional, Within(-100.0, 100.0), STATE;
+        /// Kilometres above the equatorial radius: 550 is a usual low orbit, 35786 is geostationary.
+        altitude_km: f64 = Optional, Within(100.0, 4e5);
+        /// Degrees from the ascending node, at the first exposure.
+        argument_of_latitude_deg: f64 = 0.0, Within(-360.0, 360.0);
+        /// Diameter of a sphere in the Sun's light, metres across.
+        diameter_m: f64 = Optional, PositiveUpTo(1e7), "metres across";
+        /// Share of light that a sphere scatters.
+        albedo: f64 = USUAL_ALBEDO, Within(0.0, 1.0), "share of light scattered";
+        /// Share of light that a sphere mirrors.
+        specular: f64 = 0.0, Within(0.0, 1.0), "share of light mirrored";
+        /// Gaia G at 1000 km and phase 90 deg.
+        mag_1000km: f64 = Optional, Within(-30.0, 40.0), "Gaia G at 1000 km and phase 90 deg";
+        /// Pairs of phase angle, deg, and Gaia G at 1000 km, such as [[0, 3.0], [90, 4.2], [150, 6.0]].
+        phase_mag_1000km: Raw<Vec<[f64; 2]>> = Optional, Shape::pairs();
     }
 }
+
+const STATE: &str = "from the geocentre in ICRF axes, km and km/s";
 
 /// Checks all targets of a bench.
 pub(super) fn check_targets(keys: &[TargetKeys], check: &mut Checker<'_>) -> Result<Vec<TargetSettings>, ConfigError> {
@@ -150,95 +152,56 @@ pub(super) fn check_targets(keys: &[TargetKeys], check: &mut Checker<'_>) -> Res
     keys.iter().enumerate().map(|(place, keys)| TargetSettings::check(keys, place, check)).collect()
 }
 
-/// Checks `target_overlap`.
-pub(super) fn check_overlap(given: Option<&str>, check: &mut Checker<'_>) -> Result<Overlap, ConfigError> {
-    let words = [("add", Overlap::Add), ("brighter", Overlap::Brighter)];
-    let advice = "add: photons of stars and targets add up; brighter: each pixel shows the brighter of the two only";
-    check.choice("target_overlap", given, &words, advice)
-}
-
 impl TargetSettings {
     fn check(keys: &TargetKeys, place: usize, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
-        let key = |name: &str| format!("target[{place}].{name}");
-        let after = "seconds after the first exposure";
-        let start_s = check.number(&key("start_s"), keys.start_s, 0.0, Rule::Within(0.0, 1e7), after)?;
-        let for_s = match keys.for_s {
-            None => f64::INFINITY,
-            Some(for_s) => {
-                check.meets(&key("for_s"), for_s, Rule::PositiveUpTo(1e7), "seconds; left out: to the end")?
-            }
-        };
-        let (course, light) = if keys.orbit.is_some() {
-            let course = TargetCourse::Orbit(OrbitSettings::check(keys, place, check)?);
-            let (brightness, bp_rp) = check_brightness(keys, place, check)?;
+        let keys = &keys.at(&format!("target[{place}]"));
+        let start_s = keys.start_s().check(check)?;
+        let for_s = keys.for_s().optional(check)?.unwrap_or(f64::INFINITY);
+        let (course, light) = if keys.orbit().is_given() {
+            let course = TargetCourse::Orbit(OrbitSettings::check(keys, check)?);
+            let (brightness, bp_rp) = check_brightness(keys, check)?;
             (course, TargetLight::Reflected { brightness, bp_rp })
         } else {
-            OrbitSettings::check_none(keys, place, check)?;
-            (TargetCourse::Script(Self::path(keys, place, check)?), Self::light(keys, place, check)?)
+            OrbitSettings::check_none(keys, check)?;
+            (TargetCourse::Script(Self::path(keys, check)?), Self::light(keys, check)?)
         };
         Ok(Self { start_s, for_s, course, light })
     }
 
-    fn path(keys: &TargetKeys, place: usize, check: &Checker<'_>) -> Result<TargetPath, ConfigError> {
-        let key = |name: &str| format!("target[{place}].{name}");
-        let pair = |name: &str, given: [f64; 2], most: f64, advice: &str| {
-            for number in given {
-                check.meets(&key(name), number, Rule::Within(-most, most), advice)?;
-            }
-            Ok(given)
-        };
-        let where_first = "column and row where it is first seen, such as [100.0, 200.0]";
-        let wanted = "two numbers, px";
-        let missing = || check.invalid(&key("position_px"), "missing", wanted, where_first);
-        let position_px = pair("position_px", keys.position_px.ok_or_else(missing)?, FAR_PX, where_first)?;
-        let velocity = "pixels per second along columns and rows, such as [30.0, -10.0]";
-        let velocity_px_s = pair("velocity_px_s", keys.velocity_px_s.unwrap_or_default(), 1e6, velocity)?;
-        let curve = match (keys.acceleration_px_s2, keys.turn_deg_s) {
-            (None, None) => TargetCurve::Straight,
-            (Some(_), Some(_)) => {
-                let wanted = "not given beside turn_deg_s";
-                let advice = "a target either accelerates or flies an arc: give one of them";
-                return Err(check.invalid(&key("acceleration_px_s2"), "given", wanted, advice));
-            }
-            (Some(acceleration), None) => {
-                let advice = "pixels per second squared, such as [0.0, 5.0]";
-                TargetCurve::Accelerating(pair("acceleration_px_s2", acceleration, 1e6, advice)?)
-            }
-            (None, Some(turn_deg_s)) => {
-                let advice = "degrees per second by which the velocity turns, from x towards y";
-                let turn = check.meets(&key("turn_deg_s"), turn_deg_s, Rule::Within(-36_000.0, 36_000.0), advice)?;
-                TargetCurve::Arc(turn.to_radians())
-            }
-        };
-        Ok(TargetPath { position_px, velocity_px_s, curve })
+    fn path(keys: &TargetKeys, check: &mut Checker<'_>) -> Result<TargetPath, ConfigError> {
+        if !keys.position_px().is_given() {
+            return Err(keys.position_px().missing("two numbers, px", check));
+        }
+        taken!(check, keys => position_px, velocity_px_s);
+        if keys.acceleration_px_s2().is_given() && keys.turn_deg_s().is_given() {
+            let advice = "a target either accelerates or flies an arc: give one of them";
+            let given = keys.acceleration_px_s2().advised(advice);
+            return Err(given.invalid("given", "not given beside turn_deg_s", check));
+        }
+        let accelerating = keys.acceleration_px_s2().optional(check)?.map(TargetCurve::Accelerating);
+        let arc = keys.turn_deg_s().optional(check)?.map(|turn| TargetCurve::Arc(turn.to_radians()));
+        Ok(TargetPath { position_px, velocity_px_s, curve: accelerating.or(arc).unwrap_or(TargetCurve::Straight) })
     }
 
-    fn light(keys: &TargetKeys, place: usize, check: &Checker<'_>) -> Result<TargetLight, ConfigError> {
-        let key = |name: &str| format!("target[{place}].{name}");
-        if keys.mag.is_none() {
-            check.unused(&key("bp_rp"), keys.bp_rp.is_some(), "mag")?;
+    fn light(keys: &TargetKeys, check: &mut Checker<'_>) -> Result<TargetLight, ConfigError> {
+        if !keys.mag().is_given() {
+            keys.refuse(&["bp_rp"], "mag", check)?;
         }
-        match (keys.mag, keys.electrons, keys.snr) {
-            (Some(mag), None, None) => {
-                let mag = check.meets(&key("mag"), mag, Rule::Within(-30.0, 40.0), "Gaia G magnitude")?;
-                let colour = "BP-RP, magnitudes; left out: 0";
-                let bp_rp = check.meets(&key("bp_rp"), keys.bp_rp.unwrap_or(0.0), Rule::Within(-0.5, 5.0), colour)?;
-                Ok(TargetLight::Mag { mag, bp_rp })
-            }
-            (None, None, Some(snr)) => {
-                let advice = "signal-to-noise ratio of as much light in a still star, as starloop snr has it";
-                check.meets(&key("snr"), snr, Rule::PositiveUpTo(1e6), advice).map(TargetLight::Snr)
-            }
-            (None, Some(electrons), None) => {
-                let advice = "electrons of one whole exposure, in all pixels together";
-                check.meets(&key("electrons"), electrons, Rule::PositiveUpTo(1e12), advice).map(TargetLight::Electrons)
-            }
-            _ => {
-                let given = [keys.mag, keys.electrons, keys.snr].iter().flatten().count();
-                let advice = "how bright it is: such as mag = 6.0, or electrons = 5000.0, or snr = 8.0";
-                Err(check.invalid(&key("mag"), format!("{given} of them"), "one of mag, electrons and snr", advice))
-            }
+        let given = [keys.mag(), keys.electrons(), keys.snr()].iter().filter(|key| key.is_given()).count();
+        if given != 1 {
+            let advice = "how bright it is: such as mag = 6.0, or electrons = 5000.0, or snr = 8.0";
+            let wanted = "one of mag, electrons and snr";
+            return Err(keys.mag().advised(advice).invalid(format!("{given} of them"), wanted, check));
         }
+        if let Some(snr) = keys.snr().optional(check)? {
+            return Ok(TargetLight::Snr(snr));
+        }
+        if let Some(electrons) = keys.electrons().optional(check)? {
+            return Ok(TargetLight::Electrons(electrons));
+        }
+        let mag = keys.mag().check(check)?;
+        let bp_rp = keys.bp_rp().or_silently(0.0).advised("BP-RP, magnitudes; left out: 0").check(check)?;
+        Ok(TargetLight::Mag { mag, bp_rp })
     }
 }
 

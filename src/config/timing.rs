@@ -1,12 +1,11 @@
 //! `[timing]`: frames, duration, the simulated start.
 
-use crate::check::{Checker, Rule};
+use crate::check::Checker;
 use crate::error::ConfigError;
+use crate::key::{Given, Section, section, taken};
+use crate::key_type::Word;
 use base::time::{Span, Tai};
 use plan::exposure::Rung;
-use serde::Deserialize;
-
-const DEFAULT_START_UTC: &str = "2026-03-01T00:00:00Z";
 
 /// What happens to a frame that is not ready when it is due.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,21 +71,37 @@ pub struct Timing {
     pub phase: Span,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct TimingKeys {
-    frame_rate_hz: Option<f64>,
-    duration_s: Option<f64>,
-    ahead_ms: Option<f64>,
-    deadline_policy: Option<String>,
-    degrade: Option<String>,
-    degrade_to: Option<String>,
-    start_utc: Option<String>,
-    phase_ms: Option<f64>,
+section! {
+    /// Frames, duration and the simulated start.
+    TimingKeys at "timing" {
+        /// Frames per second, such as 10.0.
+        frame_rate_hz: f64 = 10.0, PositiveUpTo(10_000.0);
+        /// Length of the run in seconds.
+        duration_s: f64 = 10.0, PositiveUpTo(1e7);
+        /// How long before their exposures end frames are begun, milliseconds.
+        ahead_ms: f64 = 0.0, Within(0.0, 500.0),
+            "0 for a sensor that reads out when it has exposed; for a display without calibration: exposure, drawing and \
+             its latency";
+        /// What becomes of a late frame: drop leaves a gap, hold repeats the last frame, late sends it when it is ready.
+        deadline_policy: Word<DeadlinePolicy> = "drop",
+            [("drop", DeadlinePolicy::Drop), ("hold", DeadlinePolicy::Hold), ("late", DeadlinePolicy::Late)],
+            "drop leaves a gap, hold repeats the last frame, late sends it when it is ready";
+        /// Real_clock degrades frames that would be late, always does so on the virtual clock too.
+        degrade: Word<Degrade> = "real_clock",
+            [("real_clock", Degrade::OnRealClock), ("always", Degrade::Always), ("never", Degrade::Never)];
+        /// The last step that is taken: motion-out and bright-stars-only give frames that no sensor would see.
+        degrade_to: Word<Rung> = RUNGS[0].name(), RUNGS.map(|rung| (rung.name(), rung));
+        /// Sky time of the first exposure, RFC 3339, or "now", which no run repeats.
+        start_utc: String = "2026-03-01T00:00:00Z", "time or \"now\"";
+        /// Milliseconds after the run's first exposure at which this head begins its own.
+        phase_ms: f64 = Silent(0.0), Within(0.0, PHASE_MAX_MS);
+    }
 }
 
+/// Steps of degradation that a file may name.
+const RUNGS: [Rung; 5] = [Rung::Budget10, Rung::FaintStarsOut, Rung::Budget3, Rung::MotionOut, Rung::BrightStarsOnly];
 /// Later starts of exposures than this are a mistake, ms.
-const PHASE_MAX_MS: f64 = 60_000.0;
+pub(super) const PHASE_MAX_MS: f64 = 60_000.0;
 
 impl Timing {
     /// `exposure_s`: of the camera; `None` where a frame is one refresh of a calibrated display.
@@ -95,28 +110,16 @@ impl Timing {
         exposure_s: Option<f64>,
         check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
-        let frame_rate_hz = check.given_or("timing.frame_rate_hz", keys.frame_rate_hz, 10.0);
-        check_frame_rate("timing.frame_rate_hz", frame_rate_hz, exposure_s, check)?;
-        let length = "length of the run in seconds";
-        let duration_s = check.number("timing.duration_s", keys.duration_s, 10.0, Rule::PositiveUpTo(1e7), length)?;
-        let policies = [("drop", DeadlinePolicy::Drop), ("hold", DeadlinePolicy::Hold), ("late", DeadlinePolicy::Late)];
-        let advice = "drop leaves a gap, hold repeats the last frame, late sends it when it is ready";
-        let deadline_policy =
-            check.choice("timing.deadline_policy", keys.deadline_policy.as_deref(), &policies, advice)?;
-        let degrades = [("real_clock", Degrade::OnRealClock), ("always", Degrade::Always), ("never", Degrade::Never)];
-        let advice = "real_clock degrades frames that would be late, always does so on the virtual clock too";
-        let degrade = check.choice("timing.degrade", keys.degrade.as_deref(), &degrades, advice)?;
-        let degrade_to = degrade_to(keys, check)?;
-        check.unused(
-            "timing.ahead_ms",
-            keys.ahead_ms.is_some() && exposure_s.is_none(),
-            "a run that is not drawn for a calibrated display, whose refresh and latency say how early frames are begun",
-        )?;
-        let advice = "0 for a sensor that reads out when it has exposed; for a display without calibration: exposure, drawing and \
-             its latency";
-        let ahead_ms = check.number("timing.ahead_ms", keys.ahead_ms, 0.0, Rule::Within(0.0, 500.0), advice)?;
+        let frame_rate_hz = check_frame_rate(keys.frame_rate_hz(), exposure_s, check)?;
+        taken!(check, keys => duration_s, deadline_policy, degrade, degrade_to);
+        if exposure_s.is_none() {
+            let owner = "a run that is not drawn for a calibrated display, whose refresh and latency say how early \
+                         frames are begun";
+            keys.refuse(&["ahead_ms"], owner, check)?;
+        }
+        let ahead_ms = keys.ahead_ms().check(check)?;
         let start = start(keys, check)?;
-        let phase = phase("timing.phase_ms", keys.phase_ms, check)?;
+        let phase = keys.phase_ms().ms(check)?;
         Ok(Self { frame_rate_hz, duration_s, ahead_ms, deadline_policy, degrade, degrade_to, start, phase })
     }
 
@@ -129,42 +132,27 @@ impl Timing {
     }
 }
 
-/// Refuses a frame rate that is none, or at which an exposure would not end before the next begins.
+/// Reads a frame rate; refuses one at which an exposure would not end before the next begins.
 pub(super) fn check_frame_rate(
-    key: &str,
-    frame_rate_hz: f64,
+    given: Given<'_, f64>,
     exposure_s: Option<f64>,
-    check: &Checker<'_>,
-) -> Result<(), ConfigError> {
-    check.meets(key, frame_rate_hz, Rule::PositiveUpTo(10_000.0), "frames per second, such as 10.0")?;
+    check: &mut Checker<'_>,
+) -> Result<f64, ConfigError> {
+    let key = given.key();
+    let frame_rate_hz = given.check(check)?;
     let longer = exposure_s.filter(|exposure_s| exposure_s * frame_rate_hz > 1.0 + f64::EPSILON);
-    let Some(exposure_s) = longer else { return Ok(()) };
+    let Some(exposure_s) = longer else { return Ok(frame_rate_hz) };
     let wanted = format!("at most {:.6} (one exposure of {exposure_s} s per frame)", 1.0 / exposure_s);
     let advice = "lower the frame rate, or shorten exposure.exposure_s of the camera";
-    Err(check.invalid(key, frame_rate_hz, wanted, advice))
-}
-
-/// Returns by how much exposures begin after the whole frame periods of the run; 0 when nothing is given.
-pub(super) fn phase(key: &str, given: Option<f64>, check: &Checker<'_>) -> Result<Span, ConfigError> {
-    let Some(phase_ms) = given else { return Ok(Span::ZERO) };
-    let advice = "milliseconds after the run's first exposure at which this head begins its own";
-    Ok(Span::from_s(1e-3 * check.meets(key, phase_ms, Rule::Within(0.0, PHASE_MAX_MS), advice)?))
-}
-
-/// Returns the last level of degradation: by default the last one whose frames still show motion and every star that can be seen.
-fn degrade_to(keys: &TimingKeys, check: &mut Checker<'_>) -> Result<Rung, ConfigError> {
-    let rungs = [Rung::Budget10, Rung::FaintStarsOut, Rung::Budget3, Rung::MotionOut, Rung::BrightStarsOnly];
-    let advice = "the last step that is taken: motion-out and bright-stars-only give frames that no sensor would see";
-    check.choice("timing.degrade_to", keys.degrade_to.as_deref(), &rungs.map(|rung| (rung.name(), rung)), advice)
+    Err(check.invalid(&key, frame_rate_hz, wanted, advice))
 }
 
 fn start(keys: &TimingKeys, check: &mut Checker<'_>) -> Result<StartTime, ConfigError> {
-    let text = check.given_or("timing.start_utc", keys.start_utc.clone(), DEFAULT_START_UTC.into());
+    let text = keys.start_utc().check(check)?;
     if text.trim() == "now" {
         return Ok(StartTime::Now);
     }
-    let refuse = |error: base::time::TimeError| {
-        check.invalid("timing.start_utc", format!("\"{text}\""), "RFC 3339 or \"now\"", &error.to_string())
-    };
-    Tai::from_rfc3339(&text).map(StartTime::At).map_err(refuse)
+    Tai::from_rfc3339(&text).map(StartTime::At).map_err(|error| {
+        keys.start_utc().advised(error.to_string()).invalid(format!("\"{text}\""), "RFC 3339 or \"now\"", check)
+    })
 }

@@ -146,7 +146,7 @@ fn alone(bench: &Bench, ring_frames: usize) -> (Vec<FrameRecord>, run::runtime::
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start_at(start));
     let [near, _far] = ports(bench, &clock);
     let stop = Arc::new(AtomicBool::new(false));
-    let setting = real_time::Setting { clock: &clock, stop: &stop, hygiene: None, ring_frames };
+    let setting = real_time::Setting { clock: &clock, stop: &stop, hygiene: None, ring_frames, orders: None };
     let sink = Box::new(NullSink::new());
     let heads = vec![real_time::Head { engine: &mut engine, receiver: &mut receiver, sink, faults: None }];
     let outcome = real_time::run_in(&setting, heads, near.into(), &mut |_, _, _| {});

@@ -7,7 +7,7 @@ use batch::campaign::{episode_scenario, run_episode};
 use config::{Action, Event};
 use frames::sink::{FrameFault, FrameMeta, NullSink};
 use link::tap::LinkFault;
-use run::wiring::closed_loop::ClosedLoop;
+use run::wiring::stepped::SteppedRun;
 use run::wiring::witness::Witness;
 
 /// Episodes of an hour flown here; `starloop campaign --hours 100` flies a hundred.
@@ -58,7 +58,7 @@ fn a_frame_that_is_off_and_says_nothing_is_seen() {
     let (zero, truth) = (Tai::from_ns(0), Rotation::IDENTITY);
     let off = Rotation::IDENTITY.rotated_by(glam::DVec3::new(0.0, 5e-6, 0.0));
     let violations = |meta: &FrameMeta, rate_rad_s: f64| {
-        let mut witness = Witness::new(&scenario, zero, zero + Span::from_s(60.0));
+        let mut witness = Witness::new(&scenario, scenario.bench.mountings(), zero, zero + Span::from_s(60.0));
         witness.take_frame(0, meta, Some((truth, rate_rad_s)));
         witness.assessment().violations().0
     };
@@ -74,9 +74,9 @@ fn a_fault_that_hits_nothing_is_seen() {
     // No packet is spoilt by a share of nothing.
     let action = Action::Bus(LinkFault::Loss { share: 0.0 });
     scenario.events.push(Event { at: Span::from_s(10.0), on_trigger: None, lasts: Span::from_s(20.0), action });
-    let mut going = ClosedLoop::new(&scenario, |_| Box::new(NullSink::new())).unwrap();
+    let mut going = SteppedRun::new(&scenario, |_| Box::new(NullSink::new())).unwrap();
     going.run_to_end(&mut |_, _, _| true).unwrap();
-    let outcome = going.finish().unwrap();
+    let outcome = going.end(None);
     let (count, lines) = outcome.assessment.violations();
     assert!(count == 1 && lines[0].contains("nothing was hit"), "{lines:?}");
 }
@@ -99,16 +99,16 @@ fn a_loop_that_does_not_recover_is_seen() {
         event(110.0, 0.0, Action::Gyro(config::GyroFaultKind::BiasJump(jump))),
     ];
     let control = {
-        let mut going = ClosedLoop::new(&scenario, |_| Box::new(NullSink::new())).unwrap();
+        let mut going = SteppedRun::new(&scenario, |_| Box::new(NullSink::new())).unwrap();
         going.run_to_end(&mut |_, _, _| true).unwrap();
-        going.finish().unwrap()
+        going.end(None)
     };
     assert_eq!(control.assessment.violations().1, Vec::<String>::new(), "with its tracker it recovers");
-    scenario.spacecraft.gyro.initial_bias_rad_s = glam::DVec3::new(0.0, 3e-5, 0.0);
+    scenario.vehicle_mut().unwrap().spacecraft.gyro.initial_bias_rad_s = glam::DVec3::new(0.0, 3e-5, 0.0);
     scenario.events[0] = event(100.0, 0.0, Action::TrackerOff { head: None });
-    let mut going = ClosedLoop::new(&scenario, |_| Box::new(NullSink::new())).unwrap();
+    let mut going = SteppedRun::new(&scenario, |_| Box::new(NullSink::new())).unwrap();
     going.run_to_end(&mut |_, _, _| true).unwrap();
-    let (count, lines) = (going.finish().unwrap().assessment.violations().0, "");
+    let (count, lines) = (going.end(None).assessment.violations().0, "");
     assert!(count > 0, "the tracker never comes back{lines}");
 }
 
@@ -120,13 +120,13 @@ fn events_that_name_what_is_not_there_are_refused() {
     ] {
         let mut scenario = quiet();
         scenario.events.push(Event { at: Span::from_s(1.0), on_trigger: None, lasts: Span::from_s(1.0), action });
-        let refused = ClosedLoop::new(&scenario, |_| Box::new(NullSink::new())).err().unwrap().to_string();
+        let refused = SteppedRun::new(&scenario, |_| Box::new(NullSink::new())).err().unwrap().to_string();
         assert!(refused.contains(wanted), "{refused}");
     }
 }
 
 /// A quiet flight of `seconds` with these events, small frames.
-fn flown(seconds: f64, events: Vec<Event>) -> (run::wiring::loop_outcome::LoopOutcome, testbed::acs::Mode) {
+fn flown(seconds: f64, events: Vec<Event>) -> (run::wiring::run_end::RunEnd, testbed::acs::Mode) {
     let mut scenario = quiet();
     scenario.bench.timing.duration_s = seconds;
     scenario.events = events;
@@ -179,13 +179,13 @@ fn a_refused_command_is_no_success() {
     let to_the_sun = Pointing { ra_deg: 342.0, dec_deg: -7.6, roll_deg: 0.0 };
     scenario.events = vec![event(100.0, 0.0, Action::Slew(to_the_sun))];
     let (outcome, _) = crate::pixels::fly(&scenario);
-    let verdicts = outcome.assessment.verdicts(None);
+    let verdicts = outcome.assessment.verdicts(None, &outcome.record);
     assert!(
         verdicts.iter().any(|v| v.name == "commands" && !v.passed && v.got.contains("from the Sun")),
         "{verdicts:?}"
     );
     scenario.events.clear();
-    scenario.target = to_the_sun;
-    let refused = ClosedLoop::new(&scenario, |_| Box::new(NullSink::new())).err().unwrap().to_string();
+    scenario.vehicle_mut().unwrap().target = to_the_sun;
+    let refused = SteppedRun::new(&scenario, |_| Box::new(NullSink::new())).err().unwrap().to_string();
     assert!(refused.contains("deg from the Sun"), "the first target, too: {refused}");
 }

@@ -20,9 +20,13 @@ const SHORT: [&str; 8] = [
 ];
 
 fn command(arguments: &[&str]) -> Command {
+    command_on("virtual", arguments)
+}
+
+fn command_on(clock: &str, arguments: &[&str]) -> Command {
     let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenarios/acquisition.toml");
     let mut command = Command::new(env!("CARGO_BIN_EXE_starloop"));
-    command.arg("run").arg(scenario).args(["--clock", "virtual", "--quiet", "--json"]);
+    command.arg("run").arg(scenario).args(["--clock", clock, "--quiet", "--json"]);
     command.args(SHORT.iter().flat_map(|setting| ["--set", setting])).args(arguments);
     command
 }
@@ -54,8 +58,12 @@ struct Waiting {
 
 impl Waiting {
     fn start(arguments: &[&str]) -> Self {
+        Self::start_on("virtual", arguments)
+    }
+
+    fn start_on(clock: &str, arguments: &[&str]) -> Self {
         let runtime = tempfile::tempdir().unwrap();
-        let mut child = command(&["--control", "127.0.0.1:0"])
+        let mut child = command_on(clock, &["--control", "127.0.0.1:0"])
             .args(arguments)
             .env("XDG_RUNTIME_DIR", runtime.path())
             .stdout(Stdio::piped())
@@ -429,4 +437,43 @@ fn other_addresses_and_benches_are_refused() {
     let output = bench.args(["run", "--clock", "virtual", "--control", "127.0.0.1:0"]).output().unwrap();
     assert_eq!(output.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&output.stderr).contains("--control steps a scenario"));
+}
+
+/// On the real clock nothing can be stepped; everything else works while the run goes on.
+#[test]
+fn a_run_on_the_real_clock_is_watched_and_steered() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = ["--out", folder.path().to_str().unwrap(), "--set", "duration_s=60.0"];
+    let mut steered = Waiting::start_on("real", &arguments).admitted();
+    assert!(steered.refused(br#"{"request": "step", "s": 0.5}"#).contains("--clock virtual"));
+    assert!(steered.refused(br#"{"request": "summary"}"#).contains("when the run ends"));
+    let delivered =
+        |steered: &mut Stepped| steered.told(json!({ "request": "state" }))["frames"]["rendered"].as_u64().unwrap();
+    while delivered(&mut steered) < 3 {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let event = json!({ "do": "stray_light", "for_s": 30.0, "e_per_s": 300_000.0 });
+    let placed = steered.told(json!({ "request": "inject", "event": event }));
+    assert_eq!(placed["event"], "stray_light");
+    assert!(
+        steered
+            .refused(br#"{"request": "inject", "event": {"do": "frame_drop", "head": 3, "for_s": 1.0}}"#)
+            .contains("head 3")
+    );
+    let before = delivered(&mut steered);
+    // Two frames may be under way when the event is placed.
+    while delivered(&mut steered) < before + 4 {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let frame = steered.told(json!({ "request": "frame" }));
+    assert!(frame["faults"].to_string().contains("stray_light"), "{}", frame["faults"]);
+    assert!(steered.told(json!({ "request": "truth" }))["at_s"].as_f64().unwrap() > 0.0);
+    assert!(steered.told(json!({ "request": "estimate" }))["heads"].is_array());
+    steered.told(json!({ "request": "trigger", "number": 9 }));
+    let (last, output) = steered.finish();
+    let report = report(&output);
+    assert_eq!(report["faults"][0]["name"], "stray_light");
+    assert!(report["faults"][0]["hits"].as_u64().unwrap() > 0, "{}", report["faults"]);
+    assert_eq!(last["report"]["frames"], report["frames"], "the client gets the report that is printed");
+    assert_eq!(last["exit_status"].as_i64().map(|code| code as i32), output.status.code());
 }

@@ -108,7 +108,7 @@ fn a_full_bus_and_a_full_line_lose_nothing() {
             over.store(true, Ordering::Relaxed);
         })
     };
-    let setting = Setting { clock: &clock, stop: &stop, hygiene: None, ring_frames: 64 };
+    let setting = Setting { clock: &clock, stop: &stop, hygiene: None, ring_frames: 64, orders: None };
     let sources = Sources { ports: vec![bus_port, line_port], pulses: None };
     let sink = Box::new(NullSink::new());
     let heads = vec![Head { engine: &mut engine, receiver: &mut receiver, sink, faults: None }];

@@ -1,7 +1,7 @@
 //! Several camera heads: each shows the sky where it is mounted, on both clocks, and none has to wait for another's sink.
 
 use crate::bench::start;
-use crate::pixels::scenario;
+use crate::pixels::{fly_real, scenario};
 use crate::sinks::{FRAMES, Trouble, Troubled, bench};
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
@@ -16,7 +16,6 @@ use run::runtime::real_time::{self, Head, Setting};
 use run::runtime::receiver::Receiver;
 use run::runtime::{EventKind, FrameEngine};
 use run::wiring::bench_parts;
-use run::wiring::real_loop::{RealSetting, run_real};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
@@ -108,7 +107,7 @@ fn heads_have_patterns_and_noise_of_their_own() {
 /// The bench of [`bench`] with three heads.
 fn three() -> Bench {
     let mut bench = bench();
-    bench.extra_heads = vec![bench.sensor_from_body; 2];
+    bench.extra_heads = vec![bench.first_head(); 2];
     bench
 }
 
@@ -117,9 +116,9 @@ fn a_head_whose_sink_is_stuck_costs_the_others_nothing() {
     let (at_end, gate) = bounded(0);
     let bench = three();
     let start = start(&bench);
-    let mut heads: Vec<(FrameEngine, Receiver)> = (bench.heads().into_iter().enumerate())
-        .map(|(number, mounting)| {
-            let params = bench_parts::run_params(&bench_parts::bench_of_head(&bench, number, mounting), start).unwrap();
+    let mut heads: Vec<(FrameEngine, Receiver)> = (0..bench.head_count())
+        .map(|number| {
+            let params = bench_parts::run_params(&bench.of_head(number), start).unwrap();
             let receiver = Receiver::new(params.attitude.clone()).unwrap();
             (FrameEngine::new(params).unwrap(), receiver)
         })
@@ -129,7 +128,7 @@ fn a_head_whose_sink_is_stuck_costs_the_others_nothing() {
     let (near, _far) = simulated_pair(bus, &clock);
     let port = Port::new(Box::new(near), format, firmware_protocol::can::IdMap::new(0, 0).unwrap());
     let stop = Arc::new(AtomicBool::new(false));
-    let setting = Setting { clock: &clock, stop: &stop, hygiene: None, ring_frames: FRAMES as usize };
+    let setting = Setting { clock: &clock, stop: &stop, hygiene: None, ring_frames: FRAMES as usize, orders: None };
     let mut gate = Some(gate);
     let parts = heads.iter_mut().enumerate().map(|(number, (engine, receiver))| {
         let trouble = (number == 1).then(|| gate.take()).flatten();
@@ -164,10 +163,7 @@ fn three_heads_fly_on_the_real_clock() {
     let mut scenario = scenario("three_heads");
     scenario.bench.timing.duration_s = 5.0;
     scenario.events.clear();
-    let stop = Arc::new(AtomicBool::new(false));
-    let clock = Arc::new(Monotonic::start());
-    let setting = RealSetting { clock: &clock, stop: &stop, hygiene: None, ring_frames: 16 };
-    let sinks = (0..3).map(|_| Box::new(NullSink::new()) as Box<dyn Sink>).collect();
+    let mut sink = |_| Box::new(NullSink::new()) as Box<dyn Sink>;
     let most_solved = Arc::new(Mutex::new(0));
     let seen = Arc::clone(&most_solved);
     let on_row = Box::new(move |row: &testbed::vehicle::TelemetryRow| {
@@ -175,13 +171,13 @@ fn three_heads_fly_on_the_real_clock() {
         *most = row.heads_solved.max(*most);
     });
     let mut interpolated = 0;
-    let mut count = |frame: &frames::sink::SentFrame, _: &run::runtime::RunRecord| {
+    let mut count = |_: usize, frame: &frames::sink::SentFrame, _: &run::runtime::RunRecord| {
         interpolated += u64::from(frame.meta.origin == "interpolated");
     };
-    let outcome = run_real(&scenario, sinks, &setting, |_| {}, on_row, &mut count).unwrap();
+    let outcome = fly_real(&scenario, &mut sink, on_row, &mut count);
     let frames = &outcome.record.frames;
     assert_eq!((frames.scheduled, frames.delivered + frames.dropped), (30, 30), "{frames:?}");
-    assert_eq!(outcome.sinks.len(), 3);
+    assert_eq!(outcome.summaries.iter().flatten().count(), 3);
     let most = *most_solved.lock().unwrap();
     if interpolated > 0 {
         assert!(outcome.assessment.rendered().0 > 0, "{interpolated} frames claim to show the truth");
@@ -212,7 +208,7 @@ fn benches_with_heads_are_refused_what_they_cannot_have() {
     let why = if cfg!(feature = "display") { "one head" } else { "--features display" };
     assert!(error.contains("sink.kind") && error.contains(why), "{error}");
     let most = Document::from_text(&head.repeat(7), Path::new("bench.toml"));
-    assert_eq!(Bench::from_document(&most).unwrap().heads().len(), 8, "this side of the edge");
+    assert_eq!(Bench::from_document(&most).unwrap().head_count(), 8, "this side of the edge");
     let params = |text: &str| {
         let bench = Bench::from_document(&Document::from_text(text, Path::new("bench.toml"))).unwrap();
         bench_parts::run_params(&bench, start(&bench)).unwrap()

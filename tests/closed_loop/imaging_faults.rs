@@ -1,17 +1,14 @@
 //! Faults of optics, light and frames: every frame says what it was made under, and shows it.
 
-use crate::pixels::scenario;
-use base::clock::Monotonic;
+use crate::pixels::{fly_real, scenario};
 use base::time::Span;
 use config::{Action, Event, Scenario};
 use frames::sink::{
     FaultFlags, FaultPixels, FrameFault, FrameMeta, SentFrame, Sink, SinkError, SinkSummary, TruthKind, TruthStar,
 };
 use run::runtime::EventKind;
-use run::wiring::closed_loop::ClosedLoop;
-use run::wiring::loop_outcome::LoopOutcome;
-use run::wiring::real_loop::{RealSetting, run_real};
-use std::sync::atomic::AtomicBool;
+use run::wiring::run_end::RunEnd;
+use run::wiring::stepped::SteppedRun;
 use std::sync::{Arc, Mutex};
 use testbed::acs::Mode;
 
@@ -47,12 +44,12 @@ impl Sink for Keeper {
 }
 
 /// Flies a scenario; its frames, the mode at the end and the outcome.
-fn fly(scenario: &Scenario) -> (Vec<Seen>, Mode, LoopOutcome) {
+fn fly(scenario: &Scenario) -> (Vec<Seen>, Mode, RunEnd) {
     let keeper = Keeper::default();
-    let mut going = ClosedLoop::new(scenario, |_| Box::new(keeper.clone())).unwrap();
+    let mut going = SteppedRun::new(scenario, |_| Box::new(keeper.clone())).unwrap();
     going.run_to_end(&mut |_, _, _| true).unwrap();
     let mode = going.with_vehicle(|vehicle| vehicle.mode()).unwrap();
-    let outcome = going.finish().unwrap();
+    let outcome = going.end(None);
     let seen = core::mem::take(&mut *keeper.0.lock().unwrap());
     (seen, mode, outcome)
 }
@@ -177,7 +174,7 @@ fn what_waits_for_a_trigger_does_not_come_without_it() {
     assert_eq!(outcome.assessment.violations().1, Vec::<String>::new(), "a fault that never came need not hit");
     // Fired twice while the run goes on: one second after each.
     let keeper = Keeper::default();
-    let mut going = ClosedLoop::new(&scenario, |_| Box::new(keeper.clone())).unwrap();
+    let mut going = SteppedRun::new(&scenario, |_| Box::new(keeper.clone())).unwrap();
     let zero = going.zero();
     for at_s in [3.0, 12.0] {
         going.advance_to(zero + Span::from_s(at_s), &mut |_, _, _| true).unwrap();
@@ -185,7 +182,7 @@ fn what_waits_for_a_trigger_does_not_come_without_it() {
         going.inject(&Event { lasts: Span::ZERO, ..fire }).unwrap();
     }
     going.run_to_end(&mut |_, _, _| true).unwrap();
-    let outcome = going.finish().unwrap();
+    let outcome = going.end(None);
     let seen = core::mem::take(&mut *keeper.0.lock().unwrap());
     let hit: Vec<u32> = seen.iter().filter(|s| s.meta.active.count() == 1).map(|s| s.meta.number).collect();
     assert_eq!(hit, [8, 9, 10, 11, 12, 13, 26, 27, 28, 29, 30, 31], "from 4 and from 13 s, for 3 s");
@@ -198,7 +195,7 @@ fn a_pixel_beyond_the_detector_is_refused_with_its_size() {
     let mut scenario = scenario("imaging_faults");
     let pixels = FaultPixels { at: Some([256, 3]), random: 0 };
     scenario.events = vec![event(1.0, 3.0, FrameFault::FalseStars { pixels, mag: 3.0 })];
-    let Err(error) = ClosedLoop::new(&scenario, |_| Box::new(Keeper::default())) else { panic!("refused") };
+    let Err(error) = SteppedRun::new(&scenario, |_| Box::new(Keeper::default())) else { panic!("refused") };
     let error = error.to_string();
     assert!(error.contains("false_stars") && error.contains("256 x 256"), "{error}");
 }
@@ -215,11 +212,8 @@ fn frames_are_spoilt_on_the_real_clock_too() {
         event(2.9, 0.5, FrameFault::FalseStars { pixels, mag: 2.0 }),
     ];
     let keeper = Keeper::default();
-    let stop = Arc::new(AtomicBool::new(false));
-    let clock = Arc::new(Monotonic::start());
-    let setting = RealSetting { clock: &clock, stop: &stop, hygiene: None, ring_frames: 16 };
-    let sink = Box::new(keeper.clone());
-    let outcome = run_real(&scenario, vec![sink], &setting, |_| {}, Box::new(|_| {}), &mut |_, _| {}).unwrap();
+    let mut sink = |_| Box::new(keeper.clone()) as Box<dyn Sink>;
+    let outcome = fly_real(&scenario, &mut sink, Box::new(|_| {}), &mut |_, _, _| {});
     let seen = core::mem::take(&mut *keeper.0.lock().unwrap());
     let by_number = |number: u32| seen.iter().find(|seen| seen.meta.number == number);
     // A busy machine may hold or lose frames, and says so: what is looked at is what came in time.

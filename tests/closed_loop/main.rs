@@ -19,6 +19,7 @@ mod heads;
 mod imaging_faults;
 mod late_jitter;
 mod link_check;
+mod matrix;
 mod pixels;
 mod program;
 mod replay;

@@ -2,9 +2,11 @@
 
 use base::clock::Stopwatch;
 use config::{Document, Scenario};
-use frames::sink::NullSink;
-use run::wiring::closed_loop::ClosedLoop;
-use run::wiring::loop_outcome::LoopOutcome;
+use frames::sink::{NullSink, SentFrame, Sink};
+use run::runtime::RunRecord;
+use run::wiring::assemble::{OnRow, Outputs, Run, RunOptions};
+use run::wiring::run_end::RunEnd;
+use run::wiring::stepped::SteppedRun;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,16 +23,30 @@ pub(crate) fn scenario(name: &str) -> Scenario {
 }
 
 /// Runs a scenario to its end.
-pub(crate) fn fly(scenario: &Scenario) -> (LoopOutcome, Mode) {
-    let mut going = ClosedLoop::new(scenario, |_| Box::new(NullSink::new())).unwrap();
+pub(crate) fn fly(scenario: &Scenario) -> (RunEnd, Mode) {
+    let mut going = SteppedRun::new(scenario, |_| Box::new(NullSink::new())).unwrap();
     going.run_to_end(&mut |_, _, _| true).unwrap();
     let mode = going.with_vehicle(|vehicle| vehicle.mode()).unwrap();
-    (going.finish().unwrap(), mode)
+    (going.end(None), mode)
 }
 
-fn complaints(name: &str, outcome: &LoopOutcome) -> Vec<String> {
+/// Runs a scenario on the real clock; `sink` makes the sink of each head.
+pub(crate) fn fly_real(
+    scenario: &Scenario,
+    sink: &mut dyn FnMut(usize) -> Box<dyn Sink>,
+    on_row: OnRow,
+    progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
+) -> RunEnd {
+    let mut run = Run::assemble(scenario, RunOptions::real(Outputs::Made(sink))).unwrap();
+    run.on_row(on_row);
+    let end = run.fly(&Arc::new(AtomicBool::new(false)), progress).unwrap();
+    assert!(end.error.is_none(), "{:?}", end.error.as_ref().map(ToString::to_string));
+    end
+}
+
+fn complaints(name: &str, outcome: &RunEnd) -> Vec<String> {
     let predicted = outcome.predicted_pointing_rad.map(|rad| rad / base::units::ARCSEC);
-    let verdicts = outcome.assessment.verdicts(predicted);
+    let verdicts = outcome.assessment.verdicts(predicted, &outcome.record);
     let failed = verdicts.iter().filter(|verdict| !verdict.passed).map(|verdict| format!("{name}: {verdict:?}"));
     let broken = outcome.assessment.violations().1.iter().map(|line| format!("{name}: {line}"));
     failed.chain(broken).collect()
@@ -48,7 +64,7 @@ fn lost_in_space_becomes_fine_pointing_as_theory_predicts() {
     assert!(pointing_arcsec <= OVER_PREDICTION * predicted_arcsec, "{pointing_arcsec} for {predicted_arcsec} arcsec");
     let (frames, worst_arcsec) = outcome.assessment.rendered();
     assert!(frames > 5000 && worst_arcsec < 0.05, "{frames} frames, {worst_arcsec} arcsec from the truth");
-    assert_eq!(acquisition.heads.len(), 1);
+    assert_eq!(acquisition.bench.head_count(), 1);
 }
 
 #[test]
@@ -56,9 +72,10 @@ fn without_the_tracker_the_same_loop_does_not_point() {
     let acquisition = scenario("acquisition");
     let mut blind = scenario("no_tracker");
     // The same flight, but for the tracker and what is expected of it.
-    assert_eq!((blind.bench.seed, blind.initial), (acquisition.bench.seed, acquisition.initial));
-    assert_eq!(blind.initial_rate_rad_s, acquisition.initial_rate_rad_s);
-    assert_eq!((blind.target, &blind.spacecraft), (acquisition.target, &acquisition.spacecraft));
+    let (blind_vehicle, seeing) = (blind.vehicle().unwrap(), acquisition.vehicle().unwrap());
+    assert_eq!((blind.bench.seed, blind_vehicle.initial), (acquisition.bench.seed, seeing.initial));
+    assert_eq!(blind_vehicle.initial_rate_rad_s, seeing.initial_rate_rad_s);
+    assert_eq!((blind_vehicle.target, &blind_vehicle.spacecraft), (seeing.target, &seeing.spacecraft));
     // Nobody looks at its frames: they may be small.
     blind.bench = Scenario::from_document(&Document::built_in("scenarios/campaign.toml").unwrap()).unwrap().bench;
     blind.bench.seed = acquisition.bench.seed;
@@ -96,7 +113,7 @@ fn every_scenario_holds() {
 fn stray_light_takes_the_stars_and_gives_them_back() {
     let mut light = scenario("stray_light");
     light.events.retain(|event| event.at.s() > 190.0);
-    let mut going = ClosedLoop::new(&light, |_| Box::new(NullSink::new())).unwrap();
+    let mut going = SteppedRun::new(&light, |_| Box::new(NullSink::new())).unwrap();
     let zero = going.zero();
     let mut stars_at = |seconds: f64| {
         going.advance_to(zero + base::time::Span::from_s(seconds), &mut |_, _, _| true).unwrap();
@@ -132,17 +149,17 @@ fn crcs(seed: u64, step_s: Option<f64>) -> (Vec<u32>, u32) {
     short.bench.seed = seed;
     short.bench.timing.duration_s = 130.0;
     short.expect.window_s = 10.0;
-    let mut going = ClosedLoop::new(&short, |_| Box::new(NullSink::new())).unwrap();
+    let mut going = SteppedRun::new(&short, |_| Box::new(NullSink::new())).unwrap();
     if let Some(step_s) = step_s {
         let mut at = going.now();
-        while at < going.end() {
+        while at < going.end_at() {
             at = at + base::time::Span::from_s(step_s);
-            going.advance_to(at.min(going.end()), &mut |_, _, _| true).unwrap();
+            going.advance_to(at.min(going.end_at()), &mut |_, _, _| true).unwrap();
         }
     }
     going.run_to_end(&mut |_, _, _| true).unwrap();
-    let outcome = going.finish().unwrap();
-    (outcome.sinks.iter().map(|sink| sink.run_crc32).collect(), outcome.assessment.telemetry_crc32())
+    let outcome = going.end(None);
+    (outcome.summaries.iter().flatten().map(|sink| sink.run_crc32).collect(), outcome.assessment.telemetry_crc32())
 }
 
 #[test]

@@ -58,7 +58,7 @@ fn the_loop_over_pixels_is_as_theory_predicts_and_not_as_a_wrong_theory() {
 fn a_bench_without_a_crossover_is_refused() {
     let mut scenario = scenario();
     // Natural frequency above half the control frequency.
-    scenario.spacecraft.control.fine_bandwidth_hz = 20.0;
+    scenario.vehicle_mut().unwrap().spacecraft.control.fine_bandwidth_hz = 20.0;
     let refused = Study::new(&scenario, Effort::quick()).unwrap_err().to_string();
     assert!(refused.contains("gain is one at no frequency"), "{refused}");
 }

@@ -164,7 +164,11 @@ fn a_constant_tracker_error_is_taken_over_as_a_simulated_observer_does() {
 fn noise_is_that_of_the_vehicle() {
     let document = Document::built_in("scenarios/study.toml").expect("shipped");
     let scenario = Scenario::from_document(&document).expect("sound");
-    let vehicle = run::wiring::vehicle_parts::vehicle_params(&scenario, scenario.vehicle().expect("flown"), base::time::Tai::from_ns(0));
+    let vehicle = run::wiring::vehicle_parts::vehicle_params(
+        &scenario,
+        scenario.vehicle().expect("flown"),
+        base::time::Tai::from_ns(0),
+    );
     let noise = noise_of(&vehicle, 3e-6, 0.5, 0.07);
     assert!((noise.latency_s - 0.12).abs() < 1e-12, "exposure, readout and the tracker's 50 ms: {}", noise.latency_s);
     assert_eq!([noise.nea_rad, noise.tracker_period_s], [3e-6, 0.5]);

@@ -1,17 +1,18 @@
-//! `frames.csv`: one line per recorded frame, with everything that is known about it.
+//! `frames.csv`: one line per recorded frame, with the columns of [`crate::sink::facts`].
 //!
 //! Times are given twice: UTC text for people and exact integer nanoseconds (spans: nanoseconds only). A line appears
 //! whole or not at all: when the disk fills up in the middle of one, the file is cut back to the last whole line.
 
 use crate::sink::SinkError;
-use crate::sink::frame::SentFrame;
-use serde::{Deserialize, Serialize};
+use crate::sink::facts::{Column, FactSource, Scalar, TABLE};
+use serde::{Deserialize, Serialize, Serializer};
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
-/// One line of `frames.csv`; the fields are the columns. Units and meaning as in [`crate::sink::FrameMeta`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// One line of `frames.csv` as it is read back: the columns that readers of this project want, others are left. Units and
+/// meaning as in [`crate::sink::FrameMeta`].
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct FrameRow {
     /// Frame number in the run.
     pub frame: u32,
@@ -95,58 +96,6 @@ pub struct FrameRow {
     pub pixel_crc32: String,
 }
 
-impl FrameRow {
-    /// The line of a frame whose pixels have this checksum.
-    #[must_use]
-    pub fn new(frame: &SentFrame, pixel_crc32: u32) -> Self {
-        let meta = &frame.meta;
-        let [qw, qx, qy, qz] = meta.attitude_wxyz;
-        let [rate_x_deg_s, rate_y_deg_s, rate_z_deg_s] = meta.rate_deg_s;
-        Self {
-            frame: meta.number,
-            mid_exposure_utc: meta.mid_exposure.to_rfc3339(),
-            mid_exposure_tai_ns: meta.mid_exposure.ns(),
-            exposure_s: meta.exposure_s,
-            qw,
-            qx,
-            qy,
-            qz,
-            ra_deg: meta.ra_deg,
-            dec_deg: meta.dec_deg,
-            roll_deg: meta.roll_deg,
-            rate_x_deg_s,
-            rate_y_deg_s,
-            rate_z_deg_s,
-            seed: meta.seed,
-            noise_seed: meta.noise_seed,
-            lateness_ns: meta.lateness.ns(),
-            attitude_age_ns: meta.attitude_age.ns(),
-            horizon_ns: meta.horizon.ns(),
-            end_horizon_ns: meta.end_horizon.ns(),
-            partly_extrapolated: meta.is_partly_extrapolated,
-            residual_arcsec: meta.residual_arcsec,
-            jitter_missing_ns: meta.jitter_missing.ns(),
-            backend: meta.backend.into(),
-            method: meta.method.into(),
-            rung: meta.rung.into(),
-            left_out_stars: meta.left_out_stars,
-            left_out_e: meta.left_out_e,
-            occulted_stars: meta.occulted_stars,
-            overlap_lost_e: meta.overlap_lost_e,
-            origin: meta.origin.into(),
-            faults: meta.faults.to_string(),
-            active_faults: meta.active.to_string(),
-            camera: meta.camera.to_string(),
-            gain_e_per_dn: meta.gain_e_per_dn,
-            black_level_dn: meta.black_level_dn,
-            width_px: frame.image.width(),
-            height_px: frame.image.height(),
-            stars: frame.truth.len(),
-            pixel_crc32: format!("{pixel_crc32:08x}"),
-        }
-    }
-}
-
 /// The file under way.
 #[derive(Debug)]
 pub struct FrameLog {
@@ -175,12 +124,12 @@ impl FrameLog {
         Self { path, file, whole_bytes: 0 }
     }
 
-    /// Appends one line (and the header before the first); it is with the system when this returns.
+    /// Appends the line of a frame (and the header before the first); it is with the system when this returns.
     ///
     /// # Errors
     /// [`SinkError::Write`]; the lines before stay whole.
-    pub fn append(&mut self, row: &FrameRow) -> Result<u64, SinkError> {
-        let written = self.lines(row).and_then(|bytes| self.append_bytes(&bytes));
+    pub fn append(&mut self, frame: &FactSource<'_>) -> Result<u64, SinkError> {
+        let written = self.lines(frame).and_then(|bytes| self.append_bytes(&bytes));
         written.map_err(|source| SinkError::Write { path: self.path.clone(), source })
     }
 
@@ -192,9 +141,12 @@ impl FrameLog {
         self.file.sync_data().map_err(|source| SinkError::Write { path: self.path.clone(), source })
     }
 
-    fn lines(&self, row: &FrameRow) -> io::Result<Vec<u8>> {
-        let mut writer = csv::WriterBuilder::new().has_headers(self.whole_bytes == 0).from_writer(Vec::new());
-        writer.serialize(row)?;
+    fn lines(&self, frame: &FactSource<'_>) -> io::Result<Vec<u8>> {
+        let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new());
+        if self.whole_bytes == 0 {
+            writer.write_record(TABLE.iter().flat_map(|row| row.csv).map(|Column(name, _)| name))?;
+        }
+        writer.serialize(Line(frame))?;
         writer.into_inner().map_err(|e| e.into_error())
     }
 
@@ -206,6 +158,34 @@ impl FrameLog {
         }
         self.whole_bytes += bytes.len() as u64;
         Ok(bytes.len() as u64)
+    }
+}
+
+/// The columns of one frame.
+struct Line<'a>(&'a FactSource<'a>);
+
+impl Serialize for Line<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let cells = TABLE.iter().flat_map(|row| {
+            let fact = (row.value)(self.0);
+            row.csv.iter().enumerate().map(move |(element, Column(_, form))| Cell(fact.element(element, *form)))
+        });
+        serializer.collect_seq(cells)
+    }
+}
+
+/// One of them.
+struct Cell<'a>(Scalar<'a>);
+
+impl Serialize for Cell<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match &self.0 {
+            Scalar::Absent => serializer.serialize_none(),
+            Scalar::Flag(is_so) => serializer.serialize_bool(*is_so),
+            Scalar::Whole(number) => serializer.collect_str(number),
+            Scalar::Real(number) => serializer.serialize_f64(*number),
+            Scalar::Text(text) => serializer.serialize_str(text),
+        }
     }
 }
 
@@ -237,7 +217,59 @@ pub fn path_in(directory: &Path) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sink::SentFrame;
     use crate::sink::sample::sample_frame;
+
+    impl FrameRow {
+        /// The line of a frame, spelled without the table on purpose.
+        pub(in crate::sink) fn new(frame: &SentFrame, pixel_crc32: u32) -> Self {
+            let meta = &frame.meta;
+            let [qw, qx, qy, qz] = meta.attitude_wxyz;
+            let [rate_x_deg_s, rate_y_deg_s, rate_z_deg_s] = meta.rate_deg_s;
+            Self {
+                frame: meta.number,
+                mid_exposure_utc: meta.mid_exposure.to_rfc3339(),
+                mid_exposure_tai_ns: meta.mid_exposure.ns(),
+                exposure_s: meta.exposure_s,
+                qw,
+                qx,
+                qy,
+                qz,
+                ra_deg: meta.ra_deg,
+                dec_deg: meta.dec_deg,
+                roll_deg: meta.roll_deg,
+                rate_x_deg_s,
+                rate_y_deg_s,
+                rate_z_deg_s,
+                seed: meta.seed,
+                noise_seed: meta.noise_seed,
+                lateness_ns: meta.lateness.ns(),
+                attitude_age_ns: meta.attitude_age.ns(),
+                horizon_ns: meta.horizon.ns(),
+                end_horizon_ns: meta.end_horizon.ns(),
+                partly_extrapolated: meta.is_partly_extrapolated,
+                residual_arcsec: meta.residual_arcsec,
+                jitter_missing_ns: meta.jitter_missing.ns(),
+                backend: meta.backend.into(),
+                method: meta.method.into(),
+                rung: meta.rung.into(),
+                left_out_stars: meta.left_out_stars,
+                left_out_e: meta.left_out_e,
+                occulted_stars: meta.occulted_stars,
+                overlap_lost_e: meta.overlap_lost_e,
+                origin: meta.origin.into(),
+                faults: meta.faults.to_string(),
+                active_faults: meta.active.to_string(),
+                camera: meta.camera.to_string(),
+                gain_e_per_dn: meta.gain_e_per_dn,
+                black_level_dn: meta.black_level_dn,
+                width_px: frame.image.width(),
+                height_px: frame.image.height(),
+                stars: frame.truth.len(),
+                pixel_crc32: format!("{pixel_crc32:08x}"),
+            }
+        }
+    }
 
     #[test]
     fn lines_read_back_exactly() {
@@ -245,8 +277,8 @@ mod tests {
         let path = path_in(directory.path());
         let mut log = FrameLog::create(path.clone()).unwrap();
         let rows: Vec<FrameRow> = (0..3).map(|n| FrameRow::new(&sample_frame(n), n)).collect();
-        for (i, row) in rows.iter().enumerate() {
-            log.append(row).unwrap();
+        for (i, n) in (0..3).enumerate() {
+            log.append(&FactSource::of_frame(&sample_frame(n), Some(n))).unwrap();
             assert_eq!(read_frame_log(File::open(&path).unwrap()).unwrap(), rows[..=i], "as it goes");
         }
         assert_ne!(rows[0], rows[1], "the comparison can fail");
@@ -258,12 +290,12 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = path_in(directory.path());
         let mut log = FrameLog::create(path.clone()).unwrap();
-        log.append(&FrameRow::new(&sample_frame(1), 1)).unwrap();
+        log.append(&FactSource::of_frame(&sample_frame(1), Some(1))).unwrap();
         let before = std::fs::read(&path).unwrap();
         log.file.write_all(b"2,half a li").unwrap();
         cut_back(&mut log.file, log.whole_bytes).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), before);
-        log.append(&FrameRow::new(&sample_frame(2), 2)).unwrap();
+        log.append(&FactSource::of_frame(&sample_frame(2), Some(2))).unwrap();
         assert_eq!(read_frame_log(File::open(&path).unwrap()).unwrap().len(), 2);
     }
 

@@ -10,7 +10,7 @@
 //! * a full disk, a missing directory or a wrong frame number is a `SinkError`, never a panic, and whatever was
 //!   complete before stays complete: every file gets its final name only when all of its bytes are written.
 //!
-//! Tour: `frame` (what is sent) -> `fits`, `png`, `ser`, `truth`, `frame_log` (its forms on disk) -> `atomic`
+//! Tour: `frame` (what is sent) -> `facts` (by which names outputs have it) -> `fits`, `png`, `ser`, `truth`, `frame_log` (its forms on disk) -> `atomic`
 //! (how a file appears) -> `recorder`, `shared_memory`, `iceoryx`, `null`, `tap`, `tee` (the sinks) -> `alone`, `branch`, `fan` (one or several) -> `line`
 //! (what each of them did).
 
@@ -21,6 +21,7 @@ mod branch;
 pub mod compliance;
 pub mod crc32;
 mod error;
+pub mod facts;
 pub mod fan;
 #[cfg(test)]
 mod fan_tests;

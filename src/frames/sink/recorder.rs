@@ -10,7 +10,8 @@
 
 use crate::sink::atomic::write_new_file;
 use crate::sink::crc32::{RunCrc32, pixel_crc32};
-use crate::sink::frame_log::{FrameLog, FrameRow, path_in};
+use crate::sink::facts::FactSource;
+use crate::sink::frame_log::{FrameLog, path_in};
 use crate::sink::ser::SerFile;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary, fits, png, target_table, truth};
 use std::fs;
@@ -96,7 +97,7 @@ impl Recorder {
     /// The frame in what holds all frames: in every one of them or in none.
     fn append(&mut self, frame: &SentFrame, crc32: u32) -> Result<u64, SinkError> {
         let images = self.ser.as_mut().map_or(Ok(0), |ser| ser.append(frame))?;
-        match self.log.append(&FrameRow::new(frame, crc32)) {
+        match self.log.append(&FactSource::of_frame(frame, Some(crc32))) {
             Ok(line) => Ok(images + line),
             Err(error) => {
                 self.ser.iter_mut().for_each(SerFile::take_back);
@@ -198,7 +199,7 @@ impl Sink for Recorder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sink::frame_log::read_frame_log;
+    use crate::sink::frame_log::{FrameRow, read_frame_log};
     use crate::sink::sample::sample_frame;
     use crate::sink::truth::read_truth;
 

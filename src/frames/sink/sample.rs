@@ -1,10 +1,11 @@
-//! A frame for tests of sinks.
+//! Frames for tests of sinks, and the texts that outputs of them are compared with.
 
-use crate::sink::active_fault::{ActiveFault, Amount};
+use crate::sink::active_fault::{ActiveFault, ActiveFaults, Amount};
 use crate::sink::faults::FaultFlags;
 use crate::sink::frame::{CameraFacts, SentFrame, TruthStar};
 use crate::sink::wcs::{Sip, SipTerm, Wcs};
 use base::time::{Span, Tai};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Returns a small frame with something in every field, for tests of sinks.
@@ -40,6 +41,7 @@ pub fn sample_frame(number: u32) -> SentFrame {
     (frame.meta.residual_arcsec, frame.meta.jitter_missing) = (0.375, Span::from_ms(14));
     (frame.meta.backend, frame.meta.method, frame.meta.origin) = ("cpu", "kernel", "predicted");
     (frame.meta.rung, frame.meta.left_out_stars, frame.meta.left_out_e) = ("budget-x3", 17, 12.25);
+    (frame.meta.occulted_stars, frame.meta.overlap_lost_e) = (5, 6.5);
     frame.meta.faults = FaultFlags::HOT_PIXELS | FaultFlags::LINK_DROP;
     let amount = Amount { value: 31.25, unit: "e-/s" };
     frame.meta.active.push(ActiveFault { name: "hot_pixels", number: 3, amount });
@@ -59,4 +61,63 @@ pub fn sample_frame(number: u32) -> SentFrame {
         error_px: 0.001_25,
     });
     frame
+}
+
+/// Returns [`sample_frame`] as other outputs see it: without a camera's numbers and a map of the sky, with codes of
+/// luminance in place of DN, binned, windowed, and with no fault.
+#[must_use]
+pub fn bare_sample_frame(number: u32) -> SentFrame {
+    let mut frame = sample_frame(number);
+    (frame.meta.facts, frame.meta.wcs, frame.meta.gain_e_per_dn) = (None, None, f64::NAN);
+    (frame.meta.binning, frame.meta.window_px) = (2, [3, 5]);
+    (frame.meta.faults, frame.meta.active) = (FaultFlags::NONE, ActiveFaults::NONE);
+    frame
+}
+
+/// Compares the text of an output with the one that is kept in `tests/golden/frame_facts`. Readers of other programs depend
+/// on these bytes: a new fact adds to them, nothing else changes them.
+///
+/// # Errors
+/// With the first line that differs. The whole text is then in `target/frame_facts`, to be looked at and copied.
+pub fn compare_with_pinned(name: &str, got: &str) -> Result<(), String> {
+    compare_with_file(&pinned(name), got)
+}
+
+/// Returns true when the text of an output is not the one that is kept: for negative controls.
+#[must_use]
+pub fn differs_from_pinned(name: &str, got: &str) -> bool {
+    std::fs::read_to_string(pinned(name)).is_ok_and(|wanted| wanted != got)
+}
+
+fn pinned(name: &str) -> PathBuf {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/golden/frame_facts")).join(name)
+}
+
+/// Compares a text with a file of the source tree.
+///
+/// # Errors
+/// As [`compare_with_pinned`].
+pub fn compare_with_file(path: &Path, got: &str) -> Result<(), String> {
+    let wanted = std::fs::read_to_string(path).unwrap_or_default();
+    if wanted == got {
+        return Ok(());
+    }
+    let line = got.lines().zip(wanted.lines()).take_while(|(got, wanted)| got == wanted).count();
+    let [wanted, found] = [&*wanted, got].map(|text| text.lines().nth(line).unwrap_or("(end)"));
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../target/frame_facts"));
+    let kept = folder.join(path.file_name().unwrap_or_default());
+    let keep = std::fs::create_dir_all(folder).and_then(|()| std::fs::write(&kept, got));
+    let place = keep.map_or_else(|error| error.to_string(), |()| kept.display().to_string());
+    let path = path.display();
+    Err(format!("{path}, line {}: wanted {wanted:?}, got {found:?}; all of it: {place}", line + 1))
+}
+
+/// Bytes as text, 16 of them in a line after their place.
+#[must_use]
+pub fn hex_lines(bytes: &[u8]) -> String {
+    let line = |(i, part): (usize, &[u8])| {
+        let bytes: Vec<String> = part.iter().map(|byte| format!("{byte:02x}")).collect();
+        format!("{:4} {}\n", 16 * i, bytes.join(" "))
+    };
+    bytes.chunks(16).enumerate().map(line).collect()
 }

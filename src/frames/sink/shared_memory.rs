@@ -29,6 +29,7 @@
 
 use crate::sink::atomic::temporary_beside;
 use crate::sink::crc32::pixel_crc32;
+use crate::sink::facts::{FactSource, Place, Scalar, Stored, TABLE};
 use crate::sink::tally::Tally;
 use crate::sink::{SentFrame, Sink, SinkError, SinkSummary};
 use bytemuck::{Pod, Zeroable};
@@ -87,7 +88,8 @@ pub struct FileHead {
     pub reserved: [u32; 3],
 }
 
-/// What stands before the pixels of a frame, here and in `iceoryx`.
+/// The 256 bytes before the pixels of a frame, here and in `iceoryx`, by name for readers; [`crate::sink::facts`] has the place
+/// of each fact.
 #[cfg_attr(feature = "iceoryx2", derive(ZeroCopySend))]
 #[cfg_attr(feature = "iceoryx2", type_name("StarloopFrameHead"))]
 #[repr(C)]
@@ -253,30 +255,34 @@ fn has_name(file: &File, path: &Path) -> bool {
     }
 }
 
-/// The numbers of a frame; without its `serial`.
+/// Returns the numbers of a frame, each at its place of [`crate::sink::facts`]; without its `serial`.
 pub(super) fn slot_head(frame: &SentFrame) -> SlotHead {
-    let meta = &frame.meta;
-    SlotHead {
-        serial: 0,
-        mid_exposure_tai_ns: meta.mid_exposure.ns(),
-        lateness_ns: meta.lateness.ns(),
-        horizon_ns: meta.horizon.ns(),
-        frame: meta.number,
-        pixel_crc32: pixel_crc32(&frame.image),
-        faults: meta.faults.bits(),
-        stars: u32::try_from(frame.truth.len()).unwrap_or(u32::MAX),
-        exposure_s: meta.exposure_s,
-        attitude_wxyz: meta.attitude_wxyz,
-        ra_dec_roll_deg: [meta.ra_deg, meta.dec_deg, meta.roll_deg],
-        rate_deg_s: meta.rate_deg_s,
-        gain_e_per_dn: meta.gain_e_per_dn,
-        black_level_dn: meta.black_level_dn,
-        width_px: u32::try_from(frame.image.width()).unwrap_or(u32::MAX),
-        height_px: u32::try_from(frame.image.height()).unwrap_or(u32::MAX),
-        noise_seed: meta.noise_seed,
-        jitter_missing_ns: meta.jitter_missing.ns(),
-        reserved: [0; 10],
+    let source = FactSource::of_frame(frame, Some(pixel_crc32(&frame.image)));
+    let mut head = SlotHead::zeroed();
+    for row in TABLE {
+        let Some(Place(first_byte, stored, form)) = row.memory else { continue };
+        let fact = (row.value)(&source);
+        for element in 0..fact.elements() {
+            let at = first_byte + element * stored.bytes();
+            store(&mut bytemuck::bytes_of_mut(&mut head)[at..], stored, &fact.element(element, form));
+        }
     }
+    head
+}
+
+/// Writes an element in the byte order of the machine; what is too large becomes the largest number.
+fn store(to: &mut [u8], stored: Stored, element: &Scalar<'_>) {
+    let whole = element.whole();
+    match stored {
+        Stored::U32 => put(to, u32::try_from(whole).unwrap_or(u32::MAX).to_ne_bytes()),
+        Stored::U64 => put(to, u64::try_from(whole).unwrap_or(u64::MAX).to_ne_bytes()),
+        Stored::I64 => put(to, i64::try_from(whole).unwrap_or(i64::MAX).to_ne_bytes()),
+        Stored::F64 => put(to, element.real().to_ne_bytes()),
+    }
+}
+
+fn put<const N: usize>(to: &mut [u8], bytes: [u8; N]) {
+    to[..N].copy_from_slice(&bytes);
 }
 
 impl Sink for SharedMemory {

@@ -16,6 +16,11 @@ pub enum LiveError {
         /// The system's reason.
         source: io::Error,
     },
+    /// There is nothing to show.
+    #[error(
+        "Params.heads of the live view: got an empty list, wanted at least one camera head; list every head of the run"
+    )]
+    NoHeads,
     /// Its thread could not be started.
     #[error("the live view's thread cannot be started: {0}; the run goes on without --monitor")]
     Thread(io::Error),

@@ -1,7 +1,7 @@
 //! The view as clients see it: raw requests over TCP, clients that misbehave, and frames that go on meanwhile.
 
-use crate::live::view::tests::params;
-use crate::live::{CLIENTS_MAX, LiveSink, LiveView, Numbers, Params};
+use crate::live::view::tests::{head, params, params_of_three};
+use crate::live::{CLIENTS_MAX, HeadParams, LiveSink, LiveView, Numbers, Params};
 use base::clock::{Clock, Monotonic};
 use base::image::DnImage;
 use frames::report::RunNumbers;
@@ -20,6 +20,11 @@ fn start() -> (LiveView, LiveSink, Numbers) {
 }
 
 fn start_with(params: Params) -> (LiveView, LiveSink, Numbers) {
+    let (view, mut sinks, numbers) = start_all(params);
+    (view, sinks.remove(0), numbers)
+}
+
+fn start_all(params: Params) -> (LiveView, Vec<LiveSink>, Numbers) {
     let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
     LiveView::start(params, clock).unwrap()
 }
@@ -101,6 +106,65 @@ fn every_address_answers_and_what_it_promises_is_in_it() {
     numbers.tell_last(&RunNumbers::NONE);
     let state: serde_json::Value = serde_json::from_slice(&get(&view, "/state.json").2).unwrap();
     assert_eq!((&state["is_over"], &state["frame"]["number"]), (&true.into(), &7.into()), "the last one stays");
+}
+
+#[test]
+fn every_head_has_a_picture_and_stars_of_its_own() {
+    let (view, mut sinks, _numbers) = start_all(params_of_three());
+    for (head, sink) in (0_u8..).zip(&mut sinks) {
+        let mut frame = sample_frame(10 + u32::from(head));
+        frame.image.pixels_mut().fill(1_000 * u16::from(head));
+        frame.truth.truncate(usize::from(head));
+        sink.send(&frame).unwrap();
+    }
+    let darkest_to_brightest = "stretch=dn&black=0&white=2000";
+    let mut pictures = Vec::new();
+    for head in 0..3_u32 {
+        let (status, said, png) = get(&view, &format!("/frame.png?head={head}&{darkest_to_brightest}"));
+        assert_eq!(status, 200);
+        for line in [format!("starloop-head: {head}\r\n"), format!("starloop-frame: {}\r\n", 10 + head)] {
+            assert!(said.contains(&line), "{line} is not in {said}");
+        }
+        let truth = get(&view, &format!("/truth.json?head={head}&frame={}", 10 + head)).2;
+        let truth: serde_json::Value = serde_json::from_slice(&truth).unwrap();
+        assert_eq!(truth["stars_in_frame"], head);
+        assert_eq!(get(&view, &format!("/truth.json?head={head}&frame={}", 10 + (head + 1) % 3)).0, 404, "another's");
+        pictures.push(png);
+    }
+    let greys: Vec<u8> = pictures.iter().map(|png| first_grey(png)).collect();
+    assert_eq!(greys, [0, 128, 255], "each its own");
+    assert_eq!(get(&view, &format!("/frame.png?{darkest_to_brightest}")).2, pictures[0], "head 0 where none is named");
+    let state: serde_json::Value = serde_json::from_slice(&get(&view, "/state.json?head=2").2).unwrap();
+    assert_eq!((&state["head"], &state["frame"]["number"]), (&2.into(), &12.into()));
+}
+
+#[test]
+fn head_beyond_the_last_is_refused_with_a_sentence() {
+    let (view, mut sinks, _numbers) = start_all(params_of_three());
+    sinks.iter_mut().for_each(|sink| sink.send(&sample_frame(1)).unwrap());
+    for path in ["/frame.png?head=3", "/truth.json?head=3&frame=1", "/state.json?head=3"] {
+        let (status, _, body) = get(&view, path);
+        let said = String::from_utf8(body).unwrap();
+        assert_eq!(status, 404, "{path}");
+        assert_eq!(said, "head: got 3, wanted 0 to 2; /state.json lists the heads\n", "{path}");
+    }
+    for path in ["/frame.png?head=two", "/truth.json?head=-1&frame=1", "/state.json?haed=1"] {
+        assert_eq!(get(&view, path).0, 400, "{path}");
+    }
+    for path in ["/frame.png?head=2", "/truth.json?head=2&frame=1", "/state.json?head=2"] {
+        assert_eq!(get(&view, path).0, 200, "control: {path}");
+    }
+    let (only, _sink, _numbers) = start();
+    let said = get(&only, "/frame.png?head=1").2;
+    assert!(String::from_utf8_lossy(&said).contains("wanted 0, the only head of this run"));
+}
+
+/// The first pixel of a PNG.
+fn first_grey(png: &[u8]) -> u8 {
+    let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut pixels).unwrap();
+    pixels[0]
 }
 
 #[test]
@@ -229,7 +293,8 @@ fn a_client_that_never_reads_is_hung_up_on() {
 
 #[test]
 fn frames_go_on_whatever_clients_do() {
-    let (view, mut sink, numbers) = start_with(Params { size_px: [1024; 2], ..params() });
+    let (view, mut sink, numbers) =
+        start_with(Params { heads: vec![HeadParams { size_px: [1024; 2], ..head(0) }], ..params() });
     let mut frame = large_frame(1024);
     sink.send(&frame).unwrap();
     let mut bad_clients: Vec<TcpStream> = Vec::new();

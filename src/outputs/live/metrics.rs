@@ -4,11 +4,12 @@
 //! before its samples. Histograms are cumulative, with `+Inf`. `hil_scripts/test_live.py` reads it with Prometheus's own
 //! parser; the forms of numbers and labels are tested below.
 
+use crate::live::HeadParams;
 use crate::live::board::Board;
 use crate::live::latest::Picture;
 use core::fmt::{Display, Write};
 use frames::report::{RunNumbers, Stage};
-use frames::sink::FaultFlags;
+use frames::sink::{FaultFlags, SentFrame};
 
 /// The content type of the format.
 pub(super) const CONTENT_TYPE: &str = "text/plain; version=0.0.4; charset=utf-8";
@@ -62,8 +63,7 @@ impl Text {
         }
         let parts: [(&str, &dyn Display); 2] = [("sum", &sum), ("count", &count)];
         for (part, value) in parts {
-            let name = format!("{name}_{part}");
-            if labels.is_empty() { self.sample(&name, value) } else { self.labelled(&name, labels, value) }
+            self.labelled(&format!("{name}_{part}"), labels, value);
         }
     }
 
@@ -85,14 +85,14 @@ pub(super) fn metrics_of(board: &mut Board) -> String {
     out.labelled("build_info", &[("version", env!("CARGO_PKG_VERSION"))], 1);
     let is_over = u8::from(board.is_over());
     out.single("run_over", "gauge", "1 when the run has ended and no frame comes any more.", is_over);
-    out.single(
-        "readout_seconds",
-        "gauge",
-        "From the end of an exposure to its frame's deadline.",
-        board.params.readout_s,
-    );
-    if let Some(picture) = board.newest() {
-        newest_frame(&mut out, picture);
+    heads(&mut out, &board.params.heads);
+    let newest = board.heads.iter_mut().enumerate();
+    let newest: Vec<Shown<'_>> =
+        newest.filter_map(|(number, head)| Some((number.to_string(), head.newest()?))).collect();
+    if !newest.is_empty() {
+        newest_frames(&mut out, &newest);
+        fault_flags(&mut out, &newest);
+        lateness(&mut out, &newest);
     }
     if board.has_numbers {
         run(&mut out, &board.numbers);
@@ -122,39 +122,77 @@ fn counters(out: &mut Text, named: impl IntoIterator<Item = (&'static str, &'sta
     }
 }
 
-fn newest_frame(out: &mut Text, picture: &Picture) {
-    let meta = &picture.frame.meta;
-    let gauges = [
-        ("frame_number", "Number of the newest frame.", f64::from(meta.number)),
-        (
-            "frame_mid_exposure_timestamp_seconds",
-            "Unix time of the middle of its exposure.",
-            meta.mid_exposure.unix_s(),
-        ),
-        ("frame_exposure_seconds", "Its exposure time.", meta.exposure_s),
-        ("frame_stars", "Stars and other sources in it.", picture.frame.truth.len() as f64),
-        ("frame_left_out_stars", "Stars left out of it for want of time or light.", meta.left_out_stars as f64),
-        ("frame_attitude_age_seconds", "Age of the newest attitude when it was planned.", meta.attitude_age.s()),
-        ("frame_horizon_seconds", "How far its attitude was predicted; negative when interpolated.", meta.horizon.s()),
-        ("boresight_right_ascension_degrees", "Right ascension of its boresight, ICRF.", meta.ra_deg),
-        ("boresight_declination_degrees", "Declination of its boresight, ICRF.", meta.dec_deg),
-        ("boresight_roll_degrees", "Position angle of its up direction, east of north.", meta.roll_deg),
-    ];
-    for (name, help, value) in gauges {
-        out.single(name, "gauge", help, value);
+/// A head's number, and its newest picture.
+type Shown<'a> = (String, &'a Picture);
+/// Name after `starloop_`, help, and value of a gauge of the newest frame.
+type FrameGauge = (&'static str, &'static str, fn(&SentFrame) -> f64);
+
+/// One sample per head for each.
+const FRAME_GAUGES: [FrameGauge; 10] = [
+    ("frame_number", "Number of the newest frame.", |frame| f64::from(frame.meta.number)),
+    ("frame_mid_exposure_timestamp_seconds", "Unix time of the middle of its exposure.", |frame| {
+        frame.meta.mid_exposure.unix_s()
+    }),
+    ("frame_exposure_seconds", "Its exposure time.", |frame| frame.meta.exposure_s),
+    ("frame_stars", "Stars and other sources in it.", |frame| frame.truth.len() as f64),
+    ("frame_left_out_stars", "Stars left out of it for want of time or light.", |frame| {
+        frame.meta.left_out_stars as f64
+    }),
+    ("frame_attitude_age_seconds", "Age of the newest attitude when it was planned.", |frame| {
+        frame.meta.attitude_age.s()
+    }),
+    ("frame_horizon_seconds", "How far its attitude was predicted; negative when interpolated.", |frame| {
+        frame.meta.horizon.s()
+    }),
+    ("boresight_right_ascension_degrees", "Right ascension of its boresight, ICRF.", |frame| frame.meta.ra_deg),
+    ("boresight_declination_degrees", "Declination of its boresight, ICRF.", |frame| frame.meta.dec_deg),
+    ("boresight_roll_degrees", "Position angle of its up direction, east of north.", |frame| frame.meta.roll_deg),
+];
+
+/// What each head is.
+fn heads(out: &mut Text, heads: &[HeadParams]) {
+    out.family("head_info", "gauge", "Name and camera of each head, as labels; always 1.");
+    for (number, head) in heads.iter().enumerate() {
+        let labels = [("head", &*number.to_string()), ("name", &*head.name), ("camera", &*head.camera)];
+        out.labelled("head_info", &labels, 1);
     }
+    out.family("readout_seconds", "gauge", "From the end of an exposure to its frame's deadline.");
+    for (number, head) in heads.iter().enumerate() {
+        out.labelled("readout_seconds", &[("head", &number.to_string())], head.readout_s);
+    }
+}
+
+fn newest_frames(out: &mut Text, newest: &[Shown<'_>]) {
+    for (name, help, value) in FRAME_GAUGES {
+        out.family(name, "gauge", help);
+        for (head, picture) in newest {
+            out.labelled(name, &[("head", head)], value(&picture.frame));
+        }
+    }
+    out.family("frames_shown_total", "counter", "Frames that the live view was given.");
+    for (head, picture) in newest {
+        out.labelled("frames_shown_total", &[("head", head)], picture.count);
+    }
+}
+
+fn fault_flags(out: &mut Text, newest: &[Shown<'_>]) {
     out.family("frame_fault_active", "gauge", "1 when a commanded fault acts on the newest frame.");
-    for (flag, name) in FaultFlags::NAMED {
-        out.labelled("frame_fault_active", &[("fault", name)], u8::from(meta.faults.contains(*flag)));
+    for (head, picture) in newest {
+        for (flag, name) in FaultFlags::NAMED {
+            let is_active = u8::from(picture.frame.meta.faults.contains(*flag));
+            out.labelled("frame_fault_active", &[("head", head), ("fault", name)], is_active);
+        }
     }
-    counters(out, [("frames_shown", "Frames that the live view was given.", picture.count)]);
-    let lateness = &picture.lateness;
-    out.family(
-        "frame_lateness_seconds",
-        "histogram",
-        "Completion of frames minus their deadline; negative when early.",
-    );
-    out.histogram("frame_lateness_seconds", &[], lateness.cumulative(), (lateness.sum_s(), lateness.total()));
+}
+
+fn lateness(out: &mut Text, newest: &[Shown<'_>]) {
+    let help = "Completion of frames minus their deadline; negative when early.";
+    out.family("frame_lateness_seconds", "histogram", help);
+    for (head, picture) in newest {
+        let bins = &picture.lateness;
+        let labels = [("head", head.as_str())];
+        out.histogram("frame_lateness_seconds", &labels, bins.cumulative(), (bins.sum_s(), bins.total()));
+    }
 }
 
 fn run(out: &mut Text, numbers: &RunNumbers) {
@@ -217,7 +255,7 @@ fn ports(out: &mut Text, numbers: &RunNumbers) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::live::view::tests::board;
+    use crate::live::view::tests::{board, board_of, params_of_three};
     use base::time::Span;
     use frames::report::{NamedCounts, PortCounts};
     use frames::sink::Sink;
@@ -249,7 +287,9 @@ mod tests {
         families.dedup();
         assert_eq!(families.len(), told, "each once");
         for wanted in [
-            "starloop_frame_number 4",
+            "starloop_head_info{head=\"0\",name=\"head 0\",camera=\"test camera\"} 1",
+            "starloop_readout_seconds{head=\"0\"} 0.08",
+            "starloop_frame_number{head=\"0\"} 4",
             "starloop_link_total{port=\"0\",counter=\"packets_received\"} 120",
             "starloop_link_ports_left_out 0",
             "starloop_events_total{kind=\"late\"} 2",
@@ -257,12 +297,33 @@ mod tests {
             "starloop_stage_duration_seconds_bucket{stage=\"render\",le=\"0.01\"} 1",
             "starloop_stage_duration_seconds_bucket{stage=\"render\",le=\"+Inf\"} 1",
             "starloop_stage_duration_seconds_sum{stage=\"render\"} 0.007",
-            "starloop_frame_fault_active{fault=\"hot_pixels\"} 1",
-            "starloop_frame_fault_active{fault=\"blank\"} 0",
-            "starloop_frame_lateness_seconds_count 1",
+            "starloop_frame_fault_active{head=\"0\",fault=\"hot_pixels\"} 1",
+            "starloop_frame_fault_active{head=\"0\",fault=\"blank\"} 0",
+            "starloop_frame_lateness_seconds_count{head=\"0\"} 1",
         ] {
             assert!(text.lines().any(|line| line == wanted), "{wanted} is not in\n{text}");
         }
+    }
+
+    #[test]
+    fn samples_of_every_head_that_has_a_frame_carry_its_number() {
+        let (mut board, mut sinks, _numbers) = board_of(params_of_three());
+        sinks[1].send(&sample_frame(4)).unwrap();
+        (8..=9).for_each(|number| sinks[2].send(&sample_frame(number)).unwrap());
+        let text = metrics_of(&mut board);
+        for wanted in [
+            "starloop_head_info{head=\"0\",name=\"head 0\",camera=\"test camera\"} 1",
+            "starloop_head_info{head=\"2\",name=\"head 2\",camera=\"test camera 2\"} 1",
+            "starloop_frame_number{head=\"1\"} 4",
+            "starloop_frame_number{head=\"2\"} 9",
+            "starloop_frames_shown_total{head=\"2\"} 2",
+            "starloop_frame_lateness_seconds_bucket{head=\"1\",le=\"+Inf\"} 1",
+        ] {
+            assert!(text.lines().any(|line| line == wanted), "{wanted} is not in\n{text}");
+        }
+        assert!(!text.contains("starloop_frame_number{head=\"0\"}"), "control: head 0 has no frame");
+        let headings = text.lines().filter(|line| line.starts_with("# TYPE starloop_frame_number ")).count();
+        assert_eq!(headings, 1, "one family for all heads");
     }
 
     #[test]

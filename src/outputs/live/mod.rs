@@ -1,26 +1,28 @@
 //! Frames and numbers of a run under way -> one page for people and metrics for machines, over HTTP.
 //!
 //! ```text
-//! sink thread:  SentFrame -> LiveSink -> newest picture (three buffers that change places)
+//! sink threads: SentFrame -> LiveSink per head -> newest picture of it (three buffers that change places)
 //! frame thread: RunNumbers -> Numbers -> queue of one, dropped when full          -> "live" thread (tokio): requests
 //! ```
 //!
-//! Input: frames (a copy of each, the newest is kept) and [`RunNumbers`](frames::report::RunNumbers), all counts since the
-//! start. Output: `/` (the page, which loads nothing from elsewhere), `/frame.png`, `/truth.json`, `/state.json` and
-//! `/metrics` (Prometheus text 0.0.4). Units are in the names.
+//! Input: frames of every camera head (a copy of each, the newest is kept) and
+//! [`RunNumbers`](frames::report::RunNumbers), all counts since the start. Output: `/` (the page, which loads nothing from
+//! elsewhere), `/frame.png`, `/truth.json`, `/state.json` and `/metrics` (Prometheus text 0.0.4). Units are in the names.
+//! Heads are counted from 0; a request that names none is about head 0.
 //!
 //! Read-only: GET and HEAD, everything else is 405. No password: loopback unless told otherwise, and only who asks for an
-//! address of this machine, `localhost` or a name it was told is answered. Nothing here runs on the frame thread but a copy of 15 KiB; a sink
-//! thread waits for no client, as the buffers change places under a lock that is held for two moves. Bounded: clients
+//! address of this machine, `localhost` or a name it was told is answered. Nothing here runs on the frame thread but a copy
+//! of 15 KiB; a sink thread waits for no client, as the buffers change places under a lock that is held for two moves. Bounded: clients
 //! ([`CLIENTS_MAX`]), time of a connection, size of a request, one encoding at a time for a quarter of a core at most.
 //!
-//! Tour: `latest` and `sink` (frames in), `numbers` (counts in) -> `board` (what is known now) -> `picture`, `truth`, `state`,
-//! `metrics` (its forms) -> `route` (request to answer) -> `server` (clients) and `page/`.
+//! Tour: `latest` and `sink` (frames in), `numbers` (counts in) -> `head` (what is known of one head) and `board` (of the run)
+//! -> `picture`, `truth`, `state`, `metrics` (its forms) -> `route` (request to answer) -> `server` (clients) and `page/`.
 //!
 //! Tests: beside the code; `http_tests` with raw requests; `hil_scripts/test_live.py` with a browser and Prometheus's parser.
 
 mod board;
 mod error;
+mod head;
 #[cfg(test)]
 mod http_tests;
 mod lateness;
@@ -54,6 +56,15 @@ pub struct Params {
     pub names: Vec<String>,
     /// Name of the bench.
     pub bench: String,
+    /// The camera heads, at least one; they are numbered in this order from 0.
+    pub heads: Vec<HeadParams>,
+}
+
+/// One camera head of the page.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HeadParams {
+    /// Name for people, such as `head 1`.
+    pub name: String,
     /// Name of the camera.
     pub camera: Arc<str>,
     /// Columns and rows of a frame, px: buffers are made for it.

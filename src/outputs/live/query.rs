@@ -19,9 +19,31 @@ fn bad(key: &'static str, got: &str, wanted: &'static str) -> BadQuery {
     BadQuery { key, got: got.chars().take(64).collect(), wanted }
 }
 
-/// `stretch`, with `black` and `white` for `dn`.
-pub(super) fn scale(query: &str) -> Result<Scale, BadQuery> {
-    let [stretch, black, white] = values(query, ["stretch", "black", "white"])?;
+/// `head` alone, a head's number: 0 where it is left out.
+pub(super) fn head(query: &str) -> Result<usize, BadQuery> {
+    let [head] = values(query, ["head"])?;
+    head_number(head)
+}
+
+/// `head`, and `stretch` with `black` and `white` for `dn`.
+pub(super) fn head_and_scale(query: &str) -> Result<(usize, Scale), BadQuery> {
+    let [head, stretch, black, white] = values(query, ["head", "stretch", "black", "white"])?;
+    Ok((head_number(head)?, scale([stretch, black, white])?))
+}
+
+/// `head`, and `frame`, a frame's number.
+pub(super) fn head_and_frame(query: &str) -> Result<(usize, u32), BadQuery> {
+    let [head, frame] = values(query, ["head", "frame"])?;
+    Ok((head_number(head)?, number("frame", frame, "a frame's number, as in the answer to /frame.png")?))
+}
+
+fn head_number(head: Option<&str>) -> Result<usize, BadQuery> {
+    head.map_or(Ok(0), |text| {
+        number("head", Some(text), "a head's number, from 0, as in the list heads of /state.json")
+    })
+}
+
+fn scale([stretch, black, white]: [Option<&str>; 3]) -> Result<Scale, BadQuery> {
     if stretch == Some("dn") {
         let dn = |key, value: Option<&str>| number::<u16>(key, value, "a DN from 0 to 65535");
         let (black, white) = (dn("black", black)?, dn("white", white)?);
@@ -38,12 +60,6 @@ pub(super) fn scale(query: &str) -> Result<Scale, BadQuery> {
     let Some(name) = stretch else { return Ok(Scale::Stars) };
     let named = Scale::NAMED.iter().find(|(_, known)| *known == name);
     named.map(|(scale, _)| *scale).ok_or_else(|| bad("stretch", name, "stars, faint, linear, log or dn"))
-}
-
-/// `frame`, a frame's number.
-pub(super) fn frame(query: &str) -> Result<u32, BadQuery> {
-    let [frame] = values(query, ["frame"])?;
-    number("frame", frame, "a frame's number, as in the answer to /frame.png")
 }
 
 fn number<T: FromStr>(key: &'static str, value: Option<&str>, wanted: &'static str) -> Result<T, BadQuery> {
@@ -77,7 +93,7 @@ mod tests {
             ("stretch=log&", Scale::Log),
             ("white=65535&stretch=dn&black=0", Scale::Dn { black: 0, white: 65_535 }),
         ] {
-            assert_eq!(scale(query), Ok(wanted), "{query}");
+            assert_eq!(head_and_scale(query), Ok((0, wanted)), "{query}");
         }
     }
 
@@ -93,14 +109,31 @@ mod tests {
             ("stretch=dn&black=3&white=3", "greater than black"),
             ("colour=1", "key: got \"colour\""),
         ] {
-            let error = scale(query).unwrap_err().to_string();
+            let error = head_and_scale(query).unwrap_err().to_string();
             assert!(error.contains(part), "{query}: {error}");
         }
-        assert_eq!(frame("frame=7"), Ok(7));
-        for query in ["", "frame=-1", "frame=4294967296", "frame=7&frame=7"] {
-            frame(query).unwrap_err();
+        assert_eq!(head_and_frame("frame=7"), Ok((0, 7)));
+        for query in ["", "frame=-1", "frame=4294967296", "frame=7&frame=7", "head=1"] {
+            head_and_frame(query).unwrap_err();
         }
-        let long = scale(&format!("stretch={}", "x".repeat(9_000))).unwrap_err();
+        let long = head_and_scale(&format!("stretch={}", "x".repeat(9_000))).unwrap_err();
         assert!(long.to_string().len() < 200, "what comes back is short: {long}");
+    }
+
+    #[test]
+    fn head_is_read_wherever_it_is_asked_for() {
+        assert_eq!((head(""), head("head=2")), (Ok(0), Ok(2)));
+        assert_eq!(head_and_scale("stretch=log&head=1"), Ok((1, Scale::Log)));
+        assert_eq!(head_and_frame("head=1&frame=7"), Ok((1, 7)));
+        for (query, part) in [
+            ("head=", "head: got \"\""),
+            ("head=-1", "wanted a head's number"),
+            ("head=one", "got \"one\""),
+            ("head=0&head=0", "once"),
+            ("haed=1", "key: got \"haed\""),
+        ] {
+            let error = head(query).unwrap_err().to_string();
+            assert!(error.contains(part), "{query}: {error}");
+        }
     }
 }

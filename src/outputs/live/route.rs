@@ -3,17 +3,19 @@
 //! | address | answer |
 //! |---|---|
 //! | `/` | the page |
-//! | `/frame.png?stretch=..` | the newest frame, 8-bit grey; its number in the header `starloop-frame` |
-//! | `/truth.json?frame=N` | the stars of a frame that was asked for as a picture not long ago |
-//! | `/state.json` | everything else the page shows |
-//! | `/metrics` | the same for Prometheus |
+//! | `/frame.png?head=H&stretch=..` | a head's newest frame, 8-bit grey; its number in the header `starloop-frame` |
+//! | `/truth.json?head=H&frame=N` | the stars of a frame that was asked for as a picture not long ago |
+//! | `/state.json?head=H` | everything else the page shows: of head H at the top, of each head in the list `heads` |
+//! | `/metrics` | the same for Prometheus, of all heads |
 //!
-//! GET and HEAD only. Refusals are one line of text that says what was wanted. Nothing is cached by browsers, nothing may
+//! `head` is 0 where it is left out; a number beyond the last head is 404. GET and HEAD only. Refusals are one line of text that says what was wanted. Nothing is cached by browsers, nothing may
 //! be shown by pages from elsewhere, and only who asks for this place by its address or a known name is answered. Tests:
 //! `http_tests`.
 
-use crate::live::board::{Board, Encoded, NoPicture};
+use crate::live::board::{Board, NoPicture};
+use crate::live::head::Encoded;
 use crate::live::picture::Scale;
+use crate::live::query::BadQuery;
 use crate::live::{Params, metrics, query, state};
 use http_body_util::Full;
 use hyper::body::Bytes;
@@ -42,6 +44,7 @@ const PAGE: &str = concat!(
     include_str!("page/sky.js"),
     include_str!("page/timing.js"),
     include_str!("page/counts.js"),
+    include_str!("page/heads.js"),
     include_str!("page/page.js"),
     "</script>\n",
 );
@@ -81,23 +84,46 @@ async fn answered(board: &SharedBoard, request: &Parts) -> Answer {
     let question = request.uri.query().unwrap_or("");
     match request.uri.path() {
         "/" => page(),
-        "/state.json" => json(state::state_of(&mut lock(board)).to_string().into()),
+        "/state.json" => answer_or_refusal(query::head(question), |head| state(board, head)),
         "/metrics" => text(StatusCode::OK, metrics::CONTENT_TYPE, metrics::metrics_of(&mut lock(board)).into()),
-        "/frame.png" => match query::scale(question) {
-            Ok(scale) => picture(board, scale).await,
+        "/frame.png" => match query::head_and_scale(question) {
+            Ok((head, scale)) => picture(board, head, scale).await,
             Err(error) => refused(StatusCode::BAD_REQUEST, &error.to_string()),
         },
-        "/truth.json" => match query::frame(question) {
-            Ok(number) => match lock(board).truth(number) {
-                Some(truth) => json(truth),
-                None => {
-                    refused(StatusCode::NOT_FOUND, "the stars of this frame are not kept: ask for /frame.png first")
-                }
-            },
-            Err(error) => refused(StatusCode::BAD_REQUEST, &error.to_string()),
-        },
+        "/truth.json" => {
+            answer_or_refusal(query::head_and_frame(question), |(head, number)| truth(board, head, number))
+        }
         _ => refused(StatusCode::NOT_FOUND, "wanted /, /frame.png, /truth.json, /state.json or /metrics"),
     }
+}
+
+/// Answers what was asked for, or says why it cannot be read.
+fn answer_or_refusal<T>(asked: Result<T, BadQuery>, answer: impl FnOnce(T) -> Answer) -> Answer {
+    match asked {
+        Ok(asked) => answer(asked),
+        Err(error) => refused(StatusCode::BAD_REQUEST, &error.to_string()),
+    }
+}
+
+fn state(board: &SharedBoard, head: usize) -> Answer {
+    let mut board = lock(board);
+    match state::state_of(&mut board, head) {
+        Some(state) => json(state.to_string().into()),
+        None => no_such_head(&board, head),
+    }
+}
+
+fn truth(board: &SharedBoard, head: usize, number: u32) -> Answer {
+    let board = lock(board);
+    let Some(known) = board.heads.get(head) else { return no_such_head(&board, head) };
+    let unknown = "the stars of this frame are not kept: ask for /frame.png of this head first";
+    known.truth(number).map_or_else(|| refused(StatusCode::NOT_FOUND, unknown), json)
+}
+
+fn no_such_head(board: &Board, head: usize) -> Answer {
+    let heads = board.heads.len();
+    let wanted = if heads == 1 { "0, the only head of this run".into() } else { format!("0 to {}", heads - 1) };
+    refused(StatusCode::NOT_FOUND, &format!("head: got {head}, wanted {wanted}; /state.json lists the heads"))
 }
 
 /// Any web site can give a name of its own our address, and would then read the view in its visitors' browsers: so a host
@@ -124,15 +150,16 @@ fn may_ask(params: &Params, request: &Parts) -> Result<(), &'static str> {
     })
 }
 
-/// The newest picture; waits while the encoder rests.
-async fn picture(board: &SharedBoard, scale: Scale) -> Answer {
+/// Answers with the newest picture of a head; waits while the encoder rests.
+async fn picture(board: &SharedBoard, head: usize, scale: Scale) -> Answer {
     let patience = tokio::time::sleep(PATIENCE);
     tokio::pin!(patience);
     loop {
-        let found = lock(board).encode(scale);
+        let found = lock(board).encode(head, scale);
         let rest = match found {
-            Ok(encoded) => return png(encoded),
-            Err(NoPicture::NoFrame) => return refused(StatusCode::NOT_FOUND, "no frame has come yet"),
+            Ok(encoded) => return png(head, encoded),
+            Err(NoPicture::NoHead) => return no_such_head(&lock(board), head),
+            Err(NoPicture::NoFrame) => return refused(StatusCode::NOT_FOUND, "no frame of this head has come yet"),
             Err(NoPicture::Broken(error)) => {
                 return refused(StatusCode::INTERNAL_SERVER_ERROR, &format!("the frame cannot be a PNG: {error}"));
             }
@@ -155,8 +182,9 @@ fn page() -> Answer {
     answer
 }
 
-fn png(encoded: Encoded) -> Answer {
+fn png(head: usize, encoded: Encoded) -> Answer {
     let mut answer = text(StatusCode::OK, "image/png", encoded.png);
+    answer.headers_mut().insert("starloop-head", head.into());
     answer.headers_mut().insert("starloop-frame", encoded.number.into());
     answer
 }

@@ -1,72 +1,63 @@
 //! Everything the page shows beside the picture, as one JSON object.
 //!
-//! Keys carry their unit; what is not known is `null`. Times are UTC: of the frame by the run's clock, of its arrival by the
+//! At the top: the run, and one head, the first where none is asked for. `heads` lists all of them with the same keys.
+//! The facts of a frame are those of [`frames::sink::facts`]. Keys carry their unit; what is not known is `null`. Times are UTC: of the frame by the run's clock, of its arrival by the
 //! view's. Test: below.
 
 use crate::live::board::Board;
+use crate::live::head::Head;
 use crate::live::latest::Picture;
+use base::time::Tai;
 use frames::report::{NamedCounts, RunNumbers, Stage, TimeTally};
+use frames::sink::facts::{FactSource, json_keys};
 use serde_json::{Map, Value, json};
 
-/// The state now.
-pub(super) fn state_of(board: &mut Board) -> Value {
+/// The state now, with head `chosen` at the top; `None` when there is no such head.
+pub(super) fn state_of(board: &mut Board, chosen: usize) -> Option<Value> {
     board.listen();
     let now = board.clock.now();
-    let frame = board.newest().map(|picture| frame_of(picture, (now - picture.taken).s()));
-    let lateness = board.newest().map(lateness_of);
-    let params = &board.params;
-    json!({
-        "starloop_version": env!("CARGO_PKG_VERSION"),
-        "bench": params.bench,
-        "camera": &*params.camera,
-        "size_px": params.size_px,
-        "field_deg": params.field_deg,
-        "frame_period_ms": params.frame_period_s * 1e3,
-        "readout_ms": params.readout_s * 1e3,
-        "now_utc": now.to_rfc3339(),
-        "is_over": board.is_over(),
-        "frame": frame,
-        "lateness": lateness,
-        "run": board.has_numbers.then(|| run_of(&board.numbers)),
-    })
+    let heads: Vec<Map<String, Value>> =
+        board.heads.iter_mut().enumerate().map(|(number, head)| head_of(number, head, now)).collect();
+    let mut state = heads.get(chosen)?.clone();
+    // The run's end at the top, the head's own in the list.
+    let of_run = [
+        ("starloop_version", json!(env!("CARGO_PKG_VERSION"))),
+        ("bench", json!(board.params.bench)),
+        ("now_utc", json!(now.to_rfc3339())),
+        ("is_over", json!(board.is_over())),
+        ("run", json!(board.has_numbers.then(|| run_of(&board.numbers)))),
+        ("heads", json!(heads)),
+    ];
+    state.extend(of_run.map(|(key, value)| (key.to_owned(), value)));
+    Some(Value::Object(state))
 }
 
-fn frame_of(picture: &Picture, age_s: f64) -> Value {
-    let meta = &picture.frame.meta;
-    let active: Vec<Value> = meta
-        .active
-        .named()
-        .iter()
-        .map(|fault| {
-            json!({ "name": fault.name, "number": fault.number, "value": fault.amount.value, "unit": fault.amount.unit })
-        })
-        .collect();
-    json!({
-        "number": meta.number,
-        "count": picture.count,
-        "utc": meta.mid_exposure.to_rfc3339(),
-        "taken_utc": picture.taken.to_rfc3339(),
-        "age_s": age_s,
-        "exposure_s": meta.exposure_s,
-        "attitude_wxyz": meta.attitude_wxyz,
-        "ra_deg": meta.ra_deg,
-        "dec_deg": meta.dec_deg,
-        "roll_deg": meta.roll_deg,
-        "rate_deg_s": meta.rate_deg_s,
-        "lateness_ms": meta.lateness.ms(),
-        "attitude_age_ms": meta.attitude_age.ms(),
-        "horizon_ms": meta.horizon.ms(),
-        "backend": meta.backend,
-        "method": meta.method,
-        "rung": meta.rung,
-        "origin": meta.origin,
-        "camera": &*meta.camera,
-        "stars": picture.frame.truth.len(),
-        "left_out_stars": meta.left_out_stars,
-        "fault_flags": meta.faults.names().collect::<Vec<_>>(),
-        "faults": active,
-        "fault_count": meta.active.count(),
-    })
+/// One head: what it is, and its newest frame.
+fn head_of(number: usize, head: &mut Head, now: Tai) -> Map<String, Value> {
+    let frame = head.newest().map(|picture| frame_of(picture, (now - picture.taken).s()));
+    let lateness = head.newest().map(lateness_of);
+    let params = &head.params;
+    let facts = [
+        ("head", json!(number)),
+        ("name", json!(params.name)),
+        ("camera", json!(&*params.camera)),
+        ("size_px", json!(params.size_px)),
+        ("field_deg", json!(params.field_deg)),
+        ("frame_period_ms", json!(params.frame_period_s * 1e3)),
+        ("readout_ms", json!(params.readout_s * 1e3)),
+        ("is_over", json!(head.is_over())),
+        ("frame", json!(frame)),
+        ("lateness", json!(lateness)),
+    ];
+    facts.map(|(key, value)| (key.to_owned(), value)).into_iter().collect()
+}
+
+fn frame_of(picture: &Picture, age_s: f64) -> Map<String, Value> {
+    let of_view =
+        [("count", json!(picture.count)), ("taken_utc", json!(picture.taken.to_rfc3339())), ("age_s", json!(age_s))];
+    let mut frame = json_keys(&FactSource::of_frame(&picture.frame, None), |row| row.live);
+    frame.extend(of_view.map(|(key, value)| (key.to_owned(), value)));
+    frame
 }
 
 fn lateness_of(picture: &Picture) -> Value {
@@ -113,9 +104,13 @@ fn counts<const MOST: usize>(named: &NamedCounts<MOST>, least: u64) -> Map<Strin
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::live::view::tests::board;
+    use crate::live::view::tests::{board, board_of, params_of_three};
     use frames::sink::Sink;
-    use frames::sink::sample::sample_frame;
+    use frames::sink::sample::{bare_sample_frame, compare_with_pinned, differs_from_pinned, sample_frame};
+
+    fn state_of(board: &mut Board) -> Value {
+        super::state_of(board, 0).unwrap()
+    }
 
     #[test]
     fn before_the_first_frame_there_is_none() {
@@ -154,5 +149,48 @@ mod tests {
         frame.meta.ra_deg = f64::NAN;
         sink.send(&frame).unwrap();
         assert_eq!(state_of(&mut board)["frame"]["ra_deg"], Value::Null);
+    }
+
+    #[test]
+    fn every_head_is_listed_and_one_is_at_the_top() {
+        let (mut board, mut sinks, _numbers) = board_of(params_of_three());
+        (1..=2).for_each(|number| sinks[1].send(&sample_frame(number)).unwrap());
+        sinks[2].send(&sample_frame(30)).unwrap();
+        let state = state_of(&mut board);
+        let heads = state["heads"].as_array().unwrap();
+        assert_eq!(heads.len(), 3);
+        assert_eq!(heads[0]["frame"], Value::Null, "its first frame has not come");
+        let newest =
+            |head: usize| (&heads[head]["name"], &heads[head]["frame"]["number"], &heads[head]["frame"]["count"]);
+        assert_eq!(newest(1), (&json!("head 1"), &json!(2), &json!(2)));
+        assert_eq!(newest(2), (&json!("head 2"), &json!(30), &json!(1)));
+        for chosen in 0..3 {
+            let state = super::state_of(&mut board, chosen).unwrap();
+            let keys = heads[chosen].as_object().unwrap().iter().filter(|(key, _)| *key != "is_over");
+            keys.for_each(|(key, value)| assert_eq!(&state[key], value, "{key} of head {chosen}"));
+        }
+        assert_eq!(super::state_of(&mut board, 3), None, "control: there is no fourth");
+    }
+
+    #[test]
+    fn run_is_over_when_every_head_is() {
+        let (mut board, mut sinks, numbers) = board_of(params_of_three());
+        numbers.tell_last(&RunNumbers::NONE);
+        drop(sinks.remove(1));
+        let state = state_of(&mut board);
+        assert_eq!((&state["is_over"], &state["heads"][1]["is_over"]), (&json!(false), &json!(true)));
+        drop(sinks);
+        assert_eq!(state_of(&mut board)["is_over"], json!(true));
+    }
+
+    #[test]
+    fn state_of_a_frame_is_as_pinned() {
+        let (mut board, mut sink, _numbers) = board();
+        for (name, frame) in [("live_frame.json", sample_frame(7)), ("live_frame_bare.json", bare_sample_frame(8))] {
+            sink.send(&frame).unwrap();
+            let text = serde_json::to_string_pretty(&state_of(&mut board)["frame"]).unwrap() + "\n";
+            compare_with_pinned(name, &text).unwrap();
+            assert!(differs_from_pinned(name, &text.replace("\"rung\"", "\"level\"")), "control: another key");
+        }
     }
 }

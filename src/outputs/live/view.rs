@@ -1,13 +1,14 @@
 //! The view from its start to its end.
 
 use crate::live::board::Board;
+use crate::live::head::Head;
 use crate::live::lateness::LatenessBins;
 use crate::live::latest::{Picture, latest};
 use crate::live::numbers::Numbers;
 use crate::live::route::{SharedBoard, lock};
 use crate::live::server::serve;
 use crate::live::sink::LiveSink;
-use crate::live::{LiveError, Params};
+use crate::live::{HeadParams, LiveError, Params};
 use base::clock::Clock;
 use base::time::Span;
 use frames::sink::SentFrame;
@@ -34,18 +35,22 @@ pub struct LiveView {
 
 impl LiveView {
     /// Listens, and serves in a thread of its own: call it before the frame thread takes its priority, which threads
-    /// inherit. `clock` is a clock that runs: the age of a frame, and how long the encoder rests, are told by it.
+    /// inherit. `clock` is a clock that runs: it measures the age of a frame and the rest of the encoder. Returns one sink
+    /// per head, in the order of `params.heads`; each may run in a thread of its own.
     ///
     /// # Errors
-    /// When nobody can listen at the address, or the thread cannot be started.
-    pub fn start(params: Params, clock: Arc<dyn Clock>) -> Result<(Self, LiveSink, Numbers), LiveError> {
+    /// When there are no heads, when nobody can listen at the address, or when the thread cannot be started.
+    pub fn start(params: Params, clock: Arc<dyn Clock>) -> Result<(Self, Vec<LiveSink>, Numbers), LiveError> {
+        if params.heads.is_empty() {
+            return Err(LiveError::NoHeads);
+        }
         let refused = |address| move |source| LiveError::Listen { address, source };
         let asked = params.address;
         let listener = TcpListener::bind(asked).map_err(refused(asked))?;
         listener.set_nonblocking(true).map_err(refused(asked))?;
         let address = listener.local_addr().map_err(refused(asked))?;
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(LiveError::Thread)?;
-        let (board, sink, numbers) = parts(params, &clock);
+        let (board, sinks, numbers) = parts(params, &clock);
         let board: SharedBoard = Arc::new(Mutex::new(board));
         let stop = Arc::new(Notify::new());
         let (stopped, served) = (Arc::clone(&stop), Arc::clone(&board));
@@ -56,7 +61,7 @@ impl LiveView {
         };
         let thread = std::thread::Builder::new().name("live".into()).spawn(move || runtime.block_on(serving));
         let thread = Some(thread.map_err(LiveError::Thread)?);
-        Ok((Self { address, board, stop, thread }, sink, numbers))
+        Ok((Self { address, board, stop, thread }, sinks, numbers))
     }
 
     /// Serves the end of a run for [`LINGER`], when somebody looks, and ends; false when its thread had ended before, by a
@@ -100,15 +105,20 @@ impl Drop for LiveView {
     }
 }
 
-/// What the view is made of but for its clients.
-fn parts(params: Params, clock: &Arc<dyn Clock>) -> (Board, LiveSink, Numbers) {
+/// What the view is made of except its clients.
+fn parts(params: Params, clock: &Arc<dyn Clock>) -> (Board, Vec<LiveSink>, Numbers) {
+    let (heads, sinks) = params.heads.iter().map(|head| head_and_sink(head, clock)).unzip();
+    let (numbers, told) = Numbers::new();
+    (Board::new(params, Arc::clone(clock), heads, told), sinks, numbers)
+}
+
+/// The two ends of one head.
+fn head_and_sink(params: &HeadParams, clock: &Arc<dyn Clock>) -> (Head, LiveSink) {
     let [width, height] = params.size_px;
     let frame = SentFrame::with_capacity(width, height, STARS, Arc::clone(&params.camera));
     let lateness = LatenessBins::reaching(params.readout_s);
     let (writer, reader) = latest(Picture { frame, count: 0, taken: clock.now(), lateness });
-    let (numbers, told) = Numbers::new();
-    let board = Board::new(params, Arc::clone(clock), reader, told);
-    (board, LiveSink::new(writer, Arc::clone(clock)), numbers)
+    (Head::new(params.clone(), reader), LiveSink::new(writer, Arc::clone(clock)))
 }
 
 #[cfg(test)]
@@ -123,26 +133,54 @@ pub(super) mod tests {
             address: ([127, 0, 0, 1], 0).into(),
             names: Vec::new(),
             bench: "test bench".into(),
-            camera: "test camera".into(),
+            heads: vec![head(0)],
+        }
+    }
+
+    /// A head of small frames; each number has a camera and a field of its own.
+    pub(in crate::live) fn head(number: u8) -> HeadParams {
+        HeadParams {
+            name: format!("head {number}"),
+            camera: if number == 0 { "test camera".into() } else { format!("test camera {number}").into() },
             size_px: [31, 17],
-            field_deg: [20.0, 11.0],
+            field_deg: [20.0 + f64::from(number), 11.0],
             frame_period_s: 0.1,
             readout_s: 0.08,
         }
     }
 
-    /// Its parts, on a clock that stands.
+    /// As [`params`], with three heads.
+    pub(in crate::live) fn params_of_three() -> Params {
+        Params { heads: (0..3).map(head).collect(), ..params() }
+    }
+
+    /// Its parts, on a clock that never advances.
     pub(in crate::live) fn board() -> (Board, LiveSink, Numbers) {
+        let (board, mut sinks, numbers) = board_of(params());
+        (board, sinks.remove(0), numbers)
+    }
+
+    /// The parts of a view of these heads, on a clock that never advances.
+    pub(in crate::live) fn board_of(params: Params) -> (Board, Vec<LiveSink>, Numbers) {
         let clock: Arc<dyn Clock> = Arc::new(Virtual::new(Tai::from_ns(1_790_000_000_000_000_000)));
-        parts(params(), &clock)
+        parts(params, &clock)
+    }
+
+    #[test]
+    fn view_of_no_head_is_refused() {
+        let clock: Arc<dyn Clock> = Arc::new(Virtual::new(Tai::from_ns(0)));
+        let error = LiveView::start(Params { heads: Vec::new(), ..params() }, Arc::clone(&clock)).err().unwrap();
+        assert!(error.to_string().contains("wanted at least one camera head"), "{error}");
+        let (_view, sinks, _numbers) = LiveView::start(params_of_three(), clock).expect("control: three heads");
+        assert_eq!(sinks.len(), 3);
     }
 
     #[test]
     fn view_whose_thread_panics_is_reported() {
         let clock: Arc<dyn Clock> = Arc::new(Virtual::new(Tai::from_ns(0)));
-        let (whole, _sink, _numbers) = LiveView::start(params(), Arc::clone(&clock)).unwrap();
+        let (whole, _sinks, _numbers) = LiveView::start(params(), Arc::clone(&clock)).unwrap();
         assert!(whole.finish(), "control: one that ends in order");
-        let (mut broken, _sink, _numbers) = LiveView::start(params(), clock).unwrap();
+        let (mut broken, _sinks, _numbers) = LiveView::start(params(), clock).unwrap();
         assert!(broken.end());
         broken.thread =
             Some(std::thread::Builder::new().name("live".into()).spawn(|| panic!("as the test wants it")).unwrap());
@@ -152,7 +190,7 @@ pub(super) mod tests {
     #[test]
     fn a_taken_port_is_told_with_what_to_try() {
         let clock: Arc<dyn Clock> = Arc::new(Virtual::new(Tai::from_ns(0)));
-        let (first, _sink, _numbers) = LiveView::start(params(), Arc::clone(&clock)).unwrap();
+        let (first, _sinks, _numbers) = LiveView::start(params(), Arc::clone(&clock)).unwrap();
         assert!(!first.is_exposed());
         let again = Params { address: first.address(), ..params() };
         let error = LiveView::start(again, clock).err().unwrap().to_string();

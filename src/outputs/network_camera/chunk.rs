@@ -4,9 +4,11 @@
 //! image bytes, id 1, length | truth bytes, id 2, length        all big-endian; read from the end
 //! ```
 //!
-//! [`FIELDS`] is the layout: the XML is written from it and so are the bytes. Times are TAI since 1970, ns.
+//! [`FIELDS`] is the layout, taken from [`frames::sink::facts`]: the XML is written from it and so are the bytes. Times are TAI
+//! since 1970, ns.
 
 use frames::sink::FrameMeta;
+use frames::sink::facts::{FactSource, Feature, FeatureKind, Row, TABLE};
 
 /// Chunk of the image.
 pub(super) const IMAGE_ID: u32 = 1;
@@ -17,93 +19,69 @@ pub(super) const TAG_BYTES: usize = 8;
 /// Bytes of a text field.
 const TEXT_BYTES: usize = 24;
 
-/// How a field is stored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum FieldKind {
-    /// Whole number, signed, 8 bytes.
-    Integer,
-    /// Whole number without sign, 8 bytes; clients show it as GenICam's signed integer of the same bits.
-    Bits,
-    /// Number, double precision.
-    Float,
-    /// Text, padded with zeros.
-    Text,
+/// One field of the truth.
+#[derive(Clone, Copy)]
+pub(super) struct Field {
+    /// Its name, storage, unit and meaning.
+    pub(super) feature: Feature,
+    /// Which element of the row's value it is.
+    element: usize,
+    row: &'static Row,
 }
 
-impl FieldKind {
-    /// Bytes that it takes.
-    pub(super) const fn bytes(self) -> usize {
-        match self {
-            Self::Text => TEXT_BYTES,
-            Self::Integer | Self::Bits | Self::Float => 8,
+impl Field {
+    /// Returns the bytes that it takes.
+    pub(super) const fn bytes(&self) -> usize {
+        match self.feature.kind {
+            FeatureKind::Text => TEXT_BYTES,
+            FeatureKind::Integer | FeatureKind::Bits | FeatureKind::Float => 8,
+        }
+    }
+
+    fn append(&self, source: &FactSource<'_>, out: &mut Vec<u8>) {
+        let value = (self.row.value)(source).element(self.element, self.feature.form);
+        match self.feature.kind {
+            FeatureKind::Integer => out.extend(i64::try_from(value.whole()).unwrap_or(i64::MAX).to_be_bytes()),
+            FeatureKind::Bits => out.extend(u64::try_from(value.whole()).unwrap_or(u64::MAX).to_be_bytes()),
+            FeatureKind::Float => out.extend(value.real().to_be_bytes()),
+            FeatureKind::Text => append_text(value.text(), out),
         }
     }
 }
 
-/// A field's value.
-enum Value<'a> {
-    Integer(i64),
-    Bits(u64),
-    Float(f64),
-    Text(&'a str),
+/// The truth, by place.
+pub(super) const FIELDS: [Field; field_count()] = fields();
+
+const fn field_count() -> usize {
+    let (mut count, mut row) = (0, 0);
+    while row < TABLE.len() {
+        count += TABLE[row].chunk.len();
+        row += 1;
+    }
+    count
 }
 
-/// One field of the truth.
-pub(super) struct Field {
-    /// Name of the feature.
-    pub(super) name: &'static str,
-    /// How it is stored.
-    pub(super) kind: FieldKind,
-    /// Unit; empty for none.
-    pub(super) unit: &'static str,
-    /// What it is.
-    pub(super) about: &'static str,
-    value: fn(&FrameMeta) -> Value<'_>,
-}
-
-macro_rules! fields {
-    ($($name:literal $kind:ident $unit:literal $about:literal = $value:expr;)*) => {
-        /// The truth, in order.
-        pub(super) const FIELDS: &[Field] = &[$(Field {
-            name: $name, kind: FieldKind::$kind, unit: $unit, about: $about, value: |meta| Value::$kind($value(meta)),
-        }),*];
-    };
-}
-
-fields! {
-    "ChunkFrameID" Integer "" "Frame number in the run" = |m: &FrameMeta| i64::from(m.number);
-    "ChunkTimestamp" Integer "ns" "Middle of the exposure, TAI since 1970" = |m: &FrameMeta| m.mid_exposure.ns();
-    "ChunkExposureTime" Float "us" "Integration time" = |m: &FrameMeta| m.exposure_s * 1e6;
-    "ChunkAttitudeW" Float "" "Quaternion sensor from ICRF, Hamilton, passive: scalar part" = |m: &FrameMeta| m.attitude_wxyz[0];
-    "ChunkAttitudeX" Float "" "Quaternion: x" = |m: &FrameMeta| m.attitude_wxyz[1];
-    "ChunkAttitudeY" Float "" "Quaternion: y" = |m: &FrameMeta| m.attitude_wxyz[2];
-    "ChunkAttitudeZ" Float "" "Quaternion: z" = |m: &FrameMeta| m.attitude_wxyz[3];
-    "ChunkRightAscension" Float "deg" "Right ascension of the boresight" = |m: &FrameMeta| m.ra_deg;
-    "ChunkDeclination" Float "deg" "Declination of the boresight" = |m: &FrameMeta| m.dec_deg;
-    "ChunkRoll" Float "deg" "Position angle of image up, east of north" = |m: &FrameMeta| m.roll_deg;
-    "ChunkRateX" Float "deg/s" "Angular rate about image right" = |m: &FrameMeta| m.rate_deg_s[0];
-    "ChunkRateY" Float "deg/s" "Angular rate about image down" = |m: &FrameMeta| m.rate_deg_s[1];
-    "ChunkRateZ" Float "deg/s" "Angular rate about the boresight" = |m: &FrameMeta| m.rate_deg_s[2];
-    "ChunkLateness" Integer "ns" "Completion minus deadline; negative when early" = |m: &FrameMeta| m.lateness.ns();
-    "ChunkAttitudeAge" Integer "ns" "Age of the newest attitude when the frame was planned" = |m: &FrameMeta| m.attitude_age.ns();
-    "ChunkHorizon" Integer "ns" "Newest attitude to mid-exposure; negative when interpolated" = |m: &FrameMeta| m.horizon.ns();
-    "ChunkFaults" Bits "" "Commanded faults, one bit each, as in frames.csv" = |m: &FrameMeta| u64::from(m.faults.bits());
-    "ChunkFaultCount" Integer "" "Faults of frames and of the imaging chain in this frame" = |m: &FrameMeta| count(m.active.count());
-    "ChunkSeed" Bits "" "Seed of the sensor's patterns and of faults" = |m: &FrameMeta| m.seed;
-    "ChunkLeftOutStars" Integer "" "Stars left out: too faint, or for want of time" = |m: &FrameMeta| count(m.left_out_stars);
-    "ChunkAttitudeOrigin" Text "" "Where the attitude came from: measured, predicted, held" = |m: &FrameMeta| m.origin;
-    "ChunkRung" Text "" "How far the frame was degraded to be ready in time; full: not at all" = |m: &FrameMeta| m.rung;
-    "ChunkNoiseSeed" Bits "" "Seed of the exposure's noise, with the frame number" = |m: &FrameMeta| m.noise_seed;
-    "ChunkJitterMissing" Integer "ns" "Part of the exposure without jitter samples" = |m: &FrameMeta| m.jitter_missing.ns();
-}
-
-fn count(count: usize) -> i64 {
-    i64::try_from(count).unwrap_or(i64::MAX)
+/// A place that is not there does not compile; a test of the table finds a gap.
+const fn fields() -> [Field; field_count()] {
+    let first = Field { feature: TABLE[0].chunk[0], element: 0, row: &TABLE[0] };
+    let mut fields = [first; field_count()];
+    let mut at = 0;
+    while at < TABLE.len() {
+        let row: &'static Row = &TABLE[at];
+        let mut element = 0;
+        while element < row.chunk.len() {
+            let feature = row.chunk[element];
+            fields[feature.place] = Field { feature, element, row };
+            element += 1;
+        }
+        at += 1;
+    }
+    fields
 }
 
 /// Bytes of the truth without its tag.
 pub(super) fn truth_bytes() -> usize {
-    FIELDS.iter().map(|field| field.kind.bytes()).sum()
+    FIELDS.iter().map(Field::bytes).sum()
 }
 
 /// Bytes that chunk data adds to the image: the image's tag, the truth and its tag.
@@ -111,17 +89,13 @@ pub(super) fn added_bytes() -> usize {
     TAG_BYTES + truth_bytes() + TAG_BYTES
 }
 
-/// Appends what stands behind an image of so many bytes.
+/// Appends the chunks behind an image of so many bytes.
 pub(super) fn append_chunks(meta: &FrameMeta, image_bytes: usize, out: &mut Vec<u8>) {
     append_tag(IMAGE_ID, image_bytes, out);
     let start = out.len();
-    for field in FIELDS {
-        match (field.value)(meta) {
-            Value::Integer(value) => out.extend(value.to_be_bytes()),
-            Value::Bits(value) => out.extend(value.to_be_bytes()),
-            Value::Float(value) => out.extend(value.to_be_bytes()),
-            Value::Text(text) => append_text(text, out),
-        }
+    let source = FactSource::of_meta(meta);
+    for field in &FIELDS {
+        field.append(&source, out);
     }
     append_tag(TRUTH_ID, out.len() - start, out);
 }
@@ -151,8 +125,8 @@ mod tests {
         assert_eq!(out.len(), 5 + added_bytes());
         let truth = &out[5 + TAG_BYTES..][..truth_bytes()];
         let at = |name: &str| {
-            let before = FIELDS.iter().take_while(|field| field.name != name);
-            before.map(|field| field.kind.bytes()).sum::<usize>()
+            let before = FIELDS.iter().take_while(|field| field.feature.name != name);
+            before.map(Field::bytes).sum::<usize>()
         };
         let float = |name| f64::from_be_bytes(truth[at(name)..][..8].try_into().unwrap());
         let integer = |name| i64::from_be_bytes(truth[at(name)..][..8].try_into().unwrap());

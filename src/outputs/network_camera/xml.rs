@@ -4,11 +4,12 @@
 //! the table that also writes the bytes. Tests hold every address of the XML to the device's memory, and
 //! `hil_scripts/test_network_camera.py` holds the whole to the reference GenApi.
 
-use crate::network_camera::chunk::{self, Field, FieldKind};
+use crate::network_camera::chunk::{self, Field};
 use crate::network_camera::device::DeviceParams;
 use crate::network_camera::params::{Identity, PACKET_BYTES_MIN};
 use crate::network_camera::zip;
 use core::fmt::Write;
+use frames::sink::facts::FeatureKind;
 
 const TEMPLATE: &str = include_str!("camera.xml");
 
@@ -45,7 +46,7 @@ fn c_name(text: &str) -> String {
 /// One entry of the selector for each field, without the word that all their names begin with.
 fn chunk_entries() -> String {
     let entry = |(value, field): (usize, &Field)| {
-        let name = field.name.trim_start_matches("Chunk");
+        let name = field.feature.name.trim_start_matches("Chunk");
         format!("  <EnumEntry Name=\"{name}\" NameSpace=\"Custom\">\n    <Value>{value}</Value>\n  </EnumEntry>")
     };
     let entries: Vec<String> = chunk::FIELDS.iter().enumerate().map(entry).collect();
@@ -54,28 +55,29 @@ fn chunk_entries() -> String {
 
 fn chunk_names() -> String {
     let lines: Vec<String> =
-        chunk::FIELDS.iter().map(|field| format!("  <pFeature>{}</pFeature>", field.name)).collect();
+        chunk::FIELDS.iter().map(|field| format!("  <pFeature>{}</pFeature>", field.feature.name)).collect();
     lines.join("\n")
 }
 
 fn chunk_nodes() -> String {
     let (mut text, mut offset) = (String::new(), 0);
-    for field in chunk::FIELDS {
+    for field in &chunk::FIELDS {
         let _text_grows = write_chunk_node(&mut text, field, offset);
-        offset += field.kind.bytes();
+        offset += field.bytes();
     }
     text
 }
 
 fn write_chunk_node(text: &mut String, field: &Field, offset: usize) -> core::fmt::Result {
-    let (node, is_number) = match field.kind {
-        FieldKind::Integer | FieldKind::Bits => ("IntReg", true),
-        FieldKind::Float => ("FloatReg", true),
-        FieldKind::Text => ("StringReg", false),
+    let feature = &field.feature;
+    let (node, is_number) = match feature.kind {
+        FeatureKind::Integer | FeatureKind::Bits => ("IntReg", true),
+        FeatureKind::Float => ("FloatReg", true),
+        FeatureKind::Text => ("StringReg", false),
     };
-    writeln!(text, "<{node} Name=\"{}\" NameSpace=\"Custom\">", field.name)?;
-    writeln!(text, "  <ToolTip>{}</ToolTip>", field.about)?;
-    writeln!(text, "  <Address>{offset}</Address>\n  <Length>{}</Length>", field.kind.bytes())?;
+    writeln!(text, "<{node} Name=\"{}\" NameSpace=\"Custom\">", feature.name)?;
+    writeln!(text, "  <ToolTip>{}</ToolTip>", feature.about)?;
+    writeln!(text, "  <Address>{offset}</Address>\n  <Length>{}</Length>", field.bytes())?;
     writeln!(text, "  <AccessMode>RO</AccessMode>\n  <pPort>TruthPort</pPort>\n  <Cachable>NoCache</Cachable>")?;
     if node == "IntReg" {
         writeln!(text, "  <Sign>Signed</Sign>")?;
@@ -83,8 +85,32 @@ fn write_chunk_node(text: &mut String, field: &Field, offset: usize) -> core::fm
     if is_number {
         writeln!(text, "  <Endianess>BigEndian</Endianess>")?;
     }
-    if !field.unit.is_empty() {
-        writeln!(text, "  <Unit>{}</Unit>", field.unit)?;
+    if !feature.unit.is_empty() {
+        writeln!(text, "  <Unit>{}</Unit>", feature.unit)?;
     }
     writeln!(text, "</{node}>")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use frames::sink::sample::{bare_sample_frame, compare_with_pinned, differs_from_pinned, hex_lines, sample_frame};
+
+    #[test]
+    fn chunk_features_of_the_xml_are_as_pinned() {
+        let features = [chunk_names(), chunk_entries(), chunk_nodes()].join("\n");
+        compare_with_pinned("chunk_features.xml", &features).unwrap();
+        assert!(differs_from_pinned("chunk_features.xml", &features.replace("ChunkRoll", "ChunkRole")), "control");
+    }
+
+    #[test]
+    fn chunk_bytes_are_as_pinned() {
+        for (name, frame) in [("chunk.txt", sample_frame(7)), ("chunk_bare.txt", bare_sample_frame(8))] {
+            let mut bytes = Vec::new();
+            chunk::append_chunks(&frame.meta, 5, &mut bytes);
+            compare_with_pinned(name, &hex_lines(&bytes)).unwrap();
+            bytes[20] ^= 1;
+            assert!(differs_from_pinned(name, &hex_lines(&bytes)), "control: one bit");
+        }
+    }
 }

@@ -11,6 +11,7 @@
 
 use crate::runtime::{Hygiene, Imager};
 use crate::wiring::cable::{Cable, CableSetting};
+use crate::wiring::capture_tap::CaptureOptions;
 use crate::wiring::display_parts::hold_cards;
 use crate::wiring::error::LoopError;
 use crate::wiring::far_side::FarSide;
@@ -19,8 +20,8 @@ use crate::wiring::faults::Inventory;
 use crate::wiring::heads::{HeadSetting, RunHead, make_heads, take_sink};
 use crate::wiring::live_tap::{LiveOptions, LiveTap};
 use crate::wiring::memory::{RunForm, RunMemory};
+use crate::wiring::ports::needs_real_clock;
 use crate::wiring::real;
-use crate::wiring::capture_tap::CaptureOptions;
 use crate::wiring::run_end::RunEnd;
 use crate::wiring::run_times::RunTimes;
 use crate::wiring::sinks::{SinkSetting, directory_of_head, make_sinks};
@@ -152,6 +153,10 @@ impl Run {
     pub fn assemble(scenario: &Scenario, options: RunOptions<'_>) -> Result<Self, LoopError> {
         let scenario = scenario.clone();
         let RunOptions { clock, mut outputs, costs, hygiene, capture, live, steering } = options;
+        if let (RunClockKind::Virtual, Some(what)) = (clock, needs_real_clock(&scenario.bench)) {
+            let why = "which has a time of its own; wanted --clock real";
+            return Err(anyhow::anyhow!("--clock virtual: got a bench with {what}, {why}").into());
+        }
         check_memory(&scenario, &outputs, clock, live.is_some())?;
         let start = start_of(&scenario);
         let cards = match &outputs {
@@ -361,12 +366,8 @@ fn sink_of_head(
     let params = head.engine.params();
     let camera = &params.camera;
     let [width, height] = camera.output().size_px;
-    let prototype = &SentFrame::with_capacity(
-        width,
-        height,
-        crate::runtime::real_time::STARS_AT_FIRST,
-        camera.name.clone(),
-    );
+    let prototype =
+        &SentFrame::with_capacity(width, height, crate::runtime::real_time::STARS_AT_FIRST, camera.name.clone());
     let which = (count > 1).then_some(number);
     let directory = directory.map(|run| directory_of_head(run, which));
     let setting = SinkSetting {

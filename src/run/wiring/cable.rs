@@ -5,7 +5,7 @@
 use crate::wiring::assemble::RunClock;
 use crate::wiring::bench_parts;
 use crate::wiring::error::LoopError;
-use crate::wiring::ports::{End, Ports, needs_real_clock, open_ports};
+use crate::wiring::ports::{End, Ports, open_ports};
 use crate::wiring::replay::Recording;
 use config::{Action, Plant, Scenario};
 use frames::report::GatewayRow;
@@ -43,10 +43,6 @@ impl Cable {
     /// Opens every link of a run.
     pub(super) fn open(setting: &CableSetting<'_>) -> Result<Self, LoopError> {
         let bench = &setting.scenario.bench;
-        if let (RunClock::Virtual(_), Some(what)) = (setting.clock, needs_real_clock(bench)) {
-            let why = "which has a time of its own; wanted --clock real";
-            return Err(anyhow::anyhow!("--clock virtual: got a bench with {what}, {why}").into());
-        }
         let mut tap = |end, link| setting.tapped(end, link);
         let Ports { near, far, pulses, gateways } = open_ports(bench, &setting.clock.shared(), &mut tap)?;
         Ok(Self { near, far, pulses, gateways })
@@ -110,7 +106,8 @@ impl CableSetting<'_> {
 #[must_use]
 pub fn gateway_notes(gateways: &Gateways) -> Vec<String> {
     let addresses = gateways.addresses();
-    let place = |(kind, address): &(GatewayKind, GatewayAddress)| format!("gateway: {} at {address}", gateway_name(*kind));
+    let place =
+        |(kind, address): &(GatewayKind, GatewayAddress)| format!("gateway: {} at {address}", gateway_name(*kind));
     let exposed = addresses.iter().filter(|(_, address)| address.is_exposed()).map(|(kind, address)| {
         let name = gateway_name(*kind);
         format!("starloop: {name} at {address} can be reached from other machines, and asks for no password")

@@ -3,8 +3,8 @@
 //! Whoever has a clock steps it; it never reads one.
 
 use crate::runtime::error::FarEndError;
-use crate::wiring::bench_parts;
 use crate::runtime::frame_faults::NEVER;
+use crate::wiring::bench_parts;
 use crate::wiring::error::LoopError;
 use crate::wiring::fault_desk::Placed;
 use crate::wiring::faults::Aboard;

@@ -63,8 +63,7 @@ impl FaultDesk {
             event.at = event.at.max(now - self.zero);
         }
         let (before, mut aboard) = (self.log.faults().len(), Vec::new());
-        let mut places =
-            Places { to_stimulator: &self.to_stimulator, to_computer: &self.to_computer, frames };
+        let mut places = Places { to_stimulator: &self.to_stimulator, to_computer: &self.to_computer, frames };
         self.log.place(&event, self.zero, &self.mounting, &mut places, &mut aboard);
         let mut disturbances = Vec::new();
         if let Action::Trigger { number } = event.action {

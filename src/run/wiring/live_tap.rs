@@ -5,7 +5,7 @@ use crate::wiring::heads::RunHead;
 use anyhow::{Context, Result};
 use base::clock::{Clock, Monotonic};
 use frames::sink::{NullSink, Tee};
-use outputs::live::{LiveView, Numbers, Params};
+use outputs::live::{HeadParams, LiveView, Numbers, Params};
 use std::net::SocketAddr;
 use std::sync::Arc;
 
@@ -32,11 +32,14 @@ impl LiveTap {
     pub(super) fn beside(options: &LiveOptions, bench: &str, heads: &mut [RunHead]) -> Result<Self> {
         // The view shows people when a frame came: its clock is the machine's, also on a simulated bench.
         let clock: Arc<dyn Clock> = Arc::new(Monotonic::start());
-        let first = heads.first_mut().context("a run without a head")?;
-        let params = Params { names: options.names.clone(), ..params(options.address, bench, &first.engine) };
-        let (view, shown, numbers) = LiveView::start(params, clock).context("--monitor")?;
-        let sink = core::mem::replace(&mut first.sink, Box::new(NullSink::new()));
-        first.sink = Box::new(Tee::new(sink, Box::new(shown)));
+        let shown = heads.iter().enumerate().map(|(number, head)| head_params(number, &head.engine)).collect();
+        let params =
+            Params { address: options.address, names: options.names.clone(), bench: bench.into(), heads: shown };
+        let (view, sinks, numbers) = LiveView::start(params, clock).context("--monitor")?;
+        for (head, shown) in heads.iter_mut().zip(sinks) {
+            let sink = core::mem::replace(&mut head.sink, Box::new(NullSink::new()));
+            head.sink = Box::new(Tee::new(sink, Box::new(shown)));
+        }
         Ok(Self { view, numbers })
     }
 
@@ -63,7 +66,7 @@ impl LiveTap {
     }
 }
 
-fn params(address: SocketAddr, bench: &str, engine: &FrameEngine) -> Params {
+fn head_params(number: usize, engine: &FrameEngine) -> HeadParams {
     let run = engine.params();
     let camera = &run.camera;
     let output = camera.output();
@@ -71,10 +74,8 @@ fn params(address: SocketAddr, bench: &str, engine: &FrameEngine) -> Params {
         let sensor_px = output.size_px[axis] as f64 * f64::from(output.binning);
         sensor_px * camera.geometry.ifov_rad()[axis] / 2.0
     };
-    Params {
-        address,
-        names: Vec::new(),
-        bench: bench.into(),
+    HeadParams {
+        name: format!("head {number}"),
         camera: Arc::clone(&camera.name),
         size_px: output.size_px,
         field_deg: [0, 1].map(|axis| 2.0 * half_tangent(axis).atan().to_degrees()),

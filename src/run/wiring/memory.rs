@@ -108,7 +108,7 @@ impl RunMemory {
             memory.add_sink(&place, settings, heads, frame, bench, (form, sinks.len()));
         }
         if form.has_view {
-            memory.add("pictures of the live view (--monitor)", LIVE_PICTURES * frame);
+            memory.add("pictures of the live view (--monitor)", heads * LIVE_PICTURES * frame);
         }
         if !bench.layers.is_empty() {
             let stars = u64::from(bench.star_memory_mb) << 20;
@@ -348,7 +348,7 @@ mod tests {
         let plain = grown(&|_| {});
         let frame = 2 * 1024 * 1024;
         assert!(grown(&|bench| bench.sinks[0].queue_frames += 100) >= plain + 100 * frame);
-        assert!(grown(&|bench| bench.extra_heads.push(bench.sensor_from_body)) >= plain + 16 * frame);
+        assert!(grown(&|bench| bench.extra_heads.push(bench.first_head())) >= plain + 16 * frame);
         assert!(grown(&|bench| bench.camera.detector.prnu += 0.01) >= plain);
         let ring = Sink::SharedMemory { path: "/dev/shm/x".into(), slots: 64 };
         let ring = SinkSettings { sink: ring, queue_frames: 1 };

@@ -17,6 +17,7 @@ use crate::wiring::run_times::RunTimes;
 use base::clock::Clock;
 use base::time::{Span, Tai};
 use config::{Action, Event};
+use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use crossbeam_channel::{Receiver as Queue, Sender, bounded};
 use frames::report::RunNumbers;
@@ -34,6 +35,7 @@ pub struct Steering {
     attached: Arc<Mutex<Option<Attached>>>,
     newest: Arc<Mutex<NewestFrames>>,
     injected: Arc<Mutex<Vec<(Event, Span)>>>,
+    is_over: Arc<AtomicBool>,
 }
 
 #[derive(Clone)]
@@ -60,7 +62,8 @@ impl Steering {
     /// Of a run that has not begun; frames of its heads are kept in `newest`.
     #[must_use]
     pub fn new(newest: NewestFrames) -> Self {
-        Self { attached: Arc::default(), newest: Arc::new(Mutex::new(newest)), injected: Arc::default() }
+        let newest = Arc::new(Mutex::new(newest));
+        Self { attached: Arc::default(), newest, injected: Arc::default(), is_over: Arc::default() }
     }
 
     /// Keeps the newest frame of each head.
@@ -89,11 +92,18 @@ impl Steering {
     /// The run is over.
     pub(super) fn detach(&self) {
         *lock(&self.attached) = None;
+        self.is_over.store(true, Ordering::SeqCst);
     }
 
     /// Events that were injected so far, as they were placed, and how long after the first exposure each came.
     pub(super) fn injected(&self) -> Vec<(Event, Span)> {
         lock(&self.injected).clone()
+    }
+
+    /// Whether the run has begun, and may be over.
+    #[must_use]
+    pub fn has_begun(&self) -> bool {
+        lock(&self.attached).is_some() || self.is_over.load(Ordering::SeqCst)
     }
 
     fn attached(&self) -> Result<Attached, LoopError> {

@@ -1,19 +1,17 @@
-//! The truth keywords of a frame.
+//! The truth keywords of a frame: the cards of [`crate::sink::facts`], and the map to the sky.
 //!
 //! `DATE-OBS` is the start of the exposure, `T-MID` its middle (the epoch of attitude and truth), both UTC; `MID_NS`
 //! is the middle again, exactly. Angles are in degrees, spans in milliseconds.
 
-use super::card::Header;
+use super::card::{Header, Value};
 use super::image::{Pixels, write_image};
 use super::wcs_cards::push_wcs;
+use crate::sink::active_fault::ActiveFaults;
 use crate::sink::crc32::pixel_crc32;
+use crate::sink::facts::{Card, Fact, FactSource, Form, Part, Scalar, TABLE};
 use crate::sink::frame::{FrameMeta, SentFrame};
-use base::time::Tai;
-use base::units::DAY_S;
+use std::borrow::Cow;
 use std::io::{self, Write};
-
-/// Modified Julian date of 1970-01-01T00:00:00.
-const UNIX_EPOCH_MJD: f64 = 40_587.0;
 
 /// Writes the DN of a frame with its truth keywords.
 ///
@@ -23,12 +21,7 @@ pub fn write_frame(out: impl Write, frame: &SentFrame) -> io::Result<()> {
     let mut header = Header::default();
     header.push("BUNIT", "adu", "digital numbers (DN)");
     push_meta(&mut header, &frame.meta);
-    if let Some(facts) = &frame.meta.facts {
-        header.push("SATURATE", facts.saturation_dn, "[DN] a pixel saturates");
-        header.push("RDNOISE", facts.read_noise_e_rms, "[e-] rms of one pixel");
-    }
-    header.push("NSTARS", frame.truth.len(), "stars in the truth table");
-    header.push("PIXCRC32", pixel_crc32(&frame.image), "CRC-32 of the DN, little-endian, row by row");
+    push_part(&mut header, &FactSource::of_frame(frame, Some(pixel_crc32(&frame.image))), Part::Detector);
     write_image(out, frame.image.width(), frame.image.height(), Pixels::U16(frame.image.pixels()), &header)
 }
 
@@ -49,123 +42,68 @@ pub fn write_electrons(
     write_image(out, width, height, pixels, &header)
 }
 
-/// Adds everything that is known about a frame.
+/// Adds everything that is known about a frame without its pixels.
 pub fn push_meta(header: &mut Header, meta: &FrameMeta) {
     header.push("CREATOR", concat!("starloop ", env!("CARGO_PKG_VERSION")), "");
-    header.push("INSTRUME", &*meta.camera, "camera");
-    header.push("FRAME", meta.number, "frame number in the run");
-    push_time(header, meta);
-    push_attitude(header, meta);
-    push_origin(header, meta);
-    push_optics(header, meta);
+    for part in Part::OF_EVERY_FILE {
+        if part == Part::Attitude {
+            header.comment("Attitude at mid-exposure, sensor_from_icrf: Hamilton, scalar first,");
+            header.comment("passive: v_sensor = q v_icrf conj(q). +Z boresight, +X right, +Y down.");
+        }
+        push_part(header, &FactSource::of_meta(meta), part);
+    }
     if let Some(wcs) = &meta.wcs {
         push_wcs(header, wcs);
     }
 }
 
-fn push_time(header: &mut Header, meta: &FrameMeta) {
-    let start = meta.exposure_start();
-    header.push("TIMESYS", "UTC", "");
-    header.push("DATE-OBS", utc_text(start), "[UTC] start of exposure");
-    header.push("MJD-OBS", mjd(start), "[d] UTC, start of exposure");
-    for (name, at, what) in [
-        ("BEG", start, "start of exposure"),
-        ("AVG", meta.mid_exposure, "mid-exposure"),
-        ("END", meta.exposure_end(), "end of exposure"),
-    ] {
-        header.push(&format!("DATE-{name}"), utc_text(at), &format!("[UTC] {what}"));
-        header.push(&format!("MJD-{name}"), mjd(at), &format!("[d] UTC, {what}"));
-    }
-    header.push("T-MID", utc_text(meta.mid_exposure), "[UTC] mid-exposure");
-    header.push("MID_NS", meta.mid_exposure.ns(), "[ns] mid-exposure, TAI since 1970.0 TAI");
-    header.push("EXPTIME", meta.exposure_s, "[s] integration time");
-}
-
-/// Modified Julian date, UTC.
-fn mjd(at: Tai) -> f64 {
-    UNIX_EPOCH_MJD + at.unix_s() / DAY_S
-}
-
-/// Pixels and focal length, as readers of other cameras' files look for them.
-fn push_optics(header: &mut Header, meta: &FrameMeta) {
-    let Some(facts) = &meta.facts else { return };
-    let pitch_um = facts.pixel_pitch_um * f64::from(meta.binning);
-    header.push("XPIXSZ", pitch_um, "[um] width of a pixel of the image, binned");
-    header.push("YPIXSZ", pitch_um, "[um] height of a pixel of the image, binned");
-    header.push("FOCALLEN", facts.focal_length_mm, "[mm] focal length");
-}
-
-fn push_attitude(header: &mut Header, meta: &FrameMeta) {
-    header.comment("Attitude at mid-exposure, sensor_from_icrf: Hamilton, scalar first,");
-    header.comment("passive: v_sensor = q v_icrf conj(q). +Z boresight, +X right, +Y down.");
-    for (keyword, q) in ["QW", "QX", "QY", "QZ"].into_iter().zip(meta.attitude_wxyz) {
-        header.push(keyword, q, "sensor_from_icrf");
-    }
-    header.push("RA_DEG", meta.ra_deg, "[deg] boresight, ICRF");
-    header.push("DEC_DEG", meta.dec_deg, "[deg] boresight, ICRF");
-    header.push("ROLL_DEG", meta.roll_deg, "[deg] image up, east of north");
-    for (keyword, rate) in ["RATE_X", "RATE_Y", "RATE_Z"].into_iter().zip(meta.rate_deg_s) {
-        header.push(keyword, rate, "[deg/s] sensor axes, w.r.t. ICRF");
+fn push_part(header: &mut Header, source: &FactSource<'_>, part: Part) {
+    for row in TABLE.iter().filter(|row| row.part == part) {
+        let fact = (row.value)(source);
+        for (element, card) in row.fits.iter().enumerate() {
+            if let (Fact::Active(active), Form::Plain) = (fact, card.1) {
+                push_active(header, card, active);
+            } else {
+                push_card(header, card, fact, element);
+            }
+        }
     }
 }
 
-fn push_origin(header: &mut Header, meta: &FrameMeta) {
-    header.push("SEED", meta.seed, "of the sensor's patterns and of faults");
-    header.push("NOISSEED", meta.noise_seed, "of the exposure's noise, with FRAME");
-    header.push("LATE_MS", meta.lateness.ms(), "[ms] completion - deadline");
-    header.push("AGE_MS", meta.attitude_age.ms(), "[ms] age of the newest attitude");
-    header.push("HORIZ_MS", meta.horizon.ms(), "[ms] newest attitude to mid-exposure");
-    header.push("ENDHZ_MS", meta.end_horizon.ms(), "[ms] newest attitude to end of exposure");
-    header.push("PARTEXTR", meta.is_partly_extrapolated, "an end of the exposure is extrapolated");
-    header.push("RESIDAS", meta.residual_arcsec, "[arcsec] motion beyond rate, acceleration");
-    header.push("JITMIS", meta.jitter_missing.ms(), "[ms] of exposure without jitter samples");
-    header.push("BACKEND", meta.backend, "render backend");
-    header.push("METHOD", meta.method, "smear method");
-    header.push("RUNG", meta.rung, "degraded so far to be in time");
-    header.push("NLEFTOUT", meta.left_out_stars, "stars left out");
-    header.push("LEFTOUTE", meta.left_out_e, "[e-] of the stars left out");
-    header.push("NOCCULT", meta.occulted_stars, "stars behind Earth or Moon");
-    header.push("OVLOSTE", meta.overlap_lost_e, "[e-] lost where targets cover stars");
-    header.push("ORIGIN", meta.origin, "of the attitude");
-    header.push("FAULTS", meta.faults.to_string(), "active faults");
-    header.push("FAULTBIT", meta.faults.bits(), "active faults as bits");
-    header.push("NFAULTS", meta.active.count(), "faults of frames and imaging, numbers below");
-    for (place, fault) in (1..).zip(meta.active.named()) {
-        let (value, unit) = (fault.amount.value, fault.amount.unit);
-        header.push(&format!("FLT{place}"), fault.name, "commanded fault");
-        header.push(&format!("FLT{place}NUM"), u32::from(fault.number), "its number in the run's list");
-        header.push(&format!("FLT{place}VAL"), value, unit);
-    }
-    if meta.gain_e_per_dn.is_finite() {
-        header.push("GAIN", meta.gain_e_per_dn, "[e-/DN]");
-    } else {
-        header.push("DNKIND", "LUMCODE", "codes of luminance, not in proportion to light");
-    }
-    header.push("BLACKLVL", meta.black_level_dn, "[DN] black level");
-    if meta.binning > 1 {
-        header.push("XBINNING", meta.binning, "sensor pixels per pixel, along rows");
-        header.push("YBINNING", meta.binning, "sensor pixels per pixel, along columns");
-    }
-    if meta.window_px != [0; 2] {
-        header.push("WINDOW_X", meta.window_px[0], "[px] first sensor column, from 0");
-        header.push("WINDOW_Y", meta.window_px[1], "[px] first sensor row, from 0");
-    }
-    header.push("ROWORDER", "TOP-DOWN", "first row is the top; FITS pixel = px + 1");
+fn push_card(header: &mut Header, Card(keyword, form, comment): &Card, fact: Fact<'_>, element: usize) {
+    let value = match fact.element(element, *form) {
+        Scalar::Absent => return,
+        Scalar::Flag(is_so) => Value::Logical(is_so),
+        Scalar::Whole(number) => Value::Integer(number),
+        Scalar::Real(number) => Value::Real(number),
+        Scalar::Text(text) => Value::Text(without_zone(text, fact)),
+    };
+    header.push(keyword, value, comment);
 }
 
 /// UTC as FITS writes it: no zone letter.
-fn utc_text(at: Tai) -> String {
-    at.to_rfc3339().trim_end_matches('Z').to_owned()
+fn without_zone<'a>(text: Cow<'a, str>, fact: Fact<'_>) -> Cow<'a, str> {
+    if matches!(fact, Fact::Time(_)) { text.trim_end_matches('Z').to_owned().into() } else { text }
+}
+
+/// Adds the name, the number and the amount of each fault.
+fn push_active(header: &mut Header, Card(keyword, _, comment): &Card, active: &ActiveFaults) {
+    for (place, fault) in (1..).zip(active.named()) {
+        header.push(&format!("{keyword}{place}"), fault.name, comment);
+        header.push(&format!("{keyword}{place}NUM"), u32::from(fault.number), "its number in the run's list");
+        header.push(&format!("{keyword}{place}VAL"), fault.amount.value, fault.amount.unit);
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::card::Value;
     use super::super::read::OwnedPixels;
     use super::super::read_image;
     use super::*;
     use crate::sink::sample::sample_frame;
     use base::image::ElectronImage;
+    use base::time::Tai;
+    use base::units::DAY_S;
 
     fn round_trip(frame: &SentFrame) -> super::super::FitsImage {
         let mut bytes = Vec::new();

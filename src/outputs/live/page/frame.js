@@ -36,6 +36,15 @@ function drawFrame(picture, truth) {
   drawOverlay();
 }
 
+// Shows no picture: the one of another head must not stay under this one's name.
+function clearFrame() {
+  const canvas = byId("frame");
+  canvas.getContext("2d").clearRect(0, 0, canvas.width, canvas.height);
+  delete canvas.dataset.number;
+  shownTruth = null;
+  drawOverlay();
+}
+
 function drawOverlay() {
   const { pen, width, height } = cleared(byId("overlay"));
   if (!shownTruth || !byId("overlay-on").checked) return;
@@ -69,11 +78,17 @@ function drawSmear(pen, star, [x, y], scale) {
   line(pen, [[x - dx, y - dy], [x + dx, y + dy]]);
 }
 
+function tellNoFrame() {
+  for (const name of ["number", "utc"]) byId(name).textContent = "–";
+  for (const name of ["frame-facts", "pointing"]) byId(name).textContent = "\u00a0";
+  byId("faults").replaceChildren();
+}
+
 function tellFrame(state) {
   const frame = state.frame;
   const left_out = frame.left_out_stars ? `, ${frame.left_out_stars} left out` : "";
   byId("frame-facts").textContent =
     `${frame.stars} stars${left_out} · exposure ${shortMs(frame.exposure_s * 1000)} · ${frame.method} on ${frame.backend}` +
     ` · attitude ${frame.origin}, ${shortMs(Math.max(frame.attitude_age_ms, 0))} old · rung ${frame.rung}`;
-  byId("frame").setAttribute("aria-label", `Frame ${frame.number} with ${frame.stars} stars`);
+  byId("frame").setAttribute("aria-label", `Frame ${frame.number} of ${state.name} with ${frame.stars} stars`);
 }

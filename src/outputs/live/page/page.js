@@ -17,8 +17,11 @@ async function ask(address) {
 }
 
 function show(state) {
+  // An answer from before another head was chosen.
+  if (state.head !== chosenHead) return;
   lastState = state;
-  byId("bench").textContent = `${state.bench} · ${state.camera}`;
+  const head = state.heads.length > 1 ? ` · ${state.name}` : "";
+  byId("bench").textContent = `${state.bench} · ${state.camera}${head}`;
   document.title = state.frame ? `starloop ${state.frame.number}` : "starloop";
   if (state.run) {
     tellCounts(state.run);
@@ -30,8 +33,11 @@ function show(state) {
     tellFrame(state);
     tellPointing(state.frame);
     tellFaults(state.frame);
-    rememberPointing(state.frame);
+  } else {
+    tellNoFrame();
   }
+  state.heads.forEach(rememberPointing);
+  tellHeads(state.heads);
   drawAll();
 }
 
@@ -52,8 +58,7 @@ function signal() {
     return ["lost", frame ? `no signal since ${clock(frame.taken_utc)}` : "no signal"];
   }
   if (!frame) return ["quiet", "waiting for the first frame"];
-  const quiet_s = Math.max(2, (3 * lastState.frame_period_ms) / 1000);
-  if (frame.age_s > quiet_s) return ["stale", `no new frame since ${clock(frame.taken_utc)}`];
+  if (isStale(lastState)) return ["stale", `no new frame since ${clock(frame.taken_utc)}`];
   return ["live", "live"];
 }
 
@@ -68,8 +73,10 @@ function tellSignal() {
 async function followState() {
   for (;;) {
     try {
-      const answer = await ask("state.json");
+      const answer = await ask("state.json?head=" + chosenHead);
       if (answer.ok) show(await answer.json());
+      // Another run listens here now, with fewer heads.
+      if (answer.status === 404) chooseHead(0);
     } catch (_nobody_answers) {
       await pause(1000);
     }
@@ -79,15 +86,19 @@ async function followState() {
 }
 
 async function newPicture() {
-  const wanted = stretchQuery();
-  const count = lastState && lastState.frame ? lastState.frame.count : 0;
+  const head = chosenHead;
+  const wanted = `head=${head}&${stretchQuery()}`;
+  const count = lastState && lastState.head === head && lastState.frame ? lastState.frame.count : 0;
   if (!count || pictureOf === `${count} ${wanted}`) return;
   const answer = await ask("frame.png?" + wanted);
   if (!answer.ok) return;
   const number = answer.headers.get("starloop-frame");
   const picture = await createImageBitmap(await answer.blob());
-  const truth = await ask("truth.json?frame=" + number);
-  drawFrame(picture, truth.ok ? await truth.json() : null);
+  const answered = await ask(`truth.json?head=${head}&frame=${number}`);
+  const truth = answered.ok ? await answered.json() : null;
+  if (head !== chosenHead) return;
+  drawFrame(picture, truth);
+  drawTile(head, picture);
   byId("frame").dataset.number = number;
   pictureOf = `${count} ${wanted}`;
 }
@@ -96,6 +107,7 @@ async function followPicture() {
   for (;;) {
     try {
       await newPicture();
+      await newTilePicture();
     } catch (_nobody_answers) {
       await pause(1000);
     }

@@ -3,7 +3,8 @@
 
 const DEG = Math.PI / 180;
 const TRAIL_MAX = 900;
-const trail = [];
+// By head.
+const trails = new Map();
 
 // North galactic pole and obliquity of the ecliptic, ICRF axes (J2000), deg.
 const GALACTIC_POLE = [192.85948, 27.12825];
@@ -56,8 +57,10 @@ function fieldOutline(attitude, [across, down]) {
   return [0, 1, 2, 3].map((i) => side(corners[i], corners[i + 1]));
 }
 
-function rememberPointing(frame) {
-  if (frame.ra_deg === null || frame.dec_deg === null) return;
+function rememberPointing({ head, frame }) {
+  if (!frame || frame.ra_deg === null || frame.dec_deg === null) return;
+  if (!trails.has(head)) trails.set(head, []);
+  const trail = trails.get(head);
   const last = trail[trail.length - 1];
   if (last && Math.abs(last[0] - frame.ra_deg) < 0.02 && Math.abs(last[1] - frame.dec_deg) < 0.02) return;
   trail.push([frame.ra_deg, frame.dec_deg]);
@@ -96,7 +99,9 @@ function drawSky(state) {
   drawNamedCircles(pen, draw);
   drawGridLabels(pen, place);
   drawLegend(pen, height);
-  if (state.frame && state.frame.ra_deg !== null) drawField(pen, place, draw, state);
+  const seen = (head) => head.frame && head.frame.ra_deg !== null;
+  state.heads.filter((head) => head.head !== state.head && seen(head)).forEach((head) => drawOtherField(pen, draw, head));
+  if (seen(state)) drawField(pen, place, draw, state);
 }
 
 function drawNamedCircles(pen, draw) {
@@ -131,12 +136,19 @@ function drawLegend(pen, height) {
   });
 }
 
+// The field of a head that is not the chosen one.
+function drawOtherField(pen, draw, { frame, field_deg }) {
+  pen.strokeStyle = colours.dim;
+  pen.lineWidth = 1;
+  fieldOutline(frame.attitude_wxyz, field_deg).forEach(draw);
+}
+
 function drawField(pen, place, draw, state) {
   const frame = state.frame;
   pen.lineJoin = "round";
   pen.strokeStyle = colours.blue;
   pen.globalAlpha = 0.5;
-  draw(trail);
+  draw(trails.get(state.head) || []);
   pen.globalAlpha = 1;
   pen.lineWidth = 1.5;
   pen.strokeStyle = colours.text;

@@ -45,7 +45,10 @@ function drawStage(pen, stage, x, [top, step], due_ms) {
 
 function drawLateness(state) {
   const { pen, width, height } = cleared(byId("lateness"));
-  if (!state.lateness) return;
+  if (!state.lateness) {
+    byId("lateness-facts").textContent = "";
+    return;
+  }
   const { counts, reach_ms } = state.lateness;
   const foot = 15, step = width / counts.length, most = Math.max(...counts, 1);
   counts.forEach((count, i) => {
@@ -67,7 +70,12 @@ function drawLateness(state) {
   pen.fillText("due", width / 2, height - 6);
   pen.textAlign = "right";
   pen.fillText("+" + shortMs(reach_ms), width, height - 6);
-  const total = counts.reduce((a, b) => a + b, 0);
-  const late = counts.slice(counts.length / 2).reduce((a, b) => a + b, 0);
+  const [late, total] = lateOf(state.lateness);
   byId("lateness-facts").textContent = `${late} of ${total} late`;
+}
+
+// Frames after their deadline, and all.
+function lateOf({ counts }) {
+  const sum = (some) => some.reduce((a, b) => a + b, 0);
+  return [sum(counts.slice(counts.length / 2)), sum(counts)];
 }

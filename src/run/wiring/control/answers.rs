@@ -70,8 +70,12 @@ pub(super) fn hello(scenario: &Scenario, instants: &Instants, clock: &str) -> Va
 /// Counts so far; `mode` is that of the flight computer where a spacecraft is flown.
 pub(super) fn state(numbers: &RunNumbers, instants: &Instants, mode: Option<Mode>, is_finished: bool) -> Value {
     let frames = numbers.frames;
-    let events: Map<String, Value> =
-        numbers.events.iter().filter(|(_, count)| *count > 0).map(|(name, count)| (name.into(), count.into())).collect();
+    let events: Map<String, Value> = numbers
+        .events
+        .iter()
+        .filter(|(_, count)| *count > 0)
+        .map(|(name, count)| (name.into(), count.into()))
+        .collect();
     json!({
         "now_s": instants.now_s(),
         "finished": is_finished,

@@ -66,9 +66,6 @@ pub enum ControlError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// The loop failed while it was stepped.
-    #[error(transparent)]
-    Loop(#[from] LoopError),
 }
 
 /// How a session ended.
@@ -151,7 +148,7 @@ impl ControlSession {
     ///
     /// # Errors
     /// When the loop failed; the client has been told.
-    pub fn serve(&mut self, stage: &mut Stage<'_>) -> Result<SessionEnd, ControlError> {
+    pub fn serve(&mut self, stage: &mut Stage<'_>) -> Result<SessionEnd, LoopError> {
         if let Some(id) = self.hello.take() {
             self.socket.send(&told(id, hello(stage)));
         }
@@ -172,7 +169,7 @@ impl ControlSession {
                 Err(Refusal::Request(why)) => self.socket.send(&refused(id, &why)),
                 Err(Refusal::Loop(error)) => {
                     self.socket.send(&refused(id, &format!("the run failed and is over: {error}")));
-                    return Err(error.into());
+                    return Err(error);
                 }
             }
             if stage.stop.load(Ordering::SeqCst) {

@@ -4,8 +4,9 @@ use crate::wiring::control::base64;
 use crate::wiring::control::output::write_below;
 use base::time::Tai;
 use frames::sink::crc32::{RunCrc32, pixel_crc32};
-use frames::sink::{FrameMeta, SentFrame, fits};
-use serde_json::{Value, json};
+use frames::sink::facts::{FactSource, json_keys};
+use frames::sink::{SentFrame, fits};
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// Frames of all heads.
@@ -81,37 +82,30 @@ impl NewestFrames {
     }
 }
 
+/// Returns the facts of a frame that [`frames::sink::facts`] has for the control socket, and its time since the run's zero.
 fn described(frame: &SentFrame, zero: Tai) -> Value {
-    let faults: Vec<&str> = frame.meta.faults.names().collect();
-    json!({
-        "number": frame.meta.number,
-        "mid_exposure_s": (frame.meta.mid_exposure - zero).s(),
-        "width": frame.image.width(),
-        "height": frame.image.height(),
-        "faults": faults,
-        "crc32": format!("{:08x}", pixel_crc32(&frame.image)),
-        "meta": meta(&frame.meta, frame.truth.len()),
-    })
+    let source = FactSource::of_frame(frame, Some(pixel_crc32(&frame.image)));
+    let mut answer = Value::Object(json_keys(&source, |row| row.control));
+    answer["mid_exposure_s"] = (frame.meta.mid_exposure - zero).s().into();
+    answer["meta"] = json_keys(&source, |row| row.control_meta).into();
+    answer
 }
 
-fn meta(meta: &FrameMeta, stars: usize) -> Value {
-    json!({
-        "mid_exposure_utc": meta.mid_exposure.to_rfc3339(),
-        "exposure_s": meta.exposure_s,
-        "attitude_wxyz": meta.attitude_wxyz,
-        "ra_deg": meta.ra_deg,
-        "dec_deg": meta.dec_deg,
-        "roll_deg": meta.roll_deg,
-        "rate_deg_s": meta.rate_deg_s,
-        "attitude_age_s": meta.attitude_age.s(),
-        "horizon_s": meta.horizon.s(),
-        "origin": meta.origin,
-        "method": meta.method,
-        "rung": meta.rung,
-        "backend": meta.backend,
-        "camera": &*meta.camera,
-        "gain_e_per_dn": meta.gain_e_per_dn,
-        "black_level_dn": meta.black_level_dn,
-        "stars": stars,
-    })
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use base::time::Span;
+    use frames::sink::sample::{bare_sample_frame, compare_with_pinned, differs_from_pinned, sample_frame};
+
+    #[test]
+    fn answer_about_a_frame_is_as_pinned() {
+        for (name, frame) in [("control.json", sample_frame(7)), ("control_bare.json", bare_sample_frame(8))] {
+            let zero = frame.meta.mid_exposure - Span::from_ms(1250);
+            let mut kept = NewestFrames::new(1, None);
+            kept.keep(0, &frame);
+            let text = serde_json::to_string_pretty(&described(kept.heads[0].newest.as_ref().unwrap(), zero)).unwrap();
+            compare_with_pinned(name, &(text.clone() + "\n")).unwrap();
+            assert!(differs_from_pinned(name, &text.replace("rung", "level")), "control: another key");
+        }
+    }
 }

@@ -8,11 +8,22 @@ use crate::wiring::control::protocol::Request;
 use crate::wiring::steering::Steering;
 use base::time::Span;
 use config::{Event, Plant, Scenario};
+use core::time::Duration;
 use serde_json::{Value, json};
 use std::sync::PoisonError;
 use testbed::vehicle::Vehicle;
 
+/// A client that comes before the run begins waits for it so long.
+const BEGINS_WITHIN: Duration = Duration::from_secs(30);
+/// How often that is looked at.
+const LOOK: Duration = Duration::from_millis(10);
+
 pub(super) fn hello(scenario: &Scenario, steering: &Steering) -> Result<Value, String> {
+    let mut waited = Duration::ZERO;
+    while !steering.has_begun() && waited < BEGINS_WITHIN {
+        std::thread::sleep(LOOK);
+        waited += LOOK;
+    }
     Ok(answers::hello(scenario, &instants(steering)?, "real"))
 }
 
@@ -50,9 +61,8 @@ pub(super) fn answer(request: &Request, scenario: &Scenario, steering: &Steering
         }
         Request::Estimate => {
             let instants = instants(steering)?;
-            let look = move |far: &mut crate::wiring::far_side::FarSide| {
-                answers::estimate(far.vehicle(), mounting, &instants)
-            };
+            let look =
+                move |far: &mut crate::wiring::far_side::FarSide| answers::estimate(far.vehicle(), mounting, &instants);
             steering.on_far_end(look).map_err(|error| error.to_string())
         }
         Request::Frame { head, path } => {

@@ -7,7 +7,7 @@
 use super::injected::{Injected, KeptEvent};
 use super::{ReplayError, RowCounts, SESSION_FILE};
 use base::time::Tai;
-use config::{Backend, Document, Event, PackedDocuments, Scenario, Setting, duration_key};
+use config::{Backend, Document, Event, PackedDocuments, Scenario, Setting};
 use frames::sink::replace_own_file;
 use link::capture::CaptureFormat;
 use plan::exposure::cost::CostModel;
@@ -185,15 +185,12 @@ impl Session {
         Tai::from_ns(self.start_tai_ns)
     }
 
-    /// The run file, checked with the run's duration where the file leaves that to the command line: an event may come after
-    /// the end of what is written, and a part of a run that was cut short may not check.
+    /// The run file, checked with the run's duration.
     fn checked(&self) -> Result<Scenario, ReplayError> {
         let document = Document::packed(self.run_file.clone())?;
         let settings: Vec<Setting> = self.settings.iter().map(|text| Setting::parse(text)).collect::<Result<_, _>>()?;
-        let duration = Setting::parse(&format!("{}={}", duration_key(&document), self.duration_s))?;
-        let cut = [settings.clone(), vec![duration]].concat();
-        let as_written = |_| Scenario::from_document(&document.clone().with_settings(settings));
-        Ok(Scenario::from_document(&document.clone().with_settings(cut)).or_else(as_written)?)
+        let duration_s = number("duration_s", &self.duration_s)?;
+        Ok(Scenario::from_document_lasting(document.with_settings(settings), duration_s)?)
     }
 
     /// Those of the run's events that the file alone does not have.

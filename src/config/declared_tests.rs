@@ -1,0 +1,126 @@
+//! Reference, schema and templates say what the program reads: no key more, no key less.
+
+use crate::bench::BenchKeys;
+use crate::camera::CameraKeys;
+use crate::declared::{Declared, Key, Presence, declared};
+use crate::key_type::Shape;
+use crate::link_keys::LinkTable;
+use crate::scenario::ScenarioKeys;
+use crate::spacecraft::SpacecraftKeys;
+use crate::template::sample;
+use crate::{Camera, Document, FileKind, Scenario, Spacecraft, key_reference, key_schema, key_template};
+use std::path::Path;
+
+/// Reads a text as the tables of a kind, without checking it.
+fn read(kind: FileKind, text: &str) -> Result<(), String> {
+    let document = Document::from_text(text, Path::new("lab/file.toml"));
+    match kind {
+        FileKind::Bench => document.read_as::<BenchKeys>().map(drop),
+        FileKind::Scenario => document.read_as::<ScenarioKeys>().map(drop),
+        FileKind::Camera => document.read_as::<CameraKeys>().map(drop),
+        FileKind::Link => document.read_as::<LinkTable>().map(drop),
+        FileKind::Spacecraft => document.read_as::<SpacecraftKeys>().map(drop),
+    }
+    .map_err(|error| error.to_string())
+}
+
+/// Calls `visit` with the header of each table that has one form, and what is declared there.
+fn each_table(declared: &Declared, path: &str, header: &str, visit: &mut impl FnMut(&str, &Declared)) {
+    visit(header, declared);
+    for table in &declared.tables {
+        let path = if path.is_empty() { table.name.to_owned() } else { format!("{path}.{}", table.name) };
+        let header = match table.presence {
+            Presence::List | Presence::ListOrFiles => format!("[[{path}]]\n"),
+            Presence::Once | Presence::Optional | Presence::OrFile => format!("[{path}]\n"),
+        };
+        if let [form] = table.forms.as_slice() {
+            each_table(form, &path, &header, visit);
+        }
+    }
+}
+
+#[test]
+fn the_guide_has_the_page_that_the_program_prints() {
+    let page = include_str!("../guide/keys.md");
+    assert!(page == key_reference(&FileKind::ALL), "write it again: starloop keys > src/guide/keys.md");
+}
+
+#[test]
+fn every_declared_key_is_read_where_it_is_declared() {
+    let mut seen = 0;
+    for kind in FileKind::ALL {
+        each_table(&declared(kind), "", "", &mut |header, declared| {
+            for Key { name, shape, .. } in &declared.keys {
+                let text = format!("{header}{name} = {}\n", sample(shape));
+                read(kind, &text).unwrap_or_else(|error| panic!("{text}: {error}"));
+                let wrong = if matches!(shape, Shape::Flag) { "7" } else { "{ no = true }" };
+                read(kind, &format!("{header}{name} = {wrong}\n")).expect_err("another type");
+                seen += 1;
+            }
+        });
+    }
+    assert!(seen > 300, "{seen} keys");
+}
+
+#[test]
+fn every_key_that_is_read_is_declared() {
+    for kind in FileKind::ALL {
+        each_table(&declared(kind), "", "", &mut |header, declared| {
+            let error = read(kind, &format!("{header}no_such_key = 1\n")).expect_err("unknown");
+            let (_, known) = error.split_once("known here: ").expect("a list");
+            let tables = declared.tables.iter().map(|table| table.name);
+            let names: Vec<&str> = declared.keys.iter().map(|key| key.name).chain(tables).collect();
+            assert_eq!(known, names.join(", "), "{header}");
+        });
+    }
+}
+
+#[test]
+fn every_key_has_a_sentence_and_a_default_within_its_limit() {
+    let mut page = String::new();
+    for kind in FileKind::ALL {
+        each_table(&declared(kind), "", "", &mut |header, declared| {
+            for key in &declared.keys {
+                assert!(
+                    key.sentence.ends_with('.') && key.sentence.len() > 5,
+                    "{header}{}: {}",
+                    key.name,
+                    key.sentence
+                );
+                page.push_str(key.name);
+            }
+        });
+    }
+    assert!(page.contains("exposure_s"));
+}
+
+#[test]
+fn templates_check_as_they_are_printed() {
+    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
+    let document = |kind: FileKind, folder: &str| {
+        Document::from_text(&key_template(kind), &configs.join(folder).join("template.toml"))
+    };
+    Camera::from_document(&document(FileKind::Camera, "cameras")).unwrap();
+    Scenario::from_document(&document(FileKind::Bench, "benches")).unwrap();
+    Scenario::from_document(&document(FileKind::Scenario, "scenarios")).unwrap();
+    Spacecraft::from_document(&document(FileKind::Spacecraft, "spacecraft")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("link.toml"), key_template(FileKind::Link)).unwrap();
+    let bench = Document::from_text("link = \"link.toml\"\n", &folder.path().join("bench.toml"));
+    Scenario::from_document(&bench).unwrap();
+    // Control: a template without what must be given does not check.
+    let bare = key_template(FileKind::Camera).replace("focal_length_mm = 50.0", "");
+    Camera::from_document(&Document::from_text(&bare, Path::new("bare.toml"))).unwrap_err();
+}
+
+#[test]
+fn a_schema_has_ranges_words_defaults_and_what_must_be_given() {
+    let schema = key_schema(FileKind::Camera);
+    assert_eq!(schema["required"], serde_json::json!(["detector", "optics"]));
+    let detector = &schema["properties"]["detector"];
+    assert_eq!(detector["additionalProperties"], false);
+    let bits = &detector["properties"]["bits"];
+    assert_eq!((&bits["minimum"], &bits["maximum"], &bits["default"]), (&1.into(), &16.into(), &12.into()));
+    assert_eq!(detector["properties"]["rounding"]["enum"], serde_json::json!(["nearest", "truncate"]));
+    assert!(bits["description"].as_str().unwrap().contains("converter"));
+}

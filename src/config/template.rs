@@ -1,0 +1,127 @@
+//! Templates of files: every key with what it means, commented out.
+
+use crate::check::Rule;
+use crate::declared::{Declared, Key, Presence, Table, declared};
+use crate::file_kind::FileKind;
+use crate::key::Preset;
+use crate::key_type::Shape;
+use core::fmt::Write;
+
+/// Columns of a line of comment.
+const COLUMNS: usize = 100;
+
+/// Values of keys that must be given.
+const EXAMPLES: [(&str, &str); 8] = [
+    ("bench", "\"../benches/closed_loop.toml\""),
+    ("spacecraft", "\"../spacecraft/smallsat.toml\""),
+    ("target.ra_deg", "84.0"),
+    ("target.dec_deg", "-1.2"),
+    ("detector.width_px", "1024"),
+    ("detector.height_px", "1024"),
+    ("optics.focal_length_mm", "50.0"),
+    ("body.inertia_kg_m2", "[[5.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 0.0, 5.0]]"),
+];
+
+/// Returns a file of this kind with every key commented out but those that must be given.
+#[must_use]
+pub fn key_template(kind: FileKind) -> String {
+    let mut text = String::new();
+    comment(&mut text, &format!("A {} file: remove the # before a key to change its value.", kind.name()));
+    if kind == FileKind::Scenario {
+        comment(&mut text, "The paths are those of a file in configs/scenarios.");
+    }
+    text.push('\n');
+    write_table(&mut text, &declared(kind), "", true);
+    text
+}
+
+fn write_table(text: &mut String, declared: &Declared, path: &str, is_live: bool) {
+    for key in &declared.keys {
+        write_key(text, key, path, is_live);
+    }
+    for table in &declared.tables {
+        let path = if path.is_empty() { table.name.to_owned() } else { format!("{path}.{}", table.name) };
+        let is_live = is_live && matches!(table.presence, Presence::Once | Presence::OrFile);
+        text.push('\n');
+        comment(text, table.sentence);
+        let header = match table.presence {
+            Presence::List | Presence::ListOrFiles => format!("[[{path}]]"),
+            Presence::Once | Presence::Optional | Presence::OrFile => format!("[{path}]"),
+        };
+        line(text, &header, is_live);
+        write_forms(text, table, &path, is_live);
+    }
+}
+
+fn write_forms(text: &mut String, table: &Table, path: &str, is_live: bool) {
+    for (place, form) in table.forms.iter().enumerate() {
+        if place == 0 {
+            write_table(text, form, path, is_live);
+            continue;
+        }
+        if let Some(Key { name, shape: Shape::Words(words), .. }) = form.keys.first() {
+            text.push('\n');
+            comment(text, &format!("With {name} = \"{}\":", words.concat()));
+        }
+        for key in form.keys.iter().filter(|key| !table.is_common(key)) {
+            write_key(text, key, path, false);
+        }
+    }
+}
+
+fn write_key(text: &mut String, key: &Key, path: &str, is_live: bool) {
+    let unit = key.unit().map(|unit| format!(", {unit}")).unwrap_or_default();
+    let without = match &key.preset {
+        Preset::Computed(text) => format!(" Without it: {text}."),
+        Preset::Optional => " Without it: none.".to_owned(),
+        Preset::Needed | Preset::Noted(_) | Preset::Silent(_) => String::new(),
+    };
+    comment(text, &format!("{} Value: {}{unit}.{without}", key.meaning(), key.shape));
+    let full = if path.is_empty() { key.name.to_owned() } else { format!("{path}.{}", key.name) };
+    let example = EXAMPLES.iter().find(|(known, _)| *known == full).map(|(_, value)| (*value).to_owned());
+    let is_needed = matches!(key.preset, Preset::Needed);
+    let value = match (&key.preset, example) {
+        (Preset::Noted(default) | Preset::Silent(default), _) => default.to_string(),
+        (_, Some(example)) => example,
+        (_, None) => sample(&key.shape),
+    };
+    line(text, &format!("{} = {value}", key.name), is_live && is_needed);
+}
+
+/// A value of this form.
+pub(super) fn sample(shape: &Shape) -> String {
+    match shape {
+        Shape::Number(Rule::Within(least, most)) if !(*least..=*most).contains(&1.0) => format!("{least:?}"),
+        Shape::Number(Rule::PositiveUpTo(most)) if *most < 1.0 => format!("{most:?}"),
+        Shape::Number(_) => "1.0".into(),
+        Shape::Whole(range) => (*range.start()).max(1.min(*range.end())).to_string(),
+        Shape::Words(words) => format!("\"{}\"", words.first().unwrap_or(&"")),
+        Shape::Text(_) => "\"\"".into(),
+        Shape::Flag => "true".into(),
+        Shape::Row(count, of) => format!("[{}]", vec![sample(of); *count].join(", ")),
+        Shape::List(of) => format!("[{}]", sample(of)),
+        Shape::Either(forms) => sample(&forms[0]),
+    }
+}
+
+/// A line of TOML, commented out unless it is live.
+fn line(text: &mut String, toml: &str, is_live: bool) {
+    // Writing to a string does not fail.
+    let _ = writeln!(text, "{}{toml}", if is_live { "" } else { "#" });
+}
+
+/// Words of comment, wrapped.
+fn comment(text: &mut String, words: &str) {
+    let mut row = String::from("#");
+    for word in words.split_whitespace() {
+        if row.len() + 1 + word.len() > COLUMNS {
+            text.push_str(&row);
+            text.push('\n');
+            row = String::from("#");
+        }
+        row.push(' ');
+        row.push_str(word);
+    }
+    text.push_str(&row);
+    text.push('\n');
+}

@@ -1,0 +1,285 @@
+//! A fact of a frame, where it comes from, and the forms in which outputs write it.
+
+use crate::sink::active_fault::ActiveFaults;
+use crate::sink::faults::FaultFlags;
+use crate::sink::frame::{FrameMeta, SentFrame};
+use base::time::{Span, Tai};
+use base::units::DAY_S;
+use std::borrow::Cow;
+
+/// Modified Julian date of 1970-01-01T00:00:00.
+const UNIX_EPOCH_MJD: f64 = 40_587.0;
+
+/// What facts are read from.
+#[derive(Debug, Clone, Copy)]
+pub struct FactSource<'a> {
+    /// How the frame came about.
+    pub meta: &'a FrameMeta,
+    /// The frame itself; `None` where only its metadata is known.
+    pub frame: Option<&'a SentFrame>,
+    /// CRC-32 of its pixels; `None` where nobody has computed it.
+    pub pixel_crc32: Option<u32>,
+}
+
+impl<'a> FactSource<'a> {
+    /// The facts of a frame without its pixels.
+    #[must_use]
+    pub const fn of_meta(meta: &'a FrameMeta) -> Self {
+        Self { meta, frame: None, pixel_crc32: None }
+    }
+
+    /// The facts of a whole frame, with the checksum of its pixels where it is known.
+    #[must_use]
+    pub const fn of_frame(frame: &'a SentFrame, pixel_crc32: Option<u32>) -> Self {
+        Self { meta: &frame.meta, frame: Some(frame), pixel_crc32 }
+    }
+}
+
+/// A fact of one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Fact<'a> {
+    /// This frame does not have it.
+    Absent,
+    /// Yes or no.
+    Flag(bool),
+    /// A small number.
+    U32(u32),
+    /// A large number.
+    U64(u64),
+    /// How many.
+    Count(usize),
+    /// A real number.
+    Real(f64),
+    /// Several real numbers.
+    Reals(&'a [f64]),
+    /// Several small numbers.
+    Wholes(&'a [u32]),
+    /// A word.
+    Text(&'a str),
+    /// An instant.
+    Time(Tai),
+    /// A duration.
+    Span(Span),
+    /// A set of commanded faults.
+    Faults(FaultFlags),
+    /// Faults with their numbers.
+    Active(&'a ActiveFaults),
+}
+
+/// What a fact is, for people.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Yes or no.
+    Flag,
+    /// 32 bits.
+    U32,
+    /// 64 bits.
+    U64,
+    /// How many.
+    Count,
+    /// Double precision.
+    Real,
+    /// So many real numbers.
+    Reals(usize),
+    /// So many 32-bit numbers.
+    Wholes(usize),
+    /// A word.
+    Text,
+    /// An instant.
+    Time,
+    /// A duration.
+    Span,
+    /// A set of commanded faults.
+    Faults,
+    /// Faults with their numbers.
+    Active,
+}
+
+impl Kind {
+    /// Returns its name for people.
+    #[must_use]
+    pub fn name(self) -> String {
+        let name = match self {
+            Self::Flag => "bool",
+            Self::U32 => "u32",
+            Self::U64 => "u64",
+            Self::Count => "count",
+            Self::Real => "f64",
+            Self::Reals(count) => return format!("f64[{count}]"),
+            Self::Wholes(count) => return format!("u32[{count}]"),
+            Self::Text => "text",
+            Self::Time => "time",
+            Self::Span => "span",
+            Self::Faults => "set of faults",
+            Self::Active => "list of faults",
+        };
+        name.into()
+    }
+
+    /// Returns true when a fact is of this kind, or absent.
+    #[must_use]
+    pub fn fits(self, fact: Fact<'_>) -> bool {
+        match fact {
+            Fact::Absent => true,
+            Fact::Flag(_) => self == Self::Flag,
+            Fact::U32(_) => self == Self::U32,
+            Fact::U64(_) => self == Self::U64,
+            Fact::Count(_) => self == Self::Count,
+            Fact::Real(_) => self == Self::Real,
+            Fact::Reals(all) => self == Self::Reals(all.len()),
+            Fact::Wholes(all) => self == Self::Wholes(all.len()),
+            Fact::Text(_) => self == Self::Text,
+            Fact::Time(_) => self == Self::Time,
+            Fact::Span(_) => self == Self::Span,
+            Fact::Faults(_) => self == Self::Faults,
+            Fact::Active(_) => self == Self::Active,
+        }
+    }
+}
+
+/// How an output writes a fact.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// As it is: times as UTC text, spans in seconds, sets of faults and lists of faults as text.
+    Plain,
+    /// As it is, and not at all when it is no finite number.
+    Finite,
+    /// An instant as modified Julian date, UTC, days.
+    Mjd,
+    /// An instant (TAI since 1970) or a duration in nanoseconds.
+    Ns,
+    /// A duration in milliseconds.
+    Ms,
+    /// A real number of seconds in microseconds.
+    Us,
+    /// A set of faults as bits.
+    Bits,
+    /// A set of faults as a list of names, where the output has lists; else as text.
+    Names,
+    /// How many faults there are.
+    Number,
+    /// Eight hexadecimal digits.
+    Hex,
+}
+
+/// One element of a fact as an output writes it.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Scalar<'a> {
+    /// Nothing is written.
+    Absent,
+    /// Yes or no.
+    Flag(bool),
+    /// A whole number.
+    Whole(i128),
+    /// A real number.
+    Real(f64),
+    /// Text.
+    Text(Cow<'a, str>),
+}
+
+impl Scalar<'_> {
+    /// Returns the whole number; 0 of everything else.
+    #[must_use]
+    pub fn whole(&self) -> i128 {
+        match self {
+            Self::Whole(number) => *number,
+            Self::Flag(is_so) => i128::from(*is_so),
+            Self::Absent | Self::Real(_) | Self::Text(_) => 0,
+        }
+    }
+
+    /// Returns the real number; no number of everything else.
+    #[must_use]
+    pub fn real(&self) -> f64 {
+        match self {
+            Self::Real(number) => *number,
+            Self::Absent | Self::Flag(_) | Self::Whole(_) | Self::Text(_) => f64::NAN,
+        }
+    }
+
+    /// Returns the text; an empty one of everything else.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        match self {
+            Self::Text(text) => text,
+            Self::Absent | Self::Flag(_) | Self::Whole(_) | Self::Real(_) => "",
+        }
+    }
+}
+
+impl<'a> Fact<'a> {
+    /// Returns how many elements it has: of a list its length, 0 when it is absent, else 1.
+    #[must_use]
+    pub const fn elements(self) -> usize {
+        match self {
+            Self::Absent => 0,
+            Self::Reals(all) => all.len(),
+            Self::Wholes(all) => all.len(),
+            Self::Flag(_)
+            | Self::U32(_)
+            | Self::U64(_)
+            | Self::Count(_)
+            | Self::Real(_)
+            | Self::Text(_)
+            | Self::Time(_)
+            | Self::Span(_)
+            | Self::Faults(_)
+            | Self::Active(_) => 1,
+        }
+    }
+
+    /// Returns one element in a form; a fact that is no list has the same element everywhere. A form that does not go with
+    /// the fact leaves it as it is.
+    #[must_use]
+    pub fn element(self, place: usize, form: Form) -> Scalar<'a> {
+        match self {
+            Self::Absent => Scalar::Absent,
+            Self::Flag(is_so) => Scalar::Flag(is_so),
+            Self::U32(number) if form == Form::Hex => Scalar::Text(format!("{number:08x}").into()),
+            Self::U32(number) => Scalar::Whole(number.into()),
+            Self::U64(number) => Scalar::Whole(number.into()),
+            Self::Count(count) => whole(count),
+            Self::Real(value) => real(value, form),
+            Self::Reals(all) => all.get(place).map_or(Scalar::Absent, |value| real(*value, form)),
+            Self::Wholes(all) => all.get(place).map_or(Scalar::Absent, |value| Scalar::Whole((*value).into())),
+            Self::Text(text) => Scalar::Text(text.into()),
+            Self::Time(at) => time(at, form),
+            Self::Span(span) => duration(span, form),
+            Self::Faults(faults) if form == Form::Bits => Scalar::Whole(faults.bits().into()),
+            Self::Faults(faults) => Scalar::Text(faults.to_string().into()),
+            Self::Active(active) if form == Form::Number => whole(active.count()),
+            Self::Active(active) => Scalar::Text(active.to_string().into()),
+        }
+    }
+}
+
+fn whole<'a>(count: usize) -> Scalar<'a> {
+    Scalar::Whole(i128::try_from(count).unwrap_or(i128::MAX))
+}
+
+fn real<'a>(value: f64, form: Form) -> Scalar<'a> {
+    if form == Form::Finite && !value.is_finite() {
+        return Scalar::Absent;
+    }
+    Scalar::Real(if form == Form::Us { value * 1e6 } else { value })
+}
+
+fn time<'a>(at: Tai, form: Form) -> Scalar<'a> {
+    match form {
+        Form::Mjd => Scalar::Real(UNIX_EPOCH_MJD + at.unix_s() / DAY_S),
+        Form::Ns => Scalar::Whole(at.ns().into()),
+        Form::Plain | Form::Finite | Form::Ms | Form::Us | Form::Bits | Form::Names | Form::Number | Form::Hex => {
+            Scalar::Text(at.to_rfc3339().into())
+        }
+    }
+}
+
+fn duration<'a>(span: Span, form: Form) -> Scalar<'a> {
+    match form {
+        Form::Ns => Scalar::Whole(span.ns().into()),
+        Form::Ms => Scalar::Real(span.ms()),
+        Form::Plain | Form::Finite | Form::Mjd | Form::Us | Form::Bits | Form::Names | Form::Number | Form::Hex => {
+            Scalar::Real(span.s())
+        }
+    }
+}
