@@ -45,6 +45,30 @@ fn a_bench_with_a_spacecraft_is_a_scenario_in_one_file() {
 }
 
 #[test]
+fn an_attitude_history_is_read_and_refused_by_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let read = |rows: &str| {
+        std::fs::write(folder.path().join("attitude.csv"), rows).unwrap();
+        let text = "[plant]\nkind = \"file\"\nattitude = \"attitude.csv\"\n";
+        Scenario::from_document(&Document::from_text(text, &folder.path().join("lab.toml")))
+    };
+    let scenario = read("t_s,qw,qx,qy,qz\n# a comment\n0.0,1,0,0,0\n2.5 0 1 0 0 # later\n").unwrap();
+    let Plant::File(table) = &scenario.plant else { panic!("{:?}", scenario.plant) };
+    assert_eq!(table.span_s(), [0.0, 2.5]);
+    for (rows, part) in [
+        ("0.0,1,0,0\n", "attitude.csv:1"),
+        ("0.0,1,0,0,0\n1.0,2,0,0,0\n", "attitude.csv:2"),
+        ("1.0,1,0,0,0\n0.0,1,0,0,0\n", "rising times"),
+        ("", "0 rows"),
+    ] {
+        let error = read(rows).expect_err(rows).to_string();
+        assert!(error.contains("plant.attitude") && error.contains(part), "{rows:?}: {error}");
+    }
+    assert!(refused("[plant]\nkind = \"file\"\n").contains("plant.attitude"));
+    assert!(refused("[plant]\nattitude = \"x.csv\"\n").contains("plant.attitude is given"));
+}
+
+#[test]
 fn kinds_that_contradict_the_file_are_refused() {
     for (text, part) in [
         ("[plant]\nkind = \"vehicle\"\n", "name its file: spacecraft"),

@@ -137,7 +137,7 @@ impl Scenario {
     pub fn vehicle(&self) -> Option<&Vehicle> {
         match &self.plant {
             Plant::Vehicle(vehicle) => Some(vehicle),
-            Plant::Outside | Plant::FlightComputer => None,
+            Plant::Outside | Plant::FlightComputer | Plant::File(_) => None,
         }
     }
 
@@ -145,7 +145,7 @@ impl Scenario {
     pub fn vehicle_mut(&mut self) -> Option<&mut Vehicle> {
         match &mut self.plant {
             Plant::Vehicle(vehicle) => Some(vehicle),
-            Plant::Outside | Plant::FlightComputer => None,
+            Plant::Outside | Plant::FlightComputer | Plant::File(_) => None,
         }
     }
 
@@ -158,6 +158,7 @@ impl Scenario {
         let plant = match plant_kind {
             PlantKind::Outside => Plant::Outside,
             PlantKind::FlightComputer => Plant::FlightComputer,
+            PlantKind::File => Plant::File(plant.attitude_table(&check)?),
             PlantKind::Vehicle => {
                 check_can_fly(&bench, &check)?;
                 let vehicle = Vehicle::check(&plant.flight(), IN_BENCH, spacecraft.as_deref(), &mut check)?;

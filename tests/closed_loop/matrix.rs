@@ -25,6 +25,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 enum Who {
     Outside,
     FlightComputer,
+    File,
     Vehicle,
 }
 
@@ -36,7 +37,7 @@ enum Bus {
     SerialPty,
 }
 
-const WHO: [Who; 3] = [Who::Outside, Who::FlightComputer, Who::Vehicle];
+const WHO: [Who; 4] = [Who::Outside, Who::FlightComputer, Who::File, Who::Vehicle];
 const BUSES: [Bus; 3] = [Bus::Simulated, Bus::Gateways, Bus::SerialPty];
 const CLOCKS: [RunClockKind; 2] = [RunClockKind::Virtual, RunClockKind::Real];
 
@@ -86,7 +87,10 @@ impl Drop for NullModem {
 }
 
 /// The run file of one combination, beside the shipped benches.
-fn document(who: Who, bus: Bus, heads: usize, modem: &NullModem) -> Document {
+fn document(who: Who, bus: Bus, heads: usize, (modem, folder): (&NullModem, &Path)) -> Document {
+    let history = folder.join("attitude.csv");
+    std::fs::write(&history, "0.0, 1, 0, 0, 0\n1.0, 0.9999619, 0.0087265, 0, 0\n").unwrap();
+    let replayed = format!("[plant]\nkind = \"file\"\nattitude = \"{}\"\n", history.display());
     let [port, far_port] = &modem.paths;
     let far_port = if who == Who::Outside { String::new() } else { format!("far_port = \"{far_port}\"\n") };
     let link = match bus {
@@ -97,6 +101,7 @@ fn document(who: Who, bus: Bus, heads: usize, modem: &NullModem) -> Document {
     let (spacecraft, plant) = match who {
         Who::Outside => ("", "[plant]\nkind = \"outside\"\n"),
         Who::FlightComputer => ("", "[plant]\nkind = \"flight_computer\"\n"),
+        Who::File => ("", replayed.as_str()),
         Who::Vehicle => (
             "spacecraft = \"../spacecraft/smallsat.toml\"\n",
             "[plant]\nkind = \"vehicle\"\n[plant.pointing]\nra_deg = 84.0\ndec_deg = -1.2\n[plant.initial]\n\
@@ -149,7 +154,7 @@ fn refusal(who: Who, bus: Bus, clock: RunClockKind) -> Option<&'static str> {
         (Who::Outside, Bus::Simulated, _) => Some("slcan_tcp, slcan_pty or socketcand"),
         (_, Bus::SerialPty, RunClockKind::Virtual) => Some("a real bus, which has a time of its own"),
         (_, Bus::Gateways, RunClockKind::Virtual) => Some("gateways, which has a time of its own"),
-        (Who::Outside | Who::FlightComputer | Who::Vehicle, Bus::Simulated | Bus::Gateways | Bus::SerialPty, _) => None,
+        (Who::Outside | Who::FlightComputer | Who::File | Who::Vehicle, _, _) => None,
     }
 }
 
@@ -162,7 +167,7 @@ fn every_plant_runs_on_every_bus_and_clock_with_every_tap() {
                 for heads in [1, 3] {
                     let case = format!("{who:?}, {bus:?}, {clock:?}, {heads} heads");
                     let (folder, modem) = (tempfile::tempdir().unwrap(), NullModem::open());
-                    let flight = fly(&document(who, bus, heads, &modem), clock, folder.path());
+                    let flight = fly(&document(who, bus, heads, (&modem, folder.path())), clock, folder.path());
                     let Some(reason) = refusal(who, bus, clock) else {
                         let end = flight.unwrap_or_else(|error| panic!("{case}: {error}"));
                         judge(&case, &end, heads, folder.path());
@@ -175,7 +180,7 @@ fn every_plant_runs_on_every_bus_and_clock_with_every_tap() {
             }
         }
     }
-    assert_eq!(flown, 20, "and the others are refused: control of the test itself");
+    assert_eq!(flown, 28, "and the others are refused: control of the test itself");
 }
 
 fn judge(case: &str, end: &RunEnd, heads: usize, folder: &Path) {

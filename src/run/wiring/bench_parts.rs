@@ -318,7 +318,7 @@ pub fn flight_computer(bench: &Bench, boot: Tai) -> FlightComputerParams {
         clock_drift_ppm: settings.clock_drift_ppm,
         stream_start: boot,
         attitude_hz: settings.attitude_hz as u32,
-        profile,
+        profile: profile.into(),
         attitude_noise_arcsec: 0.0,
         gyro_noise_rad_s: 0.0,
         seed: bench.seed,

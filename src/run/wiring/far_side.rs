@@ -18,7 +18,8 @@ use frames::sink::tap::TappedFrame;
 use frames::sink::{FrameMeta, TapEnd};
 use link::Port;
 use link::tap::LinkFault;
-use testbed::flight_computer::{FlightComputer, FlightError};
+use std::sync::Arc;
+use testbed::flight_computer::{FlightComputer, FlightError, Profile};
 use testbed::vehicle::{TelemetryRow, Vehicle, VehicleError, VehicleFault};
 
 /// A fault aboard that has begun, with the count of its kind's hits then and at its end.
@@ -62,6 +63,10 @@ impl FarSide {
         let computer = match &scenario.plant {
             Plant::Outside => None,
             Plant::FlightComputer => Some(FlightComputer::new(params)),
+            Plant::File(table) => {
+                params.profile = Profile::Table(Arc::clone(table), zero);
+                Some(FlightComputer::new(params))
+            }
             Plant::Vehicle(vehicle) => {
                 params.jitter_lines.clear();
                 let vehicle = Vehicle::new(vehicle_params(scenario, vehicle, zero), start)?;

@@ -12,6 +12,7 @@ mod remote_clock;
 mod runner;
 mod schedule;
 mod slew;
+mod table;
 mod talk;
 #[cfg(test)]
 mod tests;
@@ -22,6 +23,7 @@ pub use received::Received;
 pub use remote_clock::RemoteClock;
 pub use runner::run_until;
 pub use slew::{RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
+pub use table::{AttitudeRow, AttitudeTable, Profile};
 pub use talk::TriggerAnswers;
 
 use crate::noise::Gaussian;
@@ -50,7 +52,7 @@ pub struct FlightComputerParams {
     /// Attitude records per second.
     pub attitude_hz: u32,
     /// Attitude over time, when no vehicle flies it.
-    pub profile: SlewProfile,
+    pub profile: Profile,
     /// Noise of the sent attitude, per axis, 1 sigma, arcsec.
     pub attitude_noise_arcsec: f64,
     /// Noise of the sent rate, per axis, 1 sigma, rad/s.

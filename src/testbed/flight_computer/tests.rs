@@ -43,7 +43,7 @@ fn params() -> FlightComputerParams {
         clock_drift_ppm: 15.0,
         stream_start: BOOT,
         attitude_hz: 100,
-        profile: SlewProfile::slew(initial, BOOT + Span::from_ms(200), &slew),
+        profile: SlewProfile::slew(initial, BOOT + Span::from_ms(200), &slew).into(),
         attitude_noise_arcsec: 0.0,
         gyro_noise_rad_s: 0.0,
         seed: 1,
