@@ -207,6 +207,22 @@ fn check_sinks_of_heads(sinks: &[SinkSettings], extra_heads: &[Head], check: &Ch
     }
 }
 
+/// Refuses frames that are begun so early that every attitude is stale: at best the newest is as old as drawing has begun.
+fn check_not_stale(
+    ahead_ms: f64,
+    attitude: &AttitudeSettings,
+    exposure_s: f64,
+    check: &Checker<'_>,
+) -> Result<(), ConfigError> {
+    let most_ms = attitude.estimate.stale_after.ms() + 500.0 * exposure_s;
+    if ahead_ms < most_ms {
+        return Ok(());
+    }
+    let wanted = format!("less than {most_ms} (attitude.stale_after_ms and half the exposure)");
+    let advice = "every attitude would be stale at mid-exposure: begin frames later, or call attitudes stale later";
+    Err(check.invalid("timing.ahead_ms", ahead_ms, wanted, advice))
+}
+
 /// Every link has somebody at its other end, and one link at most has pulses.
 fn check_both_ends(
     link: &Link,
@@ -317,17 +333,7 @@ impl Bench {
             return Err(check.invalid("attitude.link_delay_us", "given", wanted, advice));
         }
         let attitude = AttitudeSettings::check(&keys.attitude, attitude_hz, jitter_hz, exposure_s, &mut check)?;
-        // At best the newest attitude is as old as drawing has begun.
-        let least_ms = timing.ahead_ms - 500.0 * exposure_s;
-        if least_ms >= attitude.estimate.stale_after.ms() {
-            let wanted = format!(
-                "less than {} (attitude.stale_after_ms and half the exposure)",
-                attitude.estimate.stale_after.ms() + 500.0 * exposure_s
-            );
-            let advice =
-                "every attitude would be stale at mid-exposure: begin frames later, or call attitudes stale later";
-            return Err(check.invalid("timing.ahead_ms", timing.ahead_ms, wanted, advice));
-        }
+        check_not_stale(timing.ahead_ms, &attitude, exposure_s, &check)?;
         let accuracy = check_accuracy(&keys.accuracy, &mut check)?;
         let budget = Budget::check(&keys.budget, camera.exposure.readout_s, &mut check)?;
         let render = Render::check(&keys.render, &mut check)?;

@@ -238,6 +238,7 @@ macro_rules! section {
         }
 
         #[allow(unused_imports, reason = "not every section has every kind of default and limit")]
+        #[allow(clippy::wrong_self_convention, reason = "methods are named as the keys are, from_e_per_s among them")]
         impl $keys {
             $(
                 $(#[doc = $sentence])+
@@ -281,6 +282,7 @@ macro_rules! section {
                 self.placed_at.as_deref().unwrap_or($place)
             }
 
+            #[allow(clippy::needless_update, reason = "a section may have no key but its place")]
             fn at(&self, table: &str) -> Self {
                 Self { placed_at: Some(table.into()), ..self.clone() }
             }

@@ -62,9 +62,14 @@ impl Waiting {
     }
 
     fn start_on(clock: &str, arguments: &[&str]) -> Self {
+        let mut command = command_on(clock, &["--control", "127.0.0.1:0"]);
+        command.args(arguments);
+        Self::spawn(command)
+    }
+
+    fn spawn(mut command: Command) -> Self {
         let runtime = tempfile::tempdir().unwrap();
-        let mut child = command_on(clock, &["--control", "127.0.0.1:0"])
-            .args(arguments)
+        let mut child = command
             .env("XDG_RUNTIME_DIR", runtime.path())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -426,17 +431,32 @@ fn a_client_that_goes_away_ends_the_run_with_what_is_finished() {
 }
 
 #[test]
-fn other_addresses_and_benches_are_refused() {
+fn other_addresses_are_refused() {
     for (address, part) in [("0.0.0.0:0", "not a loopback address"), ("127.0.0.1", "such as 127.0.0.1:0")] {
         let output = command(&["--control", address]).output().unwrap();
         let error = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{error}");
         assert!(error.contains(part), "{error}");
     }
+}
+
+#[test]
+fn a_bench_is_stepped_as_a_scenario_is() {
     let mut bench = Command::new(env!("CARGO_BIN_EXE_starloop"));
-    let output = bench.args(["run", "--clock", "virtual", "--control", "127.0.0.1:0"]).output().unwrap();
-    assert_eq!(output.status.code(), Some(1));
-    assert!(String::from_utf8_lossy(&output.stderr).contains("--control steps a scenario"));
+    let fixed = ["run", "--clock", "virtual", "--duration", "1", "--sink", "null", "--quiet", "--json"];
+    bench.args(fixed).args(["--backend", "cpu", "--control", "127.0.0.1:0"]);
+    let mut stepped = Waiting::spawn(bench).admitted();
+    stepped.told(json!({ "request": "step", "frames": 2 }));
+    assert!(stepped.refused(br#"{"request": "truth"}"#).contains("nothing is flown inside"));
+    let aboard = br#"{"request": "inject", "event": {"do": "gyro_dropout", "for_s": 1.0}}"#;
+    assert!(stepped.refused(aboard).contains("nothing is flown"), "no gyro could fail");
+    stepped.told(json!({ "request": "inject", "event": { "do": "frame_blank", "for_s": 0.3 } }));
+    stepped.told(json!({ "request": "step", "until_s": 0.75 }));
+    assert_eq!(stepped.told(json!({ "request": "state" }))["frames"]["delivered"], 6);
+    let (last, output) = stepped.finish();
+    assert_eq!(last["report"]["faults"][0]["name"], "frame_blank");
+    assert!(last["report"]["faults"][0]["hits"].as_u64().unwrap() >= 3, "{last}");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
 /// On the real clock nothing can be stepped; everything else works while the run goes on.

@@ -68,7 +68,7 @@ impl NullModem {
 
 /// Carries bytes one way until it is over.
 fn carry(mut from: File, mut to: File, over: Arc<AtomicBool>) -> std::thread::JoinHandle<()> {
-    std::thread::spawn(move || {
+    let forward = move || {
         let mut bytes = [0; 4096];
         while !over.load(Ordering::Relaxed) {
             match from.read(&mut bytes) {
@@ -76,7 +76,8 @@ fn carry(mut from: File, mut to: File, over: Arc<AtomicBool>) -> std::thread::Jo
                 _ => std::thread::sleep(std::time::Duration::from_millis(1)),
             }
         }
-    })
+    };
+    std::thread::Builder::new().name("null modem".into()).spawn(forward).unwrap()
 }
 
 impl Drop for NullModem {

@@ -17,7 +17,7 @@ use crate::wiring::error::LoopError;
 use crate::wiring::far_side::FarSide;
 use crate::wiring::fault_desk::{FaultDesk, in_order_of_placing};
 use crate::wiring::faults::Inventory;
-use crate::wiring::heads::{HeadSetting, RunHead, make_heads, take_sink};
+use crate::wiring::heads::{CostsHere, HeadSetting, RunHead, make_heads, take_sink};
 use crate::wiring::live_tap::{LiveOptions, LiveTap};
 use crate::wiring::memory::{RunForm, RunMemory};
 use crate::wiring::ports::needs_real_clock;
@@ -37,7 +37,6 @@ use frames::report::GatewayRow;
 use frames::sink::{SentFrame, Sink};
 use link::tap::FaultControl;
 use outputs::live::Numbers;
-use plan::exposure::cost::CostModel;
 use std::path::PathBuf;
 use std::sync::Arc;
 use testbed::vehicle::TelemetryRow;
@@ -63,9 +62,6 @@ pub enum Outputs<'a> {
     /// To what is made for each head.
     Made(&'a mut dyn FnMut(usize) -> Box<dyn Sink>),
 }
-
-/// Looks up the costs that were measured on this machine for an imager.
-pub type CostsHere<'a> = &'a mut dyn FnMut(&Imager) -> Option<CostModel>;
 
 /// What is not in the run's file.
 pub struct RunOptions<'a> {

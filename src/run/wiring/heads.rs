@@ -51,13 +51,16 @@ impl RunHead {
     }
 }
 
+/// Looks up the costs that were measured on this machine for an imager.
+pub type CostsHere<'a> = &'a mut dyn FnMut(&Imager) -> Option<CostModel>;
+
 /// What all heads are made with.
 pub(super) struct HeadSetting<'a> {
     pub(super) scenario: &'a Scenario,
     /// When the run's clock starts.
     pub(super) start: Tai,
     /// On the real clock: costs that were measured on this machine.
-    pub(super) costs: Option<&'a mut dyn FnMut(&Imager) -> Option<CostModel>>,
+    pub(super) costs: Option<CostsHere<'a>>,
 }
 
 /// Makes the heads of a run, without their sinks.

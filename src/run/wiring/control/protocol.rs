@@ -79,8 +79,8 @@ pub enum StepBy {
 
 /// Every request by name, with the keys that it takes.
 const REQUESTS: [(&str, &[&str]); 10] = [
-    ("state", &[]),
     ("hello", &["token"]),
+    ("state", &[]),
     ("step", &["s", "frames", "until_s"]),
     ("inject", &["event"]),
     ("trigger", &["number", "at_s"]),
