@@ -52,9 +52,9 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
 pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     // First: from here on a signal ends the run in order, however much of it is made.
     let stop = signals::stop();
+    let RunInput { document, scenario } = input(arguments)?;
     // An address that cannot be listened on is reported before anything is made.
     let listener = arguments.control.map(listen).transpose()?;
-    let RunInput { document, scenario } = input(arguments)?;
     let say = !arguments.quiet;
     say_left_out(&scenario);
     // First: whoever draws first starts the drawing threads.

@@ -43,15 +43,12 @@ section! {
     BackgroundKeys at "background" {
         /// Electrons per second and pixel in the middle of the image; 0 turns it off.
         uniform_e_per_s: f64 = Silent(0.0), Within(0.0, 1e12);
-        /// Its gradient towards the right and the bottom, a share at half a diagonal from the middle.
-        gradient: [f64; 2] = Silent(Numbers([0.0; 2])), Within(-1.0, 1.0),
-            "a share of the uniform part at half a diagonal from the middle, such as 0.2";
-        /// Its growth outwards, a share at half a diagonal from the middle.
-        quadratic: f64 = Silent(0.0), Within(-1.0, 1.0),
-            "a share of the uniform part at half a diagonal from the middle, such as 0.2";
-        /// Surface brightness of the sky where it is the same everywhere, instrument magnitudes per square arcsecond.
-        mag_per_arcsec2: f64 = Optional, Within(-10.0, 40.0),
-            "instrument magnitudes per square arcsecond: 22 to 23.5 in space";
+        /// Its gradient towards the right and the bottom, a share of the uniform part at half a diagonal, such as 0.2.
+        gradient: [f64; 2] = Silent(Numbers([0.0; 2])), Within(-1.0, 1.0);
+        /// Its growth outwards, a share of the uniform part at half a diagonal from the middle, such as 0.2.
+        quadratic: f64 = Silent(0.0), Within(-1.0, 1.0);
+        /// The same brightness everywhere, instrument magnitudes per square arcsecond: 22 to 23.5 in space.
+        mag_per_arcsec2: f64 = Optional, Within(-10.0, 40.0);
         /// Models of the sky's light by direction.
         sky: Raw<Vec<String>> = Optional, Shape::list(Shape::Words(vec!["zodiacal", "galactic"])),
             "such as sky = [\"zodiacal\", \"galactic\"]; for one brightness give mag_per_arcsec2";

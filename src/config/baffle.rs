@@ -23,29 +23,22 @@ pub struct Baffle {
 section! {
     /// Stray light of Sun, Moon and Earth.
     BaffleKeys at "baffle" {
-        /// Rows of angle off the boresight in degrees and point-source transmittance.
-        transmittance: Raw<Vec<[f64; 2]>> = Needed, Shape::pairs(),
-            "rows of angle off the boresight in degrees and point-source transmittance, such as \
-             [[10, 1e-4], [30, 1e-7], [80, 1e-11]]";
+        /// Rows of angle off the boresight in degrees and transmittance, such as [[10, 1e-4], [30, 1e-7], [80, 1e-11]].
+        transmittance: Raw<Vec<[f64; 2]>> = Needed, Shape::pairs();
         /// Those whose light is to fall on the detector; leave it out for all three.
         shines: Raw<Vec<String>> = Optional, Shape::list(Shape::Words(BODIES.into()));
-        /// Angle between boresight and the Sun below which the camera is not meant to work.
-        exclusion_sun_deg: f64 = Silent(0.0), Within(0.0, 180.0),
-            "angle between the boresight and the limb, in degrees; 0 for none";
-        /// Angle between boresight and the Moon's limb below which the camera is not meant to work.
-        exclusion_moon_deg: f64 = Silent(0.0), Within(0.0, 180.0),
-            "angle between the boresight and the limb, in degrees; 0 for none";
-        /// Angle between boresight and the Earth's limb below which the camera is not meant to work.
-        exclusion_earth_deg: f64 = Silent(0.0), Within(0.0, 180.0),
-            "angle between the boresight and the limb, in degrees; 0 for none";
+        /// Angle from the boresight to the Sun below which the camera is not meant to work; 0 for none.
+        exclusion_sun_deg: f64 = Silent(0.0), Within(0.0, 180.0);
+        /// Angle from the boresight to the Moon's limb below which the camera is not meant to work; 0 for none.
+        exclusion_moon_deg: f64 = Silent(0.0), Within(0.0, 180.0);
+        /// Angle from the boresight to the Earth's limb below which the camera is not meant to work; 0 for none.
+        exclusion_earth_deg: f64 = Silent(0.0), Within(0.0, 180.0);
         /// Share of the sunlight that the Earth sends back: 0.306 on the whole.
         earth_albedo: f64 = EARTH_ALBEDO, Within(0.0, 1.0);
-        /// Gradient of the light towards its source, a share at half a diagonal from the middle.
-        gradient: f64 = Silent(0.0), Within(-1.0, 1.0),
-            "a share of the uniform part at half a diagonal from the middle, such as 0.2";
-        /// Its growth outwards, a share at half a diagonal from the middle.
-        quadratic: f64 = Silent(0.0), Within(-1.0, 1.0),
-            "a share of the uniform part at half a diagonal from the middle, such as 0.2";
+        /// Gradient of the light towards its source, a share of the uniform part at half a diagonal, such as 0.2.
+        gradient: f64 = Silent(0.0), Within(-1.0, 1.0);
+        /// Its growth outwards, a share of the uniform part at half a diagonal from the middle, such as 0.2.
+        quadratic: f64 = Silent(0.0), Within(-1.0, 1.0);
     }
 }
 

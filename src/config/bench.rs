@@ -90,10 +90,10 @@ section! {
         name: String = Computed("the file's name"), "text";
         /// Camera file, relative to this one.
         camera: String = Computed("built-in cameras/star_tracker_20deg.toml"), "path";
-        /// Seed of every random number of the run but those that have a seed of their own.
-        seed: Whole<u64> = 1, 0..=i64::MAX, "any number repeats its own run";
-        /// Seed of the noise of exposures; left out, it is seed.
-        noise_seed: Whole<u64> = Optional, 0..=i64::MAX, "any number repeats its own run";
+        /// Seed of every random number of the run; any number repeats its own run.
+        seed: Whole<u64> = 1, 0..=i64::MAX;
+        /// Seed of the noise of exposures; left out, it is seed; any number repeats its own run.
+        noise_seed: Whole<u64> = Optional, 0..=i64::MAX;
         /// Spacecraft file, relative to this one: it is flown inside the program.
         spacecraft: String = Optional, "path";
         /// Add: photons of stars and targets add up; brighter: each pixel shows the brighter of the two only.

@@ -36,50 +36,48 @@ pub struct Budget {
 section! {
     /// How long the stages of a frame may take on the real clock, and what its threads ask of the system.
     BudgetKeys at "budget" {
-        /// From the slot's release to the frame thread's first step, 99 % quantile in milliseconds.
+        /// From the slot's release to the frame thread's first step.
         wake_ms: f64 = Optional, Positive, QUANTILE;
-        /// Taking messages in, 99 % quantile in milliseconds.
+        /// Taking messages in.
         receive_ms: f64 = Optional, Positive, QUANTILE;
-        /// Age of the newest attitude when it arrives, 99 % quantile in milliseconds.
+        /// Age of the newest attitude when it arrives.
         bus_age_ms: f64 = Optional, Positive, QUANTILE;
-        /// Time since the newest attitude arrived, 99 % quantile in milliseconds.
+        /// Time since the newest attitude arrived.
         arrival_age_ms: f64 = Optional, Positive, QUANTILE;
-        /// Time correlation, 99 % quantile in milliseconds.
+        /// Time correlation.
         correlation_ms: f64 = Optional, Positive, QUANTILE;
-        /// The line-of-sight path, 99 % quantile in milliseconds.
+        /// The line-of-sight path.
         attitude_ms: f64 = Optional, Positive, QUANTILE;
-        /// Stars, bodies and targets of the exposure, 99 % quantile in milliseconds.
+        /// Stars, bodies and targets of the exposure.
         sky_ms: f64 = Optional, Positive, QUANTILE;
-        /// Planning, 99 % quantile in milliseconds.
+        /// Planning.
         plan_ms: f64 = Optional, Positive, QUANTILE;
-        /// To the GPU, 99 % quantile in milliseconds.
+        /// To the GPU.
         upload_ms: f64 = Optional, Positive, QUANTILE;
-        /// Drawing, 99 % quantile in milliseconds.
+        /// Drawing.
         render_ms: f64 = Optional, Positive, QUANTILE;
-        /// Detector and converter, 99 % quantile in milliseconds.
+        /// Detector and converter.
         detector_ms: f64 = Optional, Positive, QUANTILE;
-        /// From the GPU, 99 % quantile in milliseconds.
+        /// From the GPU.
         readback_ms: f64 = Optional, Positive, QUANTILE;
-        /// To the sinks' thread, 99 % quantile in milliseconds.
+        /// To the sinks' thread.
         handover_ms: f64 = Optional, Positive, QUANTILE;
-        /// Waiting for the sinks, 99 % quantile in milliseconds.
+        /// Waiting for the sinks.
         queue_ms: f64 = Optional, Positive, QUANTILE;
-        /// The slowest sink, 99 % quantile in milliseconds.
+        /// The slowest sink.
         sink_ms: f64 = Optional, Positive, QUANTILE;
-        /// The whole frame, 99 % quantile in milliseconds from its release to its delivery.
+        /// The whole frame, from its release to its delivery.
         total_ms: f64 = Computed("exposure.readout_s of the camera"), Positive, QUANTILE;
-        /// From the epoch of an image's newest attitude to its delivery, 99 % quantile in milliseconds.
+        /// From the epoch of an image's newest attitude to its delivery.
         latency_ms: f64 = Optional, Positive, QUANTILE;
         /// Slots that may be late, held, dropped or without attitude; 0 for a bench that must be in time.
         missed_frames: Whole = 0, 0..=i64::from(u32::MAX);
         /// Threads ask for real-time scheduling and locked memory.
         realtime: bool = true, Any;
-        /// Priority of the drawing threads; the sink, frame and link threads get 1, 2 and 3 more.
-        priority: Whole<u8> = 10, 1..=90,
-            "1 is lowest; the sink, frame and link threads get 1, 2 and 3 more, the kernel's own threads have 99";
-        /// Processors that the threads stay on; leave it out for any.
-        affinity: Raw<Vec<i64>> = Optional, Shape::list(Shape::Whole(0..=LAST_PROCESSOR)),
-            "as the system counts them; leave it out for any";
+        /// Priority of the drawing threads, 1 is lowest; the sink, frame and link threads get 1, 2 and 3 more.
+        priority: Whole<u8> = 10, 1..=90;
+        /// Processors that the threads stay on, as the system counts them; leave it out for any.
+        affinity: Raw<Vec<i64>> = Optional, Shape::list(Shape::Whole(0..=LAST_PROCESSOR));
         /// Frames whose times are kept for frames_timing.csv and worst.svg; about 600 bytes each.
         ring_frames: Whole = DEFAULT_RING, 1..=1_000_000;
     }

@@ -132,59 +132,14 @@ impl Key {
 }
 
 /// Ends of names with the units they mean; the first that fits counts.
-const UNITS: [(&str, &str); 51] = [
-    ("_deg_sqrt_h", "deg/sqrt(h)"),
-    ("_deg_h_sqrt_h", "deg/h/sqrt(h)"),
-    ("_n_m_sqrt_s", "N m/sqrt(s)"),
-    ("_sqrt_kg_m", "sqrt(kg) m"),
-    ("_photons_per_s_m2", "photons/(s m^2)"),
-    ("_per_cm2_s", "1/(cm^2 s)"),
-    ("_na_per_cm2", "nA/cm^2"),
-    ("_per_arcsec2", "mag/arcsec^2"),
-    ("_cycles_per_row", "cycles per row"),
-    ("_e_per_dn", "e-/DN"),
-    ("_e_per_s", "e-/s"),
-    ("_per_px", "per pixel"),
-    ("_per_s", "1/s"),
-    ("_mbit_s", "Mbit/s"),
-    ("_kg_m2", "kg m^2"),
-    ("_n_m_s", "N m s"),
-    ("_n_m", "N m"),
-    ("_deg_s2", "deg/s^2"),
-    ("_px_s2", "px/s^2"),
-    ("_deg_h", "deg/h"),
-    ("_deg_s", "deg/s"),
-    ("_px_s", "px/s"),
-    ("_km_s", "km/s"),
-    ("_e_rms", "e- rms"),
-    ("_e_pp", "e- peak to peak"),
-    ("_mag_1000km", "mag"),
-    ("_arcsec", "arcsec"),
-    ("_waves", "waves"),
-    ("_within_s", "s"),
-    ("_bytes", "bytes"),
-    ("_frames", "frames"),
-    ("_mev", "MeV"),
-    ("_ppm", "ppm"),
-    ("_rpm", "rpm"),
-    ("_mag", "mag"),
-    ("_deg", "deg"),
-    ("_hz", "Hz"),
-    ("_mb", "MiB"),
-    ("_ms", "ms"),
-    ("_us", "us"),
-    ("_nm", "nm"),
-    ("_um", "um"),
-    ("_mm", "mm"),
-    ("_km", "km"),
-    ("_px", "px"),
-    ("_dn", "DN"),
-    ("_s", "s"),
-    ("_e", "e-"),
-    ("_c", "degrees Celsius"),
-    ("_k", "K"),
-    ("_m", "m"),
-];
+const UNITS: &str = "\
+    deg_sqrt_h deg/sqrt(h); deg_h_sqrt_h deg/h/sqrt(h); n_m_sqrt_s N m/sqrt(s); sqrt_kg_m sqrt(kg) m; \
+    photons_per_s_m2 photons/(s m^2); per_cm2_s 1/(cm^2 s); na_per_cm2 nA/cm^2; per_arcsec2 mag/arcsec^2; \
+    cycles_per_row cycles per row; e_per_dn e-/DN; e_per_s e-/s; per_px per pixel; per_s 1/s; mbit_s Mbit/s; \
+    kg_m2 kg m^2; n_m_s N m s; n_m N m; deg_s2 deg/s^2; px_s2 px/s^2; deg_h deg/h; deg_s deg/s; px_s px/s; \
+    km_s km/s; e_rms e- rms; e_pp e- peak to peak; mag_1000km mag; arcsec arcsec; waves waves; within_s s; \
+    bytes bytes; frames frames; mev MeV; ppm ppm; rpm rpm; mag mag; deg deg; hz Hz; mb MiB; ms ms; us us; \
+    nm nm; um um; mm mm; km km; px px; dn DN; s s; e e-; c degrees Celsius; k K; m m";
 
 impl Key {
     /// The unit of its numbers, as the name says it.
@@ -195,7 +150,8 @@ impl Key {
             Shape::Words(_) | Shape::Text(_) | Shape::Flag | Shape::List(_) | Shape::Either(_) => false,
         };
         let name = format!("_{}", self.name);
-        UNITS.iter().find(|(end, _)| is_number && name.ends_with(end)).map(|(_, unit)| *unit)
+        let mut units = UNITS.split("; ").filter_map(|pair| pair.split_once(' '));
+        units.find(|(end, _)| is_number && name.ends_with(&format!("_{end}"))).map(|(_, unit)| unit)
     }
 
     /// What it means, and what else an error about it would say.

@@ -82,7 +82,7 @@ fn every_key_has_a_sentence_and_a_default_within_its_limit() {
         each_table(&declared(kind), "", "", &mut |header, declared| {
             for key in &declared.keys {
                 assert!(
-                    key.sentence.ends_with('.') && key.sentence.len() > 5,
+                    key.sentence.ends_with('.') && key.sentence.len() >= 5,
                     "{header}{}: {}",
                     key.name,
                     key.sentence

@@ -69,37 +69,36 @@ pub struct Detector {
 section! {
     /// Geometry, charge and conversion.
     DetectorKeys at "detector" {
-        /// Columns.
-        width_px: Whole = Needed, 1..=LARGEST_SIDE_PX, "give the number of columns";
-        /// Rows.
-        height_px: Whole = Needed, 1..=LARGEST_SIDE_PX, "give the number of rows";
+        /// Number of columns.
+        width_px: Whole = Needed, 1..=LARGEST_SIDE_PX;
+        /// Number of rows.
+        height_px: Whole = Needed, 1..=LARGEST_SIDE_PX;
         /// Resolution of the converter, such as 12; above 16 does not fit the image.
         bits: Whole = 12, 1..=16;
-        /// Digital number of no charge.
-        black_level_dn: f64 = Computed("64, at most an eighth of the range"), Within(0.0, 65_534.0),
-            "it must leave room for signal below the largest digital number";
+        /// Digital number of no charge; it must leave room for signal below the largest digital number.
+        black_level_dn: f64 = Computed("64, at most an eighth of the range"), Within(0.0, 65_534.0);
         /// Saturation capacity from the data sheet, such as 30000.
         full_well_e: f64 = 30_000.0, Positive;
-        /// Electrons per digital number.
-        gain_e_per_dn: f64 = Computed("by gain_rule"), Positive,
-            "electrons per DN: full well / (2^bits - 1 - black level) uses the whole range";
+        /// Electrons per DN: full well / (2^bits - 1 - black level) uses the whole range.
+        gain_e_per_dn: f64 = Computed("by gain_rule"), Positive;
         /// How the gain is found where it is not given.
         gain_rule: Word<GainRule> = Silent("fill-range"),
             [("fill-range", GainRule::FillRange), ("lsb", GainRule::Lsb)],
             "\"fill-range\": the full well is the largest DN; \"lsb\": one DN is full well / 2^bits";
         /// How the converter makes a whole number.
-        rounding: Word<Rounding> = Silent("nearest"), [("nearest", Rounding::Nearest), ("truncate", Rounding::Truncate)];
-        /// Noise of the amplifiers after the pixel, electrons rms.
-        amplifier_noise_e_rms: f64 = Silent(0.0), Within(0.0, 1e6),
-            "0 turns it off; it adds to read_noise_e_rms in quadrature";
+        rounding: Word<Rounding> = Silent("nearest"),
+            [("nearest", Rounding::Nearest), ("truncate", Rounding::Truncate)];
+        /// Noise after the pixel, electrons rms, adds to read_noise_e_rms in quadrature; 0 turns it off.
+        amplifier_noise_e_rms: f64 = Silent(0.0), Within(0.0, 1e6);
         /// How shot noise is drawn; "auto" serves all means, and is the only one on a GPU.
-        poisson: Word<PoissonMethod> = PoissonMethod::ALL[0].name(), PoissonMethod::ALL.map(|method| (method.name(), method));
+        poisson: Word<PoissonMethod> = PoissonMethod::ALL[0].name(),
+            PoissonMethod::ALL.map(|method| (method.name(), method));
         /// Pixel pitch in micrometres, such as 5.5.
         pixel_pitch_um: f64 = 10.0, PositiveUpTo(1000.0);
-        /// Temporal noise of one read, electrons rms.
-        read_noise_e_rms: f64 = 10.0, Within(0.0, 1e6), "0 turns it off";
-        /// Mean dark current, electrons per second and pixel, at dark_temperature_c.
-        dark_e_per_s: f64 = 10.0, Within(0.0, MOST_DARK_E_PER_S), "0 turns it off";
+        /// Temporal noise of one read, electrons rms; 0 turns it off.
+        read_noise_e_rms: f64 = 10.0, Within(0.0, 1e6);
+        /// Mean dark current, electrons per second and pixel, at dark_temperature_c; 0 turns it off.
+        dark_e_per_s: f64 = 10.0, Within(0.0, MOST_DARK_E_PER_S);
         /// Nanoamperes per square centimetre, such as 0.1; 0 turns it off.
         dark_current_na_per_cm2: f64 = Optional, Within(0.0, 1e6);
         /// Degrees Celsius at which the dark current was measured.
@@ -111,17 +110,17 @@ section! {
         /// Rms share of the mean dark current: 20 % is 0.2; 0 turns it off.
         dark_nonuniformity: f64 = Silent(0.0), Within(0.0, 1.0);
         /// Photo-response non-uniformity, an rms fraction: 1 % is 0.01.
-        prnu: f64 = 0.01, Within(0.0, 0.5), "an rms fraction: 1 % is 0.01";
+        prnu: f64 = 0.01, Within(0.0, 0.5);
         /// The same from peak to peak, in place of prnu.
         prnu_pp: f64 = Optional, NotNegative, "a peak-to-peak figure; over pp_sigmas it is the rms";
-        /// Dark-signal non-uniformity of one frame, electrons rms.
-        dsnu_e_rms: f64 = 1.0, NotNegative, "0 turns it off";
+        /// Dark-signal non-uniformity of one frame, electrons rms; 0 turns it off.
+        dsnu_e_rms: f64 = 1.0, NotNegative;
         /// The same from peak to peak, in place of dsnu_e_rms.
         dsnu_e_pp: f64 = Optional, NotNegative, "a peak-to-peak figure; over pp_sigmas it is the rms";
         /// Standard deviations from peak to peak, usually 5 to 6.
         pp_sigmas: f64 = Silent(6.0), Within(1.0, 20.0);
-        /// Electrons per photon, averaged over the band, fill factor included.
-        quantum_efficiency: f64 = 0.5, PositiveUpTo(1.0), "a fraction of the photons: 45 % is 0.45";
+        /// Electrons per photon, a mean over the band with the fill factor: 45 % is 0.45.
+        quantum_efficiency: f64 = 0.5, PositiveUpTo(1.0);
         tables:
         /// Hot, dead and blinking pixels, drawn at random.
         defects: Option<DefectsKeys>;

@@ -35,12 +35,10 @@ section! {
 
     /// Charge that transfers of a CCD leave behind.
     ChargeTransferKeys at "detector.charge_transfer" {
-        /// Share left behind by one transfer (1 - CTE) along columns, such as 1e-5.
-        parallel_share: f64 = 0.0, Within(0.0, 0.1),
-            "share left behind by one transfer (1 - CTE), such as 1e-5; share times transfers is 6 at most";
-        /// Share left behind by one transfer (1 - CTE) along rows, such as 1e-5.
-        serial_share: f64 = 0.0, Within(0.0, 0.1),
-            "share left behind by one transfer (1 - CTE), such as 1e-5; share times transfers is 6 at most";
+        /// Share left behind by one transfer (1 - CTE) along columns, such as 1e-5; share times transfers is 6 at most.
+        parallel_share: f64 = 0.0, Within(0.0, 0.1);
+        /// Share left behind by one transfer (1 - CTE) along rows, such as 1e-5; share times transfers is 6 at most.
+        serial_share: f64 = 0.0, Within(0.0, 0.1);
         /// Where the amplifier is, as the image is shown.
         output_corner: Word<OutputCorner> = "top-left", [
             ("top-left", OutputCorner::TopLeft), ("top-right", OutputCorner::TopRight),
@@ -61,14 +59,14 @@ section! {
 
     /// The part of the sensor that is read, in sensor pixels before binning.
     WindowKeys at "detector.window" {
-        /// First column that is read.
-        left_px: Whole = 0, 0..=LARGEST_SIDE_PX - 1, "in sensor pixels from the top left, before binning";
-        /// First row that is read.
-        top_px: Whole = 0, 0..=LARGEST_SIDE_PX - 1, "in sensor pixels from the top left, before binning";
-        /// Columns that are read.
-        width_px: Whole = Computed("to the right edge"), 1..=LARGEST_SIDE_PX, "the window must lie on the sensor";
-        /// Rows that are read.
-        height_px: Whole = Computed("to the lower edge"), 1..=LARGEST_SIDE_PX, "the window must lie on the sensor";
+        /// First column that is read, in sensor pixels from the top left, before binning.
+        left_px: Whole = 0, 0..=LARGEST_SIDE_PX - 1;
+        /// First row that is read, in sensor pixels from the top left, before binning.
+        top_px: Whole = 0, 0..=LARGEST_SIDE_PX - 1;
+        /// Columns that are read; the window must lie on the sensor.
+        width_px: Whole = Computed("to the right edge"), 1..=LARGEST_SIDE_PX;
+        /// Rows that are read; the window must lie on the sensor.
+        height_px: Whole = Computed("to the lower edge"), 1..=LARGEST_SIDE_PX;
     }
 
     /// Time delay and integration.
@@ -79,22 +77,22 @@ section! {
 
     /// Pixels that are hot, dead or blink.
     DefectsKeys at "detector.defects" {
-        /// Share of hot pixels.
-        hot_share: f64 = 0.0, Within(0.0, LARGEST_DEFECT_SHARE), "a share of all pixels, such as 0.001";
+        /// Share of hot pixels, such as 0.001.
+        hot_share: f64 = 0.0, Within(0.0, LARGEST_DEFECT_SHARE);
         /// Mean of what a hot pixel has more, electrons per second.
-        hot_e_per_s: f64 = 1000.0, Within(0.0, 1e9), "mean of what such a pixel has more, electrons per second";
-        /// Share of dead pixels.
-        dead_share: f64 = 0.0, Within(0.0, LARGEST_DEFECT_SHARE), "a share of all pixels, such as 0.001";
+        hot_e_per_s: f64 = 1000.0, Within(0.0, 1e9);
+        /// Share of dead pixels, such as 0.001.
+        dead_share: f64 = 0.0, Within(0.0, LARGEST_DEFECT_SHARE);
         /// Share of the light that a dead pixel still counts.
         dead_response: f64 = 0.0, Within(0.0, 1.0);
-        /// Share of pixels that blink (random telegraph signal).
-        rts_share: f64 = 0.0, Within(0.0, LARGEST_DEFECT_SHARE), "a share of all pixels, such as 0.001";
+        /// Share of pixels that blink (random telegraph signal), such as 0.001.
+        rts_share: f64 = 0.0, Within(0.0, LARGEST_DEFECT_SHARE);
         /// Mean of what a blinking pixel has more at its high level, electrons per second.
-        rts_e_per_s: f64 = 100.0, Within(0.0, 1e9), "mean of what such a pixel has more, electrons per second";
+        rts_e_per_s: f64 = 100.0, Within(0.0, 1e9);
         /// Switches per second to the high level.
-        rts_up_per_s: f64 = 0.1, Within(0.0, 1e6), "switches per second";
+        rts_up_per_s: f64 = 0.1, Within(0.0, 1e6);
         /// Switches per second to the low level.
-        rts_down_per_s: f64 = 0.1, Within(0.0, 1e6), "switches per second";
+        rts_down_per_s: f64 = 0.1, Within(0.0, 1e6);
     }
 
     /// Tracks of protons.

@@ -24,11 +24,11 @@ section! {
     /// Fixed patterns of columns and rows.
     LineKeys at "detector.lines" {
         /// Offset of a column, electrons rms; 0 turns it off.
-        column_e_rms: f64 = Silent(0.0), NotNegative, "electrons rms; 0 turns it off";
+        column_e_rms: f64 = Silent(0.0), NotNegative;
         /// Gain of a column, an rms fraction: 0.1 % is 0.001.
-        column_gain_rms: f64 = Silent(0.0), Within(0.0, 0.2), "an rms fraction: 0.1 % is 0.001";
+        column_gain_rms: f64 = Silent(0.0), Within(0.0, 0.2);
         /// Offset of a row, electrons rms; 0 turns it off.
-        row_e_rms: f64 = Silent(0.0), NotNegative, "electrons rms; 0 turns it off";
+        row_e_rms: f64 = Silent(0.0), NotNegative;
     }
 
     /// FITS images of the detector's size.

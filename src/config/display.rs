@@ -34,24 +34,22 @@ section! {
     DisplayKeys at "sink" {
         /// Number or name of the monitor; `starloop display monitors` lists them.
         monitor: Raw<MonitorKey> = Computed("\"primary\""),
-            Shape::either(Shape::Whole(0..=255), Shape::Text("name")), "`starloop display monitors` lists them";
+            Shape::either(Shape::Whole(0..=255), Shape::Text("name"));
         /// Columns and rows of the window; left out, the whole monitor.
-        window: Raw<[i64; 2]> = Optional, Shape::Row(2, Box::new(Shape::Whole(1..=LONGEST_PX))),
-            "columns and rows of the window";
+        window: Raw<[i64; 2]> = Optional, Shape::Row(2, Box::new(Shape::Whole(1..=LONGEST_PX)));
         /// Bits of a colour: 8, or 10 where driver, server and monitor agree on it.
-        bits: Whole = 8, 8..=10, "10 where driver, server and monitor agree on it";
+        bits: Whole = 8, 8..=10;
         /// Side of a square for a photodiode; 0 for none.
         marker_px: Whole = 0, 0..=LONGEST_PX;
         /// Corner of that square: where no star of interest falls.
         marker_corner: Word<Corner> = "top_left", [
             ("top_left", Corner::TopLeft), ("top_right", Corner::TopRight),
             ("bottom_left", Corner::BottomLeft), ("bottom_right", Corner::BottomRight),
-        ], "where no star of interest falls";
+        ];
         /// Calibration as `starloop calibrate display` writes it, beside this file.
-        calibration: String = Optional, "path", "as `starloop calibrate display` writes it, beside this file";
-        /// What the calibration calls the display: model and serial number.
-        name: String = Optional, "text",
-            "model and serial number: a calibration of another display of the same size is refused by it";
+        calibration: String = Optional, "path";
+        /// What the calibration calls the display: model and serial number; by it another display's is refused.
+        name: String = Optional, "text";
         /// Refreshes, a power of two: over so many the mean light of a pixel is right.
         dither: Whole = 16, 1..=256;
         /// Frames per second of the tracker in front of the display.
@@ -63,7 +61,7 @@ section! {
         /// Frames go to a connector of the graphics card, past any window system.
         direct_scanout: bool = false, Any;
         /// The card of direct_scanout, such as "/dev/dri/card0"; left out, the first.
-        card: String = Optional, "path", "such as \"/dev/dri/card0\"";
+        card: String = Optional, "path";
     }
 }
 

@@ -18,27 +18,27 @@ section! {
         /// What happens.
         r#do: Word<Row> = Needed, ACTIONS;
         /// Seconds after the first exposure; after the trigger, when it waits for one.
-        at_s: f64 = Optional, NotNegative, "seconds after the first exposure";
+        at_s: f64 = Optional, NotNegative;
         /// The first frame that it hits, from 0, in place of at_s.
-        at_frame: Whole = Optional, 0..=1_000_000_000, "the first frame that it hits, from 0";
+        at_frame: Whole = Optional, 0..=1_000_000_000;
         /// The number of a trigger that it waits for, such as 1.
-        on_trigger: Whole<u16> = Optional, 0..=65_535, "the number of a trigger, such as 1";
+        on_trigger: Whole<u16> = Optional, 0..=65_535;
         /// How many seconds it lasts.
         for_s: f64 = Optional, Positive;
         /// How many frames it hits, in place of for_s.
-        for_frames: Whole = Optional, 1..=1_000_000_000, "how many frames it hits";
+        for_frames: Whole = Optional, 1..=1_000_000_000;
         /// Right ascension of the boresight to slew to, in degrees, not hours: 5h 30m is 82.5.
-        ra_deg: f64 = Optional, Within(-360.0, 360.0), "degrees, not hours: 5h 30m is 82.5";
-        /// Declination of the boresight to slew to.
-        dec_deg: f64 = Optional, Within(-90.0, 90.0), "degrees";
-        /// Position angle of the image's up direction after a slew, east of north.
-        roll_deg: f64 = Silent(0.0), Within(-360.0, 360.0), "degrees";
+        ra_deg: f64 = Optional, Within(-360.0, 360.0);
+        /// Declination of the boresight to slew to, degrees.
+        dec_deg: f64 = Optional, Within(-90.0, 90.0);
+        /// Position angle of the image's up direction after a slew, east of north, degrees.
+        roll_deg: f64 = Silent(0.0), Within(-360.0, 360.0);
         /// A share of the packets, of missing_stars a share of the catalog's stars, 0 to 1.
-        share: f64 = Optional, Within(0.0, 1.0), "a share of the packets, 0 to 1";
+        share: f64 = Optional, Within(0.0, 1.0);
         /// Milliseconds by which packets are late.
-        delay_ms: f64 = Optional, Within(0.0, MOST_MS), "milliseconds";
+        delay_ms: f64 = Optional, Within(0.0, MOST_MS);
         /// Random part of the delay, milliseconds.
-        jitter_ms: f64 = Silent(0.0), Within(0.0, MOST_MS), "milliseconds";
+        jitter_ms: f64 = Silent(0.0), Within(0.0, MOST_MS);
         /// An identifier of 11 bits, such as 0x123; no use on serial.
         can_id: Whole<u16> = Optional, 0..=0x7FF, "an identifier of 11 bits, such as 0x123; no use on serial";
         /// Milliseconds from one packet to the next, such as 0.5.
@@ -46,19 +46,19 @@ section! {
         /// Bytes of content, 8 if left out.
         bytes: Whole<u8> = Silent(8), 0..=64;
         /// Milliseconds by which a clock steps, below zero for a clock that falls behind.
-        step_ms: f64 = Optional, Within(-MOST_MS, MOST_MS), "milliseconds, below zero for a clock that falls behind";
+        step_ms: f64 = Optional, Within(-MOST_MS, MOST_MS);
         /// Parts per million, below zero for a slow clock.
         ppm: f64 = Optional, Within(-10_000.0, 10_000.0);
         /// Milliseconds by which frames are late.
-        late_ms: f64 = Optional, Within(0.0, MOST_MS), "milliseconds";
+        late_ms: f64 = Optional, Within(0.0, MOST_MS);
         /// Electrons per second in every pixel, such as 200000.0; of a hot or blinking pixel what it has more.
-        e_per_s: f64 = Optional, PositiveUpTo(1e12), "electrons per second in every pixel, such as 200000.0";
+        e_per_s: f64 = Optional, PositiveUpTo(1e12);
         /// Degrees per hour about the body axes, such as [5.0, 0.0, 0.0].
         rate_deg_h: [f64; 3] = Optional, Within(-1e6, 1e6);
         /// Which head, counted from 0; left out: all.
-        head: Whole<usize> = Optional, 0..=15, "counted from 0";
+        head: Whole<usize> = Optional, 0..=15;
         /// Which wheel, counted from 0.
-        wheel: Whole<usize> = Optional, 0..=15, "counted from 0";
+        wheel: Whole<usize> = Optional, 0..=15;
         /// The number of a trigger, such as 1.
         number: Whole<u16> = Optional, 0..=65_535;
         /// Which bit of the pixels' numbers, from 0.
@@ -66,17 +66,17 @@ section! {
         /// Column and row, from 0, such as [100, 200].
         px: Raw<[i64; 2]> = Optional, Shape::Row(2, Box::new(Shape::Whole(0..=65_535)));
         /// How many at random, of missing_bright_stars how many of the brightest.
-        count: Whole = Optional, 0..=1_000_000, "how many at random";
-        /// Electrons per second in every pixel at the begin of a ramp.
-        from_e_per_s: f64 = Optional, Within(0.0, 1e12), "electrons per second in every pixel, such as 200000.0";
-        /// Electrons per second in every pixel at the end of a ramp.
-        to_e_per_s: f64 = Optional, Within(0.0, 1e12), "electrons per second in every pixel, such as 200000.0";
+        count: Whole = Optional, 0..=1_000_000;
+        /// Electrons per second in every pixel at the begin of a ramp, such as 200000.0.
+        from_e_per_s: f64 = Optional, Within(0.0, 1e12);
+        /// Electrons per second in every pixel at the end of a ramp, such as 200000.0.
+        to_e_per_s: f64 = Optional, Within(0.0, 1e12);
         /// Sigma of the defocused, Gaussian spot, px.
         sigma_px: f64 = Optional, Within(0.2, 12.0);
         /// A share of the light, 0 to 1.
         throughput: f64 = Optional, Within(0.0, 1.0);
-        /// The share at the end of the event; left out: as at the begin.
-        to_throughput: f64 = Computed("throughput"), Within(0.0, 1.0), "a share of the light, 0 to 1";
+        /// The share of the light at the end of the event, 0 to 1; left out: as at the begin.
+        to_throughput: f64 = Computed("throughput"), Within(0.0, 1.0);
         /// Kelvin by which the detector is warmer, below zero for colder.
         by_k: f64 = Optional, Within(-100.0, 100.0);
         /// Light in each exposure, full wells; 4 if left out.
@@ -84,21 +84,21 @@ section! {
         /// Magnitude in the instrument's band.
         mag: f64 = Optional, Within(-30.0, 40.0);
         /// Number of a column, from 0.
-        column: Whole = Optional, 0..=65_535, "its number, from 0";
+        column: Whole = Optional, 0..=65_535;
         /// Number of a row, from 0.
-        row: Whole = Optional, 0..=65_535, "its number, from 0";
+        row: Whole = Optional, 0..=65_535;
         /// A share of the light, 0 to 1, that a dead pixel still counts.
-        response: f64 = Silent(0.0), Within(0.0, 1.0), "a share of the light, 0 to 1";
+        response: f64 = Silent(0.0), Within(0.0, 1.0);
         /// Mean seconds at the high level; 1 if left out.
-        high_s: f64 = Silent(1.0), Within(1e-3, 1e6), "mean seconds at this level; 1 if left out";
+        high_s: f64 = Silent(1.0), Within(1e-3, 1e6);
         /// Mean seconds at the low level; 1 if left out.
-        low_s: f64 = Silent(1.0), Within(1e-3, 1e6), "mean seconds at this level; 1 if left out";
+        low_s: f64 = Silent(1.0), Within(1e-3, 1e6);
         /// The digital number that stuck pixels read.
-        dn: Whole<u16> = Optional, 0..=65_535, "the digital number that they read";
+        dn: Whole<u16> = Optional, 0..=65_535;
         /// Protons per square centimetre and second.
         per_cm2_s: f64 = Optional, PositiveUpTo(1e9);
         /// Energy of the protons in MeV.
-        energy_mev: f64 = Optional, Within(DOMAIN_MEV[0], DOMAIN_MEV[1]), "MeV";
+        energy_mev: f64 = Optional, Within(DOMAIN_MEV[0], DOMAIN_MEV[1]);
         /// Degrees from the detector's normal: a beam from there; from all sides when neither angle is given.
         incidence_deg: f64 = Silent(0.0), Within(0.0, 89.9), BEAM;
         /// Degrees on the image from +x: a beam from there; from all sides when neither angle is given.

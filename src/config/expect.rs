@@ -52,21 +52,21 @@ section! {
     /// What must come true for a run to have passed.
     ExpectKeys at "expect" {
         /// Fine pointing is reached within so many seconds after the first exposure.
-        fine_pointing_within_s: f64 = Optional, Positive, "seconds";
+        fine_pointing_within_s: f64 = Optional, Positive;
         /// Seconds at the end of the run that are judged.
         window_s: f64 = Computed("a quarter of the run"), Positive;
-        /// Largest rms pointing error of the first head's boresight in the window.
-        pointing_arcsec: f64 = Optional, Positive, "arcseconds rms";
-        /// Largest rms error of the estimated attitude in the window.
-        knowledge_arcsec: f64 = Optional, Positive, "arcseconds rms";
+        /// Largest rms pointing error of the first head's boresight in the window, arcseconds rms.
+        pointing_arcsec: f64 = Optional, Positive;
+        /// Largest rms error of the estimated attitude in the window, arcseconds rms.
+        knowledge_arcsec: f64 = Optional, Positive;
         /// Largest ratio of the rms pointing error to what theory predicts from the tracker's noise, such as 1.5.
-        pointing_over_predicted: f64 = Optional, Positive, "such as 1.5";
+        pointing_over_predicted: f64 = Optional, Positive;
         /// Seconds after the end of a fault within which the loop points again.
-        recovery_s: f64 = 120.0, Positive, "seconds after the end of a fault";
+        recovery_s: f64 = 120.0, Positive;
         /// Arcseconds off target that count as pointing again.
         recovered_arcsec: f64 = 120.0, Positive;
         /// The kept boresight never comes nearer to the Sun than so many degrees.
-        least_sun_angle_deg: f64 = Optional, Positive, "degrees";
+        least_sun_angle_deg: f64 = Optional, Positive;
         /// The flight computer's mode when the run ends.
         final_mode: Word<Option<&'static str>> = "any", [
             ("any", None), ("fine_pointing", Some("fine_pointing")), ("coarse_pointing", Some("coarse_pointing")),
@@ -75,14 +75,13 @@ section! {
         /// The control must fail: at the end it points nowhere near its target.
         diverges: bool = Silent(false), Any;
         /// Most late frames of all heads together.
-        late_frames_at_most: Whole = Optional, COUNT, "frames of all heads together";
+        late_frames_at_most: Whole = Optional, COUNT;
         /// Most dropped frames of all heads together, those that a fault drops included.
-        dropped_frames_at_most: Whole = Optional, COUNT,
-            "frames of all heads together, those that a fault drops included";
+        dropped_frames_at_most: Whole = Optional, COUNT;
         /// Most blank frames of all heads together.
-        blank_frames_at_most: Whole = Optional, COUNT, "frames of all heads together";
+        blank_frames_at_most: Whole = Optional, COUNT;
         /// Fewest triggers that are fired.
-        triggers_at_least: Whole = Optional, COUNT, "triggers that were fired";
+        triggers_at_least: Whole = Optional, COUNT;
     }
 }
 

@@ -94,19 +94,18 @@ section! {
         attitude_hz: f64 = 100.0, PositiveUpTo(HIGHEST_ATTITUDE_HZ),
             "messages per second; the protocol has room for 100";
         /// Right ascension of the boresight at the start, in degrees, not hours: 5h 30m is 82.5.
-        ra_deg: f64 = 0.0, Within(RIGHT_ASCENSION_DEG[0], RIGHT_ASCENSION_DEG[1]),
-            "degrees, not hours: 5h 30m is 82.5";
-        /// Declination of the boresight at the start.
-        dec_deg: f64 = 0.0, Within(-90.0, 90.0), "degrees";
-        /// Position angle, east of north, of the image's up direction at the start.
-        roll_deg: f64 = 0.0, Within(RIGHT_ASCENSION_DEG[0], RIGHT_ASCENSION_DEG[1]), "degrees";
+        ra_deg: f64 = 0.0, Within(RIGHT_ASCENSION_DEG[0], RIGHT_ASCENSION_DEG[1]);
+        /// Declination of the boresight at the start, degrees.
+        dec_deg: f64 = 0.0, Within(-90.0, 90.0);
+        /// Position angle, east of north, of the image's up direction at the start, degrees.
+        roll_deg: f64 = 0.0, Within(RIGHT_ASCENSION_DEG[0], RIGHT_ASCENSION_DEG[1]);
         /// Lines are known to both ends; samples travel over the bus.
         jitter_source: Word<JitterSource> = "lines",
             [("lines", JitterSource::Lines), ("samples", JitterSource::Samples)];
         /// Samples per second; the protocol has room for 1000.
         jitter_sample_hz: f64 = HIGHEST_JITTER_HZ, PositiveUpTo(HIGHEST_JITTER_HZ);
         /// Drift of its clock in parts per million: 20 is a usual crystal.
-        clock_drift_ppm: f64 = 0.0, Within(-1000.0, 1000.0), "parts per million: 20 is a usual crystal";
+        clock_drift_ppm: f64 = 0.0, Within(-1000.0, 1000.0);
         tables:
         /// A turn during the run, from rest to rest.
         slew: Option<SlewKeys>;

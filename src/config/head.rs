@@ -33,7 +33,7 @@ section! {
         /// Camera file; left out, the bench's camera.
         camera: String = Optional, "path";
         /// Frames per second, such as 10.0; left out, as in [timing].
-        frame_rate_hz: f64 = Computed("timing.frame_rate_hz"), PositiveUpTo(10_000.0), "frames per second, such as 10.0";
+        frame_rate_hz: f64 = Computed("timing.frame_rate_hz"), PositiveUpTo(10_000.0);
         /// Milliseconds after the run's first exposure at which this head begins its own.
         phase_ms: f64 = Optional, Within(0.0, PHASE_MAX_MS);
     }

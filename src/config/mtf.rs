@@ -37,9 +37,8 @@ pub struct Chain {
 section! {
     /// Links of the chain of transfer functions that psf.model = "chain" draws; every key left out is off.
     MtfKeys at "mtf" {
-        /// Wavefront error in waves rms over the pupil, such as 0.05; the aberration term ends at 0.18.
-        wavefront_error_waves: f64 = Optional, Within(0.0, 0.18),
-            "waves rms over the pupil, such as 0.05; the aberration term ends at 0.18";
+        /// Wavefront error, waves rms over the pupil, such as 0.05; the aberration term ends at 0.18.
+        wavefront_error_waves: f64 = Optional, Within(0.0, 0.18);
         /// Wavelength of the measurement in nanometres, such as 632.8.
         wavefront_wavelength_nm: f64 = Computed("psf.wavelength_nm, in a band 632.8"), Within(100.0, 20_000.0);
         /// Image plane to focus in um, such as 20; leave it out in focus.
@@ -47,23 +46,18 @@ section! {
         /// Exact holds up to 16 waves; geometric is the blur disc of rays.
         defocus_model: Word<DefocusForm> = "exact",
             [("exact", DefocusForm::Exact), ("geometric", DefocusForm::Geometric)];
-        /// Blur of the assembly, a standard deviation on the detector in um.
-        assembly_um: f64 = Silent(0.0), Within(0.0, 1e3),
-            "a standard deviation on the detector in um, such as 1.5; leave it out for none";
-        /// Blur of the fabrication, a standard deviation on the detector in um.
-        fabrication_um: f64 = Silent(0.0), Within(0.0, 1e3),
-            "a standard deviation on the detector in um, such as 1.5; leave it out for none";
+        /// Blur of the assembly, a standard deviation on the detector in um, such as 1.5; leave it out for none.
+        assembly_um: f64 = Silent(0.0), Within(0.0, 1e3);
+        /// Blur of the fabrication, a standard deviation on the detector in um, such as 1.5; leave it out for none.
+        fabrication_um: f64 = Silent(0.0), Within(0.0, 1e3);
         /// Standard deviation of the charge's spread in um, such as 2; leave it out for none.
         diffusion_um: f64 = Optional, Within(0.0, 1e3);
-        /// Depletion layer of a layered detector, um.
-        depletion_um: f64 = Optional, Within(0.0, 1e3),
-            "a layered detector has depletion_um, diffusion_length_um and, lit from the back, field_free_um";
-        /// Diffusion length of a layered detector, um.
-        diffusion_length_um: f64 = Optional, PositiveUpTo(1e4),
-            "a layered detector has depletion_um, diffusion_length_um and, lit from the back, field_free_um";
-        /// Field-free layer of a detector that is lit from the back, um.
-        field_free_um: f64 = Optional, PositiveUpTo(1e3),
-            "a layered detector has depletion_um, diffusion_length_um and, lit from the back, field_free_um";
+        /// Depletion layer in um; a layered detector has diffusion_length_um too and, lit from the back, field_free_um.
+        depletion_um: f64 = Optional, Within(0.0, 1e3);
+        /// Diffusion length in um of a layered detector, which has depletion_um too.
+        diffusion_length_um: f64 = Optional, PositiveUpTo(1e4);
+        /// Field-free layer in um of a layered detector that is lit from the back.
+        field_free_um: f64 = Optional, PositiveUpTo(1e3);
         /// Width of the sensitive square over the pitch: the square root of the fill factor.
         pixel_aperture: f64 = Silent(1.0), PositiveUpTo(1.0);
         /// Steps in which charge moves from row to row: 2, 3 or 4 for usual CCDs.

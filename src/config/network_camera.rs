@@ -10,11 +10,10 @@ use std::net::Ipv4Addr;
 section! {
     /// A camera on the network, as clients of GigE Vision see it.
     NetworkCameraKeys at "sink" {
-        /// Where it listens: 127.0.0.1 for programs on this machine, or the address of a network interface.
-        address: String = "127.0.0.1", "IPv4 address",
-            "a camera has one address: 127.0.0.1 for programs on this machine, or that of a network interface";
+        /// A camera has one address: 127.0.0.1 for programs on this machine, or that of a network interface.
+        address: String = "127.0.0.1", "IPv4 address";
         /// Port of its control channel: clients look at 3956; 0 takes a free port.
-        port: Whole<u16> = 3956, 0..=65_535, "clients look at 3956; 0 takes a free port";
+        port: Whole<u16> = 3956, 0..=65_535;
         /// Auto takes the narrowest that holds the detector's bits; clients may choose another.
         pixel_format: Word<Option<PixelFormat>> = "auto", [
             ("auto", None), ("Mono8", Some(PixelFormat::Mono8)), ("Mono10", Some(PixelFormat::Mono10)),
@@ -22,11 +21,9 @@ section! {
             ("Mono16", Some(PixelFormat::Mono16)),
         ];
         /// Bytes of a packet with IP and UDP headers: 1500, or 9000 where every switch has jumbo frames.
-        packet_bytes: Whole = 1500, 576..=65_532,
-            "bytes with IP and UDP headers: 1500, or 9000 where every switch has jumbo frames";
+        packet_bytes: Whole = 1500, 576..=65_532;
         /// Rate of sending, below what the network and the receiver take: a frame sent faster is lost.
-        rate_mbit_s: f64 = 1000.0, Within(1.0, 1e5),
-            "below what the network and the receiver take: a frame sent faster is lost";
+        rate_mbit_s: f64 = 1000.0, Within(1.0, 1e5);
         /// Frames that a client may ask for again, such as 4.
         frames_kept: Whole = i64::from(Params::default().frames_kept), 1..=64;
         /// Frames that may wait to be sent, such as 2.
@@ -40,10 +37,9 @@ section! {
         /// User-defined name that clients see.
         user_name: String = Computed("none"), "text", PLAIN;
         /// Hardware address that clients see, such as "02:00:7f:00:00:01"; leave it out to tell the interface's.
-        mac: String = Optional, "six pairs of hexadecimal digits", "leave it out to tell the interface's";
+        mac: String = Optional, "six pairs of hexadecimal digits";
         /// Form of the description at the first address; the other form is at the second address.
-        xml: Word<XmlForm> = "zip", [("zip", XmlForm::Zip), ("plain", XmlForm::Plain)],
-            "the other form is at the second address";
+        xml: Word<XmlForm> = "zip", [("zip", XmlForm::Zip), ("plain", XmlForm::Plain)];
         /// Frames may be sent to another machine than the one that controls the camera.
         allow_other_receivers: bool = false, Any;
         /// A fault: one packet in so many is not sent; leave the key out for none.

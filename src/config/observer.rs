@@ -66,26 +66,23 @@ section! {
         ], "tle takes line1 and line2; circular_orbit takes altitude_km, inclination_deg, raan_deg, \
             argument_of_latitude_deg; two_body takes about, epoch, and position_km and velocity_km_s or \
             semi_major_axis_km and further elements";
-        /// First line of a two-line element set.
-        line1: String = Optional, "text of 69 characters", "copy both lines of the element set unchanged";
-        /// Second line of a two-line element set.
-        line2: String = Optional, "text of 69 characters", "copy both lines of the element set unchanged";
+        /// First line of an element set; copy both lines of the element set unchanged.
+        line1: String = Optional, "text of 69 characters";
+        /// Second line of an element set; copy both lines of the element set unchanged.
+        line2: String = Optional, "text of 69 characters";
         /// Kilometres above the equatorial radius: 550 is a usual low orbit, 35786 is geostationary.
         altitude_km: f64 = 550.0, Within(100.0, 400_000.0);
-        /// Degrees to the equator, above 90 retrograde; of a conic to ICRF's equator.
-        inclination_deg: f64 = Computed("97.6 of a circular orbit, 0 of a conic"), Within(0.0, 180.0),
-            "degrees to the equator; above 90 is retrograde";
-        /// Right ascension of the ascending node.
-        raan_deg: f64 = 0.0, Within(-360.0, 360.0), "degrees";
+        /// Degrees to the equator (of a conic to ICRF's); above 90 is retrograde.
+        inclination_deg: f64 = Computed("97.6 of a circular orbit, 0 of a conic"), Within(0.0, 180.0);
+        /// Right ascension of the ascending node, degrees.
+        raan_deg: f64 = 0.0, Within(-360.0, 360.0);
         /// Degrees from the ascending node at the first exposure, of a circular orbit.
-        argument_of_latitude_deg: f64 = 0.0, Within(-360.0, 360.0), "degrees from the ascending node";
+        argument_of_latitude_deg: f64 = 0.0, Within(-360.0, 360.0);
         /// The body that a conic is about.
         about: Word<CentralBody> = "earth",
-            [("earth", CentralBody::Earth), ("moon", CentralBody::Moon), ("sun", CentralBody::Sun)],
-            "the body that the orbit is about";
-        /// Instant of the state or elements of a conic, RFC 3339, or "start" for the first exposure.
-        epoch: String = "start", "time or \"start\"",
-            "the instant of the state or the elements, such as \"2026-03-01T12:00:00Z\"";
+            [("earth", CentralBody::Earth), ("moon", CentralBody::Moon), ("sun", CentralBody::Sun)];
+        /// The instant of the state or the elements of a conic, such as "2026-03-01T12:00:00Z", or "start".
+        epoch: String = "start", "time or \"start\"";
         /// Position from the centre of the body, kilometres in ICRF axes.
         position_km: [f64; 3] = Optional, Finite, STATE;
         /// Velocity from the centre of the body, kilometres per second in ICRF axes.
@@ -95,7 +92,7 @@ section! {
         /// Below 1 with a positive semi-major axis, above 1 with a negative one; a parabola is given by a state.
         eccentricity: f64 = 0.0, Within(0.0, 1e6);
         /// Degrees from the node to the nearest point.
-        argument_of_periapsis_deg: f64 = 0.0, Within(-360.0, 360.0), "degrees from the node";
+        argument_of_periapsis_deg: f64 = 0.0, Within(-360.0, 360.0);
         /// Degrees at the epoch; on a hyperbola, mean motion times time from the nearest point.
         mean_anomaly_deg: f64 = 0.0, Within(-1e6, 1e6);
         /// The Sun bends the stars' light.

@@ -82,13 +82,12 @@ section! {
             "give the focal length in millimetres, such as 50.0; it sets the scale of the image";
         /// Diameter of the entrance pupil in millimetres.
         aperture_mm: f64 = Computed("half of focal_length_mm"), PositiveUpTo(1e5);
-        /// Diameter of the central obscuration over that of the aperture.
-        obscuration: f64 = 0.0, Within(0.0, LARGEST_OBSCURATION), "a ratio of diameters; 0 for a lens";
-        /// Fraction of the light that the optics pass, band average.
-        transmission: f64 = 0.8, PositiveUpTo(1.0), "a fraction: 80 % is 0.8";
-        /// Where the boresight meets the detector, pixels from the centre of the first pixel.
-        principal_point_px: [f64; 2] = Computed("the centre of the detector"), Finite,
-            "pixels from the centre of the first pixel; leave it out for the centre of the detector";
+        /// Diameter of the central obscuration over that of the aperture, a ratio of diameters; 0 for a lens.
+        obscuration: f64 = 0.0, Within(0.0, LARGEST_OBSCURATION);
+        /// Fraction of the light that the optics pass, band average: 80 % is 0.8.
+        transmission: f64 = 0.8, PositiveUpTo(1.0);
+        /// Where the boresight meets the detector, pixels from the centre of the first pixel; left out: its own centre.
+        principal_point_px: [f64; 2] = Computed("the centre of the detector"), Finite;
     }
 
     /// Distortion of normalised image coordinates; without the table there is none.
@@ -96,16 +95,16 @@ section! {
         /// "brown-conrady" takes k1 to p2, "polynomial" takes x and y.
         model: Word<IsPolynomial> = Silent("brown-conrady"),
             [("brown-conrady", IsPolynomial(false)), ("polynomial", IsPolynomial(true))], "without it: brown-conrady";
-        /// Radial coefficient of r^2.
-        k1: f64 = Silent(0.0), Within(-100.0, 100.0), "a coefficient for normalised image coordinates, such as -0.05";
-        /// Radial coefficient of r^4.
-        k2: f64 = Silent(0.0), Within(-100.0, 100.0), "a coefficient for normalised image coordinates, such as -0.05";
-        /// Radial coefficient of r^6.
-        k3: f64 = Silent(0.0), Within(-100.0, 100.0), "a coefficient for normalised image coordinates, such as -0.05";
-        /// First tangential coefficient.
-        p1: f64 = Silent(0.0), Within(-100.0, 100.0), "a coefficient for normalised image coordinates, such as -0.05";
-        /// Second tangential coefficient.
-        p2: f64 = Silent(0.0), Within(-100.0, 100.0), "a coefficient for normalised image coordinates, such as -0.05";
+        /// Radial coefficient of r^2, for normalised image coordinates, such as -0.05.
+        k1: f64 = Silent(0.0), Within(-100.0, 100.0);
+        /// Radial coefficient of r^4, for normalised image coordinates, such as -0.05.
+        k2: f64 = Silent(0.0), Within(-100.0, 100.0);
+        /// Radial coefficient of r^6, for normalised image coordinates, such as -0.05.
+        k3: f64 = Silent(0.0), Within(-100.0, 100.0);
+        /// First tangential coefficient, for normalised image coordinates, such as -0.05.
+        p1: f64 = Silent(0.0), Within(-100.0, 100.0);
+        /// Second tangential coefficient, for normalised image coordinates, such as -0.05.
+        p2: f64 = Silent(0.0), Within(-100.0, 100.0);
         /// Terms along x of a polynomial: rows of [exponent of x, exponent of y, coefficient].
         x: Raw<Terms> = Optional, Shape::list(Shape::numbers(3));
         /// Terms along y of a polynomial: rows of [exponent of x, exponent of y, coefficient].

@@ -82,11 +82,11 @@ section! {
         /// Random takes an attitude from the seed; given needs ra_deg, dec_deg, roll_deg.
         attitude: Word<IsRandom> = "random", [("random", IsRandom(true)), ("given", IsRandom(false))];
         /// Right ascension of the boresight, in degrees, not hours: 5h 30m is 82.5.
-        ra_deg: f64 = Optional, Within(-360.0, 360.0), "degrees, not hours: 5h 30m is 82.5";
-        /// Declination of the boresight.
-        dec_deg: f64 = Optional, Within(-90.0, 90.0), "degrees";
-        /// Position angle of the image's up direction, east of north.
-        roll_deg: f64 = Silent(0.0), Within(-360.0, 360.0), "degrees";
+        ra_deg: f64 = Optional, Within(-360.0, 360.0);
+        /// Declination of the boresight, degrees.
+        dec_deg: f64 = Optional, Within(-90.0, 90.0);
+        /// Position angle of the image's up direction, east of north, degrees.
+        roll_deg: f64 = Silent(0.0), Within(-360.0, 360.0);
         /// Degrees per second about the body axes at the start.
         rate_deg_s: [f64; 3] = Silent(Numbers([0.0; 3])), Within(-20.0, 20.0);
     }
@@ -94,11 +94,11 @@ section! {
     /// Where the first head is to point.
     PointingKeys at "pointing" {
         /// Right ascension of the boresight, in degrees, not hours: 5h 30m is 82.5.
-        ra_deg: f64 = Needed, Within(-360.0, 360.0), "degrees, not hours: 5h 30m is 82.5";
-        /// Declination of the boresight.
-        dec_deg: f64 = Needed, Within(-90.0, 90.0), "degrees";
-        /// Position angle of the image's up direction, east of north.
-        roll_deg: f64 = Silent(0.0), Within(-360.0, 360.0), "degrees";
+        ra_deg: f64 = Needed, Within(-360.0, 360.0);
+        /// Declination of the boresight, degrees.
+        dec_deg: f64 = Needed, Within(-90.0, 90.0);
+        /// Position angle of the image's up direction, east of north, degrees.
+        roll_deg: f64 = Silent(0.0), Within(-360.0, 360.0);
     }
 
     /// Star trackers.
@@ -108,7 +108,7 @@ section! {
         /// Milliseconds by which the trackers' time tags are late: a date error to be studied.
         tag_error_ms: f64 = 0.0, Within(-1000.0, 1000.0);
         /// Most stars that are measured in a frame, brightest first.
-        stars: Whole<usize> = 40, 4..=200, "brightest first";
+        stars: Whole<usize> = 40, 4..=200;
     }
 
     /// Attitude control.

@@ -1,5 +1,5 @@
-//! `[psf]`; beyond Gaussian and Airy there are `moffat` (`fwhm_px`, `beta`), `measured` (a FITS image and how to take it), `field`
-//! (`nodes = [columns, rows]` and that many `[[psf.node]]`, row by row from the top left, each a PSF of its own).
+//! `[psf]`; beyond Gaussian and Airy there are `moffat` (`fwhm_px`, `beta`), `measured` (a FITS image and how to take it),
+//! `field` (`nodes = [columns, rows]` and that many `[[psf.node]]`, row by row from the top left, each a PSF of its own).
 //!
 //! A measured PSF's file is read when the camera is; its path is relative to the camera file. It is no part of a packed
 //! configuration: a replay reads it where it was.
@@ -29,15 +29,12 @@ macro_rules! psf_section {
             $(#[doc = $about])+
             $keys at $place {
                 $($own)*
-                /// Full width at half maximum of a Moffat profile in pixels, of the optics alone.
-                fwhm_px: f64 = Optional, Within(0.7, 40.0),
-                    "full width at half maximum in pixels, such as 2.0; of the optics, before a pixel integrates it";
-                /// Exponent of a Moffat profile.
-                beta: f64 = DEFAULT_BETA, Within(1.2, 5.0),
-                    "how fast the wings fall: 2.5 for broad ones, 4.765 for turbulence; gaussian is a model of its own";
+                /// Full width at half maximum of a Moffat profile in pixels, such as 2.0; before a pixel integrates it.
+                fwhm_px: f64 = Optional, Within(0.7, 40.0);
+                /// How fast wings of a Moffat profile fall: 2.5 for broad ones, 4.765 for turbulence.
+                beta: f64 = DEFAULT_BETA, Within(1.2, 5.0);
                 /// FITS image of a measured star, with several samples along each side of a pixel.
-                file: String = Optional, "path",
-                    "a FITS image of a star, with several samples along each side of a pixel";
+                file: String = Optional, "path";
                 /// Samples of the image along each side of a detector pixel.
                 samples_per_px: Whole<usize> = Optional, 2..=32,
                     "samples of the image along each side of a detector pixel; fewer than 2 do not tell where in a \
@@ -70,25 +67,20 @@ psf_section! {
         ], "gaussian takes sigma_px; airy takes f_number, wavelength_nm, obscuration; moffat takes fwhm_px, beta; \
             measured takes file, samples_per_px; field takes nodes and [[psf.node]]; chain takes what airy does, bp_rp \
             and [mtf]";
-        /// Standard deviation of a Gaussian in pixels.
-        sigma_px: f64 = DEFAULT_SIGMA_PX, Within(0.05, 20.0),
-            "standard deviation in pixels, such as 0.7; a star must spread over a few pixels";
-        /// F-number of an Airy pattern or chain.
-        f_number: f64 = Computed("that of [optics]"), Within(0.3, 1000.0),
-            "focal length over aperture; leave it out to take that of [optics]";
+        /// Standard deviation of a Gaussian in pixels, such as 0.7; a star must spread over a few pixels.
+        sigma_px: f64 = DEFAULT_SIGMA_PX, Within(0.05, 20.0);
+        /// Focal length over aperture of an Airy pattern or chain; leave it out to take that of [optics].
+        f_number: f64 = Computed("that of [optics]"), Within(0.3, 1000.0);
         /// Effective wavelength in nanometres, such as 620.
         wavelength_nm: f64 = DEFAULT_WAVELENGTH_NM, Within(100.0, 20_000.0);
-        /// Central obscuration of an Airy pattern or chain.
-        obscuration: f64 = Computed("that of [optics]"), Within(0.0, LARGEST_OBSCURATION),
-            "a ratio of diameters; leave it out to take that of [optics]";
-        /// Colour of the star that a chain is drawn for, in the light of [band].
-        bp_rp: f64 = Optional, Within(-1.0, 7.0),
-            "Gaia BP-RP of the star that the PSF is for, such as the Sun's, 0.82";
+        /// Central obscuration of an Airy pattern or chain, a ratio of diameters; left out, that of [optics].
+        obscuration: f64 = Computed("that of [optics]"), Within(0.0, LARGEST_OBSCURATION);
+        /// Colour BP-RP of the star that a chain is drawn for, such as the Sun's, 0.82.
+        bp_rp: f64 = Optional, Within(-1.0, 7.0);
         /// How pixel values are had from the PSF: auto, table:S, supersampled:N, point or bicubic.
         sampling: String = "auto", "text", "auto is exact, and right for most cameras";
-        /// Nodes of a field along a row and a column, the outermost at the detector's edges.
-        nodes: Raw<[i64; 2]> = Optional, Shape::Row(2, Box::new(Shape::Whole(2..=MOST_NODES as i64))),
-            "nodes along a row and a column, the outermost at the detector's edges, and a [[psf.node]] for each";
+        /// Nodes of a field along a row and a column, the outermost at the detector's edges; each is a [[psf.node]].
+        nodes: Raw<[i64; 2]> = Optional, Shape::Row(2, Box::new(Shape::Whole(2..=MOST_NODES as i64)));
     } {
         /// The PSF at a node of a field, row by row from the top left.
         node: Vec<NodeKeys>;
@@ -102,8 +94,8 @@ psf_section! {
         model: Word<NodeModel> = "gaussian", [
             ("gaussian", NodeModel::Gaussian), ("moffat", NodeModel::Moffat), ("measured", NodeModel::Measured),
         ], "gaussian takes sigma_px; moffat takes fwhm_px, beta; measured takes file, samples_per_px";
-        /// Standard deviation of a Gaussian in pixels, such as 0.7.
-        sigma_px: f64 = DEFAULT_SIGMA_PX, Within(0.05, 12.0), "standard deviation in pixels, such as 0.7";
+        /// Standard deviation of a Gaussian in pixels, such as 0.7; a star must spread over a few pixels.
+        sigma_px: f64 = DEFAULT_SIGMA_PX, Within(0.05, 12.0);
     }
 }
 

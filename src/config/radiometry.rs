@@ -60,9 +60,8 @@ section! {
              linear_grey takes two magnitudes and their greys";
         /// Faintest G magnitude to render, such as 7.0.
         limiting_mag: f64 = 7.0, Within(-2.0, 25.0);
-        /// Photons of a star of magnitude 0 above the optics, per second and square metre.
-        zero_magnitude_photons_per_s_m2: f64 = GAIA_G_ZERO_PHOTONS_PER_S_M2, Positive,
-            "photons per second and square metre, about 3e10 for silicon";
+        /// Photons per second and square metre of a star of magnitude 0 above the optics, about 3e10 for silicon.
+        zero_magnitude_photons_per_s_m2: f64 = GAIA_G_ZERO_PHOTONS_PER_S_M2, Positive;
         /// First colour term: instrument magnitude less magnitude, per magnitude of BP-RP.
         color_c1: f64 = 0.0, Within(-5.0, 5.0),
             "magnitudes per magnitude of BP-RP; 0 when the band is that of the magnitude";
@@ -72,16 +71,14 @@ section! {
         /// What the grey is linear in; irradiance keeps the stars' ratios.
         grey_scale: Word<GreyScale> = "irradiance",
             [("irradiance", GreyScale::Irradiance), ("magnitude", GreyScale::Magnitude)];
-        /// G of the star that gets brightest_grey_dn.
-        brightest_mag: f64 = -1.5, Within(-30.0, 30.0), "G of the star that gets brightest_grey_dn";
-        /// G of the star that gets faintest_grey_dn, fainter than brightest_mag.
-        faintest_mag: f64 = Computed("limiting_mag"), Within(-30.0, 30.0),
-            "G of the star that gets faintest_grey_dn, fainter than brightest_mag";
+        /// Magnitude G of the star that gets brightest_grey_dn.
+        brightest_mag: f64 = -1.5, Within(-30.0, 30.0);
+        /// Magnitude G of the star that gets faintest_grey_dn, fainter than brightest_mag.
+        faintest_mag: f64 = Computed("limiting_mag"), Within(-30.0, 30.0);
         /// Sum of the brightest star's grey above the black level, DN.
-        brightest_grey_dn: f64 = Computed("largest DN less black level"), Positive,
-            "sum of the star's grey above the black level, DN";
+        brightest_grey_dn: f64 = Computed("largest DN less black level"), Positive;
         /// Sum of the faintest star's grey above the black level, DN.
-        faintest_grey_dn: f64 = 1.0, NotNegative, "sum of the star's grey above the black level, DN";
+        faintest_grey_dn: f64 = 1.0, NotNegative;
     }
 
     /// When the detector collects light, and when its frame is due.

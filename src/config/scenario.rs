@@ -54,11 +54,11 @@ section! {
         /// The path of a spacecraft file, relative to this one.
         spacecraft: String = Needed, "path";
         /// Seed of every random number of the run, in place of the bench's; any number repeats its own run.
-        seed: Whole<u64> = Optional, 0..=i64::MAX, "any number repeats its own run";
-        /// Seed of the noise of exposures, in place of the bench's.
-        noise_seed: Whole<u64> = Optional, 0..=i64::MAX, "any number repeats its own run";
+        seed: Whole<u64> = Optional, 0..=i64::MAX;
+        /// Seed of the noise of exposures, in place of the bench's; any number repeats its own run.
+        noise_seed: Whole<u64> = Optional, 0..=i64::MAX;
         /// Length of the run in seconds, in place of the bench's.
-        duration_s: f64 = Optional, PositiveUpTo(1e7), "length of the run in seconds";
+        duration_s: f64 = Optional, PositiveUpTo(1e7);
         tables:
         /// Attitude and rate at the start.
         initial: InitialKeys;

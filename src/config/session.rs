@@ -31,7 +31,7 @@ section! {
         start: Word<SessionStart> = "at_once",
             [("at_once", SessionStart::AtOnce), ("on_run", SessionStart::OnRun)];
         /// Heartbeats that stop for so many seconds are an event; they come once a second.
-        heartbeat_timeout_s: f64 = 3.5, Within(0.1, 3600.0), "heartbeats come once a second";
+        heartbeat_timeout_s: f64 = 3.5, Within(0.1, 3600.0);
     }
 }
 

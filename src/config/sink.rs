@@ -134,8 +134,7 @@ section! {
     /// Files.
     RecorderKeys at "sink" {
         /// Output directory, relative to the working directory, such as "out/run"; each run has one of its own in it.
-        directory: String = Computed("out/ and the bench's name; of an extra sink below that of the run"), "path",
-            "relative to the working directory, such as \"out/run\"";
+        directory: String = Computed("out/ and the bench's name; of an extra sink below that of the run"), "path";
         /// One FITS file per frame.
         fits: bool = true, Any;
         /// All frames in one SER file.
@@ -147,8 +146,7 @@ section! {
     /// Memory that programs on this machine read.
     SharedMemoryKeys at "sink" {
         /// The file that holds it, best in memory, such as "/dev/shm/starloop".
-        path: String = Computed("/dev/shm/starloop_ and the bench's name"), "path",
-            "in memory, such as \"/dev/shm/starloop\"";
+        path: String = Computed("/dev/shm/starloop_ and the bench's name"), "path";
         /// Frames that a slow reader may be behind; each takes the memory of a frame.
         slots: Whole = 4, 2..=64;
     }

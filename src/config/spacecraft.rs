@@ -87,7 +87,7 @@ section! {
         /// Inertia about the centre of mass: three rows of three numbers, symmetric, kg m^2.
         inertia_kg_m2: Raw<[[f64; 3]; 3]> = Needed, Shape::Row(3, Box::new(Shape::numbers(3))), "kg m^2";
         /// Step of the dynamics; 5 to 20 ms are usual.
-        step_ms: f64 = 10.0, Within(0.1, 100.0), "5 to 20 ms are usual";
+        step_ms: f64 = 10.0, Within(0.1, 100.0);
         /// Body axis that safe mode turns to the Sun.
         sun_axis: [f64; 3] = Silent(Numbers([0.0, -1.0, 0.0])), Finite, DIRECTION;
     }
@@ -97,7 +97,7 @@ section! {
         /// The spin axis, a direction in body axes.
         axis: [f64; 3] = Needed, Finite, DIRECTION;
         /// Inertia of the rotor, kg m^2.
-        inertia_kg_m2: f64 = 1e-3, Positive, "rotor, kg m^2";
+        inertia_kg_m2: f64 = 1e-3, Positive;
         /// Largest torque of the motor, N m.
         largest_torque_n_m: f64 = 0.02, Positive;
         /// Largest speed, rpm.
@@ -105,12 +105,11 @@ section! {
         /// Viscous friction, N m s.
         viscous_n_m_s: f64 = 0.0, NotNegative;
         /// Dry friction (Coulomb's), N m.
-        coulomb_n_m: f64 = 0.0, NotNegative, "Coulomb friction, N m";
+        coulomb_n_m: f64 = 0.0, NotNegative;
         /// Speed at the start, rpm.
         initial_speed_rpm: f64 = 0.0, Finite;
         /// Harmonics of imbalance: rows of [multiple of the speed, N m s^2], such as [1.0, 2.0e-9].
-        imbalance: Raw<Vec<[f64; 2]>> = Optional, Shape::pairs(),
-            "[multiple of the speed, N m s^2], such as [1.0, 2.0e-9]";
+        imbalance: Raw<Vec<[f64; 2]>> = Optional, Shape::pairs();
     }
 
     /// A flexible mode.
@@ -132,7 +131,7 @@ section! {
         /// Constant torque, body axes, N m.
         constant_torque_n_m: [f64; 3] = Silent(Numbers([0.0; 3])), Within(-1.0, 1.0), AXES;
         /// Random walk of the torque, N m per square root of a second.
-        random_walk_n_m_sqrt_s: f64 = 0.0, NotNegative, "N m per square root of a second";
+        random_walk_n_m_sqrt_s: f64 = 0.0, NotNegative;
     }
 
     /// Unloading of the wheels.
@@ -140,31 +139,31 @@ section! {
         /// Torque over the wheels' momentum, 1/s.
         gain_per_s: f64 = 0.0, NotNegative;
         /// Largest torque per body axis, N m.
-        largest_torque_n_m: f64 = 0.0, NotNegative, "per body axis, N m";
+        largest_torque_n_m: f64 = 0.0, NotNegative;
     }
 
     /// The gyro.
     GyroKeys at "gyro" {
         /// Angle random walk, degrees per square root of an hour.
-        angle_random_walk_deg_sqrt_h: f64 = 0.01, NotNegative, "degrees per square root of an hour";
+        angle_random_walk_deg_sqrt_h: f64 = 0.01, NotNegative;
         /// Rate random walk, degrees per hour and square root of an hour.
-        rate_random_walk_deg_h_sqrt_h: f64 = 0.1, NotNegative, "degrees per hour and square root of an hour";
+        rate_random_walk_deg_h_sqrt_h: f64 = 0.1, NotNegative;
         /// Bias at the start, degrees per hour about the body axes.
         initial_bias_deg_h: [f64; 3] = Silent(Numbers([0.0; 3])), Within(-1e5, 1e5), AXES;
         /// Error of the scale factor, parts per million, the same on each axis.
-        scale_factor_ppm: f64 = 0.0, Within(-1e5, 1e5), "parts per million, the same on each axis";
+        scale_factor_ppm: f64 = 0.0, Within(-1e5, 1e5);
         /// Misalignment about the body axes, arcseconds.
         misalignment_arcsec: [f64; 3] = Silent(Numbers([0.0; 3])), Within(-36_000.0, 36_000.0), AXES;
         /// Angle of one count.
         quantum_arcsec: f64 = 0.0, NotNegative;
         /// Largest rate that it measures, degrees per second.
-        largest_rate_deg_s: f64 = 30.0, PositiveUpTo(1000.0), "degrees per second";
+        largest_rate_deg_s: f64 = 30.0, PositiveUpTo(1000.0);
     }
 
     /// The Sun sensor.
     SunSensorKeys at "sun_sensor" {
         /// Noise per axis in degrees, one sigma.
-        noise_deg: f64 = 0.5, Within(0.0, 30.0), "degrees, one sigma";
+        noise_deg: f64 = 0.5, Within(0.0, 30.0);
     }
 
     /// Attitude control.
@@ -172,15 +171,15 @@ section! {
         /// Milliseconds between gyro samples and control steps.
         period_ms: f64 = 100.0, Within(1.0, 2000.0);
         /// Natural frequency of the loop in fine pointing, Hz.
-        fine_bandwidth_hz: f64 = 0.05, PositiveUpTo(50.0), "natural frequency of the loop, Hz";
+        fine_bandwidth_hz: f64 = 0.05, PositiveUpTo(50.0);
         /// Natural frequency of the loop in coarse pointing, Hz.
-        coarse_bandwidth_hz: f64 = 0.02, PositiveUpTo(50.0), "natural frequency of the loop, Hz";
+        coarse_bandwidth_hz: f64 = 0.02, PositiveUpTo(50.0);
         /// Damping ratio.
         damping: f64 = 0.8, Within(0.1, 5.0);
         /// Largest rate of a slew, degrees per second.
-        slew_rate_deg_s: f64 = 0.5, PositiveUpTo(20.0), "degrees per second";
+        slew_rate_deg_s: f64 = 0.5, PositiveUpTo(20.0);
         /// Largest acceleration of a slew, degrees per second squared.
-        slew_acceleration_deg_s2: f64 = 0.02, PositiveUpTo(20.0), "degrees per second squared";
+        slew_acceleration_deg_s2: f64 = 0.02, PositiveUpTo(20.0);
         tables:
         /// A body axis that slews keep away from the Sun.
         keep_out: Option<KeepOutKeys>;

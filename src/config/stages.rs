@@ -91,21 +91,21 @@ section! {
     /// How wrong a frame may be.
     AccuracyKeys at "accuracy" {
         /// Pixels, such as 0.002: error of a star's place.
-        centroid_px: f64 = AccuracyBudget::default().centroid_px, Positive, "pixels, such as 0.002";
+        centroid_px: f64 = AccuracyBudget::default().centroid_px, Positive;
         /// A fraction, such as 0.001: error of a star's flux.
-        flux_rel: f64 = AccuracyBudget::default().flux_rel, Positive, "a fraction, such as 0.001";
+        flux_rel: f64 = AccuracyBudget::default().flux_rel, Positive;
         /// Error of a pixel, a share of the pixel's noise, such as 0.1.
-        pixel_sigma: f64 = AccuracyBudget::default().pixel_sigma, Positive, "of the pixel's noise, such as 0.1";
+        pixel_sigma: f64 = AccuracyBudget::default().pixel_sigma, Positive;
         /// Arcseconds, such as 0.1: error of the line of sight.
-        los_arcsec: f64 = AccuracyBudget::default().los_arcsec, Positive, "arcseconds, such as 0.1";
+        los_arcsec: f64 = AccuracyBudget::default().los_arcsec, Positive;
     }
 
     /// How frames are drawn.
     RenderKeys at "render" {
-        /// The implementation that draws: auto takes a GPU when there is one.
+        /// The implementation that draws; auto, a GPU when there is one, is right for most benches.
         backend: Word<Backend> = "auto", [
             ("auto", Backend::Auto), ("gpu", Backend::Gpu), ("cpu", Backend::Cpu), ("reference", Backend::Reference),
-        ], "auto is right for most benches";
+        ];
         /// How motion is drawn: auto, static, gauss-legendre, effective-psf or samples, with :N for a number of nodes.
         method: String = "auto", "text", "auto is right for most benches";
     }

@@ -74,7 +74,7 @@ section! {
     /// A point source that moves over the detector by a script, or flies about the Earth.
     TargetKeys at "target" {
         /// Seconds after the first exposure at which it is first seen.
-        start_s: f64 = 0.0, Within(0.0, 1e7), "seconds after the first exposure";
+        start_s: f64 = 0.0, Within(0.0, 1e7);
         /// Seconds for which it is seen; left out: to the end.
         for_s: f64 = Optional, PositiveUpTo(1e7), "seconds; left out: to the end";
         /// Column and row where it is first seen, such as [100.0, 200.0].
@@ -85,8 +85,8 @@ section! {
         acceleration_px_s2: [f64; 2] = Optional, Within(-1e6, 1e6);
         /// Degrees per second by which the velocity turns, from x towards y.
         turn_deg_s: f64 = Optional, Within(-36_000.0, 36_000.0);
-        /// Gaia G magnitude; of a target with orbit, wherever it is lit.
-        mag: f64 = Optional, Within(-30.0, 40.0), "Gaia G magnitude";
+        /// Magnitude in Gaia G; of a target with orbit, wherever it is lit.
+        mag: f64 = Optional, Within(-30.0, 40.0);
         /// Colour BP-RP, magnitudes.
         bp_rp: f64 = Computed("0, with orbit that of sunlight, 0.82"), Within(-0.5, 5.0);
         /// Electrons of one whole exposure, in all pixels together.
@@ -97,29 +97,28 @@ section! {
         orbit: Word<Kind> = Optional, KINDS,
             "tle takes line1 and line2, or file; omm takes file; two_body elements; state_vector position_km and \
              velocity_km_s; circular altitude_km";
-        /// First line of a two-line element set.
-        line1: String = Optional, "text of 69 characters",
-            "copy both lines of the element set unchanged, or name a file of them";
-        /// Second line of a two-line element set.
+        /// First line of an element set; copy both lines of the element set unchanged, or name a file of them.
+        line1: String = Optional, "text of 69 characters";
+        /// Second line of an element set.
         line2: String = Optional, "text of 69 characters";
-        /// File of element lines, or of orbit mean-elements messages in JSON.
-        file: String = Optional, "path", "orbit mean-elements messages, an object or a list of them";
+        /// File of element lines, or of orbit mean-elements messages in JSON, an object or a list of them.
+        file: String = Optional, "path";
         /// The catalog number of one object of the file.
         norad_id: Whole<u64> = Optional, 1..=999_999_999;
         /// Instant of the elements or the state, such as "2026-03-01T12:00:00Z".
-        epoch_utc: String = Optional, "time", "when the target is in this state";
+        epoch_utc: String = Optional, "time";
         /// Kilometres from the centre: 6878 for a low orbit; negative for a hyperbola.
         semi_major_axis_km: f64 = Optional, Within(-1e7, 1e7);
         /// Eccentricity, 0 for a circle.
-        eccentricity: f64 = 0.0, Within(0.0, 100.0), "0 for a circle";
+        eccentricity: f64 = 0.0, Within(0.0, 100.0);
         /// Degrees to the equator; above 90 is retrograde.
         inclination_deg: f64 = Computed("0, of a circular orbit 97.6"), Within(0.0, 180.0);
-        /// Right ascension of the ascending node.
-        raan_deg: f64 = 0.0, Within(-360.0, 360.0), "degrees";
+        /// Right ascension of the ascending node, degrees.
+        raan_deg: f64 = 0.0, Within(-360.0, 360.0);
         /// Degrees from the ascending node to the perigee.
-        argument_of_perigee_deg: f64 = 0.0, Within(-360.0, 360.0), "degrees from the ascending node";
-        /// Mean anomaly at the epoch.
-        mean_anomaly_deg: f64 = 0.0, Within(-360.0, 360.0), "degrees";
+        argument_of_perigee_deg: f64 = 0.0, Within(-360.0, 360.0);
+        /// Mean anomaly at the epoch, degrees.
+        mean_anomaly_deg: f64 = 0.0, Within(-360.0, 360.0);
         /// Position from the geocentre in ICRF axes, kilometres.
         position_km: [f64; 3] = Optional, Within(-1e7, 1e7), STATE;
         /// Velocity in ICRF axes, kilometres per second.
@@ -129,13 +128,13 @@ section! {
         /// Degrees from the ascending node, at the first exposure.
         argument_of_latitude_deg: f64 = 0.0, Within(-360.0, 360.0);
         /// Diameter of a sphere in the Sun's light, metres across.
-        diameter_m: f64 = Optional, PositiveUpTo(1e7), "metres across";
+        diameter_m: f64 = Optional, PositiveUpTo(1e7);
         /// Share of light that a sphere scatters.
-        albedo: f64 = USUAL_ALBEDO, Within(0.0, 1.0), "share of light scattered";
+        albedo: f64 = USUAL_ALBEDO, Within(0.0, 1.0);
         /// Share of light that a sphere mirrors.
-        specular: f64 = 0.0, Within(0.0, 1.0), "share of light mirrored";
-        /// Gaia G at 1000 km and phase 90 deg.
-        mag_1000km: f64 = Optional, Within(-30.0, 40.0), "Gaia G at 1000 km and phase 90 deg";
+        specular: f64 = 0.0, Within(0.0, 1.0);
+        /// Magnitude in Gaia G at 1000 km and phase 90 deg.
+        mag_1000km: f64 = Optional, Within(-30.0, 40.0);
         /// Pairs of phase angle, deg, and Gaia G at 1000 km, such as [[0, 3.0], [90, 4.2], [150, 6.0]].
         phase_mag_1000km: Raw<Vec<[f64; 2]>> = Optional, Shape::pairs();
     }

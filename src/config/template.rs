@@ -93,6 +93,7 @@ pub(super) fn sample(shape: &Shape) -> String {
     match shape {
         Shape::Number(Rule::Within(least, most)) if !(*least..=*most).contains(&1.0) => format!("{least:?}"),
         Shape::Number(Rule::PositiveUpTo(most)) if *most < 1.0 => format!("{most:?}"),
+        Shape::Number(Rule::Finite) => "1".into(),
         Shape::Number(_) => "1.0".into(),
         Shape::Whole(range) => (*range.start()).max(1.min(*range.end())).to_string(),
         Shape::Words(words) => format!("\"{}\"", words.first().unwrap_or(&"")),

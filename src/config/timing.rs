@@ -78,14 +78,12 @@ section! {
         frame_rate_hz: f64 = 10.0, PositiveUpTo(10_000.0);
         /// Length of the run in seconds.
         duration_s: f64 = 10.0, PositiveUpTo(1e7);
-        /// How long before their exposures end frames are begun, milliseconds.
-        ahead_ms: f64 = 0.0, Within(0.0, 500.0),
-            "0 for a sensor that reads out when it has exposed; for a display without calibration: exposure, drawing and \
-             its latency";
-        /// What becomes of a late frame: drop leaves a gap, hold repeats the last frame, late sends it when it is ready.
+        /// How long before their exposures end frames are begun: 0 for a sensor that reads out when it has exposed; for
+        /// a display without calibration: exposure, drawing and its latency.
+        ahead_ms: f64 = 0.0, Within(0.0, 500.0);
+        /// Late frames: drop leaves a gap, hold repeats the last frame, late sends it when it is ready.
         deadline_policy: Word<DeadlinePolicy> = "drop",
-            [("drop", DeadlinePolicy::Drop), ("hold", DeadlinePolicy::Hold), ("late", DeadlinePolicy::Late)],
-            "drop leaves a gap, hold repeats the last frame, late sends it when it is ready";
+            [("drop", DeadlinePolicy::Drop), ("hold", DeadlinePolicy::Hold), ("late", DeadlinePolicy::Late)];
         /// Real_clock degrades frames that would be late, always does so on the virtual clock too.
         degrade: Word<Degrade> = "real_clock",
             [("real_clock", Degrade::OnRealClock), ("always", Degrade::Always), ("never", Degrade::Never)];

@@ -134,8 +134,9 @@ fn wheels_shake_the_line_of_sight_where_the_mode_is() {
     let (outcome, _) = fly(&sweep);
     let (arcsec, wheel_hz) = outcome.assessment.vibration().unwrap();
     // Seen with the body free, a mode lies above its cantilever frequency: f / sqrt(1 - d J^-1 d), about 43 Hz here.
-    let mode = &sweep.spacecraft.params.modes[0];
-    let stiffening = 1.0 - mode.coupling.dot(sweep.spacecraft.params.inertia_kg_m2.inverse() * mode.coupling);
+    let params = &sweep.vehicle().unwrap().spacecraft.params;
+    let mode = &params.modes[0];
+    let stiffening = 1.0 - mode.coupling.dot(params.inertia_kg_m2.inverse() * mode.coupling);
     let free_hz = mode.frequency_hz / stiffening.sqrt();
     assert!((wheel_hz / free_hz - 1.0).abs() < 0.03, "loudest at {wheel_hz} Hz, mode at {free_hz} Hz");
     // The rigid body alone: imbalance over inertia for each of four wheels at most.

@@ -63,7 +63,7 @@ fn change_end(directory: &Path, change: impl FnOnce(&mut serde_json::Value)) {
 
 /// The place of the attitude record that decides frame 10: the last one that arrived before it.
 fn decisive(directory: &Path, packets: &[CapturedPacket]) -> usize {
-    let messages: usize = rows(directory)[10][1].parse().unwrap();
+    let messages: usize = rows(directory)[10][2].parse().unwrap();
     let received = packets.iter().enumerate().filter(|(_, packet)| packet.direction == Direction::Received);
     // On CAN FD each frame is one message, and attitude has 48 bytes.
     let is_attitude = |packet: &CapturedPacket| matches!(packet.packet, Packet::Can(frame) if frame.data().len() == 48);
@@ -86,7 +86,7 @@ fn a_run_on_the_virtual_clock_replays_bit_by_bit_in_both_formats_over_serial_and
         let (status, text) = replay(&directory, &[]);
         assert_eq!(status, 0, "{name}: {text}");
         assert_eq!(text.trim(), format!("{FRAMES} of {FRAMES} frames bit-identical"), "{name}: and no doubt");
-        let checksums: Vec<String> = rows(&directory).into_iter().map(|row| row[5].clone()).collect();
+        let checksums: Vec<String> = rows(&directory).into_iter().map(|row| row[6].clone()).collect();
         assert!(checksums.windows(2).all(|pair| pair[0] != pair[1]), "the frames differ: {checksums:?}");
     }
 }
@@ -98,7 +98,7 @@ fn a_run_on_the_real_clock_replays_bit_by_bit() {
     let (status, text) = replay(&directory, &[]);
     assert_eq!(status, 0, "{text}");
     // A loaded machine may give up frames; those that went out are compared.
-    let delivered = rows(&directory).iter().filter(|row| !row[5].is_empty()).count();
+    let delivered = rows(&directory).iter().filter(|row| !row[6].is_empty()).count();
     assert!(delivered > 0 && text.contains(&format!("{delivered} of {delivered} frames bit-identical")), "{text}");
 }
 
@@ -108,7 +108,7 @@ fn degraded_frames_replay_under_the_load_that_was_written_down() {
     // The planner's time is cut below what the frame costs: frames go down the ladder.
     let extra = ["--clock", "virtual", "--set", "timing.degrade=always", "--set", "camera.exposure.readout_s=0.0003"];
     let directory = capture(folder.path(), "degraded", &extra);
-    let degraded = rows(&directory).iter().filter(|row| row[3] != "full").count();
+    let degraded = rows(&directory).iter().filter(|row| row[4] != "full").count();
     assert!(degraded > 0, "{:?}", rows(&directory));
     assert_eq!(replay(&directory, &[]).0, 0);
     // On the real clock the load is measured, and goes into the time that the planner has.
@@ -255,6 +255,65 @@ fn some_frames_are_replayed_and_recorded() {
     assert_eq!(replay(&directory, &["--frames", "8..5"]).0, 2);
 }
 
+/// Captures one second of a run file of the repository, on the virtual clock.
+fn capture_file(folder: &Path, file: &str, settings: &[&str]) -> PathBuf {
+    let directory = folder.join("capture");
+    let file = format!("{}/configs/{file}", env!("CARGO_MANIFEST_DIR"));
+    let (fixed, target) = (["--clock", "virtual", "--backend", "cpu", "--sink", "null", "--quiet"], ["--capture"]);
+    let settings: Vec<&str> = settings.iter().flat_map(|setting| ["--set", setting]).collect();
+    let (status, text) =
+        starloop(&[&["run", &file], &fixed[..], &settings, &target, &[directory.to_str().unwrap()]].concat());
+    assert!(directory.join("session.json").exists() && status != 1, "{text}");
+    directory
+}
+
+#[test]
+fn three_heads_are_replayed_together_alone_and_into_folders() {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = format!("camera={}/configs/cameras/small_tracker.toml", env!("CARGO_MANIFEST_DIR"));
+    let directory = capture_file(folder.path(), "benches/three_heads.toml", &[&camera, "timing.duration_s=1.0"]);
+    let out = folder.path().join("out");
+    let (status, text) = replay(&directory, &["--out", out.to_str().unwrap()]);
+    assert_eq!((status, text.trim()), (0, "3 heads, 30 of 30 frames bit-identical"));
+    for head in 0..3 {
+        let files = std::fs::read_dir(out.join(format!("head{head}"))).unwrap();
+        let names = files.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        assert_eq!(names.filter(|name| name.ends_with(".fits")).count(), 10, "head {head}");
+    }
+    let (status, text) = replay(&directory, &["--head", "2"]);
+    assert_eq!((status, text.trim()), (0, "10 of 10 frames bit-identical"));
+    let (status, text) = replay(&directory, &["--head", "3"]);
+    assert!(status == 1 && text.contains("--head 3: the run has 3; wanted a number from 0 to 2"), "{text}");
+
+    // One wrong checksum is found, with its head.
+    let frames = directory.join("frames.csv");
+    let whole = std::fs::read_to_string(&frames).unwrap();
+    let line = whole.lines().find(|line| line.starts_with("4,1,")).unwrap();
+    let wrong = format!("{}{}", &line[..line.len() - 1], if line.ends_with('0') { '1' } else { '0' });
+    std::fs::write(&frames, whole.replace(line, &wrong)).unwrap();
+    let (status, text) = replay(&directory, &[]);
+    assert!(status == 4 && text.contains("3 heads, 29 of 30 frames bit-identical"), "{text}");
+    assert!(text.contains("the first that is not: head 1, frame 4, CRC-32"), "{text}");
+}
+
+#[test]
+fn scenario_with_imaging_faults_is_replayed_and_not_without_its_events() {
+    let folder = tempfile::tempdir().unwrap();
+    // Of the whole list the first three: false stars by a trigger, bits of pixels, stray light.
+    let directory = capture_file(folder.path(), "scenarios/imaging_faults.toml", &["duration_s=216.0"]);
+    let (status, text) = replay(&directory, &[]);
+    assert_eq!((status, text.trim()), (0, "432 of 432 frames bit-identical"));
+    let path = directory.join("session.json");
+    let session = std::fs::read_to_string(&path).unwrap();
+    for (event, frames) in [("mag = 3.5\\ncount = 30", 40), ("bit = 11\\ncount = 20", 40)] {
+        assert!(session.contains(event), "{event}");
+        std::fs::write(&path, session.replace(event, &event.replace("count = ", "count = 1"))).unwrap();
+        let (status, text) = replay(&directory, &[]);
+        assert_eq!(status, 4, "{event}: {text}");
+        assert!(text.contains(&format!("{} of 432 frames bit-identical", 432 - frames)), "{event}: {text}");
+    }
+}
+
 #[test]
 fn a_capture_of_someone_else_is_drawn_with_a_bench() {
     let folder = tempfile::tempdir().unwrap();
@@ -297,12 +356,12 @@ fn a_damaged_directory_is_refused_with_what_is_wrong() {
     let bad_row = frames.replacen(",full,", ",full;", 1);
     for (name, text, part) in [
         ("session.json", "{", "session.json: EOF"),
-        ("session.json", &session.replace("\"form\": 1", "\"form\": 9"), "form 9, wanted 1"),
+        ("session.json", &session.replace("\"form\": 2", "\"form\": 9"), "form 9, wanted 1 or 2"),
         ("session.json", &session.replace("bus.pcapng", "../bus.pcapng"), "without a folder"),
         ("session.json", &session.replace("bus.pcapng", "none.pcapng"), "none.pcapng: cannot read"),
         ("session.json", &session.replace("\"cpu\"", "\"abacus\""), "wanted cpu, gpu or reference"),
-        ("frames.csv", "", "frames.csv:1: wanted frame,messages"),
-        ("frames.csv", &bad_row, "frames.csv:2: wanted six fields"),
+        ("frames.csv", "", "frames.csv:1: wanted frame,head,messages"),
+        ("frames.csv", &bad_row, "frames.csv:2: wanted seven fields"),
     ] {
         std::fs::write(directory.join(name), text).unwrap();
         let (status, told) = replay(&directory, &[]);

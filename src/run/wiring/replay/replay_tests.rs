@@ -190,7 +190,7 @@ fn events_from_outside_are_placed_when_they_came() {
     let frame = |fault| Action::Frame { head: None, fault };
     let false_stars = FrameFault::FalseStars { pixels: FaultPixels { at: None, random: 7 }, mag: 1.0 };
     let directory = captured(folder.path(), "benches", BENCH, |run| {
-        let mut step = |run: &mut SteppedRun, ms| {
+        let step = |run: &mut SteppedRun, ms| {
             let at = run.zero() + Span::from_ms(ms);
             run.advance_to(at, &mut |_, _, _| true).unwrap();
         };
@@ -200,7 +200,8 @@ fn events_from_outside_are_placed_when_they_came() {
         run.inject(&event(0, Some(9), frame(false_stars))).unwrap();
         step(run, 1450);
         run.inject(&event(1700, None, frame(FrameFault::StrayLight { e_per_s: 1e6 / 3.0 }))).unwrap();
-        run.inject(&event(2200, None, Action::Trigger { number: 9 })).unwrap();
+        let trigger = Event { lasts: Span::ZERO, ..event(2200, None, Action::Trigger { number: 9 }) };
+        run.inject(&trigger).unwrap();
     });
     assert_same(&directory, 1);
     let injected = session(&directory)["injected"].as_array().unwrap().len();

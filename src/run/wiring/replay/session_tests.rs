@@ -71,7 +71,7 @@ fn scenario_over_a_bench_comes_back_with_its_vehicle_and_all_events() {
     assert!(session.added.is_empty(), "{:?}", session.added);
 
     // Random faults are events too.
-    let limits = ScheduleLimits { from_s: 10.0 / 3.0, until_s: 200.0, wheels: 4 };
+    let limits = ScheduleLimits { from_s: 10.0 / 3.0, until_s: 3000.0, wheels: 4 };
     let random: Vec<Event> = fault_schedule(7, &limits).into_iter().filter(is_exact).collect();
     scenario.events.extend(random.iter().copied());
     scenario.events.sort_by_key(|event| event.at);
