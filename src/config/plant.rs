@@ -8,8 +8,8 @@ use crate::event::Pointing;
 use crate::key::{Section, section};
 use crate::key_type::{Numbers, Whole, Word};
 use crate::spacecraft::Spacecraft;
-use base::axes::Rotation;
 use base::time::Span;
+use base::axes::Rotation;
 use glam::DVec3;
 use std::sync::Arc;
 use testbed::flight_computer::{AttitudeRow, AttitudeTable};
@@ -168,11 +168,7 @@ impl PlantKeys {
         };
         let kind = self.kind().optional(check)?.unwrap_or(usual);
         let replays = kind == PlantKind::File && usual == PlantKind::FlightComputer;
-        check.unused(
-            "plant.attitude",
-            self.attitude().raw().is_some() && kind != PlantKind::File,
-            "kind = \"file\"",
-        )?;
+        check.unused("plant.attitude", self.attitude().raw().is_some() && kind != PlantKind::File, "kind = \"file\"")?;
         if kind != usual && !replays {
             let got = self.kind().raw().cloned().unwrap_or_default();
             let (wanted, advice) = match (kind, names_spacecraft) {

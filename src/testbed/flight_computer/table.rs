@@ -44,8 +44,7 @@ impl AttitudeTable {
             rate_rad_s: DVec3::ZERO,
             acceleration_rad_s2: DVec3::ZERO,
         };
-        let (Some(before), Some(next)) = (after.checked_sub(1).map(|place| self.rows[place]), self.rows.get(after))
-        else {
+        let (Some(before), Some(next)) = (after.checked_sub(1).map(|place| self.rows[place]), self.rows.get(after)) else {
             return rests(if after == 0 { self.rows[0] } else { self.rows[self.rows.len() - 1] });
         };
         let rate_rad_s = before.1.rotation_vector_to(&next.1) / (next.0 - before.0);
