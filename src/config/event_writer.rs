@@ -100,10 +100,8 @@ mod tests {
 
     /// The rate that is written in other units.
     fn rate(action: Action) -> Option<DVec3> {
-        match action {
-            Action::Aboard(VehicleFault::GyroBiasJump(rate) | VehicleFault::GyroSpike(rate)) => Some(rate),
-            _ => None,
-        }
+        let Action::Aboard(VehicleFault::GyroBiasJump(rate) | VehicleFault::GyroSpike(rate)) = action else { return None };
+        Some(rate)
     }
 
     #[test]

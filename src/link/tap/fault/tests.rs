@@ -1,6 +1,6 @@
 //! Every fault does what it says, as often as it says, and only in its time.
 
-use super::{FaultControl, FaultyLink, LinkFault};
+use super::{Arrival, FaultControl, FaultyLink, LinkFault};
 use crate::simulated::{BusParams, BusTiming, SimulatedLink, simulated_pair};
 use crate::{Link, Packet, Stamped};
 use base::clock::{Clock, Virtual};
