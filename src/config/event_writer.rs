@@ -100,7 +100,9 @@ mod tests {
 
     /// The rate that is written in other units.
     fn rate(action: Action) -> Option<DVec3> {
-        let Action::Aboard(VehicleFault::GyroBiasJump(rate) | VehicleFault::GyroSpike(rate)) = action else { return None };
+        let Action::Aboard(VehicleFault::GyroBiasJump(rate) | VehicleFault::GyroSpike(rate)) = action else {
+            return None;
+        };
         Some(rate)
     }
 
