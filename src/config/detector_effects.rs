@@ -77,15 +77,15 @@ section! {
 
     /// Pixels that are hot, dead or blink.
     DefectsKeys at "detector.defects" {
-        /// Share of hot pixels, such as 0.001.
+        /// Hot pixels, a share of all pixels, such as 0.001.
         hot_share: f64 = 0.0, Within(0.0, LARGEST_DEFECT_SHARE);
         /// Mean of what a hot pixel has more, electrons per second.
         hot_e_per_s: f64 = 1000.0, Within(0.0, 1e9);
-        /// Share of dead pixels, such as 0.001.
+        /// Dead pixels, a share of all pixels, such as 0.001.
         dead_share: f64 = 0.0, Within(0.0, LARGEST_DEFECT_SHARE);
         /// Share of the light that a dead pixel still counts.
         dead_response: f64 = 0.0, Within(0.0, 1.0);
-        /// Share of pixels that blink (random telegraph signal), such as 0.001.
+        /// Pixels that blink (random telegraph signal), a share of all pixels, such as 0.001.
         rts_share: f64 = 0.0, Within(0.0, LARGEST_DEFECT_SHARE);
         /// Mean of what a blinking pixel has more at its high level, electrons per second.
         rts_e_per_s: f64 = 100.0, Within(0.0, 1e9);

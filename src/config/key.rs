@@ -168,7 +168,7 @@ pub(super) trait Section: Clone + Default + DeserializeOwned {
     /// Its keys and tables, as they are declared.
     fn declared() -> Declared;
 
-    /// Where it stands, as messages name it.
+    /// Its place, as messages name it.
     fn table(&self) -> &str;
 
     /// The same at another place, such as `target[2]`.

@@ -63,7 +63,7 @@ section! {
         ];
         /// File of an attitude history, for kind = "file": rows of seconds after the first exposure and the quaternion
         /// w x y z from ICRF to body axes, by commas or blanks; # begins a comment.
-        attitude: String = Optional, "relative to this file";
+        attitude: String = Optional, "path";
         tables:
         /// Attitude and rate at the start of a flight.
         initial: Option<InitialKeys>;

@@ -163,8 +163,8 @@ fn stale_policies(keys: &AttitudeKeys, check: &mut Checker<'_>) -> Result<[Stale
 
 /// Time correlation: what the link and the remote clock are like.
 fn check_clock(keys: &AttitudeKeys, check: &mut Checker<'_>) -> Result<RemoteClockLimits, ConfigError> {
-    let window = Span::from_s(keys.clock_window_s().check(check)?);
     let constant_delay = Span::from_s(keys.link_delay_us().check(check)? * 1e-6);
+    let window = Span::from_s(keys.clock_window_s().check(check)?);
     let step = keys.clock_step_ms().ms(check)?;
     let most_drift = keys.clock_max_drift_ppm().check(check)? * 1e-6;
     let allan_1s = keys.clock_allan_1s().check(check)?;

@@ -10,6 +10,7 @@ use crate::runtime::frame_faults::Fate;
 use crate::runtime::head_step::HeadStep;
 use crate::runtime::receiver::{PORTS_MAX, Receiver};
 use crate::runtime::{FrameEngine, Imager, Ledger, Slot};
+use crate::wiring::assemble::CostsHere;
 use crate::wiring::fault_desk::FaultDesk;
 use crate::wiring::faults::Inventory;
 use crate::wiring::heads::{HeadSetting, RunHead, make_heads};
@@ -45,8 +46,7 @@ impl<'a> Replayed<'a> {
         frames: Range<u32>,
     ) -> Result<(Self, Vec<RunHead>), ReplayError> {
         let mut captured = |_: &Imager| real.flatten();
-        let costs: Option<&mut dyn FnMut(&Imager) -> Option<CostModel>> =
-            if real.is_some() { Some(&mut captured) } else { None };
+        let costs: Option<CostsHere<'_>> = if real.is_some() { Some(&mut captured) } else { None };
         let heads = make_heads(HeadSetting { scenario, start, costs });
         let heads = heads.map_err(|error| ReplayError::Parts(format!("{error:#}")))?;
         let there = Inventory {
