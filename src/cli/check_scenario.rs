@@ -5,10 +5,9 @@
 
 use anyhow::Result;
 use base::units::DEG;
-use config::{Action, Event, Expect, ExpectFrames, GyroFaultKind, Pointing, Scenario, Vehicle};
+use config::{Action, Event, Expect, ExpectFrames, Pointing, Scenario, Vehicle};
 use core::fmt::{Error, Write};
-use frames::sink::{FrameFault, NullSink, Sink};
-use glam::DVec3;
+use frames::sink::{NullSink, Sink};
 use link::tap::LinkFault;
 use run::wiring::assemble::{Outputs, Run, RunOptions};
 use run::wiring::ports::needs_real_clock;
@@ -96,7 +95,7 @@ fn write_events(text: &mut String, events: &[Event]) -> Result<(), Error> {
     }
     writeln!(text, "  events        at s    for s  do")?;
     for event in events {
-        let line = format!("{:<20} {}", event.action.word(), told(&event.action));
+        let line = format!("{:<20} {}", event.action.word(), values(&event.action));
         let after = event.on_trigger.map_or_else(String::new, |number| format!(", after trigger {number}"));
         writeln!(text, "            {:9.1} {:9.1}  {}{after}", event.at.s(), event.lasts.s(), line.trim_end())?;
     }
@@ -104,43 +103,19 @@ fn write_events(text: &mut String, events: &[Event]) -> Result<(), Error> {
 }
 
 /// The values of an event.
-fn told(action: &Action) -> String {
-    let of_head = |head: Option<usize>| head.map_or_else(|| "all heads".to_owned(), |head| format!("head {head}"));
-    let rate = |rate_rad_s: DVec3| format!("{:.3?} deg/h", (rate_rad_s * (3600.0 / DEG)).to_array());
+fn values(action: &Action) -> String {
     match action {
         Action::Slew(target) => pointing(target),
-        Action::Bus(fault) | Action::BusBack(fault) => match fault {
-            LinkFault::Loss { share }
-            | LinkFault::Duplicate { share }
-            | LinkFault::WrongBits { share }
-            | LinkFault::Truncate { share } => {
-                format!("{} % of the packets", share * 100.0)
-            }
-            LinkFault::Delay { by, jitter } => format!("{} ms, jitter {} ms", by.s() * 1e3, jitter.s() * 1e3),
-            LinkFault::Reorder { share, by } => {
-                format!("{} % of the packets, held back {} ms", share * 100.0, by.s() * 1e3)
-            }
-            LinkFault::Babble { id, period, bytes } => {
-                format!("identifier 0x{id:03X}, {bytes} bytes, each {} ms", period.s() * 1e3)
-            }
-            LinkFault::ClockStep { by } => format!("{} ms", by.s() * 1e3),
-            LinkFault::ClockDrift { ppm } => format!("{ppm} ppm"),
-            LinkFault::Silence | LinkFault::Off => String::new(),
-        },
-        Action::Frame {
-            head,
-            fault: FrameFault::Drop | FrameFault::Duplicate | FrameFault::Torn | FrameFault::Blank,
-        }
-        | Action::TrackerOff { head } => of_head(*head),
+        Action::Bus(fault) => fault.to_string(),
+        Action::BusBackLoss { share } => LinkFault::Loss { share: *share }.to_string(),
         Action::Frame { head, fault } => {
-            let (begin, end) = (fault.amount(0.0), fault.amount(1.0));
-            let to = if begin == end { String::new() } else { format!(" to {}", end.value) };
-            format!("{}{to} {}, {}", begin.value, begin.unit, of_head(*head))
+            let heads = head.map_or_else(|| "all heads".to_owned(), |head| format!("head {head}"));
+            let parts = [fault.to_string(), heads];
+            parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
         }
-        Action::Gyro(GyroFaultKind::BiasJump(by) | GyroFaultKind::Spike(by)) => rate(*by),
+        Action::Aboard(fault) => fault.to_string(),
         Action::Trigger { number } => format!("trigger {number}"),
-        Action::WheelFailure { wheel } => format!("wheel {wheel}"),
-        Action::Safe | Action::Resume | Action::Gyro(GyroFaultKind::Dropout | GyroFaultKind::Stuck) => String::new(),
+        Action::Safe | Action::Resume => String::new(),
     }
 }
 

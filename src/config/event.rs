@@ -1,19 +1,20 @@
 //! `[[event]]`: commands to the flight computer and faults, each at its time.
 //!
 //! A key that a word has no use for is refused: it would be given in vain. Words: `event_word`; their values:
-//! `event_reader`. Tests: `event_tests`.
+//! `event_reader`, `event_writer`. Tests: `event_tests`.
 
 use crate::check::Checker;
 use crate::document::Document;
 use crate::error::ConfigError;
 use crate::event_reader::Reader;
-use crate::event_word::{ACTIONS, EventKeys, OF_ALL, words};
+use crate::event_row::words;
+use crate::event_word::{ACTIONS, EventKeys, OF_ALL};
 use crate::key::{Given, Section};
 use base::time::Span;
 use frames::sink::FrameFault;
-use glam::DVec3;
 use link::tap::LinkFault;
 use std::path::Path;
+use testbed::vehicle::VehicleFault;
 
 /// Direction and roll of a sensor, deg.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,19 +25,6 @@ pub struct Pointing {
     pub dec_deg: f64,
     /// Position angle of the image's up direction, east of north.
     pub roll_deg: f64,
-}
-
-/// A way a gyro fails.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum GyroFaultKind {
-    /// No reading.
-    Dropout,
-    /// The same reading again and again.
-    Stuck,
-    /// Its bias steps by this, rad/s.
-    BiasJump(DVec3),
-    /// Readings are off by this, rad/s, while it lasts.
-    Spike(DVec3),
 }
 
 /// What happens.
@@ -50,8 +38,11 @@ pub enum Action {
     Resume,
     /// Fault on the bus towards the stimulator.
     Bus(LinkFault),
-    /// Fault on the bus towards the flight computer.
-    BusBack(LinkFault),
+    /// A share of what is on the bus towards the flight computer is lost.
+    BusBackLoss {
+        /// 0 to 1.
+        share: f64,
+    },
     /// Fault of the frames of one head, or of all.
     Frame {
         /// Which head; `None`: all.
@@ -59,18 +50,8 @@ pub enum Action {
         /// What happens to them.
         fault: FrameFault,
     },
-    /// Fault of the gyro.
-    Gyro(GyroFaultKind),
-    /// One wheel fails for good.
-    WheelFailure {
-        /// Which, from 0.
-        wheel: usize,
-    },
-    /// A tracker gives nothing.
-    TrackerOff {
-        /// Which head; `None`: all.
-        head: Option<usize>,
-    },
+    /// Fault aboard a spacecraft that is flown inside the program.
+    Aboard(VehicleFault),
     /// A trigger is fired: faults that wait for it begin.
     Trigger {
         /// Which.
@@ -83,13 +64,8 @@ impl Action {
     #[must_use]
     pub fn is_aboard(&self) -> bool {
         match self {
-            Self::Slew(_)
-            | Self::Safe
-            | Self::Resume
-            | Self::Gyro(_)
-            | Self::WheelFailure { .. }
-            | Self::TrackerOff { .. } => true,
-            Self::Bus(_) | Self::BusBack(_) | Self::Frame { .. } | Self::Trigger { .. } => false,
+            Self::Slew(_) | Self::Safe | Self::Resume | Self::Aboard(_) => true,
+            Self::Bus(_) | Self::BusBackLoss { .. } | Self::Frame { .. } | Self::Trigger { .. } => false,
         }
     }
 }
@@ -140,17 +116,17 @@ impl Event {
         if !keys.r#do().is_given() {
             return Err(keys.r#do().missing(format!("one of {}", words(|_| true)), check));
         }
-        let kind = keys.r#do().check(check)?;
-        for (name, _) in keys.given().iter().filter(|(name, _)| !OF_ALL.contains(name) && !kind.has_key(name)) {
-            keys.refuse(&[name], &format!("do = {}", words(|kind| kind.has_key(name))), check)?;
+        let row = keys.r#do().check(check)?;
+        for (name, _) in keys.given().iter().filter(|(name, _)| !OF_ALL.contains(name) && !row.has_key(name)) {
+            keys.refuse(&[name], &format!("do = {}", words(|row| row.has_key(name))), check)?;
         }
-        if !kind.has_key("for_s") {
+        if !row.lasts() {
             keys.refuse(&["for_frames"], "events that last", check)?;
         }
         let mut reader = Reader { keys: &keys, check };
-        let (at, on_trigger) = reader.begin(kind, frame_period)?;
-        let action = reader.action(kind)?;
-        let lasts = if kind.has_key("for_s") { reader.lasts(frame_period)? } else { Span::ZERO };
+        let (at, on_trigger) = reader.begin(&row, frame_period)?;
+        let action = (row.read)(&mut reader)?;
+        let lasts = if row.lasts() { reader.lasts(frame_period)? } else { Span::ZERO };
         Ok(Self { at, on_trigger, lasts, action })
     }
 
@@ -158,8 +134,8 @@ impl Event {
     #[must_use]
     pub fn described_words() -> String {
         let mut text = String::new();
-        for (word, kind) in ACTIONS {
-            let (needed, optional) = kind.keys();
+        for (word, row) in ACTIONS {
+            let [needed, optional] = row.keys();
             let optional = optional.iter().map(|name| format!("[{name}]"));
             let keys: Vec<String> = needed.iter().map(|name| (*name).to_owned()).chain(optional).collect();
             text.push_str(format!("  {word:<20} {}", keys.join(", ")).trim_end());

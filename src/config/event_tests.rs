@@ -1,7 +1,9 @@
 //! Every word takes its own keys, asks for those it needs, and refuses all others.
 
 use super::*;
-use crate::event_word::Kind;
+use crate::event_row::Row;
+use crate::event_word::link_flag;
+use frames::sink::FaultFlags;
 use link::tap::LinkFault;
 
 /// From one frame to the next.
@@ -51,9 +53,8 @@ const VALUES: [(&str, &str); 39] = [
 ];
 
 /// The event of a word with every key that it takes.
-pub(crate) fn given_in_full(word: &str, kind: Kind) -> Event {
-    let (needed, optional) = kind.keys();
-    checked(word, &[needed, optional].concat()).expect(word)
+pub(crate) fn given_in_full(word: &str, row: &Row) -> Event {
+    checked(word, &row.keys().concat()).expect(word)
 }
 
 fn checked(word: &str, names: &[&str]) -> Result<Event, String> {
@@ -67,12 +68,12 @@ fn checked(word: &str, names: &[&str]) -> Result<Event, String> {
 
 #[test]
 fn every_word_takes_its_keys_and_needs_those_it_says() {
-    for (word, kind) in ACTIONS {
-        let (needed, optional) = kind.keys();
-        checked(word, needed).expect(word);
-        let all = [needed, optional].concat();
+    for (word, row) in ACTIONS {
+        let [needed, _] = row.keys();
+        checked(word, &needed).expect(word);
+        let all = row.keys().concat();
         checked(word, &all).expect(word);
-        for left_out in needed {
+        for left_out in &needed {
             let rest: Vec<&str> = all.iter().copied().filter(|name| name != left_out).collect();
             let error = checked(word, &rest).expect_err(word);
             assert!(error.contains(&format!("event[0].{left_out} is missing")), "{word}: {error}");
@@ -82,10 +83,10 @@ fn every_word_takes_its_keys_and_needs_those_it_says() {
 
 #[test]
 fn a_key_of_another_word_is_refused_and_says_whose_it_is() {
-    for (word, kind) in ACTIONS {
-        let (needed, _) = kind.keys();
-        for (other, _) in VALUES.iter().filter(|(name, _)| !kind.has_key(name)) {
-            let error = checked(word, &[needed, &[*other]].concat()).expect_err(word);
+    for (word, row) in ACTIONS {
+        let [needed, _] = row.keys();
+        for (other, _) in VALUES.iter().filter(|(name, _)| !row.has_key(name)) {
+            let error = checked(word, &[needed.as_slice(), &[*other]].concat()).expect_err(word);
             assert!(error.contains(&format!("event[0].{other} is given")), "{word}: {error}");
             assert!(error.contains("it belongs to do = \""), "{word}: {error}");
         }
@@ -97,11 +98,11 @@ fn a_key_of_another_word_is_refused_and_says_whose_it_is() {
 /// An optional key that nothing reads would pass the tests above.
 #[test]
 fn optional_keys_change_the_event() {
-    for (word, kind) in ACTIONS {
-        let (needed, optional) = kind.keys();
-        for name in optional {
-            let with = checked(word, &[needed, &[*name]].concat()).expect(word);
-            assert_ne!(with, checked(word, needed).expect(word), "{word}: nothing reads {name}");
+    for (word, row) in ACTIONS {
+        let [needed, optional] = row.keys();
+        for name in &optional {
+            let with = checked(word, &[needed.as_slice(), &[*name]].concat()).expect(word);
+            assert_ne!(with, checked(word, &needed).expect(word), "{word}: nothing reads {name}");
         }
     }
 }
@@ -221,4 +222,73 @@ fn defects_and_storms_are_read_as_they_are_given() {
     let beam = ProtonStorm { beam_deg: Some([30.0, 0.0]), ..all };
     let lines = "per_cm2_s = 9.0\nenergy_mev = 60.0\nincidence_deg = 30.0\n";
     assert_eq!(fault("proton_storm", lines), FrameFault::Protons(beam));
+}
+
+/// Words whose flag has another name, each with the reason. Flags are in telemetry and files: their names stay.
+const FLAGS: [(&str, &str, &str); 15] = [
+    ("bus_loss", "link_drop", "flags of the bus are named after the link that the stimulator sees"),
+    ("bus_silence", "link_stale", "the stimulator sees an attitude that grows old"),
+    ("bus_delay", "link_delay", "flags of the bus are named after the link"),
+    ("bus_duplicate", "link_duplicate", "flags of the bus are named after the link"),
+    ("bus_wrong_bits", "link_corrupt", "shares a bit with bus_truncate: both spoil the content of packets"),
+    ("bus_reorder", "link_reorder", "flags of the bus are named after the link"),
+    ("bus_truncate", "link_corrupt", "shares a bit with bus_wrong_bits"),
+    ("bus_babble", "link_babble", "flags of the bus are named after the link"),
+    ("bus_off", "link_off", "flags of the bus are named after the link"),
+    ("frame_blank", "blank", "shares a bit with frames that are blank because no attitude is known"),
+    ("stray_light_ramp", "stray_light", "shares a bit with stray_light: a ramp is stray light that changes"),
+    ("defocus_step", "defocus", "the flag names the state, the word the change"),
+    ("temperature_step", "temperature", "the flag names the state, the word the change"),
+    ("missing_bright_stars", "missing_stars", "shares a bit with missing_stars: both leave stars out"),
+    ("proton_storm", "proton_tracks", "the flag names what is in the image, the word its cause"),
+];
+
+/// Words that leave no flag: commands, and faults of what is not the frames or the link that feeds them.
+const UNFLAGGED: [&str; 11] = [
+    "slew",
+    "safe",
+    "resume",
+    "bus_back_loss",
+    "gyro_dropout",
+    "gyro_stuck",
+    "gyro_bias_jump",
+    "gyro_spike",
+    "wheel_failure",
+    "tracker_off",
+    "trigger",
+];
+
+fn flag(action: &Action) -> Option<FaultFlags> {
+    match action {
+        Action::Bus(fault) => Some(link_flag(fault)),
+        Action::Frame { fault, .. } => Some(fault.flag()),
+        Action::Slew(_)
+        | Action::Safe
+        | Action::Resume
+        | Action::BusBackLoss { .. }
+        | Action::Aboard(_)
+        | Action::Trigger { .. } => None,
+    }
+}
+
+#[test]
+fn each_word_reads_as_an_action_that_is_named_by_the_same_word() {
+    for (word, row) in ACTIONS {
+        let action = given_in_full(word, row).action;
+        assert_eq!(action.word(), *word);
+        if let Action::Frame { fault, .. } = action {
+            assert_eq!(fault.name(), *word, "frames name it as files do");
+        }
+    }
+}
+
+#[test]
+fn flag_has_the_name_of_its_word_or_the_one_in_the_table() {
+    for (word, row) in ACTIONS {
+        let flags: Vec<_> = flag(&given_in_full(word, row).action).into_iter().flat_map(FaultFlags::names).collect();
+        let in_table = FLAGS.iter().find(|(other, ..)| other == word).map(|(_, flag, _)| *flag);
+        let wanted = if UNFLAGGED.contains(word) { None } else { Some(in_table.unwrap_or(word)) };
+        assert_eq!(flags, Vec::from_iter(wanted), "{word}");
+    }
+    assert!(FLAGS.iter().all(|(word, flag, why)| word != flag && !why.is_empty()), "rows that say nothing");
 }

@@ -1,14 +1,22 @@
-//! The words of `[[event]]` and the keys that go with each.
+//! The words of `[[event]]`: its keys, a row for every word, and the flags of faults of the bus.
+//!
+//! What a row says is in `event_row`. Old files stay readable: words and keys are added, not renamed.
 
+use crate::check::Rule::PositiveUpTo;
+use crate::event::{Action, Pointing};
+use crate::event_row::{Row, rows};
 use crate::key::section;
 use crate::key_type::{Raw, Shape, Whole, Word};
+use frames::sink::{FaultFlags, FrameFault, PixelFault, ProtonStorm};
 use image::detector::protons::stopping_power::DOMAIN_MEV;
+use link::tap::LinkFault;
+use testbed::vehicle::VehicleFault;
 
 section! {
     /// A command to the flight computer, or a fault, at its time.
     EventKeys at "event" {
         /// What happens.
-        r#do: Word<Kind> = Needed, ACTIONS;
+        r#do: Word<Row> = Needed, ACTIONS;
         /// Seconds after the first exposure; after the trigger, when it waits for one.
         at_s: f64 = Optional, NotNegative;
         /// The first frame that it hits, from 0, in place of at_s.
@@ -114,211 +122,77 @@ impl EventKeys {
     }
 }
 
-/// Every word for `do` with its kind.
-pub(super) const ACTIONS: [(&str, Kind); 42] = [
-    ("slew", Kind::Slew),
-    ("safe", Kind::Safe),
-    ("resume", Kind::Resume),
-    ("bus_loss", Kind::Bus(BusKind::Loss)),
-    ("bus_silence", Kind::Bus(BusKind::Silence)),
-    ("bus_delay", Kind::Bus(BusKind::Delay)),
-    ("bus_duplicate", Kind::Bus(BusKind::Duplicate)),
-    ("bus_wrong_bits", Kind::Bus(BusKind::WrongBits)),
-    ("bus_reorder", Kind::Bus(BusKind::Reorder)),
-    ("bus_truncate", Kind::Bus(BusKind::Truncate)),
-    ("bus_babble", Kind::Bus(BusKind::Babble)),
-    ("bus_off", Kind::Bus(BusKind::Off)),
-    ("clock_step", Kind::Bus(BusKind::ClockStep)),
-    ("clock_drift", Kind::Bus(BusKind::ClockDrift)),
-    ("bus_back_loss", Kind::BusBackLoss),
-    ("frame_drop", Kind::Frame(FrameKind::Drop)),
-    ("frame_duplicate", Kind::Frame(FrameKind::Duplicate)),
-    ("frame_late", Kind::Frame(FrameKind::Late)),
-    ("frame_torn", Kind::Frame(FrameKind::Torn)),
-    ("frame_blank", Kind::Frame(FrameKind::Blank)),
-    ("frame_bit_flip", Kind::Frame(FrameKind::BitFlip)),
-    ("stray_light", Kind::Frame(FrameKind::StrayLight)),
-    ("stray_light_ramp", Kind::Frame(FrameKind::StrayLightRamp)),
-    ("defocus_step", Kind::Frame(FrameKind::Defocus)),
-    ("contamination", Kind::Frame(FrameKind::Contamination)),
-    ("temperature_step", Kind::Frame(FrameKind::TemperatureStep)),
-    ("saturation", Kind::Frame(FrameKind::Saturation)),
-    ("false_stars", Kind::Frame(FrameKind::FalseStars)),
-    ("missing_stars", Kind::Frame(FrameKind::MissingStars)),
-    ("missing_bright_stars", Kind::Frame(FrameKind::MissingBrightStars)),
-    ("hot_pixels", Kind::Frame(FrameKind::Pixels(PixelKind::Hot))),
-    ("dead_pixels", Kind::Frame(FrameKind::Pixels(PixelKind::Dead))),
-    ("rts_pixels", Kind::Frame(FrameKind::Pixels(PixelKind::Rts))),
-    ("stuck_pixels", Kind::Frame(FrameKind::Pixels(PixelKind::Stuck))),
-    ("proton_storm", Kind::Frame(FrameKind::ProtonStorm)),
-    ("gyro_dropout", Kind::Gyro(GyroKind::Dropout)),
-    ("gyro_stuck", Kind::Gyro(GyroKind::Stuck)),
-    ("gyro_bias_jump", Kind::Gyro(GyroKind::BiasJump)),
-    ("gyro_spike", Kind::Gyro(GyroKind::Spike)),
-    ("wheel_failure", Kind::WheelFailure),
-    ("tracker_off", Kind::TrackerOff),
-    ("trigger", Kind::Trigger),
-];
-
-/// The kinds of events, in groups: each group is read by a function of its own, whose match has an arm for every kind.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
-    Slew,
-    Safe,
-    Resume,
-    Bus(BusKind),
-    BusBackLoss,
-    Frame(FrameKind),
-    Gyro(GyroKind),
-    WheelFailure,
-    TrackerOff,
-    Trigger,
+rows! {
+    "slew" Once (ra_deg, dec_deg) [roll_deg] => Slew(Pointing { ra_deg, dec_deg, roll_deg });
+    "safe" Once () [] => Safe {};
+    "resume" Once () [] => Resume {};
+    "bus_loss" Lasts (share) [] => Bus(LinkFault::Loss { share });
+    "bus_silence" Lasts () [] => Bus(LinkFault::Silence);
+    "bus_delay" Lasts (delay_ms) [jitter_ms] => Bus(LinkFault::Delay { by: delay_ms, jitter: jitter_ms });
+    "bus_duplicate" Lasts (share) [] => Bus(LinkFault::Duplicate { share });
+    "bus_wrong_bits" Lasts (share) [] => Bus(LinkFault::WrongBits { share });
+    "bus_reorder" Lasts (share, delay_ms) [] => Bus(LinkFault::Reorder { share, by: delay_ms });
+    "bus_truncate" Lasts (share) [] => Bus(LinkFault::Truncate { share });
+    "bus_babble" Lasts (can_id, period_ms) [bytes] => Bus(LinkFault::Babble { id: can_id, period: period_ms, bytes });
+    "bus_off" Lasts () [] => Bus(LinkFault::Off);
+    "clock_step" Lasts (step_ms) [] => Bus(LinkFault::ClockStep { by: step_ms });
+    "clock_drift" Lasts (ppm) [] => Bus(LinkFault::ClockDrift { ppm });
+    "bus_back_loss" Lasts (share) [] => BusBackLoss { share };
+    "frame_drop" Waits () [head] => Frame { head, fault: FrameFault::Drop };
+    "frame_duplicate" Waits () [head] => Frame { head, fault: FrameFault::Duplicate };
+    "frame_late" Waits (late_ms) [head] => Frame { head, fault: FrameFault::Late(late_ms) };
+    "frame_torn" Waits () [head] => Frame { head, fault: FrameFault::Torn };
+    "frame_blank" Waits () [head] => Frame { head, fault: FrameFault::Blank };
+    "frame_bit_flip" Waits (bit) [pixels(1_000_000) of (px, count), head]
+        => Frame { head, fault: FrameFault::BitFlip { bit, pixels } };
+    "stray_light" Waits (e_per_s) [head] => Frame { head, fault: FrameFault::StrayLight { e_per_s } };
+    "stray_light_ramp" Waits (from_e_per_s, to_e_per_s) [head]
+        => Frame { head, fault: FrameFault::StrayLightRamp { from_e_per_s, to_e_per_s } };
+    "defocus_step" Waits (sigma_px) [head] => Frame { head, fault: FrameFault::Defocus { sigma_px } };
+    "contamination" Waits (throughput) [to_throughput.or_silently(throughput), head]
+        => Frame { head, fault: FrameFault::Contamination { from_share: throughput, to_share: to_throughput } };
+    "temperature_step" Waits (by_k) [head] => Frame { head, fault: FrameFault::TemperatureStep { by_k } };
+    "saturation" Waits () [full_wells, head] => Frame { head, fault: FrameFault::Saturation { full_wells } };
+    "false_stars" Waits (mag) [pixels(4096) of (px, count), head]
+        => Frame { head, fault: FrameFault::FalseStars { pixels, mag } };
+    "missing_stars" Waits (share.advised("a share of the catalog's stars, 0 to 1")) [head]
+        => Frame { head, fault: FrameFault::MissingStars { share } };
+    "missing_bright_stars" Waits (count.within(0..=100_000).advised("how many of the brightest stars")) [head]
+        => Frame { head, fault: FrameFault::MissingBrightStars { count } };
+    "hot_pixels" Waits (e_per_s.within(PositiveUpTo(1e9)).advised("electrons per second more"))
+        [spots() of (px, column, row, count), head]
+        => Frame { head, fault: FrameFault::Pixels { spots, fault: PixelFault::Hot { e_per_s } } };
+    "dead_pixels" Waits () [response, spots() of (px, column, row, count), head]
+        => Frame { head, fault: FrameFault::Pixels { spots, fault: PixelFault::Dead { response } } };
+    "rts_pixels" Waits (e_per_s.within(PositiveUpTo(1e9)).advised("at the high level"))
+        [high_s, low_s, spots() of (px, column, row, count), head]
+        => Frame { head, fault: FrameFault::Pixels { spots, fault: PixelFault::Rts { e_per_s, high_s, low_s } } };
+    "stuck_pixels" Waits (dn) [spots() of (px, column, row, count), head]
+        => Frame { head, fault: FrameFault::Pixels { spots, fault: PixelFault::Stuck { dn } } };
+    "proton_storm" Waits (per_cm2_s, energy_mev) [beam_deg() of (incidence_deg, azimuth_deg), head]
+        => Frame { head, fault: FrameFault::Protons(ProtonStorm { per_cm2_s, energy_mev, beam_deg }) };
+    "gyro_dropout" Lasts () [] => Aboard(VehicleFault::GyroDropout);
+    "gyro_stuck" Lasts () [] => Aboard(VehicleFault::GyroStuck);
+    "gyro_bias_jump" Once (rate_deg_h) [] => Aboard(VehicleFault::GyroBiasJump(rate_deg_h));
+    "gyro_spike" Lasts (rate_deg_h) [] => Aboard(VehicleFault::GyroSpike(rate_deg_h));
+    "wheel_failure" Once (wheel() of (wheel)) [] => Aboard(VehicleFault::WheelFailure(wheel));
+    "tracker_off" Lasts () [head] => Aboard(VehicleFault::TrackerOff(head));
+    "trigger" Once (number.advised("the number of a trigger, such as 1")) [] => Trigger { number };
 }
 
-/// Faults on the bus towards the stimulator.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum BusKind {
-    Loss,
-    Silence,
-    Delay,
-    Duplicate,
-    WrongBits,
-    Reorder,
-    Truncate,
-    Babble,
-    Off,
-    ClockStep,
-    ClockDrift,
-}
-
-/// Faults of frames and of the imaging chain.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum FrameKind {
-    Drop,
-    Duplicate,
-    Late,
-    Torn,
-    Blank,
-    BitFlip,
-    StrayLight,
-    StrayLightRamp,
-    Defocus,
-    Contamination,
-    TemperatureStep,
-    Saturation,
-    FalseStars,
-    MissingStars,
-    MissingBrightStars,
-    Pixels(PixelKind),
-    ProtonStorm,
-}
-
-/// Defects of pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum PixelKind {
-    Hot,
-    Dead,
-    Rts,
-    Stuck,
-}
-
-/// Faults of the gyro.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum GyroKind {
-    Dropout,
-    Stuck,
-    BiasJump,
-    Spike,
-}
-
-/// Keys that an event needs, and keys that may be left out.
-type Keys = (&'static [&'static str], &'static [&'static str]);
-
-/// The words whose kind is wanted, each in quotes.
-pub(super) fn words(is_wanted: impl Fn(Kind) -> bool) -> String {
-    let wanted = ACTIONS.iter().filter(|(_, kind)| is_wanted(*kind));
-    wanted.map(|(word, _)| format!("\"{word}\"")).collect::<Vec<_>>().join(", ")
-}
-
-impl Kind {
-    /// True for faults of frames and of the imaging chain, which may wait for a trigger.
-    pub(super) fn is_of_frames(self) -> bool {
-        matches!(self, Self::Frame(_))
-    }
-
-    /// The keys that go with it beside `at_s` and `do`: those it needs, and those that may be left out.
-    pub(super) fn keys(self) -> Keys {
-        match self {
-            Self::Slew => (&["ra_deg", "dec_deg"], &["roll_deg"]),
-            Self::Safe | Self::Resume => (&[], &[]),
-            Self::Bus(kind) => kind.keys(),
-            Self::BusBackLoss => (&["for_s", "share"], &[]),
-            Self::Frame(kind) => kind.keys(),
-            Self::Gyro(kind) => kind.keys(),
-            Self::WheelFailure => (&["wheel"], &[]),
-            Self::TrackerOff => (&["for_s"], &["head"]),
-            Self::Trigger => (&["number"], &[]),
-        }
-    }
-
-    pub(super) fn has_key(self, name: &str) -> bool {
-        let (needed, optional) = self.keys();
-        needed.contains(&name) || optional.contains(&name)
-    }
-}
-
-impl BusKind {
-    fn keys(self) -> Keys {
-        match self {
-            Self::Loss | Self::Duplicate | Self::WrongBits | Self::Truncate => (&["for_s", "share"], &[]),
-            Self::Silence | Self::Off => (&["for_s"], &[]),
-            Self::Delay => (&["for_s", "delay_ms"], &["jitter_ms"]),
-            Self::Reorder => (&["for_s", "share", "delay_ms"], &[]),
-            Self::Babble => (&["for_s", "can_id", "period_ms"], &["bytes"]),
-            Self::ClockStep => (&["for_s", "step_ms"], &[]),
-            Self::ClockDrift => (&["for_s", "ppm"], &[]),
-        }
-    }
-}
-
-impl FrameKind {
-    fn keys(self) -> Keys {
-        match self {
-            Self::Drop | Self::Duplicate | Self::Torn | Self::Blank => (&["for_s"], &["head"]),
-            Self::Late => (&["for_s", "late_ms"], &["head"]),
-            Self::BitFlip => (&["for_s", "bit"], &["px", "count", "head"]),
-            Self::StrayLight => (&["for_s", "e_per_s"], &["head"]),
-            Self::StrayLightRamp => (&["for_s", "from_e_per_s", "to_e_per_s"], &["head"]),
-            Self::Defocus => (&["for_s", "sigma_px"], &["head"]),
-            Self::Contamination => (&["for_s", "throughput"], &["to_throughput", "head"]),
-            Self::TemperatureStep => (&["for_s", "by_k"], &["head"]),
-            Self::Saturation => (&["for_s"], &["full_wells", "head"]),
-            Self::FalseStars => (&["for_s", "mag"], &["px", "count", "head"]),
-            Self::MissingStars => (&["for_s", "share"], &["head"]),
-            Self::MissingBrightStars => (&["for_s", "count"], &["head"]),
-            Self::Pixels(kind) => kind.keys(),
-            Self::ProtonStorm => (&["for_s", "per_cm2_s", "energy_mev"], &["incidence_deg", "azimuth_deg", "head"]),
-        }
-    }
-}
-
-impl PixelKind {
-    fn keys(self) -> Keys {
-        match self {
-            Self::Hot => (&["for_s", "e_per_s"], &["px", "column", "row", "count", "head"]),
-            Self::Dead => (&["for_s"], &["response", "px", "column", "row", "count", "head"]),
-            Self::Rts => (&["for_s", "e_per_s"], &["high_s", "low_s", "px", "column", "row", "count", "head"]),
-            Self::Stuck => (&["for_s", "dn"], &["px", "column", "row", "count", "head"]),
-        }
-    }
-}
-
-impl GyroKind {
-    fn keys(self) -> Keys {
-        match self {
-            Self::Dropout | Self::Stuck => (&["for_s"], &[]),
-            Self::BiasJump => (&["rate_deg_h"], &[]),
-            Self::Spike => (&["for_s", "rate_deg_h"], &[]),
-        }
+/// Returns the flag of frames that are exposed while the bus towards the stimulator has this fault.
+#[must_use]
+pub fn link_flag(fault: &LinkFault) -> FaultFlags {
+    match fault {
+        LinkFault::Loss { .. } => FaultFlags::LINK_DROP,
+        LinkFault::Silence => FaultFlags::LINK_STALE,
+        LinkFault::Delay { .. } => FaultFlags::LINK_DELAY,
+        LinkFault::Duplicate { .. } => FaultFlags::LINK_DUPLICATE,
+        LinkFault::WrongBits { .. } | LinkFault::Truncate { .. } => FaultFlags::LINK_CORRUPT,
+        LinkFault::Reorder { .. } => FaultFlags::LINK_REORDER,
+        LinkFault::Babble { .. } => FaultFlags::LINK_BABBLE,
+        LinkFault::Off => FaultFlags::LINK_OFF,
+        LinkFault::ClockStep { .. } => FaultFlags::CLOCK_STEP,
+        LinkFault::ClockDrift { .. } => FaultFlags::CLOCK_DRIFT,
     }
 }

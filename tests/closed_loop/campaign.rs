@@ -9,6 +9,7 @@ use frames::sink::{FrameFault, FrameMeta, NullSink};
 use link::tap::LinkFault;
 use run::wiring::stepped::SteppedRun;
 use run::wiring::witness::Witness;
+use testbed::vehicle::VehicleFault;
 
 /// Episodes of an hour flown here; `starloop campaign --hours 100` flies a hundred.
 const SEEDS: core::ops::Range<u64> = 101..105;
@@ -96,7 +97,7 @@ fn a_loop_that_does_not_recover_is_seen() {
     let jump = glam::DVec3::new(0.0, 2e-5, 0.0);
     scenario.events = vec![
         event(100.0, 5.0, Action::Frame { head: None, fault: FrameFault::Drop }),
-        event(110.0, 0.0, Action::Gyro(config::GyroFaultKind::BiasJump(jump))),
+        event(110.0, 0.0, Action::Aboard(VehicleFault::GyroBiasJump(jump))),
     ];
     let control = {
         let mut going = SteppedRun::new(&scenario, |_| Box::new(NullSink::new())).unwrap();
@@ -105,7 +106,7 @@ fn a_loop_that_does_not_recover_is_seen() {
     };
     assert_eq!(control.assessment.violations().1, Vec::<String>::new(), "with its tracker it recovers");
     scenario.vehicle_mut().unwrap().spacecraft.gyro.initial_bias_rad_s = glam::DVec3::new(0.0, 3e-5, 0.0);
-    scenario.events[0] = event(100.0, 0.0, Action::TrackerOff { head: None });
+    scenario.events[0] = event(100.0, 0.0, Action::Aboard(VehicleFault::TrackerOff(None)));
     let mut going = SteppedRun::new(&scenario, |_| Box::new(NullSink::new())).unwrap();
     going.run_to_end(&mut |_, _, _| true).unwrap();
     let (count, lines) = (going.end(None).assessment.violations().0, "");
@@ -115,8 +116,8 @@ fn a_loop_that_does_not_recover_is_seen() {
 #[test]
 fn events_that_name_what_is_not_there_are_refused() {
     for (action, wanted) in [
-        (Action::TrackerOff { head: Some(3) }, "head 3: there are 1"),
-        (Action::WheelFailure { wheel: 4 }, "wheel 4: there are 4"),
+        (Action::Aboard(VehicleFault::TrackerOff(Some(3))), "head 3: there are 1"),
+        (Action::Aboard(VehicleFault::WheelFailure(4)), "wheel 4: there are 4"),
     ] {
         let mut scenario = quiet();
         scenario.events.push(Event { at: Span::from_s(1.0), on_trigger: None, lasts: Span::from_s(1.0), action });
@@ -148,9 +149,9 @@ fn a_commanded_safe_mode_stays_until_it_is_left_by_command() {
 
 #[test]
 fn overlapping_faults_aboard_end_one_by_one_whatever_is_added_later() {
-    let off = || Action::TrackerOff { head: None };
-    let dropout = Action::Gyro(config::GyroFaultKind::Dropout);
-    let stuck = Action::Gyro(config::GyroFaultKind::Stuck);
+    let off = || Action::Aboard(VehicleFault::TrackerOff(None));
+    let dropout = Action::Aboard(VehicleFault::GyroDropout);
+    let stuck = Action::Aboard(VehicleFault::GyroStuck);
     let events = vec![
         event(20.0, 20.0, off()),
         event(40.0, 10.0, off()),

@@ -1,4 +1,4 @@
-//! Which commanded faults were active in a frame: a small set in one word.
+//! Which commanded faults were active in a frame: a small set in one word; the list of the flags is in `frame_fault`.
 
 use core::fmt;
 use core::ops::{BitOr, BitOrAssign};
@@ -7,10 +7,11 @@ use core::ops::{BitOr, BitOrAssign};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct FaultFlags(u32);
 
-macro_rules! faults {
+/// Makes the constants and the names of a list of flags.
+macro_rules! flags {
     ($($(#[$doc:meta])* $constant:ident = $bit:literal, $name:literal;)*) => {
         impl FaultFlags {
-            $($(#[$doc])* pub const $constant: Self = Self(1 << $bit);)*
+            $($(#[$doc])* pub const $constant: Self = Self::from_bits(1 << $bit);)*
 
             /// Every fault there is, with its name in files, by bit.
             pub const NAMED: &'static [(Self, &'static str)] = &[$((Self::$constant, $name)),*];
@@ -18,66 +19,7 @@ macro_rules! faults {
     };
 }
 
-faults! {
-    /// Messages lost on the link.
-    LINK_DROP = 0, "link_drop";
-    /// Messages repeated on the link.
-    LINK_DUPLICATE = 1, "link_duplicate";
-    /// Messages delayed on the link.
-    LINK_DELAY = 2, "link_delay";
-    /// Messages out of order on the link.
-    LINK_REORDER = 3, "link_reorder";
-    /// Messages with wrong bits or a wrong CRC on the link.
-    LINK_CORRUPT = 4, "link_corrupt";
-    /// An attitude stream that repeats an old value or stops.
-    LINK_STALE = 5, "link_stale";
-    /// A step of a clock.
-    CLOCK_STEP = 6, "clock_step";
-    /// A quaternion that is not finite or not of unit norm.
-    BAD_QUATERNION = 7, "bad_quaternion";
-    /// A frame withheld.
-    FRAME_DROP = 8, "frame_drop";
-    /// A frame sent twice.
-    FRAME_DUPLICATE = 9, "frame_duplicate";
-    /// A frame sent late on purpose.
-    FRAME_LATE = 10, "frame_late";
-    /// A frame made of two.
-    FRAME_TORN = 11, "frame_torn";
-    /// Pixels that do not respond.
-    DEAD_PIXELS = 12, "dead_pixels";
-    /// Pixels with excess dark signal.
-    HOT_PIXELS = 13, "hot_pixels";
-    /// Pixels with random telegraph signal.
-    RTS_PIXELS = 14, "rts_pixels";
-    /// Stars that are in no catalog.
-    FALSE_STARS = 15, "false_stars";
-    /// Catalog stars left out.
-    MISSING_STARS = 16, "missing_stars";
-    /// Tracks of energetic protons.
-    PROTON_TRACKS = 17, "proton_tracks";
-    /// Stray light beyond the scene's own.
-    STRAY_LIGHT = 18, "stray_light";
-    /// A blank image in place of the scene.
-    BLANK = 19, "blank";
-    /// Packets of nonsense on the link.
-    LINK_BABBLE = 20, "link_babble";
-    /// The controller off the bus.
-    LINK_OFF = 21, "link_off";
-    /// A drift of a clock.
-    CLOCK_DRIFT = 22, "clock_drift";
-    /// Bits of pixels the other way.
-    FRAME_BIT_FLIP = 23, "frame_bit_flip";
-    /// Another point-spread function.
-    DEFOCUS = 24, "defocus";
-    /// Optics that let less light through.
-    CONTAMINATION = 25, "contamination";
-    /// A detector at another temperature.
-    TEMPERATURE = 26, "temperature";
-    /// Pixels flooded with light.
-    SATURATION = 27, "saturation";
-    /// Pixels that always read the same number.
-    STUCK_PIXELS = 28, "stuck_pixels";
-}
+pub(super) use flags;
 
 impl FaultFlags {
     /// No fault.

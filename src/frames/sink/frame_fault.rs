@@ -1,27 +1,23 @@
-//! The ways in which a frame, or the chain that images it, can be spoilt on purpose; `run::runtime` does it, files name it.
+//! The ways in which a frame, or the chain that images it, can be spoilt on purpose, and all that is said of each.
+//!
+//! The word, the flag, the amount and the pixels of a fault are here; `run::runtime` does it, files name it.
 
 use crate::sink::active_fault::Amount;
-use crate::sink::faults::FaultFlags;
+use crate::sink::fault_pixels::{DefectSpots, FaultPixels};
+use crate::sink::faults::{FaultFlags, flags};
 use base::time::Span;
+use core::fmt;
 
-/// Pixels of a fault: one given, and others at random by the seed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct FaultPixels {
-    /// Column and row.
-    pub at: Option<[u32; 2]>,
-    /// How many at random.
-    pub random: u32,
-}
+/// The unit of faults that take a whole frame: there is no more or less of them.
+const WHOLE: &str = "frame";
 
-/// Where the pixels of a detector are defective.
+/// What the pixels of a fault are counted on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct DefectSpots {
-    /// Single pixels.
-    pub pixels: FaultPixels,
-    /// A whole column.
-    pub column: Option<u32>,
-    /// A whole row.
-    pub row: Option<u32>,
+pub enum PixelsOf {
+    /// The detector.
+    Detector,
+    /// The images that are sent.
+    Images,
 }
 
 /// What is wrong with defective pixels.
@@ -146,83 +142,189 @@ pub enum FrameFault {
     Protons(ProtonStorm),
 }
 
+flags! {
+    /// Messages lost on the link.
+    LINK_DROP = 0, "link_drop";
+    /// Messages repeated on the link.
+    LINK_DUPLICATE = 1, "link_duplicate";
+    /// Messages delayed on the link.
+    LINK_DELAY = 2, "link_delay";
+    /// Messages out of order on the link.
+    LINK_REORDER = 3, "link_reorder";
+    /// Messages with wrong bits or a wrong CRC on the link.
+    LINK_CORRUPT = 4, "link_corrupt";
+    /// An attitude stream that repeats an old value or stops.
+    LINK_STALE = 5, "link_stale";
+    /// A step of a clock.
+    CLOCK_STEP = 6, "clock_step";
+    /// A quaternion that is not finite or not of unit norm.
+    BAD_QUATERNION = 7, "bad_quaternion";
+    /// A frame withheld.
+    FRAME_DROP = 8, "frame_drop";
+    /// A frame sent twice.
+    FRAME_DUPLICATE = 9, "frame_duplicate";
+    /// A frame sent late on purpose.
+    FRAME_LATE = 10, "frame_late";
+    /// A frame made of two.
+    FRAME_TORN = 11, "frame_torn";
+    /// Pixels that do not respond.
+    DEAD_PIXELS = 12, "dead_pixels";
+    /// Pixels with excess dark signal.
+    HOT_PIXELS = 13, "hot_pixels";
+    /// Pixels with random telegraph signal.
+    RTS_PIXELS = 14, "rts_pixels";
+    /// Stars that are in no catalog.
+    FALSE_STARS = 15, "false_stars";
+    /// Catalog stars left out.
+    MISSING_STARS = 16, "missing_stars";
+    /// Tracks of energetic protons.
+    PROTON_TRACKS = 17, "proton_tracks";
+    /// Stray light beyond the scene's own.
+    STRAY_LIGHT = 18, "stray_light";
+    /// A blank image in place of the scene.
+    BLANK = 19, "blank";
+    /// Packets of nonsense on the link.
+    LINK_BABBLE = 20, "link_babble";
+    /// The controller off the bus.
+    LINK_OFF = 21, "link_off";
+    /// A drift of a clock.
+    CLOCK_DRIFT = 22, "clock_drift";
+    /// Bits of pixels the other way.
+    FRAME_BIT_FLIP = 23, "frame_bit_flip";
+    /// Another point-spread function.
+    DEFOCUS = 24, "defocus";
+    /// Optics that let less light through.
+    CONTAMINATION = 25, "contamination";
+    /// A detector at another temperature.
+    TEMPERATURE = 26, "temperature";
+    /// Pixels flooded with light.
+    SATURATION = 27, "saturation";
+    /// Pixels that always read the same number.
+    STUCK_PIXELS = 28, "stuck_pixels";
+}
+
+/// What is known of a fault: its word in files, its flag, and how much of it there is at the begin and at the end.
+struct Facts(&'static str, FaultFlags, [f64; 2], &'static str);
+
 impl FrameFault {
+    fn facts(self) -> Facts {
+        use FaultFlags as Flag;
+        let whole = |word, flag| Facts(word, flag, [1.0; 2], WHOLE);
+        let steady = |word, flag, amount, unit| Facts(word, flag, [amount; 2], unit);
+        match self {
+            Self::Drop => whole("frame_drop", Flag::FRAME_DROP),
+            Self::Duplicate => whole("frame_duplicate", Flag::FRAME_DUPLICATE),
+            Self::Late(by) => steady("frame_late", Flag::FRAME_LATE, by.ms(), "ms"),
+            Self::Torn => whole("frame_torn", Flag::FRAME_TORN),
+            Self::Blank => whole("frame_blank", Flag::BLANK),
+            Self::BitFlip { bit, .. } => steady("frame_bit_flip", Flag::FRAME_BIT_FLIP, f64::from(bit), "bit"),
+            Self::StrayLight { e_per_s } => steady("stray_light", Flag::STRAY_LIGHT, e_per_s, "e-/s"),
+            Self::StrayLightRamp { from_e_per_s, to_e_per_s } => {
+                Facts("stray_light_ramp", Flag::STRAY_LIGHT, [from_e_per_s, to_e_per_s], "e-/s")
+            }
+            Self::Defocus { sigma_px } => steady("defocus_step", Flag::DEFOCUS, sigma_px, "px sigma"),
+            Self::Contamination { from_share, to_share } => {
+                Facts("contamination", Flag::CONTAMINATION, [from_share, to_share], "of the light")
+            }
+            Self::TemperatureStep { by_k } => steady("temperature_step", Flag::TEMPERATURE, by_k, "K"),
+            Self::Saturation { full_wells } => steady("saturation", Flag::SATURATION, full_wells, "full wells"),
+            Self::FalseStars { mag, .. } => steady("false_stars", Flag::FALSE_STARS, mag, "mag"),
+            Self::MissingStars { share } => steady("missing_stars", Flag::MISSING_STARS, share, "of the stars"),
+            Self::MissingBrightStars { count } => {
+                steady("missing_bright_stars", Flag::MISSING_STARS, f64::from(count), "stars")
+            }
+            Self::Pixels { fault, .. } => match fault {
+                PixelFault::Hot { e_per_s } => steady("hot_pixels", Flag::HOT_PIXELS, e_per_s, "e-/s"),
+                PixelFault::Dead { response } => steady("dead_pixels", Flag::DEAD_PIXELS, response, "of the light"),
+                PixelFault::Rts { e_per_s, .. } => steady("rts_pixels", Flag::RTS_PIXELS, e_per_s, "e-/s"),
+                PixelFault::Stuck { dn } => steady("stuck_pixels", Flag::STUCK_PIXELS, f64::from(dn), "DN"),
+            },
+            Self::Protons(storm) => steady("proton_storm", Flag::PROTON_TRACKS, storm.per_cm2_s, "per cm2 and s"),
+        }
+    }
+
     /// Its word in files.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Drop => "frame_drop",
-            Self::Duplicate => "frame_duplicate",
-            Self::Late(_) => "frame_late",
-            Self::Torn => "frame_torn",
-            Self::Blank => "frame_blank",
-            Self::BitFlip { .. } => "frame_bit_flip",
-            Self::StrayLight { .. } => "stray_light",
-            Self::StrayLightRamp { .. } => "stray_light_ramp",
-            Self::Defocus { .. } => "defocus_step",
-            Self::Contamination { .. } => "contamination",
-            Self::TemperatureStep { .. } => "temperature_step",
-            Self::Saturation { .. } => "saturation",
-            Self::FalseStars { .. } => "false_stars",
-            Self::MissingStars { .. } => "missing_stars",
-            Self::MissingBrightStars { .. } => "missing_bright_stars",
-            Self::Pixels { fault: PixelFault::Hot { .. }, .. } => "hot_pixels",
-            Self::Pixels { fault: PixelFault::Dead { .. }, .. } => "dead_pixels",
-            Self::Pixels { fault: PixelFault::Rts { .. }, .. } => "rts_pixels",
-            Self::Pixels { fault: PixelFault::Stuck { .. }, .. } => "stuck_pixels",
-            Self::Protons(_) => "proton_storm",
-        }
+        self.facts().0
     }
 
     /// The flag it sets in the frames it hits.
     #[must_use]
     pub fn flag(self) -> FaultFlags {
-        match self {
-            Self::Drop => FaultFlags::FRAME_DROP,
-            Self::Duplicate => FaultFlags::FRAME_DUPLICATE,
-            Self::Late(_) => FaultFlags::FRAME_LATE,
-            Self::Torn => FaultFlags::FRAME_TORN,
-            Self::Blank => FaultFlags::BLANK,
-            Self::BitFlip { .. } => FaultFlags::FRAME_BIT_FLIP,
-            Self::StrayLight { .. } | Self::StrayLightRamp { .. } => FaultFlags::STRAY_LIGHT,
-            Self::Defocus { .. } => FaultFlags::DEFOCUS,
-            Self::Contamination { .. } => FaultFlags::CONTAMINATION,
-            Self::TemperatureStep { .. } => FaultFlags::TEMPERATURE,
-            Self::Saturation { .. } => FaultFlags::SATURATION,
-            Self::FalseStars { .. } => FaultFlags::FALSE_STARS,
-            Self::MissingStars { .. } | Self::MissingBrightStars { .. } => FaultFlags::MISSING_STARS,
-            Self::Pixels { fault: PixelFault::Hot { .. }, .. } => FaultFlags::HOT_PIXELS,
-            Self::Pixels { fault: PixelFault::Dead { .. }, .. } => FaultFlags::DEAD_PIXELS,
-            Self::Pixels { fault: PixelFault::Rts { .. }, .. } => FaultFlags::RTS_PIXELS,
-            Self::Pixels { fault: PixelFault::Stuck { .. }, .. } => FaultFlags::STUCK_PIXELS,
-            Self::Protons(_) => FaultFlags::PROTON_TRACKS,
-        }
+        self.facts().1
     }
 
     /// How much of it a frame has when `share` of its time is over.
     #[must_use]
     pub fn amount(self, share: f64) -> Amount {
-        let between = |from: f64, to: f64| from + (to - from) * share;
-        let (value, unit) = match self {
-            Self::Drop | Self::Duplicate | Self::Torn | Self::Blank => (1.0, "frame"),
-            Self::Late(by) => (by.ms(), "ms"),
-            Self::BitFlip { bit, .. } => (f64::from(bit), "bit"),
-            Self::StrayLight { e_per_s } => (e_per_s, "e-/s"),
-            Self::StrayLightRamp { from_e_per_s, to_e_per_s } => (between(from_e_per_s, to_e_per_s), "e-/s"),
-            Self::Defocus { sigma_px } => (sigma_px, "px sigma"),
-            Self::Contamination { from_share, to_share } => (between(from_share, to_share), "of the light"),
-            Self::TemperatureStep { by_k } => (by_k, "K"),
-            Self::Saturation { full_wells } => (full_wells, "full wells"),
-            Self::FalseStars { mag, .. } => (mag, "mag"),
-            Self::MissingStars { share } => (share, "of the stars"),
-            Self::MissingBrightStars { count } => (f64::from(count), "stars"),
-            Self::Pixels { fault, .. } => match fault {
-                PixelFault::Hot { e_per_s } | PixelFault::Rts { e_per_s, .. } => (e_per_s, "e-/s"),
-                PixelFault::Dead { response } => (response, "of the light"),
-                PixelFault::Stuck { dn } => (f64::from(dn), "DN"),
-            },
-            Self::Protons(storm) => (storm.per_cm2_s, "per cm2 and s"),
-        };
+        let Facts(_, _, [from, to], unit) = self.facts();
+        let value = if from == to { from } else { from + (to - from) * share };
         Amount { value, unit }
+    }
+
+    /// The pixels that it names, and what they are counted on.
+    #[must_use]
+    pub fn spots(self) -> Option<(PixelsOf, DefectSpots)> {
+        match self {
+            Self::BitFlip { pixels, .. } => Some((PixelsOf::Images, pixels.into())),
+            Self::FalseStars { pixels, .. } => Some((PixelsOf::Detector, pixels.into())),
+            Self::Pixels { spots, .. } => Some((PixelsOf::Detector, spots)),
+            Self::Drop
+            | Self::Duplicate
+            | Self::Late(_)
+            | Self::Torn
+            | Self::Blank
+            | Self::StrayLight { .. }
+            | Self::StrayLightRamp { .. }
+            | Self::Defocus { .. }
+            | Self::Contamination { .. }
+            | Self::TemperatureStep { .. }
+            | Self::Saturation { .. }
+            | Self::MissingStars { .. }
+            | Self::MissingBrightStars { .. }
+            | Self::Protons(_) => None,
+        }
+    }
+}
+
+impl fmt::Display for FrameFault {
+    /// How much of it there is, from begin to end; nothing when it takes a whole frame.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Facts(_, _, [from, to], unit) = self.facts();
+        match unit {
+            WHOLE => Ok(()),
+            unit if from == to => write!(f, "{from} {unit}"),
+            unit => write!(f, "{from} to {to} {unit}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_has_the_amount_and_how_it_changes() {
+        let pixels = FaultPixels { at: Some([3, 4]), random: 0 };
+        for (fault, wanted) in [
+            (FrameFault::Torn, ""),
+            (FrameFault::Late(Span::from_ms(300)), "300 ms"),
+            (FrameFault::FalseStars { pixels, mag: 4.5 }, "4.5 mag"),
+            (FrameFault::Contamination { from_share: 0.8, to_share: 0.8 }, "0.8 of the light"),
+            (FrameFault::Contamination { from_share: 0.8, to_share: 0.4 }, "0.8 to 0.4 of the light"),
+        ] {
+            assert_eq!(fault.to_string(), wanted);
+        }
+    }
+
+    #[test]
+    fn pixels_are_counted_on_images_or_on_the_detector() {
+        let pixels = FaultPixels { at: Some([3, 4]), random: 0 };
+        let of = |fault: FrameFault| fault.spots().map(|(of, spots)| (of, spots.to_string()));
+        assert_eq!(of(FrameFault::BitFlip { bit: 1, pixels }), Some((PixelsOf::Images, "px = [3, 4]".to_owned())));
+        let stars = FrameFault::FalseStars { pixels, mag: 4.5 };
+        assert_eq!(of(stars), Some((PixelsOf::Detector, "px = [3, 4]".to_owned())));
+        assert_eq!(of(FrameFault::Blank), None);
     }
 }

@@ -6,4 +6,4 @@ mod capture_tests;
 mod fault;
 
 pub use capture::{Capture, CaptureOutcome, CapturingLink};
-pub use fault::{FaultControl, FaultyLink, LinkFault, TimedLinkFault};
+pub use fault::{Arrival, FaultControl, FaultyLink, LinkFault, TimedLinkFault};

@@ -96,7 +96,7 @@ impl CableSetting<'_> {
     }
 
     fn may_be_faulty(&self) -> bool {
-        let is_of_bus = |action: &Action| matches!(action, Action::Bus(_) | Action::BusBack(_));
+        let is_of_bus = |action: &Action| matches!(action, Action::Bus(_) | Action::BusBackLoss { .. });
         let has_faults = self.scenario.events.iter().any(|event| is_of_bus(&event.action));
         has_faults || self.is_steered || self.scenario.vehicle().is_some()
     }

@@ -17,7 +17,7 @@ use config::{Action, Event, Plant, Scenario};
 use frames::sink::tap::TappedFrame;
 use frames::sink::{FrameMeta, TapEnd};
 use link::Port;
-use link::tap::LinkFault;
+use link::tap::Arrival;
 use std::sync::Arc;
 use testbed::flight_computer::{FlightComputer, FlightError, Profile};
 use testbed::vehicle::{TelemetryRow, Vehicle, VehicleError, VehicleFault};
@@ -125,34 +125,20 @@ impl FarSide {
     /// Lets the witness expect what an event will do to pointing and time marks.
     fn prepare_witness(&mut self, event: &Event, zero: Tai) {
         let from = zero + event.at;
+        let until = from + event.lasts;
         match event.action {
             Action::Slew(_) => self.witness.expect_disturbance(from, from + self.longest_slew),
-            Action::Bus(LinkFault::Delay { by, jitter }) => {
-                self.witness.expect_delay(from, from + event.lasts, by + jitter);
-            }
-            Action::Bus(LinkFault::Reorder { by, .. }) => self.witness.expect_delay(from, from + event.lasts, by),
-            Action::Bus(LinkFault::ClockStep { by }) => self.witness.expect_clock(from, from + event.lasts, by),
-            Action::Bus(LinkFault::ClockDrift { ppm }) => {
-                let by = Span::from_s(event.lasts.s() * ppm * 1e-6);
-                self.witness.expect_clock(from, from + event.lasts, by);
-            }
+            Action::Bus(fault) => match fault.arrival(event.lasts) {
+                Arrival::Late(by) => self.witness.expect_delay(from, until, by),
+                Arrival::Misstamped(by) => self.witness.expect_clock(from, until, by),
+                Arrival::AsSent => {}
+            },
             // They change neither the pointing nor when packets arrive.
-            Action::Bus(
-                LinkFault::Loss { .. }
-                | LinkFault::Silence
-                | LinkFault::Duplicate { .. }
-                | LinkFault::WrongBits { .. }
-                | LinkFault::Truncate { .. }
-                | LinkFault::Babble { .. }
-                | LinkFault::Off,
-            )
-            | Action::BusBack(_)
+            Action::BusBackLoss { .. }
             | Action::Safe
             | Action::Resume
             | Action::Frame { .. }
-            | Action::Gyro(_)
-            | Action::WheelFailure { .. }
-            | Action::TrackerOff { .. }
+            | Action::Aboard(_)
             | Action::Trigger { .. } => {}
         }
     }

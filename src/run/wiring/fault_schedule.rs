@@ -6,12 +6,13 @@
 
 use base::time::Span;
 use base::units::DEG;
-use config::{Action, Event, GyroFaultKind, Pointing};
+use config::{Action, Event, Pointing};
 use frames::sink::FrameFault;
 use glam::DVec3;
 use link::tap::LinkFault;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
+use testbed::vehicle::VehicleFault;
 
 /// What a schedule is drawn for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,18 +94,18 @@ impl Draw {
             }
             3 => (Action::Bus(LinkFault::Duplicate { share: self.between(0.1, 1.0) }), self.between(2.0, 60.0)),
             4 => (Action::Bus(LinkFault::WrongBits { share: self.between(0.02, MOST_WRONG) }), self.between(2.0, 60.0)),
-            5 => (Action::BusBack(LinkFault::Loss { share: self.between(0.2, 1.0) }), self.between(2.0, 60.0)),
+            5 => (Action::BusBackLoss { share: self.between(0.2, 1.0) }, self.between(2.0, 60.0)),
             6 => (frame(FrameFault::Drop), self.between(2.0, 60.0)),
             7 => (frame(FrameFault::Duplicate), self.between(2.0, 30.0)),
             8 => (frame(FrameFault::Late(Span::from_s(self.scale(0.05, 1.5)))), self.between(2.0, 60.0)),
             9 => (frame(FrameFault::Torn), self.between(2.0, 60.0)),
             10 => (frame(FrameFault::Blank), self.between(2.0, 60.0)),
             11 => (frame(FrameFault::StrayLight { e_per_s: self.scale(1e3, 1e7) }), self.between(2.0, 120.0)),
-            12 => (Action::Gyro(GyroFaultKind::Dropout), self.between(1.0, 10.0)),
-            13 => (Action::Gyro(GyroFaultKind::Stuck), self.between(1.0, 5.0)),
-            14 => (Action::Gyro(GyroFaultKind::BiasJump(self.rate(20.0 * DEG / 3600.0))), 0.0),
-            15 => (Action::Gyro(GyroFaultKind::Spike(self.rate(0.02 * DEG))), self.between(1.0, 3.0)),
-            16 => (Action::TrackerOff { head: None }, self.between(5.0, 200.0)),
+            12 => (Action::Aboard(VehicleFault::GyroDropout), self.between(1.0, 10.0)),
+            13 => (Action::Aboard(VehicleFault::GyroStuck), self.between(1.0, 5.0)),
+            14 => (Action::Aboard(VehicleFault::GyroBiasJump(self.rate(20.0 * DEG / 3600.0))), 0.0),
+            15 => (Action::Aboard(VehicleFault::GyroSpike(self.rate(0.02 * DEG))), self.between(1.0, 3.0)),
+            16 => (Action::Aboard(VehicleFault::TrackerOff(None)), self.between(5.0, 200.0)),
             17..23 => self.bus_or_clock(),
             _ => self.wheel_or_slew(),
         }
@@ -134,7 +135,7 @@ impl Draw {
     fn wheel_or_slew(&mut self) -> (Action, f64) {
         if self.wheels >= 4 && !self.wheel_has_failed && self.dice.random::<f64>() < 0.2 {
             self.wheel_has_failed = true;
-            return (Action::WheelFailure { wheel: self.dice.random_range(0..self.wheels) }, 0.0);
+            return (Action::Aboard(VehicleFault::WheelFailure(self.dice.random_range(0..self.wheels))), 0.0);
         }
         // Uniform over the sphere.
         let pointing = Pointing {
@@ -169,7 +170,8 @@ mod tests {
         names.sort_unstable();
         names.dedup();
         assert_eq!(names.len(), 25, "{names:?}");
-        let failures = events.iter().filter(|event| matches!(event.action, Action::WheelFailure { .. })).count();
+        let failures =
+            events.iter().filter(|event| matches!(event.action, Action::Aboard(VehicleFault::WheelFailure(_)))).count();
         assert_eq!(failures, 1, "three wheels still control all axes");
     }
 }

@@ -5,9 +5,9 @@ use crate::runtime::frame_faults::{Begin, FrameFaults, NEVER};
 use crate::runtime::ledger::Event as LedgerEvent;
 use crate::wiring::vehicle_parts::attitude;
 use base::time::{Span, Tai};
-use config::{Action, Event, GyroFaultKind, link_flag};
-use frames::sink::{DefectSpots, FaultPixels, FrameFault};
-use link::tap::FaultControl;
+use config::{Action, Event, link_flag};
+use frames::sink::{FrameFault, PixelsOf};
+use link::tap::{FaultControl, LinkFault};
 use serde::Serialize;
 use testbed::acs::Command;
 use testbed::vehicle::VehicleFault;
@@ -114,7 +114,9 @@ impl FaultLog {
                 }
                 Place::BusToStimulator(places.to_stimulator.add(from, until, fault))
             }
-            Action::BusBack(fault) => Place::BusToComputer(places.to_computer.add(from, until, fault)),
+            Action::BusBackLoss { share } => {
+                Place::BusToComputer(places.to_computer.add(from, until, LinkFault::Loss { share }))
+            }
             Action::Frame { head, fault } => {
                 let number = u16::try_from(self.faults.len() + 1).unwrap_or(u16::MAX);
                 let begin = match event.on_trigger {
@@ -132,8 +134,7 @@ impl FaultLog {
                 }
                 return self.fire(number, from);
             }
-            Action::Gyro(_) | Action::WheelFailure { .. } | Action::TrackerOff { .. } => {
-                let Some(fault) = vehicle_fault(&event.action) else { return };
+            Action::Aboard(fault) => {
                 let number = self.faults.len();
                 aboard.push((from, Aboard::Inject { fault, number }));
                 if event.lasts > Span::ZERO {
@@ -258,25 +259,25 @@ pub(super) fn check_places(event: &Event, there: &Inventory) -> Result<(), Strin
     if let Action::Frame { head, fault } = event.action {
         let hit = there.heads.iter().enumerate().filter(|(number, _)| head.is_none_or(|head| head == *number));
         for (_, size) in hit {
-            check_pixels(&fault, *size)?;
+            check_pixels(fault, *size)?;
         }
     }
     match event.action {
-        Action::Frame { head: Some(head), .. } | Action::TrackerOff { head: Some(head) } if head >= heads => {
+        Action::Frame { head: Some(head), .. } | Action::Aboard(VehicleFault::TrackerOff(Some(head)))
+            if head >= heads =>
+        {
             Err(format!("head {head}: there are {heads}, counted from 0"))
         }
-        Action::WheelFailure { wheel } if wheel >= wheels => {
+        Action::Aboard(VehicleFault::WheelFailure(wheel)) if wheel >= wheels => {
             Err(format!("wheel {wheel}: there are {wheels}, counted from 0"))
         }
         Action::Slew(_)
         | Action::Safe
         | Action::Resume
         | Action::Bus(_)
-        | Action::BusBack(_)
+        | Action::BusBackLoss { .. }
         | Action::Frame { .. }
-        | Action::Gyro(_)
-        | Action::WheelFailure { .. }
-        | Action::TrackerOff { .. }
+        | Action::Aboard(_)
         | Action::Trigger { .. } => {
             let is_before = event.at < Span::ZERO;
             if is_before { Err("wanted a time not before the first exposure".into()) } else { Ok(()) }
@@ -285,76 +286,13 @@ pub(super) fn check_places(event: &Event, there: &Inventory) -> Result<(), Strin
 }
 
 /// Refuses pixels that a head does not have.
-fn check_pixels(fault: &FrameFault, HeadSize { size_px, output_px }: HeadSize) -> Result<(), String> {
-    let (what, place, [width, height]) = match fault {
-        FrameFault::BitFlip { pixels, .. } if is_outside(*pixels, output_px) => {
-            ("images have", place_of(*pixels), output_px)
-        }
-        FrameFault::FalseStars { pixels, .. } if is_outside(*pixels, size_px) => {
-            ("the detector has", place_of(*pixels), size_px)
-        }
-        FrameFault::Pixels { spots, .. } if spots_are_outside(spots, size_px) => {
-            ("the detector has", place_of_spots(spots), size_px)
-        }
-        FrameFault::Drop
-        | FrameFault::Duplicate
-        | FrameFault::Late(_)
-        | FrameFault::Torn
-        | FrameFault::Blank
-        | FrameFault::BitFlip { .. }
-        | FrameFault::StrayLight { .. }
-        | FrameFault::StrayLightRamp { .. }
-        | FrameFault::Defocus { .. }
-        | FrameFault::Contamination { .. }
-        | FrameFault::TemperatureStep { .. }
-        | FrameFault::Saturation { .. }
-        | FrameFault::FalseStars { .. }
-        | FrameFault::MissingStars { .. }
-        | FrameFault::MissingBrightStars { .. }
-        | FrameFault::Pixels { .. }
-        | FrameFault::Protons(_) => return Ok(()),
+fn check_pixels(fault: FrameFault, HeadSize { size_px, output_px }: HeadSize) -> Result<(), String> {
+    let Some((of, spots)) = fault.spots() else { return Ok(()) };
+    let (what, size) = match of {
+        PixelsOf::Images => ("images have", output_px),
+        PixelsOf::Detector => ("the detector has", size_px),
     };
-    Err(format!("{place}: {what} {width} x {height} pixels, counted from 0"))
-}
-
-/// How messages name a pixel, as event files do.
-fn place_of(pixels: FaultPixels) -> String {
-    pixels.at.map_or_else(String::new, |[x, y]| format!("px = [{x}, {y}]"))
-}
-
-/// How messages name pixels, a column and a row, as event files do.
-fn place_of_spots(spots: &DefectSpots) -> String {
-    let line = |name: &str, number: Option<u32>| number.map(|number| format!("{name} = {number}"));
-    let pixel = Some(place_of(spots.pixels)).filter(|place| !place.is_empty());
-    let all = [pixel, line("column", spots.column), line("row", spots.row)];
-    all.into_iter().flatten().collect::<Vec<_>>().join(", ")
-}
-
-fn is_outside(pixels: FaultPixels, [width, height]: [usize; 2]) -> bool {
-    let beyond = |[x, y]: [u32; 2]| x as usize >= width || y as usize >= height;
-    pixels.at.is_some_and(beyond)
-}
-
-fn spots_are_outside(spots: &DefectSpots, size_px: [usize; 2]) -> bool {
-    let beyond = |line: Option<u32>, side: usize| line.is_some_and(|line| line as usize >= side);
-    let [width, height] = size_px;
-    is_outside(spots.pixels, size_px) || beyond(spots.column, width) || beyond(spots.row, height)
-}
-
-fn vehicle_fault(action: &Action) -> Option<VehicleFault> {
-    Some(match *action {
-        Action::Gyro(GyroFaultKind::Dropout) => VehicleFault::GyroDropout,
-        Action::Gyro(GyroFaultKind::Stuck) => VehicleFault::GyroStuck,
-        Action::Gyro(GyroFaultKind::BiasJump(jump)) => VehicleFault::GyroBiasJump(jump),
-        Action::Gyro(GyroFaultKind::Spike(spike)) => VehicleFault::GyroSpike(spike),
-        Action::WheelFailure { wheel } => VehicleFault::WheelFailure(wheel),
-        Action::TrackerOff { head } => VehicleFault::TrackerOff(head),
-        Action::Slew(_)
-        | Action::Safe
-        | Action::Resume
-        | Action::Bus(_)
-        | Action::BusBack(_)
-        | Action::Frame { .. }
-        | Action::Trigger { .. } => return None,
-    })
+    let [width, height] = size;
+    let refusal = || Err(format!("{spots}: {what} {width} x {height} pixels, counted from 0"));
+    if spots.are_outside(size) { refusal() } else { Ok(()) }
 }

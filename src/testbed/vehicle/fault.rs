@@ -1,6 +1,8 @@
 //! What can go wrong aboard.
 
 use crate::spacecraft::{Gyro, GyroFault};
+use base::units::DEG;
+use core::fmt;
 use glam::DVec3;
 
 /// A fault of the vehicle.
@@ -18,6 +20,21 @@ pub enum VehicleFault {
     WheelFailure(usize),
     /// One head gives nothing, or all of them.
     TrackerOff(Option<usize>),
+}
+
+impl fmt::Display for VehicleFault {
+    /// How much of it there is, or what it hits.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::GyroDropout | Self::GyroStuck => Ok(()),
+            Self::GyroBiasJump(by) | Self::GyroSpike(by) => {
+                write!(f, "{:.3?} deg/h", (*by * (3600.0 / DEG)).to_array())
+            }
+            Self::WheelFailure(wheel) => write!(f, "wheel {wheel}"),
+            Self::TrackerOff(Some(head)) => write!(f, "head {head}"),
+            Self::TrackerOff(None) => f.write_str("all heads"),
+        }
+    }
 }
 
 /// Faults of the gyro under way, each kind as often as it was begun and not ended, and what they hit so far.

@@ -17,6 +17,7 @@ mod tests;
 pub use link::FaultyLink;
 
 use base::time::{Span, Tai};
+use core::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What goes wrong.
@@ -79,6 +80,59 @@ pub enum LinkFault {
     },
     /// The controller is off the bus: nothing arrives, and what is sent is lost.
     Off,
+}
+
+/// What a fault changes of the times at which packets come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Arrival {
+    /// Nothing.
+    AsSent,
+    /// They are late by up to this.
+    Late(Span),
+    /// The clock that stamps them is off by up to this.
+    Misstamped(Span),
+}
+
+impl LinkFault {
+    /// Returns what it changes of the times at which packets come when it lasts so long.
+    #[must_use]
+    pub fn arrival(self, lasts: Span) -> Arrival {
+        match self {
+            Self::Delay { by, jitter } => Arrival::Late(by + jitter),
+            Self::Reorder { by, .. } => Arrival::Late(by),
+            Self::ClockStep { by } => Arrival::Misstamped(by),
+            Self::ClockDrift { ppm } => Arrival::Misstamped(Span::from_s(lasts.s() * ppm * 1e-6)),
+            Self::Loss { .. }
+            | Self::Silence
+            | Self::Duplicate { .. }
+            | Self::WrongBits { .. }
+            | Self::Truncate { .. }
+            | Self::Babble { .. }
+            | Self::Off => Arrival::AsSent,
+        }
+    }
+}
+
+impl fmt::Display for LinkFault {
+    /// How much of it there is; nothing when it takes everything.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ms = |span: Span| span.s() * 1e3;
+        match *self {
+            Self::Loss { share } | Self::Duplicate { share } | Self::WrongBits { share } | Self::Truncate { share } => {
+                write!(f, "{} % of the packets", share * 100.0)
+            }
+            Self::Delay { by, jitter } => write!(f, "{} ms, jitter {} ms", ms(by), ms(jitter)),
+            Self::Reorder { share, by } => {
+                write!(f, "{} % of the packets, held back {} ms", share * 100.0, ms(by))
+            }
+            Self::Babble { id, period, bytes } => {
+                write!(f, "identifier 0x{id:03X}, {bytes} bytes, each {} ms", ms(period))
+            }
+            Self::ClockStep { by } => write!(f, "{} ms", ms(by)),
+            Self::ClockDrift { ppm } => write!(f, "{ppm} ppm"),
+            Self::Silence | Self::Off => Ok(()),
+        }
+    }
 }
 
 /// A fault with its time.

@@ -1,6 +1,6 @@
 //! Every fault does what it says, as often as it says, and only in its time.
 
-use super::{FaultControl, FaultyLink, LinkFault};
+use super::{Arrival, FaultControl, FaultyLink, LinkFault};
 use crate::simulated::{BusParams, BusTiming, SimulatedLink, simulated_pair};
 use crate::{Link, Packet, Stamped};
 use base::clock::{Clock, Virtual};
@@ -285,4 +285,21 @@ fn what_waits_is_bounded_and_counted() {
     let arrived = core::iter::from_fn(|| bench.near.receive(START).unwrap()).count() as u64;
     assert_eq!(arrived, 65_536);
     assert_eq!(arrived + bench.near.counters().overflows, 200_000);
+}
+
+#[test]
+fn a_fault_says_how_much_of_it_there_is_and_when_packets_come() {
+    let ms = Span::from_ms;
+    let delay = LinkFault::Delay { by: ms(20), jitter: ms(5) };
+    let babble = LinkFault::Babble { id: 0x12, period: ms(2), bytes: 8 };
+    for (fault, text, arrival) in [
+        (LinkFault::Loss { share: 0.25 }, "25 % of the packets", Arrival::AsSent),
+        (delay, "20 ms, jitter 5 ms", Arrival::Late(ms(25))),
+        (babble, "identifier 0x012, 8 bytes, each 2 ms", Arrival::AsSent),
+        (LinkFault::ClockStep { by: ms(-20) }, "-20 ms", Arrival::Misstamped(ms(-20))),
+        (LinkFault::ClockDrift { ppm: 50.0 }, "50 ppm", Arrival::Misstamped(ms(1))),
+        (LinkFault::Off, "", Arrival::AsSent),
+    ] {
+        assert_eq!((fault.to_string().as_str(), fault.arrival(ms(20_000))), (text, arrival));
+    }
 }

@@ -82,8 +82,9 @@ fn as_number(key: &str, value: &Value) -> Result<Value, ReplayError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use config::{Action, GyroFaultKind};
+    use config::Action;
     use frames::sink::FrameFault;
+    use testbed::vehicle::VehicleFault;
 
     #[test]
     fn event_comes_back_bit_by_bit_with_the_time_at_which_it_came() {
@@ -91,7 +92,7 @@ mod tests {
         for action in [
             Action::Frame { head: Some(1), fault: FrameFault::StrayLight { e_per_s: 0.1 + 0.2 } },
             Action::Frame { head: None, fault: FrameFault::Late(Span::from_ns(1_234_567)) },
-            Action::Gyro(GyroFaultKind::Dropout),
+            Action::Aboard(VehicleFault::GyroDropout),
         ] {
             let event = Event { at: came, on_trigger: None, lasts: Span::from_ns(1_000_000_007), action };
             let text = serde_json::to_string_pretty(&Injected::new(&event, came)).unwrap();

@@ -4,6 +4,7 @@ use super::*;
 use crate::wiring::fault_schedule::{ScheduleLimits, fault_schedule};
 use base::time::Span;
 use config::{Action, Bench};
+use testbed::vehicle::VehicleFault;
 
 /// A session of a run file that ran for so many seconds.
 fn session_of(document: &Document, scenario: &Scenario, settings: &[String], cost: Option<CostModel>) -> Session {
@@ -22,7 +23,7 @@ fn session_of(document: &Document, scenario: &Scenario, settings: &[String], cos
 
 /// Rates of a gyro are kept in other units.
 fn is_exact(event: &Event) -> bool {
-    !matches!(event.action, Action::Gyro(_))
+    !matches!(event.action, Action::Aboard(VehicleFault::GyroBiasJump(_) | VehicleFault::GyroSpike(_)))
 }
 
 /// The session after it was written and read.
