@@ -79,6 +79,37 @@ impl Run {
     }
 }
 
+/// The spacecraft's own tracker sees the sky, and the display shows it to a tracker in front of it: each frame is drawn for
+/// both.
+#[test]
+fn a_display_is_in_a_closed_loop_in_which_the_tracker_inside_sees_the_sky() {
+    let folder = bench();
+    let spacecraft = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/spacecraft/smallsat.toml");
+    let mut text = std::fs::read_to_string(folder.path().join("bench.toml")).unwrap();
+    text.push_str("\n[observer]\nkind = \"circular_orbit\"\naltitude_km = 550.0\ninclination_deg = 97.6\n");
+    std::fs::write(folder.path().join("bench.toml"), text).unwrap();
+    let pointing = "ra_deg = 84.0\ndec_deg = -1.2\n";
+    let scenario = format!(
+        "bench = \"bench.toml\"\nspacecraft = \"{}\"\nduration_s = 2.0\n[target]\n{pointing}[initial]\n\
+         attitude = \"given\"\n{pointing}[expect]\nwindow_s = 0.5\n",
+        spacecraft.display()
+    );
+    std::fs::write(folder.path().join("scenario.toml"), scenario).unwrap();
+    let words = ["run", "scenario.toml", "--clock", "virtual", "--sink", "recorder", "--json", "--out", "loop"];
+    let report: serde_json::Value = serde_json::from_str(&succeeds(&words, folder.path())).unwrap();
+    let rows = read_frame_log(File::open(path_in(&folder.path().join("loop"))).unwrap()).unwrap();
+    let scheduled = report["frames"]["scheduled"].as_u64().unwrap();
+    assert_eq!(scheduled, 2 * rows.len() as u64, "drawn twice, and recorded once: {}", report["frames"]);
+    assert!(report["attitudes_used"].as_u64().unwrap() > 0, "the tracker inside has attitudes: {report}");
+    assert!(report["tracker_availability"].as_f64().unwrap() > 0.2, "{report}");
+    let seen = Run {
+        folder: folder.path().join("loop"),
+        rows,
+        calibration: Calibration::read(&folder.path().join("display.toml")).unwrap(),
+    };
+    assert!(!seen.seen(seen.rows.len() as u32 - 1).is_empty(), "and the display has stars");
+}
+
 /// Unit vector of a star.
 fn direction(star: &TruthStar) -> DVec3 {
     let [ra, dec] = star.apparent_deg.map(|deg| deg * DEG);

@@ -7,6 +7,7 @@ use crate::runtime::delivery::{Delivery, Parcel};
 use crate::runtime::engine::{FrameEngine, origin_name};
 use crate::runtime::error::RunError;
 use crate::runtime::frame_faults::{Fate as Spoiling, FrameFaults};
+use crate::runtime::head_step::HeadStep;
 use crate::runtime::ledger::EventKind;
 use crate::runtime::params::DeadlinePolicy;
 use crate::runtime::real_time::{Head, HeadParts, Setting, Shared, take_back};
@@ -117,18 +118,16 @@ impl<'a> RealHead<'a> {
         shared: &Shared<'_>,
         record: &mut RunRecord,
     ) -> Result<Option<StageTimes>, RunError> {
-        let (faults, ledger) = (&mut self.faults, &mut record.ledger);
-        self.receiver.fire_triggers(slot, ledger, &mut |fired| {
-            if let Some(faults) = faults.as_mut() {
-                faults.fire_trigger(fired.number, fired.at);
-            }
-        });
-        self.spoiling = faults.as_mut().map_or(Spoiling::SEND, |faults| faults.begin(slot, self.engine, ledger));
-        let exposed = self.engine.expose(slot, self.receiver, ledger, frame);
+        let Self { engine, receiver, faults, .. } = self;
+        let mut step = HeadStep { engine, receiver, faults: faults.as_deref_mut() };
+        let exposed = step.draw(slot, &mut record.ledger, frame);
         if matches!(exposed, Err(RunError::AttitudeStopped { .. })) && self.number == 0 {
             shared.radio.send(0, shared.reply.stopped(self.receiver, slot.release));
         }
-        exposed
+        Ok(exposed?.map(|(spoiling, times)| {
+            self.spoiling = spoiling;
+            times
+        }))
     }
 
     /// Sends nothing for a slot without an attitude, and says so to the flight computer.

@@ -8,6 +8,7 @@
 use crate::runtime::engine::FrameEngine;
 use crate::runtime::error::{FarEndError, RunError};
 use crate::runtime::frame_faults::{Fate, FrameFaults};
+use crate::runtime::head_step::HeadStep;
 use crate::runtime::ledger::Ledger;
 use crate::runtime::outcome::{RunOutcome, lines_of_head};
 use crate::runtime::port_reading::PortReading;
@@ -236,20 +237,14 @@ impl VirtualLoop {
         self.slots[i] += 1;
         self.record.frames.scheduled += 1;
         let mut frame = self.take_buffer(head.engine);
-        let ledger = &mut self.record.ledger;
-        let faults = &mut head.faults;
-        head.receiver.fire_triggers(slot, ledger, &mut |fired| {
-            if let Some(faults) = faults.as_mut() {
-                faults.fire_trigger(fired.number, fired.at);
-            }
-        });
-        let fate = head.faults.as_mut().map_or(Fate::SEND, |faults| faults.begin(slot, head.engine, ledger));
         let mut watch = Stopwatch::start();
-        let exposed = head.engine.expose(slot, head.receiver, &mut self.record.ledger, &mut frame);
+        let Head { engine, receiver, faults, .. } = head;
+        let mut step = HeadStep { engine, receiver, faults: faults.as_deref_mut() };
+        let exposed = step.draw(slot, &mut self.record.ledger, &mut frame);
         if let (Err(RunError::AttitudeStopped { .. }), 0) = (&exposed, i) {
             port.send(&self.reply.stopped(head.receiver, slot.release))?;
         }
-        let Some(times) = exposed? else { return self.leave_out(i, slot, frame, head, port) };
+        let Some((fate, times)) = exposed? else { return self.leave_out(i, slot, frame, head, port) };
         frame.meta.lateness = Span::ZERO;
         let drawn = watch.lap();
         self.record.count_rendered(&frame, &times);

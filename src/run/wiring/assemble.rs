@@ -34,7 +34,7 @@ use base::time::Tai;
 use config::{Scenario, SinkSettings, StartTime};
 use core::sync::atomic::AtomicBool;
 use frames::report::GatewayRow;
-use frames::sink::{SentFrame, Sink};
+use frames::sink::{NullSink, SentFrame, Sink};
 use link::tap::FaultControl;
 use outputs::live::Numbers;
 use std::path::PathBuf;
@@ -169,7 +169,7 @@ impl Run {
         let mut heads = make_heads(HeadSetting { scenario: &scenario, start, costs })?;
         drop(cards);
         let clock = RunClock::new(clock, start);
-        let count = heads.len();
+        let count = heads.iter().filter(|head| head.is_shown).count();
         for (number, head) in heads.iter_mut().enumerate() {
             let sink = sink_of_head(head, (number, count), &mut outputs, &clock)?;
             take_sink(head, sink);
@@ -355,6 +355,9 @@ fn sink_of_head(
     outputs: &mut Outputs<'_>,
     clock: &RunClock,
 ) -> Result<Box<dyn Sink>, LoopError> {
+    if !head.is_shown {
+        return Ok(Box::new(NullSink::new()));
+    }
     let (sinks, directory) = match outputs {
         Outputs::Made(make) => return Ok(make(number)),
         Outputs::Configured { sinks, directory } => (*sinks, directory.as_deref()),

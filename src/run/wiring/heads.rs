@@ -37,6 +37,8 @@ pub struct RunHead {
     pub sink: Box<dyn Sink>,
     /// How it is mounted.
     pub(super) mounting: Rotation<Sensor, Body>,
+    /// Whether its frames leave the program: those that are drawn for a tracker inside beside a display do not.
+    pub(super) is_shown: bool,
     /// By which it is drawn for a display, if it is.
     pub(super) calibration: Option<Calibration>,
     /// The tracker's end of its tap, until the far side takes it.
@@ -98,7 +100,8 @@ pub(super) fn make_heads(setting: HeadSetting<'_>) -> Result<Vec<RunHead>> {
         }
         let (tracker, sink) = with_tap(&engine, has_tracker);
         let (mounting, faults) = (own.sensor_from_body, FrameFaults::default());
-        heads.push(RunHead { engine, receiver, faults, sink, mounting, calibration, tracker });
+        let is_shown = !(draws_twice && has_tracker);
+        heads.push(RunHead { engine, receiver, faults, sink, mounting, is_shown, calibration, tracker });
     }
     Ok(heads)
 }

@@ -83,10 +83,13 @@ pub struct MemoryError {
 }
 
 impl RunMemory {
-    /// Adds up a bench with these sinks.
+    /// Adds up a bench with these sinks. Every head counts as one with the largest camera of them.
     #[must_use]
     pub fn of(bench: &Bench, sinks: &[SinkSettings], form: RunForm) -> Self {
-        Self::of_heads(bench, 1 + bench.extra_heads.len(), sinks, form)
+        let pixels =
+            |head: &Bench| u64::from(head.camera.detector.width_px) * u64::from(head.camera.detector.height_px);
+        let largest = (0..bench.head_count()).map(|number| bench.of_head(number)).max_by_key(pixels);
+        Self::of_heads(largest.as_ref().unwrap_or(bench), bench.head_count(), sinks, form)
     }
 
     /// Adds up a bench with so many camera heads, as scenarios have.
@@ -349,6 +352,12 @@ mod tests {
         let frame = 2 * 1024 * 1024;
         assert!(grown(&|bench| bench.sinks[0].queue_frames += 100) >= plain + 100 * frame);
         assert!(grown(&|bench| bench.extra_heads.push(bench.first_head())) >= plain + 16 * frame);
+        let larger = |bench: &mut Bench| {
+            let mut head = bench.first_head();
+            (head.camera.detector.width_px, head.camera.detector.height_px) = (2048, 2048);
+            bench.extra_heads.push(head);
+        };
+        assert!(grown(&larger) >= plain + 16 * 4 * frame, "a head with a larger camera of its own");
         assert!(grown(&|bench| bench.camera.detector.prnu += 0.01) >= plain);
         let ring = Sink::SharedMemory { path: "/dev/shm/x".into(), slots: 64 };
         let ring = SinkSettings { sink: ring, queue_frames: 1 };
