@@ -70,7 +70,7 @@ pub fn run(arguments: &CheckArgs) -> Result<()> {
 /// Everything there is to say about the file.
 fn checked(document: &Document, only_built_in: bool) -> Result<String> {
     let scenario = Scenario::from_document(document)?;
-    let bench = report(&scenario.bench, scenario.bench.head_count(), only_built_in)?;
+    let bench = report(&scenario.bench, only_built_in)?;
     let is_plain = scenario.vehicle().is_none() && scenario.events.is_empty();
     Ok(if is_plain { bench } else { check_scenario::report(&scenario)? + "\n" + &bench })
 }
@@ -88,7 +88,7 @@ conventions
 ";
 
 /// The whole report.
-fn report(bench: &Bench, heads: usize, only_built_in: bool) -> Result<String> {
+fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
     // The check itself makes one detector.
     RunMemory::of_image(&bench.camera, bench.render.backend == Backend::Reference, None).check()?;
     let start = match bench.timing.start {
@@ -104,7 +104,7 @@ fn report(bench: &Bench, heads: usize, only_built_in: bool) -> Result<String> {
     let mut text = String::new();
     let sky = params.open_sky()?;
     describe(&mut text, bench, &params, (&imager, &sky), &costs)?;
-    write_memory(&mut text, bench, heads)?;
+    write_memory(&mut text, bench)?;
     check_display::write_display(&mut text, bench, &params, calibration.as_ref())?;
     write_defaults(&mut text, bench)?;
     text.push('\n');
@@ -188,8 +188,8 @@ fn describe(
 }
 
 /// Writes the memory that a run takes, on the real clock where its sinks have queues, and whether there is as much here.
-fn write_memory(text: &mut String, bench: &Bench, heads: usize) -> Result<()> {
-    let memory = RunMemory::of_heads(bench, heads, &bench.sinks, RunForm { is_real: true, has_view: false });
+fn write_memory(text: &mut String, bench: &Bench) -> Result<()> {
+    let memory = RunMemory::of(bench, &bench.sinks, RunForm { is_real: true, has_view: false });
     writeln!(text, "  memory       {}", memory.in_words())?;
     if let Err(error) = memory.check() {
         writeln!(text, "  WARNING      {error}")?;
@@ -338,19 +338,20 @@ mod tests {
     #[test]
     fn memory_of_a_run_is_added_up_and_one_that_does_not_fit_is_a_warning() {
         let mut bench = Bench::built_in().unwrap();
-        let memory = |bench: &Bench, heads| {
+        let memory = |bench: &Bench| {
             let mut text = String::new();
-            write_memory(&mut text, bench, heads).unwrap();
+            write_memory(&mut text, bench).unwrap();
             text
         };
-        let text = memory(&bench, 1);
+        let text = memory(&bench);
         assert!(text.starts_with("  memory       ") && text.contains(" MiB: ") && !text.contains("WARNING"), "{text}");
         (bench.camera.detector.width_px, bench.camera.detector.height_px) = (16_384, 1024);
-        let text = memory(&bench, 3);
+        bench.extra_heads = vec![bench.first_head(); 2];
+        let text = memory(&bench);
         assert!(text.contains("(16384 x 1024 px, heads: 3)"), "{text}");
         // No machine has memory for so many frames: 100 PiB.
         bench.sinks[0].queue_frames = u32::MAX;
-        let text = memory(&bench, 1);
+        let text = memory(&bench);
         assert!(text.contains("\n  WARNING      this run needs") && text.contains("sink.queue = 4294967295"), "{text}");
     }
 
