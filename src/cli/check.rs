@@ -274,7 +274,7 @@ mod tests {
 
     #[test]
     fn the_built_in_bench_is_explained() {
-        let text = report(&Bench::built_in().unwrap(), 1, true).unwrap();
+        let text = report(&Bench::built_in().unwrap(), true).unwrap();
         for word in [
             "is sound",
             "sink         recorder: FITS, ",
@@ -327,7 +327,7 @@ mod tests {
         let reports = sorting.finish(folder.path(), 2016.0, "whom it concerns", &mut |_| {}).unwrap();
         let mut bench = Bench::built_in().unwrap();
         bench.layers = reports.into_iter().map(|report| report.path).collect();
-        let report = |bench: &Bench, only_built_in| report(bench, 1, only_built_in);
+        let report = |bench: &Bench, only_built_in| report(bench, only_built_in);
         let warning = "WARNING      stars brighter than G = 4.5 are missing from the frames";
         assert!(!report(&bench, true).unwrap().contains("stars brighter than"), "control: with all layers");
         bench.layers.remove(0);
