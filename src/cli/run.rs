@@ -37,12 +37,21 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
     let mut finished = perform(arguments)?;
     finished.write_files(arguments)?;
     if let Some(directory) = &arguments.report {
-        let report = budget_report(&finished, 0)?;
-        budget_files::write(directory, &report, &finished.end.record.ring)?;
+        write_budget(directory, &mut finished);
     }
-    // Last: output that cannot be written ends the program.
-    finished.print(arguments)?;
-    finished.status(arguments)
+    // Losses are reported and whoever controls the run is answered also when the output cannot be written.
+    let printed = finished.print(arguments);
+    let status = finished.status(arguments)?;
+    printed.map(|()| status)
+}
+
+/// Writes the files of `--report`; what cannot be written is a loss of the run.
+fn write_budget(directory: &Path, finished: &mut Finished) {
+    let report = budget_report(finished, 0);
+    let written = report.and_then(|report| budget_files::write(directory, &report, &finished.end.record.ring));
+    if let Err(error) = written {
+        finished.end.losses.note_file("budget.json", format!("{error:#}"));
+    }
 }
 
 /// Runs a bench or a scenario from its first frame to its last.
@@ -82,6 +91,7 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
         capture,
         live,
         steering: steering.clone(),
+        is_controlled: listener.is_some(),
     };
     let mut run = Run::assemble(&scenario, options)?;
     if say {
@@ -95,7 +105,7 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let mut progress = sender(monitor.updates.clone(), run.numbers(), run.frames(), run.times().zero);
     let Controlled { mut end, client } = match (listener, steering) {
         (None, _) => Controlled { end: run.fly(&stop, &mut progress)?, client: None },
-        (Some(listener), None) => controlled::stepped(listener, run, directory.as_deref(), &stop)?,
+        (Some(listener), None) => controlled::stepped(listener, run, directory.as_deref(), &stop, &mut progress)?,
         (Some(listener), Some(steering)) => {
             controlled::real(listener, run, steering, directory.as_deref(), &stop, &mut progress)?
         }

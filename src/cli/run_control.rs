@@ -82,6 +82,7 @@ pub(super) mod controlled {
         run: Run,
         output: Option<&Path>,
         stop: &AtomicBool,
+        progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
     ) -> Result<Controlled> {
         let scenario = run.scenario().clone();
         let mut going = SteppedRun::of(run)?;
@@ -95,7 +96,8 @@ pub(super) mod controlled {
             let report = ScenarioReport::of(&scenario, view, wall_s).with_control(Some(&refusals));
             serde_json::to_value(report).unwrap_or_default()
         };
-        let served = session.serve(&mut Stage { scenario: &scenario, going: &mut going, report: &mut report, stop });
+        let served =
+            session.serve(&mut Stage { scenario: &scenario, going: &mut going, report: &mut report, progress, stop });
         let (client, error) = match served {
             Ok(end) => (Client { session, end }, None),
             Err(error) => (Client { session, end: SessionEnd::Interrupted }, Some(error)),
@@ -113,9 +115,12 @@ pub(super) mod controlled {
         progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
     ) -> Result<Controlled> {
         let (scenario, over) = (run.scenario().clone(), Arc::new(AtomicBool::new(false)));
+        let is_admitted = Arc::new(AtomicBool::new(false));
+        let has_client = Arc::clone(&is_admitted);
         let (end_run, is_over, output) = (Arc::clone(stop), Arc::clone(&over), output.map(Path::to_path_buf));
         let serve = move || {
             let mut session = listener.accept(&scenario, output.as_deref(), &is_over)?;
+            has_client.store(true, Ordering::SeqCst);
             let end = session.serve_steered(&scenario, &steering, &is_over);
             if matches!(end, SessionEnd::Finish(_)) {
                 end_run.store(true, Ordering::SeqCst);
@@ -126,12 +131,16 @@ pub(super) mod controlled {
         let thread = thread.context("cannot start the control thread")?;
         let end = run.fly(stop, progress);
         let mut waited = Duration::ZERO;
-        while !thread.is_finished() && waited < FINISH_WITHIN && !stop.load(Ordering::SeqCst) {
+        let waits = is_admitted.load(Ordering::SeqCst) && end.is_ok();
+        while waits && !thread.is_finished() && waited < FINISH_WITHIN && !stop.load(Ordering::SeqCst) {
             std::thread::sleep(LOOK);
             waited += LOOK;
         }
         over.store(true, Ordering::SeqCst);
-        let client = thread.join().ok().flatten();
-        Ok(Controlled { end: end?, client })
+        let (mut end, joined) = (end?, thread.join());
+        if joined.is_err() {
+            end.note_lost_thread("control", end.times.end);
+        }
+        Ok(Controlled { end, client: joined.ok().flatten() })
     }
 }

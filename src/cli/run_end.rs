@@ -124,6 +124,7 @@ impl Finished {
             Some(report) => serde_json::to_value(&report)?,
             None => serde_json::to_value(self.summary(arguments.clock))?,
         };
+        let is_broken = self.end.error.is_some();
         let mut status = match (was_lost, self.was_interrupted, holds) {
             (true, _, _) => EXIT_LOST,
             (false, true, _) => signals::exit_status(),
@@ -136,7 +137,7 @@ impl Finished {
                 eprintln!("starloop: the control client went away at {now_s} s; what was finished by then is written");
                 status = EXIT_FAILED;
             }
-            client.close(report, status);
+            client.close(report, if is_broken { EXIT_FAILED } else { status });
         }
         if let Some(error) = self.end.error {
             let why = "the run ended early; everything finished before is kept";

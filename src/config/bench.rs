@@ -194,7 +194,11 @@ fn check_classic_jitter(link: &Link, computer: &FlightComputer, check: &Checker<
 }
 
 /// A display shows one head.
-fn check_sinks_of_heads(sinks: &[SinkSettings], extra_heads: &[Head], check: &Checker<'_>) -> Result<(), ConfigError> {
+pub(super) fn check_sinks_of_heads(
+    sinks: &[SinkSettings],
+    extra_heads: &[Head],
+    check: &Checker<'_>,
+) -> Result<(), ConfigError> {
     let display = sinks.iter().position(|settings| matches!(settings.sink, Sink::Display(_)));
     match display {
         Some(place) if !extra_heads.is_empty() => {

@@ -19,13 +19,13 @@ section! {
         r#do: Word<Row> = Needed, ACTIONS;
         /// Seconds after the first exposure; after the trigger, when it waits for one.
         at_s: f64 = Optional, NotNegative;
-        /// The first frame that it hits, from 0, in place of at_s.
+        /// The first frame of the first head that it hits, from 0, in place of at_s.
         at_frame: Whole = Optional, 0..=1_000_000_000;
         /// The number of a trigger that it waits for, such as 1.
         on_trigger: Whole<u16> = Optional, 0..=65_535;
         /// How many seconds it lasts.
         for_s: f64 = Optional, Positive;
-        /// How many frames it hits, in place of for_s.
+        /// How many frames of the first head it hits, in place of for_s.
         for_frames: Whole = Optional, 1..=1_000_000_000;
         /// Right ascension of the boresight to slew to, in degrees, not hours: 5h 30m is 82.5.
         ra_deg: f64 = Optional, Within(-360.0, 360.0);

@@ -69,6 +69,17 @@ fn an_attitude_history_is_read_and_refused_by_line() {
 }
 
 #[test]
+fn heads_of_a_vehicle_have_one_timing() {
+    let head = "[[extra_head]]\nsensor_from_body = [0.0, 1.0, 0.0, 0.0]\n";
+    let with = |line: &str| run_file(&format!("{FLOWN}{head}{line}"));
+    assert_eq!(with("").unwrap().bench.head_count(), 2, "control");
+    for line in ["frame_rate_hz = 5.0\n", "phase_ms = 10.0\n"] {
+        let error = with(line).expect_err(line).to_string();
+        assert!(error.contains("heads with one frame rate, phase and exposure time"), "{line}: {error}");
+    }
+}
+
+#[test]
 fn kinds_that_contradict_the_file_are_refused() {
     for (text, part) in [
         ("[plant]\nkind = \"vehicle\"\n", "name its file: spacecraft"),

@@ -3,7 +3,7 @@
 //! A bench file holds all of it, and a bench is a scenario without a vehicle. A scenario file names a bench and a
 //! spacecraft, and takes everything else from the bench.
 
-use crate::bench::{Bench, BesideBench};
+use crate::bench::{Bench, BesideBench, check_sinks_of_heads};
 use crate::check::{Checker, Defaulted};
 use crate::document::Document;
 use crate::error::ConfigError;
@@ -187,6 +187,8 @@ impl Scenario {
         override_bench(&mut bench, &keys, &check)?;
         let heads = check_heads("head", &keys.head, HEADS_MAX, &bench.first_head(), &mut check)?;
         let bench = bench.of_heads(heads);
+        check_can_fly(&bench, &check)?;
+        check_sinks_of_heads(&bench.sinks, &bench.extra_heads, &check)?;
         let spacecraft = keys.spacecraft().raw().map(String::as_str);
         let flight = FlightKeys {
             initial: keys.initial.clone(),
@@ -221,12 +223,18 @@ fn check_can_fly(bench: &Bench, check: &Checker<'_>) -> Result<(), ConfigError> 
         let advice = "the spacecraft's flight computer is a part of this program";
         return refuse("a bench whose flight_computer.kind is \"simulated\"", advice);
     }
-    if bench.camera.distortion.polynomial.is_some() {
+    let heads = || (0..bench.head_count()).map(|number| bench.of_head(number));
+    if heads().any(|head| head.camera.distortion.polynomial.is_some()) {
         let advice = "the scenario's tracker knows Brown and Conrady's distortion only";
         return refuse("a camera whose distortion.model is \"brown-conrady\"", advice);
     }
+    let times = |head: &Bench| (head.timing.frame_rate_hz, head.timing.phase, head.camera.exposure.exposure_s);
+    if heads().any(|head| times(&head) != times(bench)) {
+        let advice = "EXPOSURE, by which the trackers inside date their frames, names no head";
+        return refuse("heads with one frame rate, phase and exposure time", advice);
+    }
     if bench.session.start == SessionStart::OnRun {
-        let advice = "nobody in a scenario says RUN";
+        let advice = "no flight computer in a scenario sends RUN";
         return refuse("a bench whose session.start is \"at_once\"", advice);
     }
     Ok(())

@@ -21,6 +21,8 @@ pub struct HeadStep<'a> {
     pub receiver: &'a mut Receiver,
     /// Spoils frames; `None`: nothing does.
     pub faults: Option<&'a mut FrameFaults>,
+    /// Takes the notes of triggers in the place of the run's ledger, where another head has made the same notes.
+    pub noted_already: Option<&'a mut Ledger>,
 }
 
 impl HeadStep<'_> {
@@ -35,8 +37,9 @@ impl HeadStep<'_> {
         ledger: &mut Ledger,
         frame: &mut SentFrame,
     ) -> Result<Option<(Fate, StageTimes)>, RunError> {
-        let Self { engine, receiver, faults } = self;
-        receiver.fire_triggers(slot, ledger, &mut |fired| {
+        let Self { engine, receiver, faults, noted_already } = self;
+        let notes = noted_already.as_deref_mut().unwrap_or(&mut *ledger);
+        receiver.fire_triggers(slot, notes, &mut |fired| {
             if let Some(faults) = faults.as_mut() {
                 faults.fire_trigger(fired.number, fired.at);
             }

@@ -115,11 +115,12 @@ impl<'a> RealHead<'a> {
         &mut self,
         slot: Slot,
         frame: &mut SentFrame,
-        shared: &Shared<'_>,
+        shared: &mut Shared<'_>,
         record: &mut RunRecord,
     ) -> Result<Option<StageTimes>, RunError> {
         let Self { engine, receiver, faults, .. } = self;
-        let mut step = HeadStep { engine, receiver, faults: faults.as_deref_mut() };
+        let noted_already = (self.number > 0).then_some(&mut shared.said_already);
+        let mut step = HeadStep { engine, receiver, faults: faults.as_deref_mut(), noted_already };
         let exposed = step.draw(slot, &mut record.ledger, frame);
         if matches!(exposed, Err(RunError::AttitudeStopped { .. })) && self.number == 0 {
             shared.radio.send(0, shared.reply.stopped(self.receiver, slot.release));

@@ -54,9 +54,9 @@ pub struct Setting<'a> {
     pub orders: Option<&'a Queue<FrameOrder>>,
 }
 
-/// Something that the frame thread is to do between two slots, with all heads. It may take long and allocate: what it
+/// Something that the frame thread is to do before the slot that is released at the given instant, with all heads. It may take long and allocate: what it
 /// delays is counted as late.
-pub type FrameOrder = Box<dyn FnOnce(&mut [HeadParts<'_>], &mut RunRecord) + Send>;
+pub type FrameOrder = Box<dyn FnOnce(&mut [HeadParts<'_>], &mut RunRecord, Tai) + Send>;
 
 /// The parts of a head that an order may change.
 pub struct HeadParts<'a> {
@@ -197,7 +197,7 @@ pub(super) struct Shared<'a> {
     readings: Vec<PortReading>,
     pub(super) reply: Reply,
     /// What further heads note of messages of which the first has noted the same.
-    said_already: Ledger,
+    pub(super) said_already: Ledger,
 }
 
 impl Shared<'_> {
@@ -228,7 +228,7 @@ impl Bench<'_> {
         let mut next = vec![0; self.heads.len()];
         while let Some(release) = self.next_release(&next) {
             let mut asked = self.shared.clock.now();
-            self.take_orders(setting.orders, record);
+            self.take_orders(setting.orders, release, record);
             if !self.listen_until(release, setting.stop, record) {
                 break;
             }
@@ -273,10 +273,10 @@ impl Bench<'_> {
     }
 
     /// Does what was ordered from outside.
-    fn take_orders(&mut self, orders: Option<&Queue<FrameOrder>>, record: &mut RunRecord) {
+    fn take_orders(&mut self, orders: Option<&Queue<FrameOrder>>, release: Tai, record: &mut RunRecord) {
         for order in orders.into_iter().flat_map(Queue::try_iter) {
             let mut parts: Vec<HeadParts<'_>> = self.heads.iter_mut().map(RealHead::parts).collect();
-            order(&mut parts, record);
+            order(&mut parts, record, release);
         }
     }
 
@@ -305,8 +305,7 @@ impl Bench<'_> {
         };
         let until = limit(self);
         let lacks = |bench: &Self| {
-            let first = bench.released(release, next).next();
-            first.is_some_and(|(head, slot)| head.engine.lacks_jitter(slot, head.receiver))
+            bench.released(release, next).any(|(head, slot)| head.engine.lacks_jitter(slot, head.receiver))
         };
         while lacks(self) {
             let now = self.shared.clock.now();

@@ -239,7 +239,8 @@ impl VirtualLoop {
         let mut frame = self.take_buffer(head.engine);
         let mut watch = Stopwatch::start();
         let Head { engine, receiver, faults, .. } = head;
-        let mut step = HeadStep { engine, receiver, faults: faults.as_deref_mut() };
+        let noted_already = (i > 0).then_some(&mut self.said_already);
+        let mut step = HeadStep { engine, receiver, faults: faults.as_deref_mut(), noted_already };
         let exposed = step.draw(slot, &mut self.record.ledger, &mut frame);
         if let (Err(RunError::AttitudeStopped { .. }), 0) = (&exposed, i) {
             port.send(&self.reply.stopped(head.receiver, slot.release))?;

@@ -77,8 +77,10 @@ pub struct RunOptions<'a> {
     pub capture: Option<CaptureOptions<'a>>,
     /// The live view, where there is one.
     pub live: Option<LiveOptions>,
-    /// Whoever steers the run while it goes on, where somebody does.
+    /// What steers the run from outside on the real clock.
     pub steering: Option<Steering>,
+    /// Events may come from outside while the run goes on, also on the virtual clock.
+    pub is_controlled: bool,
 }
 
 impl<'a> RunOptions<'a> {
@@ -86,7 +88,8 @@ impl<'a> RunOptions<'a> {
     #[must_use]
     pub fn stepped(outputs: Outputs<'a>) -> Self {
         let (costs, hygiene, capture, live, steering) = (None, None, None, None, None);
-        Self { clock: RunClockKind::Virtual, outputs, costs, hygiene, capture, live, steering }
+        let (clock, is_controlled) = (RunClockKind::Virtual, false);
+        Self { clock, outputs, costs, hygiene, capture, live, steering, is_controlled }
     }
 
     /// The same on the real clock.
@@ -135,6 +138,7 @@ pub struct Run {
     pub(super) taps: Taps,
     pub(super) on_row: Option<OnRow>,
     pub(super) steering: Option<Steering>,
+    is_controlled: bool,
     pub(super) cable: Option<Cable>,
 }
 
@@ -148,7 +152,7 @@ impl Run {
     /// The first part that cannot be made.
     pub fn assemble(scenario: &Scenario, options: RunOptions<'_>) -> Result<Self, LoopError> {
         let scenario = scenario.clone();
-        let RunOptions { clock, mut outputs, costs, hygiene, capture, live, steering } = options;
+        let RunOptions { clock, mut outputs, costs, hygiene, capture, live, steering, is_controlled } = options;
         if let (RunClockKind::Virtual, Some(what)) = (clock, needs_real_clock(&scenario.bench)) {
             let why = "which has a time of its own; wanted --clock real";
             return Err(anyhow::anyhow!("--clock virtual: got a bench with {what}, {why}").into());
@@ -174,12 +178,6 @@ impl Run {
             let sink = sink_of_head(head, (number, count), &mut outputs, &clock)?;
             take_sink(head, sink);
         }
-        let recording = capture.map(|capture| capture.start(&scenario, start, &clock, &mut heads)).transpose();
-        let recording = recording.context("--capture")?;
-        if let Some(steering) = &steering {
-            steering.watch_frames(&mut heads);
-        }
-        let live = live.map(|live| LiveTap::beside(&live, &scenario.bench.name, &mut heads)).transpose()?;
         let times = times(start, &heads)?;
         let there = Inventory {
             heads: heads.iter().map(RunHead::size).collect(),
@@ -188,9 +186,28 @@ impl Run {
         let faults_of_bus = [FaultControl::default(), FaultControl::default()];
         let desk = FaultDesk::new(times.zero, scenario.bench.sensor_from_body, there, faults_of_bus.clone());
         scenario.events.iter().try_for_each(|event| desk.check(event))?;
-        let taps = Taps { recording, live };
-        let (on_row, cable) = (None, None);
-        Ok(Self { scenario, times, clock, heads, desk, faults_of_bus, hygiene, taps, on_row, steering, cable })
+        let live = live.map(|live| LiveTap::beside(&live, &scenario.bench.name, &mut heads)).transpose()?;
+        // Last: a run that cannot be put together leaves no capture behind.
+        let recording = capture.map(|capture| capture.start(&scenario, start, &clock, &mut heads)).transpose();
+        let recording = recording.context("--capture")?;
+        if let Some(steering) = &steering {
+            steering.watch_frames(&mut heads);
+        }
+        let (taps, on_row, cable) = (Taps { recording, live }, None, None);
+        Ok(Self {
+            scenario,
+            times,
+            clock,
+            heads,
+            desk,
+            faults_of_bus,
+            hygiene,
+            taps,
+            on_row,
+            steering,
+            is_controlled,
+            cable,
+        })
     }
 
     /// Opens the cable. On the real clock time begins here, at the run's start.
@@ -210,7 +227,7 @@ impl Run {
             clock: &self.clock,
             faults: &self.faults_of_bus,
             recording: self.taps.recording.as_ref(),
-            is_steered: self.steering.is_some(),
+            is_steered: self.is_controlled || self.steering.is_some(),
         };
         self.cable = Some(Cable::open(&setting)?);
         Ok(())

@@ -76,8 +76,9 @@ pub(super) fn make_heads(setting: HeadSetting<'_>) -> Result<Vec<RunHead>> {
         let mut params = bench_parts::run_params(&own, start)?;
         let for_tracker = draws_twice.then(|| params.clone());
         let calibration = take_display(&mut params, &own, Monotonic::start().now())?;
-        prepared.push((own.clone(), params, calibration, is_flown && !draws_twice));
-        prepared.extend(for_tracker.map(|params| (own, params, None, true)));
+        // First: EXPOSURE, by which the tracker inside dates its frames, is of the first head.
+        prepared.extend(for_tracker.map(|params| (own.clone(), params, None, true)));
+        prepared.push((own, params, calibration, is_flown && !draws_twice));
     }
     let count = u32::try_from(prepared.len())?;
     let mut shared = Shared::new(prepared.iter().map(|(_, params, ..)| params));

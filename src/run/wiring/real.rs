@@ -68,7 +68,7 @@ pub(super) fn fly(
     let now = clock.now().min(times.end);
     over.store(true, Ordering::SeqCst);
     if let Some(steering) = &steering {
-        steering.detach();
+        steering.detach(times, outcome.record.numbers(None));
         let recording = taps.recording.as_ref();
         for (event, came) in steering.injected() {
             recording.into_iter().for_each(|tap| tap.note_injected(&event, came));

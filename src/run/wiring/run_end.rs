@@ -90,7 +90,8 @@ impl RunEnd {
     #[must_use]
     pub fn summary(&self) -> RunSummary {
         let first = &self.heads[0];
-        let sink = self.summaries.first().and_then(Option::as_ref);
+        let shown = self.heads.iter().position(|head| head.is_shown).unwrap_or(0);
+        let sink = self.summaries.get(shown).and_then(Option::as_ref);
         let mut summary = self.record.summary(&first.engine, &first.receiver, &self.ports, sink);
         summary.sinks = sink_rows(&self.sink_lines);
         summary.losses = self.losses.clone();

@@ -17,7 +17,6 @@ use crate::wiring::run_times::RunTimes;
 use base::clock::Clock;
 use base::time::{Span, Tai};
 use config::{Action, Event};
-use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use crossbeam_channel::{Receiver as Queue, Sender, bounded};
 use frames::report::RunNumbers;
@@ -27,7 +26,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Orders that wait for the frame thread or the far end.
 const ORDERS: usize = 16;
 /// An order that is not done within this is not waited for any more.
-const DONE_WITHIN: Duration = Duration::from_secs(5);
+const DONE_WITHIN: Duration = Duration::from_secs(120);
 
 /// A run on the real clock as it is seen from outside.
 #[derive(Clone)]
@@ -35,7 +34,8 @@ pub struct Steering {
     attached: Arc<Mutex<Option<Attached>>>,
     newest: Arc<Mutex<NewestFrames>>,
     injected: Arc<Mutex<Vec<(Event, Span)>>>,
-    is_over: Arc<AtomicBool>,
+    /// Instants and counts of a run that is over.
+    last: Arc<Mutex<Option<(RunTimes, RunNumbers)>>>,
 }
 
 #[derive(Clone)]
@@ -63,7 +63,7 @@ impl Steering {
     #[must_use]
     pub fn new(newest: NewestFrames) -> Self {
         let newest = Arc::new(Mutex::new(newest));
-        Self { attached: Arc::default(), newest, injected: Arc::default(), is_over: Arc::default() }
+        Self { attached: Arc::default(), newest, injected: Arc::default(), last: Arc::default() }
     }
 
     /// Keeps the newest frame of each head.
@@ -89,10 +89,16 @@ impl Steering {
         (of_frames, of_far)
     }
 
-    /// The run is over.
-    pub(super) fn detach(&self) {
+    /// The run is over, with these counts.
+    pub(super) fn detach(&self, times: RunTimes, numbers: RunNumbers) {
+        *lock(&self.last) = Some((times, numbers));
         *lock(&self.attached) = None;
-        self.is_over.store(true, Ordering::SeqCst);
+    }
+
+    /// Instants and counts of a run that is over.
+    #[must_use]
+    pub fn ended(&self) -> Option<(RunTimes, RunNumbers)> {
+        *lock(&self.last)
     }
 
     /// Events that were injected so far, as they were placed, and how long after the first exposure each came.
@@ -103,7 +109,7 @@ impl Steering {
     /// Whether the run has begun, and may be over.
     #[must_use]
     pub fn has_begun(&self) -> bool {
-        lock(&self.attached).is_some() || self.is_over.load(Ordering::SeqCst)
+        lock(&self.attached).is_some() || self.ended().is_some()
     }
 
     fn attached(&self) -> Result<Attached, LoopError> {
@@ -119,23 +125,23 @@ impl Steering {
         self.attached().map(|attached| (attached.times, attached.clock.now()))
     }
 
-    /// The newest frames.
+    /// A copy of the newest frames, made while no sink waits for longer than the copy takes.
     #[must_use]
-    pub fn newest(&self) -> &Mutex<NewestFrames> {
-        &self.newest
+    pub fn newest(&self) -> NewestFrames {
+        lock(&self.newest).clone()
     }
 
-    /// Does something on the frame thread, between two slots, and waits for what it returns.
+    /// Does something on the frame thread, before the slot that is released at the instant that it gets, and waits for what it returns.
     ///
     /// # Errors
     /// When the run is over or does not answer.
     pub fn on_frame_thread<T: Send + 'static>(
         &self,
-        order: impl FnOnce(&mut [HeadParts<'_>], &mut RunRecord) -> T + Send + 'static,
+        order: impl FnOnce(&mut [HeadParts<'_>], &mut RunRecord, Tai) -> T + Send + 'static,
     ) -> Result<T, LoopError> {
         let (done, answer) = bounded(1);
-        let order: FrameOrder = Box::new(move |heads, record| {
-            let _whoever_asked_may_be_gone = done.try_send(order(heads, record));
+        let order: FrameOrder = Box::new(move |heads, record, release| {
+            let _whoever_asked_may_be_gone = done.try_send(order(heads, record, release));
         });
         self.attached()?.frames.try_send(order).map_err(|_| busy("the frame thread"))?;
         answer.recv_timeout(DONE_WITHIN).map_err(|_| busy("the frame thread"))
@@ -159,19 +165,20 @@ impl Steering {
     /// # Errors
     /// When the run is over or does not answer.
     pub fn numbers(&self) -> Result<RunNumbers, LoopError> {
-        self.on_frame_thread(|_, record| record.numbers(None))
+        self.on_frame_thread(|_, record, _| record.numbers(None))
     }
 
     /// Adds an event; its time counts from the first exposure. One whose time has passed begins at once.
     ///
     /// # Errors
     /// When it names a head or wheel that does not exist, or the run is over.
-    pub fn inject(&self, event: &Event) -> Result<(), LoopError> {
+    pub fn inject(&self, event: &Event) -> Result<Event, LoopError> {
         let attached = self.attached()?;
         lock(&attached.desk).check(event)?;
         let (event, desk, clock) = (*event, Arc::clone(&attached.desk), Arc::clone(&attached.clock));
-        let (placed, came) = self.on_frame_thread(move |heads, record| {
-            let came = clock.now();
+        let (placed, came) = self.on_frame_thread(move |heads, record, release| {
+            // Before the slot that it is placed before, also when that slot is overdue: a replay places it there again.
+            let came = clock.now().min(release - Span::from_ns(1));
             let frames = heads.iter_mut().filter_map(|head| head.faults.as_deref_mut()).collect();
             let placed = lock(&desk).place(&event, came, frames);
             placed.note.into_iter().for_each(|note| record.ledger.note(note));
@@ -179,8 +186,10 @@ impl Steering {
             Ok::<_, RunError>((placed, came))
         })??;
         let zero = attached.times.zero;
-        lock(&self.injected).push((placed.event, came - zero));
-        self.on_far_end(move |far| far.take_event(placed, zero))
+        let event = placed.event;
+        lock(&self.injected).push((event, came - zero));
+        self.on_far_end(move |far| far.take_event(placed, zero))?;
+        Ok(event)
     }
 
     /// Fires a trigger: the simulated flight computer does so over the bus; in the place of one outside, the stimulator
@@ -193,7 +202,7 @@ impl Steering {
         if is_outside {
             let at = at.unwrap_or(now).max(now) - times.zero;
             let (on_trigger, lasts) = (None, Span::ZERO);
-            return self.inject(&Event { at, on_trigger, lasts, action: Action::Trigger { number } });
+            return self.inject(&Event { at, on_trigger, lasts, action: Action::Trigger { number } }).map(drop);
         }
         self.on_far_end(move |far| far.send_trigger(number, at, now))?
     }

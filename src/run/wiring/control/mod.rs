@@ -131,6 +131,9 @@ pub struct ControlSession {
     _removed_at_the_end: TokenFile,
 }
 
+/// Called after each frame with the number of its head.
+pub type Progress<'a> = &'a mut dyn FnMut(usize, &SentFrame, &RunRecord);
+
 /// What a session is about.
 pub struct Stage<'a> {
     /// What is run.
@@ -139,6 +142,8 @@ pub struct Stage<'a> {
     pub going: &'a mut SteppedRun,
     /// The report of a run under way.
     pub report: &'a mut dyn FnMut(&LoopView<'_>) -> Value,
+    /// Called after each frame.
+    pub progress: Progress<'a>,
     /// Ctrl-C.
     pub stop: &'a AtomicBool,
 }
@@ -260,13 +265,15 @@ impl ControlSession {
         let goal = answers::step_goal(by, going, self.newest.out_of_first_head())?;
         let before = self.newest.out();
         let newest = &mut self.newest;
-        let mut on_frame = |head: usize, frame: &SentFrame, _: &RunRecord| {
+        let (progress, stop) = (&mut *stage.progress, stage.stop);
+        let mut on_frame = |head: usize, frame: &SentFrame, record: &RunRecord| {
+            progress(head, frame, record);
             newest.keep(head, frame);
-            !stage.stop.load(Ordering::Relaxed)
+            !stop.load(Ordering::Relaxed)
         };
         match goal {
             answers::Goal::Time(at) => going.advance_to(at, &mut on_frame)?,
-            answers::Goal::Frames(out) => step_frames(going, out, newest, stage.stop)?,
+            answers::Goal::Frames(out) => step_frames(going, out, newest, &mut *stage.progress, stage.stop)?,
         }
         Ok(answers::stepped(going, self.newest.out() - before))
     }
@@ -298,6 +305,7 @@ fn step_frames(
     going: &mut SteppedRun,
     out: u64,
     newest: &mut NewestFrames,
+    progress: Progress<'_>,
     stop: &AtomicBool,
 ) -> Result<(), LoopError> {
     let mut next = 0;
@@ -307,7 +315,8 @@ fn step_frames(
             next += 1;
         }
         let at = if next < going.frames_per_head() { going.frame_due(next) } else { going.end_at() };
-        going.advance_to(at, &mut |head, frame, _| {
+        going.advance_to(at, &mut |head, frame, record| {
+            progress(head, frame, record);
             newest.keep(head, frame);
             !stop.load(Ordering::Relaxed)
         })?;

@@ -10,14 +10,14 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// Frames of all heads.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct NewestFrames {
     heads: Vec<HeadFrames>,
     /// Where files may be written.
     output: Option<PathBuf>,
 }
 
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 struct HeadFrames {
     newest: Option<SentFrame>,
     crc32: RunCrc32,

@@ -10,7 +10,6 @@ use base::time::Span;
 use config::{Event, Plant, Scenario};
 use core::time::Duration;
 use serde_json::{Value, json};
-use std::sync::PoisonError;
 use testbed::vehicle::Vehicle;
 
 /// A client that comes before the run begins waits for it so long.
@@ -41,9 +40,8 @@ pub(super) fn answer(request: &Request, scenario: &Scenario, steering: &Steering
             let now_s = instants(steering)?.now_s();
             let frame_period = Span::from_s(1.0 / scenario.bench.timing.frame_rate_hz);
             let event = Event::from_json(keys, now_s, frame_period).map_err(|error| error.to_string())?;
-            steering.inject(&event).map_err(|error| error.to_string())?;
-            let from_s = event.at.s().max(now_s);
-            Ok(json!({ "event": event.action.word(), "from_s": from_s, "for_s": event.lasts.s() }))
+            let placed = steering.inject(&event).map_err(|error| error.to_string())?;
+            Ok(json!({ "event": event.action.word(), "from_s": placed.at.s(), "for_s": event.lasts.s() }))
         }
         Request::Trigger { number, at_s } => {
             let instants = instants(steering)?;
@@ -66,9 +64,9 @@ pub(super) fn answer(request: &Request, scenario: &Scenario, steering: &Steering
             steering.on_far_end(look).map_err(|error| error.to_string())
         }
         Request::Frame { head, path } => {
-            let zero = instants(steering)?.zero;
-            let newest = steering.newest().lock().unwrap_or_else(PoisonError::into_inner);
-            newest.answer(*head, path.as_deref(), zero)
+            let ended = steering.ended().map(|(times, _)| times.zero);
+            let zero = ended.map_or_else(|| instants(steering).map(|instants| instants.zero), Ok)?;
+            steering.newest().answer(*head, path.as_deref(), zero)
         }
         Request::Finish => Ok(Value::Null),
     }
@@ -80,6 +78,10 @@ fn instants(steering: &Steering) -> Result<Instants, String> {
 }
 
 fn state(steering: &Steering) -> Result<Value, String> {
+    if let Some((times, numbers)) = steering.ended() {
+        let instants = Instants { zero: times.zero, now: times.end, end: times.end };
+        return Ok(answers::state(&numbers, &instants, None, true));
+    }
     let instants = instants(steering)?;
     let numbers = steering.numbers().map_err(|error| error.to_string())?;
     let mode = steering.on_far_end(|far| far.vehicle().map(Vehicle::mode)).map_err(|error| error.to_string())?;

@@ -232,7 +232,8 @@ impl HeadPlayback {
     fn expose(&mut self, slot: Slot) -> Result<Option<Fate>, ReplayError> {
         let Self { engine, receiver, faults, ledger, frame, .. } = self;
         faults.place_injected_before(slot.release, receiver, engine)?;
-        let drawn = HeadStep { engine, receiver, faults: faults.own() }.draw(slot, ledger, frame)?;
+        let drawn =
+            HeadStep { engine, receiver, faults: faults.own(), noted_already: None }.draw(slot, ledger, frame)?;
         if drawn.is_none() {
             self.doubt(format!("frame {} was drawn, and has no attitude here", slot.number));
         }
