@@ -48,7 +48,7 @@ fn what_is_wrong_with_a_request_is_said() {
     let cases = [
         ("hello", "not JSON"),
         ("[1]", "the line is a list"),
-        ("{}", "request is missing; wanted one of: hello, step"),
+        ("{}", "request is missing; wanted one of: hello, state, step"),
         (r#"{"request": 1}"#, "request is 1"),
         (r#"{"request": "dance"}"#, "request is \"dance\""),
         (r#"{"request": "hello", "s": 1}"#, "unknown key \"s\" in hello"),
