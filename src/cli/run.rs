@@ -22,6 +22,7 @@ use run::runtime::{Hygiene, HygieneParams, Imager};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
 use run::wiring::capture_tap::CaptureOptions;
 use run::wiring::live_tap::LiveOptions;
+use run::wiring::memory::{RunForm, RunMemory};
 use run::wiring::sinks::run_directory;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -69,8 +70,10 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     // First: whoever draws first starts the drawing threads.
     let is_real = arguments.clock == ClockKind::Real;
     let hygiene = is_real.then(|| prepared_hygiene(&scenario, say));
-    let directory = directory(&scenario, arguments)?;
     let sinks = arguments.sinks(&scenario.bench);
+    // Before any folder is made: a run that does not fit leaves nothing behind.
+    RunMemory::of(&scenario.bench, &sinks, RunForm { is_real, has_view: arguments.monitor.is_some() }).check()?;
+    let directory = directory(&scenario, arguments)?;
     let mut costs = |imager: &Imager| costs_here(imager, arguments.built_in_costs).measured;
     let capture = arguments.capture.as_ref().map(|directory| CaptureOptions {
         directory: directory.clone(),
