@@ -11,7 +11,7 @@ pub enum LoopError {
     #[error(transparent)]
     Config(#[from] ConfigError),
     /// a part cannot be made
-    #[error("{0:#}")]
+    #[error(transparent)]
     Parts(#[from] anyhow::Error),
     /// the vehicle cannot be made
     #[error("vehicle: {0}")]
