@@ -146,9 +146,11 @@ fn fly(document: &Document, clock: RunClockKind, folder: &Path) -> Result<RunEnd
     let end = run.fly(&Arc::new(AtomicBool::new(false)), &mut |head, _, _| seen[head] += 1);
     let end = end.map_err(|error| format!("{error:#}"))?;
     assert!(end.error.is_none(), "{:?}", end.error.as_ref().map(ToString::to_string));
-    // A busy machine may miss every slot of a head on the real clock; it counts them.
-    let must_draw = clock == RunClockKind::Virtual;
-    assert!(!must_draw || seen.iter().all(|frames| *frames > 0), "every head draws: {seen:?}");
+    if clock == RunClockKind::Real && seen.contains(&0) {
+        println!("UNJUDGED: this machine is too busy to draw in time: {seen:?} frames of each head");
+    } else {
+        assert!(!seen.contains(&0), "every head draws: {seen:?}");
+    }
     Ok(end)
 }
 
