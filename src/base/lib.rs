@@ -1,5 +1,6 @@
 //! What every crate may use: axes and rotations, time, clocks, images, counter-based random numbers, the accuracy
-//! budget, sources on the sky, standard output and standard error, names of files that are being written.
+//! budget, sources on the sky, standard output and standard error, names of files that are
+//! being written, queues to threads that write and the patience with them.
 
 pub mod accuracy;
 pub mod axes;
@@ -17,3 +18,4 @@ pub mod streams;
 pub mod time;
 pub mod unfinished;
 pub mod units;
+pub mod writer_queue;

@@ -79,7 +79,8 @@ pub fn run(arguments: &BudgetArgs) -> Result<u8> {
         println!("report in {}", directory.display());
     }
     let is_broken = report.culprit().is_some();
-    let status = finished.status(&arguments_of_run)?;
+    let reports = finished.reports(arguments_of_run.clock);
+    let status = finished.status(&reports, &arguments_of_run)?;
     Ok(if status == EXIT_DONE && is_broken { EXIT_OVER_BUDGET } else { status })
 }
 

@@ -5,7 +5,7 @@ use crate::cli::budget_files;
 use crate::cli::calibrate::costs_here;
 use crate::cli::monitor::Monitor;
 use crate::cli::run_args::{CaptureFormatName, ClockKind, RunArgs};
-use crate::cli::run_control::{Controlled, controlled, listen};
+use crate::cli::run_control::{Controlled, control_steered, control_stepped, listen, steering};
 use crate::cli::run_end::Finished;
 use crate::cli::run_input::{RunInput, input};
 use crate::cli::run_progress::sender;
@@ -41,8 +41,9 @@ pub fn run(arguments: &RunArgs) -> Result<u8> {
         write_budget(directory, &mut finished);
     }
     // Losses are reported and whoever controls the run is answered also when the output cannot be written.
-    let printed = finished.print(arguments);
-    let status = finished.status(arguments)?;
+    let reports = finished.reports(arguments.clock);
+    let printed = finished.print(&reports, arguments);
+    let status = finished.status(&reports, arguments)?;
     printed.map(|()| status)
 }
 
@@ -85,7 +86,7 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     let live = arguments
         .monitor
         .map(|address| LiveOptions { address: address.socket(), names: arguments.monitor_names.clone() });
-    let steering = listener.as_ref().filter(|_| is_real).map(|_| controlled::steering(&scenario, directory.as_deref()));
+    let steering = listener.as_ref().filter(|_| is_real).map(|_| steering(&scenario, directory.as_deref()));
     let options = RunOptions {
         clock: arguments.clock.kind(),
         outputs: Outputs::Configured { sinks: &sinks, directory: directory.clone() },
@@ -105,12 +106,12 @@ pub(super) fn perform(arguments: &RunArgs) -> Result<Finished> {
     run.notes().iter().for_each(|note| eprintln!("{note}"));
     let mut wall = Stopwatch::start();
     let monitor = Monitor::start(say)?;
-    let mut progress = sender(monitor.updates.clone(), run.numbers(), run.frames(), run.times().zero);
+    let mut progress = sender(monitor.updates.clone(), run.numbers(), run.frames());
     let Controlled { mut end, client } = match (listener, steering) {
         (None, _) => Controlled { end: run.fly(&stop, &mut progress)?, client: None },
-        (Some(listener), None) => controlled::stepped(listener, run, directory.as_deref(), &stop, &mut progress)?,
+        (Some(listener), None) => control_stepped(listener, run, directory.as_deref(), &stop, &mut progress)?,
         (Some(listener), Some(steering)) => {
-            controlled::real(listener, run, steering, directory.as_deref(), &stop, &mut progress)?
+            control_steered(listener, run, steering, directory.as_deref(), &stop, &mut progress)?
         }
     };
     let wall_s = wall.lap().s();

@@ -67,80 +67,75 @@ pub(super) fn listen(address: ControlAddress) -> Result<ControlListener> {
     Ok(listener)
 }
 
-/// The two ways in which a run is controlled.
-pub(super) mod controlled {
-    use super::*;
+/// Makes what a run on the real clock is steered by.
+pub(super) fn steering(scenario: &Scenario, output: Option<&Path>) -> Steering {
+    Steering::new(NewestFrames::new(scenario.bench.head_count(), output))
+}
 
-    /// Makes what a run on the real clock is steered by.
-    pub(in crate::cli) fn steering(scenario: &Scenario, output: Option<&Path>) -> Steering {
-        Steering::new(NewestFrames::new(scenario.bench.head_count(), output))
-    }
+/// Runs on the virtual clock, in steps as a client asks.
+pub(super) fn control_stepped(
+    listener: ControlListener,
+    run: Run,
+    output: Option<&Path>,
+    stop: &AtomicBool,
+    progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
+) -> Result<Controlled> {
+    let scenario = run.scenario().clone();
+    let mut going = SteppedRun::of(run)?;
+    let Some(mut session) = listener.accept(&scenario, output, stop) else {
+        return Ok(Controlled { end: going.end(None), client: None });
+    };
+    let refusals = session.refusals().clone();
+    let (mut watch, mut wall_s) = (Stopwatch::start(), 0.0);
+    let mut report = |view: &LoopView<'_>| {
+        wall_s += watch.lap().s();
+        let report = ScenarioReport::of(&scenario, view, wall_s).with_control(Some(&refusals));
+        serde_json::to_value(report).unwrap_or_default()
+    };
+    let served =
+        session.serve(&mut Stage { scenario: &scenario, going: &mut going, report: &mut report, progress, stop });
+    let (client, error) = match served {
+        Ok(end) => (Client { session, end }, None),
+        Err(error) => (Client { session, end: SessionEnd::Interrupted }, Some(error)),
+    };
+    Ok(Controlled { end: going.end(error), client: Some(client) })
+}
 
-    /// Runs on the virtual clock, in steps as a client asks.
-    pub(in crate::cli) fn stepped(
-        listener: ControlListener,
-        run: Run,
-        output: Option<&Path>,
-        stop: &AtomicBool,
-        progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
-    ) -> Result<Controlled> {
-        let scenario = run.scenario().clone();
-        let mut going = SteppedRun::of(run)?;
-        let Some(mut session) = listener.accept(&scenario, output, stop) else {
-            return Ok(Controlled { end: going.end(None), client: None });
-        };
-        let refusals = session.refusals().clone();
-        let (mut watch, mut wall_s) = (Stopwatch::start(), 0.0);
-        let mut report = |view: &LoopView<'_>| {
-            wall_s += watch.lap().s();
-            let report = ScenarioReport::of(&scenario, view, wall_s).with_control(Some(&refusals));
-            serde_json::to_value(report).unwrap_or_default()
-        };
-        let served =
-            session.serve(&mut Stage { scenario: &scenario, going: &mut going, report: &mut report, progress, stop });
-        let (client, error) = match served {
-            Ok(end) => (Client { session, end }, None),
-            Err(error) => (Client { session, end: SessionEnd::Interrupted }, Some(error)),
-        };
-        Ok(Controlled { end: going.end(error), client: Some(client) })
-    }
-
-    /// Runs on the real clock beside a client.
-    pub(in crate::cli) fn real(
-        listener: ControlListener,
-        run: Run,
-        steering: Steering,
-        output: Option<&Path>,
-        stop: &Arc<AtomicBool>,
-        progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
-    ) -> Result<Controlled> {
-        let (scenario, over) = (run.scenario().clone(), Arc::new(AtomicBool::new(false)));
-        let is_admitted = Arc::new(AtomicBool::new(false));
-        let has_client = Arc::clone(&is_admitted);
-        let (end_run, is_over, output) = (Arc::clone(stop), Arc::clone(&over), output.map(Path::to_path_buf));
-        let serve = move || {
-            let mut session = listener.accept(&scenario, output.as_deref(), &is_over)?;
-            has_client.store(true, Ordering::SeqCst);
-            let end = session.serve_steered(&scenario, &steering, &is_over);
-            if matches!(end, SessionEnd::Finish(_)) {
-                end_run.store(true, Ordering::SeqCst);
-            }
-            Some(Client { session, end })
-        };
-        let thread = std::thread::Builder::new().name("control".into()).spawn(serve);
-        let thread = thread.context("cannot start the control thread")?;
-        let end = run.fly(stop, progress);
-        let mut waited = Duration::ZERO;
-        let waits = is_admitted.load(Ordering::SeqCst) && end.is_ok();
-        while waits && !thread.is_finished() && waited < FINISH_WITHIN && !stop.load(Ordering::SeqCst) {
-            std::thread::sleep(LOOK);
-            waited += LOOK;
+/// Runs on the real clock beside a client.
+pub(super) fn control_steered(
+    listener: ControlListener,
+    run: Run,
+    steering: Steering,
+    output: Option<&Path>,
+    stop: &Arc<AtomicBool>,
+    progress: &mut dyn FnMut(usize, &SentFrame, &RunRecord),
+) -> Result<Controlled> {
+    let (scenario, over) = (run.scenario().clone(), Arc::new(AtomicBool::new(false)));
+    let is_admitted = Arc::new(AtomicBool::new(false));
+    let has_client = Arc::clone(&is_admitted);
+    let (end_run, is_over, output) = (Arc::clone(stop), Arc::clone(&over), output.map(Path::to_path_buf));
+    let serve = move || {
+        let mut session = listener.accept(&scenario, output.as_deref(), &is_over)?;
+        has_client.store(true, Ordering::SeqCst);
+        let end = session.serve_steered(&scenario, &steering, &is_over);
+        if matches!(end, SessionEnd::Finish(_)) {
+            end_run.store(true, Ordering::SeqCst);
         }
-        over.store(true, Ordering::SeqCst);
-        let (mut end, joined) = (end?, thread.join());
-        if joined.is_err() {
-            end.note_lost_thread("control", end.times.end);
-        }
-        Ok(Controlled { end, client: joined.ok().flatten() })
+        Some(Client { session, end })
+    };
+    let thread = std::thread::Builder::new().name("control".into()).spawn(serve);
+    let thread = thread.context("cannot start the control thread")?;
+    let end = run.fly(stop, progress);
+    let mut waited = Duration::ZERO;
+    let waits = is_admitted.load(Ordering::SeqCst) && end.is_ok();
+    while waits && !thread.is_finished() && waited < FINISH_WITHIN && !stop.load(Ordering::SeqCst) {
+        std::thread::sleep(LOOK);
+        waited += LOOK;
     }
+    over.store(true, Ordering::SeqCst);
+    let (mut end, joined) = (end?, thread.join());
+    if joined.is_err() {
+        end.note_lost_thread("control", end.times.end);
+    }
+    Ok(Controlled { end, client: joined.ok().flatten() })
 }

@@ -13,6 +13,13 @@ use run::runtime::FrameEngine;
 use run::wiring::run_end::RunEnd;
 use std::path::PathBuf;
 
+/// What a run came to, as it is printed and sent.
+pub(super) struct Reports {
+    /// Expectations, faults and the spacecraft; `None` for a run without any of them.
+    scenario: Option<ScenarioReport>,
+    summary: RunSummary,
+}
+
 /// A run that has ended, and everything it ran with.
 pub(super) struct Finished {
     pub(super) scenario: Scenario,
@@ -44,16 +51,20 @@ impl Finished {
         summary
     }
 
+    /// Returns what is printed and sent; made once, when no file of the run can be lost any more.
+    pub(super) fn reports(&self, clock: ClockKind) -> Reports {
+        Reports { scenario: self.report(), summary: self.summary(clock) }
+    }
+
     /// Returns what became of expectations, faults and the spacecraft; `None` for a run without any of them.
-    pub(super) fn report(&self) -> Option<ScenarioReport> {
+    fn report(&self) -> Option<ScenarioReport> {
         let is_judged = self.scenario.vehicle().is_some()
             || !self.end.faults.is_empty()
             || !self.end.assessment.verdicts(None, &self.end.record).is_empty();
         is_judged.then(|| {
-            let report = ScenarioReport::of(&self.scenario, &self.end.view(), self.wall_s);
-            let mut report = report.with_sinks(&self.end.sink_lines);
-            report.losses = self.end.losses.clone();
-            report.with_control(self.client.as_ref().map(Client::refusals))
+            ScenarioReport::of(&self.scenario, &self.end.view(), self.wall_s)
+                .ended(&self.end.sink_lines, &self.end.losses)
+                .with_control(self.client.as_ref().map(Client::refusals))
         })
     }
 
@@ -83,31 +94,30 @@ impl Finished {
     ///
     /// # Errors
     /// When a report does not go into JSON.
-    pub(super) fn print(&self, arguments: &RunArgs) -> Result<()> {
-        let report = self.report();
+    pub(super) fn print(&self, reports: &Reports, arguments: &RunArgs) -> Result<()> {
+        let Reports { scenario, summary } = reports;
         if arguments.json {
-            match report {
-                Some(report) => println!("{}", serde_json::to_string(&report)?),
-                None => println!("{}", serde_json::to_string(&self.summary(arguments.clock))?),
+            match scenario {
+                Some(report) => println!("{}", serde_json::to_string(report)?),
+                None => println!("{}", serde_json::to_string(summary)?),
             }
             return Ok(());
         }
         if arguments.quiet {
             return Ok(());
         }
-        println!("{}", verdict_line(self, arguments.clock));
-        let summary = self.summary(arguments.clock);
+        println!("{}", verdict_line(self, scenario.as_ref(), arguments.clock));
         let is_flown = self.scenario.vehicle().is_some();
         if arguments.details && !is_flown {
-            println!("{}", summary_table(&summary));
+            println!("{}", summary_table(summary));
         } else if !is_flown {
-            print!("{}", short_table(&summary));
+            print!("{}", short_table(summary));
         }
-        if let Some(report) = report {
-            print!("{}", table(&report, arguments.details, is_flown));
+        if let Some(report) = scenario {
+            print!("{}", table(report, arguments.details, is_flown));
         }
         if arguments.details && is_flown {
-            println!("{}", summary_table(&summary));
+            println!("{}", summary_table(summary));
         }
         Ok(())
     }
@@ -116,13 +126,13 @@ impl Finished {
     ///
     /// # Errors
     /// With why the run ended early, if it did.
-    pub(super) fn status(self, arguments: &RunArgs) -> Result<u8> {
+    pub(super) fn status(self, reports: &Reports, arguments: &RunArgs) -> Result<u8> {
         let was_lost = say_losses(&self.end.losses);
         let holds = self.end.holds();
         let (name, seed) = (&self.scenario.name, self.scenario.bench.seed);
-        let report = match self.report() {
-            Some(report) => serde_json::to_value(&report)?,
-            None => serde_json::to_value(self.summary(arguments.clock))?,
+        let report = match &reports.scenario {
+            Some(report) => serde_json::to_value(report)?,
+            None => serde_json::to_value(&reports.summary)?,
         };
         let is_broken = self.end.error.is_some();
         let mut status = match (was_lost, self.was_interrupted, holds) {

@@ -1,7 +1,6 @@
 //! What a run reports while it goes on: the progress line and the live view's numbers.
 
 use base::clock::Stopwatch;
-use base::time::Tai;
 use crossbeam_channel::Sender;
 use frames::report::Progress;
 use frames::sink::SentFrame;
@@ -14,7 +13,6 @@ pub(super) fn sender(
     updates: Sender<Progress>,
     numbers: Option<Numbers>,
     frames: u64,
-    _zero: Tai,
 ) -> impl FnMut(usize, &SentFrame, &RunRecord) {
     let mut since_first: Option<(Stopwatch, f64)> = None;
     // Every head counts, the first one shows where it points.

@@ -2,11 +2,12 @@
 
 use crate::cli::run_args::ClockKind;
 use crate::cli::run_end::Finished;
+use crate::cli::scenario_report::ScenarioReport;
 use frames::report::{FrameCounts, Stage};
 use run::runtime::DeadlinePolicy;
 
 /// Returns the verdict: `ok`, `LOST` or `FAILED`, frames on time, frames lost, latency against its limit, and where files are.
-pub(super) fn verdict_line(finished: &Finished, clock: ClockKind) -> String {
+pub(super) fn verdict_line(finished: &Finished, report: Option<&ScenarioReport>, clock: ClockKind) -> String {
     let (end, record) = (&finished.end, &finished.end.record);
     let word = match (end.error.is_some() || !end.holds(), end.losses.is_empty()) {
         (true, _) => "FAILED",
@@ -30,7 +31,7 @@ pub(super) fn verdict_line(finished: &Finished, clock: ClockKind) -> String {
             )
         }
     };
-    if let Some(failure) = first_failure(finished) {
+    if let Some(failure) = report.and_then(first_failure) {
         line.push_str("; ");
         line.push_str(&failure);
     }
@@ -56,8 +57,7 @@ fn release_limit_ms(finished: &Finished) -> Option<f64> {
 }
 
 /// The first expectation or invariant that does not hold, in words.
-fn first_failure(finished: &Finished) -> Option<String> {
-    let report = finished.report()?;
+fn first_failure(report: &ScenarioReport) -> Option<String> {
     let failed = report.verdicts.iter().find(|verdict| !verdict.passed);
     let failed = failed.map(|verdict| format!("{}: wanted {}, got {}", verdict.name, verdict.wanted, verdict.got));
     failed.or_else(|| report.violation_lines.first().cloned())

@@ -1,6 +1,5 @@
 //! What a scenario came to: JSON for machines, a table for people.
 
-use base::units::ARCSEC;
 use config::Scenario;
 use core::fmt::Write;
 use frames::report::{FrameCounts, Losses, Machine, SinkRow};
@@ -96,7 +95,8 @@ impl ScenarioReport {
     pub fn of(scenario: &Scenario, outcome: &LoopView<'_>, wall_s: f64) -> Self {
         let (record, assessment) = (outcome.record, outcome.assessment);
         let simulated_s = outcome.simulated_s;
-        let predicted = outcome.predicted_pointing_rad.map(|rad| rad / ARCSEC);
+        let flown = outcome.flown;
+        let predicted = flown.predicted_pointing_arcsec();
         let verdicts = assessment.verdicts(predicted, record);
         let (violations, lines) = assessment.violations();
         let (frames_held_to_truth, largest_rendered_error_arcsec) = assessment.rendered();
@@ -119,12 +119,12 @@ impl ScenarioReport {
             knowledge: assessment.knowledge(),
             predicted_pointing_arcsec: predicted,
             tracker_availability: assessment.tracker_availability(),
-            attitudes_used: outcome.estimator.used,
-            attitudes_gated: outcome.estimator.gated,
-            attitudes_refused: outcome.estimator.refused,
-            frames_untagged: outcome.untagged,
+            attitudes_used: flown.estimator.used,
+            attitudes_gated: flown.estimator.gated,
+            attitudes_refused: flown.estimator.refused,
+            frames_untagged: flown.untagged,
             frames_unchecked: assessment.frames_unchecked(),
-            estimator_starts: outcome.estimator.starts,
+            estimator_starts: flown.estimator.starts,
             frames_held_to_truth,
             largest_rendered_error_arcsec,
             least_sun_angle_deg: assessment.least_sun_angle_rad().map(f64::to_degrees),
@@ -134,7 +134,7 @@ impl ScenarioReport {
             faults: outcome.faults.clone(),
             refusals: assessment.refusals().to_vec(),
             events: events.filter(|(_, count)| *count > 0).collect(),
-            passed: violations == 0 && verdicts.iter().all(|verdict| verdict.passed),
+            passed: assessment.holds(&verdicts),
             verdicts,
             violations,
             violation_lines: lines.to_vec(),
@@ -144,13 +144,10 @@ impl ScenarioReport {
         }
     }
 
-    /// The same with what each sink did.
+    /// The same of a run that has ended: what each sink did, and all that was lost.
     #[must_use]
-    pub fn with_sinks(self, sinks: &[SinkLine]) -> Self {
-        let sinks = sink_rows(sinks);
-        let mut losses = Losses::of_sinks(&sinks);
-        self.losses.lines().iter().for_each(|line| losses.note(line.clone()));
-        Self { losses, sinks, ..self }
+    pub fn ended(self, sinks: &[SinkLine], losses: &Losses) -> Self {
+        Self { sinks: sink_rows(sinks), losses: losses.clone(), ..self }
     }
 
     /// The same with the connections that the control socket refused.

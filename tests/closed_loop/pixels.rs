@@ -45,7 +45,7 @@ pub(crate) fn fly_real(
 }
 
 fn complaints(name: &str, outcome: &RunEnd) -> Vec<String> {
-    let predicted = outcome.predicted_pointing_rad.map(|rad| rad / base::units::ARCSEC);
+    let predicted = outcome.flown.predicted_pointing_arcsec();
     let verdicts = outcome.assessment.verdicts(predicted, &outcome.record);
     let failed = verdicts.iter().filter(|verdict| !verdict.passed).map(|verdict| format!("{name}: {verdict:?}"));
     let broken = outcome.assessment.violations().1.iter().map(|line| format!("{name}: {line}"));
@@ -58,7 +58,7 @@ fn lost_in_space_becomes_fine_pointing_as_theory_predicts() {
     let (outcome, mode) = fly(&acquisition);
     assert_eq!(complaints("acquisition", &outcome), Vec::<String>::new());
     assert_eq!(mode, Mode::FinePointing);
-    let predicted_arcsec = outcome.predicted_pointing_rad.unwrap() / base::units::ARCSEC;
+    let predicted_arcsec = outcome.flown.predicted_pointing_arcsec().unwrap();
     let pointing_arcsec = outcome.assessment.pointing().boresight_arcsec.unwrap();
     println!("pointing {pointing_arcsec:.3} arcsec rms, predicted {predicted_arcsec:.3}");
     assert!(pointing_arcsec <= OVER_PREDICTION * predicted_arcsec, "{pointing_arcsec} for {predicted_arcsec} arcsec");
@@ -83,7 +83,7 @@ fn without_the_tracker_the_same_loop_does_not_point() {
     let (outcome, mode) = fly(&blind);
     assert_eq!(complaints("no tracker", &outcome), Vec::<String>::new());
     assert_ne!(mode, Mode::FinePointing);
-    assert_eq!(outcome.estimator.used, 0);
+    assert_eq!(outcome.flown.estimator.used, 0);
 }
 
 #[test]

@@ -8,10 +8,11 @@
 
 use crate::capture::{CaptureError, CaptureFormat, CaptureWriter, CapturedPacket, Direction};
 use crate::{Departure, Link, LinkCounters, LinkError, Packet, Stamped};
-use base::patience::{self, join_or_give_up, put_in_time};
+use base::patience;
 use base::time::Tai;
-use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
+use base::writer_queue::WriterQueue;
+use core::sync::atomic::{AtomicU64, Ordering};
+use crossbeam_channel::Receiver;
 use std::io::Write;
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -24,7 +25,9 @@ const FLUSHED_PACKETS: u64 = 4;
 
 /// A capture under way: the writer thread, and what taps are made from.
 pub struct Capture {
-    queue: Queue,
+    queue: WriterQueue<CapturedPacket>,
+    /// Packets that the system has.
+    written: Arc<AtomicU64>,
     writer: JoinHandle<Option<CaptureError>>,
 }
 
@@ -37,25 +40,6 @@ pub struct CaptureOutcome {
     pub lost: u64,
     /// Why the writer gave up, if it did.
     pub error: Option<CaptureError>,
-}
-
-#[derive(Clone)]
-struct Queue {
-    /// Packets, and `None` at the end.
-    to_write: Sender<Option<CapturedPacket>>,
-    counts: Arc<Counts>,
-    waits: bool,
-}
-
-/// What taps and the writer have counted.
-#[derive(Default)]
-struct Counts {
-    /// Packets that passed a tap.
-    passed: AtomicU64,
-    /// Of these: written.
-    written: AtomicU64,
-    /// What passes from here on is lost: the capture is over, or its writer was given up.
-    is_over: AtomicBool,
 }
 
 impl Capture {
@@ -74,12 +58,12 @@ impl Capture {
         room: usize,
     ) -> Result<Self, CaptureError> {
         let writer = CaptureWriter::new(out, format)?;
-        let (to_write, written) = bounded(room);
-        let queue = Queue { to_write, counts: Arc::default(), waits };
-        let counts = Arc::clone(&queue.counts);
+        let (queue, packets) = WriterQueue::new(room, waits);
+        let written = Arc::<AtomicU64>::default();
+        let count = Arc::clone(&written);
         let thread = std::thread::Builder::new().name("capture".into());
-        let writer = thread.spawn(move || write_all(&written, writer, &counts)).map_err(CaptureError::Write)?;
-        Ok(Self { queue, writer })
+        let writer = thread.spawn(move || write_all(&packets, writer, &count)).map_err(CaptureError::Write)?;
+        Ok(Self { queue, written, writer })
     }
 
     /// Taps a link, whose packets the capture has under this number of an interface, from 0.
@@ -91,20 +75,12 @@ impl Capture {
     /// Ends the capture: what has passed so far is written. Taps that are still there lose what passes from here on.
     #[must_use]
     pub fn finish(self) -> CaptureOutcome {
-        let Queue { to_write, counts, .. } = self.queue;
-        counts.is_over.store(true, Ordering::SeqCst);
-        let mut is_marked = false;
-        let joined = join_or_give_up(self.writer, || {
-            // A full queue has no place for the mark of the end yet.
-            is_marked = is_marked || !matches!(to_write.try_send(None), Err(TrySendError::Full(_)));
-            to_write.len() as u64
-        });
-        let error = match joined {
+        let error = match self.queue.end(self.writer) {
             Some(ended) => ended.unwrap_or(Some(CaptureError::WriterLost)),
             None => Some(CaptureError::GivenUp { file: "the capture's packets", patience: patience::end() }),
         };
-        let written = counts.written.load(Ordering::SeqCst);
-        CaptureOutcome { written, lost: counts.passed.load(Ordering::SeqCst).saturating_sub(written), error }
+        let written = self.written.load(Ordering::SeqCst);
+        CaptureOutcome { written, lost: self.queue.offered().saturating_sub(written), error }
     }
 }
 
@@ -113,7 +89,7 @@ impl Capture {
 fn write_all(
     queue: &Receiver<Option<CapturedPacket>>,
     mut writer: CaptureWriter<Box<dyn Write + Send>>,
-    counts: &Counts,
+    written: &AtomicU64,
 ) -> Option<CaptureError> {
     let (mut buffered, mut error) = (0, None);
     for captured in queue.iter().map_while(|packet| packet) {
@@ -124,38 +100,21 @@ fn write_all(
         if error.is_none() && (queue.is_empty() || buffered == FLUSHED_PACKETS) {
             error = writer.flush().err();
             if error.is_none() {
-                counts.written.fetch_add(core::mem::take(&mut buffered), Ordering::SeqCst);
+                written.fetch_add(core::mem::take(&mut buffered), Ordering::SeqCst);
             }
         }
     }
     let error = error.or_else(|| writer.flush().err());
     if error.is_none() {
-        counts.written.fetch_add(buffered, Ordering::SeqCst);
+        written.fetch_add(buffered, Ordering::SeqCst);
     }
     error
-}
-
-impl Queue {
-    fn put(&self, packet: CapturedPacket) {
-        self.counts.passed.fetch_add(1, Ordering::SeqCst);
-        if self.counts.is_over.load(Ordering::SeqCst) {
-            return;
-        }
-        if self.waits {
-            // A writer that takes nothing is given up.
-            if !put_in_time(&self.to_write, Some(packet)) {
-                self.counts.is_over.store(true, Ordering::SeqCst);
-            }
-        } else {
-            let _ = self.to_write.try_send(Some(packet)); // a packet that passed and is never written counts as lost
-        }
-    }
 }
 
 /// A link whose packets are captured.
 pub struct CapturingLink {
     inner: Box<dyn Link>,
-    queue: Queue,
+    queue: WriterQueue<CapturedPacket>,
     interface: u8,
 }
 

@@ -111,8 +111,8 @@ pub fn run(
 }
 
 /// The same for several heads and in a setting of choice. The calling thread becomes the frame thread and stays what it
-/// is made. All heads have the timing of the first: in each slot they are drawn one after another. `progress` sees the
-/// number of the head, and frames before they are spoilt.
+/// is made. Each head has its own slots; heads that are released at the same instant are drawn one after another.
+/// `progress` sees the number of the head, and frames before they are spoilt.
 pub fn run_in(
     setting: &Setting<'_>,
     heads: Vec<Head<'_>>,

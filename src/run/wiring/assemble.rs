@@ -33,7 +33,6 @@ use base::clock::{Clock, Monotonic, Virtual};
 use base::time::Tai;
 use config::{Scenario, SinkSettings, StartTime};
 use core::sync::atomic::AtomicBool;
-use frames::report::GatewayRow;
 use frames::sink::{NullSink, SentFrame, Sink};
 use link::tap::FaultControl;
 use outputs::live::Numbers;
@@ -163,7 +162,6 @@ impl Run {
             Outputs::Configured { sinks, .. } => Some(hold_cards(sinks)),
             Outputs::Made(_) => None,
         };
-        let costs = costs.filter(|_| clock == RunClockKind::Real);
         let mut no_costs = |_: &Imager| None;
         let costs: Option<CostsHere<'_>> = match (clock, costs) {
             (RunClockKind::Real, Some(costs)) => Some(costs),
@@ -213,7 +211,7 @@ impl Run {
     /// Opens the cable. On the real clock time begins here, at the run's start.
     ///
     /// # Errors
-    /// When a link cannot be opened, or has a time of its own on the virtual clock.
+    /// When a link cannot be opened.
     pub fn connect(&mut self) -> Result<(), LoopError> {
         if self.cable.is_some() {
             return Ok(());
@@ -311,12 +309,6 @@ impl Run {
     #[must_use]
     pub fn frames(&self) -> u64 {
         self.heads.iter().map(|head| u64::from(head.engine.params().frames)).sum()
-    }
-
-    /// Gateways of the cable, once it is open.
-    #[must_use]
-    pub fn gateways(&self) -> Vec<GatewayRow> {
-        self.cable.as_ref().map(Cable::gateway_rows).unwrap_or_default()
     }
 
     /// Where the numbers of the live view go, where there is one.

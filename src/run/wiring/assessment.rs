@@ -254,6 +254,12 @@ impl Assessment {
         (self.violations, &self.violation_lines)
     }
 
+    /// Returns whether these verdicts of [`Self::verdicts`] and all invariants hold.
+    #[must_use]
+    pub fn holds(&self, verdicts: &[Verdict]) -> bool {
+        self.violations == 0 && verdicts.iter().all(|verdict| verdict.passed)
+    }
+
     /// Mode changes so far (the first few).
     #[must_use]
     pub fn mode_lines(&self) -> &[ModeLine] {

@@ -5,6 +5,8 @@
 
 use crate::runtime::frame_faults::FrameFaults;
 use crate::runtime::ledger::Event as LedgerEvent;
+use crate::runtime::receiver::Receiver;
+use crate::runtime::{FrameEngine, RunError};
 use crate::wiring::error::LoopError;
 use crate::wiring::faults::{Aboard, FaultLine, FaultLog, Inventory, LoggedFault, Places, PlacesRead, check_places};
 use base::axes::{Body, Rotation, Sensor};
@@ -86,4 +88,18 @@ impl FaultDesk {
 pub(super) fn in_order_of_placing(events: &[Event]) -> impl Iterator<Item = &Event> {
     let is_trigger = |event: &&Event| matches!(event.action, Action::Trigger { .. });
     events.iter().filter(move |event| !is_trigger(event)).chain(events.iter().filter(is_trigger))
+}
+
+/// Makes what an event needs in one head, so that no frame waits for it later.
+///
+/// # Errors
+/// When the tables of other optics cannot be made.
+pub(super) fn make_ready(
+    event: &Event,
+    engine: &mut FrameEngine,
+    receiver: &mut Receiver,
+    faults: Option<&mut FrameFaults>,
+) -> Result<(), RunError> {
+    event.on_trigger.into_iter().for_each(|number| receiver.expect_trigger(number));
+    faults.map_or(Ok(()), |faults| faults.prepare(engine))
 }

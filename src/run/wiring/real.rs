@@ -13,7 +13,7 @@ use crate::wiring::assemble::Run;
 use crate::wiring::cable::Cable;
 use crate::wiring::error::LoopError;
 use crate::wiring::far_side::FarSide;
-use crate::wiring::run_end::{RunEnd, keep_first, losses, predicted_pointing_rad, vehicle_counts};
+use crate::wiring::run_end::{Flown, RunEnd, keep_first, losses};
 use base::clock::{Clock, Monotonic};
 use base::time::Span;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -87,8 +87,7 @@ pub(super) fn fly(
     queue_rest(&mut far, &queue);
     let desk = desk.lock().unwrap_or_else(PoisonError::into_inner);
     let faults = desk.lines(heads.iter().map(|head| &head.faults).collect(), &|number| far.hits_aboard(number));
-    let (estimator, untagged) = vehicle_counts(far.vehicle());
-    let predicted = predicted_pointing_rad(far.vehicle(), far.witness.assessment(), heads[0].engine.params());
+    let flown = Flown::of(far.vehicle(), far.witness.assessment(), heads[0].engine.params());
     let assessment = far.witness.finish(&record, &faults, now, 0);
     let mut end = RunEnd {
         times,
@@ -102,9 +101,7 @@ pub(super) fn fly(
         hygiene: hygiene.map(|hygiene| hygiene.lines()).unwrap_or_default(),
         assessment,
         faults,
-        estimator,
-        untagged,
-        predicted_pointing_rad: predicted,
+        flown,
         simulated_s: (now - times.zero).s().max(0.0),
         error,
     };

@@ -7,12 +7,42 @@ use crate::wiring::faults::FaultLine;
 use crate::wiring::heads::RunHead;
 use crate::wiring::run_times::RunTimes;
 use base::time::{Span, Tai};
+use base::units::ARCSEC;
 use frames::report::{GatewayRow, HygieneLine, Losses, RunSummary};
 use frames::sink::{SinkLine, SinkSummary};
 use testbed::acs::linear::PointingLoop;
 use testbed::acs::pointing_error::PointingNoise;
 use testbed::estimator::{GyroNoise, MekfCounts};
 use testbed::vehicle::Vehicle;
+
+/// What the spacecraft of a run counted, and what linear theory expects of it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Flown {
+    /// What became of the attitudes that the estimator received.
+    pub estimator: MekfCounts,
+    /// Frames that came without a time tag and were not used.
+    pub untagged: u64,
+    /// What linear theory makes of the tracker's noise: rms error of the boresight's direction, rad.
+    pub predicted_pointing_rad: Option<f64>,
+}
+
+impl Flown {
+    /// Returns what a vehicle has counted so far; `params` are those of the first head.
+    pub(super) fn of(vehicle: Option<&Vehicle>, assessment: &Assessment, params: &RunParams) -> Self {
+        let untagged = |vehicle: &Vehicle| vehicle.head_reports().map(|report| report.untagged).sum();
+        Self {
+            estimator: vehicle.map(Vehicle::estimator_counts).unwrap_or_default(),
+            untagged: vehicle.map_or(0, untagged),
+            predicted_pointing_rad: predicted_pointing_rad(vehicle, assessment, params),
+        }
+    }
+
+    /// Returns [`Self::predicted_pointing_rad`] in arcsec.
+    #[must_use]
+    pub fn predicted_pointing_arcsec(&self) -> Option<f64> {
+        self.predicted_pointing_rad.map(|rad| rad / ARCSEC)
+    }
+}
 
 /// A run that has ended, well or not, and everything it ran with.
 pub struct RunEnd {
@@ -38,12 +68,8 @@ pub struct RunEnd {
     pub assessment: Assessment,
     /// Every fault and what it hit.
     pub faults: Vec<FaultLine>,
-    /// What became of the attitudes that the estimator was given.
-    pub estimator: MekfCounts,
-    /// Frames that came without a time tag and were not used.
-    pub untagged: u64,
-    /// What linear theory makes of the tracker's noise: rms error of the boresight's direction, rad.
-    pub predicted_pointing_rad: Option<f64>,
+    /// What the spacecraft counted; all zero when none is flown.
+    pub flown: Flown,
     /// Time since the first exposure, s; the run's duration when it ran to its end.
     pub simulated_s: f64,
     /// Why the run ended early, if it did.
@@ -61,11 +87,7 @@ pub struct LoopView<'a> {
     /// Every fault and what it hit.
     pub faults: Vec<FaultLine>,
     /// As in [`RunEnd`].
-    pub estimator: MekfCounts,
-    /// As in [`RunEnd`].
-    pub untagged: u64,
-    /// As in [`RunEnd`].
-    pub predicted_pointing_rad: Option<f64>,
+    pub flown: Flown,
     /// As in [`RunEnd`].
     pub simulated_s: f64,
 }
@@ -79,9 +101,7 @@ impl RunEnd {
             frames_crc32: self.summaries.iter().map(|sink| sink.as_ref().map_or(0, |sink| sink.run_crc32)).collect(),
             assessment: &self.assessment,
             faults: self.faults.clone(),
-            estimator: self.estimator,
-            untagged: self.untagged,
-            predicted_pointing_rad: self.predicted_pointing_rad,
+            flown: self.flown,
             simulated_s: self.simulated_s,
         }
     }
@@ -109,9 +129,8 @@ impl RunEnd {
     /// Whether expectations and invariants hold.
     #[must_use]
     pub fn holds(&self) -> bool {
-        let predicted = self.predicted_pointing_rad.map(|rad| rad / base::units::ARCSEC);
-        let verdicts = self.assessment.verdicts(predicted, &self.record);
-        self.assessment.violations().0 == 0 && verdicts.iter().all(|verdict| verdict.passed)
+        let verdicts = self.assessment.verdicts(self.flown.predicted_pointing_arcsec(), &self.record);
+        self.assessment.holds(&verdicts)
     }
 }
 
@@ -129,19 +148,9 @@ pub(super) fn keep_first(error: &mut Option<LoopError>, next: Option<RunError>) 
     }
 }
 
-/// What became of the estimator's attitudes, and frames without a time tag.
-pub(super) fn vehicle_counts(vehicle: Option<&Vehicle>) -> (MekfCounts, u64) {
-    let untagged = |vehicle: &Vehicle| vehicle.head_reports().map(|report| report.untagged).sum();
-    (vehicle.map(Vehicle::estimator_counts).unwrap_or_default(), vehicle.map_or(0, untagged))
-}
-
 /// Rms error of the boresight's direction (two axes) in fine pointing, as linear theory has it from the tracker's noise;
 /// `None` when nothing is flown or no attitude fell into the window.
-pub(super) fn predicted_pointing_rad(
-    vehicle: Option<&Vehicle>,
-    assessment: &Assessment,
-    params: &RunParams,
-) -> Option<f64> {
+fn predicted_pointing_rad(vehicle: Option<&Vehicle>, assessment: &Assessment, params: &RunParams) -> Option<f64> {
     let (vehicle, nea_rad) = (vehicle?.params(), assessment.nea_rad()?);
     let latency_s = 0.5 * params.camera.exposure_s + params.camera.readout_s;
     let pointing = PointingLoop {

@@ -10,7 +10,7 @@ use crate::runtime::{RunError, RunRecord};
 use crate::wiring::control::NewestFrames;
 use crate::wiring::error::LoopError;
 use crate::wiring::far_side::FarSide;
-use crate::wiring::fault_desk::FaultDesk;
+use crate::wiring::fault_desk::{FaultDesk, make_ready};
 use crate::wiring::heads::RunHead;
 use crate::wiring::real::FarOrder;
 use crate::wiring::run_times::RunTimes;
@@ -182,7 +182,9 @@ impl Steering {
             let frames = heads.iter_mut().filter_map(|head| head.faults.as_deref_mut()).collect();
             let placed = lock(&desk).place(&event, came, frames);
             placed.note.into_iter().for_each(|note| record.ledger.note(note));
-            prepare(heads, &event)?;
+            for HeadParts { engine, receiver, faults } in heads {
+                make_ready(&event, engine, receiver, faults.as_deref_mut())?;
+            }
             Ok::<_, RunError>((placed, came))
         })??;
         let zero = attached.times.zero;
@@ -206,17 +208,6 @@ impl Steering {
         }
         self.on_far_end(move |far| far.send_trigger(number, at, now))?
     }
-}
-
-/// Makes what an event needs, so that no frame waits for it later.
-fn prepare(heads: &mut [HeadParts<'_>], event: &Event) -> Result<(), RunError> {
-    for head in heads {
-        event.on_trigger.into_iter().for_each(|number| head.receiver.expect_trigger(number));
-        if let Some(faults) = head.faults.as_deref_mut() {
-            faults.prepare(head.engine)?;
-        }
-    }
-    Ok(())
 }
 
 /// Keeps the newest frame of one head; runs on the head's sink thread.

@@ -10,19 +10,18 @@ use crate::wiring::assemble::{Outputs, Run, RunClock, RunOptions};
 use crate::wiring::cable::Cable;
 use crate::wiring::error::LoopError;
 use crate::wiring::far_side::FarSide;
-use crate::wiring::fault_desk::FaultDesk;
+use crate::wiring::fault_desk::{FaultDesk, make_ready};
 use crate::wiring::faults::FaultLine;
 use crate::wiring::heads::RunHead;
-use crate::wiring::run_end::{LoopView, RunEnd, keep_first, losses, predicted_pointing_rad, vehicle_counts};
+use crate::wiring::run_end::{Flown, LoopView, RunEnd, keep_first, losses};
 use crate::wiring::run_times::RunTimes;
 use crate::wiring::taps::Taps;
-use base::axes::{Body, Icrf, Rotation, Sensor};
+use base::axes::{Body, Rotation, Sensor};
 use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};
 use config::{Event, Scenario};
 use core::cell::RefCell;
 use frames::sink::{SentFrame, Sink};
-use glam::DVec3;
 use std::sync::Arc;
 use testbed::vehicle::{TelemetryRow, Vehicle};
 
@@ -84,8 +83,7 @@ impl SteppedRun {
             self.going.record_mut().ledger.note(note);
         }
         for head in &mut self.heads {
-            event.on_trigger.into_iter().for_each(|number| head.receiver.expect_trigger(number));
-            head.faults.prepare(&mut head.engine)?;
+            make_ready(event, &mut head.engine, &mut head.receiver, Some(&mut head.faults))?;
         }
         if let Some(recording) = &self.taps.recording {
             recording.note_injected(&placed.event, self.clock.now() - self.times.zero);
@@ -146,23 +144,13 @@ impl SteppedRun {
         self.far.borrow().vehicle().map(look)
     }
 
-    /// The true attitude of the first head and the body's rate (body axes, rad/s) at `at`, at most two seconds ago.
-    /// Looking changes nothing.
-    ///
-    /// # Errors
-    /// When it is longer ago, or has not been flown.
-    pub fn truth(&self, at: Tai) -> Result<(Rotation<Sensor, Icrf>, DVec3), LoopError> {
-        let truth = self.with_vehicle(|vehicle| vehicle.flown_truth(at)).ok_or(LoopError::NothingFlown)??;
-        Ok((self.mounting * truth.body_from_icrf, truth.rate_rad_s))
-    }
-
     /// Mounting of the first head.
     #[must_use]
     pub fn mounting(&self) -> Rotation<Sensor, Body> {
         self.mounting
     }
 
-    /// The end of a frame's readout, the number counted from 0; the same for all heads.
+    /// The end of a frame's readout in the first head, the number counted from 0.
     #[must_use]
     pub fn frame_due(&self, number: u32) -> Tai {
         self.heads[0].engine.slot(number).due
@@ -212,15 +200,12 @@ impl SteppedRun {
     pub fn look<T>(&self, frames_crc32: Vec<u32>, look: impl FnOnce(&LoopView<'_>) -> T) -> T {
         let far = self.far.borrow();
         let assessment = far.witness.assessment();
-        let (estimator, untagged) = vehicle_counts(far.vehicle());
         look(&LoopView {
             record: self.record(),
             frames_crc32,
             assessment,
             faults: self.faults(),
-            estimator,
-            untagged,
-            predicted_pointing_rad: predicted_pointing_rad(far.vehicle(), assessment, self.params()),
+            flown: Flown::of(far.vehicle(), assessment, self.params()),
             simulated_s: self.simulated_s(),
         })
     }
@@ -269,14 +254,13 @@ impl SteppedRun {
         }
         let (now, simulated_s) = (self.now(), self.simulated_s());
         let (on_the_way, _) = self.going.on_the_way();
-        let predicted_pointing_rad = {
+        let flown = {
             let far = self.far.borrow();
-            predicted_pointing_rad(far.vehicle(), far.witness.assessment(), self.params())
+            Flown::of(far.vehicle(), far.witness.assessment(), self.params())
         };
         let ports = self.cable.near.iter().map(|port| PortReading::of(port, 0)).collect();
         let record = self.going.into_record();
         let far = self.far.into_inner();
-        let (estimator, untagged) = vehicle_counts(far.vehicle());
         let assessment = far.witness.finish(&record, &faults, now, on_the_way);
         let mut end = RunEnd {
             times: self.times,
@@ -290,9 +274,7 @@ impl SteppedRun {
             hygiene: Vec::new(),
             assessment,
             faults,
-            estimator,
-            untagged,
-            predicted_pointing_rad,
+            flown,
             simulated_s,
             error,
         };

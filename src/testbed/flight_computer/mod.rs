@@ -9,7 +9,6 @@
 mod jitter;
 mod received;
 mod remote_clock;
-mod runner;
 mod schedule;
 mod slew;
 mod table;
@@ -21,7 +20,6 @@ pub use crate::attitude_truth::AttitudeTruth;
 pub use jitter::{JitterLineParams, JitterStream};
 pub use received::Received;
 pub use remote_clock::RemoteClock;
-pub use runner::run_until;
 pub use slew::{RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
 pub use table::{AttitudeRow, AttitudeTable, Profile};
 pub use talk::TriggerAnswers;

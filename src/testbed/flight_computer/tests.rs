@@ -322,7 +322,14 @@ fn the_loop_runs_on_the_real_clock_until_told_to_stop() {
     let stop = Arc::new(AtomicBool::new(false));
     let (stop_seen, its_clock) = (Arc::clone(&stop), Arc::clone(&clock));
     let thread = std::thread::Builder::new().name("flight computer".into());
-    let thread = thread.spawn(move || run_until(&stop_seen, &*its_clock, &mut computer, &mut near)).unwrap();
+    let fly = move || -> Result<(), FlightError> {
+        while !stop_seen.load(Ordering::Relaxed) {
+            its_clock.sleep_until(computer.next_due());
+            computer.step(its_clock.now(), &mut near)?;
+        }
+        Ok(())
+    };
+    let thread = thread.spawn(fly).unwrap();
     let mut attitudes = 0;
     while attitudes < 5 {
         let message = far.receive(clock.now() + Span::from_s(60.0)).unwrap().expect("within a minute");

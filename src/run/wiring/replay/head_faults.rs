@@ -8,7 +8,7 @@ use super::ReplayError;
 use crate::runtime::FrameEngine;
 use crate::runtime::frame_faults::FrameFaults;
 use crate::runtime::receiver::Receiver;
-use crate::wiring::fault_desk::{FaultDesk, in_order_of_placing};
+use crate::wiring::fault_desk::{FaultDesk, in_order_of_placing, make_ready};
 use base::time::{Span, Tai};
 use config::Event;
 use std::collections::VecDeque;
@@ -81,10 +81,6 @@ impl HeadFaults {
     ) -> Result<(), ReplayError> {
         self.desk.check(event).map_err(|error| ReplayError::Parts(error.to_string()))?;
         self.desk.place(event, now, self.of_heads.iter_mut().collect());
-        event.on_trigger.into_iter().for_each(|number| receiver.expect_trigger(number));
-        if let Some(faults) = self.own() {
-            faults.prepare(engine)?;
-        }
-        Ok(())
+        Ok(make_ready(event, engine, receiver, self.own())?)
     }
 }

@@ -11,10 +11,11 @@
 use super::rows::{HEADER, ORDER_FRAMES};
 use super::{CapturedFate, DrawnFrom, FrameRow, ReplayError, RowCounts};
 use crate::runtime::{FrameMark, FrameMarksEnd};
-use base::patience::{self, join_or_give_up, put_in_time};
+use base::patience;
 use base::time::Span;
-use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
+use base::writer_queue::WriterQueue;
+use core::sync::atomic::{AtomicU64, Ordering};
+use crossbeam_channel::Receiver;
 use frames::sink::crc32::pixel_crc32;
 use frames::sink::{FaultFlags, Loss, SentFrame, Sink, SinkError, SinkLine, SinkSummary};
 use link::capture::CaptureError;
@@ -30,7 +31,8 @@ const QUEUE_ROWS: usize = 4096;
 
 /// The table while it is written: the writer's thread, and what sinks are made from.
 pub(super) struct RowWriter {
-    queue: RowQueue,
+    queue: WriterQueue<FrameRow>,
+    shared: Arc<Shared>,
     writer: JoinHandle<Option<String>>,
 }
 
@@ -45,23 +47,11 @@ pub(super) struct RowsOutcome {
     pub(super) error: Option<String>,
 }
 
-/// Where sinks put rows.
-#[derive(Clone)]
-struct RowQueue {
-    /// Rows, and `None` at the end.
-    to_write: Sender<Option<FrameRow>>,
-    shared: Arc<Shared>,
-    /// Whether frames wait for the writer, on the virtual clock.
-    waits: bool,
-}
-
+/// What sinks and the writer share beside the rows.
 #[derive(Default)]
 struct Shared {
-    /// Rows that sinks put, and frames whose mark was lost.
-    offered: AtomicU64,
+    /// Frames whose mark was lost.
     lost_marks: AtomicU64,
-    /// What comes from here on is lost: the capture is over, or the writer was given up.
-    is_over: AtomicBool,
     written: Mutex<RowCounts>,
 }
 
@@ -82,38 +72,31 @@ impl RowWriter {
 
     /// Starts the writer of a file that has begun.
     pub(super) fn start(mut out: Box<dyn Write + Send>, links: usize, waits: bool) -> io::Result<Self> {
-        let (to_write, rows) = bounded(QUEUE_ROWS);
-        let queue = RowQueue { to_write, shared: Arc::default(), waits };
-        let shared = Arc::clone(&queue.shared);
+        let (queue, rows) = WriterQueue::new(QUEUE_ROWS, waits);
+        let shared = Arc::<Shared>::default();
+        let counted = Arc::clone(&shared);
         let thread = std::thread::Builder::new().name("frames.csv".into());
-        let writer = thread.spawn(move || write_all(&rows, links, &mut *out, &shared))?;
-        Ok(Self { queue, writer })
+        let writer = thread.spawn(move || write_all(&rows, links, &mut *out, &counted))?;
+        Ok(Self { queue, shared, writer })
     }
 
     /// A sink around the sink of a head; `holds`: whether a late frame is replaced by the one before.
     pub(super) fn sink(&self, head: usize, inner: Box<dyn Sink>, marks: FrameMarksEnd, holds: bool) -> RowSink {
-        RowSink { inner, head, marks, waiting: VecDeque::new(), holds, queue: self.queue.clone() }
+        let (queue, shared) = (self.queue.clone(), Arc::clone(&self.shared));
+        RowSink { inner, head, marks, waiting: VecDeque::new(), holds, queue, shared }
     }
 
     /// Ends the table: rows that sinks have put are written, and none that comes from here on.
     pub(super) fn finish(self) -> RowsOutcome {
-        let RowQueue { to_write, shared, .. } = self.queue;
-        shared.is_over.store(true, Ordering::SeqCst);
-        let mut is_marked = false;
-        let joined = join_or_give_up(self.writer, || {
-            // A full queue has no place for the mark of the end yet.
-            is_marked = is_marked || !matches!(to_write.try_send(None), Err(TrySendError::Full(_)));
-            shared.written().rows
-        });
-        let error = match joined {
+        let error = match self.queue.end(self.writer) {
             Some(Ok(error)) => error,
             Some(Err(_panicked)) => Some("frames.csv: the thread that writes it broke down".into()),
             None => Some(CaptureError::GivenUp { file: super::FRAMES_FILE, patience: patience::end() }.to_string()),
         };
         // What a writer that was given up writes later does not count.
-        let counts = shared.written();
-        let unwritten = shared.offered.load(Ordering::SeqCst).saturating_sub(counts.rows);
-        RowsOutcome { counts, lost: unwritten + shared.lost_marks.load(Ordering::SeqCst), error }
+        let counts = self.shared.written();
+        let unwritten = self.queue.offered().saturating_sub(counts.rows);
+        RowsOutcome { counts, lost: unwritten + self.shared.lost_marks.load(Ordering::SeqCst), error }
     }
 }
 
@@ -132,24 +115,6 @@ fn write_all(rows: &Receiver<Option<FrameRow>>, links: usize, out: &mut dyn Writ
     error
 }
 
-impl RowQueue {
-    /// Hands a row to the writer. One that cannot be written is lost and counted: the run goes on.
-    fn put(&self, row: FrameRow) {
-        self.shared.offered.fetch_add(1, Ordering::SeqCst);
-        if self.shared.is_over.load(Ordering::SeqCst) {
-            return;
-        }
-        if self.waits {
-            // A writer that takes nothing is given up.
-            if !put_in_time(&self.to_write, Some(row)) {
-                self.shared.is_over.store(true, Ordering::SeqCst);
-            }
-        } else {
-            let _ = self.to_write.try_send(Some(row)); // a row that is not written counts as lost
-        }
-    }
-}
-
 /// A sink around a sink: writes a row for each frame that went out or was given up.
 pub(super) struct RowSink {
     inner: Box<dyn Sink>,
@@ -158,7 +123,8 @@ pub(super) struct RowSink {
     /// Marks whose frames have not been seen, by rising frame.
     waiting: VecDeque<FrameMark>,
     holds: bool,
-    queue: RowQueue,
+    queue: WriterQueue<FrameRow>,
+    shared: Arc<Shared>,
 }
 
 impl RowSink {
@@ -215,7 +181,7 @@ impl Sink for RowSink {
     fn finish(&mut self) -> Result<SinkSummary, SinkError> {
         self.take_marks();
         self.put_dropped(|_all| true);
-        self.queue.shared.lost_marks.fetch_add(self.marks.take_lost(), Ordering::SeqCst);
+        self.shared.lost_marks.fetch_add(self.marks.take_lost(), Ordering::SeqCst);
         self.inner.finish()
     }
 
