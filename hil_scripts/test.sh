@@ -33,6 +33,7 @@ command -v c++ >/dev/null || packages+=(g++)          # the fuzzer's runtime
 packages+=(clang gcc-arm-none-eabi libnewlib-arm-none-eabi) # the C kit under other compilers
 packages+=(can-utils tshark)                          # other people's readers of captures
 packages+=(aravis-tools-cli gir1.2-aravis-0.8 python3-gi python3-numpy gstreamer1.0-tools) # clients of network cameras
+packages+=(openjdk-17-jre-headless)                  # Orekit, another reader of attitudes and orbits
 packages+=(xvfb xdotool evilwm twm x11-xserver-utils libxkbcommon-x11-0 chromium siril)    # screens without a monitor, a browser, a reader of SER files
 [[ -n $no_vcan ]] || packages+=(user-mode-linux iproute2 kmod) # SocketCAN without CAN in this kernel
 python3 -c 'import ensurepip, venv' 2>/dev/null || packages+=(python3-venv) # for campaigns
@@ -108,16 +109,16 @@ run_tests() {
 
 # What the Python scripts need, from PyPI, in an environment of its own; made anew when the list has changed.
 python_environment() {
-    local wanted=hil_scripts/requirements.txt
-    if cmp -s "$wanted" "$python/requirements.txt" && "$python/bin/python" -c ''; then
+    local lists=(hil_scripts/requirements.txt hil_scripts/requirements_interop.txt)
+    if cat "${lists[@]}" | cmp -s - "$python/requirements.txt" && "$python/bin/python" -c ''; then
         echo "$python has it all"
         return
     fi
     rm -rf "$python"
     python3 -m venv "$python"
-    "$python/bin/python" -m pip install -q --disable-pip-version-check -r "$wanted"
-    # The list comes last: without it the environment is not whole.
-    cp "$wanted" "$python/requirements.txt"
+    "$python/bin/python" -m pip install -q --disable-pip-version-check "${lists[@]/#/--requirement=}"
+    # The lists come last: without them the environment is not whole.
+    cat "${lists[@]}" >"$python/requirements.txt"
 }
 
 # It is fetched while others compile: `$python.log` has what it says, `$python.status` how it ended.

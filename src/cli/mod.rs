@@ -24,6 +24,7 @@ mod check_attitude;
 mod check_bodies;
 mod check_display;
 mod check_display_stars;
+mod check_files;
 mod check_light;
 mod check_observer;
 mod check_plan;
@@ -33,6 +34,8 @@ pub mod display;
 mod display_latency;
 mod display_measurements;
 pub mod degrees;
+pub mod export;
+mod export_source;
 mod frame_plan;
 pub mod init;
 pub mod keys;
@@ -50,6 +53,7 @@ pub mod render;
 pub mod render_input;
 mod render_notes;
 pub mod render_output;
+mod render_series;
 pub mod replay;
 pub mod run;
 pub mod run_args;
@@ -144,6 +148,8 @@ enum Command {
     LinkCheck(link_check::LinkCheckArgs),
     /// Tell a camera's star: MTF of every link, width, encircled energy, what star colours change; and plot them
     Psf(psf::PsfArgs),
+    /// Write attitudes, the observer's orbit and places of stars as AEM, OEM, STK files, CSV
+    Export(export::ExportArgs),
     /// Print every key of the configuration files with unit, range, default and meaning, as Markdown
     Keys(keys::KeysArgs),
     /// Print the JSON Schema of a kind of configuration files
@@ -217,6 +223,7 @@ fn run_command(command: Command) -> anyhow::Result<u8> {
         Command::Study(arguments) => study::run(&arguments),
         Command::LinkCheck(arguments) => link_check::run(&arguments),
         Command::Psf(arguments) => psf::run(&arguments).map(|()| EXIT_DONE),
+        Command::Export(arguments) => export::run(&arguments).map(|()| EXIT_DONE),
         Command::Keys(arguments) => keys::run(&arguments).map(|()| EXIT_DONE),
         Command::Schema(arguments) => schema::run(&arguments).map(|()| EXIT_DONE),
         Command::Init(arguments) => init::run(&arguments).map(|()| EXIT_DONE),

@@ -3,7 +3,7 @@
 //! Within one segment the attitude is interpolated ([`AttitudeInterpolation`]); outside of all segments, and outside a
 //! segment's usable interval, it is not available.
 
-use crate::attitude_methods::{AttitudeInterpolation, MOST_TURN_RAD};
+use crate::attitude_methods::{AttitudeInterpolation, MOST_TURN_RAD, s_between};
 use base::axes::{Body, Icrf, Rotation};
 use base::time::Tai;
 use glam::DVec3;
@@ -92,9 +92,6 @@ impl AttitudeSegment {
             usable_ns[0].map_or(first.t_ns, |ns| ns.max(first.t_ns)),
             usable_ns[1].map_or(last.t_ns, |ns| ns.min(last.t_ns)),
         ];
-        if usable_ns[0] > usable_ns[1] {
-            return Err(Unfit::NotUsable);
-        }
         for (place, pair) in states.windows(2).enumerate() {
             if pair[0].t_ns >= pair[1].t_ns {
                 return Err(Unfit::NotRising { row: place + 2 });
@@ -103,6 +100,9 @@ impl AttitudeSegment {
             if method != AttitudeInterpolation::Slerp && turn_rad > MOST_TURN_RAD {
                 return Err(Unfit::TurnsTooFar { row: place + 1, turn_deg: turn_rad.to_degrees() });
             }
+        }
+        if usable_ns[0] > usable_ns[1] {
+            return Err(Unfit::NotUsable);
         }
         Ok(Self { states, method, usable_ns })
     }
@@ -214,6 +214,25 @@ impl AttitudeHistory {
     #[must_use]
     pub fn at(&self, at: Tai) -> Option<AttitudeMotion> {
         self.at_ns(at.ns())
+    }
+
+    /// Returns the largest rate, acceleration and jerk, rad/s and its derivatives, by differences of rows.
+    #[must_use]
+    pub fn motion_limits(&self) -> [f64; 3] {
+        let mut limits = [0.0_f64; 3];
+        for segment in &self.segments {
+            let (mut last_rate, mut last_acceleration): (Option<DVec3>, Option<DVec3>) = (None, None);
+            for pair in segment.states.windows(2) {
+                let step_s = s_between(pair[0].t_ns, pair[1].t_ns);
+                let rate = pair[0].body_from_icrf.rotation_vector_to(&pair[1].body_from_icrf) / step_s;
+                let acceleration = last_rate.map(|last| (rate - last) / step_s);
+                let jerk = last_acceleration.zip(acceleration).map(|(last, now)| (now - last) / step_s);
+                let found = [Some(rate), acceleration, jerk].map(|vector| vector.map_or(0.0, DVec3::length));
+                limits.iter_mut().zip(found).for_each(|(limit, found)| *limit = limit.max(found));
+                (last_rate, last_acceleration) = (Some(rate), acceleration);
+            }
+        }
+        limits
     }
 
     /// Returns the largest error of the interpolation, rad, as the file itself shows it: each row is left out in turn with

@@ -133,11 +133,11 @@ impl OrbitSegment {
             usable_ns[0].map_or(first.t_ns, |ns| ns.max(first.t_ns)),
             usable_ns[1].map_or(last.t_ns, |ns| ns.min(last.t_ns)),
         ];
-        if usable_ns[0] > usable_ns[1] {
-            return Err(UnfitOrbit::NotUsable);
-        }
         if let Some(place) = states.windows(2).position(|pair| pair[0].t_ns >= pair[1].t_ns) {
             return Err(UnfitOrbit::NotRising { row: place + 2 });
+        }
+        if usable_ns[0] > usable_ns[1] {
+            return Err(UnfitOrbit::NotUsable);
         }
         Ok(Self { states, method, usable_ns })
     }

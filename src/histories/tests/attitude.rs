@@ -129,3 +129,12 @@ fn a_table_with_a_column_of_segments_has_gaps() {
     let history = attitudes("t_s,w,x,y,z,segment\n0,1,0,0,0,1\n1,1,0,0,0,1\n5,1,0,0,0,2\n6,1,0,0,0,2\n");
     assert!(history.at_ns(1_000_000_000).is_some() && history.at_ns(3_000_000_000).is_none());
 }
+
+#[test]
+fn rate_and_acceleration_show_in_differences_of_rows() {
+    let [rate, acceleration, jerk] = history(sampled(51, 0.1, accelerated), Method::Slerp).motion_limits();
+    assert!(
+        (rate - 0.3 * 4.95).abs() < 1e-9 && (acceleration - 0.3).abs() < 1e-6 && jerk < 1e-4,
+        "{rate} {acceleration} {jerk}"
+    );
+}

@@ -124,7 +124,7 @@ fn xml_has_what_kvn_has() {
 fn time_systems_shift_an_attitude() {
     for (system, later_s) in [("TAI", -37.0), ("TT", -69.184), ("GPS", -18.0)] {
         let history = attitudes(&AEM_2.replace("= UTC", &format!("= {system}")));
-        let shift = base::time::Tai::from_ns(first(&history).t_ns) - utc("2026-03-01T00:00:00Z");
+        let shift = Tai::from_ns(first(&history).t_ns) - utc("2026-03-01T00:00:00Z");
         assert!((shift.s() - later_s).abs() < 1e-9, "{system}: {} s", shift.s());
     }
     let tdb = attitudes(&AEM_2.replace("= UTC", "= TDB"));
