@@ -17,7 +17,8 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-readonly targets=(can_decode serial_resync slcan socketcand captures network_camera session layer star_lines elements histories)
+readonly targets=(can_decode serial_resync slcan socketcand captures network_camera session layer star_lines elements histories
+    spice)
 readonly memory_mb=512
 readonly growth_mb=32
 readonly control_seconds=300

@@ -41,6 +41,7 @@ mod flight_computer;
 mod head;
 mod illumination;
 mod image_file;
+mod kernels;
 mod key;
 mod key_type;
 mod link;

@@ -2,8 +2,9 @@
 
 use crate::check::Checker;
 use crate::error::ConfigError;
+use crate::kernels::Kernels;
 use crate::key::{Given, Section, section, taken};
-use crate::key_type::{Any, Word};
+use crate::key_type::{Any, Raw, Shape, Whole, Word};
 use crate::plant_file::{refused, text_of};
 use base::time::Tai;
 use base::units::DEG;
@@ -78,6 +79,10 @@ section! {
             semi_major_axis_km and further elements";
         /// File of states or elements, for kind = "file": CCSDS OEM (KVN, XML), STK .e, a table, two-line elements, OMM as JSON.
         file: String = Optional, "path";
+        /// Text kernels (LSK) of a SPICE SPK file, relative to this file.
+        kernels: Raw<Vec<String>> = Optional, Shape::list(Shape::Text("path"));
+        /// Number of the target in a SPICE SPK file, where it has several.
+        naif_id: Whole<i32> = Optional, -2_000_000_000..=2_000_000_000;
         /// First line of an element set; copy both lines of the element set unchanged.
         line1: String = Optional, "text of 69 characters";
         /// Second line of an element set; copy both lines of the element set unchanged.
@@ -142,7 +147,7 @@ impl Observer {
 impl ObserverKeys {
     fn refuse_strangers(&self, kind: Kind, check: &Checker<'_>) -> Result<(), ConfigError> {
         if kind != Kind::File {
-            self.refuse(&["file"], "kind = \"file\"", check)?;
+            self.refuse(&["file", "kernels", "naif_id"], "kind = \"file\"", check)?;
         }
         if kind != Kind::Tle {
             self.refuse(&["line1", "line2"], "kind = \"tle\"", check)?;
@@ -170,6 +175,10 @@ fn is_elements(text: &str) -> bool {
 
 fn file(keys: &ObserverKeys, check: &Checker<'_>) -> Result<Observer, ConfigError> {
     let given = keys.file();
+    let kernels = Kernels { file: keys.file(), texts: keys.kernels(), naif_id: keys.naif_id() };
+    if let Some(history) = kernels.orbit(check)? {
+        return Ok(Observer::Table(Arc::new(history)));
+    }
     let (text, path) = text_of(&given, check)?;
     if is_elements(&text) {
         return Ok(Observer::Elements { text });

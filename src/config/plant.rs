@@ -6,7 +6,7 @@ use crate::check::Checker;
 use crate::error::ConfigError;
 use crate::event::Pointing;
 use crate::key::{Section, section};
-use crate::key_type::{Numbers, Whole, Word};
+use crate::key_type::{Numbers, Raw, Shape, Whole, Word};
 use crate::plant_file::{Begins, FilePlant, SENSES};
 use crate::spacecraft::Spacecraft;
 use base::time::Span;
@@ -65,6 +65,10 @@ section! {
         attitude: String = Optional, "path";
         /// Which rotation the quaternions of a table are, where it does not say so itself.
         sense: Word<Sense> = Optional, SENSES;
+        /// Text kernels (SCLK, LSK) of a SPICE CK file, relative to this file.
+        kernels: Raw<Vec<String>> = Optional, Shape::list(Shape::Text("path"));
+        /// Number of the instrument or spacecraft in a SPICE CK file, where it has several.
+        naif_id: Whole<i32> = Optional, -2_000_000_000..=2_000_000_000;
         /// What lays the file upon the run: its own times, or its beginning at the first exposure.
         begins: Word<Begins> = Computed("utc where the file's times are absolute, else first_exposure"),
             [("utc", Begins::Utc), ("first_exposure", Begins::FirstExposure)];
@@ -176,7 +180,7 @@ impl PlantKeys {
         let kind = self.kind().optional(check)?.unwrap_or(usual);
         let replays = kind == PlantKind::File && usual == PlantKind::FlightComputer;
         if kind != PlantKind::File {
-            self.refuse(&["attitude", "sense", "begins", "outside"], "kind = \"file\"", check)?;
+            self.refuse(&["attitude", "sense", "kernels", "naif_id", "begins", "outside"], "kind = \"file\"", check)?;
         }
         if kind != usual && !replays {
             let got = self.kind().raw().cloned().unwrap_or_default();

@@ -2,6 +2,7 @@
 
 use crate::check::Checker;
 use crate::error::ConfigError;
+use crate::kernels::Kernels;
 use crate::key::Given;
 use crate::plant::PlantKeys;
 use crate::timing::{StartTime, Timing};
@@ -35,8 +36,18 @@ impl FilePlant {
     pub(super) fn check(keys: &PlantKeys, timing: &Timing, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
         let given = keys.attitude();
         let sense = keys.sense().optional(check)?;
-        let (text, path) = text_of(&given, check)?;
-        let history = read::attitudes(&path, &text, sense).map_err(|error| refused(&given, &error, check))?;
+        let kernels = Kernels { file: keys.attitude(), texts: keys.kernels(), naif_id: keys.naif_id() };
+        let history = match kernels.attitudes(check)? {
+            Some(_) if sense.is_some() => {
+                let wanted = "no sense: a kernel states its own frames";
+                return Err(keys.sense().invalid("given", wanted, check));
+            }
+            Some(history) => history,
+            None => {
+                let (text, path) = text_of(&given, check)?;
+                read::attitudes(&path, &text, sense).map_err(|error| refused(&given, &error, check))?
+            }
+        };
         let usual = match history.times {
             Times::Absolute => "utc",
             Times::FromZero => "first_exposure",

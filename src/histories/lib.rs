@@ -16,6 +16,7 @@
 //! | `csv_attitude`, `csv_orbit` | tables with a header, and rows without one |
 //! | `epoch`, `reference_axes` | time systems; axes, and the frame bias |
 //! | [`attitude`], [`orbit`] | the histories, their interpolation and its error |
+//! | `spice` | SPICE kernels: CK and SPK, with their clocks (feature `spice`) |
 //! | [`write`] | all formats out |
 
 mod aem;
@@ -35,6 +36,8 @@ mod oem;
 pub mod orbit;
 pub mod read;
 mod reference_axes;
+#[cfg(feature = "spice")]
+pub mod spice;
 mod stk;
 mod stk_attitude;
 mod stk_ephemeris;

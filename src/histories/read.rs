@@ -51,6 +51,14 @@ pub fn text_of(path: &Path) -> Result<String, HistoryError> {
     })
 }
 
+/// Returns true for a file that begins as a binary SPICE kernel, or its transfer form.
+#[must_use]
+pub fn is_kernel(path: &Path) -> bool {
+    let mut begin = [0; 8];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut begin));
+    read.is_ok() && (begin.starts_with(b"DAF/") || begin.starts_with(b"NAIF/DAF") || begin.starts_with(b"DAFETF"))
+}
+
 /// Reads a text of attitudes: CSV, AEM (KVN or XML), STK `.a`. `file` is what errors call it; `sense` is that of a table
 /// that does not say it.
 ///

@@ -244,8 +244,26 @@ def histories():
     yield "made_message", b"\3" + bytes([2, 0, 2, 1, 1, 1, 3, 1, 1, 2, 1, 0, 1, 1, 1, 2])
 
 
+def spice():
+    def kernel(name, summary, words):
+        head = f"{name:<8}".encode() + struct.pack("<ii", 2, 6) + bytes(60) + struct.pack("<iii", 2, 2, 400) + b"LTL-IEEE"
+        doubles, integers = summary
+        begin = 3 * 128 + 1
+        list_ = struct.pack("<ddd", 0, 0, 1) + struct.pack("<dd6i", *doubles, *integers, begin, begin + len(words) - 1)
+        return head.ljust(1024, b"\0") + list_.ljust(2048, b"\0") + struct.pack(f"<{len(words)}d", *words)
+
+    rows = [1, 0, 0, 0, 0.8, 0, 0, -0.6, 0, 0, 0, 1]
+    yield "ck_3", b"\0" + kernel("DAF/CK", ((0, 200), (-7, 1, 3, 0)), rows + [0, 100, 200, 0, 1, 3])
+    yield "ck_2", b"\0" + kernel("DAF/CK", ((0, 200), (-7, 1, 2, 1)), [1, 0, 0, 0, 0, 0, 0.1, 0.01, 0, 200])
+    states = [7000, 0, 0, 7, 0, 0, 7070, 0, 0, 7, 0, 0, 7140, 0, 0, 7, 0, 0]
+    for kind, window in ((9, 2), (13, 1)):
+        yield f"spk_{kind}", b"\1" + kernel("DAF/SPK", ((0, 20), (-7, 399, 1, kind)), states + [0, 10, 20, window, 3])
+    yield "spk_2", b"\1" + kernel("DAF/SPK", ((0, 100), (-7, 399, 1, 2)), [50, 50, 7000, 350, 0, 0, 0, 0, 0, 100, 8, 1])
+    yield "text", b"\2KPL/LSK\n\\begindata\nDELTET/K = 1.657D-3\nA += ( 'x' @2026-JAN-1\n 5 )\n\\begintext\n"
+
+
 for target in (can_decode, serial_resync, slcan, socketcand, captures, network_camera, session, layer, star_lines,
-               elements, histories):
+               elements, histories, spice):
     folder = HERE / "corpus" / target.__name__
     folder.mkdir(parents=True, exist_ok=True)
     for name, seed in target():

@@ -1,0 +1,90 @@
+//! SPICE kernels that a bench names: binary ones (CK, SPK), and the text kernels (SCLK, LSK) that go with them.
+//!
+//! A build without the feature `spice` refuses them. Tests: `hil_scripts/test_spice.py`.
+
+use crate::check::Checker;
+use crate::error::ConfigError;
+use crate::key::Given;
+use crate::key_type::{Raw, Whole};
+use histories::{AttitudeHistory, OrbitHistory, read};
+
+/// A file that may be a kernel, and the keys that go with one.
+pub(super) struct Kernels<'k> {
+    pub(super) file: Given<'k, String>,
+    pub(super) texts: Given<'k, Raw<Vec<String>>>,
+    pub(super) naif_id: Given<'k, Whole<i32>>,
+}
+
+impl Kernels<'_> {
+    /// Returns true for a kernel; refuses the keys of one beside another file.
+    fn is_kernel(&self, check: &Checker<'_>) -> Result<bool, ConfigError> {
+        let is_kernel = self.file.raw().is_some_and(|path| read::is_kernel(&check.document.data_beside(path)));
+        if !is_kernel {
+            check.unused(&self.texts.key(), self.texts.is_given(), "a binary SPICE kernel")?;
+            check.unused(&self.naif_id.key(), self.naif_id.is_given(), "a binary SPICE kernel")?;
+        }
+        Ok(is_kernel)
+    }
+
+    /// Reads attitudes of a CK file; nothing where the file is no kernel.
+    pub(super) fn attitudes(self, check: &Checker<'_>) -> Result<Option<AttitudeHistory>, ConfigError> {
+        if self.is_kernel(check)? { self.read_attitudes(check).map(Some) } else { Ok(None) }
+    }
+
+    /// Reads the orbit of an SPK file; nothing where the file is no kernel.
+    pub(super) fn orbit(self, check: &Checker<'_>) -> Result<Option<OrbitHistory>, ConfigError> {
+        if self.is_kernel(check)? { self.read_orbit(check).map(Some) } else { Ok(None) }
+    }
+}
+
+#[cfg(feature = "spice")]
+impl Kernels<'_> {
+    fn read_attitudes(self, check: &Checker<'_>) -> Result<AttitudeHistory, ConfigError> {
+        self.read(check, histories::spice::attitudes)
+    }
+
+    fn read_orbit(self, check: &Checker<'_>) -> Result<OrbitHistory, ConfigError> {
+        self.read(check, histories::spice::orbit)
+    }
+
+    fn read<H>(self, check: &Checker<'_>, reader: Reader<H>) -> Result<H, ConfigError> {
+        use histories::spice::KernelFile;
+        let path = self.file.raw().cloned().unwrap_or_default();
+        let bytes = check.document.bytes_of(&self.file.key(), &path)?;
+        let texts = self.texts.raw().cloned().unwrap_or_default();
+        let read = |text: &String| check.document.bytes_of(&self.texts.key(), text);
+        let contents = texts.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+        let files = texts.iter().zip(&contents).map(|(file, bytes)| KernelFile { file, bytes }).collect::<Vec<_>>();
+        let key = self.file.key();
+        let naif_id = self.naif_id.optional(check)?;
+        reader(KernelFile { file: &path, bytes: &bytes }, &files, naif_id).map_err(|error| {
+            let advice = "src/guide/files_in_and_out.md says which kernels are read, and what goes with them";
+            check.invalid(&key, error, "a kernel that can be read", advice)
+        })
+    }
+}
+
+/// A reader of a kernel, its text kernels and a number.
+#[cfg(feature = "spice")]
+type Reader<H> = fn(
+    histories::spice::KernelFile<'_>,
+    &[histories::spice::KernelFile<'_>],
+    Option<i32>,
+) -> Result<H, histories::HistoryError>;
+
+#[cfg(not(feature = "spice"))]
+impl Kernels<'_> {
+    fn read_attitudes(self, check: &Checker<'_>) -> Result<AttitudeHistory, ConfigError> {
+        Err(self.refused(check))
+    }
+
+    fn read_orbit(self, check: &Checker<'_>) -> Result<OrbitHistory, ConfigError> {
+        Err(self.refused(check))
+    }
+
+    fn refused(&self, check: &Checker<'_>) -> ConfigError {
+        let wanted = "another format: this build lacks SPICE";
+        let advice = "build with --features spice, or convert it to AEM or OEM";
+        check.invalid(&self.file.key(), "a SPICE kernel", wanted, advice)
+    }
+}
