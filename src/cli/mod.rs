@@ -34,6 +34,7 @@ mod display_latency;
 mod display_measurements;
 pub mod degrees;
 mod frame_plan;
+pub mod fmu;
 pub mod init;
 pub mod keys;
 pub mod link_check;
@@ -144,6 +145,8 @@ enum Command {
     LinkCheck(link_check::LinkCheckArgs),
     /// Tell a camera's star: MTF of every link, width, encircled energy, what star colours change; and plot them
     Psf(psf::PsfArgs),
+    /// Write a bench as an FMI 3.0 co-simulation unit, for simulators that import such units
+    Fmu(fmu::FmuArgs),
     /// Print every key of the configuration files with unit, range, default and meaning, as Markdown
     Keys(keys::KeysArgs),
     /// Print the JSON Schema of a kind of configuration files
@@ -217,6 +220,7 @@ fn run_command(command: Command) -> anyhow::Result<u8> {
         Command::Study(arguments) => study::run(&arguments),
         Command::LinkCheck(arguments) => link_check::run(&arguments),
         Command::Psf(arguments) => psf::run(&arguments).map(|()| EXIT_DONE),
+        Command::Fmu(arguments) => fmu::run(&arguments).map(|()| EXIT_DONE),
         Command::Keys(arguments) => keys::run(&arguments).map(|()| EXIT_DONE),
         Command::Schema(arguments) => schema::run(&arguments).map(|()| EXIT_DONE),
         Command::Init(arguments) => init::run(&arguments).map(|()| EXIT_DONE),
