@@ -22,6 +22,7 @@ pub mod marks;
 pub mod outcome;
 pub mod params;
 mod path_facts;
+pub mod plant_queue;
 pub mod port_reading;
 mod radio;
 mod real_head;

@@ -5,7 +5,7 @@
 //! Tests: `tests/closed_loop/pixels.rs`, `campaign.rs`, `control.rs`.
 
 use crate::runtime::virtual_time::{Head, VirtualLoop, World};
-use crate::runtime::{PortReading, RunError, RunParams, RunRecord, lines_of_head};
+use crate::runtime::{PlantSample, PortReading, RunError, RunParams, RunRecord, lines_of_head};
 use crate::wiring::assemble::{Outputs, Run, RunClock, RunOptions};
 use crate::wiring::cable::Cable;
 use crate::wiring::error::LoopError;
@@ -19,9 +19,10 @@ use crate::wiring::taps::Taps;
 use base::axes::{Body, Rotation, Sensor};
 use base::clock::{Clock, Virtual};
 use base::time::{Span, Tai};
-use config::{Event, Scenario};
+use config::{Event, Plant, Scenario};
 use core::cell::RefCell;
 use frames::sink::{SentFrame, Sink};
+use plan::attitude::{EstimatedAttitude, state_at};
 use std::sync::Arc;
 use testbed::vehicle::{TelemetryRow, Vehicle};
 
@@ -36,6 +37,7 @@ pub struct SteppedRun {
     taps: Taps,
     mounting: Rotation<Sensor, Body>,
     times: RunTimes,
+    is_outside: bool,
 }
 
 impl SteppedRun {
@@ -62,8 +64,8 @@ impl SteppedRun {
         }
         let Run { scenario, times, heads, desk, taps, cable, .. } = run;
         let cable = cable.ok_or_else(|| anyhow::anyhow!("a run without a cable"))?;
-        let mounting = scenario.bench.sensor_from_body;
-        Ok(Self { clock, going, heads, cable, far: RefCell::new(far), desk, taps, mounting, times })
+        let (mounting, is_outside) = (scenario.bench.sensor_from_body, scenario.plant == Plant::Outside);
+        Ok(Self { clock, going, heads, cable, far: RefCell::new(far), desk, taps, mounting, times, is_outside })
     }
 
     /// Calls `on_row` with every row of telemetry from here on.
@@ -99,6 +101,47 @@ impl SteppedRun {
     pub fn send_trigger(&mut self, number: u16, at: Option<Tai>) -> Result<(), LoopError> {
         let now = self.clock.now();
         self.far.get_mut().send_trigger(number, at, now)
+    }
+
+    /// Takes samples of a plant outside, of any instants that have not passed: each reaches the receivers at its own instant,
+    /// so that batches of any size give the same frames. All of a list are taken or none; what is refused is counted.
+    ///
+    /// # Errors
+    /// When the plant is inside, or a sample is bad.
+    pub fn take_plant(&mut self, samples: &[PlantSample]) -> Result<(), LoopError> {
+        let refuse = |why: String| LoopError::Event { what: "plant", why };
+        if !self.is_outside {
+            let why = "the spacecraft is moved inside the program; wanted a bench with plant.kind = \"outside\"";
+            return Err(refuse(why.into()));
+        }
+        let zero = self.times.zero;
+        self.going.put_plant(samples).map_err(|(place, why)| {
+            let t_s = samples.get(place).map_or(f64::NAN, |sample| (sample.at - zero).s());
+            let now_s = (self.going.now() - zero).s();
+            refuse(format!("sample {place} of {} (t_s {t_s}, it is {now_s} s now): {why}", samples.len()))
+        })
+    }
+
+    /// Whether the plant is outside.
+    #[must_use]
+    pub fn is_outside(&self) -> bool {
+        self.is_outside
+    }
+
+    /// Samples of a plant outside that wait for their instants, and the instant of the last attitude among them.
+    #[must_use]
+    pub fn plant_waiting(&self) -> (usize, Option<Tai>) {
+        (self.going.plant().len(), self.going.plant().last_attitude_at())
+    }
+
+    /// Attitude of the body that frames of the first head are drawn with, by the samples taken in so far.
+    ///
+    /// # Errors
+    /// When no sample is near: before the first one, or before what is kept.
+    pub fn attitude_at(&self, at: Tai) -> Result<EstimatedAttitude, LoopError> {
+        let receiver = &self.heads[0].receiver;
+        let estimated = state_at(receiver.history(), at, &receiver.params().estimate);
+        estimated.map_err(|error| LoopError::Parts(error.into()))
     }
 
     /// Time from one frame to the next.

@@ -1,7 +1,9 @@
 //! What a closed loop answers to each request: times in seconds after the first exposure, angles in deg or rad as named.
 
 use crate::wiring::assessment::mode_name;
-use crate::wiring::control::protocol::{PROTOCOL_VERSION, StepBy};
+use crate::wiring::control::protocol::{PROTOCOL_VERSION, REQUESTS, StepBy};
+use crate::wiring::control::samples::SampleList;
+use crate::wiring::error::LoopError;
 use crate::wiring::stepped::SteppedRun;
 use base::axes::{Body, Icrf, Rotation, Sensor, ra_dec_roll};
 use base::time::{Span, Tai};
@@ -64,6 +66,7 @@ pub(super) fn hello(scenario: &Scenario, instants: &Instants, clock: &str) -> Va
         "width": width,
         "height": height,
         "heads": scenario.bench.head_count(),
+        "requests": REQUESTS.map(|(name, _)| name),
     })
 }
 
@@ -134,6 +137,31 @@ pub(super) fn inject(keys: &Map<String, Value>, going: &mut SteppedRun) -> Resul
     going.inject(&event).map_err(|error| error.to_string())?;
     let from_s = event.at.s().max(now_s(going));
     Ok(json!({ "event": event.action.word(), "from_s": from_s, "for_s": event.lasts.s() }))
+}
+
+/// Lets samples of a plant outside wait for their instants.
+pub(super) fn plant(samples: &SampleList, going: &mut SteppedRun) -> Result<Value, String> {
+    let samples = samples.since(going.zero());
+    going.take_plant(&samples).map_err(|error| error.to_string())?;
+    let (waiting, attitude_until) = going.plant_waiting();
+    let attitude_until_s = attitude_until.map(|at| s(at, going));
+    Ok(json!({ "taken": samples.len(), "waiting": waiting, "attitude_until_s": attitude_until_s }))
+}
+
+/// The attitude that frames of the first head are drawn with, by the samples of a plant outside.
+pub(super) fn received_truth(at_s: Option<f64>, going: &SteppedRun) -> Result<Value, String> {
+    let at = at_s.map_or(going.now(), |at_s| going.zero() + Span::from_s(at_s));
+    if at > going.now() {
+        let (asked, now_s) = (s(at, going), now_s(going));
+        return Err(format!("at_s is {asked} s; wanted a time not after now, which is {now_s} s"));
+    }
+    let refuse = |error: LoopError| format!("at_s is {}: {error}", s(at, going));
+    let estimated = going.attitude_at(at).map_err(refuse)?;
+    let mut answer = attitude(&(going.mounting() * estimated.state.body_from_icrf));
+    answer["at_s"] = s(at, going).into();
+    answer["body_rate_rad_s"] = estimated.state.rate_rad_s.to_array().to_vec().into();
+    answer["origin"] = estimated.origin.name().into();
+    Ok(answer)
 }
 
 /// A trigger goes over the bus: whether the stimulator takes it, the events in its report tell.

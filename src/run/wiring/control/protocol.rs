@@ -12,11 +12,18 @@
 //!                                                  path may be left out: pixels come as base64
 //! {"request": "summary"}
 //! {"request": "finish"}
+//! {"request": "attitude", "samples": [[0.01, 1, 0, 0, 0, 0, 0, 0]]}   of a plant outside: see `samples`
+//! {"request": "observer", "samples": [[0, 7000, 0, 0, 0, 7.5, 0]], "unit": "km"}
+//! {"request": "jitter", "samples": [[0.001, 0.2, -0.1, 0]], "unit": "arcsec"}
+//! {"request": "event", "event": {...}}             the same as inject
 //! ```
+//!
+//! Requests are added within a version: the answer to hello lists them.
 //!
 //! Times are seconds after the first exposure. An event has the keys of `[[event]]` in a scenario file; without `at_s` it
 //! begins now.
 
+use crate::wiring::control::samples::{SampleList, Subject};
 use serde_json::{Map, Value, json};
 
 /// Version of the protocol: a client that meets another one should not go on.
@@ -57,9 +64,13 @@ pub enum Request {
     Frame {
         /// Of this head.
         head: usize,
-        /// FITS file to write below the output folder; `None`: pixels in the reply.
+        /// FITS file to write below the output folder; `None`: pixels in the reply, or nowhere.
         path: Option<String>,
+        /// Whether pixels are wanted without a path.
+        pixels: bool,
     },
+    /// Samples of a plant outside.
+    Plant(SampleList),
     /// Report so far.
     Summary,
     /// End of the run.
@@ -78,7 +89,7 @@ pub enum StepBy {
 }
 
 /// Every request by name, with the keys that it takes.
-const REQUESTS: [(&str, &[&str]); 10] = [
+pub(super) const REQUESTS: [(&str, &[&str]); 14] = [
     ("hello", &["token"]),
     ("state", &[]),
     ("step", &["s", "frames", "until_s"]),
@@ -86,9 +97,13 @@ const REQUESTS: [(&str, &[&str]); 10] = [
     ("trigger", &["number", "at_s"]),
     ("truth", &["at_s"]),
     ("estimate", &[]),
-    ("frame", &["head", "path"]),
+    ("frame", &["head", "path", "pixels"]),
     ("summary", &[]),
     ("finish", &[]),
+    ("attitude", &["samples"]),
+    ("observer", &["samples", "unit"]),
+    ("jitter", &["samples", "unit"]),
+    ("event", &["event"]),
 ];
 
 /// Reads one line: the request's id, when there is one, and the request, or what is wrong with it in plain words.
@@ -151,12 +166,15 @@ impl Keys {
         Ok(match name.as_str() {
             "hello" => Request::Hello { token: self.token()? },
             "step" => Request::Step(self.step()?),
-            "inject" => Request::Inject(self.event()?),
+            "inject" | "event" => Request::Inject(self.event()?),
             "trigger" => Request::Trigger { number: self.trigger_number()?, at_s: self.number("at_s")? },
             "truth" => Request::Truth { at_s: self.number("at_s")? },
             "state" => Request::State,
             "estimate" => Request::Estimate,
-            "frame" => Request::Frame { head: self.head()?, path: self.path()? },
+            "frame" => Request::Frame { head: self.head()?, path: self.path()?, pixels: self.pixels()? },
+            "attitude" => Request::Plant(SampleList::read(Subject::Attitude, &self.keys)?),
+            "observer" => Request::Plant(SampleList::read(Subject::Observer, &self.keys)?),
+            "jitter" => Request::Plant(SampleList::read(Subject::Jitter, &self.keys)?),
             "summary" => Request::Summary,
             _ => Request::Finish,
         })
@@ -214,6 +232,14 @@ impl Keys {
             None => Ok(None),
             Some(Value::String(path)) if !path.is_empty() => Ok(Some(path.clone())),
             Some(other) => Err(format!("path is {}; wanted the path of a FITS file to write", shown(other))),
+        }
+    }
+
+    fn pixels(&self) -> Result<bool, String> {
+        match self.keys.get("pixels") {
+            None => Ok(true),
+            Some(Value::Bool(pixels)) => Ok(*pixels),
+            Some(other) => Err(format!("pixels is {}; wanted true or false", shown(other))),
         }
     }
 

@@ -63,10 +63,15 @@ pub(super) fn answer(request: &Request, scenario: &Scenario, steering: &Steering
                 move |far: &mut crate::wiring::far_side::FarSide| answers::estimate(far.vehicle(), mounting, &instants);
             steering.on_far_end(look).map_err(|error| error.to_string())
         }
-        Request::Frame { head, path } => {
+        Request::Plant(_) => {
+            let why = "the real clock takes a plant outside by a link, such as a bus or link.kind = \"udp\"; run with --clock \
+                       virtual to send samples here";
+            Err(why.into())
+        }
+        Request::Frame { head, path, pixels } => {
             let ended = steering.ended().map(|(times, _)| times.zero);
             let zero = ended.map_or_else(|| instants(steering).map(|instants| instants.zero), Ok)?;
-            steering.newest().answer(*head, path.as_deref(), zero)
+            steering.newest().answer(*head, path.as_deref(), *pixels, zero)
         }
         Request::Finish => Ok(Value::Null),
     }
