@@ -1,5 +1,6 @@
 //! What a closed loop answers to each request: times in seconds after the first exposure, angles in deg or rad as named.
 
+use crate::runtime::engine::origin_name;
 use crate::wiring::assessment::mode_name;
 use crate::wiring::control::protocol::{PROTOCOL_VERSION, REQUESTS, StepBy};
 use crate::wiring::control::samples::SampleList;
@@ -160,7 +161,7 @@ pub(super) fn received_truth(at_s: Option<f64>, going: &SteppedRun) -> Result<Va
     let mut answer = attitude(&(going.mounting() * estimated.state.body_from_icrf));
     answer["at_s"] = s(at, going).into();
     answer["body_rate_rad_s"] = estimated.state.rate_rad_s.to_array().to_vec().into();
-    answer["origin"] = estimated.origin.name().into();
+    answer["origin"] = origin_name(estimated.origin).into();
     Ok(answer)
 }
 
