@@ -11,6 +11,7 @@ use crate::runtime::frame_faults::{Fate, FrameFaults};
 use crate::runtime::head_step::HeadStep;
 use crate::runtime::ledger::{Event, EventKind, Ledger};
 use crate::runtime::outcome::{RunOutcome, lines_of_head};
+use crate::runtime::outside_tracker::OutsideTracker;
 use crate::runtime::plant_queue::{PlantQueue, PlantRefusal};
 use crate::runtime::plant_sample::PlantSample;
 use crate::runtime::port_reading::PortReading;
@@ -67,6 +68,8 @@ pub struct VirtualLoop {
     far_due: Option<Tai>,
     /// Samples of a plant outside.
     plant: PlantQueue,
+    /// The tracker of each head beside a plant outside, where it has one.
+    trackers: Vec<Option<OutsideTracker>>,
     /// Each head's next slot.
     slots: Vec<u32>,
     /// Until when each head's next slot waits for jitter samples; `None` when it is drawn at its release.
@@ -99,6 +102,7 @@ impl VirtualLoop {
             record: RunRecord::default(),
             far_due: None,
             plant: PlantQueue::default(),
+            trackers: Vec::new(),
             slots: Vec::new(),
             waits_until: Vec::new(),
             pending: VecDeque::new(),
@@ -141,6 +145,17 @@ impl VirtualLoop {
             samples.iter().for_each(|sample| self.record.ledger.note(refused(sample)));
         }
         put
+    }
+
+    /// Lets these trackers, one place for each head, see the frames as they go out; before the first frame.
+    pub fn set_trackers(&mut self, trackers: Vec<Option<OutsideTracker>>) {
+        self.trackers = trackers;
+    }
+
+    /// The tracker of a head beside a plant outside, if it has one.
+    #[must_use]
+    pub fn tracker(&self, head: usize) -> Option<&OutsideTracker> {
+        self.trackers.get(head).and_then(Option::as_ref)
     }
 
     /// Samples of a plant outside that wait.
@@ -367,6 +382,10 @@ impl VirtualLoop {
             let sent = head.sink.send(&pending.frame);
             self.note_losses(head.sink);
             sent?;
+            if let Some(tracker) = self.trackers.get_mut(pending.head).and_then(Option::as_mut) {
+                let beta = head.engine.observer_beta(pending.frame.meta.mid_exposure).map_err(RunError::Scene)?;
+                tracker.take_frame(&pending.frame, at, beta);
+            }
             self.record.count_outgoing(&pending.frame.meta);
             self.record.frames.delivered += 1;
             let sending = watch.lap();

@@ -5,7 +5,7 @@
 //! Tests: `tests/closed_loop/pixels.rs`, `campaign.rs`, `control.rs`.
 
 use crate::runtime::virtual_time::{Head, VirtualLoop, World};
-use crate::runtime::{PlantSample, PortReading, RunError, RunParams, RunRecord, lines_of_head};
+use crate::runtime::{PlantSample, PortReading, TrackerOutput, RunError, RunParams, RunRecord, lines_of_head};
 use crate::wiring::assemble::{Outputs, Run, RunClock, RunOptions};
 use crate::wiring::cable::Cable;
 use crate::wiring::error::LoopError;
@@ -13,6 +13,7 @@ use crate::wiring::far_side::FarSide;
 use crate::wiring::fault_desk::{FaultDesk, make_ready};
 use crate::wiring::faults::FaultLine;
 use crate::wiring::heads::RunHead;
+use crate::wiring::outside_trackers::outside_trackers;
 use crate::wiring::run_end::{Flown, LoopView, RunEnd, keep_first, losses};
 use crate::wiring::run_times::RunTimes;
 use crate::wiring::taps::Taps;
@@ -24,7 +25,7 @@ use core::cell::RefCell;
 use frames::sink::{SentFrame, Sink};
 use plan::attitude::{EstimatedAttitude, state_at};
 use std::sync::Arc;
-use testbed::vehicle::{TelemetryRow, Vehicle};
+use testbed::vehicle::{HeadReport, TelemetryRow, Vehicle};
 
 /// A run on the virtual clock.
 pub struct SteppedRun {
@@ -63,6 +64,7 @@ impl SteppedRun {
             going.record_mut().ledger.note(note);
         }
         let Run { scenario, times, heads, desk, taps, cable, .. } = run;
+        going.set_trackers(outside_trackers(&scenario, times.start)?);
         let cable = cable.ok_or_else(|| anyhow::anyhow!("a run without a cable"))?;
         let (mounting, is_outside) = (scenario.bench.sensor_from_body, scenario.plant == Plant::Outside);
         Ok(Self { clock, going, heads, cable, far: RefCell::new(far), desk, taps, mounting, times, is_outside })
@@ -134,6 +136,29 @@ impl SteppedRun {
         (self.going.plant().len(), self.going.plant().last_attitude_at())
     }
 
+    /// What the built-in tracker of a head says of the newest frame that it is done with; `None` before the first.
+    ///
+    /// # Errors
+    /// When the head has no tracker.
+    pub fn tracker_output(&self, head: usize) -> Result<Option<TrackerOutput>, LoopError> {
+        if let Some(tracker) = self.going.tracker(head) {
+            return Ok(tracker.output(self.now()));
+        }
+        let of_report = |report: &HeadReport| {
+            let (frame, mid_exposure) = report.frame?;
+            report.last.map(|outcome| TrackerOutput { frame, mid_exposure, outcome })
+        };
+        let found = self.with_vehicle(|vehicle| vehicle.head_reports().nth(head).map(of_report)).flatten();
+        found.ok_or_else(|| {
+            let heads = self.heads.len();
+            let why = format!(
+                "head {head} of {heads} has no tracker inside; wanted a head below {heads}, and [plant.tracker] with a plant \
+                 outside, or a spacecraft"
+            );
+            LoopError::Event { what: "tracker", why }
+        })
+    }
+
     /// Attitude of the body that frames of the first head are drawn with, by the samples taken in so far.
     ///
     /// # Errors
@@ -187,10 +212,25 @@ impl SteppedRun {
         self.far.borrow().vehicle().map(look)
     }
 
+    /// Does something with the vehicle, at the run's time, which `act` gets.
+    ///
+    /// # Errors
+    /// When no spacecraft is flown inside.
+    pub fn with_vehicle_mut<T>(&mut self, act: impl FnOnce(&mut Vehicle, Tai) -> T) -> Result<T, LoopError> {
+        let now = self.now();
+        self.far.get_mut().vehicle_mut().map(|vehicle| act(vehicle, now)).ok_or(LoopError::NothingFlown)
+    }
+
     /// Mounting of the first head.
     #[must_use]
     pub fn mounting(&self) -> Rotation<Sensor, Body> {
         self.mounting
+    }
+
+    /// Mounting of a head; of the first one where there is no such head.
+    #[must_use]
+    pub fn mounting_of(&self, head: usize) -> Rotation<Sensor, Body> {
+        self.heads.get(head).map_or(self.mounting, |head| head.mounting)
     }
 
     /// The end of a frame's readout in the first head, the number counted from 0.

@@ -1,5 +1,6 @@
 //! What a closed loop answers to each request: times in seconds after the first exposure, angles in deg or rad as named.
 
+use crate::runtime::TrackerOutput;
 use crate::runtime::engine::origin_name;
 use crate::wiring::assessment::mode_name;
 use crate::wiring::control::protocol::{PROTOCOL_VERSION, REQUESTS, StepBy};
@@ -12,7 +13,7 @@ use config::{Event, Scenario};
 use frames::report::RunNumbers;
 use serde_json::{Map, Value, json};
 use testbed::acs::Mode;
-use testbed::tracker::{Mode as TrackerMode, Outcome};
+use testbed::tracker::{Mode as TrackerMode, Outcome, Solution};
 use testbed::vehicle::{HeadReport, Vehicle};
 
 /// Where a step goes.
@@ -165,6 +166,39 @@ pub(super) fn received_truth(at_s: Option<f64>, going: &SteppedRun) -> Result<Va
     Ok(answer)
 }
 
+/// What the built-in tracker of a head says of the newest frame that it is done with.
+pub(super) fn tracker(head: usize, going: &SteppedRun) -> Result<Value, String> {
+    let output = going.tracker_output(head).map_err(|error| error.to_string())?;
+    let Some(TrackerOutput { frame, mid_exposure, outcome }) = output else {
+        return Ok(json!({ "valid": false, "stars": 0, "reason": "no frame yet" }));
+    };
+    let mut answer = match outcome {
+        Outcome::Solved(solution) => {
+            let mut answer = solved(&solution);
+            let body_from_sensor = going.mounting_of(head).inverse();
+            answer["body_from_icrf"] = (body_from_sensor * solution.sensor_from_icrf).wxyz().into();
+            answer["valid"] = true.into();
+            answer
+        }
+        Outcome::NoSolution(reason) => json!({ "valid": false, "stars": 0, "reason": reason.to_string() }),
+    };
+    answer["frame"] = frame.into();
+    answer["mid_exposure_s"] = s(mid_exposure, going).into();
+    Ok(answer)
+}
+
+/// An attitude that a tracker has found.
+fn solved(solution: &Solution) -> Value {
+    let mut answer = attitude(&solution.sensor_from_icrf);
+    answer["stars"] = solution.stars.into();
+    answer["residual_rms_px"] = solution.residual_rms_px.into();
+    answer["found_by"] = match solution.mode {
+        TrackerMode::LostInSpace => "lost_in_space".into(),
+        TrackerMode::Tracking => "tracking".into(),
+    };
+    answer
+}
+
 /// A trigger goes over the bus: whether the stimulator takes it, the events in its report tell.
 pub(super) fn trigger(number: u16, at_s: Option<f64>, going: &mut SteppedRun) -> Result<Value, String> {
     let at = at_s.map(|at_s| going.zero() + Span::from_s(at_s));
@@ -217,15 +251,9 @@ fn head(report: &HeadReport, instants: &Instants) -> Value {
         None => json!({ "outcome": "no_frame_yet" }),
         Some(Outcome::NoSolution(reason)) => json!({ "outcome": "no_attitude", "reason": reason.to_string() }),
         Some(Outcome::Solved(solution)) => {
-            let mut answer = attitude(&solution.sensor_from_icrf);
+            let mut answer = solved(&solution);
             answer["outcome"] = "attitude".into();
             answer["at_s"] = instants.s(solution.at).into();
-            answer["stars"] = solution.stars.into();
-            answer["residual_rms_px"] = solution.residual_rms_px.into();
-            answer["found_by"] = match solution.mode {
-                TrackerMode::LostInSpace => "lost_in_space".into(),
-                TrackerMode::Tracking => "tracking".into(),
-            };
             answer
         }
     };

@@ -14,6 +14,7 @@ mod lines;
 mod newest;
 mod output;
 pub mod protocol;
+mod reaction;
 mod samples;
 mod steered;
 #[cfg(test)]
@@ -255,6 +256,12 @@ impl ControlSession {
             Request::Frame { head, path, pixels } => {
                 Ok(self.newest.answer(*head, path.as_deref(), *pixels, going.zero())?)
             }
+            Request::React(reaction) => {
+                let zero = going.zero();
+                let done = going.with_vehicle_mut(|vehicle, now| reaction.act(vehicle, zero, now));
+                Ok(done.map_err(|error| error.to_string())??)
+            }
+            Request::Tracker { head } => Ok(answers::tracker(*head, going)?),
             Request::Plant(samples) => Ok(answers::plant(samples, going)?),
             Request::Summary => {
                 let report = going.look(self.newest.frames_crc32(), &mut *stage.report);

@@ -15,6 +15,11 @@
 //! {"request": "attitude", "samples": [[0.01, 1, 0, 0, 0, 0, 0, 0]]}   of a plant outside: see `samples`
 //! {"request": "observer", "samples": [[0, 7000, 0, 0, 0, 7.5, 0]], "unit": "km"}
 //! {"request": "jitter", "samples": [[0.001, 0.2, -0.1, 0]], "unit": "arcsec"}
+//! {"request": "tracker", "head": 0}                what the built-in star tracker says of its newest frame
+//! {"request": "control", "by": "outside"}          who drives the wheels of a spacecraft inside; see `reaction`
+//! {"request": "wheels", "torques_n_m": [0.01, 0, 0, 0]}
+//! {"request": "torque", "torque_n_m": [0.1, 0, 0], "for_s": 2.0}
+//! {"request": "tracker_attitude", "at_s": 1.05, "body_from_icrf": [1, 0, 0, 0], "sigma_arcsec": 10}
 //! {"request": "event", "event": {...}}             the same as inject
 //! ```
 //!
@@ -23,6 +28,7 @@
 //! Times are seconds after the first exposure. An event has the keys of `[[event]]` in a scenario file; without `at_s` it
 //! begins now.
 
+use crate::wiring::control::reaction::Reaction;
 use crate::wiring::control::samples::{SampleList, Subject};
 use serde_json::{Map, Value, json};
 
@@ -71,6 +77,13 @@ pub enum Request {
     },
     /// Samples of a plant outside.
     Plant(SampleList),
+    /// What a controller or a tracker outside does to a spacecraft that is flown inside.
+    React(Reaction),
+    /// What the built-in star tracker says of its newest frame.
+    Tracker {
+        /// Of this head.
+        head: usize,
+    },
     /// Report so far.
     Summary,
     /// End of the run.
@@ -89,7 +102,7 @@ pub enum StepBy {
 }
 
 /// Every request by name, with the keys that it takes.
-pub(super) const REQUESTS: [(&str, &[&str]); 14] = [
+pub(super) const REQUESTS: [(&str, &[&str]); 19] = [
     ("hello", &["token"]),
     ("state", &[]),
     ("step", &["s", "frames", "until_s"]),
@@ -104,6 +117,11 @@ pub(super) const REQUESTS: [(&str, &[&str]); 14] = [
     ("observer", &["samples", "unit"]),
     ("jitter", &["samples", "unit"]),
     ("event", &["event"]),
+    ("tracker", &["head"]),
+    ("control", &["by", "trackers"]),
+    ("wheels", &["torques_n_m", "at_s"]),
+    ("torque", &["torque_n_m", "at_s", "for_s"]),
+    ("tracker_attitude", &["at_s", "body_from_icrf", "sigma_arcsec"]),
 ];
 
 /// Reads one line: the request's id, when there is one, and the request, or what is wrong with it in plain words.
@@ -175,6 +193,8 @@ impl Keys {
             "attitude" => Request::Plant(SampleList::read(Subject::Attitude, &self.keys)?),
             "observer" => Request::Plant(SampleList::read(Subject::Observer, &self.keys)?),
             "jitter" => Request::Plant(SampleList::read(Subject::Jitter, &self.keys)?),
+            "tracker" => Request::Tracker { head: self.head()? },
+            "control" | "wheels" | "torque" | "tracker_attitude" => Request::React(Reaction::read(&name, &self.keys)?),
             "summary" => Request::Summary,
             _ => Request::Finish,
         })
