@@ -38,7 +38,7 @@ fn requests_are_read() {
     assert_eq!(read(r#"{"request": "trigger", "number": 65535}"#), trigger(None));
     assert_eq!(read(r#"{"request": "trigger", "number": 65535, "at_s": 2.5}"#), trigger(Some(2.5)));
     assert_eq!(read(r#"{"request": "truth"}"#), Request::Truth { at_s: None });
-    assert_eq!(read(r#"{"request": "frame", "head": 1}"#), Request::Frame { head: 1, path: None });
+    assert_eq!(read(r#"{"request": "frame", "head": 1}"#), Request::Frame { head: 1, path: None, pixels: true });
     let (id, _) = parse(r#"{"id": [1, "a"], "request": "dance"}"#);
     assert_eq!(id, Some(json!([1, "a"])), "an id is echoed whatever it is and whatever is wrong");
 }
@@ -68,6 +68,12 @@ fn what_is_wrong_with_a_request_is_said() {
         (r#"{"request": "truth", "at_s": null}"#, "at_s is null"),
         (r#"{"request": "frame", "head": -1}"#, "head is -1"),
         (r#"{"request": "frame", "path": ""}"#, "path is \"\""),
+        (r#"{"request": "frame", "pixels": 0}"#, "pixels is 0; wanted true or false"),
+        (r#"{"request": "attitude"}"#, "samples is missing"),
+        (r#"{"request": "attitude", "samples": [[0, 1, 0, 0]]}"#, "samples[0] has 4 numbers"),
+        (r#"{"request": "attitude", "samples": [[0, 1, 0, 0, 0, 0, 0, 1e999]]}"#, "not JSON"),
+        (r#"{"request": "attitude", "samples": [], "unit": "km"}"#, "unknown key \"unit\" in attitude"),
+        (r#"{"request": "observer", "samples": [[0]], "unit": 1}"#, "unit is 1; wanted \"km\" or \"m\""),
     ];
     for (line, part) in cases {
         let error = parse(line).1.expect_err(line);
