@@ -40,6 +40,13 @@ pub struct OutsideTrackers {
     pub most_stars: usize,
 }
 
+impl Default for OutsideTrackers {
+    /// What `[plant.tracker]` gives without a key.
+    fn default() -> Self {
+        Self { delay: Span::from_ms(50), tag_error: Span::ZERO, most_stars: 40 }
+    }
+}
+
 /// A spacecraft that is flown inside the program, checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Vehicle {

@@ -10,16 +10,18 @@ use crate::state::State;
 use crate::variables::reference;
 use base::axes::Rotation;
 use base::time::{Span, Tai};
-use base::units::M_PER_KM;
-use config::{Carrier, Document, Doors, PackedDocuments, Plant, Scenario};
+use config::{Action, Camera, Carrier, Document, Doors, Event, PackedDocuments, Plant, Scenario};
 use frames::sink::{SentFrame, TruthKind};
 use glam::DVec3;
-use run::runtime::{PlantAttitude, PlantSample};
+use run::runtime::{EventKind, PlantAttitude, PlantSample};
 use run::wiring::assemble::{Outputs, Run, RunOptions};
 use run::wiring::stepped::SteppedRun;
 use sky::observer::BarycentricState;
 use std::path::{Path, PathBuf};
+use testbed::tracker::Outcome;
 
+/// Inputs are in metres, the program's orbits in kilometres.
+const M_PER_KM: f64 = 1000.0;
 /// Largest difference of a quaternion's norm from 1.
 const NORM_TOLERANCE: f64 = 1e-3;
 /// Largest difference of a step's begin from the end of the step before, s.
@@ -81,6 +83,8 @@ pub struct Slave {
     time_s: [f64; 1],
     refused: u64,
     fired: u32,
+    /// Jitter was given: from then on zeros are jitter too.
+    has_jitter: bool,
     run: Option<SteppedRun>,
 }
 
@@ -104,12 +108,17 @@ impl Slave {
             return Err(damaged(format!("its token is {wanted}, and that of the description {given_token}")));
         }
         scenario.plant = Plant::Outside;
+        scenario.bench.flight_computer.is_external = true;
+        let is_known_lens = |camera: &Camera| camera.distortion.polynomial.is_none();
+        if (0..heads).all(|head| is_known_lens(&scenario.bench.of_head(head).camera)) {
+            scenario.trackers.get_or_insert_default();
+        }
         scenario.bench.link.carrier = Carrier::Simulated(Doors::default());
         scenario.bench.link.pps = None;
         scenario.bench.extra_links.clear();
         let heads = vec![HeadOutputs::default(); heads];
         let (state, inputs) = (State::Instantiated, Inputs::default());
-        Ok(Self { scenario, state, inputs, heads, time_s: [0.0], refused: 0, fired: 0, run: None })
+        Ok(Self { scenario, state, inputs, heads, time_s: [0.0], refused: 0, fired: 0, has_jitter: false, run: None })
     }
 
     /// Enters initialisation; time begins at `start_s`, which must be 0: the first exposure.
@@ -172,16 +181,19 @@ impl Slave {
         let Some(run) = &mut self.run else { return Err(FmuError::Step { from_s, step_s, at_s }) };
         let at = run.zero() + Span::from_s(from_s);
         if self.inputs.trigger_count > self.fired {
-            run.fire_trigger(self.inputs.trigger, at);
+            let (on_trigger, lasts) = (None, Span::ZERO);
+            let action = Action::Trigger { number: self.inputs.trigger };
+            run.inject(&Event { at: at - run.zero(), on_trigger, lasts, action })?;
         }
         self.fired = self.inputs.trigger_count;
+        self.has_jitter |= self.inputs.jitter != [0.0; 3];
         let sample = PlantSample {
             at,
             attitude: Some(attitude),
-            jitter_rad: Some(DVec3::from_array(self.inputs.jitter)).filter(|jitter| *jitter != DVec3::ZERO),
+            jitter_rad: self.has_jitter.then(|| DVec3::from_array(self.inputs.jitter)),
             observer: self.inputs.has_observer.then(|| self.inputs.observer()),
         };
-        self.refused += u64::from(!run.take_plant(&sample));
+        run.take_plant(&[sample])?;
         let until = if self.inputs.predict { at + Span::from_s(step_s) } else { at };
         let (heads, zero) = (&mut self.heads, run.zero());
         let outcome = run.advance_to(until, &mut |head, frame, _record| {
@@ -194,7 +206,8 @@ impl Slave {
             self.state = State::Failed;
             return Err(error.into());
         }
-        self.take_tracker();
+        self.refused = run.record().ledger.count(EventKind::SampleRefused);
+        self.take_trackers();
         self.time_s = [from_s + step_s];
         Ok(())
     }
@@ -220,13 +233,31 @@ impl Slave {
         self.run = None;
         self.heads.fill(HeadOutputs::default());
         (self.inputs, self.state, self.time_s) = (Inputs::default(), State::Instantiated, [0.0]);
-        (self.refused, self.fired) = (0, 0);
+        (self.refused, self.fired, self.has_jitter) = (0, 0, false);
     }
 
-    /// Returns the state as a word, for messages.
+    /// Returns the time at which the next step begins, s.
     #[must_use]
     pub fn time_s(&self) -> f64 {
         self.time_s[0]
+    }
+
+    /// Brings what the trackers say to the outputs.
+    fn take_trackers(&mut self) {
+        let Some(run) = &self.run else { return };
+        for (number, head) in self.heads.iter_mut().enumerate() {
+            // A head without a tracker, or before its first frame, stays invalid.
+            let Ok(Some(output)) = run.tracker_output(number) else { continue };
+            head.tracker_time_s = [(output.mid_exposure - run.zero()).s()];
+            match output.outcome {
+                Outcome::Solved(solution) => {
+                    head.tracker_valid = true;
+                    head.tracker_q = solution.sensor_from_icrf.wxyz();
+                    head.tracker_stars = i32::try_from(solution.stars).unwrap_or(i32::MAX);
+                }
+                Outcome::NoSolution(_) => (head.tracker_valid, head.tracker_stars) = (false, 0),
+            }
+        }
     }
 
     fn attitude(&self) -> Result<PlantAttitude, FmuError> {
