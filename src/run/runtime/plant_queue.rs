@@ -67,7 +67,7 @@ pub enum PlantRefusal {
     #[error("it has neither attitude nor jitter nor an observer's state")]
     Empty,
     /// Too many wait.
-    #[error("{WAITING_MAX} samples wait already; step before sending more")]
+    #[error("{} samples wait already; step before sending more", WAITING_MAX)]
     Full,
 }
 
@@ -89,7 +89,9 @@ impl PlantQueue {
         let mut added: Vec<(Tai, Part)> = Vec::new();
         for (place, sample) in samples.iter().enumerate() {
             if let Err(why) = self.add(sample, &mut added) {
-                added.iter().for_each(|key| drop(self.waiting.remove(key)));
+                for key in &added {
+                    self.waiting.remove(key);
+                }
                 return Err((place, why));
             }
         }
@@ -104,7 +106,9 @@ impl PlantQueue {
             let key = (sample.at, part);
             match self.waiting.entry(key) {
                 Entry::Occupied(_) => return Err(PlantRefusal::Twice { part: part.name() }),
-                Entry::Vacant(place) => drop(place.insert(alone)),
+                Entry::Vacant(place) => {
+                    place.insert(alone);
+                }
             }
             added.push(key);
         }

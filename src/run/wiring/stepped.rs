@@ -5,6 +5,7 @@
 //! Tests: `tests/closed_loop/pixels.rs`, `campaign.rs`, `control.rs`.
 
 use crate::runtime::virtual_time::{Head, VirtualLoop, World};
+use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
 use crate::runtime::{PlantSample, PortReading, TrackerOutput, RunError, RunParams, RunRecord, lines_of_head};
 use crate::wiring::assemble::{Outputs, Run, RunClock, RunOptions};
 use crate::wiring::cable::Cable;
@@ -122,6 +123,12 @@ impl SteppedRun {
             let now_s = (self.going.now() - zero).s();
             refuse(format!("sample {place} of {} (t_s {t_s}, it is {now_s} s now): {why}", samples.len()))
         })
+    }
+
+    /// Counts a list of samples that could not be read.
+    pub(super) fn note_bad_samples(&mut self) {
+        let now = self.now();
+        self.going.record_mut().ledger.note(LedgerEvent::new(EventKind::SampleRefused, now, None, Span::ZERO));
     }
 
     /// Whether the plant is outside.

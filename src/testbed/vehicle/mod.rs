@@ -366,7 +366,9 @@ impl Vehicle {
         while let Some((from, drive)) = self.torques.front().copied().filter(|(from, _)| *from <= at) {
             self.spacecraft.advance_to(from);
             match drive {
-                Drive::Body(torque_n_m) => drop(self.spacecraft.command_torques(torque_n_m)),
+                Drive::Body(torque_n_m) => {
+                    self.spacecraft.command_torques(torque_n_m);
+                }
                 Drive::Wheels(torques_n_m) => self.spacecraft.command_wheels(&torques_n_m),
             }
             self.torques.pop_front();

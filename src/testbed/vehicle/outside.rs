@@ -42,7 +42,7 @@ pub enum OutsideError {
         count: usize,
     },
     /// A torque that is none.
-    #[error("got a torque of {got} N m; wanted a finite one, at most {MOST_N_M} N m")]
+    #[error("got a torque of {got} N m; wanted a finite one, at most {} N m", MOST_N_M)]
     Torque {
         /// The number.
         got: f64,
@@ -60,7 +60,7 @@ pub enum OutsideError {
         lasts: Span,
     },
     /// Too many commands wait.
-    #[error("{WAITING_MAX} commands wait already; wanted fewer at a time")]
+    #[error("{} commands wait already; wanted fewer at a time", WAITING_MAX)]
     Full,
     /// An attitude of another time.
     #[error("its time tag is {} s ago; wanted 0 to {} s", age.s(), OLDEST_FIX.s())]

@@ -262,6 +262,10 @@ impl ControlSession {
                 Ok(done.map_err(|error| error.to_string())??)
             }
             Request::Tracker { head } => Ok(answers::tracker(*head, going)?),
+            Request::BadSamples(why) => {
+                going.note_bad_samples();
+                Err(Refusal::Request(why.clone()))
+            }
             Request::Plant(samples) => Ok(answers::plant(samples, going)?),
             Request::Summary => {
                 let report = going.look(self.newest.frames_crc32(), &mut *stage.report);

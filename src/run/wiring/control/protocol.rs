@@ -77,6 +77,8 @@ pub enum Request {
     },
     /// Samples of a plant outside.
     Plant(SampleList),
+    /// Samples that cannot be read, and why: they are counted.
+    BadSamples(String),
     /// What a controller or a tracker outside does to a spacecraft that is flown inside.
     React(Reaction),
     /// What the built-in star tracker says of its newest frame.
@@ -190,9 +192,9 @@ impl Keys {
             "state" => Request::State,
             "estimate" => Request::Estimate,
             "frame" => Request::Frame { head: self.head()?, path: self.path()?, pixels: self.pixels()? },
-            "attitude" => Request::Plant(SampleList::read(Subject::Attitude, &self.keys)?),
-            "observer" => Request::Plant(SampleList::read(Subject::Observer, &self.keys)?),
-            "jitter" => Request::Plant(SampleList::read(Subject::Jitter, &self.keys)?),
+            "attitude" => self.samples(Subject::Attitude),
+            "observer" => self.samples(Subject::Observer),
+            "jitter" => self.samples(Subject::Jitter),
             "tracker" => Request::Tracker { head: self.head()? },
             "control" | "wheels" | "torque" | "tracker_attitude" => Request::React(Reaction::read(&name, &self.keys)?),
             "summary" => Request::Summary,
@@ -253,6 +255,10 @@ impl Keys {
             Some(Value::String(path)) if !path.is_empty() => Ok(Some(path.clone())),
             Some(other) => Err(format!("path is {}; wanted the path of a FITS file to write", shown(other))),
         }
+    }
+
+    fn samples(&self, subject: Subject) -> Request {
+        SampleList::read(subject, &self.keys).map_or_else(Request::BadSamples, Request::Plant)
     }
 
     fn pixels(&self) -> Result<bool, String> {

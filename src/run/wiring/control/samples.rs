@@ -17,7 +17,7 @@ use serde_json::{Map, Value};
 use sky::observer::BarycentricState;
 
 /// Most samples in one list.
-pub const SAMPLES_MAX: usize = 4096;
+const SAMPLES_MAX: usize = 4096;
 /// Furthest time from the first exposure, s: three years.
 const MOST_S: f64 = 1e8;
 /// Largest difference from 1 of a quaternion's norm: nine decimals of each component, with a margin.

@@ -69,16 +69,27 @@ fn what_is_wrong_with_a_request_is_said() {
         (r#"{"request": "frame", "head": -1}"#, "head is -1"),
         (r#"{"request": "frame", "path": ""}"#, "path is \"\""),
         (r#"{"request": "frame", "pixels": 0}"#, "pixels is 0; wanted true or false"),
-        (r#"{"request": "attitude"}"#, "samples is missing"),
-        (r#"{"request": "attitude", "samples": [[0, 1, 0, 0]]}"#, "samples[0] has 4 numbers"),
         (r#"{"request": "attitude", "samples": [[0, 1, 0, 0, 0, 0, 0, 1e999]]}"#, "not JSON"),
         (r#"{"request": "attitude", "samples": [], "unit": "km"}"#, "unknown key \"unit\" in attitude"),
-        (r#"{"request": "observer", "samples": [[0]], "unit": 1}"#, "unit is 1; wanted \"km\" or \"m\""),
     ];
     for (line, part) in cases {
         let error = parse(line).1.expect_err(line);
         assert!(error.contains(part), "{line}: no \"{part}\" in: {error}");
     }
+}
+
+#[test]
+fn samples_that_cannot_be_read_are_requests_to_be_counted() {
+    for (line, part) in [
+        (r#"{"request": "attitude"}"#, "samples is missing"),
+        (r#"{"request": "attitude", "samples": [[0, 1, 0, 0]]}"#, "samples[0] has 4 numbers"),
+        (r#"{"request": "observer", "samples": [[0]], "unit": 1}"#, "unit is 1; wanted \"km\" or \"m\""),
+    ] {
+        let request = parse(line).1.expect(line);
+        assert!(matches!(&request, Request::BadSamples(why) if why.contains(part)), "{line}: {request:?}");
+    }
+    let good = r#"{"request": "attitude", "samples": [[0, 1, 0, 0, 0, 0, 0, 0]]}"#;
+    assert!(matches!(parse(good).1, Ok(Request::Plant(_))), "control");
 }
 
 #[test]
