@@ -12,9 +12,9 @@
 use crate::description::{MODEL_IDENTIFIER, Model, description};
 use crate::error::FmuError;
 use crate::variables::variables;
+use config::{Document, Plant, Scenario};
 use frames::sink::replace_own_file;
 use frames::zip_archive::archive;
-use config::{Document, Plant, Scenario};
 use std::path::Path;
 
 /// The packed run file, below the resources.

@@ -162,8 +162,11 @@ mod tests {
     fn units_that_variables_use_are_defined() {
         let text = of("bench", 1);
         let document = roxmltree::Document::parse(&text).unwrap();
-        let defined: Vec<_> =
-            document.descendants().filter(|node| node.has_tag_name("Unit")).filter_map(|n| n.attribute("name")).collect();
+        let defined: Vec<_> = document
+            .descendants()
+            .filter(|node| node.has_tag_name("Unit"))
+            .filter_map(|n| n.attribute("name"))
+            .collect();
         let used: Vec<_> = document.descendants().filter_map(|node| node.attribute("unit")).collect();
         assert!(!used.is_empty() && used.iter().all(|unit| defined.contains(unit)), "{used:?} of {defined:?}");
     }

@@ -225,7 +225,7 @@ impl Slave {
             self.state = State::Failed;
             return Err(error.into());
         }
-        Ok(end.losses.first().map(ToString::to_string))
+        Ok((!end.losses.is_empty()).then(|| end.losses.to_string()))
     }
 
     /// Begins again, as after the instantiation. The folder for frames must be another one or gone.
@@ -345,7 +345,10 @@ impl Slave {
         match reference {
             reference::PREDICT => Some(self.inputs.predict),
             reference::HAS_OBSERVER => Some(self.inputs.has_observer),
-            other => self.head(other).filter(|(_, within)| *within == reference::TRACKER_VALID).map(|(head, _)| head.tracker_valid),
+            other => self
+                .head(other)
+                .filter(|(_, within)| *within == reference::TRACKER_VALID)
+                .map(|(head, _)| head.tracker_valid),
         }
     }
 
@@ -402,6 +405,7 @@ impl HeadOutputs {
         self.frames += 1;
         self.mid_exposure_s = [(meta.mid_exposure - zero).s()];
         self.truth = meta.attitude_wxyz;
-        self.stars = i32::try_from(frame.truth.iter().filter(|star| star.kind == TruthKind::Star).count()).unwrap_or(i32::MAX);
+        self.stars =
+            i32::try_from(frame.truth.iter().filter(|star| star.kind == TruthKind::Star).count()).unwrap_or(i32::MAX);
     }
 }
