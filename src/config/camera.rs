@@ -12,7 +12,7 @@ use crate::file_kind::{FileKind, must_be};
 use crate::illumination::IlluminationKeys;
 use crate::key::section;
 use crate::mtf::{MtfKeys, belongs_to_chain};
-use crate::optics::{Distortion, DistortionKeys, Optics, OpticsKeys, Psf};
+use crate::optics::{Distortion, DistortionKeys, Optics, OpticsKeys};
 use crate::psf::PsfKeys;
 use crate::radiometry::{Exposure, ExposureKeys, Radiometry, RadiometryKeys, RadiometryModel};
 use crate::several::check_all;

@@ -85,7 +85,7 @@ pub use head::Head;
 pub use link::{Carrier, Doors, FlowControl, Link, Parity, SerialPort, Wire};
 pub use mtf::{Chain, LightOfChain};
 pub use observer::{Observer, OrbitStart};
-pub use optics::{Distortion, Optics, Psf};
+pub use optics::{Distortion, Optics};
 pub use plant::{Plant, Vehicle};
 pub use radiometry::{Exposure, Radiometry, RadiometryModel};
 pub use reference::key_reference;

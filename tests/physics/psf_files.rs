@@ -3,7 +3,7 @@
 use config::{Camera, ConfigError, Document, Psf};
 use frames::sink::fits::card::Header;
 use frames::sink::fits::{Pixels, write_image};
-use plan::optics::PsfModel;
+use plan::optics::{PsfModel, RoundPsf};
 use std::path::Path;
 
 /// Share of a Gaussian's light in the pixel `x` from its middle.
