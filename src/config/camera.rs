@@ -13,7 +13,7 @@ use crate::illumination::IlluminationKeys;
 use crate::key::section;
 use crate::mtf::{MtfKeys, belongs_to_chain};
 use crate::optics::{Distortion, DistortionKeys, Optics, OpticsKeys};
-use crate::psf::PsfKeys;
+use crate::psf::{Psf, PsfKeys};
 use crate::radiometry::{Exposure, ExposureKeys, Radiometry, RadiometryKeys, RadiometryModel};
 use crate::several::check_all;
 use base::units::{ARCSEC, DEG};

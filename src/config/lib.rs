@@ -87,6 +87,7 @@ pub use mtf::{Chain, LightOfChain};
 pub use observer::{Observer, OrbitStart};
 pub use optics::{Distortion, Optics};
 pub use plant::{Plant, Vehicle};
+pub use psf::Psf;
 pub use radiometry::{Exposure, Radiometry, RadiometryModel};
 pub use reference::key_reference;
 pub use scenario::{Scenario, is_scenario};
