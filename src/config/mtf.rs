@@ -99,7 +99,7 @@ impl Chain {
             fabrication_um,
             diffusion: diffusion(keys, check)?,
             aperture_px,
-            tdi: tdi(keys, detector.spatial.tdi, check)?,
+            tdi: tdi(keys, detector.params.spatial.tdi, check)?,
             circuit: circuit(keys, check)?,
             band: Vec::new(),
         };

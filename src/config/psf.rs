@@ -14,6 +14,7 @@ use crate::optics::{LARGEST_OBSCURATION, Optics};
 use frames::sink::fits::FitsImage;
 use plan::exposure::PsfSampling;
 use plan::optics::measured::{Background, Holds, MeasuredError, Measurement, StarAt};
+use plan::optics::moffat::Moffat;
 use plan::optics::psf_field::{MOST_NODES, PsfField};
 use plan::optics::{PsfGrid, PsfModel};
 use serde::Deserialize;
@@ -250,8 +251,7 @@ impl NodeKeys {
     pub(super) fn moffat(&self, check: &mut Checker<'_>) -> Result<PsfModel, ConfigError> {
         self.unused_by("moffat", check)?;
         let (fwhm_px, beta) = (self.fwhm_px().check(check)?, self.beta().check(check)?);
-        let alpha_px = 0.5 * fwhm_px / (2.0_f64.powf(1.0 / beta) - 1.0).sqrt();
-        Ok(PsfModel::moffat(alpha_px, beta))
+        Ok(PsfModel::Moffat(Moffat::of_fwhm(fwhm_px, beta)))
     }
 
     /// The image of a star.

@@ -76,6 +76,18 @@ impl DetectorParams {
         u16::try_from((1_u32 << self.bits.min(16)) - 1).unwrap_or(u16::MAX)
     }
 
+    /// Electrons at which the converter clips.
+    #[must_use]
+    pub fn converter_full_e(&self) -> f64 {
+        (f64::from(self.largest_dn()) - self.black_level_dn) * self.gain_e_per_dn
+    }
+
+    /// The same, when that is below the full well.
+    #[must_use]
+    pub fn converter_clips_at_e(&self) -> Option<f64> {
+        Some(self.converter_full_e()).filter(|e| *e < self.full_well_e)
+    }
+
     /// Electrons of one LSB of a converter that ends where the pixel does: `full well / 2^bits`.
     #[must_use]
     pub fn lsb_e(full_well_e: f64, bits: u32) -> f64 {
