@@ -13,6 +13,7 @@ pub mod energy;
 pub mod gaia_bands;
 pub mod gaussian;
 pub mod grey_map;
+pub mod halo;
 pub mod illumination;
 pub mod image_spline;
 pub mod measured;

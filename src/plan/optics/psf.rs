@@ -3,6 +3,7 @@
 
 use crate::optics::airy::Airy;
 use crate::optics::gaussian;
+use crate::optics::halo::Halo;
 use crate::optics::moffat::Moffat;
 use crate::optics::psf_field::PsfField;
 use crate::optics::psf_grid::PsfGrid;
@@ -21,6 +22,8 @@ pub enum PsfModel {
     Airy(Airy),
     /// A core with wings.
     Moffat(Moffat),
+    /// A Gaussian with a halo.
+    Halo(Halo),
     /// Samples of the pixel integral, and the spline through them.
     Grid(Arc<PsfGrid>),
     /// Another at every place of the detector.
@@ -63,6 +66,12 @@ impl PsfModel {
         Self::Moffat(Moffat::new(alpha_px, beta))
     }
 
+    /// A Gaussian with a halo; see [`Halo::new`].
+    #[must_use]
+    pub fn halo(sigma_px: f64, halo_sigma_px: f64, halo_share: f64) -> Self {
+        Self::Halo(Halo::new(sigma_px, halo_sigma_px, halo_share))
+    }
+
     /// Samples of the pixel integral.
     #[must_use]
     pub fn grid(grid: PsfGrid) -> Self {
@@ -82,6 +91,7 @@ impl PsfModel {
             Self::Gaussian { sigma_px } => PsfForm::Gaussian(*sigma_px),
             Self::Airy(airy) => PsfForm::Round(airy),
             Self::Moffat(moffat) => PsfForm::Round(moffat),
+            Self::Halo(halo) => PsfForm::Round(halo),
             Self::Grid(grid) => PsfForm::Grid(grid),
             Self::Field(field) => PsfForm::Field(field),
         }
