@@ -47,6 +47,23 @@ fn a_moffat_profile_has_the_width_asked_for() {
 }
 
 #[test]
+fn a_halo_is_read_and_its_keys_belong_to_its_model() {
+    let keys = "sigma_px = 0.8\nhalo_sigma_px = 2.5\nhalo_share = 0.2";
+    let psf = made(&format!("model = \"halo\"\n{keys}"));
+    assert_eq!(psf, PsfModel::halo(0.8, 2.5, 0.2));
+    assert_ne!(psf, PsfModel::halo(0.8, 2.5, 0.3), "control");
+    for (text, key) in [
+        (keys.to_owned(), "halo_sigma_px"),
+        ("model = \"halo\"\nsigma_px = 0.2".into(), "sigma_px"),
+        ("model = \"halo\"\nsigma_px = 4.0\nhalo_sigma_px = 3.0".into(), "halo_sigma_px"),
+        ("model = \"halo\"\nsampling = \"point\"".into(), "sampling"),
+    ] {
+        let refused = camera_in(Path::new("lab"), &text).expect_err(&text).to_string();
+        assert!(refused.contains(key), "{text}: {refused}");
+    }
+}
+
+#[test]
 fn a_measured_psf_is_read_from_beside_the_camera_file() {
     let directory = tempfile::tempdir().unwrap();
     write_star(&directory.path().join("star.fits"), 0.0);
