@@ -5,8 +5,7 @@
 //! 7th ed., section 8.5.2 and 8.6.2. The pixel integral is a tensor Gauss-Legendre rule with as many nodes as the
 //! pattern's own scale asks (error < 1e-12 of the flux for `L >= 0.2`; held against truth in `tests/physics`).
 
-use crate::optics::energy::{half_width, ringed};
-use crate::optics::quadrature::{Node, gauss_legendre, over_pixel};
+use crate::optics::quadrature::{Node, gauss_legendre, half_width, over_pixel, ringed};
 use crate::optics::round_psf::RoundPsf;
 use core::f64::consts::{PI, TAU};
 

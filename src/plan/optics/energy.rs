@@ -10,7 +10,7 @@
 //! Errors below 1e-9 of the flux for closed forms and Airy, 1e-6 for what is seen. Definitions: Strojnik, Optical
 //! Engineering (2023), for energy on detector; ISO 15529 for the others. The tests hold closed forms against sums.
 
-use crate::optics::quadrature::gauss_legendre;
+use crate::optics::quadrature::{bisected, gauss_legendre, half_width, ringed};
 use crate::optics::{PsfForm, PsfModel};
 use core::f64::consts::{PI, TAU};
 
@@ -37,20 +37,6 @@ pub fn encircled_energy(psf: &PsfModel, radius_px: f64) -> f64 {
 #[must_use]
 pub fn seen_encircled_energy(psf: &PsfModel, radius_px: f64) -> f64 {
     ringed(radius_px, 0.25, |r| around(psf, r))
-}
-
-/// Integral of `r around(r)` from 0 to `radius_px`, in panels no wider than `panel_px`.
-pub(super) fn ringed(radius_px: f64, panel_px: f64, around: impl Fn(f64) -> f64) -> f64 {
-    const NODES: usize = 6;
-    let nodes = gauss_legendre(NODES);
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a radius over a panel's width")]
-    let panels = (radius_px / panel_px).ceil().clamp(1.0, 1e4) as u32;
-    let width = radius_px / f64::from(panels);
-    let panel = |k: u32| -> f64 {
-        let at = |x: f64| (f64::from(k) + 0.5 + x) * width;
-        nodes.iter().map(|node| node.weight * width * at(node.x) * around(at(node.x))).sum()
-    };
-    (0..panels).map(panel).sum()
 }
 
 /// Integral of what pixels see over the angle, at a distance.
@@ -99,16 +85,6 @@ pub fn seen_fwhm_px(psf: &PsfModel) -> f64 {
     0.5 * (toward(1.0, 0.0) + toward(-1.0, 0.0) + toward(0.0, 1.0) + toward(0.0, -1.0))
 }
 
-/// Distance at which a profile first falls to half of what it is at 0, found in steps and then halved.
-pub(super) fn half_width(step_px: f64, profile: impl Fn(f64) -> f64) -> f64 {
-    let half = 0.5 * profile(0.0);
-    let mut low = 0.0;
-    while profile(low + step_px) > half && low < 1e3 {
-        low += step_px;
-    }
-    bisected([low, low + step_px], |r| half - profile(r))
-}
-
 /// Radius of the circle that holds `share` of what pixels see; `None`: more than the circle of `most_px` does.
 #[must_use]
 pub fn seen_radius_px(psf: &PsfModel, share: f64, most_px: f64) -> Option<f64> {
@@ -129,16 +105,6 @@ fn within_ring(psf: &PsfModel, from_px: f64, to_px: f64) -> f64 {
     let (middle, width) = (0.5 * (from_px + to_px), to_px - from_px);
     let ring = |x: f64| (middle + width * x) * around(psf, middle + width * x);
     gauss_legendre(6).iter().map(|node| node.weight * width * ring(node.x)).sum()
-}
-
-/// Where a function that is negative at the first place becomes positive.
-fn bisected(between: [f64; 2], f: impl Fn(f64) -> f64) -> f64 {
-    let [mut low, mut high] = between;
-    for _ in 0..50 {
-        let middle = 0.5 * (low + high);
-        if f(middle) < 0.0 { low = middle } else { high = middle }
-    }
-    0.5 * (low + high)
 }
 
 /// Radius of the first dark ring of a clear pupil, px: `1.22 lambda N` over the pitch.

@@ -6,6 +6,7 @@ use crate::optics::gaussian;
 use crate::optics::halo::Halo;
 use crate::optics::moffat::Moffat;
 use crate::optics::psf_field::PsfField;
+pub use crate::optics::psf_grid::LARGEST_HALF_PX;
 use crate::optics::psf_grid::PsfGrid;
 use crate::optics::round_psf::RoundPsf;
 use std::sync::Arc;
@@ -42,10 +43,6 @@ pub enum PsfForm<'a> {
     /// A blend of those at the nodes about the star.
     Field(&'a Arc<PsfField>),
 }
-
-/// No footprint reaches further from its star than this, px: beyond it an Airy pattern's wings are given up and
-/// reported as lost flux.
-pub const LARGEST_HALF_PX: usize = 48;
 
 impl PsfModel {
     /// A circular Gaussian.

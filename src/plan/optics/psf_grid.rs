@@ -9,9 +9,11 @@
 
 use crate::optics::gaussian;
 use crate::optics::image_spline::Spline;
-use crate::optics::psf::LARGEST_HALF_PX;
 use core::f64::consts::PI;
 
+/// No footprint reaches further from its star than this, px: beyond it an Airy pattern's wings are given up and
+/// reported as lost flux.
+pub const LARGEST_HALF_PX: usize = 48;
 /// Most negative sample that is taken, share of the peak: ringing of a transform, noise of a measurement.
 pub const NEGATIVE_SHARE: f64 = 0.01;
 /// Least and most flux of a grid: what is missing has left the grid, what is too much is wrong.
