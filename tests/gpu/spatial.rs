@@ -182,13 +182,14 @@ fn everything_at_once_agrees() {
 fn the_comparison_sees_a_defect_more_and_another_share() {
     let spatial = SpatialParams { image_lag: Some(ImageLag { share: 0.05 }), ..SpatialParams::OFF };
     let other = SpatialParams { image_lag: Some(ImageLag { share: 0.051 }), ..SpatialParams::OFF };
-    let (Some(a), Some(b)) = (both(spatial, SIZE, |_| {}), both(other, SIZE, |_| {})) else { return };
+    let at = DetectorConditions::dark(EXPOSURE_S);
+    let (Some(a), Some(b)) = (both(spatial, SIZE, &at, |_| {}), both(other, SIZE, &at, |_| {})) else { return };
     assert!(!DnDifference::between(&a[2][0], &b[2][1]).within(SHARE), "another share");
     let one = |detector: &mut Detector| {
         let (place, kind) = (DefectPlace::Pixel(60, 40), DefectKind::Hot { extra_e_per_s: 1e5 });
         detector.disturbances_mut().defects_mut().insert(Defect { place, kind }).expect("room");
     };
-    let Some(c) = both(spatial, SIZE, one) else { return };
+    let Some(c) = both(spatial, SIZE, &at, one) else { return };
     assert!(!DnDifference::between(&a[2][0], &c[2][1]).within(SHARE), "a hot pixel");
 }
 
