@@ -9,6 +9,7 @@ use base::source::ra_dec_rad;
 use base::time::{Span, Tai};
 use base::units::{DEG, MAS};
 use config::{Camera, Document};
+use image::detector::DetectorConditions;
 use plan::attitude::LosPath;
 use plan::exposure::{MethodChoice, Planner, Source, SourcePlace};
 use run::runtime::{BackendChoice, Imager};
@@ -198,7 +199,7 @@ fn count(name: &str, mag_g: f64) -> Counts {
         let plan = planner.plan(view.in_view(&los).unwrap());
         assert_eq!(plan.stars.len(), pixels.len(), "every star is drawn");
         let mut dn = DnImage::new(width, height);
-        imager.image(plan, 0, &mut dn).unwrap();
+        imager.image(plan, 0, &DetectorConditions::dark(camera.exposure_s), &mut dn).unwrap();
         let (gain, black) = (camera.detector.gain_e_per_dn, camera.detector.black_level_dn);
         let e = |x: usize, y: usize| (f64::from(dn.get(x, y).unwrap()) - black) * gain;
         for [x, y] in &pixels {

@@ -5,7 +5,7 @@ use crate::noise::STANDARD_ERRORS;
 use crate::scene::{EXPOSURE_S, draw_cpu, planner, star};
 use base::image::{DnImage, ElectronImage, Image};
 use config::{Camera, Document};
-use image::detector::{Detector, DetectorParams};
+use image::detector::{Detector, DetectorConditions, DetectorParams};
 use plan::optics::PsfModel;
 use plan::optics::snr::{PixelNoise, Window, electrons_for_snr};
 use run::wiring::sensitivity::{Conditions, Sensitivity};
@@ -116,7 +116,7 @@ fn sums(params: DetectorParams, electrons: f64, side_px: usize, weight: impl Fn(
     let mut dn = DnImage::new(SIZE, SIZE);
     let mut out = Vec::new();
     for frame in 0..FRAMES {
-        detector.collect(&mean, frame, EXPOSURE_S, &mut dn);
+        detector.collect(&mean, frame, &DetectorConditions::dark(EXPOSURE_S), &mut dn);
         out.extend(places().map(|[x, y]| {
             let pixels = (y - half..=y + half).flat_map(|y| (x - half..=x + half).map(move |x| [x, y]));
             let electrons = pixels.map(|[x, y]| {

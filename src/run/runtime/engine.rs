@@ -21,7 +21,7 @@ use frames::sink::{ActiveFaults, FaultFlags, FrameMeta, SentFrame};
 use glam::DVec3;
 use image::detector::binning::Levels;
 use image::detector::defects::Defects;
-use image::detector::{DetectorParams, Seeds};
+use image::detector::{DetectorConditions, DetectorParams, Seeds};
 use plan::attitude::{
     AttitudeMethod, EstimateLimits, JitterTrack, LosPath, MotionScale, PathOrigin, PathOutcome, PathReport, compose,
 };
@@ -84,7 +84,7 @@ impl FrameEngine {
     /// # Errors
     /// When the imager refuses what the parameters want of it.
     pub fn with_sky(params: RunParams, mut imager: Imager, sky: &Sky, almanac: &Almanac) -> Result<Self, RunError> {
-        imager.set_frame_period(params.frame_period);
+        imager.disturbances_mut().defects_mut().set_frame_period_s(params.frame_period.s());
         let camera = &params.camera;
         let mut los = LosPath::commanded(Rotation::IDENTITY, params.first_exposure, camera.exposure_s);
         let attitude = &params.attitude;
@@ -150,21 +150,13 @@ impl FrameEngine {
 
     /// Defects of the detector, to be changed from the next frame on.
     pub fn defects_mut(&mut self) -> &mut Defects {
-        self.imager.defects_mut()
+        self.imager.disturbances_mut().defects_mut()
     }
 
-    /// Brings the conditions to the planner and the detector.
+    /// Brings the conditions to the planner.
     pub fn take_conditions(&mut self) {
         self.use_optics(self.conditions.optics);
-        let Conditions { stray_e_per_s, flood_e, throughput, .. } = self.conditions;
-        #[allow(clippy::cast_possible_truncation, reason = "electrons are single precision")]
-        let stray_light_e = (throughput * stray_e_per_s * self.params.camera.exposure_s + flood_e) as f32;
-        self.imager.set_stray_light_e(stray_light_e);
-        let detector = &self.params.camera.detector;
-        self.imager.set_temperature_c(detector.dark_law.operating_c + self.conditions.warmer_k);
-        // Both fluxes have been checked where they were given.
-        let _ = self.imager.set_proton_flux(self.conditions.protons.or(detector.spatial.protons));
-        self.planner.set_target_light(throughput);
+        self.planner.set_target_light(self.conditions.throughput);
     }
 
     fn use_optics(&mut self, number: usize) {
@@ -295,7 +287,7 @@ impl FrameEngine {
     pub fn warm_up(&mut self, frame: &mut SentFrame) -> Result<(), RunError> {
         let sources = self.scene.stars.in_view(&self.planner.latest().motion.los)?;
         let plan = self.planner.plan(sources);
-        self.imager.image(plan, 0, &mut frame.image)?;
+        self.imager.image(plan, 0, &DetectorConditions::dark(plan.motion.los.exposure_s), &mut frame.image)?;
         // What it left in the pixels is no frame's.
         self.imager.reset_detector();
         Ok(())
@@ -330,7 +322,7 @@ impl FrameEngine {
         let los = &self.planner.latest().motion.los;
         let found = self.scene.find(los, has_stars)?;
         scene_events::note(&found, slot, ledger);
-        self.imager.set_background(self.conditions.dimmed(found.background));
+        let conditions = self.conditions.of_detector(los.exposure_s, found.background);
         let (camera, sensor_from_icrf) = (&self.params.camera.geometry, los.mid_sensor_from_icrf);
         let sources = if has_stars {
             self.conditions.seen(self.scene.sources(), camera, &sensor_from_icrf, self.params.seed)
@@ -350,9 +342,9 @@ impl FrameEngine {
             let (at, frame) = (slot.release, Some(slot.number));
             ledger.note(Event { kind: EventKind::Degraded, at, frame, span: predicted, rung: plan.rung, what: "" });
         }
-        let left_out = self.imager.protons_left_out();
-        let imaging = self.imager.image(plan, slot.number, &mut frame.image)?;
-        if self.imager.protons_left_out() > left_out {
+        let left_out = self.imager.disturbances().protons_left_out();
+        let imaging = self.imager.image(plan, slot.number, &conditions, &mut frame.image)?;
+        if self.imager.disturbances().protons_left_out() > left_out {
             note(ledger, EventKind::ProtonsLeftOut, slot, Span::ZERO);
         }
         times.merge(&imaging.by_stage());
@@ -361,7 +353,7 @@ impl FrameEngine {
         fill_truth(plan, &output, sight, &mut frame.truth);
         self.scene.stars.name_stars(&mut frame.truth);
         fill_targets(plan, self.scene.targets.facts(), &output, &mut frame.targets);
-        add_tracks(self.imager.proton_tracks(), &output, &mut frame.truth);
+        add_tracks(self.imager.disturbances().proton_tracks(), &output, &mut frame.truth);
         let (seeds, detector) = (self.params.seeds(), &self.params.camera.detector);
         fill_meta(plan, slot.number, seeds, detector, self.imager.name(), &mut frame.meta);
         if let Some(drawn_from_sensor) = &self.params.drawn_from_sensor {

@@ -17,7 +17,6 @@ use plan::attitude::{JitterLine, RemoteClockLimits};
 use plan::exposure::cost::CostModel;
 use plan::exposure::target::FIRST_TARGET_ID;
 use plan::exposure::{Target, TargetWay};
-use plan::optics::PsfModel;
 use plan::optics::snr::electrons_for_snr;
 use scene::camera::CameraParams;
 use scene::sky_targets::SkyTarget;
@@ -137,7 +136,7 @@ fn bodies(bench: &Bench, camera: &CameraParams) -> Result<bool> {
 
 /// Targets by script with their light in electrons and their times in TAI.
 fn scripted(bench: &Bench, camera: &CameraParams, first_exposure: Tai) -> Result<Vec<Target>> {
-    if !bench.targets.is_empty() && matches!(camera.psf, PsfModel::Field(_)) {
+    if !bench.targets.is_empty() && camera.psf.as_field().is_some() {
         bail!(
             "bench \"{}\" has [[target]], and camera \"{}\" a PSF that changes over the field: targets are drawn with one PSF; \
              choose a camera with one, or leave the targets out",

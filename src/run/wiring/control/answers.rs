@@ -53,7 +53,7 @@ impl Instants {
 pub(super) fn hello(scenario: &Scenario, instants: &Instants, clock: &str) -> Value {
     let (camera, timing) = (&scenario.bench.camera, &scenario.bench.timing);
     let sensor_px = [camera.detector.width_px, camera.detector.height_px].map(|side| side as usize);
-    let [width, height] = camera.detector.spatial.output(sensor_px).size_px;
+    let [width, height] = camera.detector.params.spatial.output(sensor_px).size_px;
     json!({
         "protocol": PROTOCOL_VERSION,
         "scenario": scenario.name,
