@@ -395,6 +395,9 @@ impl Receiver {
     }
 }
 
+#[path = "plain_intake.rs"]
+mod plain_intake;
+
 #[cfg(test)]
 #[path = "receiver_tests.rs"]
 mod tests;
