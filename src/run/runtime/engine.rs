@@ -318,6 +318,7 @@ impl FrameEngine {
             self.planner.set_time_budget_ms(limit_ms - wait_ms);
         }
         let mut watch = Stopwatch::start();
+        self.follow_observer(receiver, slot, ledger);
         let has_stars = match self.compose(slot, receiver, ledger)? {
             Shown::Stars => true,
             Shown::Dark => false,
@@ -380,6 +381,18 @@ impl FrameEngine {
             marks.put(FrameMark { frame: slot.number, messages: receiver.messages_by_port(), load, rung });
         }
         Ok(Some(times))
+    }
+
+    /// Brings the observer's states from outside to the scene, and notes those that no orbit has and slots far from all.
+    fn follow_observer(&mut self, receiver: &mut Receiver, slot: Slot, ledger: &mut Ledger) {
+        for (at, state) in receiver.take_observers() {
+            if self.scene.follow_observer(at, state).is_err() {
+                note(ledger, EventKind::SampleRefused, slot, slot.release - at);
+            }
+        }
+        if self.scene.is_observer_far(slot.exposure_end) {
+            note(ledger, EventKind::ObserverPredicted, slot, Span::ZERO);
+        }
     }
 
     /// Line of sight of the slot into the planner.
