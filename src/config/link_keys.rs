@@ -92,12 +92,8 @@ pub(super) enum Kind {
 }
 
 /// Every wire by its word, those of CAN first.
-pub(super) const WIRES: [(&str, Wire); 4] = [
-    ("can_fd", Wire::CanFd),
-    ("can_classic", Wire::CanClassic),
-    ("serial", Wire::Serial),
-    ("plain", Wire::Plain),
-];
+pub(super) const WIRES: [(&str, Wire); 4] =
+    [("can_fd", Wire::CanFd), ("can_classic", Wire::CanClassic), ("serial", Wire::Serial), ("plain", Wire::Plain)];
 
 fn port_or_address() -> Shape {
     Shape::either(Shape::Whole(0..=65_535), Shape::Text("address:port"))

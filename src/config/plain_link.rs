@@ -13,16 +13,8 @@ use base::time::Span;
 use link::plain::{Encoding, FIELD_NAMES, LayoutError, PlainLayout, QuaternionSense, TimeMeaning};
 
 /// Keys that only plain links have.
-const KEYS: [&str; 8] = [
-    "encoding",
-    "layout",
-    "quaternion",
-    "rate_unit",
-    "time_unit",
-    "time",
-    "spacecraft_number",
-    "sender_timeout_s",
-];
+const KEYS: [&str; 8] =
+    ["encoding", "layout", "quaternion", "rate_unit", "time_unit", "time", "spacecraft_number", "sender_timeout_s"];
 
 /// A plain link, checked.
 #[derive(Debug, Clone, PartialEq)]
@@ -103,7 +95,9 @@ fn refused(keys: &LinkTable, place: Option<usize>, error: &LayoutError, check: &
     let got = name.map_or_else(|| error.to_string(), |name| format!("\"{name}\": {error}"));
     let names = FIELD_NAMES.map(|(name, _)| name).join(", ");
     let wanted = format!("some of {names}; vectors whole, and \"t\" unless time = \"arrival\"");
-    keys.layout().advised("name the numbers in their order in the message; skip leaves one unread").invalid(got, wanted, check)
+    keys.layout()
+        .advised("name the numbers in their order in the message; skip leaves one unread")
+        .invalid(got, wanted, check)
 }
 
 /// What carries a plain link over the network.
@@ -165,7 +159,6 @@ pub(super) const SENSES: [(&str, QuaternionSense); 2] =
 
 /// Meanings of the time by their words.
 pub(super) const TIMES: [(&str, TimeMeaning); 2] = [("tag", TimeMeaning::Tag), ("arrival", TimeMeaning::Arrival)];
-
 
 #[cfg(test)]
 #[path = "plain_link_tests.rs"]

@@ -22,14 +22,19 @@ fn each_carrier_and_convention_is_read() {
     let udp = link("kind = \"udp\"\nlisten = 29700").unwrap();
     assert_eq!(udp.carrier, Carrier::Udp { listen: "127.0.0.1:29700".parse().unwrap() }, "on loopback");
     assert_eq!((udp.wire, udp.plain.unwrap().layout), (Wire::Plain, PlainLayout::default()));
-    let tcp = link("kind = \"tcp\"\nconnect = \"10.0.0.1:5\"\nencoding = \"json\"\nlayout = [\"q_x\", \"q_y\", \"q_z\", \"q_w\", \
+    let tcp = link(
+        "kind = \"tcp\"\nconnect = \"10.0.0.1:5\"\nencoding = \"json\"\nlayout = [\"q_x\", \"q_y\", \"q_z\", \"q_w\", \
                     \"w_x\", \"w_y\", \"w_z\"]\nquaternion = \"conjugate\"\nrate_unit = \"deg_s\"\ntime_unit = \"ms\"\ntime = \
-                    \"arrival\"");
+                    \"arrival\"",
+    );
     let tcp = tcp.unwrap();
     assert_eq!(tcp.carrier, Carrier::Tcp { address: "10.0.0.1:5".parse().unwrap(), connects: true });
     let layout = tcp.plain.unwrap().layout;
     assert_eq!((layout.fields.len(), layout.fields[3]), (7, Field::Quaternion(0)));
-    assert_eq!((layout.encoding, layout.sense, layout.time), (Encoding::Json, QuaternionSense::Conjugate, TimeMeaning::Arrival));
+    assert_eq!(
+        (layout.encoding, layout.sense, layout.time),
+        (Encoding::Json, QuaternionSense::Conjugate, TimeMeaning::Arrival)
+    );
     assert!((layout.angle_unit_rad - 1.0_f64.to_radians()).abs() < 1e-18 && (layout.time_unit_ns - 1e6).abs() < 1e-9);
     let lines = link("kind = \"tcp\"\nlisten = 0\nencoding = \"42\"\nspacecraft_number = 2").unwrap();
     let layout = lines.plain.unwrap().layout;
@@ -45,7 +50,10 @@ fn what_does_not_belong_or_is_missing_is_refused_by_name() {
         ("kind = \"udp\"\nlisten = 1\nbit_rate = 9600.0", "link.bit_rate"),
         ("kind = \"udp\"\nlisten = 1\nencoding = \"42\"", "TCP"),
         ("kind = \"udp\"\nlisten = 1\nlayout = [\"t\", \"q\"]", "\"q\": no field"),
-        ("kind = \"udp\"\nlisten = 1\nlayout = [\"q_w\", \"q_x\", \"q_y\", \"q_z\", \"w_x\", \"w_y\", \"w_z\"]", "no \"t\""),
+        (
+            "kind = \"udp\"\nlisten = 1\nlayout = [\"q_w\", \"q_x\", \"q_y\", \"q_z\", \"w_x\", \"w_y\", \"w_z\"]",
+            "no \"t\"",
+        ),
         ("kind = \"udp\"\nlisten = 1\nspacecraft_number = 1", "encoding = \"42\""),
         ("kind = \"tcp\"", "link.listen"),
         ("kind = \"tcp\"\nlisten = 1\nconnect = 2", "link.connect"),

@@ -8,7 +8,7 @@
 //! `Source/AutoCode/TxRxIPC.c`, `Kit/Source/mathkit.c`. Tests: `tests`, `hil_scripts/test_plain_links.py`.
 
 use super::layout::TimeMeaning;
-use super::{NORM_TOLERANCE, PlainAttitude, PlainReject, PlainRecord, PlainState, PlainTime};
+use super::{NORM_TOLERANCE, PlainAttitude, PlainRecord, PlainReject, PlainState, PlainTime};
 
 /// The last line of a message.
 pub(crate) const END_OF_MESSAGE: &[u8] = b"[ENDMSG]";

@@ -1,7 +1,7 @@
 //! Which numbers a plain message has, in which order, form and units.
 
 use super::field::Field;
-use super::{FIELDS_MAX, PlainAttitude, PlainReject, PlainRecord, PlainState, PlainTime, NORM_TOLERANCE};
+use super::{FIELDS_MAX, NORM_TOLERANCE, PlainAttitude, PlainRecord, PlainReject, PlainState, PlainTime};
 
 /// Form of the numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -23,8 +23,8 @@ mod sequence;
 mod tests;
 
 pub use codec::PlainCodec;
-pub(crate) use forty_two::{ACKNOWLEDGE, END_OF_MESSAGE};
 pub use field::{FIELD_NAMES, Field};
+pub(crate) use forty_two::{ACKNOWLEDGE, END_OF_MESSAGE};
 pub use layout::{Encoding, LayoutError, PlainLayout, QuaternionSense, TimeMeaning};
 pub use reject::{PlainReject, PlainRejectCounters};
 

@@ -1,8 +1,8 @@
 //! Bytes of one message -> its values, by form; and back. Reading packed numbers allocates nothing.
 
+use super::PlainReject;
 use super::field::Field;
 use super::layout::{Encoding, PlainLayout, Values};
-use super::PlainReject;
 use core::fmt::Write;
 use serde_json::Value;
 
@@ -47,7 +47,9 @@ fn json(layout: &PlainLayout, bytes: &[u8]) -> Result<Values, PlainReject> {
         let found = match &value {
             Value::Array(row) if row.len() == layout.fields.len() => row.get(place),
             Value::Array(_) => return Err(PlainReject::Length),
-            Value::Object(table) => table.get(field.name()).or_else(|| component(table.get(field.vector()?)?, layout, *field)),
+            Value::Object(table) => {
+                table.get(field.name()).or_else(|| component(table.get(field.vector()?)?, layout, *field))
+            }
             Value::Null | Value::Bool(_) | Value::Number(_) | Value::String(_) => return Err(PlainReject::Json),
         };
         let number = found.ok_or(PlainReject::FieldMissing)?;

@@ -80,7 +80,9 @@ fn json_is_an_object_by_name_or_by_vector_or_an_array() {
     let layout = PlainLayout { encoding: Encoding::Json, ..PlainLayout::default() };
     let [w, x, ..] = turned();
     let texts = [
-        format!("{{\"t\":1.5,\"q_w\":{w},\"q_x\":{x},\"q_y\":0,\"q_z\":0,\"w_x\":0.01,\"w_y\":-0.02,\"w_z\":0.03,\"more\":[]}}"),
+        format!(
+            "{{\"t\":1.5,\"q_w\":{w},\"q_x\":{x},\"q_y\":0,\"q_z\":0,\"w_x\":0.01,\"w_y\":-0.02,\"w_z\":0.03,\"more\":[]}}"
+        ),
         format!("{{\"q\":[{w},{x},0,0],\"w\":[0.01,-0.02,0.03],\"t\":1.5}}\n"),
         format!("[1.5,{w},{x},0,0,0.01,-0.02,0.03]"),
     ];

@@ -32,6 +32,11 @@ impl Receiver {
     }
 
     fn accept_plain(&mut self, record: &PlainRecord, arrived: Tai, ledger: &mut Ledger) {
+        if self.is_repeated(record.time) {
+            // No mark either: the clock of a sender that hangs would be taken for one that stepped back again and again.
+            ledger.note(Event::new(EventKind::SampleRefused, arrived, None, Span::ZERO));
+            return;
+        }
         let Some(at) = self.plain_instant(record.time, arrived, ledger) else {
             ledger.note(Event::new(EventKind::NoTimeYet, arrived, None, Span::ZERO));
             return;
@@ -48,6 +53,14 @@ impl Receiver {
             ..PlantSample::at(at)
         };
         self.take_plant(&sample, arrived, ledger);
+    }
+
+    /// Whether the sender's clock reads what it read before.
+    fn is_repeated(&mut self, time: PlainTime) -> bool {
+        match time {
+            PlainTime::Arrival => false,
+            PlainTime::Tag(tag_ns) => self.plain_tag.replace(tag_ns) == Some(tag_ns),
+        }
     }
 
     /// The instant of a record. `None` before a clock of any epoch is known.

@@ -56,7 +56,8 @@ pub(super) fn open_tcp(
 pub(super) fn notes(kind: &str, address: SocketAddr) -> Vec<String> {
     let place = format!("link: {kind} at {address}");
     let is_exposed = !address.ip().is_loopback();
-    let exposed = || format!("starloop: {kind} at {address} can be reached from other machines, and asks for no password");
+    let exposed =
+        || format!("starloop: {kind} at {address} can be reached from other machines, and asks for no password");
     core::iter::once(place).chain(is_exposed.then(exposed)).collect()
 }
 
