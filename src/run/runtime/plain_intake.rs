@@ -56,10 +56,10 @@ impl Receiver {
     }
 
     /// Whether the sender's clock reads what it read before.
-    fn is_repeated(&mut self, time: PlainTime) -> bool {
+    fn is_repeated(&self, time: PlainTime) -> bool {
         match time {
             PlainTime::Arrival => false,
-            PlainTime::Tag(tag_ns) => self.plain_tag.replace(tag_ns) == Some(tag_ns),
+            PlainTime::Tag(tag_ns) => self.plain_tags.is_some_and(|(last_ns, _)| last_ns == tag_ns),
         }
     }
 
@@ -74,8 +74,16 @@ impl Receiver {
         }
     }
 
-    /// A tag is a mark of the sender's clock: it is read when the message is sent.
+    /// A tag is a mark of the sender's clock: it is read when the message is sent. One that is a little older than the newest
+    /// belongs to a message that was overtaken, and is no mark: its clock did not step back.
     fn take_tag(&mut self, tag_ns: i64, arrived: Tai, ledger: &mut Ledger) {
+        let newest_ns = self.plain_tags.map_or(tag_ns, |(_, newest_ns)| newest_ns);
+        let behind = Span::from_ns(newest_ns.saturating_sub(tag_ns));
+        if behind > Span::ZERO && behind < self.params.clock.step {
+            self.plain_tags = Some((tag_ns, newest_ns));
+            return;
+        }
+        self.plain_tags = Some((tag_ns, tag_ns));
         let before = self.clock.estimate();
         match self.clock.observe(tag_ns, arrived) {
             Observed::Used => self.follow_clock(),

@@ -88,6 +88,23 @@ fn jump_of_the_tags_is_an_event_and_no_old_attitude_is_shown_as_new() {
 }
 
 #[test]
+fn overtaken_message_is_taken_and_its_tag_is_no_mark() {
+    let mut bench = bench();
+    let tag = |late_ms: i64| move |at: Tai| PlainTime::Tag((at - START).ns() + 5 - late_ms * 1_000_000);
+    for i in 0..50 {
+        // Of every ten messages two arrive after a newer one.
+        let late_ms = match i % 10 {
+            7 => 25,
+            8 => 15,
+            _ => 0,
+        };
+        bench.send(10 * i, tag(late_ms));
+    }
+    assert_eq!((bench.accepted(), bench.count(EventKind::ClockStepped)), (50, 0));
+    assert_eq!(bench.receiver.history().counts().out_of_order, 10);
+}
+
+#[test]
 fn repeated_message_is_refused_and_its_attitude_stays_as_old_as_it_is() {
     let mut bench = bench();
     let tag = |at: Tai| PlainTime::Tag((at - START).ns() + 5);
