@@ -14,6 +14,7 @@ use crate::key_type::{Any, Numbers, Raw, Shape, Whole, Word};
 use crate::link::{Carrier, Link, Wire};
 use crate::link_keys::LinkKeys;
 use crate::observer::{Observer, ObserverKeys};
+use crate::plain_link;
 use crate::plant::{PlantKeys, PlantKind};
 use crate::scenario::Scenario;
 use crate::session::{Session, SessionKeys};
@@ -247,7 +248,7 @@ fn check_both_ends(
     }
     let far_port = |link: &Link| match &link.carrier {
         Carrier::SerialPort(settings) => Some(settings.far_port.is_some()),
-        Carrier::Simulated(_) | Carrier::SocketCan { .. } => None,
+        Carrier::Simulated(_) | Carrier::SocketCan { .. } | Carrier::Udp { .. } | Carrier::Tcp { .. } => None,
     };
     if far_port(link) == Some(false) && !computer.is_external {
         let advice = "a serial port has another program, or machine, at its other end; link.far_port names a second port at \
@@ -334,6 +335,7 @@ impl Bench {
         flight_computer.check_slew_begins_before(timing.duration_s, &check)?;
         check_classic_jitter(&link, &flight_computer, &check)?;
         check_both_ends(&link, &extra_links, &flight_computer, &check)?;
+        plain_link::check_bench((&link, &extra_links), &flight_computer, &session, &check)?;
         let (attitude_hz, jitter_hz) = (flight_computer.attitude_hz, flight_computer.jitter_sample_hz);
         if keys.attitude.link_delay_us().is_given() && link.latency_us > 0.0 {
             let wanted = "not given beside link.latency_us";

@@ -41,6 +41,7 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("benches/grabber.toml", include_str!("../../configs/benches/grabber.toml")),
     ("benches/serial.toml", include_str!("../../configs/benches/serial.toml")),
     ("benches/socketcan.toml", include_str!("../../configs/benches/socketcan.toml")),
+    ("benches/udp.toml", include_str!("../../configs/benches/udp.toml")),
     ("links/serial_port.toml", include_str!("../../configs/links/serial_port.toml")),
     ("links/socketcan.toml", include_str!("../../configs/links/socketcan.toml")),
     ("links/simulated_can_fd.toml", include_str!("../../configs/links/simulated_can_fd.toml")),

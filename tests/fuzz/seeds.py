@@ -214,7 +214,21 @@ def elements():
     yield "values_of_two", head(3, 7) + bytes([1, 1, 11, 1]) + b"7" + bytes([1, 4, 3]) + b"0.7"
 
 
-for target in (can_decode, serial_resync, slcan, socketcand, captures, network_camera, session, layer, star_lines,
+def plain():
+    # Form, meaning of time, sense, fields beyond the usual ones; angle and rate of the good message.
+    head = lambda form, fields=b"": bytes([form, 0, 0, len(fields)]) + fields + bytes([0, 4, 1, 0])
+    numbers = (1.5, 1.0, 0.0, 0.0, 0.0, 0.01, -0.02, 0.03)
+    yield "little", head(0) + struct.pack("<8d", *numbers)
+    yield "big", head(1) + struct.pack(">8d", *numbers)
+    yield "json", head(2) + b'{"t":1.5,"q":[1,0,0,0],"w_x":0.01,"w_y":-2e-2,"w_z":0}'
+    yield "array", head(2) + json.dumps(numbers).encode()
+    yield "text", head(3) + b"1.5, 1 0 0 0; 0.01 -0.02 0.03\n"
+    yield "jitter", head(0, bytes([0, 14, 13, 12, 20])) + struct.pack("<5d", 1, 2, 3, 4, 5)
+    yield "lines", head(4) + (b"TIME 2025-079-12:00:00.010000000\nSC[0].qn = [ 0.0 0.0 0.0 1.0]\nSC[0].wn = [ 0 0 0]\n"
+                              b"SC[0].PosR = [1 2 3]\nOrb[0].PosN = [7e6 0 0]\nOrb[0].VelN = [0 7e3 0]\n[ENDMSG]\n")
+
+
+for target in (can_decode, serial_resync, slcan, socketcand, captures, plain, network_camera, session, layer, star_lines,
                elements):
     folder = HERE / "corpus" / target.__name__
     folder.mkdir(parents=True, exist_ok=True)

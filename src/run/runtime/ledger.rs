@@ -95,6 +95,8 @@ events! {
     LinkErrors = "link_errors",
     /// Packets were lost in a full queue of the link, or could not be sent.
     LinkOverflow = "link_overflow",
+    /// A plain link refused messages: of another layout, of another sender, or too long. The summary counts them by reason.
+    InputRefused = "input_refused",
     /// Frames show stars from here on: a RUN was accepted.
     SessionRun = "session_run",
     /// Frames show no stars from here on: a STOP, or a peer of another major version.

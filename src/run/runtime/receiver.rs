@@ -69,6 +69,8 @@ pub struct Receiver {
     late_jitter: u64,
     /// Messages taken in by each port.
     messages: [u64; PORTS_MAX],
+    /// Times of the last plain message and of the newest one, by their sender's clock.
+    plain_tags: Option<(i64, i64)>,
     /// States of the observer for the next exposure.
     observers: VecDeque<(Tai, BarycentricState)>,
     /// Number of the latest attitude of a plant outside.
@@ -97,6 +99,7 @@ impl Receiver {
             drawn_until: None,
             late_jitter: 0,
             messages: [0; PORTS_MAX],
+            plain_tags: None,
             observers: VecDeque::with_capacity(OBSERVERS),
             plant_seq: 0,
             params,
@@ -447,6 +450,9 @@ impl Receiver {
         }
     }
 }
+
+#[path = "plain_intake.rs"]
+mod plain_intake;
 
 #[cfg(test)]
 #[path = "receiver_tests.rs"]

@@ -8,6 +8,21 @@ use plan::attitude::{EstimateLimits, HistoryLimits, RemoteClockLimits, StalePoli
 /// Attitudes and time marks come this far apart.
 const PERIOD_NS: i64 = NS_PER_S / 100;
 
+/// What a receiver of these tests believes.
+pub(super) fn params() -> AttitudeParams {
+    AttitudeParams {
+        estimate: EstimateLimits { policy: StalePolicy::Hold, ..EstimateLimits::default() },
+        history: HistoryLimits::default(),
+        jitter_history: HistoryLimits::default(),
+        jitter_max_gap: Span::from_ms(100),
+        jitter_wait: Span::from_ms(20),
+        clock: RemoteClockLimits::default(),
+        jitter_lines: Vec::new(),
+        jitter_epoch: Tai::from_ns(0),
+        sensor_from_body: Rotation::IDENTITY,
+    }
+}
+
 /// A flight computer whose clock may restart and step, the decoder of its port, and what receives it.
 struct Cable {
     decoder: Decoder,
@@ -24,19 +39,8 @@ struct Cable {
 impl Cable {
     /// Its clock reads `scet_s` at the beginning.
     fn new(scet_s: i64) -> Self {
-        let params = AttitudeParams {
-            estimate: EstimateLimits { policy: StalePolicy::Hold, ..EstimateLimits::default() },
-            history: HistoryLimits::default(),
-            jitter_history: HistoryLimits::default(),
-            jitter_max_gap: Span::from_ms(100),
-            jitter_wait: Span::from_ms(20),
-            clock: RemoteClockLimits::default(),
-            jitter_lines: Vec::new(),
-            jitter_epoch: Tai::from_ns(0),
-            sensor_from_body: Rotation::IDENTITY,
-        };
         let now_ns = 1000 * NS_PER_S;
-        let mut receiver = Receiver::new(params).unwrap();
+        let mut receiver = Receiver::new(params()).unwrap();
         receiver.expect_trigger(5);
         Self {
             decoder: Decoder::new(IdMap::new(0, 0).unwrap()),

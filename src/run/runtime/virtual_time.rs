@@ -248,10 +248,10 @@ impl VirtualLoop {
 
     /// Takes in what has arrived by `now`: every head hears everything, the first one answers and notes.
     fn receive(&mut self, now: Tai, heads: &mut [Head<'_>], port: &mut Port) -> Result<(), RunError> {
-        while let Some(message) = port.receive(now)? {
+        while let Some(message) = port.receive_any(now)? {
             for (i, head) in heads.iter_mut().enumerate() {
                 let ledger = if i == 0 { &mut self.record.ledger } else { &mut self.said_already };
-                let answer = head.receiver.accept(&message, ledger);
+                let answer = head.receiver.accept_input(0, &message, ledger);
                 if let Some(answer) = answer.filter(|_| i == 0) {
                     port.send(&answer)?;
                 }

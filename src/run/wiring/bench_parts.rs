@@ -276,6 +276,7 @@ pub fn bus_of(link: &config::Link) -> (BusParams, WireFormat) {
         }
         Wire::CanClassic => (BusTiming::CanClassic { bit_rate_bps: link.bit_rate as u32 }, WireFormat::CanClassic),
         Wire::Serial => (BusTiming::Serial { baud: link.bit_rate as u32 }, WireFormat::Serial),
+        Wire::Plain => (BusTiming::Datagram { bit_rate_bps: link.bit_rate as u32 }, WireFormat::Plain),
     };
     let latency = Span::from_s(link.latency_us * 1e-6);
     (BusParams { name: "simulated".into(), timing, latency, queue_packets: link.queue as usize }, format)

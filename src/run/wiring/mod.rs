@@ -22,6 +22,7 @@ pub mod live_tap;
 pub mod memory;
 pub mod motion;
 mod outside_trackers;
+mod plain_ends;
 pub mod ports;
 mod real;
 pub mod replay;

@@ -301,7 +301,7 @@ impl FlightComputer {
     fn send_sync(&mut self, count: u64, port: &mut Port) -> Result<(), LinkError> {
         let counter = low_byte(count);
         let left_at = port.send(&Message::Sync(Sync { counter }))?;
-        self.sent_sync = Some(SentSync { counter, left_at, packet: port.packets_sent() - 1 });
+        self.sent_sync = Some(SentSync { counter, left_at, packet: port.packets_sent().saturating_sub(1) });
         Ok(())
     }
 

@@ -101,7 +101,7 @@ fn delayed_packets_arrive_later_by_as_much_as_said_and_may_overtake() {
     assert!(arrived.is_sorted_by_key(|packet| packet.at), "handed on in order of arrival");
     let number = |packet: &Stamped<Packet>| match packet.value {
         Packet::Can(frame) => i64::from(u16::from_le_bytes([frame.data()[0], frame.data()[1]])),
-        Packet::Serial(_) => -1,
+        Packet::Serial(_) | Packet::Datagram(_) => -1,
     };
     let mut overtaken = 0;
     for pair in arrived.windows(2) {
@@ -140,7 +140,7 @@ fn the_seed_decides() {
 fn number_of(packet: &Stamped<Packet>) -> u16 {
     match packet.value {
         Packet::Can(frame) => u16::from_le_bytes([frame.data()[0], frame.data()[1]]),
-        Packet::Serial(_) => panic!("a CAN frame"),
+        Packet::Serial(_) | Packet::Datagram(_) => panic!("a CAN frame"),
     }
 }
 
