@@ -11,7 +11,7 @@ use crate::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
 use crate::head::{HEADS_MAX, Head, HeadKeys, check_heads};
 use crate::key::{Section, section};
 use crate::key_type::{Any, Numbers, Raw, Shape, Whole, Word};
-use crate::link::{Carrier, Doors, Link, Wire};
+use crate::link::{Carrier, Link, Wire};
 use crate::link_keys::LinkKeys;
 use crate::observer::{Observer, ObserverKeys};
 use crate::plant::{PlantKeys, PlantKind};

@@ -16,7 +16,7 @@ use crate::key::{Given, section};
 use crate::key_type::Whole;
 use crate::observer::Observer;
 use crate::plant::{
-    ControlKeys, FlightKeys, IN_BENCH, IN_SCENARIO, InitialKeys, Plant, PlantKind, PointingKeys, TelemetryKeys,
+    ControlKeys, FlightKeys, IN_BENCH, IN_SCENARIO, InitialKeys, OutsideTrackers, Plant, PlantKind, PointingKeys, TelemetryKeys,
     TrackerKeys, Vehicle,
 };
 use crate::session::SessionStart;
