@@ -9,6 +9,7 @@ use crate::event_word::EventKeys;
 use crate::expect::ExpectKeys;
 use crate::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
 use crate::head::{HEADS_MAX, Head, HeadKeys, check_heads};
+use crate::jitter::{JitterInput, JitterKeys};
 use crate::key::{Section, section};
 use crate::key_type::{Any, Numbers, Raw, Shape, Whole, Word};
 use crate::link::{Carrier, Doors, Link, Wire};
@@ -69,6 +70,8 @@ pub struct Bench {
     pub bodies: bool,
     /// The simulated flight computer.
     pub flight_computer: FlightComputer,
+    /// Jitter from a file, which is added to all other.
+    pub jitter: Option<JitterInput>,
     /// History, prediction, time correlation.
     pub attitude: AttitudeSettings,
     /// How wrong a frame may be.
@@ -127,6 +130,8 @@ section! {
         sky: SkyKeys;
         /// The simulated flight computer at the other end of the link.
         flight_computer: FlightComputerKeys;
+        /// Measured jitter that is added to the line of sight of every head.
+        jitter: JitterKeys;
         /// History, prediction and time correlation of attitudes.
         attitude: AttitudeKeys;
         /// How wrong a frame may be.
@@ -328,6 +333,8 @@ impl Bench {
         let flight_computer = FlightComputer::check(&keys.flight_computer, keys.plant.is_outside(), &mut check)?;
         let plant_kind = keys.plant.mover(keys.spacecraft().is_given(), flight_computer.is_external, &check)?;
         flight_computer.check_slew_begins_before(timing.duration_s, &check)?;
+        let is_moved_by_plant = plant_kind != PlantKind::FlightComputer && flight_computer.motion.is_some();
+        check.unused("flight_computer.motion", is_moved_by_plant, "plant.kind = \"flight_computer\"")?;
         check_classic_jitter(&link, &flight_computer, &check)?;
         check_both_ends(&link, &extra_links, &flight_computer, &check)?;
         let (attitude_hz, jitter_hz) = (flight_computer.attitude_hz, flight_computer.jitter_sample_hz);
@@ -348,10 +355,12 @@ impl Bench {
         } else {
             keys.target_overlap().check(&mut check)?
         };
+        let seed = keys.seed().check(&mut check)?;
+        let jitter = JitterInput::check(&keys.jitter, (timing.duration_s, seed), &mut check)?;
         let bench = Self {
             targets,
             target_overlap,
-            seed: keys.seed().check(&mut check)?,
+            seed,
             noise_seed_given: keys.noise_seed().optional(&check)?,
             name,
             camera,
@@ -367,6 +376,7 @@ impl Bench {
             star_memory_mb,
             bodies,
             flight_computer,
+            jitter,
             attitude,
             accuracy,
             budget,

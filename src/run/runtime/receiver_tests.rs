@@ -33,6 +33,7 @@ impl Cable {
             clock: RemoteClockLimits::default(),
             jitter_lines: Vec::new(),
             jitter_epoch: Tai::from_ns(0),
+            jitter_record: None,
             sensor_from_body: Rotation::IDENTITY,
         };
         let now_ns = 1000 * NS_PER_S;
