@@ -29,9 +29,8 @@ mod table;
 mod wheels;
 
 pub use psd::{LINES_PER_AXIS, PSD_POINTS_MAX, PsdPoint, psd_variance};
-pub use record::{
-    JitterRecord, RECORD_LINES, RECORD_POINTS_MAX, RECORD_SAMPLES_MAX, RecordEnd, RecordError, RecordedJitter,
-};
+pub use record::{JitterRecord, RECORD_SAMPLES_MAX, RecordEnd, RecordError, RecordedJitter};
+pub(super) use record::{RECORD_LINES, RECORD_POINTS_MAX};
 pub use spectrum::{DENSITY_ROWS_MAX, DensityError, SpectrumBin, band_power_rad2, smear_power_rad2};
 pub use table::{JitterTableError, read_density, read_series};
 pub use wheels::{HARMONICS_MAX, WHEELS, WheelHarmonic};

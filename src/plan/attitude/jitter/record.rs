@@ -21,9 +21,9 @@ use std::sync::Arc;
 /// Most samples of a record: half a gigabyte.
 pub const RECORD_SAMPLES_MAX: usize = 1 << 24;
 /// Most points that a record gives an exposure with all its rows.
-pub const RECORD_POINTS_MAX: usize = 900;
+pub(crate) const RECORD_POINTS_MAX: usize = 900;
 /// Lines that a record gives an exposure.
-pub const RECORD_LINES: usize = 12;
+pub(crate) const RECORD_LINES: usize = 12;
 /// Points of an exposure.
 const POINTS_PER_EXPOSURE: f64 = 128.0;
 /// Points per sample of a slow record: straight lines between them miss 2 % of the power at its highest frequency.
