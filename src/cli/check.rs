@@ -111,6 +111,7 @@ fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
     text.push_str(CONVENTIONS);
     text.push('\n');
     crate::cli::check_attitude::write_attitude(&mut text, bench, &params)?;
+    crate::cli::check_jitter::write_jitter(&mut text, bench, &params)?;
     let computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
     check_targets::write_targets(&mut text, &params, &computer)?;
     plans(&mut text, bench, start, (&params, limits.as_ref()), (&imager, &sky))?;

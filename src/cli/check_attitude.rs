@@ -18,7 +18,7 @@ use plan::attitude::{
 };
 use run::runtime::RunParams;
 use run::wiring::bench_parts;
-use run::wiring::motion::slew_scale;
+use run::wiring::motion::script_scale;
 
 /// Four f32 of up to 1 are each wrong by up to 2^-25; an attitude turns by twice the error of its quaternion.
 const WIRE_QUATERNION_RAD: f64 = 4.0 / 33_554_432.0;
@@ -82,7 +82,7 @@ impl Situation {
         } else {
             Reach { horizon_s: record_period_s + arrival_s - wait_s, spacing_s: None }
         };
-        Self { motion: slew_scale(bench), reach, record_period_s, arrival_s, wait_s }
+        Self { motion: script_scale(bench), reach, record_period_s, arrival_s, wait_s }
     }
 
     /// From the newest sample of jitter to mid-exposure.

@@ -24,6 +24,7 @@ mod check_attitude;
 mod check_bodies;
 mod check_display;
 mod check_display_stars;
+mod check_jitter;
 mod check_light;
 mod check_observer;
 mod check_plan;

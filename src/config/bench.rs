@@ -9,6 +9,7 @@ use crate::event_word::EventKeys;
 use crate::expect::ExpectKeys;
 use crate::flight_computer::{FlightComputer, FlightComputerKeys, JitterSource};
 use crate::head::{HEADS_MAX, Head, HeadKeys, check_heads};
+use crate::jitter::{JitterInput, JitterKeys};
 use crate::key::{Section, section};
 use crate::key_type::{Any, Numbers, Raw, Shape, Whole, Word};
 use crate::link::{Carrier, Link, Wire};
@@ -70,6 +71,8 @@ pub struct Bench {
     pub bodies: bool,
     /// The simulated flight computer.
     pub flight_computer: FlightComputer,
+    /// Jitter from a file, which is added to all other.
+    pub jitter: Option<JitterInput>,
     /// History, prediction, time correlation.
     pub attitude: AttitudeSettings,
     /// How wrong a frame may be.
@@ -128,6 +131,8 @@ section! {
         sky: SkyKeys;
         /// The simulated flight computer at the other end of the link.
         flight_computer: FlightComputerKeys;
+        /// Measured jitter that is added to the line of sight of every head.
+        jitter: JitterKeys;
         /// History, prediction and time correlation of attitudes.
         attitude: AttitudeKeys;
         /// How wrong a frame may be.
@@ -333,6 +338,8 @@ impl Bench {
         let flight_computer = FlightComputer::check(&keys.flight_computer, keys.plant.is_outside(), &mut check)?;
         let plant_kind = keys.plant.mover(keys.spacecraft().is_given(), flight_computer.is_external, &check)?;
         flight_computer.check_slew_begins_before(timing.duration_s, &check)?;
+        let is_moved_by_plant = plant_kind != PlantKind::FlightComputer && flight_computer.motion.is_some();
+        check.unused("flight_computer.motion", is_moved_by_plant, "plant.kind = \"flight_computer\"")?;
         check_classic_jitter(&link, &flight_computer, &check)?;
         check_both_ends(&link, &extra_links, &flight_computer, &check)?;
         plain_link::check_bench((&link, &extra_links), &flight_computer, &session, &check)?;
@@ -354,10 +361,12 @@ impl Bench {
         } else {
             keys.target_overlap().check(&mut check)?
         };
+        let seed = keys.seed().check(&mut check)?;
+        let jitter = JitterInput::check(&keys.jitter, (timing.duration_s, seed), &mut check)?;
         let bench = Self {
             targets,
             target_overlap,
-            seed: keys.seed().check(&mut check)?,
+            seed,
             noise_seed_given: keys.noise_seed().optional(&check)?,
             name,
             camera,
@@ -373,6 +382,7 @@ impl Bench {
             star_memory_mb,
             bodies,
             flight_computer,
+            jitter,
             attitude,
             accuracy,
             budget,

@@ -228,8 +228,16 @@ def plain():
                               b"SC[0].PosR = [1 2 3]\nOrb[0].PosN = [7e6 0 0]\nOrb[0].VelN = [0 7e3 0]\n[ENDMSG]\n")
 
 
+def jitter_table():
+    yield "series", b"\0# shaker\nt_s,x_arcsec,y_urad\n0.0,1.5,-2\n0.1,1e-3,4 # later\n0.2,0,0\n"
+    yield "series_ms", b"\0t_ms,z_deg\n0,9\n1,-9\n2,11\n"
+    yield "series_steps", b"\0time_s,x_mas\n0,1\n1,2\n2.4,3\n"
+    yield "density", b"\1frequency_hz,x_arcsec2_hz,y_rad2_hz\n1,2,0\n10,1e-3,1e-12\n1e4,0,0\n"
+    yield "density_falling", b"\1f_hz,x_deg2_hz\n2,1\n1,1\n"
+
+
 for target in (can_decode, serial_resync, slcan, socketcand, captures, plain, network_camera, session, layer, star_lines,
-               elements):
+               elements, jitter_table):
     folder = HERE / "corpus" / target.__name__
     folder.mkdir(parents=True, exist_ok=True)
     for name, seed in target():

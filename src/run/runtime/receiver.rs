@@ -85,6 +85,9 @@ impl Receiver {
     pub fn new(params: AttitudeParams) -> Result<Self, RunError> {
         let mut jitter = JitterHistory::new(params.jitter_history, params.jitter_max_gap);
         jitter.set_lines(&params.jitter_lines, params.jitter_epoch)?;
+        if let Some(record) = &params.jitter_record {
+            jitter.set_record(record.clone());
+        }
         Ok(Self {
             clock: RemoteClock::new(params.clock),
             history: AttitudeHistory::new(params.history),

@@ -19,6 +19,7 @@ pub(super) fn params() -> AttitudeParams {
         clock: RemoteClockLimits::default(),
         jitter_lines: Vec::new(),
         jitter_epoch: Tai::from_ns(0),
+        jitter_record: None,
         sensor_from_body: Rotation::IDENTITY,
     }
 }

@@ -8,12 +8,13 @@ use anyhow::{Context, Result, bail};
 use base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
 use base::time::{Span, Tai};
 use config::{
-    self, Bench, JitterSource, OrbitSettings, OrbitStart, Overlap, TargetCourse, TargetLight, TargetSettings, Wire,
+    self, Bench, JitterAxes, JitterInput, JitterSource, Motion, OrbitSettings, OrbitStart, Overlap, SwingSettings,
+    TargetCourse, TargetLight, TargetSettings, Wire,
 };
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use link::WireFormat;
 use link::simulated::{BusParams, BusTiming};
-use plan::attitude::{JitterLine, RemoteClockLimits};
+use plan::attitude::{JitterLine, RecordedJitter, RemoteClockLimits};
 use plan::exposure::cost::CostModel;
 use plan::exposure::target::FIRST_TARGET_ID;
 use plan::exposure::{Target, TargetWay};
@@ -24,8 +25,10 @@ use sky::ObserverError;
 use sky::observer::Observer;
 use sky::orbit::{CircularOrbit, EARTH_GM_KM3_S2, TleOrbit, TwoBodyOrbit};
 use sky::target::Orbit;
+use std::sync::Arc;
 use testbed::flight_computer::{
-    Faults, FlightComputerParams, JitterLineParams, JitterStream, RampShape, Slew, SlewProfile,
+    Faults, FlightComputerParams, JitterLineParams, JitterStream, Profile, RampShape, Slew, SlewProfile, SteadyMotion,
+    Swing,
 };
 
 /// Time before the first exposure: the bus carries its first time marks and attitudes.
@@ -39,7 +42,10 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
     let camera = camera_params(&bench.camera)?;
     let first_exposure = start + LEAD + bench.timing.phase;
     Ok(RunParams {
-        attitude: attitude_params(bench, start),
+        attitude: AttitudeParams {
+            jitter_record: jitter_record(bench, first_exposure, camera.exposure_s),
+            ..attitude_params(bench, start)
+        },
         targets: scripted(bench, &camera, first_exposure)?,
         sky_targets: on_sky(bench, &camera, first_exposure)?,
         keeps_brighter: bench.target_overlap == Overlap::Brighter,
@@ -217,8 +223,20 @@ fn attitude_params(bench: &Bench, boot: Tai) -> AttitudeParams {
         clock: RemoteClockLimits { constant_delay, ..settings.clock },
         jitter_lines: lines.map(|line| mount(line.line())).collect(),
         jitter_epoch: boot,
+        jitter_record: None,
         sensor_from_body: bench.sensor_from_body,
     }
+}
+
+/// The record that the bench names, as this head turns it.
+fn jitter_record(bench: &Bench, first_exposure: Tai, exposure_s: f64) -> Option<RecordedJitter> {
+    let JitterInput { record, axes, start_s, .. } = bench.jitter.as_ref()?;
+    let sensor_from_record = match axes {
+        JitterAxes::Sensor => DQuat::IDENTITY,
+        JitterAxes::Body => bench.sensor_from_body.quat(),
+    };
+    let start = first_exposure + Span::from_s(*start_s);
+    Some(RecordedJitter { record: Arc::clone(record), start, sensor_from_record, exposure_s })
 }
 
 fn observer(observer: &config::Observer, epoch: Tai) -> Result<Observer> {
@@ -289,20 +307,7 @@ pub fn flight_computer(bench: &Bench, boot: Tai) -> FlightComputerParams {
     let settings = &bench.flight_computer;
     let [ra, dec, roll] = [settings.ra_deg, settings.dec_deg, settings.roll_deg].map(f64::to_radians);
     let initial: Rotation<Body, Icrf> = bench.sensor_from_body.inverse() * sensor_from_ra_dec_roll(ra, dec, roll);
-    let profile = match &settings.slew {
-        None => SlewProfile::hold(initial),
-        Some(slew) => {
-            let turn = Slew {
-                axis_body: DVec3::from_array(slew.axis),
-                angle_rad: slew.angle_deg.to_radians(),
-                // A versine ramp up and one down: the mean of each is half the peak.
-                peak_rate_rad_s: 2.0 * slew.angle_deg.to_radians().abs() / slew.duration_s,
-                ramp_s: 0.5 * slew.duration_s,
-                shape: RampShape::Versine,
-            };
-            SlewProfile::slew(initial, boot + LEAD + Span::from_s(slew.start_s), &turn)
-        }
-    };
+    let profile = profile(bench, initial, boot + LEAD);
     let line = |line: &config::JitterLineSettings| JitterLineParams {
         frequency_hz: line.frequency_hz,
         amplitude_arcsec: line.amplitude_arcsec,
@@ -318,12 +323,45 @@ pub fn flight_computer(bench: &Bench, boot: Tai) -> FlightComputerParams {
         clock_drift_ppm: settings.clock_drift_ppm,
         stream_start: boot,
         attitude_hz: settings.attitude_hz as u32,
-        profile: profile.into(),
+        profile,
         attitude_noise_arcsec: 0.0,
         gyro_noise_rad_s: 0.0,
         seed: bench.seed,
         jitter_lines: settings.jitter_lines.iter().map(line).collect(),
         jitter,
         faults: Faults::default(),
+    }
+}
+
+/// The scripted motion that starts at `start` from `initial`.
+fn profile(bench: &Bench, initial: Rotation<Body, Icrf>, start: Tai) -> Profile {
+    let settings = &bench.flight_computer;
+    if let Some(Motion::Steady { rate_deg_s, swings }) = &settings.motion {
+        let rate_rad_s = DVec3::from_array(rate_deg_s.map(f64::to_radians));
+        let swings = swings.iter().map(swing).collect();
+        return Profile::Steady(SteadyMotion { initial, zero: start, rate_rad_s, swings });
+    }
+    let path = settings.motion.as_ref().and_then(|motion| motion.path(bench.sensor_from_body));
+    if let Some(Ok(path)) = path {
+        return Profile::Waypoints(path, start);
+    }
+    let Some(slew) = &settings.slew else { return SlewProfile::hold(initial).into() };
+    let turn = Slew {
+        axis_body: DVec3::from_array(slew.axis),
+        angle_rad: slew.angle_deg.to_radians(),
+        // A versine ramp up and one down: the mean of each is half the peak.
+        peak_rate_rad_s: 2.0 * slew.angle_deg.to_radians().abs() / slew.duration_s,
+        ramp_s: 0.5 * slew.duration_s,
+        shape: RampShape::Versine,
+    };
+    SlewProfile::slew(initial, start + Span::from_s(slew.start_s), &turn).into()
+}
+
+fn swing(settings: &SwingSettings) -> Swing {
+    Swing {
+        axis_body: DVec3::from_array(settings.axis),
+        amplitude_rad: settings.amplitude_deg.to_radians(),
+        frequency_hz: settings.frequency_hz,
+        phase_rad: settings.phase_deg.to_radians(),
     }
 }

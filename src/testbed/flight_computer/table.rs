@@ -5,6 +5,7 @@
 //! angular acceleration `a` the attitude between them errs by `a h^2 / 8` at most (`tests` below).
 
 use crate::attitude_truth::AttitudeTruth;
+use crate::flight_computer::motion::{SteadyMotion, WaypointMotion};
 use crate::flight_computer::slew::SlewProfile;
 use base::axes::{Body, Icrf, Rotation};
 use base::time::Tai;
@@ -61,6 +62,10 @@ pub enum Profile {
     Script(SlewProfile),
     /// A table whose zero is at this instant.
     Table(Arc<AttitudeTable>, Tai),
+    /// A constant rate with sinusoids on top of it.
+    Steady(SteadyMotion),
+    /// A path through waypoints whose zero is at this instant.
+    Waypoints(WaypointMotion, Tai),
 }
 
 impl Profile {
@@ -70,6 +75,8 @@ impl Profile {
         match self {
             Self::Script(profile) => profile.at(at),
             Self::Table(table, zero) => table.at_s((at - *zero).s()),
+            Self::Steady(motion) => motion.at(at),
+            Self::Waypoints(motion, zero) => motion.at_s((at - *zero).s()),
         }
     }
 }
