@@ -122,6 +122,6 @@ fn an_instance_is_set_stepped_read_and_freed() {
     unsafe { fmi3FreeInstance(unit) };
 }
 
-const OUTPUT_DIR: u32 = fmu::variables::reference::OUTPUT_DIR;
-const Q: u32 = fmu::variables::reference::Q_BODY_FROM_ICRF;
-const FRAMES: u32 = fmu::variables::reference::HEADS + fmu::variables::reference::FRAMES;
+static OUTPUT_DIR: u32 = fmu::variables::reference::OUTPUT_DIR;
+static Q: u32 = fmu::variables::reference::Q_BODY_FROM_ICRF;
+static FRAMES: u32 = fmu::variables::reference::HEADS + fmu::variables::reference::FRAMES;
