@@ -117,7 +117,7 @@ fn network_camera(params: &network_camera::Params, setting: &SinkSetting<'_>) ->
         bits: camera.output_bits(),
         frame_rate_hz: 1.0 / setting.frame_period.s(),
         exposure_s: camera.exposure_s,
-        gain_e_per_dn: camera.detector.params.gain_e_per_dn,
+        gain_e_per_dn: camera.detector.gain_e_per_dn,
     };
     let made = NetworkCamera::start(&params, &sensor, Arc::clone(setting.clock))?;
     say(format_args!("network camera: GVCP at {}\n", made.address()));
