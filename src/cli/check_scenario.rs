@@ -50,7 +50,10 @@ pub(super) fn report(scenario: &Scenario) -> Result<String> {
     let mut text = String::new();
     let Some(vehicle) = scenario.vehicle() else {
         if scenario.bench.is_lockstep() {
-            writeln!(text, "plant outside, in lockstep: run it with --clock virtual --control ADDRESS; the client sends attitudes")?;
+            writeln!(
+                text,
+                "plant outside, in lockstep: run it with --clock virtual --control ADDRESS; the client sends attitudes"
+            )?;
         }
         writeln!(text, "events of \"{}\"", scenario.name)?;
         write_events(&mut text, &scenario.events)?;

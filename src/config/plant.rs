@@ -244,10 +244,15 @@ impl PlantKeys {
         check: &mut Checker<'_>,
     ) -> Result<Option<OutsideTrackers>, ConfigError> {
         let Some(tracker) = self.tracker.as_ref() else { return Ok(None) };
-        check.unused("plant.tracker", !bench.is_lockstep(), "a plant outside in lockstep, without a bus that leads out")?;
+        check.unused(
+            "plant.tracker",
+            !bench.is_lockstep(),
+            "a plant outside in lockstep, without a bus that leads out",
+        )?;
         let heads = || (0..bench.head_count()).map(|number| bench.of_head(number));
         if heads().any(|head| head.camera.distortion.polynomial.is_some()) {
-            let advice = "the built-in tracker knows no other distortion: leave plant.tracker out, or choose another camera";
+            let advice =
+                "the built-in tracker knows no other distortion: leave plant.tracker out, or choose another camera";
             let wanted = "a camera whose distortion.model is \"brown-conrady\"";
             return Err(check.invalid("plant.tracker", "given", wanted, advice));
         }

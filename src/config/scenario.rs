@@ -16,8 +16,8 @@ use crate::key::{Given, section};
 use crate::key_type::Whole;
 use crate::observer::Observer;
 use crate::plant::{
-    ControlKeys, FlightKeys, IN_BENCH, IN_SCENARIO, InitialKeys, OutsideTrackers, Plant, PlantKind, PointingKeys, TelemetryKeys,
-    TrackerKeys, Vehicle,
+    ControlKeys, FlightKeys, IN_BENCH, IN_SCENARIO, InitialKeys, OutsideTrackers, Plant, PlantKind, PointingKeys,
+    TelemetryKeys, TrackerKeys, Vehicle,
 };
 use crate::session::SessionStart;
 use crate::setting::Setting;

@@ -5,16 +5,13 @@ use crate::wiring::error::LoopError;
 use crate::wiring::vehicle_parts::tracker_params;
 use base::time::Tai;
 use config::{OutsideTrackers, Scenario};
-use std::sync::Arc;
 use stars::catalog::Catalog;
+use std::sync::Arc;
 use testbed::tracker::{GuideStars, TrackerParams};
 use testbed::vehicle::VehicleError;
 
 /// Returns the tracker of each head, where the scenario has any; equal trackers share one list of guide stars.
-pub(super) fn outside_trackers(
-    scenario: &Scenario,
-    start: Tai,
-) -> Result<Vec<Option<OutsideTracker>>, LoopError> {
+pub(super) fn outside_trackers(scenario: &Scenario, start: Tai) -> Result<Vec<Option<OutsideTracker>>, LoopError> {
     let Some(OutsideTrackers { delay, tag_error, most_stars }) = scenario.trackers else { return Ok(Vec::new()) };
     let catalog = Catalog::built_in().map_err(VehicleError::from)?;
     let mut guides: Vec<(TrackerParams, Arc<GuideStars>)> = Vec::new();

@@ -4,9 +4,9 @@
 //! nothing else does. The same scenario and seed give the same bits, however it is advanced.
 //! Tests: `tests/closed_loop/pixels.rs`, `campaign.rs`, `control.rs`.
 
-use crate::runtime::virtual_time::{Head, VirtualLoop, World};
 use crate::runtime::ledger::{Event as LedgerEvent, EventKind};
-use crate::runtime::{PlantSample, PortReading, TrackerOutput, RunError, RunParams, RunRecord, lines_of_head};
+use crate::runtime::virtual_time::{Head, VirtualLoop, World};
+use crate::runtime::{PlantSample, PortReading, RunError, RunParams, RunRecord, TrackerOutput, lines_of_head};
 use crate::wiring::assemble::{Outputs, Run, RunClock, RunOptions};
 use crate::wiring::cable::Cable;
 use crate::wiring::error::LoopError;

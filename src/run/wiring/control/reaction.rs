@@ -134,7 +134,9 @@ fn rotation(keys: &Map<String, Value>) -> Result<Rotation<Body, Icrf>, String> {
     let numbers = numbers(keys, key)?.ok_or_else(|| format!("{key} is missing; wanted a quaternion [w, x, y, z]"))?;
     let wxyz = <[f64; 4]>::try_from(numbers.as_slice()).ok();
     let unit = wxyz.and_then(|wxyz| Rotation::from_wxyz(wxyz, NORM_TOLERANCE));
-    unit.ok_or_else(|| format!("{key} is {numbers:?}; wanted a quaternion [w, x, y, z] of norm 1 within {NORM_TOLERANCE}"))
+    unit.ok_or_else(|| {
+        format!("{key} is {numbers:?}; wanted a quaternion [w, x, y, z] of norm 1 within {NORM_TOLERANCE}")
+    })
 }
 
 /// True is outside.
@@ -185,7 +187,11 @@ mod tests {
             ("tracker_attitude", json!({ "at_s": 1, "sigma_arcsec": 1 }), "body_from_icrf is missing"),
             ("tracker_attitude", json!({ "at_s": 1, "body_from_icrf": [1, 1, 0, 0], "sigma_arcsec": 1 }), "of norm 1"),
             ("tracker_attitude", json!({ "at_s": 1, "body_from_icrf": [1, 0, 0, 0] }), "sigma_arcsec is missing"),
-            ("tracker_attitude", json!({ "at_s": 1, "body_from_icrf": [1, 0, 0, 0], "sigma_arcsec": "1" }), "sigma_arcsec is no"),
+            (
+                "tracker_attitude",
+                json!({ "at_s": 1, "body_from_icrf": [1, 0, 0, 0], "sigma_arcsec": "1" }),
+                "sigma_arcsec is no",
+            ),
         ] {
             let error = read(name, keys.clone()).expect_err(part);
             assert!(error.contains(part), "{name} {keys}: {error}");

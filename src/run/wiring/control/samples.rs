@@ -117,10 +117,9 @@ impl Subject {
                 let body_from_icrf = Rotation::from_wxyz(wxyz, NORM_TOLERANCE).ok_or_else(|| not_unit(wxyz))?;
                 Said::Attitude(PlantAttitude { body_from_icrf, rate_rad_s: vector(5), acceleration_rad_s2 })
             }
-            (Self::Observer, 7) => Said::Observer(BarycentricState {
-                position_km: vector(1) * scale,
-                velocity_km_s: vector(4) * scale,
-            }),
+            (Self::Observer, 7) => {
+                Said::Observer(BarycentricState { position_km: vector(1) * scale, velocity_km_s: vector(4) * scale })
+            }
             (Self::Jitter, 4) => Said::Jitter(vector(1) * scale),
             (Self::Attitude | Self::Observer | Self::Jitter, count) => return Err(format!("has {count} numbers")),
         };

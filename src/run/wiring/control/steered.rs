@@ -72,7 +72,9 @@ pub(super) fn answer(request: &Request, scenario: &Scenario, steering: &Steering
             };
             steering.on_far_end(act).map_err(|error| error.to_string())?
         }
-        Request::Tracker { .. } => Err("the real clock goes on meanwhile: ask for estimate, or run with --clock virtual".into()),
+        Request::Tracker { .. } => {
+            Err("the real clock goes on meanwhile: ask for estimate, or run with --clock virtual".into())
+        }
         Request::Plant(_) | Request::BadSamples(_) => {
             let why = "the real clock takes a plant outside by a link, such as a bus or link.kind = \"udp\"; run with --clock \
                        virtual to send samples here";
