@@ -6,6 +6,7 @@ STARLOOP_BINARY names the program (default target/release/starloop). The example
 import doctest
 import math
 import os
+import socket
 import sys
 import unittest
 from pathlib import Path
@@ -141,6 +142,24 @@ class ControlOutside(unittest.TestCase):
             speeds = [b - a for a, b in zip(before["wheel_speeds_rad_s"], after["wheel_speeds_rad_s"])]
             self.assertAlmostEqual(speeds[0], 0.01 / 1.6e-3, delta=1.0)
             self.assertLess(max(abs(speed) for speed in speeds[1:]), 1.0, "control: the others coast")
+
+
+    def test_the_real_clock_takes_commands_and_no_samples(self):
+        command = [BINARY, "run", str(ROOT / "configs/scenarios/acquisition.toml"), "--clock", "real", "--quiet"]
+        command += ["--control", "127.0.0.1:0", "--set", "duration_s=20.0"]
+        command += [word for key, value in SMALL.items() if key != "duration_s" for word in ("--set", f"{key}={value}")]
+        program = starloop_client._Program(command, 60.0)
+        connection = socket.create_connection(program.address, timeout=60.0)
+        with Starloop(connection, program, token=program.token) as loop:
+            self.assertEqual(loop.hello["clock"], "real")
+            with self.assertRaisesRegex(StarloopError, "--clock virtual to send samples"):
+                loop.attitude(samples())
+            with self.assertRaisesRegex(StarloopError, "wanted a hand-over"):
+                loop.wheels([0.0, 0.0, 0.0, 0.0])
+            self.assertEqual(loop.control(by="outside")["control"], "outside")
+            self.assertEqual(loop.wheels([0.01, 0.0, 0.0, 0.0])["control"], "outside")
+            self.assertEqual(loop.control(by="inside")["control"], "inside", "control: it can be given back")
+            loop.finish()
 
 
 class Examples(unittest.TestCase):
