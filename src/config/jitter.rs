@@ -190,11 +190,9 @@ mod tests {
     fn a_series_and_a_density_are_read() {
         let keys = "series = \"j.csv\"\nscale = 2.0\naxes = \"body\"\n";
         let input = bench(&series(2), keys).unwrap().jitter.unwrap();
-        assert_eq!(
-            (input.axes, input.record.end(), input.record.samples().len()),
-            (JitterAxes::Body, RecordEnd::Still, 21)
-        );
-        assert!((input.record.samples()[2].x - 4.0 * ARCSEC).abs() < 1e-15);
+        let record = input.record(1).unwrap();
+        assert_eq!((input.axes, record.end(), record.samples().len()), (JitterAxes::Body, RecordEnd::Still, 21));
+        assert!((record.samples()[2].x - 4.0 * ARCSEC).abs() < 1e-15);
         let density = "frequency_hz,x_arcsec2_hz\n1,1\n100,0.1\n";
         let input = bench(density, "density = \"j.csv\"\n").unwrap().jitter.unwrap();
         let [record, other] = [1, 2].map(|seed| input.record(seed).unwrap());
@@ -211,7 +209,7 @@ mod tests {
         for (word, end) in [("repeat", RecordEnd::Repeat), ("still", RecordEnd::Still)] {
             let input =
                 bench(&series(1), &format!("series = \"j.csv\"\nat_end = \"{word}\"\n")).unwrap().jitter.unwrap();
-            assert_eq!(input.record.end(), end);
+            assert_eq!(input.record(1).unwrap().end(), end);
         }
         assert!(bench(&series(5), "series = \"j.csv\"\nstart_s = -1.0\n").is_ok());
     }
