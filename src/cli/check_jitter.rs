@@ -1,10 +1,10 @@
 //! `starloop check`, jitter from a file: its power in bands, and what it does to images.
 
 use base::units::ARCSEC;
-use config::{Bench, JitterAxes, JitterInput};
+use config::{Bench, JitterAxes, JitterFile, JitterInput};
 use core::fmt::{Error, Write};
 use glam::DVec3;
-use plan::attitude::{RecordEnd, band_power_rad2, psd_variance, smear_power_rad2};
+use plan::attitude::{JitterRecord, RecordEnd, band_power_rad2, psd_variance, smear_power_rad2};
 use run::runtime::RunParams;
 
 /// Writes the section about jitter from a file; nothing without any.
@@ -12,11 +12,11 @@ use run::runtime::RunParams;
 /// # Errors
 /// When the text cannot grow.
 pub(super) fn write_jitter(text: &mut String, bench: &Bench, params: &RunParams) -> Result<(), Error> {
-    let Some(input) = &bench.jitter else { return Ok(()) };
-    write_source(text, bench, input)?;
+    let (Some(input), Some(recorded)) = (&bench.jitter, &params.attitude.jitter_record) else { return Ok(()) };
+    write_source(text, bench, input, &recorded.record)?;
     let (frame_hz, exposure_s) = (1.0 / params.frame_period.s(), params.camera.exposure_s);
     let exposure_hz = 1.0 / exposure_s;
-    let spectrum = input.record.spectrum();
+    let spectrum = recorded.record.spectrum();
     let total = band_power_rad2(&spectrum, [0.0, f64::INFINITY]);
     let smear = smear_power_rad2(&spectrum, exposure_s);
     writeln!(text, "  rms about            x arcsec    y arcsec    z arcsec")?;
@@ -36,12 +36,12 @@ pub(super) fn write_jitter(text: &mut String, bench: &Bench, params: &RunParams)
     text.write_char('\n')
 }
 
-fn write_source(text: &mut String, bench: &Bench, input: &JitterInput) -> Result<(), Error> {
-    let JitterInput { path, density, record, axes, start_s } = input;
+fn write_source(text: &mut String, bench: &Bench, input: &JitterInput, record: &JitterRecord) -> Result<(), Error> {
+    let JitterInput { path, source, axes, start_s } = input;
     let (axes, rate_hz) = (if *axes == JitterAxes::Sensor { "sensor" } else { "body" }, 1.0 / record.period_s());
     writeln!(text, "jitter from {path}, {axes} axes; it is added where frames are made, and travels over no bus")?;
-    match density {
-        Some(points) => {
+    match source {
+        JitterFile::Density { points, .. } => {
             let rms = root(psd_variance(points)).map(|value| format!("{value:.4}")).join(", ");
             writeln!(text, "  density      {} rows, {rms} arcsec rms about x, y, z", points.len())?;
             writeln!(
@@ -51,7 +51,7 @@ fn write_source(text: &mut String, bench: &Bench, input: &JitterInput) -> Result
                 record.duration_s()
             )
         }
-        None => {
+        JitterFile::Series(_) => {
             let end = if record.end() == RecordEnd::Repeat { "then it repeats" } else { "then nothing" };
             writeln!(
                 text,

@@ -361,12 +361,11 @@ impl Bench {
         } else {
             keys.target_overlap().check(&mut check)?
         };
-        let seed = keys.seed().check(&mut check)?;
-        let jitter = JitterInput::check(&keys.jitter, (timing.duration_s, seed), &mut check)?;
+        let jitter = JitterInput::check(&keys.jitter, timing.duration_s, &mut check)?;
         let bench = Self {
             targets,
             target_overlap,
-            seed,
+            seed: keys.seed().check(&mut check)?,
             noise_seed_given: keys.noise_seed().optional(&check)?,
             name,
             camera,

@@ -7,7 +7,7 @@ use crate::check::Checker;
 use crate::error::ConfigError;
 use crate::key::{Section, section, taken};
 use crate::key_type::Word;
-use plan::attitude::{JitterRecord, PsdPoint, RecordEnd, read_density, read_series};
+use plan::attitude::{DensityError, JitterRecord, PsdPoint, RecordEnd, read_density, read_series};
 use std::sync::Arc;
 
 /// Axes of a record.
@@ -24,14 +24,26 @@ pub enum JitterAxes {
 pub struct JitterInput {
     /// File as it is named.
     pub path: String,
-    /// Rows of the density that the record was made from, if it was.
-    pub density: Option<Vec<PsdPoint>>,
-    /// The record.
-    pub record: Arc<JitterRecord>,
+    /// What is in it.
+    pub source: JitterFile,
     /// Axes of the record.
     pub axes: JitterAxes,
     /// Instant of its first sample, s after the first exposure.
     pub start_s: f64,
+}
+
+/// What is in a file of jitter.
+#[derive(Debug, Clone, PartialEq)]
+pub enum JitterFile {
+    /// A measured series.
+    Series(Arc<JitterRecord>),
+    /// A density, of which a series of this length is made.
+    Density {
+        /// Its rows.
+        points: Vec<PsdPoint>,
+        /// Length of the series, s.
+        duration_s: f64,
+    },
 }
 
 section! {
@@ -68,7 +80,7 @@ impl JitterInput {
     /// Checks the jitter of a run that is `duration_s` long.
     pub(super) fn check(
         keys: &JitterKeys,
-        (duration_s, seed): (f64, u64),
+        duration_s: f64,
         check: &mut Checker<'_>,
     ) -> Result<Option<Self>, ConfigError> {
         let (series, density) = (keys.series(), keys.density());
@@ -83,7 +95,7 @@ impl JitterInput {
         let scale = keys.scale().check(check)?;
         if density.is_given() {
             keys.refuse(&["start_s", "at_end"], "jitter.series", check)?;
-            return Self::of_density(keys, (duration_s, seed), (axes, scale), check).map(Some);
+            return Self::of_density(keys, duration_s, (axes, scale), check).map(Some);
         }
         taken!(check, keys => start_s, at_end);
         let end = match at_end {
@@ -106,12 +118,25 @@ impl JitterInput {
             let advice = "at_end = \"repeat\" repeats it, at_end = \"still\" goes on without; or a longer record";
             return Err(check.invalid("jitter.series", got, format!("0 s to {duration_s} s, the whole run"), advice));
         }
-        Ok(Some(Self { path, density: None, record: Arc::new(record), axes, start_s }))
+        Ok(Some(Self { path, source: JitterFile::Series(Arc::new(record)), axes, start_s }))
+    }
+
+    /// Returns the series of a run with this seed.
+    ///
+    /// # Errors
+    /// Never for what was checked.
+    pub fn record(&self, seed: u64) -> Result<Arc<JitterRecord>, DensityError> {
+        match &self.source {
+            JitterFile::Series(record) => Ok(Arc::clone(record)),
+            JitterFile::Density { points, duration_s } => {
+                JitterRecord::of_density(points, seed, *duration_s).map(Arc::new)
+            }
+        }
     }
 
     fn of_density(
         keys: &JitterKeys,
-        (duration_s, seed): (f64, u64),
+        duration_s: f64,
         (axes, scale): (JitterAxes, f64),
         check: &mut Checker<'_>,
     ) -> Result<Self, ConfigError> {
@@ -122,9 +147,9 @@ impl JitterInput {
         };
         let mut points = read_density(&text).map_err(|error| refused(error.to_string()))?;
         points.iter_mut().for_each(|point| point.density *= scale * scale);
-        let record = JitterRecord::of_density(&points, seed, duration_s + 2.0 * SPARE_S);
-        let record = Arc::new(record.map_err(|error| refused(format!(" {error}")))?);
-        Ok(Self { path, density: Some(points), record, axes, start_s: -SPARE_S })
+        JitterRecord::of_density(&points, 0, 0.0).map_err(|error| refused(format!(" {error}")))?;
+        let source = JitterFile::Density { points, duration_s: duration_s + 2.0 * SPARE_S };
+        Ok(Self { path, source, axes, start_s: -SPARE_S })
     }
 }
 
@@ -165,14 +190,13 @@ mod tests {
     fn a_series_and_a_density_are_read() {
         let keys = "series = \"j.csv\"\nscale = 2.0\naxes = \"body\"\n";
         let input = bench(&series(2), keys).unwrap().jitter.unwrap();
-        assert_eq!(
-            (input.axes, input.record.end(), input.record.samples().len()),
-            (JitterAxes::Body, RecordEnd::Still, 21)
-        );
-        assert!((input.record.samples()[2].x - 4.0 * ARCSEC).abs() < 1e-15);
+        let record = input.record(1).unwrap();
+        assert_eq!((input.axes, record.end(), record.samples().len()), (JitterAxes::Body, RecordEnd::Still, 21));
+        assert!((record.samples()[2].x - 4.0 * ARCSEC).abs() < 1e-15);
         let density = "frequency_hz,x_arcsec2_hz\n1,1\n100,0.1\n";
         let input = bench(density, "density = \"j.csv\"\n").unwrap().jitter.unwrap();
-        assert!(input.density.is_some() && input.record.duration_s() >= 6.0 && input.start_s <= -1.0);
+        let [record, other] = [1, 2].map(|seed| input.record(seed).unwrap());
+        assert!(record.duration_s() >= 6.0 && input.start_s <= -1.0 && record != other, "the seed makes the series");
         assert!(Bench::built_in().unwrap().jitter.is_none());
     }
 
@@ -185,7 +209,7 @@ mod tests {
         for (word, end) in [("repeat", RecordEnd::Repeat), ("still", RecordEnd::Still)] {
             let input =
                 bench(&series(1), &format!("series = \"j.csv\"\nat_end = \"{word}\"\n")).unwrap().jitter.unwrap();
-            assert_eq!(input.record.end(), end);
+            assert_eq!(input.record(1).unwrap().end(), end);
         }
         assert!(bench(&series(5), "series = \"j.csv\"\nstart_s = -1.0\n").is_ok());
     }

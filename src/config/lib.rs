@@ -85,7 +85,7 @@ pub use expect::{Expect, ExpectFrames};
 pub use file_kind::FileKind;
 pub use flight_computer::{FlightComputer, JitterLineSettings, JitterSource, RIGHT_ASCENSION_DEG, Slew};
 pub use head::Head;
-pub use jitter::{JitterAxes, JitterInput};
+pub use jitter::{JitterAxes, JitterFile, JitterInput};
 pub use link::{Carrier, Doors, FlowControl, Link, Parity, SerialPort, Wire};
 pub use motion::{Motion, SwingSettings};
 pub use mtf::{Chain, LightOfChain};

@@ -8,8 +8,8 @@ use anyhow::{Context, Result, bail};
 use base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
 use base::time::{Span, Tai};
 use config::{
-    self, Bench, JitterAxes, JitterInput, JitterSource, Motion, OrbitSettings, OrbitStart, Overlap, SwingSettings,
-    TargetCourse, TargetLight, TargetSettings, Wire,
+    self, Bench, JitterAxes, JitterSource, Motion, OrbitSettings, OrbitStart, Overlap, SwingSettings, TargetCourse,
+    TargetLight, TargetSettings, Wire,
 };
 use glam::{DQuat, DVec3};
 use link::WireFormat;
@@ -25,7 +25,6 @@ use sky::ObserverError;
 use sky::observer::Observer;
 use sky::orbit::{CircularOrbit, EARTH_GM_KM3_S2, TleOrbit, TwoBodyOrbit};
 use sky::target::Orbit;
-use std::sync::Arc;
 use testbed::flight_computer::{
     Faults, FlightComputerParams, JitterLineParams, JitterStream, Profile, RampShape, Slew, SlewProfile, SteadyMotion,
     Swing,
@@ -43,7 +42,7 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
     let first_exposure = start + LEAD + bench.timing.phase;
     Ok(RunParams {
         attitude: AttitudeParams {
-            jitter_record: jitter_record(bench, first_exposure, camera.exposure_s),
+            jitter_record: jitter_record(bench, first_exposure, camera.exposure_s)?,
             ..attitude_params(bench, start)
         },
         targets: scripted(bench, &camera, first_exposure)?,
@@ -229,14 +228,15 @@ fn attitude_params(bench: &Bench, boot: Tai) -> AttitudeParams {
 }
 
 /// The record that the bench names, as this head turns it.
-fn jitter_record(bench: &Bench, first_exposure: Tai, exposure_s: f64) -> Option<RecordedJitter> {
-    let JitterInput { record, axes, start_s, .. } = bench.jitter.as_ref()?;
-    let sensor_from_record = match axes {
+fn jitter_record(bench: &Bench, first_exposure: Tai, exposure_s: f64) -> Result<Option<RecordedJitter>> {
+    let Some(input) = &bench.jitter else { return Ok(None) };
+    let sensor_from_record = match input.axes {
         JitterAxes::Sensor => DQuat::IDENTITY,
         JitterAxes::Body => bench.sensor_from_body.quat(),
     };
-    let start = first_exposure + Span::from_s(*start_s);
-    Some(RecordedJitter { record: Arc::clone(record), start, sensor_from_record, exposure_s })
+    let record = input.record(bench.seed).with_context(|| format!("[jitter] {}", input.path))?;
+    let start = first_exposure + Span::from_s(input.start_s);
+    Ok(Some(RecordedJitter { record, start, sensor_from_record, exposure_s }))
 }
 
 fn observer(observer: &config::Observer, epoch: Tai) -> Result<Observer> {
