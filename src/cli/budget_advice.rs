@@ -10,6 +10,8 @@ use anyhow::Result;
 use frames::report::{BudgetLine, LineVerdict, Stage};
 use plan::exposure::{ExposurePlan, Rung};
 use run::runtime::load::ratio_of;
+use run::wiring::bench_parts;
+use testbed::flight_computer::FlightComputer;
 
 /// Lines of advice; none when nothing is broken.
 ///
@@ -31,7 +33,8 @@ pub(super) fn advice(finished: &Finished, lines: &[BudgetLine], render_limit_ms:
     let Some((slowest, took)) = drawn.max_by_key(|(_, time)| *time) else { return Ok(advice) };
     let params = finished.engine().params();
     let cost = params.cost.unwrap_or(finished.engine().imager().cost());
-    let mut frames = FramePlans::new(finished.bench(), finished.end.times.start, params, &params.open_sky()?);
+    let computer = FlightComputer::new(bench_parts::flight_computer(finished.bench(), finished.end.times.start));
+    let mut frames = FramePlans::new(computer, params, &params.open_sky()?);
     let mut planner = frames.planner(cost, None);
     let whole = frames.plan(slowest.number, &mut planner)?;
     // What was drawn may have been degraded already; its own cost is not kept, so the load may be higher than this.

@@ -4,6 +4,7 @@ use crate::cli::calibrate::{Costs, costs_here};
 use crate::cli::check_bodies;
 use crate::cli::check_display;
 use crate::cli::check_display_stars::{self, DisplayLimits, display_limits};
+use crate::cli::check_files;
 use crate::cli::check_light;
 use crate::cli::check_observer;
 use crate::cli::check_plan::{self, Planned};
@@ -15,13 +16,14 @@ use anyhow::Result;
 use base::clock::{Clock, Monotonic};
 use base::time::{Span, Tai};
 use clap::Args;
-use config::{Backend, Bench, Document, Event, Scenario, Setting, StartTime};
+use config::{Backend, Bench, Document, Event, Plant, Scenario, Setting, StartTime};
 use core::fmt::Write;
 use image::detector::cost::effect_costs;
 use run::runtime::{Imager, RunParams};
 use run::wiring::bench_parts;
 use run::wiring::display_parts::take_display;
 use run::wiring::memory::{RunForm, RunMemory};
+use run::wiring::motion::motion_scale;
 use run::wiring::sinks::told_lines;
 use stars::Sky;
 use stars::layer::Layer;
@@ -70,7 +72,7 @@ pub fn run(arguments: &CheckArgs) -> Result<()> {
 /// Everything there is to say about the file.
 fn checked(document: &Document, only_built_in: bool) -> Result<String> {
     let scenario = Scenario::from_document(document)?;
-    let bench = report(&scenario.bench, only_built_in)?;
+    let bench = report(&scenario.bench, &scenario.plant, only_built_in)?;
     let is_plain = scenario.vehicle().is_none() && scenario.events.is_empty();
     Ok(if is_plain { bench } else { check_scenario::report(&scenario)? + "\n" + &bench })
 }
@@ -88,7 +90,7 @@ conventions
 ";
 
 /// The whole report.
-fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
+fn report(bench: &Bench, plant: &Plant, only_built_in: bool) -> Result<String> {
     // The check itself makes one detector.
     RunMemory::of_image(&bench.camera, bench.render.backend == Backend::Reference, None).check()?;
     let start = match bench.timing.start {
@@ -110,11 +112,12 @@ fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
     text.push('\n');
     text.push_str(CONVENTIONS);
     text.push('\n');
-    crate::cli::check_attitude::write_attitude(&mut text, bench, &params)?;
+    check_files::write_files(&mut text, bench, plant, &params)?;
+    crate::cli::check_attitude::write_attitude(&mut text, bench, &params, motion_scale(plant, bench))?;
     crate::cli::check_jitter::write_jitter(&mut text, bench, &params)?;
-    let computer = FlightComputer::new(bench_parts::flight_computer(bench, start));
-    check_targets::write_targets(&mut text, &params, &computer)?;
-    plans(&mut text, bench, start, (&params, limits.as_ref()), (&imager, &sky))?;
+    let computer = || FlightComputer::new(bench_parts::flight_computer_of(plant, bench, start, params.first_exposure));
+    check_targets::write_targets(&mut text, &params, &computer())?;
+    plans(&mut text, bench, computer(), (&params, limits.as_ref()), (&imager, &sky))?;
     Ok(text)
 }
 
@@ -240,18 +243,22 @@ fn write_defaults(text: &mut String, bench: &Bench) -> Result<()> {
 fn plans(
     text: &mut String,
     bench: &Bench,
-    start: Tai,
+    computer: FlightComputer,
     (params, limits): (&RunParams, Option<&DisplayLimits>),
     (imager, sky): (&Imager, &Sky),
 ) -> Result<()> {
     let planned = Planned::new(bench, params, imager);
     check_plan::write_sampling(text, params)?;
     check_plan::write_ladder(text, &planned)?;
-    let mut frames = FramePlans::new(bench, start, params, sky);
+    let mut frames = FramePlans::new(computer, params, sky);
     let last = params.frames.saturating_sub(1);
     let mut numbers = vec![0, last / 2, last];
     numbers.dedup();
     for number in numbers {
+        if !frames.has_attitude(number) {
+            writeln!(text, "frame {number} has no attitude: nothing is planned for it")?;
+            continue;
+        }
         let mut planner = frames.planner(planned.cost, planned.limit_ms);
         if imager.is_exact() {
             planner = planner.exact();
@@ -272,6 +279,10 @@ fn plans(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn report(bench: &Bench, only_built_in: bool) -> Result<String> {
+        super::report(bench, &Plant::FlightComputer, only_built_in)
+    }
 
     #[test]
     fn the_built_in_bench_is_explained() {

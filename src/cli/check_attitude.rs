@@ -1,7 +1,7 @@
 //! `starloop check`, attitude: how wrong the attitude at mid-exposure may be, by each method that could make it.
 //!
-//! Input: a bench and the run that was made of it, which may be drawn ahead of its light. Output: text. The motion is that of the simulated flight computer: its slew (versine ramps) is what
-//! the records carry; its jitter is never part of them, and is judged by how it travels. Left out: waiting for other
+//! Input: a bench and the run that was made of it, which may be drawn ahead of its light. Output: text. The motion is that of the simulated flight computer: its slew (versine ramps), or that of
+//! its file (by differences of rows), is what the records carry; its jitter is never part of them, and is judged by how it travels. Left out: waiting for other
 //! messages on the bus (a record takes its own time on an idle wire).
 
 use base::time::Span;
@@ -18,7 +18,6 @@ use plan::attitude::{
 };
 use run::runtime::RunParams;
 use run::wiring::bench_parts;
-use run::wiring::motion::script_scale;
 
 /// Four f32 of up to 1 are each wrong by up to 2^-25; an attitude turns by twice the error of its quaternion.
 const WIRE_QUATERNION_RAD: f64 = 4.0 / 33_554_432.0;
@@ -45,8 +44,13 @@ struct Situation {
 ///
 /// # Errors
 /// When the text cannot grow.
-pub(super) fn write_attitude(text: &mut String, bench: &Bench, params: &RunParams) -> Result<(), Error> {
-    let situation = Situation::of(bench, params);
+pub(super) fn write_attitude(
+    text: &mut String,
+    bench: &Bench,
+    params: &RunParams,
+    motion: MotionScale,
+) -> Result<(), Error> {
+    let situation = Situation::of(bench, params, motion);
     let Situation { motion, reach, .. } = &situation;
     let (total_rad, records_rad) = (bench.accuracy.los_arcsec * ARCSEC, record_error_rad(bench, &situation));
     let left_rad = total_rad - records_rad;
@@ -72,7 +76,7 @@ pub(super) fn write_attitude(text: &mut String, bench: &Bench, params: &RunParam
 }
 
 impl Situation {
-    fn of(bench: &Bench, params: &RunParams) -> Self {
+    fn of(bench: &Bench, params: &RunParams, motion: MotionScale) -> Self {
         let record_period_s = 1.0 / bench.flight_computer.attitude_hz;
         let arrival_s = bench.link.latency_us * 1e-6 + record_on_wire(bench).s();
         let wait_s = 0.5 * params.camera.exposure_s - params.ahead.s();
@@ -82,7 +86,7 @@ impl Situation {
         } else {
             Reach { horizon_s: record_period_s + arrival_s - wait_s, spacing_s: None }
         };
-        Self { motion: script_scale(bench), reach, record_period_s, arrival_s, wait_s }
+        Self { motion, reach, record_period_s, arrival_s, wait_s }
     }
 
     /// From the newest sample of jitter to mid-exposure.
@@ -251,6 +255,7 @@ const BURST_SAMPLES: u32 = 14;
 mod tests {
     use super::*;
     use base::time::Tai;
+    use run::wiring::motion::slew_scale;
 
     fn report(bench: &Bench) -> String {
         report_drawn_ahead(bench, 0)
@@ -260,7 +265,7 @@ mod tests {
         let mut params = bench_parts::run_params(bench, Tai::from_ns(0)).unwrap();
         params.ahead = Span::from_ms(ahead_ms);
         let mut text = String::new();
-        write_attitude(&mut text, bench, &params).unwrap();
+        write_attitude(&mut text, bench, &params, slew_scale(bench)).unwrap();
         text
     }
 

@@ -4,6 +4,7 @@ use anyhow::Result;
 use base::time::{Span, Tai};
 use base::units::{ARCSEC, DAY_S, SPEED_OF_LIGHT_KM_S};
 use core::fmt::Write;
+use histories::OrbitHistory;
 use run::runtime::RunParams;
 use sky::astrometry::{PROVEN_YEARS, Vantage};
 use sky::observer::{Observer, ObserverTrack};
@@ -34,6 +35,20 @@ pub(super) fn write_observer(text: &mut String, params: &RunParams) -> Result<()
     Ok(())
 }
 
+/// What a file of states is, and how far it errs between its rows.
+fn table(history: &OrbitHistory) -> String {
+    let method = history.segments().first().map_or_else(String::new, |segment| segment.method().to_string());
+    let bound = history.interpolation_error().map_or_else(
+        || "too few rows to see how far it errs".to_owned(),
+        |[km, km_s]| {
+            let arcsec = km_s / SPEED_OF_LIGHT_KM_S / ARCSEC;
+            format!("errs by less than {km:.1e} km and {km_s:.1e} km/s, {arcsec:.1e} arcsec of aberration")
+        },
+    );
+    let notes: String = history.notes.iter().map(|note| format!("; {note}")).collect();
+    format!("{}, {} rows, {method}: {bound}{notes}", history.format, history.rows())
+}
+
 fn is_proven(at: Tai) -> bool {
     (PROVEN_YEARS[0]..=PROVEN_YEARS[1]).contains(&(2000.0 + at.years_since_j2000()))
 }
@@ -45,6 +60,7 @@ fn place(observer: &Observer, at: Tai) -> Result<String> {
         Observer::Geocentre => return Ok("at the centre of the Earth".into()),
         Observer::Tle(orbit) => format!(", elements {:.1} days old", orbit.days_from_epoch(at)),
         Observer::TwoBody { orbit, .. } => format!(", state {:.1} days old", (at - orbit.epoch()).s() / DAY_S),
+        Observer::Table(history) => format!(", {}", table(history)),
         Observer::Circular(_) | Observer::Barycentre => String::new(),
     };
     let (distance_km, speed_km_s) = (state.position_km.length(), state.velocity_km_s.length());
@@ -77,5 +93,23 @@ mod tests {
         let orbit = sky::orbit::CircularOrbit::new(500.0, 97.4, 30.0, 10.0, at).unwrap();
         let told = place(&Observer::Circular(orbit), at).unwrap();
         assert_eq!(told, "6878 km from the centre of the Earth, 7.613 km/s");
+    }
+
+    #[test]
+    fn a_file_is_told_with_its_error() {
+        let mut rows = String::from("unix_s,x_km,y_km,z_km,vx_km_s,vy_km_s,vz_km_s\n");
+        for step in 0..5 {
+            let (sin, cos) = (1.1e-3 * 60.0 * f64::from(step)).sin_cos();
+            let (x, y, v) = (7000.0 * cos, 7000.0 * sin, 7.7);
+            rows += &format!("{},{x},{y},0,{},{},0\n", 1_772_323_200 + 60 * step, -v * sin, v * cos);
+        }
+        let history = histories::read::orbit("rows.csv", &rows).unwrap();
+        let at = Tai::from_ns(history.span_ns()[0]);
+        let told = place(&Observer::Table(std::sync::Arc::new(history)), at).unwrap();
+        for part in
+            ["7000 km from the centre of the Earth", "5 rows", "Hermite of degree 3", "errs by less than 5.", "e-3 km"]
+        {
+            assert!(told.contains(part), "no \"{part}\" in {told}");
+        }
     }
 }

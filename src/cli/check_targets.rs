@@ -139,8 +139,9 @@ fn moment(
 }
 
 fn in_sensor(params: &RunParams, computer: &FlightComputer, at: Tai, icrf: DVec3) -> DVec3 {
-    let sensor_from_icrf = params.attitude.sensor_from_body * computer.truth(at).body_from_icrf;
-    sensor_from_icrf.apply(icrf)
+    // Where there is no attitude the target is behind the camera: in no field.
+    let Some(truth) = computer.truth(at) else { return DVec3::NEG_Z };
+    (params.attitude.sensor_from_body * truth.body_from_icrf).apply(icrf)
 }
 
 fn is_in_field(params: &RunParams, computer: &FlightComputer, moment: &Moment) -> bool {

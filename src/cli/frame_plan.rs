@@ -1,14 +1,12 @@
 //! The plan of one frame of a bench, without drawing it: from the simulated flight computer's own truth.
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use base::axes::Rotation;
-use base::time::Tai;
-use config::Bench;
+use base::time::Span;
 use plan::attitude::LosPath;
 use plan::exposure::cost::CostModel;
 use plan::exposure::{ExposurePlan, Planner};
 use run::runtime::RunParams;
-use run::wiring::bench_parts;
 use scene::Scene;
 use stars::Sky;
 use testbed::flight_computer::FlightComputer;
@@ -21,13 +19,9 @@ pub(super) struct FramePlans<'a> {
 }
 
 impl<'a> FramePlans<'a> {
-    /// For the frames of a bench whose clock starts at `start`.
-    pub(super) fn new(bench: &Bench, start: Tai, params: &'a RunParams, sky: &Sky) -> Self {
-        Self {
-            params,
-            computer: FlightComputer::new(bench_parts::flight_computer(bench, start)),
-            scene: Scene::new(&params.scene(&params.almanac()), sky),
-        }
+    /// For the frames of a run whose attitude this flight computer sends.
+    pub(super) fn new(computer: FlightComputer, params: &'a RunParams, sky: &Sky) -> Self {
+        Self { params, computer, scene: Scene::new(&params.scene(&params.almanac()), sky) }
     }
 
     /// A planner that weighs every method; with a limit, one that goes down the ladder.
@@ -47,6 +41,12 @@ impl<'a> FramePlans<'a> {
         &self.scene
     }
 
+    /// Whether frame `number` has an attitude.
+    pub(super) fn has_attitude(&self, number: u32) -> bool {
+        let half = Span::from_s(0.5 * self.params.camera.exposure_s);
+        self.computer.truth(self.params.exposure_start(number) + half).is_some()
+    }
+
     /// Plans frame `number`.
     ///
     /// # Errors
@@ -55,7 +55,8 @@ impl<'a> FramePlans<'a> {
         let attitude = &self.params.attitude;
         let los = &mut planner.motion_mut().los;
         los.exposure_start = self.params.exposure_start(number);
-        let truth = self.computer.truth(los.mid_exposure());
+        let at = los.mid_exposure();
+        let truth = self.computer.truth(at).with_context(|| format!("frame {number}: no attitude at {at}"))?;
         let mount = attitude.sensor_from_body;
         los.mid_sensor_from_icrf = mount * truth.body_from_icrf;
         los.rate_rad_s = mount.apply(truth.rate_rad_s);

@@ -24,6 +24,7 @@ mod check_attitude;
 mod check_bodies;
 mod check_display;
 mod check_display_stars;
+mod check_files;
 mod check_jitter;
 mod check_light;
 mod check_observer;
@@ -34,6 +35,8 @@ pub mod display;
 mod display_latency;
 mod display_measurements;
 pub mod degrees;
+pub mod export;
+mod export_source;
 mod frame_plan;
 pub mod fmu;
 pub mod init;
@@ -52,6 +55,7 @@ pub mod render;
 pub mod render_input;
 mod render_notes;
 pub mod render_output;
+mod render_series;
 pub mod replay;
 pub mod run;
 pub mod run_args;
@@ -146,6 +150,8 @@ enum Command {
     LinkCheck(link_check::LinkCheckArgs),
     /// Tell a camera's star: MTF of every link, width, encircled energy, what star colours change; and plot them
     Psf(psf::PsfArgs),
+    /// Write attitudes, the observer's orbit and places of stars as AEM, OEM, STK files, CSV
+    Export(export::ExportArgs),
     /// Write a bench as an FMI 3.0 co-simulation unit, for simulators that import such units
     Fmu(fmu::FmuArgs),
     /// Print every key of the configuration files with unit, range, default and meaning, as Markdown
@@ -221,6 +227,7 @@ fn run_command(command: Command) -> anyhow::Result<u8> {
         Command::Study(arguments) => study::run(&arguments),
         Command::LinkCheck(arguments) => link_check::run(&arguments),
         Command::Psf(arguments) => psf::run(&arguments).map(|()| EXIT_DONE),
+        Command::Export(arguments) => export::run(&arguments).map(|()| EXIT_DONE),
         Command::Fmu(arguments) => fmu::run(&arguments).map(|()| EXIT_DONE),
         Command::Keys(arguments) => keys::run(&arguments).map(|()| EXIT_DONE),
         Command::Schema(arguments) => schema::run(&arguments).map(|()| EXIT_DONE),

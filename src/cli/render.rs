@@ -6,6 +6,7 @@ use crate::cli::over_budget::over_budget_told;
 use crate::cli::render_input::{four, read_los, read_los_samples, read_sources, three};
 use crate::cli::render_notes::notes;
 use crate::cli::render_output::{Format, format_of, write_dn, write_electrons, write_truth};
+use crate::cli::render_series::{Series, draw_all};
 use crate::cli::run_args::BackendName;
 use crate::cli::wcs_warning::warn_of_wcs;
 use anyhow::{Context, Result, bail};
@@ -31,10 +32,11 @@ use scene::field_light::{FieldLight, illumination_map};
 use scene::sky_view::SkyView;
 use scene::truth::fill_truth;
 use scene::wcs::WcsMaker;
+use sky::almanac::Almanac;
 use sky::astrometry::{Sight, Vantage};
 use sky::observer::{Observer, ObserverTrack};
 use stars::Sky;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Command line of `render`.
 #[derive(Debug, Args)]
@@ -54,6 +56,13 @@ pub struct RenderArgs {
     /// Attitude quaternion `sensor_from_icrf`: Hamilton, scalar first, passive (v_sensor = q v_icrf q*)
     #[arg(long, value_name = "W,X,Y,Z", allow_hyphen_values = true, value_parser = four)]
     attitude: Option<[f64; 4]>,
+    /// File of attitudes of the sensor (CCSDS AEM, STK .a, table with a header): one image for every row, named by --out with a
+    /// number, its truth table beside it; times from a zero of the file's own count from --time
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["attitude", "ra", "rate", "los", "los_samples", "truth", "timing"])]
+    attitudes: Option<PathBuf>,
+    /// Seconds from image to image of --attitudes, in place of its rows
+    #[arg(long, value_name = "S", requires = "attitudes", value_parser = step_s)]
+    every: Option<f64>,
     /// Middle of the exposure, UTC; a time without a zone, or a date alone, is UTC too
     #[arg(long, value_name = "RFC3339", default_value = "2026-01-01T00:00:00Z", value_parser = Tai::from_rfc3339)]
     time: Tai,
@@ -103,7 +112,7 @@ pub struct RenderArgs {
 
 /// A stage of the chain, by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum StageName {
+pub(super) enum StageName {
     /// Mean electrons before the detector: f32, f64 from the reference
     Electrons,
     /// Digital numbers
@@ -120,16 +129,21 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
     let layers_mb = (!arguments.layers.is_empty()).then_some(STAR_MEMORY_MB);
     RunMemory::of_image(&camera, arguments.backend == BackendName::Reference, layers_mb).check()?;
     let camera = camera_params(&camera)?;
-    let mut scene = Scene::new(arguments, camera)?;
+    let series = arguments.attitudes.as_deref().map(|path| Series::read(path, arguments.time, arguments.every));
+    let series = series.transpose()?;
+    let mut scene = Scene::new(arguments, camera, series.as_ref())?;
     if let Some(note) = scene.imager.note() {
         eprintln!("{note}");
+    }
+    if let Some(series) = &series {
+        return draw_all(arguments, &mut scene, series, format);
     }
     scene.draw(arguments.stage)?;
     scene.warn_of_error();
     if format == Format::Fits {
         scene.warn_of_wcs();
     }
-    scene.write(arguments, format)?;
+    scene.write(&arguments.out, arguments.stage, format)?;
     if let Some(path) = &arguments.truth {
         write_truth(path, &scene.frame)?;
     }
@@ -139,13 +153,32 @@ pub fn run(arguments: &RenderArgs) -> Result<()> {
     Ok(())
 }
 
+impl RenderArgs {
+    /// Returns what is written.
+    pub(super) fn stage(&self) -> StageName {
+        self.stage
+    }
+
+    /// Returns the image to write.
+    pub(super) fn out(&self) -> &Path {
+        &self.out
+    }
+}
+
+/// Seconds from image to image.
+fn step_s(text: &str) -> Result<f64, String> {
+    let step_s = text.parse::<f64>().ok().filter(|step_s| step_s.is_finite() && *step_s > 0.0);
+    step_s.ok_or_else(|| format!("got \"{text}\", wanted seconds above 0"))
+}
+
 /// Everything one image needs.
-struct Scene {
+pub(super) struct Scene {
     camera: CameraParams,
     planner: Planner,
     imager: Imager,
     sky: Option<SkyView>,
     light: FieldLight,
+    observer: ObserverTrack,
     /// What the observer does to directions; `None` without an attitude.
     sight: Option<Sight>,
     /// Maps the image to the sky.
@@ -157,7 +190,7 @@ struct Scene {
 }
 
 impl Scene {
-    fn new(arguments: &RenderArgs, camera: CameraParams) -> Result<Self> {
+    fn new(arguments: &RenderArgs, camera: CameraParams, series: Option<&Series>) -> Result<Self> {
         let size = camera.output().size_px;
         let backend = backend_choice(arguments.backend.configured());
         let sensor = arguments.seed;
@@ -166,9 +199,13 @@ impl Scene {
         if let Some(map) = illumination_map(&camera) {
             imager.set_illumination_map(map)?;
         }
-        let observer = ObserverTrack::new(Observer::Geocentre, arguments.time);
+        let [first, last] = series.map_or([arguments.time; 2], Series::span);
+        let observer = ObserverTrack::with_almanac(Observer::Geocentre, Almanac::over(first, last));
         let light = FieldLight::new(&camera, observer.clone());
-        let motion = motion(arguments, camera.exposure_s)?;
+        let motion = match series {
+            Some(series) => Motion { los: series.los(0, camera.exposure_s)?.0, image_path: None },
+            None => motion(arguments, camera.exposure_s)?,
+        };
         let instrument = camera.instrument();
         let budget = AccuracyBudget::default();
         let mut planner = Planner::new(instrument, budget, imager.cost(), arguments.method, motion.los.clone());
@@ -180,18 +217,45 @@ impl Scene {
             Some(path) => (None, read_sources(path)?),
             None => {
                 let sky = Sky::open(&arguments.layers, camera.limiting_mag, STAR_MEMORY_MB)?;
-                for note in notes(arguments.time, camera.limiting_mag, sky.faintest_mag()) {
+                for note in notes(first, camera.limiting_mag, sky.faintest_mag()) {
                     eprintln!("{note}");
                 }
                 (Some(SkyView::new(&camera, observer.clone(), &sky)), Vec::new())
             }
         };
-        let vantage = Vantage::of(&observer, arguments.time, true)?;
-        let has_attitude = arguments.ra.is_some() || arguments.attitude.is_some();
+        let vantage = Vantage::of(&observer, first, true)?;
+        let has_attitude = arguments.ra.is_some() || arguments.attitude.is_some() || series.is_some();
         let sight = has_attitude.then(|| vantage.sight());
         let wcs = WcsMaker::new(&camera.geometry, &output_of(arguments.stage, &camera));
         let frame = SentFrame::with_capacity(size[0], size[1], sources.len(), camera.name.clone());
-        Ok(Self { camera, planner, imager, sky, light, sight, wcs, sources, frame, seeds, number: arguments.frame })
+        Ok(Self {
+            camera,
+            planner,
+            imager,
+            sky,
+            light,
+            observer,
+            sight,
+            wcs,
+            sources,
+            frame,
+            seeds,
+            number: arguments.frame,
+        })
+    }
+
+    /// Points the camera as image `number` of a series, whose noise it has.
+    pub(super) fn aim(&mut self, series: &Series, number: usize) -> Result<()> {
+        let (los, at) = series.los(number, self.camera.exposure_s)?;
+        self.planner.motion_mut().los = los;
+        self.sight = Some(Vantage::of(&self.observer, at, true)?.sight());
+        self.number = u32::try_from(number)?;
+        Ok(())
+    }
+
+    /// Returns the latest image with its truth.
+    pub(super) fn frame(&self) -> &SentFrame {
+        &self.frame
     }
 
     /// Finds the sources and plans; the detector's conditions, and the wall time of both.
@@ -209,7 +273,7 @@ impl Scene {
     }
 
     /// Draws up to `stage`; wall times: sky, plan, render, detector.
-    fn draw(&mut self, stage: StageName) -> Result<[Span; 4]> {
+    pub(super) fn draw(&mut self, stage: StageName) -> Result<[Span; 4]> {
         let (conditions, [sky, planning]) = self.plan()?;
         let plan: &ExposurePlan = self.planner.latest();
         let mut watch = Stopwatch::start();
@@ -242,7 +306,7 @@ impl Scene {
     }
 
     /// Says what is over the budget, and by how much.
-    fn warn_of_error(&self) {
+    pub(super) fn warn_of_error(&self) {
         let plan = self.planner.latest();
         if let Some(words) = over_budget_told(plan, &AccuracyBudget::default()) {
             let who = if self.imager.is_exact() { "the reference".into() } else { plan.chosen.method.to_string() };
@@ -255,12 +319,11 @@ impl Scene {
         self.frame.meta.wcs.iter().for_each(|wcs| warn_of_wcs(wcs.error_px));
     }
 
-    fn write(&self, arguments: &RenderArgs, format: Format) -> Result<()> {
-        match arguments.stage {
-            StageName::Dn => write_dn(&arguments.out, format, &self.frame)?,
-            StageName::Electrons => {
-                write_electrons(&arguments.out, format, &self.imager.latest_mean(), &self.frame.meta)?
-            }
+    /// Writes the latest image.
+    pub(super) fn write(&self, path: &Path, stage: StageName, format: Format) -> Result<()> {
+        match stage {
+            StageName::Dn => write_dn(path, format, &self.frame)?,
+            StageName::Electrons => write_electrons(path, format, &self.imager.latest_mean(), &self.frame.meta)?,
         };
         Ok(())
     }
@@ -346,6 +409,6 @@ fn attitude(arguments: &RenderArgs) -> Result<Rotation<Sensor, Icrf>> {
         }
         // Sources given in pixels need no sky.
         (_, _, Some(_)) => Ok(Rotation::IDENTITY),
-        _ => bail!("wanted --ra and --dec (and --roll), or --attitude, or --sources"),
+        _ => bail!("wanted --ra and --dec (and --roll), or --attitude, --attitudes or --sources"),
     }
 }

@@ -206,14 +206,20 @@ impl Document {
         own.parent().map(Path::to_path_buf).unwrap_or_default().join(path)
     }
 
-    /// The bytes of the file that the value of `key` names, relative to this one; of a packed document, to where it was.
-    pub(super) fn bytes_of(&self, key: &str, path: &str) -> Result<Vec<u8>, ConfigError> {
+    /// Where a file of data lies: beside this document, beside the place a packed one was packed from; of a built-in one, in
+    /// the working directory.
+    pub(super) fn data_beside(&self, path: &str) -> PathBuf {
         let own = match &self.origin {
             Origin::File(own) => own.clone(),
             Origin::BuiltIn(_) => PathBuf::new(),
             Origin::Packed { .. } => PathBuf::from(self.name()),
         };
-        let path = own.parent().map(Path::to_path_buf).unwrap_or_default().join(path);
+        own.parent().map(Path::to_path_buf).unwrap_or_default().join(path)
+    }
+
+    /// The bytes of the file that the value of `key` names, relative to this one; of a packed document, to where it was.
+    pub(super) fn bytes_of(&self, key: &str, path: &str) -> Result<Vec<u8>, ConfigError> {
+        let path = self.data_beside(path);
         let named_by = format!("; named by {key} in {}: paths are relative to the file that names them", self.name());
         let why = |error: std::io::Error| ConfigError::Read {
             file: path.display().to_string(),

@@ -4,9 +4,12 @@ use crate::check::Checker;
 use crate::error::ConfigError;
 use crate::key::{Given, Section, section, taken};
 use crate::key_type::{Any, Word};
+use crate::plant_file::{refused, text_of};
 use base::time::Tai;
 use base::units::DEG;
+use histories::{OrbitHistory, read};
 use sky::orbit::{CentralBody, KeplerElements};
+use std::sync::Arc;
 
 /// Place and motion of the sensor, checked.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,6 +43,13 @@ pub enum Observer {
         /// Where it is then.
         start: OrbitStart,
     },
+    /// On the states of a file.
+    Table(Arc<OrbitHistory>),
+    /// By the elements of a file: two-line elements, or an OMM as JSON, of one object.
+    Elements {
+        /// The file's text.
+        text: String,
+    },
 }
 
 /// What fixes a conic at its epoch, in ICRF axes.
@@ -59,13 +69,15 @@ pub enum OrbitStart {
 section! {
     /// Where the sensor is, for parallax and aberration.
     ObserverKeys at "observer" {
-        /// The centre of the Earth, or an orbit by element lines, as a circle, or as a conic.
+        /// The centre of the Earth, or an orbit by element lines, as a circle, as a conic, or by a file.
         kind: Word<Kind> = "geocentre", [
             ("geocentre", Kind::Geocentre), ("tle", Kind::Tle), ("circular_orbit", Kind::CircularOrbit),
-            ("two_body", Kind::TwoBody),
-        ], "tle takes line1 and line2; circular_orbit takes altitude_km, inclination_deg, raan_deg, \
+            ("two_body", Kind::TwoBody), ("file", Kind::File),
+        ], "file takes file; tle takes line1 and line2; circular_orbit takes altitude_km, inclination_deg, raan_deg, \
             argument_of_latitude_deg; two_body takes about, epoch, and position_km and velocity_km_s or \
             semi_major_axis_km and further elements";
+        /// File of states or elements, for kind = "file": CCSDS OEM (KVN, XML), STK .e, a table, two-line elements, OMM as JSON.
+        file: String = Optional, "path";
         /// First line of an element set; copy both lines of the element set unchanged.
         line1: String = Optional, "text of 69 characters";
         /// Second line of an element set; copy both lines of the element set unchanged.
@@ -110,6 +122,7 @@ pub(super) enum Kind {
     Tle,
     CircularOrbit,
     TwoBody,
+    File,
 }
 
 impl Observer {
@@ -121,12 +134,16 @@ impl Observer {
             Kind::Tle => tle(keys, check),
             Kind::CircularOrbit => circular_orbit(keys, check),
             Kind::TwoBody => two_body(keys, check),
+            Kind::File => file(keys, check),
         }
     }
 }
 
 impl ObserverKeys {
     fn refuse_strangers(&self, kind: Kind, check: &Checker<'_>) -> Result<(), ConfigError> {
+        if kind != Kind::File {
+            self.refuse(&["file"], "kind = \"file\"", check)?;
+        }
         if kind != Kind::Tle {
             self.refuse(&["line1", "line2"], "kind = \"tle\"", check)?;
         }
@@ -143,6 +160,22 @@ impl ObserverKeys {
         }
         Ok(())
     }
+}
+
+/// Whether a text is a set of elements: lines that begin with 1 and 2, or JSON.
+fn is_elements(text: &str) -> bool {
+    let has_line = |number: char| text.lines().any(|line| is_tle_line(line.trim_end(), number));
+    text.trim_start().starts_with(['[', '{']) || (has_line('1') && has_line('2'))
+}
+
+fn file(keys: &ObserverKeys, check: &Checker<'_>) -> Result<Observer, ConfigError> {
+    let given = keys.file();
+    let (text, path) = text_of(&given, check)?;
+    if is_elements(&text) {
+        return Ok(Observer::Elements { text });
+    }
+    let history = read::orbit(&path, &text).map_err(|error| refused(&given, &error, check))?;
+    Ok(Observer::Table(Arc::new(history)))
 }
 
 fn two_body(keys: &ObserverKeys, check: &mut Checker<'_>) -> Result<Observer, ConfigError> {

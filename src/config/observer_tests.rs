@@ -89,3 +89,47 @@ fn each_rule_has_a_failing_example() {
     assert!(observer(&two_body(state)).is_ok());
     assert!(observer(&two_body("semi_major_axis_km = -7000\neccentricity = 1.1")).is_ok(), "a flyby");
 }
+
+/// An observer by a file with this text, beside the document.
+fn of_file(text: &str, lines: &str) -> Result<Observer, ConfigError> {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("orbit.txt"), text).expect("a file");
+    let lines = format!("[observer]\nkind = \"file\"\nfile = \"orbit.txt\"\n{lines}\n");
+    let document = Document::from_text(&lines, &folder.path().join("bench.toml"));
+    let keys: OnlyObserver = document.read_as()?;
+    Observer::check(&keys.observer, &mut Checker::new(&document))
+}
+
+const TABLE: &str =
+    "unix_s,x_km,y_km,z_km,vx_km_s,vy_km_s,vz_km_s\n1772323200,7000,0,0,0,7.5,0\n1772323260,6985,450,0,-0.5,7.5,0\n";
+const LINES: &str = "ISS\n1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927\n\
+                     2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537\n";
+
+#[test]
+fn a_file_is_states_or_elements_by_what_is_in_it() {
+    let Ok(Observer::Table(history)) = of_file(TABLE, "") else { unreachable!("a table of states") };
+    assert_eq!((history.rows(), history.centre), (2, histories::Centre::Earth));
+    for text in [LINES, "[{\"OBJECT_NAME\": \"ISS\"}]"] {
+        let Ok(Observer::Elements { text: kept }) = of_file(text, "") else { unreachable!("elements: {text}") };
+        assert_eq!(kept, text);
+    }
+}
+
+#[test]
+fn files_of_the_observer_are_refused_with_line_and_reason() {
+    for (text, lines, part) in [
+        (TABLE.replace("7000", "x"), "", "orbit.txt:2: got \"x\""),
+        (TABLE.replace("unix_s", "t_s"), "", "absolute times"),
+        (TABLE.into(), "about = \"moon\"", "observer.about is given"),
+        (TABLE.into(), "altitude_km = 500", "observer.altitude_km is given"),
+    ] {
+        let error = of_file(&text, lines).expect_err(part).to_string();
+        assert!(error.contains(part), "{part}: {error}");
+    }
+    let error = observer("file = \"x.oem\"").expect_err("another kind").to_string();
+    assert!(error.contains("observer.file is given"), "{error}");
+    let error = observer("kind = \"file\"").expect_err("no file").to_string();
+    assert!(error.contains("observer.file") && error.contains("missing"), "{error}");
+    let error = observer("kind = \"file\"\nfile = \"none.oem\"").expect_err("no such file").to_string();
+    assert!(error.contains("none.oem: cannot be opened"), "{error}");
+}

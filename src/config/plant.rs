@@ -8,12 +8,11 @@ use crate::error::ConfigError;
 use crate::event::Pointing;
 use crate::key::{Section, section};
 use crate::key_type::{Numbers, Whole, Word};
+use crate::plant_file::{Begins, FilePlant, SENSES};
 use crate::spacecraft::Spacecraft;
-use base::axes::Rotation;
 use base::time::Span;
 use glam::DVec3;
-use std::sync::Arc;
-use testbed::flight_computer::{AttitudeRow, AttitudeTable};
+use histories::Sense;
 use testbed::spacecraft::TestTorque;
 
 /// Who moves the spacecraft.
@@ -23,8 +22,8 @@ pub enum Plant {
     Outside,
     /// The simulated flight computer: it sends a prescribed attitude.
     FlightComputer,
-    /// An attitude history, which the simulated flight computer sends; times count from the first exposure.
-    File(Arc<AttitudeTable>),
+    /// An attitude history, which the simulated flight computer sends.
+    File(FilePlant),
     /// A simulated spacecraft: rigid body, wheels, star tracker, estimator and attitude control.
     Vehicle(Box<Vehicle>),
 }
@@ -75,14 +74,22 @@ pub struct Vehicle {
 section! {
     /// Who moves the spacecraft, and how one that is flown inside begins, points and is controlled.
     PlantKeys at "plant" {
-        /// The simulated flight computer, one at the other end of the link, or a simulated spacecraft.
+        /// The simulated flight computer, one at the other end of the link, a simulated spacecraft, or a file of attitudes.
         kind: Word<PlantKind> = Computed("vehicle with spacecraft, else as flight_computer.kind says"), [
             ("flight_computer", PlantKind::FlightComputer), ("outside", PlantKind::Outside),
             ("vehicle", PlantKind::Vehicle), ("file", PlantKind::File),
         ];
-        /// File of an attitude history, for kind = "file": rows of seconds after the first exposure and the quaternion
-        /// w x y z from ICRF to body axes, by commas or blanks; # begins a comment.
+        /// File of an attitude history, for kind = "file": a table with named columns, rows of seconds and the quaternion
+        /// w x y z from ICRF to body axes, CCSDS AEM (KVN, XML), STK .a; the guide files_in_and_out.md has all.
         attitude: String = Optional, "path";
+        /// Which rotation the quaternions of a table are, where it does not say so itself.
+        sense: Word<Sense> = Optional, SENSES;
+        /// What lays the file upon the run: its own times, or its beginning at the first exposure.
+        begins: Word<Begins> = Computed("utc where the file's times are absolute, else first_exposure"),
+            [("utc", Begins::Utc), ("first_exposure", Begins::FirstExposure)];
+        /// What is sent before the file's first attitude and after its last: nothing, or that attitude at rest.
+        outside: Word<bool> = Computed("none where the file's times are absolute, else rest"),
+            [("none", false), ("rest", true)];
         tables:
         /// Attitude and rate at the start of a flight.
         initial: Option<InitialKeys>;
@@ -187,11 +194,9 @@ impl PlantKeys {
         };
         let kind = self.kind().optional(check)?.unwrap_or(usual);
         let replays = kind == PlantKind::File && usual == PlantKind::FlightComputer;
-        check.unused(
-            "plant.attitude",
-            self.attitude().raw().is_some() && kind != PlantKind::File,
-            "kind = \"file\"",
-        )?;
+        if kind != PlantKind::File {
+            self.refuse(&["attitude", "sense", "begins", "outside"], "kind = \"file\"", check)?;
+        }
         if kind != usual && !replays {
             let got = self.kind().raw().cloned().unwrap_or_default();
             let (wanted, advice) = match (kind, names_spacecraft) {
@@ -218,30 +223,6 @@ impl PlantKeys {
             }
         }
         Ok(kind)
-    }
-
-    /// Reads the attitude history that `attitude` names.
-    pub(super) fn attitude_table(&self, check: &Checker<'_>) -> Result<Arc<AttitudeTable>, ConfigError> {
-        let given = self.attitude();
-        let path = given.raw().ok_or_else(|| given.missing("the path of a file", check))?;
-        let bytes = check.document.bytes_of(&given.key(), path)?;
-        let text = String::from_utf8_lossy(&bytes);
-        let mut rows = Vec::new();
-        for (line, number) in text.lines().zip(1..) {
-            let values = line.split('#').next().unwrap_or_default().trim();
-            if values.is_empty() || (rows.is_empty() && values.starts_with(|c: char| c.is_ascii_alphabetic())) {
-                continue;
-            }
-            let row = attitude_row(values).ok_or_else(|| {
-                let wanted = "five numbers: seconds and a unit quaternion w x y z";
-                check.invalid(&given.key(), format!("{path}:{number}: \"{values}\""), wanted, "by commas or blanks")
-            })?;
-            rows.push(row);
-        }
-        let count = rows.len();
-        let wanted = "one row at least, with rising times";
-        let refuse = || check.invalid(&given.key(), format!("{path}: {count} rows"), wanted, "sort them by time");
-        AttitudeTable::new(rows).map(Arc::new).ok_or_else(refuse)
     }
 
     /// Reads the trackers beside a plant outside, if it has any.
@@ -279,17 +260,6 @@ impl PlantKeys {
             telemetry: self.telemetry.unwrap_or_default(),
         }
     }
-}
-
-/// Largest difference from 1 of a quaternion's norm in a file: four decimals of each component.
-const NORM_TOLERANCE: f64 = 1e-3;
-
-/// Reads one row of an attitude history.
-fn attitude_row(values: &str) -> Option<AttitudeRow> {
-    let numbers = values.split([',', ' ', '\t', ';']).filter(|word| !word.is_empty()).map(str::parse);
-    let numbers: Vec<f64> = numbers.collect::<Result<_, _>>().ok()?;
-    let &[t_s, w, x, y, z] = numbers.as_slice() else { return None };
-    Some((t_s, Rotation::from_wxyz([w, x, y, z], NORM_TOLERANCE)?)).filter(|(t_s, _)| t_s.is_finite())
 }
 
 /// Names of the flight's tables in one form of file.

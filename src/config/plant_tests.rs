@@ -1,7 +1,7 @@
 //! Who moves the spacecraft: every form of file, and what each kind refuses.
 
 use super::*;
-use crate::{Bench, Document, Scenario};
+use crate::{Begins, Bench, Document, FilePlant, Scenario};
 use std::path::Path;
 
 /// A run file beside the shipped benches.
@@ -62,8 +62,9 @@ fn an_attitude_history_is_read_and_refused_by_line() {
         Scenario::from_document(&Document::from_text(text, &folder.path().join("lab.toml")))
     };
     let scenario = read("t_s,qw,qx,qy,qz\n# a comment\n0.0,1,0,0,0\n2.5 0 1 0 0 # later\n").unwrap();
-    let Plant::File(table) = &scenario.plant else { panic!("{:?}", scenario.plant) };
-    assert_eq!(table.span_s(), [0.0, 2.5]);
+    let Plant::File(file) = &scenario.plant else { panic!("{:?}", scenario.plant) };
+    assert_eq!(file.history.span_ns(), [0, 2_500_000_000]);
+    assert_eq!((file.begins, file.rests_outside), (Begins::FirstExposure, true));
     for (rows, part) in [
         ("0.0,1,0,0\n", "attitude.csv:1"),
         ("0.0,1,0,0,0\n1.0,2,0,0,0\n", "attitude.csv:2"),
@@ -163,4 +164,50 @@ fn a_packed_run_file_holds_the_cameras_of_its_heads() {
     let of = |document: &Document| Bench::from_document(document).unwrap().extra_heads;
     assert_eq!(of(&packed), of(&document));
     assert_eq!(of(&packed).len(), 1);
+}
+
+/// Attitudes of a standard message, ten seconds of them.
+const AEM: &str = "CCSDS_AEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = SAT\nOBJECT_ID = 2026-001A\nREF_FRAME_A = GCRF\nREF_FRAME_B = \
+                   SC_BODY_1\nTIME_SYSTEM = UTC\nSTART_TIME = 2026-03-01T00:00:00\nSTOP_TIME = 2026-03-01T00:00:10\nATTITUDE_TYPE \
+                   = QUATERNION\nMETA_STOP\nDATA_START\n2026-03-01T00:00:00 0 0 0 1\n2026-03-01T00:00:10 0 1 0 0\nDATA_STOP\n";
+
+#[test]
+fn a_message_is_laid_upon_the_run_by_its_own_times_or_at_the_first_exposure() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("x.aem"), AEM).unwrap();
+    let read = |lines: &str| {
+        let text = format!("[plant]\nkind = \"file\"\nattitude = \"x.aem\"\n{lines}");
+        Scenario::from_document(&Document::from_text(&text, &folder.path().join("lab.toml")))
+    };
+    let file = |lines: &str| match read(lines).unwrap_or_else(|error| panic!("{error}")).plant {
+        Plant::File(file) => file,
+        other => panic!("{other:?}"),
+    };
+    let [first, later] =
+        ["2026-03-01T00:00:00Z", "2026-03-01T00:00:05Z"].map(|text| base::time::Tai::from_rfc3339(text).unwrap());
+    let own = file("");
+    assert_eq!((own.begins, own.rests_outside), (Begins::Utc, false));
+    let turn = |file: &FilePlant, zero, at| file.profile(zero).at(at).map(|truth| truth.body_from_icrf.wxyz()[2].abs());
+    let half = core::f64::consts::FRAC_1_SQRT_2;
+    assert!((turn(&own, first, later).unwrap() - half).abs() < 1e-12, "half of the turn after half of the time");
+    assert!((turn(&own, later, later).unwrap() - half).abs() < 1e-12, "whatever the first exposure");
+    let shifted = file("begins = \"first_exposure\"\n[timing]\nstart_utc = \"2030-01-01T00:00:00Z\"\n");
+    assert!(turn(&shifted, later, later).unwrap() < 1e-12, "its first row");
+    assert_eq!(turn(&shifted, later, first), None, "nothing before it");
+    assert!(turn(&file("outside = \"rest\"\n"), first, first - Span::from_s(1.0)).is_some());
+    let error = read("[timing]\nstart_utc = \"2030-01-01T00:00:00Z\"\n").unwrap_err().to_string();
+    assert!(error.contains("plant.attitude") && error.contains("start_utc = \"2026-02-28T23:59:59"), "{error}");
+    for (lines, part) in [
+        ("sense = \"icrf_from_body\"\n", "states its own frames"),
+        ("begins = \"noon\"\n", "plant.begins"),
+        ("outside = \"hold\"\n", "plant.outside"),
+    ] {
+        let error = read(lines).expect_err(lines).to_string();
+        assert!(error.contains(part), "{lines}: {error}");
+    }
+    std::fs::write(folder.path().join("x.aem"), AEM.replace("QUATERNION", "SPIN")).unwrap();
+    let error = read("").unwrap_err().to_string();
+    assert!(error.contains("x.aem:10: ") && error.contains("Euler angles and spin are not read"), "{error}");
+    std::fs::write(folder.path().join("x.aem"), "0 1 0 0 0\n").unwrap();
+    assert!(read("begins = \"utc\"\n").unwrap_err().to_string().contains("a zero of its own"));
 }

@@ -19,6 +19,7 @@ use crate::plant::{
     ControlKeys, FlightKeys, IN_BENCH, IN_SCENARIO, InitialKeys, OutsideTrackers, Plant, PlantKind, PointingKeys,
     TelemetryKeys, TrackerKeys, Vehicle,
 };
+use crate::plant_file::FilePlant;
 use crate::session::SessionStart;
 use crate::setting::Setting;
 use crate::several::check_all;
@@ -164,7 +165,7 @@ impl Scenario {
         let plant = match plant_kind {
             PlantKind::Outside => Plant::Outside,
             PlantKind::FlightComputer => Plant::FlightComputer,
-            PlantKind::File => Plant::File(plant.attitude_table(&check)?),
+            PlantKind::File => Plant::File(FilePlant::check(&plant, &bench.timing, &mut check)?),
             PlantKind::Vehicle => {
                 check_can_fly(&bench, &check)?;
                 let vehicle = Vehicle::check(&plant.flight(), IN_BENCH, spacecraft.as_deref(), &mut check)?;

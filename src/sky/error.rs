@@ -138,6 +138,18 @@ pub enum ObserverError {
         /// Radius of the body.
         surface_km: f64,
     },
+    /// A file of states ends before, or has a gap.
+    #[error(
+        "the observer's file has no state at {at}: it goes from {first} to {last}; wanted one that covers the run without gaps"
+    )]
+    NoState {
+        /// The time asked for.
+        at: Tai,
+        /// First state.
+        first: Tai,
+        /// Last state.
+        last: Tai,
+    },
     /// Sun, Moon and Earth are seen from an orbit or from the geocentre.
     #[error("Sun, Moon and Earth: wanted an observer near the Earth, got one at rest at the barycentre")]
     NoBodies,

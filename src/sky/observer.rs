@@ -13,6 +13,8 @@ use crate::moon;
 use crate::orbit::{CentralBody, CircularOrbit, TleOrbit, TwoBodyOrbit};
 pub use crate::state::BarycentricState;
 use base::time::Tai;
+use histories::{Centre, OrbitHistory};
+use std::sync::Arc;
 
 /// Where the star sensor flies.
 #[derive(Debug, Clone)]
@@ -32,6 +34,8 @@ pub enum Observer {
         /// The conic, ICRF axes.
         orbit: TwoBodyOrbit,
     },
+    /// On the states of a file, with the interpolation and the bound of [`histories::orbit`].
+    Table(Arc<OrbitHistory>),
 }
 
 impl Observer {
@@ -42,21 +46,43 @@ impl Observer {
             Self::Barycentre => None,
             Self::Geocentre | Self::Tle(_) | Self::Circular(_) => Some(CentralBody::Earth),
             Self::TwoBody { about, .. } => Some(*about),
+            Self::Table(history) => body_of(history.centre),
         }
     }
 
     /// State from the centre of that body; at rest at the barycentre. Does not allocate.
     ///
     /// # Errors
-    /// When SGP4 cannot follow the elements to `at`, or the orbit is below the surface there.
+    /// When SGP4 cannot follow the elements to `at`, a file has no state there, or the orbit is below the surface.
     pub fn relative_state(&self, at: Tai) -> Result<BarycentricState, ObserverError> {
         match self {
             Self::Barycentre | Self::Geocentre => Ok(BarycentricState::default()),
             Self::Tle(orbit) => orbit.geocentric_state(at),
             Self::Circular(orbit) => Ok(orbit.geocentric_state(at)),
             Self::TwoBody { about, orbit } => above_surface(*about, at, orbit.state(at)),
+            Self::Table(history) => tabulated(history, at),
         }
     }
+}
+
+/// The body that a file's positions are from; `None` for the barycentre.
+fn body_of(centre: Centre) -> Option<CentralBody> {
+    match centre {
+        Centre::Earth => Some(CentralBody::Earth),
+        Centre::Moon => Some(CentralBody::Moon),
+        Centre::Sun => Some(CentralBody::Sun),
+        Centre::Barycentre => None,
+    }
+}
+
+fn tabulated(history: &OrbitHistory, at: Tai) -> Result<BarycentricState, ObserverError> {
+    let missing = || {
+        let [first, last] = history.span_ns().map(Tai::from_ns);
+        ObserverError::NoState { at, first, last }
+    };
+    let found = history.at_ns(at.ns()).ok_or_else(missing)?;
+    let state = BarycentricState { position_km: found.position_km, velocity_km_s: found.velocity_km_s };
+    body_of(history.centre).map_or(Ok(state), |about| above_surface(about, at, state))
 }
 
 pub(crate) fn above_surface(
@@ -209,6 +235,34 @@ mod tests {
             assert!(near(geocentric + earth, of(observer)), "{observer:?}");
         }
         assert!(track(&Observer::Barycentre).geocentric_state(at).expect("no error").is_none());
+    }
+
+    /// A file of a circle about each centre, a state a minute.
+    #[test]
+    fn a_file_gives_states_about_its_centre_and_none_outside() {
+        let zero = Tai::from_rfc3339("2026-03-01T00:00:00Z").expect("a valid instant");
+        let orbit = CircularOrbit::new(500.0, 97.4, 30.0, 10.0, zero).expect("a valid orbit");
+        let rows = |centre: &str| {
+            let mut text = format!("# centre: {centre}\ntai_ns,x_km,y_km,z_km,vx_km_s,vy_km_s,vz_km_s\n");
+            for minute in 0..10_i64 {
+                let at = zero + Span::from_ms(60_000 * minute);
+                let BarycentricState { position_km: p, velocity_km_s: v } = orbit.geocentric_state(at);
+                text += &format!("{},{},{},{},{},{},{}\n", at.ns(), p.x, p.y, p.z, v.x, v.y, v.z);
+            }
+            Observer::Table(Arc::new(histories::read::orbit("rows.csv", &text).expect("an orbit")))
+        };
+        let at = zero + Span::from_s(330.0);
+        let earth = rows("EARTH");
+        let off = earth.relative_state(at).expect("inside") - orbit.geocentric_state(at);
+        assert!(off.position_km.length() < 1e-3 && off.velocity_km_s.length() < 1e-5, "{off:?}");
+        assert_eq!(earth.about(), Some(CentralBody::Earth));
+        assert_eq!(rows("SUN").about(), Some(CentralBody::Sun));
+        assert!(rows("SUN").relative_state(at).is_err(), "7000 km from its centre is inside the Sun");
+        let barycentre = rows("SOLAR SYSTEM BARYCENTER");
+        let state = ObserverTrack::new(barycentre, at).barycentric_state(at).expect("inside");
+        assert!((state.position_km - orbit.geocentric_state(at).position_km).length() < 1e-3);
+        let late = earth.relative_state(zero + Span::from_s(541.0)).expect_err("after its end").to_string();
+        assert!(late.contains("no state at 2026-03-01T00:09:01") && late.contains("to 2026-03-01T00:09:00"), "{late}");
     }
 
     #[test]

@@ -236,8 +236,38 @@ def jitter_table():
     yield "density_falling", b"\1f_hz,x_deg2_hz\n2,1\n1,1\n"
 
 
+def histories():
+    metadata = b"META_START\nOBJECT_NAME = S\nOBJECT_ID = 1\n%sTIME_SYSTEM = UTC\nSTART_TIME = 2026-03-01T00:00:00\nSTOP_TIME = 2026-060T00:01:00\n"
+    frames = b"REF_FRAME_A = EME2000\nREF_FRAME_B = SC_BODY_1\n"
+    aem = b"CCSDS_AEM_VERS = %s\n" + metadata % frames + b"ATTITUDE_TYPE = QUATERNION%sMETA_STOP\nDATA_START\n%sDATA_STOP\n"
+    two = b"2026-03-01T00:00:00 0 0 0 1%s\n2026-03-01T00:00:10.5 0 0.6 0 0.8%s\n"
+    rates = two % (b" 1 2 3", b" 0 0 1")
+    first = b"\nATTITUDE_DIR = B2A\nQUATERNION_TYPE = FIRST\n"
+    yield "aem_1", b"\0" + aem.replace(b"QUATERNION%s", b"QUATERNION" + first) % (b"1.0", two.replace(b"0 0 0 1", b"1 0 0 0") % (b"", b""))
+    yield "aem_2", b"\0" + aem % (b"2.0", b"/ANGVEL\nANGVEL_FRAME = SC_BODY_1\n", rates)
+    lagrange = b"\nINTERPOLATION_METHOD = LAGRANGE\nINTERPOLATION_DEGREE = 5\nUSEABLE_START_TIME = 2026-03-01T00:00:05\n"
+    yield "aem_lagrange", b"\0" + aem % (b"2.0", lagrange, two % (b"", b""))
+    xml = (b'<aem version="2.0"><body><segment><metadata><REF_FRAME_A>ICRF</REF_FRAME_A><REF_FRAME_B>SC_BODY_1</REF_FRAME_B>'
+           b"<TIME_SYSTEM>TDB</TIME_SYSTEM><START_TIME>2026-03-01T00:00:00</START_TIME><STOP_TIME>2026-03-01T00:01:00</STOP_TIME>"
+           b"<ATTITUDE_TYPE>QUATERNION</ATTITUDE_TYPE></metadata><data><attitudeState><quaternionEphemeris><EPOCH>2026-03-01T00:00:01"
+           b"</EPOCH><quaternion><QC>1</QC><Q1>0</Q1><Q2>0</Q2><Q3>0</Q3></quaternion></quaternionEphemeris></attitudeState></data>"
+           b"</segment></body></aem>")
+    yield "aem_xml", b"\0" + xml
+    stk = b"stk.v.11.0\nBEGIN %s\nScenarioEpoch 1 Mar 2026 00:00:00.0\n%s\nEND %s\n"
+    yield "stk_a", b"\0" + stk % (b"Attitude", b"CoordinateAxes J2000\nAttitudeTimeQuatAngVels\n0 0 0 0 1 1 2 3\n1 0 0 0 1 1 2 3", b"Attitude")
+    yield "stk_e", b"\1" + stk % (b"Ephemeris", b"CoordinateSystem ICRF\nEphemerisTimePosVel\n0 7e6 0 0 0 7e3 0\n9 7e6 6e4 0 0 7e3 0", b"Ephemeris")
+    yield "table", b"\0# sense: icrf_from_body\nutc,q1,q2,q3,q4,w_x_deg_s,w_y_deg_s,w_z_deg_s,segment\n2026-03-01T00:00:00Z,0,0,0,1,1,2,3,1\n"
+    yield "rows", b"\0# rows\n0 1 0 0 0\n1.5,0.6,0.8,0,0 # later\n"
+    orbit = b"CENTER_NAME = MOON\nREF_FRAME = GCRF\n"
+    states = b"2026-03-01T00:00:00 2000 0 0 0 1 0\n2026-03-01T00:00:10 2000 10 0 0 1 0\n"
+    yield "oem", b"\1CCSDS_OEM_VERS = 2.0\n" + metadata % orbit + b"META_STOP\n" + states + b"COVARIANCE_START\n1\nCOVARIANCE_STOP\n"
+    yield "orbit", b"\1# centre: SUN\ntai_ns;x_m;y_m;z_m;vx_m_s;vy_m_s;vz_m_s\n1;2;3;4;5;6;7\n2;2;3;4;5;6;7\n"
+    yield "made_table", b"\2" + bytes([2, 0, 2, 1, 1, 1, 3, 1, 1, 2, 1, 0, 1, 1, 1, 2])
+    yield "made_message", b"\3" + bytes([2, 0, 2, 1, 1, 1, 3, 1, 1, 2, 1, 0, 1, 1, 1, 2])
+
+
 for target in (can_decode, serial_resync, slcan, socketcand, captures, plain, network_camera, session, layer, star_lines,
-               elements, jitter_table):
+               elements, jitter_table, histories):
     folder = HERE / "corpus" / target.__name__
     folder.mkdir(parents=True, exist_ok=True)
     for name, seed in target():

@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail};
 use base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
 use base::time::{Span, Tai};
 use config::{
-    self, Bench, JitterAxes, JitterSource, Motion, OrbitSettings, OrbitStart, Overlap, SwingSettings, TargetCourse,
+    self, Bench, JitterAxes, JitterSource, Motion, OrbitSettings, OrbitStart, Overlap, Plant, SwingSettings, TargetCourse,
     TargetLight, TargetSettings, Wire,
 };
 use glam::{DQuat, DVec3};
@@ -25,6 +25,7 @@ use sky::ObserverError;
 use sky::observer::Observer;
 use sky::orbit::{CircularOrbit, EARTH_GM_KM3_S2, TleOrbit, TwoBodyOrbit};
 use sky::target::Orbit;
+use std::sync::Arc;
 use testbed::flight_computer::{
     Faults, FlightComputerParams, JitterLineParams, JitterStream, Profile, RampShape, Slew, SlewProfile, SteadyMotion,
     Swing,
@@ -40,7 +41,7 @@ const LEAD: Span = Span::from_ms(1000);
 pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
     let camera = camera_params(&bench.camera)?;
     let first_exposure = start + LEAD + bench.timing.phase;
-    Ok(RunParams {
+    let params = RunParams {
         attitude: AttitudeParams {
             jitter_record: jitter_record(bench, first_exposure, camera.exposure_s)?,
             ..attitude_params(bench, start)
@@ -73,7 +74,32 @@ pub fn run_params(bench: &Bench, start: Tai) -> Result<RunParams> {
             config::DeadlinePolicy::Late => DeadlinePolicy::Late,
         },
         camera,
-    })
+    };
+    check_observer_covers(&params)?;
+    Ok(params)
+}
+
+/// Refuses a file of the observer that lacks an exposure of the run: in a gap there is no parallax and no aberration.
+fn check_observer_covers(params: &RunParams) -> Result<()> {
+    let Observer::Table(history) = &params.observer else { return Ok(()) };
+    let exposure = Span::from_s(params.camera.exposure_s);
+    let has = |at: Tai| history.at_ns(at.ns()).is_some();
+    let is_missing = |number: &u32| {
+        let start = params.exposure_start(*number);
+        !has(start) || !has(start + exposure)
+    };
+    let missing = (0..params.frames).filter(is_missing).count();
+    if missing == 0 {
+        return Ok(());
+    }
+    let [first, last] = history.span_ns().map(Tai::from_ns);
+    let end = params.exposure_start(params.frames.saturating_sub(1)) + exposure;
+    bail!(
+        "observer.file: got states from {first} to {last}, which lack {missing} of {} exposures; wanted all from {} to {end}: set \
+         timing.start_utc or timing.duration_s, or give a longer file without gaps",
+        params.frames,
+        params.exposure_start(0)
+    )
 }
 
 /// Targets on the sky, ready to be followed.
@@ -252,6 +278,12 @@ fn observer(observer: &config::Observer, epoch: Tai) -> Result<Observer> {
                 CircularOrbit::new(*altitude_km, inclination, raan, latitude, epoch).context("[observer]")?,
             )
         }
+        config::Observer::Table(history) => Observer::Table(Arc::clone(history)),
+        config::Observer::Elements { text } => {
+            let is_json = text.trim_start().starts_with(['[', '{']);
+            let read = if is_json { TleOrbit::parse_omm(text, None) } else { TleOrbit::parse_one_of(text, None) };
+            Observer::Tle(Box::new(read.context("[observer] file")?))
+        }
         config::Observer::TwoBody { about, epoch: given, start } => {
             let (about, epoch) = (*about, given.unwrap_or(epoch));
             let gm_km3_s2 = about.gm_km3_s2();
@@ -298,6 +330,17 @@ pub fn bus_of(link: &config::Link) -> (BusParams, WireFormat) {
     };
     let latency = Span::from_s(link.latency_us * 1e-6);
     (BusParams { name: "simulated".into(), timing, latency, queue_packets: link.queue as usize }, format)
+}
+
+/// The simulated flight computer of a plant, of which `zero` is the first exposure; one without a plant of its own holds
+/// or slews as the bench says.
+#[must_use]
+pub fn flight_computer_of(plant: &Plant, bench: &Bench, boot: Tai, zero: Tai) -> FlightComputerParams {
+    let params = flight_computer(bench, boot);
+    match plant {
+        Plant::File(file) => FlightComputerParams { profile: Profile::File(file.profile(zero)), ..params },
+        Plant::Outside | Plant::FlightComputer | Plant::Vehicle(_) => params,
+    }
 }
 
 /// The simulated flight computer that boots at `boot`.

@@ -18,8 +18,7 @@ use frames::sink::tap::TappedFrame;
 use frames::sink::{FrameMeta, TapEnd};
 use link::Port;
 use link::tap::Arrival;
-use std::sync::Arc;
-use testbed::flight_computer::{FlightComputer, FlightError, Profile};
+use testbed::flight_computer::{FlightComputer, FlightError};
 use testbed::vehicle::{TelemetryRow, Vehicle, VehicleError, VehicleFault};
 
 /// A fault aboard that has begun, with the count of its kind's hits then and at its end.
@@ -59,14 +58,10 @@ impl FarSide {
         (times, mountings): (RunTimes, Vec<Rotation<Sensor, Body>>),
     ) -> Result<Self, VehicleError> {
         let RunTimes { start, zero, end } = times;
-        let mut params = bench_parts::flight_computer(&scenario.bench, start);
+        let mut params = bench_parts::flight_computer_of(&scenario.plant, &scenario.bench, start, zero);
         let computer = match &scenario.plant {
             Plant::Outside => None,
-            Plant::FlightComputer => Some(FlightComputer::new(params)),
-            Plant::File(table) => {
-                params.profile = Profile::Table(Arc::clone(table), zero);
-                Some(FlightComputer::new(params))
-            }
+            Plant::FlightComputer | Plant::File(_) => Some(FlightComputer::new(params)),
             Plant::Vehicle(vehicle) => {
                 params.jitter_lines.clear();
                 let vehicle = Vehicle::new(vehicle_params(scenario, vehicle, zero), start)?;

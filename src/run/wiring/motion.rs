@@ -1,9 +1,22 @@
-//! The motion that a bench's own script makes, as a scale for bounds of prediction.
+//! The motion that a bench's own script or its file makes, as a scale for bounds of prediction.
 
 use base::units::DEG;
-use config::Bench;
+use config::{Bench, Plant};
 use core::f64::consts::PI;
 use plan::attitude::MotionScale;
+
+/// Returns the motion that the attitude records of a plant carry, as far as it is known before a run: that of a file by the
+/// differences of its rows.
+#[must_use]
+pub fn motion_scale(plant: &Plant, bench: &Bench) -> MotionScale {
+    match plant {
+        Plant::File(file) => {
+            let [rate_rad_s, acceleration_rad_s2, jerk_rad_s3] = file.history.motion_limits();
+            MotionScale { rate_rad_s, acceleration_rad_s2, jerk_rad_s3, sinusoids: Vec::new() }
+        }
+        Plant::Outside | Plant::FlightComputer | Plant::Vehicle(_) => script_scale(bench),
+    }
+}
 
 /// Returns the scripted motion at its fastest; of a slew: ramps of half its length, `rate = peak (1 - cos(pi t / ramp)) / 2`.
 #[must_use]

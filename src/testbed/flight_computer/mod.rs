@@ -23,7 +23,7 @@ pub use motion::{AtWaypoints, SteadyMotion, Swing, Waypoint, WaypointError, Wayp
 pub use received::Received;
 pub use remote_clock::RemoteClock;
 pub use slew::{RampShape, Slew, SlewProfile, body_from_ra_dec_roll};
-pub use table::{AttitudeRow, AttitudeTable, Profile};
+pub use table::{FileProfile, Profile};
 pub use talk::TriggerAnswers;
 
 use crate::noise::Gaussian;
@@ -215,9 +215,9 @@ impl FlightComputer {
         self.talk.trigger_answers()
     }
 
-    /// The scripted attitude at `at`, without noise and jitter.
+    /// The scripted attitude at `at`, without noise and jitter; `None` where a file has none.
     #[must_use]
-    pub fn truth(&self, at: Tai) -> AttitudeTruth {
+    pub fn truth(&self, at: Tai) -> Option<AttitudeTruth> {
         self.params.profile.at(at)
     }
 
@@ -284,8 +284,9 @@ impl FlightComputer {
             }
             Stream::Attitude | Stream::Jitter if self.is_stopped(due_us) => {}
             Stream::Attitude => {
-                let record = self.attitude_record(due_us, count)?;
-                port.send(&Message::Attitude(record))?;
+                if let Some(record) = self.attitude_record(due_us, count)? {
+                    port.send(&Message::Attitude(record))?;
+                }
             }
             Stream::Jitter => {
                 if let Some(message) = self.jitter_message(count)? {
@@ -320,26 +321,28 @@ impl FlightComputer {
         port.send(&Message::TimeFollowUp(TimeFollowUp { scet, counter })).map(|_| ())
     }
 
-    fn attitude_record(&mut self, due_us: u64, count: u64) -> Result<AttitudeRecord, FlightError> {
+    /// The record of an instant; `None` where a file has no attitude.
+    fn attitude_record(&mut self, due_us: u64, count: u64) -> Result<Option<AttitudeRecord>, FlightError> {
         let at = self.clock.at_us(due_us);
         let truth = match self.vehicle.as_mut() {
-            Some(vehicle) => vehicle.truth(at)?,
+            Some(vehicle) => Some(vehicle.truth(at)?),
             None => self.truth(at),
         };
+        let Some(truth) = truth else { return Ok(None) };
         let turned = self.noise.vector(self.params.attitude_noise_arcsec * ARCSEC);
         let rate = truth.rate_rad_s + self.noise.vector(self.params.gyro_noise_rad_s);
         let mut q_wxyz = truth.body_from_icrf.rotated_by(turned).wxyz().map(single);
         if let Some(fault) = self.params.faults.corrupt_record.filter(|fault| fault.record == count) {
             fault.corruption.apply(&mut q_wxyz);
         }
-        Ok(AttitudeRecord {
+        Ok(Some(AttitudeRecord {
             t_us: wrapped(due_us),
             seq: low_byte(count),
             flags: AttitudeFlags::ALL,
             q_wxyz,
             rate_rad_s: rate.to_array().map(single),
             acceleration_rad_s2: truth.acceleration_rad_s2.to_array().map(single),
-        })
+        }))
     }
 
     /// Samples `count * n ..` of the jitter, n per message.

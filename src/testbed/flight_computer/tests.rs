@@ -109,7 +109,7 @@ fn records(messages: &[Stamped<Message>]) -> Vec<AttitudeRecord> {
 }
 
 fn wire_error_arcsec(computer: &FlightComputer, record: &AttitudeRecord) -> f64 {
-    let truth = computer.truth(computer.clock().at_us(u64::from(record.t_us)));
+    let truth = computer.truth(computer.clock().at_us(u64::from(record.t_us))).unwrap();
     let got = Rotation::<Body, Icrf>::from_wxyz(record.q_wxyz.map(f64::from), 1e-3).unwrap();
     truth.body_from_icrf.rotation_vector_to(&got).length() / ARCSEC
 }
@@ -124,7 +124,7 @@ fn attitude_survives_every_wire_to_0_02_arcsec() {
         assert!(worst < WIRE_ARCSEC, "{format:?}: {worst} arcsec");
         assert!(worst > 0.0, "{format:?}: nothing was compared");
         for record in &records {
-            let truth = bench.computer.truth(bench.computer.clock().at_us(u64::from(record.t_us)));
+            let truth = bench.computer.truth(bench.computer.clock().at_us(u64::from(record.t_us))).unwrap();
             let rate = DVec3::from_array(record.rate_rad_s.map(f64::from));
             // Half of 1 urad/s per axis in the classic group.
             assert!((rate - truth.rate_rad_s).length() < 1e-6, "{format:?}: {rate} for {}", truth.rate_rad_s);

@@ -12,6 +12,7 @@
 //! | `layer` | star layers | bounded memory; damage is told, or all stars are read and are the layer's; what was written is read |
 //! | `star_lines` | CSV, Hipparcos, Tycho-2 | bounded memory; every line is a star, or counted, or the whole is an error |
 //! | `elements` | two-line elements, OMM | the object asked for, and no other passed over; states are finite and above ground |
+//! | `histories` | AEM, OEM, STK files, tables | bounded memory; times rise, attitudes are rotations; what was written is read |
 //! | `session` | commands, table cells | the answers and tables of a model |
 
 #![forbid(unsafe_code)]

@@ -1,0 +1,130 @@
+//! `starloop check`, files of attitudes: what a file is, what is between its rows and how wrong that may be, where the run
+//! has no attitude.
+//!
+//! The error is what the file itself shows: every second row, interpolated from the others (`histories::attitude`).
+
+use anyhow::Result;
+use base::time::{Span, Tai};
+use base::units::ARCSEC;
+use config::{Bench, FilePlant, Plant};
+use core::fmt::Write;
+use histories::{AttitudeHistory, Times};
+use run::runtime::RunParams;
+
+/// Most frames that are looked at.
+const MOST_FRAMES: u32 = 100_000;
+
+/// Writes the section about the attitudes of a file; nothing for another plant.
+pub(super) fn write_files(text: &mut String, bench: &Bench, plant: &Plant, params: &RunParams) -> Result<()> {
+    let Plant::File(file) = plant else { return Ok(()) };
+    let history = &file.history;
+    let name = history.name.as_deref().map_or_else(String::new, |name| format!(" of {name}"));
+    writeln!(text, "attitude file")?;
+    let (rows, segments) = (history.rows(), history.segments().len());
+    writeln!(text, "  format       {}{name}: {rows} rows in {segments} segments, {}", history.format, span(history))?;
+    for method in methods(history) {
+        writeln!(text, "  between rows {method}")?;
+    }
+    match history.interpolation_error_rad().map(|rad| rad / ARCSEC) {
+        None => writeln!(text, "               too few rows to see how far it errs")?,
+        Some(arcsec) => {
+            let budget = bench.accuracy.los_arcsec;
+            writeln!(
+                text,
+                "               errs by less than {arcsec:.2e} arcsec: so far every second row is missed by the others"
+            )?;
+            if arcsec > budget {
+                writeln!(
+                    text,
+                    "  WARNING      that is more than accuracy.los_arcsec = {budget}: give denser rows, or rates with them"
+                )?;
+            }
+        }
+    }
+    for note in &history.notes {
+        writeln!(text, "  note         {note}")?;
+    }
+    write_missing(text, file, params)?;
+    text.push('\n');
+    Ok(())
+}
+
+/// The methods of its segments, each once.
+fn methods(history: &AttitudeHistory) -> Vec<String> {
+    let mut all: Vec<String> = history.segments().iter().map(|segment| segment.method().to_string()).collect();
+    all.sort();
+    all.dedup();
+    all
+}
+
+fn span(history: &AttitudeHistory) -> String {
+    let [first, last] = history.span_ns();
+    match history.times {
+        Times::Absolute => format!("{} to {}", Tai::from_ns(first), Tai::from_ns(last)),
+        Times::FromZero => format!("{} to {} s of its own", first as f64 * 1e-9, last as f64 * 1e-9),
+    }
+}
+
+/// Warns of frames whose exposure is not wholly within the file.
+fn write_missing(text: &mut String, file: &FilePlant, params: &RunParams) -> Result<()> {
+    let profile = file.profile(params.first_exposure);
+    let exposure = Span::from_s(params.camera.exposure_s);
+    let is_missing = |number: &u32| {
+        let start = params.exposure_start(*number);
+        profile.at(start).is_none() || profile.at(start + exposure).is_none()
+    };
+    let missing = (0..params.frames.min(MOST_FRAMES)).filter(is_missing).count();
+    if missing > 0 {
+        writeln!(
+            text,
+            "  WARNING      {missing} of {} frames begin or end where the file has no attitude: attitude.stale_policy says \
+             what becomes of them",
+            params.frames
+        )?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use config::{Document, Scenario};
+    use run::wiring::bench_parts;
+
+    /// A turn that accelerates evenly, as rows so many seconds apart.
+    fn report(step_s: f64, seconds: f64) -> String {
+        let folder = tempfile::tempdir().unwrap();
+        let mut rows = String::from("t_s,q_w,q_x,q_y,q_z\n");
+        let count = (seconds / step_s) as u32;
+        for t_s in (0..=count).map(|i| f64::from(i) * step_s) {
+            let (sin, cos) = (0.5 * 1e-4 * t_s * t_s).sin_cos();
+            rows += &format!("{t_s},{cos},0,{},0\n", -sin);
+        }
+        std::fs::write(folder.path().join("x.csv"), rows).unwrap();
+        let text = "[plant]\nkind = \"file\"\nattitude = \"x.csv\"\noutside = \"none\"\n";
+        let scenario = Scenario::from_document(&Document::from_text(text, &folder.path().join("lab.toml"))).unwrap();
+        let params = bench_parts::run_params(&scenario.bench, Tai::from_ns(0)).unwrap();
+        let mut text = String::new();
+        write_files(&mut text, &scenario.bench, &scenario.plant, &params).unwrap();
+        text
+    }
+
+    /// Rows `h` apart miss those between them by `a h^2 / 2`; the budget is that of the bench.
+    #[test]
+    fn the_error_of_sparse_rows_is_a_warning_and_that_of_dense_ones_is_not() {
+        let los_arcsec = Bench::built_in().unwrap().accuracy.los_arcsec;
+        let edge_s = (2.0 * los_arcsec * ARCSEC / 1e-4).sqrt();
+        for (part, warns) in [(0.8, false), (1.3, true)] {
+            let text = report(part * edge_s, 20.0);
+            assert!(text.contains("slerp") && text.contains("errs by less than"), "{text}");
+            assert_eq!(text.contains("accuracy.los_arcsec"), warns, "{part}: {text}");
+        }
+    }
+
+    #[test]
+    fn frames_without_attitude_are_counted() {
+        let text = report(0.05, 5.02);
+        assert!(text.contains("50 of 100 frames begin or end"), "{text}");
+        assert!(!report(0.05, 20.0).contains("begin or end"), "control");
+    }
+}

@@ -1,0 +1,232 @@
+//! What `export` takes attitudes and places from: the folder of a recorded run, or a run file.
+
+use anyhow::{Context, Result, bail};
+use base::axes::Rotation;
+use base::time::{Span, Tai};
+use config::{Bench, Document, Plant, Scenario, StartTime};
+use core::fmt::Write;
+use frames::sink::truth::read_truth;
+use histories::{AttitudeHistory, AttitudeState, Centre, OrbitHistory, OrbitState, read};
+use run::wiring::bench_parts;
+use sky::orbit::CentralBody;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use testbed::flight_computer::FlightComputer;
+
+/// Attitudes of the sensor with their times, and the run file if there is one.
+pub(super) struct ExportSource {
+    /// Attitudes of the sensor's axes at mid-exposure.
+    states: Vec<AttitudeState>,
+    /// The folder of a recorded run.
+    folder: Option<PathBuf>,
+    scenario: Option<Scenario>,
+    head: usize,
+    first_exposure: Tai,
+}
+
+impl ExportSource {
+    /// Opens a folder that has a `frames.csv`, or a run file.
+    pub(super) fn open(source: &Path, bench: Option<&Path>, head: usize) -> Result<Self> {
+        if source.is_dir() {
+            return Self::of_folder(source, bench, head);
+        }
+        if bench.is_some() {
+            bail!("--bench: got a run file already, {}; it belongs to the folder of a recorded run", source.display());
+        }
+        let scenario = Scenario::from_document(&Document::open(source)?)?;
+        check_head(&scenario.bench, head)?;
+        let StartTime::At(start) = scenario.bench.timing.start else {
+            bail!(
+                "{}: timing.start_utc is \"now\"; wanted an instant, or the folder of a recorded run",
+                source.display()
+            )
+        };
+        let params = bench_parts::run_params(&scenario.bench.of_head(head), start)?;
+        match &scenario.plant {
+            Plant::FlightComputer | Plant::File(_) => {}
+            Plant::Outside | Plant::Vehicle(_) => bail!(
+                "{}: its attitude is known only when it has been flown; run it, and export the folder that it records",
+                source.display()
+            ),
+        }
+        let zero = bench_parts::run_params(&scenario.bench, start)?.first_exposure;
+        let computer = bench_parts::flight_computer_of(&scenario.plant, &scenario.bench, start, zero);
+        let (computer, mounting) = (FlightComputer::new(computer), params.attitude.sensor_from_body);
+        let half = Span::from_s(0.5 * params.camera.exposure_s);
+        let state = |number: u32| {
+            let at = params.exposure_start(number) + half;
+            let truth = computer.truth(at)?;
+            // The sensor's axes in the place of the body's: the history does not know which they are.
+            let sensor = Rotation::from_quat((mounting * truth.body_from_icrf).quat());
+            let rate_rad_s = Some(mounting.apply(truth.rate_rad_s));
+            Some(AttitudeState { t_ns: at.ns(), body_from_icrf: sensor, rate_rad_s })
+        };
+        let states = (0..params.frames).filter_map(state).collect();
+        let first_exposure = params.first_exposure;
+        Ok(Self { states, folder: None, scenario: Some(scenario), head, first_exposure })
+    }
+
+    fn of_folder(folder: &Path, bench: Option<&Path>, head: usize) -> Result<Self> {
+        let path = folder.join("frames.csv");
+        let text = read::text_of(&path).with_context(|| {
+            format!(
+                "{}: wanted the folder of a recorded run; of several heads one of its folders head0, head1",
+                folder.display()
+            )
+        })?;
+        let (rising, left_out) = rising_rows(&text);
+        if left_out > 0 {
+            eprintln!("{left_out} frames that show again what an earlier one shows are left out");
+        }
+        let history = read::attitudes(&path.display().to_string(), &rising, None)?;
+        let states: Vec<AttitudeState> =
+            history.segments().iter().flat_map(|segment| segment.states().iter().copied()).collect();
+        let scenario = bench.map(|bench| anyhow::Ok(Scenario::from_document(&Document::open(bench)?)?)).transpose()?;
+        scenario.iter().try_for_each(|scenario| check_head(&scenario.bench, head))?;
+        let first = states.first().map_or(0, |state| state.t_ns);
+        Ok(Self { states, folder: Some(folder.into()), scenario, head, first_exposure: Tai::from_ns(first) })
+    }
+
+    /// Returns the attitudes of the sensor, or of the body.
+    pub(super) fn attitudes(&self, of_body: bool) -> Result<AttitudeHistory> {
+        let mut states = self.states.clone();
+        if of_body {
+            let bench = self.bench("--body")?.of_head(self.head);
+            let body_from_sensor = bench.sensor_from_body.inverse();
+            for state in &mut states {
+                let turned = body_from_sensor.quat() * state.body_from_icrf.quat();
+                state.body_from_icrf = Rotation::from_quat(turned);
+                state.rate_rad_s = state.rate_rad_s.map(|rate| body_from_sensor.apply(rate));
+            }
+        }
+        AttitudeHistory::of_states(states).context("no frame has an attitude: nothing to write")
+    }
+
+    /// Returns where the observer is at mid-exposure of every frame.
+    pub(super) fn observer(&self) -> Result<OrbitHistory> {
+        let bench = self.bench("--observer")?;
+        let start = match bench.timing.start {
+            StartTime::At(start) => start,
+            StartTime::Now => self.first_exposure - Span::from_ms(1000),
+        };
+        let params = bench_parts::run_params(bench, start)?;
+
+        let centre = match params.observer.about() {
+            Some(CentralBody::Earth) => Centre::Earth,
+            Some(CentralBody::Moon) => Centre::Moon,
+            Some(CentralBody::Sun) => Centre::Sun,
+            None => Centre::Barycentre,
+        };
+        let states = self.states.iter().map(|state| {
+            let relative = params.observer.relative_state(Tai::from_ns(state.t_ns))?;
+            let (position_km, velocity_km_s) = (relative.position_km, relative.velocity_km_s);
+            anyhow::Ok(OrbitState { t_ns: state.t_ns, position_km, velocity_km_s })
+        });
+        let states = states.collect::<Result<Vec<_>>>()?;
+        OrbitHistory::of_states(centre, states).context("fewer than two frames: wanted two for an orbit")
+    }
+
+    /// Writes the places of the stars of every frame; returns how many.
+    pub(super) fn write_places(&self, text: &mut String) -> Result<usize> {
+        let folder = self.folder.as_ref().context("--places: wanted the folder of a recorded run with truth tables")?;
+        writeln!(
+            text,
+            "mid_exposure_utc,id,source_id,kind,apparent_ra_deg,apparent_dec_deg,catalog_ra_deg,catalog_dec_deg,mag,x_px,y_px"
+        )?;
+        let frames = File::open(folder.join("frames.csv"))?;
+        let mut reader = csv::Reader::from_reader(frames);
+        let header = reader.headers()?.clone();
+        let column =
+            |name: &str| header.iter().position(|column| column == name).with_context(|| format!("no column {name}"));
+        let (number, time) = (column("frame")?, column("mid_exposure_utc")?);
+        let mut rows = 0;
+        for record in reader.records() {
+            let record = record?;
+            let frame: u32 = record.get(number).unwrap_or_default().parse().context("frames.csv: column frame")?;
+            let path = folder.join(format!("frame_{frame:06}.truth.csv"));
+            let file = File::open(&path).with_context(|| format!("{}: no truth table", path.display()))?;
+            let stars = read_truth(file).with_context(|| path.display().to_string())?;
+            for star in stars {
+                let [[a, b], [c, d]] = [star.apparent_deg, star.catalog_deg];
+                let name = star.source_id.map_or_else(String::new, |name| name.to_string());
+                let utc = record.get(time).unwrap_or_default();
+                let (kind, mag) = (star.kind.name(), star.mag);
+                writeln!(
+                    text,
+                    "{utc},{},{name},{kind},{},{},{},{},{},{},{}",
+                    star.id,
+                    Known(a),
+                    Known(b),
+                    Known(c),
+                    Known(d),
+                    Known(f64::from(mag)),
+                    Known(star.x_px),
+                    Known(star.y_px)
+                )?;
+                rows += 1;
+            }
+        }
+        Ok(rows)
+    }
+
+    fn bench(&self, option: &str) -> Result<&Bench> {
+        let scenario = self.scenario.as_ref();
+        let advice = "wanted the run file of this recording too: --bench FILE";
+        scenario.map(|scenario| &scenario.bench).with_context(|| format!("{option}: {advice}"))
+    }
+}
+
+/// A number, or nothing where it is not finite.
+struct Known(f64);
+
+impl core::fmt::Display for Known {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        if self.0.is_finite() { write!(f, "{}", self.0) } else { Ok(()) }
+    }
+}
+
+fn check_head(bench: &Bench, head: usize) -> Result<()> {
+    let count = bench.head_count();
+    if head < count { Ok(()) } else { bail!("--head: got {head}, wanted less than {count}, the number of heads") }
+}
+
+/// The lines whose time is after that of the lines before them, with the header; and how many are left out. A frame that
+/// is held shows an earlier time again.
+fn rising_rows(text: &str) -> (String, usize) {
+    let column =
+        text.lines().next().and_then(|header| header.split(',').position(|name| name == "mid_exposure_tai_ns"));
+    let (mut kept, mut left_out, mut last_ns) = (String::new(), 0, i64::MIN);
+    for (line, place) in text.lines().zip(0..) {
+        let t_ns = column.and_then(|column| line.split(',').nth(column)?.parse::<i64>().ok());
+        if place > 0 && t_ns.is_some_and(|t_ns| t_ns <= last_ns) {
+            left_out += 1;
+            continue;
+        }
+        last_ns = t_ns.unwrap_or(last_ns);
+        kept.push_str(line);
+        kept.push('\n');
+    }
+    (kept, left_out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_that_are_held_are_left_out_and_counted() {
+        let text = "frame,mid_exposure_tai_ns\n0,5\n1,6\n2,6\n3,7\n";
+        assert_eq!(rising_rows(text), ("frame,mid_exposure_tai_ns\n0,5\n1,6\n3,7\n".into(), 1));
+    }
+
+    #[test]
+    fn a_bench_is_exported_as_it_would_be_flown() {
+        let source = ExportSource::open(Path::new("benches/loopback.toml"), None, 0).unwrap();
+        let history = source.attitudes(false).unwrap();
+        assert_eq!(history.rows(), 100);
+        let error = ExportSource::open(Path::new("benches/closed_loop.toml"), None, 3).err().unwrap().to_string();
+        assert!(error.contains("--head"), "{error}");
+        let error = ExportSource::open(Path::new("scenarios/acquisition.toml"), None, 0).err().unwrap().to_string();
+        assert!(error.contains("export the folder"), "{error}");
+    }
+}

@@ -1,0 +1,246 @@
+//! Attitudes over time as a file has them: segments of rows, and what is between the rows.
+//!
+//! Within one segment the attitude is interpolated ([`AttitudeInterpolation`]); outside of all segments, and outside a
+//! segment's usable interval, it is not available.
+
+use crate::attitude_methods::{AttitudeInterpolation, MOST_TURN_RAD, s_between};
+use base::axes::{Body, Icrf, Rotation};
+use base::time::Tai;
+use glam::DVec3;
+
+/// One row of a file.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AttitudeState {
+    /// Nanoseconds: of TAI since 1970, or since a zero of the file's own ([`Times`]).
+    pub t_ns: i64,
+    /// Attitude.
+    pub body_from_icrf: Rotation<Body, Icrf>,
+    /// Rate of the body with respect to ICRF, body axes.
+    pub rate_rad_s: Option<DVec3>,
+}
+
+/// Attitude, rate and acceleration at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AttitudeMotion {
+    /// Attitude.
+    pub body_from_icrf: Rotation<Body, Icrf>,
+    /// Rate of the body with respect to ICRF, body axes.
+    pub rate_rad_s: DVec3,
+    /// Derivative of the rate.
+    pub acceleration_rad_s2: DVec3,
+}
+
+/// What the times of a file count from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Times {
+    /// TAI: the file says when its attitudes are.
+    Absolute,
+    /// A zero that the file does not name.
+    FromZero,
+}
+
+/// Rows that belong together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AttitudeSegment {
+    states: Vec<AttitudeState>,
+    method: AttitudeInterpolation,
+    /// From when to when it may be used.
+    usable_ns: [i64; 2],
+}
+
+/// Attitudes of one body over time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AttitudeHistory {
+    /// Name of the format, for people.
+    pub format: String,
+    /// Name of the body or the object, where the file has one.
+    pub name: Option<String>,
+    /// What its times count from.
+    pub times: Times,
+    /// Approximations and peculiarities, one sentence each.
+    pub notes: Vec<String>,
+    segments: Vec<AttitudeSegment>,
+}
+
+/// Why rows make no segment, or segments no history.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub(crate) enum Unfit {
+    #[error("no attitude; wanted one row at least")]
+    NoRows,
+    #[error("row {row} is not after the one before it; wanted rising times: sort the rows, remove repeated ones")]
+    NotRising { row: usize },
+    #[error(
+        "the body turns by {turn_deg:.0} deg between rows {row} and {next}; wanted at most {most:.0} deg for this interpolation: give denser rows",
+        next = row + 1, most = MOST_TURN_RAD.to_degrees()
+    )]
+    TurnsTooFar { row: usize, turn_deg: f64 },
+    #[error("segment {segment} begins before the one before it ends; wanted usable times that do not overlap")]
+    Overlap { segment: usize },
+    #[error("the usable interval has no row of the segment; wanted one that lies within its rows")]
+    NotUsable,
+}
+
+impl AttitudeSegment {
+    /// Returns the segment of these rows. `usable_ns`: where the file restricts it.
+    pub(crate) fn new(
+        states: Vec<AttitudeState>,
+        method: AttitudeInterpolation,
+        usable_ns: [Option<i64>; 2],
+    ) -> Result<Self, Unfit> {
+        let (Some(first), Some(last)) = (states.first(), states.last()) else { return Err(Unfit::NoRows) };
+        let usable_ns = [
+            usable_ns[0].map_or(first.t_ns, |ns| ns.max(first.t_ns)),
+            usable_ns[1].map_or(last.t_ns, |ns| ns.min(last.t_ns)),
+        ];
+        for (place, pair) in states.windows(2).enumerate() {
+            if pair[0].t_ns >= pair[1].t_ns {
+                return Err(Unfit::NotRising { row: place + 2 });
+            }
+            let turn_rad = pair[0].body_from_icrf.rotation_vector_to(&pair[1].body_from_icrf).length();
+            if method != AttitudeInterpolation::Slerp && turn_rad > MOST_TURN_RAD {
+                return Err(Unfit::TurnsTooFar { row: place + 1, turn_deg: turn_rad.to_degrees() });
+            }
+        }
+        if usable_ns[0] > usable_ns[1] {
+            return Err(Unfit::NotUsable);
+        }
+        Ok(Self { states, method, usable_ns })
+    }
+
+    /// Returns its rows, by rising time.
+    #[must_use]
+    pub fn states(&self) -> &[AttitudeState] {
+        &self.states
+    }
+
+    /// Returns how it is interpolated.
+    #[must_use]
+    pub fn method(&self) -> AttitudeInterpolation {
+        self.method
+    }
+
+    /// Returns from when to when it may be used, ns.
+    #[must_use]
+    pub fn usable_ns(&self) -> [i64; 2] {
+        self.usable_ns
+    }
+
+    fn has(&self, t_ns: i64) -> bool {
+        (self.usable_ns[0]..=self.usable_ns[1]).contains(&t_ns)
+    }
+
+    /// The motion at an instant within the rows.
+    fn at(&self, t_ns: i64) -> AttitudeMotion {
+        let after = self.states.partition_point(|state| state.t_ns <= t_ns);
+        if self.states.len() < 2 {
+            let AttitudeState { body_from_icrf, rate_rad_s, .. } = self.states[0];
+            let rate_rad_s = rate_rad_s.unwrap_or_default();
+            return AttitudeMotion { body_from_icrf, rate_rad_s, acceleration_rad_s2: DVec3::ZERO };
+        }
+        self.method.between(&self.states, after.clamp(1, self.states.len() - 1) - 1, t_ns)
+    }
+
+    /// The largest angle, rad, by which every second row misses the rows between; `None` with fewer than three rows.
+    fn left_out_error_rad(&self) -> Option<f64> {
+        let missed = |first: usize| {
+            let kept: Vec<AttitudeState> = self.states.iter().skip(first).step_by(2).copied().collect();
+            let kept = Self { states: kept, method: self.method, usable_ns: self.usable_ns };
+            let inside = self.states.iter().skip(first + 1).step_by(2);
+            let last_ns = kept.states.last().map_or(i64::MIN, |state| state.t_ns);
+            inside.filter(move |state| state.t_ns < last_ns).fold(None, |worst: Option<f64>, state| {
+                let error = kept.at(state.t_ns).body_from_icrf.rotation_vector_to(&state.body_from_icrf).length();
+                Some(worst.map_or(error, |worst| worst.max(error)))
+            })
+        };
+        let found = [missed(0), missed(1)];
+        found.into_iter().flatten().reduce(f64::max)
+    }
+}
+
+impl AttitudeHistory {
+    /// Returns a history of these segments; their order is that of the file.
+    pub(crate) fn new(format: &str, times: Times, segments: Vec<AttitudeSegment>) -> Result<Self, Unfit> {
+        if segments.is_empty() {
+            return Err(Unfit::NoRows);
+        }
+        for (place, pair) in segments.windows(2).enumerate() {
+            if pair[0].usable_ns[1] > pair[1].usable_ns[0] {
+                return Err(Unfit::Overlap { segment: place + 2 });
+            }
+        }
+        Ok(Self { format: format.into(), name: None, times, notes: Vec::new(), segments })
+    }
+
+    /// Returns a history of one segment of computed states, such as the frames of a run; `None` where their times do not
+    /// rise or there is none.
+    #[must_use]
+    pub fn of_states(states: Vec<AttitudeState>) -> Option<Self> {
+        let has_rates = states.iter().all(|state| state.rate_rad_s.is_some());
+        let method = if has_rates { AttitudeInterpolation::CubicHermite } else { AttitudeInterpolation::Slerp };
+        let segment = AttitudeSegment::new(states.clone(), method, [None; 2]);
+        let segment =
+            segment.or_else(|_| AttitudeSegment::new(states, AttitudeInterpolation::Slerp, [None; 2])).ok()?;
+        Self::new("states", Times::Absolute, vec![segment]).ok()
+    }
+
+    /// Returns its segments, by rising time.
+    #[must_use]
+    pub fn segments(&self) -> &[AttitudeSegment] {
+        &self.segments
+    }
+
+    /// Returns the number of rows.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.segments.iter().map(|segment| segment.states.len()).sum()
+    }
+
+    /// Returns the first and the last usable instant, ns.
+    #[must_use]
+    pub fn span_ns(&self) -> [i64; 2] {
+        let (first, last) = (&self.segments[0], &self.segments[self.segments.len() - 1]);
+        [first.usable_ns[0], last.usable_ns[1]]
+    }
+
+    /// Returns the attitude and its motion at an instant; `None` where the file has none. Does not allocate.
+    #[must_use]
+    pub fn at_ns(&self, t_ns: i64) -> Option<AttitudeMotion> {
+        let after = self.segments.partition_point(|segment| segment.usable_ns[0] <= t_ns);
+        let segment = self.segments.get(after.checked_sub(1)?)?;
+        segment.has(t_ns).then(|| segment.at(t_ns))
+    }
+
+    /// Returns the attitude at an instant of TAI, of a history with absolute times.
+    #[must_use]
+    pub fn at(&self, at: Tai) -> Option<AttitudeMotion> {
+        self.at_ns(at.ns())
+    }
+
+    /// Returns the largest rate, acceleration and jerk, rad/s and its derivatives, by differences of rows.
+    #[must_use]
+    pub fn motion_limits(&self) -> [f64; 3] {
+        let mut limits = [0.0_f64; 3];
+        for segment in &self.segments {
+            let (mut last_rate, mut last_acceleration): (Option<DVec3>, Option<DVec3>) = (None, None);
+            for pair in segment.states.windows(2) {
+                let step_s = s_between(pair[0].t_ns, pair[1].t_ns);
+                let rate = pair[0].body_from_icrf.rotation_vector_to(&pair[1].body_from_icrf) / step_s;
+                let acceleration = last_rate.map(|last| (rate - last) / step_s);
+                let jerk = last_acceleration.zip(acceleration).map(|(last, now)| (now - last) / step_s);
+                let found = [Some(rate), acceleration, jerk].map(|vector| vector.map_or(0.0, DVec3::length));
+                limits.iter_mut().zip(found).for_each(|(limit, found)| *limit = limit.max(found));
+                (last_rate, last_acceleration) = (Some(rate), acceleration);
+            }
+        }
+        limits
+    }
+
+    /// Returns the largest error of the interpolation, rad, as the file itself shows it: each row is left out in turn with
+    /// every second one, and the others are interpolated to it, over steps twice as long as those of the file. Between
+    /// rows the error is less: a quarter of it with slerp, a sixteenth with cubics, where the motion is smooth. `None`
+    /// with fewer than three rows in each segment.
+    #[must_use]
+    pub fn interpolation_error_rad(&self) -> Option<f64> {
+        self.segments.iter().filter_map(AttitudeSegment::left_out_error_rad).reduce(f64::max)
+    }
+}

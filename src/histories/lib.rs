@@ -1,0 +1,52 @@
+//! Attitude histories and orbits in files: CSV, CCSDS AEM and OEM (KVN and XML), STK `.a` and `.e`.
+//!
+//! A reader turns a text into an [`AttitudeHistory`] or an [`OrbitHistory`]: segments of states by rising time, in ICRF
+//! axes, on the count of TAI or from a zero of their own. Between the states of one segment the file's own interpolation
+//! applies; between segments, and outside them, nothing is available. A writer does the reverse.
+//!
+//! Own readers, because no library fits: the crate `ccsds-ndm` 0.0.9 is young and pulls in a framework of its own, the
+//! Python package of that name refuses AEM version 2 as KVN, `anise` has no attitude messages, and none reads STK's files.
+//!
+//! | module | subject |
+//! |---|---|
+//! | [`read`] | which reader a file needs; bounds of its size |
+//! | `message` | CCSDS KVN and XML to one form |
+//! | `aem`, `oem` | that form to attitudes and orbits |
+//! | `stk` | STK's attitude and ephemeris files |
+//! | `csv_attitude`, `csv_orbit` | tables with a header, and rows without one |
+//! | `epoch`, `reference_axes` | time systems; axes, and the frame bias |
+//! | [`attitude`], [`orbit`] | the histories, their interpolation and its error |
+//! | [`write`] | all formats out |
+
+mod aem;
+pub mod attitude;
+mod attitude_methods;
+mod csv_attitude;
+mod csv_orbit;
+mod csv_table;
+mod epoch;
+mod error;
+mod message;
+mod message_kvn;
+mod message_xml;
+mod metadata;
+mod newton;
+mod oem;
+pub mod orbit;
+pub mod read;
+mod reference_axes;
+mod stk;
+mod stk_attitude;
+mod stk_ephemeris;
+#[cfg(test)]
+mod tests;
+pub mod write;
+mod write_ccsds;
+mod write_csv;
+mod write_stk;
+
+pub use attitude::{AttitudeHistory, AttitudeMotion, AttitudeSegment, AttitudeState, Times};
+pub use attitude_methods::AttitudeInterpolation;
+pub use csv_attitude::Sense;
+pub use error::HistoryError;
+pub use orbit::{Centre, OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState};

@@ -1,0 +1,111 @@
+//! CCSDS messages as XML: text -> [`Message`]. Rows are put into the order that KVN has.
+//!
+//! Elements are found by their names without name space; documents with a DTD are refused (`roxmltree`'s default), so
+//! that no entity grows. Units are those of the standard (deg/s, km, km/s), which its schema fixes.
+
+use crate::error::{HistoryError, Source};
+use crate::message::{Encoding, Entry, Kind, Message, Row, Segment};
+use core::fmt::Write;
+use roxmltree::{Document, Node, ParsingOptions};
+use std::borrow::Cow;
+
+/// Most elements, attributes and texts of a document.
+const MOST_NODES: u32 = 30_000_000;
+
+/// Order of the values of a row.
+const ATTITUDE_ORDER: [&str; 12] =
+    ["EPOCH", "Q1", "Q2", "Q3", "QC", "Q1_DOT", "Q2_DOT", "Q3_DOT", "QC_DOT", "ANGVEL_X", "ANGVEL_Y", "ANGVEL_Z"];
+const ORBIT_ORDER: [&str; 7] = ["EPOCH", "X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT"];
+
+/// Takes a document apart and hands the message to `read`, which may not outlive it.
+pub(crate) fn with_message<T>(
+    source: &Source<'_>,
+    kind: Kind,
+    read: impl FnOnce(&Message<'_>) -> Result<T, HistoryError>,
+) -> Result<T, HistoryError> {
+    let options = ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
+    let text = source.text.trim_start_matches('\u{feff}').trim_start();
+    let skipped = source.text.len() - text.len();
+    let document = Document::parse_with_options(text, options).map_err(|error| {
+        let line = usize::try_from(error.pos().row).unwrap_or(1);
+        let before = source.text[..skipped].matches('\n').count();
+        source.at_line(line + before, &error.to_string(), "well-formed XML without a DTD")
+    })?;
+    read(&message(source, kind, &document, skipped)?)
+}
+
+fn message<'a>(
+    source: &Source<'_>,
+    kind: Kind,
+    document: &'a Document<'a>,
+    skipped: usize,
+) -> Result<Message<'a>, HistoryError> {
+    let [name, root_name] = kind.name();
+    let is_root = |node: &Node<'_, '_>| node.tag_name().name() == root_name;
+    let mut roots = document.descendants().filter(is_root);
+    let root = roots.next().ok_or_else(|| source.whole(format!("no element <{root_name}>; wanted an {name}")))?;
+    if roots.next().is_some() {
+        return Err(source.whole(format!("several elements <{root_name}>; wanted one: split the file")));
+    }
+    let version = root
+        .attribute("version")
+        .ok_or_else(|| source.refuse(skipped + root.range().start, root_name, "a version, such as version=\"2.0\""))?;
+    let segments = root.descendants().filter(|node| node.tag_name().name() == "segment");
+    let segments = segments.map(|node| segment(source, kind, node, skipped)).collect::<Result<_, _>>()?;
+    Ok(Message { encoding: Encoding::Xml, version, segments })
+}
+
+fn segment<'a>(
+    source: &Source<'_>,
+    kind: Kind,
+    node: Node<'a, 'a>,
+    skipped: usize,
+) -> Result<Segment<'a>, HistoryError> {
+    let mut segment = Segment { offset: skipped + node.range().start, ..Segment::default() };
+    let parts = |name: &'static str| node.children().filter(move |node| node.tag_name().name() == name);
+    for entry in parts("metadata").flat_map(|node| node.children()).filter(Node::is_element) {
+        let (key, offset) = (entry.tag_name().name(), skipped + entry.range().start);
+        if key == "COMMENT" {
+            continue;
+        }
+        if segment.metadata.iter().any(|known| known.key == key) {
+            return Err(source.refuse(offset, key, "this element once in a segment"));
+        }
+        segment.metadata.push(Entry { key, value: entry.text().unwrap_or_default().trim(), offset });
+    }
+    let (state, order): (_, &[&str]) = match kind {
+        Kind::Attitude => ("attitudeState", &ATTITUDE_ORDER),
+        Kind::Orbit => ("stateVector", &ORBIT_ORDER),
+    };
+    for state in parts("data").flat_map(|node| node.children()).filter(|node| node.tag_name().name() == state) {
+        segment.rows.push(row(source, state, order, skipped)?);
+    }
+    Ok(segment)
+}
+
+/// The values of one state in this order; those that are missing are left out, others are refused.
+fn row<'a>(source: &Source<'_>, state: Node<'_, '_>, order: &[&str], skipped: usize) -> Result<Row<'a>, HistoryError> {
+    let mut values: [Option<&str>; ATTITUDE_ORDER.len()] = [None; ATTITUDE_ORDER.len()];
+    let is_leaf = |node: &Node<'_, '_>| node.is_element() && !node.children().any(|child| child.is_element());
+    for leaf in state.descendants().filter(is_leaf) {
+        let (name, offset) = (leaf.tag_name().name(), skipped + leaf.range().start);
+        if name == "COMMENT" || is_ignored(name) {
+            continue;
+        }
+        let place = order.iter().position(|known| *known == name);
+        let value = place.and_then(|place| values.get_mut(place)).filter(|value| value.is_none());
+        let wanted = || format!("elements of {}, each once", order.join(", "));
+        *value.ok_or_else(|| source.refuse(offset, name, &wanted()))? = Some(leaf.text().unwrap_or_default().trim());
+    }
+    let mut text = String::new();
+    for value in values.iter().flatten() {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{value} ");
+    }
+    Ok(Row { text: Cow::Owned(text), offset: skipped + state.range().start })
+}
+
+/// Accelerations of an orbit are optional and not needed.
+fn is_ignored(name: &str) -> bool {
+    ["X_DDOT", "Y_DDOT", "Z_DDOT"].contains(&name)
+}

@@ -1,0 +1,105 @@
+//! Values of a segment's metadata, with errors that name their line.
+
+use crate::attitude_methods::MOST_DEGREE;
+use crate::epoch::{TimeSystem, WANTED_EPOCH, WANTED_SYSTEM};
+use crate::error::{HistoryError, Source};
+use crate::message::{Entry, Row, Segment};
+use base::time::Tai;
+
+/// The metadata of one segment.
+#[derive(Clone, Copy)]
+pub(crate) struct Metadata<'m> {
+    pub(crate) source: Source<'m>,
+    pub(crate) segment: &'m Segment<'m>,
+}
+
+impl<'m> Metadata<'m> {
+    pub(crate) fn find(&self, key: &str) -> Option<&'m Entry<'m>> {
+        self.segment.metadata.iter().find(|entry| entry.key == key)
+    }
+
+    pub(crate) fn value(&self, key: &str) -> Option<&'m str> {
+        self.find(key).map(|entry| entry.value)
+    }
+
+    pub(crate) fn needed(&self, key: &str) -> Result<&'m Entry<'m>, HistoryError> {
+        self.find(key).ok_or_else(|| self.source.refuse(self.segment.offset, "a segment without it", key))
+    }
+
+    pub(crate) fn refuse(&self, entry: &Entry<'_>, wanted: &str) -> HistoryError {
+        self.source.refuse(entry.offset, &format!("{} = {}", entry.key, entry.value), wanted)
+    }
+
+    /// Reads the time system.
+    pub(crate) fn time_system(&self) -> Result<TimeSystem, HistoryError> {
+        let entry = self.needed("TIME_SYSTEM")?;
+        TimeSystem::of_name(entry.value).ok_or_else(|| self.refuse(entry, WANTED_SYSTEM))
+    }
+
+    /// Reads the optional beginning and end of what may be used.
+    pub(crate) fn usable_ns(&self, system: TimeSystem) -> Result<[Option<i64>; 2], HistoryError> {
+        let time = |key: &str| {
+            let Some(entry) = self.find(key) else { return Ok(None) };
+            system.read(entry.value).map(|at| Some(at.ns())).ok_or_else(|| self.refuse(entry, WANTED_EPOCH))
+        };
+        // Version 1 spells them so; newer messages may not.
+        let begin = time("USEABLE_START_TIME")?.or(time("USABLE_START_TIME")?);
+        Ok([begin, time("USEABLE_STOP_TIME")?.or(time("USABLE_STOP_TIME")?)])
+    }
+
+    /// Refuses rows outside START_TIME and STOP_TIME: one of them is wrong.
+    pub(crate) fn check_times(&self, system: TimeSystem, first: Tai, last: Tai) -> Result<(), HistoryError> {
+        for (key, is_start) in [("START_TIME", true), ("STOP_TIME", false)] {
+            let entry = self.needed(key)?;
+            let at = system.read(entry.value).ok_or_else(|| self.refuse(entry, WANTED_EPOCH))?;
+            if if is_start { at > first } else { at < last } {
+                return Err(self.refuse(entry, "a time that lets every row of the segment be inside"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the optional name and degree of the interpolation, the name in capitals.
+    pub(crate) fn interpolation(&self) -> Result<Option<(String, Option<usize>, &'m Entry<'m>)>, HistoryError> {
+        let Some(method) = self.find("INTERPOLATION_METHOD").or_else(|| self.find("INTERPOLATION")) else {
+            return Ok(None);
+        };
+        let degree = match self.find("INTERPOLATION_DEGREE") {
+            None => None,
+            Some(entry) => {
+                let degree = entry.value.parse::<usize>().ok().filter(|degree| (1..=MOST_DEGREE).contains(degree));
+                let wanted = format!("a degree of 1 to {MOST_DEGREE}");
+                Some(degree.ok_or_else(|| self.refuse(entry, &wanted))?)
+            }
+        };
+        Ok(Some((method.value.to_ascii_uppercase(), degree, method)))
+    }
+}
+
+/// Reads a row of an epoch and `N` to `most` finite numbers; returns how many numbers there are.
+pub(crate) fn numbers<const N: usize>(
+    source: &Source<'_>,
+    row: &Row<'_>,
+    system: TimeSystem,
+    counts: &[usize],
+) -> Result<(Tai, [f64; N]), HistoryError> {
+    let mut words = row.text.split_whitespace();
+    let epoch = words.next().unwrap_or_default();
+    let at = system.read(epoch).ok_or_else(|| source.refuse(row.offset, epoch, WANTED_EPOCH))?;
+    let mut values = [0.0; N];
+    let mut count = 0;
+    for word in words {
+        let number = word.parse().ok().filter(|number: &f64| number.is_finite());
+        let number = number.ok_or_else(|| source.refuse(row.offset, word, "a finite number"))?;
+        if let Some(value) = values.get_mut(count) {
+            *value = number;
+        }
+        count += 1;
+    }
+    if !counts.contains(&count) {
+        let wanted: Vec<String> = counts.iter().map(ToString::to_string).collect();
+        let wanted = format!("a time and {} numbers", wanted.join(" or "));
+        return Err(source.refuse(row.offset, &format!("a time and {count} numbers"), &wanted));
+    }
+    Ok((at, values))
+}

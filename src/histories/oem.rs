@@ -1,0 +1,82 @@
+//! CCSDS OEM, versions 1 to 3: a message -> an orbit. Kilometres and kilometres per second; covariances are passed over.
+
+use crate::epoch::TimeSystem;
+use crate::error::{HistoryError, Source};
+use crate::message::{Kind, Message};
+use crate::metadata::{Metadata, numbers};
+use crate::orbit::{Centre, OrbitHistory, OrbitInterpolation, OrbitSegment, OrbitState, WANTED_CENTRE};
+use crate::reference_axes::{ReferenceAxes, WANTED_AXES};
+use base::time::Tai;
+use glam::DVec3;
+
+/// Reads an OEM.
+pub(crate) fn read(source: &Source<'_>) -> Result<OrbitHistory, HistoryError> {
+    Message::with(source, Kind::Orbit, |message| {
+        if !matches!(message.version.split('.').next(), Some("1" | "2" | "3")) {
+            return Err(source.whole(format!("version \"{}\"; wanted OEM version 1.0 to 3.0", message.version)));
+        }
+        let (mut notes, mut segments): (Vec<String>, Vec<OrbitSegment>) = (Vec::new(), Vec::new());
+        let mut who: Option<(Centre, Option<&str>)> = None;
+        for segment in &message.segments {
+            let metadata = Metadata { source: *source, segment };
+            let centre = centre(&metadata)?;
+            let this = (centre, metadata.value("OBJECT_ID"));
+            if who.is_some_and(|who| who != this) {
+                let wanted = "one object and one centre in all segments: split the file";
+                return Err(source.refuse(segment.offset, centre.name(), wanted));
+            }
+            who = Some(this);
+            segments.push(states(&metadata, &mut notes)?);
+        }
+        let centre = who.map_or(Centre::Earth, |(centre, _)| centre);
+        let fit = OrbitHistory::new(&message.format(Kind::Orbit), centre, segments);
+        let mut history = fit.map_err(|error| source.whole(error.to_string()))?;
+        history.notes = notes;
+        let first = message.segments.first().map(|segment| Metadata { source: *source, segment });
+        history.name = first.and_then(|metadata| metadata.value("OBJECT_NAME")).map(Into::into);
+        Ok(history)
+    })
+}
+
+fn centre(metadata: &Metadata<'_>) -> Result<Centre, HistoryError> {
+    let entry = metadata.needed("CENTER_NAME")?;
+    Centre::of_name(entry.value).ok_or_else(|| metadata.refuse(entry, WANTED_CENTRE))
+}
+
+fn states(metadata: &Metadata<'_>, notes: &mut Vec<String>) -> Result<OrbitSegment, HistoryError> {
+    let (source, segment) = (&metadata.source, metadata.segment);
+    let system: TimeSystem = metadata.time_system()?;
+    let entry = metadata.needed("REF_FRAME")?;
+    let axes = ReferenceAxes::of_name(entry.value).ok_or_else(|| metadata.refuse(entry, WANTED_AXES))?;
+    for sentence in [system.note(), axes.note()].into_iter().flatten() {
+        if !notes.iter().any(|known| known == sentence) {
+            notes.push(sentence.into());
+        }
+    }
+    let states = segment.rows.iter().map(|row| {
+        // Nine numbers: with accelerations, which are not needed.
+        let (at, [x, y, z, vx, vy, vz, ..]) = numbers::<9>(source, row, system, &[6, 9])?;
+        let [position_km, velocity_km_s] = [DVec3::new(x, y, z), DVec3::new(vx, vy, vz)].map(|v| axes.to_icrf(v));
+        Ok(OrbitState { t_ns: at.ns(), position_km, velocity_km_s })
+    });
+    let states = states.collect::<Result<Vec<OrbitState>, _>>()?;
+    if let (Some(first), Some(last)) = (states.first(), states.last()) {
+        metadata.check_times(system, Tai::from_ns(first.t_ns), Tai::from_ns(last.t_ns))?;
+    }
+    let fit = OrbitSegment::new(states, method(metadata)?, metadata.usable_ns(system)?);
+    fit.map_err(|error| source.refuse(segment.offset, "this segment", &error.to_string()))
+}
+
+/// The interpolation that the file asks for.
+fn method(metadata: &Metadata<'_>) -> Result<OrbitInterpolation, HistoryError> {
+    let Some((name, degree, entry)) = metadata.interpolation()? else { return Ok(OrbitInterpolation::CUBIC) };
+    match (name.as_str(), degree) {
+        ("HERMITE", Some(degree)) if degree % 2 == 1 && degree > 1 => {
+            Ok(OrbitInterpolation::Hermite { rows: degree.div_ceil(2) })
+        }
+        ("LAGRANGE", Some(degree)) => Ok(OrbitInterpolation::Lagrange(degree)),
+        ("LINEAR", None | Some(1)) => Ok(OrbitInterpolation::Lagrange(1)),
+        _ => Err(metadata
+            .refuse(entry, "LINEAR, LAGRANGE with a degree, HERMITE with an odd degree from 3, or no INTERPOLATION")),
+    }
+}

@@ -1,0 +1,83 @@
+//! Which reader a file needs, by its beginning and its name; and how large it may be.
+
+use crate::attitude::AttitudeHistory;
+use crate::csv_attitude::{self, Sense};
+use crate::error::{HistoryError, Source};
+use crate::orbit::OrbitHistory;
+use crate::{aem, csv_orbit, oem, stk_attitude, stk_ephemeris};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// Largest file: three million rows of an AEM with rates.
+pub const MOST_BYTES: u64 = 512 << 20;
+
+/// A format, by how a file begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Ccsds,
+    Stk,
+    Table,
+}
+
+fn format_of(text: &str) -> Format {
+    let begin = text.trim_start_matches('\u{feff}').trim_start();
+    if begin.starts_with('<') || begin.starts_with("CCSDS_") || begin.starts_with("COMMENT") {
+        Format::Ccsds
+    } else if begin.get(..4).is_some_and(|word| word.eq_ignore_ascii_case("stk.")) {
+        Format::Stk
+    } else {
+        Format::Table
+    }
+}
+
+/// Reads the whole of a file of at most [`MOST_BYTES`] as text.
+///
+/// # Errors
+/// When it cannot be read, is larger, or is not UTF-8.
+pub fn text_of(path: &Path) -> Result<String, HistoryError> {
+    let file = path.display().to_string();
+    let refuse = |why: String| HistoryError { file: file.clone(), line: None, why };
+    let opened = File::open(path).map_err(|error| refuse(format!("cannot be opened: {error}")))?;
+    let mut bytes = Vec::new();
+    let read = opened.take(MOST_BYTES + 1).read_to_end(&mut bytes);
+    read.map_err(|error| refuse(format!("cannot be read: {error}")))?;
+    if bytes.len() as u64 > MOST_BYTES {
+        return Err(refuse(format!("more than {MOST_BYTES} bytes; wanted a smaller file: split it")));
+    }
+    String::from_utf8(bytes).map_err(|error| {
+        let line = 1 + error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|b| **b == b'\n').count();
+        HistoryError { file: file.clone(), line: Some(line), why: "got bytes that are not UTF-8, wanted text".into() }
+    })
+}
+
+/// Reads a text of attitudes: CSV, AEM (KVN or XML), STK `.a`. `file` is what errors call it; `sense` is that of a table
+/// that does not say it.
+///
+/// # Errors
+/// With the file, the line, what was got and what was wanted.
+pub fn attitudes(file: &str, text: &str, sense: Option<Sense>) -> Result<AttitudeHistory, HistoryError> {
+    let source = Source { file, text };
+    let format = format_of(text);
+    if sense.is_some() && format != Format::Table {
+        return Err(source.whole("a file that states its own frames; wanted no sense given for it: leave it out"));
+    }
+    match format {
+        Format::Ccsds => aem::read(&source),
+        Format::Stk => stk_attitude::read(&source),
+        Format::Table => csv_attitude::read(&source, sense),
+    }
+}
+
+/// Reads a text of an orbit: CSV, OEM (KVN or XML), STK `.e`.
+///
+/// # Errors
+/// With the file, the line, what was got and what was wanted.
+pub fn orbit(file: &str, text: &str) -> Result<OrbitHistory, HistoryError> {
+    let source = Source { file, text };
+    match format_of(text) {
+        Format::Ccsds => oem::read(&source),
+        Format::Stk => stk_ephemeris::read(&source),
+        Format::Table => csv_orbit::read(&source),
+    }
+}

@@ -1,0 +1,116 @@
+//! STK's text files: `stk.v.N`, one block of keywords, then rows up to its end. Remarks begin with `#`.
+
+use crate::attitude_methods::MOST_DEGREE;
+use crate::epoch::read_stk_date;
+use crate::error::{HistoryError, Source};
+use crate::message::{Entry, Row};
+use crate::reference_axes::ReferenceAxes;
+use base::time::{Span, Tai};
+use std::borrow::Cow;
+
+/// One block.
+pub(crate) struct Block<'a> {
+    pub(crate) source: Source<'a>,
+    keys: Vec<Entry<'a>>,
+    /// The keyword after which rows follow.
+    pub(crate) rows_are: Entry<'a>,
+    pub(crate) rows: Vec<Row<'a>>,
+}
+
+impl<'a> Block<'a> {
+    /// Takes the file's block of this name (`Attitude`, `Ephemeris`) apart; `count` is the keyword of its number of rows.
+    pub(crate) fn read(source: &Source<'a>, name: &str, count: &str) -> Result<Self, HistoryError> {
+        let (mut keys, mut rows): (Vec<Entry<'a>>, Vec<Row<'a>>) = (Vec::new(), Vec::new());
+        let (mut rows_are, mut is_inside, mut is_ended, mut offset): (Option<Entry<'a>>, _, _, _) =
+            (None, false, false, 0);
+        for whole in source.text.split_inclusive('\n') {
+            let (line, place) = (whole.trim_start_matches('\u{feff}').trim(), offset);
+            offset += whole.len();
+            if line.is_empty() || line.starts_with('#') || (!is_inside && starts(line, "stk.")) {
+                continue;
+            }
+            let (key, value) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+            let entry = Entry { key, value: value.trim(), offset: place };
+            if starts(key, "BEGIN") || starts(key, "END") {
+                if !starts(entry.value, name) {
+                    return Err(source.refuse(place, line, &format!("one block, BEGIN {name}")));
+                }
+                (is_inside, is_ended) = (starts(key, "BEGIN"), starts(key, "END"));
+            } else if !is_inside {
+                return Err(source.refuse(place, line, &format!("BEGIN {name}")));
+            } else if rows_are.is_some() {
+                rows.push(Row { text: Cow::Borrowed(line), offset: place });
+            } else if starts(key, name) && starts(key.get(name.len()..).unwrap_or_default(), "Time") {
+                rows_are = Some(entry);
+            } else {
+                keys.push(entry);
+            }
+        }
+        let rows_are = rows_are.ok_or_else(|| source.whole(format!("no rows; wanted a keyword {name}Time...")))?;
+        if !is_ended {
+            return Err(source.refuse(offset, "the end of the file", &format!("END {name}: the file is cut short")));
+        }
+        let block = Self { source: *source, keys, rows_are, rows };
+        block.check_count(count)?;
+        Ok(block)
+    }
+
+    fn check_count(&self, count: &str) -> Result<(), HistoryError> {
+        let Some(entry) = self.find(count) else { return Ok(()) };
+        let is_right = entry.value.parse() == Ok(self.rows.len());
+        let wanted = format!("{}, the number of rows that are there", self.rows.len());
+        if is_right { Ok(()) } else { Err(self.refuse(entry, &wanted)) }
+    }
+
+    pub(crate) fn find(&self, key: &str) -> Option<&Entry<'a>> {
+        self.keys.iter().find(|entry| entry.key.eq_ignore_ascii_case(key))
+    }
+
+    pub(crate) fn refuse(&self, entry: &Entry<'_>, wanted: &str) -> HistoryError {
+        self.source.refuse(entry.offset, &format!("{} {}", entry.key, entry.value), wanted)
+    }
+
+    /// Reads the zero of the rows' seconds.
+    pub(crate) fn epoch(&self) -> Result<Tai, HistoryError> {
+        let entry = self.find("ScenarioEpoch").ok_or_else(|| self.source.whole("no ScenarioEpoch; wanted one"))?;
+        read_stk_date(entry.value).ok_or_else(|| self.refuse(entry, "a date such as 1 Mar 2026 12:00:00.000 (UTCG)"))
+    }
+
+    /// Reads the axes; `key` names them.
+    pub(crate) fn axes(&self, key: &str) -> Result<ReferenceAxes, HistoryError> {
+        let entry = self.find(key).ok_or_else(|| self.source.whole(format!("no {key}; wanted ICRF or J2000")))?;
+        ReferenceAxes::of_name(entry.value).ok_or_else(|| self.refuse(entry, "ICRF or J2000"))
+    }
+
+    /// Reads an optional whole number that a degree of interpolation is made of.
+    pub(crate) fn degree(&self, key: &str) -> Result<Option<usize>, HistoryError> {
+        let Some(entry) = self.find(key) else { return Ok(None) };
+        let degree = entry.value.parse::<usize>().ok().filter(|degree| (1..=MOST_DEGREE).contains(degree));
+        degree.map(Some).ok_or_else(|| self.refuse(entry, &format!("1 to {MOST_DEGREE}")))
+    }
+
+    /// Reads a row of a time and `N` numbers.
+    pub(crate) fn numbers<const N: usize>(&self, row: &Row<'_>, epoch: Tai) -> Result<(i64, [f64; N]), HistoryError> {
+        let mut words = row.text.split_whitespace().map(|word| (word, word.parse::<f64>().ok()));
+        let mut next = |wanted: &str| {
+            let (word, number) = words.next().unwrap_or(("too few numbers", None));
+            let number = number.filter(|number| number.is_finite());
+            number.ok_or_else(|| self.source.refuse(row.offset, word, wanted))
+        };
+        let wanted = format!("seconds and {N} finite numbers");
+        let t_s = next(&wanted)?;
+        let mut values = [0.0; N];
+        for value in &mut values {
+            *value = next(&wanted)?;
+        }
+        if words.next().is_some() || t_s.abs() > 5e9 {
+            return Err(self.source.refuse(row.offset, &row.text, &wanted));
+        }
+        Ok(((epoch + Span::from_s(t_s)).ns(), values))
+    }
+}
+
+/// Whether a line begins so, whatever its capitals.
+fn starts(line: &str, begin: &str) -> bool {
+    line.get(..begin.len()).is_some_and(|found| found.eq_ignore_ascii_case(begin))
+}
