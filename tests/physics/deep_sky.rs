@@ -219,7 +219,7 @@ fn count(name: &str, mag_g: f64) -> Counts {
 /// The case of a limiting magnitude: what is counted against the file's numbers, by formulae of this file.
 fn hold_case(name: &str, mag_g: f64, sigma_px: f64, zero_point_e_per_s: f64) {
     let (_, file) = camera(name);
-    let (d, t) = (&file.detector, file.exposure.exposure_s);
+    let (d, t) = (&file.detector.params, file.exposure.exposure_s);
     let share = libm::erf(1.5 / (sigma_px * core::f64::consts::SQRT_2)).powi(2);
     let signal = zero_point_e_per_s * t * share * 10_f64.powf(-0.4 * mag_g);
     let dark_e = d.dark_e_per_s * t;

@@ -25,7 +25,7 @@ fn sensitivity(camera: &Camera, bp_rp: f64) -> Sensitivity {
 
 /// Limiting magnitude of the sum over 3 x 3 pixels, from the camera file's numbers and a zero point.
 fn limit_by_hand(camera: &Camera, sigma_px: f64, zero_point_e_per_s: f64, snr: f64) -> f64 {
-    let d = &camera.detector;
+    let d = &camera.detector.params;
     let t = camera.exposure.exposure_s;
     let share = libm::erf(1.5 / (sigma_px * core::f64::consts::SQRT_2)).powi(2);
     let noise = 9.0 * (d.dark_e_per_s * t + d.read_noise_e_rms.powi(2) + d.gain_e_per_dn.powi(2) / 12.0);
