@@ -255,7 +255,7 @@ const BURST_SAMPLES: u32 = 14;
 mod tests {
     use super::*;
     use base::time::Tai;
-    use run::wiring::motion::slew_scale;
+    use run::wiring::motion::script_scale;
 
     fn report(bench: &Bench) -> String {
         report_drawn_ahead(bench, 0)
@@ -265,7 +265,7 @@ mod tests {
         let mut params = bench_parts::run_params(bench, Tai::from_ns(0)).unwrap();
         params.ahead = Span::from_ms(ahead_ms);
         let mut text = String::new();
-        write_attitude(&mut text, bench, &params, slew_scale(bench)).unwrap();
+        write_attitude(&mut text, bench, &params, script_scale(bench)).unwrap();
         text
     }
 
