@@ -245,12 +245,8 @@ fn samples_of_a_plant_outside_keep_double_precision_and_their_instants() {
     let attitude =
         PlantAttitude { body_from_icrf: turned, rate_rad_s: DVec3::Z * 1e-9, acceleration_rad_s2: DVec3::ZERO };
     let state = BarycentricState { position_km: DVec3::X * 7000.0, velocity_km_s: DVec3::Y * 7.5 };
-    let sample = PlantSample {
-        at: now,
-        attitude: Some(attitude),
-        jitter_rad: Some(DVec3::X * 1e-7),
-        observer: Some(state),
-    };
+    let sample =
+        PlantSample { at: now, attitude: Some(attitude), jitter_rad: Some(DVec3::X * 1e-7), observer: Some(state) };
     assert!(cable.receiver.take_plant(&sample, now, &mut ledger));
     let newest = cable.receiver.history().newest().unwrap();
     assert_eq!((newest.at, newest.rate_rad_s.z), (now, 1e-9));
