@@ -23,7 +23,7 @@ use plan::exposure::{LightCurve, Shutter, SkyPath, Target, TargetWay};
 use plan::optics::StarLight;
 use sky::ObserverError;
 use sky::astrometry::{CameraGeometry, aberrated};
-use sky::observer::{BarycentricState, Observer, ObserverTrack};
+use sky::observer::{BarycentricState, ObserverTrack};
 use sky::orbit::{CentralBody, EARTH_GM_KM3_S2};
 use sky::target::{Brightness, Orbit, Sighting, limb_clearance_km, sunlight};
 

@@ -59,7 +59,11 @@ impl Observer {
     }
 }
 
-pub(crate) fn above_surface(about: CentralBody, at: Tai, state: BarycentricState) -> Result<BarycentricState, ObserverError> {
+pub(crate) fn above_surface(
+    about: CentralBody,
+    at: Tai,
+    state: BarycentricState,
+) -> Result<BarycentricState, ObserverError> {
     let (distance_km, surface_km) = (state.position_km.length(), about.surface_km());
     if distance_km < surface_km {
         return Err(ObserverError::BelowSurface { about, at, distance_km, surface_km });

@@ -15,6 +15,7 @@ use crate::runtime::slot::Slot;
 use base::axes::{Rotation, Sensor, ra_dec_roll};
 use base::clock::Stopwatch;
 use base::time::{Span, Tai};
+use base::units::SPEED_OF_LIGHT_KM_S;
 use frames::report::{Stage, StageTimes};
 use frames::sink::{ActiveFaults, FaultFlags, FrameMeta, SentFrame};
 use glam::DVec3;
@@ -28,6 +29,7 @@ use plan::exposure::cost::CostModel;
 use plan::exposure::{ExposurePlan, Instrument, Planner, Rung, Source, SourcePlace};
 use plan::optics::PsfModel;
 use scene::Scene;
+use scene::error::SceneError;
 use scene::field_light::illumination_map;
 use scene::truth::{add_tracks, fill_targets, fill_truth};
 use scene::wcs::WcsMaker;
@@ -393,6 +395,14 @@ impl FrameEngine {
         if self.scene.is_observer_far(slot.exposure_end) {
             note(ledger, EventKind::ObserverPredicted, slot, Span::ZERO);
         }
+    }
+
+    /// Returns the observer's velocity about the barycentre over the speed of light, ICRF axes, as frames are drawn with it.
+    ///
+    /// # Errors
+    /// When the observer's orbit cannot be computed at that time.
+    pub fn observer_beta(&self, at: Tai) -> Result<DVec3, SceneError> {
+        Ok(self.scene.stars.observer().barycentric_state(at)?.velocity_km_s / SPEED_OF_LIGHT_KM_S)
     }
 
     /// Line of sight of the slot into the planner.
