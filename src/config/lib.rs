@@ -87,7 +87,7 @@ pub use link::{Carrier, Doors, FlowControl, Link, Parity, SerialPort, Wire};
 pub use mtf::{Chain, LightOfChain};
 pub use observer::{Observer, OrbitStart};
 pub use optics::{Distortion, Optics, Psf};
-pub use plant::{Plant, Vehicle};
+pub use plant::{OutsideTrackers, Plant, Vehicle};
 pub use plant_file::{Begins, FilePlant};
 pub use radiometry::{Exposure, Radiometry, RadiometryModel};
 pub use reference::key_reference;
