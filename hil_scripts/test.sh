@@ -108,16 +108,16 @@ run_tests() {
 
 # What the Python scripts need, from PyPI, in an environment of its own; made anew when the list has changed.
 python_environment() {
-    local wanted=hil_scripts/requirements.txt
-    if cmp -s "$wanted" "$python/requirements.txt" && "$python/bin/python" -c ''; then
+    local lists=(hil_scripts/requirements.txt hil_scripts/requirements_interop.txt)
+    if cat "${lists[@]}" | cmp -s - "$python/requirements.txt" && "$python/bin/python" -c ''; then
         echo "$python has it all"
         return
     fi
     rm -rf "$python"
     python3 -m venv "$python"
-    "$python/bin/python" -m pip install -q --disable-pip-version-check -r "$wanted"
-    # The list comes last: without it the environment is not whole.
-    cp "$wanted" "$python/requirements.txt"
+    "$python/bin/python" -m pip install -q --disable-pip-version-check "${lists[@]/#/--requirement=}"
+    # The lists come last: without them the environment is not whole.
+    cat "${lists[@]}" >"$python/requirements.txt"
 }
 
 # It is fetched while others compile: `$python.log` has what it says, `$python.status` how it ended.

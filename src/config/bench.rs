@@ -12,7 +12,7 @@ use crate::head::{HEADS_MAX, Head, HeadKeys, check_heads};
 use crate::jitter::{JitterInput, JitterKeys};
 use crate::key::{Section, section};
 use crate::key_type::{Any, Numbers, Raw, Shape, Whole, Word};
-use crate::link::{Carrier, Doors, Link, Wire};
+use crate::link::{Carrier, Link, Wire};
 use crate::link_keys::LinkKeys;
 use crate::observer::{Observer, ObserverKeys};
 use crate::plant::{PlantKeys, PlantKind};
@@ -232,19 +232,16 @@ fn check_not_stale(
     Err(check.invalid("timing.ahead_ms", ahead_ms, wanted, advice))
 }
 
-/// Every link has somebody at its other end, and one link at most has pulses.
+/// Every extra link has somebody at its other end, and one link at most has pulses. Whether somebody is at the other end of
+/// the first one depends on how the run is started ([`Bench::is_lockstep`]).
 fn check_both_ends(
     link: &Link,
     extra_links: &[Link],
     computer: &FlightComputer,
     check: &Checker<'_>,
 ) -> Result<(), ConfigError> {
-    let has_no_door = |link: &Link| matches!(&link.carrier, Carrier::Simulated(doors) if *doors == Doors::default());
-    let doors = "slcan_tcp, slcan_pty or socketcand: nobody else is on a bus inside this program";
-    if computer.is_external && has_no_door(link) {
-        return Err(check.invalid("link.kind", "\"simulated\" without gateways", doors, "or a real bus"));
-    }
-    if let Some(i) = extra_links.iter().position(has_no_door) {
+    if let Some(i) = extra_links.iter().position(Link::has_no_door) {
+        let doors = "slcan_tcp, slcan_pty or socketcand: nobody else is on a bus inside this program";
         let key = format!("extra_link[{i}].kind");
         return Err(check.invalid(&key, "\"simulated\" without gateways", doors, "or a real bus"));
     }
@@ -277,6 +274,13 @@ fn check_both_ends(
 }
 
 impl Bench {
+    /// Returns true when the plant is outside and no bus leads out of the program: its samples can only come from whoever
+    /// steps the run, over the control socket or as a library.
+    #[must_use]
+    pub fn is_lockstep(&self) -> bool {
+        self.flight_computer.is_external && self.link.has_no_door()
+    }
+
     /// Reads and checks a bench file and what it names.
     ///
     /// # Errors

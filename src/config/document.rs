@@ -12,6 +12,7 @@ use toml::de::{DeTable, DeValue};
 
 /// Configurations that are part of the binary, by their path below `configs/`.
 const BUILT_IN: &[(&str, &str)] = &[
+    ("benches/lockstep.toml", include_str!("../../configs/benches/lockstep.toml")),
     ("benches/loopback.toml", include_str!("../../configs/benches/loopback.toml")),
     ("benches/galactic_slew.toml", include_str!("../../configs/benches/galactic_slew.toml")),
     ("cameras/crowded_field_10deg.toml", include_str!("../../configs/cameras/crowded_field_10deg.toml")),

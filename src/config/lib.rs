@@ -90,7 +90,7 @@ pub use motion::{Motion, SwingSettings};
 pub use mtf::{Chain, LightOfChain};
 pub use observer::{Observer, OrbitStart};
 pub use optics::{Distortion, Optics, Psf};
-pub use plant::{Plant, Vehicle};
+pub use plant::{OutsideTrackers, Plant, Vehicle};
 pub use radiometry::{Exposure, Radiometry, RadiometryModel};
 pub use reference::key_reference;
 pub use scenario::{Scenario, is_scenario};

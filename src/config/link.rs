@@ -105,6 +105,12 @@ pub struct Link {
 }
 
 impl Link {
+    /// Returns true for a bus inside this program that no other program can reach.
+    #[must_use]
+    pub fn has_no_door(&self) -> bool {
+        matches!(&self.carrier, Carrier::Simulated(doors) if *doors == Doors::default())
+    }
+
     pub(super) fn check(keys: &LinkKeys, check: &mut Checker<'_>) -> Result<Self, ConfigError> {
         Self::check_named(keys, "link", check)
     }

@@ -87,10 +87,20 @@ fn kinds_that_contradict_the_file_are_refused() {
         ("[plant]\nkind = \"outside\"\n[flight_computer]\nkind = \"simulated\"\n", "say different things"),
         ("[plant]\nkind = \"flight_computer\"\n[plant.pointing]\nra_deg = 1.0\n", "plant.pointing is given"),
         ("[plant]\nkind = \"vehicel\"\n", "did you mean \"vehicle\""),
-        ("[plant]\nkind = \"outside\"\n", "link.kind"),
     ] {
         assert!(refused(text).contains(part), "{text}: {}", refused(text));
     }
+}
+
+#[test]
+fn a_plant_outside_without_a_bus_that_leads_out_is_flown_in_lockstep() {
+    for (link, is_lockstep) in [("", true), ("[link]\nkind = \"simulated\"\nslcan_tcp = 0\n", false)] {
+        let outside = run_file(&format!("{link}[plant]\nkind = \"outside\"\n")).unwrap();
+        assert_eq!(outside.bench.is_lockstep(), is_lockstep, "{link}");
+        assert!(!run_file(link).unwrap().bench.is_lockstep(), "control: a flight computer inside");
+    }
+    let door = refused("[plant]\nkind = \"outside\"\n[[extra_link]]\nkind = \"simulated\"\n");
+    assert!(door.contains("extra_link[0].kind"), "{door}");
 }
 
 #[test]

@@ -15,6 +15,7 @@ use crate::runtime::slot::Slot;
 use base::axes::{Rotation, Sensor, ra_dec_roll};
 use base::clock::Stopwatch;
 use base::time::{Span, Tai};
+use base::units::SPEED_OF_LIGHT_KM_S;
 use frames::report::{Stage, StageTimes};
 use frames::sink::{ActiveFaults, FaultFlags, FrameMeta, SentFrame};
 use glam::DVec3;
@@ -28,6 +29,7 @@ use plan::exposure::cost::CostModel;
 use plan::exposure::{ExposurePlan, Instrument, Planner, Rung, Source, SourcePlace};
 use plan::optics::PsfModel;
 use scene::Scene;
+use scene::error::SceneError;
 use scene::field_light::illumination_map;
 use scene::truth::{add_tracks, fill_targets, fill_truth};
 use scene::wcs::WcsMaker;
@@ -318,6 +320,7 @@ impl FrameEngine {
             self.planner.set_time_budget_ms(limit_ms - wait_ms);
         }
         let mut watch = Stopwatch::start();
+        self.follow_observer(receiver, slot, ledger);
         let has_stars = match self.compose(slot, receiver, ledger)? {
             Shown::Stars => true,
             Shown::Dark => false,
@@ -380,6 +383,26 @@ impl FrameEngine {
             marks.put(FrameMark { frame: slot.number, messages: receiver.messages_by_port(), load, rung });
         }
         Ok(Some(times))
+    }
+
+    /// Brings the observer's states from outside to the scene, and notes those that no orbit has and slots far from all.
+    fn follow_observer(&mut self, receiver: &mut Receiver, slot: Slot, ledger: &mut Ledger) {
+        for (at, state) in receiver.take_observers() {
+            if self.scene.follow_observer(at, state).is_err() {
+                note(ledger, EventKind::SampleRefused, slot, slot.release - at);
+            }
+        }
+        if self.scene.is_observer_far(slot.exposure_end) {
+            note(ledger, EventKind::ObserverPredicted, slot, Span::ZERO);
+        }
+    }
+
+    /// Returns the observer's velocity about the barycentre over the speed of light, ICRF axes, as frames are drawn with it.
+    ///
+    /// # Errors
+    /// When the observer's orbit cannot be computed at that time.
+    pub fn observer_beta(&self, at: Tai) -> Result<DVec3, SceneError> {
+        Ok(self.scene.stars.observer().barycentric_state(at)?.velocity_km_s / SPEED_OF_LIGHT_KM_S)
     }
 
     /// Line of sight of the slot into the planner.

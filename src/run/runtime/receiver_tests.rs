@@ -237,3 +237,29 @@ fn pairs_are_counted_since_the_start_and_those_left_out_by_reason() {
         assert_eq!(counts(&cable), wanted, "{off_ms} ms");
     }
 }
+
+#[test]
+fn samples_of_a_plant_outside_keep_double_precision_and_their_instants() {
+    let mut cable = Cable::new(5);
+    let (now, mut ledger) = (Tai::from_ns(cable.now_ns), Ledger::default());
+    let turned = Rotation::IDENTITY.rotated_by(DVec3::new(1e-9, 2e-9, 0.3));
+    let attitude =
+        PlantAttitude { body_from_icrf: turned, rate_rad_s: DVec3::Z * 1e-9, acceleration_rad_s2: DVec3::ZERO };
+    let state = BarycentricState { position_km: DVec3::X * 7000.0, velocity_km_s: DVec3::Y * 7.5 };
+    let sample =
+        PlantSample { at: now, attitude: Some(attitude), jitter_rad: Some(DVec3::X * 1e-7), observer: Some(state) };
+    assert!(cable.receiver.take_plant(&sample, now, &mut ledger));
+    let newest = cable.receiver.history().newest().unwrap();
+    assert_eq!((newest.at, newest.rate_rad_s.z), (now, 1e-9));
+    assert!(newest.body_from_icrf.rotation_vector_to(&turned).length() < 1e-15, "single precision would be 1e-8 off");
+    assert_eq!(cable.receiver.take_observers().collect::<Vec<_>>(), [(now, state)]);
+    assert_eq!(cable.receiver.take_observers().count(), 0, "each state once");
+    assert_eq!(ledger.count(EventKind::SampleRefused), 0);
+    // The same instant again, an instant of long ago: counted, each part of it.
+    assert!(!cable.receiver.take_plant(&sample, now, &mut ledger));
+    let old = PlantSample { attitude: Some(attitude), ..PlantSample::at(now - Span::from_s(60.0)) };
+    let refused = ledger.count(EventKind::SampleRefused);
+    assert!(!cable.receiver.take_plant(&old, now, &mut ledger));
+    assert_eq!(ledger.count(EventKind::SampleRefused), refused + 1);
+    assert_eq!(cable.receiver.age_at(now), Some(Span::ZERO));
+}

@@ -21,6 +21,7 @@ pub mod light_parts;
 pub mod live_tap;
 pub mod memory;
 pub mod motion;
+mod outside_trackers;
 pub mod ports;
 mod real;
 pub mod replay;

@@ -186,7 +186,7 @@ fn head_params(scenario: &Scenario, flown: &Vehicle) -> Vec<HeadParams> {
     (0..scenario.bench.head_count()).map(head).collect()
 }
 
-fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParams {
+pub(super) fn tracker_params(camera: &Camera, most_stars: usize) -> TrackerParams {
     let (detector, optics, d) = (&camera.detector, &camera.optics, &camera.distortion);
     let focal_px = optics.focal_length_mm * 1e3 / detector.pixel_pitch_um;
     let output = detector.spatial.output([detector.width_px, detector.height_px].map(|side| side as usize));
