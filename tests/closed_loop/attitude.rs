@@ -26,7 +26,8 @@ fn the_attitude_rendered_is_the_attitude_sent() {
             assert!(frame.stars > 100, "{wire:?}: {} stars", frame.stars);
         }
         // The negative control: half a frame later the slew has moved on.
-        let (first, last) = (&run.frames[20], run.computer.truth(run.frames[20].meta.mid_exposure + Span::from_ms(50)).unwrap());
+        let (first, last) =
+            (&run.frames[20], run.computer.truth(run.frames[20].meta.mid_exposure + Span::from_ms(50)).unwrap());
         let rendered: Rotation<Sensor, Icrf> = Rotation::from_wxyz(first.meta.attitude_wxyz, 1e-9).unwrap();
         let later = Rotation::<Sensor, Icrf>::from_quat(last.body_from_icrf.quat());
         assert!(later.rotation_vector_to(&rendered).length() / ARCSEC > WIRE_ARCSEC, "a shift of 50 ms is seen");

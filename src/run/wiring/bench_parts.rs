@@ -8,8 +8,8 @@ use anyhow::{Context, Result, bail};
 use base::axes::{Body, Icrf, Rotation, sensor_from_ra_dec_roll};
 use base::time::{Span, Tai};
 use config::{
-    self, Bench, JitterAxes, JitterSource, Motion, OrbitSettings, OrbitStart, Overlap, Plant, SwingSettings, TargetCourse,
-    TargetLight, TargetSettings, Wire,
+    self, Bench, JitterAxes, JitterSource, Motion, OrbitSettings, OrbitStart, Overlap, Plant, SwingSettings,
+    TargetCourse, TargetLight, TargetSettings, Wire,
 };
 use glam::{DQuat, DVec3};
 use link::WireFormat;
